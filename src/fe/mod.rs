@@ -1,0 +1,1 @@
+//! Full-order finite elements (physics §3).

@@ -1,0 +1,57 @@
+//! Finite-element meshes of the quarter model and their import and export.
+
+/// Kind of element; all elements of a mesh are of one kind.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ElementKind {
+    /// Isoparametric 27-node hexahedron, VTK's order of nodes (`VTK_TRIQUADRATIC_HEXAHEDRON`).
+    Hexahedron27,
+    /// 10-node tetrahedron, VTK's order of nodes (`VTK_QUADRATIC_TETRA`).
+    Tetrahedron10,
+    /// 4-node tetrahedron.
+    Tetrahedron4,
+}
+
+impl ElementKind {
+    /// Nodes of one element.
+    pub fn n_nodes(self) -> usize {
+        match self {
+            Self::Hexahedron27 => 27,
+            Self::Tetrahedron10 => 10,
+            Self::Tetrahedron4 => 4,
+        }
+    }
+}
+
+/// A mesh of the quarter model (y ≥ 0, z ≥ 0; physics §3.1), coordinates in m, robot centre at the origin.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Mesh {
+    /// Node coordinates in m.
+    pub node_coordinates_m: Vec<[f64; 3]>,
+    /// Kind of every element.
+    pub element_kind: ElementKind,
+    /// Node indices, `element_kind.n_nodes()` an element, in VTK's order.
+    pub connectivity: Vec<u32>,
+    /// Nodes on the robot's surface, sorted.
+    pub robot_nodes: Vec<u32>,
+    /// Nodes on the fixed outer surface, sorted.
+    pub outer_nodes: Vec<u32>,
+    /// Nodes on the symmetry plane y = 0 (u_y = 0 there), sorted.
+    pub symmetry_y_nodes: Vec<u32>,
+    /// Nodes on the symmetry plane z = 0 (u_z = 0 there), sorted.
+    pub symmetry_z_nodes: Vec<u32>,
+}
+
+impl Mesh {
+    /// Number of nodes.
+    pub fn n_nodes(&self) -> usize {
+        self.node_coordinates_m.len()
+    }
+    /// Number of elements.
+    pub fn n_elements(&self) -> usize {
+        self.connectivity.len() / self.element_kind.n_nodes()
+    }
+    /// Node indices of each element in turn.
+    pub fn elements(&self) -> impl ExactSizeIterator<Item = &[u32]> {
+        self.connectivity.chunks_exact(self.element_kind.n_nodes())
+    }
+}

@@ -1,0 +1,1 @@
+//! Base law and apparatus combined into a forward model.

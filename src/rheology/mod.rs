@@ -1,0 +1,1 @@
+//! Springs, dashpots and their creep compliance (physics §2).

@@ -1,0 +1,1 @@
+//! The study directory: revisions, provenance, atomic writes (contracts §3).

@@ -1,0 +1,1 @@
+//! Snapshots, POD and Galerkin projection (physics §3.3).

@@ -1,0 +1,1 @@
+//! Unit suffixes, parsed once at the border; everything inside is SI.
