@@ -1,1 +1,13 @@
-//! Full-order finite elements (physics §3).
+//! Full-order finite elements (physics §3): elements, assembly, factorisation, time stepping.
+
+pub mod assembly;
+pub mod element;
+pub mod exact;
+pub mod factorisation;
+mod ordering;
+mod quadrature;
+pub mod strain;
+pub mod time;
+
+pub use assembly::{Assembly, Unknowns};
+pub use factorisation::{Factor, Stiffness};

@@ -1,5 +1,11 @@
 //! Finite-element meshes of the quarter model and their import and export.
 
+mod hexahedron27_nodes;
+mod quarter_ball;
+
+pub use hexahedron27_nodes::HEXAHEDRON27_REFERENCE_NODES;
+pub use quarter_ball::QuarterBall;
+
 /// Kind of element; all elements of a mesh are of one kind.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ElementKind {

@@ -1,0 +1,189 @@
+//! Full-order time stepping with internal fields (physics §3.2).
+//!
+//! Every branch m of the law (Kelvin–Voigt bodies, dashpots) keeps its own nodal displacement field. All branches carry the
+//! stress D̂ε(w), K̂ w = f, so a step from t to t + Δt reads u = h + j w: the history h decays, w is solved for. While
+//! the force holds, w holds too; a run therefore solves at force switches only, for all of them at once.
+
+use super::factorisation::{Factor, Stiffness};
+use crate::error::Result;
+use crate::rheology::CreepCompliance;
+
+/// Share of the robot and of the force that the quarter model carries.
+const QUARTER: f64 = 0.25;
+
+/// How a branch is advanced over a step of constant stress.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum TimeScheme {
+    /// Exact while the force holds.
+    #[default]
+    Exponential,
+    /// Implicit midpoint: second order, an independent check of the exponential step.
+    Midpoint,
+}
+
+impl TimeScheme {
+    /// Factor by which a branch of relaxation time `time_s` decays over a step.
+    fn decay(self, step_s: f64, time_s: f64) -> f64 {
+        let z = step_s / time_s;
+        match self {
+            Self::Exponential => (-z).exp(),
+            Self::Midpoint => (1.0 - 0.5 * z) / (1.0 + 0.5 * z),
+        }
+    }
+}
+
+/// The full-order model at one Poisson ratio: factorised once, run for any law and load.
+pub struct FullOrderModel<'a> {
+    factor: Factor<'a>,
+    robot: usize,
+}
+
+/// A piecewise-constant force with the solved field of each level.
+pub struct SolvedLoad<'a> {
+    time_s: &'a [f64],
+    force_n: &'a [f64],
+    /// Index into `levels` of each row.
+    level_of_row: Vec<usize>,
+    /// K̂⁻¹ f for each distinct force, `n_unknowns` long each.
+    levels: Vec<f64>,
+    /// Solves that it took.
+    pub n_solves: usize,
+}
+
+impl<'a> FullOrderModel<'a> {
+    /// Factorises the unit stiffness at a Poisson ratio in (−1, 0.5).
+    pub fn new(stiffness: &'a Stiffness, poisson_ratio: f64) -> Result<Self> {
+        Ok(Self { factor: stiffness.factor(poisson_ratio)?, robot: stiffness.assembly.unknowns.robot() })
+    }
+
+    /// Solves for every distinct force of a load; row i's force (N) holds on [tᵢ, tᵢ₊₁).
+    pub fn solve_load<'l>(&self, time_s: &'l [f64], force_n: &'l [f64]) -> SolvedLoad<'l> {
+        let mut distinct: Vec<f64> = Vec::new();
+        let mut index_of = std::collections::HashMap::new();
+        let level_of_row = force_n
+            .iter()
+            .map(|force| {
+                *index_of.entry(force.to_bits()).or_insert_with(|| {
+                    distinct.push(*force);
+                    distinct.len() - 1
+                })
+            })
+            .collect();
+        let n = self.factor.n_unknowns();
+        let mut levels = vec![0.0; n * distinct.len()];
+        for (column, force) in levels.chunks_exact_mut(n).zip(&distinct) {
+            column[self.robot] = QUARTER * force;
+        }
+        self.factor.solve_in_place(&mut levels);
+        SolvedLoad { time_s, force_n, level_of_row, levels, n_solves: distinct.len() }
+    }
+
+    /// Displacement of the robot per unit force at unit Young's modulus, in 1/m: position = compliance × ∫J dF.
+    pub fn compliance_per_m(&self) -> f64 {
+        QUARTER * self.factor.unit_response()[self.robot]
+    }
+
+    /// Robot's position (m) at every row, the limit from the left.
+    pub fn trajectory(&self, load: &SolvedLoad, law: &CreepCompliance, scheme: TimeScheme) -> Vec<f64> {
+        let mut position_m = Vec::with_capacity(load.time_s.len());
+        self.run(load, law, scheme, |run| position_m.push(run.displacement_at(self.robot)));
+        position_m
+    }
+
+    /// Unknowns (m) at the chosen rows, one vector after the other.
+    pub fn fields(&self, load: &SolvedLoad, law: &CreepCompliance, rows: &[usize]) -> Vec<Vec<f64>> {
+        let (mut fields, mut row) = (Vec::with_capacity(rows.len()), 0);
+        self.run(load, law, TimeScheme::Exponential, |run| {
+            if rows.contains(&row) {
+                fields.push((0..self.factor.n_unknowns()).map(|i| run.displacement_at(i)).collect());
+            }
+            row += 1;
+        });
+        fields
+    }
+
+    /// Steps through the load and shows the state at every row.
+    fn run(&self, load: &SolvedLoad, law: &CreepCompliance, scheme: TimeScheme, mut at_row: impl FnMut(&Run)) {
+        let n = self.factor.n_unknowns();
+        let mut run = Run::new(law, n);
+        at_row(&run);
+        for row in 1..load.time_s.len() {
+            let level = load.level_of_row[row - 1];
+            if row == 1 || level != load.level_of_row[row - 2] {
+                run.begin_hold(&load.levels[level * n..(level + 1) * n]);
+            }
+            run.advance(load.time_s[row] - load.time_s[row - 1], scheme);
+            at_row(&run);
+        }
+    }
+}
+
+impl SolvedLoad<'_> {
+    /// Forces in N, one a row.
+    pub fn force_n(&self) -> &[f64] {
+        self.force_n
+    }
+}
+
+/// State of one run. Within a hold every branch field is decay·(field at the start) + gain·w with scalar decay and gain, so
+/// the fields themselves are updated at switches only.
+struct Run<'a> {
+    law: &'a CreepCompliance,
+    branches: Vec<Branch>,
+    /// Field of each branch at the start of the hold, in m.
+    fields: Vec<Vec<f64>>,
+    /// w of the hold.
+    loading: Vec<f64>,
+}
+
+/// Scalars of one branch since the start of the hold.
+#[derive(Clone, Copy)]
+struct Branch {
+    decay: f64,
+    gain_per_pa: f64,
+}
+
+const UNMOVED: Branch = Branch { decay: 1.0, gain_per_pa: 0.0 };
+
+impl<'a> Run<'a> {
+    fn new(law: &'a CreepCompliance, n_unknowns: usize) -> Self {
+        // One branch a Kelvin–Voigt body, and the dashpots as the last.
+        let n_branches = law.retarded.len() + 1;
+        Self {
+            law,
+            branches: vec![UNMOVED; n_branches],
+            fields: vec![vec![0.0; n_unknowns]; n_branches],
+            loading: vec![0.0; n_unknowns],
+        }
+    }
+
+    fn begin_hold(&mut self, loading: &[f64]) {
+        for (field, branch) in self.fields.iter_mut().zip(&mut self.branches) {
+            for (value, w) in field.iter_mut().zip(&self.loading) {
+                *value = branch.decay * *value + branch.gain_per_pa * w;
+            }
+            *branch = UNMOVED;
+        }
+        self.loading.copy_from_slice(loading);
+    }
+
+    fn advance(&mut self, step_s: f64, scheme: TimeScheme) {
+        let (dashpots, bodies) = match self.branches.split_last_mut() {
+            Some(split) => split,
+            None => return,
+        };
+        for (branch, mode) in bodies.iter_mut().zip(&self.law.retarded) {
+            let decay = scheme.decay(step_s, mode.time_s);
+            branch.decay *= decay;
+            branch.gain_per_pa = decay * branch.gain_per_pa + mode.compliance_per_pa * (1.0 - decay);
+        }
+        dashpots.gain_per_pa += self.law.fluidity_per_pa_s * step_s;
+    }
+
+    fn displacement_at(&self, unknown: usize) -> f64 {
+        let w = self.loading[unknown];
+        let branches = self.fields.iter().zip(&self.branches);
+        let creep: f64 = branches.map(|(field, b)| b.decay * field[unknown] + b.gain_per_pa * w).sum();
+        creep + self.law.instantaneous_per_pa * w
+    }
+}
