@@ -1,5 +1,7 @@
 //! Finite-element meshes of the quarter model and their import and export.
 
+pub mod hexahedron27_nodes;
+
 /// Kind of element; all elements of a mesh are of one kind.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ElementKind {
