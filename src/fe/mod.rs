@@ -1,1 +1,3 @@
 //! Full-order finite elements (physics §3).
+
+pub mod ordering;
