@@ -4,7 +4,7 @@ pub mod assembly;
 pub mod element;
 pub mod exact;
 pub mod factorisation;
-mod ordering;
+pub mod ordering;
 mod quadrature;
 pub mod strain;
 pub mod time;

@@ -52,20 +52,7 @@ mod tests {
     /// VTK's documented edges and faces: every later node is the middle of the corners that VTK names for it.
     #[test]
     fn later_nodes_are_the_middles_of_the_corners_that_vtk_names() {
-        let edges = [
-            [0, 1],
-            [1, 2],
-            [2, 3],
-            [3, 0],
-            [4, 5],
-            [5, 6],
-            [6, 7],
-            [7, 4],
-            [0, 4],
-            [1, 5],
-            [2, 6],
-            [3, 7],
-        ];
+        let edges = [[0, 1], [1, 2], [2, 3], [3, 0], [4, 5], [5, 6], [6, 7], [7, 4], [0, 4], [1, 5], [2, 6], [3, 7]];
         for (node, corners) in (8..20).zip(&edges) {
             assert_eq!(NODES[node], mean(corners), "edge node {node}");
         }
