@@ -1,1 +1,9 @@
-//! Base law and apparatus combined into a forward model.
+//! Base law and apparatus combined into a forward model: parameters → trajectory.
+
+mod convolution;
+mod forward;
+mod sum_of_squares;
+
+pub use convolution::convolve_m;
+pub use forward::{Forward, FullForward, ReducedForward, TrainedRange};
+pub use sum_of_squares::{SumOfSquares, CreepLanes};
