@@ -9,7 +9,7 @@ use crate::error::Result;
 use crate::rheology::CreepCompliance;
 
 /// Share of the robot and of the force that the quarter model carries.
-const QUARTER: f64 = 0.25;
+pub const QUARTER: f64 = 0.25;
 
 /// How a branch is advanced over a step of constant stress.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
