@@ -6,6 +6,7 @@
 //! → [`inference`] (priors, likelihood, sampler, diagnostics) → [`study`] (what is kept on disk)
 //! → [`report`] (figures and exchange formats).
 
+mod document;
 pub mod error;
 pub mod experiment;
 pub mod fe;

@@ -1,5 +1,8 @@
 //! Priors, likelihood, ensemble sampler, convergence diagnostics, point estimates.
 
+pub mod distribution;
+pub mod prior;
+
 /// A log-density over an unconstrained space, evaluated for a batch of points at once so that walkers share vector registers.
 pub trait LogDensity: Sync {
     /// Number of coordinates of a point.

@@ -1,1 +1,328 @@
 //! The study directory: revisions, provenance, atomic writes (contracts §3).
+//!
+//! ```text
+//! vitreo-uq-out/porcine-01/
+//!   experiment.toml trajectory.csv   the inputs, copied byte for byte
+//!   inputs.sha256                    their hashes, in the format of `sha256sum --check`
+//!   m0/ m1/ …                        revisions, each written whole or not at all
+//!   .m0.checkpoint/                  what an interrupted run of m0 resumes from
+//! ```
+//! Hidden names with `.partial-` or `.replaced` are left by a killed program and removed by the next one that writes.
+
+mod atomic;
+mod model_specification;
+mod provenance;
+mod revision;
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+pub use atomic::{write_atomically, write_json_atomically};
+pub use model_specification::{AVAILABLE_BASES, AVAILABLE_EFFECTS, AVAILABLE_NOISE, ModelSpecification};
+pub use provenance::{Provenance, WithProvenance, sha256_hex};
+pub use revision::RevisionWriter;
+
+use crate::error::{Error, Place, Result};
+use crate::experiment::{Experiment, ExperimentFiles};
+use atomic::{Lock, replace_directory, sync_tree, temporary_directory};
+
+const TOML_NAME: &str = "experiment.toml";
+const HASHES_NAME: &str = "inputs.sha256";
+/// Studies go here when no directory is named.
+const DEFAULT_PARENT: &str = "vitreo-uq-out";
+
+/// A study directory whose inputs have been checked.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Study {
+    dir: PathBuf,
+    inputs_sha256: BTreeMap<String, String>,
+    opening: Opening,
+}
+
+/// How a study came to be open.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Opening {
+    /// It was made now.
+    Created,
+    /// It was there, with the same input.
+    Continued,
+    /// It was there with another input, and `--force` replaced it.
+    Replaced,
+}
+
+impl Study {
+    /// Where a study goes when no directory is named: `vitreo-uq-out/<specimen id>/`, the id made safe as a file name.
+    pub fn default_dir(specimen_id: &str) -> PathBuf {
+        Path::new(DEFAULT_PARENT).join(safe_file_name(specimen_id))
+    }
+
+    /// Whether a path is a study directory, as opposed to an experiment.
+    pub fn is_study(path: &Path) -> bool {
+        path.join(HASHES_NAME).is_file()
+    }
+
+    /// Makes the study of an experiment, or continues it if it is there with the same input.
+    ///
+    /// A study of another input is replaced if `force` is set, as a whole and in one step.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if the directory holds a study of another input and `force` is not set, if it holds other
+    /// files, or if another program is writing to it; [`Error::File`] if the operating system refuses.
+    pub fn open_or_create(dir: &Path, files: &ExperimentFiles, force: bool) -> Result<Self> {
+        let inputs_sha256 = hashes_of(files)?;
+        let study = |opening| Self { dir: dir.to_path_buf(), inputs_sha256: inputs_sha256.clone(), opening };
+        if Self::is_study(dir) {
+            if read_hashes(dir)? == inputs_sha256 {
+                check_copies(dir, &inputs_sha256)?;
+                return Ok(study(Opening::Continued));
+            }
+            if !force {
+                return Err(Error::input(
+                    Place::file(dir.join(HASHES_NAME)),
+                    "this directory holds a study of another input",
+                    "choose another directory with `--out`, or replace the study and all its revisions with `--force`",
+                ));
+            }
+            let lock = Lock::acquire(dir)?;
+            create(dir, files, &inputs_sha256)?;
+            drop(lock);
+            return Ok(study(Opening::Replaced));
+        }
+        if !is_absent_or_empty(dir)? {
+            return Err(Error::input(
+                Place::file(dir),
+                "this is not a study, and it is not empty",
+                "choose a new or empty directory with `--out`; `--force` replaces studies only",
+            ));
+        }
+        create(dir, files, &inputs_sha256)?;
+        Ok(study(Opening::Created))
+    }
+
+    /// Opens a study that is there.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if it is not a study or its inputs have been changed since it was made.
+    pub fn open(dir: &Path) -> Result<Self> {
+        if !Self::is_study(dir) {
+            return Err(Error::input(
+                Place::file(dir),
+                format!("this is not a study: it holds no {HASHES_NAME}"),
+                "give the directory that an earlier command made, or an experiment",
+            ));
+        }
+        let inputs_sha256 = read_hashes(dir)?;
+        check_copies(dir, &inputs_sha256)?;
+        Ok(Self { dir: dir.to_path_buf(), inputs_sha256, opening: Opening::Continued })
+    }
+
+    /// The directory.
+    pub fn dir(&self) -> &Path {
+        &self.dir
+    }
+
+    /// How it came to be open.
+    pub fn opening(&self) -> Opening {
+        self.opening
+    }
+
+    /// SHA-256 of each input, in hexadecimal, by file name.
+    pub fn inputs_sha256(&self) -> &BTreeMap<String, String> {
+        &self.inputs_sha256
+    }
+
+    /// Reads the study's copy of the experiment.
+    ///
+    /// # Errors
+    /// As [`Experiment::read`].
+    pub fn read_experiment(&self) -> Result<(Experiment, ExperimentFiles)> {
+        Experiment::read(&self.dir.join(TOML_NAME))
+    }
+
+    /// The header of a JSON document of this study: schema `vitreo-uq/<kind>/<number>`.
+    pub fn provenance(&self, kind: &str, number: u32, seed: u64) -> Provenance {
+        Provenance::new(kind, number, seed, self.inputs_sha256.clone())
+    }
+
+    /// Names of the finished revisions, in the order of their numbers.
+    ///
+    /// # Errors
+    /// [`Error::File`] if the directory cannot be read.
+    pub fn revisions(&self) -> Result<Vec<String>> {
+        let mut numbers = Vec::new();
+        for entry in read_dir(&self.dir)? {
+            let entry = entry.map_err(|source| unreadable(&self.dir, source))?;
+            if let Some(number) = entry.file_name().to_str().and_then(revision_number)
+                && entry.path().is_dir()
+            {
+                numbers.push(number);
+            }
+        }
+        numbers.sort_unstable();
+        Ok(numbers.into_iter().map(|number| format!("m{number}")).collect())
+    }
+
+    /// Directory of a finished revision.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if there is none of this name.
+    pub fn revision_dir(&self, name: &str) -> Result<PathBuf> {
+        let dir = self.dir.join(name);
+        if revision_number(name).is_some() && dir.is_dir() {
+            return Ok(dir);
+        }
+        let known = self.revisions()?.join(", ");
+        let remedy = if known.is_empty() {
+            "run `vitreo-uq sample` on this study first".to_string()
+        } else {
+            format!("use one of: {known}")
+        };
+        Err(Error::input(Place::file(&self.dir).at_key(name), "this study has no such revision", remedy))
+    }
+
+    /// Begins to write a revision, `m0`, `m1`, …; nothing is visible until [`RevisionWriter::commit`].
+    ///
+    /// # Errors
+    /// [`Error::Input`] if the name is not a revision's or another program is writing to the study.
+    pub fn begin_revision(&self, name: &str) -> Result<RevisionWriter> {
+        RevisionWriter::begin(&self.dir, self.checked(name)?)
+    }
+
+    /// Directory in which a run of a revision keeps what it can resume from. It is made if absent, survives a kill, and
+    /// stays until [`Study::discard_checkpoint`].
+    ///
+    /// # Errors
+    /// [`Error::Input`] if the name is not a revision's, [`Error::File`] if the directory cannot be made.
+    pub fn checkpoint_dir(&self, name: &str) -> Result<PathBuf> {
+        let dir = self.dir.join(format!(".{}.checkpoint", self.checked(name)?));
+        std::fs::create_dir_all(&dir)
+            .map_err(|source| Error::at_path("create", &dir, source, "make the study directory writable"))?;
+        Ok(dir)
+    }
+
+    /// Removes a revision's checkpoint, if there is one.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if the name is not a revision's, [`Error::File`] if it cannot be removed.
+    pub fn discard_checkpoint(&self, name: &str) -> Result<()> {
+        atomic::remove_tree(&self.dir.join(format!(".{}.checkpoint", self.checked(name)?)))
+    }
+
+    fn checked<'a>(&self, name: &'a str) -> Result<&'a str> {
+        if revision_number(name).is_some() {
+            return Ok(name);
+        }
+        Err(Error::input(
+            Place::file(&self.dir).at_key(name),
+            "this is not the name of a revision",
+            "revisions are called m0, m1, m2, …",
+        ))
+    }
+}
+
+/// The number of `m<number>`, written without leading zeros.
+fn revision_number(name: &str) -> Option<u32> {
+    let number = name.strip_prefix('m')?.parse::<u32>().ok()?;
+    (name == format!("m{number}")).then_some(number)
+}
+
+/// Letters, digits, `-`, `_` and `.` stay, everything else becomes `-`; never empty, hidden or longer than 80 characters.
+fn safe_file_name(id: &str) -> String {
+    let keep = |c: char| if c.is_alphanumeric() || matches!(c, '-' | '_' | '.') { c } else { '-' };
+    let safe: String = id.trim().chars().map(keep).take(80).collect();
+    let safe = safe.trim_start_matches('.');
+    if safe.is_empty() { "specimen".to_string() } else { safe.to_string() }
+}
+
+fn hashes_of(files: &ExperimentFiles) -> Result<BTreeMap<String, String>> {
+    let first = Path::new(&files.csv_name).components().next();
+    let first = first.map_or(String::new(), |part| part.as_os_str().to_string_lossy().into_owned());
+    let taken = [TOML_NAME, HASHES_NAME, "ladder.json"].contains(&first.as_str());
+    if taken || first.starts_with('.') || revision_number(&first).is_some() {
+        return Err(Error::input(
+            Place::file(&files.toml_name).at_key("measurement.file"),
+            format!("`{}` is a name that a study keeps for itself", files.csv_name),
+            "rename the CSV, for example to trajectory.csv, and change `file` in [measurement]",
+        ));
+    }
+    Ok(BTreeMap::from([
+        (TOML_NAME.to_string(), sha256_hex(&files.toml_bytes)),
+        (files.csv_name.clone(), sha256_hex(&files.csv_bytes)),
+    ]))
+}
+
+/// Builds the study beside its place and moves it there in one step.
+fn create(dir: &Path, files: &ExperimentFiles, hashes: &BTreeMap<String, String>) -> Result<()> {
+    let refused =
+        |action, path: &Path, source| Error::at_path(action, path, source, "choose a writable place with `--out`");
+    let parent = match dir.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    };
+    std::fs::create_dir_all(parent).map_err(|source| refused("create", parent, source))?;
+    let name = dir.file_name().map_or("study".into(), |name| name.to_string_lossy());
+    let building = temporary_directory(parent, &format!(".{name}.partial-"))?;
+    let write = |name: &str, bytes: &[u8]| -> Result<()> {
+        let path = building.path().join(name);
+        let folder = path.parent().unwrap_or(building.path());
+        std::fs::create_dir_all(folder).map_err(|source| refused("create", folder, source))?;
+        std::fs::write(&path, bytes).map_err(|source| refused("write", &path, source))
+    };
+    write(TOML_NAME, &files.toml_bytes)?;
+    write(&files.csv_name, &files.csv_bytes)?;
+    let lines: String = hashes.iter().map(|(name, hash)| format!("{hash}  {name}\n")).collect();
+    write(HASHES_NAME, lines.as_bytes())?;
+    sync_tree(building.path())?;
+    replace_directory(building, dir)
+}
+
+fn read_hashes(dir: &Path) -> Result<BTreeMap<String, String>> {
+    let path = dir.join(HASHES_NAME);
+    let text = std::fs::read_to_string(&path).map_err(|source| unreadable(&path, source))?;
+    let mut hashes = BTreeMap::new();
+    for (index, line) in text.lines().enumerate() {
+        let (hash, name) = line.split_once("  ").ok_or_else(|| {
+            Error::input(
+                Place::file(&path).at_line(index + 1),
+                "expected a hash, two spaces and a file name",
+                "the study's record is damaged: make the study anew with `--force` or in another place",
+            )
+        })?;
+        hashes.insert(name.to_string(), hash.to_string());
+    }
+    Ok(hashes)
+}
+
+fn check_copies(dir: &Path, hashes: &BTreeMap<String, String>) -> Result<()> {
+    for (name, hash) in hashes {
+        let path = dir.join(name);
+        let bytes = std::fs::read(&path).map_err(|source| unreadable(&path, source))?;
+        if sha256_hex(&bytes) != *hash {
+            return Err(Error::input(
+                Place::file(&path),
+                "this copy has been changed since the study was made",
+                "restore it from the original, or make a new study of the changed input with `--out`",
+            ));
+        }
+    }
+    Ok(())
+}
+
+fn is_absent_or_empty(dir: &Path) -> Result<bool> {
+    match std::fs::read_dir(dir) {
+        Ok(mut entries) => Ok(entries.next().is_none()),
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(true),
+        Err(error) => Err(Error::at_path("use", dir, error, "choose another directory with `--out`")),
+    }
+}
+
+fn read_dir(dir: &Path) -> Result<std::fs::ReadDir> {
+    std::fs::read_dir(dir).map_err(|source| unreadable(dir, source))
+}
+
+fn unreadable(path: &Path, source: std::io::Error) -> Error {
+    Error::at_path("read", path, source, "check that the study is complete and readable")
+}
+
+#[cfg(test)]
+mod tests;

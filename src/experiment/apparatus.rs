@@ -1,0 +1,202 @@
+//! The apparatus: a robot in the vitreous, or another instrument; its tables in `experiment.toml`.
+
+use crate::document::Table;
+use crate::error::Result;
+
+/// What turns force into position.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Apparatus {
+    /// A robot inside the vitreous: the finite-element model applies.
+    Robot {
+        /// The moving body.
+        robot: Robot,
+        /// What surrounds it.
+        vitreous: Vitreous,
+    },
+    /// Another instrument: position = compliance × ∫J dF.
+    Instrument {
+        /// Displacement per force, per Pa⁻¹ of creep compliance, in 1/m.
+        compliance_per_m: f64,
+    },
+}
+
+/// The moving body.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Robot {
+    /// Its shape and sizes.
+    pub shape: RobotShape,
+    /// Density in kg/m³.
+    pub density_kg_m3: f64,
+}
+
+/// Shape of the robot, sizes in m.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum RobotShape {
+    /// A sphere.
+    Sphere {
+        /// Diameter in m.
+        diameter_m: f64,
+    },
+    /// A prolate ellipsoid of revolution.
+    Ellipsoid {
+        /// Long axis in m.
+        length_m: f64,
+        /// Short axes in m.
+        diameter_m: f64,
+        /// Long axis relative to the force.
+        orientation: Orientation,
+    },
+    /// A circular cylinder.
+    Cylinder {
+        /// Length in m.
+        length_m: f64,
+        /// Diameter in m.
+        diameter_m: f64,
+        /// Long axis relative to the force.
+        orientation: Orientation,
+    },
+}
+
+/// Direction of the long axis relative to the force.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Orientation {
+    /// Along the force.
+    Horizontal,
+    /// Across the force.
+    Vertical,
+}
+
+/// The gel ball around the robot; its outer surface is fixed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Vitreous {
+    /// Diameter in m.
+    pub diameter_m: f64,
+    /// Poisson ratio, in (−1, 0.5).
+    pub poisson_ratio: f64,
+    /// Density in kg/m³.
+    pub density_kg_m3: f64,
+}
+
+impl RobotShape {
+    /// Distance in m from the robot's centre to its farthest point.
+    pub fn outer_radius_m(&self) -> f64 {
+        match *self {
+            Self::Sphere { diameter_m } => diameter_m / 2.0,
+            Self::Ellipsoid { length_m, diameter_m, .. } => length_m.max(diameter_m) / 2.0,
+            Self::Cylinder { length_m, diameter_m, .. } => length_m.hypot(diameter_m) / 2.0,
+        }
+    }
+}
+
+const MM_PER_M: f64 = 1e3;
+
+impl Apparatus {
+    /// Reads `[robot]` and `[vitreous]`, or `[instrument]`.
+    pub(super) fn from_document(root: Table<'_>) -> Result<Self> {
+        if let Some(instrument) = root.table("instrument")? {
+            for other in ["robot", "vitreous"] {
+                if root.has(other) {
+                    return Err(root.refuse(
+                        other,
+                        format!("both [instrument] and [{other}] are given"),
+                        "keep [robot] with [vitreous] for a body in the eye, or [instrument] alone for another device",
+                    ));
+                }
+            }
+            instrument.only(&["compliance_per_m"])?;
+            let compliance_per_m = instrument.required_positive("compliance_per_m", "compliance_per_m = 1.59e6")?;
+            return Ok(Self::Instrument { compliance_per_m });
+        }
+        if !root.has("robot") && !root.has("vitreous") {
+            return Err(root.refuse(
+                "robot",
+                "neither [robot] with [vitreous] nor [instrument] is given",
+                "add `[robot]` and `[vitreous]`, or `[instrument]` with `compliance_per_m = …` for another device",
+            ));
+        }
+        let robot_table = root.required_table("robot")?;
+        let robot = robot_from(robot_table)?;
+        let vitreous_table = root.required_table("vitreous")?;
+        let vitreous = vitreous_from(vitreous_table)?;
+        let reach_m = robot.shape.outer_radius_m();
+        if reach_m >= vitreous.diameter_m / 2.0 {
+            return Err(vitreous_table.refuse(
+                "diameter_mm",
+                format!(
+                    "the robot reaches {:.4} mm from its centre and the vitreous ends at {:.4} mm: the robot is not inside",
+                    reach_m * MM_PER_M,
+                    vitreous.diameter_m / 2.0 * MM_PER_M
+                ),
+                "check `diameter_mm` in [vitreous] and the sizes in [robot]; both are in millimetres and are full diameters",
+            ));
+        }
+        Ok(Self::Robot { robot, vitreous })
+    }
+}
+
+fn robot_from(table: Table<'_>) -> Result<Robot> {
+    let shape_name = table.required_text("shape", "shape = \"sphere\"")?;
+    let shape = match shape_name.as_str() {
+        "sphere" => {
+            table.only(&["shape", "diameter_mm", "density_kg_m3"])?;
+            RobotShape::Sphere { diameter_m: size_m(table, "diameter_mm", "diameter_mm = 0.55")? }
+        }
+        "ellipsoid" | "cylinder" => {
+            table.only(&["shape", "length_mm", "diameter_mm", "orientation", "density_kg_m3"])?;
+            let length_m = size_m(table, "length_mm", "length_mm = 1.8")?;
+            let diameter_m = size_m(table, "diameter_mm", "diameter_mm = 0.28")?;
+            let orientation = orientation_from(table)?;
+            if shape_name == "cylinder" {
+                RobotShape::Cylinder { length_m, diameter_m, orientation }
+            } else if length_m >= diameter_m {
+                RobotShape::Ellipsoid { length_m, diameter_m, orientation }
+            } else {
+                return Err(table.refuse(
+                    "length_mm",
+                    "the ellipsoid is shorter than it is wide; it must be prolate",
+                    "exchange `length_mm` (the long axis) and `diameter_mm` (the two short ones)",
+                ));
+            }
+        }
+        other => {
+            return Err(table.refuse(
+                "shape",
+                format!("unknown shape `{other}`"),
+                "use \"sphere\", \"ellipsoid\" or \"cylinder\"",
+            ));
+        }
+    };
+    let density_kg_m3 = table.required_positive("density_kg_m3", "density_kg_m3 = 7500")?;
+    Ok(Robot { shape, density_kg_m3 })
+}
+
+fn orientation_from(table: Table<'_>) -> Result<Orientation> {
+    match table.required_text("orientation", "orientation = \"horizontal\"")?.as_str() {
+        "horizontal" => Ok(Orientation::Horizontal),
+        "vertical" => Ok(Orientation::Vertical),
+        other => Err(table.refuse(
+            "orientation",
+            format!("unknown orientation `{other}`"),
+            "use \"horizontal\" (long axis along the force) or \"vertical\" (across it)",
+        )),
+    }
+}
+
+fn vitreous_from(table: Table<'_>) -> Result<Vitreous> {
+    table.only(&["diameter_mm", "poisson_ratio", "density_kg_m3"])?;
+    let diameter_m = size_m(table, "diameter_mm", "diameter_mm = 20.0")?;
+    let poisson_ratio = table.required_number("poisson_ratio", "poisson_ratio = 0.48")?;
+    if !(poisson_ratio > -1.0 && poisson_ratio < 0.5) {
+        return Err(table.refuse(
+            "poisson_ratio",
+            format!("{poisson_ratio} lies outside (−1, 0.5)"),
+            "give a Poisson ratio above −1 and below 0.5; 0.48 for vitreous, 0.499 for nearly incompressible",
+        ));
+    }
+    let density_kg_m3 = table.required_positive("density_kg_m3", "density_kg_m3 = 1000")?;
+    Ok(Vitreous { diameter_m, poisson_ratio, density_kg_m3 })
+}
+
+fn size_m(table: Table<'_>, key: &str, example: &str) -> Result<f64> {
+    Ok(table.required_positive(key, example)? / MM_PER_M)
+}

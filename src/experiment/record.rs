@@ -1,0 +1,114 @@
+//! The rows of a trajectory and what can be asked of them.
+
+/// Rows of the trajectory, SI. All vectors have the same length.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Record {
+    /// Times in s, strictly increasing.
+    pub time_s: Vec<f64>,
+    /// Commanded force in N; row i holds on [tᵢ, tᵢ₊₁).
+    pub force_n: Vec<f64>,
+    /// Position in m, limit from the left; `None` where tracking was lost.
+    pub position_m: Vec<Option<f64>>,
+    /// Cycle of each row, counted from 1.
+    pub cycle: Vec<u32>,
+}
+
+/// A change of force above this fraction of the force's range is a force step (contracts §1).
+const STEP_FRACTION: f64 = 0.2;
+
+impl Record {
+    /// Number of rows.
+    pub fn n_rows(&self) -> usize {
+        self.time_s.len()
+    }
+
+    /// Highest cycle number, 0 for an empty record.
+    pub fn n_cycles(&self) -> u32 {
+        self.cycle.last().copied().unwrap_or(0)
+    }
+
+    /// Indices of the rows that belong to one of `cycles` and hold a position, in order of time.
+    pub fn rows_with_position(&self, cycles: &[u32]) -> Vec<usize> {
+        (0..self.n_rows()).filter(|&i| self.position_m[i].is_some() && cycles.contains(&self.cycle[i])).collect()
+    }
+
+    /// Number of positions in one cycle.
+    pub fn n_positions(&self, cycle: u32) -> usize {
+        self.rows_with_position(&[cycle]).len()
+    }
+
+    /// Largest minus smallest force in N; for a force that never changes, its size.
+    pub fn force_range_n(&self) -> f64 {
+        let largest = self.force_n.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let smallest = self.force_n.iter().copied().fold(f64::INFINITY, f64::min);
+        if largest > smallest { largest - smallest } else { self.force_n.first().map_or(0.0, |force| force.abs()) }
+    }
+
+    /// Indices of the rows at which a force step begins: the force differs from the row before by more than 20 % of
+    /// the force's range (contracts §1). Before the first row the force is zero, so row 0 may be one.
+    pub fn force_step_rows(&self) -> Vec<usize> {
+        let threshold_n = STEP_FRACTION * self.force_range_n();
+        let before = std::iter::once(0.0).chain(self.force_n.iter().copied());
+        before
+            .zip(&self.force_n)
+            .enumerate()
+            .filter(|(_, (before, after))| (*after - before).abs() > threshold_n)
+            .map(|(row, _)| row)
+            .collect()
+    }
+
+    /// Median time between rows in s; `None` with fewer than two rows.
+    pub fn median_interval_s(&self) -> Option<f64> {
+        median(self.time_s.windows(2).map(|pair| pair[1] - pair[0]).collect())
+    }
+}
+
+/// Median of finite values, `None` if there are none.
+pub(super) fn median(mut values: Vec<f64>) -> Option<f64> {
+    values.sort_by(f64::total_cmp);
+    let upper = *values.get(values.len() / 2)?;
+    let lower = values[(values.len() - 1) / 2];
+    Some(0.5 * (lower + upper))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn record(force_n: &[f64]) -> Record {
+        Record {
+            time_s: (0..force_n.len()).map(|i| i as f64).collect(),
+            force_n: force_n.to_vec(),
+            position_m: (0..force_n.len()).map(|i| (i % 3 != 2).then_some(i as f64)).collect(),
+            cycle: (0..force_n.len()).map(|i| 1 + (i / 4) as u32).collect(),
+        }
+    }
+
+    #[test]
+    fn steps_are_changes_above_a_fifth_of_the_range() {
+        // Range 10: 2.0 is exactly a fifth and not a step, 2.1 is one.
+        let steps = record(&[0.0, 2.0, 0.0, 2.1, 10.0, 9.0, 0.0, 0.0]).force_step_rows();
+        assert_eq!(steps, [3, 4, 6]);
+    }
+
+    #[test]
+    fn a_constant_pull_is_one_step_at_the_start() {
+        assert_eq!(record(&[-3.0, -3.0, -3.0]).force_step_rows(), [0]);
+        assert_eq!(record(&[0.0, 0.0]).force_step_rows(), [0_usize; 0]);
+    }
+
+    #[test]
+    fn rows_of_cycles_leave_out_lost_positions() {
+        let record = record(&[0.0; 10]);
+        assert_eq!(record.rows_with_position(&[1, 3]), [0, 1, 3, 9]);
+        assert_eq!(record.n_positions(2), 3);
+        assert_eq!(record.n_cycles(), 3);
+    }
+
+    #[test]
+    fn median_of_even_and_odd_counts() {
+        assert_eq!(median(vec![3.0, 1.0, 2.0]), Some(2.0));
+        assert_eq!(median(vec![4.0, 1.0, 2.0, 3.0]), Some(2.5));
+        assert_eq!(median(vec![]), None);
+    }
+}

@@ -1,0 +1,327 @@
+//! Reading `trajectory.csv`: header with units, rows, and a refusal with a line for everything else.
+
+use std::path::Path;
+
+use crate::error::{Error, Place, Result};
+use crate::units::{Dimension, UNITS, Unit, nearest_name};
+
+/// The rows of a CSV in SI, before cycles are settled.
+#[derive(Debug)]
+pub(super) struct Trajectory {
+    pub time_s: Vec<f64>,
+    pub force_n: Vec<f64>,
+    pub position_m: Vec<Option<f64>>,
+    /// `None` when the file has no `cycle` column.
+    pub cycle: Option<Vec<u32>>,
+    /// Line of each row in the file, counted from 1.
+    pub lines: Vec<usize>,
+    /// Names of the force and position columns as they stand in the header.
+    pub force_column: String,
+    pub position_column: String,
+}
+
+/// What a column holds.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Column {
+    Quantity(usize, Unit),
+    Cycle,
+}
+
+/// Quantities in the order of their index, with an example for messages.
+const QUANTITIES: [(&str, Dimension, &str); 3] = [
+    ("time", Dimension::Time, "time_s"),
+    ("force", Dimension::Force, "force_uN"),
+    ("position", Dimension::Length, "position_um"),
+];
+const TIME: usize = 0;
+const FORCE: usize = 1;
+const POSITION: usize = 2;
+
+/// Words that stand for a lost position beside the empty cell.
+const LOST: [&str; 3] = ["nan", "na", "null"];
+
+/// Index of each quantity's column, with its unit, and of the cycle column.
+struct Header {
+    names: Vec<String>,
+    quantities: [(usize, Unit); 3],
+    cycle: Option<usize>,
+}
+
+/// Parses a trajectory; `file` is only named in errors.
+pub(super) fn read_trajectory(file: &Path, text: &str) -> Result<Trajectory> {
+    let mut rows = Rows::new(file, text);
+    let Some((header_line, cells)) = rows.next_row()? else {
+        return Err(Error::input(Place::file(file).at_line(1), "the file has no header", HEADER_REMEDY));
+    };
+    let header = Header::parse(&Place::file(file).at_line(header_line), &cells)?;
+    let mut trajectory = Trajectory {
+        time_s: Vec::new(),
+        force_n: Vec::new(),
+        position_m: Vec::new(),
+        cycle: header.cycle.map(|_| Vec::new()),
+        lines: Vec::new(),
+        force_column: header.names[header.quantities[FORCE].0].clone(),
+        position_column: header.names[header.quantities[POSITION].0].clone(),
+    };
+    while let Some((line, cells)) = rows.next_row()? {
+        trajectory.push(&header, &Place::file(file).at_line(line), &cells)?;
+        trajectory.lines.push(line);
+    }
+    if trajectory.time_s.len() < 2 {
+        return Err(Error::input(
+            Place::file(file).at_line(header_line + trajectory.time_s.len()),
+            format!("{} rows below the header", trajectory.time_s.len()),
+            "give one row for each sample, at least two",
+        ));
+    }
+    Ok(trajectory)
+}
+
+const HEADER_REMEDY: &str =
+    "write the header `time_s,force_uN,position_um,cycle` (units may differ; `cycle` is optional)";
+
+/// Lines of a CSV with their numbers; blank lines are skipped.
+struct Rows<'a> {
+    file: &'a Path,
+    text: &'a [u8],
+    reader: csv::Reader<&'a [u8]>,
+    record: csv::StringRecord,
+    counted_bytes: usize,
+    line: usize,
+}
+
+impl<'a> Rows<'a> {
+    fn new(file: &'a Path, text: &'a str) -> Self {
+        let reader = csv::ReaderBuilder::new()
+            .has_headers(false)
+            .flexible(true)
+            .trim(csv::Trim::All)
+            .from_reader(text.as_bytes());
+        Self { file, text: text.as_bytes(), reader, record: csv::StringRecord::new(), counted_bytes: 0, line: 1 }
+    }
+
+    fn next_row(&mut self) -> Result<Option<(usize, Vec<String>)>> {
+        let start = usize::try_from(self.reader.position().byte()).unwrap_or(usize::MAX);
+        let more = self.reader.read_record(&mut self.record).map_err(|error| {
+            Error::input(
+                Place::file(self.file).at_line(self.line),
+                format!("not readable as CSV: {error}"),
+                "separate the cells by commas, one sample a line, without stray quotation marks",
+            )
+        })?;
+        if !more {
+            return Ok(None);
+        }
+        let line = self.line_of_row_from(start);
+        Ok(Some((line, self.record.iter().map(str::to_string).collect())))
+    }
+
+    /// The reader gives the byte at which it began to look for a row; blank lines before the row still count.
+    fn line_of_row_from(&mut self, start: usize) -> usize {
+        let mut end = start.min(self.text.len());
+        while self.text.get(end).is_some_and(|byte| matches!(byte, b'\n' | b'\r')) {
+            end += 1;
+        }
+        self.line += self.text[self.counted_bytes.min(end)..end].iter().filter(|byte| **byte == b'\n').count();
+        self.counted_bytes = end;
+        self.line
+    }
+}
+
+impl Header {
+    fn parse(place: &Place, cells: &[String]) -> Result<Self> {
+        if let [only] = cells
+            && (only.contains(';') || only.contains('\t'))
+        {
+            return Err(Error::input(
+                place.clone().at_key(only.as_str()),
+                "the columns are separated by semicolons or tabs",
+                "separate the columns by commas and write decimals with a point",
+            ));
+        }
+        let mut quantities: [Option<(usize, Unit)>; 3] = [None; 3];
+        let mut cycle = None;
+        for (index, name) in cells.iter().enumerate() {
+            let place = place.clone().at_key(name.as_str());
+            match Column::parse(&place, name)? {
+                Column::Cycle if cycle.is_some() => return Err(duplicate(place, "cycle")),
+                Column::Cycle => cycle = Some(index),
+                Column::Quantity(which, unit) => match quantities[which] {
+                    Some((earlier, _)) => return Err(duplicate(place, &cells[earlier])),
+                    None => quantities[which] = Some((index, unit)),
+                },
+            }
+        }
+        let require = |which: usize| {
+            quantities[which].ok_or_else(|| {
+                let (quantity, dimension, example) = QUANTITIES[which];
+                Error::input(
+                    place.clone().at_key(example),
+                    format!("the column for {quantity} is missing"),
+                    format!(
+                        "add a column such as `{example}`; its name is `{quantity}` followed by one of {}",
+                        dimension.accepted_suffixes()
+                    ),
+                )
+            })
+        };
+        let quantities = [require(TIME)?, require(FORCE)?, require(POSITION)?];
+        Ok(Self { names: cells.to_vec(), quantities, cycle })
+    }
+}
+
+fn duplicate(place: Place, earlier: &str) -> Error {
+    Error::input(
+        place,
+        format!("this quantity stands in two columns, the other is `{earlier}`"),
+        "keep one column for each of time, force, position and cycle",
+    )
+}
+
+impl Column {
+    fn parse(place: &Place, name: &str) -> Result<Self> {
+        if name == "cycle" {
+            return Ok(Self::Cycle);
+        }
+        let (stem, suffix) = name.rsplit_once('_').unwrap_or((name, ""));
+        if let Some(which) = QUANTITIES.iter().position(|(quantity, _, _)| *quantity == stem) {
+            let (quantity, dimension, _) = QUANTITIES[which];
+            return Unit::find(dimension, suffix).map(|unit| Self::Quantity(which, unit)).ok_or_else(|| {
+                let found = if suffix.is_empty() { "no unit".into() } else { format!("unknown unit `_{suffix}`") };
+                Error::input(
+                    place.clone(),
+                    format!("{found} for {quantity}"),
+                    format!("end the name with one of {} (upper and lower case matter)", dimension.accepted_suffixes()),
+                )
+            });
+        }
+        let known: Vec<String> = QUANTITIES
+            .iter()
+            .flat_map(|(quantity, dimension, _)| {
+                UNITS
+                    .iter()
+                    .filter(|unit| unit.dimension == *dimension)
+                    .map(move |unit| format!("{quantity}_{}", unit.suffix))
+            })
+            .chain(["cycle".to_string()])
+            .collect();
+        let remedy = match nearest_name(name, known.iter().map(String::as_str)) {
+            Some(near) => format!("did you mean `{near}`? Otherwise remove the column"),
+            None => format!("remove the column, or {HEADER_REMEDY}"),
+        };
+        Err(Error::input(place.clone(), "unknown column", remedy))
+    }
+}
+
+impl Trajectory {
+    fn push(&mut self, header: &Header, place: &Place, cells: &[String]) -> Result<()> {
+        if cells.len() != header.names.len() {
+            return Err(Error::input(
+                place.clone(),
+                format!("{} cells where the header has {}", cells.len(), header.names.len()),
+                "give every row one cell for each column; leave the position cell empty where tracking was lost, and use a decimal point",
+            ));
+        }
+        let cell = |which: usize| {
+            let (index, unit) = header.quantities[which];
+            (cells[index].as_str(), unit, place.clone().at_key(header.names[index].as_str()))
+        };
+        let (text, unit, place_of_time) = cell(TIME);
+        let time_s = unit.to_si(finite(&place_of_time, text, "correct the time or remove the row")?);
+        self.check_time(place_of_time, time_s)?;
+        let (text, unit, place_of_force) = cell(FORCE);
+        let remedy = "give the force that was commanded in this row; 0 if none was";
+        self.force_n.push(unit.to_si(finite(&place_of_force, text, remedy)?));
+        self.time_s.push(time_s);
+        let (text, unit, place_of_position) = cell(POSITION);
+        self.position_m.push(if text.is_empty() || LOST.contains(&text.to_lowercase().as_str()) {
+            None
+        } else {
+            let remedy = "correct the position, or leave the cell empty where tracking was lost";
+            Some(unit.to_si(finite(&place_of_position, text, remedy)?))
+        });
+        if let (Some(index), Some(cycles)) = (header.cycle, &mut self.cycle) {
+            cycles.push(next_cycle(place.clone().at_key("cycle"), &cells[index], cycles.last().copied())?);
+        }
+        Ok(())
+    }
+
+    fn check_time(&self, place: Place, time_s: f64) -> Result<()> {
+        match self.time_s.last() {
+            None if time_s < 0.0 => Err(Error::input(
+                place,
+                format!("the record starts at {time_s} s, before t = 0"),
+                "shift the times so that the record starts at t = 0, where the position is 0",
+            )),
+            Some(before) if time_s <= *before => Err(Error::input(
+                place,
+                format!("time is not increasing: {time_s} s follows {before} s"),
+                "sort the rows by time and remove repeated ones",
+            )),
+            _ => Ok(()),
+        }
+    }
+}
+
+fn finite(place: &Place, text: &str, remedy: &str) -> Result<f64> {
+    let found = match text.parse::<f64>() {
+        Ok(number) if number.is_finite() => return Ok(number),
+        Ok(_) => format!("`{text}` is not a finite number"),
+        Err(_) if text.is_empty() => "the cell is empty".to_string(),
+        Err(_) => format!("`{text}` is not a number"),
+    };
+    Err(Error::input(place.clone(), found, remedy))
+}
+
+/// Cycles are counted from 1 without gaps.
+fn next_cycle(place: Place, text: &str, before: Option<u32>) -> Result<u32> {
+    let cycle = text.parse::<u32>().ok().filter(|cycle| *cycle >= 1).ok_or_else(|| {
+        Error::input(
+            place.clone(),
+            format!("`{text}` is not a cycle number"),
+            "number the cycles 1, 2, 3, …, or remove the whole `cycle` column to have them found from the force",
+        )
+    })?;
+    let allowed = before.map_or(cycle == 1, |before| cycle == before || cycle - 1 == before);
+    if allowed {
+        return Ok(cycle);
+    }
+    let before = before.map_or("the first row".to_string(), |before| format!("cycle {before}"));
+    Err(Error::input(
+        place,
+        format!("cycle {cycle} follows {before}"),
+        "number the cycles 1, 2, 3, … in the order of time, or remove the `cycle` column to have them found from the force",
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(text: &str) -> Result<Trajectory> {
+        read_trajectory(Path::new("t.csv"), text)
+    }
+
+    #[test]
+    fn units_and_column_order_are_free() {
+        let trajectory = read("position_nm,cycle,force_pN,time_ms\n1500,1,2,0\n,1,-2e3,500\nnan,2,0,1000.5\n").unwrap();
+        assert_eq!(trajectory.time_s, [0.0, 0.5, 1.0005]);
+        assert_eq!(trajectory.force_n, [2e-12, -2e-9, 0.0]);
+        assert_eq!(trajectory.position_m, [Some(1.5e-6), None, None]);
+        assert_eq!(trajectory.cycle, Some(vec![1, 1, 2]));
+        assert_eq!(trajectory.position_column, "position_nm");
+    }
+
+    #[test]
+    fn lines_count_blank_lines_and_windows_endings() {
+        let trajectory = read("time_s,force_N,position_m\r\n\r\n0,1,0\r\n\r\n\r\n1,1,0\r\n2,1,0").unwrap();
+        assert_eq!(trajectory.lines, [3, 6, 7]);
+    }
+
+    #[test]
+    fn quoted_headers_and_spaces_are_read() {
+        let trajectory = read("\"time_s\",\"force_uN\", position_um \n0, 4.6, 0\n1, 4.6, 2\n").unwrap();
+        assert_eq!(trajectory.force_n, [4.6e-6, 4.6e-6]);
+        assert_eq!(trajectory.cycle, None);
+    }
+}

@@ -1,0 +1,165 @@
+//! Writing so that a reader sees the old state or the new one, and a kill leaves one of them.
+
+use std::fs::{self, File, TryLockError};
+use std::io::Write;
+use std::path::Path;
+
+use serde::Serialize;
+use tempfile::TempDir;
+
+use crate::error::{Error, Place, Result};
+
+const REMEDY: &str = "check that the directory is writable and the disk not full";
+
+fn refused(action: &'static str, path: &Path) -> impl FnOnce(std::io::Error) -> Error {
+    move |source| Error::at_path(action, path, source, REMEDY)
+}
+
+/// Writes a file whole or not at all: beside its place, flushed to the disk, then renamed.
+///
+/// # Errors
+/// [`Error::File`] if the operating system refuses; the former file is then untouched.
+pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
+    let folder = folder_of(path);
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".partial-");
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    let mut file = builder.tempfile_in(folder).map_err(refused("create a file beside", path))?;
+    file.write_all(bytes).map_err(refused("write", path))?;
+    file.as_file().sync_all().map_err(refused("write", path))?;
+    file.persist(path).map_err(|error| refused("write", path)(error.error))?;
+    sync_directory(folder)
+}
+
+/// Writes a value as indented JSON with a final newline, whole or not at all.
+///
+/// # Errors
+/// [`Error::File`] as [`write_atomically`]; [`Error::Numerical`] if the value cannot be written as JSON.
+pub fn write_json_atomically(path: &Path, value: &impl Serialize) -> Result<()> {
+    let mut bytes = serde_json::to_vec_pretty(value).map_err(|error| {
+        Error::numerical(
+            format!("{} cannot be written as JSON: {error}", path.display()),
+            "report this with the command that was run",
+        )
+    })?;
+    bytes.push(b'\n');
+    write_atomically(path, &bytes)
+}
+
+fn folder_of(path: &Path) -> &Path {
+    match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    }
+}
+
+/// A directory that removes itself unless it is moved away; readable like any other.
+pub(super) fn temporary_directory(parent: &Path, prefix: &str) -> Result<TempDir> {
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(prefix);
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o777));
+    builder.tempdir_in(parent).map_err(refused("create a directory in", parent))
+}
+
+/// Flushes every file and directory below `path` to the disk.
+pub(super) fn sync_tree(path: &Path) -> Result<()> {
+    for entry in fs::read_dir(path).map_err(refused("read", path))? {
+        let entry = entry.map_err(refused("read", path))?;
+        let child = entry.path();
+        if entry.file_type().map_err(refused("read", &child))?.is_dir() {
+            sync_tree(&child)?;
+        } else {
+            File::open(&child).and_then(|file| file.sync_all()).map_err(refused("write", &child))?;
+        }
+    }
+    sync_directory(path)
+}
+
+/// Makes names in a directory durable; only Unix can.
+fn sync_directory(path: &Path) -> Result<()> {
+    if cfg!(unix) {
+        File::open(path).and_then(|directory| directory.sync_all()).map_err(refused("write", path))?;
+    }
+    Ok(())
+}
+
+/// Removes a directory with all it holds, if it is there.
+pub(super) fn remove_tree(path: &Path) -> Result<()> {
+    match fs::remove_dir_all(path) {
+        Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(refused("remove", path)(error)),
+        _ => Ok(()),
+    }
+}
+
+/// Moves a finished directory to `target`; what was there is exchanged in one step and then removed.
+///
+/// Where the system cannot exchange, the old directory is first renamed to `.<name>.replaced`, which [`restore`]
+/// brings back should the program be killed before the second renaming.
+pub(super) fn replace_directory(finished: TempDir, target: &Path) -> Result<()> {
+    let is_there = fs::read_dir(target).is_ok_and(|mut entries| entries.next().is_some());
+    if !is_there {
+        // An empty directory gives way to a renamed one; only Unix does this by itself.
+        let _ = fs::remove_dir(target);
+        fs::rename(finished.path(), target).map_err(refused("create", target))?;
+        let _ = finished.keep();
+    } else if exchange(finished.path(), target).is_err() {
+        let aside = aside_of(target);
+        remove_tree(&aside)?;
+        fs::rename(target, &aside).map_err(refused("replace", target))?;
+        fs::rename(finished.path(), target).map_err(refused("replace", target))?;
+        let _ = finished.keep();
+        remove_tree(&aside)?;
+    }
+    // After an exchange the temporary name holds what was replaced, and dropping it removes that.
+    sync_directory(folder_of(target))
+}
+
+fn aside_of(target: &Path) -> std::path::PathBuf {
+    let name = target.file_name().map_or("".into(), |name| name.to_string_lossy());
+    target.with_file_name(format!(".{name}.replaced"))
+}
+
+/// Undoes a replacement that was killed between its two renamings, or finishes one killed after them.
+pub(super) fn restore(target: &Path) -> Result<()> {
+    let aside = aside_of(target);
+    if aside.is_dir() && !target.exists() {
+        return fs::rename(&aside, target).map_err(refused("restore", target));
+    }
+    remove_tree(&aside)
+}
+
+#[cfg(any(target_os = "linux", target_vendor = "apple"))]
+fn exchange(a: &Path, b: &Path) -> std::io::Result<()> {
+    use rustix::fs::{CWD, RenameFlags, renameat_with};
+    Ok(renameat_with(CWD, a, CWD, b, RenameFlags::EXCHANGE)?)
+}
+
+#[cfg(not(any(target_os = "linux", target_vendor = "apple")))]
+fn exchange(_: &Path, _: &Path) -> std::io::Result<()> {
+    Err(std::io::ErrorKind::Unsupported.into())
+}
+
+/// Held while a program writes to a study; the operating system releases it when the program ends, however it ends.
+#[derive(Debug)]
+pub(super) struct Lock {
+    _file: File,
+}
+
+impl Lock {
+    /// Takes the study's lock.
+    pub(super) fn acquire(dir: &Path) -> Result<Self> {
+        let path = dir.join(".lock");
+        let file = File::create(&path).map_err(refused("create", &path))?;
+        match file.try_lock() {
+            Err(TryLockError::WouldBlock) => Err(Error::input(
+                Place::file(dir),
+                "another program is writing to this study",
+                "wait until it has finished, or choose another directory with `--out`",
+            )),
+            // Some network file systems have no locks; a revision is still written whole or not at all there.
+            Ok(()) | Err(TryLockError::Error(_)) => Ok(Self { _file: file }),
+        }
+    }
+}

@@ -1,0 +1,92 @@
+use super::*;
+
+fn read(text: &str) -> Result<ModelSpecification> {
+    ModelSpecification::from_text(Path::new("model.toml"), text.as_bytes())
+}
+
+#[test]
+fn what_is_written_is_read_back_to_the_bit() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("model.toml");
+    let mut specification = ModelSpecification::default();
+    specification.fixed.insert("young_modulus_pa".into(), 0.1 + 0.2);
+    specification.fixed.insert("noise_sd_um".into(), 1e-300);
+    specification.prior = "my \"own\" prior.toml".into();
+    specification.write(&path).unwrap();
+    assert_eq!(ModelSpecification::read(&path).unwrap(), specification);
+}
+
+#[test]
+fn a_base_alone_is_the_default_model() {
+    assert_eq!(read("base = \"lethersich\"").unwrap(), ModelSpecification::default());
+    assert_eq!(ModelSpecification::from_options(None, &[], &[], None, &[]).unwrap(), ModelSpecification::default());
+}
+
+#[test]
+fn unacceptable_models_are_refused_with_line_key_and_remedy() {
+    let cases = [
+        ("effects = []\n", 1, "base", "missing", "base = \"lethersich\""),
+        ("base = \"letersich\"", 1, "base", "`letersich`", "did you mean `lethersich`"),
+        ("\nbase = { network = \"x\" }", 2, "base", "networks", "lethersich"),
+        ("base = \"burgers\"", 1, "base", "`burgers`", "lethersich"),
+        ("base = \"lethersich\"\neffects = [\"inertia\"]", 2, "effects", "`inertia`", "has none"),
+        ("base = \"lethersich\"\neffects = \"inertia\"", 2, "effects", "expected a list", "effects = "),
+        ("base = \"lethersich\"\n\nnoise = [\"white\", \"ou\"]", 3, "noise", "`ou`", "white"),
+        ("base = \"lethersich\"\nnoise = [\"white\", \"white\"]", 2, "noise", "twice", "once"),
+        ("base = \"lethersich\"\nnoise = []", 2, "noise", "no noise", "white"),
+        ("base = \"lethersich\"\npriors = \"x\"", 2, "priors", "unknown key", "did you mean `prior`"),
+        (
+            "base = \"lethersich\"\n[fixed]\nyoung_modulus = 3.0",
+            3,
+            "fixed.young_modulus",
+            "unknown parameter",
+            "did you mean `young_modulus_pa`",
+        ),
+        (
+            "base = \"lethersich\"\n[fixed]\nyoung_modulus_pa = 0",
+            3,
+            "fixed.young_modulus_pa",
+            "outside its support",
+            "above 0 in Pa",
+        ),
+        (
+            "base = \"lethersich\"\n[fixed]\nyoung_modulus_pa = nan",
+            3,
+            "fixed.young_modulus_pa",
+            "not a finite",
+            "finite",
+        ),
+        ("base = \"lethersich\"\nbase = \"lethersich\"", 2, "", "not valid TOML", "each key once"),
+    ];
+    for (text, line, key, found, remedy) in cases {
+        let Err(Error::Input { place, found: was, remedy: advice }) = read(text) else { panic!("accepted: {text}") };
+        assert_eq!((place.line, place.key.as_deref().unwrap_or("")), (Some(line), key), "{text}: {was}");
+        assert!(was.contains(found) && advice.contains(remedy), "{text}: {was} / {advice}");
+    }
+}
+
+#[test]
+fn options_are_refused_by_their_names() {
+    let refused = |base: Option<&str>, with: &[&str], noise: &[&str], set: &[&str]| {
+        let own = |texts: &[&str]| texts.iter().map(|text| text.to_string()).collect::<Vec<_>>();
+        match ModelSpecification::from_options(base, &own(with), &own(noise), None, &own(set)) {
+            Err(Error::Input { place, .. }) => place.key.unwrap(),
+            other => panic!("{other:?}"),
+        }
+    };
+    assert_eq!(refused(Some("maxwell"), &[], &[], &[]), "--base");
+    assert_eq!(refused(None, &["inertia"], &[], &[]), "--with");
+    assert_eq!(refused(None, &[], &["pink"], &[]), "--noise");
+    for set in [
+        &["young_modulus_pa"][..],
+        &["young_modulus_pa=x"],
+        &["e=1"],
+        &["young_modulus_pa=-1"],
+        &["noise_sd_um=1", "noise_sd_um=2"],
+    ] {
+        assert_eq!(refused(None, &[], &[], set), "--set");
+    }
+    let set = ["young_modulus_pa = 3.5".to_string()];
+    let specification = ModelSpecification::from_options(None, &[], &[], Some("generic"), &set).unwrap();
+    assert_eq!((specification.fixed["young_modulus_pa"], specification.prior.as_str()), (3.5, "generic"));
+}

@@ -1,0 +1,78 @@
+//! What every JSON file says about its origin (contracts §3).
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+
+/// Header of a JSON document; flattened into it, so that its keys stand at the top.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Provenance {
+    /// `vitreo-uq/<kind>/<number>`.
+    pub schema: String,
+    /// The program's version.
+    pub version: String,
+    /// Seed of all random streams.
+    pub seed: u64,
+    /// SHA-256 of each input, in hexadecimal, by file name.
+    pub inputs_sha256: BTreeMap<String, String>,
+}
+
+impl Provenance {
+    /// A header with this program's version.
+    pub fn new(kind: &str, number: u32, seed: u64, inputs_sha256: BTreeMap<String, String>) -> Self {
+        let version = env!("CARGO_PKG_VERSION").to_string();
+        Self { schema: format!("vitreo-uq/{kind}/{number}"), version, seed, inputs_sha256 }
+    }
+
+    /// The same header with one more input, such as a prior file.
+    pub fn with_input(mut self, name: impl Into<String>, bytes: &[u8]) -> Self {
+        self.inputs_sha256.insert(name.into(), sha256_hex(bytes));
+        self
+    }
+}
+
+/// A JSON document: header and body side by side.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct WithProvenance<T> {
+    /// Header.
+    #[serde(flatten)]
+    pub provenance: Provenance,
+    /// Body; a struct or map, none of whose keys is one of the header's.
+    #[serde(flatten)]
+    pub body: T,
+}
+
+/// SHA-256 in lower-case hexadecimal.
+pub fn sha256_hex(bytes: &[u8]) -> String {
+    Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// FIPS 180-4 example values.
+    #[test]
+    fn hashes_are_sha256() {
+        assert_eq!(sha256_hex(b"abc"), "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
+        assert_eq!(sha256_hex(b""), "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855");
+    }
+
+    #[test]
+    fn the_header_is_flat_and_reads_back() {
+        #[derive(Debug, PartialEq, Serialize, Deserialize)]
+        struct Body {
+            rmse_um: f64,
+        }
+        let provenance = Provenance::new("fit", 1, u64::MAX, BTreeMap::new()).with_input("a.toml", b"abc");
+        let document = WithProvenance { provenance, body: Body { rmse_um: 0.1 + 0.2 } };
+        let text = serde_json::to_string(&document).unwrap();
+        let value: serde_json::Value = serde_json::from_str(&text).unwrap();
+        assert_eq!(value["schema"], "vitreo-uq/fit/1");
+        assert_eq!(value["version"], env!("CARGO_PKG_VERSION"));
+        assert_eq!(value["inputs_sha256"]["a.toml"], sha256_hex(b"abc"));
+        assert_eq!(value["rmse_um"], 0.1 + 0.2);
+        assert_eq!(serde_json::from_str::<WithProvenance<Body>>(&text).unwrap(), document);
+    }
+}
