@@ -1,6 +1,8 @@
 //! Finite-element meshes of the quarter model and their import and export.
 
+pub mod gmsh;
 pub mod hexahedron27_nodes;
+pub mod vtu;
 
 /// Kind of element; all elements of a mesh are of one kind.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
