@@ -1,7 +1,9 @@
 //! Finite-element meshes of the quarter model and their import and export.
 
-mod hexahedron27_nodes;
+pub mod gmsh;
+pub mod hexahedron27_nodes;
 mod quarter_ball;
+pub mod vtu;
 
 pub use hexahedron27_nodes::HEXAHEDRON27_REFERENCE_NODES;
 pub use quarter_ball::QuarterBall;

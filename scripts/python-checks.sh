@@ -1,0 +1,48 @@
+#!/usr/bin/env bash
+# Runs every tests/python/*.py against the Python tools that users have (ArviZ, VTK, corner, emcee), in an environment of its own
+# under target/. Needs Python 3.9 or newer (another one than python3: PYTHON=…), cargo and, the first time, the network.
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+
+python=${PYTHON:-python3}
+requirements=tests/python/requirements.txt
+environment=target/python-checks-venv
+stamp=$environment/installed
+
+fail() {
+    printf 'python-checks: %s\n' "$1" >&2
+    exit 1
+}
+
+command -v "$python" >/dev/null || fail "$python is not installed; install Python 3.9 or newer, or set PYTHON"
+"$python" -c 'import sys; sys.exit(sys.version_info < (3, 9))' || fail "$("$python" --version) is too old; set PYTHON to 3.9 or newer"
+
+# The environment is current when it was made from the same requirements by the same Python; the stamp is written last.
+wanted=$("$python" --version; cat "$requirements")
+if [[ ! -f $stamp || $(<"$stamp") != "$wanted" ]]; then
+    printf 'making %s (some minutes the first time)\n' "$environment"
+    rm -rf "$environment"
+    mkdir -p target
+    "$python" -m venv "$environment" || fail "cannot make a virtual environment; on Debian and Ubuntu: apt-get install python3-venv"
+    "$environment/bin/python" -m pip install --quiet --disable-pip-version-check --requirement "$requirements" ||
+        fail "cannot install $requirements; the network is needed the first time"
+    printf '%s\n' "$wanted" >"$stamp"
+fi
+
+# No window system is needed to draw, and no byte code is left in the source tree.
+export MPLBACKEND=Agg PYTHONDONTWRITEBYTECODE=1
+# Compiled once here, so that no check's time or output includes it.
+cargo build --quiet --examples
+
+passed=0 failed=0
+for script in tests/python/*.py; do
+    printf '%s: ' "${script##*/}"
+    if "$environment/bin/python" "$script" </dev/null; then
+        passed=$((passed + 1))
+    else
+        failed=$((failed + 1))
+        printf '%s FAILED\n' "${script##*/}" >&2
+    fi
+done
+printf '%d passed, %d failed\n' "$passed" "$failed"
+[[ $failed -eq 0 && $passed -gt 0 ]]
