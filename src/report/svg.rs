@@ -1,7 +1,6 @@
 //! A small SVG canvas, and the writing of a figure as SVG and PNG.
 
 use std::fmt::Write as _;
-use std::io::Write as _;
 use std::path::Path as FilePath;
 
 use resvg::{tiny_skia, usvg};
@@ -316,11 +315,23 @@ pub fn write_figure(dir: &FilePath, stem: &str, svg: &Svg) -> Result<()> {
 /// # Errors
 /// [`Error::File`] where the operating system refuses.
 pub fn write_atomically(path: &FilePath, bytes: &[u8]) -> Result<()> {
+    stream_atomically(path, |file| file.write_all(bytes))
+}
+
+/// Like [`write_atomically`], for content too large to be held as a whole.
+///
+/// # Errors
+/// [`Error::File`] where the operating system refuses.
+pub fn stream_atomically(
+    path: &FilePath,
+    write: impl FnOnce(&mut dyn std::io::Write) -> std::io::Result<()>,
+) -> Result<()> {
     let remedy = "check that the directory exists, is writable and has room";
     let refused = |source| Error::at_path("write", path, source, remedy);
     let dir = path.parent().filter(|dir| !dir.as_os_str().is_empty()).unwrap_or(FilePath::new("."));
-    let mut file = new_temporary_file(dir).map_err(refused)?;
-    file.write_all(bytes).map_err(refused)?;
+    let mut writer = std::io::BufWriter::new(new_temporary_file(dir).map_err(refused)?);
+    write(&mut writer).map_err(refused)?;
+    let file = writer.into_inner().map_err(|error| refused(error.into_error()))?;
     file.persist(path).map_err(|error| refused(error.error))?;
     Ok(())
 }
