@@ -16,6 +16,8 @@ use crate::{Error, Result};
 /// Fewest draws from which contours are estimated; below, the draws alone are shown.
 pub const FEWEST_DRAWS_FOR_CONTOURS: usize = 50;
 const MOST_PARAMETERS: usize = 12;
+/// Draws farther from the central 99.8 % than this fraction of it do not lengthen an axis.
+const OUTLIER_DISTANCE: f64 = 0.25;
 /// A reference value may lengthen an axis to at most so many times the posterior's range; one farther out is named instead.
 const REFERENCE_REACH: f64 = 2.0;
 
@@ -162,17 +164,19 @@ fn slots<'a>(posteriors: &[Posterior<'a>]) -> Vec<Slot<'a>> {
     slots.into_iter().map(|(_, slot)| slot).collect()
 }
 
-/// The central 99.8 % of every posterior with a margin, and the reference where that does not crush them.
+/// All draws of every posterior but outliers, with a margin, and the reference where that does not crush them.
 fn common_scale<'a, 'b: 'a>(columns: impl Iterator<Item = &'a ParameterColumn<'b>>, reference: Option<f64>) -> Scale {
     let (mut lower, mut upper) = (f64::INFINITY, f64::NEG_INFINITY);
     let mut limits = Support::default();
     for column in columns {
         let ascending = density::sorted(column.draws);
-        lower = lower.min(quantile_of_sorted(&ascending, 0.001));
-        upper = upper.max(quantile_of_sorted(&ascending, 0.999));
+        let quantile = |p| quantile_of_sorted(&ascending, p);
+        let slack = OUTLIER_DISTANCE * (quantile(0.999) - quantile(0.001));
+        lower = lower.min(quantile(0.0).max(quantile(0.001) - slack));
+        upper = upper.max(quantile(1.0).min(quantile(0.999) + slack));
         limits = column.support;
     }
-    let margin = 0.06 * (upper - lower);
+    let margin = 0.04 * (upper - lower);
     // A margin beyond a hard limit would show values that cannot be; a sliver keeps the line at the limit visible.
     let beyond = 0.01 * (upper - lower);
     let (mut start, mut end) = (

@@ -383,7 +383,8 @@ pub(super) fn legend(
     options: &CornerOptions,
 ) {
     let entries = entries(posteriors, slots, options);
-    let notes = ["Titles: median, distances to", "the 16 % and 84 % quantiles"];
+    let shade = if posteriors.len() == 1 { "quantiles (darker on the diagonal)" } else { "quantiles" };
+    let notes = ["Titles: median, distances to the 16 % and 84 %", shade];
     let last = layout.frame(0, layout.n - 1);
     // With two parameters the second column's title stands below, so the whole cell is free.
     let (left, width) = match layout.n {

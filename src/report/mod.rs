@@ -19,5 +19,8 @@ pub mod legend;
 pub mod netcdf;
 pub mod number;
 pub mod palette;
+pub mod predictive;
+pub mod singular_values;
 pub mod svg;
 pub mod ticks;
+pub mod trace;

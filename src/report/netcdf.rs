@@ -31,7 +31,8 @@ pub struct ObservedData<'a> {
 pub fn write_draws_netcdf(path: &Path, table: &DrawTable, observed: Option<ObservedData>) -> Result<()> {
     table.check()?;
     // A slash would open a group; the others are the layout's own.
-    let reserved = |name: &&String| name.contains('/') || ["chain", "draw", "ensemble", "walker"].contains(&name.as_str());
+    let reserved =
+        |name: &&String| name.contains('/') || ["chain", "draw", "ensemble", "walker"].contains(&name.as_str());
     if let Some(name) = table.parameter_names.iter().find(reserved) {
         return Err(refused(format!("a parameter is called `{name}`")));
     }

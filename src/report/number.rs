@@ -80,7 +80,11 @@ impl ValueWithErrors {
             let zero = |sign: &str| format!("{sign}0");
             return Self { centre: significant(median, 4), plus: zero("+"), minus: zero("−"), factor: String::new() };
         }
-        let exponent = factored_exponent(median.abs().max(plus).max(minus));
+        // 0.00135 +0.00149 is longer and harder to read than 1.35 +1.49 ×10⁻³.
+        let exponent = match decimal_exponent(median.abs().max(plus).max(minus)) {
+            -2..5 => 0,
+            exponent => exponent,
+        };
         let scale = 10f64.powi(exponent);
         let decimals = (1 - decimal_exponent(smallest / scale)).clamp(0, 12) as usize;
         Self {

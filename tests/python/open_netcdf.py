@@ -36,7 +36,9 @@ def read_csv(path):
 def main():
     draws, summary, reader = open_draws(sys.argv[1])
     header, rows = read_csv(sys.argv[2])
-    posterior = draws["posterior"]
+    # ArviZ 1.x returns a tree of groups, 0.x a collection of datasets.
+    as_dataset = getattr(draws["posterior"], "to_dataset", lambda: draws["posterior"])
+    posterior = as_dataset()
     ensemble, walker, step = (rows[:, header.index(name)].astype(int) for name in ("ensemble", "walker", "step"))
     chain = ensemble * (walker.max() + 1) + walker
     shape = (chain.max() + 1, step.max() + 1)
