@@ -1,1 +1,26 @@
 //! Figures and exchange formats.
+//!
+//! Everything here takes plain slices: nothing knows the sampler or the finite elements. A figure is built as [`svg::Svg`]
+//! (the source of truth; text stays text), and [`svg::write_figure`] stores it beside a PNG rendered from the same
+//! document with the embedded font, so that it looks alike on every machine. The same input gives the same bytes.
+//!
+//! [`svg`], [`font`], [`number`], [`palette`] → [`axes`] and [`ticks`], [`legend`] → [`density`] and [`contour`] → one file
+//! a figure: [`corner`], [`predictive`], [`trace`], [`singular_values`]. Draws leave as CSV ([`draws`]) and NetCDF ([`netcdf`]).
+
+pub mod axes;
+pub mod contour;
+pub mod corner;
+mod corner_draw;
+pub mod density;
+pub mod draws;
+pub mod font;
+pub mod labels;
+pub mod legend;
+pub mod netcdf;
+pub mod number;
+pub mod palette;
+pub mod predictive;
+pub mod singular_values;
+pub mod svg;
+pub mod ticks;
+pub mod trace;

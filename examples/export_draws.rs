@@ -1,0 +1,38 @@
+//! Writes the same small posterior as CSV and as NetCDF-4 in ArviZ's layout: `cargo run --example export_draws -- DIR`.
+//! `tests/python/open_netcdf.py DIR/draws.nc DIR/draws.csv` then opens both with ArviZ.
+
+use std::path::PathBuf;
+
+use rand::SeedableRng;
+use rand_distr::{Distribution, StandardNormal};
+use vitreo_uq::report::draws::{DrawTable, write_draws_csv};
+use vitreo_uq::report::netcdf::{ObservedData, write_draws_netcdf};
+
+fn main() -> vitreo_uq::Result<()> {
+    let dir = std::env::args_os().nth(1).map_or_else(std::env::temp_dir, PathBuf::from);
+    let (n_ensembles, n_walkers, n_steps) = (4, 8, 500);
+    let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(1);
+    let mut normal = || StandardNormal.sample(&mut rng);
+    let (mut values, mut log_density) = (Vec::new(), Vec::new());
+    for _ in 0..n_ensembles * n_walkers * n_steps {
+        let (a, b, c): (f64, f64, f64) = (normal(), normal(), normal());
+        values.extend([3.527 + 0.1 * a, 1.402 + 0.03 * (0.8 * a + 0.6 * b), 47.37 + 1.5 * c]);
+        log_density.push(-0.5 * (a * a + b * b + c * c));
+    }
+    let table = DrawTable {
+        parameter_names: ["young_modulus_pa", "viscosity_1_pa_s", "viscosity_2_pa_s"].map(String::from).to_vec(),
+        units: ["Pa", "Pa·s", "Pa·s"].map(String::from).to_vec(),
+        n_ensembles,
+        n_walkers,
+        n_steps,
+        values,
+        log_density,
+    };
+    let observed = ObservedData { time_s: &[0.0, 0.05, 0.1], position_um: &[Some(0.0), Some(12.5), None] };
+    write_draws_csv(&dir.join("draws.csv"), &table)?;
+    write_draws_netcdf(&dir.join("draws.nc"), &table, Some(observed))?;
+    let n_draws = table.n_draws();
+    assert_eq!(n_draws, 16_000);
+    println!("{n_draws} draws in {}", dir.display());
+    Ok(())
+}

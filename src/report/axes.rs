@@ -1,0 +1,238 @@
+//! A pair of axes: data drawn into a frame, and the frame's ticks and labels.
+
+use super::font::{fitting_size_px, shorten, text_width_px};
+use super::palette::{AXIS, Colour, GRID, INK, MUTED};
+use super::svg::{Anchor, Fill, Path, Point, Rect, Stroke, Style, Svg, TextStyle};
+use super::ticks::{Scale, Ticks};
+
+/// Size of tick labels.
+pub const TICK_SIZE_PX: f64 = 11.0;
+/// Size of axis labels.
+pub const LABEL_SIZE_PX: f64 = 13.0;
+/// Smallest size to which a label shrinks before it is cut.
+const SMALLEST_PX: f64 = 9.0;
+const TICK_LENGTH_PX: f64 = 5.0;
+
+/// A frame with a horizontal and a vertical scale.
+#[derive(Debug, Clone, Copy)]
+pub struct Axes {
+    /// Where data are drawn, in pixels.
+    pub frame: Rect,
+    /// Horizontal scale.
+    pub x: Scale,
+    /// Vertical scale.
+    pub y: Scale,
+}
+
+/// How an axis is labelled.
+#[derive(Debug, Clone, Copy)]
+pub struct AxisStyle<'a> {
+    /// Quantity and unit, such as `time (s)`; `None` leaves label and numbers out.
+    pub label: Option<&'a str>,
+    /// At most so many numbers.
+    pub most_ticks: usize,
+    /// Faint lines across the frame at the numbers.
+    pub grid: bool,
+    /// Distance from the frame to the label's far edge, so that labels of stacked axes align.
+    pub label_distance_px: f64,
+}
+
+impl Axes {
+    /// Horizontal position of a value.
+    pub fn x_px(&self, value: f64) -> f64 {
+        self.frame.x + self.x.fraction(value) * self.frame.width
+    }
+    /// Vertical position of a value.
+    pub fn y_px(&self, value: f64) -> f64 {
+        self.frame.bottom() - self.y.fraction(value) * self.frame.height
+    }
+    /// Position of a pair of values.
+    pub fn px(&self, x: f64, y: f64) -> Point {
+        (self.x_px(x), self.y_px(y))
+    }
+
+    /// Line through the points of each run of finite values; a value that is not finite breaks the line.
+    pub fn line(&self, svg: &mut Svg, x: &[f64], y: &[f64], stroke: Stroke) {
+        let mut path = Path::default();
+        let mut drawing = false;
+        for (&x, &y) in x.iter().zip(y) {
+            let finite = x.is_finite() && y.is_finite();
+            match (finite, drawing) {
+                (true, false) => path.move_to(self.px(x, y)),
+                (true, true) => path.line_to(self.px(x, y)),
+                _ => {}
+            }
+            drawing = finite;
+        }
+        svg.path(&path, stroke);
+    }
+
+    /// Area between two curves over the same `x`; a value that is not finite breaks it.
+    pub fn band(&self, svg: &mut Svg, x: &[f64], lower: &[f64], upper: &[f64], fill: Fill) {
+        let mut path = Path::default();
+        let n = x.len().min(lower.len()).min(upper.len());
+        let finite = |i: &usize| x[*i].is_finite() && lower[*i].is_finite() && upper[*i].is_finite();
+        let mut start = 0;
+        while start < n {
+            let run: Vec<usize> = (start..n).take_while(finite).collect();
+            let there = run.iter().map(|&i| self.px(x[i], upper[i]));
+            let back = run.iter().rev().map(|&i| self.px(x[i], lower[i]));
+            if run.len() > 1 {
+                path.polyline(there.chain(back), true);
+            }
+            start += run.len() + 1;
+        }
+        svg.path(&path, fill);
+    }
+
+    /// Dots at the finite points that lie in the frame.
+    pub fn scatter(
+        &self,
+        svg: &mut Svg,
+        points: impl Iterator<Item = (f64, f64)>,
+        colour: Colour,
+        diameter_px: f64,
+        opacity: f64,
+    ) {
+        let mut dots = Path::default();
+        for (x, y) in points.filter(|(x, y)| x.is_finite() && y.is_finite()) {
+            let inside = |scale: &Scale, value| (0.0..=1.0).contains(&scale.fraction(value));
+            if inside(&self.x, x) && inside(&self.y, y) {
+                dots.dot(self.px(x, y));
+            }
+        }
+        svg.dots(&dots, colour, diameter_px, opacity);
+    }
+
+    /// Vertical line across the frame.
+    pub fn vertical(&self, svg: &mut Svg, x: f64, stroke: Stroke) {
+        let x = self.x_px(x);
+        svg.line((x, self.frame.y), (x, self.frame.bottom()), stroke);
+    }
+
+    /// Horizontal line across the frame.
+    pub fn horizontal(&self, svg: &mut Svg, y: f64, stroke: Stroke) {
+        let y = self.y_px(y);
+        svg.line((self.frame.x, y), (self.frame.right(), y), stroke);
+    }
+
+    /// The frame's outline.
+    pub fn outline(&self, svg: &mut Svg) {
+        svg.rect(self.frame, Style::from(Stroke::solid(AXIS, 1.0)));
+    }
+
+    /// Ticks of the lower edge, with numbers and label if there is one.
+    pub fn x_axis(&self, svg: &mut Svg, style: AxisStyle) {
+        let ticks = self.x.ticks_side_by_side(style.most_ticks, self.frame.width, TICK_SIZE_PX, 0.5 * TICK_SIZE_PX);
+        let bottom = self.frame.bottom();
+        for &value in &ticks.minor {
+            let x = self.x_px(value);
+            svg.line((x, bottom), (x, bottom - 0.5 * TICK_LENGTH_PX), Stroke::solid(AXIS, 0.7));
+        }
+        for (value, label) in &ticks.major {
+            let x = self.x_px(*value);
+            if style.grid {
+                svg.line((x, self.frame.y), (x, bottom), Stroke::solid(GRID, 0.8));
+            }
+            svg.line((x, bottom), (x, bottom - TICK_LENGTH_PX), Stroke::solid(AXIS, 1.0));
+            if style.label.is_some() {
+                svg.text(label, (x, bottom + 1.4 * TICK_SIZE_PX), TextStyle::new(TICK_SIZE_PX, Anchor::Middle));
+            }
+        }
+        if let Some(label) = style.label {
+            self.x_label(svg, &with_factor(label, &ticks), bottom + style.label_distance_px);
+        }
+    }
+
+    fn x_label(&self, svg: &mut Svg, label: &str, baseline: f64) {
+        let size = fitting_size_px(label, LABEL_SIZE_PX, SMALLEST_PX, self.frame.width);
+        let label = shorten(label, size, self.frame.width);
+        svg.text(&label, (self.frame.x + self.frame.width / 2.0, baseline), TextStyle::new(size, Anchor::Middle));
+    }
+
+    /// Ticks of the left edge, with numbers and label if there is one.
+    pub fn y_axis(&self, svg: &mut Svg, style: AxisStyle) {
+        let ticks = self.y.ticks(style.most_ticks);
+        let left = self.frame.x;
+        for &value in &ticks.minor {
+            let y = self.y_px(value);
+            svg.line((left, y), (left + 0.5 * TICK_LENGTH_PX, y), Stroke::solid(AXIS, 0.7));
+        }
+        for (value, label) in &ticks.major {
+            let y = self.y_px(*value);
+            if style.grid {
+                svg.line((left, y), (self.frame.right(), y), Stroke::solid(GRID, 0.8));
+            }
+            svg.line((left, y), (left + TICK_LENGTH_PX, y), Stroke::solid(AXIS, 1.0));
+            if style.label.is_some() {
+                let at = (left - 6.0, y + 0.36 * TICK_SIZE_PX);
+                svg.text(label, at, TextStyle::new(TICK_SIZE_PX, Anchor::End));
+            }
+        }
+        if let Some(label) = style.label {
+            let label = with_factor(label, &ticks);
+            let size = fitting_size_px(&label, LABEL_SIZE_PX, SMALLEST_PX, self.frame.height);
+            let label = shorten(&label, size, self.frame.height);
+            let at = (left - style.label_distance_px + size, self.frame.y + self.frame.height / 2.0);
+            svg.text(&label, at, TextStyle::new(size, Anchor::Middle).upwards());
+        }
+    }
+}
+
+/// The label with the factor that multiplies the axis' numbers: `E (Pa)` becomes `E (10⁻³ Pa)`.
+fn with_factor(label: &str, ticks: &Ticks) -> String {
+    let power = ticks.factor.trim_start_matches('×');
+    match (power.is_empty(), label.rfind(" (")) {
+        (true, _) => label.to_owned(),
+        (false, Some(at)) if label.ends_with("(–)") => format!("{} ({power})", &label[..at]),
+        (false, Some(at)) => format!("{} ({power} {}", &label[..at], &label[at + 2..]),
+        (false, None) => format!("{label} ({power})"),
+    }
+}
+
+/// Width of the widest number on a vertical axis with at most `most_ticks` numbers.
+pub fn widest_y_number_px(scale: &Scale, most_ticks: usize) -> f64 {
+    let ticks = scale.ticks(most_ticks);
+    ticks.major.iter().map(|(_, label)| text_width_px(label, TICK_SIZE_PX)).fold(0.0, f64::max)
+}
+
+/// A note in secondary colour, cut to `width_px`.
+pub fn note(svg: &mut Svg, text: &str, at: Point, anchor: Anchor, width_px: f64) {
+    svg.text(&shorten(text, TICK_SIZE_PX, width_px), at, TextStyle::new(TICK_SIZE_PX, anchor).colour(MUTED));
+}
+
+/// A figure's title, cut to `width_px`.
+pub fn title(svg: &mut Svg, text: &str, at: Point, width_px: f64) {
+    let size = fitting_size_px(text, 16.0, 12.0, width_px);
+    svg.text(&shorten(text, size, width_px), at, TextStyle::new(size, Anchor::Start).colour(INK));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn axes() -> Axes {
+        let frame = Rect { x: 10.0, y: 20.0, width: 100.0, height: 50.0 };
+        Axes { frame, x: Scale::linear(0.0, 10.0), y: Scale::linear(0.0, 1.0) }
+    }
+
+    #[test]
+    fn gaps_break_lines_and_bands() {
+        let x = [0.0, 1.0, 2.0, 3.0, 4.0];
+        let y = [0.1, 0.2, f64::NAN, 0.3, 0.4];
+        let mut svg = Svg::new(120.0, 80.0, "");
+        axes().line(&mut svg, &x, &y, Stroke::solid(INK, 1.0));
+        assert!(svg.document().contains("M10 65L20 60M40 55L50 50"), "{}", svg.document());
+        let mut svg = Svg::new(120.0, 80.0, "");
+        axes().band(&mut svg, &x, &[0.0; 5], &y, Fill::new(INK, 0.5));
+        assert_eq!(svg.document().matches('Z').count(), 2);
+    }
+
+    #[test]
+    fn factors_go_into_the_unit() {
+        let ticks = Ticks { factor: "×10⁻³".into(), ..Ticks::default() };
+        assert_eq!(with_factor("E (Pa)", &ticks), "E (10⁻³ Pa)");
+        assert_eq!(with_factor("α (–)", &ticks), "α (10⁻³)");
+        assert_eq!(with_factor("E (Pa)", &Ticks::default()), "E (Pa)");
+    }
+}

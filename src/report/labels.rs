@@ -1,0 +1,83 @@
+//! Symbols and units of parameters, from their names in the contracts.
+
+/// Symbol and unit of a parameter as figures show them.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ParameterLabel {
+    /// Short symbol such as `E`; the name itself where there is none.
+    pub symbol: String,
+    /// Unit such as `Pa`, or `–` where there is none.
+    pub unit: String,
+}
+
+impl ParameterLabel {
+    /// Symbol and unit for an axis: `E (Pa)`.
+    pub fn axis(&self) -> String {
+        axis_label(&self.symbol, &self.unit)
+    }
+}
+
+/// `symbol (unit)`; a quantity without unit is marked by `–`.
+pub fn axis_label(symbol: &str, unit: &str) -> String {
+    format!("{symbol} ({})", if unit.is_empty() { "–" } else { unit })
+}
+
+const SYMBOLS: [(&str, &str); 13] = [
+    ("young_modulus_pa", "E"),
+    ("viscosity_1_pa_s", "c₁"),
+    ("viscosity_2_pa_s", "c₂"),
+    ("instantaneous_modulus_pa", "E₀"),
+    ("second_modulus_pa", "E₂"),
+    ("second_viscosity_pa_s", "c₃"),
+    ("noise_sd_um", "σ"),
+    ("ou_sd_um", "σ OU"),
+    ("ou_time_s", "τ OU"),
+    ("gain_sd", "sd of gain"),
+    ("offset_sd_um", "sd of offset"),
+    ("student_dof", "degrees of freedom"),
+    ("log_density", "log density"),
+];
+
+/// Longer suffixes first, since `_s` ends `_pa_s` too.
+const UNITS: [(&str, &str); 13] = [
+    ("_m2_per_pa_s", "m²/(Pa·s)"),
+    ("_m_per_pa_s", "m/(Pa·s)"),
+    ("_m_per_s", "m/s"),
+    ("_per_pa", "1/Pa"),
+    ("_per_s", "1/s"),
+    ("_per_m", "1/m"),
+    ("_pa_s", "Pa·s"),
+    ("_pa", "Pa"),
+    ("_um", "µm"),
+    ("_mm", "mm"),
+    ("_ms", "ms"),
+    ("_s", "s"),
+    ("_m", "m"),
+];
+
+/// Symbol and unit of a parameter by its name; an unknown name without its unit becomes its own symbol.
+pub fn of_parameter(name: &str) -> ParameterLabel {
+    let (stem, unit) = UNITS
+        .iter()
+        .find_map(|(suffix, unit)| name.strip_suffix(suffix).map(|stem| (stem, *unit)))
+        .unwrap_or((name, "–"));
+    let symbol = SYMBOLS.iter().find(|(known, _)| *known == name).map(|(_, symbol)| (*symbol).to_owned());
+    ParameterLabel {
+        symbol: symbol.unwrap_or_else(|| stem.replace('_', " ").replace('.', ": ")),
+        unit: unit.to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_of_the_contracts_have_symbols_and_units() {
+        assert_eq!(of_parameter("young_modulus_pa").axis(), "E (Pa)");
+        assert_eq!(of_parameter("viscosity_2_pa_s").axis(), "c₂ (Pa·s)");
+        assert_eq!(of_parameter("noise_sd_um").axis(), "σ (µm)");
+        assert_eq!(of_parameter("actuator-lag.time_s").axis(), "actuator-lag: time (s)");
+        assert_eq!(of_parameter("poroelasticity.mobility_m2_per_pa_s").axis(), "poroelasticity: mobility (m²/(Pa·s))");
+        assert_eq!(of_parameter("fractional-damping.order").axis(), "fractional-damping: order (–)");
+    }
+}

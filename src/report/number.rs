@@ -1,0 +1,134 @@
+//! Numbers as people write them: proper minus signs, powers of ten as superscripts, errors to two digits.
+
+/// `exponent` in superscript digits: −12 becomes `⁻¹²`.
+pub fn superscript(exponent: i32) -> String {
+    let digit = |c| match c {
+        '-' => '⁻',
+        '1' => '¹',
+        '2' => '²',
+        '3' => '³',
+        '4' => '⁴',
+        '5' => '⁵',
+        '6' => '⁶',
+        '7' => '⁷',
+        '8' => '⁸',
+        '9' => '⁹',
+        _ => '⁰',
+    };
+    exponent.to_string().chars().map(digit).collect()
+}
+
+/// `10ⁿ`.
+pub fn power_of_ten(exponent: i32) -> String {
+    format!("10{}", superscript(exponent))
+}
+
+/// Fixed decimals with a proper minus sign; never `−0`.
+pub fn with_decimals(value: f64, decimals: usize) -> String {
+    let text = format!("{value:.decimals$}");
+    match text.strip_prefix('-') {
+        Some(digits) if digits.bytes().any(|b| (b'1'..=b'9').contains(&b)) || digits == "inf" => format!("−{digits}"),
+        Some(digits) => digits.to_owned(),
+        None => text,
+    }
+}
+
+/// Decimal exponent of the leading digit; 0 for zero and for what is not finite.
+pub fn decimal_exponent(value: f64) -> i32 {
+    if value == 0.0 || !value.is_finite() { 0 } else { value.abs().log10().floor() as i32 }
+}
+
+/// The exponent to take out of numbers of this size: 0 where they read well as they are.
+pub fn factored_exponent(largest: f64) -> i32 {
+    let exponent = decimal_exponent(largest);
+    if (-3..5).contains(&exponent) { 0 } else { exponent }
+}
+
+/// `digits` significant digits, as `mantissa × 10ⁿ` where the number is very large or small.
+pub fn significant(value: f64, digits: usize) -> String {
+    if !value.is_finite() {
+        return with_decimals(value, 0);
+    }
+    // Rounded first, so that 9.99 with two digits counts as 10.
+    let rounded: f64 = format!("{value:.*e}", digits.saturating_sub(1)).parse().unwrap_or(value);
+    let factored = factored_exponent(rounded);
+    let scaled = rounded / 10f64.powi(factored);
+    let decimals = (digits as i32 - 1 - decimal_exponent(scaled)).max(0) as usize;
+    let mantissa = with_decimals(scaled, decimals);
+    if factored == 0 { mantissa } else { format!("{mantissa}×{}", power_of_ten(factored)) }
+}
+
+/// A value with its upper and lower error, ready to be set: `centre` with `plus` above `minus`, then `factor`.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ValueWithErrors {
+    /// The value.
+    pub centre: String,
+    /// Upper error, with its sign.
+    pub plus: String,
+    /// Lower error, with its sign.
+    pub minus: String,
+    /// `×10ⁿ` where the numbers are very large or small, else empty.
+    pub factor: String,
+}
+
+impl ValueWithErrors {
+    /// From the quantiles: the smaller error gets two significant digits and sets the decimals of all three numbers.
+    pub fn from_quantiles(lower: f64, median: f64, upper: f64) -> Self {
+        let (plus, minus) = ((upper - median).abs(), (median - lower).abs());
+        let smallest = [plus, minus].into_iter().filter(|error| *error > 0.0).fold(f64::INFINITY, f64::min);
+        if !smallest.is_finite() {
+            let zero = |sign: &str| format!("{sign}0");
+            return Self { centre: significant(median, 4), plus: zero("+"), minus: zero("−"), factor: String::new() };
+        }
+        // 0.00135 +0.00149 is longer and harder to read than 1.35 +1.49 ×10⁻³.
+        let exponent = match decimal_exponent(median.abs().max(plus).max(minus)) {
+            -2..5 => 0,
+            exponent => exponent,
+        };
+        let scale = 10f64.powi(exponent);
+        let decimals = (1 - decimal_exponent(smallest / scale)).clamp(0, 12) as usize;
+        Self {
+            centre: with_decimals(median / scale, decimals),
+            plus: format!("+{}", with_decimals(plus / scale, decimals)),
+            minus: format!("−{}", with_decimals(minus / scale, decimals)),
+            factor: if exponent == 0 { String::new() } else { format!("×{}", power_of_ten(exponent)) },
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_read_as_written_by_hand() {
+        let cases = [
+            (0.0, 3, "0.00"),
+            (3.5271, 3, "3.53"),
+            (-0.00123, 2, "−0.0012"),
+            (1.5e-7, 2, "1.5×10⁻⁷"),
+            (9.99, 2, "10"),
+            (123_456.0, 3, "1.23×10⁵"),
+            (99_999.9, 3, "1.00×10⁵"),
+            (1_000.0, 2, "1000"),
+        ];
+        for (value, digits, text) in cases {
+            assert_eq!(significant(value, digits), text, "{value}");
+        }
+        assert_eq!(with_decimals(-0.001, 2), "0.00");
+        assert_eq!(power_of_ten(-12), "10⁻¹²");
+    }
+
+    #[test]
+    fn errors_set_the_decimals() {
+        let value = ValueWithErrors::from_quantiles(3.42, 3.5271, 3.65);
+        assert_eq!((value.centre.as_str(), value.plus.as_str(), value.minus.as_str()), ("3.53", "+0.12", "−0.11"));
+        let tiny = ValueWithErrors::from_quantiles(3.1e-8, 3.5e-8, 4.4e-8);
+        assert_eq!(tiny.centre, "3.50");
+        assert_eq!((tiny.plus.as_str(), tiny.minus.as_str(), tiny.factor.as_str()), ("+0.90", "−0.40", "×10⁻⁸"));
+        let constant = ValueWithErrors::from_quantiles(2.0, 2.0, 2.0);
+        assert_eq!((constant.centre.as_str(), constant.plus.as_str()), ("2.000", "+0"));
+        let wide = ValueWithErrors::from_quantiles(800.0, 1234.0, 1900.0);
+        assert_eq!((wide.centre.as_str(), wide.plus.as_str(), wide.minus.as_str()), ("1234", "+666", "−434"));
+    }
+}

@@ -1,0 +1,234 @@
+//! Scales from data to an axis, and the round numbers marked on them.
+
+use super::font::text_width_px;
+use super::number;
+
+/// Linear or logarithmic.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ScaleKind {
+    /// Equal differences are equally long.
+    Linear,
+    /// Equal ratios are equally long; both ends are positive.
+    Log10,
+}
+
+/// The range of values along an axis.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Scale {
+    /// Linear or logarithmic.
+    pub kind: ScaleKind,
+    /// Value at the axis' beginning.
+    pub lower: f64,
+    /// Value at the axis' end, above `lower`.
+    pub upper: f64,
+}
+
+/// The marks of an axis.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Ticks {
+    /// Labelled marks: value and text; the text may be empty.
+    pub major: Vec<(f64, String)>,
+    /// Unlabelled marks between them.
+    pub minor: Vec<f64>,
+    /// `×10ⁿ` that multiplies every label; empty for none.
+    pub factor: String,
+}
+
+impl Scale {
+    /// A linear scale. Empty or non-finite ranges are widened to something that can be drawn.
+    pub fn linear(lower: f64, upper: f64) -> Self {
+        let (lower, upper) = if lower.is_finite() && upper.is_finite() { (lower, upper) } else { (0.0, 1.0) };
+        let (lower, upper) = if lower <= upper { (lower, upper) } else { (upper, lower) };
+        let smallest = 1e-9 * lower.abs().max(upper.abs());
+        if upper - lower > smallest {
+            return Self { kind: ScaleKind::Linear, lower, upper };
+        }
+        let half = if smallest > 0.0 { 0.05 * lower.abs().max(upper.abs()) } else { 0.5 };
+        Self { kind: ScaleKind::Linear, lower: lower - half, upper: upper + half }
+    }
+
+    /// A linear scale over the finite ones of `values`, with a margin (a fraction of the range) at both ends.
+    pub fn over(values: impl IntoIterator<Item = f64>, margin: f64) -> Self {
+        let finite = values.into_iter().filter(|value| value.is_finite());
+        let (lower, upper) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, u), v| (l.min(v), u.max(v)));
+        let pad = margin * (upper - lower);
+        Self::linear(lower - pad, upper + pad)
+    }
+
+    /// A logarithmic scale; ends that are not positive are replaced by the smallest normal number.
+    pub fn log10(lower: f64, upper: f64) -> Self {
+        let lower = lower.max(f64::MIN_POSITIVE);
+        let upper = if upper > lower { upper } else { 10.0 * lower };
+        Self { kind: ScaleKind::Log10, lower, upper }
+    }
+
+    /// Position of `value` between the beginning (0) and the end (1) of the axis.
+    pub fn fraction(&self, value: f64) -> f64 {
+        match self.kind {
+            ScaleKind::Linear => (value - self.lower) / (self.upper - self.lower),
+            ScaleKind::Log10 => {
+                let (lower, upper) = (self.lower.log10(), self.upper.log10());
+                (value.max(f64::MIN_POSITIVE).log10() - lower) / (upper - lower)
+            }
+        }
+    }
+
+    /// Marks at round numbers, at most `most` of them labelled.
+    pub fn ticks(&self, most: usize) -> Ticks {
+        match self.kind {
+            ScaleKind::Linear => self.linear_ticks(most.max(2)),
+            ScaleKind::Log10 => self.log_ticks(most.max(2)),
+        }
+    }
+
+    /// Marks whose labels, set side by side at `size_px` along `length_px`, neither touch nor stand out by more than `overhang_px`.
+    pub fn ticks_side_by_side(&self, most: usize, length_px: f64, size_px: f64, overhang_px: f64) -> Ticks {
+        let gap_px = 0.9 * size_px;
+        let mut ticks = Ticks::default();
+        for most in (2..=most.max(2)).rev() {
+            ticks = self.ticks(most);
+            let mut previous_end = f64::NEG_INFINITY;
+            let mut free = true;
+            for (value, label) in &mut ticks.major {
+                let (middle, half) = (self.fraction(*value) * length_px, text_width_px(label, size_px) / 2.0);
+                if middle - half < -overhang_px || middle + half > length_px + overhang_px {
+                    label.clear();
+                } else if !label.is_empty() {
+                    free &= middle - half > previous_end + gap_px;
+                    previous_end = middle + half;
+                }
+            }
+            if free {
+                return ticks;
+            }
+        }
+        // Not even two labels fit beside each other: the first stands alone.
+        ticks.major.iter_mut().skip(1).for_each(|(_, label)| label.clear());
+        ticks
+    }
+
+    fn linear_ticks(&self, most: usize) -> Ticks {
+        let step = round_step(self.lower, self.upper, most);
+        let exponent = number::factored_exponent(self.lower.abs().max(self.upper.abs()));
+        let scale = 10f64.powi(exponent);
+        let decimals = (-number::decimal_exponent(step / scale * (1.0 + 1e-9))).max(0) as usize;
+        let label = |value: f64| number::with_decimals(value / scale, decimals);
+        let minor_step = step / if leading_digit(step) == 2 { 4.0 } else { 5.0 };
+        Ticks {
+            major: multiples(step, self.lower, self.upper).map(|value| (value, label(value))).collect(),
+            minor: multiples(minor_step, self.lower, self.upper).collect(),
+            factor: if exponent == 0 { String::new() } else { format!("×{}", number::power_of_ten(exponent)) },
+        }
+    }
+
+    fn log_ticks(&self, most: usize) -> Ticks {
+        let inside = |value: f64| value >= self.lower * (1.0 - 1e-9) && value <= self.upper * (1.0 + 1e-9);
+        let decades = self.lower.log10().floor() as i32..=self.upper.log10().ceil() as i32;
+        let powers: Vec<i32> = decades.clone().filter(|&n| inside(10f64.powi(n))).collect();
+        let every = powers.len().div_ceil(most).max(1) as i32;
+        let of_decades = |digits: &'static [f64]| {
+            decades
+                .clone()
+                .flat_map(move |n| digits.iter().map(move |digit| digit * 10f64.powi(n)))
+                .filter(|&v| inside(v))
+        };
+        // Less than two decades: powers of ten alone would leave an axis with one label or none.
+        if powers.len() < 2 {
+            let major = of_decades(&[1.0, 2.0, 5.0]).map(|value| (value, number::significant(value, 1))).collect();
+            return Ticks {
+                major,
+                minor: of_decades(&[3.0, 4.0, 6.0, 7.0, 8.0, 9.0]).collect(),
+                factor: String::new(),
+            };
+        }
+        let major =
+            powers.iter().filter(|&&n| n.rem_euclid(every) == 0).map(|&n| (10f64.powi(n), number::power_of_ten(n)));
+        let minor = if every == 1 {
+            of_decades(&[2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0]).collect()
+        } else {
+            powers.iter().map(|&n| 10f64.powi(n)).collect()
+        };
+        Ticks { major: major.collect(), minor, factor: String::new() }
+    }
+}
+
+/// The smallest of 1, 2, 5 × 10ⁿ of which at most `most` multiples lie in the range.
+fn round_step(lower: f64, upper: f64, most: usize) -> f64 {
+    let span = upper - lower;
+    let mut exponent = number::decimal_exponent(span / most as f64) - 1;
+    loop {
+        for digit in [1.0, 2.0, 5.0] {
+            let step = digit * 10f64.powi(exponent);
+            if multiples(step, lower, upper).take(most + 1).count() <= most {
+                return step;
+            }
+        }
+        exponent += 1;
+    }
+}
+
+fn leading_digit(step: f64) -> i64 {
+    (step / 10f64.powi(number::decimal_exponent(step * (1.0 + 1e-9)))).round() as i64
+}
+
+/// Multiples of `step` within the range, computed by multiplication so that they carry no accumulated error.
+fn multiples(step: f64, lower: f64, upper: f64) -> impl Iterator<Item = f64> {
+    let tolerance = 1e-6;
+    let (first, last) = ((lower / step - tolerance).ceil(), (upper / step + tolerance).floor());
+    let count = if last >= first { (last - first) as usize + 1 } else { 0 };
+    (0..count).map(move |i| (first + i as f64) * step)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn labels(ticks: &Ticks) -> Vec<&str> {
+        ticks.major.iter().map(|(_, label)| label.as_str()).collect()
+    }
+
+    #[test]
+    fn linear_marks_are_round_and_not_too_many() {
+        assert_eq!(labels(&Scale::linear(-0.21, 1.03).ticks(6)), ["0.0", "0.5", "1.0"]);
+        assert_eq!(labels(&Scale::linear(-0.21, 1.03).ticks(7)), ["−0.2", "0.0", "0.2", "0.4", "0.6", "0.8", "1.0"]);
+        for (lower, upper) in [(3.2, 3.9), (0.0, 1e-7), (-1e9, 1e9), (1_000_000.0, 1_000_000.5), (46.0, 49.7)] {
+            for most in 2..9 {
+                let ticks = Scale::linear(lower, upper).ticks(most);
+                assert!(ticks.major.len() <= most && !ticks.major.is_empty(), "{lower} {upper} {most}");
+                let distinct: std::collections::BTreeSet<_> = labels(&ticks).into_iter().collect();
+                assert_eq!(distinct.len(), ticks.major.len(), "{ticks:?}");
+            }
+        }
+        assert_eq!(Scale::linear(0.0, 1e-7).ticks(6).factor, "×10⁻⁷");
+    }
+
+    #[test]
+    fn log_marks_are_powers_of_ten() {
+        assert_eq!(labels(&Scale::log10(3e-4, 20.0).ticks(8)), ["10⁻³", "10⁻²", "10⁻¹", "10⁰", "10¹"]);
+        assert_eq!(labels(&Scale::log10(0.9, 8.0).ticks(8)), ["1", "2", "5"]);
+        assert!(Scale::log10(1e-18, 1.0).ticks(7).major.len() <= 7);
+    }
+
+    #[test]
+    fn labels_side_by_side_do_not_touch() {
+        let scale = Scale::linear(1_000_000.0, 1_000_000.4);
+        for length in [60.0, 120.0, 500.0] {
+            let ticks = scale.ticks_side_by_side(8, length, 11.0, 6.0);
+            let mut end = f64::NEG_INFINITY;
+            for (value, label) in ticks.major.iter().filter(|(_, label)| !label.is_empty()) {
+                let (middle, half) = (scale.fraction(*value) * length, text_width_px(label, 11.0) / 2.0);
+                assert!(middle - half > end, "{length}: {ticks:?}");
+                end = middle + half;
+            }
+        }
+    }
+
+    #[test]
+    fn degenerate_ranges_can_be_drawn() {
+        for scale in
+            [Scale::linear(0.0, 0.0), Scale::linear(5.0, 5.0), Scale::linear(f64::NAN, 1.0), Scale::over([], 0.1)]
+        {
+            assert!(scale.upper > scale.lower && !scale.ticks(5).major.is_empty(), "{scale:?}");
+        }
+    }
+}
