@@ -1,7 +1,17 @@
 //! Priors, likelihood, ensemble sampler, convergence diagnostics, point estimates.
 
+pub mod checkpoint;
+pub mod diagnostics;
 pub mod distribution;
+pub mod ensemble;
+pub mod least_squares;
+pub mod likelihood;
+pub mod optimum;
 pub mod prior;
+#[cfg(test)]
+mod test_densities;
+
+pub use ensemble::{SampleOutcome, SamplerOptions, sample};
 
 /// A log-density over an unconstrained space, evaluated for a batch of points at once so that walkers share vector registers.
 pub trait LogDensity: Sync {

@@ -1,0 +1,167 @@
+//! Autocovariance by fast Fourier transform, and the effective sample size that follows from it.
+
+use super::chains::Chains;
+
+/// Autocovariance of a series at lags 0 … n − 1, each normalised by n (the biased, positive definite estimate).
+pub fn autocovariance(series: &[f64]) -> Vec<f64> {
+    let n = series.len();
+    if n == 0 {
+        return Vec::new();
+    }
+    let mean = series.iter().sum::<f64>() / n as f64;
+    // Twice the length: the circular correlation of the padded series is then the linear one.
+    let length = (2 * n).next_power_of_two();
+    let mut re = vec![0.0; length];
+    let mut im = vec![0.0; length];
+    for (padded, value) in re.iter_mut().zip(series) {
+        *padded = value - mean;
+    }
+    let twiddles = Twiddles::new(length);
+    twiddles.transform(&mut re, &mut im);
+    for (a, b) in re.iter_mut().zip(im.iter_mut()) {
+        *a = *a * *a + *b * *b;
+        *b = 0.0;
+    }
+    // The power spectrum is even, so a forward transform is its inverse up to the factor.
+    twiddles.transform(&mut re, &mut im);
+    re.truncate(n);
+    let scale = 1.0 / (length as f64 * n as f64);
+    re.iter_mut().for_each(|value| *value *= scale);
+    re
+}
+
+/// Roots of unity of a radix-2 transform.
+struct Twiddles {
+    cos: Vec<f64>,
+    sin: Vec<f64>,
+}
+
+impl Twiddles {
+    fn new(length: usize) -> Self {
+        let angle = |k: usize| -2.0 * std::f64::consts::PI * k as f64 / length as f64;
+        let half = length / 2;
+        Self { cos: (0..half).map(|k| angle(k).cos()).collect(), sin: (0..half).map(|k| angle(k).sin()).collect() }
+    }
+
+    /// In-place forward transform of a power-of-two number of complex values.
+    fn transform(&self, re: &mut [f64], im: &mut [f64]) {
+        let length = re.len();
+        let shift = usize::BITS - length.trailing_zeros();
+        for i in 0..length {
+            let j = if length > 1 { i.reverse_bits() >> shift } else { 0 };
+            if i < j {
+                re.swap(i, j);
+                im.swap(i, j);
+            }
+        }
+        let mut span = 1;
+        while span < length {
+            let stride = length / (2 * span);
+            for start in (0..length).step_by(2 * span) {
+                for k in 0..span {
+                    let (c, s) = (self.cos[k * stride], self.sin[k * stride]);
+                    let (i, j) = (start + k, start + k + span);
+                    let (tr, ti) = (re[j] * c - im[j] * s, re[j] * s + im[j] * c);
+                    (re[j], im[j]) = (re[i] - tr, im[i] - ti);
+                    (re[i], im[i]) = (re[i] + tr, im[i] + ti);
+                }
+            }
+            span *= 2;
+        }
+    }
+}
+
+/// Result of [`integrate`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Integrated {
+    /// Integrated autocorrelation time in draws: 1 + 2 Σ ρ_t.
+    pub time: f64,
+    /// Marginal variance estimate that ρ_t refers to (within and between chains).
+    pub variance: f64,
+}
+
+/// Integrated autocorrelation time of several chains of one quantity, from pooled autocovariances with Geyer's initial
+/// monotone positive sequence (Geyer 1992; Vehtari et al. 2021, §3.2).
+///
+/// `None` when there are fewer than four draws a chain, a value is not finite or the values do not vary.
+pub fn integrate(chains: &Chains) -> Option<Integrated> {
+    let (n_chains, n_draws) = (chains.n_chains(), chains.n_draws());
+    if n_chains == 0 || n_draws < 4 || !chains.varies() {
+        return None;
+    }
+    let n = n_draws as f64;
+    let mut pooled = vec![0.0; n_draws];
+    let mut means = Vec::with_capacity(n_chains);
+    for chain in chains.iter() {
+        means.push(chain.iter().sum::<f64>() / n);
+        for (sum, value) in pooled.iter_mut().zip(autocovariance(chain)) {
+            *sum += value / n_chains as f64;
+        }
+    }
+    let within = pooled[0] * n / (n - 1.0);
+    let between = if n_chains > 1 { sample_variance(&means) } else { 0.0 };
+    let variance = pooled[0] + between;
+    let rho = |lag: usize| if lag == 0 { 1.0 } else { 1.0 - (within - pooled[lag]) / variance };
+    let time = sum_initial_monotone(rho, n_draws).max(1.0 / ((n_chains * n_draws) as f64).log10());
+    time.is_finite().then_some(Integrated { time, variance })
+}
+
+/// −1 + 2 Σ P_k over pairs P_k = ρ_{2k} + ρ_{2k+1}: as long as they are positive, made non-increasing. The even term
+/// that follows the last pair is added once if positive, which helps antithetic chains.
+fn sum_initial_monotone(rho: impl Fn(usize) -> f64, n_draws: usize) -> f64 {
+    let mut sum = 0.0;
+    let mut previous = f64::INFINITY;
+    let mut lag = 0;
+    loop {
+        let (even, odd) = (rho(lag), rho(lag + 1));
+        let pair = even + odd;
+        // The last lags of a series are never a full pair: they take the role of the first non-positive one.
+        if lag > 0 && (pair <= 0.0 || lag + 4 >= n_draws) {
+            return -1.0 + 2.0 * sum + even.max(0.0);
+        }
+        previous = pair.min(previous);
+        sum += previous;
+        if pair <= 0.0 {
+            return -1.0 + 2.0 * sum;
+        }
+        lag += 2;
+    }
+}
+
+/// Unbiased sample variance; 0 for fewer than two values.
+pub(super) fn sample_variance(values: &[f64]) -> f64 {
+    if values.len() < 2 {
+        return 0.0;
+    }
+    let n = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / n;
+    values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn equals_the_direct_sum() {
+        let series: Vec<f64> = (0..37).map(|i| ((i * i * 7919) % 101) as f64).collect();
+        let n = series.len();
+        let mean = series.iter().sum::<f64>() / n as f64;
+        for (lag, value) in autocovariance(&series).into_iter().enumerate() {
+            let direct: f64 =
+                (0..n - lag).map(|i| (series[i] - mean) * (series[i + lag] - mean)).sum::<f64>() / n as f64;
+            assert!((value - direct).abs() < 1e-9, "lag {lag}: {value} against {direct}");
+        }
+    }
+
+    #[test]
+    fn short_series() {
+        assert!(autocovariance(&[]).is_empty());
+        assert_eq!(autocovariance(&[3.0]), vec![0.0]);
+    }
+
+    #[test]
+    fn a_constant_has_no_autocorrelation_time() {
+        assert_eq!(integrate(&Chains::new(vec![vec![2.0; 50]])), None);
+    }
+}
