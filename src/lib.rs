@@ -18,5 +18,6 @@ pub mod rheology;
 pub mod study;
 pub mod surrogate;
 pub mod units;
+pub mod workflow;
 
 pub use error::{Error, Result};

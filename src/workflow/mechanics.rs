@@ -1,0 +1,95 @@
+//! The apparatus made computable: finite elements for a robot, a given compliance for another instrument.
+
+use std::path::PathBuf;
+
+use crate::error::{Error, Place, Result};
+use crate::experiment::{Apparatus, Robot, RobotShape, Vitreous};
+use crate::fe::Stiffness;
+use crate::fe::time::FullOrderModel;
+use crate::mesh::gmsh::read_gmsh;
+use crate::mesh::{Mesh, QuarterBall};
+
+/// Mesh level of the model that is fitted.
+pub const MODEL_LEVEL: usize = 3;
+
+/// A mesh that the user brings.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MeshFile {
+    /// Gmsh 4.1 file.
+    pub path: PathBuf,
+    /// Length in m of the file's unit.
+    pub metres_per_unit: f64,
+}
+
+/// What turns force into position, ready to be computed.
+pub enum Mechanics {
+    /// Finite elements of a robot in the vitreous.
+    FiniteElements(Box<FiniteElements>),
+    /// Another instrument's compliance, in 1/m.
+    Instrument {
+        /// Displacement per force at unit creep compliance, in 1/m.
+        compliance_per_m: f64,
+    },
+}
+
+/// The meshed, assembled and analysed full-order model.
+pub struct FiniteElements {
+    /// The mesh.
+    pub mesh: Mesh,
+    /// Its stiffness.
+    pub stiffness: Stiffness,
+    /// Poisson ratio of the vitreous.
+    pub poisson_ratio: f64,
+    /// Compliance (1/m) on the next coarser mesh, where there is one: the discretisation error is measured by it.
+    pub coarse_compliance_per_m: Option<f64>,
+    /// What the mesh's reader had to say.
+    pub mesh_warnings: Vec<String>,
+}
+
+/// The built-in mesh of a level 1, 2, 3, …: level × 4·level elements along an octant's edge and the radius.
+pub fn sphere_mesh(robot: &Robot, vitreous: &Vitreous, level: usize) -> Result<Mesh> {
+    let RobotShape::Sphere { diameter_m } = robot.shape else {
+        return Err(Error::input(
+            Place::default().at_key("robot.shape"),
+            "there is no built-in mesh for this shape yet",
+            "mesh it with Gmsh (physical groups `robot`, `outer`, `symmetry_y`, `symmetry_z`) and give the file with `--mesh FILE.msh`",
+        ));
+    };
+    let ball = QuarterBall {
+        robot_radius_m: 0.5 * diameter_m,
+        outer_radius_m: 0.5 * vitreous.diameter_m,
+        n_per_edge: level,
+        n_layers: 4 * level,
+    };
+    ball.mesh()
+}
+
+impl Mechanics {
+    /// Meshes and assembles a robot's surroundings (or reads the user's mesh); takes an instrument as it is.
+    pub fn new(apparatus: &Apparatus, mesh_file: Option<&MeshFile>) -> Result<Self> {
+        let (robot, vitreous) = match apparatus {
+            Apparatus::Instrument { compliance_per_m } => {
+                return Ok(Self::Instrument { compliance_per_m: *compliance_per_m });
+            }
+            Apparatus::Robot { robot, vitreous } => (robot, vitreous),
+        };
+        let poisson_ratio = vitreous.poisson_ratio;
+        let (mesh, mesh_warnings, coarse) = match mesh_file {
+            Some(file) => {
+                let read = read_gmsh(&file.path, file.metres_per_unit)?;
+                (read.mesh, read.warnings.iter().map(|w| format!("{} {}", w.text(), w.advice())).collect(), None)
+            }
+            None => (
+                sphere_mesh(robot, vitreous, MODEL_LEVEL)?,
+                Vec::new(),
+                Some(sphere_mesh(robot, vitreous, MODEL_LEVEL - 1)?),
+            ),
+        };
+        let coarse_compliance_per_m = match coarse {
+            Some(mesh) => Some(FullOrderModel::new(&Stiffness::new(&mesh)?, poisson_ratio)?.compliance_per_m()),
+            None => None,
+        };
+        let stiffness = Stiffness::new(&mesh)?;
+        Ok(Self::FiniteElements(Box::new(FiniteElements { mesh, stiffness, poisson_ratio, coarse_compliance_per_m, mesh_warnings })))
+    }
+}

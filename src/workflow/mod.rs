@@ -1,0 +1,27 @@
+//! The jobs that the commands run, each from a checked experiment to results that can be written.
+
+//pub mod fit;
+//pub mod heldout;
+pub mod mechanics;
+//pub mod model;
+pub mod replica;
+//pub mod sample;
+//pub mod simulate;
+//pub mod summary;
+
+use std::sync::atomic::AtomicBool;
+
+use crate::inference::ensemble::Progress;
+
+
+/// Who watches a job: the terminal, or nobody.
+pub trait Monitor: Sync {
+    /// A stage begins.
+    fn stage(&self, text: &str);
+    /// How far the sampler is; called a few times a second.
+    fn sampling(&self, progress: &Progress);
+    /// Something that the user should know now.
+    fn warn(&self, text: &str);
+    /// Set to true from anywhere to stop the job at the next safe place.
+    fn stop(&self) -> Option<&AtomicBool>;
+}
