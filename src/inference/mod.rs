@@ -7,6 +7,7 @@ pub mod ensemble;
 pub mod least_squares;
 pub mod likelihood;
 pub mod optimum;
+pub mod pareto;
 pub mod prior;
 #[cfg(test)]
 mod test_densities;
