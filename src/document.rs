@@ -43,7 +43,7 @@ pub(crate) fn text_of<'a>(file: &Path, bytes: &'a [u8]) -> Result<&'a str> {
         return Err(Error::input(
             Place::file(file).at_line(1),
             "the file is empty",
-            "write its content; contracts §1 shows an example of each file",
+            "write its content; the project's `data/` and `priors/` hold examples",
         ));
     }
     Ok(text)

@@ -200,3 +200,51 @@ fn vitreous_from(table: Table<'_>) -> Result<Vitreous> {
 fn size_m(table: Table<'_>, key: &str, example: &str) -> Result<f64> {
     Ok(table.required_positive(key, example)? / MM_PER_M)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::document::Document;
+
+    fn read(text: &str) -> Apparatus {
+        let document = Document::parse(std::path::Path::new("e.toml"), text).unwrap();
+        Apparatus::from_document(document.root()).unwrap()
+    }
+
+    #[test]
+    fn every_shape_is_read_in_si() {
+        let vitreous = "[vitreous]\ndiameter_mm = 20\npoisson_ratio = 0.48\ndensity_kg_m3 = 1000\n";
+        let robot = |lines: &str| match read(&format!("[robot]\ndensity_kg_m3 = 7500\n{lines}\n{vitreous}")) {
+            Apparatus::Robot { robot, vitreous } => {
+                assert_eq!(vitreous, Vitreous { diameter_m: 0.02, poisson_ratio: 0.48, density_kg_m3: 1000.0 });
+                assert_eq!(robot.density_kg_m3, 7500.0);
+                robot.shape
+            }
+            other => panic!("{other:?}"),
+        };
+        assert_eq!(robot("shape = \"sphere\"\ndiameter_mm = 0.55"), RobotShape::Sphere { diameter_m: 0.55e-3 });
+        let sizes = "length_mm = 2\ndiameter_mm = 0.5\norientation = ";
+        assert_eq!(
+            robot(&format!("shape = \"ellipsoid\"\n{sizes}\"vertical\"")),
+            RobotShape::Ellipsoid { length_m: 2e-3, diameter_m: 0.5e-3, orientation: Orientation::Vertical }
+        );
+        assert_eq!(
+            robot(&format!("shape = \"cylinder\"\n{sizes}\"horizontal\"")),
+            RobotShape::Cylinder { length_m: 2e-3, diameter_m: 0.5e-3, orientation: Orientation::Horizontal }
+        );
+    }
+
+    #[test]
+    fn another_instrument_needs_its_compliance_only() {
+        assert_eq!(
+            read("[instrument]\ncompliance_per_m = 1.59e6\n"),
+            Apparatus::Instrument { compliance_per_m: 1.59e6 }
+        );
+    }
+
+    #[test]
+    fn the_farthest_point_of_a_cylinder_is_its_corner() {
+        let shape = RobotShape::Cylinder { length_m: 4.0, diameter_m: 3.0, orientation: Orientation::Vertical };
+        assert_eq!(shape.outer_radius_m(), 2.5);
+    }
+}

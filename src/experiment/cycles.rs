@@ -2,8 +2,8 @@
 //!
 //! The force is cut into *holds* at its steps (changes above 20 % of its range); smaller changes are load like any
 //! other and do not cut. A cycle is the shortest run of holds that repeats in level, direction and duration; if the
-//! levels drift too much for that, in direction and duration alone. A force without steps (a sine, a slow ramp to and
-//! fro) is compared with itself at growing lags instead.
+//! levels drift too much for that, in direction and duration alone. A force whose holds do not repeat (a sine, a slow
+//! ramp to and fro, steps so close to 20 % that only some of them cut) is compared with itself at growing lags instead.
 
 use super::read::Note;
 use super::record::{Record, median};
@@ -59,9 +59,7 @@ pub(super) fn find_cycles(record: &Record) -> FoundCycles {
     if let Some(repetition) = find_repetition(&holds, record.force_range_n()) {
         return from_repetition(record, &holds, &repetition);
     }
-    if holds.len() < 3
-        && let Some(period_s) = repeating_lag_s(record)
-    {
+    if let Some(period_s) = repeating_lag_s(record) {
         return from_period(record, period_s);
     }
     let text = format!(
@@ -229,25 +227,39 @@ fn repeating_lag_s(record: &Record) -> Option<f64> {
     Some((enter + lowest) as f64 * spacing_s)
 }
 
+/// Cycles of `period_s`, each begun at the force step nearest to where the one before says, if one is near.
 fn from_period(record: &Record, period_s: f64) -> FoundCycles {
-    let start_s = record.time_s[0];
-    // Rows sit on the grid of samples, the lag on a finer one: half a sample decides for the next cycle.
-    let half_sample_s = 0.5 * record.median_interval_s().unwrap_or(0.0);
-    let number = |time_s: f64| 1 + ((time_s - start_s + half_sample_s) / period_s) as u32;
-    let mut cycle: Vec<u32> = record.time_s.iter().map(|time_s| number(*time_s)).collect();
-    let duration_s = record.time_s[record.n_rows() - 1] - start_s;
-    let (n_whole, rest_s) = ((duration_s / period_s).round(), duration_s - (duration_s / period_s).round() * period_s);
-    if rest_s.abs() < 0.1 * period_s {
-        cycle.iter_mut().for_each(|number| *number = (*number).min(n_whole as u32));
+    let step_rows = record.force_step_rows();
+    let mut starts = vec![0];
+    let mut due_s = record.time_s[0] + period_s;
+    // A tenth of a period at the end is a last sample, not a cycle.
+    let last_s = record.time_s[record.n_rows() - 1];
+    // No period is shorter than a step of the lag grid; the bound also ends times too large to add a period to.
+    for _ in 0..LAG_GRID {
+        if due_s + 0.1 * period_s >= last_s {
+            break;
+        }
+        let distance_s = |row: &usize| (record.time_s[*row] - due_s).abs();
+        let near_step = step_rows.iter().copied().min_by(|a, b| distance_s(a).total_cmp(&distance_s(b)));
+        let nearest = record.time_s.partition_point(|time_s| *time_s < due_s);
+        let nearest = if distance_s(&(nearest - 1)) < distance_s(&nearest) { nearest - 1 } else { nearest };
+        match near_step.filter(|row| distance_s(row) < 0.05 * period_s) {
+            Some(row) => {
+                starts.push(row);
+                due_s = record.time_s[row] + period_s;
+            }
+            None => {
+                starts.push(nearest);
+                due_s += period_s;
+            }
+        }
     }
-    let mut last = 1;
-    for number in &mut cycle {
-        // A gap longer than a cycle must not leave a cycle number without rows.
-        last = (*number).min(last + 1);
-        *number = last;
-    }
+    // A gap longer than a cycle leaves no row to begin one.
+    starts.dedup();
+    let cycle = number_rows(record, &starts);
     let text = format!(
-        "no `cycle` column and no force steps: the force repeats every {period_s:.4} s, which makes {last} cycles"
+        "no `cycle` column: the force, compared with itself, repeats every {period_s:.4} s, which makes {} cycles",
+        starts.len()
     );
     FoundCycles { cycle, period_s: Some(period_s), text }
 }

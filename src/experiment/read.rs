@@ -260,7 +260,7 @@ impl Specification {
 fn csv_name_from(measurement: Table<'_>) -> Result<String> {
     let name = measurement.required_text("file", "file = \"trajectory.csv\"")?;
     let inside = Path::new(&name).components().all(|part| matches!(part, std::path::Component::Normal(_)));
-    if inside && !name.contains('\0') {
+    if inside && !name.contains(char::is_control) {
         return Ok(name);
     }
     Err(measurement.refuse(

@@ -213,45 +213,89 @@ impl Distribution {
     /// Log-density of z, the Jacobian ln|dx/dz| included.
     pub fn ln_pdf_unconstrained(&self, z: f64) -> f64 {
         let mut out = [0.0];
-        self.add_ln_pdf_unconstrained(&[z], &mut out);
+        self.unconstrained().add_ln_pdf(&[z], &mut out);
         out[0]
     }
 
-    /// Adds the log-density of each `z[i]` to `out[i]`; the slices have the same length.
-    ///
-    /// Normal and log-normal cost one multiplication and two additions a point and vectorise; each point's value does
-    /// not depend on its neighbours.
-    pub fn add_ln_pdf_unconstrained(&self, z: &[f64], out: &mut [f64]) {
+    /// The density of the sampler's coordinate with its constants worked out, for the hot loop.
+    pub fn unconstrained(&self) -> UnconstrainedDensity {
+        let gaussian = |mean: f64, sd: f64| UnconstrainedDensity::Gaussian {
+            constant: -normal_log_scale(sd),
+            mean,
+            half_precision: 0.5 / (sd * sd),
+        };
+        let logistic =
+            |alpha: f64, beta: f64| UnconstrainedDensity::Logistic { constant: -ln_beta(alpha, beta), alpha, beta };
         match *self {
-            Normal { mean, sd } => add_gaussian(z, out, mean, sd),
-            LogNormal { median, log_sd } => add_gaussian(z, out, median.ln(), log_sd),
-            HalfNormal { sd } => {
-                let constant = 2_f64.ln() - normal_log_scale(sd);
-                let half_precision = 0.5 / (sd * sd);
+            Normal { mean, sd } => gaussian(mean, sd),
+            LogNormal { median, log_sd } => gaussian(median.ln(), log_sd),
+            HalfNormal { sd } => UnconstrainedDensity::HalfNormal {
+                constant: 2_f64.ln() - normal_log_scale(sd),
+                half_precision: 0.5 / (sd * sd),
+            },
+            Uniform { .. } | LogUniform { .. } => logistic(1.0, 1.0),
+            Beta { alpha, beta, .. } => logistic(alpha, beta),
+        }
+    }
+
+    /// Adds the log-density of each `z[i]` to `out[i]`; see [`UnconstrainedDensity::add_ln_pdf`].
+    pub fn add_ln_pdf_unconstrained(&self, z: &[f64], out: &mut [f64]) {
+        self.unconstrained().add_ln_pdf(z, out);
+    }
+}
+
+/// Density of the sampler's coordinate z of one parameter, Jacobian included.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum UnconstrainedDensity {
+    /// constant − half_precision (z − mean)²: normal and log-normal priors, without any exponential.
+    Gaussian {
+        /// −ln(sd √(2π)).
+        constant: f64,
+        /// Mean of z.
+        mean: f64,
+        /// 1/(2 sd²) of z.
+        half_precision: f64,
+    },
+    /// constant + z − half_precision e²ᶻ.
+    HalfNormal {
+        /// ln 2 − ln(sd √(2π)).
+        constant: f64,
+        /// 1/(2 sd²) of x.
+        half_precision: f64,
+    },
+    /// u = 1/(1 + e⁻ᶻ) follows Beta(α, β): constant + α ln u + β ln(1 − u).
+    Logistic {
+        /// −ln B(α, β).
+        constant: f64,
+        /// First shape.
+        alpha: f64,
+        /// Second shape.
+        beta: f64,
+    },
+}
+
+impl UnconstrainedDensity {
+    /// Adds the log-density of each `z[i]` to `out[i]`; the slices have the same length. A point's value does not
+    /// depend on its neighbours.
+    pub fn add_ln_pdf(&self, z: &[f64], out: &mut [f64]) {
+        match *self {
+            Self::Gaussian { constant, mean, half_precision } => {
+                for (out, z) in out.iter_mut().zip(z) {
+                    let deviation = z - mean;
+                    *out += constant - half_precision * (deviation * deviation);
+                }
+            }
+            Self::HalfNormal { constant, half_precision } => {
                 for (out, z) in out.iter_mut().zip(z) {
                     *out += constant + z - half_precision * (2.0 * z).exp();
                 }
             }
-            Uniform { .. } | LogUniform { .. } => add_logistic(z, out, 1.0, 1.0),
-            Beta { alpha, beta, .. } => add_logistic(z, out, alpha, beta),
+            Self::Logistic { constant, alpha, beta } => {
+                for (out, z) in out.iter_mut().zip(z) {
+                    *out += constant - alpha * softplus(-z) - beta * softplus(*z);
+                }
+            }
         }
-    }
-}
-
-fn add_gaussian(z: &[f64], out: &mut [f64], mean: f64, sd: f64) {
-    let constant = -normal_log_scale(sd);
-    let half_precision = 0.5 / (sd * sd);
-    for (out, z) in out.iter_mut().zip(z) {
-        let deviation = z - mean;
-        *out += constant - half_precision * (deviation * deviation);
-    }
-}
-
-/// u = logistic(z) with u ~ Beta(α, β): α ln u + β ln(1 − u) − ln B(α, β).
-fn add_logistic(z: &[f64], out: &mut [f64], alpha: f64, beta: f64) {
-    let constant = -ln_beta(alpha, beta);
-    for (out, z) in out.iter_mut().zip(z) {
-        *out += constant - alpha * softplus(-z) - beta * softplus(*z);
     }
 }
 

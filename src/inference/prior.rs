@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use rand::Rng;
 
-pub use super::distribution::Distribution;
+pub use super::distribution::{Distribution, UnconstrainedDensity};
 use crate::document::{Document, Table, text_of};
 use crate::error::{Error, Place, Result};
 
@@ -79,6 +79,8 @@ pub struct PriorSet {
     name: String,
     text: String,
     priors: Vec<Prior>,
+    /// One for each prior, worked out once because the sampler asks millions of times.
+    densities: Vec<UnconstrainedDensity>,
 }
 
 impl PriorSet {
@@ -157,7 +159,8 @@ impl PriorSet {
                 }
             });
         }
-        Ok(Self { name: file.display().to_string(), text: text.to_string(), priors })
+        let densities = priors.iter().map(|prior| prior.distribution.unconstrained()).collect();
+        Ok(Self { name: file.display().to_string(), text: text.to_string(), priors, densities })
     }
 
     /// Name or file as it was asked for.
@@ -189,6 +192,7 @@ impl PriorSet {
     pub fn without(&self, fixed: &[&str]) -> Self {
         let mut left = self.clone();
         left.priors.retain(|prior| !fixed.contains(&prior.name.as_str()));
+        left.densities = left.priors.iter().map(|prior| prior.distribution.unconstrained()).collect();
         left
     }
 
@@ -220,8 +224,8 @@ impl PriorSet {
         if n == 0 {
             return;
         }
-        for (prior, z) in self.priors.iter().zip(points.chunks_exact(n)) {
-            prior.distribution.add_ln_pdf_unconstrained(z, log_density);
+        for (density, z) in self.densities.iter().zip(points.chunks_exact(n)) {
+            density.add_ln_pdf(z, log_density);
         }
     }
 }

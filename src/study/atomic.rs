@@ -47,7 +47,8 @@ pub fn write_json_atomically(path: &Path, value: &impl Serialize) -> Result<()> 
     write_atomically(path, &bytes)
 }
 
-fn folder_of(path: &Path) -> &Path {
+/// The directory that a path stands in.
+pub(super) fn folder_of(path: &Path) -> &Path {
     match path.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
         _ => Path::new("."),
@@ -78,7 +79,7 @@ pub(super) fn sync_tree(path: &Path) -> Result<()> {
 }
 
 /// Makes names in a directory durable; only Unix can.
-fn sync_directory(path: &Path) -> Result<()> {
+pub(super) fn sync_directory(path: &Path) -> Result<()> {
     if cfg!(unix) {
         File::open(path).and_then(|directory| directory.sync_all()).map_err(refused("write", path))?;
     }
@@ -98,10 +99,7 @@ pub(super) fn remove_tree(path: &Path) -> Result<()> {
 /// Where the system cannot exchange, the old directory is first renamed to `.<name>.replaced`, which [`restore`]
 /// brings back should the program be killed before the second renaming.
 pub(super) fn replace_directory(finished: TempDir, target: &Path) -> Result<()> {
-    let is_there = fs::read_dir(target).is_ok_and(|mut entries| entries.next().is_some());
-    if !is_there {
-        // An empty directory gives way to a renamed one; only Unix does this by itself.
-        let _ = fs::remove_dir(target);
+    if !target.exists() {
         fs::rename(finished.path(), target).map_err(refused("create", target))?;
         let _ = finished.keep();
     } else if exchange(finished.path(), target).is_err() {

@@ -28,6 +28,7 @@ use atomic::{Lock, replace_directory, sync_tree, temporary_directory};
 
 const TOML_NAME: &str = "experiment.toml";
 const HASHES_NAME: &str = "inputs.sha256";
+const OUT_REMEDY: &str = "choose a writable place with `--out`";
 /// Studies go here when no directory is named.
 const DEFAULT_PARENT: &str = "vitreo-uq-out";
 
@@ -84,7 +85,7 @@ impl Study {
                 ));
             }
             let lock = Lock::acquire(dir)?;
-            create(dir, files, &inputs_sha256)?;
+            create(dir, files, &inputs_sha256, true)?;
             drop(lock);
             return Ok(study(Opening::Replaced));
         }
@@ -95,8 +96,12 @@ impl Study {
                 "choose a new or empty directory with `--out`; `--force` replaces studies only",
             ));
         }
-        create(dir, files, &inputs_sha256)?;
-        Ok(study(Opening::Created))
+        match create(dir, files, &inputs_sha256, false) {
+            Ok(()) => Ok(study(Opening::Created)),
+            // Another program made the same study in the meantime.
+            Err(_) if Self::is_study(dir) && read_hashes(dir)? == inputs_sha256 => Ok(study(Opening::Continued)),
+            Err(error) => Err(error),
+        }
     }
 
     /// Opens a study that is there.
@@ -251,29 +256,57 @@ fn hashes_of(files: &ExperimentFiles) -> Result<BTreeMap<String, String>> {
     ]))
 }
 
-/// Builds the study beside its place and moves it there in one step.
-fn create(dir: &Path, files: &ExperimentFiles, hashes: &BTreeMap<String, String>) -> Result<()> {
-    let refused =
-        |action, path: &Path, source| Error::at_path(action, path, source, "choose a writable place with `--out`");
-    let parent = match dir.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => parent,
-        _ => Path::new("."),
-    };
+/// Builds the study in a hidden directory and moves it to its place in one step; `replace` allows that a study is there.
+fn create(dir: &Path, files: &ExperimentFiles, hashes: &BTreeMap<String, String>, replace: bool) -> Result<()> {
+    let refused = |action, path: &Path, source| Error::at_path(action, path, source, OUT_REMEDY);
+    // Behind a symbolic link the directory itself is meant, and `.` has a name only in full.
+    let dir = &dir.canonicalize().unwrap_or_else(|_| dir.to_path_buf());
+    let parent = atomic::folder_of(dir);
     std::fs::create_dir_all(parent).map_err(|source| refused("create", parent, source))?;
     let name = dir.file_name().map_or("study".into(), |name| name.to_string_lossy());
-    let building = temporary_directory(parent, &format!(".{name}.partial-"))?;
+    let is_empty_directory = !replace && dir.is_dir();
+    let building = temporary_directory(if is_empty_directory { dir } else { parent }, &format!(".{name}.partial-"))?;
+    write_inputs(building.path(), files, hashes)?;
+    sync_tree(building.path())?;
+    if is_empty_directory {
+        return fill(dir, building.path());
+    }
+    if replace {
+        return replace_directory(building, dir);
+    }
+    std::fs::rename(building.path(), dir).map_err(|source| refused("create", dir, source))?;
+    let _ = building.keep();
+    Ok(())
+}
+
+fn write_inputs(folder: &Path, files: &ExperimentFiles, hashes: &BTreeMap<String, String>) -> Result<()> {
+    let refused = |action, path: &Path, source| Error::at_path(action, path, source, OUT_REMEDY);
     let write = |name: &str, bytes: &[u8]| -> Result<()> {
-        let path = building.path().join(name);
-        let folder = path.parent().unwrap_or(building.path());
-        std::fs::create_dir_all(folder).map_err(|source| refused("create", folder, source))?;
+        let path = folder.join(name);
+        let parent = atomic::folder_of(&path);
+        std::fs::create_dir_all(parent).map_err(|source| refused("create", parent, source))?;
         std::fs::write(&path, bytes).map_err(|source| refused("write", &path, source))
     };
     write(TOML_NAME, &files.toml_bytes)?;
     write(&files.csv_name, &files.csv_bytes)?;
     let lines: String = hashes.iter().map(|(name, hash)| format!("{hash}  {name}\n")).collect();
-    write(HASHES_NAME, lines.as_bytes())?;
-    sync_tree(building.path())?;
-    replace_directory(building, dir)
+    write(HASHES_NAME, lines.as_bytes())
+}
+
+/// Moves what `building` holds up into `dir`, the hashes last: a directory without them is no study.
+///
+/// An empty directory is filled rather than exchanged, because it may be someone's working directory.
+fn fill(dir: &Path, building: &Path) -> Result<()> {
+    let refused = |source| Error::at_path("write", dir, source, OUT_REMEDY);
+    let mut names = Vec::new();
+    for entry in read_dir(building)? {
+        names.push(entry.map_err(refused)?.file_name());
+    }
+    names.sort_by_key(|name| name == HASHES_NAME);
+    for name in names {
+        std::fs::rename(building.join(&name), dir.join(&name)).map_err(refused)?;
+    }
+    atomic::sync_directory(dir)
 }
 
 fn read_hashes(dir: &Path) -> Result<BTreeMap<String, String>> {

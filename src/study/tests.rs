@@ -85,6 +85,22 @@ fn a_different_input_is_refused_and_force_replaces_it() {
     assert_eq!(std::fs::read_dir(place.path()).unwrap().count(), 1, "the old study is gone");
 }
 
+#[cfg(unix)]
+#[test]
+fn an_empty_directory_is_filled_in_place() {
+    use std::os::unix::fs::MetadataExt;
+    let place = tempfile::tempdir().unwrap();
+    let inode = std::fs::metadata(place.path()).unwrap().ino();
+    let link = place.path().with_extension("link");
+    std::os::unix::fs::symlink(place.path(), &link).unwrap();
+    let study = Study::open_or_create(&link, &files("x"), false);
+    std::fs::remove_file(&link).unwrap();
+    assert_eq!(study.unwrap().opening(), Opening::Created);
+    assert_eq!(std::fs::metadata(place.path()).unwrap().ino(), inode);
+    assert_eq!(std::fs::read_dir(place.path()).unwrap().count(), 3);
+    Study::open(place.path()).unwrap();
+}
+
 #[test]
 fn a_directory_with_other_files_is_never_replaced() {
     let place = tempfile::tempdir().unwrap();
