@@ -27,14 +27,36 @@ pub struct Axes {
 /// How an axis is labelled.
 #[derive(Debug, Clone, Copy)]
 pub struct AxisStyle<'a> {
-    /// Quantity and unit, such as `time (s)`; `None` leaves label and numbers out.
-    pub label: Option<&'a str>,
-    /// At most so many numbers.
-    pub most_ticks: usize,
-    /// Faint lines across the frame at the numbers.
-    pub grid: bool,
-    /// Distance from the frame to the label's far edge, so that labels of stacked axes align.
-    pub label_distance_px: f64,
+    label: Option<&'a str>,
+    most_ticks: usize,
+    label_distance_px: f64,
+    grid: bool,
+    integers: bool,
+    overhang_px: f64,
+}
+
+impl<'a> AxisStyle<'a> {
+    /// Quantity and unit, such as `time (s)`, whose far edge stands `label_distance_px` from the frame, so that labels of
+    /// stacked axes align; `None` leaves label and numbers out. At most `most_ticks` numbers.
+    pub fn new(label: Option<&'a str>, most_ticks: usize, label_distance_px: f64) -> Self {
+        let overhang_px = 0.5 * TICK_SIZE_PX;
+        Self { label, most_ticks, label_distance_px, grid: false, integers: false, overhang_px }
+    }
+    /// With faint lines across the frame at the numbers.
+    pub fn grid(self) -> Self {
+        Self { grid: true, ..self }
+    }
+    /// Without marks between whole numbers.
+    pub fn integers(self) -> Self {
+        Self { integers: true, ..self }
+    }
+    /// With numbers that may stand out by so much at the ends of a horizontal axis.
+    pub fn overhang_px(self, overhang_px: f64) -> Self {
+        Self { overhang_px, ..self }
+    }
+    fn shows_minor(&self, value: f64) -> bool {
+        !self.integers || (value - value.round()).abs() < 1e-6
+    }
 }
 
 impl Axes {
@@ -123,9 +145,9 @@ impl Axes {
 
     /// Ticks of the lower edge, with numbers and label if there is one.
     pub fn x_axis(&self, svg: &mut Svg, style: AxisStyle) {
-        let ticks = self.x.ticks_side_by_side(style.most_ticks, self.frame.width, TICK_SIZE_PX, 0.5 * TICK_SIZE_PX);
+        let ticks = self.x.ticks_side_by_side(style.most_ticks, self.frame.width, TICK_SIZE_PX, style.overhang_px);
         let bottom = self.frame.bottom();
-        for &value in &ticks.minor {
+        for &value in ticks.minor.iter().filter(|value| style.shows_minor(**value)) {
             let x = self.x_px(value);
             svg.line((x, bottom), (x, bottom - 0.5 * TICK_LENGTH_PX), Stroke::solid(AXIS, 0.7));
         }
@@ -145,16 +167,18 @@ impl Axes {
     }
 
     fn x_label(&self, svg: &mut Svg, label: &str, baseline: f64) {
-        let size = fitting_size_px(label, LABEL_SIZE_PX, SMALLEST_PX, self.frame.width);
-        let label = shorten(label, size, self.frame.width);
-        svg.text(&label, (self.frame.x + self.frame.width / 2.0, baseline), TextStyle::new(size, Anchor::Middle));
+        let (lines, size) = label_lines(label, self.frame.width);
+        for (i, line) in lines.iter().enumerate() {
+            let at = (self.frame.x + self.frame.width / 2.0, baseline + 1.15 * size * i as f64);
+            svg.text(line, at, TextStyle::new(size, Anchor::Middle));
+        }
     }
 
     /// Ticks of the left edge, with numbers and label if there is one.
     pub fn y_axis(&self, svg: &mut Svg, style: AxisStyle) {
         let ticks = self.y.ticks(style.most_ticks);
         let left = self.frame.x;
-        for &value in &ticks.minor {
+        for &value in ticks.minor.iter().filter(|value| style.shows_minor(**value)) {
             let y = self.y_px(value);
             svg.line((left, y), (left + 0.5 * TICK_LENGTH_PX, y), Stroke::solid(AXIS, 0.7));
         }
@@ -171,12 +195,26 @@ impl Axes {
         }
         if let Some(label) = style.label {
             let label = with_factor(label, &ticks);
-            let size = fitting_size_px(&label, LABEL_SIZE_PX, SMALLEST_PX, self.frame.height);
-            let label = shorten(&label, size, self.frame.height);
-            let at = (left - style.label_distance_px + size, self.frame.y + self.frame.height / 2.0);
-            svg.text(&label, at, TextStyle::new(size, Anchor::Middle).upwards());
+            let (lines, size) = label_lines(&label, self.frame.height);
+            for (i, line) in lines.iter().rev().enumerate() {
+                let x = left - style.label_distance_px + size - 1.15 * size * i as f64;
+                let at = (x, self.frame.y + self.frame.height / 2.0);
+                svg.text(line, at, TextStyle::new(size, Anchor::Middle).upwards());
+            }
         }
     }
+}
+
+/// The label in one line, or quantity and unit in two where it would have to shrink too much; and its size.
+fn label_lines(label: &str, room_px: f64) -> (Vec<String>, f64) {
+    let whole = fitting_size_px(label, LABEL_SIZE_PX, SMALLEST_PX, room_px);
+    if text_width_px(label, whole) <= room_px {
+        return (vec![label.to_owned()], whole);
+    }
+    let parts: Vec<&str> = label.rfind(" (").map_or(vec![label], |at| vec![&label[..at], &label[at + 1..]]);
+    let size = |part: &&str| fitting_size_px(part, LABEL_SIZE_PX, SMALLEST_PX, room_px);
+    let size = parts.iter().map(size).fold(LABEL_SIZE_PX, f64::min);
+    (parts.into_iter().map(|part| shorten(part, size, room_px)).collect(), size)
 }
 
 /// The label with the factor that multiplies the axis' numbers: `E (Pa)` becomes `E (10⁻³ Pa)`.

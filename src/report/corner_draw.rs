@@ -17,6 +17,7 @@ const MOST_DOTS: usize = 1_500;
 /// A polyline may leave the contour by so much.
 const CONTOUR_TOLERANCE_PX: f64 = 0.06;
 const LEGEND_SIZE_PX: f64 = 13.0;
+const NOTE_SIZE_PX: f64 = 11.5;
 const SMALLEST_TITLE_PX: f64 = 8.5;
 
 /// Marginal on the diagonal or pair below it.
@@ -52,7 +53,7 @@ impl Layout {
             6 => 165.0,
             _ => 155.0,
         };
-        let most_ticks = if panel_px > 210.0 { 5 } else { 4 };
+        let most_ticks = if panel_px > 210.0 { 6 } else { 5 };
         let numbers = slots.iter().skip(1).map(|slot| widest_y_number_px(&slot.scale, most_ticks)).fold(0.0, f64::max);
         let y_label_distance_px = if n > 1 { numbers + 30.0 } else { 24.0 };
         let title_size_px = if n <= 4 { 14.0 } else { 12.5 };
@@ -64,7 +65,7 @@ impl Layout {
         let right = if n == 1 { 300.0 } else { 18.0 };
         Self {
             width_px: origin.0 + side + right,
-            height_px: origin.1 + side + 56.0,
+            height_px: origin.1 + side + 64.0,
             origin,
             panel_px,
             n,
@@ -103,20 +104,14 @@ pub(super) fn panel(
         }
     };
     let last_row = row + 1 == layout.n;
-    let x_style = AxisStyle {
-        label: last_row.then_some(slots[column].label.as_str()),
-        most_ticks: layout.most_ticks,
-        grid: false,
-        label_distance_px: 40.0,
-    };
+    let x_style = AxisStyle::new(last_row.then_some(slots[column].label.as_str()), layout.most_ticks, 40.0);
     axes.x_axis(svg, x_style);
     if kind == PanelKind::Pair {
-        let y_style = AxisStyle {
-            label: (column == 0).then_some(slots[row].label.as_str()),
-            most_ticks: layout.most_ticks,
-            grid: false,
-            label_distance_px: layout.y_label_distance_px,
-        };
+        let y_style = AxisStyle::new(
+            (column == 0).then_some(slots[row].label.as_str()),
+            layout.most_ticks,
+            layout.y_label_distance_px,
+        );
         axes.y_axis(svg, y_style);
     }
     axes.outline(svg);
@@ -386,26 +381,30 @@ pub(super) fn legend(
     let shade = if posteriors.len() == 1 { "quantiles (darker on the diagonal)" } else { "quantiles" };
     let notes = ["Titles: median, distances to the 16 % and 84 %", shade];
     let last = layout.frame(0, layout.n - 1);
-    // With two parameters the second column's title stands below, so the whole cell is free.
-    let (left, width) = match layout.n {
-        1 => (last.right() + 24.0, 260.0),
-        2 => (last.x + 8.0, layout.panel_px - 8.0),
-        _ => (layout.frame(0, layout.n - 2).x + 0.5 * layout.panel_px, 1.5 * layout.panel_px + GAP_PX),
-    };
-    let left = left.min(last.right().max(left + width) - width);
+    // The room right of the first panel; a lone panel has its legend outside.
+    let beside = layout.frame(0, 0).right() + 26.0;
+    let room = if layout.n == 1 { 270.0 } else { last.right() - beside };
+    let texts = entries.iter().map(|entry| (entry.text.as_str(), LEGEND_SIZE_PX, legend::MARK_ADVANCE_PX));
+    let widths = texts
+        .chain(notes.map(|text| (text, NOTE_SIZE_PX, 0.0)))
+        .map(|(text, size, mark)| text_width_px(text, size) + mark);
+    let width = widths.fold(0.0, f64::max).min(room);
+    let left = if layout.n == 1 { beside } else { last.right() - width };
     let height = legend::column(svg, &entries, (left, layout.origin.1), LEGEND_SIZE_PX, width);
     for (i, text) in notes.iter().enumerate() {
         let baseline = layout.origin.1 + height + 18.0 + i as f64 * 15.0;
-        svg.text(&shorten(text, 11.5, width), (left, baseline), TextStyle::new(11.5, Anchor::Start).colour(MUTED));
+        svg.text(
+            &shorten(text, NOTE_SIZE_PX, width + 1.0),
+            (left, baseline),
+            TextStyle::new(NOTE_SIZE_PX, Anchor::Start).colour(MUTED),
+        );
     }
 }
 
 fn entries(posteriors: &[Posterior], slots: &[Slot], options: &CornerOptions) -> Vec<Entry> {
     let mut entries = Vec::new();
     for posterior in posteriors.iter().filter(|p| !p.label.is_empty()) {
-        let area =
-            Style { fill: Some(Fill::new(posterior.colour, 0.4)), stroke: Some(region_stroke(posterior.colour)) };
-        entries.push(Entry::new(Mark::Area(area), posterior.label));
+        entries.push(Entry::new(Mark::Line(Stroke::solid(posterior.colour, 2.5)), posterior.label));
     }
     let colour = if let [only] = posteriors { only.colour } else { MUTED };
     for (depth, mass) in from_the_back(options.masses).into_iter().enumerate() {

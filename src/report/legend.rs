@@ -6,6 +6,8 @@ use super::palette::Colour;
 use super::svg::{Anchor, Fill, Point, Rect, Stroke, Style, Svg, TextStyle};
 
 const MARK_WIDTH_PX: f64 = 22.0;
+/// Distance from the sample's left edge to the text.
+pub const MARK_ADVANCE_PX: f64 = MARK_WIDTH_PX + 6.0;
 const LINE_HEIGHT_PX: f64 = 1.6;
 
 /// The sample shown beside an entry.
@@ -52,7 +54,7 @@ impl Entry {
             }
         }
         let text = shorten(&self.text, size_px, text_width);
-        svg.text(&text, (at.0 + MARK_WIDTH_PX + 6.0, at.1), TextStyle::new(size_px, Anchor::Start));
+        svg.text(&text, (at.0 + MARK_ADVANCE_PX, at.1), TextStyle::new(size_px, Anchor::Start));
     }
 }
 
@@ -60,7 +62,7 @@ impl Entry {
 pub fn column(svg: &mut Svg, entries: &[Entry], at: Point, size_px: f64, width_px: f64) -> f64 {
     for (i, entry) in entries.iter().enumerate() {
         let baseline = at.1 + size_px + i as f64 * LINE_HEIGHT_PX * size_px;
-        entry.draw(svg, (at.0, baseline), size_px, width_px - MARK_WIDTH_PX - 6.0);
+        entry.draw(svg, (at.0, baseline), size_px, width_px - MARK_ADVANCE_PX + 1.0);
     }
     entries.len() as f64 * LINE_HEIGHT_PX * size_px
 }
@@ -70,13 +72,13 @@ pub fn row(svg: &mut Svg, entries: &[Entry], at: Point, width_px: f64) -> f64 {
     let size = TICK_SIZE_PX + 1.0;
     let (mut x, mut lines) = (0.0, 0);
     for entry in entries {
-        let width = (MARK_WIDTH_PX + 6.0 + text_width_px(&entry.text, size)).min(width_px);
+        let width = (MARK_ADVANCE_PX + text_width_px(&entry.text, size)).min(width_px);
         if x > 0.0 && x + width > width_px {
             x = 0.0;
             lines += 1;
         }
         let baseline = at.1 + size + f64::from(lines) * LINE_HEIGHT_PX * size;
-        entry.draw(svg, (at.0 + x, baseline), size, width_px - MARK_WIDTH_PX - 6.0);
+        entry.draw(svg, (at.0 + x, baseline), size, width_px - MARK_ADVANCE_PX + 1.0);
         x += width + 20.0;
     }
     f64::from(lines + 1) * LINE_HEIGHT_PX * size

@@ -83,11 +83,12 @@ pub struct PredictiveData<'a> {
 /// [`Error::Input`] for no rows, unequal lengths, or times that are not finite or do not increase.
 pub fn predictive(data: &PredictiveData) -> Result<Svg> {
     check(data)?;
-    let entries = entries(data);
     let (force_label, force) = force_in_readable_unit(data.force_un);
     let scales = Scales::new(data, &force);
     let left = scales.widest_number_px() + 42.0;
     let width = WIDTH_PX - left - 18.0;
+    let names = CycleNames::fitting(data.cycles, &scales.time, width);
+    let entries = entries(data, names);
     let legend_top = if data.title.is_empty() { 8.0 } else { 36.0 };
     let mut top = legend_top + legend::row_height_px(&entries, width) + 8.0;
     let mut frame = |height: f64, gap: f64| {
@@ -96,7 +97,7 @@ pub fn predictive(data: &PredictiveData) -> Result<Svg> {
         frame
     };
     // The band above the force names the cycles.
-    let names = frame(18.0, 0.0);
+    let strip = frame(18.0, 0.0);
     let time = scales.time;
     let panels = Panels {
         force: Axes { frame: frame(FORCE_HEIGHT_PX, GAP_PX), x: time, y: scales.force },
@@ -106,7 +107,7 @@ pub fn predictive(data: &PredictiveData) -> Result<Svg> {
     let mut svg = Svg::new(WIDTH_PX, top, "Measured position, predictive bands, force and residuals over time");
     title(&mut svg, data.title, (left, 24.0), width);
     legend::row(&mut svg, &entries, (left, legend_top), width);
-    cycle_names(&mut svg, data.cycles, &panels.force, names);
+    cycle_strip(&mut svg, data.cycles, &panels.force, strip, names);
     for axes in [&panels.force, &panels.main, &panels.residual] {
         cycle_shading(&mut svg, data.cycles, axes);
     }
@@ -114,7 +115,7 @@ pub fn predictive(data: &PredictiveData) -> Result<Svg> {
     let lines = Lines::new(data);
     panels.draw_force(&mut svg, data, &force);
     panels.draw_main(&mut svg, data, &lines);
-    panels.draw_residuals(&mut svg, data);
+    panels.draw_residuals(&mut svg, data, &lines);
     Ok(svg)
 }
 
@@ -207,32 +208,49 @@ fn cycle_shading(svg: &mut Svg, cycles: &[CycleSpan], axes: &Axes) {
     }
 }
 
-/// A strip that names the cycles; names shorten to the number, then vanish, as room gets scarce.
-fn cycle_names(svg: &mut Svg, cycles: &[CycleSpan], axes: &Axes, strip: Rect) {
-    let width = |cycle: &CycleSpan| axes.x_px(cycle.end_s) - axes.x_px(cycle.start_s);
-    let narrowest = cycles.iter().map(width).fold(f64::INFINITY, f64::min);
-    let kind = |kind| match kind {
-        CycleKind::Calibration => "calibration",
-        CycleKind::HeldOut => "held out",
-        CycleKind::Unused => "not used",
-    };
-    let forms: [&dyn Fn(&CycleSpan) -> String; 3] =
-        [&|c| format!("cycle {}: {}", c.cycle, kind(c.kind)), &|c| format!("cycle {}", c.cycle), &|c| {
-            c.cycle.to_string()
-        }];
-    let fits = |form: &&&dyn Fn(&CycleSpan) -> String| {
-        cycles.iter().all(|cycle| text_width_px(&form(cycle), TICK_SIZE_PX) + 8.0 <= narrowest)
-    };
-    let form = forms.iter().find(fits);
+/// How cycles are named above the force.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum CycleNames {
+    NumberAndKind,
+    Word,
+    Number,
+    Nothing,
+}
+
+impl CycleNames {
+    /// The longest form that fits into the narrowest cycle.
+    fn fitting(cycles: &[CycleSpan], time: &Scale, width_px: f64) -> Self {
+        let span_px = |c: &CycleSpan| (time.fraction(c.end_s) - time.fraction(c.start_s)) * width_px;
+        let narrowest = cycles.iter().map(span_px).fold(f64::INFINITY, f64::min);
+        let fits = |form: &Self| cycles.iter().all(|c| text_width_px(&form.text(c), TICK_SIZE_PX) + 8.0 <= narrowest);
+        [Self::NumberAndKind, Self::Word, Self::Number].into_iter().find(fits).unwrap_or(Self::Nothing)
+    }
+
+    fn text(self, cycle: &CycleSpan) -> String {
+        let kind = match cycle.kind {
+            CycleKind::Calibration => "calibration",
+            CycleKind::HeldOut => "held out",
+            CycleKind::Unused => "not used",
+        };
+        match self {
+            Self::NumberAndKind => format!("cycle {}: {kind}", cycle.cycle),
+            Self::Word => format!("cycle {}", cycle.cycle),
+            Self::Number => cycle.cycle.to_string(),
+            Self::Nothing => String::new(),
+        }
+    }
+}
+
+/// The strip above the force that names the cycles.
+fn cycle_strip(svg: &mut Svg, cycles: &[CycleSpan], axes: &Axes, strip: Rect, names: CycleNames) {
     for cycle in cycles {
-        let area = Rect { x: axes.x_px(cycle.start_s), width: width(cycle), height: strip.height - 3.0, ..strip };
+        let (left, right) = (axes.x_px(cycle.start_s), axes.x_px(cycle.end_s));
+        let area = Rect { x: left, width: right - left, height: strip.height - 3.0, ..strip };
         if let Some(colour) = kind_colour(cycle.kind) {
             svg.rect(area, Fill::new(colour, 0.35));
         }
-        if let Some(form) = form {
-            let at = (area.x + area.width / 2.0, area.y + 11.5);
-            svg.text(&form(cycle), at, TextStyle::new(TICK_SIZE_PX, Anchor::Middle));
-        }
+        let at = (area.x + area.width / 2.0, area.y + 11.5);
+        svg.text(&names.text(cycle), at, TextStyle::new(TICK_SIZE_PX, Anchor::Middle));
     }
 }
 
@@ -271,13 +289,12 @@ struct Panels {
 
 impl Panels {
     fn draw_axes(&self, svg: &mut Svg, left: f64, force_label: &str) {
-        let y =
-            |label, most_ticks| AxisStyle { label: Some(label), most_ticks, grid: true, label_distance_px: left - 8.0 };
+        let y = |label, most_ticks| AxisStyle::new(Some(label), most_ticks, left - 8.0).grid();
         self.force.y_axis(svg, y(force_label, 3));
         self.main.y_axis(svg, y("position (µm)", 8));
         self.residual.y_axis(svg, y("residual (µm)", 5));
         for (axes, label) in [(&self.force, None), (&self.main, None), (&self.residual, Some("time (s)"))] {
-            axes.x_axis(svg, AxisStyle { label, most_ticks: 10, grid: false, label_distance_px: 38.0 });
+            axes.x_axis(svg, AxisStyle::new(label, 10, 38.0).overhang_px(16.0));
             axes.outline(svg);
         }
     }
@@ -306,27 +323,27 @@ impl Panels {
 
     fn draw_main(&self, svg: &mut Svg, data: &PredictiveData, lines: &Lines) {
         svg.clipped(self.main.frame, |svg| {
-            for (band, opacity) in [(data.band_90_um, 0.22), (data.band_50_um, 0.36)] {
-                let fill = Fill::new(BLUE, opacity);
-                self.main.band(svg, &lines.time_s, &lines.of(band.lower), &lines.of(band.upper), fill);
-            }
-            self.main.line(svg, &lines.time_s, &lines.of(data.median_um), Stroke::solid(BLUE, 1.5));
+            draw_bands(svg, &self.main, data, lines, &vec![0.0; data.time_s.len()]);
             let points = data.time_s.iter().zip(data.position_um).map(|(t, p)| (*t, p.unwrap_or(f64::NAN)));
             self.main.scatter(svg, points, INK, dot_diameter_px(data), 0.75);
+            // Above the dots, which would hide it where they are dense.
+            self.main.line(svg, &lines.time_s, &lines.of(data.median_um), Stroke::solid(BLUE, 1.3));
         });
     }
 
-    fn draw_residuals(&self, svg: &mut Svg, data: &PredictiveData) {
+    /// Everything relative to the median: here bands are seen that are thin against the motion.
+    fn draw_residuals(&self, svg: &mut Svg, data: &PredictiveData, lines: &Lines) {
         let residuals = residuals(data);
         svg.clipped(self.residual.frame, |svg| {
-            if let Some((sd, _)) = data.noise {
-                let (top, bottom) = (self.residual.y_px(NORMAL_90 * sd), self.residual.y_px(-NORMAL_90 * sd));
-                let area = Rect { y: top, height: bottom - top, ..self.residual.frame };
-                svg.rect(area, Fill::new(VERMILLION, 0.16));
-            }
-            self.residual.horizontal(svg, 0.0, Stroke::solid(BLUE, 1.2));
+            draw_bands(svg, &self.residual, data, lines, data.median_um);
+            self.residual.horizontal(svg, 0.0, Stroke::solid(BLUE, 1.3));
             let points = data.time_s.iter().copied().zip(residuals.iter().copied());
             self.residual.scatter(svg, points, INK, dot_diameter_px(data), 0.75);
+            if let Some((sd, _)) = data.noise {
+                for limit in [-NORMAL_90 * sd, NORMAL_90 * sd] {
+                    self.residual.horizontal(svg, limit, noise_stroke());
+                }
+            }
         });
         let scored =
             |kind| score(data, &residuals, kind).map(|(rmse, name)| format!("{name} RMSE {} µm", significant(rmse, 2)));
@@ -336,10 +353,25 @@ impl Panels {
     }
 }
 
+fn noise_stroke() -> Stroke {
+    Stroke::solid(VERMILLION, 1.5).dashed(6.0, 4.0)
+}
+
+/// Both bands, relative to a curve with one value a row.
+fn draw_bands(svg: &mut Svg, axes: &Axes, data: &PredictiveData, lines: &Lines, relative_to: &[f64]) {
+    let relative = |values: &[f64]| values.iter().zip(relative_to).map(|(v, base)| v - base).collect::<Vec<f64>>();
+    for (band, opacity) in [(data.band_90_um, 0.22), (data.band_50_um, 0.36)] {
+        let (lower, upper) = (lines.of(&relative(band.lower)), lines.of(&relative(band.upper)));
+        axes.band(svg, &lines.time_s, &lower, &upper, Fill::new(BLUE, opacity));
+    }
+}
+
 /// Root mean square residual about the median over the cycles of a kind.
 fn score(data: &PredictiveData, residuals: &[f64], kind: CycleKind) -> Option<(f64, &'static str)> {
     let name = if kind == CycleKind::Calibration { "calibration" } else { "held-out" };
-    let inside = |time: f64| data.cycles.iter().any(|c| c.kind == kind && time >= c.start_s && time < c.end_s);
+    // Where one cycle ends and the next begins, a row belongs to the next.
+    let cycle_at = |time: f64| data.cycles.iter().rev().find(|c| time >= c.start_s && time <= c.end_s);
+    let inside = |time: f64| cycle_at(time).is_some_and(|cycle| cycle.kind == kind);
     let squares: Vec<f64> =
         data.time_s.iter().zip(residuals).filter(|(t, r)| inside(**t) && r.is_finite()).map(|(_, r)| r * r).collect();
     (!squares.is_empty()).then(|| ((squares.iter().sum::<f64>() / squares.len() as f64).sqrt(), name))
@@ -351,7 +383,8 @@ fn dot_diameter_px(data: &PredictiveData) -> f64 {
     (2.2 * spacing).clamp(1.5, 3.6)
 }
 
-fn entries(data: &PredictiveData) -> Vec<Entry> {
+/// Colours of cycles are explained where the strip above the force has no room to do so.
+fn entries(data: &PredictiveData, names: CycleNames) -> Vec<Entry> {
     let mut entries = vec![
         Entry::new(Mark::Dot(INK, 3.6), "measured"),
         Entry::new(Mark::Line(Stroke::solid(BLUE, 1.8)), "predictive median"),
@@ -360,9 +393,9 @@ fn entries(data: &PredictiveData) -> Vec<Entry> {
     ];
     if let Some((sd, name)) = data.noise {
         let text = format!("90 % of the {} (σ = {} µm)", shorten(name, TICK_SIZE_PX, 200.0), significant(sd, 2));
-        entries.push(Entry::new(Mark::Area(Fill::new(VERMILLION, 0.16).into()), text));
+        entries.push(Entry::new(Mark::Line(noise_stroke()), text));
     }
-    let has = |kind| data.cycles.iter().any(|cycle| cycle.kind == kind);
+    let has = |kind| names != CycleNames::NumberAndKind && data.cycles.iter().any(|cycle| cycle.kind == kind);
     for (kind, name) in [(CycleKind::Calibration, "calibration cycles"), (CycleKind::HeldOut, "held-out cycles")] {
         if let (true, Some(colour)) = (has(kind), kind_colour(kind)) {
             entries.push(Entry::new(Mark::Area(Fill::new(colour, 0.35).into()), name));

@@ -44,14 +44,9 @@ pub fn singular_values(families: &[Family], tolerance: f64, heading: &str) -> Re
     let mut svg = Svg::new(WIDTH_PX, frame.bottom() + 50.0, "Singular values of the snapshots");
     title(&mut svg, heading, (left, 26.0), frame.width);
     legend::row(&mut svg, &entries, (left, top), frame.width);
-    axes.y_axis(
-        &mut svg,
-        AxisStyle {
-            label: Some("singular value σₖ/σ₁ (–)"), most_ticks: 8, grid: true, label_distance_px: 66.0
-        },
-    );
-    let most_ticks = shown.clamp(2, 12);
-    axes.x_axis(&mut svg, AxisStyle { label: Some("mode k (–)"), most_ticks, grid: false, label_distance_px: 38.0 });
+    axes.y_axis(&mut svg, AxisStyle::new(Some("singular value σₖ/σ₁ (–)"), 8, 66.0).grid());
+    let most_ticks = shown.clamp(2, 24);
+    axes.x_axis(&mut svg, AxisStyle::new(Some("mode k (–)"), most_ticks, 38.0).integers());
     axes.outline(&mut svg);
     axes.horizontal(&mut svg, tolerance, Stroke::solid(MUTED, 1.3).dashed(6.0, 4.0));
     for (i, (family, values)) in families.iter().zip(&normalised).enumerate() {
@@ -90,12 +85,14 @@ fn normalised(family: &Family, shown: usize) -> Vec<f64> {
 
 fn draw_family(svg: &mut Svg, axes: &Axes, family: &Family, values: &[f64], index: usize) {
     let colour = series(index);
+    // Families share the first point: later ones are smaller, so that each is seen.
+    let radius_px = (5.4 - 1.2 * index as f64).max(2.4);
     let modes: Vec<f64> = (1..=values.len()).map(|k| k as f64).collect();
     axes.line(svg, &modes, values, Stroke::solid(colour, 1.2).opacity(0.6));
     for (k, value) in values.iter().enumerate() {
         let fill = if k < family.n_chosen { colour } else { WHITE };
         let style = Style { fill: Some(Fill::new(fill, 1.0)), stroke: Some(Stroke::solid(colour, 1.6)) };
-        svg.circle(axes.px((k + 1) as f64, *value), 4.2, style);
+        svg.circle(axes.px((k + 1) as f64, *value), radius_px, style);
     }
 }
 
@@ -121,8 +118,8 @@ mod tests {
         let family = Family { label: "base model", singular_values: &values, n_chosen: 2 };
         let svg = singular_values(&[family], 1e-6, "POD").unwrap();
         let document = svg.document();
-        let filled = format!("r=\"4.2\" fill=\"{}\"", series(0));
-        assert_eq!((document.matches(&filled).count(), document.matches("r=\"4.2\" fill=\"#ffffff\"").count()), (2, 3));
+        let filled = format!("r=\"5.4\" fill=\"{}\"", series(0));
+        assert_eq!((document.matches(&filled).count(), document.matches("r=\"5.4\" fill=\"#ffffff\"").count()), (2, 3));
         assert!(document.contains("2 of 5 modes kept") && document.contains("tolerance 1×10⁻⁶"));
         assert!(svg.png().is_ok());
     }

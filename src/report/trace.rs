@@ -110,17 +110,14 @@ fn lag_scale(parameters: &[ParameterTrace]) -> Scale {
 }
 
 fn trace_panel(svg: &mut Svg, axes: &Axes, parameter: &ParameterTrace, n_discarded: usize, (last, left): (bool, f64)) {
-    axes.y_axis(
-        svg,
-        AxisStyle { label: Some(parameter.label), most_ticks: 5, grid: true, label_distance_px: left - 8.0 },
-    );
+    axes.y_axis(svg, AxisStyle::new(Some(parameter.label), 5, left - 8.0).grid());
     svg.clipped(axes.frame, |svg| {
         if n_discarded > 0 {
             let end = axes.x_px(n_discarded as f64);
             svg.rect(Rect { width: end - axes.frame.x, ..axes.frame }, Fill::new(MUTED, 0.12));
         }
         for (i, ensemble) in parameter.ensembles.iter().enumerate() {
-            let fill = Fill::new(series(i), 0.10);
+            let fill = Fill::new(series(i), 0.06);
             envelope(svg, axes, ensemble.lower, ensemble.upper, fill);
             for walker in &ensemble.walkers {
                 series_line(svg, axes, walker, Stroke::solid(series(i), 0.6).opacity(0.4));
@@ -131,7 +128,7 @@ fn trace_panel(svg: &mut Svg, axes: &Axes, parameter: &ParameterTrace, n_discard
         }
     });
     let label = last.then_some("step (–)");
-    axes.x_axis(svg, AxisStyle { label, most_ticks: 8, grid: false, label_distance_px: 38.0 });
+    axes.x_axis(svg, AxisStyle::new(label, 8, 38.0).overhang_px(18.0));
     axes.outline(svg);
 }
 
@@ -170,7 +167,8 @@ fn extremes(values: &[f64]) -> (f64, f64) {
 
 /// Band between two series, averaged over each pixel column.
 fn envelope(svg: &mut Svg, axes: &Axes, lower: &[f64], upper: &[f64], fill: Fill) {
-    let every = columns(axes, lower.len());
+    // Coarser than the lines: an average needs less detail than extremes.
+    let every = 2 * columns(axes, lower.len());
     let mean = |chunk: &[f64]| chunk.iter().sum::<f64>() / chunk.len() as f64;
     let averaged = |values: &[f64]| values.chunks(every).map(mean).collect::<Vec<f64>>();
     let x: Vec<f64> = (0..lower.len().div_ceil(every)).map(|column| (column as f64 + 0.5) * every as f64).collect();
@@ -178,10 +176,7 @@ fn envelope(svg: &mut Svg, axes: &Axes, lower: &[f64], upper: &[f64], fill: Fill
 }
 
 fn autocorrelation_panel(svg: &mut Svg, axes: &Axes, parameter: &ParameterTrace, last: bool) {
-    axes.y_axis(
-        svg,
-        AxisStyle { label: Some("autocorrelation (–)"), most_ticks: 4, grid: true, label_distance_px: 46.0 },
-    );
+    axes.y_axis(svg, AxisStyle::new(Some("autocorrelation (–)"), 4, 46.0).grid());
     axes.horizontal(svg, 0.0, Stroke::solid(AXIS, 0.8));
     svg.clipped(axes.frame, |svg| {
         for (i, autocorrelation) in parameter.autocorrelation.iter().enumerate() {
@@ -198,7 +193,7 @@ fn autocorrelation_panel(svg: &mut Svg, axes: &Axes, parameter: &ParameterTrace,
         svg.text(&format!("τ = {} steps", significant(steps, 3)), at, TextStyle::new(12.0, Anchor::End));
     }
     let label = last.then_some("lag (steps)");
-    axes.x_axis(svg, AxisStyle { label, most_ticks: 5, grid: false, label_distance_px: 38.0 });
+    axes.x_axis(svg, AxisStyle::new(label, 5, 38.0).overhang_px(14.0));
     axes.outline(svg);
 }
 
