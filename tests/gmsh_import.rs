@@ -167,7 +167,6 @@ fn swapped_groups_are_caught_by_their_planes() {
 
 #[test]
 fn an_unnamed_part_of_the_boundary_is_refused() {
-    // The outer surface's entity loses its physical tag: one group empty. Two groups under one name would leave its faces bare.
     let mesh = text("quarter_sphere_tet10.msh");
     let message = read_content(without_one_triangle(&mesh)).unwrap_err().to_string();
     assert!(message.contains("1 faces of the boundary are in none of the four groups"), "{message}");
@@ -186,6 +185,42 @@ fn without_one_triangle(mesh: &str) -> String {
     lines[start + 2] = lower(&lines[start + 2], 3);
     lines.remove(start + 3);
     lines.join("\n")
+}
+
+#[test]
+fn a_surface_in_two_groups_is_refused() {
+    let mesh = text("quarter_sphere_tet4.msh");
+    let start = mesh.lines().position(|line| line == "$Entities").unwrap();
+    let counts: Vec<usize> =
+        mesh.lines().nth(start + 1).unwrap().split_whitespace().map(|word| word.parse().unwrap()).collect();
+    // Tag, six bounds, number of physical tags, tags: the first surface gets those of `robot` and `outer`.
+    let doubled = with_line(&mesh, start + 2 + counts[0] + counts[1], |words| {
+        words.splice(7..9, ["2", "1", "2"]);
+    });
+    assert_refused(doubled, &["and in another group", "give every surface to one of"]);
+}
+
+/// One tetrahedron with a face on each surface, the robot's given by its nodes.
+fn one_tetrahedron(robot: &str) -> String {
+    format!(
+        "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$PhysicalNames\n4\n2 1 \"robot\"\n2 2 \"outer\"\n2 3 \"symmetry_y\"\n\
+         2 4 \"symmetry_z\"\n$EndPhysicalNames\n$Entities\n0 0 4 1\n1 0 0 0 1 1 1 1 1 0\n2 0 0 0 1 1 1 1 2 0\n\
+         3 0 0 0 1 1 1 1 -3 0\n4 0 0 0 1 1 1 1 4 0\n1 0 0 0 1 1 1 0 0\n$EndEntities\n$Nodes\n1 4 1 4\n3 1 0 4\n1\n2\n3\n4\n0 0 0\n\
+         1 0 0\n0 1 0\n0 0 1\n$EndNodes\n$Elements\n5 5 1 5\n2 1 2 1\n1 {robot}\n2 2 2 1\n2 2 3 4\n2 3 2 1\n3 1 2 4\n2 4 2 1\n4 1 2 3\n\
+         3 1 4 1\n5 1 2 3 4\n$EndElements\n"
+    )
+}
+
+#[test]
+fn a_robot_that_touches_the_outer_surface_is_refused() {
+    assert_refused(one_tetrahedron("1 3 4"), &["on `robot` and on `outer`"]);
+}
+
+#[test]
+fn nodes_that_do_not_exist_are_refused_with_their_element() {
+    let mesh = one_tetrahedron("1 3 9");
+    let line = mesh.lines().position(|line| line == "1 1 3 9").unwrap() + 1;
+    assert_refused(&mesh, &["element 1 names node 9", &format!("line {line}")]);
 }
 
 /// The line of the first volume element: the first of the last block.

@@ -133,6 +133,17 @@ fn numbering_of_the_elements_does_not_matter_much() {
 }
 
 #[test]
+fn unstructured_tetrahedra_need_less_work_than_minimum_degree() {
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/gmsh/quarter_sphere_tet10.msh");
+    let mesh = crate::mesh::gmsh::read_gmsh(file, 1e-3).unwrap().mesh;
+    let order = nested_dissection(mesh.n_nodes(), &mesh.connectivity, 10, &mesh.node_coordinates_m);
+    assert_permutation(&order, mesh.n_nodes());
+    let dissected = factor_work(mesh.n_nodes(), &mesh.connectivity, 10, Some(&order));
+    let minimum_degree = factor_work(mesh.n_nodes(), &mesh.connectivity, 10, None);
+    assert!(dissected < minimum_degree, "{dissected:.3e} against {minimum_degree:.3e}");
+}
+
+#[test]
 fn the_middle_of_a_chain_is_eliminated_last() {
     // Bars 0–1, 1–2, …: the best separator of 64 bars is node 32.
     let elements: Vec<u32> = (0..64).flat_map(|k| [k, k + 1]).collect();

@@ -96,7 +96,7 @@ fn read_format(scanner: &mut Scanner<'_>) -> Result<()> {
     let version: f64 = scanner.text_number("the format's version")?;
     if version != 4.1 {
         return Err(scanner.error(
-            format!("the mesh has format version {version}; only 4.1 is read"),
+            format!("the mesh has format version {version:.1}; only 4.1 is read"),
             "save it with `gmsh -3 -format msh41`, or set Mesh.MshFileVersion = 4.1",
         ));
     }
