@@ -37,6 +37,8 @@ fn main() -> vitreo_uq::Result<()> {
     let de = |scale, spread, jump_probability| -> Box<dyn Move> {
         Box::new(DifferentialEvolution { scale, spread, jump_probability })
     };
+    let jump_fraction = std::env::var("JUMPS").map_or(0.8, |text| text.parse().unwrap_or(0.8));
+    let store_every = std::env::var("STORE").ok().and_then(|text| text.parse().ok());
     let kernels: Vec<Arc<dyn Move>> = vec![
         SamplerOptions::default().kernel,
         Arc::new(Stretch::default()),
@@ -52,6 +54,7 @@ fn main() -> vitreo_uq::Result<()> {
         Arc::new(Mixture::new(vec![(0.7, de(1.0, 0.3, 0.05)), (0.3, Box::new(Snooker { scale: 1.2 }))])),
         Arc::new(Mixture::new(vec![(0.7, de(1.0, 0.3, 0.05)), (0.3, Box::new(Snooker { scale: 2.2 }))])),
     ];
+    let kernels = if std::env::var_os("ONLY_DEFAULT").is_some() { kernels[..1].to_vec() } else { kernels };
     for (target, off_diagonal) in [("independent", 0.0), ("correlated", 0.95)] {
         for kernel in &kernels {
             let options = SamplerOptions {
@@ -59,6 +62,8 @@ fn main() -> vitreo_uq::Result<()> {
                 max_steps,
                 stop_when_converged: false,
                 kernel: Arc::clone(kernel),
+                jump_fraction,
+                store_every,
                 ..SamplerOptions::default()
             };
             let began = Instant::now();
