@@ -2,8 +2,7 @@
 
 mod creep_posterior;
 
-use creep_posterior::{CreepPosterior, Exact};
-use rayon::prelude::*;
+use creep_posterior::{CreepPosterior, Exact, over_cores};
 use vitreo_uq::inference::ensemble::RandomStream;
 use vitreo_uq::inference::{SamplerOptions, sample};
 
@@ -34,8 +33,7 @@ fn run(posterior: &CreepPosterior, exact: &Exact, starts: &[Vec<f64>], seed: u64
 fn assert_truth(start_of: impl Fn(&CreepPosterior, u64) -> Vec<Vec<f64>> + Sync) {
     let posterior = CreepPosterior::reference(1);
     let exact = posterior.exact();
-    let runs: Vec<Run> =
-        (0..N_RUNS).into_par_iter().map(|seed| run(&posterior, &exact, &start_of(&posterior, seed), seed)).collect();
+    let runs = over_cores(N_RUNS, |seed| run(&posterior, &exact, &start_of(&posterior, seed), seed));
     let worst = |f: fn(&Run) -> f64| runs.iter().map(f).fold(0.0, f64::max);
     println!("worst sd {:.3}, worst mean {:.3}", worst(|r| r.worst_sd), worst(|r| r.worst_mean));
     let unconverged: Vec<_> = runs.iter().filter(|run| !run.converged).map(|run| &run.messages).collect();

@@ -3,6 +3,8 @@
 //! Plain and scalar on purpose, and sharing nothing with the library but the trait: it is the tests' own yardstick.
 #![allow(dead_code, reason = "each test file uses a part")]
 
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicU64, Ordering};
 use vitreo_uq::inference::LogDensity;
 use vitreo_uq::inference::ensemble::RandomStream;
 
@@ -139,4 +141,27 @@ impl LogDensity for CreepPosterior {
             *value = self.at(&[points[i], points[n + i], points[2 * n + i], points[3 * n + i]]);
         }
     }
+}
+
+/// f(0) … f(n − 1) over all cores. Plain threads: every run has a pool of its own, and pools must not wait for pools.
+pub fn over_cores<T: Send>(n: u64, f: impl Fn(u64) -> T + Sync) -> Vec<T> {
+    let next = AtomicU64::new(0);
+    let results = Mutex::new(Vec::new());
+    std::thread::scope(|scope| {
+        for _ in 0..std::thread::available_parallelism().map_or(1, usize::from) {
+            scope.spawn(|| {
+                loop {
+                    let k = next.fetch_add(1, Ordering::Relaxed);
+                    if k >= n {
+                        return;
+                    }
+                    let result = f(k);
+                    results.lock().unwrap().push((k, result));
+                }
+            });
+        }
+    });
+    let mut results = results.into_inner().unwrap();
+    results.sort_by_key(|(k, _)| *k);
+    results.into_iter().map(|(_, result)| result).collect()
 }

@@ -4,19 +4,26 @@ use super::chains::Chains;
 
 /// Autocovariance of a series at lags 0 … n − 1, each normalised by n (the biased, positive definite estimate).
 pub fn autocovariance(series: &[f64]) -> Vec<f64> {
+    with_twiddles(series, &Twiddles::new(padded_length(series.len())))
+}
+
+/// Twice the length at least: the circular correlation of the padded series is then the linear one.
+fn padded_length(n: usize) -> usize {
+    (2 * n).next_power_of_two()
+}
+
+fn with_twiddles(series: &[f64], twiddles: &Twiddles) -> Vec<f64> {
     let n = series.len();
     if n == 0 {
         return Vec::new();
     }
     let mean = series.iter().sum::<f64>() / n as f64;
-    // Twice the length: the circular correlation of the padded series is then the linear one.
-    let length = (2 * n).next_power_of_two();
+    let length = padded_length(n);
     let mut re = vec![0.0; length];
     let mut im = vec![0.0; length];
     for (padded, value) in re.iter_mut().zip(series) {
         *padded = value - mean;
     }
-    let twiddles = Twiddles::new(length);
     twiddles.transform(&mut re, &mut im);
     for (a, b) in re.iter_mut().zip(im.iter_mut()) {
         *a = *a * *a + *b * *b;
@@ -92,9 +99,10 @@ pub fn integrate(chains: &Chains) -> Option<Integrated> {
     let n = n_draws as f64;
     let mut pooled = vec![0.0; n_draws];
     let mut means = Vec::with_capacity(n_chains);
+    let twiddles = Twiddles::new(padded_length(n_draws));
     for chain in chains.iter() {
         means.push(chain.iter().sum::<f64>() / n);
-        for (sum, value) in pooled.iter_mut().zip(autocovariance(chain)) {
+        for (sum, value) in pooled.iter_mut().zip(with_twiddles(chain, &twiddles)) {
             *sum += value / n_chains as f64;
         }
     }

@@ -1,7 +1,7 @@
 //! Diagnostics of independent chains, by the definitions of Vehtari et al. 2021 (doi:10.1214/20-BA1221).
 
 use super::autocovariance::{integrate, sample_variance};
-use super::ranks::{Sorted, median};
+use super::ranks::{BlomScores, Sorted, median};
 
 /// Values of one quantity in several chains of equal length.
 #[derive(Debug, Clone, PartialEq)]
@@ -63,7 +63,8 @@ impl Chains {
     }
 
     fn rank_normalised(&self) -> Self {
-        self.with_values(&Sorted::new(&self.flat()).normal_scores())
+        let flat = self.flat();
+        self.with_values(&Sorted::new(&flat).normal_scores(&BlomScores::new(flat.len())))
     }
 
     fn map(&self, f: impl Fn(f64) -> f64 + Copy) -> Self {

@@ -11,7 +11,7 @@
 
 use super::autocovariance::{integrate, sample_variance};
 use super::chains::Chains;
-use super::ranks::Sorted;
+use super::ranks::{BlomScores, Sorted};
 
 /// All draws of one parameter: value of ensemble e, step s, walker w at `values[(e·n_steps + s)·n_walkers + w]`.
 #[derive(Debug, Clone, PartialEq)]
@@ -52,15 +52,16 @@ pub struct ParameterDiagnostics {
 }
 
 /// Summary of a column. Figures that cannot be computed (fewer than eight steps, no variation) are NaN.
-pub fn diagnose(column: &DrawColumn) -> ParameterDiagnostics {
+/// `blom` must be for as many values.
+pub fn diagnose(column: &DrawColumn, blom: &BlomScores) -> ParameterDiagnostics {
     let n = column.values.len();
     let mean = column.values.iter().sum::<f64>() / n as f64;
     let sd = sample_variance(&column.values).sqrt();
     let sorted = Sorted::new(&column.values);
     let quantile = |probability| sorted.quantile(probability);
     let (q05, median, q95) = (quantile(0.05), quantile(0.5), quantile(0.95));
-    let scores = sorted.normal_scores();
-    let rhat = pooled_rhat(column, &scores).max(pooled_rhat(column, &sorted.folded_normal_scores(median)));
+    let scores = sorted.normal_scores(blom);
+    let rhat = pooled_rhat(column, &scores).max(pooled_rhat(column, &sorted.folded_normal_scores(median, blom)));
     let below = |limit: f64| -> Vec<f64> { column.values.iter().map(|&x| f64::from(x <= limit)).collect() };
     let ess_tail = ess(column, &below(q05)).min(ess(column, &below(q95)));
     let ess_mean = ess(column, &column.values);
@@ -76,6 +77,11 @@ pub fn diagnose(column: &DrawColumn) -> ParameterDiagnostics {
         mcse_mean: sd / ess_mean.sqrt(),
         autocorrelation_time: n as f64 / ess_mean,
     }
+}
+
+/// Autocorrelation time of the mean in the column's steps: the part of [`diagnose`] that sorts nothing. NaN where undefined.
+pub fn autocorrelation_time(column: &DrawColumn) -> f64 {
+    column.values.len() as f64 / ess(column, &column.values)
 }
 
 /// Per-step averages over walkers of a quantity in the column's layout, one chain an ensemble.
@@ -142,7 +148,7 @@ mod tests {
     fn one_walker_an_ensemble_is_the_definition_for_chains() {
         let column = column(500, 1, 0.5, 0.0);
         let chains = Chains::new(column.values.chunks(500).map(<[f64]>::to_vec).collect());
-        let found = diagnose(&column);
+        let found = diagnose(&column, &BlomScores::new(column.values.len()));
         for (ours, theirs) in [
             (found.rhat, chains::rhat(&chains)),
             (found.ess_bulk, chains::ess_bulk(&chains)),
@@ -158,7 +164,8 @@ mod tests {
     fn correlation_between_walkers_is_charged() {
         let (n_steps, n_walkers) = (20_000, 8);
         for common in [0.0, 0.3] {
-            let found = diagnose(&column(n_steps, n_walkers, 0.5, common)).ess_bulk;
+            let column = column(n_steps, n_walkers, 0.5, common);
+            let found = diagnose(&column, &BlomScores::new(column.values.len())).ess_bulk;
             let exact = (4 * n_steps * n_walkers) as f64 / 3.0 / (1.0 + (n_walkers - 1) as f64 * common);
             assert!((found / exact - 1.0).abs() < 0.36, "{found} against {exact}");
         }

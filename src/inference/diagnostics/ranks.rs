@@ -9,10 +9,10 @@ pub struct Sorted {
 }
 
 impl Sorted {
-    /// Sorts values; at most 2³² − 1 of them. NaN sorts last.
+    /// Sorts values; at most 2³² − 1 of them. NaN sorts last (first if its sign is negative).
     pub fn new(values: &[f64]) -> Self {
-        let mut entries: Vec<(f64, u32)> = values.iter().zip(0u32..).map(|(&value, idx)| (value, idx)).collect();
-        entries.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+        let keyed = values.iter().zip(0u32..).map(|(&value, idx)| (ordered_bits(value), idx)).collect();
+        let entries = radix_sorted(keyed).into_iter().map(|(_, idx)| (values[idx as usize], idx)).collect();
         Self { entries }
     }
 
@@ -25,15 +25,15 @@ impl Sorted {
         low + (position - below as f64) * (high - low)
     }
 
-    /// Normal scores Φ⁻¹((r − 3/8)/(n + 1/4)) of the ranks r (Blom 1958), ties sharing their mean rank, in the original
-    /// order of the values.
-    pub fn normal_scores(&self) -> Vec<f64> {
-        scores(&self.entries)
+    /// Normal scores of the ranks, ties sharing their mean rank, in the original order of the values. `blom` must be for as many
+    /// values.
+    pub fn normal_scores(&self, blom: &BlomScores) -> Vec<f64> {
+        scores(&self.entries, blom)
     }
 
     /// Normal scores of |value − centre|, without sorting again: the values left and right of the centre are sorted
     /// already and only need merging.
-    pub fn folded_normal_scores(&self, centre: f64) -> Vec<f64> {
+    pub fn folded_normal_scores(&self, centre: f64, blom: &BlomScores) -> Vec<f64> {
         let split = self.entries.partition_point(|entry| entry.0 < centre);
         let (left, right) = self.entries.split_at(split);
         let mut left = left.iter().rev().map(|&(value, idx)| (centre - value, idx)).peekable();
@@ -48,14 +48,35 @@ impl Sorted {
             };
             merged.extend(next);
         }
-        scores(&merged)
+        scores(&merged, blom)
     }
 }
 
-fn scores(entries: &[(f64, u32)]) -> Vec<f64> {
+/// Φ⁻¹((r − 3/8)/(n + 1/4)) for all ranks r of n values (Blom 1958). Worth keeping: every column of a set of draws has the
+/// same ones.
+pub struct BlomScores {
+    scores: Vec<f64>,
+}
+
+impl BlomScores {
+    /// Scores of ranks 1 … n.
+    pub fn new(n: usize) -> Self {
+        let mut scores = vec![0.0; n];
+        for k in 0..n / 2 {
+            scores[k] = score(n, k as f64 + 1.0);
+            scores[n - 1 - k] = -scores[k];
+        }
+        Self { scores }
+    }
+}
+
+fn score(n: usize, mean_rank: f64) -> f64 {
+    Normal::standard().inverse_cdf((mean_rank - 0.375) / (n as f64 + 0.25))
+}
+
+/// Normal scores in the original order of sorted entries.
+fn scores(entries: &[(f64, u32)], blom: &BlomScores) -> Vec<f64> {
     let n = entries.len();
-    let normal = Normal::standard();
-    let score = |mean_rank: f64| normal.inverse_cdf((mean_rank - 0.375) / (n as f64 + 0.25));
     let mut out = vec![0.0; n];
     let mut start = 0;
     while start < n {
@@ -63,12 +84,52 @@ fn scores(entries: &[(f64, u32)]) -> Vec<f64> {
         while end < n && entries[end].0 == entries[start].0 {
             end += 1;
         }
-        // Ranks start … end − 1 count from one: their mean is (start + 1 + end)/2.
-        let value = score((start + 1 + end) as f64 / 2.0);
+        // Ranks start + 1 … end: ties share their mean, which only for an odd number of them is a rank itself.
+        let value = if (end - start) % 2 == 1 {
+            blom.scores[(start + end - 1) / 2]
+        } else {
+            score(n, (start + 1 + end) as f64 / 2.0)
+        };
         entries[start..end].iter().for_each(|&(_, idx)| out[idx as usize] = value);
         start = end;
     }
     out
+}
+
+/// Bits that sort as integers like the numbers do, −0 below +0.
+fn ordered_bits(value: f64) -> u64 {
+    let bits = value.to_bits();
+    if bits >> 63 == 1 { !bits } else { bits | 1 << 63 }
+}
+
+/// Sorts by the first component, stably: least significant digits first, digits that do not differ passed over.
+fn radix_sorted(mut entries: Vec<(u64, u32)>) -> Vec<(u64, u32)> {
+    const DIGIT_BITS: u32 = 11;
+    const N_BUCKETS: usize = 1 << DIGIT_BITS;
+    if entries.len() < N_BUCKETS {
+        entries.sort_by_key(|entry| entry.0);
+        return entries;
+    }
+    let mut sorted = entries.clone();
+    for shift in (0..u64::BITS).step_by(DIGIT_BITS as usize) {
+        let digit = |key: u64| (key >> shift) as usize % N_BUCKETS;
+        let mut ends = [0_usize; N_BUCKETS];
+        entries.iter().for_each(|entry| ends[digit(entry.0)] += 1);
+        if ends.contains(&entries.len()) {
+            continue;
+        }
+        let mut begin = 0;
+        for end in &mut ends {
+            (*end, begin) = (begin, begin + *end);
+        }
+        for &entry in &entries {
+            let place = &mut ends[digit(entry.0)];
+            sorted[*place] = entry;
+            *place += 1;
+        }
+        std::mem::swap(&mut entries, &mut sorted);
+    }
+    entries
 }
 
 /// Median of a set of values; NaN when empty.
@@ -82,7 +143,7 @@ mod tests {
 
     #[test]
     fn ties_share_their_mean_rank() {
-        let scores = Sorted::new(&[5.0, 1.0, 5.0]).normal_scores();
+        let scores = Sorted::new(&[5.0, 1.0, 5.0]).normal_scores(&BlomScores::new(3));
         assert_eq!(scores[0], scores[2]);
         let expected = Normal::standard().inverse_cdf((2.5 - 0.375) / 3.25);
         assert!((scores[0] - expected).abs() < 1e-15);
@@ -93,8 +154,19 @@ mod tests {
         let values: Vec<f64> = (0..201).map(|i| ((i * 7919) % 1009) as f64 / 13.0).collect();
         let centre = median(&values);
         let folded: Vec<f64> = values.iter().map(|v| (v - centre).abs()).collect();
-        let direct = Sorted::new(&folded).normal_scores();
-        assert_eq!(Sorted::new(&values).folded_normal_scores(centre), direct);
+        let blom = BlomScores::new(201);
+        let direct = Sorted::new(&folded).normal_scores(&blom);
+        assert_eq!(Sorted::new(&values).folded_normal_scores(centre, &blom), direct);
+    }
+
+    #[test]
+    fn many_values_are_sorted_as_few_are() {
+        let values: Vec<f64> = (0..5_000_i64).map(|i| ((i * 7919) % 4999 - 2500) as f64 * 0.37e-3).collect();
+        let mut expected = values.clone();
+        expected.sort_by(f64::total_cmp);
+        let sorted = Sorted::new(&values);
+        assert!(sorted.entries.iter().zip(&expected).all(|(a, b)| a.0 == *b));
+        assert!(sorted.entries.iter().all(|&(value, idx)| values[idx as usize] == value));
     }
 
     #[test]

@@ -45,6 +45,18 @@ impl Draws {
         self.with_values(self.positions.chunks_exact(stride.max(1)).flat_map(row).collect())
     }
 
+    /// Points one by one, from kept step `first` on.
+    pub fn points(&self, first: usize) -> Vec<Vec<f64>> {
+        let mut points = Vec::new();
+        for ensemble in 0..self.n_ensembles {
+            for step in first..self.n_steps {
+                let point = |walker| (0..self.dimension).map(|d| self.value(ensemble, step, walker, d)).collect();
+                points.extend((0..self.n_walkers).map(point));
+            }
+        }
+        points
+    }
+
     /// The log density in the layout of a column.
     pub fn log_density_column(&self) -> DrawColumn {
         self.with_values(self.log_density.clone())

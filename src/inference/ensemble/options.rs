@@ -21,6 +21,9 @@ pub struct SamplerOptions {
     pub seed: u64,
     /// How walkers propose.
     pub kernel: Arc<dyn Move>,
+    /// Largest fraction of half-steps that jump into the posterior's approximation ([`super::moves::Independence`]) instead of
+    /// moving by `kernel`; less is used where jumps are refused. 0 for none.
+    pub jump_fraction: f64,
     /// Keep every so many steps. `None`: every step at first, twice as rarely each time that `max_stored_steps` are full.
     pub store_every: Option<u64>,
     /// Steps of each ensemble that are kept when `store_every` is `None`; even.
@@ -74,6 +77,7 @@ impl Default for SamplerOptions {
             max_steps: 50_000,
             seed: 1,
             kernel: Arc::new(default_move()),
+            jump_fraction: 0.8,
             store_every: None,
             max_stored_steps: 1000,
             stop_when_converged: true,
@@ -122,6 +126,14 @@ impl SamplerOptions {
                 "store_every",
                 format!("keep every {:?} steps, at most {}", self.store_every, self.max_stored_steps),
                 "keep every 1 or more steps, and an even number of at least 16".into(),
+            );
+        }
+        if !(0.0..=0.9).contains(&self.jump_fraction) {
+            let found = format!("a jump fraction of {}", self.jump_fraction);
+            return refuse(
+                "jump_fraction",
+                found,
+                "use 0 to 0.9: more would leave nothing to the ensemble's moves".into(),
             );
         }
         Ok(())
@@ -189,6 +201,7 @@ mod tests {
             SamplerOptions { n_ensembles: 3, ..Default::default() },
             SamplerOptions { max_steps: 5, ..Default::default() },
             SamplerOptions { store_every: Some(0), ..Default::default() },
+            SamplerOptions { jump_fraction: 1.0, ..Default::default() },
         ];
         for options in wrong {
             let error = options.validate(4).unwrap_err();

@@ -2,12 +2,13 @@
 
 use super::batches::{CountingDensity, SplitDensity};
 use super::draws::{Draws, Record, join};
+use super::moves::Independence;
 use super::options::{Batches, Phase, Progress, RunControl, SamplerOptions};
 use super::recover::{Recovery, recover};
 use super::starts;
 use super::state::{Course, Lane, from_bytes, problem, to_bytes};
-use super::verdict::{Verdict, judge};
-use super::walkers::Ensemble;
+use super::verdict::{Verdict, autocorrelation_time, judge};
+use super::walkers::{Ensemble, Kernel};
 use crate::error::Place;
 use crate::inference::LogDensity;
 use crate::inference::diagnostics::ParameterDiagnostics;
@@ -50,6 +51,8 @@ pub struct SampleOutcome {
 const FIRST_ROUND: u64 = 128;
 /// A burn-in shorter than this many autocorrelation times is repeated.
 const BURN_IN_TIMES: f64 = 10.0;
+/// Acceptance of jumps from which on they are used as often as allowed: below, the ensemble's own moves are the better.
+const FULL_JUMP_ACCEPTANCE: f64 = 0.3;
 /// Wall time after which a run looks up from its steps. Has no influence on results.
 const LOOK_UP: Duration = Duration::from_millis(50);
 
@@ -117,6 +120,7 @@ impl<'a> Run<'a> {
             phase: Phase::BurnIn,
             base_step: 0,
             target_step: FIRST_ROUND.min(options.max_steps / 2),
+            jumps: Independence::from_modes(&modes, density.dimension()).map(|q| (q, options.jump_fraction)),
             modes,
             walkers_reseeded: 0,
             n_freezes: 0,
@@ -186,7 +190,8 @@ impl<'a> Run<'a> {
         let stopped = || self.control.stop.is_some_and(|stop| stop.load(Ordering::Relaxed));
         let target = self.course.target_step;
         let limit = self.options.store_every.is_none().then_some(self.options.max_stored_steps);
-        let kernel = &*self.options.kernel;
+        let jumps = self.course.jumps.as_ref().map(|(q, fraction)| (q, *fraction));
+        let kernel = Kernel { local: &*self.options.kernel, jumps };
         let mut chunk = 16;
         let mut pace = Pace::new();
         while self.lanes.iter().any(|lane| lane.ensemble.n_steps() < target) {
@@ -196,7 +201,7 @@ impl<'a> Run<'a> {
                     if stopped() {
                         break;
                     }
-                    lane.ensemble.step(density, kernel)?;
+                    lane.ensemble.step(density, &kernel)?;
                     lane.record.keep(&lane.ensemble, limit);
                 }
                 Ok(())
@@ -245,43 +250,53 @@ impl<'a> Run<'a> {
     /// What follows from the draws at hand.
     fn decide(&mut self) -> Result<Option<SampleOutcome>> {
         let draws = self.draws();
-        let verdict = judge(&draws, &self.options.demands);
-        let recovered = if self.course.forced { Recovery::default() } else { self.recover(&draws)? };
+        let recovery = if self.course.forced { Recovery::default() } else { self.recover(&draws)? };
         let steps = self.course.target_step;
+        let time = autocorrelation_time(&draws);
         // Half of the steps at most go into burning in; what cannot be had by then is said.
         let may_burn = 2 * steps <= self.options.max_steps;
+        let burnt = if self.course.phase == Phase::BurnIn { steps } else { self.course.base_step };
+        // An unknown time (NaN) is no reason to go on burning: the sampling phase will tell.
+        let too_short = (burnt as f64) < BURN_IN_TIMES * time;
         match self.course.phase {
+            _ if may_burn && recovery.disturbed() => self.burn_in(steps),
+            Phase::BurnIn if may_burn && too_short => self.burn_in(steps),
+            Phase::Sampling if may_burn && too_short => self.freeze(steps, time, &draws),
             Phase::BurnIn => {
-                let long_enough = steps as f64 >= BURN_IN_TIMES * verdict.autocorrelation_time;
-                if may_burn && (recovered.disturbed() || !long_enough) {
-                    self.burn_in(steps);
-                } else {
-                    self.course.forced |= recovered.disturbed();
-                    self.freeze(steps, &verdict);
-                }
-                Ok(None)
+                self.course.forced |= recovery.disturbed();
+                self.freeze(steps, time, &draws);
             }
             Phase::Sampling => {
-                let short = (self.course.base_step as f64) < BURN_IN_TIMES * verdict.autocorrelation_time;
-                if may_burn && recovered.disturbed() {
-                    self.burn_in(steps);
-                    return Ok(None);
-                }
-                if may_burn && short {
-                    self.freeze(steps, &verdict);
-                    return Ok(None);
-                }
-                self.course.forced |= recovered.disturbed();
-                let met =
-                    verdict.missing.is_empty() && !recovered.disturbed() && !self.course.forced && recovered.stuck == 0;
-                if steps >= self.options.max_steps || (met && self.options.stop_when_converged) {
-                    return Ok(Some(self.outcome(draws, verdict, &recovered, met)));
-                }
-                let since = (steps - self.course.base_step) as f64;
-                self.go_on(steps, since * (1.1 * verdict.shortfall).clamp(1.25, 2.0) - since);
-                Ok(None)
+                self.course.forced |= recovery.disturbed();
+                return Ok(self.judge(draws, time, &recovery));
             }
         }
+        Ok(None)
+    }
+
+    /// The outcome, if there is enough or no more is allowed.
+    fn judge(&mut self, draws: Draws, time: f64, recovery: &Recovery) -> Option<SampleOutcome> {
+        let steps = self.course.target_step;
+        let since = (steps - self.course.base_step) as f64;
+        let at_the_end = steps >= self.options.max_steps;
+        if !at_the_end {
+            let wanted = self.options.demands.autocorrelation_times * time;
+            if since < wanted {
+                self.go_on(steps, (1.05 * wanted).min(2.0 * since) - since);
+                return None;
+            }
+            if !self.options.stop_when_converged {
+                self.go_on(steps, since);
+                return None;
+            }
+        }
+        let verdict = judge(&draws, &self.options.demands);
+        let met = verdict.missing.is_empty() && !self.course.forced && recovery.stuck == 0;
+        if met || at_the_end {
+            return Some(self.outcome(draws, verdict, recovery, met));
+        }
+        self.go_on(steps, since * (1.1 * verdict.shortfall).clamp(1.25, 2.0) - since);
+        None
     }
 
     /// Next judgement after about so many more steps.
@@ -297,13 +312,25 @@ impl<'a> Run<'a> {
     }
 
     /// Declares the freeze: earlier draws are discarded, and only the kernel moves walkers from here on.
-    fn freeze(&mut self, steps: u64, verdict: &Verdict) {
+    fn freeze(&mut self, steps: u64, time: f64, draws: &Draws) {
         self.course.phase = Phase::Sampling;
         self.course.n_freezes += 1;
+        self.fit_jumps(draws);
         self.discard(steps);
-        let wanted = 1.05 * self.options.demands.autocorrelation_times * verdict.autocorrelation_time;
+        let wanted = 1.05 * self.options.demands.autocorrelation_times * time;
         // An autocorrelation time that a burn-in round cannot tell is told by a short first sampling round.
         self.go_on(steps, if wanted.is_finite() { wanted.clamp(64.0, 1e6) } else { 256.0 });
+    }
+
+    /// Fits the jumps to the last half of what is about to be discarded, and jumps less often where jumps are refused.
+    fn fit_jumps(&mut self, draws: &Draws) {
+        let counts = self.lanes.iter().map(|lane| lane.ensemble.jumps());
+        let (proposed, accepted) = counts.fold((0, 0), |sum, count| (sum.0 + count.proposed, sum.1 + count.accepted));
+        let acceptance = accepted as f64 / proposed.max(1) as f64;
+        let fraction = self.options.jump_fraction * (acceptance / FULL_JUMP_ACCEPTANCE).clamp(0.1, 1.0);
+        let points: Vec<Vec<f64>> = draws.points(draws.n_steps / 2);
+        let fitted = Independence::fitted(&self.course.modes, draws.dimension, &points);
+        self.course.jumps = fitted.map(|q| (q, fraction));
     }
 
     fn discard(&mut self, steps: u64) {

@@ -1,8 +1,9 @@
 //! The complete state of a run, and its bytes.
 
 use super::draws::Record;
+use super::moves::Independence;
 use super::options::{Phase, SamplerOptions};
-use super::walkers::{Ensemble, EnsembleState};
+use super::walkers::{Ensemble, EnsembleState, JumpCount};
 use crate::Result;
 use crate::inference::checkpoint;
 use crate::inference::optimum::Modes;
@@ -17,6 +18,8 @@ pub(super) struct Course {
     /// Step of the next judgement.
     pub target_step: u64,
     pub modes: Modes,
+    /// What jumps are drawn from, and the fraction of half-steps that jump.
+    pub jumps: Option<(Independence, f64)>,
     pub walkers_reseeded: u64,
     pub n_freezes: u64,
     /// Points evaluated beside the steps.
@@ -41,6 +44,7 @@ struct LaneHeader {
     store_every: u64,
     accepted: Vec<u64>,
     stream_positions: Vec<u64>,
+    jumps: JumpCount,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -51,11 +55,13 @@ struct Header {
 
 /// All that fixes the result of a run, as text.
 pub(super) fn problem(options: &SamplerOptions, dimension: usize, starts: &[Vec<f64>], fingerprint: &str) -> String {
-    let SamplerOptions { n_walkers, n_ensembles, max_steps, seed, store_every, max_stored_steps, .. } = options;
+    let SamplerOptions {
+        n_walkers, n_ensembles, max_steps, seed, jump_fraction, store_every, max_stored_steps, ..
+    } = options;
     let (demands, stop) = (options.demands, options.stop_when_converged);
     let starts: Vec<Vec<u64>> = starts.iter().map(|start| start.iter().map(|x| x.to_bits()).collect()).collect();
     format!(
-        "{n_walkers} {n_ensembles} {max_steps} {seed} {store_every:?} {max_stored_steps} {demands:?} {stop} {dimension} {} \
+        "{n_walkers} {n_ensembles} {max_steps} {seed} {jump_fraction} {store_every:?} {max_stored_steps} {demands:?} {stop} {dimension} {} \
          {starts:x?} {fingerprint}",
         options.kernel.name()
     )
@@ -71,6 +77,7 @@ pub(super) fn to_bytes(problem: &str, course: &Course, lanes: &[Lane]) -> Result
         store_every: lane.record.store_every,
         accepted: state.accepted.clone(),
         stream_positions: state.stream_positions.clone(),
+        jumps: state.jumps,
     };
     let header = Header { course: course.clone(), lanes: lanes.iter().zip(&states).map(lane_header).collect() };
     let header = serde_json::to_string(&header).map_err(|error| {
@@ -116,6 +123,7 @@ pub(super) fn from_bytes(
             log_density: take(w)?,
             accepted: lane.accepted,
             stream_positions: lane.stream_positions,
+            jumps: lane.jumps,
             n_steps: lane.n_steps,
         };
         let record = Record {

@@ -2,7 +2,8 @@
 
 use super::draws::Draws;
 use super::options::Demands;
-use crate::inference::diagnostics::{DrawColumn, ParameterDiagnostics, diagnose};
+use crate::inference::diagnostics::ranks::BlomScores;
+use crate::inference::diagnostics::{DrawColumn, ParameterDiagnostics, diagnose, ensembles};
 use rayon::prelude::*;
 
 /// Judgement of a set of draws.
@@ -20,20 +21,20 @@ pub(super) struct Verdict {
 
 /// Judges draws kept since a freeze.
 pub(super) fn judge(draws: &Draws, demands: &Demands) -> Verdict {
+    let blom = BlomScores::new(draws.len());
     let columns: Vec<(ParameterDiagnostics, f64)> = (0..draws.dimension)
         .into_par_iter()
         .map(|d| {
             let column = draws.column(d);
-            let mut found = diagnose(&column);
+            let mut found = diagnose(&column, &blom);
             found.autocorrelation_time *= draws.store_every as f64;
             (found, walker_rhat(&column))
         })
         .collect();
     let parameters: Vec<ParameterDiagnostics> = columns.iter().map(|column| column.0).collect();
     let n_points = draws.len() as f64 * draws.store_every as f64;
-    let longest = |p: &ParameterDiagnostics| p.autocorrelation_time.max(n_points / p.ess_bulk);
-    // max() would pass over NaN; an unknown time must stay unknown.
-    let time = parameters.iter().map(longest).fold(0.0, |a: f64, b| if b.is_nan() { b } else { a.max(b) });
+    let longest = |p: &ParameterDiagnostics| longer(p.autocorrelation_time, n_points / p.ess_bulk);
+    let time = parameters.iter().map(longest).fold(0.0, longer);
     let n_steps = draws.n_steps as f64 * draws.store_every as f64;
     let rhat_walkers = columns.iter().map(|column| column.1).fold(0.0, f64::max);
     let mut verdict = Verdict { parameters, autocorrelation_time: time, missing: Vec::new(), shortfall: 1.0 };
@@ -41,6 +42,18 @@ pub(super) fn judge(draws: &Draws, demands: &Demands) -> Verdict {
     verdict.demand_ess(demands);
     verdict.demand_agreement(rhat_walkers, demands);
     verdict
+}
+
+/// Longest autocorrelation time of the means, in steps; NaN when one is unknown. Much cheaper than [`judge`].
+pub(super) fn autocorrelation_time(draws: &Draws) -> f64 {
+    let times: Vec<f64> =
+        (0..draws.dimension).into_par_iter().map(|d| ensembles::autocorrelation_time(&draws.column(d))).collect();
+    times.into_iter().fold(0.0, longer) * draws.store_every as f64
+}
+
+/// The larger; an unknown time stays unknown, which `max` would pass over.
+fn longer(a: f64, b: f64) -> f64 {
+    if a.is_nan() || b.is_nan() { f64::NAN } else { a.max(b) }
 }
 
 impl Verdict {

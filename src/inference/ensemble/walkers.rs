@@ -1,9 +1,27 @@
 //! One ensemble of walkers and the split-ensemble step that moves it.
 
-use super::moves::{Move, Points};
+use super::moves::{Independence, Move, Points};
 use super::random::RandomStream;
 use crate::inference::LogDensity;
 use crate::{Error, Result};
+
+/// How the walkers of a run are moved: the moves that know only the ensemble, and jumps into a fixed approximation.
+#[derive(Clone, Copy)]
+pub struct Kernel<'a> {
+    /// Proposes from the other half.
+    pub local: &'a dyn Move,
+    /// Proposes from an approximation of the posterior, in this fraction of the half-steps.
+    pub jumps: Option<(&'a Independence, f64)>,
+}
+
+/// Proposals and acceptances of jumps, all walkers together.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub struct JumpCount {
+    /// Jumps proposed since the last freeze.
+    pub proposed: u64,
+    /// Jumps accepted since the last freeze.
+    pub accepted: u64,
+}
 
 /// An ensemble: walkers in two halves, each half proposing from the other in one batch.
 ///
@@ -16,6 +34,7 @@ pub struct Ensemble {
     halves: [Half; 2],
     shared: RandomStream,
     proposal: Proposal,
+    jumps: JumpCount,
     n_steps: u64,
 }
 
@@ -47,6 +66,8 @@ pub struct EnsembleState {
     pub accepted: Vec<u64>,
     /// Words read from each walker's random stream, then from the ensemble's own.
     pub stream_positions: Vec<u64>,
+    /// Jumps since the last freeze.
+    pub jumps: JumpCount,
     /// Steps done.
     pub n_steps: u64,
 }
@@ -71,14 +92,14 @@ impl Ensemble {
         let proposal =
             Proposal { positions: vec![0.0; dimension * h], log_density: vec![0.0; h], log_factors: vec![0.0; h] };
         let shared = RandomStream::new(seed, (1 << 63) | number as u64);
-        Self { dimension, halves: [half(0), half(h)], shared, proposal, n_steps: 0 }
+        Self { dimension, halves: [half(0), half(h)], shared, proposal, jumps: JumpCount::default(), n_steps: 0 }
     }
 
     /// Moves every walker once.
     ///
     /// # Errors
     /// [`Error::Numerical`] when a log density is NaN or +∞.
-    pub fn step(&mut self, density: &dyn LogDensity, kernel: &dyn Move) -> Result<()> {
+    pub fn step(&mut self, density: &dyn LogDensity, kernel: &Kernel) -> Result<()> {
         for moving in 0..2 {
             self.half_step(moving, density, kernel)?;
         }
@@ -86,13 +107,15 @@ impl Ensemble {
         Ok(())
     }
 
-    fn half_step(&mut self, moving: usize, density: &dyn LogDensity, kernel: &dyn Move) -> Result<()> {
+    fn half_step(&mut self, moving: usize, density: &dyn LogDensity, kernel: &Kernel) -> Result<()> {
         let dimension = self.dimension;
         let [first, second] = &mut self.halves;
         let (half, other) = if moving == 0 { (first, second) } else { (second, first) };
         let n = half.log_density.len();
         let proposal = &mut self.proposal;
-        kernel.propose(
+        let jump = kernel.jumps.filter(|(_, fraction)| self.shared.unit() < *fraction).map(|(jump, _)| jump);
+        let chosen: &dyn Move = jump.map_or(kernel.local, |jump| jump);
+        chosen.propose(
             Points { coordinates: &half.positions, n, dimension },
             Points { coordinates: &other.positions, n, dimension },
             &mut self.shared,
@@ -102,7 +125,11 @@ impl Ensemble {
         );
         density.log_density(&proposal.positions, &mut proposal.log_density);
         check(dimension, &proposal.positions, &proposal.log_density)?;
-        half.accept(proposal, dimension);
+        let n_accepted = half.accept(proposal, dimension);
+        if jump.is_some() {
+            self.jumps.proposed += n as u64;
+            self.jumps.accepted += n_accepted;
+        }
         Ok(())
     }
 
@@ -124,6 +151,7 @@ impl Ensemble {
     /// Starts counting accepted proposals again.
     pub fn forget_acceptance(&mut self) {
         self.halves.iter_mut().for_each(|half| half.accepted.fill(0));
+        self.jumps = JumpCount::default();
     }
 
     /// Appends all positions (layout of [`EnsembleState::positions`]) and log densities.
@@ -133,6 +161,11 @@ impl Ensemble {
             self.halves.iter().for_each(|half| positions.extend_from_slice(&half.positions[d * h..(d + 1) * h]));
         }
         self.halves.iter().for_each(|half| log_density.extend_from_slice(&half.log_density));
+    }
+
+    /// Jumps since the last freeze.
+    pub fn jumps(&self) -> JumpCount {
+        self.jumps
     }
 
     /// Position of a walker.
@@ -174,6 +207,7 @@ impl Ensemble {
             log_density,
             accepted: self.accepted().collect(),
             stream_positions: streams.map(RandomStream::position).collect(),
+            jumps: self.jumps,
             n_steps: self.n_steps,
         }
     }
@@ -189,21 +223,23 @@ impl Ensemble {
             }
         }
         ensemble.shared.seek(state.stream_positions[2 * h]);
-        ensemble.n_steps = state.n_steps;
+        (ensemble.jumps, ensemble.n_steps) = (state.jumps, state.n_steps);
         ensemble
     }
 }
 
 impl Half {
-    /// Metropolis decision for every walker: one word each, whatever the outcome.
-    fn accept(&mut self, proposal: &Proposal, dimension: usize) {
+    /// Metropolis decision for every walker: one word each, whatever the outcome. Returns how many moved.
+    fn accept(&mut self, proposal: &Proposal, dimension: usize) -> u64 {
         let n = self.log_density.len();
+        let mut n_accepted = 0;
         for i in 0..n {
             let log_ratio = proposal.log_density[i] - self.log_density[i] + proposal.log_factors[i];
             let threshold = self.streams[i].unit().ln();
             // A NaN ratio (a factor of 0·∞) compares false: the walker stays.
             let accept = threshold < log_ratio;
             self.accepted[i] += u64::from(accept);
+            n_accepted += u64::from(accept);
             if accept {
                 self.log_density[i] = proposal.log_density[i];
                 for d in 0..dimension {
@@ -211,6 +247,7 @@ impl Half {
                 }
             }
         }
+        n_accepted
     }
 }
 

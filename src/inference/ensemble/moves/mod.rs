@@ -4,11 +4,13 @@
 //! doi:10.1086/670067) stands in [`super::walkers`]; a move only fills in proposals and their correction factors.
 
 mod differential_evolution;
+mod independence;
 mod mixture;
 mod snooker;
 mod stretch;
 
 pub use differential_evolution::DifferentialEvolution;
+pub use independence::Independence;
 pub use mixture::Mixture;
 pub use snooker::Snooker;
 pub use stretch::Stretch;
