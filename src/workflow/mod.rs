@@ -3,7 +3,7 @@
 //pub mod fit;
 //pub mod heldout;
 pub mod mechanics;
-//pub mod model;
+pub mod problem;
 pub mod replica;
 //pub mod sample;
 //pub mod simulate;
