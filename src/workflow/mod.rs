@@ -1,13 +1,13 @@
 //! The jobs that the commands run, each from a checked experiment to results that can be written.
 
-//pub mod fit;
-//pub mod heldout;
+
+pub mod advice;
+pub mod heldout;
 pub mod mechanics;
 pub mod problem;
 pub mod replica;
-//pub mod sample;
-//pub mod simulate;
-//pub mod summary;
+pub mod sample;
+pub mod summary;
 
 use std::sync::atomic::AtomicBool;
 

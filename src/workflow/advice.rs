@@ -1,0 +1,107 @@
+//! What a posterior's figures mean, in words, with advice.
+
+use super::summary::{PosteriorSummary, Warning, WarningKind};
+
+/// Misfit or learnt noise above this multiple of the known noise is not the noise (contracts §4).
+const NOISE_FACTOR: f64 = 1.5;
+/// A joint probability below this lies outside the 99.9 % band.
+const OUTSIDE_BAND: f64 = 0.001;
+/// Largest tolerated error of the reduced model, in units of the noise.
+const SURROGATE_SHARE: f64 = 0.1;
+/// Largest tolerated discretisation error, in units of the noise.
+const MESH_SHARE: f64 = 0.25;
+/// Above this, importance weights cannot be trusted.
+const PARETO_LIMIT: f64 = 0.7;
+/// Strain up to which the gel is known to be linear (`literature`: below 1 %).
+const LINEAR_STRAIN: f64 = 0.01;
+
+/// What advice is drawn from.
+pub struct Findings<'a> {
+    /// The summary without its warnings.
+    pub summary: &'a PosteriorSummary,
+    /// What the sampler said of itself.
+    pub sampler_messages: &'a [String],
+}
+
+/// All warnings that apply, gravest first.
+pub fn warnings(findings: &Findings) -> Vec<Warning> {
+    let mut list = Vec::new();
+    let mut add = |kind, text: String, advice: &str| list.push(Warning { kind, text, advice: advice.into() });
+    let summary = findings.summary;
+    let heldout = &summary.heldout;
+    let messages = findings.sampler_messages.join("; ");
+    if !summary.converged {
+        let text = format!("the draws have not converged: {messages}");
+        add(WarningKind::NotConverged, text, "give more steps (--steps), or a more informative prior (--prior)");
+    } else if !messages.is_empty() {
+        add(WarningKind::Sampler, messages, "look at the trace plot before relying on the tails");
+    }
+    if let Some(noise) = heldout.noise_um {
+        misfit(summary, noise, &mut add);
+        surrogate(summary, noise, &mut add);
+    }
+    if let Some(p) = heldout.joint_p.filter(|p| *p < OUTSIDE_BAND) {
+        let text = format!(
+            "the held-out cycles lie outside the 99.9 % joint predictive band (probability {p:.1e}): the fitted model does not predict them"
+        );
+        add(WarningKind::HeldoutOutsideBand, text, "look at the predictive figure for where it fails; the model lacks something that these cycles show");
+    }
+    if heldout.rmse_um.is_none() {
+        let text = "no cycle is held out, so nothing is known about how the model predicts".to_string();
+        add(WarningKind::NothingHeldOut, text, "name calibration and held-out cycles in [measurement]");
+    }
+    match summary.largest_strain {
+        Some(strain) if strain > LINEAR_STRAIN => {
+            let text = format!(
+                "the largest strain is {strain:.2}; the gel is known to be linear below {LINEAR_STRAIN}, so the linear model is used beyond its proven range"
+            );
+            add(WarningKind::LargeStrain, text, "read E, c₁ and c₂ as effective values at this amplitude, or repeat with a smaller force");
+        }
+        None => {
+            let text = "the apparatus is an instrument with a given compliance: finite elements, strain and discretisation error are left out".to_string();
+            add(WarningKind::NoFiniteElements, text, "absolute moduli are as good as `compliance_per_m`");
+        }
+        _ => {}
+    }
+    list
+}
+
+fn misfit(summary: &PosteriorSummary, noise: f64, add: &mut impl FnMut(WarningKind, String, &str)) {
+    let heldout = &summary.heldout;
+    let limit = NOISE_FACTOR * noise;
+    let misses = [("fitted", Some(heldout.rmse_fitted_um)), ("held-out", heldout.rmse_um)];
+    let misses: Vec<String> = misses
+        .iter()
+        .filter_map(|(which, rmse)| rmse.filter(|rmse| *rmse > limit).map(|rmse| (which, rmse)))
+        .map(|(which, rmse)| format!("the {which} cycles by {rmse:.3} µm ({:.1} × the noise of {noise:.3} µm)", rmse / noise))
+        .collect();
+    if !misses.is_empty() {
+        let text = format!("the model misses {}", misses.join(" and "));
+        add(WarningKind::MisfitAboveNoise, text, "the base model is not enough for this measurement; do not read its parameters as material properties");
+    }
+    let learnt = summary.error_budget_um.noise;
+    if learnt > limit {
+        let text = format!(
+            "the learnt noise, {learnt:.3} µm, is {:.1} × the {} noise of {noise:.3} µm: it has swallowed a misfit",
+            learnt / noise,
+            heldout.noise_origin
+        );
+        add(WarningKind::LearntNoiseAboveKnown, text, "the posterior's widths describe the misfit, not the measurement's precision");
+    }
+}
+
+fn surrogate(summary: &PosteriorSummary, noise: f64, add: &mut impl FnMut(WarningKind, String, &str)) {
+    let heldout = &summary.heldout;
+    let distance = heldout.surrogate_vs_fe_max_um.unwrap_or(0.0);
+    let k = heldout.pareto_k.unwrap_or(0.0);
+    if distance > SURROGATE_SHARE * noise || k > PARETO_LIMIT {
+        let text = format!(
+            "the reduced model differs from full finite elements by up to {distance:.3} µm (noise {noise:.3} µm, Pareto k {k:.2})"
+        );
+        add(WarningKind::SurrogateInaccurate, text, "delete the kept surrogate and narrow the prior");
+    }
+    if let Some(error) = summary.error_budget_um.fe_discretisation.filter(|e| *e > MESH_SHARE * noise) {
+        let text = format!("two meshes differ by {error:.3} µm against a noise of {noise:.3} µm");
+        add(WarningKind::MeshTooCoarse, text, "bring a finer mesh (--mesh)");
+    }
+}

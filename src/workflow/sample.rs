@@ -1,0 +1,292 @@
+//! The main job: surrogate, posterior by the ensemble sampler, full finite-element check, summary.
+
+use std::path::Path;
+use std::time::Instant;
+
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+
+use super::Monitor;
+use super::advice::{Findings, warnings};
+use super::heldout::{self, FullCheck, N_CHECK_DRAWS, NaturalDraw, Score};
+use super::problem::{KeptSurrogate, Problem, Reduced};
+use super::summary::*;
+use crate::error::Result;
+use crate::experiment::{NoiseOrigin, NoiseYardstick};
+use crate::inference::checkpoint;
+use crate::inference::diagnostics::{DrawColumn, diagnose};
+use crate::inference::ensemble::{Checkpointing, Progress, RunControl, SampleOutcome};
+use crate::inference::likelihood::ReducedPosterior;
+use crate::inference::{SamplerOptions, sample as sample_density};
+
+/// Starts of the search for modes, drawn from the prior.
+const N_STARTS: usize = 16;
+/// Stream of the starts, apart from the sampler's.
+const START_STREAM: u64 = u64::MAX / 2;
+/// Time between checkpoints.
+const CHECKPOINT_INTERVAL: std::time::Duration = std::time::Duration::from_secs(10);
+
+/// What a caller decides.
+#[derive(Clone)]
+pub struct SampleRequest<'a> {
+    /// The sampler's settings.
+    pub options: SamplerOptions,
+    /// A surrogate from an earlier run, used if it was built from the same input.
+    pub kept_surrogate: Option<KeptSurrogate>,
+    /// File in which the sampler keeps its state, if it should.
+    pub checkpoint: Option<&'a Path>,
+    /// Go on from that file if it is there.
+    pub resume: bool,
+}
+
+/// What the job led to.
+pub struct SampleResult {
+    /// The document for people and scripts.
+    pub summary: PosteriorSummary,
+    /// The reduced model.
+    pub reduced: Reduced,
+    /// Draws and the sampler's account of itself.
+    pub outcome: SampleOutcome,
+    /// One column a sampled parameter, in its own unit.
+    pub columns: Vec<DrawColumn>,
+    /// Predictive quantiles (m) of every row.
+    pub bands_m: Vec<[f64; 5]>,
+    /// The noise that misfits are measured against.
+    pub yardstick: Option<NoiseYardstick>,
+    /// Wall-clock seconds of each stage.
+    pub timing_s: Vec<(&'static str, f64)>,
+}
+
+/// Runs the job.
+///
+/// # Errors
+/// [`crate::Error::Interrupted`] when stopped, with the state kept; otherwise whatever its parts refuse.
+pub fn run(problem: &Problem, request: &SampleRequest, monitor: &dyn Monitor) -> Result<SampleResult> {
+    let mut timing_s = Vec::new();
+    let mut clock = Instant::now();
+    let mut lap = |stage: &'static str| {
+        timing_s.push((stage, clock.elapsed().as_secs_f64()));
+        clock = Instant::now();
+    };
+    let reduced = Reduced::new(problem, request.kept_surrogate.clone(), monitor)?;
+    lap("surrogate");
+    let posterior = problem.posterior(&reduced);
+    let outcome = sample(problem, &posterior, request, monitor)?;
+    lap("sampling");
+    monitor.stage("checking by full finite elements");
+    let columns = natural_columns(problem, &outcome);
+    let draws = check_draws(&posterior, &outcome);
+    let check = heldout::check(problem, &reduced, &draws)?;
+    lap("full finite elements");
+    let bands_m = heldout::bands_m(&check);
+    let heldout_m = problem.positions_of(&problem.experiment.heldout_cycles);
+    let score = heldout::score(&check, &bands_m, &heldout_m, request.options.seed);
+    lap("held-out score");
+    let yardstick = problem.experiment.noise_yardstick();
+    let summary = summarise(problem, request, &reduced, &outcome, &columns, &draws, &check, score, yardstick);
+    lap("summary");
+    Ok(SampleResult { summary, reduced, outcome, columns, bands_m, yardstick, timing_s })
+}
+
+fn sample(
+    problem: &Problem,
+    posterior: &ReducedPosterior,
+    request: &SampleRequest,
+    monitor: &dyn Monitor,
+) -> Result<SampleOutcome> {
+    monitor.stage("sampling the posterior");
+    let mut rng = ChaCha8Rng::seed_from_u64(request.options.seed);
+    rng.set_stream(START_STREAM);
+    let starts: Vec<Vec<f64>> =
+        (0..N_STARTS).map(|_| problem.priors.to_unconstrained(&problem.priors.draw(&mut rng))).collect();
+    let resumed = match request.checkpoint {
+        Some(path) if request.resume => checkpoint::read(path)?,
+        _ => None,
+    };
+    let progress = |progress: &Progress| monitor.sampling(progress);
+    let sink = |bytes: &[u8]| match request.checkpoint {
+        Some(path) => checkpoint::write(path, bytes),
+        None => Ok(()),
+    };
+    let control = RunControl {
+        stop: monitor.stop(),
+        progress: Some(&progress),
+        checkpoint: request.checkpoint.map(|_| Checkpointing { sink: &sink, interval: CHECKPOINT_INTERVAL }),
+        resume: resumed.as_deref(),
+        fingerprint: fingerprint(problem),
+    };
+    sample_density(posterior, &starts, &request.options, &control)
+}
+
+/// What the log-density is built from, in words; the sampler hashes it.
+fn fingerprint(problem: &Problem) -> String {
+    let Problem { experiment, specification, priors, .. } = problem;
+    format!("{experiment:?} {specification:?} {priors:?}")
+}
+
+/// Draws in the parameters' own units.
+fn natural_columns(problem: &Problem, outcome: &SampleOutcome) -> Vec<DrawColumn> {
+    let column = |(d, prior): (usize, &crate::inference::prior::Prior)| {
+        let mut column = outcome.draws.column(d);
+        column.values.iter_mut().for_each(|z| *z = prior.distribution.from_unconstrained(*z));
+        column
+    };
+    problem.priors.priors().iter().enumerate().map(column).collect()
+}
+
+/// Draws spread over all ensembles, steps and walkers by the golden ratio, which no stride of theirs divides.
+fn check_draws(posterior: &ReducedPosterior, outcome: &SampleOutcome) -> Vec<NaturalDraw> {
+    let draws = &outcome.draws;
+    let golden = 0.5 * (5.0_f64.sqrt() - 1.0);
+    let pick = |k: usize| {
+        let index = (((k as f64 + 0.5) * golden).fract() * draws.len() as f64) as usize;
+        let (step, walker) = (index / draws.n_walkers, index % draws.n_walkers);
+        let (ensemble, step) = (step / draws.n_steps, step % draws.n_steps);
+        let point: Vec<f64> = (0..draws.dimension).map(|d| draws.value(ensemble, step, walker, d)).collect();
+        posterior.natural(&point)
+    };
+    (0..N_CHECK_DRAWS).map(pick).collect()
+}
+
+#[expect(clippy::too_many_arguments, reason = "joins everything that the job has found into one document")]
+fn summarise(
+    problem: &Problem,
+    request: &SampleRequest,
+    reduced: &Reduced,
+    outcome: &SampleOutcome,
+    columns: &[DrawColumn],
+    draws: &[NaturalDraw],
+    check: &FullCheck,
+    score: Option<Score>,
+    yardstick: Option<NoiseYardstick>,
+) -> PosteriorSummary {
+    let parameters = parameter_summaries(problem, reduced, columns, draws, check);
+    let mean_m = heldout::mean_trajectory(&check.trajectories_m, None);
+    let fitted = problem.positions_of(&problem.experiment.calibration_cycles);
+    let noise_um = |row: &ParameterSummary| row.name == crate::inference::likelihood::NOISE_PARAMETER;
+    let fixed_noise = problem.specification.fixed.get(crate::inference::likelihood::NOISE_PARAMETER).copied();
+    let learnt_noise_um = parameters.iter().find(|row| noise_um(row)).map(|row| row.median).or(fixed_noise);
+    let surrogate = reduced.surrogate.as_ref();
+    let heldout = HeldoutSummary {
+        cycles: problem.experiment.heldout_cycles.clone(),
+        fe_runs: check.fe_runs,
+        rmse_um: score.as_ref().map(|s| 1e6 * s.rmse_m),
+        rmse_fitted_um: 1e6 * rmse_m(&mean_m, &fitted),
+        noise_um: yardstick.map(|y| 1e6 * y.sd_m),
+        noise_origin: yardstick.map_or("unknown".into(), |y| origin(y.origin).into()),
+        coverage_50: score.as_ref().map(|s| s.coverage[0]),
+        coverage_90: score.as_ref().map(|s| s.coverage[1]),
+        coverage_50_expected: score.as_ref().map(|s| s.coverage_expected[0]),
+        coverage_90_expected: score.as_ref().map(|s| s.coverage_expected[1]),
+        joint_p: score.as_ref().map(|s| s.joint_p),
+        crps_um: score.as_ref().map(|s| 1e6 * s.crps_m),
+        surrogate_vs_fe_max_um: check.surrogate_vs_full_max_m.map(|x| 1e6 * x),
+        pareto_k: check.pareto_k,
+    };
+    let budget = ErrorBudget {
+        noise: learnt_noise_um.unwrap_or(f64::NAN),
+        fe_discretisation: check.discretisation_m.map(|x| 1e6 * x),
+        surrogate: heldout.surrogate_vs_fe_max_um,
+        monte_carlo: 1e6 * monte_carlo_m(&check.trajectories_m, &mean_m),
+    };
+    let mut summary = PosteriorSummary {
+        experiment: problem.experiment.specimen_id.clone(),
+        model: ModelSummary {
+            base: problem.specification.base.clone(),
+            effects: problem.specification.effects.clone(),
+            noise: problem.specification.noise.clone(),
+        },
+        parameters,
+        sampler: SamplerSummary {
+            walkers: request.options.n_walkers,
+            ensembles: request.options.n_ensembles,
+            steps: outcome.n_steps,
+            acceptance: outcome.acceptance,
+            autocorrelation_time: outcome.autocorrelation_time,
+            likelihood_evaluations: outcome.likelihood_evaluations,
+            walkers_reseeded: outcome.walkers_reseeded,
+        },
+        surrogate: SurrogateSummary {
+            modes: surrogate.map(|s| s.n_modes()),
+            max_relative_error: surrogate.map(|s| s.max_relative_error),
+            fe_unknowns: surrogate.map(|s| s.fe_unknowns),
+            snapshot_runs: surrogate.map(|s| s.snapshot_runs),
+            singular_values: surrogate.map_or(Vec::new(), |s| above_rounding(&s.singular_values)),
+            max_projection_error: surrogate.map(|s| s.max_projection_error),
+        },
+        heldout,
+        error_budget_um: budget,
+        largest_strain: check.largest_strain,
+        converged: outcome.converged,
+        warnings: Vec::new(),
+    };
+    summary.warnings = warnings(&Findings { summary: &summary, sampler_messages: &outcome.messages });
+    summary
+}
+
+fn origin(origin: NoiseOrigin) -> &'static str {
+    match origin {
+        NoiseOrigin::Known => "known",
+        NoiseOrigin::Rest { .. } => "estimated from rests",
+        NoiseOrigin::ShortLag { .. } => "estimated from short lags",
+    }
+}
+
+/// The values down to the first that is rounding, that one included.
+fn above_rounding(singular_values: &[f64]) -> Vec<f64> {
+    let kept = singular_values.iter().take_while(|s| **s > 1e-14).count();
+    singular_values[..(kept + 1).min(singular_values.len())].to_vec()
+}
+
+fn parameter_summaries(
+    problem: &Problem,
+    reduced: &Reduced,
+    columns: &[DrawColumn],
+    draws: &[NaturalDraw],
+    check: &FullCheck,
+) -> Vec<ParameterSummary> {
+    let names: Vec<&str> =
+        problem.law.parameters().iter().map(|p| p.name).chain([crate::inference::likelihood::NOISE_PARAMETER]).collect();
+    let n_law = names.len() - 1;
+    let relative_mesh_error =
+        problem.finite_elements().and_then(|fe| fe.coarse_compliance_per_m).map(|coarse| coarse / reduced.compliance_per_m - 1.0);
+    let summary = |(prior, column): (&crate::inference::prior::Prior, &DrawColumn)| {
+        let d = diagnose(column);
+        let place = names.iter().position(|name| *name == prior.name).unwrap_or(n_law);
+        // Importance-weighted minus plain mean over the checked draws.
+        let surrogate_bias_sd = check.weights.as_ref().map(|weights| {
+            let equal = 1.0 / draws.len() as f64;
+            weights.iter().zip(draws).map(|(w, draw)| (w - equal) * draw[place]).sum::<f64>() / d.sd
+        });
+        // Compliance enters as compliance/E, compliance/c₁, compliance/c₂: its relative error is theirs. The noise has none.
+        let discretisation_bias_sd = relative_mesh_error.map(|e| if place < n_law { e * d.mean / d.sd } else { 0.0 });
+        ParameterSummary {
+            name: prior.name.clone(),
+            mean: d.mean,
+            sd: d.sd,
+            q05: d.q05,
+            median: d.median,
+            q95: d.q95,
+            ess_bulk: d.ess_bulk,
+            ess_tail: d.ess_tail,
+            rhat: d.rhat,
+            mcse_mean: d.mcse_mean,
+            surrogate_bias_sd,
+            discretisation_bias_sd,
+        }
+    };
+    problem.priors.priors().iter().zip(columns).map(summary).collect()
+}
+
+/// Root mean square distance from the positions that are there.
+pub fn rmse_m(model_m: &[f64], observed_m: &[Option<f64>]) -> f64 {
+    let squares: Vec<f64> = model_m.iter().zip(observed_m).filter_map(|(x, y)| y.map(|y| (y - x).powi(2))).collect();
+    (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
+}
+
+/// Root mean square over rows of the standard error of the mean trajectory.
+fn monte_carlo_m(trajectories_m: &[Vec<f64>], mean_m: &[f64]) -> f64 {
+    let n = trajectories_m.len() as f64;
+    let squares: f64 = trajectories_m.iter().flat_map(|t| t.iter().zip(mean_m)).map(|(x, m)| (x - m).powi(2)).sum();
+    (squares / (n * (n - 1.0)) / mean_m.len() as f64).sqrt()
+}
