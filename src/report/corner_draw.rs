@@ -365,8 +365,14 @@ pub(super) fn legend(svg: &mut Svg, layout: &Layout, content: &Content) {
     let shade = if posteriors.len() == 1 { "quantiles (darker on the diagonal)" } else { "quantiles" };
     let notes = ["Titles: median, distances to the 16 % and 84 %", shade];
     let last = layout.frame(0, layout.n - 1);
-    // The room right of the first panel; a lone panel has its legend outside.
-    let beside = layout.frame(0, 0).right() + 26.0;
+    let needed = legend::column_height_px(&entries, LEGEND_SIZE_PX) + 18.0 + notes.len() as f64 * 15.0;
+    let titles = 1.6 * layout.title_size_px * posteriors.len() as f64 + 8.0;
+    // The first k rows are empty right of their panels, down to the titles of column k: few rows are wide, many are high.
+    let high_enough = |k: &usize| *k as f64 * (layout.panel_px + GAP_PX) - titles >= needed;
+    let most_rows = layout.n.saturating_sub(1).max(1);
+    let rows = (1..most_rows).find(high_enough).unwrap_or(most_rows);
+    let beside = layout.frame(0, rows - 1).right() + 26.0;
+    // A lone panel has its legend outside.
     let room = if layout.n == 1 { 270.0 } else { last.right() - beside };
     let texts = entries.iter().map(|entry| (entry.text.as_str(), LEGEND_SIZE_PX, legend::MARK_ADVANCE_PX));
     let widths = texts
