@@ -17,7 +17,7 @@ use crate::{Error, Result};
 pub const FEWEST_DRAWS_FOR_CONTOURS: usize = 50;
 const MOST_PARAMETERS: usize = 12;
 /// Draws farther from the central 99.8 % than this fraction of it do not lengthen an axis.
-const OUTLIER_DISTANCE: f64 = 0.25;
+const OUTLIER_DISTANCE: f64 = 0.12;
 /// A reference value may lengthen an axis to at most so many times the posterior's range; one farther out is named instead.
 const REFERENCE_REACH: f64 = 2.0;
 
