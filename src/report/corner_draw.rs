@@ -237,7 +237,7 @@ fn pair_panel(svg: &mut Svg, axes: &Axes, content: &Content, row: &Slot, column:
 /// otherwise pick the same few walkers each time.
 fn thinned(draws: &[f64]) -> Vec<f64> {
     let mut every = draws.len().div_ceil(MOST_DRAWS).max(1);
-    while every > 1 && [2, 3, 5, 7].iter().any(|prime| every % prime == 0) {
+    while every > 1 && [2_usize, 3, 5, 7].iter().any(|prime| every.is_multiple_of(*prime)) {
         every += 1;
     }
     draws.iter().step_by(every).copied().collect()

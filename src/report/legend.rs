@@ -67,7 +67,7 @@ pub fn column(svg: &mut Svg, entries: &[Entry], at: Point, size_px: f64, width_p
     column_height_px(entries, size_px)
 }
 
-/// Height that [`column`] will use.
+/// Height that [`column()`] will use.
 pub fn column_height_px(entries: &[Entry], size_px: f64) -> f64 {
     entries.len() as f64 * LINE_HEIGHT_PX * size_px
 }
