@@ -56,7 +56,7 @@ struct Protocol {
 fn write_predictive(dir: &Path, stem: &str, protocol: &Protocol, title: &str, rng: &mut ChaCha8Rng) -> Result<()> {
     let n = (2.0 * protocol.n_cycles as f64 * protocol.half_cycle_s / protocol.interval_s) as usize;
     let time_s: Vec<f64> = (0..n).map(|i| i as f64 * protocol.interval_s).collect();
-    let sign = |t: f64| if (t / protocol.half_cycle_s) as usize % 2 == 0 { 1.0 } else { -1.0 };
+    let sign = |t: f64| if ((t / protocol.half_cycle_s) as usize).is_multiple_of(2) { 1.0 } else { -1.0 };
     let (mut elastic, mut viscous) = (0.0, 0.0);
     let amplitude = if protocol.noise_um > 1.0 { 700.0 } else { 1.0 };
     let (mut median_um, mut position_um) = (Vec::new(), Vec::new());

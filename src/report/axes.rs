@@ -126,16 +126,20 @@ impl Axes {
         svg.dots(&dots, colour, diameter_px, opacity);
     }
 
-    /// Vertical line across the frame.
+    /// Vertical line across the frame; nothing where the value lies beyond it.
     pub fn vertical(&self, svg: &mut Svg, x: f64, stroke: Stroke) {
-        let x = self.x_px(x);
-        svg.line((x, self.frame.y), (x, self.frame.bottom()), stroke);
+        if (0.0..=1.0).contains(&self.x.fraction(x)) {
+            let x = self.x_px(x);
+            svg.line((x, self.frame.y), (x, self.frame.bottom()), stroke);
+        }
     }
 
-    /// Horizontal line across the frame.
+    /// Horizontal line across the frame; nothing where the value lies beyond it.
     pub fn horizontal(&self, svg: &mut Svg, y: f64, stroke: Stroke) {
-        let y = self.y_px(y);
-        svg.line((self.frame.x, y), (self.frame.right(), y), stroke);
+        if (0.0..=1.0).contains(&self.y.fraction(y)) {
+            let y = self.y_px(y);
+            svg.line((self.frame.x, y), (self.frame.right(), y), stroke);
+        }
     }
 
     /// The frame's outline.

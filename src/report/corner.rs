@@ -4,7 +4,7 @@
 //! takes the density at the draws themselves.
 
 use super::axes::title;
-use super::corner_draw::{self, Layout, PanelKind};
+use super::corner_draw::{self, Layout};
 use super::density::{self, Support, quantile_of_sorted};
 use super::labels::axis_label;
 use super::palette::Colour;
@@ -17,12 +17,12 @@ use crate::{Error, Result};
 pub const FEWEST_DRAWS_FOR_CONTOURS: usize = 50;
 const MOST_PARAMETERS: usize = 12;
 /// Draws farther from the central 99.8 % than this fraction of it do not lengthen an axis.
-const OUTLIER_DISTANCE: f64 = 0.25;
+const OUTLIER_DISTANCE: f64 = 0.12;
 /// A reference value may lengthen an axis to at most so many times the posterior's range; one farther out is named instead.
 const REFERENCE_REACH: f64 = 2.0;
 
 /// A prior density on a grid.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PriorCurve<'a> {
     /// Parameter values, ascending.
     pub x: &'a [f64],
@@ -89,6 +89,15 @@ pub(super) struct Slot<'a> {
     pub(super) columns: Vec<Option<usize>>,
 }
 
+/// What the panels are drawn from.
+pub(super) struct Content<'a> {
+    pub(super) slots: Vec<Slot<'a>>,
+    pub(super) posteriors: &'a [Posterior<'a>],
+    /// Ascending draws of each posterior's parameters.
+    pub(super) ascending: Vec<Vec<Vec<f64>>>,
+    pub(super) options: &'a CornerOptions<'a>,
+}
+
 /// Draws the corner plot.
 ///
 /// # Errors
@@ -96,24 +105,25 @@ pub(super) struct Slot<'a> {
 /// outside (0, 1).
 pub fn corner(posteriors: &[Posterior], options: &CornerOptions) -> Result<Svg> {
     check(posteriors, options)?;
-    let slots = slots(posteriors);
-    if slots.is_empty() || slots.len() > MOST_PARAMETERS {
-        let found = format!("a corner plot of {} parameters", slots.len());
-        return Err(refuse(found, "choose between one and twelve parameters"));
-    }
     let ascending: Vec<Vec<Vec<f64>>> =
         posteriors.iter().map(|p| p.parameters.iter().map(|c| density::sorted(c.draws)).collect()).collect();
-    let layout = Layout::new(&slots, options, posteriors);
-    let names: Vec<&str> = slots.iter().map(|slot| slot.symbol).collect();
+    let slots = slots(posteriors, &ascending);
+    let n = slots.len();
+    if n == 0 || n > MOST_PARAMETERS {
+        let found = format!("a corner plot of {n} parameters");
+        return Err(refuse(found, "choose between one and twelve parameters"));
+    }
+    let content = Content { slots, posteriors, ascending, options };
+    let layout = Layout::new(&content);
+    let names: Vec<&str> = content.slots.iter().map(|slot| slot.symbol).collect();
     let mut svg = Svg::new(layout.width_px, layout.height_px, &format!("Corner plot of {}", names.join(", ")));
     title(&mut svg, options.title, (layout.origin.0, 24.0), layout.width_px - layout.origin.0 - 16.0);
-    for row in 0..slots.len() {
+    for row in 0..n {
         for column in 0..=row {
-            let kind = if row == column { PanelKind::Marginal } else { PanelKind::Pair };
-            corner_draw::panel(&mut svg, &layout, (row, column), kind, &slots, posteriors, &ascending, options);
+            corner_draw::panel(&mut svg, &layout, &content, row, column);
         }
     }
-    corner_draw::legend(&mut svg, &layout, posteriors, &slots, options);
+    corner_draw::legend(&mut svg, &layout, &content);
     Ok(svg)
 }
 
@@ -144,37 +154,38 @@ fn check(posteriors: &[Posterior], options: &CornerOptions) -> Result<()> {
 }
 
 /// All parameters in order of their first appearance, each with one scale for all posteriors.
-fn slots<'a>(posteriors: &[Posterior<'a>]) -> Vec<Slot<'a>> {
-    let mut slots: Vec<(&str, Slot)> = Vec::new();
-    for posterior in posteriors {
-        for column in &posterior.parameters {
-            if slots.iter().any(|(name, _)| *name == column.name) {
-                continue;
-            }
-            let columns: Vec<Option<usize>> =
-                posteriors.iter().map(|p| p.parameters.iter().position(|c| c.name == column.name)).collect();
-            let of_slot = posteriors.iter().zip(&columns).filter_map(|(p, c)| c.map(|c| &p.parameters[c]));
-            let reference = of_slot.clone().find_map(|c| c.reference).filter(|value| value.is_finite());
-            let scale = common_scale(of_slot, reference);
-            let label = axis_label(column.symbol, column.unit);
-            let slot = Slot { label, symbol: column.symbol, unit: column.unit, scale, reference, columns };
-            slots.push((column.name, slot));
+fn slots<'a>(posteriors: &'a [Posterior<'a>], ascending: &[Vec<Vec<f64>>]) -> Vec<Slot<'a>> {
+    let mut names: Vec<&str> = Vec::new();
+    let mut slots = Vec::new();
+    for first in posteriors.iter().flat_map(|posterior| &posterior.parameters) {
+        if names.contains(&first.name) {
+            continue;
         }
+        names.push(first.name);
+        let columns: Vec<Option<usize>> =
+            posteriors.iter().map(|p| p.parameters.iter().position(|c| c.name == first.name)).collect();
+        let of_slot: Vec<(&ParameterColumn, &[f64])> = (0..posteriors.len())
+            .filter_map(|i| columns[i].map(|c| (&posteriors[i].parameters[c], ascending[i][c].as_slice())))
+            .collect();
+        let reference = of_slot.iter().find_map(|(column, _)| column.reference).filter(|value| value.is_finite());
+        let label = axis_label(first.symbol, first.unit);
+        let scale = common_scale(&of_slot, reference);
+        slots.push(Slot { label, symbol: first.symbol, unit: first.unit, scale, reference, columns });
     }
-    slots.into_iter().map(|(_, slot)| slot).collect()
+    slots
 }
 
 /// All draws of every posterior but outliers, with a margin, and the reference where that does not crush them.
-fn common_scale<'a, 'b: 'a>(columns: impl Iterator<Item = &'a ParameterColumn<'b>>, reference: Option<f64>) -> Scale {
+fn common_scale(columns: &[(&ParameterColumn, &[f64])], reference: Option<f64>) -> Scale {
     let (mut lower, mut upper) = (f64::INFINITY, f64::NEG_INFINITY);
-    let mut limits = Support::default();
-    for column in columns {
-        let ascending = density::sorted(column.draws);
-        let quantile = |p| quantile_of_sorted(&ascending, p);
+    let mut limits = Support { lower: f64::INFINITY, upper: f64::NEG_INFINITY };
+    for (column, ascending) in columns {
+        let quantile = |p| quantile_of_sorted(ascending, p);
         let slack = OUTLIER_DISTANCE * (quantile(0.999) - quantile(0.001));
         lower = lower.min(quantile(0.0).max(quantile(0.001) - slack));
         upper = upper.max(quantile(1.0).min(quantile(0.999) + slack));
-        limits = column.support;
+        limits.lower = limits.lower.min(column.support.lower);
+        limits.upper = limits.upper.max(column.support.upper);
     }
     let margin = 0.04 * (upper - lower);
     // A margin beyond a hard limit would show values that cannot be; a sliver keeps the line at the limit visible.
@@ -221,10 +232,11 @@ mod tests {
         let first = Posterior { label: "m0", colour: series(0), parameters: vec![column("E", &a), column("c₁", &b)] };
         let second =
             Posterior { label: "m1", colour: series(1), parameters: vec![column("c₁", &a), column("x", &c)] };
-        let slots = slots(&[first.clone(), second.clone()]);
+        let posteriors = [first, second];
+        let slots = slots(&posteriors, &[vec![a.clone(), b.clone()], vec![a.clone(), c.clone()]]);
         let matched: Vec<_> = slots.iter().map(|slot| (slot.symbol, slot.columns.clone())).collect();
         assert_eq!(matched, [("E", vec![Some(0), None]), ("c₁", vec![Some(1), Some(0)]), ("x", vec![None, Some(1)])]);
-        let svg = corner(&[first, second], &CornerOptions::default()).unwrap();
+        let svg = corner(&posteriors, &CornerOptions::default()).unwrap();
         assert!(svg.document().contains(">m1<"));
     }
 

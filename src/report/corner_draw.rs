@@ -2,7 +2,7 @@
 
 use super::axes::{Axes, AxisStyle, widest_y_number_px};
 use super::contour::simplify;
-use super::corner::{CornerOptions, FEWEST_DRAWS_FOR_CONTOURS, ParameterColumn, Posterior, Slot};
+use super::corner::{Content, CornerOptions, FEWEST_DRAWS_FOR_CONTOURS, ParameterColumn, Posterior, PriorCurve, Slot};
 use super::density::{self, Joint, quantile_of_sorted};
 use super::font::{shorten, text_width_px};
 use super::legend::{self, Entry, Mark};
@@ -12,6 +12,8 @@ use super::svg::{Anchor, Fill, Path, Point, Rect, Stroke, Style, Svg, TextStyle}
 use super::ticks::Scale;
 
 const GAP_PX: f64 = 14.0;
+/// Draws from which contours are estimated; more change nothing that is seen.
+const MOST_DRAWS: usize = 100_000;
 /// Dots drawn outside the outermost contour; every k-th draw where there are more.
 const MOST_DOTS: usize = 1_500;
 /// A polyline may leave the contour by so much.
@@ -19,13 +21,6 @@ const CONTOUR_TOLERANCE_PX: f64 = 0.06;
 const LEGEND_SIZE_PX: f64 = 13.0;
 const NOTE_SIZE_PX: f64 = 11.5;
 const SMALLEST_TITLE_PX: f64 = 8.5;
-
-/// Marginal on the diagonal or pair below it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum PanelKind {
-    Marginal,
-    Pair,
-}
 
 /// Where panels stand and how large text is.
 #[derive(Debug)]
@@ -42,7 +37,8 @@ pub(super) struct Layout {
 }
 
 impl Layout {
-    pub(super) fn new(slots: &[Slot], options: &CornerOptions, posteriors: &[Posterior]) -> Self {
+    pub(super) fn new(content: &Content) -> Self {
+        let Content { slots, posteriors, options, .. } = content;
         let n = slots.len();
         let panel_px = match n {
             1 => 380.0,
@@ -83,41 +79,25 @@ impl Layout {
 }
 
 /// Draws the panel of a row and a column.
-#[expect(clippy::too_many_arguments, reason = "one call site; a struct of references would only rename them")]
-pub(super) fn panel(
-    svg: &mut Svg,
-    layout: &Layout,
-    (row, column): (usize, usize),
-    kind: PanelKind,
-    slots: &[Slot],
-    posteriors: &[Posterior],
-    ascending: &[Vec<Vec<f64>>],
-    options: &CornerOptions,
-) {
-    let (frame, x) = (layout.frame(row, column), slots[column].scale);
-    let axes = match kind {
-        PanelKind::Marginal => marginal_panel(svg, layout, frame, &slots[row], posteriors, ascending),
-        PanelKind::Pair => {
-            let axes = Axes { frame, x, y: slots[row].scale };
-            svg.clipped(frame, |svg| pair_panel(svg, &axes, (&slots[row], &slots[column]), posteriors, options));
-            axes
-        }
+pub(super) fn panel(svg: &mut Svg, layout: &Layout, content: &Content, row: usize, column: usize) {
+    let (frame, slots) = (layout.frame(row, column), &content.slots);
+    let axes = if row == column {
+        marginal_panel(svg, layout, content, row)
+    } else {
+        let axes = Axes { frame, x: slots[column].scale, y: slots[row].scale };
+        svg.clipped(frame, |svg| pair_panel(svg, &axes, content, &slots[row], &slots[column]));
+        axes
     };
-    let last_row = row + 1 == layout.n;
-    let x_style = AxisStyle::new(last_row.then_some(slots[column].label.as_str()), layout.most_ticks, 40.0);
-    axes.x_axis(svg, x_style);
-    if kind == PanelKind::Pair {
-        let y_style = AxisStyle::new(
-            (column == 0).then_some(slots[row].label.as_str()),
-            layout.most_ticks,
-            layout.y_label_distance_px,
-        );
-        axes.y_axis(svg, y_style);
+    let x_label = (row + 1 == layout.n).then_some(slots[column].label.as_str());
+    axes.x_axis(svg, AxisStyle::new(x_label, layout.most_ticks, 40.0));
+    if row != column {
+        let y_label = (column == 0).then_some(slots[row].label.as_str());
+        axes.y_axis(svg, AxisStyle::new(y_label, layout.most_ticks, layout.y_label_distance_px));
     }
     axes.outline(svg);
 }
 
-/// The posteriors that have both parameters, with their columns.
+/// The posteriors that have a parameter, with its column.
 fn having<'a, 'b>(
     posteriors: &'a [Posterior<'b>],
     slot: &'a Slot,
@@ -134,17 +114,11 @@ fn prior_stroke() -> Stroke {
     Stroke::solid(MUTED, 1.4).dashed(6.0, 4.0)
 }
 
-fn marginal_panel(
-    svg: &mut Svg,
-    layout: &Layout,
-    frame: Rect,
-    slot: &Slot,
-    posteriors: &[Posterior],
-    ascending: &[Vec<Vec<f64>>],
-) -> Axes {
+fn marginal_panel(svg: &mut Svg, layout: &Layout, content: &Content, row: usize) -> Axes {
+    let (slot, frame, posteriors) = (&content.slots[row], layout.frame(row, row), content.posteriors);
     let curves: Vec<_> = having(posteriors, slot)
         .map(|(i, posterior, column)| {
-            let sorted = slot.columns[i].map_or(&[][..], |c| &ascending[i][c]);
+            let sorted = slot.columns[i].map_or(&[][..], |c| &content.ascending[i][c]);
             (posterior, column, sorted, density::marginal(sorted, column.support))
         })
         .collect();
@@ -162,15 +136,31 @@ fn marginal_panel(
                 None => axes.vertical(svg, column.draws[0], Stroke::solid(posterior.colour, 2.0)),
             }
         }
-        if let Some(prior) = curves.iter().find_map(|(_, column, ..)| column.prior) {
-            axes.line(svg, prior.x, prior.density, prior_stroke());
-        }
+        let priors =
+            curves.iter().filter_map(|(posterior, column, ..)| column.prior.map(|prior| (prior, posterior.colour)));
+        prior_curves(svg, &axes, &priors.collect::<Vec<_>>());
         reference_mark(svg, &axes, slot);
     });
     let lines: Vec<(Colour, ValueWithErrors)> =
         curves.iter().map(|(posterior, _, sorted, _)| (posterior.colour, quantile_title(sorted))).collect();
     titles(svg, layout, frame, slot, &lines, posteriors.len() > 1);
     axes
+}
+
+/// Priors, dashed; posteriors that share one get one line, different ones their own colours.
+fn prior_curves(svg: &mut Svg, axes: &Axes, priors: &[(PriorCurve, Colour)]) {
+    let mut distinct: Vec<(PriorCurve, Colour)> = Vec::new();
+    for (prior, colour) in priors {
+        if !distinct.iter().any(|(other, _)| other == prior) {
+            distinct.push((*prior, *colour));
+        }
+    }
+    for (prior, colour) in &distinct {
+        let colour = if distinct.len() == 1 { MUTED } else { *colour };
+        let inside = |x: &f64| (-0.02..=1.02).contains(&axes.x.fraction(*x));
+        let x: Vec<f64> = prior.x.iter().map(|x| if inside(x) { *x } else { f64::NAN }).collect();
+        axes.line(svg, &x, prior.density, Stroke { colour, ..prior_stroke() });
+    }
 }
 
 fn quantile_title(sorted: &[f64]) -> ValueWithErrors {
@@ -214,33 +204,22 @@ fn reference_mark(svg: &mut Svg, axes: &Axes, slot: &Slot) {
     }
 }
 
-fn pair_panel(
-    svg: &mut Svg,
-    axes: &Axes,
-    (row, column): (&Slot, &Slot),
-    posteriors: &[Posterior],
-    options: &CornerOptions,
-) {
+fn pair_panel(svg: &mut Svg, axes: &Axes, content: &Content, row: &Slot, column: &Slot) {
+    let Content { posteriors, options, .. } = content;
     let outermost = options.masses.iter().copied().fold(0.0, f64::max);
     for (i, posterior, x) in having(posteriors, column) {
         let Some(y) = row.columns[i].map(|c| &posterior.parameters[c]) else { continue };
-        let enough = x.draws.len() >= FEWEST_DRAWS_FOR_CONTOURS;
-        let joint = if enough { Joint::new(x.draws, y.draws, x.support, y.support) } else { None };
+        let (xs, ys) = (thinned(x.draws), thinned(y.draws));
+        let points = || xs.iter().copied().zip(ys.iter().copied());
+        let enough = xs.len() >= FEWEST_DRAWS_FOR_CONTOURS;
+        let joint = if enough { Joint::new(&xs, &ys, x.support, y.support) } else { None };
         let Some(joint) = joint else {
-            let every = x.draws.len().div_ceil(MOST_DOTS);
-            let points = x.draws.iter().copied().zip(y.draws.iter().copied()).step_by(every);
-            axes.scatter(svg, points, posterior.colour, 2.4, 0.6);
+            axes.scatter(svg, points().step_by(xs.len().div_ceil(MOST_DOTS)), posterior.colour, 2.4, 0.6);
             continue;
         };
         if posteriors.len() == 1 {
             let threshold = joint.threshold(outermost);
-            let outside: Vec<Point> = x
-                .draws
-                .iter()
-                .copied()
-                .zip(y.draws.iter().copied())
-                .filter(|(x, y)| joint.is_outside(*x, *y, threshold))
-                .collect();
+            let outside: Vec<Point> = points().filter(|(x, y)| joint.is_outside(*x, *y, threshold)).collect();
             let every = outside.len().div_ceil(MOST_DOTS).max(1);
             axes.scatter(svg, outside.into_iter().step_by(every), posterior.colour, 1.7, 0.45);
         }
@@ -252,6 +231,16 @@ fn pair_panel(
     if let Some(value) = row.reference {
         axes.horizontal(svg, value, reference_stroke());
     }
+}
+
+/// At most [`MOST_DRAWS`], evenly spaced. The spacing has no small prime factor: in a table ordered by step it would
+/// otherwise pick the same few walkers each time.
+fn thinned(draws: &[f64]) -> Vec<f64> {
+    let mut every = draws.len().div_ceil(MOST_DRAWS).max(1);
+    while every > 1 && [2_usize, 3, 5, 7].iter().any(|prime| every.is_multiple_of(*prime)) {
+        every += 1;
+    }
+    draws.iter().step_by(every).copied().collect()
 }
 
 /// Masses in the order in which they are drawn: the largest region first, at the back.
@@ -370,19 +359,20 @@ fn value_with_errors(
 }
 
 /// What colours, lines and contours mean, in the empty upper right corner.
-pub(super) fn legend(
-    svg: &mut Svg,
-    layout: &Layout,
-    posteriors: &[Posterior],
-    slots: &[Slot],
-    options: &CornerOptions,
-) {
+pub(super) fn legend(svg: &mut Svg, layout: &Layout, content: &Content) {
+    let Content { posteriors, slots, options, .. } = content;
     let entries = entries(posteriors, slots, options);
     let shade = if posteriors.len() == 1 { "quantiles (darker on the diagonal)" } else { "quantiles" };
     let notes = ["Titles: median, distances to the 16 % and 84 %", shade];
     let last = layout.frame(0, layout.n - 1);
-    // The room right of the first panel; a lone panel has its legend outside.
-    let beside = layout.frame(0, 0).right() + 26.0;
+    let needed = legend::column_height_px(&entries, LEGEND_SIZE_PX) + 18.0 + notes.len() as f64 * 15.0;
+    let titles = 1.6 * layout.title_size_px * posteriors.len() as f64 + 8.0;
+    // The first k rows are empty right of their panels, down to the titles of column k: few rows are wide, many are high.
+    let high_enough = |k: &usize| *k as f64 * (layout.panel_px + GAP_PX) - titles >= needed;
+    let most_rows = layout.n.saturating_sub(1).max(1);
+    let rows = (1..most_rows).find(high_enough).unwrap_or(most_rows);
+    let beside = layout.frame(0, rows - 1).right() + 26.0;
+    // A lone panel has its legend outside.
     let room = if layout.n == 1 { 270.0 } else { last.right() - beside };
     let texts = entries.iter().map(|entry| (entry.text.as_str(), LEGEND_SIZE_PX, legend::MARK_ADVANCE_PX));
     let widths = texts

@@ -43,7 +43,7 @@ pub struct WalkerSummary {
 }
 
 impl DrawTable {
-    /// Draws of each parameter.
+    /// Number of draws of each parameter.
     pub fn n_draws(&self) -> usize {
         self.n_ensembles * self.n_walkers * self.n_steps
     }
@@ -55,12 +55,18 @@ impl DrawTable {
     }
 
     /// One draw.
+    ///
+    /// # Panics
+    /// Where an index lies beyond the table.
     pub fn value(&self, ensemble: usize, walker: usize, step: usize, parameter_idx: usize) -> f64 {
         let draw = (ensemble * self.n_walkers + walker) * self.n_steps + step;
         self.values[draw * self.parameter_names.len() + parameter_idx]
     }
 
     /// Mean and spread of an ensemble's walkers along the run, for trace plots.
+    ///
+    /// # Panics
+    /// Where an index lies beyond the table.
     pub fn walker_summary(&self, ensemble: usize, parameter_idx: usize) -> WalkerSummary {
         let mut summary = WalkerSummary { mean: Vec::new(), lower: Vec::new(), upper: Vec::new() };
         for step in 0..self.n_steps {

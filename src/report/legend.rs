@@ -64,6 +64,11 @@ pub fn column(svg: &mut Svg, entries: &[Entry], at: Point, size_px: f64, width_p
         let baseline = at.1 + size_px + i as f64 * LINE_HEIGHT_PX * size_px;
         entry.draw(svg, (at.0, baseline), size_px, width_px - MARK_ADVANCE_PX + 1.0);
     }
+    column_height_px(entries, size_px)
+}
+
+/// Height that [`column()`] will use.
+pub fn column_height_px(entries: &[Entry], size_px: f64) -> f64 {
     entries.len() as f64 * LINE_HEIGHT_PX * size_px
 }
 

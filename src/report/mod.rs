@@ -15,6 +15,8 @@ pub mod density;
 pub mod draws;
 pub mod font;
 pub mod labels;
+#[cfg(test)]
+mod layout_tests;
 pub mod legend;
 pub mod netcdf;
 pub mod number;

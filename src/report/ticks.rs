@@ -85,8 +85,9 @@ impl Scale {
     pub fn ticks_side_by_side(&self, most: usize, length_px: f64, size_px: f64, overhang_px: f64) -> Ticks {
         let gap_px = 0.9 * size_px;
         let mut ticks = Ticks::default();
-        for most in (2..=most.max(2)).rev() {
-            ticks = self.ticks(most);
+        // Two more than allowed, since labels at the ends may have to go.
+        for candidate in (2..=most.max(2) + 2).rev() {
+            ticks = self.ticks(candidate);
             let mut previous_end = f64::NEG_INFINITY;
             let mut free = true;
             for (value, label) in &mut ticks.major {
@@ -98,7 +99,8 @@ impl Scale {
                     previous_end = middle + half;
                 }
             }
-            if free {
+            let shown = ticks.major.iter().filter(|(_, label)| !label.is_empty()).count();
+            if free && shown <= most.max(2) {
                 return ticks;
             }
         }
@@ -221,6 +223,13 @@ mod tests {
                 end = middle + half;
             }
         }
+    }
+
+    #[test]
+    fn labels_lost_at_the_ends_are_made_up_for() {
+        let ticks = Scale::linear(2.995, 4.005).ticks_side_by_side(5, 200.0, 11.0, 5.0);
+        let shown: Vec<&str> = labels(&ticks).into_iter().filter(|label| !label.is_empty()).collect();
+        assert_eq!(shown, ["3.2", "3.4", "3.6", "3.8"]);
     }
 
     #[test]

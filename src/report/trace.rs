@@ -50,7 +50,7 @@ pub fn trace(parameters: &[ParameterTrace], n_discarded: usize, heading: &str) -
     let n_ensembles = parameters.iter().map(|p| p.ensembles.len()).max().unwrap_or(0);
     let entries = entries(n_ensembles, n_discarded);
     let scales: Vec<Scale> = parameters.iter().map(value_scale).collect();
-    let left = scales.iter().map(|scale| widest_y_number_px(scale, 5)).fold(0.0, f64::max) + 42.0;
+    let left = scales.iter().map(|scale| widest_y_number_px(scale, 5)).fold(0.0, f64::max) + 50.0;
     let width = WIDTH_PX - left - 18.0;
     let legend_top = if heading.is_empty() { 8.0 } else { 36.0 };
     let top = legend_top + legend::row_height_px(&entries, width) + 10.0;
@@ -110,7 +110,7 @@ fn lag_scale(parameters: &[ParameterTrace]) -> Scale {
 }
 
 fn trace_panel(svg: &mut Svg, axes: &Axes, parameter: &ParameterTrace, n_discarded: usize, (last, left): (bool, f64)) {
-    axes.y_axis(svg, AxisStyle::new(Some(parameter.label), 5, left - 8.0).grid());
+    axes.y_axis(svg, AxisStyle::new(Some(parameter.label), 5, left - 18.0).grid());
     svg.clipped(axes.frame, |svg| {
         if n_discarded > 0 {
             let end = axes.x_px(n_discarded as f64);
