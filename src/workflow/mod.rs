@@ -2,6 +2,7 @@
 
 
 pub mod advice;
+pub mod artefacts;
 pub mod heldout;
 pub mod mechanics;
 pub mod problem;

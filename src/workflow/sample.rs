@@ -14,6 +14,7 @@ use super::summary::*;
 use crate::error::Result;
 use crate::experiment::{NoiseOrigin, NoiseYardstick};
 use crate::inference::checkpoint;
+use crate::inference::diagnostics::ranks::BlomScores;
 use crate::inference::diagnostics::{DrawColumn, diagnose};
 use crate::inference::ensemble::{Checkpointing, Progress, RunControl, SampleOutcome};
 use crate::inference::likelihood::ReducedPosterior;
@@ -250,8 +251,9 @@ fn parameter_summaries(
     let n_law = names.len() - 1;
     let relative_mesh_error =
         problem.finite_elements().and_then(|fe| fe.coarse_compliance_per_m).map(|coarse| coarse / reduced.compliance_per_m - 1.0);
+    let blom = &BlomScores::new(columns.first().map_or(0, |column| column.values.len()));
     let summary = |(prior, column): (&crate::inference::prior::Prior, &DrawColumn)| {
-        let d = diagnose(column);
+        let d = diagnose(column, blom);
         let place = names.iter().position(|name| *name == prior.name).unwrap_or(n_law);
         // Importance-weighted minus plain mean over the checked draws.
         let surrogate_bias_sd = check.weights.as_ref().map(|weights| {

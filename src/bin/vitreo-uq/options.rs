@@ -1,0 +1,102 @@
+//! Arguments of all commands.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand};
+
+/// Bayesian uncertainty quantification for creep experiments in soft gels.
+#[derive(Parser)]
+#[command(name = "vitreo-uq", version, about, propagate_version = true)]
+pub struct Program {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// One variant a command.
+#[derive(Subcommand)]
+pub enum Command {
+    /// From a measurement to a posterior that full finite elements have checked
+    Sample(SampleArguments),
+}
+
+/// What every command takes.
+#[derive(Args)]
+pub struct Common {
+    /// Experiment (directory with experiment.toml, or the TOML), or study; without it the embedded porcine replica
+    #[arg(value_name = "EXPERIMENT|STUDY")]
+    pub target: Option<PathBuf>,
+    /// Study directory [default: vitreo-uq-out/<specimen id>]
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Write the result as one JSON document to a file, or alone to standard output with `-`
+    #[arg(long, value_name = "FILE|-")]
+    pub json: Option<PathBuf>,
+    /// Seed of all random numbers
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+    /// Threads; 0 for as many as there are cores
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub threads: usize,
+    /// No progress on standard error
+    #[arg(long)]
+    pub quiet: bool,
+    /// Replace a study or revision that was made from another input or model
+    #[arg(long)]
+    pub force: bool,
+}
+
+/// What is modelled, and how.
+#[derive(Args)]
+pub struct Model {
+    /// Base law
+    #[arg(long, value_name = "LAW")]
+    pub base: Option<String>,
+    /// Effects to add, separated by commas
+    #[arg(long, value_name = "SLUG", value_delimiter = ',')]
+    pub with: Vec<String>,
+    /// Noise terms, separated by commas
+    #[arg(long, value_name = "TERM", value_delimiter = ',')]
+    pub noise: Vec<String>,
+    /// Prior: porcine, sharif-kashani-2011, lee-1994, generic, or a file
+    #[arg(long, value_name = "NAME|FILE")]
+    pub prior: Option<String>,
+    /// Fix a parameter (in `simulate`: give its value); may be repeated
+    #[arg(long, value_name = "NAME=VALUE")]
+    pub set: Vec<String>,
+    /// Take the model of this revision of a study [default: the last]
+    #[arg(long, value_name = "REV")]
+    pub from: Option<String>,
+    /// Gmsh 4.1 mesh of the quarter model, instead of the built-in mesh
+    #[arg(long, value_name = "FILE.msh")]
+    pub mesh: Option<PathBuf>,
+    /// Length unit of that mesh in m
+    #[arg(long, value_name = "METRES", default_value_t = 1e-3)]
+    pub mesh_unit: f64,
+}
+
+/// Arguments of `sample`.
+#[derive(Args)]
+pub struct SampleArguments {
+    #[command(flatten)]
+    pub common: Common,
+    #[command(flatten)]
+    pub model: Model,
+    /// Walkers of each of the independent ensembles
+    #[arg(long, value_name = "N", default_value_t = 32)]
+    pub chains: usize,
+    /// Steps of each walker after which the run ends, converged or not
+    #[arg(long, value_name = "N", default_value_t = 50_000)]
+    pub steps: u64,
+    /// Go on from where an interrupted run of the same command stopped
+    #[arg(long)]
+    pub resume: bool,
+}
+
+/// Uses so many threads everywhere.
+pub fn use_threads(threads: usize) -> vitreo_uq::Result<()> {
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .build_global()
+        .map_err(|error| vitreo_uq::Error::numerical(format!("no threads to be had: {error}"), "use fewer threads (--threads)"))
+}

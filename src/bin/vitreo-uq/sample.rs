@@ -1,0 +1,90 @@
+//! `sample`: from a measurement to a posterior that full finite elements have checked.
+
+use std::process::ExitCode;
+use std::time::Instant;
+
+use vitreo_uq::error::{Error, Place, Result};
+use vitreo_uq::inference::SamplerOptions;
+use vitreo_uq::study::{ModelSpecification, Study, WithProvenance};
+use vitreo_uq::workflow::problem::KeptSurrogate;
+use vitreo_uq::workflow::sample::{self, SampleRequest};
+use vitreo_uq::workflow::{Monitor, artefacts};
+
+use crate::options::SampleArguments;
+use crate::target::Target;
+use crate::terminal::Terminal;
+use crate::{options, text};
+
+/// The revision that `sample` writes.
+const REVISION: &str = "m0";
+
+pub fn run(arguments: &SampleArguments) -> Result<ExitCode> {
+    let began = Instant::now();
+    let common = &arguments.common;
+    options::use_threads(common.threads)?;
+    let options = SamplerOptions {
+        n_walkers: arguments.chains,
+        max_steps: arguments.steps,
+        seed: common.seed,
+        threads: common.threads,
+        ..SamplerOptions::default()
+    };
+    let terminal = Terminal::new(common.quiet);
+    let target = Target::open(common, &arguments.model, &terminal)?;
+    let study = &target.study;
+    refuse_other_model(study, &target.specification, common.force)?;
+    let revision = study.begin_revision(REVISION)?;
+    let problem = target.problem(&arguments.model, &terminal)?;
+    options.validate(problem.priors.priors().len())?;
+    let checkpoint = study.checkpoint_dir(REVISION)?.join("sampler.state");
+    let request = SampleRequest {
+        options,
+        kept_surrogate: kept_surrogate(study),
+        checkpoint: Some(&checkpoint),
+        resume: arguments.resume,
+    };
+    let mut result = sample::run(&problem, &request, &terminal)?;
+    terminal.stage("writing results and figures");
+    let clock = Instant::now();
+    let header = |kind: &str| {
+        let header = study.provenance(kind, 1, common.seed);
+        header.with_input(format!("prior {}", problem.priors.name()), problem.priors.text().as_bytes())
+    };
+    artefacts::write(revision.path(), &problem, &result, &header)?;
+    result.timing_s.push(("results and figures", clock.elapsed().as_secs_f64()));
+    result.timing_s.push(("total", began.elapsed().as_secs_f64()));
+    artefacts::write_timing(revision.path(), &result.timing_s)?;
+    let written = revision.commit()?;
+    study.discard_checkpoint(REVISION)?;
+    terminal.finish();
+    let sound = result.summary.is_sound();
+    let document = WithProvenance::<_> { provenance: header("posterior"), body: &result.summary };
+    let words = text::posterior(&result.summary);
+    crate::output::show(common, &document, &words)?;
+    if !common.quiet {
+        eprintln!("Results and figures: {} ({:.1} s)", written.display(), began.elapsed().as_secs_f64());
+    }
+    Ok(ExitCode::from(u8::from(!sound)))
+}
+
+/// A revision of another model is not overwritten unless that is asked for.
+fn refuse_other_model(study: &Study, specification: &ModelSpecification, force: bool) -> Result<()> {
+    let Ok(dir) = study.revision_dir(REVISION) else { return Ok(()) };
+    let path = dir.join("model.toml");
+    if force || ModelSpecification::read(&path)? == *specification {
+        return Ok(());
+    }
+    Err(Error::input(
+        Place::file(path),
+        "the study's m0 is of another model",
+        "choose another directory with `--out`, or replace m0 with `--force`",
+    ))
+}
+
+/// The surrogate of an earlier run, if it can be read; whether it fits is checked by its hash.
+fn kept_surrogate(study: &Study) -> Option<KeptSurrogate> {
+    let path = study.revision_dir(REVISION).ok()?.join("surrogate.json");
+    let bytes = std::fs::read(path).ok()?;
+    let document: WithProvenance<KeptSurrogate> = serde_json::from_slice(&bytes).ok()?;
+    Some(document.body)
+}

@@ -1,0 +1,111 @@
+//! Results in words and columns, for people.
+
+use vitreo_uq::report::labels::of_parameter;
+use vitreo_uq::workflow::summary::{PosteriorSummary, Warning};
+
+/// The summary that `sample` prints.
+pub fn posterior(summary: &PosteriorSummary) -> String {
+    let mut text = String::new();
+    let mut line = |words: String| {
+        text += &words;
+        text.push('\n');
+    };
+    let sampler = &summary.sampler;
+    let verdict = if summary.converged { "converged" } else { "NOT CONVERGED" };
+    line(format!(
+        "{}: {} model, {} ensembles of {} walkers, {} steps: {verdict}",
+        summary.experiment, summary.model.base, sampler.ensembles, sampler.walkers, sampler.steps
+    ));
+    line(String::new());
+    line(format!("  {:<12}{:>11}{:>11}{:>11}{:>9}{:>8}", "parameter", "median", "5 %", "95 %", "ESS", "R̂"));
+    for p in &summary.parameters {
+        line(format!(
+            "  {:<12}{:>11}{:>11}{:>11}{:>9.0}{:>7.3}",
+            of_parameter(&p.name).axis(),
+            significant(p.median),
+            significant(p.q05),
+            significant(p.q95),
+            p.ess_bulk.min(p.ess_tail),
+            p.rhat
+        ));
+    }
+    line(String::new());
+    surrogate_lines(summary, &mut line);
+    heldout_lines(summary, &mut line);
+    budget_lines(summary, &mut line);
+    for warning in &summary.warnings {
+        line(String::new());
+        line(warning_text(warning));
+    }
+    text
+}
+
+fn surrogate_lines(summary: &PosteriorSummary, line: &mut impl FnMut(String)) {
+    let surrogate = &summary.surrogate;
+    if let (Some(modes), Some(error), Some(unknowns), Some(runs)) =
+        (surrogate.modes, surrogate.max_relative_error, surrogate.fe_unknowns, surrogate.snapshot_runs)
+    {
+        let why = if modes == 1 { " (exact for this model: space and time separate)" } else { "" };
+        let plural = if modes == 1 { "mode" } else { "modes" };
+        line(format!(
+            "Surrogate: {modes} {plural}{why} from {runs} runs of {unknowns} unknowns; error {error:.0e} on parameters outside the training set."
+        ));
+    }
+}
+
+fn heldout_lines(summary: &PosteriorSummary, line: &mut impl FnMut(String)) {
+    let heldout = &summary.heldout;
+    let noise = heldout.noise_um.map_or("unknown".into(), |n| format!("{} µm, {}", significant(n), heldout.noise_origin));
+    line(format!("Fitted cycles: misfit {} µm (noise {noise}).", significant(heldout.rmse_fitted_um)));
+    if let (Some(rmse), Some(coverage_50), Some(coverage_90), Some(p)) =
+        (heldout.rmse_um, heldout.coverage_50, heldout.coverage_90, heldout.joint_p)
+    {
+        let cycles: Vec<String> = heldout.cycles.iter().map(u32::to_string).collect();
+        let by = if heldout.fe_runs > 0 {
+            format!("{} full finite-element runs", heldout.fe_runs)
+        } else {
+            "the creep law (no finite elements for an instrument)".into()
+        };
+        line(format!("Held-out cycles {}, predicted by {by}: misfit {} µm.", cycles.join(", "), significant(rmse)));
+        let expected = |range: Option<[f64; 2]>| {
+            range.map_or(String::new(), |[a, b]| format!(" (a right model: {:.0}–{:.0} %)", 100.0 * a, 100.0 * b))
+        };
+        line(format!(
+            "  In the 50 % band: {:.0} %{}; in the 90 % band: {:.0} %{}; probability of a misfit this large: {}.",
+            100.0 * coverage_50,
+            expected(heldout.coverage_50_expected),
+            100.0 * coverage_90,
+            expected(heldout.coverage_90_expected),
+            if p < 0.001 { "< 0.001".into() } else { format!("{p:.2}") }
+        ));
+    }
+}
+
+fn budget_lines(summary: &PosteriorSummary, line: &mut impl FnMut(String)) {
+    let budget = &summary.error_budget_um;
+    let part = |name: &str, value: Option<f64>| value.map(|v| format!("{name} {}", significant(v)));
+    let parts = [
+        part("noise", Some(budget.noise)),
+        part("mesh", budget.fe_discretisation),
+        part("surrogate", budget.surrogate),
+        part("Monte Carlo", Some(budget.monte_carlo)),
+    ];
+    line(format!("Error budget (µm): {}.", parts.into_iter().flatten().collect::<Vec<_>>().join(", ")));
+}
+
+fn warning_text(warning: &Warning) -> String {
+    let mark = if warning.kind.is_fatal() { "NOT TO BE TRUSTED AS IT STANDS" } else { "Note" };
+    format!("{mark}: {}.\n  What to do: {}.", warning.text, warning.advice)
+}
+
+/// Three significant digits, without exponent where that is readable.
+pub fn significant(value: f64) -> String {
+    if value == 0.0 || !value.is_finite() {
+        return format!("{value}");
+    }
+    let magnitude = value.abs().log10().floor() as i32;
+    match magnitude {
+        -3..=5 => format!("{value:.*}", (3 - magnitude).max(0) as usize),
+        _ => format!("{value:.2e}"),
+    }
+}

@@ -1,0 +1,225 @@
+//! The files of a revision: model, surrogate, posterior, draws, figures, timing.
+
+use std::path::Path;
+
+use super::heldout::BAND_PROBABILITIES;
+use super::problem::Problem;
+use super::sample::SampleResult;
+use crate::error::{Error, Result};
+use crate::inference::diagnostics::DrawColumn;
+use crate::inference::diagnostics::autocovariance::autocovariance;
+use crate::inference::diagnostics::ensembles::walker_averages;
+use crate::report::corner::{CornerOptions, ParameterColumn, Posterior, PriorCurve, corner};
+use crate::report::density::Support;
+use crate::report::draws::{DrawTable, write_draws_csv};
+use crate::report::labels::of_parameter;
+use crate::report::netcdf::{ObservedData, write_draws_netcdf};
+use crate::report::palette::series;
+use crate::report::predictive::{Band, CycleKind, CycleSpan, PredictiveData, predictive};
+use crate::report::singular_values::{Family, singular_values};
+use crate::report::svg::{Svg, write_figure};
+use crate::report::trace::{EnsembleTrace, ParameterTrace, trace};
+use crate::study::{Provenance, WithProvenance, write_json_atomically};
+use crate::workflow::replica::TABLE_I;
+
+/// Points of a prior's curve.
+const PRIOR_POINTS: usize = 400;
+
+/// Writes everything that a revision holds into `dir`. `header` makes the head of a JSON document of a kind.
+pub fn write(dir: &Path, problem: &Problem, result: &SampleResult, header: &dyn Fn(&str) -> Provenance) -> Result<()> {
+    problem.specification.write(&dir.join("model.toml"))?;
+    write_document(&dir.join("posterior.json"), header("posterior"), &result.summary)?;
+    if let Some(kept) = result.reduced.to_keep(problem) {
+        write_document(&dir.join("surrogate.json"), header("surrogate"), &kept)?;
+    }
+    let table = draw_table(problem, result);
+    write_draws_csv(&dir.join("draws.csv"), &table)?;
+    let record = &problem.experiment.record;
+    let position_um: Vec<Option<f64>> = record.position_m.iter().map(|x| x.map(|x| 1e6 * x)).collect();
+    let observed = ObservedData { time_s: &record.time_s, position_um: &position_um };
+    write_draws_netcdf(&dir.join("posterior.nc"), &table, Some(observed))?;
+    write_figures(&dir.join("figures"), problem, result, &position_um)
+}
+
+/// Writes wall-clock figures, which are not the same from run to run and therefore stand alone.
+pub fn write_timing(dir: &Path, timing_s: &[(&'static str, f64)]) -> Result<()> {
+    let stages: std::collections::BTreeMap<&str, f64> = timing_s.iter().copied().collect();
+    write_json_atomically(&dir.join("timing.json"), &serde_json::json!({ "schema": "vitreo-uq/timing/1", "wall_s": stages }))
+}
+
+fn write_document(path: &Path, provenance: Provenance, body: &impl serde::Serialize) -> Result<()> {
+    write_json_atomically(path, &WithProvenance { provenance, body })
+}
+
+/// The draws with names and units, in the layout of the exchange formats.
+pub fn draw_table(problem: &Problem, result: &SampleResult) -> DrawTable {
+    let draws = &result.outcome.draws;
+    let mut values = Vec::with_capacity(draws.len() * result.columns.len());
+    let mut log_density = Vec::with_capacity(draws.len());
+    for ensemble in 0..draws.n_ensembles {
+        for walker in 0..draws.n_walkers {
+            for step in 0..draws.n_steps {
+                let index = (ensemble * draws.n_steps + step) * draws.n_walkers + walker;
+                values.extend(result.columns.iter().map(|column| column.values[index]));
+                log_density.push(draws.log_density[index]);
+            }
+        }
+    }
+    let names: Vec<String> = problem.priors.names().map(String::from).collect();
+    DrawTable {
+        units: names.iter().map(|name| of_parameter(name).unit).collect(),
+        parameter_names: names,
+        n_ensembles: draws.n_ensembles,
+        n_walkers: draws.n_walkers,
+        n_steps: draws.n_steps,
+        values,
+        log_density,
+    }
+}
+
+fn write_figures(dir: &Path, problem: &Problem, result: &SampleResult, position_um: &[Option<f64>]) -> Result<()> {
+    std::fs::create_dir_all(dir)
+        .map_err(|source| Error::at_path("create", dir, source, "make the study directory writable"))?;
+    let mut figures = vec![
+        ("corner", corner_figure(problem, result)?),
+        ("predictive", predictive_figure(problem, result, position_um)?),
+        ("trace", trace_figure(problem, result)?),
+    ];
+    if let Some(surrogate) = &result.reduced.surrogate {
+        let label = format!("{} modes", surrogate.n_modes());
+        let shown: Vec<f64> = surrogate.singular_values.iter().take(12).copied().collect();
+        let family = Family { label: &label, singular_values: &shown, n_chosen: surrogate.n_modes() };
+        let heading = format!("{}: singular values of the snapshots", problem.experiment.specimen_id);
+        figures.push(("singular_values", singular_values(&[family], surrogate.tolerance, &heading)?));
+    }
+    use rayon::prelude::*;
+    figures.par_iter().map(|(stem, svg): &(&str, Svg)| write_figure(dir, stem, svg)).collect()
+}
+
+fn corner_figure(problem: &Problem, result: &SampleResult) -> Result<Svg> {
+    let id = &problem.experiment.specimen_id;
+    let is_replica = id == "porcine-replica";
+    let law = problem.law.parameters();
+    let reference = |name: &str| law.iter().position(|p| p.name == name).filter(|_| is_replica).map(|i| TABLE_I[i]);
+    let curves: Vec<(Vec<f64>, Vec<f64>)> =
+        problem.priors.priors().iter().zip(&result.columns).map(|(prior, column)| prior_curve(prior, column)).collect();
+    let labels: Vec<_> = problem.priors.names().map(of_parameter).collect();
+    let columns = problem.priors.priors().iter().zip(&result.columns).zip(curves.iter().zip(&labels));
+    let parameters = columns
+        .map(|((prior, column), ((x, density), label))| {
+            let (lower, upper) = prior.distribution.support();
+            ParameterColumn {
+                name: &prior.name,
+                symbol: &label.symbol,
+                unit: &label.unit,
+                draws: &column.values,
+                support: Support { lower, upper },
+                prior: Some(PriorCurve { x, density }),
+                reference: reference(&prior.name),
+            }
+        })
+        .collect();
+    let posterior = Posterior { label: id, colour: series(0), parameters };
+    let title = format!("{id}: posterior of the {} model", problem.specification.base);
+    let options = CornerOptions { title: &title, reference_label: "Table I of the paper", ..CornerOptions::default() };
+    corner(&[posterior], &options)
+}
+
+/// Prior density over the range of the draws and three times as far.
+fn prior_curve(prior: &crate::inference::prior::Prior, column: &DrawColumn) -> (Vec<f64>, Vec<f64>) {
+    let lowest = column.values.iter().copied().fold(f64::INFINITY, f64::min);
+    let highest = column.values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let (start, width) = (lowest - (highest - lowest), 3.0 * (highest - lowest));
+    let x: Vec<f64> = (0..PRIOR_POINTS).map(|i| start + width * i as f64 / (PRIOR_POINTS - 1) as f64).collect();
+    let density = x.iter().map(|x| prior.distribution.ln_pdf(*x).exp()).collect();
+    (x, density)
+}
+
+/// Where each cycle begins and ends, and what it served for.
+fn cycle_spans(problem: &Problem) -> Vec<CycleSpan> {
+    let experiment = &problem.experiment;
+    let record = &experiment.record;
+    let mut spans: Vec<CycleSpan> = Vec::new();
+    for (time_s, cycle) in record.time_s.iter().zip(&record.cycle) {
+        if let Some(last) = spans.last_mut() {
+            last.end_s = *time_s;
+            if last.cycle == i64::from(*cycle) {
+                continue;
+            }
+        }
+        let kind = if experiment.calibration_cycles.contains(cycle) {
+            CycleKind::Calibration
+        } else if experiment.heldout_cycles.contains(cycle) {
+            CycleKind::HeldOut
+        } else {
+            CycleKind::Unused
+        };
+        spans.push(CycleSpan { cycle: i64::from(*cycle), start_s: *time_s, end_s: *time_s, kind });
+    }
+    spans
+}
+
+fn predictive_figure(problem: &Problem, result: &SampleResult, position_um: &[Option<f64>]) -> Result<Svg> {
+    let record = &problem.experiment.record;
+    let quantile = |k: usize| result.bands_m.iter().map(|row| 1e6 * row[k]).collect::<Vec<f64>>();
+    let [lower_90, lower_50, median, upper_50, upper_90] = std::array::from_fn::<_, { BAND_PROBABILITIES.len() }, _>(quantile);
+    let force_un: Vec<f64> = record.force_n.iter().map(|f| 1e6 * f).collect();
+    let noise = &result.summary.heldout.noise_origin;
+    let noise_name = format!("{noise} noise");
+    let by = if result.summary.heldout.fe_runs > 0 { "full finite elements" } else { "the creep law" };
+    predictive(&PredictiveData {
+        title: &format!("{}: measured position and prediction by {by}", problem.experiment.specimen_id),
+        time_s: &record.time_s,
+        position_um,
+        force_un: &force_un,
+        median_um: &median,
+        band_50_um: Band { lower: &lower_50, upper: &upper_50 },
+        band_90_um: Band { lower: &lower_90, upper: &upper_90 },
+        cycles: &cycle_spans(problem),
+        noise: result.yardstick.map(|y| (1e6 * y.sd_m, noise_name.as_str())),
+    })
+}
+
+fn trace_figure(problem: &Problem, result: &SampleResult) -> Result<Svg> {
+    let table = draw_table(problem, result);
+    let labels: Vec<String> = problem.priors.names().map(|name| of_parameter(name).axis()).collect();
+    let n_ensembles = table.n_ensembles;
+    let summaries: Vec<Vec<_>> = (0..labels.len())
+        .map(|p| (0..n_ensembles).map(|ensemble| table.walker_summary(ensemble, p)).collect())
+        .collect();
+    let autocorrelations: Vec<Vec<Vec<f64>>> = result.columns.iter().map(autocorrelation).collect();
+    let store_every = result.outcome.draws.store_every;
+    let parameters: Vec<ParameterTrace> = labels
+        .iter()
+        .enumerate()
+        .map(|(p, label)| ParameterTrace {
+            label,
+            ensembles: summaries[p]
+                .iter()
+                .map(|s| EnsembleTrace { mean: &s.mean, lower: &s.lower, upper: &s.upper, walkers: Vec::new() })
+                .collect(),
+            autocorrelation: autocorrelations[p].iter().map(Vec::as_slice).collect(),
+            autocorrelation_time_steps: Some(result.outcome.parameters[p].autocorrelation_time / store_every as f64),
+        })
+        .collect();
+    let every = if store_every == 1 { "every step".into() } else { format!("every {store_every}th step") };
+    let sampler = &result.summary.sampler;
+    let heading = format!(
+        "{}: {} ensembles of {} walkers after the freeze, {every} kept",
+        problem.experiment.specimen_id, sampler.ensembles, sampler.walkers
+    );
+    trace(&parameters, 0, &heading)
+}
+
+/// Autocorrelation of each ensemble's walker averages.
+fn autocorrelation(column: &DrawColumn) -> Vec<Vec<f64>> {
+    let averages = walker_averages(column, &column.values);
+    averages
+        .iter()
+        .map(|series| {
+            let covariance = autocovariance(series);
+            let variance = covariance.first().copied().unwrap_or(f64::NAN);
+            covariance.iter().map(|c| c / variance).collect()
+        })
+        .collect()
+}
