@@ -9,10 +9,13 @@
 mod document;
 pub mod error;
 pub mod experiment;
+pub mod files;
+
 pub mod fe;
 pub mod inference;
 pub mod mesh;
 pub mod model;
+pub mod parameter;
 pub mod report;
 pub mod rheology;
 pub mod study;

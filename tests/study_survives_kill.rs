@@ -5,7 +5,8 @@ use std::process::{Command, Stdio};
 use std::time::Duration;
 
 use vitreo_uq::experiment::ExperimentFiles;
-use vitreo_uq::study::{Study, write_atomically};
+use vitreo_uq::files::write_atomically;
+use vitreo_uq::study::Study;
 
 /// Set in the process that is to be killed; names the study.
 const VICTIM_DIR: &str = "VITREO_UQ_TEST_VICTIM_DIR";

@@ -183,11 +183,14 @@ impl TabulatedElement {
                 jacobian += Vector3::from(*x) * Vector3::from(*g).transpose();
             }
             let determinant = jacobian.determinant();
-            let inverse_transpose = jacobian.try_inverse().filter(|_| determinant > 0.0).map(|inverse| inverse.transpose());
+            let inverse_transpose =
+                jacobian.try_inverse().filter(|_| determinant > 0.0).map(|inverse| inverse.transpose());
             let Some(inverse_transpose) = inverse_transpose else {
                 let [x, y, z] = coordinates_m[0];
                 return Err(Error::numerical(
-                    format!("an element near ({x:.3e}, {y:.3e}, {z:.3e}) m is inverted or flat (Jacobian {determinant:.3e})"),
+                    format!(
+                        "an element near ({x:.3e}, {y:.3e}, {z:.3e}) m is inverted or flat (Jacobian {determinant:.3e})"
+                    ),
                     "refine the mesh where it is curved, or untangle it in the mesher",
                 ));
             };
@@ -241,7 +244,10 @@ impl TabulatedElement {
             full_volumetric(n, &products)
         } else {
             let inverse = pressure_mass.try_inverse().ok_or_else(|| {
-                Error::numerical("an element has a singular pressure mass matrix", "untangle the mesh near that element")
+                Error::numerical(
+                    "an element has a singular pressure mass matrix",
+                    "untangle the mesh near that element",
+                )
             })?;
             &divergence * inverse * divergence.transpose()
         };

@@ -39,7 +39,12 @@ impl Stiffness {
             SymmetricOrdering::Custom(permutation),
             CholeskySymbolicParams::default(),
         )
-        .map_err(|e| Error::numerical(format!("the factor of {} unknowns cannot be analysed: {e:?}", forward.len()), "use a coarser mesh"))?;
+        .map_err(|e| {
+            Error::numerical(
+                format!("the factor of {} unknowns cannot be analysed: {e:?}", forward.len()),
+                "use a coarser mesh",
+            )
+        })?;
         Ok(Self { assembly, symbolic })
     }
 
@@ -52,7 +57,8 @@ impl Stiffness {
     pub fn factor(&self, poisson_ratio: f64) -> Result<Factor<'_>> {
         let matrix = self.assembly.unit_stiffness(poisson_ratio);
         let mut values = vec![0.0; self.symbolic.len_val()];
-        let mut memory = MemBuffer::new(self.symbolic.factorize_numeric_llt_scratch::<f64>(PARALLELISM, Default::default()));
+        let mut memory =
+            MemBuffer::new(self.symbolic.factorize_numeric_llt_scratch::<f64>(PARALLELISM, Default::default()));
         self.symbolic
             .factorize_numeric_llt(
                 &mut values,

@@ -1,12 +1,9 @@
 //! Posterior of the creep law's parameters under white Gaussian noise, over the sampler's coordinates.
 
 use super::LogDensity;
-use super::prior::PriorSet;
+use super::prior::{NOISE, PriorSet};
 use crate::model::{CreepLanes, Forward, SumOfSquares, TrainedRange};
 use crate::rheology::BaseLaw;
-
-/// Name of the noise parameter; always the last one.
-pub const NOISE_PARAMETER: &str = "noise_sd_um";
 
 /// Where a parameter's value comes from.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -41,7 +38,7 @@ impl<'a> ReducedPosterior<'a> {
         priors: &'a PriorSet,
         fixed: &std::collections::BTreeMap<String, f64>,
     ) -> Self {
-        let names = law.parameters().iter().map(|p| p.name).chain([NOISE_PARAMETER]);
+        let names = law.parameters().iter().map(|p| p.name).chain([NOISE.name]);
         let source = |name: &str| match priors.names().position(|n| n == name) {
             Some(index) => Source::Sampled(index),
             None => Source::Fixed(fixed.get(name).copied().unwrap_or(f64::NAN)),
@@ -156,10 +153,20 @@ mod tests {
         let force_n: Vec<f64> = (0..80).map(|i| if i < 40 { 4.6e-6 } else { -4.6e-6 }).collect();
         let observed: Vec<Option<f64>> = (0..80).map(|i| (i % 5 != 0).then_some(1e-5 * f64::from(i))).collect();
         let range = |name: &str, lower, upper| TrainedRange { name: name.into(), lower, upper };
-        let trained = [range("young_modulus_pa", 0.5, 20.0), range("viscosity_1_pa_s", 0.1, 9.0), range("viscosity_2_pa_s", 5.0, 500.0)];
+        let trained = [
+            range("young_modulus_pa", 0.5, 20.0),
+            range("viscosity_1_pa_s", 0.1, 9.0),
+            range("viscosity_2_pa_s", 5.0, 500.0),
+        ];
         let data = SumOfSquares::new(&time_s, &force_n, &observed);
         let posterior = ReducedPosterior::new(BaseLaw::Lethersich, 549.0, &trained, data, &priors, &fixed);
-        let forward = ReducedForward { compliance_per_m: 549.0, law: BaseLaw::Lethersich, time_s: &time_s, force_n: &force_n, trained: &trained };
+        let forward = ReducedForward {
+            compliance_per_m: 549.0,
+            law: BaseLaw::Lethersich,
+            time_s: &time_s,
+            force_n: &force_n,
+            trained: &trained,
+        };
         let naturals = [[3.5, 47.0, 4.0], [2.0, 100.0, 50.0], [25.0, 47.0, 4.0]];
         let n = naturals.len();
         let mut points = vec![0.0; 3 * n];
@@ -173,7 +180,8 @@ mod tests {
         for (i, [young, viscosity_2, noise]) in naturals.into_iter().enumerate().take(2) {
             let z: Vec<f64> = (0..3).map(|d| points[d * n + i]).collect();
             let prior: f64 = priors.priors().iter().zip(&z).map(|(p, z)| p.distribution.ln_pdf_unconstrained(*z)).sum();
-            let likelihood = ln_likelihood(&forward, &observed, &[young, 1.4, viscosity_2], noise).expect("inside the range");
+            let likelihood =
+                ln_likelihood(&forward, &observed, &[young, 1.4, viscosity_2], noise).expect("inside the range");
             assert!((density[i] / (prior + likelihood) - 1.0).abs() < 1e-11, "{} {}", density[i], prior + likelihood);
             assert_eq!(posterior.natural(&z).len(), 4);
         }

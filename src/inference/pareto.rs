@@ -15,12 +15,8 @@ pub fn pareto_k(ln_weights: &[f64]) -> f64 {
     }
     let n_tail = (0.2 * n).min(3.0 * n.sqrt()).ceil() as usize;
     let Some(cutoff) = sorted.len().checked_sub(n_tail + 1).map(|i| sorted[i] - largest) else { return f64::INFINITY };
-    let excesses: Vec<f64> = sorted
-        .iter()
-        .map(|w| w - largest)
-        .filter(|w| *w > cutoff)
-        .map(|w| w.exp() - cutoff.exp())
-        .collect();
+    let excesses: Vec<f64> =
+        sorted.iter().map(|w| w - largest).filter(|w| *w > cutoff).map(|w| w.exp() - cutoff.exp()).collect();
     if excesses.len() < 5 { f64::INFINITY } else { generalised_pareto_shape(&excesses) }
 }
 

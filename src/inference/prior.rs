@@ -7,50 +7,14 @@ use rand::Rng;
 pub use super::distribution::{Distribution, UnconstrainedDensity};
 use crate::document::{Document, Table, text_of};
 use crate::error::{Error, Place, Result};
+use crate::parameter::{ParameterSpec, Support};
+use crate::rheology::LETHERSICH;
 
-/// What a model says about one of its parameters.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ParameterSpec {
-    /// Name that ends in the unit, or `slug.name` for an effect's.
-    pub name: &'static str,
-    /// Unit in which priors and results give it.
-    pub unit: &'static str,
-    /// Where the parameter may lie.
-    pub support: Support,
-}
-
-/// An interval; infinite ends are open.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Support {
-    /// Lower end.
-    pub lower: f64,
-    /// Upper end.
-    pub upper: f64,
-}
-
-impl Support {
-    /// Everything above zero.
-    pub const POSITIVE: Self = Self { lower: 0.0, upper: f64::INFINITY };
-
-    /// Whether a value lies in it, finite ends included.
-    pub fn contains(&self, value: f64) -> bool {
-        value >= self.lower && value <= self.upper
-    }
-}
-
-impl std::fmt::Display for Support {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "[{}, {}]", self.lower, self.upper)
-    }
-}
+/// Standard deviation of white noise.
+pub const NOISE: ParameterSpec = ParameterSpec { name: "noise_sd_um", unit: "um", support: Support::POSITIVE };
 
 /// The base law's parameters (physics §2) and the white noise, in the order used everywhere.
-pub const BASE_PARAMETERS: &[ParameterSpec] = &[
-    ParameterSpec { name: "young_modulus_pa", unit: "Pa", support: Support::POSITIVE },
-    ParameterSpec { name: "viscosity_1_pa_s", unit: "Pa s", support: Support::POSITIVE },
-    ParameterSpec { name: "viscosity_2_pa_s", unit: "Pa s", support: Support::POSITIVE },
-    ParameterSpec { name: "noise_sd_um", unit: "um", support: Support::POSITIVE },
-];
+pub const BASE_PARAMETERS: &[ParameterSpec] = &[LETHERSICH[0], LETHERSICH[1], LETHERSICH[2], NOISE];
 
 /// Priors that come with the program: name and text.
 const EMBEDDED: &[(&str, &str)] = &[

@@ -105,7 +105,9 @@ impl Surface {
                         point[normal] = side * half_width;
                         point[first] = i + (k % 3) as i32;
                         point[second] = j + (k / 3) as i32;
-                        *node_of.entry(point).or_insert_with(|| surface_node(&mut surface.directions, &mut surface.on_plane, point, half_width))
+                        *node_of.entry(point).or_insert_with(|| {
+                            surface_node(&mut surface.directions, &mut surface.on_plane, point, half_width)
+                        })
                     }));
                 }
             }
@@ -115,7 +117,12 @@ impl Surface {
 }
 
 /// Adds the node at an integer point of the cube and returns its index.
-fn surface_node(directions: &mut Vec<[f64; 3]>, on_plane: &mut [Vec<bool>; 2], point: [i32; 3], half_width: i32) -> u32 {
+fn surface_node(
+    directions: &mut Vec<[f64; 3]>,
+    on_plane: &mut [Vec<bool>; 2],
+    point: [i32; 3],
+    half_width: i32,
+) -> u32 {
     let gnomonic = point.map(|c| (f64::from(c) / f64::from(half_width) * std::f64::consts::FRAC_PI_4).tan());
     let norm = gnomonic.iter().map(|c| c * c).sum::<f64>().sqrt();
     directions.push(gnomonic.map(|c| c / norm));

@@ -3,10 +3,10 @@
 //! The arrays stand uncompressed behind the XML (`AppendedData`, raw, little-endian, 64-bit lengths), which every VTK since 5.10 and ParaView read.
 
 use std::fmt::Write as _;
-use std::io::Write as _;
 use std::path::Path;
 
 use crate::error::{Error, Place, Result};
+use crate::files::{stream_atomically, write_atomically};
 use crate::mesh::{ElementKind, Mesh};
 
 /// A field with values at the nodes.
@@ -72,7 +72,11 @@ pub fn write_vtu(path: impl AsRef<Path>, mesh: &Mesh, point_data: &[PointData<'_
         mesh.n_nodes(),
         mesh.n_elements(),
     );
-    write_whole(path, &[head.as_bytes(), &arrays.bytes, b"\n</AppendedData>\n</VTKFile>\n"])
+    stream_atomically(path, |file| {
+        file.write_all(head.as_bytes())?;
+        file.write_all(&arrays.bytes)?;
+        file.write_all(b"\n</AppendedData>\n</VTKFile>\n")
+    })
 }
 
 /// Writes a ParaView collection that strings `.vtu` files together in time, whole or not at all.
@@ -95,7 +99,7 @@ pub fn write_pvd(path: impl AsRef<Path>, steps: &[TimeStep<'_>]) -> Result<()> {
         let _ = writeln!(text, "<DataSet timestep=\"{time_s}\" group=\"\" part=\"0\" file=\"{file}\"/>");
     }
     text += "</Collection>\n</VTKFile>\n";
-    write_whole(path, &[text.as_bytes()])
+    write_atomically(path, text.as_bytes())
 }
 
 fn check_fields(path: &Path, mesh: &Mesh, point_data: &[PointData<'_>]) -> Result<()> {
@@ -156,29 +160,6 @@ fn escaped(text: &str) -> String {
         }
     }
     escaped
-}
-
-/// Writes `parts` to a temporary neighbour of `path` and renames it, so that no reader ever sees half a file.
-fn write_whole(path: &Path, parts: &[&[u8]]) -> Result<()> {
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut builder = tempfile::Builder::new();
-    #[cfg(unix)]
-    {
-        // As readable as any file that a program creates; temporary files are private otherwise.
-        use std::os::unix::fs::PermissionsExt as _;
-        builder.permissions(std::fs::Permissions::from_mode(0o666));
-    }
-    let write = || -> std::io::Result<()> {
-        let mut file = builder.tempfile_in(folder)?;
-        for part in parts {
-            file.write_all(part)?;
-        }
-        file.persist(path).map_err(|error| error.error)?;
-        Ok(())
-    };
-    write().map_err(|source| {
-        Error::at_path("write", path, source, "check that the folder exists, may be written to and has room")
-    })
 }
 
 #[cfg(test)]

@@ -6,4 +6,4 @@ mod sum_of_squares;
 
 pub use convolution::convolve_m;
 pub use forward::{Forward, FullForward, ReducedForward, TrainedRange};
-pub use sum_of_squares::{SumOfSquares, CreepLanes};
+pub use sum_of_squares::{CreepLanes, SumOfSquares};

@@ -47,7 +47,8 @@ impl SumOfSquares {
     pub fn new(time_s: &[f64], force_n: &[f64], observed_m: &[Option<f64>]) -> Self {
         let n_rows = observed_m.iter().rposition(Option::is_some).map_or(0, |last| last + 1);
         let tolerance_s = EQUAL_STEP_TOLERANCE * time_s.last().map_or(0.0, |t| t.abs());
-        let (mut step_s, mut holds, mut impulse_n_s) = (Vec::<f64>::new(), Vec::<Hold>::new(), vec![0.0; n_rows.max(1)]);
+        let (mut step_s, mut holds, mut impulse_n_s) =
+            (Vec::<f64>::new(), Vec::<Hold>::new(), vec![0.0; n_rows.max(1)]);
         for row in 1..n_rows {
             let (length_s, force) = (time_s[row] - time_s[row - 1], force_n[row - 1]);
             impulse_n_s[row] = impulse_n_s[row - 1] + force * length_s;
@@ -144,7 +145,8 @@ impl WithSimd for Pass<'_> {
                 let gain: [S::f64s; 2] = std::array::from_fn(|k| {
                     simd.mul_f64s(simd.mul_f64s(retarded[pair + k], force), simd.sub_f64s(one, a[k]))
                 });
-                let rows = self.record.observed_m[hold.rows.clone()].iter().zip(&self.record.impulse_n_s[hold.rows.clone()]);
+                let rows =
+                    self.record.observed_m[hold.rows.clone()].iter().zip(&self.record.impulse_n_s[hold.rows.clone()]);
                 for (&observed, &impulse) in rows {
                     for k in 0..2 {
                         state[k] = simd.mul_add_e_f64s(state[k], a[k], gain[k]);
@@ -175,9 +177,11 @@ mod tests {
     #[test]
     fn equals_the_plain_recursion_for_any_batch() {
         let n = 137;
-        let time_s: Vec<f64> = (0..n).map(|i| 0.05 * i as f64 + if i > 60 { 0.02 * (i % 3) as f64 } else { 0.0 }).collect();
+        let time_s: Vec<f64> =
+            (0..n).map(|i| 0.05 * i as f64 + if i > 60 { 0.02 * (i % 3) as f64 } else { 0.0 }).collect();
         let force_n: Vec<f64> = (0..n).map(|i| if (i / 20) % 2 == 0 { 4.6e-6 } else { -4.6e-6 }).collect();
-        let observed: Vec<Option<f64>> = (0..n).map(|i| (i % 7 != 3 && i < 120).then(|| 1e-4 * (i as f64 * 0.1).sin())).collect();
+        let observed: Vec<Option<f64>> =
+            (0..n).map(|i| (i % 7 != 3 && i < 120).then(|| 1e-4 * (i as f64 * 0.1).sin())).collect();
         let record = SumOfSquares::new(&time_s, &force_n, &observed);
         let points: Vec<[f64; 3]> =
             (0..37).map(|i| [3.0 + 0.1 * i as f64, 1.0 + 0.05 * i as f64, 40.0 + i as f64]).collect();

@@ -1,6 +1,7 @@
 //! Densities from draws: kernel estimates on grids, with bandwidths that keep separate modes separate.
 
 use super::contour::Grid;
+pub use crate::parameter::Support;
 
 /// Cells of a marginal's grid.
 const CELLS_1D: usize = 1024;
@@ -13,28 +14,13 @@ const KERNEL_REACH: f64 = 4.5;
 /// Correlation above which a joint density is estimated along its diagonals.
 const STRONG_CORRELATION: f64 = 0.5;
 
-/// Hard limits of a parameter; a density is reflected there instead of leaking across.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Support {
-    /// Lower limit, −∞ for none.
-    pub lower: f64,
-    /// Upper limit, +∞ for none.
-    pub upper: f64,
-}
-
-impl Default for Support {
-    fn default() -> Self {
-        Self { lower: f64::NEG_INFINITY, upper: f64::INFINITY }
-    }
-}
-
 impl Support {
     /// A limit at zero for draws that are all non-negative and pile up there; for tables that come without limits.
     pub fn guess(sorted: &[f64]) -> Self {
         let (least, low, middle) =
             (quantile_of_sorted(sorted, 0.0), quantile_of_sorted(sorted, 0.05), quantile_of_sorted(sorted, 0.5));
         let lower = if least >= 0.0 && low < 0.25 * middle { 0.0 } else { f64::NEG_INFINITY };
-        Self { lower, ..Self::default() }
+        Self { lower, ..Self::REAL }
     }
 }
 

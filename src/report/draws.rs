@@ -5,8 +5,8 @@ use std::path::Path;
 
 use super::density::{quantile_of_sorted, sorted};
 use super::labels;
-use super::svg::stream_atomically;
 use crate::error::Place;
+use crate::files::stream_atomically;
 use crate::{Error, Result};
 
 const INDEX_COLUMNS: [&str; 3] = ["ensemble", "walker", "step"];

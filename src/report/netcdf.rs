@@ -10,8 +10,8 @@ use std::path::Path;
 use netcdf_writer::{NcAttrValue, NcFileBuilder, NcWriteFormat, NcWriteOptions, VariableId};
 
 use super::draws::DrawTable;
-use super::svg::write_atomically;
 use crate::error::Place;
+use crate::files::write_atomically;
 use crate::{Error, Result};
 
 /// The measurement that was fitted.

@@ -7,6 +7,7 @@ use resvg::{tiny_skia, usvg};
 
 use super::font;
 use super::palette::{Colour, INK, WHITE};
+use crate::files::write_atomically;
 use crate::{Error, Result};
 
 /// PNG pixels per SVG unit.
@@ -308,42 +309,6 @@ pub fn write_figure(dir: &FilePath, stem: &str, svg: &Svg) -> Result<()> {
     let png = svg.png()?;
     write_atomically(&dir.join(format!("{stem}.svg")), svg.document().as_bytes())?;
     write_atomically(&dir.join(format!("{stem}.png")), &png)
-}
-
-/// Writes a file so that readers see the old or the new content, never a part.
-///
-/// # Errors
-/// [`Error::File`] where the operating system refuses.
-pub fn write_atomically(path: &FilePath, bytes: &[u8]) -> Result<()> {
-    stream_atomically(path, |file| file.write_all(bytes))
-}
-
-/// Like [`write_atomically`], for content too large to be held as a whole.
-///
-/// # Errors
-/// [`Error::File`] where the operating system refuses.
-pub fn stream_atomically(
-    path: &FilePath,
-    write: impl FnOnce(&mut dyn std::io::Write) -> std::io::Result<()>,
-) -> Result<()> {
-    let remedy = "check that the directory exists, is writable and has room";
-    let refused = |source| Error::at_path("write", path, source, remedy);
-    let dir = path.parent().filter(|dir| !dir.as_os_str().is_empty()).unwrap_or(FilePath::new("."));
-    let mut writer = std::io::BufWriter::new(new_temporary_file(dir).map_err(refused)?);
-    write(&mut writer).map_err(refused)?;
-    let file = writer.into_inner().map_err(|error| refused(error.into_error()))?;
-    file.persist(path).map_err(|error| refused(error.error))?;
-    Ok(())
-}
-
-/// A temporary file with the permissions that an ordinary new file would get, not the private ones of temporary files.
-fn new_temporary_file(dir: &FilePath) -> std::io::Result<tempfile::NamedTempFile> {
-    let mut builder = tempfile::Builder::new();
-    #[cfg(unix)]
-    let permissions = <std::fs::Permissions as std::os::unix::fs::PermissionsExt>::from_mode(0o666);
-    #[cfg(unix)]
-    builder.permissions(permissions);
-    builder.tempfile_in(dir)
 }
 
 /// A coordinate with at most two decimals.

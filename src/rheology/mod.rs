@@ -1,5 +1,7 @@
 //! Springs, dashpots and their creep compliance (physics §2). Scalar: space enters only through [`crate::fe`].
 
+use crate::parameter::{ParameterSpec, Support};
+
 /// Creep compliance of a linear law as a sum of branches in series that all carry the stress s:
 /// J(t) = J₀ + Σ aₘ (1 − exp(−t/τₘ)) + φ t.
 #[derive(Debug, Clone, PartialEq)]
@@ -37,24 +39,29 @@ pub enum BaseLaw {
     Lethersich,
 }
 
-/// One parameter of a law: the only place where its name, symbol and unit stand.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct LawParameter {
-    /// Name in files and output.
-    pub name: &'static str,
-    /// Symbol in figures.
-    pub symbol: &'static str,
-    /// Unit, as written in prior files.
-    pub unit: &'static str,
-}
-
-const LETHERSICH: [LawParameter; 3] = [
-    LawParameter { name: "young_modulus_pa", symbol: "E", unit: "Pa" },
-    LawParameter { name: "viscosity_1_pa_s", symbol: "c₁", unit: "Pa s" },
-    LawParameter { name: "viscosity_2_pa_s", symbol: "c₂", unit: "Pa s" },
+/// Parameters of [`BaseLaw::Lethersich`].
+pub const LETHERSICH: [ParameterSpec; 3] = [
+    ParameterSpec { name: "young_modulus_pa", unit: "Pa", support: Support::POSITIVE },
+    ParameterSpec { name: "viscosity_1_pa_s", unit: "Pa s", support: Support::POSITIVE },
+    ParameterSpec { name: "viscosity_2_pa_s", unit: "Pa s", support: Support::POSITIVE },
 ];
 
 impl BaseLaw {
+    /// All laws.
+    pub const ALL: [Self; 1] = [Self::Lethersich];
+
+    /// The law of a name.
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|law| law.name() == name)
+    }
+
+    /// Name for people.
+    pub fn title(self) -> &'static str {
+        match self {
+            Self::Lethersich => "Lethersich",
+        }
+    }
+
     /// Name in `model.toml` and on the command line.
     pub fn name(self) -> &'static str {
         match self {
@@ -63,7 +70,7 @@ impl BaseLaw {
     }
 
     /// The law's parameters, in the order in which [`Self::creep_compliance`] takes them.
-    pub fn parameters(self) -> &'static [LawParameter] {
+    pub fn parameters(self) -> &'static [ParameterSpec] {
         match self {
             Self::Lethersich => &LETHERSICH,
         }

@@ -1,59 +1,12 @@
 //! Writing so that a reader sees the old state or the new one, and a kill leaves one of them.
 
 use std::fs::{self, File, TryLockError};
-use std::io::Write;
 use std::path::Path;
 
-use serde::Serialize;
 use tempfile::TempDir;
 
 use crate::error::{Error, Place, Result};
-
-const REMEDY: &str = "check that the directory is writable and the disk not full";
-
-fn refused(action: &'static str, path: &Path) -> impl FnOnce(std::io::Error) -> Error {
-    move |source| Error::at_path(action, path, source, REMEDY)
-}
-
-/// Writes a file whole or not at all: beside its place, flushed to the disk, then renamed.
-///
-/// # Errors
-/// [`Error::File`] if the operating system refuses; the former file is then untouched.
-pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
-    let folder = folder_of(path);
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".partial-");
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    let mut file = builder.tempfile_in(folder).map_err(refused("create a file beside", path))?;
-    file.write_all(bytes).map_err(refused("write", path))?;
-    file.as_file().sync_all().map_err(refused("write", path))?;
-    file.persist(path).map_err(|error| refused("write", path)(error.error))?;
-    sync_directory(folder)
-}
-
-/// Writes a value as indented JSON with a final newline, whole or not at all.
-///
-/// # Errors
-/// [`Error::File`] as [`write_atomically`]; [`Error::Numerical`] if the value cannot be written as JSON.
-pub fn write_json_atomically(path: &Path, value: &impl Serialize) -> Result<()> {
-    let mut bytes = serde_json::to_vec_pretty(value).map_err(|error| {
-        Error::numerical(
-            format!("{} cannot be written as JSON: {error}", path.display()),
-            "report this with the command that was run",
-        )
-    })?;
-    bytes.push(b'\n');
-    write_atomically(path, &bytes)
-}
-
-/// The directory that a path stands in.
-pub(super) fn folder_of(path: &Path) -> &Path {
-    match path.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => parent,
-        _ => Path::new("."),
-    }
-}
+use crate::files::{folder_of, refused, sync_directory};
 
 /// A directory that removes itself unless it is moved away; readable like any other.
 pub(super) fn temporary_directory(parent: &Path, prefix: &str) -> Result<TempDir> {
@@ -76,14 +29,6 @@ pub(super) fn sync_tree(path: &Path) -> Result<()> {
         }
     }
     sync_directory(path)
-}
-
-/// Makes names in a directory durable; only Unix can.
-pub(super) fn sync_directory(path: &Path) -> Result<()> {
-    if cfg!(unix) {
-        File::open(path).and_then(|directory| directory.sync_all()).map_err(refused("write", path))?;
-    }
-    Ok(())
 }
 
 /// Removes a directory with all it holds, if it is there.

@@ -17,7 +17,6 @@ mod revision;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-pub use atomic::{write_atomically, write_json_atomically};
 pub use model_specification::{AVAILABLE_BASES, AVAILABLE_EFFECTS, AVAILABLE_NOISE, ModelSpecification};
 pub use provenance::{Provenance, WithProvenance, sha256_hex};
 pub use revision::RevisionWriter;
@@ -261,7 +260,7 @@ fn create(dir: &Path, files: &ExperimentFiles, hashes: &BTreeMap<String, String>
     let refused = |action, path: &Path, source| Error::at_path(action, path, source, OUT_REMEDY);
     // Behind a symbolic link the directory itself is meant, and `.` has a name only in full.
     let dir = &dir.canonicalize().unwrap_or_else(|_| dir.to_path_buf());
-    let parent = atomic::folder_of(dir);
+    let parent = crate::files::folder_of(dir);
     std::fs::create_dir_all(parent).map_err(|source| refused("create", parent, source))?;
     let name = dir.file_name().map_or("study".into(), |name| name.to_string_lossy());
     let is_empty_directory = !replace && dir.is_dir();
@@ -283,7 +282,7 @@ fn write_inputs(folder: &Path, files: &ExperimentFiles, hashes: &BTreeMap<String
     let refused = |action, path: &Path, source| Error::at_path(action, path, source, OUT_REMEDY);
     let write = |name: &str, bytes: &[u8]| -> Result<()> {
         let path = folder.join(name);
-        let parent = atomic::folder_of(&path);
+        let parent = crate::files::folder_of(&path);
         std::fs::create_dir_all(parent).map_err(|source| refused("create", parent, source))?;
         std::fs::write(&path, bytes).map_err(|source| refused("write", &path, source))
     };
@@ -306,7 +305,7 @@ fn fill(dir: &Path, building: &Path) -> Result<()> {
     for name in names {
         std::fs::rename(building.join(&name), dir.join(&name)).map_err(refused)?;
     }
-    atomic::sync_directory(dir)
+    crate::files::sync_directory(dir)
 }
 
 fn read_hashes(dir: &Path) -> Result<BTreeMap<String, String>> {

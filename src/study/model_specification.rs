@@ -5,9 +5,9 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::atomic::write_atomically;
 use crate::document::{Document, text_of};
 use crate::error::{Error, Place, Result};
+use crate::files::write_atomically;
 use crate::inference::prior::{BASE_PARAMETERS, PriorSet};
 use crate::units::nearest_name;
 

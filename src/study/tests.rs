@@ -1,4 +1,5 @@
 use super::*;
+use crate::files::{write_atomically, write_json_atomically};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 fn files(id: &str) -> ExperimentFiles {

@@ -203,7 +203,11 @@ mod tests {
 
     fn ranges() -> Vec<TrainedRange> {
         let range = |name: &str, lower, upper| TrainedRange { name: name.into(), lower, upper };
-        vec![range("young_modulus_pa", 0.1, 50.0), range("viscosity_1_pa_s", 0.05, 20.0), range("viscosity_2_pa_s", 2.0, 900.0)]
+        vec![
+            range("young_modulus_pa", 0.1, 50.0),
+            range("viscosity_1_pa_s", 0.05, 20.0),
+            range("viscosity_2_pa_s", 2.0, 900.0),
+        ]
     }
 
     fn train_on(n_per_edge: usize, n_layers: usize, poisson_ratio: [f64; 2], tolerance: f64) -> (Stiffness, Surrogate) {
@@ -259,9 +263,8 @@ mod tests {
         let stiffness = stiffness(1, 6);
         let matrix = stiffness.assembly.unit_stiffness(0.4);
         let energy = EnergyProduct(matrix.as_ref());
-        let snapshots: Vec<Vec<f64>> = [0.1, 0.3, 0.45, 0.49]
-            .map(|nu| stiffness.factor(nu).expect("positive definite").unit_response())
-            .to_vec();
+        let snapshots: Vec<Vec<f64>> =
+            [0.1, 0.3, 0.45, 0.49].map(|nu| stiffness.factor(nu).expect("positive definite").unit_response()).to_vec();
         let pod = Pod::new(&snapshots, energy, 0.0).expect("snapshots are not zero");
         for (i, u) in pod.modes.iter().enumerate() {
             for (j, v) in pod.modes.iter().enumerate() {

@@ -58,7 +58,10 @@ impl Pod {
         }
         let factor = Mat::from_fn(n, triangle.len(), |i, j| triangle[j].get(i).copied().unwrap_or(0.0));
         let svd = factor.thin_svd().map_err(|e| {
-            Error::numerical(format!("the snapshots cannot be decomposed: {e:?}"), "look for infinite values in the record")
+            Error::numerical(
+                format!("the snapshots cannot be decomposed: {e:?}"),
+                "look for infinite values in the record",
+            )
         })?;
         let singular_values: Vec<f64> = svd.S().column_vector().iter().copied().collect();
         let kept = singular_values.iter().take_while(|s| **s > tolerance * singular_values[0]).count();

@@ -52,7 +52,8 @@ impl ReducedOperators {
     pub fn unit_response(&self, poisson_ratio: f64) -> Result<DVector<f64>> {
         let [two_mu, kappa] = unit_moduli(poisson_ratio);
         let m = self.n_modes;
-        let stiffness = DMatrix::from_fn(m, m, |i, j| two_mu * self.deviatoric[i * m + j] + kappa * self.volumetric[i * m + j]);
+        let stiffness =
+            DMatrix::from_fn(m, m, |i, j| two_mu * self.deviatoric[i * m + j] + kappa * self.volumetric[i * m + j]);
         let force = DVector::from_iterator(m, self.robot.iter().map(|r| self.force_share * r));
         let cholesky = stiffness.cholesky().ok_or_else(|| {
             Error::numerical(

@@ -44,7 +44,11 @@ pub fn warnings(findings: &Findings) -> Vec<Warning> {
         let text = format!(
             "the held-out cycles lie outside the 99.9 % joint predictive band (probability {p:.1e}): the fitted model does not predict them"
         );
-        add(WarningKind::HeldoutOutsideBand, text, "look at the predictive figure for where it fails; the model lacks something that these cycles show");
+        add(
+            WarningKind::HeldoutOutsideBand,
+            text,
+            "look at the predictive figure for where it fails; the model lacks something that these cycles show",
+        );
     }
     if heldout.rmse_um.is_none() {
         let text = "no cycle is held out, so nothing is known about how the model predicts".to_string();
@@ -55,7 +59,11 @@ pub fn warnings(findings: &Findings) -> Vec<Warning> {
             let text = format!(
                 "the largest strain is {strain:.2}; the gel is known to be linear below {LINEAR_STRAIN}, so the linear model is used beyond its proven range"
             );
-            add(WarningKind::LargeStrain, text, "read E, c₁ and c₂ as effective values at this amplitude, or repeat with a smaller force");
+            add(
+                WarningKind::LargeStrain,
+                text,
+                "read E, c₁ and c₂ as effective values at this amplitude, or repeat with a smaller force",
+            );
         }
         None => {
             let text = "the apparatus is an instrument with a given compliance: finite elements, strain and discretisation error are left out".to_string();
@@ -73,11 +81,17 @@ fn misfit(summary: &PosteriorSummary, noise: f64, add: &mut impl FnMut(WarningKi
     let misses: Vec<String> = misses
         .iter()
         .filter_map(|(which, rmse)| rmse.filter(|rmse| *rmse > limit).map(|rmse| (which, rmse)))
-        .map(|(which, rmse)| format!("the {which} cycles by {rmse:.3} µm ({:.1} × the noise of {noise:.3} µm)", rmse / noise))
+        .map(|(which, rmse)| {
+            format!("the {which} cycles by {rmse:.3} µm ({:.1} × the noise of {noise:.3} µm)", rmse / noise)
+        })
         .collect();
     if !misses.is_empty() {
         let text = format!("the model misses {}", misses.join(" and "));
-        add(WarningKind::MisfitAboveNoise, text, "the base model is not enough for this measurement; do not read its parameters as material properties");
+        add(
+            WarningKind::MisfitAboveNoise,
+            text,
+            "the base model is not enough for this measurement; do not read its parameters as material properties",
+        );
     }
     let learnt = summary.error_budget_um.noise;
     if learnt > limit {
@@ -86,7 +100,11 @@ fn misfit(summary: &PosteriorSummary, noise: f64, add: &mut impl FnMut(WarningKi
             learnt / noise,
             heldout.noise_origin
         );
-        add(WarningKind::LearntNoiseAboveKnown, text, "the posterior's widths describe the misfit, not the measurement's precision");
+        add(
+            WarningKind::LearntNoiseAboveKnown,
+            text,
+            "the posterior's widths describe the misfit, not the measurement's precision",
+        );
     }
 }
 

@@ -6,6 +6,7 @@ use super::heldout::BAND_PROBABILITIES;
 use super::problem::Problem;
 use super::sample::SampleResult;
 use crate::error::{Error, Result};
+use crate::files::write_json_atomically;
 use crate::inference::diagnostics::DrawColumn;
 use crate::inference::diagnostics::autocovariance::autocovariance;
 use crate::inference::diagnostics::ensembles::walker_averages;
@@ -19,7 +20,7 @@ use crate::report::predictive::{Band, CycleKind, CycleSpan, PredictiveData, pred
 use crate::report::singular_values::{Family, singular_values};
 use crate::report::svg::{Svg, write_figure};
 use crate::report::trace::{EnsembleTrace, ParameterTrace, trace};
-use crate::study::{Provenance, WithProvenance, write_json_atomically};
+use crate::study::{Provenance, WithProvenance};
 use crate::workflow::replica::TABLE_I;
 
 /// Points of a prior's curve.
@@ -44,7 +45,10 @@ pub fn write(dir: &Path, problem: &Problem, result: &SampleResult, header: &dyn 
 /// Writes wall-clock figures, which are not the same from run to run and therefore stand alone.
 pub fn write_timing(dir: &Path, timing_s: &[(&'static str, f64)]) -> Result<()> {
     let stages: std::collections::BTreeMap<&str, f64> = timing_s.iter().copied().collect();
-    write_json_atomically(&dir.join("timing.json"), &serde_json::json!({ "schema": "vitreo-uq/timing/1", "wall_s": stages }))
+    write_json_atomically(
+        &dir.join("timing.json"),
+        &serde_json::json!({ "schema": "vitreo-uq/timing/1", "wall_s": stages }),
+    )
 }
 
 fn write_document(path: &Path, provenance: Provenance, body: &impl serde::Serialize) -> Result<()> {
@@ -86,9 +90,8 @@ fn write_figures(dir: &Path, problem: &Problem, result: &SampleResult, position_
         ("trace", trace_figure(problem, result)?),
     ];
     if let Some(surrogate) = &result.reduced.surrogate {
-        let label = format!("{} modes", surrogate.n_modes());
         let shown: Vec<f64> = surrogate.singular_values.iter().take(12).copied().collect();
-        let family = Family { label: &label, singular_values: &shown, n_chosen: surrogate.n_modes() };
+        let family = Family { label: "base model", singular_values: &shown, n_chosen: surrogate.n_modes() };
         let heading = format!("{}: singular values of the snapshots", problem.experiment.specimen_id);
         figures.push(("singular_values", singular_values(&[family], surrogate.tolerance, &heading)?));
     }
@@ -120,7 +123,7 @@ fn corner_figure(problem: &Problem, result: &SampleResult) -> Result<Svg> {
         })
         .collect();
     let posterior = Posterior { label: id, colour: series(0), parameters };
-    let title = format!("{id}: posterior of the {} model", problem.specification.base);
+    let title = format!("{id}: posterior of the {} model", problem.law.title());
     let options = CornerOptions { title: &title, reference_label: "Table I of the paper", ..CornerOptions::default() };
     corner(&[posterior], &options)
 }
@@ -162,7 +165,8 @@ fn cycle_spans(problem: &Problem) -> Vec<CycleSpan> {
 fn predictive_figure(problem: &Problem, result: &SampleResult, position_um: &[Option<f64>]) -> Result<Svg> {
     let record = &problem.experiment.record;
     let quantile = |k: usize| result.bands_m.iter().map(|row| 1e6 * row[k]).collect::<Vec<f64>>();
-    let [lower_90, lower_50, median, upper_50, upper_90] = std::array::from_fn::<_, { BAND_PROBABILITIES.len() }, _>(quantile);
+    let [lower_90, lower_50, median, upper_50, upper_90] =
+        std::array::from_fn::<_, { BAND_PROBABILITIES.len() }, _>(quantile);
     let force_un: Vec<f64> = record.force_n.iter().map(|f| 1e6 * f).collect();
     let noise = &result.summary.heldout.noise_origin;
     let noise_name = format!("{noise} noise");

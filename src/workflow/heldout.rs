@@ -98,12 +98,7 @@ pub fn check(problem: &Problem, reduced: &Reduced, draws: &[NaturalDraw]) -> Res
 }
 
 /// Logarithms of full over reduced likelihood of the calibration cycles.
-fn ln_weights(
-    problem: &Problem,
-    draws: &[NaturalDraw],
-    full: &dyn Forward,
-    reduced: &dyn Forward,
-) -> Result<Vec<f64>> {
+fn ln_weights(problem: &Problem, draws: &[NaturalDraw], full: &dyn Forward, reduced: &dyn Forward) -> Result<Vec<f64>> {
     let observed = problem.positions_of(&problem.experiment.calibration_cycles);
     let n_law = problem.law.parameters().len();
     let weight = |draw: &NaturalDraw| -> Result<f64> {
@@ -179,7 +174,11 @@ impl Mixture<'_> {
         let mut x = mean + sd * Normal::standard().inverse_cdf(probability);
         for _ in 0..60 {
             let (cdf, pdf) = self.cdf_pdf(x);
-            if cdf < probability { lower = x } else { upper = x }
+            if cdf < probability {
+                lower = x
+            } else {
+                upper = x
+            }
             let newton = x - (cdf - probability) / pdf;
             let next = if newton > lower && newton < upper { newton } else { 0.5 * (lower + upper) };
             if (next - x).abs() <= 1e-9 * sd {
@@ -216,7 +215,11 @@ pub const BAND_PROBABILITIES: [f64; 5] = [0.05, 0.25, 0.5, 0.75, 0.95];
 /// Predictive quantiles (m) of every row, in the order of [`BAND_PROBABILITIES`].
 pub fn bands_m(check: &FullCheck) -> Vec<[f64; 5]> {
     let n_rows = check.trajectories_m.first().map_or(0, Vec::len);
-    (0..n_rows).into_par_iter().map(|row| mixture(check, row)).map(|m| BAND_PROBABILITIES.map(|p| m.quantile(p))).collect()
+    (0..n_rows)
+        .into_par_iter()
+        .map(|row| mixture(check, row))
+        .map(|m| BAND_PROBABILITIES.map(|p| m.quantile(p)))
+        .collect()
 }
 
 fn mixture<'a>(check: &'a FullCheck, row: usize) -> Mixture<'a> {

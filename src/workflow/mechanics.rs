@@ -90,6 +90,12 @@ impl Mechanics {
             None => None,
         };
         let stiffness = Stiffness::new(&mesh)?;
-        Ok(Self::FiniteElements(Box::new(FiniteElements { mesh, stiffness, poisson_ratio, coarse_compliance_per_m, mesh_warnings })))
+        Ok(Self::FiniteElements(Box::new(FiniteElements {
+            mesh,
+            stiffness,
+            poisson_ratio,
+            coarse_compliance_per_m,
+            mesh_warnings,
+        })))
     }
 }

@@ -1,6 +1,5 @@
 //! The jobs that the commands run, each from a checked experiment to results that can be written.
 
-
 pub mod advice;
 pub mod artefacts;
 pub mod heldout;
@@ -13,7 +12,6 @@ pub mod summary;
 use std::sync::atomic::AtomicBool;
 
 use crate::inference::ensemble::Progress;
-
 
 /// Who watches a job: the terminal, or nobody.
 pub trait Monitor: Sync {

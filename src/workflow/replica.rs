@@ -41,7 +41,8 @@ pub fn embedded() -> Result<(Experiment, ExperimentFiles)> {
 /// Makes the replica's `trajectory.csv`: Table I's parameters through full finite elements on a finer mesh and time step than the
 /// fitted model's, another integrator, and white noise.
 pub fn trajectory_csv() -> Result<String> {
-    let Apparatus::Robot { robot, vitreous } = Experiment::from_texts("experiment.toml", TOML, "trajectory.csv", CSV)?.0.apparatus
+    let Apparatus::Robot { robot, vitreous } =
+        Experiment::from_texts("experiment.toml", TOML, "trajectory.csv", CSV)?.0.apparatus
     else {
         return Err(Error::numerical("the replica has no robot", "restore data/porcine-replica/experiment.toml"));
     };
@@ -78,7 +79,8 @@ mod tests {
         let made = trajectory_csv().expect("the model runs");
         assert_eq!(made.lines().count(), CSV.lines().count());
         for (made, committed) in made.lines().zip(CSV.lines()).skip(1) {
-            let field = |line: &str, i: usize| line.split(',').nth(i).and_then(|f| f.parse::<f64>().ok()).unwrap_or(f64::NAN);
+            let field =
+                |line: &str, i: usize| line.split(',').nth(i).and_then(|f| f.parse::<f64>().ok()).unwrap_or(f64::NAN);
             for i in 0..4 {
                 let distance = (field(made, i) - field(committed, i)).abs();
                 assert!(distance < 1.5e-3, "{made} against {committed}");

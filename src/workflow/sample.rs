@@ -18,6 +18,7 @@ use crate::inference::diagnostics::ranks::BlomScores;
 use crate::inference::diagnostics::{DrawColumn, diagnose};
 use crate::inference::ensemble::{Checkpointing, Progress, RunControl, SampleOutcome};
 use crate::inference::likelihood::ReducedPosterior;
+use crate::inference::prior::NOISE;
 use crate::inference::{SamplerOptions, sample as sample_density};
 
 /// Starts of the search for modes, drawn from the prior.
@@ -164,8 +165,8 @@ fn summarise(
     let parameters = parameter_summaries(problem, reduced, columns, draws, check);
     let mean_m = heldout::mean_trajectory(&check.trajectories_m, None);
     let fitted = problem.positions_of(&problem.experiment.calibration_cycles);
-    let noise_um = |row: &ParameterSummary| row.name == crate::inference::likelihood::NOISE_PARAMETER;
-    let fixed_noise = problem.specification.fixed.get(crate::inference::likelihood::NOISE_PARAMETER).copied();
+    let noise_um = |row: &ParameterSummary| row.name == NOISE.name;
+    let fixed_noise = problem.specification.fixed.get(NOISE.name).copied();
     let learnt_noise_um = parameters.iter().find(|row| noise_um(row)).map(|row| row.median).or(fixed_noise);
     let surrogate = reduced.surrogate.as_ref();
     let heldout = HeldoutSummary {
@@ -246,11 +247,12 @@ fn parameter_summaries(
     draws: &[NaturalDraw],
     check: &FullCheck,
 ) -> Vec<ParameterSummary> {
-    let names: Vec<&str> =
-        problem.law.parameters().iter().map(|p| p.name).chain([crate::inference::likelihood::NOISE_PARAMETER]).collect();
+    let names: Vec<&str> = problem.law.parameters().iter().map(|p| p.name).chain([NOISE.name]).collect();
     let n_law = names.len() - 1;
-    let relative_mesh_error =
-        problem.finite_elements().and_then(|fe| fe.coarse_compliance_per_m).map(|coarse| coarse / reduced.compliance_per_m - 1.0);
+    let relative_mesh_error = problem
+        .finite_elements()
+        .and_then(|fe| fe.coarse_compliance_per_m)
+        .map(|coarse| coarse / reduced.compliance_per_m - 1.0);
     let blom = &BlomScores::new(columns.first().map_or(0, |column| column.values.len()));
     let summary = |(prior, column): (&crate::inference::prior::Prior, &DrawColumn)| {
         let d = diagnose(column, blom);

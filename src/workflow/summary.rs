@@ -192,7 +192,10 @@ impl WarningKind {
     /// Whether the result is not to be trusted as it stands (exit code 1).
     pub fn is_fatal(self) -> bool {
         use WarningKind::*;
-        matches!(self, NotConverged | SurrogateInaccurate | HeldoutOutsideBand | MisfitAboveNoise | LearntNoiseAboveKnown)
+        matches!(
+            self,
+            NotConverged | SurrogateInaccurate | HeldoutOutsideBand | MisfitAboveNoise | LearntNoiseAboveKnown
+        )
     }
 }
 

@@ -68,7 +68,8 @@ impl Monitor for Terminal {
             Phase::BurnIn => "burn-in",
             Phase::Sampling => "sampling",
         };
-        let text = format!("{phase}: step {} of {}, at most {}", progress.steps, progress.next_judgement, progress.max_steps);
+        let text =
+            format!("{phase}: step {} of {}, at most {}", progress.steps, progress.next_judgement, progress.max_steps);
         if let Some(bar) = &self.bar {
             bar.set_length(progress.next_judgement.max(1));
             bar.set_position(progress.steps);

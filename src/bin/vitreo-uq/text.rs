@@ -1,6 +1,7 @@
 //! Results in words and columns, for people.
 
 use vitreo_uq::report::labels::of_parameter;
+use vitreo_uq::rheology::BaseLaw;
 use vitreo_uq::workflow::summary::{PosteriorSummary, Warning};
 
 /// The summary that `sample` prints.
@@ -14,7 +15,11 @@ pub fn posterior(summary: &PosteriorSummary) -> String {
     let verdict = if summary.converged { "converged" } else { "NOT CONVERGED" };
     line(format!(
         "{}: {} model, {} ensembles of {} walkers, {} steps: {verdict}",
-        summary.experiment, summary.model.base, sampler.ensembles, sampler.walkers, sampler.steps
+        summary.experiment,
+        law_title(&summary.model.base),
+        sampler.ensembles,
+        sampler.walkers,
+        sampler.steps
     ));
     line(String::new());
     line(format!("  {:<12}{:>11}{:>11}{:>11}{:>9}{:>8}", "parameter", "median", "5 %", "95 %", "ESS", "R̂"));
@@ -40,6 +45,10 @@ pub fn posterior(summary: &PosteriorSummary) -> String {
     text
 }
 
+fn law_title(base: &str) -> &str {
+    BaseLaw::named(base).map_or(base, BaseLaw::title)
+}
+
 fn surrogate_lines(summary: &PosteriorSummary, line: &mut impl FnMut(String)) {
     let surrogate = &summary.surrogate;
     if let (Some(modes), Some(error), Some(unknowns), Some(runs)) =
@@ -55,7 +64,8 @@ fn surrogate_lines(summary: &PosteriorSummary, line: &mut impl FnMut(String)) {
 
 fn heldout_lines(summary: &PosteriorSummary, line: &mut impl FnMut(String)) {
     let heldout = &summary.heldout;
-    let noise = heldout.noise_um.map_or("unknown".into(), |n| format!("{} µm, {}", significant(n), heldout.noise_origin));
+    let noise =
+        heldout.noise_um.map_or("unknown".into(), |n| format!("{} µm, {}", significant(n), heldout.noise_origin));
     line(format!("Fitted cycles: misfit {} µm (noise {noise}).", significant(heldout.rmse_fitted_um)));
     if let (Some(rmse), Some(coverage_50), Some(coverage_90), Some(p)) =
         (heldout.rmse_um, heldout.coverage_50, heldout.coverage_90, heldout.joint_p)
