@@ -226,7 +226,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("absent").join("one.vtu");
         let error = write_vtu(&path, &one_tetrahedron(), &[]).unwrap_err().to_string();
-        assert!(error.contains("absent") && error.contains("folder exists"), "{error}");
+        assert!(error.contains("absent") && error.contains("directory exists"), "{error}");
     }
 
     #[test]

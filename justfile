@@ -1,0 +1,27 @@
+# Run the main job on the embedded replica.
+sample:
+    cargo run --release -- sample --chains 32
+
+# The README's test command.
+test:
+    cargo test
+
+# Everything that must hold before a change lands.
+check:
+    .ci/run
+
+# Figures against corner.py, NetCDF against ArviZ, VTU against VTK, diagnostics against ArviZ.
+python-checks:
+    scripts/python-checks.sh
+
+# All benchmarks.
+bench:
+    cargo bench
+
+# vitreo-uq beside emcee and hammer-and-sample on one posterior.
+peers:
+    benches/peers/compare.sh
+
+# The synthetic replica's data, made anew.
+replica:
+    cargo run --release --example make_porcine_replica
