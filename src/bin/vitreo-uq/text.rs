@@ -46,7 +46,7 @@ pub fn posterior(summary: &PosteriorSummary) -> String {
 }
 
 fn law_title(base: &str) -> &str {
-    BaseLaw::named(base).map_or(base, BaseLaw::title)
+    BaseLaw::named(base).map_or(base, |law| law.title())
 }
 
 fn surrogate_lines(summary: &PosteriorSummary, line: &mut impl FnMut(String)) {

@@ -1,0 +1,22 @@
+//! Every example runs, and says the number that it is there for.
+
+use std::process::Command;
+
+/// Standard output of an example.
+fn output_of(example: &str, arguments: &[&str]) -> String {
+    let mut command = Command::new(env!("CARGO"));
+    command.args(["run", "--quiet", "--locked", "--example", example, "--"]).args(arguments);
+    let output = command.current_dir(env!("CARGO_MANIFEST_DIR")).output().unwrap();
+    assert!(output.status.success(), "{example}: {}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).unwrap()
+}
+
+/// The compliance is the exact one of physics §4.10, 1/1.820902396 mm, to the mesh's error.
+#[test]
+fn poisson_family() {
+    let dir = tempfile::tempdir().unwrap();
+    let text = output_of("poisson_family", &[dir.path().to_str().unwrap()]);
+    assert!(text.contains("0.48: 1 mode") && text.contains("0.499: 3 modes"), "{text}");
+    assert!(text.contains("compliance at 0.48: 549.18 per m"), "{text}");
+    assert!(dir.path().join("singular_values.png").is_file());
+}
