@@ -50,7 +50,7 @@ pub struct FiniteElements {
 pub fn sphere_mesh(robot: &Robot, vitreous: &Vitreous, level: usize) -> Result<Mesh> {
     let RobotShape::Sphere { diameter_m } = robot.shape else {
         return Err(Error::input(
-            Place::default().at_key("robot.shape"),
+            Place::file("experiment.toml").at_key("robot.shape"),
             "there is no built-in mesh for this shape yet",
             "mesh it with Gmsh (physical groups `robot`, `outer`, `symmetry_y`, `symmetry_z`) and give the file with `--mesh FILE.msh`",
         ));
