@@ -11,7 +11,7 @@ use super::advice::{Findings, warnings};
 use super::heldout::{self, FullCheck, N_CHECK_DRAWS, NaturalDraw, Score};
 use super::problem::{KeptSurrogate, Problem, Reduced};
 use super::summary::*;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::experiment::{NoiseOrigin, NoiseYardstick};
 use crate::inference::checkpoint;
 use crate::inference::diagnostics::ranks::BlomScores;
@@ -74,6 +74,12 @@ pub fn run(problem: &Problem, request: &SampleRequest, monitor: &dyn Monitor) ->
     lap("surrogate");
     let posterior = problem.posterior(&reduced);
     let outcome = sample(problem, &posterior, request, monitor)?;
+    if outcome.draws.is_empty() {
+        return Err(Error::numerical(
+            format!("burn-in took all {} steps, so no draw was kept", request.options.max_steps),
+            "give more steps (--steps); thousands are usual",
+        ));
+    }
     lap("sampling");
     monitor.stage("checking by full finite elements");
     let columns = natural_columns(problem, &outcome);
