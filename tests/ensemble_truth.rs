@@ -16,6 +16,7 @@ struct Run {
     worst_sd: f64,
     worst_mean: f64,
     messages: Vec<String>,
+    n_evaluations: u64,
 }
 
 fn run(posterior: &CreepPosterior, exact: &Exact, starts: &[Vec<f64>], seed: u64) -> Run {
@@ -25,7 +26,14 @@ fn run(posterior: &CreepPosterior, exact: &Exact, starts: &[Vec<f64>], seed: u64
     let worst_sd = worst(&|d| (outcome.parameters[d].sd / exact.sd[d]).ln().abs());
     let worst_mean = worst(&|d| ((outcome.parameters[d].mean - exact.mean[d]) / exact.sd[d]).abs());
     let wrong = (0..4).any(|d| (outcome.parameters[d].sd / exact.sd[d] - 1.0).abs() > 0.5);
-    Run { wrong, converged: outcome.converged, worst_sd, worst_mean, messages: outcome.messages }
+    Run {
+        wrong,
+        converged: outcome.converged,
+        worst_sd,
+        worst_mean,
+        messages: outcome.messages,
+        n_evaluations: outcome.likelihood_evaluations,
+    }
 }
 
 /// Runs all seeds. With at least 6,000 effective draws, a standard deviation's relative error is about 1 % and a mean's
@@ -35,6 +43,8 @@ fn assert_truth(start_of: impl Fn(&CreepPosterior, u64) -> Vec<Vec<f64>> + Sync)
     let exact = posterior.exact();
     let runs = over_cores(N_RUNS, |seed| run(&posterior, &exact, &start_of(&posterior, seed), seed));
     let worst = |f: fn(&Run) -> f64| runs.iter().map(f).fold(0.0, f64::max);
+    let n_evaluations = runs.iter().map(|run| run.n_evaluations).sum::<u64>() / N_RUNS;
+    println!("{n_evaluations} log densities a run");
     println!("worst sd {:.3}, worst mean {:.3}", worst(|r| r.worst_sd), worst(|r| r.worst_mean));
     let unconverged: Vec<_> = runs.iter().filter(|run| !run.converged).map(|run| &run.messages).collect();
     assert_eq!(runs.iter().filter(|run| run.wrong).count(), 0, "wrong posteriors");
