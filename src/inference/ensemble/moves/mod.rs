@@ -1,7 +1,7 @@
 //! Moves: how a walker proposes where to go, given the walkers of the other half of its ensemble.
 //!
 //! The split-ensemble scheme (Goodman & Weare 2010, doi:10.2140/camcos.2010.5.65; Foreman-Mackey et al. 2013,
-//! doi:10.1086/670067) stands in [`super::walkers`]; a move only fills in proposals and their correction factors.
+//! doi:10.1086/670067) stands in [`super::Ensemble`]; a move only fills in proposals and their correction factors.
 
 mod differential_evolution;
 mod independence;
