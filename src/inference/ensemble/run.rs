@@ -88,7 +88,7 @@ pub fn sample(
         let mut run = match control.resume {
             Some(bytes) => {
                 let (course, lanes) = from_bytes(&problem, options, dimension, bytes)?;
-                Run { density, options, control, problem, course, lanes }
+                Run { density, options, control, problem, course, lanes, pace: Pace::new() }
             }
             None => Run::begin(density, start_points, options, control, problem)?,
         };
@@ -103,6 +103,7 @@ struct Run<'a> {
     problem: String,
     course: Course,
     lanes: Vec<Lane>,
+    pace: Pace,
 }
 
 impl<'a> Run<'a> {
@@ -136,7 +137,7 @@ impl<'a> Run<'a> {
             record: Record::new(0, options.store_every.unwrap_or(1), capacity, dimension, options.n_walkers),
         };
         let lanes = (0..options.n_ensembles).map(lane).collect();
-        let mut run = Self { density, options, control, problem, course, lanes };
+        let mut run = Self { density, options, control, problem, course, lanes, pace: Pace::new() };
         run.place_all(&counting)?;
         run.course.extra_evaluations = counting.count();
         Ok(run)
@@ -194,7 +195,6 @@ impl<'a> Run<'a> {
         let jumps = self.course.jumps.as_ref().map(|(q, fraction)| (q, *fraction));
         let kernel = Kernel { local: &*self.options.kernel, jumps };
         let mut chunk = 16;
-        let mut pace = Pace::new();
         while self.lanes.iter().any(|lane| lane.ensemble.n_steps() < target) {
             let began = Instant::now();
             self.lanes.par_iter_mut().try_for_each(|lane| -> Result<()> {
@@ -213,9 +213,9 @@ impl<'a> Run<'a> {
             chunk = next_chunk(chunk, began.elapsed());
             self.report();
             if let Some(checkpoint) = &self.control.checkpoint
-                && pace.due(checkpoint.interval)
+                && self.pace.due(checkpoint.interval)
             {
-                pace.timed(|| (checkpoint.sink)(&to_bytes(&self.problem, &self.course, &self.lanes)?))?;
+                self.pace.timed(|| (checkpoint.sink)(&to_bytes(&self.problem, &self.course, &self.lanes)?))?;
             }
         }
         Ok(())
