@@ -9,6 +9,8 @@ use vitreo_uq::inference::ensemble::{RandomStream, RunControl};
 use vitreo_uq::inference::{LogDensity, SamplerOptions, sample};
 
 const N_REPLICATES: u64 = 512;
+/// Enough to catch a gross mistake.
+const N_REPLICATES_WRONG: u64 = 128;
 /// Posterior draws that the truth is ranked among: one less than a multiple of the number of bins.
 const N_DRAWS: usize = 127;
 /// In about one draw from the wide prior in thirty the data leave a thin, curved ridge, on which walkers need tens of
@@ -34,7 +36,7 @@ struct Ranks {
 
 /// Ranks of all replicates. The draws are those of all walkers at one step: walkers are independent of each other at any
 /// step of a stationary ensemble, so no thinning has to be guessed.
-fn calibrate<D, Draw, Build>(problem: &Problem<Draw, Build>) -> Ranks
+fn calibrate<D, Draw, Build>(problem: &Problem<Draw, Build>, n_replicates: u64) -> Ranks
 where
     D: LogDensity,
     Draw: Fn(&mut RandomStream) -> Vec<f64> + Sync,
@@ -60,14 +62,14 @@ where
         ranks.push(rank(at_truth[0], &log_density));
         (ranks, outcome.converged)
     };
-    let results = over_cores(N_REPLICATES, replicate);
+    let results = over_cores(n_replicates, replicate);
     let n_unconverged = results.iter().filter(|(_, converged)| !converged).count();
     Ranks { ranks: results.into_iter().map(|(ranks, _)| ranks).collect(), n_unconverged }
 }
 
 /// χ² of the rank histogram of each quantity: N_BINS − 1 degrees of freedom if ranks are uniform.
 fn chi_squares(ranks: &Ranks) -> Vec<f64> {
-    let expected = N_REPLICATES as f64 / N_BINS as f64;
+    let expected = ranks.ranks.len() as f64 / N_BINS as f64;
     let of_quantity = |q: usize| {
         let mut counts = [0.0; N_BINS];
         ranks.ranks.iter().for_each(|row| counts[row[q] * N_BINS / (N_DRAWS + 1)] += 1.0);
@@ -84,7 +86,7 @@ fn threshold() -> f64 {
 
 #[test]
 fn ranks_are_uniform() {
-    let ranks = calibrate(&Problem { draw_prior, build: CreepPosterior::simulated });
+    let ranks = calibrate(&Problem { draw_prior, build: CreepPosterior::simulated }, N_REPLICATES);
     let chi2 = chi_squares(&ranks);
     println!("χ² {chi2:?}, limit {:.1}, unconverged {}", threshold(), ranks.n_unconverged);
     assert!(chi2.iter().all(|&value| value < threshold()), "{chi2:?}");
@@ -100,7 +102,7 @@ fn a_wrong_likelihood_is_caught() {
         posterior.sigma_factor = 1.5;
         posterior
     };
-    let chi2 = chi_squares(&calibrate(&Problem { draw_prior, build }));
+    let chi2 = chi_squares(&calibrate(&Problem { draw_prior, build }, N_REPLICATES_WRONG));
     println!("χ² {chi2:?}");
     assert!(chi2[3] > threshold(), "{chi2:?}");
 }

@@ -51,7 +51,9 @@ pub trait Move: Send + Sync {
     );
 }
 
-/// The default: what had the largest effective sample size per second on the creep posterior of the base model.
+/// The default: mostly differential evolution, whose autocorrelation time on the creep posterior of the base model was the
+/// shortest of the ensemble's moves, with some snooker, which takes steps of other directions and lengths. (With jumps into a
+/// fixed approximation, the default of a run, the choice matters little there.)
 pub fn default_move() -> Mixture {
     Mixture::new(vec![
         (0.8, Box::new(DifferentialEvolution::default()) as Box<dyn Move>),
