@@ -7,6 +7,8 @@ use vitreo_uq::inference::ensemble::RandomStream;
 use vitreo_uq::inference::{SamplerOptions, sample};
 
 const N_RUNS: u64 = 400;
+/// The default of a run.
+const JUMP_FRACTION: f64 = 0.8;
 
 /// One run: whether a standard deviation is off by more than half, whether it calls itself converged, and how far off the
 /// worst standard deviation and the worst mean (in exact standard deviations) are.
@@ -16,25 +18,35 @@ struct Run {
     worst_sd: f64,
     worst_mean: f64,
     messages: Vec<String>,
+    n_evaluations: u64,
 }
 
-fn run(posterior: &CreepPosterior, exact: &Exact, starts: &[Vec<f64>], seed: u64) -> Run {
-    let options = SamplerOptions { seed, threads: 1, ..SamplerOptions::default() };
+fn run(posterior: &CreepPosterior, exact: &Exact, starts: &[Vec<f64>], seed: u64, jump_fraction: f64) -> Run {
+    let options = SamplerOptions { seed, threads: 1, jump_fraction, ..SamplerOptions::default() };
     let outcome = sample(posterior, starts, &options, &Default::default()).unwrap();
     let worst = |f: &dyn Fn(usize) -> f64| (0..4).map(f).fold(0.0, f64::max);
     let worst_sd = worst(&|d| (outcome.parameters[d].sd / exact.sd[d]).ln().abs());
     let worst_mean = worst(&|d| ((outcome.parameters[d].mean - exact.mean[d]) / exact.sd[d]).abs());
     let wrong = (0..4).any(|d| (outcome.parameters[d].sd / exact.sd[d] - 1.0).abs() > 0.5);
-    Run { wrong, converged: outcome.converged, worst_sd, worst_mean, messages: outcome.messages }
+    Run {
+        wrong,
+        converged: outcome.converged,
+        worst_sd,
+        worst_mean,
+        messages: outcome.messages,
+        n_evaluations: outcome.likelihood_evaluations,
+    }
 }
 
 /// Runs all seeds. With at least 6,000 effective draws, a standard deviation's relative error is about 1 % and a mean's
 /// 0.013 standard deviations; six of those (and a little for the number of runs) are asserted.
-fn assert_truth(start_of: impl Fn(&CreepPosterior, u64) -> Vec<Vec<f64>> + Sync) {
+fn assert_truth(n_runs: u64, jump_fraction: f64, start_of: impl Fn(&CreepPosterior, u64) -> Vec<Vec<f64>> + Sync) {
     let posterior = CreepPosterior::reference(1);
     let exact = posterior.exact();
-    let runs = over_cores(N_RUNS, |seed| run(&posterior, &exact, &start_of(&posterior, seed), seed));
+    let runs = over_cores(n_runs, |seed| run(&posterior, &exact, &start_of(&posterior, seed), seed, jump_fraction));
     let worst = |f: fn(&Run) -> f64| runs.iter().map(f).fold(0.0, f64::max);
+    let n_evaluations = runs.iter().map(|run| run.n_evaluations).sum::<u64>() / n_runs;
+    println!("{n_evaluations} log densities a run");
     println!("worst sd {:.3}, worst mean {:.3}", worst(|r| r.worst_sd), worst(|r| r.worst_mean));
     let unconverged: Vec<_> = runs.iter().filter(|run| !run.converged).map(|run| &run.messages).collect();
     assert_eq!(runs.iter().filter(|run| run.wrong).count(), 0, "wrong posteriors");
@@ -44,7 +56,7 @@ fn assert_truth(start_of: impl Fn(&CreepPosterior, u64) -> Vec<Vec<f64>> + Sync)
 
 #[test]
 fn started_ten_percent_off() {
-    assert_truth(|posterior, seed| {
+    assert_truth(N_RUNS, JUMP_FRACTION, |posterior, seed| {
         let mut stream = RandomStream::new(seed, 1 << 62);
         // Every natural parameter 10 % too large or too small; a start for each of eight walkers.
         let off = |stream: &mut RandomStream| if stream.unit() < 0.5 { 0.9_f64.ln() } else { 1.1_f64.ln() };
@@ -55,8 +67,15 @@ fn started_ten_percent_off() {
 
 #[test]
 fn started_from_the_prior() {
-    assert_truth(|posterior, seed| {
-        let mut stream = RandomStream::new(seed, 1 << 62);
-        (0..16).map(|_| posterior.draw_prior(&mut stream)).collect()
-    });
+    assert_truth(N_RUNS, JUMP_FRACTION, from_the_prior);
+}
+
+#[test]
+fn started_from_the_prior_with_the_ensemble_s_moves_alone() {
+    assert_truth(40, 0.0, from_the_prior);
+}
+
+fn from_the_prior(posterior: &CreepPosterior, seed: u64) -> Vec<Vec<f64>> {
+    let mut stream = RandomStream::new(seed, 1 << 62);
+    (0..16).map(|_| posterior.draw_prior(&mut stream)).collect()
 }

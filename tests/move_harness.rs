@@ -198,7 +198,7 @@ fn threshold() -> f64 {
 /// Two modes, neither at the right place nor of the right width: a correct independence move must not mind.
 fn misplaced_jumps() -> Independence {
     let mut modes = Modes::default();
-    for (location, precision) in [(0.3, 4.0), (0.8, 1.0)] {
+    for (location, precision) in [(0.3, 4.0), (2.0, 1.0)] {
         let mut matrix = vec![0.0; 9];
         (0..3).for_each(|d| matrix[4 * d] = precision);
         let optimum = Optimum { location: vec![location; 3], log_density: 0.0, precision: matrix, converged: true };

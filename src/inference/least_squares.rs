@@ -305,7 +305,7 @@ mod tests {
     fn a_parameter_without_influence_has_no_error() {
         let data = (0..10).map(|i| (f64::from(i), 3.0 + f64::from(i % 2))).collect();
         let found = fit(&Model { data, f: |_, t: &[f64]| t[0] }, &[0.0, 7.0], &Tolerances::default()).unwrap();
-        assert!((found.theta[0] - 3.5).abs() < 1e-6 && (found.theta[1] - 7.0).abs() < 1e-9, "{found:?}");
+        assert!((found.theta[0] - 3.5).abs() < 1e-6 && (found.theta[1] - 7.0).abs() < 1e-6, "{found:?}");
         assert!(found.standard_errors.iter().all(|e| e.is_nan()));
     }
 

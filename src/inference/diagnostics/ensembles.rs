@@ -1,10 +1,10 @@
 //! Diagnostics of ensembles, whose walkers are correlated with each other.
 //!
-//! Let x[e][s][w] be a parameter in ensemble e, step s, walker w, and z the normal scores of its ranks over all draws.
+//! Let `x[e][s][w]` be a parameter in ensemble e, step s, walker w, and z the normal scores of its ranks over all draws.
 //! - R̂: every ensemble is split into a first and a last half of its steps; a chain is one such half with *all its walkers'
 //!   draws*. The value is the larger of that of z and that of the folded scores.
 //! - Effective sample size of a quantity g (z for the bulk, 1{x ≤ q₀.₀₅} and 1{x ≤ q₀.₉₅} for the tails, x for the mean):
-//!   the per-step averages ḡ[e][s] over walkers form one time series an ensemble (split in halves); with τ_ḡ and
+//!   the per-step averages `ḡ[e][s]` over walkers form one time series an ensemble (split in halves); with τ_ḡ and
 //!   Var ḡ their integrated time and variance over n steps and m ensembles, the mean's error is Var ḡ·τ_ḡ/(m n), and
 //!   ESS = Var g/(Var ḡ·τ_ḡ/(m n)). Correlation between walkers, of either sign, is so accounted for.
 //! - Autocorrelation time: draws over ESS of the mean, in steps. It is what one walker alone would need.

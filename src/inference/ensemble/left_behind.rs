@@ -9,6 +9,9 @@
 //! - *apart*: a walker's mean of a coordinate lies ten robust standard deviations of the walkers' means from their median, and
 //!   more than the walker's own spread.
 //!
+//! Where more than a quarter of the walkers are stuck or apart, that is slow mixing or a second mode of weight, not walkers left
+//! behind: it shows in R̂ over walkers and in the effective sample size, and nobody is suspected for it.
+//!
 //! Suspicion is not a verdict: who is reseeded is decided after a climb from the walker's place (see [`super::sample`]).
 
 use super::draws::Draws;
@@ -67,6 +70,12 @@ pub fn suspects(draws: &Draws) -> Vec<Suspect> {
                 continue;
             };
             found.push(Suspect { ensemble, walker, reason, mean_log_density });
+        }
+    }
+    for reason in [Reason::Stuck, Reason::Apart] {
+        let n = found.iter().filter(|suspect| suspect.reason == reason).count();
+        if 4 * n > draws.n_ensembles * draws.n_walkers {
+            found.retain(|suspect| suspect.reason != reason);
         }
     }
     found

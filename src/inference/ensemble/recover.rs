@@ -130,3 +130,72 @@ fn reseed(
     lane.ensemble.place(suspect.walker, &point, value);
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::inference::ensemble::draws::{Record, join};
+    use crate::inference::ensemble::moves::Stretch;
+    use crate::inference::ensemble::random::RandomStream;
+    use crate::inference::ensemble::walkers::{Ensemble, Kernel};
+    use crate::inference::optimum::find_modes;
+    use crate::inference::test_densities::TwoBumps;
+
+    const N_WALKERS: usize = 16;
+    const N_STEPS: usize = 300;
+
+    /// Four ensembles in the first bump of a target, but for some walkers at `elsewhere` in each, after 300 stretch moves.
+    fn run(target: &TwoBumps, n_elsewhere: usize, elsewhere: [f64; 2]) -> (Vec<Lane>, Draws) {
+        let mut stream = RandomStream::new(21, 0);
+        let lanes: Vec<Lane> = (0..4)
+            .map(|number| {
+                let mut ensemble = Ensemble::new(3, number, 2, &[0.0; 2 * N_WALKERS], &[0.0; N_WALKERS]);
+                for walker in 0..N_WALKERS {
+                    let near = [stream.normal(), stream.normal()];
+                    let point = if walker < n_elsewhere { elsewhere } else { near };
+                    let mut value = [0.0];
+                    target.log_density(&point, &mut value);
+                    ensemble.place(walker, &point, value[0]);
+                }
+                let mut record = Record::new(0, 1, N_STEPS, 2, N_WALKERS);
+                for _ in 0..N_STEPS {
+                    ensemble.step(target, &Kernel { local: &Stretch::default(), jumps: None }).unwrap();
+                    record.keep(&ensemble, None);
+                }
+                Lane { ensemble, record }
+            })
+            .collect();
+        let draws = join(&lanes.iter().map(|lane| &lane.record).collect::<Vec<_>>(), 2, N_WALKERS);
+        (lanes, draws)
+    }
+
+    /// A spike of mass 10⁻⁷ and width 10⁻⁵ holds the walkers that are on it.
+    #[test]
+    fn walkers_on_a_mode_without_mass_are_reseeded() {
+        let target = TwoBumps::new(1.0 - 1e-7, 30.0, 1e-5);
+        let (mut lanes, draws) = run(&target, 1, [30.0, 0.0]);
+        let mut modes = find_modes(&target, &[vec![0.1, 0.1]]).unwrap();
+        assert!((0..4).all(|e| lanes[e].ensemble.position(0)[0] > 29.0), "the walkers must be held for this test");
+        let looked = recover(&target, &draws, &mut modes.clone(), &mut lanes, true).unwrap();
+        assert_eq!((looked.left_behind, looked.reseeded), (4, 0));
+        let recovery = recover(&target, &draws, &mut modes, &mut lanes, false).unwrap();
+        assert_eq!((recovery.left_behind, recovery.reseeded, recovery.new_heavy_mode), (4, 4, false));
+        assert!(lanes.iter().all(|lane| lane.ensemble.position(0)[0].abs() < 6.0));
+    }
+
+    /// The same walkers on a bump with mass: never moved, but a bump that nobody knew of makes the run begin again.
+    #[test]
+    fn walkers_on_a_mode_with_mass_are_not() {
+        let target = TwoBumps::new(0.8, 60.0, 1.0);
+        for known in [true, false] {
+            let (mut lanes, draws) = run(&target, 3, [60.0, 0.0]);
+            let starts = if known { vec![vec![0.1, 0.1], vec![59.0, 0.0]] } else { vec![vec![0.1, 0.1]] };
+            let mut modes = find_modes(&target, &starts).unwrap();
+            let before: Vec<f64> = lanes.iter().map(|lane| lane.ensemble.position(0)[0]).collect();
+            let recovery = recover(&target, &draws, &mut modes, &mut lanes, false).unwrap();
+            assert_eq!((recovery.left_behind, recovery.reseeded), (0, 0));
+            assert_eq!(recovery.new_heavy_mode, !known);
+            assert_eq!(lanes.iter().map(|lane| lane.ensemble.position(0)[0]).collect::<Vec<_>>(), before);
+        }
+    }
+}

@@ -88,7 +88,7 @@ pub fn sample(
         let mut run = match control.resume {
             Some(bytes) => {
                 let (course, lanes) = from_bytes(&problem, options, dimension, bytes)?;
-                Run { density, options, control, problem, course, lanes }
+                Run { density, options, control, problem, course, lanes, pace: Pace::new() }
             }
             None => Run::begin(density, start_points, options, control, problem)?,
         };
@@ -103,6 +103,7 @@ struct Run<'a> {
     problem: String,
     course: Course,
     lanes: Vec<Lane>,
+    pace: Pace,
 }
 
 impl<'a> Run<'a> {
@@ -125,6 +126,7 @@ impl<'a> Run<'a> {
             walkers_reseeded: 0,
             n_freezes: 0,
             extra_evaluations: 0,
+            autocorrelation_time: None,
             forced: false,
         };
         let dimension = density.dimension();
@@ -135,7 +137,7 @@ impl<'a> Run<'a> {
             record: Record::new(0, options.store_every.unwrap_or(1), capacity, dimension, options.n_walkers),
         };
         let lanes = (0..options.n_ensembles).map(lane).collect();
-        let mut run = Self { density, options, control, problem, course, lanes };
+        let mut run = Self { density, options, control, problem, course, lanes, pace: Pace::new() };
         run.place_all(&counting)?;
         run.course.extra_evaluations = counting.count();
         Ok(run)
@@ -193,7 +195,6 @@ impl<'a> Run<'a> {
         let jumps = self.course.jumps.as_ref().map(|(q, fraction)| (q, *fraction));
         let kernel = Kernel { local: &*self.options.kernel, jumps };
         let mut chunk = 16;
-        let mut pace = Pace::new();
         while self.lanes.iter().any(|lane| lane.ensemble.n_steps() < target) {
             let began = Instant::now();
             self.lanes.par_iter_mut().try_for_each(|lane| -> Result<()> {
@@ -212,9 +213,9 @@ impl<'a> Run<'a> {
             chunk = next_chunk(chunk, began.elapsed());
             self.report();
             if let Some(checkpoint) = &self.control.checkpoint
-                && pace.due(checkpoint.interval)
+                && self.pace.due(checkpoint.interval)
             {
-                pace.timed(|| (checkpoint.sink)(&to_bytes(&self.problem, &self.course, &self.lanes)?))?;
+                self.pace.timed(|| (checkpoint.sink)(&to_bytes(&self.problem, &self.course, &self.lanes)?))?;
             }
         }
         Ok(())
@@ -252,16 +253,16 @@ impl<'a> Run<'a> {
         let draws = self.draws();
         let recovery = if self.course.forced { Recovery::default() } else { self.recover(&draws)? };
         let steps = self.course.target_step;
-        let time = autocorrelation_time(&draws);
-        // Half of the steps at most go into burning in; what cannot be had by then is said.
-        let may_burn = 2 * steps <= self.options.max_steps;
+        let time = self.resolved(autocorrelation_time(&draws), draws.store_every);
+        // Another round doubles the steps, and half of them at least are to be left for draws; what is not had by then is said.
+        let may_burn = 4 * steps <= self.options.max_steps;
         let burnt = if self.course.phase == Phase::BurnIn { steps } else { self.course.base_step };
         // An unknown time (NaN) is no reason to go on burning: the sampling phase will tell.
         let too_short = (burnt as f64) < BURN_IN_TIMES * time;
         match self.course.phase {
             _ if may_burn && recovery.disturbed() => self.burn_in(steps),
             Phase::BurnIn if may_burn && too_short => self.burn_in(steps),
-            Phase::Sampling if may_burn && too_short => self.freeze(steps, time, &draws),
+            Phase::Sampling if 2 * steps <= self.options.max_steps && too_short => self.freeze(steps, time, &draws),
             Phase::BurnIn => {
                 self.course.forced |= recovery.disturbed();
                 self.freeze(steps, time, &draws);
@@ -272,6 +273,14 @@ impl<'a> Run<'a> {
             }
         }
         Ok(None)
+    }
+
+    /// An autocorrelation time as estimated, or where draws are kept too rarely to tell, as it was before they were thinned.
+    fn resolved(&mut self, estimate: f64, store_every: u64) -> f64 {
+        if estimate > 3.0 * store_every as f64 || store_every == 1 || self.options.store_every.is_some() {
+            self.course.autocorrelation_time = Some(estimate);
+        }
+        self.course.autocorrelation_time.map_or(estimate, |known| if known < estimate { known } else { estimate })
     }
 
     /// The outcome, if there is enough or no more is allowed.
@@ -293,7 +302,7 @@ impl<'a> Run<'a> {
         let verdict = judge(&draws, &self.options.demands);
         let met = verdict.missing.is_empty() && !self.course.forced && recovery.stuck == 0;
         if met || at_the_end {
-            return Some(self.outcome(draws, verdict, recovery, met));
+            return Some(self.outcome(draws, verdict, time, recovery, met));
         }
         self.go_on(steps, since * (1.1 * verdict.shortfall).clamp(1.25, 2.0) - since);
         None
@@ -335,6 +344,7 @@ impl<'a> Run<'a> {
 
     fn discard(&mut self, steps: u64) {
         self.course.base_step = steps;
+        self.course.autocorrelation_time = None;
         for lane in &mut self.lanes {
             lane.record.restart(steps, self.options.store_every.unwrap_or(1));
             lane.ensemble.forget_acceptance();
@@ -349,7 +359,7 @@ impl<'a> Run<'a> {
             draws,
             &mut self.course.modes,
             &mut self.lanes,
-            self.course.phase == Phase::Sampling && 2 * self.course.target_step > self.options.max_steps,
+            self.course.phase == Phase::Sampling && 4 * self.course.target_step > self.options.max_steps,
         )?;
         if recovery.new_heavy_mode {
             self.place_all(&counting)?;
@@ -359,12 +369,19 @@ impl<'a> Run<'a> {
         Ok(recovery)
     }
 
-    fn outcome(&self, draws: Draws, verdict: Verdict, recovery: &Recovery, converged: bool) -> SampleOutcome {
+    fn outcome(
+        &self,
+        draws: Draws,
+        verdict: Verdict,
+        time: f64,
+        recovery: &Recovery,
+        converged: bool,
+    ) -> SampleOutcome {
         let n_proposals = (self.course.target_step - self.course.base_step) * self.n_all_walkers();
         let accepted: u64 = self.lanes.iter().flat_map(|lane| lane.ensemble.accepted()).sum();
         let mut messages = verdict.missing;
         if self.course.forced {
-            messages.push("walkers were still left behind when half of the steps were spent".into());
+            messages.push("walkers were still left behind when no more steps could be spent on burning in".into());
         }
         if recovery.stuck > 0 {
             messages.push(format!("{} walkers have stopped moving", recovery.stuck));
@@ -378,7 +395,7 @@ impl<'a> Run<'a> {
             freeze_step: self.course.base_step,
             n_freezes: self.course.n_freezes,
             acceptance: accepted as f64 / n_proposals as f64,
-            autocorrelation_time: verdict.autocorrelation_time,
+            autocorrelation_time: time,
             likelihood_evaluations: self.course.target_step * self.n_all_walkers() + self.course.extra_evaluations,
             walkers_reseeded: self.course.walkers_reseeded,
             modes: self.course.modes.iter().cloned().collect(),

@@ -24,6 +24,8 @@ pub(super) struct Course {
     pub n_freezes: u64,
     /// Points evaluated beside the steps.
     pub extra_evaluations: u64,
+    /// Latest estimate of the autocorrelation time, in steps, from draws kept often enough to resolve it.
+    pub autocorrelation_time: Option<f64>,
     /// The freeze was forced by the limit of steps, with walkers still behind.
     pub forced: bool,
 }

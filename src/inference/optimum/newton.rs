@@ -18,7 +18,13 @@ pub struct Optimum {
     pub converged: bool,
 }
 
-const MAX_ITERATIONS: usize = 200;
+const MAX_ITERATIONS: usize = 500;
+/// Iterations before ridges are reckoned with: most climbs have ended by then, and corrections cost ten times a plain step.
+const PLAIN_ITERATIONS: usize = 20;
+/// Dampings μ tried at every step, in units of the curvature along coordinates.
+const DAMPINGS: [f64; 14] = [0.0, 1e-6, 1e-5, 1e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0, 10.0, 100.0, 1e4];
+/// Damping of the step that leads back to a ridge: stiff directions only are to be corrected.
+const RIDGE_DAMPING: f64 = 0.03;
 /// Gain (nats) that the local quadratic model still promises at convergence.
 const GAIN_TOLERANCE: f64 = 1e-6;
 /// Change of log density (nats) that a difference step aims at: large against rounding, small against the model's range.
@@ -30,7 +36,7 @@ const DIFFERENCE_TARGET: f64 = 1e-2;
 /// candidates for μ are tried in one batch and the best is taken, so no trust region has to be tuned.
 ///
 /// # Errors
-/// [`crate::Error::Numerical`] when a log density is NaN or +∞.
+/// [`crate::Error::Numerical`] when a log density is +∞.
 pub fn maximise(density: &dyn LogDensity, start: &[f64]) -> Result<Option<Optimum>> {
     let mut x = DVector::from_column_slice(start);
     let mut value = evaluate(density, std::slice::from_ref(&x))?[0];
@@ -51,8 +57,13 @@ pub fn maximise(density: &dyn LogDensity, start: &[f64]) -> Result<Option<Optimu
             return Ok(Some(local.optimum(&x, value, at_rest)));
         }
         refined = at_rest;
-        let candidates = local.candidates(&x);
-        let values = evaluate(density, &candidates)?;
+        let mut candidates = local.candidates(&x);
+        let mut values = evaluate(density, &candidates)?;
+        if iteration >= PLAIN_ITERATIONS && values[0] - value < 0.5 * local.gain {
+            let corrected = local.corrected(density, &candidates, &values, &steps)?;
+            values.extend(evaluate(density, &corrected)?);
+            candidates.extend(corrected);
+        }
         let best = (0..values.len()).max_by(|&a, &b| values[a].total_cmp(&values[b])).unwrap_or(0);
         if values[best] > value {
             (x, value) = (candidates[best].clone(), values[best]);
@@ -107,18 +118,18 @@ impl Local {
         self.eigen.eigenvalues.iter().all(|&l| l > 1e-8)
     }
 
+    /// A step given along the eigenvectors, in coordinates. None of them moves by more than a few units at once: in logarithms
+    /// that is a factor of twenty.
+    fn bounded_step(&self, x: &DVector<f64>, along: DVector<f64>) -> DVector<f64> {
+        let step = (&self.eigen.eigenvectors * along).component_mul(&self.scale);
+        let longest = step.iter().zip(x).map(|(s, x)| s.abs() / (3.0 + x.abs())).fold(0.0, f64::max);
+        if longest > 1.0 { step / longest } else { step }
+    }
+
     fn candidates(&self, x: &DVector<f64>) -> Vec<DVector<f64>> {
         let mut candidates = Vec::new();
-        let mut push = |along: DVector<f64>| {
-            let mut step = (&self.eigen.eigenvectors * along).component_mul(&self.scale);
-            // No coordinate moves by more than a few units at once: in logarithms that is a factor of twenty.
-            let longest = step.iter().zip(x).map(|(s, x)| s.abs() / (3.0 + x.abs())).fold(0.0, f64::max);
-            if longest > 1.0 {
-                step /= longest;
-            }
-            candidates.push(x + step);
-        };
-        for mu in [0.0, 1e-3, 1e-2, 0.1, 1.0, 10.0, 1e2, 1e3, 1e4, 1e6] {
+        let mut push = |along: DVector<f64>| candidates.push(x + self.bounded_step(x, along));
+        for mu in DAMPINGS {
             push(self.slope.zip_map(&self.eigen.eigenvalues, |g, l| g / (Self::stiff(l) + mu)));
         }
         for (k, &l) in self.eigen.eigenvalues.iter().enumerate() {
@@ -130,6 +141,38 @@ impl Local {
             }
         }
         candidates
+    }
+
+    /// Where the quadratic model breaks down, on a curved ridge, a long step along the soft directions leaves the ridge. A
+    /// second step, from the gradient at its end but with the same curvature, leads back: the candidates so corrected.
+    fn corrected(
+        &self,
+        density: &dyn LogDensity,
+        candidates: &[DVector<f64>],
+        values: &[f64],
+        steps: &DVector<f64>,
+    ) -> Result<Vec<DVector<f64>>> {
+        let n = steps.len();
+        let ends: Vec<&DVector<f64>> =
+            candidates.iter().zip(values).take(DAMPINGS.len()).filter(|(_, v)| v.is_finite()).map(|(c, _)| c).collect();
+        let shifted = |end: &DVector<f64>, d: usize, sign: f64| {
+            let mut point = end.clone();
+            point[d] += sign * steps[d];
+            point
+        };
+        let around = |end: &&DVector<f64>| -> Vec<DVector<f64>> {
+            (0..n).flat_map(|d| [shifted(end, d, 1.0), shifted(end, d, -1.0)]).collect()
+        };
+        let points: Vec<DVector<f64>> = ends.iter().flat_map(around).collect();
+        let values = evaluate(density, &points)?;
+        let correct = |(end, values): (&&DVector<f64>, &[f64])| {
+            let gradient = DVector::from_fn(n, |d, _| (values[2 * d] - values[2 * d + 1]) / (2.0 * steps[d]));
+            let slope = self.eigen.eigenvectors.transpose() * gradient.component_mul(&self.scale);
+            let along = slope.zip_map(&self.eigen.eigenvalues, |g, l| g / (Self::stiff(l) + RIDGE_DAMPING));
+            *end + self.bounded_step(end, along)
+        };
+        let corrected = ends.iter().zip(values.chunks(2 * n)).map(correct);
+        Ok(corrected.filter(|point| point.iter().all(|x| x.is_finite())).collect())
     }
 
     fn optimum(&self, x: &DVector<f64>, value: f64, converged: bool) -> Optimum {

@@ -11,12 +11,14 @@ pub(super) struct Derivatives {
     pub hessian: DMatrix<f64>,
 }
 
-/// Log densities of points given one by one.
+/// Log densities of points given one by one. NaN counts as −∞ here: a long trial step may leave the range of numbers, and
+/// it is for the sampler, which keeps to where the mass is, to stop at a NaN.
 pub(super) fn evaluate(density: &dyn LogDensity, points: &[DVector<f64>]) -> Result<Vec<f64>> {
     let (n, dimension) = (points.len(), density.dimension());
     let coordinates: Vec<f64> = (0..dimension).flat_map(|d| points.iter().map(move |point| point[d])).collect();
     let mut values = vec![0.0; n];
     density.log_density(&coordinates, &mut values);
+    values.iter_mut().filter(|value| value.is_nan()).for_each(|value| *value = f64::NEG_INFINITY);
     check_log_densities(dimension, &coordinates, &values)?;
     Ok(values)
 }

@@ -20,7 +20,7 @@ pub struct DifferentialEvolution {
 
 impl Default for DifferentialEvolution {
     fn default() -> Self {
-        Self { scale: 1.0, spread: 0.5, jump_probability: 0.1 }
+        Self { scale: 1.0, spread: 0.1, jump_probability: 0.1 }
     }
 }
 

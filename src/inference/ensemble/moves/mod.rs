@@ -1,7 +1,7 @@
 //! Moves: how a walker proposes where to go, given the walkers of the other half of its ensemble.
 //!
 //! The split-ensemble scheme (Goodman & Weare 2010, doi:10.2140/camcos.2010.5.65; Foreman-Mackey et al. 2013,
-//! doi:10.1086/670067) stands in [`super::walkers`]; a move only fills in proposals and their correction factors.
+//! doi:10.1086/670067) stands in [`super::Ensemble`]; a move only fills in proposals and their correction factors.
 
 mod differential_evolution;
 mod independence;
@@ -51,7 +51,9 @@ pub trait Move: Send + Sync {
     );
 }
 
-/// The default: what had the largest effective sample size per second on the creep posterior of the base model.
+/// The default: mostly differential evolution, whose autocorrelation time on the creep posterior of the base model was the
+/// shortest of the ensemble's moves, with some snooker, which takes steps of other directions and lengths. (With jumps into a
+/// fixed approximation, the default of a run, the choice matters little there.)
 pub fn default_move() -> Mixture {
     Mixture::new(vec![
         (0.8, Box::new(DifferentialEvolution::default()) as Box<dyn Move>),

@@ -1,0 +1,108 @@
+//! Simulation-based calibration (Talts et al. 2018, arXiv:1804.06788) of the whole inference: parameters drawn from the prior,
+//! data simulated from them, the posterior sampled; the truth's rank among independent posterior draws must be uniform.
+
+mod creep_posterior;
+
+use creep_posterior::{CreepPosterior, draw_prior, over_cores};
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+use vitreo_uq::inference::ensemble::{RandomStream, RunControl};
+use vitreo_uq::inference::{LogDensity, SamplerOptions, sample};
+
+const N_REPLICATES: u64 = 512;
+/// Enough to catch a gross mistake.
+const N_REPLICATES_WRONG: u64 = 128;
+/// Posterior draws that the truth is ranked among: one less than a multiple of the number of bins.
+const N_DRAWS: usize = 127;
+/// In about one draw from the wide prior in thirty the data leave a thin, curved ridge, on which walkers need tens of
+/// thousands of steps. Such runs say that they have not converged; they are ranked like all others, but not waited for.
+const MAX_STEPS: u64 = 4_000;
+const LARGEST_UNCONVERGED_SHARE: f64 = 0.07;
+const N_BINS: usize = 16;
+const FALSE_FAILURE_RATE: f64 = 1e-6;
+
+/// A problem whose parameters can be drawn and whose data can be simulated.
+struct Problem<Draw, Build> {
+    /// Draws parameters (unconstrained) from the prior.
+    draw_prior: Draw,
+    /// Simulates data and builds the log density of their posterior.
+    build: Build,
+}
+
+struct Ranks {
+    /// For every replicate the rank of each coordinate, last that of the log density.
+    ranks: Vec<Vec<usize>>,
+    n_unconverged: usize,
+}
+
+/// Ranks of all replicates. The draws are those of all walkers at one step: walkers are independent of each other at any
+/// step of a stationary ensemble, so no thinning has to be guessed.
+fn calibrate<D, Draw, Build>(problem: &Problem<Draw, Build>, n_replicates: u64) -> Ranks
+where
+    D: LogDensity,
+    Draw: Fn(&mut RandomStream) -> Vec<f64> + Sync,
+    Build: Fn(&[f64], &mut RandomStream) -> D + Sync,
+{
+    let replicate = |seed: u64| {
+        let mut stream = RandomStream::new(seed, 1 << 61);
+        let truth = (problem.draw_prior)(&mut stream);
+        let density = (problem.build)(&truth, &mut stream);
+        let starts: Vec<Vec<f64>> = (0..16).map(|_| (problem.draw_prior)(&mut stream)).collect();
+        let options = SamplerOptions { seed, threads: 1, max_steps: MAX_STEPS, ..SamplerOptions::default() };
+        let outcome = sample(&density, &starts, &options, &RunControl::default()).unwrap();
+        let mut at_truth = [0.0];
+        density.log_density(&truth, &mut at_truth);
+        let (draws, last) = (&outcome.draws, outcome.draws.n_steps - 1);
+        let rank = |value: f64, of: &dyn Fn(usize, usize) -> f64| {
+            let walkers = (0..draws.n_ensembles).flat_map(|e| (0..draws.n_walkers).map(move |w| (e, w)));
+            walkers.take(N_DRAWS).filter(|&(e, w)| of(e, w) < value).count()
+        };
+        let log_density = |e: usize, w: usize| draws.log_density[(e * draws.n_steps + last) * draws.n_walkers + w];
+        let mut ranks: Vec<usize> =
+            truth.iter().enumerate().map(|(d, &x)| rank(x, &|e, w| draws.value(e, last, w, d))).collect();
+        ranks.push(rank(at_truth[0], &log_density));
+        (ranks, outcome.converged)
+    };
+    let results = over_cores(n_replicates, replicate);
+    let n_unconverged = results.iter().filter(|(_, converged)| !converged).count();
+    Ranks { ranks: results.into_iter().map(|(ranks, _)| ranks).collect(), n_unconverged }
+}
+
+/// χ² of the rank histogram of each quantity: N_BINS − 1 degrees of freedom if ranks are uniform.
+fn chi_squares(ranks: &Ranks) -> Vec<f64> {
+    let expected = ranks.ranks.len() as f64 / N_BINS as f64;
+    let of_quantity = |q: usize| {
+        let mut counts = [0.0; N_BINS];
+        ranks.ranks.iter().for_each(|row| counts[row[q] * N_BINS / (N_DRAWS + 1)] += 1.0);
+        println!("{counts:?}");
+        counts.iter().map(|count| (count - expected).powi(2) / expected).sum()
+    };
+    (0..ranks.ranks[0].len()).map(of_quantity).collect()
+}
+
+/// Exceeded by one of the five quantities once in 10⁶ calibrations of a right program.
+fn threshold() -> f64 {
+    ChiSquared::new(N_BINS as f64 - 1.0).unwrap().inverse_cdf(1.0 - FALSE_FAILURE_RATE / 5.0)
+}
+
+#[test]
+fn ranks_are_uniform() {
+    let ranks = calibrate(&Problem { draw_prior, build: CreepPosterior::simulated }, N_REPLICATES);
+    let chi2 = chi_squares(&ranks);
+    println!("χ² {chi2:?}, limit {:.1}, unconverged {}", threshold(), ranks.n_unconverged);
+    assert!(chi2.iter().all(|&value| value < threshold()), "{chi2:?}");
+    let share = ranks.n_unconverged as f64 / N_REPLICATES as f64;
+    assert!(share < LARGEST_UNCONVERGED_SHARE, "{} unconverged", ranks.n_unconverged);
+}
+
+/// The harness can fail: a likelihood that takes σ for 1.5 σ is caught by the rank of σ.
+#[test]
+fn a_wrong_likelihood_is_caught() {
+    let build = |truth: &[f64], stream: &mut RandomStream| {
+        let mut posterior = CreepPosterior::simulated(truth, stream);
+        posterior.sigma_factor = 1.5;
+        posterior
+    };
+    let chi2 = chi_squares(&calibrate(&Problem { draw_prior, build }, N_REPLICATES_WRONG));
+    println!("χ² {chi2:?}");
+    assert!(chi2[3] > threshold(), "{chi2:?}");
+}
