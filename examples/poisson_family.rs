@@ -14,13 +14,23 @@ fn main() -> vitreo_uq::Result<()> {
     let time_s: Vec<f64> = (0..200).map(|i| 0.05 * f64::from(i)).collect();
     let force_n: Vec<f64> = (0..200).map(|i| if i < 100 { 4.6e-6 } else { -4.6e-6 }).collect();
     let range = |name: &str, lower, upper| TrainedRange { name: name.into(), lower, upper };
-    let parameters =
-        [range("young_modulus_pa", 0.5, 20.0), range("viscosity_1_pa_s", 0.2, 10.0), range("viscosity_2_pa_s", 5.0, 500.0)];
+    let parameters = [
+        range("young_modulus_pa", 0.5, 20.0),
+        range("viscosity_1_pa_s", 0.2, 10.0),
+        range("viscosity_2_pa_s", 5.0, 500.0),
+    ];
     let train = |poisson_ratio| {
         let law = BaseLaw::Lethersich;
         Surrogate::train(
             &stiffness,
-            &Training { law, parameters: &parameters, poisson_ratio, time_s: &time_s, force_n: &force_n, tolerance: 1e-5 },
+            &Training {
+                law,
+                parameters: &parameters,
+                poisson_ratio,
+                time_s: &time_s,
+                force_n: &force_n,
+                tolerance: 1e-5,
+            },
         )
     };
     let (one, family) = (train([0.48, 0.48])?, train([0.3, 0.499])?);
@@ -30,7 +40,11 @@ fn main() -> vitreo_uq::Result<()> {
     if let Some(dir) = std::env::args_os().nth(1) {
         let families = [
             Family { label: "base model", singular_values: &one.singular_values[..12], n_chosen: one.n_modes() },
-            Family { label: "Poisson ratio 0.3–0.499", singular_values: &family.singular_values[..12], n_chosen: family.n_modes() },
+            Family {
+                label: "Poisson ratio 0.3–0.499",
+                singular_values: &family.singular_values[..12],
+                n_chosen: family.n_modes(),
+            },
         ];
         let figure = singular_values(&families, one.tolerance, "POD of full finite-element snapshots")?;
         write_figure(std::path::Path::new(&dir), "singular_values", &figure)?;

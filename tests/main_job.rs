@@ -102,12 +102,8 @@ fn a_missing_effect_is_not_called_sound() {
         *position = position.map(|x| x + 3e-6 * time_s);
     }
     let problem = Problem::new(experiment, ModelSpecification::default(), None, &Nobody).unwrap();
-    let request = SampleRequest {
-        options: SamplerOptions::default(),
-        kept_surrogate: None,
-        checkpoint: None,
-        resume: false,
-    };
+    let request =
+        SampleRequest { options: SamplerOptions::default(), kept_surrogate: None, checkpoint: None, resume: false };
     let summary = run(&problem, &request, &Nobody).unwrap().summary;
     assert!(summary.converged && !summary.is_sound(), "{:?}", summary.warnings);
     assert!(summary.heldout.joint_p.unwrap() < 0.001);
