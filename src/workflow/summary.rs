@@ -170,6 +170,8 @@ pub enum WarningKind {
     NotConverged,
     /// The sampler had something to say.
     Sampler,
+    /// The data do not determine every parameter.
+    Undetermined,
     /// The reduced model differs from full finite elements by too much.
     SurrogateInaccurate,
     /// The mesh is too coarse for the noise.
@@ -192,7 +194,7 @@ impl WarningKind {
     /// Whether the result is not to be trusted as it stands (exit code 1).
     pub fn is_fatal(self) -> bool {
         use WarningKind::*;
-        matches!(self, NotConverged | SurrogateInaccurate | HeldoutOutsideBand | MisfitAboveNoise | LearntNoiseAboveKnown)
+        matches!(self, NotConverged | Undetermined | SurrogateInaccurate | HeldoutOutsideBand | MisfitAboveNoise | LearntNoiseAboveKnown)
     }
 }
 

@@ -82,7 +82,7 @@ fn refuse_other_model(study: &Study, specification: &ModelSpecification, force: 
 }
 
 /// The surrogate of an earlier run, if it can be read; whether it fits is checked by its hash.
-fn kept_surrogate(study: &Study) -> Option<KeptSurrogate> {
+pub fn kept_surrogate(study: &Study) -> Option<KeptSurrogate> {
     let path = study.revision_dir(REVISION).ok()?.join("surrogate.json");
     let bytes = std::fs::read(path).ok()?;
     let document: WithProvenance<KeptSurrogate> = serde_json::from_slice(&bytes).ok()?;
