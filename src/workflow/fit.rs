@@ -112,7 +112,9 @@ pub fn run(problem: &Problem, kept_surrogate: Option<KeptSurrogate>, monitor: &d
     let searches = data.search(&data.starts(problem))?;
     let best = best_of(&searches);
     let law_parameters = data.law_parameters(&best.theta);
-    monitor.stage("checking by full finite elements");
+    if problem.finite_elements().is_some() {
+        monitor.stage("checking by full finite elements");
+    }
     let surrogate_vs_fe_max_m = distance_from_full_m(problem, &reduced, &law_parameters)?;
     let summary = summarise(problem, &data, &searches, best, surrogate_vs_fe_max_m);
     Ok(FitResult { summary, law_parameters, log_covariance: best.covariance.clone(), reduced })

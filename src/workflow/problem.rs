@@ -6,7 +6,7 @@ use sha2::{Digest, Sha256};
 use super::Monitor;
 use super::mechanics::{FiniteElements, Mechanics, MeshFile};
 use crate::error::{Error, Place, Result};
-use crate::experiment::Experiment;
+use crate::experiment::{Apparatus, Experiment};
 use crate::inference::likelihood::ReducedPosterior;
 use crate::inference::prior::PriorSet;
 use crate::model::{ReducedForward, SumOfSquares, TrainedRange};
@@ -55,7 +55,9 @@ impl Problem {
         }
         let fixed: Vec<&str> = specification.fixed.keys().map(String::as_str).collect();
         let priors = all_priors.without(&fixed);
-        monitor.stage("meshing and assembling the finite elements");
+        if matches!(experiment.apparatus, Apparatus::Robot { .. }) {
+            monitor.stage("meshing and assembling the finite elements");
+        }
         let mechanics = Mechanics::new(&experiment.apparatus, mesh_file)?;
         if let Mechanics::FiniteElements(fe) = &mechanics {
             fe.mesh_warnings.iter().for_each(|warning| monitor.warn(warning));
