@@ -115,7 +115,7 @@ fn impossible_simulations_are_refused() {
     run(&["simulate", "--time-step-s", "0.1"]).refuses(&["--time-step-s", "midpoint"]);
     run(&["simulate", "--scheme", "euler"]).refuses(&["euler", "midpoint"]);
     run(&["simulate", "--refine", "50"]).refuses(&["--refine"]);
-    assert!(!place.path().join("vitreo-uq-out/porcine-replica/simulation").exists());
+    assert!(!place.path().join("vitreo-uq-out").exists(), "something was written");
 }
 
 #[test]

@@ -169,8 +169,12 @@ fn bad_input_ends_in_exit_code_2_with_a_remedy_and_nothing_is_written() {
     run(&["sample", "--with", "inertiaa"]).refuses(&["--with", "what to do"]);
     run(&["sample", "--chains", "2"]).refuses(&["what to do"]);
     run(&["sample", "--mesh", "nowhere.msh"]).refuses(&["nowhere.msh", "what to do"]);
-    let left: Vec<_> = tree(place.path()).into_keys().filter(|path| path.ends_with("posterior.json")).collect();
-    assert!(left.is_empty(), "{left:?}");
+    run(&["sample", "--steps", "0"]).refuses(&["--steps", "what to do"]);
+    run(&["sample", "--seed", "-1"]).refuses(&["--seed", "-1"]);
+    run(&["sample", "--from", "m0"]).refuses(&["--from", "what to do"]);
+    run(&["sample", "--json", "nowhere/result.json"]).refuses(&["--json", "nowhere"]);
+    let left: Vec<_> = tree(place.path()).into_keys().collect();
+    assert!(left.is_empty() && std::fs::read_dir(place.path()).unwrap().next().is_none(), "{left:?}");
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! The paper's point estimate: nonlinear least squares on the calibration cycles, checked by one full finite-element run.
 //!
 //! The estimate is of the logarithms of the law's parameters, with analytic derivatives, by the reduced model; several starts keep
-//! it from a local minimum. Priors serve as starts only.
+//! it from a local minimum. Priors serve as starts, and say (by all but 2·10⁻⁹ of their mass) how far to search.
 
 use std::collections::BTreeMap;
 
@@ -16,7 +16,7 @@ use super::summary::{ModelSummary, Warning, WarningKind};
 use crate::error::{Error, Place, Result};
 use crate::fe::time::{FullOrderModel, TimeScheme};
 use crate::inference::least_squares::{Fit, Residuals, Tolerances, fit};
-use crate::model::{Forward, FullForward, ReducedForward, log_sensitivities_m};
+use crate::model::{Forward, FullForward, ReducedForward, TrainedRange, log_sensitivities_m};
 
 /// Starts at quantiles of the prior, besides its medians.
 const N_QUANTILE_STARTS: u32 = 15;
@@ -24,6 +24,8 @@ const N_QUANTILE_STARTS: u32 = 15;
 const START_TAIL: f64 = 0.02;
 /// Seed of the scrambled Sobol sequence of starts, which are part of the method and not of a run.
 const START_SEED: u32 = 2;
+/// An estimate whose logarithm is closer than this to an end of its range lies there.
+const AT_END: f64 = 0.01;
 /// Starts whose objectives differ by less than this fraction have found the same minimum.
 const SAME_MINIMUM: f64 = 1e-6;
 
@@ -48,7 +50,7 @@ pub struct FitSummary {
     pub noise_um: Option<f64>,
     /// Steps tried from the start that led to the estimate.
     pub iterations: usize,
-    /// Whether both of the paper's tolerances were met.
+    /// Whether both of the paper's tolerances were met, inside the prior's range.
     pub converged: bool,
     /// Starts that were searched from.
     pub starts: usize,
@@ -127,6 +129,8 @@ struct CreepResiduals<'a> {
     template: Vec<f64>,
     /// Indices of the free parameters.
     free: Vec<usize>,
+    /// Range of each of the law's parameters beyond which the search does not go: a long step may else end where the data say nothing.
+    ranges: Vec<TrainedRange>,
     /// Row and position (m) of what is fitted.
     observed: Vec<(usize, f64)>,
 }
@@ -137,7 +141,16 @@ impl<'a> CreepResiduals<'a> {
         let template = problem.law.parameters().iter().map(|p| fixed.get(p.name).copied().unwrap_or(f64::NAN)).collect();
         let positions = problem.positions_of(&problem.experiment.calibration_cycles);
         let observed = positions.iter().enumerate().filter_map(|(row, y)| y.map(|y| (row, y))).collect();
-        Self { forward: problem.reduced_forward(reduced), template, free, observed }
+        Self { forward: problem.reduced_forward(reduced), template, free, ranges: problem.training_ranges(), observed }
+    }
+
+    /// Names of the parameters whose estimate lies at an end of its range: a wall, not a minimum.
+    fn at_end_of_range(&self, theta: &[f64]) -> Vec<&str> {
+        let is_at_end = |&(&j, &log): &(&usize, &f64)| {
+            let range = &self.ranges[j];
+            [range.lower, range.upper].iter().any(|end| (log - end.ln()).abs() < AT_END)
+        };
+        self.free.iter().zip(theta).filter(is_at_end).map(|(&j, _)| self.ranges[j].name.as_str()).collect()
     }
 
     fn law_parameters(&self, theta: &[f64]) -> Vec<f64> {
@@ -184,7 +197,11 @@ impl<'a> CreepResiduals<'a> {
 
 impl Residuals for CreepResiduals<'_> {
     fn residuals(&self, theta: &[f64]) -> Option<DVector<f64>> {
-        let position_m = self.forward.trajectory_m(&self.law_parameters(theta)).ok()?;
+        let parameters = self.law_parameters(theta);
+        if self.free.iter().any(|&j| !self.ranges[j].contains(parameters[j])) {
+            return None;
+        }
+        let position_m = self.forward.trajectory_m(&parameters).ok()?;
         Some(DVector::from_iterator(self.observed.len(), self.observed.iter().map(|&(row, y)| position_m[row] - y)))
     }
 
@@ -257,19 +274,25 @@ fn summarise(
         surrogate_vs_fe_max_um: surrogate_vs_fe_max_m.map(|x| 1e6 * x),
         warnings: Vec::new(),
     };
-    summary.warnings = warnings(&summary);
+    let at_end = data.at_end_of_range(&best.theta);
+    summary.converged &= at_end.is_empty();
+    summary.warnings = warnings(&summary, &at_end);
     summary
 }
 
-fn warnings(summary: &FitSummary) -> Vec<Warning> {
+fn warnings(summary: &FitSummary, at_end: &[&str]) -> Vec<Warning> {
     let mut list = Vec::new();
-    if !summary.converged {
+    if !at_end.is_empty() {
+        list.push(Warning {
+            kind: WarningKind::NotConverged,
+            text: format!("the search ran to the end of the prior's range of {}", at_end.join(", ")),
+            advice: "the data may not determine it: fix a parameter (--set), or give a prior that reaches farther (--prior)".into(),
+        });
+    } else if !summary.converged {
         list.push(Warning {
             kind: WarningKind::NotConverged,
             text: format!("the search had not converged after {} steps", summary.iterations),
-            advice: "the estimate may run out of the prior's range or the data may not determine it: look at the standard errors, \
-                     fix a parameter (--set), or give a prior that reaches farther (--prior)"
-                .into(),
+            advice: "the data may not determine every parameter: look at the standard errors, or fix one (--set)".into(),
         });
     }
     let undetermined: Vec<&str> =

@@ -131,3 +131,14 @@ fn undetermined_parameters_have_no_error_and_are_named() {
     assert!(found.summary.warnings.iter().any(|w| w.kind == WarningKind::Undetermined));
     assert!(!found.summary.is_sound());
 }
+
+/// A dashpot a million times stiffer than the prior reaches: the search ends at the wall, and that is not called an estimate.
+#[test]
+fn an_estimate_at_the_end_of_the_range_is_not_converged() {
+    let mut rng = ChaCha8Rng::seed_from_u64(23);
+    let experiment = instrument_experiment(&[3.5, 1.4, 4.7e7], 1e-7, &mut rng);
+    let found = run(&problem(experiment, &["viscosity_1_pa_s=1.4", "young_modulus_pa=3.5"]), None, &Silent).unwrap();
+    assert!(!found.summary.converged && !found.summary.is_sound());
+    let warning = &found.summary.warnings[0];
+    assert!(warning.kind == WarningKind::NotConverged && warning.text.contains("viscosity_2_pa_s"), "{warning:?}");
+}

@@ -6,13 +6,14 @@ use std::process::ExitCode;
 
 use vitreo_uq::error::{Error, Place, Result};
 use vitreo_uq::inference::prior::PriorSet;
-use vitreo_uq::report::corner::{CornerOptions, ParameterColumn, Posterior, corner};
+use vitreo_uq::report::corner::{CornerOptions, ParameterColumn, Posterior, PriorCurve, corner};
 use vitreo_uq::report::density::{Support, sorted};
 use vitreo_uq::report::draws::read_draws_csv;
 use vitreo_uq::report::labels::{ParameterLabel, of_parameter};
 use vitreo_uq::report::palette::series;
 use vitreo_uq::report::svg::write_figure;
 use vitreo_uq::study::{ModelSpecification, Study};
+use vitreo_uq::workflow::artefacts;
 
 use crate::options::CornerArguments;
 
@@ -24,6 +25,8 @@ struct Column {
     label: ParameterLabel,
     draws: Vec<f64>,
     support: Support,
+    /// Prior density over the range of the draws, where the prior is known.
+    prior: Option<(Vec<f64>, Vec<f64>)>,
 }
 
 /// One posterior with what the legend calls it.
@@ -136,14 +139,16 @@ fn load_csv(path: &Path, label: String, priors: Option<&PriorSet>) -> Result<Loa
     let table = read_draws_csv(path)?;
     let columns = table.parameter_names.iter().enumerate().map(|(i, name)| {
         let draws = table.column(i);
-        let support = match priors.and_then(|priors| priors.get(name)) {
+        let prior = priors.and_then(|priors| priors.get(name));
+        let support = match prior {
             Some(prior) => {
                 let (lower, upper) = prior.distribution.support();
                 Support { lower, upper }
             }
             None => Support::guess(&sorted(&draws)),
         };
-        Column { name: name.clone(), label: of_parameter(name), draws, support }
+        let prior = prior.map(|prior| artefacts::prior_curve(prior, &draws));
+        Column { name: name.clone(), label: of_parameter(name), draws, support, prior }
     });
     Ok(Loaded { label, columns: columns.collect() })
 }
@@ -165,7 +170,7 @@ fn parameter<'a>(column: &'a Column, references: &BTreeMap<String, f64>) -> Para
         unit: &column.label.unit,
         draws: &column.draws,
         support: column.support,
-        prior: None,
+        prior: column.prior.as_ref().map(|(x, density)| PriorCurve { x, density }),
         reference: references.get(&column.name).copied(),
     }
 }

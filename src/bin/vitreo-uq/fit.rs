@@ -16,15 +16,18 @@ use crate::text::{significant, warning_text};
 pub fn run(arguments: &FitArguments) -> Result<ExitCode> {
     let common = &arguments.common;
     options::use_threads(common.threads)?;
+    crate::output::check(common)?;
     let terminal = Terminal::new(common.quiet);
     let target = Target::open(common, &arguments.model, &terminal)?;
     let problem = target.problem(&arguments.model, &terminal)?;
-    let result = fit::run(&problem, kept_surrogate(&target.study), &terminal)?;
-    let provenance = target.study.provenance("fit", 1, common.seed);
+    let kept = target.existing_study().and_then(kept_surrogate);
+    let result = fit::run(&problem, kept, &terminal)?;
+    let study = target.make_study()?;
+    let provenance = study.provenance("fit", 1, common.seed);
     let provenance =
         provenance.with_input(format!("prior {}", problem.priors.name()), problem.priors.text().as_bytes());
     let document = WithProvenance { provenance, body: &result.summary };
-    let path = target.study.dir().join(FIT_NAME);
+    let path = study.dir().join(FIT_NAME);
     write_json_atomically(&path, &document)?;
     terminal.finish();
     crate::output::show(common, &document, &words(&result.summary))?;

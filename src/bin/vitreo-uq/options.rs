@@ -39,10 +39,10 @@ pub struct Common {
     #[arg(long, value_name = "FILE|-")]
     pub json: Option<PathBuf>,
     /// Seed of all random numbers
-    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1, allow_negative_numbers = true)]
     pub seed: u64,
     /// Threads; 0 for as many as there are cores
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
     pub threads: usize,
     /// No progress on standard error
     #[arg(long)]
@@ -89,10 +89,10 @@ pub struct SampleArguments {
     #[command(flatten)]
     pub model: Model,
     /// Walkers of each of the independent ensembles
-    #[arg(long, value_name = "N", default_value_t = 32)]
+    #[arg(long, value_name = "N", default_value_t = 32, allow_negative_numbers = true)]
     pub chains: usize,
     /// Steps of each walker after which the run ends, converged or not
-    #[arg(long, value_name = "N", default_value_t = 50_000)]
+    #[arg(long, value_name = "N", default_value_t = 50_000, allow_negative_numbers = true)]
     pub steps: u64,
     /// Go on from where an interrupted run of the same command stopped
     #[arg(long)]
@@ -122,7 +122,7 @@ pub struct SimulateArguments {
     #[arg(long, value_name = "SCHEME", value_enum, default_value_t = Scheme::Exponential)]
     pub scheme: Scheme,
     /// Longest step of the midpoint scheme [default: one step from row to row]
-    #[arg(long, value_name = "SECONDS")]
+    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
     pub time_step_s: Option<f64>,
 }
 

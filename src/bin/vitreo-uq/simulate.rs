@@ -19,14 +19,17 @@ use crate::text::{significant, warning_text};
 pub fn run(arguments: &SimulateArguments) -> Result<ExitCode> {
     let common = &arguments.common;
     options::use_threads(common.threads)?;
+    crate::output::check(common)?;
     let terminal = Terminal::new(common.quiet);
     let set = values_set(arguments)?;
     // Here --set gives values; it does not choose a model.
     let model = options::Model { set: Vec::new(), ..arguments.model.clone() };
     let target = Target::open(common, &model, &terminal)?;
-    let study = &target.study;
     let problem = target.problem(&model, &terminal)?;
-    let posterior = posterior(study, model.from.as_deref(), &target.specification)?;
+    let posterior = match target.existing_study() {
+        Some(study) => posterior(study, model.from.as_deref(), &target.specification)?,
+        None => None,
+    };
     let posterior = posterior.as_ref().map(|(revision, summary)| (revision.as_str(), summary));
     let request = SimulationRequest {
         parameters: simulate::parameters(&problem, &set, posterior)?,
@@ -39,6 +42,7 @@ pub fn run(arguments: &SimulateArguments) -> Result<ExitCode> {
     };
     let has_mesh_file = model.mesh.is_some();
     simulate::check_request(&problem, &request, has_mesh_file)?;
+    let study = target.make_study()?;
     let writer = study.begin_simulation()?;
     let simulation = simulate::run(&problem, &request, has_mesh_file, &terminal)?;
     terminal.stage("writing trajectory and fields");
