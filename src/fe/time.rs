@@ -92,8 +92,19 @@ impl<'a> FullOrderModel<'a> {
 
     /// Unknowns (m) at the chosen rows, one vector after the other.
     pub fn fields(&self, load: &SolvedLoad, law: &CreepCompliance, rows: &[usize]) -> Vec<Vec<f64>> {
+        self.fields_by(load, law, rows, TimeScheme::Exponential)
+    }
+
+    /// The same by a chosen time integrator.
+    pub fn fields_by(
+        &self,
+        load: &SolvedLoad,
+        law: &CreepCompliance,
+        rows: &[usize],
+        scheme: TimeScheme,
+    ) -> Vec<Vec<f64>> {
         let (mut fields, mut row) = (Vec::with_capacity(rows.len()), 0);
-        self.run(load, law, TimeScheme::Exponential, |run| {
+        self.run(load, law, scheme, |run| {
             if rows.contains(&row) {
                 fields.push((0..self.factor.n_unknowns()).map(|i| run.displacement_at(i)).collect());
             }

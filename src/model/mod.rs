@@ -2,8 +2,10 @@
 
 mod convolution;
 mod forward;
+mod sensitivity;
 mod sum_of_squares;
 
 pub use convolution::convolve_m;
 pub use forward::{Forward, FullForward, ReducedForward, TrainedRange};
+pub use sensitivity::log_sensitivities_m;
 pub use sum_of_squares::{CreepLanes, SumOfSquares};

@@ -5,6 +5,8 @@
 //!   experiment.toml trajectory.csv   the inputs, copied byte for byte
 //!   inputs.sha256                    their hashes, in the format of `sha256sum --check`
 //!   m0/ m1/ …                        revisions, each written whole or not at all
+//!   fit.json                         the last point estimate
+//!   simulation/                      the last simulation, written whole or not at all
 //!   .m0.checkpoint/                  what an interrupted run of m0 resumes from
 //! ```
 //! Hidden names with `.partial-` or `.replaced` are left by a killed program and removed by the next one that writes.
@@ -27,6 +29,10 @@ use atomic::{Lock, replace_directory, sync_tree, temporary_directory};
 
 const TOML_NAME: &str = "experiment.toml";
 const HASHES_NAME: &str = "inputs.sha256";
+/// The directory of a study that holds its last simulation.
+pub const SIMULATION_NAME: &str = "simulation";
+/// The file of a study that holds its last point estimate.
+pub const FIT_NAME: &str = "fit.json";
 const OUT_REMEDY: &str = "choose a writable place with `--out`";
 /// Studies go here when no directory is named.
 const DEFAULT_PARENT: &str = "vitreo-uq-out";
@@ -192,6 +198,15 @@ impl Study {
         RevisionWriter::begin(&self.dir, self.checked(name)?)
     }
 
+    /// Begins to write the directory [`SIMULATION_NAME`]; nothing is visible until [`RevisionWriter::commit`], which replaces
+    /// an earlier simulation.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if another program is writing to the study.
+    pub fn begin_simulation(&self) -> Result<RevisionWriter> {
+        RevisionWriter::begin(&self.dir, SIMULATION_NAME)
+    }
+
     /// Directory in which a run of a revision keeps what it can resume from. It is made if absent, survives a kill, and
     /// stays until [`Study::discard_checkpoint`].
     ///
@@ -241,7 +256,7 @@ fn safe_file_name(id: &str) -> String {
 fn hashes_of(files: &ExperimentFiles) -> Result<BTreeMap<String, String>> {
     let first = Path::new(&files.csv_name).components().next();
     let first = first.map_or(String::new(), |part| part.as_os_str().to_string_lossy().into_owned());
-    let taken = [TOML_NAME, HASHES_NAME, "ladder.json"].contains(&first.as_str());
+    let taken = [TOML_NAME, HASHES_NAME, "ladder.json", SIMULATION_NAME, FIT_NAME].contains(&first.as_str());
     if taken || first.starts_with('.') || revision_number(&first).is_some() {
         return Err(Error::input(
             Place::file(&files.toml_name).at_key("measurement.file"),

@@ -7,7 +7,7 @@ use tempfile::TempDir;
 use super::atomic::{Lock, remove_tree, replace_directory, restore, sync_tree, temporary_directory};
 use crate::error::{Error, Result};
 
-/// A revision under construction in a hidden directory of the study; dropping it discards it.
+/// A revision or simulation under construction in a hidden directory of the study; dropping it discards it.
 ///
 /// It holds the study's lock, so one program at a time writes to a study.
 #[derive(Debug)]
@@ -50,7 +50,7 @@ fn remove_leftovers(study_dir: &Path) -> Result<()> {
         let entry = entry.map_err(unreadable)?;
         let name = entry.file_name();
         let name = name.to_string_lossy();
-        if name.starts_with(".m") && name.contains(".partial-") && entry.path().is_dir() {
+        if name.starts_with('.') && name.contains(".partial-") && entry.path().is_dir() {
             remove_tree(&entry.path())?;
         }
     }

@@ -55,44 +55,67 @@ pub fn warnings(findings: &Findings) -> Vec<Warning> {
         add(WarningKind::NothingHeldOut, text, "name calibration and held-out cycles in [measurement]");
     }
     match summary.largest_strain {
-        Some(strain) if strain > LINEAR_STRAIN => {
-            let text = format!(
-                "the largest strain is {strain:.2}; the gel is known to be linear below {LINEAR_STRAIN}, so the linear model is used beyond its proven range"
-            );
-            add(
-                WarningKind::LargeStrain,
-                text,
-                "read E, c₁ and c₂ as effective values at this amplitude, or repeat with a smaller force",
-            );
+        Some(strain) => {
+            if let Some(warning) = strain_warning(strain) {
+                add(warning.kind, warning.text, &warning.advice);
+            }
         }
         None => {
             let text = "the apparatus is an instrument with a given compliance: finite elements, strain and discretisation error are left out".to_string();
             add(WarningKind::NoFiniteElements, text, "absolute moduli are as good as `compliance_per_m`");
         }
-        _ => {}
     }
     list
 }
 
-fn misfit(summary: &PosteriorSummary, noise: f64, add: &mut impl FnMut(WarningKind, String, &str)) {
-    let heldout = &summary.heldout;
-    let limit = NOISE_FACTOR * noise;
-    let misses = [("fitted", Some(heldout.rmse_fitted_um)), ("held-out", heldout.rmse_um)];
-    let misses: Vec<String> = misses
+/// The misfits (µm, with the name of their cycles) that are too large to be the noise.
+pub fn misfit_warning(misfits_um: &[(&str, Option<f64>)], noise_um: f64) -> Option<Warning> {
+    let misses: Vec<String> = misfits_um
         .iter()
-        .filter_map(|(which, rmse)| rmse.filter(|rmse| *rmse > limit).map(|rmse| (which, rmse)))
+        .filter_map(|(which, rmse)| rmse.filter(|rmse| *rmse > NOISE_FACTOR * noise_um).map(|rmse| (which, rmse)))
         .map(|(which, rmse)| {
-            format!("the {which} cycles by {rmse:.3} µm ({:.1} × the noise of {noise:.3} µm)", rmse / noise)
+            format!("the {which} cycles by {rmse:.3} µm ({:.1} × the noise of {noise_um:.3} µm)", rmse / noise_um)
         })
         .collect();
-    if !misses.is_empty() {
-        let text = format!("the model misses {}", misses.join(" and "));
-        add(
-            WarningKind::MisfitAboveNoise,
-            text,
-            "the base model is not enough for this measurement; do not read its parameters as material properties",
-        );
+    (!misses.is_empty()).then(|| Warning {
+        kind: WarningKind::MisfitAboveNoise,
+        text: format!("the model misses {}", misses.join(" and ")),
+        advice: "the base model is not enough for this measurement; do not read its parameters as material properties"
+            .into(),
+    })
+}
+
+/// A reduced model that is too far (µm) from full finite elements, or whose importance weights cannot be trusted.
+pub fn surrogate_warning(distance_um: f64, pareto_k: Option<f64>, noise_um: f64) -> Option<Warning> {
+    let is_inaccurate = distance_um > SURROGATE_SHARE * noise_um || pareto_k.is_some_and(|k| k > PARETO_LIMIT);
+    let weights = pareto_k.map_or(String::new(), |k| format!(", Pareto k {k:.2}"));
+    is_inaccurate.then(|| Warning {
+        kind: WarningKind::SurrogateInaccurate,
+        text: format!(
+            "the reduced model differs from full finite elements by up to {distance_um:.3} µm (noise {noise_um:.3} µm{weights})"
+        ),
+        advice: "delete the kept surrogate and narrow the prior".into(),
+    })
+}
+
+/// A strain beyond the range in which the gel is known to be linear (physics §6).
+pub fn strain_warning(largest_strain: f64) -> Option<Warning> {
+    (largest_strain > LINEAR_STRAIN).then(|| Warning {
+        kind: WarningKind::LargeStrain,
+        text: format!(
+            "the largest strain is {largest_strain:.2}; the gel is known to be linear below {LINEAR_STRAIN}, so the linear model is used beyond its proven range"
+        ),
+        advice: "read E, c₁ and c₂ as effective values at this amplitude, or repeat with a smaller force".into(),
+    })
+}
+
+fn misfit(summary: &PosteriorSummary, noise: f64, add: &mut impl FnMut(WarningKind, String, &str)) {
+    let heldout = &summary.heldout;
+    let misses = [("fitted", Some(heldout.rmse_fitted_um)), ("held-out", heldout.rmse_um)];
+    if let Some(warning) = misfit_warning(&misses, noise) {
+        add(warning.kind, warning.text, &warning.advice);
     }
+    let limit = NOISE_FACTOR * noise;
     let learnt = summary.error_budget_um.noise;
     if learnt > limit {
         let text = format!(
@@ -110,13 +133,8 @@ fn misfit(summary: &PosteriorSummary, noise: f64, add: &mut impl FnMut(WarningKi
 
 fn surrogate(summary: &PosteriorSummary, noise: f64, add: &mut impl FnMut(WarningKind, String, &str)) {
     let heldout = &summary.heldout;
-    let distance = heldout.surrogate_vs_fe_max_um.unwrap_or(0.0);
-    let k = heldout.pareto_k.unwrap_or(0.0);
-    if distance > SURROGATE_SHARE * noise || k > PARETO_LIMIT {
-        let text = format!(
-            "the reduced model differs from full finite elements by up to {distance:.3} µm (noise {noise:.3} µm, Pareto k {k:.2})"
-        );
-        add(WarningKind::SurrogateInaccurate, text, "delete the kept surrogate and narrow the prior");
+    if let Some(warning) = surrogate_warning(heldout.surrogate_vs_fe_max_um.unwrap_or(0.0), heldout.pareto_k, noise) {
+        add(warning.kind, warning.text, &warning.advice);
     }
     if let Some(error) = summary.error_budget_um.fe_discretisation.filter(|e| *e > MESH_SHARE * noise) {
         let text = format!("two meshes differ by {error:.3} µm against a noise of {noise:.3} µm");

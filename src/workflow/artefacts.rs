@@ -104,8 +104,13 @@ fn corner_figure(problem: &Problem, result: &SampleResult) -> Result<Svg> {
     let is_replica = id == "porcine-replica";
     let law = problem.law.parameters();
     let reference = |name: &str| law.iter().position(|p| p.name == name).filter(|_| is_replica).map(|i| TABLE_I[i]);
-    let curves: Vec<(Vec<f64>, Vec<f64>)> =
-        problem.priors.priors().iter().zip(&result.columns).map(|(prior, column)| prior_curve(prior, column)).collect();
+    let curves: Vec<(Vec<f64>, Vec<f64>)> = problem
+        .priors
+        .priors()
+        .iter()
+        .zip(&result.columns)
+        .map(|(prior, column)| prior_curve(prior, &column.values))
+        .collect();
     let labels: Vec<_> = problem.priors.names().map(of_parameter).collect();
     let columns = problem.priors.priors().iter().zip(&result.columns).zip(curves.iter().zip(&labels));
     let parameters = columns
@@ -129,9 +134,9 @@ fn corner_figure(problem: &Problem, result: &SampleResult) -> Result<Svg> {
 }
 
 /// Prior density over the range of the draws and three times as far.
-fn prior_curve(prior: &crate::inference::prior::Prior, column: &DrawColumn) -> (Vec<f64>, Vec<f64>) {
-    let lowest = column.values.iter().copied().fold(f64::INFINITY, f64::min);
-    let highest = column.values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+pub fn prior_curve(prior: &crate::inference::prior::Prior, draws: &[f64]) -> (Vec<f64>, Vec<f64>) {
+    let lowest = draws.iter().copied().fold(f64::INFINITY, f64::min);
+    let highest = draws.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let (start, width) = (lowest - (highest - lowest), 3.0 * (highest - lowest));
     let x: Vec<f64> = (0..PRIOR_POINTS).map(|i| start + width * i as f64 / (PRIOR_POINTS - 1) as f64).collect();
     let density = x.iter().map(|x| prior.distribution.ln_pdf(*x).exp()).collect();

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use super::mesh_check;
 use crate::error::{Error, Place, Result};
 use crate::experiment::{Apparatus, Robot, RobotShape, Vitreous};
 use crate::fe::Stiffness;
@@ -77,7 +78,9 @@ impl Mechanics {
         let (mesh, mesh_warnings, coarse) = match mesh_file {
             Some(file) => {
                 let read = read_gmsh(&file.path, file.metres_per_unit)?;
-                (read.mesh, read.warnings.iter().map(|w| format!("{} {}", w.text(), w.advice())).collect(), None)
+                let said = read.warnings.iter().map(|w| format!("{} {}", w.text(), w.advice()));
+                let doubts = mesh_check::doubts(&read.mesh, robot, vitreous);
+                (read.mesh, said.chain(doubts).collect(), None)
             }
             None => (
                 sphere_mesh(robot, vitreous, MODEL_LEVEL)?,

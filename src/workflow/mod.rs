@@ -2,11 +2,15 @@
 
 pub mod advice;
 pub mod artefacts;
+pub mod fit;
 pub mod heldout;
 pub mod mechanics;
+mod mesh_check;
 pub mod problem;
 pub mod replica;
 pub mod sample;
+pub mod simulate;
+pub mod simulation_files;
 pub mod summary;
 
 use std::sync::atomic::AtomicBool;
@@ -23,4 +27,17 @@ pub trait Monitor: Sync {
     fn warn(&self, text: &str);
     /// Set to true from anywhere to stop the job at the next safe place.
     fn stop(&self) -> Option<&AtomicBool>;
+}
+
+/// Nobody watches: for tests and for callers without a terminal.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Silent;
+
+impl Monitor for Silent {
+    fn stage(&self, _text: &str) {}
+    fn sampling(&self, _progress: &Progress) {}
+    fn warn(&self, _text: &str) {}
+    fn stop(&self) -> Option<&AtomicBool> {
+        None
+    }
 }

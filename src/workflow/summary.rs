@@ -170,6 +170,8 @@ pub enum WarningKind {
     NotConverged,
     /// The sampler had something to say.
     Sampler,
+    /// The data do not determine every parameter.
+    Undetermined,
     /// The reduced model differs from full finite elements by too much.
     SurrogateInaccurate,
     /// The mesh is too coarse for the noise.
@@ -194,7 +196,12 @@ impl WarningKind {
         use WarningKind::*;
         matches!(
             self,
-            NotConverged | SurrogateInaccurate | HeldoutOutsideBand | MisfitAboveNoise | LearntNoiseAboveKnown
+            NotConverged
+                | Undetermined
+                | SurrogateInaccurate
+                | HeldoutOutsideBand
+                | MisfitAboveNoise
+                | LearntNoiseAboveKnown
         )
     }
 }

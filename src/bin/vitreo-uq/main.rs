@@ -1,8 +1,11 @@
 //! The program: arguments in, exit code out.
 
+mod corner;
+mod fit;
 mod options;
 mod output;
 mod sample;
+mod simulate;
 mod target;
 mod terminal;
 mod text;
@@ -17,6 +20,9 @@ fn main() -> ExitCode {
     let program = Program::parse();
     let outcome = match &program.command {
         Command::Sample(arguments) => sample::run(arguments),
+        Command::Fit(arguments) => fit::run(arguments),
+        Command::Simulate(arguments) => simulate::run(arguments),
+        Command::Corner(arguments) => corner::run(arguments),
     };
     match outcome {
         Ok(code) => code,

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, Parser, Subcommand};
+use clap::{Args, Parser, Subcommand, ValueEnum};
 
 /// Bayesian uncertainty quantification for creep experiments in soft gels.
 #[derive(Parser)]
@@ -18,6 +18,12 @@ pub struct Program {
 pub enum Command {
     /// From a measurement to a posterior that full finite elements have checked
     Sample(SampleArguments),
+    /// The paper's point estimate by nonlinear least squares, with standard errors
+    Fit(FitArguments),
+    /// A full finite-element run: trajectory in the experiment's format, fields for ParaView
+    Simulate(SimulateArguments),
+    /// Corner plot of one or several posteriors
+    Corner(CornerArguments),
 }
 
 /// What every command takes.
@@ -33,10 +39,10 @@ pub struct Common {
     #[arg(long, value_name = "FILE|-")]
     pub json: Option<PathBuf>,
     /// Seed of all random numbers
-    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1, allow_negative_numbers = true)]
     pub seed: u64,
     /// Threads; 0 for as many as there are cores
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
     pub threads: usize,
     /// No progress on standard error
     #[arg(long)]
@@ -47,7 +53,7 @@ pub struct Common {
 }
 
 /// What is modelled, and how.
-#[derive(Args)]
+#[derive(Args, Clone)]
 pub struct Model {
     /// Base law
     #[arg(long, value_name = "LAW")]
@@ -83,14 +89,67 @@ pub struct SampleArguments {
     #[command(flatten)]
     pub model: Model,
     /// Walkers of each of the independent ensembles
-    #[arg(long, value_name = "N", default_value_t = 32)]
+    #[arg(long, value_name = "N", default_value_t = 32, allow_negative_numbers = true)]
     pub chains: usize,
     /// Steps of each walker after which the run ends, converged or not
-    #[arg(long, value_name = "N", default_value_t = 50_000)]
+    #[arg(long, value_name = "N", default_value_t = 50_000, allow_negative_numbers = true)]
     pub steps: u64,
     /// Go on from where an interrupted run of the same command stopped
     #[arg(long)]
     pub resume: bool,
+}
+
+/// Arguments of `fit`.
+#[derive(Args)]
+pub struct FitArguments {
+    #[command(flatten)]
+    pub common: Common,
+    #[command(flatten)]
+    pub model: Model,
+}
+
+/// Arguments of `simulate`.
+#[derive(Args)]
+pub struct SimulateArguments {
+    #[command(flatten)]
+    pub common: Common,
+    #[command(flatten)]
+    pub model: Model,
+    /// Also print a convergence table over the built-in meshes of levels 1 to N
+    #[arg(long, value_name = "N")]
+    pub refine: Option<usize>,
+    /// Time integrator
+    #[arg(long, value_name = "SCHEME", value_enum, default_value_t = Scheme::Exponential)]
+    pub scheme: Scheme,
+    /// Longest step of the midpoint scheme [default: one step from row to row]
+    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
+    pub time_step_s: Option<f64>,
+}
+
+/// Time integrators.
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Scheme {
+    /// Exact while the force holds
+    Exponential,
+    /// Implicit midpoint rule, second order
+    Midpoint,
+}
+
+/// Arguments of `corner`.
+#[derive(Args)]
+pub struct CornerArguments {
+    /// Studies (their last revision is taken), revisions (study/m0), or CSV files of draws with one column a parameter
+    #[arg(value_name = "STUDY|REVISION|DRAWS.csv", required = true)]
+    pub paths: Vec<PathBuf>,
+    /// Where the figure goes, without extension: FILE.svg and FILE.png are written
+    #[arg(long, value_name = "FILE", default_value = "corner")]
+    pub out: PathBuf,
+    /// Mark a value of a parameter; may be repeated
+    #[arg(long, value_name = "NAME=VALUE")]
+    pub reference: Vec<String>,
+    /// Do not say where the figure went
+    #[arg(long)]
+    pub quiet: bool,
 }
 
 /// Uses so many threads everywhere.

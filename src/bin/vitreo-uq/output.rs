@@ -4,10 +4,24 @@ use std::io::Write;
 use std::path::Path;
 
 use serde::Serialize;
-use vitreo_uq::error::{Error, Result};
+use vitreo_uq::error::{Error, Place, Result};
 use vitreo_uq::files::write_json_atomically;
 
 use crate::options::Common;
+
+/// Refuses a place for the document that cannot be written, before hours of work rather than after.
+pub fn check(common: &Common) -> Result<()> {
+    let Some(path) = common.json.as_deref().filter(|path| *path != Path::new("-")) else { return Ok(()) };
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    if folder.is_dir() && !path.is_dir() {
+        return Ok(());
+    }
+    Err(Error::input(
+        Place::option("--json"),
+        format!("{} cannot be written: it is a directory, or its directory does not exist", path.display()),
+        "give a file in a directory that exists, or `-` for standard output",
+    ))
+}
 
 /// Prints the words, or with `--json -` the document alone; writes the document where `--json FILE` says.
 pub fn show(common: &Common, document: &impl Serialize, words: &str) -> Result<()> {

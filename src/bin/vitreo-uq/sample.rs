@@ -22,6 +22,7 @@ pub fn run(arguments: &SampleArguments) -> Result<ExitCode> {
     let began = Instant::now();
     let common = &arguments.common;
     options::use_threads(common.threads)?;
+    crate::output::check(common)?;
     let options = SamplerOptions {
         n_walkers: arguments.chains,
         max_steps: arguments.steps,
@@ -31,11 +32,13 @@ pub fn run(arguments: &SampleArguments) -> Result<ExitCode> {
     };
     let terminal = Terminal::new(common.quiet);
     let target = Target::open(common, &arguments.model, &terminal)?;
-    let study = &target.study;
-    refuse_other_model(study, &target.specification, common.force)?;
-    let revision = study.begin_revision(REVISION)?;
+    if let Some(study) = target.existing_study() {
+        refuse_other_model(study, &target.specification, common.force)?;
+    }
     let problem = target.problem(&arguments.model, &terminal)?;
     options.validate(problem.priors.priors().len())?;
+    let study = &target.make_study()?;
+    let revision = study.begin_revision(REVISION)?;
     let checkpoint = study.checkpoint_dir(REVISION)?.join("sampler.state");
     let request = SampleRequest {
         options,
@@ -82,7 +85,7 @@ fn refuse_other_model(study: &Study, specification: &ModelSpecification, force: 
 }
 
 /// The surrogate of an earlier run, if it can be read; whether it fits is checked by its hash.
-fn kept_surrogate(study: &Study) -> Option<KeptSurrogate> {
+pub fn kept_surrogate(study: &Study) -> Option<KeptSurrogate> {
     let path = study.revision_dir(REVISION).ok()?.join("surrogate.json");
     let bytes = std::fs::read(path).ok()?;
     let document: WithProvenance<KeptSurrogate> = serde_json::from_slice(&bytes).ok()?;

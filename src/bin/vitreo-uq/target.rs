@@ -1,5 +1,7 @@
 //! What a command works on: an experiment or a study, its study directory and its model.
 
+use std::path::PathBuf;
+
 use vitreo_uq::error::{Error, Place, Result};
 use vitreo_uq::experiment::{Experiment, ExperimentFiles};
 use vitreo_uq::study::{ModelSpecification, Study};
@@ -10,20 +12,27 @@ use vitreo_uq::workflow::replica;
 
 use crate::options::{Common, Model};
 
-/// An opened study with its experiment and the model to use.
+/// An experiment, the study that it belongs to or will belong to, and the model.
+///
+/// A new study is made by [`Target::make_study`] only, after everything that can be refused has been looked at.
 pub struct Target {
-    /// The study.
-    pub study: Study,
-    /// Its experiment.
+    place: StudyPlace,
+    /// The experiment.
     pub experiment: Experiment,
     /// The model that the options, or else the study's last revision, name.
     pub specification: ModelSpecification,
 }
 
+/// Where the study is, or will be.
+enum StudyPlace {
+    There(Study),
+    New { dir: PathBuf, files: ExperimentFiles, force: bool },
+}
+
 impl Target {
-    /// Opens or creates the study of what the user named, and prints what the reader noticed.
+    /// Reads what the user named, without writing anything, and prints what the reader noticed.
     pub fn open(common: &Common, model: &Model, monitor: &dyn Monitor) -> Result<Self> {
-        let opened = match &common.target {
+        let (place, experiment) = match &common.target {
             Some(path) if Study::is_study(path) => {
                 if common.out.is_some() {
                     return Err(Error::input(
@@ -34,21 +43,34 @@ impl Target {
                 }
                 let study = Study::open(path)?;
                 let (experiment, files) = study.read_experiment()?;
-                (study, experiment, files)
+                print_notes(&files, monitor);
+                (StudyPlace::There(study), experiment)
             }
             path => {
                 let (experiment, files) = match path {
                     Some(path) => Experiment::read(path)?,
                     None => replica::embedded()?,
                 };
+                print_notes(&files, monitor);
                 let dir = common.out.clone().unwrap_or_else(|| Study::default_dir(&experiment.specimen_id));
-                (Study::open_or_create(&dir, &files, common.force)?, experiment, files)
+                (place_of(dir, files, common.force)?, experiment)
             }
         };
-        let (study, experiment, files) = opened;
-        print_notes(&files, monitor);
-        let specification = specification(&study, model)?;
-        Ok(Self { study, experiment, specification })
+        let specification = specification(place.study(), model)?;
+        Ok(Self { place, experiment, specification })
+    }
+
+    /// The study, if it is there already.
+    pub fn existing_study(&self) -> Option<&Study> {
+        self.place.study()
+    }
+
+    /// The study; it is made now if it is not there.
+    pub fn make_study(&self) -> Result<Study> {
+        match &self.place {
+            StudyPlace::There(study) => Ok(study.clone()),
+            StudyPlace::New { dir, files, force } => Study::open_or_create(dir, files, *force),
+        }
     }
 
     /// Joins experiment, model and mechanics.
@@ -58,23 +80,52 @@ impl Target {
     }
 }
 
+impl StudyPlace {
+    fn study(&self) -> Option<&Study> {
+        match self {
+            Self::There(study) => Some(study),
+            Self::New { .. } => None,
+        }
+    }
+}
+
+/// A study of the same input that is there is continued; one of another input is refused unless it is to be replaced.
+fn place_of(dir: PathBuf, files: ExperimentFiles, force: bool) -> Result<StudyPlace> {
+    if Study::is_study(&dir) {
+        match Study::open_or_create(&dir, &files, false) {
+            Ok(study) => return Ok(StudyPlace::There(study)),
+            Err(refusal) if !force => return Err(refusal),
+            Err(_) => {}
+        }
+    }
+    Ok(StudyPlace::New { dir, files, force })
+}
+
 fn print_notes(files: &ExperimentFiles, monitor: &dyn Monitor) {
     files.notes.iter().for_each(|note| monitor.warn(&note.to_string()));
 }
 
 /// The model that the options name; without any, that of the named or last revision; without one, the default.
-fn specification(study: &Study, model: &Model) -> Result<ModelSpecification> {
+fn specification(study: Option<&Study>, model: &Model) -> Result<ModelSpecification> {
     let given = model.base.is_some()
         || !model.with.is_empty()
         || !model.noise.is_empty()
         || model.prior.is_some()
         || !model.set.is_empty();
-    let revision = match &model.from {
-        Some(name) => Some(name.clone()),
-        None => study.revisions()?.pop(),
+    let revision = match (&model.from, study) {
+        (Some(name), Some(study)) => Some((study, name.clone())),
+        (Some(name), None) => {
+            return Err(Error::input(
+                Place::option("--from"),
+                format!("there is no study yet, and so no revision {name}"),
+                "leave --from away, or give the study that an earlier command made",
+            ));
+        }
+        (None, Some(study)) => study.revisions()?.pop().map(|name| (study, name)),
+        (None, None) => None,
     };
     match revision {
-        Some(name) if !given => ModelSpecification::read(&study.revision_dir(&name)?.join("model.toml")),
+        Some((study, name)) if !given => ModelSpecification::read(&study.revision_dir(&name)?.join("model.toml")),
         _ => ModelSpecification::from_options(
             model.base.as_deref(),
             &model.with,

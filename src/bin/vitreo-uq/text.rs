@@ -103,7 +103,7 @@ fn budget_lines(summary: &PosteriorSummary, line: &mut impl FnMut(String)) {
     line(format!("Error budget (µm): {}.", parts.into_iter().flatten().collect::<Vec<_>>().join(", ")));
 }
 
-fn warning_text(warning: &Warning) -> String {
+pub fn warning_text(warning: &Warning) -> String {
     let mark = if warning.kind.is_fatal() { "NOT TO BE TRUSTED AS IT STANDS" } else { "Note" };
     format!("{mark}: {}.\n  What to do: {}.", warning.text, warning.advice)
 }

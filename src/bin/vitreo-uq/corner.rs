@@ -1,0 +1,193 @@
+//! `corner`: corner plot of one or several posteriors overlaid, of this program or of any other that writes CSV.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use vitreo_uq::error::{Error, Place, Result};
+use vitreo_uq::inference::prior::PriorSet;
+use vitreo_uq::report::corner::{CornerOptions, ParameterColumn, Posterior, PriorCurve, corner};
+use vitreo_uq::report::density::{Support, sorted};
+use vitreo_uq::report::draws::read_draws_csv;
+use vitreo_uq::report::labels::{ParameterLabel, of_parameter};
+use vitreo_uq::report::palette::series;
+use vitreo_uq::report::svg::write_figure;
+use vitreo_uq::study::{ModelSpecification, Study};
+use vitreo_uq::workflow::artefacts;
+
+use crate::options::CornerArguments;
+
+const PATH_REMEDY: &str =
+    "give a study, a revision of one (study/m0), or a CSV file of draws with one column a parameter";
+
+/// One parameter of a posterior.
+struct Column {
+    name: String,
+    label: ParameterLabel,
+    draws: Vec<f64>,
+    support: Support,
+    /// Prior density over the range of the draws, where the prior is known.
+    prior: Option<(Vec<f64>, Vec<f64>)>,
+}
+
+/// One posterior with what the legend calls it.
+struct Loaded {
+    label: String,
+    columns: Vec<Column>,
+}
+
+pub fn run(arguments: &CornerArguments) -> Result<ExitCode> {
+    let references = references(&arguments.reference)?;
+    let mut loaded = arguments.paths.iter().map(|path| load(path)).collect::<Result<Vec<_>>>()?;
+    tell_apart(&mut loaded, &arguments.paths);
+    refuse_unknown_references(&references, &loaded)?;
+    let posteriors: Vec<Posterior> = loaded
+        .iter()
+        .enumerate()
+        .map(|(i, posterior)| Posterior {
+            label: &posterior.label,
+            colour: series(i),
+            parameters: posterior.columns.iter().map(|column| parameter(column, &references)).collect(),
+        })
+        .collect();
+    let figure = corner(&posteriors, &CornerOptions::default())?;
+    let (dir, stem) = place_of(&arguments.out)?;
+    std::fs::create_dir_all(&dir)
+        .map_err(|source| Error::at_path("create", &dir, source, "choose a writable place with `--out`"))?;
+    write_figure(&dir, &stem, &figure)?;
+    if !arguments.quiet {
+        let names: Vec<&str> = loaded.iter().map(|posterior| posterior.label.as_str()).collect();
+        println!("Corner plot of {}:", names.join(", "));
+        for extension in ["svg", "png"] {
+            println!("  {}", dir.join(format!("{stem}.{extension}")).display());
+        }
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// `NAME=VALUE` pairs.
+fn references(texts: &[String]) -> Result<BTreeMap<String, f64>> {
+    let refuse = |found: String, remedy: &str| Err(Error::input(Place::option("--reference"), found, remedy));
+    let mut references = BTreeMap::new();
+    for text in texts {
+        let remedy = "write NAME=VALUE with a finite number, as in `--reference young_modulus_pa=3.527`";
+        let Some((name, value)) = text.split_once('=') else { return refuse(format!("`{text}` has no `=`"), remedy) };
+        match value.trim().parse::<f64>() {
+            Ok(number) if number.is_finite() => {
+                if references.insert(name.trim().to_string(), number).is_some() {
+                    return refuse(format!("{} is given twice", name.trim()), "give each parameter once");
+                }
+            }
+            _ => return refuse(format!("`{value}` is not a finite number"), remedy),
+        }
+    }
+    Ok(references)
+}
+
+/// A reference that belongs to no parameter is a slip of the pen and would otherwise vanish in silence.
+fn refuse_unknown_references(references: &BTreeMap<String, f64>, loaded: &[Loaded]) -> Result<()> {
+    let mut known: Vec<&str> =
+        loaded.iter().flat_map(|p| p.columns.iter().map(|column| column.name.as_str())).collect();
+    known.sort_unstable();
+    known.dedup();
+    match references.keys().find(|name| !known.contains(&name.as_str())) {
+        Some(unknown) => Err(Error::input(
+            Place::option("--reference"),
+            format!("no posterior has a parameter `{unknown}`"),
+            format!("use one of {}", known.join(", ")),
+        )),
+        None => Ok(()),
+    }
+}
+
+fn load(path: &Path) -> Result<Loaded> {
+    if Study::is_study(path) {
+        let revision = Study::open(path)?.revisions()?.pop().ok_or_else(|| {
+            Error::input(Place::file(path), "this study has no posterior yet", "run `vitreo-uq sample` on it first")
+        })?;
+        return load_revision(&path.join(revision));
+    }
+    if path.is_dir() {
+        return load_revision(path);
+    }
+    let label = path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
+    // Draws inside a revision are that revision's.
+    match path.parent() {
+        Some(dir) if dir.join("posterior.json").is_file() && path.file_name().is_some_and(|n| n == "draws.csv") => {
+            load_revision(dir)
+        }
+        _ => load_csv(path, label, None),
+    }
+}
+
+fn load_revision(dir: &Path) -> Result<Loaded> {
+    let draws = dir.join("draws.csv");
+    if !draws.is_file() {
+        return Err(Error::input(Place::file(dir), "there are no draws in this directory", PATH_REMEDY));
+    }
+    let name = |path: &Path| path.file_name().map(|name| name.to_string_lossy().into_owned());
+    let full = dir.canonicalize().unwrap_or_else(|_| dir.to_path_buf());
+    let study = full.parent().and_then(name);
+    let label = [study, name(&full)].into_iter().flatten().collect::<Vec<_>>().join(" ");
+    // Hard limits come from the priors; where their file has moved away they are guessed from the draws.
+    let priors = ModelSpecification::read(&dir.join("model.toml")).and_then(|model| PriorSet::read(&model.prior)).ok();
+    load_csv(&draws, label, priors.as_ref())
+}
+
+fn load_csv(path: &Path, label: String, priors: Option<&PriorSet>) -> Result<Loaded> {
+    if !path.exists() {
+        return Err(Error::input(Place::file(path), "there is no such file or directory", PATH_REMEDY));
+    }
+    let table = read_draws_csv(path)?;
+    let columns = table.parameter_names.iter().enumerate().map(|(i, name)| {
+        let draws = table.column(i);
+        let prior = priors.and_then(|priors| priors.get(name));
+        let support = match prior {
+            Some(prior) => {
+                let (lower, upper) = prior.distribution.support();
+                Support { lower, upper }
+            }
+            None => Support::guess(&sorted(&draws)),
+        };
+        let prior = prior.map(|prior| artefacts::prior_curve(prior, &draws));
+        Column { name: name.clone(), label: of_parameter(name), draws, support, prior }
+    });
+    Ok(Loaded { label, columns: columns.collect() })
+}
+
+/// Posteriors of the same name are called by their paths.
+fn tell_apart(loaded: &mut [Loaded], paths: &[PathBuf]) {
+    let labels: Vec<String> = loaded.iter().map(|posterior| posterior.label.clone()).collect();
+    for (i, posterior) in loaded.iter_mut().enumerate() {
+        if labels.iter().filter(|label| **label == labels[i]).count() > 1 {
+            posterior.label = paths[i].display().to_string();
+        }
+    }
+}
+
+fn parameter<'a>(column: &'a Column, references: &BTreeMap<String, f64>) -> ParameterColumn<'a> {
+    ParameterColumn {
+        name: &column.name,
+        symbol: &column.label.symbol,
+        unit: &column.label.unit,
+        draws: &column.draws,
+        support: column.support,
+        prior: column.prior.as_ref().map(|(x, density)| PriorCurve { x, density }),
+        reference: references.get(&column.name).copied(),
+    }
+}
+
+/// Directory and stem of the figure's files; an extension that one of them will have anyway is taken off.
+fn place_of(out: &Path) -> Result<(PathBuf, String)> {
+    let is_figure = out.extension().is_some_and(|extension| extension == "svg" || extension == "png");
+    let name = if is_figure { out.file_stem() } else { out.file_name() };
+    let Some(stem) = name.filter(|_| !out.is_dir()) else {
+        return Err(Error::input(
+            Place::option("--out"),
+            format!("{} is a directory", out.display()),
+            "give a file name without extension, such as `--out figures/corner`",
+        ));
+    };
+    let dir = out.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    Ok((dir.to_path_buf(), stem.to_string_lossy().into_owned()))
+}

@@ -1,0 +1,82 @@
+//! `fit`: the paper's point estimate, with standard errors.
+
+use std::process::ExitCode;
+
+use vitreo_uq::error::Result;
+use vitreo_uq::report::labels::of_parameter;
+use vitreo_uq::study::{FIT_NAME, WithProvenance, write_json_atomically};
+use vitreo_uq::workflow::fit::{self, FitSummary, FittedParameter};
+
+use crate::options::{self, FitArguments};
+use crate::sample::kept_surrogate;
+use crate::target::Target;
+use crate::terminal::Terminal;
+use crate::text::{significant, warning_text};
+
+pub fn run(arguments: &FitArguments) -> Result<ExitCode> {
+    let common = &arguments.common;
+    options::use_threads(common.threads)?;
+    crate::output::check(common)?;
+    let terminal = Terminal::new(common.quiet);
+    let target = Target::open(common, &arguments.model, &terminal)?;
+    let problem = target.problem(&arguments.model, &terminal)?;
+    let kept = target.existing_study().and_then(kept_surrogate);
+    let result = fit::run(&problem, kept, &terminal)?;
+    let study = target.make_study()?;
+    let provenance = study.provenance("fit", 1, common.seed);
+    let provenance =
+        provenance.with_input(format!("prior {}", problem.priors.name()), problem.priors.text().as_bytes());
+    let document = WithProvenance { provenance, body: &result.summary };
+    let path = study.dir().join(FIT_NAME);
+    write_json_atomically(&path, &document)?;
+    terminal.finish();
+    crate::output::show(common, &document, &words(&result.summary))?;
+    if !common.quiet {
+        eprintln!("Result: {}", path.display());
+    }
+    Ok(ExitCode::from(u8::from(!result.summary.is_sound())))
+}
+
+fn words(summary: &FitSummary) -> String {
+    let verdict = if summary.converged { "converged" } else { "NOT CONVERGED" };
+    let mut lines = vec![
+        format!(
+            "{}: {} model, nonlinear least squares on {} positions: {verdict} in {} steps",
+            summary.experiment, summary.model.base, summary.fitted_positions, summary.iterations
+        ),
+        String::new(),
+        format!("  {:<12}{:>11}{:>18}", "parameter", "estimate", "standard error"),
+    ];
+    lines.extend(summary.parameters.iter().map(row));
+    let fixed = summary.fixed.iter().filter(|(name, _)| name.as_str() != "noise_sd_um");
+    lines.extend(
+        fixed.map(|(name, value)| format!("  {:<12}{:>11}{:>18}", axis(name), significant(*value), "held fixed")),
+    );
+    let noise = summary.noise_um.map_or("unknown".into(), |noise| format!("{} µm", significant(noise)));
+    lines.push(String::new());
+    lines.push(format!("Residuals: {} µm root mean square (noise {noise}).", significant(summary.rmse_um)));
+    lines.push(format!(
+        "Starts: {} of {} lead to this minimum, no other is lower.",
+        summary.starts_agreeing, summary.starts
+    ));
+    if let Some(distance) = summary.surrogate_vs_fe_max_um {
+        lines.push(format!(
+            "Full finite elements at the estimate differ from the reduced model by {} µm at most.",
+            significant(distance)
+        ));
+    }
+    for warning in &summary.warnings {
+        lines.push(String::new());
+        lines.push(warning_text(warning));
+    }
+    lines.join("\n") + "\n"
+}
+
+fn axis(name: &str) -> String {
+    of_parameter(name).axis()
+}
+
+fn row(parameter: &FittedParameter) -> String {
+    let error = parameter.standard_error.map_or("undetermined".into(), significant);
+    format!("  {:<12}{:>11}{:>18}", axis(&parameter.name), significant(parameter.value), error)
+}

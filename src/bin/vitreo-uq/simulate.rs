@@ -1,0 +1,150 @@
+//! `simulate`: a full finite-element run of the experiment's protocol.
+
+use std::collections::BTreeMap;
+use std::process::ExitCode;
+
+use vitreo_uq::error::{Error, Place, Result};
+use vitreo_uq::fe::time::TimeScheme;
+use vitreo_uq::study::{ModelSpecification, Study, WithProvenance, write_json_atomically};
+use vitreo_uq::workflow::Monitor;
+use vitreo_uq::workflow::simulate::{self, MeshLevel, SimulationRequest, SimulationSummary};
+use vitreo_uq::workflow::simulation_files;
+use vitreo_uq::workflow::summary::PosteriorSummary;
+
+use crate::options::{self, Scheme, SimulateArguments};
+use crate::target::Target;
+use crate::terminal::Terminal;
+use crate::text::{significant, warning_text};
+
+pub fn run(arguments: &SimulateArguments) -> Result<ExitCode> {
+    let common = &arguments.common;
+    options::use_threads(common.threads)?;
+    crate::output::check(common)?;
+    let terminal = Terminal::new(common.quiet);
+    let set = values_set(arguments)?;
+    // Here --set gives values; it does not choose a model.
+    let model = options::Model { set: Vec::new(), ..arguments.model.clone() };
+    let target = Target::open(common, &model, &terminal)?;
+    let problem = target.problem(&model, &terminal)?;
+    let posterior = match target.existing_study() {
+        Some(study) => posterior(study, model.from.as_deref(), &target.specification)?,
+        None => None,
+    };
+    let posterior = posterior.as_ref().map(|(revision, summary)| (revision.as_str(), summary));
+    let request = SimulationRequest {
+        parameters: simulate::parameters(&problem, &set, posterior)?,
+        scheme: match arguments.scheme {
+            Scheme::Exponential => TimeScheme::Exponential,
+            Scheme::Midpoint => TimeScheme::Midpoint,
+        },
+        time_step_s: arguments.time_step_s,
+        refine: arguments.refine,
+    };
+    let has_mesh_file = model.mesh.is_some();
+    simulate::check_request(&problem, &request, has_mesh_file)?;
+    let study = target.make_study()?;
+    let writer = study.begin_simulation()?;
+    let simulation = simulate::run(&problem, &request, has_mesh_file, &terminal)?;
+    terminal.stage("writing trajectory and fields");
+    simulation_files::write(writer.path(), &problem, &simulation)?;
+    let document =
+        WithProvenance { provenance: study.provenance("simulation", 1, common.seed), body: &simulation.summary };
+    write_json_atomically(&writer.path().join("simulation.json"), &document)?;
+    let stages: BTreeMap<&str, f64> = simulation.timing_s.iter().map(|(stage, s)| (stage.as_str(), *s)).collect();
+    let timing = serde_json::json!({ "schema": "vitreo-uq/timing/1", "wall_s": stages });
+    write_json_atomically(&writer.path().join("timing.json"), &timing)?;
+    let written = writer.commit()?;
+    terminal.finish();
+    crate::output::show(common, &document, &words(&simulation.summary, &stages))?;
+    if !common.quiet {
+        eprintln!("Trajectory, experiment.toml and fields (open fields.pvd in ParaView): {}", written.display());
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// What `--set` gives, checked as a model's fixed values are.
+fn values_set(arguments: &SimulateArguments) -> Result<BTreeMap<String, f64>> {
+    Ok(ModelSpecification::from_options(None, &[], &[], None, &arguments.model.set)?.fixed)
+}
+
+/// The posterior of the named or last revision, if there is one of the same model.
+fn posterior(
+    study: &Study,
+    from: Option<&str>,
+    specification: &ModelSpecification,
+) -> Result<Option<(String, PosteriorSummary)>> {
+    let name = match from {
+        Some(name) => Some(name.to_string()),
+        None => study.revisions()?.pop(),
+    };
+    let Some(name) = name else { return Ok(None) };
+    let dir = study.revision_dir(&name)?;
+    let its_model = ModelSpecification::read(&dir.join("model.toml"))?;
+    if its_model.base != specification.base || its_model.effects != specification.effects {
+        return Ok(None);
+    }
+    let path = dir.join("posterior.json");
+    let bytes = std::fs::read(&path).map_err(|source| {
+        Error::at_path("read", &path, source, "run `sample` again, or give every parameter with `--set`")
+    })?;
+    let document: WithProvenance<PosteriorSummary> = serde_json::from_slice(&bytes).map_err(|error| {
+        Error::input(
+            Place::file(&path).at_line(error.line()),
+            format!("this is not a posterior of this program: {error}"),
+            "run `sample` again, or give every parameter with `--set`",
+        )
+    })?;
+    Ok(Some((name, document.body)))
+}
+
+fn words(summary: &SimulationSummary, seconds: &BTreeMap<&str, f64>) -> String {
+    let mut lines = vec![
+        format!(
+            "{}: full finite elements, {} unknowns, {} time steps ({} scheme)",
+            summary.experiment, summary.unknowns, summary.time_steps, summary.scheme
+        ),
+        String::new(),
+    ];
+    let parameters = summary.parameters.iter();
+    lines.extend(parameters.map(|p| {
+        let label = vitreo_uq::report::labels::of_parameter(&p.name).axis();
+        format!("  {label:<12}{:>11}   {}", significant(p.value), p.origin)
+    }));
+    lines.push(String::new());
+    lines.push(format!("Stiffness: {:.9e} N/m per Pa of Young's modulus.", summary.stiffness_m));
+    lines.push(format!(
+        "Largest displacement {} µm, largest strain {}; time integration is off by {} µm at most.",
+        significant(summary.largest_displacement_um),
+        significant(summary.largest_strain),
+        significant(summary.time_integration_error_um)
+    ));
+    if !summary.convergence.is_empty() {
+        lines.push(String::new());
+        lines.push(format!(
+            "  {:>5}{:>10}{:>18}{:>12}{:>12}{:>7}{:>9}",
+            "level", "unknowns", "stiffness (m)", "error", "difference", "order", "seconds"
+        ));
+        lines.extend(summary.convergence.iter().map(|level| table_row(level, seconds)));
+        lines.push("  error: against the exact sphere in a container; difference: from the level before.".into());
+    }
+    for warning in &summary.warnings {
+        lines.push(String::new());
+        lines.push(warning_text(warning));
+    }
+    lines.join("\n") + "\n"
+}
+
+fn table_row(level: &MeshLevel, seconds: &BTreeMap<&str, f64>) -> String {
+    let small = |value: Option<f64>| value.map_or("–".into(), |value| format!("{value:.1e}"));
+    let seconds = seconds.get(format!("mesh level {}", level.level).as_str()).copied().unwrap_or(f64::NAN);
+    format!(
+        "  {:>5}{:>10}{:>18.9e}{:>12}{:>12}{:>7}{:>9.2}",
+        level.level,
+        level.unknowns,
+        level.stiffness_m,
+        small(Some(level.relative_error)),
+        small(level.relative_difference),
+        level.order.map_or("–".into(), |order| format!("{order:.1}")),
+        seconds
+    )
+}

@@ -1,0 +1,319 @@
+//! The paper's point estimate: nonlinear least squares on the calibration cycles, checked by one full finite-element run.
+//!
+//! The estimate is of the logarithms of the law's parameters, with analytic derivatives, by the reduced model; several starts keep
+//! it from a local minimum. Priors serve as starts, and say (by all but 2·10⁻⁹ of their mass) how far to search.
+
+use std::collections::BTreeMap;
+
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::Monitor;
+use super::advice::{misfit_warning, surrogate_warning};
+use super::problem::{KeptSurrogate, Problem, Reduced};
+use super::summary::{ModelSummary, Warning, WarningKind};
+use crate::error::{Error, Place, Result};
+use crate::fe::time::{FullOrderModel, TimeScheme};
+use crate::inference::least_squares::{Fit, Residuals, Tolerances, fit};
+use crate::model::{Forward, FullForward, ReducedForward, TrainedRange, log_sensitivities_m};
+
+/// Starts at quantiles of the prior, besides its medians.
+const N_QUANTILE_STARTS: u32 = 15;
+/// Quantiles of the starts lie between this and one minus this.
+const START_TAIL: f64 = 0.02;
+/// Seed of the scrambled Sobol sequence of starts, which are part of the method and not of a run.
+const START_SEED: u32 = 2;
+/// An estimate whose logarithm is closer than this to an end of its range lies there.
+const AT_END: f64 = 0.01;
+/// Starts whose objectives differ by less than this fraction have found the same minimum.
+const SAME_MINIMUM: f64 = 1e-6;
+
+/// Body of `vitreo-uq/fit/1`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct FitSummary {
+    /// Specimen identifier.
+    pub experiment: String,
+    /// The model.
+    pub model: ModelSummary,
+    /// Parameters held at a value, in the unit of their name.
+    pub fixed: BTreeMap<String, f64>,
+    /// One entry an estimated parameter.
+    pub parameters: Vec<FittedParameter>,
+    /// Sum of squared residuals, in m².
+    pub objective_m2: f64,
+    /// Root mean square residual of the fitted positions, in µm: the estimate of the noise.
+    pub rmse_um: f64,
+    /// Positions that were fitted.
+    pub fitted_positions: usize,
+    /// The noise that the misfit is measured against, in µm.
+    pub noise_um: Option<f64>,
+    /// Steps tried from the start that led to the estimate.
+    pub iterations: usize,
+    /// Whether both of the paper's tolerances were met, inside the prior's range.
+    pub converged: bool,
+    /// Starts that were searched from.
+    pub starts: usize,
+    /// Starts that led to this same minimum.
+    pub starts_agreeing: usize,
+    /// Largest distance of the reduced from the full finite-element trajectory at the estimate, over the whole record, in µm; `None`
+    /// for an instrument.
+    pub surrogate_vs_fe_max_um: Option<f64>,
+    /// What the user should know.
+    pub warnings: Vec<Warning>,
+}
+
+/// Estimate of one parameter, in the unit of its name.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct FittedParameter {
+    /// Name, with unit.
+    pub name: String,
+    /// Estimate.
+    pub value: f64,
+    /// Standard error by the delta method; `None` where the data do not determine the parameter.
+    pub standard_error: Option<f64>,
+}
+
+impl FitSummary {
+    /// Whether the result is sound (exit code 0).
+    pub fn is_sound(&self) -> bool {
+        !self.warnings.iter().any(|warning| warning.kind.is_fatal())
+    }
+}
+
+/// The estimate with what is needed to compute with it.
+pub struct FitResult {
+    /// The document for people and scripts.
+    pub summary: FitSummary,
+    /// The reduced model.
+    pub reduced: Reduced,
+    /// All of the law's parameters at the estimate, fixed ones included, SI.
+    pub law_parameters: Vec<f64>,
+    /// Covariance of the logarithms of the estimated parameters, row by row; NaN where the data do not determine them.
+    pub log_covariance: Vec<f64>,
+}
+
+/// Fits the calibration cycles.
+///
+/// # Errors
+/// [`Error::Input`] when every parameter of the law is fixed; otherwise whatever its parts refuse.
+pub fn run(problem: &Problem, kept_surrogate: Option<KeptSurrogate>, monitor: &dyn Monitor) -> Result<FitResult> {
+    let names: Vec<&str> = problem.law.parameters().iter().map(|p| p.name).collect();
+    let free: Vec<usize> = (0..names.len()).filter(|&j| !problem.specification.fixed.contains_key(names[j])).collect();
+    if free.is_empty() {
+        return Err(Error::input(
+            Place::option("--set"),
+            "every parameter of the law is fixed, so nothing is left to fit",
+            format!("leave one of {} free, or use `simulate`", names.join(", ")),
+        ));
+    }
+    let reduced = Reduced::new(problem, kept_surrogate, monitor)?;
+    monitor.stage("fitting the calibration cycles");
+    let data = CreepResiduals::new(problem, &reduced, free);
+    let searches = data.search(&data.starts(problem))?;
+    let best = best_of(&searches);
+    let law_parameters = data.law_parameters(&best.theta);
+    if problem.finite_elements().is_some() {
+        monitor.stage("checking by full finite elements");
+    }
+    let surrogate_vs_fe_max_m = distance_from_full_m(problem, &reduced, &law_parameters)?;
+    let summary = summarise(problem, &data, &searches, best, surrogate_vs_fe_max_m);
+    Ok(FitResult { summary, law_parameters, log_covariance: best.covariance.clone(), reduced })
+}
+
+/// Residuals of the calibration cycles, in m, over the logarithms of the free parameters.
+struct CreepResiduals<'a> {
+    forward: ReducedForward<'a>,
+    /// Law parameters with the fixed values in their places.
+    template: Vec<f64>,
+    /// Indices of the free parameters.
+    free: Vec<usize>,
+    /// Range of each of the law's parameters beyond which the search does not go: a long step may else end where the data say nothing.
+    ranges: Vec<TrainedRange>,
+    /// Row and position (m) of what is fitted.
+    observed: Vec<(usize, f64)>,
+}
+
+impl<'a> CreepResiduals<'a> {
+    fn new(problem: &'a Problem, reduced: &'a Reduced, free: Vec<usize>) -> Self {
+        let fixed = &problem.specification.fixed;
+        let template =
+            problem.law.parameters().iter().map(|p| fixed.get(p.name).copied().unwrap_or(f64::NAN)).collect();
+        let positions = problem.positions_of(&problem.experiment.calibration_cycles);
+        let observed = positions.iter().enumerate().filter_map(|(row, y)| y.map(|y| (row, y))).collect();
+        Self { forward: problem.reduced_forward(reduced), template, free, ranges: problem.training_ranges(), observed }
+    }
+
+    /// Names of the parameters whose estimate lies at an end of its range: a wall, not a minimum.
+    fn at_end_of_range(&self, theta: &[f64]) -> Vec<&str> {
+        let is_at_end = |&(&j, &log): &(&usize, &f64)| {
+            let range = &self.ranges[j];
+            [range.lower, range.upper].iter().any(|end| (log - end.ln()).abs() < AT_END)
+        };
+        self.free.iter().zip(theta).filter(is_at_end).map(|(&j, _)| self.ranges[j].name.as_str()).collect()
+    }
+
+    fn law_parameters(&self, theta: &[f64]) -> Vec<f64> {
+        let mut parameters = self.template.clone();
+        for (&j, log) in self.free.iter().zip(theta) {
+            parameters[j] = log.exp();
+        }
+        parameters
+    }
+
+    /// The prior's medians, then Sobol points of its quantiles.
+    fn starts(&self, problem: &Problem) -> Vec<Vec<f64>> {
+        let quantile = |j: usize, probability: f64| {
+            let name = problem.law.parameters()[j].name;
+            let value = problem.priors.get(name).map_or(1.0, |prior| prior.distribution.quantile(probability));
+            value.ln()
+        };
+        let medians = self.free.iter().map(|&j| quantile(j, 0.5)).collect();
+        let sobol = |index: u32| {
+            let coordinate = |d: u32| f64::from(sobol_burley::sample(index, d, START_SEED));
+            let inside = |d: u32| START_TAIL + (1.0 - 2.0 * START_TAIL) * coordinate(d);
+            self.free.iter().zip(0_u32..).map(|(&j, d)| quantile(j, inside(d))).collect()
+        };
+        std::iter::once(medians).chain((0..N_QUANTILE_STARTS).map(sobol)).collect()
+    }
+
+    /// Fits from every start; a start at which the model cannot be evaluated is left out unless there is no other.
+    fn search(&self, starts: &[Vec<f64>]) -> Result<Vec<Fit>> {
+        let tolerances = Tolerances::default();
+        let found: Vec<Result<Fit>> = starts.par_iter().map(|start| fit(self, start, &tolerances)).collect();
+        let (mut fits, mut refusal) = (Vec::new(), None);
+        for search in found {
+            match search {
+                Ok(fit) => fits.push(fit),
+                Err(error) => refusal = refusal.or(Some(error)),
+            }
+        }
+        match refusal {
+            Some(error) if fits.is_empty() => Err(error),
+            _ => Ok(fits),
+        }
+    }
+}
+
+impl Residuals for CreepResiduals<'_> {
+    fn residuals(&self, theta: &[f64]) -> Option<DVector<f64>> {
+        let parameters = self.law_parameters(theta);
+        if self.free.iter().any(|&j| !self.ranges[j].contains(parameters[j])) {
+            return None;
+        }
+        let position_m = self.forward.trajectory_m(&parameters).ok()?;
+        Some(DVector::from_iterator(self.observed.len(), self.observed.iter().map(|&(row, y)| position_m[row] - y)))
+    }
+
+    fn jacobian(&self, theta: &[f64]) -> Option<DMatrix<f64>> {
+        let forward = &self.forward;
+        let parameters = self.law_parameters(theta);
+        let columns =
+            log_sensitivities_m(forward.compliance_per_m, forward.law, &parameters, forward.time_s, forward.force_n);
+        Some(DMatrix::from_fn(self.observed.len(), self.free.len(), |i, k| columns[self.free[k]][self.observed[i].0]))
+    }
+}
+
+fn is_same_minimum(a: &Fit, b: &Fit) -> bool {
+    (a.objective - b.objective).abs() <= SAME_MINIMUM * a.objective.min(b.objective)
+}
+
+/// The lowest objective; among equal ones a converged search.
+fn best_of(searches: &[Fit]) -> &Fit {
+    let lower = |a: &Fit, b: &Fit| {
+        if is_same_minimum(a, b) && a.converged != b.converged { a.converged } else { a.objective < b.objective }
+    };
+    searches.iter().fold(&searches[0], |best, next| if lower(next, best) { next } else { best })
+}
+
+/// Largest distance (m) of the reduced from the full-order trajectory over the whole record; `None` without finite elements.
+fn distance_from_full_m(problem: &Problem, reduced: &Reduced, law_parameters: &[f64]) -> Result<Option<f64>> {
+    let Some(fe) = problem.finite_elements() else { return Ok(None) };
+    let record = &problem.experiment.record;
+    let model = FullOrderModel::new(&fe.stiffness, fe.poisson_ratio)?;
+    let load = model.solve_load(&record.time_s, &record.force_n);
+    let full = FullForward { model: &model, load: &load, law: problem.law, scheme: TimeScheme::Exponential };
+    let full_m = full.trajectory_m(law_parameters)?;
+    let reduced_m = problem.reduced_forward(reduced).trajectory_m(law_parameters)?;
+    Ok(Some(full_m.iter().zip(&reduced_m).fold(0.0, |d: f64, (x, y)| d.max((x - y).abs()))))
+}
+
+fn summarise(
+    problem: &Problem,
+    data: &CreepResiduals,
+    searches: &[Fit],
+    best: &Fit,
+    surrogate_vs_fe_max_m: Option<f64>,
+) -> FitSummary {
+    let n = data.observed.len();
+    let parameters = data.free.iter().enumerate().map(|(k, &j)| {
+        let value = best.theta[k].exp();
+        // Delta method: d θ = θ d ln θ.
+        let standard_error = Some(value * best.standard_errors[k]).filter(|error| error.is_finite());
+        FittedParameter { name: problem.law.parameters()[j].name.into(), value, standard_error }
+    });
+    let yardstick = problem.experiment.noise_yardstick();
+    let specification = &problem.specification;
+    let mut summary = FitSummary {
+        experiment: problem.experiment.specimen_id.clone(),
+        model: ModelSummary {
+            base: specification.base.clone(),
+            effects: specification.effects.clone(),
+            noise: specification.noise.clone(),
+        },
+        fixed: specification.fixed.clone(),
+        parameters: parameters.collect(),
+        objective_m2: best.objective,
+        rmse_um: 1e6 * (best.objective / n as f64).sqrt(),
+        fitted_positions: n,
+        noise_um: yardstick.map(|y| 1e6 * y.sd_m),
+        iterations: best.iterations,
+        converged: best.converged,
+        starts: searches.len(),
+        starts_agreeing: searches.iter().filter(|search| is_same_minimum(search, best)).count(),
+        surrogate_vs_fe_max_um: surrogate_vs_fe_max_m.map(|x| 1e6 * x),
+        warnings: Vec::new(),
+    };
+    let at_end = data.at_end_of_range(&best.theta);
+    summary.converged &= at_end.is_empty();
+    summary.warnings = warnings(&summary, &at_end);
+    summary
+}
+
+fn warnings(summary: &FitSummary, at_end: &[&str]) -> Vec<Warning> {
+    let mut list = Vec::new();
+    if !at_end.is_empty() {
+        list.push(Warning {
+            kind: WarningKind::NotConverged,
+            text: format!("the search ran to the end of the prior's range of {}", at_end.join(", ")),
+            advice:
+                "the data may not determine it: fix a parameter (--set), or give a prior that reaches farther (--prior)"
+                    .into(),
+        });
+    } else if !summary.converged {
+        list.push(Warning {
+            kind: WarningKind::NotConverged,
+            text: format!("the search had not converged after {} steps", summary.iterations),
+            advice: "the data may not determine every parameter: look at the standard errors, or fix one (--set)"
+                .into(),
+        });
+    }
+    let undetermined: Vec<&str> =
+        summary.parameters.iter().filter(|p| p.standard_error.is_none()).map(|p| p.name.as_str()).collect();
+    if !undetermined.is_empty() {
+        list.push(Warning {
+            kind: WarningKind::Undetermined,
+            text: format!("the fitted cycles do not determine all of {}", undetermined.join(", ")),
+            advice: "fix one of them (--set), or fit cycles in which the force is held longer and switched".into(),
+        });
+    }
+    if let Some(noise_um) = summary.noise_um {
+        list.extend(misfit_warning(&[("fitted", Some(summary.rmse_um))], noise_um));
+        list.extend(surrogate_warning(summary.surrogate_vs_fe_max_um.unwrap_or(0.0), None, noise_um));
+    }
+    list
+}
+
+#[cfg(test)]
+#[path = "fit_tests.rs"]
+mod tests;

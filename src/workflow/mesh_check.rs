@@ -1,0 +1,91 @@
+//! Whether a mesh that the user brings is of the apparatus that the experiment describes.
+
+use crate::experiment::{Robot, RobotShape, Vitreous};
+use crate::mesh::{ElementKind, Mesh};
+
+/// Relative disagreement of a size that is passed over.
+const SIZE_TOLERANCE: f64 = 0.01;
+/// Poisson ratio above which displacement-only tetrahedra are not to be relied on (physics §3.5).
+const TETRAHEDRA_LIMIT: f64 = 0.49;
+
+/// What is doubtful about a mesh, in sentences with advice; empty when nothing is.
+pub fn doubts(mesh: &Mesh, robot: &Robot, vitreous: &Vitreous) -> Vec<String> {
+    let mut list = Vec::new();
+    let reach_m = |nodes: &[u32]| {
+        let distance = |&node: &u32| mesh.node_coordinates_m[node as usize].iter().map(|x| x * x).sum::<f64>().sqrt();
+        nodes.iter().map(distance).fold(0.0, f64::max)
+    };
+    let what = if matches!(robot.shape, RobotShape::Sphere { .. }) {
+        "the robot's radius"
+    } else {
+        "the robot's reach from its centre"
+    };
+    let sizes = [
+        (what, reach_m(&mesh.robot_nodes), robot.shape.outer_radius_m(), "[robot]"),
+        ("the radius of the outer surface", reach_m(&mesh.outer_nodes), 0.5 * vitreous.diameter_m, "[vitreous]"),
+    ];
+    for (name, mesh_m, experiment_m, table) in sizes {
+        if (mesh_m / experiment_m - 1.0).abs() > SIZE_TOLERANCE {
+            list.push(format!(
+                "{name} is {:.4} mm in the mesh and {:.4} mm in {table} of experiment.toml; the mesh is used as it is: check the mesh, its \
+                 unit (--mesh-unit) and the experiment",
+                1e3 * mesh_m,
+                1e3 * experiment_m
+            ));
+        }
+    }
+    let is_tetrahedral = mesh.element_kind != ElementKind::Hexahedron27;
+    if is_tetrahedral && vitreous.poisson_ratio > TETRAHEDRA_LIMIT {
+        list.push(format!(
+            "tetrahedra are too stiff in nearly incompressible gels, and the Poisson ratio is {}, above {TETRAHEDRA_LIMIT}: compare with a \
+             finer mesh, or use the built-in one",
+            vitreous.poisson_ratio
+        ));
+    }
+    list
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::QuarterBall;
+
+    fn mesh() -> Mesh {
+        QuarterBall { robot_radius_m: 0.275e-3, outer_radius_m: 10e-3, n_per_edge: 1, n_layers: 4 }.mesh().unwrap()
+    }
+
+    fn apparatus(robot_mm: f64, vitreous_mm: f64, poisson_ratio: f64) -> (Robot, Vitreous) {
+        let shape = RobotShape::Sphere { diameter_m: 1e-3 * robot_mm };
+        (
+            Robot { shape, density_kg_m3: 7500.0 },
+            Vitreous { diameter_m: 1e-3 * vitreous_mm, poisson_ratio, density_kg_m3: 1000.0 },
+        )
+    }
+
+    #[test]
+    fn a_mesh_of_the_same_apparatus_raises_no_doubt() {
+        let (robot, vitreous) = apparatus(0.552, 19.9, 0.499);
+        assert_eq!(doubts(&mesh(), &robot, &vitreous), Vec::<String>::new());
+    }
+
+    #[test]
+    fn sizes_that_differ_by_more_than_one_per_cent_are_named() {
+        let (robot, vitreous) = apparatus(0.56, 20.0, 0.48);
+        let found = doubts(&mesh(), &robot, &vitreous);
+        assert!(found.len() == 1 && found[0].contains("0.2750 mm in the mesh and 0.2800 mm in [robot]"), "{found:?}");
+        let (robot, vitreous) = apparatus(0.55, 20.5, 0.48);
+        let found = doubts(&mesh(), &robot, &vitreous);
+        assert!(found.len() == 1 && found[0].contains("[vitreous]"), "{found:?}");
+    }
+
+    #[test]
+    fn tetrahedra_are_doubted_above_their_poisson_ratio_only() {
+        // The kind alone is looked at here; no element is computed with.
+        let tetrahedral = Mesh { element_kind: ElementKind::Tetrahedron10, connectivity: Vec::new(), ..mesh() };
+        let (robot, vitreous) = apparatus(0.55, 20.0, 0.495);
+        let found = doubts(&tetrahedral, &robot, &vitreous);
+        assert!(found.len() == 1 && found[0].contains("0.495"), "{found:?}");
+        let (robot, vitreous) = apparatus(0.55, 20.0, 0.48);
+        assert!(doubts(&tetrahedral, &robot, &vitreous).is_empty());
+    }
+}

@@ -1,0 +1,370 @@
+//! A full finite-element run: the whole system stepped through the experiment's protocol with its internal fields.
+
+use std::collections::BTreeMap;
+use std::time::Instant;
+
+use serde::{Deserialize, Serialize};
+
+use super::Monitor;
+use super::advice::strain_warning;
+use super::mechanics::{FiniteElements, sphere_mesh};
+use super::problem::Problem;
+use super::summary::{PosteriorSummary, Warning};
+use crate::error::{Error, Place, Result};
+use crate::experiment::{Apparatus, Experiment, Record, RobotShape};
+use crate::fe::Stiffness;
+use crate::fe::exact::SphereInContainer;
+use crate::fe::strain::largest_principal_strain;
+use crate::fe::time::{FullOrderModel, TimeScheme};
+use crate::inference::prior::NOISE;
+use crate::model::convolve_m;
+
+/// Most displacement fields that are written.
+const MOST_FIELDS: usize = 20;
+/// Most time steps of one run.
+const MOST_STEPS: usize = 20_000_000;
+/// Finest mesh level of a convergence table: above, one factorisation takes minutes and several gigabytes.
+pub const FINEST_LEVEL: usize = 8;
+
+/// What a caller decides.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SimulationRequest {
+    /// The parameters and where they come from.
+    pub parameters: Vec<SimulationParameter>,
+    /// Time integrator.
+    pub scheme: TimeScheme,
+    /// Longest time step in s; `None` for one step from row to row.
+    pub time_step_s: Option<f64>,
+    /// Finest level of a convergence table over the built-in meshes, if one is wanted.
+    pub refine: Option<usize>,
+}
+
+/// Value of one parameter of the law.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SimulationParameter {
+    /// Name, with unit.
+    pub name: String,
+    /// Value in that unit.
+    pub value: f64,
+    /// Where the value comes from.
+    pub origin: String,
+}
+
+/// Body of `vitreo-uq/simulation/1`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SimulationSummary {
+    /// Specimen identifier of the experiment whose protocol was run.
+    pub experiment: String,
+    /// The law's parameters.
+    pub parameters: Vec<SimulationParameter>,
+    /// Unknowns of the full-order model.
+    pub unknowns: usize,
+    /// Force per displacement per Pa of Young's modulus, whole body, in m.
+    pub stiffness_m: f64,
+    /// `exponential` or `midpoint`.
+    pub scheme: String,
+    /// Time steps of the run.
+    pub time_steps: usize,
+    /// Largest distance of the stepped trajectory from compliance × ∫J dF (physics §4.5), in µm: the error of the time integration.
+    pub time_integration_error_um: f64,
+    /// Largest absolute displacement of the robot, in µm.
+    pub largest_displacement_um: f64,
+    /// Largest absolute principal strain over the fields looked at: the ends of the holds and the largest displacement.
+    pub largest_strain: f64,
+    /// One entry a mesh level; empty when none was asked for.
+    pub convergence: Vec<MeshLevel>,
+    /// What the user should know.
+    pub warnings: Vec<Warning>,
+}
+
+/// One line of the convergence table.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct MeshLevel {
+    /// Level 1, 2, 3, …; the element size goes with its inverse.
+    pub level: usize,
+    /// Unknowns.
+    pub unknowns: usize,
+    /// Force per displacement per Pa of Young's modulus, whole body, in m.
+    pub stiffness_m: f64,
+    /// Relative error against the exact value (physics §4.2).
+    pub relative_error: f64,
+    /// Relative difference from the level before.
+    pub relative_difference: Option<f64>,
+    /// Observed order of convergence in the element size, from this level and the one before.
+    pub order: Option<f64>,
+}
+
+/// A run with everything that is written.
+pub struct Simulation {
+    /// The document for people and scripts.
+    pub summary: SimulationSummary,
+    /// Position (m) at every row of the protocol.
+    pub position_m: Vec<f64>,
+    /// Row and unknowns (m) of every field that is written.
+    pub fields: Vec<(usize, Vec<f64>)>,
+    /// Wall-clock seconds of each stage.
+    pub timing_s: Vec<(String, f64)>,
+}
+
+/// Settles the parameters: what is `set`, else the posterior's medians, else what the model fixes, else the prior's medians.
+///
+/// # Errors
+/// [`Error::Input`] when `set` names the noise, which is not simulated.
+pub fn parameters(
+    problem: &Problem,
+    set: &BTreeMap<String, f64>,
+    posterior: Option<(&str, &PosteriorSummary)>,
+) -> Result<Vec<SimulationParameter>> {
+    if set.contains_key(NOISE.name) {
+        return Err(Error::input(
+            Place::option("--set"),
+            format!("{} is given, but a simulation has no noise", NOISE.name),
+            "leave it away; add noise to the trajectory afterwards if it is wanted",
+        ));
+    }
+    let value = |name: &str| -> Result<(f64, String)> {
+        if let Some(value) = set.get(name) {
+            return Ok((*value, "set".into()));
+        }
+        let sampled = posterior.and_then(|(revision, summary)| {
+            let found = summary.parameters.iter().find(|p| p.name == name);
+            found.map(|p| (p.median, format!("posterior median of {revision}")))
+        });
+        let fixed = || problem.specification.fixed.get(name).map(|value| (*value, "fixed by the model".to_string()));
+        let prior = || {
+            let found = problem.priors.get(name);
+            found.map(|prior| {
+                (prior.distribution.quantile(0.5), format!("median of the prior {}", problem.priors.name()))
+            })
+        };
+        sampled.or_else(fixed).or_else(prior).ok_or_else(|| {
+            Error::input(
+                Place::option("--set"),
+                format!("{name} has no value"),
+                format!("give one with `--set {name}=VALUE`"),
+            )
+        })
+    };
+    let entry = |parameter: &crate::parameter::ParameterSpec| {
+        let (value, origin) = value(parameter.name)?;
+        Ok(SimulationParameter { name: parameter.name.into(), value, origin })
+    };
+    problem.law.parameters().iter().map(entry).collect()
+}
+
+/// Checks what can be checked before anything is computed.
+///
+/// # Errors
+/// [`Error::Input`] for an instrument, a time step that is not positive, too small, or given to the exact scheme, and a table that is too fine
+/// or of a mesh that cannot be refined.
+pub fn check_request(problem: &Problem, request: &SimulationRequest, has_mesh_file: bool) -> Result<()> {
+    finite_elements(problem)?;
+    let refuse = |option: &str, found: String, remedy: &str| Err(Error::input(Place::option(option), found, remedy));
+    if let Some(step_s) = request.time_step_s {
+        if request.scheme == TimeScheme::Exponential {
+            return refuse(
+                "--time-step-s",
+                "the exponential scheme is exact while the force holds and needs no time step".into(),
+                "leave it away, or choose `--scheme midpoint`",
+            );
+        }
+        if !(step_s.is_finite() && step_s > 0.0) {
+            return refuse(
+                "--time-step-s",
+                format!("{step_s} is not a time step"),
+                "give a number above zero, in seconds",
+            );
+        }
+    }
+    let steps = n_steps(&problem.experiment.record, request.time_step_s);
+    if steps > MOST_STEPS as f64 {
+        return refuse(
+            "--time-step-s",
+            format!("the run would take {steps:.1e} time steps"),
+            &format!("give a longer step: at most {MOST_STEPS} steps are taken"),
+        );
+    }
+    if let Some(levels) = request.refine {
+        if levels == 0 || levels > FINEST_LEVEL {
+            return refuse("--refine", format!("{levels} mesh levels"), &format!("ask for 1 to {FINEST_LEVEL} levels"));
+        }
+        if has_mesh_file {
+            return refuse(
+                "--refine",
+                "a mesh from a file cannot be refined here".into(),
+                "leave --mesh away for the built-in meshes, or run `simulate` on several files and compare their stiffness",
+            );
+        }
+    }
+    Ok(())
+}
+
+pub(super) fn finite_elements(problem: &Problem) -> Result<&FiniteElements> {
+    problem.finite_elements().ok_or_else(|| {
+        Error::input(
+            Place::default().at_key("instrument.compliance_per_m"),
+            "an instrument has no finite elements to simulate",
+            "give an experiment with [robot] and [vitreous]; `sample` and `fit` work for instruments",
+        )
+    })
+}
+
+/// Runs the protocol, and the convergence table if it is asked for.
+///
+/// # Errors
+/// As [`check_request`]; whatever its parts refuse.
+pub fn run(
+    problem: &Problem,
+    request: &SimulationRequest,
+    has_mesh_file: bool,
+    monitor: &dyn Monitor,
+) -> Result<Simulation> {
+    check_request(problem, request, has_mesh_file)?;
+    let fe = finite_elements(problem)?;
+    let mut timing_s = Vec::new();
+    let clock = Instant::now();
+    monitor.stage("running the full finite-element model");
+    let values: Vec<f64> = request.parameters.iter().map(|p| p.value).collect();
+    let law = problem.law.creep_compliance(&values);
+    let model = FullOrderModel::new(&fe.stiffness, fe.poisson_ratio)?;
+    let record = &problem.experiment.record;
+    let grid = TimeGrid::new(record, request.time_step_s);
+    let load = model.solve_load(&grid.time_s, &grid.force_n);
+    let stepped_m = model.trajectory(&load, &law, request.scheme);
+    let position_m: Vec<f64> = grid.place_of_row.iter().map(|&place| stepped_m[place]).collect();
+    let exact_m = convolve_m(model.compliance_per_m(), &law, &record.time_s, &record.force_n);
+    let extreme_row =
+        (0..position_m.len()).fold(0, |a, b| if position_m[b].abs() > position_m[a].abs() { b } else { a });
+    let written_rows = field_rows(record);
+    let mut rows = written_rows.clone();
+    rows.push(extreme_row);
+    rows.sort_unstable();
+    rows.dedup();
+    let places: Vec<usize> = rows.iter().map(|&row| grid.place_of_row[row]).collect();
+    let fields = model.fields_by(&load, &law, &places, request.scheme);
+    let mut largest_strain = 0.0_f64;
+    for field in &fields {
+        let nodal = fe.stiffness.assembly.unknowns.nodal_displacement(field);
+        largest_strain = largest_strain.max(largest_principal_strain(&fe.mesh, &nodal)?);
+    }
+    timing_s.push(("full finite elements".to_string(), clock.elapsed().as_secs_f64()));
+    let convergence = match request.refine {
+        Some(levels) => convergence_table(&problem.experiment, levels, monitor, &mut timing_s)?,
+        None => Vec::new(),
+    };
+    let distance_m = position_m.iter().zip(&exact_m).fold(0.0_f64, |d, (x, y)| d.max((x - y).abs()));
+    let summary = SimulationSummary {
+        experiment: problem.experiment.specimen_id.clone(),
+        parameters: request.parameters.clone(),
+        unknowns: fe.stiffness.n_unknowns(),
+        stiffness_m: 1.0 / model.compliance_per_m(),
+        scheme: scheme_name(request.scheme).into(),
+        time_steps: grid.time_s.len().saturating_sub(1),
+        time_integration_error_um: 1e6 * distance_m,
+        largest_displacement_um: 1e6 * position_m[extreme_row].abs(),
+        largest_strain,
+        convergence,
+        warnings: strain_warning(largest_strain).into_iter().collect(),
+    };
+    let fields = rows.into_iter().zip(fields).filter(|(row, _)| written_rows.contains(row)).collect();
+    Ok(Simulation { summary, position_m, fields, timing_s })
+}
+
+fn scheme_name(scheme: TimeScheme) -> &'static str {
+    match scheme {
+        TimeScheme::Exponential => "exponential",
+        TimeScheme::Midpoint => "midpoint",
+    }
+}
+
+/// The record's times with steps in between, no longer than asked for.
+struct TimeGrid {
+    time_s: Vec<f64>,
+    force_n: Vec<f64>,
+    /// Where each row of the record stands.
+    place_of_row: Vec<usize>,
+}
+
+/// Steps that an interval takes, as a number that may be too large to count.
+fn n_parts(interval_s: f64, longest_s: Option<f64>) -> f64 {
+    // An interval that is a whole number of steps but for rounding takes no extra one.
+    longest_s.map_or(1.0, |longest_s| (interval_s / longest_s * (1.0 - 1e-9)).ceil().max(1.0))
+}
+
+fn n_steps(record: &Record, longest_s: Option<f64>) -> f64 {
+    record.time_s.windows(2).map(|pair| n_parts(pair[1] - pair[0], longest_s)).sum()
+}
+
+impl TimeGrid {
+    fn new(record: &Record, longest_s: Option<f64>) -> Self {
+        let (mut time_s, mut force_n, mut place_of_row) = (Vec::new(), Vec::new(), Vec::new());
+        for (row, (&time, &force)) in record.time_s.iter().zip(&record.force_n).enumerate() {
+            place_of_row.push(time_s.len());
+            let interval_s = record.time_s.get(row + 1).map_or(0.0, |next| next - time);
+            let parts = n_parts(interval_s, longest_s);
+            for part in 0..parts as usize {
+                time_s.push(time + interval_s * part as f64 / parts);
+                force_n.push(force);
+            }
+        }
+        Self { time_s, force_n, place_of_row }
+    }
+}
+
+/// Rows at the ends of force holds, the last row included; when there are many, some of them, evenly.
+fn field_rows(record: &Record) -> Vec<usize> {
+    let mut rows: Vec<usize> = record.force_step_rows().into_iter().filter(|&row| row > 0).collect();
+    if record.n_rows() > 0 {
+        rows.push(record.n_rows() - 1);
+    }
+    rows.dedup();
+    let n = rows.len();
+    if n <= MOST_FIELDS {
+        return rows;
+    }
+    (1..=MOST_FIELDS).map(|k| rows[k * n / MOST_FIELDS - 1]).collect()
+}
+
+fn convergence_table(
+    experiment: &Experiment,
+    levels: usize,
+    monitor: &dyn Monitor,
+    timing_s: &mut Vec<(String, f64)>,
+) -> Result<Vec<MeshLevel>> {
+    let Apparatus::Robot { robot, vitreous } = &experiment.apparatus else { return Ok(Vec::new()) };
+    let RobotShape::Sphere { diameter_m } = robot.shape else {
+        return Err(Error::input(
+            Place::option("--refine"),
+            "the convergence table needs the exact value of a sphere, and the robot is none",
+            "leave --refine away, or give an experiment with a spherical robot",
+        ));
+    };
+    let exact = SphereInContainer::new(vitreous.poisson_ratio, 0.5 * diameter_m, 0.5 * vitreous.diameter_m);
+    let exact_m = exact.stiffness_n_per_m(1.0);
+    let mut table: Vec<MeshLevel> = Vec::new();
+    for level in 1..=levels {
+        monitor.stage(&format!("convergence table: mesh level {level} of {levels}"));
+        let clock = Instant::now();
+        let stiffness = Stiffness::new(&sphere_mesh(robot, vitreous, level)?)?;
+        let stiffness_m = 1.0 / FullOrderModel::new(&stiffness, vitreous.poisson_ratio)?.compliance_per_m();
+        timing_s.push((format!("mesh level {level}"), clock.elapsed().as_secs_f64()));
+        let relative_error = stiffness_m / exact_m - 1.0;
+        let before = table.last();
+        let order =
+            before.map(|b| (b.relative_error / relative_error).abs().ln() / (level as f64 / b.level as f64).ln());
+        let relative_difference = before.map(|b| stiffness_m / b.stiffness_m - 1.0);
+        table.push(MeshLevel {
+            level,
+            unknowns: stiffness.n_unknowns(),
+            stiffness_m,
+            relative_error,
+            relative_difference,
+            order,
+        });
+    }
+    Ok(table)
+}
+
+#[cfg(test)]
+#[path = "simulate_tests.rs"]
+mod tests;

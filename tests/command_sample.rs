@@ -1,0 +1,226 @@
+//! `sample` as a user meets it: exit codes, streams, files, the same bytes again.
+
+mod program;
+
+use std::path::Path;
+
+use program::{tree, vitreo, write_instrument_experiment};
+use serde_json::Value;
+
+fn place() -> tempfile::TempDir {
+    tempfile::tempdir().unwrap()
+}
+
+#[track_caller]
+fn has_numbers(object: &Value, keys: &[&str]) {
+    for key in keys {
+        assert!(object[key].is_number(), "`{key}` in {object}");
+    }
+}
+
+/// The keys of contracts §5, written out.
+fn check_contract(document: &Value) {
+    assert_eq!(document["schema"], "vitreo-uq/posterior/1");
+    assert_eq!(document["version"], env!("CARGO_PKG_VERSION"));
+    assert!(document["seed"].is_u64() && document["inputs_sha256"].is_object() && document["converged"].is_boolean());
+    assert!(document["experiment"].is_string());
+    assert_eq!(document["model"], serde_json::json!({"base": "lethersich", "effects": [], "noise": ["white"]}));
+    let names: Vec<&str> =
+        document["parameters"].as_array().unwrap().iter().map(|p| p["name"].as_str().unwrap()).collect();
+    assert_eq!(names, ["young_modulus_pa", "viscosity_1_pa_s", "viscosity_2_pa_s", "noise_sd_um"]);
+    for parameter in document["parameters"].as_array().unwrap() {
+        has_numbers(parameter, &["mean", "sd", "q05", "median", "q95", "ess_bulk", "ess_tail", "rhat", "mcse_mean"]);
+    }
+    let sampler = [
+        "walkers",
+        "ensembles",
+        "steps",
+        "acceptance",
+        "autocorrelation_time",
+        "likelihood_evaluations",
+        "walkers_reseeded",
+    ];
+    has_numbers(&document["sampler"], &sampler);
+    for (object, keys) in [
+        ("surrogate", &["modes", "max_relative_error", "fe_unknowns", "snapshot_runs"][..]),
+        (
+            "heldout",
+            &[
+                "cycles",
+                "fe_runs",
+                "rmse_um",
+                "noise_um",
+                "coverage_50",
+                "coverage_90",
+                "crps_um",
+                "surrogate_vs_fe_max_um",
+                "pareto_k",
+            ],
+        ),
+        ("error_budget_um", &["noise", "fe_discretisation", "surrogate", "monte_carlo"]),
+    ] {
+        for key in keys {
+            assert!(document[object].get(key).is_some(), "{object}.{key} is missing");
+        }
+    }
+    assert!(document.get("largest_strain").is_some());
+    for warning in document["warnings"].as_array().unwrap() {
+        assert!(["kind", "text", "advice"].iter().all(|key| warning[key].is_string()), "{warning}");
+    }
+}
+
+/// The main job without a file: JSON alone on standard output, nothing on standard error when quiet, every file of the revision; a second
+/// run with other threads writes the same bytes, and goes on in the same study with the surrogate that is there; another seed draws other draws.
+#[test]
+fn the_replica_runs_without_any_file_and_gives_the_same_bytes_again() {
+    let place = place();
+    let run = |more: &[&str]| vitreo(place.path(), &[&["sample"], more].concat());
+    let first = run(&["--json", "-", "--quiet", "--threads", "1"]).exits(0);
+    assert_eq!(first.stderr, "");
+    let document = first.json();
+    check_contract(&document);
+    assert_eq!(document["heldout"]["cycles"], serde_json::json!([2, 3, 4]));
+    has_numbers(&document["surrogate"], &["modes", "max_relative_error", "fe_unknowns", "snapshot_runs"]);
+    has_numbers(&document["error_budget_um"], &["noise", "fe_discretisation", "surrogate", "monte_carlo"]);
+    has_numbers(&document["heldout"], &["rmse_um", "noise_um", "coverage_50", "coverage_90", "crps_um", "pareto_k"]);
+    has_numbers(&document, &["largest_strain"]);
+    let revision = place.path().join("vitreo-uq-out/porcine-replica/m0");
+    let files = tree(&revision);
+    for name in ["model.toml", "posterior.json", "surrogate.json", "draws.csv", "posterior.nc", "timing.json"] {
+        assert!(files.contains_key(Path::new(name)), "{name} is missing");
+    }
+    for stem in ["corner", "predictive", "trace", "singular_values"] {
+        assert!(files.contains_key(Path::new(&format!("figures/{stem}.svg"))), "{stem} is missing");
+        assert!(files.contains_key(Path::new(&format!("figures/{stem}.png"))), "{stem} is missing");
+    }
+    let written: Value = serde_json::from_slice(&files[Path::new("posterior.json")]).unwrap();
+    assert_eq!(written, document);
+
+    let again = run(&["--threads", "2"]).exits(0);
+    assert!(
+        again.stdout.contains("converged") && again.stderr.contains("taking the surrogate that is there"),
+        "{again}"
+    );
+    let other = run(&["--out", "other", "--threads", "2", "--quiet"]).exits(0);
+    assert_eq!(other.stderr, "");
+    for (again, dir) in [(tree(&revision), "continued"), (tree(&place.path().join("other/m0")), "new")] {
+        assert_eq!(again.keys().collect::<Vec<_>>(), files.keys().collect::<Vec<_>>());
+        for (name, bytes) in again.iter().filter(|(name, _)| *name != Path::new("timing.json")) {
+            assert!(files[name] == *bytes, "{} differs in the {dir} study", name.display());
+        }
+    }
+    run(&["--out", "seed", "--seed", "2", "--quiet"]).exits(0);
+    let seed = tree(&place.path().join("seed/m0"));
+    assert!(seed[Path::new("draws.csv")] != files[Path::new("draws.csv")]);
+}
+
+#[test]
+fn an_instrument_has_null_for_finite_elements_and_does_not_fail() {
+    let place = place();
+    write_instrument_experiment(&place.path().join("gel"), true, 0.0);
+    let run = vitreo(place.path(), &["sample", "gel", "--out", "study", "--json", "-"]).exits(0);
+    let document = run.json();
+    check_contract(&document);
+    for (object, keys) in [
+        ("surrogate", &["modes", "max_relative_error", "fe_unknowns", "snapshot_runs"][..]),
+        ("heldout", &["surrogate_vs_fe_max_um", "pareto_k"]),
+        ("error_budget_um", &["fe_discretisation", "surrogate"]),
+    ] {
+        for key in keys {
+            assert!(document[object][key].is_null(), "{object}.{key}: {}", document[object][key]);
+        }
+    }
+    assert!(document["largest_strain"].is_null());
+    assert_eq!(document["heldout"]["fe_runs"], 0);
+    let kinds: Vec<&str> =
+        document["warnings"].as_array().unwrap().iter().map(|w| w["kind"].as_str().unwrap()).collect();
+    assert_eq!(kinds, ["no_finite_elements"]);
+    assert!(run.stderr.contains("Results and figures"), "{}", run.stderr);
+}
+
+#[test]
+fn without_held_out_cycles_nothing_is_claimed_about_prediction() {
+    let place = place();
+    write_instrument_experiment(&place.path().join("gel"), false, 0.0);
+    let run = vitreo(place.path(), &["sample", "gel", "--json", "result.json"]).exits(0);
+    assert!(run.stdout.contains("no cycle is held out"), "{run}");
+    let text = std::fs::read_to_string(place.path().join("result.json")).unwrap();
+    let document: Value = serde_json::from_str(&text).unwrap();
+    check_contract(&document);
+    assert_eq!(document["heldout"]["cycles"], serde_json::json!([]));
+    for key in ["rmse_um", "coverage_50", "coverage_90", "crps_um"] {
+        assert!(document["heldout"][key].is_null(), "{key}");
+    }
+}
+
+/// A drift of 2 µm/s in the held-out cycle, which the model lacks: results are written, marked, and the exit code is 1.
+#[test]
+fn held_out_cycles_that_the_model_misses_end_in_exit_code_1() {
+    let place = place();
+    write_instrument_experiment(&place.path().join("gel"), true, 2.0);
+    let run = vitreo(place.path(), &["sample", "gel", "--out", "study"]).exits(1);
+    assert!(run.stdout.contains("NOT TO BE TRUSTED"), "{run}");
+    let text = std::fs::read_to_string(place.path().join("study/m0/posterior.json")).unwrap();
+    let document: Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(document["converged"], true);
+    let kinds: Vec<&str> =
+        document["warnings"].as_array().unwrap().iter().map(|w| w["kind"].as_str().unwrap()).collect();
+    assert!(kinds.contains(&"heldout_outside_band") && kinds.contains(&"misfit_above_noise"), "{kinds:?}");
+}
+
+/// Too few steps: written, marked, exit code 1.
+#[test]
+fn draws_that_have_not_converged_end_in_exit_code_1() {
+    let place = place();
+    write_instrument_experiment(&place.path().join("gel"), true, 0.0);
+    let run = vitreo(place.path(), &["sample", "gel", "--steps", "60", "--out", "study"]).exits(1);
+    assert!(run.stdout.contains("NOT CONVERGED") && run.stdout.contains("--steps"), "{run}");
+    assert!(place.path().join("study/m0/posterior.json").is_file());
+}
+
+#[test]
+fn bad_input_ends_in_exit_code_2_with_a_remedy_and_nothing_is_written() {
+    let place = place();
+    let run = |arguments: &[&str]| vitreo(place.path(), arguments);
+    run(&["sample", "--no-such-option"]).refuses(&["--no-such-option"]);
+    run(&["sampel"]).refuses(&["sample"]);
+    run(&[]).refuses(&["Usage"]);
+    run(&["sample", "nowhere"]).refuses(&["nowhere", "what to do"]);
+    run(&["sample", "--prior", "porcin"]).refuses(&["porcin", "what to do"]);
+    run(&["sample", "--set", "young_modulus=3"]).refuses(&["--set", "young_modulus_pa"]);
+    run(&["sample", "--set", "young_modulus_pa=-3"]).refuses(&["--set", "what to do"]);
+    run(&["sample", "--base", "maxwell"]).refuses(&["--base", "lethersich"]);
+    run(&["sample", "--with", "inertiaa"]).refuses(&["--with", "what to do"]);
+    run(&["sample", "--chains", "2"]).refuses(&["what to do"]);
+    run(&["sample", "--mesh", "nowhere.msh"]).refuses(&["nowhere.msh", "what to do"]);
+    run(&["sample", "--steps", "0"]).refuses(&["--steps", "what to do"]);
+    run(&["sample", "--seed", "-1"]).refuses(&["--seed", "-1"]);
+    run(&["sample", "--from", "m0"]).refuses(&["--from", "what to do"]);
+    run(&["sample", "--json", "nowhere/result.json"]).refuses(&["--json", "nowhere"]);
+    let left: Vec<_> = tree(place.path()).into_keys().collect();
+    assert!(left.is_empty() && std::fs::read_dir(place.path()).unwrap().next().is_none(), "{left:?}");
+}
+
+#[test]
+fn the_same_model_is_continued_another_refused_and_replaced_by_force() {
+    let place = place();
+    write_instrument_experiment(&place.path().join("gel"), true, 0.0);
+    write_instrument_experiment(&place.path().join("other"), true, 0.5);
+    let run = |arguments: &[&str]| vitreo(place.path(), arguments);
+    run(&["sample", "gel", "--out", "study"]).exits(0);
+    run(&["sample", "study"]).exits(0);
+    let before = tree(&place.path().join("study"));
+    run(&["sample", "study", "--set", "viscosity_1_pa_s=1.4"]).refuses(&["another", "--force"]);
+    run(&["sample", "other", "--out", "study"]).refuses(&["--out", "--force"]);
+    run(&["sample", "study", "--out", "elsewhere"]).refuses(&["--out"]);
+    run(&["sample", "study", "--from", "m7"]).refuses(&["m7", "m0"]);
+    let after: Vec<_> =
+        tree(&place.path().join("study")).into_iter().filter(|(path, _)| !path.ends_with(".lock")).collect();
+    assert!(after == before.into_iter().filter(|(path, _)| !path.ends_with(".lock")).collect::<Vec<_>>());
+    run(&["sample", "study", "--set", "viscosity_1_pa_s=1.4", "--force"]).exits(0);
+    let model = std::fs::read_to_string(place.path().join("study/m0/model.toml")).unwrap();
+    assert!(model.contains("viscosity_1_pa_s = 1.4"), "{model}");
+    // The model that stands there is taken without being named again.
+    let document = run(&["sample", "study", "--json", "-"]).exits(0).json();
+    assert_eq!(document["parameters"].as_array().unwrap().len(), 3);
+}

@@ -1,0 +1,124 @@
+//! The built program, run as a newcomer runs it: in an empty directory, with arguments.
+#![allow(dead_code, reason = "each test file uses its own part")]
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use serde_json::Value;
+
+/// What the program did.
+pub struct Run {
+    /// Exit code.
+    pub code: i32,
+    /// Standard output.
+    pub stdout: String,
+    /// Standard error.
+    pub stderr: String,
+}
+
+impl Run {
+    /// Standard output as one JSON document.
+    pub fn json(&self) -> Value {
+        serde_json::from_str(&self.stdout).unwrap_or_else(|error| panic!("{error} in {self}"))
+    }
+
+    /// Checks the exit code.
+    #[track_caller]
+    pub fn exits(self, code: i32) -> Self {
+        assert_eq!(self.code, code, "{self}");
+        self
+    }
+
+    /// Checks that the run was refused with exit code 2, says all of `words` and what to do.
+    #[track_caller]
+    pub fn refuses(self, words: &[&str]) -> Self {
+        let run = self.exits(2);
+        assert_eq!(run.stdout, "", "{run}");
+        for word in words {
+            assert!(run.stderr.contains(word), "`{word}` is missing in {run}");
+        }
+        run
+    }
+}
+
+impl std::fmt::Display for Run {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "exit code {}\n--- stdout\n{}\n--- stderr\n{}", self.code, self.stdout, self.stderr)
+    }
+}
+
+/// Runs the program in a directory.
+pub fn vitreo(dir: &Path, arguments: &[&str]) -> Run {
+    let output: Output = Command::new(env!("CARGO_BIN_EXE_vitreo-uq"))
+        .current_dir(dir)
+        .args(arguments)
+        .output()
+        .expect("the program was built for this test");
+    Run {
+        code: output.status.code().unwrap_or(-1),
+        stdout: String::from_utf8(output.stdout).expect("output is UTF-8"),
+        stderr: String::from_utf8(output.stderr).expect("output is UTF-8"),
+    }
+}
+
+/// All files below a directory with their bytes, by relative path.
+pub fn tree(dir: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    fn collect(root: &Path, dir: &Path, files: &mut BTreeMap<PathBuf, Vec<u8>>) {
+        for entry in std::fs::read_dir(dir).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                collect(root, &path, files);
+            } else {
+                files.insert(path.strip_prefix(root).unwrap().to_path_buf(), std::fs::read(&path).unwrap());
+            }
+        }
+    }
+    let mut files = BTreeMap::new();
+    collect(dir, dir, &mut files);
+    files
+}
+
+/// An instrument's experiment in `dir`: two cycles of ±1 µN for 2 s each, E = 3.5 Pa, c₁ = 1.4 Pa·s, c₂ = 47 Pa·s, 0.5 µm of noise that
+/// is made by a fixed recurrence, and `drift_um_per_s` from the second cycle on. The second cycle is held out if `heldout`.
+pub fn write_instrument_experiment(dir: &Path, heldout: bool, drift_um_per_s: f64) {
+    std::fs::create_dir_all(dir).unwrap();
+    let mut toml = String::from(
+        "[specimen]\nid = \"gel\"\n[instrument]\ncompliance_per_m = 549.0\n[measurement]\nfile = \"trajectory.csv\"\n",
+    );
+    toml += if heldout {
+        "calibration_cycles = [1]\nheldout_cycles = [2]\n"
+    } else {
+        "calibration_cycles = [1, 2]\nheldout_cycles = []\n"
+    };
+    toml += "noise_um = 0.5\nsource = \"synthetic: closed form\"\n";
+    std::fs::write(dir.join("experiment.toml"), toml).unwrap();
+    let (young_modulus_pa, viscosity_1_pa_s, viscosity_2_pa_s, compliance_per_m) = (3.5, 1.4, 47.0, 549.0);
+    let mut state = 88_172_645_463_325_252_u64;
+    let mut uniform = || {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        (state >> 11) as f64 / (1_u64 << 53) as f64
+    };
+    let mut csv = String::from("time_s,force_uN,position_um,cycle\n");
+    let (mut retarded_un, mut impulse_un_s) = (0.0, 0.0);
+    let step_s = 0.04;
+    let decay = f64::exp(-step_s * young_modulus_pa / viscosity_1_pa_s);
+    for row in 0..200 {
+        let force_un = if (row / 50) % 2 == 0 { 1.0 } else { -1.0 };
+        // Twelve uniform numbers add up to a nearly normal one.
+        let noise_um = 0.5 * ((0..12).map(|_| uniform()).sum::<f64>() - 6.0);
+        let exact_um = compliance_per_m * (retarded_un / young_modulus_pa + impulse_un_s / viscosity_2_pa_s);
+        let drift_um = drift_um_per_s * step_s * f64::from((row - 100).max(0));
+        csv += &format!(
+            "{:.2},{force_un},{:.4},{}\n",
+            step_s * f64::from(row),
+            exact_um + noise_um + drift_um,
+            1 + row / 100
+        );
+        retarded_un = decay * retarded_un + (1.0 - decay) * force_un;
+        impulse_un_s += step_s * force_un;
+    }
+    std::fs::write(dir.join("trajectory.csv"), csv).unwrap();
+}
