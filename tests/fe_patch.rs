@@ -83,14 +83,21 @@ fn straight_volume(mesh: &Mesh) -> f64 {
 
 /// Displacement gradients: three diagonal, three with shear and rotation, one full.
 fn gradients() -> Vec<Matrix3<f64>> {
-    let mut gradients: Vec<Matrix3<f64>> = (0..3).map(|i| Matrix3::from_fn(|r, c| f64::from(u8::from(r == i && c == i)))).collect();
-    gradients.extend([(0, 1), (2, 1), (0, 2)].map(|(i, j)| Matrix3::from_fn(|r, c| f64::from(u8::from((r, c) == (i, j))))));
+    let mut gradients: Vec<Matrix3<f64>> =
+        (0..3).map(|i| Matrix3::from_fn(|r, c| f64::from(u8::from(r == i && c == i)))).collect();
+    gradients
+        .extend([(0, 1), (2, 1), (0, 2)].map(|(i, j)| Matrix3::from_fn(|r, c| f64::from(u8::from((r, c) == (i, j))))));
     gradients.push(Matrix3::new(0.3, -1.2, 0.5, 0.8, -0.7, 0.1, -0.4, 0.9, 1.1));
     gradients
 }
 
 /// Nodal forces of the field u = G x, and its strain energy ½ uᵀ K̂ u.
-fn forces_and_energy(assembly: &Assembly, mesh: &Mesh, gradient: Matrix3<f64>, poisson_ratio: f64) -> (Vec<[f64; 3]>, f64) {
+fn forces_and_energy(
+    assembly: &Assembly,
+    mesh: &Mesh,
+    gradient: Matrix3<f64>,
+    poisson_ratio: f64,
+) -> (Vec<[f64; 3]>, f64) {
     let n = assembly.unknowns.count();
     let mut u = vec![0.0; n];
     for (node, &x) in mesh.node_coordinates_m.iter().enumerate().take(mesh.n_nodes() - 2) {
@@ -124,7 +131,10 @@ fn assert_patch(name: &str, mesh: &Mesh, interior: &[usize], volume_m3: Option<f
             let inside = interior.iter().map(|&node| norm(&forces[node])).fold(0.0, f64::max);
             // Rounding is that of the larger modulus, also where the field is isochoric.
             let [two_mu, kappa] = unit_moduli(poisson_ratio);
-            assert!(inside < 1e-12 * (1.0 + kappa / two_mu) * largest, "{name}, ν = {poisson_ratio}, {gradient}: {inside:e} of {largest:e}");
+            assert!(
+                inside < 1e-12 * (1.0 + kappa / two_mu) * largest,
+                "{name}, ν = {poisson_ratio}, {gradient}: {inside:e} of {largest:e}"
+            );
             let density = energy_density(gradient, poisson_ratio);
             let volume = *volume_m3.get_or_insert(energy / density);
             assert!((energy / (density * volume) - 1.0).abs() < 1e-11, "{name}, ν = {poisson_ratio}: {energy:e}");

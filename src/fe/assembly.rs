@@ -305,7 +305,8 @@ mod tests {
         for nodes in mesh.elements() {
             let coordinates: Vec<_> = nodes.iter().map(|&n| mesh.node_coordinates_m[n as usize]).collect();
             let stiffness = table.stiffness(&coordinates).expect("no element is inverted");
-            let local = nalgebra::DVector::from_iterator(3 * nodes.len(), nodes.iter().flat_map(|&n| nodal[n as usize]));
+            let local =
+                nalgebra::DVector::from_iterator(3 * nodes.len(), nodes.iter().flat_map(|&n| nodal[n as usize]));
             for (matrix, sum) in [stiffness.deviatoric, stiffness.volumetric].into_iter().zip(&mut expected) {
                 let force = matrix * &local;
                 for (&node, f) in nodes.iter().zip(force.as_slice().chunks_exact(3)) {
