@@ -95,6 +95,16 @@ impl Unknowns {
         self.group.iter().map(|&g| self.unknown[g as usize].map(component)).collect()
     }
 
+    /// Adds a force (N) on a node to the right-hand side f of K̂ u = f; what falls on fixed components is borne by the supports, and forces on
+    /// the robot's nodes add up along x.
+    pub fn add_nodal_force(&self, node: usize, force_n: [f64; 3], right_hand_side: &mut [f64]) {
+        for (unknown, component) in self.unknown[self.group[node] as usize].into_iter().zip(force_n) {
+            if unknown != FIXED {
+                right_hand_side[unknown as usize] += component;
+            }
+        }
+    }
+
     fn of_node(&self, node: u32) -> [u32; 3] {
         self.unknown[self.group[node as usize] as usize]
     }
@@ -248,6 +258,68 @@ impl Pattern {
                         place += 1;
                     }
                 }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fe::factorisation::add_symmetric_product;
+    use crate::mesh::QuarterBall;
+
+    fn mesh() -> Mesh {
+        // More than one chunk of elements, the last one incomplete.
+        let ball = QuarterBall { robot_radius_m: 0.275e-3, outer_radius_m: 10e-3, n_per_edge: 3, n_layers: 5 };
+        let mesh = ball.mesh().expect("the radii are in order");
+        assert!(mesh.n_elements() > CHUNK && !mesh.n_elements().is_multiple_of(CHUNK));
+        mesh
+    }
+
+    #[test]
+    fn parallel_assembly_equals_serial_to_the_last_bit() {
+        let mesh = mesh();
+        let bits = |values: &[f64]| values.iter().map(|v| v.to_bits()).collect::<Vec<u64>>();
+        let serial = Assembly::serial(&mesh).expect("no element is inverted");
+        for threads in [1, 2, 5] {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads can be had");
+            let parallel = pool.install(|| Assembly::new(&mesh)).expect("no element is inverted");
+            assert_eq!(bits(&parallel.deviatoric), bits(&serial.deviatoric), "{threads} threads");
+            assert_eq!(bits(&parallel.volumetric), bits(&serial.volumetric), "{threads} threads");
+            assert_eq!(parallel.pattern.row_idx(), serial.pattern.row_idx());
+        }
+    }
+
+    /// The scattered matrix acts as the sum of the element matrices, restricted to the unknowns: Pᵀ (Σ Kₑ) P u, with P built from the
+    /// public maps between nodes and unknowns only.
+    #[test]
+    fn the_matrix_is_the_sum_of_its_elements() {
+        let mesh = mesh();
+        let assembly = Assembly::new(&mesh).expect("no element is inverted");
+        let unknowns = &assembly.unknowns;
+        let u: Vec<f64> = (0..unknowns.count()).map(|i| (1.7 * i as f64).sin()).collect();
+        let nodal = unknowns.nodal_displacement(&u);
+        let table = TabulatedElement::of(mesh.element_kind);
+        let mut expected = [vec![0.0; u.len()], vec![0.0; u.len()]];
+        for nodes in mesh.elements() {
+            let coordinates: Vec<_> = nodes.iter().map(|&n| mesh.node_coordinates_m[n as usize]).collect();
+            let stiffness = table.stiffness(&coordinates).expect("no element is inverted");
+            let local =
+                nalgebra::DVector::from_iterator(3 * nodes.len(), nodes.iter().flat_map(|&n| nodal[n as usize]));
+            for (matrix, sum) in [stiffness.deviatoric, stiffness.volumetric].into_iter().zip(&mut expected) {
+                let force = matrix * &local;
+                for (&node, f) in nodes.iter().zip(force.as_slice().chunks_exact(3)) {
+                    unknowns.add_nodal_force(node as usize, [f[0], f[1], f[2]], sum);
+                }
+            }
+        }
+        for (matrix, expected) in [assembly.deviatoric(), assembly.volumetric()].into_iter().zip(expected) {
+            let mut product = vec![0.0; u.len()];
+            add_symmetric_product(matrix, &u, &mut product);
+            let largest = expected.iter().fold(0.0_f64, |m, f| m.max(f.abs()));
+            for (a, b) in product.iter().zip(&expected) {
+                assert!((a - b).abs() < 1e-13 * largest, "{a} against {b}");
             }
         }
     }

@@ -3,8 +3,9 @@
 use std::process::ExitCode;
 
 use vitreo_uq::error::Result;
+use vitreo_uq::files::write_json_atomically;
 use vitreo_uq::report::labels::of_parameter;
-use vitreo_uq::study::{FIT_NAME, WithProvenance, write_json_atomically};
+use vitreo_uq::study::{FIT_NAME, WithProvenance};
 use vitreo_uq::workflow::fit::{self, FitSummary, FittedParameter};
 
 use crate::options::{self, FitArguments};

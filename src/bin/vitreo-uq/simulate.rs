@@ -5,7 +5,8 @@ use std::process::ExitCode;
 
 use vitreo_uq::error::{Error, Place, Result};
 use vitreo_uq::fe::time::TimeScheme;
-use vitreo_uq::study::{ModelSpecification, Study, WithProvenance, write_json_atomically};
+use vitreo_uq::files::write_json_atomically;
+use vitreo_uq::study::{ModelSpecification, Study, WithProvenance};
 use vitreo_uq::workflow::Monitor;
 use vitreo_uq::workflow::simulate::{self, MeshLevel, SimulationRequest, SimulationSummary};
 use vitreo_uq::workflow::simulation_files;

@@ -1,0 +1,62 @@
+//! The posterior on which samplers are compared: base model, one cycle (+4.6 µN and −4.6 µN, 5 s each), 200 samples at 20 Hz, σ = 5 µm, the
+//! program's own log-normal priors of E, c₁, c₂ and σ.
+#![allow(dead_code, reason = "each benchmark uses a part")]
+
+use std::collections::BTreeMap;
+
+use vitreo_uq::inference::ensemble::RandomStream;
+use vitreo_uq::inference::likelihood::ReducedPosterior;
+use vitreo_uq::inference::prior::PriorSet;
+use vitreo_uq::model::{SumOfSquares, TrainedRange, convolve_m};
+use vitreo_uq::rheology::BaseLaw;
+
+/// 1/k of physics §4.10.
+pub const COMPLIANCE_PER_M: f64 = 1.0 / 1.820902396e-3;
+/// E (Pa), c₁ (Pa s), c₂ (Pa s), σ (µm).
+pub const REFERENCE: [f64; 4] = [3.527, 1.402, 47.370, 5.0];
+
+/// A simulated record with its priors.
+pub struct Creep {
+    pub time_s: Vec<f64>,
+    pub force_n: Vec<f64>,
+    pub position_m: Vec<f64>,
+    pub priors: PriorSet,
+    pub trained: Vec<TrainedRange>,
+}
+
+impl Creep {
+    pub fn new(seed: u64) -> Self {
+        let time_s: Vec<f64> = (0..200).map(|row| 0.05 * f64::from(row)).collect();
+        let force_n: Vec<f64> = (0..200).map(|row| if row < 100 { 4.6e-6 } else { -4.6e-6 }).collect();
+        let law = BaseLaw::Lethersich.creep_compliance(&REFERENCE[..3]);
+        let mut position_m = convolve_m(COMPLIANCE_PER_M, &law, &time_s, &force_n);
+        let mut noise = RandomStream::new(seed, 0);
+        position_m.iter_mut().for_each(|x| *x += 1e-6 * REFERENCE[3] * noise.normal());
+        let priors = PriorSet::named("porcine").expect("an embedded prior");
+        let ranges = priors.names().map(str::to_string).zip(priors.box_quantiles(1e-9)).take(3);
+        let trained = ranges.map(|(name, (lower, upper))| TrainedRange { name, lower, upper }).collect();
+        Self { time_s, force_n, position_m, priors, trained }
+    }
+
+    pub fn posterior(&self) -> ReducedPosterior<'_> {
+        let observed: Vec<Option<f64>> = self.position_m.iter().copied().map(Some).collect();
+        let data = SumOfSquares::new(&self.time_s, &self.force_n, &observed);
+        let fixed = BTreeMap::new();
+        ReducedPosterior::new(BaseLaw::Lethersich, COMPLIANCE_PER_M, &self.trained, data, &self.priors, &fixed)
+    }
+
+    /// A batch of points around the reference, coordinate d of point i at `d * n + i`.
+    pub fn batch(&self, n: usize) -> Vec<f64> {
+        let mut stream = RandomStream::new(7, 0);
+        let centre = self.priors.to_unconstrained(&REFERENCE);
+        centre.iter().flat_map(|z| (0..n).map(|_| z + 0.01 * stream.normal()).collect::<Vec<_>>()).collect()
+    }
+
+    /// Starts drawn from the prior, in the sampler's coordinates.
+    pub fn starts(&self, n: usize) -> Vec<Vec<f64>> {
+        let mut stream = RandomStream::new(8, 0);
+        let start =
+            |_| self.priors.priors().iter().map(|p| p.distribution.quantile(stream.unit())).collect::<Vec<f64>>();
+        (0..n).map(start).map(|natural| self.priors.to_unconstrained(&natural)).collect()
+    }
+}
