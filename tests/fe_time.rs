@@ -132,15 +132,6 @@ fn midpoint_rule_converges_at_second_order_to_the_exponential_result() {
     assert!(errors[3] < 1e-5, "{errors:?}");
 }
 
-#[test]
-fn a_run_solves_once_for_every_distinct_force() {
-    let stiffness = Stiffness::new(&mesh(1, 4)).expect("a sound mesh");
-    let model = FullOrderModel::new(&stiffness, POISSON_RATIO).expect("positive definite");
-    let (time_s, force_n) = irregular_load();
-    // 4.6, 0, −4.6, the ramp's 24 values above 0, −9.
-    assert_eq!(model.solve_load(&time_s, &force_n).n_solves, 28);
-}
-
 /// Mesh to trajectory in pools of one and two threads, twice each: the same bytes.
 #[test]
 fn the_same_bytes_for_any_number_of_threads() {

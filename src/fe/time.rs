@@ -1,8 +1,8 @@
 //! Full-order time stepping with internal fields (physics §3.2).
 //!
 //! Every branch m of the law (Kelvin–Voigt bodies, dashpots) keeps its own nodal displacement field. All branches carry the
-//! stress D̂ε(w), K̂ w = f, so a step from t to t + Δt reads u = h + j w: the history h decays, w is solved for. While
-//! the force holds, w holds too; a run therefore solves at force switches only, for all of them at once.
+//! stress D̂ε(w), K̂ w = f, so a step from t to t + Δt reads u = h + j w: the history h decays, w follows the force. While
+//! the force holds, w holds too, and a step by the exponential scheme is exact.
 
 use super::factorisation::{Factor, Stiffness};
 use crate::error::Result;
@@ -38,16 +38,14 @@ pub struct FullOrderModel<'a> {
     robot: usize,
 }
 
-/// A piecewise-constant force with the solved field of each level.
+/// A piecewise-constant force with its solved field.
+///
+/// All forces push the robot along x, so one solve for 1 N serves every switch, scaled.
 pub struct SolvedLoad<'a> {
     time_s: &'a [f64],
     force_n: &'a [f64],
-    /// Index into `levels` of each row.
-    level_of_row: Vec<usize>,
-    /// K̂⁻¹ f for each distinct force, `n_unknowns` long each.
-    levels: Vec<f64>,
-    /// Solves that it took.
-    pub n_solves: usize,
+    /// K̂⁻¹ f for 1 N on the whole body.
+    field_per_n: Vec<f64>,
 }
 
 impl<'a> FullOrderModel<'a> {
@@ -56,26 +54,10 @@ impl<'a> FullOrderModel<'a> {
         Ok(Self { factor: stiffness.factor(poisson_ratio)?, robot: stiffness.assembly.unknowns.robot() })
     }
 
-    /// Solves for every distinct force of a load; row i's force (N) holds on [tᵢ, tᵢ₊₁).
+    /// Solves for the field of a load; row i's force (N) holds on [tᵢ, tᵢ₊₁).
     pub fn solve_load<'l>(&self, time_s: &'l [f64], force_n: &'l [f64]) -> SolvedLoad<'l> {
-        let mut distinct: Vec<f64> = Vec::new();
-        let mut index_of = std::collections::HashMap::new();
-        let level_of_row = force_n
-            .iter()
-            .map(|force| {
-                *index_of.entry(force.to_bits()).or_insert_with(|| {
-                    distinct.push(*force);
-                    distinct.len() - 1
-                })
-            })
-            .collect();
-        let n = self.factor.n_unknowns();
-        let mut levels = vec![0.0; n * distinct.len()];
-        for (column, force) in levels.chunks_exact_mut(n).zip(&distinct) {
-            column[self.robot] = QUARTER * force;
-        }
-        self.factor.solve_in_place(&mut levels);
-        SolvedLoad { time_s, force_n, level_of_row, levels, n_solves: distinct.len() }
+        let field_per_n = self.factor.unit_response().iter().map(|u| QUARTER * u).collect();
+        SolvedLoad { time_s, force_n, field_per_n }
     }
 
     /// Displacement of the robot per unit force at unit Young's modulus, in 1/m: position = compliance × ∫J dF.
@@ -115,24 +97,16 @@ impl<'a> FullOrderModel<'a> {
 
     /// Steps through the load and shows the state at every row.
     fn run(&self, load: &SolvedLoad, law: &CreepCompliance, scheme: TimeScheme, mut at_row: impl FnMut(&Run)) {
-        let n = self.factor.n_unknowns();
-        let mut run = Run::new(law, n);
+        let mut run = Run::new(law, &load.field_per_n);
         at_row(&run);
         for row in 1..load.time_s.len() {
-            let level = load.level_of_row[row - 1];
-            if row == 1 || level != load.level_of_row[row - 2] {
-                run.begin_hold(&load.levels[level * n..(level + 1) * n]);
+            let force_n = load.force_n[row - 1];
+            if row == 1 || force_n != load.force_n[row - 2] {
+                run.begin_hold(force_n);
             }
             run.advance(load.time_s[row] - load.time_s[row - 1], scheme);
             at_row(&run);
         }
-    }
-}
-
-impl SolvedLoad<'_> {
-    /// Forces in N, one a row.
-    pub fn force_n(&self) -> &[f64] {
-        self.force_n
     }
 }
 
@@ -143,8 +117,10 @@ struct Run<'a> {
     branches: Vec<Branch>,
     /// Field of each branch at the start of the hold, in m.
     fields: Vec<Vec<f64>>,
-    /// w of the hold.
-    loading: Vec<f64>,
+    /// w at 1 N, in m.
+    field_per_n: &'a [f64],
+    /// Force of the hold.
+    force_n: f64,
 }
 
 /// Scalars of one branch since the start of the hold.
@@ -157,25 +133,27 @@ struct Branch {
 const UNMOVED: Branch = Branch { decay: 1.0, gain_per_pa: 0.0 };
 
 impl<'a> Run<'a> {
-    fn new(law: &'a CreepCompliance, n_unknowns: usize) -> Self {
+    fn new(law: &'a CreepCompliance, field_per_n: &'a [f64]) -> Self {
         // One branch a Kelvin–Voigt body, and the dashpots as the last.
         let n_branches = law.retarded.len() + 1;
         Self {
             law,
             branches: vec![UNMOVED; n_branches],
-            fields: vec![vec![0.0; n_unknowns]; n_branches],
-            loading: vec![0.0; n_unknowns],
+            fields: vec![vec![0.0; field_per_n.len()]; n_branches],
+            field_per_n,
+            force_n: 0.0,
         }
     }
 
-    fn begin_hold(&mut self, loading: &[f64]) {
+    fn begin_hold(&mut self, force_n: f64) {
         for (field, branch) in self.fields.iter_mut().zip(&mut self.branches) {
-            for (value, w) in field.iter_mut().zip(&self.loading) {
-                *value = branch.decay * *value + branch.gain_per_pa * w;
+            let gain = branch.gain_per_pa * self.force_n;
+            for (value, w) in field.iter_mut().zip(self.field_per_n) {
+                *value = branch.decay * *value + gain * w;
             }
             *branch = UNMOVED;
         }
-        self.loading.copy_from_slice(loading);
+        self.force_n = force_n;
     }
 
     fn advance(&mut self, step_s: f64, scheme: TimeScheme) {
@@ -192,7 +170,7 @@ impl<'a> Run<'a> {
     }
 
     fn displacement_at(&self, unknown: usize) -> f64 {
-        let w = self.loading[unknown];
+        let w = self.force_n * self.field_per_n[unknown];
         let branches = self.fields.iter().zip(&self.branches);
         let creep: f64 = branches.map(|(field, b)| b.decay * field[unknown] + b.gain_per_pa * w).sum();
         creep + self.law.instantaneous_per_pa * w
