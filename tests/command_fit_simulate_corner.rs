@@ -77,7 +77,10 @@ fn a_simulation_is_an_experiment_that_fit_takes_back() {
     assert_eq!(document["parameters"][2]["value"], 20.0);
     assert_eq!(document["convergence"].as_array().unwrap().len(), 2);
     assert!(document["unknowns"].as_u64().unwrap() > 1000 && document["largest_strain"].as_f64().unwrap() > 0.01);
-    assert!(document["time_integration_error_um"].as_f64().unwrap() < 1e-6 * document["largest_displacement_um"].as_f64().unwrap());
+    assert!(
+        document["time_integration_error_um"].as_f64().unwrap()
+            < 1e-6 * document["largest_displacement_um"].as_f64().unwrap()
+    );
     let csv = std::fs::read_to_string(dir.join("trajectory.csv")).unwrap();
     assert!(csv.starts_with("time_s,force_uN,position_um,cycle\n0,4.6,0,1\n"), "{}", &csv[..80]);
     assert_eq!(csv.lines().count(), 801);
@@ -98,10 +101,12 @@ fn simulate_says_where_its_values_come_from_and_replaces_itself_whole() {
     let document = vitreo(place.path(), &midpoint).exits(0).json();
     assert_eq!(document["scheme"], "midpoint");
     assert_eq!(document["time_steps"], 799 * 5);
-    let relative = document["time_integration_error_um"].as_f64().unwrap() / document["largest_displacement_um"].as_f64().unwrap();
+    let relative =
+        document["time_integration_error_um"].as_f64().unwrap() / document["largest_displacement_um"].as_f64().unwrap();
     assert!(relative > 1e-9 && relative < 1e-4, "{relative}");
     assert_eq!(read_json(&place.path().join("study/simulation/simulation.json")), document);
-    let left: Vec<_> = tree(&place.path().join("study")).into_keys().filter(|p| p.to_string_lossy().contains(".partial")).collect();
+    let left: Vec<_> =
+        tree(&place.path().join("study")).into_keys().filter(|p| p.to_string_lossy().contains(".partial")).collect();
     assert!(left.is_empty(), "{left:?}");
 }
 
@@ -147,4 +152,28 @@ fn corner_overlays_studies_and_csv_of_any_tool() {
     run(&["study", "--out", "figures"]).refuses(&["--out", "directory"]);
     std::fs::write(place.path().join("bad.csv"), "a,b\n1,2\n3,x\n").unwrap();
     run(&["bad.csv"]).refuses(&["bad.csv", "line 3"]);
+}
+
+/// The mesh of the test data is of the paper's apparatus; an experiment with another robot is told so, in words and in JSON.
+#[test]
+fn a_mesh_that_is_not_of_the_experiment_is_used_and_doubted() {
+    let place = place();
+    let mesh = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/gmsh/quarter_sphere_tet10.msh");
+    let replica = concat!(env!("CARGO_MANIFEST_DIR"), "/data/porcine-replica");
+    let run = vitreo(place.path(), &["simulate", "--out", "fits", "--mesh", mesh, "--json", "-"]).exits(0);
+    let kinds = |document: &Value| -> Vec<String> {
+        document["warnings"].as_array().unwrap().iter().map(|w| w["kind"].as_str().unwrap().to_string()).collect()
+    };
+    assert_eq!(kinds(&run.json()), ["large_strain"]);
+    let other = place.path().join("other");
+    std::fs::create_dir(&other).unwrap();
+    let toml = std::fs::read_to_string(format!("{replica}/experiment.toml")).unwrap();
+    let changed = toml.replace("diameter_mm = 0.55", "diameter_mm = 0.6").replace("ratio = 0.48", "ratio = 0.495");
+    std::fs::write(other.join("experiment.toml"), changed).unwrap();
+    std::fs::copy(format!("{replica}/trajectory.csv"), other.join("trajectory.csv")).unwrap();
+    let run = vitreo(place.path(), &["simulate", "other", "--out", "doubted", "--mesh", mesh, "--json", "-"]).exits(0);
+    assert_eq!(kinds(&run.json()), ["large_strain", "mesh", "mesh"]);
+    assert!(run.stderr.contains("0.3000 mm in [robot]") && run.stderr.contains("0.495"), "{run}");
+    vitreo(place.path(), &["simulate", "--out", "fits", "--mesh", mesh, "--refine", "2"])
+        .refuses(&["--refine", "--mesh"]);
 }

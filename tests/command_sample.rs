@@ -25,18 +25,37 @@ fn check_contract(document: &Value) {
     assert!(document["seed"].is_u64() && document["inputs_sha256"].is_object() && document["converged"].is_boolean());
     assert!(document["experiment"].is_string());
     assert_eq!(document["model"], serde_json::json!({"base": "lethersich", "effects": [], "noise": ["white"]}));
-    let names: Vec<&str> = document["parameters"].as_array().unwrap().iter().map(|p| p["name"].as_str().unwrap()).collect();
+    let names: Vec<&str> =
+        document["parameters"].as_array().unwrap().iter().map(|p| p["name"].as_str().unwrap()).collect();
     assert_eq!(names, ["young_modulus_pa", "viscosity_1_pa_s", "viscosity_2_pa_s", "noise_sd_um"]);
     for parameter in document["parameters"].as_array().unwrap() {
         has_numbers(parameter, &["mean", "sd", "q05", "median", "q95", "ess_bulk", "ess_tail", "rhat", "mcse_mean"]);
     }
-    let sampler = ["walkers", "ensembles", "steps", "acceptance", "autocorrelation_time", "likelihood_evaluations", "walkers_reseeded"];
+    let sampler = [
+        "walkers",
+        "ensembles",
+        "steps",
+        "acceptance",
+        "autocorrelation_time",
+        "likelihood_evaluations",
+        "walkers_reseeded",
+    ];
     has_numbers(&document["sampler"], &sampler);
     for (object, keys) in [
         ("surrogate", &["modes", "max_relative_error", "fe_unknowns", "snapshot_runs"][..]),
         (
             "heldout",
-            &["cycles", "fe_runs", "rmse_um", "noise_um", "coverage_50", "coverage_90", "crps_um", "surrogate_vs_fe_max_um", "pareto_k"],
+            &[
+                "cycles",
+                "fe_runs",
+                "rmse_um",
+                "noise_um",
+                "coverage_50",
+                "coverage_90",
+                "crps_um",
+                "surrogate_vs_fe_max_um",
+                "pareto_k",
+            ],
         ),
         ("error_budget_um", &["noise", "fe_discretisation", "surrogate", "monte_carlo"]),
     ] {
@@ -78,7 +97,10 @@ fn the_replica_runs_without_any_file_and_gives_the_same_bytes_again() {
     assert_eq!(written, document);
 
     let again = run(&["--threads", "2"]).exits(0);
-    assert!(again.stdout.contains("converged") && again.stderr.contains("taking the surrogate that is there"), "{again}");
+    assert!(
+        again.stdout.contains("converged") && again.stderr.contains("taking the surrogate that is there"),
+        "{again}"
+    );
     let other = run(&["--out", "other", "--threads", "2", "--quiet"]).exits(0);
     assert_eq!(other.stderr, "");
     for (again, dir) in [(tree(&revision), "continued"), (tree(&place.path().join("other/m0")), "new")] {
@@ -110,7 +132,8 @@ fn an_instrument_has_null_for_finite_elements_and_does_not_fail() {
     }
     assert!(document["largest_strain"].is_null());
     assert_eq!(document["heldout"]["fe_runs"], 0);
-    let kinds: Vec<&str> = document["warnings"].as_array().unwrap().iter().map(|w| w["kind"].as_str().unwrap()).collect();
+    let kinds: Vec<&str> =
+        document["warnings"].as_array().unwrap().iter().map(|w| w["kind"].as_str().unwrap()).collect();
     assert_eq!(kinds, ["no_finite_elements"]);
     assert!(run.stderr.contains("Results and figures"), "{}", run.stderr);
 }
@@ -140,7 +163,8 @@ fn held_out_cycles_that_the_model_misses_end_in_exit_code_1() {
     let text = std::fs::read_to_string(place.path().join("study/m0/posterior.json")).unwrap();
     let document: Value = serde_json::from_str(&text).unwrap();
     assert_eq!(document["converged"], true);
-    let kinds: Vec<&str> = document["warnings"].as_array().unwrap().iter().map(|w| w["kind"].as_str().unwrap()).collect();
+    let kinds: Vec<&str> =
+        document["warnings"].as_array().unwrap().iter().map(|w| w["kind"].as_str().unwrap()).collect();
     assert!(kinds.contains(&"heldout_outside_band") && kinds.contains(&"misfit_above_noise"), "{kinds:?}");
 }
 
@@ -190,7 +214,8 @@ fn the_same_model_is_continued_another_refused_and_replaced_by_force() {
     run(&["sample", "other", "--out", "study"]).refuses(&["--out", "--force"]);
     run(&["sample", "study", "--out", "elsewhere"]).refuses(&["--out"]);
     run(&["sample", "study", "--from", "m7"]).refuses(&["m7", "m0"]);
-    let after: Vec<_> = tree(&place.path().join("study")).into_iter().filter(|(path, _)| !path.ends_with(".lock")).collect();
+    let after: Vec<_> =
+        tree(&place.path().join("study")).into_iter().filter(|(path, _)| !path.ends_with(".lock")).collect();
     assert!(after == before.into_iter().filter(|(path, _)| !path.ends_with(".lock")).collect::<Vec<_>>());
     run(&["sample", "study", "--set", "viscosity_1_pa_s=1.4", "--force"]).exits(0);
     let model = std::fs::read_to_string(place.path().join("study/m0/model.toml")).unwrap();

@@ -99,8 +99,7 @@ pub struct FitResult {
 /// [`Error::Input`] when every parameter of the law is fixed; otherwise whatever its parts refuse.
 pub fn run(problem: &Problem, kept_surrogate: Option<KeptSurrogate>, monitor: &dyn Monitor) -> Result<FitResult> {
     let names: Vec<&str> = problem.law.parameters().iter().map(|p| p.name).collect();
-    let free: Vec<usize> =
-        (0..names.len()).filter(|&j| !problem.specification.fixed.contains_key(names[j])).collect();
+    let free: Vec<usize> = (0..names.len()).filter(|&j| !problem.specification.fixed.contains_key(names[j])).collect();
     if free.is_empty() {
         return Err(Error::input(
             Place::option("--set"),
@@ -138,7 +137,8 @@ struct CreepResiduals<'a> {
 impl<'a> CreepResiduals<'a> {
     fn new(problem: &'a Problem, reduced: &'a Reduced, free: Vec<usize>) -> Self {
         let fixed = &problem.specification.fixed;
-        let template = problem.law.parameters().iter().map(|p| fixed.get(p.name).copied().unwrap_or(f64::NAN)).collect();
+        let template =
+            problem.law.parameters().iter().map(|p| fixed.get(p.name).copied().unwrap_or(f64::NAN)).collect();
         let positions = problem.positions_of(&problem.experiment.calibration_cycles);
         let observed = positions.iter().enumerate().filter_map(|(row, y)| y.map(|y| (row, y))).collect();
         Self { forward: problem.reduced_forward(reduced), template, free, ranges: problem.training_ranges(), observed }
@@ -277,6 +277,7 @@ fn summarise(
     let at_end = data.at_end_of_range(&best.theta);
     summary.converged &= at_end.is_empty();
     summary.warnings = warnings(&summary, &at_end);
+    summary.warnings.extend(problem.finite_elements().into_iter().flat_map(|fe| fe.mesh_warnings.clone()));
     summary
 }
 
@@ -286,13 +287,16 @@ fn warnings(summary: &FitSummary, at_end: &[&str]) -> Vec<Warning> {
         list.push(Warning {
             kind: WarningKind::NotConverged,
             text: format!("the search ran to the end of the prior's range of {}", at_end.join(", ")),
-            advice: "the data may not determine it: fix a parameter (--set), or give a prior that reaches farther (--prior)".into(),
+            advice:
+                "the data may not determine it: fix a parameter (--set), or give a prior that reaches farther (--prior)"
+                    .into(),
         });
     } else if !summary.converged {
         list.push(Warning {
             kind: WarningKind::NotConverged,
             text: format!("the search had not converged after {} steps", summary.iterations),
-            advice: "the data may not determine every parameter: look at the standard errors, or fix one (--set)".into(),
+            advice: "the data may not determine every parameter: look at the standard errors, or fix one (--set)"
+                .into(),
         });
     }
     let undetermined: Vec<&str> =

@@ -133,7 +133,9 @@ pub fn parameters(
         let fixed = || problem.specification.fixed.get(name).map(|value| (*value, "fixed by the model".to_string()));
         let prior = || {
             let found = problem.priors.get(name);
-            found.map(|prior| (prior.distribution.quantile(0.5), format!("median of the prior {}", problem.priors.name())))
+            found.map(|prior| {
+                (prior.distribution.quantile(0.5), format!("median of the prior {}", problem.priors.name()))
+            })
         };
         sampled.or_else(fixed).or_else(prior).ok_or_else(|| {
             Error::input(
@@ -167,7 +169,11 @@ pub fn check_request(problem: &Problem, request: &SimulationRequest, has_mesh_fi
             );
         }
         if !(step_s.is_finite() && step_s > 0.0) {
-            return refuse("--time-step-s", format!("{step_s} is not a time step"), "give a number above zero, in seconds");
+            return refuse(
+                "--time-step-s",
+                format!("{step_s} is not a time step"),
+                "give a number above zero, in seconds",
+            );
         }
     }
     let steps = n_steps(&problem.experiment.record, request.time_step_s);
@@ -227,7 +233,8 @@ pub fn run(
     let stepped_m = model.trajectory(&load, &law, request.scheme);
     let position_m: Vec<f64> = grid.place_of_row.iter().map(|&place| stepped_m[place]).collect();
     let exact_m = convolve_m(model.compliance_per_m(), &law, &record.time_s, &record.force_n);
-    let extreme_row = (0..position_m.len()).fold(0, |a, b| if position_m[b].abs() > position_m[a].abs() { b } else { a });
+    let extreme_row =
+        (0..position_m.len()).fold(0, |a, b| if position_m[b].abs() > position_m[a].abs() { b } else { a });
     let written_rows = field_rows(record);
     let mut rows = written_rows.clone();
     rows.push(extreme_row);
@@ -257,7 +264,7 @@ pub fn run(
         largest_displacement_um: 1e6 * position_m[extreme_row].abs(),
         largest_strain,
         convergence,
-        warnings: strain_warning(largest_strain).into_iter().collect(),
+        warnings: strain_warning(largest_strain).into_iter().chain(fe.mesh_warnings.clone()).collect(),
     };
     let fields = rows.into_iter().zip(fields).filter(|(row, _)| written_rows.contains(row)).collect();
     Ok(Simulation { summary, position_m, fields, timing_s })
@@ -343,9 +350,8 @@ fn convergence_table(
         timing_s.push((format!("mesh level {level}"), clock.elapsed().as_secs_f64()));
         let relative_error = stiffness_m / exact_m - 1.0;
         let before = table.last();
-        let order = before.map(|b| {
-            (b.relative_error / relative_error).abs().ln() / (level as f64 / b.level as f64).ln()
-        });
+        let order =
+            before.map(|b| (b.relative_error / relative_error).abs().ln() / (level as f64 / b.level as f64).ln());
         let relative_difference = before.map(|b| stiffness_m / b.stiffness_m - 1.0);
         table.push(MeshLevel {
             level,

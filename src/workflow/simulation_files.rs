@@ -98,12 +98,7 @@ fn apparatus_toml(apparatus: &Apparatus) -> String {
     }
 }
 
-fn elongated_toml(
-    shape: &str,
-    length_mm: f64,
-    diameter_mm: f64,
-    orientation: Orientation,
-) -> String {
+fn elongated_toml(shape: &str, length_mm: f64, diameter_mm: f64, orientation: Orientation) -> String {
     let orientation = match orientation {
         Orientation::Horizontal => "horizontal",
         Orientation::Vertical => "vertical",

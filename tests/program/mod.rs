@@ -83,8 +83,14 @@ pub fn tree(dir: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
 /// is made by a fixed recurrence, and `drift_um_per_s` from the second cycle on. The second cycle is held out if `heldout`.
 pub fn write_instrument_experiment(dir: &Path, heldout: bool, drift_um_per_s: f64) {
     std::fs::create_dir_all(dir).unwrap();
-    let mut toml = String::from("[specimen]\nid = \"gel\"\n[instrument]\ncompliance_per_m = 549.0\n[measurement]\nfile = \"trajectory.csv\"\n");
-    toml += if heldout { "calibration_cycles = [1]\nheldout_cycles = [2]\n" } else { "calibration_cycles = [1, 2]\nheldout_cycles = []\n" };
+    let mut toml = String::from(
+        "[specimen]\nid = \"gel\"\n[instrument]\ncompliance_per_m = 549.0\n[measurement]\nfile = \"trajectory.csv\"\n",
+    );
+    toml += if heldout {
+        "calibration_cycles = [1]\nheldout_cycles = [2]\n"
+    } else {
+        "calibration_cycles = [1, 2]\nheldout_cycles = []\n"
+    };
     toml += "noise_um = 0.5\nsource = \"synthetic: closed form\"\n";
     std::fs::write(dir.join("experiment.toml"), toml).unwrap();
     let (young_modulus_pa, viscosity_1_pa_s, viscosity_2_pa_s, compliance_per_m) = (3.5, 1.4, 47.0, 549.0);
@@ -105,7 +111,12 @@ pub fn write_instrument_experiment(dir: &Path, heldout: bool, drift_um_per_s: f6
         let noise_um = 0.5 * ((0..12).map(|_| uniform()).sum::<f64>() - 6.0);
         let exact_um = compliance_per_m * (retarded_un / young_modulus_pa + impulse_un_s / viscosity_2_pa_s);
         let drift_um = drift_um_per_s * step_s * f64::from((row - 100).max(0));
-        csv += &format!("{:.2},{force_un},{:.4},{}\n", step_s * f64::from(row), exact_um + noise_um + drift_um, 1 + row / 100);
+        csv += &format!(
+            "{:.2},{force_un},{:.4},{}\n",
+            step_s * f64::from(row),
+            exact_um + noise_um + drift_um,
+            1 + row / 100
+        );
         retarded_un = decay * retarded_un + (1.0 - decay) * force_un;
         impulse_un_s += step_s * force_un;
     }

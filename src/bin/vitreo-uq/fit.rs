@@ -49,11 +49,16 @@ fn words(summary: &FitSummary) -> String {
     ];
     lines.extend(summary.parameters.iter().map(row));
     let fixed = summary.fixed.iter().filter(|(name, _)| name.as_str() != "noise_sd_um");
-    lines.extend(fixed.map(|(name, value)| format!("  {:<12}{:>11}{:>18}", axis(name), significant(*value), "held fixed")));
+    lines.extend(
+        fixed.map(|(name, value)| format!("  {:<12}{:>11}{:>18}", axis(name), significant(*value), "held fixed")),
+    );
     let noise = summary.noise_um.map_or("unknown".into(), |noise| format!("{} µm", significant(noise)));
     lines.push(String::new());
     lines.push(format!("Residuals: {} µm root mean square (noise {noise}).", significant(summary.rmse_um)));
-    lines.push(format!("Starts: {} of {} lead to this minimum, no other is lower.", summary.starts_agreeing, summary.starts));
+    lines.push(format!(
+        "Starts: {} of {} lead to this minimum, no other is lower.",
+        summary.starts_agreeing, summary.starts
+    ));
     if let Some(distance) = summary.surrogate_vs_fe_max_um {
         lines.push(format!(
             "Full finite elements at the estimate differ from the reduced model by {} µm at most.",

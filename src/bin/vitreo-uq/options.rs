@@ -154,8 +154,7 @@ pub struct CornerArguments {
 
 /// Uses so many threads everywhere.
 pub fn use_threads(threads: usize) -> vitreo_uq::Result<()> {
-    rayon::ThreadPoolBuilder::new()
-        .num_threads(threads)
-        .build_global()
-        .map_err(|error| vitreo_uq::Error::numerical(format!("no threads to be had: {error}"), "use fewer threads (--threads)"))
+    rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().map_err(|error| {
+        vitreo_uq::Error::numerical(format!("no threads to be had: {error}"), "use fewer threads (--threads)")
+    })
 }

@@ -28,7 +28,9 @@ pub fn show(common: &Common, document: &impl Serialize, words: &str) -> Result<(
     let text = match common.json.as_deref() {
         Some(path) if path == Path::new("-") => {
             let json = serde_json::to_string_pretty(document);
-            json.map_err(|error| Error::numerical(format!("the result is no JSON: {error}"), "report the command that was run"))? + "\n"
+            json.map_err(|error| {
+                Error::numerical(format!("the result is no JSON: {error}"), "report the command that was run")
+            })? + "\n"
         }
         Some(path) => {
             write_json_atomically(path, document)?;

@@ -47,7 +47,8 @@ pub fn run(arguments: &SimulateArguments) -> Result<ExitCode> {
     let simulation = simulate::run(&problem, &request, has_mesh_file, &terminal)?;
     terminal.stage("writing trajectory and fields");
     simulation_files::write(writer.path(), &problem, &simulation)?;
-    let document = WithProvenance { provenance: study.provenance("simulation", 1, common.seed), body: &simulation.summary };
+    let document =
+        WithProvenance { provenance: study.provenance("simulation", 1, common.seed), body: &simulation.summary };
     write_json_atomically(&writer.path().join("simulation.json"), &document)?;
     let stages: BTreeMap<&str, f64> = simulation.timing_s.iter().map(|(stage, s)| (stage.as_str(), *s)).collect();
     let timing = serde_json::json!({ "schema": "vitreo-uq/timing/1", "wall_s": stages });
@@ -83,8 +84,9 @@ fn posterior(
         return Ok(None);
     }
     let path = dir.join("posterior.json");
-    let bytes = std::fs::read(&path)
-        .map_err(|source| Error::at_path("read", &path, source, "run `sample` again, or give every parameter with `--set`"))?;
+    let bytes = std::fs::read(&path).map_err(|source| {
+        Error::at_path("read", &path, source, "run `sample` again, or give every parameter with `--set`")
+    })?;
     let document: WithProvenance<PosteriorSummary> = serde_json::from_slice(&bytes).map_err(|error| {
         Error::input(
             Place::file(&path).at_line(error.line()),
