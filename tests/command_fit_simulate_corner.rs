@@ -153,3 +153,27 @@ fn corner_overlays_studies_and_csv_of_any_tool() {
     std::fs::write(place.path().join("bad.csv"), "a,b\n1,2\n3,x\n").unwrap();
     run(&["bad.csv"]).refuses(&["bad.csv", "line 3"]);
 }
+
+/// The mesh of the test data is of the paper's apparatus; an experiment with another robot is told so, in words and in JSON.
+#[test]
+fn a_mesh_that_is_not_of_the_experiment_is_used_and_doubted() {
+    let place = place();
+    let mesh = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/gmsh/quarter_sphere_tet10.msh");
+    let replica = concat!(env!("CARGO_MANIFEST_DIR"), "/data/porcine-replica");
+    let run = vitreo(place.path(), &["simulate", "--out", "fits", "--mesh", mesh, "--json", "-"]).exits(0);
+    let kinds = |document: &Value| -> Vec<String> {
+        document["warnings"].as_array().unwrap().iter().map(|w| w["kind"].as_str().unwrap().to_string()).collect()
+    };
+    assert_eq!(kinds(&run.json()), ["large_strain"]);
+    let other = place.path().join("other");
+    std::fs::create_dir(&other).unwrap();
+    let toml = std::fs::read_to_string(format!("{replica}/experiment.toml")).unwrap();
+    let changed = toml.replace("diameter_mm = 0.55", "diameter_mm = 0.6").replace("ratio = 0.48", "ratio = 0.495");
+    std::fs::write(other.join("experiment.toml"), changed).unwrap();
+    std::fs::copy(format!("{replica}/trajectory.csv"), other.join("trajectory.csv")).unwrap();
+    let run = vitreo(place.path(), &["simulate", "other", "--out", "doubted", "--mesh", mesh, "--json", "-"]).exits(0);
+    assert_eq!(kinds(&run.json()), ["large_strain", "mesh", "mesh"]);
+    assert!(run.stderr.contains("0.3000 mm in [robot]") && run.stderr.contains("0.495"), "{run}");
+    vitreo(place.path(), &["simulate", "--out", "fits", "--mesh", mesh, "--refine", "2"])
+        .refuses(&["--refine", "--mesh"]);
+}

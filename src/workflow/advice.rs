@@ -42,7 +42,7 @@ pub fn warnings(findings: &Findings) -> Vec<Warning> {
     }
     if let Some(p) = heldout.joint_p.filter(|p| *p < OUTSIDE_BAND) {
         let text = format!(
-            "the held-out cycles lie outside the 99.9 % joint predictive band (probability {p:.1e}): the fitted model does not predict them"
+            "the held-out cycles lie outside the 99.9 % joint predictive band (probability at most {p:.1e}): the fitted model does not predict them"
         );
         add(
             WarningKind::HeldoutOutsideBand,

@@ -277,6 +277,7 @@ fn summarise(
     let at_end = data.at_end_of_range(&best.theta);
     summary.converged &= at_end.is_empty();
     summary.warnings = warnings(&summary, &at_end);
+    summary.warnings.extend(problem.finite_elements().into_iter().flat_map(|fe| fe.mesh_warnings.clone()));
     summary
 }
 

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use super::mesh_check;
+use super::summary::Warning;
 use crate::error::{Error, Place, Result};
 use crate::experiment::{Apparatus, Robot, RobotShape, Vitreous};
 use crate::fe::Stiffness;
@@ -44,7 +45,7 @@ pub struct FiniteElements {
     /// Compliance (1/m) on the next coarser mesh, where there is one: the discretisation error is measured by it.
     pub coarse_compliance_per_m: Option<f64>,
     /// What the mesh's reader had to say.
-    pub mesh_warnings: Vec<String>,
+    pub mesh_warnings: Vec<Warning>,
 }
 
 /// The built-in mesh of a level 1, 2, 3, …: level × 4·level elements along an octant's edge and the radius.
@@ -78,7 +79,7 @@ impl Mechanics {
         let (mesh, mesh_warnings, coarse) = match mesh_file {
             Some(file) => {
                 let read = read_gmsh(&file.path, file.metres_per_unit)?;
-                let said = read.warnings.iter().map(|w| format!("{} {}", w.text(), w.advice()));
+                let said = read.warnings.iter().map(|w| mesh_check::warning(w.text(), w.advice()));
                 let doubts = mesh_check::doubts(&read.mesh, robot, vitreous);
                 (read.mesh, said.chain(doubts).collect(), None)
             }

@@ -1,5 +1,6 @@
 //! Whether a mesh that the user brings is of the apparatus that the experiment describes.
 
+use super::summary::{Warning, WarningKind};
 use crate::experiment::{Robot, RobotShape, Vitreous};
 use crate::mesh::{ElementKind, Mesh};
 
@@ -8,39 +9,41 @@ const SIZE_TOLERANCE: f64 = 0.01;
 /// Poisson ratio above which displacement-only tetrahedra are not to be relied on (physics §3.5).
 const TETRAHEDRA_LIMIT: f64 = 0.49;
 
-/// What is doubtful about a mesh, in sentences with advice; empty when nothing is.
-pub fn doubts(mesh: &Mesh, robot: &Robot, vitreous: &Vitreous) -> Vec<String> {
+/// A warning about the user's mesh.
+pub fn warning(text: impl Into<String>, advice: &str) -> Warning {
+    Warning { kind: WarningKind::Mesh, text: text.into(), advice: advice.into() }
+}
+
+/// What is doubtful about a mesh; empty when nothing is.
+pub fn doubts(mesh: &Mesh, robot: &Robot, vitreous: &Vitreous) -> Vec<Warning> {
     let mut list = Vec::new();
     let reach_m = |nodes: &[u32]| {
         let distance = |&node: &u32| mesh.node_coordinates_m[node as usize].iter().map(|x| x * x).sum::<f64>().sqrt();
         nodes.iter().map(distance).fold(0.0, f64::max)
     };
-    let what = if matches!(robot.shape, RobotShape::Sphere { .. }) {
-        "the robot's radius"
-    } else {
-        "the robot's reach from its centre"
-    };
+    let is_sphere = matches!(robot.shape, RobotShape::Sphere { .. });
+    let what = if is_sphere { "the robot's radius" } else { "the robot's reach from its centre" };
     let sizes = [
         (what, reach_m(&mesh.robot_nodes), robot.shape.outer_radius_m(), "[robot]"),
         ("the radius of the outer surface", reach_m(&mesh.outer_nodes), 0.5 * vitreous.diameter_m, "[vitreous]"),
     ];
     for (name, mesh_m, experiment_m, table) in sizes {
         if (mesh_m / experiment_m - 1.0).abs() > SIZE_TOLERANCE {
-            list.push(format!(
-                "{name} is {:.4} mm in the mesh and {:.4} mm in {table} of experiment.toml; the mesh is used as it is: check the mesh, its \
-                 unit (--mesh-unit) and the experiment",
+            let text = format!(
+                "{name} is {:.4} mm in the mesh and {:.4} mm in {table} of experiment.toml; the mesh is used as it is",
                 1e3 * mesh_m,
                 1e3 * experiment_m
-            ));
+            );
+            list.push(warning(text, "check the mesh, its unit (--mesh-unit) and the experiment"));
         }
     }
     let is_tetrahedral = mesh.element_kind != ElementKind::Hexahedron27;
     if is_tetrahedral && vitreous.poisson_ratio > TETRAHEDRA_LIMIT {
-        list.push(format!(
-            "tetrahedra are too stiff in nearly incompressible gels, and the Poisson ratio is {}, above {TETRAHEDRA_LIMIT}: compare with a \
-             finer mesh, or use the built-in one",
+        let text = format!(
+            "tetrahedra are too stiff in nearly incompressible gels, and the Poisson ratio is {}, above {TETRAHEDRA_LIMIT}",
             vitreous.poisson_ratio
-        ));
+        );
+        list.push(warning(text, "compare with a finer mesh, or use the built-in one"));
     }
     list
 }
@@ -65,17 +68,20 @@ mod tests {
     #[test]
     fn a_mesh_of_the_same_apparatus_raises_no_doubt() {
         let (robot, vitreous) = apparatus(0.552, 19.9, 0.499);
-        assert_eq!(doubts(&mesh(), &robot, &vitreous), Vec::<String>::new());
+        assert_eq!(doubts(&mesh(), &robot, &vitreous), Vec::<Warning>::new());
     }
 
     #[test]
     fn sizes_that_differ_by_more_than_one_per_cent_are_named() {
         let (robot, vitreous) = apparatus(0.56, 20.0, 0.48);
         let found = doubts(&mesh(), &robot, &vitreous);
-        assert!(found.len() == 1 && found[0].contains("0.2750 mm in the mesh and 0.2800 mm in [robot]"), "{found:?}");
+        assert!(
+            found.len() == 1 && found[0].text.contains("0.2750 mm in the mesh and 0.2800 mm in [robot]"),
+            "{found:?}"
+        );
         let (robot, vitreous) = apparatus(0.55, 20.5, 0.48);
         let found = doubts(&mesh(), &robot, &vitreous);
-        assert!(found.len() == 1 && found[0].contains("[vitreous]"), "{found:?}");
+        assert!(found.len() == 1 && found[0].text.contains("[vitreous]"), "{found:?}");
     }
 
     #[test]
@@ -84,7 +90,7 @@ mod tests {
         let tetrahedral = Mesh { element_kind: ElementKind::Tetrahedron10, connectivity: Vec::new(), ..mesh() };
         let (robot, vitreous) = apparatus(0.55, 20.0, 0.495);
         let found = doubts(&tetrahedral, &robot, &vitreous);
-        assert!(found.len() == 1 && found[0].contains("0.495"), "{found:?}");
+        assert!(found.len() == 1 && found[0].text.contains("0.495"), "{found:?}");
         let (robot, vitreous) = apparatus(0.55, 20.0, 0.48);
         assert!(doubts(&tetrahedral, &robot, &vitreous).is_empty());
     }

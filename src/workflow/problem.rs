@@ -67,7 +67,7 @@ impl Problem {
         }
         let mechanics = Mechanics::new(&experiment.apparatus, mesh_file)?;
         if let Mechanics::FiniteElements(fe) = &mechanics {
-            fe.mesh_warnings.iter().for_each(|warning| monitor.warn(warning));
+            fe.mesh_warnings.iter().for_each(|w| monitor.warn(&format!("{}; {}", w.text, w.advice)));
         }
         Ok(Self { experiment, specification, law, priors, mechanics })
     }

@@ -81,7 +81,8 @@ pub fn run(problem: &Problem, request: &SampleRequest, monitor: &dyn Monitor) ->
         ));
     }
     lap("sampling");
-    monitor.stage("checking by full finite elements");
+    let has_finite_elements = problem.finite_elements().is_some();
+    monitor.stage(if has_finite_elements { "checking by full finite elements" } else { "predicting all cycles" });
     let columns = natural_columns(problem, &outcome);
     let draws = check_draws(&posterior, &outcome);
     let check = heldout::check(problem, &reduced, &draws)?;
@@ -229,6 +230,7 @@ fn summarise(
         warnings: Vec::new(),
     };
     summary.warnings = warnings(&Findings { summary: &summary, sampler_messages: &outcome.messages });
+    summary.warnings.extend(problem.finite_elements().into_iter().flat_map(|fe| fe.mesh_warnings.clone()));
     summary
 }
 

@@ -264,7 +264,7 @@ pub fn run(
         largest_displacement_um: 1e6 * position_m[extreme_row].abs(),
         largest_strain,
         convergence,
-        warnings: strain_warning(largest_strain).into_iter().collect(),
+        warnings: strain_warning(largest_strain).into_iter().chain(fe.mesh_warnings.clone()).collect(),
     };
     let fields = rows.into_iter().zip(fields).filter(|(row, _)| written_rows.contains(row)).collect();
     Ok(Simulation { summary, position_m, fields, timing_s })

@@ -174,6 +174,8 @@ pub enum WarningKind {
     Undetermined,
     /// The reduced model differs from full finite elements by too much.
     SurrogateInaccurate,
+    /// The mesh that the user brought is doubtful.
+    Mesh,
     /// The mesh is too coarse for the noise.
     MeshTooCoarse,
     /// The held-out cycles lie outside the joint predictive band.

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use vitreo_uq::error::{Error, Place, Result};
-use vitreo_uq::inference::prior::PriorSet;
+use vitreo_uq::inference::prior::{Prior, PriorSet};
 use vitreo_uq::report::corner::{CornerOptions, ParameterColumn, Posterior, PriorCurve, corner};
 use vitreo_uq::report::density::{Support, sorted};
 use vitreo_uq::report::draws::read_draws_csv;
@@ -26,8 +26,9 @@ struct Column {
     label: ParameterLabel,
     draws: Vec<f64>,
     support: Support,
-    /// Prior density over the range of the draws, where the prior is known.
-    prior: Option<(Vec<f64>, Vec<f64>)>,
+    prior: Option<Prior>,
+    /// Prior density over the range of all posteriors' draws; empty where the prior is not known.
+    curve: (Vec<f64>, Vec<f64>),
 }
 
 /// One posterior with what the legend calls it.
@@ -40,6 +41,7 @@ pub fn run(arguments: &CornerArguments) -> Result<ExitCode> {
     let references = references(&arguments.reference)?;
     let mut loaded = arguments.paths.iter().map(|path| load(path)).collect::<Result<Vec<_>>>()?;
     tell_apart(&mut loaded, &arguments.paths);
+    draw_priors(&mut loaded);
     refuse_unknown_references(&references, &loaded)?;
     let posteriors: Vec<Posterior> = loaded
         .iter()
@@ -149,10 +151,24 @@ fn load_csv(path: &Path, label: String, priors: Option<&PriorSet>) -> Result<Loa
             }
             None => Support::guess(&sorted(&draws)),
         };
-        let prior = prior.map(|prior| artefacts::prior_curve(prior, &draws));
-        Column { name: name.clone(), label: of_parameter(name), draws, support, prior }
+        let (prior, curve) = (prior.cloned(), (Vec::new(), Vec::new()));
+        Column { name: name.clone(), label: of_parameter(name), draws, support, prior, curve }
     });
     Ok(Loaded { label, columns: columns.collect() })
+}
+
+/// Priors are drawn as far as the draws of any posterior reach, not of their own only.
+fn draw_priors(loaded: &mut [Loaded]) {
+    let mut ranges: BTreeMap<String, [f64; 2]> = BTreeMap::new();
+    for column in loaded.iter().flat_map(|posterior| &posterior.columns) {
+        let range = ranges.entry(column.name.clone()).or_insert([f64::INFINITY, f64::NEG_INFINITY]);
+        *range = column.draws.iter().fold(*range, |[lower, upper], x| [lower.min(*x), upper.max(*x)]);
+    }
+    for column in loaded.iter_mut().flat_map(|posterior| &mut posterior.columns) {
+        if let (Some(prior), Some(range)) = (&column.prior, ranges.get(&column.name)) {
+            column.curve = artefacts::prior_curve(prior, range);
+        }
+    }
 }
 
 /// Posteriors of the same name are called by their paths.
@@ -172,7 +188,7 @@ fn parameter<'a>(column: &'a Column, references: &BTreeMap<String, f64>) -> Para
         unit: &column.label.unit,
         draws: &column.draws,
         support: column.support,
-        prior: column.prior.as_ref().map(|(x, density)| PriorCurve { x, density }),
+        prior: column.prior.as_ref().map(|_| PriorCurve { x: &column.curve.0, density: &column.curve.1 }),
         reference: references.get(&column.name).copied(),
     }
 }
