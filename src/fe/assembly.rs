@@ -83,7 +83,7 @@ impl Unknowns {
         let robot_group = self.unknown.len() - 1;
         let of_node = |&node: &usize| {
             let group = self.group[node] as usize;
-            (group != robot_group).then(|| self.unknown[group]).unwrap_or([FIXED; 3])
+            if group == robot_group { [FIXED; 3] } else { self.unknown[group] }
         };
         let interior = node_order.iter().flat_map(of_node).filter(|&u| u != FIXED).map(|u| u as usize);
         interior.chain([self.robot()]).collect()

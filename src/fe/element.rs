@@ -319,8 +319,8 @@ mod tests {
                 let shift = |s: f64| std::array::from_fn(|i| p[i] + if i == d { s } else { 0.0 });
                 element.shape(shift(h), &mut up);
                 element.shape(shift(-h), &mut down);
-                for a in 0..n {
-                    assert!(((up[a] - down[a]) / (2.0 * h) - gradient[a][d]).abs() < 1e-8);
+                for ((up, down), gradient) in up.iter().zip(&down).zip(&gradient) {
+                    assert!(((up - down) / (2.0 * h) - gradient[d]).abs() < 1e-8);
                 }
             }
         }

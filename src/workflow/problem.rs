@@ -51,7 +51,8 @@ impl Problem {
         })?;
         let all_priors = PriorSet::read(&specification.prior)?;
         for (name, value) in &specification.fixed {
-            if !all_priors.names().any(|known| known == name) || !(*value > 0.0 && value.is_finite()) {
+            let is_known = all_priors.names().any(|known| known == name);
+            if !(is_known && *value > 0.0 && value.is_finite()) {
                 let names: Vec<&str> = all_priors.names().collect();
                 return Err(Error::input(
                     Place::option("--set"),

@@ -229,9 +229,20 @@ fn summarise(
         converged: outcome.converged,
         warnings: Vec::new(),
     };
-    summary.warnings = warnings(&Findings { summary: &summary, sampler_messages: &outcome.messages });
+    let messages = with_names(&outcome.messages, problem);
+    summary.warnings = warnings(&Findings { summary: &summary, sampler_messages: &messages });
     summary.warnings.extend(problem.finite_elements().into_iter().flat_map(|fe| fe.mesh_warnings.clone()));
     summary
+}
+
+/// The sampler numbers its coordinates; people know them by name. Highest number first, since 1 begins 10.
+fn with_names(messages: &[String], problem: &Problem) -> Vec<String> {
+    let names: Vec<&str> = problem.priors.names().collect();
+    let named = |message: &String| {
+        let numbered = names.iter().enumerate().rev();
+        numbered.fold(message.clone(), |text, (k, name)| text.replace(&format!("parameter {}", k + 1), name))
+    };
+    messages.iter().map(named).collect()
 }
 
 fn origin(origin: NoiseOrigin) -> &'static str {

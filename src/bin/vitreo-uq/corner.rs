@@ -13,9 +13,10 @@ use vitreo_uq::report::labels::{ParameterLabel, of_parameter};
 use vitreo_uq::report::palette::series;
 use vitreo_uq::report::svg::write_figure;
 use vitreo_uq::study::{ModelSpecification, Study};
-use vitreo_uq::workflow::artefacts;
+use vitreo_uq::workflow::{artefacts, replica};
 
 use crate::options::CornerArguments;
+use crate::output;
 
 const PATH_REMEDY: &str =
     "give a study, a revision of one (study/m0), or a CSV file of draws with one column a parameter";
@@ -39,8 +40,13 @@ struct Loaded {
 
 pub fn run(arguments: &CornerArguments) -> Result<ExitCode> {
     let references = references(&arguments.reference)?;
-    let mut loaded = arguments.paths.iter().map(|path| load(path)).collect::<Result<Vec<_>>>()?;
-    tell_apart(&mut loaded, &arguments.paths);
+    output::check(arguments.json.as_deref())?;
+    let paths = match arguments.paths.as_slice() {
+        [] => vec![Study::default_dir(&replica::embedded()?.0.specimen_id)],
+        paths => paths.to_vec(),
+    };
+    let mut loaded = paths.iter().map(|path| load(path)).collect::<Result<Vec<_>>>()?;
+    tell_apart(&mut loaded, &paths);
     draw_priors(&mut loaded);
     refuse_unknown_references(&references, &loaded)?;
     let posteriors: Vec<Posterior> = loaded
@@ -57,13 +63,14 @@ pub fn run(arguments: &CornerArguments) -> Result<ExitCode> {
     std::fs::create_dir_all(&dir)
         .map_err(|source| Error::at_path("create", &dir, source, "choose a writable place with `--out`"))?;
     write_figure(&dir, &stem, &figure)?;
-    if !arguments.quiet {
-        let names: Vec<&str> = loaded.iter().map(|posterior| posterior.label.as_str()).collect();
-        println!("Corner plot of {}:", names.join(", "));
-        for extension in ["svg", "png"] {
-            println!("  {}", dir.join(format!("{stem}.{extension}")).display());
-        }
-    }
+    let names: Vec<&str> = loaded.iter().map(|posterior| posterior.label.as_str()).collect();
+    let files = ["svg", "png"].map(|extension| dir.join(format!("{stem}.{extension}")).display().to_string());
+    let document = serde_json::json!({ "schema": "vitreo-uq/corner/1", "posteriors": names, "files": files });
+    let words = match arguments.quiet {
+        true => String::new(),
+        false => format!("Corner plot of {}:\n  {}\n", names.join(", "), files.join("\n  ")),
+    };
+    output::show(arguments.json.as_deref(), &document, &words)?;
     Ok(ExitCode::SUCCESS)
 }
 

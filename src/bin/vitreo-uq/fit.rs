@@ -17,7 +17,7 @@ use crate::text::{significant, warning_text};
 pub fn run(arguments: &FitArguments) -> Result<ExitCode> {
     let common = &arguments.common;
     options::use_threads(common.threads)?;
-    crate::output::check(common)?;
+    crate::output::check(common.json.as_deref())?;
     let terminal = Terminal::new(common.quiet);
     let target = Target::open(common, &arguments.model, &terminal)?;
     let problem = target.problem(&arguments.model, &terminal)?;
@@ -31,7 +31,7 @@ pub fn run(arguments: &FitArguments) -> Result<ExitCode> {
     let path = study.dir().join(FIT_NAME);
     write_json_atomically(&path, &document)?;
     terminal.finish();
-    crate::output::show(common, &document, &words(&result.summary))?;
+    crate::output::show(common.json.as_deref(), &document, &words(&result.summary))?;
     if !common.quiet {
         eprintln!("Result: {}", path.display());
     }

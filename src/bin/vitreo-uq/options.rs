@@ -139,7 +139,8 @@ pub enum Scheme {
 #[derive(Args)]
 pub struct CornerArguments {
     /// Studies (their last revision is taken), revisions (study/m0), or CSV files of draws with one column a parameter
-    #[arg(value_name = "STUDY|REVISION|DRAWS.csv", required = true)]
+    /// [default: the study of the embedded porcine replica]
+    #[arg(value_name = "STUDY|REVISION|DRAWS.csv")]
     pub paths: Vec<PathBuf>,
     /// Where the figure goes, without extension: FILE.svg and FILE.png are written
     #[arg(long, value_name = "FILE", default_value = "corner")]
@@ -147,6 +148,9 @@ pub struct CornerArguments {
     /// Mark a value of a parameter; may be repeated
     #[arg(long, value_name = "NAME=VALUE")]
     pub reference: Vec<String>,
+    /// Write what was drawn and where as one JSON document to a file, or alone to standard output with `-`
+    #[arg(long, value_name = "FILE|-")]
+    pub json: Option<PathBuf>,
     /// Do not say where the figure went
     #[arg(long)]
     pub quiet: bool,

@@ -7,11 +7,9 @@ use serde::Serialize;
 use vitreo_uq::error::{Error, Place, Result};
 use vitreo_uq::files::write_json_atomically;
 
-use crate::options::Common;
-
 /// Refuses a place for the document that cannot be written, before hours of work rather than after.
-pub fn check(common: &Common) -> Result<()> {
-    let Some(path) = common.json.as_deref().filter(|path| *path != Path::new("-")) else { return Ok(()) };
+pub fn check(json: Option<&Path>) -> Result<()> {
+    let Some(path) = json.filter(|path| *path != Path::new("-")) else { return Ok(()) };
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     if folder.is_dir() && !path.is_dir() {
         return Ok(());
@@ -24,8 +22,8 @@ pub fn check(common: &Common) -> Result<()> {
 }
 
 /// Prints the words, or with `--json -` the document alone; writes the document where `--json FILE` says.
-pub fn show(common: &Common, document: &impl Serialize, words: &str) -> Result<()> {
-    let text = match common.json.as_deref() {
+pub fn show(json: Option<&Path>, document: &impl Serialize, words: &str) -> Result<()> {
+    let text = match json {
         Some(path) if path == Path::new("-") => {
             let json = serde_json::to_string_pretty(document);
             json.map_err(|error| {

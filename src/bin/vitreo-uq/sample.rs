@@ -22,7 +22,7 @@ pub fn run(arguments: &SampleArguments) -> Result<ExitCode> {
     let began = Instant::now();
     let common = &arguments.common;
     options::use_threads(common.threads)?;
-    crate::output::check(common)?;
+    crate::output::check(common.json.as_deref())?;
     let options = SamplerOptions {
         n_walkers: arguments.chains,
         max_steps: arguments.steps,
@@ -63,7 +63,7 @@ pub fn run(arguments: &SampleArguments) -> Result<ExitCode> {
     let sound = result.summary.is_sound();
     let document = WithProvenance::<_> { provenance: header("posterior"), body: &result.summary };
     let words = text::posterior(&result.summary);
-    crate::output::show(common, &document, &words)?;
+    crate::output::show(common.json.as_deref(), &document, &words)?;
     if !common.quiet {
         eprintln!("Results and figures: {} ({:.1} s)", written.display(), began.elapsed().as_secs_f64());
     }

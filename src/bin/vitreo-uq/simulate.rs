@@ -20,7 +20,7 @@ use crate::text::{significant, warning_text};
 pub fn run(arguments: &SimulateArguments) -> Result<ExitCode> {
     let common = &arguments.common;
     options::use_threads(common.threads)?;
-    crate::output::check(common)?;
+    crate::output::check(common.json.as_deref())?;
     let terminal = Terminal::new(common.quiet);
     let set = values_set(arguments)?;
     // Here --set gives values; it does not choose a model.
@@ -56,7 +56,7 @@ pub fn run(arguments: &SimulateArguments) -> Result<ExitCode> {
     write_json_atomically(&writer.path().join("timing.json"), &timing)?;
     let written = writer.commit()?;
     terminal.finish();
-    crate::output::show(common, &document, &words(&simulation.summary, &stages))?;
+    crate::output::show(common.json.as_deref(), &document, &words(&simulation.summary, &stages))?;
     if !common.quiet {
         eprintln!("Trajectory, experiment.toml and fields (open fields.pvd in ParaView): {}", written.display());
     }
