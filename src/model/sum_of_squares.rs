@@ -141,9 +141,11 @@ impl WithSimd for Pass<'_> {
                 let (a, _) = S::as_simd_f64s(&decay[hold.step][..]);
                 let a = [a[pair], a[pair + 1]];
                 let force = simd.splat_f64s(hold.force_n);
-                let gain: [S::f64s; 2] = std::array::from_fn(|k| {
-                    simd.mul_f64s(simd.mul_f64s(retarded[pair + k], force), simd.sub_f64s(one, a[k]))
-                });
+                // Not by a closure: compiled apart, without the vector instructions, it would be called.
+                let mut gain = [one; 2];
+                for k in 0..2 {
+                    gain[k] = simd.mul_f64s(simd.mul_f64s(retarded[pair + k], force), simd.sub_f64s(one, a[k]));
+                }
                 let rows = self.record.observed_m[hold.rows.clone()].iter().zip(&self.record.impulse_n_s[hold.rows.clone()]);
                 for (&observed, &impulse) in rows {
                     for k in 0..2 {
