@@ -187,4 +187,30 @@ mod tests {
         }
         assert_eq!(density[2], f64::NEG_INFINITY);
     }
+
+    /// Batches of any size, over several lanes' passes, give every point the bits that it has alone.
+    #[test]
+    fn the_value_of_a_point_does_not_depend_on_its_batch() {
+        let priors = PriorSet::named("porcine").expect("embedded");
+        let time_s: Vec<f64> = (0..90).map(|i| 0.05 * f64::from(i)).collect();
+        let force_n: Vec<f64> = (0..90).map(|i| if i < 45 { 4.6e-6 } else { -4.6e-6 }).collect();
+        let observed: Vec<Option<f64>> = (0..90).map(|i| Some(1e-5 * f64::from(i))).collect();
+        let data = SumOfSquares::new(&time_s, &force_n, &observed);
+        let posterior = ReducedPosterior::new(BaseLaw::Lethersich, 549.0, &[], data, &priors, &BTreeMap::new());
+        let coordinate = |point: usize, d: usize| (1.0 + d as f64) * (0.37 * point as f64 + d as f64).sin();
+        let log_density = |points: &[usize]| {
+            let batch: Vec<f64> = (0..4).flat_map(|d| points.iter().map(move |&point| coordinate(point, d))).collect();
+            let mut values = vec![0.0; points.len()];
+            posterior.log_density(&batch, &mut values);
+            values.into_iter().map(f64::to_bits).collect::<Vec<u64>>()
+        };
+        let alone: Vec<u64> = (0..67).flat_map(|point| log_density(&[point])).collect();
+        for size in [2, 3, 7, 8, 15, 16, 17, 31, 32, 33, 64, 67] {
+            let points: Vec<usize> = (0..67).collect();
+            for batch in points.chunks(size) {
+                let expected: Vec<u64> = batch.iter().map(|&point| alone[point]).collect();
+                assert_eq!(log_density(batch), expected, "batches of {size}");
+            }
+        }
+    }
 }

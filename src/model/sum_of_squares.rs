@@ -109,8 +109,8 @@ impl Scratch {
             self.flow[lane] = lanes.flow_m_per_n_s[point];
         }
         for (decay, step) in self.decay.iter_mut().zip(step_s) {
-            for lane in 0..count {
-                decay[lane] = (-step * lanes.rate_per_s[start + lane]).exp();
+            for (decay, rate) in decay.iter_mut().zip(&lanes.rate_per_s[start..start + count]) {
+                *decay = (-step * rate).exp();
             }
             let last = decay[count - 1];
             decay[count..].fill(last);
@@ -142,9 +142,11 @@ impl WithSimd for Pass<'_> {
                 let (a, _) = S::as_simd_f64s(&decay[hold.step][..]);
                 let a = [a[pair], a[pair + 1]];
                 let force = simd.splat_f64s(hold.force_n);
-                let gain: [S::f64s; 2] = std::array::from_fn(|k| {
-                    simd.mul_f64s(simd.mul_f64s(retarded[pair + k], force), simd.sub_f64s(one, a[k]))
-                });
+                // Not by a closure: compiled apart, without the vector instructions, it would be called.
+                let mut gain = [one; 2];
+                for k in 0..2 {
+                    gain[k] = simd.mul_f64s(simd.mul_f64s(retarded[pair + k], force), simd.sub_f64s(one, a[k]));
+                }
                 let rows =
                     self.record.observed_m[hold.rows.clone()].iter().zip(&self.record.impulse_n_s[hold.rows.clone()]);
                 for (&observed, &impulse) in rows {
