@@ -1,14 +1,12 @@
-"""Draws the same posteriors with corner.py and with vitreo-uq, to be looked at side by side.
+"""Draws the same posteriors with corner.py and with vitreo-uq, to be looked at side by side, and compares what ours says with NumPy.
 
-usage: corner_comparison.py OUT_DIR PROGRAM [ARGUMENT…]
-
-PROGRAM ARGUMENT… DIR DRAWS.csv must write DIR/corner.png; the example `corner_plot` does. Needs numpy, matplotlib, corner.
+The figures go to target/corner-comparison. Needs numpy, matplotlib, corner.
 """
 
 import csv
 import pathlib
+import re
 import subprocess
-import sys
 
 import corner
 import matplotlib
@@ -37,8 +35,25 @@ def bimodal(rng, n):
     }
 
 
+def check_titles(svg, draws):
+    """Every title gives the median and the distances to the 16 % and 84 % quantiles, to the digits that it shows."""
+    texts = re.findall(r"<text[^>]*>([^<]*)</text>", svg)
+    for name, values in draws.items():
+        low, median, high = np.quantile(values, [0.16, 0.5, 0.84])
+        for expected in (median, high - median, low - median):
+            numbers = [(float(t), t) for t in (m.replace("\u2212", "-") for text in texts for m in re.findall(r"[+\u2212-]?\d+\.\d+", text))]
+            # Small numbers are given as multiples of 10⁻³.
+            digits = [
+                abs(number * scale - expected) <= 0.5000001 * scale * 10.0 ** -len(text.split(".")[1])
+                for number, text in numbers
+                for scale in (1.0, 1e-3)
+            ]
+            assert any(digits), f"{name}: no title says {expected}"
+
+
 def main():
-    out, program = pathlib.Path(sys.argv[1]), sys.argv[2:]
+    out = pathlib.Path("target/corner-comparison")
+    program = ["cargo", "run", "--quiet", "--example", "corner_plot", "--"]
     rng = np.random.default_rng(7)
     for name, draws in [("banana", banana(rng, 10_000)), ("bimodal", bimodal(rng, 10_000))]:
         folder = out / name
@@ -52,8 +67,9 @@ def main():
             table, labels=list(draws), quantiles=[0.16, 0.5, 0.84], show_titles=True, levels=(0.5, 0.9)
         )
         figure.savefig(folder / "corner_py.png", dpi=100)
-        subprocess.run([*program, folder, folder / f"{name}.csv"], check=True)
-        print(f"{folder}: corner.png (vitreo-uq) and corner_py.png")
+        subprocess.run([*program, folder, folder / f"{name}.csv"], check=True, stdout=subprocess.DEVNULL)
+        check_titles((folder / "corner.svg").read_text(), draws)
+    print(f"titles of two corner plots equal NumPy's quantiles; see {out} beside corner.py's")
 
 
 if __name__ == "__main__":

@@ -1,12 +1,15 @@
 """Opens exported draws with ArviZ and compares them with the CSV of the same draws.
 
-usage: open_netcdf.py DRAWS.nc DRAWS.csv
+usage: open_netcdf.py [DRAWS.nc DRAWS.csv]; without arguments the example `export_draws` makes them.
 
 Needs ArviZ 0.23, or 1.x (there also `arviz_base` and `arviz_stats` alone are enough), and h5netcdf or netCDF4. Exit code 0 means equal bit for bit.
 """
 
 import csv
+import pathlib
+import subprocess
 import sys
+import tempfile
 
 import numpy as np
 import xarray as xr
@@ -33,9 +36,9 @@ def read_csv(path):
     return rows[0], np.array(rows[1:], dtype=float)
 
 
-def main():
-    draws, summary, reader = open_draws(sys.argv[1])
-    header, rows = read_csv(sys.argv[2])
+def compare(netcdf, table_csv):
+    draws, summary, reader = open_draws(netcdf)
+    header, rows = read_csv(table_csv)
     # ArviZ 1.x returns a tree of groups, 0.x a collection of datasets.
     as_dataset = getattr(draws["posterior"], "to_dataset", lambda: draws["posterior"])
     posterior = as_dataset()
@@ -65,8 +68,16 @@ def main():
         assert abs(mean - exact) <= 0.01 * abs(exact) + 0.01, f"{name}: {mean} against {exact}"
     pooled = posterior.groupby("ensemble").mean(...)
     assert pooled.sizes["ensemble"] == ensemble.max() + 1
-    print(table)
     print(f"{reader}: {len(rows)} draws of {len(names)} parameters equal the CSV bit for bit")
+
+
+def main():
+    if len(sys.argv) == 3:
+        compare(sys.argv[1], sys.argv[2])
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        subprocess.run(["cargo", "run", "--quiet", "--example", "export_draws", "--", folder], check=True, stdout=subprocess.DEVNULL)
+        compare(str(pathlib.Path(folder) / "draws.nc"), str(pathlib.Path(folder) / "draws.csv"))
 
 
 if __name__ == "__main__":
