@@ -1,38 +1,24 @@
 //! The main job on the embedded replica, whose data come from a finer mesh, a finer time step and another integrator.
 
-use std::sync::atomic::AtomicBool;
-
 use nalgebra::{Matrix3, Vector3};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 use vitreo_uq::inference::SamplerOptions;
-use vitreo_uq::inference::ensemble::Progress;
 use vitreo_uq::study::ModelSpecification;
-use vitreo_uq::workflow::Monitor;
+use vitreo_uq::workflow::Silent;
 use vitreo_uq::workflow::problem::Problem;
 use vitreo_uq::workflow::replica;
 use vitreo_uq::workflow::sample::{SampleRequest, SampleResult, run};
 
-struct Nobody;
-
-impl Monitor for Nobody {
-    fn stage(&self, _: &str) {}
-    fn sampling(&self, _: &Progress) {}
-    fn warn(&self, _: &str) {}
-    fn stop(&self) -> Option<&AtomicBool> {
-        None
-    }
-}
-
 fn main_job() -> (Problem, SampleResult) {
     let (experiment, _) = replica::embedded().unwrap();
-    let problem = Problem::new(experiment, ModelSpecification::default(), None, &Nobody).unwrap();
+    let problem = Problem::new(experiment, ModelSpecification::default(), None, &Silent).unwrap();
     let request = SampleRequest {
         options: SamplerOptions { seed: 1, ..SamplerOptions::default() },
         kept_surrogate: None,
         checkpoint: None,
         resume: false,
     };
-    let result = run(&problem, &request, &Nobody).unwrap();
+    let result = run(&problem, &request, &Silent).unwrap();
     (problem, result)
 }
 
@@ -101,10 +87,10 @@ fn a_missing_effect_is_not_called_sound() {
     for (position, time_s) in experiment.record.position_m.iter_mut().zip(&experiment.record.time_s) {
         *position = position.map(|x| x + 3e-6 * time_s);
     }
-    let problem = Problem::new(experiment, ModelSpecification::default(), None, &Nobody).unwrap();
+    let problem = Problem::new(experiment, ModelSpecification::default(), None, &Silent).unwrap();
     let request =
         SampleRequest { options: SamplerOptions::default(), kept_surrogate: None, checkpoint: None, resume: false };
-    let summary = run(&problem, &request, &Nobody).unwrap().summary;
+    let summary = run(&problem, &request, &Silent).unwrap().summary;
     assert!(summary.converged && !summary.is_sound(), "{:?}", summary.warnings);
     assert!(summary.heldout.joint_p.unwrap() < 0.001);
 }

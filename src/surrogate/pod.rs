@@ -6,6 +6,9 @@ use faer::sparse::SparseColMatRef;
 use crate::error::{Error, Result};
 use crate::fe::factorisation::add_symmetric_product;
 
+/// Remainder of a unit snapshot below which it lies in the span of the others, but for rounding.
+const ROUNDING: f64 = 1e-12;
+
 /// Energy-orthonormal modes of a set of snapshots, by falling singular value.
 #[derive(Debug, Clone)]
 pub struct Pod {
@@ -97,8 +100,8 @@ fn orthonormalise(snapshots: &[Vec<f64>], energy: EnergyProduct) -> (Vec<Vec<f64
         let image = energy.apply(&rest);
         let height = dot(&rest, &image).max(0.0).sqrt();
         coordinates.push(height);
-        // Below rounding of a unit vector there is no direction left to keep.
-        if height > f64::EPSILON {
+        // What is left of a unit vector after projection is rounding when it is this small, not a direction.
+        if height > ROUNDING {
             basis.push(rest.iter().map(|u| u / height).collect());
             images.push(image.iter().map(|u| u / height).collect());
         }

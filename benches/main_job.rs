@@ -1,0 +1,27 @@
+//! The whole main job on the embedded replica, from cold: mesh, finite elements, surrogate, posterior, full finite-element check, figures.
+//!
+//! Bar: 5 s on two cores.
+
+use criterion::Criterion;
+use vitreo_uq::inference::SamplerOptions;
+use vitreo_uq::study::{ModelSpecification, Provenance};
+use vitreo_uq::workflow::problem::Problem;
+use vitreo_uq::workflow::sample::{SampleRequest, run};
+use vitreo_uq::workflow::{Silent, artefacts, replica};
+
+fn main_job() {
+    let (experiment, _) = replica::embedded().expect("the replica is sound");
+    let problem = Problem::new(experiment, ModelSpecification::default(), None, &Silent).expect("a sound problem");
+    let request =
+        SampleRequest { options: SamplerOptions::default(), kept_surrogate: None, checkpoint: None, resume: false };
+    let result = run(&problem, &request, &Silent).expect("the job runs");
+    let dir = tempfile::tempdir().expect("a temporary directory");
+    let header = |kind: &str| Provenance::new(kind, 1, 1, Default::default());
+    artefacts::write(dir.path(), &problem, &result, &header).expect("results are written");
+}
+
+fn main() {
+    let mut criterion = Criterion::default().configure_from_args().sample_size(10);
+    criterion.bench_function("main job", |bencher| bencher.iter(main_job));
+    criterion.final_summary();
+}
