@@ -144,7 +144,7 @@ fn corner_overlays_studies_and_csv_of_any_tool() {
     assert_eq!((quiet.stdout.as_str(), quiet.stderr.as_str()), ("", ""));
     assert!(place.path().join("corner.png").is_file());
 
-    run(&[]).refuses(&["Usage"]);
+    run(&[]).refuses(&["porcine-replica", "vitreo-uq sample"]);
     run(&["nowhere"]).refuses(&["nowhere", "what to do"]);
     run(&["gel"]).refuses(&["gel", "no draws"]);
     run(&["study", "--reference", "young_modulus=3"]).refuses(&["--reference", "young_modulus_pa"]);

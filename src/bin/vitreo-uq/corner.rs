@@ -18,6 +18,8 @@ use vitreo_uq::workflow::{artefacts, replica};
 use crate::options::CornerArguments;
 use crate::output;
 
+const NOTHING_REMEDY: &str =
+    "give a study, a revision of one (study/m0), or a CSV file of draws; `vitreo-uq sample` makes a study";
 const PATH_REMEDY: &str =
     "give a study, a revision of one (study/m0), or a CSV file of draws with one column a parameter";
 
@@ -145,7 +147,7 @@ fn load_revision(dir: &Path) -> Result<Loaded> {
 
 fn load_csv(path: &Path, label: String, priors: Option<&PriorSet>) -> Result<Loaded> {
     if !path.exists() {
-        return Err(Error::input(Place::file(path), "there is no such file or directory", PATH_REMEDY));
+        return Err(Error::input(Place::file(path), "there is no such file or directory", NOTHING_REMEDY));
     }
     let table = read_draws_csv(path)?;
     let columns = table.parameter_names.iter().enumerate().map(|(i, name)| {
