@@ -3,30 +3,12 @@
 use crate::error::Place;
 use crate::{Error, Result};
 use sha2::{Digest, Sha256};
-use std::io::Write;
 use std::path::Path;
 
 const MAGIC: &[u8; 24] = b"vitreo-uq checkpoint 1\n\0";
 const DIGEST_LENGTH: usize = 32;
 
-/// Writes bytes to a file so that a reader, at any time, sees all of the old or all of the new ones.
-///
-/// # Errors
-/// [`Error::File`].
-pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
-    let fail = |source| Error::at_path("write", path, source, "check that the directory exists and has room");
-    let directory = match path.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => parent,
-        _ => Path::new("."),
-    };
-    let mut file = tempfile::NamedTempFile::new_in(directory).map_err(fail)?;
-    file.write_all(bytes).map_err(fail)?;
-    file.as_file().sync_all().map_err(fail)?;
-    file.persist(path).map_err(|error| fail(error.error))?;
-    Ok(())
-}
-
-/// Reads what [`write()`] wrote; `None` when there is no such file.
+/// Reads a state that was written; `None` when there is no such file.
 ///
 /// # Errors
 /// [`Error::File`].
@@ -118,8 +100,8 @@ mod tests {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("state");
         assert_eq!(read(&path).unwrap(), None);
-        write(&path, b"first").unwrap();
-        write(&path, b"second").unwrap();
+        crate::files::write_atomically(&path, b"first").unwrap();
+        crate::files::write_atomically(&path, b"second").unwrap();
         assert_eq!(read(&path).unwrap(), Some(b"second".to_vec()));
         assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 1);
     }

@@ -13,6 +13,7 @@ use super::problem::{KeptSurrogate, Problem, Reduced};
 use super::summary::*;
 use crate::error::{Error, Result};
 use crate::experiment::{NoiseOrigin, NoiseYardstick};
+use crate::files::write_atomically;
 use crate::inference::checkpoint;
 use crate::inference::diagnostics::ranks::BlomScores;
 use crate::inference::diagnostics::{DrawColumn, diagnose};
@@ -114,7 +115,7 @@ fn sample(
     };
     let progress = |progress: &Progress| monitor.sampling(progress);
     let sink = |bytes: &[u8]| match request.checkpoint {
-        Some(path) => checkpoint::write(path, bytes),
+        Some(path) => write_atomically(path, bytes),
         None => Ok(()),
     };
     let control = RunControl {

@@ -161,7 +161,7 @@ pub struct RunControl<'a> {
 
 /// Regular saving of a run's state.
 pub struct Checkpointing<'a> {
-    /// Takes the complete state; replaces what it was given before (see [`crate::inference::checkpoint::write()`]).
+    /// Takes the complete state; replaces what it was given before (see [`crate::files::write_atomically`]).
     pub sink: &'a (dyn Fn(&[u8]) -> Result<()> + Sync),
     /// Wall time between two states; stretched where saving would take more than 2 % of the time.
     pub interval: Duration,
