@@ -39,15 +39,17 @@ fn main() -> vitreo_uq::Result<()> {
     println!("compliance at 0.48: {:.2} per m", family.compliance_per_m(0.48)?);
     if let Some(dir) = std::env::args_os().nth(1) {
         let families = [
-            Family { label: "base model", singular_values: &one.singular_values[..12], n_chosen: one.n_modes() },
-            Family {
-                label: "Poisson ratio 0.3–0.499",
-                singular_values: &family.singular_values[..12],
-                n_chosen: family.n_modes(),
-            },
+            Family { label: "base model", singular_values: first(&one), n_chosen: one.n_modes() },
+            Family { label: "Poisson ratio 0.3–0.499", singular_values: first(&family), n_chosen: family.n_modes() },
         ];
         let figure = singular_values(&families, one.tolerance, "POD of full finite-element snapshots")?;
         write_figure(std::path::Path::new(&dir), "singular_values", &figure)?;
     }
     Ok(())
+}
+
+/// The first dozen singular values.
+fn first(surrogate: &Surrogate) -> &[f64] {
+    let n = surrogate.singular_values.len().min(12);
+    &surrogate.singular_values[..n]
 }

@@ -6,8 +6,9 @@ use faer::sparse::SparseColMatRef;
 use crate::error::{Error, Result};
 use crate::fe::factorisation::add_symmetric_product;
 
-/// Remainder of a unit snapshot below which it lies in the span of the others, but for rounding.
-const ROUNDING: f64 = 1e-12;
+/// Remainder of a unit snapshot below which no direction is left in it. What is larger and still rounding is kept: the singular values
+/// then show where rounding begins.
+const ROUNDING: f64 = f64::EPSILON;
 
 /// Energy-orthonormal modes of a set of snapshots, by falling singular value.
 #[derive(Debug, Clone)]
@@ -100,7 +101,6 @@ fn orthonormalise(snapshots: &[Vec<f64>], energy: EnergyProduct) -> (Vec<Vec<f64
         let image = energy.apply(&rest);
         let height = dot(&rest, &image).max(0.0).sqrt();
         coordinates.push(height);
-        // What is left of a unit vector after projection is rounding when it is this small, not a direction.
         if height > ROUNDING {
             basis.push(rest.iter().map(|u| u / height).collect());
             images.push(image.iter().map(|u| u / height).collect());

@@ -56,9 +56,12 @@ fn surrogate_lines(summary: &PosteriorSummary, line: &mut impl FnMut(String)) {
     {
         let why = if modes == 1 { " (exact for this model: space and time separate)" } else { "" };
         let plural = if modes == 1 { "mode" } else { "modes" };
-        line(format!(
-            "Surrogate: {modes} {plural}{why} from {runs} runs of {unknowns} unknowns; error {error:.0e} on parameters outside the training set."
-        ));
+        let rest = surrogate
+            .singular_values
+            .get(modes)
+            .map_or(String::new(), |s| format!(", next singular value {s:.0e} of the first"));
+        line(format!("Surrogate: {modes} {plural}{why} from {runs} runs of {unknowns} unknowns{rest};"));
+        line(format!("  error {error:.0e} of the amplitude on parameters outside the training set."));
     }
 }
 
