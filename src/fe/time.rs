@@ -66,9 +66,12 @@ impl<'a> FullOrderModel<'a> {
     }
 
     /// Robot's position (m) at every row, the limit from the left.
+    ///
+    /// Under a law that is the same everywhere each unknown evolves on its own, so only the robot's is carried along.
     pub fn trajectory(&self, load: &SolvedLoad, law: &CreepCompliance, scheme: TimeScheme) -> Vec<f64> {
         let mut position_m = Vec::with_capacity(load.time_s.len());
-        self.run(load, law, scheme, |run| position_m.push(run.displacement_at(self.robot)));
+        let robot = &load.field_per_n[self.robot..=self.robot];
+        run(load, robot, law, scheme, |run| position_m.push(run.displacement_at(0)));
         position_m
     }
 
@@ -86,7 +89,7 @@ impl<'a> FullOrderModel<'a> {
         scheme: TimeScheme,
     ) -> Vec<Vec<f64>> {
         let (mut fields, mut row) = (Vec::with_capacity(rows.len()), 0);
-        self.run(load, law, scheme, |run| {
+        run(load, &load.field_per_n, law, scheme, |run| {
             if rows.contains(&row) {
                 fields.push((0..self.factor.n_unknowns()).map(|i| run.displacement_at(i)).collect());
             }
@@ -94,19 +97,25 @@ impl<'a> FullOrderModel<'a> {
         });
         fields
     }
+}
 
-    /// Steps through the load and shows the state at every row.
-    fn run(&self, load: &SolvedLoad, law: &CreepCompliance, scheme: TimeScheme, mut at_row: impl FnMut(&Run)) {
-        let mut run = Run::new(law, &load.field_per_n);
-        at_row(&run);
-        for row in 1..load.time_s.len() {
-            let force_n = load.force_n[row - 1];
-            if row == 1 || force_n != load.force_n[row - 2] {
-                run.begin_hold(force_n);
-            }
-            run.advance(load.time_s[row] - load.time_s[row - 1], scheme);
-            at_row(&run);
+/// Steps the unknowns whose response to 1 N is `field_per_n` through the load, and shows the state at every row.
+fn run(
+    load: &SolvedLoad,
+    field_per_n: &[f64],
+    law: &CreepCompliance,
+    scheme: TimeScheme,
+    mut at_row: impl FnMut(&Run),
+) {
+    let mut run = Run::new(law, field_per_n);
+    at_row(&run);
+    for row in 1..load.time_s.len() {
+        let force_n = load.force_n[row - 1];
+        if row == 1 || force_n != load.force_n[row - 2] {
+            run.begin_hold(force_n);
         }
+        run.advance(load.time_s[row] - load.time_s[row - 1], scheme);
+        at_row(&run);
     }
 }
 

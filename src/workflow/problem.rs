@@ -159,15 +159,7 @@ impl Reduced {
             Mechanics::FiniteElements(fe) => fe,
         };
         let parameters = problem.training_ranges();
-        let record = &problem.experiment.record;
-        let training = Training {
-            law: problem.law,
-            parameters: &parameters,
-            poisson_ratio: [fe.poisson_ratio; 2],
-            time_s: &record.time_s,
-            force_n: &record.force_n,
-            tolerance: POD_TOLERANCE,
-        };
+        let training = training(problem, fe, &parameters);
         let key = built_from(fe, &training);
         let surrogate = match kept.filter(|kept| kept.built_from_sha256 == key) {
             Some(kept) => {
@@ -186,16 +178,22 @@ impl Reduced {
     /// The surrogate with the hash of what it was built from.
     pub fn to_keep(&self, problem: &Problem) -> Option<KeptSurrogate> {
         let (fe, surrogate) = (problem.finite_elements()?, self.surrogate.clone()?);
-        let record = &problem.experiment.record;
-        let training = Training {
-            law: problem.law,
-            parameters: &self.trained,
-            poisson_ratio: [fe.poisson_ratio; 2],
-            time_s: &record.time_s,
-            force_n: &record.force_n,
-            tolerance: POD_TOLERANCE,
-        };
+        let training = training(problem, fe, &self.trained);
         Some(KeptSurrogate { built_from_sha256: built_from(fe, &training), surrogate })
+    }
+}
+
+/// Training on the load up to the last calibration row: what comes after is left to the held-out check.
+fn training<'a>(problem: &'a Problem, fe: &FiniteElements, parameters: &'a [TrainedRange]) -> Training<'a> {
+    let Experiment { record, calibration_cycles, .. } = &problem.experiment;
+    let n_rows = record.cycle.iter().rposition(|cycle| calibration_cycles.contains(cycle)).map_or(0, |last| last + 1);
+    Training {
+        law: problem.law,
+        parameters,
+        poisson_ratio: [fe.poisson_ratio; 2],
+        time_s: &record.time_s[..n_rows],
+        force_n: &record.force_n[..n_rows],
+        tolerance: POD_TOLERANCE,
     }
 }
 
