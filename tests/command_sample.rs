@@ -131,7 +131,7 @@ fn an_instrument_has_null_for_finite_elements_and_does_not_fail() {
         }
     }
     assert!(document["largest_strain"].is_null());
-    assert_eq!(document["heldout"]["fe_runs"], 0);
+    assert_eq!(document["heldout"]["fe_runs"], Value::Null);
     let kinds: Vec<&str> =
         document["warnings"].as_array().unwrap().iter().map(|w| w["kind"].as_str().unwrap()).collect();
     assert_eq!(kinds, ["no_finite_elements"]);
@@ -195,6 +195,12 @@ fn bad_input_ends_in_exit_code_2_with_a_remedy_and_nothing_is_written() {
     run(&["sample", "--mesh", "nowhere.msh"]).refuses(&["nowhere.msh", "what to do"]);
     run(&["sample", "--steps", "0"]).refuses(&["--steps", "what to do"]);
     run(&["sample", "--seed", "-1"]).refuses(&["--seed", "-1"]);
+    let all_fixed: Vec<String> = ["young_modulus_pa", "viscosity_1_pa_s", "viscosity_2_pa_s", "noise_sd_um"]
+        .iter()
+        .flat_map(|name| ["--set".to_string(), format!("{name}=3.0")])
+        .collect();
+    run(&[&["sample"], all_fixed.iter().map(String::as_str).collect::<Vec<_>>().as_slice()].concat())
+        .refuses(&["--set", "nothing to infer"]);
     run(&["sample", "--from", "m0"]).refuses(&["--from", "what to do"]);
     run(&["sample", "--json", "nowhere/result.json"]).refuses(&["--json", "nowhere"]);
     let left: Vec<_> = tree(place.path()).into_keys().collect();
@@ -223,4 +229,38 @@ fn the_same_model_is_continued_another_refused_and_replaced_by_force() {
     // The model that stands there is taken without being named again.
     let document = run(&["sample", "study", "--json", "-"]).exits(0).json();
     assert_eq!(document["parameters"].as_array().unwrap().len(), 3);
+}
+
+/// A prior file is part of a revision: kept with it, and not replaced silently when the file changes.
+#[test]
+fn a_prior_file_is_kept_and_compared_by_content() {
+    let place = place();
+    let porcine = include_str!("../priors/porcine.toml");
+    let prior = place.path().join("mine.toml");
+    std::fs::write(&prior, porcine).unwrap();
+    let sample = |extra: &[&str]| vitreo(place.path(), &[&["sample", "--out", "study", "--quiet"], extra].concat());
+    sample(&["--prior", "mine.toml"]).exits(0);
+    assert_eq!(std::fs::read_to_string(place.path().join("study/m0/prior.toml")).unwrap(), porcine);
+    std::fs::write(&prior, porcine.replace("median = 1.8\nlog_sd = 1.25", "median = 100.0\nlog_sd = 0.1")).unwrap();
+    sample(&["--prior", "mine.toml"]).refuses(&["another model", "--force"]);
+    let run = sample(&["--prior", "mine.toml", "--force"]).exits(1);
+    assert!(run.stdout.contains("NOT TO BE TRUSTED"), "{run}");
+    // The study stands alone: without the file, from its own copy.
+    std::fs::remove_file(&prior).unwrap();
+    vitreo(place.path(), &["fit", "study", "--quiet"]).exits(1);
+    vitreo(place.path(), &["fit", "study/m0"]).refuses(&["study/m0", "--from"]);
+}
+
+#[cfg(unix)]
+#[test]
+fn json_goes_through_links_and_into_pipes_without_replacing_them() {
+    let place = place();
+    write_instrument_experiment(&place.path().join("gel"), true, 0.0);
+    let (target, link) = (place.path().join("real.json"), place.path().join("link.json"));
+    std::fs::write(&target, "old").unwrap();
+    std::os::unix::fs::symlink(&target, &link).unwrap();
+    vitreo(place.path(), &["fit", "gel", "--json", "link.json", "--quiet"]).exits(0);
+    assert!(link.is_symlink() && std::fs::read_to_string(&target).unwrap().contains("vitreo-uq/fit/1"));
+    vitreo(place.path(), &["fit", "gel", "--json", "/dev/null", "--quiet"]).exits(0);
+    assert!(!Path::new("/dev/null").metadata().unwrap().is_file());
 }

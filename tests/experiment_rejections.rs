@@ -123,6 +123,8 @@ const CSV_CASES: &[Case] = &[
     ("infinite force", "\n13.5,4.6", "\n13.5,-inf", 15, "force_uN", "`-inf` is not a finite", "commanded"),
     ("force that overflows", "\n3.5,4.6", "\n3.5,1e999", 5, "force_uN", "not a finite", "commanded"),
     ("empty force", "\n3.5,4.6", "\n3.5,", 5, "force_uN", "the cell is empty", "0 if none was"),
+    ("impossible force", "\n13.5,4.6", "\n13.5,1e300", 15, "force_uN", "not a size that an experiment has", "unit at the end"),
+    ("impossible position", "3.25,1", "1e200,1", 5, "position_um", "not a size that an experiment has", "unit at the end"),
     ("infinite position", "3.25,1", "inf,1", 5, "position_um", "not a finite", "leave the cell empty"),
     ("position is no number", "3.25,1", "lost,1", 5, "position_um", "`lost` is not a number", "leave the cell empty"),
     ("ragged row, short", "3.25,1", "3.25", 5, "", "3 cells where the header has 4", "one cell for each column"),

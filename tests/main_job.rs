@@ -47,7 +47,7 @@ fn replica_gives_table_1_back_and_predicts_what_it_has_not_seen() {
 
     let heldout = &summary.heldout;
     assert_eq!(heldout.cycles, [2, 3, 4]);
-    assert!(heldout.fe_runs >= 64);
+    assert!(heldout.fe_runs >= Some(64));
     let within = |value: Option<f64>, range: Option<[f64; 2]>| {
         let (value, [lower, upper]) = (value.unwrap(), range.unwrap());
         assert!(lower < upper && (lower..=upper).contains(&value), "{value} outside [{lower}, {upper}]");
@@ -93,4 +93,21 @@ fn a_missing_effect_is_not_called_sound() {
     let summary = run(&problem, &request, &Silent).unwrap().summary;
     assert!(summary.converged && !summary.is_sound(), "{:?}", summary.warnings);
     assert!(summary.heldout.joint_p.unwrap() < 0.001);
+}
+
+/// Positions in a wrong unit, 10⁴ times too small: the optimum lies where the prior has no mass left. The run ends in words, not in a panic.
+#[test]
+fn a_posterior_at_the_end_of_the_prior_s_range_is_not_called_sound() {
+    let (mut experiment, _) = replica::embedded().unwrap();
+    experiment.record.position_m.iter_mut().for_each(|position| *position = position.map(|x| 1e-4 * x));
+    let problem = Problem::new(experiment, ModelSpecification::default(), None, &Silent).unwrap();
+    let request = SampleRequest {
+        options: SamplerOptions { max_steps: 4_000, ..SamplerOptions::default() },
+        kept_surrogate: None,
+        checkpoint: None,
+        resume: false,
+    };
+    let summary = run(&problem, &request, &Silent).unwrap().summary;
+    assert!(!summary.is_sound(), "{:?}", summary.warnings);
+    assert!(summary.at_edge_of_range.iter().any(|name| name == "young_modulus_pa"), "{:?}", summary.at_edge_of_range);
 }

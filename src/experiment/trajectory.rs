@@ -228,17 +228,22 @@ impl Trajectory {
         };
         let (text, unit, place_of_time) = cell(TIME);
         let time_s = unit.to_si(finite(&place_of_time, text, "correct the time or remove the row")?);
+        plausible(&place_of_time, time_s, TIMES_S, "s")?;
         self.check_time(place_of_time, time_s)?;
         let (text, unit, place_of_force) = cell(FORCE);
         let remedy = "give the force that was commanded in this row; 0 if none was";
-        self.force_n.push(unit.to_si(finite(&place_of_force, text, remedy)?));
+        let force_n = unit.to_si(finite(&place_of_force, text, remedy)?);
+        plausible(&place_of_force, force_n, FORCES_N, "N")?;
+        self.force_n.push(force_n);
         self.time_s.push(time_s);
         let (text, unit, place_of_position) = cell(POSITION);
         self.position_m.push(if text.is_empty() || LOST.contains(&text.to_lowercase().as_str()) {
             None
         } else {
             let remedy = "correct the position, or leave the cell empty where tracking was lost";
-            Some(unit.to_si(finite(&place_of_position, text, remedy)?))
+            let position_m = unit.to_si(finite(&place_of_position, text, remedy)?);
+            plausible(&place_of_position, position_m, POSITIONS_M, "m")?;
+            Some(position_m)
         });
         if let (Some(index), Some(cycles)) = (header.cycle, &mut self.cycle) {
             cycles.push(next_cycle(place.clone().at_key("cycle"), &cells[index], cycles.last().copied())?);
@@ -271,6 +276,22 @@ fn finite(place: &Place, text: &str, remedy: &str) -> Result<f64> {
         Err(_) => format!("`{text}` is not a number"),
     };
     Err(Error::input(place.clone(), found, remedy))
+}
+
+/// Sizes that an experiment can have; what lies outside is a slip of units and would leave the range of floating-point numbers later.
+const TIMES_S: [f64; 2] = [1e-12, 1e12];
+const FORCES_N: [f64; 2] = [1e-24, 1e12];
+const POSITIONS_M: [f64; 2] = [0.0, 1e6];
+
+fn plausible(place: &Place, value: f64, [smallest, largest]: [f64; 2], unit: &str) -> Result<()> {
+    if value == 0.0 || (smallest..=largest).contains(&value.abs()) {
+        return Ok(());
+    }
+    Err(Error::input(
+        place.clone(),
+        format!("{value:e} {unit} is not a size that an experiment has"),
+        "check the number, and the unit at the end of the column's name",
+    ))
 }
 
 /// Cycles are counted from 1 without gaps.

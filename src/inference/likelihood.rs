@@ -78,6 +78,9 @@ impl LogDensity for ReducedPosterior<'_> {
 
     fn log_density(&self, points: &[f64], log_density: &mut [f64]) {
         let n = log_density.len();
+        if n == 0 {
+            return;
+        }
         let column = |source: &Source, out: &mut [f64]| match *source {
             Source::Sampled(index) => {
                 let distribution = &self.priors.priors()[index].distribution;

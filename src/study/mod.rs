@@ -35,6 +35,7 @@ pub const SIMULATION_NAME: &str = "simulation";
 pub const FIT_NAME: &str = "fit.json";
 const OUT_REMEDY: &str = "choose a writable place with `--out`";
 /// Studies go here when no directory is named.
+const LONGEST_NAME_BYTES: usize = 80;
 const DEFAULT_PARENT: &str = "vitreo-uq-out";
 
 /// A study directory whose inputs have been checked.
@@ -94,19 +95,28 @@ impl Study {
             drop(lock);
             return Ok(study(Opening::Replaced));
         }
-        if !is_absent_or_empty(dir)? {
-            return Err(Error::input(
-                Place::file(dir),
-                "this is not a study, and it is not empty",
-                "choose a new or empty directory with `--out`; `--force` replaces studies only",
-            ));
-        }
+        Self::check_place(dir)?;
         match create(dir, files, &inputs_sha256, false) {
             Ok(()) => Ok(study(Opening::Created)),
             // Another program made the same study in the meantime.
             Err(_) if Self::is_study(dir) && read_hashes(dir)? == inputs_sha256 => Ok(study(Opening::Continued)),
             Err(error) => Err(error),
         }
+    }
+
+    /// Whether a study may stand in a directory: it is one, or absent, or empty.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if it holds other files, [`Error::File`] if it cannot be looked at.
+    pub fn check_place(dir: &Path) -> Result<()> {
+        if Self::is_study(dir) || is_absent_or_empty(dir)? {
+            return Ok(());
+        }
+        Err(Error::input(
+            Place::file(dir),
+            "this is not a study, and it is not empty",
+            "choose a new or empty directory with `--out`; `--force` replaces studies only",
+        ))
     }
 
     /// Opens a study that is there.
@@ -248,7 +258,14 @@ fn revision_number(name: &str) -> Option<u32> {
 /// Letters, digits, `-`, `_` and `.` stay, everything else becomes `-`; never empty, hidden or longer than 80 characters.
 fn safe_file_name(id: &str) -> String {
     let keep = |c: char| if c.is_alphanumeric() || matches!(c, '-' | '_' | '.') { c } else { '-' };
-    let safe: String = id.trim().chars().map(keep).take(80).collect();
+    // File systems limit names by bytes, and temporary neighbours need some of them.
+    let mut safe = String::new();
+    for c in id.trim().chars().map(keep) {
+        if safe.len() + c.len_utf8() > LONGEST_NAME_BYTES {
+            break;
+        }
+        safe.push(c);
+    }
     let safe = safe.trim_start_matches('.');
     if safe.is_empty() { "specimen".to_string() } else { safe.to_string() }
 }

@@ -4,6 +4,8 @@ use super::summary::{PosteriorSummary, Warning, WarningKind};
 
 /// Misfit or learnt noise above this multiple of the known noise is not the noise (contracts §4).
 const NOISE_FACTOR: f64 = 1.5;
+/// Learnt noise so many times below the known one is not the tracker's.
+const LOW_NOISE_FACTOR: f64 = 3.0;
 /// A joint probability below this lies outside the 99.9 % band.
 const OUTSIDE_BAND: f64 = 0.001;
 /// Largest tolerated error of the reduced model, in units of the noise.
@@ -50,9 +52,20 @@ pub fn warnings(findings: &Findings) -> Vec<Warning> {
             "look at the predictive figure for where it fails; the model lacks something that these cycles show",
         );
     }
+    if !summary.at_edge_of_range.is_empty() {
+        let text = format!(
+            "the posterior of {} leans against the end of the range that the prior allows",
+            summary.at_edge_of_range.join(", ")
+        );
+        add(
+            WarningKind::EdgeOfRange,
+            text,
+            "check the units of force and position, or give a wider prior (--prior generic)",
+        );
+    }
     if heldout.rmse_um.is_none() {
         let text = "no cycle is held out, so nothing is known about how the model predicts".to_string();
-        add(WarningKind::NothingHeldOut, text, "name calibration and held-out cycles in [measurement]");
+        add(WarningKind::NothingHeldOut, text, "hold a cycle out in [measurement], or record another one");
     }
     match summary.largest_strain {
         Some(strain) => {
@@ -62,7 +75,11 @@ pub fn warnings(findings: &Findings) -> Vec<Warning> {
         }
         None => {
             let text = "the apparatus is an instrument with a given compliance: finite elements, strain and discretisation error are left out".to_string();
-            add(WarningKind::NoFiniteElements, text, "absolute moduli are as good as `compliance_per_m`");
+            add(
+                WarningKind::NoFiniteElements,
+                text,
+                "absolute moduli are as good as `compliance_per_m`; the default prior is of porcine vitreous, `--prior generic` is decades wide",
+            );
         }
     }
     list
@@ -112,10 +129,16 @@ pub fn strain_warning(largest_strain: f64) -> Option<Warning> {
 fn misfit(summary: &PosteriorSummary, noise: f64, add: &mut impl FnMut(WarningKind, String, &str)) {
     let heldout = &summary.heldout;
     let misses = [("fitted", Some(heldout.rmse_fitted_um)), ("held-out", heldout.rmse_um)];
-    if let Some(warning) = misfit_warning(&misses, noise) {
+    let limit = NOISE_FACTOR * noise;
+    if let Some(mut warning) = misfit_warning(&misses, noise) {
+        let is_fitted = heldout.rmse_fitted_um <= limit;
+        if is_fitted && heldout.joint_p.is_some_and(|p| p >= OUTSIDE_BAND) {
+            warning.text +=
+                ", which the posterior's own spread covers: the fitted cycles do not determine the parameters";
+            warning.advice = "fit more cycles or longer ones, or give a more informative prior (--prior)".into();
+        }
         add(warning.kind, warning.text, &warning.advice);
     }
-    let limit = NOISE_FACTOR * noise;
     let learnt = summary.error_budget_um.noise;
     if learnt > limit {
         let text = format!(
@@ -127,6 +150,16 @@ fn misfit(summary: &PosteriorSummary, noise: f64, add: &mut impl FnMut(WarningKi
             WarningKind::LearntNoiseAboveKnown,
             text,
             "the posterior's widths describe the misfit, not the measurement's precision",
+        );
+    } else if learnt * LOW_NOISE_FACTOR < noise {
+        let text = format!(
+            "the learnt noise, {learnt:.2e} µm, is far below the {} noise of {noise:.3} µm",
+            heldout.noise_origin
+        );
+        add(
+            WarningKind::LearntNoiseBelowKnown,
+            text,
+            "check `noise_um` and the units of the positions; a simulated record has no noise to learn",
         );
     }
 }

@@ -6,10 +6,11 @@ use super::heldout::BAND_PROBABILITIES;
 use super::problem::Problem;
 use super::sample::SampleResult;
 use crate::error::{Error, Result};
-use crate::files::write_json_atomically;
+use crate::files::{write_atomically, write_json_atomically};
 use crate::inference::diagnostics::DrawColumn;
 use crate::inference::diagnostics::autocovariance::autocovariance;
 use crate::inference::diagnostics::ensembles::walker_averages;
+use crate::inference::prior::PriorSet;
 use crate::report::corner::{CornerOptions, ParameterColumn, Posterior, PriorCurve, corner};
 use crate::report::density::Support;
 use crate::report::draws::{DrawTable, write_draws_csv};
@@ -20,15 +21,23 @@ use crate::report::predictive::{Band, CycleKind, CycleSpan, PredictiveData, pred
 use crate::report::singular_values::{Family, singular_values};
 use crate::report::svg::{Svg, write_figure};
 use crate::report::trace::{EnsembleTrace, ParameterTrace, trace};
-use crate::study::{Provenance, WithProvenance};
+use crate::study::{ModelSpecification, Provenance, WithProvenance};
 use crate::workflow::replica::TABLE_I;
 
+/// A prior file's copy in a revision.
+const PRIOR_COPY: &str = "prior.toml";
 /// Points of a prior's curve.
 const PRIOR_POINTS: usize = 400;
 
 /// Writes everything that a revision holds into `dir`. `header` makes the head of a JSON document of a kind.
 pub fn write(dir: &Path, problem: &Problem, result: &SampleResult, header: &dyn Fn(&str) -> Provenance) -> Result<()> {
-    problem.specification.write(&dir.join("model.toml"))?;
+    let mut specification = problem.specification.clone();
+    if !PriorSet::embedded_names().any(|name| name == specification.prior) {
+        // A revision stands alone: the file may change or go.
+        write_atomically(&dir.join(PRIOR_COPY), problem.priors.text().as_bytes())?;
+        specification.prior = PRIOR_COPY.into();
+    }
+    specification.write(&dir.join("model.toml"))?;
     write_document(&dir.join("posterior.json"), header("posterior"), &result.summary)?;
     if let Some(kept) = result.reduced.to_keep(problem) {
         write_document(&dir.join("surrogate.json"), header("surrogate"), &kept)?;
@@ -42,13 +51,29 @@ pub fn write(dir: &Path, problem: &Problem, result: &SampleResult, header: &dyn 
     write_figures(&dir.join("figures"), problem, result, &position_um)
 }
 
+/// The model of a revision, its prior named so that it is found from anywhere.
+///
+/// # Errors
+/// As [`ModelSpecification::read`].
+pub fn model_of(revision_dir: &Path) -> Result<ModelSpecification> {
+    let mut specification = ModelSpecification::read(&revision_dir.join("model.toml"))?;
+    if specification.prior == PRIOR_COPY {
+        specification.prior = revision_dir.join(PRIOR_COPY).display().to_string();
+    }
+    Ok(specification)
+}
+
+/// What a document's header calls the prior: its name, or that it is a file's copy.
+pub fn prior_name(problem: &Problem) -> String {
+    let name = problem.priors.name();
+    let is_embedded = PriorSet::embedded_names().any(|embedded| embedded == name);
+    if is_embedded { format!("prior {name}") } else { PRIOR_COPY.into() }
+}
+
 /// Writes wall-clock figures, which are not the same from run to run and therefore stand alone.
-pub fn write_timing(dir: &Path, timing_s: &[(&'static str, f64)]) -> Result<()> {
+pub fn write_timing(dir: &Path, timing_s: &[(&'static str, f64)], provenance: Provenance) -> Result<()> {
     let stages: std::collections::BTreeMap<&str, f64> = timing_s.iter().copied().collect();
-    write_json_atomically(
-        &dir.join("timing.json"),
-        &serde_json::json!({ "schema": "vitreo-uq/timing/1", "wall_s": stages }),
-    )
+    write_document(&dir.join("timing.json"), provenance, &serde_json::json!({ "wall_s": stages }))
 }
 
 fn write_document(path: &Path, provenance: Provenance, body: &impl serde::Serialize) -> Result<()> {
@@ -175,7 +200,7 @@ fn predictive_figure(problem: &Problem, result: &SampleResult, position_um: &[Op
     let force_un: Vec<f64> = record.force_n.iter().map(|f| 1e6 * f).collect();
     let noise = &result.summary.heldout.noise_origin;
     let noise_name = format!("{noise} noise");
-    let by = if result.summary.heldout.fe_runs > 0 { "full finite elements" } else { "the creep law" };
+    let by = if result.summary.heldout.fe_runs.is_some() { "full finite elements" } else { "the creep law" };
     predictive(&PredictiveData {
         title: &format!("{}: measured position and prediction by {by}", problem.experiment.specimen_id),
         time_s: &record.time_s,

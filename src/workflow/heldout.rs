@@ -18,6 +18,9 @@ use crate::model::{Forward, FullForward};
 pub const N_CHECK_DRAWS: usize = 128;
 /// Simulated measurements that the misfit and the coverage are judged by.
 const N_SIMULATIONS: usize = 8_000;
+/// Fewer for long records, to so many simulated positions in all, but never fewer than resolve the 99.9 % band.
+const SIMULATED_POSITIONS: usize = 40_000_000;
+const FEWEST_SIMULATIONS: usize = 4_000;
 /// Cyclic distances of the pairs of draws that the score's spread is averaged over.
 const PAIR_DISTANCES: usize = 8;
 /// Stream of the simulations, apart from the sampler's.
@@ -257,6 +260,7 @@ pub fn score(check: &FullCheck, bands_m: &[[f64; 5]], observed_m: &[Option<f64>]
         return None;
     }
     let n = rows.len() as f64;
+    let n_simulations = (SIMULATED_POSITIONS / rows.len()).clamp(FEWEST_SIMULATIONS, N_SIMULATIONS);
     let mixtures: Vec<Mixture> = rows.iter().map(|(row, _)| mixture(check, *row)).collect();
     let centre: Vec<(f64, f64)> = mixtures.iter().map(|m| (m.mean(), m.sd())).collect();
     let squares: f64 = rows.iter().zip(&centre).map(|((_, y), (mean, _))| (y - mean).powi(2)).sum();
@@ -275,7 +279,7 @@ pub fn score(check: &FullCheck, bands_m: &[[f64; 5]], observed_m: &[Option<f64>]
         [largest, square / n, inside[0] / n, inside[1] / n]
     };
     let found = statistics(&|k| rows[k].1);
-    let simulated: Vec<[f64; 4]> = (0..N_SIMULATIONS)
+    let simulated: Vec<[f64; 4]> = (0..n_simulations)
         .into_par_iter()
         .map(|simulation| {
             let mut rng = ChaCha8Rng::seed_from_u64(seed);
@@ -286,11 +290,11 @@ pub fn score(check: &FullCheck, bands_m: &[[f64; 5]], observed_m: &[Option<f64>]
         })
         .collect();
     let at_least = |s: usize| simulated.iter().filter(|v| v[s] >= found[s]).count();
-    let p = |s: usize| (1 + at_least(s)) as f64 / (1 + N_SIMULATIONS) as f64;
+    let p = |s: usize| (1 + at_least(s)) as f64 / (1 + n_simulations) as f64;
     let range = |s: usize| {
         let mut values: Vec<f64> = simulated.iter().map(|v| v[s]).collect();
         values.sort_by(f64::total_cmp);
-        [values[N_SIMULATIONS / 200], values[N_SIMULATIONS - 1 - N_SIMULATIONS / 200]]
+        [values[n_simulations / 200], values[n_simulations - 1 - n_simulations / 200]]
     };
     Some(Score {
         rmse_m: (squares / n).sqrt(),

@@ -179,7 +179,7 @@ fn summarise(
     let surrogate = reduced.surrogate.as_ref();
     let heldout = HeldoutSummary {
         cycles: problem.experiment.heldout_cycles.clone(),
-        fe_runs: check.fe_runs,
+        fe_runs: problem.finite_elements().map(|_| check.fe_runs),
         rmse_um: score.as_ref().map(|s| 1e6 * s.rmse_m),
         rmse_fitted_um: 1e6 * rmse_m(&mean_m, &fitted),
         noise_um: yardstick.map(|y| 1e6 * y.sd_m),
@@ -221,12 +221,13 @@ fn summarise(
             max_relative_error: surrogate.map(|s| s.max_relative_error),
             fe_unknowns: surrogate.map(|s| s.fe_unknowns),
             snapshot_runs: surrogate.map(|s| s.snapshot_runs),
-            singular_values: surrogate.map_or(Vec::new(), |s| above_rounding(&s.singular_values)),
+            singular_values: surrogate.map(|s| above_rounding(&s.singular_values)),
             max_projection_error: surrogate.map(|s| s.max_projection_error),
         },
         heldout,
         error_budget_um: budget,
         largest_strain: check.largest_strain,
+        at_edge_of_range: at_edge_of_range(reduced, problem, columns),
         converged: outcome.converged,
         warnings: Vec::new(),
     };
@@ -234,6 +235,19 @@ fn summarise(
     summary.warnings = warnings(&Findings { summary: &summary, sampler_messages: &messages });
     summary.warnings.extend(problem.finite_elements().into_iter().flat_map(|fe| fe.mesh_warnings.clone()));
     summary
+}
+
+/// Sampled law parameters of which a twentieth of the draws lie in the outermost thousandth of the trained range (on a logarithmic
+/// scale), where a prior of the usual shape has next to none.
+fn at_edge_of_range(reduced: &Reduced, problem: &Problem, columns: &[DrawColumn]) -> Vec<String> {
+    let crowds = |(name, column): (&str, &DrawColumn)| {
+        let range = reduced.trained.iter().find(|range| range.name == name)?;
+        let margin = 1e-3 * (range.upper / range.lower).ln();
+        let is_outermost = |x: &&f64| (**x / range.lower).ln() < margin || (range.upper / **x).ln() < margin;
+        let n_outermost = column.values.iter().filter(is_outermost).count();
+        (20 * n_outermost > column.values.len()).then(|| name.to_string())
+    };
+    problem.priors.names().zip(columns).filter_map(crowds).collect()
 }
 
 /// The sampler numbers its coordinates; people know them by name. Highest number first, since 1 begins 10.

@@ -21,6 +21,8 @@ pub struct PosteriorSummary {
     pub error_budget_um: ErrorBudget,
     /// Largest absolute principal strain at the largest displacement.
     pub largest_strain: Option<f64>,
+    /// Parameters whose draws crowd at an end of the surrogate's trained range, that is of the prior.
+    pub at_edge_of_range: Vec<String>,
     /// Whether the draws have converged.
     pub converged: bool,
     /// What the user should know.
@@ -99,7 +101,7 @@ pub struct SurrogateSummary {
     /// Full-order runs that trained it.
     pub snapshot_runs: Option<usize>,
     /// Singular values relative to the largest, as far as they are not rounding.
-    pub singular_values: Vec<f64>,
+    pub singular_values: Option<Vec<f64>>,
     /// Largest relative energy-norm distance of verification fields from the modes.
     pub max_projection_error: Option<f64>,
 }
@@ -110,7 +112,7 @@ pub struct HeldoutSummary {
     /// The cycles.
     pub cycles: Vec<u32>,
     /// Full finite-element runs, one a posterior draw.
-    pub fe_runs: usize,
+    pub fe_runs: Option<usize>,
     /// Posterior mean trajectory against the positions, in µm.
     pub rmse_um: Option<f64>,
     /// The same on the fitted cycles, in µm.
@@ -186,6 +188,10 @@ pub enum WarningKind {
     LearntNoiseAboveKnown,
     /// Strains are beyond the proven linear range.
     LargeStrain,
+    /// The learnt noise is far below the known noise.
+    LearntNoiseBelowKnown,
+    /// The posterior leans against the end of the prior's range.
+    EdgeOfRange,
     /// There is no held-out cycle.
     NothingHeldOut,
     /// The apparatus is an instrument: parts that need finite elements are left out.
@@ -199,6 +205,7 @@ impl WarningKind {
         matches!(
             self,
             NotConverged
+                | EdgeOfRange
                 | Undetermined
                 | SurrogateInaccurate
                 | HeldoutOutsideBand

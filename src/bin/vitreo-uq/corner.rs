@@ -67,7 +67,7 @@ pub fn run(arguments: &CornerArguments) -> Result<ExitCode> {
     write_figure(&dir, &stem, &figure)?;
     let names: Vec<&str> = loaded.iter().map(|posterior| posterior.label.as_str()).collect();
     let files = ["svg", "png"].map(|extension| dir.join(format!("{stem}.{extension}")).display().to_string());
-    let document = serde_json::json!({ "schema": "vitreo-uq/corner/1", "posteriors": names, "files": files });
+    let document = serde_json::json!({ "schema": "vitreo-uq/corner/1", "version": env!("CARGO_PKG_VERSION"), "posteriors": names, "files": files });
     let words = match arguments.quiet {
         true => String::new(),
         false => format!("Corner plot of {}:\n  {}\n", names.join(", "), files.join("\n  ")),

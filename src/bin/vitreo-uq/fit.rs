@@ -6,13 +6,14 @@ use vitreo_uq::error::Result;
 use vitreo_uq::files::write_json_atomically;
 use vitreo_uq::report::labels::of_parameter;
 use vitreo_uq::study::{FIT_NAME, WithProvenance};
+use vitreo_uq::workflow::artefacts;
 use vitreo_uq::workflow::fit::{self, FitSummary, FittedParameter};
 
 use crate::options::{self, FitArguments};
 use crate::sample::kept_surrogate;
 use crate::target::Target;
 use crate::terminal::Terminal;
-use crate::text::{significant, warning_text};
+use crate::text::{law_title, significant, warning_text};
 
 pub fn run(arguments: &FitArguments) -> Result<ExitCode> {
     let common = &arguments.common;
@@ -25,8 +26,7 @@ pub fn run(arguments: &FitArguments) -> Result<ExitCode> {
     let result = fit::run(&problem, kept, &terminal)?;
     let study = target.make_study()?;
     let provenance = study.provenance("fit", 1, common.seed);
-    let provenance =
-        provenance.with_input(format!("prior {}", problem.priors.name()), problem.priors.text().as_bytes());
+    let provenance = provenance.with_input(artefacts::prior_name(&problem), problem.priors.text().as_bytes());
     let document = WithProvenance { provenance, body: &result.summary };
     let path = study.dir().join(FIT_NAME);
     write_json_atomically(&path, &document)?;
@@ -43,7 +43,10 @@ fn words(summary: &FitSummary) -> String {
     let mut lines = vec![
         format!(
             "{}: {} model, nonlinear least squares on {} positions: {verdict} in {} steps",
-            summary.experiment, summary.model.base, summary.fitted_positions, summary.iterations
+            summary.experiment,
+            law_title(&summary.model.base),
+            summary.fitted_positions,
+            summary.iterations
         ),
         String::new(),
         format!("  {:<12}{:>11}{:>18}", "parameter", "estimate", "standard error"),

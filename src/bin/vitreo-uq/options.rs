@@ -156,9 +156,12 @@ pub struct CornerArguments {
     pub quiet: bool,
 }
 
-/// Uses so many threads everywhere.
-pub fn use_threads(threads: usize) -> vitreo_uq::Result<()> {
+/// Uses so many threads everywhere, at most one a core: more would only get in each other's way. Returns how many.
+pub fn use_threads(threads: usize) -> vitreo_uq::Result<usize> {
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let threads = threads.min(cores);
     rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().map_err(|error| {
         vitreo_uq::Error::numerical(format!("no threads to be had: {error}"), "use fewer threads (--threads)")
-    })
+    })?;
+    Ok(threads)
 }

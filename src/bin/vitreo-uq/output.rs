@@ -21,6 +21,21 @@ pub fn check(json: Option<&Path>) -> Result<()> {
     ))
 }
 
+/// A file is replaced whole, through a link if there is one; a pipe or a device is written to.
+fn write_document(path: &Path, document: &impl Serialize) -> Result<()> {
+    let target = std::fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf());
+    let is_special = std::fs::metadata(&target).is_ok_and(|metadata| !metadata.is_file());
+    if !is_special {
+        return write_json_atomically(&target, document);
+    }
+    let refused = |source| Error::at_path("write", &target, source, "give a regular file, or `-` for standard output");
+    let mut file = std::fs::OpenOptions::new().write(true).open(&target).map_err(refused)?;
+    let json = serde_json::to_vec_pretty(document).map_err(|error| {
+        Error::numerical(format!("the result is no JSON: {error}"), "report the command that was run")
+    })?;
+    file.write_all(&json).and_then(|()| file.write_all(b"\n")).map_err(refused)
+}
+
 /// Prints the words, or with `--json -` the document alone; writes the document where `--json FILE` says.
 pub fn show(json: Option<&Path>, document: &impl Serialize, words: &str) -> Result<()> {
     let text = match json {
@@ -31,7 +46,7 @@ pub fn show(json: Option<&Path>, document: &impl Serialize, words: &str) -> Resu
             })? + "\n"
         }
         Some(path) => {
-            write_json_atomically(path, document)?;
+            write_document(path, document)?;
             words.into()
         }
         None => words.into(),

@@ -5,8 +5,9 @@ use std::time::Instant;
 
 use vitreo_uq::error::{Error, Place, Result};
 use vitreo_uq::inference::SamplerOptions;
+use vitreo_uq::inference::prior::PriorSet;
 use vitreo_uq::study::{ModelSpecification, Study, WithProvenance};
-use vitreo_uq::workflow::problem::KeptSurrogate;
+use vitreo_uq::workflow::problem::{KeptSurrogate, Problem};
 use vitreo_uq::workflow::sample::{self, SampleRequest};
 use vitreo_uq::workflow::{Monitor, artefacts};
 
@@ -21,13 +22,13 @@ const REVISION: &str = "m0";
 pub fn run(arguments: &SampleArguments) -> Result<ExitCode> {
     let began = Instant::now();
     let common = &arguments.common;
-    options::use_threads(common.threads)?;
+    let threads = options::use_threads(common.threads)?;
     crate::output::check(common.json.as_deref())?;
     let options = SamplerOptions {
         n_walkers: arguments.chains,
         max_steps: arguments.steps,
         seed: common.seed,
-        threads: common.threads,
+        threads,
         ..SamplerOptions::default()
     };
     let terminal = Terminal::new(common.quiet);
@@ -36,8 +37,12 @@ pub fn run(arguments: &SampleArguments) -> Result<ExitCode> {
         refuse_other_model(study, &target.specification, common.force)?;
     }
     let problem = target.problem(&arguments.model, &terminal)?;
+    refuse_nothing_to_sample(&problem)?;
     options.validate(problem.priors.priors().len())?;
     let study = &target.make_study()?;
+    if study.revision_dir(REVISION).is_ok() {
+        terminal.warn(&format!("the study's {REVISION} is replaced when this run ends"));
+    }
     let revision = study.begin_revision(REVISION)?;
     let checkpoint = study.checkpoint_dir(REVISION)?.join("sampler.state");
     let request = SampleRequest {
@@ -51,12 +56,12 @@ pub fn run(arguments: &SampleArguments) -> Result<ExitCode> {
     let clock = Instant::now();
     let header = |kind: &str| {
         let header = study.provenance(kind, 1, common.seed);
-        header.with_input(format!("prior {}", problem.priors.name()), problem.priors.text().as_bytes())
+        header.with_input(artefacts::prior_name(&problem), problem.priors.text().as_bytes())
     };
     artefacts::write(revision.path(), &problem, &result, &header)?;
     result.timing_s.push(("results and figures", clock.elapsed().as_secs_f64()));
     result.timing_s.push(("total", began.elapsed().as_secs_f64()));
-    artefacts::write_timing(revision.path(), &result.timing_s)?;
+    artefacts::write_timing(revision.path(), &result.timing_s, header("timing"))?;
     let written = revision.commit()?;
     study.discard_checkpoint(REVISION)?;
     terminal.finish();
@@ -70,11 +75,22 @@ pub fn run(arguments: &SampleArguments) -> Result<ExitCode> {
     Ok(ExitCode::from(u8::from(!sound)))
 }
 
+fn refuse_nothing_to_sample(problem: &Problem) -> Result<()> {
+    if problem.priors.priors().is_empty() {
+        return Err(Error::input(
+            Place::option("--set"),
+            "every parameter is fixed, so there is nothing to infer",
+            "leave at least one parameter free, or use `simulate`",
+        ));
+    }
+    Ok(())
+}
+
 /// A revision of another model is not overwritten unless that is asked for.
 fn refuse_other_model(study: &Study, specification: &ModelSpecification, force: bool) -> Result<()> {
     let Ok(dir) = study.revision_dir(REVISION) else { return Ok(()) };
     let path = dir.join("model.toml");
-    if force || ModelSpecification::read(&path)? == *specification {
+    if force || same_model(&artefacts::model_of(&dir)?, specification)? {
         return Ok(());
     }
     Err(Error::input(
@@ -82,6 +98,13 @@ fn refuse_other_model(study: &Study, specification: &ModelSpecification, force: 
         "the study's m0 is of another model",
         "choose another directory with `--out`, or replace m0 with `--force`",
     ))
+}
+
+/// Whether two models are the same, their priors by content and not by name.
+fn same_model(ours: &ModelSpecification, other: &ModelSpecification) -> Result<bool> {
+    let unnamed = |model: &ModelSpecification| ModelSpecification { prior: String::new(), ..model.clone() };
+    let same_prior = || Ok(PriorSet::read(&ours.prior)?.text() == PriorSet::read(&other.prior)?.text());
+    if unnamed(ours) == unnamed(other) { same_prior() } else { Ok(false) }
 }
 
 /// The surrogate of an earlier run, if it can be read; whether it fits is checked by its hash.

@@ -8,7 +8,7 @@ use vitreo_uq::study::{ModelSpecification, Study};
 use vitreo_uq::workflow::Monitor;
 use vitreo_uq::workflow::mechanics::MeshFile;
 use vitreo_uq::workflow::problem::Problem;
-use vitreo_uq::workflow::replica;
+use vitreo_uq::workflow::{artefacts, replica};
 
 use crate::options::{Common, Model};
 
@@ -47,6 +47,13 @@ impl Target {
                 (StudyPlace::There(study), experiment)
             }
             path => {
+                if let Some(dir) = path.as_ref().filter(|dir| dir.join("model.toml").is_file()) {
+                    return Err(Error::input(
+                        Place::file(dir.as_path()),
+                        "this is a revision of a study",
+                        "give the study, and the revision with `--from`",
+                    ));
+                }
                 let (experiment, files) = match path {
                     Some(path) => Experiment::read(path)?,
                     None => replica::embedded()?,
@@ -98,6 +105,7 @@ fn place_of(dir: PathBuf, files: ExperimentFiles, force: bool) -> Result<StudyPl
             Err(_) => {}
         }
     }
+    Study::check_place(&dir)?;
     Ok(StudyPlace::New { dir, files, force })
 }
 
@@ -125,7 +133,7 @@ fn specification(study: Option<&Study>, model: &Model) -> Result<ModelSpecificat
         (None, None) => None,
     };
     match revision {
-        Some((study, name)) if !given => ModelSpecification::read(&study.revision_dir(&name)?.join("model.toml")),
+        Some((study, name)) if !given => artefacts::model_of(&study.revision_dir(&name)?),
         _ => ModelSpecification::from_options(
             model.base.as_deref(),
             &model.with,

@@ -45,7 +45,8 @@ pub fn posterior(summary: &PosteriorSummary) -> String {
     text
 }
 
-fn law_title(base: &str) -> &str {
+/// A law's name for people.
+pub fn law_title(base: &str) -> &str {
     BaseLaw::named(base).map_or(base, |law| law.title())
 }
 
@@ -58,7 +59,8 @@ fn surrogate_lines(summary: &PosteriorSummary, line: &mut impl FnMut(String)) {
         let plural = if modes == 1 { "mode" } else { "modes" };
         let rest = surrogate
             .singular_values
-            .get(modes)
+            .as_ref()
+            .and_then(|values| values.get(modes))
             .map_or(String::new(), |s| format!(", next singular value {s:.0e} of the first"));
         line(format!("Surrogate: {modes} {plural}{why} from {runs} runs of {unknowns} unknowns{rest};"));
         line(format!("  error {error:.0e} of the amplitude on parameters outside the training set."));
@@ -74,8 +76,8 @@ fn heldout_lines(summary: &PosteriorSummary, line: &mut impl FnMut(String)) {
         (heldout.rmse_um, heldout.coverage_50, heldout.coverage_90, heldout.joint_p)
     {
         let cycles: Vec<String> = heldout.cycles.iter().map(u32::to_string).collect();
-        let by = if heldout.fe_runs > 0 {
-            format!("{} full finite-element runs", heldout.fe_runs)
+        let by = if let Some(runs) = heldout.fe_runs {
+            format!("{runs} full finite-element runs")
         } else {
             "the creep law (no finite elements for an instrument)".into()
         };
@@ -89,7 +91,7 @@ fn heldout_lines(summary: &PosteriorSummary, line: &mut impl FnMut(String)) {
             expected(heldout.coverage_50_expected),
             100.0 * coverage_90,
             expected(heldout.coverage_90_expected),
-            if p < 0.001 { "< 0.001".into() } else { format!("{p:.2}") }
+            if p < 0.001 { "< 0.001".into() } else { format!("at most {p:.2}") }
         ));
     }
 }

@@ -15,6 +15,9 @@ pub(super) struct Derivatives {
 /// it is for the sampler, which keeps to where the mass is, to stop at a NaN.
 pub(super) fn evaluate(density: &dyn LogDensity, points: &[DVector<f64>]) -> Result<Vec<f64>> {
     let (n, dimension) = (points.len(), density.dimension());
+    if n == 0 {
+        return Ok(Vec::new());
+    }
     let coordinates: Vec<f64> = (0..dimension).flat_map(|d| points.iter().map(move |point| point[d])).collect();
     let mut values = vec![0.0; n];
     density.log_density(&coordinates, &mut values);
