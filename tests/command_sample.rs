@@ -264,3 +264,22 @@ fn json_goes_through_links_and_into_pipes_without_replacing_them() {
     vitreo(place.path(), &["fit", "gel", "--json", "/dev/null", "--quiet"]).exits(0);
     assert!(!Path::new("/dev/null").metadata().unwrap().is_file());
 }
+
+/// The coarse imported mesh is wrong by a few per cent, which the fit's moduli absorb: exact theory tells, and the exit code is 1. A mesh is an
+/// input: another one does not replace the result silently.
+#[test]
+fn an_imported_mesh_is_judged_and_is_an_input() {
+    let place = place();
+    let mesh = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/gmsh/quarter_sphere_tet10.msh");
+    let sample = |extra: &[&str]| vitreo(place.path(), &[&["sample", "--out", "study", "--quiet"], extra].concat());
+    let document = sample(&["--mesh", mesh, "--json", "-"]).exits(1).json();
+    let kinds: Vec<&str> =
+        document["warnings"].as_array().unwrap().iter().map(|w| w["kind"].as_str().unwrap()).collect();
+    assert!(kinds.contains(&"mesh_inaccurate"), "{kinds:?}");
+    assert!(document["inputs_sha256"]["mesh"].is_string());
+    // −3.7 % in the moduli is −84 standard deviations; the summary gives the bias with its sign.
+    let bias = document["parameters"][0]["discretisation_bias_sd"].as_f64().unwrap();
+    assert!((-120.0..-50.0).contains(&bias), "{bias}");
+    sample(&[]).refuses(&["another mesh", "--force"]);
+    sample(&["--force"]).exits(0);
+}

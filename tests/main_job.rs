@@ -1,13 +1,15 @@
 //! The main job on the embedded replica, whose data come from a finer mesh, a finer time step and another integrator.
 
 use nalgebra::{Matrix3, Vector3};
+use rand::SeedableRng;
+use rand_distr::{Distribution, StandardNormal};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 use vitreo_uq::inference::SamplerOptions;
 use vitreo_uq::study::ModelSpecification;
-use vitreo_uq::workflow::Silent;
-use vitreo_uq::workflow::problem::Problem;
+use vitreo_uq::workflow::problem::{Problem, Reduced};
 use vitreo_uq::workflow::replica;
 use vitreo_uq::workflow::sample::{SampleRequest, SampleResult, run};
+use vitreo_uq::workflow::{Silent, heldout};
 
 fn main_job() -> (Problem, SampleResult) {
     let (experiment, _) = replica::embedded().unwrap();
@@ -110,4 +112,38 @@ fn a_posterior_at_the_end_of_the_prior_s_range_is_not_called_sound() {
     let summary = run(&problem, &request, &Silent).unwrap().summary;
     assert!(!summary.is_sound(), "{:?}", summary.warnings);
     assert!(summary.at_edge_of_range.iter().any(|name| name == "young_modulus_pa"), "{:?}", summary.at_edge_of_range);
+}
+
+/// A surrogate that is wrong by a known amount: 0.02 % in the compliance. The full finite-element check must see 0.02 % of the amplitude, and the
+/// importance weights must move E, c₁ and c₂ back the way they came.
+#[test]
+fn a_wrong_surrogate_is_measured_by_the_full_model() {
+    const ERROR: f64 = 2e-4;
+    let (experiment, _) = replica::embedded().unwrap();
+    let problem = Problem::new(experiment, ModelSpecification::default(), None, &Silent).unwrap();
+    let mut reduced = Reduced::new(&problem, None, &Silent).unwrap();
+    // Draws of a posterior of about the right width, around Table I.
+    let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(4);
+    let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
+    let draws: Vec<Vec<f64>> = (0..128)
+        .map(|_| {
+            vec![3.527 * (1.0 + 5e-4 * normal()), 1.402 * (1.0 + 2e-3 * normal()), 47.37 * (1.0 + 2e-3 * normal()), 4.0]
+        })
+        .collect();
+    let exact = heldout::check(&problem, &reduced, &draws).unwrap();
+    assert!(exact.surrogate_vs_full_max_m.unwrap() < 1e-12);
+    assert_eq!(exact.pareto_k, Some(0.0));
+    reduced.compliance_per_m *= 1.0 + ERROR;
+    let wrong = heldout::check(&problem, &reduced, &draws).unwrap();
+    let amplitude_m = wrong.trajectories_m.iter().flatten().fold(0.0_f64, |a, x| a.max(x.abs()));
+    let ratio = wrong.surrogate_vs_full_max_m.unwrap() / (ERROR * amplitude_m);
+    assert!((ratio - 1.0).abs() < 1e-6, "{ratio}");
+    // Seen through the wrong, too compliant model, stiffer draws were favoured; the weights favour softer ones.
+    let weights = wrong.weights.unwrap();
+    let shift: f64 = weights.iter().zip(&draws).map(|(w, draw)| (w - 1.0 / 128.0) * draw[0]).sum();
+    assert!(shift < -0.1 * 5e-4 * 3.527, "{shift}");
+    assert!((weights.iter().sum::<f64>() - 1.0).abs() < 1e-12 && wrong.pareto_k.unwrap() != 0.0);
+    // The mesh's error: two meshes against the exact solution, which the finer one is ten times closer to.
+    let found = exact.discretisation_m.unwrap() / amplitude_m;
+    assert!((found / 6.1e-5 - 1.0).abs() < 0.05, "{found}");
 }

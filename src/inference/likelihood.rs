@@ -51,6 +51,11 @@ impl<'a> ReducedPosterior<'a> {
         natural(&self.sources, self.priors, point)
     }
 
+    /// Displacement per force at unit creep compliance (1/m), and the ranges in which the reduced model may be asked.
+    pub fn mechanics(&self) -> (f64, &[TrainedRange]) {
+        (self.compliance_per_m, self.trained)
+    }
+
     /// Number of positions that are compared.
     pub fn n_observed(&self) -> usize {
         self.data.n_observed()

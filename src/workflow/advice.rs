@@ -38,9 +38,16 @@ pub fn warnings(findings: &Findings) -> Vec<Warning> {
     } else if !messages.is_empty() {
         add(WarningKind::Sampler, messages, "look at the trace plot before relying on the tails");
     }
-    if let Some(noise) = heldout.noise_um {
-        misfit(summary, noise, &mut add);
-        surrogate(summary, noise, &mut add);
+    match heldout.noise_um {
+        Some(noise) => {
+            misfit(summary, noise, &mut add);
+            model_error(summary, noise, &mut add);
+        }
+        None => {
+            let text = "the tracker's noise is neither given nor can it be estimated, so nothing says how much misfit is too much";
+            add(WarningKind::NoiseUnknown, text.into(), "give `noise_um` in [measurement]");
+            model_error(summary, summary.error_budget_um.noise, &mut add);
+        }
     }
     if let Some(p) = heldout.joint_p.filter(|p| *p < OUTSIDE_BAND) {
         let text = format!(
@@ -120,7 +127,7 @@ pub fn strain_warning(largest_strain: f64) -> Option<Warning> {
     (largest_strain > LINEAR_STRAIN).then(|| Warning {
         kind: WarningKind::LargeStrain,
         text: format!(
-            "the largest strain is {largest_strain:.2}; the gel is known to be linear below {LINEAR_STRAIN}, so the linear model is used beyond its proven range"
+            "the largest strain at the integration points is {largest_strain:.2} (at the robot's surface up to a tenth more); the gel is known to be linear below {LINEAR_STRAIN}, so the linear model is used beyond its proven range"
         ),
         advice: "read E, c₁ and c₂ as effective values at this amplitude, or repeat with a smaller force".into(),
     })
@@ -164,13 +171,138 @@ fn misfit(summary: &PosteriorSummary, noise: f64, add: &mut impl FnMut(WarningKi
     }
 }
 
-fn surrogate(summary: &PosteriorSummary, noise: f64, add: &mut impl FnMut(WarningKind, String, &str)) {
+/// Errors of the reduced model and of the mesh, against the noise.
+fn model_error(summary: &PosteriorSummary, noise: f64, add: &mut impl FnMut(WarningKind, String, &str)) {
     let heldout = &summary.heldout;
     if let Some(warning) = surrogate_warning(heldout.surrogate_vs_fe_max_um.unwrap_or(0.0), heldout.pareto_k, noise) {
         add(warning.kind, warning.text, &warning.advice);
     }
-    if let Some(error) = summary.error_budget_um.fe_discretisation.filter(|e| *e > MESH_SHARE * noise) {
-        let text = format!("two meshes differ by {error:.3} µm against a noise of {noise:.3} µm");
-        add(WarningKind::MeshTooCoarse, text, "bring a finer mesh (--mesh)");
+    match summary.error_budget_um.fe_discretisation {
+        Some(error) if error > noise => {
+            let text = format!(
+                "the mesh misplaces the robot by {error:.3} µm, more than the noise of {noise:.3} µm: E, c₁ and c₂ have absorbed it"
+            );
+            add(
+                WarningKind::MeshInaccurate,
+                text,
+                "bring a finer mesh, of 10-node tetrahedra (--mesh), or use the built-in one",
+            );
+        }
+        Some(error) if error > MESH_SHARE * noise => {
+            let text = format!("the mesh's error is {error:.3} µm against a noise of {noise:.3} µm");
+            add(WarningKind::MeshTooCoarse, text, "bring a finer mesh (--mesh)");
+        }
+        None if heldout.fe_runs.is_some() => {
+            let text =
+                "the error of the imported mesh is not known: there is neither a second mesh nor an exact solution"
+                    .to_string();
+            add(WarningKind::MeshTooCoarse, text, "repeat with a mesh of half the element size (--mesh) and compare");
+        }
+        _ => {}
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::workflow::summary::*;
+    use WarningKind::*;
+
+    /// A sound result: noise 4 µm, nothing wrong.
+    fn sound() -> PosteriorSummary {
+        PosteriorSummary {
+            experiment: "gel".into(),
+            model: ModelSummary { base: "lethersich".into(), effects: vec![], noise: vec!["white".into()] },
+            parameters: vec![],
+            sampler: SamplerSummary {
+                walkers: 32,
+                ensembles: 4,
+                steps: 1000,
+                acceptance: 0.5,
+                autocorrelation_time: 2.0,
+                likelihood_evaluations: 1,
+                walkers_reseeded: 0,
+            },
+            surrogate: SurrogateSummary {
+                modes: Some(1),
+                max_relative_error: Some(1e-12),
+                fe_unknowns: Some(1000),
+                snapshot_runs: Some(16),
+                singular_values: Some(vec![1.0]),
+                max_projection_error: Some(1e-12),
+            },
+            heldout: HeldoutSummary {
+                cycles: vec![2],
+                fe_runs: Some(128),
+                rmse_um: Some(4.0),
+                rmse_fitted_um: 4.0,
+                noise_um: Some(4.0),
+                noise_origin: "known".into(),
+                coverage_50: Some(0.5),
+                coverage_90: Some(0.9),
+                coverage_50_expected: Some([0.4, 0.6]),
+                coverage_90_expected: Some([0.8, 1.0]),
+                joint_p: Some(0.5),
+                crps_um: Some(2.3),
+                surrogate_vs_fe_max_um: Some(1e-9),
+                pareto_k: Some(0.0),
+            },
+            error_budget_um: ErrorBudget {
+                noise: 4.0,
+                fe_discretisation: Some(0.06),
+                surrogate: Some(1e-9),
+                monte_carlo: 0.05,
+            },
+            largest_strain: Some(0.001),
+            at_edge_of_range: vec![],
+            converged: true,
+            warnings: vec![],
+        }
+    }
+
+    /// Kinds of warnings after a change, and whether the result is then sound.
+    fn after(change: impl Fn(&mut PosteriorSummary)) -> (Vec<WarningKind>, bool) {
+        let mut summary = sound();
+        change(&mut summary);
+        summary.warnings = warnings(&Findings { summary: &summary, sampler_messages: &[] });
+        (summary.warnings.iter().map(|warning| warning.kind).collect(), summary.is_sound())
+    }
+
+    /// Each rule of contracts §4 on both sides of its limit.
+    #[test]
+    fn every_rule_speaks_on_its_side_of_the_limit_only() {
+        let none: (Vec<WarningKind>, bool) = (vec![], true);
+        assert_eq!(after(|_| {}), none);
+        // Misfit and learnt noise: 1.5 × the known noise of 4 µm.
+        assert_eq!(after(|s| s.heldout.rmse_um = Some(5.9)), none);
+        assert_eq!(after(|s| s.heldout.rmse_um = Some(6.1)), (vec![MisfitAboveNoise], false));
+        assert_eq!(after(|s| s.heldout.rmse_fitted_um = 5.9), none);
+        assert_eq!(after(|s| s.heldout.rmse_fitted_um = 6.1), (vec![MisfitAboveNoise], false));
+        assert_eq!(after(|s| s.error_budget_um.noise = 5.9), none);
+        assert_eq!(after(|s| s.error_budget_um.noise = 6.1), (vec![LearntNoiseAboveKnown], false));
+        assert_eq!(after(|s| s.error_budget_um.noise = 1.0), (vec![LearntNoiseBelowKnown], true));
+        // The joint band, 99.9 %.
+        assert_eq!(after(|s| s.heldout.joint_p = Some(0.0011)), none);
+        assert_eq!(after(|s| s.heldout.joint_p = Some(0.0009)), (vec![HeldoutOutsideBand], false));
+        // Reduced model: a tenth of the noise, k̂ of 0.7.
+        assert_eq!(after(|s| s.heldout.surrogate_vs_fe_max_um = Some(0.39)), none);
+        assert_eq!(after(|s| s.heldout.surrogate_vs_fe_max_um = Some(0.41)), (vec![SurrogateInaccurate], false));
+        assert_eq!(after(|s| s.heldout.pareto_k = Some(0.69)), none);
+        assert_eq!(after(|s| s.heldout.pareto_k = Some(0.71)), (vec![SurrogateInaccurate], false));
+        // Mesh: a quarter of the noise, and the noise.
+        assert_eq!(after(|s| s.error_budget_um.fe_discretisation = Some(0.9)), none);
+        assert_eq!(after(|s| s.error_budget_um.fe_discretisation = Some(1.1)), (vec![MeshTooCoarse], true));
+        assert_eq!(after(|s| s.error_budget_um.fe_discretisation = Some(4.1)), (vec![MeshInaccurate], false));
+        assert_eq!(after(|s| s.error_budget_um.fe_discretisation = None), (vec![MeshTooCoarse], true));
+        assert_eq!(after(|s| s.converged = false), (vec![NotConverged], false));
+        assert_eq!(after(|s| s.largest_strain = Some(0.02)), (vec![LargeStrain], true));
+        assert_eq!(after(|s| s.at_edge_of_range = vec!["young_modulus_pa".into()]), (vec![EdgeOfRange], false));
+        assert_eq!(after(|s| s.heldout.noise_um = None), (vec![NoiseUnknown], true));
+        // Without a yardstick the model's own errors are still judged, against the learnt noise.
+        assert_eq!(
+            after(|s| (s.heldout.noise_um, s.heldout.pareto_k) = (None, Some(0.9))),
+            (vec![NoiseUnknown, SurrogateInaccurate], false)
+        );
+        assert_eq!(after(|s| (s.heldout.rmse_um, s.heldout.joint_p) = (None, None)), (vec![NothingHeldOut], true));
     }
 }

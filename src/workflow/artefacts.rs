@@ -26,6 +26,8 @@ use crate::workflow::replica::TABLE_I;
 
 /// A prior file's copy in a revision.
 const PRIOR_COPY: &str = "prior.toml";
+/// What headers call an imported mesh, its file and unit.
+pub const MESH_INPUT: &str = "mesh";
 /// Points of a prior's curve.
 const PRIOR_POINTS: usize = 400;
 
@@ -63,11 +65,15 @@ pub fn model_of(revision_dir: &Path) -> Result<ModelSpecification> {
     Ok(specification)
 }
 
-/// What a document's header calls the prior: its name, or that it is a file's copy.
-pub fn prior_name(problem: &Problem) -> String {
+/// The header with the inputs that are not the study's: the prior, and an imported mesh.
+pub fn with_inputs(mut header: Provenance, problem: &Problem) -> Provenance {
     let name = problem.priors.name();
     let is_embedded = PriorSet::embedded_names().any(|embedded| embedded == name);
-    if is_embedded { format!("prior {name}") } else { PRIOR_COPY.into() }
+    let name = if is_embedded { format!("prior {name}") } else { PRIOR_COPY.into() };
+    if let Some(hash) = problem.finite_elements().and_then(|fe| fe.mesh_file_sha256.clone()) {
+        header.inputs_sha256.insert(MESH_INPUT.into(), hash);
+    }
+    header.with_input(name, problem.priors.text().as_bytes())
 }
 
 /// Writes wall-clock figures, which are not the same from run to run and therefore stand alone.

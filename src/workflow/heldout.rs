@@ -89,7 +89,7 @@ pub fn check(problem: &Problem, reduced: &Reduced, draws: &[NaturalDraw]) -> Res
         }
         None => None,
     };
-    let coarse = fe.coarse_compliance_per_m;
+    let compliance_per_m = model.compliance_per_m();
     Ok(FullCheck {
         trajectories_m: full_m,
         noise_sd_m,
@@ -98,7 +98,7 @@ pub fn check(problem: &Problem, reduced: &Reduced, draws: &[NaturalDraw]) -> Res
         weights: Some(normalised(&ln_weights)),
         fe_runs: draws.len(),
         largest_strain: strain,
-        discretisation_m: coarse.map(|coarse| amplitude_m * (coarse / model.compliance_per_m() - 1.0).abs()),
+        discretisation_m: fe.comparison.map(|other| amplitude_m * other.relative_error(compliance_per_m).abs()),
     })
 }
 

@@ -7,9 +7,11 @@ use super::summary::Warning;
 use crate::error::{Error, Place, Result};
 use crate::experiment::{Apparatus, Robot, RobotShape, Vitreous};
 use crate::fe::Stiffness;
+use crate::fe::exact::SphereInContainer;
 use crate::fe::time::FullOrderModel;
 use crate::mesh::gmsh::read_gmsh;
 use crate::mesh::{Mesh, QuarterBall};
+use crate::study::sha256_hex;
 
 /// Mesh level of the model that is fitted.
 pub const MODEL_LEVEL: usize = 3;
@@ -34,6 +36,26 @@ pub enum Mechanics {
     },
 }
 
+/// A compliance (1/m) beside the mesh's own, by which its error is measured.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Comparison {
+    /// Of the next coarser built-in mesh.
+    CoarserMesh(f64),
+    /// Exact, of a sphere in its container (physics §4.2).
+    Exact(f64),
+}
+
+impl Comparison {
+    /// Relative error of a mesh's compliance (1/m), with its sign. By a coarser mesh it is that mesh's excess, which the finer one's own
+    /// error shares the sign of and is a fraction of.
+    pub fn relative_error(self, compliance_per_m: f64) -> f64 {
+        match self {
+            Self::CoarserMesh(coarse) => coarse / compliance_per_m - 1.0,
+            Self::Exact(exact) => compliance_per_m / exact - 1.0,
+        }
+    }
+}
+
 /// The meshed, assembled and analysed full-order model.
 pub struct FiniteElements {
     /// The mesh.
@@ -42,8 +64,10 @@ pub struct FiniteElements {
     pub stiffness: Stiffness,
     /// Poisson ratio of the vitreous.
     pub poisson_ratio: f64,
-    /// Compliance (1/m) on the next coarser mesh, where there is one: the discretisation error is measured by it.
-    pub coarse_compliance_per_m: Option<f64>,
+    /// What the discretisation error is measured by; `None` for imported bodies other than spheres.
+    pub comparison: Option<Comparison>,
+    /// SHA-256 of the imported mesh's file and unit.
+    pub mesh_file_sha256: Option<String>,
     /// What the mesh's reader had to say.
     pub mesh_warnings: Vec<Warning>,
 }
@@ -66,6 +90,20 @@ pub fn sphere_mesh(robot: &Robot, vitreous: &Vitreous, level: usize) -> Result<M
     ball.mesh()
 }
 
+/// The exact solution where there is one.
+fn exact_comparison(robot: &Robot, vitreous: &Vitreous) -> Option<Comparison> {
+    let RobotShape::Sphere { diameter_m } = robot.shape else { return None };
+    let exact = SphereInContainer::new(vitreous.poisson_ratio, 0.5 * diameter_m, 0.5 * vitreous.diameter_m);
+    Some(Comparison::Exact(1.0 / exact.stiffness_n_per_m(1.0)))
+}
+
+fn hash_of(file: &MeshFile) -> Result<String> {
+    let mut bytes = std::fs::read(&file.path)
+        .map_err(|source| Error::at_path("read", &file.path, source, "give a mesh that can be read"))?;
+    bytes.extend_from_slice(&file.metres_per_unit.to_le_bytes());
+    Ok(sha256_hex(&bytes))
+}
+
 impl Mechanics {
     /// Meshes and assembles a robot's surroundings (or reads the user's mesh); takes an instrument as it is.
     pub fn new(apparatus: &Apparatus, mesh_file: Option<&MeshFile>) -> Result<Self> {
@@ -76,21 +114,21 @@ impl Mechanics {
             Apparatus::Robot { robot, vitreous } => (robot, vitreous),
         };
         let poisson_ratio = vitreous.poisson_ratio;
-        let (mesh, mesh_warnings, coarse) = match mesh_file {
+        let (mesh, mesh_warnings, comparison) = match mesh_file {
             Some(file) => {
                 let read = read_gmsh(&file.path, file.metres_per_unit)?;
                 let said = read.warnings.iter().map(|w| mesh_check::warning(w.text(), w.advice()));
                 let doubts = mesh_check::doubts(&read.mesh, robot, vitreous);
-                (read.mesh, said.chain(doubts).collect(), None)
+                (read.mesh, said.chain(doubts).collect(), exact_comparison(robot, vitreous))
             }
-            None => (
-                sphere_mesh(robot, vitreous, MODEL_LEVEL)?,
-                Vec::new(),
-                Some(sphere_mesh(robot, vitreous, MODEL_LEVEL - 1)?),
-            ),
+            None => {
+                let coarse = Stiffness::new(&sphere_mesh(robot, vitreous, MODEL_LEVEL - 1)?)?;
+                let coarse_per_m = FullOrderModel::new(&coarse, poisson_ratio)?.compliance_per_m();
+                (sphere_mesh(robot, vitreous, MODEL_LEVEL)?, Vec::new(), Some(Comparison::CoarserMesh(coarse_per_m)))
+            }
         };
-        let coarse_compliance_per_m = match coarse {
-            Some(mesh) => Some(FullOrderModel::new(&Stiffness::new(&mesh)?, poisson_ratio)?.compliance_per_m()),
+        let mesh_file_sha256 = match mesh_file {
+            Some(file) => Some(hash_of(file)?),
             None => None,
         };
         let stiffness = Stiffness::new(&mesh)?;
@@ -98,7 +136,8 @@ impl Mechanics {
             mesh,
             stiffness,
             poisson_ratio,
-            coarse_compliance_per_m,
+            comparison,
+            mesh_file_sha256,
             mesh_warnings,
         })))
     }

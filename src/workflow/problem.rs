@@ -9,6 +9,7 @@ use crate::error::{Error, Place, Result};
 use crate::experiment::{Apparatus, Experiment};
 use crate::inference::likelihood::ReducedPosterior;
 use crate::inference::prior::PriorSet;
+use crate::mesh::Mesh;
 use crate::model::{ReducedForward, SumOfSquares, TrainedRange};
 use crate::rheology::BaseLaw;
 use crate::study::ModelSpecification;
@@ -203,7 +204,11 @@ fn built_from(fe: &FiniteElements, training: &Training) -> String {
     hash.update(env!("CARGO_PKG_VERSION"));
     hash.update(format!("{:?}", fe.mesh.element_kind));
     fe.mesh.node_coordinates_m.iter().flatten().for_each(|x| hash.update(x.to_le_bytes()));
-    fe.mesh.connectivity.iter().for_each(|n| hash.update(n.to_le_bytes()));
+    let Mesh { connectivity, robot_nodes, outer_nodes, symmetry_y_nodes, symmetry_z_nodes, .. } = &fe.mesh;
+    for nodes in [connectivity, robot_nodes, outer_nodes, symmetry_y_nodes, symmetry_z_nodes] {
+        hash.update(nodes.len().to_le_bytes());
+        nodes.iter().for_each(|n| hash.update(n.to_le_bytes()));
+    }
     hash.update(format!("{training:?}"));
     hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
 }

@@ -123,15 +123,17 @@ fn sample(
         progress: Some(&progress),
         checkpoint: request.checkpoint.map(|_| Checkpointing { sink: &sink, interval: CHECKPOINT_INTERVAL }),
         resume: resumed.as_deref(),
-        fingerprint: fingerprint(problem),
+        fingerprint: fingerprint(problem, posterior),
     };
     sample_density(posterior, &starts, &request.options, &control)
 }
 
 /// What the log-density is built from, in words; the sampler hashes it.
-fn fingerprint(problem: &Problem) -> String {
+fn fingerprint(problem: &Problem, posterior: &ReducedPosterior) -> String {
     let Problem { experiment, specification, priors, .. } = problem;
-    format!("{experiment:?} {specification:?} {priors:?}")
+    let version = env!("CARGO_PKG_VERSION");
+    let (compliance_per_m, trained) = posterior.mechanics();
+    format!("{version} {experiment:?} {specification:?} {priors:?} {:x} {trained:?}", compliance_per_m.to_bits())
 }
 
 /// Draws in the parameters' own units.
@@ -285,8 +287,8 @@ fn parameter_summaries(
     let n_law = names.len() - 1;
     let relative_mesh_error = problem
         .finite_elements()
-        .and_then(|fe| fe.coarse_compliance_per_m)
-        .map(|coarse| coarse / reduced.compliance_per_m - 1.0);
+        .and_then(|fe| fe.comparison)
+        .map(|comparison| comparison.relative_error(reduced.compliance_per_m));
     let blom = &BlomScores::new(columns.first().map_or(0, |column| column.values.len()));
     let summary = |(prior, column): (&crate::inference::prior::Prior, &DrawColumn)| {
         let d = diagnose(column, blom);

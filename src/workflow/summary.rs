@@ -144,7 +144,7 @@ pub struct HeldoutSummary {
 pub struct ErrorBudget {
     /// Learnt measurement noise, posterior median.
     pub noise: f64,
-    /// Largest difference between two meshes.
+    /// Largest difference from the next coarser mesh; for an imported mesh around a sphere, from the exact solution.
     pub fe_discretisation: Option<f64>,
     /// Largest difference between reduced and full model.
     pub surrogate: Option<f64>,
@@ -188,6 +188,10 @@ pub enum WarningKind {
     LearntNoiseAboveKnown,
     /// Strains are beyond the proven linear range.
     LargeStrain,
+    /// The mesh's error exceeds the noise.
+    MeshInaccurate,
+    /// The tracker's noise is not known.
+    NoiseUnknown,
     /// The learnt noise is far below the known noise.
     LearntNoiseBelowKnown,
     /// The posterior leans against the end of the prior's range.
@@ -206,6 +210,7 @@ impl WarningKind {
             self,
             NotConverged
                 | EdgeOfRange
+                | MeshInaccurate
                 | Undetermined
                 | SurrogateInaccurate
                 | HeldoutOutsideBand

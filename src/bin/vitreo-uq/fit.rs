@@ -25,8 +25,7 @@ pub fn run(arguments: &FitArguments) -> Result<ExitCode> {
     let kept = target.existing_study().and_then(kept_surrogate);
     let result = fit::run(&problem, kept, &terminal)?;
     let study = target.make_study()?;
-    let provenance = study.provenance("fit", 1, common.seed);
-    let provenance = provenance.with_input(artefacts::prior_name(&problem), problem.priors.text().as_bytes());
+    let provenance = artefacts::with_inputs(study.provenance("fit", 1, common.seed), &problem);
     let document = WithProvenance { provenance, body: &result.summary };
     let path = study.dir().join(FIT_NAME);
     write_json_atomically(&path, &document)?;

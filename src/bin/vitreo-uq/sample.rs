@@ -6,7 +6,7 @@ use std::time::Instant;
 use vitreo_uq::error::{Error, Place, Result};
 use vitreo_uq::inference::SamplerOptions;
 use vitreo_uq::inference::prior::PriorSet;
-use vitreo_uq::study::{ModelSpecification, Study, WithProvenance};
+use vitreo_uq::study::{ModelSpecification, Provenance, Study, WithProvenance};
 use vitreo_uq::workflow::problem::{KeptSurrogate, Problem};
 use vitreo_uq::workflow::sample::{self, SampleRequest};
 use vitreo_uq::workflow::{Monitor, artefacts};
@@ -37,6 +37,9 @@ pub fn run(arguments: &SampleArguments) -> Result<ExitCode> {
         refuse_other_model(study, &target.specification, common.force)?;
     }
     let problem = target.problem(&arguments.model, &terminal)?;
+    if let Some(study) = target.existing_study() {
+        refuse_other_mesh(study, &problem, common.force)?;
+    }
     refuse_nothing_to_sample(&problem)?;
     options.validate(problem.priors.priors().len())?;
     let study = &target.make_study()?;
@@ -56,7 +59,7 @@ pub fn run(arguments: &SampleArguments) -> Result<ExitCode> {
     let clock = Instant::now();
     let header = |kind: &str| {
         let header = study.provenance(kind, 1, common.seed);
-        header.with_input(artefacts::prior_name(&problem), problem.priors.text().as_bytes())
+        artefacts::with_inputs(header, &problem)
     };
     artefacts::write(revision.path(), &problem, &result, &header)?;
     result.timing_s.push(("results and figures", clock.elapsed().as_secs_f64()));
@@ -96,6 +99,24 @@ fn refuse_other_model(study: &Study, specification: &ModelSpecification, force: 
     Err(Error::input(
         Place::file(path),
         "the study's m0 is of another model",
+        "choose another directory with `--out`, or replace m0 with `--force`",
+    ))
+}
+
+/// Nor is one on another mesh.
+fn refuse_other_mesh(study: &Study, problem: &Problem, force: bool) -> Result<()> {
+    let Ok(dir) = study.revision_dir(REVISION) else { return Ok(()) };
+    let path = dir.join("posterior.json");
+    let Ok(bytes) = std::fs::read(&path) else { return Ok(()) };
+    let before: Option<Provenance> = serde_json::from_slice(&bytes).ok();
+    let mesh_of = |provenance: &Provenance| provenance.inputs_sha256.get(artefacts::MESH_INPUT).cloned();
+    let now = mesh_of(&artefacts::with_inputs(study.provenance("posterior", 1, 0), problem));
+    if force || before.is_none_or(|before| mesh_of(&before) == now) {
+        return Ok(());
+    }
+    Err(Error::input(
+        Place::file(path),
+        "the study's m0 is on another mesh",
         "choose another directory with `--out`, or replace m0 with `--force`",
     ))
 }
