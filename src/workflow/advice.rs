@@ -177,29 +177,37 @@ fn model_error(summary: &PosteriorSummary, noise: f64, add: &mut impl FnMut(Warn
     if let Some(warning) = surrogate_warning(heldout.surrogate_vs_fe_max_um.unwrap_or(0.0), heldout.pareto_k, noise) {
         add(warning.kind, warning.text, &warning.advice);
     }
-    match summary.error_budget_um.fe_discretisation {
-        Some(error) if error > noise => {
-            let text = format!(
-                "the mesh misplaces the robot by {error:.3} µm, more than the noise of {noise:.3} µm: E, c₁ and c₂ have absorbed it"
-            );
-            add(
-                WarningKind::MeshInaccurate,
-                text,
-                "bring a finer mesh, of 10-node tetrahedra (--mesh), or use the built-in one",
-            );
-        }
-        Some(error) if error > MESH_SHARE * noise => {
-            let text = format!("the mesh's error is {error:.3} µm against a noise of {noise:.3} µm");
-            add(WarningKind::MeshTooCoarse, text, "bring a finer mesh (--mesh)");
-        }
-        None if heldout.fe_runs.is_some() => {
-            let text =
-                "the error of the imported mesh is not known: there is neither a second mesh nor an exact solution"
-                    .to_string();
-            add(WarningKind::MeshTooCoarse, text, "repeat with a mesh of half the element size (--mesh) and compare");
-        }
-        _ => {}
+    if heldout.fe_runs.is_some()
+        && let Some(warning) = mesh_warning(summary.error_budget_um.fe_discretisation, noise)
+    {
+        add(warning.kind, warning.text, &warning.advice);
     }
+}
+
+/// A mesh whose error (µm) is not small beside the noise, or is not known.
+pub fn mesh_warning(error_um: Option<f64>, noise_um: f64) -> Option<Warning> {
+    let (kind, text, advice) = match error_um {
+        Some(error) if error > noise_um => (
+            WarningKind::MeshInaccurate,
+            format!(
+                "the mesh misplaces the robot by {error:.3} µm, more than the noise of {noise_um:.3} µm: E, c₁ and c₂ have absorbed it"
+            ),
+            "bring a finer mesh, of 10-node tetrahedra (--mesh), or use the built-in one",
+        ),
+        Some(error) if error > MESH_SHARE * noise_um => (
+            WarningKind::MeshTooCoarse,
+            format!("the mesh's error is {error:.3} µm against a noise of {noise_um:.3} µm"),
+            "bring a finer mesh (--mesh)",
+        ),
+        Some(_) => return None,
+        None => (
+            WarningKind::MeshTooCoarse,
+            "the error of the imported mesh is not known: there is neither a second mesh nor an exact solution"
+                .to_string(),
+            "repeat with a mesh of half the element size (--mesh) and compare",
+        ),
+    };
+    Some(Warning { kind, text, advice: advice.into() })
 }
 
 #[cfg(test)]

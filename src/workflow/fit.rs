@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::Monitor;
-use super::advice::{misfit_warning, surrogate_warning};
+use super::advice::{mesh_warning, misfit_warning, surrogate_warning};
 use super::problem::{KeptSurrogate, Problem, Reduced};
 use super::summary::{ModelSummary, Warning, WarningKind};
 use crate::error::{Error, Place, Result};
@@ -59,6 +59,8 @@ pub struct FitSummary {
     /// Largest distance of the reduced from the full finite-element trajectory at the estimate, over the whole record, in µm; `None`
     /// for an instrument.
     pub surrogate_vs_fe_max_um: Option<f64>,
+    /// Displacement that the mesh's error makes, in µm; `None` where it is not known.
+    pub fe_discretisation_um: Option<f64>,
     /// What the user should know.
     pub warnings: Vec<Warning>,
 }
@@ -116,7 +118,7 @@ pub fn run(problem: &Problem, kept_surrogate: Option<KeptSurrogate>, monitor: &d
     if problem.finite_elements().is_some() {
         monitor.stage("checking by full finite elements");
     }
-    let surrogate_vs_fe_max_m = distance_from_full_m(problem, &reduced, &law_parameters)?;
+    let surrogate_vs_fe_max_m = full_run(problem, &reduced, &law_parameters)?;
     let summary = summarise(problem, &data, &searches, best, surrogate_vs_fe_max_m);
     Ok(FitResult { summary, law_parameters, log_covariance: best.covariance.clone(), reduced })
 }
@@ -226,8 +228,16 @@ fn best_of(searches: &[Fit]) -> &Fit {
     searches.iter().fold(&searches[0], |best, next| if lower(next, best) { next } else { best })
 }
 
-/// Largest distance (m) of the reduced from the full-order trajectory over the whole record; `None` without finite elements.
-fn distance_from_full_m(problem: &Problem, reduced: &Reduced, law_parameters: &[f64]) -> Result<Option<f64>> {
+/// What a full-order run at the estimate says, over the whole record.
+struct FullRun {
+    /// Largest distance of the reduced from the full-order trajectory, in m.
+    distance_m: f64,
+    /// Largest displacement that the mesh's error makes, in m; `None` where it is not known.
+    discretisation_m: Option<f64>,
+}
+
+/// One full-order run; `None` without finite elements.
+fn full_run(problem: &Problem, reduced: &Reduced, law_parameters: &[f64]) -> Result<Option<FullRun>> {
     let Some(fe) = problem.finite_elements() else { return Ok(None) };
     let record = &problem.experiment.record;
     let model = FullOrderModel::new(&fe.stiffness, fe.poisson_ratio)?;
@@ -235,7 +245,10 @@ fn distance_from_full_m(problem: &Problem, reduced: &Reduced, law_parameters: &[
     let full = FullForward { model: &model, load: &load, law: problem.law, scheme: TimeScheme::Exponential };
     let full_m = full.trajectory_m(law_parameters)?;
     let reduced_m = problem.reduced_forward(reduced).trajectory_m(law_parameters)?;
-    Ok(Some(full_m.iter().zip(&reduced_m).fold(0.0, |d: f64, (x, y)| d.max((x - y).abs()))))
+    let distance_m = full_m.iter().zip(&reduced_m).fold(0.0, |d: f64, (x, y)| d.max((x - y).abs()));
+    let amplitude_m = full_m.iter().fold(0.0, |a: f64, x| a.max(x.abs()));
+    let relative = fe.comparison.map(|other| other.relative_error(model.compliance_per_m()).abs());
+    Ok(Some(FullRun { distance_m, discretisation_m: relative.map(|error| error * amplitude_m) }))
 }
 
 fn summarise(
@@ -243,7 +256,7 @@ fn summarise(
     data: &CreepResiduals,
     searches: &[Fit],
     best: &Fit,
-    surrogate_vs_fe_max_m: Option<f64>,
+    full: Option<FullRun>,
 ) -> FitSummary {
     let n = data.observed.len();
     let parameters = data.free.iter().enumerate().map(|(k, &j)| {
@@ -271,7 +284,8 @@ fn summarise(
         converged: best.converged,
         starts: searches.len(),
         starts_agreeing: searches.iter().filter(|search| is_same_minimum(search, best)).count(),
-        surrogate_vs_fe_max_um: surrogate_vs_fe_max_m.map(|x| 1e6 * x),
+        surrogate_vs_fe_max_um: full.as_ref().map(|full| 1e6 * full.distance_m),
+        fe_discretisation_um: full.as_ref().and_then(|full| full.discretisation_m).map(|x| 1e6 * x),
         warnings: Vec::new(),
     };
     let at_end = data.at_end_of_range(&best.theta);
@@ -311,6 +325,9 @@ fn warnings(summary: &FitSummary, at_end: &[&str]) -> Vec<Warning> {
     if let Some(noise_um) = summary.noise_um {
         list.extend(misfit_warning(&[("fitted", Some(summary.rmse_um))], noise_um));
         list.extend(surrogate_warning(summary.surrogate_vs_fe_max_um.unwrap_or(0.0), None, noise_um));
+        if summary.surrogate_vs_fe_max_um.is_some() {
+            list.extend(mesh_warning(summary.fe_discretisation_um, noise_um));
+        }
     }
     list
 }
