@@ -252,6 +252,16 @@ mod tests {
         }
     }
 
+    /// Too few modes: both reported errors must show it, the trajectory's as the square of the field's.
+    #[test]
+    fn a_truncated_family_reports_its_errors() {
+        let (_, surrogate) = train_on(1, 6, [0.3, 0.499], 0.05);
+        assert_eq!(surrogate.n_modes(), 2, "{:?}", &surrogate.singular_values[..4]);
+        let (field, trajectory) = (surrogate.max_projection_error, surrogate.max_relative_error);
+        assert!(field > 1e-3 && field < 0.1, "{field}");
+        assert!(trajectory > 0.05 * field * field && trajectory < 20.0 * field * field, "{trajectory} with {field}");
+    }
+
     #[test]
     fn queries_outside_the_trained_range_are_refused() {
         let (_, surrogate) = train_on(1, 6, [0.48, 0.48], 1e-8);
