@@ -279,15 +279,18 @@ fn walkers_left_behind_to_the_end_are_said_and_not_called_converged() {
     }
 }
 
-/// The other bump is come upon when burning in again is out of the question. That is said; but walkers drawn anew would break
-/// the chains whose draws are kept: some 0.7 of the 128 walkers would change bumps at once, where the moves take a dozen.
+/// The other bump is come upon when burning in again is out of the question, and before the end. That is said; but walkers drawn
+/// anew would break the chains whose draws are kept: more than half of the 128 would change bumps at once, where the moves take a
+/// dozen or two. The seeds are some with which the bump is found that late.
 #[test]
 fn a_mode_found_after_the_last_freeze_moves_nobody() {
-    let outcome = unknown_bump(5, 16.0, 4_000, false);
-    assert_eq!(outcome.modes.len(), 2);
-    assert!(outcome.messages.iter().any(|message| message.contains("left behind")), "{:?}", outcome.messages);
-    let most = most_walkers_that_leap(&outcome);
-    assert!(most > 0 && most < 32, "{most} walkers changed bumps at once");
+    for seed in [5, 15, 17] {
+        let outcome = unknown_bump(seed, 16.0, 3_000, false);
+        assert_eq!(outcome.modes.len(), 2);
+        assert!(outcome.messages.iter().any(|message| message.contains("left behind")), "{:?}", outcome.messages);
+        let most = most_walkers_that_leap(&outcome);
+        assert!(most > 0 && most < 48, "{most} walkers changed bumps at once");
+    }
 }
 
 /// Most walkers of all ensembles that change bumps in one kept step.
