@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
 use vitreo_uq::Error;
 use vitreo_uq::inference::LogDensity;
-use vitreo_uq::inference::ensemble::{Batches, Checkpointing, RunControl, SampleOutcome};
+use vitreo_uq::inference::ensemble::{Batches, Checkpointing, Demands, RunControl, SampleOutcome};
 use vitreo_uq::inference::{SamplerOptions, sample};
 
 /// A curved ridge, x₀ ~ N(0, 1), x₁ | x₀ ~ N(x₀², 1), x₂ ~ N(0, 1). Counts its points and sets a flag at one of them.
@@ -235,4 +235,85 @@ fn too_few_steps_are_said_in_words() {
     assert!(outcome.messages.iter().any(|message| message.contains("wanted")), "{:?}", outcome.messages);
     assert_eq!(outcome.n_steps, 64);
     assert!(!outcome.draws.is_empty());
+}
+
+/// Demands that any run meets.
+const NO_DEMANDS: Demands = Demands { autocorrelation_times: 1.0, rhat: 10.0, ess: 1.0, rhat_walkers: 10.0 };
+
+/// Only what follows the freeze is kept: as many steps as were made since.
+#[test]
+fn a_freeze_discards_the_burn_in() {
+    let options = SamplerOptions { store_every: Some(1), ..options(1, Batches::Whole) };
+    let outcome = sample(&Banana::stopping_at(u64::MAX), &starts(), &options, &RunControl::default()).unwrap();
+    assert!(outcome.freeze_step >= 128, "{}", outcome.freeze_step);
+    assert_eq!(outcome.draws.n_steps as u64, outcome.n_steps - outcome.freeze_step);
+}
+
+/// Two bumps of which the starts know the first only; a few walkers come upon the other, and neither is of no weight.
+fn unknown_bump(seed: u64, gap: f64, max_steps: u64, stop_when_converged: bool) -> SampleOutcome {
+    let target = TwoBumps { weight: 0.3, gap, ratio: 2.0 };
+    let options = SamplerOptions {
+        seed,
+        max_steps,
+        jump_fraction: 0.0,
+        store_every: Some(1),
+        stop_when_converged,
+        demands: NO_DEMANDS,
+        ..SamplerOptions::default()
+    };
+    sample(&target, &[vec![-0.5, 0.5]], &options, &RunControl::default()).unwrap()
+}
+
+/// A quarter of 400 steps is past at the first judgement, which finds walkers in a bump that none began from: there is no time to
+/// burn in again, and demands that are met otherwise do not make the run a converged one. With more steps there is time.
+#[test]
+fn walkers_left_behind_to_the_end_are_said_and_not_called_converged() {
+    for seed in [1, 2, 4] {
+        let short = unknown_bump(seed, 14.0, 400, true);
+        assert_eq!(short.modes.len(), 2);
+        assert!(!short.converged);
+        assert!(short.messages.iter().all(|message| message.contains("left behind")), "{:?}", short.messages);
+        assert_eq!(short.messages.len(), 1);
+        let long = unknown_bump(seed, 14.0, 20_000, true);
+        assert!(long.converged && long.messages.is_empty(), "{:?}", long.messages);
+    }
+}
+
+/// The other bump is come upon when burning in again is out of the question, and before the end. That is said; but walkers drawn
+/// anew would break the chains whose draws are kept: more than half of the 128 would change bumps at once, where the moves take a
+/// dozen or two. The seeds are some with which the bump is found that late.
+#[test]
+fn a_mode_found_after_the_last_freeze_moves_nobody() {
+    for seed in [5, 15, 17] {
+        let outcome = unknown_bump(seed, 16.0, 3_000, false);
+        assert_eq!(outcome.modes.len(), 2);
+        assert!(outcome.messages.iter().any(|message| message.contains("left behind")), "{:?}", outcome.messages);
+        let most = most_walkers_that_leap(&outcome);
+        assert!(most > 0 && most < 48, "{most} walkers changed bumps at once");
+    }
+}
+
+/// Most walkers of all ensembles that change bumps in one kept step.
+fn most_walkers_that_leap(outcome: &SampleOutcome) -> usize {
+    let draws = &outcome.draws;
+    let walkers = || (0..draws.n_ensembles).flat_map(|e| (0..draws.n_walkers).map(move |w| (e, w)));
+    let leaps =
+        |step: usize, (e, w): (usize, usize)| (draws.value(e, step, w, 0) - draws.value(e, step - 1, w, 0)).abs() > 5.0;
+    (1..draws.n_steps).map(|step| walkers().filter(|&walker| leaps(step, walker)).count()).max().unwrap_or(0)
+}
+
+/// Walkers that share themselves out rightly between two bumps but never change over know nothing of the weights: the bumps'
+/// scales are so different that no move of the ensemble leads from one to the other. Only R̂ over walkers tells.
+#[test]
+fn walkers_that_keep_to_their_bumps_are_not_called_converged() {
+    let target = TwoBumps { weight: 0.6, gap: 30.0, ratio: 1e-4 };
+    let options = SamplerOptions { jump_fraction: 0.0, max_steps: 4_000, ..SamplerOptions::default() };
+    let starts = [vec![0.5, 0.5], vec![30.0, 1e-5]];
+    let outcome = sample(&target, &starts, &options, &RunControl::default()).unwrap();
+    assert_eq!(outcome.modes.len(), 2);
+    let column = outcome.draws.column(0).values;
+    let share = column.iter().filter(|&&x| x < 15.0).count() as f64 / column.len() as f64;
+    assert!((share - 0.6).abs() < 0.02, "{share}");
+    assert!(!outcome.converged);
+    assert!(outcome.messages.iter().any(|message| message.contains("walkers keep")), "{:?}", outcome.messages);
 }

@@ -3,11 +3,11 @@
 
 mod creep_posterior;
 
-use creep_posterior::{CreepPosterior, draw_prior, over_cores};
+use creep_posterior::over_cores;
 use std::collections::BTreeMap;
 use std::sync::OnceLock;
 
-use statrs::distribution::{ChiSquared, ContinuousCDF};
+use statrs::distribution::{ChiSquared, ContinuousCDF, Normal};
 use vitreo_uq::inference::ensemble::{RandomStream, RunControl};
 use vitreo_uq::inference::likelihood::ReducedPosterior;
 use vitreo_uq::inference::prior::PriorSet;
@@ -16,8 +16,8 @@ use vitreo_uq::model::{SumOfSquares, TrainedRange, convolve_m};
 use vitreo_uq::rheology::BaseLaw;
 
 const N_REPLICATES: u64 = 512;
-/// Enough to catch a gross mistake.
-const N_REPLICATES_WRONG: u64 = 128;
+/// Enough to catch noise taken for 1.3 times less than it is.
+const N_REPLICATES_WRONG: u64 = 256;
 /// Posterior draws that the truth is ranked among: one less than a multiple of the number of bins.
 const N_DRAWS: usize = 127;
 /// From so wide a prior the data of about one draw in twelve leave a thin, curved ridge, on which walkers need tens of thousands of
@@ -87,9 +87,42 @@ fn chi_squares(ranks: &Ranks) -> Vec<f64> {
     (0..ranks.ranks[0].len()).map(of_quantity).collect()
 }
 
-/// Exceeded by one of the five quantities once in 10⁶ calibrations of a right program.
-fn threshold() -> f64 {
-    ChiSquared::new(N_BINS as f64 - 1.0).unwrap().inverse_cdf(1.0 - FALSE_FAILURE_RATE / 5.0)
+/// Two statistics of one quantity's ranks, standard normal if ranks are uniform.
+#[derive(Debug)]
+struct Scores {
+    /// Of the mean rank: a biased posterior shows here.
+    place: f64,
+    /// Of the mean squared distance of ranks from the middle: positive for a posterior too narrow, negative for one too wide.
+    spread: f64,
+}
+
+/// Ranks as u = (rank + ½)/(N_DRAWS + 1): mean ½ and variance 1/12; (u − ½)² has mean 1/12 and variance 1/180 (but for 1/N_DRAWS²).
+/// For a Gaussian posterior whose sd is wrong by a factor f, u = Φ(z/f): with 512 replicates the expected spread reaches the limit at
+/// f = 0.83 or 1.22, that is, half of such mistakes are caught; the χ² of 16 bins needs 0.80 or 1.31.
+fn scores(ranks: &Ranks) -> Vec<Scores> {
+    let n = ranks.ranks.len() as f64;
+    let of_quantity = |q: usize| {
+        let offsets = ranks.ranks.iter().map(|row| (row[q] as f64 + 0.5) / (N_DRAWS as f64 + 1.0) - 0.5);
+        let (sum, squares) = offsets.fold((0.0, 0.0), |(sum, squares), u| (sum + u, squares + u * u));
+        Scores {
+            place: sum / n / (1.0 / 12.0 / n).sqrt(),
+            spread: (squares / n - 1.0 / 12.0) / (1.0 / 180.0 / n).sqrt(),
+        }
+    };
+    (0..ranks.ranks[0].len()).map(of_quantity).collect()
+}
+
+/// Statistics asserted of a right program: χ², place and spread of five quantities.
+const N_ASSERTIONS: f64 = 15.0;
+
+/// Exceeded by one or more of all χ² and scores once in 10⁶ calibrations of a right program, together with [`score_limit`].
+fn chi_square_limit() -> f64 {
+    ChiSquared::new(N_BINS as f64 - 1.0).unwrap().inverse_cdf(1.0 - FALSE_FAILURE_RATE / N_ASSERTIONS)
+}
+
+/// Limit of a score's magnitude (two-sided).
+fn score_limit() -> f64 {
+    Normal::standard().inverse_cdf(1.0 - 0.5 * FALSE_FAILURE_RATE / N_ASSERTIONS)
 }
 
 /// Compliance of the porcine apparatus (physics §4.10), in 1/m.
@@ -111,40 +144,45 @@ fn trained() -> &'static [TrainedRange] {
 }
 
 /// The posterior that `sample` samples: porcine prior, reduced model, vectorised likelihood, one cycle at 20 Hz.
-fn reduced_posterior(truth: &[f64], stream: &mut RandomStream) -> ReducedPosterior<'static> {
+/// `noise_factor` multiplies σ in the data: 1, or a deliberate mistake.
+fn reduced_posterior(truth: &[f64], stream: &mut RandomStream, noise_factor: f64) -> ReducedPosterior<'static> {
     let natural = priors().from_unconstrained(truth);
     let time_s: Vec<f64> = (0..200).map(|i| 0.05 * f64::from(i)).collect();
     let force_n: Vec<f64> = (0..200).map(|i| if i < 100 { 4.6e-6 } else { -4.6e-6 }).collect();
     let law = BaseLaw::Lethersich;
     let position_m = convolve_m(COMPLIANCE_PER_M, &law.creep_compliance(&natural[..3]), &time_s, &force_n);
-    let observed: Vec<Option<f64>> = position_m.iter().map(|x| Some(x + 1e-6 * natural[3] * stream.normal())).collect();
+    let noise_sd_m = noise_factor * 1e-6 * natural[3];
+    let observed: Vec<Option<f64>> = position_m.iter().map(|x| Some(x + noise_sd_m * stream.normal())).collect();
     let data = SumOfSquares::new(&time_s, &force_n, &observed);
     ReducedPosterior::new(law, COMPLIANCE_PER_M, trained(), data, priors(), &BTreeMap::new())
 }
 
-#[test]
-fn ranks_on_the_surrogate_are_uniform() {
+/// Ranks of `n_replicates` truths from the porcine prior.
+fn reduced_ranks(n_replicates: u64, noise_factor: f64) -> Ranks {
     let draw_prior = |stream: &mut RandomStream| {
         let draw = priors().priors().iter().map(|prior| prior.distribution.quantile(stream.unit()));
         priors().to_unconstrained(&draw.collect::<Vec<f64>>())
     };
-    let ranks = calibrate(&Problem { draw_prior, build: reduced_posterior }, N_REPLICATES);
-    let chi2 = chi_squares(&ranks);
-    println!("χ² {chi2:?}, limit {:.1}, unconverged {}", threshold(), ranks.n_unconverged);
-    assert!(chi2.iter().all(|&value| value < threshold()), "{chi2:?}");
+    let build = |truth: &[f64], stream: &mut RandomStream| reduced_posterior(truth, stream, noise_factor);
+    calibrate(&Problem { draw_prior, build }, n_replicates)
+}
+
+#[test]
+fn ranks_on_the_surrogate_are_uniform() {
+    let ranks = reduced_ranks(N_REPLICATES, 1.0);
+    let (chi2, scores) = (chi_squares(&ranks), scores(&ranks));
+    println!("χ² {chi2:?}, limit {:.1}, unconverged {}", chi_square_limit(), ranks.n_unconverged);
+    println!("{scores:?}, limit {:.2}", score_limit());
+    assert!(chi2.iter().all(|&value| value < chi_square_limit()), "{chi2:?}");
+    assert!(scores.iter().all(|s| s.place.abs() < score_limit() && s.spread.abs() < score_limit()), "{scores:?}");
     let share = ranks.n_unconverged as f64 / N_REPLICATES as f64;
     assert!(share < LARGEST_UNCONVERGED_SHARE, "{} unconverged", ranks.n_unconverged);
 }
 
-/// The harness can fail: a likelihood that takes σ for 1.5 σ is caught by the rank of σ.
+/// The harness can fail: data with 1.3 times the noise of the truth give too large a σ, which is caught by the place of σ's rank.
 #[test]
 fn a_wrong_likelihood_is_caught() {
-    let build = |truth: &[f64], stream: &mut RandomStream| {
-        let mut posterior = CreepPosterior::simulated(truth, stream);
-        posterior.sigma_factor = 1.5;
-        posterior
-    };
-    let chi2 = chi_squares(&calibrate(&Problem { draw_prior, build }, N_REPLICATES_WRONG));
-    println!("χ² {chi2:?}");
-    assert!(chi2[3] > threshold(), "{chi2:?}");
+    let scores = scores(&reduced_ranks(N_REPLICATES_WRONG, 1.3));
+    println!("{scores:?}, limit {:.2}", score_limit());
+    assert!(scores[3].place.abs() > score_limit(), "{scores:?}");
 }

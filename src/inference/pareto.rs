@@ -1,16 +1,19 @@
 //! Pareto k̂ of importance weights: how far their tail can be trusted.
 
+/// Range of ln w below which weights count as equal: the log likelihoods that they come from carry rounding errors of their own.
+const EQUAL_LN_WEIGHTS: f64 = 1e-4;
+
 /// Tail shape k̂ of importance weights given by their logarithms (Vehtari, Simpson, Gelman, Yao, Gabry 2024, "Pareto smoothed importance
 /// sampling", JMLR 25:72; the fit is that of Zhang and Stephens 2009, doi:10.1198/tech.2009.08017).
 ///
-/// Below 0.7 importance sampling is reliable. 0 where all weights are equal to within `1e-9`: there is nothing to reweight, and the shape of
-/// rounding errors would mean nothing. Infinite with fewer than five weights in the tail.
+/// Below 0.7 importance sampling is reliable. 0 where the logarithms differ by less than 1e-4: there is nothing to reweight, and the tail's
+/// shape would be that of rounding errors. Infinite with fewer than five weights in the tail.
 pub fn pareto_k(ln_weights: &[f64]) -> f64 {
     let n = ln_weights.len() as f64;
     let mut sorted = ln_weights.to_vec();
     sorted.sort_by(f64::total_cmp);
     let (Some(&smallest), Some(&largest)) = (sorted.first(), sorted.last()) else { return f64::INFINITY };
-    if largest - smallest < 1e-9 {
+    if largest - smallest < EQUAL_LN_WEIGHTS {
         return 0.0;
     }
     let n_tail = (0.2 * n).min(3.0 * n.sqrt()).ceil() as usize;
@@ -56,6 +59,36 @@ mod tests {
     fn equal_weights_have_no_tail_and_few_weights_no_estimate() {
         assert_eq!(pareto_k(&[-3.0; 100]), 0.0);
         assert_eq!(pareto_k(&[1.0, 2.0, 3.0]), f64::INFINITY);
+    }
+
+    /// Ranges of 0.9e-4 and 1.1e-4 in ln w lie on either side of the limit.
+    #[test]
+    fn weights_equal_up_to_rounding_have_no_tail() {
+        let within = |range: f64| -> Vec<f64> { (0..100).map(|i| -700.0 + range * f64::from(i) / 99.0).collect() };
+        assert_eq!(pareto_k(&within(0.9e-4)), 0.0);
+        assert_ne!(pareto_k(&within(1.1e-4)), 0.0);
+    }
+
+    /// k̂ of `arviz.psislw` 0.23.4 for the same logarithms: heavy, light and bounded tails, few and many weights.
+    #[test]
+    fn shapes_are_those_of_arviz() {
+        let pareto =
+            |n: u32, k: f64| -> Vec<f64> { (1..=n).map(|i| -k * ((f64::from(i) - 0.5) / f64::from(n)).ln()).collect() };
+        let golden = |i: u32| (f64::from(i) * 0.618_033_988_749_894_9) % 1.0;
+        let sine = |n: u32, scale: f64| -> Vec<f64> { (1..=n).map(|i| scale * f64::from(i).sin()).collect() };
+        let cases = [
+            (pareto(50, 0.7), 0.540_828_212_163_428_6),
+            (pareto(200, 0.3), 0.349_036_971_473_985_9),
+            (pareto(600, 1.2), 1.080_632_043_653_352),
+            ((1..=300).map(|i| 0.5 * (6.0 * golden(i) - 3.0).powi(2)).collect(), -0.293_826_427_654_561_85),
+            (sine(80, 2.0), -0.712_040_519_562_677_1),
+            ((1..=400).map(|i| -golden(i)).collect(), -0.684_443_013_166_308_2),
+            (sine(100, 1e-3), -0.838_424_840_578_327_3),
+        ];
+        for (ln_weights, expected) in cases {
+            let found = pareto_k(&ln_weights);
+            assert!((found - expected).abs() < 1e-6, "{found} against {expected} of {} weights", ln_weights.len());
+        }
     }
 
     /// Weights with a Pareto tail of index α have k = 1/α. 200,000 weights leave about 1,340 in the tail; k̂ then has a standard

@@ -152,10 +152,30 @@ mod tests {
         for (ours, theirs) in [
             (found.rhat, chains::rhat(&chains)),
             (found.ess_bulk, chains::ess_bulk(&chains)),
+            (found.ess_tail, chains::ess_tail(&chains)),
             (found.mcse_mean, chains::mcse_mean(&chains)),
         ] {
             assert!((ours / theirs - 1.0).abs() < 5e-3, "{ours} against {theirs}");
         }
+    }
+
+    /// Four ensembles of eight walkers, 500 steps each, the last one's draws moved and stretched.
+    fn rhat_with_one_ensemble(shift: f64, scale: f64) -> f64 {
+        let mut column = column(500, 8, 0.5, 0.0);
+        let first = 3 * column.n_steps * column.n_walkers;
+        column.values[first..].iter_mut().for_each(|x| *x = shift + scale * *x);
+        diagnose(&column, &BlomScores::new(column.values.len())).rhat
+    }
+
+    /// A shift of one ensemble in four by δ sd gives its eight half chains' means a variance of 8/7·(1/4)(3/4)δ²: R̂ = 1.026 for
+    /// δ = ½, above the 1.01 that a run demands, and 1.059 for δ = ¾. An ensemble's mean has a standard error of √(3/4000) = 0.03,
+    /// by which R̂ varies by 0.004 to 0.005. A doubled scale about the same median shows in the folded scores alone.
+    #[test]
+    fn one_ensemble_unlike_the_others_is_seen_by_rhat() {
+        assert!(rhat_with_one_ensemble(0.0, 1.0) < 1.005);
+        assert!(rhat_with_one_ensemble(0.5, 1.0) > 1.01);
+        assert!(rhat_with_one_ensemble(0.75, 1.0) > 1.04);
+        assert!(rhat_with_one_ensemble(0.0, 2.0) > 1.05);
     }
 
     /// Var of the mean of W walkers with mutual correlation c is σ²(c + (1 − c)/W): the effective number falls by

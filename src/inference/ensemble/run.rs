@@ -259,18 +259,14 @@ impl<'a> Run<'a> {
         let burnt = if self.course.phase == Phase::BurnIn { steps } else { self.course.base_step };
         // An unknown time (NaN) is no reason to go on burning: the sampling phase will tell.
         let too_short = (burnt as f64) < BURN_IN_TIMES * time;
+        // Said whatever comes next: a further freeze brings no walker back.
+        self.course.forced |= recovery.disturbed() && !may_burn;
         match self.course.phase {
             _ if may_burn && recovery.disturbed() => self.burn_in(steps),
             Phase::BurnIn if may_burn && too_short => self.burn_in(steps),
             Phase::Sampling if 2 * steps <= self.options.max_steps && too_short => self.freeze(steps, time, &draws),
-            Phase::BurnIn => {
-                self.course.forced |= recovery.disturbed();
-                self.freeze(steps, time, &draws);
-            }
-            Phase::Sampling => {
-                self.course.forced |= recovery.disturbed();
-                return Ok(self.judge(draws, time, &recovery));
-            }
+            Phase::BurnIn => self.freeze(steps, time, &draws),
+            Phase::Sampling => return Ok(self.judge(draws, time, &recovery)),
         }
         Ok(None)
     }
@@ -354,14 +350,10 @@ impl<'a> Run<'a> {
     /// Looks for walkers left behind and brings them back.
     fn recover(&mut self, draws: &Draws) -> Result<Recovery> {
         let counting = CountingDensity::new(self.density);
-        let recovery = recover(
-            &counting,
-            draws,
-            &mut self.course.modes,
-            &mut self.lanes,
-            self.course.phase == Phase::Sampling && 4 * self.course.target_step > self.options.max_steps,
-        )?;
-        if recovery.new_heavy_mode {
+        // Draws that are kept must come from the kernel alone.
+        let only_look = self.course.phase == Phase::Sampling && 4 * self.course.target_step > self.options.max_steps;
+        let recovery = recover(&counting, draws, &mut self.course.modes, &mut self.lanes, only_look)?;
+        if recovery.new_heavy_mode && !only_look {
             self.place_all(&counting)?;
         }
         self.course.walkers_reseeded += recovery.reseeded;
