@@ -19,7 +19,7 @@ mod revision;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-pub use model_specification::{AVAILABLE_BASES, AVAILABLE_EFFECTS, AVAILABLE_NOISE, ModelSpecification};
+pub use model_specification::{AVAILABLE_EFFECTS, AVAILABLE_NOISE, ModelSpecification};
 pub use provenance::{Provenance, WithProvenance, sha256_hex};
 pub use revision::RevisionWriter;
 

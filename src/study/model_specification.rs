@@ -9,10 +9,9 @@ use crate::document::{Document, text_of};
 use crate::error::{Error, Place, Result};
 use crate::files::write_atomically;
 use crate::inference::prior::{BASE_PARAMETERS, PriorSet};
+use crate::rheology::BaseLaw;
 use crate::units::nearest_name;
 
-/// Base laws that this version has.
-pub const AVAILABLE_BASES: &[&str] = &["lethersich"];
 /// Effects that this version has.
 pub const AVAILABLE_EFFECTS: &[&str] = &[];
 /// Noise models that this version has.
@@ -38,7 +37,7 @@ pub struct ModelSpecification {
 impl Default for ModelSpecification {
     fn default() -> Self {
         Self {
-            base: "lethersich".into(),
+            base: BaseLaw::default().name().into(),
             effects: Vec::new(),
             noise: vec!["white".into()],
             prior: PriorSet::embedded_names().next().unwrap_or("porcine").into(),
@@ -84,7 +83,7 @@ impl ModelSpecification {
                 return Err(root.refuse(
                     "base",
                     "networks are not available in this version",
-                    available(AVAILABLE_BASES),
+                    available(&BaseLaw::ALL.map(BaseLaw::name)),
                 ));
             }
             _ => root.required_text("base", "base = \"lethersich\"")?,
@@ -163,7 +162,7 @@ impl ModelSpecification {
     }
 
     fn check(&self, places: &Places<'_>) -> Result<()> {
-        check_known(places, "base", std::slice::from_ref(&self.base), AVAILABLE_BASES)?;
+        check_known(places, "base", std::slice::from_ref(&self.base), &BaseLaw::ALL.map(BaseLaw::name))?;
         check_known(places, "effects", &self.effects, AVAILABLE_EFFECTS)?;
         check_known(places, "noise", &self.noise, AVAILABLE_NOISE)?;
         if self.noise.is_empty() {

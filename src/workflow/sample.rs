@@ -330,3 +330,23 @@ fn monte_carlo_m(trajectories_m: &[Vec<f64>], mean_m: &[f64]) -> f64 {
     let squares: f64 = trajectories_m.iter().flat_map(|t| t.iter().zip(mean_m)).map(|(x, m)| (x - m).powi(2)).sum();
     (squares / (n * (n - 1.0)) / mean_m.len() as f64).sqrt()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::study::ModelSpecification;
+    use crate::workflow::{Silent, replica};
+
+    /// A checkpoint of another mesh's posterior must not be resumed: its mechanics are part of what the sampler hashes.
+    #[test]
+    fn other_mechanics_have_another_fingerprint() {
+        let (experiment, _) = replica::embedded().expect("embedded");
+        let problem = Problem::new(experiment, ModelSpecification::default(), None, &Silent).expect("sound");
+        let of = |compliance_per_m: f64| {
+            let reduced = Reduced { surrogate: None, compliance_per_m, trained: problem.training_ranges() };
+            fingerprint(&problem, &problem.posterior(&reduced))
+        };
+        assert_eq!(of(549.0), of(549.0));
+        assert_ne!(of(549.0), of(549.0 * (1.0 + f64::EPSILON)));
+    }
+}

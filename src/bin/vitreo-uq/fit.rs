@@ -4,6 +4,7 @@ use std::process::ExitCode;
 
 use vitreo_uq::error::Result;
 use vitreo_uq::files::write_json_atomically;
+use vitreo_uq::inference::prior::NOISE;
 use vitreo_uq::report::labels::of_parameter;
 use vitreo_uq::study::{FIT_NAME, WithProvenance};
 use vitreo_uq::workflow::artefacts;
@@ -51,7 +52,7 @@ fn words(summary: &FitSummary) -> String {
         format!("  {:<12}{:>11}{:>18}", "parameter", "estimate", "standard error"),
     ];
     lines.extend(summary.parameters.iter().map(row));
-    let fixed = summary.fixed.iter().filter(|(name, _)| name.as_str() != "noise_sd_um");
+    let fixed = summary.fixed.iter().filter(|(name, _)| name.as_str() != NOISE.name);
     lines.extend(
         fixed.map(|(name, value)| format!("  {:<12}{:>11}{:>18}", axis(name), significant(*value), "held fixed")),
     );
