@@ -6,7 +6,9 @@
 //! → [`inference`] (priors, likelihood, sampler, diagnostics) → [`study`] (what is kept on disk)
 //! → [`report`] (figures and exchange formats).
 
+pub mod distribution;
 mod document;
+pub mod effects;
 pub mod error;
 pub mod experiment;
 pub mod files;
@@ -15,6 +17,7 @@ pub mod fe;
 pub mod inference;
 pub mod mesh;
 pub mod model;
+pub mod number;
 pub mod parameter;
 pub mod report;
 pub mod rheology;

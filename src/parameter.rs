@@ -11,6 +11,13 @@ pub struct ParameterSpec {
     pub support: Support,
 }
 
+impl ParameterSpec {
+    /// A parameter.
+    pub const fn new(name: &'static str, unit: &'static str, support: Support) -> Self {
+        Self { name, unit, support }
+    }
+}
+
 /// An interval; infinite ends are open.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Support {

@@ -7,12 +7,14 @@ mod cycles;
 mod noise;
 mod read;
 mod record;
+mod scales;
 mod trajectory;
 
 pub use apparatus::{Apparatus, Orientation, Robot, RobotShape, Vitreous};
 pub use noise::{NoiseOrigin, NoiseYardstick};
 pub use read::{ExperimentFiles, Note};
 pub use record::Record;
+pub use scales::Scales;
 
 /// One experiment, validated, in SI units.
 #[derive(Debug, Clone, PartialEq)]

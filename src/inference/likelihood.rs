@@ -108,7 +108,7 @@ impl LogDensity for ReducedPosterior<'_> {
             }
         }
         self.priors.add_ln_pdf_unconstrained(points, log_density);
-        let BaseLaw::Lethersich = self.law;
+        debug_assert_eq!(self.law, BaseLaw::Lethersich);
         let (law, noise_sd_um) = values.split_at_mut(3 * n);
         let (young, viscosities) = law.split_at_mut(n);
         let (viscosity_1, viscosity_2) = viscosities.split_at_mut(n);

@@ -2,7 +2,7 @@
 
 pub mod checkpoint;
 pub mod diagnostics;
-pub mod distribution;
+pub use crate::distribution;
 pub mod ensemble;
 pub mod least_squares;
 pub mod likelihood;

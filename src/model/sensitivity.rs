@@ -35,6 +35,7 @@ pub fn log_sensitivities_m(
             }
             columns
         }
+        BaseLaw::Burgers | BaseLaw::TwoElement => Vec::new(),
     }
 }
 

@@ -1,5 +1,10 @@
 //! Springs, dashpots and their creep compliance (physics §2). Scalar: space enters only through [`crate::fe`].
 
+mod element;
+
+pub use element::Element;
+
+use crate::number::Dual;
 use crate::parameter::{ParameterSpec, Support};
 
 /// Creep compliance of a linear law as a sum of branches in series that all carry the stress s:
@@ -32,33 +37,48 @@ impl CreepCompliance {
 }
 
 /// A constitutive law that a model starts from, before effects are added.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum BaseLaw {
     /// Kelvin–Voigt body in series with a dashpot: `young_modulus_pa`, `viscosity_1_pa_s`, `viscosity_2_pa_s`.
     #[default]
     Lethersich,
+    /// Lethersich with a spring in series: adds `instantaneous_modulus_pa`.
+    Burgers,
+    /// Lethersich with a second Kelvin–Voigt body in series: adds `second_modulus_pa`, `second_viscosity_pa_s`.
+    TwoElement,
 }
 
+const YOUNG_MODULUS: ParameterSpec = ParameterSpec::new("young_modulus_pa", "Pa", Support::POSITIVE);
+const VISCOSITY_1: ParameterSpec = ParameterSpec::new("viscosity_1_pa_s", "Pa s", Support::POSITIVE);
+const VISCOSITY_2: ParameterSpec = ParameterSpec::new("viscosity_2_pa_s", "Pa s", Support::POSITIVE);
+
 /// Parameters of [`BaseLaw::Lethersich`].
-pub const LETHERSICH: [ParameterSpec; 3] = [
-    ParameterSpec { name: "young_modulus_pa", unit: "Pa", support: Support::POSITIVE },
-    ParameterSpec { name: "viscosity_1_pa_s", unit: "Pa s", support: Support::POSITIVE },
-    ParameterSpec { name: "viscosity_2_pa_s", unit: "Pa s", support: Support::POSITIVE },
+pub const LETHERSICH: &[ParameterSpec] = &[YOUNG_MODULUS, VISCOSITY_1, VISCOSITY_2];
+const BURGERS: &[ParameterSpec] =
+    &[YOUNG_MODULUS, VISCOSITY_1, VISCOSITY_2, ParameterSpec::new("instantaneous_modulus_pa", "Pa", Support::POSITIVE)];
+const TWO_ELEMENT: &[ParameterSpec] = &[
+    YOUNG_MODULUS,
+    VISCOSITY_1,
+    VISCOSITY_2,
+    ParameterSpec::new("second_modulus_pa", "Pa", Support::POSITIVE),
+    ParameterSpec::new("second_viscosity_pa_s", "Pa s", Support::POSITIVE),
 ];
 
 impl BaseLaw {
-    /// All laws.
-    pub const ALL: [Self; 1] = [Self::Lethersich];
+    /// The laws that have a name.
+    pub const NAMED: [Self; 3] = [Self::Lethersich, Self::Burgers, Self::TwoElement];
 
     /// The law of a name.
     pub fn named(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|law| law.name() == name)
+        Self::NAMED.into_iter().find(|law| law.name() == name)
     }
 
     /// Name for people.
     pub fn title(self) -> &'static str {
         match self {
             Self::Lethersich => "Lethersich",
+            Self::Burgers => "Burgers",
+            Self::TwoElement => "two-element",
         }
     }
 
@@ -66,32 +86,50 @@ impl BaseLaw {
     pub fn name(self) -> &'static str {
         match self {
             Self::Lethersich => "lethersich",
+            Self::Burgers => "burgers",
+            Self::TwoElement => "two-element",
         }
     }
 
-    /// The law's parameters, in the order in which [`Self::creep_compliance`] takes them.
+    /// The law's parameters, in the order in which [`Self::elements`] takes them.
     pub fn parameters(self) -> &'static [ParameterSpec] {
         match self {
-            Self::Lethersich => &LETHERSICH,
+            Self::Lethersich => LETHERSICH,
+            Self::Burgers => BURGERS,
+            Self::TwoElement => TWO_ELEMENT,
         }
+    }
+
+    /// The law's elements in series at `parameters` (SI, the order of [`Self::parameters`]; all positive).
+    pub fn elements(self, parameters: &[Dual]) -> Vec<Element> {
+        let p = parameters;
+        let mut elements = vec![Element::kelvin_voigt(p[0], p[1]), Element::Dashpot { viscosity_pa_s: p[2] }];
+        match self {
+            Self::Lethersich => {}
+            Self::Burgers => elements.push(Element::Spring { modulus_pa: p[3] }),
+            Self::TwoElement => elements.push(Element::kelvin_voigt(p[3], p[4])),
+        }
+        elements
     }
 
     /// Creep compliance at `parameters` (SI, the order of [`Self::parameters`]; all positive).
     pub fn creep_compliance(self, parameters: &[f64]) -> CreepCompliance {
+        let p = parameters;
+        let body = |modulus_pa: f64, viscosity_pa_s: f64| RetardedMode {
+            compliance_per_pa: 1.0 / modulus_pa,
+            time_s: viscosity_pa_s / modulus_pa,
+        };
+        let mut law = CreepCompliance {
+            instantaneous_per_pa: 0.0,
+            retarded: vec![body(p[0], p[1])],
+            fluidity_per_pa_s: 1.0 / p[2],
+        };
         match self {
-            Self::Lethersich => {
-                let (young_modulus_pa, viscosity_1_pa_s, viscosity_2_pa_s) =
-                    (parameters[0], parameters[1], parameters[2]);
-                CreepCompliance {
-                    instantaneous_per_pa: 0.0,
-                    retarded: vec![RetardedMode {
-                        compliance_per_pa: 1.0 / young_modulus_pa,
-                        time_s: viscosity_1_pa_s / young_modulus_pa,
-                    }],
-                    fluidity_per_pa_s: 1.0 / viscosity_2_pa_s,
-                }
-            }
+            Self::Lethersich => {}
+            Self::Burgers => law.instantaneous_per_pa = 1.0 / p[3],
+            Self::TwoElement => law.retarded.push(body(p[3], p[4])),
         }
+        law
     }
 }
 

@@ -83,7 +83,7 @@ impl ModelSpecification {
                 return Err(root.refuse(
                     "base",
                     "networks are not available in this version",
-                    available(&BaseLaw::ALL.map(BaseLaw::name)),
+                    available(&BaseLaw::NAMED.map(BaseLaw::name)),
                 ));
             }
             _ => root.required_text("base", "base = \"lethersich\"")?,
@@ -162,7 +162,7 @@ impl ModelSpecification {
     }
 
     fn check(&self, places: &Places<'_>) -> Result<()> {
-        check_known(places, "base", std::slice::from_ref(&self.base), &BaseLaw::ALL.map(BaseLaw::name))?;
+        check_known(places, "base", std::slice::from_ref(&self.base), &BaseLaw::NAMED.map(BaseLaw::name))?;
         check_known(places, "effects", &self.effects, AVAILABLE_EFFECTS)?;
         check_known(places, "noise", &self.noise, AVAILABLE_NOISE)?;
         if self.noise.is_empty() {

@@ -43,7 +43,7 @@ impl Problem {
         monitor: &dyn Monitor,
     ) -> Result<Self> {
         let law = BaseLaw::named(&specification.base).ok_or_else(|| {
-            let known = BaseLaw::ALL.map(BaseLaw::name).join(", ");
+            let known = BaseLaw::NAMED.map(BaseLaw::name).join(", ");
             Error::input(
                 Place::option("--base"),
                 format!("`{}` is not a base law", specification.base),

@@ -1,0 +1,32 @@
+//! Which effects there are: those of the program, and those that a user adds.
+
+use super::{EFFECTS, Effect};
+
+/// The effects that models may name, in the order in which they are applied.
+#[derive(Clone)]
+pub struct Library(Vec<&'static dyn Effect>);
+
+impl Default for Library {
+    /// The program's own effects.
+    fn default() -> Self {
+        Self(EFFECTS.to_vec())
+    }
+}
+
+impl Library {
+    /// The library with one more effect, applied after the others.
+    pub fn with(mut self, effect: &'static dyn Effect) -> Self {
+        self.0.push(effect);
+        self
+    }
+
+    /// All effects.
+    pub fn effects(&self) -> &[&'static dyn Effect] {
+        &self.0
+    }
+
+    /// The effect of a slug.
+    pub fn get(&self, slug: &str) -> Option<&'static dyn Effect> {
+        self.0.iter().copied().find(|effect| effect.slug() == slug)
+    }
+}

@@ -1,0 +1,92 @@
+//! The library of physical effects: one file each (physics §5).
+//!
+//! An effect belongs to one stage of command → load → mechanics → observation and is nested: at its null value the model is the one without
+//! it. Listing, help, prior checks, ranking and the conformance tests read [`EFFECTS`]; no other file names an effect.
+
+mod clock_offset;
+mod library;
+mod stages;
+
+pub use library::Library;
+pub use stages::{Approach, LARGEST_FEEDBACK, Load, Observation, Stages};
+
+use crate::distribution::Distribution;
+use crate::error::Result;
+use crate::experiment::Scales;
+use crate::number::Dual;
+use crate::parameter::ParameterSpec;
+use crate::rheology::BaseLaw;
+
+/// All effects, in the order in which a model applies them.
+pub const EFFECTS: &[&dyn Effect] = &[&clock_offset::ClockOffset];
+
+/// Where in the way from the command to the camera an effect acts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Stage {
+    /// Between the command and the force on the robot.
+    Load,
+    /// Between the force and the robot's position.
+    Mechanics,
+    /// Between the robot's position and the recorded one.
+    Observation,
+}
+
+impl Stage {
+    /// Name in lists and JSON.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Load => "load",
+            Self::Mechanics => "mechanics",
+            Self::Observation => "observation",
+        }
+    }
+}
+
+/// One parameter of an effect: the only place where its name, symbol, unit, support, null and default prior stand.
+#[derive(Debug, Clone)]
+pub struct EffectParameter {
+    /// Name `slug.name`, unit, support.
+    pub spec: ParameterSpec,
+    /// Symbol in equations and figures.
+    pub symbol: &'static str,
+    /// Value at which the effect is not there; `None` where the parameter means nothing at the effect's null.
+    pub null: fn(&Scales) -> Option<f64>,
+    /// Default prior, scaled by the experiment.
+    pub prior: fn(&Scales) -> Distribution,
+    /// Where the prior's numbers come from.
+    pub prior_source: &'static str,
+    /// Step from the null by which a signature is taken where the derivative at the null vanishes, jumps or cannot be computed; `None` where the
+    /// derivative serves.
+    pub finite_step: Option<fn(&Scales) -> f64>,
+}
+
+/// A physical effect that a base model may lack.
+pub trait Effect: Sync {
+    /// Name in commands, files and parameters.
+    fn slug(&self) -> &'static str;
+    /// Its stage.
+    fn stage(&self) -> Stage;
+    /// What it adds, in a few plain words.
+    fn summary(&self) -> &'static str;
+    /// Its equation, as text.
+    fn equation(&self) -> &'static str;
+    /// Its parameters, in the order in which [`Effect::apply`] takes them.
+    fn parameters(&self) -> &'static [EffectParameter];
+    /// Whether the displacement field differs in more than a factor from the base's; one such effect a model.
+    fn changes_field(&self) -> bool {
+        false
+    }
+    /// Whether it needs finite elements, which an instrument does not have.
+    fn needs_finite_elements(&self) -> bool {
+        self.changes_field()
+    }
+    /// Why it cannot be added to this base law, if it cannot.
+    fn conflict(&self, _base: &BaseLaw) -> Option<&'static str> {
+        None
+    }
+    /// Writes the effect at `parameters` (SI, inside the support) into the stages.
+    ///
+    /// # Errors
+    /// [`crate::Error::Numerical`] where there is no model at these parameters.
+    fn apply(&self, parameters: &[Dual], scales: &Scales, stages: &mut Stages) -> Result<()>;
+}

@@ -1,0 +1,82 @@
+//! What the stages of a model compute: command → load → mechanics → observation (physics §5), as numbers.
+//!
+//! A base law and effects write themselves into [`Stages`]; the reduced model evaluates them in closed form and the full-order model by its
+//! own time stepping. Stages say which equations hold, never how they are solved.
+
+use crate::number::Dual;
+use crate::rheology::Element;
+
+/// One model at one point of its parameters.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Stages {
+    /// From the commanded to the acting force.
+    pub load: Load,
+    /// The law: elements in series, which all carry the stress.
+    pub law: Vec<Element>,
+    /// r in 1/s: the gel's stress is e^{−rt} times the law's, t from the record's start.
+    pub softening_rate_per_s: Dual,
+    /// Poisson ratio of the gel; `None` for the experiment's.
+    pub poisson_ratio: Option<Dual>,
+    /// From the robot's to the recorded position.
+    pub observation: Observation,
+}
+
+/// From the commanded to the acting force, in this order: delay, factors by sign, offset, lag, gradient.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Load {
+    /// δ ≥ 0 in s: F(t) = F_command(t − δ), zero before the record's start.
+    pub delay_s: Dual,
+    /// Factor of positive forces.
+    pub positive_factor: Dual,
+    /// Factor of negative forces.
+    pub negative_factor: Dual,
+    /// Added to the force from the record's start on, in N.
+    pub offset_n: Dual,
+    /// τ ≥ 0 in s of τ Ḟ = F_in − F, F = 0 at the record's start; 0 is no lag.
+    pub lag_time_s: Dual,
+    /// g in 1/m of F = F_in (1 + g x), x the robot's position; refused where |g x| reaches one half.
+    pub gradient_per_m: Dual,
+}
+
+/// From the robot's to the recorded position: scale · x + v t + Σ A (1 − e^{−t/τ}), t from the record's start.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Observation {
+    /// Factor of the position.
+    pub scale: Dual,
+    /// v in m/s.
+    pub velocity_m_per_s: Dual,
+    /// Drifts that come to an end.
+    pub approaches: Vec<Approach>,
+}
+
+/// A (1 − e^{−t/τ}).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Approach {
+    /// A in m.
+    pub amplitude_m: Dual,
+    /// τ > 0 in s.
+    pub time_s: Dual,
+}
+
+/// |g x| at which a force gradient is refused (physics §5).
+pub const LARGEST_FEEDBACK: f64 = 0.5;
+
+impl Stages {
+    /// The law alone: the force acts as commanded, and the position is recorded as it is.
+    pub fn of_law(law: Vec<Element>) -> Self {
+        Self {
+            load: Load {
+                delay_s: Dual::ZERO,
+                positive_factor: Dual::ONE,
+                negative_factor: Dual::ONE,
+                offset_n: Dual::ZERO,
+                lag_time_s: Dual::ZERO,
+                gradient_per_m: Dual::ZERO,
+            },
+            law,
+            softening_rate_per_s: Dual::ZERO,
+            poisson_ratio: None,
+            observation: Observation { scale: Dual::ONE, velocity_m_per_s: Dual::ZERO, approaches: Vec::new() },
+        }
+    }
+}

@@ -1,0 +1,47 @@
+//! The sizes of an experiment, by which default priors of effects are scaled (physics §5).
+
+use super::{Apparatus, Experiment};
+
+/// Sizes of an experiment.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Scales {
+    /// Largest size of the commanded force, in N.
+    pub largest_force_n: f64,
+    /// Largest minus smallest measured position, in m; 0 where nothing is measured.
+    pub position_range_m: f64,
+    /// Median time between force steps, in s; the record's length where there are none.
+    pub hold_s: f64,
+    /// Median time between rows, in s.
+    pub sample_interval_s: f64,
+    /// Length of the record, in s.
+    pub duration_s: f64,
+    /// Poisson ratio of the vitreous; `None` for an instrument.
+    pub poisson_ratio: Option<f64>,
+}
+
+impl Experiment {
+    /// The experiment's sizes.
+    pub fn scales(&self) -> Scales {
+        let record = &self.record;
+        let positions = || record.position_m.iter().flatten().copied();
+        let (lowest, highest) =
+            (positions().fold(f64::INFINITY, f64::min), positions().fold(f64::NEG_INFINITY, f64::max));
+        let duration_s = match (record.time_s.first(), record.time_s.last()) {
+            (Some(first), Some(last)) => last - first,
+            _ => 0.0,
+        };
+        let steps_s: Vec<f64> = record.force_step_rows().iter().map(|&row| record.time_s[row]).collect();
+        let between_s = steps_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        Scales {
+            largest_force_n: record.force_n.iter().fold(0.0_f64, |largest, force| largest.max(force.abs())),
+            position_range_m: if highest > lowest { highest - lowest } else { 0.0 },
+            hold_s: super::record::median(between_s).unwrap_or(duration_s),
+            sample_interval_s: record.median_interval_s().unwrap_or(duration_s),
+            duration_s,
+            poisson_ratio: match &self.apparatus {
+                Apparatus::Robot { vitreous, .. } => Some(vitreous.poisson_ratio),
+                Apparatus::Instrument { .. } => None,
+            },
+        }
+    }
+}

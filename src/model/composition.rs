@@ -1,0 +1,102 @@
+//! A model: base law and effects, allowed to stand together (physics §5).
+
+use crate::effects::{Effect, Stages};
+use crate::error::{Error, Place, Result};
+use crate::experiment::Scales;
+use crate::number::Dual;
+use crate::parameter::ParameterSpec;
+use crate::rheology::BaseLaw;
+
+/// A base law and effects; parameters are the law's, then each effect's.
+#[derive(Clone)]
+pub struct Model {
+    base: BaseLaw,
+    effects: Vec<&'static dyn Effect>,
+    scales: Scales,
+    parameters: Vec<ParameterSpec>,
+}
+
+impl std::fmt::Debug for Model {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let slugs: Vec<&str> = self.effects.iter().map(|effect| effect.slug()).collect();
+        write!(f, "{:?} with {slugs:?} at {:?}", self.base, self.scales)
+    }
+}
+
+impl Model {
+    /// Joins a law and effects; what cannot stand together is refused. `place` says where the effects were named.
+    ///
+    /// # Errors
+    /// [`Error::Input`] with the reason.
+    pub fn new(base: BaseLaw, effects: Vec<&'static dyn Effect>, scales: Scales, place: &Place) -> Result<Self> {
+        let refuse = |found: String, remedy: &str| Err(Error::input(place.clone(), found, remedy));
+        for effect in &effects {
+            let slug = effect.slug();
+            if let Some(reason) = effect.conflict(&base) {
+                return refuse(
+                    format!("`{slug}` cannot be added to the {} law: {reason}", base.title()),
+                    "use another base law (--base), or leave the effect out",
+                );
+            }
+            if effect.needs_finite_elements() && scales.poisson_ratio.is_none() {
+                return refuse(
+                    format!("`{slug}` needs finite elements, and an instrument has none"),
+                    "leave it out; load, separable mechanics and observation effects work for instruments",
+                );
+            }
+        }
+        let fields: Vec<&str> = effects.iter().filter(|e| e.changes_field()).map(|e| e.slug()).collect();
+        if fields.len() > 1 {
+            return refuse(
+                format!("{} both change the displacement field", fields.join(" and ")),
+                "keep one of them: a model has at most one effect that changes the field",
+            );
+        }
+        let of_effects = effects.iter().flat_map(|effect| effect.parameters()).map(|parameter| parameter.spec);
+        let parameters = base.parameters().iter().copied().chain(of_effects).collect();
+        Ok(Self { base, effects, scales, parameters })
+    }
+
+    /// The base law.
+    pub fn base(&self) -> BaseLaw {
+        self.base
+    }
+
+    /// The effects, in the order in which they are applied.
+    pub fn effects(&self) -> &[&'static dyn Effect] {
+        &self.effects
+    }
+
+    /// The experiment's sizes that effects refer to.
+    pub fn scales(&self) -> &Scales {
+        &self.scales
+    }
+
+    /// All parameters: the law's, then each effect's.
+    pub fn parameters(&self) -> &[ParameterSpec] {
+        &self.parameters
+    }
+
+    /// The stages at `parameters` (SI, the order of [`Self::parameters`]).
+    ///
+    /// # Errors
+    /// [`Error::Numerical`] where a parameter is outside its support or an effect has no model there.
+    pub fn stages(&self, parameters: &[Dual]) -> Result<Stages> {
+        for (spec, parameter) in self.parameters.iter().zip(parameters) {
+            if !spec.support.contains(parameter.value) {
+                return Err(Error::numerical(
+                    format!("{} = {} is outside {}", spec.name, parameter.value, spec.support),
+                    "give a value inside the support",
+                ));
+            }
+        }
+        let (law, mut rest) = parameters.split_at(self.base.parameters().len());
+        let mut stages = Stages::of_law(self.base.elements(law));
+        for effect in &self.effects {
+            let (own, others) = rest.split_at(effect.parameters().len());
+            effect.apply(own, &self.scales, &mut stages)?;
+            rest = others;
+        }
+        Ok(stages)
+    }
+}

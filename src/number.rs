@@ -1,0 +1,230 @@
+//! Numbers that the kernels compute with: plain ones, and ones that carry a derivative.
+//!
+//! A model writes its stages down in [`Dual`] numbers, and the kernel that turns stages into a trajectory is written once for any
+//! [`Scalar`]: on `f64` it gives the trajectory, on [`Dual`] its exact derivative in one direction (forward mode).
+
+use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub};
+
+/// What a kernel may do with a number.
+pub trait Scalar:
+    Copy
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+    + Neg<Output = Self>
+    + AddAssign
+    + Mul<f64, Output = Self>
+{
+    /// A constant.
+    fn constant(value: f64) -> Self;
+    /// eˣ.
+    fn exp(self) -> Self;
+    /// eˣ − 1, accurate near 0.
+    fn exp_m1(self) -> Self;
+}
+
+/// A value and its derivative in one direction.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Dual {
+    /// Value.
+    pub value: f64,
+    /// Derivative.
+    pub derivative: f64,
+}
+
+impl Dual {
+    /// 0, constant.
+    pub const ZERO: Self = Self::constant(0.0);
+    /// 1, constant.
+    pub const ONE: Self = Self::constant(1.0);
+
+    /// A number that does not change.
+    pub const fn constant(value: f64) -> Self {
+        Self { value, derivative: 0.0 }
+    }
+
+    /// The number that derivatives are taken with respect to.
+    pub const fn variable(value: f64) -> Self {
+        Self { value, derivative: 1.0 }
+    }
+
+    /// f(x), given f and its derivative at x.
+    fn chain(self, value: f64, slope: f64) -> Self {
+        Self { value, derivative: slope * self.derivative }
+    }
+
+    /// Whether this is the constant `value`: not only there, but not moving either.
+    pub fn is_constant(self, value: f64) -> bool {
+        self.value == value && self.derivative == 0.0
+    }
+
+    /// ln x.
+    pub fn ln(self) -> Self {
+        self.chain(self.value.ln(), 1.0 / self.value)
+    }
+
+    /// √x.
+    pub fn sqrt(self) -> Self {
+        let root = self.value.sqrt();
+        self.chain(root, 0.5 / root)
+    }
+
+    /// sin x.
+    pub fn sin(self) -> Self {
+        self.chain(self.value.sin(), self.value.cos())
+    }
+
+    /// cos x.
+    pub fn cos(self) -> Self {
+        self.chain(self.value.cos(), -self.value.sin())
+    }
+
+    /// xʸ for x > 0.
+    pub fn pow(self, exponent: Self) -> Self {
+        let value = self.value.powf(exponent.value);
+        let derivative =
+            value * (exponent.derivative * self.value.ln() + exponent.value * self.derivative / self.value);
+        Self { value, derivative }
+    }
+}
+
+impl From<f64> for Dual {
+    fn from(value: f64) -> Self {
+        Self::constant(value)
+    }
+}
+
+impl Add for Dual {
+    type Output = Self;
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        Self { value: self.value + other.value, derivative: self.derivative + other.derivative }
+    }
+}
+
+impl Sub for Dual {
+    type Output = Self;
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        Self { value: self.value - other.value, derivative: self.derivative - other.derivative }
+    }
+}
+
+impl Mul for Dual {
+    type Output = Self;
+    #[inline(always)]
+    fn mul(self, other: Self) -> Self {
+        Self {
+            value: self.value * other.value,
+            derivative: self.derivative * other.value + self.value * other.derivative,
+        }
+    }
+}
+
+impl Div for Dual {
+    type Output = Self;
+    #[inline(always)]
+    fn div(self, other: Self) -> Self {
+        let value = self.value / other.value;
+        Self { value, derivative: (self.derivative - value * other.derivative) / other.value }
+    }
+}
+
+impl Neg for Dual {
+    type Output = Self;
+    #[inline(always)]
+    fn neg(self) -> Self {
+        Self { value: -self.value, derivative: -self.derivative }
+    }
+}
+
+impl AddAssign for Dual {
+    #[inline(always)]
+    fn add_assign(&mut self, other: Self) {
+        *self = *self + other;
+    }
+}
+
+impl Add<f64> for Dual {
+    type Output = Self;
+    #[inline(always)]
+    fn add(self, other: f64) -> Self {
+        Self { value: self.value + other, ..self }
+    }
+}
+
+impl Sub<f64> for Dual {
+    type Output = Self;
+    #[inline(always)]
+    fn sub(self, other: f64) -> Self {
+        Self { value: self.value - other, ..self }
+    }
+}
+
+impl Mul<f64> for Dual {
+    type Output = Self;
+    #[inline(always)]
+    fn mul(self, other: f64) -> Self {
+        Self { value: self.value * other, derivative: self.derivative * other }
+    }
+}
+
+impl Scalar for f64 {
+    #[inline(always)]
+    fn constant(value: f64) -> Self {
+        value
+    }
+    #[inline(always)]
+    fn exp(self) -> Self {
+        f64::exp(self)
+    }
+    #[inline(always)]
+    fn exp_m1(self) -> Self {
+        f64::exp_m1(self)
+    }
+}
+
+impl Scalar for Dual {
+    #[inline(always)]
+    fn constant(value: f64) -> Self {
+        Self::constant(value)
+    }
+    #[inline(always)]
+    fn exp(self) -> Self {
+        let value = self.value.exp();
+        self.chain(value, value)
+    }
+    #[inline(always)]
+    fn exp_m1(self) -> Self {
+        self.chain(self.value.exp_m1(), self.value.exp())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Every operation against a central difference; its own error is about 1e-10 here.
+    #[test]
+    fn derivatives_equal_central_differences() {
+        let function = |x: Dual| {
+            let a = (x * x + 0.3).sqrt().sin() / (x.exp() - x.ln()) + x.pow(x * 0.5) - x.exp_m1();
+            -a * 2.0 + (x - 0.1).cos() + Dual::constant(2.0).pow(x)
+        };
+        for x in [0.4, 1.3, 2.0] {
+            let h = 1e-5;
+            let at = |x: f64| function(Dual::constant(x)).value;
+            let difference = (at(x + h) - at(x - h)) / (2.0 * h);
+            let found = function(Dual::variable(x));
+            assert!((found.derivative - difference).abs() < 1e-8, "{x}: {} {difference}", found.derivative);
+            assert_eq!(found.value, at(x));
+        }
+    }
+
+    #[test]
+    fn a_moving_zero_is_not_the_constant_zero() {
+        assert!(Dual::ZERO.is_constant(0.0));
+        assert!(!Dual::variable(0.0).is_constant(0.0));
+    }
+}

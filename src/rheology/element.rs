@@ -1,0 +1,38 @@
+//! The rheological elements of which laws are built: springs, dashpots, springpots, in series and in parallel.
+
+use crate::number::Dual;
+
+/// An element or a network of elements: a scalar relation between stress s (Pa) and strain ε (physics §2).
+#[derive(Debug, Clone, PartialEq)]
+pub enum Element {
+    /// s = E ε.
+    Spring {
+        /// E in Pa.
+        modulus_pa: Dual,
+    },
+    /// s = c ε̇.
+    Dashpot {
+        /// c in Pa·s.
+        viscosity_pa_s: Dual,
+    },
+    /// s = E τᵅ Dᵅε, Caputo's derivative from t = 0; a spring at α = 0 and a dashpot at α = 1.
+    Springpot {
+        /// E in Pa.
+        modulus_pa: Dual,
+        /// τ in s.
+        time_s: Dual,
+        /// α in (0, 1].
+        order: Dual,
+    },
+    /// The same stress in all; strains add.
+    Series(Vec<Element>),
+    /// The same strain in all; stresses add.
+    Parallel(Vec<Element>),
+}
+
+impl Element {
+    /// A spring and a dashpot in parallel.
+    pub fn kelvin_voigt(modulus_pa: Dual, viscosity_pa_s: Dual) -> Self {
+        Self::Parallel(vec![Self::Spring { modulus_pa }, Self::Dashpot { viscosity_pa_s }])
+    }
+}
