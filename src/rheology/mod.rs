@@ -1,8 +1,10 @@
 //! Springs, dashpots and their creep compliance (physics §2). Scalar: space enters only through [`crate::fe`].
 
 mod element;
+mod spectrum;
 
 pub use element::Element;
+pub use spectrum::{OscillatingMode, RetardationSpectrum, SpectralMode, TimeWindow};
 
 use crate::number::Dual;
 use crate::parameter::{ParameterSpec, Support};
