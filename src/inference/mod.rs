@@ -6,6 +6,7 @@ pub use crate::distribution;
 pub mod ensemble;
 pub mod least_squares;
 pub mod likelihood;
+pub mod noise;
 pub mod optimum;
 pub mod pareto;
 pub mod prior;

@@ -1,0 +1,165 @@
+//! The Kalman filter over the Ornstein–Uhlenbeck process, the gain and the offset.
+//!
+//! Legend: state (u, g, o) with indices 0, 1, 2; h = (1, x, 1) observes it; P = U D Uᵀ its covariance over σ², U unit upper triangular. The process
+//! stands first because D₀ enters P₀₀ alone: a time step touches D₀, U₀₁ and U₀₂ only. Whatever a model lacks is left out at compile time.
+
+use pulp::Simd;
+
+use super::lanes::Register;
+
+/// Variances over σ² with which a cycle begins: of the gain (1/m²) and the offset.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct PriorVariances<S: Simd> {
+    pub gain: Register<S>,
+    pub offset: Register<S>,
+}
+
+/// Covariance of the state given the past.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Covariance<S: Simd, const OU: bool, const GAIN: bool> {
+    one: Register<S>,
+    d: [Register<S>; 3],
+    u01: Register<S>,
+    u02: Register<S>,
+    u12: Register<S>,
+}
+
+/// What an observation does to the mean.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Gain<S: Simd> {
+    /// S/σ² − 1 = h P hᵀ/σ², the part of the predictive variance that is not white.
+    pub excess: Register<S>,
+    /// σ²/S.
+    pub precision: Register<S>,
+    /// P hᵀ/σ²; over S/σ², Kalman's gain.
+    direction: [Register<S>; 3],
+}
+
+impl<S: Simd, const OU: bool, const GAIN: bool> Covariance<S, OU, GAIN> {
+    #[inline(always)]
+    pub fn zero(simd: S) -> Self {
+        let zero = Register::splat(simd, 0.0);
+        Self { one: Register::splat(simd, 1.0), d: [zero; 3], u01: zero, u02: zero, u12: zero }
+    }
+
+    /// A time step: `decay` of the process, and the variance that it gains.
+    #[inline(always)]
+    pub fn advance(&mut self, decay: Register<S>, gained: Register<S>) {
+        if OU {
+            self.d[0] = self.d[0].mul_add(decay * decay, gained);
+            if GAIN {
+                self.u01 = self.u01 * decay;
+                self.u02 = self.u02 * decay;
+            }
+        }
+    }
+
+    /// A cycle begins: its gain and offset are new, the process goes on.
+    #[inline(always)]
+    pub fn renew(&mut self, prior: PriorVariances<S>) {
+        if GAIN {
+            let zero = self.one.zero();
+            if OU {
+                let through_gain = (self.u01 * self.u01).mul_add(self.d[1], self.d[0]);
+                self.d[0] = (self.u02 * self.u02).mul_add(self.d[2], through_gain);
+            }
+            self.d[1] = prior.gain;
+            self.d[2] = prior.offset;
+            (self.u01, self.u02, self.u12) = (zero, zero, zero);
+        }
+    }
+
+    /// An observation at position x (m): the gain, and the covariance thereafter.
+    #[inline(always)]
+    pub fn observe(&mut self, x: Register<S>) -> Gain<S> {
+        let one = self.one;
+        let zero = one.zero();
+        // f = Uᵀh, v = D f; α accumulates the predictive variance, component by component.
+        let v0 = if OU { self.d[0] } else { zero };
+        let mut gain = Gain { excess: v0, precision: one, direction: [v0, zero, zero] };
+        let mut alpha = one;
+        if OU {
+            alpha = one + v0;
+            gain.precision = one / alpha;
+            self.d[0] = v0 * gain.precision;
+        }
+        if GAIN {
+            let f1 = if OU { x + self.u01 } else { x };
+            let f2 = if OU { self.u12.mul_add(x, one + self.u02) } else { self.u12.mul_add(x, one) };
+            let (v1, v2) = (self.d[1] * f1, self.d[2] * f2);
+            let with_gain = f1.mul_add(v1, alpha);
+            let with_offset = f2.mul_add(v2, with_gain);
+            let (precision_1, precision_2) = (one / with_gain, one / with_offset);
+            self.d[1] = self.d[1] * alpha * precision_1;
+            self.d[2] = self.d[2] * with_gain * precision_2;
+            if OU {
+                let (u01, u02) = (self.u01, self.u02);
+                let first = f1 * gain.precision;
+                self.u01 = u01 - first * v0;
+                let b0 = u01.mul_add(v1, v0);
+                self.u02 = u02 - f2 * precision_1 * b0;
+                gain.direction[0] = u02.mul_add(v2, b0);
+            }
+            let u12 = self.u12;
+            self.u12 = u12 - f2 * precision_1 * v1;
+            gain.direction[1] = u12.mul_add(v2, v1);
+            gain.direction[2] = v2;
+            gain.excess = f2.mul_add(v2, f1.mul_add(v1, v0));
+            gain.precision = precision_2;
+        }
+        gain
+    }
+}
+
+/// Mean of the state given the past; the process and the offset in m.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Mean<S: Simd, const OU: bool, const GAIN: bool> {
+    state: [Register<S>; 3],
+}
+
+impl<S: Simd, const OU: bool, const GAIN: bool> Mean<S, OU, GAIN> {
+    #[inline(always)]
+    pub fn zero(simd: S) -> Self {
+        Self { state: [Register::splat(simd, 0.0); 3] }
+    }
+
+    /// A time step.
+    #[inline(always)]
+    pub fn advance(&mut self, decay: Register<S>) {
+        if OU {
+            self.state[0] = self.state[0] * decay;
+        }
+    }
+
+    /// A cycle begins.
+    #[inline(always)]
+    pub fn renew(&mut self) {
+        if GAIN {
+            let zero = self.state[1].zero();
+            (self.state[1], self.state[2]) = (zero, zero);
+        }
+    }
+
+    /// Observed less predicted, where `residual` is observed less position x (m).
+    #[inline(always)]
+    pub fn innovation(&self, residual: Register<S>, x: Register<S>) -> Register<S> {
+        match (OU, GAIN) {
+            (true, true) => residual - self.state[1].mul_add(x, self.state[0] + self.state[2]),
+            (true, false) => residual - self.state[0],
+            (false, true) => residual - self.state[1].mul_add(x, self.state[2]),
+            (false, false) => residual,
+        }
+    }
+
+    /// Moves the state by Kalman's gain times an innovation that is already divided by S/σ².
+    #[inline(always)]
+    pub fn correct(&mut self, gain: &Gain<S>, innovation: Register<S>) {
+        if OU {
+            self.state[0] = gain.direction[0].mul_add(innovation, self.state[0]);
+        }
+        if GAIN {
+            self.state[1] = gain.direction[1].mul_add(innovation, self.state[1]);
+            self.state[2] = gain.direction[2].mul_add(innovation, self.state[2]);
+        }
+    }
+}

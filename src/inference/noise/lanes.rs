@@ -1,0 +1,170 @@
+//! Arithmetic on a vector register, one parameter point a lane.
+
+use std::ops::{Add, Div, Mul, Sub};
+
+use pulp::Simd;
+
+/// Points that one pass carries: one register of the widest kind.
+pub const LANES: usize = 8;
+
+/// A register of f64. Everything on it is inlined: compiled apart, without the vector instructions, it would be called.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Register<S: Simd> {
+    simd: S,
+    value: S::f64s,
+}
+
+impl<S: Simd> Register<S> {
+    /// The same number in every lane.
+    #[inline(always)]
+    pub fn splat(simd: S, number: f64) -> Self {
+        Self { simd, value: simd.splat_f64s(number) }
+    }
+
+    /// Zero in every lane of a register like this one.
+    #[inline(always)]
+    pub fn zero(self) -> Self {
+        Self::splat(self.simd, 0.0)
+    }
+
+    /// Register `index` of an array of lanes.
+    #[inline(always)]
+    pub fn load<const W: usize>(simd: S, lanes: &[f64; W], index: usize) -> Self {
+        Self { simd, value: S::as_simd_f64s(&lanes[..]).0[index] }
+    }
+
+    /// Into register `index` of an array of lanes.
+    #[inline(always)]
+    pub fn store<const W: usize>(self, lanes: &mut [f64; W], index: usize) {
+        S::as_mut_simd_f64s(&mut lanes[..]).0[index] = self.value;
+    }
+
+    /// self × factor + term, rounded once where the machine can.
+    #[inline(always)]
+    pub fn mul_add(self, factor: Self, term: Self) -> Self {
+        Self { value: self.simd.mul_add_e_f64s(self.value, factor.value, term.value), ..self }
+    }
+
+    /// Lane by lane, `above` where self > limit, else `otherwise`.
+    #[inline(always)]
+    pub fn if_above(self, limit: Self, above: Self, otherwise: Self) -> Self {
+        let mask = self.simd.greater_than_f64s(self.value, limit.value);
+        Self { value: self.simd.select_f64s(mask, above.value, otherwise.value), ..self }
+    }
+}
+
+impl<S: Simd> Add for Register<S> {
+    type Output = Self;
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        Self { value: self.simd.add_f64s(self.value, other.value), ..self }
+    }
+}
+
+impl<S: Simd> Sub for Register<S> {
+    type Output = Self;
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        Self { value: self.simd.sub_f64s(self.value, other.value), ..self }
+    }
+}
+
+impl<S: Simd> Mul for Register<S> {
+    type Output = Self;
+    #[inline(always)]
+    fn mul(self, other: Self) -> Self {
+        Self { value: self.simd.mul_f64s(self.value, other.value), ..self }
+    }
+}
+
+impl<S: Simd> Div for Register<S> {
+    type Output = Self;
+    #[inline(always)]
+    fn div(self, other: Self) -> Self {
+        Self { value: self.simd.div_f64s(self.value, other.value), ..self }
+    }
+}
+
+impl Register<pulp::Scalar> {
+    /// The number in a register of one lane.
+    pub fn number(self) -> f64 {
+        self.value
+    }
+}
+
+/// A running product of factors 1 + u, u ≥ 0, whose logarithm is taken once at the end.
+///
+/// The product is kept less one, so that factors close to one keep their digits, and is scaled down by 2⁻⁵⁰⁰ whenever it passes 2⁵⁰⁰.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Product<S: Simd> {
+    excess: Register<S>,
+    scalings: Register<S>,
+}
+
+/// 2⁵⁰⁰.
+const SCALING: f64 = f64::from_bits((1023 + 500) << 52);
+
+impl<S: Simd> Product<S> {
+    #[inline(always)]
+    pub fn one(simd: S) -> Self {
+        Self { excess: Register::splat(simd, 0.0), scalings: Register::splat(simd, 0.0) }
+    }
+
+    /// Multiplies by 1 + u; u at most about 2⁵⁰⁰.
+    #[inline(always)]
+    pub fn grow(&mut self, u: Register<S>) {
+        let simd = u.simd;
+        let excess = self.excess.mul_add(u, self.excess + u);
+        let limit = Register::splat(simd, SCALING);
+        let scaled = excess.mul_add(Register::splat(simd, 1.0 / SCALING), Register::splat(simd, 1.0 / SCALING - 1.0));
+        let counted = self.scalings + Register::splat(simd, 1.0);
+        self.excess = excess.if_above(limit, scaled, excess);
+        self.scalings = excess.if_above(limit, counted, self.scalings);
+    }
+
+    /// Into register `index` of arrays of lanes.
+    #[inline(always)]
+    pub fn store<const W: usize>(self, lanes: &mut Products<W>, index: usize) {
+        self.excess.store(&mut lanes.excess, index);
+        self.scalings.store(&mut lanes.scalings, index);
+    }
+}
+
+/// Products of all lanes.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Products<const W: usize> {
+    excess: [f64; W],
+    scalings: [f64; W],
+}
+
+impl<const W: usize> Products<W> {
+    pub const ONE: Self = Self { excess: [0.0; W], scalings: [0.0; W] };
+
+    /// Logarithm of one lane's product.
+    pub fn ln(&self, lane: usize) -> f64 {
+        self.excess[lane].ln_1p() + self.scalings[lane] * SCALING.ln()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use pulp::Scalar;
+
+    /// Factors from 1 + 10⁻¹² to 10¹⁴⁰ against the sum of their logarithms.
+    #[test]
+    fn products_are_sums_of_logarithms() {
+        for exponents in [-12.0..-11.0, -3.0..3.0, 100.0..140.0] {
+            let mut product = Product::one(Scalar);
+            let mut sum = 0.0;
+            for i in 0..300 {
+                let u = 10_f64.powf(exponents.start + (exponents.end - exponents.start) * f64::from(i) / 300.0);
+                product.grow(Register::splat(Scalar, u));
+                sum += u.ln_1p();
+            }
+            let mut lanes = Products::<1>::ONE;
+            product.store(&mut lanes, 0);
+            assert!((lanes.ln(0) / sum - 1.0).abs() < 1e-13, "{} against {sum}", lanes.ln(0));
+        }
+    }
+}

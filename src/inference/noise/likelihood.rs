@@ -1,0 +1,254 @@
+//! The log-likelihood of a record, one point or several at once.
+
+use pulp::{Arch, Scalar, Simd, WithSimd};
+
+use super::filter::{Covariance, Mean, PriorVariances};
+use super::lanes::{LANES, Product, Products, Register};
+use super::rows::Rows;
+use super::scales::Scales;
+use super::{NoiseModel, NoiseTerm};
+
+/// A record prepared for the likelihood of its observed positions under a noise model.
+#[derive(Debug, Clone)]
+pub struct NoiseLikelihood {
+    pub(super) model: NoiseModel,
+    pub(super) rows: Rows,
+    /// Observed position in m of each visited row.
+    observed_m: Vec<f64>,
+}
+
+impl NoiseLikelihood {
+    /// Prepares a record: times in s, strictly increasing; the cycle of each row, equal for consecutive rows of one; the positions in m to compare
+    /// with, `None` where there is nothing to compare. All have one entry a row.
+    pub fn new(model: NoiseModel, time_s: &[f64], cycle: &[u32], observed_m: &[Option<f64>]) -> Self {
+        let visited: Vec<usize> = (0..observed_m.len()).filter(|row| observed_m[*row].is_some()).collect();
+        let rows = Rows::new(time_s, cycle, &visited);
+        Self { model, rows, observed_m: observed_m.iter().copied().flatten().collect() }
+    }
+
+    /// Number of positions that are compared.
+    pub fn n_observed(&self) -> usize {
+        self.observed_m.len()
+    }
+
+    /// Log-likelihood, in nats for positions in m, of one point: its position in m at every row of the record, and the noise's parameters in
+    /// their units, in the order of [`NoiseModel::parameters`]. −∞ for parameters outside their support, NaN for positions that are.
+    pub fn ln_likelihood(&self, position_m: &[f64], parameters: &[f64]) -> f64 {
+        let scales = Scales::new(self.model, parameters);
+        let mut out = [0.0];
+        self.evaluate(Scalars, position_m.as_chunks().0, &[scales], &mut out);
+        out[0]
+    }
+
+    /// The same for several points at once: `position_m[row][lane]`, `parameters[parameter][lane]`. What a lane gets does not depend, to the last
+    /// bit, on the others; it may differ from [`NoiseLikelihood::ln_likelihood`] by rounding.
+    pub fn ln_likelihood_lanes(
+        &self,
+        position_m: &[[f64; LANES]],
+        parameters: &[[f64; LANES]],
+        out: &mut [f64; LANES],
+    ) {
+        let scales = std::array::from_fn(|lane| {
+            let mut values = [0.0; NoiseTerm::MOST_PARAMETERS];
+            for (value, lanes) in values.iter_mut().zip(parameters) {
+                *value = lanes[lane];
+            }
+            Scales::new(self.model, &values[..parameters.len().min(values.len())])
+        });
+        self.evaluate(Vectors, position_m, &scales, out);
+    }
+
+    fn evaluate<M: Machine, const W: usize>(
+        &self,
+        machine: M,
+        position_m: &[[f64; W]],
+        scales: &[Option<Scales>; W],
+        out: &mut [f64; W],
+    ) {
+        let inside = scales.map(|scales| scales.unwrap_or(Scales::UNIT));
+        let sums = match (self.model.ou, self.model.gain, self.model.student) {
+            (false, false, false) => self.pass::<M, W, false, false, false>(machine, position_m, &inside),
+            (false, false, true) => self.pass::<M, W, false, false, true>(machine, position_m, &inside),
+            (false, true, false) => self.pass::<M, W, false, true, false>(machine, position_m, &inside),
+            (false, true, true) => self.pass::<M, W, false, true, true>(machine, position_m, &inside),
+            (true, false, false) => self.pass::<M, W, true, false, false>(machine, position_m, &inside),
+            (true, false, true) => self.pass::<M, W, true, false, true>(machine, position_m, &inside),
+            (true, true, false) => self.pass::<M, W, true, true, false>(machine, position_m, &inside),
+            (true, true, true) => self.pass::<M, W, true, true, true>(machine, position_m, &inside),
+        };
+        for (lane, out) in out.iter_mut().enumerate() {
+            *out = match &scales[lane] {
+                Some(scales) => ln_density(self.n_observed(), scales, &sums, lane),
+                None => f64::NEG_INFINITY,
+            };
+        }
+    }
+
+    fn pass<M: Machine, const W: usize, const OU: bool, const GAIN: bool, const STUDENT: bool>(
+        &self,
+        machine: M,
+        position_m: &[[f64; W]],
+        scales: &[Scales; W],
+    ) -> Sums<W> {
+        let steps = if OU { steps(&self.rows.step_s, scales) } else { Vec::new() };
+        let of = |part: fn(&Scales) -> f64| scales.each_ref().map(part);
+        let pass = Pass::<W, OU, GAIN, STUDENT> {
+            record: self,
+            position_m,
+            steps: &steps,
+            gain_per_m2: of(|s| s.gain_per_m2),
+            offset: of(|s| s.offset),
+            tail_per_m2: of(|s| 1.0 / (s.dof * s.noise_sd_m * s.noise_sd_m)),
+            tail_weight: of(|s| (s.dof + 1.0) / s.dof),
+        };
+        machine.run(pass)
+    }
+}
+
+/// Where a pass runs: on the machine's vector registers, or on single numbers.
+trait Machine {
+    fn run<W: WithSimd>(self, pass: W) -> W::Output;
+}
+
+struct Vectors;
+struct Scalars;
+
+impl Machine for Vectors {
+    fn run<W: WithSimd>(self, pass: W) -> W::Output {
+        Arch::new().dispatch(pass)
+    }
+}
+
+impl Machine for Scalars {
+    fn run<W: WithSimd>(self, pass: W) -> W::Output {
+        pass.with_simd(Scalar)
+    }
+}
+
+/// A step of the process for every lane.
+struct Step<const W: usize> {
+    decay: [f64; W],
+    gained: [f64; W],
+}
+
+fn steps<const W: usize>(step_s: &[f64], scales: &[Scales; W]) -> Vec<Step<W>> {
+    let step = |length_s: &f64| {
+        let mut step = Step { decay: [0.0; W], gained: [0.0; W] };
+        for (lane, scales) in scales.iter().enumerate() {
+            (step.decay[lane], step.gained[lane]) = scales.step(*length_s);
+        }
+        step
+    };
+    step_s.iter().map(step).collect()
+}
+
+/// What a pass adds up for every lane.
+struct Sums<const W: usize> {
+    /// Σ v²σ²/S in m²; nothing with Student-t.
+    quadratic_m2: [f64; W],
+    /// Π S/σ².
+    variance: Products<W>,
+    /// Π 1 + v²/(νS).
+    tail: Products<W>,
+}
+
+fn ln_density<const W: usize>(n_observed: usize, scales: &Scales, sums: &Sums<W>, lane: usize) -> f64 {
+    let n = n_observed as f64;
+    let scale = -n * (scales.noise_sd_m.ln() + 0.5 * (2.0 * std::f64::consts::PI).ln()) - 0.5 * sums.variance.ln(lane);
+    if scales.dof.is_finite() {
+        scale + n * ln_student_constant(scales.dof) - 0.5 * (scales.dof + 1.0) * sums.tail.ln(lane)
+    } else {
+        scale - 0.5 * sums.quadratic_m2[lane] / (scales.noise_sd_m * scales.noise_sd_m)
+    }
+}
+
+/// ln[Γ((ν + 1)/2) / (Γ(ν/2) √(ν/2))]: the density of a t at 0 over that of a standard normal.
+///
+/// By Stirling's series of the ratio at ν/2 + 10, where its next term is below 2·10⁻¹⁴: a difference of two ln Γ would lose its digits at large ν.
+fn ln_student_constant(dof: f64) -> f64 {
+    let half = 0.5 * dof;
+    let mut ratio = 1.0;
+    for k in 0..10 {
+        ratio *= 1.0 - 0.5 / (half + f64::from(k) + 0.5);
+    }
+    let shifted = half + 10.0;
+    let inverse = 1.0 / (shifted * shifted);
+    let series = [-1.0 / 8.0, 1.0 / 192.0, -1.0 / 640.0, 17.0 / 14_336.0, -31.0 / 18_432.0];
+    let series = series.iter().rev().fold(0.0, |sum, coefficient| sum * inverse + coefficient) / shifted;
+    ratio.ln() + 0.5 * (10.0 / half).ln_1p() + series
+}
+
+/// One pass over the record.
+struct Pass<'a, const W: usize, const OU: bool, const GAIN: bool, const STUDENT: bool> {
+    record: &'a NoiseLikelihood,
+    position_m: &'a [[f64; W]],
+    steps: &'a [Step<W>],
+    gain_per_m2: [f64; W],
+    offset: [f64; W],
+    /// 1/(νσ²).
+    tail_per_m2: [f64; W],
+    /// (ν + 1)/ν.
+    tail_weight: [f64; W],
+}
+
+impl<const W: usize, const OU: bool, const GAIN: bool, const STUDENT: bool> WithSimd
+    for Pass<'_, W, OU, GAIN, STUDENT>
+{
+    type Output = Sums<W>;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> Sums<W> {
+        let mut sums = Sums { quadratic_m2: [0.0; W], variance: Products::ONE, tail: Products::ONE };
+        for register in 0..W / S::F64_LANES {
+            let prior = PriorVariances {
+                gain: Register::load(simd, &self.gain_per_m2, register),
+                offset: Register::load(simd, &self.offset, register),
+            };
+            let tail_per_m2 = Register::load(simd, &self.tail_per_m2, register);
+            let tail_weight = Register::load(simd, &self.tail_weight, register);
+            let one = Register::splat(simd, 1.0);
+            let mut covariance = Covariance::<S, OU, GAIN>::zero(simd);
+            let mut mean = Mean::<S, OU, GAIN>::zero(simd);
+            let mut quadratic = Register::splat(simd, 0.0);
+            let (mut variance, mut tail) = (Product::one(simd), Product::one(simd));
+            for (row, &observed_m) in self.record.rows.rows.iter().zip(&self.record.observed_m) {
+                if OU {
+                    let step = &self.steps[row.step];
+                    let decay = Register::load(simd, &step.decay, register);
+                    covariance.advance(decay, Register::load(simd, &step.gained, register));
+                    mean.advance(decay);
+                }
+                if GAIN && row.new_cycle {
+                    covariance.renew(prior);
+                    mean.renew();
+                }
+                let x = Register::load(simd, &self.position_m[row.index], register);
+                let innovation = mean.innovation(Register::splat(simd, observed_m) - x, x);
+                if !OU && !GAIN {
+                    let square = innovation * innovation;
+                    if STUDENT {
+                        tail.grow(square * tail_per_m2);
+                    } else {
+                        quadratic = quadratic + square;
+                    }
+                    continue;
+                }
+                let gain = covariance.observe(x);
+                variance.grow(gain.excess);
+                let scaled = innovation * gain.precision;
+                if STUDENT {
+                    let u = innovation * scaled * tail_per_m2;
+                    tail.grow(u);
+                    mean.correct(&gain, scaled * (tail_weight / (one + u)));
+                } else {
+                    quadratic = innovation.mul_add(scaled, quadratic);
+                    mean.correct(&gain, scaled);
+                }
+            }
+            quadratic.store(&mut sums.quadratic_m2, register);
+            variance.store(&mut sums.variance, register);
+            tail.store(&mut sums.tail, register);
+        }
+        sums
+    }
+}

@@ -1,0 +1,163 @@
+//! Which noise terms a model has, their parameters and default priors.
+
+use crate::error::{Error, Place, Result};
+use crate::inference::distribution::Distribution;
+use crate::inference::prior::{NOISE, Prior};
+use crate::parameter::{ParameterSpec, Support};
+use crate::units::nearest_name;
+
+const OU_SD: ParameterSpec = ParameterSpec { name: "ou_sd_um", unit: "um", support: Support::POSITIVE };
+const OU_TIME: ParameterSpec = ParameterSpec { name: "ou_time_s", unit: "s", support: Support::POSITIVE };
+const GAIN_SD: ParameterSpec = ParameterSpec { name: "gain_sd", unit: "1", support: Support::POSITIVE };
+const OFFSET_SD: ParameterSpec = ParameterSpec { name: "offset_sd_um", unit: "um", support: Support::POSITIVE };
+/// Below 2 the errors would have no variance.
+const STUDENT_DOF: ParameterSpec =
+    ParameterSpec { name: "student_dof", unit: "1", support: Support { lower: 2.0, upper: f64::INFINITY } };
+
+/// A part of the noise; see the [module](super).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum NoiseTerm {
+    /// Independent errors of one size; in every model.
+    White,
+    /// A stationary Ornstein–Uhlenbeck process.
+    OrnsteinUhlenbeck,
+    /// A gain and an offset for each cycle.
+    Gain,
+    /// Student-t in place of normal predictions.
+    Student,
+}
+
+impl NoiseTerm {
+    /// Every term, in the order of their parameters.
+    pub const ALL: [Self; 4] = [Self::White, Self::OrnsteinUhlenbeck, Self::Gain, Self::Student];
+
+    /// Number of parameters of all terms together.
+    pub(super) const MOST_PARAMETERS: usize = 6;
+
+    /// Name in `model.toml`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::White => "white",
+            Self::OrnsteinUhlenbeck => "ou",
+            Self::Gain => "gain",
+            Self::Student => "student",
+        }
+    }
+
+    /// Its parameters, in order.
+    pub fn parameters(self) -> &'static [ParameterSpec] {
+        match self {
+            Self::White => &[NOISE],
+            Self::OrnsteinUhlenbeck => &[OU_SD, OU_TIME],
+            Self::Gain => &[GAIN_SD, OFFSET_SD],
+            Self::Student => &[STUDENT_DOF],
+        }
+    }
+}
+
+/// What default priors are scaled by.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct NoiseScales {
+    /// Median of the white noise's prior in µm.
+    pub noise_sd_um: f64,
+    /// Median time between rows in s.
+    pub sample_interval_s: f64,
+    /// Duration of a cycle in s.
+    pub cycle_s: f64,
+}
+
+/// White noise and whatever is combined with it. The default is white noise alone.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct NoiseModel {
+    pub(super) ou: bool,
+    pub(super) gain: bool,
+    pub(super) student: bool,
+}
+
+impl NoiseModel {
+    /// The model of these names, in any order; `place` is where they stand, for messages.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for an unknown name, one named twice, or without `white`.
+    pub fn named(names: &[String], place: &Place) -> Result<Self> {
+        let mut model = Self::default();
+        let known = NoiseTerm::ALL.map(NoiseTerm::name);
+        for (index, name) in names.iter().enumerate() {
+            if names[..index].contains(name) {
+                return Err(Error::input(place.clone(), format!("`{name}` is named twice"), "name it once"));
+            }
+            match NoiseTerm::ALL.into_iter().find(|term| term.name() == name) {
+                Some(NoiseTerm::White) => {}
+                Some(NoiseTerm::OrnsteinUhlenbeck) => model.ou = true,
+                Some(NoiseTerm::Gain) => model.gain = true,
+                Some(NoiseTerm::Student) => model.student = true,
+                None => {
+                    let near = nearest_name(name, known);
+                    let hint = near.map_or(String::new(), |near| format!("did you mean `{near}`? "));
+                    let remedy = format!("{hint}this version has: {}", known.join(", "));
+                    return Err(Error::input(place.clone(), format!("`{name}` is not available"), remedy));
+                }
+            }
+        }
+        if !names.iter().any(|name| name == NoiseTerm::White.name()) {
+            let remedy = format!("write `noise = {:?}`", model.names());
+            return Err(Error::input(place.clone(), "the noise has no `white`, which every model needs", remedy));
+        }
+        Ok(model)
+    }
+
+    /// Its terms, in the order of their parameters.
+    pub fn terms(self) -> impl Iterator<Item = NoiseTerm> {
+        NoiseTerm::ALL.into_iter().filter(move |term| match term {
+            NoiseTerm::White => true,
+            NoiseTerm::OrnsteinUhlenbeck => self.ou,
+            NoiseTerm::Gain => self.gain,
+            NoiseTerm::Student => self.student,
+        })
+    }
+
+    /// Names of its terms.
+    pub fn names(self) -> Vec<&'static str> {
+        self.terms().map(NoiseTerm::name).collect()
+    }
+
+    /// Its parameters, in the order in which every function here takes them.
+    pub fn parameters(self) -> Vec<ParameterSpec> {
+        self.terms().flat_map(NoiseTerm::parameters).copied().collect()
+    }
+
+    /// Default priors of all its parameters but `noise_sd_um`, which prior files give.
+    pub fn default_priors(self, scales: &NoiseScales) -> Vec<Prior> {
+        let specs = self.parameters().into_iter().filter(|spec| spec.name != NOISE.name);
+        specs.filter_map(|spec| default_prior(&spec, scales)).collect()
+    }
+
+    /// Degrees of freedom among the parameters, if the model has `student`.
+    pub fn student_dof(self, parameters: &[f64]) -> Option<f64> {
+        if self.student { parameters.last().copied() } else { None }
+    }
+}
+
+fn default_prior(spec: &ParameterSpec, scales: &NoiseScales) -> Option<Prior> {
+    let NoiseScales { noise_sd_um, sample_interval_s, cycle_s } = *scales;
+    let (distribution, source) = if *spec == OU_SD {
+        let distribution = Distribution::LogNormal { median: 0.5 * noise_sd_um, log_sd: 1.0 };
+        (distribution, "chosen: about half the white noise, within a factor of seven (95 %)")
+    } else if *spec == OU_TIME {
+        // Both ends two standard deviations away; no narrower than a factor of e where a cycle has few samples.
+        let log_sd = (0.25 * (cycle_s / sample_interval_s).ln()).max(0.5);
+        let distribution = Distribution::LogNormal { median: (sample_interval_s * cycle_s).sqrt(), log_sd };
+        (distribution, "chosen: between the sample interval and the cycle (95 %)")
+    } else if *spec == GAIN_SD {
+        (Distribution::HalfNormal { sd: 0.03 }, "chosen: cycles alike to a few per cent")
+    } else if *spec == OFFSET_SD {
+        (Distribution::HalfNormal { sd: noise_sd_um }, "chosen: at most about the white noise")
+    } else if *spec == STUDENT_DOF {
+        let distribution = Distribution::LogUniform { lower: 2.1, upper: 100.0 };
+        (distribution, "chosen: from tails almost without a variance to tails that cannot be told from normal ones")
+    } else {
+        return None;
+    };
+    let (name, unit) = (spec.name.to_string(), spec.unit.to_string());
+    Some(Prior { name, distribution, unit, source: source.to_string() })
+}

@@ -1,0 +1,64 @@
+//! A point's noise parameters in the form that the filter takes.
+
+use super::NoiseModel;
+
+/// Ratios of variances above this are refused: their products would leave the range of numbers.
+const LARGEST_RATIO: f64 = 1e100;
+
+/// Parameters in SI, variances over the white noise's. Terms that the model lacks have variance 0.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Scales {
+    /// Standard deviation (of a t: scale) of the white noise in m.
+    pub noise_sd_m: f64,
+    /// Stationary variance of the Ornstein–Uhlenbeck process over that of the white noise.
+    pub ou: f64,
+    /// Its correlation time in s.
+    pub ou_time_s: f64,
+    /// Variance of the gain over that of the white noise, in 1/m².
+    pub gain_per_m2: f64,
+    /// Variance of the offset over that of the white noise.
+    pub offset: f64,
+    /// Degrees of freedom; infinite for normal errors.
+    pub dof: f64,
+}
+
+impl Scales {
+    /// Stands in for a point outside the support, whose result is thrown away.
+    pub const UNIT: Self =
+        Self { noise_sd_m: 1.0, ou: 0.0, ou_time_s: 1.0, gain_per_m2: 0.0, offset: 0.0, dof: f64::INFINITY };
+
+    /// From parameters in the model's order and units; `None` outside their support.
+    pub fn new(model: NoiseModel, parameters: &[f64]) -> Option<Self> {
+        let mut left = parameters.iter().copied();
+        let mut next = || left.next().filter(|value| value.is_finite() && *value >= 0.0);
+        let noise_sd_m = 1e-6 * next()?;
+        let ratio = |sd: f64| (sd / noise_sd_m).powi(2);
+        let mut scales = Self { noise_sd_m, ..Self::UNIT };
+        if model.ou {
+            scales.ou = ratio(1e-6 * next()?);
+            scales.ou_time_s = next()?;
+        }
+        if model.gain {
+            scales.gain_per_m2 = ratio(next()?);
+            scales.offset = ratio(1e-6 * next()?);
+        }
+        if model.student {
+            scales.dof = next()?;
+        }
+        let small = |ratio: f64| ratio <= LARGEST_RATIO;
+        let inside = noise_sd_m > 0.0 && scales.dof >= 2.0;
+        (inside && small(scales.ou) && small(scales.gain_per_m2) && small(scales.offset)).then_some(scales)
+    }
+
+    /// Variance of a standardised error: 1, or ν/(ν − 2) for a t, which is infinite at ν = 2.
+    pub fn variance_factor(&self) -> f64 {
+        if self.dof.is_finite() { self.dof / (self.dof - 2.0) } else { 1.0 }
+    }
+
+    /// Decay exp(−Δt/τ) of the process over a step, and the variance 1 − exp(−2Δt/τ), times the stationary one, that it gains.
+    pub fn step(&self, step_s: f64) -> (f64, f64) {
+        // From exp − 1, which keeps the digits of short steps.
+        let change = (-step_s / self.ou_time_s).exp_m1();
+        (1.0 + change, -change * (2.0 + change) * self.ou)
+    }
+}
