@@ -299,6 +299,22 @@ impl UnconstrainedDensity {
     }
 }
 
+impl std::fmt::Display for Distribution {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let g = |x: f64| format!("{}", format!("{x:.3e}").parse::<f64>().unwrap_or(x));
+        match *self {
+            LogNormal { median, log_sd } => write!(f, "log-normal, median {}, log sd {}", g(median), g(log_sd)),
+            Normal { mean, sd } => write!(f, "normal, mean {}, sd {}", g(mean), g(sd)),
+            HalfNormal { sd } => write!(f, "half-normal, sd {}", g(sd)),
+            Uniform { lower, upper } => write!(f, "uniform from {} to {}", g(lower), g(upper)),
+            LogUniform { lower, upper } => write!(f, "log-uniform from {} to {}", g(lower), g(upper)),
+            Beta { alpha, beta, lower, upper } => {
+                write!(f, "beta({}, {}) from {} to {}", g(alpha), g(beta), g(lower), g(upper))
+            }
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

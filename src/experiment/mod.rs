@@ -38,3 +38,34 @@ pub struct Experiment {
     /// Where the data come from; synthetic or measured.
     pub source: String,
 }
+
+impl Experiment {
+    /// The same experiment with every cycle fitted but the last held-out one, which alone is scored: how revisions are compared (contracts §4). With no
+    /// cycle held out all are fitted and none is scored.
+    pub fn for_comparison(&self) -> Self {
+        let scored = self.heldout_cycles.iter().copied().max();
+        let all = self.calibration_cycles.iter().chain(&self.heldout_cycles).copied();
+        let mut fitted: Vec<u32> = all.filter(|cycle| Some(*cycle) != scored).collect();
+        fitted.sort_unstable();
+        Self { calibration_cycles: fitted, heldout_cycles: scored.into_iter().collect(), ..self.clone() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn revisions_are_fitted_on_all_cycles_but_the_last_held_out_one() {
+        let (mut experiment, _) = crate::workflow::replica::embedded().expect("embedded");
+        let split = |experiment: &Experiment| {
+            let compared = experiment.for_comparison();
+            (compared.calibration_cycles, compared.heldout_cycles)
+        };
+        assert_eq!(split(&experiment), (vec![1, 2, 3], vec![4]));
+        (experiment.calibration_cycles, experiment.heldout_cycles) = (vec![4, 1], vec![2]);
+        assert_eq!(split(&experiment), (vec![1, 4], vec![2]));
+        experiment.heldout_cycles.clear();
+        assert_eq!(split(&experiment), (vec![1, 4], vec![]));
+    }
+}

@@ -3,7 +3,7 @@
 use super::{Apparatus, Experiment};
 
 /// Sizes of an experiment.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Scales {
     /// Largest size of the commanded force, in N.
     pub largest_force_n: f64,
@@ -13,6 +13,8 @@ pub struct Scales {
     pub hold_s: f64,
     /// Median time between rows, in s.
     pub sample_interval_s: f64,
+    /// Mean length of a cycle, in s.
+    pub cycle_s: f64,
     /// Length of the record, in s.
     pub duration_s: f64,
     /// Poisson ratio of the vitreous; `None` for an instrument.
@@ -37,6 +39,7 @@ impl Experiment {
             position_range_m: if highest > lowest { highest - lowest } else { 0.0 },
             hold_s: super::record::median(between_s).unwrap_or(duration_s),
             sample_interval_s: record.median_interval_s().unwrap_or(duration_s),
+            cycle_s: duration_s / f64::from(record.n_cycles().max(1)),
             duration_s,
             poisson_ratio: match &self.apparatus {
                 Apparatus::Robot { vitreous, .. } => Some(vitreous.poisson_ratio),

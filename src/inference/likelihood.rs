@@ -1,8 +1,16 @@
-//! Posterior of the creep law's parameters under white Gaussian noise, over the sampler's coordinates.
+//! Posterior of a model's parameters over the sampler's coordinates, by the reduced model.
+//!
+//! Two ways to the same density: the Lethersich law under white noise by a kernel that touches each row once, and any other model by its
+//! stages, its response and its noise's filter, eight points at a time.
+
+use std::collections::BTreeMap;
 
 use super::LogDensity;
-use super::prior::{NOISE, PriorSet};
-use crate::model::{CreepLanes, Forward, SumOfSquares, TrainedRange};
+use super::noise::{LANES, NoiseLikelihood, NoiseModel};
+use super::prior::PriorSet;
+use crate::error::Result;
+use crate::model::{Compliance, CreepLanes, Forward, Model, Response, SumOfSquares, TrainedRange};
+use crate::number::Dual;
 use crate::rheology::BaseLaw;
 
 /// Where a parameter's value comes from.
@@ -14,60 +22,201 @@ pub enum Source {
     Fixed(f64),
 }
 
-/// Log-posterior by the reduced model: prior + Gaussian likelihood of the compared positions.
+/// What a posterior is made of.
+pub struct PosteriorParts<'a> {
+    /// Law and effects.
+    pub model: &'a Model,
+    /// The noise.
+    pub noise: NoiseModel,
+    /// What turns ∫J dF into a position.
+    pub compliance: Compliance,
+    /// Ranges of the law's parameters in which the reduced model may be asked; empty for none.
+    pub trained: &'a [TrainedRange],
+    /// The sampled parameters' priors, in the sampler's order.
+    pub priors: &'a PriorSet,
+    /// Values of the parameters that are not sampled.
+    pub fixed: &'a BTreeMap<String, f64>,
+}
+
+/// What is fitted; all slices have one entry a row.
+#[derive(Debug, Clone, Copy)]
+pub struct FittedRecord<'a> {
+    /// Times in s.
+    pub time_s: &'a [f64],
+    /// Commanded force in N; row i holds on [tᵢ, tᵢ₊₁).
+    pub force_n: &'a [f64],
+    /// Cycle of each row.
+    pub cycle: &'a [u32],
+    /// Positions (m) that are compared, `None` where there is nothing to compare.
+    pub observed_m: &'a [Option<f64>],
+}
+
+/// Log-posterior by the reduced model: prior + likelihood of the compared positions.
 ///
 /// A point outside the surrogate's trained range has log-density −∞: the prior is truncated there, to within the tail mass that
-/// was declared when the range was chosen.
+/// was declared when the range was chosen. So has a point at which an effect has no model.
 pub struct ReducedPosterior<'a> {
-    law: BaseLaw,
-    compliance_per_m: f64,
-    trained: &'a [TrainedRange],
-    data: SumOfSquares,
-    priors: &'a PriorSet,
-    /// The law's parameters in order, then the noise.
+    parts: PosteriorParts<'a>,
+    /// The model's parameters in order, then the noise's.
     sources: Vec<Source>,
+    kernel: Kernel,
+}
+
+enum Kernel {
+    /// Lethersich, no effect, white noise.
+    Squares(SumOfSquares),
+    /// Any other.
+    Stages { response: Response, noise: NoiseLikelihood },
 }
 
 impl<'a> ReducedPosterior<'a> {
-    /// `priors` holds the sampled parameters, in the sampler's order; `fixed` the others by name.
-    pub fn new(
-        law: BaseLaw,
-        compliance_per_m: f64,
-        trained: &'a [TrainedRange],
-        data: SumOfSquares,
-        priors: &'a PriorSet,
-        fixed: &std::collections::BTreeMap<String, f64>,
-    ) -> Self {
-        let names = law.parameters().iter().map(|p| p.name).chain([NOISE.name]);
+    /// Prepares the record.
+    pub fn new(parts: PosteriorParts<'a>, record: FittedRecord<'_>) -> Self {
+        let PosteriorParts { model, noise, priors, fixed, .. } = parts;
+        let FittedRecord { time_s, force_n, cycle, observed_m } = record;
+        let of_noise = noise.parameters();
+        let names = model.parameters().iter().chain(&of_noise).map(|p| p.name);
         let source = |name: &str| match priors.names().position(|n| n == name) {
             Some(index) => Source::Sampled(index),
             None => Source::Fixed(fixed.get(name).copied().unwrap_or(f64::NAN)),
         };
-        Self { law, compliance_per_m, trained, data, priors, sources: names.map(source).collect() }
+        let sources = names.map(source).collect();
+        let is_plain = model.base() == BaseLaw::Lethersich && model.effects().is_empty();
+        let kernel = if is_plain && noise == NoiseModel::default() {
+            Kernel::Squares(SumOfSquares::new(time_s, force_n, observed_m))
+        } else {
+            let n_rows = observed_m.iter().rposition(Option::is_some).map_or(0, |last| last + 1);
+            Kernel::Stages {
+                response: Response::new(&time_s[..n_rows], &force_n[..n_rows]),
+                noise: NoiseLikelihood::new(noise, time_s, cycle, observed_m),
+            }
+        };
+        Self { parts, sources, kernel }
     }
 
-    /// All parameters, sampled and fixed, in natural units (the law's, then the noise) at a point of the sampler.
+    /// All parameters, sampled and fixed, in natural units (the model's, then the noise's) at a point of the sampler.
     pub fn natural(&self, point: &[f64]) -> Vec<f64> {
-        natural(&self.sources, self.priors, point)
+        let value = |source: &Source| match *source {
+            Source::Sampled(index) => self.parts.priors.priors()[index].distribution.from_unconstrained(point[index]),
+            Source::Fixed(value) => value,
+        };
+        self.sources.iter().map(value).collect()
     }
 
-    /// Displacement per force at unit creep compliance (1/m), and the ranges in which the reduced model may be asked.
+    /// Displacement per force at unit creep compliance and the experiment's Poisson ratio (1/m), and the ranges in which the reduced model may
+    /// be asked.
     pub fn mechanics(&self) -> (f64, &[TrainedRange]) {
-        (self.compliance_per_m, self.trained)
+        (self.parts.compliance.given_per_m(), self.parts.trained)
     }
 
     /// Number of positions that are compared.
     pub fn n_observed(&self) -> usize {
-        self.data.n_observed()
+        match &self.kernel {
+            Kernel::Squares(data) => data.n_observed(),
+            Kernel::Stages { noise, .. } => noise.n_observed(),
+        }
+    }
+
+    /// Adds the log-likelihood of every point whose log-density is not −∞ yet; `values` holds parameter d of point i at `d * n + i`.
+    fn add_ln_likelihood(&self, values: &mut [f64], log_density: &mut [f64]) {
+        match &self.kernel {
+            Kernel::Squares(data) => self.add_by_squares(data, values, log_density),
+            Kernel::Stages { response, noise } => {
+                let inside: Vec<usize> =
+                    (0..log_density.len()).filter(|i| log_density[*i] > f64::NEG_INFINITY).collect();
+                let mut scratch = Scratch::default();
+                for chunk in inside.chunks(LANES) {
+                    self.add_by_stages(response, noise, values, chunk, &mut scratch, log_density);
+                }
+            }
+        }
+    }
+
+    fn add_by_squares(&self, data: &SumOfSquares, values: &mut [f64], log_density: &mut [f64]) {
+        let (n, compliance_per_m) = (log_density.len(), self.parts.compliance.given_per_m());
+        let (law, noise_sd_um) = values.split_at_mut(3 * n);
+        let (young, viscosities) = law.split_at_mut(n);
+        let (viscosity_1, viscosity_2) = viscosities.split_at_mut(n);
+        for i in 0..n {
+            viscosity_1[i] = young[i] / viscosity_1[i];
+            young[i] = compliance_per_m / young[i];
+            viscosity_2[i] = compliance_per_m / viscosity_2[i];
+        }
+        let lanes = CreepLanes { retarded_m_per_n: young, rate_per_s: viscosity_1, flow_m_per_n_s: viscosity_2 };
+        let mut sum_m2 = vec![0.0; n];
+        data.evaluate(lanes, &mut sum_m2);
+        for i in 0..n {
+            if log_density[i] > f64::NEG_INFINITY {
+                log_density[i] += ln_gaussian(data.n_observed(), sum_m2[i], 1e-6 * noise_sd_um[i]);
+            }
+        }
+    }
+
+    /// At most [`LANES`] points, by their indices.
+    fn add_by_stages(
+        &self,
+        response: &Response,
+        noise: &NoiseLikelihood,
+        values: &[f64],
+        points: &[usize],
+        scratch: &mut Scratch,
+        log_density: &mut [f64],
+    ) {
+        let n = log_density.len();
+        let n_model = self.parts.model.parameters().len();
+        scratch.clear();
+        for &point in points {
+            scratch.parameters.clear();
+            scratch.parameters.extend((0..n_model).map(|d| Dual::constant(values[d * n + point])));
+            let stages = self.parts.model.stages(&scratch.parameters);
+            match stages.and_then(|stages| {
+                let compliance_per_m = self.parts.compliance.per_m(stages.poisson_ratio)?;
+                Ok((stages, compliance_per_m.value))
+            }) {
+                Ok((stages, compliance_per_m)) => {
+                    scratch.points.push(point);
+                    scratch.stages.push(stages);
+                    scratch.compliances_per_m.push(compliance_per_m);
+                }
+                Err(_) => log_density[point] = f64::NEG_INFINITY,
+            }
+        }
+        if scratch.points.is_empty() {
+            return;
+        }
+        let is_valid =
+            response.trajectories_lanes_m(&scratch.stages, &scratch.compliances_per_m, &mut scratch.positions_m);
+        let of_lane = |d: usize, lane: usize| values[d * n + scratch.points[lane.min(scratch.points.len() - 1)]];
+        let of_noise: Vec<[f64; LANES]> =
+            (n_model..self.sources.len()).map(|d| std::array::from_fn(|lane| of_lane(d, lane))).collect();
+        let mut ln_likelihood = [0.0; LANES];
+        noise.ln_likelihood_lanes(&scratch.positions_m, &of_noise, &mut ln_likelihood);
+        for (lane, &point) in scratch.points.iter().enumerate() {
+            if is_valid[lane] {
+                log_density[point] += ln_likelihood[lane];
+            } else {
+                log_density[point] = f64::NEG_INFINITY;
+            }
+        }
     }
 }
 
-fn natural(sources: &[Source], priors: &PriorSet, point: &[f64]) -> Vec<f64> {
-    let value = |source: &Source| match *source {
-        Source::Sampled(index) => priors.priors()[index].distribution.from_unconstrained(point[index]),
-        Source::Fixed(value) => value,
-    };
-    sources.iter().map(value).collect()
+/// Buffers of one batch.
+#[derive(Default)]
+struct Scratch {
+    parameters: Vec<Dual>,
+    points: Vec<usize>,
+    stages: Vec<crate::effects::Stages>,
+    compliances_per_m: Vec<f64>,
+    positions_m: Vec<[f64; LANES]>,
+}
+
+impl Scratch {
+    fn clear(&mut self) {
+        self.points.clear();
+        self.stages.clear();
+        self.compliances_per_m.clear();
+    }
 }
 
 /// −n ln σ − RSS/(2σ²) − (n/2) ln 2π.
@@ -78,7 +227,7 @@ fn ln_gaussian(n_observed: usize, sum_m2: f64, noise_sd_m: f64) -> f64 {
 
 impl LogDensity for ReducedPosterior<'_> {
     fn dimension(&self) -> usize {
-        self.priors.priors().len()
+        self.parts.priors.priors().len()
     }
 
     fn log_density(&self, points: &[f64], log_density: &mut [f64]) {
@@ -88,7 +237,7 @@ impl LogDensity for ReducedPosterior<'_> {
         }
         let column = |source: &Source, out: &mut [f64]| match *source {
             Source::Sampled(index) => {
-                let distribution = &self.priors.priors()[index].distribution;
+                let distribution = &self.parts.priors.priors()[index].distribution;
                 for (x, z) in out.iter_mut().zip(&points[index * n..]) {
                     *x = distribution.from_unconstrained(*z);
                 }
@@ -100,49 +249,26 @@ impl LogDensity for ReducedPosterior<'_> {
             column(source, out);
         }
         log_density.fill(0.0);
-        for (range, values) in self.trained.iter().zip(values.chunks_exact(n)) {
+        for (range, values) in self.parts.trained.iter().zip(values.chunks_exact(n)) {
             for (density, value) in log_density.iter_mut().zip(values) {
                 if !range.contains(*value) {
                     *density = f64::NEG_INFINITY;
                 }
             }
         }
-        self.priors.add_ln_pdf_unconstrained(points, log_density);
-        debug_assert_eq!(self.law, BaseLaw::Lethersich);
-        let (law, noise_sd_um) = values.split_at_mut(3 * n);
-        let (young, viscosities) = law.split_at_mut(n);
-        let (viscosity_1, viscosity_2) = viscosities.split_at_mut(n);
-        for i in 0..n {
-            viscosity_1[i] = young[i] / viscosity_1[i];
-            young[i] = self.compliance_per_m / young[i];
-            viscosity_2[i] = self.compliance_per_m / viscosity_2[i];
-        }
-        let lanes = CreepLanes { retarded_m_per_n: young, rate_per_s: viscosity_1, flow_m_per_n_s: viscosity_2 };
-        let mut sum_m2 = vec![0.0; n];
-        self.data.evaluate(lanes, &mut sum_m2);
-        for i in 0..n {
-            if log_density[i] > f64::NEG_INFINITY {
-                log_density[i] += ln_gaussian(self.data.n_observed(), sum_m2[i], 1e-6 * noise_sd_um[i]);
-            }
-        }
+        self.parts.priors.add_ln_pdf_unconstrained(points, log_density);
+        self.add_ln_likelihood(&mut values, log_density);
     }
 }
 
-/// Log-likelihood of one point by any forward model, scalar: the reference of the vectorised one, and the way to the full-order model.
+/// Log-likelihood of one point by any forward model: the reference of the vectorised one, and the way to the full-order model.
 pub fn ln_likelihood(
     forward: &dyn Forward,
-    observed_m: &[Option<f64>],
-    law_parameters: &[f64],
-    noise_sd_um: f64,
-) -> crate::error::Result<f64> {
-    let position_m = forward.trajectory_m(law_parameters)?;
-    let pairs = position_m.iter().zip(observed_m).filter_map(|(x, y)| y.map(|y| (y - x) * (y - x)));
-    let (mut n_observed, mut sum_m2) = (0, 0.0);
-    for square in pairs {
-        n_observed += 1;
-        sum_m2 += square;
-    }
-    Ok(ln_gaussian(n_observed, sum_m2, 1e-6 * noise_sd_um))
+    noise: &NoiseLikelihood,
+    model_parameters: &[f64],
+    noise_parameters: &[f64],
+) -> Result<f64> {
+    Ok(noise.ln_likelihood(&forward.trajectory_m(model_parameters)?, noise_parameters))
 }
 
 #[cfg(test)]
@@ -166,15 +292,22 @@ mod tests {
             range("viscosity_1_pa_s", 0.1, 9.0),
             range("viscosity_2_pa_s", 5.0, 500.0),
         ];
-        let data = SumOfSquares::new(&time_s, &force_n, &observed);
-        let posterior = ReducedPosterior::new(BaseLaw::Lethersich, 549.0, &trained, data, &priors, &fixed);
-        let forward = ReducedForward {
-            compliance_per_m: 549.0,
-            law: BaseLaw::Lethersich,
-            time_s: &time_s,
-            force_n: &force_n,
+        let model = Model::lethersich();
+        let compliance = Compliance::given(549.0);
+        let parts = PosteriorParts {
+            model: &model,
+            noise: NoiseModel::default(),
+            compliance: compliance.clone(),
             trained: &trained,
+            priors: &priors,
+            fixed: &fixed,
         };
+        let cycle = [1; 80];
+        let record = FittedRecord { time_s: &time_s, force_n: &force_n, cycle: &cycle, observed_m: &observed };
+        let posterior = ReducedPosterior::new(parts, record);
+        let response = Response::new(&time_s, &force_n);
+        let forward = ReducedForward { model: &model, compliance, response, trained: &trained };
+        let noise_likelihood = NoiseLikelihood::new(NoiseModel::default(), &time_s, &cycle, &observed);
         let naturals = [[3.5, 47.0, 4.0], [2.0, 100.0, 50.0], [25.0, 47.0, 4.0]];
         let n = naturals.len();
         let mut points = vec![0.0; 3 * n];
@@ -189,7 +322,7 @@ mod tests {
             let z: Vec<f64> = (0..3).map(|d| points[d * n + i]).collect();
             let prior: f64 = priors.priors().iter().zip(&z).map(|(p, z)| p.distribution.ln_pdf_unconstrained(*z)).sum();
             let likelihood =
-                ln_likelihood(&forward, &observed, &[young, 1.4, viscosity_2], noise).expect("inside the range");
+                ln_likelihood(&forward, &noise_likelihood, &[young, 1.4, viscosity_2], &[noise]).expect("in range");
             assert!((density[i] / (prior + likelihood) - 1.0).abs() < 1e-11, "{} {}", density[i], prior + likelihood);
             assert_eq!(posterior.natural(&z).len(), 4);
         }
@@ -203,8 +336,17 @@ mod tests {
         let time_s: Vec<f64> = (0..90).map(|i| 0.05 * f64::from(i)).collect();
         let force_n: Vec<f64> = (0..90).map(|i| if i < 45 { 4.6e-6 } else { -4.6e-6 }).collect();
         let observed: Vec<Option<f64>> = (0..90).map(|i| Some(1e-5 * f64::from(i))).collect();
-        let data = SumOfSquares::new(&time_s, &force_n, &observed);
-        let posterior = ReducedPosterior::new(BaseLaw::Lethersich, 549.0, &[], data, &priors, &BTreeMap::new());
+        let (model, fixed, cycle) = (Model::lethersich(), BTreeMap::new(), [1; 90]);
+        let parts = PosteriorParts {
+            model: &model,
+            noise: NoiseModel::default(),
+            compliance: Compliance::given(549.0),
+            trained: &[],
+            priors: &priors,
+            fixed: &fixed,
+        };
+        let record = FittedRecord { time_s: &time_s, force_n: &force_n, cycle: &cycle, observed_m: &observed };
+        let posterior = ReducedPosterior::new(parts, record);
         let coordinate = |point: usize, d: usize| (1.0 + d as f64) * (0.37 * point as f64 + d as f64).sin();
         let log_density = |points: &[usize]| {
             let batch: Vec<f64> = (0..4).flat_map(|d| points.iter().map(move |&point| coordinate(point, d))).collect();

@@ -37,6 +37,13 @@ pub struct Prior {
     pub source: String,
 }
 
+/// Prior of a parameter that a file leaves out, given those of the parameters before it.
+pub type DefaultPrior<'a> = dyn Fn(&ParameterSpec, &[Prior]) -> Option<Prior> + 'a;
+
+fn no_default(_: &ParameterSpec, _: &[Prior]) -> Option<Prior> {
+    None
+}
+
 /// Priors of all parameters of a model, in the model's order.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PriorSet {
@@ -59,7 +66,7 @@ impl PriorSet {
     /// [`Error::Input`] if no embedded prior has this name.
     pub fn named(name: &str) -> Result<Self> {
         match EMBEDDED.iter().find(|(known, _)| *known == name) {
-            Some((known, text)) => Self::from_embedded(known, text, BASE_PARAMETERS, &[]),
+            Some((known, text)) => Self::from_embedded(known, text, BASE_PARAMETERS, &[], &no_default),
             None => Err(unknown_name(name)),
         }
     }
@@ -69,16 +76,22 @@ impl PriorSet {
     /// # Errors
     /// [`Error::Input`] for an unknown name or an unacceptable file, [`Error::File`] for an unreadable one.
     pub fn read(name_or_file: &str) -> Result<Self> {
-        Self::read_for(name_or_file, BASE_PARAMETERS, &[])
+        Self::read_for(name_or_file, BASE_PARAMETERS, &[], &no_default)
     }
 
-    /// Priors of the `known` parameters from an embedded name or a file; `defaults` serve parameters that it leaves out.
+    /// Priors of the `wanted` parameters from an embedded name or a file, which may hold those of `others`, too; what it leaves out is asked
+    /// for from `default`.
     ///
     /// # Errors
     /// As [`PriorSet::read`].
-    pub fn read_for(name_or_file: &str, known: &[ParameterSpec], defaults: &[Prior]) -> Result<Self> {
+    pub fn read_for(
+        name_or_file: &str,
+        wanted: &[ParameterSpec],
+        others: &[&str],
+        default: &DefaultPrior<'_>,
+    ) -> Result<Self> {
         if let Some((name, text)) = EMBEDDED.iter().find(|(name, _)| *name == name_or_file) {
-            return Self::from_embedded(name, text, known, defaults);
+            return Self::from_embedded(name, text, wanted, others, default);
         }
         let path = Path::new(name_or_file);
         if !path.exists() {
@@ -86,13 +99,20 @@ impl PriorSet {
         }
         let bytes = std::fs::read(path)
             .map_err(|source| Error::at_path("read", path, source, "give a readable prior file, or a prior's name"))?;
-        let mut set = Self::from_text(path, &bytes, known, defaults)?;
+        let mut set = Self::from_text(path, &bytes, wanted, others, default)?;
         set.name = name_or_file.to_string();
         Ok(set)
     }
 
-    fn from_embedded(name: &str, text: &str, known: &[ParameterSpec], defaults: &[Prior]) -> Result<Self> {
-        let mut set = Self::from_text(&PathBuf::from(format!("priors/{name}.toml")), text.as_bytes(), known, defaults)?;
+    fn from_embedded(
+        name: &str,
+        text: &str,
+        wanted: &[ParameterSpec],
+        others: &[&str],
+        default: &DefaultPrior<'_>,
+    ) -> Result<Self> {
+        let file = PathBuf::from(format!("priors/{name}.toml"));
+        let mut set = Self::from_text(&file, text.as_bytes(), wanted, others, default)?;
         set.name = name.to_string();
         Ok(set)
     }
@@ -102,18 +122,23 @@ impl PriorSet {
     /// # Errors
     /// [`Error::Input`] with file, line, key and remedy for an unknown or missing parameter, a wrong unit, an unknown
     /// or missing key, impossible numbers, or a distribution that leaves the parameter's support.
-    pub fn from_text(file: &Path, bytes: &[u8], known: &[ParameterSpec], defaults: &[Prior]) -> Result<Self> {
+    pub fn from_text(
+        file: &Path,
+        bytes: &[u8],
+        wanted: &[ParameterSpec],
+        others: &[&str],
+        default: &DefaultPrior<'_>,
+    ) -> Result<Self> {
         let text = text_of(file, bytes)?;
         let document = Document::parse(file, text)?;
         let root = document.root();
-        let names: Vec<&str> = known.iter().map(|spec| spec.name).collect();
+        let names: Vec<&str> = wanted.iter().map(|spec| spec.name).chain(others.iter().copied()).collect();
         root.only(&names)?;
-        let mut priors = Vec::with_capacity(known.len());
-        for spec in known {
-            let default = defaults.iter().find(|prior| prior.name == spec.name);
-            priors.push(match (root.table(spec.name)?, default) {
+        let mut priors = Vec::with_capacity(wanted.len());
+        for spec in wanted {
+            priors.push(match (root.table(spec.name)?, default(spec, &priors)) {
                 (Some(table), _) => prior_from(table, spec)?,
-                (None, Some(default)) => default.clone(),
+                (None, Some(default)) => default,
                 (None, None) => {
                     let example = format!(
                         "[{}]` with `distribution`, its numbers, `unit = \"{}\"` and `source",

@@ -57,6 +57,12 @@ impl Model {
         Ok(Self { base, effects, scales, parameters })
     }
 
+    /// The Lethersich law alone, which no size of an experiment enters.
+    pub fn lethersich() -> Self {
+        let (base, scales) = (BaseLaw::Lethersich, Scales::default());
+        Self { base, effects: Vec::new(), scales, parameters: base.parameters().to_vec() }
+    }
+
     /// The base law.
     pub fn base(&self) -> BaseLaw {
         self.base

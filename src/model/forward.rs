@@ -1,32 +1,89 @@
 //! One trait for the full and the reduced model, so that nothing downstream can tell them apart.
 
-use super::convolve_m;
+use super::{Compliance, Model, Response};
 use crate::error::{Error, Result};
-use crate::fe::time::{FullOrderModel, SolvedLoad, TimeScheme};
-use crate::rheology::BaseLaw;
+use crate::fe::Stiffness;
+use crate::fe::time::{FullOrderModel, TimeScheme};
+use crate::number::Dual;
 
 /// Parameters → trajectory.
 pub trait Forward: Sync {
-    /// Position (m) at every row of the record, the limit from the left, for the law's parameters (SI, the order of
-    /// [`BaseLaw::parameters`]).
-    fn trajectory_m(&self, law_parameters: &[f64]) -> Result<Vec<f64>>;
+    /// Recorded position (m) at every row of the record, the limit from the left, for the model's parameters (SI, the order of
+    /// [`Model::parameters`]).
+    fn trajectory_m(&self, parameters: &[f64]) -> Result<Vec<f64>>;
 }
 
-/// The full-order model: internal fields stepped through the record.
+/// The full-order model: finite elements stepped through the record.
+///
+/// The base law alone takes the exponential step, which is exact while the force holds; with effects the network of elements is stepped by
+/// its definition, apart from the reduced model's closed forms.
 pub struct FullForward<'a> {
-    /// Factorised finite elements.
-    pub model: &'a FullOrderModel<'a>,
-    /// The record's force, solved.
-    pub load: &'a SolvedLoad<'a>,
-    /// Constitutive law.
-    pub law: BaseLaw,
-    /// Time integrator.
-    pub scheme: TimeScheme,
+    model: &'a Model,
+    stiffness: &'a Stiffness,
+    /// At the experiment's Poisson ratio.
+    at_rest: FullOrderModel<'a>,
+    time_s: &'a [f64],
+    force_n: &'a [f64],
+    step_growth: f64,
+}
+
+/// A full-order run.
+pub struct FullRun {
+    /// Recorded position (m) at every row.
+    pub position_m: Vec<f64>,
+    /// Unknowns (m) at the rows that were asked for.
+    pub fields: Vec<Vec<f64>>,
+    /// Displacement (1/m) per force at unit creep compliance, at the run's Poisson ratio.
+    pub compliance_per_m: f64,
+}
+
+impl<'a> FullForward<'a> {
+    /// Factorises at the experiment's Poisson ratio.
+    pub fn new(
+        model: &'a Model,
+        stiffness: &'a Stiffness,
+        poisson_ratio: f64,
+        time_s: &'a [f64],
+        force_n: &'a [f64],
+    ) -> Result<Self> {
+        let at_rest = FullOrderModel::new(stiffness, poisson_ratio)?;
+        Ok(Self { model, stiffness, at_rest, time_s, force_n, step_growth: DEFAULT_STEP_GROWTH })
+    }
+
+    /// The same with steps that grow by another fraction of the time since the last force step.
+    pub fn with_step_growth(self, step_growth: f64) -> Self {
+        Self { step_growth, ..self }
+    }
+
+    /// Displacement (1/m) of the robot per unit force at unit creep compliance, at the experiment's Poisson ratio.
+    pub fn compliance_per_m(&self) -> f64 {
+        self.at_rest.compliance_per_m()
+    }
+
+    /// Trajectory, and the fields at some rows.
+    pub fn run(&self, parameters: &[f64], field_rows: &[usize]) -> Result<FullRun> {
+        let (base, is_exponential) = (self.model.base(), self.model.effects().is_empty());
+        if let Some(law) = base.creep_compliance(parameters).filter(|_| is_exponential) {
+            let load = self.at_rest.solve_load(self.time_s, self.force_n);
+            let position_m = self.at_rest.trajectory(&load, &law, TimeScheme::Exponential);
+            let fields = self.at_rest.fields(&load, &law, field_rows);
+            return Ok(FullRun { position_m, fields, compliance_per_m: self.compliance_per_m() });
+        }
+        let constants: Vec<Dual> = parameters.iter().map(|value| Dual::constant(*value)).collect();
+        let stages = self.model.stages(&constants)?;
+        let full = match stages.poisson_ratio {
+            Some(ratio) => &FullOrderModel::new(self.stiffness, ratio.value)?,
+            None => &self.at_rest,
+        };
+        let stepped = full.step(&stages, self.time_s, self.force_n, self.step_growth)?;
+        let fields = full.fields_of(&stepped, field_rows);
+        Ok(FullRun { position_m: stepped.position_m, fields, compliance_per_m: full.compliance_per_m() })
+    }
 }
 
 impl Forward for FullForward<'_> {
-    fn trajectory_m(&self, law_parameters: &[f64]) -> Result<Vec<f64>> {
-        Ok(self.model.trajectory(self.load, &self.law.creep_compliance(law_parameters), self.scheme))
+    fn trajectory_m(&self, parameters: &[f64]) -> Result<Vec<f64>> {
+        Ok(self.run(parameters, &[])?.position_m)
     }
 }
 
@@ -48,23 +105,21 @@ impl TrainedRange {
     }
 }
 
-/// The reduced model at a fixed Poisson ratio: one compliance and the law's convolution.
+/// The reduced model: one compliance, and the stages in closed form.
 pub struct ReducedForward<'a> {
-    /// Displacement per force at unit creep compliance, in 1/m.
-    pub compliance_per_m: f64,
-    /// Constitutive law.
-    pub law: BaseLaw,
-    /// Times of the record in s.
-    pub time_s: &'a [f64],
-    /// Commanded force of the record in N.
-    pub force_n: &'a [f64],
+    /// Law and effects.
+    pub model: &'a Model,
+    /// What turns ∫J dF into a position.
+    pub compliance: Compliance,
+    /// The record.
+    pub response: Response,
     /// Trained ranges of the law's parameters; empty where the compliance is exact (an instrument's).
     pub trained: &'a [TrainedRange],
 }
 
-impl Forward for ReducedForward<'_> {
-    fn trajectory_m(&self, law_parameters: &[f64]) -> Result<Vec<f64>> {
-        for (range, &value) in self.trained.iter().zip(law_parameters) {
+impl ReducedForward<'_> {
+    fn in_trained_range(&self, parameters: &[f64]) -> Result<()> {
+        for (range, &value) in self.trained.iter().zip(parameters) {
             if !range.contains(value) {
                 return Err(Error::OutsideTrainedRange {
                     parameter: range.name.clone(),
@@ -74,6 +129,39 @@ impl Forward for ReducedForward<'_> {
                 });
             }
         }
-        Ok(convolve_m(self.compliance_per_m, &self.law.creep_compliance(law_parameters), self.time_s, self.force_n))
+        Ok(())
+    }
+
+    /// Derivative (m a unit of the parameter) of the trajectory with respect to one parameter, by its index: exact, and one-sided where the
+    /// parameter stands at an end of its support.
+    ///
+    /// # Errors
+    /// As [`Forward::trajectory_m`]; [`Error::Numerical`] where there is no derivative, such as with respect to a lag of zero.
+    pub fn derivative_m(&self, parameters: &[f64], index: usize) -> Result<Vec<f64>> {
+        self.in_trained_range(parameters)?;
+        let seeded = |(i, value): (usize, &f64)| Dual { value: *value, derivative: f64::from(u8::from(i == index)) };
+        let parameters: Vec<Dual> = parameters.iter().enumerate().map(seeded).collect();
+        let stages = self.model.stages(&parameters)?;
+        let compliance_per_m = self.compliance.per_m(stages.poisson_ratio)?;
+        let positions = self.response.dual_trajectory_m(&stages, compliance_per_m)?;
+        let derivative: Vec<f64> = positions.iter().map(|x| x.derivative).collect();
+        if derivative.iter().all(|slope| slope.is_finite()) {
+            return Ok(derivative);
+        }
+        let name = self.model.parameters().get(index).map_or("", |spec| spec.name);
+        Err(Error::numerical(
+            format!("the trajectory has no derivative with respect to {name} here"),
+            "take a finite difference with the step that the effect documents",
+        ))
+    }
+}
+
+impl Forward for ReducedForward<'_> {
+    fn trajectory_m(&self, parameters: &[f64]) -> Result<Vec<f64>> {
+        self.in_trained_range(parameters)?;
+        let constants: Vec<Dual> = parameters.iter().map(|value| Dual::constant(*value)).collect();
+        let stages = self.model.stages(&constants)?;
+        let compliance_per_m = self.compliance.per_m(stages.poisson_ratio)?;
+        self.response.trajectory_m(&stages, compliance_per_m)
     }
 }

@@ -115,7 +115,9 @@ impl BaseLaw {
     }
 
     /// Creep compliance at `parameters` (SI, the order of [`Self::parameters`]; all positive).
-    pub fn creep_compliance(self, parameters: &[f64]) -> CreepCompliance {
+    ///
+    /// `None` for laws that are no finite sum of exponentials.
+    pub fn creep_compliance(self, parameters: &[f64]) -> Option<CreepCompliance> {
         let p = parameters;
         let body = |modulus_pa: f64, viscosity_pa_s: f64| RetardedMode {
             compliance_per_pa: 1.0 / modulus_pa,
@@ -131,7 +133,14 @@ impl BaseLaw {
             Self::Burgers => law.instantaneous_per_pa = 1.0 / p[3],
             Self::TwoElement => law.retarded.push(body(p[3], p[4])),
         }
-        law
+        Some(law)
+    }
+
+    /// Whether the law has a [`Self::creep_compliance`].
+    pub fn is_exponential(self) -> bool {
+        match self {
+            Self::Lethersich | Self::Burgers | Self::TwoElement => true,
+        }
     }
 }
 
@@ -141,7 +150,7 @@ mod tests {
 
     #[test]
     fn lethersich_limits() {
-        let j = BaseLaw::Lethersich.creep_compliance(&[3.527, 1.402, 47.370]);
+        let j = BaseLaw::Lethersich.creep_compliance(&[3.527, 1.402, 47.370]).expect("a sum");
         assert_eq!(j.at(0.0), 0.0);
         // Short times: two dashpots in series; long times: spring plus free flow.
         let t = 1e-7;

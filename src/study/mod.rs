@@ -19,7 +19,7 @@ mod revision;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-pub use model_specification::{AVAILABLE_EFFECTS, AVAILABLE_NOISE, ModelSpecification};
+pub use model_specification::ModelSpecification;
 pub use provenance::{Provenance, WithProvenance, sha256_hex};
 pub use revision::RevisionWriter;
 
@@ -139,6 +139,14 @@ impl Study {
     /// The directory.
     pub fn dir(&self) -> &Path {
         &self.dir
+    }
+
+    /// SHA-256 of the inputs of an experiment, as a study of it would keep them.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if its files have names that a study keeps for itself.
+    pub fn hashes_of(files: &ExperimentFiles) -> Result<BTreeMap<String, String>> {
+        hashes_of(files)
     }
 
     /// How it came to be open.

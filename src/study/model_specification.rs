@@ -3,41 +3,37 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 use crate::document::{Document, text_of};
+use crate::effects::{Effect, Library};
 use crate::error::{Error, Place, Result};
 use crate::files::write_atomically;
-use crate::inference::prior::{BASE_PARAMETERS, PriorSet};
+use crate::inference::noise::NoiseModel;
+use crate::inference::prior::PriorSet;
+use crate::parameter::ParameterSpec;
 use crate::rheology::BaseLaw;
 use crate::units::nearest_name;
 
-/// Effects that this version has.
-pub const AVAILABLE_EFFECTS: &[&str] = &[];
-/// Noise models that this version has.
-pub const AVAILABLE_NOISE: &[&str] = &["white"];
-
 /// A model: base law, effects, noise, priors, and parameters that are not inferred.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct ModelSpecification {
-    /// Name of the base law.
-    pub base: String,
-    /// Slugs of the effects, in order.
+    /// The base law.
+    pub base: BaseLaw,
+    /// Slugs of the effects.
     pub effects: Vec<String>,
     /// Noise models.
     pub noise: Vec<String>,
     /// Name or file of the priors.
     pub prior: String,
     /// Parameters held at a value, in their own units.
-    #[serde(default)]
     pub fixed: BTreeMap<String, f64>,
 }
 
 impl Default for ModelSpecification {
     fn default() -> Self {
         Self {
-            base: BaseLaw::default().name().into(),
+            base: BaseLaw::default(),
             effects: Vec::new(),
             noise: vec!["white".into()],
             prior: PriorSet::embedded_names().next().unwrap_or("porcine").into(),
@@ -46,27 +42,37 @@ impl Default for ModelSpecification {
     }
 }
 
+/// A specification as it stands in `model.toml`.
+#[derive(Serialize)]
+struct Written<'a> {
+    base: &'a str,
+    effects: &'a [String],
+    noise: &'a [String],
+    prior: &'a str,
+    fixed: &'a BTreeMap<String, f64>,
+}
+
 /// Where each part of a specification stands, for messages.
 struct Places<'p> {
     of: &'p dyn Fn(&str) -> Place,
 }
 
 impl ModelSpecification {
-    /// Reads and checks a `model.toml`; only `base` must be there.
+    /// Reads and checks a `model.toml` whose effects are in the library; only `base` must be there.
     ///
     /// # Errors
     /// [`Error::File`] if it cannot be read, [`Error::Input`] with file, line, key and remedy if it is not acceptable.
-    pub fn read(path: &Path) -> Result<Self> {
+    pub fn read(path: &Path, library: &Library) -> Result<Self> {
         let bytes = std::fs::read(path)
             .map_err(|source| Error::at_path("read", path, source, "give a revision that is complete"))?;
-        Self::from_text(path, &bytes)
+        Self::from_text(path, &bytes, library)
     }
 
     /// The same from TOML in memory; `file` is only named in errors.
     ///
     /// # Errors
     /// As [`ModelSpecification::read`].
-    pub fn from_text(file: &Path, bytes: &[u8]) -> Result<Self> {
+    pub fn from_text(file: &Path, bytes: &[u8], library: &Library) -> Result<Self> {
         let document = Document::parse(file, text_of(file, bytes)?)?;
         let root = document.root();
         root.only(&["base", "effects", "fixed", "noise", "prior"])?;
@@ -86,7 +92,10 @@ impl ModelSpecification {
                     available(&BaseLaw::NAMED.map(BaseLaw::name)),
                 ));
             }
-            _ => root.required_text("base", "base = \"lethersich\"")?,
+            _ => {
+                let name = root.required_text("base", "base = \"lethersich\"")?;
+                base_named(&name, root.place("base"))?
+            }
         };
         let specification = Self {
             base,
@@ -99,7 +108,7 @@ impl ModelSpecification {
             Some(name) => fixed_table.map_or(root.place("fixed"), |table| table.place(name)),
             None => root.place(key),
         };
-        specification.check(&Places { of: &place })?;
+        specification.check(&Places { of: &place }, library)?;
         Ok(specification)
     }
 
@@ -116,7 +125,7 @@ impl ModelSpecification {
     ) -> Result<Self> {
         let mut specification = Self { effects: effects.to_vec(), ..Self::default() };
         if let Some(base) = base {
-            specification.base = base.into();
+            specification.base = base_named(base, Place::option("--base"))?;
         }
         if !noise.is_empty() {
             specification.noise = noise.to_vec();
@@ -124,16 +133,7 @@ impl ModelSpecification {
         if let Some(prior) = prior {
             specification.prior = prior.into();
         }
-        for assignment in set {
-            let (name, value) = assignment_from(assignment)?;
-            if specification.fixed.insert(name.clone(), value).is_some() {
-                return Err(Error::input(
-                    Place::option("--set"),
-                    format!("{name} is set twice"),
-                    "set each parameter once",
-                ));
-            }
-        }
+        specification.fixed = assignments(set)?;
         let place = |key: &str| {
             Place::option(match key {
                 "base" => "--base",
@@ -143,8 +143,18 @@ impl ModelSpecification {
                 _ => "--set",
             })
         };
-        specification.check(&Places { of: &place })?;
+        specification.check(&Places { of: &place }, &Library::default())?;
         Ok(specification)
+    }
+
+    /// Values of this model's parameters from options `--set NAME=VALUE`.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for a name that is no parameter of the model, or a value outside its support.
+    pub fn values_from_options(&self, set: &[String], library: &Library) -> Result<BTreeMap<String, f64>> {
+        let model = Self { fixed: assignments(set)?, ..self.clone() };
+        model.check(&Places { of: &|_| Place::option("--set") }, library)?;
+        Ok(model.fixed)
     }
 
     /// Writes `model.toml`, whole or not at all.
@@ -152,7 +162,9 @@ impl ModelSpecification {
     /// # Errors
     /// [`Error::File`] if the operating system refuses.
     pub fn write(&self, path: &Path) -> Result<()> {
-        let text = toml::to_string(self).map_err(|error| {
+        let Self { base, effects, noise, prior, fixed } = self;
+        let written = Written { base: base.name(), effects, noise, prior, fixed };
+        let text = toml::to_string(&written).map_err(|error| {
             Error::numerical(
                 format!("the model cannot be written as TOML: {error}"),
                 "report this with the command that was run",
@@ -161,33 +173,62 @@ impl ModelSpecification {
         write_atomically(path, text.as_bytes())
     }
 
-    fn check(&self, places: &Places<'_>) -> Result<()> {
-        check_known(places, "base", std::slice::from_ref(&self.base), &BaseLaw::NAMED.map(BaseLaw::name))?;
-        check_known(places, "effects", &self.effects, AVAILABLE_EFFECTS)?;
-        check_known(places, "noise", &self.noise, AVAILABLE_NOISE)?;
-        if self.noise.is_empty() {
-            return Err(Error::input((places.of)("noise"), "no noise model is named", "write `noise = [\"white\"]`"));
-        }
+    /// The effects, in the order of the library, which is that of their application.
+    pub fn effects(&self, library: &Library) -> Vec<&'static dyn Effect> {
+        let is_named = |effect: &&&dyn Effect| self.effects.iter().any(|slug| slug == effect.slug());
+        library.effects().iter().filter(is_named).copied().collect()
+    }
+
+    /// The noise model.
+    ///
+    /// # Errors
+    /// [`Error::Input`] at `place` for names that are none, or lack what every noise has.
+    pub fn noise_model(&self, place: &Place) -> Result<NoiseModel> {
+        NoiseModel::named(&self.noise, place)
+    }
+
+    fn check(&self, places: &Places<'_>, library: &Library) -> Result<()> {
+        let slugs: Vec<&str> = library.effects().iter().map(|effect| effect.slug()).collect();
+        check_known(places, "effects", &self.effects, &slugs)?;
+        let noise = self.noise_model(&(places.of)("noise"))?;
+        let effects = self.effects(library);
+        let of_effects = effects.iter().flat_map(|effect| effect.parameters()).map(|parameter| parameter.spec);
+        // What is no effect's is a scale that divides somewhere, so the lower end of its support is out, too.
+        let scales: Vec<ParameterSpec> =
+            self.base.parameters().iter().copied().chain(noise.parameters()).collect();
+        let all: Vec<ParameterSpec> = scales.iter().copied().chain(of_effects).collect();
         for (name, value) in &self.fixed {
             let place = (places.of)(&format!("fixed.{name}"));
-            let Some(spec) = BASE_PARAMETERS.iter().find(|spec| spec.name == name) else {
-                let names: Vec<&str> = BASE_PARAMETERS.iter().map(|spec| spec.name).collect();
+            let Some(spec) = all.iter().find(|spec| spec.name == name) else {
+                let names: Vec<&str> = all.iter().map(|spec| spec.name).collect();
                 let near = nearest_name(name, names.iter().copied());
                 let hint = near.map_or(String::new(), |near| format!("did you mean `{near}`? "));
                 let remedy = format!("{hint}this model has {}", names.join(", "));
                 return Err(Error::input(place, format!("unknown parameter `{name}`"), remedy));
             };
-            // Every base parameter is a scale that divides somewhere, so an end of the support is out, too.
-            if !(value.is_finite() && spec.support.contains(*value) && *value > spec.support.lower) {
-                return Err(Error::input(
-                    place,
-                    format!("{name} = {value} is outside its support"),
-                    format!("give a finite value above {} in {}", spec.support.lower, spec.unit),
-                ));
+            let is_scale = scales.contains(spec);
+            let is_inside = spec.support.contains(*value) && (!is_scale || *value > spec.support.lower);
+            if !(value.is_finite() && is_inside) {
+                let remedy = if is_scale {
+                    format!("give a finite value above {} in {}", spec.support.lower, spec.unit)
+                } else {
+                    format!("give a finite value in {} ({})", spec.support, spec.unit)
+                };
+                return Err(Error::input(place, format!("{name} = {value} is outside its support"), remedy));
             }
         }
         Ok(())
     }
+}
+
+/// The base law of a name that stands at `place`.
+fn base_named(name: &str, place: Place) -> Result<BaseLaw> {
+    BaseLaw::named(name).ok_or_else(|| {
+        let known = BaseLaw::NAMED.map(BaseLaw::name);
+        let near = nearest_name(name, known);
+        let hint = near.map_or(String::new(), |near| format!("did you mean `{near}`? "));
+        Error::input(place, format!("`{name}` is not available"), format!("{hint}{}", available(&known)))
+    })
 }
 
 fn available(names: &[&str]) -> String {
@@ -211,6 +252,18 @@ fn check_known(places: &Places<'_>, key: &str, names: &[String], known: &[&str])
         }
     }
     Ok(())
+}
+
+fn assignments(set: &[String]) -> Result<BTreeMap<String, f64>> {
+    let mut values = BTreeMap::new();
+    for assignment in set {
+        let (name, value) = assignment_from(assignment)?;
+        if values.insert(name.clone(), value).is_some() {
+            let found = format!("{name} is set twice");
+            return Err(Error::input(Place::option("--set"), found, "set each parameter once"));
+        }
+    }
+    Ok(values)
 }
 
 fn assignment_from(text: &str) -> Result<(String, f64)> {

@@ -15,7 +15,8 @@ pub use reduced::ReducedOperators;
 use crate::error::{Error, Result};
 use crate::fe::Stiffness;
 use crate::fe::time::{FullOrderModel, QUARTER, SolvedLoad, TimeScheme};
-use crate::model::{TrainedRange, convolve_m};
+use crate::model::{Compliance, TrainedRange, convolve_m};
+use crate::number::Dual;
 use crate::rheology::BaseLaw;
 
 /// Runs that train the surrogate and runs that verify it, at other points of the same Sobol sequence.
@@ -125,15 +126,26 @@ impl Surrogate {
 
     /// Displacement of the robot per unit force at unit creep compliance, in 1/m; refused outside the trained range.
     pub fn compliance_per_m(&self, poisson_ratio: f64) -> Result<f64> {
-        if !self.poisson_ratio.contains(poisson_ratio) {
+        Ok(self.dual_compliance_per_m(Dual::constant(poisson_ratio))?.value)
+    }
+
+    fn dual_compliance_per_m(&self, poisson_ratio: Dual) -> Result<Dual> {
+        if !self.poisson_ratio.contains(poisson_ratio.value) {
             return Err(Error::OutsideTrainedRange {
                 parameter: self.poisson_ratio.name.clone(),
-                value: poisson_ratio,
+                value: poisson_ratio.value,
                 lower: self.poisson_ratio.lower,
                 upper: self.poisson_ratio.upper,
             });
         }
-        self.operators.compliance_per_m(poisson_ratio)
+        self.operators.dual_compliance_per_m(poisson_ratio)
+    }
+
+    /// The compliance as a function of the Poisson ratio; `poisson_ratio` is the experiment's.
+    pub fn compliance(&self, poisson_ratio: f64) -> Result<Compliance> {
+        let per_m = self.compliance_per_m(poisson_ratio)?;
+        let family = self.clone();
+        Ok(Compliance::family(per_m, move |ratio| family.dual_compliance_per_m(ratio)))
     }
 
     /// Number of modes.

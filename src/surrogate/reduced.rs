@@ -7,6 +7,7 @@ use super::pod::dot;
 use crate::error::{Error, Result};
 use crate::fe::assembly::{Assembly, unit_moduli};
 use crate::fe::factorisation::add_symmetric_product;
+use crate::number::Dual;
 
 /// Reduced operators: all that is needed to answer for any Poisson ratio in the trained range.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -51,11 +52,8 @@ impl ReducedOperators {
     /// Reduced coordinates of the response to unit force on the whole body at unit Young's modulus (online).
     pub fn unit_response(&self, poisson_ratio: f64) -> Result<DVector<f64>> {
         let [two_mu, kappa] = unit_moduli(poisson_ratio);
-        let m = self.n_modes;
-        let stiffness =
-            DMatrix::from_fn(m, m, |i, j| two_mu * self.deviatoric[i * m + j] + kappa * self.volumetric[i * m + j]);
-        let force = DVector::from_iterator(m, self.robot.iter().map(|r| self.force_share * r));
-        let cholesky = stiffness.cholesky().ok_or_else(|| {
+        let force = DVector::from_iterator(self.n_modes, self.robot.iter().map(|r| self.force_share * r));
+        let cholesky = self.combined(two_mu, kappa).cholesky().ok_or_else(|| {
             Error::numerical(
                 format!("the reduced stiffness at Poisson ratio {poisson_ratio} is not positive definite"),
                 "delete the cached surrogate and build it again",
@@ -64,9 +62,56 @@ impl ReducedOperators {
         Ok(cholesky.solve(&force))
     }
 
+    fn combined(&self, deviatoric: f64, volumetric: f64) -> DMatrix<f64> {
+        let m = self.n_modes;
+        DMatrix::from_fn(m, m, |i, j| {
+            deviatoric * self.deviatoric[i * m + j] + volumetric * self.volumetric[i * m + j]
+        })
+    }
+
     /// Displacement of the robot per unit force at unit Young's modulus, in 1/m.
     pub fn compliance_per_m(&self, poisson_ratio: f64) -> Result<f64> {
-        let response = self.unit_response(poisson_ratio)?;
-        Ok(self.robot.iter().zip(response.iter()).map(|(r, q)| r * q).sum())
+        Ok(self.dual_compliance_per_m(Dual::constant(poisson_ratio))?.value)
+    }
+
+    /// The same with its derivative: C = rᵀq with K(ν) q = s r, hence dC = −qᵀ dK q / s.
+    pub fn dual_compliance_per_m(&self, poisson_ratio: Dual) -> Result<Dual> {
+        let response = self.unit_response(poisson_ratio.value)?;
+        let value = self.robot.iter().zip(response.iter()).map(|(r, q)| r * q).sum();
+        if poisson_ratio.derivative == 0.0 {
+            return Ok(Dual::constant(value));
+        }
+        let [two_mu_slope, kappa_slope] = unit_moduli_slopes(poisson_ratio.value);
+        let slope = -response.dot(&(self.combined(two_mu_slope, kappa_slope) * &response)) / self.force_share;
+        Ok(Dual { value, derivative: slope * poisson_ratio.derivative })
+    }
+}
+
+/// Derivatives of [`unit_moduli`] with respect to the Poisson ratio.
+fn unit_moduli_slopes(poisson_ratio: f64) -> [f64; 2] {
+    let [two_mu, kappa] = unit_moduli(poisson_ratio);
+    [-two_mu * two_mu, 6.0 * kappa * kappa]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Against a central difference, whose own error is about 1e-9 here.
+    #[test]
+    fn the_compliance_has_its_derivative() {
+        let operators = ReducedOperators {
+            n_modes: 2,
+            deviatoric: vec![3.0, 0.4, 0.4, 2.0],
+            volumetric: vec![0.5, 0.1, 0.1, 0.7],
+            robot: vec![1.0, 0.3],
+            force_share: 0.25,
+        };
+        for ratio in [0.2, 0.48] {
+            let at = |ratio: f64| operators.compliance_per_m(ratio).expect("positive definite");
+            let found = operators.dual_compliance_per_m(Dual::variable(ratio)).expect("positive definite").derivative;
+            let difference = (at(ratio + 1e-6) - at(ratio - 1e-6)) / 2e-6;
+            assert!((found / difference - 1.0).abs() < 1e-7, "{ratio}: {found} against {difference}");
+        }
     }
 }

@@ -5,6 +5,7 @@ use std::path::Path;
 use super::heldout::BAND_PROBABILITIES;
 use super::problem::Problem;
 use super::sample::SampleResult;
+use crate::effects::Library;
 use crate::error::{Error, Result};
 use crate::files::{write_atomically, write_json_atomically};
 use crate::inference::diagnostics::DrawColumn;
@@ -41,7 +42,7 @@ pub fn write(dir: &Path, problem: &Problem, result: &SampleResult, header: &dyn 
     }
     specification.write(&dir.join("model.toml"))?;
     write_document(&dir.join("posterior.json"), header("posterior"), &result.summary)?;
-    if let Some(kept) = result.reduced.to_keep(problem) {
+    if let Some(kept) = result.reduced.to_keep(problem)? {
         write_document(&dir.join("surrogate.json"), header("surrogate"), &kept)?;
     }
     let table = draw_table(problem, result);
@@ -57,8 +58,8 @@ pub fn write(dir: &Path, problem: &Problem, result: &SampleResult, header: &dyn 
 ///
 /// # Errors
 /// As [`ModelSpecification::read`].
-pub fn model_of(revision_dir: &Path) -> Result<ModelSpecification> {
-    let mut specification = ModelSpecification::read(&revision_dir.join("model.toml"))?;
+pub fn model_of(revision_dir: &Path, library: &Library) -> Result<ModelSpecification> {
+    let mut specification = ModelSpecification::read(&revision_dir.join("model.toml"), library)?;
     if specification.prior == PRIOR_COPY {
         specification.prior = revision_dir.join(PRIOR_COPY).display().to_string();
     }
@@ -133,7 +134,7 @@ fn write_figures(dir: &Path, problem: &Problem, result: &SampleResult, position_
 fn corner_figure(problem: &Problem, result: &SampleResult) -> Result<Svg> {
     let id = &problem.experiment.specimen_id;
     let is_replica = id == "porcine-replica";
-    let law = problem.law.parameters();
+    let law = problem.model.base().parameters();
     let reference = |name: &str| law.iter().position(|p| p.name == name).filter(|_| is_replica).map(|i| TABLE_I[i]);
     let curves: Vec<(Vec<f64>, Vec<f64>)> = problem
         .priors
@@ -159,7 +160,7 @@ fn corner_figure(problem: &Problem, result: &SampleResult) -> Result<Svg> {
         })
         .collect();
     let posterior = Posterior { label: id, colour: series(0), parameters };
-    let title = format!("{id}: posterior of the {} model", problem.law.title());
+    let title = format!("{id}: posterior of the {} model", problem.model.base().title());
     let options = CornerOptions { title: &title, reference_label: "Table I of the paper", ..CornerOptions::default() };
     corner(&[posterior], &options)
 }

@@ -1,7 +1,7 @@
 //! The paper's point estimate: nonlinear least squares on the calibration cycles, checked by one full finite-element run.
 //!
-//! The estimate is of the logarithms of the law's parameters, with analytic derivatives, by the reduced model; several starts keep
-//! it from a local minimum. Priors serve as starts, and say (by all but 2·10⁻⁹ of their mass) how far to search.
+//! The estimate is of the logarithms of the law's parameters and of its effects' parameters as they are, with analytic derivatives, by the
+//! reduced model; several starts keep it from a local minimum. Priors serve as starts, and say (by all but 2·10⁻⁹ of their mass) how far to search.
 
 use std::collections::BTreeMap;
 
@@ -11,12 +11,12 @@ use serde::{Deserialize, Serialize};
 
 use super::Monitor;
 use super::advice::{mesh_warning, misfit_warning, surrogate_warning};
-use super::problem::{KeptSurrogate, Problem, Reduced};
+use super::problem::{Problem, TAIL_MASS};
+use super::reduced::{KeptSurrogate, Reduced};
 use super::summary::{ModelSummary, Warning, WarningKind};
 use crate::error::{Error, Place, Result};
-use crate::fe::time::{FullOrderModel, TimeScheme};
 use crate::inference::least_squares::{Fit, Residuals, Tolerances, fit};
-use crate::model::{Forward, FullForward, ReducedForward, TrainedRange, log_sensitivities_m};
+use crate::model::{Forward, ReducedForward, TrainedRange};
 
 /// Starts at quantiles of the prior, besides its medians.
 const N_QUANTILE_STARTS: u32 = 15;
@@ -26,6 +26,10 @@ const START_TAIL: f64 = 0.02;
 const START_SEED: u32 = 2;
 /// An estimate whose logarithm is closer than this to an end of its range lies there.
 const AT_END: f64 = 0.01;
+/// The spread of a prior leaves this on either side.
+const SPREAD_TAIL: f64 = 0.25;
+/// Step, in a coordinate of the search, of a derivative that has no closed form.
+const FINITE_STEP: f64 = 1e-4;
 /// Starts whose objectives differ by less than this fraction have found the same minimum.
 const SAME_MINIMUM: f64 = 1e-6;
 
@@ -89,23 +93,24 @@ pub struct FitResult {
     pub summary: FitSummary,
     /// The reduced model.
     pub reduced: Reduced,
-    /// All of the law's parameters at the estimate, fixed ones included, SI.
-    pub law_parameters: Vec<f64>,
-    /// Covariance of the logarithms of the estimated parameters, row by row; NaN where the data do not determine them.
-    pub log_covariance: Vec<f64>,
+    /// All of the model's parameters at the estimate, fixed ones included, SI.
+    pub model_parameters: Vec<f64>,
+    /// Covariance of the estimated parameters in the coordinates of the search (logarithms of the law's), row by row; NaN where the data do not
+    /// determine them.
+    pub covariance: Vec<f64>,
 }
 
 /// Fits the calibration cycles.
 ///
 /// # Errors
-/// [`Error::Input`] when every parameter of the law is fixed; otherwise whatever its parts refuse.
+/// [`Error::Input`] when every parameter of the model is fixed; otherwise whatever its parts refuse.
 pub fn run(problem: &Problem, kept_surrogate: Option<KeptSurrogate>, monitor: &dyn Monitor) -> Result<FitResult> {
-    let names: Vec<&str> = problem.law.parameters().iter().map(|p| p.name).collect();
+    let names: Vec<&str> = problem.model.parameters().iter().map(|p| p.name).collect();
     let free: Vec<usize> = (0..names.len()).filter(|&j| !problem.specification.fixed.contains_key(names[j])).collect();
     if free.is_empty() {
         return Err(Error::input(
             Place::option("--set"),
-            "every parameter of the law is fixed, so nothing is left to fit",
+            "every parameter of the model is fixed, so nothing is left to fit",
             format!("leave one of {} free, or use `simulate`", names.join(", ")),
         ));
     }
@@ -114,23 +119,56 @@ pub fn run(problem: &Problem, kept_surrogate: Option<KeptSurrogate>, monitor: &d
     let data = CreepResiduals::new(problem, &reduced, free);
     let searches = data.search(&data.starts(problem))?;
     let best = best_of(&searches);
-    let law_parameters = data.law_parameters(&best.theta);
+    let model_parameters = data.model_parameters(&best.theta);
     if problem.finite_elements().is_some() {
         monitor.stage("checking by full finite elements");
     }
-    let surrogate_vs_fe_max_m = full_run(problem, &reduced, &law_parameters)?;
+    let surrogate_vs_fe_max_m = full_run(problem, &reduced, &model_parameters)?;
     let summary = summarise(problem, &data, &searches, best, surrogate_vs_fe_max_m);
-    Ok(FitResult { summary, law_parameters, log_covariance: best.covariance.clone(), reduced })
+    Ok(FitResult { summary, model_parameters, covariance: best.covariance.clone(), reduced })
 }
 
-/// Residuals of the calibration cycles, in m, over the logarithms of the free parameters.
+/// How the search moves in a parameter.
+#[derive(Debug, Clone, Copy)]
+enum Coordinate {
+    /// By its logarithm.
+    Logarithm,
+    /// By itself, in units of the spread that its prior gives it.
+    Linear { scale: f64 },
+}
+
+impl Coordinate {
+    fn value(self, theta: f64) -> f64 {
+        match self {
+            Self::Logarithm => theta.exp(),
+            Self::Linear { scale } => scale * theta,
+        }
+    }
+
+    fn theta(self, value: f64) -> f64 {
+        match self {
+            Self::Logarithm => value.ln(),
+            Self::Linear { scale } => value / scale,
+        }
+    }
+
+    /// Derivative of the value.
+    fn slope(self, value: f64) -> f64 {
+        match self {
+            Self::Logarithm => value,
+            Self::Linear { scale } => scale,
+        }
+    }
+}
+
+/// Residuals of the calibration cycles, in m, over the coordinates of the free parameters.
 struct CreepResiduals<'a> {
     forward: ReducedForward<'a>,
-    /// Law parameters with the fixed values in their places.
+    /// Model parameters with the fixed values in their places.
     template: Vec<f64>,
-    /// Indices of the free parameters.
-    free: Vec<usize>,
-    /// Range of each of the law's parameters beyond which the search does not go: a long step may else end where the data say nothing.
+    /// Indices of the free parameters, and how the search moves in each.
+    free: Vec<(usize, Coordinate)>,
+    /// Range of each of the model's parameters beyond which the search does not go: a long step may else end where the data say nothing.
     ranges: Vec<TrainedRange>,
     /// Row and position (m) of what is fitted.
     observed: Vec<(usize, f64)>,
@@ -138,45 +176,68 @@ struct CreepResiduals<'a> {
 
 impl<'a> CreepResiduals<'a> {
     fn new(problem: &'a Problem, reduced: &'a Reduced, free: Vec<usize>) -> Self {
-        let fixed = &problem.specification.fixed;
-        let template =
-            problem.law.parameters().iter().map(|p| fixed.get(p.name).copied().unwrap_or(f64::NAN)).collect();
+        let (fixed, specs) = (&problem.specification.fixed, problem.model.parameters());
+        let template = specs.iter().map(|p| fixed.get(p.name).copied().unwrap_or(f64::NAN)).collect();
         let positions = problem.positions_of(&problem.experiment.calibration_cycles);
         let observed = positions.iter().enumerate().filter_map(|(row, y)| y.map(|y| (row, y))).collect();
-        Self { forward: problem.reduced_forward(reduced), template, free, ranges: problem.training_ranges(), observed }
+        let n_law = problem.model.base().parameters().len();
+        let coordinate = |j: usize| {
+            let is_scale = j < n_law && specs[j].support.upper.is_infinite();
+            let spread = problem.range_of(specs[j].name, SPREAD_TAIL);
+            (j, if is_scale { Coordinate::Logarithm } else { Coordinate::Linear { scale: spread.upper - spread.lower } })
+        };
+        Self {
+            forward: problem.reduced_forward(reduced),
+            template,
+            free: free.into_iter().map(coordinate).collect(),
+            ranges: specs.iter().map(|p| problem.range_of(p.name, TAIL_MASS)).collect(),
+            observed,
+        }
     }
 
     /// Names of the parameters whose estimate lies at an end of its range: a wall, not a minimum.
     fn at_end_of_range(&self, theta: &[f64]) -> Vec<&str> {
-        let is_at_end = |&(&j, &log): &(&usize, &f64)| {
+        let is_at_end = |&(&(j, coordinate), theta): &(&(usize, Coordinate), &f64)| {
             let range = &self.ranges[j];
-            [range.lower, range.upper].iter().any(|end| (log - end.ln()).abs() < AT_END)
+            [range.lower, range.upper].iter().any(|end| (theta - coordinate.theta(*end)).abs() < AT_END)
         };
-        self.free.iter().zip(theta).filter(is_at_end).map(|(&j, _)| self.ranges[j].name.as_str()).collect()
+        self.free.iter().zip(theta).filter(is_at_end).map(|(&(j, _), _)| self.ranges[j].name.as_str()).collect()
     }
 
-    fn law_parameters(&self, theta: &[f64]) -> Vec<f64> {
+    fn model_parameters(&self, theta: &[f64]) -> Vec<f64> {
         let mut parameters = self.template.clone();
-        for (&j, log) in self.free.iter().zip(theta) {
-            parameters[j] = log.exp();
+        for (&(j, coordinate), theta) in self.free.iter().zip(theta) {
+            parameters[j] = coordinate.value(*theta);
         }
         parameters
     }
 
     /// The prior's medians, then Sobol points of its quantiles.
     fn starts(&self, problem: &Problem) -> Vec<Vec<f64>> {
-        let quantile = |j: usize, probability: f64| {
-            let name = problem.law.parameters()[j].name;
+        let quantile = |(j, coordinate): (usize, Coordinate), probability: f64| {
+            let name = problem.model.parameters()[j].name;
             let value = problem.priors.get(name).map_or(1.0, |prior| prior.distribution.quantile(probability));
-            value.ln()
+            coordinate.theta(value)
         };
-        let medians = self.free.iter().map(|&j| quantile(j, 0.5)).collect();
+        let medians = self.free.iter().map(|&free| quantile(free, 0.5)).collect();
         let sobol = |index: u32| {
             let coordinate = |d: u32| f64::from(sobol_burley::sample(index, d, START_SEED));
             let inside = |d: u32| START_TAIL + (1.0 - 2.0 * START_TAIL) * coordinate(d);
-            self.free.iter().zip(0_u32..).map(|(&j, d)| quantile(j, inside(d))).collect()
+            self.free.iter().zip(0_u32..).map(|(&free, d)| quantile(free, inside(d))).collect()
         };
         std::iter::once(medians).chain((0..N_QUANTILE_STARTS).map(sobol)).collect()
+    }
+
+    /// Derivative of the trajectory in a coordinate; by a step where there is no other.
+    fn column_m(&self, parameters: &[f64], (j, coordinate): (usize, Coordinate)) -> Option<Vec<f64>> {
+        let slope = coordinate.slope(parameters[j]);
+        if let Ok(column) = self.forward.derivative_m(parameters, j) {
+            return Some(column.iter().map(|x| slope * x).collect());
+        }
+        let mut stepped = parameters.to_vec();
+        stepped[j] += FINITE_STEP * slope;
+        let (here, there) = (self.forward.trajectory_m(parameters).ok()?, self.forward.trajectory_m(&stepped).ok()?);
+        Some(here.iter().zip(&there).map(|(a, b)| (b - a) / FINITE_STEP).collect())
     }
 
     /// Fits from every start; a start at which the model cannot be evaluated is left out unless there is no other.
@@ -199,8 +260,8 @@ impl<'a> CreepResiduals<'a> {
 
 impl Residuals for CreepResiduals<'_> {
     fn residuals(&self, theta: &[f64]) -> Option<DVector<f64>> {
-        let parameters = self.law_parameters(theta);
-        if self.free.iter().any(|&j| !self.ranges[j].contains(parameters[j])) {
+        let parameters = self.model_parameters(theta);
+        if self.free.iter().any(|&(j, _)| !self.ranges[j].contains(parameters[j])) {
             return None;
         }
         let position_m = self.forward.trajectory_m(&parameters).ok()?;
@@ -208,11 +269,10 @@ impl Residuals for CreepResiduals<'_> {
     }
 
     fn jacobian(&self, theta: &[f64]) -> Option<DMatrix<f64>> {
-        let forward = &self.forward;
-        let parameters = self.law_parameters(theta);
-        let columns =
-            log_sensitivities_m(forward.compliance_per_m, forward.law, &parameters, forward.time_s, forward.force_n);
-        Some(DMatrix::from_fn(self.observed.len(), self.free.len(), |i, k| columns[self.free[k]][self.observed[i].0]))
+        let parameters = self.model_parameters(theta);
+        let columns: Option<Vec<Vec<f64>>> = self.free.iter().map(|&free| self.column_m(&parameters, free)).collect();
+        let columns = columns?;
+        Some(DMatrix::from_fn(self.observed.len(), self.free.len(), |i, k| columns[k][self.observed[i].0]))
     }
 }
 
@@ -237,17 +297,14 @@ struct FullRun {
 }
 
 /// One full-order run; `None` without finite elements.
-fn full_run(problem: &Problem, reduced: &Reduced, law_parameters: &[f64]) -> Result<Option<FullRun>> {
-    let Some(fe) = problem.finite_elements() else { return Ok(None) };
-    let record = &problem.experiment.record;
-    let model = FullOrderModel::new(&fe.stiffness, fe.poisson_ratio)?;
-    let load = model.solve_load(&record.time_s, &record.force_n);
-    let full = FullForward { model: &model, load: &load, law: problem.law, scheme: TimeScheme::Exponential };
-    let full_m = full.trajectory_m(law_parameters)?;
-    let reduced_m = problem.reduced_forward(reduced).trajectory_m(law_parameters)?;
+fn full_run(problem: &Problem, reduced: &Reduced, model_parameters: &[f64]) -> Result<Option<FullRun>> {
+    let Some(full) = problem.full_forward()? else { return Ok(None) };
+    let full_m = full.trajectory_m(model_parameters)?;
+    let reduced_m = problem.reduced_forward(reduced).trajectory_m(model_parameters)?;
     let distance_m = full_m.iter().zip(&reduced_m).fold(0.0, |d: f64, (x, y)| d.max((x - y).abs()));
     let amplitude_m = full_m.iter().fold(0.0, |a: f64, x| a.max(x.abs()));
-    let relative = fe.comparison.map(|other| other.relative_error(model.compliance_per_m()).abs());
+    let comparison = problem.finite_elements().and_then(|fe| fe.comparison);
+    let relative = comparison.map(|other| other.relative_error(full.compliance_per_m()).abs());
     Ok(Some(FullRun { distance_m, discretisation_m: relative.map(|error| error * amplitude_m) }))
 }
 
@@ -259,18 +316,19 @@ fn summarise(
     full: Option<FullRun>,
 ) -> FitSummary {
     let n = data.observed.len();
-    let parameters = data.free.iter().enumerate().map(|(k, &j)| {
-        let value = best.theta[k].exp();
-        // Delta method: d θ = θ d ln θ.
-        let standard_error = Some(value * best.standard_errors[k]).filter(|error| error.is_finite());
-        FittedParameter { name: problem.law.parameters()[j].name.into(), value, standard_error }
+    let parameters = data.free.iter().enumerate().map(|(k, &(j, coordinate))| {
+        let value = coordinate.value(best.theta[k]);
+        // Delta method.
+        let error = coordinate.slope(value) * best.standard_errors[k];
+        let standard_error = Some(error).filter(|error| error.is_finite());
+        FittedParameter { name: problem.model.parameters()[j].name.into(), value, standard_error }
     });
     let yardstick = problem.experiment.noise_yardstick();
     let specification = &problem.specification;
     let mut summary = FitSummary {
         experiment: problem.experiment.specimen_id.clone(),
         model: ModelSummary {
-            base: specification.base.clone(),
+            base: specification.base.name().into(),
             effects: specification.effects.clone(),
             noise: specification.noise.clone(),
         },

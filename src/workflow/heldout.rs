@@ -2,15 +2,15 @@
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
-use statrs::distribution::{Continuous, ContinuousCDF, Normal};
+use statrs::distribution::{Continuous, ContinuousCDF, Gamma, Normal};
 
-use super::problem::{Problem, Reduced};
+use super::problem::Problem;
+use super::reduced::Reduced;
 use crate::error::Result;
+use crate::experiment::Record;
 use crate::fe::strain::largest_principal_strain;
-use crate::fe::time::{FullOrderModel, TimeScheme};
-use crate::inference::likelihood::ln_likelihood;
+use crate::inference::noise::NoiseModel;
 use crate::inference::pareto::pareto_k;
 use crate::model::{Forward, FullForward};
 
@@ -26,15 +26,22 @@ const PAIR_DISTANCES: usize = 8;
 /// Stream of the simulations, apart from the sampler's.
 const SIMULATION_STREAM: u64 = u64::MAX;
 
-/// A posterior draw in natural units: the law's parameters, then the noise in µm.
+/// Draws that full finite elements may refuse, of every hundred.
+const LARGEST_REFUSED_PERCENT: usize = 5;
+/// Normal components that stand for a Student-t.
+const STUDENT_COMPONENTS: usize = 8;
+
+/// A posterior draw in natural units: the model's parameters, then the noise's.
 pub type NaturalDraw = Vec<f64>;
 
 /// What full finite elements said about a posterior.
 pub struct FullCheck {
+    /// The draws that were run.
+    pub draws: Vec<NaturalDraw>,
     /// Full trajectory of each draw, in m; the reduced one for an instrument.
     pub trajectories_m: Vec<Vec<f64>>,
-    /// Learnt noise of each draw, in m.
-    pub noise_sd_m: Vec<f64>,
+    /// The noise of each draw.
+    pub noise: DrawnNoise,
     /// Largest distance of the reduced from the full trajectories, in m.
     pub surrogate_vs_full_max_m: Option<f64>,
     /// Pareto k̂ of the importance weights of full over reduced likelihoods.
@@ -49,18 +56,53 @@ pub struct FullCheck {
     pub discretisation_m: Option<f64>,
 }
 
+/// The noise of posterior draws.
+pub struct DrawnNoise {
+    /// Its model.
+    pub model: NoiseModel,
+    /// Parameters of each draw.
+    pub parameters: Vec<Vec<f64>>,
+    /// Standard deviation (m) of the noise of each draw at each row.
+    pub sd_m: Vec<Vec<f64>>,
+    /// Standard deviations, in units of `sd_m`, of the normal components of equal weight that stand for each draw's noise: 1, or some for a
+    /// Student-t.
+    pub components: Vec<Vec<f64>>,
+}
+
+impl DrawnNoise {
+    fn new(problem: &Problem, draws: &[NaturalDraw], trajectories_m: &[Vec<f64>]) -> Self {
+        let (n_model, model, record) = (problem.model.parameters().len(), problem.noise, &problem.experiment.record);
+        let parameters: Vec<Vec<f64>> = draws.iter().map(|draw| draw[n_model..].to_vec()).collect();
+        let pairs = parameters.par_iter().zip(trajectories_m);
+        let sd_m = pairs.map(|(own, x)| model.marginal_sd_m(&record.time_s, &record.cycle, x, own)).collect();
+        let components = parameters.iter().map(|own| normal_components(model.student_dof(own))).collect();
+        Self { model, parameters, sd_m, components }
+    }
+}
+
+/// A t of unit variance is a normal whose precision is a gamma variable's: a few of its quantiles stand for it.
+fn normal_components(student_dof: Option<f64>) -> Vec<f64> {
+    let gamma = student_dof.and_then(|dof| Some((dof, Gamma::new(0.5 * dof, 0.5 * dof).ok()?)));
+    let Some((dof, gamma)) = gamma else { return vec![1.0] };
+    let scale = ((dof - 2.0) / dof).sqrt();
+    let probability = |i: usize| (i as f64 + 0.5) / STUDENT_COMPONENTS as f64;
+    (0..STUDENT_COMPONENTS).map(|i| scale / gamma.inverse_cdf(probability(i)).sqrt()).collect()
+}
+
 /// Runs the full model for every draw over the whole record.
+///
+/// # Errors
+/// [`Error::Numerical`] when the full model refuses more than one draw in twenty; whatever its parts refuse.
 pub fn check(problem: &Problem, reduced: &Reduced, draws: &[NaturalDraw]) -> Result<FullCheck> {
-    let record = &problem.experiment.record;
     let reduced_forward = problem.reduced_forward(reduced);
-    let n_law = problem.law.parameters().len();
-    let noise_sd_m: Vec<f64> = draws.iter().map(|draw| 1e-6 * draw[n_law]).collect();
-    let reduced_m: Vec<Vec<f64>> =
-        draws.par_iter().map(|draw| reduced_forward.trajectory_m(&draw[..n_law])).collect::<Result<_>>()?;
-    let Some(fe) = problem.finite_elements() else {
+    let n_model = problem.model.parameters().len();
+    let Some(full) = problem.full_forward()? else {
+        let run = |draw: &NaturalDraw| reduced_forward.trajectory_m(&draw[..n_model]);
+        let trajectories_m: Vec<Vec<f64>> = draws.par_iter().map(run).collect::<Result<_>>()?;
         return Ok(FullCheck {
-            trajectories_m: reduced_m,
-            noise_sd_m,
+            draws: draws.to_vec(),
+            noise: DrawnNoise::new(problem, draws, &trajectories_m),
+            trajectories_m,
             surrogate_vs_full_max_m: None,
             pareto_k: None,
             weights: None,
@@ -69,48 +111,76 @@ pub fn check(problem: &Problem, reduced: &Reduced, draws: &[NaturalDraw]) -> Res
             discretisation_m: None,
         });
     };
-    let model = FullOrderModel::new(&fe.stiffness, fe.poisson_ratio)?;
-    let load = model.solve_load(&record.time_s, &record.force_n);
-    let full = FullForward { model: &model, load: &load, law: problem.law, scheme: TimeScheme::Exponential };
-    let full_m: Vec<Vec<f64>> =
-        draws.par_iter().map(|draw| full.trajectory_m(&draw[..n_law])).collect::<Result<_>>()?;
+    let (draws, full_m) = run_all(&full, draws, n_model)?;
+    let run_reduced = |draw: &NaturalDraw| reduced_forward.trajectory_m(&draw[..n_model]);
+    let reduced_m: Vec<Vec<f64>> = draws.par_iter().map(run_reduced).collect::<Result<_>>()?;
     let distance = |(a, b): (&Vec<f64>, &Vec<f64>)| a.iter().zip(b).fold(0.0_f64, |d, (x, y)| d.max((x - y).abs()));
     let surrogate_vs_full_max_m = full_m.iter().zip(&reduced_m).map(distance).fold(0.0, f64::max);
-    let ln_weights = ln_weights(problem, draws, &full, &reduced_forward)?;
+    let ln_weights = ln_weights(problem, &draws, &full_m, &reduced_m);
     let mean_m = mean_trajectory(&full_m, None);
     let (extreme_row, amplitude_m) =
         mean_m.iter().enumerate().fold((0, 0.0), |(row, a), (i, x)| if x.abs() > a { (i, x.abs()) } else { (row, a) });
-    let middle = problem.law.creep_compliance(&median_of(draws)[..n_law]);
-    let fields = model.fields(&load, &middle, &[extreme_row]);
-    let strain = match fields.first() {
-        Some(field) => {
-            let nodal = fe.stiffness.assembly.unknowns.nodal_displacement(field);
-            Some(largest_principal_strain(&fe.mesh, &nodal)?)
-        }
-        None => None,
-    };
-    let compliance_per_m = model.compliance_per_m();
+    let largest_strain = strain_of(problem, &full, &draws[middle_draw(&full_m, extreme_row)][..n_model], extreme_row)?;
+    let comparison = problem.finite_elements().and_then(|fe| fe.comparison);
+    let relative_error = comparison.map(|other| other.relative_error(full.compliance_per_m()).abs());
     Ok(FullCheck {
+        noise: DrawnNoise::new(problem, &draws, &full_m),
+        fe_runs: draws.len(),
+        draws,
         trajectories_m: full_m,
-        noise_sd_m,
         surrogate_vs_full_max_m: Some(surrogate_vs_full_max_m),
         pareto_k: Some(pareto_k(&ln_weights)),
         weights: Some(normalised(&ln_weights)),
-        fe_runs: draws.len(),
-        largest_strain: strain,
-        discretisation_m: fe.comparison.map(|other| amplitude_m * other.relative_error(compliance_per_m).abs()),
+        largest_strain,
+        discretisation_m: relative_error.map(|error| amplitude_m * error),
     })
 }
 
-/// Logarithms of full over reduced likelihood of the calibration cycles.
-fn ln_weights(problem: &Problem, draws: &[NaturalDraw], full: &dyn Forward, reduced: &dyn Forward) -> Result<Vec<f64>> {
-    let observed = problem.positions_of(&problem.experiment.calibration_cycles);
-    let n_law = problem.law.parameters().len();
-    let weight = |draw: &NaturalDraw| -> Result<f64> {
-        let (law, noise_sd_um) = (&draw[..n_law], draw[n_law]);
-        Ok(ln_likelihood(full, &observed, law, noise_sd_um)? - ln_likelihood(reduced, &observed, law, noise_sd_um)?)
+/// Draws with their full trajectories; a few at which the full model refuses, next to where the reduced one does, are left out.
+fn run_all(full: &FullForward, draws: &[NaturalDraw], n_model: usize) -> Result<(Vec<NaturalDraw>, Vec<Vec<f64>>)> {
+    let runs: Vec<Result<Vec<f64>>> = draws.par_iter().map(|draw| full.trajectory_m(&draw[..n_model])).collect();
+    let n_refused = runs.iter().filter(|run| run.is_err()).count();
+    let is_few = 100 * n_refused <= LARGEST_REFUSED_PERCENT * draws.len();
+    let mut kept = (Vec::new(), Vec::new());
+    for (draw, run) in draws.iter().zip(runs) {
+        match run {
+            Ok(trajectory_m) => {
+                kept.0.push(draw.clone());
+                kept.1.push(trajectory_m);
+            }
+            Err(error) if !is_few => return Err(error),
+            Err(_) => {}
+        }
+    }
+    Ok(kept)
+}
+
+/// The draw whose position at a row is the median.
+fn middle_draw(trajectories_m: &[Vec<f64>], row: usize) -> usize {
+    let mut order: Vec<usize> = (0..trajectories_m.len()).collect();
+    order.sort_by(|a, b| trajectories_m[*a][row].total_cmp(&trajectories_m[*b][row]));
+    order[order.len() / 2]
+}
+
+fn strain_of(problem: &Problem, full: &FullForward, parameters: &[f64], row: usize) -> Result<Option<f64>> {
+    let (Some(fe), run) = (problem.finite_elements(), full.run(parameters, &[row])?) else { return Ok(None) };
+    let strain = |field: &Vec<f64>| {
+        let nodal = fe.stiffness.assembly.unknowns.nodal_displacement(field);
+        largest_principal_strain(&fe.mesh, &nodal)
     };
-    draws.par_iter().map(weight).collect()
+    run.fields.first().map(strain).transpose()
+}
+
+/// Logarithms of full over reduced likelihood of the calibration cycles.
+fn ln_weights(problem: &Problem, draws: &[NaturalDraw], full_m: &[Vec<f64>], reduced_m: &[Vec<f64>]) -> Vec<f64> {
+    let likelihood = problem.noise_likelihood(&problem.experiment.calibration_cycles);
+    let n_model = problem.model.parameters().len();
+    let runs = draws.par_iter().zip(full_m.par_iter().zip(reduced_m));
+    runs.map(|(draw, (full, reduced))| {
+        let noise = &draw[n_model..];
+        likelihood.ln_likelihood(full, noise) - likelihood.ln_likelihood(reduced, noise)
+    })
+    .collect()
 }
 
 fn normalised(ln_weights: &[f64]) -> Vec<f64> {
@@ -131,31 +201,20 @@ pub fn mean_trajectory(trajectories_m: &[Vec<f64>], weights: Option<&[f64]>) -> 
     mean
 }
 
-/// Median of every parameter.
-fn median_of(draws: &[NaturalDraw]) -> NaturalDraw {
-    let n = draws.first().map_or(0, Vec::len);
-    let column = |d: usize| {
-        let mut values: Vec<f64> = draws.iter().map(|draw| draw[d]).collect();
-        values.sort_by(f64::total_cmp);
-        values[values.len() / 2]
-    };
-    (0..n).map(column).collect()
-}
-
-/// Predictive distribution of one position: an equal mixture of Gaussians, one a draw.
-struct Mixture<'a> {
+/// Predictive distribution of one position: an equal mixture of Gaussians, one or some a draw.
+struct Mixture {
     mean_m: Vec<f64>,
-    sd_m: &'a [f64],
+    sd_m: Vec<f64>,
 }
 
-impl Mixture<'_> {
+impl Mixture {
     fn mean(&self) -> f64 {
         self.mean_m.iter().sum::<f64>() / self.mean_m.len() as f64
     }
 
     fn sd(&self) -> f64 {
         let (n, mean) = (self.mean_m.len() as f64, self.mean());
-        let squares = self.mean_m.iter().zip(self.sd_m).map(|(m, s)| (m - mean).powi(2) + s * s);
+        let squares = self.mean_m.iter().zip(&self.sd_m).map(|(m, s)| (m - mean).powi(2) + s * s);
         (squares.sum::<f64>() / n).sqrt()
     }
 
@@ -164,7 +223,7 @@ impl Mixture<'_> {
         let standard = Normal::standard();
         let n = self.mean_m.len() as f64;
         let (mut cdf, mut pdf) = (0.0, 0.0);
-        for (m, s) in self.mean_m.iter().zip(self.sd_m) {
+        for (m, s) in self.mean_m.iter().zip(&self.sd_m) {
             let t = (x - m) / s;
             cdf += standard.cdf(t);
             pdf += standard.pdf(t) / s;
@@ -206,7 +265,7 @@ impl Mixture<'_> {
             2.0 * sd * standard.pdf(t) + mean * (2.0 * standard.cdf(t) - 1.0)
         };
         let n = self.mean_m.len();
-        let components = self.mean_m.iter().zip(self.sd_m);
+        let components = self.mean_m.iter().zip(&self.sd_m);
         let to_observed: f64 = components.clone().map(|(m, s)| spread(observed - m, *s)).sum();
         let with_itself: f64 = components.clone().map(|(_, s)| spread(0.0, s * std::f64::consts::SQRT_2)).sum();
         let n_distances = PAIR_DISTANCES.min(n - 1);
@@ -233,8 +292,15 @@ pub fn bands_m(check: &FullCheck) -> Vec<[f64; 5]> {
         .collect()
 }
 
-fn mixture<'a>(check: &'a FullCheck, row: usize) -> Mixture<'a> {
-    Mixture { mean_m: check.trajectories_m.iter().map(|t| t[row]).collect(), sd_m: &check.noise_sd_m }
+fn mixture(check: &FullCheck, row: usize) -> Mixture {
+    let mut mixture = Mixture { mean_m: Vec::new(), sd_m: Vec::new() };
+    for (k, trajectory) in check.trajectories_m.iter().enumerate() {
+        for component in &check.noise.components[k] {
+            mixture.mean_m.push(trajectory[row]);
+            mixture.sd_m.push(component * check.noise.sd_m[k][row]);
+        }
+    }
+    mixture
 }
 
 /// How well predictions and positions of some rows agree.
@@ -254,7 +320,15 @@ pub struct Score {
 }
 
 /// Scores the held-out rows; `None` if there are none with a position.
-pub fn score(check: &FullCheck, bands_m: &[[f64; 5]], observed_m: &[Option<f64>], seed: u64) -> Option<Score> {
+///
+/// `record` gives times and cycles; `observed_m` the positions to score.
+pub fn score(
+    check: &FullCheck,
+    bands_m: &[[f64; 5]],
+    record: &Record,
+    observed_m: &[Option<f64>],
+    seed: u64,
+) -> Option<Score> {
     let rows: Vec<(usize, f64)> = observed_m.iter().enumerate().filter_map(|(i, y)| y.map(|y| (i, y))).collect();
     if rows.is_empty() {
         return None;
@@ -279,14 +353,18 @@ pub fn score(check: &FullCheck, bands_m: &[[f64; 5]], observed_m: &[Option<f64>]
         [largest, square / n, inside[0] / n, inside[1] / n]
     };
     let found = statistics(&|k| rows[k].1);
+    let time_s: Vec<f64> = rows.iter().map(|(row, _)| record.time_s[*row]).collect();
+    let cycle: Vec<u32> = rows.iter().map(|(row, _)| record.cycle[*row]).collect();
     let simulated: Vec<[f64; 4]> = (0..n_simulations)
         .into_par_iter()
         .map(|simulation| {
             let mut rng = ChaCha8Rng::seed_from_u64(seed);
             rng.set_stream(SIMULATION_STREAM - simulation as u64);
             let draw = rng.random_range(0..check.trajectories_m.len());
-            let noise: Vec<f64> = rows.iter().map(|_| StandardNormal.sample(&mut rng)).collect();
-            statistics(&|k| check.trajectories_m[draw][rows[k].0] + check.noise_sd_m[draw] * noise[k])
+            let position_m: Vec<f64> = rows.iter().map(|(row, _)| check.trajectories_m[draw][*row]).collect();
+            let parameters = &check.noise.parameters[draw];
+            let noise_m = check.noise.model.simulate_m(&time_s, &cycle, &position_m, parameters, &mut rng);
+            statistics(&|k| position_m[k] + noise_m[k])
         })
         .collect();
     let at_least = |s: usize| simulated.iter().filter(|v| v[s] >= found[s]).count();
@@ -310,9 +388,16 @@ mod tests {
     use super::*;
 
     fn gaussian_check(n_rows: usize, noise_sd_m: f64) -> FullCheck {
+        let noise = DrawnNoise {
+            model: NoiseModel::default(),
+            parameters: vec![vec![1e6 * noise_sd_m]; 4],
+            sd_m: vec![vec![noise_sd_m; n_rows]; 4],
+            components: vec![vec![1.0]; 4],
+        };
         FullCheck {
+            draws: Vec::new(),
             trajectories_m: vec![(0..n_rows).map(|i| 1e-4 * (i as f64 * 0.1).sin()).collect(); 4],
-            noise_sd_m: vec![noise_sd_m; 4],
+            noise,
             surrogate_vs_full_max_m: None,
             pareto_k: None,
             weights: None,
@@ -325,7 +410,7 @@ mod tests {
     /// A mixture of one component is a Gaussian, whose quantiles and score are known: CRPS(N(0,1), y) = y(2Φ(y)−1) + 2φ(y) − 1/√π.
     #[test]
     fn one_component_has_the_gaussian_closed_forms() {
-        let mixture = Mixture { mean_m: vec![2.0], sd_m: &[3.0] };
+        let mixture = Mixture { mean_m: vec![2.0], sd_m: vec![3.0] };
         for (p, z) in [(0.05, -1.644_853_626_951_472_2), (0.25, -0.674_489_750_196_081_7), (0.5, 0.0)] {
             assert!((mixture.quantile(p) - (2.0 + 3.0 * z)).abs() < 1e-7);
         }
@@ -338,7 +423,7 @@ mod tests {
     /// CRPS of a two-component mixture against ∫ (F(x) − 1{x ≥ y})² dx.
     #[test]
     fn mixture_score_equals_its_integral() {
-        let mixture = Mixture { mean_m: vec![-1.0, 2.0], sd_m: &[0.5, 1.5] };
+        let mixture = Mixture { mean_m: vec![-1.0, 2.0], sd_m: vec![0.5, 1.5] };
         let (y, h) = (0.4, 1e-3);
         let integral: f64 = (-20_000..20_000)
             .map(|i| (f64::from(i) + 0.5) * h)
@@ -355,12 +440,18 @@ mod tests {
         let n_rows = 400;
         let check = gaussian_check(n_rows, 4e-6);
         let bands = bands_m(&check);
+        let record = Record {
+            time_s: (0..n_rows).map(|i| i as f64).collect(),
+            force_n: vec![0.0; n_rows],
+            position_m: vec![None; n_rows],
+            cycle: vec![1; n_rows],
+        };
         let mut rng = ChaCha8Rng::seed_from_u64(8);
-        let draw = |rng: &mut ChaCha8Rng| -> f64 { StandardNormal.sample(rng) };
+        let draw = |rng: &mut ChaCha8Rng| -> f64 { rng.sample(rand_distr::StandardNormal) };
         let own: Vec<f64> = (0..n_rows).map(|i| check.trajectories_m[0][i] + 4e-6 * draw(&mut rng)).collect();
         let scored = |values: &dyn Fn(usize) -> f64| {
             let observed: Vec<Option<f64>> = (0..n_rows).map(|i| Some(values(i))).collect();
-            score(&check, &bands, &observed, 3).expect("there are positions")
+            score(&check, &bands, &record, &observed, 3).expect("there are positions")
         };
         let good = scored(&|i| own[i]);
         assert!(good.joint_p > 0.01, "{good:?}");
@@ -369,6 +460,6 @@ mod tests {
         }
         assert!(scored(&|i| own[i] + if i % 2 == 0 { 4e-6 } else { -4e-6 }).joint_p < 1e-3);
         assert!(scored(&|i| own[i] + if i == 77 { 28e-6 } else { 0.0 }).joint_p < 1e-3);
-        assert!(score(&check, &bands, &vec![None; n_rows], 3).is_none());
+        assert!(score(&check, &bands, &record, &vec![None; n_rows], 3).is_none());
     }
 }

@@ -2,16 +2,20 @@
 
 pub mod advice;
 pub mod artefacts;
+pub mod extend;
 pub mod fit;
 pub mod heldout;
 pub mod mechanics;
 mod mesh_check;
+mod model_priors;
 pub mod problem;
+pub mod reduced;
 pub mod replica;
 pub mod sample;
 pub mod simulate;
 pub mod simulation_files;
 pub mod summary;
+pub mod visibility;
 
 use std::sync::atomic::AtomicBool;
 

@@ -1,69 +1,61 @@
 //! An experiment and a model joined: what is fitted, by which law, under which priors, with which mechanics.
 
-use serde::{Deserialize, Serialize};
-use sha2::{Digest, Sha256};
+use std::sync::Arc;
 
 use super::Monitor;
 use super::mechanics::{FiniteElements, Mechanics, MeshFile};
+use super::model_priors::read_priors;
+use super::reduced::Reduced;
+use crate::effects::Library;
 use crate::error::{Error, Place, Result};
-use crate::experiment::{Apparatus, Experiment};
-use crate::inference::likelihood::ReducedPosterior;
+use crate::experiment::{Apparatus, Experiment, Record};
+use crate::inference::likelihood::{FittedRecord, PosteriorParts, ReducedPosterior};
+use crate::inference::noise::{NoiseLikelihood, NoiseModel};
 use crate::inference::prior::PriorSet;
-use crate::mesh::Mesh;
-use crate::model::{ReducedForward, SumOfSquares, TrainedRange};
-use crate::rheology::BaseLaw;
+use crate::model::{FullForward, Model, ReducedForward, Response, TrainedRange};
+use crate::number::Dual;
+use crate::parameter::ParameterSpec;
 use crate::study::ModelSpecification;
-use crate::surrogate::{Surrogate, Training};
 
 /// Prior mass beyond either end of the surrogate's trained range; the prior is truncated there.
-const TAIL_MASS: f64 = 1e-9;
-/// Singular values below this fraction of the largest carry no mode.
-const POD_TOLERANCE: f64 = 1e-6;
+pub(super) const TAIL_MASS: f64 = 1e-9;
 
 /// An experiment, a model of it, and the mechanics made computable.
 pub struct Problem {
     /// What was measured.
     pub experiment: Experiment,
-    /// The model.
+    /// The model as it is written down.
     pub specification: ModelSpecification,
-    /// Its base law.
-    pub law: BaseLaw,
+    /// Its law and effects.
+    pub model: Model,
+    /// Its noise.
+    pub noise: NoiseModel,
     /// Priors of the sampled parameters.
     pub priors: PriorSet,
-    /// Finite elements or an instrument.
-    pub mechanics: Mechanics,
+    /// Finite elements or an instrument; shared by the models of one experiment.
+    pub mechanics: Arc<Mechanics>,
 }
 
 impl Problem {
-    /// Checks the model against the experiment and builds the mechanics.
+    /// Checks the model against the experiment and builds the mechanics, with the program's own effects.
     pub fn new(
         experiment: Experiment,
         specification: ModelSpecification,
         mesh_file: Option<&MeshFile>,
         monitor: &dyn Monitor,
     ) -> Result<Self> {
-        let law = BaseLaw::named(&specification.base).ok_or_else(|| {
-            let known = BaseLaw::NAMED.map(BaseLaw::name).join(", ");
-            Error::input(
-                Place::option("--base"),
-                format!("`{}` is not a base law", specification.base),
-                format!("use one of: {known}"),
-            )
-        })?;
-        let all_priors = PriorSet::read(&specification.prior)?;
-        for (name, value) in &specification.fixed {
-            let is_known = all_priors.names().any(|known| known == name);
-            if !(is_known && *value > 0.0 && value.is_finite()) {
-                let names: Vec<&str> = all_priors.names().collect();
-                return Err(Error::input(
-                    Place::option("--set"),
-                    format!("{name} = {value}"),
-                    format!("set one of {} to a positive value", names.join(", ")),
-                ));
-            }
-        }
-        let fixed: Vec<&str> = specification.fixed.keys().map(String::as_str).collect();
-        let priors = all_priors.without(&fixed);
+        Self::with_library(experiment, specification, &Library::default(), mesh_file, monitor)
+    }
+
+    /// The same with another library of effects.
+    pub fn with_library(
+        experiment: Experiment,
+        specification: ModelSpecification,
+        library: &Library,
+        mesh_file: Option<&MeshFile>,
+        monitor: &dyn Monitor,
+    ) -> Result<Self> {
+        let checked = check(&experiment, &specification, library)?;
         if matches!(experiment.apparatus, Apparatus::Robot { .. }) {
             monitor.stage("meshing and assembling the finite elements");
         }
@@ -71,29 +63,81 @@ impl Problem {
         if let Mechanics::FiniteElements(fe) = &mechanics {
             fe.mesh_warnings.iter().for_each(|w| monitor.warn(&format!("{}; {}", w.text, w.advice)));
         }
-        Ok(Self { experiment, specification, law, priors, mechanics })
+        let Checked { model, noise, priors } = checked;
+        Ok(Self { experiment, specification, model, noise, priors, mechanics: Arc::new(mechanics) })
+    }
+
+    /// Another model of the same experiment by the same mechanics.
+    ///
+    /// # Errors
+    /// [`Error::Input`] when it cannot be one of this experiment.
+    pub fn with_model(&self, specification: ModelSpecification, library: &Library) -> Result<Self> {
+        self.with(self.experiment.clone(), specification, library)
+    }
+
+    /// The same model of the experiment as revisions are compared on it: [`Experiment::for_comparison`].
+    pub fn for_comparison(&self, library: &Library) -> Result<Self> {
+        self.with(self.experiment.for_comparison(), self.specification.clone(), library)
+    }
+
+    fn with(&self, experiment: Experiment, specification: ModelSpecification, library: &Library) -> Result<Self> {
+        let Checked { model, noise, priors } = check(&experiment, &specification, library)?;
+        Ok(Self { experiment, specification, model, noise, priors, mechanics: self.mechanics.clone() })
+    }
+
+    /// The model's parameters, then the noise's.
+    pub fn parameters(&self) -> Vec<ParameterSpec> {
+        self.model.parameters().iter().copied().chain(self.noise.parameters()).collect()
+    }
+
+    /// Whether the model is a law alone that is a finite sum of exponentials: the exponential step is then exact while the force holds.
+    pub fn is_exponential(&self) -> bool {
+        self.model.effects().is_empty() && self.model.base().is_exponential()
     }
 
     /// The finite elements, if there are any.
     pub fn finite_elements(&self) -> Option<&FiniteElements> {
-        match &self.mechanics {
+        match &*self.mechanics {
             Mechanics::FiniteElements(fe) => Some(fe),
             Mechanics::Instrument { .. } => None,
         }
     }
 
-    /// Ranges of the law's parameters on which a surrogate is trained: the prior's box, or a fixed value.
-    pub fn training_ranges(&self) -> Vec<TrainedRange> {
-        let boxes = self.priors.box_quantiles(TAIL_MASS);
-        let range = |name: &str| {
-            let sampled = self.priors.names().position(|n| n == name).map(|i| boxes[i]);
-            let (lower, upper) = sampled.unwrap_or_else(|| {
+    /// The range that the prior gives a parameter but for `tail` on either side, or its fixed value.
+    pub(super) fn range_of(&self, name: &str, tail: f64) -> TrainedRange {
+        let (lower, upper) = match self.priors.get(name) {
+            Some(prior) => (prior.distribution.quantile(tail), prior.distribution.quantile(1.0 - tail)),
+            None => {
                 let value = self.specification.fixed.get(name).copied().unwrap_or(f64::NAN);
                 (value, value)
-            });
-            TrainedRange { name: name.to_string(), lower, upper }
+            }
         };
-        self.law.parameters().iter().map(|p| range(p.name)).collect()
+        TrainedRange { name: name.to_string(), lower, upper }
+    }
+
+    /// Ranges of the law's parameters on which a surrogate is trained: the prior's box, or a fixed value.
+    pub fn training_ranges(&self) -> Vec<TrainedRange> {
+        self.model.base().parameters().iter().map(|p| self.range_of(p.name, TAIL_MASS)).collect()
+    }
+
+    /// The Poisson ratios that the model asks for, from its stages at both ends of every effect's prior.
+    pub(super) fn poisson_ratios(&self, fe: &FiniteElements) -> Result<[f64; 2]> {
+        let specs = self.model.parameters();
+        let middle: Vec<Dual> = specs.iter().map(|p| self.range_of(p.name, 0.5).lower.into()).collect();
+        let mut ratios = [fe.poisson_ratio; 2];
+        for (index, spec) in specs.iter().enumerate().skip(self.model.base().parameters().len()) {
+            let range = self.range_of(spec.name, TAIL_MASS);
+            for end in [range.lower, range.upper] {
+                let mut parameters = middle.clone();
+                parameters[index] = end.into();
+                // Where an effect has no model, it asks for no ratio.
+                let asked = self.model.stages(&parameters).ok().and_then(|stages| stages.poisson_ratio);
+                if let Some(ratio) = asked {
+                    ratios = [ratios[0].min(ratio.value), ratios[1].max(ratio.value)];
+                }
+            }
+        }
+        Ok(ratios)
     }
 
     /// Positions of some cycles, `None` elsewhere.
@@ -105,110 +149,80 @@ impl Problem {
 
     /// Log-posterior of the calibration cycles by the reduced model.
     pub fn posterior<'a>(&'a self, reduced: &'a Reduced) -> ReducedPosterior<'a> {
+        let Record { time_s, force_n, cycle, .. } = &self.experiment.record;
+        let parts = PosteriorParts {
+            model: &self.model,
+            noise: self.noise,
+            compliance: reduced.compliance.clone(),
+            trained: &reduced.trained,
+            priors: &self.priors,
+            fixed: &self.specification.fixed,
+        };
+        let observed_m = &self.positions_of(&self.experiment.calibration_cycles);
+        ReducedPosterior::new(parts, FittedRecord { time_s, force_n, cycle, observed_m })
+    }
+
+    /// The likelihood of some cycles' positions under the model's noise.
+    pub fn noise_likelihood(&self, cycles: &[u32]) -> NoiseLikelihood {
         let record = &self.experiment.record;
-        let observed = self.positions_of(&self.experiment.calibration_cycles);
-        let data = SumOfSquares::new(&record.time_s, &record.force_n, &observed);
-        ReducedPosterior::new(
-            self.law,
-            reduced.compliance_per_m,
-            &reduced.trained,
-            data,
-            &self.priors,
-            &self.specification.fixed,
-        )
+        NoiseLikelihood::new(self.noise, &record.time_s, &record.cycle, &self.positions_of(cycles))
     }
 
     /// The reduced forward model over the whole record.
     pub fn reduced_forward<'a>(&'a self, reduced: &'a Reduced) -> ReducedForward<'a> {
+        let record = &self.experiment.record;
         ReducedForward {
-            compliance_per_m: reduced.compliance_per_m,
-            law: self.law,
-            time_s: &self.experiment.record.time_s,
-            force_n: &self.experiment.record.force_n,
+            model: &self.model,
+            compliance: reduced.compliance.clone(),
+            response: Response::new(&record.time_s, &record.force_n),
             trained: &reduced.trained,
         }
     }
-}
 
-/// The reduced model of a problem.
-pub struct Reduced {
-    /// The surrogate; `None` for an instrument, whose compliance is given.
-    pub surrogate: Option<Surrogate>,
-    /// Displacement per force at unit creep compliance, in 1/m.
-    pub compliance_per_m: f64,
-    /// Ranges in which it may be asked; empty for an instrument.
-    pub trained: Vec<TrainedRange>,
-}
-
-/// A surrogate as it is kept on disk, with what it was built from.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct KeptSurrogate {
-    /// Hash of everything that the surrogate depends on.
-    pub built_from_sha256: String,
-    /// The surrogate.
-    #[serde(flatten)]
-    pub surrogate: Surrogate,
-}
-
-impl Reduced {
-    /// Takes the kept surrogate if it was built from the same input, else trains one.
-    pub fn new(problem: &Problem, kept: Option<KeptSurrogate>, monitor: &dyn Monitor) -> Result<Self> {
-        let fe = match &problem.mechanics {
-            Mechanics::Instrument { compliance_per_m } => {
-                return Ok(Self { surrogate: None, compliance_per_m: *compliance_per_m, trained: Vec::new() });
-            }
-            Mechanics::FiniteElements(fe) => fe,
-        };
-        let parameters = problem.training_ranges();
-        let training = training(problem, fe, &parameters);
-        let key = built_from(fe, &training);
-        let surrogate = match kept.filter(|kept| kept.built_from_sha256 == key) {
-            Some(kept) => {
-                monitor.stage("taking the surrogate that is there");
-                kept.surrogate
-            }
-            None => {
-                monitor.stage("training the surrogate on full finite-element runs");
-                Surrogate::train(&fe.stiffness, &training)?
-            }
-        };
-        let compliance_per_m = surrogate.compliance_per_m(fe.poisson_ratio)?;
-        Ok(Self { trained: surrogate.parameters.clone(), surrogate: Some(surrogate), compliance_per_m })
-    }
-
-    /// The surrogate with the hash of what it was built from.
-    pub fn to_keep(&self, problem: &Problem) -> Option<KeptSurrogate> {
-        let (fe, surrogate) = (problem.finite_elements()?, self.surrogate.clone()?);
-        let training = training(problem, fe, &self.trained);
-        Some(KeptSurrogate { built_from_sha256: built_from(fe, &training), surrogate })
+    /// The full-order forward model over the whole record; `None` for an instrument.
+    pub fn full_forward(&self) -> Result<Option<FullForward<'_>>> {
+        let record = &self.experiment.record;
+        self.finite_elements()
+            .map(|fe| {
+                FullForward::new(&self.model, &fe.stiffness, fe.poisson_ratio, &record.time_s, &record.force_n)
+            })
+            .transpose()
     }
 }
 
-/// Training on the load up to the last calibration row: what comes after is left to the held-out check.
-fn training<'a>(problem: &'a Problem, fe: &FiniteElements, parameters: &'a [TrainedRange]) -> Training<'a> {
-    let Experiment { record, calibration_cycles, .. } = &problem.experiment;
-    let n_rows = record.cycle.iter().rposition(|cycle| calibration_cycles.contains(cycle)).map_or(0, |last| last + 1);
-    Training {
-        law: problem.law,
-        parameters,
-        poisson_ratio: [fe.poisson_ratio; 2],
-        time_s: &record.time_s[..n_rows],
-        force_n: &record.force_n[..n_rows],
-        tolerance: POD_TOLERANCE,
-    }
+/// A model that can be one of the experiment.
+struct Checked {
+    model: Model,
+    noise: NoiseModel,
+    priors: PriorSet,
 }
 
-/// SHA-256 over the program's version, the mesh and everything in the training.
-fn built_from(fe: &FiniteElements, training: &Training) -> String {
-    let mut hash = Sha256::new();
-    hash.update(env!("CARGO_PKG_VERSION"));
-    hash.update(format!("{:?}", fe.mesh.element_kind));
-    fe.mesh.node_coordinates_m.iter().flatten().for_each(|x| hash.update(x.to_le_bytes()));
-    let Mesh { connectivity, robot_nodes, outer_nodes, symmetry_y_nodes, symmetry_z_nodes, .. } = &fe.mesh;
-    for nodes in [connectivity, robot_nodes, outer_nodes, symmetry_y_nodes, symmetry_z_nodes] {
-        hash.update(nodes.len().to_le_bytes());
-        nodes.iter().for_each(|n| hash.update(n.to_le_bytes()));
+/// Law, effects, noise and priors of a model of an experiment; what cannot be is refused.
+fn check(experiment: &Experiment, specification: &ModelSpecification, library: &Library) -> Result<Checked> {
+    let scales = experiment.scales();
+    let effects = specification.effects(library);
+    if let Some(unknown) = specification.effects.iter().find(|slug| library.get(slug).is_none()) {
+        return Err(Error::input(
+            Place::option("--with"),
+            format!("there is no effect `{unknown}`"),
+            "name effects that `vitreo-uq effects` lists, or give the library that has it",
+        ));
     }
-    hash.update(format!("{training:?}"));
-    hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+    let model = Model::new(specification.base, effects, scales, &Place::option("--with"))?;
+    let noise = specification.noise_model(&Place::option("--noise"))?;
+    let all_priors = read_priors(&specification.prior, &model, noise, library)?;
+    for (name, value) in &specification.fixed {
+        let spec = model.parameters().iter().copied().chain(noise.parameters()).find(|spec| spec.name == name);
+        if !spec.is_some_and(|spec| value.is_finite() && spec.support.contains(*value)) {
+            let names: Vec<&str> = all_priors.names().collect();
+            return Err(Error::input(
+                Place::option("--set"),
+                format!("{name} = {value}"),
+                format!("set one of {} to a value inside its support", names.join(", ")),
+            ));
+        }
+    }
+    let fixed: Vec<&str> = specification.fixed.keys().map(String::as_str).collect();
+    Ok(Checked { model, noise, priors: all_priors.without(&fixed) })
 }
+

@@ -9,7 +9,8 @@ use rand_chacha::ChaCha8Rng;
 use super::Monitor;
 use super::advice::{Findings, warnings};
 use super::heldout::{self, FullCheck, N_CHECK_DRAWS, NaturalDraw, Score};
-use super::problem::{KeptSurrogate, Problem, Reduced};
+use super::problem::Problem;
+use super::reduced::{KeptSurrogate, Reduced};
 use super::summary::*;
 use crate::error::{Error, Result};
 use crate::experiment::{NoiseOrigin, NoiseYardstick};
@@ -19,7 +20,6 @@ use crate::inference::diagnostics::ranks::BlomScores;
 use crate::inference::diagnostics::{DrawColumn, diagnose};
 use crate::inference::ensemble::{Checkpointing, Progress, RunControl, SampleOutcome};
 use crate::inference::likelihood::ReducedPosterior;
-use crate::inference::prior::NOISE;
 use crate::inference::{SamplerOptions, sample as sample_density};
 
 /// Starts of the search for modes, drawn from the prior.
@@ -90,10 +90,10 @@ pub fn run(problem: &Problem, request: &SampleRequest, monitor: &dyn Monitor) ->
     lap("full finite elements");
     let bands_m = heldout::bands_m(&check);
     let heldout_m = problem.positions_of(&problem.experiment.heldout_cycles);
-    let score = heldout::score(&check, &bands_m, &heldout_m, request.options.seed);
+    let score = heldout::score(&check, &bands_m, &problem.experiment.record, &heldout_m, request.options.seed);
     lap("held-out score");
     let yardstick = problem.experiment.noise_yardstick();
-    let summary = summarise(problem, request, &reduced, &outcome, &columns, &draws, &check, score, yardstick);
+    let summary = summarise(problem, request, &reduced, &outcome, &columns, &check, score, yardstick);
     lap("summary");
     Ok(SampleResult { summary, reduced, outcome, columns, bands_m, yardstick, timing_s })
 }
@@ -167,17 +167,14 @@ fn summarise(
     reduced: &Reduced,
     outcome: &SampleOutcome,
     columns: &[DrawColumn],
-    draws: &[NaturalDraw],
     check: &FullCheck,
     score: Option<Score>,
     yardstick: Option<NoiseYardstick>,
 ) -> PosteriorSummary {
-    let parameters = parameter_summaries(problem, reduced, columns, draws, check);
+    let parameters = parameter_summaries(problem, reduced, columns, check);
     let mean_m = heldout::mean_trajectory(&check.trajectories_m, None);
     let fitted = problem.positions_of(&problem.experiment.calibration_cycles);
-    let noise_um = |row: &ParameterSummary| row.name == NOISE.name;
-    let fixed_noise = problem.specification.fixed.get(NOISE.name).copied();
-    let learnt_noise_um = parameters.iter().find(|row| noise_um(row)).map(|row| row.median).or(fixed_noise);
+    let learnt_noise_um = 1e6 * learnt_noise_m(check, &fitted);
     let surrogate = reduced.surrogate.as_ref();
     let heldout = HeldoutSummary {
         cycles: problem.experiment.heldout_cycles.clone(),
@@ -196,7 +193,7 @@ fn summarise(
         pareto_k: check.pareto_k,
     };
     let budget = ErrorBudget {
-        noise: learnt_noise_um.unwrap_or(f64::NAN),
+        noise: learnt_noise_um,
         fe_discretisation: check.discretisation_m.map(|x| 1e6 * x),
         surrogate: heldout.surrogate_vs_fe_max_um,
         monte_carlo: 1e6 * monte_carlo_m(&check.trajectories_m, &mean_m),
@@ -204,7 +201,7 @@ fn summarise(
     let mut summary = PosteriorSummary {
         experiment: problem.experiment.specimen_id.clone(),
         model: ModelSummary {
-            base: problem.specification.base.clone(),
+            base: problem.specification.base.name().into(),
             effects: problem.specification.effects.clone(),
             noise: problem.specification.noise.clone(),
         },
@@ -220,7 +217,7 @@ fn summarise(
         },
         surrogate: SurrogateSummary {
             modes: surrogate.map(|s| s.n_modes()),
-            max_relative_error: surrogate.map(|s| s.max_relative_error),
+            max_relative_error: reduced.max_relative_error,
             fe_unknowns: surrogate.map(|s| s.fe_unknowns),
             snapshot_runs: surrogate.map(|s| s.snapshot_runs),
             singular_values: surrogate.map(|s| above_rounding(&s.singular_values)),
@@ -280,26 +277,26 @@ fn parameter_summaries(
     problem: &Problem,
     reduced: &Reduced,
     columns: &[DrawColumn],
-    draws: &[NaturalDraw],
     check: &FullCheck,
 ) -> Vec<ParameterSummary> {
-    let names: Vec<&str> = problem.law.parameters().iter().map(|p| p.name).chain([NOISE.name]).collect();
-    let n_law = names.len() - 1;
+    let (specs, draws) = (problem.parameters(), &check.draws);
+    let law = problem.model.base().parameters();
     let relative_mesh_error = problem
         .finite_elements()
         .and_then(|fe| fe.comparison)
-        .map(|comparison| comparison.relative_error(reduced.compliance_per_m));
+        .map(|comparison| comparison.relative_error(reduced.compliance.given_per_m()));
     let blom = &BlomScores::new(columns.first().map_or(0, |column| column.values.len()));
     let summary = |(prior, column): (&crate::inference::prior::Prior, &DrawColumn)| {
         let d = diagnose(column, blom);
-        let place = names.iter().position(|name| *name == prior.name).unwrap_or(n_law);
+        let place = specs.iter().position(|spec| spec.name == prior.name).unwrap_or(specs.len() - 1);
         // Importance-weighted minus plain mean over the checked draws.
         let surrogate_bias_sd = check.weights.as_ref().map(|weights| {
             let equal = 1.0 / draws.len() as f64;
             weights.iter().zip(draws).map(|(w, draw)| (w - equal) * draw[place]).sum::<f64>() / d.sd
         });
-        // Compliance enters as compliance/E, compliance/c₁, compliance/c₂: its relative error is theirs. The noise has none.
-        let discretisation_bias_sd = relative_mesh_error.map(|e| if place < n_law { e * d.mean / d.sd } else { 0.0 });
+        // Compliance enters as compliance over a modulus or a viscosity: its relative error is theirs. Others have none.
+        let is_stress = law.get(place).is_some_and(|spec| spec.unit.starts_with("Pa"));
+        let discretisation_bias_sd = relative_mesh_error.map(|e| if is_stress { e * d.mean / d.sd } else { 0.0 });
         ParameterSummary {
             name: prior.name.clone(),
             mean: d.mean,
@@ -324,6 +321,14 @@ pub fn rmse_m(model_m: &[f64], observed_m: &[Option<f64>]) -> f64 {
     (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
 }
 
+/// The learnt noise (m) at the fitted positions, all its terms together: root mean square over the positions, median over the draws.
+fn learnt_noise_m(check: &FullCheck, fitted_m: &[Option<f64>]) -> f64 {
+    let of_draw = |sd_m: &Vec<f64>| rmse_m(sd_m, &fitted_m.iter().map(|y| y.map(|_| 0.0)).collect::<Vec<_>>());
+    let mut noise_m: Vec<f64> = check.noise.sd_m.iter().map(of_draw).collect();
+    noise_m.sort_by(f64::total_cmp);
+    noise_m[noise_m.len() / 2]
+}
+
 /// Root mean square over rows of the standard error of the mean trajectory.
 fn monte_carlo_m(trajectories_m: &[Vec<f64>], mean_m: &[f64]) -> f64 {
     let n = trajectories_m.len() as f64;
@@ -334,6 +339,7 @@ fn monte_carlo_m(trajectories_m: &[Vec<f64>], mean_m: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::model::Compliance;
     use crate::study::ModelSpecification;
     use crate::workflow::{Silent, replica};
 
@@ -343,7 +349,8 @@ mod tests {
         let (experiment, _) = replica::embedded().expect("embedded");
         let problem = Problem::new(experiment, ModelSpecification::default(), None, &Silent).expect("sound");
         let of = |compliance_per_m: f64| {
-            let reduced = Reduced { surrogate: None, compliance_per_m, trained: problem.training_ranges() };
+            let compliance = Compliance::given(compliance_per_m);
+            let reduced = Reduced { surrogate: None, compliance, trained: problem.training_ranges() };
             fingerprint(&problem, &problem.posterior(&reduced))
         };
         assert_eq!(of(549.0), of(549.0));

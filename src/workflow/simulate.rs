@@ -16,8 +16,9 @@ use crate::fe::Stiffness;
 use crate::fe::exact::SphereInContainer;
 use crate::fe::strain::largest_principal_strain;
 use crate::fe::time::{FullOrderModel, TimeScheme};
-use crate::inference::prior::NOISE;
-use crate::model::convolve_m;
+use crate::model::{Forward, FullForward, FullRun, Response};
+use crate::number::Dual;
+use crate::rheology::CreepCompliance;
 
 /// Most displacement fields that are written.
 const MOST_FIELDS: usize = 20;
@@ -31,8 +32,8 @@ pub const FINEST_LEVEL: usize = 8;
 pub struct SimulationRequest {
     /// The parameters and where they come from.
     pub parameters: Vec<SimulationParameter>,
-    /// Time integrator.
-    pub scheme: TimeScheme,
+    /// Time integrator of the law alone; `None` for the stepping that carries effects and networks, too.
+    pub scheme: Option<TimeScheme>,
     /// Longest time step in s; `None` for one step from row to row.
     pub time_step_s: Option<f64>,
     /// Finest level of a convergence table over the built-in meshes, if one is wanted.
@@ -115,10 +116,10 @@ pub fn parameters(
     set: &BTreeMap<String, f64>,
     posterior: Option<(&str, &PosteriorSummary)>,
 ) -> Result<Vec<SimulationParameter>> {
-    if set.contains_key(NOISE.name) {
+    if let Some(noise) = problem.noise.parameters().iter().find(|p| set.contains_key(p.name)) {
         return Err(Error::input(
             Place::option("--set"),
-            format!("{} is given, but a simulation has no noise", NOISE.name),
+            format!("{} is given, but a simulation has no noise", noise.name),
             "leave it away; add noise to the trajectory afterwards if it is wanted",
         ));
     }
@@ -149,7 +150,7 @@ pub fn parameters(
         let (value, origin) = value(parameter.name)?;
         Ok(SimulationParameter { name: parameter.name.into(), value, origin })
     };
-    problem.law.parameters().iter().map(entry).collect()
+    problem.model.parameters().iter().map(entry).collect()
 }
 
 /// Checks what can be checked before anything is computed.
@@ -160,11 +161,18 @@ pub fn parameters(
 pub fn check_request(problem: &Problem, request: &SimulationRequest, has_mesh_file: bool) -> Result<()> {
     finite_elements(problem)?;
     let refuse = |option: &str, found: String, remedy: &str| Err(Error::input(Place::option(option), found, remedy));
+    if request.scheme.is_some() && !problem.is_exponential() {
+        return refuse(
+            "--scheme",
+            format!("the {} scheme steps a law of springs and dashpots alone", scheme_name(request.scheme)),
+            "leave --scheme away: models with effects, and networks, are stepped by `radau`",
+        );
+    }
     if let Some(step_s) = request.time_step_s {
-        if request.scheme == TimeScheme::Exponential {
+        if request.scheme != Some(TimeScheme::Midpoint) {
             return refuse(
                 "--time-step-s",
-                "the exponential scheme is exact while the force holds and needs no time step".into(),
+                format!("the {} scheme chooses its own steps", scheme_name(request.scheme)),
                 "leave it away, or choose `--scheme midpoint`",
             );
         }
@@ -225,23 +233,15 @@ pub fn run(
     let clock = Instant::now();
     monitor.stage("running the full finite-element model");
     let values: Vec<f64> = request.parameters.iter().map(|p| p.value).collect();
-    let law = problem.law.creep_compliance(&values);
-    let model = FullOrderModel::new(&fe.stiffness, fe.poisson_ratio)?;
     let record = &problem.experiment.record;
     let grid = TimeGrid::new(record, request.time_step_s);
-    let load = model.solve_load(&grid.time_s, &grid.force_n);
-    let stepped_m = model.trajectory(&load, &law, request.scheme);
-    let position_m: Vec<f64> = grid.place_of_row.iter().map(|&place| stepped_m[place]).collect();
-    let exact_m = convolve_m(model.compliance_per_m(), &law, &record.time_s, &record.force_n);
-    let extreme_row =
-        (0..position_m.len()).fold(0, |a, b| if position_m[b].abs() > position_m[a].abs() { b } else { a });
     let written_rows = field_rows(record);
-    let mut rows = written_rows.clone();
-    rows.push(extreme_row);
-    rows.sort_unstable();
-    rows.dedup();
-    let places: Vec<usize> = rows.iter().map(|&row| grid.place_of_row[row]).collect();
-    let fields = model.fields_by(&load, &law, &places, request.scheme);
+    let run = match (request.scheme, problem.model.base().creep_compliance(&values)) {
+        (Some(scheme), Some(law)) => law_alone(fe, &grid, &law, scheme, &written_rows)?,
+        _ => all_stages(problem, fe, &values, &written_rows)?,
+    };
+    let Run { rows, position_m, fields, compliance_per_m, extreme_row } = run;
+    let exact_m = closed_form_m(problem, compliance_per_m, &values)?;
     let mut largest_strain = 0.0_f64;
     for field in &fields {
         let nodal = fe.stiffness.assembly.unknowns.nodal_displacement(field);
@@ -257,7 +257,7 @@ pub fn run(
         experiment: problem.experiment.specimen_id.clone(),
         parameters: request.parameters.clone(),
         unknowns: fe.stiffness.n_unknowns(),
-        stiffness_m: 1.0 / model.compliance_per_m(),
+        stiffness_m: 1.0 / compliance_per_m,
         scheme: scheme_name(request.scheme).into(),
         time_steps: grid.time_s.len().saturating_sub(1),
         time_integration_error_um: 1e6 * distance_m,
@@ -270,11 +270,68 @@ pub fn run(
     Ok(Simulation { summary, position_m, fields, timing_s })
 }
 
-fn scheme_name(scheme: TimeScheme) -> &'static str {
+fn scheme_name(scheme: Option<TimeScheme>) -> &'static str {
     match scheme {
-        TimeScheme::Exponential => "exponential",
-        TimeScheme::Midpoint => "midpoint",
+        Some(TimeScheme::Exponential) => "exponential",
+        Some(TimeScheme::Midpoint) => "midpoint",
+        None => "radau",
     }
+}
+
+/// What a full-order run gives.
+struct Run {
+    /// Rows of `fields`, in order.
+    rows: Vec<usize>,
+    position_m: Vec<f64>,
+    fields: Vec<Vec<f64>>,
+    compliance_per_m: f64,
+    /// Row of the largest displacement.
+    extreme_row: usize,
+}
+
+/// The rows whose fields are written, and that of the largest displacement.
+fn rows_with_extreme(written_rows: &[usize], position_m: &[f64]) -> (Vec<usize>, usize) {
+    let extreme_row =
+        (0..position_m.len()).fold(0, |a, b| if position_m[b].abs() > position_m[a].abs() { b } else { a });
+    let mut rows = written_rows.to_vec();
+    rows.push(extreme_row);
+    rows.sort_unstable();
+    rows.dedup();
+    (rows, extreme_row)
+}
+
+fn law_alone(
+    fe: &FiniteElements,
+    grid: &TimeGrid,
+    law: &CreepCompliance,
+    scheme: TimeScheme,
+    written_rows: &[usize],
+) -> Result<Run> {
+    let model = FullOrderModel::new(&fe.stiffness, fe.poisson_ratio)?;
+    let load = model.solve_load(&grid.time_s, &grid.force_n);
+    let stepped_m = model.trajectory(&load, law, scheme);
+    let position_m: Vec<f64> = grid.place_of_row.iter().map(|&place| stepped_m[place]).collect();
+    let (rows, extreme_row) = rows_with_extreme(written_rows, &position_m);
+    let places: Vec<usize> = rows.iter().map(|&row| grid.place_of_row[row]).collect();
+    let fields = model.fields_by(&load, law, &places, scheme);
+    Ok(Run { rows, position_m, fields, compliance_per_m: model.compliance_per_m(), extreme_row })
+}
+
+fn all_stages(problem: &Problem, fe: &FiniteElements, values: &[f64], written_rows: &[usize]) -> Result<Run> {
+    let record = &problem.experiment.record;
+    let full = FullForward::new(&problem.model, &fe.stiffness, fe.poisson_ratio, &record.time_s, &record.force_n)?;
+    let position_m = full.trajectory_m(values)?;
+    let (rows, extreme_row) = rows_with_extreme(written_rows, &position_m);
+    let FullRun { position_m, fields, compliance_per_m } = full.run(values, &rows)?;
+    Ok(Run { rows, position_m, fields, compliance_per_m, extreme_row })
+}
+
+/// The trajectory (m) in closed form at the run's own compliance: what is left is the time integration's error.
+fn closed_form_m(problem: &Problem, compliance_per_m: f64, values: &[f64]) -> Result<Vec<f64>> {
+    let record = &problem.experiment.record;
+    let constants: Vec<Dual> = values.iter().map(|value| Dual::constant(*value)).collect();
+    let stages = problem.model.stages(&constants)?;
+    Response::new(&record.time_s, &record.force_n).trajectory_m(&stages, Dual::constant(compliance_per_m))
 }
 
 /// The record's times with steps in between, no longer than asked for.

@@ -141,7 +141,7 @@ fn load_revision(dir: &Path) -> Result<Loaded> {
     let study = full.parent().and_then(name);
     let label = [study, name(&full)].into_iter().flatten().collect::<Vec<_>>().join(" ");
     // Hard limits come from the priors; where their file has moved away they are guessed from the draws.
-    let priors = ModelSpecification::read(&dir.join("model.toml")).and_then(|model| PriorSet::read(&model.prior)).ok();
+    let priors = artefacts::model_of(dir, &Library::default()).and_then(|model| PriorSet::read(&model.prior)).ok();
     load_csv(&draws, label, priors.as_ref())
 }
 

@@ -1,6 +1,8 @@
 //! The program: arguments in, exit code out.
 
 mod corner;
+mod effects;
+mod extend;
 mod fit;
 mod options;
 mod output;
@@ -23,6 +25,8 @@ fn main() -> ExitCode {
         Command::Fit(arguments) => fit::run(arguments),
         Command::Simulate(arguments) => simulate::run(arguments),
         Command::Corner(arguments) => corner::run(arguments),
+        Command::Effects(arguments) => effects::run(arguments),
+        Command::Extend(arguments) => extend::run(arguments),
     };
     match outcome {
         Ok(code) => code,

@@ -24,6 +24,10 @@ pub enum Command {
     Simulate(SimulateArguments),
     /// Corner plot of one or several posteriors
     Corner(CornerArguments),
+    /// The library of physical effects, and what this experiment can see of each
+    Effects(EffectsArguments),
+    /// The next revision of a study: an effect added, refitted, with the error before and after
+    Extend(ExtendArguments),
 }
 
 /// What every command takes.
@@ -55,13 +59,13 @@ pub struct Common {
 /// What is modelled, and how.
 #[derive(Args, Clone)]
 pub struct Model {
-    /// Base law
+    /// Base law: lethersich, burgers, two-element
     #[arg(long, value_name = "LAW")]
     pub base: Option<String>,
     /// Effects to add, separated by commas
     #[arg(long, value_name = "SLUG", value_delimiter = ',')]
     pub with: Vec<String>,
-    /// Noise terms, separated by commas
+    /// Noise terms, separated by commas: white, ou, gain, student
     #[arg(long, value_name = "TERM", value_delimiter = ',')]
     pub noise: Vec<String>,
     /// Prior: porcine, sharif-kashani-2011, lee-1994, generic, or a file
@@ -118,9 +122,9 @@ pub struct SimulateArguments {
     /// Also print a convergence table over the built-in meshes of levels 1 to N
     #[arg(long, value_name = "N")]
     pub refine: Option<usize>,
-    /// Time integrator
-    #[arg(long, value_name = "SCHEME", value_enum, default_value_t = Scheme::Exponential)]
-    pub scheme: Scheme,
+    /// Time integrator [default: exponential for a law of springs and dashpots alone, radau with effects]
+    #[arg(long, value_name = "SCHEME", value_enum)]
+    pub scheme: Option<Scheme>,
     /// Longest step of the midpoint scheme [default: one step from row to row]
     #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
     pub time_step_s: Option<f64>,
@@ -133,6 +137,32 @@ pub enum Scheme {
     Exponential,
     /// Implicit midpoint rule, second order
     Midpoint,
+    /// Implicit Runge-Kutta of fifth order, for any model
+    Radau,
+}
+
+/// Arguments of `effects`.
+#[derive(Args)]
+pub struct EffectsArguments {
+    #[command(flatten)]
+    pub common: Common,
+    #[command(flatten)]
+    pub model: Model,
+}
+
+/// Arguments of `extend`.
+#[derive(Args)]
+pub struct ExtendArguments {
+    #[command(flatten)]
+    pub common: Common,
+    #[command(flatten)]
+    pub model: Model,
+    /// Walkers of each of the independent ensembles
+    #[arg(long, value_name = "N", default_value_t = 32, allow_negative_numbers = true)]
+    pub chains: usize,
+    /// Steps of each walker after which a run ends, converged or not
+    #[arg(long, value_name = "N", default_value_t = 50_000, allow_negative_numbers = true)]
+    pub steps: u64,
 }
 
 /// Arguments of `corner`.

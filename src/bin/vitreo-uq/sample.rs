@@ -1,14 +1,17 @@
 //! `sample`: from a measurement to a posterior that full finite elements have checked.
 
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
 
+use vitreo_uq::effects::Library;
 use vitreo_uq::error::{Error, Place, Result};
 use vitreo_uq::inference::SamplerOptions;
 use vitreo_uq::inference::prior::PriorSet;
 use vitreo_uq::study::{ModelSpecification, Provenance, Study, WithProvenance};
-use vitreo_uq::workflow::problem::{KeptSurrogate, Problem};
-use vitreo_uq::workflow::sample::{self, SampleRequest};
+use vitreo_uq::workflow::problem::Problem;
+use vitreo_uq::workflow::reduced::KeptSurrogate;
+use vitreo_uq::workflow::sample::{self, SampleRequest, SampleResult};
 use vitreo_uq::workflow::{Monitor, artefacts};
 
 use crate::options::SampleArguments;
@@ -32,7 +35,7 @@ pub fn run(arguments: &SampleArguments) -> Result<ExitCode> {
         ..SamplerOptions::default()
     };
     let terminal = Terminal::new(common.quiet);
-    let target = Target::open(common, &arguments.model, &terminal)?;
+    let target = Target::open_at(common, &arguments.model, Some(REVISION), &terminal)?;
     if let Some(study) = target.existing_study() {
         refuse_other_model(study, &target.specification, common.force)?;
     }
@@ -46,30 +49,11 @@ pub fn run(arguments: &SampleArguments) -> Result<ExitCode> {
     if study.revision_dir(REVISION).is_ok() {
         terminal.warn(&format!("the study's {REVISION} is replaced when this run ends"));
     }
-    let revision = study.begin_revision(REVISION)?;
-    let checkpoint = study.checkpoint_dir(REVISION)?.join("sampler.state");
-    let request = SampleRequest {
-        options,
-        kept_surrogate: kept_surrogate(study),
-        checkpoint: Some(&checkpoint),
-        resume: arguments.resume,
-    };
-    let mut result = sample::run(&problem, &request, &terminal)?;
-    terminal.stage("writing results and figures");
-    let clock = Instant::now();
-    let header = |kind: &str| {
-        let header = study.provenance(kind, 1, common.seed);
-        artefacts::with_inputs(header, &problem)
-    };
-    artefacts::write(revision.path(), &problem, &result, &header)?;
-    result.timing_s.push(("results and figures", clock.elapsed().as_secs_f64()));
-    result.timing_s.push(("total", began.elapsed().as_secs_f64()));
-    artefacts::write_timing(revision.path(), &result.timing_s, header("timing"))?;
-    let written = revision.commit()?;
-    study.discard_checkpoint(REVISION)?;
+    let (result, written) = sample_into_m0(study, &problem, options, arguments.resume, &terminal)?;
     terminal.finish();
     let sound = result.summary.is_sound();
-    let document = WithProvenance::<_> { provenance: header("posterior"), body: &result.summary };
+    let provenance = artefacts::with_inputs(study.provenance("posterior", 1, common.seed), &problem);
+    let document = WithProvenance::<_> { provenance, body: &result.summary };
     let words = text::posterior(&result.summary);
     crate::output::show(common.json.as_deref(), &document, &words)?;
     if !common.quiet {
@@ -78,7 +62,32 @@ pub fn run(arguments: &SampleArguments) -> Result<ExitCode> {
     Ok(ExitCode::from(u8::from(!sound)))
 }
 
-fn refuse_nothing_to_sample(problem: &Problem) -> Result<()> {
+/// Samples the posterior and writes it as the study's m0.
+pub fn sample_into_m0(
+    study: &Study,
+    problem: &Problem,
+    options: SamplerOptions,
+    resume: bool,
+    terminal: &Terminal,
+) -> Result<(SampleResult, PathBuf)> {
+    let revision = study.begin_revision(REVISION)?;
+    let checkpoint = study.checkpoint_dir(REVISION)?.join("sampler.state");
+    let seed = options.seed;
+    let request =
+        SampleRequest { options, kept_surrogate: kept_surrogate(study), checkpoint: Some(&checkpoint), resume };
+    let mut result = sample::run(problem, &request, terminal)?;
+    terminal.stage("writing results and figures");
+    let clock = Instant::now();
+    let header = |kind: &str| artefacts::with_inputs(study.provenance(kind, 1, seed), problem);
+    artefacts::write(revision.path(), problem, &result, &header)?;
+    result.timing_s.push(("results and figures", clock.elapsed().as_secs_f64()));
+    artefacts::write_timing(revision.path(), &result.timing_s, header("timing"))?;
+    let written = revision.commit()?;
+    study.discard_checkpoint(REVISION)?;
+    Ok((result, written))
+}
+
+pub fn refuse_nothing_to_sample(problem: &Problem) -> Result<()> {
     if problem.priors.priors().is_empty() {
         return Err(Error::input(
             Place::option("--set"),
@@ -93,7 +102,7 @@ fn refuse_nothing_to_sample(problem: &Problem) -> Result<()> {
 fn refuse_other_model(study: &Study, specification: &ModelSpecification, force: bool) -> Result<()> {
     let Ok(dir) = study.revision_dir(REVISION) else { return Ok(()) };
     let path = dir.join("model.toml");
-    if force || same_model(&artefacts::model_of(&dir)?, specification)? {
+    if force || same_model(&artefacts::model_of(&dir, &Library::default())?, specification)? {
         return Ok(());
     }
     Err(Error::input(

@@ -3,11 +3,13 @@
 use std::collections::BTreeMap;
 use std::process::ExitCode;
 
+use vitreo_uq::effects::Library;
 use vitreo_uq::error::{Error, Place, Result};
 use vitreo_uq::fe::time::TimeScheme;
 use vitreo_uq::files::write_json_atomically;
 use vitreo_uq::study::{ModelSpecification, Study, WithProvenance};
 use vitreo_uq::workflow::Monitor;
+use vitreo_uq::workflow::problem::Problem;
 use vitreo_uq::workflow::simulate::{self, MeshLevel, SimulationRequest, SimulationSummary};
 use vitreo_uq::workflow::simulation_files;
 use vitreo_uq::workflow::summary::PosteriorSummary;
@@ -22,10 +24,10 @@ pub fn run(arguments: &SimulateArguments) -> Result<ExitCode> {
     options::use_threads(common.threads)?;
     crate::output::check(common.json.as_deref())?;
     let terminal = Terminal::new(common.quiet);
-    let set = values_set(arguments)?;
     // Here --set gives values; it does not choose a model.
     let model = options::Model { set: Vec::new(), ..arguments.model.clone() };
     let target = Target::open(common, &model, &terminal)?;
+    let set = target.specification.values_from_options(&arguments.model.set, &Library::default())?;
     let problem = target.problem(&model, &terminal)?;
     let posterior = match target.existing_study() {
         Some(study) => posterior(study, model.from.as_deref(), &target.specification)?,
@@ -34,10 +36,7 @@ pub fn run(arguments: &SimulateArguments) -> Result<ExitCode> {
     let posterior = posterior.as_ref().map(|(revision, summary)| (revision.as_str(), summary));
     let request = SimulationRequest {
         parameters: simulate::parameters(&problem, &set, posterior)?,
-        scheme: match arguments.scheme {
-            Scheme::Exponential => TimeScheme::Exponential,
-            Scheme::Midpoint => TimeScheme::Midpoint,
-        },
+        scheme: scheme(arguments.scheme, &problem),
         time_step_s: arguments.time_step_s,
         refine: arguments.refine,
     };
@@ -63,9 +62,14 @@ pub fn run(arguments: &SimulateArguments) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// What `--set` gives, checked as a model's fixed values are.
-fn values_set(arguments: &SimulateArguments) -> Result<BTreeMap<String, f64>> {
-    Ok(ModelSpecification::from_options(None, &[], &[], None, &arguments.model.set)?.fixed)
+/// What was asked for, else the exact scheme where there is one.
+fn scheme(asked: Option<Scheme>, problem: &Problem) -> Option<TimeScheme> {
+    match asked {
+        Some(Scheme::Exponential) => Some(TimeScheme::Exponential),
+        Some(Scheme::Midpoint) => Some(TimeScheme::Midpoint),
+        Some(Scheme::Radau) => None,
+        None => problem.is_exponential().then_some(TimeScheme::Exponential),
+    }
 }
 
 /// The posterior of the named or last revision, if there is one of the same model.
@@ -80,7 +84,7 @@ fn posterior(
     };
     let Some(name) = name else { return Ok(None) };
     let dir = study.revision_dir(&name)?;
-    let its_model = ModelSpecification::read(&dir.join("model.toml"))?;
+    let its_model = ModelSpecification::read(&dir.join("model.toml"), &Library::default())?;
     if its_model.base != specification.base || its_model.effects != specification.effects {
         return Ok(None);
     }

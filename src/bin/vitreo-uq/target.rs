@@ -2,9 +2,10 @@
 
 use std::path::PathBuf;
 
+use vitreo_uq::effects::Library;
 use vitreo_uq::error::{Error, Place, Result};
 use vitreo_uq::experiment::{Experiment, ExperimentFiles};
-use vitreo_uq::study::{ModelSpecification, Study};
+use vitreo_uq::study::{ModelSpecification, Provenance, Study};
 use vitreo_uq::workflow::Monitor;
 use vitreo_uq::workflow::mechanics::MeshFile;
 use vitreo_uq::workflow::problem::Problem;
@@ -32,6 +33,16 @@ enum StudyPlace {
 impl Target {
     /// Reads what the user named, without writing anything, and prints what the reader noticed.
     pub fn open(common: &Common, model: &Model, monitor: &dyn Monitor) -> Result<Self> {
+        Self::open_at(common, model, None, monitor)
+    }
+
+    /// The same; the model is that of the revision `default_revision`, where the options name none.
+    pub fn open_at(
+        common: &Common,
+        model: &Model,
+        default_revision: Option<&str>,
+        monitor: &dyn Monitor,
+    ) -> Result<Self> {
         let (place, experiment) = match &common.target {
             Some(path) if Study::is_study(path) => {
                 if common.out.is_some() {
@@ -63,13 +74,21 @@ impl Target {
                 (place_of(dir, files, common.force)?, experiment)
             }
         };
-        let specification = specification(place.study(), model)?;
+        let specification = specification(place.study(), model, default_revision)?;
         Ok(Self { place, experiment, specification })
     }
 
     /// The study, if it is there already.
     pub fn existing_study(&self) -> Option<&Study> {
         self.place.study()
+    }
+
+    /// The header of a document, whether or not there is a study.
+    pub fn provenance(&self, kind: &str, seed: u64) -> Result<Provenance> {
+        match &self.place {
+            StudyPlace::There(study) => Ok(study.provenance(kind, 1, seed)),
+            StudyPlace::New { files, .. } => Ok(Provenance::new(kind, 1, seed, Study::hashes_of(files)?)),
+        }
     }
 
     /// The study; it is made now if it is not there.
@@ -114,7 +133,7 @@ fn print_notes(files: &ExperimentFiles, monitor: &dyn Monitor) {
 }
 
 /// The model that the options name; without any, that of the named or last revision; without one, the default.
-fn specification(study: Option<&Study>, model: &Model) -> Result<ModelSpecification> {
+fn specification(study: Option<&Study>, model: &Model, default_revision: Option<&str>) -> Result<ModelSpecification> {
     let given = model.base.is_some()
         || !model.with.is_empty()
         || !model.noise.is_empty()
@@ -129,11 +148,15 @@ fn specification(study: Option<&Study>, model: &Model) -> Result<ModelSpecificat
                 "leave --from away, or give the study that an earlier command made",
             ));
         }
-        (None, Some(study)) => study.revisions()?.pop().map(|name| (study, name)),
+        (None, Some(study)) => {
+            let revisions = study.revisions()?;
+            let is_wanted = |name: &&String| default_revision.is_none_or(|wanted| wanted == name.as_str());
+            revisions.iter().rfind(is_wanted).map(|name| (study, name.clone()))
+        }
         (None, None) => None,
     };
     match revision {
-        Some((study, name)) if !given => artefacts::model_of(&study.revision_dir(&name)?),
+        Some((study, name)) if !given => artefacts::model_of(&study.revision_dir(&name)?, &Library::default()),
         _ => ModelSpecification::from_options(
             model.base.as_deref(),
             &model.with,

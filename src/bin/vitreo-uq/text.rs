@@ -2,7 +2,7 @@
 
 use vitreo_uq::report::labels::of_parameter;
 use vitreo_uq::rheology::BaseLaw;
-use vitreo_uq::workflow::summary::{PosteriorSummary, Warning};
+use vitreo_uq::workflow::summary::{ModelSummary, ParameterSummary, PosteriorSummary, Warning};
 
 /// The summary that `sample` prints.
 pub fn posterior(summary: &PosteriorSummary) -> String {
@@ -16,24 +16,13 @@ pub fn posterior(summary: &PosteriorSummary) -> String {
     line(format!(
         "{}: {} model, {} ensembles of {} walkers, {} steps: {verdict}",
         summary.experiment,
-        law_title(&summary.model.base),
+        model_title(&summary.model),
         sampler.ensembles,
         sampler.walkers,
         sampler.steps
     ));
     line(String::new());
-    line(format!("  {:<12}{:>11}{:>11}{:>11}{:>9}{:>8}", "parameter", "median", "5 %", "95 %", "ESS", "R̂"));
-    for p in &summary.parameters {
-        line(format!(
-            "  {:<12}{:>11}{:>11}{:>11}{:>9.0}{:>7.3}",
-            of_parameter(&p.name).axis(),
-            significant(p.median),
-            significant(p.q05),
-            significant(p.q95),
-            p.ess_bulk.min(p.ess_tail),
-            p.rhat
-        ));
-    }
+    parameter_table(&summary.parameters).lines().for_each(|row| line(row.into()));
     line(String::new());
     surrogate_lines(summary, &mut line);
     heldout_lines(summary, &mut line);
@@ -45,8 +34,28 @@ pub fn posterior(summary: &PosteriorSummary) -> String {
     text
 }
 
+/// Posterior of every parameter, one a line.
+pub fn parameter_table(parameters: &[ParameterSummary]) -> String {
+    let names: Vec<String> = parameters.iter().map(|p| of_parameter(&p.name).axis()).collect();
+    let width = names.iter().map(|name| name.chars().count() + 2).max().unwrap_or(0).max(12);
+    let mut rows =
+        vec![format!("  {:<width$}{:>11}{:>11}{:>11}{:>9}{:>8}", "parameter", "median", "5 %", "95 %", "ESS", "R̂")];
+    rows.extend(parameters.iter().zip(names).map(|(p, name)| {
+        let [median, q05, q95] = [p.median, p.q05, p.q95].map(significant);
+        let ess = p.ess_bulk.min(p.ess_tail);
+        format!("  {name:<width$}{median:>11}{q05:>11}{q95:>11}{ess:>9.0}{:>7.3}", p.rhat)
+    }));
+    rows.join("\n")
+}
+
+/// A model's name for people: its law, and the effects.
+pub fn model_title(model: &ModelSummary) -> String {
+    let effects: String = model.effects.iter().map(|slug| format!(" + {slug}")).collect();
+    format!("{}{effects}", law_title(&model.base))
+}
+
 /// A law's name for people.
-pub fn law_title(base: &str) -> &str {
+fn law_title(base: &str) -> &str {
     BaseLaw::named(base).map_or(base, |law| law.title())
 }
 

@@ -1,0 +1,89 @@
+//! `effects`: the library, and what an experiment can see of it.
+
+use std::process::ExitCode;
+
+use vitreo_uq::effects::Library;
+use vitreo_uq::error::Result;
+use vitreo_uq::study::WithProvenance;
+use vitreo_uq::workflow::visibility::{self, EffectEntry, EffectsSummary, ParameterEntry};
+use vitreo_uq::workflow::artefacts;
+
+use crate::options::{self, EffectsArguments};
+use crate::sample::kept_surrogate;
+use crate::target::Target;
+use crate::terminal::Terminal;
+use crate::text::significant;
+
+pub fn run(arguments: &EffectsArguments) -> Result<ExitCode> {
+    let common = &arguments.common;
+    options::use_threads(common.threads)?;
+    crate::output::check(common.json.as_deref())?;
+    let terminal = Terminal::new(common.quiet);
+    let target = Target::open(common, &arguments.model, &terminal)?;
+    let problem = target.problem(&arguments.model, &terminal)?;
+    let kept = target.existing_study().and_then(kept_surrogate);
+    let summary = visibility::run(&problem, &Library::default(), kept, &terminal)?;
+    terminal.finish();
+    let provenance = artefacts::with_inputs(target.provenance("effects", common.seed)?, &problem);
+    crate::output::show(common.json.as_deref(), &WithProvenance { provenance, body: &summary }, &words(&summary))?;
+    Ok(ExitCode::SUCCESS)
+}
+
+fn words(summary: &EffectsSummary) -> String {
+    let mut lines = vec![
+        format!("{}: what this experiment can see of each effect", summary.experiment),
+        format!(
+            "(share of its signature that the base model cannot absorb, and the standard error that a noise of {} µm leaves)",
+            significant(summary.noise_um)
+        ),
+        String::new(),
+    ];
+    lines.push(format!("  {:<24}{:<13}{:>9}   {}", "effect", "stage", "visible", "standard error"));
+    lines.extend(summary.effects.iter().map(overview));
+    for effect in &summary.effects {
+        lines.push(String::new());
+        lines.push(format!("{}: {}", effect.slug, effect.summary));
+        lines.push(format!("  {}", effect.equation));
+        lines.extend(effect.parameters.iter().map(parameter));
+        lines.extend(effect.refused.iter().map(|reason| format!("  not here: {reason}")));
+    }
+    lines.push(String::new());
+    lines.push("Add one with `vitreo-uq extend --with EFFECT`.".into());
+    lines.join("\n") + "\n"
+}
+
+fn overview(effect: &EffectEntry) -> String {
+    let visible = match effect.visible_fraction {
+        Some(fraction) if fraction >= 0.001 => format!("{:.1} %", 100.0 * fraction),
+        Some(fraction) => format!("{:.0e} %", 100.0 * fraction),
+        None => "–".into(),
+    };
+    let error = match (effect.standard_error, effect.parameters.first()) {
+        (Some(error), Some(first)) => format!("{} {} {}", first.symbol, plus_minus(error), unit(&first.unit)),
+        _ => "–".into(),
+    };
+    format!("  {:<24}{:<13}{visible:>9}   {error}", effect.slug, effect.stage)
+}
+
+fn plus_minus(error: f64) -> String {
+    format!("± {}", significant(error))
+}
+
+fn unit(unit: &str) -> &str {
+    if unit == "1" { "" } else { unit }
+}
+
+fn parameter(parameter: &ParameterEntry) -> String {
+    let [lower, upper] = parameter.support;
+    let end = |end: Option<f64>, infinite: &str| end.map_or(infinite.to_string(), |end| end.to_string());
+    let null = parameter.null.map_or("none: it means nothing there".into(), |null| null.to_string());
+    let unit = if parameter.unit == "1" { "no unit".into() } else { format!("in {}", parameter.unit) };
+    format!(
+        "  {} ({}), {unit}, between {} and {}, null {null}; prior {}",
+        parameter.name,
+        parameter.symbol,
+        end(lower, "−∞"),
+        end(upper, "∞"),
+        parameter.prior
+    )
+}

@@ -1,0 +1,51 @@
+//! Priors of a model's parameters: the prior file's, else what the law, the effect or the noise proposes for the experiment.
+
+use crate::effects::Library;
+use crate::error::Result;
+use crate::inference::noise::{NoiseModel, NoiseScales, NoiseTerm};
+use crate::inference::prior::{NOISE, Prior, PriorSet};
+use crate::model::Model;
+use crate::parameter::ParameterSpec;
+use crate::rheology::BaseLaw;
+
+/// Priors of all parameters of a model by a prior's name or file.
+pub(super) fn read_priors(
+    name_or_file: &str,
+    model: &Model,
+    noise: NoiseModel,
+    library: &Library,
+) -> Result<PriorSet> {
+    let scales = model.scales();
+    let wanted: Vec<ParameterSpec> = model.parameters().iter().copied().chain(noise.parameters()).collect();
+    let of_laws = BaseLaw::NAMED.into_iter().flat_map(BaseLaw::parameters).map(|p| p.name);
+    let of_effects = library.effects().iter().flat_map(|effect| effect.parameters()).map(|p| p.spec.name);
+    let of_noises = NoiseTerm::ALL.into_iter().flat_map(NoiseTerm::parameters).map(|p| p.name);
+    let others: Vec<&str> = of_laws.chain(of_effects).chain(of_noises).collect();
+    let default = |spec: &ParameterSpec, before: &[Prior]| {
+        let own = model.effects().iter().flat_map(|effect| effect.parameters()).find(|p| p.spec == *spec);
+        if let Some(parameter) = own {
+            return Some(Prior {
+                name: spec.name.into(),
+                distribution: (parameter.prior)(scales),
+                unit: spec.unit.into(),
+                source: parameter.prior_source.into(),
+            });
+        }
+        let median_of = |name: &str| {
+            let prior = before.iter().find(|prior| prior.name == name);
+            prior.map_or(1.0, |prior| prior.distribution.quantile(0.5))
+        };
+        let law = model.base().default_prior(spec.name, &median_of);
+        if let Some((distribution, source)) = law {
+            let (name, unit, source) = (spec.name.into(), spec.unit.into(), source.into());
+            return Some(Prior { name, distribution, unit, source });
+        }
+        let noise_scales = NoiseScales {
+            noise_sd_um: median_of(NOISE.name),
+            sample_interval_s: scales.sample_interval_s,
+            cycle_s: scales.cycle_s,
+        };
+        noise.default_priors(&noise_scales).into_iter().find(|prior| prior.name == spec.name)
+    };
+    PriorSet::read_for(name_or_file, &wanted, &others, &default)
+}

@@ -1,0 +1,173 @@
+//! The reduced model of a problem: the surrogate, kept or trained, and its verification with the effects.
+
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+
+use super::Monitor;
+use super::mechanics::{FiniteElements, Mechanics};
+use super::problem::Problem;
+use crate::error::Result;
+use crate::experiment::Experiment;
+use crate::inference::prior::PriorSet;
+use crate::mesh::Mesh;
+use crate::model::{Compliance, Forward, FullForward, ReducedForward, Response, TrainedRange};
+use crate::rheology::BaseLaw;
+use crate::surrogate::{Surrogate, Training};
+
+/// Singular values below this fraction of the largest carry no mode.
+const POD_TOLERANCE: f64 = 1e-6;
+/// Full-order runs by which a model with effects is verified.
+const VERIFICATION_RUNS: u32 = 8;
+/// They are taken between these quantiles of the priors.
+const VERIFICATION_TAIL: f64 = 0.02;
+/// Seed of their scrambled Sobol sequence: the design is part of the method, not of a run.
+const VERIFICATION_SEED: u32 = 3;
+
+/// The reduced model of a problem.
+pub struct Reduced {
+    /// The surrogate; `None` for an instrument, whose compliance is given.
+    pub surrogate: Option<Surrogate>,
+    /// Displacement per force at unit creep compliance.
+    pub compliance: Compliance,
+    /// Ranges of the law's parameters in which it may be asked; empty for an instrument.
+    pub trained: Vec<TrainedRange>,
+    /// Largest distance from full-order trajectories on runs that did not train it, relative to their amplitude; `None` for an instrument.
+    pub max_relative_error: Option<f64>,
+}
+
+/// A surrogate as it is kept on disk, with what it was built from.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct KeptSurrogate {
+    /// Hash of everything that the surrogate depends on.
+    pub built_from_sha256: String,
+    /// The surrogate.
+    #[serde(flatten)]
+    pub surrogate: Surrogate,
+}
+
+impl Reduced {
+    /// Takes the kept surrogate if it was built from the same input, else trains one; a model with effects is verified on full-order runs of its
+    /// own.
+    pub fn new(problem: &Problem, kept: Option<KeptSurrogate>, monitor: &dyn Monitor) -> Result<Self> {
+        let mut reduced = Self::unverified(problem, kept, monitor)?;
+        if let (Some(fe), false) = (problem.finite_elements(), problem.is_exponential()) {
+            monitor.stage("verifying the reduced model on full finite-element runs");
+            let found = verify(problem, fe, &reduced.compliance)?;
+            reduced.max_relative_error = reduced.max_relative_error.map(|error| error.max(found));
+        }
+        Ok(reduced)
+    }
+
+    /// The same, verified for the law alone.
+    pub fn unverified(problem: &Problem, kept: Option<KeptSurrogate>, monitor: &dyn Monitor) -> Result<Self> {
+        let fe = match &*problem.mechanics {
+            Mechanics::Instrument { compliance_per_m } => {
+                let compliance = Compliance::given(*compliance_per_m);
+                return Ok(Self { surrogate: None, compliance, trained: Vec::new(), max_relative_error: None });
+            }
+            Mechanics::FiniteElements(fe) => fe,
+        };
+        let (law, parameters) = training_law(problem)?;
+        let training = training(problem, fe, law, &parameters)?;
+        let surrogate = match kept.filter(|kept| kept.built_from_sha256 == built_from(fe, &training)) {
+            Some(kept) => {
+                monitor.stage("taking the surrogate that is there");
+                kept.surrogate
+            }
+            None => {
+                monitor.stage("training the surrogate on full finite-element runs");
+                Surrogate::train(&fe.stiffness, &training)?
+            }
+        };
+        Ok(Self {
+            compliance: surrogate.compliance(fe.poisson_ratio)?,
+            trained: problem.training_ranges(),
+            max_relative_error: Some(surrogate.max_relative_error),
+            surrogate: Some(surrogate),
+        })
+    }
+
+    /// The surrogate with the hash of what it was built from.
+    pub fn to_keep(&self, problem: &Problem) -> Result<Option<KeptSurrogate>> {
+        let (Some(fe), Some(surrogate)) = (problem.finite_elements(), self.surrogate.clone()) else { return Ok(None) };
+        let (law, parameters) = training_law(problem)?;
+        let training = training(problem, fe, law, &parameters)?;
+        Ok(Some(KeptSurrogate { built_from_sha256: built_from(fe, &training), surrogate }))
+    }
+}
+
+/// The law of the training runs. The modes do not depend on it, so a network's are trained by the Lethersich law over its default prior.
+fn training_law(problem: &Problem) -> Result<(BaseLaw, Vec<TrainedRange>)> {
+    let law = problem.model.base();
+    if law.is_exponential() {
+        return Ok((law, problem.training_ranges()));
+    }
+    let law = BaseLaw::default();
+    let priors = PriorSet::named("porcine")?;
+    let boxes = priors.box_quantiles(super::problem::TAIL_MASS);
+    let ranges = law.parameters().iter().zip(boxes);
+    Ok((law, ranges.map(|(p, (lower, upper))| TrainedRange { name: p.name.into(), lower, upper }).collect()))
+}
+
+/// Training on the load up to the last calibration row: what comes after is left to the held-out check. The modes are those of the law alone,
+/// over all Poisson ratios that the model asks for, since no other effect of this program changes the field.
+fn training<'a>(
+    problem: &'a Problem,
+    fe: &FiniteElements,
+    law: BaseLaw,
+    parameters: &'a [TrainedRange],
+) -> Result<Training<'a>> {
+    let (time_s, force_n) = training_load(problem);
+    let poisson_ratio = problem.poisson_ratios(fe)?;
+    Ok(Training { law, parameters, poisson_ratio, time_s, force_n, tolerance: POD_TOLERANCE })
+}
+
+/// Times and forces up to the last calibration row.
+fn training_load(problem: &Problem) -> (&[f64], &[f64]) {
+    let Experiment { record, calibration_cycles, .. } = &problem.experiment;
+    let n_rows = record.cycle.iter().rposition(|cycle| calibration_cycles.contains(cycle)).map_or(0, |last| last + 1);
+    (&record.time_s[..n_rows], &record.force_n[..n_rows])
+}
+
+/// Largest distance of the reduced model with its effects from the full-order one, relative to the latter's amplitude, over Sobol points of the
+/// priors. Points at which an effect has no model are left out.
+fn verify(problem: &Problem, fe: &FiniteElements, compliance: &Compliance) -> Result<f64> {
+    let (time_s, force_n) = training_load(problem);
+    let model = &problem.model;
+    let full = FullForward::new(model, &fe.stiffness, fe.poisson_ratio, time_s, force_n)?;
+    let response = Response::new(time_s, force_n);
+    let reduced = ReducedForward { model, compliance: compliance.clone(), response, trained: &[] };
+    let relative_error = |index: u32| {
+        let quantile = |(d, name): (u32, &str)| {
+            let coordinate = f64::from(sobol_burley::sample(index, d, VERIFICATION_SEED));
+            let probability = VERIFICATION_TAIL + (1.0 - 2.0 * VERIFICATION_TAIL) * coordinate;
+            problem.range_of(name, probability).lower
+        };
+        let names = model.parameters().iter().map(|p| p.name);
+        let parameters: Vec<f64> = (0_u32..).zip(names).map(quantile).collect();
+        let (Ok(full_m), Ok(reduced_m)) = (full.trajectory_m(&parameters), reduced.trajectory_m(&parameters)) else {
+            return 0.0;
+        };
+        let amplitude = full_m.iter().fold(0.0_f64, |a, x| a.max(x.abs()));
+        let distance = reduced_m.iter().zip(&full_m).fold(0.0_f64, |d, (r, x)| d.max((r - x).abs()));
+        if amplitude > 0.0 { distance / amplitude } else { 0.0 }
+    };
+    let errors: Vec<f64> = (0..VERIFICATION_RUNS).into_par_iter().map(relative_error).collect();
+    Ok(errors.into_iter().fold(0.0, f64::max))
+}
+
+/// SHA-256 over the program's version, the mesh and everything in the training.
+fn built_from(fe: &FiniteElements, training: &Training) -> String {
+    let mut hash = Sha256::new();
+    hash.update(env!("CARGO_PKG_VERSION"));
+    hash.update(format!("{:?}", fe.mesh.element_kind));
+    fe.mesh.node_coordinates_m.iter().flatten().for_each(|x| hash.update(x.to_le_bytes()));
+    let Mesh { connectivity, robot_nodes, outer_nodes, symmetry_y_nodes, symmetry_z_nodes, .. } = &fe.mesh;
+    for nodes in [connectivity, robot_nodes, outer_nodes, symmetry_y_nodes, symmetry_z_nodes] {
+        hash.update(nodes.len().to_le_bytes());
+        nodes.iter().for_each(|n| hash.update(n.to_le_bytes()));
+    }
+    hash.update(format!("{training:?}"));
+    hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+}

@@ -1,0 +1,231 @@
+//! What an experiment can see of each effect: the share of its signature that the base model's parameters cannot absorb.
+//!
+//! At the calibrated base, with whitening L⁻¹ of the noise: g = L⁻¹∂x/∂ε of an effect's parameter ε at its null, A = L⁻¹∂x/∂θ of the sampled base
+//! parameters with a row a prior, P = I − AA⁺. The visible fraction is ‖Pg‖²/‖g‖², and 1/‖Pg‖ the standard error with which ε would be known. The
+//! noise's random effects (correlated errors, gains, offsets) are in L.
+
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::fit;
+use super::problem::Problem;
+use super::reduced::{KeptSurrogate, Reduced};
+use super::{Monitor, Silent};
+use crate::distribution::Distribution;
+use crate::effects::{Effect, EffectParameter, Library};
+use crate::error::{Error, Result};
+use crate::inference::noise::NoiseLikelihood;
+use crate::inference::prior::NOISE;
+use crate::model::{Forward, ReducedForward};
+use crate::parameter::ParameterSpec;
+
+/// Prior quantiles at which parameters that mean nothing at the null are tried.
+const GRID: [f64; 9] = [0.02, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.98];
+
+/// Body of `vitreo-uq/effects/1`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct EffectsSummary {
+    /// Specimen identifier.
+    pub experiment: String,
+    /// Noise (µm) at which visibility was computed.
+    pub noise_um: f64,
+    /// The library.
+    pub effects: Vec<EffectEntry>,
+}
+
+/// One effect.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct EffectEntry {
+    /// Name in commands and files.
+    pub slug: String,
+    /// `load`, `mechanics` or `observation`.
+    pub stage: String,
+    /// What it adds.
+    pub summary: String,
+    /// Its equation.
+    pub equation: String,
+    /// Its parameters.
+    pub parameters: Vec<ParameterEntry>,
+    /// Share of its signature, in squared units of the noise, that the base model cannot absorb; the largest over parameters that mean nothing at
+    /// the null. `None` where the effect cannot be added.
+    pub visible_fraction: Option<f64>,
+    /// Standard error with which this experiment would know the first parameter near its null, in that parameter's unit.
+    pub standard_error: Option<f64>,
+    /// Why the effect cannot be added here, if it cannot.
+    pub refused: Option<String>,
+}
+
+/// One parameter of an effect.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ParameterEntry {
+    /// Name `slug.name`.
+    pub name: String,
+    /// Symbol in the equation.
+    pub symbol: String,
+    /// Unit.
+    pub unit: String,
+    /// Ends of the support; `None` for an infinite one.
+    pub support: [Option<f64>; 2],
+    /// Value at which the effect is not there; `None` where the parameter means nothing then.
+    pub null: Option<f64>,
+    /// Default prior for this experiment.
+    pub prior: String,
+}
+
+/// The library for an experiment.
+///
+/// # Errors
+/// Whatever calibrating the base model refuses.
+pub fn run(
+    problem: &Problem,
+    library: &Library,
+    kept: Option<KeptSurrogate>,
+    monitor: &dyn Monitor,
+) -> Result<EffectsSummary> {
+    let calibrated = fit::run(problem, kept, monitor)?;
+    monitor.stage("projecting each effect's signature");
+    let base = Base::new(problem, &calibrated)?;
+    let list = library.effects().par_iter().map(|effect| entry(problem, library, *effect, &base));
+    Ok(EffectsSummary {
+        experiment: problem.experiment.specimen_id.clone(),
+        noise_um: base.noise_parameters[0],
+        effects: list.collect::<Result<_>>()?,
+    })
+}
+
+/// The calibrated base model and what its parameters absorb.
+struct Base {
+    parameters: Vec<f64>,
+    position_m: Vec<f64>,
+    noise: NoiseLikelihood,
+    noise_parameters: Vec<f64>,
+    /// Orthonormal basis of the columns of A, prior rows last.
+    absorbed: DMatrix<f64>,
+    kept: Option<KeptSurrogate>,
+}
+
+impl Base {
+    fn new(problem: &Problem, calibrated: &fit::FitResult) -> Result<Self> {
+        let record = &problem.experiment.record;
+        let noise = NoiseLikelihood::new(problem.noise, &record.time_s, &record.cycle, &record.position_m);
+        let noise_parameters = noise_parameters(problem, calibrated.summary.rmse_um);
+        let forward = problem.reduced_forward(&calibrated.reduced);
+        let parameters = calibrated.model_parameters.clone();
+        let position_m = forward.trajectory_m(&parameters)?;
+        let mut columns = Vec::new();
+        let mut prior_rows = Vec::new();
+        for (index, spec) in problem.model.parameters().iter().enumerate() {
+            let Some(prior) = problem.priors.get(spec.name) else { continue };
+            columns.push(forward.derivative_m(&parameters, index)?);
+            prior_rows.push(1.0 / prior_sd_near(&prior.distribution, parameters[index]));
+        }
+        let white = noise.whiten(&columns, &position_m, &noise_parameters);
+        let (n_rows, n_columns) = (noise.n_observed(), columns.len());
+        // Scaled to unit columns, since E and c₂ differ in size and so would what rounding leaves of them.
+        let jacobian = DMatrix::from_fn(n_rows + n_columns, n_columns, |i, j| match i.checked_sub(n_rows) {
+            None => white[j][i],
+            Some(row) => f64::from(u8::from(row == j)) * prior_rows[j],
+        });
+        let scaled = DMatrix::from_columns(&jacobian.column_iter().map(|c| c.normalize()).collect::<Vec<_>>());
+        let absorbed = if n_columns == 0 { DMatrix::zeros(n_rows, 0) } else { scaled.qr().q() };
+        let kept = calibrated.reduced.to_keep(problem)?;
+        Ok(Self { parameters, position_m, noise, noise_parameters, absorbed, kept })
+    }
+
+    /// Visible fraction and standard error of a signature (m a unit of the parameter, one value a row).
+    fn visible(&self, signature_m: Vec<f64>) -> (f64, f64) {
+        let white = self.noise.whiten(&[signature_m], &self.position_m, &self.noise_parameters);
+        let mut g = DVector::zeros(self.absorbed.nrows());
+        g.iter_mut().zip(&white[0]).for_each(|(g, w)| *g = *w);
+        let rest = &g - &self.absorbed * (self.absorbed.transpose() * &g);
+        let whole = g.norm_squared();
+        if whole > 0.0 { (rest.norm_squared() / whole, 1.0 / rest.norm()) } else { (0.0, f64::INFINITY) }
+    }
+}
+
+/// The known noise, else what the calibrated base leaves; other terms at their priors' medians.
+fn noise_parameters(problem: &Problem, rmse_um: f64) -> Vec<f64> {
+    let known = problem.experiment.noise_yardstick().map_or(rmse_um, |yardstick| 1e6 * yardstick.sd_m);
+    let value = |name: &str| problem.range_of(name, 0.5).lower;
+    problem.noise.parameters().iter().map(|p| if p.name == NOISE.name { known } else { value(p.name) }).collect()
+}
+
+/// Standard deviation of a prior where a parameter stands: of its logarithm times the value for scales.
+fn prior_sd_near(distribution: &Distribution, value: f64) -> f64 {
+    match *distribution {
+        Distribution::LogNormal { log_sd, .. } => log_sd * value,
+        Distribution::LogUniform { lower, upper } => (upper / lower).ln() / 12_f64.sqrt() * value,
+        _ => (distribution.quantile(0.841) - distribution.quantile(0.159)) / 2.0,
+    }
+}
+
+fn entry(problem: &Problem, library: &Library, effect: &'static dyn Effect, base: &Base) -> Result<EffectEntry> {
+    let scales = problem.model.scales();
+    let parameter = |p: &EffectParameter| ParameterEntry {
+        name: p.spec.name.into(),
+        symbol: p.symbol.into(),
+        unit: p.spec.unit.into(),
+        support: [p.spec.support.lower, p.spec.support.upper].map(|end| Some(end).filter(|end| end.is_finite())),
+        null: (p.null)(scales),
+        prior: (p.prior)(scales).to_string(),
+    };
+    let mut entry = EffectEntry {
+        slug: effect.slug().into(),
+        stage: effect.stage().name().into(),
+        summary: effect.summary().into(),
+        equation: effect.equation().into(),
+        parameters: effect.parameters().iter().map(parameter).collect(),
+        visible_fraction: None,
+        standard_error: None,
+        refused: None,
+    };
+    let mut specification = problem.specification.clone();
+    if specification.effects.iter().any(|slug| slug == effect.slug()) {
+        entry.refused = Some("the model has it already".into());
+        return Ok(entry);
+    }
+    specification.effects.push(effect.slug().into());
+    let extended = match problem.with_model(specification, library) {
+        Ok(extended) => extended,
+        Err(Error::Input { found, .. }) => {
+            entry.refused = Some(found);
+            return Ok(entry);
+        }
+        Err(other) => return Err(other),
+    };
+    let reduced = Reduced::unverified(&extended, base.kept.clone(), &Silent)?;
+    let forward = ReducedForward { trained: &[], ..extended.reduced_forward(&reduced) };
+    let seen = signatures(effect, &forward, base)?.into_iter().map(|signature| base.visible(signature));
+    if let Some((fraction, error)) = seen.max_by(|a, b| a.0.total_cmp(&b.0)) {
+        entry.visible_fraction = Some(fraction);
+        entry.standard_error = Some(error).filter(|error| error.is_finite());
+    }
+    Ok(entry)
+}
+
+/// Signatures (m a unit) of an effect's first parameter at its null, one for each point of the grid of those that mean nothing there.
+fn signatures(effect: &dyn Effect, forward: &ReducedForward, base: &Base) -> Result<Vec<Vec<f64>>> {
+    let (model, scales) = (forward.model, forward.model.scales());
+    let own = effect.parameters();
+    let is_first = |spec: &ParameterSpec| own.first().is_some_and(|parameter| parameter.spec == *spec);
+    let Some(first) = model.parameters().iter().position(is_first) else { return Ok(Vec::new()) };
+    let is_free = own.iter().any(|p| (p.null)(scales).is_none());
+    let mut list = Vec::new();
+    for probability in if is_free { &GRID[..] } else { &GRID[4..5] } {
+        let values = own.iter().map(|p| (p.null)(scales).unwrap_or_else(|| (p.prior)(scales).quantile(*probability)));
+        let mut parameters = base.parameters.clone();
+        parameters.splice(first..first, values);
+        list.push(match own.first().and_then(|p| p.finite_step) {
+            None => forward.derivative_m(&parameters, first)?,
+            Some(step) => {
+                let step = step(scales);
+                let here = forward.trajectory_m(&parameters)?;
+                parameters[first] += step;
+                let there = forward.trajectory_m(&parameters)?;
+                here.iter().zip(&there).map(|(a, b)| (b - a) / step).collect()
+            }
+        });
+    }
+    Ok(list)
+}
