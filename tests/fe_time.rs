@@ -4,7 +4,7 @@ use vitreo_uq::fe::Stiffness;
 use vitreo_uq::fe::exact::SphereInContainer;
 use vitreo_uq::fe::time::{FullOrderModel, TimeScheme};
 use vitreo_uq::mesh::{Mesh, QuarterBall};
-use vitreo_uq::rheology::{BaseLaw, CreepCompliance, RetardedMode};
+use vitreo_uq::rheology::{CreepCompliance, RetardedMode};
 
 const ROBOT_RADIUS_M: f64 = 0.275e-3;
 const OUTER_RADIUS_M: f64 = 10e-3;
@@ -16,7 +16,7 @@ fn mesh(n_per_edge: usize, n_layers: usize) -> Mesh {
 }
 
 fn lethersich() -> CreepCompliance {
-    BaseLaw::Lethersich.creep_compliance(&[3.527, 1.402, 47.370])
+    CreepCompliance::lethersich(&[3.527, 1.402, 47.370])
 }
 
 /// A spring, two Kelvin–Voigt bodies a hundred times apart in time, and a dashpot.

@@ -9,11 +9,12 @@ use std::sync::OnceLock;
 
 use statrs::distribution::{ChiSquared, ContinuousCDF, Normal};
 use vitreo_uq::inference::ensemble::{RandomStream, RunControl};
-use vitreo_uq::inference::likelihood::ReducedPosterior;
+use vitreo_uq::inference::likelihood::{FittedRecord, PosteriorParts, ReducedPosterior};
+use vitreo_uq::inference::noise::NoiseModel;
 use vitreo_uq::inference::prior::PriorSet;
 use vitreo_uq::inference::{LogDensity, SamplerOptions, sample};
-use vitreo_uq::model::{SumOfSquares, TrainedRange, convolve_m};
-use vitreo_uq::rheology::BaseLaw;
+use vitreo_uq::model::{Compliance, Model, TrainedRange, convolve_m};
+use vitreo_uq::rheology::CreepCompliance;
 
 const N_REPLICATES: u64 = 512;
 /// Enough to catch noise taken for 1.3 times less than it is.
@@ -149,12 +150,22 @@ fn reduced_posterior(truth: &[f64], stream: &mut RandomStream, noise_factor: f64
     let natural = priors().from_unconstrained(truth);
     let time_s: Vec<f64> = (0..200).map(|i| 0.05 * f64::from(i)).collect();
     let force_n: Vec<f64> = (0..200).map(|i| if i < 100 { 4.6e-6 } else { -4.6e-6 }).collect();
-    let law = BaseLaw::Lethersich;
-    let position_m = convolve_m(COMPLIANCE_PER_M, &law.creep_compliance(&natural[..3]), &time_s, &force_n);
+    let law = CreepCompliance::lethersich(&natural[..3]);
+    let position_m = convolve_m(COMPLIANCE_PER_M, &law, &time_s, &force_n);
     let noise_sd_m = noise_factor * 1e-6 * natural[3];
     let observed: Vec<Option<f64>> = position_m.iter().map(|x| Some(x + noise_sd_m * stream.normal())).collect();
-    let data = SumOfSquares::new(&time_s, &force_n, &observed);
-    ReducedPosterior::new(law, COMPLIANCE_PER_M, trained(), data, priors(), &BTreeMap::new())
+    static MODEL: OnceLock<Model> = OnceLock::new();
+    static FIXED: BTreeMap<String, f64> = BTreeMap::new();
+    let parts = PosteriorParts {
+        model: MODEL.get_or_init(Model::lethersich),
+        noise: NoiseModel::default(),
+        compliance: Compliance::given(COMPLIANCE_PER_M),
+        trained: trained(),
+        priors: priors(),
+        fixed: &FIXED,
+    };
+    let record = FittedRecord { time_s: &time_s, force_n: &force_n, cycle: &[1; 200], observed_m: &observed };
+    ReducedPosterior::new(parts, record)
 }
 
 /// Ranks of `n_replicates` truths from the porcine prior.

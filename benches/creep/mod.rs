@@ -5,10 +5,11 @@
 use std::collections::BTreeMap;
 
 use vitreo_uq::inference::ensemble::RandomStream;
-use vitreo_uq::inference::likelihood::ReducedPosterior;
+use vitreo_uq::inference::likelihood::{FittedRecord, PosteriorParts, ReducedPosterior};
+use vitreo_uq::inference::noise::NoiseModel;
 use vitreo_uq::inference::prior::PriorSet;
-use vitreo_uq::model::{SumOfSquares, TrainedRange, convolve_m};
-use vitreo_uq::rheology::BaseLaw;
+use vitreo_uq::model::{Compliance, Model, TrainedRange, convolve_m};
+use vitreo_uq::rheology::CreepCompliance;
 
 /// 1/k of physics §4.10.
 pub const COMPLIANCE_PER_M: f64 = 1.0 / 1.820902396e-3;
@@ -22,27 +23,38 @@ pub struct Creep {
     pub position_m: Vec<f64>,
     pub priors: PriorSet,
     pub trained: Vec<TrainedRange>,
+    pub model: Model,
+    pub fixed: BTreeMap<String, f64>,
 }
 
 impl Creep {
     pub fn new(seed: u64) -> Self {
         let time_s: Vec<f64> = (0..200).map(|row| 0.05 * f64::from(row)).collect();
         let force_n: Vec<f64> = (0..200).map(|row| if row < 100 { 4.6e-6 } else { -4.6e-6 }).collect();
-        let law = BaseLaw::Lethersich.creep_compliance(&REFERENCE[..3]);
+        let law = CreepCompliance::lethersich(&REFERENCE[..3]);
         let mut position_m = convolve_m(COMPLIANCE_PER_M, &law, &time_s, &force_n);
         let mut noise = RandomStream::new(seed, 0);
         position_m.iter_mut().for_each(|x| *x += 1e-6 * REFERENCE[3] * noise.normal());
         let priors = PriorSet::named("porcine").expect("an embedded prior");
         let ranges = priors.names().map(str::to_string).zip(priors.box_quantiles(1e-9)).take(3);
         let trained = ranges.map(|(name, (lower, upper))| TrainedRange { name, lower, upper }).collect();
-        Self { time_s, force_n, position_m, priors, trained }
+        let (model, fixed) = (Model::lethersich(), BTreeMap::new());
+        Self { time_s, force_n, position_m, priors, trained, model, fixed }
     }
 
     pub fn posterior(&self) -> ReducedPosterior<'_> {
         let observed: Vec<Option<f64>> = self.position_m.iter().copied().map(Some).collect();
-        let data = SumOfSquares::new(&self.time_s, &self.force_n, &observed);
-        let fixed = BTreeMap::new();
-        ReducedPosterior::new(BaseLaw::Lethersich, COMPLIANCE_PER_M, &self.trained, data, &self.priors, &fixed)
+        let parts = PosteriorParts {
+            model: &self.model,
+            noise: NoiseModel::default(),
+            compliance: Compliance::given(COMPLIANCE_PER_M),
+            trained: &self.trained,
+            priors: &self.priors,
+            fixed: &self.fixed,
+        };
+        let cycle = vec![1; observed.len()];
+        let Self { time_s, force_n, .. } = self;
+        ReducedPosterior::new(parts, FittedRecord { time_s, force_n, cycle: &cycle, observed_m: &observed })
     }
 
     /// A batch of points around the reference, coordinate d of point i at `d * n + i`.

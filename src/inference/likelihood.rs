@@ -6,10 +6,10 @@
 use std::collections::BTreeMap;
 
 use super::LogDensity;
-use super::noise::{LANES, NoiseLikelihood, NoiseModel};
+use super::noise::{NoiseLikelihood, NoiseModel};
 use super::prior::PriorSet;
 use crate::error::Result;
-use crate::model::{Compliance, CreepLanes, Forward, Model, Response, SumOfSquares, TrainedRange};
+use crate::model::{Compliance, CreepLanes, Forward, Lanes, Model, N_LANES, Response, SumOfSquares, TrainedRange};
 use crate::number::Dual;
 use crate::rheology::BaseLaw;
 
@@ -87,7 +87,7 @@ impl<'a> ReducedPosterior<'a> {
         } else {
             let n_rows = observed_m.iter().rposition(Option::is_some).map_or(0, |last| last + 1);
             Kernel::Stages {
-                response: Response::new(&time_s[..n_rows], &force_n[..n_rows]),
+                response: Response::new(time_s, force_n, n_rows),
                 noise: NoiseLikelihood::new(noise, time_s, cycle, observed_m),
             }
         };
@@ -125,7 +125,7 @@ impl<'a> ReducedPosterior<'a> {
                 let inside: Vec<usize> =
                     (0..log_density.len()).filter(|i| log_density[*i] > f64::NEG_INFINITY).collect();
                 let mut scratch = Scratch::default();
-                for chunk in inside.chunks(LANES) {
+                for chunk in inside.chunks(N_LANES) {
                     self.add_by_stages(response, noise, values, chunk, &mut scratch, log_density);
                 }
             }
@@ -152,7 +152,7 @@ impl<'a> ReducedPosterior<'a> {
         }
     }
 
-    /// At most [`LANES`] points, by their indices.
+    /// At most [`N_LANES`] points, by their indices.
     fn add_by_stages(
         &self,
         response: &Response,
@@ -185,11 +185,11 @@ impl<'a> ReducedPosterior<'a> {
             return;
         }
         let is_valid =
-            response.trajectories_lanes_m(&scratch.stages, &scratch.compliances_per_m, &mut scratch.positions_m);
+            response.trajectories_m(&scratch.stages, &scratch.compliances_per_m, &mut scratch.positions_m);
         let of_lane = |d: usize, lane: usize| values[d * n + scratch.points[lane.min(scratch.points.len() - 1)]];
-        let of_noise: Vec<[f64; LANES]> =
+        let of_noise: Vec<[f64; N_LANES]> =
             (n_model..self.sources.len()).map(|d| std::array::from_fn(|lane| of_lane(d, lane))).collect();
-        let mut ln_likelihood = [0.0; LANES];
+        let mut ln_likelihood = [0.0; N_LANES];
         noise.ln_likelihood_lanes(&scratch.positions_m, &of_noise, &mut ln_likelihood);
         for (lane, &point) in scratch.points.iter().enumerate() {
             if is_valid[lane] {
@@ -208,7 +208,7 @@ struct Scratch {
     points: Vec<usize>,
     stages: Vec<crate::effects::Stages>,
     compliances_per_m: Vec<f64>,
-    positions_m: Vec<[f64; LANES]>,
+    positions_m: Vec<Lanes>,
 }
 
 impl Scratch {
@@ -305,7 +305,7 @@ mod tests {
         let cycle = [1; 80];
         let record = FittedRecord { time_s: &time_s, force_n: &force_n, cycle: &cycle, observed_m: &observed };
         let posterior = ReducedPosterior::new(parts, record);
-        let response = Response::new(&time_s, &force_n);
+        let response = Response::new(&time_s, &force_n, time_s.len());
         let forward = ReducedForward { model: &model, compliance, response, trained: &trained };
         let noise_likelihood = NoiseLikelihood::new(NoiseModel::default(), &time_s, &cycle, &observed);
         let naturals = [[3.5, 47.0, 4.0], [2.0, 100.0, 50.0], [25.0, 47.0, 4.0]];

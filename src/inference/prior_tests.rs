@@ -22,7 +22,7 @@ const KNOWN: &[ParameterSpec] = &[
 ];
 
 fn read(text: &str) -> Result<PriorSet> {
-    PriorSet::from_text(Path::new("p.toml"), text.as_bytes(), KNOWN, &[])
+    PriorSet::from_text(Path::new("p.toml"), text.as_bytes(), KNOWN, &[], &no_default)
 }
 
 #[test]
@@ -84,9 +84,24 @@ fn a_parameter_left_out_takes_its_default_and_a_given_one_overrides_it() {
         source: "default".into(),
     };
     let defaults = [default("fraction"), default("young_modulus_pa")];
-    let set = PriorSet::from_text(Path::new("p.toml"), text.as_bytes(), KNOWN, &defaults).unwrap();
+    let of_spec = |spec: &ParameterSpec, before: &[Prior]| {
+        // What comes before is there already.
+        assert_eq!(before.len(), usize::from(spec.name == "fraction"));
+        defaults.iter().find(|prior| prior.name == spec.name).cloned()
+    };
+    let set = PriorSet::from_text(Path::new("p.toml"), text.as_bytes(), KNOWN, &[], &of_spec).unwrap();
     assert_eq!(set.get("fraction"), Some(&defaults[0]));
     assert_eq!(set.get("young_modulus_pa").unwrap().source, "s");
+}
+
+/// One file may serve several models.
+#[test]
+fn parameters_of_other_models_may_stand_in_the_file() {
+    let read = |others: &[&str]| {
+        PriorSet::from_text(Path::new("p.toml"), VALID.as_bytes(), &KNOWN[..1], others, &no_default)
+    };
+    assert_eq!(read(&["fraction"]).unwrap().names().collect::<Vec<_>>(), ["young_modulus_pa"]);
+    assert!(read(&[]).is_err());
 }
 
 #[test]

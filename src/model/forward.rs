@@ -3,6 +3,7 @@
 use super::{Compliance, Model, Response};
 use crate::error::{Error, Result};
 use crate::fe::Stiffness;
+use crate::fe::stepping::Resolution;
 use crate::fe::time::{FullOrderModel, TimeScheme};
 use crate::number::Dual;
 
@@ -24,7 +25,7 @@ pub struct FullForward<'a> {
     at_rest: FullOrderModel<'a>,
     time_s: &'a [f64],
     force_n: &'a [f64],
-    step_growth: f64,
+    resolution: Resolution,
 }
 
 /// A full-order run.
@@ -47,12 +48,12 @@ impl<'a> FullForward<'a> {
         force_n: &'a [f64],
     ) -> Result<Self> {
         let at_rest = FullOrderModel::new(stiffness, poisson_ratio)?;
-        Ok(Self { model, stiffness, at_rest, time_s, force_n, step_growth: DEFAULT_STEP_GROWTH })
+        Ok(Self { model, stiffness, at_rest, time_s, force_n, resolution: Resolution::default() })
     }
 
-    /// The same with steps that grow by another fraction of the time since the last force step.
-    pub fn with_step_growth(self, step_growth: f64) -> Self {
-        Self { step_growth, ..self }
+    /// The same with other time steps.
+    pub fn with_resolution(self, resolution: Resolution) -> Self {
+        Self { resolution, ..self }
     }
 
     /// Displacement (1/m) of the robot per unit force at unit creep compliance, at the experiment's Poisson ratio.
@@ -75,7 +76,7 @@ impl<'a> FullForward<'a> {
             Some(ratio) => &FullOrderModel::new(self.stiffness, ratio.value)?,
             None => &self.at_rest,
         };
-        let stepped = full.step(&stages, self.time_s, self.force_n, self.step_growth)?;
+        let stepped = full.step(&stages, self.time_s, self.force_n, self.resolution)?;
         let fields = full.fields_of(&stepped, field_rows);
         Ok(FullRun { position_m: stepped.position_m, fields, compliance_per_m: full.compliance_per_m() })
     }
@@ -143,7 +144,7 @@ impl ReducedForward<'_> {
         let parameters: Vec<Dual> = parameters.iter().enumerate().map(seeded).collect();
         let stages = self.model.stages(&parameters)?;
         let compliance_per_m = self.compliance.per_m(stages.poisson_ratio)?;
-        let positions = self.response.dual_trajectory_m(&stages, compliance_per_m)?;
+        let positions = self.response.derivative_m(&stages, compliance_per_m)?;
         let derivative: Vec<f64> = positions.iter().map(|x| x.derivative).collect();
         if derivative.iter().all(|slope| slope.is_finite()) {
             return Ok(derivative);
@@ -162,6 +163,6 @@ impl Forward for ReducedForward<'_> {
         let constants: Vec<Dual> = parameters.iter().map(|value| Dual::constant(*value)).collect();
         let stages = self.model.stages(&constants)?;
         let compliance_per_m = self.compliance.per_m(stages.poisson_ratio)?;
-        self.response.trajectory_m(&stages, compliance_per_m)
+        self.response.trajectory_m(&stages, compliance_per_m.value)
     }
 }

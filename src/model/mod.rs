@@ -4,12 +4,12 @@ mod compliance;
 mod composition;
 mod convolution;
 mod forward;
-mod sensitivity;
+mod response;
 mod sum_of_squares;
 
 pub use compliance::Compliance;
 pub use composition::Model;
 pub use convolution::convolve_m;
 pub use forward::{Forward, FullForward, FullRun, ReducedForward, TrainedRange};
-pub use sensitivity::log_sensitivities_m;
+pub use response::{Lanes, N_LANES, Response};
 pub use sum_of_squares::{CreepLanes, SumOfSquares};

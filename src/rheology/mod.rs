@@ -30,7 +30,22 @@ pub struct RetardedMode {
     pub time_s: f64,
 }
 
+impl RetardedMode {
+    fn kelvin_voigt(modulus_pa: f64, viscosity_pa_s: f64) -> Self {
+        Self { compliance_per_pa: 1.0 / modulus_pa, time_s: viscosity_pa_s / modulus_pa }
+    }
+}
+
 impl CreepCompliance {
+    /// Of the Lethersich law at E (Pa), c₁ and c₂ (Pa·s).
+    pub fn lethersich(parameters: &[f64]) -> Self {
+        Self {
+            instantaneous_per_pa: 0.0,
+            retarded: vec![RetardedMode::kelvin_voigt(parameters[0], parameters[1])],
+            fluidity_per_pa_s: 1.0 / parameters[2],
+        }
+    }
+
     /// J(t) in 1/Pa, for t ≥ 0; at t = 0 the limit from the right.
     pub fn at(&self, time_s: f64) -> f64 {
         let retarded: f64 = self.retarded.iter().map(|m| -m.compliance_per_pa * (-time_s / m.time_s).exp_m1()).sum();
@@ -119,21 +134,22 @@ impl BaseLaw {
     /// `None` for laws that are no finite sum of exponentials.
     pub fn creep_compliance(self, parameters: &[f64]) -> Option<CreepCompliance> {
         let p = parameters;
-        let body = |modulus_pa: f64, viscosity_pa_s: f64| RetardedMode {
-            compliance_per_pa: 1.0 / modulus_pa,
-            time_s: viscosity_pa_s / modulus_pa,
-        };
-        let mut law = CreepCompliance {
-            instantaneous_per_pa: 0.0,
-            retarded: vec![body(p[0], p[1])],
-            fluidity_per_pa_s: 1.0 / p[2],
-        };
+        let mut law = CreepCompliance::lethersich(p);
         match self {
             Self::Lethersich => {}
             Self::Burgers => law.instantaneous_per_pa = 1.0 / p[3],
-            Self::TwoElement => law.retarded.push(body(p[3], p[4])),
+            Self::TwoElement => law.retarded.push(RetardedMode::kelvin_voigt(p[3], p[4])),
         }
         Some(law)
+    }
+
+    /// Default prior of a parameter that prior files leave out (placeholder until merged).
+    pub fn default_prior(
+        self,
+        _name: &str,
+        _median_of: &dyn Fn(&str) -> f64,
+    ) -> Option<(crate::distribution::Distribution, &'static str)> {
+        None
     }
 
     /// Whether the law has a [`Self::creep_compliance`].
@@ -150,7 +166,7 @@ mod tests {
 
     #[test]
     fn lethersich_limits() {
-        let j = BaseLaw::Lethersich.creep_compliance(&[3.527, 1.402, 47.370]).expect("a sum");
+        let j = CreepCompliance::lethersich(&[3.527, 1.402, 47.370]);
         assert_eq!(j.at(0.0), 0.0);
         // Short times: two dashpots in series; long times: spring plus free flow.
         let t = 1e-7;

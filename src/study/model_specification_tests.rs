@@ -1,7 +1,7 @@
 use super::*;
 
 fn read(text: &str) -> Result<ModelSpecification> {
-    ModelSpecification::from_text(Path::new("model.toml"), text.as_bytes())
+    ModelSpecification::from_text(Path::new("model.toml"), text.as_bytes(), &Library::default())
 }
 
 #[test]
@@ -12,8 +12,12 @@ fn what_is_written_is_read_back_to_the_bit() {
     specification.fixed.insert("young_modulus_pa".into(), 0.1 + 0.2);
     specification.fixed.insert("noise_sd_um".into(), 1e-300);
     specification.prior = "my \"own\" prior.toml".into();
+    specification.base = BaseLaw::Burgers;
+    specification.effects = vec!["clock-offset".into()];
+    specification.noise = ["white", "ou", "gain", "student"].map(String::from).into();
+    specification.fixed.insert("clock-offset.delay_s".into(), 0.0);
     specification.write(&path).unwrap();
-    assert_eq!(ModelSpecification::read(&path).unwrap(), specification);
+    assert_eq!(ModelSpecification::read(&path, &Library::default()).unwrap(), specification);
 }
 
 #[test]
@@ -28,12 +32,19 @@ fn unacceptable_models_are_refused_with_line_key_and_remedy() {
         ("effects = []\n", 1, "base", "missing", "base = \"lethersich\""),
         ("base = \"letersich\"", 1, "base", "`letersich`", "did you mean `lethersich`"),
         ("\nbase = { network = \"x\" }", 2, "base", "networks", "lethersich"),
-        ("base = \"burgers\"", 1, "base", "`burgers`", "lethersich"),
-        ("base = \"lethersich\"\neffects = [\"inertia\"]", 2, "effects", "`inertia`", "has none"),
+        ("base = \"maxwell\"", 1, "base", "`maxwell`", "lethersich"),
+        ("base = \"lethersich\"\neffects = [\"clock-ofset\"]", 2, "effects", "`clock-ofset`", "did you mean `clock-offset`"),
         ("base = \"lethersich\"\neffects = \"inertia\"", 2, "effects", "expected a list", "effects = "),
-        ("base = \"lethersich\"\n\nnoise = [\"white\", \"ou\"]", 3, "noise", "`ou`", "white"),
+        ("base = \"lethersich\"\n\nnoise = [\"white\", \"pink\"]", 3, "noise", "`pink`", "student"),
+        (
+            "base = \"lethersich\"\neffects = [\"clock-offset\"]\n[fixed]\n\"clock-offset.delay_s\" = -1",
+            4,
+            "fixed.clock-offset.delay_s",
+            "outside its support",
+            "in [0, inf]",
+        ),
         ("base = \"lethersich\"\nnoise = [\"white\", \"white\"]", 2, "noise", "twice", "once"),
-        ("base = \"lethersich\"\nnoise = []", 2, "noise", "no noise", "white"),
+        ("base = \"lethersich\"\nnoise = []", 2, "noise", "no `white`", "white"),
         ("base = \"lethersich\"\npriors = \"x\"", 2, "priors", "unknown key", "did you mean `prior`"),
         (
             "base = \"lethersich\"\n[fixed]\nyoung_modulus = 3.0",
@@ -75,7 +86,7 @@ fn options_are_refused_by_their_names() {
         }
     };
     assert_eq!(refused(Some("maxwell"), &[], &[], &[]), "--base");
-    assert_eq!(refused(None, &["inertia"], &[], &[]), "--with");
+    assert_eq!(refused(None, &["astrology"], &[], &[]), "--with");
     assert_eq!(refused(None, &[], &["pink"], &[]), "--noise");
     for set in [
         &["young_modulus_pa"][..],

@@ -17,7 +17,7 @@ use crate::fe::Stiffness;
 use crate::fe::time::{FullOrderModel, QUARTER, SolvedLoad, TimeScheme};
 use crate::model::{Compliance, TrainedRange, convolve_m};
 use crate::number::Dual;
-use crate::rheology::BaseLaw;
+use crate::rheology::{BaseLaw, CreepCompliance};
 
 /// Runs that train the surrogate and runs that verify it, at other points of the same Sobol sequence.
 const TRAINING_RUNS: u32 = 16;
@@ -30,7 +30,7 @@ const FIELDS_PER_RUN: usize = 6;
 /// What a surrogate is trained for.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Training<'a> {
-    /// Constitutive law.
+    /// Constitutive law, a finite sum of exponentials.
     pub law: BaseLaw,
     /// Ranges of the law's parameters, all positive; covered on a logarithmic scale.
     pub parameters: &'a [TrainedRange],
@@ -69,6 +69,17 @@ pub struct Surrogate {
     pub fe_unknowns: usize,
 }
 
+impl Training<'_> {
+    fn creep_compliance(&self, law_parameters: &[f64]) -> Result<CreepCompliance> {
+        self.law.creep_compliance(law_parameters).ok_or_else(|| {
+            Error::numerical(
+                format!("the {} law is no finite sum of exponentials", self.law.title()),
+                "train the modes by a law of springs and dashpots: they do not depend on the law",
+            )
+        })
+    }
+}
+
 /// One full-order run: its parameters, its trajectory and some of its fields.
 struct FullRun {
     law_parameters: Vec<f64>,
@@ -85,14 +96,14 @@ impl Surrogate {
             if lower == upper {
                 let model = FullOrderModel::new(stiffness, lower)?;
                 let load = model.solve_load(training.time_s, training.force_n);
-                return Ok(indices.into_par_iter().map(|i| full_run(training, i, &model, &load)).collect());
+                return indices.into_par_iter().map(|i| full_run(training, i, &model, &load)).collect();
             }
             indices
                 .into_par_iter()
                 .map(|i| {
                     let model = FullOrderModel::new(stiffness, design_point(training, i).1)?;
                     let load = model.solve_load(training.time_s, training.force_n);
-                    Ok(full_run(training, i, &model, &load))
+                    full_run(training, i, &model, &load)
                 })
                 .collect()
         };
@@ -168,7 +179,7 @@ impl Surrogate {
             }
             self.max_projection_error = self.max_projection_error.max(energy.norm(&rest) / norm);
         }
-        let law = training.law.creep_compliance(&run.law_parameters);
+        let law = training.creep_compliance(&run.law_parameters)?;
         let reduced = convolve_m(self.compliance_per_m(run.poisson_ratio)?, &law, training.time_s, training.force_n);
         let amplitude = run.position_m.iter().fold(0.0_f64, |a, x| a.max(x.abs()));
         let distance = reduced.iter().zip(&run.position_m).fold(0.0_f64, |d, (r, x)| d.max((r - x).abs()));
@@ -190,17 +201,17 @@ fn design_point(training: &Training, index: u32) -> (Vec<f64>, f64) {
     (law_parameters, lower + coordinate(training.parameters.len() as u32) * (upper - lower))
 }
 
-fn full_run(training: &Training, index: u32, model: &FullOrderModel, load: &SolvedLoad) -> FullRun {
+fn full_run(training: &Training, index: u32, model: &FullOrderModel, load: &SolvedLoad) -> Result<FullRun> {
     let (law_parameters, poisson_ratio) = design_point(training, index);
-    let law = training.law.creep_compliance(&law_parameters);
+    let law = training.creep_compliance(&law_parameters)?;
     let n_rows = training.time_s.len();
     let rows: Vec<usize> = (1..=FIELDS_PER_RUN).map(|k| k * (n_rows - 1) / FIELDS_PER_RUN).collect();
-    FullRun {
+    Ok(FullRun {
         position_m: model.trajectory(load, &law, TimeScheme::Exponential),
         fields: model.fields(load, &law, &rows),
         law_parameters,
         poisson_ratio,
-    }
+    })
 }
 
 #[cfg(test)]

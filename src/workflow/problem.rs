@@ -174,7 +174,7 @@ impl Problem {
         ReducedForward {
             model: &self.model,
             compliance: reduced.compliance.clone(),
-            response: Response::new(&record.time_s, &record.force_n),
+            response: Response::new(&record.time_s, &record.force_n, record.n_rows()),
             trained: &reduced.trained,
         }
     }

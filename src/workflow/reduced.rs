@@ -136,7 +136,7 @@ fn verify(problem: &Problem, fe: &FiniteElements, compliance: &Compliance) -> Re
     let (time_s, force_n) = training_load(problem);
     let model = &problem.model;
     let full = FullForward::new(model, &fe.stiffness, fe.poisson_ratio, time_s, force_n)?;
-    let response = Response::new(time_s, force_n);
+    let response = Response::new(time_s, force_n, time_s.len());
     let reduced = ReducedForward { model, compliance: compliance.clone(), response, trained: &[] };
     let relative_error = |index: u32| {
         let quantile = |(d, name): (u32, &str)| {

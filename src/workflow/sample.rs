@@ -350,7 +350,8 @@ mod tests {
         let problem = Problem::new(experiment, ModelSpecification::default(), None, &Silent).expect("sound");
         let of = |compliance_per_m: f64| {
             let compliance = Compliance::given(compliance_per_m);
-            let reduced = Reduced { surrogate: None, compliance, trained: problem.training_ranges() };
+            let trained = problem.training_ranges();
+            let reduced = Reduced { surrogate: None, compliance, trained, max_relative_error: None };
             fingerprint(&problem, &problem.posterior(&reduced))
         };
         assert_eq!(of(549.0), of(549.0));

@@ -331,7 +331,7 @@ fn closed_form_m(problem: &Problem, compliance_per_m: f64, values: &[f64]) -> Re
     let record = &problem.experiment.record;
     let constants: Vec<Dual> = values.iter().map(|value| Dual::constant(*value)).collect();
     let stages = problem.model.stages(&constants)?;
-    Response::new(&record.time_s, &record.force_n).trajectory_m(&stages, Dual::constant(compliance_per_m))
+    Response::new(&record.time_s, &record.force_n, record.n_rows()).trajectory_m(&stages, compliance_per_m)
 }
 
 /// The record's times with steps in between, no longer than asked for.

@@ -1,3 +1,5 @@
+use std::sync::Arc;
+
 use super::*;
 use crate::mesh::QuarterBall;
 use crate::study::ModelSpecification;
@@ -9,7 +11,7 @@ use crate::workflow::{Silent, mechanics::Mechanics};
 fn problem() -> Problem {
     let (experiment, _) = embedded().unwrap();
     let mut problem = Problem::new(experiment, ModelSpecification::default(), None, &Silent).unwrap();
-    if let Mechanics::FiniteElements(fe) = &mut problem.mechanics {
+    if let Some(Mechanics::FiniteElements(fe)) = Arc::get_mut(&mut problem.mechanics) {
         let ball = QuarterBall { robot_radius_m: 0.275e-3, outer_radius_m: 10e-3, n_per_edge: 1, n_layers: 4 };
         fe.mesh = ball.mesh().unwrap();
         fe.stiffness = Stiffness::new(&fe.mesh).unwrap();
@@ -18,10 +20,10 @@ fn problem() -> Problem {
 }
 
 fn request(problem: &Problem, scheme: TimeScheme, time_step_s: Option<f64>) -> SimulationRequest {
-    let names = problem.law.parameters().iter().map(|p| p.name.to_string());
+    let names = problem.model.parameters().iter().map(|p| p.name.to_string());
     let set: BTreeMap<String, f64> = names.zip(TABLE_I).collect();
     let parameters = parameters(problem, &set, None).unwrap();
-    SimulationRequest { parameters, scheme, time_step_s, refine: None }
+    SimulationRequest { parameters, scheme: Some(scheme), time_step_s, refine: None }
 }
 
 /// The exponential step is exact; the midpoint rule's error falls with the square of the step, as 1/4.
@@ -138,7 +140,7 @@ fn impossible_requests_are_refused_with_their_option() {
     for step in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e-12] {
         refused(SimulationRequest { time_step_s: Some(step), ..base.clone() }, false, "--time-step-s");
     }
-    let exact = SimulationRequest { scheme: TimeScheme::Exponential, time_step_s: Some(0.1), ..base.clone() };
+    let exact = SimulationRequest { scheme: Some(TimeScheme::Exponential), time_step_s: Some(0.1), ..base.clone() };
     refused(exact, false, "--scheme midpoint");
     refused(SimulationRequest { refine: Some(0), ..base.clone() }, false, "--refine");
     refused(SimulationRequest { refine: Some(99), ..base.clone() }, false, "--refine");

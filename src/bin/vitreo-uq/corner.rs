@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
+use vitreo_uq::effects::Library;
 use vitreo_uq::error::{Error, Place, Result};
 use vitreo_uq::inference::prior::{Prior, PriorSet};
 use vitreo_uq::report::corner::{CornerOptions, ParameterColumn, Posterior, PriorCurve, corner};
@@ -12,7 +13,7 @@ use vitreo_uq::report::draws::read_draws_csv;
 use vitreo_uq::report::labels::{ParameterLabel, of_parameter};
 use vitreo_uq::report::palette::series;
 use vitreo_uq::report::svg::write_figure;
-use vitreo_uq::study::{ModelSpecification, Study};
+use vitreo_uq::study::Study;
 use vitreo_uq::workflow::{artefacts, replica};
 
 use crate::options::CornerArguments;

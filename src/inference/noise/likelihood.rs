@@ -1,5 +1,7 @@
 //! The log-likelihood of a record, one point or several at once.
 
+use std::borrow::Borrow;
+
 use pulp::{Arch, Scalar, Simd, WithSimd};
 
 use super::filter::{Covariance, Mean, PriorVariances};
@@ -36,15 +38,15 @@ impl NoiseLikelihood {
     pub fn ln_likelihood(&self, position_m: &[f64], parameters: &[f64]) -> f64 {
         let scales = Scales::new(self.model, parameters);
         let mut out = [0.0];
-        self.evaluate(Scalars, position_m.as_chunks().0, &[scales], &mut out);
+        self.evaluate::<_, [f64; 1], 1>(Scalars, position_m.as_chunks().0, &[scales], &mut out);
         out[0]
     }
 
     /// The same for several points at once: `position_m[row][lane]`, `parameters[parameter][lane]`. What a lane gets does not depend, to the last
     /// bit, on the others; it may differ from [`NoiseLikelihood::ln_likelihood`] by rounding.
-    pub fn ln_likelihood_lanes(
+    pub fn ln_likelihood_lanes<R: Borrow<[f64; LANES]>>(
         &self,
-        position_m: &[[f64; LANES]],
+        position_m: &[R],
         parameters: &[[f64; LANES]],
         out: &mut [f64; LANES],
     ) {
@@ -58,23 +60,23 @@ impl NoiseLikelihood {
         self.evaluate(Vectors, position_m, &scales, out);
     }
 
-    fn evaluate<M: Machine, const W: usize>(
+    fn evaluate<M: Machine, R: Borrow<[f64; W]>, const W: usize>(
         &self,
         machine: M,
-        position_m: &[[f64; W]],
+        position_m: &[R],
         scales: &[Option<Scales>; W],
         out: &mut [f64; W],
     ) {
         let inside = scales.map(|scales| scales.unwrap_or(Scales::UNIT));
         let sums = match (self.model.ou, self.model.gain, self.model.student) {
-            (false, false, false) => self.pass::<M, W, false, false, false>(machine, position_m, &inside),
-            (false, false, true) => self.pass::<M, W, false, false, true>(machine, position_m, &inside),
-            (false, true, false) => self.pass::<M, W, false, true, false>(machine, position_m, &inside),
-            (false, true, true) => self.pass::<M, W, false, true, true>(machine, position_m, &inside),
-            (true, false, false) => self.pass::<M, W, true, false, false>(machine, position_m, &inside),
-            (true, false, true) => self.pass::<M, W, true, false, true>(machine, position_m, &inside),
-            (true, true, false) => self.pass::<M, W, true, true, false>(machine, position_m, &inside),
-            (true, true, true) => self.pass::<M, W, true, true, true>(machine, position_m, &inside),
+            (false, false, false) => self.pass::<M, R, W, false, false, false>(machine, position_m, &inside),
+            (false, false, true) => self.pass::<M, R, W, false, false, true>(machine, position_m, &inside),
+            (false, true, false) => self.pass::<M, R, W, false, true, false>(machine, position_m, &inside),
+            (false, true, true) => self.pass::<M, R, W, false, true, true>(machine, position_m, &inside),
+            (true, false, false) => self.pass::<M, R, W, true, false, false>(machine, position_m, &inside),
+            (true, false, true) => self.pass::<M, R, W, true, false, true>(machine, position_m, &inside),
+            (true, true, false) => self.pass::<M, R, W, true, true, false>(machine, position_m, &inside),
+            (true, true, true) => self.pass::<M, R, W, true, true, true>(machine, position_m, &inside),
         };
         for (lane, out) in out.iter_mut().enumerate() {
             *out = match &scales[lane] {
@@ -84,15 +86,15 @@ impl NoiseLikelihood {
         }
     }
 
-    fn pass<M: Machine, const W: usize, const OU: bool, const GAIN: bool, const STUDENT: bool>(
+    fn pass<M: Machine, R: Borrow<[f64; W]>, const W: usize, const OU: bool, const GAIN: bool, const STUDENT: bool>(
         &self,
         machine: M,
-        position_m: &[[f64; W]],
+        position_m: &[R],
         scales: &[Scales; W],
     ) -> Sums<W> {
         let steps = if OU { steps(&self.rows.step_s, scales) } else { Vec::new() };
         let of = |part: fn(&Scales) -> f64| scales.each_ref().map(part);
-        let pass = Pass::<W, OU, GAIN, STUDENT> {
+        let pass = Pass::<R, W, OU, GAIN, STUDENT> {
             record: self,
             position_m,
             steps: &steps,
@@ -179,9 +181,9 @@ fn ln_student_constant(dof: f64) -> f64 {
 }
 
 /// One pass over the record.
-struct Pass<'a, const W: usize, const OU: bool, const GAIN: bool, const STUDENT: bool> {
+struct Pass<'a, R, const W: usize, const OU: bool, const GAIN: bool, const STUDENT: bool> {
     record: &'a NoiseLikelihood,
-    position_m: &'a [[f64; W]],
+    position_m: &'a [R],
     steps: &'a [Step<W>],
     gain_per_m2: [f64; W],
     offset: [f64; W],
@@ -191,8 +193,8 @@ struct Pass<'a, const W: usize, const OU: bool, const GAIN: bool, const STUDENT:
     tail_weight: [f64; W],
 }
 
-impl<const W: usize, const OU: bool, const GAIN: bool, const STUDENT: bool> WithSimd
-    for Pass<'_, W, OU, GAIN, STUDENT>
+impl<R: Borrow<[f64; W]>, const W: usize, const OU: bool, const GAIN: bool, const STUDENT: bool> WithSimd
+    for Pass<'_, R, W, OU, GAIN, STUDENT>
 {
     type Output = Sums<W>;
 
@@ -222,7 +224,7 @@ impl<const W: usize, const OU: bool, const GAIN: bool, const STUDENT: bool> With
                     covariance.renew(prior);
                     mean.renew();
                 }
-                let x = Register::load(simd, &self.position_m[row.index], register);
+                let x = Register::load(simd, self.position_m[row.index].borrow(), register);
                 let innovation = mean.innovation(Register::splat(simd, observed_m) - x, x);
                 if !OU && !GAIN {
                     let square = innovation * innovation;
