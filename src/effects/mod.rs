@@ -3,9 +3,22 @@
 //! An effect belongs to one stage of command → load → mechanics → observation and is nested: at its null value the model is the one without
 //! it. Listing, help, prior checks, ranking and the conformance tests read [`EFFECTS`]; no other file names an effect.
 
+mod actuator_lag;
 mod clock_offset;
+mod compressibility;
+mod first_body;
+mod force_asymmetry;
+mod force_bias;
+mod force_gradient;
+mod fractional_damping;
+mod instantaneous_elasticity;
 mod library;
+mod second_retardation;
+mod softening;
 mod stages;
+#[cfg(test)]
+mod test_scales;
+mod tracking_drift;
 
 pub use library::Library;
 pub use stages::{Approach, LARGEST_FEEDBACK, Load, Observation, Stages};
@@ -18,7 +31,25 @@ use crate::parameter::ParameterSpec;
 use crate::rheology::BaseLaw;
 
 /// All effects, in the order in which a model applies them.
-pub const EFFECTS: &[&dyn Effect] = &[&clock_offset::ClockOffset];
+pub const EFFECTS: &[&dyn Effect] = &[
+    &clock_offset::ClockOffset,
+    &force_asymmetry::ForceAsymmetry,
+    &force_bias::ForceBias,
+    &actuator_lag::ActuatorLag,
+    &force_gradient::ForceGradient,
+    &instantaneous_elasticity::InstantaneousElasticity,
+    &second_retardation::SecondRetardation,
+    &fractional_damping::FractionalDamping,
+    &softening::Softening,
+    &compressibility::Compressibility,
+    &tracking_drift::TrackingDrift,
+];
+
+/// Range of positions by which default priors are scaled, in m: the measured one, or a millimetre, the largest displacement of the
+/// reference experiment (physics §1), where nothing is measured.
+fn position_range_m(scales: &Scales) -> f64 {
+    if scales.position_range_m > 0.0 { scales.position_range_m } else { 1e-3 }
+}
 
 /// Where in the way from the command to the camera an effect acts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]

@@ -1,4 +1,6 @@
-//! Symbols and units of parameters, from their names in the contracts.
+//! Symbols and units of parameters: of effects from their own tables, of all others from their names in the contracts.
+
+use crate::effects::EFFECTS;
 
 /// Symbol and unit of a parameter as figures show them.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -56,6 +58,19 @@ const UNITS: [(&str, &str); 13] = [
 
 /// Symbol and unit of a parameter by its name; an unknown name without its unit becomes its own symbol.
 pub fn of_parameter(name: &str) -> ParameterLabel {
+    of_effect(name).unwrap_or_else(|| of_name(name))
+}
+
+/// Label of an effect's parameter: slug and symbol, since two effects may use one symbol.
+fn of_effect(name: &str) -> Option<ParameterLabel> {
+    EFFECTS.iter().find_map(|effect| {
+        let parameter = effect.parameters().iter().find(|parameter| parameter.spec.name == name)?;
+        let unit = if parameter.spec.unit.is_empty() { "–" } else { parameter.spec.unit };
+        Some(ParameterLabel { symbol: format!("{} {}", effect.slug(), parameter.symbol), unit: unit.to_owned() })
+    })
+}
+
+fn of_name(name: &str) -> ParameterLabel {
     let (stem, unit) = UNITS
         .iter()
         .find_map(|(suffix, unit)| name.strip_suffix(suffix).map(|stem| (stem, *unit)))
@@ -76,8 +91,31 @@ mod tests {
         assert_eq!(of_parameter("young_modulus_pa").axis(), "E (Pa)");
         assert_eq!(of_parameter("viscosity_2_pa_s").axis(), "c₂ (Pa·s)");
         assert_eq!(of_parameter("noise_sd_um").axis(), "σ (µm)");
-        assert_eq!(of_parameter("actuator-lag.time_s").axis(), "actuator-lag: time (s)");
-        assert_eq!(of_parameter("poroelasticity.mobility_m2_per_pa_s").axis(), "poroelasticity: mobility (m²/(Pa·s))");
-        assert_eq!(of_parameter("fractional-damping.order").axis(), "fractional-damping: order (–)");
+    }
+
+    #[test]
+    fn effects_give_their_own_symbols_and_units() {
+        assert_eq!(of_parameter("actuator-lag.time_s").axis(), "actuator-lag τ (s)");
+        assert_eq!(of_parameter("fractional-damping.order").axis(), "fractional-damping α (–)");
+        assert_eq!(of_parameter("tracking-drift.velocity_m_per_s").axis(), "tracking-drift v (m/s)");
+        assert_eq!(of_parameter("force-gradient.gradient_per_m").axis(), "force-gradient g (1/m)");
+    }
+
+    #[test]
+    fn effects_from_outside_the_crate_are_labelled_by_their_names() {
+        assert_eq!(of_parameter("thermal-drift.amplitude_m").axis(), "thermal-drift: amplitude (m)");
+        assert_eq!(of_parameter("membrane.mobility_m2_per_pa_s").axis(), "membrane: mobility (m²/(Pa·s))");
+        assert_eq!(of_parameter("membrane.order").axis(), "membrane: order (–)");
+    }
+
+    /// Two columns of one corner plot must not carry the same label, and the unit of an effect's table is the one that its name ends in.
+    #[test]
+    fn labels_of_effects_are_unique_and_agree_with_their_names() {
+        let names = || EFFECTS.iter().flat_map(|effect| effect.parameters()).map(|parameter| parameter.spec.name);
+        let labels: std::collections::BTreeSet<String> = names().map(|name| of_parameter(name).axis()).collect();
+        assert_eq!(labels.len(), names().count());
+        for name in names() {
+            assert_eq!(of_parameter(name).unit, of_name(name).unit, "{name}");
+        }
     }
 }

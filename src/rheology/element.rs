@@ -24,6 +24,18 @@ pub enum Element {
         /// α in (0, 1].
         order: Dual,
     },
+    /// ε = C s: a spring given by its compliance, which may be 0 and move there.
+    Compliance {
+        /// C in 1/Pa.
+        compliance_per_pa: Dual,
+    },
+    /// τ ε̇ + ε = C s: a Kelvin–Voigt body given by its compliance, which may be 0 and move there.
+    Retarded {
+        /// C in 1/Pa.
+        compliance_per_pa: Dual,
+        /// τ in s.
+        time_s: Dual,
+    },
     /// The same stress in all; strains add.
     Series(Vec<Element>),
     /// The same strain in all; stresses add.

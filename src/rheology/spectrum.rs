@@ -66,6 +66,10 @@ impl RetardationSpectrum {
         match element {
             Element::Spring { modulus_pa } => self.instantaneous_per_pa += Dual::ONE / *modulus_pa,
             Element::Dashpot { viscosity_pa_s } => self.fluidity_per_pa_s += Dual::ONE / *viscosity_pa_s,
+            Element::Compliance { compliance_per_pa } => self.instantaneous_per_pa += *compliance_per_pa,
+            Element::Retarded { compliance_per_pa, time_s } => {
+                self.modes.push(SpectralMode { compliance_per_pa: *compliance_per_pa, rate_per_s: Dual::ONE / *time_s })
+            }
             Element::Series(elements) => elements.iter().try_for_each(|element| self.add(element))?,
             Element::Parallel(elements) => match elements.as_slice() {
                 [Element::Spring { modulus_pa }, Element::Dashpot { viscosity_pa_s }] => {

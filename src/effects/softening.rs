@@ -1,0 +1,70 @@
+//! `softening`: the gel grows softer while it is measured.
+//!
+//! s = e^{−rt} · (law of the strains), in all branches, t from the record's start; with quasi-static linear laws that is the response to the
+//! force F e^{rt}. Null: r = 0. Valid for r ≥ 0 while the whole gel softens alike. Excised vitreous lost four fifths of its modulus in
+//! its first hour (Nickerson et al. 2008, J. Biomech. 41:1840), r of about 4·10⁻⁴ 1/s; the robot itself may break the network faster.
+
+use super::{Effect, EffectParameter, Stage, Stages};
+use crate::distribution::Distribution;
+use crate::error::Result;
+use crate::experiment::Scales;
+use crate::number::Dual;
+use crate::parameter::{ParameterSpec, Support};
+
+const PARAMETERS: &[EffectParameter] = &[EffectParameter {
+    spec: ParameterSpec::new("softening.rate_per_s", "1/s", Support::POSITIVE),
+    symbol: "r",
+    null: |_| Some(0.0),
+    prior: |scales| Distribution::HalfNormal { sd: 0.5 / scales.duration_s },
+    prior_source: "chosen: a loss of up to about two thirds of the stiffness over the record",
+    finite_step: None,
+}];
+
+/// The effect.
+pub struct Softening;
+
+impl Effect for Softening {
+    fn slug(&self) -> &'static str {
+        "softening"
+    }
+    fn stage(&self) -> Stage {
+        Stage::Mechanics
+    }
+    fn summary(&self) -> &'static str {
+        "the gel grows softer while it is measured"
+    }
+    fn equation(&self) -> &'static str {
+        "s = e^{−rt} · (law of the strains)"
+    }
+    fn parameters(&self) -> &'static [EffectParameter] {
+        PARAMETERS
+    }
+    fn apply(&self, parameters: &[Dual], _scales: &Scales, stages: &mut Stages) -> Result<()> {
+        stages.softening_rate_per_s += parameters[0];
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effects::test_scales::SCALES;
+
+    /// The figure of the module's text: a modulus that falls fivefold in an hour.
+    #[test]
+    fn a_fivefold_loss_in_an_hour_is_the_rate_that_the_text_names() {
+        let mut stages = Stages::of_law(Vec::new());
+        Softening.apply(&[Dual::variable(5_f64.ln() / 3600.0)], &SCALES, &mut stages).unwrap();
+        let rate_per_s = stages.softening_rate_per_s;
+        assert!((rate_per_s.value - 4e-4).abs() < 0.5e-4);
+        assert!(((-rate_per_s.value * 3600.0).exp() - 0.2).abs() < 1e-12);
+        assert_eq!(rate_per_s.derivative, 1.0);
+    }
+
+    #[test]
+    fn the_prior_allows_the_loss_that_its_source_names() {
+        let upper = (PARAMETERS[0].prior)(&SCALES).quantile(0.95);
+        let loss = 1.0 - (-upper * SCALES.duration_s).exp();
+        assert!((loss - 2.0 / 3.0).abs() < 0.05, "{loss}");
+    }
+}

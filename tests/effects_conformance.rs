@@ -1,0 +1,312 @@
+//! What every effect of the library must keep (house style; physics §5), as far as it can be seen without solving a model.
+
+use vitreo_uq::distribution::Distribution;
+use vitreo_uq::effects::{EFFECTS, Effect, EffectParameter, Stage, Stages};
+use vitreo_uq::error::{Error, Place};
+use vitreo_uq::experiment::Scales;
+use vitreo_uq::model::Model;
+use vitreo_uq::number::Dual;
+use vitreo_uq::rheology::BaseLaw;
+
+const PORCINE: Scales = Scales {
+    largest_force_n: 4.6e-6,
+    position_range_m: 0.98e-3,
+    hold_s: 5.0,
+    sample_interval_s: 0.05,
+    duration_s: 40.0,
+    poisson_ratio: Some(0.48),
+};
+
+/// Experiments at the edges of what contracts §1 accepts: nothing measured, one constant pull, hardly any rows, any Poisson ratio, an
+/// instrument far from the scales of a bead.
+fn experiments() -> Vec<Scales> {
+    let one_pull = Scales { hold_s: PORCINE.duration_s, ..PORCINE };
+    let three_rows = Scales { sample_interval_s: 20.0, hold_s: 40.0, ..PORCINE };
+    let two_rows = Scales { sample_interval_s: 40.0, hold_s: 40.0, ..PORCINE };
+    let fast_switching = Scales { hold_s: 0.05, ..PORCINE };
+    let indenter = Scales {
+        largest_force_n: 1e-9,
+        position_range_m: 3e-8,
+        hold_s: 2e-3,
+        sample_interval_s: 1e-5,
+        duration_s: 0.5,
+        poisson_ratio: None,
+    };
+    let gels = [0.499_999, 0.4999, 0.31, 0.3, 0.2, 0.0, -0.5, -0.999]
+        .map(|ratio| Scales { poisson_ratio: Some(ratio), ..PORCINE });
+    let unmeasured = Scales { position_range_m: 0.0, largest_force_n: 0.0, ..PORCINE };
+    [PORCINE, one_pull, three_rows, two_rows, fast_switching, indenter, unmeasured].into_iter().chain(gels).collect()
+}
+
+fn parameters() -> impl Iterator<Item = &'static EffectParameter> {
+    EFFECTS.iter().flat_map(|effect| effect.parameters())
+}
+
+/// A model of one effect at unit parameters of the base law.
+fn model(base: BaseLaw, effects: &[&'static dyn Effect], scales: Scales) -> Result<Model, Error> {
+    Model::new(base, effects.to_vec(), scales, &Place::option("--with"))
+}
+
+/// The effect's parameters at the null; where one means nothing, at its prior's median.
+fn null_of(effect: &dyn Effect, scales: &Scales) -> Vec<f64> {
+    let value = |p: &EffectParameter| (p.null)(scales).unwrap_or_else(|| (p.prior)(scales).quantile(0.5));
+    effect.parameters().iter().map(value).collect()
+}
+
+fn stages_at(model: &Model, of_effects: &[f64]) -> Result<Stages, Error> {
+    let of_law = vec![Dual::constant(2.5); model.base().parameters().len()];
+    let all: Vec<Dual> = of_law.into_iter().chain(of_effects.iter().map(|value| Dual::constant(*value))).collect();
+    model.stages(&all)
+}
+
+fn effect(slug: &str) -> &'static dyn Effect {
+    EFFECTS.iter().copied().find(|effect| effect.slug() == slug).unwrap()
+}
+
+#[test]
+fn the_library_is_the_one_of_physics_section_5_in_the_order_of_application() {
+    let load = ["clock-offset", "force-asymmetry", "force-bias", "actuator-lag", "force-gradient"];
+    let mechanics =
+        ["instantaneous-elasticity", "second-retardation", "fractional-damping", "softening", "compressibility"];
+    let found: Vec<(&str, Stage)> = EFFECTS.iter().map(|effect| (effect.slug(), effect.stage())).collect();
+    let expected: Vec<(&str, Stage)> = (load.map(|slug| (slug, Stage::Load)).into_iter())
+        .chain(mechanics.map(|slug| (slug, Stage::Mechanics)))
+        .chain([("tracking-drift", Stage::Observation)])
+        .collect();
+    assert_eq!(found, expected);
+}
+
+#[test]
+fn slugs_are_kebab_case_and_parameters_are_unique() {
+    for effect in EFFECTS {
+        let slug = effect.slug();
+        let is_word = |word: &str| !word.is_empty() && word.bytes().all(|byte| byte.is_ascii_lowercase());
+        assert!(slug.split('-').all(is_word), "{slug}");
+        assert!(!effect.parameters().is_empty(), "{slug}");
+    }
+    let mut names: Vec<&str> = parameters().map(|parameter| parameter.spec.name).collect();
+    names.sort_unstable();
+    assert!(names.windows(2).all(|pair| pair[0] != pair[1]), "{names:?}");
+}
+
+/// `1/m` as `_per_m`, `m/s` as `_m_per_s`.
+fn suffix(unit: &str) -> String {
+    match unit.split_once('/') {
+        Some(("1", below)) => format!("_per_{below}"),
+        Some((above, below)) => format!("_{above}_per_{below}"),
+        None => format!("_{unit}"),
+    }
+}
+
+#[test]
+fn parameters_are_named_by_their_effect_and_end_in_their_unit() {
+    for effect in EFFECTS {
+        for EffectParameter { spec, .. } in effect.parameters() {
+            let own = spec.name.strip_prefix(effect.slug()).and_then(|rest| rest.strip_prefix('.')).unwrap();
+            let is_letter = |byte: u8| byte.is_ascii_lowercase() || byte == b'_';
+            assert!(!own.is_empty() && own.bytes().all(is_letter), "{}", spec.name);
+            let is_named = !spec.unit.is_empty() && own.ends_with(&suffix(spec.unit)) && own != &suffix(spec.unit)[1..];
+            let looks_like_a_unit = ["_s", "_m", "_pa", "_n"].iter().any(|unit| own.ends_with(unit));
+            assert!(is_named || (spec.unit.is_empty() && !looks_like_a_unit), "{} in `{}`", spec.name, spec.unit);
+        }
+    }
+}
+
+#[test]
+fn nothing_that_people_read_is_empty() {
+    for effect in EFFECTS {
+        for text in [effect.summary(), effect.equation()] {
+            assert!(text.len() > 5 && text.trim() == text && !text.ends_with('.'), "{}: `{text}`", effect.slug());
+        }
+        for parameter in effect.parameters() {
+            assert!(!parameter.symbol.is_empty(), "{}", parameter.spec.name);
+            assert!(parameter.prior_source.starts_with("chosen: "), "{}", parameter.spec.name);
+        }
+    }
+}
+
+/// Every number of a distribution is finite, and those that must be are positive and in order.
+fn is_proper(prior: Distribution) -> bool {
+    let positive = |x: f64| x > 0.0 && x.is_finite();
+    let ordered = |lower: f64, upper: f64| lower.is_finite() && upper.is_finite() && lower < upper;
+    match prior {
+        Distribution::LogNormal { median, log_sd } => positive(median) && positive(log_sd),
+        Distribution::Normal { mean, sd } => mean.is_finite() && positive(sd),
+        Distribution::HalfNormal { sd } => positive(sd),
+        Distribution::Uniform { lower, upper } => ordered(lower, upper),
+        Distribution::LogUniform { lower, upper } => positive(lower) && ordered(lower, upper),
+        Distribution::Beta { alpha, beta, lower, upper } => positive(alpha) && positive(beta) && ordered(lower, upper),
+    }
+}
+
+#[test]
+fn priors_lie_inside_their_supports_for_any_experiment() {
+    for scales in experiments() {
+        for EffectParameter { spec, prior, .. } in parameters() {
+            let prior = prior(&scales);
+            assert!(is_proper(prior), "{}: {prior:?} at {scales:?}", spec.name);
+            let (lower, upper) = prior.support();
+            assert!(lower >= spec.support.lower && upper <= spec.support.upper, "{}: {prior:?}", spec.name);
+            for p in [1e-9, 0.5, 1.0 - 1e-9] {
+                let value = prior.quantile(p);
+                assert!(value.is_finite() && spec.support.contains(value), "{}: {value} at {scales:?}", spec.name);
+            }
+        }
+    }
+}
+
+#[test]
+fn nulls_lie_where_the_prior_has_mass_nearby() {
+    for scales in experiments() {
+        for effect in EFFECTS {
+            if effect.needs_finite_elements() && scales.poisson_ratio.is_none() {
+                continue;
+            }
+            let nulls: Vec<Option<f64>> = effect.parameters().iter().map(|p| (p.null)(&scales)).collect();
+            assert!(nulls.iter().any(Option::is_some), "{} cannot be turned off", effect.slug());
+            for (EffectParameter { spec, prior, finite_step, .. }, null) in effect.parameters().iter().zip(nulls) {
+                let Some(null) = null else { continue };
+                assert!(spec.support.contains(null), "{}: {null}", spec.name);
+                let density = prior(&scales).ln_pdf(null);
+                assert!(density.is_finite(), "{}: {null} has no prior density at {scales:?}", spec.name);
+                if let Some(step) = finite_step {
+                    let step = step(&scales);
+                    assert!(step != 0.0 && spec.support.contains(null + step), "{}: {step}", spec.name);
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn at_its_null_every_effect_leaves_the_stages_as_they_are() {
+    for scales in experiments() {
+        for base in BaseLaw::NAMED {
+            let bare = stages_at(&model(base, &[], scales).unwrap(), &[]).unwrap();
+            for effect in EFFECTS {
+                let Ok(model) = model(base, &[*effect], scales) else { continue };
+                let found = stages_at(&model, &null_of(*effect, &scales)).unwrap();
+                assert_eq!(found, bare, "{} on {base:?} at {scales:?}", effect.slug());
+            }
+        }
+    }
+}
+
+/// Away from the null something is written, and in the stage that the effect names.
+#[test]
+fn every_effect_writes_into_its_own_stage_only() {
+    let bare = stages_at(&model(BaseLaw::Lethersich, &[], PORCINE).unwrap(), &[]).unwrap();
+    for effect in EFFECTS {
+        let away: Vec<f64> = effect.parameters().iter().map(|p| (p.prior)(&PORCINE).quantile(0.8)).collect();
+        let found = stages_at(&model(BaseLaw::Lethersich, &[*effect], PORCINE).unwrap(), &away).unwrap();
+        let mut expected = bare.clone();
+        match effect.stage() {
+            Stage::Load => expected.load = found.load.clone(),
+            Stage::Mechanics => {
+                expected.law = found.law.clone();
+                expected.softening_rate_per_s = found.softening_rate_per_s;
+                expected.poisson_ratio = found.poisson_ratio;
+            }
+            Stage::Observation => expected.observation = found.observation.clone(),
+        }
+        assert_eq!(found, expected, "{}", effect.slug());
+        assert_ne!(found, bare, "{}", effect.slug());
+    }
+}
+
+/// A parameter that moves at the null must reach the stages, or its sensitivity would be lost there; one that means nothing there must not.
+#[test]
+fn a_moving_null_reaches_the_stages() {
+    let bare = stages_at(&model(BaseLaw::Lethersich, &[], PORCINE).unwrap(), &[]).unwrap();
+    for effect in EFFECTS {
+        let model = model(BaseLaw::Lethersich, &[*effect], PORCINE).unwrap();
+        let null = null_of(*effect, &PORCINE);
+        for (j, parameter) in effect.parameters().iter().enumerate() {
+            let mut all = vec![Dual::constant(2.5); 3];
+            all.extend(null.iter().map(|value| Dual::constant(*value)));
+            all[3 + j].derivative = 1.0;
+            let is_same = model.stages(&all).unwrap() == bare;
+            assert_eq!(is_same, (parameter.null)(&PORCINE).is_none(), "{}", parameter.spec.name);
+        }
+    }
+}
+
+#[test]
+fn parameters_outside_their_supports_are_refused_by_name() {
+    for effect in EFFECTS {
+        let model = model(BaseLaw::Lethersich, &[*effect], PORCINE).unwrap();
+        for (j, EffectParameter { spec, .. }) in effect.parameters().iter().enumerate() {
+            let ends = [(spec.support.lower, -1.0), (spec.support.upper, 1.0)];
+            let beyond = ends.into_iter().filter(|(end, _)| end.is_finite()).map(|(end, side)| end + 1e-9 * side);
+            for value in beyond.chain([f64::NAN]) {
+                let mut values = null_of(*effect, &PORCINE);
+                values[j] = value;
+                let error = stages_at(&model, &values).unwrap_err();
+                assert!(matches!(error, Error::Numerical { .. }), "{error:?}");
+                assert!(error.to_string().contains(spec.name), "{value}: {error}");
+            }
+        }
+    }
+}
+
+/// The pairs that physics §5 refuses, spelt out; all others are allowed.
+#[test]
+fn laws_and_effects_are_refused_exactly_where_physics_says() {
+    let refused = [("burgers", "instantaneous-elasticity"), ("two-element", "second-retardation")];
+    for base in BaseLaw::NAMED {
+        for effect in EFFECTS {
+            let outcome = model(base, &[*effect], PORCINE);
+            let expected = refused.contains(&(base.name(), effect.slug()));
+            assert_eq!(outcome.is_err(), expected, "{} on {}", effect.slug(), base.name());
+            if let Err(error) = outcome {
+                let text = error.to_string();
+                assert!(text.contains(effect.slug()) && text.contains("the same thing twice"), "{text}");
+            }
+        }
+    }
+}
+
+/// With one field-changing effect in this part of the library, every pair of different effects is allowed.
+#[test]
+fn every_pair_of_effects_stands_together_and_takes_its_parameters_in_order() {
+    assert_eq!(EFFECTS.iter().filter(|effect| effect.changes_field()).count(), 1);
+    for (i, first) in EFFECTS.iter().enumerate() {
+        for second in &EFFECTS[i + 1..] {
+            let slugs = (first.slug(), second.slug());
+            let pair = model(BaseLaw::Lethersich, &[*first, *second], PORCINE).unwrap();
+            let values: Vec<f64> = (first.parameters().iter().chain(second.parameters()))
+                .map(|parameter| (parameter.prior)(&PORCINE).quantile(0.7))
+                .collect();
+            let together = stages_at(&pair, &values).unwrap();
+            let (of_first, of_second) = values.split_at(first.parameters().len());
+            let reversed = model(BaseLaw::Lethersich, &[*second, *first], PORCINE).unwrap();
+            let turned = stages_at(&reversed, &[of_second, of_first].concat()).unwrap();
+            // The law's elements are in series, so that their order means nothing.
+            let sorted = |mut stages: Stages| {
+                stages.law.sort_by_key(|element| format!("{element:?}"));
+                stages
+            };
+            assert_eq!(sorted(together), sorted(turned), "{slugs:?}");
+        }
+    }
+}
+
+#[test]
+fn instruments_take_all_but_what_needs_finite_elements() {
+    let instrument = Scales { poisson_ratio: None, ..PORCINE };
+    for effect in EFFECTS {
+        let outcome = model(BaseLaw::Lethersich, &[*effect], instrument);
+        assert_eq!(outcome.is_err(), effect.slug() == "compressibility", "{}", effect.slug());
+    }
+}
+
+/// E in the effects' equations is the first Kelvin–Voigt spring of the law, whatever stands beside it.
+#[test]
+fn effects_refer_to_the_first_kelvin_voigt_spring() {
+    let together = ["fractional-damping", "instantaneous-elasticity"].map(effect);
+    let two_element = model(BaseLaw::TwoElement, &together, PORCINE).unwrap();
+    let values = [4.0, 1.0, 40.0, 9.0, 70.0, 0.6, 0.3].map(Dual::constant);
+    let law = two_element.stages(&values).unwrap().law;
+    let text = format!("{:?}", law.last());
+    assert!(text.contains("0.075"), "ratio/E = 0.3/4: {text}");
+}
