@@ -1,9 +1,11 @@
 //! Springs, dashpots and their creep compliance (physics §2). Scalar: space enters only through [`crate::fe`].
 
 mod element;
+mod mittag_leffler;
 mod spectrum;
 
 pub use element::Element;
+pub use mittag_leffler::mittag_leffler;
 pub use spectrum::{OscillatingMode, RetardationSpectrum, SpectralMode, TimeWindow};
 
 use crate::number::Dual;
