@@ -1,8 +1,12 @@
 //! Springs, dashpots and their creep compliance (physics §2). Scalar: space enters only through [`crate::fe`].
 
+mod branch_cut;
 mod element;
+mod fractional;
+mod lumped;
 mod mittag_leffler;
 mod spectrum;
+mod stieltjes;
 
 pub use element::Element;
 pub use mittag_leffler::mittag_leffler;
@@ -137,6 +141,8 @@ impl BaseLaw {
     }
 }
 
+#[cfg(test)]
+mod spectrum_tests;
 #[cfg(test)]
 mod tests {
     use super::*;
