@@ -7,7 +7,7 @@ use std::f64::consts::PI;
 use std::ops::Add;
 
 use super::fractional::STEP;
-use super::lumped::{Density, SLOWEST_OF_RISING};
+use super::lumped::{Density, Node, SLOWEST_OF_RISING};
 use super::{Element, RetardationSpectrum, SpectralMode, TimeWindow};
 use crate::error::{Error, Result};
 use crate::number::{Dual, Scalar};
@@ -44,22 +44,22 @@ pub(super) fn add_network(spectrum: &mut RetardationSpectrum, network: &Element,
 }
 
 fn spectrum_at(network: &Element, step: f64, window: TimeWindow) -> RetardationSpectrum {
-    let node = |k: i32| {
-        let u = (f64::from(k) + 0.5) * step;
-        let compliance = modulus_at(network, Frequency { ln_size_per_s: u, is_negative: true }).reciprocal();
-        SpectralMode { compliance_per_pa: compliance.im * (-step / PI), rate_per_s: Dual::constant(u.exp()) }
+    let node = |node: Node| {
+        let compliance = modulus_at(network, Frequency { ln_size_per_s: node.u, is_negative: true }).reciprocal();
+        SpectralMode { compliance_per_pa: compliance.im * (-step / PI), rate_per_s: Dual::constant(node.exp_u) }
     };
     let transform =
         |s: f64| modulus_at(network, Frequency { ln_size_per_s: s.ln(), is_negative: false }).reciprocal().re;
     let mut spectrum = RetardationSpectrum::empty();
     Density {
-        node: &node,
+        node,
         factor: Dual::ONE,
         step,
         ln_scale: 0.0,
+        order: Dual::ZERO,
         slowest: SLOWEST_OF_RISING,
         poles: Vec::new(),
-        compliance: &transform,
+        compliance: transform,
     }
     .add_to(&mut spectrum, window);
     spectrum

