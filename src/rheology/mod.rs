@@ -1,9 +1,15 @@
 //! Springs, dashpots and their creep compliance (physics §2). Scalar: space enters only through [`crate::fe`].
 
+mod branch_cut;
 mod element;
+mod fractional;
+mod lumped;
+mod mittag_leffler;
 mod spectrum;
+mod stieltjes;
 
 pub use element::Element;
+pub use mittag_leffler::mittag_leffler;
 pub use spectrum::{OscillatingMode, RetardationSpectrum, SpectralMode, TimeWindow};
 
 use crate::number::Dual;
@@ -160,6 +166,8 @@ impl BaseLaw {
     }
 }
 
+#[cfg(test)]
+mod spectrum_tests;
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -1,6 +1,7 @@
 //! Any law as a sum of exponentials: what the fast convolution needs.
 
-use super::Element;
+use super::fractional::{add_kelvin_voigt as add_fractional_kelvin_voigt, add_springpot};
+use super::{Element, branch_cut, stieltjes};
 use crate::error::{Error, Result};
 use crate::number::Dual;
 
@@ -45,24 +46,49 @@ pub struct TimeWindow {
 }
 
 impl RetardationSpectrum {
-    /// The spectrum of elements in series.
-    ///
-    /// # Errors
-    /// [`Error::Numerical`] where a network has no spectrum that can be computed.
-    pub fn of(law: &[Element], _window: TimeWindow) -> Result<Self> {
-        let mut spectrum = Self {
+    pub(super) fn empty() -> Self {
+        Self {
             instantaneous_per_pa: Dual::ZERO,
             modes: Vec::new(),
             oscillating: Vec::new(),
             fluidity_per_pa_s: Dual::ZERO,
-        };
-        for element in law {
-            spectrum.add(element)?;
         }
+    }
+
+    /// The spectrum of elements in series.
+    ///
+    /// Springs, dashpots and networks of them are exact. Springpots are right within 1e-8 of J at the end of the window (of 1/E for the fractional
+    /// Kelvin–Voigt body) for times inside the window and after any superposition of them; before `shortest_s` the modes that are faster than
+    /// the window stand as instantaneous compliance.
+    ///
+    /// # Errors
+    /// [`Error::Numerical`] where a network has no spectrum that can be computed.
+    pub fn of(law: &[Element], window: TimeWindow) -> Result<Self> {
+        let mut spectrum = Self::empty();
+        law.iter().try_for_each(|element| spectrum.add(element, window))?;
         Ok(spectrum)
     }
 
-    fn add(&mut self, element: &Element) -> Result<()> {
+    /// J(t) in 1/Pa by value, t > 0 in s.
+    pub fn creep_compliance_per_pa(&self, time_s: f64) -> f64 {
+        let modes = self.modes.iter().map(|m| -m.compliance_per_pa.value * (-m.rate_per_s.value * time_s).exp_m1());
+        let oscillating = self.oscillating.iter().map(|mode| {
+            let ([a_re, a_im], [l_re, l_im]) = (mode.compliance_per_pa, mode.rate_per_s);
+            let (decay, angle) = ((-l_re.value * time_s).exp(), l_im.value * time_s);
+            a_re.value - decay * (a_re.value * angle.cos() + a_im.value * angle.sin())
+        });
+        let flow = self.fluidity_per_pa_s.value * time_s;
+        self.instantaneous_per_pa.value + modes.sum::<f64>() + oscillating.sum::<f64>() + flow
+    }
+
+    pub(super) fn extend(&mut self, other: Self) {
+        self.instantaneous_per_pa += other.instantaneous_per_pa;
+        self.modes.extend(other.modes);
+        self.oscillating.extend(other.oscillating);
+        self.fluidity_per_pa_s += other.fluidity_per_pa_s;
+    }
+
+    fn add(&mut self, element: &Element, window: TimeWindow) -> Result<()> {
         match element {
             Element::Spring { modulus_pa } => self.instantaneous_per_pa += Dual::ONE / *modulus_pa,
             Element::Dashpot { viscosity_pa_s } => self.fluidity_per_pa_s += Dual::ONE / *viscosity_pa_s,
@@ -70,22 +96,49 @@ impl RetardationSpectrum {
             Element::Retarded { compliance_per_pa, time_s } => {
                 self.modes.push(SpectralMode { compliance_per_pa: *compliance_per_pa, rate_per_s: Dual::ONE / *time_s })
             }
-            Element::Series(elements) => elements.iter().try_for_each(|element| self.add(element))?,
-            Element::Parallel(elements) => match elements.as_slice() {
-                [Element::Spring { modulus_pa }, Element::Dashpot { viscosity_pa_s }] => {
-                    self.modes.push(SpectralMode {
-                        compliance_per_pa: Dual::ONE / *modulus_pa,
-                        rate_per_s: *modulus_pa / *viscosity_pa_s,
-                    });
+            Element::Springpot { modulus_pa, time_s, order } => {
+                if order.is_constant(1.0) {
+                    self.fluidity_per_pa_s += Dual::ONE / (*modulus_pa * *time_s);
+                } else {
+                    add_springpot(self, *modulus_pa * time_s.pow(*order), *order, window);
                 }
-                _ => return Err(no_spectrum()),
-            },
-            Element::Springpot { .. } => return Err(no_spectrum()),
+            }
+            Element::Series(elements) => elements.iter().try_for_each(|element| self.add(element, window))?,
+            Element::Parallel(elements) => self.add_parallel(element, elements, window)?,
         }
         Ok(())
     }
-}
 
-fn no_spectrum() -> Error {
-    Error::numerical("this network has no spectrum", "use springs, dashpots and Kelvin–Voigt bodies in series")
+    fn add_parallel(&mut self, whole: &Element, elements: &[Element], window: TimeWindow) -> Result<()> {
+        match elements {
+            [] => {
+                return Err(Error::numerical("a network has no element in parallel", "write at least one element"));
+            }
+            [only] => self.add(only, window)?,
+            [Element::Spring { modulus_pa }, Element::Dashpot { viscosity_pa_s }]
+            | [Element::Dashpot { viscosity_pa_s }, Element::Spring { modulus_pa }] => {
+                self.add_kelvin_voigt(*modulus_pa, *viscosity_pa_s);
+            }
+            [Element::Spring { modulus_pa: spring_pa }, Element::Springpot { modulus_pa, time_s, order }]
+            | [Element::Springpot { modulus_pa, time_s, order }, Element::Spring { modulus_pa: spring_pa }] => {
+                if order.is_constant(1.0) {
+                    self.add_kelvin_voigt(*spring_pa, *modulus_pa * *time_s);
+                } else {
+                    // E τᵅ = G tᵅ for the spring's E and the springpot's G and t.
+                    let time_s = *time_s * (*modulus_pa / *spring_pa).pow(Dual::ONE / *order);
+                    add_fractional_kelvin_voigt(self, *spring_pa, time_s, *order, window);
+                }
+            }
+            _ => match stieltjes::spectrum_of(whole) {
+                Some(exact) => self.extend(exact),
+                None => branch_cut::add_network(self, whole, window)?,
+            },
+        }
+        Ok(())
+    }
+
+    fn add_kelvin_voigt(&mut self, modulus_pa: Dual, viscosity_pa_s: Dual) {
+        self.modes
+            .push(SpectralMode { compliance_per_pa: Dual::ONE / modulus_pa, rate_per_s: modulus_pa / viscosity_pa_s });
+    }
 }
