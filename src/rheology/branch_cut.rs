@@ -81,13 +81,24 @@ struct Frequency {
     is_negative: bool,
 }
 
+impl Frequency {
+    /// s, which is real on either side.
+    fn real(self) -> f64 {
+        let size = self.ln_size_per_s.exp();
+        if self.is_negative { -size } else { size }
+    }
+}
+
 /// G*(s).
 fn modulus_at(element: &Element, s: Frequency) -> ComplexDual {
     match element {
         Element::Spring { modulus_pa } => ComplexDual { re: *modulus_pa, im: Dual::ZERO },
-        Element::Dashpot { viscosity_pa_s } => {
-            let sign = if s.is_negative { -1.0 } else { 1.0 };
-            ComplexDual { re: *viscosity_pa_s * (sign * s.ln_size_per_s.exp()), im: Dual::ZERO }
+        Element::Dashpot { viscosity_pa_s } => ComplexDual { re: *viscosity_pa_s * s.real(), im: Dual::ZERO },
+        Element::Compliance { compliance_per_pa } => {
+            ComplexDual { re: Dual::ONE / *compliance_per_pa, im: Dual::ZERO }
+        }
+        Element::Retarded { compliance_per_pa, time_s } => {
+            ComplexDual { re: (*time_s * s.real() + 1.0) / *compliance_per_pa, im: Dual::ZERO }
         }
         Element::Springpot { modulus_pa, time_s, order } => {
             let size = *modulus_pa * (*order * (time_s.ln() + s.ln_size_per_s)).exp();

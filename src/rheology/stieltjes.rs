@@ -46,6 +46,13 @@ pub(super) fn spectrum_of(element: &Element) -> Option<RetardationSpectrum> {
 fn compliance_of(element: &Element) -> Option<Stieltjes> {
     match element {
         Element::Spring { modulus_pa } => Some(Stieltjes { constant: Dual::ONE / *modulus_pa, poles: Vec::new() }),
+        Element::Compliance { compliance_per_pa } => {
+            Some(Stieltjes { constant: *compliance_per_pa, poles: Vec::new() })
+        }
+        Element::Retarded { compliance_per_pa, time_s } => {
+            let pole = Pole { weight: *compliance_per_pa / *time_s, at: Dual::ONE / *time_s };
+            Some(Stieltjes { constant: Dual::ZERO, poles: vec![pole] })
+        }
         Element::Dashpot { viscosity_pa_s } => Some(Stieltjes::flow(Dual::ONE / *viscosity_pa_s)),
         Element::Springpot { modulus_pa, time_s, order } => {
             order.is_constant(1.0).then(|| Stieltjes::flow(Dual::ONE / (*modulus_pa * *time_s)))

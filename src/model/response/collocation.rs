@@ -1,0 +1,272 @@
+//! Steps under a force that grows with the position, while the force lags, the gel softens or the law has many modes.
+//!
+//! The force is F_in + R with F_in = L + D e^{−λt} and R = g F_in x. What F_in does to a mode is known exactly; R, smooth away from switches, is
+//! a cubic through four Gauss nodes, integrated exactly against e^{−ρ(h−s)} however fast the mode. R at the nodes solves four linear equations, since
+//! x there depends on R linearly.
+
+use super::linear::{Row, oscillating_row, row};
+use super::moments::{N_FUNCTIONS, entire_functions};
+use super::numbers::{Complex, Field, Number};
+use super::system::{Mode, System};
+
+const N_NODES: usize = N_FUNCTIONS;
+
+/// Gauss's nodes on [0, 1].
+const NODES: [f64; N_NODES] =
+    [0.069_431_844_202_973_71, 0.330_009_478_207_571_87, 0.669_990_521_792_428_1, 0.930_568_155_797_026_3];
+
+/// What a step does to one mode.
+#[derive(Clone, Copy)]
+struct ModeStep<T> {
+    /// e^{−ρ c h} at the nodes c.
+    node_decay: [T; N_NODES],
+    whole: Row<T>,
+    /// What R at the nodes adds.
+    weights: [T; N_NODES],
+}
+
+/// A step of one length.
+pub(super) struct CollocationStep<S> {
+    modes: Vec<ModeStep<S>>,
+    oscillating: Vec<ModeStep<Complex<S>>>,
+    /// Σ Y at the nodes for a unit of L, D and R at the nodes.
+    by_level: [S; N_NODES],
+    by_deficit: [S; N_NODES],
+    by_feedback: [[S; N_NODES]; N_NODES],
+    /// e^{−λ c h} and e^{r c h} at the nodes and the end.
+    lag_decay: [S; N_NODES + 1],
+    growth: [S; N_NODES + 1],
+}
+
+/// The state between steps.
+pub(super) struct State<S> {
+    modes: Vec<S>,
+    oscillating: Vec<Complex<S>>,
+    pub level_n: S,
+    pub deficit_n: S,
+    /// e^{rt}.
+    growth: S,
+}
+
+impl<S: Number> State<S> {
+    pub fn new(system: &System<S>) -> Self {
+        let zero = S::constant(0.0);
+        Self {
+            modes: vec![zero; system.modes.len()],
+            oscillating: vec![Complex { re: zero, im: zero }; system.oscillating.len()],
+            level_n: zero,
+            deficit_n: zero,
+            growth: S::constant(1.0),
+        }
+    }
+}
+
+/// One mode at one point: its step, and Σ Y at the nodes by L, D and R.
+struct OfMode<T> {
+    step: ModeStep<T>,
+    by_level: [T; N_NODES],
+    by_deficit: [T; N_NODES],
+    by_feedback: [[T; N_NODES]; N_NODES],
+}
+
+/// `part` is the mode's row over a fraction of the step; `rate` is ρ h and `gain` κ h.
+fn of_mode<T: Field>(rate: T, gain: T, part: impl Fn(f64) -> Row<T>) -> OfMode<T> {
+    let rows = NODES.map(&part);
+    OfMode {
+        step: ModeStep { node_decay: rows.map(|row| row.decay), whole: part(1.0), weights: weights(rate, gain, 1.0) },
+        by_level: rows.map(|row| row.gain),
+        by_deficit: rows.map(|row| row.lag_gain),
+        by_feedback: NODES.map(|node| weights(rate, gain, node)),
+    }
+}
+
+/// gain ∫₀ᶜ e^{−rate (c−s)} ℓⱼ(s) ds of the nodes' Lagrange polynomials ℓⱼ.
+fn weights<T: Field>(rate: T, gain: T, end: f64) -> [T; N_NODES] {
+    let functions = entire_functions(rate * -end);
+    // ∫₀ᶜ e^{−z(c−s)} sᵏ ds = cᵏ⁺¹ k! φₖ₊₁(−zc).
+    let mut factor = 1.0;
+    let moments: [T; N_NODES] = std::array::from_fn(|k| {
+        factor *= end * if k > 0 { k as f64 } else { 1.0 };
+        functions[k] * factor
+    });
+    std::array::from_fn(|j| {
+        let terms = moments.iter().zip(lagrange(j)).map(|(&moment, coefficient)| moment * coefficient);
+        gain * terms.fold(T::real(0.0), |sum, term| sum + term)
+    })
+}
+
+/// Coefficients of 1, s, s², s³ in ℓⱼ.
+fn lagrange(j: usize) -> [f64; N_NODES] {
+    let mut polynomial = [0.0; N_NODES];
+    polynomial[0] = 1.0;
+    for (_, node) in NODES.iter().enumerate().filter(|(k, _)| *k != j) {
+        let scale = 1.0 / (NODES[j] - node);
+        for power in (0..N_NODES).rev() {
+            let below = if power > 0 { polynomial[power - 1] } else { 0.0 };
+            polynomial[power] = (below - node * polynomial[power]) * scale;
+        }
+    }
+    polynomial
+}
+
+impl<S: Number> CollocationStep<S> {
+    pub fn new(system: &System<S>, length_s: S::Lane) -> Self {
+        let zero = S::constant(0.0);
+        let mut step = Self {
+            modes: vec![empty(zero); system.modes.len()],
+            oscillating: vec![empty(Complex { re: zero, im: zero }); system.oscillating.len()],
+            by_level: [zero; N_NODES],
+            by_deficit: [zero; N_NODES],
+            by_feedback: [[zero; N_NODES]; N_NODES],
+            lag_decay: [zero; N_NODES + 1],
+            growth: [zero; N_NODES + 1],
+        };
+        for lane in 0..S::N_POINTS {
+            step.set_lane(system, lane, length_s);
+        }
+        step
+    }
+
+    fn set_lane(&mut self, system: &System<S>, lane: usize, length_s: S::Lane) {
+        let lag_rate = system.shape.lagging.then(|| system.lag_rate.lane(lane));
+        for (k, part) in NODES.into_iter().chain([1.0]).enumerate() {
+            let softened = system.softening_rate.lane(lane) * length_s * part;
+            self.growth[k].set_lane(lane, softened.exponential());
+            if let Some(lag_rate) = lag_rate {
+                self.lag_decay[k].set_lane(lane, (lag_rate * length_s * -part).exponential());
+            }
+        }
+        for (index, mode) in system.modes.iter().enumerate() {
+            let mode = mode.lane(lane);
+            let of_mode = of_mode(mode.rate * length_s, mode.gain * length_s, |part| {
+                row(mode, length_s * part, lag_rate)
+            });
+            set_parts(&mut self.modes[index], &of_mode.step, |target, &value| target.set_lane(lane, value));
+            self.add(lane, &of_mode, |&value| value);
+        }
+        for (index, mode) in system.oscillating.iter().enumerate() {
+            let mode: Mode<Complex<S::Lane>> = mode.lane(lane);
+            let of_mode = of_mode(mode.rate.times(length_s), mode.gain.times(length_s), |part| {
+                oscillating_row(mode, length_s * part, lag_rate)
+            });
+            set_parts(&mut self.oscillating[index], &of_mode.step, |target, &value| target.set_lane(lane, value));
+            self.add(lane, &of_mode, |value| value.re);
+        }
+    }
+
+    /// Adds a mode's part of Σ Y at the nodes.
+    fn add<T>(&mut self, lane: usize, of_mode: &OfMode<T>, real: impl Fn(&T) -> S::Lane) {
+        for i in 0..N_NODES {
+            let add = |target: &mut S, value: &T| target.set_lane(lane, target.lane(lane) + real(value));
+            add(&mut self.by_level[i], &of_mode.by_level[i]);
+            add(&mut self.by_deficit[i], &of_mode.by_deficit[i]);
+            for j in 0..N_NODES {
+                add(&mut self.by_feedback[i][j], &of_mode.by_feedback[i][j]);
+            }
+        }
+    }
+}
+
+fn empty<T: Copy>(zero: T) -> ModeStep<T> {
+    let whole = Row { decay: zero, gain: zero, lag_gain: zero };
+    ModeStep { node_decay: [zero; N_NODES], whole, weights: [zero; N_NODES] }
+}
+
+fn set_parts<T, U>(target: &mut ModeStep<T>, source: &ModeStep<U>, mut set: impl FnMut(&mut T, &U)) {
+    for k in 0..N_NODES {
+        set(&mut target.node_decay[k], &source.node_decay[k]);
+        set(&mut target.weights[k], &source.weights[k]);
+    }
+    set(&mut target.whole.decay, &source.whole.decay);
+    set(&mut target.whole.gain, &source.whole.gain);
+    set(&mut target.whole.lag_gain, &source.whole.lag_gain);
+}
+
+/// Moves the state by one step.
+#[inline(always)]
+pub(super) fn advance<S: Number>(system: &System<S>, step: &CollocationStep<S>, state: &mut State<S>) {
+    let feedback = feedback_at_nodes(system, step, state);
+    let (level_n, deficit_n) = (state.level_n, state.deficit_n);
+    for (y, mode) in state.modes.iter_mut().zip(&step.modes) {
+        let mut next = mode.whole.gain.mul_add(level_n, mode.whole.lag_gain * deficit_n);
+        for k in 0..N_NODES {
+            next = mode.weights[k].mul_add(feedback[k], next);
+        }
+        *y = mode.whole.decay.mul_add(*y, next);
+    }
+    for (y, mode) in state.oscillating.iter_mut().zip(&step.oscillating) {
+        let mut next = mode.whole.gain.times(level_n) + mode.whole.lag_gain.times(deficit_n);
+        for k in 0..N_NODES {
+            next = next + mode.weights[k].times(feedback[k]);
+        }
+        *y = mode.whole.decay * *y + next;
+    }
+    state.deficit_n = deficit_n * step.lag_decay[N_NODES];
+    state.growth = state.growth * step.growth[N_NODES];
+}
+
+/// R at the nodes.
+#[inline(always)]
+fn feedback_at_nodes<S: Number>(system: &System<S>, step: &CollocationStep<S>, state: &State<S>) -> [S; N_NODES] {
+    let zero = S::constant(0.0);
+    let (mut matrix, mut right) = ([[zero; N_NODES]; N_NODES], [zero; N_NODES]);
+    for i in 0..N_NODES {
+        let force_n = state.deficit_n.mul_add(step.lag_decay[i], state.level_n);
+        let mut known = system.instantaneous * force_n;
+        known = step.by_level[i].mul_add(state.level_n, known);
+        known = step.by_deficit[i].mul_add(state.deficit_n, known);
+        for (&y, mode) in state.modes.iter().zip(&step.modes) {
+            known = mode.node_decay[i].mul_add(y, known);
+        }
+        for (&y, mode) in state.oscillating.iter().zip(&step.oscillating) {
+            known += (mode.node_decay[i] * y).re;
+        }
+        let strength = system.gradient * force_n * state.growth * step.growth[i];
+        right[i] = strength * known;
+        for j in 0..N_NODES {
+            matrix[i][j] = -(strength * step.by_feedback[i][j]);
+        }
+        matrix[i][i] = matrix[i][i] + S::constant(1.0) - strength * system.instantaneous;
+    }
+    solve(matrix, right)
+}
+
+/// By elimination without pivots: the matrix is the identity and a feedback of less than one half.
+#[inline(always)]
+fn solve<S: Number>(mut matrix: [[S; N_NODES]; N_NODES], mut right: [S; N_NODES]) -> [S; N_NODES] {
+    for k in 0..N_NODES {
+        let inverse = S::constant(1.0) / matrix[k][k];
+        for j in k + 1..N_NODES {
+            matrix[k][j] = matrix[k][j] * inverse;
+        }
+        right[k] = right[k] * inverse;
+        for i in k + 1..N_NODES {
+            let factor = -matrix[i][k];
+            for j in k + 1..N_NODES {
+                matrix[i][j] = factor.mul_add(matrix[k][j], matrix[i][j]);
+            }
+            right[i] = factor.mul_add(right[k], right[i]);
+        }
+    }
+    for k in (0..N_NODES - 1).rev() {
+        for j in k + 1..N_NODES {
+            right[k] = (-matrix[k][j]).mul_add(right[j], right[k]);
+        }
+    }
+    right
+}
+
+/// Position (m) of the robot.
+#[inline(always)]
+pub(super) fn position_m<S: Number>(system: &System<S>, state: &State<S>) -> S {
+    let force_n = state.level_n + state.deficit_n;
+    let jump_m = system.instantaneous * force_n * state.growth;
+    let mut sum = S::constant(0.0);
+    for &y in &state.modes {
+        sum += y;
+    }
+    for y in &state.oscillating {
+        sum += y.re;
+    }
+    sum.mul_add(state.growth, jump_m) / (S::constant(1.0) - system.gradient * jump_m)
+}

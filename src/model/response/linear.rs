@@ -1,0 +1,392 @@
+//! The robot's position where the force does not depend on it: exact recursions, one exponential a mode and distinct step.
+//!
+//! Between switches the force is L + D e^{−λt}, λ = 1/τ of the lag, L the level that it tends to. Over a step h a mode goes
+//! Y ← d Y + q L + k D with d = e^{−ρh}, q = κ ∫ e^{−ρ(h−s)} ds, k = κ ∫ e^{−ρ(h−s)} e^{−λs} ds. A switch between rows acts by superposition: the
+//! step is taken as if it had not been, and its own response over what is left of the step is added, so that all points
+//! take the same steps whatever their delays.
+
+use pulp::{Arch, Simd, WithSimd};
+
+use super::numbers::{Complex, Field, Number, Real};
+use super::record::Record;
+use super::system::{Mode, System};
+use crate::number::Scalar;
+
+/// What a step does to the modes.
+struct Step<S> {
+    modes: Vec<Row<S>>,
+    oscillating: Vec<Row<Complex<S>>>,
+    /// e^{−λh}.
+    lag_decay: S,
+}
+
+/// d, q and k of one mode.
+#[derive(Clone, Copy)]
+pub(super) struct Row<T> {
+    pub decay: T,
+    pub gain: T,
+    pub lag_gain: T,
+}
+
+/// d, q, k of a mode over a step of length h.
+pub(super) fn row<N: Real>(mode: Mode<N>, length_s: N, lag_rate: Option<N>) -> Row<N> {
+    let z = mode.rate * length_s;
+    let (decay, mean) = z.decay();
+    let input = mode.gain * length_s;
+    let lag_gain = lag_rate.map_or(N::constant(0.0), |lag_rate| input * overlap(z, lag_rate * length_s));
+    Row { decay, gain: input * mean, lag_gain }
+}
+
+/// ∫₀¹ e^{−a(1−s)} e^{−bs} ds, without overflow and accurate where a and b are equal.
+fn overlap<N: Real>(a: N, b: N) -> N {
+    let (smaller, difference) = if a.value() < b.value() { (a, b - a) } else { (b, a - b) };
+    (-smaller).exp() * difference.decay().1
+}
+
+/// The same of an oscillating mode.
+pub(super) fn oscillating_row<N: Real>(mode: Mode<Complex<N>>, length_s: N, lag_rate: Option<N>) -> Row<Complex<N>> {
+    let z = mode.rate.times(length_s);
+    let input = mode.gain.times(length_s);
+    let lag_gain = lag_rate.map_or(Complex::real(0.0), |lag_rate| {
+        let b = Complex { re: lag_rate * length_s, im: N::constant(0.0) };
+        let (smaller, difference) = if z.re.value() < b.re.value() { (z, b - z) } else { (b, z - b) };
+        input * (smaller * -1.0).exponential() * mean_decay(difference)
+    });
+    Row { decay: (z * -1.0).exponential(), gain: input * mean_decay(z), lag_gain }
+}
+
+/// (1 − e⁻ᶻ)/z, by its series near 0.
+fn mean_decay<N: Real>(z: Complex<N>) -> Complex<N> {
+    super::moments::entire_functions(z * -1.0)[0]
+}
+
+impl<S: Number> Mode<S> {
+    pub fn lane(self, lane: usize) -> Mode<S::Lane> {
+        Mode { gain: self.gain.lane(lane), rate: self.rate.lane(lane) }
+    }
+}
+
+impl<S: Number> Mode<Complex<S>> {
+    pub fn lane(self, lane: usize) -> Mode<Complex<S::Lane>> {
+        Mode { gain: self.gain.lane(lane), rate: self.rate.lane(lane) }
+    }
+}
+
+impl<S: Number> Step<S> {
+    fn new(system: &System<S>, length_s: f64) -> Self {
+        let zero = S::constant(0.0);
+        let mut step = Self {
+            modes: vec![Row { decay: zero, gain: zero, lag_gain: zero }; system.modes.len()],
+            oscillating: Vec::with_capacity(system.oscillating.len()),
+            lag_decay: zero,
+        };
+        let no_row = Row { decay: complex_zero(), gain: complex_zero(), lag_gain: complex_zero() };
+        step.oscillating.resize(system.oscillating.len(), no_row);
+        for lane in 0..S::N_POINTS {
+            let length_s = S::Lane::constant(length_s);
+            let lag_rate = system.shape.lagging.then(|| system.lag_rate.lane(lane));
+            for (mode, target) in system.modes.iter().zip(&mut step.modes) {
+                let of_lane = row(mode.lane(lane), length_s, lag_rate);
+                target.decay.set_lane(lane, of_lane.decay);
+                target.gain.set_lane(lane, of_lane.gain);
+                target.lag_gain.set_lane(lane, of_lane.lag_gain);
+            }
+            for (mode, target) in system.oscillating.iter().zip(&mut step.oscillating) {
+                let of_lane = oscillating_row(mode.lane(lane), length_s, lag_rate);
+                target.decay.set_lane(lane, of_lane.decay);
+                target.gain.set_lane(lane, of_lane.gain);
+                target.lag_gain.set_lane(lane, of_lane.lag_gain);
+            }
+            if let Some(lag_rate) = lag_rate {
+                step.lag_decay.set_lane(lane, (-(lag_rate * length_s)).exp());
+            }
+        }
+        step
+    }
+}
+
+fn complex_zero<N: Number>() -> Complex<N> {
+    Complex { re: N::constant(0.0), im: N::constant(0.0) }
+}
+
+/// A switch that falls between rows, at one point.
+struct Kick<N> {
+    lane: usize,
+    /// The row after it.
+    row: usize,
+    /// Time from it to that row, in s.
+    remaining_s: N,
+    /// Change of the level in N.
+    change_n: N,
+}
+
+/// All points' switches in the order of rows.
+fn kicks<S: Number>(record: &Record, system: &System<S>) -> Vec<Kick<S::Lane>> {
+    let mut kicks = Vec::with_capacity(S::N_POINTS * record.switches.len());
+    for lane in 0..S::N_POINTS {
+        let delay_s = system.delay_s.lane(lane);
+        let mut row = 1;
+        for switch in &record.switches {
+            let time_s = switch.time_s + delay_s.value();
+            while row < record.n_rows && record.time_s[row] <= time_s {
+                row += 1;
+            }
+            if row == record.n_rows {
+                break;
+            }
+            let change_n = system.scaled_n(switch.after_n) - system.scaled_n(switch.before_n);
+            let remaining_s = S::Lane::constant(record.time_s[row] - switch.time_s) - delay_s;
+            kicks.push(Kick { lane, row, remaining_s, change_n: change_n.lane(lane) });
+        }
+    }
+    kicks.sort_by_key(|kick| kick.row);
+    kicks
+}
+
+/// The response to a unit change of the level, at a later time.
+struct KickResponse<N> {
+    after_s: N,
+    modes: Vec<N>,
+    oscillating: Vec<Complex<N>>,
+    /// e^{−λ after}; 0 without lag.
+    lag_decay: N,
+}
+
+impl<N: Real> KickResponse<N> {
+    fn new<S: Number<Lane = N>>(system: &System<S>, lane: usize, after_s: N) -> Self {
+        let lag_rate = system.shape.lagging.then(|| system.lag_rate.lane(lane));
+        let real = system.modes.iter().map(|mode| row(mode.lane(lane), after_s, lag_rate));
+        let complex = system.oscillating.iter().map(|mode| oscillating_row(mode.lane(lane), after_s, lag_rate));
+        Self {
+            after_s,
+            modes: real.map(|row| row.gain - row.lag_gain).collect(),
+            oscillating: complex.map(|row| row.gain - row.lag_gain).collect(),
+            lag_decay: lag_rate.map_or(N::constant(0.0), |lag_rate| (-(lag_rate * after_s)).exp()),
+        }
+    }
+}
+
+/// Position (m) at every row without the factor of softening.
+pub(super) fn run<S: Number>(record: &Record, system: &System<S>, position_m: &mut [S]) {
+    let zero = S::constant(0.0);
+    let longest = record.holds.iter().map(|hold| hold.rows.len()).max().unwrap_or(0);
+    let mut sweep = Sweep {
+        system,
+        steps: record.step_s.iter().map(|&length_s| Step::new(system, length_s)).collect(),
+        modes: vec![zero; system.modes.len()],
+        oscillating: vec![complex_zero(); system.oscillating.len()],
+        level_n: zero,
+        deficit_n: zero,
+        deficits_n: vec![zero; if system.shape.lagging { longest } else { 0 }],
+        input: vec![zero; system.modes.len()],
+    };
+    if !system.shape.delayed {
+        for hold in &record.holds {
+            sweep.change_level(system.scaled_n(hold.force_n) + system.offset_n);
+            sweep.advance(hold.step, &mut position_m[hold.rows.clone()]);
+        }
+        return;
+    }
+    sweep.change_level(system.offset_n);
+    let kicks = kicks(record, system);
+    let mut waiting = kicks.iter().peekable();
+    let mut responses: Vec<Option<KickResponse<S::Lane>>> = (0..S::N_POINTS).map(|_| None).collect();
+    for hold in &record.holds {
+        let mut row = hold.rows.start;
+        while row < hold.rows.end {
+            let end = waiting.peek().map_or(hold.rows.end, |kick| hold.rows.end.min(kick.row + 1));
+            sweep.advance(hold.step, &mut position_m[row..end]);
+            while let Some(kick) = waiting.next_if(|kick| kick.row < end) {
+                sweep.kick(kick, &mut responses[kick.lane], record.tolerance_s, &mut position_m[kick.row]);
+            }
+            row = end;
+        }
+    }
+}
+
+/// The state on its way through the record.
+struct Sweep<'a, S> {
+    system: &'a System<S>,
+    steps: Vec<Step<S>>,
+    modes: Vec<S>,
+    oscillating: Vec<Complex<S>>,
+    /// L and D.
+    level_n: S,
+    deficit_n: S,
+    /// D at the ends of the steps of a run of rows.
+    deficits_n: Vec<S>,
+    /// q L of every mode.
+    input: Vec<S>,
+}
+
+impl<S: Number> Sweep<'_, S> {
+    /// The force stays where it is where there is lag.
+    fn change_level(&mut self, level_n: S) {
+        if self.system.shape.lagging {
+            self.deficit_n = self.deficit_n + self.level_n - level_n;
+        }
+        self.level_n = level_n;
+    }
+
+    fn advance(&mut self, step: usize, position_m: &mut [S]) {
+        let step = &self.steps[step];
+        for (input, row) in self.input.iter_mut().zip(&step.modes) {
+            *input = row.gain * self.level_n;
+        }
+        Arch::new().dispatch(Rows {
+            step,
+            system: self.system,
+            modes: &mut self.modes,
+            oscillating: &mut self.oscillating,
+            level_n: self.level_n,
+            deficit_n: &mut self.deficit_n,
+            deficits_n: &mut self.deficits_n,
+            input: &self.input,
+            position_m,
+        });
+    }
+
+    /// Adds a switch's own response in the step that has just been taken.
+    fn kick(
+        &mut self,
+        kick: &Kick<S::Lane>,
+        known: &mut Option<KickResponse<S::Lane>>,
+        tolerance_s: f64,
+        position_m: &mut S,
+    ) {
+        if known.as_ref().is_none_or(|known| !known.after_s.is_close(kick.remaining_s, tolerance_s)) {
+            *known = None;
+        }
+        let response = known.get_or_insert_with(|| KickResponse::new(self.system, kick.lane, kick.remaining_s));
+        let (lane, change) = (kick.lane, kick.change_n);
+        let left = response.lag_decay * change;
+        let mut moved = self.system.instantaneous.lane(lane) * (change - left);
+        for (state, &unit) in self.modes.iter_mut().zip(&response.modes) {
+            moved += unit * change;
+            state.set_lane(lane, state.lane(lane) + unit * change);
+        }
+        for (state, &unit) in self.oscillating.iter_mut().zip(&response.oscillating) {
+            moved += unit.re * change;
+            state.re.set_lane(lane, state.re.lane(lane) + unit.re * change);
+            state.im.set_lane(lane, state.im.lane(lane) + unit.im * change);
+        }
+        position_m.set_lane(lane, position_m.lane(lane) + moved);
+        self.level_n.set_lane(lane, self.level_n.lane(lane) + change);
+        self.deficit_n.set_lane(lane, self.deficit_n.lane(lane) - left);
+    }
+}
+
+/// Equal steps under one level.
+struct Rows<'a, S> {
+    step: &'a Step<S>,
+    system: &'a System<S>,
+    modes: &'a mut [S],
+    oscillating: &'a mut [Complex<S>],
+    level_n: S,
+    deficit_n: &'a mut S,
+    deficits_n: &'a mut [S],
+    input: &'a [S],
+    position_m: &'a mut [S],
+}
+
+impl<S: Number> WithSimd for Rows<'_, S> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<V: Simd>(self, _simd: V) {
+        let Self { step, system, level_n, position_m, deficits_n, .. } = self;
+        if system.shape.lagging {
+            let mut deficit_n = *self.deficit_n;
+            for (position, known) in position_m.iter_mut().zip(deficits_n.iter_mut()) {
+                // The input of a step is the deficit at its beginning.
+                *known = deficit_n;
+                deficit_n = deficit_n * step.lag_decay;
+                *position = system.instantaneous * (level_n + deficit_n);
+            }
+            *self.deficit_n = deficit_n;
+        } else {
+            position_m.fill(system.instantaneous * level_n);
+        }
+        let rows = step.modes.as_slice();
+        let (deficits_n, lagging) = (&*deficits_n, system.shape.lagging);
+        let mut from = 0;
+        // Blocks keep their states in registers; a block's width hides the latency of the recursion.
+        while rows.len() - from >= 8 {
+            block::<S, 8>(&mut self.modes[from..], &rows[from..], &self.input[from..], position_m, deficits_n, lagging);
+            from += 8;
+        }
+        while rows.len() - from >= 2 {
+            block::<S, 2>(&mut self.modes[from..], &rows[from..], &self.input[from..], position_m, deficits_n, lagging);
+            from += 2;
+        }
+        if from < rows.len() {
+            block::<S, 1>(&mut self.modes[from..], &rows[from..], &self.input[from..], position_m, deficits_n, lagging);
+        }
+        for (state, row) in self.oscillating.iter_mut().zip(&step.oscillating) {
+            oscillate(state, row, level_n, position_m, deficits_n, lagging);
+        }
+    }
+}
+
+/// The first `B` modes through rows, added to the position.
+#[inline(always)]
+fn block<S: Number, const B: usize>(
+    states: &mut [S],
+    rows: &[Row<S>],
+    inputs: &[S],
+    position_m: &mut [S],
+    deficits_n: &[S],
+    lagging: bool,
+) {
+    // Not by closures: compiled apart, without the vector instructions, they would be called.
+    let (mut state, mut decay, mut input, mut lag_gain) =
+        ([states[0]; B], [rows[0].decay; B], [inputs[0]; B], [rows[0].lag_gain; B]);
+    for k in 1..B {
+        (state[k], decay[k], input[k], lag_gain[k]) = (states[k], rows[k].decay, inputs[k], rows[k].lag_gain);
+    }
+    if lagging {
+        for (position, &deficit_n) in position_m.iter_mut().zip(deficits_n) {
+            let mut sum = *position;
+            for k in 0..B {
+                state[k] = decay[k].mul_add(state[k], lag_gain[k].mul_add(deficit_n, input[k]));
+                sum += state[k];
+            }
+            *position = sum;
+        }
+    } else {
+        for position in position_m.iter_mut() {
+            let mut sum = *position;
+            for k in 0..B {
+                state[k] = decay[k].mul_add(state[k], input[k]);
+                sum += state[k];
+            }
+            *position = sum;
+        }
+    }
+    states[..B].copy_from_slice(&state);
+}
+
+/// One oscillating mode through rows, its real part added to the position.
+#[inline(always)]
+fn oscillate<S: Number>(
+    state: &mut Complex<S>,
+    row: &Row<Complex<S>>,
+    level_n: S,
+    position_m: &mut [S],
+    deficits_n: &[S],
+    lagging: bool,
+) {
+    let (mut y, input) = (*state, row.gain.times(level_n));
+    if lagging {
+        for (position, &deficit_n) in position_m.iter_mut().zip(deficits_n) {
+            y = row.decay * y + row.lag_gain.times(deficit_n) + input;
+            *position += y.re;
+        }
+    } else {
+        for position in position_m.iter_mut() {
+            y = row.decay * y + input;
+            *position += y.re;
+        }
+    }
+    *state = y;
+}

@@ -1,0 +1,364 @@
+//! What the kernel computes with, beside [`Scalar`]: eight points at once, the lanes of such a number, and complex numbers.
+
+use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub};
+
+use crate::number::{Dual, Scalar};
+
+/// Points that one pass carries.
+pub const N_LANES: usize = 8;
+
+/// One number of each of [`N_LANES`] points.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[repr(align(64))]
+pub struct Lanes(pub [f64; N_LANES]);
+
+impl std::borrow::Borrow<[f64; N_LANES]> for Lanes {
+    fn borrow(&self) -> &[f64; N_LANES] {
+        &self.0
+    }
+}
+
+/// A number of the kernel: one or several points, each a [`Real`].
+pub(super) trait Number: Scalar {
+    /// The number of a single point.
+    type Lane: Real;
+    /// How many points there are.
+    const N_POINTS: usize;
+    /// self · factor + addend, rounded once: the same bits in every kind of number.
+    fn mul_add(self, factor: Self, addend: Self) -> Self;
+    /// One point's number.
+    fn lane(self, lane: usize) -> Self::Lane;
+    /// Replaces one point's number.
+    fn set_lane(&mut self, lane: usize, value: Self::Lane);
+}
+
+/// A number of one point.
+pub(super) trait Real: Number<Lane = Self> + Field {
+    /// What of a stage's number is carried.
+    fn of(number: Dual) -> Self;
+    /// Value, for decisions.
+    fn value(self) -> f64;
+    /// Whether the other may stand for this: nearly the same value, and the same derivative.
+    fn is_close(self, other: Self, tolerance: f64) -> bool;
+    /// sin and cos.
+    fn sin_cos(self) -> (Self, Self);
+    /// e⁻ᶻ and its mean over [0, z], (1 − e⁻ᶻ)/z, for z ≥ 0.
+    fn decay(self) -> (Self, Self);
+}
+
+/// Real and complex numbers alike.
+pub(super) trait Field:
+    Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> + Mul<f64, Output = Self>
+{
+    /// A real constant.
+    fn real(value: f64) -> Self;
+    /// eᶻ.
+    fn exponential(self) -> Self;
+    /// A norm of the value.
+    fn size(self) -> f64;
+}
+
+/// Gathers the points' numbers.
+pub(super) fn gather<S: Number>(mut of_lane: impl FnMut(usize) -> S::Lane) -> S {
+    let mut number = S::constant(0.0);
+    for lane in 0..S::N_POINTS {
+        number.set_lane(lane, of_lane(lane));
+    }
+    number
+}
+
+impl Number for f64 {
+    type Lane = Self;
+    const N_POINTS: usize = 1;
+    #[inline(always)]
+    fn mul_add(self, factor: Self, addend: Self) -> Self {
+        f64::mul_add(self, factor, addend)
+    }
+    #[inline(always)]
+    fn lane(self, _lane: usize) -> Self {
+        self
+    }
+    #[inline(always)]
+    fn set_lane(&mut self, _lane: usize, value: Self) {
+        *self = value;
+    }
+}
+
+impl Real for f64 {
+    fn of(number: Dual) -> Self {
+        number.value
+    }
+    #[inline(always)]
+    fn value(self) -> f64 {
+        self
+    }
+    fn is_close(self, other: Self, tolerance: f64) -> bool {
+        (self - other).abs() <= tolerance
+    }
+    fn sin_cos(self) -> (Self, Self) {
+        f64::sin_cos(self)
+    }
+    fn decay(self) -> (Self, Self) {
+        let lost = (-self).exp_m1();
+        (1.0 + lost, if self == 0.0 { 1.0 } else { -lost / self })
+    }
+}
+
+impl Field for f64 {
+    fn real(value: f64) -> Self {
+        value
+    }
+    fn exponential(self) -> Self {
+        self.exp()
+    }
+    fn size(self) -> f64 {
+        self.abs()
+    }
+}
+
+impl Number for Dual {
+    type Lane = Self;
+    const N_POINTS: usize = 1;
+    #[inline(always)]
+    fn mul_add(self, factor: Self, addend: Self) -> Self {
+        Self {
+            value: f64::mul_add(self.value, factor.value, addend.value),
+            derivative: f64::mul_add(
+                self.value,
+                factor.derivative,
+                f64::mul_add(self.derivative, factor.value, addend.derivative),
+            ),
+        }
+    }
+    #[inline(always)]
+    fn lane(self, _lane: usize) -> Self {
+        self
+    }
+    #[inline(always)]
+    fn set_lane(&mut self, _lane: usize, value: Self) {
+        *self = value;
+    }
+}
+
+/// Below this, (1 − e⁻ᶻ)/z is differentiated term by term: its closed derivative loses digits there.
+const SERIES_BELOW: f64 = 0.5;
+
+impl Real for Dual {
+    fn of(number: Dual) -> Self {
+        number
+    }
+    #[inline(always)]
+    fn value(self) -> f64 {
+        self.value
+    }
+    fn is_close(self, other: Self, tolerance: f64) -> bool {
+        (self.value - other.value).abs() <= tolerance && self.derivative == other.derivative
+    }
+    fn sin_cos(self) -> (Self, Self) {
+        (self.sin(), self.cos())
+    }
+    fn decay(self) -> (Self, Self) {
+        let z = self.value;
+        let (left, mean) = z.decay();
+        let slope = if z < SERIES_BELOW {
+            // −Σ (k+1)(−z)ᵏ/(k+2)!, by Horner from the end; the first term left out is below 1e-17.
+            let (mut sum, mut factorial) = (0.0, 1_307_674_368_000.0);
+            for k in (0..14).rev() {
+                sum = sum * -z + f64::from(k + 1) / factorial;
+                factorial /= f64::from(k + 2);
+            }
+            -sum
+        } else {
+            (left - mean) / z
+        };
+        (
+            Self { value: left, derivative: -left * self.derivative },
+            Self { value: mean, derivative: slope * self.derivative },
+        )
+    }
+}
+
+impl Field for Dual {
+    fn real(value: f64) -> Self {
+        Self::constant(value)
+    }
+    fn exponential(self) -> Self {
+        self.exp()
+    }
+    fn size(self) -> f64 {
+        self.value.abs()
+    }
+}
+
+/// Writes an operation on lanes as a loop over them, which becomes a vector instruction where the caller is compiled for one.
+macro_rules! elementwise {
+    ($trait:ident, $method:ident, $operator:tt) => {
+        impl $trait for Lanes {
+            type Output = Self;
+            #[inline(always)]
+            fn $method(self, other: Self) -> Self {
+                let mut result = self;
+                for lane in 0..N_LANES {
+                    result.0[lane] = self.0[lane] $operator other.0[lane];
+                }
+                result
+            }
+        }
+    };
+}
+
+elementwise!(Add, add, +);
+elementwise!(Sub, sub, -);
+elementwise!(Mul, mul, *);
+elementwise!(Div, div, /);
+
+impl Neg for Lanes {
+    type Output = Self;
+    #[inline(always)]
+    fn neg(self) -> Self {
+        let mut result = self;
+        for lane in 0..N_LANES {
+            result.0[lane] = -self.0[lane];
+        }
+        result
+    }
+}
+
+impl AddAssign for Lanes {
+    #[inline(always)]
+    fn add_assign(&mut self, other: Self) {
+        *self = *self + other;
+    }
+}
+
+impl Mul<f64> for Lanes {
+    type Output = Self;
+    #[inline(always)]
+    fn mul(self, other: f64) -> Self {
+        self * Self([other; N_LANES])
+    }
+}
+
+impl Scalar for Lanes {
+    #[inline(always)]
+    fn constant(value: f64) -> Self {
+        Self([value; N_LANES])
+    }
+    #[inline(always)]
+    fn exp(self) -> Self {
+        let mut result = self;
+        for lane in 0..N_LANES {
+            result.0[lane] = self.0[lane].exp();
+        }
+        result
+    }
+    #[inline(always)]
+    fn exp_m1(self) -> Self {
+        let mut result = self;
+        for lane in 0..N_LANES {
+            result.0[lane] = self.0[lane].exp_m1();
+        }
+        result
+    }
+}
+
+impl Number for Lanes {
+    type Lane = f64;
+    const N_POINTS: usize = N_LANES;
+    #[inline(always)]
+    fn mul_add(self, factor: Self, addend: Self) -> Self {
+        let mut result = self;
+        for lane in 0..N_LANES {
+            result.0[lane] = self.0[lane].mul_add(factor.0[lane], addend.0[lane]);
+        }
+        result
+    }
+    #[inline(always)]
+    fn lane(self, lane: usize) -> f64 {
+        self.0[lane]
+    }
+    #[inline(always)]
+    fn set_lane(&mut self, lane: usize, value: f64) {
+        self.0[lane] = value;
+    }
+}
+
+/// re + i im.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Complex<N> {
+    pub re: N,
+    pub im: N,
+}
+
+impl<N: Number> Add for Complex<N> {
+    type Output = Self;
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        Self { re: self.re + other.re, im: self.im + other.im }
+    }
+}
+
+impl<N: Number> Sub for Complex<N> {
+    type Output = Self;
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        Self { re: self.re - other.re, im: self.im - other.im }
+    }
+}
+
+impl<N: Number> Mul for Complex<N> {
+    type Output = Self;
+    #[inline(always)]
+    fn mul(self, other: Self) -> Self {
+        Self { re: self.re * other.re - self.im * other.im, im: self.re * other.im + self.im * other.re }
+    }
+}
+
+impl<N: Number> Mul<f64> for Complex<N> {
+    type Output = Self;
+    #[inline(always)]
+    fn mul(self, other: f64) -> Self {
+        self.times(N::constant(other))
+    }
+}
+
+impl<N: Number> Div for Complex<N> {
+    type Output = Self;
+    fn div(self, other: Self) -> Self {
+        let norm = other.re * other.re + other.im * other.im;
+        let product = self * Self { re: other.re, im: -other.im };
+        Self { re: product.re / norm, im: product.im / norm }
+    }
+}
+
+impl<N: Number> Complex<N> {
+    /// One point's number.
+    pub fn lane(self, lane: usize) -> Complex<N::Lane> {
+        Complex { re: self.re.lane(lane), im: self.im.lane(lane) }
+    }
+
+    /// Replaces one point's number.
+    pub fn set_lane(&mut self, lane: usize, value: Complex<N::Lane>) {
+        self.re.set_lane(lane, value.re);
+        self.im.set_lane(lane, value.im);
+    }
+
+    /// The product with a real number.
+    #[inline(always)]
+    pub fn times(self, factor: N) -> Self {
+        Self { re: self.re * factor, im: self.im * factor }
+    }
+}
+
+impl<N: Real> Field for Complex<N> {
+    fn real(value: f64) -> Self {
+        Self { re: N::constant(value), im: N::constant(0.0) }
+    }
+    fn exponential(self) -> Self {
+        let (size, (sin, cos)) = (self.re.exp(), self.im.sin_cos());
+        Self { re: size * cos, im: size * sin }
+    }
+    fn size(self) -> f64 {
+        self.re.value().abs().max(self.im.value().abs())
+    }
+}

@@ -1,0 +1,174 @@
+//! Stages as the numbers of a linear system: what the kernels integrate.
+//!
+//! The strain of a mode obeys s' = r (F̃ − s) with F̃ = F eᵛᵗ, v the softening rate. With Y = C a s e^{−vt} this is Y' = κ F − ρ Y, κ = C a r,
+//! ρ = r + v, and the position is e^{vt} (C J₀ F + Σ Y): softening is a change of rates and a growing factor, and a dashpot is a mode of rate 0
+//! with κ = C φ. C is the compliance per m.
+
+use super::numbers::{Complex, Number, Real, gather};
+use crate::effects::Stages;
+use crate::error::{Error, Result};
+use crate::number::Dual;
+use crate::rheology::{RetardationSpectrum, TimeWindow};
+
+/// Which parts a model has. Points of one shape are computed together: what a point's arithmetic is depends on nothing else.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Shape {
+    n_modes: usize,
+    n_oscillating: usize,
+    n_approaches: usize,
+    pub delayed: bool,
+    pub lagging: bool,
+    pub softening: bool,
+    pub feedback: bool,
+    /// Whether the recorded position differs from the robot's.
+    pub observed: bool,
+}
+
+/// One point: its shape, and its numbers in the order in which [`System::gather`] reads them.
+#[derive(Debug, Clone)]
+pub(super) struct Lowered {
+    pub shape: Shape,
+    numbers: Vec<Dual>,
+}
+
+/// A mode Y' = κ F − ρ Y.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Mode<T> {
+    /// κ in m/(N·s).
+    pub gain: T,
+    /// ρ in 1/s.
+    pub rate: T,
+}
+
+/// The numbers of one or several points of one shape.
+#[derive(Debug, Clone)]
+pub(super) struct System<S> {
+    pub shape: Shape,
+    /// C J₀ in m/N.
+    pub instantaneous: S,
+    pub modes: Vec<Mode<S>>,
+    pub oscillating: Vec<Mode<Complex<S>>>,
+    pub positive_factor: S,
+    pub negative_factor: S,
+    pub offset_n: S,
+    pub delay_s: S,
+    /// 1/τ of the lag in 1/s.
+    pub lag_rate: S,
+    pub softening_rate: S,
+    pub gradient: S,
+    pub scale: S,
+    pub velocity: S,
+    /// Amplitude in m and rate in 1/s.
+    pub approaches: Vec<(S, S)>,
+}
+
+/// Shortest time after a switch that matters, as a part of the shortest step, where a switch may fall between rows or the force changes
+/// between them.
+const BETWEEN_ROWS: f64 = 1e-2;
+
+impl Lowered {
+    /// The numbers of stages. `window` is what the record's rows ask for.
+    pub fn new(stages: &Stages, compliance_per_m: Dual, window: TimeWindow) -> Result<Self> {
+        let load = &stages.load;
+        check(load.delay_s.value >= 0.0, "the force's delay", load.delay_s, "s")?;
+        check(load.lag_time_s.value >= 0.0, "the force's lag", load.lag_time_s, "s")?;
+        let at_rows = load.delay_s.is_constant(0.0)
+            && load.lag_time_s.value == 0.0
+            && load.gradient_per_m.is_constant(0.0);
+        let shortest_s = window.shortest_s * if at_rows { 1.0 } else { BETWEEN_ROWS };
+        let spectrum = RetardationSpectrum::of(&stages.law, TimeWindow { shortest_s, ..window })?;
+        Ok(Self::with_spectrum(stages, &spectrum, compliance_per_m))
+    }
+
+    /// The same with the law's spectrum as it is given.
+    pub fn with_spectrum(stages: &Stages, spectrum: &RetardationSpectrum, compliance_per_m: Dual) -> Self {
+        let (load, observation) = (&stages.load, &stages.observation);
+        let shape = Shape {
+            n_modes: spectrum.modes.len() + 1,
+            n_oscillating: spectrum.oscillating.len(),
+            n_approaches: observation.approaches.len(),
+            delayed: !load.delay_s.is_constant(0.0),
+            lagging: load.lag_time_s.value > 0.0,
+            softening: !stages.softening_rate_per_s.is_constant(0.0),
+            feedback: !load.gradient_per_m.is_constant(0.0),
+            observed: !(observation.scale.is_constant(1.0)
+                && observation.velocity_m_per_s.is_constant(0.0)
+                && observation.approaches.is_empty()),
+        };
+        let lag_rate = if shape.lagging { Dual::ONE / load.lag_time_s } else { Dual::ZERO };
+        let mut numbers = Vec::with_capacity(11 + 2 * shape.n_modes + 4 * shape.n_oscillating + 2 * shape.n_approaches);
+        numbers.extend([
+            compliance_per_m * spectrum.instantaneous_per_pa,
+            load.positive_factor,
+            load.negative_factor,
+            load.offset_n,
+            load.delay_s,
+            lag_rate,
+            stages.softening_rate_per_s,
+            load.gradient_per_m,
+            observation.scale,
+            observation.velocity_m_per_s,
+        ]);
+        push_modes(&mut numbers, spectrum, compliance_per_m, stages.softening_rate_per_s);
+        for approach in &observation.approaches {
+            numbers.extend([approach.amplitude_m, Dual::ONE / approach.time_s]);
+        }
+        Self { shape, numbers }
+    }
+}
+
+fn push_modes(numbers: &mut Vec<Dual>, spectrum: &RetardationSpectrum, compliance_per_m: Dual, softening: Dual) {
+    for mode in &spectrum.modes {
+        let gain = compliance_per_m * mode.compliance_per_pa * mode.rate_per_s;
+        numbers.extend([gain, mode.rate_per_s + softening]);
+    }
+    numbers.extend([compliance_per_m * spectrum.fluidity_per_pa_s, softening]);
+    for mode in &spectrum.oscillating {
+        let complex = |[re, im]: [Dual; 2]| Complex { re, im };
+        let rate = complex(mode.rate_per_s);
+        let gain = (complex(mode.compliance_per_pa) * rate).times(compliance_per_m);
+        numbers.extend([gain.re, gain.im, rate.re + softening, rate.im]);
+    }
+}
+
+fn check(holds: bool, what: &str, number: Dual, unit: &str) -> Result<()> {
+    if holds {
+        return Ok(());
+    }
+    Err(Error::numerical(format!("{what} is {} {unit}", number.value), "give a value of at least 0"))
+}
+
+impl<S: Number> System<S> {
+    /// Gathers points of one shape; the last stands in for those that are missing.
+    pub fn gather(points: &[&Lowered]) -> Self {
+        let shape = points[0].shape;
+        let mut next = 0;
+        let mut take = || {
+            next += 1;
+            gather::<S>(|lane| S::Lane::of(points[lane.min(points.len() - 1)].numbers[next - 1]))
+        };
+        Self {
+            shape,
+            instantaneous: take(),
+            positive_factor: take(),
+            negative_factor: take(),
+            offset_n: take(),
+            delay_s: take(),
+            lag_rate: take(),
+            softening_rate: take(),
+            gradient: take(),
+            scale: take(),
+            velocity: take(),
+            modes: (0..shape.n_modes).map(|_| Mode { gain: take(), rate: take() }).collect(),
+            oscillating: (0..shape.n_oscillating)
+                .map(|_| Mode { gain: Complex { re: take(), im: take() }, rate: Complex { re: take(), im: take() } })
+                .collect(),
+            approaches: (0..shape.n_approaches).map(|_| (take(), take())).collect(),
+        }
+    }
+
+    /// The force on its way after the factors, without the offset, in N.
+    pub fn scaled_n(&self, command_n: f64) -> S {
+        if command_n > 0.0 { self.positive_factor * command_n } else { self.negative_factor * command_n }
+    }
+}
