@@ -6,6 +6,7 @@ pub mod exact;
 pub mod factorisation;
 pub mod ordering;
 mod quadrature;
+pub mod stepping;
 pub mod strain;
 pub mod time;
 

@@ -56,8 +56,12 @@ impl<'a> FullOrderModel<'a> {
 
     /// Solves for the field of a load; row i's force (N) holds on [tᵢ, tᵢ₊₁).
     pub fn solve_load<'l>(&self, time_s: &'l [f64], force_n: &'l [f64]) -> SolvedLoad<'l> {
-        let field_per_n = self.factor.unit_response().iter().map(|u| QUARTER * u).collect();
-        SolvedLoad { time_s, force_n, field_per_n }
+        SolvedLoad { time_s, force_n, field_per_n: self.field_per_n() }
+    }
+
+    /// K̂⁻¹ f for 1 N on the whole body: unknowns per unit force at unit Young's modulus, in 1/m.
+    pub(super) fn field_per_n(&self) -> Vec<f64> {
+        self.factor.unit_response().iter().map(|u| QUARTER * u).collect()
     }
 
     /// Displacement of the robot per unit force at unit Young's modulus, in 1/m: position = compliance × ∫J dF.

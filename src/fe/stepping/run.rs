@@ -1,0 +1,172 @@
+//! One run: stops, steps, and what is solved in a step.
+
+use super::Resolution;
+use super::load::{self, Mechanics, Switch};
+use super::network::{Network, NetworkStep};
+use super::radau::Radau;
+use super::springpot::RateRange;
+use super::steps::{Grading, StepRule};
+use crate::effects::Stages;
+use crate::error::Result;
+use nalgebra::{Matrix3, Vector3};
+use std::collections::HashMap;
+
+/// q (N/Pa) at every row.
+pub(super) fn strains(
+    compliance_per_m: f64,
+    stages: &Stages,
+    time_s: &[f64],
+    force_n: &[f64],
+    resolution: Resolution,
+) -> Result<Vec<f64>> {
+    let switches = load::switches(&stages.load, time_s, force_n);
+    let mut run = Run::new(compliance_per_m, stages, time_s, &switches, resolution)?;
+    let mut coming = switches.iter().copied().enumerate().peekable();
+    let mut strains = Vec::with_capacity(time_s.len());
+    for &row_s in time_s {
+        // A switch at a row comes after it: positions are limits from the left.
+        while let Some((i, switch)) = coming.next_if(|(_, switch)| switch.time_s < row_s - run.rounding_s) {
+            run.advance_to(switch.time_s)?;
+            run.switch(switch, gap_s(time_s, &switches, i, run.rounding_s));
+        }
+        run.advance_to(row_s)?;
+        strains.push(run.strain_n_per_pa);
+    }
+    Ok(strains)
+}
+
+/// Time from switch `i` to the next row or switch that is later by more than rounding; infinite if there is none.
+fn gap_s(time_s: &[f64], switches: &[Switch], i: usize, rounding_s: f64) -> f64 {
+    let after_s = switches[i].time_s + rounding_s;
+    let row_s = time_s.get(time_s.partition_point(|&t| t <= after_s)).copied().unwrap_or(f64::INFINITY);
+    let switch_s = switches[i..].iter().map(|switch| switch.time_s).find(|&t| t > after_s).unwrap_or(f64::INFINITY);
+    row_s.min(switch_s) - switches[i].time_s
+}
+
+/// Least time after a switch at which the response is resolved, as a share of the mean time between rows.
+const LEAST_GAP: f64 = 1e-7;
+
+/// The shortest time from a switch to the next row or switch.
+fn shortest_gap_s(time_s: &[f64], switches: &[Switch], length_s: f64, rounding_s: f64) -> f64 {
+    let gaps = (0..switches.len()).map(|i| gap_s(time_s, switches, i, rounding_s));
+    gaps.fold(length_s, f64::min).max(LEAST_GAP * length_s / time_s.len() as f64)
+}
+
+/// Matrices of one step length.
+struct Prepared {
+    step_s: f64,
+    network: NetworkStep,
+    /// Share of the lag's F − F_in at the start that is left at the stages.
+    lag_left: Vector3<f64>,
+}
+
+/// Step lengths kept at once; only records without any regularity need more.
+const MOST_LENGTHS: usize = 4096;
+
+/// State of one run.
+struct Run<'a> {
+    stages: &'a Stages,
+    compliance_per_m: f64,
+    radau: Radau,
+    rule: StepRule,
+    network: Network,
+    prepared: HashMap<u64, Prepared>,
+    start_s: f64,
+    /// Times closer than this are the same.
+    rounding_s: f64,
+    now_s: f64,
+    grading: Grading,
+    /// F_in, and what the lag has made of it, in N.
+    input_n: f64,
+    lagged_n: f64,
+    strain_n_per_pa: f64,
+}
+
+/// Clock rounding as a share of the record's length.
+const CLOCK_ROUNDING: f64 = 1e-13;
+
+impl<'a> Run<'a> {
+    fn new(
+        compliance_per_m: f64,
+        stages: &'a Stages,
+        time_s: &[f64],
+        switches: &[Switch],
+        resolution: Resolution,
+    ) -> Result<Self> {
+        let start_s = time_s.first().copied().unwrap_or(0.0);
+        let length_s = time_s.last().map_or(0.0, |end_s| end_s - start_s).max(f64::MIN_POSITIVE);
+        let rounding_s = CLOCK_ROUNDING * length_s;
+        let shortest_s = shortest_gap_s(time_s, switches, length_s, rounding_s);
+        let range = RateRange::between(shortest_s, length_s);
+        let network = Network::new(&stages.law, range)?;
+        let lag_s = stages.load.lag_time_s.value;
+        let slowest = if lag_s > 0.0 { lag_s } else { f64::INFINITY };
+        let fastest_s = network.fastest_rate_per_s(range).recip().min(slowest);
+        let feeds_back = stages.load.gradient_per_m.value != 0.0;
+        let rule = StepRule::new(resolution, fastest_s, feeds_back, stages.softening_rate_per_s.value);
+        Ok(Self {
+            stages,
+            compliance_per_m,
+            radau: Radau::new(),
+            grading: rule.after_switch(start_s, shortest_s),
+            rule,
+            network,
+            prepared: HashMap::new(),
+            start_s,
+            rounding_s,
+            now_s: start_s,
+            input_n: 0.0,
+            lagged_n: 0.0,
+            strain_n_per_pa: 0.0,
+        })
+    }
+
+    /// Changes the force; the next row or switch comes `gap_s` later.
+    fn switch(&mut self, switch: Switch, gap_s: f64) {
+        self.input_n = switch.force_n;
+        self.grading = self.rule.after_switch(self.now_s, gap_s);
+    }
+
+    fn advance_to(&mut self, stop_s: f64) -> Result<()> {
+        while stop_s - self.now_s > self.rounding_s {
+            let left_s = stop_s - self.now_s;
+            let step_s = self.rule.step_s(self.grading, self.now_s, left_s);
+            self.step(step_s)?;
+            // The last step is `left_s` but for rounding.
+            self.now_s = if step_s > 0.75 * left_s { stop_s } else { self.now_s + step_s };
+        }
+        Ok(())
+    }
+
+    fn step(&mut self, step_s: f64) -> Result<()> {
+        if self.prepared.len() >= MOST_LENGTHS {
+            self.prepared.clear();
+        }
+        let lag_s = self.stages.load.lag_time_s.value;
+        let (network, radau) = (&mut self.network, &self.radau);
+        let prepared = self.prepared.entry(step_s.to_bits()).or_insert_with(|| Prepared {
+            step_s,
+            network: network.prepare(radau, step_s),
+            lag_left: if lag_s > 0.0 {
+                radau.resolvent(step_s / lag_s) * Vector3::repeat(1.0)
+            } else {
+                Vector3::zeros()
+            },
+        });
+        let lagged_n = (prepared.lag_left * (self.lagged_n - self.input_n)).add_scalar(self.input_n);
+        let since_s = self.now_s - self.start_s;
+        let rate = self.stages.softening_rate_per_s.value;
+        let amplified = self.radau.nodes.map(|node| (rate * (since_s + node * prepared.step_s)).exp());
+        let history = network.begin(&prepared.network);
+        let gradient_per_m = self.stages.load.gradient_per_m.value;
+        let response = prepared.network.compliance * Matrix3::from_diagonal(&amplified);
+        let mechanics = Mechanics { compliance_per_m: self.compliance_per_m, response, history };
+        let force_n = load::with_gradient(gradient_per_m, lagged_n, &mechanics);
+        let strain = mechanics.response * force_n + mechanics.history;
+        load::check_feedback(gradient_per_m, &(strain * self.compliance_per_m), self.now_s)?;
+        network.end(&prepared.network, &force_n.component_mul(&amplified));
+        self.lagged_n = lagged_n[2];
+        self.strain_n_per_pa = strain[2];
+        Ok(())
+    }
+}
