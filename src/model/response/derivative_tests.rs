@@ -5,7 +5,7 @@ use super::numbers::Number;
 use super::tests::{largest, record, respond_with, rich_law, spectrum};
 use crate::effects::{Approach, Stages};
 use crate::number::Dual;
-use crate::rheology::RetardationSpectrum;
+use crate::rheology::{RetardationSpectrum, SpectralMode};
 
 /// Everything that a model may move: the stages' numbers, the spectrum's, and the compliance.
 #[derive(Clone)]
@@ -61,7 +61,12 @@ fn point(choice: usize) -> Point {
     stages.load.offset_n = on(4, 3e-7);
     let amplitude_m = on(4, 1e-4);
     stages.observation.approaches.push(Approach { amplitude_m, time_s: Dual::constant(0.8) });
-    let spectrum = spectrum(&stages, choice & 32 != 0);
+    let mut spectrum = spectrum(&stages, choice & 32 != 0);
+    if choice & 64 != 0 {
+        // Nothing in the answer, but too many modes for exact steps: the scheme is then the same at the null of softening and beside it.
+        let empty = SpectralMode { compliance_per_pa: Dual::ZERO, rate_per_s: Dual::ONE };
+        spectrum.modes.extend([empty; 2]);
+    }
     Point { stages, spectrum, compliance_per_m: Dual::constant(549.0) }
 }
 
@@ -87,16 +92,17 @@ fn natural_size(name: &str) -> f64 {
     }
 }
 
-/// Every field, without effects, with each, with all and with an oscillating mode. Truncation and rounding of the differences stay below 1e-6 of the largest
-/// derivative; a lag at its null is refused elsewhere.
+/// Every field, without effects, with each, with all and with an oscillating mode. Truncation and rounding of the differences stay below
+/// 1e-6 of the largest derivative; a lag at its null is refused elsewhere.
 #[test]
 fn equal_one_sided_differences_in_every_direction() {
-    for choice in [0, 1, 2, 4, 8, 16, 9, 12, 32, 63] {
+    for choice in [0, 1, 2, 4, 8, 16, 9, 12, 32, 63, 72, 127] {
         let base = point(choice);
         let oscillating: &[Field] = if choice & 32 != 0 { OF_OSCILLATING_MODE } else { &[] };
         for (name, field) in FIELDS.iter().chain(oscillating) {
             let value = field(&mut base.clone()).value;
-            if *name == "lag" && value == 0.0 {
+            let exact_at_null_only = *name == "softening" && matches!(choice, 8 | 9);
+            if (*name == "lag" || exact_at_null_only) && value == 0.0 {
                 continue;
             }
             let mut moving = base.clone();

@@ -3,28 +3,28 @@
 use super::numbers::Field;
 
 /// How many functions there are: what collocation with that many nodes needs.
-pub(super) const N_FUNCTIONS: usize = 4;
+pub(super) const N_FUNCTIONS: usize = 5;
 
 /// Below this size the functions are computed by series; above, by a recursion that loses a digit at most.
 const SERIES_BELOW: f64 = 1.0;
 const N_TERMS: u32 = 17;
 
-/// φ₁(w) … φ₄(w) for Re w ≤ 0 or small w: φ₀ = eʷ, φₖ₊₁ = (φₖ − 1/k!)/w, φₖ(0) = 1/k!.
+/// φ₁(w) … φ₅(w) for Re w ≤ 0 or small w: φ₀ = eʷ, φₖ₊₁ = (φₖ − 1/k!)/w, φₖ(0) = 1/k!.
 pub(super) fn entire_functions<T: Field>(w: T) -> [T; N_FUNCTIONS] {
     let mut functions = [T::real(1.0); N_FUNCTIONS];
     if w.size() < SERIES_BELOW {
-        // φ₄ = Σ wⁿ/(n+4)! = (1/4!)(1 + w/5 (1 + w/6 (1 + …))).
+        // φ₅ = Σ wⁿ/(n+5)! = (1/5!)(1 + w/6 (1 + w/7 (1 + …))).
         let mut sum = T::real(1.0);
         for n in (1..=N_TERMS).rev() {
-            sum = T::real(1.0) + w * sum * (1.0 / f64::from(n + 4));
+            sum = T::real(1.0) + w * sum * (1.0 / f64::from(n + 5));
         }
-        functions[3] = sum * (1.0 / 24.0);
-        for (k, factorial) in [(2, 6.0), (1, 2.0), (0, 1.0)] {
+        functions[4] = sum * (1.0 / 120.0);
+        for (k, factorial) in [(3, 24.0), (2, 6.0), (1, 2.0), (0, 1.0)] {
             functions[k] = w * functions[k + 1] + T::real(1.0 / factorial);
         }
     } else {
         let mut last = w.exponential();
-        for (function, factorial) in functions.iter_mut().zip([1.0, 1.0, 2.0, 6.0]) {
+        for (function, factorial) in functions.iter_mut().zip([1.0, 1.0, 2.0, 6.0, 24.0]) {
             last = (last - T::real(1.0 / factorial)) / w;
             *function = last;
         }
