@@ -252,3 +252,7 @@ impl<const W: usize, const OU: bool, const GAIN: bool, const STUDENT: bool> With
         sums
     }
 }
+
+#[cfg(test)]
+#[path = "likelihood_tests.rs"]
+mod tests;
