@@ -82,6 +82,25 @@ fn student_alone_is_independent_t() {
     }
 }
 
+/// Two observations of the process, an outlier first, by the module's formulas written out.
+#[test]
+fn an_outlier_moves_the_process_by_its_score() {
+    let (sd_m, ou_sd_m, time_s, dof) = (2e-6_f64, 3e-6_f64, 0.4_f64, 5.0);
+    let (first_m, second_m, step_s) = (4e-5, 1e-6, 0.1);
+    let decay = (-step_s / time_s).exp();
+    let variance_1 = sd_m.powi(2) + ou_sd_m.powi(2);
+    let weight = (dof + 1.0) / (dof + first_m * first_m / variance_1);
+    let mean_2 = decay * ou_sd_m.powi(2) / variance_1 * weight * first_m;
+    let variance_2 = variance_1 - decay.powi(2) * ou_sd_m.powi(4) / variance_1;
+    let t = |mean: f64, variance: f64, y: f64| StudentsT::new(mean, variance.sqrt(), dof).expect("a t").ln_pdf(y);
+    let exact = t(0.0, variance_1, first_m) + t(mean_2, variance_2, second_m);
+    let observed = [Some(first_m), None, Some(second_m)];
+    let model = model(&["white", "ou", "student"]);
+    let record = NoiseLikelihood::new(model, &[0.0, 0.03, step_s], &[1, 1, 2], &observed);
+    let filtered = record.ln_likelihood(&[0.0; 3], &[2.0, 3.0, time_s, dof]);
+    assert!((filtered / exact - 1.0).abs() < 1e-12, "{filtered} against {exact}");
+}
+
 /// The difference is of order 1/ν: it shrinks a hundredfold from ν = 10⁵ to 10⁷, and by 10⁵ more to 10¹², where it would show any lost digits.
 #[test]
 fn many_degrees_of_freedom_are_gaussian() {
