@@ -124,7 +124,7 @@ fn simulated_noise_has_the_dense_covariance() {
 }
 
 /// Draws have the likelihood's density p: for any other density q, E q/p = 1. Here q is p at a smaller scale, so that the ratios are bounded, and
-/// the mean of 20,000 lies within 5.5 standard errors (false failure 4·10⁻⁸). A sampler of p at a scale 3 % off fails by far.
+/// the mean of 20,000 lies within 5.5 standard errors (false failure 4·10⁻⁸). A sampler whose white noise and process are 10 % too large must fail.
 #[test]
 fn simulated_noise_has_the_likelihoods_density() {
     let record = TestRecord::irregular(9);
