@@ -184,8 +184,7 @@ impl<'a> ReducedPosterior<'a> {
         if scratch.points.is_empty() {
             return;
         }
-        let is_valid =
-            response.trajectories_m(&scratch.stages, &scratch.compliances_per_m, &mut scratch.positions_m);
+        let is_valid = response.trajectories_m(&scratch.stages, &scratch.compliances_per_m, &mut scratch.positions_m);
         let of_lane = |d: usize, lane: usize| values[d * n + scratch.points[lane.min(scratch.points.len() - 1)]];
         let of_noise: Vec<[f64; N_LANES]> =
             (n_model..self.sources.len()).map(|d| std::array::from_fn(|lane| of_lane(d, lane))).collect();

@@ -97,9 +97,8 @@ fn a_parameter_left_out_takes_its_default_and_a_given_one_overrides_it() {
 /// One file may serve several models.
 #[test]
 fn parameters_of_other_models_may_stand_in_the_file() {
-    let read = |others: &[&str]| {
-        PriorSet::from_text(Path::new("p.toml"), VALID.as_bytes(), &KNOWN[..1], others, &no_default)
-    };
+    let read =
+        |others: &[&str]| PriorSet::from_text(Path::new("p.toml"), VALID.as_bytes(), &KNOWN[..1], others, &no_default);
     assert_eq!(read(&["fraction"]).unwrap().names().collect::<Vec<_>>(), ["young_modulus_pa"]);
     assert!(read(&[]).is_err());
 }

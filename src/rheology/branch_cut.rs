@@ -94,9 +94,7 @@ fn modulus_at(element: &Element, s: Frequency) -> ComplexDual {
     match element {
         Element::Spring { modulus_pa } => ComplexDual { re: *modulus_pa, im: Dual::ZERO },
         Element::Dashpot { viscosity_pa_s } => ComplexDual { re: *viscosity_pa_s * s.real(), im: Dual::ZERO },
-        Element::Compliance { compliance_per_pa } => {
-            ComplexDual { re: Dual::ONE / *compliance_per_pa, im: Dual::ZERO }
-        }
+        Element::Compliance { compliance_per_pa } => ComplexDual { re: Dual::ONE / *compliance_per_pa, im: Dual::ZERO },
         Element::Retarded { compliance_per_pa, time_s } => {
             ComplexDual { re: (*time_s * s.real() + 1.0) / *compliance_per_pa, im: Dual::ZERO }
         }

@@ -194,8 +194,7 @@ impl ModelSpecification {
         let effects = self.effects(library);
         let of_effects = effects.iter().flat_map(|effect| effect.parameters()).map(|parameter| parameter.spec);
         // What is no effect's is a scale that divides somewhere, so the lower end of its support is out, too.
-        let scales: Vec<ParameterSpec> =
-            self.base.parameters().iter().copied().chain(noise.parameters()).collect();
+        let scales: Vec<ParameterSpec> = self.base.parameters().iter().copied().chain(noise.parameters()).collect();
         let all: Vec<ParameterSpec> = scales.iter().copied().chain(of_effects).collect();
         for (name, value) in &self.fixed {
             let place = (places.of)(&format!("fixed.{name}"));

@@ -33,7 +33,13 @@ fn unacceptable_models_are_refused_with_line_key_and_remedy() {
         ("base = \"letersich\"", 1, "base", "`letersich`", "did you mean `lethersich`"),
         ("\nbase = { network = \"x\" }", 2, "base", "networks", "lethersich"),
         ("base = \"maxwell\"", 1, "base", "`maxwell`", "lethersich"),
-        ("base = \"lethersich\"\neffects = [\"clock-ofset\"]", 2, "effects", "`clock-ofset`", "did you mean `clock-offset`"),
+        (
+            "base = \"lethersich\"\neffects = [\"clock-ofset\"]",
+            2,
+            "effects",
+            "`clock-ofset`",
+            "did you mean `clock-offset`",
+        ),
         ("base = \"lethersich\"\neffects = \"inertia\"", 2, "effects", "expected a list", "effects = "),
         ("base = \"lethersich\"\n\nnoise = [\"white\", \"pink\"]", 3, "noise", "`pink`", "student"),
         (

@@ -64,9 +64,7 @@ impl ReducedOperators {
 
     fn combined(&self, deviatoric: f64, volumetric: f64) -> DMatrix<f64> {
         let m = self.n_modes;
-        DMatrix::from_fn(m, m, |i, j| {
-            deviatoric * self.deviatoric[i * m + j] + volumetric * self.volumetric[i * m + j]
-        })
+        DMatrix::from_fn(m, m, |i, j| deviatoric * self.deviatoric[i * m + j] + volumetric * self.volumetric[i * m + j])
     }
 
     /// Displacement of the robot per unit force at unit Young's modulus, in 1/m.

@@ -129,7 +129,8 @@ pub fn run(
     // What cannot stand together is refused here, before anything is computed.
     let problem = before.with_model(specification, library)?;
     let sampled = |problem: &Problem, kept_surrogate| {
-        let request = SampleRequest { options: request.options.clone(), kept_surrogate, checkpoint: None, resume: false };
+        let request =
+            SampleRequest { options: request.options.clone(), kept_surrogate, checkpoint: None, resume: false };
         sample::run(problem, &request, monitor)
     };
     monitor.stage(&format!("the model of {}, refitted on the same cycles", request.from));
@@ -207,7 +208,8 @@ mod tests {
         let slug = [library.effects()[0].slug().to_string()];
         let model = extended(&specification, &slug, &library).expect("it is in the library");
         assert_eq!(model.effects, slug);
-        for (model, slugs) in [(&model, &slug[..]), (&specification, &["nonsense".to_string()]), (&specification, &[])] {
+        for (model, slugs) in [(&model, &slug[..]), (&specification, &["nonsense".to_string()]), (&specification, &[])]
+        {
             assert!(matches!(extended(model, slugs, &library), Err(Error::Input { .. })), "{slugs:?}");
         }
     }

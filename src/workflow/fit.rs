@@ -184,7 +184,14 @@ impl<'a> CreepResiduals<'a> {
         let coordinate = |j: usize| {
             let is_scale = j < n_law && specs[j].support.upper.is_infinite();
             let spread = problem.range_of(specs[j].name, SPREAD_TAIL);
-            (j, if is_scale { Coordinate::Logarithm } else { Coordinate::Linear { scale: spread.upper - spread.lower } })
+            (
+                j,
+                if is_scale {
+                    Coordinate::Logarithm
+                } else {
+                    Coordinate::Linear { scale: spread.upper - spread.lower }
+                },
+            )
         };
         Self {
             forward: problem.reduced_forward(reduced),

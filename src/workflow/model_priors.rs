@@ -9,12 +9,7 @@ use crate::parameter::ParameterSpec;
 use crate::rheology::BaseLaw;
 
 /// Priors of all parameters of a model by a prior's name or file.
-pub(super) fn read_priors(
-    name_or_file: &str,
-    model: &Model,
-    noise: NoiseModel,
-    library: &Library,
-) -> Result<PriorSet> {
+pub(super) fn read_priors(name_or_file: &str, model: &Model, noise: NoiseModel, library: &Library) -> Result<PriorSet> {
     let scales = model.scales();
     let wanted: Vec<ParameterSpec> = model.parameters().iter().copied().chain(noise.parameters()).collect();
     let of_laws = BaseLaw::NAMED.into_iter().flat_map(BaseLaw::parameters).map(|p| p.name);

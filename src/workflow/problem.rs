@@ -183,9 +183,7 @@ impl Problem {
     pub fn full_forward(&self) -> Result<Option<FullForward<'_>>> {
         let record = &self.experiment.record;
         self.finite_elements()
-            .map(|fe| {
-                FullForward::new(&self.model, &fe.stiffness, fe.poisson_ratio, &record.time_s, &record.force_n)
-            })
+            .map(|fe| FullForward::new(&self.model, &fe.stiffness, fe.poisson_ratio, &record.time_s, &record.force_n))
             .transpose()
     }
 }
@@ -225,4 +223,3 @@ fn check(experiment: &Experiment, specification: &ModelSpecification, library: &
     let fixed: Vec<&str> = specification.fixed.keys().map(String::as_str).collect();
     Ok(Checked { model, noise, priors: all_priors.without(&fixed) })
 }
-

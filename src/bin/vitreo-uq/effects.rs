@@ -5,8 +5,8 @@ use std::process::ExitCode;
 use vitreo_uq::effects::Library;
 use vitreo_uq::error::Result;
 use vitreo_uq::study::WithProvenance;
-use vitreo_uq::workflow::visibility::{self, EffectEntry, EffectsSummary, ParameterEntry};
 use vitreo_uq::workflow::artefacts;
+use vitreo_uq::workflow::visibility::{self, EffectEntry, EffectsSummary, ParameterEntry};
 
 use crate::options::{self, EffectsArguments};
 use crate::sample::kept_surrogate;

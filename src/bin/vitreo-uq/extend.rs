@@ -96,10 +96,7 @@ fn model_to_extend(target: &Target, model: &Model) -> Result<ModelSpecification>
     Ok(specification)
 }
 
-fn model_values(
-    model: &Model,
-    specification: &ModelSpecification,
-) -> Result<std::collections::BTreeMap<String, f64>> {
+fn model_values(model: &Model, specification: &ModelSpecification) -> Result<std::collections::BTreeMap<String, f64>> {
     specification.values_from_options(&model.set, &Library::default())
 }
 
@@ -129,7 +126,9 @@ fn words(summary: &ExtensionSummary) -> String {
         row(&format!("before ({})", summary.from), summary.before),
         row(&format!("after ({})", summary.revision), summary.after),
     ];
-    lines.extend(summary.noise_um.map(|noise| format!("  {:<24}{:>18}{:>20}", "noise", significant(noise), significant(noise))));
+    lines.extend(
+        summary.noise_um.map(|noise| format!("  {:<24}{:>18}{:>20}", "noise", significant(noise), significant(noise))),
+    );
     lines.push(String::new());
     lines.push(summary.sentence.clone());
     for warning in &summary.warnings {

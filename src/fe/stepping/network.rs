@@ -9,6 +9,7 @@
 use super::radau::{Radau, inverted};
 use super::springpot::{ArmsStep, RateRange, Springpot};
 use crate::error::{Error, Result};
+use crate::number::Dual;
 use crate::rheology::Element;
 use nalgebra::{Matrix3, Vector3};
 
@@ -129,6 +130,14 @@ fn bodies(elements: &[Element], given: Given, range: RateRange) -> Option<Vec<Bo
         let built = match element {
             Element::Spring { modulus_pa } => spring(modulus_pa.value),
             Element::Dashpot { viscosity_pa_s } => dashpot(viscosity_pa_s.value),
+            Element::Compliance { compliance_per_pa } => spring(1.0 / compliance_per_pa.value),
+            Element::Retarded { compliance_per_pa, time_s } => {
+                let modulus_pa = Dual::constant(1.0 / compliance_per_pa.value);
+                // A body that never yields is rigid, whatever its time.
+                let kelvin_voigt = Element::kelvin_voigt(modulus_pa, modulus_pa * time_s.value);
+                found.extend(bodies(&[kelvin_voigt], given, range)?);
+                continue;
+            }
             Element::Springpot { modulus_pa, time_s, order } => {
                 springpot(modulus_pa.value * time_s.value.powf(order.value), order.value, range)
             }

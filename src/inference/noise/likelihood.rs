@@ -92,12 +92,12 @@ impl NoiseLikelihood {
         position_m: &[R],
         scales: &[Scales; W],
     ) -> Sums<W> {
-        let steps = if OU { steps(&self.rows.step_s, scales) } else { Vec::new() };
         let of = |part: fn(&Scales) -> f64| scales.each_ref().map(part);
         let pass = Pass::<R, W, OU, GAIN, STUDENT> {
             record: self,
             position_m,
-            steps: &steps,
+            ou: of(|s| s.ou),
+            ou_time_s: of(|s| s.ou_time_s),
             gain_per_m2: of(|s| s.gain_per_m2),
             offset: of(|s| s.offset),
             tail_per_m2: of(|s| 1.0 / (s.dof * s.noise_sd_m * s.noise_sd_m)),
@@ -128,20 +128,25 @@ impl Machine for Scalars {
 }
 
 /// A step of the process for every lane.
+#[derive(Clone)]
 struct Step<const W: usize> {
     decay: [f64; W],
     gained: [f64; W],
 }
 
-fn steps<const W: usize>(step_s: &[f64], scales: &[Scales; W]) -> Vec<Step<W>> {
-    let step = |length_s: &f64| {
-        let mut step = Step { decay: [0.0; W], gained: [0.0; W] };
-        for (lane, scales) in scales.iter().enumerate() {
-            (step.decay[lane], step.gained[lane]) = scales.step(*length_s);
-        }
-        step
-    };
-    step_s.iter().map(step).collect()
+impl<const W: usize> Step<W> {
+    const NONE: Self = Self { decay: [0.0; W], gained: [0.0; W] };
+
+    /// Decay exp(−Δt/τ) and the variance (1 − exp(−2Δt/τ)) σ_ou²/σ² gained, as [`Scales::step`]. Uneven sampling asks for one a row, so that single
+    /// exponentials would cost more than the filter.
+    #[inline(always)]
+    fn fill<S: Simd>(&mut self, simd: S, register: usize, step_s: f64, ou: &[f64; W], ou_time_s: &[f64; W]) {
+        let time_s = Register::load(simd, ou_time_s, register);
+        let change = (Register::splat(simd, -step_s) / time_s).exp_m1_below_zero();
+        (Register::splat(simd, 1.0) + change).store(&mut self.decay, register);
+        let lost = change.mul_add(change, change + change);
+        (lost.zero() - lost * Register::load(simd, ou, register)).store(&mut self.gained, register);
+    }
 }
 
 /// What a pass adds up for every lane.
@@ -184,7 +189,8 @@ fn ln_student_constant(dof: f64) -> f64 {
 struct Pass<'a, R, const W: usize, const OU: bool, const GAIN: bool, const STUDENT: bool> {
     record: &'a NoiseLikelihood,
     position_m: &'a [R],
-    steps: &'a [Step<W>],
+    ou: [f64; W],
+    ou_time_s: [f64; W],
     gain_per_m2: [f64; W],
     offset: [f64; W],
     /// 1/(νσ²).
@@ -201,7 +207,14 @@ impl<R: Borrow<[f64; W]>, const W: usize, const OU: bool, const GAIN: bool, cons
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> Sums<W> {
         let mut sums = Sums { quadratic_m2: [0.0; W], variance: Products::ONE, tail: Products::ONE };
+        let mut steps = Vec::new();
+        if OU {
+            steps.resize(self.record.rows.step_s.len(), Step::NONE);
+        }
         for register in 0..W / S::F64_LANES {
+            for (step, length_s) in steps.iter_mut().zip(&self.record.rows.step_s) {
+                step.fill(simd, register, *length_s, &self.ou, &self.ou_time_s);
+            }
             let prior = PriorVariances {
                 gain: Register::load(simd, &self.gain_per_m2, register),
                 offset: Register::load(simd, &self.offset, register),
@@ -215,7 +228,7 @@ impl<R: Borrow<[f64; W]>, const W: usize, const OU: bool, const GAIN: bool, cons
             let (mut variance, mut tail) = (Product::one(simd), Product::one(simd));
             for (row, &observed_m) in self.record.rows.rows.iter().zip(&self.record.observed_m) {
                 if OU {
-                    let step = &self.steps[row.step];
+                    let step: &Step<W> = &steps[row.step];
                     let decay = Register::load(simd, &step.decay, register);
                     covariance.advance(decay, Register::load(simd, &step.gained, register));
                     mean.advance(decay);
@@ -254,3 +267,7 @@ impl<R: Borrow<[f64; W]>, const W: usize, const OU: bool, const GAIN: bool, cons
         sums
     }
 }
+
+#[cfg(test)]
+#[path = "likelihood_tests.rs"]
+mod tests;

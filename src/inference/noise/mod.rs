@@ -20,14 +20,15 @@
 //!
 //! # Student-t
 //! With `student` the prediction is a t: given the past, yᵢ ~ t_ν(mᵢ, scale √Sᵢ), where mᵢ and Sᵢ are the filter's mean and variance, and the state
-//! moves by K w v in place of K v, v = yᵢ − mᵢ the innovation and
+//! moves by K w v in place of K v, with the innovation v = yᵢ − mᵢ and the weight
 //!
 //!   w = (ν + 1)/(ν + v²/Sᵢ)
 //!
-//! so that an outlier moves it little. S w v/S is S times the score ∂ln p/∂m of the t: this is a *score-driven* filter (Harvey, *Dynamic Models for
-//! Volatility and Heavy Tails*, 2013, doi:10.1017/CBO9781139540933; Harvey & Luati, *JASA* 109, 1112, 2014, doi:10.1080/01621459.2014.887011,
-//! who scale the score by ν/(ν + v²/S) instead). Any filter whose mᵢ and Sᵢ are functions of the past alone gives a proper joint density, since
-//! each factor integrates to one. As ν → ∞ the filter is the Gaussian one; with `white` alone the errors are independent and t-distributed.
+//! so that an outlier moves it little. As w v/S is the score ∂ln p(yᵢ)/∂mᵢ of the t, the state moves by P hᵀ times the score: a *score-driven* filter
+//! (Harvey, *Dynamic Models for Volatility and Heavy Tails*, Cambridge University Press 2013; Harvey & Luati, *JASA* 109, 1112, 2014,
+//! doi:10.1080/01621459.2014.887011, who leave out the score's factor (ν + 1)/ν). Any filter whose mᵢ and Sᵢ are functions of the past alone gives a
+//! proper joint density, since each factor integrates to one. As ν → ∞ the filter is the Gaussian one; with `white` alone the errors are independent
+//! and t-distributed.
 //!
 //! σ is then the *scale* of the t: a single error's variance is σ² ν/(ν − 2), which is infinite at the support's end ν = 2. The cost of O(n) is that the
 //! t-density belongs to the rows that are observed: leaving rows out is another model, not its marginal (for the Gaussian terms it is the same).
@@ -39,6 +40,9 @@ mod model;
 mod paths;
 mod rows;
 mod scales;
+
+#[cfg(test)]
+mod dense;
 
 pub use lanes::LANES;
 pub use likelihood::NoiseLikelihood;

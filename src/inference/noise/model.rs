@@ -161,3 +161,68 @@ fn default_prior(spec: &ParameterSpec, scales: &NoiseScales) -> Option<Prior> {
     let (name, unit) = (spec.name.to_string(), spec.unit.to_string());
     Some(Prior { name, distribution, unit, source: source.to_string() })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn named(names: &[&str]) -> Result<NoiseModel> {
+        let names: Vec<String> = names.iter().map(|name| name.to_string()).collect();
+        NoiseModel::named(&names, &Place::file("model.toml").at_line(4).at_key("noise"))
+    }
+
+    fn scales() -> NoiseScales {
+        NoiseScales { noise_sd_um: 4.0, sample_interval_s: 0.05, cycle_s: 10.0 }
+    }
+
+    #[test]
+    fn parameters_have_one_order_whatever_the_order_of_names() {
+        let model = named(&["student", "gain", "white", "ou"]).expect("sound");
+        let names: Vec<&str> = model.parameters().iter().map(|spec| spec.name).collect();
+        let order = ["noise_sd_um", "ou_sd_um", "ou_time_s", "gain_sd", "offset_sd_um", "student_dof"];
+        assert_eq!(names, order);
+        assert_eq!(names.len(), NoiseTerm::MOST_PARAMETERS);
+        assert_eq!(model.names(), ["white", "ou", "gain", "student"]);
+        assert_eq!(model.student_dof(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]), Some(6.0));
+        assert_eq!(NoiseModel::default().student_dof(&[1.0]), None);
+        assert_eq!(named(&["white"]).expect("sound"), NoiseModel::default());
+    }
+
+    #[test]
+    fn impossible_names_are_refused_with_place_and_remedy() {
+        let cases: [(&[&str], &str); 4] = [
+            (&["white", "gian"], "did you mean `gain`?"),
+            (&["white", "ou", "ou"], "named twice"),
+            (&["ou"], "write `noise = [\"white\", \"ou\"]`"),
+            (&[], "write `noise = [\"white\"]`"),
+        ];
+        for (names, part) in cases {
+            let message = named(names).expect_err("refused").to_string();
+            assert!(message.contains(part) && message.contains("model.toml, line 4, `noise`"), "{message}");
+        }
+    }
+
+    #[test]
+    fn default_priors_stay_in_the_support_and_scale_with_the_experiment() {
+        let model = named(&["white", "ou", "gain", "student"]).expect("sound");
+        let priors = model.default_priors(&scales());
+        let specs = model.parameters();
+        assert_eq!(priors.len(), specs.len() - 1);
+        for (prior, spec) in priors.iter().zip(&specs[1..]) {
+            let (lower, upper) = prior.distribution.support();
+            assert!(prior.name == spec.name && prior.unit == spec.unit);
+            assert!(lower >= spec.support.lower && upper <= spec.support.upper);
+            assert!(prior.source.starts_with("chosen: "));
+        }
+        // What the sources say.
+        let quantile = |name: &str, p: f64| {
+            priors.iter().find(|prior| prior.name == name).map_or(f64::NAN, |prior| prior.distribution.quantile(p))
+        };
+        assert!(
+            (quantile("ou_sd_um", 0.5) - 2.0).abs() < 1e-12 && (quantile("ou_sd_um", 0.975) / 14.0 - 1.0).abs() < 0.02
+        );
+        assert!((quantile("ou_time_s", 0.975) / 10.0 - 1.0).abs() < 0.06);
+        assert!((quantile("ou_time_s", 0.025) / 0.05 - 1.0).abs() < 0.06);
+        assert!(NoiseModel::default().default_priors(&scales()).is_empty());
+    }
+}

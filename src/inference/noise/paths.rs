@@ -150,3 +150,7 @@ fn student_t(dof: f64, rng: &mut (impl Rng + ?Sized)) -> f64 {
     let angle = 2.0 * std::f64::consts::PI * rng.random::<f64>();
     (dof * (-2.0 / dof * radius_level.ln()).exp_m1()).sqrt() * angle.cos()
 }
+
+#[cfg(test)]
+#[path = "paths_tests.rs"]
+mod tests;
