@@ -9,6 +9,7 @@ pub(super) const SCALES: Scales = Scales {
     largest_force_n: 4.6e-6,
     position_range_m: 0.98e-3,
     hold_s: 5.0,
+    cycle_s: 10.0,
     sample_interval_s: 0.05,
     duration_s: 40.0,
     poisson_ratio: Some(0.48),

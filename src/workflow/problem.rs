@@ -80,7 +80,11 @@ impl Problem {
         self.with(self.experiment.for_comparison(), self.specification.clone(), library)
     }
 
-    fn with(&self, experiment: Experiment, specification: ModelSpecification, library: &Library) -> Result<Self> {
+    /// Another model, or other positions, of the same apparatus.
+    ///
+    /// # Errors
+    /// [`Error::Input`] when the model cannot be one of the experiment.
+    pub fn with(&self, experiment: Experiment, specification: ModelSpecification, library: &Library) -> Result<Self> {
         let Checked { model, noise, priors } = check(&experiment, &specification, library)?;
         Ok(Self { experiment, specification, model, noise, priors, mechanics: self.mechanics.clone() })
     }

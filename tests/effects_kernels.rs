@@ -1,0 +1,260 @@
+//! What every effect keeps in the kernels (house style): at its null the base returns; the reduced model agrees with full finite elements, which
+//! step it by other means; sensitivities agree with finite differences; every pair gives finite positions.
+
+use std::sync::OnceLock;
+
+use vitreo_uq::effects::{EFFECTS, Effect};
+use vitreo_uq::error::{Error, Place};
+use vitreo_uq::experiment::Scales;
+use vitreo_uq::fe::Stiffness;
+use vitreo_uq::mesh::QuarterBall;
+use vitreo_uq::model::{Compliance, Forward, FullForward, Model, ReducedForward, Response, TrainedRange, convolve_m};
+use vitreo_uq::rheology::{BaseLaw, CreepCompliance};
+use vitreo_uq::surrogate::{Surrogate, Training};
+
+const POISSON_RATIO: f64 = 0.48;
+/// E, c₁, c₂, then what Burgers and the two-element law add.
+const LETHERSICH: [f64; 3] = [3.527, 1.402, 47.370];
+
+/// Irregular rows, several force levels, holds of two to three seconds.
+struct Protocol {
+    time_s: Vec<f64>,
+    force_n: Vec<f64>,
+    scales: Scales,
+}
+
+fn protocol() -> Protocol {
+    let time_s: Vec<f64> = (0..160).map(|i| 0.08 * f64::from(i) + if i % 3 == 1 { 0.03 } else { 0.0 }).collect();
+    let force_n: Vec<f64> = (0..160).map(|i| [4.6e-6, -4.6e-6, 2e-6, 0.0, -3e-6][(i / 33) % 5]).collect();
+    let scales = Scales {
+        largest_force_n: 4.6e-6,
+        position_range_m: 1e-3,
+        hold_s: 2.64,
+        sample_interval_s: 0.08,
+        cycle_s: 6.4,
+        duration_s: 12.8,
+        poisson_ratio: Some(POISSON_RATIO),
+    };
+    Protocol { time_s, force_n, scales }
+}
+
+/// A coarse mesh: what is compared is time, not space.
+fn stiffness() -> &'static Stiffness {
+    static STIFFNESS: OnceLock<Stiffness> = OnceLock::new();
+    STIFFNESS.get_or_init(|| {
+        let ball = QuarterBall { robot_radius_m: 0.275e-3, outer_radius_m: 10e-3, n_per_edge: 2, n_layers: 8 };
+        Stiffness::new(&ball.mesh().expect("sizes are good")).expect("the mesh is good")
+    })
+}
+
+/// The reduced family over the Poisson ratios that priors ask for.
+fn compliance(protocol: &Protocol) -> Compliance {
+    static SURROGATE: OnceLock<Surrogate> = OnceLock::new();
+    let surrogate = SURROGATE.get_or_init(|| {
+        let range = |p: &vitreo_uq::parameter::ParameterSpec| TrainedRange { name: p.name.into(), lower: 1.0, upper: 9.0 };
+        let parameters: Vec<TrainedRange> = BaseLaw::Lethersich.parameters().iter().map(range).collect();
+        let training = Training {
+            law: BaseLaw::Lethersich,
+            parameters: &parameters,
+            poisson_ratio: [0.3, 0.499],
+            time_s: &protocol.time_s,
+            force_n: &protocol.force_n,
+            tolerance: 1e-8,
+        };
+        Surrogate::train(stiffness(), &training).expect("training succeeds")
+    });
+    surrogate.compliance(POISSON_RATIO).expect("inside the range")
+}
+
+fn model(effects: &[&'static dyn Effect], scales: Scales) -> Result<Model, Error> {
+    Model::new(BaseLaw::Lethersich, effects.to_vec(), scales, &Place::option("--with"))
+}
+
+fn reduced<'a>(model: &'a Model, protocol: &Protocol) -> ReducedForward<'a> {
+    let response = Response::new(&protocol.time_s, &protocol.force_n, protocol.time_s.len());
+    ReducedForward { model, compliance: compliance(protocol), response, trained: &[] }
+}
+
+fn full<'a>(model: &'a Model, protocol: &'a Protocol) -> FullForward<'a> {
+    FullForward::new(model, stiffness(), POISSON_RATIO, &protocol.time_s, &protocol.force_n).expect("positive definite")
+}
+
+/// The law's parameters, then each effect's at a quantile of its prior.
+fn parameters_at(model: &Model, probability: impl Fn(usize) -> f64) -> Vec<f64> {
+    let of_effects = model.effects().iter().flat_map(|effect| effect.parameters());
+    let values = of_effects.enumerate().map(|(i, p)| (p.prior)(model.scales()).quantile(probability(i)));
+    LETHERSICH.into_iter().chain(values).collect()
+}
+
+/// The same with the effects at their nulls; what means nothing there at its prior's median.
+fn null_of(model: &Model) -> Vec<f64> {
+    let of_effects = model.effects().iter().flat_map(|effect| effect.parameters());
+    let scales = model.scales();
+    let values = of_effects.map(|p| (p.null)(scales).unwrap_or_else(|| (p.prior)(scales).quantile(0.5)));
+    LETHERSICH.into_iter().chain(values).collect()
+}
+
+fn amplitude(x: &[f64]) -> f64 {
+    x.iter().fold(0.0, |a: f64, x| a.max(x.abs()))
+}
+
+/// Largest distance relative to the amplitude of the second.
+fn distance(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).fold(0.0, |d: f64, (a, b)| d.max((a - b).abs())) / amplitude(b)
+}
+
+/// Every effect alone, and every pair that may stand together.
+fn models(scales: Scales) -> Vec<Model> {
+    let mut list: Vec<Model> = EFFECTS.iter().filter_map(|effect| model(&[*effect], scales).ok()).collect();
+    for (i, first) in EFFECTS.iter().enumerate() {
+        list.extend(EFFECTS[i + 1..].iter().filter_map(|second| model(&[*first, *second], scales).ok()));
+    }
+    list
+}
+
+#[test]
+fn at_the_null_the_base_returns() {
+    let protocol = protocol();
+    let law = CreepCompliance::lethersich(&LETHERSICH);
+    let compliance_per_m = compliance(&protocol).given_per_m();
+    let base = convolve_m(compliance_per_m, &law, &protocol.time_s, &protocol.force_n);
+    let models = models(protocol.scales);
+    // Eleven effects have 55 pairs, and all may stand together.
+    assert_eq!(models.len(), EFFECTS.len() * (EFFECTS.len() + 1) / 2);
+    for model in &models {
+        let found = reduced(model, &protocol).trajectory_m(&null_of(model)).expect("the base is a model");
+        assert!(distance(&found, &base) < 1e-12, "{model:?}: {:e}", distance(&found, &base));
+    }
+}
+
+/// The full-order model steps effects by Radau's method on the network of elements, the reduced one has closed forms: both follow from the stages
+/// alone. Errors of the step: 1e-7, with springpots 1e-6; of the modes over Poisson ratios: 1e-7.
+#[test]
+fn the_reduced_model_agrees_with_full_finite_elements() {
+    let protocol = protocol();
+    for effect in EFFECTS {
+        let model = model(&[*effect], protocol.scales).expect("an effect alone is a model");
+        let (reduced, full) = (reduced(&model, &protocol), full(&model, &protocol));
+        let mut largest = 0.0_f64;
+        for probability in [0.15, 0.5, 0.8] {
+            let parameters = parameters_at(&model, |i| if i % 2 == 0 { probability } else { 1.0 - probability });
+            let full_m = full.trajectory_m(&parameters).expect("a model");
+            largest = largest.max(distance(&reduced.trajectory_m(&parameters).expect("a model"), &full_m));
+            // The effect is there at all.
+            let null_m = reduced.trajectory_m(&null_of(&model)).expect("a model");
+            assert!(distance(&full_m, &null_m) > 1e-4, "{}: {:e}", effect.slug(), distance(&full_m, &null_m));
+        }
+        println!("{:<26} reduced against full: {largest:.1e} of the amplitude", effect.slug());
+        assert!(largest < 1e-6, "{}: {largest:e}", effect.slug());
+    }
+}
+
+/// Every pair, each effect somewhere inside its prior: finite in both models, and the same within 2e-6.
+#[test]
+fn every_pair_is_finite_and_the_same_in_both_models() {
+    let protocol = protocol();
+    for (number, model) in models(protocol.scales).iter().enumerate() {
+        let golden = |i: usize| 0.2 + 0.6 * (0.618_034 * (number + 3 * i) as f64).fract();
+        let parameters = parameters_at(model, golden);
+        let reduced_m = reduced(model, &protocol).trajectory_m(&parameters).expect("a model");
+        let full_m = full(model, &protocol).trajectory_m(&parameters).expect("a model");
+        assert!(reduced_m.iter().all(|x| x.is_finite()));
+        assert!(distance(&reduced_m, &full_m) < 2e-6, "{model:?}: {:e}", distance(&reduced_m, &full_m));
+    }
+}
+
+/// Derivatives with respect to every parameter, against central differences inside the prior, and against one-sided ones, with Richardson's
+/// extrapolation, at the null. Differences of step 1e-4 of the prior's spread err by about 1e-7 of the column.
+#[test]
+fn sensitivities_agree_with_finite_differences() {
+    let protocol = protocol();
+    for effect in EFFECTS {
+        let model = model(&[*effect], protocol.scales).expect("an effect alone is a model");
+        let forward = reduced(&model, &protocol);
+        let n_law = LETHERSICH.len();
+        for index in 0..model.parameters().len() {
+            let own = index.checked_sub(n_law).map(|i| &effect.parameters()[i]);
+            let spread = own.map_or(0.1 * LETHERSICH[index.min(2)], |p| {
+                let prior = (p.prior)(&protocol.scales);
+                prior.quantile(0.75) - prior.quantile(0.25)
+            });
+            let shifted = |centre: &[f64], shift: f64| {
+                let mut parameters = centre.to_vec();
+                parameters[index] += shift;
+                forward.trajectory_m(&parameters).expect("a model")
+            };
+            let inside = parameters_at(&model, |i| if i == 0 { 0.4 } else { 0.55 });
+            let h = 1e-4 * spread;
+            let (above, below) = (shifted(&inside, h), shifted(&inside, -h));
+            let central: Vec<f64> = above.iter().zip(&below).map(|(a, b)| (a - b) / (2.0 * h)).collect();
+            let exact = forward.derivative_m(&inside, index).expect("differentiable inside");
+            let name = model.parameters()[index].name;
+            assert!(distance(&exact, &central) < 2e-5, "{name}: {:e}", distance(&exact, &central));
+            let Some(parameter) = own else { continue };
+            let null = null_of(&model);
+            if parameter.finite_step.is_some() {
+                assert!(forward.derivative_m(&null, index).is_err(), "{name}: a derivative would do");
+                continue;
+            }
+            if (parameter.null)(&protocol.scales).is_none() {
+                continue;
+            }
+            // Towards the inside of the support.
+            let h = if parameter.spec.support.contains(null[index] + h) { h } else { -h };
+            let (here, near, far) = (shifted(&null, 0.0), shifted(&null, h), shifted(&null, 2.0 * h));
+            let one_sided: Vec<f64> =
+                (0..here.len()).map(|i| (4.0 * near[i] - far[i] - 3.0 * here[i]) / (2.0 * h)).collect();
+            let exact = forward.derivative_m(&null, index).expect("differentiable at the null");
+            assert!(distance(&exact, &one_sided) < 2e-5, "{name} at null: {:e}", distance(&exact, &one_sided));
+        }
+    }
+}
+
+/// The documented step from a null without derivative gives a signature that is near the limit of ever smaller ones.
+#[test]
+fn finite_steps_are_near_their_limit() {
+    let protocol = protocol();
+    for effect in EFFECTS {
+        let Some(step) = effect.parameters().first().and_then(|p| p.finite_step) else { continue };
+        let model = model(&[*effect], protocol.scales).expect("an effect alone is a model");
+        let forward = reduced(&model, &protocol);
+        let null = null_of(&model);
+        let here = forward.trajectory_m(&null).expect("a model");
+        let quotient = |step: f64| -> Vec<f64> {
+            let mut parameters = null.clone();
+            parameters[LETHERSICH.len()] += step;
+            let there = forward.trajectory_m(&parameters).expect("a model");
+            here.iter().zip(&there).map(|(a, b)| (b - a) / step).collect()
+        };
+        let (taken, limit) = (quotient(step(&protocol.scales)), quotient(1e-3 * step(&protocol.scales)));
+        assert!(distance(&taken, &limit) < 0.05, "{}: {:e}", effect.slug(), distance(&taken, &limit));
+    }
+}
+
+/// Burgers and two-element laws are what the effects that they stand for make of the Lethersich law.
+#[test]
+fn larger_laws_are_smaller_laws_with_an_effect() {
+    let protocol = protocol();
+    let named = |slug: &str| *EFFECTS.iter().find(|effect| effect.slug() == slug).expect("in the library");
+    let [young_modulus_pa, ..] = LETHERSICH;
+    // J₀ = 0.2/E; a second body of 0.3/E and 2 s.
+    let cases = [
+        (BaseLaw::Burgers, vec![young_modulus_pa / 0.2], "instantaneous-elasticity", vec![0.2]),
+        (
+            BaseLaw::TwoElement,
+            vec![young_modulus_pa / 0.3, 2.0 * young_modulus_pa / 0.3],
+            "second-retardation",
+            vec![0.3, 2.0],
+        ),
+    ];
+    for (law, added, slug, of_effect) in cases {
+        let larger = Model::new(law, vec![], protocol.scales, &Place::default()).expect("a law alone");
+        let smaller = model(&[named(slug)], protocol.scales).expect("an effect alone");
+        let of = |added: &[f64]| LETHERSICH.iter().chain(added).copied().collect::<Vec<f64>>();
+        let a = reduced(&larger, &protocol).trajectory_m(&of(&added)).expect("a model");
+        let b = reduced(&smaller, &protocol).trajectory_m(&of(&of_effect)).expect("a model");
+        assert!(distance(&a, &b) < 1e-12, "{slug}: {:e}", distance(&a, &b));
+        let full_m = full(&larger, &protocol).trajectory_m(&of(&added)).expect("a model");
+        assert!(distance(&a, &full_m) < 1e-9, "{slug} in full: {:e}", distance(&a, &full_m));
+    }
+}
