@@ -20,3 +20,10 @@ fn poisson_family() {
     assert!(text.contains("compliance at 0.48: 549.18 per m"), "{text}");
     assert!(dir.path().join("singular_values.png").is_file());
 }
+
+/// An effect from outside the crate joins the library and writes into its stage.
+#[test]
+fn custom_effect() {
+    let text = output_of("custom_effect", &[]);
+    assert!(text.contains("12 effects") && text.contains("value: 5e-5"), "{text}");
+}
