@@ -51,7 +51,8 @@ fn stiffness() -> &'static Stiffness {
 fn compliance(protocol: &Protocol) -> Compliance {
     static SURROGATE: OnceLock<Surrogate> = OnceLock::new();
     let surrogate = SURROGATE.get_or_init(|| {
-        let range = |p: &vitreo_uq::parameter::ParameterSpec| TrainedRange { name: p.name.into(), lower: 1.0, upper: 9.0 };
+        let range =
+            |p: &vitreo_uq::parameter::ParameterSpec| TrainedRange { name: p.name.into(), lower: 1.0, upper: 9.0 };
         let parameters: Vec<TrainedRange> = BaseLaw::Lethersich.parameters().iter().map(range).collect();
         let training = Training {
             law: BaseLaw::Lethersich,
@@ -136,7 +137,7 @@ fn the_reduced_model_agrees_with_full_finite_elements() {
         let model = model(&[*effect], protocol.scales).expect("an effect alone is a model");
         let (reduced, full) = (reduced(&model, &protocol), full(&model, &protocol));
         let mut largest = 0.0_f64;
-        for probability in [0.15, 0.5, 0.8] {
+        for probability in [0.15, 0.4, 0.8] {
             let parameters = parameters_at(&model, |i| if i % 2 == 0 { probability } else { 1.0 - probability });
             let full_m = full.trajectory_m(&parameters).expect("a model");
             largest = largest.max(distance(&reduced.trajectory_m(&parameters).expect("a model"), &full_m));

@@ -27,7 +27,7 @@ fn prior(scales: &Scales) -> Distribution {
 }
 
 const PARAMETERS: &[EffectParameter] = &[EffectParameter {
-    spec: ParameterSpec::new("compressibility.poisson_ratio", "", Support { lower: ENDS.0, upper: ENDS.1 }),
+    spec: ParameterSpec::new("compressibility.poisson_ratio", "1", Support { lower: ENDS.0, upper: ENDS.1 }),
     symbol: "ν",
     null: |scales| scales.poisson_ratio,
     prior,

@@ -12,7 +12,7 @@ use crate::number::Dual;
 use crate::parameter::{ParameterSpec, Support};
 
 const PARAMETERS: &[EffectParameter] = &[EffectParameter {
-    spec: ParameterSpec::new("force-bias.fraction", "", Support::REAL),
+    spec: ParameterSpec::new("force-bias.fraction", "1", Support::REAL),
     symbol: "b",
     null: |_| Some(0.0),
     prior: |_| Distribution::Normal { mean: 0.0, sd: 0.1 },

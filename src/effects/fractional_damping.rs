@@ -16,7 +16,7 @@ use crate::rheology::{BaseLaw, Element};
 const SMALLEST_ORDER: f64 = 0.3;
 
 const PARAMETERS: &[EffectParameter] = &[EffectParameter {
-    spec: ParameterSpec::new("fractional-damping.order", "", Support { lower: SMALLEST_ORDER, upper: 1.0 }),
+    spec: ParameterSpec::new("fractional-damping.order", "1", Support { lower: SMALLEST_ORDER, upper: 1.0 }),
     symbol: "α",
     null: |_| Some(1.0),
     prior: |_| Distribution::Beta { alpha: 2.0, beta: 1.0, lower: SMALLEST_ORDER, upper: 1.0 },

@@ -15,7 +15,7 @@ use crate::parameter::{ParameterSpec, Support};
 use crate::rheology::{BaseLaw, Element};
 
 const PARAMETERS: &[EffectParameter] = &[EffectParameter {
-    spec: ParameterSpec::new("instantaneous-elasticity.compliance_ratio", "", Support::POSITIVE),
+    spec: ParameterSpec::new("instantaneous-elasticity.compliance_ratio", "1", Support::POSITIVE),
     symbol: "E/E₀",
     null: |_| Some(0.0),
     prior: |_| Distribution::HalfNormal { sd: 0.2 },

@@ -21,7 +21,7 @@ fn shortest_time_s(scales: &Scales) -> f64 {
 
 const PARAMETERS: &[EffectParameter] = &[
     EffectParameter {
-        spec: ParameterSpec::new("second-retardation.compliance_ratio", "", Support::POSITIVE),
+        spec: ParameterSpec::new("second-retardation.compliance_ratio", "1", Support::POSITIVE),
         symbol: "a",
         null: |_| Some(0.0),
         prior: |_| Distribution::HalfNormal { sd: 0.5 },

@@ -30,8 +30,11 @@ impl Model {
     /// [`Error::Input`] with the reason.
     pub fn new(base: BaseLaw, effects: Vec<&'static dyn Effect>, scales: Scales, place: &Place) -> Result<Self> {
         let refuse = |found: String, remedy: &str| Err(Error::input(place.clone(), found, remedy));
-        for effect in &effects {
+        for (place_in_list, effect) in effects.iter().enumerate() {
             let slug = effect.slug();
+            if effects[..place_in_list].iter().any(|other| other.slug() == slug) {
+                return refuse(format!("`{slug}` is named twice"), "name it once");
+            }
             if let Some(reason) = effect.conflict(&base) {
                 return refuse(
                     format!("`{slug}` cannot be added to the {} law: {reason}", base.title()),

@@ -65,7 +65,7 @@ pub fn of_parameter(name: &str) -> ParameterLabel {
 fn of_effect(name: &str) -> Option<ParameterLabel> {
     EFFECTS.iter().find_map(|effect| {
         let parameter = effect.parameters().iter().find(|parameter| parameter.spec.name == name)?;
-        let unit = if parameter.spec.unit.is_empty() { "–" } else { parameter.spec.unit };
+        let unit = if parameter.spec.unit == "1" { "–" } else { parameter.spec.unit };
         Some(ParameterLabel { symbol: format!("{} {}", effect.slug(), parameter.symbol), unit: unit.to_owned() })
     })
 }
