@@ -143,9 +143,8 @@ impl<S: Number> CollocationStep<S> {
         }
         for (index, mode) in system.modes.iter().enumerate() {
             let mode = mode.lane(lane);
-            let of_mode = of_mode(mode.rate * length_s, mode.gain * length_s, |part| {
-                row(mode, length_s * part, lag_rate)
-            });
+            let of_mode =
+                of_mode(mode.rate * length_s, mode.gain * length_s, |part| row(mode, length_s * part, lag_rate));
             set_parts(&mut self.modes[index], &of_mode.step, |target, &value| target.set_lane(lane, value));
             self.add(lane, &of_mode, |&value| value);
         }

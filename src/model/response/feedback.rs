@@ -4,24 +4,35 @@
 //! a matrix exponential a level and distinct step ([`super::transition`]). Otherwise [`super::collocation`] is used, on steps that
 //! are graded after switches.
 
+use std::ops::Range;
+
 use pulp::{Arch, Simd, WithSimd};
 
 use super::collocation::{self, CollocationStep};
-use super::numbers::{Number, Real};
+use super::numbers::{N_LANES, Number, Real};
 use super::record::{Record, slot};
 use super::system::System;
 use super::transition::{LARGEST_STATE, Transition};
 use crate::effects::LARGEST_FEEDBACK;
 
-/// A part of the record under one command.
-#[derive(Debug, Clone, Copy)]
+/// Equal steps under one command.
+#[derive(Debug, Clone)]
 pub(super) struct Piece {
-    /// Index of its length.
+    /// Index of a step's length.
     pub length: usize,
     /// Command in N; zero before the first switch.
     pub force_n: f64,
-    /// The row at its end, if there is one.
-    pub end_row: Option<usize>,
+    /// The rows at the steps' ends; empty for a single step that ends between rows.
+    pub rows: Range<usize>,
+}
+
+impl Piece {
+    /// The row at the end of each step.
+    #[inline(always)]
+    fn ends(&self) -> impl Iterator<Item = Option<usize>> {
+        let between_rows = self.rows.is_empty().then_some(None);
+        self.rows.clone().map(Some).chain(between_rows)
+    }
 }
 
 /// All parts in order, and their distinct lengths in s.
@@ -78,7 +89,7 @@ impl<N: Real> Pieces<N> {
         let mut begin_s = 0.0;
         if self.graded && whole_s > 0.0 {
             loop {
-                let next_s = (self.age_s.max(SHORTEST_GRADED * whole_s)) + begin_s;
+                let next_s = self.age_s.max(SHORTEST_GRADED * whole_s) + begin_s;
                 if next_s > whole_s * (1.0 - 1e-9) {
                     break;
                 }
@@ -95,8 +106,21 @@ impl<N: Real> Pieces<N> {
     fn part(&mut self, length_s: N, force_n: f64, end_row: Option<usize>) {
         // Graded parts are short: what is equal is a matter of their own length.
         let tolerance_s = self.tolerance_s.min(1e-9 * length_s.value().abs());
+        let rows = end_row.map_or(0..0, |row| row..row + 1);
+        if let Some(last) = self.pieces.last_mut()
+            && self.length_s[last.length].is_close(length_s, tolerance_s)
+        {
+            let same_hold = last.force_n == force_n && !last.rows.is_empty() && last.rows.end == rows.start;
+            if same_hold {
+                last.rows.end = rows.end;
+            } else {
+                let length = last.length;
+                self.pieces.push(Piece { length, force_n, rows });
+            }
+            return;
+        }
         let length = slot(&mut self.length_s, length_s, tolerance_s);
-        self.pieces.push(Piece { length, force_n, end_row });
+        self.pieces.push(Piece { length, force_n, rows });
     }
 }
 
@@ -118,11 +142,17 @@ pub(super) fn run<S: Number>(record: &Record, system: &System<S>, position_m: &m
     }
 }
 
-/// Whether |g x| of a point stays below the limit at every row.
-pub(super) fn is_small<S: Number>(system: &System<S>, lane: usize, position_m: &[S]) -> bool {
-    let gradient = system.gradient.lane(lane).value();
-    // Written so that a position that is not a number is refused.
-    position_m.iter().all(|position| (gradient * position.lane(lane).value()).abs() < LARGEST_FEEDBACK)
+/// Which points' |g x| stay below the limit at every row.
+pub(super) fn are_small<S: Number>(system: &System<S>, position_m: &[S]) -> [bool; N_LANES] {
+    let mut small = [true; N_LANES];
+    for &position in position_m {
+        let strength = system.gradient * position;
+        for (lane, small) in small.iter_mut().enumerate().take(S::N_POINTS) {
+            // Written so that a position that is not a number is refused.
+            *small &= strength.lane(lane).value().abs() < LARGEST_FEEDBACK;
+        }
+    }
+    small
 }
 
 struct ExactRun<'a, S> {
@@ -154,21 +184,23 @@ fn exact_rows<S: Number, const B: usize>(run: ExactRun<S>) {
     let mut state = [S::constant(0.0); B];
     for (piece, &index) in run.pieces.iter().zip(&run.order) {
         let transition = &run.transitions[index];
-        let mut next = [S::constant(0.0); B];
-        for i in 0..B {
-            let mut sum = transition.matrix[i][B];
-            for j in 0..B {
-                sum = transition.matrix[i][j].mul_add(state[j], sum);
+        for end in piece.ends() {
+            let mut next = [S::constant(0.0); B];
+            for i in 0..B {
+                let mut sum = transition.matrix[i][B];
+                for j in 0..B {
+                    sum = transition.matrix[i][j].mul_add(state[j], sum);
+                }
+                next[i] = sum;
             }
-            next[i] = sum;
-        }
-        state = next;
-        if let Some(row) = piece.end_row {
-            let mut sum = transition.offset;
-            for y in state {
-                sum += y * transition.output;
+            state = next;
+            if let Some(row) = end {
+                let mut sum = transition.offset;
+                for y in state {
+                    sum = y.mul_add(transition.output, sum);
+                }
+                run.position_m[row] = sum;
             }
-            run.position_m[row] = sum;
         }
     }
 }
@@ -193,9 +225,11 @@ impl<S: Number> WithSimd for CollocationRun<'_, S> {
                 state.deficit_n = state.deficit_n + state.level_n - level_n;
             }
             state.level_n = level_n;
-            collocation::advance(system, &self.steps[piece.length], &mut state);
-            if let Some(row) = piece.end_row {
-                self.position_m[row] = collocation::position_m(system, &state);
+            for end in piece.ends() {
+                collocation::advance(system, &self.steps[piece.length], &mut state);
+                if let Some(row) = end {
+                    self.position_m[row] = collocation::position_m(system, &state);
+                }
             }
         }
     }

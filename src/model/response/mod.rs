@@ -129,8 +129,9 @@ impl Response {
         sound[points.len()..].fill(false);
         if system.shape.feedback {
             feedback::run(&self.record, &system, position_m);
-            for (lane, sound) in sound.iter_mut().enumerate().take(points.len()) {
-                *sound = feedback::is_small(&system, lane, position_m);
+            let small = feedback::are_small(&system, position_m);
+            for (sound, small) in sound.iter_mut().zip(small) {
+                *sound &= small;
             }
         } else {
             linear::run(&self.record, &system, position_m);

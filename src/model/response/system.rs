@@ -72,9 +72,8 @@ impl Lowered {
         let load = &stages.load;
         check(load.delay_s.value >= 0.0, "the force's delay", load.delay_s, "s")?;
         check(load.lag_time_s.value >= 0.0, "the force's lag", load.lag_time_s, "s")?;
-        let at_rows = load.delay_s.is_constant(0.0)
-            && load.lag_time_s.value == 0.0
-            && load.gradient_per_m.is_constant(0.0);
+        let at_rows =
+            load.delay_s.is_constant(0.0) && load.lag_time_s.value == 0.0 && load.gradient_per_m.is_constant(0.0);
         let shortest_s = window.shortest_s * if at_rows { 1.0 } else { BETWEEN_ROWS };
         let spectrum = RetardationSpectrum::of(&stages.law, TimeWindow { shortest_s, ..window })?;
         Ok(Self::with_spectrum(stages, &spectrum, compliance_per_m))

@@ -90,8 +90,7 @@ impl RungeKutta<'_> {
         let instantaneous = self.spectrum.instantaneous_per_pa.value * softened_n;
         let gradient = self.stages.load.gradient_per_m.value;
         // x = C (J₀ F̃ (1 + g x) + strain), solved for x.
-        let x =
-            COMPLIANCE_PER_M * (instantaneous + strain) / (1.0 - COMPLIANCE_PER_M * instantaneous * gradient);
+        let x = COMPLIANCE_PER_M * (instantaneous + strain) / (1.0 - COMPLIANCE_PER_M * instantaneous * gradient);
         (softened_n * (1.0 + gradient * x), x)
     }
 
@@ -131,9 +130,8 @@ impl RungeKutta<'_> {
             let h = length_s / n_steps;
             for step in 0..n_steps as usize {
                 let t = begin_s + h * step as f64;
-                let moved = |rate: &[f64], by: f64| -> Vec<f64> {
-                    state.iter().zip(rate).map(|(s, r)| s + by * r).collect()
-                };
+                let moved =
+                    |rate: &[f64], by: f64| -> Vec<f64> { state.iter().zip(rate).map(|(s, r)| s + by * r).collect() };
                 let k1 = self.rate(t, input, &state);
                 let k2 = self.rate(t + 0.5 * h, input, &moved(&k1, 0.5 * h));
                 let k3 = self.rate(t + 0.5 * h, input, &moved(&k2, 0.5 * h));
