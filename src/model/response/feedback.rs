@@ -27,11 +27,15 @@ pub(super) struct Piece {
 }
 
 impl Piece {
-    /// The row at the end of each step.
     #[inline(always)]
-    fn ends(&self) -> impl Iterator<Item = Option<usize>> {
-        let between_rows = self.rows.is_empty().then_some(None);
-        self.rows.clone().map(Some).chain(between_rows)
+    fn n_steps(&self) -> usize {
+        self.rows.len().max(1)
+    }
+
+    /// The row at the end of a step, if there is one.
+    #[inline(always)]
+    fn end_row(&self, step: usize) -> Option<usize> {
+        if step < self.rows.len() { Some(self.rows.start + step) } else { None }
     }
 }
 
@@ -184,7 +188,7 @@ fn exact_rows<S: Number, const B: usize>(run: ExactRun<S>) {
     let mut state = [S::constant(0.0); B];
     for (piece, &index) in run.pieces.iter().zip(&run.order) {
         let transition = &run.transitions[index];
-        for end in piece.ends() {
+        for step in 0..piece.n_steps() {
             let mut next = [S::constant(0.0); B];
             for i in 0..B {
                 let mut sum = transition.matrix[i][B];
@@ -194,7 +198,7 @@ fn exact_rows<S: Number, const B: usize>(run: ExactRun<S>) {
                 next[i] = sum;
             }
             state = next;
-            if let Some(row) = end {
+            if let Some(row) = piece.end_row(step) {
                 let mut sum = transition.offset;
                 for y in state {
                     sum = y.mul_add(transition.output, sum);
@@ -225,9 +229,9 @@ impl<S: Number> WithSimd for CollocationRun<'_, S> {
                 state.deficit_n = state.deficit_n + state.level_n - level_n;
             }
             state.level_n = level_n;
-            for end in piece.ends() {
+            for step in 0..piece.n_steps() {
                 collocation::advance(system, &self.steps[piece.length], &mut state);
-                if let Some(row) = end {
+                if let Some(row) = piece.end_row(step) {
                     self.position_m[row] = collocation::position_m(system, &state);
                 }
             }
