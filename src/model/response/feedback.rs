@@ -67,9 +67,11 @@ impl<N: Real> Pieces<N> {
         let mut switches = record.switches.iter().peekable();
         let mut force_n = 0.0;
         for hold in &record.holds {
+            // Not the difference of the rows' times: equal steps are to have equal bits.
+            let step_s = record.step_s[hold.step];
+            let hold_end_s = record.time_s[hold.rows.end - 1];
             for row in hold.rows.clone() {
-                // Not the difference of the rows' times: equal steps are to have equal bits.
-                let end_s = record.step_s[hold.step];
+                let mut whole = !graded || pieces.age_s >= step_s;
                 let mut begin_s = N::constant(0.0);
                 let end_time_s = record.time_s[row];
                 while let Some(switch) = switches.next_if(|switch| switch.time_s + delay_s.value() < end_time_s) {
@@ -77,11 +79,25 @@ impl<N: Real> Pieces<N> {
                     pieces.push(at_s - begin_s, force_n, None);
                     pieces.age_s = 0.0;
                     (begin_s, force_n) = (at_s, switch.after_n);
+                    whole = false;
                 }
-                pieces.push(N::constant(end_s) - begin_s, force_n, Some(row));
+                pieces.push(N::constant(step_s) - begin_s, force_n, Some(row));
+                let undisturbed = switches.peek().is_none_or(|next| next.time_s + delay_s.value() >= hold_end_s);
+                if whole && undisturbed {
+                    pieces.repeat_until(hold.rows.end, step_s);
+                    break;
+                }
             }
         }
         pieces
+    }
+
+    /// Repeats the last part, a whole step, up to the row before `end`.
+    fn repeat_until(&mut self, end: usize, step_s: f64) {
+        if let Some(last) = self.pieces.last_mut() {
+            self.age_s += step_s * (end - last.rows.end) as f64;
+            last.rows.end = end;
+        }
     }
 
     /// Adds a part, cut where it is graded.
@@ -146,17 +162,31 @@ pub(super) fn run<S: Number>(record: &Record, system: &System<S>, position_m: &m
     }
 }
 
-/// Which points' |g x| stay below the limit at every row.
+/// Which points' |g x| stay below the limit at every row. What is not a number passes here, and is found at the last row.
 pub(super) fn are_small<S: Number>(system: &System<S>, position_m: &[S]) -> [bool; N_LANES] {
-    let mut small = [true; N_LANES];
-    for &position in position_m {
-        let strength = system.gradient * position;
-        for (lane, small) in small.iter_mut().enumerate().take(S::N_POINTS) {
-            // Written so that a position that is not a number is refused.
-            *small &= strength.lane(lane).value().abs() < LARGEST_FEEDBACK;
+    Arch::new().dispatch(LargestFeedback { system, position_m }).map(|largest| largest < LARGEST_FEEDBACK)
+}
+
+struct LargestFeedback<'a, S> {
+    system: &'a System<S>,
+    position_m: &'a [S],
+}
+
+impl<S: Number> WithSimd for LargestFeedback<'_, S> {
+    type Output = [f64; N_LANES];
+
+    #[inline(always)]
+    fn with_simd<V: Simd>(self, _simd: V) -> [f64; N_LANES] {
+        let mut largest = [0.0; N_LANES];
+        for &position in self.position_m {
+            let strength = self.system.gradient * position;
+            for lane in 0..S::N_POINTS {
+                let size = strength.lane(lane).value().abs();
+                largest[lane] = if size > largest[lane] { size } else { largest[lane] };
+            }
         }
+        largest
     }
-    small
 }
 
 struct ExactRun<'a, S> {

@@ -40,9 +40,13 @@ impl Response {
     /// Prepares the first `n_rows` rows of a record: times (s), strictly increasing, and the commanded force (N), row i holds on [tᵢ, tᵢ₊₁).
     pub fn new(time_s: &[f64], force_n: &[f64], n_rows: usize) -> Self {
         let record = Record::new(time_s, force_n, n_rows);
-        let longest_s = record.time_s.last().copied().unwrap_or(0.0);
-        let shortest_s = record.step_s.iter().copied().fold(f64::INFINITY, f64::min).min(longest_s);
-        Self { record, window: TimeWindow { shortest_s, longest_s } }
+        let shortest_s = record.step_s.iter().copied().fold(f64::INFINITY, f64::min);
+        // Without a step nothing is asked of the law; any window serves.
+        let window = match record.time_s.last() {
+            Some(&longest_s) if !record.step_s.is_empty() => TimeWindow { shortest_s, longest_s },
+            _ => TimeWindow { shortest_s: 1.0, longest_s: 1.0 },
+        };
+        Self { record, window }
     }
 
     /// Recorded position (m) at every row, the limit from the left. `compliance_per_m` is the displacement per force at unit creep compliance.

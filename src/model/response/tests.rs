@@ -350,3 +350,17 @@ fn lanes_have_the_bits_of_single_points() {
         }
     }
 }
+
+/// No rows, one row, and fewer rows than the record has.
+#[test]
+fn short_records_are_served() {
+    let (time_s, force_n) = record();
+    for n_rows in [0, 1, 30] {
+        let response = Response::new(&time_s, &force_n, n_rows);
+        let mut stages = lethersich();
+        assert_eq!(response.trajectory_m(&stages, COMPLIANCE_PER_M).expect("sound"), respond(&stages)[..n_rows]);
+        stages.load.gradient_per_m = number(-350.0);
+        stages.load.delay_s = number(0.07);
+        assert_eq!(response.trajectory_m(&stages, COMPLIANCE_PER_M).expect("sound"), respond(&stages)[..n_rows]);
+    }
+}
