@@ -103,11 +103,12 @@ impl<N: Real> Pieces<N> {
     /// Adds a part, cut where it is graded.
     fn push(&mut self, length_s: N, force_n: f64, end_row: Option<usize>) {
         let whole_s = length_s.value();
-        if length_s.is_close(N::constant(0.0), 0.0) {
+        // A length of zero may still carry a derivative, or end at a row.
+        if end_row.is_none() && length_s.is_close(N::constant(0.0), 0.0) {
             return;
         }
         let mut begin_s = 0.0;
-        if self.graded && whole_s > 0.0 {
+        if self.graded && whole_s > self.tolerance_s {
             loop {
                 let next_s = self.age_s.max(SHORTEST_GRADED * whole_s) + begin_s;
                 if next_s > whole_s * (1.0 - 1e-9) {
