@@ -29,18 +29,16 @@ pub(super) struct Row<T> {
 }
 
 /// d, q, k of a mode over a step of length h.
-pub(super) fn row<N: Real>(mode: Mode<N>, length_s: N, lag_rate: Option<N>) -> Row<N> {
+#[inline(always)]
+pub(super) fn row<N: Number>(mode: Mode<N>, length_s: N, lag_rate: Option<N>) -> Row<N> {
     let z = mode.rate * length_s;
     let (decay, mean) = z.decay();
     let input = mode.gain * length_s;
-    let lag_gain = lag_rate.map_or(N::constant(0.0), |lag_rate| input * overlap(z, lag_rate * length_s));
+    let lag_gain = match lag_rate {
+        Some(lag_rate) => input * z.overlap(lag_rate * length_s),
+        None => N::constant(0.0),
+    };
     Row { decay, gain: input * mean, lag_gain }
-}
-
-/// ∫₀¹ e^{−a(1−s)} e^{−bs} ds, without overflow and accurate where a and b are equal.
-fn overlap<N: Real>(a: N, b: N) -> N {
-    let (smaller, difference) = if a.value() < b.value() { (a, b - a) } else { (b, a - b) };
-    (-smaller).exp() * difference.decay().1
 }
 
 /// The same of an oscillating mode.
@@ -82,15 +80,10 @@ impl<S: Number> Step<S> {
         };
         let no_row = Row { decay: complex_zero(), gain: complex_zero(), lag_gain: complex_zero() };
         step.oscillating.resize(system.oscillating.len(), no_row);
+        Arch::new().dispatch(FillRows { system, length_s, rows: &mut step.modes });
         for lane in 0..S::N_POINTS {
             let length_s = S::Lane::constant(length_s);
             let lag_rate = system.shape.lagging.then(|| system.lag_rate.lane(lane));
-            for (mode, target) in system.modes.iter().zip(&mut step.modes) {
-                let of_lane = row(mode.lane(lane), length_s, lag_rate);
-                target.decay.set_lane(lane, of_lane.decay);
-                target.gain.set_lane(lane, of_lane.gain);
-                target.lag_gain.set_lane(lane, of_lane.lag_gain);
-            }
             for (mode, target) in system.oscillating.iter().zip(&mut step.oscillating) {
                 let of_lane = oscillating_row(mode.lane(lane), length_s, lag_rate);
                 target.decay.set_lane(lane, of_lane.decay);
@@ -102,6 +95,26 @@ impl<S: Number> Step<S> {
             }
         }
         step
+    }
+}
+
+/// The modes' rows of all points at once.
+struct FillRows<'a, S> {
+    system: &'a System<S>,
+    length_s: f64,
+    rows: &'a mut [Row<S>],
+}
+
+impl<S: Number> WithSimd for FillRows<'_, S> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<V: Simd>(self, _simd: V) {
+        let length_s = S::constant(self.length_s);
+        let lag_rate = if self.system.shape.lagging { Some(self.system.lag_rate) } else { None };
+        for (mode, target) in self.system.modes.iter().zip(self.rows.iter_mut()) {
+            *target = row(*mode, length_s, lag_rate);
+        }
     }
 }
 

@@ -3,6 +3,9 @@
 //! Written once for numbers, numbers with a derivative and eight points at once. [`system`] turns stages into rates and gains, [`linear`] moves
 //! the robot where the force does not depend on its position, [`feedback`] where it does, and what is common stands here.
 
+// Indices as in the formulas; iterators' closures are compiled apart, without the vector instructions of the kernels.
+#![allow(clippy::needless_range_loop)]
+
 mod collocation;
 #[cfg(test)]
 mod derivative_tests;
@@ -37,9 +40,13 @@ impl Response {
     /// Prepares the first `n_rows` rows of a record: times (s), strictly increasing, and the commanded force (N), row i holds on [tᵢ, tᵢ₊₁).
     pub fn new(time_s: &[f64], force_n: &[f64], n_rows: usize) -> Self {
         let record = Record::new(time_s, force_n, n_rows);
-        let longest_s = record.time_s.last().copied().unwrap_or(0.0);
-        let shortest_s = record.step_s.iter().copied().fold(f64::INFINITY, f64::min).min(longest_s);
-        Self { record, window: TimeWindow { shortest_s, longest_s } }
+        let shortest_s = record.step_s.iter().copied().fold(f64::INFINITY, f64::min);
+        // Without a step nothing is asked of the law; any window serves.
+        let window = match record.time_s.last() {
+            Some(&longest_s) if !record.step_s.is_empty() => TimeWindow { shortest_s, longest_s },
+            _ => TimeWindow { shortest_s: 1.0, longest_s: 1.0 },
+        };
+        Self { record, window }
     }
 
     /// Recorded position (m) at every row, the limit from the left. `compliance_per_m` is the displacement per force at unit creep compliance.
@@ -129,8 +136,9 @@ impl Response {
         sound[points.len()..].fill(false);
         if system.shape.feedback {
             feedback::run(&self.record, &system, position_m);
-            for (lane, sound) in sound.iter_mut().enumerate().take(points.len()) {
-                *sound = feedback::is_small(&system, lane, position_m);
+            let small = feedback::are_small(&system, position_m);
+            for (sound, small) in sound.iter_mut().zip(small) {
+                *sound &= small;
             }
         } else {
             linear::run(&self.record, &system, position_m);

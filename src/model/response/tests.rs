@@ -350,3 +350,43 @@ fn lanes_have_the_bits_of_single_points() {
         }
     }
 }
+
+/// No rows, one row, and fewer rows than the record has.
+#[test]
+fn short_records_are_served() {
+    let (time_s, force_n) = record();
+    for n_rows in [0, 1, 30] {
+        let response = Response::new(&time_s, &force_n, n_rows);
+        let mut stages = lethersich();
+        assert_eq!(response.trajectory_m(&stages, COMPLIANCE_PER_M).expect("sound"), respond(&stages)[..n_rows]);
+        stages.load.gradient_per_m = number(-350.0);
+        stages.load.delay_s = number(0.07);
+        assert_eq!(response.trajectory_m(&stages, COMPLIANCE_PER_M).expect("sound"), respond(&stages)[..n_rows]);
+    }
+}
+
+/// A delay of whole rows, or a rounding beside it, shifts the trajectory by rows: no row is lost where a switch falls on one.
+#[test]
+fn delays_of_whole_rows_shift_the_trajectory() {
+    let time_s: Vec<f64> = (0..60).map(|i| 0.05 * f64::from(i)).collect();
+    let force_n: Vec<f64> = (0..60).map(|i| 4.6e-6 * f64::from([1, 1, -1, 0][(i / 7) % 4])).collect();
+    let response = Response::new(&time_s, &force_n, time_s.len());
+    for lag_time_s in [0.0, 0.03] {
+        let mut stages = rich_law();
+        stages.load.gradient_per_m = number(-350.0);
+        stages.load.lag_time_s = number(lag_time_s);
+        let plain = response.trajectory_m(&stages, COMPLIANCE_PER_M).expect("sound");
+        for n_rows in [1, 4] {
+            for rounding in [-1e-15, -1e-17, 0.0, 1e-17, 1e-15] {
+                stages.load.delay_s = number(time_s[n_rows] + rounding);
+                let found = response.trajectory_m(&stages, COMPLIANCE_PER_M).expect("sound");
+                // What jumps with the force may do so at either side of a row that a switch falls on: compared are the others.
+                for row in n_rows..time_s.len() {
+                    let at_switch = row == n_rows || force_n[row - n_rows] != force_n[row - n_rows - 1];
+                    let error = (found[row] - plain[row - n_rows]).abs() / largest(&plain);
+                    assert!(at_switch || error < 1e-8, "{lag_time_s} {n_rows} {rounding:e} {row}: {error:e}");
+                }
+            }
+        }
+    }
+}

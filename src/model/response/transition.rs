@@ -4,8 +4,10 @@
 
 use std::collections::HashMap;
 
+use pulp::{Arch, Simd, WithSimd};
+
 use super::feedback::Pieces;
-use super::numbers::{Number, Real};
+use super::numbers::{N_LANES, Number, Real, gather};
 use super::system::System;
 use crate::number::Scalar;
 
@@ -36,65 +38,82 @@ impl<S: Number> Transition<S> {
     }
 
     fn new(system: &System<S>, force_n: f64, length_s: S::Lane) -> Self {
-        let zero = S::constant(0.0);
         let n = system.modes.len();
-        let mut transition =
-            Self { matrix: [[zero; LARGEST_STATE + 1]; LARGEST_STATE + 1], offset: zero, output: zero };
+        let length_s = gather::<S>(|_| length_s);
         let level_n = system.scaled_n(force_n) + system.offset_n;
-        for lane in 0..S::N_POINTS {
-            let (level_n, gradient) = (level_n.lane(lane), system.gradient.lane(lane));
-            let jump_m = system.instantaneous.lane(lane) * level_n;
-            let output = S::Lane::constant(1.0) / (S::Lane::constant(1.0) - gradient * jump_m);
-            let acting_n = level_n * output;
-            let mut generator = [[S::Lane::constant(0.0); LARGEST_STATE + 1]; LARGEST_STATE + 1];
-            for (row, mode) in generator.iter_mut().zip(&system.modes) {
-                let drive = mode.gain.lane(lane) * acting_n * length_s;
-                row[..n].fill(drive * gradient);
-                row[n] = drive;
-            }
-            for (i, mode) in system.modes.iter().enumerate() {
-                generator[i][i] = generator[i][i] - mode.rate.lane(lane) * length_s;
-            }
-            let of_lane = exponential(&generator, n + 1);
-            for (target, row) in transition.matrix.iter_mut().zip(&of_lane) {
-                for (target, &entry) in target.iter_mut().zip(row) {
-                    target.set_lane(lane, entry);
-                }
-            }
-            transition.offset.set_lane(lane, jump_m * output);
-            transition.output.set_lane(lane, output);
+        let jump_m = system.instantaneous * level_n;
+        let output = S::constant(1.0) / (S::constant(1.0) - system.gradient * jump_m);
+        let acting_n = level_n * output;
+        let mut generator = [[S::constant(0.0); LARGEST_STATE + 1]; LARGEST_STATE + 1];
+        for (i, mode) in system.modes.iter().enumerate() {
+            let drive = mode.gain * acting_n * length_s;
+            generator[i][..n].fill(drive * system.gradient);
+            generator[i][n] = drive;
+            generator[i][i] = generator[i][i] - mode.rate * length_s;
         }
-        transition
+        Self { matrix: exponential(generator, n + 1), offset: jump_m * output, output }
     }
 }
 
-/// Norm up to which the series is used; its first term left out is below 1e-17.
+/// Norm up to which the series is used; its first term left out is below 1e-15 of the norm.
 const SERIES_NORM: f64 = 0.5;
 const N_TERMS: u32 = 13;
 /// Norms above 2⁶⁰ are not those of a model.
-const MOST_SQUARINGS: u32 = 60;
+const MOST_SQUARINGS: f64 = 60.0;
 
-/// eᴬ of the leading n × n block, by its series and squaring.
-fn exponential<N: Real>(matrix: &Matrix<N>, n: usize) -> Matrix<N> {
-    let norm = matrix[..n].iter().map(|row| row[..n].iter().map(|x| x.value().abs()).sum()).fold(0.0, f64::max);
-    let n_squarings = if norm > SERIES_NORM { (norm / SERIES_NORM).log2().ceil() } else { 0.0 };
-    // A norm that is not finite makes this 0 or the most there are; the result is not finite either.
-    let n_squarings = (n_squarings as u32).min(MOST_SQUARINGS);
-    let scale = 0.5_f64.powi(n_squarings as i32);
-    let mut result = identity(n);
-    for k in (1..=N_TERMS).rev() {
-        result = product(matrix, &result, n, scale / f64::from(k));
-        for (i, row) in result.iter_mut().enumerate().take(n) {
-            row[i] += N::constant(1.0);
+/// eᴬ of the leading n × n block, by its series and squaring; every point is scaled and squared as its own norm asks.
+fn exponential<S: Number>(mut matrix: Matrix<S>, n: usize) -> Matrix<S> {
+    let mut n_squarings = [0; N_LANES];
+    for (lane, n_squarings) in n_squarings.iter_mut().enumerate().take(S::N_POINTS) {
+        let size = |x: &S| x.lane(lane).value().abs();
+        let norm = matrix[..n].iter().map(|row| row[..n].iter().map(size).sum()).fold(0.0, f64::max);
+        if norm > SERIES_NORM {
+            *n_squarings = (norm / SERIES_NORM).log2().ceil().min(MOST_SQUARINGS) as i32;
         }
     }
-    for _ in 0..n_squarings {
-        result = product(&result, &result, n, 1.0);
+    let scale = gather::<S>(|lane| S::Lane::constant(0.5_f64.powi(n_squarings[lane])));
+    for entry in matrix[..n].iter_mut().flat_map(|row| &mut row[..n]) {
+        *entry = *entry * scale;
+    }
+    let mut result = identity(n);
+    Arch::new().dispatch(Series { matrix: &matrix, result: &mut result, n });
+    for round in 0..n_squarings.into_iter().max().unwrap_or(0) {
+        let squared = product(&result, &result, n, 1.0);
+        for i in 0..n {
+            for j in 0..n {
+                for (lane, &wanted) in n_squarings.iter().enumerate().take(S::N_POINTS) {
+                    if round < wanted {
+                        result[i][j].set_lane(lane, squared[i][j].lane(lane));
+                    }
+                }
+            }
+        }
     }
     result
 }
 
-fn identity<N: Real>(n: usize) -> Matrix<N> {
+/// 1 + A (1 + A/2 (1 + A/3 (…))).
+struct Series<'a, S> {
+    matrix: &'a Matrix<S>,
+    result: &'a mut Matrix<S>,
+    n: usize,
+}
+
+impl<S: Number> WithSimd for Series<'_, S> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<V: Simd>(self, _simd: V) {
+        for k in (1..=N_TERMS).rev() {
+            *self.result = product(self.matrix, self.result, self.n, 1.0 / f64::from(k));
+            for i in 0..self.n {
+                self.result[i][i] += S::constant(1.0);
+            }
+        }
+    }
+}
+
+fn identity<N: Number>(n: usize) -> Matrix<N> {
     let mut result = [[N::constant(0.0); LARGEST_STATE + 1]; LARGEST_STATE + 1];
     for (i, row) in result.iter_mut().enumerate().take(n) {
         row[i] = N::constant(1.0);
@@ -103,13 +122,14 @@ fn identity<N: Real>(n: usize) -> Matrix<N> {
 }
 
 /// factor · A B.
-fn product<N: Real>(a: &Matrix<N>, b: &Matrix<N>, n: usize, factor: f64) -> Matrix<N> {
+#[inline(always)]
+fn product<N: Number>(a: &Matrix<N>, b: &Matrix<N>, n: usize, factor: f64) -> Matrix<N> {
     let mut result = [[N::constant(0.0); LARGEST_STATE + 1]; LARGEST_STATE + 1];
     for i in 0..n {
         for k in 0..n {
             let scaled = a[i][k] * factor;
             for j in 0..n {
-                result[i][j] += scaled * b[k][j];
+                result[i][j] = scaled.mul_add(b[k][j], result[i][j]);
             }
         }
     }

@@ -1,0 +1,78 @@
+//! The reduced kernel with each kind of effect: trajectories of eight points at once, 800 regular rows of 0.05 s, ±4.6 µN in holds of 5 s.
+//!
+//! Bar: with any single effect at most ten times the base's likelihood, which takes 0.17 µs a point here. Times are of eight points; the
+//! throughput is that of points.
+
+use std::hint::black_box;
+
+use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use vitreo_uq::effects::Stages;
+use vitreo_uq::model::{N_LANES, Response};
+use vitreo_uq::number::Dual;
+use vitreo_uq::rheology::{BaseLaw, Element};
+
+const N_ROWS: usize = 800;
+const COMPLIANCE_PER_M: f64 = 549.0;
+
+fn number(value: f64) -> Dual {
+    Dual::constant(value)
+}
+
+/// A body of 1/41 of the elastic compliance and its own time, from 0.5 ms to 50,000 s.
+fn body(index: i32) -> Element {
+    let modulus_pa = 41.0 * 3.5;
+    Element::kelvin_voigt(number(modulus_pa), number(modulus_pa * 5e-4 * 10.0_f64.powf(0.2 * f64::from(index))))
+}
+
+type Case = (&'static str, fn(&mut Stages, f64));
+
+/// `size` is near 1 and differs from point to point.
+const CASES: [Case; 10] = [
+    ("base", |_, _| {}),
+    ("delay", |stages, size| stages.load.delay_s = number(0.063 * size)),
+    ("bias", |stages, size| stages.load.offset_n = number(2e-7 * size)),
+    ("lag", |stages, size| stages.load.lag_time_s = number(0.05 * size)),
+    ("gradient", |stages, size| stages.load.gradient_per_m = number(80.0 * size)),
+    ("softening", |stages, size| stages.softening_rate_per_s = number(0.01 * size)),
+    ("drift", |stages, size| stages.observation.velocity_m_per_s = number(1e-6 * size)),
+    ("one more mode", |stages, size| stages.law.push(Element::kelvin_voigt(number(8.0), number(20.0 * size)))),
+    ("41 modes", |stages, _| {
+        stages.law.remove(0);
+        stages.law.extend((0..41).map(body));
+    }),
+    ("gradient and lag", |stages, size| {
+        stages.load.gradient_per_m = number(80.0 * size);
+        stages.load.lag_time_s = number(0.05 * size);
+    }),
+];
+
+fn trajectories(criterion: &mut Criterion) {
+    let time_s: Vec<f64> = (0..N_ROWS).map(|row| 0.05 * row as f64).collect();
+    let force_n: Vec<f64> = (0..N_ROWS).map(|row| if (row / 100) % 2 == 0 { 4.6e-6 } else { -4.6e-6 }).collect();
+    let response = Response::new(&time_s, &force_n, N_ROWS);
+    let mut group = criterion.benchmark_group("response");
+    group.throughput(Throughput::Elements(N_LANES as u64));
+    for (name, add) in CASES {
+        let points: Vec<Stages> = (0..N_LANES)
+            .map(|lane| {
+                let size = 1.0 + 0.07 * lane as f64;
+                let law = [3.527 * size, 1.402, 47.37 * size].map(number);
+                let mut stages = Stages::of_law(BaseLaw::Lethersich.elements(&law));
+                add(&mut stages, size);
+                stages
+            })
+            .collect();
+        let mut positions = Vec::new();
+        let sound = response.trajectories_m(&points, &[COMPLIANCE_PER_M; N_LANES], &mut positions);
+        assert_eq!(sound, [true; N_LANES], "{name}");
+        group.bench_function(name, |bencher| {
+            bencher.iter(|| {
+                response.trajectories_m(black_box(&points), &[COMPLIANCE_PER_M; N_LANES], black_box(&mut positions))
+            });
+        });
+    }
+    group.finish();
+}
+
+criterion_group!(benches, trajectories);
+criterion_main!(benches);
