@@ -8,7 +8,7 @@
 //! lag, gradient and softening are solved with it at the stages. Steps end at every row and at every switch of the delayed command, and grow
 //! geometrically after a switch.
 //!
-//! At the default [`Resolution`] the robot's position errs by less than 1e-7 of its largest, and by less than 1e-6 with springpots.
+//! At the default [`Resolution`] the robot's position errs by less than 2e-8 of its largest.
 
 mod load;
 mod network;
