@@ -96,6 +96,7 @@ impl NoiseLikelihood {
         let pass = Pass::<R, W, OU, GAIN, STUDENT> {
             record: self,
             position_m,
+            scales,
             ou: of(|s| s.ou),
             ou_time_s: of(|s| s.ou_time_s),
             gain_per_m2: of(|s| s.gain_per_m2),
@@ -189,6 +190,7 @@ fn ln_student_constant(dof: f64) -> f64 {
 struct Pass<'a, R, const W: usize, const OU: bool, const GAIN: bool, const STUDENT: bool> {
     record: &'a NoiseLikelihood,
     position_m: &'a [R],
+    scales: &'a [Scales; W],
     ou: [f64; W],
     ou_time_s: [f64; W],
     gain_per_m2: [f64; W],
@@ -213,7 +215,12 @@ impl<R: Borrow<[f64; W]>, const W: usize, const OU: bool, const GAIN: bool, cons
         }
         for register in 0..W / S::F64_LANES {
             for (step, length_s) in steps.iter_mut().zip(&self.record.rows.step_s) {
-                step.fill(simd, register, *length_s, &self.ou, &self.ou_time_s);
+                if W == 1 {
+                    // One number at a time, the standard library's exponential is the faster one.
+                    (step.decay[0], step.gained[0]) = self.scales[0].step(*length_s);
+                } else {
+                    step.fill(simd, register, *length_s, &self.ou, &self.ou_time_s);
+                }
             }
             let prior = PriorVariances {
                 gain: Register::load(simd, &self.gain_per_m2, register),
