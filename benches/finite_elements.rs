@@ -48,7 +48,7 @@ fn trajectories(criterion: &mut Criterion) {
         bencher.iter(|| {
             let load = model.solve_load(&time_s, &force_n);
             let run = |draw: u32| {
-                let law = BaseLaw::Lethersich.creep_compliance(&[3.5 + 0.01 * f64::from(draw), 1.4, 47.0]);
+                let law = BaseLaw::Lethersich.creep_compliance(&[3.5 + 0.01 * f64::from(draw), 1.4, 47.0]).unwrap();
                 model.trajectory(&load, &law, TimeScheme::Exponential)
             };
             (0..64).map(run).map(|x| x.len()).sum::<usize>()

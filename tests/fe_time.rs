@@ -16,7 +16,7 @@ fn mesh(n_per_edge: usize, n_layers: usize) -> Mesh {
 }
 
 fn lethersich() -> CreepCompliance {
-    BaseLaw::Lethersich.creep_compliance(&[3.527, 1.402, 47.370])
+    BaseLaw::Lethersich.creep_compliance(&[3.527, 1.402, 47.370]).unwrap()
 }
 
 /// A spring, two Kelvin–Voigt bodies a hundred times apart in time, and a dashpot.

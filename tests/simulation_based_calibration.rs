@@ -150,7 +150,7 @@ fn reduced_posterior(truth: &[f64], stream: &mut RandomStream, noise_factor: f64
     let time_s: Vec<f64> = (0..200).map(|i| 0.05 * f64::from(i)).collect();
     let force_n: Vec<f64> = (0..200).map(|i| if i < 100 { 4.6e-6 } else { -4.6e-6 }).collect();
     let law = BaseLaw::Lethersich;
-    let position_m = convolve_m(COMPLIANCE_PER_M, &law.creep_compliance(&natural[..3]), &time_s, &force_n);
+    let position_m = convolve_m(COMPLIANCE_PER_M, &law.creep_compliance(&natural[..3]).unwrap(), &time_s, &force_n);
     let noise_sd_m = noise_factor * 1e-6 * natural[3];
     let observed: Vec<Option<f64>> = position_m.iter().map(|x| Some(x + noise_sd_m * stream.normal())).collect();
     let data = SumOfSquares::new(&time_s, &force_n, &observed);

@@ -28,7 +28,7 @@ impl Creep {
     pub fn new(seed: u64) -> Self {
         let time_s: Vec<f64> = (0..200).map(|row| 0.05 * f64::from(row)).collect();
         let force_n: Vec<f64> = (0..200).map(|row| if row < 100 { 4.6e-6 } else { -4.6e-6 }).collect();
-        let law = BaseLaw::Lethersich.creep_compliance(&REFERENCE[..3]);
+        let law = BaseLaw::Lethersich.creep_compliance(&REFERENCE[..3]).unwrap();
         let mut position_m = convolve_m(COMPLIANCE_PER_M, &law, &time_s, &force_n);
         let mut noise = RandomStream::new(seed, 0);
         position_m.iter_mut().for_each(|x| *x += 1e-6 * REFERENCE[3] * noise.normal());

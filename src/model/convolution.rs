@@ -32,7 +32,7 @@ mod tests {
     /// Against the superposition Σ ΔFₖ J(t − tₖ), written out.
     #[test]
     fn equals_the_superposition_of_force_steps() {
-        let mut law = BaseLaw::Lethersich.creep_compliance(&[3.5, 1.4, 47.0]);
+        let mut law = BaseLaw::Lethersich.creep_compliance(&[3.5, 1.4, 47.0]).unwrap();
         law.instantaneous_per_pa = 0.02;
         law.retarded.push(RetardedMode { compliance_per_pa: 0.1, time_s: 5.0 });
         let time_s = [0.0, 0.1, 0.15, 0.9, 1.0, 4.0, 4.5];

@@ -26,7 +26,7 @@ pub struct FullForward<'a> {
 
 impl Forward for FullForward<'_> {
     fn trajectory_m(&self, law_parameters: &[f64]) -> Result<Vec<f64>> {
-        Ok(self.model.trajectory(self.load, &self.law.creep_compliance(law_parameters), self.scheme))
+        Ok(self.model.trajectory(self.load, &self.law.creep_compliance(law_parameters)?, self.scheme))
     }
 }
 
@@ -74,6 +74,6 @@ impl Forward for ReducedForward<'_> {
                 });
             }
         }
-        Ok(convolve_m(self.compliance_per_m, &self.law.creep_compliance(law_parameters), self.time_s, self.force_n))
+        Ok(convolve_m(self.compliance_per_m, &self.law.creep_compliance(law_parameters)?, self.time_s, self.force_n))
     }
 }

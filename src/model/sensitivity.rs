@@ -35,7 +35,7 @@ pub fn log_sensitivities_m(
             }
             columns
         }
-        BaseLaw::Burgers | BaseLaw::TwoElement => Vec::new(),
+        BaseLaw::Burgers | BaseLaw::TwoElement | BaseLaw::Network(_) => Vec::new(),
     }
 }
 
@@ -56,7 +56,7 @@ mod tests {
             let at = |j: usize, shift: f64| {
                 let mut shifted = parameters;
                 shifted[j] *= f64::exp(shift);
-                convolve_m(549.0, &law.creep_compliance(&shifted), &time_s, &force_n)
+                convolve_m(549.0, &law.creep_compliance(&shifted).unwrap(), &time_s, &force_n)
             };
             for (j, column) in found.iter().enumerate() {
                 let (above, below) = (at(j, 1e-5), at(j, -1e-5));

@@ -93,6 +93,7 @@ impl RetardationSpectrum {
             Element::Spring { modulus_pa } => self.instantaneous_per_pa += Dual::ONE / *modulus_pa,
             Element::Dashpot { viscosity_pa_s } => self.fluidity_per_pa_s += Dual::ONE / *viscosity_pa_s,
             Element::Springpot { modulus_pa, time_s, order } => {
+                check_order(*order)?;
                 if order.is_constant(1.0) {
                     self.fluidity_per_pa_s += Dual::ONE / (*modulus_pa * *time_s);
                 } else {
@@ -117,6 +118,7 @@ impl RetardationSpectrum {
             }
             [Element::Spring { modulus_pa: spring_pa }, Element::Springpot { modulus_pa, time_s, order }]
             | [Element::Springpot { modulus_pa, time_s, order }, Element::Spring { modulus_pa: spring_pa }] => {
+                check_order(*order)?;
                 if order.is_constant(1.0) {
                     self.add_kelvin_voigt(*spring_pa, *modulus_pa * *time_s);
                 } else {
@@ -137,4 +139,15 @@ impl RetardationSpectrum {
         self.modes
             .push(SpectralMode { compliance_per_pa: Dual::ONE / modulus_pa, rate_per_s: modulus_pa / viscosity_pa_s });
     }
+}
+
+/// Refuses an order outside (0, 1]; at 0 a springpot is a spring.
+fn check_order(order: Dual) -> Result<()> {
+    if order.value > 0.0 && order.value <= 1.0 {
+        return Ok(());
+    }
+    Err(Error::numerical(
+        format!("a springpot has the order {}", order.value),
+        "give an order above 0 and up to 1; a spring is order 0",
+    ))
 }

@@ -84,14 +84,14 @@ impl Surrogate {
             if lower == upper {
                 let model = FullOrderModel::new(stiffness, lower)?;
                 let load = model.solve_load(training.time_s, training.force_n);
-                return Ok(indices.into_par_iter().map(|i| full_run(training, i, &model, &load)).collect());
+                return indices.into_par_iter().map(|i| full_run(training, i, &model, &load)).collect();
             }
             indices
                 .into_par_iter()
                 .map(|i| {
                     let model = FullOrderModel::new(stiffness, design_point(training, i).1)?;
                     let load = model.solve_load(training.time_s, training.force_n);
-                    Ok(full_run(training, i, &model, &load))
+                    full_run(training, i, &model, &load)
                 })
                 .collect()
         };
@@ -156,7 +156,7 @@ impl Surrogate {
             }
             self.max_projection_error = self.max_projection_error.max(energy.norm(&rest) / norm);
         }
-        let law = training.law.creep_compliance(&run.law_parameters);
+        let law = training.law.creep_compliance(&run.law_parameters)?;
         let reduced = convolve_m(self.compliance_per_m(run.poisson_ratio)?, &law, training.time_s, training.force_n);
         let amplitude = run.position_m.iter().fold(0.0_f64, |a, x| a.max(x.abs()));
         let distance = reduced.iter().zip(&run.position_m).fold(0.0_f64, |d, (r, x)| d.max((r - x).abs()));
@@ -178,17 +178,17 @@ fn design_point(training: &Training, index: u32) -> (Vec<f64>, f64) {
     (law_parameters, lower + coordinate(training.parameters.len() as u32) * (upper - lower))
 }
 
-fn full_run(training: &Training, index: u32, model: &FullOrderModel, load: &SolvedLoad) -> FullRun {
+fn full_run(training: &Training, index: u32, model: &FullOrderModel, load: &SolvedLoad) -> Result<FullRun> {
     let (law_parameters, poisson_ratio) = design_point(training, index);
-    let law = training.law.creep_compliance(&law_parameters);
+    let law = training.law.creep_compliance(&law_parameters)?;
     let n_rows = training.time_s.len();
     let rows: Vec<usize> = (1..=FIELDS_PER_RUN).map(|k| k * (n_rows - 1) / FIELDS_PER_RUN).collect();
-    FullRun {
+    Ok(FullRun {
         position_m: model.trajectory(load, &law, TimeScheme::Exponential),
         fields: model.fields(load, &law, &rows),
         law_parameters,
         poisson_ratio,
-    }
+    })
 }
 
 #[cfg(test)]

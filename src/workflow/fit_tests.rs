@@ -23,7 +23,7 @@ fn problem(experiment: Experiment, set: &[&str]) -> Problem {
 fn instrument_experiment(law_parameters: &[f64], noise_sd_m: f64, rng: &mut ChaCha8Rng) -> Experiment {
     let (replica, _) = embedded().unwrap();
     let record = &replica.record;
-    let law = BaseLaw::Lethersich.creep_compliance(law_parameters);
+    let law = BaseLaw::Lethersich.creep_compliance(law_parameters).unwrap();
     let exact_m = convolve_m(COMPLIANCE_PER_M, &law, &record.time_s, &record.force_n);
     let noise = Normal::new(0.0, noise_sd_m).unwrap();
     let mut experiment = replica.clone();

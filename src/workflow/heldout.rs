@@ -80,7 +80,7 @@ pub fn check(problem: &Problem, reduced: &Reduced, draws: &[NaturalDraw]) -> Res
     let mean_m = mean_trajectory(&full_m, None);
     let (extreme_row, amplitude_m) =
         mean_m.iter().enumerate().fold((0, 0.0), |(row, a), (i, x)| if x.abs() > a { (i, x.abs()) } else { (row, a) });
-    let middle = problem.law.creep_compliance(&median_of(draws)[..n_law]);
+    let middle = problem.law.creep_compliance(&median_of(draws)[..n_law])?;
     let fields = model.fields(&load, &middle, &[extreme_row]);
     let strain = match fields.first() {
         Some(field) => {

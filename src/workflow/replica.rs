@@ -56,7 +56,7 @@ pub fn trajectory_csv() -> Result<String> {
         .map(|i| if (i / STEPS_PER_SAMPLE / hold_rows).is_multiple_of(2) { FORCE_N } else { -FORCE_N })
         .collect();
     let load = model.solve_load(&time_s, &force_n);
-    let position_m = model.trajectory(&load, &BaseLaw::Lethersich.creep_compliance(&TABLE_I), TimeScheme::Midpoint);
+    let position_m = model.trajectory(&load, &BaseLaw::Lethersich.creep_compliance(&TABLE_I)?, TimeScheme::Midpoint);
     let noise = Normal::new(0.0, NOISE_SD_M).map_err(|e| Error::numerical(e.to_string(), "give a positive noise"))?;
     let mut rng = ChaCha8Rng::seed_from_u64(SEED);
     let mut csv = String::from("time_s,force_uN,position_um,cycle\n");

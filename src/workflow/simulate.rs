@@ -225,7 +225,7 @@ pub fn run(
     let clock = Instant::now();
     monitor.stage("running the full finite-element model");
     let values: Vec<f64> = request.parameters.iter().map(|p| p.value).collect();
-    let law = problem.law.creep_compliance(&values);
+    let law = problem.law.creep_compliance(&values)?;
     let model = FullOrderModel::new(&fe.stiffness, fe.poisson_ratio)?;
     let record = &problem.experiment.record;
     let grid = TimeGrid::new(record, request.time_step_s);
