@@ -128,7 +128,7 @@ impl Network {
         Ok(network)
     }
 
-    /// The table that [`Network::from_toml`] reads.
+    /// The table under `network`, as it is read.
     pub fn to_toml_value(&self) -> toml::Value {
         self.root.to_toml_value()
     }
