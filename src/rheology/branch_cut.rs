@@ -1,14 +1,19 @@
 //! Any network with springpots: its density of retardation rates from the branch cut of its complex compliance.
 //!
 //! J*(s) has no singularity off the negative axis, so J(t) = J₀ + φt + ∫ L(u) (1 − e^{−eᵘt}) du with L(u) = −(1/π) Im J*(e^{u + iπ}). A springpot
-//! in parallel with anything keeps the poles of the rest off the axis.
+//! in parallel with anything keeps the poles of the rest off the axis; beyond the cut they come as near to it as orders are to 1. A zero of
+//! G*(eᵛ) at v = u₀ + iπ, 0 < Im u₀ < π/2, makes the midpoint rule wrong by what is then added as an oscillating mode of rate e^{u₀} and
+//! compliance −2/(dG*/dv · (1 + e^{−2πiu₀/h})). Zeros that were missed would show when the step is refined.
 
-use std::f64::consts::PI;
-use std::ops::Add;
+use std::f64::consts::{FRAC_PI_2, PI};
 
+use nalgebra::Complex;
+
+use super::complex::ComplexDual;
 use super::fractional::STEP;
 use super::lumped::{Density, Node, SLOWEST_OF_RISING};
-use super::{Element, RetardationSpectrum, SpectralMode, TimeWindow};
+use super::spectrum::check_order;
+use super::{Element, OscillatingMode, RetardationSpectrum, SpectralMode, TimeWindow, stieltjes};
 use crate::error::{Error, Result};
 use crate::number::{Dual, Scalar};
 
@@ -20,16 +25,26 @@ const TOLERANCE: f64 = 4e-9;
 const MAX_REFINEMENTS: i32 = 9;
 /// Ratio of a step to the one before.
 const REFINEMENT: f64 = 0.75;
+/// Newton's steps towards a zero.
+const MAX_NEWTON_STEPS: u32 = 30;
+/// Distance in u between the starts of Newton's method.
+const START_SPACING: f64 = 0.8;
+/// How far in u beyond the window's rates zeros and weights still count: a retardation e²⁰ times faster or slower than the window is flow or a spring
+/// to 2e-9.
+const REACH: f64 = 20.0;
 
 /// Adds the spectrum of a network over a window.
 ///
 /// # Errors
-/// [`Error::Numerical`] where the density is too sharp for the finest step.
+/// [`Error::Numerical`] where an order is outside (0, 1], where the derivative by an order of 1 is asked for (the density vanishes there), and
+/// where the density is too sharp for the finest step.
 pub(super) fn add_network(spectrum: &mut RetardationSpectrum, network: &Element, window: TimeWindow) -> Result<()> {
-    let mut coarse = spectrum_at(network, STEP, window);
+    check_orders(network)?;
+    let zeros = zeros_beyond_the_cut(network, window);
+    let mut coarse = spectrum_at(network, STEP, &zeros, window);
     let mut difference = f64::NAN;
     for refinement in 1..=MAX_REFINEMENTS {
-        let fine = spectrum_at(network, STEP * REFINEMENT.powi(refinement), window);
+        let fine = spectrum_at(network, STEP * REFINEMENT.powi(refinement), &zeros, window);
         difference = largest_difference(&coarse, &fine, window);
         if difference <= TOLERANCE {
             spectrum.extend(coarse);
@@ -39,27 +54,39 @@ pub(super) fn add_network(spectrum: &mut RetardationSpectrum, network: &Element,
     }
     Err(Error::numerical(
         format!("the creep of this network of springpots cannot be computed: its error is still {difference:.1e}"),
-        "keep the orders of springpots in parallel with other elements below about 0.95, or write a dashpot for order 1",
+        "keep the orders of springpots in parallel with other elements below 1, or write a dashpot for order 1",
     ))
 }
 
-fn spectrum_at(network: &Element, step: f64, window: TimeWindow) -> RetardationSpectrum {
+fn check_orders(element: &Element) -> Result<()> {
+    match element {
+        Element::Spring { .. } | Element::Dashpot { .. } => Ok(()),
+        Element::Springpot { order, .. } if order.value == 1.0 && order.derivative != 0.0 => Err(Error::numerical(
+            "the derivative by an order of 1 inside a network cannot be computed",
+            "keep the orders of springpots in parallel with other elements below 1, or write a dashpot for order 1",
+        )),
+        Element::Springpot { order, .. } => check_order(*order),
+        Element::Series(elements) | Element::Parallel(elements) => elements.iter().try_for_each(check_orders),
+    }
+}
+
+fn spectrum_at(network: &Element, step: f64, zeros: &[Zero], window: TimeWindow) -> RetardationSpectrum {
     let node = |node: Node| {
-        let compliance = modulus_at(network, Frequency { ln_size_per_s: node.u, is_negative: true }).reciprocal();
+        let compliance = modulus_at(network, ComplexDual::constant(node.u, PI)).value.reciprocal();
         SpectralMode { compliance_per_pa: compliance.im * (-step / PI), rate_per_s: Dual::constant(node.exp_u) }
     };
-    let transform =
-        |s: f64| modulus_at(network, Frequency { ln_size_per_s: s.ln(), is_negative: false }).reciprocal().re;
+    let transform = |s: f64| modulus_at(network, ComplexDual::constant(s.ln(), 0.0)).value.reciprocal().re;
     let mut spectrum = RetardationSpectrum::empty();
     Density {
         node,
+        compliance: transform,
         factor: Dual::ONE,
         step,
         ln_scale: 0.0,
         order: Dual::ZERO,
         slowest: SLOWEST_OF_RISING,
-        poles: Vec::new(),
-        compliance: transform,
+        least_tail: REACH,
+        poles: zeros.iter().map(|zero| zero.mode(step)).collect(),
     }
     .add_to(&mut spectrum, window);
     spectrum
@@ -69,61 +96,123 @@ fn largest_difference(a: &RetardationSpectrum, b: &RetardationSpectrum, window: 
     let ratio = window.longest_s / window.shortest_s;
     let size = b.creep_compliance_per_pa(window.longest_s).abs();
     let at = |k: u32| window.shortest_s * ratio.powf(f64::from(k) / f64::from(N_TIMES - 1));
-    (0..N_TIMES)
-        .map(|k| (a.creep_compliance_per_pa(at(k)) - b.creep_compliance_per_pa(at(k))).abs() / size)
-        .fold(0.0, |largest, difference| if difference > largest || difference.is_nan() { difference } else { largest })
+    let differences =
+        (0..N_TIMES).map(|k| (a.creep_compliance_per_pa(at(k)) - b.creep_compliance_per_pa(at(k))).abs() / size);
+    // NaN must not pass for small.
+    differences.fold(0.0, |largest, each| if each > largest || each.is_nan() { each } else { largest })
 }
 
-/// s = e^{ln_size} or, on the upper side of the cut, e^{ln_size + iπ}.
-#[derive(Clone, Copy)]
-struct Frequency {
-    ln_size_per_s: f64,
-    is_negative: bool,
+/// A zero of G* at v = u₀ + iπ.
+struct Zero {
+    u: ComplexDual,
+    /// dG*/dv there.
+    slope: ComplexDual,
 }
 
-/// G*(s).
-fn modulus_at(element: &Element, s: Frequency) -> ComplexDual {
+impl Zero {
+    fn mode(&self, step: f64) -> OscillatingMode {
+        // −2πi u₀/h.
+        let exponent = ComplexDual { re: self.u.im * (2.0 * PI / step), im: self.u.re * (-2.0 * PI / step) };
+        let share = (self.slope * (exponent.exp() + ComplexDual::constant(1.0, 0.0))).reciprocal();
+        let rate = self.u.exp();
+        OscillatingMode { compliance_per_pa: [share.re * -2.0, share.im * -2.0], rate_per_s: [rate.re, rate.im] }
+    }
+}
+
+/// The zeros of G* with 0 < Im u₀ < π/2 within reach of the window's rates, by Newton's method from many starts; the last step, in dual numbers, makes the
+/// derivatives exact.
+fn zeros_beyond_the_cut(network: &Element, window: TimeWindow) -> Vec<Zero> {
+    let (slowest, fastest) = (-window.longest_s.ln() - REACH, -window.shortest_s.ln() + REACH);
+    let n_starts = ((fastest - slowest) / START_SPACING).ceil().max(0.0) as u32;
+    let mut zeros: Vec<Zero> = Vec::new();
+    let poles = poles_on_the_axis(network);
+    let near_poles = poles.iter().map(|u| [*u, 0.1]);
+    let starts = (0..=n_starts).map(|start| [slowest + START_SPACING * f64::from(start), 0.3]).chain(near_poles);
+    for start in starts {
+        let Some(u) = newton(network, &poles, start) else { continue };
+        let is_known = zeros.iter().any(|zero| (zero.u.re.value - u.re).hypot(zero.u.im.value - u.im) < 1e-8);
+        if is_known || !(u.im > 0.0 && u.im < FRAC_PI_2) || u.re < slowest || u.re > fastest {
+            continue;
+        }
+        let v = ComplexDual::constant(u.re, u.im + PI);
+        let at = modulus_at(network, v);
+        let v = v - at.value * at.slope.reciprocal();
+        let u = ComplexDual { re: v.re, im: v.im - PI };
+        zeros.push(Zero { u, slope: modulus_at(network, v).slope });
+    }
+    zeros
+}
+
+/// ln of the rates at which the moduli of parts without springpots are infinite.
+fn poles_on_the_axis(element: &Element) -> Vec<f64> {
+    if let Some(rates) = stieltjes::relaxation_rates_per_s(element) {
+        return rates.into_iter().map(f64::ln).collect();
+    }
     match element {
-        Element::Spring { modulus_pa } => ComplexDual { re: *modulus_pa, im: Dual::ZERO },
+        Element::Series(elements) | Element::Parallel(elements) => {
+            elements.iter().flat_map(poles_on_the_axis).collect()
+        }
+        _ => Vec::new(),
+    }
+}
+
+/// Newton's method for G* Π(u − u_pole): beside a pole, a zero of G* alone attracts next to nothing.
+fn newton(network: &Element, poles: &[f64], [re, im]: [f64; 2]) -> Option<Complex<f64>> {
+    let mut u = Complex::new(re, im);
+    for _ in 0..MAX_NEWTON_STEPS {
+        let at = modulus_at(network, ComplexDual::constant(u.re, u.im + PI));
+        let logarithmic = at.slope * at.value.reciprocal();
+        let of_poles: Complex<f64> = poles.iter().map(|pole| (u - pole).inv()).sum();
+        let step = (Complex::new(logarithmic.re.value, logarithmic.im.value) + of_poles).inv();
+        let size = step.norm();
+        // Long steps overshoot: the modulus is a sum of exponentials of v.
+        u -= step * size.recip().min(1.0);
+        if size < 1e-12 {
+            return Some(u);
+        }
+        if !(size.is_finite() && u.im.abs() < PI) {
+            return None;
+        }
+    }
+    None
+}
+
+/// G* at s = eᵛ, and its derivative by v.
+#[derive(Clone, Copy)]
+struct Modulus {
+    value: ComplexDual,
+    slope: ComplexDual,
+}
+
+fn modulus_at(element: &Element, v: ComplexDual) -> Modulus {
+    let zero = ComplexDual::constant(0.0, 0.0);
+    match element {
+        Element::Spring { modulus_pa } => {
+            Modulus { value: ComplexDual { re: *modulus_pa, im: Dual::ZERO }, slope: zero }
+        }
         Element::Dashpot { viscosity_pa_s } => {
-            let sign = if s.is_negative { -1.0 } else { 1.0 };
-            ComplexDual { re: *viscosity_pa_s * (sign * s.ln_size_per_s.exp()), im: Dual::ZERO }
+            let value = v.exp() * *viscosity_pa_s;
+            Modulus { value, slope: value }
         }
         Element::Springpot { modulus_pa, time_s, order } => {
-            let size = *modulus_pa * (*order * (time_s.ln() + s.ln_size_per_s)).exp();
-            if s.is_negative {
-                // cos απ and sin απ from 1 − α, so that they keep their digits near α = 1.
-                let from_one = (Dual::ONE - *order) * PI;
-                ComplexDual { re: -size * from_one.cos(), im: size * from_one.sin() }
-            } else {
-                ComplexDual { re: size, im: Dual::ZERO }
-            }
+            let exponent = ComplexDual { re: *order * (v.re + time_s.ln()), im: *order * v.im };
+            let value = exponent.exp() * *modulus_pa;
+            Modulus { value, slope: value * *order }
         }
         Element::Series(elements) => {
-            elements.iter().fold(ComplexDual::ZERO, |sum, part| sum + modulus_at(part, s).reciprocal()).reciprocal()
+            let (mut compliance, mut slope) = (zero, zero);
+            for part in elements {
+                let part = modulus_at(part, v);
+                let inverse = part.value.reciprocal();
+                compliance = compliance + inverse;
+                slope = slope + inverse * inverse * part.slope;
+            }
+            let value = compliance.reciprocal();
+            Modulus { value, slope: value * value * slope }
         }
-        Element::Parallel(elements) => elements.iter().fold(ComplexDual::ZERO, |sum, part| sum + modulus_at(part, s)),
-    }
-}
-
-#[derive(Debug, Clone, Copy)]
-struct ComplexDual {
-    re: Dual,
-    im: Dual,
-}
-
-impl ComplexDual {
-    const ZERO: Self = Self { re: Dual::ZERO, im: Dual::ZERO };
-
-    fn reciprocal(self) -> Self {
-        let square = self.re * self.re + self.im * self.im;
-        Self { re: self.re / square, im: -self.im / square }
-    }
-}
-
-impl Add for ComplexDual {
-    type Output = Self;
-    fn add(self, other: Self) -> Self {
-        Self { re: self.re + other.re, im: self.im + other.im }
+        Element::Parallel(elements) => elements.iter().fold(Modulus { value: zero, slope: zero }, |sum, part| {
+            let part = modulus_at(part, v);
+            Modulus { value: sum.value + part.value, slope: sum.slope + part.slope }
+        }),
     }
 }

@@ -1,6 +1,7 @@
 //! Springs, dashpots and their creep compliance (physics §2). Scalar: space enters only through [`crate::fe`].
 
 mod branch_cut;
+mod complex;
 mod element;
 mod fractional;
 mod lumped;

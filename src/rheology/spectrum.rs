@@ -142,7 +142,7 @@ impl RetardationSpectrum {
 }
 
 /// Refuses an order outside (0, 1]; at 0 a springpot is a spring.
-fn check_order(order: Dual) -> Result<()> {
+pub(super) fn check_order(order: Dual) -> Result<()> {
     if order.value > 0.0 && order.value <= 1.0 {
         return Ok(());
     }
