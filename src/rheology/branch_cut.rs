@@ -15,7 +15,7 @@ use super::lumped::{Density, Node, SLOWEST_OF_RISING};
 use super::spectrum::check_order;
 use super::{Element, OscillatingMode, RetardationSpectrum, SpectralMode, TimeWindow, stieltjes};
 use crate::error::{Error, Result};
-use crate::number::{Dual, Scalar};
+use crate::number::Dual;
 
 /// Times at which two steps of the midpoint rule are compared.
 const N_TIMES: u32 = 13;
@@ -28,7 +28,7 @@ const REFINEMENT: f64 = 0.75;
 /// Newton's steps towards a zero.
 const MAX_NEWTON_STEPS: u32 = 30;
 /// Distance in u between the starts of Newton's method.
-const START_SPACING: f64 = 0.8;
+const START_SPACING: f64 = 2.0;
 /// How far in u beyond the window's rates zeros and weights still count: a retardation e²⁰ times faster or slower than the window is flow or a spring
 /// to 2e-9.
 const REACH: f64 = 20.0;
@@ -119,51 +119,67 @@ impl Zero {
     }
 }
 
-/// The zeros of G* with 0 < Im u₀ < π/2 within reach of the window's rates, by Newton's method from many starts; the last step, in dual numbers, makes the
-/// derivatives exact.
+/// The zeros of G* with 0 < Im u₀ < π/2 within reach of the window's rates; a last step of Newton's method, in dual numbers, makes the derivatives
+/// exact.
 fn zeros_beyond_the_cut(network: &Element, window: TimeWindow) -> Vec<Zero> {
-    let (slowest, fastest) = (-window.longest_s.ln() - REACH, -window.shortest_s.ln() + REACH);
-    let n_starts = ((fastest - slowest) / START_SPACING).ceil().max(0.0) as u32;
-    let mut zeros: Vec<Zero> = Vec::new();
-    let poles = poles_on_the_axis(network);
-    let near_poles = poles.iter().map(|u| [*u, 0.1]);
-    let starts = (0..=n_starts).map(|start| [slowest + START_SPACING * f64::from(start), 0.3]).chain(near_poles);
-    for start in starts {
-        let Some(u) = newton(network, &poles, start) else { continue };
-        let is_known = zeros.iter().any(|zero| (zero.u.re.value - u.re).hypot(zero.u.im.value - u.im) < 1e-8);
-        if is_known || !(u.im > 0.0 && u.im < FRAC_PI_2) || u.re < slowest || u.re > fastest {
-            continue;
-        }
+    let reach = [-window.longest_s.ln() - REACH, -window.shortest_s.ln() + REACH];
+    let exact = |u: Complex<f64>| {
         let v = ComplexDual::constant(u.re, u.im + PI);
         let at = modulus_at(network, v);
         let v = v - at.value * at.slope.reciprocal();
-        let u = ComplexDual { re: v.re, im: v.im - PI };
-        zeros.push(Zero { u, slope: modulus_at(network, v).slope });
-    }
-    zeros
+        Zero { u: ComplexDual { re: v.re, im: v.im - PI }, slope: modulus_at(network, v).slope }
+    };
+    let inside = |u: &Complex<f64>| u.im > 0.0 && u.im < FRAC_PI_2 && u.re > reach[0] && u.re < reach[1];
+    zeros_of_modulus(network, reach).into_iter().filter(inside).map(exact).collect()
 }
 
-/// ln of the rates at which the moduli of parts without springpots are infinite.
-fn poles_on_the_axis(element: &Element) -> Vec<f64> {
-    if let Some(rates) = stieltjes::relaxation_rates_per_s(element) {
-        return rates.into_iter().map(f64::ln).collect();
-    }
+/// Where G* vanishes: for bodies in series where that of one of them does.
+fn zeros_of_modulus(element: &Element, reach: [f64; 2]) -> Vec<Complex<f64>> {
     match element {
-        Element::Series(elements) | Element::Parallel(elements) => {
-            elements.iter().flat_map(poles_on_the_axis).collect()
-        }
+        Element::Series(elements) => elements.iter().flat_map(|part| zeros_of_modulus(part, reach)).collect(),
+        Element::Parallel(_) => match stieltjes::spectrum_of(element) {
+            Some(exact) => exact.modes.iter().map(|mode| Complex::new(mode.rate_per_s.value.ln(), 0.0)).collect(),
+            None => zeros(element, 1.0, &poles_of_modulus(element, reach), reach),
+        },
         _ => Vec::new(),
     }
 }
 
-/// Newton's method for G* Π(u − u_pole): beside a pole, a zero of G* alone attracts next to nothing.
-fn newton(network: &Element, poles: &[f64], [re, im]: [f64; 2]) -> Option<Complex<f64>> {
-    let mut u = Complex::new(re, im);
+/// Where G* is infinite: for bodies in parallel where that of one of them is.
+fn poles_of_modulus(element: &Element, reach: [f64; 2]) -> Vec<Complex<f64>> {
+    match element {
+        Element::Parallel(elements) => elements.iter().flat_map(|part| poles_of_modulus(part, reach)).collect(),
+        Element::Series(_) => match stieltjes::relaxation_rates_per_s(element) {
+            Some(rates) => rates.into_iter().map(|rate| Complex::new(rate.ln(), 0.0)).collect(),
+            None => zeros(element, -1.0, &zeros_of_modulus(element, reach), reach),
+        },
+        _ => Vec::new(),
+    }
+}
+
+/// Zeros of G* (`power` 1) or of J* (`power` −1) found from starts over the reach and beside the function's poles.
+fn zeros(element: &Element, power: f64, poles: &[Complex<f64>], reach: [f64; 2]) -> Vec<Complex<f64>> {
+    let n_starts = ((reach[1] - reach[0]) / START_SPACING).ceil().max(0.0) as u32;
+    let regular = (0..=n_starts).map(|start| Complex::new(reach[0] + START_SPACING * f64::from(start), 0.3));
+    let beside = poles.iter().map(|pole| pole + Complex::new(0.0, 0.1));
+    let mut zeros: Vec<Complex<f64>> = Vec::new();
+    for start in regular.chain(beside) {
+        if let Some(zero) = newton(element, power, poles, start)
+            && zeros.iter().all(|known| (known - zero).norm() > 1e-8)
+        {
+            zeros.push(zero);
+        }
+    }
+    zeros
+}
+
+/// Newton's method for G*^power Π(u − u_pole): beside a pole, a zero of G* alone attracts next to nothing.
+fn newton(element: &Element, power: f64, poles: &[Complex<f64>], mut u: Complex<f64>) -> Option<Complex<f64>> {
     for _ in 0..MAX_NEWTON_STEPS {
-        let at = modulus_at(network, ComplexDual::constant(u.re, u.im + PI));
+        let at = modulus_at(element, ComplexDual::constant(u.re, u.im + PI));
         let logarithmic = at.slope * at.value.reciprocal();
         let of_poles: Complex<f64> = poles.iter().map(|pole| (u - pole).inv()).sum();
-        let step = (Complex::new(logarithmic.re.value, logarithmic.im.value) + of_poles).inv();
+        let step = (Complex::new(logarithmic.re.value, logarithmic.im.value) * power + of_poles).inv();
         let size = step.norm();
         // Long steps overshoot: the modulus is a sum of exponentials of v.
         u -= step * size.recip().min(1.0);

@@ -197,6 +197,8 @@ impl From<&SpectralMode> for RetardedMode {
 }
 
 #[cfg(test)]
+mod network_tests;
+#[cfg(test)]
 mod spectrum_tests;
 #[cfg(test)]
 mod tests {
