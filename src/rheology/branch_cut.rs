@@ -27,7 +27,7 @@ const MAX_REFINEMENTS: i32 = 9;
 const REFINEMENT: f64 = 0.75;
 /// Newton's steps towards a zero.
 const MAX_NEWTON_STEPS: u32 = 30;
-/// Distance in u between the starts of Newton's method.
+/// Distance in u between the starts of Newton's method; zeros far from every start are found from the poles beside them.
 const START_SPACING: f64 = 2.0;
 /// How far in u beyond the window's rates zeros and weights still count: a retardation e²⁰ times faster or slower than the window is flow or a spring
 /// to 2e-9.
@@ -53,8 +53,10 @@ pub(super) fn add_network(spectrum: &mut RetardationSpectrum, network: &Element,
         coarse = fine;
     }
     Err(Error::numerical(
-        format!("the creep of this network of springpots cannot be computed: its error is still {difference:.1e}"),
-        "keep the orders of springpots in parallel with other elements below 1, or write a dashpot for order 1",
+        format!(
+            "the creep of this network of springpots cannot be computed: its error is still {difference:.1e} of itself"
+        ),
+        "keep orders away from 1 or write a dashpot for order 1, and join springs and dashpots of nearly the same times",
     ))
 }
 

@@ -62,10 +62,23 @@ impl RetardationSpectrum {
     /// the window stand as instantaneous compliance.
     ///
     /// # Errors
-    /// [`Error::Numerical`] where a network has no spectrum that can be computed.
+    /// [`Error::Numerical`] where a network has no spectrum that can be computed, and where the window is not one of positive, finite times.
     pub fn of(law: &[Element], window: TimeWindow) -> Result<Self> {
+        let TimeWindow { shortest_s, longest_s } = window;
+        if !(shortest_s > 0.0 && longest_s >= shortest_s && longest_s.is_finite()) {
+            return Err(Error::numerical(
+                format!("a spectrum cannot hold from {shortest_s} s to {longest_s} s"),
+                "give positive, finite times, the shortest first",
+            ));
+        }
         let mut spectrum = Self::empty();
         law.iter().try_for_each(|element| spectrum.add(element, window))?;
+        if !(spectrum.instantaneous_per_pa.value.is_finite() && spectrum.fluidity_per_pa_s.value.is_finite()) {
+            return Err(Error::numerical(
+                format!("the creep compliance of {law:?} is not finite"),
+                "give moduli, viscosities and times of a size that can be",
+            ));
+        }
         Ok(spectrum)
     }
 
