@@ -26,7 +26,7 @@ const MAX_REFINEMENTS: i32 = 9;
 /// Ratio of a step to the one before.
 const REFINEMENT: f64 = 0.75;
 /// Newton's steps towards a zero.
-const MAX_NEWTON_STEPS: u32 = 30;
+const MAX_NEWTON_STEPS: u32 = 20;
 /// Distance in u between the starts of Newton's method; zeros far from every start are found from the poles beside them.
 const START_SPACING: f64 = 2.0;
 /// How far in u beyond the window's rates zeros and weights still count: a retardation e²⁰ times faster or slower than the window is flow or a spring
@@ -166,7 +166,7 @@ fn zeros(element: &Element, power: f64, poles: &[Complex<f64>], reach: [f64; 2])
     let beside = poles.iter().map(|pole| pole + Complex::new(0.0, 0.1));
     let mut zeros: Vec<Complex<f64>> = Vec::new();
     for start in regular.chain(beside) {
-        if let Some(zero) = newton(element, power, poles, start)
+        if let Some(zero) = newton(element, power, poles, start, reach)
             && zeros.iter().all(|known| (known - zero).norm() > 1e-8)
         {
             zeros.push(zero);
@@ -176,7 +176,13 @@ fn zeros(element: &Element, power: f64, poles: &[Complex<f64>], reach: [f64; 2])
 }
 
 /// Newton's method for G*^power Π(u − u_pole): beside a pole, a zero of G* alone attracts next to nothing.
-fn newton(element: &Element, power: f64, poles: &[Complex<f64>], mut u: Complex<f64>) -> Option<Complex<f64>> {
+fn newton(
+    element: &Element,
+    power: f64,
+    poles: &[Complex<f64>],
+    mut u: Complex<f64>,
+    reach: [f64; 2],
+) -> Option<Complex<f64>> {
     for _ in 0..MAX_NEWTON_STEPS {
         let at = modulus_at(element, ComplexDual::constant(u.re, u.im + PI));
         let logarithmic = at.slope * at.value.reciprocal();
@@ -188,7 +194,7 @@ fn newton(element: &Element, power: f64, poles: &[Complex<f64>], mut u: Complex<
         if size < 1e-12 {
             return Some(u);
         }
-        if !(size.is_finite() && u.im.abs() < PI) {
+        if !(size.is_finite() && u.im.abs() < PI && u.re > reach[0] - 2.0 && u.re < reach[1] + 2.0) {
             return None;
         }
     }
