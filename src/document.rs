@@ -23,8 +23,6 @@ pub(crate) struct Document<'a> {
 pub(crate) struct Table<'a> {
     document: &'a Document<'a>,
     table: &'a DeTable<'a>,
-    /// Path from the root, empty for the root itself.
-    path: &'a str,
     line: usize,
 }
 
@@ -65,7 +63,7 @@ impl<'a> Document<'a> {
 
     /// The root table.
     pub(crate) fn root(&'a self) -> Table<'a> {
-        Table { document: self, table: self.root.get_ref(), path: "", line: 1 }
+        Table { document: self, table: self.root.get_ref(), line: 1 }
     }
 }
 
@@ -73,9 +71,39 @@ fn line_of(text: &str, byte: usize) -> usize {
     1 + text.as_bytes().iter().take(byte).filter(|byte| **byte == b'\n').count()
 }
 
+/// The path from a table to one that stands in it, by identity: `a.b`, with `[n]` for the n-th of a list.
+fn path_to(from: &DeTable<'_>, target: &DeTable<'_>) -> Option<String> {
+    from.iter().find_map(|(key, value)| {
+        path_in(value.get_ref(), target).map(|rest| {
+            let dot = if rest.is_empty() || rest.starts_with('[') { "" } else { "." };
+            format!("{}{dot}{rest}", key.get_ref())
+        })
+    })
+}
+
+fn path_in(value: &DeValue<'_>, target: &DeTable<'_>) -> Option<String> {
+    match value {
+        DeValue::Table(table) if std::ptr::eq(table, target) => Some(String::new()),
+        DeValue::Table(table) => path_to(table, target),
+        DeValue::Array(items) => items.iter().enumerate().find_map(|(index, item)| {
+            path_in(item.get_ref(), target).map(|rest| {
+                let dot = if rest.is_empty() || rest.starts_with('[') { "" } else { "." };
+                format!("[{}]{dot}{rest}", index + 1)
+            })
+        }),
+        _ => None,
+    }
+}
+
 impl<'a> Table<'a> {
+    /// Path from the root, empty for the root itself; searched for, because only refusals need it.
+    fn path(&self) -> String {
+        path_to(self.document.root.get_ref(), self.table).unwrap_or_default()
+    }
+
     fn full_key(&self, key: &str) -> String {
-        if self.path.is_empty() { key.to_string() } else { format!("{}.{key}", self.path) }
+        let path = self.path();
+        if path.is_empty() { key.to_string() } else { format!("{path}.{key}") }
     }
 
     fn entry(&self, key: &str) -> Option<(Range<usize>, &'a Spanned<DeValue<'a>>)> {
@@ -103,6 +131,11 @@ impl<'a> Table<'a> {
         Error::input(self.place(key), found, remedy)
     }
 
+    /// Refuses the table as a whole.
+    pub(crate) fn refuse_whole(&self, found: impl Into<String>, remedy: impl Into<String>) -> Error {
+        Error::input(Place::file(&self.document.file).at_line(self.line).at_key(self.path()), found, remedy)
+    }
+
     /// Refuses the first key that is not among `known`, and suggests the nearest of them.
     pub(crate) fn only(&self, known: &[&str]) -> Result<()> {
         let Some(unknown) = self.keys().find(|key| !known.contains(key)) else { return Ok(()) };
@@ -115,7 +148,8 @@ impl<'a> Table<'a> {
 
     /// The error for a missing key; `example` is a full line that would be accepted.
     pub(crate) fn missing(&self, key: &str, example: &str) -> Error {
-        let found = if self.path.is_empty() { "missing".into() } else { format!("missing in [{}]", self.path) };
+        let path = self.path();
+        let found = if path.is_empty() { "missing".into() } else { format!("missing in [{path}]") };
         self.refuse(key, found, format!("add `{example}`"))
     }
 
@@ -224,20 +258,33 @@ impl<'a> Table<'a> {
         }
     }
 
-    /// A table of the root, if present.
-    pub(crate) fn table(&self, key: &'a str) -> Result<Option<Table<'a>>> {
+    /// The tables of a list that must be there; `example` is a full line that would be accepted.
+    pub(crate) fn tables(&self, key: &str, example: &str) -> Result<Vec<Table<'a>>> {
+        let Some(values) = self.array(key, "a list of tables", example)? else {
+            return Err(self.missing(key, example));
+        };
+        let document = self.document;
+        let table = |value: &'a Spanned<DeValue<'a>>| match value.get_ref().as_table() {
+            Some(table) => Ok(Table { document, table, line: line_of(document.text, value.span().start) }),
+            None => Err(self.wrong_type(key, value.get_ref(), "a table in the list", example)),
+        };
+        values.iter().map(table).collect()
+    }
+
+    /// A table in this one, if present.
+    pub(crate) fn table(&self, key: &str) -> Result<Option<Table<'a>>> {
         let Some((span, value)) = self.entry(key) else { return Ok(None) };
         match value.get_ref().as_table() {
             Some(table) => {
                 let line = line_of(self.document.text, span.start);
-                Ok(Some(Table { document: self.document, table, path: key, line }))
+                Ok(Some(Table { document: self.document, table, line }))
             }
-            None => Err(self.wrong_type(key, value.get_ref(), "a table", &format!("[{key}]"))),
+            None => Err(self.wrong_type(key, value.get_ref(), "a table", &format!("[{}]", self.full_key(key)))),
         }
     }
 
-    /// A table of the root that must be there.
-    pub(crate) fn required_table(&self, key: &'a str) -> Result<Table<'a>> {
-        self.table(key)?.ok_or_else(|| self.missing(key, &format!("[{key}]")))
+    /// A table in this one that must be there.
+    pub(crate) fn required_table(&self, key: &str) -> Result<Table<'a>> {
+        self.table(key)?.ok_or_else(|| self.missing(key, &format!("[{}]", self.full_key(key))))
     }
 }

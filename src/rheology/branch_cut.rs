@@ -1,16 +1,21 @@
 //! Any network with springpots: its density of retardation rates from the branch cut of its complex compliance.
 //!
 //! J*(s) has no singularity off the negative axis, so J(t) = J₀ + φt + ∫ L(u) (1 − e^{−eᵘt}) du with L(u) = −(1/π) Im J*(e^{u + iπ}). A springpot
-//! in parallel with anything keeps the poles of the rest off the axis.
+//! in parallel with anything keeps the poles of the rest off the axis; beyond the cut they come as near to it as orders are to 1. A zero of
+//! G*(eᵛ) at v = u₀ + iπ, 0 < Im u₀ < π/2, makes the midpoint rule wrong by what is then added as an oscillating mode of rate e^{u₀} and
+//! compliance −2/(dG*/dv · (1 + e^{−2πiu₀/h})). Zeros that were missed would show when the step is refined.
 
-use std::f64::consts::PI;
-use std::ops::Add;
+use std::f64::consts::{FRAC_PI_2, PI};
 
+use nalgebra::Complex;
+
+use super::complex::ComplexDual;
 use super::fractional::STEP;
 use super::lumped::{Density, Node, SLOWEST_OF_RISING};
-use super::{Element, RetardationSpectrum, SpectralMode, TimeWindow};
+use super::spectrum::check_order;
+use super::{Element, OscillatingMode, RetardationSpectrum, SpectralMode, TimeWindow, stieltjes};
 use crate::error::{Error, Result};
-use crate::number::{Dual, Scalar};
+use crate::number::Dual;
 
 /// Times at which two steps of the midpoint rule are compared.
 const N_TIMES: u32 = 13;
@@ -20,16 +25,26 @@ const TOLERANCE: f64 = 4e-9;
 const MAX_REFINEMENTS: i32 = 9;
 /// Ratio of a step to the one before.
 const REFINEMENT: f64 = 0.75;
+/// Newton's steps towards a zero.
+const MAX_NEWTON_STEPS: u32 = 20;
+/// Distance in u between the starts of Newton's method; zeros far from every start are found from the poles beside them.
+const START_SPACING: f64 = 2.0;
+/// How far in u beyond the window's rates zeros and weights still count: a retardation e²⁰ times faster or slower than the window is flow or a spring
+/// to 2e-9.
+const REACH: f64 = 20.0;
 
 /// Adds the spectrum of a network over a window.
 ///
 /// # Errors
-/// [`Error::Numerical`] where the density is too sharp for the finest step.
+/// [`Error::Numerical`] where an order is outside (0, 1], where the derivative by an order of 1 is asked for (the density vanishes there), and
+/// where the density is too sharp for the finest step.
 pub(super) fn add_network(spectrum: &mut RetardationSpectrum, network: &Element, window: TimeWindow) -> Result<()> {
-    let mut coarse = spectrum_at(network, STEP, window);
+    check_orders(network)?;
+    let zeros = zeros_beyond_the_cut(network, window);
+    let mut coarse = spectrum_at(network, STEP, &zeros, window);
     let mut difference = f64::NAN;
     for refinement in 1..=MAX_REFINEMENTS {
-        let fine = spectrum_at(network, STEP * REFINEMENT.powi(refinement), window);
+        let fine = spectrum_at(network, STEP * REFINEMENT.powi(refinement), &zeros, window);
         difference = largest_difference(&coarse, &fine, window);
         if difference <= TOLERANCE {
             spectrum.extend(coarse);
@@ -38,28 +53,44 @@ pub(super) fn add_network(spectrum: &mut RetardationSpectrum, network: &Element,
         coarse = fine;
     }
     Err(Error::numerical(
-        format!("the creep of this network of springpots cannot be computed: its error is still {difference:.1e}"),
-        "keep the orders of springpots in parallel with other elements below about 0.95, or write a dashpot for order 1",
+        format!(
+            "the creep of this network of springpots cannot be computed: its error is still {difference:.1e} of itself"
+        ),
+        "keep orders away from 1 or write a dashpot for order 1, and join springs and dashpots of nearly the same times",
     ))
 }
 
-fn spectrum_at(network: &Element, step: f64, window: TimeWindow) -> RetardationSpectrum {
+fn check_orders(element: &Element) -> Result<()> {
+    match element {
+        Element::Spring { .. } | Element::Dashpot { .. } | Element::Compliance { .. } | Element::Retarded { .. } => {
+            Ok(())
+        }
+        Element::Springpot { order, .. } if order.value == 1.0 && order.derivative != 0.0 => Err(Error::numerical(
+            "the derivative by an order of 1 inside a network cannot be computed",
+            "keep the orders of springpots in parallel with other elements below 1, or write a dashpot for order 1",
+        )),
+        Element::Springpot { order, .. } => check_order(*order),
+        Element::Series(elements) | Element::Parallel(elements) => elements.iter().try_for_each(check_orders),
+    }
+}
+
+fn spectrum_at(network: &Element, step: f64, zeros: &[Zero], window: TimeWindow) -> RetardationSpectrum {
     let node = |node: Node| {
-        let compliance = modulus_at(network, Frequency { ln_size_per_s: node.u, is_negative: true }).reciprocal();
+        let compliance = modulus_at(network, ComplexDual::constant(node.u, PI)).value.reciprocal();
         SpectralMode { compliance_per_pa: compliance.im * (-step / PI), rate_per_s: Dual::constant(node.exp_u) }
     };
-    let transform =
-        |s: f64| modulus_at(network, Frequency { ln_size_per_s: s.ln(), is_negative: false }).reciprocal().re;
+    let transform = |s: f64| modulus_at(network, ComplexDual::constant(s.ln(), 0.0)).value.reciprocal().re;
     let mut spectrum = RetardationSpectrum::empty();
     Density {
         node,
+        compliance: transform,
         factor: Dual::ONE,
         step,
         ln_scale: 0.0,
         order: Dual::ZERO,
         slowest: SLOWEST_OF_RISING,
-        poles: Vec::new(),
-        compliance: transform,
+        least_tail: REACH,
+        poles: zeros.iter().map(|zero| zero.mode(step)).collect(),
     }
     .add_to(&mut spectrum, window);
     spectrum
@@ -69,70 +100,153 @@ fn largest_difference(a: &RetardationSpectrum, b: &RetardationSpectrum, window: 
     let ratio = window.longest_s / window.shortest_s;
     let size = b.creep_compliance_per_pa(window.longest_s).abs();
     let at = |k: u32| window.shortest_s * ratio.powf(f64::from(k) / f64::from(N_TIMES - 1));
-    (0..N_TIMES)
-        .map(|k| (a.creep_compliance_per_pa(at(k)) - b.creep_compliance_per_pa(at(k))).abs() / size)
-        .fold(0.0, |largest, difference| if difference > largest || difference.is_nan() { difference } else { largest })
+    let differences =
+        (0..N_TIMES).map(|k| (a.creep_compliance_per_pa(at(k)) - b.creep_compliance_per_pa(at(k))).abs() / size);
+    // NaN must not pass for small.
+    differences.fold(0.0, |largest, each| if each > largest || each.is_nan() { each } else { largest })
 }
 
-/// s = e^{ln_size} or, on the upper side of the cut, e^{ln_size + iπ}.
-#[derive(Clone, Copy)]
-struct Frequency {
-    ln_size_per_s: f64,
-    is_negative: bool,
+/// A zero of G* at v = u₀ + iπ.
+struct Zero {
+    u: ComplexDual,
+    /// dG*/dv there.
+    slope: ComplexDual,
 }
 
-impl Frequency {
-    /// s, which is real on either side.
-    fn real(self) -> f64 {
-        let size = self.ln_size_per_s.exp();
-        if self.is_negative { -size } else { size }
+impl Zero {
+    fn mode(&self, step: f64) -> OscillatingMode {
+        // −2πi u₀/h.
+        let exponent = ComplexDual { re: self.u.im * (2.0 * PI / step), im: self.u.re * (-2.0 * PI / step) };
+        let share = (self.slope * (exponent.exp() + ComplexDual::constant(1.0, 0.0))).reciprocal();
+        let rate = self.u.exp();
+        OscillatingMode { compliance_per_pa: [share.re * -2.0, share.im * -2.0], rate_per_s: [rate.re, rate.im] }
     }
 }
 
-/// G*(s).
-fn modulus_at(element: &Element, s: Frequency) -> ComplexDual {
+/// The zeros of G* with 0 < Im u₀ < π/2 within reach of the window's rates; a last step of Newton's method, in dual numbers, makes the derivatives
+/// exact.
+fn zeros_beyond_the_cut(network: &Element, window: TimeWindow) -> Vec<Zero> {
+    let reach = [-window.longest_s.ln() - REACH, -window.shortest_s.ln() + REACH];
+    let exact = |u: Complex<f64>| {
+        let v = ComplexDual::constant(u.re, u.im + PI);
+        let at = modulus_at(network, v);
+        let v = v - at.value * at.slope.reciprocal();
+        Zero { u: ComplexDual { re: v.re, im: v.im - PI }, slope: modulus_at(network, v).slope }
+    };
+    let inside = |u: &Complex<f64>| u.im > 0.0 && u.im < FRAC_PI_2 && u.re > reach[0] && u.re < reach[1];
+    zeros_of_modulus(network, reach).into_iter().filter(inside).map(exact).collect()
+}
+
+/// Where G* vanishes: for bodies in series where that of one of them does.
+fn zeros_of_modulus(element: &Element, reach: [f64; 2]) -> Vec<Complex<f64>> {
     match element {
-        Element::Spring { modulus_pa } => ComplexDual { re: *modulus_pa, im: Dual::ZERO },
-        Element::Dashpot { viscosity_pa_s } => ComplexDual { re: *viscosity_pa_s * s.real(), im: Dual::ZERO },
-        Element::Compliance { compliance_per_pa } => ComplexDual { re: Dual::ONE / *compliance_per_pa, im: Dual::ZERO },
+        Element::Series(elements) => elements.iter().flat_map(|part| zeros_of_modulus(part, reach)).collect(),
+        Element::Parallel(_) => match stieltjes::spectrum_of(element) {
+            Some(exact) => exact.modes.iter().map(|mode| Complex::new(mode.rate_per_s.value.ln(), 0.0)).collect(),
+            None => zeros(element, 1.0, &poles_of_modulus(element, reach), reach),
+        },
+        _ => Vec::new(),
+    }
+}
+
+/// Where G* is infinite: for bodies in parallel where that of one of them is.
+fn poles_of_modulus(element: &Element, reach: [f64; 2]) -> Vec<Complex<f64>> {
+    match element {
+        Element::Parallel(elements) => elements.iter().flat_map(|part| poles_of_modulus(part, reach)).collect(),
+        Element::Series(_) => match stieltjes::relaxation_rates_per_s(element) {
+            Some(rates) => rates.into_iter().map(|rate| Complex::new(rate.ln(), 0.0)).collect(),
+            None => zeros(element, -1.0, &zeros_of_modulus(element, reach), reach),
+        },
+        _ => Vec::new(),
+    }
+}
+
+/// Zeros of G* (`power` 1) or of J* (`power` −1) found from starts over the reach and beside the function's poles.
+fn zeros(element: &Element, power: f64, poles: &[Complex<f64>], reach: [f64; 2]) -> Vec<Complex<f64>> {
+    let n_starts = ((reach[1] - reach[0]) / START_SPACING).ceil().max(0.0) as u32;
+    let regular = (0..=n_starts).map(|start| Complex::new(reach[0] + START_SPACING * f64::from(start), 0.3));
+    let beside = poles.iter().map(|pole| pole + Complex::new(0.0, 0.1));
+    let mut zeros: Vec<Complex<f64>> = Vec::new();
+    for start in regular.chain(beside) {
+        if let Some(zero) = newton(element, power, poles, start, reach)
+            && zeros.iter().all(|known| (known - zero).norm() > 1e-8)
+        {
+            zeros.push(zero);
+        }
+    }
+    zeros
+}
+
+/// Newton's method for G*^power Π(u − u_pole): beside a pole, a zero of G* alone attracts next to nothing.
+fn newton(
+    element: &Element,
+    power: f64,
+    poles: &[Complex<f64>],
+    mut u: Complex<f64>,
+    reach: [f64; 2],
+) -> Option<Complex<f64>> {
+    for _ in 0..MAX_NEWTON_STEPS {
+        let at = modulus_at(element, ComplexDual::constant(u.re, u.im + PI));
+        let logarithmic = at.slope * at.value.reciprocal();
+        let of_poles: Complex<f64> = poles.iter().map(|pole| (u - pole).inv()).sum();
+        let step = (Complex::new(logarithmic.re.value, logarithmic.im.value) * power + of_poles).inv();
+        let size = step.norm();
+        // Long steps overshoot: the modulus is a sum of exponentials of v.
+        u -= step * size.recip().min(1.0);
+        if size < 1e-12 {
+            return Some(u);
+        }
+        if !(size.is_finite() && u.im.abs() < PI && u.re > reach[0] - 2.0 && u.re < reach[1] + 2.0) {
+            return None;
+        }
+    }
+    None
+}
+
+/// G* at s = eᵛ, and its derivative by v.
+#[derive(Clone, Copy)]
+struct Modulus {
+    value: ComplexDual,
+    slope: ComplexDual,
+}
+
+fn modulus_at(element: &Element, v: ComplexDual) -> Modulus {
+    let zero = ComplexDual::constant(0.0, 0.0);
+    match element {
+        Element::Spring { modulus_pa } => {
+            Modulus { value: ComplexDual { re: *modulus_pa, im: Dual::ZERO }, slope: zero }
+        }
+        Element::Dashpot { viscosity_pa_s } => {
+            let value = v.exp() * *viscosity_pa_s;
+            Modulus { value, slope: value }
+        }
+        Element::Compliance { compliance_per_pa } => {
+            Modulus { value: ComplexDual { re: Dual::ONE / *compliance_per_pa, im: Dual::ZERO }, slope: zero }
+        }
         Element::Retarded { compliance_per_pa, time_s } => {
-            ComplexDual { re: (*time_s * s.real() + 1.0) / *compliance_per_pa, im: Dual::ZERO }
+            let slope = v.exp() * (*time_s / *compliance_per_pa);
+            let spring = ComplexDual { re: Dual::ONE / *compliance_per_pa, im: Dual::ZERO };
+            Modulus { value: spring + slope, slope }
         }
         Element::Springpot { modulus_pa, time_s, order } => {
-            let size = *modulus_pa * (*order * (time_s.ln() + s.ln_size_per_s)).exp();
-            if s.is_negative {
-                // cos απ and sin απ from 1 − α, so that they keep their digits near α = 1.
-                let from_one = (Dual::ONE - *order) * PI;
-                ComplexDual { re: -size * from_one.cos(), im: size * from_one.sin() }
-            } else {
-                ComplexDual { re: size, im: Dual::ZERO }
-            }
+            let exponent = ComplexDual { re: *order * (v.re + time_s.ln()), im: *order * v.im };
+            let value = exponent.exp() * *modulus_pa;
+            Modulus { value, slope: value * *order }
         }
         Element::Series(elements) => {
-            elements.iter().fold(ComplexDual::ZERO, |sum, part| sum + modulus_at(part, s).reciprocal()).reciprocal()
+            let (mut compliance, mut slope) = (zero, zero);
+            for part in elements {
+                let part = modulus_at(part, v);
+                let inverse = part.value.reciprocal();
+                compliance = compliance + inverse;
+                slope = slope + inverse * inverse * part.slope;
+            }
+            let value = compliance.reciprocal();
+            Modulus { value, slope: value * value * slope }
         }
-        Element::Parallel(elements) => elements.iter().fold(ComplexDual::ZERO, |sum, part| sum + modulus_at(part, s)),
-    }
-}
-
-#[derive(Debug, Clone, Copy)]
-struct ComplexDual {
-    re: Dual,
-    im: Dual,
-}
-
-impl ComplexDual {
-    const ZERO: Self = Self { re: Dual::ZERO, im: Dual::ZERO };
-
-    fn reciprocal(self) -> Self {
-        let square = self.re * self.re + self.im * self.im;
-        Self { re: self.re / square, im: -self.im / square }
-    }
-}
-
-impl Add for ComplexDual {
-    type Output = Self;
-    fn add(self, other: Self) -> Self {
-        Self { re: self.re + other.re, im: self.im + other.im }
+        Element::Parallel(elements) => elements.iter().fold(Modulus { value: zero, slope: zero }, |sum, part| {
+            let part = modulus_at(part, v);
+            Modulus { value: sum.value + part.value, slope: sum.slope + part.slope }
+        }),
     }
 }

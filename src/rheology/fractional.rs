@@ -51,6 +51,7 @@ pub(super) fn add_kelvin_voigt(
         ln_scale: -time_s.value.ln(),
         order,
         slowest: SLOWEST,
+        least_tail: 0.0,
         poles,
         compliance: transform,
     }
@@ -73,6 +74,7 @@ pub(super) fn add_springpot(spectrum: &mut RetardationSpectrum, coefficient: Dua
         ln_scale: 0.0,
         order,
         slowest: SLOWEST_OF_RISING,
+        least_tail: 0.0,
         poles: Vec::new(),
         compliance: transform,
     }

@@ -40,6 +40,8 @@ pub(super) struct Density<N, C> {
     pub order: Dual,
     /// [`SLOWEST`] or [`SLOWEST_OF_RISING`].
     pub slowest: f64,
+    /// Tails reach at least so far in u, because weights may rise again there.
+    pub least_tail: f64,
     /// Modes that stand beside the nodes.
     pub poles: Vec<OscillatingMode>,
 }
@@ -74,8 +76,10 @@ impl<N: Fn(Node) -> SpectralMode, C: Fn(f64) -> Dual> Density<N, C> {
             lumps.keep(mode);
             spectrum.modes.push(mode);
         }
-        rising.take(MAX_TAIL).find(|node| lumps.add_fast((self.node)(*node)));
-        self.walk(start, -1.0).skip(1).take(MAX_TAIL).find(|node| lumps.add_slow((self.node)(*node)));
+        let least = (self.least_tail / self.step) as usize;
+        rising.take(MAX_TAIL).enumerate().find(|(i, node)| lumps.add_fast((self.node)(*node)) && *i >= least);
+        let falling = self.walk(start, -1.0).skip(1).take(MAX_TAIL);
+        falling.enumerate().find(|(i, node)| lumps.add_slow((self.node)(*node)) && *i >= least);
         let (instantaneous, fluidity, slow) = lumps.solve(self.factor);
         spectrum.instantaneous_per_pa += instantaneous;
         spectrum.fluidity_per_pa_s += fluidity;

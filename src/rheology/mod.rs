@@ -1,17 +1,21 @@
 //! Springs, dashpots and their creep compliance (physics §2). Scalar: space enters only through [`crate::fe`].
 
 mod branch_cut;
+mod complex;
 mod element;
 mod fractional;
 mod lumped;
 mod mittag_leffler;
+mod network;
 mod spectrum;
 mod stieltjes;
 
 pub use element::Element;
 pub use mittag_leffler::mittag_leffler;
+pub use network::Network;
 pub use spectrum::{OscillatingMode, RetardationSpectrum, SpectralMode, TimeWindow};
 
+use crate::distribution::Distribution;
 use crate::number::Dual;
 use crate::parameter::{ParameterSpec, Support};
 
@@ -69,6 +73,8 @@ pub enum BaseLaw {
     Burgers,
     /// Lethersich with a second Kelvin–Voigt body in series: adds `second_modulus_pa`, `second_viscosity_pa_s`.
     TwoElement,
+    /// A network from `model.toml`, with parameters of its own.
+    Network(&'static Network),
 }
 
 const YOUNG_MODULUS: ParameterSpec = ParameterSpec::new("young_modulus_pa", "Pa", Support::POSITIVE);
@@ -102,6 +108,7 @@ impl BaseLaw {
             Self::Lethersich => "Lethersich",
             Self::Burgers => "Burgers",
             Self::TwoElement => "two-element",
+            Self::Network(_) => "network",
         }
     }
 
@@ -111,6 +118,7 @@ impl BaseLaw {
             Self::Lethersich => "lethersich",
             Self::Burgers => "burgers",
             Self::TwoElement => "two-element",
+            Self::Network(_) => "network",
         }
     }
 
@@ -120,19 +128,21 @@ impl BaseLaw {
             Self::Lethersich => LETHERSICH,
             Self::Burgers => BURGERS,
             Self::TwoElement => TWO_ELEMENT,
+            Self::Network(network) => network.parameters(),
         }
     }
 
     /// The law's elements in series at `parameters` (SI, the order of [`Self::parameters`]; all positive).
     pub fn elements(self, parameters: &[Dual]) -> Vec<Element> {
         let p = parameters;
-        let mut elements = vec![Element::kelvin_voigt(p[0], p[1]), Element::Dashpot { viscosity_pa_s: p[2] }];
+        let lethersich = || vec![Element::kelvin_voigt(p[0], p[1]), Element::Dashpot { viscosity_pa_s: p[2] }];
+        let with = |element: Element| [lethersich(), vec![element]].concat();
         match self {
-            Self::Lethersich => {}
-            Self::Burgers => elements.push(Element::Spring { modulus_pa: p[3] }),
-            Self::TwoElement => elements.push(Element::kelvin_voigt(p[3], p[4])),
+            Self::Lethersich => lethersich(),
+            Self::Burgers => with(Element::Spring { modulus_pa: p[3] }),
+            Self::TwoElement => with(Element::kelvin_voigt(p[3], p[4])),
+            Self::Network(network) => network.elements(p),
         }
-        elements
     }
 
     /// Creep compliance at `parameters` (SI, the order of [`Self::parameters`]; all positive).
@@ -140,32 +150,52 @@ impl BaseLaw {
     /// `None` for laws that are no finite sum of exponentials.
     pub fn creep_compliance(self, parameters: &[f64]) -> Option<CreepCompliance> {
         let p = parameters;
-        let mut law = CreepCompliance::lethersich(p);
+        let lethersich = || CreepCompliance::lethersich(p);
         match self {
-            Self::Lethersich => {}
-            Self::Burgers => law.instantaneous_per_pa = 1.0 / p[3],
-            Self::TwoElement => law.retarded.push(RetardedMode::kelvin_voigt(p[3], p[4])),
+            Self::Lethersich => Some(lethersich()),
+            Self::Burgers => Some(CreepCompliance { instantaneous_per_pa: 1.0 / p[3], ..lethersich() }),
+            Self::TwoElement => {
+                let mut law = lethersich();
+                law.retarded.push(RetardedMode::kelvin_voigt(p[3], p[4]));
+                Some(law)
+            }
+            Self::Network(_) => None,
         }
-        Some(law)
     }
 
-    /// Default prior of a parameter that prior files leave out (placeholder until merged).
-    pub fn default_prior(
-        self,
-        _name: &str,
-        _median_of: &dyn Fn(&str) -> f64,
-    ) -> Option<(crate::distribution::Distribution, &'static str)> {
-        None
+    /// The prior of a parameter that has no published numbers, and where its numbers come from; `median_of` gives the priors' medians of the base's other
+    /// parameters by name. `None` for parameters whose priors stand in prior files.
+    pub fn default_prior(self, name: &str, median_of: &dyn Fn(&str) -> f64) -> Option<(Distribution, &'static str)> {
+        let wide = |median: f64| Distribution::LogNormal { median, log_sd: 1.5 };
+        match (self, name) {
+            (Self::Burgers, "instantaneous_modulus_pa") => Some((
+                wide(10.0 * median_of("young_modulus_pa")),
+                "chosen: ten times the prior's young_modulus_pa, a factor of 4.5 for one standard deviation",
+            )),
+            (Self::TwoElement, "second_modulus_pa") => Some((
+                wide(median_of("young_modulus_pa")),
+                "chosen: as the prior's young_modulus_pa, a factor of 4.5 for one standard deviation",
+            )),
+            (Self::TwoElement, "second_viscosity_pa_s") => Some((
+                wide(10.0 * median_of("viscosity_1_pa_s")),
+                "chosen: ten times the prior's viscosity_1_pa_s, a factor of 4.5 for one standard deviation",
+            )),
+            (Self::Network(network), name) => network.default_prior(name),
+            _ => None,
+        }
     }
 
     /// Whether the law has a [`Self::creep_compliance`].
     pub fn is_exponential(self) -> bool {
         match self {
             Self::Lethersich | Self::Burgers | Self::TwoElement => true,
+            Self::Network(_) => false,
         }
     }
 }
 
+#[cfg(test)]
+mod network_tests;
 #[cfg(test)]
 mod spectrum_tests;
 #[cfg(test)]
@@ -181,5 +211,38 @@ mod tests {
         assert!((j.at(t) / (t / 1.402 + t / 47.370) - 1.0).abs() < 1e-6);
         let t = 1e3;
         assert!((j.at(t) - (1.0 / 3.527 + t / 47.370)).abs() < 1e-12);
+    }
+
+    /// Every named law's own closed form against the spectrum of its elements.
+    #[test]
+    fn named_laws_creep_as_their_elements_do() {
+        let p = [3.5, 1.4, 47.0, 8.0, 30.0];
+        for law in BaseLaw::NAMED {
+            let p = &p[..law.parameters().len()];
+            let elements = law.elements(&p.iter().map(|value| Dual::constant(*value)).collect::<Vec<_>>());
+            let window = TimeWindow { shortest_s: 0.05, longest_s: 40.0 };
+            let spectrum = RetardationSpectrum::of(&elements, window).unwrap();
+            let exact = law.creep_compliance(p).unwrap();
+            for t in [0.1, 1.0, 30.0] {
+                assert!((spectrum.creep_compliance_per_pa(t) / exact.at(t) - 1.0).abs() < 1e-14);
+            }
+        }
+    }
+
+    #[test]
+    fn parameters_beyond_the_first_three_have_default_priors() {
+        let median_of = |name: &str| if name == "young_modulus_pa" { 2.0 } else { 3.0 };
+        for (law, name, expected) in [
+            (BaseLaw::Burgers, "instantaneous_modulus_pa", 20.0),
+            (BaseLaw::TwoElement, "second_modulus_pa", 2.0),
+            (BaseLaw::TwoElement, "second_viscosity_pa_s", 30.0),
+        ] {
+            let (prior, _) = law.default_prior(name, &median_of).unwrap();
+            assert_eq!(prior, Distribution::LogNormal { median: expected, log_sd: 1.5 });
+        }
+        for law in BaseLaw::NAMED {
+            let without = law.parameters().iter().filter(|spec| law.default_prior(spec.name, &median_of).is_none());
+            assert_eq!(without.count(), 3);
+        }
     }
 }

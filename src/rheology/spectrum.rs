@@ -62,10 +62,23 @@ impl RetardationSpectrum {
     /// the window stand as instantaneous compliance.
     ///
     /// # Errors
-    /// [`Error::Numerical`] where a network has no spectrum that can be computed.
+    /// [`Error::Numerical`] where a network has no spectrum that can be computed, and where the window is not one of positive, finite times.
     pub fn of(law: &[Element], window: TimeWindow) -> Result<Self> {
+        let TimeWindow { shortest_s, longest_s } = window;
+        if !(shortest_s > 0.0 && longest_s >= shortest_s && longest_s.is_finite()) {
+            return Err(Error::numerical(
+                format!("a spectrum cannot hold from {shortest_s} s to {longest_s} s"),
+                "give positive, finite times, the shortest first",
+            ));
+        }
         let mut spectrum = Self::empty();
         law.iter().try_for_each(|element| spectrum.add(element, window))?;
+        if !(spectrum.instantaneous_per_pa.value.is_finite() && spectrum.fluidity_per_pa_s.value.is_finite()) {
+            return Err(Error::numerical(
+                format!("the creep compliance of {law:?} is not finite"),
+                "give moduli, viscosities and times of a size that can be",
+            ));
+        }
         Ok(spectrum)
     }
 
@@ -97,6 +110,7 @@ impl RetardationSpectrum {
                 self.modes.push(SpectralMode { compliance_per_pa: *compliance_per_pa, rate_per_s: Dual::ONE / *time_s })
             }
             Element::Springpot { modulus_pa, time_s, order } => {
+                check_order(*order)?;
                 if order.is_constant(1.0) {
                     self.fluidity_per_pa_s += Dual::ONE / (*modulus_pa * *time_s);
                 } else {
@@ -121,6 +135,7 @@ impl RetardationSpectrum {
             }
             [Element::Spring { modulus_pa: spring_pa }, Element::Springpot { modulus_pa, time_s, order }]
             | [Element::Springpot { modulus_pa, time_s, order }, Element::Spring { modulus_pa: spring_pa }] => {
+                check_order(*order)?;
                 if order.is_constant(1.0) {
                     self.add_kelvin_voigt(*spring_pa, *modulus_pa * *time_s);
                 } else {
@@ -141,4 +156,15 @@ impl RetardationSpectrum {
         self.modes
             .push(SpectralMode { compliance_per_pa: Dual::ONE / modulus_pa, rate_per_s: modulus_pa / viscosity_pa_s });
     }
+}
+
+/// Refuses an order outside (0, 1]; at 0 a springpot is a spring.
+pub(super) fn check_order(order: Dual) -> Result<()> {
+    if order.value > 0.0 && order.value <= 1.0 {
+        return Ok(());
+    }
+    Err(Error::numerical(
+        format!("a springpot has the order {}", order.value),
+        "give an order above 0 and up to 1; a spring is order 0",
+    ))
 }

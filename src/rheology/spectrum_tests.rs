@@ -1,19 +1,16 @@
-//! Spectra against the Mittag-Leffler function, numerical inverse Laplace transforms and differences.
-
-use nalgebra::Complex;
-use std::f64::consts::PI;
+//! Spectra of fractional bodies against the Mittag-Leffler function.
 
 use super::{Element, RetardationSpectrum, TimeWindow, mittag_leffler};
 use crate::number::{Dual, Scalar};
 
-const WINDOW: TimeWindow = TimeWindow { shortest_s: 0.05, longest_s: 40.0 };
+pub(super) const WINDOW: TimeWindow = TimeWindow { shortest_s: 0.05, longest_s: 40.0 };
 
-fn times(window: TimeWindow) -> Vec<f64> {
+pub(super) fn times(window: TimeWindow) -> Vec<f64> {
     (0..=60).map(|k| window.shortest_s * (window.longest_s / window.shortest_s).powf(f64::from(k) / 60.0)).collect()
 }
 
 /// J(t) in dual numbers.
-fn dual_compliance(spectrum: &RetardationSpectrum, t: f64) -> Dual {
+pub(super) fn dual_compliance(spectrum: &RetardationSpectrum, t: f64) -> Dual {
     let mut sum = spectrum.instantaneous_per_pa + spectrum.fluidity_per_pa_s * t;
     for mode in &spectrum.modes {
         sum = sum - mode.compliance_per_pa * (-(mode.rate_per_s * t)).exp_m1();
@@ -212,194 +209,4 @@ fn the_recursion_equals_the_superposition_of_exact_responses() {
         }
         force += switches.iter().filter(|(at, _)| *at == t).map(|(_, jump)| jump).sum::<f64>();
     }
-}
-
-/// The inverse Laplace transform of J*(s)/s by the fixed Talbot method (Abate and Valkó 2004, doi:10.1002/nme.995), with J* written down
-/// here in complex numbers; its own error is about 1e-11 of J.
-fn talbot(modulus: &dyn Fn(Complex<f64>) -> Complex<f64>, t: f64) -> f64 {
-    let n = 24;
-    let r = 2.0 * f64::from(n) / (5.0 * t);
-    let transform = |s: Complex<f64>| (modulus(s) * s).inv();
-    let mut sum = 0.5 * (r * t).exp() * transform(Complex::new(r, 0.0)).re;
-    for k in 1..n {
-        let angle = f64::from(k) * PI / f64::from(n);
-        let cotangent = angle.tan().recip();
-        let s = Complex::new(r * angle * cotangent, r * angle);
-        let slope = Complex::new(1.0, angle + (angle * cotangent - 1.0) * cotangent);
-        sum += ((s * t).exp() * transform(s) * slope).re;
-    }
-    sum * r / f64::from(n)
-}
-
-type Law = (&'static str, fn(&[Dual]) -> Element, fn(&[f64], Complex<f64>) -> Complex<f64>, &'static [f64]);
-
-fn spring(e: Dual) -> Element {
-    Element::Spring { modulus_pa: e }
-}
-fn dashpot(c: Dual) -> Element {
-    Element::Dashpot { viscosity_pa_s: c }
-}
-fn springpot(g: Dual, order: Dual) -> Element {
-    Element::Springpot { modulus_pa: g, time_s: Dual::ONE, order }
-}
-use Element::{Parallel, Series};
-
-/// Name, network, its complex modulus, parameters.
-const ZOO: &[Law] = &[
-    (
-        "Burgers",
-        |p| Series(vec![spring(p[0]), dashpot(p[1]), Element::kelvin_voigt(p[2], p[3])]),
-        |p, s| (s.inv() / p[1] + 1.0 / p[0] + (s * p[3] + p[2]).inv()).inv(),
-        &[5.0, 40.0, 2.0, 3.0],
-    ),
-    (
-        "two-element retardation",
-        |p| Series(vec![Element::kelvin_voigt(p[0], p[1]), Element::kelvin_voigt(p[2], p[3]), dashpot(p[4])]),
-        |p, s| ((s * p[1] + p[0]).inv() + (s * p[3] + p[2]).inv() + s.inv() / p[4]).inv(),
-        &[3.5, 1.4, 7.0, 30.0, 47.0],
-    ),
-    (
-        "Zener: spring beside a Maxwell body",
-        |p| Parallel(vec![spring(p[0]), Series(vec![spring(p[1]), dashpot(p[2])])]),
-        |p, s| (s.inv() / p[2] + 1.0 / p[1]).inv() + p[0],
-        &[1.0, 4.0, 7.0],
-    ),
-    (
-        "generalised Maxwell, two of its times alike",
-        |p| {
-            let body = |e, c| Series(vec![spring(e), dashpot(c)]);
-            Parallel(vec![spring(p[0]), body(p[1], p[2]), body(p[3], p[4]), body(p[5], p[6]), dashpot(p[7])])
-        },
-        |p, s| {
-            let body = |e: f64, c: f64| (s.inv() / c + 1.0 / e).inv();
-            body(p[1], p[2]) + body(p[3], p[4]) + body(p[5], p[6]) + s * p[7] + p[0]
-        },
-        &[0.4, 3.0, 6.0, 2.0, 4.0, 1.0, 50.0, 0.2],
-    ),
-    (
-        "Maxwell bodies in parallel, flowing",
-        |p| Parallel(vec![Series(vec![spring(p[0]), dashpot(p[1])]), Series(vec![spring(p[2]), dashpot(p[3])])]),
-        |p, s| (s.inv() / p[1] + 1.0 / p[0]).inv() + (s.inv() / p[3] + 1.0 / p[2]).inv(),
-        &[3.0, 2.0, 0.5, 30.0],
-    ),
-    (
-        "nested: a Burgers body beside a dashpot",
-        |p| {
-            let burgers = Series(vec![spring(p[0]), dashpot(p[1]), Element::kelvin_voigt(p[2], p[3])]);
-            Series(vec![Parallel(vec![burgers, dashpot(p[4])]), spring(p[5])])
-        },
-        |p, s| {
-            let burgers = (s.inv() / p[1] + 1.0 / p[0] + (s * p[3] + p[2]).inv()).inv();
-            ((burgers + s * p[4]).inv() + 1.0 / p[5]).inv()
-        },
-        &[5.0, 40.0, 2.0, 3.0, 1.0, 8.0],
-    ),
-    (
-        "fractional Maxwell",
-        |p| Series(vec![spring(p[0]), springpot(p[1], p[2])]),
-        |p, s| (s.powf(p[2]).inv() / p[1] + 1.0 / p[0]).inv(),
-        &[4.0, 3.0, 0.6],
-    ),
-    (
-        "fractional Zener",
-        |p| Parallel(vec![spring(p[0]), Series(vec![spring(p[1]), springpot(p[2], p[3])])]),
-        |p, s| (s.powf(p[3]).inv() / p[2] + 1.0 / p[1]).inv() + p[0],
-        &[1.0, 4.0, 3.0, 0.7],
-    ),
-    (
-        "two springpots beside each other",
-        |p| Parallel(vec![springpot(p[0], p[1]), springpot(p[2], p[3])]),
-        |p, s| s.powf(p[1]) * p[0] + s.powf(p[3]) * p[2],
-        &[2.0, 0.2, 3.0, 0.8],
-    ),
-    (
-        "spring, dashpot and springpot beside each other",
-        |p| Parallel(vec![spring(p[0]), dashpot(p[1]), springpot(p[2], p[3])]),
-        |p, s| s * p[1] + s.powf(p[3]) * p[2] + p[0],
-        &[1.0, 0.8, 2.0, 0.5],
-    ),
-    (
-        "a Burgers body beside a springpot, in series with a dashpot",
-        |p| {
-            let burgers = Series(vec![spring(p[0]), dashpot(p[1]), Element::kelvin_voigt(p[2], p[3])]);
-            Series(vec![Parallel(vec![burgers, springpot(p[4], p[5])]), dashpot(p[6])])
-        },
-        |p, s| {
-            let burgers = (s.inv() / p[1] + 1.0 / p[0] + (s * p[3] + p[2]).inv()).inv();
-            ((burgers + s.powf(p[5]) * p[4]).inv() + s.inv() / p[6]).inv()
-        },
-        &[5.0, 40.0, 2.0, 3.0, 1.0, 0.4, 30.0],
-    ),
-    (
-        "order 0.95 beside a spring and a dashpot",
-        |p| Parallel(vec![spring(p[0]), dashpot(p[1]), springpot(p[2], p[3])]),
-        |p, s| s * p[1] + s.powf(p[3]) * p[2] + p[0],
-        &[3.0, 0.1, 2.0, 0.95],
-    ),
-];
-
-#[test]
-fn networks_creep_as_the_inverse_laplace_transform_says() {
-    for (name, network, modulus, parameters) in ZOO {
-        let duals: Vec<Dual> = parameters.iter().map(|p| Dual::constant(*p)).collect();
-        let spectrum = RetardationSpectrum::of(&[network(&duals)], WINDOW).unwrap();
-        let at = |t: f64| talbot(&|s| modulus(parameters, s), t);
-        let size = at(WINDOW.longest_s);
-        let mut largest = 0.0_f64;
-        for t in times(WINDOW) {
-            largest = largest.max((spectrum.creep_compliance_per_pa(t) - at(t)).abs() / size);
-        }
-        println!("{name}: {largest:.1e}, {} modes", spectrum.modes.len());
-        assert!(largest < 1e-8, "{name}: {largest:e}");
-    }
-}
-
-/// Against central differences of the Talbot transform, whose error is 1e-11/1e-4; a derivative by an order near 1 magnifies the error of the rule hundredfold.
-#[test]
-fn derivatives_of_networks_equal_central_differences() {
-    for (name, network, modulus, parameters) in ZOO {
-        for index in 0..parameters.len() {
-            let mut duals: Vec<Dual> = parameters.iter().map(|p| Dual::constant(*p)).collect();
-            duals[index].derivative = 1.0;
-            let spectrum = RetardationSpectrum::of(&[network(&duals)], WINDOW).unwrap();
-            let step = 1e-4 * parameters[index];
-            let at = |sign: f64, t: f64| {
-                let mut shifted = parameters.to_vec();
-                shifted[index] += sign * step;
-                talbot(&|s| modulus(&shifted, s), t)
-            };
-            let size = at(0.0, WINDOW.longest_s);
-            let mut largest = 0.0_f64;
-            for t in times(WINDOW).into_iter().step_by(6) {
-                let difference = (at(1.0, t) - at(-1.0, t)) / (2.0 * step);
-                let found = dual_compliance(&spectrum, t).derivative;
-                largest = largest.max((found - difference).abs() * parameters[index] / size);
-            }
-            println!("{name} {index}: {largest:.1e}");
-            assert!(largest < 1e-6, "{name} {index}: {largest:e}");
-        }
-    }
-}
-
-/// Orders so near 1 that the density is a spike are refused with a remedy, not computed wrongly.
-#[test]
-fn too_sharp_a_density_is_refused() {
-    let network = Parallel(vec![spring(3.0.into()), dashpot(1.0.into()), springpot(2.0.into(), 0.9999.into())]);
-    let error = RetardationSpectrum::of(&[network], WINDOW).unwrap_err().to_string();
-    assert!(error.contains("0.95"), "{error}");
-}
-
-#[test]
-fn degenerate_networks_behave() {
-    let empty = RetardationSpectrum::of(&[Parallel(Vec::new())], WINDOW);
-    assert!(empty.is_err());
-    // Springs beside each other are a spring, dashpots a dashpot, and so inside other bodies.
-    let springs = Parallel(vec![spring(1.0.into()), spring(3.0.into())]);
-    let dashpots = Parallel(vec![dashpot(2.0.into()), dashpot(5.0.into())]);
-    let body = Parallel(vec![springs.clone(), dashpots.clone()]);
-    let of = |law: &[Element]| RetardationSpectrum::of(law, WINDOW).unwrap();
-    assert_eq!(of(&[springs]).creep_compliance_per_pa(1.0), 0.25);
-    assert!((of(&[dashpots]).creep_compliance_per_pa(2.0) - 2.0 / 7.0).abs() < 1e-15);
-    let expected = -0.25 * (-4.0 / 7.0_f64).exp_m1();
-    assert!((of(&[body]).creep_compliance_per_pa(1.0) - expected).abs() < 1e-15);
 }

@@ -42,6 +42,12 @@ pub(super) fn spectrum_of(element: &Element) -> Option<RetardationSpectrum> {
     })
 }
 
+/// The rates at which a network's modulus is infinite, above 0; `None` where it has a springpot.
+pub(super) fn relaxation_rates_per_s(element: &Element) -> Option<Vec<f64>> {
+    let modulus = compliance_of(element)?.reciprocal();
+    Some(modulus.poles.iter().map(|pole| pole.at.value).filter(|rate| *rate > 0.0).collect())
+}
+
 /// J*.
 fn compliance_of(element: &Element) -> Option<Stieltjes> {
     match element {

@@ -12,7 +12,7 @@ use crate::files::write_atomically;
 use crate::inference::noise::NoiseModel;
 use crate::inference::prior::PriorSet;
 use crate::parameter::ParameterSpec;
-use crate::rheology::BaseLaw;
+use crate::rheology::{BaseLaw, Network};
 use crate::units::nearest_name;
 
 /// A model: base law, effects, noise, priors, and parameters that are not inferred.
@@ -42,13 +42,16 @@ impl Default for ModelSpecification {
     }
 }
 
-/// A specification as it stands in `model.toml`.
+/// A specification as it stands in `model.toml`. Tables come last, since what follows one in TOML belongs to it.
 #[derive(Serialize)]
 struct Written<'a> {
-    base: &'a str,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    base: Option<&'a str>,
     effects: &'a [String],
     noise: &'a [String],
     prior: &'a str,
+    #[serde(rename = "base", skip_serializing_if = "Option::is_none")]
+    network: Option<BTreeMap<&'a str, toml::Value>>,
     fixed: &'a BTreeMap<String, f64>,
 }
 
@@ -85,12 +88,9 @@ impl ModelSpecification {
             }
         }
         let base = match root.table("base") {
-            Ok(Some(_)) => {
-                return Err(root.refuse(
-                    "base",
-                    "networks are not available in this version",
-                    available(&BaseLaw::NAMED.map(BaseLaw::name)),
-                ));
+            Ok(Some(table)) => {
+                table.only(&["network"])?;
+                BaseLaw::Network(Network::from_toml(&table.required_table("network")?)?)
             }
             _ => {
                 let name = root.required_text("base", "base = \"lethersich\"")?;
@@ -112,7 +112,8 @@ impl ModelSpecification {
         Ok(specification)
     }
 
-    /// From the options `--base`, `--with`, `--noise`, `--prior` and `--set NAME=VALUE`; what is absent keeps its default.
+    /// From the options `--base`, `--with`, `--noise`, `--prior` and `--set NAME=VALUE`; what is absent keeps its default. A base may be a
+    /// TOML file whose base it is, such as a network.
     ///
     /// # Errors
     /// [`Error::Input`] that names the option.
@@ -125,7 +126,12 @@ impl ModelSpecification {
     ) -> Result<Self> {
         let mut specification = Self { effects: effects.to_vec(), ..Self::default() };
         if let Some(base) = base {
-            specification.base = base_named(base, Place::option("--base"))?;
+            let is_file = Path::new(base).extension().is_some_and(|extension| extension == "toml");
+            specification.base = if is_file {
+                Self::read(Path::new(base), &Library::default())?.base
+            } else {
+                base_named(base, Place::option("--base"))?
+            };
         }
         if !noise.is_empty() {
             specification.noise = noise.to_vec();
@@ -163,7 +169,11 @@ impl ModelSpecification {
     /// [`Error::File`] if the operating system refuses.
     pub fn write(&self, path: &Path) -> Result<()> {
         let Self { base, effects, noise, prior, fixed } = self;
-        let written = Written { base: base.name(), effects, noise, prior, fixed };
+        let (name, network) = match base {
+            BaseLaw::Network(network) => (None, Some(BTreeMap::from([("network", network.to_toml_value())]))),
+            named => (Some(named.name()), None),
+        };
+        let written = Written { base: name, effects, noise, prior, network, fixed };
         let text = toml::to_string(&written).map_err(|error| {
             Error::numerical(
                 format!("the model cannot be written as TOML: {error}"),
@@ -226,7 +236,7 @@ fn base_named(name: &str, place: Place) -> Result<BaseLaw> {
         let known = BaseLaw::NAMED.map(BaseLaw::name);
         let near = nearest_name(name, known);
         let hint = near.map_or(String::new(), |near| format!("did you mean `{near}`? "));
-        Error::input(place, format!("`{name}` is not available"), format!("{hint}{}", available(&known)))
+        Error::input(place, format!("`{name}` is not available"), format!("{hint}{}; or a .toml file with a [base.network]", available(&known)))
     })
 }
 

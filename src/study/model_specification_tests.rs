@@ -21,6 +21,20 @@ fn what_is_written_is_read_back_to_the_bit() {
 }
 
 #[test]
+fn a_network_is_read_and_written_back() {
+    let text = "base = { network = { series = [\
+        { parallel = [{ spring = \"gel\" }, { springpot = \"mesh\" }] }, { dashpot = \"flow\" }] } }\n\
+        effects = [\"clock-offset\"]\n[fixed]\nmesh_order = 0.5\n";
+    let specification = read(text).unwrap();
+    let names: Vec<&str> = specification.base.parameters().iter().map(|p| p.name).collect();
+    assert_eq!(names, ["gel_modulus_pa", "mesh_modulus_pa", "mesh_order", "flow_viscosity_pa_s"]);
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("model.toml");
+    specification.write(&path).unwrap();
+    assert_eq!(ModelSpecification::read(&path, &Library::default()).unwrap(), specification);
+}
+
+#[test]
 fn a_base_alone_is_the_default_model() {
     assert_eq!(read("base = \"lethersich\"").unwrap(), ModelSpecification::default());
     assert_eq!(ModelSpecification::from_options(None, &[], &[], None, &[]).unwrap(), ModelSpecification::default());
@@ -31,7 +45,8 @@ fn unacceptable_models_are_refused_with_line_key_and_remedy() {
     let cases = [
         ("effects = []\n", 1, "base", "missing", "base = \"lethersich\""),
         ("base = \"letersich\"", 1, "base", "`letersich`", "did you mean `lethersich`"),
-        ("\nbase = { network = \"x\" }", 2, "base", "networks", "lethersich"),
+        ("\nbase = { network = \"x\" }", 2, "base.network", "table", "network"),
+        ("base = { net = { } }", 1, "base.net", "unknown key", "network"),
         ("base = \"maxwell\"", 1, "base", "`maxwell`", "lethersich"),
         (
             "base = \"lethersich\"\neffects = [\"clock-ofset\"]",

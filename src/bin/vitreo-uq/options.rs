@@ -59,8 +59,8 @@ pub struct Common {
 /// What is modelled, and how.
 #[derive(Args, Clone)]
 pub struct Model {
-    /// Base law: lethersich, burgers, two-element
-    #[arg(long, value_name = "LAW")]
+    /// Base law: lethersich, burgers, two-element, or a TOML file with a [base.network]
+    #[arg(long, value_name = "LAW|FILE.toml")]
     pub base: Option<String>,
     /// Effects to add, separated by commas
     #[arg(long, value_name = "SLUG", value_delimiter = ',')]
