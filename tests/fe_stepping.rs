@@ -30,7 +30,7 @@ fn positions_and_fields_are_those_of_the_exact_scheme_and_the_camera_sees_them_a
 
     let stepped = model.step(&stages, &time_s, &force_n, Resolution::default()).expect("a sound model");
     let load = model.solve_load(&time_s, &force_n);
-    let law = BaseLaw::Lethersich.creep_compliance(&parameters);
+    let law = BaseLaw::Lethersich.creep_compliance(&parameters).unwrap();
     let exact = model.trajectory(&load, &law, TimeScheme::Exponential);
     assert!(distance(&stepped.displacement_m, &exact) < 2e-8);
     let seen = |(x, t): (&f64, &f64)| 1.2 * x + 2e-6 * (t - 5.0) + 1e-5 * (1.0 - (-(t - 5.0) / 0.7).exp());

@@ -5,6 +5,7 @@ use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 use vitreo_uq::inference::SamplerOptions;
+use vitreo_uq::model::Compliance;
 use vitreo_uq::study::ModelSpecification;
 use vitreo_uq::workflow::problem::Problem;
 use vitreo_uq::workflow::reduced::Reduced;
