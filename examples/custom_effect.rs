@@ -1,17 +1,17 @@
-//! An effect of your own, added from outside the crate: `cargo run --example custom_effect`.
+//! An effect of your own, added from outside the crate, and the loop run on it: `cargo run --release --example custom_effect`.
 //!
 //! `thermal-drift`: the stage warms up and carries the camera along, x_obs = x + A (1 − e^{−t/τ}). Null: A = 0, where τ means nothing.
 
 use vitreo_uq::Result;
 use vitreo_uq::distribution::Distribution;
 use vitreo_uq::effects::{Approach, Effect, EffectParameter, Library, Stage, Stages};
-use vitreo_uq::error::Place;
 use vitreo_uq::experiment::Scales;
-use vitreo_uq::model::Model;
+use vitreo_uq::inference::SamplerOptions;
 use vitreo_uq::number::Dual;
 use vitreo_uq::parameter::{ParameterSpec, Support};
-use vitreo_uq::rheology::BaseLaw;
-use vitreo_uq::workflow::replica;
+use vitreo_uq::study::ModelSpecification;
+use vitreo_uq::workflow::extend::{self, ExtensionRequest};
+use vitreo_uq::workflow::{Silent, problem::Problem, replica};
 
 struct ThermalDrift;
 
@@ -60,10 +60,17 @@ impl Effect for ThermalDrift {
 
 fn main() -> Result<()> {
     let library = Library::default().with(&ThermalDrift);
-    let (experiment, _) = replica::embedded()?;
-    let effects = library.get("thermal-drift").into_iter().collect();
-    let model = Model::new(BaseLaw::Lethersich, effects, experiment.scales(), &Place::option("--with"))?;
-    let stages = model.stages(&[3.527, 1.402, 47.37, 5e-5, 30.0].map(Dual::constant))?;
-    println!("{} effects; the last adds {:?}", library.effects().len(), stages.observation.approaches);
+    // The replica as a warming stage would have recorded it: 30 µm within some 8 s.
+    let (mut experiment, _) = replica::embedded()?;
+    let record = &mut experiment.record;
+    let drift_m = |t: &f64| 30e-6 * (1.0 - (-t / 8.0).exp());
+    record.position_m.iter_mut().zip(&record.time_s).for_each(|(x, t)| *x = x.map(|x| x + drift_m(t)));
+    let base = Problem::with_library(experiment, ModelSpecification::default(), &library, None, &Silent)?;
+    let effects = [ThermalDrift.slug().to_string()];
+    let request =
+        ExtensionRequest { from: "m0", revision: "m1", effects: &effects, options: SamplerOptions::default() };
+    let summary = extend::run(&base, &request, &library, &Silent)?.summary;
+    println!("{}", summary.sentence);
+    summary.parameters.iter().for_each(|p| println!("{} = {:.3e} ± {:.1e}", p.name, p.mean, p.sd));
     Ok(())
 }

@@ -21,9 +21,16 @@ fn poisson_family() {
     assert!(dir.path().join("singular_values.png").is_file());
 }
 
-/// An effect from outside the crate joins the library and writes into its stage.
+/// An effect from outside the crate is extended by: the 30 µm that the data were given come back, the error falls to the noise of 4 µm.
 #[test]
 fn custom_effect() {
     let text = output_of("custom_effect", &[]);
-    assert!(text.contains("12 effects") && text.contains("value: 5e-5"), "{text}");
+    assert!(text.contains("With thermal-drift the error on the held-out cycle falls"), "{text}");
+    let number = |after: &str| -> f64 {
+        let rest = text.split(after).nth(1).unwrap_or_else(|| panic!("no `{after}`: {text}"));
+        rest.split_whitespace().next().unwrap().parse().unwrap()
+    };
+    assert!(number(" before, ") < 5.0 && number("held-out cycle falls: ") > 6.0, "{text}");
+    let amplitude_um = 1e6 * number("thermal-drift.amplitude_m = ");
+    assert!((amplitude_um - 30.0).abs() < 10.0, "{text}");
 }

@@ -1,0 +1,176 @@
+//! `effects` and `extend` as a user meets them: the replica as a drifting camera would have recorded it.
+
+mod program;
+
+use std::path::{Path, PathBuf};
+
+use program::{tree, vitreo, write_instrument_experiment};
+use serde_json::Value;
+
+const DRIFT_UM_PER_S: f64 = 1.0;
+
+fn place() -> tempfile::TempDir {
+    tempfile::tempdir().unwrap()
+}
+
+/// The replica with a drift of 1 µm/s added to its positions, in `dir`.
+fn drifting_replica(dir: &Path) -> PathBuf {
+    let replica = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/porcine-replica");
+    let experiment = dir.join("drifting");
+    std::fs::create_dir_all(&experiment).unwrap();
+    let toml = std::fs::read_to_string(replica.join("experiment.toml")).unwrap();
+    std::fs::write(experiment.join("experiment.toml"), toml.replace("porcine-replica", "drifting")).unwrap();
+    let csv = std::fs::read_to_string(replica.join("trajectory.csv")).unwrap();
+    let drift = |(index, line): (usize, &str)| {
+        let mut cells: Vec<String> = line.split(',').map(String::from).collect();
+        if let (true, Ok(time_s), Ok(position_um)) = (index > 0, cells[0].parse::<f64>(), cells[2].parse::<f64>()) {
+            cells[2] = (position_um + DRIFT_UM_PER_S * time_s).to_string();
+        }
+        cells.join(",") + "\n"
+    };
+    let drifting: String = csv.lines().enumerate().map(drift).collect();
+    std::fs::write(experiment.join("trajectory.csv"), drifting).unwrap();
+    experiment
+}
+
+fn parameter<'a>(document: &'a Value, name: &str) -> &'a Value {
+    let found = document["parameters"].as_array().unwrap().iter().find(|p| p["name"] == name);
+    found.unwrap_or_else(|| panic!("no `{name}` in {document}"))
+}
+
+/// One command makes the study, its m0, and m1 with the drift; the error falls to the noise and the drift is the one that was added. Again on
+/// the study: the same effect is refused, another one makes m2. Same bytes with another number of threads.
+#[test]
+fn a_missing_drift_is_added_and_the_error_falls() {
+    let dir = place();
+    let experiment = drifting_replica(dir.path());
+    let path = experiment.to_str().unwrap();
+    let run = vitreo(dir.path(), &["extend", path, "--with", "tracking-drift", "--json", "-", "--out", "a"]).exits(0);
+    let document = run.json();
+    assert_eq!(document["schema"], "vitreo-uq/extension/1");
+    assert_eq!((&document["revision"], &document["from"]), (&Value::from("m1"), &Value::from("m0")));
+    assert_eq!(document["effects"], serde_json::json!(["tracking-drift"]));
+    assert_eq!(document["fitted_cycles"], serde_json::json!([1, 2, 3]));
+    assert_eq!(document["heldout_cycles"], serde_json::json!([4]));
+    assert_eq!(document["noise_um"], 4.0);
+    let heldout = |which: &str| document[which]["rmse_heldout_um"].as_f64().unwrap();
+    // 200 positions: noise within 25 % of 4 µm but for one time in 10⁶.
+    assert!(heldout("before") > 6.0 && heldout("after") < 5.0, "{document}");
+    let drift = parameter(&document, "tracking-drift.velocity_m_per_s");
+    let (mean, sd) = (drift["mean"].as_f64().unwrap(), drift["sd"].as_f64().unwrap());
+    assert!((mean - 1e-6 * DRIFT_UM_PER_S).abs() < 5.0 * sd && sd < 1e-7, "{drift}");
+    for key in ["q05", "median", "q95", "ess_bulk", "ess_tail", "rhat", "mcse_mean"] {
+        assert!(drift[key].is_number(), "{key} in {drift}");
+    }
+    let files = tree(&dir.path().join("a"));
+    for file in
+        ["m0/posterior.json", "m1/model.toml", "m1/posterior.json", "m1/extension.json", "m1/figures/corner.png"]
+    {
+        assert!(files.contains_key(Path::new(file)), "{file}");
+    }
+    let model = String::from_utf8(files[Path::new("m1/model.toml")].clone()).unwrap();
+    assert!(model.contains("effects = [\"tracking-drift\"]"), "{model}");
+    let kept: Value = serde_json::from_slice(&files[Path::new("m1/extension.json")]).unwrap();
+    assert_eq!(kept, document);
+
+    let again = ["extend", path, "--with", "tracking-drift", "--out", "b", "--threads", "1", "--quiet"];
+    let words = vitreo(dir.path(), &again).exits(0);
+    assert!(words.stderr.is_empty() && words.stdout.contains("the error on the held-out cycle falls"), "{words}");
+    for (name, bytes) in tree(&dir.path().join("b")) {
+        assert!(name.ends_with("timing.json") || files[&name] == bytes, "{} differs", name.display());
+    }
+
+    vitreo(dir.path(), &["extend", "a", "--with", "tracking-drift"])
+        .refuses(&["has `tracking-drift` already", "--from"]);
+    vitreo(dir.path(), &["extend", "a", "--with", "inertai"]).refuses(&["inertai", "effects"]);
+    vitreo(dir.path(), &["extend", "a"]).refuses(&["--with"]);
+    assert_eq!(tree(&dir.path().join("a")), files, "refusals write nothing");
+
+    let effects = vitreo(dir.path(), &["effects", "a", "--json", "-"]).exits(0).json();
+    let entry = |slug: &str| {
+        let list = effects["effects"].as_array().unwrap();
+        list.iter().find(|entry| entry["slug"] == slug).unwrap_or_else(|| panic!("no `{slug}`")).clone()
+    };
+    assert!(entry("tracking-drift")["refused"].as_str().unwrap().contains("already"));
+    assert!(entry("clock-offset")["visible_fraction"].as_f64().unwrap() > 0.01);
+}
+
+/// The list's keys are those of contracts §5, and what this protocol cannot see is said: of compressibility next to nothing is left once E, c₁
+/// and c₂ have absorbed what they can (physics §5).
+#[test]
+fn the_list_has_every_effect_with_what_is_visible() {
+    let dir = place();
+    let run = vitreo(dir.path(), &["effects", "--json", "-", "--quiet"]).exits(0);
+    let document = run.json();
+    assert_eq!(document["schema"], "vitreo-uq/effects/1");
+    let list = document["effects"].as_array().unwrap();
+    let slugs: Vec<&str> = list.iter().map(|entry| entry["slug"].as_str().unwrap()).collect();
+    assert_eq!(slugs, vitreo_uq::effects::EFFECTS.iter().map(|effect| effect.slug()).collect::<Vec<_>>());
+    for entry in list {
+        let visible = entry["visible_fraction"].as_f64().unwrap();
+        assert!((0.0..=1.0).contains(&visible), "{entry}");
+        assert_eq!(visible < 1e-3, entry["slug"] == "compressibility", "{entry}");
+        assert!(["load", "mechanics", "observation"].contains(&entry["stage"].as_str().unwrap()));
+        for parameter in entry["parameters"].as_array().unwrap() {
+            for key in ["name", "unit", "prior"] {
+                assert!(parameter[key].is_string(), "{key} in {parameter}");
+            }
+            assert_eq!(parameter["support"].as_array().unwrap().len(), 2);
+            assert!(parameter.as_object().unwrap().contains_key("null"));
+        }
+    }
+    assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 0, "listing writes nothing");
+    let words = vitreo(dir.path(), &["effects", "--quiet"]).exits(0);
+    assert!(slugs.iter().all(|slug| words.stdout.contains(slug)), "{words}");
+}
+
+/// An instrument takes all effects but those that need finite elements, and they work on it.
+#[test]
+fn instruments_have_effects_too() {
+    let dir = place();
+    write_instrument_experiment(&dir.path().join("gel"), true, 0.0);
+    let document = vitreo(dir.path(), &["effects", "gel", "--json", "-"]).exits(0).json();
+    for entry in document["effects"].as_array().unwrap() {
+        let is_refused = entry["slug"] == "compressibility";
+        assert_eq!(
+            (entry["visible_fraction"].is_null(), entry["refused"].is_string()),
+            (is_refused, is_refused),
+            "{entry}"
+        );
+    }
+    let run = vitreo(dir.path(), &["extend", "gel", "--with", "force-bias", "--json", "-"]).exits(0);
+    assert_eq!(run.json()["heldout_cycles"], serde_json::json!([2]));
+    vitreo(dir.path(), &["extend", "gel", "--with", "compressibility", "--out", "c"])
+        .refuses(&["compressibility", "finite elements"]);
+}
+
+/// What is the same thing twice is refused with the reason (physics §5), before anything is written.
+#[test]
+fn effects_that_a_base_law_has_already_are_refused() {
+    let dir = place();
+    for (base, slug) in [("burgers", "instantaneous-elasticity"), ("two-element", "second-retardation")] {
+        vitreo(dir.path(), &["sample", "--base", base, "--with", slug]).refuses(&[slug, "law"]);
+    }
+    assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 0);
+}
+
+/// A network from a file is a base law like any other, its parameters are sampled and written back.
+#[test]
+fn a_network_in_a_file_is_a_base_law() {
+    let dir = place();
+    write_instrument_experiment(&dir.path().join("gel"), true, 0.0);
+    let network = "[base.network]\nseries = [\n  { parallel = [{ spring = \"gel\" }, { dashpot = \"drag\" }] },\n  { dashpot = \"flow\" },\n]\n";
+    std::fs::write(dir.path().join("network.toml"), network).unwrap();
+    let document = vitreo(dir.path(), &["sample", "gel", "--base", "network.toml", "--json", "-"]).exits(0).json();
+    assert_eq!(document["model"]["base"], "network");
+    // The law that made the data, by other names: E, c₁, c₂ come back.
+    for (name, truth) in [("gel_modulus_pa", 3.5), ("drag_viscosity_pa_s", 1.4), ("flow_viscosity_pa_s", 47.0)] {
+        let found = parameter(&document, name);
+        let (mean, sd) = (found["mean"].as_f64().unwrap(), found["sd"].as_f64().unwrap());
+        assert!((mean - truth).abs() < 5.0 * sd, "{found}");
+    }
+    std::fs::write(dir.path().join("network.toml"), network.replace("{ dashpot = \"flow\" }", "{ daspot = \"flow\" }"))
+        .unwrap();
+    vitreo(dir.path(), &["sample", "gel", "--base", "network.toml", "--out", "d"])
+        .refuses(&["daspot", "did you mean `dashpot`"]);
+}
