@@ -104,7 +104,7 @@ pub fn misfit_warning(misfits_um: &[(&str, Option<f64>)], noise_um: f64) -> Opti
     (!misses.is_empty()).then(|| Warning {
         kind: WarningKind::MisfitAboveNoise,
         text: format!("the model misses {}", misses.join(" and ")),
-        advice: "the base model is not enough for this measurement; do not read its parameters as material properties"
+        advice: "the model is not enough for this measurement; do not read its parameters as material properties: `vitreo-uq effects` lists what it may lack, `vitreo-uq extend --with EFFECT` adds it"
             .into(),
     })
 }

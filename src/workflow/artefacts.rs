@@ -160,7 +160,7 @@ fn corner_figure(problem: &Problem, result: &SampleResult) -> Result<Svg> {
         })
         .collect();
     let posterior = Posterior { label: id, colour: series(0), parameters };
-    let title = format!("{id}: posterior of the {} model", problem.model.base().title());
+    let title = format!("{id}: posterior of the {} model", result.summary.model.title());
     let options = CornerOptions { title: &title, reference_label: "Table I of the paper", ..CornerOptions::default() };
     corner(&[posterior], &options)
 }

@@ -334,11 +334,7 @@ fn summarise(
     let specification = &problem.specification;
     let mut summary = FitSummary {
         experiment: problem.experiment.specimen_id.clone(),
-        model: ModelSummary {
-            base: specification.base.name().into(),
-            effects: specification.effects.clone(),
-            noise: specification.noise.clone(),
-        },
+        model: ModelSummary::of(specification),
         fixed: specification.fixed.clone(),
         parameters: parameters.collect(),
         objective_m2: best.objective,

@@ -200,11 +200,7 @@ fn summarise(
     };
     let mut summary = PosteriorSummary {
         experiment: problem.experiment.specimen_id.clone(),
-        model: ModelSummary {
-            base: problem.specification.base.name().into(),
-            effects: problem.specification.effects.clone(),
-            noise: problem.specification.noise.clone(),
-        },
+        model: ModelSummary::of(&problem.specification),
         parameters,
         sampler: SamplerSummary {
             walkers: request.options.n_walkers,

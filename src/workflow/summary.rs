@@ -2,6 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::rheology::BaseLaw;
+use crate::study::ModelSpecification;
+
 /// Body of `vitreo-uq/posterior/1`. Figures that do not apply (an instrument has no finite elements) are `null`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PosteriorSummary {
@@ -38,6 +41,24 @@ pub struct ModelSummary {
     pub effects: Vec<String>,
     /// Noise terms.
     pub noise: Vec<String>,
+}
+
+impl ModelSummary {
+    /// The model of a problem.
+    pub fn of(specification: &ModelSpecification) -> Self {
+        Self {
+            base: specification.base.name().into(),
+            effects: specification.effects.clone(),
+            noise: specification.noise.clone(),
+        }
+    }
+
+    /// Name for people: the law, and the effects.
+    pub fn title(&self) -> String {
+        let law = BaseLaw::named(&self.base).map_or(self.base.as_str(), |law| law.title());
+        let effects: String = self.effects.iter().map(|slug| format!(" + {slug}")).collect();
+        format!("{law}{effects}")
+    }
 }
 
 /// Posterior of one parameter, in the unit of its name.

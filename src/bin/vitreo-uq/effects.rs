@@ -38,7 +38,7 @@ fn words(summary: &EffectsSummary) -> String {
         ),
         String::new(),
     ];
-    lines.push(format!("  {:<24}{:<13}{:>9}   {}", "effect", "stage", "visible", "standard error"));
+    lines.push(format!("  {:<26}{:<13}{:>9}   {}", "effect", "stage", "visible", "standard error"));
     lines.extend(summary.effects.iter().map(overview));
     for effect in &summary.effects {
         lines.push(String::new());
@@ -62,7 +62,7 @@ fn overview(effect: &EffectEntry) -> String {
         (Some(error), Some(first)) => format!("{} {} {}", first.symbol, plus_minus(error), unit(&first.unit)),
         _ => "–".into(),
     };
-    format!("  {:<24}{:<13}{visible:>9}   {error}", effect.slug, effect.stage)
+    format!("  {:<26}{:<13}{visible:>9}   {error}", effect.slug, effect.stage)
 }
 
 fn plus_minus(error: f64) -> String {

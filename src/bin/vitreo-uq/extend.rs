@@ -17,7 +17,7 @@ use crate::options::{self, ExtendArguments, Model};
 use crate::sample::{refuse_nothing_to_sample, sample_into_m0};
 use crate::target::Target;
 use crate::terminal::Terminal;
-use crate::text::{model_title, parameter_table, significant, warning_text};
+use crate::text::{parameter_table, significant, warning_text};
 
 /// The file of a revision that says what extending led to.
 const EXTENSION_NAME: &str = "extension.json";
@@ -117,7 +117,7 @@ fn words(summary: &ExtensionSummary) -> String {
         format!("scored on cycle {}", cycles(&summary.heldout_cycles))
     };
     let mut lines = vec![
-        format!("{}: {} ({}): {verdict}", summary.experiment, model_title(&summary.model), summary.revision),
+        format!("{}: {} ({}): {verdict}", summary.experiment, summary.model.title(), summary.revision),
         format!("Both models fitted to cycles {}, {heldout}.", cycles(&summary.fitted_cycles)),
         String::new(),
         parameter_table(&summary.parameters),

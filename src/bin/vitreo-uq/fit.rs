@@ -14,7 +14,7 @@ use crate::options::{self, FitArguments};
 use crate::sample::kept_surrogate;
 use crate::target::Target;
 use crate::terminal::Terminal;
-use crate::text::{model_title, significant, warning_text};
+use crate::text::{significant, warning_text};
 
 pub fn run(arguments: &FitArguments) -> Result<ExitCode> {
     let common = &arguments.common;
@@ -44,7 +44,7 @@ fn words(summary: &FitSummary) -> String {
         format!(
             "{}: {} model, nonlinear least squares on {} positions: {verdict} in {} steps",
             summary.experiment,
-            model_title(&summary.model),
+            summary.model.title(),
             summary.fitted_positions,
             summary.iterations
         ),

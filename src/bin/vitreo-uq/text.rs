@@ -1,8 +1,7 @@
 //! Results in words and columns, for people.
 
 use vitreo_uq::report::labels::of_parameter;
-use vitreo_uq::rheology::BaseLaw;
-use vitreo_uq::workflow::summary::{ModelSummary, ParameterSummary, PosteriorSummary, Warning};
+use vitreo_uq::workflow::summary::{ParameterSummary, PosteriorSummary, Warning};
 
 /// The summary that `sample` prints.
 pub fn posterior(summary: &PosteriorSummary) -> String {
@@ -16,7 +15,7 @@ pub fn posterior(summary: &PosteriorSummary) -> String {
     line(format!(
         "{}: {} model, {} ensembles of {} walkers, {} steps: {verdict}",
         summary.experiment,
-        model_title(&summary.model),
+        summary.model.title(),
         sampler.ensembles,
         sampler.walkers,
         sampler.steps
@@ -46,17 +45,6 @@ pub fn parameter_table(parameters: &[ParameterSummary]) -> String {
         format!("  {name:<width$}{median:>11}{q05:>11}{q95:>11}{ess:>9.0}{:>7.3}", p.rhat)
     }));
     rows.join("\n")
-}
-
-/// A model's name for people: its law, and the effects.
-pub fn model_title(model: &ModelSummary) -> String {
-    let effects: String = model.effects.iter().map(|slug| format!(" + {slug}")).collect();
-    format!("{}{effects}", law_title(&model.base))
-}
-
-/// A law's name for people.
-fn law_title(base: &str) -> &str {
-    BaseLaw::named(base).map_or(base, |law| law.title())
 }
 
 fn surrogate_lines(summary: &PosteriorSummary, line: &mut impl FnMut(String)) {
