@@ -92,7 +92,7 @@ fn covered(base: &Problem, effect: &dyn Effect, stiffness: &Stiffness, reduced: 
     let posterior = problem.posterior(reduced);
     let starts: Vec<Vec<f64>> =
         (0..16).map(|_| problem.priors.to_unconstrained(&problem.priors.draw(&mut rng))).collect();
-    let options = SamplerOptions { seed, threads: 1, max_steps: 20_000, ..SamplerOptions::default() };
+    let options = SamplerOptions { seed, threads: 1, max_steps: 8_000, ..SamplerOptions::default() };
     let outcome = sample(&posterior, &starts, &options, &RunControl::default()).expect("sampling succeeds");
     if !outcome.converged {
         println!("{} {seed}: not converged", effect.slug());

@@ -107,9 +107,9 @@ fn parameters_are_named_by_their_effect_and_end_in_their_unit() {
             let own = spec.name.strip_prefix(effect.slug()).and_then(|rest| rest.strip_prefix('.')).unwrap();
             let is_letter = |byte: u8| byte.is_ascii_lowercase() || byte == b'_';
             assert!(!own.is_empty() && own.bytes().all(is_letter), "{}", spec.name);
-            let is_named = !(spec.unit == "1") && own.ends_with(&suffix(spec.unit)) && own != &suffix(spec.unit)[1..];
+            let is_named = spec.unit != "1" && own.ends_with(&suffix(spec.unit)) && own != &suffix(spec.unit)[1..];
             let looks_like_a_unit = ["_s", "_m", "_pa", "_n"].iter().any(|unit| own.ends_with(unit));
-            assert!(is_named || ((spec.unit == "1") && !looks_like_a_unit), "{} in `{}`", spec.name, spec.unit);
+            assert!(is_named || (spec.unit == "1" && !looks_like_a_unit), "{} in `{}`", spec.name, spec.unit);
         }
     }
 }

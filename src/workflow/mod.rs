@@ -7,6 +7,7 @@ pub mod fit;
 pub mod heldout;
 pub mod mechanics;
 mod mesh_check;
+mod mixture;
 mod model_priors;
 pub mod problem;
 pub mod reduced;
