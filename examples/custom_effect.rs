@@ -6,7 +6,6 @@ use vitreo_uq::Result;
 use vitreo_uq::distribution::Distribution;
 use vitreo_uq::effects::{Approach, Effect, EffectParameter, Library, Stage, Stages};
 use vitreo_uq::experiment::Scales;
-use vitreo_uq::inference::SamplerOptions;
 use vitreo_uq::number::Dual;
 use vitreo_uq::parameter::{ParameterSpec, Support};
 use vitreo_uq::study::ModelSpecification;
@@ -67,9 +66,9 @@ fn main() -> Result<()> {
     record.position_m.iter_mut().zip(&record.time_s).for_each(|(x, t)| *x = x.map(|x| x + drift_m(t)));
     let base = Problem::with_library(experiment, ModelSpecification::default(), &library, None, &Silent)?;
     let effects = [ThermalDrift.slug().to_string()];
-    let request =
-        ExtensionRequest { from: "m0", revision: "m1", effects: &effects, options: SamplerOptions::default() };
-    let summary = extend::run(&base, &request, &library, &Silent)?.summary;
+    let request = ExtensionRequest { effects: &effects, ..ExtensionRequest::default() };
+    let pair = extend::compared(&base, &request, &library)?;
+    let summary = extend::run(pair, &request, &Silent)?.summary;
     println!("{}", summary.sentence);
     summary.parameters.iter().for_each(|p| println!("{} = {:.3e} ± {:.1e}", p.name, p.mean, p.sd));
     Ok(())

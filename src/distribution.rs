@@ -301,7 +301,10 @@ impl UnconstrainedDensity {
 
 impl std::fmt::Display for Distribution {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let g = |x: f64| format!("{}", format!("{x:.3e}").parse::<f64>().unwrap_or(x));
+        let g = |x: f64| {
+            let rounded = format!("{x:.3e}").parse::<f64>().unwrap_or(x);
+            if x == 0.0 || (1e-3..1e6).contains(&x.abs()) { format!("{rounded}") } else { format!("{rounded:e}") }
+        };
         match *self {
             LogNormal { median, log_sd } => write!(f, "log-normal, median {}, log sd {}", g(median), g(log_sd)),
             Normal { mean, sd } => write!(f, "normal, mean {}, sd {}", g(mean), g(sd)),

@@ -139,6 +139,11 @@ impl<'a> Table<'a> {
     /// Refuses the first key that is not among `known`, and suggests the nearest of them.
     pub(crate) fn only(&self, known: &[&str]) -> Result<()> {
         let Some(unknown) = self.keys().find(|key| !known.contains(key)) else { return Ok(()) };
+        let dotted = known.iter().find(|name| name.strip_prefix(unknown).is_some_and(|rest| rest.starts_with('.')));
+        if let Some(name) = dotted {
+            let remedy = format!("quote the whole name, as in `\"{name}\"`");
+            return Err(self.refuse(unknown, "a name with a dot stands without quotes", remedy));
+        }
         let remedy = match nearest_name(unknown, known.iter().copied()) {
             Some(near) => format!("did you mean `{near}`? Known here: {}", known.join(", ")),
             None => format!("remove it; known here: {}", known.join(", ")),

@@ -47,6 +47,11 @@ impl Default for Support {
 
 impl std::fmt::Display for Support {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "[{}, {}]", self.lower, self.upper)
+        match (self.lower.is_finite(), self.upper.is_finite()) {
+            (true, true) => write!(f, "[{}, {}]", self.lower, self.upper),
+            (true, false) => write!(f, "[{}, ∞)", self.lower),
+            (false, true) => write!(f, "(−∞, {}]", self.upper),
+            (false, false) => write!(f, "(−∞, ∞)"),
+        }
     }
 }

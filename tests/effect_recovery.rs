@@ -14,7 +14,7 @@ use vitreo_uq::inference::{SamplerOptions, sample};
 use vitreo_uq::model::{Forward, FullForward};
 use vitreo_uq::study::ModelSpecification;
 use vitreo_uq::workflow::Silent;
-use vitreo_uq::workflow::extend::{ExtensionRequest, run};
+use vitreo_uq::workflow::extend::{ExtensionRequest, compared, run};
 use vitreo_uq::workflow::mechanics::{MODEL_LEVEL, sphere_mesh};
 use vitreo_uq::workflow::problem::Problem;
 use vitreo_uq::workflow::reduced::Reduced;
@@ -166,13 +166,10 @@ fn extending_by_the_right_effect_brings_the_heldout_error_to_the_noise() {
         let made = noisy(&base.experiment, &position_m, &mut rng);
         let library = Library::default();
         let lacking = base.with(made, ModelSpecification::default(), &library).expect("the base is a model");
-        let request = ExtensionRequest {
-            from: "m0",
-            revision: "m1",
-            effects: &[effect.slug().to_string()],
-            options: SamplerOptions::default(),
-        };
-        let summary = run(&lacking, &request, &library, &Silent).expect("extending succeeds").summary;
+        let effects = [effect.slug().to_string()];
+        let request = ExtensionRequest { effects: &effects, ..ExtensionRequest::default() };
+        let pair = compared(&lacking, &request, &library).expect("an effect alone is a model");
+        let summary = run(pair, &request, &Silent).expect("extending succeeds").summary;
         let (before, after) =
             (summary.before.rmse_heldout_um.expect("scored"), summary.after.rmse_heldout_um.expect("scored"));
         println!("{:<26} held-out error {before:.2} → {after:.2} µm (noise 4)", effect.slug());

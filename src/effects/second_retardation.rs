@@ -73,8 +73,8 @@ impl Effect for SecondRetardation {
         let shortest_s = shortest_time_s(scales);
         if time_s.value < shortest_s {
             return Err(Error::numerical(
-                format!("{} = {} is below two sample intervals", PARAMETERS[1].spec.name, time_s.value),
-                format!("give at least {shortest_s} s; `instantaneous-elasticity` stands for shorter times"),
+                format!("{} = {:.4e} s is below two sample intervals", PARAMETERS[1].spec.name, time_s.value),
+                format!("give at least {shortest_s:.4e} s; `instantaneous-elasticity` stands for shorter times"),
             ));
         }
         if !ratio.is_constant(0.0) {

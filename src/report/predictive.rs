@@ -228,7 +228,7 @@ impl CycleNames {
 
     fn text(self, cycle: &CycleSpan) -> String {
         let kind = match cycle.kind {
-            CycleKind::Calibration => "calibration",
+            CycleKind::Calibration => "fitted",
             CycleKind::HeldOut => "held out",
             CycleKind::Unused => "not used",
         };
@@ -368,7 +368,7 @@ fn draw_bands(svg: &mut Svg, axes: &Axes, data: &PredictiveData, lines: &Lines, 
 
 /// Root mean square residual about the median over the cycles of a kind.
 fn score(data: &PredictiveData, residuals: &[f64], kind: CycleKind) -> Option<(f64, &'static str)> {
-    let name = if kind == CycleKind::Calibration { "calibration" } else { "held-out" };
+    let name = if kind == CycleKind::Calibration { "fitted" } else { "held-out" };
     // Where one cycle ends and the next begins, a row belongs to the next.
     let cycle_at = |time: f64| data.cycles.iter().rev().find(|c| time >= c.start_s && time <= c.end_s);
     let inside = |time: f64| cycle_at(time).is_some_and(|cycle| cycle.kind == kind);
@@ -396,7 +396,7 @@ fn entries(data: &PredictiveData, names: CycleNames) -> Vec<Entry> {
         entries.push(Entry::new(Mark::Line(noise_stroke()), text));
     }
     let has = |kind| names != CycleNames::NumberAndKind && data.cycles.iter().any(|cycle| cycle.kind == kind);
-    for (kind, name) in [(CycleKind::Calibration, "calibration cycles"), (CycleKind::HeldOut, "held-out cycles")] {
+    for (kind, name) in [(CycleKind::Calibration, "fitted cycles"), (CycleKind::HeldOut, "held-out cycles")] {
         if let (true, Some(colour)) = (has(kind), kind_colour(kind)) {
             entries.push(Entry::new(Mark::Area(Fill::new(colour, 0.35).into()), name));
         }

@@ -67,7 +67,7 @@ impl ModelSpecification {
     /// [`Error::File`] if it cannot be read, [`Error::Input`] with file, line, key and remedy if it is not acceptable.
     pub fn read(path: &Path, library: &Library) -> Result<Self> {
         let bytes = std::fs::read(path)
-            .map_err(|source| Error::at_path("read", path, source, "give a revision that is complete"))?;
+            .map_err(|source| Error::at_path("read", path, source, "give a file that is there and can be read"))?;
         Self::from_text(path, &bytes, library)
     }
 
@@ -84,6 +84,10 @@ impl ModelSpecification {
         let mut fixed = BTreeMap::new();
         if let Some(table) = fixed_table {
             for name in table.keys() {
+                if matches!(table.table(name), Ok(Some(_))) {
+                    let remedy = format!("quote the whole name, as in `\"{name}.…\" = 1.0`");
+                    return Err(table.refuse(name, "a name with a dot stands without quotes", remedy));
+                }
                 fixed.insert(name.to_string(), table.required_number(name, &format!("{name} = 1.0"))?);
             }
         }
@@ -124,22 +128,43 @@ impl ModelSpecification {
         prior: Option<&str>,
         set: &[String],
     ) -> Result<Self> {
-        let mut specification = Self { effects: effects.to_vec(), ..Self::default() };
+        Self::default().with_options(base, effects, noise, prior, set)
+    }
+
+    /// The same on top of this specification: effects are added, values set, the rest replaced.
+    ///
+    /// # Errors
+    /// As [`ModelSpecification::from_options`].
+    pub fn with_options(
+        self,
+        base: Option<&str>,
+        effects: &[String],
+        noise: &[String],
+        prior: Option<&str>,
+        set: &[String],
+    ) -> Result<Self> {
+        let mut specification = self;
+        let (effects, noise) = (trimmed(effects), trimmed(noise));
+        if let Some(twice) = effects.iter().enumerate().find(|(i, slug)| effects[..*i].contains(slug)) {
+            return Err(Error::input(Place::option("--with"), format!("`{}` is named twice", twice.1), "name it once"));
+        }
+        for slug in effects {
+            if !specification.effects.contains(&slug) {
+                specification.effects.push(slug);
+            }
+        }
         if let Some(base) = base {
             let is_file = Path::new(base).extension().is_some_and(|extension| extension == "toml");
-            specification.base = if is_file {
-                Self::read(Path::new(base), &Library::default())?.base
-            } else {
-                base_named(base, Place::option("--base"))?
-            };
+            specification.base =
+                if is_file { base_of_file(Path::new(base))? } else { base_named(base, Place::option("--base"))? };
         }
         if !noise.is_empty() {
-            specification.noise = noise.to_vec();
+            specification.noise = noise;
         }
         if let Some(prior) = prior {
             specification.prior = prior.into();
         }
-        specification.fixed = assignments(set)?;
+        specification.fixed.extend(assignments(set)?);
         let place = |key: &str| {
             Place::option(match key {
                 "base" => "--base",
@@ -218,16 +243,38 @@ impl ModelSpecification {
             let is_scale = scales.contains(spec);
             let is_inside = spec.support.contains(*value) && (!is_scale || *value > spec.support.lower);
             if !(value.is_finite() && is_inside) {
-                let remedy = if is_scale {
-                    format!("give a finite value above {} in {}", spec.support.lower, spec.unit)
+                let unit = if spec.unit == "1" { String::new() } else { format!(" in {}", spec.unit) };
+                let remedy = if is_scale && spec.support.upper.is_infinite() {
+                    format!("give a finite value above {}{unit}", spec.support.lower)
+                } else if is_scale {
+                    format!("give a value above {} and at most {}{unit}", spec.support.lower, spec.support.upper)
                 } else {
-                    format!("give a finite value in {} ({})", spec.support, spec.unit)
+                    format!("give a finite value inside {}{unit}", spec.support)
                 };
                 return Err(Error::input(place, format!("{name} = {value} is outside its support"), remedy));
             }
         }
         Ok(())
     }
+}
+
+/// Names without the blanks around them; empty ones are left out.
+fn trimmed(names: &[String]) -> Vec<String> {
+    names.iter().map(|name| name.trim().to_string()).filter(|name| !name.is_empty()).collect()
+}
+
+/// The base law of a file that says nothing else.
+fn base_of_file(file: &Path) -> Result<BaseLaw> {
+    let specification = ModelSpecification::read(file, &Library::default())?;
+    let base = specification.base;
+    if specification != (ModelSpecification { base, ..ModelSpecification::default() }) {
+        return Err(Error::input(
+            Place::file(file),
+            "this file holds more than a base law",
+            "keep its base alone, and give effects, noise, prior and values by --with, --noise, --prior and --set",
+        ));
+    }
+    Ok(base)
 }
 
 /// The base law of a name that stands at `place`.

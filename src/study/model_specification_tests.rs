@@ -62,7 +62,7 @@ fn unacceptable_models_are_refused_with_line_key_and_remedy() {
             4,
             "fixed.clock-offset.delay_s",
             "outside its support",
-            "in [0, inf]",
+            "inside [0, ∞) in s",
         ),
         ("base = \"lethersich\"\nnoise = [\"white\", \"white\"]", 2, "noise", "twice", "once"),
         ("base = \"lethersich\"\nnoise = []", 2, "noise", "no `white`", "white"),

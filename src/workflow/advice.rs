@@ -240,6 +240,7 @@ mod tests {
                 max_projection_error: Some(1e-12),
             },
             heldout: HeldoutSummary {
+                fitted_cycles: vec![1],
                 cycles: vec![2],
                 fe_runs: Some(128),
                 rmse_um: Some(4.0),

@@ -22,6 +22,7 @@ use crate::report::predictive::{Band, CycleKind, CycleSpan, PredictiveData, pred
 use crate::report::singular_values::{Family, singular_values};
 use crate::report::svg::{Svg, write_figure};
 use crate::report::trace::{EnsembleTrace, ParameterTrace, trace};
+use crate::rheology::LETHERSICH;
 use crate::study::{ModelSpecification, Provenance, WithProvenance};
 use crate::workflow::replica::TABLE_I;
 
@@ -123,7 +124,7 @@ fn write_figures(dir: &Path, problem: &Problem, result: &SampleResult, position_
     ];
     if let Some(surrogate) = &result.reduced.surrogate {
         let shown: Vec<f64> = surrogate.singular_values.iter().take(12).copied().collect();
-        let family = Family { label: "base model", singular_values: &shown, n_chosen: surrogate.n_modes() };
+        let family = Family { label: "the law", singular_values: &shown, n_chosen: surrogate.n_modes() };
         let heading = format!("{}: singular values of the snapshots", problem.experiment.specimen_id);
         figures.push(("singular_values", singular_values(&[family], surrogate.tolerance, &heading)?));
     }
@@ -134,8 +135,10 @@ fn write_figures(dir: &Path, problem: &Problem, result: &SampleResult, position_
 fn corner_figure(problem: &Problem, result: &SampleResult) -> Result<Svg> {
     let id = &problem.experiment.specimen_id;
     let is_replica = id == "porcine-replica";
-    let law = problem.model.base().parameters();
-    let reference = |name: &str| law.iter().position(|p| p.name == name).filter(|_| is_replica).map(|i| TABLE_I[i]);
+    let reference = |name: &str| {
+        let place = LETHERSICH.iter().position(|p| p.name == name).filter(|_| is_replica)?;
+        TABLE_I.get(place).copied()
+    };
     let curves: Vec<(Vec<f64>, Vec<f64>)> = problem
         .priors
         .priors()

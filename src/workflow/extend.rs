@@ -1,5 +1,7 @@
 //! The next revision of a study: an effect added, both models refitted on all cycles but the last, the last one scored (contracts §4).
 
+use std::collections::BTreeMap;
+
 use serde::{Deserialize, Serialize};
 
 use super::Monitor;
@@ -68,8 +70,20 @@ pub struct ExtensionRequest<'a> {
     pub revision: &'a str,
     /// Slugs to add.
     pub effects: &'a [String],
+    /// Parameters to hold at a value: of both models where they have them.
+    pub values: BTreeMap<String, f64>,
+    /// Extensions that the same cycle has judged before.
+    pub earlier: usize,
     /// The sampler's settings.
     pub options: SamplerOptions,
+}
+
+impl Default for ExtensionRequest<'_> {
+    /// From m0 to m1, with no effect yet.
+    fn default() -> Self {
+        let (values, options) = (BTreeMap::new(), SamplerOptions::default());
+        Self { from: "m0", revision: "m1", effects: &[], values, earlier: 0, options }
+    }
 }
 
 /// What the job led to.
@@ -96,12 +110,15 @@ pub fn extended(
     if effects.is_empty() {
         return refuse("no effect is named".into(), "name one or more, as in `--with clock-offset`".into());
     }
-    for slug in effects {
+    for (index, slug) in effects.iter().enumerate() {
+        if effects[..index].contains(slug) {
+            return refuse(format!("`{slug}` is named twice"), "name it once".into());
+        }
         if library.get(slug).is_none() {
             let slugs = library.effects().iter().map(|effect| effect.slug());
             let near = crate::units::nearest_name(slug, slugs);
             let hint = near.map_or(String::new(), |near| format!("did you mean `{near}`? "));
-            return refuse(format!("there is no effect `{slug}`"), format!("{hint}`vitreo-uq effects` lists them"));
+            return refuse(format!("`{slug}` is not available"), format!("{hint}`vitreo-uq effects` lists what is"));
         }
         if model.effects.contains(slug) {
             let remedy = "leave it out, or extend an earlier revision with `--from`";
@@ -112,22 +129,38 @@ pub fn extended(
     Ok(model)
 }
 
-/// Samples the model of `before` and the extended one on the same cycles.
-///
-/// `before` is the model to extend, of the whole experiment; which cycles are fitted and scored is decided here.
+/// Two models of one experiment, to be fitted and scored on the same cycles.
+pub struct Pair {
+    /// The model to extend.
+    pub before: Problem,
+    /// The extended one.
+    pub after: Problem,
+}
+
+/// Joins both models with the experiment as revisions are compared on it; `before` is the model to extend, of the whole experiment.
 ///
 /// # Errors
-/// As [`extended`], [`sample::run`].
-pub fn run(
-    before: &Problem,
-    request: &ExtensionRequest,
-    library: &Library,
-    monitor: &dyn Monitor,
-) -> Result<Extension> {
-    let specification = extended(&before.specification, request.effects, library)?;
-    let before = before.for_comparison(library)?;
-    // What cannot stand together is refused here, before anything is computed.
-    let problem = before.with_model(specification, library)?;
+/// As [`extended`]; [`Error::Input`] for what cannot stand together.
+pub fn compared(before: &Problem, request: &ExtensionRequest, library: &Library) -> Result<Pair> {
+    let mut specification = before.specification.clone();
+    let own = before.parameters();
+    let is_own = |(name, _): &(&String, &f64)| own.iter().any(|spec| spec.name == name.as_str());
+    specification.fixed.extend(request.values.iter().filter(is_own).map(|(name, value)| (name.clone(), *value)));
+    let mut larger = extended(&specification, request.effects, library)?;
+    larger.fixed.extend(request.values.clone());
+    let experiment = before.experiment.for_comparison();
+    Ok(Pair {
+        before: before.with(experiment.clone(), specification, library)?,
+        after: before.with(experiment, larger, library)?,
+    })
+}
+
+/// Samples both models on the same cycles and scores them.
+///
+/// # Errors
+/// As [`sample::run`].
+pub fn run(pair: Pair, request: &ExtensionRequest, monitor: &dyn Monitor) -> Result<Extension> {
+    let Pair { before, after: problem } = pair;
     let sampled = |problem: &Problem, kept_surrogate| {
         let request =
             SampleRequest { options: request.options.clone(), kept_surrogate, checkpoint: None, resume: false };
@@ -166,26 +199,54 @@ fn summarise(
         after: now,
         parameters: after.parameters.clone(),
         converged: base.converged && after.converged,
-        sentence: sentence(&request.effects.join(" and "), before, now, after.heldout.noise_um),
+        sentence: sentence(&request.effects.join(" and "), before, now, &Scoring::of(problem, request, after)),
         warnings: after.warnings.clone(),
     }
 }
 
+/// What errors are judged by.
+struct Scoring {
+    noise_um: Option<f64>,
+    n_scored: usize,
+    /// Extensions that the same cycle has judged before.
+    earlier: usize,
+}
+
+impl Scoring {
+    fn of(problem: &Problem, request: &ExtensionRequest, after: &PosteriorSummary) -> Self {
+        let scored = problem.positions_of(&problem.experiment.heldout_cycles);
+        let n_scored = scored.iter().flatten().count();
+        Self { noise_um: after.heldout.noise_um, n_scored, earlier: request.earlier }
+    }
+}
+
+/// A root mean square over n positions is known to its √(2n)-th part; changes of less than this many of these are none.
+const CHANGE_IN_ERRORS: f64 = 2.0;
+
 /// What the figures say, and no more.
-fn sentence(effects: &str, before: Misfit, after: Misfit, noise_um: Option<f64>) -> String {
-    let noise = noise_um.map_or(String::new(), |noise| format!(" (noise {noise:.3} µm)"));
-    match (before.rmse_heldout_um, after.rmse_heldout_um) {
-        (Some(was), Some(is)) => {
-            let verb = if is < was { "falls" } else { "does not fall" };
-            format!(
-                "With {effects} the error on the held-out cycle {verb}: {was:.3} µm before, {is:.3} µm after{noise}. One cycle was scored, once."
-            )
-        }
-        _ => format!(
+fn sentence(effects: &str, before: Misfit, after: Misfit, scoring: &Scoring) -> String {
+    let noise = scoring.noise_um.map_or(String::new(), |noise| format!(" (noise {noise:.3} µm)"));
+    let (Some(was), Some(is)) = (before.rmse_heldout_um, after.rmse_heldout_um) else {
+        return format!(
             "With {effects} the error on the fitted cycles goes from {:.3} to {:.3} µm{noise}. No cycle is held out, so this is suggestive at most.",
             before.rmse_fitted_um, after.rmse_fitted_um
-        ),
-    }
+        );
+    };
+    let uncertain_um = CHANGE_IN_ERRORS * was.min(is) / (2.0 * scoring.n_scored.max(1) as f64).sqrt();
+    let verb = if (was - is).abs() < uncertain_um {
+        "does not change by more than its uncertainty"
+    } else if is < was {
+        "falls"
+    } else {
+        "rises"
+    };
+    let times = match scoring.earlier {
+        0 => "One cycle was scored, once.".to_string(),
+        n => format!("The same cycle has judged {n} earlier revision{} of this study.", if n == 1 { "" } else { "s" }),
+    };
+    format!(
+        "With {effects} the error on the held-out cycle {verb}: {was:.3} µm before, {is:.3} µm after{noise}. {times}"
+    )
 }
 
 #[cfg(test)]
@@ -195,11 +256,18 @@ mod tests {
     #[test]
     fn sentences_claim_what_was_scored() {
         let misfit = |fitted, heldout| Misfit { rmse_fitted_um: fitted, rmse_heldout_um: heldout };
-        let scored = sentence("x", misfit(9.0, Some(10.0)), misfit(4.0, Some(4.1)), Some(4.0));
+        let say = |was: f64, is: f64, earlier: usize| {
+            let scoring = Scoring { noise_um: Some(4.0), n_scored: 200, earlier };
+            sentence("x", misfit(9.0, Some(was)), misfit(4.0, Some(is)), &scoring)
+        };
+        let scored = say(10.0, 4.1, 0);
         assert!(scored.contains("falls: 10.000 µm before, 4.100 µm after (noise 4.000 µm)"), "{scored}");
-        let worse = sentence("x", misfit(9.0, Some(4.0)), misfit(4.0, Some(4.1)), None);
-        assert!(worse.contains("does not fall"), "{worse}");
-        assert!(sentence("x", misfit(9.0, None), misfit(4.0, None), None).contains("suggestive"));
+        assert!(scored.contains("once") && say(10.0, 4.1, 2).contains("has judged 2 earlier revisions"));
+        assert!(say(4.0, 10.0, 0).contains("rises"));
+        // Of 200 positions: 4 µm within 0.4 µm.
+        assert!(say(4.3, 4.0, 0).contains("does not change") && say(4.5, 4.0, 0).contains("falls"));
+        let scoring = Scoring { noise_um: None, n_scored: 0, earlier: 0 };
+        assert!(sentence("x", misfit(9.0, None), misfit(4.0, None), &scoring).contains("suggestive"));
     }
 
     #[test]

@@ -96,11 +96,10 @@ pub fn check(problem: &Problem, reduced: &Reduced, draws: &[NaturalDraw]) -> Res
     let reduced_forward = problem.reduced_forward(reduced);
     let n_model = problem.model.parameters().len();
     let Some(full) = problem.full_forward()? else {
-        let run = |draw: &NaturalDraw| reduced_forward.trajectory_m(&draw[..n_model]);
-        let trajectories_m: Vec<Vec<f64>> = draws.par_iter().map(run).collect::<Result<_>>()?;
+        let (draws, trajectories_m) = run_all(&reduced_forward, draws, n_model)?;
         return Ok(FullCheck {
-            draws: draws.to_vec(),
-            noise: DrawnNoise::new(problem, draws, &trajectories_m),
+            noise: DrawnNoise::new(problem, &draws, &trajectories_m),
+            draws,
             trajectories_m,
             surrogate_vs_full_max_m: None,
             pareto_k: None,
@@ -135,9 +134,10 @@ pub fn check(problem: &Problem, reduced: &Reduced, draws: &[NaturalDraw]) -> Res
     })
 }
 
-/// Draws with their full trajectories; a few at which the full model refuses, next to where the reduced one does, are left out.
-fn run_all(full: &FullForward, draws: &[NaturalDraw], n_model: usize) -> Result<(Vec<NaturalDraw>, Vec<Vec<f64>>)> {
-    let runs: Vec<Result<Vec<f64>>> = draws.par_iter().map(|draw| full.trajectory_m(&draw[..n_model])).collect();
+/// Draws with their trajectories over the whole record; a few that the model refuses there, since they were near to where it refuses the fitted
+/// rows, are left out.
+fn run_all(forward: &dyn Forward, draws: &[NaturalDraw], n_model: usize) -> Result<(Vec<NaturalDraw>, Vec<Vec<f64>>)> {
+    let runs: Vec<Result<Vec<f64>>> = draws.par_iter().map(|draw| forward.trajectory_m(&draw[..n_model])).collect();
     let n_refused = runs.iter().filter(|run| run.is_err()).count();
     let is_few = 100 * n_refused <= LARGEST_REFUSED_PERCENT * draws.len();
     let mut kept = (Vec::new(), Vec::new());

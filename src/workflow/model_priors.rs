@@ -15,7 +15,11 @@ pub(super) fn read_priors(name_or_file: &str, model: &Model, noise: NoiseModel, 
     let of_laws = BaseLaw::NAMED.into_iter().flat_map(BaseLaw::parameters).map(|p| p.name);
     let of_effects = library.effects().iter().flat_map(|effect| effect.parameters()).map(|p| p.spec.name);
     let of_noises = NoiseTerm::ALL.into_iter().flat_map(NoiseTerm::parameters).map(|p| p.name);
-    let others: Vec<&str> = of_laws.chain(of_effects).chain(of_noises).collect();
+    let known = of_laws.chain(of_effects).chain(of_noises);
+    let is_wanted = |name: &&str| wanted.iter().any(|spec| spec.name == *name);
+    let mut others: Vec<&str> = known.filter(|name| !is_wanted(name)).collect();
+    others.sort_unstable();
+    others.dedup();
     let default = |spec: &ParameterSpec, before: &[Prior]| {
         let own = model.effects().iter().flat_map(|effect| effect.parameters()).find(|p| p.spec == *spec);
         if let Some(parameter) = own {

@@ -75,11 +75,6 @@ impl Problem {
         self.with(self.experiment.clone(), specification, library)
     }
 
-    /// The same model of the experiment as revisions are compared on it: [`Experiment::for_comparison`].
-    pub fn for_comparison(&self, library: &Library) -> Result<Self> {
-        self.with(self.experiment.for_comparison(), self.specification.clone(), library)
-    }
-
     /// Another model, or other positions, of the same apparatus.
     ///
     /// # Errors
@@ -192,6 +187,22 @@ impl Problem {
     }
 }
 
+/// A fixed value inside its support may still be one at which this experiment has no model.
+fn refuse_fixed_without_model(specification: &ModelSpecification, model: &Model, priors: &PriorSet) -> Result<()> {
+    if specification.fixed.is_empty() {
+        return Ok(());
+    }
+    let value = |name: &str| {
+        let median = || priors.get(name).map_or(f64::NAN, |prior| prior.distribution.quantile(0.5));
+        specification.fixed.get(name).copied().unwrap_or_else(median)
+    };
+    let middle: Vec<Dual> = model.parameters().iter().map(|p| value(p.name).into()).collect();
+    match model.stages(&middle) {
+        Err(Error::Numerical { what, remedy }) => Err(Error::input(Place::option("--set"), what, remedy)),
+        other => other.map(|_| ()),
+    }
+}
+
 /// A model that can be one of the experiment.
 struct Checked {
     model: Model,
@@ -224,6 +235,7 @@ fn check(experiment: &Experiment, specification: &ModelSpecification, library: &
             ));
         }
     }
+    refuse_fixed_without_model(specification, &model, &all_priors)?;
     let fixed: Vec<&str> = specification.fixed.keys().map(String::as_str).collect();
     Ok(Checked { model, noise, priors: all_priors.without(&fixed) })
 }

@@ -174,9 +174,10 @@ fn summarise(
     let parameters = parameter_summaries(problem, reduced, columns, check);
     let mean_m = heldout::mean_trajectory(&check.trajectories_m, None);
     let fitted = problem.positions_of(&problem.experiment.calibration_cycles);
-    let learnt_noise_um = 1e6 * learnt_noise_m(check, &fitted);
+    let learnt_noise_um = learnt_noise_um(check);
     let surrogate = reduced.surrogate.as_ref();
     let heldout = HeldoutSummary {
+        fitted_cycles: problem.experiment.calibration_cycles.clone(),
         cycles: problem.experiment.heldout_cycles.clone(),
         fe_runs: problem.finite_elements().map(|_| check.fe_runs),
         rmse_um: score.as_ref().map(|s| 1e6 * s.rmse_m),
@@ -317,12 +318,12 @@ pub fn rmse_m(model_m: &[f64], observed_m: &[Option<f64>]) -> f64 {
     (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
 }
 
-/// The learnt noise (m) at the fitted positions, all its terms together: root mean square over the positions, median over the draws.
-fn learnt_noise_m(check: &FullCheck, fitted_m: &[Option<f64>]) -> f64 {
-    let of_draw = |sd_m: &Vec<f64>| rmse_m(sd_m, &fitted_m.iter().map(|y| y.map(|_| 0.0)).collect::<Vec<_>>());
-    let mut noise_m: Vec<f64> = check.noise.sd_m.iter().map(of_draw).collect();
-    noise_m.sort_by(f64::total_cmp);
-    noise_m[noise_m.len() / 2]
+/// The learnt noise (µm) of what differs from row to row, all such terms together: median over the draws.
+fn learnt_noise_um(check: &FullCheck) -> f64 {
+    let noise = &check.noise;
+    let mut noise_um: Vec<f64> = noise.parameters.iter().map(|own| noise.model.row_sd_um(own)).collect();
+    noise_um.sort_by(f64::total_cmp);
+    noise_um[noise_um.len() / 2]
 }
 
 /// Root mean square over rows of the standard error of the mean trajectory.

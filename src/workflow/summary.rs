@@ -130,7 +130,9 @@ pub struct SurrogateSummary {
 /// How the posterior predicts the held-out cycles.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct HeldoutSummary {
-    /// The cycles.
+    /// The cycles that were fitted.
+    pub fitted_cycles: Vec<u32>,
+    /// The cycles that were held out.
     pub cycles: Vec<u32>,
     /// Full finite-element runs, one a posterior draw.
     pub fe_runs: Option<usize>,
@@ -163,7 +165,7 @@ pub struct HeldoutSummary {
 /// Where the uncertainty of a predicted position comes from, in µm.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ErrorBudget {
-    /// Learnt measurement noise, posterior median.
+    /// Learnt noise from row to row, posterior median.
     pub noise: f64,
     /// Largest difference from the next coarser mesh; for an imported mesh around a sphere, from the exact solution.
     pub fe_discretisation: Option<f64>,

@@ -1,8 +1,10 @@
 //! What an experiment can see of each effect: the share of its signature that the base model's parameters cannot absorb.
 //!
 //! At the calibrated base, with whitening L⁻¹ of the noise: g = L⁻¹∂x/∂ε of an effect's parameter ε at its null, A = L⁻¹∂x/∂θ of the sampled base
-//! parameters with a row a prior, P = I − AA⁺. The visible fraction is ‖Pg‖²/‖g‖², and 1/‖Pg‖ the standard error with which ε would be known. The
-//! noise's random effects (correlated errors, gains, offsets) are in L.
+//! parameters with a row a prior, P = I − AA⁺. The visible fraction is ‖Pg‖² over ‖g‖² under white noise alone, and 1/‖Pg‖ the standard error with
+//! which ε would be known. The noise's random effects (correlated errors, gains, offsets) are in L, and so take their share.
+//!
+//! Effects whose Pg point the same way or opposite ways are twins (physics §5).
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -11,6 +13,7 @@ use serde::{Deserialize, Serialize};
 use super::fit;
 use super::problem::Problem;
 use super::reduced::{KeptSurrogate, Reduced};
+use super::summary::ModelSummary;
 use super::{Monitor, Silent};
 use crate::distribution::Distribution;
 use crate::effects::{Effect, EffectParameter, Library};
@@ -28,6 +31,8 @@ const GRID: [f64; 9] = [0.02, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.98];
 pub struct EffectsSummary {
     /// Specimen identifier.
     pub experiment: String,
+    /// The model that effects would be added to.
+    pub model: ModelSummary,
     /// Noise (µm) at which visibility was computed.
     pub noise_um: f64,
     /// The library.
@@ -47,11 +52,13 @@ pub struct EffectEntry {
     pub equation: String,
     /// Its parameters.
     pub parameters: Vec<ParameterEntry>,
-    /// Share of its signature, in squared units of the noise, that the base model cannot absorb; the largest over parameters that mean nothing at
-    /// the null. `None` where the effect cannot be added.
+    /// Share of its signature, in squared units of the white noise, that neither the base model nor the other noise can absorb; the largest over
+    /// parameters that mean nothing at the null. `None` where the effect cannot be added.
     pub visible_fraction: Option<f64>,
     /// Standard error with which this experiment would know the first parameter near its null, in that parameter's unit.
     pub standard_error: Option<f64>,
+    /// Effects whose visible part has the same shape: to first order only the support's sign tells them apart.
+    pub twins: Vec<String>,
     /// Why the effect cannot be added here, if it cannot.
     pub refused: Option<String>,
 }
@@ -89,8 +96,9 @@ pub fn run(
     let list = library.effects().par_iter().map(|effect| entry(problem, library, *effect, &base));
     Ok(EffectsSummary {
         experiment: problem.experiment.specimen_id.clone(),
+        model: ModelSummary::of(&problem.specification),
         noise_um: base.noise_parameters[0],
-        effects: list.collect::<Result<_>>()?,
+        effects: with_twins(list.collect::<Result<_>>()?),
     })
 }
 
@@ -100,6 +108,7 @@ struct Base {
     position_m: Vec<f64>,
     noise: NoiseLikelihood,
     noise_parameters: Vec<f64>,
+    observed_rows: Vec<usize>,
     /// Orthonormal basis of the columns of A, prior rows last.
     absorbed: DMatrix<f64>,
     kept: Option<KeptSurrogate>,
@@ -130,18 +139,51 @@ impl Base {
         let scaled = DMatrix::from_columns(&jacobian.column_iter().map(|c| c.normalize()).collect::<Vec<_>>());
         let absorbed = if n_columns == 0 { DMatrix::zeros(n_rows, 0) } else { scaled.qr().q() };
         let kept = calibrated.reduced.to_keep(problem)?;
-        Ok(Self { parameters, position_m, noise, noise_parameters, absorbed, kept })
+        let observed_rows = (0..record.n_rows()).filter(|row| record.position_m[*row].is_some()).collect();
+        Ok(Self { parameters, position_m, noise, noise_parameters, observed_rows, absorbed, kept })
     }
 
-    /// Visible fraction and standard error of a signature (m a unit of the parameter, one value a row).
-    fn visible(&self, signature_m: Vec<f64>) -> (f64, f64) {
+    /// What is left of a signature (m a unit of the parameter, one value a row).
+    fn visible(&self, signature_m: Vec<f64>) -> Visible {
+        let noise_sd_m = 1e-6 * self.noise_parameters[0];
+        let observed = self.observed_rows.iter().map(|row| signature_m[*row] / noise_sd_m);
+        let whole: f64 = observed.map(|g| g * g).sum();
         let white = self.noise.whiten(&[signature_m], &self.position_m, &self.noise_parameters);
         let mut g = DVector::zeros(self.absorbed.nrows());
         g.iter_mut().zip(&white[0]).for_each(|(g, w)| *g = *w);
         let rest = &g - &self.absorbed * (self.absorbed.transpose() * &g);
-        let whole = g.norm_squared();
-        if whole > 0.0 { (rest.norm_squared() / whole, 1.0 / rest.norm()) } else { (0.0, f64::INFINITY) }
+        let fraction = if whole > 0.0 { rest.norm_squared() / whole } else { 0.0 };
+        Visible { fraction, rest }
     }
+}
+
+/// What is left of a signature.
+struct Visible {
+    fraction: f64,
+    /// Pg.
+    rest: DVector<f64>,
+}
+
+/// |cos| of two visible parts above which two effects are called twins.
+const TWIN_COSINE: f64 = 0.99;
+/// Shares below this are rounding and curvature, whose directions mean nothing.
+const LEAST_VISIBLE: f64 = 1e-6;
+
+/// Entries with their twins.
+fn with_twins(list: Vec<(EffectEntry, Option<Visible>)>) -> Vec<EffectEntry> {
+    let direction =
+        |visible: &Option<Visible>| visible.as_ref().filter(|v| v.fraction > LEAST_VISIBLE).map(|v| v.rest.normalize());
+    let directions: Vec<Option<DVector<f64>>> = list.iter().map(|(_, visible)| direction(visible)).collect();
+    let slugs: Vec<String> = list.iter().map(|(entry, _)| entry.slug.clone()).collect();
+    let twins_of = |i: usize| {
+        let is_twin = |j: &usize| match (&directions[i], &directions[*j]) {
+            (Some(a), Some(b)) => *j != i && a.dot(b).abs() > TWIN_COSINE,
+            _ => false,
+        };
+        (0..slugs.len()).filter(is_twin).map(|j| slugs[j].clone()).collect()
+    };
+    let twins: Vec<Vec<String>> = (0..list.len()).map(twins_of).collect();
+    list.into_iter().zip(twins).map(|((entry, _), twins)| EffectEntry { twins, ..entry }).collect()
 }
 
 /// The known noise, else what the calibrated base leaves; other terms at their priors' medians.
@@ -160,7 +202,12 @@ fn prior_sd_near(distribution: &Distribution, value: f64) -> f64 {
     }
 }
 
-fn entry(problem: &Problem, library: &Library, effect: &'static dyn Effect, base: &Base) -> Result<EffectEntry> {
+fn entry(
+    problem: &Problem,
+    library: &Library,
+    effect: &'static dyn Effect,
+    base: &Base,
+) -> Result<(EffectEntry, Option<Visible>)> {
     let scales = problem.model.scales();
     let parameter = |p: &EffectParameter| ParameterEntry {
         name: p.spec.name.into(),
@@ -178,30 +225,32 @@ fn entry(problem: &Problem, library: &Library, effect: &'static dyn Effect, base
         parameters: effect.parameters().iter().map(parameter).collect(),
         visible_fraction: None,
         standard_error: None,
+        twins: Vec::new(),
         refused: None,
     };
     let mut specification = problem.specification.clone();
     if specification.effects.iter().any(|slug| slug == effect.slug()) {
         entry.refused = Some("the model has it already".into());
-        return Ok(entry);
+        return Ok((entry, None));
     }
     specification.effects.push(effect.slug().into());
     let extended = match problem.with_model(specification, library) {
         Ok(extended) => extended,
         Err(Error::Input { found, .. }) => {
             entry.refused = Some(found);
-            return Ok(entry);
+            return Ok((entry, None));
         }
         Err(other) => return Err(other),
     };
     let reduced = Reduced::unverified(&extended, base.kept.clone(), &Silent)?;
     let forward = ReducedForward { trained: &[], ..extended.reduced_forward(&reduced) };
     let seen = signatures(effect, &forward, base)?.into_iter().map(|signature| base.visible(signature));
-    if let Some((fraction, error)) = seen.max_by(|a, b| a.0.total_cmp(&b.0)) {
-        entry.visible_fraction = Some(fraction);
-        entry.standard_error = Some(error).filter(|error| error.is_finite());
+    let best = seen.max_by(|a, b| a.fraction.total_cmp(&b.fraction));
+    if let Some(visible) = &best {
+        entry.visible_fraction = Some(visible.fraction);
+        entry.standard_error = Some(1.0 / visible.rest.norm()).filter(|error| error.is_finite());
     }
-    Ok(entry)
+    Ok((entry, best))
 }
 
 /// Signatures (m a unit) of an effect's first parameter at its null, one for each point of the grid of those that mean nothing there.

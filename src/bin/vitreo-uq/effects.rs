@@ -31,9 +31,9 @@ pub fn run(arguments: &EffectsArguments) -> Result<ExitCode> {
 
 fn words(summary: &EffectsSummary) -> String {
     let mut lines = vec![
-        format!("{}: what this experiment can see of each effect", summary.experiment),
+        format!("{}: what this experiment can see beside the {} model", summary.experiment, summary.model.title()),
         format!(
-            "(share of its signature that the base model cannot absorb, and the standard error that a noise of {} µm leaves)",
+            "(visible: share of an effect's signature that model and noise cannot absorb; standard error: what a noise of {} µm leaves)",
             significant(summary.noise_um)
         ),
         String::new(),
@@ -45,6 +45,9 @@ fn words(summary: &EffectsSummary) -> String {
         lines.push(format!("{}: {}", effect.slug, effect.summary));
         lines.push(format!("  {}", effect.equation));
         lines.extend(effect.parameters.iter().map(parameter));
+        if !effect.twins.is_empty() {
+            lines.push(format!("  same shape here, nearly: {}", effect.twins.join(", ")));
+        }
         lines.extend(effect.refused.iter().map(|reason| format!("  not here: {reason}")));
     }
     lines.push(String::new());
@@ -55,10 +58,11 @@ fn words(summary: &EffectsSummary) -> String {
 fn overview(effect: &EffectEntry) -> String {
     let visible = match effect.visible_fraction {
         Some(fraction) if fraction >= 0.001 => format!("{:.1} %", 100.0 * fraction),
-        Some(fraction) => format!("{:.0e} %", 100.0 * fraction),
+        Some(_) => "< 0.1 %".into(),
         None => "–".into(),
     };
     let error = match (effect.standard_error, effect.parameters.first()) {
+        _ if effect.visible_fraction.is_some_and(|fraction| fraction < 0.001) => "not visible here".into(),
         (Some(error), Some(first)) => format!("{} {} {}", first.symbol, plus_minus(error), unit(&first.unit)),
         _ => "–".into(),
     };

@@ -7,7 +7,7 @@ use vitreo_uq::effects::Library;
 use vitreo_uq::error::{Error, Place, Result};
 use vitreo_uq::files::write_json_atomically;
 use vitreo_uq::inference::SamplerOptions;
-use vitreo_uq::study::{ModelSpecification, Study, WithProvenance};
+use vitreo_uq::study::{Study, WithProvenance};
 use vitreo_uq::workflow::extend::{self, Extension, ExtensionRequest, ExtensionSummary, Misfit};
 use vitreo_uq::workflow::mechanics::MeshFile;
 use vitreo_uq::workflow::problem::Problem;
@@ -37,24 +37,40 @@ pub fn run(arguments: &ExtendArguments) -> Result<ExitCode> {
     let terminal = Terminal::new(common.quiet);
     let library = Library::default();
     let effects = &arguments.model.with;
-    // The effects are what is added, not the model that is extended.
-    let model = Model { with: Vec::new(), ..arguments.model.clone() };
+    // Effects and values are of the model that is made; all else changes the model that is extended, too.
+    let model = Model { with: Vec::new(), set: Vec::new(), ..arguments.model.clone() };
     let target = Target::open(common, &model, &terminal)?;
-    let specification = model_to_extend(&target, &model)?;
-    extend::extended(&specification, effects, &library)?;
+    if let (Some(_), Some(study)) = (&model.base, target.existing_study())
+        && !study.revisions()?.is_empty()
+    {
+        return Err(Error::input(
+            Place::option("--base"),
+            "the study has a base law already",
+            "leave --base away, or make a study of another law with `sample --base … --out DIR`",
+        ));
+    }
+    let specification = extend::extended(&target.specification, effects, &library)?;
+    let values = specification.values_from_options(&arguments.model.set, &library)?;
     let mesh = model.mesh.clone().map(|path| MeshFile { path, metres_per_unit: model.mesh_unit });
-    let before = Problem::new(target.experiment.clone(), specification, mesh.as_ref(), &terminal)?;
-    refuse_nothing_to_sample(&before)?;
-    options.validate(before.priors.priors().len())?;
+    let before = Problem::new(target.experiment.clone(), target.specification.clone(), mesh.as_ref(), &terminal)?;
+    let (from, revision, earlier) = match target.existing_study() {
+        Some(study) => revisions(study, model.from.as_deref())?,
+        None => ("m0".into(), "m1".into(), 0),
+    };
+    let request = ExtensionRequest { from: &from, revision: &revision, effects, values, earlier, options };
+    // What can be refused is refused here, before anything is sampled or written.
+    let pair = extend::compared(&before, &request, &library)?;
+    for problem in [&before, &pair.before, &pair.after] {
+        refuse_nothing_to_sample(problem)?;
+        request.options.validate(problem.priors.priors().len())?;
+    }
     let study = &target.make_study()?;
     if study.revisions()?.is_empty() {
         terminal.stage("m0, the model to extend, on the calibration cycles");
-        sample_into_m0(study, &before, options.clone(), false, &terminal)?;
+        sample_into_m0(study, &before, request.options.clone(), false, &terminal)?;
     }
-    let (from, revision) = revisions(study, model.from.as_deref())?;
     let writer = study.begin_revision(&revision)?;
-    let request = ExtensionRequest { from: &from, revision: &revision, effects, options };
-    let extension = extend::run(&before, &request, &library, &terminal)?;
+    let extension = extend::run(pair, &request, &terminal)?;
     let Extension { summary, problem, after } = &extension;
     terminal.stage("writing results and figures");
     let header = |kind: &str| artefacts::with_inputs(study.provenance(kind, 1, common.seed), problem);
@@ -71,41 +87,12 @@ pub fn run(arguments: &ExtendArguments) -> Result<ExitCode> {
     Ok(ExitCode::from(u8::from(!summary.is_sound())))
 }
 
-/// The named or last revision's model; `--noise`, `--prior` and `--set` change it before and after alike.
-fn model_to_extend(target: &Target, model: &Model) -> Result<ModelSpecification> {
-    let Some(study) = target.existing_study() else { return Ok(target.specification.clone()) };
-    let last = study.revisions()?.pop();
-    let Some(name) = model.from.clone().or(last) else { return Ok(target.specification.clone()) };
-    let revision = artefacts::model_of(&study.revision_dir(&name)?, &Library::default())?;
-    if model.base.is_some() {
-        return Err(Error::input(
-            Place::option("--base"),
-            format!("the law is that of {name}"),
-            "leave --base away, or make a study of another law with `sample --base … --out DIR`",
-        ));
-    }
-    let asked = &target.specification;
-    let mut specification = revision;
-    if !model.noise.is_empty() {
-        specification.noise = asked.noise.clone();
-    }
-    if model.prior.is_some() {
-        specification.prior = asked.prior.clone();
-    }
-    specification.fixed.extend(model_values(model, &specification)?);
-    Ok(specification)
-}
-
-fn model_values(model: &Model, specification: &ModelSpecification) -> Result<std::collections::BTreeMap<String, f64>> {
-    specification.values_from_options(&model.set, &Library::default())
-}
-
-/// The revision to extend and the one to make.
-fn revisions(study: &Study, from: Option<&str>) -> Result<(String, String)> {
+/// The revision to extend, the one to make, and how many extensions there are already.
+fn revisions(study: &Study, from: Option<&str>) -> Result<(String, String, usize)> {
     let there = study.revisions()?;
     let last = there.last().cloned().unwrap_or_else(|| "m0".into());
     let number = last[1..].parse::<u32>().unwrap_or(0);
-    Ok((from.map_or(last, String::from), format!("m{}", number + 1)))
+    Ok((from.map_or(last, String::from), format!("m{}", number + 1), there.len().saturating_sub(1)))
 }
 
 fn words(summary: &ExtensionSummary) -> String {

@@ -107,8 +107,8 @@ fn refuse_other_model(study: &Study, specification: &ModelSpecification, force: 
     }
     Err(Error::input(
         Place::file(path),
-        "the study's m0 is of another model",
-        "choose another directory with `--out`, or replace m0 with `--force`",
+        "the study's m0 is of another model, and `sample` makes m0 only",
+        "choose another directory with `--out`, replace m0 with `--force`, or add effects with `extend`",
     ))
 }
 

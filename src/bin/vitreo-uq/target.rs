@@ -132,13 +132,8 @@ fn print_notes(files: &ExperimentFiles, monitor: &dyn Monitor) {
     files.notes.iter().for_each(|note| monitor.warn(&note.to_string()));
 }
 
-/// The model that the options name; without any, that of the named or last revision; without one, the default.
+/// The model of the named or last revision, or the default, with what the options change of it.
 fn specification(study: Option<&Study>, model: &Model, default_revision: Option<&str>) -> Result<ModelSpecification> {
-    let given = model.base.is_some()
-        || !model.with.is_empty()
-        || !model.noise.is_empty()
-        || model.prior.is_some()
-        || !model.set.is_empty();
     let revision = match (&model.from, study) {
         (Some(name), Some(study)) => Some((study, name.clone())),
         (Some(name), None) => {
@@ -155,14 +150,9 @@ fn specification(study: Option<&Study>, model: &Model, default_revision: Option<
         }
         (None, None) => None,
     };
-    match revision {
-        Some((study, name)) if !given => artefacts::model_of(&study.revision_dir(&name)?, &Library::default()),
-        _ => ModelSpecification::from_options(
-            model.base.as_deref(),
-            &model.with,
-            &model.noise,
-            model.prior.as_deref(),
-            &model.set,
-        ),
-    }
+    let start = match revision {
+        Some((study, name)) => artefacts::model_of(&study.revision_dir(&name)?, &Library::default())?,
+        None => ModelSpecification::default(),
+    };
+    start.with_options(model.base.as_deref(), &model.with, &model.noise, model.prior.as_deref(), &model.set)
 }

@@ -132,6 +132,14 @@ impl NoiseModel {
         specs.filter_map(|spec| default_prior(&spec, scales)).collect()
     }
 
+    /// Standard deviation (µm) of what differs from row to row: the white errors and the process. Gains and offsets are left out: they are the
+    /// same all through a cycle, so that a misfit which they take up still stands between prediction and positions.
+    pub fn row_sd_um(self, parameters: &[f64]) -> f64 {
+        let tails = self.student_dof(parameters).map_or(1.0, |dof| dof / (dof - 2.0));
+        let process = if self.ou { parameters[1] } else { 0.0 };
+        (tails * parameters[0] * parameters[0] + process * process).sqrt()
+    }
+
     /// Degrees of freedom among the parameters, if the model has `student`.
     pub fn student_dof(self, parameters: &[f64]) -> Option<f64> {
         if self.student { parameters.last().copied() } else { None }
@@ -144,10 +152,10 @@ fn default_prior(spec: &ParameterSpec, scales: &NoiseScales) -> Option<Prior> {
         let distribution = Distribution::LogNormal { median: 0.5 * noise_sd_um, log_sd: 1.0 };
         (distribution, "chosen: about half the white noise, within a factor of seven (95 %)")
     } else if *spec == OU_TIME {
-        // Both ends two standard deviations away; no narrower than a factor of e where a cycle has few samples.
-        let log_sd = (0.25 * (cycle_s / sample_interval_s).ln()).max(0.5);
-        let distribution = Distribution::LogNormal { median: (sample_interval_s * cycle_s).sqrt(), log_sd };
-        (distribution, "chosen: between the sample interval and the cycle (95 %)")
+        // A process that forgets within two rows is white noise by another name, and the two would trade places.
+        let lower = 2.0 * sample_interval_s;
+        let distribution = Distribution::LogUniform { lower, upper: cycle_s.max(10.0 * lower) };
+        (distribution, "chosen: from two sample intervals, below which it is white noise, to a cycle")
     } else if *spec == GAIN_SD {
         (Distribution::HalfNormal { sd: 0.03 }, "chosen: cycles alike to a few per cent")
     } else if *spec == OFFSET_SD {
@@ -203,6 +211,14 @@ mod tests {
     }
 
     #[test]
+    fn what_differs_from_row_to_row_has_no_gain_and_no_offset() {
+        let model = named(&["white", "ou", "gain", "student"]).expect("sound");
+        // 3² · 4/(4 − 2) + 2².
+        assert!((model.row_sd_um(&[3.0, 2.0, 1.0, 0.5, 70.0, 4.0]) - 22.0_f64.sqrt()).abs() < 1e-12);
+        assert_eq!(NoiseModel::default().row_sd_um(&[3.0]), 3.0);
+    }
+
+    #[test]
     fn default_priors_stay_in_the_support_and_scale_with_the_experiment() {
         let model = named(&["white", "ou", "gain", "student"]).expect("sound");
         let priors = model.default_priors(&scales());
@@ -221,8 +237,8 @@ mod tests {
         assert!(
             (quantile("ou_sd_um", 0.5) - 2.0).abs() < 1e-12 && (quantile("ou_sd_um", 0.975) / 14.0 - 1.0).abs() < 0.02
         );
-        assert!((quantile("ou_time_s", 0.975) / 10.0 - 1.0).abs() < 0.06);
-        assert!((quantile("ou_time_s", 0.025) / 0.05 - 1.0).abs() < 0.06);
+        assert!((quantile("ou_time_s", 1.0) / 10.0 - 1.0).abs() < 1e-9);
+        assert!((quantile("ou_time_s", 0.0) / 0.1 - 1.0).abs() < 1e-9);
         assert!(NoiseModel::default().default_priors(&scales()).is_empty());
     }
 }
