@@ -63,7 +63,8 @@ fn all(criterion: &mut Criterion) {
         let problem = base.with_model(specification, &library).expect("an effect alone is a model");
         measure(criterion, "effect", effect.slug(), &problem);
     }
-    for terms in [&["white", "ou"][..], &["white", "gain"], &["white", "student"], &["white", "ou", "gain", "student"]] {
+    for terms in [&["white", "ou"][..], &["white", "gain"], &["white", "student"], &["white", "ou", "gain", "student"]]
+    {
         let noise = terms.iter().map(ToString::to_string).collect();
         let specification = ModelSpecification { noise, ..ModelSpecification::default() };
         let problem = base.with_model(specification, &library).expect("a model");

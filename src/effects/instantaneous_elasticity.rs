@@ -75,7 +75,8 @@ mod tests {
     #[test]
     fn it_is_burgers_law() {
         let (young_modulus_pa, ratio) = (3.5, 0.3);
-        let burgers = BaseLaw::Burgers.creep_compliance(&[young_modulus_pa, 1.4, 47.0, young_modulus_pa / ratio]).unwrap();
+        let burgers =
+            BaseLaw::Burgers.creep_compliance(&[young_modulus_pa, 1.4, 47.0, young_modulus_pa / ratio]).unwrap();
         let law = stages(ratio.into(), young_modulus_pa.into()).law;
         for t in [0.0, 0.1, 1.0, 20.0] {
             assert!((compliance_per_pa(&law, t).value - burgers.at(t)).abs() < 1e-15);

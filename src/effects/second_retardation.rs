@@ -101,8 +101,9 @@ mod tests {
     fn it_is_the_two_element_law() {
         let (ratio, time_s) = (0.4, 6.0);
         let second_modulus_pa = 3.5 / ratio;
-        let named =
-            BaseLaw::TwoElement.creep_compliance(&[3.5, 1.4, 47.0, second_modulus_pa, time_s * second_modulus_pa]).unwrap();
+        let named = BaseLaw::TwoElement
+            .creep_compliance(&[3.5, 1.4, 47.0, second_modulus_pa, time_s * second_modulus_pa])
+            .unwrap();
         for t in [0.0, 0.1, 1.0, 20.0] {
             let found = compliance_per_pa(&law(ratio.into(), time_s.into()), t).value;
             assert!((found - named.at(t)).abs() < 1e-15, "{t}: {found}");

@@ -236,7 +236,11 @@ fn base_named(name: &str, place: Place) -> Result<BaseLaw> {
         let known = BaseLaw::NAMED.map(BaseLaw::name);
         let near = nearest_name(name, known);
         let hint = near.map_or(String::new(), |near| format!("did you mean `{near}`? "));
-        Error::input(place, format!("`{name}` is not available"), format!("{hint}{}; or a .toml file with a [base.network]", available(&known)))
+        Error::input(
+            place,
+            format!("`{name}` is not available"),
+            format!("{hint}{}; or a .toml file with a [base.network]", available(&known)),
+        )
     })
 }
 
