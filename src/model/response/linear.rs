@@ -7,7 +7,7 @@
 
 use pulp::{Arch, Simd, WithSimd};
 
-use super::numbers::{Complex, Field, Number, Real};
+use super::numbers::{Complex, Field, N_LANES, Number, Real};
 use super::record::Record;
 use super::system::{Mode, System};
 use crate::number::{PointScalar, Scalar};
@@ -136,18 +136,22 @@ struct Kick<N> {
 /// All points' switches in the order of rows.
 fn kicks<S: Number>(record: &Record, system: &System<S>) -> Vec<Kick<S::Lane>> {
     let mut kicks = Vec::with_capacity(S::N_POINTS * record.switches.len());
-    for lane in 0..S::N_POINTS {
-        let delay_s = system.delay_s.lane(lane);
-        let mut row = record.n_rows.min(1);
-        for switch in &record.switches {
+    let mut rows = [1; N_LANES];
+    // Points inside switches: delays are alike, so that the kicks come nearly sorted.
+    for switch in &record.switches {
+        let change_n = system.scaled_n(switch.after_n) - system.scaled_n(switch.before_n);
+        for lane in 0..S::N_POINTS {
+            let delay_s = system.delay_s.lane(lane);
             let time_s = switch.time_s + delay_s.value();
-            row += record.time_s[row..].partition_point(|&row_s| row_s <= time_s);
-            if row == record.n_rows {
-                break;
+            let mut row = rows[lane].max(switch.row);
+            while row < record.n_rows && record.time_s[row] <= time_s {
+                row += 1;
             }
-            let change_n = system.scaled_n(switch.after_n) - system.scaled_n(switch.before_n);
-            let remaining_s = S::Lane::constant(record.time_s[row] - switch.time_s) - delay_s;
-            kicks.push(Kick { lane, row, remaining_s, change_n: change_n.lane(lane) });
+            rows[lane] = row;
+            if row < record.n_rows {
+                let remaining_s = S::Lane::constant(record.time_s[row] - switch.time_s) - delay_s;
+                kicks.push(Kick { lane, row, remaining_s, change_n: change_n.lane(lane) });
+            }
         }
     }
     kicks.sort_by_key(|kick| kick.row);
