@@ -4,7 +4,7 @@
 //! step, but has endless tails. Here nodes inside the window are kept; those too fast for it become instantaneous, those too slow become flow
 //! and one more mode. Their sums, which would converge slowly, follow from the law's complex compliance J*(s) at two real s.
 //!
-//! Error over the window, with h L the weight of a node: a fast node leaves h L e^{−rt}, at most e^{−19.5} = 3.4e-9 of h L, and the next ones
+//! Error over the window by the fine rule, with h L the weight of a node: a fast node leaves h L e^{−rt}, at most e^{−19.5} = 3.4e-9 of h L, and the next ones
 //! e^{−31}, e^{−50}, …; the slow ones, of which the Gauss–Radau rule keeps moments 1, 2 and 3, leave h L (rt)⁴/24, at most 3.4e-8 of h L at
 //! rt = 0.03 and e^{−4h} = 0.15 of that at each slower one. With weights below 0.05/E this is 2e-9/E in all; the rule itself adds its 1e-9.
 

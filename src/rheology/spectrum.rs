@@ -109,7 +109,7 @@ impl<T: PointScalar> RetardationSpectrum<T> {
         Ok(spectrum)
     }
 
-    /// Adds a spectrum in parallel to the time: compliances add.
+    /// Adds the spectrum of a body in series: compliances add.
     pub(super) fn extend(&mut self, other: &RetardationSpectrum) {
         let pair = |[re, im]: [Dual; 2]| [T::of(re), T::of(im)];
         self.instantaneous_per_pa += T::of(other.instantaneous_per_pa);
