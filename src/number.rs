@@ -24,6 +24,20 @@ pub trait Scalar:
     fn exp_m1(self) -> Self;
 }
 
+/// A number of one point: what a law's spectrum is computed in.
+pub trait PointScalar: Scalar {
+    /// What of a model's number is carried.
+    fn of(number: Dual) -> Self;
+    /// Value, for decisions.
+    fn value(self) -> f64;
+    /// sin x.
+    fn sin(self) -> Self;
+    /// cos x.
+    fn cos(self) -> Self;
+    /// xʸ for x > 0.
+    fn pow(self, exponent: Self) -> Self;
+}
+
 /// A value and its derivative in one direction.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Dual {
@@ -198,6 +212,46 @@ impl Scalar for Dual {
     #[inline(always)]
     fn exp_m1(self) -> Self {
         self.chain(self.value.exp_m1(), self.value.exp())
+    }
+}
+
+impl PointScalar for f64 {
+    #[inline(always)]
+    fn of(number: Dual) -> Self {
+        number.value
+    }
+    #[inline(always)]
+    fn value(self) -> f64 {
+        self
+    }
+    fn sin(self) -> Self {
+        f64::sin(self)
+    }
+    fn cos(self) -> Self {
+        f64::cos(self)
+    }
+    fn pow(self, exponent: Self) -> Self {
+        self.powf(exponent)
+    }
+}
+
+impl PointScalar for Dual {
+    #[inline(always)]
+    fn of(number: Dual) -> Self {
+        number
+    }
+    #[inline(always)]
+    fn value(self) -> f64 {
+        self.value
+    }
+    fn sin(self) -> Self {
+        Dual::sin(self)
+    }
+    fn cos(self) -> Self {
+        Dual::cos(self)
+    }
+    fn pow(self, exponent: Self) -> Self {
+        Dual::pow(self, exponent)
     }
 }
 

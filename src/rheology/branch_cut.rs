@@ -10,8 +10,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use nalgebra::Complex;
 
 use super::complex::ComplexDual;
-use super::fractional::STEP;
-use super::lumped::{Density, Node, SLOWEST_OF_RISING};
+use super::lumped::{Density, FINE, Node, Rule};
 use super::spectrum::check_order;
 use super::{Element, OscillatingMode, RetardationSpectrum, SpectralMode, TimeWindow, stieltjes};
 use crate::error::{Error, Result};
@@ -33,22 +32,21 @@ const START_SPACING: f64 = 2.0;
 /// to 2e-9.
 const REACH: f64 = 20.0;
 
-/// Adds the spectrum of a network over a window.
+/// The spectrum of a network over a window.
 ///
 /// # Errors
 /// [`Error::Numerical`] where an order is outside (0, 1], where the derivative by an order of 1 is asked for (the density vanishes there), and
 /// where the density is too sharp for the finest step.
-pub(super) fn add_network(spectrum: &mut RetardationSpectrum, network: &Element, window: TimeWindow) -> Result<()> {
+pub(super) fn spectrum_of(network: &Element, window: TimeWindow) -> Result<RetardationSpectrum> {
     check_orders(network)?;
     let zeros = zeros_beyond_the_cut(network, window);
-    let mut coarse = spectrum_at(network, STEP, &zeros, window);
+    let mut coarse = spectrum_at(network, FINE.step, &zeros, window);
     let mut difference = f64::NAN;
     for refinement in 1..=MAX_REFINEMENTS {
-        let fine = spectrum_at(network, STEP * REFINEMENT.powi(refinement), &zeros, window);
+        let fine = spectrum_at(network, FINE.step * REFINEMENT.powi(refinement), &zeros, window);
         difference = largest_difference(&coarse, &fine, window);
         if difference <= TOLERANCE {
-            spectrum.extend(coarse);
-            return Ok(());
+            return Ok(coarse);
         }
         coarse = fine;
     }
@@ -75,22 +73,23 @@ fn check_orders(element: &Element) -> Result<()> {
 }
 
 fn spectrum_at(network: &Element, step: f64, zeros: &[Zero], window: TimeWindow) -> RetardationSpectrum {
-    let node = |node: Node| {
+    let node = |node: Node<Dual>| {
         let compliance = modulus_at(network, ComplexDual::constant(node.u, PI)).value.reciprocal();
         SpectralMode { compliance_per_pa: compliance.im * (-step / PI), rate_per_s: Dual::constant(node.exp_u) }
     };
     let transform = |s: f64| modulus_at(network, ComplexDual::constant(s.ln(), 0.0)).value.reciprocal().re;
+    let poles: Vec<OscillatingMode> = zeros.iter().map(|zero| zero.mode(step)).collect();
     let mut spectrum = RetardationSpectrum::empty();
     Density {
         node,
         compliance: transform,
         factor: Dual::ONE,
-        step,
+        rule: Rule { step, ..FINE },
+        slowest: FINE.slowest_of_rising,
         ln_scale: 0.0,
         order: Dual::ZERO,
-        slowest: SLOWEST_OF_RISING,
         least_tail: REACH,
-        poles: zeros.iter().map(|zero| zero.mode(step)).collect(),
+        poles: &poles,
     }
     .add_to(&mut spectrum, window);
     spectrum

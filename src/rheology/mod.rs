@@ -13,7 +13,7 @@ mod stieltjes;
 pub use element::Element;
 pub use mittag_leffler::mittag_leffler;
 pub use network::Network;
-pub use spectrum::{OscillatingMode, RetardationSpectrum, SpectralMode, TimeWindow};
+pub use spectrum::{Accuracy, OscillatingMode, RetardationSpectrum, SpectralMode, TimeWindow};
 
 use crate::distribution::Distribution;
 use crate::number::Dual;

@@ -1,39 +1,39 @@
 //! Any law as a sum of exponentials: what the fast convolution needs.
 
-use super::fractional::{add_kelvin_voigt as add_fractional_kelvin_voigt, add_springpot};
+use super::fractional::{FractionalBody, Springpot};
 use super::{Element, branch_cut, stieltjes};
 use crate::error::{Error, Result};
-use crate::number::Dual;
+use crate::number::{Dual, PointScalar};
 
 /// J(t) = J₀ + Σ aₘ (1 − e^{−rₘt}) + Re Σ Aₙ (1 − e^{−Λₙt}) + φ t.
 #[derive(Debug, Clone, PartialEq)]
-pub struct RetardationSpectrum {
+pub struct RetardationSpectrum<T = Dual> {
     /// J₀ in 1/Pa.
-    pub instantaneous_per_pa: Dual,
+    pub instantaneous_per_pa: T,
     /// aₘ and rₘ.
-    pub modes: Vec<SpectralMode>,
+    pub modes: Vec<SpectralMode<T>>,
     /// Aₙ and Λₙ.
-    pub oscillating: Vec<OscillatingMode>,
+    pub oscillating: Vec<OscillatingMode<T>>,
     /// φ in 1/(Pa·s).
-    pub fluidity_per_pa_s: Dual,
+    pub fluidity_per_pa_s: T,
 }
 
 /// a (1 − e^{−rt}).
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SpectralMode {
+pub struct SpectralMode<T = Dual> {
     /// a in 1/Pa.
-    pub compliance_per_pa: Dual,
+    pub compliance_per_pa: T,
     /// r > 0 in 1/s.
-    pub rate_per_s: Dual,
+    pub rate_per_s: T,
 }
 
 /// Re A (1 − e^{−Λt}) with complex A and Λ, Re Λ > 0; real part first.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct OscillatingMode {
+pub struct OscillatingMode<T = Dual> {
     /// A in 1/Pa.
-    pub compliance_per_pa: [Dual; 2],
+    pub compliance_per_pa: [T; 2],
     /// Λ in 1/s.
-    pub rate_per_s: [Dual; 2],
+    pub rate_per_s: [T; 2],
 }
 
 /// Times between which a spectrum must be right.
@@ -45,41 +45,22 @@ pub struct TimeWindow {
     pub longest_s: f64,
 }
 
-impl RetardationSpectrum {
-    pub(super) fn empty() -> Self {
-        Self {
-            instantaneous_per_pa: Dual::ZERO,
-            modes: Vec::new(),
-            oscillating: Vec::new(),
-            fluidity_per_pa_s: Dual::ZERO,
-        }
-    }
+/// How near to its law a spectrum is. Errors are those of J at the end of the window, of 1/E for the fractional Kelvin–Voigt body.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Accuracy {
+    /// Within 1e-8.
+    Fine,
+    /// Springpots within 1e-6, with two thirds of the modes: small beside any noise. Networks of springpots are [`Accuracy::Fine`] all the same.
+    Fast,
+}
 
-    /// The spectrum of elements in series.
-    ///
-    /// Springs, dashpots and networks of them are exact. Springpots are right within 1e-8 of J at the end of the window (of 1/E for the fractional
-    /// Kelvin–Voigt body) for times inside the window and after any superposition of them; before `shortest_s` the modes that are faster than
-    /// the window stand as instantaneous compliance.
+impl RetardationSpectrum {
+    /// The spectrum of elements in series, [`Accuracy::Fine`].
     ///
     /// # Errors
-    /// [`Error::Numerical`] where a network has no spectrum that can be computed, and where the window is not one of positive, finite times.
+    /// Those of [`Self::with_accuracy`].
     pub fn of(law: &[Element], window: TimeWindow) -> Result<Self> {
-        let TimeWindow { shortest_s, longest_s } = window;
-        if !(shortest_s > 0.0 && longest_s >= shortest_s && longest_s.is_finite()) {
-            return Err(Error::numerical(
-                format!("a spectrum cannot hold from {shortest_s} s to {longest_s} s"),
-                "give positive, finite times, the shortest first",
-            ));
-        }
-        let mut spectrum = Self::empty();
-        law.iter().try_for_each(|element| spectrum.add(element, window))?;
-        if !(spectrum.instantaneous_per_pa.value.is_finite() && spectrum.fluidity_per_pa_s.value.is_finite()) {
-            return Err(Error::numerical(
-                format!("the creep compliance of {law:?} is not finite"),
-                "give moduli, viscosities and times of a size that can be",
-            ));
-        }
-        Ok(spectrum)
+        Self::with_accuracy(law, window, Accuracy::Fine)
     }
 
     /// J(t) in 1/Pa by value, t > 0 in s.
@@ -93,68 +74,127 @@ impl RetardationSpectrum {
         let flow = self.fluidity_per_pa_s.value * time_s;
         self.instantaneous_per_pa.value + modes.sum::<f64>() + oscillating.sum::<f64>() + flow
     }
+}
 
-    pub(super) fn extend(&mut self, other: Self) {
-        self.instantaneous_per_pa += other.instantaneous_per_pa;
-        self.modes.extend(other.modes);
-        self.oscillating.extend(other.oscillating);
-        self.fluidity_per_pa_s += other.fluidity_per_pa_s;
+impl<T: PointScalar> RetardationSpectrum<T> {
+    pub(super) fn empty() -> Self {
+        let zero = T::constant(0.0);
+        Self { instantaneous_per_pa: zero, modes: Vec::new(), oscillating: Vec::new(), fluidity_per_pa_s: zero }
     }
 
-    fn add(&mut self, element: &Element, window: TimeWindow) -> Result<()> {
+    /// The spectrum of elements in series, by value or with the derivative that they carry; values are the same to the bit.
+    ///
+    /// Springs, dashpots and networks of them are exact. Springpots are right within the accuracy for times inside the window and after any
+    /// superposition of them; before `shortest_s` the modes that are faster than the window stand as instantaneous compliance.
+    ///
+    /// # Errors
+    /// [`Error::Numerical`] where a network has no spectrum that can be computed, and where the window is not one of positive, finite times.
+    pub fn with_accuracy(law: &[Element], window: TimeWindow, accuracy: Accuracy) -> Result<Self> {
+        let TimeWindow { shortest_s, longest_s } = window;
+        if !(shortest_s > 0.0 && longest_s >= shortest_s && longest_s.is_finite()) {
+            return Err(Error::numerical(
+                format!("a spectrum cannot hold from {shortest_s} s to {longest_s} s"),
+                "give positive, finite times, the shortest first",
+            ));
+        }
+        let mut builder = Builder { spectrum: Self::empty(), window, accuracy };
+        law.iter().try_for_each(|element| builder.add(element))?;
+        let spectrum = builder.spectrum;
+        if !(spectrum.instantaneous_per_pa.value().is_finite() && spectrum.fluidity_per_pa_s.value().is_finite()) {
+            return Err(Error::numerical(
+                format!("the creep compliance of {law:?} is not finite"),
+                "give moduli, viscosities and times of a size that can be",
+            ));
+        }
+        Ok(spectrum)
+    }
+
+    /// Adds the spectrum of a body in series: compliances add.
+    pub(super) fn extend(&mut self, other: &RetardationSpectrum) {
+        let pair = |[re, im]: [Dual; 2]| [T::of(re), T::of(im)];
+        self.instantaneous_per_pa += T::of(other.instantaneous_per_pa);
+        self.modes.extend(other.modes.iter().map(|mode| SpectralMode {
+            compliance_per_pa: T::of(mode.compliance_per_pa),
+            rate_per_s: T::of(mode.rate_per_s),
+        }));
+        self.oscillating.extend(other.oscillating.iter().map(|mode| OscillatingMode {
+            compliance_per_pa: pair(mode.compliance_per_pa),
+            rate_per_s: pair(mode.rate_per_s),
+        }));
+        self.fluidity_per_pa_s += T::of(other.fluidity_per_pa_s);
+    }
+
+    fn add_kelvin_voigt(&mut self, modulus_pa: Dual, viscosity_pa_s: Dual) {
+        let (modulus_pa, viscosity_pa_s) = (T::of(modulus_pa), T::of(viscosity_pa_s));
+        let compliance_per_pa = T::constant(1.0) / modulus_pa;
+        self.modes.push(SpectralMode { compliance_per_pa, rate_per_s: modulus_pa / viscosity_pa_s });
+    }
+}
+
+/// A spectrum to which elements are added.
+struct Builder<T> {
+    spectrum: RetardationSpectrum<T>,
+    window: TimeWindow,
+    accuracy: Accuracy,
+}
+
+impl<T: PointScalar> Builder<T> {
+    fn add(&mut self, element: &Element) -> Result<()> {
+        let inverse = |number: Dual| T::constant(1.0) / T::of(number);
+        let spectrum = &mut self.spectrum;
         match element {
-            Element::Spring { modulus_pa } => self.instantaneous_per_pa += Dual::ONE / *modulus_pa,
-            Element::Dashpot { viscosity_pa_s } => self.fluidity_per_pa_s += Dual::ONE / *viscosity_pa_s,
-            Element::Compliance { compliance_per_pa } => self.instantaneous_per_pa += *compliance_per_pa,
-            Element::Retarded { compliance_per_pa, time_s } => {
-                self.modes.push(SpectralMode { compliance_per_pa: *compliance_per_pa, rate_per_s: Dual::ONE / *time_s })
-            }
+            Element::Spring { modulus_pa } => spectrum.instantaneous_per_pa += inverse(*modulus_pa),
+            Element::Dashpot { viscosity_pa_s } => spectrum.fluidity_per_pa_s += inverse(*viscosity_pa_s),
+            Element::Compliance { compliance_per_pa } => spectrum.instantaneous_per_pa += T::of(*compliance_per_pa),
+            Element::Retarded { compliance_per_pa, time_s } => spectrum
+                .modes
+                .push(SpectralMode { compliance_per_pa: T::of(*compliance_per_pa), rate_per_s: inverse(*time_s) }),
             Element::Springpot { modulus_pa, time_s, order } => {
                 check_order(*order)?;
+                let (modulus_pa, time_s) = (T::of(*modulus_pa), T::of(*time_s));
                 if order.is_constant(1.0) {
-                    self.fluidity_per_pa_s += Dual::ONE / (*modulus_pa * *time_s);
+                    spectrum.fluidity_per_pa_s += T::constant(1.0) / (modulus_pa * time_s);
                 } else {
-                    add_springpot(self, *modulus_pa * time_s.pow(*order), *order, window);
+                    let order = T::of(*order);
+                    let springpot = Springpot { coefficient: modulus_pa * time_s.pow(order), order };
+                    springpot.add_to(spectrum, self.window, self.accuracy);
                 }
             }
-            Element::Series(elements) => elements.iter().try_for_each(|element| self.add(element, window))?,
-            Element::Parallel(elements) => self.add_parallel(element, elements, window)?,
+            Element::Series(elements) => elements.iter().try_for_each(|element| self.add(element))?,
+            Element::Parallel(elements) => self.add_parallel(element, elements)?,
         }
         Ok(())
     }
 
-    fn add_parallel(&mut self, whole: &Element, elements: &[Element], window: TimeWindow) -> Result<()> {
+    fn add_parallel(&mut self, whole: &Element, elements: &[Element]) -> Result<()> {
         match elements {
             [] => {
                 return Err(Error::numerical("a network has no element in parallel", "write at least one element"));
             }
-            [only] => self.add(only, window)?,
+            [only] => self.add(only)?,
             [Element::Spring { modulus_pa }, Element::Dashpot { viscosity_pa_s }]
             | [Element::Dashpot { viscosity_pa_s }, Element::Spring { modulus_pa }] => {
-                self.add_kelvin_voigt(*modulus_pa, *viscosity_pa_s);
+                self.spectrum.add_kelvin_voigt(*modulus_pa, *viscosity_pa_s);
             }
             [Element::Spring { modulus_pa: spring_pa }, Element::Springpot { modulus_pa, time_s, order }]
             | [Element::Springpot { modulus_pa, time_s, order }, Element::Spring { modulus_pa: spring_pa }] => {
                 check_order(*order)?;
                 if order.is_constant(1.0) {
-                    self.add_kelvin_voigt(*spring_pa, *modulus_pa * *time_s);
+                    self.spectrum.add_kelvin_voigt(*spring_pa, *modulus_pa * *time_s);
                 } else {
                     // E τᵅ = G tᵅ for the spring's E and the springpot's G and t.
-                    let time_s = *time_s * (*modulus_pa / *spring_pa).pow(Dual::ONE / *order);
-                    add_fractional_kelvin_voigt(self, *spring_pa, time_s, *order, window);
+                    let (spring_pa, order) = (T::of(*spring_pa), T::of(*order));
+                    let ratio = (T::of(*modulus_pa) / spring_pa).pow(T::constant(1.0) / order);
+                    let body = FractionalBody { modulus_pa: spring_pa, time_s: T::of(*time_s) * ratio, order };
+                    body.add_to(&mut self.spectrum, self.window, self.accuracy);
                 }
             }
             _ => match stieltjes::spectrum_of(whole) {
-                Some(exact) => self.extend(exact),
-                None => branch_cut::add_network(self, whole, window)?,
+                Some(exact) => self.spectrum.extend(&exact),
+                None => self.spectrum.extend(&branch_cut::spectrum_of(whole, self.window)?),
             },
         }
         Ok(())
-    }
-
-    fn add_kelvin_voigt(&mut self, modulus_pa: Dual, viscosity_pa_s: Dual) {
-        self.modes
-            .push(SpectralMode { compliance_per_pa: Dual::ONE / modulus_pa, rate_per_s: modulus_pa / viscosity_pa_s });
     }
 }
 

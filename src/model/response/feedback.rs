@@ -14,6 +14,7 @@ use super::record::{Record, slot};
 use super::system::System;
 use super::transition::{LARGEST_STATE, Transition};
 use crate::effects::LARGEST_FEEDBACK;
+use crate::number::PointScalar;
 
 /// Equal steps under one command.
 #[derive(Debug, Clone)]

@@ -7,10 +7,10 @@
 
 use pulp::{Arch, Simd, WithSimd};
 
-use super::numbers::{Complex, Field, Number, Real};
+use super::numbers::{Complex, Field, N_LANES, Number, Real};
 use super::record::Record;
 use super::system::{Mode, System};
-use crate::number::Scalar;
+use crate::number::{PointScalar, Scalar};
 
 /// What a step does to the modes.
 struct Step<S> {
@@ -136,20 +136,22 @@ struct Kick<N> {
 /// All points' switches in the order of rows.
 fn kicks<S: Number>(record: &Record, system: &System<S>) -> Vec<Kick<S::Lane>> {
     let mut kicks = Vec::with_capacity(S::N_POINTS * record.switches.len());
-    for lane in 0..S::N_POINTS {
-        let delay_s = system.delay_s.lane(lane);
-        let mut row = 1;
-        for switch in &record.switches {
+    let mut rows = [1; N_LANES];
+    // Points inside switches: delays are alike, so that the kicks come nearly sorted.
+    for switch in &record.switches {
+        let change_n = system.scaled_n(switch.after_n) - system.scaled_n(switch.before_n);
+        for lane in 0..S::N_POINTS {
+            let delay_s = system.delay_s.lane(lane);
             let time_s = switch.time_s + delay_s.value();
+            let mut row = rows[lane].max(switch.row);
             while row < record.n_rows && record.time_s[row] <= time_s {
                 row += 1;
             }
-            if row == record.n_rows {
-                break;
+            rows[lane] = row;
+            if row < record.n_rows {
+                let remaining_s = S::Lane::constant(record.time_s[row] - switch.time_s) - delay_s;
+                kicks.push(Kick { lane, row, remaining_s, change_n: change_n.lane(lane) });
             }
-            let change_n = system.scaled_n(switch.after_n) - system.scaled_n(switch.before_n);
-            let remaining_s = S::Lane::constant(record.time_s[row] - switch.time_s) - delay_s;
-            kicks.push(Kick { lane, row, remaining_s, change_n: change_n.lane(lane) });
         }
     }
     kicks.sort_by_key(|kick| kick.row);
@@ -320,86 +322,109 @@ impl<S: Number> WithSimd for Rows<'_, S> {
         } else {
             position_m.fill(system.instantaneous * level_n);
         }
-        let rows = step.modes.as_slice();
-        let (deficits_n, lagging) = (&*deficits_n, system.shape.lagging);
-        let mut from = 0;
-        // Blocks keep their states in registers; a block's width hides the latency of the recursion.
-        while rows.len() - from >= 8 {
-            block::<S, 8>(&mut self.modes[from..], &rows[from..], &self.input[from..], position_m, deficits_n, lagging);
-            from += 8;
+        let mut part = Part {
+            rows: &step.modes,
+            inputs: self.input,
+            states: self.modes,
+            oscillating_rows: &step.oscillating,
+            oscillating: self.oscillating,
+            level_n,
+            deficits_n,
+            lagging: system.shape.lagging,
+        };
+        // Blocks keep their states in registers. They are as wide as one another, since a narrow one waits for its recursion, and an oscillating mode
+        // goes with a block for the same reason.
+        let mut n_blocks = part.rows.len().div_ceil(WIDEST);
+        while n_blocks > 0 {
+            match part.rows.len().div_ceil(n_blocks) {
+                1 => part.block::<1>(position_m),
+                2 => part.block::<2>(position_m),
+                3 => part.block::<3>(position_m),
+                4 => part.block::<4>(position_m),
+                5 => part.block::<5>(position_m),
+                6 => part.block::<6>(position_m),
+                7 => part.block::<7>(position_m),
+                _ => part.block::<WIDEST>(position_m),
+            }
+            n_blocks -= 1;
         }
-        while rows.len() - from >= 2 {
-            block::<S, 2>(&mut self.modes[from..], &rows[from..], &self.input[from..], position_m, deficits_n, lagging);
-            from += 2;
-        }
-        if from < rows.len() {
-            block::<S, 1>(&mut self.modes[from..], &rows[from..], &self.input[from..], position_m, deficits_n, lagging);
-        }
-        for (state, row) in self.oscillating.iter_mut().zip(&step.oscillating) {
-            oscillate(state, row, level_n, position_m, deficits_n, lagging);
+        while !part.oscillating.is_empty() {
+            part.block::<0>(position_m);
         }
     }
 }
 
-/// The first `B` modes through rows, added to the position.
-#[inline(always)]
-fn block<S: Number, const B: usize>(
-    states: &mut [S],
-    rows: &[Row<S>],
-    inputs: &[S],
-    position_m: &mut [S],
-    deficits_n: &[S],
-    lagging: bool,
-) {
-    // Not by closures: compiled apart, without the vector instructions, they would be called.
-    let (mut state, mut decay, mut input, mut lag_gain) =
-        ([states[0]; B], [rows[0].decay; B], [inputs[0]; B], [rows[0].lag_gain; B]);
-    for k in 1..B {
-        (state[k], decay[k], input[k], lag_gain[k]) = (states[k], rows[k].decay, inputs[k], rows[k].lag_gain);
-    }
-    if lagging {
-        for (position, &deficit_n) in position_m.iter_mut().zip(deficits_n) {
-            let mut sum = *position;
-            for k in 0..B {
-                state[k] = decay[k].mul_add(state[k], lag_gain[k].mul_add(deficit_n, input[k]));
-                sum += state[k];
-            }
-            *position = sum;
-        }
-    } else {
-        for position in position_m.iter_mut() {
-            let mut sum = *position;
-            for k in 0..B {
-                state[k] = decay[k].mul_add(state[k], input[k]);
-                sum += state[k];
-            }
-            *position = sum;
-        }
-    }
-    states[..B].copy_from_slice(&state);
-}
+/// Most real modes of a block.
+const WIDEST: usize = 8;
 
-/// One oscillating mode through rows, its real part added to the position.
-#[inline(always)]
-fn oscillate<S: Number>(
-    state: &mut Complex<S>,
-    row: &Row<Complex<S>>,
+/// The modes that are still to go through the rows.
+struct Part<'a, S> {
+    rows: &'a [Row<S>],
+    /// q L of every mode.
+    inputs: &'a [S],
+    states: &'a mut [S],
+    oscillating_rows: &'a [Row<Complex<S>>],
+    oscillating: &'a mut [Complex<S>],
     level_n: S,
-    position_m: &mut [S],
-    deficits_n: &[S],
+    deficits_n: &'a [S],
     lagging: bool,
-) {
-    let (mut y, input) = (*state, row.gain.times(level_n));
-    if lagging {
-        for (position, &deficit_n) in position_m.iter_mut().zip(deficits_n) {
-            y = row.decay * y + row.lag_gain.times(deficit_n) + input;
-            *position += y.re;
-        }
-    } else {
-        for position in position_m.iter_mut() {
-            y = row.decay * y + input;
-            *position += y.re;
+}
+
+impl<S: Number> Part<'_, S> {
+    /// The first `B` modes, with an oscillating one if there is one left, through the rows, added to the position.
+    #[inline(always)]
+    fn block<const B: usize>(&mut self, position_m: &mut [S]) {
+        match (self.oscillating.is_empty(), self.lagging) {
+            (true, false) => self.take::<B, 0, false>(position_m),
+            (true, true) => self.take::<B, 0, true>(position_m),
+            (false, false) => self.take::<B, 1, false>(position_m),
+            (false, true) => self.take::<B, 1, true>(position_m),
         }
     }
-    *state = y;
+
+    #[inline(always)]
+    fn take<const B: usize, const O: usize, const LAGGING: bool>(&mut self, position_m: &mut [S]) {
+        // Not by closures: compiled apart, without the vector instructions, they would be called.
+        let zero = S::constant(0.0);
+        let (mut state, mut decay, mut input, mut lag_gain) = ([zero; B], [zero; B], [zero; B], [zero; B]);
+        for k in 0..B {
+            (state[k], decay[k]) = (self.states[k], self.rows[k].decay);
+            (input[k], lag_gain[k]) = (self.inputs[k], self.rows[k].lag_gain);
+        }
+        let none = Complex { re: zero, im: zero };
+        let (mut turning, mut turn, mut drive, mut lag_drive) = ([none; O], [none; O], [none; O], [none; O]);
+        for k in 0..O {
+            (turning[k], turn[k]) = (self.oscillating[k], self.oscillating_rows[k].decay);
+            drive[k] = self.oscillating_rows[k].gain.times(self.level_n);
+            lag_drive[k] = self.oscillating_rows[k].lag_gain;
+        }
+        for row in 0..position_m.len() {
+            let deficit_n = if LAGGING { self.deficits_n[row] } else { zero };
+            let mut sum = position_m[row];
+            for k in 0..B {
+                let acting = if LAGGING { lag_gain[k].mul_add(deficit_n, input[k]) } else { input[k] };
+                state[k] = decay[k].mul_add(state[k], acting);
+                sum += state[k];
+            }
+            for k in 0..O {
+                let mut acting = drive[k];
+                if LAGGING {
+                    acting.re = lag_drive[k].re.mul_add(deficit_n, acting.re);
+                    acting.im = lag_drive[k].im.mul_add(deficit_n, acting.im);
+                }
+                let Complex { re, im } = turning[k];
+                turning[k].re = turn[k].re.mul_add(re, (-turn[k].im).mul_add(im, acting.re));
+                turning[k].im = turn[k].re.mul_add(im, turn[k].im.mul_add(re, acting.im));
+                sum += turning[k].re;
+            }
+            position_m[row] = sum;
+        }
+        let (done, states) = std::mem::take(&mut self.states).split_at_mut(B);
+        done.copy_from_slice(&state);
+        let (turned, oscillating) = std::mem::take(&mut self.oscillating).split_at_mut(O);
+        turned.copy_from_slice(&turning);
+        (self.states, self.oscillating) = (states, oscillating);
+        (self.rows, self.inputs) = (&self.rows[B..], &self.inputs[B..]);
+        self.oscillating_rows = &self.oscillating_rows[O..];
+    }
 }

@@ -23,7 +23,7 @@ pub use numbers::{Lanes, N_LANES};
 
 use crate::effects::{LARGEST_FEEDBACK, Stages};
 use crate::error::{Error, Result};
-use crate::number::{Dual, Scalar};
+use crate::number::{Dual, PointScalar, Scalar};
 use crate::rheology::TimeWindow;
 use numbers::Number;
 use record::Record;
@@ -54,7 +54,7 @@ impl Response {
     /// # Errors
     /// [`Error::Numerical`] where the law has no spectrum, a force gradient feeds back too strongly or the position is not finite.
     pub fn trajectory_m(&self, stages: &Stages, compliance_per_m: f64) -> Result<Vec<f64>> {
-        let point = Lowered::new(stages, Dual::constant(compliance_per_m), self.window)?;
+        let point = Lowered::new(stages, compliance_per_m, self.window)?;
         let mut position_m = Vec::new();
         let sound = self.run::<f64>(&[&point], &mut position_m)[0];
         if sound { Ok(position_m) } else { Err(refusal(stages)) }
@@ -86,11 +86,11 @@ impl Response {
         compliance_per_m: &[f64],
         position_m: &mut Vec<Lanes>,
     ) -> [bool; N_LANES] {
-        let points: Vec<Option<Lowered>> = stages
+        let points: Vec<Option<Lowered<f64>>> = stages
             .iter()
             .zip(compliance_per_m)
             .take(N_LANES)
-            .map(|(stages, &compliance)| Lowered::new(stages, Dual::constant(compliance), self.window).ok())
+            .map(|(stages, &compliance)| Lowered::new(stages, compliance, self.window).ok())
             .collect();
         let mut sound = [false; N_LANES];
         let mut waiting: Vec<usize> = (0..points.len()).filter(|&lane| points[lane].is_some()).collect();
@@ -101,7 +101,7 @@ impl Response {
             // With a delay, steps between switches differ from point to point, and a feedback has no superposition.
             let one_by_one = shape.delayed && shape.feedback;
             waiting = if one_by_one { group.drain(1..).chain(others).collect() } else { others };
-            let members: Vec<&Lowered> = group.iter().filter_map(|&lane| points[lane].as_ref()).collect();
+            let members: Vec<&Lowered<f64>> = group.iter().filter_map(|&lane| points[lane].as_ref()).collect();
             if one_by_one {
                 let mut alone_m = Vec::new();
                 sound[group[0]] = self.run::<f64>(&members, &mut alone_m)[0];
@@ -126,7 +126,7 @@ impl Response {
     }
 
     /// Points of one shape; whether each has a position.
-    fn run<S: Number>(&self, points: &[&Lowered], position_m: &mut Vec<S>) -> [bool; N_LANES] {
+    fn run<S: Number>(&self, points: &[&Lowered<S::Lane>], position_m: &mut Vec<S>) -> [bool; N_LANES] {
         let system = System::<S>::gather(points);
         position_m.resize(self.record.n_rows, S::constant(0.0));
         if let Some(first) = position_m.first_mut() {
@@ -152,7 +152,7 @@ impl Response {
         // What is not finite stays so: the last row tells.
         if let Some(last) = position_m.last() {
             for (lane, sound) in sound.iter_mut().enumerate().take(points.len()) {
-                *sound &= numbers::Real::value(last.lane(lane)).is_finite();
+                *sound &= last.lane(lane).value().is_finite();
             }
         }
         sound

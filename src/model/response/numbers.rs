@@ -2,7 +2,7 @@
 
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub};
 
-use crate::number::{Dual, Scalar};
+use crate::number::{Dual, PointScalar, Scalar};
 
 /// Points that one pass carries.
 pub const N_LANES: usize = 8;
@@ -37,15 +37,9 @@ pub(super) trait Number: Scalar {
 }
 
 /// A number of one point.
-pub(super) trait Real: Number<Lane = Self> + Field {
-    /// What of a stage's number is carried.
-    fn of(number: Dual) -> Self;
-    /// Value, for decisions.
-    fn value(self) -> f64;
+pub(super) trait Real: PointScalar + Number<Lane = Self> + Field {
     /// Whether the other may stand for this: nearly the same value, and the same derivative.
     fn is_close(self, other: Self, tolerance: f64) -> bool;
-    /// sin and cos.
-    fn sin_cos(self) -> (Self, Self);
 }
 
 /// Real and complex numbers alike.
@@ -128,18 +122,8 @@ fn plain_decay(z: f64) -> (f64, f64) {
 }
 
 impl Real for f64 {
-    fn of(number: Dual) -> Self {
-        number.value
-    }
-    #[inline(always)]
-    fn value(self) -> f64 {
-        self
-    }
     fn is_close(self, other: Self, tolerance: f64) -> bool {
         (self - other).abs() <= tolerance
-    }
-    fn sin_cos(self) -> (Self, Self) {
-        f64::sin_cos(self)
     }
 }
 
@@ -206,18 +190,8 @@ impl Number for Dual {
 const SERIES_BELOW: f64 = 0.5;
 
 impl Real for Dual {
-    fn of(number: Dual) -> Self {
-        number
-    }
-    #[inline(always)]
-    fn value(self) -> f64 {
-        self.value
-    }
     fn is_close(self, other: Self, tolerance: f64) -> bool {
         (self.value - other.value).abs() <= tolerance && self.derivative == other.derivative
-    }
-    fn sin_cos(self) -> (Self, Self) {
-        (self.sin(), self.cos())
     }
 }
 
@@ -414,7 +388,7 @@ impl<N: Real> Field for Complex<N> {
         Self { re: N::constant(value), im: N::constant(0.0) }
     }
     fn exponential(self) -> Self {
-        let (size, (sin, cos)) = (self.re.exp(), self.im.sin_cos());
+        let (size, sin, cos) = (self.re.exp(), self.im.sin(), self.im.cos());
         Self { re: size * cos, im: size * sin }
     }
     fn size(self) -> f64 {

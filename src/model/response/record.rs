@@ -39,6 +39,8 @@ pub(super) struct Hold {
 /// A change of the command.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Switch {
+    /// The row from which on it is commanded.
+    pub row: usize,
     pub time_s: f64,
     pub before_n: f64,
     pub after_n: f64,
@@ -59,7 +61,7 @@ impl Record {
             let step = slot(&mut step_s, time_s[row] - time_s[row - 1], tolerance_s);
             let switched = after_n != before_n;
             if switched {
-                switches.push(Switch { time_s: time_s[row - 1], before_n, after_n });
+                switches.push(Switch { row: row - 1, time_s: time_s[row - 1], before_n, after_n });
             }
             match holds.last_mut() {
                 Some(hold) if hold.step == step && !switched => hold.rows.end = row + 1,

@@ -8,7 +8,7 @@ use super::numbers::{Complex, Number, Real, gather};
 use crate::effects::Stages;
 use crate::error::{Error, Result};
 use crate::number::Dual;
-use crate::rheology::{RetardationSpectrum, TimeWindow};
+use crate::rheology::{Accuracy, RetardationSpectrum, TimeWindow};
 
 /// Which parts a model has. Points of one shape are computed together: what a point's arithmetic is depends on nothing else.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -26,9 +26,9 @@ pub(super) struct Shape {
 
 /// One point: its shape, and its numbers in the order in which [`System::gather`] reads them.
 #[derive(Debug, Clone)]
-pub(super) struct Lowered {
+pub(super) struct Lowered<T> {
     pub shape: Shape,
-    numbers: Vec<Dual>,
+    numbers: Vec<T>,
 }
 
 /// A mode Y' = κ F − ρ Y.
@@ -66,21 +66,22 @@ pub(super) struct System<S> {
 /// between them.
 const BETWEEN_ROWS: f64 = 1e-2;
 
-impl Lowered {
+impl<T: Real> Lowered<T> {
     /// The numbers of stages. `window` is what the record's rows ask for.
-    pub fn new(stages: &Stages, compliance_per_m: Dual, window: TimeWindow) -> Result<Self> {
+    pub fn new(stages: &Stages, compliance_per_m: T, window: TimeWindow) -> Result<Self> {
         let load = &stages.load;
         check(load.delay_s.value >= 0.0, "the force's delay", load.delay_s, "s")?;
         check(load.lag_time_s.value >= 0.0, "the force's lag", load.lag_time_s, "s")?;
         let at_rows =
             load.delay_s.is_constant(0.0) && load.lag_time_s.value == 0.0 && load.gradient_per_m.is_constant(0.0);
         let shortest_s = window.shortest_s * if at_rows { 1.0 } else { BETWEEN_ROWS };
-        let spectrum = RetardationSpectrum::of(&stages.law, TimeWindow { shortest_s, ..window })?;
+        let spectrum =
+            RetardationSpectrum::with_accuracy(&stages.law, TimeWindow { shortest_s, ..window }, Accuracy::Fast)?;
         Ok(Self::with_spectrum(stages, &spectrum, compliance_per_m))
     }
 
     /// The same with the law's spectrum as it is given.
-    pub fn with_spectrum(stages: &Stages, spectrum: &RetardationSpectrum, compliance_per_m: Dual) -> Self {
+    pub fn with_spectrum(stages: &Stages, spectrum: &RetardationSpectrum<T>, compliance_per_m: T) -> Self {
         let (load, observation) = (&stages.load, &stages.observation);
         let shape = Shape {
             n_modes: spectrum.modes.len() + 1,
@@ -94,36 +95,36 @@ impl Lowered {
                 && observation.velocity_m_per_s.is_constant(0.0)
                 && observation.approaches.is_empty()),
         };
-        let lag_rate = if shape.lagging { Dual::ONE / load.lag_time_s } else { Dual::ZERO };
+        let lag_rate = if shape.lagging { T::constant(1.0) / T::of(load.lag_time_s) } else { T::constant(0.0) };
         let mut numbers = Vec::with_capacity(11 + 2 * shape.n_modes + 4 * shape.n_oscillating + 2 * shape.n_approaches);
         numbers.extend([
             compliance_per_m * spectrum.instantaneous_per_pa,
-            load.positive_factor,
-            load.negative_factor,
-            load.offset_n,
-            load.delay_s,
+            T::of(load.positive_factor),
+            T::of(load.negative_factor),
+            T::of(load.offset_n),
+            T::of(load.delay_s),
             lag_rate,
-            stages.softening_rate_per_s,
-            load.gradient_per_m,
-            observation.scale,
-            observation.velocity_m_per_s,
+            T::of(stages.softening_rate_per_s),
+            T::of(load.gradient_per_m),
+            T::of(observation.scale),
+            T::of(observation.velocity_m_per_s),
         ]);
-        push_modes(&mut numbers, spectrum, compliance_per_m, stages.softening_rate_per_s);
+        push_modes(&mut numbers, spectrum, compliance_per_m, T::of(stages.softening_rate_per_s));
         for approach in &observation.approaches {
-            numbers.extend([approach.amplitude_m, Dual::ONE / approach.time_s]);
+            numbers.extend([T::of(approach.amplitude_m), T::constant(1.0) / T::of(approach.time_s)]);
         }
         Self { shape, numbers }
     }
 }
 
-fn push_modes(numbers: &mut Vec<Dual>, spectrum: &RetardationSpectrum, compliance_per_m: Dual, softening: Dual) {
+fn push_modes<T: Real>(numbers: &mut Vec<T>, spectrum: &RetardationSpectrum<T>, compliance_per_m: T, softening: T) {
     for mode in &spectrum.modes {
         let gain = compliance_per_m * mode.compliance_per_pa * mode.rate_per_s;
         numbers.extend([gain, mode.rate_per_s + softening]);
     }
     numbers.extend([compliance_per_m * spectrum.fluidity_per_pa_s, softening]);
     for mode in &spectrum.oscillating {
-        let complex = |[re, im]: [Dual; 2]| Complex { re, im };
+        let complex = |[re, im]: [T; 2]| Complex { re, im };
         let rate = complex(mode.rate_per_s);
         let gain = (complex(mode.compliance_per_pa) * rate).times(compliance_per_m);
         numbers.extend([gain.re, gain.im, rate.re + softening, rate.im]);
@@ -139,12 +140,12 @@ fn check(holds: bool, what: &str, number: Dual, unit: &str) -> Result<()> {
 
 impl<S: Number> System<S> {
     /// Gathers points of one shape; the last stands in for those that are missing.
-    pub fn gather(points: &[&Lowered]) -> Self {
+    pub fn gather(points: &[&Lowered<S::Lane>]) -> Self {
         let shape = points[0].shape;
         let mut next = 0;
         let mut take = || {
             next += 1;
-            gather::<S>(|lane| S::Lane::of(points[lane.min(points.len() - 1)].numbers[next - 1]))
+            gather::<S>(|lane| points[lane.min(points.len() - 1)].numbers[next - 1])
         };
         Self {
             shape,

@@ -5,8 +5,10 @@ use super::system::Lowered;
 use super::{Lanes, N_LANES, Response};
 use crate::effects::{Approach, Stages};
 use crate::model::convolve_m;
-use crate::number::Dual;
-use crate::rheology::{BaseLaw, CreepCompliance, Element, OscillatingMode, RetardationSpectrum, TimeWindow};
+use crate::number::{Dual, PointScalar};
+use crate::rheology::{
+    BaseLaw, CreepCompliance, Element, OscillatingMode, RetardationSpectrum, SpectralMode, TimeWindow,
+};
 
 const COMPLIANCE_PER_M: f64 = 549.0;
 const LETHERSICH: [f64; 3] = [3.527, 1.402, 47.37];
@@ -172,11 +174,29 @@ pub(super) fn spectrum(stages: &Stages, oscillating: bool) -> RetardationSpectru
     spectrum
 }
 
+/// The spectrum in the numbers that a kernel carries.
+fn carried<T: PointScalar>(spectrum: &RetardationSpectrum) -> RetardationSpectrum<T> {
+    let real = |mode: &SpectralMode| SpectralMode {
+        compliance_per_pa: T::of(mode.compliance_per_pa),
+        rate_per_s: T::of(mode.rate_per_s),
+    };
+    let complex = |mode: &OscillatingMode| OscillatingMode {
+        compliance_per_pa: mode.compliance_per_pa.map(T::of),
+        rate_per_s: mode.rate_per_s.map(T::of),
+    };
+    RetardationSpectrum {
+        instantaneous_per_pa: T::of(spectrum.instantaneous_per_pa),
+        modes: spectrum.modes.iter().map(real).collect(),
+        oscillating: spectrum.oscillating.iter().map(complex).collect(),
+        fluidity_per_pa_s: T::of(spectrum.fluidity_per_pa_s),
+    }
+}
+
 /// The kernel's answer for a given spectrum.
 pub(super) fn respond_with<S: Number>(stages: &Stages, spectrum: &RetardationSpectrum, compliance: Dual) -> Vec<S> {
     let (time_s, force_n) = record();
     let mut position_m = Vec::new();
-    let point = Lowered::with_spectrum(stages, spectrum, compliance);
+    let point = Lowered::with_spectrum(stages, &carried(spectrum), PointScalar::of(compliance));
     let sound = Response::new(&time_s, &force_n, time_s.len()).run::<S>(&[&point], &mut position_m);
     assert!(sound[0]);
     position_m

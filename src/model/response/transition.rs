@@ -7,9 +7,9 @@ use std::collections::HashMap;
 use pulp::{Arch, Simd, WithSimd};
 
 use super::feedback::Pieces;
-use super::numbers::{N_LANES, Number, Real, gather};
+use super::numbers::{N_LANES, Number, gather};
 use super::system::System;
-use crate::number::Scalar;
+use crate::number::{PointScalar, Scalar};
 
 /// Most modes that are stepped exactly: beyond, the matrix costs more than a scheme.
 pub(super) const LARGEST_STATE: usize = 4;
