@@ -139,7 +139,9 @@ fn misfit(summary: &PosteriorSummary, noise: f64, add: &mut impl FnMut(WarningKi
     let limit = NOISE_FACTOR * noise;
     if let Some(mut warning) = misfit_warning(&misses, noise) {
         let is_fitted = heldout.rmse_fitted_um <= limit;
-        if is_fitted && heldout.joint_p.is_some_and(|p| p >= OUTSIDE_BAND) {
+        // Where the noise is as it should be, and not of another kind in each cycle, only the parameters' spread is left to cover a misfit.
+        let is_small = summary.error_budget_um.noise <= limit && !summary.model.noise.iter().any(|n| n == "gain");
+        if is_fitted && is_small && heldout.joint_p.is_some_and(|p| p >= OUTSIDE_BAND) {
             warning.text +=
                 ", which the posterior's own spread covers: the fitted cycles do not determine the parameters";
             warning.advice = "fit more cycles or longer ones, or give a more informative prior (--prior)".into();

@@ -14,6 +14,7 @@ use super::advice::{mesh_warning, misfit_warning, surrogate_warning};
 use super::problem::{Problem, TAIL_MASS};
 use super::reduced::{KeptSurrogate, Reduced};
 use super::summary::{ModelSummary, Warning, WarningKind};
+use crate::effects::EffectParameter;
 use crate::error::{Error, Place, Result};
 use crate::inference::least_squares::{Fit, Residuals, Tolerances, fit};
 use crate::model::{Forward, ReducedForward, TrainedRange};
@@ -30,6 +31,10 @@ const AT_END: f64 = 0.01;
 const SPREAD_TAIL: f64 = 0.25;
 /// Step, in a coordinate of the search, of a derivative that has no closed form.
 const FINITE_STEP: f64 = 1e-4;
+/// The same for a parameter that moves by itself, in units of its prior's spread.
+const AT_LINEAR_END: f64 = 1e-6;
+/// Most effects that are held at their nulls in turn.
+const MOST_HELD: usize = 4;
 /// Starts whose objectives differ by less than this fraction have found the same minimum.
 const SAME_MINIMUM: f64 = 1e-6;
 
@@ -116,16 +121,70 @@ pub fn run(problem: &Problem, kept_surrogate: Option<KeptSurrogate>, monitor: &d
     }
     let reduced = Reduced::new(problem, kept_surrogate, monitor)?;
     monitor.stage("fitting the calibration cycles");
-    let data = CreepResiduals::new(problem, &reduced, free);
-    let searches = data.search(&data.starts(problem))?;
-    let best = best_of(&searches);
+    let data = best_support(problem, &reduced, &free)?;
+    let (searches, best) = (&data.searches, best_of(&data.searches));
+    let data = &data.residuals;
     let model_parameters = data.model_parameters(&best.theta);
     if problem.finite_elements().is_some() {
         monitor.stage("checking by full finite elements");
     }
     let surrogate_vs_fe_max_m = full_run(problem, &reduced, &model_parameters)?;
-    let summary = summarise(problem, &data, &searches, best, surrogate_vs_fe_max_m);
-    Ok(FitResult { summary, model_parameters, covariance: best.covariance.clone(), reduced })
+    let summary = summarise(problem, data, &free, searches, best, surrogate_vs_fe_max_m);
+    let covariance = best.covariance.clone();
+    Ok(FitResult { summary, model_parameters, covariance, reduced })
+}
+
+/// Searches over one set of free parameters.
+struct Searched<'a> {
+    residuals: CreepResiduals<'a>,
+    searches: Vec<Fit>,
+}
+
+/// The better of searches in which effects whose null is an end of their support are free, or held there: a search stops at a wall before it has
+/// found the best of the others, and a model must not fit worse than the one that it contains.
+fn best_support<'a>(problem: &'a Problem, reduced: &'a Reduced, free: &[usize]) -> Result<Searched<'a>> {
+    let search = |held: &BTreeMap<usize, f64>| -> Result<Searched<'a>> {
+        let left = free.iter().copied().filter(|j| !held.contains_key(j)).collect();
+        let residuals = CreepResiduals::new(problem, reduced, left, held);
+        let searches = residuals.search(&residuals.starts(problem))?;
+        Ok(Searched { residuals, searches })
+    };
+    let effects = effects_with_null_at_end(problem, free);
+    let mut best = search(&BTreeMap::new())?;
+    for subset in 1..1_u32 << effects.len().min(MOST_HELD) {
+        let is_held = |(bit, _): &(usize, &BTreeMap<usize, f64>)| subset >> bit & 1 == 1;
+        let held: BTreeMap<usize, f64> =
+            effects.iter().enumerate().filter(is_held).flat_map(|(_, e)| e.clone()).collect();
+        if held.len() == free.len() {
+            continue;
+        }
+        let found = search(&held)?;
+        if best_of(&found.searches).objective <= (1.0 + SAME_MINIMUM) * best_of(&best.searches).objective {
+            best = found;
+        }
+    }
+    Ok(best)
+}
+
+/// For each effect whose null is an end of its support, and whose parameters are all free: the values that switch it off.
+fn effects_with_null_at_end(problem: &Problem, free: &[usize]) -> Vec<BTreeMap<usize, f64>> {
+    let (scales, mut first) = (problem.model.scales(), problem.model.base().parameters().len());
+    let mut list = Vec::new();
+    for effect in problem.model.effects() {
+        let own = effect.parameters();
+        let is_at_end = own.first().is_some_and(|p| {
+            (p.null)(scales).is_some_and(|null| null == p.spec.support.lower || null == p.spec.support.upper)
+        });
+        let off = |(i, p): (usize, &EffectParameter)| {
+            (first + i, (p.null)(scales).unwrap_or_else(|| problem.range_of(p.spec.name, 0.5).lower))
+        };
+        let values: BTreeMap<usize, f64> = own.iter().enumerate().map(off).collect();
+        if is_at_end && values.keys().all(|j| free.contains(j)) {
+            list.push(values);
+        }
+        first += own.len();
+    }
+    list
 }
 
 /// How the search moves in a parameter.
@@ -175,9 +234,10 @@ struct CreepResiduals<'a> {
 }
 
 impl<'a> CreepResiduals<'a> {
-    fn new(problem: &'a Problem, reduced: &'a Reduced, free: Vec<usize>) -> Self {
+    fn new(problem: &'a Problem, reduced: &'a Reduced, free: Vec<usize>, held: &BTreeMap<usize, f64>) -> Self {
         let (fixed, specs) = (&problem.specification.fixed, problem.model.parameters());
-        let template = specs.iter().map(|p| fixed.get(p.name).copied().unwrap_or(f64::NAN)).collect();
+        let value = |(j, name): (usize, &str)| held.get(&j).or_else(|| fixed.get(name)).copied().unwrap_or(f64::NAN);
+        let template = specs.iter().map(|p| p.name).enumerate().map(value).collect();
         let positions = problem.positions_of(&problem.experiment.calibration_cycles);
         let observed = positions.iter().enumerate().filter_map(|(row, y)| y.map(|y| (row, y))).collect();
         let n_law = problem.model.base().parameters().len();
@@ -206,7 +266,11 @@ impl<'a> CreepResiduals<'a> {
     fn at_end_of_range(&self, theta: &[f64]) -> Vec<&str> {
         let is_at_end = |&(&(j, coordinate), theta): &(&(usize, Coordinate), &f64)| {
             let range = &self.ranges[j];
-            [range.lower, range.upper].iter().any(|end| (theta - coordinate.theta(*end)).abs() < AT_END)
+            let near = match coordinate {
+                Coordinate::Logarithm => AT_END,
+                Coordinate::Linear { .. } => AT_LINEAR_END,
+            };
+            [range.lower, range.upper].iter().any(|end| (theta - coordinate.theta(*end)).abs() < near)
         };
         self.free.iter().zip(theta).filter(is_at_end).map(|(&(j, _), _)| self.ranges[j].name.as_str()).collect()
     }
@@ -318,25 +382,35 @@ fn full_run(problem: &Problem, reduced: &Reduced, model_parameters: &[f64]) -> R
 fn summarise(
     problem: &Problem,
     data: &CreepResiduals,
+    free: &[usize],
     searches: &[Fit],
     best: &Fit,
     full: Option<FullRun>,
 ) -> FitSummary {
     let n = data.observed.len();
-    let parameters = data.free.iter().enumerate().map(|(k, &(j, coordinate))| {
+    let estimate = |&j: &usize| {
+        let name = problem.model.parameters()[j].name.to_string();
+        let Some((k, &(_, coordinate))) = data.free.iter().enumerate().find(|(_, (index, _))| *index == j) else {
+            return FittedParameter { name, value: data.template[j], standard_error: None };
+        };
         let value = coordinate.value(best.theta[k]);
         // Delta method.
         let error = coordinate.slope(value) * best.standard_errors[k];
         let standard_error = Some(error).filter(|error| error.is_finite());
-        FittedParameter { name: problem.model.parameters()[j].name.into(), value, standard_error }
-    });
+        FittedParameter { name, value, standard_error }
+    };
+    let at_null: Vec<&str> = free
+        .iter()
+        .filter(|j| data.free.iter().all(|(index, _)| index != *j))
+        .map(|&j| problem.model.parameters()[j].name)
+        .collect();
     let yardstick = problem.experiment.noise_yardstick();
     let specification = &problem.specification;
     let mut summary = FitSummary {
         experiment: problem.experiment.specimen_id.clone(),
         model: ModelSummary::of(specification),
         fixed: specification.fixed.clone(),
-        parameters: parameters.collect(),
+        parameters: free.iter().map(estimate).collect(),
         objective_m2: best.objective,
         rmse_um: 1e6 * (best.objective / n as f64).sqrt(),
         fitted_positions: n,
@@ -351,13 +425,23 @@ fn summarise(
     };
     let at_end = data.at_end_of_range(&best.theta);
     summary.converged &= at_end.is_empty();
-    summary.warnings = warnings(&summary, &at_end);
+    summary.warnings = warnings(&summary, &at_end, &at_null);
     summary.warnings.extend(problem.finite_elements().into_iter().flat_map(|fe| fe.mesh_warnings.clone()));
     summary
 }
 
-fn warnings(summary: &FitSummary, at_end: &[&str]) -> Vec<Warning> {
+fn warnings(summary: &FitSummary, at_end: &[&str], at_null: &[&str]) -> Vec<Warning> {
     let mut list = Vec::new();
+    if !at_null.is_empty() {
+        list.push(Warning {
+            kind: WarningKind::AtNull,
+            text: format!(
+                "no better fit has {} away from the null: the fitted cycles do not ask for it",
+                at_null.join(", ")
+            ),
+            advice: "leave the effect out, or look at its posterior (`sample --with`, `extend --with`)".into(),
+        });
+    }
     if !at_end.is_empty() {
         list.push(Warning {
             kind: WarningKind::NotConverged,
@@ -374,8 +458,13 @@ fn warnings(summary: &FitSummary, at_end: &[&str]) -> Vec<Warning> {
                 .into(),
         });
     }
-    let undetermined: Vec<&str> =
-        summary.parameters.iter().filter(|p| p.standard_error.is_none()).map(|p| p.name.as_str()).collect();
+    let undetermined: Vec<&str> = summary
+        .parameters
+        .iter()
+        .filter(|p| p.standard_error.is_none())
+        .map(|p| p.name.as_str())
+        .filter(|name| !at_null.contains(name))
+        .collect();
     if !undetermined.is_empty() {
         list.push(Warning {
             kind: WarningKind::Undetermined,

@@ -143,3 +143,61 @@ fn an_estimate_at_the_end_of_the_range_is_not_converged() {
     let warning = &found.summary.warnings[0];
     assert!(warning.kind == WarningKind::NotConverged && warning.text.contains("viscosity_2_pa_s"), "{warning:?}");
 }
+
+/// A model must not fit worse than the one that it contains, and an estimate at the null is one: white noise alone, each effect with its null at an
+/// end of its support, and two of them at once.
+#[test]
+fn effects_that_are_not_there_are_estimated_at_their_null() {
+    let mut rng = ChaCha8Rng::seed_from_u64(24);
+    let experiment = instrument_experiment(&TABLE_I, 4e-6, &mut rng);
+    let base = problem(experiment, &[]);
+    let library = crate::effects::Library::default();
+    let objective = run(&base, None, &Silent).unwrap().summary.objective_m2;
+    for slugs in [
+        &["actuator-lag"][..],
+        &["clock-offset"],
+        &["softening"],
+        &["second-retardation"],
+        &["actuator-lag", "softening"],
+    ] {
+        let effects = slugs.iter().map(|slug| slug.to_string()).collect();
+        let specification = ModelSpecification { effects, ..base.specification.clone() };
+        let found = run(&base.with_model(specification, &library).unwrap(), None, &Silent).unwrap().summary;
+        assert!(found.objective_m2 <= objective * (1.0 + 1e-6), "{slugs:?}: {} above {objective}", found.objective_m2);
+        assert!(found.converged && found.is_sound(), "{slugs:?}: {:?}", found.warnings);
+        let is_at_null = found.warnings.iter().any(|w| w.kind == WarningKind::AtNull);
+        let has_all_errors = found.parameters.iter().all(|p| p.standard_error.is_some());
+        assert!(is_at_null != has_all_errors, "{slugs:?}: {found:?}");
+    }
+}
+
+/// A lag of 50 ms in closed-form data (F = L (1 − e^{−t/τ}) is a second mode): found within five standard errors, one failure in 10⁶.
+#[test]
+fn an_effect_that_is_there_is_found() {
+    let mut rng = ChaCha8Rng::seed_from_u64(25);
+    let mut experiment = instrument_experiment(&TABLE_I, 4e-6, &mut rng);
+    let [young_modulus_pa, viscosity_1_pa_s, viscosity_2_pa_s] = TABLE_I;
+    let (lag_s, mode_s) = (0.05, viscosity_1_pa_s / young_modulus_pa);
+    let noise = Normal::new(0.0, 4e-6).unwrap();
+    // Answer to a unit force that rises with the lag.
+    let rise = |t: f64| {
+        let mode = 1.0 - (mode_s * (-t / mode_s).exp() - lag_s * (-t / lag_s).exp()) / (mode_s - lag_s);
+        mode / young_modulus_pa + (t - lag_s * (1.0 - (-t / lag_s).exp())) / viscosity_2_pa_s
+    };
+    let record = &mut experiment.record;
+    for row in 0..record.n_rows() {
+        let switches = (0..row).filter(|k| *k == 0 || record.force_n[*k] != record.force_n[k - 1]);
+        let answer = |k: usize| {
+            let before = if k == 0 { 0.0 } else { record.force_n[k - 1] };
+            (record.force_n[k] - before) * rise(record.time_s[row] - record.time_s[k])
+        };
+        let exact_m = COMPLIANCE_PER_M * switches.map(answer).sum::<f64>();
+        record.position_m[row] = Some(exact_m + noise.sample(&mut rng));
+    }
+    let base = problem(experiment, &[]);
+    let specification = ModelSpecification { effects: vec!["actuator-lag".into()], ..base.specification.clone() };
+    let lagging = base.with_model(specification, &crate::effects::Library::default()).unwrap();
+    let found = run(&lagging, None, &Silent).unwrap().summary;
+    let lag = found.parameters.iter().find(|p| p.name == "actuator-lag.time_s").unwrap();
+    assert!(found.is_sound() && (lag.value - lag_s).abs() < 5.0 * lag.standard_error.unwrap(), "{found:?}");
+}

@@ -25,7 +25,7 @@ const FEWEST_SIMULATIONS: usize = 4_000;
 /// Stream of the simulations, apart from the sampler's.
 const SIMULATION_STREAM: u64 = u64::MAX;
 
-/// Draws that full finite elements may refuse, of every hundred.
+/// Draws that may have no model on the whole record, of every hundred, before the user is told.
 const LARGEST_REFUSED_PERCENT: usize = 5;
 /// Normal components that stand for a Student-t.
 const STUDENT_COMPONENTS: usize = 8;
@@ -37,6 +37,8 @@ pub type NaturalDraw = Vec<f64>;
 pub struct FullCheck {
     /// The draws that were run.
     pub draws: Vec<NaturalDraw>,
+    /// Draws that have no model on the whole record, if they are too many to be left out in silence.
+    pub n_refused: Option<usize>,
     /// Full trajectory of each draw, in m; the reduced one for an instrument.
     pub trajectories_m: Vec<Vec<f64>>,
     /// The noise of each draw.
@@ -91,13 +93,14 @@ fn normal_components(student_dof: Option<f64>) -> Vec<f64> {
 /// Runs the full model for every draw over the whole record.
 ///
 /// # Errors
-/// [`Error::Numerical`] when the full model refuses more than one draw in twenty; whatever its parts refuse.
+/// [`crate::Error::Numerical`] when no draw has a model on the whole record; whatever its parts refuse.
 pub fn check(problem: &Problem, reduced: &Reduced, draws: &[NaturalDraw]) -> Result<FullCheck> {
     let reduced_forward = problem.reduced_forward(reduced);
     let n_model = problem.model.parameters().len();
     let Some(full) = problem.full_forward()? else {
-        let (draws, trajectories_m) = run_all(&reduced_forward, draws, n_model)?;
+        let Runs { draws, trajectories_m, n_refused } = run_all(&reduced_forward, draws, n_model)?;
         return Ok(FullCheck {
+            n_refused,
             noise: DrawnNoise::new(problem, &draws, &trajectories_m),
             draws,
             trajectories_m,
@@ -109,7 +112,7 @@ pub fn check(problem: &Problem, reduced: &Reduced, draws: &[NaturalDraw]) -> Res
             discretisation_m: None,
         });
     };
-    let (draws, full_m) = run_all(&full, draws, n_model)?;
+    let Runs { draws, trajectories_m: full_m, n_refused } = run_all(&full, draws, n_model)?;
     let run_reduced = |draw: &NaturalDraw| reduced_forward.trajectory_m(&draw[..n_model]);
     let reduced_m: Vec<Vec<f64>> = draws.par_iter().map(run_reduced).collect::<Result<_>>()?;
     let distance = |(a, b): (&Vec<f64>, &Vec<f64>)| a.iter().zip(b).fold(0.0_f64, |d, (x, y)| d.max((x - y).abs()));
@@ -125,6 +128,7 @@ pub fn check(problem: &Problem, reduced: &Reduced, draws: &[NaturalDraw]) -> Res
         noise: DrawnNoise::new(problem, &draws, &full_m),
         fe_runs: draws.len(),
         draws,
+        n_refused,
         trajectories_m: full_m,
         surrogate_vs_full_max_m: Some(surrogate_vs_full_max_m),
         pareto_k: Some(pareto_k(&ln_weights)),
@@ -134,20 +138,30 @@ pub fn check(problem: &Problem, reduced: &Reduced, draws: &[NaturalDraw]) -> Res
     })
 }
 
-/// Draws with their trajectories over the whole record; a few that the model refuses there, since they were near to where it refuses the fitted
-/// rows, are left out.
-fn run_all(forward: &dyn Forward, draws: &[NaturalDraw], n_model: usize) -> Result<(Vec<NaturalDraw>, Vec<Vec<f64>>)> {
+/// Draws with their trajectories.
+struct Runs {
+    draws: Vec<NaturalDraw>,
+    trajectories_m: Vec<Vec<f64>>,
+    n_refused: Option<usize>,
+}
+
+/// Runs every draw over the whole record. Those that the model refuses there, since they go farther than on the fitted rows, are left out.
+///
+/// # Errors
+/// [`crate::Error::Numerical`] when none is left.
+fn run_all(forward: &dyn Forward, draws: &[NaturalDraw], n_model: usize) -> Result<Runs> {
     let runs: Vec<Result<Vec<f64>>> = draws.par_iter().map(|draw| forward.trajectory_m(&draw[..n_model])).collect();
     let n_refused = runs.iter().filter(|run| run.is_err()).count();
     let is_few = 100 * n_refused <= LARGEST_REFUSED_PERCENT * draws.len();
-    let mut kept = (Vec::new(), Vec::new());
+    let n_refused_told = (!is_few).then_some(n_refused);
+    let mut kept = Runs { draws: Vec::new(), trajectories_m: Vec::new(), n_refused: n_refused_told };
     for (draw, run) in draws.iter().zip(runs) {
         match run {
             Ok(trajectory_m) => {
-                kept.0.push(draw.clone());
-                kept.1.push(trajectory_m);
+                kept.draws.push(draw.clone());
+                kept.trajectories_m.push(trajectory_m);
             }
-            Err(error) if !is_few => return Err(error),
+            Err(error) if n_refused == draws.len() => return Err(error),
             Err(_) => {}
         }
     }
@@ -319,6 +333,7 @@ mod tests {
         };
         FullCheck {
             draws: Vec::new(),
+            n_refused: None,
             trajectories_m: vec![(0..n_rows).map(|i| 1e-4 * (i as f64 * 0.1).sin()).collect(); 4],
             noise,
             surrogate_vs_full_max_m: None,

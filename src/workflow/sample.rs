@@ -105,6 +105,11 @@ fn sample(
     monitor: &dyn Monitor,
 ) -> Result<SampleOutcome> {
     monitor.stage("sampling the posterior");
+    if problem.specification.noise.iter().any(|n| n == "gain") && problem.experiment.calibration_cycles.len() < 2 {
+        monitor.warn(
+            "gain and offset differ from cycle to cycle, and one cycle is fitted: their spread will be the prior's",
+        );
+    }
     let mut rng = ChaCha8Rng::seed_from_u64(request.options.seed);
     rng.set_stream(START_STREAM);
     let starts: Vec<Vec<f64>> =
@@ -229,6 +234,7 @@ fn summarise(
     };
     let messages = with_names(&outcome.messages, problem);
     summary.warnings = warnings(&Findings { summary: &summary, sampler_messages: &messages });
+    summary.warnings.extend(check.n_refused.map(refused_warning));
     summary.warnings.extend(problem.finite_elements().into_iter().flat_map(|fe| fe.mesh_warnings.clone()));
     summary
 }
@@ -316,6 +322,17 @@ fn parameter_summaries(
 pub fn rmse_m(model_m: &[f64], observed_m: &[Option<f64>]) -> f64 {
     let squares: Vec<f64> = model_m.iter().zip(observed_m).filter_map(|(x, y)| y.map(|y| (y - x).powi(2))).collect();
     (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
+}
+
+/// Draws that fit, and have no model on other rows.
+fn refused_warning(n_refused: usize) -> Warning {
+    Warning {
+        kind: WarningKind::DrawsRefused,
+        text: format!(
+            "{n_refused} posterior draws have no model on the whole record: an effect goes beyond its validity there"
+        ),
+        advice: "give the effect a narrower prior, or leave it out".into(),
+    }
 }
 
 /// The learnt noise (µm) of what differs from row to row, all such terms together: median over the draws.

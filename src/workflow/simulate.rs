@@ -134,7 +134,7 @@ pub fn parameters(
         let fixed = || problem.specification.fixed.get(name).map(|value| (*value, "fixed by the model".to_string()));
         let prior = || {
             let found = problem.priors.get(name);
-            found.map(|prior| (prior.distribution.quantile(0.5), format!("median of its prior ({})", prior.source)))
+            found.map(|prior| (prior.distribution.quantile(0.5), "median of its prior".to_string()))
         };
         sampled.or_else(fixed).or_else(prior).ok_or_else(|| {
             Error::input(

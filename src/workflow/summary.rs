@@ -221,6 +221,10 @@ pub enum WarningKind {
     EdgeOfRange,
     /// There is no held-out cycle.
     NothingHeldOut,
+    /// An effect is estimated not to be there.
+    AtNull,
+    /// Posterior draws have no model on the whole record.
+    DrawsRefused,
     /// The apparatus is an instrument: parts that need finite elements are left out.
     NoFiniteElements,
 }
@@ -238,6 +242,7 @@ impl WarningKind {
                 | SurrogateInaccurate
                 | HeldoutOutsideBand
                 | MisfitAboveNoise
+                | DrawsRefused
                 | LearntNoiseAboveKnown
         )
     }

@@ -14,7 +14,7 @@ use crate::options::{self, FitArguments};
 use crate::sample::kept_surrogate;
 use crate::target::Target;
 use crate::terminal::Terminal;
-use crate::text::{significant, warning_text};
+use crate::text::{column_width, significant, warning_text};
 
 pub fn run(arguments: &FitArguments) -> Result<ExitCode> {
     let common = &arguments.common;
@@ -39,6 +39,8 @@ pub fn run(arguments: &FitArguments) -> Result<ExitCode> {
 }
 
 fn words(summary: &FitSummary) -> String {
+    let names = summary.parameters.iter().map(|p| p.name.as_str()).chain(summary.fixed.keys().map(String::as_str));
+    let width = column_width(names);
     let verdict = if summary.converged { "converged" } else { "NOT CONVERGED" };
     let mut lines = vec![
         format!(
@@ -49,12 +51,12 @@ fn words(summary: &FitSummary) -> String {
             summary.iterations
         ),
         String::new(),
-        format!("  {:<12}{:>11}{:>18}", "parameter", "estimate", "standard error"),
+        format!("  {:<width$}{:>11}{:>18}", "parameter", "estimate", "standard error"),
     ];
-    lines.extend(summary.parameters.iter().map(row));
+    lines.extend(summary.parameters.iter().map(|parameter| row(parameter, width)));
     let fixed = summary.fixed.iter().filter(|(name, _)| name.as_str() != NOISE.name);
     lines.extend(
-        fixed.map(|(name, value)| format!("  {:<12}{:>11}{:>18}", axis(name), significant(*value), "held fixed")),
+        fixed.map(|(name, value)| format!("  {:<width$}{:>11}{:>18}", axis(name), significant(*value), "held fixed")),
     );
     let noise = summary.noise_um.map_or("unknown".into(), |noise| format!("{} µm", significant(noise)));
     lines.push(String::new());
@@ -80,7 +82,7 @@ fn axis(name: &str) -> String {
     of_parameter(name).axis()
 }
 
-fn row(parameter: &FittedParameter) -> String {
-    let error = parameter.standard_error.map_or("undetermined".into(), significant);
-    format!("  {:<12}{:>11}{:>18}", axis(&parameter.name), significant(parameter.value), error)
+fn row(parameter: &FittedParameter, width: usize) -> String {
+    let error = parameter.standard_error.map_or("–".into(), significant);
+    format!("  {:<width$}{:>11}{:>18}", axis(&parameter.name), significant(parameter.value), error)
 }

@@ -17,7 +17,7 @@ use vitreo_uq::workflow::summary::PosteriorSummary;
 use crate::options::{self, Scheme, SimulateArguments};
 use crate::target::Target;
 use crate::terminal::Terminal;
-use crate::text::{significant, warning_text};
+use crate::text::{column_width, significant, warning_text};
 
 pub fn run(arguments: &SimulateArguments) -> Result<ExitCode> {
     let common = &arguments.common;
@@ -111,9 +111,10 @@ fn words(summary: &SimulationSummary, seconds: &BTreeMap<&str, f64>) -> String {
         String::new(),
     ];
     let parameters = summary.parameters.iter();
+    let width = column_width(summary.parameters.iter().map(|p| p.name.as_str()));
     lines.extend(parameters.map(|p| {
         let label = vitreo_uq::report::labels::of_parameter(&p.name).axis();
-        format!("  {label:<12}{:>11}   {}", significant(p.value), p.origin)
+        format!("  {label:<width$}{:>11}   {}", significant(p.value), p.origin)
     }));
     lines.push(String::new());
     lines.push(format!("Stiffness: {:.9e} N/m per Pa of Young's modulus.", summary.stiffness_m));

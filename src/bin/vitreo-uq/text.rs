@@ -33,10 +33,15 @@ pub fn posterior(summary: &PosteriorSummary) -> String {
     text
 }
 
+/// Width of a column of parameters by their names.
+pub fn column_width<'a>(names: impl Iterator<Item = &'a str>) -> usize {
+    names.map(|name| of_parameter(name).axis().chars().count() + 2).max().unwrap_or(0).max(12)
+}
+
 /// Posterior of every parameter, one a line.
 pub fn parameter_table(parameters: &[ParameterSummary]) -> String {
     let names: Vec<String> = parameters.iter().map(|p| of_parameter(&p.name).axis()).collect();
-    let width = names.iter().map(|name| name.chars().count() + 2).max().unwrap_or(0).max(12);
+    let width = column_width(parameters.iter().map(|p| p.name.as_str()));
     let mut rows =
         vec![format!("  {:<width$}{:>11}{:>11}{:>11}{:>9}{:>8}", "parameter", "median", "5 %", "95 %", "ESS", "R̂")];
     rows.extend(parameters.iter().zip(names).map(|(p, name)| {
