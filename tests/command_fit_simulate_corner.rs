@@ -96,7 +96,7 @@ fn a_simulation_is_an_experiment_that_fit_takes_back() {
 fn simulate_says_where_its_values_come_from_and_replaces_itself_whole() {
     let place = place();
     let run = vitreo(place.path(), &["simulate", "--out", "study"]).exits(0);
-    assert!(run.stdout.contains("median of the prior porcine"), "{run}");
+    assert!(run.stdout.contains("median of its prior"), "{run}");
     let midpoint = ["simulate", "study", "--scheme", "midpoint", "--time-step-s", "0.01", "--json", "-"];
     let document = vitreo(place.path(), &midpoint).exits(0).json();
     assert_eq!(document["scheme"], "midpoint");

@@ -124,7 +124,7 @@ fn values_come_from_the_option_then_the_model_then_the_prior() {
     let found = parameters(&problem, &set, None).unwrap();
     assert_eq!(found.iter().map(|p| p.value).collect::<Vec<_>>()[..2], [2.0, 7.0]);
     // The porcine prior is log-normal with median 30.
-    assert!((found[2].value - 30.0).abs() < 1e-9 && found[2].origin.contains("porcine"), "{found:?}");
+    assert!((found[2].value - 30.0).abs() < 1e-9 && found[2].origin.contains("prior"), "{found:?}");
     let noise = BTreeMap::from([("noise_sd_um".to_string(), 2.0)]);
     assert!(parameters(&problem, &noise, None).is_err());
 }

@@ -63,7 +63,9 @@ fn overview(effect: &EffectEntry) -> String {
     };
     let error = match (effect.standard_error, effect.parameters.first()) {
         _ if effect.visible_fraction.is_some_and(|fraction| fraction < 0.001) => "not visible here".into(),
-        (Some(error), Some(first)) => format!("{} {} {}", first.symbol, plus_minus(error), unit(&first.unit)),
+        (Some(error), Some(first)) => {
+            format!("{} {} {}", first.symbol, plus_minus(error), unit(&first.unit)).trim_end().to_string()
+        }
         _ => "–".into(),
     };
     format!("  {:<26}{:<13}{visible:>9}   {error}", effect.slug, effect.stage)
