@@ -21,9 +21,12 @@ use crate::inference::diagnostics::{DrawColumn, diagnose};
 use crate::inference::ensemble::{Checkpointing, Progress, RunControl, SampleOutcome};
 use crate::inference::likelihood::ReducedPosterior;
 use crate::inference::{SamplerOptions, sample as sample_density};
+use crate::rheology::BaseLaw;
 
 /// Starts of the search for modes, drawn from the prior.
 const N_STARTS: usize = 16;
+/// The same for models of more than the Lethersich law: two bodies can trade places, and one of the modes may attract few starts.
+const N_STARTS_OF_LARGER: usize = 96;
 /// Stream of the starts, apart from the sampler's.
 const START_STREAM: u64 = u64::MAX / 2;
 /// Time between checkpoints.
@@ -112,8 +115,10 @@ fn sample(
     }
     let mut rng = ChaCha8Rng::seed_from_u64(request.options.seed);
     rng.set_stream(START_STREAM);
+    let is_plain = problem.model.base() == BaseLaw::Lethersich && problem.model.effects().is_empty();
+    let n_starts = if is_plain { N_STARTS } else { N_STARTS_OF_LARGER };
     let starts: Vec<Vec<f64>> =
-        (0..N_STARTS).map(|_| problem.priors.to_unconstrained(&problem.priors.draw(&mut rng))).collect();
+        (0..n_starts).map(|_| problem.priors.to_unconstrained(&problem.priors.draw(&mut rng))).collect();
     let resumed = match request.checkpoint {
         Some(path) if request.resume => checkpoint::read(path)?,
         _ => None,
