@@ -83,7 +83,7 @@ fn the_coverage_s_range_is_that_of_gains_and_offsets_shared_by_a_cycle() {
     for _ in 0..40 {
         let noise_m = noise_m(record, &exact_m, &mut rng);
         // Every tenth row of the held-out cycles.
-        let is_scored = |i: usize| record.cycle[i] > 1 && i % 10 == 0;
+        let is_scored = |i: usize| record.cycle[i] > 1 && i.is_multiple_of(10);
         let observed_m: Vec<Option<f64>> =
             (0..record.n_rows()).map(|i| is_scored(i).then(|| exact_m[i] + noise_m[i])).collect();
         let score = score(&check, &bands_m, record, &observed_m, 5).unwrap();
