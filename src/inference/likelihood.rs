@@ -185,6 +185,11 @@ impl<'a> ReducedPosterior<'a> {
             return;
         }
         let is_valid = response.trajectories_m(&scratch.stages, &scratch.compliances_per_m, &mut scratch.positions_m);
+        // Where no point has a position, the rows may not be there.
+        if !is_valid.contains(&true) {
+            scratch.points.iter().for_each(|point| log_density[*point] = f64::NEG_INFINITY);
+            return;
+        }
         let of_lane = |d: usize, lane: usize| values[d * n + scratch.points[lane.min(scratch.points.len() - 1)]];
         let of_noise: Vec<[f64; N_LANES]> =
             (n_model..self.sources.len()).map(|d| std::array::from_fn(|lane| of_lane(d, lane))).collect();
@@ -270,6 +275,9 @@ pub fn ln_likelihood(
     Ok(noise.ln_likelihood(&forward.trajectory_m(model_parameters)?, noise_parameters))
 }
 
+#[cfg(test)]
+#[path = "likelihood_stages_tests.rs"]
+mod stages_tests;
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -319,6 +319,9 @@ pub fn score(
 }
 
 #[cfg(test)]
+#[path = "heldout_noise_tests.rs"]
+mod noise_tests;
+#[cfg(test)]
 mod tests {
     use statrs::distribution::StudentsT;
 

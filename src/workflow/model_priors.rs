@@ -48,3 +48,7 @@ pub(super) fn read_priors(name_or_file: &str, model: &Model, noise: NoiseModel, 
     };
     PriorSet::read_for(name_or_file, &wanted, &others, &default)
 }
+
+#[cfg(test)]
+#[path = "model_priors_tests.rs"]
+mod tests;
