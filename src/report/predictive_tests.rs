@@ -43,7 +43,7 @@ fn lost_rows_have_no_dot_and_residuals_are_scored() {
     // 60 positions, once over the bands and once as residuals.
     assert_eq!(document.matches("h0").count(), 120);
     assert!(document.contains("fitted RMSE 3.0 µm"), "every residual is 3 µm");
-    assert!(document.contains("σ = 4.0 µm") && document.contains("cycle 1: calibration"));
+    assert!(document.contains("σ = 4.0 µm") && document.contains("cycle 1: fitted"));
 }
 
 #[test]
