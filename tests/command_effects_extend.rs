@@ -154,6 +154,17 @@ fn effects_that_a_base_law_has_already_are_refused() {
     assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 0);
 }
 
+/// A law with more parameters than the paper's table has, on the replica whose figures mark that table.
+#[test]
+fn a_larger_base_law_is_sampled_with_its_figures() {
+    let dir = place();
+    let document = vitreo(dir.path(), &["sample", "--base", "burgers", "--json", "-", "--quiet"]).exits(0).json();
+    assert_eq!(document["model"]["base"], "burgers");
+    // The replica has no instantaneous spring: its modulus is far above E.
+    assert!(parameter(&document, "instantaneous_modulus_pa")["q05"].as_f64().unwrap() > 100.0, "{document}");
+    assert!(dir.path().join("vitreo-uq-out/porcine-replica/m0/figures/corner.png").is_file());
+}
+
 /// A network from a file is a base law like any other, its parameters are sampled and written back.
 #[test]
 fn a_network_in_a_file_is_a_base_law() {
