@@ -36,6 +36,8 @@ impl TimeScheme {
 pub struct FullOrderModel<'a> {
     factor: Factor<'a>,
     robot: usize,
+    /// K̂⁻¹ f for 1 N on the whole body: unknowns per unit force at unit Young's modulus, in 1/m. Solved once, since every run needs it.
+    field_per_n: Vec<f64>,
 }
 
 /// A piecewise-constant force with its solved field.
@@ -51,22 +53,24 @@ pub struct SolvedLoad<'a> {
 impl<'a> FullOrderModel<'a> {
     /// Factorises the unit stiffness at a Poisson ratio in (−1, 0.5).
     pub fn new(stiffness: &'a Stiffness, poisson_ratio: f64) -> Result<Self> {
-        Ok(Self { factor: stiffness.factor(poisson_ratio)?, robot: stiffness.assembly.unknowns.robot() })
+        let factor = stiffness.factor(poisson_ratio)?;
+        let field_per_n = factor.unit_response().iter().map(|u| QUARTER * u).collect();
+        Ok(Self { factor, robot: stiffness.assembly.unknowns.robot(), field_per_n })
     }
 
     /// Solves for the field of a load; row i's force (N) holds on [tᵢ, tᵢ₊₁).
     pub fn solve_load<'l>(&self, time_s: &'l [f64], force_n: &'l [f64]) -> SolvedLoad<'l> {
-        SolvedLoad { time_s, force_n, field_per_n: self.field_per_n() }
+        SolvedLoad { time_s, force_n, field_per_n: self.field_per_n.clone() }
     }
 
-    /// K̂⁻¹ f for 1 N on the whole body: unknowns per unit force at unit Young's modulus, in 1/m.
-    pub(super) fn field_per_n(&self) -> Vec<f64> {
-        self.factor.unit_response().iter().map(|u| QUARTER * u).collect()
+    /// Unknowns per unit force at unit Young's modulus, in 1/m.
+    pub(super) fn field_per_n(&self) -> &[f64] {
+        &self.field_per_n
     }
 
     /// Displacement of the robot per unit force at unit Young's modulus, in 1/m: position = compliance × ∫J dF.
     pub fn compliance_per_m(&self) -> f64 {
-        QUARTER * self.factor.unit_response()[self.robot]
+        self.field_per_n[self.robot]
     }
 
     /// Robot's position (m) at every row, the limit from the left.
