@@ -6,7 +6,6 @@ use std::time::Instant;
 use vitreo_uq::effects::Library;
 use vitreo_uq::error::{Error, Place, Result};
 use vitreo_uq::files::write_json_atomically;
-use vitreo_uq::inference::SamplerOptions;
 use vitreo_uq::study::{Study, WithProvenance};
 use vitreo_uq::workflow::extend::{self, Extension, ExtensionRequest, ExtensionSummary, Misfit};
 use vitreo_uq::workflow::mechanics::MeshFile;
@@ -27,13 +26,7 @@ pub fn run(arguments: &ExtendArguments) -> Result<ExitCode> {
     let common = &arguments.common;
     let threads = options::use_threads(common.threads)?;
     crate::output::check(common.json.as_deref())?;
-    let options = SamplerOptions {
-        n_walkers: arguments.chains,
-        max_steps: arguments.steps,
-        seed: common.seed,
-        threads,
-        ..SamplerOptions::default()
-    };
+    let options = options::sampler(arguments.chains, arguments.steps, common.seed, threads);
     let terminal = Terminal::new(common.quiet);
     let library = Library::default();
     let effects = &arguments.model.with;

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use vitreo_uq::inference::SamplerOptions;
 
 /// Bayesian uncertainty quantification for creep experiments in soft gels.
 #[derive(Parser)]
@@ -184,6 +185,11 @@ pub struct CornerArguments {
     /// Do not say where the figure went
     #[arg(long)]
     pub quiet: bool,
+}
+
+/// The sampler's settings from the options; `threads` as [`use_threads`] gives them.
+pub fn sampler(chains: usize, steps: u64, seed: u64, threads: usize) -> SamplerOptions {
+    SamplerOptions { n_walkers: chains, max_steps: steps, seed, threads, ..SamplerOptions::default() }
 }
 
 /// Uses so many threads everywhere, at most one a core: more would only get in each other's way. Returns how many.

@@ -27,13 +27,7 @@ pub fn run(arguments: &SampleArguments) -> Result<ExitCode> {
     let common = &arguments.common;
     let threads = options::use_threads(common.threads)?;
     crate::output::check(common.json.as_deref())?;
-    let options = SamplerOptions {
-        n_walkers: arguments.chains,
-        max_steps: arguments.steps,
-        seed: common.seed,
-        threads,
-        ..SamplerOptions::default()
-    };
+    let options = options::sampler(arguments.chains, arguments.steps, common.seed, threads);
     let terminal = Terminal::new(common.quiet);
     let target = Target::open_at(common, &arguments.model, Some(REVISION), &terminal)?;
     if let Some(study) = target.existing_study() {
