@@ -4,12 +4,14 @@ pub mod checkpoint;
 pub mod diagnostics;
 pub use crate::distribution;
 pub mod ensemble;
+pub mod evidence;
 pub mod least_squares;
 pub mod likelihood;
 pub mod noise;
 pub mod optimum;
 pub mod pareto;
 pub mod prior;
+pub mod t_mixture;
 #[cfg(test)]
 mod test_densities;
 
