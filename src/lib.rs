@@ -13,6 +13,7 @@ pub mod error;
 pub mod experiment;
 pub mod files;
 
+pub mod critique;
 pub mod fe;
 pub mod inference;
 pub mod mesh;

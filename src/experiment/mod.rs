@@ -4,7 +4,7 @@
 
 mod apparatus;
 mod cycles;
-mod noise;
+pub(crate) mod noise;
 mod read;
 mod record;
 mod scales;

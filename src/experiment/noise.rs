@@ -40,18 +40,18 @@ pub enum NoiseOrigin {
 }
 
 /// Ratio of a Gaussian's standard deviation to its median absolute deviation.
-const SD_PER_MAD: f64 = 1.482_602_218_505_602;
+pub(crate) const SD_PER_MAD: f64 = 1.482_602_218_505_602;
 /// The part of each hold after which the motion is taken as smooth.
 const EARLY_FRACTION: f64 = 0.5;
 /// The part of a rest after which it is taken as rest.
-const RECOVERY_FRACTION: f64 = 0.75;
+pub(crate) const RECOVERY_FRACTION: f64 = 0.75;
 /// Neighbours farther apart than this many median intervals are separated by a gap.
 const GAP_INTERVALS: f64 = 2.5;
-const MIN_DIFFERENCES: usize = 8;
-const MIN_PER_WINDOW: usize = 8;
-const MIN_REST_POSITIONS: usize = 20;
+pub(crate) const MIN_DIFFERENCES: usize = 8;
+pub(crate) const MIN_PER_WINDOW: usize = 8;
+pub(crate) const MIN_REST_POSITIONS: usize = 20;
 /// Force below this fraction of the range counts as none.
-const NO_FORCE_FRACTION: f64 = 0.01;
+pub(crate) const NO_FORCE_FRACTION: f64 = 0.01;
 
 impl Experiment {
     /// The noise that a misfit is measured against: `noise_um` if it is given, else the estimate from rest records,
@@ -97,7 +97,7 @@ fn estimate(record: &Record) -> Option<NoiseYardstick> {
 }
 
 /// Row ranges between force steps.
-fn holds(record: &Record) -> Vec<std::ops::Range<usize>> {
+pub(crate) fn holds(record: &Record) -> Vec<std::ops::Range<usize>> {
     let mut starts: Vec<usize> = record.force_step_rows();
     if starts.first() != Some(&0) {
         starts.insert(0, 0);
@@ -107,7 +107,7 @@ fn holds(record: &Record) -> Vec<std::ops::Range<usize>> {
 }
 
 /// Rows of a hold that hold a position, later than `fraction` of it.
-fn late_rows(record: &Record, hold: &std::ops::Range<usize>, fraction: f64) -> Vec<usize> {
+pub(crate) fn late_rows(record: &Record, hold: &std::ops::Range<usize>, fraction: f64) -> Vec<usize> {
     let (start_s, end_s) = (record.time_s[hold.start], record.time_s[hold.end - 1]);
     let late = |row: &usize| record.time_s[*row] >= start_s + fraction * (end_s - start_s);
     hold.clone().filter(|row| record.position_m[*row].is_some() && late(row)).collect()
@@ -118,7 +118,7 @@ fn points(record: &Record, rows: &[usize]) -> Vec<(f64, f64)> {
 }
 
 /// Deviation of each position from the line through its neighbours, scaled to the sd of one position.
-fn second_differences(record: &Record) -> Vec<f64> {
+pub(crate) fn second_differences(record: &Record) -> Vec<f64> {
     let longest_s = GAP_INTERVALS * record.median_interval_s().unwrap_or(0.0);
     let mut differences = Vec::new();
     for hold in holds(record) {

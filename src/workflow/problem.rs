@@ -18,7 +18,7 @@ use crate::parameter::ParameterSpec;
 use crate::study::ModelSpecification;
 
 /// Prior mass beyond either end of the surrogate's trained range; the prior is truncated there.
-pub(super) const TAIL_MASS: f64 = 1e-9;
+pub(crate) const TAIL_MASS: f64 = 1e-9;
 
 /// An experiment, a model of it, and the mechanics made computable.
 pub struct Problem {
@@ -120,7 +120,7 @@ impl Problem {
     }
 
     /// The Poisson ratios that the model asks for, from its stages at both ends of every effect's prior.
-    pub(super) fn poisson_ratios(&self, fe: &FiniteElements) -> Result<[f64; 2]> {
+    pub(crate) fn poisson_ratios(&self, fe: &FiniteElements) -> Result<[f64; 2]> {
         let specs = self.model.parameters();
         let middle: Vec<Dual> = specs.iter().map(|p| self.range_of(p.name, 0.5).lower.into()).collect();
         let mut ratios = [fe.poisson_ratio; 2];

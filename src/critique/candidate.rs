@@ -1,0 +1,206 @@
+//! A model of the mean and how a search moves in it.
+
+use crate::distribution::Distribution;
+use crate::effects::EffectParameter;
+use crate::model::Model;
+use crate::parameter::ParameterSpec;
+use crate::workflow::problem::{Problem, TAIL_MASS};
+
+/// How a search moves in a parameter.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Coordinate {
+    /// By its logarithm.
+    Logarithm,
+    /// By itself, in units of the spread that its prior gives it.
+    Linear {
+        /// The spread, in the parameter's unit.
+        scale: f64,
+    },
+}
+
+impl Coordinate {
+    /// The parameter at a coordinate.
+    pub fn value(self, theta: f64) -> f64 {
+        match self {
+            Self::Logarithm => theta.exp(),
+            Self::Linear { scale } => scale * theta,
+        }
+    }
+
+    /// The coordinate of a parameter.
+    pub fn theta(self, value: f64) -> f64 {
+        match self {
+            Self::Logarithm => value.ln(),
+            Self::Linear { scale } => value / scale,
+        }
+    }
+
+    /// Derivative of the parameter with respect to its coordinate.
+    pub fn slope(self, theta: f64) -> f64 {
+        match self {
+            Self::Logarithm => theta.exp(),
+            Self::Linear { scale } => scale,
+        }
+    }
+}
+
+/// A free parameter.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Free {
+    /// Index among the model's parameters.
+    pub index: usize,
+    /// Name, with unit.
+    pub name: &'static str,
+    /// How the search moves in it.
+    pub coordinate: Coordinate,
+    /// Ends of the search, as coordinates: the support, and all but 10⁻⁹ of the prior on either side.
+    pub ends: [f64; 2],
+    /// Mean and standard deviation of the coordinate under the prior, for the law's parameters. Effects have none: their size is for the data to say.
+    pub prior: Option<(f64, f64)>,
+    /// Prior quantiles by which starts are chosen.
+    pub distribution: Distribution,
+    /// Coordinate at which the parameter's effect is not there; `None` for the law's parameters and for those that mean nothing then.
+    pub null: Option<f64>,
+    /// Place of the effect in the candidate's list; `None` for the law's parameters.
+    pub effect: Option<usize>,
+}
+
+impl Free {
+    /// Whether the null is an end of the search: the effect has one sign.
+    pub fn is_one_sided(&self) -> bool {
+        self.null.is_some_and(|null| self.ends.contains(&null))
+    }
+
+    /// Whether the parameter means nothing at the null.
+    pub fn is_unidentified_at_null(&self) -> bool {
+        self.effect.is_some() && self.null.is_none()
+    }
+
+    /// A coordinate moved into the search's ends.
+    pub fn clamped(&self, theta: f64) -> f64 {
+        theta.clamp(self.ends[0], self.ends[1])
+    }
+
+    /// The coordinate of a prior quantile.
+    pub fn quantile(&self, probability: f64) -> f64 {
+        self.clamped(self.coordinate.theta(self.distribution.quantile(probability)))
+    }
+}
+
+/// A law with effects, and columns of free amplitude.
+#[derive(Clone)]
+pub struct Candidate {
+    /// Law and effects.
+    pub model: Model,
+    /// Slugs of the effects.
+    pub effects: Vec<String>,
+    /// Free parameters in the model's order; those of effects that the base does not have come last.
+    pub free: Vec<Free>,
+    /// Model parameters with the fixed values in their places.
+    pub template: Vec<f64>,
+    /// Columns (m per unit amplitude, one value a row of the record) that are added to the position.
+    pub columns: Vec<Vec<f64>>,
+}
+
+/// Prior mass on either side of the interval that stands for two standard deviations.
+const ONE_SD: f64 = 0.158_655_253_931_457;
+/// The spread of a prior leaves this on either side.
+const SPREAD_TAIL: f64 = 0.25;
+
+impl Candidate {
+    /// The candidate of a problem's model.
+    pub fn new(problem: &Problem) -> Self {
+        let (model, fixed) = (problem.model.clone(), &problem.specification.fixed);
+        let template: Vec<f64> =
+            model.parameters().iter().map(|p| fixed.get(p.name).copied().unwrap_or(f64::NAN)).collect();
+        let n_law = model.base().parameters().len();
+        let of_effects: Vec<(usize, &EffectParameter)> = model
+            .effects()
+            .iter()
+            .enumerate()
+            .flat_map(|(place, effect)| effect.parameters().iter().map(move |parameter| (place, parameter)))
+            .collect();
+        let free = model.parameters().iter().enumerate().filter_map(|(index, spec)| {
+            let prior = problem.priors.get(spec.name)?;
+            let effect = index.checked_sub(n_law).map(|k| of_effects[k]);
+            let null = effect.and_then(|(_, parameter)| (parameter.null)(model.scales()));
+            Some(free(index, spec, prior.distribution, effect.map(|(place, _)| place), null))
+        });
+        let free = free.collect();
+        Self { effects: problem.specification.effects.clone(), free, template, columns: Vec::new(), model }
+    }
+
+    /// The same with columns added.
+    pub fn with_columns(&self, columns: Vec<Vec<f64>>) -> Self {
+        Self { columns: [self.columns.clone(), columns].concat(), ..self.clone() }
+    }
+
+    /// Number of coordinates: free parameters, then amplitudes of columns.
+    pub fn dimension(&self) -> usize {
+        self.free.len() + self.columns.len()
+    }
+
+    /// The model's parameters at coordinates.
+    pub fn parameters(&self, theta: &[f64]) -> Vec<f64> {
+        let mut parameters = self.template.clone();
+        for (free, theta) in self.free.iter().zip(theta) {
+            parameters[free.index] = free.coordinate.value(*theta);
+        }
+        parameters
+    }
+
+    /// Ends of the search in each coordinate.
+    pub fn ends(&self, coordinate: usize) -> [f64; 2] {
+        self.free.get(coordinate).map_or([f64::NEG_INFINITY, f64::INFINITY], |free| free.ends)
+    }
+
+    /// Log prior of coordinates, up to a constant: of the law's parameters alone.
+    pub fn ln_prior(&self, theta: &[f64]) -> f64 {
+        let pairs = self.free.iter().zip(theta);
+        pairs.filter_map(|(free, theta)| free.prior.map(|(mean, sd)| -0.5 * ((theta - mean) / sd).powi(2))).sum()
+    }
+
+    /// Coordinates of a smaller model's optimum in this one, whatever is new at its null (at its prior's median where it has none).
+    pub fn embed(&self, smaller: &Candidate, theta: &[f64]) -> Vec<f64> {
+        let known = |free: &Free| smaller.free.iter().position(|other| other.name == free.name);
+        let mut embedded: Vec<f64> = self
+            .free
+            .iter()
+            .map(|free| match known(free) {
+                Some(place) => free.clamped(theta[place]),
+                None => free.null.unwrap_or_else(|| free.quantile(0.5)),
+            })
+            .collect();
+        let amplitudes = theta.get(smaller.free.len()..).unwrap_or(&[]);
+        embedded.extend((0..self.columns.len()).map(|k| amplitudes.get(k).copied().unwrap_or(0.0)));
+        embedded
+    }
+}
+
+fn free(
+    index: usize,
+    spec: &ParameterSpec,
+    distribution: Distribution,
+    effect: Option<usize>,
+    null: Option<f64>,
+) -> Free {
+    let quantiles = [SPREAD_TAIL, 1.0 - SPREAD_TAIL].map(|p| distribution.quantile(p));
+    let is_logarithmic = match effect {
+        None => spec.support.lower >= 0.0 && spec.support.upper.is_infinite(),
+        Some(_) => {
+            null.is_none() && matches!(distribution, Distribution::LogUniform { .. } | Distribution::LogNormal { .. })
+        }
+    };
+    let coordinate =
+        if is_logarithmic { Coordinate::Logarithm } else { Coordinate::Linear { scale: quantiles[1] - quantiles[0] } };
+    let mut ends = [TAIL_MASS, 1.0 - TAIL_MASS].map(|p| distribution.quantile(p));
+    if let Some(null) = null {
+        // Priors of one sign leave a sliver at the null, which belongs to the search.
+        ends = [ends[0].min(null), ends[1].max(null)];
+    }
+    let ends = ends.map(|end| coordinate.theta(end));
+    let [lower, upper] = [ONE_SD, 1.0 - ONE_SD].map(|p| coordinate.theta(distribution.quantile(p)));
+    let prior = effect.is_none().then(|| (coordinate.theta(distribution.quantile(0.5)), 0.5 * (upper - lower)));
+    let null = null.map(|null| coordinate.theta(null));
+    Free { index, name: spec.name, coordinate, ends, prior, distribution, null, effect }
+}

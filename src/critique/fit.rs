@@ -1,0 +1,466 @@
+//! The best parameters and noise of a candidate.
+//!
+//! The objective is the log likelihood of the fitted positions, noise included, plus the log priors of the law's parameters and of the noise. Effects
+//! have no prior in it, only ends: so a model that contains another never fits worse, and what it gains is a likelihood ratio.
+//!
+//! The search goes back and forth between the mean (Gauss and Newton on whitened residuals, derivatives by differences, several damped steps tried at
+//! once) and the noise. Each is the other's nuisance: in a Gaussian model their Fisher information has no cross terms, so few rounds do.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::noise_fit::{self, LogNoise, NoisePrior};
+use super::{Candidate, Subject};
+use crate::error::{Error, Result};
+use crate::inference::noise::NoiseLikelihood;
+use crate::model::{Lanes, N_LANES};
+
+/// Step of a difference, in a search coordinate, whose unit is the spread of a prior.
+const DIFFERENCE: f64 = 1e-4;
+/// Dampings tried at every step, in units of the curvature along coordinates.
+const DAMPINGS: [f64; N_LANES] = [0.0, 1e-4, 1e-2, 0.1, 1.0, 10.0, 100.0, 1e4];
+const MOST_STEPS: usize = 60;
+const MOST_ROUNDS: usize = 12;
+/// No coordinate moves by more than this at once.
+const LONGEST_STEP: f64 = 3.0;
+
+/// How thoroughly to search.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Search {
+    /// From many starts and both weightings: for the data.
+    Wide,
+    /// From the best of few starts about other fits: for data that were simulated without the effect.
+    Local,
+}
+
+impl Search {
+    /// Gain (nats) of a step below which the mean is at rest, and of a round below which mean and noise are.
+    fn least_gains(self) -> [f64; 2] {
+        match self {
+            Self::Wide => [1e-4, 3e-3],
+            Self::Local => [3e-3, 2e-2],
+        }
+    }
+}
+
+/// A candidate's optimum.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Fitted {
+    /// Coordinates: free parameters, then amplitudes of columns.
+    pub theta: Vec<f64>,
+    /// The noise's parameters in their units.
+    pub noise: [f64; 5],
+    /// Position (m) at every row of the record.
+    pub position_m: Vec<f64>,
+    /// Log likelihood of the fitted positions plus log priors of law and noise, in nats, up to constants that all candidates share.
+    pub objective: f64,
+    /// Log likelihood of the fitted positions, in nats for positions in m.
+    pub ln_likelihood: f64,
+}
+
+impl Fitted {
+    /// Root mean square (m) of what a fit leaves of positions.
+    pub fn rmse_m(&self, positions_m: &[Option<f64>]) -> Option<f64> {
+        let squares: Vec<f64> =
+            positions_m.iter().zip(&self.position_m).filter_map(|(y, x)| Some((y.as_ref()? - x).powi(2))).collect();
+        (!squares.is_empty()).then(|| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
+    }
+}
+
+/// A point of a search.
+#[derive(Clone)]
+struct Point {
+    theta: Vec<f64>,
+    position_m: Vec<f64>,
+    log_noise: LogNoise,
+    objective: f64,
+}
+
+impl Subject {
+    /// Fits a candidate: from the starts that the search asks for, and from `also` (coordinates and noise of other fits).
+    ///
+    /// # Errors
+    /// [`Error::Numerical`] when the candidate has no model at any start.
+    pub fn fit(&self, candidate: &Candidate, also: &[(Vec<f64>, [f64; 5])], search: Search) -> Result<Fitted> {
+        let climber = Climber { subject: self, candidate, noise_prior: self.noise_prior(), search };
+        let mut best: Option<Point> = None;
+        for start in climber.starts(also) {
+            let point = climber.climb(start);
+            if best.as_ref().is_none_or(|best| point.objective > best.objective) {
+                best = Some(point);
+            }
+        }
+        best.map(|point| self.fitted_at(point)).ok_or_else(|| no_start(candidate))
+    }
+
+    /// Fits a candidate's mean under a noise that is known: from the starts that the search asks for, and from `also` (coordinates).
+    ///
+    /// # Errors
+    /// As [`Subject::fit`].
+    pub(super) fn fit_mean(
+        &self,
+        candidate: &Candidate,
+        also: &[Vec<f64>],
+        noise: [f64; 5],
+        search: Search,
+    ) -> Result<Fitted> {
+        let climber = Climber { subject: self, candidate, noise_prior: self.noise_prior(), search };
+        let log_noise = noise.map(f64::ln);
+        let also: Vec<(Vec<f64>, [f64; 5])> = also.iter().map(|theta| (theta.clone(), noise)).collect();
+        let seeds: Vec<(Vec<f64>, LogNoise)> =
+            climber.starts(&also).into_iter().map(|point| (point.theta, log_noise)).collect();
+        let climbed = climber.points(&seeds).into_iter().map(|point| climber.climb_mean(point));
+        let best = climbed.max_by(|a, b| a.objective.total_cmp(&b.objective));
+        best.map(|point| self.fitted_at(point)).ok_or_else(|| no_start(candidate))
+    }
+
+    fn fitted_at(&self, point: Point) -> Fitted {
+        let noise = noise_fit::natural(&point.log_noise);
+        let ln_likelihood = self.fitted.ln_likelihood(&point.position_m, &noise);
+        Fitted { theta: point.theta, noise, position_m: point.position_m, objective: point.objective, ln_likelihood }
+    }
+
+    /// Log likelihood of the scored positions given the fitted ones, in nats for positions in m, the parameters taken as known; `None` when nothing is
+    /// scored. The spread of the gain is at least a per cent: a few cycles do not show that it is smaller.
+    pub fn heldout_ln_likelihood(&self, fitted: &Fitted) -> Option<f64> {
+        if self.scored_m.iter().all(Option::is_none) {
+            return None;
+        }
+        let mut noise = fitted.noise;
+        noise[3] = noise[3].max(noise_fit::GAIN_FLOOR);
+        let of = |likelihood: &NoiseLikelihood| likelihood.ln_likelihood(&fitted.position_m, &noise);
+        Some(of(&self.all) - of(&self.fitted))
+    }
+
+    pub(super) fn noise_prior(&self) -> NoisePrior {
+        let scales = self.experiment().scales();
+        NoisePrior::new(self.yardstick_m(), scales.sample_interval_s, scales.cycle_s)
+    }
+}
+
+fn no_start(candidate: &Candidate) -> Error {
+    Error::numerical(
+        format!("the model with {} cannot be evaluated at any start of its fit", candidate.effects.join(", ")),
+        "look at the priors of its parameters",
+    )
+}
+
+/// Derivatives (m a unit of the coordinate, one value a row of the record) of a candidate's position.
+pub(super) fn columns_m(subject: &Subject, candidate: &Candidate, theta: &[f64]) -> Result<Vec<Vec<f64>>> {
+    let none = || {
+        Error::numerical(
+            format!("the model with {} has no derivatives at its fit", candidate.effects.join(", ")),
+            "fix one of its parameters",
+        )
+    };
+    derivatives_m(subject, candidate, theta).map(|(_, columns)| columns).ok_or_else(none)
+}
+
+/// Position and its derivatives; `None` where there is no model.
+fn derivatives_m(subject: &Subject, candidate: &Candidate, theta: &[f64]) -> Option<(Vec<f64>, Vec<Vec<f64>>)> {
+    let n_free = candidate.free.len();
+    // Away from the nearer end.
+    let step = |k: usize| {
+        let [_, upper] = candidate.ends(k);
+        if theta[k] + DIFFERENCE > upper { -DIFFERENCE } else { DIFFERENCE }
+    };
+    let moved = |k: usize| {
+        let mut moved = theta.to_vec();
+        moved[k] += step(k);
+        moved
+    };
+    let points: Vec<Vec<f64>> = std::iter::once(theta.to_vec()).chain((0..n_free).map(moved)).collect();
+    let mut position_m = Vec::new();
+    let mut columns = Vec::with_capacity(candidate.dimension());
+    for (number, chunk) in points.chunks(N_LANES).enumerate() {
+        let (lanes, is_valid) = subject.trajectories_m(candidate, chunk);
+        if is_valid[..chunk.len()].contains(&false) {
+            return None;
+        }
+        for lane in 0..chunk.len() {
+            let place = number * N_LANES + lane;
+            if place == 0 {
+                position_m = lanes.iter().map(|row| row.0[0]).collect();
+            } else {
+                let inverse = 1.0 / step(place - 1);
+                columns.push(
+                    lanes.iter().zip(&position_m).map(|(row, x): (&Lanes, &f64)| (row.0[lane] - x) * inverse).collect(),
+                );
+            }
+        }
+    }
+    columns.extend(candidate.columns.iter().cloned());
+    Some((position_m, columns))
+}
+
+/// A search in one candidate.
+struct Climber<'a> {
+    subject: &'a Subject,
+    candidate: &'a Candidate,
+    noise_prior: NoisePrior,
+    search: Search,
+}
+
+impl Climber<'_> {
+    /// Objective of one to eight points with their positions under one noise; −∞ where there is no model or a point leaves the search.
+    fn objectives(&self, points: &[Vec<f64>], log_noise: &LogNoise) -> (Vec<Lanes>, [f64; N_LANES]) {
+        let (lanes, is_valid) = self.subject.trajectories_m(self.candidate, points);
+        let noise = noise_fit::natural(log_noise);
+        let mut out = [0.0; N_LANES];
+        self.subject.fitted.ln_likelihood_lanes(&lanes, &noise.map(|value| [value; N_LANES]), &mut out);
+        let of_noise = self.noise_prior.ln_density(log_noise);
+        for (lane, value) in out.iter_mut().enumerate() {
+            *value = match points.get(lane) {
+                Some(theta) if is_valid[lane] && value.is_finite() => {
+                    *value + self.candidate.ln_prior(theta) + of_noise
+                }
+                _ => f64::NEG_INFINITY,
+            };
+        }
+        (lanes, out)
+    }
+
+    /// The best few of many starts, by their objective after the noise is left as it is.
+    fn starts(&self, also: &[(Vec<f64>, [f64; 5])]) -> Vec<Point> {
+        let white = self.noise_prior.white();
+        let mut seeds: Vec<(Vec<f64>, LogNoise)> = Vec::new();
+        for (theta, noise) in also {
+            let log_noise = noise.map(f64::ln);
+            for embedded in self.over_grid(theta) {
+                seeds.push((embedded, log_noise));
+            }
+        }
+        let mut points = self.points(&seeds);
+        if self.search == Search::Local && !points.is_empty() {
+            return best_of(points, 2);
+        }
+        // From the priors, weighted alike.
+        let mut wide: Vec<(Vec<f64>, LogNoise)> =
+            self.quantile_starts().into_iter().map(|theta| (theta, white)).collect();
+        for (theta, _) in also {
+            wide.extend(self.away_from(theta).into_iter().map(|theta| (theta, white)));
+        }
+        let wide = best_of(self.points(&wide), 4);
+        points = best_of(points, 4);
+        points.extend(wide);
+        points
+    }
+
+    fn points(&self, seeds: &[(Vec<f64>, LogNoise)]) -> Vec<Point> {
+        let mut points = Vec::new();
+        for (theta, log_noise) in seeds {
+            let (lanes, values) = self.objectives(std::slice::from_ref(theta), log_noise);
+            if values[0].is_finite() {
+                let position_m = lanes.iter().map(|row| row.0[0]).collect();
+                points.push(Point { theta: theta.clone(), position_m, log_noise: *log_noise, objective: values[0] });
+            }
+        }
+        points
+    }
+
+    /// A start with what means nothing at the null put on a grid of its prior's quantiles.
+    fn over_grid(&self, theta: &[f64]) -> Vec<Vec<f64>> {
+        let mut list = vec![theta.to_vec()];
+        let grid: &[f64] =
+            if self.search == Search::Wide { &[0.05, 0.2, 0.35, 0.5, 0.65, 0.8, 0.95] } else { &[0.15, 0.5, 0.85] };
+        for (k, free) in self.candidate.free.iter().enumerate() {
+            // A parameter of an effect that is there already stays where the other fit has it.
+            let is_off = free.effect.is_some_and(|effect| self.is_off(effect, theta));
+            if free.is_unidentified_at_null() && is_off {
+                let on_grid = |start: &Vec<f64>| -> Vec<Vec<f64>> {
+                    let at = |p: &f64| {
+                        let mut moved = start.clone();
+                        moved[k] = free.quantile(*p);
+                        moved
+                    };
+                    grid.iter().map(at).collect()
+                };
+                list = list.iter().flat_map(on_grid).collect();
+            }
+        }
+        // At the null those points are one: a small step into the effect tells them apart.
+        for start in &mut list {
+            for (k, free) in self.candidate.free.iter().enumerate() {
+                if let (Some(null), Some(effect)) = (free.null, free.effect)
+                    && start[k] == null
+                    && list_has_grid(self.candidate, effect)
+                {
+                    start[k] = free.clamped(null + if null + 0.02 > free.ends[1] { -0.02 } else { 0.02 });
+                }
+            }
+        }
+        if list.first().is_none_or(|first| first != theta) {
+            list.push(theta.to_vec());
+        }
+        list
+    }
+
+    fn is_off(&self, effect: usize, theta: &[f64]) -> bool {
+        let of_effect = self.candidate.free.iter().zip(theta).filter(|(free, _)| free.effect == Some(effect));
+        of_effect.into_iter().any(|(free, theta)| free.null == Some(*theta))
+    }
+
+    /// Starts at which effects are well away from their nulls, the rest as given.
+    fn away_from(&self, theta: &[f64]) -> Vec<Vec<f64>> {
+        let mut list = Vec::new();
+        let levels: [f64; 6] = [0.1, 0.3, 0.6, 0.8, 0.93, 0.99];
+        for (level, number) in levels.iter().zip(0_u32..) {
+            for shift in 0..4_u32 {
+                let mut start = theta.to_vec();
+                let mut dimension = 0;
+                for (k, free) in self.candidate.free.iter().enumerate() {
+                    let is_off = free.effect.is_some_and(|effect| self.is_off(effect, theta));
+                    if is_off {
+                        let scrambled = f64::from(sobol_burley::sample(4 * number + shift, dimension, 7));
+                        start[k] = free.quantile(if shift == 0 { *level } else { 0.02 + 0.96 * scrambled });
+                        dimension += 1;
+                    }
+                }
+                if start != theta {
+                    list.push(start);
+                }
+            }
+        }
+        list
+    }
+
+    /// Sobol points of the priors.
+    fn quantile_starts(&self) -> Vec<Vec<f64>> {
+        let n_columns = self.candidate.columns.len();
+        let start = |number: u32| {
+            let quantile = |(free, dimension): (&super::Free, u32)| {
+                let inside = 0.05 + 0.9 * f64::from(sobol_burley::sample(number, dimension, 5));
+                free.quantile(if number == 0 { 0.5 } else { inside })
+            };
+            let mut start: Vec<f64> = self.candidate.free.iter().zip(0_u32..).map(quantile).collect();
+            start.extend(std::iter::repeat_n(0.0, n_columns));
+            start
+        };
+        (0..32).map(start).collect()
+    }
+
+    /// To and fro between mean and noise.
+    fn climb(&self, mut point: Point) -> Point {
+        for round in 0..MOST_ROUNDS {
+            let before = point.objective;
+            point = self.climb_mean(point);
+            point = self.climb_noise(point, self.search == Search::Wide && round == 0);
+            if round > 0 && point.objective - before < self.search.least_gains()[1] {
+                break;
+            }
+        }
+        point
+    }
+
+    fn climb_noise(&self, point: Point, widely: bool) -> Point {
+        let (log_noise, value) =
+            noise_fit::fit(&self.subject.fitted, &self.noise_prior, &point.position_m, &point.log_noise, widely);
+        let objective = value + self.candidate.ln_prior(&point.theta);
+        if objective > point.objective { Point { log_noise, objective, ..point } } else { point }
+    }
+
+    fn climb_mean(&self, mut point: Point) -> Point {
+        let mut resting = 0;
+        for _ in 0..MOST_STEPS {
+            let Some(trials) = self.trials(&point) else { return point };
+            let (lanes, values) = self.objectives(&trials, &point.log_noise);
+            let best = (0..trials.len()).max_by(|&a, &b| values[a].total_cmp(&values[b])).unwrap_or(0);
+            let gain = values[best] - point.objective;
+            if gain > 0.0 {
+                point.theta.clone_from(&trials[best]);
+                point.position_m = lanes.iter().map(|row| row.0[best]).collect();
+                point.objective = values[best];
+            }
+            resting = if gain < self.search.least_gains()[0] { resting + 1 } else { 0 };
+            if gain <= 0.0 || resting == 2 {
+                break;
+            }
+        }
+        point
+    }
+
+    /// Damped Gauss–Newton steps.
+    fn trials(&self, point: &Point) -> Option<Vec<Vec<f64>>> {
+        let (subject, candidate) = (self.subject, self.candidate);
+        let (_, mut columns) = derivatives_m(subject, candidate, &point.theta)?;
+        let residual_m =
+            subject.fitted_m.iter().zip(&point.position_m).map(|(y, x)| y.map_or(0.0, |y| y - x)).collect();
+        columns.push(residual_m);
+        let white = subject.fitted.whiten(&columns, &point.position_m, &noise_fit::natural(&point.log_noise));
+        let (mut normal, mut slope) = normal_equations(&white);
+        for (k, free) in candidate.free.iter().enumerate() {
+            if let Some((mean, sd)) = free.prior {
+                normal[(k, k)] += 1.0 / (sd * sd);
+                slope[k] += (mean - point.theta[k]) / (sd * sd);
+            }
+        }
+        damped_steps(candidate, &point.theta, &normal, &slope)
+    }
+}
+
+/// Curvature and slope of ½‖r − Ax‖² at x = 0, of the columns of A and, after them, r.
+pub(super) fn normal_equations(columns_and_residual: &[Vec<f64>]) -> (DMatrix<f64>, DVector<f64>) {
+    let n = columns_and_residual.len().saturating_sub(1);
+    let dot = |i: usize, j: usize| {
+        columns_and_residual[i].iter().zip(&columns_and_residual[j]).map(|(a, b)| a * b).sum::<f64>()
+    };
+    let mut normal = DMatrix::zeros(n, n);
+    for i in 0..n {
+        for j in 0..=i {
+            normal[(i, j)] = dot(i, j);
+            normal[(j, i)] = normal[(i, j)];
+        }
+    }
+    (normal, DVector::from_fn(n, |i, _| dot(i, n)))
+}
+
+/// Steps against the curvature `normal` along `slope` with several dampings, inside the candidate's ends; coordinates at an end that they push against
+/// stay there. `None` where nothing can move.
+pub(super) fn damped_steps(
+    candidate: &Candidate,
+    from: &[f64],
+    normal: &DMatrix<f64>,
+    slope: &DVector<f64>,
+) -> Option<Vec<Vec<f64>>> {
+    let is_held = |k: usize| {
+        let [lower, upper] = candidate.ends(k);
+        (from[k] <= lower && slope[k] < 0.0) || (from[k] >= upper && slope[k] > 0.0)
+    };
+    let active: Vec<usize> = (0..candidate.dimension()).filter(|k| !is_held(*k) && normal[(*k, *k)] > 0.0).collect();
+    if active.is_empty() {
+        return None;
+    }
+    let scale: Vec<f64> = active.iter().map(|k| normal[(*k, *k)].sqrt()).collect();
+    let scaled =
+        DMatrix::from_fn(active.len(), active.len(), |i, j| normal[(active[i], active[j])] / (scale[i] * scale[j]));
+    let slope = DVector::from_fn(active.len(), |i, _| slope[active[i]] / scale[i]);
+    let mut trials = Vec::with_capacity(N_LANES);
+    for damping in DAMPINGS {
+        let mut damped = scaled.clone();
+        (0..active.len()).for_each(|i| damped[(i, i)] += damping + 1e-12);
+        let Some(factor) = damped.cholesky() else { continue };
+        let step = factor.solve(&slope);
+        let mut theta = from.to_vec();
+        for (i, k) in active.iter().enumerate() {
+            let [lower, upper] = candidate.ends(*k);
+            let move_by = step[i] / scale[i];
+            let longest = if *k < candidate.free.len() { LONGEST_STEP } else { f64::INFINITY };
+            theta[*k] = (theta[*k] + move_by.clamp(-longest, longest)).clamp(lower, upper);
+        }
+        trials.push(theta);
+    }
+    (!trials.is_empty()).then_some(trials)
+}
+
+fn list_has_grid(candidate: &Candidate, effect: usize) -> bool {
+    candidate.free.iter().any(|free| free.effect == Some(effect) && free.is_unidentified_at_null())
+}
+
+fn best_of(mut points: Vec<Point>, n: usize) -> Vec<Point> {
+    points.sort_by(|a, b| b.objective.total_cmp(&a.objective));
+    points.truncate(n);
+    points
+}
+
+#[cfg(test)]
+#[path = "fit_tests.rs"]
+mod tests;

@@ -1,0 +1,102 @@
+//! Fits of candidates.
+
+use super::*;
+use crate::critique::refit::Refitted;
+use crate::critique::test_replica::{WHITE, base_fit, replica, simulated};
+use crate::workflow::Silent;
+use crate::workflow::fit;
+
+/// Under noise held white and with hardly a prior, the base fit is the least-squares estimate of the `fit` command, which has its own search and
+/// analytic derivatives.
+#[test]
+fn the_base_fit_is_the_least_squares_estimate() {
+    let (base, fitted) = base_fit();
+    let mut specification = replica().specification().clone();
+    specification.noise = vec!["white".into()];
+    let experiment = replica().experiment().clone();
+    let problem = replica().problem().with(experiment, specification, replica().library()).expect("sound");
+    let estimate = fit::run(&problem, None, &Silent).expect("fits");
+    for (ours, theirs) in base.parameters(&fitted.theta).iter().zip(&estimate.model_parameters) {
+        assert!((ours / theirs - 1.0).abs() < 2e-3, "{ours} {theirs}");
+    }
+}
+
+/// The objective is the sum that it says it is, each part computed on its own.
+#[test]
+fn the_objective_is_likelihood_plus_priors() {
+    let (base, fitted) = base_fit();
+    let forward = replica().trajectory_m(&base, &fitted.theta).expect("a model");
+    let likelihood = replica().fitted.ln_likelihood(&forward, &fitted.noise);
+    let noise = replica().noise_prior().ln_density(&fitted.noise.map(f64::ln));
+    let sum = likelihood + base.ln_prior(&fitted.theta) + noise;
+    assert!((fitted.objective - sum).abs() < 1e-6, "{} {sum}", fitted.objective);
+    assert!((fitted.ln_likelihood - likelihood).abs() < 1e-6);
+}
+
+/// Every effect, and every pair that can stand together, fits no worse than what it contains.
+#[test]
+fn a_larger_model_never_fits_worse() {
+    let (candidate, _) = base_fit();
+    let base = Refitted::new(replica(), candidate, &[], Search::Wide).expect("fits");
+    let slugs: Vec<&str> = replica().library().effects().iter().map(|effect| effect.slug()).collect();
+    let single = |slug: &&str| {
+        Refitted::new(replica(), replica().extended(&[slug]).expect("addable"), &[&base], Search::Wide).expect("fits")
+    };
+    let singles: Vec<Refitted> = slugs.iter().map(single).collect();
+    for (i, a) in singles.iter().enumerate() {
+        assert!(a.fitted.objective >= base.fitted.objective - 1e-9, "{}", slugs[i]);
+        for (j, b) in singles.iter().enumerate().skip(i + 1) {
+            let Ok(candidate) = replica().extended(&[slugs[i], slugs[j]]) else { continue };
+            let pair = Refitted::new(replica(), candidate, &[&base, a, b], Search::Local).expect("fits");
+            let most = a.fitted.objective.max(b.fitted.objective);
+            // Starts are ordered before they are climbed from, so the best of them is within the climb's tolerance of both.
+            assert!(pair.fitted.objective >= most - 1e-6, "{} {}", slugs[i], slugs[j]);
+        }
+    }
+}
+
+/// Each effect, at the middle of its prior and simulated by the reduced model, is found again: the algorithm, not the physics.
+#[test]
+fn effects_are_found_again() {
+    let (base, fitted) = base_fit();
+    for effect in replica().library().effects() {
+        let candidate = replica().extended(&[effect.slug()]).expect("addable");
+        let mut theta = candidate.embed(&base, &fitted.theta);
+        for (k, free) in candidate.free.iter().enumerate() {
+            if free.effect.is_some() {
+                theta[k] = free.quantile(0.55);
+            }
+        }
+        let data = simulated(&candidate, &theta, &WHITE, 11);
+        let alone = data.fit(&base, &[], Search::Wide).expect("fits");
+        let start = (candidate.embed(&base, &alone.theta), alone.noise);
+        let with = data.fit(&candidate, &[start], Search::Wide).expect("fits");
+        let truth = simulated_objective(&data, &candidate, &theta);
+        // The optimum is no lower than the truth, and the truth lies within a χ² of it: 16 nats for up to 10 parameters (p below 1e-4).
+        assert!(with.objective >= truth - 1e-3, "{}: {} below {truth}", effect.slug(), with.objective);
+        assert!(with.objective < truth + 16.0, "{}", effect.slug());
+    }
+}
+
+/// Objective of the truth with its own noise fitted.
+fn simulated_objective(data: &Subject, candidate: &Candidate, theta: &[f64]) -> f64 {
+    let position_m = data.trajectory_m(candidate, theta).expect("a model");
+    let (_, value) = noise_fit::fit(&data.fitted, &data.noise_prior(), &position_m, &WHITE.map(f64::ln), true);
+    value + candidate.ln_prior(theta)
+}
+
+/// Columns of free amplitude are fitted beside the law.
+#[test]
+fn columns_find_their_amplitude() {
+    let (base, fitted) = base_fit();
+    let record = &replica().experiment().record;
+    let wave: Vec<f64> = record.time_s.iter().map(|t| (5.0 * t).sin()).collect();
+    let with = base.with_columns(vec![wave]);
+    let mut theta = fitted.theta.clone();
+    theta.push(6e-6);
+    let data = simulated(&with, &theta, &WHITE, 3);
+    let start = (with.embed(&base, &fitted.theta), WHITE);
+    let found = data.fit(&with, &[start], Search::Wide).expect("fits");
+    // 6 µm with a standard error of 4 µm √(2/600) = 0.23 µm.
+    assert!((found.theta[base.free.len()] - 6e-6).abs() < 1.2e-6, "{}", found.theta[base.free.len()]);
+}

@@ -1,0 +1,276 @@
+//! The noise's parameters at a given position.
+
+use crate::inference::ensemble::RandomStream;
+use crate::inference::noise::NoiseLikelihood;
+use crate::model::{Lanes, N_LANES};
+
+/// Logarithms of the noise's parameters: σ (µm), σ_ou (µm), τ (s), s_g, s_o (µm).
+pub(super) type LogNoise = [f64; 5];
+
+/// What is known of the noise before the data, and where the search ends.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct NoisePrior {
+    /// ln of the yardstick in µm.
+    ln_white_um: f64,
+    /// ln of the shortest and longest correlation time in s.
+    ln_time_s: [f64; 2],
+}
+
+/// Standard deviation of ln σ about the yardstick: known, yet not so well that it could stand in the way of the data.
+const WHITE_LOG_SD: f64 = 0.5;
+/// Median of σ_ou over the yardstick, and standard deviation of its logarithm.
+const PROCESS: (f64, f64) = (0.5, 1.0);
+/// Standard deviations of a cycle's gain, and of its offset over the yardstick.
+const GAIN_SD: f64 = 0.03;
+const OFFSET_SD: f64 = 1.0;
+/// A gain that a few cycles show to be smaller is not known to be.
+pub(super) const GAIN_FLOOR: f64 = 0.01;
+
+impl NoisePrior {
+    pub fn new(yardstick_m: f64, sample_interval_s: f64, cycle_s: f64) -> Self {
+        let shortest_s = 2.0 * sample_interval_s;
+        Self {
+            ln_white_um: (1e6 * yardstick_m).ln(),
+            ln_time_s: [shortest_s.ln(), cycle_s.max(10.0 * shortest_s).ln()],
+        }
+    }
+
+    /// Log density up to a constant; of the logarithms for σ, σ_ou and τ, of the values for s_g and s_o, so that these may be nothing.
+    pub fn ln_density(&self, noise: &LogNoise) -> f64 {
+        let normal = |x: f64, mean: f64, sd: f64| -0.5 * ((x - mean) / sd).powi(2);
+        let offset_sd = OFFSET_SD * self.ln_white_um.exp();
+        normal(noise[0], self.ln_white_um, WHITE_LOG_SD)
+            + normal(noise[1], self.ln_white_um + PROCESS.0.ln(), PROCESS.1)
+            + normal(noise[3].exp(), 0.0, GAIN_SD)
+            + normal(noise[4].exp(), 0.0, offset_sd)
+    }
+
+    fn ends(&self, index: usize) -> [f64; 2] {
+        match index {
+            0 => [self.ln_white_um - 4.0, self.ln_white_um + 8.0],
+            1 => [self.ln_white_um - 7.0, self.ln_white_um + 9.0],
+            2 => self.ln_time_s,
+            3 => [1e-5_f64.ln(), 0.5_f64.ln()],
+            _ => [self.ln_white_um - 7.0, self.ln_white_um + 7.0],
+        }
+    }
+
+    fn clamped(&self, mut noise: LogNoise) -> LogNoise {
+        for (index, value) in noise.iter_mut().enumerate() {
+            let [lower, upper] = self.ends(index);
+            *value = value.clamp(lower, upper);
+        }
+        noise
+    }
+
+    /// White noise of the yardstick's size and next to nothing else: what weighs all rows alike.
+    pub fn white(&self) -> LogNoise {
+        let middle = 0.5 * (self.ln_time_s[0] + self.ln_time_s[1]);
+        self.clamped([self.ln_white_um, self.ln_white_um - 3.0, middle, 1e-4_f64.ln(), self.ln_white_um - 4.0])
+    }
+
+    /// Starts of a search: processes of three lengths, small and large.
+    fn starts(&self) -> Vec<LogNoise> {
+        let [shortest, longest] = self.ln_time_s;
+        let mut starts = Vec::new();
+        for share in [0.15, 0.5, 0.85] {
+            for size in [-1.0, 0.5] {
+                let time = shortest + share * (longest - shortest);
+                for (gain, offset) in [(0.004_f64, -1.5), (0.02, -3.0), (0.000_5, 0.0)] {
+                    let (white, process) = (self.ln_white_um, self.ln_white_um + size);
+                    starts.push([white, process, time, gain.ln(), white + offset]);
+                }
+            }
+        }
+        starts
+    }
+}
+
+/// The noise's parameters in their units, in the order of the noise model.
+pub(super) fn natural(noise: &LogNoise) -> [f64; 5] {
+    noise.map(f64::exp)
+}
+
+/// Log posterior of the noise at a position, several at once.
+pub(super) struct Objective<'a> {
+    likelihood: &'a NoiseLikelihood,
+    prior: &'a NoisePrior,
+    position_m: Vec<Lanes>,
+}
+
+impl<'a> Objective<'a> {
+    pub fn new(likelihood: &'a NoiseLikelihood, prior: &'a NoisePrior, position_m: &[f64]) -> Self {
+        Self { likelihood, prior, position_m: position_m.iter().map(|x| Lanes([*x; N_LANES])).collect() }
+    }
+
+    pub fn evaluate(&self, points: &[LogNoise]) -> Vec<f64> {
+        let mut values = Vec::with_capacity(points.len());
+        for chunk in points.chunks(N_LANES) {
+            let lane = |index: usize, lane: usize| chunk[lane.min(chunk.len() - 1)][index].exp();
+            let parameters: [[f64; N_LANES]; 5] =
+                std::array::from_fn(|index| std::array::from_fn(|place| lane(index, place)));
+            let mut out = [0.0; N_LANES];
+            self.likelihood.ln_likelihood_lanes(&self.position_m, &parameters, &mut out);
+            let with_prior = chunk.iter().zip(out).map(|(noise, value)| {
+                let total = value + self.prior.ln_density(noise);
+                if total.is_nan() { f64::NEG_INFINITY } else { total }
+            });
+            values.extend(with_prior);
+        }
+        values
+    }
+}
+
+/// Starts of a wide search that share the length of their process.
+const STARTS_PER_LENGTH: usize = 6;
+const MOST_ROUNDS: usize = 40;
+/// Gain (nats) of a round below which the search narrows, and width below which it ends.
+const LEAST_GAIN: f64 = 2e-3;
+const NARROWEST: f64 = 0.03;
+
+/// Climbs in the noise's parameters. Starts from `from`, and from starts of its own if `widely`. Returns the best and its log posterior.
+pub(super) fn fit(
+    likelihood: &NoiseLikelihood,
+    prior: &NoisePrior,
+    position_m: &[f64],
+    from: &LogNoise,
+    widely: bool,
+) -> (LogNoise, f64) {
+    let objective = Objective::new(likelihood, prior, position_m);
+    let from = prior.clamped(*from);
+    let evaluate = |points: &[LogNoise]| objective.evaluate(points);
+    if !widely {
+        return climb(&evaluate, prior, &[from], 0.1);
+    }
+    let starts: Vec<LogNoise> = prior.starts().into_iter().map(|start| prior.clamped(start)).collect();
+    // The best starts may lie under different tops, and a top that was reached along a ridge may not be one: so a few, then again from the best of them.
+    // One of each length of the process.
+    let own = starts.chunks(STARTS_PER_LENGTH).map(|starts| climb(&evaluate, prior, starts, 0.3));
+    let better = |best: (LogNoise, f64), top: (LogNoise, f64)| if top.1 > best.1 { top } else { best };
+    let best = own.fold(climb(&evaluate, prior, &[from], 0.3), better);
+    climb(&evaluate, prior, &[best.0], 0.6)
+}
+
+/// Sweeps of random walks before their states are used, and between two that are.
+const SETTLING_SWEEPS: usize = 60;
+const SWEEPS_BETWEEN: usize = 12;
+/// Steps of walks have widths between these, equal in logarithm: some parameters are known to a hundredth, others hardly.
+const WALK: [f64; 2] = [0.04, 2.0];
+
+/// Draws from the posterior of the noise at a position: states of random walks from a fit, one coordinate moved at a time.
+pub(super) fn draws(
+    likelihood: &NoiseLikelihood,
+    prior: &NoisePrior,
+    position_m: &[f64],
+    from: &LogNoise,
+    n: usize,
+    stream: &mut RandomStream,
+) -> Vec<LogNoise> {
+    let objective = Objective::new(likelihood, prior, position_m);
+    // Gain and offset have priors of their values, which walks in their logarithms must be weighted for.
+    let density = |points: &[LogNoise]| -> Vec<f64> {
+        objective.evaluate(points).iter().zip(points).map(|(value, point)| value + point[3] + point[4]).collect()
+    };
+    let mut walkers = vec![prior.clamped(*from); N_LANES];
+    let mut values = density(&walkers);
+    let mut drawn = Vec::with_capacity(n + N_LANES);
+    let mut sweep = 0;
+    while drawn.len() < n {
+        for index in 0..5 {
+            let mut moved = |walker: &LogNoise| {
+                let mut moved = *walker;
+                moved[index] += WALK[0] * (WALK[1] / WALK[0]).powf(stream.unit()) * stream.normal();
+                moved
+            };
+            let trials: Vec<LogNoise> = walkers.iter().map(&mut moved).collect();
+            let tried = density(&trials);
+            for (place, trial) in trials.into_iter().enumerate() {
+                let is_inside = prior.clamped(trial) == trial;
+                if stream.unit().ln() < tried[place] - values[place] && is_inside {
+                    (walkers[place], values[place]) = (trial, tried[place]);
+                }
+            }
+        }
+        sweep += 1;
+        if sweep > SETTLING_SWEEPS && sweep % SWEEPS_BETWEEN == 0 {
+            drawn.extend(&walkers);
+        }
+    }
+    drawn.truncate(n);
+    drawn
+}
+
+/// Climbs any function of the noise's parameters from the best of some starts; `width` is that of the first steps.
+///
+/// Each round asks for both neighbours along every coordinate, then goes by the parabolas through them; widths follow what is found.
+pub(super) fn climb(
+    objective: &dyn Fn(&[LogNoise]) -> Vec<f64>,
+    prior: &NoisePrior,
+    starts: &[LogNoise],
+    width: f64,
+) -> (LogNoise, f64) {
+    let values = objective(starts);
+    let best = (0..starts.len()).max_by(|&a, &b| values[a].total_cmp(&values[b])).unwrap_or(0);
+    let (mut here, mut value) = (starts[best], values[best]);
+    let mut widths = [width; 5];
+    for _ in 0..MOST_ROUNDS {
+        let mut points = Vec::with_capacity(16);
+        for index in 0..5 {
+            for sign in [1.0, -1.0] {
+                let mut point = here;
+                point[index] += sign * widths[index];
+                points.push(prior.clamped(point));
+            }
+        }
+        let around = objective(&points);
+        let mut step = [0.0; 5];
+        for index in 0..5 {
+            let (up, down) = (around[2 * index], around[2 * index + 1]);
+            let curvature = up + down - 2.0 * value;
+            let width = widths[index];
+            step[index] = if curvature < -1e-9 {
+                (0.5 * width * (down - up) / curvature).clamp(-4.0 * width, 4.0 * width)
+            } else if up > value + 1e-9 || down > value + 1e-9 {
+                2.0 * width * (up - down).signum()
+            } else {
+                0.0
+            };
+        }
+        let mut trials: Vec<LogNoise> = [0.25, 0.5, 1.0, 1.5]
+            .iter()
+            .map(|length| prior.clamped(std::array::from_fn(|index| here[index] + length * step[index])))
+            .collect();
+        // Each coordinate's own step: along ridges the joint one may overshoot.
+        let largest = (0..5)
+            .max_by(|&a, &b| (around[2 * a].max(around[2 * a + 1])).total_cmp(&around[2 * b].max(around[2 * b + 1])));
+        if let Some(index) = largest {
+            let mut alone = here;
+            alone[index] += step[index];
+            trials.push(prior.clamped(alone));
+        }
+        let tried = objective(&trials);
+        let all = points.iter().zip(&around).chain(trials.iter().zip(&tried));
+        let Some((best, best_value)) = all.max_by(|a, b| a.1.total_cmp(b.1)) else { break };
+        let gain = best_value - value;
+        for index in 0..5 {
+            let moved = (best[index] - here[index]).abs();
+            widths[index] = if gain > LEAST_GAIN {
+                moved.clamp(0.4 * widths[index], 2.0 * widths[index])
+            } else {
+                0.4 * widths[index]
+            };
+            widths[index] = widths[index].clamp(0.5 * NARROWEST, 1.0);
+        }
+        if gain > 0.0 {
+            (here, value) = (*best, *best_value);
+        }
+        if gain <= LEAST_GAIN && widths.iter().all(|width| *width <= NARROWEST) {
+            break;
+        }
+    }
+    (here, value)
+}
+
+#[cfg(test)]
+#[path = "noise_fit_tests.rs"]
+mod tests;

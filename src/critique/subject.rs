@@ -1,0 +1,245 @@
+//! One experiment, prepared for the fits of many models.
+
+use std::sync::Arc;
+
+use super::Candidate;
+use crate::effects::Library;
+use crate::error::{Error, Result};
+use crate::experiment::Experiment;
+use crate::inference::noise::{NoiseLikelihood, NoiseModel};
+use crate::model::{Compliance, Lanes, N_LANES, Response};
+use crate::number::Dual;
+use crate::study::ModelSpecification;
+use crate::workflow::problem::Problem;
+use crate::workflow::reduced::{KeptSurrogate, Reduced};
+use crate::workflow::{Monitor, Silent};
+
+/// Names of the noise terms that every model is given here.
+pub const NOISE_TERMS: [&str; 3] = ["white", "ou", "gain"];
+/// The noise is taken as this where nothing is known and nothing can be estimated, relative to the range of positions.
+const UNKNOWN_NOISE: f64 = 0.005;
+
+/// One experiment, prepared for the fits of many models.
+///
+/// What does not depend on the positions is shared by all subjects made from one by [`Subject::with_positions`].
+#[derive(Clone)]
+pub struct Subject {
+    shared: Arc<Shared>,
+    /// Positions (m) of the fitted cycles, `None` elsewhere; one entry a row of the record.
+    pub fitted_m: Vec<Option<f64>>,
+    /// Positions (m) of the scored cycle, `None` elsewhere.
+    pub scored_m: Vec<Option<f64>>,
+    /// Likelihood of the fitted positions.
+    pub(super) fitted: NoiseLikelihood,
+    /// Likelihood of the fitted and the scored ones.
+    pub(super) all: NoiseLikelihood,
+}
+
+/// What does not depend on the positions.
+pub(super) struct Shared {
+    /// Fitted and scored cycles, record, apparatus; its positions are not used.
+    pub experiment: Experiment,
+    pub specification: ModelSpecification,
+    pub base: Problem,
+    pub library: Library,
+    pub noise: NoiseModel,
+    pub yardstick_m: f64,
+    pub compliance: Compliance,
+    pub response: Response,
+}
+
+impl Subject {
+    /// Prepares the problem of a base model; its experiment is split into fitted and scored cycles here.
+    ///
+    /// # Errors
+    /// Whatever training a surrogate over the Poisson ratios of all effects refuses.
+    pub fn new(
+        problem: &Problem,
+        library: &Library,
+        kept: Option<KeptSurrogate>,
+        monitor: &dyn Monitor,
+    ) -> Result<Self> {
+        monitor.stage("preparing the models to compare");
+        let compliance = compliance_of_all(problem, library, kept)?;
+        Self::with_compliance(problem, library, compliance)
+    }
+
+    /// The same with a compliance that serves all effects of the library.
+    ///
+    /// # Errors
+    /// [`Error::Input`] when the model is none of the experiment.
+    pub fn with_compliance(problem: &Problem, library: &Library, compliance: Compliance) -> Result<Self> {
+        let experiment = problem.experiment.for_comparison();
+        let mut specification = problem.specification.clone();
+        specification.noise = NOISE_TERMS.map(String::from).to_vec();
+        specification.fixed.retain(|name, _| problem.model.parameters().iter().any(|p| p.name == name));
+        let base = problem.with(experiment.clone(), specification.clone(), library)?;
+        let record = &experiment.record;
+        let yardstick_m = problem
+            .experiment
+            .noise_yardstick()
+            .map_or_else(|| UNKNOWN_NOISE * problem.experiment.scales().position_range_m, |yardstick| yardstick.sd_m);
+        let response = Response::new(&record.time_s, &record.force_n, record.n_rows());
+        let (fitted_m, scored_m) =
+            (base.positions_of(&experiment.calibration_cycles), base.positions_of(&experiment.heldout_cycles));
+        let noise = base.noise;
+        let library = library.clone();
+        let shared = Shared { experiment, specification, base, library, noise, yardstick_m, compliance, response };
+        Ok(Self::of(Arc::new(shared), fitted_m, scored_m))
+    }
+
+    fn of(shared: Arc<Shared>, fitted_m: Vec<Option<f64>>, scored_m: Vec<Option<f64>>) -> Self {
+        let record = &shared.experiment.record;
+        let likelihood =
+            |positions: &[Option<f64>]| NoiseLikelihood::new(shared.noise, &record.time_s, &record.cycle, positions);
+        let both: Vec<Option<f64>> = fitted_m.iter().zip(&scored_m).map(|(a, b)| a.or(*b)).collect();
+        let (fitted, all) = (likelihood(&fitted_m), likelihood(&both));
+        Self { shared, fitted_m, scored_m, fitted, all }
+    }
+
+    /// The same experiment with other positions (m), one a row; rows without a position stay without.
+    pub fn with_positions(&self, position_m: &[f64]) -> Self {
+        let replaced = |old: &[Option<f64>]| old.iter().zip(position_m).map(|(old, new)| old.map(|_| *new)).collect();
+        Self::of(self.shared.clone(), replaced(&self.fitted_m), replaced(&self.scored_m))
+    }
+
+    /// The same without the positions of some rows.
+    pub fn without_rows(&self, rows: &[usize]) -> Self {
+        let left = |old: &[Option<f64>]| {
+            old.iter().enumerate().map(|(row, old)| old.filter(|_| !rows.contains(&row))).collect()
+        };
+        Self::of(self.shared.clone(), left(&self.fitted_m), left(&self.scored_m))
+    }
+
+    /// The experiment, split into fitted and scored cycles. Its positions are those of the measurement, outliers included.
+    pub fn experiment(&self) -> &Experiment {
+        &self.shared.experiment
+    }
+
+    /// The base model.
+    pub fn base(&self) -> Candidate {
+        Candidate::new(&self.shared.base)
+    }
+
+    /// The base model as it is written down, with the noise that is used here.
+    pub fn specification(&self) -> &ModelSpecification {
+        &self.shared.specification
+    }
+
+    /// The base model joined with the experiment.
+    pub fn problem(&self) -> &Problem {
+        &self.shared.base
+    }
+
+    /// The library.
+    pub fn library(&self) -> &Library {
+        &self.shared.library
+    }
+
+    /// The base model with effects added.
+    ///
+    /// # Errors
+    /// [`Error::Input`] when they cannot stand together or the base has one of them; the text says why.
+    pub fn extended(&self, effects: &[&str]) -> Result<Candidate> {
+        let mut specification = self.shared.specification.clone();
+        specification.effects.extend(effects.iter().map(|slug| slug.to_string()));
+        let problem = self.shared.base.with_model(specification, &self.shared.library)?;
+        Ok(Candidate::new(&problem))
+    }
+
+    /// The noise model.
+    pub fn noise(&self) -> NoiseModel {
+        self.shared.noise
+    }
+
+    /// The known or estimated noise (m) that misfits are measured against.
+    pub fn yardstick_m(&self) -> f64 {
+        self.shared.yardstick_m
+    }
+
+    /// What turns ∫J dF into a position, for every effect of the library.
+    pub fn compliance(&self) -> &Compliance {
+        &self.shared.compliance
+    }
+
+    /// Number of fitted positions.
+    pub fn n_fitted(&self) -> usize {
+        self.fitted.n_observed()
+    }
+
+    /// Positions (m) at every row of the record for one to eight points of a candidate, row by row and lane by lane; which points have one.
+    pub(super) fn trajectories_m(&self, candidate: &Candidate, points: &[Vec<f64>]) -> (Vec<Lanes>, [bool; N_LANES]) {
+        let mut lanes = Vec::with_capacity(N_LANES);
+        let (mut stages, mut compliances_per_m) = (Vec::new(), Vec::new());
+        for (lane, theta) in points.iter().enumerate().take(N_LANES) {
+            let parameters: Vec<Dual> = candidate.parameters(theta).into_iter().map(Dual::constant).collect();
+            let made = candidate.model.stages(&parameters).and_then(|stages| {
+                let compliance = self.shared.compliance.per_m(stages.poisson_ratio)?;
+                Ok((stages, compliance.value))
+            });
+            if let Ok((of_point, compliance_per_m)) = made {
+                lanes.push(lane);
+                stages.push(of_point);
+                compliances_per_m.push(compliance_per_m);
+            }
+        }
+        let n_rows = self.shared.experiment.record.n_rows();
+        let mut is_valid = [false; N_LANES];
+        if lanes.is_empty() {
+            return (vec![Lanes([0.0; N_LANES]); n_rows], is_valid);
+        }
+        let mut position_m = Vec::new();
+        let sound = self.shared.response.trajectories_m(&stages, &compliances_per_m, &mut position_m);
+        position_m.resize(n_rows, Lanes([0.0; N_LANES]));
+        if lanes.iter().enumerate().any(|(place, lane)| place != *lane) {
+            for row in &mut position_m {
+                let packed = row.0;
+                lanes.iter().enumerate().for_each(|(place, lane)| row.0[*lane] = packed[place]);
+            }
+        }
+        lanes.iter().enumerate().for_each(|(place, lane)| is_valid[*lane] = sound[place]);
+        for (k, column) in candidate.columns.iter().enumerate() {
+            let place = candidate.free.len() + k;
+            for (row, value) in position_m.iter_mut().zip(column) {
+                points.iter().take(N_LANES).enumerate().for_each(|(lane, theta)| row.0[lane] += theta[place] * value);
+            }
+        }
+        (position_m, is_valid)
+    }
+
+    /// Position (m) at every row of the record.
+    ///
+    /// # Errors
+    /// [`Error::Numerical`] where the candidate has no model.
+    pub fn trajectory_m(&self, candidate: &Candidate, theta: &[f64]) -> Result<Vec<f64>> {
+        let (lanes, is_valid) = self.trajectories_m(candidate, std::slice::from_ref(&theta.to_vec()));
+        if is_valid[0] {
+            return Ok(lanes.iter().map(|row| row.0[0]).collect());
+        }
+        Err(Error::numerical(
+            format!("{} has no model at {:?}", candidate.effects.join(" + "), candidate.parameters(theta)),
+            "stay inside the supports of its parameters",
+        ))
+    }
+}
+
+/// A compliance that serves every effect: the widest range of Poisson ratios that one of them asks for.
+fn compliance_of_all(problem: &Problem, library: &Library, kept: Option<KeptSurrogate>) -> Result<Compliance> {
+    let of_model = |problem: &Problem| Ok(Reduced::unverified(problem, kept.clone(), &Silent)?.compliance);
+    let Some(fe) = problem.finite_elements() else { return of_model(problem) };
+    let own = problem.poisson_ratios(fe)?;
+    for effect in library.effects() {
+        let mut specification = problem.specification.clone();
+        if specification.effects.iter().any(|slug| slug == effect.slug()) {
+            continue;
+        }
+        specification.effects.push(effect.slug().into());
+        let Ok(extended) = problem.with_model(specification, library) else { continue };
+        let asked = extended.poisson_ratios(fe)?;
+        if asked[0] < own[0] || asked[1] > own[1] {
+            // One effect at most changes the field.
+            return of_model(&extended);
+        }
+    }
+    of_model(problem)
+}

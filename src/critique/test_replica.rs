@@ -1,0 +1,43 @@
+//! The embedded replica as a subject, for tests.
+
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use std::sync::OnceLock;
+
+use super::{Candidate, Fitted, Search, Subject};
+use crate::effects::Library;
+use crate::study::ModelSpecification;
+use crate::workflow::Silent;
+use crate::workflow::problem::Problem;
+use crate::workflow::replica::embedded;
+
+/// The replica, prepared once.
+pub fn replica() -> &'static Subject {
+    static SUBJECT: OnceLock<Subject> = OnceLock::new();
+    SUBJECT.get_or_init(|| {
+        let (experiment, _) = embedded().expect("embedded");
+        let problem = Problem::new(experiment, ModelSpecification::default(), None, &Silent).expect("sound");
+        Subject::new(&problem, &Library::default(), None, &Silent).expect("sound")
+    })
+}
+
+/// Noise of 4 µm and hardly anything else.
+pub const WHITE: [f64; 5] = [4.0, 1e-2, 1.0, 1e-5, 1e-2];
+
+/// A fit of the base to the replica.
+pub fn base_fit() -> (Candidate, Fitted) {
+    let base = replica().base();
+    let fitted = replica().fit(&base, &[], Search::Wide).expect("fits");
+    (base, fitted)
+}
+
+/// The replica's protocol with simulated positions: a candidate at coordinates, and noise.
+pub fn simulated(candidate: &Candidate, theta: &[f64], noise: &[f64; 5], seed: u64) -> Subject {
+    let subject = replica();
+    let record = &subject.experiment().record;
+    let position_m = subject.trajectory_m(candidate, theta).expect("a model");
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let noise_m = subject.noise().simulate_m(&record.time_s, &record.cycle, &position_m, noise, &mut rng);
+    let noisy: Vec<f64> = position_m.iter().zip(&noise_m).map(|(x, e)| x + e).collect();
+    subject.with_positions(&noisy)
+}
