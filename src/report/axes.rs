@@ -1,6 +1,6 @@
 //! A pair of axes: data drawn into a frame, and the frame's ticks and labels.
 
-use super::font::{fitting_size_px, shorten, text_width_px};
+use super::font::{fitting_size_px, shorten, text_width_px, wrapped};
 use super::palette::{AXIS, Colour, GRID, INK, MUTED};
 use super::svg::{Anchor, Fill, Path, Point, Rect, Stroke, Style, Svg, TextStyle};
 use super::ticks::{Scale, Ticks};
@@ -247,6 +247,17 @@ pub fn note(svg: &mut Svg, text: &str, at: Point, anchor: Anchor, width_px: f64)
 pub fn title(svg: &mut Svg, text: &str, at: Point, width_px: f64) {
     let size = fitting_size_px(text, 16.0, 12.0, width_px);
     svg.text(&shorten(text, size, width_px), at, TextStyle::new(size, Anchor::Start).colour(INK));
+}
+
+/// A figure's title, and below it a text in as many lines as the width demands; returns the height used.
+pub fn title_with_text(svg: &mut Svg, heading: &str, text: &str, at: Point, width_px: f64) -> f64 {
+    title(svg, heading, (at.0, at.1 + 16.0), width_px);
+    let lines = wrapped(text, LABEL_SIZE_PX, width_px);
+    for (i, line) in lines.iter().enumerate() {
+        let baseline = at.1 + 38.0 + 1.35 * LABEL_SIZE_PX * i as f64;
+        svg.text(line, (at.0, baseline), TextStyle::new(LABEL_SIZE_PX, Anchor::Start));
+    }
+    24.0 + 1.35 * LABEL_SIZE_PX * lines.len() as f64
 }
 
 #[cfg(test)]

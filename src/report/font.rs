@@ -60,6 +60,19 @@ pub fn shorten(text: &str, size_px: f64, width_px: f64) -> String {
     String::new()
 }
 
+/// `text` broken at spaces into lines that fit into `width_px`; a word that does not is shortened.
+pub fn wrapped(text: &str, size_px: f64, width_px: f64) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    for word in text.split_whitespace() {
+        let joined = lines.last().map(|line| format!("{line} {word}"));
+        match (joined.filter(|joined| text_width_px(joined, size_px) <= width_px), lines.last_mut()) {
+            (Some(joined), Some(line)) => *line = joined,
+            _ => lines.push(shorten(word, size_px, width_px)),
+        }
+    }
+    lines
+}
+
 /// Largest size not above `size_px` and not below `smallest_px` at which `text` fits into `width_px`.
 pub fn fitting_size_px(text: &str, size_px: f64, smallest_px: f64, width_px: f64) -> f64 {
     let width_at_one = text_width_px(text, 1.0);
@@ -99,5 +112,15 @@ mod tests {
         let short = shorten(long, 12.0, 120.0);
         assert!(short.ends_with('…') && text_width_px(&short, 12.0) <= 120.0);
         assert_eq!(shorten("E (Pa)", 12.0, 120.0), "E (Pa)");
+    }
+
+    #[test]
+    fn wrapped_lines_fit_and_lose_no_word() {
+        let long = "a sentence whose length is far beyond the width of any figure that could hold it";
+        let lines = wrapped(long, 12.0, 120.0);
+        assert!(lines.len() > 3 && lines.iter().all(|line| text_width_px(line, 12.0) <= 120.0), "{lines:?}");
+        assert_eq!(lines.join(" "), long);
+        assert_eq!(wrapped("", 12.0, 120.0), Vec::<String>::new());
+        assert!(wrapped("incomprehensibilities", 12.0, 60.0)[0].ends_with('…'));
     }
 }

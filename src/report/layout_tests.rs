@@ -11,7 +11,7 @@ use super::singular_values::{Family, singular_values};
 use super::svg::Svg;
 use super::trace::{EnsembleTrace, ParameterTrace, trace};
 
-const LONG: &str =
+pub(super) const LONG: &str =
     "human donor 17, left eye, central vitreous, 36 hours post mortem, second insertion, temperature 37 °C, repeated";
 
 /// Ink of every text of a drawing.
@@ -35,7 +35,7 @@ fn texts(svg: &Svg) -> Vec<(String, usvg::Rect)> {
     found
 }
 
-fn assert_legible(what: &str, svg: &Svg) {
+pub(super) fn assert_legible(what: &str, svg: &Svg) {
     let texts = texts(svg);
     assert!(texts.len() > 5, "{what}: text is found");
     for (i, (words, ink)) in texts.iter().enumerate() {

@@ -5,16 +5,25 @@
 //! document with the embedded font, so that it looks alike on every machine. The same input gives the same bytes.
 //!
 //! [`svg`], [`font`], [`number`], [`palette`] → [`axes`] and [`ticks`], [`legend`] → [`density`] and [`contour`] → one file
-//! a figure: [`corner`], [`predictive`], [`trace`], [`singular_values`]. Draws leave as CSV ([`draws`]) and NetCDF ([`netcdf`]).
+//! a figure: [`corner`], [`predictive`], [`trace`], [`singular_values`], [`comparison`] with its map and bars, [`discrepancy`], and of a whole document
+//! [`ladder`] and [`diagnosis`]. Draws leave as CSV ([`draws`]) and NetCDF ([`netcdf`]).
 
 pub mod axes;
+pub mod comparison;
+pub mod comparison_bars;
+pub mod comparison_map;
 pub mod contour;
 pub mod corner;
 mod corner_draw;
 pub mod density;
+pub mod diagnosis;
+pub mod discrepancy;
+#[cfg(test)]
+mod document_tests;
 pub mod draws;
 pub mod font;
 pub mod labels;
+pub mod ladder;
 #[cfg(test)]
 mod layout_tests;
 pub mod legend;

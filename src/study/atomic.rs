@@ -59,6 +59,21 @@ pub(super) fn replace_directory(finished: TempDir, target: &Path) -> Result<()> 
     sync_directory(folder_of(target))
 }
 
+/// Copies what a directory holds into one that is there.
+pub(super) fn copy_tree(from: &Path, to: &Path) -> Result<()> {
+    for entry in fs::read_dir(from).map_err(refused("read", from))? {
+        let entry = entry.map_err(refused("read", from))?;
+        let (source, target) = (entry.path(), to.join(entry.file_name()));
+        if source.is_dir() {
+            fs::create_dir_all(&target).map_err(refused("create", &target))?;
+            copy_tree(&source, &target)?;
+        } else {
+            fs::copy(&source, &target).map_err(refused("copy", &source))?;
+        }
+    }
+    Ok(())
+}
+
 fn aside_of(target: &Path) -> std::path::PathBuf {
     let name = target.file_name().map_or("".into(), |name| name.to_string_lossy());
     target.with_file_name(format!(".{name}.replaced"))

@@ -6,6 +6,7 @@
 //!   inputs.sha256                    their hashes, in the format of `sha256sum --check`
 //!   m0/ m1/ …                        revisions, each written whole or not at all
 //!   fit.json                         the last point estimate
+//!   ladder.json ladder.svg ladder.png  all revisions compared
 //!   simulation/                      the last simulation, written whole or not at all
 //!   .m0.checkpoint/                  what an interrupted run of m0 resumes from
 //! ```
@@ -33,6 +34,8 @@ const HASHES_NAME: &str = "inputs.sha256";
 pub const SIMULATION_NAME: &str = "simulation";
 /// The file of a study that holds its last point estimate.
 pub const FIT_NAME: &str = "fit.json";
+/// The file of a study that compares its revisions; its figures stand beside it, as `ladder.svg` and `ladder.png`.
+pub const LADDER_NAME: &str = "ladder.json";
 const OUT_REMEDY: &str = "choose a writable place with `--out`";
 /// Studies go here when no directory is named.
 const LONGEST_NAME_BYTES: usize = 80;
@@ -216,6 +219,16 @@ impl Study {
         RevisionWriter::begin(&self.dir, self.checked(name)?)
     }
 
+    /// Begins to write a finished revision again, with all that it holds already in [`RevisionWriter::path`]: to add to it, in one step.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if there is none of this name or another program is writing to the study, [`Error::File`] if it cannot be copied.
+    pub fn amend_revision(&self, name: &str) -> Result<RevisionWriter> {
+        let writer = self.begin_revision(name)?;
+        atomic::copy_tree(&self.revision_dir(name)?, writer.path())?;
+        Ok(writer)
+    }
+
     /// Begins to write the directory [`SIMULATION_NAME`]; nothing is visible until [`RevisionWriter::commit`], which replaces
     /// an earlier simulation.
     ///
@@ -281,7 +294,8 @@ fn safe_file_name(id: &str) -> String {
 fn hashes_of(files: &ExperimentFiles) -> Result<BTreeMap<String, String>> {
     let first = Path::new(&files.csv_name).components().next();
     let first = first.map_or(String::new(), |part| part.as_os_str().to_string_lossy().into_owned());
-    let taken = [TOML_NAME, HASHES_NAME, "ladder.json", SIMULATION_NAME, FIT_NAME].contains(&first.as_str());
+    let own = [TOML_NAME, HASHES_NAME, SIMULATION_NAME, FIT_NAME, LADDER_NAME, "ladder.svg", "ladder.png"];
+    let taken = own.contains(&first.as_str());
     if taken || first.starts_with('.') || revision_number(&first).is_some() {
         return Err(Error::input(
             Place::file(&files.toml_name).at_key("measurement.file"),

@@ -1,0 +1,112 @@
+//! `compare`: where the model fails.
+
+use std::process::ExitCode;
+use std::time::Instant;
+
+use vitreo_uq::critique::compare::document::{Comparison, Finding, PanelEntry};
+use vitreo_uq::critique::compare::{self, SIGNIFICANT, figures};
+use vitreo_uq::error::{Error, Place, Result};
+use vitreo_uq::files::write_json_atomically;
+use vitreo_uq::inference::SamplerOptions;
+use vitreo_uq::study::WithProvenance;
+use vitreo_uq::workflow::Monitor;
+
+use crate::examine::Examined;
+use crate::options::{self, CompareArguments};
+use crate::terminal::Terminal;
+use crate::text::significant;
+
+/// The file of a revision that says where it fails.
+const COMPARISON_NAME: &str = "comparison.json";
+/// Family-wise probabilities of 5 % cannot be resolved with fewer simulated records.
+const FEWEST_SIMULATIONS: usize = 39;
+
+pub fn run(arguments: &CompareArguments) -> Result<ExitCode> {
+    let began = Instant::now();
+    let common = &arguments.common;
+    let threads = options::use_threads(common.threads)?;
+    crate::output::check(common.json.as_deref())?;
+    if arguments.simulations < FEWEST_SIMULATIONS {
+        return Err(Error::input(
+            Place::option("--simulations"),
+            format!("{} simulated records cannot show a probability of 5 %", arguments.simulations),
+            format!("ask for {FEWEST_SIMULATIONS} at least"),
+        ));
+    }
+    let terminal = Terminal::new(common.quiet);
+    let sampler = SamplerOptions { seed: common.seed, threads, ..SamplerOptions::default() };
+    let examined = Examined::open(common, &arguments.model, sampler, &terminal)?;
+    terminal.stage("looking where the model fails");
+    let subject = examined.subject(&terminal)?;
+    let outcome = compare::run(&subject, &subject.base(), arguments.simulations, common.seed)?;
+    terminal.stage("writing results and figures");
+    let document =
+        WithProvenance { provenance: examined.provenance("comparison", common.seed), body: &outcome.comparison };
+    let writer = examined.study.amend_revision(&examined.revision)?;
+    write_json_atomically(&writer.path().join(COMPARISON_NAME), &document)?;
+    figures::write(&writer.path().join("figures"), &outcome)?;
+    let written = writer.commit()?;
+    terminal.finish();
+    crate::output::show(common.json.as_deref(), &document, &words(&outcome.comparison, &examined.revision))?;
+    if !common.quiet {
+        eprintln!("Results and figures: {} ({:.1} s)", written.display(), began.elapsed().as_secs_f64());
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Findings that are told in full; the document has all of them.
+const MOST_SENTENCES: usize = 5;
+
+fn words(comparison: &Comparison, revision: &str) -> String {
+    let effects = if comparison.effects.is_empty() {
+        "base law".into()
+    } else {
+        format!("with {}", comparison.effects.join(", "))
+    };
+    let mut lines = vec![format!("{}: {revision} ({effects})", comparison.experiment), comparison.sentence.clone()];
+    if !comparison.findings.is_empty() {
+        lines.push(String::new());
+    }
+    let (sources, echoes): (Vec<&Finding>, Vec<&Finding>) =
+        comparison.findings.iter().partition(|finding| finding.echo_of.is_none());
+    for finding in sources.iter().take(MOST_SENTENCES) {
+        lines.push(format!("* {}: {}", finding.place.replace('_', " "), finding.sentence));
+    }
+    lines.extend(also("Found, too", sources.iter().skip(MOST_SENTENCES)));
+    lines.extend(also("The same misfit shows in", echoes.iter()));
+    match comparison.outlier_rows.len() {
+        0 => {}
+        1 => lines.push("One position was left out as an outlier.".into()),
+        n => lines.push(format!("{n} positions were left out as outliers.")),
+    }
+    lines.push(String::new());
+    lines.push(format!("  {:<20}{:>14}{:>12}{:>16}", "where", "gain (nats)", "p", "p of all looks"));
+    lines.extend(comparison.panels.iter().map(row));
+    for left in &comparison.left_out {
+        lines.push(format!("  {:<20}not looked at: {}", left.place.replace('_', " "), left.reason));
+    }
+    if comparison.heldout_cycles.is_empty() {
+        lines.push(String::new());
+        lines.push("No cycle is held out: what is found is suggestive only.".into());
+    }
+    lines.push(String::new());
+    lines.push(if comparison.findings.is_empty() {
+        "See figures/comparison.png, comparison_map.png and comparison_bias.png.".into()
+    } else {
+        "See figures/comparison_map.png for the place; `vitreo-uq diagnose` names what is missing.".to_string()
+    });
+    lines.join("\n") + "\n"
+}
+
+/// Names of findings that are not told in full.
+fn also<'a>(words: &str, findings: impl Iterator<Item = &'a &'a Finding>) -> Option<String> {
+    let names: Vec<String> = findings.map(|finding| finding.place.replace('_', " ")).collect();
+    (!names.is_empty()).then(|| format!("  {words}: {}.", names.join(", ")))
+}
+
+fn row(entry: &PanelEntry) -> String {
+    let mark = if entry.p_familywise < SIGNIFICANT { " *" } else { "" };
+    let p = if entry.p < 1e-4 { "< 0.0001".into() } else { format!("{:.4}", entry.p) };
+    let name = entry.place.replace('_', " ");
+    format!("  {name:<20}{:>14}{p:>12}{:>16.3}{mark}", significant(entry.gain_nats), entry.p_familywise)
+}

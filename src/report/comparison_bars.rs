@@ -1,0 +1,102 @@
+//! Sheet of panels: the bias in each bin with its error, significant panels highlighted.
+
+use super::axes::{Axes, AxisStyle, LABEL_SIZE_PX, TICK_SIZE_PX, title};
+use super::font::{shorten, text_width_px};
+use super::palette::{AXIS, BLUE, INK, MUTED, VERMILLION};
+use super::svg::{Anchor, Fill, Rect, Stroke, Style, Svg, TextStyle};
+use super::ticks::Scale;
+
+const WIDTH_PX: f64 = 1080.0;
+const N_COLUMNS: usize = 3;
+const PANEL_HEIGHT_PX: f64 = 150.0;
+const PITCH_PX: f64 = 236.0;
+
+/// One panel.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BarPanel {
+    /// Name, with its p.
+    pub heading: String,
+    /// What the bars stand over.
+    pub x_label: String,
+    /// What they measure, with unit.
+    pub y_label: String,
+    /// Whether it is a finding.
+    pub is_significant: bool,
+    /// Whether another panel shows the same more clearly.
+    pub is_echo: bool,
+    /// Label, height and standard error of each bar.
+    pub bars: Vec<(String, f64, f64)>,
+}
+
+/// Draws the sheet.
+pub fn bias_sheet(heading: &str, panels: &[BarPanel]) -> Svg {
+    let n_rows = panels.len().div_ceil(N_COLUMNS).max(1);
+    let height = 48.0 + PITCH_PX * n_rows as f64;
+    let mut svg = Svg::new(WIDTH_PX, height, "Bias of the measurement against the model, by place");
+    title(&mut svg, heading, (16.0, 26.0), WIDTH_PX - 32.0);
+    let pitch = WIDTH_PX / N_COLUMNS as f64;
+    for (place, panel) in panels.iter().enumerate() {
+        let (row, column) = (place / N_COLUMNS, place % N_COLUMNS);
+        let frame = Rect {
+            x: pitch * column as f64 + 72.0,
+            y: 48.0 + PITCH_PX * row as f64 + 26.0,
+            width: pitch - 90.0,
+            height: PANEL_HEIGHT_PX,
+        };
+        draw(&mut svg, panel, frame);
+    }
+    svg
+}
+
+fn draw(svg: &mut Svg, panel: &BarPanel, frame: Rect) {
+    let ends = panel.bars.iter().flat_map(|(_, bias, sd)| [bias - 2.0 * sd, bias + 2.0 * sd]);
+    let n = panel.bars.len();
+    let axes = Axes { frame, x: Scale::linear(0.0, n.max(1) as f64), y: Scale::over(ends.chain([0.0]), 0.08) };
+    let colour = if panel.is_significant { VERMILLION } else { BLUE };
+    if panel.is_significant && !panel.is_echo {
+        svg.rect(
+            Rect { x: frame.x - 68.0, y: frame.y - 24.0, width: frame.width + 80.0, height: PITCH_PX - 14.0 },
+            Fill::new(VERMILLION, 0.12),
+        );
+    }
+    let ink = if panel.is_significant { VERMILLION } else { INK };
+    let heading = shorten(&panel.heading, LABEL_SIZE_PX, frame.width + 40.0);
+    svg.text(&heading, (frame.x - 60.0, frame.y - 8.0), TextStyle::new(LABEL_SIZE_PX, Anchor::Start).colour(ink));
+    axes.y_axis(svg, AxisStyle::new(Some(&panel.y_label), 5, 58.0).grid());
+    let zero = axes.y_px(0.0);
+    for (k, (_, bias, sd)) in panel.bars.iter().enumerate() {
+        let (x, right) = (axes.x_px(k as f64 + 0.15), axes.x_px(k as f64 + 0.85));
+        let y = axes.y_px(*bias);
+        let is_clear = bias.abs() > 2.0 * sd;
+        let opacity = if is_clear && panel.is_echo {
+            0.55
+        } else if is_clear {
+            0.9
+        } else {
+            0.3
+        };
+        svg.rect(Rect { x, y: y.min(zero), width: right - x, height: (y - zero).abs() }, Fill::new(colour, opacity));
+        let middle = 0.5 * (x + right);
+        let (low, high) = (axes.y_px(bias - 2.0 * sd), axes.y_px(bias + 2.0 * sd));
+        svg.line((middle, low), (middle, high), Stroke::solid(INK, 1.3));
+    }
+    labels(svg, panel, &axes);
+    axes.horizontal(svg, 0.0, Stroke::solid(AXIS, 1.0));
+    svg.rect(frame, Style::from(Stroke::solid(if panel.is_significant { VERMILLION } else { MUTED }, 1.0)));
+}
+
+/// Names of bars, every second or third where they would touch, and the axis' name.
+fn labels(svg: &mut Svg, panel: &BarPanel, axes: &Axes) {
+    let frame = axes.frame;
+    let n = panel.bars.len().max(1);
+    let pitch = frame.width / n as f64;
+    let widest = panel.bars.iter().map(|(label, ..)| text_width_px(label, TICK_SIZE_PX)).fold(1.0, f64::max);
+    let every = ((widest + 5.0) / pitch).ceil().max(1.0) as usize;
+    for (k, (label, ..)) in panel.bars.iter().enumerate().step_by(every) {
+        let at = (frame.x + pitch * (k as f64 + 0.5), frame.bottom() + 1.4 * TICK_SIZE_PX);
+        svg.text(label, at, TextStyle::new(TICK_SIZE_PX, Anchor::Middle));
+    }
+    let label = shorten(&panel.x_label, TICK_SIZE_PX + 1.0, frame.width + 20.0);
+    let at = (frame.x + 0.5 * frame.width, frame.bottom() + 34.0);
+    svg.text(&label, at, TextStyle::new(TICK_SIZE_PX + 1.0, Anchor::Middle));
+}

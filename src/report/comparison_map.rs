@@ -1,0 +1,135 @@
+//! Failure map: cycle × time since the last force step, coloured by the mean residual along the step.
+
+use super::axes::{Axes, AxisStyle, TICK_SIZE_PX, title};
+use super::font::text_width_px;
+use super::number::significant;
+use super::palette::{BLUE, Colour, INK, MUTED, VERMILLION, WHITE};
+use super::svg::{Anchor, Fill, Rect, Stroke, Style, Svg, TextStyle};
+use super::ticks::Scale;
+
+const WIDTH_PX: f64 = 960.0;
+const BAR_WIDTH_PX: f64 = 18.0;
+/// Means beyond so many of their standard errors have the fullest colour.
+const FULL_COLOUR: f64 = 6.0;
+/// Means beyond so many of their standard errors are marked.
+const MARKED: f64 = 3.0;
+
+/// A row of the map: a part of a cycle in which the force stepped one way.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MapRow {
+    /// What it is, such as "cycle 2 ↑".
+    pub label: String,
+    /// Whether it was kept from the fit.
+    pub is_heldout: bool,
+    /// Mean over its standard error in each bin, and the mean in µm; `None` where nothing is measured.
+    pub cells: Vec<Option<(f64, f64)>>,
+}
+
+/// What the map shows.
+#[derive(Debug, Clone, Copy)]
+pub struct MapData<'a> {
+    /// Title.
+    pub title: &'a str,
+    /// Ends (s) of the bins of time since the last force step.
+    pub lag_ends_s: &'a [f64],
+    /// Shortest time since a step, in s: where the first bin begins.
+    pub shortest_s: f64,
+    /// Rows from top to bottom.
+    pub rows: &'a [MapRow],
+}
+
+/// White at 0, blue above, vermillion below.
+fn colour(score: f64) -> Colour {
+    let end = if score > 0.0 { BLUE } else { VERMILLION };
+    let share = (score.abs() / FULL_COLOUR).min(1.0);
+    let mix = |from: u8, to: u8| (f64::from(from) + share * (f64::from(to) - f64::from(from))).round() as u8;
+    Colour(mix(WHITE.0, end.0), mix(WHITE.1, end.1), mix(WHITE.2, end.2))
+}
+
+/// Draws the map.
+pub fn failure_map(data: &MapData) -> Svg {
+    let row_height = if data.rows.len() > 24 { 16.0 } else { 30.0 };
+    let widest = data.rows.iter().map(|row| text_width_px(&row.label, TICK_SIZE_PX)).fold(40.0, f64::max);
+    let left = widest + 20.0;
+    let frame = Rect { x: left, y: 62.0, width: WIDTH_PX - left - 120.0, height: row_height * data.rows.len() as f64 };
+    let height = frame.bottom().max(frame.y + 120.0) + 56.0;
+    let mut svg = Svg::new(WIDTH_PX, height, "Failure map: cycle against time since the last force step");
+    title(&mut svg, data.title, (left, 24.0), frame.width);
+    let note = "mean residual along the step over its standard error; numbers: µm, where beyond 3";
+    svg.text(note, (left, 46.0), TextStyle::new(TICK_SIZE_PX + 1.0, Anchor::Start).colour(MUTED));
+    let last = data.lag_ends_s.last().copied().unwrap_or(1.0);
+    let x = Scale::log10(data.shortest_s, last);
+    let axes = Axes { frame, x, y: Scale::linear(0.0, 1.0) };
+    for (place, row) in data.rows.iter().enumerate() {
+        let strip = Rect { y: frame.y + row_height * place as f64, height: row_height, ..frame };
+        draw_row(&mut svg, &axes, data, row, strip);
+    }
+    frame_heldout(&mut svg, data.rows, frame, row_height);
+    axes.x_axis(&mut svg, AxisStyle::new(Some("time since the last force step (s)"), 8, 40.0).overhang_px(16.0));
+    axes.outline(&mut svg);
+    colour_bar(&mut svg, &frame);
+    svg
+}
+
+fn draw_row(svg: &mut Svg, axes: &Axes, data: &MapData, row: &MapRow, strip: Rect) {
+    let label = if row.is_heldout { format!("{} *", row.label) } else { row.label.clone() };
+    let middle = strip.y + 0.5 * strip.height + 0.36 * TICK_SIZE_PX;
+    svg.text(&label, (strip.x - 8.0, middle), TextStyle::new(TICK_SIZE_PX, Anchor::End));
+    for (k, cell) in row.cells.iter().enumerate() {
+        let from = if k == 0 { data.shortest_s } else { data.lag_ends_s[k - 1].max(data.shortest_s) };
+        let (x, right) = (axes.x_px(from), axes.x_px(data.lag_ends_s[k]));
+        let area = Rect { x, width: right - x, ..strip };
+        let Some((score, mean_um)) = cell else {
+            svg.rect(area, Fill::new(MUTED, 0.12));
+            continue;
+        };
+        let style = Style { fill: Some(Fill::new(colour(*score), 1.0)), stroke: Some(Stroke::solid(WHITE, 0.8)) };
+        svg.rect(area, style);
+        let text = significant(*mean_um, 2);
+        // Where correlated noise turns the sign of the whitened mean, a number would contradict its colour.
+        if score.abs() > MARKED
+            && score * mean_um > 0.0
+            && text_width_px(&text, TICK_SIZE_PX) < area.width - 4.0
+            && strip.height > 20.0
+        {
+            let ink = if score.abs() > 0.7 * FULL_COLOUR { WHITE } else { INK };
+            let at = (x + 0.5 * area.width, middle);
+            svg.text(&text, at, TextStyle::new(TICK_SIZE_PX, Anchor::Middle).colour(ink));
+        }
+    }
+}
+
+/// A frame around each group of rows that were kept from the fit.
+fn frame_heldout(svg: &mut Svg, rows: &[MapRow], frame: Rect, row_height: f64) {
+    let mut first = 0;
+    for group in rows.chunk_by(|a, b| a.is_heldout == b.is_heldout) {
+        if group[0].is_heldout {
+            let area =
+                Rect { y: frame.y + row_height * first as f64, height: row_height * group.len() as f64, ..frame };
+            svg.rect(area, Style::from(Stroke::solid(INK, 1.6).dashed(5.0, 3.0)));
+        }
+        first += group.len();
+    }
+}
+
+fn colour_bar(svg: &mut Svg, frame: &Rect) {
+    const N_STRIPES: usize = 48;
+    let bar = Rect { x: frame.right() + 24.0, y: frame.y, width: BAR_WIDTH_PX, height: frame.height.max(120.0) };
+    let axes = Axes { frame: bar, x: Scale::linear(0.0, 1.0), y: Scale::linear(-FULL_COLOUR, FULL_COLOUR) };
+    for k in 0..N_STRIPES {
+        let low = -FULL_COLOUR + 2.0 * FULL_COLOUR * k as f64 / N_STRIPES as f64;
+        let high = low + 2.0 * FULL_COLOUR / N_STRIPES as f64;
+        let stripe = Rect { y: axes.y_px(high), height: axes.y_px(low) - axes.y_px(high) + 0.5, ..bar };
+        svg.rect(stripe, Fill::new(colour(0.5 * (low + high)), 1.0));
+    }
+    for value in [-6.0, -3.0, 0.0, 3.0, 6.0] {
+        let at = (bar.right() + 6.0, axes.y_px(value) + 0.36 * TICK_SIZE_PX);
+        svg.text(&significant(value, 1), at, TextStyle::new(TICK_SIZE_PX, Anchor::Start));
+    }
+    for (y, text) in
+        [(bar.y - 8.0, "bead ahead"), (bar.bottom() + 16.0, "bead lags"), (bar.bottom() + 32.0, "* held out")]
+    {
+        svg.text(text, (bar.x, y), TextStyle::new(TICK_SIZE_PX, Anchor::Start));
+    }
+    axes.outline(svg);
+}

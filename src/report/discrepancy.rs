@@ -1,0 +1,160 @@
+//! What a model misses, against the axis along which it was found, with its band.
+
+use super::axes::{Axes, AxisStyle, title, widest_y_number_px};
+use super::legend::{self, Entry, Mark};
+use super::palette::{AXIS, MUTED, VERMILLION};
+use super::svg::{Fill, Rect, Stroke, Svg};
+use super::ticks::Scale;
+use crate::error::Place;
+use crate::{Error, Result};
+
+const WIDTH_PX: f64 = 820.0;
+const HEIGHT_PX: f64 = 340.0;
+/// Most points of a curve; rows that are closer along the axis are averaged.
+const MOST_POINTS: usize = 160;
+/// Half-width of a central band of 90 % in standard deviations.
+const BAND_SDS: f64 = 1.645;
+
+/// A discrepancy as rows, in any order; slices of equal length.
+#[derive(Debug, Clone, Copy)]
+pub struct DiscrepancyRows<'a> {
+    /// Quantity and unit of the axis, such as `time since the force step (s)`.
+    pub axis_label: &'a str,
+    /// Whether the axis is logarithmic; values that are not positive are then left out.
+    pub is_logarithmic: bool,
+    /// Value along the axis.
+    pub coordinate: &'a [f64],
+    /// Estimated discrepancy, in µm.
+    pub mean_um: &'a [f64],
+    /// Its standard deviation, in µm.
+    pub sd_um: &'a [f64],
+    /// What the model leaves of the measurement (µm); not finite where nothing was measured.
+    pub residual_um: &'a [f64],
+}
+
+/// A point of the curve: the rows of a bin, averaged.
+struct Point {
+    coordinate: f64,
+    mean_um: f64,
+    sd_um: f64,
+    residual_um: f64,
+}
+
+/// Draws the curve, its 90 % band and the averaged residuals.
+///
+/// # Errors
+/// [`Error::Input`] for slices of unequal length or fewer than two different values along the axis.
+pub fn discrepancy(rows: &DiscrepancyRows, heading: &str) -> Result<Svg> {
+    let points = points(rows)?;
+    let x: Vec<f64> = points.iter().map(|point| point.coordinate).collect();
+    let of = |value: &dyn Fn(&Point) -> f64| points.iter().map(value).collect::<Vec<f64>>();
+    let mean = of(&|point| point.mean_um);
+    let lower = of(&|point| point.mean_um - BAND_SDS * point.sd_um);
+    let upper = of(&|point| point.mean_um + BAND_SDS * point.sd_um);
+    let residual = of(&|point| point.residual_um);
+    let shown = lower.iter().chain(&upper).chain(&residual).copied().chain([0.0]).filter(|value| value.is_finite());
+    let y_scale = Scale::over(shown, 0.06);
+    let (first, last) = (x[0], x[x.len() - 1]);
+    let x_scale = if rows.is_logarithmic { Scale::log10(first, last) } else { Scale::linear(first, last) };
+    let left = widest_y_number_px(&y_scale, 7) + 52.0;
+    let width = WIDTH_PX - left - 22.0;
+    let entries = entries();
+    let legend_top = if heading.is_empty() { 10.0 } else { 40.0 };
+    let top = legend_top + legend::row_height_px(&entries, width) + 8.0;
+    let frame = Rect { x: left, y: top, width, height: HEIGHT_PX };
+    let axes = Axes { frame, x: x_scale, y: y_scale };
+    let mut svg = Svg::new(WIDTH_PX, frame.bottom() + 50.0, "What the model misses, with its band");
+    title(&mut svg, heading, (left, 26.0), width);
+    legend::row(&mut svg, &entries, (left, legend_top), width);
+    axes.y_axis(&mut svg, AxisStyle::new(Some("measurement less model (µm)"), 7, left - 18.0).grid());
+    axes.x_axis(&mut svg, AxisStyle::new(Some(rows.axis_label), 10, 38.0));
+    svg.clipped(frame, |svg| {
+        axes.band(svg, &x, &lower, &upper, Fill::new(VERMILLION, 0.22));
+        axes.horizontal(svg, 0.0, Stroke::solid(AXIS, 1.0));
+        axes.scatter(svg, x.iter().copied().zip(residual.iter().copied()), MUTED, 4.0, 0.8);
+        axes.line(svg, &x, &mean, Stroke::solid(VERMILLION, 2.2));
+    });
+    axes.outline(&mut svg);
+    Ok(svg)
+}
+
+fn entries() -> Vec<Entry> {
+    vec![
+        Entry::new(Mark::Dot(MUTED, 5.0), "measurement less model, averaged"),
+        Entry::new(
+            Mark::LineOnArea(Stroke::solid(VERMILLION, 2.2), Fill::new(VERMILLION, 0.22)),
+            "unexplained, 90 % band",
+        ),
+    ]
+}
+
+/// Bins of equal width along the axis that hold rows.
+fn points(rows: &DiscrepancyRows) -> Result<Vec<Point>> {
+    let refuse = |found: String, remedy: &str| Err(Error::input(Place::default().at_key("discrepancy"), found, remedy));
+    let n = rows.coordinate.len();
+    if [rows.mean_um.len(), rows.sd_um.len(), rows.residual_um.len()] != [n; 3] {
+        return refuse("series of unequal length".into(), "give one value a row");
+    }
+    let along = |row: usize| if rows.is_logarithmic { rows.coordinate[row].ln() } else { rows.coordinate[row] };
+    let is_shown = |row: &usize| along(*row).is_finite() && rows.mean_um[*row].is_finite();
+    let shown: Vec<usize> = (0..n).filter(is_shown).collect();
+    let lowest = shown.iter().map(|row| along(*row)).fold(f64::INFINITY, f64::min);
+    let highest = shown.iter().map(|row| along(*row)).fold(f64::NEG_INFINITY, f64::max);
+    if shown.is_empty() || highest <= lowest {
+        return refuse(format!("{} rows at one place of the axis", shown.len()), "give at least two places");
+    }
+    let bin = |row: usize| (((along(row) - lowest) / (highest - lowest)) * (MOST_POINTS - 1) as f64).round() as usize;
+    let mut bins: Vec<Vec<usize>> = vec![Vec::new(); MOST_POINTS];
+    shown.iter().for_each(|row| bins[bin(*row)].push(*row));
+    let average = |values: &[f64], of: &[usize]| of.iter().map(|row| values[*row]).sum::<f64>() / of.len() as f64;
+    let point = |of: &Vec<usize>| {
+        let measured: Vec<usize> = of.iter().copied().filter(|row| rows.residual_um[*row].is_finite()).collect();
+        Point {
+            coordinate: average(rows.coordinate, of),
+            mean_um: average(rows.mean_um, of),
+            sd_um: average(rows.sd_um, of),
+            residual_um: average(rows.residual_um, &measured),
+        }
+    };
+    Ok(bins.iter().filter(|of| !of.is_empty()).map(point).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn rows<'a>(coordinate: &'a [f64], values: &'a [f64]) -> DiscrepancyRows<'a> {
+        let axis_label = "time since the force step (s)";
+        DiscrepancyRows {
+            axis_label,
+            is_logarithmic: true,
+            coordinate,
+            mean_um: values,
+            sd_um: values,
+            residual_um: values,
+        }
+    }
+
+    #[test]
+    fn rows_at_one_place_are_averaged_and_those_off_a_logarithmic_axis_left_out() {
+        let found = points(&rows(&[1.0, 1.0, 10.0, 0.0], &[2.0, 4.0, 5.0, 100.0])).unwrap();
+        let of: Vec<(f64, f64)> = found.iter().map(|point| (point.coordinate, point.mean_um)).collect();
+        assert_eq!(of, [(1.0, 3.0), (10.0, 5.0)]);
+    }
+
+    #[test]
+    fn rows_that_were_not_measured_have_a_curve_and_no_dot() {
+        let (x, y) = ([1.0, 2.0, 4.0], [1.0, 2.0, 3.0]);
+        let residual = [1.0, f64::NAN, 3.0];
+        let svg = discrepancy(&DiscrepancyRows { residual_um: &residual, ..rows(&x, &y) }, "heading").unwrap();
+        assert!(svg.document().contains("90 % band") && !svg.document().contains("NaN"));
+        assert!(svg.png().is_ok());
+    }
+
+    #[test]
+    fn what_cannot_be_drawn_is_refused() {
+        assert!(discrepancy(&rows(&[], &[]), "").is_err());
+        assert!(discrepancy(&rows(&[2.0, 2.0], &[1.0, 1.0]), "").is_err());
+        assert!(discrepancy(&rows(&[1.0, 2.0], &[1.0]), "").is_err());
+    }
+}
