@@ -255,6 +255,8 @@ mod tests {
                 coverage_90_expected: Some([0.8, 1.0]),
                 joint_p: Some(0.5),
                 crps_um: Some(2.3),
+                log_score_nats: Some(-560.0),
+                log_score_mcse_nats: Some(0.1),
                 surrogate_vs_fe_max_um: Some(1e-9),
                 pareto_k: Some(0.0),
             },

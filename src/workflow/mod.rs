@@ -5,6 +5,8 @@ pub mod artefacts;
 pub mod extend;
 pub mod fit;
 pub mod heldout;
+pub mod ladder;
+pub mod log_score;
 pub mod mechanics;
 mod mesh_check;
 mod mixture;

@@ -9,6 +9,7 @@ use rand_chacha::ChaCha8Rng;
 use super::Monitor;
 use super::advice::{Findings, warnings};
 use super::heldout::{self, FullCheck, N_CHECK_DRAWS, NaturalDraw, Score};
+use super::log_score::log_score;
 use super::problem::Problem;
 use super::reduced::{KeptSurrogate, Reduced};
 use super::summary::*;
@@ -186,6 +187,7 @@ fn summarise(
     let fitted = problem.positions_of(&problem.experiment.calibration_cycles);
     let learnt_noise_um = learnt_noise_um(check);
     let surrogate = reduced.surrogate.as_ref();
+    let log_score = log_score(problem, &check.trajectories_m, &check.noise.parameters);
     let heldout = HeldoutSummary {
         fitted_cycles: problem.experiment.calibration_cycles.clone(),
         cycles: problem.experiment.heldout_cycles.clone(),
@@ -200,6 +202,8 @@ fn summarise(
         coverage_90_expected: score.as_ref().map(|s| s.coverage_expected[1]),
         joint_p: score.as_ref().map(|s| s.joint_p),
         crps_um: score.as_ref().map(|s| 1e6 * s.crps_m),
+        log_score_nats: log_score.map(|s| s.nats),
+        log_score_mcse_nats: log_score.map(|s| s.standard_error_nats),
         surrogate_vs_fe_max_um: check.surrogate_vs_full_max_m.map(|x| 1e6 * x),
         pareto_k: check.pareto_k,
     };
@@ -267,7 +271,8 @@ fn with_names(messages: &[String], problem: &Problem) -> Vec<String> {
     messages.iter().map(named).collect()
 }
 
-fn origin(origin: NoiseOrigin) -> &'static str {
+/// Where the noise that misfits are measured against comes from, in words.
+pub(super) fn origin(origin: NoiseOrigin) -> &'static str {
     match origin {
         NoiseOrigin::Known => "known",
         NoiseOrigin::Rest { .. } => "estimated from rests",

@@ -156,6 +156,10 @@ pub struct HeldoutSummary {
     pub joint_p: Option<f64>,
     /// Mean continuous ranked probability score, in µm.
     pub crps_um: Option<f64>,
+    /// ln p(held-out positions | fitted positions), draws averaged, in nats for positions in µm.
+    pub log_score_nats: Option<f64>,
+    /// Monte Carlo standard error of that.
+    pub log_score_mcse_nats: Option<f64>,
     /// Largest distance of the reduced from the full model over all draws and rows, in µm.
     pub surrogate_vs_fe_max_um: Option<f64>,
     /// Pareto k̂ of the importance weights from full finite elements; 0 where all weights are equal.

@@ -1,0 +1,213 @@
+//! `ladder`: all revisions of a study on the same footing.
+
+use std::process::ExitCode;
+use std::time::Instant;
+
+use vitreo_uq::error::{Error, Place, Result};
+use vitreo_uq::files::write_json_atomically;
+use vitreo_uq::report;
+use vitreo_uq::report::labels::of_parameter;
+use vitreo_uq::report::svg::write_figure;
+use vitreo_uq::study::{LADDER_NAME, Study, WithProvenance};
+use vitreo_uq::workflow::Monitor;
+use vitreo_uq::workflow::ladder::{self, LadderRequest, LadderSummary, Rung, Shift};
+
+use crate::options::{self, LadderArguments, Model};
+use crate::sample::{refuse_nothing_to_sample, sample_into_m0};
+use crate::target::Target;
+use crate::terminal::Terminal;
+use crate::text::{column_width, significant, warning_text};
+
+/// Width of the longest bar, in characters.
+const BAR_WIDTH: usize = 32;
+/// Widest first column of the bars.
+const LABEL_WIDTH: usize = 34;
+
+pub fn run(arguments: &LadderArguments) -> Result<ExitCode> {
+    let began = Instant::now();
+    let common = &arguments.common;
+    let threads = options::use_threads(common.threads)?;
+    crate::output::check(common.json.as_deref())?;
+    let options = options::sampler(arguments.chains, arguments.steps, common.seed, threads);
+    let terminal = Terminal::new(common.quiet);
+    let model = &arguments.model;
+    let target = Target::open(common, model, &terminal)?;
+    let has_revisions = match target.existing_study() {
+        Some(study) => !study.revisions()?.is_empty(),
+        None => false,
+    };
+    if has_revisions {
+        refuse_other_model(model)?;
+    }
+    let problem = target.problem(model, &terminal)?;
+    refuse_nothing_to_sample(&problem)?;
+    options.validate(problem.priors.priors().len())?;
+    let study = &target.make_study()?;
+    if !has_revisions {
+        terminal.stage("m0, on the calibration cycles");
+        sample_into_m0(study, &problem, options.clone(), false, &terminal)?;
+    }
+    let request = LadderRequest { up_to: model.from.as_deref(), options, anew: common.force };
+    let summary = ladder::run(study, &problem, &request, &terminal)?;
+    terminal.stage("writing results and figures");
+    let provenance = provenance(study, &summary, common.seed)?;
+    let document = WithProvenance { provenance, body: &summary };
+    write_figure(study.dir(), "ladder", &report::ladder::ladder(&summary)?)?;
+    write_json_atomically(&study.dir().join(LADDER_NAME), &document)?;
+    terminal.finish();
+    crate::output::show(common.json.as_deref(), &document, &words(&summary))?;
+    if !common.quiet {
+        let (figure, seconds) = (study.dir().join("ladder.svg"), began.elapsed().as_secs_f64());
+        eprintln!("Figure: {} ({seconds:.1} s)", figure.display());
+    }
+    Ok(ExitCode::from(u8::from(!summary.is_sound())))
+}
+
+/// The revisions are what they are: options that name another model would be silently without effect.
+fn refuse_other_model(model: &Model) -> Result<()> {
+    let is_given = [
+        ("--base", model.base.is_some()),
+        ("--with", !model.with.is_empty()),
+        ("--noise", !model.noise.is_empty()),
+        ("--prior", model.prior.is_some()),
+        ("--set", !model.set.is_empty()),
+    ];
+    let Some((option, _)) = is_given.into_iter().find(|(_, is_given)| *is_given) else { return Ok(()) };
+    Err(Error::input(
+        Place::option(option),
+        "the ladder is of the revisions that the study has, each with its own model",
+        "leave it away; `vitreo-uq extend --with EFFECT` makes the next revision",
+    ))
+}
+
+/// The header, with the models and posteriors that the ladder is of.
+fn provenance(study: &Study, summary: &LadderSummary, seed: u64) -> Result<vitreo_uq::study::Provenance> {
+    let mut provenance = study.provenance("ladder", 1, seed);
+    for rung in &summary.revisions {
+        let dir = study.revision_dir(&rung.revision)?;
+        for name in ["model.toml", "posterior.json"] {
+            let bytes = std::fs::read(dir.join(name)).map_err(|source| {
+                Error::at_path("read", dir.join(name), source, "check that the study is complete and readable")
+            })?;
+            provenance = provenance.with_input(format!("{}/{name}", rung.revision), &bytes);
+        }
+    }
+    Ok(provenance)
+}
+
+fn words(summary: &LadderSummary) -> String {
+    let mut lines = vec![heading(summary), String::new()];
+    lines.extend(bars(summary));
+    lines.push(String::new());
+    lines.extend(table(summary));
+    if !summary.shifts.is_empty() {
+        lines.push(String::new());
+        lines.extend(shifts(summary));
+    }
+    lines.push(String::new());
+    lines.push(summary.sentence.clone());
+    if let [only] = &summary.revisions[..] {
+        let name = &only.revision;
+        lines.push(format!(
+            "The next one: `vitreo-uq diagnose` says which effect {name} lacks, `vitreo-uq extend --with EFFECT` adds it, `vitreo-uq effects` lists them all."
+        ));
+    }
+    for (revision, warning) in summary.warnings() {
+        lines.push(String::new());
+        lines.push(format!("{revision}: {}", warning_text(warning)));
+    }
+    lines.join("\n") + "\n"
+}
+
+fn heading(summary: &LadderSummary) -> String {
+    let cycles = |cycles: &[u32]| cycles.iter().map(u32::to_string).collect::<Vec<_>>().join(", ");
+    let scored = if summary.heldout_cycles.is_empty() {
+        "no cycle is held out".to_string()
+    } else {
+        format!("scored on cycle {} only", cycles(&summary.heldout_cycles))
+    };
+    format!("{}: every revision fitted to cycles {}, {scored}.", summary.experiment, cycles(&summary.fitted_cycles))
+}
+
+/// Label of a rung: its model for the first, what it adds for the others.
+fn label(rung: &Rung) -> String {
+    match &rung.from {
+        None => rung.model.title(),
+        Some(_) => format!("+ {}", rung.added.join(" + ")),
+    }
+}
+
+/// Error of each rung as a bar, down to the noise.
+fn bars(summary: &LadderSummary) -> Vec<String> {
+    let error_um = |rung: &Rung| rung.rmse_heldout_um.unwrap_or(rung.rmse_fitted_um);
+    let noise = summary.noise_um.map(|noise| (String::new(), format!("noise, {}", summary.noise_origin), noise));
+    let rows = summary.revisions.iter().map(|rung| (rung.revision.clone(), label(rung), error_um(rung)));
+    let rows: Vec<(String, String, f64)> = rows.chain(noise).collect();
+    let largest = rows.iter().map(|row| row.2).fold(f64::MIN_POSITIVE, f64::max);
+    let which = if summary.heldout_cycles.is_empty() { "fitted cycles" } else { "held-out cycle" };
+    let mut lines = vec![format!("  Error on the {which} (µm)")];
+    lines.extend(rows.iter().map(|(revision, label, error_um)| {
+        let label: String = label.chars().take(LABEL_WIDTH).collect();
+        format!("  {revision:<4}{label:<LABEL_WIDTH$}  {} {}", bar(error_um / largest), significant(*error_um))
+    }));
+    lines
+}
+
+/// A bar in eighths of a character.
+fn bar(fraction: f64) -> String {
+    const EIGHTHS: [&str; 8] = ["", "▏", "▎", "▍", "▌", "▋", "▊", "▉"];
+    let eighths = (8.0 * BAR_WIDTH as f64 * fraction.clamp(0.0, 1.0)).round() as usize;
+    let bar = "█".repeat(eighths / 8) + EIGHTHS[eighths % 8];
+    if bar.is_empty() { EIGHTHS[1].into() } else { bar }
+}
+
+fn table(summary: &LadderSummary) -> Vec<String> {
+    let mut lines = vec![format!(
+        "  {:<9}{:>9}{:>10}{:>16}{:>13}{:>15}{:>18}",
+        "revision", "fitted", "held out", "log score", "90 % band", "learnt noise", "reduced – full"
+    )];
+    let value = |value: Option<f64>| value.map_or("–".into(), significant);
+    lines.extend(summary.revisions.iter().map(|rung| {
+        let score = match (rung.heldout_log_score_nats, rung.heldout_log_score_mcse_nats) {
+            (Some(score), Some(error)) => format!("{score:.1} ± {error:.1}"),
+            _ => "–".into(),
+        };
+        let coverage = rung.coverage_90.map_or("–".into(), |coverage| format!("{:.0} %", 100.0 * coverage));
+        let distance = rung.surrogate_vs_fe_max_um.map_or("–".into(), |distance| format!("{distance:.0e}"));
+        let mark = if rung.converged { "" } else { "  NOT CONVERGED" };
+        format!(
+            "  {:<9}{:>9}{:>10}{score:>16}{coverage:>13}{:>15}{distance:>18}{mark}",
+            rung.revision,
+            significant(rung.rmse_fitted_um),
+            value(rung.rmse_heldout_um),
+            significant(rung.learnt_noise_um)
+        )
+    }));
+    let by = match summary.revisions.iter().map(|rung| rung.fe_runs).collect::<Option<Vec<usize>>>() {
+        Some(runs) => format!("{} full finite-element runs", runs.iter().sum::<usize>()),
+        None => "the creep law (an instrument has no finite elements)".into(),
+    };
+    lines.push(format!("  Errors in µm, log score in nats; predicted by {by}."));
+    lines
+}
+
+fn shifts(summary: &LadderSummary) -> Vec<String> {
+    let name = |rung: Option<&Rung>| rung.map_or(String::new(), |rung| rung.revision.clone());
+    let (before, after) = (name(summary.revisions.first()), name(summary.revisions.last()));
+    let width = column_width(summary.shifts.iter().map(|shift| shift.name.as_str()));
+    let mut lines = vec![
+        format!("  What was missing in {before} had bent the law (median, 90 % interval):"),
+        format!("  {:<width$}{before:>26}{after:>26}{:>10}{:>12}", "parameter", "shift", "in sd"),
+    ];
+    let interval = |p: &ladder::RungParameter| {
+        format!("{} [{}, {}]", significant(p.median), significant(p.q05), significant(p.q95))
+    };
+    lines.extend(summary.shifts.iter().map(|shift: &Shift| {
+        let (before, after) = (interval(&shift.before), interval(&shift.after));
+        let axis = of_parameter(&shift.name).axis();
+        let percent = format!("{:+.1} %", 100.0 * shift.relative);
+        format!("  {axis:<width$}{before:>26}{after:>26}{percent:>10}{:>+12.1}", shift.in_sd_before)
+    }));
+    lines.push(format!("  Shift: {before} against {after}; in standard deviations that {before} claimed."));
+    lines
+}

@@ -1,0 +1,398 @@
+//! All revisions of a study on the same footing: each fitted to all cycles but the last, which alone is scored, by full finite elements
+//! (contracts §4).
+//!
+//! A revision that `extend` made was fitted so, and its posterior is read; others (m0 above all, which fits the calibration cycles only) are fitted
+//! again, unless an earlier ladder did. Nothing but a converged fit of exactly the same inputs is taken over.
+
+use serde::{Deserialize, Serialize};
+
+use super::Monitor;
+use super::artefacts::{model_of, with_inputs};
+use super::extend::ExtensionSummary;
+use super::problem::Problem;
+use super::reduced::KeptSurrogate;
+use super::sample::{self, SampleRequest};
+use super::summary::{ModelSummary, ParameterSummary, PosteriorSummary, Warning, WarningKind};
+use crate::effects::Library;
+use crate::error::{Error, Place, Result};
+use crate::inference::SamplerOptions;
+use crate::rheology::BaseLaw;
+use crate::study::{LADDER_NAME, Provenance, Study, WithProvenance, sha256_hex};
+
+/// Body of `vitreo-uq/ladder/1`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct LadderSummary {
+    /// Specimen identifier.
+    pub experiment: String,
+    /// Cycles that every revision is fitted to.
+    pub fitted_cycles: Vec<u32>,
+    /// The cycle that every revision is scored on, if there is one.
+    pub heldout_cycles: Vec<u32>,
+    /// The noise that errors are measured against, in µm.
+    pub noise_um: Option<f64>,
+    /// Where that noise comes from.
+    pub noise_origin: String,
+    /// One entry a revision, in their order.
+    pub revisions: Vec<Rung>,
+    /// How far the law's parameters move from the first revision to the last; empty for one revision.
+    pub shifts: Vec<Shift>,
+    /// What the figures say.
+    pub sentence: String,
+}
+
+/// A revision.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Rung {
+    /// Its name.
+    pub revision: String,
+    /// All its effects.
+    pub effects: Vec<String>,
+    /// The revision that it extends; `None` for the first.
+    pub from: Option<String>,
+    /// Effects that it has and that one has not.
+    pub added: Vec<String>,
+    /// The whole model, noise terms included.
+    pub model: ModelSummary,
+    /// Root mean square distance of the posterior mean from the fitted positions, by full finite elements, in µm.
+    pub rmse_fitted_um: f64,
+    /// The same on the scored cycle.
+    pub rmse_heldout_um: Option<f64>,
+    /// ln p(scored positions | fitted positions), draws averaged, by full finite elements, in nats for positions in µm.
+    pub heldout_log_score_nats: Option<f64>,
+    /// Monte Carlo standard error of that.
+    pub heldout_log_score_mcse_nats: Option<f64>,
+    /// Posterior of every sampled parameter.
+    pub parameters: Vec<RungParameter>,
+    /// Learnt noise from row to row, posterior median, in µm.
+    pub learnt_noise_um: f64,
+    /// Fraction of scored positions inside the central 50 % band.
+    pub coverage_50: Option<f64>,
+    /// Fraction of scored positions inside the central 90 % band.
+    pub coverage_90: Option<f64>,
+    /// Probability of a misfit of the scored cycle at least as large, by joint predictive simulation.
+    pub joint_p: Option<f64>,
+    /// Full finite-element runs behind the errors; `None` for an instrument, which has no finite elements.
+    pub fe_runs: Option<usize>,
+    /// Largest distance of the reduced from the full model over all draws and rows, in µm.
+    pub surrogate_vs_fe_max_um: Option<f64>,
+    /// Whether the posterior has converged.
+    pub converged: bool,
+    /// What the user should know of this revision.
+    pub warnings: Vec<Warning>,
+    /// SHA-256 of all that fixes a fit: program, inputs, model, priors, cycles, sampler and seed. `None` where the revision's own posterior was read.
+    pub refit_sha256: Option<String>,
+}
+
+/// A parameter of a revision.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RungParameter {
+    /// Name, with unit.
+    pub name: String,
+    /// Posterior mean.
+    pub mean: f64,
+    /// Posterior standard deviation.
+    pub sd: f64,
+    /// 5 % quantile.
+    pub q05: f64,
+    /// Median.
+    pub median: f64,
+    /// 95 % quantile.
+    pub q95: f64,
+}
+
+/// How far the missing effects had bent a parameter of the law.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Shift {
+    /// Name of the parameter.
+    pub name: String,
+    /// In the first revision.
+    pub before: RungParameter,
+    /// In the last one.
+    pub after: RungParameter,
+    /// Median before over median after, less one.
+    pub relative: f64,
+    /// Mean before less mean after, in standard deviations that the first revision claimed.
+    pub in_sd_before: f64,
+}
+
+impl LadderSummary {
+    /// Whether the figures can be trusted (exit code 0): every posterior converged, every reduced model and mesh accurate. A misfit is a result.
+    pub fn is_sound(&self) -> bool {
+        self.revisions.iter().all(|rung| rung.converged) && !self.warnings().any(|(_, warning)| spoils(warning.kind))
+    }
+
+    /// Warnings that a reader of the whole must see, with their revisions: what spoils the figures of any, and what is left to say of the last. That
+    /// earlier ones miss the measurement is what the ladder shows.
+    pub fn warnings(&self) -> impl Iterator<Item = (&str, &Warning)> {
+        let last = self.revisions.len().saturating_sub(1);
+        let revisions = self.revisions.iter().enumerate();
+        revisions.flat_map(move |(k, rung)| {
+            let is_told = move |warning: &&Warning| spoils(warning.kind) || (k == last && warning.kind.is_fatal());
+            rung.warnings.iter().filter(is_told).map(|warning| (rung.revision.as_str(), warning))
+        })
+    }
+}
+
+/// Whether a warning says that figures are wrong, rather than that a model is.
+fn spoils(kind: WarningKind) -> bool {
+    use WarningKind::*;
+    matches!(kind, NotConverged | SurrogateInaccurate | MeshInaccurate | Undetermined | DrawsRefused)
+}
+
+/// What a caller decides.
+pub struct LadderRequest<'a> {
+    /// The last revision to show; `None` for all.
+    pub up_to: Option<&'a str>,
+    /// The sampler's settings for revisions that must be fitted.
+    pub options: SamplerOptions,
+    /// Fit all anew.
+    pub anew: bool,
+}
+
+/// Compares the revisions of a study.
+///
+/// `first` is any problem of the study's whole experiment, for its mechanics.
+///
+/// # Errors
+/// [`Error::Input`] when the study has no revision, or one on another mesh; otherwise as [`sample::run`].
+pub fn run(study: &Study, first: &Problem, request: &LadderRequest, monitor: &dyn Monitor) -> Result<LadderSummary> {
+    let mut names = study.revisions()?;
+    if let Some(last) = request.up_to {
+        study.revision_dir(last)?;
+        let end = names.iter().position(|name| name == last).map_or(names.len(), |place| place + 1);
+        names.truncate(end);
+    }
+    let library = Library::default();
+    let revisions: Vec<Revision> =
+        names.iter().map(|name| Revision::open(study, first, name, &library)).collect::<Result<_>>()?;
+    // What can be refused is refused before anything is fitted.
+    for revision in &revisions {
+        request.options.validate(revision.problem.priors.priors().len())?;
+    }
+    let mut fits = Fits { study, request, earlier: None, kept: None };
+    if !request.anew {
+        fits.earlier = earlier_ladder(study);
+    }
+    let mut rungs: Vec<Rung> =
+        revisions.iter().map(|revision| fits.rung_of(revision, monitor)).collect::<Result<_>>()?;
+    let effects_of: Vec<(String, Vec<String>)> =
+        rungs.iter().map(|rung| (rung.revision.clone(), rung.effects.clone())).collect();
+    for rung in &mut rungs {
+        rung.added = added(rung, &effects_of);
+    }
+    summarise(&revisions, rungs)
+}
+
+/// Where rungs come from.
+struct Fits<'a> {
+    study: &'a Study,
+    request: &'a LadderRequest<'a>,
+    /// What an earlier ladder found.
+    earlier: Option<LadderSummary>,
+    /// The surrogate of the last fit, which serves the next one if it was built from the same input.
+    kept: Option<KeptSurrogate>,
+}
+
+impl Fits<'_> {
+    /// The revision's own posterior, or what an earlier ladder found, or a new fit.
+    fn rung_of(&mut self, revision: &Revision, monitor: &dyn Monitor) -> Result<Rung> {
+        if let Some(stored) = revision.stored.as_ref().filter(|_| !self.request.anew) {
+            return Ok(rung(revision, stored.clone(), None));
+        }
+        let hash = revision.refit_sha256(self.study, &self.request.options);
+        let same = |rung: &&Rung| rung.refit_sha256.as_ref() == Some(&hash);
+        if let Some(found) = self.earlier.as_ref().and_then(|earlier| earlier.revisions.iter().find(same)) {
+            return Ok(Rung { revision: revision.name.clone(), from: revision.from.clone(), ..found.clone() });
+        }
+        monitor.stage(&format!("{}, fitted to all cycles but the last", revision.name));
+        let (options, kept_surrogate) = (self.request.options.clone(), self.kept.take());
+        let request = SampleRequest { options, kept_surrogate, checkpoint: None, resume: false };
+        let result = sample::run(&revision.problem, &request, monitor)?;
+        self.kept = result.reduced.to_keep(&revision.problem)?;
+        Ok(rung(revision, result.summary, Some(hash)))
+    }
+}
+
+/// A revision joined with the experiment as revisions are compared on it.
+struct Revision {
+    name: String,
+    from: Option<String>,
+    problem: Problem,
+    /// Its posterior on disk, if it is of this problem and has converged.
+    stored: Option<PosteriorSummary>,
+}
+
+impl Revision {
+    fn open(study: &Study, first: &Problem, name: &str, library: &Library) -> Result<Self> {
+        let dir = study.revision_dir(name)?;
+        let problem = first.with(first.experiment.for_comparison(), model_of(&dir, library)?, library)?;
+        let inputs = with_inputs(study.provenance("posterior", 1, 0), &problem).inputs_sha256;
+        let document = read_document::<PosteriorSummary>(&dir.join("posterior.json"));
+        let mesh_of =
+            |inputs: &std::collections::BTreeMap<String, String>| inputs.get(super::artefacts::MESH_INPUT).cloned();
+        if document.as_ref().is_some_and(|document| mesh_of(&document.provenance.inputs_sha256) != mesh_of(&inputs)) {
+            return Err(Error::input(
+                Place::file(dir.join("posterior.json")),
+                "this revision is on another mesh",
+                "name the mesh that its study was made with (`--mesh`, `--mesh-unit`)",
+            ));
+        }
+        let stored = document.filter(|document| {
+            let (ours, heldout) = (env!("CARGO_PKG_VERSION"), &document.body.heldout);
+            let experiment = &problem.experiment;
+            document.provenance.version == ours
+                && document.provenance.inputs_sha256 == inputs
+                && document.body.model == ModelSummary::of(&problem.specification)
+                && heldout.fitted_cycles == experiment.calibration_cycles
+                && heldout.cycles == experiment.heldout_cycles
+                && (heldout.log_score_nats.is_some() || heldout.rmse_um.is_none())
+                && document.body.converged
+        });
+        let extension = read_document::<ExtensionSummary>(&dir.join("extension.json"));
+        let (from, stored) = (extension.map(|e| e.body.from), stored.map(|document| document.body));
+        Ok(Self { name: name.into(), from, problem, stored })
+    }
+
+    /// SHA-256 of all that fixes a fit to the last bit.
+    fn refit_sha256(&self, study: &Study, options: &SamplerOptions) -> String {
+        let Problem { experiment, specification, .. } = &self.problem;
+        let inputs = with_inputs(study.provenance("ladder", 1, options.seed), &self.problem);
+        // A prior counts by its content, which the inputs hold.
+        let model = crate::study::ModelSpecification { prior: String::new(), ..specification.clone() };
+        let cycles = (&experiment.calibration_cycles, &experiment.heldout_cycles);
+        let sampler = (options.n_walkers, options.n_ensembles, options.max_steps);
+        sha256_hex(format!("{inputs:?} {model:?} {cycles:?} {sampler:?}").as_bytes())
+    }
+}
+
+/// A document that can be read; one that cannot is made again.
+fn read_document<T: serde::de::DeserializeOwned>(path: &std::path::Path) -> Option<WithProvenance<T>> {
+    serde_json::from_slice(&std::fs::read(path).ok()?).ok()
+}
+
+fn earlier_ladder(study: &Study) -> Option<LadderSummary> {
+    let document = read_document::<LadderSummary>(&study.dir().join(LADDER_NAME))?;
+    let Provenance { inputs_sha256, .. } = document.provenance;
+    study.inputs_sha256().iter().all(|(name, hash)| inputs_sha256.get(name) == Some(hash)).then_some(document.body)
+}
+
+fn rung(revision: &Revision, posterior: PosteriorSummary, refit_sha256: Option<String>) -> Rung {
+    let PosteriorSummary { model, parameters, heldout, error_budget_um, converged, warnings, .. } = posterior;
+    Rung {
+        revision: revision.name.clone(),
+        effects: model.effects.clone(),
+        from: revision.from.clone(),
+        added: Vec::new(),
+        model,
+        rmse_fitted_um: heldout.rmse_fitted_um,
+        rmse_heldout_um: heldout.rmse_um,
+        heldout_log_score_nats: heldout.log_score_nats,
+        heldout_log_score_mcse_nats: heldout.log_score_mcse_nats,
+        parameters: parameters.into_iter().map(RungParameter::from).collect(),
+        learnt_noise_um: error_budget_um.noise,
+        coverage_50: heldout.coverage_50,
+        coverage_90: heldout.coverage_90,
+        joint_p: heldout.joint_p,
+        fe_runs: heldout.fe_runs,
+        surrogate_vs_fe_max_um: heldout.surrogate_vs_fe_max_um,
+        converged,
+        warnings,
+        refit_sha256,
+    }
+}
+
+impl From<ParameterSummary> for RungParameter {
+    fn from(summary: ParameterSummary) -> Self {
+        let ParameterSummary { name, mean, sd, q05, median, q95, .. } = summary;
+        Self { name, mean, sd, q05, median, q95 }
+    }
+}
+
+/// Effects of a revision that the one it extends has not; all of the first revision.
+fn added(rung: &Rung, effects_of: &[(String, Vec<String>)]) -> Vec<String> {
+    let of = |name: &String| effects_of.iter().find(|(revision, _)| revision == name).map(|(_, effects)| effects);
+    let before = rung.from.as_ref().and_then(of);
+    let is_new = |slug: &&String| before.is_none_or(|effects| !effects.contains(slug));
+    rung.effects.iter().filter(is_new).cloned().collect()
+}
+
+fn summarise(revisions: &[Revision], rungs: Vec<Rung>) -> Result<LadderSummary> {
+    let Some(Revision { problem, .. }) = revisions.first() else {
+        return Err(Error::input(
+            Place::default(),
+            "this study has no revision",
+            "run `vitreo-uq sample` on this study first",
+        ));
+    };
+    let experiment = &problem.experiment;
+    let yardstick = experiment.noise_yardstick();
+    let noise_um = yardstick.map(|yardstick| 1e6 * yardstick.sd_m);
+    let n_scored = problem.positions_of(&experiment.heldout_cycles).iter().flatten().count();
+    Ok(LadderSummary {
+        experiment: experiment.specimen_id.clone(),
+        fitted_cycles: experiment.calibration_cycles.clone(),
+        heldout_cycles: experiment.heldout_cycles.clone(),
+        noise_um,
+        noise_origin: yardstick.map_or("unknown", |yardstick| sample::origin(yardstick.origin)).into(),
+        shifts: shifts(problem.model.base(), &rungs),
+        sentence: sentence(&rungs, noise_um, n_scored),
+        revisions: rungs,
+    })
+}
+
+/// Shifts of the law's parameters that are sampled in both the first and the last revision.
+fn shifts(law: BaseLaw, rungs: &[Rung]) -> Vec<Shift> {
+    let [first, .., last] = rungs else { return Vec::new() };
+    let find = |rung: &Rung, name: &str| rung.parameters.iter().find(|p| p.name == name).cloned();
+    let shift = |name: &str| {
+        let (before, after) = (find(first, name)?, find(last, name)?);
+        let relative = before.median / after.median - 1.0;
+        let in_sd_before = (before.mean - after.mean) / before.sd;
+        Some(Shift { name: name.into(), before, after, relative, in_sd_before })
+    };
+    law.parameters().iter().filter_map(|spec| shift(spec.name)).collect()
+}
+
+/// A root mean square over n positions is known to its √(2n)-th part: an error within so many of these of the noise is the noise.
+const NOISE_FLOOR_IN_ERRORS: f64 = 3.0;
+
+/// What the figures say, and no more.
+fn sentence(rungs: &[Rung], noise_um: Option<f64>, n_scored: usize) -> String {
+    let [first, .., last] = rungs else {
+        return "There is one revision, so there is one rung.".into();
+    };
+    let added: Vec<&str> =
+        last.effects.iter().filter(|slug| !first.effects.contains(slug)).map(String::as_str).collect();
+    let with = if added.is_empty() { last.revision.clone() } else { added.join(" and ") };
+    let (Some(was), Some(is)) = (first.rmse_heldout_um, last.rmse_heldout_um) else {
+        return format!(
+            "With {with} the error on the fitted cycles goes from {:.3} to {:.3} µm. No cycle is held out, so this is suggestive at most.",
+            first.rmse_fitted_um, last.rmse_fitted_um
+        );
+    };
+    let uncertain = 1.0 / (2.0 * n_scored.max(1) as f64).sqrt();
+    let verb = match was - is {
+        change if change.abs() < 2.0 * uncertain * was.min(is) => "stays within its uncertainty",
+        change if change > 0.0 => "falls",
+        _ => "rises",
+    };
+    let floor = noise_um.map_or(String::new(), |noise| {
+        let place = if is < noise * (1.0 + NOISE_FLOOR_IN_ERRORS * uncertain) {
+            ", the noise"
+        } else {
+            ", still above the noise"
+        };
+        format!("{place} ({noise:.3} µm)")
+    });
+    let score = match (first.heldout_log_score_nats, last.heldout_log_score_nats) {
+        (Some(before), Some(after)) => format!(" Its log score changes by {:+.1} nats.", after - before),
+        _ => String::new(),
+    };
+    format!(
+        "With {with} the error on the cycle that no fit has seen {verb}: from {was:.3} to {is:.3} µm{floor}.{score}"
+    )
+}
+
+#[cfg(test)]
+#[path = "ladder_tests.rs"]
+pub(crate) mod tests;

@@ -1,0 +1,116 @@
+//! `ladder` as a user meets it: the replica as a drifting camera would have recorded it, and a gel with one revision.
+
+mod program;
+
+use std::path::{Path, PathBuf};
+
+use program::{tree, vitreo, write_instrument_experiment};
+use serde_json::Value;
+
+const DRIFT_UM_PER_S: f64 = 1.0;
+
+/// The replica with a drift of 1 µm/s added to its positions, in `dir`.
+fn drifting_replica(dir: &Path) -> PathBuf {
+    let replica = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/porcine-replica");
+    let experiment = dir.join("drifting");
+    std::fs::create_dir_all(&experiment).unwrap();
+    let toml = std::fs::read_to_string(replica.join("experiment.toml")).unwrap();
+    std::fs::write(experiment.join("experiment.toml"), toml.replace("porcine-replica", "drifting")).unwrap();
+    let csv = std::fs::read_to_string(replica.join("trajectory.csv")).unwrap();
+    let drift = |(index, line): (usize, &str)| {
+        let mut cells: Vec<String> = line.split(',').map(String::from).collect();
+        if let (true, Ok(time_s), Ok(position_um)) = (index > 0, cells[0].parse::<f64>(), cells[2].parse::<f64>()) {
+            cells[2] = (position_um + DRIFT_UM_PER_S * time_s).to_string();
+        }
+        cells.join(",") + "\n"
+    };
+    let drifting: String = csv.lines().enumerate().map(drift).collect();
+    std::fs::write(experiment.join("trajectory.csv"), drifting).unwrap();
+    experiment
+}
+
+fn number(value: &Value) -> f64 {
+    value.as_f64().unwrap_or_else(|| panic!("{value} is no number"))
+}
+
+/// m0, which fits one cycle, is fitted again to three: its errors are those that `extend` found on the same footing, and m1 is what `extend` wrote.
+/// What the drift had bent comes back. The second call reads what the first wrote; another number of threads gives the same bytes.
+#[test]
+fn the_error_falls_to_the_noise_and_nothing_is_fitted_twice() {
+    let dir = tempfile::tempdir().unwrap();
+    let experiment = drifting_replica(dir.path());
+    let path = experiment.to_str().unwrap();
+    let extended = ["extend", path, "--with", "tracking-drift", "--json", "-", "--quiet", "--out", "a"];
+    let extension = vitreo(dir.path(), &extended).exits(0).json();
+    let run = vitreo(dir.path(), &["ladder", "a", "--json", "-"]).exits(0);
+    assert!(
+        run.stderr.contains("m0, fitted to all cycles but the last") && !run.stderr.contains("m1, fitted"),
+        "{run}"
+    );
+    let document = run.json();
+    assert_eq!(document["schema"], "vitreo-uq/ladder/1");
+    assert_eq!(
+        (&document["fitted_cycles"], &document["heldout_cycles"]),
+        (&serde_json::json!([1, 2, 3]), &serde_json::json!([4]))
+    );
+    assert_eq!(document["noise_um"], 4.0);
+    let rungs = document["revisions"].as_array().unwrap();
+    assert_eq!((rungs.len(), &rungs[0]["revision"], &rungs[1]["revision"]), (2, &"m0".into(), &"m1".into()));
+    for (rung, which) in rungs.iter().zip(["before", "after"]) {
+        for key in ["rmse_fitted_um", "rmse_heldout_um"] {
+            assert_eq!(rung[key], extension[which][key], "{key} {which}");
+        }
+        assert!(number(&rung["fe_runs"]) > 0.0 && rung["converged"] == true, "{rung}");
+        assert!(number(&rung["surrogate_vs_fe_max_um"]) < 0.4, "{rung}");
+    }
+    assert_eq!(rungs[1]["added"], serde_json::json!(["tracking-drift"]));
+    let score = |rung: &Value| number(&rung["heldout_log_score_nats"]);
+    // 200 positions missed by more than 1.5 σ where the noise can hardly grow: tens of nats.
+    assert!(score(&rungs[1]) > score(&rungs[0]) + 20.0, "{document}");
+    // White noise of 4 µm over 200 positions: −200 (ln 4 + ½ ln 2πe) ± 10, and what is not known of the parameters.
+    let expected = -200.0 * (4.0_f64.ln() + 0.5 * (2.0 * std::f64::consts::PI * std::f64::consts::E).ln());
+    assert!((score(&rungs[1]) - expected).abs() < 55.0, "{} against {expected}", score(&rungs[1]));
+    // The law that made the replica: Table I, within five standard deviations.
+    for (shift, truth) in document["shifts"].as_array().unwrap().iter().zip([3.527, 1.402, 47.37]) {
+        let (mean, sd) = (number(&shift["after"]["mean"]), number(&shift["after"]["sd"]));
+        assert!((mean - truth).abs() < 5.0 * sd, "{shift} against {truth}");
+    }
+    let files = tree(&dir.path().join("a"));
+    assert!(files.contains_key(Path::new("ladder.png")) && files.contains_key(Path::new("ladder.svg")));
+    assert_eq!(serde_json::from_slice::<Value>(&files[Path::new("ladder.json")]).unwrap(), document);
+
+    let again = vitreo(dir.path(), &["ladder", "a", "--threads", "1"]).exits(0);
+    assert!(!again.stderr.contains("fitted to all cycles"), "{again}");
+    for word in ["Error on the held-out cycle", "+ tracking-drift", "█", "falls", "E (Pa)"] {
+        assert!(again.stdout.contains(word), "`{word}` in {again}");
+    }
+    assert_eq!(tree(&dir.path().join("a")), files, "the second call changes nothing");
+    vitreo(dir.path(), &["ladder", "a", "--force", "--threads", "1", "--quiet"]).exits(0);
+    let forced: Value = serde_json::from_slice(&std::fs::read(dir.path().join("a/ladder.json")).unwrap()).unwrap();
+    assert_eq!(forced["revisions"][0], document["revisions"][0], "a new fit has the same bytes");
+    assert_eq!(forced["revisions"][1]["rmse_heldout_um"], document["revisions"][1]["rmse_heldout_um"]);
+
+    vitreo(dir.path(), &["ladder", "a", "--with", "clock-offset"]).refuses(&["--with", "extend"]);
+    vitreo(dir.path(), &["ladder", "a", "--from", "m7"]).refuses(&["m7", "m0, m1"]);
+    let first = vitreo(dir.path(), &["ladder", "a", "--from", "m0", "--json", "-", "--quiet"]).exits(0).json();
+    assert_eq!(first["revisions"].as_array().unwrap().len(), 1);
+}
+
+/// From an experiment the study is made; one revision is one rung, and how to add the next is said.
+#[test]
+fn one_revision_is_one_rung() {
+    let dir = tempfile::tempdir().unwrap();
+    write_instrument_experiment(&dir.path().join("gel"), true, 0.0);
+    let run = vitreo(dir.path(), &["ladder", "gel", "--quiet"]).exits(0);
+    for word in ["one rung", "vitreo-uq extend --with", "vitreo-uq diagnose", "no finite elements"] {
+        assert!(run.stdout.contains(word), "`{word}` in {run}");
+    }
+    assert!(dir.path().join("vitreo-uq-out/gel/ladder.svg").is_file());
+    write_instrument_experiment(&dir.path().join("all"), false, 0.0);
+    let document = vitreo(dir.path(), &["ladder", "all", "--out", "b", "--json", "-", "--quiet"]).json();
+    let rung = &document["revisions"][0];
+    assert!(
+        rung["rmse_heldout_um"].is_null() && rung["heldout_log_score_nats"].is_null() && rung["refit_sha256"].is_null()
+    );
+    assert!(number(&rung["rmse_fitted_um"]) < 1.0, "{document}");
+}
