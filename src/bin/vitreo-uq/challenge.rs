@@ -1,0 +1,338 @@
+//! `challenge`: data with a sealed hidden effect, made, opened, or played by the hundred.
+
+use std::collections::BTreeMap;
+use std::hash::{BuildHasher, Hasher, RandomState};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use clap::{Args, Subcommand, ValueEnum};
+use vitreo_uq::critique::Subject;
+use vitreo_uq::critique::challenge::files::{self, Opened};
+use vitreo_uq::critique::challenge::plays::{self, PlaysRequest, Sort};
+use vitreo_uq::critique::challenge::{Bench, Hidden, NoiseKind, Order, OutsideKind, Protocol};
+use vitreo_uq::critique::diagnose::{DiagnosisRequest, diagnose};
+use vitreo_uq::critique::diagnosis::Diagnosis;
+use vitreo_uq::error::{Error, Place, Result};
+use vitreo_uq::inference::ensemble::RandomStream;
+use vitreo_uq::study::{Provenance, Study, WithProvenance};
+use vitreo_uq::workflow::Silent;
+
+use crate::challenge_words::{words_of_plays, words_of_truth};
+use crate::options::use_threads;
+use crate::terminal::Terminal;
+
+/// Arguments of `challenge`.
+#[derive(Args)]
+pub struct ChallengeArguments {
+    #[command(subcommand)]
+    action: Action,
+}
+
+#[derive(Subcommand)]
+enum Action {
+    /// An experiment with a sealed answer, by full finite elements on a finer mesh
+    New(NewArguments),
+    /// Open the answer, and say whether the diagnosis was right
+    Reveal(RevealArguments),
+    /// Play many, each diagnosed, and count what was said
+    Run(RunArguments),
+}
+
+#[derive(Args)]
+struct NewArguments {
+    /// Directory to make
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Hide this effect [default: something at random]
+    #[arg(long, value_name = "SLUG", conflicts_with_all = ["pair", "none", "outside"])]
+    effect: Option<String>,
+    /// Hide these two effects
+    #[arg(long, value_name = "SLUG,SLUG", value_delimiter = ',', num_args = 1, conflicts_with_all = ["none", "outside"])]
+    pair: Vec<String>,
+    /// Hide nothing
+    #[arg(long, conflicts_with = "outside")]
+    none: bool,
+    /// Hide something that is not in the library, at random or of this kind
+    #[arg(long, value_name = "KIND")]
+    outside: Option<Option<String>>,
+    /// Signal in standard deviations of the noise, or `prior` for a size from the effect's prior [default: something from 10 to 40]
+    #[arg(long, value_name = "SIGMA|prior")]
+    strength: Option<String>,
+    /// Protocol: paper (±F, 5 s each) or levels (three force levels and rests)
+    #[arg(long, value_name = "NAME", default_value = "paper")]
+    protocol: String,
+    /// Noise: white, ou, gain, outliers
+    #[arg(long, value_name = "KIND", default_value = "white")]
+    noise_kind: String,
+    /// Seed of all random numbers; who knows it knows the answer [default: from the operating system]
+    #[arg(long, value_name = "N")]
+    seed: Option<u64>,
+    /// No progress on standard error
+    #[arg(long)]
+    quiet: bool,
+}
+
+#[derive(Args)]
+struct RevealArguments {
+    /// Directory that `challenge new` made
+    #[arg(value_name = "DIR")]
+    dir: PathBuf,
+    /// Study of that experiment [default: vitreo-uq-out/<specimen id>, if it is there]
+    #[arg(long, value_name = "STUDY")]
+    study: Option<PathBuf>,
+    /// Write the result as one JSON document to a file, or alone to standard output with `-`
+    #[arg(long, value_name = "FILE|-")]
+    json: Option<PathBuf>,
+}
+
+#[derive(Args)]
+struct RunArguments {
+    /// How many to play
+    #[arg(long, value_name = "N", default_value_t = 100)]
+    count: usize,
+    /// Signals in standard deviations, separated by commas
+    #[arg(long, value_name = "SIGMA", value_delimiter = ',', default_values_t = [5.0, 10.0, 20.0, 40.0])]
+    signal: Vec<f64>,
+    /// One sort only [default: a mixture of all]
+    #[arg(long, value_name = "SORT", value_enum)]
+    only: Option<OnlySort>,
+    /// These effects only, separated by commas
+    #[arg(long, value_name = "SLUG", value_delimiter = ',')]
+    effect: Vec<String>,
+    /// Protocols, separated by commas: paper, levels [default: both]
+    #[arg(long, value_name = "NAME", value_delimiter = ',')]
+    protocol: Vec<String>,
+    /// Noises, separated by commas: white, ou, gain, outliers [default: all]
+    #[arg(long, value_name = "KIND", value_delimiter = ',')]
+    noise_kind: Vec<String>,
+    /// Where full finite-element trajectories are kept [default: the user's cache directory]
+    #[arg(long, value_name = "DIR")]
+    cache: Option<PathBuf>,
+    /// Write the result as one JSON document to a file, or alone to standard output with `-`
+    #[arg(long, value_name = "FILE|-")]
+    json: Option<PathBuf>,
+    /// Seed of all random numbers
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// Threads; 0 for as many as there are cores
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    threads: usize,
+    /// No progress on standard error
+    #[arg(long)]
+    quiet: bool,
+}
+
+/// Sorts of hidden things.
+#[derive(Clone, Copy, ValueEnum)]
+enum OnlySort {
+    /// Nothing
+    None,
+    /// One effect of the library
+    Single,
+    /// Two
+    Pair,
+    /// Something outside the library
+    Outside,
+    /// A wrong Poisson ratio or compliance, which the law absorbs
+    Apparatus,
+}
+
+impl OnlySort {
+    fn sort(self) -> Sort {
+        match self {
+            Self::None => Sort::None,
+            Self::Single => Sort::Single,
+            Self::Pair => Sort::Pair,
+            Self::Outside => Sort::Outside,
+            Self::Apparatus => Sort::Apparatus,
+        }
+    }
+}
+
+pub fn run(arguments: &ChallengeArguments) -> Result<ExitCode> {
+    match &arguments.action {
+        Action::New(arguments) => make(arguments),
+        Action::Reveal(arguments) => reveal(arguments),
+        Action::Run(arguments) => play(arguments),
+    }
+}
+
+fn make(arguments: &NewArguments) -> Result<ExitCode> {
+    files::check_place(&arguments.out)?;
+    let seed = arguments.seed.unwrap_or_else(seed_of_the_system);
+    let protocol = named("--protocol", &arguments.protocol, &Protocol::ALL, Protocol::name)?;
+    let noise = named("--noise-kind", &arguments.noise_kind, &NoiseKind::ALL, NoiseKind::name)?;
+    // Streams 0 to 2 make the data.
+    let mut stream = RandomStream::new(seed, 3);
+    let strength_sigma = strength(arguments.strength.as_deref(), &mut stream)?;
+    let terminal = Terminal::new(arguments.quiet);
+    let bench = Bench::new(&terminal)?;
+    let hidden = hidden(arguments, &bench, protocol, &mut stream)?;
+    let order = Order { hidden, protocol, noise, strength_sigma };
+    let commitment = files::make(&arguments.out, &bench, &order, seed, &terminal)?;
+    terminal.finish();
+    let dir = arguments.out.display();
+    let words = format!(
+        "A challenge is in {dir}; its answer is sealed (SHA-256 {commitment}).\n\
+         Where does the model fail?   vitreo-uq compare {dir}\n\
+         What is missing?             vitreo-uq diagnose {dir}\n\
+         Was that right?              vitreo-uq challenge reveal {dir}\n"
+    );
+    crate::output::show(None, &(), &words)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// A seed that nobody knows: hash maps get their keys from the operating system.
+fn seed_of_the_system() -> u64 {
+    RandomState::new().build_hasher().finish()
+}
+
+/// The member of a list that has a name.
+fn named<T: Copy>(option: &str, text: &str, all: &[T], name: impl Fn(T) -> &'static str) -> Result<T> {
+    all.iter().copied().find(|one| name(*one) == text).ok_or_else(|| {
+        let names: Vec<&str> = all.iter().map(|one| name(*one)).collect();
+        Error::input(
+            Place::option(option),
+            format!("there is no `{text}`"),
+            format!("give one of {}", names.join(", ")),
+        )
+    })
+}
+
+fn strength(text: Option<&str>, stream: &mut RandomStream) -> Result<Option<f64>> {
+    match text {
+        None => Ok(Some(10.0 * 4_f64.powf(stream.unit()))),
+        Some("prior") => Ok(None),
+        Some(text) => match text.parse::<f64>() {
+            Ok(sigma) if (0.5..=1e3).contains(&sigma) => Ok(Some(sigma)),
+            _ => Err(Error::input(
+                Place::option("--strength"),
+                format!("`{text}`"),
+                "give a number from 0.5 to 1000, or `prior`",
+            )),
+        },
+    }
+}
+
+fn hidden(arguments: &NewArguments, bench: &Bench, protocol: Protocol, stream: &mut RandomStream) -> Result<Hidden> {
+    let suited: Vec<OutsideKind> = OutsideKind::ALL.into_iter().filter(|kind| kind.suits(protocol)).collect();
+    // Those that change the displacement field only rescale the law in a creep test of one body.
+    let effects = bench.library().effects().iter().filter(|effect| !effect.changes_field());
+    let slugs: Vec<String> = effects.map(|effect| effect.slug().to_string()).collect();
+    if let Some(slug) = &arguments.effect {
+        return Ok(Hidden::Effects(vec![slug.clone()]));
+    }
+    if !arguments.pair.is_empty() {
+        return match arguments.pair.as_slice() {
+            [a, b] if a != b => Ok(Hidden::Effects(vec![a.clone(), b.clone()])),
+            _ => Err(Error::input(
+                Place::option("--pair"),
+                arguments.pair.join(","),
+                "give two different effects, as in `--pair softening,force-bias`",
+            )),
+        };
+    }
+    if let Some(Some(kind)) = &arguments.outside {
+        return Ok(Hidden::Outside(named("--outside", kind, &OutsideKind::ALL, OutsideKind::name)?));
+    }
+    let choice = stream.unit();
+    if arguments.none || (arguments.outside.is_none() && choice < 0.15) {
+        return Ok(Hidden::Nothing);
+    }
+    if arguments.outside.is_some() || choice < 0.3 {
+        return Ok(Hidden::Outside(suited[stream.below(suited.len())]));
+    }
+    let (a, b) = stream.distinct_pair(slugs.len());
+    let chosen = if choice < 0.45 { vec![slugs[a].clone(), slugs[b].clone()] } else { vec![slugs[a].clone()] };
+    Ok(Hidden::Effects(chosen))
+}
+
+fn reveal(arguments: &RevealArguments) -> Result<ExitCode> {
+    crate::output::check(arguments.json.as_deref())?;
+    let opened = files::reveal(&arguments.dir)?;
+    let diagnosis = diagnosis_of(&opened, arguments.study.as_deref())?;
+    let judged = diagnosis.map(|diagnosis| {
+        let truth = opened.answer.truth.clone();
+        // Only what was said is looked at here, not the error on the scored cycle.
+        (plays::judged(0, Sort::of(&truth), truth, &diagnosis), diagnosis)
+    });
+    let words = words_of_truth(&opened, judged.as_ref());
+    let body = serde_json::json!({
+        "truth": opened.answer.truth,
+        "commitment_sha256": opened.commitment_sha256,
+        "right": judged.as_ref().map(|(play, _)| play.is_right()),
+        "said": judged.as_ref().map(|(play, _)| play.said.clone()),
+    });
+    let provenance = Provenance::new("challenge-answer", 1, 0, BTreeMap::new());
+    crate::output::show(arguments.json.as_deref(), &WithProvenance { provenance, body }, &words)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The first diagnosis of a study of the challenge's data; `None` where there is no study or none in it.
+fn diagnosis_of(opened: &Opened, study: Option<&Path>) -> Result<Option<Diagnosis>> {
+    let id = files::specimen_id(&opened.commitment_sha256);
+    let dir = study.map_or_else(|| Study::default_dir(&id), Path::to_path_buf);
+    if study.is_none() && !Study::is_study(&dir) {
+        return Ok(None);
+    }
+    let study = Study::open(&dir)?;
+    if !study.inputs_sha256().values().any(|hash| *hash == opened.answer.trajectory_sha256) {
+        return Err(Error::input(
+            Place::option("--study"),
+            format!("{} is a study of other data", dir.display()),
+            "give the study that `vitreo-uq diagnose` made of this challenge",
+        ));
+    }
+    for revision in study.revisions()? {
+        let path = study.revision_dir(&revision)?.join("diagnosis.json");
+        let Ok(bytes) = std::fs::read(&path) else { continue };
+        let read = serde_json::from_slice::<WithProvenance<Diagnosis>>(&bytes);
+        return read.map(|document| Some(document.body)).map_err(|error| {
+            Error::input(
+                Place::file(&path).at_line(error.line()),
+                format!("this is no diagnosis of this program: {error}"),
+                "run `vitreo-uq diagnose` again",
+            )
+        });
+    }
+    Ok(None)
+}
+
+fn play(arguments: &RunArguments) -> Result<ExitCode> {
+    use_threads(arguments.threads)?;
+    crate::output::check(arguments.json.as_deref())?;
+    let many = |texts: &[String], all: Vec<String>| if texts.is_empty() { all } else { texts.to_vec() };
+    let protocols = many(&arguments.protocol, Protocol::ALL.map(|p| p.name().to_string()).to_vec());
+    let noises = many(&arguments.noise_kind, NoiseKind::ALL.map(|n| n.name().to_string()).to_vec());
+    let protocol = |text: &String| named("--protocol", text, &Protocol::ALL, Protocol::name);
+    let noise = |text: &String| named("--noise-kind", text, &NoiseKind::ALL, NoiseKind::name);
+    let request = PlaysRequest {
+        count: arguments.count,
+        signals_sigma: arguments.signal.clone(),
+        only: arguments.only.map(OnlySort::sort),
+        effects: arguments.effect.clone(),
+        protocols: protocols.iter().map(protocol).collect::<Result<_>>()?,
+        noises: noises.iter().map(noise).collect::<Result<_>>()?,
+        seed: arguments.seed,
+    };
+    let terminal = Terminal::new(arguments.quiet);
+    let bench = Bench::new(&terminal)?;
+    let cache = arguments.cache.clone().or_else(user_cache);
+    let said = |subject: &Subject, seed: u64| {
+        let request = DiagnosisRequest { seed, in_full: false, ..DiagnosisRequest::default() };
+        Ok(diagnose(subject, &request, &Silent)?.diagnosis)
+    };
+    let plays = plays::run(&bench, &request, cache.as_deref(), &said, &terminal)?;
+    terminal.finish();
+    let provenance = Provenance::new("challenge", 1, arguments.seed, BTreeMap::new());
+    let words = words_of_plays(&plays.tally);
+    crate::output::show(arguments.json.as_deref(), &WithProvenance { provenance, body: &plays }, &words)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The place for trajectories in the user's cache directory; `None` where the system names none.
+fn user_cache() -> Option<PathBuf> {
+    let set = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
+    let folder = set("XDG_CACHE_HOME").or_else(|| set("LOCALAPPDATA")).or_else(|| Some(set("HOME")?.join(".cache")))?;
+    Some(folder.join("vitreo-uq").join("challenge"))
+}

@@ -1,0 +1,108 @@
+//! What `challenge` says.
+
+use std::collections::BTreeMap;
+
+use vitreo_uq::critique::challenge::files::Opened;
+use vitreo_uq::critique::challenge::plays::Play;
+use vitreo_uq::critique::challenge::tally::Tally;
+use vitreo_uq::critique::diagnosis::Diagnosis;
+
+use crate::text::significant;
+
+/// The answer of one challenge, and what a diagnosis said of it.
+pub fn words_of_truth(opened: &Opened, judged: Option<&(Play, Diagnosis)>) -> String {
+    let truth = &opened.answer.truth;
+    let mut lines = vec![format!("The seal is whole: the answer has the hash {}.", opened.commitment_sha256)];
+    let [e, c1, c2] = truth.law.map(significant);
+    match &truth.outside {
+        Some(outside) => lines.push(format!("Hidden: {}, which is not of the library.", outside.kind.name())),
+        None if truth.effects.is_empty() => lines.push("Hidden: nothing.".into()),
+        None => {}
+    }
+    for effect in &truth.effects {
+        let values: Vec<String> =
+            effect.parameters.iter().map(|p| format!("{} = {}", p.name, significant(p.value))).collect();
+        lines.push(format!(
+            "Hidden: {} ({}), a signal of {} standard deviations.",
+            effect.slug,
+            values.join(", "),
+            significant(effect.signal_sigma)
+        ));
+    }
+    if truth.ideal_class.len() > truth.effects.len() {
+        lines.push(format!("This experiment cannot tell these apart: {}.", truth.ideal_class.join(", ")));
+    }
+    lines.push(format!(
+        "Law: E = {e} Pa, c1 = {c1} Pa s, c2 = {c2} Pa s; noise: {}; protocol: {}.",
+        truth.noise.name(),
+        truth.protocol.name()
+    ));
+    match judged {
+        None => lines.push("There is no diagnosis of these data yet: `vitreo-uq diagnose` makes one.".into()),
+        Some((play, diagnosis)) => {
+            lines.push(String::new());
+            lines.push(format!("The diagnosis said: {}", diagnosis.verdict.sentence));
+            lines.push(if play.is_right() { "That is right.".into() } else { "That is not right.".into() });
+            lines.extend(play.size_covered.map(|covered| {
+                let word = if covered { "lies" } else { "does not lie" };
+                format!("The true size {word} in its 90 % interval.")
+            }));
+        }
+    }
+    lines.join("\n") + "\n"
+}
+
+/// What many plays came to.
+pub fn words_of_plays(tally: &Tally) -> String {
+    let mut lines = vec![format!("{} challenges were played.", tally.played), String::new()];
+    let mut rows: BTreeMap<&str, Vec<(&str, usize)>> = BTreeMap::new();
+    for entry in &tally.confusion {
+        rows.entry(&entry.truth).or_default().push((&entry.said, entry.count));
+    }
+    lines.push(format!("  {:<44}{:>6}   said", "hidden", "played"));
+    for (truth, mut said) in rows {
+        said.sort_by(|a, b| b.1.cmp(&a.1).then(a.0.cmp(b.0)));
+        let total: usize = said.iter().map(|(_, count)| count).sum();
+        let said: Vec<String> = said.iter().map(|(what, count)| format!("{what} {count}")).collect();
+        lines.push(format!("  {truth:<44}{total:>6}   {}", said.join(", ")));
+    }
+    lines.push(String::new());
+    let percent = |value: f64| format!("{:.1} %", 100.0 * value);
+    let rates = [
+        ("one hidden effect: in the reported class", tally.class_coverage),
+        ("one hidden effect: first, but for what cannot be told from it", tally.first_place_separated),
+        ("its true size in the 90 % interval", tally.interval_coverage_90),
+        ("two hidden effects: both in the reported class", tally.pair_coverage),
+        ("rightly named: held-out error within 1.1 of the noise", tally.heldout_at_noise),
+        ("nothing hidden: an effect claimed", tally.false_claims),
+        ("nothing hidden: called unexplained", tally.false_unexplained),
+        ("outside the library: called unexplained", tally.unexplained_called),
+        ("outside the library: silently called an effect", tally.misattributed),
+    ];
+    lines.extend(rates.iter().filter_map(|(what, rate)| Some(format!("  {what:<64}{:>8}", percent((*rate)?)))));
+    if let (Some(size), Some(ideal)) = (tally.mean_class_size, tally.ideal_class_size) {
+        lines.push(format!("  {:<64}{size:>8.2}", "mean size of the class"));
+        lines.push(format!("  {:<64}{ideal:>8.2}", "  as large as this experiment makes it"));
+    }
+    if tally.failed > 0 {
+        lines.push(format!("  {} diagnoses failed; `--json` says why.", tally.failed));
+    }
+    lines.push(String::new());
+    lines.push(format!(
+        "  {:<11}{:<9}{:<10}{:>8}{:>8}{:>8}{:>9}",
+        "sort", "protocol", "noise", "signal", "played", "right", "claimed"
+    ));
+    lines.extend(tally.groups.iter().map(|group| {
+        let signal = group.signal_sigma.map_or("–".into(), |sigma| sigma.to_string());
+        format!(
+            "  {:<11}{:<9}{:<10}{signal:>8}{:>8}{:>8}{:>9}",
+            group.sort.name(),
+            group.protocol.name(),
+            group.noise.name(),
+            group.played,
+            group.right,
+            group.claimed
+        )
+    }));
+    lines.join("\n") + "\n"
+}

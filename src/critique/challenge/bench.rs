@@ -1,0 +1,354 @@
+//! Where truths are drawn.
+
+use super::super::{Candidate, Search, Subject};
+use super::strength::{SEPARATION_SIGMA, distance_sigma, scaled_to};
+use super::{Disturbance, Hidden, HiddenEffect, NamedValue, NoiseKind, OutsideKind, Protocol, Truth};
+use crate::effects::Library;
+use crate::error::{Error, Place, Result};
+use crate::experiment::{Apparatus, Experiment, Record};
+use crate::inference::ensemble::RandomStream;
+use crate::model::Compliance;
+use crate::study::ModelSpecification;
+use crate::workflow::Monitor;
+use crate::workflow::problem::Problem;
+use crate::workflow::replica::{TABLE_I, embedded};
+
+/// What to hide, in which experiment.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Order {
+    /// What to hide.
+    pub hidden: Hidden,
+    /// Protocol.
+    pub protocol: Protocol,
+    /// Noise.
+    pub noise: NoiseKind,
+    /// Signal in standard deviations that each hidden thing shall have; `None` for a size from the effect's prior.
+    pub strength_sigma: Option<f64>,
+}
+
+/// The reference apparatus with its reduced model, on which truths are drawn and sized.
+pub struct Bench {
+    problem: Problem,
+    compliance: Compliance,
+    library: Library,
+}
+
+/// Elastic displacement, retardation time and flow of a drawn law lie within these factors of Table I's.
+const LARGEST_FACTOR: f64 = 2.0;
+const LONGEST_FACTOR: f64 = 3.0;
+/// Laws, signs and shapes that are tried before a signal is called out of reach.
+const MOST_DRAWS: usize = 40;
+/// Sizes stay where the prior leaves this on either side.
+const SIZE_TAIL: f64 = 1e-3;
+
+/// A law's motion, ready to have something added.
+struct Motion {
+    subject: Subject,
+    base: Candidate,
+    theta: Vec<f64>,
+    noise: [f64; 5],
+}
+
+impl Bench {
+    /// Meshes the reference apparatus and trains its reduced model for all effects of the library.
+    ///
+    /// # Errors
+    /// Whatever the training refuses.
+    pub fn new(monitor: &dyn Monitor) -> Result<Self> {
+        let (replica, _) = embedded()?;
+        let library = Library::default();
+        let problem = Problem::new(replica, ModelSpecification::default(), None, monitor)?;
+        let compliance = Subject::new(&problem, &library, None, monitor)?.compliance().clone();
+        Ok(Self { problem, compliance, library })
+    }
+
+    /// The library.
+    pub fn library(&self) -> &Library {
+        &self.library
+    }
+
+    /// The reference apparatus.
+    pub fn apparatus(&self) -> &Apparatus {
+        &self.problem.experiment.apparatus
+    }
+
+    /// A subject of the diagnosis: an experiment on the reference apparatus, under the default base model.
+    ///
+    /// # Errors
+    /// As [`Subject::with_compliance`].
+    pub fn subject(&self, experiment: Experiment) -> Result<Subject> {
+        let problem = self.problem.with(experiment, self.problem.specification.clone(), &self.library)?;
+        Subject::with_compliance(&problem, &self.library, self.compliance.clone())
+    }
+
+    /// The subject of a protocol and positions (m, one a row).
+    ///
+    /// # Errors
+    /// As [`Bench::subject`].
+    pub fn subject_of(&self, protocol: Protocol, position_m: &[f64]) -> Result<Subject> {
+        self.subject(protocol.experiment("challenge", self.apparatus().clone(), position_m))
+    }
+
+    /// Draws a truth. The same order and stream give the same truth.
+    ///
+    /// # Errors
+    /// [`Error::Input`] where there is no such effect, or the signal asked for is out of its reach.
+    pub fn draw(&self, order: &Order, stream: &mut RandomStream) -> Result<Truth> {
+        if let Hidden::Outside(kind) = order.hidden
+            && !kind.suits(order.protocol)
+        {
+            return Err(unsuited(kind));
+        }
+        let order = &self.in_order_of_application(order)?;
+        for _ in 0..MOST_DRAWS {
+            let motion = self.motion(order, self.law(stream))?;
+            if let Some(truth) = self.with_hidden(order, &motion, stream)? {
+                return Ok(truth);
+            }
+        }
+        Err(out_of_reach(order))
+    }
+
+    /// Effects in the library's order, which is that of a model's parameters.
+    fn in_order_of_application(&self, order: &Order) -> Result<Order> {
+        let Hidden::Effects(slugs) = &order.hidden else { return Ok(order.clone()) };
+        if let Some(unknown) = slugs.iter().find(|slug| self.library.get(slug).is_none()) {
+            return Err(Error::input(
+                Place::option("--effect"),
+                format!("there is no effect `{unknown}`"),
+                "name effects that `vitreo-uq effects` lists",
+            ));
+        }
+        let known = self.library.effects().iter().map(|effect| effect.slug());
+        let sorted: Vec<String> = known.filter(|slug| slugs.iter().any(|s| s == slug)).map(String::from).collect();
+        Ok(Order { hidden: Hidden::Effects(sorted), ..order.clone() })
+    }
+
+    /// A law from the prior, given that elastic displacement, retardation time and flow are within factors of Table I's: so that the motion is like that
+    /// of an experiment, and none of its parts is over before the first sample or hidden in the noise.
+    fn law(&self, stream: &mut RandomStream) -> [f64; 3] {
+        let priors = self.problem.priors.priors();
+        let within = |value: f64, reference: f64, factor: f64| (value / reference).ln().abs() <= f64::ln(factor);
+        let [modulus_pa, viscosity_1_pa_s, viscosity_2_pa_s] = TABLE_I;
+        for _ in 0..10_000 {
+            let [e, c1, c2]: [f64; 3] = std::array::from_fn(|k| priors[k].distribution.quantile(stream.unit()));
+            if within(e, modulus_pa, LARGEST_FACTOR)
+                && within(c1 / e, viscosity_1_pa_s / modulus_pa, LONGEST_FACTOR)
+                && within(c2 / e, viscosity_2_pa_s / modulus_pa, LONGEST_FACTOR)
+            {
+                return [e, c1, c2];
+            }
+        }
+        // A draw in about thirty is taken, so that this is out of reach.
+        TABLE_I
+    }
+
+    fn motion(&self, order: &Order, law: [f64; 3]) -> Result<Motion> {
+        let n_rows = order.protocol.record().n_rows();
+        let still = self.subject_of(order.protocol, &vec![0.0; n_rows])?;
+        let theta_of = |base: &Candidate| base.free.iter().map(|free| free.coordinate.theta(law[free.index])).collect();
+        let base = still.base();
+        let theta: Vec<f64> = theta_of(&base);
+        let position_m = still.trajectory_m(&base, &theta)?;
+        // Once more, so that priors that are scaled by the range of positions are those of this motion.
+        let subject = self.subject_of(order.protocol, &position_m)?;
+        let base = subject.base();
+        Ok(Motion { theta: theta_of(&base), subject, base, noise: order.noise.parameters() })
+    }
+
+    fn with_hidden(&self, order: &Order, motion: &Motion, stream: &mut RandomStream) -> Result<Option<Truth>> {
+        let mut law = [0.0; 3];
+        law.copy_from_slice(&motion.base.parameters(&motion.theta)[..3]);
+        let mut truth = Truth {
+            protocol: order.protocol,
+            noise: order.noise,
+            law,
+            effects: Vec::new(),
+            outside: None,
+            apparatus: None,
+            outside_sigma: None,
+            ideal_class: Vec::new(),
+        };
+        match &order.hidden {
+            Hidden::Nothing => {}
+            Hidden::Apparatus(error) => truth.apparatus = Some(*error),
+            Hidden::Effects(slugs) => {
+                let Some((effects, data)) = motion.with_effects(slugs, order.strength_sigma, stream)? else {
+                    return Ok(None);
+                };
+                truth.ideal_class = motion.ideal_class(&data, slugs, &self.library)?;
+                truth.effects = effects;
+            }
+            Hidden::Outside(kind) => {
+                let asked_sigma = order.strength_sigma.unwrap_or(20.0);
+                let drawn = Disturbance::draw(*kind, stream);
+                let Some((disturbance, sigma)) = motion.with_outside(&drawn, asked_sigma)? else { return Ok(None) };
+                let data = motion.disturbed(&disturbance)?;
+                // What an effect of the library would explain is not outside.
+                if !motion.ideal_class(&data, &[], &self.library)?.is_empty() {
+                    return Ok(None);
+                }
+                (truth.outside, truth.outside_sigma) = (Some(disturbance), Some(sigma));
+            }
+        }
+        Ok(Some(truth))
+    }
+}
+
+impl Motion {
+    fn record(&self) -> &Record {
+        &self.subject.experiment().record
+    }
+
+    fn distance_sigma(&self, data: &Subject, candidate: &Candidate, start: &[f64], search: Search) -> Result<f64> {
+        distance_sigma(data, candidate, &[start.to_vec()], self.noise, search)
+    }
+
+    /// Effects at sizes of the signal asked for, each given the others, and noise-free data with them; `None` where that is out of reach.
+    fn with_effects(
+        &self,
+        slugs: &[String],
+        asked_sigma: Option<f64>,
+        stream: &mut RandomStream,
+    ) -> Result<Option<(Vec<HiddenEffect>, Subject)>> {
+        let names: Vec<&str> = slugs.iter().map(String::as_str).collect();
+        let candidate = self.subject.extended(&names)?;
+        let mut theta = candidate.embed(&self.base, &self.theta);
+        // Coordinate, null and signed reach of each effect's size.
+        let mut sizes: Vec<(usize, f64, f64)> = Vec::new();
+        for (k, free) in candidate.free.iter().enumerate().filter(|(_, free)| free.effect.is_some()) {
+            let [lower, upper] = [free.quantile(SIZE_TAIL), free.quantile(1.0 - SIZE_TAIL)];
+            let uniform = stream.unit();
+            match free.null {
+                Some(null) => {
+                    let is_upward = if free.is_one_sided() { null == free.ends[0] } else { uniform < 0.5 };
+                    sizes.push((k, null, if is_upward { upper - null } else { lower - null }));
+                    theta[k] = free.quantile(uniform);
+                }
+                None => theta[k] = free.quantile(0.05 + 0.9 * uniform),
+            }
+        }
+        let data_at =
+            |theta: &[f64]| self.subject.trajectory_m(&candidate, theta).map(|x| self.subject.with_positions(&x));
+        let others: Vec<Candidate> = (0..names.len())
+            .map(|left_out| {
+                let kept: Vec<&str> = (0..names.len()).filter(|k| *k != left_out).map(|k| names[k]).collect();
+                self.subject.extended(&kept)
+            })
+            .collect::<Result<_>>()?;
+        let signals = |theta: &[f64]| -> Option<Vec<f64>> {
+            let data = data_at(theta).ok()?;
+            let signal = |other: &Candidate| {
+                // What the smaller model has of the truth.
+                let place = |name: &str| candidate.free.iter().position(|free| free.name == name);
+                let start: Vec<f64> =
+                    other.free.iter().map(|free| place(free.name).map_or(0.0, |k| theta[k])).collect();
+                self.distance_sigma(&data, other, &start, Search::Local).ok()
+            };
+            others.iter().map(signal).collect()
+        };
+        let (theta, signals_sigma) = match asked_sigma {
+            None => {
+                let Some(found) = signals(&theta) else { return Ok(None) };
+                (theta, found)
+            }
+            Some(asked_sigma) => {
+                let at = |reach: &[f64]| {
+                    let mut theta = theta.clone();
+                    for ((k, null, whole), share) in sizes.iter().zip(reach) {
+                        theta[*k] = null + whole * share;
+                    }
+                    theta
+                };
+                let n = sizes.len();
+                match scaled_to(asked_sigma, vec![0.1; n], &vec![1.0; n], |reach| signals(&at(reach))) {
+                    Some((reach, found)) => (at(&reach), found),
+                    None => return Ok(None),
+                }
+            }
+        };
+        let values = candidate.parameters(&theta);
+        let effect = |(place, slug): (usize, &String)| HiddenEffect {
+            slug: slug.clone(),
+            parameters: candidate
+                .free
+                .iter()
+                .filter(|free| free.effect == Some(place))
+                .map(|free| NamedValue { name: free.name.into(), value: values[free.index] })
+                .collect(),
+            signal_sigma: signals_sigma[place],
+        };
+        let effects = candidate.effects.iter().enumerate().map(effect).collect();
+        Ok(Some((effects, data_at(&theta)?)))
+    }
+
+    /// Noise-free data with a disturbance.
+    fn disturbed(&self, disturbance: &Disturbance) -> Result<Subject> {
+        let record = self.record();
+        let mut experiment = self.subject.experiment().clone();
+        experiment.record.force_n = disturbance.force_n(record);
+        let problem = self.subject.problem();
+        let acting = problem.with(experiment, self.subject.specification().clone(), self.subject.library())?;
+        let acting = Subject::with_compliance(&acting, self.subject.library(), self.subject.compliance().clone())?;
+        let position_m = acting.trajectory_m(&acting.base(), &self.theta)?;
+        Ok(self.subject.with_positions(&disturbance.recorded_m(record, &position_m)))
+    }
+
+    fn with_outside(&self, drawn: &Disturbance, asked_sigma: f64) -> Result<Option<(Disturbance, f64)>> {
+        let at = |sizes: &[f64]| drawn.sized(drawn.size * sizes[0]);
+        let signals = |sizes: &[f64]| {
+            let data = self.disturbed(&at(sizes)).ok()?;
+            self.distance_sigma(&data, &self.base, &self.theta, Search::Local).ok().map(|sigma| vec![sigma])
+        };
+        let found = scaled_to(asked_sigma, vec![1.0], &[20.0], signals);
+        Ok(found.map(|(sizes, sigma)| (at(&sizes), sigma[0])))
+    }
+
+    /// Effects that cannot be told from the hidden ones by noise-free data: alone, or in the place of one of a pair.
+    fn ideal_class(&self, data: &Subject, hidden: &[String], library: &Library) -> Result<Vec<String>> {
+        let mut class = Vec::new();
+        for effect in library.effects() {
+            let slug = effect.slug();
+            let hidden: Vec<&str> = hidden.iter().map(String::as_str).collect();
+            let mut models = vec![vec![slug]];
+            if let [a, b] = hidden[..] {
+                models.extend([vec![slug, b], vec![a, slug]]);
+            }
+            let explains = |model: &Vec<&str>| {
+                // What cannot stand together, or with this law, is no candidate.
+                let Ok(candidate) = self.subject.extended(model) else { return false };
+                let start = candidate.embed(&self.base, &self.theta);
+                self.distance_sigma(data, &candidate, &start, Search::Wide).is_ok_and(|sigma| sigma < SEPARATION_SIGMA)
+            };
+            if hidden.contains(&slug) || models.iter().any(explains) {
+                class.push(slug.to_string());
+            }
+        }
+        Ok(class)
+    }
+}
+
+fn unsuited(kind: OutsideKind) -> Error {
+    Error::input(
+        Place::option("--outside"),
+        format!(
+            "`{}` is no unknown physics with the paper's protocol: with one force level it is a delay or a scale",
+            kind.name()
+        ),
+        "ask for `--protocol levels`, or leave the kind away",
+    )
+}
+
+fn out_of_reach(order: &Order) -> Error {
+    let what = match &order.hidden {
+        Hidden::Effects(slugs) => slugs.join(" and "),
+        Hidden::Outside(kind) => kind.name().into(),
+        _ => "this".into(),
+    };
+    let strength = order.strength_sigma.map_or(String::new(), |sigma| format!(" by {sigma} standard deviations"));
+    Error::input(
+        Place::option("--strength"),
+        format!("{what} cannot be made to show{strength} under the {} protocol", order.protocol.name()),
+        "ask for less, for another effect, or for the other protocol; `vitreo-uq effects` says what an experiment can see",
+    )
+}

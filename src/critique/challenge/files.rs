@@ -1,0 +1,171 @@
+//! The directory of a sealed challenge: an experiment, the sealed answer, and the hash that was written before either.
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use super::full_order::trajectories_m;
+use super::seal::{SALT_BYTES, Sealed, open, seal};
+use super::{Bench, Order, Truth};
+use crate::error::{Error, Place, Result};
+use crate::experiment::{Apparatus, Record, RobotShape};
+use crate::files::{write_atomically, write_json_atomically};
+use crate::inference::ensemble::RandomStream;
+use crate::study::sha256_hex;
+use crate::workflow::Monitor;
+
+/// The hash of salt and answer; written first.
+pub const COMMITMENT_FILE: &str = "commitment.sha256";
+/// The sealed answer.
+pub const SEALED_FILE: &str = "sealed.json";
+/// How the experiment's comment begins that repeats the hash.
+const COMMENT: &str = "# Sealed answer, SHA-256: ";
+
+/// What is sealed.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Answer {
+    /// What the data were made from.
+    pub truth: Truth,
+    /// SHA-256 of `trajectory.csv`, so that the answer belongs to these data and no others.
+    pub trajectory_sha256: String,
+}
+
+/// A challenge that was opened.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Opened {
+    /// What was sealed.
+    pub answer: Answer,
+    /// The hash that was committed to.
+    pub commitment_sha256: String,
+}
+
+/// Makes a challenge in a directory that does not exist or is empty: draws the truth, runs full finite elements, adds noise, seals the answer. The random
+/// numbers are those of `seed`. Returns the hash; nothing of the answer.
+///
+/// # Errors
+/// [`Error::Input`] where the directory is in use or the order cannot be met; [`Error::File`] where it cannot be written.
+pub fn make(dir: &Path, bench: &Bench, order: &Order, seed: u64, monitor: &dyn Monitor) -> Result<String> {
+    check_place(dir)?;
+    let truth = bench.draw(order, &mut RandomStream::new(seed, 0))?;
+    let record = truth.protocol.record();
+    let position_m = trajectories_m(bench, std::slice::from_ref(&truth), None, monitor)?.remove(0);
+    let noise_m = truth.noise.draw(&record, &position_m, &mut RandomStream::new(seed, 1));
+    let measured_m: Vec<f64> = position_m.iter().zip(&noise_m).map(|(x, noise)| x + noise).collect();
+    let csv = trajectory_csv(&record, &measured_m);
+    let mut salt = [0; SALT_BYTES];
+    let mut stream = RandomStream::new(seed, 2);
+    salt.chunks_mut(4).for_each(|part| part.copy_from_slice(&stream.word().to_le_bytes()));
+    let answer = Answer { truth, trajectory_sha256: sha256_hex(csv.as_bytes()) };
+    let bytes = serde_json::to_vec(&answer).map_err(|error| {
+        Error::numerical(format!("the answer is no JSON: {error}"), "report the command that was run")
+    })?;
+    let sealed = seal(&salt, &bytes);
+    let toml = experiment_toml(bench.apparatus(), &sealed.commitment_sha256);
+    std::fs::create_dir_all(dir).map_err(|source| Error::at_path("create", dir, source, "give another `--out`"))?;
+    write_atomically(&dir.join(COMMITMENT_FILE), format!("{}\n", sealed.commitment_sha256).as_bytes())?;
+    write_json_atomically(&dir.join(SEALED_FILE), &sealed)?;
+    write_atomically(&dir.join("trajectory.csv"), csv.as_bytes())?;
+    write_atomically(&dir.join("experiment.toml"), toml.as_bytes())?;
+    Ok(sealed.commitment_sha256)
+}
+
+/// Refuses a directory that holds anything.
+///
+/// # Errors
+/// [`Error::Input`].
+pub fn check_place(dir: &Path) -> Result<()> {
+    let is_free = match std::fs::read_dir(dir) {
+        Ok(mut entries) => entries.next().is_none(),
+        Err(_) => !dir.exists(),
+    };
+    if is_free {
+        return Ok(());
+    }
+    Err(Error::input(
+        Place::option("--out"),
+        format!("{} is not an empty directory", dir.display()),
+        "give a directory that does not exist yet; a challenge replaces nothing",
+    ))
+}
+
+/// Opens a challenge and checks that neither the answer nor the data have changed since the hash was written.
+///
+/// # Errors
+/// [`Error::Input`] with the file that does not fit; [`Error::File`] where one cannot be read.
+pub fn reveal(dir: &Path) -> Result<Opened> {
+    let text = |name: &str| {
+        let path = dir.join(name);
+        std::fs::read_to_string(&path).map_err(|source| {
+            Error::at_path("read", path, source, "give the directory that `vitreo-uq challenge new` made")
+        })
+    };
+    let refuse = |name: &str, found: &str| {
+        Err(Error::input(
+            Place::file(dir.join(name)),
+            found,
+            "restore the directory as `vitreo-uq challenge new` made it; as it stands, it proves nothing",
+        ))
+    };
+    let commitment = text(COMMITMENT_FILE)?.trim().to_string();
+    let Ok(sealed) = serde_json::from_str::<Sealed>(&text(SEALED_FILE)?) else {
+        return refuse(SEALED_FILE, "this is no sealed answer");
+    };
+    if sealed.commitment_sha256 != commitment {
+        return refuse(SEALED_FILE, "this is not the answer whose hash commitment.sha256 holds");
+    }
+    if !text("experiment.toml")?.lines().any(|line| line.strip_prefix(COMMENT) == Some(commitment.as_str())) {
+        return refuse("experiment.toml", "its comment does not hold the hash of commitment.sha256");
+    }
+    let Some(answer) = open(&sealed).and_then(|bytes| serde_json::from_slice::<Answer>(&bytes).ok()) else {
+        return refuse(SEALED_FILE, "the answer does not have the hash that was committed to");
+    };
+    if sha256_hex(text("trajectory.csv")?.as_bytes()) != answer.trajectory_sha256 {
+        return refuse("trajectory.csv", "these are not the data that the answer belongs to");
+    }
+    Ok(Opened { answer, commitment_sha256: commitment })
+}
+
+/// Specimen identifier of the challenge with a hash.
+pub fn specimen_id(commitment: &str) -> String {
+    format!("challenge-{}", commitment.get(..8).unwrap_or(commitment))
+}
+
+fn trajectory_csv(record: &Record, measured_m: &[f64]) -> String {
+    let mut csv = String::from("time_s,force_uN,position_um,cycle\n");
+    for (row, position_m) in measured_m.iter().enumerate() {
+        let (time_s, force_un) = (record.time_s[row], 1e6 * record.force_n[row]);
+        csv += &format!("{time_s:.2},{force_un:.2},{:.3},{}\n", 1e6 * position_m, record.cycle[row]);
+    }
+    csv
+}
+
+fn experiment_toml(apparatus: &Apparatus, commitment: &str) -> String {
+    let decimal = |value: f64| format!("{value:.10e}").parse::<f64>().unwrap_or(value);
+    let of_apparatus = match apparatus {
+        Apparatus::Instrument { compliance_per_m } => format!("[instrument]\ncompliance_per_m = {compliance_per_m}\n"),
+        Apparatus::Robot { robot, vitreous } => {
+            let diameter_m = match robot.shape {
+                RobotShape::Sphere { diameter_m }
+                | RobotShape::Ellipsoid { diameter_m, .. }
+                | RobotShape::Cylinder { diameter_m, .. } => diameter_m,
+            };
+            format!(
+                "[robot]\nshape = \"sphere\"\ndiameter_mm = {}\ndensity_kg_m3 = {}\n\n[vitreous]\ndiameter_mm = {}\npoisson_ratio = {}\ndensity_kg_m3 = {}\n",
+                decimal(1e3 * diameter_m),
+                robot.density_kg_m3,
+                decimal(1e3 * vitreous.diameter_m),
+                vitreous.poisson_ratio,
+                vitreous.density_kg_m3
+            )
+        }
+    };
+    format!(
+        "# SYNTHETIC. A challenge: data by full finite elements on a finer mesh and time step than the program's own, plus noise. Something may be hidden\n\
+         # in them. `vitreo-uq challenge reveal` opens the answer, which was sealed before the data were written.\n\
+         {COMMENT}{commitment}\n\
+         [specimen]\nid = \"{}\"\nspecies = \"porcine\"\n\n{of_apparatus}\n\
+         [measurement]\nfile = \"trajectory.csv\"\ncalibration_cycles = [1]\nheldout_cycles = [2, 3, 4]\nnoise_um = 4.0\n\
+         source = \"synthetic: full finite elements, with a sealed answer\"\n",
+        specimen_id(commitment)
+    )
+}

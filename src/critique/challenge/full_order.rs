@@ -1,0 +1,154 @@
+//! Noise-free trajectories by full finite elements, kept on disk.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use rayon::prelude::*;
+
+use super::{ApparatusError, Bench, Truth};
+use crate::error::{Error, Result};
+use crate::experiment::Apparatus;
+use crate::fe::Stiffness;
+use crate::fe::stepping::Resolution;
+use crate::fe::time::FullOrderModel;
+use crate::files::write_atomically;
+use crate::number::Dual;
+use crate::study::{ModelSpecification, sha256_hex};
+use crate::workflow::Monitor;
+use crate::workflow::mechanics::{MODEL_LEVEL, sphere_mesh};
+
+/// Mesh level of the data; the fitted model stands one level below.
+pub const DATA_LEVEL: usize = MODEL_LEVEL + 1;
+/// The data's time steps are this much shorter.
+const FINER_STEPS: u32 = 2;
+
+/// Position (m) at every row for each truth, without noise: full finite elements on a finer mesh and with finer time steps than the fitted model's. Those
+/// in the directory `cache` are read, others are computed, and kept there.
+///
+/// # Errors
+/// [`Error::Numerical`] where a truth has no full-order model; [`Error::File`] where the cache cannot be written.
+pub fn trajectories_m(
+    bench: &Bench,
+    truths: &[Truth],
+    cache: Option<&Path>,
+    monitor: &dyn Monitor,
+) -> Result<Vec<Vec<f64>>> {
+    if let Some(folder) = cache {
+        std::fs::create_dir_all(folder).map_err(|source| {
+            Error::at_path("create", folder, source, "give a directory that can be written with `--cache`")
+        })?;
+    }
+    // Controls share their truths: each is computed once.
+    let keys: Vec<String> = truths.iter().map(key).collect();
+    let mut needed: BTreeMap<&str, &Truth> = BTreeMap::new();
+    let mut known: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
+    for (key, truth) in keys.iter().zip(truths) {
+        if needed.contains_key(key.as_str()) || known.contains_key(key.as_str()) {
+            continue;
+        }
+        match cache.and_then(|folder| read(&place(folder, key), truth.protocol.record().n_rows())) {
+            Some(position_m) => drop(known.insert(key, position_m)),
+            None => drop(needed.insert(key, truth)),
+        }
+    }
+    if !needed.is_empty() {
+        monitor.stage(&format!("full finite elements: {} trajectories on the finer mesh", needed.len()));
+        let workshop = Workshop::new(bench)?;
+        let full = FullOrderModel::new(&workshop.stiffness, workshop.poisson_ratio)?;
+        let computed: Vec<(&str, Vec<f64>)> = needed
+            .into_par_iter()
+            .map(|(key, truth)| Ok((key, workshop.trajectory_m(bench, &full, truth)?)))
+            .collect::<Result<_>>()?;
+        for (key, position_m) in computed {
+            if let Some(folder) = cache {
+                let bytes: Vec<u8> = position_m.iter().flat_map(|x| x.to_le_bytes()).collect();
+                write_atomically(&place(folder, key), &bytes)?;
+            }
+            known.insert(key, position_m);
+        }
+    }
+    Ok(keys.iter().map(|key| known[key.as_str()].clone()).collect())
+}
+
+/// Number of unknowns of the data's mesh.
+///
+/// # Errors
+/// Whatever meshing refuses.
+pub fn n_unknowns(bench: &Bench) -> Result<usize> {
+    Ok(Workshop::new(bench)?.stiffness.n_unknowns())
+}
+
+/// Hash of all that a trajectory depends on.
+fn key(truth: &Truth) -> String {
+    let parameters: Vec<_> = truth.effects.iter().map(|effect| (&effect.slug, &effect.parameters)).collect();
+    let text = format!(
+        "{} {DATA_LEVEL} {FINER_STEPS} {:?} {:?} {parameters:?} {:?} {:?}",
+        env!("CARGO_PKG_VERSION"),
+        truth.protocol,
+        truth.law,
+        truth.outside,
+        truth.apparatus
+    );
+    sha256_hex(text.as_bytes())
+}
+
+fn place(folder: &Path, key: &str) -> PathBuf {
+    folder.join(format!("{key}.f64"))
+}
+
+/// A kept trajectory; `None` where there is none or it is damaged.
+fn read(path: &Path, n_rows: usize) -> Option<Vec<f64>> {
+    let bytes = std::fs::read(path).ok()?;
+    let (numbers, []) = bytes.as_chunks::<8>() else { return None };
+    let position_m: Vec<f64> = numbers.iter().map(|number| f64::from_le_bytes(*number)).collect();
+    (position_m.len() == n_rows && position_m.iter().all(|x| x.is_finite())).then_some(position_m)
+}
+
+/// The finer finite elements.
+struct Workshop {
+    stiffness: Stiffness,
+    poisson_ratio: f64,
+    resolution: Resolution,
+}
+
+impl Workshop {
+    fn new(bench: &Bench) -> Result<Self> {
+        let Apparatus::Robot { robot, vitreous } = bench.apparatus() else {
+            return Err(Error::numerical("the reference apparatus has no robot", "reinstall the program"));
+        };
+        let stiffness = Stiffness::new(&sphere_mesh(robot, vitreous, DATA_LEVEL)?)?;
+        let steps_per_doubling = FINER_STEPS * Resolution::default().steps_per_doubling;
+        Ok(Self { stiffness, poisson_ratio: vitreous.poisson_ratio, resolution: Resolution { steps_per_doubling } })
+    }
+
+    /// `full` is factorised at the stated Poisson ratio.
+    fn trajectory_m(&self, bench: &Bench, full: &FullOrderModel<'_>, truth: &Truth) -> Result<Vec<f64>> {
+        let record = truth.protocol.record();
+        let still = bench.subject_of(truth.protocol, &vec![0.0; record.n_rows()])?;
+        let effects = truth.effects.iter().map(|effect| effect.slug.clone()).collect();
+        let specification = ModelSpecification { effects, ..still.specification().clone() };
+        let model = still.problem().with_model(specification, bench.library())?.model;
+        let of_effects = truth.effects.iter().flat_map(|effect| &effect.parameters).map(|parameter| parameter.value);
+        let values: Vec<Dual> = truth.law.into_iter().chain(of_effects).map(Dual::constant).collect();
+        let stages = model.stages(&values)?;
+        let wrong_ratio = match truth.apparatus {
+            Some(ApparatusError::PoissonRatio(ratio)) => Some(ratio),
+            _ => None,
+        };
+        let force_n = truth.outside.as_ref().map_or_else(|| record.force_n.clone(), |outside| outside.force_n(&record));
+        let stepped = match stages.poisson_ratio.map(|ratio| ratio.value).or(wrong_ratio) {
+            Some(ratio) => {
+                FullOrderModel::new(&self.stiffness, ratio)?.step(&stages, &record.time_s, &force_n, self.resolution)
+            }
+            None => full.step(&stages, &record.time_s, &force_n, self.resolution),
+        };
+        let mut position_m = stepped?.position_m;
+        if let Some(ApparatusError::ComplianceFactor(factor)) = truth.apparatus {
+            position_m.iter_mut().for_each(|x| *x *= factor);
+        }
+        Ok(match &truth.outside {
+            Some(outside) => outside.recorded_m(&record, &position_m),
+            None => position_m,
+        })
+    }
+}

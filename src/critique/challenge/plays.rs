@@ -1,0 +1,384 @@
+//! Many challenges, each diagnosed.
+
+use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::super::Subject;
+use super::super::diagnosis::{Diagnosis, VerdictKind};
+use super::full_order::trajectories_m;
+use super::tally::{Tally, tally};
+use super::truth::joined;
+use super::{ApparatusError, Bench, Hidden, NoiseKind, Order, OutsideKind, Protocol, Truth};
+use crate::error::{Error, Place, Result};
+use crate::inference::ensemble::RandomStream;
+use crate::workflow::Monitor;
+
+/// What diagnoses a subject, with a seed.
+pub type Diagnose<'a> = dyn Fn(&Subject, u64) -> Result<Diagnosis> + Sync + 'a;
+
+/// Kinds of hidden things.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Sort {
+    /// Nothing.
+    None,
+    /// One effect of the library.
+    Single,
+    /// Two.
+    Pair,
+    /// Something outside the library.
+    Outside,
+    /// A wrong constant of the apparatus, which the law absorbs.
+    Apparatus,
+}
+
+impl Sort {
+    /// Of a truth.
+    pub fn of(truth: &Truth) -> Self {
+        match (&truth.outside, truth.apparatus, truth.effects.len()) {
+            (Some(_), ..) => Self::Outside,
+            (None, Some(_), _) => Self::Apparatus,
+            (None, None, 0) => Self::None,
+            (None, None, 1) => Self::Single,
+            (None, None, _) => Self::Pair,
+        }
+    }
+
+    /// Name in tables.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::Single => "single",
+            Self::Pair => "pair",
+            Self::Outside => "outside",
+            Self::Apparatus => "apparatus",
+        }
+    }
+}
+
+/// Which challenges are played.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlaysRequest {
+    /// How many.
+    pub count: usize,
+    /// Signals in standard deviations.
+    pub signals_sigma: Vec<f64>,
+    /// One sort only; `None` for a mixture.
+    pub only: Option<Sort>,
+    /// These effects only; empty for the whole library.
+    pub effects: Vec<String>,
+    /// Protocols.
+    pub protocols: Vec<Protocol>,
+    /// Noises.
+    pub noises: Vec<NoiseKind>,
+    /// Seed of truths and noises.
+    pub seed: u64,
+}
+
+impl Default for PlaysRequest {
+    fn default() -> Self {
+        Self {
+            count: 100,
+            signals_sigma: vec![5.0, 10.0, 20.0, 40.0],
+            only: None,
+            effects: Vec::new(),
+            protocols: Protocol::ALL.to_vec(),
+            noises: NoiseKind::ALL.to_vec(),
+            seed: 1,
+        }
+    }
+}
+
+/// Ten plays of a mixture.
+const MIXTURE: [Sort; 10] = [
+    Sort::Single,
+    Sort::None,
+    Sort::Single,
+    Sort::Outside,
+    Sort::Single,
+    Sort::Pair,
+    Sort::None,
+    Sort::Single,
+    Sort::Apparatus,
+    Sort::Pair,
+];
+/// Streams of the seed: truths from here on, noises from there, controls' laws from the last.
+const NOISE_STREAMS: u64 = 1 << 32;
+const CONTROL_STREAMS: u64 = 1 << 33;
+/// Controls share this many laws a protocol, so that their trajectories are computed once.
+const CONTROL_LAWS: usize = 40;
+/// Pairs are asked for signals of at least this: each has to show beside the other.
+const LEAST_PAIR_SIGMA: f64 = 10.0;
+/// Golden section: its multiples spread evenly over choices without locking to another choice.
+const GOLDEN: f64 = 0.618_033_988_749_894_9;
+
+/// One challenge as it was played.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Play {
+    /// Number, from 0.
+    pub number: usize,
+    /// Sort.
+    pub sort: Sort,
+    /// What it was made from.
+    pub truth: Truth,
+    /// What a right diagnosis names.
+    pub label: String,
+    /// What was said: slugs joined by `+`, `none`, `unexplained`, or `failed`.
+    pub said: String,
+    /// The effects that were named, and those that were called equivalent.
+    pub class: Vec<String>,
+    /// Kinds of structure that were called unexplained.
+    pub unexplained: Vec<String>,
+    /// The effect that stood first: the first that was named, else the one whose refit gained most.
+    pub first: Option<String>,
+    /// Gain in nats of each effect's refit, best first, with that on the last cycle.
+    pub gains: Vec<(String, f64, Option<f64>)>,
+    /// Whether the size of the hidden effect lies in its 90 % interval; `None` where it was not named or nothing was hidden.
+    pub size_covered: Option<bool>,
+    /// Root mean square error on the scored cycle with what was named, over the total predictive noise there.
+    pub heldout_over_noise: Option<f64>,
+    /// Why there is no diagnosis.
+    pub failure: Option<String>,
+}
+
+/// All challenges as they were played.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Plays {
+    /// Counts.
+    #[serde(flatten)]
+    pub tally: Tally,
+    /// One by one.
+    pub plays: Vec<Play>,
+}
+
+/// Plays challenges: draws truths, makes their data, has each diagnosed. `diagnose` gets a seed of its own for every play.
+///
+/// # Errors
+/// [`Error::Input`] for a request that cannot be met; what drawing and the full finite elements refuse. A diagnosis that fails is a play that failed.
+pub fn run(
+    bench: &Bench,
+    request: &PlaysRequest,
+    cache: Option<&Path>,
+    diagnose: &Diagnose<'_>,
+    monitor: &dyn Monitor,
+) -> Result<Plays> {
+    check(bench, request)?;
+    monitor.stage(&format!("drawing {} hidden things and sizing their signals", request.count));
+    let drawn: Vec<(Sort, Truth)> = (0..request.count)
+        .into_par_iter()
+        .map(|number| {
+            let sort = request.only.unwrap_or(MIXTURE[number % MIXTURE.len()]);
+            Ok((sort, draw(bench, request, sort, number)?))
+        })
+        .collect::<Result<_>>()?;
+    let truths: Vec<Truth> = drawn.iter().map(|(_, truth)| truth.clone()).collect();
+    let trajectories_m = trajectories_m(bench, &truths, cache, monitor)?;
+    monitor.stage(&format!("diagnosing {} cases", request.count));
+    let done = AtomicUsize::new(0);
+    let every = (request.count / 20).max(1);
+    let plays = drawn
+        .into_par_iter()
+        .zip(trajectories_m)
+        .enumerate()
+        .map(|(number, ((sort, truth), position_m))| {
+            if monitor.stop().is_some_and(|stop| stop.load(Ordering::Relaxed)) {
+                return Err(Error::Interrupted { kept: "nothing is kept but the trajectories in the cache".into() });
+            }
+            let play = play(bench, request, Case { number, sort, truth, position_m }, diagnose)?;
+            let n_done = 1 + done.fetch_add(1, Ordering::Relaxed);
+            if n_done.is_multiple_of(every) {
+                monitor.stage(&format!("diagnosed {n_done} of {} cases", request.count));
+            }
+            Ok(play)
+        })
+        .collect::<Result<Vec<Play>>>()?;
+    Ok(Plays { tally: tally(&plays), plays })
+}
+
+fn check(bench: &Bench, request: &PlaysRequest) -> Result<()> {
+    let refuse = |option: &str, found: String, remedy: &str| Err(Error::input(Place::option(option), found, remedy));
+    if request.count == 0 {
+        return refuse("--count", "nothing to play".into(), "give a positive number");
+    }
+    let is_signal = |sigma: &f64| sigma.is_finite() && (0.5..=1e3).contains(sigma);
+    if request.signals_sigma.is_empty() || !request.signals_sigma.iter().all(is_signal) {
+        return refuse("--signal", format!("{:?}", request.signals_sigma), "give numbers from 0.5 to 1000");
+    }
+    if let Some(unknown) = request.effects.iter().find(|slug| bench.library().get(slug).is_none()) {
+        return refuse(
+            "--effect",
+            format!("there is no effect `{unknown}`"),
+            "name effects that `vitreo-uq effects` lists",
+        );
+    }
+    if request.effects.len() == 1 && request.only == Some(Sort::Pair) {
+        return refuse("--effect", "a pair of one effect".into(), "name two effects at least");
+    }
+    if request.protocols.is_empty() || request.noises.is_empty() {
+        return refuse("--protocol", "no protocol or no noise".into(), "name one at least, or leave the options away");
+    }
+    Ok(())
+}
+
+/// Truth number `number`. Where its signal is out of reach, the next effect takes its place.
+fn draw(bench: &Bench, request: &PlaysRequest, sort: Sort, number: usize) -> Result<Truth> {
+    let (protocols, noises, signals) = (&request.protocols, &request.noises, &request.signals_sigma);
+    // Where sorts are mixed, those of one sort are numbered by themselves.
+    let place = if request.only.is_some() {
+        number
+    } else {
+        let of_sort = |upto: usize| (0..upto).filter(|k| MIXTURE[k % MIXTURE.len()] == sort).count();
+        of_sort(MIXTURE.len()) * (number / MIXTURE.len()) + of_sort(number % MIXTURE.len())
+    };
+    let protocol = protocols[place % protocols.len()];
+    let noise = noises[place / protocols.len() % noises.len()];
+    let signal_sigma = signals[place / (protocols.len() * noises.len()) % signals.len()];
+    let order =
+        |hidden: Hidden, signal_sigma: f64| Order { hidden, protocol, noise, strength_sigma: Some(signal_sigma) };
+    let stream_number = match sort {
+        // The same laws for all noises.
+        Sort::None => CONTROL_STREAMS + (place / (protocols.len() * noises.len()) % CONTROL_LAWS) as u64,
+        Sort::Apparatus => CONTROL_STREAMS + (place / protocols.len() % CONTROL_LAWS) as u64,
+        _ => number as u64,
+    };
+    let mut stream = RandomStream::new(request.seed, stream_number);
+    let spread = |n: usize| ((place as f64 * GOLDEN).fract() * n as f64) as usize;
+    let mut refusal = None;
+    for attempt in 0..32 {
+        let order = match sort {
+            Sort::None => order(Hidden::Nothing, signal_sigma),
+            Sort::Apparatus => {
+                let errors = ApparatusError::ALL;
+                order(Hidden::Apparatus(errors[place / protocols.len() % errors.len()]), signal_sigma)
+            }
+            Sort::Outside => {
+                let kinds: Vec<OutsideKind> =
+                    OutsideKind::ALL.into_iter().filter(|kind| kind.suits(protocol)).collect();
+                order(Hidden::Outside(kinds[(spread(kinds.len()) + attempt) % kinds.len()]), signal_sigma)
+            }
+            Sort::Single => {
+                let slugs = slugs(bench, request);
+                order(Hidden::Effects(vec![slugs[(spread(slugs.len()) + attempt) % slugs.len()].clone()]), signal_sigma)
+            }
+            Sort::Pair => {
+                let slugs = slugs(bench, request);
+                let (a, b) = stream.distinct_pair(slugs.len());
+                order(Hidden::Effects(vec![slugs[a].clone(), slugs[b].clone()]), signal_sigma.max(LEAST_PAIR_SIGMA))
+            }
+        };
+        match bench.draw(&order, &mut stream) {
+            Ok(truth) => return Ok(truth),
+            Err(error @ Error::Input { .. }) => refusal = Some(error),
+            Err(error) => return Err(error),
+        }
+    }
+    Err(refusal.unwrap_or_else(|| Error::numerical("no truth was drawn", "ask for other effects or signals")))
+}
+
+/// The effects to choose from: those asked for, else those that leave the displacement field as it is. In a creep test of one body the others only
+/// rescale the law, and no signal of theirs can be asked for.
+fn slugs(bench: &Bench, request: &PlaysRequest) -> Vec<String> {
+    if !request.effects.is_empty() {
+        return request.effects.clone();
+    }
+    bench.library().effects().iter().filter(|e| !e.changes_field()).map(|e| e.slug().to_string()).collect()
+}
+
+/// A case without its noise.
+struct Case {
+    number: usize,
+    sort: Sort,
+    truth: Truth,
+    position_m: Vec<f64>,
+}
+
+fn play(bench: &Bench, request: &PlaysRequest, case: Case, diagnose: &Diagnose<'_>) -> Result<Play> {
+    let Case { number, sort, truth, position_m } = case;
+    let record = truth.protocol.record();
+    let mut stream = RandomStream::new(request.seed, NOISE_STREAMS + number as u64);
+    let noise_m = truth.noise.draw(&record, &position_m, &mut stream);
+    let measured_m: Vec<f64> = position_m.iter().zip(&noise_m).map(|(x, noise)| x + noise).collect();
+    let subject = bench.subject_of(truth.protocol, &measured_m)?;
+    let seed = u64::from(stream.word()) << 32 | u64::from(stream.word());
+    Ok(match diagnose(&subject, seed) {
+        Ok(diagnosis) => judged(number, sort, truth, &diagnosis),
+        Err(error) => failed(number, sort, truth, &error),
+    })
+}
+
+fn failed(number: usize, sort: Sort, truth: Truth, error: &Error) -> Play {
+    Play {
+        number,
+        sort,
+        label: truth.label(),
+        truth,
+        said: "failed".into(),
+        class: Vec::new(),
+        unexplained: Vec::new(),
+        first: None,
+        gains: Vec::new(),
+        size_covered: None,
+        heldout_over_noise: None,
+        failure: Some(error.to_string()),
+    }
+}
+
+/// What a diagnosis said, beside the truth.
+pub fn judged(number: usize, sort: Sort, truth: Truth, diagnosis: &Diagnosis) -> Play {
+    let verdict = &diagnosis.verdict;
+    let said = match verdict.kind {
+        VerdictKind::Missing => joined(verdict.effects.iter().map(String::as_str)),
+        VerdictKind::None => "none".into(),
+        VerdictKind::Unexplained => "unexplained".into(),
+    };
+    let mut class: Vec<String> = Vec::new();
+    if verdict.kind == VerdictKind::Missing {
+        class = verdict.effects.iter().chain(&verdict.equivalent).cloned().collect();
+        class.sort_unstable();
+        class.dedup();
+    }
+    let mut gains: Vec<(String, f64, Option<f64>)> = diagnosis
+        .candidates
+        .iter()
+        .filter_map(|entry| {
+            entry.refit.as_ref().map(|refit| (entry.effect.clone(), refit.gain_nats, refit.last_cycle_gain_nats))
+        })
+        .collect();
+    gains.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let named = verdict.effects.first().filter(|_| verdict.kind == VerdictKind::Missing).cloned();
+    let first = named.or_else(|| gains.first().map(|(slug, ..)| slug.clone()));
+    let heldout_over_noise = diagnosis
+        .extended
+        .as_ref()
+        .filter(|_| verdict.kind == VerdictKind::Missing)
+        .and_then(|errors| Some(errors.rmse_heldout_um? / errors.predictive_noise_um?));
+    Play {
+        number,
+        sort,
+        label: truth.label(),
+        size_covered: size_covered(&truth, diagnosis),
+        truth,
+        said,
+        class,
+        unexplained: diagnosis.unexplained.iter().map(|entry| entry.kind.clone()).collect(),
+        first,
+        gains,
+        heldout_over_noise,
+        failure: None,
+    }
+}
+
+/// Whether the size of the one hidden effect lies in the interval that the diagnosis gives it, if it names that effect alone.
+fn size_covered(truth: &Truth, diagnosis: &Diagnosis) -> Option<bool> {
+    let [effect] = truth.effects.as_slice() else { return None };
+    let size = effect.parameters.first()?;
+    if diagnosis.verdict.kind != VerdictKind::Missing || diagnosis.verdict.effects != [effect.slug.clone()] {
+        return None;
+    }
+    let entry = diagnosis.candidates.iter().find(|entry| entry.effect == effect.slug)?;
+    let parameter = entry.refit.as_ref()?.parameters.iter().find(|parameter| parameter.name == size.name)?;
+    Some((parameter.q05..=parameter.q95).contains(&size.value))
+}

@@ -1,0 +1,80 @@
+//! How strongly something shows: distances, in standard deviations of the noise, that best fits leave of noise-free data.
+
+use super::super::{Candidate, Search, Subject};
+use crate::error::Result;
+
+/// Two models are separated by an experiment when the best fit of one to noise-free data of the other stays this far away.
+pub const SEPARATION_SIGMA: f64 = 4.0;
+/// A size is found when its signal is what was asked for to this fraction.
+const TOLERANCE: f64 = 0.02;
+const MOST_ROUNDS: usize = 24;
+
+/// ‖L⁻¹(y − f)‖ of a candidate's best fit to a subject's (noise-free) fitted positions, under a noise that is known.
+///
+/// # Errors
+/// [`crate::Error::Numerical`] where the candidate has no model.
+pub fn distance_sigma(
+    data: &Subject,
+    candidate: &Candidate,
+    starts: &[Vec<f64>],
+    noise: [f64; 5],
+    search: Search,
+) -> Result<f64> {
+    let fitted = data.fit_mean(candidate, starts, noise, search)?;
+    let residual_m =
+        data.fitted_m.iter().zip(&fitted.position_m).map(|(y, x)| y.map_or(0.0, |y| y - x)).collect::<Vec<f64>>();
+    let white = data.fitted.whiten(&[residual_m], &fitted.position_m, &noise);
+    Ok(white[0].iter().map(|w| w * w).sum::<f64>().sqrt())
+}
+
+/// Scales sizes until each signal is `asked_sigma`. `signals` gives the signals at sizes, `None` where there is no model; a size at `largest` that shows
+/// less ends the search.
+///
+/// Signals are nearly proportional to sizes, so that few rounds do.
+pub fn scaled_to(
+    asked_sigma: f64,
+    mut sizes: Vec<f64>,
+    largest: &[f64],
+    mut signals: impl FnMut(&[f64]) -> Option<Vec<f64>>,
+) -> Option<(Vec<f64>, Vec<f64>)> {
+    for round in 0..MOST_ROUNDS {
+        let Some(found) = signals(&sizes) else {
+            sizes.iter_mut().for_each(|size| *size *= 0.6);
+            continue;
+        };
+        if found.iter().all(|signal| (signal / asked_sigma - 1.0).abs() < TOLERANCE) {
+            return Some((sizes, found));
+        }
+        for (index, signal) in found.iter().enumerate() {
+            if sizes[index] >= largest[index] && *signal < asked_sigma {
+                return None;
+            }
+            let factor = (asked_sigma / signal.max(1e-3 * asked_sigma)).clamp(0.1, 10.0);
+            // Shorter steps where whole ones go to and fro.
+            let factor = if round < 6 { factor } else { factor.sqrt() };
+            sizes[index] = (sizes[index] * factor).min(largest[index]);
+        }
+    }
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_are_scaled_to_the_signal_that_is_asked_for() {
+        // Two coupled, curved signals.
+        let signals =
+            |sizes: &[f64]| Some(vec![3.0 * sizes[0] + sizes[0].powi(2), (8.0 * sizes[1]).sqrt() + 0.1 * sizes[0]]);
+        let (sizes, found) = scaled_to(10.0, vec![0.1, 0.1], &[100.0, 100.0], signals).expect("reachable");
+        assert!(found.iter().all(|signal| (signal - 10.0).abs() < 0.2), "{found:?}");
+        assert!((sizes[0] - 2.0).abs() < 0.05, "{sizes:?}");
+    }
+
+    #[test]
+    fn a_signal_out_of_reach_is_none() {
+        assert_eq!(scaled_to(10.0, vec![0.1], &[1.0], |sizes| Some(vec![sizes[0]])), None);
+        assert_eq!(scaled_to(10.0, vec![0.1], &[1.0], |_| None), None);
+    }
+}

@@ -1,0 +1,158 @@
+//! What many plays come to.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use super::plays::{Play, Sort};
+use super::{NoiseKind, Protocol};
+
+/// Body of `vitreo-uq/challenge/1`. Rates are from 0 to 1, `None` where nothing of the sort was played.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Tally {
+    /// Number of plays.
+    pub played: usize,
+    /// Plays whose diagnosis failed.
+    pub failed: usize,
+    /// What was said of which truth.
+    pub confusion: Vec<Confusion>,
+    /// Share of single effects that are in the reported class.
+    pub class_coverage: Option<f64>,
+    /// Mean size of the classes that were reported of single effects.
+    pub mean_class_size: Option<f64>,
+    /// Mean size that those classes should have: all effects that the experiment cannot tell from the hidden one.
+    pub ideal_class_size: Option<f64>,
+    /// Share of single effects of which the first place is held by it, or by an effect that the experiment cannot tell from it.
+    pub first_place_separated: Option<f64>,
+    /// Share of plays without a hidden effect in which one was claimed.
+    pub false_claims: Option<f64>,
+    /// Share of those that were called unexplained.
+    pub false_unexplained: Option<f64>,
+    /// Share of pairs of which both are in the reported class.
+    pub pair_coverage: Option<f64>,
+    /// Share of what is outside the library that was called unexplained.
+    pub unexplained_called: Option<f64>,
+    /// Share of it that was called an effect of the library, with nothing said of what remains.
+    pub misattributed: Option<f64>,
+    /// Share of rightly named single effects whose size lies in its 90 % interval.
+    pub interval_coverage_90: Option<f64>,
+    /// Share of rightly named cases whose error on the scored cycle is at most 1.1 times the total predictive noise after the addition.
+    pub heldout_at_noise: Option<f64>,
+    /// The same by sort, protocol, noise and signal.
+    pub groups: Vec<Group>,
+}
+
+/// An entry of the confusion matrix.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Confusion {
+    /// Slugs joined by `+`, `none` or `outside`.
+    pub truth: String,
+    /// Slugs joined by `+`, `none`, `unexplained` or `failed`.
+    pub said: String,
+    /// How often.
+    pub count: usize,
+}
+
+/// Plays of one sort, protocol, noise and signal.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Group {
+    /// Sort.
+    pub sort: Sort,
+    /// Protocol.
+    pub protocol: Protocol,
+    /// Noise.
+    pub noise: NoiseKind,
+    /// Signal in standard deviations, rounded; `None` where nothing is hidden.
+    pub signal_sigma: Option<u32>,
+    /// How many.
+    pub played: usize,
+    /// How many were right: in class, both in class, `none`, or `unexplained`.
+    pub right: usize,
+    /// In how many an effect was claimed.
+    pub claimed: usize,
+}
+
+/// Error on the scored cycle over its noise that is allowed after the addition.
+const ALLOWED_RATIO: f64 = 1.1;
+
+impl Play {
+    /// Whether the diagnosis was right: the hidden effects in the class, `none` where nothing is hidden, `unexplained` of what is outside.
+    pub fn is_right(&self) -> bool {
+        match self.sort {
+            Sort::None | Sort::Apparatus => self.said == "none",
+            Sort::Outside => self.said == "unexplained",
+            Sort::Single | Sort::Pair => self.is_in_class(),
+        }
+    }
+
+    fn is_in_class(&self) -> bool {
+        self.truth.effects.iter().all(|effect| self.class.contains(&effect.slug))
+    }
+
+    fn is_claim(&self) -> bool {
+        !["none", "unexplained", "failed"].contains(&self.said.as_str())
+    }
+
+    fn is_first_separated(&self) -> bool {
+        self.first.as_ref().is_some_and(|first| self.truth.ideal_class.contains(first))
+    }
+}
+
+fn share(plays: &[&Play], is: impl Fn(&Play) -> bool) -> Option<f64> {
+    (!plays.is_empty()).then(|| plays.iter().filter(|play| is(play)).count() as f64 / plays.len() as f64)
+}
+
+fn mean(plays: &[&Play], of: impl Fn(&Play) -> f64) -> Option<f64> {
+    (!plays.is_empty()).then(|| plays.iter().map(|play| of(play)).sum::<f64>() / plays.len() as f64)
+}
+
+/// Counts plays.
+pub fn tally(plays: &[Play]) -> Tally {
+    let of = |is: &dyn Fn(&Play) -> bool| -> Vec<&Play> { plays.iter().filter(|play| is(play)).collect() };
+    let singles = of(&|play| play.sort == Sort::Single);
+    let claimed_singles = of(&|play| play.sort == Sort::Single && play.is_claim());
+    let pairs = of(&|play| play.sort == Sort::Pair);
+    let controls = of(&|play| matches!(play.sort, Sort::None | Sort::Apparatus));
+    let outside = of(&|play| play.sort == Sort::Outside);
+    let sized = of(&|play| play.size_covered.is_some());
+    let named = of(&|play| !play.truth.effects.is_empty() && play.is_in_class() && play.heldout_over_noise.is_some());
+    Tally {
+        played: plays.len(),
+        failed: plays.iter().filter(|play| play.failure.is_some()).count(),
+        confusion: confusion(plays),
+        class_coverage: share(&singles, Play::is_in_class),
+        mean_class_size: mean(&claimed_singles, |play| play.class.len() as f64),
+        ideal_class_size: mean(&claimed_singles, |play| play.truth.ideal_class.len() as f64),
+        first_place_separated: share(&singles, Play::is_first_separated),
+        false_claims: share(&controls, Play::is_claim),
+        false_unexplained: share(&controls, |play| play.said == "unexplained"),
+        pair_coverage: share(&pairs, Play::is_in_class),
+        unexplained_called: share(&outside, |play| play.said == "unexplained"),
+        misattributed: share(&outside, |play| play.is_claim() && play.unexplained.is_empty()),
+        interval_coverage_90: share(&sized, |play| play.size_covered == Some(true)),
+        heldout_at_noise: share(&named, |play| play.heldout_over_noise.is_some_and(|ratio| ratio <= ALLOWED_RATIO)),
+        groups: groups(plays),
+    }
+}
+
+fn confusion(plays: &[Play]) -> Vec<Confusion> {
+    let mut counts: BTreeMap<(&str, &str), usize> = BTreeMap::new();
+    plays.iter().for_each(|play| *counts.entry((&play.label, &play.said)).or_default() += 1);
+    let entry =
+        |((truth, said), count): ((&str, &str), usize)| Confusion { truth: truth.into(), said: said.into(), count };
+    counts.into_iter().map(entry).collect()
+}
+
+fn groups(plays: &[Play]) -> Vec<Group> {
+    let mut groups: BTreeMap<(Sort, &str, &str, Option<u32>), Group> = BTreeMap::new();
+    for play in plays {
+        let (protocol, noise) = (play.truth.protocol, play.truth.noise);
+        let signal_sigma = play.truth.signal_sigma().map(|sigma| sigma.round() as u32);
+        let empty = Group { sort: play.sort, protocol, noise, signal_sigma, played: 0, right: 0, claimed: 0 };
+        let group = groups.entry((play.sort, protocol.name(), noise.name(), signal_sigma)).or_insert(empty);
+        group.played += 1;
+        group.right += usize::from(play.is_right());
+        group.claimed += usize::from(play.is_claim());
+    }
+    groups.into_values().collect()
+}

@@ -1,0 +1,115 @@
+//! What a challenge hides.
+
+use serde::{Deserialize, Serialize};
+
+use super::{Disturbance, NoiseKind, OutsideKind, Protocol};
+
+/// A thing to hide.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Hidden {
+    /// Nothing.
+    Nothing,
+    /// One effect of the library, or two, by slug.
+    Effects(Vec<String>),
+    /// Something outside the library.
+    Outside(OutsideKind),
+    /// A constant of the apparatus that is not what the experiment says. In a creep test of one body that is absorbed by the law, so that the right
+    /// answer is `none`.
+    Apparatus(ApparatusError),
+}
+
+/// A constant of the apparatus that is not what the experiment says.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ApparatusError {
+    /// The gel's Poisson ratio.
+    PoissonRatio(f64),
+    /// Factor of the compliance.
+    ComplianceFactor(f64),
+}
+
+impl ApparatusError {
+    /// Those that are played: two Poisson ratios where 0.48 is stated, and a compliance that is 6 % off.
+    pub const ALL: [Self; 4] = [
+        Self::PoissonRatio(0.45),
+        Self::PoissonRatio(0.495),
+        Self::ComplianceFactor(1.06),
+        Self::ComplianceFactor(0.94),
+    ];
+}
+
+/// A parameter and its value.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct NamedValue {
+    /// Name, with unit.
+    pub name: String,
+    /// Value, in that unit.
+    pub value: f64,
+}
+
+/// An effect of the library with its parameters.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct HiddenEffect {
+    /// Slug.
+    pub slug: String,
+    /// Parameters in the effect's order; the first is its size.
+    pub parameters: Vec<NamedValue>,
+    /// Signal in standard deviations: the distance that the best fit without it leaves of noise-free data.
+    pub signal_sigma: f64,
+}
+
+/// Everything that the data of a challenge were made from, but for the noise's random numbers.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Truth {
+    /// Protocol.
+    pub protocol: Protocol,
+    /// Noise.
+    pub noise: NoiseKind,
+    /// E (Pa), c₁ (Pa·s), c₂ (Pa·s).
+    pub law: [f64; 3],
+    /// Effects of the library, none to two.
+    pub effects: Vec<HiddenEffect>,
+    /// Something outside the library.
+    pub outside: Option<Disturbance>,
+    /// A wrong constant of the apparatus.
+    pub apparatus: Option<ApparatusError>,
+    /// Signal of what is outside, as that of an effect.
+    pub outside_sigma: Option<f64>,
+    /// Effects that this experiment cannot tell from the hidden ones: the best fit with one to noise-free data stays below 4 standard deviations. The
+    /// hidden ones are among them.
+    pub ideal_class: Vec<String>,
+}
+
+impl Truth {
+    /// What a right diagnosis names: slugs joined by `+`, `none` or `outside`.
+    pub fn label(&self) -> String {
+        match (&self.outside, self.effects.as_slice()) {
+            (Some(_), _) => "outside".into(),
+            (None, []) => "none".into(),
+            (None, effects) => joined(effects.iter().map(|effect| effect.slug.as_str())),
+        }
+    }
+
+    /// More of it: the kind of what is outside, the wrong constant.
+    pub fn detail(&self) -> String {
+        match (&self.outside, self.apparatus) {
+            (Some(outside), _) => outside.kind.name().into(),
+            (None, Some(ApparatusError::PoissonRatio(ratio))) => format!("Poisson ratio {ratio}"),
+            (None, Some(ApparatusError::ComplianceFactor(factor))) => format!("compliance × {factor}"),
+            (None, None) => self.label(),
+        }
+    }
+
+    /// The smallest signal in standard deviations; `None` where nothing is hidden.
+    pub fn signal_sigma(&self) -> Option<f64> {
+        let of_effects = self.effects.iter().map(|effect| effect.signal_sigma);
+        of_effects.chain(self.outside_sigma).min_by(f64::total_cmp)
+    }
+}
+
+/// Slugs in alphabetical order, joined.
+pub(super) fn joined<'a>(slugs: impl Iterator<Item = &'a str>) -> String {
+    let mut slugs: Vec<&str> = slugs.collect();
+    slugs.sort_unstable();
+    slugs.join("+")
+}

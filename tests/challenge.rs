@@ -1,0 +1,262 @@
+//! Challenges: data with a hidden effect, sealed answers, plays.
+
+use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
+
+use rayon::prelude::*;
+use vitreo_uq::critique::challenge::plays::{PlaysRequest, Sort, judged, run};
+use vitreo_uq::critique::challenge::{Bench, Hidden, NoiseKind, Order, OutsideKind, Protocol, files, full_order};
+use vitreo_uq::critique::diagnose::{DiagnosisRequest, diagnose};
+use vitreo_uq::critique::diagnosis::{
+    BaseErrors, CandidateEntry, Diagnosis, Errors, Refit, Status, Verdict, VerdictKind,
+};
+use vitreo_uq::critique::{Fitted, Search, Subject};
+use vitreo_uq::error::Result;
+use vitreo_uq::experiment::Experiment;
+use vitreo_uq::inference::ensemble::RandomStream;
+use vitreo_uq::workflow::Silent;
+
+/// The reference apparatus, meshed once.
+static BENCH: LazyLock<Bench> = LazyLock::new(|| Bench::new(&Silent).expect("the reference apparatus"));
+
+/// A stand-in for the diagnosis: every effect is fitted, and the best is claimed if it gains enough on fitted and scored cycles.
+fn by_gain(subject: &Subject, _seed: u64) -> Result<Diagnosis> {
+    let base = subject.base();
+    let fitted = subject.fit(&base, &[], Search::Wide)?;
+    let heldout = |fit: &Fitted| subject.heldout_ln_likelihood(fit).unwrap_or(0.0);
+    let mut found = Vec::new();
+    for effect in subject.library().effects() {
+        let Ok(candidate) = subject.extended(&[effect.slug()]) else { continue };
+        let start = candidate.embed(&base, &fitted.theta);
+        let with = subject.fit(&candidate, &[(start, fitted.noise)], Search::Wide)?;
+        let gain = with.objective - fitted.objective;
+        found.push((effect.slug().to_string(), gain, heldout(&with) - heldout(&fitted), with));
+    }
+    found.sort_by(|a, b| (b.1 + b.2).total_cmp(&(a.1 + a.2)));
+    let score = |entry: &(String, f64, f64, _)| entry.1 + entry.2;
+    let is_claimed = score(&found[0]) > 8.0;
+    let equivalent = found[1..].iter().filter(|entry| is_claimed && score(entry) > score(&found[0]) - 6.0);
+    let um = |metres: Option<f64>| metres.map(|metres| 1e6 * metres);
+    let verdict = Verdict {
+        kind: if is_claimed { VerdictKind::Missing } else { VerdictKind::None },
+        effects: if is_claimed { vec![found[0].0.clone()] } else { Vec::new() },
+        equivalent: equivalent.map(|entry| entry.0.clone()).collect(),
+        sentence: "a stand-in".into(),
+    };
+    let candidates = found.iter().map(|(slug, gain, last, _)| CandidateEntry {
+        effect: slug.clone(),
+        status: Status::Unsupported,
+        z: 0.0,
+        p_familywise: 1.0,
+        visible_fraction: 1.0,
+        expected_parameter: None,
+        refit: Some(Refit {
+            gain_nats: *gain,
+            heldout_gain_nats: None,
+            last_cycle_gain_nats: Some(*last),
+            rmse_heldout_um: None,
+            largest_change: 0.0,
+            log_bayes_factor: None,
+            parameters: Vec::new(),
+        }),
+        twins: Vec::new(),
+        refused: None,
+    });
+    Ok(Diagnosis {
+        experiment: "stand-in".into(),
+        extended: is_claimed.then(|| Errors {
+            rmse_fitted_um: 0.0,
+            rmse_heldout_um: um(found[0].3.rmse_m(&subject.scored_m)),
+            predictive_noise_um: None,
+        }),
+        verdict,
+        fitted_cycles: vec![1, 2, 3],
+        heldout_cycles: vec![4],
+        base: BaseErrors { rmse_fitted_um: 0.0, rmse_heldout_um: None, noise_um: 4.0 },
+        candidates: candidates.collect(),
+        pairs: Vec::new(),
+        blind_spots: Vec::new(),
+        smallest_detectable: Vec::new(),
+        separating_protocol: String::new(),
+        noise: Vec::new(),
+        unexplained: Vec::new(),
+        outlier_rows: Vec::new(),
+        remarks: Vec::new(),
+    })
+}
+
+fn order(hidden: Hidden, protocol: Protocol, strength_sigma: f64) -> Order {
+    Order { hidden, protocol, noise: NoiseKind::White, strength_sigma: Some(strength_sigma) }
+}
+
+/// Every sort of truth on both protocols: the signal is the one that was asked for, and full finite elements agree with the reduced model by which it was
+/// sized to a fraction of the noise.
+#[test]
+fn truths_show_as_strongly_as_they_were_asked_to() {
+    let bench = &*BENCH;
+    let mut truths = Vec::new();
+    for protocol in Protocol::ALL {
+        for effect in bench.library().effects().iter().filter(|effect| !effect.changes_field()) {
+            let order = order(Hidden::Effects(vec![effect.slug().into()]), protocol, 10.0);
+            let clock = std::time::Instant::now();
+            let truth = bench.draw(&order, &mut RandomStream::new(3, 0)).expect("in reach");
+            let signal_sigma = truth.signal_sigma().expect("something is hidden");
+            println!("{protocol:?} {:?} {:?} {:?}", truth.effects, truth.ideal_class, clock.elapsed());
+            assert!((signal_sigma / 10.0 - 1.0).abs() < 0.021, "{signal_sigma}");
+            assert!(truth.ideal_class.contains(&effect.slug().to_string()));
+            truths.push(truth);
+        }
+    }
+    let pair = Hidden::Effects(vec!["tracking-drift".into(), "force-bias".into()]);
+    truths.push(bench.draw(&order(pair, Protocol::Levels, 15.0), &mut RandomStream::new(3, 1)).expect("in reach"));
+    for kind in OutsideKind::ALL {
+        let clock = std::time::Instant::now();
+        let truth = bench.draw(&order(Hidden::Outside(kind), Protocol::Levels, 15.0), &mut RandomStream::new(3, 2));
+        let truth = truth.unwrap_or_else(|error| panic!("{kind:?}: {error}"));
+        println!("{:?} {:?} {:?}", truth.outside, truth.outside_sigma, clock.elapsed());
+        truths.push(truth);
+    }
+    let clock = std::time::Instant::now();
+    let full_m = full_order::trajectories_m(bench, &truths, None, &Silent).expect("the model runs");
+    println!("{} full-order trajectories {:?}", truths.len(), clock.elapsed());
+    for (truth, full_m) in truths.iter().zip(&full_m).filter(|(truth, _)| truth.outside.is_none()) {
+        let subject = bench.subject_of(truth.protocol, full_m).expect("an experiment");
+        let slugs: Vec<&str> = truth.effects.iter().map(|effect| effect.slug.as_str()).collect();
+        let candidate = subject.extended(&slugs).expect("a model");
+        let of_effects = truth.effects.iter().flat_map(|effect| &effect.parameters).map(|parameter| parameter.value);
+        let values: Vec<f64> = truth.law.into_iter().chain(of_effects).collect();
+        let theta: Vec<f64> = candidate.free.iter().map(|free| free.coordinate.theta(values[free.index])).collect();
+        let reduced_m = subject.trajectory_m(&candidate, &theta).expect("a model");
+        let distance_m = full_m.iter().zip(&reduced_m).fold(0.0_f64, |d, (a, b)| d.max((a - b).abs()));
+        let largest_m = full_m.iter().fold(0.0_f64, |d, x| d.max(x.abs()));
+        // The coarser mesh is 0.1 % softer or stiffer: that is in the law's parameters, and not in what they cannot absorb.
+        assert!(distance_m < 5e-3 * largest_m, "{slugs:?}: {distance_m} of {largest_m}");
+    }
+}
+
+#[test]
+fn plays_are_the_same_for_any_number_of_threads_and_with_kept_trajectories() {
+    let bench = &*BENCH;
+    let request = PlaysRequest { count: 10, signals_sigma: vec![20.0], seed: 5, ..PlaysRequest::default() };
+    let cache = tempfile::tempdir().expect("a temporary directory");
+    let with_threads = |n: usize, cache: Option<&Path>| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(n).build().expect("threads");
+        pool.install(|| run(bench, &request, cache, &by_gain, &Silent)).expect("plays")
+    };
+    let first = with_threads(2, Some(cache.path()));
+    let n_kept = std::fs::read_dir(cache.path()).expect("readable").count();
+    assert!(n_kept > 0 && n_kept <= request.count, "{n_kept}");
+    assert_eq!(with_threads(1, Some(cache.path())), first);
+    let tally = &first.tally;
+    println!("{tally:#?}");
+    assert_eq!(tally.played, 10);
+    assert_eq!(tally.confusion.iter().map(|entry| entry.count).sum::<usize>(), 10);
+    let sorts: Vec<Sort> = first.plays.iter().map(|play| play.sort).collect();
+    assert!([Sort::None, Sort::Single, Sort::Pair, Sort::Outside, Sort::Apparatus].iter().all(|s| sorts.contains(s)));
+}
+
+/// Easy cases, white noise: at 40 standard deviations the best of the refits is the hidden effect or one that cannot be told from it.
+#[test]
+fn a_strong_effect_is_first() {
+    let bench = &*BENCH;
+    let request = PlaysRequest {
+        count: 6,
+        signals_sigma: vec![40.0],
+        only: Some(Sort::Single),
+        noises: vec![NoiseKind::White],
+        ..PlaysRequest::default()
+    };
+    let plays = run(bench, &request, None, &by_gain, &Silent).expect("plays");
+    for play in &plays.plays {
+        println!("{} {} {:?} ideal {:?}", play.label, play.said, play.class, play.truth.ideal_class);
+    }
+    assert_eq!(plays.tally.first_place_separated, Some(1.0));
+}
+
+#[test]
+fn a_sealed_challenge_is_an_experiment_that_does_not_tell_its_answer() {
+    let bench = &*BENCH;
+    let folder = tempfile::tempdir().expect("a temporary directory");
+    let dir = folder.path().join("case");
+    let order = order(Hidden::Effects(vec!["softening".into()]), Protocol::Paper, 20.0);
+    let commitment = files::make(&dir, bench, &order, 11, &Silent).expect("made");
+    let (experiment, read) = Experiment::read(&dir).expect("an experiment");
+    assert!(read.notes.is_empty(), "{:?}", read.notes);
+    assert_eq!((experiment.record.n_rows(), experiment.noise_sd_m), (800, Some(4e-6)));
+    for entry in std::fs::read_dir(&dir).expect("readable") {
+        let text = std::fs::read_to_string(entry.expect("an entry").path()).expect("text");
+        assert!(!text.contains("softening"));
+    }
+    let opened = files::reveal(&dir).expect("whole");
+    assert_eq!((opened.answer.truth.label(), opened.commitment_sha256), ("softening".into(), commitment));
+    // A second challenge does not replace the first, and changed data are told.
+    assert_eq!(files::make(&dir, bench, &order, 12, &Silent).expect_err("in use").exit_code(), 2);
+    let csv = dir.join("trajectory.csv");
+    let changed = std::fs::read_to_string(&csv).expect("text") + "40.00,4.60,1.0,4\n";
+    std::fs::write(&csv, changed).expect("writable");
+    assert!(files::reveal(&dir).expect_err("changed").to_string().contains("trajectory.csv"));
+}
+
+#[test]
+fn what_cannot_be_hidden_is_refused() {
+    let bench = &*BENCH;
+    let refused = |order: &Order| bench.draw(order, &mut RandomStream::new(1, 0)).expect_err("refused").to_string();
+    let unknown = order(Hidden::Effects(vec!["ghost".into()]), Protocol::Paper, 10.0);
+    assert!(refused(&unknown).contains("there is no effect `ghost`"));
+    let hidden = order(Hidden::Effects(vec!["compressibility".into()]), Protocol::Paper, 10.0);
+    assert!(refused(&hidden).contains("compressibility cannot be made to show by 10 standard deviations"));
+    let delay = order(Hidden::Outside(OutsideKind::Backlash), Protocol::Paper, 10.0);
+    assert!(refused(&delay).contains("`backlash` is no unknown physics"));
+}
+
+/// The challenges of `data/hidden`: each is whole, and the diagnosis is right on all where nothing or one effect is hidden.
+#[test]
+fn committed_challenges_are_whole_and_rightly_diagnosed() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/hidden");
+    let mut dirs: Vec<PathBuf> =
+        std::fs::read_dir(folder).expect("it is there").map(|entry| entry.expect("an entry").path()).collect();
+    dirs.retain(|dir| dir.is_dir());
+    dirs.sort();
+    assert!(dirs.len() >= 4, "{dirs:?}");
+    // Now, and not by a thread that others wait for.
+    let bench = &*BENCH;
+    let diagnosed = |dir: &PathBuf| {
+        let (experiment, _) = Experiment::read(dir).expect("an experiment");
+        let subject = bench.subject(experiment).expect("a subject");
+        let request = DiagnosisRequest { in_full: false, ..DiagnosisRequest::default() };
+        let diagnosis = diagnose(&subject, &request, &Silent).expect("a diagnosis").diagnosis;
+        let truth = files::reveal(dir).expect("whole").answer.truth;
+        judged(0, Sort::of(&truth), truth, &diagnosis)
+    };
+    let plays: Vec<_> = dirs.par_iter().map(diagnosed).collect();
+    for (dir, play) in dirs.iter().zip(&plays) {
+        let (name, sigma) = (dir.file_name().expect("a name").display(), play.truth.signal_sigma());
+        println!(
+            "{name}: {} ({sigma:?} σ): {} {:?} {:?}",
+            play.truth.detail(),
+            play.said,
+            play.class,
+            play.unexplained
+        );
+    }
+    for play in plays.iter().filter(|play| matches!(play.sort, Sort::None | Sort::Single)) {
+        assert!(play.is_right(), "{}: {}", play.label, play.said);
+    }
+}
+
+/// Without a hidden effect, noise-free data of the finer mesh and steps are the base model's, to far below the noise of 4 µm: no effect has anything to gain.
+#[test]
+fn controls_hold_nothing_but_the_law() {
+    let bench = &*BENCH;
+    for (number, protocol) in (0..4).zip(Protocol::ALL.into_iter().cycle()) {
+        let truth = bench
+            .draw(&order(Hidden::Nothing, protocol, 10.0), &mut RandomStream::new(1, (1 << 33) + number))
+            .expect("a law");
+        let position_m = full_order::trajectories_m(bench, &[truth], None, &Silent).expect("the model runs").remove(0);
+        let subject = bench.subject_of(protocol, &position_m).expect("a subject");
+        let fitted = subject.fit(&subject.base(), &[], Search::Wide).expect("fits");
+        let rmse_um = 1e6 * fitted.rmse_m(&subject.fitted_m).expect("positions");
+        println!("{protocol:?} {rmse_um}");
+        assert!(rmse_um < 0.02, "{rmse_um}");
+    }
+}
