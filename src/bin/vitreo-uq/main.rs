@@ -1,9 +1,15 @@
 //! The program: arguments in, exit code out.
 
+mod challenge;
+mod challenge_words;
+mod compare;
 mod corner;
+mod diagnose;
 mod effects;
+mod examine;
 mod extend;
 mod fit;
+mod ladder;
 mod options;
 mod output;
 mod sample;
@@ -26,7 +32,11 @@ fn main() -> ExitCode {
         Command::Simulate(arguments) => simulate::run(arguments),
         Command::Corner(arguments) => corner::run(arguments),
         Command::Effects(arguments) => effects::run(arguments),
+        Command::Compare(arguments) => compare::run(arguments),
+        Command::Diagnose(arguments) => diagnose::run(arguments),
         Command::Extend(arguments) => extend::run(arguments),
+        Command::Ladder(arguments) => ladder::run(arguments),
+        Command::Challenge(arguments) => challenge::run(arguments),
     };
     match outcome {
         Ok(code) => code,

@@ -27,8 +27,16 @@ pub enum Command {
     Corner(CornerArguments),
     /// The library of physical effects, and what this experiment can see of each
     Effects(EffectsArguments),
+    /// Model against measurement: where it fails
+    Compare(CompareArguments),
+    /// Which physical effect is missing: every effect refitted, the claim judged on a cycle that no fit has seen
+    Diagnose(DiagnoseArguments),
     /// The next revision of a study: an effect added, refitted, with the error before and after
     Extend(ExtendArguments),
+    /// All revisions of a study on the same footing: how the error fell
+    Ladder(LadderArguments),
+    /// Data with a sealed hidden effect: make some, open the seal, play many
+    Challenge(crate::challenge::ChallengeArguments),
 }
 
 /// What every command takes.
@@ -151,9 +159,51 @@ pub struct EffectsArguments {
     pub model: Model,
 }
 
+/// Arguments of `compare`.
+#[derive(Args)]
+pub struct CompareArguments {
+    #[command(flatten)]
+    pub common: Common,
+    #[command(flatten)]
+    pub model: Model,
+    /// Simulated records by which the looks are corrected together
+    #[arg(long, value_name = "N", default_value_t = vitreo_uq::critique::compare::N_SIMULATIONS, allow_negative_numbers = true)]
+    pub simulations: usize,
+}
+
+/// Arguments of `diagnose`.
+#[derive(Args)]
+pub struct DiagnoseArguments {
+    #[command(flatten)]
+    pub common: Common,
+    #[command(flatten)]
+    pub model: Model,
+    /// Smallest change of a predicted position that is worth a claim, in noise standard deviations
+    #[arg(long, value_name = "SIZE", default_value_t = 0.25, allow_negative_numbers = true)]
+    pub smallest: f64,
+    /// Most simulated searches by which a gain is judged
+    #[arg(long, value_name = "N", default_value_t = 99)]
+    pub simulations: usize,
+}
+
 /// Arguments of `extend`.
 #[derive(Args)]
 pub struct ExtendArguments {
+    #[command(flatten)]
+    pub common: Common,
+    #[command(flatten)]
+    pub model: Model,
+    /// Walkers of each of the independent ensembles
+    #[arg(long, value_name = "N", default_value_t = 32, allow_negative_numbers = true)]
+    pub chains: usize,
+    /// Steps of each walker after which a run ends, converged or not
+    #[arg(long, value_name = "N", default_value_t = 50_000, allow_negative_numbers = true)]
+    pub steps: u64,
+}
+
+/// Arguments of `ladder`.
+#[derive(Args)]
+pub struct LadderArguments {
     #[command(flatten)]
     pub common: Common,
     #[command(flatten)]

@@ -1,0 +1,143 @@
+//! `diagnose`: which physical effect is missing.
+
+use std::process::ExitCode;
+use std::time::Instant;
+
+use vitreo_uq::critique::diagnose::{DiagnosisRequest, diagnose};
+use vitreo_uq::critique::diagnosis::{CandidateEntry, Diagnosis, Status};
+use vitreo_uq::critique::search::Bars;
+use vitreo_uq::error::{Error, Place, Result};
+use vitreo_uq::files::write_json_atomically;
+use vitreo_uq::report::diagnosis as figure;
+use vitreo_uq::report::svg::write_figure;
+use vitreo_uq::study::WithProvenance;
+use vitreo_uq::workflow::Monitor;
+
+use crate::examine::Examined;
+use crate::options::{self, DiagnoseArguments};
+use crate::terminal::Terminal;
+use crate::text::significant;
+
+/// The file of a revision that says what was found.
+const DIAGNOSIS_NAME: &str = "diagnosis.json";
+
+pub fn run(arguments: &DiagnoseArguments) -> Result<ExitCode> {
+    let began = Instant::now();
+    let common = &arguments.common;
+    let threads = options::use_threads(common.threads)?;
+    crate::output::check(common.json.as_deref())?;
+    let request = request(arguments)?;
+    let terminal = Terminal::new(common.quiet);
+    let sampler = options::sampler(32, 50_000, common.seed, threads);
+    let examined = Examined::open(common, &arguments.model, sampler, &terminal)?;
+    let outcome = diagnose(&examined.subject_for_effects(&terminal)?, &request, &terminal)?;
+    let diagnosis = &outcome.diagnosis;
+    terminal.stage("writing results and figures");
+    let document = WithProvenance { provenance: examined.provenance("diagnosis", common.seed), body: diagnosis };
+    let writer = examined.study.amend_revision(&examined.revision)?;
+    write_json_atomically(&writer.path().join(DIAGNOSIS_NAME), &document)?;
+    write_figure(&writer.path().join("figures"), "diagnosis", &figure::diagnosis(diagnosis)?)?;
+    let written = writer.commit()?;
+    terminal.finish();
+    crate::output::show(common.json.as_deref(), &document, &words(diagnosis, &examined.revision))?;
+    if !common.quiet {
+        eprintln!("Results and figures: {} ({:.1} s)", written.display(), began.elapsed().as_secs_f64());
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn request(arguments: &DiagnoseArguments) -> Result<DiagnosisRequest> {
+    let default = DiagnosisRequest::default();
+    let (smallest, simulations) = (arguments.smallest, arguments.simulations);
+    if !(smallest.is_finite() && smallest >= 0.0) {
+        let remedy = "give a number of noise standard deviations, as in `--smallest 0.25`";
+        return Err(Error::input(Place::option("--smallest"), format!("{smallest} is no size"), remedy));
+    }
+    // p < 0.05 in the first round and half of it in each further one.
+    if simulations < 99 {
+        let remedy = "give at least 99: fewer cannot show a p as small as the later rounds ask for";
+        return Err(Error::input(Place::option("--simulations"), format!("{simulations} simulated searches"), remedy));
+    }
+    let bars = Bars { smallest_change: smallest, ..default.bars };
+    Ok(DiagnosisRequest { bars, n_simulations: simulations, seed: arguments.common.seed, ..default })
+}
+
+fn words(diagnosis: &Diagnosis, revision: &str) -> String {
+    let cycles = |cycles: &[u32]| cycles.iter().map(u32::to_string).collect::<Vec<_>>().join(", ");
+    let scored = if diagnosis.heldout_cycles.is_empty() {
+        "none held out".to_string()
+    } else {
+        format!("scored on {}", cycles(&diagnosis.heldout_cycles))
+    };
+    let mut lines = vec![
+        format!("{} ({revision}): {}", diagnosis.experiment, diagnosis.verdict.sentence),
+        format!("(every model fitted to cycles {}, {scored})", cycles(&diagnosis.fitted_cycles)),
+        String::new(),
+        format!(
+            "  {:<26}{:>8}{:>11}{:>11}{:>9}{:>10}   {}",
+            "effect", "score z", "gain", "held-out", "p", "ln Bayes", "standing"
+        ),
+    ];
+    let mut candidates: Vec<&CandidateEntry> = diagnosis.candidates.iter().collect();
+    candidates.sort_by(|a, b| gain(b).total_cmp(&gain(a)));
+    lines.extend(candidates.iter().map(|candidate| row(candidate)));
+    lines.push("  (gains in nats over the model without the effect; p for the whole search)".into());
+    if let Some(pair) = diagnosis.pairs.first() {
+        lines.push(format!("  best pair: {} with {:.1} nats", pair.effects.join(" + "), pair.gain_nats));
+    }
+    lines.push(String::new());
+    lines.extend(diagnosis.noise.iter().map(|noise| format!("Noise from {}: {}", noise.from, noise.text)));
+    lines.extend(diagnosis.unexplained.iter().map(|entry| format!("Not of the library: {}", entry.sentence)));
+    if !diagnosis.separating_protocol.is_empty() {
+        lines.push(format!("To tell them apart: {}", diagnosis.separating_protocol));
+    }
+    if !diagnosis.outlier_rows.is_empty() {
+        lines.push(format!("{} positions were left out as outliers.", diagnosis.outlier_rows.len()));
+    }
+    if !diagnosis.blind_spots.is_empty() {
+        lines.push(format!("Blind spots, which this experiment cannot show: {}.", diagnosis.blind_spots.join(", ")));
+    }
+    let smallest: Vec<String> = diagnosis
+        .smallest_detectable
+        .iter()
+        .filter_map(|entry| Some(format!("{} {}", entry.effect, significant(entry.parameter?))))
+        .collect();
+    if !smallest.is_empty() {
+        lines.push(format!("Smallest sizes that would have been seen: {}.", smallest.join(", ")));
+    }
+    lines.extend(diagnosis.remarks.iter().map(|remark| format!("Note: {remark}.")));
+    if diagnosis.verdict.effects.is_empty() {
+        return lines.join("\n") + "\n";
+    }
+    lines.push(String::new());
+    lines.push(format!("Add it with `vitreo-uq extend STUDY --with {}`.", diagnosis.verdict.effects.join(",")));
+    lines.join("\n") + "\n"
+}
+
+fn gain(candidate: &CandidateEntry) -> f64 {
+    candidate.refit.as_ref().map_or(f64::NEG_INFINITY, |refit| refit.gain_nats)
+}
+
+fn row(candidate: &CandidateEntry) -> String {
+    let number = |value: Option<f64>| value.map_or("–".into(), |value| format!("{value:.1}"));
+    let refit = candidate.refit.as_ref();
+    let standing = match (candidate.status, &candidate.refused) {
+        (_, Some(reason)) => format!("not here: {reason}"),
+        (Status::Claimed, _) => "CLAIMED".into(),
+        (Status::Equivalent, _) => "equivalent".into(),
+        (Status::Suggestive, _) => "suggestive".into(),
+        (Status::Unsupported, _) => String::new(),
+        (Status::Invisible, _) => "invisible here".into(),
+    };
+    let p = refit.map_or("–".into(), |_| format!("{:.3}", candidate.p_familywise));
+    format!(
+        "  {:<26}{:>8}{:>11}{:>11}{p:>9}{:>10}   {standing}",
+        candidate.effect,
+        number(refit.map(|_| candidate.z)),
+        number(refit.map(|refit| refit.gain_nats)),
+        number(refit.and_then(|refit| refit.heldout_gain_nats)),
+        number(refit.and_then(|refit| refit.log_bayes_factor)),
+    )
+    .trim_end()
+    .to_string()
+}

@@ -1,0 +1,84 @@
+//! What `compare` and `diagnose` look at: a revision of a study, which is made first where there is none.
+
+use vitreo_uq::critique::Subject;
+use vitreo_uq::effects::Library;
+use vitreo_uq::error::{Error, Place, Result};
+use vitreo_uq::inference::SamplerOptions;
+use vitreo_uq::study::{Provenance, Study};
+use vitreo_uq::workflow::problem::Problem;
+use vitreo_uq::workflow::reduced::Reduced;
+use vitreo_uq::workflow::{Monitor, artefacts};
+
+use crate::options::{Common, Model};
+use crate::sample::{kept_surrogate, refuse_nothing_to_sample, sample_into_m0};
+use crate::target::Target;
+use crate::terminal::Terminal;
+
+/// A revision, ready to be examined.
+pub struct Examined {
+    /// Its study.
+    pub study: Study,
+    /// Its name.
+    pub revision: String,
+    /// Its model joined with the whole experiment.
+    pub problem: Problem,
+}
+
+impl Examined {
+    /// Opens the revision that the options name; given an experiment, makes the study and its m0 first.
+    pub fn open(common: &Common, model: &Model, options: SamplerOptions, terminal: &Terminal) -> Result<Self> {
+        let target = Target::open(common, model, terminal)?;
+        let there = match target.existing_study() {
+            Some(study) => study.revisions()?,
+            None => Vec::new(),
+        };
+        if !there.is_empty() {
+            refuse_changes(model)?;
+        }
+        let problem = target.problem(model, terminal)?;
+        refuse_nothing_to_sample(&problem)?;
+        options.validate(problem.priors.priors().len())?;
+        let study = target.make_study()?;
+        if there.is_empty() {
+            terminal.stage("m0, the model to examine, on the calibration cycles");
+            sample_into_m0(&study, &problem, options, false, terminal)?;
+        }
+        let revision = model.from.clone().or_else(|| there.last().cloned()).unwrap_or_else(|| "m0".into());
+        Ok(Self { study, revision, problem })
+    }
+
+    /// The experiment, split into fitted and scored cycles, for the fits of its own model.
+    pub fn subject(&self, terminal: &Terminal) -> Result<Subject> {
+        let compliance = Reduced::unverified(&self.problem, kept_surrogate(&self.study), terminal)?.compliance;
+        Subject::with_compliance(&self.problem, &Library::default(), compliance)
+    }
+
+    /// The same for the fits of every effect, one of which may ask for a wider surrogate.
+    pub fn subject_for_effects(&self, terminal: &Terminal) -> Result<Subject> {
+        Subject::new(&self.problem, &Library::default(), kept_surrogate(&self.study), terminal)
+    }
+
+    /// The header of a document about it.
+    pub fn provenance(&self, kind: &str, seed: u64) -> Provenance {
+        artefacts::with_inputs(self.study.provenance(kind, 1, seed), &self.problem)
+    }
+}
+
+/// A revision is examined as it is.
+fn refuse_changes(model: &Model) -> Result<()> {
+    let given = [
+        ("--base", model.base.is_some()),
+        ("--with", !model.with.is_empty()),
+        ("--noise", !model.noise.is_empty()),
+        ("--prior", model.prior.is_some()),
+        ("--set", !model.set.is_empty()),
+    ];
+    match given.iter().find(|(_, is_given)| *is_given) {
+        Some((option, _)) => Err(Error::input(
+            Place::option(*option),
+            "the study has a model already, and it is examined as it is",
+            "leave the option away, choose a revision with `--from`, or make another one with `extend`",
+        )),
+        None => Ok(()),
+    }
+}

@@ -1,0 +1,175 @@
+//! Which effect is missing: the search, what stands beside its claim, and the words for it.
+
+use super::bootstrap::simulated;
+use super::diagnosis::Diagnosis;
+use super::document::Report;
+use super::outside::{self, Outside, OutsideNull, OutsideRequest, outside_gain};
+use super::refit::Refitted;
+use super::search::{Bars, Effort, Found, LARGER_NATS, replacements, search};
+use super::separation::{SEPARATED_SIGMA, distance};
+use super::{Search, Subject, outliers};
+use rayon::prelude::*;
+
+use crate::error::{Error, Result};
+use crate::workflow::Monitor;
+
+/// What a caller decides.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DiagnosisRequest {
+    /// What a claim has to pass.
+    pub bars: Bars,
+    /// Most simulated searches a round.
+    pub n_simulations: usize,
+    /// Seed of all random numbers.
+    pub seed: u64,
+    /// Whether to look for what only words need: evidence of all candidates, protocols, smallest sizes. `challenge run` leaves them out.
+    pub in_full: bool,
+}
+
+impl Default for DiagnosisRequest {
+    fn default() -> Self {
+        let bars = Bars { largest_p: 0.05, least_future_nats: 2.0, smallest_change: 0.25 };
+        Self { bars, n_simulations: 99, seed: 1, in_full: true }
+    }
+}
+
+/// What was found, with the models behind it.
+pub struct Outcome {
+    /// The document.
+    pub diagnosis: Diagnosis,
+    /// The search, on the positions without outliers.
+    pub found: Found,
+    /// Structure outside the library, the leading one first, with its fit.
+    pub unexplained: Vec<Outside>,
+    /// The subject without outliers.
+    pub subject: Subject,
+}
+
+/// Models whose rank is within so many nats of the claim are within reach of the data.
+const REACH_NATS: f64 = 6.0;
+/// p and gain (nats, less what chance gives) that structure outside the library needs.
+const LARGEST_OUTSIDE_P: f64 = 0.01;
+const LEAST_OUTSIDE_NATS: f64 = 7.0;
+const N_OUTSIDE_SIMULATIONS: usize = 199;
+/// Simulated data sets by which a finding is confirmed, and the p that they have to show.
+const N_CONFIRMING: usize = 19;
+const LARGEST_CONFIRMED_P: f64 = 0.05;
+const CONFIRMING_STREAMS: u64 = 0xc0f1;
+/// What the best effect of the library gains by chance, in nats; each further one is asked for more.
+const CHANCE_NATS: f64 = 1.5;
+/// Lead (nats) that structure needs to take the place of a claim that leaves nothing.
+const LEAST_LEAD_NATS: f64 = 4.0;
+/// Cosine above which structure outside the library looks like one of its effects.
+const TWIN_COSINE: f64 = 0.95;
+/// What is left beside a claim counts when it gains this share of the claim's gain.
+const LEAST_OUTSIDE_SHARE: f64 = 0.1;
+
+/// Diagnoses.
+///
+/// # Errors
+/// Whatever fitting the base model refuses.
+pub fn diagnose(subject: &Subject, request: &DiagnosisRequest, monitor: &dyn Monitor) -> Result<Outcome> {
+    let base = subject.base();
+    let first = subject.fit(&base, &[], Search::Wide)?;
+    let outlier_rows = outliers::find(subject, &first);
+    let subject = if outlier_rows.is_empty() { subject.clone() } else { subject.without_rows(&outlier_rows) };
+    let DiagnosisRequest { n_simulations, in_full, seed, .. } = *request;
+    let effort = Effort { n_simulations, in_full, seed };
+    let mut found = search(&subject, &request.bars, &effort, monitor)?;
+    monitor.stage("looking for structure that is not of the library");
+    let unexplained = unexplained(&subject, request, &mut found)?;
+    let class = match &found.claimed {
+        Some(claimed) => class_of(&subject, &found, claimed)?,
+        None => Vec::new(),
+    };
+    let report = Report { subject: &subject, request, found: &found, unexplained: &unexplained, class: &class };
+    let diagnosis = report.document(outlier_rows, monitor)?;
+    Ok(Outcome { diagnosis, found, unexplained, subject })
+}
+
+/// Structure that is not of the library. Withdraws a claim that such structure explains better.
+fn unexplained(subject: &Subject, request: &DiagnosisRequest, found: &mut Found) -> Result<Vec<Outside>> {
+    let search = OutsideRequest { n_simulations: N_OUTSIDE_SIMULATIONS, seed: request.seed };
+    let look = |model: &Refitted| -> Result<Vec<Outside>> {
+        let mut list = outside::search(subject, &model.candidate, &model.fitted, &search)?;
+        list.retain(|outside| {
+            outside.p_familywise <= LARGEST_OUTSIDE_P && outside.penalised_gain_nats >= LEAST_OUTSIDE_NATS
+        });
+        Ok(list)
+    };
+    let Some(claimed) = &found.claimed else { return confirmed(subject, &found.base, look(&found.base)?, &search) };
+    let effects = found.added(claimed);
+    // What looks like a claimed effect (backlash is a delay on a square wave) is not beside it.
+    let is_other = |outside: &Outside| {
+        let stands_for = |(slug, cosine): &(String, f64)| *cosine > TWIN_COSINE && effects.contains(&slug.as_str());
+        !outside.twins.iter().any(stands_for)
+    };
+    let gain = claimed.fitted.objective - found.base.fitted.objective;
+    let mut left = look(claimed)?;
+    left.retain(|outside| outside.penalised_gain_nats >= LEAST_OUTSIDE_SHARE * gain);
+    // One structure alone may explain the misfit better than all that is claimed.
+    let chance = CHANCE_NATS + LARGER_NATS * effects.len().saturating_sub(1) as f64;
+    let lead = if left.is_empty() { LEAST_LEAD_NATS } else { 0.0 };
+    let mut alone = look(&found.base)?;
+    alone.retain(|outside| outside.penalised_gain_nats > gain - chance + lead);
+    left.retain(is_other);
+    alone.retain(is_other);
+    let alone = confirmed(subject, &found.base, alone, &search)?;
+    if alone.is_empty() {
+        return confirmed(subject, claimed, left, &search);
+    }
+    found.claimed = None;
+    Ok(alone)
+}
+
+/// Structure that data simulated from the model and its noise, searched alike with the noise estimated anew, do not show by chance: correlated noise
+/// looks like many things.
+fn confirmed(
+    subject: &Subject,
+    model: &Refitted,
+    mut list: Vec<Outside>,
+    request: &OutsideRequest,
+) -> Result<Vec<Outside>> {
+    let Some(gain) = list.first().map(|first| first.penalised_gain_nats) else { return Ok(list) };
+    let null = OutsideNull::of(subject, &model.candidate, &model.fitted, request)?;
+    let reaches = |number: usize| -> Result<bool> {
+        let data = simulated(subject, model, request.seed ^ CONFIRMING_STREAMS, number);
+        let start = (model.fitted.theta.clone(), model.fitted.noise);
+        let fitted = data.fit(&model.candidate, &[start], Search::Local)?;
+        Ok(outside_gain(&data, &model.candidate, &fitted, &null)?.0 >= gain)
+    };
+    let reached: Vec<bool> = (0..N_CONFIRMING).into_par_iter().map(reaches).collect::<Result<_>>()?;
+    let p = (1 + reached.iter().filter(|reached| **reached).count()) as f64 / (1 + N_CONFIRMING) as f64;
+    if p > LARGEST_CONFIRMED_P {
+        return Ok(Vec::new());
+    }
+    list.iter_mut().for_each(|outside| outside.p_familywise = outside.p_familywise.max(p));
+    Ok(list)
+}
+
+/// An effect that stands for one of the claim as well as it does itself, and the model in which it does.
+pub(super) struct Equivalent {
+    pub slug: &'static str,
+    pub model: Refitted,
+}
+
+/// Effects within reach of the data that this experiment does not separate from one of the claim.
+fn class_of(subject: &Subject, found: &Found, claimed: &Refitted) -> Result<Vec<Equivalent>> {
+    let rank = |model: &Refitted| model.gain_over(&found.base, subject).rank;
+    let best = rank(claimed);
+    let mut class: Vec<Equivalent> = Vec::new();
+    for (slug, model) in replacements(subject, found, claimed) {
+        if class.iter().any(|own| own.slug == slug) || best - rank(&model) > REACH_NATS {
+            continue;
+        }
+        // A model that cannot come near the claim at all stands apart from it.
+        let apart = match distance(subject, &model.candidate, (&claimed.candidate, &claimed.fitted)) {
+            Err(Error::Numerical { .. }) => f64::INFINITY,
+            other => other?,
+        };
+        if apart < SEPARATED_SIGMA {
+            class.push(Equivalent { slug, model });
+        }
+    }
+    Ok(class)
+}

@@ -1,0 +1,392 @@
+//! A diagnosis in its document: what stands beside the claim, and the words for it.
+
+use super::detectable::{Detectable, smallest_detectable};
+use super::diagnose::{DiagnosisRequest, Equivalent};
+use super::diagnosis::{
+    BaseErrors, CandidateEntry, Diagnosis, Errors, PairEntry, Refit, RefitParameter, SmallestDetectable, Status,
+    UnexplainedEntry, Verdict, VerdictKind,
+};
+use super::evidence::{Evidence, evidence};
+use super::noise_fit::GAIN_FLOOR;
+use super::outside::Outside;
+use super::refit::{Gain, Refitted};
+use super::search::{Found, Single};
+use super::{Candidate, Fitted, Subject, Tangent, noise_learning, protocol, rank};
+use crate::error::Result;
+use crate::workflow::Monitor;
+
+/// Gains (nats) below this are not worth a computation of evidence, and nothing to speak of.
+const LEAST_GAIN: f64 = 2.0;
+/// Visible shares below this are blind spots.
+const LEAST_VISIBLE: f64 = 1e-3;
+/// Learnt noise above so many times the known one stands for something that is not noise.
+const LARGEST_NOISE_RATIO: f64 = 3.0;
+/// Simulated repeats by which a change of the protocol is confirmed.
+const N_REPEATS: usize = 40;
+/// Pairs that are reported.
+const N_PAIRS: usize = 5;
+/// 5 % and 95 % quantiles of a normal, in standard deviations.
+const Q95: f64 = 1.644_853_626_951_472_2;
+
+/// What the document is written from.
+pub(super) struct Report<'a> {
+    pub subject: &'a Subject,
+    pub request: &'a DiagnosisRequest,
+    pub found: &'a Found,
+    pub unexplained: &'a [Outside],
+    pub class: &'a [Equivalent],
+}
+
+impl Report<'_> {
+    /// The document.
+    pub fn document(&self, outlier_rows: Vec<usize>, monitor: &dyn Monitor) -> Result<Diagnosis> {
+        let (subject, found) = (self.subject, self.found);
+        let experiment = subject.experiment();
+        let noise_um = 1e6 * subject.yardstick_m();
+        let base = self.errors(&found.base);
+        let scored: Vec<&Single> = found.singles.iter().filter(|single| single.score.is_some()).collect();
+        let scores: Vec<rank::Score> = scored.iter().filter_map(|single| single.score.clone()).collect();
+        let cosines = rank::cosines(&scores);
+        let slug = |place: &usize| scored[*place].slug.to_string();
+        let twins: Vec<Vec<String>> =
+            rank::twins(&cosines).iter().map(|list| list.iter().map(slug).collect()).collect();
+        monitor.stage("weighing the evidence");
+        let ln_base = evidence(subject, &found.base.candidate, &found.base.fitted, self.request.seed)?;
+        let mut candidates = Vec::new();
+        for single in &found.singles {
+            let place = scored.iter().position(|other| other.slug == single.slug);
+            let twins = place.map_or(Vec::new(), |place| twins[place].clone());
+            candidates.push(self.candidate(single, twins, &ln_base)?);
+        }
+        let learnt = noise_learning::learn(subject, &found.base.candidate, &found.base.fitted)?;
+        let mut remarks = self.remarks(&scores, &cosines);
+        remarks.extend(learnt.disagreements());
+        if self.request.in_full {
+            let exact = protocol::exact_degeneracies(subject)?;
+            remarks.extend(exact.into_iter().map(|degeneracy| degeneracy.sentence));
+        }
+        let (mut detectable, mut separating_protocol) = (Vec::new(), String::new());
+        if self.request.in_full {
+            monitor.stage("what else this experiment could have shown");
+            let base = (&found.base.candidate, &found.base.fitted);
+            detectable = smallest_detectable(subject, base, self.threshold_sigma())?;
+            separating_protocol = self.separating_protocol()?;
+        }
+        let is_blind = |slug: &str| detectable.iter().any(|d: &Detectable| d.effect == slug && d.is_blind_spot());
+        let invisible = |c: &&CandidateEntry| c.status == Status::Invisible || is_blind(&c.effect);
+        let blind_spots = candidates.iter().filter(invisible).map(|c| c.effect.clone()).collect();
+        let smallest = |d: &Detectable| SmallestDetectable { effect: d.effect.clone(), parameter: d.smallest };
+        let verdict = self.verdict(&candidates);
+        let pair = |(refitted, gain): &(Refitted, Gain)| PairEntry {
+            effects: found.added(refitted).into_iter().map(String::from).collect(),
+            gain_nats: gain.fitted,
+            heldout_gain_nats: gain.future,
+        };
+        Ok(Diagnosis {
+            experiment: experiment.specimen_id.clone(),
+            verdict,
+            fitted_cycles: experiment.calibration_cycles.clone(),
+            heldout_cycles: experiment.heldout_cycles.clone(),
+            base: BaseErrors { rmse_fitted_um: base.rmse_fitted_um, rmse_heldout_um: base.rmse_heldout_um, noise_um },
+            extended: found.claimed.as_ref().map(|claimed| self.errors(claimed)),
+            candidates,
+            pairs: found.pairs.iter().take(N_PAIRS).map(pair).collect(),
+            blind_spots,
+            smallest_detectable: detectable.iter().map(smallest).collect(),
+            separating_protocol,
+            noise: learnt.estimates(),
+            unexplained: self.unexplained.iter().map(entry).collect(),
+            outlier_rows,
+            remarks,
+        })
+    }
+
+    /// The signal, in σ, whose expected gain is the one that simulated searches stay below.
+    fn threshold_sigma(&self) -> f64 {
+        (2.0 * self.found.bootstrap.threshold().max(LEAST_GAIN)).sqrt() + 1.0
+    }
+
+    /// The change of the protocol that would tell the claim from what stands for it; empty where nothing does.
+    fn separating_protocol(&self) -> Result<String> {
+        let Some(claimed) = self.found.claimed.as_ref().filter(|_| !self.class.is_empty()) else {
+            return Ok(String::new());
+        };
+        let models = std::iter::once(claimed).chain(self.class.iter().map(|own| &own.model));
+        let members: Vec<(&Candidate, &Fitted)> = models.map(|model| (&model.candidate, &model.fitted)).collect();
+        let advice = protocol::advise(self.subject, &members, N_REPEATS, self.request.seed)?;
+        Ok(advice.map_or(String::new(), |advice| advice.sentence))
+    }
+
+    fn errors(&self, model: &Refitted) -> Errors {
+        let rmse_um = |positions: &[Option<f64>]| model.fitted.rmse_m(positions).map(|rmse| 1e6 * rmse);
+        Errors {
+            rmse_fitted_um: rmse_um(&self.subject.fitted_m).unwrap_or(0.0),
+            rmse_heldout_um: rmse_um(&self.subject.scored_m),
+            predictive_noise_um: self.predictive_noise_um(model),
+        }
+    }
+
+    fn predictive_noise_um(&self, model: &Refitted) -> Option<f64> {
+        let (subject, record) = (self.subject, &self.subject.experiment().record);
+        let mut fitted = model.fitted.clone();
+        fitted.noise[3] = fitted.noise[3].max(GAIN_FLOOR);
+        let tangent = Tangent::new(subject, &model.candidate, &fitted).ok()?;
+        let of_parameters_m2 = tangent.position_variance_m2(subject, &model.candidate, &fitted).ok()?;
+        let of_noise_m =
+            subject.noise().marginal_sd_m(&record.time_s, &record.cycle, &fitted.position_m, &fitted.noise);
+        let variances_m2 = of_parameters_m2.iter().zip(&of_noise_m).map(|(variance, sd)| variance + sd * sd);
+        let scored: Vec<f64> =
+            subject.scored_m.iter().zip(variances_m2).filter_map(|(y, variance)| y.map(|_| variance)).collect();
+        (!scored.is_empty()).then(|| 1e6 * (scored.iter().sum::<f64>() / scored.len() as f64).sqrt())
+    }
+
+    fn class_slugs(&self) -> Vec<String> {
+        self.class.iter().map(|own| own.slug.to_string()).collect()
+    }
+
+    fn claimed(&self) -> Vec<&str> {
+        self.found.claimed.as_ref().map_or(Vec::new(), |claimed| self.found.added(claimed))
+    }
+
+    fn status(&self, single: &Single) -> Status {
+        let gain = single.gain.map_or(0.0, |gain| gain.fitted);
+        if self.claimed().contains(&single.slug) {
+            Status::Claimed
+        } else if self.class.iter().any(|own| own.slug == single.slug) {
+            Status::Equivalent
+        } else if single.score.as_ref().is_none_or(|score| score.visible_fraction < LEAST_VISIBLE) && gain < LEAST_GAIN
+        {
+            Status::Invisible
+        } else if self.found.claimed.is_none() && self.unexplained.is_empty() && gain > LEAST_GAIN {
+            Status::Suggestive
+        } else {
+            Status::Unsupported
+        }
+    }
+
+    fn candidate(&self, single: &Single, twins: Vec<String>, ln_base: &Evidence) -> Result<CandidateEntry> {
+        let status = self.status(single);
+        let score = single.score.as_ref();
+        let refit = match (&single.refitted, single.gain) {
+            (Some(refitted), Some(gain)) => Some(self.refit(refitted, gain, status, ln_base)?),
+            _ => None,
+        };
+        let p = single.gain.map_or(1.0, |gain| self.found.bootstrap.p(gain.fitted));
+        Ok(CandidateEntry {
+            effect: single.slug.into(),
+            status,
+            z: score.map_or(0.0, |score| score.z),
+            p_familywise: p,
+            visible_fraction: score.map_or(0.0, |score| score.visible_fraction),
+            expected_parameter: score.map(|score| score.expected_parameter).filter(|value| value.is_finite()),
+            refit,
+            twins,
+            refused: single.refused.clone(),
+        })
+    }
+
+    /// The refit with an effect: in the claimed model where there is one, else alone.
+    fn refit(&self, refitted: &Refitted, gain: Gain, status: Status, ln_base: &Evidence) -> Result<Refit> {
+        let subject = self.subject;
+        // Of a claim of several effects, parameters are those of the whole model.
+        let model = match (&self.found.claimed, status) {
+            (Some(claimed), Status::Claimed) => claimed,
+            _ => refitted,
+        };
+        let own: Vec<&str> = self.found.added(refitted);
+        let is_own =
+            |name: &str| own.iter().any(|slug| name.strip_prefix(slug).is_some_and(|rest| rest.starts_with('.')));
+        let is_weighed = status == Status::Claimed || (self.request.in_full && gain.fitted > LEAST_GAIN);
+        let weighed = if is_weighed {
+            Some(evidence(subject, &model.candidate, &model.fitted, self.request.seed)?)
+        } else {
+            None
+        };
+        let parameters = match &weighed {
+            Some(found) => found.parameters.iter().filter(|p| is_own(&p.name)).cloned().collect(),
+            None => laplace(subject, model)?.into_iter().filter(|p| is_own(&p.name)).collect(),
+        };
+        let is_alone = self.found.added(model).len() == 1;
+        let alone = match (weighed, is_alone) {
+            (Some(found), false) if self.request.in_full => {
+                drop(found);
+                Some(evidence(subject, &refitted.candidate, &refitted.fitted, self.request.seed)?)
+            }
+            (found, _) => found,
+        };
+        Ok(Refit {
+            gain_nats: gain.fitted,
+            heldout_gain_nats: gain.future,
+            last_cycle_gain_nats: gain.last,
+            rmse_heldout_um: self.errors(refitted).rmse_heldout_um,
+            largest_change: gain.largest_change,
+            log_bayes_factor: alone
+                .filter(|_| is_alone || self.request.in_full)
+                .map(|e| e.ln_evidence - ln_base.ln_evidence),
+            parameters,
+        })
+    }
+
+    fn remarks(&self, scores: &[rank::Score], cosines: &nalgebra::DMatrix<f64>) -> Vec<String> {
+        let mut list = Vec::new();
+        let threshold = rank::largest_score_threshold(scores, cosines, self.request.seed);
+        list.push(format!(
+            "without any effect the largest score stays below {threshold:.2} standard deviations, and the largest gain of a refit below {:.1} nats, in 95 of 100 experiments ({} simulated searches)",
+            self.found.bootstrap.threshold(),
+            self.found.bootstrap.len()
+        ));
+        match self.subject.experiment().heldout_cycles[..] {
+            [] => list.push("no cycle is held out, so nothing is claimed beyond \"suggestive\"".into()),
+            [cycle] if self.subject.problem().experiment.calibration_cycles.len() == 1 => list.push(format!(
+                "one cycle was fitted and cycle {cycle} is scored once: a claim rests on that one cycle"
+            )),
+            _ => {}
+        }
+        list
+    }
+
+    fn verdict(&self, candidates: &[CandidateEntry]) -> Verdict {
+        let effects: Vec<String> = self.claimed().into_iter().map(String::from).collect();
+        let ratio = self.learnt_noise_ratio();
+        let kind = if !effects.is_empty() {
+            VerdictKind::Missing
+        } else if !self.unexplained.is_empty() || ratio > LARGEST_NOISE_RATIO {
+            VerdictKind::Unexplained
+        } else {
+            VerdictKind::None
+        };
+        let sentence = match kind {
+            VerdictKind::Missing => self.missing_sentence(&effects, candidates),
+            VerdictKind::Unexplained => self.unexplained_sentence(ratio),
+            VerdictKind::None => self.none_sentence(candidates),
+        };
+        let equivalent = self.class_slugs();
+        Verdict { kind, effects, equivalent, sentence }
+    }
+
+    /// Noise that differs from row to row, as learnt with the best model, over the known one.
+    fn learnt_noise_ratio(&self) -> f64 {
+        let model = self.found.claimed.as_ref().unwrap_or(&self.found.base);
+        1e-6 * self.subject.noise().row_sd_um(&model.fitted.noise) / self.subject.yardstick_m()
+    }
+
+    fn missing_sentence(&self, effects: &[String], candidates: &[CandidateEntry]) -> String {
+        let Some(claimed) = &self.found.claimed else { return String::new() };
+        let (before, after) = (self.errors(&self.found.base), self.errors(claimed));
+        let errors = match (before.rmse_heldout_um, after.rmse_heldout_um) {
+            (Some(was), Some(is)) => {
+                format!("on the held-out cycle the error goes from {} to {} µm", short(was), short(is))
+            }
+            _ => format!(
+                "on the fitted cycles the error goes from {} to {} µm",
+                short(before.rmse_fitted_um),
+                short(after.rmse_fitted_um)
+            ),
+        };
+        let sizes: Vec<String> = candidates
+            .iter()
+            .filter(|candidate| candidate.status == Status::Claimed)
+            .filter_map(|candidate| candidate.refit.as_ref()?.parameters.first().map(size))
+            .collect();
+        let class = match &self.class_slugs()[..] {
+            [] => String::new(),
+            class => {
+                let which = if effects.len() > 1 { "one of them" } else { "it" };
+                format!(" This experiment cannot tell {which} from {}.", listed(class, "or"))
+            }
+        };
+        let rest = match self.unexplained {
+            [] => String::new(),
+            list => format!(" Something remains that is not of the library: {}", list[0].sentence),
+        };
+        format!(
+            "The model lacks {}: with {}, {errors} (noise {}). {}.{class}{rest}",
+            listed(effects, "and"),
+            if effects.len() > 1 { "them" } else { "it" },
+            short(1e6 * self.subject.yardstick_m()),
+            sizes.join("; ")
+        )
+    }
+
+    fn unexplained_sentence(&self, ratio: f64) -> String {
+        match self.unexplained {
+            [] => format!(
+                "Unexplained: neighbouring errors are {ratio:.1} times the known noise of {} µm, and no effect of the library or known structure accounts for it.",
+                short(1e6 * self.subject.yardstick_m())
+            ),
+            list => format!("Unexplained by the library, here: {}", list[0].sentence),
+        }
+    }
+
+    fn none_sentence(&self, candidates: &[CandidateEntry]) -> String {
+        let suggestive: Vec<String> =
+            candidates.iter().filter(|c| c.status == Status::Suggestive).map(|c| c.effect.clone()).collect();
+        let hint = if suggestive.is_empty() {
+            String::new()
+        } else {
+            format!(" Suggestive at most: {}.", listed(&suggestive, "and"))
+        };
+        let errors = self.errors(&self.found.base);
+        let is_heldout = errors.rmse_heldout_um.is_some();
+        format!(
+            "Nothing is missing that this experiment could show: the model's error is {} µm on the {} (noise {}), and what it leaves looks like noise.{hint}",
+            short(errors.rmse_heldout_um.unwrap_or(errors.rmse_fitted_um)),
+            if is_heldout { "held-out cycle" } else { "fitted cycles" },
+            short(1e6 * self.subject.yardstick_m()),
+        )
+    }
+}
+
+fn entry(outside: &Outside) -> UnexplainedEntry {
+    UnexplainedEntry {
+        kind: outside.kind.name().into(),
+        sentence: outside.sentence.clone(),
+        gain_nats: outside.gain_nats,
+        p_familywise: outside.p_familywise,
+        size_um: outside.size_um,
+    }
+}
+
+/// Normal approximation of the free parameters at a fit.
+fn laplace(subject: &Subject, model: &Refitted) -> Result<Vec<RefitParameter>> {
+    let tangent = Tangent::new(subject, &model.candidate, &model.fitted)?;
+    let sds = tangent.standard_deviations();
+    let parameter = |(k, free): (usize, &super::Free)| {
+        let theta = model.fitted.theta[k];
+        let at = |sds_away: f64| free.coordinate.value(free.clamped(theta + sds_away * sds[k]));
+        RefitParameter { name: free.name.into(), mean: free.coordinate.value(theta), q05: at(-Q95), q95: at(Q95) }
+    };
+    Ok(model.candidate.free.iter().enumerate().map(parameter).collect())
+}
+
+/// `slug.name = mean (q05 to q95)`.
+fn size(parameter: &RefitParameter) -> String {
+    format!(
+        "{} = {} ({} to {} at 90 %)",
+        parameter.name,
+        short(parameter.mean),
+        short(parameter.q05),
+        short(parameter.q95)
+    )
+}
+
+/// Three significant digits.
+fn short(value: f64) -> String {
+    if value == 0.0 || !value.is_finite() {
+        return format!("{value}");
+    }
+    let magnitude = value.abs().log10().floor() as i32;
+    match magnitude {
+        -3..=5 => format!("{value:.*}", (2 - magnitude).max(0) as usize),
+        _ => format!("{value:.2e}"),
+    }
+}
+
+/// `a, b and c`.
+fn listed(names: &[String], last: &str) -> String {
+    match names {
+        [] => String::new(),
+        [one] => one.clone(),
+        [rest @ .., end] => format!("{} {last} {end}", rest.join(", ")),
+    }
+}

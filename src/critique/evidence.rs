@@ -1,0 +1,262 @@
+//! The evidence of a candidate: how probable the fitted positions are under all of its parameters that the priors allow.
+//!
+//! Every parameter has its proper prior, those of the effects and of the noise included (the default ones, or the prior file's), and parameters that
+//! two candidates share have the same: so differences are logarithms of Bayes factors. The priors of the law and of the noise are those of
+//! `sample`, not the looser ones of [`Subject::fit`], which has to find an optimum and nothing more.
+
+use std::collections::BTreeMap;
+
+use super::diagnosis::RefitParameter;
+use super::{Candidate, Fitted, Free, Subject};
+use crate::error::{Error, Place, Result};
+use crate::inference::evidence::importance::{self, ImportanceOptions};
+use crate::inference::evidence::tempering::{self, TemperingOptions};
+use crate::inference::evidence::{Estimate, PriorCoordinates, SavageDickey, WeightedDraws, savage_dickey};
+use crate::inference::likelihood::{FittedRecord, PosteriorParts, ReducedPosterior};
+use crate::inference::optimum::find_modes;
+use crate::inference::prior::{Prior, PriorSet};
+use crate::workflow::problem::Problem;
+
+/// How an evidence was computed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum EvidenceMethod {
+    /// Importance sampling from a mixture that was adapted to the posterior.
+    ImportanceSampling,
+    /// Sequential Monte Carlo from the prior: where importance weights have too heavy a tail.
+    SequentialMonteCarlo,
+}
+
+/// A candidate's evidence and what its parameters are.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Evidence {
+    /// Log probability density of the fitted positions, in nats for positions in m.
+    pub ln_evidence: f64,
+    /// Its standard error.
+    pub standard_error: f64,
+    /// Pareto k̂ of importance sampling; `None` where another method took over.
+    pub pareto_k: Option<f64>,
+    /// How it was computed.
+    pub method: EvidenceMethod,
+    /// The sampled parameters of the law and of the effects, in the model's order.
+    pub parameters: Vec<RefitParameter>,
+}
+
+/// The posterior of a candidate over the sampler's coordinates.
+pub struct CandidatePosterior<'a> {
+    subject: &'a Subject,
+    problem: Problem,
+    fixed: BTreeMap<String, f64>,
+}
+
+impl<'a> CandidatePosterior<'a> {
+    /// Of a candidate without columns of free amplitude, which have no prior.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for a candidate with such columns, or one that is no model of the experiment.
+    pub fn new(subject: &'a Subject, candidate: &Candidate) -> Result<Self> {
+        if !candidate.columns.is_empty() {
+            return Err(Error::input(
+                Place::option("--with"),
+                "columns of free amplitude have no prior, and so no evidence",
+                "ask for the evidence of a law with effects",
+            ));
+        }
+        let mut specification = subject.specification().clone();
+        specification.effects.clone_from(&candidate.effects);
+        let problem = subject.problem().with_model(specification, subject.library())?;
+        let fixed = problem.specification.fixed.clone();
+        Ok(Self { subject, problem, fixed })
+    }
+
+    /// Priors of the sampled parameters.
+    pub fn priors(&self) -> &PriorSet {
+        &self.problem.priors
+    }
+
+    /// The log density: that of the positions that are fitted, outliers left out, times the priors'.
+    pub fn density(&self) -> ReducedPosterior<'_> {
+        let record = &self.subject.experiment().record;
+        let parts = PosteriorParts {
+            model: &self.problem.model,
+            noise: self.problem.noise,
+            compliance: self.subject.compliance().clone(),
+            trained: &[],
+            priors: &self.problem.priors,
+            fixed: &self.fixed,
+        };
+        let observed_m = &self.subject.fitted_m;
+        ReducedPosterior::new(
+            parts,
+            FittedRecord { time_s: &record.time_s, force_n: &record.force_n, cycle: &record.cycle, observed_m },
+        )
+    }
+
+    /// Natural values at which climbs and walkers start: the fit, next to it, and the fit with the effects' parameters elsewhere in their priors.
+    pub fn starts(&self, candidate: &Candidate, fitted: &Fitted) -> Vec<Vec<f64>> {
+        let mut natural = candidate.parameters(&fitted.theta);
+        natural.extend(fitted.noise);
+        let names: Vec<&str> = self.problem.parameters().iter().map(|spec| spec.name).collect();
+        let value = |name: &str| names.iter().position(|known| *known == name).map_or(f64::NAN, |place| natural[place]);
+        let is_of_effect = |name: &str| candidate.free.iter().any(|free| free.name == name && free.effect.is_some());
+        let priors = self.priors().priors();
+        let inside = |tail: f64| -> Vec<f64> {
+            priors.iter().map(|prior| moved_inside(prior, value(&prior.name), tail)).collect()
+        };
+        let at_fit = inside(FARTHEST_TAIL);
+        let elsewhere = |number: u32| -> Vec<f64> {
+            let mut dimension = 0;
+            let coordinate = |(prior, at_fit): (&Prior, &f64)| {
+                if !is_of_effect(&prior.name) {
+                    return *at_fit;
+                }
+                let p = 0.02 + 0.96 * f64::from(sobol_burley::sample(number, dimension, START_SEED));
+                dimension += 1;
+                prior.distribution.quantile(p)
+            };
+            priors.iter().zip(&at_fit).map(coordinate).collect()
+        };
+        let n_elsewhere = if candidate.free.iter().any(|free| free.effect.is_some()) { EFFECT_STARTS } else { 0 };
+        let others: Vec<Vec<f64>> = (0..n_elsewhere).map(elsewhere).collect();
+        [vec![at_fit, inside(START_QUANTILE)], others].concat()
+    }
+
+    fn by_importance(&self, candidate: &Candidate, fitted: &Fitted, seed: u64) -> Result<Estimate> {
+        let density = self.density();
+        let seen = PriorCoordinates::new(&density, self.priors());
+        let of_natural = |natural: Vec<f64>| natural.iter().enumerate().map(|(d, x)| seen.of_natural(d, *x)).collect();
+        let starts: Vec<Vec<f64>> = self.starts(candidate, fitted).into_iter().map(of_natural).collect();
+        let modes = find_modes(&seen, &starts)?;
+        importance::evidence(&seen, &modes, &ImportanceOptions { seed, ..ImportanceOptions::default() })
+    }
+
+    fn by_tempering(&self, seed: u64) -> Result<Estimate> {
+        let density = self.density();
+        let seen = PriorCoordinates::new(&density, self.priors());
+        tempering::evidence(&seen, &TemperingOptions { seed, ..TemperingOptions::default() })
+    }
+
+    fn estimate(&self, candidate: &Candidate, fitted: &Fitted, seed: u64) -> Result<(Estimate, EvidenceMethod)> {
+        match self.by_importance(candidate, fitted, seed) {
+            Ok(estimate) if importance::is_reliable(&estimate) => Ok((estimate, EvidenceMethod::ImportanceSampling)),
+            Ok(_) | Err(Error::Numerical { .. }) => {
+                Ok((self.by_tempering(seed)?, EvidenceMethod::SequentialMonteCarlo))
+            }
+            Err(other) => Err(other),
+        }
+    }
+}
+
+/// Quantile of the prior at which a climb starts where the fit is at an end of the support.
+const START_QUANTILE: f64 = 0.05;
+/// Tail of a prior within which a fit is at an end of the support.
+const FARTHEST_TAIL: f64 = 1e-6;
+/// Starts with the effects' parameters at Sobol points of their priors, and the seed of those: the design is part of the method.
+const EFFECT_STARTS: u32 = 6;
+const START_SEED: u32 = 11;
+
+/// A value, or one well inside the prior where it lies in a tail of less than `tail`: fits end at supports, where gradients vanish.
+fn moved_inside(prior: &Prior, value: f64, tail: f64) -> f64 {
+    let below = prior.distribution.cdf(value);
+    if below < tail {
+        prior.distribution.quantile(START_QUANTILE)
+    } else if below > 1.0 - tail {
+        prior.distribution.quantile(1.0 - START_QUANTILE)
+    } else {
+        value
+    }
+}
+
+/// The evidence of a candidate from its fit, for the subject's fitted positions: by importance sampling, or by sequential Monte Carlo where the
+/// importance weights cannot be believed.
+///
+/// # Errors
+/// [`Error::Input`] for a candidate with columns of free amplitude, [`Error::Numerical`] when its posterior cannot be sampled.
+pub fn evidence(subject: &Subject, candidate: &Candidate, fitted: &Fitted, seed: u64) -> Result<Evidence> {
+    let posterior = CandidatePosterior::new(subject, candidate)?;
+    let (estimate, method) = posterior.estimate(candidate, fitted, seed)?;
+    Ok(evidence_of(&posterior, &estimate, method))
+}
+
+/// The same by a method of the caller's choice.
+///
+/// # Errors
+/// As [`evidence`].
+pub fn evidence_by(
+    subject: &Subject,
+    candidate: &Candidate,
+    fitted: &Fitted,
+    seed: u64,
+    method: EvidenceMethod,
+) -> Result<Evidence> {
+    let posterior = CandidatePosterior::new(subject, candidate)?;
+    let estimate = match method {
+        EvidenceMethod::ImportanceSampling => posterior.by_importance(candidate, fitted, seed)?,
+        EvidenceMethod::SequentialMonteCarlo => posterior.by_tempering(seed)?,
+    };
+    Ok(evidence_of(&posterior, &estimate, method))
+}
+
+/// ln of the Bayes factor of a candidate over the subject's base by the posterior density at the null of the one effect that the base does not
+/// have.
+///
+/// # Errors
+/// As [`evidence`].
+pub fn bayes_factor_at_null(
+    subject: &Subject,
+    candidate: &Candidate,
+    fitted: &Fitted,
+    seed: u64,
+) -> Result<SavageDickey> {
+    let base = subject.base();
+    let added: Vec<&Free> =
+        candidate.free.iter().filter(|free| base.free.iter().all(|known| known.name != free.name)).collect();
+    let refuse = |reason: String| Ok(SavageDickey::NotApplicable(reason));
+    let (only, null) = match added[..] {
+        [only] => match only.null {
+            Some(null) => (only, only.coordinate.value(null)),
+            None => return refuse(format!("{} has no null", only.name)),
+        },
+        [] => return refuse("the base has all of its parameters".into()),
+        _ => {
+            let unidentified: Vec<&str> =
+                added.iter().filter(|free| free.is_unidentified_at_null()).map(|free| free.name).collect();
+            return refuse(if unidentified.is_empty() {
+                "more than one parameter is added to the base".into()
+            } else {
+                format!(
+                    "{} means nothing at the null, where the density is then one of many widths that draws do not resolve",
+                    unidentified.join(", ")
+                )
+            });
+        }
+    };
+    let posterior = CandidatePosterior::new(subject, candidate)?;
+    let (estimate, _) = posterior.estimate(candidate, fitted, seed)?;
+    let place = posterior.priors().names().position(|name| name == only.name);
+    let Some((place, prior)) = place.and_then(|place| Some((place, posterior.priors().priors().get(place)?))) else {
+        return refuse(format!("{} is fixed", only.name));
+    };
+    let density = posterior.density();
+    let seen = PriorCoordinates::new(&density, posterior.priors());
+    let value = |point: &[f64]| seen.natural(place, point[place]);
+    Ok(savage_dickey(&estimate.draws, value, null, &prior.distribution))
+}
+
+fn evidence_of(posterior: &CandidatePosterior, estimate: &Estimate, method: EvidenceMethod) -> Evidence {
+    let n_model = posterior.problem.model.parameters().len();
+    let of_model = |name: &str| posterior.problem.model.parameters()[..n_model].iter().any(|spec| spec.name == name);
+    let density = posterior.density();
+    let seen = PriorCoordinates::new(&density, posterior.priors());
+    let priors = posterior.priors().priors().iter().enumerate();
+    let parameters = priors
+        .filter(|(_, prior)| of_model(&prior.name))
+        .map(|(d, prior)| summary(&estimate.draws, &prior.name, |point| seen.natural(d, point[d])))
+        .collect();
+    let Estimate { ln_evidence, standard_error, pareto_k, .. } = *estimate;
+    Evidence { ln_evidence, standard_error, pareto_k, method, parameters }
+}
+
+fn summary(draws: &WeightedDraws, name: &str, of: impl Fn(&[f64]) -> f64) -> RefitParameter {
+    let quantiles = draws.quantiles(&of, &[0.05, 0.95]);
+    RefitParameter { name: name.into(), mean: draws.mean(&of), q05: quantiles[0], q95: quantiles[1] }
+}

@@ -1,0 +1,39 @@
+//! Where a model fails, which effect it lacks, and how the error falls when that is added.
+//!
+//! Everything here works on a [`Subject`]: one experiment with every cycle fitted but the last, which alone is scored (contracts §4), under a noise of
+//! white errors, an Ornstein–Uhlenbeck process and a gain and offset for each cycle, which is estimated anew for every model. A [`Candidate`] is a
+//! model of the mean: a law with effects, and columns of free amplitude for what is no effect. [`Subject::fit`] finds its best parameters and noise,
+//! [`Tangent`] is the linear algebra around them.
+
+pub mod bootstrap;
+mod candidate;
+pub mod challenge;
+pub mod compare;
+pub mod detectable;
+pub mod diagnose;
+pub mod diagnosis;
+mod document;
+pub mod evidence;
+mod fit;
+pub mod future;
+mod noise_fit;
+pub mod noise_learning;
+pub mod outliers;
+pub mod outside;
+pub mod protocol;
+pub mod rank;
+pub mod refit;
+pub mod score_test;
+pub mod search;
+pub mod separation;
+mod subject;
+mod tangent;
+#[cfg(test)]
+mod test_replica;
+#[cfg(test)]
+mod test_subjects;
+
+pub use candidate::{Candidate, Coordinate, Free};
+pub use fit::{Fitted, Search};
+pub use subject::Subject;
+pub use tangent::Tangent;

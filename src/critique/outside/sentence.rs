@@ -1,0 +1,145 @@
+//! What was found, in plain words.
+
+use super::setting::Setting;
+use super::shape::Shape;
+
+/// Words for a finding.
+pub(super) struct Words {
+    pub sentence: String,
+    pub event_time_s: Option<f64>,
+    pub period_s: Option<f64>,
+}
+
+/// Three significant digits.
+fn number(value: f64) -> String {
+    let magnitude = value.abs();
+    if !(1e-4..1e6).contains(&magnitude) {
+        return if magnitude == 0.0 { "0".into() } else { format!("{value:.2e}") };
+    }
+    let decimals = (2.0 - magnitude.log10().floor()).max(0.0) as usize;
+    format!("{value:.decimals$}")
+}
+
+/// A value and its standard deviation, to the latter's first digit.
+fn with_sd(value: f64, sd: f64) -> String {
+    if !(sd.is_finite() && sd > 0.0) {
+        return number(value);
+    }
+    let decimals = (-sd.log10().floor()).clamp(0.0, 6.0) as usize;
+    format!("{value:.decimals$} ± {sd:.decimals$}")
+}
+
+/// Describes a shape of given amplitudes (µm), their standard deviations and what of it the model leaves (µm).
+pub(super) fn describe(
+    shape: Shape,
+    amplitudes: &[f64],
+    sds: &[f64],
+    size_um: f64,
+    setting: &Setting,
+    cycle: &[u32],
+) -> Words {
+    let norm = |values: &[f64]| values.iter().map(|value| value * value).sum::<f64>().sqrt();
+    let amplitude = amplitudes.first().copied().unwrap_or(0.0);
+    let sd = sds.first().copied().unwrap_or(f64::NAN);
+    let size = number(size_um);
+    let when = |time_s: f64| {
+        let row = setting.time_s.partition_point(|t| *t < time_s).min(cycle.len().saturating_sub(1));
+        format!("at {} s (cycle {})", number(time_s), cycle.get(row).copied().unwrap_or(0))
+    };
+    let up_or_down = if amplitude > 0.0 { "up" } else { "down" };
+    let plain = |sentence: String| Words { sentence, event_time_s: None, period_s: None };
+    let event = |sentence: String, time_s: f64| Words { sentence, event_time_s: Some(time_s), period_s: None };
+    match shape {
+        Shape::Vibration { frequency_hz } => {
+            let height = with_sd(norm(amplitudes), norm(sds) / (sds.len().max(1) as f64).sqrt());
+            let sentence = format!(
+                "A vibration of {height} µm at {} Hz{} runs through the record: no effect of the library makes one.",
+                number(frequency_hz),
+                locked(frequency_hz, setting)
+            );
+            Words { sentence, event_time_s: None, period_s: Some(1.0 / frequency_hz) }
+        }
+        Shape::Step { row } => {
+            let time_s = setting.time_s[row];
+            let by = with_sd(amplitude.abs(), sd);
+            let text = format!(
+                "The position jumps {up_or_down} by {by} µm {}: a slip or a tracker error, not a property of the gel.",
+                when(time_s)
+            );
+            event(text, time_s)
+        }
+        Shape::RampFrom { time_s } => {
+            let rate = with_sd(amplitude, sd);
+            event(format!("A drift of {rate} µm/s begins {}: something outside the gel moves.", when(time_s)), time_s)
+        }
+        Shape::RampUntil { time_s } => {
+            let rate = with_sd(amplitude, sd);
+            event(format!("A drift of {rate} µm/s ends {}: something outside the gel moved.", when(time_s)), time_s)
+        }
+        Shape::GainChange { row } => {
+            let time_s = setting.time_s[row];
+            // Amplitudes are µm at the largest position.
+            let percent = 1e-4 / setting.largest_position_m().max(f64::MIN_POSITIVE);
+            let by = with_sd(amplitude * percent, sd * percent);
+            event(
+                format!(
+                    "All positions are {by} % larger from {} on: the scale of the tracker or of the force changed.",
+                    &when(time_s)[3..]
+                ),
+                time_s,
+            )
+        }
+        Shape::Bump { centre_s, width_s } => {
+            let by = with_sd(amplitude, sd);
+            let text = format!(
+                "A disturbance of {by} µm passes {}, about {} s long: it happens once and is no property of the gel.",
+                when(centre_s),
+                number(2.355 * width_s)
+            );
+            event(text, centre_s)
+        }
+        Shape::Backlash { half_width_m } => plain(format!(
+            "Readings lag behind reversals as with backlash of {} µm to either side (unexplained: {size} µm).",
+            number(1e6 * half_width_m)
+        )),
+        Shape::CycleLocked { n_harmonics } => Words {
+            sentence: format!(
+                "{size} µm repeat with the cycle, in its first {n_harmonics} harmonics, and follow no effect of the library."
+            ),
+            event_time_s: None,
+            period_s: Some(setting.cycle_s),
+        },
+        Shape::SinceStep { .. } => plain(format!(
+            "{size} µm follow the time since the force step and change sign with it: a response that the model does not have."
+        )),
+        Shape::SlowChange { n_waves } => {
+            let (first_s, last_s) = setting.span_s();
+            plain(format!(
+                "{size} µm change slowly with absolute time (no faster than {} s): a drift that is no straight line.",
+                number((last_s - first_s) / n_waves as f64)
+            ))
+        }
+        Shape::Nonlinearity { power, is_odd } => {
+            let form = match (power, is_odd) {
+                (2, false) => "x²",
+                (2, true) => "x·|x|",
+                _ => "x³",
+            };
+            plain(format!(
+                "{size} µm follow the position itself, as {form}: the tracker's scale or the gel is not linear."
+            ))
+        }
+        Shape::ForceLevel => {
+            plain(format!("{size} µm follow the level of the force at once, without the gel's delay."))
+        }
+    }
+}
+
+/// Whether a vibration keeps step with the cycle, as far as the record resolves it.
+fn locked(frequency_hz: f64, setting: &Setting) -> String {
+    let (first_s, last_s) = setting.span_s();
+    let a_cycle = frequency_hz * setting.cycle_s;
+    let is_locked =
+        (a_cycle - a_cycle.round()).abs() < 0.1 * setting.cycle_s / (last_s - first_s).max(f64::MIN_POSITIVE);
+    if is_locked && a_cycle > 0.5 { format!(", {} periods a cycle,", a_cycle.round()) } else { String::new() }
+}

@@ -1,0 +1,272 @@
+//! Shapes that no effect of the library makes, and the grids on which they are searched.
+
+use std::f64::consts::PI;
+
+use super::OutsideKind;
+use super::setting::Setting;
+
+/// Columns are in µm, so that amplitudes are numbers of a common size.
+pub(super) const UNIT_M: f64 = 1e-6;
+
+/// A shape, up to its amplitudes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Shape {
+    /// Sine and cosine.
+    Vibration { frequency_hz: f64 },
+    /// A shift from a row on.
+    Step { row: usize },
+    /// A drift from a time on.
+    RampFrom { time_s: f64 },
+    /// A drift up to a time.
+    RampUntil { time_s: f64 },
+    /// The position times a factor from a row on.
+    GainChange { row: usize },
+    /// A bell.
+    Bump { centre_s: f64, width_s: f64 },
+    /// The play operator's output less its input.
+    Backlash { half_width_m: f64 },
+    /// Harmonics of the cycle.
+    CycleLocked { n_harmonics: usize },
+    /// A free curve of ln(time since the force step), signed by the step.
+    SinceStep { n_knots: usize },
+    /// A free curve of absolute time.
+    SlowChange { n_waves: usize },
+    /// A power of the position: `power` of its size, times its sign if `is_odd`.
+    Nonlinearity { power: i32, is_odd: bool },
+    /// A shift for each level of the force.
+    ForceLevel,
+}
+
+/// Levels of force that differ by less than this fraction of the largest are one.
+const LEVEL_TOLERANCE: f64 = 0.05;
+/// More levels than these are described by powers of the force.
+const MOST_LEVELS: usize = 8;
+/// An event needs this many rows on either side: fewer are outliers.
+const LEAST_ROWS: usize = 4;
+const MOST_FREQUENCIES: usize = 1200;
+/// Moments of a ramp, and rows at which a step is tried, are at most so many.
+const MOST_MOMENTS: usize = 1000;
+
+impl Shape {
+    pub fn kind(self) -> OutsideKind {
+        match self {
+            Self::Vibration { .. } => OutsideKind::Vibration,
+            Self::Step { .. } => OutsideKind::Slip,
+            Self::RampFrom { .. } | Self::RampUntil { .. } => OutsideKind::Ramp,
+            Self::GainChange { .. } => OutsideKind::GainChange,
+            Self::Bump { .. } => OutsideKind::Disturbance,
+            Self::Backlash { .. } => OutsideKind::Backlash,
+            Self::CycleLocked { .. } => OutsideKind::CycleLocked,
+            Self::SinceStep { .. } => OutsideKind::SinceStep,
+            Self::SlowChange { .. } => OutsideKind::SlowChange,
+            Self::Nonlinearity { .. } => OutsideKind::Nonlinearity,
+            Self::ForceLevel => OutsideKind::ForceLevel,
+        }
+    }
+
+    /// Its columns (m per unit amplitude, one value a row of the record).
+    pub fn columns_m(self, setting: &Setting) -> Vec<Vec<f64>> {
+        let (first_s, last_s) = setting.span_s();
+        let time = |row: usize| setting.time_s[row];
+        let mut columns = match self {
+            Self::Vibration { frequency_hz } => {
+                let angle = |row: usize| 2.0 * PI * frequency_hz * (time(row) - first_s);
+                vec![setting.column(|row| angle(row).sin()), setting.column(|row| angle(row).cos())]
+            }
+            Self::Step { row: from } => vec![setting.column(|row| f64::from(u8::from(row >= from)))],
+            Self::RampFrom { time_s } => vec![setting.column(|row| (time(row) - time_s).max(0.0))],
+            // It has no further effect thereafter: the record begins shifted and drifts to where it belongs.
+            Self::RampUntil { time_s } => vec![setting.column(|row| (time(row) - time_s).min(0.0))],
+            Self::GainChange { row: from } => {
+                let largest_m = setting.largest_position_m().max(f64::MIN_POSITIVE);
+                vec![setting.column(|row| if row >= from { setting.position_m[row] / largest_m } else { 0.0 })]
+            }
+            Self::Bump { centre_s, width_s } => {
+                vec![setting.column(|row| (-0.5 * ((time(row) - centre_s) / width_s).powi(2)).exp())]
+            }
+            Self::Backlash { half_width_m } => vec![play_less_position(&setting.position_m, half_width_m)],
+            Self::CycleLocked { n_harmonics } => harmonics(setting, n_harmonics),
+            Self::SinceStep { n_knots } => hats_since_step(setting, n_knots),
+            Self::SlowChange { n_waves } => {
+                // Beyond the fitted rows it goes on as it ended.
+                let share = |row: usize| ((time(row) - first_s) / (last_s - first_s)).clamp(0.0, 1.0);
+                (1..=n_waves).map(|k| setting.column(|row| (PI * k as f64 * share(row)).cos())).collect()
+            }
+            Self::Nonlinearity { power, is_odd } => {
+                let largest_m = setting.largest_position_m().max(f64::MIN_POSITIVE);
+                let of_row = |row: usize| {
+                    let ratio = setting.position_m[row] / largest_m;
+                    ratio.abs().powi(power) * if is_odd { ratio.signum() } else { 1.0 }
+                };
+                vec![setting.column(of_row)]
+            }
+            Self::ForceLevel => force_levels(setting),
+        };
+        columns.iter_mut().flatten().for_each(|value| *value *= UNIT_M);
+        columns
+    }
+
+    /// Shapes next to it, on a finer grid, itself included; none for those that have no place on a grid.
+    pub fn neighbours(self, setting: &Setting, fineness: f64) -> Vec<Self> {
+        let (first_s, last_s) = setting.span_s();
+        let offsets = || (-4..=4).map(|k| fineness * f64::from(k) / 4.0);
+        match self {
+            Self::Vibration { frequency_hz } => {
+                let spacing_hz = 0.5 / (last_s - first_s);
+                offsets().map(|by| Self::Vibration { frequency_hz: frequency_hz + by * spacing_hz }).collect()
+            }
+            Self::Bump { centre_s, width_s } => offsets()
+                .flat_map(|by| {
+                    [-1.0_f64, -0.5, 0.0, 0.5, 1.0].map(|wider| Self::Bump {
+                        centre_s: centre_s + by * width_s,
+                        width_s: (width_s * (0.35 * fineness * wider).exp()).max(NARROWEST * setting.interval_s),
+                    })
+                })
+                .collect(),
+            Self::RampFrom { time_s } => {
+                offsets().map(|by| Self::RampFrom { time_s: time_s + by * ramp_spacing_s(setting) }).collect()
+            }
+            Self::RampUntil { time_s } => {
+                offsets().map(|by| Self::RampUntil { time_s: time_s + by * ramp_spacing_s(setting) }).collect()
+            }
+            Self::Backlash { half_width_m } => {
+                offsets().map(|by| Self::Backlash { half_width_m: half_width_m * (0.4 * by).exp() }).collect()
+            }
+            Self::Step { row } => near_rows(setting, row).map(|row| Self::Step { row }).collect(),
+            Self::GainChange { row } => near_rows(setting, row).map(|row| Self::GainChange { row }).collect(),
+            _ => Vec::new(),
+        }
+    }
+}
+
+/// Fitted rows near a row at which an event may begin.
+fn near_rows(setting: &Setting, row: usize) -> impl Iterator<Item = usize> {
+    let rows = event_rows(setting);
+    let place = rows.partition_point(|other| *other < row);
+    let reach = 1 + rows.len() / MOST_MOMENTS;
+    rows.iter().copied().skip(place.saturating_sub(reach)).take(place.min(reach) + reach + 1)
+}
+
+/// Rows at which an event may begin.
+fn event_rows(setting: &Setting) -> &[usize] {
+    setting.rows.get(LEAST_ROWS..setting.rows.len().saturating_sub(LEAST_ROWS)).unwrap_or(&[])
+}
+
+fn ramp_spacing_s(setting: &Setting) -> f64 {
+    let (first_s, last_s) = setting.span_s();
+    ((last_s - first_s) / 250.0).max(2.0 * setting.interval_s)
+}
+
+/// Output less input of play of a half-width, per half-width: it follows only what pushes against its ends.
+fn play_less_position(position_m: &[f64], half_width_m: f64) -> Vec<f64> {
+    let mut held_m = 0.0_f64;
+    let follow = |x: &f64| {
+        held_m = held_m.clamp(x - half_width_m, x + half_width_m);
+        (held_m - x) / half_width_m
+    };
+    position_m.iter().map(follow).collect()
+}
+
+fn harmonics(setting: &Setting, n_harmonics: usize) -> Vec<Vec<f64>> {
+    let angle = |k: usize, row: usize| 2.0 * PI * k as f64 * setting.phase[row];
+    (1..=n_harmonics)
+        .flat_map(|k| [setting.column(|row| angle(k, row).sin()), setting.column(|row| angle(k, row).cos())])
+        .collect()
+}
+
+/// Hats over the logarithm of the time since the step, from a sample interval to a hold.
+fn hats_since_step(setting: &Setting, n_knots: usize) -> Vec<Vec<f64>> {
+    let (shortest, longest) = (setting.interval_s.ln(), setting.hold_s.max(2.0 * setting.interval_s).ln());
+    let spacing = (longest - shortest) / (n_knots - 1) as f64;
+    let hat = |knot: usize, row: usize| {
+        let (sign, since_s) = setting.since_step[row];
+        if sign == 0.0 {
+            return 0.0;
+        }
+        let place = (since_s.ln().clamp(shortest, longest) - shortest) / spacing;
+        sign * (1.0 - (place - knot as f64).abs()).max(0.0)
+    };
+    (0..n_knots).map(|knot| setting.column(|row| hat(knot, row))).collect()
+}
+
+fn force_levels(setting: &Setting) -> Vec<Vec<f64>> {
+    let largest_n = setting.acting_force_n.iter().fold(f64::MIN_POSITIVE, |a, b| a.max(b.abs()));
+    let mut levels: Vec<f64> = Vec::new();
+    for row in &setting.rows {
+        let share = setting.acting_force_n[*row] / largest_n;
+        if levels.len() <= MOST_LEVELS && levels.iter().all(|level| (level - share).abs() > LEVEL_TOLERANCE) {
+            levels.push(share);
+        }
+    }
+    let share = |row: usize| setting.acting_force_n[row] / largest_n;
+    if levels.len() > MOST_LEVELS {
+        return (1..=4).map(|power| setting.column(|row| share(row).powi(power))).collect();
+    }
+    let at = |level: f64, row: usize| f64::from(u8::from((share(row) - level).abs() <= LEVEL_TOLERANCE));
+    levels.iter().map(|level| setting.column(|row| at(*level, row))).collect()
+}
+
+/// Narrowest bell, in sample intervals: it spreads over about five rows.
+const NARROWEST: f64 = 1.5;
+
+/// Shapes of equal degrees among which one is looked for: what is found is compared with the best of the same family by chance.
+pub(super) fn families(setting: &Setting) -> Vec<Vec<Shape>> {
+    let rows = event_rows(setting);
+    let rows: Vec<usize> = rows.iter().step_by(1 + rows.len() / MOST_MOMENTS).copied().collect();
+    let ramps: Vec<f64> = moments(setting, ramp_spacing_s(setting));
+    let mut families = vec![
+        vibrations(setting),
+        rows.iter().map(|row| Shape::Step { row: *row }).collect(),
+        ramps.iter().map(|time_s| Shape::RampFrom { time_s: *time_s }).collect(),
+        ramps.iter().map(|time_s| Shape::RampUntil { time_s: *time_s }).collect(),
+        rows.iter().map(|row| Shape::GainChange { row: *row }).collect(),
+        bumps(setting),
+        backlashes(setting),
+        vec![
+            Shape::Nonlinearity { power: 2, is_odd: false },
+            Shape::Nonlinearity { power: 2, is_odd: true },
+            Shape::Nonlinearity { power: 3, is_odd: true },
+        ],
+        vec![Shape::ForceLevel],
+    ];
+    families.extend([2, 5, 10].map(|n_harmonics| vec![Shape::CycleLocked { n_harmonics }]));
+    families.extend([4, 8, 14].map(|n_knots| vec![Shape::SinceStep { n_knots }]));
+    families.extend([3, 6, 12].map(|n_waves| vec![Shape::SlowChange { n_waves }]));
+    families
+}
+
+/// The families of what happens once.
+pub(super) fn is_event(kind: OutsideKind) -> bool {
+    matches!(kind, OutsideKind::Slip | OutsideKind::Ramp | OutsideKind::GainChange | OutsideKind::Disturbance)
+}
+
+fn moments(setting: &Setting, spacing_s: f64) -> Vec<f64> {
+    let (first_s, last_s) = setting.span_s();
+    let n = ((last_s - first_s) / spacing_s).floor() as usize;
+    (1..n).map(|k| first_s + k as f64 * spacing_s).collect()
+}
+
+/// Half a resolution apart, from two periods a record to the Nyquist frequency.
+fn vibrations(setting: &Setting) -> Vec<Shape> {
+    let (first_s, last_s) = setting.span_s();
+    let length_s = (last_s - first_s).max(f64::MIN_POSITIVE);
+    let highest = (length_s / setting.interval_s.max(f64::MIN_POSITIVE)) as usize;
+    (4..highest.min(MOST_FREQUENCIES)).map(|k| Shape::Vibration { frequency_hz: 0.5 * k as f64 / length_s }).collect()
+}
+
+fn bumps(setting: &Setting) -> Vec<Shape> {
+    let mut list = Vec::new();
+    let mut width_s = NARROWEST * setting.interval_s;
+    while width_s < 0.5 * setting.cycle_s {
+        list.extend(moments(setting, width_s).into_iter().map(|centre_s| Shape::Bump { centre_s, width_s }));
+        width_s *= 1.7;
+    }
+    list
+}
+
+fn backlashes(setting: &Setting) -> Vec<Shape> {
+    let largest_m = 0.25 * setting.largest_position_m();
+    let smallest_m = 0.25 * setting.yardstick_m;
+    let n = (((largest_m / smallest_m).ln() / 0.4).ceil()).clamp(1.0, 30.0) as i32;
+    (0..=n).map(|k| Shape::Backlash { half_width_m: smallest_m * (0.4 * f64::from(k)).exp() }).collect()
+}
