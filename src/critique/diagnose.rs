@@ -97,7 +97,12 @@ fn unexplained(subject: &Subject, request: &DiagnosisRequest, found: &mut Found)
         });
         Ok(list)
     };
-    let Some(claimed) = &found.claimed else { return confirmed(subject, &found.base, look(&found.base)?, &search) };
+    let Some(claimed) = &found.claimed else {
+        // What looks like an effect of the library, and was not claimed as one, is at most suggestive.
+        let mut list = look(&found.base)?;
+        list.retain(|outside| outside.twins.iter().all(|(_, cosine)| *cosine <= TWIN_COSINE));
+        return confirmed(subject, &found.base, list, &search);
+    };
     let effects = found.added(claimed);
     // What looks like a claimed effect (backlash is a delay on a square wave) is not beside it.
     let is_other = |outside: &Outside| {
@@ -109,7 +114,7 @@ fn unexplained(subject: &Subject, request: &DiagnosisRequest, found: &mut Found)
     left.retain(|outside| outside.penalised_gain_nats >= LEAST_OUTSIDE_SHARE * gain);
     // One structure alone may explain the misfit better than all that is claimed.
     let chance = CHANCE_NATS + LARGER_NATS * effects.len().saturating_sub(1) as f64;
-    let lead = if left.is_empty() { LEAST_LEAD_NATS } else { 0.0 };
+    let lead = if left.is_empty() { LEAST_LEAD_NATS + LEAST_OUTSIDE_SHARE * gain } else { 0.0 };
     let mut alone = look(&found.base)?;
     alone.retain(|outside| outside.penalised_gain_nats > gain - chance + lead);
     left.retain(is_other);

@@ -1,8 +1,9 @@
 //! How well a model predicts cycles that it has not seen: each from those before it, given the noise of those before it.
 //!
-//! The model is taken as linear around its fit, with the law's priors and, for the size of an effect, a normal prior about its null that is worth a
-//! fifth of what a cycle tells of it on average (compare the unit-information prior: Kass & Wasserman, JASA 90, 928, 1995): a broad one would make an
-//! effect that only later cycles show pay for what the first could not know, a narrow one would shrink what the first ones show. Then the log score of cycle c given the earlier ones is exact, parameters integrated out,
+//! The model is taken as linear around its fit, with the law's priors. The size of an effect has a mixture of normal priors about its null, from one that
+//! is worth a fifth of what a cycle tells of it on average up to its default's spread: the broad one alone would make an effect that only later cycles show
+//! pay for what the first could not know, the narrow one alone would shrink a large effect away. Under each the log score of cycle c given the earlier
+//! ones is exact, parameters integrated out,
 //!
 //!   ln p(y_c | y_<c) = ln Z_c − ln Z_{c−1},  ln Z_c = ℓ_c(θ̂) − ½ d'Λ₀d + ½ b'M⁻¹b + ½ ln det Λ₀ − ½ ln det M
 //!
@@ -26,8 +27,10 @@ pub struct FutureScore {
     pub last: f64,
 }
 
-/// Cycles that the prior of an effect's size is worth.
+/// Cycles that the narrowest prior of an effect's size is worth.
 const PRIOR_CYCLES: f64 = 0.2;
+/// Priors of an effect's size, in geometric progression.
+const N_SCALES: usize = 5;
 /// Standard deviation of an amplitude of a column, in m: vague.
 const AMPLITUDE_SD_M: f64 = 1e-3;
 
@@ -50,37 +53,58 @@ pub fn future_score(subject: &Subject, candidate: &Candidate, fitted: &Fitted) -
     let observed: Vec<usize> = (0..both.len()).filter(|row| both[*row].is_some()).collect();
     let mut cycles: Vec<u32> = observed.iter().map(|row| record.cycle[*row]).collect();
     cycles.dedup();
-    let (mut prior_precision, prior_step) = prior(candidate, &fitted.theta);
+    let (broadest, prior_step) = prior(candidate, &fitted.theta);
     let sizes: Vec<usize> = (0..candidate.free.len()).filter(|k| candidate.free[*k].null.is_some()).collect();
-    for size in sizes {
-        prior_precision[size] =
-            PRIOR_CYCLES * visible_information(&white[..n], &prior_precision, candidate, size) / cycles.len() as f64;
-    }
+    let narrowest =
+        |size: usize| PRIOR_CYCLES * visible_information(&white[..n], &broadest, candidate, size) / cycles.len() as f64;
+    let narrowest: Vec<f64> = sizes.iter().map(|size| narrowest(*size).max(broadest[*size])).collect();
+    let n_scales = if sizes.is_empty() { 1 } else { N_SCALES };
+    let precisions = (0..n_scales).map(|scale| {
+        let share = if n_scales > 1 { scale as f64 / (n_scales - 1) as f64 } else { 0.0 };
+        let mut precision = broadest.clone();
+        for (size, narrow) in sizes.iter().zip(&narrowest) {
+            precision[*size] = narrow * (broadest[*size] / narrow).powf(share);
+        }
+        precision
+    });
+    let precisions: Vec<Vec<f64>> = precisions.collect();
     let ln_evidence = |until: u32| {
         let n_rows = observed.iter().take_while(|row| record.cycle[**row] <= until).count();
         let rows: Vec<Option<f64>> =
             both.iter().zip(&record.cycle).map(|(y, cycle)| y.filter(|_| *cycle <= until)).collect();
         let likelihood = NoiseLikelihood::new(subject.noise(), &record.time_s, &record.cycle, &rows);
+        let ln_likelihood = likelihood.ln_likelihood(&fitted.position_m, &noise);
         let dot = |i: usize, j: usize| -> f64 {
             white[i][..n_rows].iter().zip(&white[j][..n_rows]).map(|(a, b)| a * b).sum()
         };
-        let precision = DMatrix::from_fn(n, n, |i, j| dot(i, j) + if i == j { prior_precision[i] } else { 0.0 });
-        let slope = DVector::from_fn(n, |i, _| dot(i, n) + prior_precision[i] * prior_step[i]);
-        let ln_prior: f64 =
-            (0..n).map(|i| 0.5 * prior_precision[i].ln() - 0.5 * prior_precision[i] * prior_step[i].powi(2)).sum();
-        let fit = likelihood.ln_likelihood(&fitted.position_m, &noise);
-        match precision.cholesky() {
-            Some(factor) => {
-                let ln_det: f64 = factor.l_dirty().diagonal().iter().map(|l| 2.0 * l.ln()).sum();
-                fit + ln_prior + 0.5 * slope.dot(&factor.solve(&slope)) - 0.5 * ln_det
-            }
-            None => f64::NEG_INFINITY,
-        }
+        let told = DMatrix::from_fn(n, n, dot);
+        let slope = DVector::from_fn(n, |i, _| dot(i, n));
+        // The mixture's evidence: its priors have equal weights.
+        let each: Vec<f64> =
+            precisions.iter().map(|precision| ln_integral(&told, &slope, precision, &prior_step)).collect();
+        let largest = each.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let mean = each.iter().map(|value| (value - largest).exp()).sum::<f64>() / each.len() as f64;
+        ln_likelihood + largest + mean.ln()
     };
     let (Some(first), Some(last)) = (cycles.first(), cycles.last()) else { return Ok(None) };
     let before_last = cycles.iter().rev().nth(1).unwrap_or(first);
     let whole = ln_evidence(*last);
     Ok(Some(FutureScore { all: whole - ln_evidence(*first), last: whole - ln_evidence(*before_last) }))
+}
+
+/// ln of the integral of exp(b'δ − ½ δ'Iδ) over a normal prior of δ with mean `step`: what the log likelihood at the fit gains or loses by it.
+fn ln_integral(told: &DMatrix<f64>, slope: &DVector<f64>, precision: &[f64], step: &[f64]) -> f64 {
+    let n = precision.len();
+    let total = DMatrix::from_fn(n, n, |i, j| told[(i, j)] + if i == j { precision[i] } else { 0.0 });
+    let pull = DVector::from_fn(n, |i, _| slope[i] + precision[i] * step[i]);
+    let ln_prior: f64 = (0..n).map(|i| 0.5 * precision[i].ln() - 0.5 * precision[i] * step[i].powi(2)).sum();
+    match total.cholesky() {
+        Some(factor) => {
+            let ln_det: f64 = factor.l_dirty().diagonal().iter().map(|l| 2.0 * l.ln()).sum();
+            ln_prior + 0.5 * pull.dot(&factor.solve(&pull)) - 0.5 * ln_det
+        }
+        None => f64::NEG_INFINITY,
+    }
 }
 
 /// What all rows tell of a size beside the law's parameters: its squared whitened derivative less what those absorb.
