@@ -4,7 +4,7 @@
 //! [`error`] and [`units`] → [`experiment`] (what was measured) → [`mesh`] → [`fe`] (full-order model)
 //! → [`rheology`] (creep laws) → [`model`] (law + apparatus → trajectory) → [`surrogate`] (reduced model)
 //! → [`inference`] (priors, likelihood, sampler, diagnostics) → [`study`] (what is kept on disk)
-//! → [`report`] (figures and exchange formats).
+//! → [`report`] (figures and exchange formats) → [`workflow`] (the jobs) → [`critique`] (where a model fails, what it lacks).
 
 pub mod distribution;
 mod document;

@@ -86,7 +86,7 @@ fn words(diagnosis: &Diagnosis, revision: &str) -> String {
         lines.push(format!("  best pair: {} with {:.1} nats", pair.effects.join(" + "), pair.gain_nats));
     }
     lines.push(String::new());
-    lines.extend(diagnosis.noise.iter().map(|noise| format!("Noise from {}: {}", noise.from, noise.text)));
+    lines.extend(diagnosis.noise.iter().map(|noise| format!("Noise: {}", noise.text)));
     lines.extend(diagnosis.unexplained.iter().map(|entry| format!("Not of the library: {}", entry.sentence)));
     if !diagnosis.separating_protocol.is_empty() {
         lines.push(format!("To tell them apart: {}", diagnosis.separating_protocol));
