@@ -185,45 +185,29 @@ impl Report<'_> {
         })
     }
 
-    /// The refit with an effect: in the claimed model where there is one, else alone.
+    /// The refit with an effect. Of a claim of several, its parameters are those of the whole model; all else is of the effect alone.
     fn refit(&self, refitted: &Refitted, gain: Gain, status: Status, ln_base: &Evidence) -> Result<Refit> {
-        let subject = self.subject;
-        // Of a claim of several effects, parameters are those of the whole model.
-        let model = match (&self.found.claimed, status) {
-            (Some(claimed), Status::Claimed) => claimed,
-            _ => refitted,
+        let weigh = |model: &Refitted| evidence(self.subject, &model.candidate, &model.fitted, self.request.seed);
+        let is_claimed = status == Status::Claimed;
+        let is_weighed = is_claimed || (self.request.in_full && gain.fitted > LEAST_GAIN);
+        let alone = if is_weighed { Some(weigh(refitted)?) } else { None };
+        let larger = self.found.claimed.as_ref().filter(|claimed| is_claimed && self.found.added(claimed).len() > 1);
+        let parameters = match (larger, &alone) {
+            (Some(claimed), _) => weigh(claimed)?.parameters,
+            (None, Some(alone)) => alone.parameters.clone(),
+            (None, None) => laplace(self.subject, refitted)?,
         };
-        let own: Vec<&str> = self.found.added(refitted);
+        let own = self.found.added(refitted);
         let is_own =
             |name: &str| own.iter().any(|slug| name.strip_prefix(slug).is_some_and(|rest| rest.starts_with('.')));
-        let is_weighed = status == Status::Claimed || (self.request.in_full && gain.fitted > LEAST_GAIN);
-        let weighed = if is_weighed {
-            Some(evidence(subject, &model.candidate, &model.fitted, self.request.seed)?)
-        } else {
-            None
-        };
-        let parameters = match &weighed {
-            Some(found) => found.parameters.iter().filter(|p| is_own(&p.name)).cloned().collect(),
-            None => laplace(subject, model)?.into_iter().filter(|p| is_own(&p.name)).collect(),
-        };
-        let is_alone = self.found.added(model).len() == 1;
-        let alone = match (weighed, is_alone) {
-            (Some(found), false) if self.request.in_full => {
-                drop(found);
-                Some(evidence(subject, &refitted.candidate, &refitted.fitted, self.request.seed)?)
-            }
-            (found, _) => found,
-        };
         Ok(Refit {
             gain_nats: gain.fitted,
             heldout_gain_nats: gain.future,
             last_cycle_gain_nats: gain.last,
             rmse_heldout_um: self.errors(refitted).rmse_heldout_um,
             largest_change: gain.largest_change,
-            log_bayes_factor: alone
-                .filter(|_| is_alone || self.request.in_full)
-                .map(|e| e.ln_evidence - ln_base.ln_evidence),
-            parameters,
+            log_bayes_factor: alone.map(|alone| alone.ln_evidence - ln_base.ln_evidence),
+            parameters: parameters.into_iter().filter(|parameter| is_own(&parameter.name)).collect(),
         })
     }
 
