@@ -10,7 +10,8 @@ use vitreo_uq::critique::diagnose::{DiagnosisRequest, diagnose};
 use vitreo_uq::critique::diagnosis::{
     BaseErrors, CandidateEntry, Diagnosis, Errors, Refit, Status, Verdict, VerdictKind,
 };
-use vitreo_uq::critique::{Fitted, Search, Subject};
+use vitreo_uq::critique::future::future_score;
+use vitreo_uq::critique::{Candidate, Fitted, Search, Subject};
 use vitreo_uq::error::Result;
 use vitreo_uq::experiment::Experiment;
 use vitreo_uq::inference::ensemble::RandomStream;
@@ -23,14 +24,16 @@ static BENCH: LazyLock<Bench> = LazyLock::new(|| Bench::new(&Silent).expect("the
 fn by_gain(subject: &Subject, _seed: u64) -> Result<Diagnosis> {
     let base = subject.base();
     let fitted = subject.fit(&base, &[], Search::Wide)?;
-    let heldout = |fit: &Fitted| subject.heldout_ln_likelihood(fit).unwrap_or(0.0);
+    let heldout = |model: &Candidate, fit: &Fitted| {
+        future_score(subject, model, fit).ok().flatten().map_or(0.0, |score| score.last)
+    };
     let mut found = Vec::new();
     for effect in subject.library().effects() {
         let Ok(candidate) = subject.extended(&[effect.slug()]) else { continue };
         let start = candidate.embed(&base, &fitted.theta);
         let with = subject.fit(&candidate, &[(start, fitted.noise)], Search::Wide)?;
         let gain = with.objective - fitted.objective;
-        found.push((effect.slug().to_string(), gain, heldout(&with) - heldout(&fitted), with));
+        found.push((effect.slug().to_string(), gain, heldout(&candidate, &with) - heldout(&base, &fitted), with));
     }
     found.sort_by(|a, b| (b.1 + b.2).total_cmp(&(a.1 + a.2)));
     let score = |entry: &(String, f64, f64, _)| entry.1 + entry.2;

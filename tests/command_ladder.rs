@@ -2,32 +2,10 @@
 
 mod program;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use program::{tree, vitreo, write_instrument_experiment};
+use program::{drifting_replica, tree, vitreo, write_instrument_experiment};
 use serde_json::Value;
-
-const DRIFT_UM_PER_S: f64 = 1.0;
-
-/// The replica with a drift of 1 µm/s added to its positions, in `dir`.
-fn drifting_replica(dir: &Path) -> PathBuf {
-    let replica = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/porcine-replica");
-    let experiment = dir.join("drifting");
-    std::fs::create_dir_all(&experiment).unwrap();
-    let toml = std::fs::read_to_string(replica.join("experiment.toml")).unwrap();
-    std::fs::write(experiment.join("experiment.toml"), toml.replace("porcine-replica", "drifting")).unwrap();
-    let csv = std::fs::read_to_string(replica.join("trajectory.csv")).unwrap();
-    let drift = |(index, line): (usize, &str)| {
-        let mut cells: Vec<String> = line.split(',').map(String::from).collect();
-        if let (true, Ok(time_s), Ok(position_um)) = (index > 0, cells[0].parse::<f64>(), cells[2].parse::<f64>()) {
-            cells[2] = (position_um + DRIFT_UM_PER_S * time_s).to_string();
-        }
-        cells.join(",") + "\n"
-    };
-    let drifting: String = csv.lines().enumerate().map(drift).collect();
-    std::fs::write(experiment.join("trajectory.csv"), drifting).unwrap();
-    experiment
-}
 
 fn number(value: &Value) -> f64 {
     value.as_f64().unwrap_or_else(|| panic!("{value} is no number"))

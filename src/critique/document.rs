@@ -6,7 +6,7 @@ use super::diagnosis::{
     BaseErrors, CandidateEntry, Diagnosis, Errors, PairEntry, Refit, RefitParameter, SmallestDetectable, Status,
     UnexplainedEntry, Verdict, VerdictKind,
 };
-use super::evidence::{Evidence, evidence};
+use super::evidence::evidence;
 use super::noise_fit::GAIN_FLOOR;
 use super::outside::Outside;
 use super::refit::{Gain, Refitted};
@@ -51,12 +51,16 @@ impl Report<'_> {
         let twins: Vec<Vec<String>> =
             rank::twins(&cosines).iter().map(|list| list.iter().map(slug).collect()).collect();
         monitor.stage("weighing the evidence");
-        let ln_base = evidence(subject, &found.base.candidate, &found.base.fitted, self.request.seed)?;
+        // Nothing is weighed in most experiments that lack nothing.
+        let ln_base = match found.singles.iter().any(|single| self.is_weighed(single)) {
+            true => evidence(subject, &found.base.candidate, &found.base.fitted, self.request.seed)?.ln_evidence,
+            false => f64::NAN,
+        };
         let mut candidates = Vec::new();
         for single in &found.singles {
             let place = scored.iter().position(|other| other.slug == single.slug);
             let twins = place.map_or(Vec::new(), |place| twins[place].clone());
-            candidates.push(self.candidate(single, twins, &ln_base)?);
+            candidates.push(self.candidate(single, twins, ln_base)?);
         }
         let learnt = noise_learning::learn(subject, &found.base.candidate, &found.base.fitted)?;
         let mut remarks = self.remarks(&scores, &cosines);
@@ -164,11 +168,11 @@ impl Report<'_> {
         }
     }
 
-    fn candidate(&self, single: &Single, twins: Vec<String>, ln_base: &Evidence) -> Result<CandidateEntry> {
+    fn candidate(&self, single: &Single, twins: Vec<String>, ln_base: f64) -> Result<CandidateEntry> {
         let status = self.status(single);
         let score = single.score.as_ref();
         let refit = match (&single.refitted, single.gain) {
-            (Some(refitted), Some(gain)) => Some(self.refit(refitted, gain, status, ln_base)?),
+            (Some(refitted), Some(gain)) => Some(self.refit(single, refitted, gain, ln_base)?),
             _ => None,
         };
         let p = single.gain.map_or(1.0, |gain| self.found.bootstrap.p(gain.fitted));
@@ -185,12 +189,17 @@ impl Report<'_> {
         })
     }
 
+    /// Whether an effect's evidence is computed.
+    fn is_weighed(&self, single: &Single) -> bool {
+        let gains = single.gain.is_some_and(|gain| gain.fitted > LEAST_GAIN);
+        self.claimed().contains(&single.slug) || (self.request.in_full && gains)
+    }
+
     /// The refit with an effect. Of a claim of several, its parameters are those of the whole model; all else is of the effect alone.
-    fn refit(&self, refitted: &Refitted, gain: Gain, status: Status, ln_base: &Evidence) -> Result<Refit> {
+    fn refit(&self, single: &Single, refitted: &Refitted, gain: Gain, ln_base: f64) -> Result<Refit> {
         let weigh = |model: &Refitted| evidence(self.subject, &model.candidate, &model.fitted, self.request.seed);
-        let is_claimed = status == Status::Claimed;
-        let is_weighed = is_claimed || (self.request.in_full && gain.fitted > LEAST_GAIN);
-        let alone = if is_weighed { Some(weigh(refitted)?) } else { None };
+        let is_claimed = self.claimed().contains(&single.slug);
+        let alone = if self.is_weighed(single) { Some(weigh(refitted)?) } else { None };
         let larger = self.found.claimed.as_ref().filter(|claimed| is_claimed && self.found.added(claimed).len() > 1);
         let parameters = match (larger, &alone) {
             (Some(claimed), _) => weigh(claimed)?.parameters,
@@ -206,7 +215,7 @@ impl Report<'_> {
             last_cycle_gain_nats: gain.last,
             rmse_heldout_um: self.errors(refitted).rmse_heldout_um,
             largest_change: gain.largest_change,
-            log_bayes_factor: alone.map(|alone| alone.ln_evidence - ln_base.ln_evidence),
+            log_bayes_factor: alone.map(|alone| alone.ln_evidence - ln_base),
             parameters: parameters.into_iter().filter(|parameter| is_own(&parameter.name)).collect(),
         })
     }

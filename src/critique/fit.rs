@@ -11,7 +11,6 @@ use nalgebra::{DMatrix, DVector};
 use super::noise_fit::{self, LogNoise, NoisePrior};
 use super::{Candidate, Subject};
 use crate::error::{Error, Result};
-use crate::inference::noise::NoiseLikelihood;
 use crate::model::{Lanes, N_LANES};
 
 /// Step of a difference, in a search coordinate, whose unit is the spread of a prior.
@@ -117,18 +116,6 @@ impl Subject {
         let noise = noise_fit::natural(&point.log_noise);
         let ln_likelihood = self.fitted.ln_likelihood(&point.position_m, &noise);
         Fitted { theta: point.theta, noise, position_m: point.position_m, objective: point.objective, ln_likelihood }
-    }
-
-    /// Log likelihood of the scored positions given the fitted ones, in nats for positions in m, the parameters taken as known; `None` when nothing is
-    /// scored. The spread of the gain is at least a per cent: a few cycles do not show that it is smaller.
-    pub fn heldout_ln_likelihood(&self, fitted: &Fitted) -> Option<f64> {
-        if self.scored_m.iter().all(Option::is_none) {
-            return None;
-        }
-        let mut noise = fitted.noise;
-        noise[3] = noise[3].max(noise_fit::GAIN_FLOOR);
-        let of = |likelihood: &NoiseLikelihood| likelihood.ln_likelihood(&fitted.position_m, &noise);
-        Some(of(&self.all) - of(&self.fitted))
     }
 
     pub(super) fn noise_prior(&self) -> NoisePrior {

@@ -30,25 +30,7 @@ impl Tangent {
     /// # Errors
     /// [`crate::Error::Numerical`] where the model has no derivatives.
     pub fn new(subject: &Subject, candidate: &Candidate, fitted: &Fitted) -> Result<Self> {
-        Self::over(subject, candidate, fitted, &subject.fitted, &subject.fitted_m)
-    }
-
-    /// Around a fit, over all rows, the scored ones included.
-    ///
-    /// # Errors
-    /// As [`Tangent::new`].
-    pub fn of_all_rows(subject: &Subject, candidate: &Candidate, fitted: &Fitted) -> Result<Self> {
-        let both: Vec<Option<f64>> = subject.fitted_m.iter().zip(&subject.scored_m).map(|(a, b)| a.or(*b)).collect();
-        Self::over(subject, candidate, fitted, &subject.all, &both)
-    }
-
-    fn over(
-        subject: &Subject,
-        candidate: &Candidate,
-        fitted: &Fitted,
-        likelihood: &NoiseLikelihood,
-        observed_m: &[Option<f64>],
-    ) -> Result<Self> {
+        let (likelihood, observed_m) = (&subject.fitted, &subject.fitted_m);
         let columns = columns_m(subject, candidate, &fitted.theta)?;
         let residual_m: Vec<f64> =
             observed_m.iter().zip(&fitted.position_m).map(|(y, x)| y.map_or(0.0, |y| y - x)).collect();

@@ -66,16 +66,9 @@ impl Examined {
 
 /// A revision is examined as it is.
 fn refuse_changes(model: &Model) -> Result<()> {
-    let given = [
-        ("--base", model.base.is_some()),
-        ("--with", !model.with.is_empty()),
-        ("--noise", !model.noise.is_empty()),
-        ("--prior", model.prior.is_some()),
-        ("--set", !model.set.is_empty()),
-    ];
-    match given.iter().find(|(_, is_given)| *is_given) {
-        Some((option, _)) => Err(Error::input(
-            Place::option(*option),
+    match model.changing_option() {
+        Some(option) => Err(Error::input(
+            Place::option(option),
             "the study has a model already, and it is examined as it is",
             "leave the option away, choose a revision with `--from`, or make another one with `extend`",
         )),

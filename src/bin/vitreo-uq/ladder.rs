@@ -65,14 +65,7 @@ pub fn run(arguments: &LadderArguments) -> Result<ExitCode> {
 
 /// The revisions are what they are: options that name another model would be silently without effect.
 fn refuse_other_model(model: &Model) -> Result<()> {
-    let is_given = [
-        ("--base", model.base.is_some()),
-        ("--with", !model.with.is_empty()),
-        ("--noise", !model.noise.is_empty()),
-        ("--prior", model.prior.is_some()),
-        ("--set", !model.set.is_empty()),
-    ];
-    let Some((option, _)) = is_given.into_iter().find(|(_, is_given)| *is_given) else { return Ok(()) };
+    let Some(option) = model.changing_option() else { return Ok(()) };
     Err(Error::input(
         Place::option(option),
         "the ladder is of the revisions that the study has, each with its own model",

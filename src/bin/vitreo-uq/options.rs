@@ -94,6 +94,20 @@ pub struct Model {
     pub mesh_unit: f64,
 }
 
+impl Model {
+    /// The first option given that says what the model is, and not which revision or mesh is meant.
+    pub fn changing_option(&self) -> Option<&'static str> {
+        let given = [
+            ("--base", self.base.is_some()),
+            ("--with", !self.with.is_empty()),
+            ("--noise", !self.noise.is_empty()),
+            ("--prior", self.prior.is_some()),
+            ("--set", !self.set.is_empty()),
+        ];
+        given.into_iter().find(|(_, is_given)| *is_given).map(|(option, _)| option)
+    }
+}
+
 /// Arguments of `sample`.
 #[derive(Args)]
 pub struct SampleArguments {

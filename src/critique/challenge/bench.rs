@@ -1,7 +1,8 @@
 //! Where truths are drawn.
 
+use super::super::separation::SEPARATED_SIGMA;
 use super::super::{Candidate, Search, Subject};
-use super::strength::{SEPARATION_SIGMA, distance_sigma, scaled_to};
+use super::strength::{distance_sigma, scaled_to};
 use super::{Disturbance, Hidden, HiddenEffect, NamedValue, NoiseKind, OutsideKind, Protocol, Truth};
 use crate::effects::Library;
 use crate::error::{Error, Place, Result};
@@ -318,7 +319,7 @@ impl Motion {
                 // What cannot stand together, or with this law, is no candidate.
                 let Ok(candidate) = self.subject.extended(model) else { return false };
                 let start = candidate.embed(&self.base, &self.theta);
-                self.distance_sigma(data, &candidate, &start, Search::Wide).is_ok_and(|sigma| sigma < SEPARATION_SIGMA)
+                self.distance_sigma(data, &candidate, &start, Search::Wide).is_ok_and(|sigma| sigma < SEPARATED_SIGMA)
             };
             if hidden.contains(&slug) || models.iter().any(explains) {
                 class.push(slug.to_string());

@@ -3,8 +3,6 @@
 use super::super::{Candidate, Search, Subject};
 use crate::error::Result;
 
-/// Two models are separated by an experiment when the best fit of one to noise-free data of the other stays this far away.
-pub const SEPARATION_SIGMA: f64 = 4.0;
 /// A size is found when its signal is what was asked for to this fraction.
 const TOLERANCE: f64 = 0.02;
 const MOST_ROUNDS: usize = 24;
