@@ -92,9 +92,9 @@ impl Free {
 pub struct Candidate {
     /// Law and effects.
     pub model: Model,
-    /// Slugs of the effects.
+    /// Slugs of the effects: the base's, then those that were added.
     pub effects: Vec<String>,
-    /// Free parameters in the model's order; those of effects that the base does not have come last.
+    /// Free parameters in the model's order: the law's, then each effect's in the order of the library.
     pub free: Vec<Free>,
     /// Model parameters with the fixed values in their places.
     pub template: Vec<f64>,
@@ -114,11 +114,13 @@ impl Candidate {
         let template: Vec<f64> =
             model.parameters().iter().map(|p| fixed.get(p.name).copied().unwrap_or(f64::NAN)).collect();
         let n_law = model.base().parameters().len();
+        // The model has its effects in the library's order, the list may have the base's first.
+        let listed = &problem.specification.effects;
+        let place = |slug: &str| listed.iter().position(|own| own == slug).unwrap_or(listed.len());
         let of_effects: Vec<(usize, &EffectParameter)> = model
             .effects()
             .iter()
-            .enumerate()
-            .flat_map(|(place, effect)| effect.parameters().iter().map(move |parameter| (place, parameter)))
+            .flat_map(|effect| effect.parameters().iter().map(|parameter| (place(effect.slug()), parameter)))
             .collect();
         let free = model.parameters().iter().enumerate().filter_map(|(index, spec)| {
             let prior = problem.priors.get(spec.name)?;

@@ -1,6 +1,7 @@
 use super::*;
 use crate::critique::separation::distance;
-use crate::critique::separation::tests::{ONE_LEVEL, at, dense_distance, subject};
+use crate::critique::separation::tests::{ONE_LEVEL, at, dense_distance, subject, subject_with};
+use crate::effects::Library;
 
 const THRESHOLD: f64 = 4.0;
 
@@ -28,6 +29,24 @@ fn the_smallest_size_is_just_seen_and_half_of_it_is_not() {
         n_checked += 1;
     }
     assert!(n_checked >= 7, "{n_checked}");
+}
+
+/// A base whose own effect stands behind the others in the library: sizes are those of the effect that is added, and not of the base's.
+#[test]
+fn sizes_are_those_of_the_effect_that_a_base_with_effects_lacks() {
+    let library = Library::only(&["clock-offset", "force-bias", "tracking-drift"]);
+    let subject = subject_with(&ONE_LEVEL, &library, &["tracking-drift"]);
+    let base = at(&subject, &[], &[1e-7]);
+    let found = smallest_detectable(&subject, (&base.0, &base.1), THRESHOLD).expect("sizes");
+    let slugs: Vec<&str> = found.iter().map(|entry| entry.effect.as_str()).collect();
+    assert_eq!(slugs, ["clock-offset", "force-bias"]);
+    for entry in &found {
+        let smallest = entry.smallest.expect("a visible effect");
+        // In the model's order the base's drift comes last.
+        let truth = at(&subject, &[&entry.effect], &[smallest, 1e-7]);
+        let whole = distance(&subject, &base.0, (&truth.0, &truth.1)).expect("a distance");
+        assert!((0.999 * THRESHOLD..1.05 * THRESHOLD).contains(&whole), "{entry:?} {whole}");
+    }
 }
 
 #[test]

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::Candidate;
 use crate::effects::Library;
-use crate::error::{Error, Result};
+use crate::error::{Error, Place, Result};
 use crate::experiment::Experiment;
 use crate::inference::noise::{NoiseLikelihood, NoiseModel};
 use crate::model::{Compliance, Lanes, N_LANES, Response};
@@ -142,7 +142,16 @@ impl Subject {
     /// [`Error::Input`] when they cannot stand together or the base has one of them; the text says why.
     pub fn extended(&self, effects: &[&str]) -> Result<Candidate> {
         let mut specification = self.shared.specification.clone();
-        specification.effects.extend(effects.iter().map(|slug| slug.to_string()));
+        for slug in effects {
+            if specification.effects.iter().any(|own| own == slug) {
+                return Err(Error::input(
+                    Place::option("--with"),
+                    format!("the model has `{slug}` already"),
+                    "name effects that it lacks",
+                ));
+            }
+            specification.effects.push(slug.to_string());
+        }
         let problem = self.shared.base.with_model(specification, &self.shared.library)?;
         Ok(Candidate::new(&problem))
     }

@@ -14,6 +14,12 @@ impl Default for Library {
 }
 
 impl Library {
+    /// Some of the program's effects, so that a test's search is short.
+    #[cfg(test)]
+    pub fn only(slugs: &[&str]) -> Self {
+        Self(EFFECTS.iter().copied().filter(|effect| slugs.contains(&effect.slug())).collect())
+    }
+
     /// The library with one more effect, applied after the others.
     pub fn with(mut self, effect: &'static dyn Effect) -> Self {
         self.0.push(effect);
