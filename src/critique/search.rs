@@ -142,9 +142,10 @@ pub fn search(subject: &Subject, bars: &Bars, effort: &Effort, monitor: &dyn Mon
         })
         .collect();
     monitor.stage("simulating how much a search finds where nothing is missing");
-    let largest = singles.iter().filter_map(|single| single.gain).map(|gain| gain.fitted).fold(0.0, f64::max);
+    // As many as decide about the gain that is judged.
+    let judged = best_single(&singles).and_then(|single| single.gain).map_or(0.0, |gain| gain.fitted);
     let bootstrap =
-        Bootstrap::run(subject, &base, &models, largest, effort.simulations(bars.p_of_round(0)), effort.seed ^ 0x5eed);
+        Bootstrap::run(subject, &base, &models, judged, effort.simulations(bars.p_of_round(0)), effort.seed ^ 0x5eed);
     let mut found = Found { base, singles, bootstrap, pairs: Vec::new(), steps: Vec::new(), claimed: None };
     monitor.stage("refitting pairs of effects");
     found.pairs = pairs(subject, &found);
@@ -154,9 +155,6 @@ pub fn search(subject: &Subject, bars: &Bars, effort: &Effort, monitor: &dyn Mon
 
 /// The base with an effect of the library, or the reason why it cannot be added.
 fn addable(subject: &Subject, slug: &str) -> std::result::Result<Candidate, String> {
-    if subject.specification().effects.iter().any(|own| own == slug) {
-        return Err("the model has it already".into());
-    }
     subject.extended(&[slug]).map_err(|error| match error {
         crate::Error::Input { found, .. } => found,
         other => other.to_string(),
@@ -188,7 +186,7 @@ fn pairs(subject: &Subject, found: &Found) -> Vec<(Refitted, Gain)> {
     }
     scored.sort_by(|a, b| b.0.total_cmp(&a.0));
     let mut wanted: Vec<[&str; 2]> = scored.iter().take(N_LEADING_PAIRS).map(|(_, pair)| *pair).collect();
-    if let Some(best) = best_single(found) {
+    if let Some(best) = best_single(&found.singles) {
         wanted.extend(usable.iter().filter(|other| other.slug != best.slug).map(|other| [best.slug, other.slug]));
     }
     wanted.iter_mut().for_each(|pair| pair.sort_unstable());
@@ -208,7 +206,7 @@ fn pairs(subject: &Subject, found: &Found) -> Vec<(Refitted, Gain)> {
     };
     let mut list = ranked(refit_all(subject, &candidates, &contained, Search::Local));
     // Where a pair comes near to being wanted, the leaders deserve every start.
-    let wanted_rank = LARGER_FACTOR * best_single(found).map_or(0.0, rank_of).max(0.0) + LARGER_NATS;
+    let wanted_rank = LARGER_FACTOR * best_single(&found.singles).map_or(0.0, rank_of).max(0.0) + LARGER_NATS;
     if list.first().is_some_and(|(_, gain)| gain.rank > 0.5 * wanted_rank) {
         let n_wide = N_WIDE_PAIRS.min(list.len());
         let leaders: Vec<Candidate> = list[..n_wide].iter().map(|(pair, _)| pair.candidate.clone()).collect();
@@ -221,8 +219,8 @@ fn pairs(subject: &Subject, found: &Found) -> Vec<(Refitted, Gain)> {
     list
 }
 
-fn best_single(found: &Found) -> Option<&Single> {
-    let ranked = found.singles.iter().filter(|single| single.gain.is_some());
+fn best_single(singles: &[Single]) -> Option<&Single> {
+    let ranked = singles.iter().filter(|single| single.gain.is_some());
     ranked.max_by(|a, b| rank_of(a).total_cmp(&rank_of(b)))
 }
 
@@ -232,7 +230,7 @@ fn rank_of(single: &Single) -> f64 {
 
 /// Adds effects, one a round, while each passes the bars; then takes back what is not needed any more.
 fn rounds(subject: &Subject, bars: &Bars, effort: &Effort, found: &mut Found) {
-    let Some(first) = best_single(found) else { return };
+    let Some(first) = best_single(&found.singles) else { return };
     let (Some(refitted), Some(gain)) = (first.refitted.clone(), first.gain) else { return };
     let p = found.bootstrap.p(gain.fitted);
     let is_claimed = passes(bars, &gain, p, 0);
@@ -243,8 +241,8 @@ fn rounds(subject: &Subject, bars: &Bars, effort: &Effort, found: &mut Found) {
     for round in 1..MOST_EFFECTS {
         let Some((larger, gain)) = next_larger(subject, found, &current, round) else { break };
         let rank_now = current.gain_over(&found.base, subject).rank;
-        let rank_larger = larger.gain_over(&found.base, subject).rank;
-        if rank_larger < LARGER_FACTOR * rank_now.max(0.0) + LARGER_NATS {
+        let over_base = larger.gain_over(&found.base, subject);
+        if over_base.rank < LARGER_FACTOR * rank_now.max(0.0) + LARGER_NATS {
             break;
         }
         let additions = additions_to(subject, &current);
@@ -253,7 +251,8 @@ fn rounds(subject: &Subject, bars: &Bars, effort: &Effort, found: &mut Found) {
         let seed = effort.seed ^ (0xb007 + round as u64);
         let simulated = Bootstrap::run(subject, &current, &additions, gain.fitted, simulations, seed);
         let p = simulated.p(gain.fitted);
-        let claimed = passes(bars, &gain, p, round);
+        // Where the step before failed, what it lost counts too.
+        let claimed = passes(bars, &gain, p, round) && predicts(bars, &over_base);
         let effects = found.added(&larger).into_iter().map(String::from).collect();
         found.steps.push(Step { effects, refitted: larger.clone(), gain, p, is_claimed: claimed });
         if !claimed {
@@ -267,9 +266,11 @@ fn rounds(subject: &Subject, bars: &Bars, effort: &Effort, found: &mut Found) {
 }
 
 fn passes(bars: &Bars, gain: &Gain, p: f64, round: usize) -> bool {
-    p <= bars.p_of_round(round)
-        && gain.future.is_some_and(|future| future > bars.least_future_nats)
-        && gain.largest_change >= bars.smallest_change
+    p <= bars.p_of_round(round) && predicts(bars, gain) && gain.largest_change >= bars.smallest_change
+}
+
+fn predicts(bars: &Bars, gain: &Gain) -> bool {
+    gain.future.is_some_and(|future| future > bars.least_future_nats)
 }
 
 /// The best model with one effect more than `current`, and its gain over `current`. After the first round any pair will do, also one without the best
@@ -359,3 +360,7 @@ pub fn replacements(subject: &Subject, found: &Found, claimed: &Refitted) -> Vec
     };
     wanted.par_iter().filter_map(refit).collect()
 }
+
+#[cfg(test)]
+#[path = "search_tests.rs"]
+pub(super) mod tests;
