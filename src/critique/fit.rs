@@ -91,27 +91,6 @@ impl Subject {
         best.map(|point| self.fitted_at(point)).ok_or_else(|| no_start(candidate))
     }
 
-    /// Fits a candidate's mean under a noise that is known: from the starts that the search asks for, and from `also` (coordinates).
-    ///
-    /// # Errors
-    /// As [`Subject::fit`].
-    pub(super) fn fit_mean(
-        &self,
-        candidate: &Candidate,
-        also: &[Vec<f64>],
-        noise: [f64; 5],
-        search: Search,
-    ) -> Result<Fitted> {
-        let climber = Climber { subject: self, candidate, noise_prior: self.noise_prior(), search };
-        let log_noise = noise.map(f64::ln);
-        let also: Vec<(Vec<f64>, [f64; 5])> = also.iter().map(|theta| (theta.clone(), noise)).collect();
-        let seeds: Vec<(Vec<f64>, LogNoise)> =
-            climber.starts(&also).into_iter().map(|point| (point.theta, log_noise)).collect();
-        let climbed = climber.points(&seeds).into_iter().map(|point| climber.climb_mean(point));
-        let best = climbed.max_by(|a, b| a.objective.total_cmp(&b.objective));
-        best.map(|point| self.fitted_at(point)).ok_or_else(|| no_start(candidate))
-    }
-
     fn fitted_at(&self, point: Point) -> Fitted {
         let noise = noise_fit::natural(&point.log_noise);
         let ln_likelihood = self.fitted.ln_likelihood(&point.position_m, &noise);

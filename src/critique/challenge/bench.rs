@@ -1,8 +1,8 @@
 //! Where truths are drawn.
 
-use super::super::separation::SEPARATED_SIGMA;
-use super::super::{Candidate, Search, Subject};
-use super::strength::{distance_sigma, scaled_to};
+use super::super::separation::{SEPARATED_SIGMA, Truth as Shown, closest};
+use super::super::{Candidate, Subject};
+use super::strength::scaled_to;
 use super::{Disturbance, Hidden, HiddenEffect, NamedValue, NoiseKind, OutsideKind, Protocol, Truth};
 use crate::effects::Library;
 use crate::error::{Error, Place, Result};
@@ -174,19 +174,20 @@ impl Bench {
             Hidden::Nothing => {}
             Hidden::Apparatus(error) => truth.apparatus = Some(*error),
             Hidden::Effects(slugs) => {
-                let Some((effects, data)) = motion.with_effects(slugs, order.strength_sigma, stream)? else {
+                let Some((effects, class)) = motion.with_effects(slugs, order.strength_sigma, &self.library, stream)?
+                else {
                     return Ok(None);
                 };
-                truth.ideal_class = motion.ideal_class(&data, slugs, &self.library)?;
+                truth.ideal_class = class;
                 truth.effects = effects;
             }
             Hidden::Outside(kind) => {
                 let asked_sigma = order.strength_sigma.unwrap_or(20.0);
                 let drawn = Disturbance::draw(*kind, stream);
                 let Some((disturbance, sigma)) = motion.with_outside(&drawn, asked_sigma)? else { return Ok(None) };
-                let data = motion.disturbed(&disturbance)?;
+                let position_m = motion.disturbed_m(&disturbance)?;
                 // What an effect of the library would explain is not outside.
-                if !motion.ideal_class(&data, &[], &self.library)?.is_empty() {
+                if !motion.ideal_class(&motion.shown(&position_m), &[], &self.library).is_empty() {
                     return Ok(None);
                 }
                 (truth.outside, truth.outside_sigma) = (Some(disturbance), Some(sigma));
@@ -201,17 +202,24 @@ impl Motion {
         &self.subject.experiment().record
     }
 
-    fn distance_sigma(&self, data: &Subject, candidate: &Candidate, start: &[f64], search: Search) -> Result<f64> {
-        distance_sigma(data, candidate, &[start.to_vec()], self.noise, search)
+    /// Noise-free positions (m) that the law has a part in.
+    fn shown<'a>(&'a self, position_m: &'a [f64]) -> Shown<'a> {
+        Shown { candidate: &self.base, theta: &self.theta, noise: self.noise, position_m }
     }
 
-    /// Effects at sizes of the signal asked for, each given the others, and noise-free data with them; `None` where that is out of reach.
+    /// Distance in σ that the best fit of a candidate leaves; `None` where it has no model.
+    fn distance_sigma(&self, shown: &Shown, candidate: &Candidate) -> Option<f64> {
+        closest(&self.subject, candidate, shown).ok().map(|closest| closest.distance)
+    }
+
+    /// Effects at sizes of the signal asked for, each given the others, and those that cannot be told from them; `None` where that is out of reach.
     fn with_effects(
         &self,
         slugs: &[String],
         asked_sigma: Option<f64>,
+        library: &Library,
         stream: &mut RandomStream,
-    ) -> Result<Option<(Vec<HiddenEffect>, Subject)>> {
+    ) -> Result<Option<(Vec<HiddenEffect>, Vec<String>)>> {
         let names: Vec<&str> = slugs.iter().map(String::as_str).collect();
         let candidate = self.subject.extended(&names)?;
         let mut theta = candidate.embed(&self.base, &self.theta);
@@ -229,8 +237,6 @@ impl Motion {
                 None => theta[k] = free.quantile(0.05 + 0.9 * uniform),
             }
         }
-        let data_at =
-            |theta: &[f64]| self.subject.trajectory_m(&candidate, theta).map(|x| self.subject.with_positions(&x));
         let others: Vec<Candidate> = (0..names.len())
             .map(|left_out| {
                 let kept: Vec<&str> = (0..names.len()).filter(|k| *k != left_out).map(|k| names[k]).collect();
@@ -238,15 +244,9 @@ impl Motion {
             })
             .collect::<Result<_>>()?;
         let signals = |theta: &[f64]| -> Option<Vec<f64>> {
-            let data = data_at(theta).ok()?;
-            let signal = |other: &Candidate| {
-                // What the smaller model has of the truth.
-                let place = |name: &str| candidate.free.iter().position(|free| free.name == name);
-                let start: Vec<f64> =
-                    other.free.iter().map(|free| place(free.name).map_or(0.0, |k| theta[k])).collect();
-                self.distance_sigma(&data, other, &start, Search::Local).ok()
-            };
-            others.iter().map(signal).collect()
+            let position_m = self.subject.trajectory_m(&candidate, theta).ok()?;
+            let shown = Shown { candidate: &candidate, theta, noise: self.noise, position_m: &position_m };
+            others.iter().map(|other| self.distance_sigma(&shown, other)).collect()
         };
         let (theta, signals_sigma) = match asked_sigma {
             None => {
@@ -280,11 +280,13 @@ impl Motion {
             signal_sigma: signals_sigma[place],
         };
         let effects = candidate.effects.iter().enumerate().map(effect).collect();
-        Ok(Some((effects, data_at(&theta)?)))
+        let position_m = self.subject.trajectory_m(&candidate, &theta)?;
+        let shown = Shown { candidate: &candidate, theta: &theta, noise: self.noise, position_m: &position_m };
+        Ok(Some((effects, self.ideal_class(&shown, slugs, library))))
     }
 
-    /// Noise-free data with a disturbance.
-    fn disturbed(&self, disturbance: &Disturbance) -> Result<Subject> {
+    /// Noise-free positions (m) with a disturbance.
+    fn disturbed_m(&self, disturbance: &Disturbance) -> Result<Vec<f64>> {
         let record = self.record();
         let mut experiment = self.subject.experiment().clone();
         experiment.record.force_n = disturbance.force_n(record);
@@ -292,21 +294,21 @@ impl Motion {
         let acting = problem.with(experiment, self.subject.specification().clone(), self.subject.library())?;
         let acting = Subject::with_compliance(&acting, self.subject.library(), self.subject.compliance().clone())?;
         let position_m = acting.trajectory_m(&acting.base(), &self.theta)?;
-        Ok(self.subject.with_positions(&disturbance.recorded_m(record, &position_m)))
+        Ok(disturbance.recorded_m(record, &position_m))
     }
 
     fn with_outside(&self, drawn: &Disturbance, asked_sigma: f64) -> Result<Option<(Disturbance, f64)>> {
         let at = |sizes: &[f64]| drawn.sized(drawn.size * sizes[0]);
         let signals = |sizes: &[f64]| {
-            let data = self.disturbed(&at(sizes)).ok()?;
-            self.distance_sigma(&data, &self.base, &self.theta, Search::Local).ok().map(|sigma| vec![sigma])
+            let position_m = self.disturbed_m(&at(sizes)).ok()?;
+            self.distance_sigma(&self.shown(&position_m), &self.base).map(|sigma| vec![sigma])
         };
         let found = scaled_to(asked_sigma, vec![1.0], &[20.0], signals);
         Ok(found.map(|(sizes, sigma)| (at(&sizes), sigma[0])))
     }
 
     /// Effects that cannot be told from the hidden ones by noise-free data: alone, or in the place of one of a pair.
-    fn ideal_class(&self, data: &Subject, hidden: &[String], library: &Library) -> Result<Vec<String>> {
+    fn ideal_class(&self, shown: &Shown, hidden: &[String], library: &Library) -> Vec<String> {
         let mut class = Vec::new();
         for effect in library.effects() {
             let slug = effect.slug();
@@ -318,14 +320,13 @@ impl Motion {
             let explains = |model: &Vec<&str>| {
                 // What cannot stand together, or with this law, is no candidate.
                 let Ok(candidate) = self.subject.extended(model) else { return false };
-                let start = candidate.embed(&self.base, &self.theta);
-                self.distance_sigma(data, &candidate, &start, Search::Wide).is_ok_and(|sigma| sigma < SEPARATED_SIGMA)
+                self.distance_sigma(shown, &candidate).is_some_and(|sigma| sigma < SEPARATED_SIGMA)
             };
             if hidden.contains(&slug) || models.iter().any(explains) {
                 class.push(slug.to_string());
             }
         }
-        Ok(class)
+        class
     }
 }
 
@@ -352,4 +353,30 @@ fn out_of_reach(order: &Order) -> Error {
         format!("{what} cannot be made to show{strength} under the {} protocol", order.protocol.name()),
         "ask for less, for another effect, or for the other protocol; `vitreo-uq effects` says what an experiment can see",
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::critique::separation::tests::{NOISE, ONE_LEVEL, TWO_LEVELS, at, subject_with};
+
+    /// Signals are those asked for; on one force level an asymmetry stands for a bias, alone or beside a drift, and on two it does not.
+    #[test]
+    fn an_ideal_class_is_what_the_protocol_cannot_tell_from_what_is_hidden() {
+        let library = Library::only(&["clock-offset", "force-asymmetry", "force-bias", "tracking-drift"]);
+        let class = |cycles: &[&[f64]], hidden: &[&str], asked_sigma: f64| {
+            let subject = subject_with(cycles, &library, &[]);
+            let (base, fitted) = at(&subject, &[], &[]);
+            let motion = Motion { subject, base, theta: fitted.theta, noise: NOISE };
+            let slugs: Vec<String> = hidden.iter().map(|slug| slug.to_string()).collect();
+            let drawn = motion.with_effects(&slugs, Some(asked_sigma), &library, &mut RandomStream::new(5, 0));
+            let (effects, class) = drawn.expect("models").expect("in reach");
+            assert!(effects.iter().all(|effect| (effect.signal_sigma / asked_sigma - 1.0).abs() < 0.02), "{effects:?}");
+            class
+        };
+        assert_eq!(class(&ONE_LEVEL, &["force-bias"], 20.0), ["force-asymmetry", "force-bias"]);
+        assert_eq!(class(&TWO_LEVELS, &["force-bias"], 20.0), ["force-bias"]);
+        let pair = class(&ONE_LEVEL, &["force-bias", "tracking-drift"], 6.0);
+        assert!(pair.iter().any(|slug| slug == "force-asymmetry") && pair.len() >= 3, "{pair:?}");
+    }
 }

@@ -1,29 +1,8 @@
-//! How strongly something shows: distances, in standard deviations of the noise, that best fits leave of noise-free data.
-
-use super::super::{Candidate, Search, Subject};
-use crate::error::Result;
+//! How large something has to be to show as strongly as is asked.
 
 /// A size is found when its signal is what was asked for to this fraction.
 const TOLERANCE: f64 = 0.02;
 const MOST_ROUNDS: usize = 24;
-
-/// ‖L⁻¹(y − f)‖ of a candidate's best fit to a subject's (noise-free) fitted positions, under a noise that is known.
-///
-/// # Errors
-/// [`crate::Error::Numerical`] where the candidate has no model.
-pub fn distance_sigma(
-    data: &Subject,
-    candidate: &Candidate,
-    starts: &[Vec<f64>],
-    noise: [f64; 5],
-    search: Search,
-) -> Result<f64> {
-    let fitted = data.fit_mean(candidate, starts, noise, search)?;
-    let residual_m =
-        data.fitted_m.iter().zip(&fitted.position_m).map(|(y, x)| y.map_or(0.0, |y| y - x)).collect::<Vec<f64>>();
-    let white = data.fitted.whiten(&[residual_m], &fitted.position_m, &noise);
-    Ok(white[0].iter().map(|w| w * w).sum::<f64>().sqrt())
-}
 
 /// Scales sizes until each signal is `asked_sigma`. `signals` gives the signals at sizes, `None` where there is no model; a size at `largest` that shows
 /// less ends the search.
