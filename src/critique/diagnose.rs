@@ -178,3 +178,7 @@ fn class_of(subject: &Subject, found: &Found, claimed: &Refitted) -> Result<Vec<
     }
     Ok(class)
 }
+
+#[cfg(test)]
+#[path = "diagnose_tests.rs"]
+mod tests;

@@ -383,3 +383,7 @@ fn listed(names: &[String], last: &str) -> String {
         [rest @ .., end] => format!("{} {last} {end}", rest.join(", ")),
     }
 }
+
+#[cfg(test)]
+#[path = "document_tests.rs"]
+pub(super) mod tests;

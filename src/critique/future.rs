@@ -185,6 +185,78 @@ mod tests {
         assert!((score.last - last).abs() < 1e-6 * last.abs(), "{} {last}", score.last);
     }
 
+    /// With an effect that is linear in the position, the score is that of a mixture of five joint normals of all rows, by dense algebra: its size about
+    /// its null with precisions from a fifth of what a cycle tells of it beside the law, in geometric progression to the default prior's.
+    #[test]
+    fn scores_with_an_effect_are_those_of_a_mixture_of_joint_normals() {
+        let (base, fitted) = base_fit();
+        let noise = [4.0, 3.0, 0.7, 0.012, 2.0];
+        let candidate = replica().extended(&["tracking-drift"]).expect("addable");
+        let size = candidate.free.len() - 1;
+        let mut theta = candidate.embed(&base, &fitted.theta);
+        theta[size] = candidate.free[size].coordinate.theta(4e-7);
+        let subject = simulated(&candidate, &theta, &noise, 6);
+        let left_out: Vec<usize> = (0..subject.fitted_m.len()).filter(|row| row % 4 != 0).collect();
+        let subject = subject.without_rows(&left_out);
+        let position_m = subject.trajectory_m(&candidate, &theta).expect("a model");
+        let fitted = Fitted { theta, noise, position_m, ..fitted };
+        let score = future_score(&subject, &candidate, &fitted).expect("derivatives").expect("a cycle is held out");
+        let record = &subject.experiment().record;
+        let both: Vec<Option<f64>> = subject.fitted_m.iter().zip(&subject.scored_m).map(|(a, b)| a.or(*b)).collect();
+        let columns = columns_m(&subject, &candidate, &fitted.theta).expect("derivatives");
+        let rows_until = |until: u32| -> Vec<usize> {
+            (0..both.len()).filter(|row| both[*row].is_some() && record.cycle[*row] <= until).collect()
+        };
+        let of_noise = |rows: &[usize]| {
+            DMatrix::from_fn(rows.len(), rows.len(), |i, j| {
+                let (a, b) = (rows[i], rows[j]);
+                let white = if a == b { 4e-6_f64.powi(2) } else { 0.0 };
+                let process = 3e-6_f64.powi(2) * (-(record.time_s[a] - record.time_s[b]).abs() / 0.7).exp();
+                let same = f64::from(u8::from(record.cycle[a] == record.cycle[b]));
+                let (x, y) = (fitted.position_m[a], fitted.position_m[b]);
+                white + process + same * (0.012_f64.powi(2) * x * y + 2e-6_f64.powi(2))
+            })
+        };
+        let of_law: Vec<(f64, f64)> = candidate.free.iter().filter_map(|free| free.prior).collect();
+        assert_eq!(of_law.len(), size);
+        // What all rows tell of the size beside the law: the size's posterior precision where it has no prior.
+        let rows = rows_until(4);
+        let inverse = of_noise(&rows).try_inverse().expect("regular");
+        let a = DMatrix::from_fn(rows.len(), size + 1, |i, k| columns[k][rows[i]]);
+        let mut told = a.transpose() * inverse * &a;
+        (0..size).for_each(|k| told[(k, k)] += 1.0 / of_law[k].1.powi(2));
+        let visible = 1.0 / told.try_inverse().expect("regular")[(size, size)];
+        let free = &candidate.free[size];
+        let broadest = (0.5 * (free.quantile(0.95) - free.quantile(0.05))).powi(-2);
+        let narrowest = 0.2 * visible / 4.0;
+        assert!(narrowest > 10.0 * broadest, "{narrowest} {broadest}");
+        let ln_density = |until: u32| {
+            let rows = rows_until(until);
+            let noise = of_noise(&rows);
+            let each = (0..5).map(|scale| {
+                let precision = narrowest * (broadest / narrowest).powf(f64::from(scale) / 4.0);
+                let variance = |k: usize| if k < size { of_law[k].1.powi(2) } else { 1.0 / precision };
+                let step = |k: usize| if k < size { of_law[k].0 - fitted.theta[k] } else { -fitted.theta[k] };
+                let covariance = DMatrix::from_fn(rows.len(), rows.len(), |i, j| {
+                    let column = |k: usize| columns[k][rows[i]] * columns[k][rows[j]] * variance(k);
+                    noise[(i, j)] + (0..=size).map(column).sum::<f64>()
+                });
+                let residual = DVector::from_fn(rows.len(), |i, _| {
+                    let row = rows[i];
+                    let moved: f64 = (0..=size).map(|k| columns[k][row] * step(k)).sum();
+                    both[row].map_or(0.0, |y| y - fitted.position_m[row] - moved)
+                });
+                ln_normal(&residual, &covariance)
+            });
+            let each: Vec<f64> = each.collect();
+            let largest = each.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+            largest + (each.iter().map(|value| (value - largest).exp()).sum::<f64>() / 5.0).ln()
+        };
+        let (all, last) = (ln_density(4) - ln_density(1), ln_density(4) - ln_density(3));
+        assert!((score.all - all).abs() < 1e-5, "{} {all}", score.all);
+        assert!((score.last - last).abs() < 1e-5, "{} {last}", score.last);
+    }
+
     /// A gain that three cycles show to be nothing is floored: the score of the last cycle is that of a per cent.
     #[test]
     fn the_gain_of_a_new_cycle_is_not_known_to_be_nothing() {

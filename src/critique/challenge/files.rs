@@ -169,3 +169,67 @@ fn experiment_toml(apparatus: &Apparatus, commitment: &str) -> String {
         specimen_id(commitment)
     )
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::critique::challenge::{NoiseKind, Protocol};
+
+    /// A whole challenge, written without finite elements.
+    fn written(dir: &Path, salt: &[u8; SALT_BYTES], law: [f64; 3]) -> Sealed {
+        let truth = Truth {
+            protocol: Protocol::Paper,
+            noise: NoiseKind::White,
+            law,
+            effects: Vec::new(),
+            outside: None,
+            apparatus: None,
+            outside_sigma: None,
+            ideal_class: Vec::new(),
+        };
+        let csv = trajectory_csv(&Protocol::Paper.record(), &vec![1e-6; 800]);
+        let answer = Answer { truth, trajectory_sha256: sha256_hex(csv.as_bytes()) };
+        let sealed = seal(salt, &serde_json::to_vec(&answer).expect("JSON"));
+        let toml = experiment_toml(&Apparatus::Instrument { compliance_per_m: 1.0 }, &sealed.commitment_sha256);
+        for (name, text) in [
+            (COMMITMENT_FILE, sealed.commitment_sha256.clone() + "\n"),
+            (SEALED_FILE, serde_json::to_string(&sealed).expect("JSON")),
+            ("trajectory.csv", csv),
+            ("experiment.toml", toml),
+        ] {
+            std::fs::write(dir.join(name), text).expect("writable");
+        }
+        sealed
+    }
+
+    /// Every one of the four files is held to the hash; a whole answer to other physics of the same data, with a hash of its own, does not pass either.
+    #[test]
+    fn no_file_of_a_challenge_can_be_changed() {
+        let folder = tempfile::tempdir().expect("a temporary directory");
+        let dir = folder.path();
+        let (salt, law) = ([3; SALT_BYTES], [1.0, 2.0, 3.0]);
+        let other = written(dir, &[4; SALT_BYTES], [9.0, 2.0, 3.0]);
+        let sealed = written(dir, &salt, law);
+        assert_eq!(reveal(dir).expect("whole").commitment_sha256, sealed.commitment_sha256);
+        let json = |sealed: &Sealed| serde_json::to_string(sealed).expect("JSON");
+        let forged = Sealed { answer: seal(&salt, b"{}").answer, ..sealed.clone() };
+        for (name, text) in [
+            (SEALED_FILE, json(&other)),
+            (SEALED_FILE, json(&forged)),
+            (SEALED_FILE, "{}".into()),
+            (COMMITMENT_FILE, other.commitment_sha256.clone()),
+            ("experiment.toml", "# Sealed answer, SHA-256: 00\n".into()),
+            ("trajectory.csv", "time_s,force_uN,position_um,cycle\n".into()),
+        ] {
+            written(dir, &salt, law);
+            std::fs::write(dir.join(name), text).expect("writable");
+            let refusal = reveal(dir).expect_err("changed").to_string();
+            assert!(refusal.contains(name), "{name}: {refusal}");
+        }
+        // A hash that was replaced with its answer still stands in the experiment's comment.
+        written(dir, &salt, law);
+        std::fs::write(dir.join(COMMITMENT_FILE), &other.commitment_sha256).expect("writable");
+        std::fs::write(dir.join(SEALED_FILE), json(&other)).expect("writable");
+        assert!(reveal(dir).expect_err("changed").to_string().contains("experiment.toml"));
+    }
+}

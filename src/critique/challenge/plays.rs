@@ -382,3 +382,7 @@ fn size_covered(truth: &Truth, diagnosis: &Diagnosis) -> Option<bool> {
     let parameter = entry.refit.as_ref()?.parameters.iter().find(|parameter| parameter.name == size.name)?;
     Some((parameter.q05..=parameter.q95).contains(&size.value))
 }
+
+#[cfg(test)]
+#[path = "plays_tests.rs"]
+mod tests;

@@ -1,0 +1,204 @@
+//! Diagnoses and truths written by hand: what is made of one, and what many come to.
+
+use super::super::super::diagnosis::{
+    BaseErrors, CandidateEntry, Errors, Refit, RefitParameter, Status, UnexplainedEntry, Verdict,
+};
+use super::super::{Disturbance, HiddenEffect, NamedValue};
+use super::*;
+
+fn truth(slugs: &[&str], ideal_class: &[&str]) -> Truth {
+    let effect = |slug: &&str| HiddenEffect {
+        slug: slug.to_string(),
+        parameters: vec![NamedValue { name: format!("{slug}.size"), value: 2.0 }],
+        signal_sigma: 9.7,
+    };
+    Truth {
+        protocol: Protocol::Paper,
+        noise: NoiseKind::White,
+        law: [1.0, 2.0, 3.0],
+        effects: slugs.iter().map(effect).collect(),
+        outside: None,
+        apparatus: None,
+        outside_sigma: None,
+        ideal_class: ideal_class.iter().map(|slug| slug.to_string()).collect(),
+    }
+}
+
+fn outside() -> Truth {
+    let disturbance = Disturbance { kind: OutsideKind::Slip, size: 1e-5, shape: vec![0.5; 4] };
+    Truth { outside: Some(disturbance), outside_sigma: Some(20.2), ..truth(&[], &[]) }
+}
+
+fn apparatus() -> Truth {
+    Truth { apparatus: Some(ApparatusError::PoissonRatio(0.45)), ..truth(&[], &[]) }
+}
+
+/// An effect with its gain and the interval of its size.
+fn candidate(slug: &str, gain_nats: f64, [q05, q95]: [f64; 2]) -> CandidateEntry {
+    let parameter = RefitParameter { name: format!("{slug}.size"), mean: 0.5 * (q05 + q95), q05, q95 };
+    CandidateEntry {
+        effect: slug.into(),
+        status: Status::Unsupported,
+        z: 0.0,
+        p_familywise: 1.0,
+        visible_fraction: 1.0,
+        expected_parameter: None,
+        refit: Some(Refit {
+            gain_nats,
+            heldout_gain_nats: None,
+            last_cycle_gain_nats: Some(0.1 * gain_nats),
+            rmse_heldout_um: None,
+            largest_change: 0.0,
+            log_bayes_factor: None,
+            parameters: vec![parameter],
+        }),
+        twins: Vec::new(),
+        refused: None,
+    }
+}
+
+fn diagnosis(kind: VerdictKind, effects: &[&str], equivalent: &[&str]) -> Diagnosis {
+    let strings = |slugs: &[&str]| slugs.iter().map(|slug| slug.to_string()).collect();
+    Diagnosis {
+        experiment: "by hand".into(),
+        verdict: Verdict { kind, effects: strings(effects), equivalent: strings(equivalent), sentence: String::new() },
+        fitted_cycles: vec![1, 2, 3],
+        heldout_cycles: vec![4],
+        base: BaseErrors { rmse_fitted_um: 9.0, rmse_heldout_um: Some(9.0), noise_um: 4.0 },
+        extended: (!effects.is_empty()).then_some(Errors {
+            rmse_fitted_um: 4.0,
+            rmse_heldout_um: Some(4.2),
+            predictive_noise_um: Some(4.0),
+        }),
+        candidates: vec![
+            candidate("delay", 3.0, [1.0, 3.0]),
+            candidate("bias", 30.0, [2.1, 3.0]),
+            candidate("drift", 7.0, [2.0, 4.0]),
+        ],
+        pairs: Vec::new(),
+        blind_spots: Vec::new(),
+        smallest_detectable: Vec::new(),
+        separating_protocol: String::new(),
+        noise: Vec::new(),
+        unexplained: Vec::new(),
+        outlier_rows: Vec::new(),
+        remarks: Vec::new(),
+    }
+}
+
+fn unexplained(diagnosis: Diagnosis) -> Diagnosis {
+    let entry = UnexplainedEntry {
+        kind: "slip".into(),
+        sentence: String::new(),
+        gain_nats: 20.0,
+        p_familywise: 0.01,
+        size_um: 3.0,
+    };
+    Diagnosis { unexplained: vec![entry], ..diagnosis }
+}
+
+fn play(truth: Truth, diagnosis: &Diagnosis) -> Play {
+    judged(0, Sort::of(&truth), truth, diagnosis)
+}
+
+#[test]
+fn a_claim_is_judged_by_its_class_its_size_and_its_error() {
+    let missing = |effects: &[&str], equivalent: &[&str]| diagnosis(VerdictKind::Missing, effects, equivalent);
+    let hidden = || truth(&["drift"], &["drift", "delay"]);
+    let right = play(hidden(), &missing(&["drift"], &["delay", "bias"]));
+    assert_eq!((right.label.as_str(), right.said.as_str()), ("drift", "drift"));
+    assert_eq!(right.class, ["bias", "delay", "drift"]);
+    assert_eq!(right.first.as_deref(), Some("drift"));
+    let gains: Vec<(&str, f64)> = right.gains.iter().map(|(slug, gain, _)| (slug.as_str(), *gain)).collect();
+    assert_eq!(gains, [("bias", 30.0), ("drift", 7.0), ("delay", 3.0)]);
+    // The interval's end is inside; a size of another effect, or beside another effect, is not this one's.
+    assert_eq!(right.size_covered, Some(true));
+    assert_eq!(play(truth(&["bias"], &["bias"]), &missing(&["bias"], &[])).size_covered, Some(false));
+    assert_eq!(play(hidden(), &missing(&["delay"], &["drift"])).size_covered, None);
+    assert_eq!(play(hidden(), &missing(&["delay", "drift"], &[])).size_covered, None);
+    assert_eq!(play(truth(&["delay", "drift"], &[]), &missing(&["delay", "drift"], &[])).size_covered, None);
+    assert_eq!(right.heldout_over_noise, Some(4.2 / 4.0));
+    // A pair is named in alphabetical order, whatever the order of the claim.
+    assert_eq!(play(truth(&["drift", "bias"], &[]), &missing(&["drift", "bias"], &["delay"])).said, "bias+drift");
+}
+
+#[test]
+fn without_a_claim_there_is_no_class_and_the_largest_gain_is_first() {
+    for (kind, said) in [(VerdictKind::None, "none"), (VerdictKind::Unexplained, "unexplained")] {
+        let play = play(truth(&["drift"], &["drift"]), &diagnosis(kind, &[], &[]));
+        assert_eq!((play.said.as_str(), play.first.as_deref()), (said, Some("bias")));
+        assert!(play.class.is_empty() && play.size_covered.is_none() && play.heldout_over_noise.is_none());
+    }
+}
+
+/// Nineteen plays whose every count differs from its neighbours, so that no share is right by a wrong denominator.
+#[test]
+fn shares_are_counted_over_what_they_are_shares_of() {
+    let missing = |effects: &[&str], equivalent: &[&str]| diagnosis(VerdictKind::Missing, effects, equivalent);
+    let none = || diagnosis(VerdictKind::None, &[], &[]);
+    let far = |mut of: Diagnosis| {
+        of.extended.as_mut().expect("a claim").rmse_heldout_um = Some(4.41);
+        of
+    };
+    let drift = || truth(&["drift"], &["drift", "delay"]);
+    let bias = || truth(&["bias"], &["bias"]);
+    let pair = || truth(&["drift", "bias"], &["drift", "bias"]);
+    let mut plays = vec![
+        // Singles: seven, of which five are claims, three in class, six first places held by what cannot be told from the truth.
+        play(drift(), &missing(&["drift"], &["delay", "bias"])),
+        play(drift(), &far(missing(&["delay"], &["drift"]))),
+        play(drift(), &missing(&["delay"], &[])),
+        play(bias(), &missing(&["bias"], &[])),
+        play(bias(), &missing(&["drift"], &[])),
+        play(bias(), &none()),
+        play(bias(), &none()),
+        // Pairs: three, one of them whole.
+        play(pair(), &missing(&["drift", "bias"], &[])),
+        play(pair(), &missing(&["drift"], &["delay"])),
+        play(pair(), &missing(&["bias"], &[])),
+        // Controls: five, one claimed, two called unexplained.
+        play(truth(&[], &[]), &none()),
+        play(truth(&[], &[]), &missing(&["delay"], &[])),
+        play(truth(&[], &[]), &unexplained(diagnosis(VerdictKind::Unexplained, &[], &[]))),
+        play(apparatus(), &unexplained(diagnosis(VerdictKind::Unexplained, &[], &[]))),
+        play(apparatus(), &none()),
+        // Outside: four, two called so, one taken for an effect, one taken for an effect beside which something remains.
+        play(outside(), &unexplained(diagnosis(VerdictKind::Unexplained, &[], &[]))),
+        play(outside(), &unexplained(diagnosis(VerdictKind::Unexplained, &[], &[]))),
+        play(outside(), &missing(&["delay"], &[])),
+        play(outside(), &unexplained(missing(&["delay"], &[]))),
+    ];
+    let found = tally(&plays);
+    assert_eq!((found.played, found.failed), (19, 0));
+    assert_eq!(found.class_coverage, Some(3.0 / 7.0));
+    assert_eq!(found.mean_class_size, Some((3.0 + 2.0 + 1.0 + 1.0 + 1.0) / 5.0));
+    assert_eq!(found.ideal_class_size, Some((2.0 + 2.0 + 2.0 + 1.0 + 1.0) / 5.0));
+    // Three claims of `drift` or what is like it, one of `bias`, and two without a claim where `bias` gained most.
+    assert_eq!(found.first_place_separated, Some(6.0 / 7.0));
+    assert_eq!((found.false_claims, found.false_unexplained), (Some(1.0 / 5.0), Some(2.0 / 5.0)));
+    assert_eq!(found.pair_coverage, Some(1.0 / 3.0));
+    assert_eq!((found.unexplained_called, found.misattributed), (Some(2.0 / 4.0), Some(1.0 / 4.0)));
+    // Sizes: of the drift inside, of the bias outside.
+    assert_eq!(found.interval_coverage_90, Some(1.0 / 2.0));
+    // In class: three singles and a pair, one of them farther off than 1.1 times the noise.
+    assert_eq!(found.heldout_at_noise, Some(3.0 / 4.0));
+    let of = |truth: &str, said: &str| {
+        found.confusion.iter().find(|entry| entry.truth == truth && entry.said == said).map_or(0, |entry| entry.count)
+    };
+    assert_eq!((of("drift", "delay"), of("bias+drift", "bias+drift"), of("outside", "unexplained")), (2, 1, 2));
+    assert_eq!(found.confusion.iter().map(|entry| entry.count).sum::<usize>(), 19);
+    let group = |sort: Sort| {
+        let group = found.groups.iter().find(|group| group.sort == sort).expect("played");
+        (group.played, group.right, group.claimed, group.signal_sigma)
+    };
+    assert_eq!(group(Sort::Single), (7, 3, 5, Some(10)));
+    assert_eq!(group(Sort::Pair), (3, 1, 3, Some(10)));
+    assert_eq!(group(Sort::None), (3, 1, 1, None));
+    assert_eq!(group(Sort::Apparatus), (2, 1, 0, None));
+    assert_eq!(group(Sort::Outside), (4, 2, 2, Some(20)));
+    // A diagnosis that failed is no claim, and not right.
+    plays = vec![failed(0, Sort::None, truth(&[], &[]), &Error::numerical("no model", "try again"))];
+    let found = tally(&plays);
+    assert_eq!((found.failed, found.false_claims, found.false_unexplained), (1, Some(0.0), Some(0.0)));
+    assert_eq!((found.class_coverage, found.groups[0].right), (None, 0));
+}
