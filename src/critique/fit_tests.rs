@@ -72,9 +72,9 @@ fn effects_are_found_again() {
         let start = (candidate.embed(&base, &alone.theta), alone.noise);
         let with = data.fit(&candidate, &[start], Search::Wide).expect("fits");
         let truth = simulated_objective(&data, &candidate, &theta);
-        // The optimum is no lower than the truth, and the truth lies within a χ² of it: 16 nats for up to 10 parameters (p below 1e-4).
+        // The optimum is no lower than the truth, and is ahead by half a χ² of up to 10 parameters: above 27 nats with a probability of 5e-8.
         assert!(with.objective >= truth - 1e-3, "{}: {} below {truth}", effect.slug(), with.objective);
-        assert!(with.objective < truth + 16.0, "{}", effect.slug());
+        assert!(with.objective < truth + 27.0, "{}", effect.slug());
     }
 }
 
@@ -97,6 +97,6 @@ fn columns_find_their_amplitude() {
     let data = simulated(&with, &theta, &WHITE, 3);
     let start = (with.embed(&base, &fitted.theta), WHITE);
     let found = data.fit(&with, &[start], Search::Wide).expect("fits");
-    // 6 µm with a standard error of 4 µm √(2/600) = 0.23 µm.
+    // 6 µm with a standard error of 4 µm √(2/600) = 0.23 µm, five of which are passed falsely below 1e-6.
     assert!((found.theta[base.free.len()] - 6e-6).abs() < 1.2e-6, "{}", found.theta[base.free.len()]);
 }

@@ -123,8 +123,8 @@ mod tests {
         ]
     }
 
-    /// 200 correct models: p below 0.05 in 10 ± 3.1, asserted at five standard deviations (false failures below 1e-6); a wave of half the noise is
-    /// found with its amplitude.
+    /// 200 correct models: p below 0.05 in one of twenty; 29 or more of them have a binomial probability of 3e-7. A wave of half the noise is found with
+    /// its amplitude, whose error is 4 µm √(2/600) = 0.23 µm: five of those are passed falsely below 1e-6.
     #[test]
     fn p_is_calibrated_and_structure_is_found() {
         let (base, fitted) = base_fit();
@@ -139,7 +139,7 @@ mod tests {
                 score_groups(&tangent, &groups, 199, *seed).iter().any(|score| score.p_familywise <= 0.05)
             })
             .count();
-        assert!((0..=26).contains(&count), "{count} of 200");
+        assert!(count <= 28, "{count} of 200");
         let data = simulated(&base, &fitted.theta, &WHITE, 1);
         let both: Vec<f64> = data
             .fitted_m
@@ -155,7 +155,7 @@ mod tests {
         assert!(scores[1].p_familywise < 0.01 && scores[2].p == 1.0, "{scores:?}");
         // Of smallest norm: what the sum carries is shared between it and its parts.
         let [sine, _, sum] = scores[1].amplitudes[..] else { panic!("three columns") };
-        assert!((sine + sum - 2.0).abs() < 0.8, "{:?}", scores[1].amplitudes);
+        assert!((sine + sum - 2.0).abs() < 1.2, "{:?}", scores[1].amplitudes);
     }
 
     fn fitted_times() -> Vec<f64> {

@@ -23,7 +23,7 @@ fn advice_separates_them_and_repeats_confirm_it() {
     let advice = advise(&subject, &members, 20, 7).expect("advice").expect("changes to make");
     assert!(advice.separation_now < 0.5, "{}", advice.separation_now);
     assert!(advice.separates() && advice.separation > 8.0, "{}", advice.sentence);
-    // At 8 σ a wrong model leads or ties to 4 nats once in 10⁹.
+    // At 8 σ a lead, N(32, 8²), falls short of 4 nats once in 4,000 repeats, so that one of twenty does once in 200 seeds; this one is fixed.
     assert_eq!(advice.n_right, 20, "{}", advice.sentence);
     assert!(advice.sentence.starts_with(&advice.change.instruction) && advice.sentence.contains("right in 20 of 20"));
     let again = advise(&subject, &members, 20, 7).expect("advice").expect("changes to make");
