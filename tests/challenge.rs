@@ -83,6 +83,7 @@ fn by_gain(subject: &Subject, _seed: u64) -> Result<Diagnosis> {
         separating_protocol: String::new(),
         noise: Vec::new(),
         unexplained: Vec::new(),
+        discrepancy: None,
         outlier_rows: Vec::new(),
         remarks: Vec::new(),
     })

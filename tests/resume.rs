@@ -34,6 +34,7 @@ impl Monitor for Impatient {
             self.stop.store(true, Ordering::Relaxed);
         }
     }
+    fn progress(&self, _done: usize, _most: usize) {}
     fn warn(&self, _text: &str) {}
     fn stop(&self) -> Option<&AtomicBool> {
         Some(&self.stop)

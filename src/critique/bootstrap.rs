@@ -7,6 +7,7 @@ use rayon::prelude::*;
 
 use super::refit::Refitted;
 use super::{Candidate, Fitted, Search, Subject};
+use crate::workflow::{Counter, Monitor};
 
 /// Largest gains (nats) of simulated searches, in the order of their numbers.
 #[derive(Debug, Clone, PartialEq)]
@@ -49,8 +50,15 @@ impl Bootstrap {
         gain: f64,
         simulations: Simulations,
         seed: u64,
+        monitor: &dyn Monitor,
     ) -> Self {
-        Self::of(gain, simulations, |number| largest_gain(subject, reference, candidates, seed, number))
+        let counter = Counter::new(monitor, simulations.most);
+        let simulate = |number: usize| {
+            let gain = largest_gain(subject, reference, candidates, seed, number);
+            counter.add_one();
+            gain
+        };
+        Self::of(gain, simulations, simulate)
     }
 
     /// The same for any search that gives the largest gain of simulation `number`.
@@ -116,6 +124,7 @@ mod tests {
     use crate::critique::refit::refit_all;
     use crate::critique::test_replica::{WHITE, base_fit, replica, simulated};
     use crate::inference::ensemble::RandomStream;
+    use crate::workflow::Silent;
 
     fn candidates() -> Vec<Candidate> {
         ["tracking-drift", "force-bias"].iter().map(|slug| replica().extended(&[slug]).expect("addable")).collect()
@@ -131,11 +140,11 @@ mod tests {
         let p_of = |seed: u64| {
             let data = simulated(&base, &fitted.theta, &noise, 1000 + seed);
             let reference = Refitted::new(&data, base.clone(), &[], Search::Wide).expect("fits");
-            let larger = refit_all(&data, &candidates, &[&reference], Search::Wide);
+            let larger = refit_all(&data, &candidates, &[&reference], Search::Wide, &Silent);
             let gains = larger.iter().flatten().map(|model| model.gain_over(&reference, &data).fitted);
             let largest = gains.fold(0.0, f64::max);
             let simulations = Simulations { most: 60, only_for: None };
-            Bootstrap::run(&data, &reference, &candidates, largest, simulations, seed).p(largest)
+            Bootstrap::run(&data, &reference, &candidates, largest, simulations, seed, &Silent).p(largest)
         };
         let p: Vec<f64> = (0..60_u64).into_par_iter().map(p_of).collect();
         let mean = p.iter().sum::<f64>() / 60.0;

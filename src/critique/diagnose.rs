@@ -3,6 +3,7 @@
 use super::bootstrap::simulated;
 use super::diagnosis::Diagnosis;
 use super::document::Report;
+use super::leftover::{Leftover, event_in_any_cycle};
 use super::outside::{self, Outside, OutsideNull, OutsideRequest, outside_gain};
 use super::refit::Refitted;
 use super::search::{Bars, Effort, Found, LARGER_NATS, replacements, search};
@@ -11,7 +12,7 @@ use super::{Search, Subject, outliers};
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
-use crate::workflow::Monitor;
+use crate::workflow::{Counter, Monitor};
 
 /// What a caller decides.
 #[derive(Debug, Clone, PartialEq)]
@@ -41,6 +42,8 @@ pub struct Outcome {
     pub found: Found,
     /// Structure outside the library, the leading one first, with its fit.
     pub unexplained: Vec<Outside>,
+    /// The same taken together, with its picture; `None` where nothing is unexplained, or nobody asked.
+    pub leftover: Option<Leftover>,
     /// The subject without outliers.
     pub subject: Subject,
 }
@@ -77,31 +80,58 @@ pub fn diagnose(subject: &Subject, request: &DiagnosisRequest, monitor: &dyn Mon
     let effort = Effort { n_simulations, in_full, seed };
     let mut found = search(&subject, &request.bars, &effort, monitor)?;
     monitor.stage("looking for structure that is not of the library");
-    let unexplained = unexplained(&subject, request, &mut found)?;
+    let unexplained = unexplained(&subject, request, &mut found, monitor)?;
     let class = match &found.claimed {
         Some(claimed) => class_of(&subject, &found, claimed)?,
         None => Vec::new(),
     };
-    let report = Report { subject: &subject, request, found: &found, unexplained: &unexplained, class: &class };
+    let (mut leftover, mut event) = (None, None);
+    let mut report = Report {
+        subject: &subject,
+        request,
+        found: &found,
+        unexplained: &unexplained,
+        leftover: None,
+        event: None,
+        class: &class,
+    };
+    if in_full {
+        monitor.stage("describing what is unexplained, and events in all cycles");
+        let model = found.claimed.as_ref().unwrap_or(&found.base);
+        let outside = OutsideRequest { n_simulations: N_OUTSIDE_SIMULATIONS, seed };
+        if report.remains() {
+            leftover = Some(Leftover::of(&subject, model, &unexplained, &outside)?);
+        }
+        event = event_in_any_cycle(&subject, model, &unexplained, &outside, is_significant)?;
+    }
+    (report.leftover, report.event) = (leftover.as_ref(), event.as_ref());
     let diagnosis = report.document(outlier_rows, monitor)?;
-    Ok(Outcome { diagnosis, found, unexplained, subject })
+    Ok(Outcome { diagnosis, found, unexplained, leftover, subject })
+}
+
+/// Whether structure outside the library is more than chance.
+fn is_significant(outside: &Outside) -> bool {
+    outside.p_familywise <= LARGEST_OUTSIDE_P && outside.penalised_gain_nats >= LEAST_OUTSIDE_NATS
 }
 
 /// Structure that is not of the library. Withdraws a claim that such structure explains better.
-fn unexplained(subject: &Subject, request: &DiagnosisRequest, found: &mut Found) -> Result<Vec<Outside>> {
+fn unexplained(
+    subject: &Subject,
+    request: &DiagnosisRequest,
+    found: &mut Found,
+    monitor: &dyn Monitor,
+) -> Result<Vec<Outside>> {
     let search = OutsideRequest { n_simulations: N_OUTSIDE_SIMULATIONS, seed: request.seed };
     let look = |model: &Refitted| -> Result<Vec<Outside>> {
         let mut list = outside::search(subject, &model.candidate, &model.fitted, &search)?;
-        list.retain(|outside| {
-            outside.p_familywise <= LARGEST_OUTSIDE_P && outside.penalised_gain_nats >= LEAST_OUTSIDE_NATS
-        });
+        list.retain(is_significant);
         Ok(list)
     };
     let Some(claimed) = &found.claimed else {
         // What looks like an effect of the library, and was not claimed as one, is at most suggestive.
         let mut list = look(&found.base)?;
         list.retain(|outside| outside.twins.iter().all(|(_, cosine)| *cosine <= TWIN_COSINE));
-        return confirmed(subject, &found.base, list, &search);
+        return confirmed(subject, &found.base, list, &search, monitor);
     };
     let effects = found.added(claimed);
     // What looks like a claimed effect (backlash is a delay on a square wave) is not beside it.
@@ -119,9 +149,9 @@ fn unexplained(subject: &Subject, request: &DiagnosisRequest, found: &mut Found)
     alone.retain(|outside| outside.penalised_gain_nats > gain - chance + lead);
     left.retain(is_other);
     alone.retain(is_other);
-    let alone = confirmed(subject, &found.base, alone, &search)?;
+    let alone = confirmed(subject, &found.base, alone, &search, monitor)?;
     if alone.is_empty() {
-        return confirmed(subject, claimed, left, &search);
+        return confirmed(subject, claimed, left, &search, monitor);
     }
     found.claimed = None;
     Ok(alone)
@@ -134,14 +164,18 @@ fn confirmed(
     model: &Refitted,
     mut list: Vec<Outside>,
     request: &OutsideRequest,
+    monitor: &dyn Monitor,
 ) -> Result<Vec<Outside>> {
     let Some(gain) = list.first().map(|first| first.penalised_gain_nats) else { return Ok(list) };
     let null = OutsideNull::of(subject, &model.candidate, &model.fitted, request)?;
+    let counter = Counter::new(monitor, N_CONFIRMING);
     let reaches = |number: usize| -> Result<bool> {
         let data = simulated(subject, model, request.seed ^ CONFIRMING_STREAMS, number);
         let start = (model.fitted.theta.clone(), model.fitted.noise);
         let fitted = data.fit(&model.candidate, &[start], Search::Local)?;
-        Ok(outside_gain(&data, &model.candidate, &fitted, &null)?.0 >= gain)
+        let simulated = outside_gain(&data, &model.candidate, &fitted, &null)?.0;
+        counter.add_one();
+        Ok(simulated >= gain)
     };
     let reached: Vec<bool> = (0..N_CONFIRMING).into_par_iter().map(reaches).collect::<Result<_>>()?;
     let p = (1 + reached.iter().filter(|reached| **reached).count()) as f64 / (1 + N_CONFIRMING) as f64;

@@ -31,6 +31,8 @@ pub struct Diagnosis {
     pub noise: Vec<NoiseEstimate>,
     /// Structure that no effect of the library explains.
     pub unexplained: Vec<UnexplainedEntry>,
+    /// What it amounts to and adds to predictions; `None` where nothing is unexplained, or nobody asked.
+    pub discrepancy: Option<DiscrepancyEntry>,
     /// Rows (from 0) that were left out as outliers.
     pub outlier_rows: Vec<usize>,
     /// What a reader should know besides.
@@ -179,13 +181,13 @@ pub struct SmallestDetectable {
 /// The noise, as one way of learning shows it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct NoiseEstimate {
-    /// How it was learnt.
+    /// How it was learnt: `rest records`, `short-lag differences`, `cycle-to-cycle differences` or `restricted maximum likelihood`.
     pub from: String,
     /// Standard deviation of one position, in µm; `None` where the record does not allow it.
     pub sd_um: Option<f64>,
     /// Standard error of it, in µm.
     pub standard_error_um: Option<f64>,
-    /// What it says.
+    /// Source, estimate and unit in plain words, and what does not show in it.
     pub text: String,
 }
 
@@ -202,4 +204,22 @@ pub struct UnexplainedEntry {
     pub p_familywise: f64,
     /// Root mean square, in µm.
     pub size_um: f64,
+}
+
+/// What no effect of the library explains, all of it together.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct DiscrepancyEntry {
+    /// Along what it was found: `time`, `cycle_phase`, `time_since_step`, `force` or `position`.
+    pub axis: String,
+    /// In plain words: what and where.
+    pub sentence: String,
+    /// Root mean square over the fitted rows, in µm, of what the model's parameters cannot absorb.
+    pub size_um: f64,
+    /// p corrected for all that was looked for.
+    pub p_familywise: f64,
+    /// Predictive noise, in µm, beside it: root mean square standard deviation of the learnt noise and of what uncertain parameters add, in the scored
+    /// cycle, or where none is in the fitted ones.
+    pub predictive_noise_um: f64,
+    /// The same when it may come again, at any phase and with either sign.
+    pub predictive_noise_with_discrepancy_um: f64,
 }

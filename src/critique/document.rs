@@ -7,13 +7,15 @@ use super::diagnosis::{
     UnexplainedEntry, Verdict, VerdictKind,
 };
 use super::evidence::evidence;
+use super::leftover::{Leftover, event_remark};
 use super::noise_fit::GAIN_FLOOR;
 use super::outside::Outside;
 use super::refit::{Gain, Refitted};
 use super::search::{Found, Single};
 use super::{Candidate, Fitted, Subject, Tangent, noise_learning, protocol, rank};
 use crate::error::Result;
-use crate::workflow::Monitor;
+use crate::report::number::significant;
+use crate::workflow::{Counter, Monitor};
 
 /// Gains (nats) below this are not worth a computation of evidence, and nothing to speak of.
 const LEAST_GAIN: f64 = 2.0;
@@ -34,6 +36,10 @@ pub(super) struct Report<'a> {
     pub request: &'a DiagnosisRequest,
     pub found: &'a Found,
     pub unexplained: &'a [Outside],
+    /// What is unexplained, taken together; `None` where nothing is, or nobody asked.
+    pub leftover: Option<&'a Leftover>,
+    /// An event in any cycle, the scored one included.
+    pub event: Option<&'a Outside>,
     pub class: &'a [Equivalent],
 }
 
@@ -56,14 +62,17 @@ impl Report<'_> {
             true => evidence(subject, &found.base.candidate, &found.base.fitted, self.request.seed)?.ln_evidence,
             false => f64::NAN,
         };
+        let counter = Counter::new(monitor, found.singles.len());
         let mut candidates = Vec::new();
         for single in &found.singles {
             let place = scored.iter().position(|other| other.slug == single.slug);
             let twins = place.map_or(Vec::new(), |place| twins[place].clone());
             candidates.push(self.candidate(single, twins, ln_base)?);
+            counter.add_one();
         }
         let learnt = noise_learning::learn(subject, &found.base.candidate, &found.base.fitted)?;
         let mut remarks = self.remarks(&scores, &cosines);
+        remarks.extend(self.event.map(|event| event_remark(subject, event)));
         remarks.extend(learnt.disagreements());
         if self.request.in_full {
             let exact = protocol::exact_degeneracies(subject)?;
@@ -100,6 +109,7 @@ impl Report<'_> {
             separating_protocol,
             noise: learnt.estimates(),
             unexplained: self.unexplained.iter().map(entry).collect(),
+            discrepancy: self.leftover.map(|leftover| leftover.entry.clone()),
             outlier_rows,
             remarks,
         })
@@ -126,22 +136,14 @@ impl Report<'_> {
         Errors {
             rmse_fitted_um: rmse_um(&self.subject.fitted_m).unwrap_or(0.0),
             rmse_heldout_um: rmse_um(&self.subject.scored_m),
-            predictive_noise_um: self.predictive_noise_um(model),
+            predictive_noise_um: predictive_noise_um(
+                self.subject,
+                &model.candidate,
+                &model.fitted,
+                &self.subject.scored_m,
+                GAIN_FLOOR,
+            ),
         }
-    }
-
-    fn predictive_noise_um(&self, model: &Refitted) -> Option<f64> {
-        let (subject, record) = (self.subject, &self.subject.experiment().record);
-        let mut fitted = model.fitted.clone();
-        fitted.noise[3] = fitted.noise[3].max(GAIN_FLOOR);
-        let tangent = Tangent::new(subject, &model.candidate, &fitted).ok()?;
-        let of_parameters_m2 = tangent.position_variance_m2(subject, &model.candidate, &fitted).ok()?;
-        let of_noise_m =
-            subject.noise().marginal_sd_m(&record.time_s, &record.cycle, &fitted.position_m, &fitted.noise);
-        let variances_m2 = of_parameters_m2.iter().zip(&of_noise_m).map(|(variance, sd)| variance + sd * sd);
-        let scored: Vec<f64> =
-            subject.scored_m.iter().zip(variances_m2).filter_map(|(y, variance)| y.map(|_| variance)).collect();
-        (!scored.is_empty()).then(|| 1e6 * (scored.iter().sum::<f64>() / scored.len() as f64).sqrt())
     }
 
     fn class_slugs(&self) -> Vec<String> {
@@ -240,21 +242,25 @@ impl Report<'_> {
 
     fn verdict(&self, candidates: &[CandidateEntry]) -> Verdict {
         let effects: Vec<String> = self.claimed().into_iter().map(String::from).collect();
-        let ratio = self.learnt_noise_ratio();
         let kind = if !effects.is_empty() {
             VerdictKind::Missing
-        } else if !self.unexplained.is_empty() || ratio > LARGEST_NOISE_RATIO {
+        } else if self.remains() {
             VerdictKind::Unexplained
         } else {
             VerdictKind::None
         };
         let sentence = match kind {
             VerdictKind::Missing => self.missing_sentence(&effects, candidates),
-            VerdictKind::Unexplained => self.unexplained_sentence(ratio),
+            VerdictKind::Unexplained => self.unexplained_sentence(),
             VerdictKind::None => self.none_sentence(candidates),
         };
         let equivalent = self.class_slugs();
         Verdict { kind, effects, equivalent, sentence }
+    }
+
+    /// Whether something remains that the best model does not explain.
+    pub fn remains(&self) -> bool {
+        !self.unexplained.is_empty() || self.learnt_noise_ratio() > LARGEST_NOISE_RATIO
     }
 
     /// Noise that differs from row to row, as learnt with the best model, over the known one.
@@ -301,13 +307,21 @@ impl Report<'_> {
         )
     }
 
-    fn unexplained_sentence(&self, ratio: f64) -> String {
+    fn unexplained_sentence(&self) -> String {
+        let what = match (self.unexplained, self.leftover) {
+            (_, Some(leftover)) => leftover.entry.sentence.clone(),
+            ([], None) => String::new(),
+            ([first, ..], None) => first.sentence.clone(),
+        };
         match self.unexplained {
             [] => format!(
-                "Unexplained: neighbouring errors are {ratio:.1} times the known noise of {} µm, and no effect of the library or known structure accounts for it.",
+                "Unexplained, here: neighbouring errors are {:.1} times the known noise of {} µm, and no effect of the library or known structure accounts for it. {what}",
+                self.learnt_noise_ratio(),
                 short(1e6 * self.subject.yardstick_m())
-            ),
-            list => format!("Unexplained by the library, here: {}", list[0].sentence),
+            )
+            .trim_end()
+            .into(),
+            _ => format!("Unexplained, here: {what}"),
         }
     }
 
@@ -340,6 +354,27 @@ fn entry(outside: &Outside) -> UnexplainedEntry {
     }
 }
 
+/// Total predictive noise (µm) of a model over the rows that have a position: the noise, with a gain of at least so much, and what uncertain
+/// parameters add.
+pub(super) fn predictive_noise_um(
+    subject: &Subject,
+    candidate: &Candidate,
+    fitted: &Fitted,
+    positions_m: &[Option<f64>],
+    least_gain: f64,
+) -> Option<f64> {
+    let record = &subject.experiment().record;
+    let mut fitted = fitted.clone();
+    fitted.noise[3] = fitted.noise[3].max(least_gain);
+    let tangent = Tangent::new(subject, candidate, &fitted).ok()?;
+    let of_parameters_m2 = tangent.position_variance_m2(subject, candidate, &fitted).ok()?;
+    let of_noise_m = subject.noise().marginal_sd_m(&record.time_s, &record.cycle, &fitted.position_m, &fitted.noise);
+    let variances_m2 = of_parameters_m2.iter().zip(&of_noise_m).map(|(variance, sd)| variance + sd * sd);
+    let of_rows: Vec<f64> =
+        positions_m.iter().zip(variances_m2).filter_map(|(y, variance)| y.map(|_| variance)).collect();
+    (!of_rows.is_empty()).then(|| 1e6 * (of_rows.iter().sum::<f64>() / of_rows.len() as f64).sqrt())
+}
+
 /// Normal approximation of the free parameters at a fit.
 fn laplace(subject: &Subject, model: &Refitted) -> Result<Vec<RefitParameter>> {
     let tangent = Tangent::new(subject, &model.candidate, &model.fitted)?;
@@ -364,15 +399,8 @@ fn size(parameter: &RefitParameter) -> String {
 }
 
 /// Three significant digits.
-fn short(value: f64) -> String {
-    if value == 0.0 || !value.is_finite() {
-        return format!("{value}");
-    }
-    let magnitude = value.abs().log10().floor() as i32;
-    match magnitude {
-        -3..=5 => format!("{value:.*}", (2 - magnitude).max(0) as usize),
-        _ => format!("{value:.2e}"),
-    }
+pub(super) fn short(value: f64) -> String {
+    significant(value, 3)
 }
 
 /// `a, b and c`.

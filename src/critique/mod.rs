@@ -16,6 +16,7 @@ mod document;
 pub mod evidence;
 mod fit;
 pub mod future;
+pub mod leftover;
 mod noise_fit;
 pub mod noise_learning;
 pub mod outliers;

@@ -5,6 +5,7 @@ use rayon::prelude::*;
 use super::future::{FutureScore, future_score};
 use super::{Candidate, Fitted, Search, Subject};
 use crate::error::Result;
+use crate::workflow::{Counter, Monitor};
 
 /// A model at its fit.
 #[derive(Clone)]
@@ -80,12 +81,16 @@ pub fn refit_all(
     candidates: &[Candidate],
     contained: &[&Refitted],
     search: Search,
+    monitor: &dyn Monitor,
 ) -> Vec<Option<Refitted>> {
+    let counter = Counter::new(monitor, candidates.len());
     let refit = |candidate: &Candidate| {
         let is_contained =
             |smaller: &&&Refitted| smaller.candidate.effects.iter().all(|slug| candidate.effects.contains(slug));
         let inside: Vec<&Refitted> = contained.iter().filter(is_contained).copied().collect();
-        Refitted::new(subject, candidate.clone(), &inside, search).ok()
+        let refitted = Refitted::new(subject, candidate.clone(), &inside, search).ok();
+        counter.add_one();
+        refitted
     };
     candidates.par_iter().map(refit).collect()
 }

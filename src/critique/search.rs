@@ -123,10 +123,10 @@ pub fn search(subject: &Subject, bars: &Bars, effort: &Effort, monitor: &dyn Mon
     let slugs: Vec<&'static str> = subject.library().effects().iter().map(|effect| effect.slug()).collect();
     let candidates: Vec<_> = slugs.iter().map(|slug| addable(subject, slug)).collect();
     let models: Vec<Candidate> = candidates.iter().flatten().cloned().collect();
-    let mut refitted = refit_all(subject, &models, &[&base], Search::Wide);
+    let mut refitted = refit_all(subject, &models, &[&base], Search::Wide, monitor);
     if let Some(better) = base_from(subject, &base, &refitted) {
         base = better;
-        refitted = refit_all(subject, &models, &[&base], Search::Wide);
+        refitted = refit_all(subject, &models, &[&base], Search::Wide, monitor);
     }
     let scores =
         super::rank::scores(subject, &base.candidate, &base.fitted, &models.iter().collect::<Vec<_>>(), effort.seed)?;
@@ -144,12 +144,12 @@ pub fn search(subject: &Subject, bars: &Bars, effort: &Effort, monitor: &dyn Mon
     monitor.stage("simulating how much a search finds where nothing is missing");
     // As many as decide about the gain that is judged.
     let judged = best_single(&singles).and_then(|single| single.gain).map_or(0.0, |gain| gain.fitted);
-    let bootstrap =
-        Bootstrap::run(subject, &base, &models, judged, effort.simulations(bars.p_of_round(0)), effort.seed ^ 0x5eed);
+    let simulations = effort.simulations(bars.p_of_round(0));
+    let bootstrap = Bootstrap::run(subject, &base, &models, judged, simulations, effort.seed ^ 0x5eed, monitor);
     let mut found = Found { base, singles, bootstrap, pairs: Vec::new(), steps: Vec::new(), claimed: None };
     monitor.stage("refitting pairs of effects");
-    found.pairs = pairs(subject, &found);
-    rounds(subject, bars, effort, &mut found);
+    found.pairs = pairs(subject, &found, monitor);
+    rounds(subject, bars, effort, &mut found, monitor);
     Ok(found)
 }
 
@@ -174,7 +174,7 @@ fn base_from(subject: &Subject, base: &Refitted, larger: &[Option<Refitted>]) ->
 }
 
 /// Pairs with the best grouped scores, and all with the best single effect.
-fn pairs(subject: &Subject, found: &Found) -> Vec<(Refitted, Gain)> {
+fn pairs(subject: &Subject, found: &Found, monitor: &dyn Monitor) -> Vec<(Refitted, Gain)> {
     let usable: Vec<&Single> = found.singles.iter().filter(|single| single.refitted.is_some()).collect();
     let mut scored: Vec<(f64, [&str; 2])> = Vec::new();
     for (i, a) in usable.iter().enumerate() {
@@ -204,7 +204,7 @@ fn pairs(subject: &Subject, found: &Found) -> Vec<(Refitted, Gain)> {
         list.sort_by(|a, b| b.1.rank.total_cmp(&a.1.rank));
         list
     };
-    let mut list = ranked(refit_all(subject, &candidates, &contained, Search::Local));
+    let mut list = ranked(refit_all(subject, &candidates, &contained, Search::Local, monitor));
     // Where a pair comes near to being wanted, the leaders deserve every start.
     let wanted_rank = LARGER_FACTOR * best_single(&found.singles).map_or(0.0, rank_of).max(0.0) + LARGER_NATS;
     if list.first().is_some_and(|(_, gain)| gain.rank > 0.5 * wanted_rank) {
@@ -212,7 +212,7 @@ fn pairs(subject: &Subject, found: &Found) -> Vec<(Refitted, Gain)> {
         let leaders: Vec<Candidate> = list[..n_wide].iter().map(|(pair, _)| pair.candidate.clone()).collect();
         let locals: Vec<&Refitted> =
             contained.iter().copied().chain(list[..n_wide].iter().map(|(pair, _)| pair)).collect();
-        let wide = ranked(refit_all(subject, &leaders, &locals, Search::Wide));
+        let wide = ranked(refit_all(subject, &leaders, &locals, Search::Wide, monitor));
         list.splice(..n_wide, wide);
         list.sort_by(|a, b| b.1.rank.total_cmp(&a.1.rank));
     }
@@ -229,7 +229,7 @@ fn rank_of(single: &Single) -> f64 {
 }
 
 /// Adds effects, one a round, while each passes the bars; then takes back what is not needed any more.
-fn rounds(subject: &Subject, bars: &Bars, effort: &Effort, found: &mut Found) {
+fn rounds(subject: &Subject, bars: &Bars, effort: &Effort, found: &mut Found, monitor: &dyn Monitor) {
     let Some(first) = best_single(&found.singles) else { return };
     let (Some(refitted), Some(gain)) = (first.refitted.clone(), first.gain) else { return };
     let p = found.bootstrap.p(gain.fitted);
@@ -239,17 +239,18 @@ fn rounds(subject: &Subject, bars: &Bars, effort: &Effort, found: &mut Found) {
     let mut current = refitted;
     let mut standing = is_claimed;
     for round in 1..MOST_EFFECTS {
-        let Some((larger, gain)) = next_larger(subject, found, &current, round) else { break };
+        let Some((larger, gain)) = next_larger(subject, found, &current, round, monitor) else { break };
         let rank_now = current.gain_over(&found.base, subject).rank;
         let over_base = larger.gain_over(&found.base, subject);
         if over_base.rank < LARGER_FACTOR * rank_now.max(0.0) + LARGER_NATS {
             break;
         }
+        monitor.stage("simulating how much one effect more finds where there is none");
         let additions = additions_to(subject, &current);
         // Of later rounds the decision is reported, not p.
         let simulations = Simulations { most: effort.n_simulations, only_for: Some(bars.p_of_round(round)) };
         let seed = effort.seed ^ (0xb007 + round as u64);
-        let simulated = Bootstrap::run(subject, &current, &additions, gain.fitted, simulations, seed);
+        let simulated = Bootstrap::run(subject, &current, &additions, gain.fitted, simulations, seed, monitor);
         let p = simulated.p(gain.fitted);
         // Where the step before failed, what it lost counts too.
         let claimed = passes(bars, &gain, p, round) && predicts(bars, &over_base);
@@ -275,7 +276,13 @@ fn predicts(bars: &Bars, gain: &Gain) -> bool {
 
 /// The best model with one effect more than `current`, and its gain over `current`. After the first round any pair will do, also one without the best
 /// single effect, which may have stood for two others.
-fn next_larger(subject: &Subject, found: &Found, current: &Refitted, round: usize) -> Option<(Refitted, Gain)> {
+fn next_larger(
+    subject: &Subject,
+    found: &Found,
+    current: &Refitted,
+    round: usize,
+    monitor: &dyn Monitor,
+) -> Option<(Refitted, Gain)> {
     if round == 1 {
         let (pair, gain) = found.pairs.first()?;
         let of_current = current.gain_over(&found.base, subject);
@@ -289,10 +296,11 @@ fn next_larger(subject: &Subject, found: &Found, current: &Refitted, round: usiz
         };
         return Some((pair.clone(), difference));
     }
+    monitor.stage("refitting with one effect more");
     let candidates = additions_to(subject, current);
     let pairs = found.pairs.iter().map(|(pair, _)| pair);
     let contained: Vec<&Refitted> = std::iter::once(current).chain(pairs).collect();
-    let refitted = refit_all(subject, &candidates, &contained, Search::Wide).into_iter().flatten();
+    let refitted = refit_all(subject, &candidates, &contained, Search::Wide, monitor).into_iter().flatten();
     let with_gain = refitted.map(|larger| {
         let gain = larger.gain_over(current, subject);
         (larger, gain)

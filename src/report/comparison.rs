@@ -1,4 +1,4 @@
-//! Figure of a comparison: the measurement over predictive bands, and whitened residuals below.
+//! Figure of a comparison: the measurement over predictive bands, below it what the model leaves, in µm and whitened.
 
 use super::axes::{Axes, AxisStyle, title, widest_y_number_px};
 use super::legend::{self, Entry, Mark};
@@ -10,10 +10,11 @@ use crate::error::Place;
 use crate::{Error, Result};
 
 const WIDTH_PX: f64 = 960.0;
-const MAIN_HEIGHT_PX: f64 = 320.0;
-const RESIDUAL_HEIGHT_PX: f64 = 190.0;
+const MAIN_HEIGHT_PX: f64 = 300.0;
+const RESIDUAL_HEIGHT_PX: f64 = 165.0;
 /// Half width of a central 90 % interval of a normal distribution, in standard deviations.
 const NORMAL_90: f64 = 1.6449;
+const KNOWN: Stroke = Stroke { colour: VERMILLION, width_px: 1.2, opacity: 1.0, dash: Some((6.0, 4.0)) };
 
 /// What the figure shows; all slices have one value a row of the measurement.
 #[derive(Debug, Clone)]
@@ -59,24 +60,46 @@ pub fn comparison(data: &ComparisonData) -> Result<Svg> {
     let left_out = data.outliers.iter().map(|(_, y)| *y);
     let position = Scale::over(data.position_um.iter().flatten().copied().chain(bands).chain(left_out), 0.05);
     let white = Scale::over(data.whitened.iter().flatten().copied().chain([-3.5, 3.5]), 0.06);
-    let left = widest_y_number_px(&position, 8).max(widest_y_number_px(&white, 6)) + 42.0;
+    let residuals = data.time_s.iter().zip(data.position_um).zip(data.model_um);
+    let left_um: Vec<(f64, f64)> = residuals.filter_map(|((t, y), x)| y.map(|y| (*t, y - x))).collect();
+    let known_um = NORMAL_90 * data.noise_um;
+    let left_scale = Scale::over(left_um.iter().map(|(_, left)| *left).chain([-2.0 * known_um, 2.0 * known_um]), 0.06);
+    let left = [(&position, 8), (&left_scale, 6), (&white, 6)]
+        .map(|(scale, most)| widest_y_number_px(scale, most))
+        .into_iter()
+        .fold(0.0, f64::max)
+        + 42.0;
     let width = WIDTH_PX - left - 18.0;
     let entries = entries(data);
     let top = 36.0 + legend::row_height_px(&entries, width) + 8.0;
     let main = Axes { frame: Rect { x: left, y: top, width, height: MAIN_HEIGHT_PX }, x: time, y: position };
-    let below = Rect { y: main.frame.bottom() + 14.0, height: RESIDUAL_HEIGHT_PX, ..main.frame };
-    let residual = Axes { frame: below, x: time, y: white };
-    let mut svg =
-        Svg::new(WIDTH_PX, below.bottom() + 52.0, "Measured position over predictive bands, and whitened residuals");
+    let below = |above: &Axes, y: Scale| {
+        let frame = Rect { y: above.frame.bottom() + 14.0, height: RESIDUAL_HEIGHT_PX, ..above.frame };
+        Axes { frame, x: time, y }
+    };
+    let difference = below(&main, left_scale);
+    let residual = below(&difference, white);
+    let height = residual.frame.bottom() + 52.0;
+    let mut svg = Svg::new(WIDTH_PX, height, "Measured position over predictive bands, and residuals");
     title(&mut svg, data.title, (left, 24.0), width);
     legend::row(&mut svg, &entries, (left, 36.0), width);
-    for axes in [&main, &residual] {
+    for axes in [&main, &difference, &residual] {
         shade(&mut svg, axes, data);
     }
     main.y_axis(&mut svg, AxisStyle::new(Some("position (µm)"), 8, left - 8.0).grid());
-    residual.y_axis(&mut svg, AxisStyle::new(Some("whitened residual (σ)"), 6, left - 8.0).grid());
+    difference.y_axis(&mut svg, AxisStyle::new(Some("left by the model (µm)"), 6, left - 8.0).grid());
+    residual.y_axis(&mut svg, AxisStyle::new(Some("the same, whitened (σ)"), 6, left - 8.0).grid());
     draw_main(&mut svg, &main, data);
+    svg.clipped(difference.frame, |svg| {
+        difference.horizontal(svg, 0.0, Stroke::solid(BLUE, 1.3));
+        for limit in [-known_um, known_um] {
+            difference.horizontal(svg, limit, KNOWN);
+        }
+        difference.scatter(svg, left_um.iter().copied(), INK, 2.6, 0.75);
+    });
     draw_residuals(&mut svg, &residual, data);
+    difference.x_axis(&mut svg, AxisStyle::new(None, 10, 38.0));
+    difference.outline(&mut svg);
     main.x_axis(&mut svg, AxisStyle::new(None, 10, 38.0));
     residual.x_axis(&mut svg, AxisStyle::new(Some("time (s); grey lines: force steps"), 10, 38.0).overhang_px(16.0));
     main.outline(&mut svg);
@@ -89,10 +112,8 @@ fn entries(data: &ComparisonData) -> Vec<Entry> {
         Entry::new(Mark::Dot(INK, 3.6), "measured"),
         Entry::new(Mark::Line(Stroke::solid(BLUE, 1.8)), "model"),
         Entry::new(Mark::Area(Fill::new(BLUE, 0.3).into()), "90 % predictive band, noise as learnt"),
-        Entry::new(
-            Mark::Dot(VERMILLION, 4.5),
-            format!("beyond 3 σ (known noise {} µm)", significant(data.noise_um, 2)),
-        ),
+        Entry::new(Mark::Line(KNOWN), format!("90 % of the known noise of {} µm", significant(data.noise_um, 2))),
+        Entry::new(Mark::Dot(VERMILLION, 4.5), "whitened residual beyond 3 σ"),
     ];
     if !data.outliers.is_empty() {
         entries.push(Entry::new(Mark::Dot(MUTED, 5.0), "outlier, left out"));

@@ -49,7 +49,7 @@ fn colour(score: f64) -> Colour {
 /// Draws the map.
 pub fn failure_map(data: &MapData) -> Svg {
     let row_height = if data.rows.len() > 24 { 16.0 } else { 30.0 };
-    let widest = data.rows.iter().map(|row| text_width_px(&row.label, TICK_SIZE_PX)).fold(40.0, f64::max);
+    let widest = data.rows.iter().map(|row| text_width_px(&label(row), TICK_SIZE_PX)).fold(40.0, f64::max);
     let left = widest + 20.0;
     let frame = Rect { x: left, y: 62.0, width: WIDTH_PX - left - 120.0, height: row_height * data.rows.len() as f64 };
     let height = frame.bottom().max(frame.y + 120.0) + 56.0;
@@ -71,10 +71,14 @@ pub fn failure_map(data: &MapData) -> Svg {
     svg
 }
 
+/// Held-out rows are starred.
+fn label(row: &MapRow) -> String {
+    if row.is_heldout { format!("{} *", row.label) } else { row.label.clone() }
+}
+
 fn draw_row(svg: &mut Svg, axes: &Axes, data: &MapData, row: &MapRow, strip: Rect) {
-    let label = if row.is_heldout { format!("{} *", row.label) } else { row.label.clone() };
     let middle = strip.y + 0.5 * strip.height + 0.36 * TICK_SIZE_PX;
-    svg.text(&label, (strip.x - 8.0, middle), TextStyle::new(TICK_SIZE_PX, Anchor::End));
+    svg.text(&label(row), (strip.x - 8.0, middle), TextStyle::new(TICK_SIZE_PX, Anchor::End));
     for (k, cell) in row.cells.iter().enumerate() {
         let from = if k == 0 { data.shortest_s } else { data.lag_ends_s[k - 1].max(data.shortest_s) };
         let (x, right) = (axes.x_px(from), axes.x_px(data.lag_ends_s[k]));

@@ -79,7 +79,7 @@ fn entries(diagnosis: &Diagnosis) -> Vec<Entry> {
 /// A row of the bar chart.
 struct Row {
     label: String,
-    /// Second line of the label.
+    /// What stands below the label, in as many lines as it needs.
     detail: String,
     colour: Colour,
     gain_nats: Option<f64>,
@@ -87,6 +87,8 @@ struct Row {
     columns: [String; COLUMNS.len()],
     /// Said in place of bars.
     instead: String,
+    /// Said below the bar.
+    note: String,
 }
 
 /// All rows, in sections.
@@ -121,12 +123,12 @@ impl Bars {
 
     /// Draws all from `top` downwards; returns where they end.
     fn draw(&self, svg: &mut Svg, top: f64) -> f64 {
-        let n_rows: usize = self.sections.iter().map(|(_, rows)| rows.len()).sum();
         let n_headings = self.sections.iter().filter(|(heading, _)| !heading.is_empty()).count();
         let columns_px: f64 = COLUMNS.iter().map(|column| column.1).sum();
         let left = MARGIN_PX + BRACKET_PX + LABEL_PX;
-        let height = ROW_PX * n_rows as f64 + SECTION_PX * n_headings as f64;
-        let frame = Rect { x: left, y: top + 20.0, width: WIDTH_PX - MARGIN_PX - left - columns_px, height };
+        let width = WIDTH_PX - MARGIN_PX - left - columns_px;
+        let heights: f64 = self.sections.iter().flat_map(|(_, rows)| rows).map(|row| row.height_px(width)).sum();
+        let frame = Rect { x: left, y: top + 20.0, width, height: heights + SECTION_PX * n_headings as f64 };
         let [least, largest] = self.range_nats.map(compressed);
         let pad = 0.03 * (largest - least);
         let lower = if least < 0.0 { least - pad } else { 0.0 };
@@ -146,15 +148,26 @@ impl Bars {
                 y += SECTION_PX;
             }
             for row in rows {
-                row.draw(svg, &axes, Rect { y, height: ROW_PX, ..frame });
-                y += ROW_PX;
+                let height = row.height_px(width);
+                row.draw(svg, &axes, Rect { y, height, ..frame });
+                y += height;
             }
         }
         axes.vertical(svg, 0.0, Stroke::solid(AXIS, 1.0));
         axes.vertical(svg, compressed(CLAIM_NATS), CLAIM);
+        let mut y = frame.y;
+        for (heading, rows) in &self.sections {
+            y += if heading.is_empty() { 0.0 } else { SECTION_PX };
+            for row in rows {
+                let height = row.height_px(width);
+                row.draw_notes(svg, Rect { y, height, ..frame });
+                y += height;
+            }
+        }
         axes.outline(svg);
         if self.n_in_class > 1 {
-            bracket(svg, frame.y + 5.0, frame.y + ROW_PX * self.n_in_class as f64 - 5.0);
+            let class = self.sections.iter().flat_map(|(_, rows)| rows).take(self.n_in_class);
+            bracket(svg, frame.y + 5.0, frame.y + class.map(|row| row.height_px(width)).sum::<f64>() - 5.0);
         }
         frame.bottom() + 56.0
     }
@@ -202,18 +215,64 @@ fn gain_axis(svg: &mut Svg, axes: &Axes, [least, largest]: [f64; 2]) {
     svg.text(label, at, TextStyle::new(13.0, Anchor::Middle));
 }
 
+/// Size and pitch of the lines below a label and below a bar.
+const SMALL_PX: f64 = 10.0;
+const SMALL_PITCH_PX: f64 = 12.5;
+
 impl Row {
+    fn details(&self) -> Vec<String> {
+        wrapped(&self.detail, SMALL_PX, LABEL_PX - 10.0)
+    }
+
+    fn notes(&self, width_px: f64) -> Vec<String> {
+        wrapped(&self.note, SMALL_PX, width_px - 16.0)
+    }
+
+    /// Room that it needs beside a frame of a width.
+    fn height_px(&self, width_px: f64) -> f64 {
+        let (details, notes) = (self.details().len(), self.notes(width_px).len());
+        let below = |lines: usize, first: f64| if lines == 0 { 0.0 } else { first + SMALL_PITCH_PX * lines as f64 };
+        ROW_PX.max(below(details, 18.0)).max(below(notes, FIT_BAR_PX + 10.0))
+    }
+
+    /// Room below the thick bar.
+    fn room_below_px(&self, width_px: f64) -> f64 {
+        match self.notes(width_px).len() {
+            0 => HELDOUT_BAR_PX + 2.0,
+            n => 4.0 + SMALL_PITCH_PX * n as f64,
+        }
+    }
+
+    /// What is said below the bar, over the lines that cross the frame.
+    fn draw_notes(&self, svg: &mut Svg, row: Rect) {
+        let top = row.y + 0.5 * (row.height - FIT_BAR_PX - self.room_below_px(row.width)) + FIT_BAR_PX;
+        for (k, line) in (1..).zip(&self.notes(row.width)) {
+            let (x, baseline) = (row.x + 8.0, top + SMALL_PITCH_PX * f64::from(k));
+            let behind = Rect {
+                x: x - 2.0,
+                y: baseline - SMALL_PX,
+                width: text_width_px(line, SMALL_PX) + 4.0,
+                height: SMALL_PITCH_PX,
+            };
+            svg.rect(behind, Fill::new(WHITE, 1.0));
+            svg.text(line, (x, baseline), TextStyle::new(SMALL_PX, Anchor::Start).colour(MUTED));
+        }
+    }
+
     fn draw(&self, svg: &mut Svg, axes: &Axes, row: Rect) {
         let (middle, right) = (row.y + 0.5 * row.height, axes.frame.x - 8.0);
-        let baseline = if self.detail.is_empty() { middle + 4.0 } else { middle - 2.0 };
+        let details = self.details();
+        let baseline = middle + 4.0 - 0.5 * SMALL_PITCH_PX * details.len() as f64;
         svg.text(&shorten(&self.label, 12.0, LABEL_PX - 10.0), (right, baseline), TextStyle::new(12.0, Anchor::End));
-        let detail = shorten(&self.detail, 10.0, LABEL_PX - 10.0);
-        svg.text(&detail, (right, middle + 11.0), TextStyle::new(10.0, Anchor::End).colour(MUTED));
+        for (k, line) in (1..).zip(&details) {
+            let at = (right, baseline + SMALL_PITCH_PX * f64::from(k));
+            svg.text(line, at, TextStyle::new(SMALL_PX, Anchor::End).colour(MUTED));
+        }
         let bar = |y: f64, height: f64, gain_nats: f64| {
             let (from, to) = (axes.x_px(0.0), axes.x_px(compressed(gain_nats)));
             Rect { x: from.min(to), y, width: (to - from).abs().max(1.0), height }
         };
-        let upper = middle - 0.5 * (FIT_BAR_PX + HELDOUT_BAR_PX + 2.0);
+        let upper = middle - 0.5 * (FIT_BAR_PX + self.room_below_px(axes.frame.width));
         if let Some(gain) = self.gain_nats.filter(|gain| gain.is_finite()) {
             svg.rect(bar(upper, FIT_BAR_PX, gain), Fill::new(self.colour, 1.0));
         }
@@ -222,10 +281,10 @@ impl Row {
             svg.rect(bar(upper + FIT_BAR_PX + 2.0, HELDOUT_BAR_PX, gain), style);
         }
         let start = axes.x_px(compressed(CLAIM_NATS)) + 8.0;
-        let lines = wrapped(&self.instead, 10.0, axes.frame.right() - start - 6.0);
+        let lines = wrapped(&self.instead, SMALL_PX, axes.frame.right() - start - 6.0);
         for (i, line) in lines.iter().take(2).enumerate() {
             let baseline = middle + 4.0 + 12.0 * (i as f64 - 0.5 * (lines.len().min(2) as f64 - 1.0));
-            svg.text(line, (start, baseline), TextStyle::new(10.0, Anchor::Start).colour(MUTED));
+            svg.text(line, (start, baseline), TextStyle::new(SMALL_PX, Anchor::Start).colour(MUTED));
         }
         let mut x = axes.frame.right();
         for (text, (_, width)) in self.columns.iter().zip(COLUMNS) {
@@ -256,6 +315,7 @@ fn candidate_row(candidate: &CandidateEntry) -> Row {
             number(candidate.visible_fraction.is_finite() && !is_refused, percent(candidate.visible_fraction)),
         ],
         instead: candidate.refused.clone().unwrap_or_default(),
+        note: String::new(),
     }
 }
 
@@ -272,6 +332,7 @@ fn pair_rows(diagnosis: &Diagnosis) -> Vec<Row> {
             heldout_gain_nats: pair.heldout_gain_nats,
             columns: [name.into(), String::new(), String::new(), String::new()],
             instead: String::new(),
+            note: String::new(),
         }
     };
     diagnosis.pairs.iter().take(MOST_OTHERS).map(row).collect()
@@ -280,12 +341,13 @@ fn pair_rows(diagnosis: &Diagnosis) -> Vec<Row> {
 fn unexplained_rows(diagnosis: &Diagnosis) -> Vec<Row> {
     let row = |entry: &crate::critique::diagnosis::UnexplainedEntry| Row {
         label: entry.kind.clone(),
-        detail: entry.sentence.clone(),
+        detail: String::new(),
         colour: PURPLE,
         gain_nats: Some(entry.gain_nats),
         heldout_gain_nats: None,
         columns: ["unexplained".into(), String::new(), probability(entry.p_familywise), String::new()],
         instead: String::new(),
+        note: entry.sentence.clone(),
     };
     diagnosis.unexplained.iter().take(MOST_OTHERS).map(row).collect()
 }

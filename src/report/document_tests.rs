@@ -128,6 +128,7 @@ fn a_diagnosis(experiment: &str, sentence: &str) -> Diagnosis {
             gain_nats: 33.0,
             p_familywise: 0.012,
         }],
+        discrepancy: None,
         outlier_rows: vec![],
         remarks: vec![],
     }

@@ -311,6 +311,22 @@ pub fn write_figure(dir: &FilePath, stem: &str, svg: &Svg) -> Result<()> {
     write_atomically(&dir.join(format!("{stem}.png")), &png)
 }
 
+/// Removes what [`write_figure`] wrote earlier, if anything is there.
+///
+/// # Errors
+/// [`Error::File`] where the directory cannot be written.
+pub fn remove_figure(dir: &FilePath, stem: &str) -> Result<()> {
+    for path in [dir.join(format!("{stem}.svg")), dir.join(format!("{stem}.png"))] {
+        match std::fs::remove_file(&path) {
+            Err(source) if source.kind() != std::io::ErrorKind::NotFound => {
+                return Err(Error::at_path("remove", path, source, "check that the directory can be written"));
+            }
+            _ => {}
+        }
+    }
+    Ok(())
+}
+
 /// A coordinate with at most two decimals.
 struct Px(f64);
 

@@ -20,7 +20,7 @@ pub mod simulation_files;
 pub mod summary;
 pub mod visibility;
 
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use crate::inference::ensemble::Progress;
 
@@ -30,6 +30,8 @@ pub trait Monitor: Sync {
     fn stage(&self, text: &str);
     /// How far the sampler is; called a few times a second.
     fn sampling(&self, progress: &Progress);
+    /// So many pieces of the stage's work are done, of so many at most; called from any thread.
+    fn progress(&self, done: usize, most: usize);
     /// Something that the user should know now.
     fn warn(&self, text: &str);
     /// Set to true from anywhere to stop the job at the next safe place.
@@ -43,8 +45,29 @@ pub struct Silent;
 impl Monitor for Silent {
     fn stage(&self, _text: &str) {}
     fn sampling(&self, _progress: &Progress) {}
+    fn progress(&self, _done: usize, _most: usize) {}
     fn warn(&self, _text: &str) {}
     fn stop(&self) -> Option<&AtomicBool> {
         None
+    }
+}
+
+/// Counts the pieces of a stage's work, whichever thread does them, for who watches.
+pub struct Counter<'a> {
+    monitor: &'a dyn Monitor,
+    done: AtomicUsize,
+    most: usize,
+}
+
+impl<'a> Counter<'a> {
+    /// Nothing done yet of `most` pieces.
+    pub fn new(monitor: &'a dyn Monitor, most: usize) -> Self {
+        Self { monitor, done: AtomicUsize::new(0), most }
+    }
+
+    /// A piece is done.
+    pub fn add_one(&self) {
+        let done = 1 + self.done.fetch_add(1, Ordering::Relaxed);
+        self.monitor.progress(done.min(self.most), self.most);
     }
 }

@@ -256,7 +256,8 @@ fn reveal(arguments: &RevealArguments) -> Result<ExitCode> {
         // Only what was said is looked at here, not the error on the scored cycle.
         (plays::judged(0, Sort::of(&truth), truth, &diagnosis), diagnosis)
     });
-    let words = words_of_truth(&opened, judged.as_ref());
+    let looked_in = study_dir(&opened, arguments.study.as_deref());
+    let words = words_of_truth(&opened, judged.as_ref(), &arguments.dir, &looked_in);
     let body = serde_json::json!({
         "truth": opened.answer.truth,
         "commitment_sha256": opened.commitment_sha256,
@@ -268,10 +269,15 @@ fn reveal(arguments: &RevealArguments) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
+/// The study of a challenge's data that is named, or else the one that `diagnose` makes.
+fn study_dir(opened: &Opened, study: Option<&Path>) -> PathBuf {
+    let id = files::specimen_id(&opened.commitment_sha256);
+    study.map_or_else(|| Study::default_dir(&id), Path::to_path_buf)
+}
+
 /// The first diagnosis of a study of the challenge's data; `None` where there is no study or none in it.
 fn diagnosis_of(opened: &Opened, study: Option<&Path>) -> Result<Option<Diagnosis>> {
-    let id = files::specimen_id(&opened.commitment_sha256);
-    let dir = study.map_or_else(|| Study::default_dir(&id), Path::to_path_buf);
+    let dir = study_dir(opened, study);
     if study.is_none() && !Study::is_study(&dir) {
         return Ok(None);
     }

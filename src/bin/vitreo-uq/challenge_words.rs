@@ -1,6 +1,7 @@
 //! What `challenge` says.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 
 use vitreo_uq::critique::challenge::files::Opened;
 use vitreo_uq::critique::challenge::plays::Play;
@@ -9,8 +10,13 @@ use vitreo_uq::critique::diagnosis::Diagnosis;
 
 use crate::text::significant;
 
-/// The answer of one challenge, and what a diagnosis said of it.
-pub fn words_of_truth(opened: &Opened, judged: Option<&(Play, Diagnosis)>) -> String {
+/// The answer of one challenge, and what a diagnosis said of it, which was looked for in a study.
+pub fn words_of_truth(
+    opened: &Opened,
+    judged: Option<&(Play, Diagnosis)>,
+    challenge: &Path,
+    looked_in: &Path,
+) -> String {
     let truth = &opened.answer.truth;
     let mut lines = vec![format!("The seal is whole: the answer has the hash {}.", opened.commitment_sha256)];
     let [e, c1, c2] = truth.law.map(significant);
@@ -38,7 +44,11 @@ pub fn words_of_truth(opened: &Opened, judged: Option<&(Play, Diagnosis)>) -> St
         truth.protocol.name()
     ));
     match judged {
-        None => lines.push("There is no diagnosis of these data yet: `vitreo-uq diagnose` makes one.".into()),
+        None => lines.push(format!(
+            "No diagnosis of these data was found in {}: `vitreo-uq diagnose {}` makes one; if it was written elsewhere, say where with `--study DIR`.",
+            looked_in.display(),
+            challenge.display()
+        )),
         Some((play, diagnosis)) => {
             lines.push(String::new());
             lines.push(format!("The diagnosis said: {}", diagnosis.verdict.sentence));

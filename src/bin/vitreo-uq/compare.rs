@@ -7,7 +7,6 @@ use vitreo_uq::critique::compare::document::{Comparison, Finding, PanelEntry};
 use vitreo_uq::critique::compare::{self, SIGNIFICANT, figures};
 use vitreo_uq::error::{Error, Place, Result};
 use vitreo_uq::files::write_json_atomically;
-use vitreo_uq::inference::SamplerOptions;
 use vitreo_uq::study::WithProvenance;
 use vitreo_uq::workflow::Monitor;
 
@@ -34,7 +33,7 @@ pub fn run(arguments: &CompareArguments) -> Result<ExitCode> {
         ));
     }
     let terminal = Terminal::new(common.quiet);
-    let sampler = SamplerOptions { seed: common.seed, threads, ..SamplerOptions::default() };
+    let sampler = options::default_sampler(common.seed, threads);
     let examined = Examined::open(common, &arguments.model, sampler, &terminal)?;
     terminal.stage("looking where the model fails");
     let subject = examined.subject(&terminal)?;

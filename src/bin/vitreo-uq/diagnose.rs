@@ -4,12 +4,12 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use vitreo_uq::critique::diagnose::{DiagnosisRequest, diagnose};
-use vitreo_uq::critique::diagnosis::{CandidateEntry, Diagnosis, Status};
+use vitreo_uq::critique::diagnosis::{CandidateEntry, Diagnosis, Status, VerdictKind};
 use vitreo_uq::critique::search::Bars;
 use vitreo_uq::error::{Error, Place, Result};
 use vitreo_uq::files::write_json_atomically;
 use vitreo_uq::report::diagnosis as figure;
-use vitreo_uq::report::svg::write_figure;
+use vitreo_uq::report::svg::{remove_figure, write_figure};
 use vitreo_uq::study::WithProvenance;
 use vitreo_uq::workflow::Monitor;
 
@@ -20,6 +20,8 @@ use crate::text::significant;
 
 /// The file of a revision that says what was found.
 const DIAGNOSIS_NAME: &str = "diagnosis.json";
+/// The figure of what is unexplained.
+const DISCREPANCY: &str = "discrepancy";
 
 pub fn run(arguments: &DiagnoseArguments) -> Result<ExitCode> {
     let began = Instant::now();
@@ -28,7 +30,7 @@ pub fn run(arguments: &DiagnoseArguments) -> Result<ExitCode> {
     crate::output::check(common.json.as_deref())?;
     let request = request(arguments)?;
     let terminal = Terminal::new(common.quiet);
-    let sampler = options::sampler(32, 50_000, common.seed, threads);
+    let sampler = options::default_sampler(common.seed, threads);
     let examined = Examined::open(common, &arguments.model, sampler, &terminal)?;
     let outcome = diagnose(&examined.subject_for_effects(&terminal)?, &request, &terminal)?;
     let diagnosis = &outcome.diagnosis;
@@ -36,7 +38,12 @@ pub fn run(arguments: &DiagnoseArguments) -> Result<ExitCode> {
     let document = WithProvenance { provenance: examined.provenance("diagnosis", common.seed), body: diagnosis };
     let writer = examined.study.amend_revision(&examined.revision)?;
     write_json_atomically(&writer.path().join(DIAGNOSIS_NAME), &document)?;
-    write_figure(&writer.path().join("figures"), "diagnosis", &figure::diagnosis(diagnosis)?)?;
+    let figures = writer.path().join("figures");
+    write_figure(&figures, "diagnosis", &figure::diagnosis(diagnosis)?)?;
+    match &outcome.leftover {
+        Some(leftover) => write_figure(&figures, DISCREPANCY, &leftover.figure(&diagnosis.experiment)?)?,
+        None => remove_figure(&figures, DISCREPANCY)?,
+    }
     let written = writer.commit()?;
     terminal.finish();
     crate::output::show(common.json.as_deref(), &document, &words(diagnosis, &examined.revision))?;
@@ -86,8 +93,9 @@ fn words(diagnosis: &Diagnosis, revision: &str) -> String {
         lines.push(format!("  best pair: {} with {:.1} nats", pair.effects.join(" + "), pair.gain_nats));
     }
     lines.push(String::new());
-    lines.extend(diagnosis.noise.iter().map(|noise| format!("Noise: {}", noise.text)));
-    lines.extend(diagnosis.unexplained.iter().map(|entry| format!("Not of the library: {}", entry.sentence)));
+    lines.extend(unexplained(diagnosis));
+    lines.push("Noise of one position".into());
+    lines.extend(diagnosis.noise.iter().map(|noise| format!("  {}", noise.text)));
     if !diagnosis.separating_protocol.is_empty() {
         lines.push(format!("To tell them apart: {}", diagnosis.separating_protocol));
     }
@@ -105,13 +113,34 @@ fn words(diagnosis: &Diagnosis, revision: &str) -> String {
     if !smallest.is_empty() {
         lines.push(format!("Smallest sizes that would have been seen: {}.", smallest.join(", ")));
     }
-    lines.extend(diagnosis.remarks.iter().map(|remark| format!("Note: {remark}.")));
+    lines.extend(diagnosis.remarks.iter().map(|remark| format!("Note: {}.", remark.trim_end_matches('.'))));
     if diagnosis.verdict.effects.is_empty() {
         return lines.join("\n") + "\n";
     }
     lines.push(String::new());
     lines.push(format!("Add it with `vitreo-uq extend STUDY --with {}`.", diagnosis.verdict.effects.join(",")));
     lines.join("\n") + "\n"
+}
+
+/// What no effect of the library explains, and what it adds to predictions.
+fn unexplained(diagnosis: &Diagnosis) -> Vec<String> {
+    let mut lines = Vec::new();
+    let Some(discrepancy) = &diagnosis.discrepancy else { return lines };
+    // The verdict has said it already.
+    if diagnosis.verdict.kind != VerdictKind::Unexplained {
+        lines.push(format!("Unexplained, here: {}", discrepancy.sentence));
+    }
+    lines.push(format!(
+        "What is unexplained is {} µm (root mean square): predictions are widened from a standard deviation of {} to {} µm. See figures/{DISCREPANCY}.png.",
+        significant(discrepancy.size_um),
+        significant(discrepancy.predictive_noise_um),
+        significant(discrepancy.predictive_noise_with_discrepancy_um)
+    ));
+    lines.extend(
+        diagnosis.unexplained.iter().skip(1).map(|entry| format!("It also looks like this: {}", entry.sentence)),
+    );
+    lines.push(String::new());
+    lines
 }
 
 fn gain(candidate: &CandidateEntry) -> f64 {

@@ -1,4 +1,4 @@
-//! What `compare` and `diagnose` look at: a revision of a study, which is made first where there is none.
+//! What `compare`, `diagnose` and `ladder` look at: a study with its revisions, the first of which is made where there is none.
 
 use vitreo_uq::critique::Subject;
 use vitreo_uq::effects::Library;
@@ -14,7 +14,7 @@ use crate::sample::{kept_surrogate, refuse_nothing_to_sample, sample_into_m0};
 use crate::target::Target;
 use crate::terminal::Terminal;
 
-/// A revision, ready to be examined.
+/// A study with a revision, ready to be examined.
 pub struct Examined {
     /// Its study.
     pub study: Study,
@@ -40,7 +40,7 @@ impl Examined {
         options.validate(problem.priors.priors().len())?;
         let study = target.make_study()?;
         if there.is_empty() {
-            terminal.stage("m0, the model to examine, on the calibration cycles");
+            terminal.stage("m0, the first model, on the calibration cycles");
             sample_into_m0(&study, &problem, options, false, terminal)?;
         }
         let revision = model.from.clone().or_else(|| there.last().cloned()).unwrap_or_else(|| "m0".into());
@@ -64,13 +64,13 @@ impl Examined {
     }
 }
 
-/// A revision is examined as it is.
+/// Revisions are what they are: options that name another model would be silently without effect.
 fn refuse_changes(model: &Model) -> Result<()> {
     match model.changing_option() {
         Some(option) => Err(Error::input(
             Place::option(option),
-            "the study has a model already, and it is examined as it is",
-            "leave the option away, choose a revision with `--from`, or make another one with `extend`",
+            "the study has revisions, which are taken as they are",
+            "leave the option away, choose a revision with `--from`, or make the next one with `vitreo-uq extend --with EFFECT`",
         )),
         None => Ok(()),
     }

@@ -3,7 +3,7 @@
 use std::process::ExitCode;
 use std::time::Instant;
 
-use vitreo_uq::error::{Error, Place, Result};
+use vitreo_uq::error::{Error, Result};
 use vitreo_uq::files::write_json_atomically;
 use vitreo_uq::report;
 use vitreo_uq::report::labels::of_parameter;
@@ -12,9 +12,8 @@ use vitreo_uq::study::{LADDER_NAME, Study, WithProvenance};
 use vitreo_uq::workflow::Monitor;
 use vitreo_uq::workflow::ladder::{self, LadderRequest, LadderSummary, Rung, Shift};
 
-use crate::options::{self, LadderArguments, Model};
-use crate::sample::{refuse_nothing_to_sample, sample_into_m0};
-use crate::target::Target;
+use crate::examine::Examined;
+use crate::options::{self, LadderArguments};
 use crate::terminal::Terminal;
 use crate::text::{column_width, significant, warning_text};
 
@@ -31,24 +30,9 @@ pub fn run(arguments: &LadderArguments) -> Result<ExitCode> {
     let options = options::sampler(arguments.chains, arguments.steps, common.seed, threads);
     let terminal = Terminal::new(common.quiet);
     let model = &arguments.model;
-    let target = Target::open(common, model, &terminal)?;
-    let has_revisions = match target.existing_study() {
-        Some(study) => !study.revisions()?.is_empty(),
-        None => false,
-    };
-    if has_revisions {
-        refuse_other_model(model)?;
-    }
-    let problem = target.problem(model, &terminal)?;
-    refuse_nothing_to_sample(&problem)?;
-    options.validate(problem.priors.priors().len())?;
-    let study = &target.make_study()?;
-    if !has_revisions {
-        terminal.stage("m0, on the calibration cycles");
-        sample_into_m0(study, &problem, options.clone(), false, &terminal)?;
-    }
+    let Examined { study, problem, .. } = &Examined::open(common, model, options.clone(), &terminal)?;
     let request = LadderRequest { up_to: model.from.as_deref(), options, anew: common.force };
-    let summary = ladder::run(study, &problem, &request, &terminal)?;
+    let summary = ladder::run(study, problem, &request, &terminal)?;
     terminal.stage("writing results and figures");
     let provenance = provenance(study, &summary, common.seed)?;
     let document = WithProvenance { provenance, body: &summary };
@@ -61,16 +45,6 @@ pub fn run(arguments: &LadderArguments) -> Result<ExitCode> {
         eprintln!("Figure: {} ({seconds:.1} s)", figure.display());
     }
     Ok(ExitCode::from(u8::from(!summary.is_sound())))
-}
-
-/// The revisions are what they are: options that name another model would be silently without effect.
-fn refuse_other_model(model: &Model) -> Result<()> {
-    let Some(option) = model.changing_option() else { return Ok(()) };
-    Err(Error::input(
-        Place::option(option),
-        "the ladder is of the revisions that the study has, each with its own model",
-        "leave it away; `vitreo-uq extend --with EFFECT` makes the next revision",
-    ))
 }
 
 /// The header, with the models and posteriors that the ladder is of.

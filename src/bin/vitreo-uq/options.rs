@@ -116,10 +116,10 @@ pub struct SampleArguments {
     #[command(flatten)]
     pub model: Model,
     /// Walkers of each of the independent ensembles
-    #[arg(long, value_name = "N", default_value_t = 32, allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", default_value_t = SamplerOptions::default().n_walkers, allow_negative_numbers = true)]
     pub chains: usize,
     /// Steps of each walker after which the run ends, converged or not
-    #[arg(long, value_name = "N", default_value_t = 50_000, allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", default_value_t = SamplerOptions::default().max_steps, allow_negative_numbers = true)]
     pub steps: u64,
     /// Go on from where an interrupted run of the same command stopped
     #[arg(long)]
@@ -208,10 +208,10 @@ pub struct ExtendArguments {
     #[command(flatten)]
     pub model: Model,
     /// Walkers of each of the independent ensembles
-    #[arg(long, value_name = "N", default_value_t = 32, allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", default_value_t = SamplerOptions::default().n_walkers, allow_negative_numbers = true)]
     pub chains: usize,
     /// Steps of each walker after which a run ends, converged or not
-    #[arg(long, value_name = "N", default_value_t = 50_000, allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", default_value_t = SamplerOptions::default().max_steps, allow_negative_numbers = true)]
     pub steps: u64,
 }
 
@@ -223,10 +223,10 @@ pub struct LadderArguments {
     #[command(flatten)]
     pub model: Model,
     /// Walkers of each of the independent ensembles
-    #[arg(long, value_name = "N", default_value_t = 32, allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", default_value_t = SamplerOptions::default().n_walkers, allow_negative_numbers = true)]
     pub chains: usize,
     /// Steps of each walker after which a run ends, converged or not
-    #[arg(long, value_name = "N", default_value_t = 50_000, allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", default_value_t = SamplerOptions::default().max_steps, allow_negative_numbers = true)]
     pub steps: u64,
 }
 
@@ -254,6 +254,11 @@ pub struct CornerArguments {
 /// The sampler's settings from the options; `threads` as [`use_threads`] gives them.
 pub fn sampler(chains: usize, steps: u64, seed: u64, threads: usize) -> SamplerOptions {
     SamplerOptions { n_walkers: chains, max_steps: steps, seed, threads, ..SamplerOptions::default() }
+}
+
+/// The same for commands that have no options for it.
+pub fn default_sampler(seed: u64, threads: usize) -> SamplerOptions {
+    SamplerOptions { seed, threads, ..SamplerOptions::default() }
 }
 
 /// Uses so many threads everywhere, at most one a core: more would only get in each other's way. Returns how many.

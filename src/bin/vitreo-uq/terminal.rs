@@ -3,7 +3,7 @@
 use std::io::IsTerminal;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 use vitreo_uq::inference::ensemble::{Phase, Progress};
@@ -11,11 +11,15 @@ use vitreo_uq::workflow::Monitor;
 
 /// Time between two lines about the sampler where there is no terminal.
 const LINE_INTERVAL_S: f64 = 5.0;
+/// Time between two pictures of the bar, so that its clock runs where a stage has nothing to count.
+const TICK: Duration = Duration::from_millis(120);
 
 /// The user's terminal.
 pub struct Terminal {
     quiet: bool,
     bar: Option<ProgressBar>,
+    /// The stage, as long as nothing else is said of it.
+    stage: Mutex<String>,
     last_line: Mutex<Instant>,
     stop: Arc<AtomicBool>,
 }
@@ -34,9 +38,11 @@ impl Terminal {
         let bar = (!quiet && std::io::stderr().is_terminal()).then(|| {
             let style = ProgressStyle::with_template("{spinner} {msg} {wide_bar} {elapsed}")
                 .unwrap_or_else(|_| ProgressStyle::default_bar());
-            ProgressBar::new(1).with_style(style)
+            let bar = ProgressBar::new(1).with_style(style);
+            bar.enable_steady_tick(TICK);
+            bar
         });
-        let terminal = Self { quiet, bar, last_line: Mutex::new(Instant::now()), stop };
+        let terminal = Self { quiet, bar, stage: Mutex::default(), last_line: Mutex::new(Instant::now()), stop };
         if handler.is_err() {
             terminal.warn("Ctrl-C will end the program without keeping its state");
         }
@@ -55,8 +61,12 @@ impl Monitor for Terminal {
     fn stage(&self, text: &str) {
         match &self.bar {
             Some(bar) => {
+                bar.set_length(1);
                 bar.set_position(0);
                 bar.set_message(text.to_string());
+                if let Ok(mut stage) = self.stage.lock() {
+                    *stage = text.to_string();
+                }
             }
             None if !self.quiet => eprintln!("{text} …"),
             None => {}
@@ -80,6 +90,14 @@ impl Monitor for Terminal {
         {
             *last = Instant::now();
             eprintln!("{text}");
+        }
+    }
+
+    fn progress(&self, done: usize, most: usize) {
+        if let (Some(bar), Ok(stage)) = (&self.bar, self.stage.lock()) {
+            bar.set_length(most.max(1) as u64);
+            bar.set_position(done as u64);
+            bar.set_message(format!("{stage}: {done} of {most}"));
         }
     }
 

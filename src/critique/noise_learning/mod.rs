@@ -2,10 +2,10 @@
 //!
 //! | from | how | does not see |
 //! |---|---|---|
-//! | rest | scatter about a line where no force acts | noise slower than a rest; gain |
-//! | neighbours | second differences late in holds | slow noise, gain, offset |
-//! | cycles | differences of what a fit leaves, after equal force steps of successive cycles | what every cycle repeats |
-//! | restricted likelihood | white, process, gain and offset, with what the law's parameters can absorb integrated out | nothing, but takes the model's misfit for noise |
+//! | rest records | scatter about a line where no force acts | noise slower than a rest; gain |
+//! | short-lag differences | second differences late in holds | slow noise, gain, offset |
+//! | cycle-to-cycle differences | differences of what a fit leaves, after equal force steps of successive cycles | what every cycle repeats |
+//! | restricted maximum likelihood | white, process, gain and offset, with what the law's parameters can absorb integrated out | nothing, but takes the model's misfit for noise |
 //!
 //! Reference for the last: Patterson & Thompson, *Biometrika* 58, 545 (1971), doi:10.1093/biomet/58.3.545.
 
@@ -16,6 +16,7 @@ use super::diagnosis::NoiseEstimate;
 use super::{Candidate, Fitted, Subject};
 use crate::error::Result;
 use crate::experiment::Record;
+use crate::report::number::significant;
 
 /// A standard deviation and its standard error, both in m.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -91,41 +92,64 @@ pub fn learn(subject: &Subject, candidate: &Candidate, fitted: &Fitted) -> Resul
 }
 
 impl LearntNoise {
-    /// One line a way, for the document and the terminal.
+    /// One statement a way, for the document and the terminal.
     pub fn estimates(&self) -> Vec<NoiseEstimate> {
-        let entry = |from: &str, spread: Option<Spread>, says: String| NoiseEstimate {
+        let entry = |from: &str, spread: Option<Spread>, text: String| NoiseEstimate {
             from: from.into(),
             sd_um: spread.map(|spread| 1e6 * spread.sd_m),
             standard_error_um: spread.map(|spread| 1e6 * spread.standard_error_m),
-            text: spread
-                .map_or_else(|| format!("{from}: not in this record"), |spread| format!("{}: {says}", um(spread))),
+            text,
         };
-        let of_cycles = self.cycles.map_or_else(String::new, |cycles| {
-            let gain = if cycles.gain_sd > 0.0 {
-                format!("; the gain changes by {:.2} ± {:.2} %", 100.0 * cycles.gain_sd, 100.0 * cycles.gain_standard_error)
-            } else {
-                String::new()
-            };
-            let pairs = if cycles.n_pairs == 1 { "one pair".into() } else { format!("{} pairs", cycles.n_pairs) };
-            format!(
-                "successive cycles after equal force steps ({pairs}), {} without gain and offset{gain}; what all cycles repeat does not show",
-                um(cycles.within)
-            )
-        });
+        let at_rest = self.rest.map_or_else(
+            || "Rest records: this experiment has none that are long enough.".into(),
+            |rest| {
+                format!(
+                    "Rest records: {} about a line where no force acts; a change of gain does not show there.",
+                    um(rest)
+                )
+            },
+        );
+        let by_neighbours = self.neighbours.map_or_else(
+            || "Short-lag differences: too few positions late in holds.".into(),
+            |neighbours| {
+                format!(
+                    "Short-lag differences: {} from neighbouring positions late in holds; slow noise and gain do not show there.",
+                    um(neighbours)
+                )
+            },
+        );
+        let by_cycles = self.cycles.map_or_else(
+            || "Cycle-to-cycle differences: too few cycles with the same force.".into(),
+            |cycles| {
+                let pairs = if cycles.n_pairs == 1 { "one pair".into() } else { format!("{} pairs", cycles.n_pairs) };
+                let gain = if cycles.gain_sd > 0.0 {
+                    let [sd, error] = [cycles.gain_sd, cycles.gain_standard_error].map(|part| 100.0 * part);
+                    format!("; the gain changes by {sd:.2} ± {error:.2} % from cycle to cycle")
+                } else {
+                    String::new()
+                };
+                format!(
+                    "Cycle-to-cycle differences: {} from {pairs} of successive cycles, {} once a gain and an offset are taken out of each{gain}; what all cycles repeat does not show there.",
+                    um(cycles.whole),
+                    um(cycles.within)
+                )
+            },
+        );
         let [white_um, process_um, time_s, gain_sd, offset_um] = self.restricted.noise;
         let by_likelihood = format!(
-            "restricted maximum likelihood (white {white_um:.3} µm, slow {process_um:.3} µm over {time_s:.2} s, gain {:.2} %, offset {offset_um:.3} µm); takes misfit for noise",
-            100.0 * gain_sd
+            "Restricted maximum likelihood: {} from row to row (white noise of {} µm, slow noise of {} µm that lasts {} s), a gain of {:.2} % and an offset of {} µm a cycle; what the model misses counts as noise there.",
+            um(self.restricted.row),
+            significant(white_um, 3),
+            significant(process_um, 3),
+            significant(time_s, 2),
+            100.0 * gain_sd,
+            significant(offset_um, 2)
         );
         vec![
-            entry("rest records", self.rest, "scatter at rest about a line; gain does not show".into()),
-            entry(
-                "neighbouring positions",
-                self.neighbours,
-                "neighbouring positions late in holds; slow noise and gain do not show".into(),
-            ),
-            entry("successive cycles", self.cycles.map(|cycles| cycles.whole), of_cycles),
-            entry("restricted likelihood", Some(self.restricted.row), by_likelihood),
+            entry("rest records", self.rest, at_rest),
+            entry("short-lag differences", self.neighbours, by_neighbours),
+            entry("cycle-to-cycle differences", self.cycles.map(|cycles| cycles.whole), by_cycles),
+            entry("restricted maximum likelihood", Some(self.restricted.row), by_likelihood),
         ]
     }
 
@@ -207,8 +231,12 @@ fn exceeds(larger: Spread, smaller: Spread) -> bool {
     larger.sd_m - smaller.sd_m > (LEAST_ERRORS * error_m).max(LEAST_FRACTION * smaller.sd_m)
 }
 
+/// Value and standard error, the latter with two digits.
 fn um(spread: Spread) -> String {
-    format!("{:.3} ± {:.3} µm", 1e6 * spread.sd_m, 1e6 * spread.standard_error_m)
+    let error_um = 1e6 * spread.standard_error_m;
+    let decimals =
+        if error_um > 0.0 && error_um.is_finite() { (1.0 - error_um.log10().floor()).clamp(0.0, 6.0) } else { 2.0 };
+    format!("{:.*} ± {error_um:.*} µm", decimals as usize, 1e6 * spread.sd_m, decimals as usize)
 }
 
 fn short_um(sd_m: f64) -> String {

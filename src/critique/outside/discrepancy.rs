@@ -30,13 +30,13 @@ impl Axis {
     /// All of them.
     pub const ALL: [Self; 4] = [Self::Phase, Self::TimeSinceStep, Self::AbsoluteTime, Self::Force];
 
-    /// Quantity and unit.
-    pub fn label(self) -> &'static str {
+    /// Name in the document of `diagnose`.
+    pub fn name(self) -> &'static str {
         match self {
-            Self::Phase => "part of the cycle (–)",
-            Self::TimeSinceStep => "time since the force step (s)",
-            Self::AbsoluteTime => "time (s)",
-            Self::Force => "force (N)",
+            Self::Phase => "cycle_phase",
+            Self::TimeSinceStep => "time_since_step",
+            Self::AbsoluteTime => "time",
+            Self::Force => "force",
         }
     }
 
@@ -82,8 +82,10 @@ pub struct Discrepancy {
     pub mean_m: Vec<f64>,
     /// Posterior standard deviation (m), one a row; a prediction's variance grows by its square.
     pub sd_m: Vec<f64>,
-    /// What the model without it leaves of the fitted positions (m); `None` in other rows.
+    /// What the model without it leaves of the fitted positions (m), its parameters where they absorb what they can; `None` in other rows.
     pub residual_m: Vec<Option<f64>>,
+    /// The model without it, with the noise that is left beside it.
+    pub fitted: Fitted,
 }
 
 /// Sizes of the process (µm over the yardstick) and smoothnesses that are compared.
@@ -221,7 +223,10 @@ impl Prepared {
         let mean = &basis * amplitudes;
         let spread = basis * root;
         let squares: f64 = setting.rows.iter().map(|row| mean[*row].powi(2)).sum();
-        let left = |(y, x): (&Option<f64>, &f64)| y.map(|y| y - x);
+        // At this noise the parameters would absorb a little more.
+        let steps = self.tangent.absorbing_step(self.tangent.residual()).unwrap_or_default();
+        let absorbed_m = |row: usize| own.iter().zip(&steps).map(|(column, step)| step * column[row]).sum::<f64>();
+        let left_m = |row: usize| subject.fitted_m[row].map(|y| y - self.fitted.position_m[row] - absorbed_m(row));
         Ok(Discrepancy {
             axis: self.axis,
             gain_nats,
@@ -231,7 +236,8 @@ impl Prepared {
             sign: (0..n_rows).map(|row| sign(setting, self.axis, row)).collect(),
             mean_m: mean.iter().copied().collect(),
             sd_m: (0..n_rows).map(|row| spread.row(row).norm()).collect(),
-            residual_m: subject.fitted_m.iter().zip(&self.fitted.position_m).map(left).collect(),
+            residual_m: (0..n_rows).map(left_m).collect(),
+            fitted: self.fitted.clone(),
         })
     }
 }

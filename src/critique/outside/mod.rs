@@ -75,6 +75,17 @@ impl OutsideKind {
             Self::ForceLevel => "force-level",
         }
     }
+
+    /// The argument of a free curve, which stands for a process of it; `None` for what has a shape of its own.
+    pub fn axis_of_curve(self) -> Option<Axis> {
+        match self {
+            Self::CycleLocked => Some(Axis::Phase),
+            Self::SinceStep => Some(Axis::TimeSinceStep),
+            Self::SlowChange => Some(Axis::AbsoluteTime),
+            Self::ForceLevel => Some(Axis::Force),
+            _ => None,
+        }
+    }
 }
 
 /// How to search.

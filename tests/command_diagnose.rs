@@ -1,0 +1,166 @@
+//! `diagnose` as a user meets it: a sealed case, data with something that is not of the library, and what is refused.
+
+mod program;
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+use program::{tree, vitreo, write_instrument_experiment};
+use serde_json::Value;
+
+/// Fewest simulated searches that are allowed.
+const SIMULATIONS: [&str; 2] = ["--simulations", "99"];
+
+fn keys(value: &Value) -> BTreeSet<&str> {
+    value.as_object().unwrap_or_else(|| panic!("no object: {value}")).keys().map(String::as_str).collect()
+}
+
+/// Asserts that a value has all these keys.
+#[track_caller]
+fn has(value: &Value, wanted: &[&str]) {
+    let there = keys(value);
+    for key in wanted {
+        assert!(there.contains(key), "`{key}` is missing in {value}");
+    }
+}
+
+/// An instrument's experiment whose positions jump by `jump_um` from a row on.
+fn jumping(dir: &Path, from_row: usize, jump_um: f64) -> PathBuf {
+    let experiment = dir.join("jumping");
+    write_instrument_experiment(&experiment, true, 0.0);
+    let path = experiment.join("trajectory.csv");
+    let csv = std::fs::read_to_string(&path).unwrap();
+    let jump = |(line, text): (usize, &str)| {
+        let mut cells: Vec<String> = text.split(',').map(String::from).collect();
+        if line > from_row {
+            cells[2] = (cells[2].parse::<f64>().unwrap() + jump_um).to_string();
+        }
+        cells.join(",") + "\n"
+    };
+    std::fs::write(&path, csv.lines().enumerate().map(jump).collect::<String>()).unwrap();
+    experiment
+}
+
+/// A sealed challenge: all keys of the document, all files, nothing else of the study touched, and no control characters where there is no terminal.
+#[test]
+fn a_sealed_case_is_diagnosed_and_written_down() {
+    let dir = tempfile::tempdir().unwrap();
+    let case = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/hidden/paper-1");
+    let case = case.to_str().unwrap();
+    vitreo(dir.path(), &["sample", case, "--out", "study", "--quiet"]);
+    let before = tree(&dir.path().join("study"));
+    let run = vitreo(dir.path(), &[&["diagnose", "study", "--json", "-"][..], &SIMULATIONS].concat()).exits(0);
+    assert!(run.stderr.chars().all(|c| c == '\n' || !c.is_control()), "{run}");
+    let document = run.json();
+    assert_eq!(document["schema"], "vitreo-uq/diagnosis/1");
+    has(
+        &document,
+        &[
+            "schema",
+            "experiment",
+            "verdict",
+            "fitted_cycles",
+            "heldout_cycles",
+            "base",
+            "extended",
+            "candidates",
+            "blind_spots",
+            "smallest_detectable",
+            "separating_protocol",
+        ],
+    );
+    has(&document["verdict"], &["kind", "effects", "equivalent", "sentence"]);
+    has(&document["base"], &["rmse_fitted_um", "rmse_heldout_um", "noise_um"]);
+    assert_eq!(document["fitted_cycles"], serde_json::json!([1, 2, 3]));
+    assert_eq!(document["heldout_cycles"], serde_json::json!([4]));
+    let verdict = document["verdict"]["kind"].as_str().unwrap();
+    assert!(["missing", "none", "unexplained"].contains(&verdict), "{verdict}");
+    assert_eq!(verdict == "missing", document["extended"].is_object(), "{document}");
+    let candidates = document["candidates"].as_array().unwrap();
+    assert_eq!(candidates.len(), 11);
+    for candidate in candidates {
+        let wanted =
+            ["effect", "status", "z", "p_familywise", "visible_fraction", "expected_parameter", "refit", "twins"];
+        has(candidate, &wanted);
+        let status = candidate["status"].as_str().unwrap();
+        assert!(["claimed", "equivalent", "suggestive", "unsupported", "invisible"].contains(&status), "{status}");
+        let refit = &candidate["refit"];
+        has(refit, &["gain_nats", "heldout_gain_nats", "rmse_heldout_um", "log_bayes_factor", "parameters"]);
+        refit["parameters"].as_array().unwrap().iter().for_each(|p| has(p, &["name", "mean", "q05", "q95"]));
+    }
+    document["smallest_detectable"].as_array().unwrap().iter().for_each(|d| has(d, &["effect", "parameter"]));
+    let froms: Vec<&str> = document["noise"].as_array().unwrap().iter().map(|n| n["from"].as_str().unwrap()).collect();
+    assert_eq!(
+        froms,
+        ["rest records", "short-lag differences", "cycle-to-cycle differences", "restricted maximum likelihood"]
+    );
+    let after = tree(&dir.path().join("study"));
+    for (name, bytes) in &before {
+        assert_eq!(after.get(name), Some(bytes), "{}", name.display());
+    }
+    for file in ["m0/diagnosis.json", "m0/figures/diagnosis.png", "m0/figures/diagnosis.svg"] {
+        assert!(after.contains_key(Path::new(file)), "{file}");
+    }
+    let is_drawn = after.contains_key(Path::new("m0/figures/discrepancy.png"));
+    assert_eq!(is_drawn, document["discrepancy"].is_object());
+    // What the document in the study says is what was printed.
+    let kept: Value = serde_json::from_slice(&after[Path::new("m0/diagnosis.json")]).unwrap();
+    assert_eq!(kept, document);
+}
+
+/// A jump in a fitted cycle is no effect: it is described, drawn, and widens predictions by its size; the same bytes with one thread.
+#[test]
+fn what_is_not_of_the_library_is_named_and_drawn() {
+    let dir = tempfile::tempdir().unwrap();
+    let experiment = jumping(dir.path(), 60, 8.0);
+    let path = experiment.to_str().unwrap();
+    let words = vitreo(dir.path(), &[&["diagnose", path, "--out", "study"][..], &SIMULATIONS].concat()).exits(0);
+    for part in ["Unexplained, here: The position jumps", "predictions are widened", "figures/discrepancy.png"] {
+        assert!(words.stdout.contains(part), "`{part}` is missing in {words}");
+    }
+    assert_eq!(words.stdout.matches("Unexplained, here").count(), 1, "{words}");
+    let study = tree(&dir.path().join("study"));
+    for file in ["m0/figures/discrepancy.png", "m0/figures/discrepancy.svg"] {
+        assert!(study.contains_key(Path::new(file)), "{file}");
+    }
+    let document: Value = serde_json::from_slice(&study[Path::new("m0/diagnosis.json")]).unwrap();
+    assert_eq!(document["verdict"]["kind"], "unexplained");
+    let discrepancy = &document["discrepancy"];
+    let wanted = ["axis", "sentence", "size_um", "p_familywise", "predictive_noise_um"];
+    has(discrepancy, &wanted);
+    let number = |key: &str| discrepancy[key].as_f64().unwrap_or_else(|| panic!("{key} in {discrepancy}"));
+    let (size, from, to) =
+        (number("size_um"), number("predictive_noise_um"), number("predictive_noise_with_discrepancy_um"));
+    assert!(size > 0.5 && (to - from.hypot(size)).abs() < 0.05 * to, "{discrepancy}");
+    let again = [&["diagnose", "study", "--threads", "1", "--quiet"][..], &SIMULATIONS].concat();
+    vitreo(dir.path(), &again).exits(0);
+    assert_eq!(tree(&dir.path().join("study")), study);
+}
+
+/// A jump in the sealed cycle is seen by no fit; the diagnosis says that it is there, and claims nothing of it.
+#[test]
+fn an_event_in_the_held_out_cycle_is_said() {
+    let dir = tempfile::tempdir().unwrap();
+    let experiment = jumping(dir.path(), 150, 8.0);
+    let path = experiment.to_str().unwrap();
+    let arguments = [&["diagnose", path, "--out", "study", "--json", "-", "--quiet"][..], &SIMULATIONS].concat();
+    let document = vitreo(dir.path(), &arguments).exits(0).json();
+    assert_ne!(document["verdict"]["kind"], "missing", "{document}");
+    let remarks = document["remarks"].as_array().unwrap();
+    let said = remarks.iter().filter_map(Value::as_str).find(|remark| remark.contains("no fit has seen"));
+    let said = said.unwrap_or_else(|| panic!("{document}"));
+    assert!(said.contains("cycle 2") && said.contains("jumps up"), "{said}");
+}
+
+#[test]
+fn what_cannot_be_asked_is_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let refuses = |arguments: &[&str], words: &[&str]| {
+        vitreo(dir.path(), &[&["diagnose", "--out", "study"][..], arguments].concat()).refuses(words);
+    };
+    refuses(&["--smallest", "-1"], &["--smallest", "-1 is no size", "--smallest 0.25"]);
+    refuses(&["--smallest", "NaN"], &["--smallest", "NaN is no size"]);
+    refuses(&["--smallest", "much"], &["--smallest", "much"]);
+    refuses(&["--simulations", "10"], &["--simulations", "99"]);
+    assert!(!dir.path().join("study").exists(), "something was written");
+}
