@@ -79,7 +79,7 @@ pub fn diagnose(subject: &Subject, request: &DiagnosisRequest, monitor: &dyn Mon
     let DiagnosisRequest { n_simulations, in_full, seed, .. } = *request;
     let effort = Effort { n_simulations, in_full, seed };
     let mut found = search(&subject, &request.bars, &effort, monitor)?;
-    monitor.stage("looking for structure that is not of the library");
+    monitor.stage("looking for structure outside the library");
     let unexplained = unexplained(&subject, request, &mut found, monitor)?;
     let class = match &found.claimed {
         Some(claimed) => class_of(&subject, &found, claimed)?,
@@ -96,7 +96,7 @@ pub fn diagnose(subject: &Subject, request: &DiagnosisRequest, monitor: &dyn Mon
         class: &class,
     };
     if in_full {
-        monitor.stage("describing what is unexplained, and events in all cycles");
+        monitor.stage("looking for events in all cycles");
         let model = found.claimed.as_ref().unwrap_or(&found.base);
         let outside = OutsideRequest { n_simulations: N_OUTSIDE_SIMULATIONS, seed };
         if report.remains() {

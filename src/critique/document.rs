@@ -294,10 +294,7 @@ impl Report<'_> {
                 format!(" This experiment cannot tell {which} from {}.", listed(class, "or"))
             }
         };
-        let rest = match self.unexplained {
-            [] => String::new(),
-            list => format!(" Something remains that is not of the library: {}", list[0].sentence),
-        };
+        let rest = self.what_remains().map_or(String::new(), |what| format!(" Unexplained, here: {what}"));
         format!(
             "The model lacks {}: with {}, {errors} (noise {}). {}.{class}{rest}",
             listed(effects, "and"),
@@ -307,22 +304,23 @@ impl Report<'_> {
         )
     }
 
+    /// What no effect explains, in words; `None` where nothing is found, or nobody asked and only the size of the noise gives it away.
+    fn what_remains(&self) -> Option<String> {
+        let first = || self.unexplained.first().map(|first| first.sentence.clone());
+        self.leftover.map(|leftover| leftover.entry.sentence.clone()).or_else(first)
+    }
+
     fn unexplained_sentence(&self) -> String {
-        let what = match (self.unexplained, self.leftover) {
-            (_, Some(leftover)) => leftover.entry.sentence.clone(),
-            ([], None) => String::new(),
-            ([first, ..], None) => first.sentence.clone(),
-        };
-        match self.unexplained {
-            [] => format!(
-                "Unexplained, here: neighbouring errors are {:.1} times the known noise of {} µm, and no effect of the library or known structure accounts for it. {what}",
-                self.learnt_noise_ratio(),
-                short(1e6 * self.subject.yardstick_m())
-            )
-            .trim_end()
-            .into(),
-            _ => format!("Unexplained, here: {what}"),
+        let what = self.what_remains().unwrap_or_default();
+        if !self.unexplained.is_empty() {
+            return format!("Unexplained, here: {what}");
         }
+        let noise = format!(
+            "Unexplained, here: neighbouring errors are {:.1} times the known noise of {} µm, and no effect of the library or known structure accounts for it. {what}",
+            self.learnt_noise_ratio(),
+            short(1e6 * self.subject.yardstick_m())
+        );
+        noise.trim_end().into()
     }
 
     fn none_sentence(&self, candidates: &[CandidateEntry]) -> String {

@@ -15,6 +15,8 @@ use crate::report::discrepancy::{DiscrepancyPanel, discrepancy};
 use crate::report::number::with_decimals;
 use crate::report::svg::Svg;
 
+/// Share of a cycle within which a change of gain counts as one between cycles: positions near zero do not show the moment.
+const CYCLE_EDGE: f64 = 0.05;
 /// p above which a process beside a known shape is not spoken of.
 const LARGEST_P: f64 = 0.05;
 
@@ -111,7 +113,19 @@ pub(super) fn event_in_any_cycle(
     let (candidate, fitted) = with_shape(model, unexplained.first());
     let found = events_over_all_cycles(subject, candidate, fitted, request)?;
     let is_new = |event: &Outside| unexplained.is_empty() || scored_cycle_of(subject, event).is_some();
-    Ok(found.into_iter().next().filter(|event| is_significant(event) && is_new(event)))
+    let mut wanted =
+        found.into_iter().filter(|event| is_significant(event) && is_new(event) && !is_gain_of_a_cycle(subject, event));
+    Ok(wanted.next())
+}
+
+/// A gain that changes where a cycle begins is what the noise holds for every cycle.
+fn is_gain_of_a_cycle(subject: &Subject, event: &Outside) -> bool {
+    let (record, scales) = (&subject.experiment().record, subject.experiment().scales());
+    let begins = |row: &usize| *row == 0 || record.cycle[*row] != record.cycle[*row - 1];
+    let is_near = |row: usize| {
+        event.event_time_s.is_some_and(|time_s| (time_s - record.time_s[row]).abs() < CYCLE_EDGE * scales.cycle_s)
+    };
+    event.kind == OutsideKind::GainChange && (0..record.n_rows()).filter(begins).any(is_near)
 }
 
 /// The scored cycle, if an event happens in it.

@@ -118,7 +118,7 @@ impl Effort {
 /// # Errors
 /// Whatever fitting the base refuses.
 pub fn search(subject: &Subject, bars: &Bars, effort: &Effort, monitor: &dyn Monitor) -> Result<Found> {
-    monitor.stage("fitting the base model and every effect beside it");
+    monitor.stage("fitting the model with every effect");
     let mut base = Refitted::new(subject, subject.base(), &[], Search::Wide)?;
     let slugs: Vec<&'static str> = subject.library().effects().iter().map(|effect| effect.slug()).collect();
     let candidates: Vec<_> = slugs.iter().map(|slug| addable(subject, slug)).collect();
@@ -141,7 +141,7 @@ pub fn search(subject: &Subject, bars: &Bars, effort: &Effort, monitor: &dyn Mon
             Single { slug, refused: candidate.err(), refitted, gain, score }
         })
         .collect();
-    monitor.stage("simulating how much a search finds where nothing is missing");
+    monitor.stage("simulating searches where nothing is missing");
     // As many as decide about the gain that is judged.
     let judged = best_single(&singles).and_then(|single| single.gain).map_or(0.0, |gain| gain.fitted);
     let simulations = effort.simulations(bars.p_of_round(0));
@@ -245,7 +245,7 @@ fn rounds(subject: &Subject, bars: &Bars, effort: &Effort, found: &mut Found, mo
         if over_base.rank < LARGER_FACTOR * rank_now.max(0.0) + LARGER_NATS {
             break;
         }
-        monitor.stage("simulating how much one effect more finds where there is none");
+        monitor.stage("simulating searches for one effect more");
         let additions = additions_to(subject, &current);
         // Of later rounds the decision is reported, not p.
         let simulations = Simulations { most: effort.n_simulations, only_for: Some(bars.p_of_round(round)) };

@@ -4,7 +4,7 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use vitreo_uq::critique::diagnose::{DiagnosisRequest, diagnose};
-use vitreo_uq::critique::diagnosis::{CandidateEntry, Diagnosis, Status, VerdictKind};
+use vitreo_uq::critique::diagnosis::{CandidateEntry, Diagnosis, Status};
 use vitreo_uq::critique::search::Bars;
 use vitreo_uq::error::{Error, Place, Result};
 use vitreo_uq::files::write_json_atomically;
@@ -122,14 +122,10 @@ fn words(diagnosis: &Diagnosis, revision: &str) -> String {
     lines.join("\n") + "\n"
 }
 
-/// What no effect of the library explains, and what it adds to predictions.
+/// How large what the verdict calls unexplained is, and what it adds to predictions.
 fn unexplained(diagnosis: &Diagnosis) -> Vec<String> {
     let mut lines = Vec::new();
     let Some(discrepancy) = &diagnosis.discrepancy else { return lines };
-    // The verdict has said it already.
-    if diagnosis.verdict.kind != VerdictKind::Unexplained {
-        lines.push(format!("Unexplained, here: {}", discrepancy.sentence));
-    }
     lines.push(format!(
         "What is unexplained is {} µm (root mean square): predictions are widened from a standard deviation of {} to {} µm. See figures/{DISCREPANCY}.png.",
         significant(discrepancy.size_um),
