@@ -213,7 +213,7 @@ mod tests {
         for number in 0..8 {
             let data = super::simulated(replica(), &reference, 21, number);
             let base = Refitted::new(&data, reference.candidate.clone(), &[], Search::Wide).expect("fits");
-            let larger = refit_all(&data, &candidates, &[&base], Search::Wide);
+            let larger = refit_all(&data, &candidates, &[&base], Search::Wide, &Silent);
             let gains: Vec<f64> =
                 larger.iter().flatten().map(|model| model.fitted.objective - base.fitted.objective).collect();
             n_of_second += usize::from(gains[1] > gains[0] + 0.2);

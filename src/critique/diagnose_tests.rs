@@ -43,13 +43,13 @@ fn structure_takes_the_place_of_a_claim_that_it_explains_better() {
     let data = still.with_positions(&slipped_m);
     let mut withdrawn = found(&data, &[]);
     withdrawn.claimed = withdrawn.singles[2].refitted.clone();
-    let list = unexplained(&data, &request, &mut withdrawn).expect("a search");
+    let list = unexplained(&data, &request, &mut withdrawn, &Silent).expect("a search");
     assert!(withdrawn.claimed.is_none());
     assert_eq!(list.first().map(|outside| outside.kind), Some(outside::OutsideKind::Slip));
     let data = measured(&small(), &["force-bias"], &[BIAS], 43);
     let mut kept = found(&data, &[]);
     kept.claimed = kept.singles[1].refitted.clone();
-    assert!(unexplained(&data, &request, &mut kept).expect("a search").is_empty());
+    assert!(unexplained(&data, &request, &mut kept, &Silent).expect("a search").is_empty());
     assert!(kept.claimed.is_some());
 }
 
@@ -61,7 +61,7 @@ fn a_finding_is_confirmed_by_simulated_records() {
     let request = OutsideRequest { n_simulations: N_OUTSIDE_SIMULATIONS, seed: 1 };
     let left = |gain: f64| {
         let finding = Outside { penalised_gain_nats: gain, ..slip(&base) };
-        let list = confirmed(&data, &base, vec![finding], &request).expect("searches");
+        let list = confirmed(&data, &base, vec![finding], &request, &Silent).expect("searches");
         list.iter().map(|outside| outside.p_familywise).collect::<Vec<f64>>()
     };
     assert!(left(f64::NEG_INFINITY).is_empty());

@@ -146,7 +146,7 @@ fn a_pair_is_weighed_against_the_single() {
     let gain = pair.gain_over(&found.base, &data);
     found.pairs = vec![(pair.clone(), gain)];
     let single = found.single("tracking-drift").and_then(|single| single.refitted.clone()).expect("fits");
-    let (_, difference) = next_larger(&data, &found, &single, 1).expect("a pair");
+    let (_, difference) = next_larger(&data, &found, &single, 1, &Silent).expect("a pair");
     assert!((difference.fitted - (pair.fitted.objective - single.fitted.objective)).abs() < 1e-9);
     let all = |model: &Refitted| model.future.expect("a cycle is held out").all;
     assert!((difference.future.expect("a cycle is held out") - (all(&pair) - all(&single))).abs() < 1e-9);
@@ -154,7 +154,7 @@ fn a_pair_is_weighed_against_the_single() {
     let largest = pair.fitted.position_m.iter().zip(&single.fitted.position_m).map(change).fold(0.0, f64::max);
     assert!((difference.largest_change - largest).abs() < 1e-9);
     let effort = Effort { n_simulations: 99, in_full: false, seed: 1 };
-    rounds(&data, &BARS, &effort, &mut found);
+    rounds(&data, &BARS, &effort, &mut found, &Silent);
     let added = found.claimed.as_ref().map(|claimed| found.added(claimed));
     assert_eq!(added, Some(vec!["tracking-drift"]));
     assert_eq!((found.steps.len(), found.steps[0].p), (1, 0.01));
@@ -181,7 +181,7 @@ fn a_pair_beside_a_failed_single_has_to_make_good_what_that_lost() {
             single.gain = single.refitted.as_ref().map(|refitted| refitted.gain_over(&found.base, &data));
         }
         found.claimed = None;
-        rounds(&data, &bars, &effort, found);
+        rounds(&data, &bars, &effort, found, &Silent);
         let steps: Vec<bool> = found.steps.iter().map(|step| step.is_claimed).collect();
         (steps, found.claimed.as_ref().map(|claimed| found.added(claimed).len()))
     };

@@ -79,6 +79,7 @@ fn diagnosis(kind: VerdictKind, effects: &[&str], equivalent: &[&str]) -> Diagno
         blind_spots: Vec::new(),
         smallest_detectable: Vec::new(),
         separating_protocol: String::new(),
+        discrepancy: None,
         noise: Vec::new(),
         unexplained: Vec::new(),
         outlier_rows: Vec::new(),
