@@ -6,7 +6,7 @@ use super::diagnosis::{
     BaseErrors, CandidateEntry, Diagnosis, Errors, PairEntry, Refit, RefitParameter, SmallestDetectable, Status,
     UnexplainedEntry, Verdict, VerdictKind,
 };
-use super::evidence::evidence;
+use super::evidence::{Evidence, evidence};
 use super::leftover::{Leftover, event_remark};
 use super::noise_fit::GAIN_FLOOR;
 use super::outside::Outside;
@@ -62,12 +62,13 @@ impl Report<'_> {
             true => evidence(subject, &found.base.candidate, &found.base.fitted, self.request.seed)?.ln_evidence,
             false => f64::NAN,
         };
+        let of_claim = self.parameters_of_larger_claim()?;
         let counter = Counter::new(monitor, found.singles.len());
         let mut candidates = Vec::new();
         for single in &found.singles {
             let place = scored.iter().position(|other| other.slug == single.slug);
             let twins = place.map_or(Vec::new(), |place| twins[place].clone());
-            candidates.push(self.candidate(single, twins, ln_base)?);
+            candidates.push(self.candidate(single, twins, ln_base, &of_claim)?);
             counter.add_one();
         }
         let learnt = noise_learning::learn(subject, &found.base.candidate, &found.base.fitted)?;
@@ -170,11 +171,17 @@ impl Report<'_> {
         }
     }
 
-    fn candidate(&self, single: &Single, twins: Vec<String>, ln_base: f64) -> Result<CandidateEntry> {
+    fn candidate(
+        &self,
+        single: &Single,
+        twins: Vec<String>,
+        ln_base: f64,
+        of_claim: &[RefitParameter],
+    ) -> Result<CandidateEntry> {
         let status = self.status(single);
         let score = single.score.as_ref();
         let refit = match (&single.refitted, single.gain) {
-            (Some(refitted), Some(gain)) => Some(self.refit(single, refitted, gain, ln_base)?),
+            (Some(refitted), Some(gain)) => Some(self.refit(single, refitted, gain, ln_base, of_claim)?),
             _ => None,
         };
         let p = single.gain.map_or(1.0, |gain| self.found.bootstrap.p(gain.fitted));
@@ -197,16 +204,33 @@ impl Report<'_> {
         self.claimed().contains(&single.slug) || (self.request.in_full && gains)
     }
 
+    fn weigh(&self, model: &Refitted) -> Result<Evidence> {
+        evidence(self.subject, &model.candidate, &model.fitted, self.request.seed)
+    }
+
+    /// Parameters of a claim of several effects, which all of them share; none for other claims.
+    fn parameters_of_larger_claim(&self) -> Result<Vec<RefitParameter>> {
+        match &self.found.claimed {
+            Some(claimed) if self.found.added(claimed).len() > 1 => Ok(self.weigh(claimed)?.parameters),
+            _ => Ok(Vec::new()),
+        }
+    }
+
     /// The refit with an effect. Of a claim of several, its parameters are those of the whole model; all else is of the effect alone.
-    fn refit(&self, single: &Single, refitted: &Refitted, gain: Gain, ln_base: f64) -> Result<Refit> {
-        let weigh = |model: &Refitted| evidence(self.subject, &model.candidate, &model.fitted, self.request.seed);
-        let is_claimed = self.claimed().contains(&single.slug);
-        let alone = if self.is_weighed(single) { Some(weigh(refitted)?) } else { None };
-        let larger = self.found.claimed.as_ref().filter(|claimed| is_claimed && self.found.added(claimed).len() > 1);
-        let parameters = match (larger, &alone) {
-            (Some(claimed), _) => weigh(claimed)?.parameters,
-            (None, Some(alone)) => alone.parameters.clone(),
-            (None, None) => laplace(self.subject, refitted)?,
+    fn refit(
+        &self,
+        single: &Single,
+        refitted: &Refitted,
+        gain: Gain,
+        ln_base: f64,
+        of_claim: &[RefitParameter],
+    ) -> Result<Refit> {
+        let alone = if self.is_weighed(single) { Some(self.weigh(refitted)?) } else { None };
+        let is_of_claim = !of_claim.is_empty() && self.claimed().contains(&single.slug);
+        let parameters = match &alone {
+            _ if is_of_claim => of_claim.to_vec(),
+            Some(alone) => alone.parameters.clone(),
+            None => laplace(self.subject, refitted)?,
         };
         let own = self.found.added(refitted);
         let is_own =

@@ -4,9 +4,13 @@
 //! a quartic through five nodes, integrated exactly against e^{−ρ(h−s)} however fast the mode. R at the nodes solves five linear equations, since
 //! x there depends on R linearly.
 
+use std::ops::{Add, Mul};
+
+use pulp::{Arch, Simd, WithSimd};
+
 use super::linear::{Row, oscillating_row, row};
-use super::moments::{N_FUNCTIONS, entire_functions};
-use super::numbers::{Complex, Field, Number};
+use super::moments::{N_FUNCTIONS, entire_functions, entire_functions_of_decay};
+use super::numbers::{Complex, Number};
 use super::system::{Mode, System};
 
 const N_NODES: usize = N_FUNCTIONS;
@@ -65,7 +69,7 @@ impl<S: Number> State<S> {
     }
 }
 
-/// One mode at one point: its step, and Σ Y at the nodes by L, D and R.
+/// One mode: its step, and Σ Y at the nodes by L, D and R.
 struct OfMode<T> {
     step: ModeStep<T>,
     by_level: [T; N_NODES],
@@ -73,31 +77,48 @@ struct OfMode<T> {
     by_feedback: [[T; N_NODES]; N_NODES],
 }
 
-/// `part` is the mode's row over a fraction of the step; `rate` is ρ h and `gain` κ h.
-fn of_mode<T: Field>(rate: T, gain: T, part: impl Fn(f64) -> Row<T>) -> OfMode<T> {
-    let rows = NODES.map(part);
-    let by_feedback = NODES.map(|node| weights(rate, gain, node));
-    OfMode {
-        step: ModeStep { node_decay: rows.map(|row| row.decay), whole: rows[END], weights: by_feedback[END] },
-        by_level: rows.map(|row| row.gain),
-        by_deficit: rows.map(|row| row.lag_gain),
-        by_feedback,
+/// `rows` are those over the nodes' parts of the step and `functions` φₖ(−ρ c h) there; `gain` is κ h.
+#[inline(always)]
+fn of_mode<T: Copy + Add<Output = T> + Mul<Output = T> + Mul<f64, Output = T>>(
+    gain: T,
+    rows: [Row<T>; N_NODES],
+    functions: [[T; N_FUNCTIONS]; N_NODES],
+    polynomials: &[[f64; N_NODES]; N_NODES],
+) -> OfMode<T> {
+    let mut by_feedback = [[gain; N_NODES]; N_NODES];
+    let (mut node_decay, mut by_level, mut by_deficit) = ([gain; N_NODES], [gain; N_NODES], [gain; N_NODES]);
+    for i in 0..N_NODES {
+        by_feedback[i] = weights(gain, NODES[i], functions[i], polynomials);
+        (node_decay[i], by_level[i], by_deficit[i]) = (rows[i].decay, rows[i].gain, rows[i].lag_gain);
     }
+    let step = ModeStep { node_decay, whole: rows[END], weights: by_feedback[END] };
+    OfMode { step, by_level, by_deficit, by_feedback }
 }
 
-/// gain ∫₀ᶜ e^{−rate (c−s)} ℓⱼ(s) ds of the nodes' Lagrange polynomials ℓⱼ.
-fn weights<T: Field>(rate: T, gain: T, end: f64) -> [T; N_NODES] {
-    let functions = entire_functions(rate * -end);
+/// gain ∫₀ᶜ e^{−rate (c−s)} ℓⱼ(s) ds of the nodes' Lagrange polynomials ℓⱼ, from φₖ(−rate c).
+#[inline(always)]
+fn weights<T: Copy + Add<Output = T> + Mul<Output = T> + Mul<f64, Output = T>>(
+    gain: T,
+    end: f64,
+    functions: [T; N_FUNCTIONS],
+    polynomials: &[[f64; N_NODES]; N_NODES],
+) -> [T; N_NODES] {
     // ∫₀ᶜ e^{−z(c−s)} sᵏ ds = cᵏ⁺¹ k! φₖ₊₁(−zc).
     let mut factor = 1.0;
-    let moments: [T; N_NODES] = std::array::from_fn(|k| {
+    let mut moments = functions;
+    for k in 0..N_NODES {
         factor *= end * if k > 0 { k as f64 } else { 1.0 };
-        functions[k] * factor
-    });
-    std::array::from_fn(|j| {
-        let terms = moments.iter().zip(lagrange(j)).map(|(&moment, coefficient)| moment * coefficient);
-        gain * terms.fold(T::real(0.0), |sum, term| sum + term)
-    })
+        moments[k] = functions[k] * factor;
+    }
+    let mut weights = [gain; N_NODES];
+    for j in 0..N_NODES {
+        let mut sum = moments[0] * polynomials[j][0];
+        for k in 1..N_NODES {
+            sum = sum + moments[k] * polynomials[j][k];
+        }
+        weights[j] = gain * sum;
+    }
+    weights
 }
 
 /// Coefficients of 1, s, … s⁴ in ℓⱼ.
@@ -115,7 +136,7 @@ fn lagrange(j: usize) -> [f64; N_NODES] {
 }
 
 impl<S: Number> CollocationStep<S> {
-    pub fn new(system: &System<S>, length_s: S::Lane) -> Self {
+    pub fn new(system: &System<S>, length_s: S) -> Self {
         let zero = S::constant(0.0);
         let mut step = Self {
             modes: vec![empty(zero); system.modes.len()],
@@ -126,46 +147,80 @@ impl<S: Number> CollocationStep<S> {
             lag_decay: [zero; N_NODES],
             growth: [zero; N_NODES],
         };
+        let polynomials = std::array::from_fn(lagrange);
+        for (k, part) in NODES.into_iter().enumerate() {
+            step.growth[k] = (system.softening_rate * length_s * part).exp();
+            if system.shape.lagging {
+                step.lag_decay[k] = (system.lag_rate * length_s * -part).exp();
+            }
+        }
+        Arch::new().dispatch(FillModes { system, length_s, polynomials: &polynomials, step: &mut step });
         for lane in 0..S::N_POINTS {
-            step.set_lane(system, lane, length_s);
+            step.set_oscillating(system, lane, length_s.lane(lane), &polynomials);
         }
         step
     }
 
-    fn set_lane(&mut self, system: &System<S>, lane: usize, length_s: S::Lane) {
+    /// Oscillating modes, point by point.
+    fn set_oscillating(
+        &mut self,
+        system: &System<S>,
+        lane: usize,
+        length_s: S::Lane,
+        polynomials: &[[f64; N_NODES]; N_NODES],
+    ) {
         let lag_rate = system.shape.lagging.then(|| system.lag_rate.lane(lane));
-        for (k, part) in NODES.into_iter().enumerate() {
-            let softened = system.softening_rate.lane(lane) * length_s * part;
-            self.growth[k].set_lane(lane, softened.exponential());
-            if let Some(lag_rate) = lag_rate {
-                self.lag_decay[k].set_lane(lane, (lag_rate * length_s * -part).exponential());
-            }
-        }
-        for (index, mode) in system.modes.iter().enumerate() {
-            let mode = mode.lane(lane);
-            let of_mode =
-                of_mode(mode.rate * length_s, mode.gain * length_s, |part| row(mode, length_s * part, lag_rate));
-            set_parts(&mut self.modes[index], &of_mode.step, |target, &value| target.set_lane(lane, value));
-            self.add(lane, &of_mode, |&value| value);
-        }
         for (index, mode) in system.oscillating.iter().enumerate() {
             let mode: Mode<Complex<S::Lane>> = mode.lane(lane);
-            let of_mode = of_mode(mode.rate.times(length_s), mode.gain.times(length_s), |part| {
-                oscillating_row(mode, length_s * part, lag_rate)
-            });
+            let rate = mode.rate.times(length_s);
+            let rows = NODES.map(|part| oscillating_row(mode, length_s * part, lag_rate));
+            let functions = NODES.map(|part| entire_functions(rate * -part));
+            let of_mode = of_mode(mode.gain.times(length_s), rows, functions, polynomials);
             set_parts(&mut self.oscillating[index], &of_mode.step, |target, &value| target.set_lane(lane, value));
-            self.add(lane, &of_mode, |value| value.re);
+            let add = |target: &mut S, value: Complex<S::Lane>| target.set_lane(lane, target.lane(lane) + value.re);
+            for i in 0..N_NODES {
+                add(&mut self.by_level[i], of_mode.by_level[i]);
+                add(&mut self.by_deficit[i], of_mode.by_deficit[i]);
+                for j in 0..N_NODES {
+                    add(&mut self.by_feedback[i][j], of_mode.by_feedback[i][j]);
+                }
+            }
         }
     }
+}
 
-    /// Adds a mode's part of Σ Y at the nodes.
-    fn add<T>(&mut self, lane: usize, of_mode: &OfMode<T>, real: impl Fn(&T) -> S::Lane) {
-        for i in 0..N_NODES {
-            let add = |target: &mut S, value: &T| target.set_lane(lane, target.lane(lane) + real(value));
-            add(&mut self.by_level[i], &of_mode.by_level[i]);
-            add(&mut self.by_deficit[i], &of_mode.by_deficit[i]);
-            for j in 0..N_NODES {
-                add(&mut self.by_feedback[i][j], &of_mode.by_feedback[i][j]);
+/// The real modes of all points at once.
+struct FillModes<'a, S> {
+    system: &'a System<S>,
+    length_s: S,
+    polynomials: &'a [[f64; N_NODES]; N_NODES],
+    step: &'a mut CollocationStep<S>,
+}
+
+impl<S: Number> WithSimd for FillModes<'_, S> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<V: Simd>(self, _simd: V) {
+        let Self { system, length_s, step, polynomials } = self;
+        let zero = S::constant(0.0);
+        let lag_rate = if system.shape.lagging { Some(system.lag_rate) } else { None };
+        for (mode, target) in system.modes.iter().zip(step.modes.iter_mut()) {
+            let mut rows = [Row { decay: zero, gain: zero, lag_gain: zero }; N_NODES];
+            let mut functions = [[zero; N_FUNCTIONS]; N_NODES];
+            for k in 0..N_NODES {
+                let part_s = length_s * NODES[k];
+                rows[k] = row(*mode, part_s, lag_rate);
+                functions[k] = entire_functions_of_decay(mode.rate * part_s);
+            }
+            let of_mode = of_mode(mode.gain * length_s, rows, functions, polynomials);
+            *target = of_mode.step;
+            for i in 0..N_NODES {
+                step.by_level[i] += of_mode.by_level[i];
+                step.by_deficit[i] += of_mode.by_deficit[i];
+                for j in 0..N_NODES {
+                    step.by_feedback[i][j] += of_mode.by_feedback[i][j];
+                }
             }
         }
     }
@@ -282,7 +337,7 @@ mod tests {
     /// Nodes and weights integrate polynomials up to degree 8 over the step, as Radau's do; a wrong digit in a node would show.
     #[test]
     fn nodes_are_those_of_radau() {
-        let weights = weights(0.0, 1.0, 1.0);
+        let weights = weights(1.0, 1.0, entire_functions_of_decay(0.0), &std::array::from_fn(lagrange));
         for degree in 0..9 {
             let sum: f64 = NODES.iter().zip(weights).map(|(node, weight)| weight * node.powi(degree)).sum();
             assert!((sum - 1.0 / f64::from(degree + 1)).abs() < 1e-14, "degree {degree}: {sum}");
@@ -293,7 +348,8 @@ mod tests {
     #[test]
     fn weights_integrate_against_any_decay() {
         for (rate, end) in [(1e-9, 1.0), (0.9, NODES[2]), (1.1, 1.0), (7.0, NODES[0]), (60.0, 1.0)] {
-            let weights = weights(rate, 2.0, end);
+            let functions = entire_functions_of_decay(rate * end);
+            let weights = weights(2.0, end, functions, &std::array::from_fn(lagrange));
             let found: f64 = NODES.iter().zip(weights).map(|(node, weight)| weight * node.powi(3)).sum();
             let sum = |n: u32| -> f64 {
                 let value = |k: u32| {

@@ -1,7 +1,8 @@
 //! The reduced model of any stages: command → load → mechanics → observation in closed form (physics §5).
 //!
 //! Written once for numbers, numbers with a derivative and eight points at once. [`system`] turns stages into rates and gains, [`linear`] moves
-//! the robot where the force does not depend on its position, [`feedback`] where it does, and what is common stands here.
+//! the robot where the force does not depend on its position, [`feedback`] where it does, in steps that [`schedule`] chooses, and what is common
+//! stands here.
 
 // Indices as in the formulas; iterators' closures are compiled apart, without the vector instructions of the kernels.
 #![allow(clippy::needless_range_loop)]
@@ -14,6 +15,7 @@ mod linear;
 mod moments;
 mod numbers;
 mod record;
+mod schedule;
 mod system;
 #[cfg(test)]
 mod tests;
@@ -54,7 +56,7 @@ impl Response {
     /// # Errors
     /// [`Error::Numerical`] where the law has no spectrum, a force gradient feeds back too strongly or the position is not finite.
     pub fn trajectory_m(&self, stages: &Stages, compliance_per_m: f64) -> Result<Vec<f64>> {
-        let point = Lowered::new(stages, compliance_per_m, self.window)?;
+        let point = Lowered::new(stages, compliance_per_m, self.window, self.record.levels())?;
         let mut position_m = Vec::new();
         let sound = self.run::<f64>(&[&point], &mut position_m)[0];
         if sound { Ok(position_m) } else { Err(refusal(stages)) }
@@ -72,7 +74,7 @@ impl Response {
                 "take a finite step from 0",
             ));
         }
-        let point = Lowered::new(stages, compliance_per_m, self.window)?;
+        let point = Lowered::new(stages, compliance_per_m, self.window, self.record.levels())?;
         let mut position_m = Vec::new();
         let sound = self.run::<Dual>(&[&point], &mut position_m)[0];
         if sound { Ok(position_m) } else { Err(refusal(stages)) }
@@ -90,26 +92,17 @@ impl Response {
             .iter()
             .zip(compliance_per_m)
             .take(N_LANES)
-            .map(|(stages, &compliance)| Lowered::new(stages, compliance, self.window).ok())
+            .map(|(stages, &compliance)| Lowered::new(stages, compliance, self.window, self.record.levels()).ok())
             .collect();
         let mut sound = [false; N_LANES];
         let mut waiting: Vec<usize> = (0..points.len()).filter(|&lane| points[lane].is_some()).collect();
         let mut scratch = Vec::new();
         while let Some(shape) = waiting.first().and_then(|&lane| points[lane].as_ref()).map(|point| point.shape) {
             let alike = |lane: &usize| points[*lane].as_ref().is_some_and(|point| point.shape == shape);
-            let (mut group, others): (Vec<usize>, Vec<usize>) = waiting.into_iter().partition(alike);
-            // With a delay, steps between switches differ from point to point, and a feedback has no superposition.
-            let one_by_one = shape.delayed && shape.feedback;
-            waiting = if one_by_one { group.drain(1..).chain(others).collect() } else { others };
+            let (group, others): (Vec<usize>, Vec<usize>) = waiting.into_iter().partition(alike);
+            waiting = others;
             let members: Vec<&Lowered<f64>> = group.iter().filter_map(|&lane| points[lane].as_ref()).collect();
-            if one_by_one {
-                let mut alone_m = Vec::new();
-                sound[group[0]] = self.run::<f64>(&members, &mut alone_m)[0];
-                position_m.resize(self.record.n_rows, Lanes::constant(0.0));
-                for (lanes, alone) in position_m.iter_mut().zip(&alone_m) {
-                    lanes.0[group[0]] = *alone;
-                }
-            } else if group.len() == points.len() {
+            if group.len() == points.len() {
                 return self.run::<Lanes>(&members, position_m);
             } else {
                 let of_group = self.run::<Lanes>(&members, &mut scratch);

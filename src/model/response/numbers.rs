@@ -34,6 +34,8 @@ pub(super) trait Number: Scalar {
     fn decay(self) -> (Self, Self);
     /// ∫₀¹ e^{−a(1−s)} e^{−bs} ds, without overflow and accurate where a and b are equal.
     fn overlap(self, other: Self) -> Self;
+    /// `below` where |self| is less than a limit, `otherwise` elsewhere, point by point.
+    fn choose(self, limit: f64, below: Self, otherwise: Self) -> Self;
 }
 
 /// A number of one point.
@@ -86,6 +88,10 @@ impl Number for f64 {
     fn overlap(self, other: Self) -> Self {
         let smaller = if self < other { self } else { other };
         plain_decay(smaller).0 * plain_decay((self - other).abs()).1
+    }
+    #[inline(always)]
+    fn choose(self, limit: f64, below: Self, otherwise: Self) -> Self {
+        if self.abs() < limit { below } else { otherwise }
     }
 }
 
@@ -183,6 +189,10 @@ impl Number for Dual {
     fn overlap(self, other: Self) -> Self {
         let (smaller, difference) = if self.value < other.value { (self, other - self) } else { (other, self - other) };
         smaller.decay().0 * difference.decay().1
+    }
+    #[inline(always)]
+    fn choose(self, limit: f64, below: Self, otherwise: Self) -> Self {
+        if self.value.abs() < limit { below } else { otherwise }
     }
 }
 
@@ -311,6 +321,14 @@ impl Number for Lanes {
         let mut result = self;
         for lane in 0..N_LANES {
             result.0[lane] = self.0[lane].overlap(other.0[lane]);
+        }
+        result
+    }
+    #[inline(always)]
+    fn choose(self, limit: f64, below: Self, otherwise: Self) -> Self {
+        let mut result = below;
+        for lane in 0..N_LANES {
+            result.0[lane] = if self.0[lane].abs() < limit { below.0[lane] } else { otherwise.0[lane] };
         }
         result
     }

@@ -5,6 +5,8 @@
 //! with κ = C φ. C is the compliance per m.
 
 use super::numbers::{Complex, Number, Real, gather};
+use super::schedule::Grading;
+use super::transition::LARGEST_STATE;
 use crate::effects::Stages;
 use crate::error::{Error, Result};
 use crate::number::Dual;
@@ -20,6 +22,8 @@ pub(super) struct Shape {
     pub lagging: bool,
     pub softening: bool,
     pub feedback: bool,
+    /// How steps are graded where they are not exact under a feedback.
+    pub grading: Option<Grading>,
     /// Whether the recorded position differs from the robot's.
     pub observed: bool,
 }
@@ -66,9 +70,17 @@ pub(super) struct System<S> {
 /// between them.
 const BETWEEN_ROWS: f64 = 1e-2;
 
+/// How many commands a record has.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Levels {
+    Few,
+    /// A matrix exponential for each would cost more than a scheme that serves all.
+    Many,
+}
+
 impl<T: Real> Lowered<T> {
-    /// The numbers of stages. `window` is what the record's rows ask for.
-    pub fn new(stages: &Stages, compliance_per_m: T, window: TimeWindow) -> Result<Self> {
+    /// The numbers of stages. `window` is what the record's rows ask for, `levels` whether its commands are few.
+    pub fn new(stages: &Stages, compliance_per_m: T, window: TimeWindow, levels: Levels) -> Result<Self> {
         let load = &stages.load;
         check(load.delay_s.value >= 0.0, "the force's delay", load.delay_s, "s")?;
         check(load.lag_time_s.value >= 0.0, "the force's lag", load.lag_time_s, "s")?;
@@ -77,13 +89,18 @@ impl<T: Real> Lowered<T> {
         let shortest_s = window.shortest_s * if at_rows { 1.0 } else { BETWEEN_ROWS };
         let spectrum =
             RetardationSpectrum::with_accuracy(&stages.law, TimeWindow { shortest_s, ..window }, Accuracy::Fast)?;
-        Ok(Self::with_spectrum(stages, &spectrum, compliance_per_m))
+        Ok(Self::with_spectrum(stages, &spectrum, compliance_per_m, levels))
     }
 
     /// The same with the law's spectrum as it is given.
-    pub fn with_spectrum(stages: &Stages, spectrum: &RetardationSpectrum<T>, compliance_per_m: T) -> Self {
+    pub fn with_spectrum(
+        stages: &Stages,
+        spectrum: &RetardationSpectrum<T>,
+        compliance_per_m: T,
+        levels: Levels,
+    ) -> Self {
         let (load, observation) = (&stages.load, &stages.observation);
-        let shape = Shape {
+        let mut shape = Shape {
             n_modes: spectrum.modes.len() + 1,
             n_oscillating: spectrum.oscillating.len(),
             n_approaches: observation.approaches.len(),
@@ -91,10 +108,19 @@ impl<T: Real> Lowered<T> {
             lagging: load.lag_time_s.value > 0.0,
             softening: !stages.softening_rate_per_s.is_constant(0.0),
             feedback: !load.gradient_per_m.is_constant(0.0),
+            grading: None,
             observed: !(observation.scale.is_constant(1.0)
                 && observation.velocity_m_per_s.is_constant(0.0)
                 && observation.approaches.is_empty()),
         };
+        let is_exact = levels == Levels::Few
+            && !shape.lagging
+            && !shape.softening
+            && shape.n_oscillating == 0
+            && shape.n_modes <= LARGEST_STATE;
+        if shape.feedback && !is_exact {
+            shape.grading = Some(grading(spectrum, shape.lagging.then(|| 1.0 / load.lag_time_s.value)));
+        }
         let lag_rate = if shape.lagging { T::constant(1.0) / T::of(load.lag_time_s) } else { T::constant(0.0) };
         let mut numbers = Vec::with_capacity(11 + 2 * shape.n_modes + 4 * shape.n_oscillating + 2 * shape.n_approaches);
         numbers.extend([
@@ -115,6 +141,24 @@ impl<T: Real> Lowered<T> {
         }
         Self { shape, numbers }
     }
+}
+
+/// How steps of a law are graded behind a lag of some rate (1/s).
+fn grading<T: Real>(spectrum: &RetardationSpectrum<T>, lag_rate: Option<f64>) -> Grading {
+    let real = spectrum.modes.iter().map(|mode| (mode.compliance_per_pa.value(), mode.rate_per_s.value()));
+    let size = |[re, im]: [T; 2]| re.value().hypot(im.value());
+    let complex = spectrum.oscillating.iter().map(|mode| (size(mode.compliance_per_pa), size(mode.rate_per_s)));
+    let mut rough: Vec<(f64, f64)> = real.chain(complex).collect();
+    let fluidity = spectrum.fluidity_per_pa_s.value();
+    let total = spectrum.instantaneous_per_pa.value()
+        + rough.iter().map(|(compliance, _)| compliance).sum::<f64>()
+        + lag_rate.map_or(0.0, |rate| fluidity / rate);
+    let inverse = if total > 0.0 { 1.0 / total } else { 0.0 };
+    rough.iter_mut().for_each(|(share, _)| *share *= inverse);
+    let mut modes: Vec<(f64, f64)> = rough.iter().map(|&(share, rate)| (share * rate, rate)).collect();
+    modes.push((fluidity * inverse, 0.0));
+    rough.extend(lag_rate.map(|rate| (1.0, rate)));
+    Grading::new(&rough, &modes)
 }
 
 fn push_modes<T: Real>(numbers: &mut Vec<T>, spectrum: &RetardationSpectrum<T>, compliance_per_m: T, softening: T) {

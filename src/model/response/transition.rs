@@ -6,8 +6,8 @@ use std::collections::HashMap;
 
 use pulp::{Arch, Simd, WithSimd};
 
-use super::feedback::Pieces;
 use super::numbers::{N_LANES, Number, gather};
+use super::schedule::Schedule;
 use super::system::System;
 use crate::number::{PointScalar, Scalar};
 
@@ -25,11 +25,11 @@ pub(super) struct Transition<S> {
 
 impl<S: Number> Transition<S> {
     /// Those of all parts, and the index of each part's.
-    pub fn all(system: &System<S>, pieces: &Pieces<S::Lane>) -> (Vec<Self>, Vec<usize>) {
+    pub fn all(system: &System<S>, schedule: &Schedule<S>) -> (Vec<Self>, Vec<usize>) {
         let (mut transitions, mut known) = (Vec::new(), HashMap::new());
-        let order = pieces.pieces.iter().map(|piece| {
-            *known.entry((piece.length, piece.force_n.to_bits())).or_insert_with(|| {
-                transitions.push(Self::new(system, piece.force_n, pieces.length_s[piece.length]));
+        let order = schedule.pieces.iter().map(|piece| {
+            *known.entry((piece.length, piece.level)).or_insert_with(|| {
+                transitions.push(Self::new(system, schedule.level_n[piece.level], schedule.length_s[piece.length]));
                 transitions.len() - 1
             })
         });
@@ -37,10 +37,8 @@ impl<S: Number> Transition<S> {
         (transitions, order)
     }
 
-    fn new(system: &System<S>, force_n: f64, length_s: S::Lane) -> Self {
+    fn new(system: &System<S>, level_n: S, length_s: S) -> Self {
         let n = system.modes.len();
-        let length_s = gather::<S>(|_| length_s);
-        let level_n = system.scaled_n(force_n) + system.offset_n;
         let jump_m = system.instantaneous * level_n;
         let output = S::constant(1.0) / (S::constant(1.0) - system.gradient * jump_m);
         let acting_n = level_n * output;
@@ -76,38 +74,44 @@ fn exponential<S: Number>(mut matrix: Matrix<S>, n: usize) -> Matrix<S> {
         *entry = *entry * scale;
     }
     let mut result = identity(n);
-    Arch::new().dispatch(Series { matrix: &matrix, result: &mut result, n });
-    for round in 0..n_squarings.into_iter().max().unwrap_or(0) {
-        let squared = product(&result, &result, n, 1.0);
-        for i in 0..n {
-            for j in 0..n {
-                for (lane, &wanted) in n_squarings.iter().enumerate().take(S::N_POINTS) {
-                    if round < wanted {
-                        result[i][j].set_lane(lane, squared[i][j].lane(lane));
-                    }
-                }
-            }
-        }
-    }
+    Arch::new().dispatch(SeriesAndSquares { matrix: &matrix, result: &mut result, n, n_squarings });
     result
 }
 
-/// 1 + A (1 + A/2 (1 + A/3 (…))).
-struct Series<'a, S> {
+/// 1 + A (1 + A/2 (1 + A/3 (…))), squared as often as each point asks for.
+struct SeriesAndSquares<'a, S> {
     matrix: &'a Matrix<S>,
     result: &'a mut Matrix<S>,
     n: usize,
+    n_squarings: [i32; N_LANES],
 }
 
-impl<S: Number> WithSimd for Series<'_, S> {
+impl<S: Number> WithSimd for SeriesAndSquares<'_, S> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<V: Simd>(self, _simd: V) {
+        let Self { matrix, result, n, n_squarings } = self;
         for k in (1..=N_TERMS).rev() {
-            *self.result = product(self.matrix, self.result, self.n, 1.0 / f64::from(k));
-            for i in 0..self.n {
-                self.result[i][i] += S::constant(1.0);
+            *result = product(matrix, result, n, 1.0 / f64::from(k));
+            for i in 0..n {
+                result[i][i] += S::constant(1.0);
+            }
+        }
+        let mut most = 0;
+        for wanted in n_squarings {
+            most = if wanted > most { wanted } else { most };
+        }
+        for round in 0..most {
+            let squared = product(result, result, n, 1.0);
+            for i in 0..n {
+                for j in 0..n {
+                    for lane in 0..S::N_POINTS {
+                        if round < n_squarings[lane] {
+                            result[i][j].set_lane(lane, squared[i][j].lane(lane));
+                        }
+                    }
+                }
             }
         }
     }
