@@ -130,7 +130,7 @@ impl<S: Number> WithSimd for CollocationRun<'_, S> {
             let level_n = self.schedule.level_n[piece.level];
             if system.shape.lagging {
                 // The difference first: where a level stays, nothing is rounded.
-                state.deficit_n = state.deficit_n + (state.level_n - level_n);
+                state.deficit_n += state.level_n - level_n;
             }
             state.level_n = level_n;
             for step in 0..piece.n_steps() {
