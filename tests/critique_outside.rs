@@ -4,9 +4,9 @@
 
 use rayon::prelude::*;
 use vitreo_uq::critique::outside::{
-    Outside, OutsideKind, OutsideRequest, discrepancies, events_over_all_cycles, isolated_rows, search,
+    Outside, OutsideKind, OutsideRequest, discrepancies, events_over_all_cycles, search,
 };
-use vitreo_uq::critique::{Fitted, Search, Subject, Tangent};
+use vitreo_uq::critique::{Fitted, Search, Subject, Tangent, outliers};
 use vitreo_uq::effects::Library;
 use vitreo_uq::experiment::{Apparatus, Experiment};
 use vitreo_uq::fe::Stiffness;
@@ -234,7 +234,7 @@ fn a_discrepancy_bends_no_parameter() {
     assert!((left.norm() / whole.norm() - 1.0).abs() < 0.02, "{} of {}", left.norm(), whole.norm());
 }
 
-/// Rows far off are named, and only those (six spreads: once in 10⁶ rows of normal noise).
+/// Rows far off are named, and only those.
 #[test]
 fn single_rows_far_off_are_outliers() {
     let bench = Bench::new();
@@ -244,7 +244,7 @@ fn single_rows_far_off_are_outliers() {
     }
     let data = bench.with_noise(&position_m, Noise::White, 21);
     let fitted = data.fit(&data.base(), &[], Search::Wide).expect("fits");
-    assert_eq!(isolated_rows(&data, &fitted), [57, 310, 488]);
+    assert_eq!(outliers::find(&data, &fitted), [57, 310, 488]);
 }
 
 /// The same four kinds of noise, three data sets each, events over all cycles: of 320 controls three had one that gains 7 nats at p ≤ 1 %, so that

@@ -51,12 +51,12 @@ pub struct Outcome {
 /// Models whose rank is within so many nats of the claim are within reach of the data.
 const REACH_NATS: f64 = 6.0;
 /// p and gain (nats, less what chance gives) that structure outside the library needs.
-const LARGEST_OUTSIDE_P: f64 = 0.01;
-const LEAST_OUTSIDE_NATS: f64 = 7.0;
+const LARGEST_OUTSIDE_P: f64 = 0.02;
+const LEAST_OUTSIDE_NATS: f64 = 5.5;
 const N_OUTSIDE_SIMULATIONS: usize = 199;
 /// Simulated data sets by which a finding is confirmed, and the p that they have to show.
-const N_CONFIRMING: usize = 19;
-const LARGEST_CONFIRMED_P: f64 = 0.05;
+const N_CONFIRMING: usize = 39;
+const LARGEST_CONFIRMED_P: f64 = 0.025;
 const CONFIRMING_STREAMS: u64 = 0xc0f1;
 /// What the best effect of the library gains by chance, in nats; each further one is asked for more.
 const CHANCE_NATS: f64 = 1.5;

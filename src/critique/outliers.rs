@@ -17,8 +17,9 @@ use crate::experiment::Record;
 
 /// Rows on either side with which a row is compared, by their median: two bad ones among them do no harm.
 const N_NEIGHBOURS: usize = 5;
-/// With fewer on one side, as at the record's ends, a row is not judged.
+/// With fewer on one side, as at the record's ends, the other side has to do; what a row stands out by there counts for this share.
 const FEWEST_NEIGHBOURS: usize = 2;
+const ONE_SIDE: f64 = 2.0 / 3.0;
 /// Neighbours lie within this many sample intervals.
 const REACH_INTERVALS: f64 = 10.0;
 /// How far an outlier stands out, in robust standard deviations of what rows stand out by.
@@ -77,19 +78,22 @@ fn rows_of(record: &Record, residual_m: &[Option<f64>], least_scale_m: f64) -> V
 struct Departure {
     /// From the mean of the medians on both sides, in m, with its sign.
     from_both_m: f64,
-    /// From the nearer of the two medians, in m, where both lie to the same side; else 0.
+    /// From the nearer of the two medians, in m, where both lie to the same side; else 0. A share of the departure where there is one median only.
     standing_out_m: f64,
 }
 
-/// `None` where there are too few neighbours.
+/// `None` where there are too few neighbours on either side.
 fn departure(time_s: &[f64], residual_m: &[f64], place: usize, reach_s: f64) -> Option<Departure> {
     let is_near = |other: &usize| (time_s[*other] - time_s[place]).abs() <= reach_s;
     let of_side = |side: Vec<usize>| -> Option<f64> {
         let near: Vec<f64> = side.into_iter().filter(is_near).map(|other| residual_m[other]).collect();
         (near.len() >= FEWEST_NEIGHBOURS).then(|| residual_m[place] - median(near))
     };
-    let before_m = of_side((place.saturating_sub(N_NEIGHBOURS)..place).collect())?;
-    let after_m = of_side((place + 1..residual_m.len().min(place + 1 + N_NEIGHBOURS)).collect())?;
+    let before_m = of_side((place.saturating_sub(N_NEIGHBOURS)..place).collect());
+    let after_m = of_side((place + 1..residual_m.len().min(place + 1 + N_NEIGHBOURS)).collect());
+    let (Some(before_m), Some(after_m)) = (before_m, after_m) else {
+        return before_m.or(after_m).map(|m| Departure { from_both_m: m, standing_out_m: ONE_SIDE * m.abs() });
+    };
     let standing_out_m = if before_m * after_m > 0.0 { before_m.abs().min(after_m.abs()) } else { 0.0 };
     Some(Departure { from_both_m: 0.5 * (before_m + after_m), standing_out_m })
 }
@@ -100,10 +104,11 @@ fn bursts(places: &[usize]) -> Vec<Range<usize>> {
     runs.filter(|run| run.len() <= LONGEST_BURST).collect()
 }
 
-/// Whether a burst's first and last rows jump away from the rows next to it.
+/// Whether a burst's first and last rows jump away from the rows next to it, where there are such.
 fn has_sharp_edges(residual_m: &[f64], burst: &Range<usize>, least_m: f64) -> bool {
     let jump_m = |inside: usize, outside: Option<usize>| {
-        outside.and_then(|outside| residual_m.get(outside)).map_or(0.0, |outside| (residual_m[inside] - outside).abs())
+        let outside = outside.and_then(|outside| residual_m.get(outside));
+        outside.map_or(f64::INFINITY, |outside| (residual_m[inside] - outside).abs())
     };
     jump_m(burst.start, burst.start.checked_sub(1)) > least_m && jump_m(burst.end - 1, Some(burst.end)) > least_m
 }

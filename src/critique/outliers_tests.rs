@@ -27,6 +27,22 @@ fn noisy_m(subject: &Subject, position_m: &[f64], noise: &[f64; 5], seed: u64) -
     (0..record.n_rows()).map(|row| position_m[row] + noise_m[row]).collect()
 }
 
+/// The first row of the record and the last have neighbours on one side only.
+#[test]
+fn outliers_at_the_ends_are_found() {
+    for protocol in [Protocol::Paper, Protocol::Levels] {
+        let subject = subject(protocol);
+        let truth_m = truth_of(&subject, &[], &[]);
+        for seed in 0..4 {
+            let mut position_m = noisy_m(&subject, &truth_m, &NOISES[0], 2000 + seed);
+            let last = position_m.len() - 1;
+            position_m[0] += 20.0 * SD_M;
+            position_m[last] -= 20.0 * SD_M;
+            assert_eq!(found(&subject.with_positions(&position_m)), [0, last], "{protocol:?} {seed}");
+        }
+    }
+}
+
 /// 60 clean records of 800 and 1,000 rows: a Gaussian stands out by five of its standard deviations on both sides once in more than 10⁶ rows, so that
 /// in their 60,000 rows three or more false rejections come up with a probability below 4 × 10⁻⁵.
 #[test]

@@ -26,8 +26,8 @@ pub enum OutsideKind {
     Wander,
     /// The tracker's scale depends on the position: x (1 + s (x/x_max)²).
     CubicScale,
-    /// The largest excursion so far adds to the position.
-    Memory,
+    /// The tracker draws readings towards its pixels: a saw-tooth of the position, from −s to s in a pitch.
+    PixelLocking,
     /// The tracker follows through a dead band (play operator). On a square wave that is a delay, so it is made with rests only.
     Backlash,
     /// The force is not proportional to its command: F (1 + s (|F|/F_max − 1)). With one force level that is a scale.
@@ -44,7 +44,7 @@ impl OutsideKind {
         Self::Bump,
         Self::Wander,
         Self::CubicScale,
-        Self::Memory,
+        Self::PixelLocking,
         Self::Backlash,
         Self::ForceLevel,
     ];
@@ -59,7 +59,7 @@ impl OutsideKind {
             Self::Bump => "bump",
             Self::Wander => "wander",
             Self::CubicScale => "cubic-scale",
-            Self::Memory => "memory",
+            Self::PixelLocking => "pixel-locking",
             Self::Backlash => "backlash",
             Self::ForceLevel => "force-level",
         }
@@ -73,7 +73,7 @@ impl OutsideKind {
     /// A size at which it is sure to be seen: in m where it adds to the position, else a fraction.
     fn first_size(self) -> f64 {
         match self {
-            Self::GainJump | Self::CubicScale | Self::Memory | Self::ForceLevel => 0.05,
+            Self::GainJump | Self::CubicScale | Self::ForceLevel => 0.05,
             _ => 20e-6,
         }
     }
@@ -167,13 +167,9 @@ impl Disturbance {
                 let largest_m = position_m.iter().fold(f64::MIN_POSITIVE, |a, x| a.max(x.abs()));
                 each(&|_, x| x * (1.0 + size * (x / largest_m).powi(2)))
             }
-            OutsideKind::Memory => {
-                let mut largest_m = 0.0_f64;
-                let with_memory = |x: &f64| {
-                    largest_m = largest_m.max(x.abs());
-                    x + size * largest_m
-                };
-                position_m.iter().map(with_memory).collect()
+            OutsideKind::PixelLocking => {
+                let pitch_m = 60e-6 + 140e-6 * self.shape(0);
+                each(&|_, x| x - 2.0 * size * (x / pitch_m - (x / pitch_m).round()))
             }
             OutsideKind::Backlash => {
                 let mut followed_m = 0.0_f64;

@@ -148,7 +148,7 @@ pub fn discrepancies(
     fitted: &Fitted,
     request: &OutsideRequest,
 ) -> Result<Vec<Discrepancy>> {
-    let setting = Setting::new(subject, fitted);
+    let setting = Setting::new(subject, candidate, fitted)?;
     let prepared: Vec<Prepared> =
         Axis::ALL.par_iter().map(|axis| prepare(subject, candidate, fitted, &setting, *axis)).collect::<Result<_>>()?;
     let best = |prepared: &Prepared, residual: &DVector<f64>| {

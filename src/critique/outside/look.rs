@@ -9,7 +9,7 @@ use super::shape::{Shape, families, is_event};
 use super::{Outside, OutsideKind, OutsideRequest};
 use crate::critique::fit::columns_m;
 use crate::critique::noise_fit::natural;
-use crate::critique::{Candidate, Fitted, Search, Subject, Tangent};
+use crate::critique::{Candidate, Fitted, Search, Subject, Tangent, outliers};
 use crate::error::Result;
 
 /// Shapes of a family that each weighting nominates for a refit.
@@ -20,10 +20,6 @@ const REFINED_WITHIN: f64 = 12.0;
 const LEAST_PENALISED: f64 = 0.0;
 /// Spread of the gain when shapes are weighed with a noise that has not seen the residuals.
 const CLEAN_GAIN_SD: f64 = 0.005;
-/// A row is an outlier when it leaves the median of the five around it by so many of their spreads, and of the yardstick.
-const OUTLIER_SPREADS: f64 = 6.0;
-/// Standard deviation of a normal variable over its median absolute deviation.
-const SD_PER_MAD: f64 = 1.482_602_218_505_602;
 /// Effects are called alike above this cosine.
 const TWIN_COSINE: f64 = 0.9;
 
@@ -69,7 +65,7 @@ impl OutsideNull {
     /// # Errors
     /// As [`Tangent::new`].
     pub fn of(subject: &Subject, candidate: &Candidate, fitted: &Fitted, request: &OutsideRequest) -> Result<Self> {
-        let setting = Setting::new(subject, fitted);
+        let setting = Setting::new(subject, candidate, fitted)?;
         let tangent = Tangent::new(subject, candidate, fitted)?;
         let screened = screen(&tangent, &setting, &families(&setting), request.n_simulations, request.seed);
         Ok(Self::new(&screened))
@@ -155,41 +151,6 @@ pub fn outside_gain(
     Ok(best.map_or((0.0, None), |(gain, kind)| (gain, Some(kind))))
 }
 
-/// Fitted rows that stand out alone: by more than six spreads from the median of the five around them. Rows next to a force step are left in where most
-/// steps have one: a model that is late by less than a sample misses one row at each.
-pub fn isolated_rows(subject: &Subject, fitted: &Fitted) -> Vec<usize> {
-    let record = &subject.experiment().record;
-    let left: Vec<(usize, f64)> = subject
-        .fitted_m
-        .iter()
-        .zip(&fitted.position_m)
-        .enumerate()
-        .filter_map(|(row, (y, x))| Some((row, y.as_ref()? - x)))
-        .collect();
-    let median = |mut values: Vec<f64>| {
-        values.sort_by(f64::total_cmp);
-        values.get(values.len() / 2).copied().unwrap_or(0.0)
-    };
-    let alone: Vec<f64> = (0..left.len())
-        .map(|k| {
-            let window = &left[k.saturating_sub(2)..(k + 3).min(left.len())];
-            (left[k].1 - median(window.iter().map(|(_, r)| *r).collect())).abs()
-        })
-        .collect();
-    let spread_m = (SD_PER_MAD * median(alone.clone())).max(subject.yardstick_m());
-    let steps = record.force_step_rows();
-    let is_switch = |row: usize| steps.iter().any(|step| row >= *step && row <= step + 2);
-    let (at_switches, elsewhere): (Vec<usize>, Vec<usize>) = (0..left.len())
-        .filter(|k| alone[*k] > OUTLIER_SPREADS * spread_m)
-        .map(|k| left[k].0)
-        .partition(|row| is_switch(*row));
-    // What most switches show is the model's fault.
-    let is_systematic = 2 * at_switches.len() > steps.len();
-    let mut rows = if is_systematic { elsewhere } else { [elsewhere, at_switches].concat() };
-    rows.sort_unstable();
-    rows
-}
-
 impl<'a> Looking<'a> {
     fn new(
         subject: &Subject,
@@ -197,12 +158,12 @@ impl<'a> Looking<'a> {
         fitted: &Fitted,
         is_wanted: impl Fn(OutsideKind) -> bool,
     ) -> Result<Self> {
-        let subject = subject.without_rows(&isolated_rows(subject, fitted));
+        let subject = subject.without_rows(&outliers::find(subject, fitted));
         let mut clean = natural(&subject.noise_prior().white());
         clean[3] = CLEAN_GAIN_SD;
         // The gain must not come from the noise of the model alone settling elsewhere.
         let base = subject.fit(candidate, &starts(fitted.theta.clone(), fitted, clean), Search::Local)?;
-        let setting = Setting::new(&subject, &base);
+        let setting = Setting::new(&subject, candidate, &base)?;
         let families = families(&setting).into_iter();
         let families = families.filter(|shapes| shapes.first().is_some_and(|shape| is_wanted(shape.kind()))).collect();
         Ok(Self { subject, candidate, base, clean, setting, families })

@@ -1,4 +1,5 @@
-//! Structure that no effect of the library makes: vibrations, slips, drifts, jumps of the gain, passing disturbances, backlash, and free curves.
+//! Structure that no effect of the library makes: vibrations, slips, drifts, jumps of the gain, passing disturbances, backlash, memory of
+//! the largest excursion, and free curves.
 //!
 //! What is found is described, not explained: it has no parameter of the gel. Each shape is added to the mean as columns of free amplitude and refitted
 //! with the noise estimated anew; its gain is the difference of the fits' objectives.
@@ -9,7 +10,7 @@
 //! The leading ones of each family are refitted, their moments, frequencies and widths refined, and refitted again.
 //!
 //! # Free curves
-//! Curves of the phase, of the time since the step and of absolute time stand for a Gaussian process of that argument: a smooth basis in three
+//! Curves of the phase, of the time since the step, of absolute time and of the position stand for a Gaussian process of that argument: a smooth basis in three
 //! resolutions, each penalised by what a basis of its size gains by chance. [`Discrepancy`] is the process itself, with its band.
 //!
 //! # How much chance gains
@@ -27,7 +28,7 @@ mod setting;
 mod shape;
 
 pub use discrepancy::{Axis, Discrepancy, discrepancies};
-pub use look::{OutsideNull, events_over_all_cycles, isolated_rows, outside_gain, search};
+pub use look::{OutsideNull, events_over_all_cycles, outside_gain, search};
 
 use super::{Candidate, Fitted};
 
@@ -52,10 +53,12 @@ pub enum OutsideKind {
     SinceStep,
     /// A curve of absolute time.
     SlowChange,
-    /// A power of the position.
+    /// A power, a wave or a free curve of the position.
     Nonlinearity,
-    /// A shift for each level of the force.
+    /// A shift for each level of the force, or a force that is not proportional to its command.
     ForceLevel,
+    /// The largest excursion so far.
+    Ratchet,
 }
 
 impl OutsideKind {
@@ -73,6 +76,7 @@ impl OutsideKind {
             Self::SlowChange => "slow-change",
             Self::Nonlinearity => "nonlinearity",
             Self::ForceLevel => "force-level",
+            Self::Ratchet => "ratchet",
         }
     }
 

@@ -1,7 +1,7 @@
 //! What was found, in plain words.
 
 use super::setting::Setting;
-use super::shape::Shape;
+use super::shape::{Shape, Side};
 
 /// Words for a finding.
 pub(super) struct Words {
@@ -129,6 +129,26 @@ pub(super) fn describe(
                 "{size} µm follow the position itself, as {form}: the tracker's scale or the gel is not linear."
             ))
         }
+        Shape::OfPosition { .. } => plain(format!(
+            "{size} µm are a curve of the position itself: the tracker reads some places too far and others too short."
+        )),
+        Shape::PositionWave { period_m } => plain(format!(
+            "{size} µm come and go with the position, once in {} µm: a tracker that is drawn towards its pixels reads so.",
+            number(1e6 * period_m)
+        )),
+        Shape::Ratchet { side } => {
+            let of = match side {
+                Side::Above => "highest",
+                Side::Below => "lowest",
+                Side::Both => "farthest",
+            };
+            plain(format!(
+                "{size} µm follow the {of} position so far and stay: something does not come back from its largest excursion."
+            ))
+        }
+        Shape::ForceSquared => plain(format!(
+            "{size} µm follow the square of the force, with the gel's own delay: the force is not proportional to its command."
+        )),
         Shape::ForceLevel => {
             plain(format!("{size} µm follow the level of the force at once, without the gel's delay."))
         }

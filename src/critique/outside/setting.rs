@@ -1,6 +1,7 @@
 //! What shapes are made of: times, forces and positions of a record, seen from a fit.
 
-use crate::critique::{Fitted, Subject};
+use crate::critique::{Candidate, Fitted, Subject};
+use crate::error::Result;
 
 /// Times, forces and positions, one value a row of the record.
 pub(super) struct Setting {
@@ -9,6 +10,8 @@ pub(super) struct Setting {
     pub acting_force_n: Vec<f64>,
     /// Fitted position, in m.
     pub position_m: Vec<f64>,
+    /// The same (m) if the force were as its square, with its sign and largest size.
+    pub position_of_squares_m: Vec<f64>,
     /// Cycles since the record's start, the part of the present one included.
     pub phase: Vec<f64>,
     /// Sign of the last force step and time (s) since; zeros before the first.
@@ -22,15 +25,18 @@ pub(super) struct Setting {
 }
 
 impl Setting {
-    pub fn new(subject: &Subject, fitted: &Fitted) -> Self {
+    /// # Errors
+    /// What evaluating the candidate refuses.
+    pub fn new(subject: &Subject, candidate: &Candidate, fitted: &Fitted) -> Result<Self> {
         let record = &subject.experiment().record;
         let scales = subject.experiment().scales();
         let n_rows = record.n_rows();
         let acting_force_n = (0..n_rows).map(|row| if row == 0 { 0.0 } else { record.force_n[row - 1] }).collect();
-        Self {
+        Ok(Self {
             time_s: record.time_s.clone(),
             acting_force_n,
             position_m: fitted.position_m.clone(),
+            position_of_squares_m: position_of_squares_m(subject, candidate, fitted)?,
             phase: phases(&record.time_s, &record.cycle, scales.cycle_s),
             since_step: since_steps(&record.time_s, &record.force_n, &record.force_step_rows()),
             rows: (0..n_rows).filter(|row| subject.fitted_m[*row].is_some()).collect(),
@@ -38,7 +44,7 @@ impl Setting {
             hold_s: scales.hold_s,
             cycle_s: scales.cycle_s,
             yardstick_m: subject.yardstick_m(),
-        }
+        })
     }
 
     /// First and last fitted time, in s.
@@ -56,6 +62,16 @@ impl Setting {
     pub fn largest_position_m(&self) -> f64 {
         self.rows.iter().map(|row| self.position_m[*row].abs()).fold(0.0, f64::max)
     }
+}
+
+fn position_of_squares_m(subject: &Subject, candidate: &Candidate, fitted: &Fitted) -> Result<Vec<f64>> {
+    let mut experiment = subject.experiment().clone();
+    let force_n = &mut experiment.record.force_n;
+    let largest_n = force_n.iter().fold(f64::MIN_POSITIVE, |a, force| a.max(force.abs()));
+    force_n.iter_mut().for_each(|force| *force *= force.abs() / largest_n);
+    let acting = subject.problem().with(experiment, subject.specification().clone(), subject.library())?;
+    let acting = Subject::with_compliance(&acting, subject.library(), subject.compliance().clone())?;
+    acting.trajectory_m(candidate, &fitted.theta)
 }
 
 fn phases(time_s: &[f64], cycle: &[u32], cycle_s: f64) -> Vec<f64> {

@@ -35,6 +35,22 @@ pub(super) enum Shape {
     Nonlinearity { power: i32, is_odd: bool },
     /// A shift for each level of the force.
     ForceLevel,
+    /// The response to the square of the force, less that to the force.
+    ForceSquared,
+    /// The largest excursion so far.
+    Ratchet { side: Side },
+    /// A free curve of the position, from its lowest to its highest.
+    OfPosition { n_knots: usize },
+    /// Sine and cosine of the position.
+    PositionWave { period_m: f64 },
+}
+
+/// Excursions of which the largest so far is kept.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Side {
+    Above,
+    Below,
+    Both,
 }
 
 /// Levels of force that differ by less than this fraction of the largest are one.
@@ -60,7 +76,9 @@ impl Shape {
             Self::SinceStep { .. } => OutsideKind::SinceStep,
             Self::SlowChange { .. } => OutsideKind::SlowChange,
             Self::Nonlinearity { .. } => OutsideKind::Nonlinearity,
-            Self::ForceLevel => OutsideKind::ForceLevel,
+            Self::ForceLevel | Self::ForceSquared => OutsideKind::ForceLevel,
+            Self::Ratchet { .. } => OutsideKind::Ratchet,
+            Self::OfPosition { .. } | Self::PositionWave { .. } => OutsideKind::Nonlinearity,
         }
     }
 
@@ -101,6 +119,17 @@ impl Shape {
                 vec![setting.column(of_row)]
             }
             Self::ForceLevel => force_levels(setting),
+            Self::ForceSquared => {
+                let largest_m = setting.largest_position_m().max(f64::MIN_POSITIVE);
+                let moved_m = |row: usize| setting.position_of_squares_m[row] - setting.position_m[row];
+                vec![setting.column(|row| moved_m(row) / largest_m)]
+            }
+            Self::Ratchet { side } => vec![largest_so_far(setting, side)],
+            Self::OfPosition { n_knots } => hats_of_position(setting, n_knots),
+            Self::PositionWave { period_m } => {
+                let angle = |row: usize| 2.0 * PI * setting.position_m[row] / period_m;
+                vec![setting.column(|row| angle(row).sin()), setting.column(|row| angle(row).cos())]
+            }
         };
         columns.iter_mut().flatten().for_each(|value| *value *= UNIT_M);
         columns
@@ -131,6 +160,12 @@ impl Shape {
             }
             Self::Backlash { half_width_m } => {
                 offsets().map(|by| Self::Backlash { half_width_m: half_width_m * (0.4 * by).exp() }).collect()
+            }
+            Self::PositionWave { period_m } => {
+                // In steps of the reciprocal period.
+                let spacing = 0.5 / range_m(setting);
+                let periods = offsets().map(|by| 1.0 / (1.0 / period_m + by * spacing));
+                periods.filter(|period_m| *period_m > 0.0).map(|period_m| Self::PositionWave { period_m }).collect()
             }
             Self::Step { row } => near_rows(setting, row).map(|row| Self::Step { row }).collect(),
             Self::GainChange { row } => near_rows(setting, row).map(|row| Self::GainChange { row }).collect(),
@@ -189,6 +224,41 @@ fn hats_since_step(setting: &Setting, n_knots: usize) -> Vec<Vec<f64>> {
     (0..n_knots).map(|knot| setting.column(|row| hat(knot, row))).collect()
 }
 
+/// Largest excursion so far, over the largest of all.
+fn largest_so_far(setting: &Setting, side: Side) -> Vec<f64> {
+    let largest_m = setting.largest_position_m().max(f64::MIN_POSITIVE);
+    let mut so_far = 0.0_f64;
+    let follow = |x: &f64| {
+        let excursion = match side {
+            Side::Above => *x,
+            Side::Below => -x,
+            Side::Both => x.abs(),
+        };
+        so_far = so_far.max(excursion / largest_m);
+        so_far
+    };
+    setting.position_m.iter().map(follow).collect()
+}
+
+/// Lowest and highest fitted position, in m.
+fn ends_m(setting: &Setting) -> [f64; 2] {
+    let positions = || setting.rows.iter().map(|row| setting.position_m[*row]);
+    [positions().fold(f64::INFINITY, f64::min), positions().fold(f64::NEG_INFINITY, f64::max)]
+}
+
+fn range_m(setting: &Setting) -> f64 {
+    let [lowest_m, highest_m] = ends_m(setting);
+    (highest_m - lowest_m).max(f64::MIN_POSITIVE)
+}
+
+/// Hats over the range of the fitted positions.
+fn hats_of_position(setting: &Setting, n_knots: usize) -> Vec<Vec<f64>> {
+    let [lowest_m, highest_m] = ends_m(setting);
+    let spacing_m = range_m(setting) / (n_knots - 1) as f64;
+    let place = |row: usize| (setting.position_m[row].clamp(lowest_m, highest_m) - lowest_m) / spacing_m;
+    (0..n_knots).map(|knot| setting.column(|row| (1.0 - (place(row) - knot as f64).abs()).max(0.0))).collect()
+}
+
 fn force_levels(setting: &Setting) -> Vec<Vec<f64>> {
     let largest_n = setting.acting_force_n.iter().fold(f64::MIN_POSITIVE, |a, b| a.max(b.abs()));
     let mut levels: Vec<f64> = Vec::new();
@@ -228,10 +298,14 @@ pub(super) fn families(setting: &Setting) -> Vec<Vec<Shape>> {
             Shape::Nonlinearity { power: 3, is_odd: true },
         ],
         vec![Shape::ForceLevel],
+        vec![Shape::ForceSquared],
+        position_waves(setting),
+        [Side::Above, Side::Below, Side::Both].map(|side| Shape::Ratchet { side }).to_vec(),
     ];
     families.extend([2, 5, 10].map(|n_harmonics| vec![Shape::CycleLocked { n_harmonics }]));
     families.extend([4, 8, 14].map(|n_knots| vec![Shape::SinceStep { n_knots }]));
     families.extend([3, 6, 12].map(|n_waves| vec![Shape::SlowChange { n_waves }]));
+    families.extend([5, 10, 20].map(|n_knots| vec![Shape::OfPosition { n_knots }]));
     families
 }
 
@@ -254,6 +328,15 @@ fn vibrations(setting: &Setting) -> Vec<Shape> {
     (4..highest.min(MOST_FREQUENCIES)).map(|k| Shape::Vibration { frequency_hz: 0.5 * k as f64 / length_s }).collect()
 }
 
+/// Half a resolution apart, from two periods in the range of the fitted positions to four yardsticks: a shorter one is blurred by the noise.
+fn position_waves(setting: &Setting) -> Vec<Shape> {
+    let range_m = range_m(setting);
+    let most = 2.0 * range_m / (4.0 * setting.yardstick_m).max(f64::MIN_POSITIVE);
+    (4..(most as usize).min(MOST_FREQUENCIES))
+        .map(|k| Shape::PositionWave { period_m: 2.0 * range_m / k as f64 })
+        .collect()
+}
+
 fn bumps(setting: &Setting) -> Vec<Shape> {
     let mut list = Vec::new();
     let mut width_s = NARROWEST * setting.interval_s;
@@ -269,4 +352,51 @@ fn backlashes(setting: &Setting) -> Vec<Shape> {
     let smallest_m = 0.25 * setting.yardstick_m;
     let n = (((largest_m / smallest_m).ln() / 0.4).ceil()).clamp(1.0, 30.0) as i32;
     (0..=n).map(|k| Shape::Backlash { half_width_m: smallest_m * (0.4 * f64::from(k)).exp() }).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn moving(position_um: &[f64]) -> Setting {
+        let n_rows = position_um.len();
+        Setting {
+            time_s: (0..n_rows).map(|row| row as f64).collect(),
+            acting_force_n: vec![0.0; n_rows],
+            position_m: position_um.iter().map(|x| 1e-6 * x).collect(),
+            position_of_squares_m: vec![0.0; n_rows],
+            phase: vec![0.0; n_rows],
+            since_step: vec![(0.0, 0.0); n_rows],
+            rows: (0..n_rows).collect(),
+            interval_s: 1.0,
+            hold_s: n_rows as f64,
+            cycle_s: n_rows as f64,
+            yardstick_m: 1e-6,
+        }
+    }
+
+    #[test]
+    fn a_ratchet_keeps_the_largest_excursion_of_its_side() {
+        let setting = moving(&[0.0, 2.0, 1.0, -3.0, 1.0, 4.0]);
+        let quarters = |side: Side| -> Vec<f64> {
+            let columns = Shape::Ratchet { side }.columns_m(&setting);
+            columns[0].iter().map(|value| (4.0 * value / UNIT_M).round()).collect()
+        };
+        assert_eq!(quarters(Side::Above), [0.0, 2.0, 2.0, 2.0, 2.0, 4.0]);
+        assert_eq!(quarters(Side::Below), [0.0, 0.0, 0.0, 3.0, 3.0, 3.0]);
+        assert_eq!(quarters(Side::Both), [0.0, 2.0, 2.0, 3.0, 3.0, 4.0]);
+    }
+
+    /// Hats of the position add up to one everywhere, and with their knots as amplitudes to the position.
+    #[test]
+    fn curves_of_the_position_hold_every_straight_line() {
+        let position_um = [-3.0, 0.5, 1.0, 4.0, 2.2, 5.0];
+        let columns = Shape::OfPosition { n_knots: 5 }.columns_m(&moving(&position_um));
+        for (row, x) in position_um.iter().enumerate() {
+            let sum: f64 = columns.iter().map(|column| column[row] / UNIT_M).sum();
+            let line: f64 =
+                columns.iter().enumerate().map(|(k, column)| (-3.0 + 2.0 * k as f64) * column[row] / UNIT_M).sum();
+            assert!((sum - 1.0).abs() < 1e-12 && (line - x).abs() < 1e-12, "{sum} {line}");
+        }
+    }
 }
