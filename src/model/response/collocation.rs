@@ -269,17 +269,24 @@ pub(super) fn advance<S: Number>(system: &System<S>, step: &CollocationStep<S>, 
 fn feedback_at_nodes<S: Number>(system: &System<S>, step: &CollocationStep<S>, state: &State<S>) -> [S; N_NODES] {
     let zero = S::constant(0.0);
     let (mut matrix, mut right) = ([[zero; N_NODES]; N_NODES], [zero; N_NODES]);
+    // Σ Y at the nodes without R: all nodes of a mode together, so that no sum waits for itself.
+    let mut known = [zero; N_NODES];
+    for i in 0..N_NODES {
+        known[i] = step.by_level[i].mul_add(state.level_n, step.by_deficit[i] * state.deficit_n);
+    }
+    for (&y, mode) in state.modes.iter().zip(&step.modes) {
+        for i in 0..N_NODES {
+            known[i] = mode.node_decay[i].mul_add(y, known[i]);
+        }
+    }
+    for (&y, mode) in state.oscillating.iter().zip(&step.oscillating) {
+        for i in 0..N_NODES {
+            known[i] += (mode.node_decay[i] * y).re;
+        }
+    }
     for i in 0..N_NODES {
         let force_n = state.deficit_n.mul_add(step.lag_decay[i], state.level_n);
-        let mut known = system.instantaneous * force_n;
-        known = step.by_level[i].mul_add(state.level_n, known);
-        known = step.by_deficit[i].mul_add(state.deficit_n, known);
-        for (&y, mode) in state.modes.iter().zip(&step.modes) {
-            known = mode.node_decay[i].mul_add(y, known);
-        }
-        for (&y, mode) in state.oscillating.iter().zip(&step.oscillating) {
-            known += (mode.node_decay[i] * y).re;
-        }
+        let known = system.instantaneous.mul_add(force_n, known[i]);
         let strength = system.gradient * force_n * state.growth * step.growth[i];
         right[i] = strength * known;
         for j in 0..N_NODES {

@@ -18,7 +18,7 @@ use crate::number::PointScalar;
 /// Position (m) of the robot at every row.
 pub(super) fn run<S: Number>(record: &Record, system: &System<S>, position_m: &mut [S]) {
     let schedule = Schedule::new(record, system);
-    if system.shape.grading.is_none() {
+    if !system.shape.graded {
         debug_assert!(system.modes.len() <= LARGEST_STATE);
         let (transitions, order) = Transition::all(system, &schedule);
         Arch::new().dispatch(ExactRun {

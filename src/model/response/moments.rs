@@ -47,9 +47,10 @@ pub(super) fn entire_functions_of_decay<S: Number>(z: S) -> [S; N_FUNCTIONS] {
         series[k] = w.mul_add(series[k + 1], S::constant(inverse_factorials[k + 1]));
     }
     let mut last = z.decay().0;
+    let inverse = one / w;
     let mut functions = [one; N_FUNCTIONS];
     for k in 0..N_FUNCTIONS {
-        last = (last - S::constant(inverse_factorials[k])) / w;
+        last = (last - S::constant(inverse_factorials[k])) * inverse;
         functions[k] = z.choose(SERIES_BELOW, series[k], last);
     }
     functions

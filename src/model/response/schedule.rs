@@ -19,16 +19,17 @@ use super::system::System;
 const N_SIZES: usize = 3;
 const SIZE_RATIO: f64 = 8.0;
 
-/// After a switch of each class, steps are at most this share of the time since.
-const SHARE_OF_AGE: [f64; N_SIZES] = [0.25, 0.5, 1.0];
+/// After a switch of each class, steps are at most this share of the time since: smaller behind a lag, which moves the force itself.
+const SHARE_OF_AGE: [f64; N_SIZES] = [0.5, 1.0, 1.0];
+const SHARE_OF_AGE_BEHIND_LAG: [f64; N_SIZES] = [0.25, 0.5, 1.0];
 
 /// Most that a first step may lose, as a share of the position, by the estimate above; what steps really lose is less by a hundred or more.
 const TOLERANCE: f64 = 1e-7;
 
-/// First steps are powers of eight of a second, so that points with nearly the same rates are computed together.
-const LENGTH_RATIO_LOG2: i32 = 3;
+/// First steps are powers of four of a second, so that points with nearly the same rates take the same steps.
+const LENGTH_RATIO_LOG2: i32 = 2;
 /// Longest and shortest first steps that are told apart.
-const EXPONENTS: [i32; 2] = [-14, 5];
+const EXPONENTS: [i32; 2] = [-20, 8];
 
 /// A part of a row's step is its length halved at most so often.
 const MOST_HALVINGS: usize = 60;
@@ -36,11 +37,14 @@ const MOST_HALVINGS: usize = 60;
 /// How long a step may be just after a switch of each class.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Grading {
-    /// Powers of eight of a second.
+    /// Powers of four of a second.
     exponents: [i32; N_SIZES],
 }
 
 impl Grading {
+    /// Steps of any length.
+    pub const NONE: Self = Self { exponents: [i32::MAX; N_SIZES] };
+
     /// The coarsest that keeps to the tolerance.
     ///
     /// `rough` are the shares w and rates ρ of what moves after a switch; `modes` κ and ρ of what force moves, over the compliance. Modes that do not
@@ -69,7 +73,7 @@ impl Grading {
 
 /// A first step in s.
 fn length_s(exponent: i32) -> f64 {
-    f64::from(LENGTH_RATIO_LOG2 * exponent).exp2()
+    (f64::from(LENGTH_RATIO_LOG2) * f64::from(exponent)).exp2()
 }
 
 /// What Radau's quadrature with five nodes errs by for e⁻ᶻˢ over [0, 1], from above within a factor of six beyond z = 3.
@@ -112,14 +116,17 @@ pub(super) struct Schedule<S> {
 
 impl<S: Number> Schedule<S> {
     pub fn new(record: &Record, system: &System<S>) -> Self {
-        let longest_s = system.shape.grading.map_or([f64::INFINITY; N_SIZES], Grading::longest_s);
         let of_command: Vec<S> =
             record.command_n.iter().map(|&command_n| system.scaled_n(command_n) + system.offset_n).collect();
         let of_lane = |lane: usize| {
             let delay_s = system.shape.delayed.then(|| system.delay_s.lane(lane));
-            Parts::new(record, delay_s, longest_s)
+            let longest_s = system.gradings[lane].longest_s();
+            let share_of_age = if system.shape.lagging { SHARE_OF_AGE_BEHIND_LAG } else { SHARE_OF_AGE };
+            Parts::new(record, delay_s, longest_s, share_of_age)
         };
-        if !system.shape.delayed || S::N_POINTS == 1 {
+        let [first, others @ ..] = &system.gradings;
+        let are_alike = !system.shape.delayed && others.iter().all(|other| other == first);
+        if are_alike || S::N_POINTS == 1 {
             let Parts { pieces, length_s, .. } = of_lane(0);
             let length_s = length_s.into_iter().map(|length_s| gather::<S>(|_| length_s)).collect();
             return Self { pieces, length_s, level_n: of_command };
@@ -230,6 +237,8 @@ struct Parts<N> {
     tolerance_s: f64,
     /// Longest steps in s just after switches of each class.
     longest_s: [f64; N_SIZES],
+    /// After them, they are at most this share of the time since.
+    share_of_age: [f64; N_SIZES],
     /// Time in s since the last switch of each class.
     age_s: [f64; N_SIZES],
 }
@@ -243,7 +252,7 @@ impl<N> Parts<N> {
 
 impl<N: Real> Parts<N> {
     /// `delay_s` cuts rows where commands come to act; with a `None` they act at rows.
-    fn new(record: &Record, delay_s: Option<N>, longest_s: [f64; N_SIZES]) -> Self {
+    fn new(record: &Record, delay_s: Option<N>, longest_s: [f64; N_SIZES], share_of_age: [f64; N_SIZES]) -> Self {
         let mut age_s = [f64::INFINITY; N_SIZES];
         // What acts from the beginning on, such as an offset, may be of any size.
         age_s[0] = 0.0;
@@ -254,6 +263,7 @@ impl<N: Real> Parts<N> {
             halved: Vec::new(),
             tolerance_s: record.tolerance_s,
             longest_s,
+            share_of_age,
             age_s,
         };
         let delay_s = delay_s.unwrap_or(N::constant(0.0));
@@ -289,7 +299,7 @@ impl<N: Real> Parts<N> {
     fn longest_step_s(&self) -> f64 {
         let mut longest_s = f64::INFINITY;
         for class in 0..N_SIZES {
-            longest_s = longest_s.min(self.longest_s[class].max(SHARE_OF_AGE[class] * self.age_s[class]));
+            longest_s = longest_s.min(self.longest_s[class].max(self.share_of_age[class] * self.age_s[class]));
         }
         longest_s
     }

@@ -39,9 +39,9 @@ fn law(bodies: &[(f64, f64)]) -> Stages {
     stages
 }
 
-fn fractional() -> Stages {
+fn fractional(order: f64) -> Stages {
     let mut stages = law(&[]);
-    let springpot = Element::Springpot { modulus_pa: number(3.5), time_s: number(0.4), order: number(0.5) };
+    let springpot = Element::Springpot { modulus_pa: number(3.5), time_s: number(0.4), order: number(order) };
     stages.law[0] = Element::Parallel(vec![Element::Spring { modulus_pa: number(3.5) }, springpot]);
     stages
 }
@@ -65,9 +65,7 @@ fn value_of_mode(mode: &crate::rheology::SpectralMode) -> crate::rheology::Spect
 /// Positions (m) at the rows, by steps that may be exact or are graded as they are or as asked for.
 fn positions_m(time_s: &[f64], force_n: &[f64], stages: &Stages, levels: Levels, grading: Option<Grading>) -> Vec<f64> {
     let mut point = Lowered::with_spectrum(stages, &spectrum(stages), COMPLIANCE_PER_M, levels);
-    if grading.is_some() {
-        point.shape.grading = grading;
-    }
+    point.grading = grading.unwrap_or(point.grading);
     let mut position_m = Vec::new();
     assert!(Response::new(time_s, force_n, time_s.len()).run::<f64>(&[&point], &mut position_m)[0]);
     position_m
@@ -82,7 +80,7 @@ fn finest_m(time_s: &[f64], force_n: &[f64], stages: &Stages) -> Vec<f64> {
         (0..last).flat_map(|row| (0..N_PARTS).map(move |part| (row, part))).map(|(r, p)| fine(r, p)).collect();
     fine_s.push(time_s[last]);
     let fine_n: Vec<f64> = (0..fine_s.len()).map(|row| force_n[row / N_PARTS]).collect();
-    let finest = Grading { exponents: [-8; N_SIZES] };
+    let finest = Grading { exponents: [-12; N_SIZES] };
     positions_m(&fine_s, &fine_n, stages, Levels::Many, Some(finest)).into_iter().step_by(N_PARTS).collect()
 }
 
@@ -124,7 +122,11 @@ fn graded_steps_are_exact_steps_within_1e_8() {
 #[test]
 fn graded_steps_are_far_finer_ones_within_1e_8() {
     let time_s = time_s();
-    for (law_name, of_law) in [("bodies", law(&[(0.3, 4e-3), (0.1, 2e-4)])), ("springpot", fractional())] {
+    for (law_name, of_law) in [
+        ("bodies", law(&[(0.3, 4e-3), (0.1, 2e-4)])),
+        ("springpot", fractional(0.5)),
+        ("flat springpot", fractional(0.2)),
+    ] {
         for lag_time_s in [0.0, 1e-3, 0.02, 0.3] {
             for (name, force_n) in forces_n() {
                 let mut stages = of_law.clone();
@@ -164,7 +166,7 @@ fn parts_fill_the_rows() {
     let time_s = time_s();
     let parts = |force_n: &[f64], delay_s: f64, longest_s: [f64; N_SIZES]| {
         let record = Record::new(&time_s, force_n, N_ROWS);
-        let parts = Parts::new(&record, (delay_s > 0.0).then_some(delay_s), longest_s);
+        let parts = Parts::new(&record, (delay_s > 0.0).then_some(delay_s), longest_s, SHARE_OF_AGE);
         let (mut now_s, mut n_steps, mut row) = (0.0, 0, 1);
         for piece in &parts.pieces {
             n_steps += piece.n_steps();
@@ -199,9 +201,26 @@ fn points_with_their_own_delays_share_a_schedule() {
             stages
         })
         .to_vec();
-    let response = Response::new(&time_s, &force_n, N_ROWS);
+    assert_bits_of_single_points(&time_s, &force_n, &points);
+}
+
+/// The same of points whose laws ask for steps of their own.
+#[test]
+fn points_with_their_own_gradings_share_a_schedule() {
+    let points = [0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.7, 0.9].map(fractional).to_vec();
+    let gradings = points.iter().map(|stages| {
+        Lowered::with_spectrum(stages, &spectrum(stages), COMPLIANCE_PER_M, Levels::Many).grading.exponents
+    });
+    let mut distinct: Vec<_> = gradings.collect();
+    distinct.dedup();
+    assert!(distinct.len() > 2, "{distinct:?}");
+    assert_bits_of_single_points(&time_s(), &trimmed_n(0.06), &points);
+}
+
+fn assert_bits_of_single_points(time_s: &[f64], force_n: &[f64], points: &[Stages]) {
+    let response = Response::new(time_s, force_n, N_ROWS);
     let mut positions_m: Vec<Lanes> = Vec::new();
-    assert_eq!(response.trajectories_m(&points, &[COMPLIANCE_PER_M; N_LANES], &mut positions_m), [true; N_LANES]);
+    assert_eq!(response.trajectories_m(points, &[COMPLIANCE_PER_M; N_LANES], &mut positions_m), [true; N_LANES]);
     for (lane, stages) in points.iter().enumerate() {
         let alone_m = response.trajectory_m(stages, COMPLIANCE_PER_M).expect("sound");
         for (row, alone_m) in alone_m.iter().enumerate() {

@@ -4,7 +4,7 @@
 //! ρ = r + v, and the position is e^{vt} (C J₀ F + Σ Y): softening is a change of rates and a growing factor, and a dashpot is a mode of rate 0
 //! with κ = C φ. C is the compliance per m.
 
-use super::numbers::{Complex, Number, Real, gather};
+use super::numbers::{Complex, N_LANES, Number, Real, gather};
 use super::schedule::Grading;
 use super::transition::LARGEST_STATE;
 use crate::effects::Stages;
@@ -22,8 +22,8 @@ pub(super) struct Shape {
     pub lagging: bool,
     pub softening: bool,
     pub feedback: bool,
-    /// How steps are graded where they are not exact under a feedback.
-    pub grading: Option<Grading>,
+    /// Whether steps under a feedback are graded, and not exact.
+    pub graded: bool,
     /// Whether the recorded position differs from the robot's.
     pub observed: bool,
 }
@@ -32,6 +32,7 @@ pub(super) struct Shape {
 #[derive(Debug, Clone)]
 pub(super) struct Lowered<T> {
     pub shape: Shape,
+    pub grading: Grading,
     numbers: Vec<T>,
 }
 
@@ -48,6 +49,8 @@ pub(super) struct Mode<T> {
 #[derive(Debug, Clone)]
 pub(super) struct System<S> {
     pub shape: Shape,
+    /// The points' own.
+    pub gradings: [Grading; N_LANES],
     /// C J₀ in m/N.
     pub instantaneous: S,
     pub modes: Vec<Mode<S>>,
@@ -108,7 +111,7 @@ impl<T: Real> Lowered<T> {
             lagging: load.lag_time_s.value > 0.0,
             softening: !stages.softening_rate_per_s.is_constant(0.0),
             feedback: !load.gradient_per_m.is_constant(0.0),
-            grading: None,
+            graded: false,
             observed: !(observation.scale.is_constant(1.0)
                 && observation.velocity_m_per_s.is_constant(0.0)
                 && observation.approaches.is_empty()),
@@ -118,9 +121,9 @@ impl<T: Real> Lowered<T> {
             && !shape.softening
             && shape.n_oscillating == 0
             && shape.n_modes <= LARGEST_STATE;
-        if shape.feedback && !is_exact {
-            shape.grading = Some(grading(spectrum, shape.lagging.then(|| 1.0 / load.lag_time_s.value)));
-        }
+        shape.graded = shape.feedback && !is_exact;
+        let lag = shape.lagging.then(|| 1.0 / load.lag_time_s.value);
+        let grading = if shape.graded { grading(spectrum, lag) } else { Grading::NONE };
         let lag_rate = if shape.lagging { T::constant(1.0) / T::of(load.lag_time_s) } else { T::constant(0.0) };
         let mut numbers = Vec::with_capacity(11 + 2 * shape.n_modes + 4 * shape.n_oscillating + 2 * shape.n_approaches);
         numbers.extend([
@@ -139,7 +142,7 @@ impl<T: Real> Lowered<T> {
         for approach in &observation.approaches {
             numbers.extend([T::of(approach.amplitude_m), T::constant(1.0) / T::of(approach.time_s)]);
         }
-        Self { shape, numbers }
+        Self { shape, grading, numbers }
     }
 }
 
@@ -193,6 +196,7 @@ impl<S: Number> System<S> {
         };
         Self {
             shape,
+            gradings: std::array::from_fn(|lane| points[lane.min(points.len() - 1)].grading),
             instantaneous: take(),
             positive_factor: take(),
             negative_factor: take(),
