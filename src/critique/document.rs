@@ -6,14 +6,15 @@ use super::diagnosis::{
     BaseErrors, CandidateEntry, Diagnosis, Errors, PairEntry, Refit, RefitParameter, SmallestDetectable, Status,
     UnexplainedEntry, Verdict, VerdictKind,
 };
-use super::evidence::{Evidence, evidence};
+use super::evidence::{EvidenceMethod, evidence, evidence_by};
 use super::leftover::{Leftover, event_remark};
 use super::noise_fit::GAIN_FLOOR;
 use super::outside::Outside;
 use super::refit::{Gain, Refitted};
 use super::search::{Found, Single};
 use super::{Candidate, Fitted, Subject, Tangent, noise_learning, protocol, rank};
-use crate::error::Result;
+use crate::error::{Error, Result};
+use crate::inference::evidence::importance::LARGEST_PARETO_K;
 use crate::report::number::significant;
 use crate::workflow::{Counter, Monitor};
 
@@ -204,15 +205,17 @@ impl Report<'_> {
         self.claimed().contains(&single.slug) || (self.request.in_full && gains)
     }
 
-    fn weigh(&self, model: &Refitted) -> Result<Evidence> {
-        evidence(self.subject, &model.candidate, &model.fitted, self.request.seed)
-    }
-
-    /// Parameters of a claim of several effects, which all of them share; none for other claims.
+    /// Parameters of a claim of several effects, which all of them share; none for other claims. Nothing is weighed against it: where importance
+    /// sampling cannot be believed the curvature at the fit serves, and not a sequential sampler that runs for minutes.
     fn parameters_of_larger_claim(&self) -> Result<Vec<RefitParameter>> {
-        match &self.found.claimed {
-            Some(claimed) if self.found.added(claimed).len() > 1 => Ok(self.weigh(claimed)?.parameters),
-            _ => Ok(Vec::new()),
+        let Some(claimed) = self.found.claimed.as_ref().filter(|claimed| self.found.added(claimed).len() > 1) else {
+            return Ok(Vec::new());
+        };
+        let Refitted { candidate, fitted, .. } = claimed;
+        match evidence_by(self.subject, candidate, fitted, self.request.seed, EvidenceMethod::ImportanceSampling) {
+            Ok(found) if found.pareto_k.is_some_and(|k| k < LARGEST_PARETO_K) => Ok(found.parameters),
+            Ok(_) | Err(Error::Numerical { .. }) => laplace(self.subject, claimed),
+            Err(other) => Err(other),
         }
     }
 
@@ -225,7 +228,11 @@ impl Report<'_> {
         ln_base: f64,
         of_claim: &[RefitParameter],
     ) -> Result<Refit> {
-        let alone = if self.is_weighed(single) { Some(self.weigh(refitted)?) } else { None };
+        let alone = if self.is_weighed(single) {
+            Some(evidence(self.subject, &refitted.candidate, &refitted.fitted, self.request.seed)?)
+        } else {
+            None
+        };
         let is_of_claim = !of_claim.is_empty() && self.claimed().contains(&single.slug);
         let parameters = match &alone {
             _ if is_of_claim => of_claim.to_vec(),
