@@ -62,7 +62,7 @@ fn the_verdict_follows_claim_structure_and_noise() {
     for (list, remains) in [(&outside[..0], false), (&outside[..], true)] {
         let (missing, effects, sentence, statuses) = kind(&found, list);
         assert_eq!((missing, effects), (VerdictKind::Missing, vec!["force-bias".to_string()]));
-        assert_eq!(sentence.contains("Something remains that is not of the library: a slip."), remains);
+        assert_eq!(sentence.contains("Unexplained, here: a slip."), remains);
         assert_eq!(statuses[1], Status::Claimed);
         assert!(statuses[0] != Status::Suggestive && statuses[2] != Status::Suggestive);
     }
