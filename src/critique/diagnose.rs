@@ -54,9 +54,8 @@ const REACH_NATS: f64 = 6.0;
 const LARGEST_OUTSIDE_P: f64 = 0.02;
 const LEAST_OUTSIDE_NATS: f64 = 5.5;
 const N_OUTSIDE_SIMULATIONS: usize = 199;
-/// Simulated data sets by which a finding is confirmed, and the p that they have to show.
+/// Simulated data sets by which a finding is confirmed: none of them may show as much.
 const N_CONFIRMING: usize = 39;
-const LARGEST_CONFIRMED_P: f64 = 0.025;
 const CONFIRMING_STREAMS: u64 = 0xc0f1;
 /// What the best effect of the library gains by chance, in nats; each further one is asked for more.
 const CHANCE_NATS: f64 = 1.5;
@@ -177,11 +176,13 @@ fn confirmed(
         counter.add_one();
         Ok(simulated >= gain)
     };
-    let reached: Vec<bool> = (0..N_CONFIRMING).into_par_iter().map(reaches).collect::<Result<_>>()?;
-    let p = (1 + reached.iter().filter(|reached| **reached).count()) as f64 / (1 + N_CONFIRMING) as f64;
-    if p > LARGEST_CONFIRMED_P {
-        return Ok(Vec::new());
+    // The first that reaches it ends the search: the rest would change nothing.
+    match (0..N_CONFIRMING).into_par_iter().map(reaches).find_first(|reached| !matches!(reached, Ok(false))) {
+        Some(Err(error)) => return Err(error),
+        Some(_) => return Ok(Vec::new()),
+        None => {}
     }
+    let p = 1.0 / (1 + N_CONFIRMING) as f64;
     list.iter_mut().for_each(|outside| outside.p_familywise = outside.p_familywise.max(p));
     Ok(list)
 }
