@@ -6,15 +6,14 @@ use super::diagnosis::{
     BaseErrors, CandidateEntry, Diagnosis, Errors, PairEntry, Refit, RefitParameter, SmallestDetectable, Status,
     UnexplainedEntry, Verdict, VerdictKind,
 };
-use super::evidence::{EvidenceMethod, evidence, evidence_by};
+use super::evidence::{evidence, parameters_about_fit};
 use super::leftover::{Leftover, event_remark};
 use super::noise_fit::GAIN_FLOOR;
 use super::outside::Outside;
 use super::refit::{Gain, Refitted};
 use super::search::{Found, Single};
 use super::{Candidate, Fitted, Subject, Tangent, noise_learning, protocol, rank};
-use crate::error::{Error, Result};
-use crate::inference::evidence::importance::LARGEST_PARETO_K;
+use crate::error::Result;
 use crate::report::number::significant;
 use crate::workflow::{Counter, Monitor};
 
@@ -205,17 +204,14 @@ impl Report<'_> {
         self.claimed().contains(&single.slug) || (self.request.in_full && gains)
     }
 
-    /// Parameters of a claim of several effects, which all of them share; none for other claims. Nothing is weighed against it: where importance
-    /// sampling cannot be believed the curvature at the fit serves, and not a sequential sampler that runs for minutes.
+    /// Parameters of a claim of several effects, which all of them share; none for other claims.
     fn parameters_of_larger_claim(&self) -> Result<Vec<RefitParameter>> {
         let Some(claimed) = self.found.claimed.as_ref().filter(|claimed| self.found.added(claimed).len() > 1) else {
             return Ok(Vec::new());
         };
-        let Refitted { candidate, fitted, .. } = claimed;
-        match evidence_by(self.subject, candidate, fitted, self.request.seed, EvidenceMethod::ImportanceSampling) {
-            Ok(found) if found.pareto_k.is_some_and(|k| k < LARGEST_PARETO_K) => Ok(found.parameters),
-            Ok(_) | Err(Error::Numerical { .. }) => laplace(self.subject, claimed),
-            Err(other) => Err(other),
+        match parameters_about_fit(self.subject, &claimed.candidate, &claimed.fitted, self.request.seed)? {
+            Some(parameters) => Ok(parameters),
+            None => laplace(self.subject, claimed),
         }
     }
 

@@ -120,11 +120,11 @@ impl<'a> CandidatePosterior<'a> {
         [vec![at_fit, inside(START_QUANTILE)], others].concat()
     }
 
-    fn by_importance(&self, candidate: &Candidate, fitted: &Fitted, seed: u64) -> Result<Estimate> {
+    fn by_importance(&self, starts: Vec<Vec<f64>>, seed: u64) -> Result<Estimate> {
         let density = self.density();
         let seen = PriorCoordinates::new(&density, self.priors());
         let of_natural = |natural: Vec<f64>| natural.iter().enumerate().map(|(d, x)| seen.of_natural(d, *x)).collect();
-        let starts: Vec<Vec<f64>> = self.starts(candidate, fitted).into_iter().map(of_natural).collect();
+        let starts: Vec<Vec<f64>> = starts.into_iter().map(of_natural).collect();
         let modes = find_modes(&seen, &starts)?;
         importance::evidence(&seen, &modes, &ImportanceOptions { seed, ..ImportanceOptions::default() })
     }
@@ -136,7 +136,7 @@ impl<'a> CandidatePosterior<'a> {
     }
 
     fn estimate(&self, candidate: &Candidate, fitted: &Fitted, seed: u64) -> Result<(Estimate, EvidenceMethod)> {
-        match self.by_importance(candidate, fitted, seed) {
+        match self.by_importance(self.starts(candidate, fitted), seed) {
             Ok(estimate) if importance::is_reliable(&estimate) => Ok((estimate, EvidenceMethod::ImportanceSampling)),
             Ok(_) | Err(Error::Numerical { .. }) => {
                 Ok((self.by_tempering(seed)?, EvidenceMethod::SequentialMonteCarlo))
@@ -177,7 +177,30 @@ pub fn evidence(subject: &Subject, candidate: &Candidate, fitted: &Fitted, seed:
     Ok(evidence_of(&posterior, &estimate, method))
 }
 
-/// The same by a method of the caller's choice.
+/// The parameters of a candidate about its fit, by importance sampling of that one mode; `None` where the weights cannot be believed. For models whose
+/// evidence is compared with nothing: other modes are not climbed for, nor is a sequential sampler run for minutes.
+///
+/// # Errors
+/// [`Error::Input`] for a candidate with columns of free amplitude.
+pub fn parameters_about_fit(
+    subject: &Subject,
+    candidate: &Candidate,
+    fitted: &Fitted,
+    seed: u64,
+) -> Result<Option<Vec<RefitParameter>>> {
+    let posterior = CandidatePosterior::new(subject, candidate)?;
+    let mut starts = posterior.starts(candidate, fitted);
+    starts.truncate(1);
+    match posterior.by_importance(starts, seed) {
+        Ok(estimate) if importance::is_reliable(&estimate) => {
+            Ok(Some(evidence_of(&posterior, &estimate, EvidenceMethod::ImportanceSampling).parameters))
+        }
+        Ok(_) | Err(Error::Numerical { .. }) => Ok(None),
+        Err(other) => Err(other),
+    }
+}
+
+/// [`evidence`] by a method of the caller's choice.
 ///
 /// # Errors
 /// As [`evidence`].
@@ -190,7 +213,7 @@ pub fn evidence_by(
 ) -> Result<Evidence> {
     let posterior = CandidatePosterior::new(subject, candidate)?;
     let estimate = match method {
-        EvidenceMethod::ImportanceSampling => posterior.by_importance(candidate, fitted, seed)?,
+        EvidenceMethod::ImportanceSampling => posterior.by_importance(posterior.starts(candidate, fitted), seed)?,
         EvidenceMethod::SequentialMonteCarlo => posterior.by_tempering(seed)?,
     };
     Ok(evidence_of(&posterior, &estimate, method))
