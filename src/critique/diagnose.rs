@@ -3,7 +3,7 @@
 use super::bootstrap::simulated;
 use super::diagnosis::Diagnosis;
 use super::document::Report;
-use super::leftover::{Leftover, event_in_any_cycle};
+use super::leftover::{Leftover, event_in_any_cycle, is_gain_of_a_cycle};
 use super::outside::{self, Outside, OutsideNull, OutsideRequest, outside_gain};
 use super::refit::Refitted;
 use super::search::{Bars, Effort, Found, LARGER_NATS, replacements, search};
@@ -123,7 +123,7 @@ fn unexplained(
     let search = OutsideRequest { n_simulations: N_OUTSIDE_SIMULATIONS, seed: request.seed };
     let look = |model: &Refitted| -> Result<Vec<Outside>> {
         let mut list = outside::search(subject, &model.candidate, &model.fitted, &search)?;
-        list.retain(is_significant);
+        list.retain(|outside| is_significant(outside) && !is_gain_of_a_cycle(subject, outside));
         Ok(list)
     };
     let Some(claimed) = &found.claimed else {

@@ -321,9 +321,15 @@ impl Report<'_> {
                 format!(" This experiment cannot tell {which} from {}.", listed(class, "or"))
             }
         };
+        let ratio = self.learnt_noise_ratio();
+        let noise = if ratio > LARGEST_NOISE_RATIO {
+            format!(" Even so {ratio:.0} times the known noise are left: this is not all that is missing.")
+        } else {
+            String::new()
+        };
         let rest = self.what_remains().map_or(String::new(), |what| format!(" Unexplained, here: {what}"));
         format!(
-            "The model lacks {}: with {}, {errors} (noise {}). {}.{class}{rest}",
+            "The model lacks {}: with {}, {errors} (noise {}). {}.{class}{noise}{rest}",
             listed(effects, "and"),
             if effects.len() > 1 { "them" } else { "it" },
             short(1e6 * self.subject.yardstick_m()),

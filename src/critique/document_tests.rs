@@ -63,9 +63,13 @@ fn the_verdict_follows_claim_structure_and_noise() {
         let (missing, effects, sentence, statuses) = kind(&found, list);
         assert_eq!((missing, effects), (VerdictKind::Missing, vec!["force-bias".to_string()]));
         assert_eq!(sentence.contains("Unexplained, here: a slip."), remains);
+        assert!(!sentence.contains("times the known noise"), "{sentence}");
         assert_eq!(statuses[1], Status::Claimed);
         assert!(statuses[0] != Status::Suggestive && statuses[2] != Status::Suggestive);
     }
+    found.claimed.as_mut().expect("a claim").fitted.noise[0] = 20.1;
+    let (_, _, sentence, _) = kind(&found, &[]);
+    assert!(sentence.contains("Even so 5 times the known noise are left"), "{sentence}");
 }
 
 #[test]

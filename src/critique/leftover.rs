@@ -119,7 +119,7 @@ pub(super) fn event_in_any_cycle(
 }
 
 /// A gain that changes where a cycle begins is what the noise holds for every cycle.
-fn is_gain_of_a_cycle(subject: &Subject, event: &Outside) -> bool {
+pub(super) fn is_gain_of_a_cycle(subject: &Subject, event: &Outside) -> bool {
     let (record, scales) = (&subject.experiment().record, subject.experiment().scales());
     let begins = |row: &usize| *row == 0 || record.cycle[*row] != record.cycle[*row - 1];
     let is_near = |row: usize| {

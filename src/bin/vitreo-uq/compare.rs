@@ -13,7 +13,7 @@ use vitreo_uq::workflow::Monitor;
 use crate::examine::Examined;
 use crate::options::{self, CompareArguments};
 use crate::terminal::Terminal;
-use crate::text::significant;
+use crate::text::{outliers_left_out, significant};
 
 /// The file of a revision that says where it fails.
 const COMPARISON_NAME: &str = "comparison.json";
@@ -73,11 +73,7 @@ fn words(comparison: &Comparison, revision: &str) -> String {
     }
     lines.extend(also("Found, too", sources.iter().skip(MOST_SENTENCES)));
     lines.extend(also("The same misfit shows in", echoes.iter()));
-    match comparison.outlier_rows.len() {
-        0 => {}
-        1 => lines.push("One position was left out as an outlier.".into()),
-        n => lines.push(format!("{n} positions were left out as outliers.")),
-    }
+    lines.extend(outliers_left_out(comparison.outlier_rows.len()));
     lines.push(String::new());
     lines.push(format!("  {:<20}{:>14}{:>12}{:>16}", "where", "gain (nats)", "p", "p of all looks"));
     lines.extend(comparison.panels.iter().map(row));

@@ -16,7 +16,7 @@ use vitreo_uq::workflow::Monitor;
 use crate::examine::Examined;
 use crate::options::{self, DiagnoseArguments};
 use crate::terminal::Terminal;
-use crate::text::significant;
+use crate::text::{outliers_left_out, significant};
 
 /// The file of a revision that says what was found.
 const DIAGNOSIS_NAME: &str = "diagnosis.json";
@@ -99,9 +99,7 @@ fn words(diagnosis: &Diagnosis, revision: &str) -> String {
     if !diagnosis.separating_protocol.is_empty() {
         lines.push(format!("To tell them apart: {}", diagnosis.separating_protocol));
     }
-    if !diagnosis.outlier_rows.is_empty() {
-        lines.push(format!("{} positions were left out as outliers.", diagnosis.outlier_rows.len()));
-    }
+    lines.extend(outliers_left_out(diagnosis.outlier_rows.len()));
     if !diagnosis.blind_spots.is_empty() {
         lines.push(format!("Blind spots, which this experiment cannot show: {}.", diagnosis.blind_spots.join(", ")));
     }

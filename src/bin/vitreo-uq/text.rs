@@ -126,3 +126,11 @@ pub fn significant(value: f64) -> String {
         _ => format!("{value:.2e}"),
     }
 }
+/// That positions were left out as outliers, if any were.
+pub fn outliers_left_out(n: usize) -> Option<String> {
+    match n {
+        0 => None,
+        1 => Some("One position was left out as an outlier.".into()),
+        n => Some(format!("{n} positions were left out as outliers.")),
+    }
+}
