@@ -126,6 +126,7 @@ pub fn significant(value: f64) -> String {
         _ => format!("{value:.2e}"),
     }
 }
+
 /// That positions were left out as outliers, if any were.
 pub fn outliers_left_out(n: usize) -> Option<String> {
     match n {
