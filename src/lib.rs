@@ -12,6 +12,7 @@ pub mod effects;
 pub mod error;
 pub mod experiment;
 pub mod files;
+pub mod groups;
 
 pub mod critique;
 pub mod fe;

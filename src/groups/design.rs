@@ -1,0 +1,119 @@
+//! Which experiments belong to which specimen and group.
+
+use std::collections::BTreeMap;
+
+/// What is known of an experiment beside its data.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Labels {
+    /// Specimen that was measured; experiments of one specimen are its repeats.
+    pub specimen: String,
+    /// The group's level of every grouping key, in the keys' order.
+    pub levels: Vec<String>,
+}
+
+/// A group: one level of every key.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Group {
+    /// Levels joined by a comma.
+    pub name: String,
+    /// Index of each key's level.
+    pub levels: Vec<usize>,
+    /// Index of the set of groups that share specimens, and with them the spread between specimens.
+    pub stratum: usize,
+}
+
+/// A specimen and its experiments.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Specimen {
+    /// Its name.
+    pub name: String,
+    /// Its groups' stratum.
+    pub stratum: usize,
+    /// Its experiments.
+    pub experiments: Vec<usize>,
+}
+
+/// Experiments, specimens and groups.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Design {
+    /// The levels of each key, sorted.
+    pub keys: Vec<Vec<String>>,
+    /// Groups that have experiments, sorted by their levels.
+    pub groups: Vec<Group>,
+    /// Specimens, sorted by name.
+    pub specimens: Vec<Specimen>,
+    /// Group of every experiment.
+    pub group_of: Vec<usize>,
+    /// Number of strata.
+    pub n_strata: usize,
+}
+
+impl Design {
+    /// Sorts experiments into specimens and groups.
+    pub fn new(labels: &[Labels]) -> Self {
+        let n_keys = labels.first().map_or(0, |own| own.levels.len());
+        let keys: Vec<Vec<String>> = (0..n_keys)
+            .map(|key| {
+                let mut levels: Vec<String> = labels.iter().map(|own| own.levels[key].clone()).collect();
+                levels.sort();
+                levels.dedup();
+                levels
+            })
+            .collect();
+        let level = |key: usize, name: &String| keys[key].binary_search(name).unwrap_or(0);
+        let indices = |own: &Labels| -> Vec<usize> {
+            own.levels.iter().enumerate().map(|(key, name)| level(key, name)).collect()
+        };
+        let mut places: BTreeMap<Vec<usize>, usize> = labels.iter().map(|own| (indices(own), 0)).collect();
+        places.values_mut().enumerate().for_each(|(place, value)| *value = place);
+        let group_of: Vec<usize> = labels.iter().map(|own| places[&indices(own)]).collect();
+        let mut by_name: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
+        for (experiment, own) in labels.iter().enumerate() {
+            by_name.entry(&own.specimen).or_default().push(experiment);
+        }
+        let strata = strata(places.len(), by_name.values().map(|list| list.iter().map(|e| group_of[*e]).collect()));
+        let n_strata = strata.iter().max().map_or(0, |last| last + 1);
+        let groups = places.into_keys().zip(&strata).map(|(levels, stratum)| {
+            let names: Vec<&str> = levels.iter().enumerate().map(|(key, level)| keys[key][*level].as_str()).collect();
+            Group { name: names.join(","), stratum: *stratum, levels: levels.clone() }
+        });
+        let groups: Vec<Group> = groups.collect();
+        let specimen = |(name, experiments): (&str, Vec<usize>)| Specimen {
+            name: name.to_string(),
+            stratum: experiments.first().map_or(0, |first| strata[group_of[*first]]),
+            experiments,
+        };
+        let specimens = by_name.into_iter().map(specimen).collect();
+        Self { groups, specimens, group_of, n_strata, keys }
+    }
+
+    /// Experiments in all.
+    pub fn n_experiments(&self) -> usize {
+        self.group_of.len()
+    }
+
+    /// Whether a specimen was measured more than once: only then is there a spread within specimens to speak of.
+    pub fn has_repeats(&self) -> bool {
+        self.specimens.iter().any(|specimen| specimen.experiments.len() > 1)
+    }
+
+    /// Specimens of a group.
+    pub fn n_specimens(&self, group: usize) -> usize {
+        let is_of = |specimen: &&Specimen| specimen.experiments.iter().any(|e| self.group_of[*e] == group);
+        self.specimens.iter().filter(is_of).count()
+    }
+}
+
+/// Groups that share a specimen, directly or through others, are one stratum. Returns each group's.
+fn strata(n_groups: usize, specimens: impl Iterator<Item = Vec<usize>>) -> Vec<usize> {
+    let mut stratum: Vec<usize> = (0..n_groups).collect();
+    for groups in specimens {
+        let lowest = groups.iter().map(|group| stratum[*group]).min().unwrap_or(0);
+        let joined: Vec<usize> = groups.iter().map(|group| stratum[*group]).collect();
+        stratum.iter_mut().filter(|own| joined.contains(own)).for_each(|own| *own = lowest);
+    }
+    let mut names = stratum.clone();
+    names.sort_unstable();
+    names.dedup();
+    stratum.iter().map(|own| names.binary_search(own).unwrap_or(0)).collect()
+}

@@ -1,0 +1,408 @@
+//! The population of groups, by Gibbs sampling.
+//!
+//! For the logarithms φ (p of them) of an experiment e of specimen s in group g:
+//!
+//! ```text
+//! φ_e  = μ_g + u_s + w_e        w_e ~ N(0, W)          repeats (left out where no specimen has any)
+//! u_s  ~ N(0, Σ_h / λ_s)        specimens of stratum h; λ_s = 1, or Gamma(ν/2, ν/2): Student-t specimens
+//! μ_g  = m + Σ_k a_k,level(g)   a_k ~ N(0, diag τ_k²)  one sum of the grouping keys' levels, and one of the group's own
+//! ```
+//!
+//! Groups that share specimens share Σ; scales of all Σ are pooled by the hierarchical inverse-Wishart of Huang & Wand (2013,
+//! Bayesian Anal. 8:439, doi:10.1214/13-BA815): half-t(2) standard deviations and uniform correlations. τ are half-t(2) too.
+//! Every update but the members' is a draw from a full conditional; (m, a) are drawn with all u integrated out.
+//! A sweep costs time linear in the experiments.
+
+mod members;
+mod random;
+
+use std::ops::Range;
+
+use nalgebra::{DMatrix, DVector};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+
+use members::Place;
+pub use members::{ExperimentDensity, InterimDraws, Member};
+use random::{factor, gamma, normal_of_information, normals, wishart_of_scatter};
+
+use super::design::Design;
+use crate::error::Result;
+
+/// Degrees of freedom of the half-t priors of standard deviations.
+const HALF_T_DEGREES: f64 = 2.0;
+
+/// Priors and settings of the hierarchy.
+#[derive(Debug, Clone, PartialEq)]
+pub struct HierarchyOptions {
+    /// Mean of the overall logarithms, one value a parameter.
+    pub overall_mean: Vec<f64>,
+    /// Their standard deviation.
+    pub overall_sd: f64,
+    /// Scale of the half-t prior of the spread between groups, between specimens, and between repeats, in the logarithm.
+    pub scales: [f64; 3],
+    /// Degrees of freedom of Student-t specimens; `None` for normal ones.
+    pub student_dof: Option<f64>,
+    /// Chains.
+    pub n_chains: usize,
+    /// Sweeps that are dropped, and sweeps that are kept, in each chain.
+    pub n_sweeps: [usize; 2],
+    /// Seed.
+    pub seed: u64,
+}
+
+/// One state of the population.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PopulationDraw {
+    /// Mean logarithms of every group, p values a group.
+    pub group_mean: Vec<f64>,
+    /// Covariance of specimens in every stratum, p² values each.
+    pub between_specimens: Vec<f64>,
+    /// Covariance of repeats, p² values; empty without repeats.
+    pub within_specimens: Vec<f64>,
+    /// Standard deviations between the levels of every key and, last, between groups beyond them; p values each.
+    pub between_groups_sd: Vec<f64>,
+    /// Logarithms of every specimen's own mean, p values a specimen, in its first experiment's group.
+    pub specimen_mean: Vec<f64>,
+    /// The specimens' weights λ.
+    pub specimen_weight: Vec<f64>,
+    /// Overall mean m and the levels' shares a, in the order of [`Layout`]; p values each.
+    pub shares: Vec<f64>,
+}
+
+/// Where the shares of the groups' means stand.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Layout {
+    /// Shares in all, the overall mean included.
+    pub n_shares: usize,
+    /// Range of each factor's shares: the keys, then, where there are several keys, the group's own.
+    pub factors: Vec<Range<usize>>,
+    /// Shares that make up a group's mean; the overall one first.
+    pub of_group: Vec<Vec<usize>>,
+}
+
+impl Layout {
+    /// The shares of a design.
+    pub fn new(design: &Design) -> Self {
+        let mut factors = Vec::new();
+        let mut next = 1;
+        let mut of_group = vec![vec![0]; design.groups.len()];
+        for (key, levels) in design.keys.iter().enumerate() {
+            factors.push(next..next + levels.len());
+            for (shares, group) in of_group.iter_mut().zip(&design.groups) {
+                shares.push(next + group.levels[key]);
+            }
+            next += levels.len();
+        }
+        if design.keys.len() > 1 {
+            factors.push(next..next + design.groups.len());
+            of_group.iter_mut().enumerate().for_each(|(group, shares)| shares.push(next + group));
+            next += design.groups.len();
+        }
+        Self { n_shares: next, factors, of_group }
+    }
+}
+
+/// Draws of all chains.
+pub struct Population {
+    /// Kept draws, by chain.
+    pub chains: Vec<Vec<PopulationDraw>>,
+    /// Parameters.
+    pub n_parameters: usize,
+}
+
+impl Population {
+    /// All draws.
+    pub fn draws(&self) -> impl Iterator<Item = &PopulationDraw> {
+        self.chains.iter().flatten()
+    }
+}
+
+/// Samples the population that the members come from, one member an experiment of the design.
+///
+/// # Errors
+/// [`crate::Error::Numerical`] when a covariance cannot be factored.
+pub fn sample_population(design: &Design, members: &[Member], options: &HierarchyOptions) -> Result<Population> {
+    let chain = |number: usize| -> Result<Vec<PopulationDraw>> {
+        let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
+        rng.set_stream(number as u64);
+        let mut chain = Chain::new(design, members, options, &mut rng);
+        let [n_dropped, n_kept] = options.n_sweeps;
+        let mut kept = Vec::with_capacity(n_kept);
+        for sweep in 0..n_dropped + n_kept {
+            chain.sweep(&mut rng)?;
+            if sweep >= n_dropped {
+                kept.push(chain.draw());
+            }
+        }
+        Ok(kept)
+    };
+    let chains = (0..options.n_chains).into_par_iter().map(chain).collect::<Result<_>>()?;
+    Ok(Population { chains, n_parameters: options.overall_mean.len() })
+}
+
+struct Chain<'a, 'm> {
+    design: &'a Design,
+    members: &'a [Member<'m>],
+    options: &'a HierarchyOptions,
+    layout: Layout,
+    p: usize,
+    has_repeats: bool,
+    /// Specimen of every experiment.
+    specimen_of: Vec<usize>,
+    places: Vec<Place>,
+    shares: DVector<f64>,
+    group_mean: Vec<DVector<f64>>,
+    /// Deviation of each specimen; with no repeats the whole deviation from the group's mean.
+    deviation: Vec<DVector<f64>>,
+    weight: Vec<f64>,
+    /// Σ⁻¹ of every stratum, and the pooled scales a of their prior.
+    precision: Vec<DMatrix<f64>>,
+    scale: Vec<f64>,
+    /// W⁻¹ and its scales.
+    repeat_precision: DMatrix<f64>,
+    repeat_scale: Vec<f64>,
+    /// τ² of every factor and parameter, and the scales of their priors.
+    factor_variance: Vec<Vec<f64>>,
+    factor_scale: Vec<Vec<f64>>,
+}
+
+impl<'a, 'm> Chain<'a, 'm> {
+    fn new(design: &'a Design, members: &'a [Member<'m>], options: &'a HierarchyOptions, rng: &mut ChaCha8Rng) -> Self {
+        let p = options.overall_mean.len();
+        let layout = Layout::new(design);
+        let places: Vec<Place> = members.iter().map(|member| member.start(rng)).collect();
+        let mut specimen_of = vec![0; design.n_experiments()];
+        for (index, specimen) in design.specimens.iter().enumerate() {
+            specimen.experiments.iter().for_each(|e| specimen_of[*e] = index);
+        }
+        let of_sd = |sd: f64| DMatrix::from_diagonal_element(p, p, 1.0 / (sd * sd));
+        let n_factors = layout.factors.len();
+        // Overdispersed by a factor of e either way.
+        let mut spread = |scale: f64| scale * (normals(1, rng)[0]).exp();
+        Self {
+            precision: (0..design.n_strata).map(|_| of_sd(spread(0.5 * options.scales[1]))).collect(),
+            scale: vec![1.0; p],
+            repeat_precision: of_sd(spread(0.5 * options.scales[2])),
+            repeat_scale: vec![1.0; p],
+            factor_variance: vec![vec![spread(options.scales[0]).powi(2); p]; n_factors],
+            factor_scale: vec![vec![1.0; p]; n_factors],
+            shares: DVector::zeros(p * layout.n_shares),
+            group_mean: vec![DVector::zeros(p); design.groups.len()],
+            deviation: vec![DVector::zeros(p); design.specimens.len()],
+            weight: vec![1.0; design.specimens.len()],
+            has_repeats: design.has_repeats(),
+            layout,
+            design,
+            members,
+            options,
+            p,
+            specimen_of,
+            places,
+        }
+    }
+
+    fn sweep(&mut self, rng: &mut ChaCha8Rng) -> Result<()> {
+        self.draw_shares(rng)?;
+        self.draw_deviations(rng)?;
+        self.draw_members(rng);
+        self.draw_factor_variances(rng);
+        if self.has_repeats {
+            self.draw_repeat_precision(rng)?;
+        }
+        if let Some(dof) = self.options.student_dof {
+            self.draw_weights(dof, rng);
+        }
+        self.draw_precisions(rng)
+    }
+
+    fn residual(&self, experiment: usize) -> DVector<f64> {
+        let mean = &self.group_mean[self.design.group_of[experiment]];
+        DVector::from_fn(self.p, |k, _| self.places[experiment].log_parameters[k] - mean[k])
+    }
+
+    /// (m, a) given the experiments' parameters, the specimens' deviations integrated out.
+    fn draw_shares(&mut self, rng: &mut ChaCha8Rng) -> Result<()> {
+        let (p, design) = (self.p, self.design);
+        let n = p * self.layout.n_shares;
+        let mut precision = DMatrix::zeros(n, n);
+        let mut information = DVector::zeros(n);
+        for k in 0..p {
+            let of_overall = 1.0 / self.options.overall_sd.powi(2);
+            precision[(k, k)] = of_overall;
+            information[k] = of_overall * self.options.overall_mean[k];
+            for (factor, range) in self.layout.factors.iter().enumerate() {
+                for share in range.clone() {
+                    precision[(p * share + k, p * share + k)] = 1.0 / self.factor_variance[factor][k];
+                }
+            }
+        }
+        let layout = &self.layout;
+        let mut add = |groups: [usize; 2], block: &DMatrix<f64>| {
+            for row in &layout.of_group[groups[0]] {
+                for column in &layout.of_group[groups[1]] {
+                    let mut view = precision.view_mut((p * row, p * column), (p, p));
+                    view += block;
+                }
+            }
+        };
+        // Blocks and sums by group: most specimens have one group, and without Student-t all of a stratum the same precision.
+        for (index, specimen) in design.specimens.iter().enumerate() {
+            let own = &self.precision[specimen.stratum] * self.weight[index];
+            let value = |e: usize| DVector::from_column_slice(&self.places[e].log_parameters);
+            if !self.has_repeats {
+                let e = specimen.experiments[0];
+                let group = design.group_of[e];
+                add([group, group], &own);
+                let product = &own * value(e);
+                for share in &layout.of_group[group] {
+                    let mut view = information.rows_mut(p * share, p);
+                    view += &product;
+                }
+                continue;
+            }
+            let repeat = &self.repeat_precision;
+            let count = specimen.experiments.len() as f64;
+            let covariance = factor(own + repeat * count)?.inverse();
+            let shared = repeat * covariance * repeat;
+            let sum = specimen.experiments.iter().fold(DVector::zeros(p), |sum, e| sum + value(*e));
+            for &e in &specimen.experiments {
+                let group = design.group_of[e];
+                add([group, group], repeat);
+                for &other in &specimen.experiments {
+                    add([group, design.group_of[other]], &-&shared);
+                }
+                let product = repeat * value(e) - &shared * &sum;
+                for share in &layout.of_group[group] {
+                    let mut view = information.rows_mut(p * share, p);
+                    view += &product;
+                }
+            }
+        }
+        self.shares = normal_of_information(precision, information, rng)?;
+        for (mean, shares) in self.group_mean.iter_mut().zip(&self.layout.of_group) {
+            mean.fill(0.0);
+            for share in shares {
+                *mean += self.shares.rows(p * share, p);
+            }
+        }
+        Ok(())
+    }
+
+    fn draw_deviations(&mut self, rng: &mut ChaCha8Rng) -> Result<()> {
+        for (index, specimen) in self.design.specimens.iter().enumerate() {
+            let sum = specimen.experiments.iter().fold(DVector::zeros(self.p), |sum, e| sum + self.residual(*e));
+            self.deviation[index] = if self.has_repeats {
+                let count = specimen.experiments.len() as f64;
+                let precision = &self.precision[specimen.stratum] * self.weight[index] + &self.repeat_precision * count;
+                normal_of_information(precision, &self.repeat_precision * sum, rng)?
+            } else {
+                sum
+            };
+        }
+        Ok(())
+    }
+
+    fn draw_members(&mut self, rng: &mut ChaCha8Rng) {
+        for e in 0..self.design.n_experiments() {
+            let specimen = self.specimen_of[e];
+            let stratum = self.design.specimens[specimen].stratum;
+            let group_mean = &self.group_mean[self.design.group_of[e]];
+            let (mean, precision) = if self.has_repeats {
+                (group_mean + &self.deviation[specimen], self.repeat_precision.clone())
+            } else {
+                (group_mean.clone(), &self.precision[stratum] * self.weight[specimen])
+            };
+            self.members[e].step(&mut self.places[e], mean.as_slice(), &precision, rng);
+            if !self.has_repeats {
+                self.deviation[specimen] = self.residual(e);
+            }
+        }
+    }
+
+    fn draw_factor_variances(&mut self, rng: &mut ChaCha8Rng) {
+        let nu = HALF_T_DEGREES;
+        for (factor, range) in self.layout.factors.iter().enumerate() {
+            for k in 0..self.p {
+                let squares: f64 = range.clone().map(|share| self.shares[self.p * share + k].powi(2)).sum();
+                let scale = self.factor_scale[factor][k];
+                let shape = 0.5 * (nu + range.len() as f64);
+                let variance = 1.0 / gamma(shape, nu / scale + 0.5 * squares, rng);
+                self.factor_variance[factor][k] = variance;
+                let rate = nu / variance + self.options.scales[0].powi(-2);
+                self.factor_scale[factor][k] = 1.0 / gamma(0.5 * (nu + 1.0), rate, rng);
+            }
+        }
+    }
+
+    /// W | w and its scales; Huang & Wand.
+    fn draw_repeat_precision(&mut self, rng: &mut ChaCha8Rng) -> Result<()> {
+        let (p, nu) = (self.p, HALF_T_DEGREES);
+        let mut scatter = DMatrix::from_fn(p, p, |i, j| if i == j { 2.0 * nu / self.repeat_scale[i] } else { 0.0 });
+        for e in 0..self.design.n_experiments() {
+            let residual = self.residual(e) - &self.deviation[self.specimen_of[e]];
+            scatter.ger(1.0, &residual, &residual, 1.0);
+        }
+        let degrees = nu + (p - 1 + self.design.n_experiments()) as f64;
+        self.repeat_precision = wishart_of_scatter(degrees, scatter, rng)?;
+        for k in 0..p {
+            let rate = nu * self.repeat_precision[(k, k)] + self.options.scales[2].powi(-2);
+            self.repeat_scale[k] = 1.0 / gamma(0.5 * (nu + p as f64), rate, rng);
+        }
+        Ok(())
+    }
+
+    fn draw_weights(&mut self, dof: f64, rng: &mut ChaCha8Rng) {
+        for (index, specimen) in self.design.specimens.iter().enumerate() {
+            let deviation = &self.deviation[index];
+            let distance = (deviation.transpose() * &self.precision[specimen.stratum] * deviation)[0];
+            self.weight[index] = gamma(0.5 * (dof + self.p as f64), 0.5 * (dof + distance), rng);
+        }
+    }
+
+    /// Σ of every stratum given its specimens, and the scales that the strata share.
+    fn draw_precisions(&mut self, rng: &mut ChaCha8Rng) -> Result<()> {
+        let (p, nu) = (self.p, HALF_T_DEGREES);
+        for stratum in 0..self.design.n_strata {
+            let mut scatter = DMatrix::from_fn(p, p, |i, j| if i == j { 2.0 * nu / self.scale[i] } else { 0.0 });
+            let mut count = 0;
+            for (index, specimen) in self.design.specimens.iter().enumerate() {
+                if specimen.stratum == stratum {
+                    let deviation = &self.deviation[index];
+                    scatter.ger(self.weight[index], deviation, deviation, 1.0);
+                    count += 1;
+                }
+            }
+            self.precision[stratum] = wishart_of_scatter(nu + (p - 1 + count) as f64, scatter, rng)?;
+        }
+        for k in 0..p {
+            let diagonal: f64 = self.precision.iter().map(|precision| precision[(k, k)]).sum();
+            let rate = nu * diagonal + self.options.scales[1].powi(-2);
+            let shape = 0.5 * (self.design.n_strata as f64 * (nu + (p - 1) as f64) + 1.0);
+            self.scale[k] = 1.0 / gamma(shape, rate, rng);
+        }
+        Ok(())
+    }
+
+    fn draw(&self) -> PopulationDraw {
+        let inverse = |matrix: &DMatrix<f64>| -> Vec<f64> {
+            matrix.clone().try_inverse().map_or_else(|| vec![f64::NAN; self.p * self.p], |own| own.as_slice().to_vec())
+        };
+        let specimens = self.design.specimens.iter().zip(&self.deviation);
+        PopulationDraw {
+            group_mean: self.group_mean.iter().flat_map(|mean| mean.iter().copied()).collect(),
+            between_specimens: self.precision.iter().flat_map(inverse).collect(),
+            within_specimens: if self.has_repeats { inverse(&self.repeat_precision) } else { Vec::new() },
+            between_groups_sd: self.factor_variance.iter().flatten().map(|variance| variance.sqrt()).collect(),
+            specimen_mean: specimens
+                .flat_map(|(specimen, deviation)| {
+                    let mean = &self.group_mean[self.design.group_of[specimen.experiments[0]]] + deviation;
+                    mean.iter().copied().collect::<Vec<f64>>()
+                })
+                .collect(),
+            specimen_weight: self.weight.clone(),
+            shares: self.shares.as_slice().to_vec(),
+        }
+    }
+}
