@@ -9,6 +9,11 @@ use crate::critique::search::tests::{BIAS, DRIFT_M_PER_S, found, refitted, small
 use crate::critique::separation::tests::measured;
 use crate::workflow::Silent;
 
+/// Of a search alone: nothing is unexplained, and no other effect stands for a claimed one.
+fn plain<'a>(subject: &'a Subject, request: &'a DiagnosisRequest, found: &'a Found) -> Report<'a> {
+    Report { subject, request, found, unexplained: &[], class: &[], leftover: None, event: None }
+}
+
 /// Something outside the library; what stands in it but its words is not looked at.
 pub fn slip(model: &Refitted) -> Outside {
     Outside {
@@ -38,8 +43,7 @@ fn the_verdict_follows_claim_structure_and_noise() {
     let mut found = found(&data, &[1.0; 99]);
     let request = request();
     let kind = |found: &Found, unexplained: &[Outside]| {
-        let report =
-            Report { subject: &data, request: &request, found, unexplained, class: &[], leftover: None, event: None };
+        let report = Report { unexplained, ..plain(&data, &request, found) };
         let statuses: Vec<Status> = found.singles.iter().map(|single| report.status(single)).collect();
         let verdict = report.verdict(&[]);
         (verdict.kind, verdict.effects, verdict.sentence, statuses)
@@ -83,8 +87,7 @@ fn a_standing_is_that_of_gain_visibility_and_class() {
         if visible.is_none() {
             single.score = None;
         }
-        Report { subject: &data, request: &request(), found, unexplained: &[], class: &[], leftover: None, event: None }
-            .status(&found.singles[2])
+        plain(&data, &request(), found).status(&found.singles[2])
     };
     assert_eq!(of(&mut found, 2.1, Some(0.5)), Status::Suggestive);
     assert_eq!(of(&mut found, 1.9, Some(0.5)), Status::Unsupported);
@@ -93,15 +96,8 @@ fn a_standing_is_that_of_gain_visibility_and_class() {
     assert_eq!(of(&mut found, 1.9, None), Status::Invisible);
     let class = [Equivalent { slug: "force-asymmetry", model: found.base.clone() }];
     found.claimed = found.singles[1].refitted.clone();
-    let report = Report {
-        subject: &data,
-        request: &request(),
-        found: &found,
-        unexplained: &[],
-        class: &class,
-        leftover: None,
-        event: None,
-    };
+    let request = request();
+    let report = Report { class: &class, ..plain(&data, &request, &found) };
     let statuses: Vec<Status> = found.singles.iter().map(|single| report.status(single)).collect();
     assert_eq!(statuses, [Status::Equivalent, Status::Claimed, Status::Invisible]);
     let verdict = report.verdict(&[]);
@@ -115,15 +111,8 @@ fn the_threshold_is_the_signal_that_gains_it() {
     let data = measured(&small(), &[], &[], 33);
     for (simulated, sigma) in [(8.0, 5.0), (0.5, 3.0)] {
         let found = found(&data, &[simulated; 20]);
-        let report = Report {
-            subject: &data,
-            request: &request(),
-            found: &found,
-            unexplained: &[],
-            class: &[],
-            leftover: None,
-            event: None,
-        };
+        let request = request();
+        let report = plain(&data, &request, &found);
         assert!((report.threshold_sigma() - sigma).abs() < 1e-12);
     }
 }
@@ -136,15 +125,8 @@ fn errors_and_predictive_noise_are_those_of_dense_algebra() {
     let found = found(&data, &[]);
     let mut model = found.base.clone();
     model.fitted.noise = [4.0, 2.0, 0.8, 0.002, 1.0];
-    let report = Report {
-        subject: &data,
-        request: &request(),
-        found: &found,
-        unexplained: &[],
-        class: &[],
-        leftover: None,
-        event: None,
-    };
+    let request = request();
+    let report = plain(&data, &request, &found);
     let errors = report.errors(&model);
     let scored: Vec<usize> = (0..data.scored_m.len()).filter(|row| data.scored_m[*row].is_some()).collect();
     let x_m = &model.fitted.position_m;
@@ -187,15 +169,8 @@ fn a_document_holds_the_claim_with_sizes_of_the_whole_model() {
     let mut found = found(&data, &[1.0, 1e9, 2.0, 1e9]);
     let pair = refitted(&data, &found, &["force-bias", "tracking-drift"]);
     found.claimed = Some(pair.clone());
-    let report = Report {
-        subject: &data,
-        request: &request(),
-        found: &found,
-        unexplained: &[],
-        class: &[],
-        leftover: None,
-        event: None,
-    };
+    let request = request();
+    let report = plain(&data, &request, &found);
     let document = report.document(vec![3], &Silent).expect("a document");
     assert_eq!(document.verdict.effects, ["force-bias", "tracking-drift"]);
     assert_eq!((document.outlier_rows, document.heldout_cycles), (vec![3], vec![4]));

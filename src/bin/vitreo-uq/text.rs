@@ -115,7 +115,7 @@ pub fn warning_text(warning: &Warning) -> String {
     format!("{mark}: {}.\n  What to do: {}.", warning.text, warning.advice)
 }
 
-/// Three significant digits, without exponent where that is readable.
+/// Four significant digits, or three and an exponent where that reads better.
 pub fn significant(value: f64) -> String {
     if value == 0.0 || !value.is_finite() {
         return format!("{value}");

@@ -160,16 +160,7 @@ impl Bench {
     fn with_hidden(&self, order: &Order, motion: &Motion, stream: &mut RandomStream) -> Result<Option<Truth>> {
         let mut law = [0.0; 3];
         law.copy_from_slice(&motion.base.parameters(&motion.theta)[..3]);
-        let mut truth = Truth {
-            protocol: order.protocol,
-            noise: order.noise,
-            law,
-            effects: Vec::new(),
-            outside: None,
-            apparatus: None,
-            outside_sigma: None,
-            ideal_class: Vec::new(),
-        };
+        let mut truth = Truth::of_nothing(order.protocol, order.noise, law);
         match &order.hidden {
             Hidden::Nothing => {}
             Hidden::Apparatus(error) => truth.apparatus = Some(*error),

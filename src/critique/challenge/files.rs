@@ -177,16 +177,7 @@ mod tests {
 
     /// A whole challenge, written without finite elements.
     fn written(dir: &Path, salt: &[u8; SALT_BYTES], law: [f64; 3]) -> Sealed {
-        let truth = Truth {
-            protocol: Protocol::Paper,
-            noise: NoiseKind::White,
-            law,
-            effects: Vec::new(),
-            outside: None,
-            apparatus: None,
-            outside_sigma: None,
-            ideal_class: Vec::new(),
-        };
+        let truth = Truth::of_nothing(Protocol::Paper, NoiseKind::White, law);
         let csv = trajectory_csv(&Protocol::Paper.record(), &vec![1e-6; 800]);
         let answer = Answer { truth, trajectory_sha256: sha256_hex(csv.as_bytes()) };
         let sealed = seal(salt, &serde_json::to_vec(&answer).expect("JSON"));

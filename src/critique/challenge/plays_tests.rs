@@ -13,14 +13,9 @@ fn truth(slugs: &[&str], ideal_class: &[&str]) -> Truth {
         signal_sigma: 9.7,
     };
     Truth {
-        protocol: Protocol::Paper,
-        noise: NoiseKind::White,
-        law: [1.0, 2.0, 3.0],
         effects: slugs.iter().map(effect).collect(),
-        outside: None,
-        apparatus: None,
-        outside_sigma: None,
         ideal_class: ideal_class.iter().map(|slug| slug.to_string()).collect(),
+        ..Truth::of_nothing(Protocol::Paper, NoiseKind::White, [1.0, 2.0, 3.0])
     }
 }
 

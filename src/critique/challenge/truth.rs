@@ -81,6 +81,20 @@ pub struct Truth {
 }
 
 impl Truth {
+    /// Of data in which nothing is hidden.
+    pub fn of_nothing(protocol: Protocol, noise: NoiseKind, law: [f64; 3]) -> Self {
+        Self {
+            protocol,
+            noise,
+            law,
+            effects: Vec::new(),
+            outside: None,
+            apparatus: None,
+            outside_sigma: None,
+            ideal_class: Vec::new(),
+        }
+    }
+
     /// What a right diagnosis names: slugs joined by `+`, `none` or `outside`.
     pub fn label(&self) -> String {
         match (&self.outside, self.effects.as_slice()) {

@@ -91,6 +91,8 @@ struct Looking<'a> {
     subject: Subject,
     candidate: &'a Candidate,
     base: Fitted,
+    /// Around that fit.
+    own: Tangent,
     /// Noise of the yardstick's size, white but for a small gain.
     clean: [f64; 5],
     setting: Setting,
@@ -143,8 +145,7 @@ pub fn outside_gain(
     null: &OutsideNull,
 ) -> Result<(f64, Option<OutsideKind>)> {
     let looking = Looking::new(subject, candidate, fitted, |_| true)?;
-    let own = looking.tangent(&looking.base)?;
-    let scores = screen(&own, &looking.setting, &looking.families, 0, 0).scores;
+    let scores = screen(&looking.own, &looking.setting, &looking.families, 0, 0).scores;
     let refits = looking.refits(scores, null)?;
     let best = refits.iter().map(|refit| (looking.penalised(refit, null), refit.shape.kind()));
     let best = best.max_by(|a, b| a.0.total_cmp(&b.0));
@@ -166,7 +167,8 @@ impl<'a> Looking<'a> {
         let setting = Setting::new(&subject, candidate, &base)?;
         let families = families(&setting).into_iter();
         let families = families.filter(|shapes| shapes.first().is_some_and(|shape| is_wanted(shape.kind()))).collect();
-        Ok(Self { subject, candidate, base, clean, setting, families })
+        let own = Tangent::new(&subject, candidate, &base)?;
+        Ok(Self { subject, candidate, base, own, clean, setting, families })
     }
 
     fn tangent(&self, fitted: &Fitted) -> Result<Tangent> {
@@ -174,8 +176,7 @@ impl<'a> Looking<'a> {
     }
 
     fn outsides(&self, request: &OutsideRequest) -> Result<Vec<Outside>> {
-        let own = self.tangent(&self.base)?;
-        let screened = screen(&own, &self.setting, &self.families, request.n_simulations, request.seed);
+        let screened = screen(&self.own, &self.setting, &self.families, request.n_simulations, request.seed);
         let null = OutsideNull::new(&screened);
         let refits = self.refits(screened.scores, &null)?;
         let mut best: Vec<(f64, Refit)> = Vec::new();
@@ -235,9 +236,8 @@ impl<'a> Looking<'a> {
 
     /// The model with a shape, refitted; `None` for a shape of which the model leaves nothing.
     fn refit(&self, family: usize, shape: Shape) -> Result<Option<Refit>> {
-        let tangent = self.tangent(&self.base)?;
         let columns = shape.columns_m(&self.setting);
-        let (_, kept) = basis(&tangent, tangent.whiten(&columns));
+        let (_, kept) = basis(&self.own, self.own.whiten(&columns));
         if kept.is_empty() {
             return Ok(None);
         }

@@ -142,6 +142,44 @@ pub fn sample_population(design: &Design, members: &[Member], options: &Hierarch
     Ok(Population { chains, n_parameters: options.overall_mean.len() })
 }
 
+/// Σ λ x xᵀ of deviations that have one covariance, and their number.
+struct Scatter {
+    sum: DMatrix<f64>,
+    count: usize,
+}
+
+impl Scatter {
+    fn new(p: usize) -> Self {
+        Self { sum: DMatrix::zeros(p, p), count: 0 }
+    }
+
+    fn add(&mut self, weight: f64, deviation: &DVector<f64>) {
+        self.sum.ger(weight, deviation, deviation, 1.0);
+        self.count += 1;
+    }
+}
+
+/// Inverse covariances given their scatters, then the scales that they share (Huang & Wand, with one scale for several covariances).
+fn draw_covariances(
+    scatters: Vec<Scatter>,
+    scales: &mut [f64],
+    scale_of_prior: f64,
+    rng: &mut ChaCha8Rng,
+) -> Result<Vec<DMatrix<f64>>> {
+    let (p, nu) = (scales.len(), HALF_T_DEGREES);
+    let draw = |Scatter { mut sum, count }: Scatter| {
+        (0..p).for_each(|k| sum[(k, k)] += 2.0 * nu / scales[k]);
+        wishart_of_scatter(nu + (p - 1 + count) as f64, sum, rng)
+    };
+    let precisions: Vec<DMatrix<f64>> = scatters.into_iter().map(draw).collect::<Result<_>>()?;
+    let shape = 0.5 * (precisions.len() as f64 * (nu + (p - 1) as f64) + 1.0);
+    for (k, scale) in scales.iter_mut().enumerate() {
+        let diagonal: f64 = precisions.iter().map(|precision| precision[(k, k)]).sum();
+        *scale = 1.0 / gamma(shape, nu * diagonal + scale_of_prior.powi(-2), rng);
+    }
+    Ok(precisions)
+}
+
 struct Chain<'a, 'm> {
     design: &'a Design,
     members: &'a [Member<'m>],
@@ -247,7 +285,6 @@ impl<'a, 'm> Chain<'a, 'm> {
                 }
             }
         };
-        // Blocks and sums by group: most specimens have one group, and without Student-t all of a stratum the same precision.
         for (index, specimen) in design.specimens.iter().enumerate() {
             let own = &self.precision[specimen.stratum] * self.weight[index];
             let value = |e: usize| DVector::from_column_slice(&self.places[e].log_parameters);
@@ -336,20 +373,14 @@ impl<'a, 'm> Chain<'a, 'm> {
         }
     }
 
-    /// W | w and its scales; Huang & Wand.
+    /// W given all repeats, and its scales.
     fn draw_repeat_precision(&mut self, rng: &mut ChaCha8Rng) -> Result<()> {
-        let (p, nu) = (self.p, HALF_T_DEGREES);
-        let mut scatter = DMatrix::from_fn(p, p, |i, j| if i == j { 2.0 * nu / self.repeat_scale[i] } else { 0.0 });
+        let mut scatter = Scatter::new(self.p);
         for e in 0..self.design.n_experiments() {
-            let residual = self.residual(e) - &self.deviation[self.specimen_of[e]];
-            scatter.ger(1.0, &residual, &residual, 1.0);
+            scatter.add(1.0, &(self.residual(e) - &self.deviation[self.specimen_of[e]]));
         }
-        let degrees = nu + (p - 1 + self.design.n_experiments()) as f64;
-        self.repeat_precision = wishart_of_scatter(degrees, scatter, rng)?;
-        for k in 0..p {
-            let rate = nu * self.repeat_precision[(k, k)] + self.options.scales[2].powi(-2);
-            self.repeat_scale[k] = 1.0 / gamma(0.5 * (nu + p as f64), rate, rng);
-        }
+        let scale = self.options.scales[2];
+        self.repeat_precision = draw_covariances(vec![scatter], &mut self.repeat_scale, scale, rng)?.remove(0);
         Ok(())
     }
 
@@ -363,25 +394,11 @@ impl<'a, 'm> Chain<'a, 'm> {
 
     /// Σ of every stratum given its specimens, and the scales that the strata share.
     fn draw_precisions(&mut self, rng: &mut ChaCha8Rng) -> Result<()> {
-        let (p, nu) = (self.p, HALF_T_DEGREES);
-        for stratum in 0..self.design.n_strata {
-            let mut scatter = DMatrix::from_fn(p, p, |i, j| if i == j { 2.0 * nu / self.scale[i] } else { 0.0 });
-            let mut count = 0;
-            for (index, specimen) in self.design.specimens.iter().enumerate() {
-                if specimen.stratum == stratum {
-                    let deviation = &self.deviation[index];
-                    scatter.ger(self.weight[index], deviation, deviation, 1.0);
-                    count += 1;
-                }
-            }
-            self.precision[stratum] = wishart_of_scatter(nu + (p - 1 + count) as f64, scatter, rng)?;
+        let mut scatters: Vec<Scatter> = (0..self.design.n_strata).map(|_| Scatter::new(self.p)).collect();
+        for (index, specimen) in self.design.specimens.iter().enumerate() {
+            scatters[specimen.stratum].add(self.weight[index], &self.deviation[index]);
         }
-        for k in 0..p {
-            let diagonal: f64 = self.precision.iter().map(|precision| precision[(k, k)]).sum();
-            let rate = nu * diagonal + self.options.scales[1].powi(-2);
-            let shape = 0.5 * (self.design.n_strata as f64 * (nu + (p - 1) as f64) + 1.0);
-            self.scale[k] = 1.0 / gamma(shape, rate, rng);
-        }
+        self.precision = draw_covariances(scatters, &mut self.scale, self.options.scales[1], rng)?;
         Ok(())
     }
 
