@@ -21,6 +21,10 @@ const EMBEDDED: &[(&str, &str)] = &[
     ("porcine", include_str!("../../priors/porcine.toml")),
     ("sharif-kashani-2011", include_str!("../../priors/sharif-kashani-2011.toml")),
     ("lee-1994", include_str!("../../priors/lee-1994.toml")),
+    ("wang-2013", include_str!("../../priors/wang-2013.toml")),
+    ("nickerson-2008-porcine", include_str!("../../priors/nickerson-2008-porcine.toml")),
+    ("nickerson-2008-bovine", include_str!("../../priors/nickerson-2008-bovine.toml")),
+    ("aboulatta-2021", include_str!("../../priors/aboulatta-2021.toml")),
     ("generic", include_str!("../../priors/generic.toml")),
 ];
 

@@ -37,6 +37,21 @@ fn every_embedded_prior_is_complete_and_says_where_it_comes_from() {
     assert_eq!(PriorSet::embedded_names().next(), Some("porcine"));
 }
 
+/// Each file in `priors/` comes with the program and is named where users read of priors.
+#[test]
+fn every_prior_file_is_embedded_and_documented() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let files = std::fs::read_dir(root.join("priors")).unwrap();
+    let mut stems: Vec<String> =
+        files.map(|file| file.unwrap().path().file_stem().unwrap().to_str().unwrap().into()).collect();
+    let mut names: Vec<&str> = PriorSet::embedded_names().collect();
+    stems.sort();
+    names.sort_unstable();
+    assert_eq!(stems, names);
+    let documentation = include_str!("../../docs/experiment.md");
+    assert!(names.iter().all(|name| documentation.contains(&format!("`{name}`"))), "docs/experiment.md misses one");
+}
+
 /// The published fits: Wang 2013 Table I, Sharif-Kashani 2011, Lee 1994 (E, c₁, c₂).
 #[test]
 fn published_values_lie_well_inside_the_porcine_prior() {
@@ -51,15 +66,91 @@ fn published_values_lie_well_inside_the_porcine_prior() {
     }
 }
 
+/// Mean and standard deviation of a parameter, from the median and log_sd of its log-normal.
+fn moments(set: &PriorSet, name: &str) -> (f64, f64) {
+    let Distribution::LogNormal { median, log_sd } = set.get(name).unwrap().distribution else { panic!("{name}") };
+    let mean = median * (0.5 * log_sd * log_sd).exp();
+    (mean, mean * (log_sd * log_sd).exp_m1().sqrt())
+}
+
 #[test]
 fn published_moments_are_those_of_the_literature() {
-    let set = PriorSet::named("lee-1994").unwrap();
-    for (prior, (mean, relative_sd)) in set.priors().iter().zip([(0.937, 0.22), (0.599, 0.30), (8.402, 0.36)]) {
-        let Distribution::LogNormal { median, log_sd } = prior.distribution else { panic!("{prior:?}") };
-        // Moments of a log-normal from its median and log_sd.
-        assert!((median * (0.5 * log_sd * log_sd).exp() - mean).abs() < 1e-9);
-        assert!(((log_sd * log_sd).exp_m1().sqrt() - relative_sd).abs() < 1e-9);
+    let cases = [
+        ("lee-1994", "young_modulus_pa", 0.937, 0.22 * 0.937),
+        ("lee-1994", "viscosity_1_pa_s", 0.599, 0.30 * 0.599),
+        ("lee-1994", "viscosity_2_pa_s", 8.402, 0.36 * 8.402),
+        ("sharif-kashani-2011", "young_modulus_pa", 1.66, 0.96),
+        // 2 (1 + ν) G′ of Nickerson et al. 2008.
+        ("nickerson-2008-porcine", "young_modulus_pa", 2.96 * 2.8, 2.96 * 0.9),
+        ("nickerson-2008-bovine", "young_modulus_pa", 2.96 * 7.0, 2.96 * 2.0),
+    ];
+    for (prior, parameter, mean, sd) in cases {
+        let found = moments(&PriorSet::named(prior).unwrap(), parameter);
+        assert!((found.0 / mean - 1.0).abs() < 1e-9 && (found.1 / sd - 1.0).abs() < 1e-9, "{prior}: {found:?}");
     }
+}
+
+/// Wang 2013 and, for c₁ and c₂, Sharif-Kashani 2011.
+#[test]
+fn values_published_without_spread_are_medians() {
+    let is_median = |prior: &str, parameter: &str, value: f64| {
+        let distribution = PriorSet::named(prior).unwrap().get(parameter).unwrap().distribution;
+        assert_eq!(distribution, Distribution::LogNormal { median: value, log_sd: 0.7 }, "{prior}: {parameter}");
+        // Called a factor of 2.
+        assert!((0.7_f64.exp() - 2.0).abs() < 0.02);
+    };
+    for (parameter, value) in LETHERSICH.iter().zip(crate::workflow::replica::TABLE_I) {
+        is_median("wang-2013", parameter.name, value);
+    }
+    is_median("sharif-kashani-2011", "viscosity_1_pa_s", 2.4);
+    is_median("sharif-kashani-2011", "viscosity_2_pa_s", 70.0);
+}
+
+/// What a publication leaves open is the default prior's, and says that it is assumed.
+#[test]
+fn parameters_that_a_publication_leaves_open_are_the_porcine_prior_s() {
+    let porcine = PriorSet::named("porcine").unwrap();
+    for name in PriorSet::embedded_names().filter(|name| !["porcine", "generic"].contains(name)) {
+        let set = PriorSet::named(name).unwrap();
+        for prior in set.priors().iter().filter(|prior| prior.source.contains("not from this publication")) {
+            assert_eq!(prior.distribution, porcine.get(&prior.name).unwrap().distribution, "{name}: {}", prior.name);
+        }
+        assert!(set.priors().iter().all(|p| p.source.contains("assumed")), "{name}");
+        assert!(set.get(NOISE.name).unwrap().source.contains("not from this publication"), "{name}");
+    }
+}
+
+/// Creep and relaxation of one material: s G̃(s) · s J̃(s) = 1 at every s, with the published relaxation on one side and on the other the
+/// file's Kelvin–Voigt body after the instantaneous spring.
+#[test]
+fn the_aboulatta_prior_creeps_as_the_published_relaxation() {
+    let (g0, g_inf, decay) = (2.10, 0.50, 1.20);
+    let set = PriorSet::named("aboulatta-2021").unwrap();
+    let (e, e_sd) = moments(&set, "young_modulus_pa");
+    let (c1, c1_sd) = moments(&set, "viscosity_1_pa_s");
+    for s in [0.0, 0.05, 0.3, 1.0, 7.0, 400.0] {
+        let relaxation = g_inf + (g0 - g_inf) * s / (s + decay);
+        // 2 (1 + ν) = 2.96 turns the compliance under uniaxial stress into that under shear.
+        let creep = 1.0 / g0 + 2.96 / (e + c1 * s);
+        assert!((relaxation * creep - 1.0).abs() < 1e-9, "s = {s}");
+    }
+    assert!((2.96_f64.recip() * e - 0.65625).abs() < 1e-9 && (c1 / e - 3.5).abs() < 1e-9);
+    // First-order spreads, by central differences.
+    let derived = |g: [f64; 3]| {
+        let e = 2.96 / (1.0 / g[1] - 1.0 / g[0]);
+        [e, e * g[0] / (g[2] * g[1])]
+    };
+    let mut variance = [0.0; 2];
+    for (i, sd) in [0.15, 0.04, 0.09].into_iter().enumerate() {
+        let (mut above, mut below) = ([g0, g_inf, decay], [g0, g_inf, decay]);
+        above[i] += 1e-3 * sd;
+        below[i] -= 1e-3 * sd;
+        for (sum, (a, b)) in variance.iter_mut().zip(derived(above).into_iter().zip(derived(below))) {
+            *sum += ((a - b) / 2e-3).powi(2);
+        }
+    }
+    assert!((variance[0].sqrt() / e_sd - 1.0).abs() < 1e-4 && (variance[1].sqrt() / c1_sd - 1.0).abs() < 1e-4);
+    assert!((e_sd / e - 0.107).abs() < 5e-4 && (c1_sd / c1 - 0.093).abs() < 5e-4);
 }
 
 #[test]
