@@ -25,3 +25,7 @@ peers:
 # The synthetic replica's data, made anew.
 replica:
     cargo run --release --example make_porcine_replica
+
+# The synthetic cohort's data, made anew.
+cohort:
+    cargo run --release --example make_cohort
