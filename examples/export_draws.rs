@@ -1,11 +1,13 @@
 //! Writes the same small posterior as CSV and as NetCDF-4 in ArviZ's layout: `cargo run --example export_draws -- DIR`.
-//! `tests/python/open_netcdf.py DIR/draws.nc DIR/draws.csv` then opens both with ArviZ.
+//! `tests/python/open_netcdf.py DIR/draws.nc DIR/draws.csv` then opens both with ArviZ. The chains again over named dimensions, as a
+//! hierarchy of groups has them, are `labelled.nc`, which `tests/python/open_labelled_netcdf.py` opens.
 
 use std::path::PathBuf;
 
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use vitreo_uq::report::draws::{DrawTable, write_draws_csv};
+use vitreo_uq::report::labelled_netcdf::{Dimension, Variable, write_labelled_netcdf};
 use vitreo_uq::report::netcdf::{ObservedData, write_draws_netcdf};
 
 fn main() -> vitreo_uq::Result<()> {
@@ -31,8 +33,41 @@ fn main() -> vitreo_uq::Result<()> {
     let observed = ObservedData { time_s: &[0.0, 0.05, 0.1], position_um: &[Some(0.0), Some(12.5), None] };
     write_draws_csv(&dir.join("draws.csv"), &table)?;
     write_draws_netcdf(&dir.join("draws.nc"), &table, Some(observed))?;
+    write_labelled(&dir, &table)?;
     let n_draws = table.n_draws();
     assert_eq!(n_draws, 16_000);
     println!("{n_draws} draws in {}", dir.display());
     Ok(())
+}
+
+/// Ensembles as groups: their draws over (chain, draw, group, parameter), the first parameter alone over (chain, draw, group), and the
+/// log density of the first ensemble.
+fn write_labelled(dir: &std::path::Path, table: &DrawTable) -> vitreo_uq::Result<()> {
+    let (n_chains, n_draws, n_groups) = (table.n_walkers, table.n_steps, table.n_ensembles);
+    let n_parameters = table.parameter_names.len();
+    let mut values = Vec::new();
+    for chain in 0..n_chains {
+        for draw in 0..n_draws {
+            for group in 0..n_groups {
+                values.extend((0..n_parameters).map(|parameter| table.value(group, chain, draw, parameter)));
+            }
+        }
+    }
+    let young_modulus_pa = values.iter().copied().step_by(n_parameters).collect();
+    let groups = ["porcine", "bovine, µ-rheology at 4 °C", "human", "gel / 1.5 %"];
+    let dimensions = [
+        Dimension { name: "group", labels: groups.map(String::from).to_vec() },
+        Dimension { name: "parameter", labels: table.parameter_names.clone() },
+    ];
+    let variables = [
+        Variable { name: "typical", unit: "", dimensions: vec!["group", "parameter"], values },
+        Variable { name: "young_modulus_pa", unit: "Pa", dimensions: vec!["group"], values: young_modulus_pa },
+        Variable {
+            name: "lp",
+            unit: "–",
+            dimensions: vec![],
+            values: table.log_density[..n_chains * n_draws].to_vec(),
+        },
+    ];
+    write_labelled_netcdf(&dir.join("labelled.nc"), n_chains, n_draws, &dimensions, &variables)
 }

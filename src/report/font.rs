@@ -73,6 +73,19 @@ pub fn wrapped(text: &str, size_px: f64, width_px: f64) -> Vec<String> {
     lines
 }
 
+/// As [`wrapped`], in at most `most` lines (and at least one), the last of which ends in `…` where words are left.
+pub fn wrapped_to(text: &str, size_px: f64, width_px: f64, most: usize) -> Vec<String> {
+    let mut lines = wrapped(text, size_px, width_px);
+    let most = most.max(1);
+    if lines.len() > most {
+        let last = lines[most - 1].trim_end_matches(|c: char| !c.is_alphanumeric()).to_owned() + "…";
+        lines.truncate(most - 1);
+        lines.push(last);
+    }
+    // The mark itself may be too much.
+    lines.iter().map(|line| shorten(line, size_px, width_px)).collect()
+}
+
 /// Largest size not above `size_px` and not below `smallest_px` at which `text` fits into `width_px`.
 pub fn fitting_size_px(text: &str, size_px: f64, smallest_px: f64, width_px: f64) -> f64 {
     let width_at_one = text_width_px(text, 1.0);
@@ -122,5 +135,9 @@ mod tests {
         assert_eq!(lines.join(" "), long);
         assert_eq!(wrapped("", 12.0, 120.0), Vec::<String>::new());
         assert!(wrapped("incomprehensibilities", 12.0, 60.0)[0].ends_with('…'));
+        let cut = wrapped_to(long, 12.0, 120.0, 2);
+        assert!(cut.len() == 2 && cut[0] == lines[0] && cut[1].ends_with('…'), "{cut:?}");
+        assert!(cut.iter().all(|line| text_width_px(line, 12.0) <= 120.0), "{cut:?}");
+        assert_eq!(wrapped_to(long, 12.0, 120.0, 99), lines);
     }
 }

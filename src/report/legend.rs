@@ -21,6 +21,8 @@ pub enum Mark {
     Dot(Colour, f64),
     /// A line across a filled area.
     LineOnArea(Stroke, Fill),
+    /// Whatever the function draws into the rectangle that it is given.
+    Drawn(fn(&mut Svg, Rect)),
 }
 
 /// One line of a legend.
@@ -52,6 +54,7 @@ impl Entry {
                 svg.rect(swatch, fill);
                 svg.line(line.0, line.1, stroke);
             }
+            Mark::Drawn(draw) => draw(svg, swatch),
         }
         let text = shorten(&self.text, size_px, text_width);
         svg.text(&text, (at.0 + MARK_ADVANCE_PX, at.1), TextStyle::new(size_px, Anchor::Start));

@@ -7,7 +7,7 @@
 
 use std::path::Path;
 
-use netcdf_writer::{NcAttrValue, NcFileBuilder, NcWriteFormat, NcWriteOptions, VariableId};
+use netcdf_writer::{DimensionId, NcAttrValue, NcFileBuilder, NcWriteFormat, NcWriteOptions, VariableId};
 
 use super::draws::DrawTable;
 use crate::error::Place;
@@ -50,23 +50,33 @@ fn refused(found: String) -> Error {
     Error::input(Place::default().at_key("NetCDF"), found, "use the CSV, or rename the parameter")
 }
 
-type NcResult<T> = std::result::Result<T, netcdf_writer::Error>;
+pub(super) type NcResult<T> = std::result::Result<T, netcdf_writer::Error>;
 
 fn encode(table: &DrawTable, observed: Option<ObservedData>) -> NcResult<Vec<u8>> {
-    let mut file = NcFileBuilder::new();
-    creators().into_iter().try_for_each(|(name, value)| file.add_attribute(name, value))?;
-    let chains = Chains::of(table);
-    let posterior = chains.add_group(&mut file, "posterior")?;
+    let mut file = new_file()?;
+    let posterior = Group::new(&mut file, "posterior", table)?;
     for (i, name) in table.parameter_names.iter().enumerate() {
         posterior.add_variable(&mut file, name, &table.units[i], &table.column(i))?;
     }
     if !table.log_density.is_empty() {
-        let stats = chains.add_group(&mut file, "sample_stats")?;
+        let stats = Group::new(&mut file, "sample_stats", table)?;
         stats.add_variable(&mut file, "lp", "1", &table.log_density)?;
     }
     if let Some(observed) = observed {
         add_observed(&mut file, observed)?;
     }
+    into_bytes(file)
+}
+
+/// An empty file that says who made it.
+pub(super) fn new_file() -> NcResult<NcFileBuilder> {
+    let mut file = NcFileBuilder::new();
+    creators().into_iter().try_for_each(|(name, value)| file.add_attribute(name, value))?;
+    Ok(file)
+}
+
+/// The file's bytes, as NetCDF-4.
+pub(super) fn into_bytes(file: NcFileBuilder) -> NcResult<Vec<u8>> {
     let (_, bytes) = file.to_vec(NcWriteOptions { format: NcWriteFormat::Nc4 })?;
     Ok(bytes)
 }
@@ -86,54 +96,58 @@ fn attribute(file: &mut NcFileBuilder, variable: VariableId, name: &str, text: &
     file.add_variable_attribute(variable, name, NcAttrValue::Chars(text.to_owned()))
 }
 
-/// The coordinates that the groups over (chain, draw) share.
-struct Chains {
-    chain: Vec<i64>,
-    ensemble: Vec<i64>,
-    walker: Vec<i64>,
-    draw: Vec<i64>,
+/// The unit of a variable; `1` where it has none.
+pub(super) fn add_unit(file: &mut NcFileBuilder, variable: VariableId, unit: &str) -> NcResult<()> {
+    attribute(file, variable, "units", if unit.is_empty() || unit == "–" { "1" } else { unit })
 }
 
-impl Chains {
-    fn of(table: &DrawTable) -> Self {
-        let n_walkers = table.n_walkers as i64;
-        let chain: Vec<i64> = (0..table.n_ensembles as i64 * n_walkers).collect();
-        Self {
-            ensemble: chain.iter().map(|chain| chain / n_walkers).collect(),
-            walker: chain.iter().map(|chain| chain % n_walkers).collect(),
-            chain,
-            draw: (0..table.n_steps as i64).collect(),
-        }
+/// Begins a group over `chain` and `draw`, both counted from 0; returns these two dimensions.
+pub(super) fn add_group(
+    file: &mut NcFileBuilder,
+    name: &str,
+    n_chains: usize,
+    n_draws: usize,
+) -> NcResult<[DimensionId; 2]> {
+    creators().into_iter().try_for_each(|(attribute, value)| file.add_group_attribute(name, attribute, value))?;
+    let chain = file.add_dimension_path(format!("{name}/chain"), n_chains as u64)?;
+    let draw = file.add_dimension_path(format!("{name}/draw"), n_draws as u64)?;
+    for (coordinate, dimension, length) in [("chain", chain, n_chains), ("draw", draw, n_draws)] {
+        add_coordinate(file, name, coordinate, dimension, &(0..length as i64).collect::<Vec<i64>>())?;
     }
+    Ok([chain, draw])
+}
 
-    fn add_group(&self, file: &mut NcFileBuilder, name: &str) -> NcResult<Group> {
-        for (attribute, value) in creators() {
-            file.add_group_attribute(name, attribute, value)?;
-        }
-        let chain = file.add_dimension_path(format!("{name}/chain"), self.chain.len() as u64)?;
-        let draw = file.add_dimension_path(format!("{name}/draw"), self.draw.len() as u64)?;
-        for (coordinate, dimension, values) in [
-            ("chain", chain, &self.chain),
-            ("draw", draw, &self.draw),
-            ("ensemble", chain, &self.ensemble),
-            ("walker", chain, &self.walker),
-        ] {
-            let variable = file.add_variable_path::<i64>(format!("{name}/{coordinate}"), &[dimension])?;
-            file.write_variable(variable, values)?;
-        }
-        Ok(Group { name: name.to_owned(), dimensions: [chain, draw] })
-    }
+fn add_coordinate(
+    file: &mut NcFileBuilder,
+    group: &str,
+    name: &str,
+    dimension: DimensionId,
+    values: &[i64],
+) -> NcResult<()> {
+    let variable = file.add_variable_path::<i64>(format!("{group}/{name}"), &[dimension])?;
+    file.write_variable(variable, values)
 }
 
 struct Group {
     name: String,
-    dimensions: [netcdf_writer::DimensionId; 2],
+    dimensions: [DimensionId; 2],
 }
 
 impl Group {
+    /// Begins a group over a table's chains and draws, which says how the chains are made up of ensembles and walkers.
+    fn new(file: &mut NcFileBuilder, name: &str, table: &DrawTable) -> NcResult<Self> {
+        let (n_chains, n_walkers) = ((table.n_ensembles * table.n_walkers) as i64, table.n_walkers as i64);
+        let dimensions = add_group(file, name, n_chains as usize, table.n_steps)?;
+        let ensembles: Vec<i64> = (0..n_chains).map(|chain| chain / n_walkers).collect();
+        let walkers: Vec<i64> = (0..n_chains).map(|chain| chain % n_walkers).collect();
+        add_coordinate(file, name, "ensemble", dimensions[0], &ensembles)?;
+        add_coordinate(file, name, "walker", dimensions[0], &walkers)?;
+        Ok(Self { name: name.to_owned(), dimensions })
+    }
+
     fn add_variable(&self, file: &mut NcFileBuilder, name: &str, unit: &str, values: &[f64]) -> NcResult<()> {
         let variable = file.add_variable_path::<f64>(format!("{}/{name}", self.name), &self.dimensions)?;
-        attribute(file, variable, "units", if unit.is_empty() || unit == "–" { "1" } else { unit })?;
+        add_unit(file, variable, unit)?;
         // Without it readers take `ensemble` and `walker` for data instead of labels of the chains.
         attribute(file, variable, "coordinates", "ensemble walker")?;
         file.write_variable(variable, values)

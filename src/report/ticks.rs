@@ -3,6 +3,15 @@
 use super::font::text_width_px;
 use super::number;
 
+const ALL_DIGITS: [f64; 9] = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0];
+/// Which digits of a decade are labelled where there are few decades; the first choice that gives neither too few nor too many.
+const DIGITS_OF_A_DECADE: [&[f64]; 4] = [&[1.0, 2.0, 5.0], &ALL_DIGITS, &[1.0, 3.0], &[1.0]];
+
+/// Intervals may make a logarithmic axis longer by so much of its length on either side, though always by the smaller of these factors,
+/// and never by more than the larger.
+const STRETCH: f64 = 0.5;
+const STRETCH_FACTORS: (f64, f64) = (1.25, 5.0);
+
 /// Linear or logarithmic.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ScaleKind {
@@ -60,6 +69,29 @@ impl Scale {
         let lower = lower.max(f64::MIN_POSITIVE);
         let upper = if upper > lower { upper } else { 10.0 * lower };
         Self { kind: ScaleKind::Log10, lower, upper }
+    }
+
+    /// A logarithmic scale over positive `estimates`, lengthened by `intervals` to some degree only, since what knows nothing would push
+    /// all others together; `others` count where they lie that near.
+    pub fn log10_around(
+        estimates: impl Iterator<Item = f64>,
+        intervals: impl Iterator<Item = f64>,
+        others: impl Iterator<Item = f64>,
+    ) -> Self {
+        let over = |values: &mut dyn Iterator<Item = f64>| {
+            values.map(f64::ln).fold((f64::INFINITY, f64::NEG_INFINITY), |(l, u), v| (l.min(v), u.max(v)))
+        };
+        let (lower, upper) = over(&mut estimates.filter(|value| *value > 0.0 && value.is_finite()));
+        if lower > upper {
+            return Self::log10(1.0, 10.0);
+        }
+        let stretch = (STRETCH * (upper - lower)).clamp(STRETCH_FACTORS.0.ln(), STRETCH_FACTORS.1.ln());
+        let (lowest, highest) = (lower - stretch, upper + stretch);
+        let near = others.filter(|value| (lowest..=highest).contains(&value.ln()));
+        let (least, most) = over(&mut intervals.chain(near));
+        let (lower, upper) = (lower.min(least.max(lowest)), upper.max(most.min(highest)));
+        let pad = 0.04 * (upper - lower) + 1e-3;
+        Self::log10((lower - pad).exp(), (upper + pad).exp())
     }
 
     /// Position of `value` between the beginning (0) and the end (1) of the axis.
@@ -128,29 +160,38 @@ impl Scale {
         let decades = self.lower.log10().floor() as i32..=self.upper.log10().ceil() as i32;
         let powers: Vec<i32> = decades.clone().filter(|&n| inside(10f64.powi(n))).collect();
         let every = powers.len().div_ceil(most).max(1) as i32;
-        let of_decades = |digits: &'static [f64]| {
-            decades
-                .clone()
-                .flat_map(move |n| digits.iter().map(move |digit| digit * 10f64.powi(n)))
-                .filter(|&v| inside(v))
+        let of_decades = |digits: &[f64]| {
+            let of_decade = |n: i32| digits.iter().map(move |digit| digit * 10f64.powi(n)).collect::<Vec<f64>>();
+            decades.clone().flat_map(of_decade).filter(|&v| inside(v)).collect::<Vec<f64>>()
         };
-        // Less than two decades: powers of ten alone would leave an axis with one label or none.
-        if powers.len() < 2 {
-            let major = of_decades(&[1.0, 2.0, 5.0]).map(|value| (value, number::significant(value, 1))).collect();
+        let powers_of_ten = || {
+            let labelled = powers.iter().filter(|&&n| n.rem_euclid(every) == 0);
+            labelled.map(|&n| (10f64.powi(n), number::power_of_ten(n)))
+        };
+        // Over few decades powers of ten alone would leave an axis with two labels, one or none.
+        if powers.len() < 4 {
+            let readable = |digits: &[f64]| (2..=most).contains(&of_decades(digits).len());
+            let Some(digits) = DIGITS_OF_A_DECADE.into_iter().find(|digits| readable(digits)) else {
+                return self.linear_ticks(most);
+            };
+            let exponent = number::factored_exponent(self.upper);
+            let label = |value: f64| (value, number::significant(value / 10f64.powi(exponent), 1));
+            // Nothing but three powers of ten is written as more of them are.
+            if powers.len() == 3 && digits.len() == 1 {
+                return Ticks {
+                    major: powers_of_ten().collect(),
+                    minor: of_decades(&ALL_DIGITS),
+                    factor: String::new(),
+                };
+            }
             return Ticks {
-                major,
-                minor: of_decades(&[3.0, 4.0, 6.0, 7.0, 8.0, 9.0]).collect(),
-                factor: String::new(),
+                major: of_decades(digits).into_iter().map(label).collect(),
+                minor: of_decades(&ALL_DIGITS),
+                factor: if exponent == 0 { String::new() } else { format!("×{}", number::power_of_ten(exponent)) },
             };
         }
-        let major =
-            powers.iter().filter(|&&n| n.rem_euclid(every) == 0).map(|&n| (10f64.powi(n), number::power_of_ten(n)));
-        let minor = if every == 1 {
-            of_decades(&[2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0]).collect()
-        } else {
-            powers.iter().map(|&n| 10f64.powi(n)).collect()
-        };
-        Ticks { major: major.collect(), minor, factor: String::new() }
+        let minor = if every == 1 { of_decades(&ALL_DIGITS) } else { powers.iter().map(|&n| 10f64.powi(n)).collect() };
+        Ticks { major: powers_of_ten().collect(), minor, factor: String::new() }
     }
 }
 
@@ -209,6 +250,35 @@ mod tests {
         assert_eq!(labels(&Scale::log10(3e-4, 20.0).ticks(8)), ["10⁻³", "10⁻²", "10⁻¹", "10⁰", "10¹"]);
         assert_eq!(labels(&Scale::log10(0.9, 8.0).ticks(8)), ["1", "2", "5"]);
         assert!(Scale::log10(1e-18, 1.0).ticks(7).major.len() <= 7);
+    }
+
+    #[test]
+    fn logarithmic_axes_over_few_decades_have_more_than_one_number() {
+        assert_eq!(labels(&Scale::log10(0.8, 12.0).ticks(5)), ["1", "2", "5", "10"]);
+        assert_eq!(labels(&Scale::log10(0.15, 90.0).ticks(5)), ["0.3", "1", "3", "10", "30"]);
+        let tiny = Scale::log10(2e-8, 4e-6).ticks(5);
+        assert_eq!((labels(&tiny).join(" "), tiny.factor.as_str()), ("0.03 0.1 0.3 1 3".into(), "×10⁻⁶"));
+        assert_eq!(labels(&Scale::log10(2.1, 4.7).ticks(5)), ["3", "4"]);
+        assert_eq!(labels(&Scale::log10(3.31, 3.49).ticks(5)), ["3.35", "3.40", "3.45"]);
+        for k in 0..400 {
+            let (lower, ratio) = (10f64.powf(0.01 * f64::from(k)), 1.01 + 0.07 * f64::from(k));
+            let n = Scale::log10(lower, lower * ratio).ticks(5).major.len();
+            assert!((2..=5).contains(&n), "{n} numbers from {lower} to {}", lower * ratio);
+        }
+    }
+
+    #[test]
+    fn vague_intervals_lengthen_an_axis_to_some_degree() {
+        let around = |interval: [f64; 2], other: f64| {
+            let scale = Scale::log10_around([1.0, 100.0].into_iter(), interval.into_iter(), [other].into_iter());
+            (scale.lower, scale.upper)
+        };
+        let (lower, upper) = around([0.5, 200.0], 50.0);
+        assert!(lower < 0.5 && lower > 0.3 && upper > 200.0 && upper < 300.0, "{lower} {upper}");
+        let (lower, upper) = around([1e-300, 1e300], 50.0);
+        assert!(lower < 0.2 && lower > 0.1 && upper > 500.0 && upper < 1e3, "{lower} {upper}");
+        assert_eq!(around([2.0, 3.0], 50.0), around([2.0, 3.0], 1e9));
+        assert!(around([2.0, 3.0], 400.0).1 > 400.0);
     }
 
     #[test]
