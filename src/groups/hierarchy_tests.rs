@@ -1,12 +1,14 @@
 //! The Gibbs sampler against quadrature, against itself by simulation-based calibration, and draws against likelihoods.
 
 use nalgebra::{DMatrix, DVector};
-use rand::{Rng, SeedableRng};
+use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
+use statrs::function::gamma::ln_gamma;
 
 use super::design::{Design, Labels};
 use super::hierarchy::*;
+use crate::workflow::Silent;
 
 fn normal(rng: &mut impl Rng) -> f64 {
     StandardNormal.sample(rng)
@@ -47,9 +49,6 @@ impl ExperimentDensity for Gaussian {
     fn ln_density(&self, point: &[f64]) -> f64 {
         point.iter().zip(&self.mean).map(|(x, m)| -0.5 * ((x - m) / self.sd).powi(2)).sum()
     }
-    fn log_parameters(&self, point: &[f64]) -> Vec<f64> {
-        point.to_vec()
-    }
     fn archive(&self) -> &[Vec<f64>] {
         &self.archive
     }
@@ -58,11 +57,13 @@ impl ExperimentDensity for Gaussian {
 fn options(p: usize, n_sweeps: [usize; 2], seed: u64) -> HierarchyOptions {
     HierarchyOptions {
         overall_mean: vec![0.0; p],
-        overall_sd: 1.5,
+        overall_sd: vec![1.5; p],
         scales: [0.7, 0.5, 0.3],
         student_dof: None,
         n_chains: 2,
         n_sweeps,
+        max_sweeps: n_sweeps[1],
+        keep_every: 1,
         seed,
     }
 }
@@ -76,7 +77,8 @@ fn labels(list: &[(&str, &[&str])]) -> Vec<Labels> {
 }
 
 /// Two groups, one parameter, normal measurements: given the spreads the difference is normal in closed form, and the spreads' posterior is summed on a
-/// grid of their three logarithms. Half-t(2) densities with the strata's scale integrated out are written here anew.
+/// grid of their three logarithms. The strata's scale is integrated out in closed form, their likeness
+/// summed, and densities are written here anew.
 #[test]
 fn two_groups_agree_with_quadrature() {
     let values = [[0.3, 0.9, 0.5, 0.1], [-0.2, -0.6, 0.2, -0.5]];
@@ -92,7 +94,7 @@ fn two_groups_agree_with_quadrature() {
         values.iter().flatten().map(|value| Gaussian::new(vec![*value], sd, &mut rng)).collect();
     let members: Vec<Member> = members.iter().map(|own| Member::Exact(own)).collect();
     let options = options(1, [2_000, 40_000], 7);
-    let population = sample_population(&design, &members, &options).unwrap();
+    let population = sample_population(&design, &members, &options, &Silent).unwrap();
     let difference: Vec<f64> = population.draws().map(|draw| draw.group_mean[0] - draw.group_mean[1]).collect();
     let mean = difference.iter().sum::<f64>() / difference.len() as f64;
     let spread = (difference.iter().map(|d| (d - mean).powi(2)).sum::<f64>() / difference.len() as f64).sqrt();
@@ -106,14 +108,19 @@ fn two_groups_agree_with_quadrature() {
         let of_tau = (1.0 + (tau / tau_scale).powi(2) / nu).powf(-0.5 * (nu + 1.0)) * tau;
         for &one in &grid {
             for &two in &grid {
-                let rate = nu * (one.powi(-2) + two.powi(-2)) + sigma_scale.powi(-2);
-                // p(σ²) σ² of both, a integrated out: Π σ^{-ν} / rate^{ν + ½}.
-                let of_sigma = (one * two).powf(-nu) * rate.powf(-(nu + 0.5));
+                // p(σ²) σ² of both, each inverse-gamma(κ/2, κ/α), and α inverse-gamma(½, 1/A²) integrated out:
+                // κ^κ Γ(κ + ½)/Γ(κ/2)² Π σ^{-κ} / rate^{κ + ½}.
+                let of_likeness = |kappa: &f64| {
+                    let rate = kappa * (one.powi(-2) + two.powi(-2)) + sigma_scale.powi(-2);
+                    let constant = kappa * kappa.ln() + ln_gamma(kappa + 0.5) - 2.0 * ln_gamma(0.5 * kappa);
+                    (constant - kappa * (one * two).ln() - (kappa + 0.5) * rate.ln()).exp()
+                };
+                let of_sigma: f64 = LIKENESS.iter().map(of_likeness).sum();
                 let spreads = [one, two];
                 let covariance = DMatrix::from_fn(8, 8, |i, j| {
                     let same = if i == j { spreads[i / 4].powi(2) + sd * sd } else { 0.0 };
                     let group = if i / 4 == j / 4 { tau * tau } else { 0.0 };
-                    same + group + options.overall_sd.powi(2)
+                    same + group + options.overall_sd[0].powi(2)
                 });
                 let data = DVector::from_iterator(8, values.iter().flatten().copied());
                 let factor = covariance.cholesky().unwrap();
@@ -150,11 +157,11 @@ fn inverse_gamma(shape: f64, rate: f64, rng: &mut impl Rng) -> f64 {
     1.0 / rand_distr::Gamma::new(shape, 1.0 / rate).unwrap().sample(rng)
 }
 
-/// A covariance of the hierarchical inverse-Wishart with two parameters, drawn as the inverse of a sum of squares: ν + p − 1 = 3 normals.
-fn covariance(scales: &[f64], rng: &mut impl Rng) -> DMatrix<f64> {
+/// A covariance of the hierarchical inverse-Wishart with two parameters, drawn as the inverse of a sum of squares: κ + p − 1 normals.
+fn covariance(scales: &[f64], likeness: f64, rng: &mut impl Rng) -> DMatrix<f64> {
     let mut precision = DMatrix::zeros(2, 2);
-    for _ in 0..3 {
-        let x = DVector::from_fn(2, |k, _| normal(rng) * (scales[k] / 4.0).sqrt());
+    for _ in 0..likeness as usize + 1 {
+        let x = DVector::from_fn(2, |k, _| normal(rng) * (scales[k] / (2.0 * likeness)).sqrt());
         precision.ger(1.0, &x, &x, 1.0);
     }
     precision.try_inverse().unwrap()
@@ -164,8 +171,8 @@ fn truth(design: &Design, options: &HierarchyOptions, rng: &mut ChaCha8Rng) -> T
     let p = 2;
     let layout = Layout::new(design);
     let mut shares = vec![Vec::new(); layout.n_shares];
-    for overall_mean in &options.overall_mean {
-        shares[0].push(overall_mean + options.overall_sd * normal(rng));
+    for (overall_mean, overall_sd) in options.overall_mean.iter().zip(&options.overall_sd) {
+        shares[0].push(overall_mean + overall_sd * normal(rng));
         for range in &layout.factors {
             let scale = inverse_gamma(0.5, options.scales[0].powi(-2), rng);
             let sd = inverse_gamma(1.0, 2.0 / scale, rng).sqrt();
@@ -175,9 +182,10 @@ fn truth(design: &Design, options: &HierarchyOptions, rng: &mut ChaCha8Rng) -> T
     let mean = |own: &Vec<usize>| (0..p).map(|k| own.iter().map(|share| shares[*share][k]).sum()).collect();
     let group_mean: Vec<Vec<f64>> = layout.of_group.iter().map(mean).collect();
     let scales: Vec<f64> = (0..p).map(|_| inverse_gamma(0.5, options.scales[1].powi(-2), rng)).collect();
-    let between: Vec<DMatrix<f64>> = (0..design.n_strata).map(|_| covariance(&scales, rng)).collect();
+    let likeness = LIKENESS[rng.random_range(0..LIKENESS.len())];
+    let between: Vec<DMatrix<f64>> = (0..design.n_strata).map(|_| covariance(&scales, likeness, rng)).collect();
     let scales: Vec<f64> = (0..p).map(|_| inverse_gamma(0.5, options.scales[2].powi(-2), rng)).collect();
-    let within = covariance(&scales, rng);
+    let within = covariance(&scales, 2.0, rng);
     let correlated = |matrix: &DMatrix<f64>, rng: &mut ChaCha8Rng| {
         let z = DVector::from_fn(p, |_, _| normal(rng));
         matrix.clone().cholesky().unwrap().l() * z
@@ -207,7 +215,7 @@ fn ranks(design: &Design, options: &HierarchyOptions, sd: f64, rng: &mut ChaCha8
         })
         .collect();
     let members: Vec<Member> = densities.iter().map(|own| Member::Exact(own)).collect();
-    let population = sample_population(design, &members, options).unwrap();
+    let population = sample_population(design, &members, options, &Silent).unwrap();
     let share = |of_draw: &dyn Fn(&PopulationDraw) -> f64, of_truth: f64| {
         let below = population.draws().filter(|draw| of_draw(draw) < of_truth).count();
         below as f64 / population.draws().count() as f64
@@ -297,9 +305,10 @@ fn draws_agree_with_likelihoods() {
         .collect();
     let options = options(2, [1_000, 20_000], 3);
     let exact: Vec<Member> = densities.iter().map(|own| Member::Exact(own)).collect();
-    let drawn: Vec<Member> = densities.iter().map(|own| Member::Draws(own.interim(1.2, 4_000, &mut rng))).collect();
+    let interim: Vec<InterimDraws> = densities.iter().map(|own| own.interim(1.2, 4_000, &mut rng)).collect();
+    let drawn: Vec<Member> = interim.iter().map(Member::Draws).collect();
     let moments = |members: &[Member]| {
-        let population = sample_population(&design, members, &options).unwrap();
+        let population = sample_population(&design, members, &options, &Silent).unwrap();
         let values: Vec<f64> = population.draws().map(|draw| draw.group_mean[0] - draw.group_mean[2]).collect();
         let mean = values.iter().sum::<f64>() / values.len() as f64;
         (mean, (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / values.len() as f64).sqrt())

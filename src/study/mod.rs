@@ -277,7 +277,7 @@ fn revision_number(name: &str) -> Option<u32> {
 }
 
 /// Letters, digits, `-`, `_` and `.` stay, everything else becomes `-`; never empty, hidden or longer than 80 characters.
-fn safe_file_name(id: &str) -> String {
+pub(crate) fn safe_file_name(id: &str) -> String {
     let keep = |c: char| if c.is_alphanumeric() || matches!(c, '-' | '_' | '.') { c } else { '-' };
     // File systems limit names by bytes, and temporary neighbours need some of them.
     let mut safe = String::new();

@@ -18,7 +18,7 @@ pub struct RevisionWriter {
 }
 
 impl RevisionWriter {
-    pub(super) fn begin(study_dir: &Path, name: &str) -> Result<Self> {
+    pub(crate) fn begin(study_dir: &Path, name: &str) -> Result<Self> {
         let lock = Lock::acquire(study_dir)?;
         let target = study_dir.join(name);
         restore(&target)?;

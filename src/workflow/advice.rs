@@ -3,7 +3,7 @@
 use super::summary::{PosteriorSummary, Warning, WarningKind};
 
 /// Misfit or learnt noise above this multiple of the known noise is not the noise (contracts §4).
-const NOISE_FACTOR: f64 = 1.5;
+pub const NOISE_FACTOR: f64 = 1.5;
 /// Learnt noise so many times below the known one is not the tracker's.
 const LOW_NOISE_FACTOR: f64 = 3.0;
 /// A joint probability below this lies outside the 99.9 % band.

@@ -67,6 +67,20 @@ impl Problem {
         Ok(Self { experiment, specification, model, noise, priors, mechanics: Arc::new(mechanics) })
     }
 
+    /// The same with mechanics that are there already.
+    ///
+    /// # Errors
+    /// [`Error::Input`] when the model cannot be one of the experiment.
+    pub fn with_mechanics(
+        experiment: Experiment,
+        specification: ModelSpecification,
+        library: &Library,
+        mechanics: Arc<Mechanics>,
+    ) -> Result<Self> {
+        let Checked { model, noise, priors } = check(&experiment, &specification, library)?;
+        Ok(Self { experiment, specification, model, noise, priors, mechanics })
+    }
+
     /// Another model of the same experiment by the same mechanics.
     ///
     /// # Errors
@@ -80,8 +94,7 @@ impl Problem {
     /// # Errors
     /// [`Error::Input`] when the model cannot be one of the experiment.
     pub fn with(&self, experiment: Experiment, specification: ModelSpecification, library: &Library) -> Result<Self> {
-        let Checked { model, noise, priors } = check(&experiment, &specification, library)?;
-        Ok(Self { experiment, specification, model, noise, priors, mechanics: self.mechanics.clone() })
+        Self::with_mechanics(experiment, specification, library, self.mechanics.clone())
     }
 
     /// The model's parameters, then the noise's.

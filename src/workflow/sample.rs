@@ -89,7 +89,8 @@ pub fn run(problem: &Problem, request: &SampleRequest, monitor: &dyn Monitor) ->
     let has_finite_elements = problem.finite_elements().is_some();
     monitor.stage(if has_finite_elements { "checking by full finite elements" } else { "predicting all cycles" });
     let columns = natural_columns(problem, &outcome);
-    let draws = check_draws(&posterior, &outcome);
+    let spread = outcome.draws.spread(N_CHECK_DRAWS);
+    let draws: Vec<NaturalDraw> = spread.iter().map(|point| posterior.natural(point)).collect();
     let check = heldout::check(problem, &reduced, &draws)?;
     lap("full finite elements");
     let bands_m = heldout::bands_m(&check);
@@ -102,7 +103,11 @@ pub fn run(problem: &Problem, request: &SampleRequest, monitor: &dyn Monitor) ->
     Ok(SampleResult { summary, reduced, outcome, columns, bands_m, yardstick, timing_s })
 }
 
-fn sample(
+/// Draws from the posterior, without any check of them.
+///
+/// # Errors
+/// [`crate::Error::Interrupted`] when stopped; whatever the sampler refuses.
+pub fn sample(
     problem: &Problem,
     posterior: &ReducedPosterior,
     request: &SampleRequest,
@@ -155,20 +160,6 @@ fn natural_columns(problem: &Problem, outcome: &SampleOutcome) -> Vec<DrawColumn
         column
     };
     problem.priors.priors().iter().enumerate().map(column).collect()
-}
-
-/// Draws spread over all ensembles, steps and walkers by the golden ratio, which no stride of theirs divides.
-fn check_draws(posterior: &ReducedPosterior, outcome: &SampleOutcome) -> Vec<NaturalDraw> {
-    let draws = &outcome.draws;
-    let golden = 0.5 * (5.0_f64.sqrt() - 1.0);
-    let pick = |k: usize| {
-        let index = (((k as f64 + 0.5) * golden).fract() * draws.len() as f64) as usize;
-        let (step, walker) = (index / draws.n_walkers, index % draws.n_walkers);
-        let (ensemble, step) = (step / draws.n_steps, step % draws.n_steps);
-        let point: Vec<f64> = (0..draws.dimension).map(|d| draws.value(ensemble, step, walker, d)).collect();
-        posterior.natural(&point)
-    };
-    (0..N_CHECK_DRAWS).map(pick).collect()
 }
 
 #[expect(clippy::too_many_arguments, reason = "joins everything that the job has found into one document")]

@@ -231,6 +231,12 @@ pub enum WarningKind {
     DrawsRefused,
     /// The apparatus is an instrument: parts that need finite elements are left out.
     NoFiniteElements,
+    /// One specimen is all that was measured of a group.
+    GroupOfOne,
+    /// Nothing was measured of a group.
+    GroupPredicted,
+    /// A specimen lies far from its group.
+    OutlyingSpecimen,
 }
 
 impl WarningKind {

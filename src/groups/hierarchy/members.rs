@@ -1,33 +1,29 @@
 //! What is known of one experiment's parameters: draws under an interim prior, or its likelihood itself.
 
-use nalgebra::DMatrix;
+use nalgebra::{Cholesky, DMatrix, Dyn};
 use rand::{Rng, RngExt};
+use rand_distr::Distribution;
+use rand_distr::weighted::WeightedAliasIndex;
+
+use super::random::normals;
 
 /// Draws of an experiment's logarithmic parameters under the interim prior.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct InterimDraws {
     /// Parameters; `n_parameters` values a draw.
     pub log_parameters: Vec<f64>,
     /// Log-density of the interim prior over the logarithmic parameters, one value a draw.
     pub log_prior: Vec<f64>,
-    /// Proposals are drawn in proportion to the inverse interim prior: cumulative, from 0 to 1.
-    cumulative: Vec<f64>,
+    /// Proposals are drawn in proportion to the inverse interim prior; `None` without draws.
+    proposal: Option<WeightedAliasIndex<f64>>,
 }
 
 impl InterimDraws {
     /// Draws with the interim prior's log-density at each.
     pub fn new(log_parameters: Vec<f64>, log_prior: Vec<f64>) -> Self {
         let least = log_prior.iter().copied().fold(f64::INFINITY, f64::min);
-        let mut sum = 0.0;
-        let mut cumulative: Vec<f64> = log_prior
-            .iter()
-            .map(|log_prior| {
-                sum += (least - log_prior).exp();
-                sum
-            })
-            .collect();
-        cumulative.iter_mut().for_each(|value| *value /= sum);
-        Self { log_parameters, log_prior, cumulative }
+        let inverse = log_prior.iter().map(|log_prior| (least - log_prior).exp()).collect();
+        Self { log_parameters, log_prior, proposal: WeightedAliasIndex::new(inverse).ok() }
     }
 
     /// Number of draws.
@@ -46,9 +42,8 @@ impl InterimDraws {
         &self.log_parameters[index * p..(index + 1) * p]
     }
 
-    pub(super) fn propose(&self, rng: &mut impl Rng) -> usize {
-        let level: f64 = rng.random();
-        self.cumulative.partition_point(|value| *value < level).min(self.len() - 1)
+    fn propose(&self, rng: &mut impl Rng) -> usize {
+        self.proposal.as_ref().map_or(0, |proposal| proposal.sample(rng))
     }
 
     /// Effective number of draws, 1/Σw², where they are weighted to a normal population (Kish).
@@ -69,33 +64,27 @@ impl InterimDraws {
 
 /// (x − m)ᵀ P (x − m).
 pub(super) fn squared_distance(x: &[f64], mean: &[f64], precision: &DMatrix<f64>) -> f64 {
-    let p = x.len();
+    let columns = precision.as_slice().chunks_exact(x.len());
     let mut sum = 0.0;
-    for row in 0..p {
-        let at_row = x[row] - mean[row];
-        let mut product = 0.0;
-        for column in 0..p {
-            product += precision[(row, column)] * (x[column] - mean[column]);
-        }
-        sum += at_row * product;
+    for (column, (x_own, mean_own)) in columns.zip(x.iter().zip(mean)) {
+        let product: f64 = column.iter().zip(x.iter().zip(mean)).map(|(p, (x, m))| p * (x - m)).sum();
+        sum += (x_own - mean_own) * product;
     }
     sum
 }
 
-/// The likelihood of an experiment, its priors but for the pooled parameters included.
+/// The likelihood of an experiment. A point holds the logarithms of the pooled parameters and then whatever else the experiment's model has.
 pub trait ExperimentDensity: Sync {
-    /// Log-density at the sampler's coordinates *without* the interim prior of the pooled parameters; −∞ outside the support.
+    /// Log-likelihood, with the priors of what is not pooled but *without* the interim prior of what is; −∞ outside the support.
     fn ln_density(&self, point: &[f64]) -> f64;
-    /// Logarithms of the pooled parameters at the sampler's coordinates.
-    fn log_parameters(&self, point: &[f64]) -> Vec<f64>;
-    /// Draws under the interim prior in the sampler's coordinates, from whose differences steps are proposed.
+    /// Draws under the interim prior, from whose differences steps are proposed.
     fn archive(&self) -> &[Vec<f64>];
 }
 
 /// What one experiment brings to the hierarchy.
 pub enum Member<'a> {
     /// Draws, re-weighted to the population (Hogg, Myers, Bovy 2010, ApJ 725:2166).
-    Draws(InterimDraws),
+    Draws(&'a InterimDraws),
     /// The likelihood: exact, at the cost of a trajectory a step.
     Exact(&'a dyn ExperimentDensity),
 }
@@ -107,26 +96,50 @@ pub(super) struct Place {
     index: usize,
     point: Vec<f64>,
     ln_density: f64,
+    /// Trials a sweep, and how many were made and accepted.
+    n_trials: usize,
+    tried: usize,
+    accepted: usize,
 }
 
-/// Trials a sweep for draws, which cost nothing, and for the likelihood.
-const N_TRIALS_OF_DRAWS: usize = 8;
-const N_TRIALS_OF_EXACT: usize = 3;
-/// Share of the exact steps that go the whole way between two draws of the archive, from mode to mode.
+impl Place {
+    /// Ends the counting: from now on as many trials a sweep as were accepted twice on average, at most those made so far.
+    pub(super) fn freeze(&mut self) {
+        let wanted = (WANTED_ACCEPTANCES * self.tried).div_ceil(self.accepted.max(1));
+        self.n_trials = wanted.clamp(1, self.n_trials);
+    }
+}
+
+/// Trials a sweep, before it is known how many are accepted.
+const N_TRIALS: usize = 8;
+/// Accepted trials that a sweep should have thereafter.
+const WANTED_ACCEPTANCES: usize = 2;
+/// Share of the steps along the archive that go the whole way between two draws of the archive, from mode to mode.
 const WHOLE_STEPS: f64 = 0.1;
 
 impl Member<'_> {
-    pub(super) fn start(&self, rng: &mut impl Rng) -> Place {
+    /// Whether there is nothing to start from.
+    pub fn is_empty(&self) -> bool {
+        match self {
+            Self::Draws(draws) => draws.is_empty(),
+            Self::Exact(density) => density.archive().is_empty(),
+        }
+    }
+
+    pub(super) fn start(&self, n_parameters: usize, rng: &mut impl Rng) -> Place {
+        let (n_trials, tried, accepted) = (N_TRIALS, 0, 0);
         match self {
             Self::Draws(draws) => {
                 let index = rng.random_range(0..draws.len());
-                Place { log_parameters: draws.get(index).to_vec(), index, point: Vec::new(), ln_density: 0.0 }
+                let log_parameters = draws.get(index).to_vec();
+                Place { log_parameters, index, point: Vec::new(), ln_density: 0.0, n_trials, tried, accepted }
             }
             Self::Exact(density) => {
                 let archive = density.archive();
                 let point = archive[rng.random_range(0..archive.len())].clone();
-                let (log_parameters, ln_density) = (density.log_parameters(&point), density.ln_density(&point));
-                Place { log_parameters, index: 0, point, ln_density }
+                let ln_density = density.ln_density(&point);
+                let log_parameters = point[..n_parameters].to_vec();
+                Place { log_parameters, index: 0, point, ln_density, n_trials, tried, accepted }
             }
         }
     }
@@ -134,41 +147,82 @@ impl Member<'_> {
     /// Steps that leave the conditional distribution given the population's mean and precision as it is.
     pub(super) fn step(&self, place: &mut Place, mean: &[f64], precision: &DMatrix<f64>, rng: &mut impl Rng) {
         let mut distance = squared_distance(&place.log_parameters, mean, precision);
+        place.tried += place.n_trials;
         match self {
             Self::Draws(draws) => {
-                for _ in 0..N_TRIALS_OF_DRAWS {
+                for _ in 0..place.n_trials {
                     let index = draws.propose(rng);
                     let proposed = squared_distance(draws.get(index), mean, precision);
                     if rng.random::<f64>().ln() < 0.5 * (distance - proposed) {
                         (place.index, distance) = (index, proposed);
+                        place.accepted += 1;
                     }
                 }
                 place.log_parameters.copy_from_slice(draws.get(place.index));
             }
             Self::Exact(density) => {
-                let archive = density.archive();
-                // Optimal for a normal target (ter Braak 2006, Stat. Comput. 16:239).
-                let short = 2.38 / (2.0 * place.point.len() as f64).sqrt();
-                for _ in 0..N_TRIALS_OF_EXACT {
-                    let scale = if rng.random::<f64>() < WHOLE_STEPS { 1.0 } else { short };
-                    let from = &archive[rng.random_range(0..archive.len())];
-                    let to = &archive[rng.random_range(0..archive.len())];
-                    let point: Vec<f64> = place
-                        .point
-                        .iter()
-                        .zip(to.iter().zip(from))
-                        .map(|(x, (to, from))| x + scale * (to - from))
-                        .collect();
-                    let log_parameters = density.log_parameters(&point);
+                let steps = ExactSteps::new(*density, mean, precision);
+                for _ in 0..place.n_trials {
+                    let (point, ln_of_population) = steps.propose(place, rng);
                     let ln_density = density.ln_density(&point);
-                    let proposed = squared_distance(&log_parameters, mean, precision);
-                    let ln_ratio = ln_density - place.ln_density + 0.5 * (distance - proposed);
-                    if rng.random::<f64>().ln() < ln_ratio {
-                        distance = proposed;
-                        *place = Place { log_parameters, index: 0, point, ln_density };
+                    if rng.random::<f64>().ln() < ln_density - place.ln_density + ln_of_population {
+                        place.log_parameters.copy_from_slice(&point[..mean.len()]);
+                        (place.point, place.ln_density) = (point, ln_density);
+                        place.accepted += 1;
                     }
                 }
             }
         }
+    }
+}
+
+/// Proposals for a likelihood: along differences of the archive where the experiment decides, and by the population where that does.
+struct ExactSteps<'a> {
+    density: &'a dyn ExperimentDensity,
+    mean: &'a [f64],
+    precision: &'a DMatrix<f64>,
+    /// Factor of the population's precision.
+    factor: Option<Cholesky<f64, Dyn>>,
+}
+
+impl<'a> ExactSteps<'a> {
+    fn new(density: &'a dyn ExperimentDensity, mean: &'a [f64], precision: &'a DMatrix<f64>) -> Self {
+        Self { density, mean, precision, factor: Cholesky::new(precision.clone()) }
+    }
+
+    /// A point, and what the population adds to the logarithm of the acceptance ratio.
+    fn propose(&self, place: &Place, rng: &mut impl Rng) -> (Vec<f64>, f64) {
+        match &self.factor {
+            Some(factor) if rng.random::<bool>() => (self.by_population(place, factor, rng), 0.0),
+            _ => {
+                let point = self.along_archive(place, rng);
+                let distance = |x: &[f64]| squared_distance(&x[..self.mean.len()], self.mean, self.precision);
+                let ln_of_population = 0.5 * (distance(&place.point) - distance(&point));
+                (point, ln_of_population)
+            }
+        }
+    }
+
+    /// m + cos(θ)(φ − m) + sin(θ) ξ with ξ from the population, which it leaves as it is (preconditioned Crank–Nicolson; Cotter et al. 2013,
+    /// Stat. Sci. 28:424), θ uniform up to a quarter turn.
+    fn by_population(&self, place: &Place, factor: &Cholesky<f64, Dyn>, rng: &mut impl Rng) -> Vec<f64> {
+        let mut fresh = normals(self.mean.len(), rng);
+        factor.l_dirty().tr_solve_lower_triangular_mut(&mut fresh);
+        let (sin, cos) = (std::f64::consts::FRAC_PI_2 * rng.random::<f64>()).sin_cos();
+        let mut point = place.point.clone();
+        for ((x, mean), fresh) in point.iter_mut().zip(self.mean).zip(fresh.iter()) {
+            *x = mean + cos * (*x - mean) + sin * fresh;
+        }
+        point
+    }
+
+    fn along_archive(&self, place: &Place, rng: &mut impl Rng) -> Vec<f64> {
+        let archive = self.density.archive();
+        // Optimal for a normal target (ter Braak 2006, Stat. Comput. 16:239).
+        let short = 2.38 / (2.0 * place.point.len() as f64).sqrt();
+        let scale = if rng.random::<f64>() < WHOLE_STEPS { 1.0 } else { short };
+        let from = &archive[rng.random_range(0..archive.len())];
+        let to = &archive[rng.random_range(0..archive.len())];
+        place.point.iter().zip(to.iter().zip(from)).map(|(x, (to, from))| x + scale * (to - from)).collect()
     }
 }

@@ -8,8 +8,10 @@
 //! μ_g  = m + Σ_k a_k,level(g)   a_k ~ N(0, diag τ_k²)  one sum of the grouping keys' levels, and one of the group's own
 //! ```
 //!
-//! Groups that share specimens share Σ; scales of all Σ are pooled by the hierarchical inverse-Wishart of Huang & Wand (2013,
-//! Bayesian Anal. 8:439, doi:10.1214/13-BA815): half-t(2) standard deviations and uniform correlations. τ are half-t(2) too.
+//! Groups that share specimens share Σ. The Σ of several strata are partially pooled: Σ_h ~ inverse-Wishart(κ + p − 1, 2κ diag(1/α)), whose
+//! scales α they share and whose κ says how alike they are, from hardly (2) to nearly equal (32); both are learnt. Σ alone is then the prior of
+//! Huang & Wand (2013, Bayesian Anal. 8:439, doi:10.1214/13-BA815): half-t(κ) standard deviations, and at κ = 2 uniform correlations. W is
+//! theirs at κ = 2, and τ are half-t(2).
 //! Every update but the members' is a draw from a full conditional; (m, a) are drawn with all u integrated out.
 //! A sweep costs time linear in the experiments.
 
@@ -17,37 +19,56 @@ mod members;
 mod random;
 
 use std::ops::Range;
+use std::sync::atomic::Ordering;
 
 use nalgebra::{DMatrix, DVector};
-use rand::SeedableRng;
+use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
+use statrs::function::gamma::ln_gamma;
 
 use members::Place;
 pub use members::{ExperimentDensity, InterimDraws, Member};
 use random::{factor, gamma, normal_of_information, normals, wishart_of_scatter};
 
 use super::design::Design;
-use crate::error::Result;
+use crate::error::{Error, Result};
+use crate::inference::diagnostics::ranks::BlomScores;
+use crate::inference::diagnostics::{DrawColumn, diagnose};
+use crate::workflow::{Counter, Monitor};
 
+/// Largest R̂ of converged draws.
+pub const LARGEST_RHAT: f64 = 1.01;
+/// The other demand: effective draws of every mean and spread (Vehtari et al. 2021, Bayesian Anal. 16:667).
+pub const FEWEST_EFFECTIVE_DRAWS: f64 = 400.0;
+/// What stays of a run that is stopped.
+pub(super) const KEPT: &str = "experiments that are done are kept; the same command goes on from them";
+/// Sweeps between two looks at who watches.
+const SWEEPS_A_PIECE: usize = 100;
 /// Degrees of freedom of the half-t priors of standard deviations.
 const HALF_T_DEGREES: f64 = 2.0;
+/// How alike the strata's covariances may be, κ; each as probable.
+pub const LIKENESS: [f64; 5] = [2.0, 4.0, 8.0, 16.0, 32.0];
 
 /// Priors and settings of the hierarchy.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HierarchyOptions {
     /// Mean of the overall logarithms, one value a parameter.
     pub overall_mean: Vec<f64>,
-    /// Their standard deviation.
-    pub overall_sd: f64,
+    /// Their standard deviations.
+    pub overall_sd: Vec<f64>,
     /// Scale of the half-t prior of the spread between groups, between specimens, and between repeats, in the logarithm.
     pub scales: [f64; 3],
     /// Degrees of freedom of Student-t specimens; `None` for normal ones.
     pub student_dof: Option<f64>,
     /// Chains.
     pub n_chains: usize,
-    /// Sweeps that are dropped, and sweeps that are kept, in each chain.
+    /// Sweeps that are dropped, and sweeps thereafter after which convergence is first judged, in each chain.
     pub n_sweeps: [usize; 2],
+    /// Most sweeps after those that are dropped: their number doubles until the demands are met.
+    pub max_sweeps: usize,
+    /// Every so many of the first sweeps is kept; twice as rarely each time that their number doubles.
+    pub keep_every: usize,
     /// Seed.
     pub seed: u64,
 }
@@ -110,6 +131,14 @@ pub struct Population {
     pub chains: Vec<Vec<PopulationDraw>>,
     /// Parameters.
     pub n_parameters: usize,
+    /// Sweeps of each chain from which draws were kept.
+    pub n_sweeps: usize,
+    /// Largest rank-normalised split R̂ of a group's mean or a spread.
+    pub rhat: f64,
+    /// Smallest effective number of draws of one, bulk or tail.
+    pub ess: f64,
+    /// Whether both meet the demands.
+    pub has_converged: bool,
 }
 
 impl Population {
@@ -122,24 +151,94 @@ impl Population {
 /// Samples the population that the members come from, one member an experiment of the design.
 ///
 /// # Errors
-/// [`crate::Error::Numerical`] when a covariance cannot be factored.
-pub fn sample_population(design: &Design, members: &[Member], options: &HierarchyOptions) -> Result<Population> {
-    let chain = |number: usize| -> Result<Vec<PopulationDraw>> {
+/// [`crate::Error::Numerical`] when an experiment has no draws or a covariance cannot be factored, [`crate::Error::Interrupted`] when stopped.
+pub fn sample_population(
+    design: &Design,
+    members: &[Member],
+    options: &HierarchyOptions,
+    monitor: &dyn Monitor,
+) -> Result<Population> {
+    if members.iter().any(Member::is_empty) {
+        return Err(Error::numerical("an experiment has no draws", "sample it longer (--steps)"));
+    }
+    let start = |number: usize| {
         let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
         rng.set_stream(number as u64);
-        let mut chain = Chain::new(design, members, options, &mut rng);
-        let [n_dropped, n_kept] = options.n_sweeps;
-        let mut kept = Vec::with_capacity(n_kept);
-        for sweep in 0..n_dropped + n_kept {
-            chain.sweep(&mut rng)?;
-            if sweep >= n_dropped {
-                kept.push(chain.draw());
+        let chain = Chain::new(design, members, options, &mut rng);
+        Run { chain, rng, kept: Vec::new() }
+    };
+    let mut runs: Vec<Run> = (0..options.n_chains).map(start).collect();
+    let [n_dropped, n_first] = options.n_sweeps;
+    go_on(&mut runs, n_dropped, usize::MAX, monitor)?;
+    runs.iter_mut().flat_map(|run| &mut run.chain.places).for_each(Place::freeze);
+    let (mut n_sweeps, mut n_next, mut keep_every) = (0, n_first, options.keep_every);
+    loop {
+        go_on(&mut runs, n_next, keep_every, monitor)?;
+        n_sweeps += n_next;
+        let (rhat, ess) = diagnostics(design, &runs, options.overall_mean.len());
+        let has_converged = rhat <= LARGEST_RHAT && ess >= FEWEST_EFFECTIVE_DRAWS;
+        if has_converged || 2 * n_sweeps > options.max_sweeps {
+            let chains = runs.into_iter().map(|run| run.kept).collect();
+            let n_parameters = options.overall_mean.len();
+            return Ok(Population { chains, n_parameters, n_sweeps, rhat, ess, has_converged });
+        }
+        (n_next, keep_every) = (n_sweeps, 2 * keep_every);
+        for run in &mut runs {
+            let mut index = 0;
+            run.kept.retain(|_| {
+                index += 1;
+                index % 2 == 0
+            });
+        }
+    }
+}
+
+/// A chain, its random numbers and what it has kept.
+struct Run<'a, 'm> {
+    chain: Chain<'a, 'm>,
+    rng: ChaCha8Rng,
+    kept: Vec<PopulationDraw>,
+}
+
+/// Sweeps all chains so many times and keeps every so many of their states.
+fn go_on(runs: &mut [Run], n_sweeps: usize, keep_every: usize, monitor: &dyn Monitor) -> Result<()> {
+    let counter = Counter::new(monitor, runs.len() * n_sweeps / SWEEPS_A_PIECE);
+    let one = |run: &mut Run| {
+        for sweep in 1..=n_sweeps {
+            run.chain.sweep(&mut run.rng)?;
+            if sweep % keep_every == 0 {
+                run.kept.push(run.chain.draw());
+            }
+            if sweep.is_multiple_of(SWEEPS_A_PIECE) {
+                counter.add_one();
+                if monitor.stop().is_some_and(|stop| stop.load(Ordering::Relaxed)) {
+                    return Err(Error::Interrupted { kept: KEPT.into() });
+                }
             }
         }
-        Ok(kept)
+        Ok(())
     };
-    let chains = (0..options.n_chains).into_par_iter().map(chain).collect::<Result<_>>()?;
-    Ok(Population { chains, n_parameters: options.overall_mean.len() })
+    runs.par_iter_mut().map(one).collect()
+}
+
+/// Largest R̂ and smallest effective number of draws of the groups' means and of spreads' logarithms.
+fn diagnostics(design: &Design, runs: &[Run], p: usize) -> (f64, f64) {
+    let n_kept = runs.first().map_or(0, |run| run.kept.len());
+    let blom = BlomScores::new(runs.len() * n_kept);
+    let of = |value: &(dyn Fn(&PopulationDraw) -> f64 + Sync)| {
+        let values = runs.iter().flat_map(|run| run.kept.iter().map(value)).collect();
+        diagnose(&DrawColumn { n_ensembles: runs.len(), n_steps: n_kept, n_walkers: 1, values }, &blom)
+    };
+    let means = (0..design.groups.len() * p).into_par_iter().map(|i| of(&|draw| draw.group_mean[i]));
+    let diagonal = |i: usize| i / p * p * p + i % p * (p + 1);
+    let between =
+        (0..design.n_strata * p).into_par_iter().map(|i| of(&|draw| draw.between_specimens[diagonal(i)].ln()));
+    let n_within = if design.has_repeats() { p } else { 0 };
+    let within = (0..n_within).into_par_iter().map(|i| of(&|draw| draw.within_specimens[diagonal(i)].ln()));
+    let all: Vec<_> = means.chain(between).chain(within).collect();
+    let rhat = all.iter().map(|own| own.rhat).fold(0.0, f64::max);
+    let ess = all.iter().map(|own| own.ess_bulk.min(own.ess_tail)).fold(f64::INFINITY, f64::min);
+    (rhat, ess)
 }
 
 /// Σ λ x xᵀ of deviations that have one covariance, and their number.
@@ -164,9 +263,10 @@ fn draw_covariances(
     scatters: Vec<Scatter>,
     scales: &mut [f64],
     scale_of_prior: f64,
+    nu: f64,
     rng: &mut ChaCha8Rng,
 ) -> Result<Vec<DMatrix<f64>>> {
-    let (p, nu) = (scales.len(), HALF_T_DEGREES);
+    let p = scales.len();
     let draw = |Scatter { mut sum, count }: Scatter| {
         (0..p).for_each(|k| sum[(k, k)] += 2.0 * nu / scales[k]);
         wishart_of_scatter(nu + (p - 1 + count) as f64, sum, rng)
@@ -178,6 +278,33 @@ fn draw_covariances(
         *scale = 1.0 / gamma(shape, nu * diagonal + scale_of_prior.powi(-2), rng);
     }
     Ok(precisions)
+}
+
+/// κ given the strata's inverse covariances and their scales.
+fn draw_likeness(precisions: &[DMatrix<f64>], scales: &[f64], rng: &mut ChaCha8Rng) -> f64 {
+    let p = scales.len();
+    let ln_densities = LIKENESS.map(|likeness| {
+        let degrees = likeness + (p - 1) as f64;
+        let ln_scale: f64 = scales.iter().map(|scale| (2.0 * likeness / scale).ln()).sum();
+        // Multivariate gamma function but for a constant.
+        let ln_gamma: f64 = (0..p).map(|j| ln_gamma(0.5 * (degrees - j as f64))).sum();
+        let constant = 0.5 * degrees * (ln_scale - p as f64 * std::f64::consts::LN_2) - ln_gamma;
+        let of_precision = |precision: &DMatrix<f64>| {
+            let trace: f64 = (0..p).map(|k| 2.0 * likeness / scales[k] * precision[(k, k)]).sum();
+            0.5 * degrees * precision.determinant().ln() - 0.5 * trace
+        };
+        precisions.iter().map(|precision| constant + of_precision(precision)).sum::<f64>()
+    });
+    let largest = ln_densities.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let weights = ln_densities.map(|ln_density| (ln_density - largest).exp());
+    let mut level = rng.random::<f64>() * weights.iter().sum::<f64>();
+    for (likeness, weight) in LIKENESS.iter().zip(weights) {
+        level -= weight;
+        if level <= 0.0 {
+            return *likeness;
+        }
+    }
+    LIKENESS[LIKENESS.len() - 1]
 }
 
 struct Chain<'a, 'm> {
@@ -198,6 +325,7 @@ struct Chain<'a, 'm> {
     /// Σ⁻¹ of every stratum, and the pooled scales a of their prior.
     precision: Vec<DMatrix<f64>>,
     scale: Vec<f64>,
+    likeness: f64,
     /// W⁻¹ and its scales.
     repeat_precision: DMatrix<f64>,
     repeat_scale: Vec<f64>,
@@ -210,7 +338,7 @@ impl<'a, 'm> Chain<'a, 'm> {
     fn new(design: &'a Design, members: &'a [Member<'m>], options: &'a HierarchyOptions, rng: &mut ChaCha8Rng) -> Self {
         let p = options.overall_mean.len();
         let layout = Layout::new(design);
-        let places: Vec<Place> = members.iter().map(|member| member.start(rng)).collect();
+        let places: Vec<Place> = members.iter().map(|member| member.start(p, rng)).collect();
         let mut specimen_of = vec![0; design.n_experiments()];
         for (index, specimen) in design.specimens.iter().enumerate() {
             specimen.experiments.iter().for_each(|e| specimen_of[*e] = index);
@@ -222,6 +350,7 @@ impl<'a, 'm> Chain<'a, 'm> {
         Self {
             precision: (0..design.n_strata).map(|_| of_sd(spread(0.5 * options.scales[1]))).collect(),
             scale: vec![1.0; p],
+            likeness: LIKENESS[1],
             repeat_precision: of_sd(spread(0.5 * options.scales[2])),
             repeat_scale: vec![1.0; p],
             factor_variance: vec![vec![spread(options.scales[0]).powi(2); p]; n_factors],
@@ -267,7 +396,7 @@ impl<'a, 'm> Chain<'a, 'm> {
         let mut precision = DMatrix::zeros(n, n);
         let mut information = DVector::zeros(n);
         for k in 0..p {
-            let of_overall = 1.0 / self.options.overall_sd.powi(2);
+            let of_overall = 1.0 / self.options.overall_sd[k].powi(2);
             precision[(k, k)] = of_overall;
             information[k] = of_overall * self.options.overall_mean[k];
             for (factor, range) in self.layout.factors.iter().enumerate() {
@@ -380,7 +509,8 @@ impl<'a, 'm> Chain<'a, 'm> {
             scatter.add(1.0, &(self.residual(e) - &self.deviation[self.specimen_of[e]]));
         }
         let scale = self.options.scales[2];
-        self.repeat_precision = draw_covariances(vec![scatter], &mut self.repeat_scale, scale, rng)?.remove(0);
+        self.repeat_precision =
+            draw_covariances(vec![scatter], &mut self.repeat_scale, scale, HALF_T_DEGREES, rng)?.remove(0);
         Ok(())
     }
 
@@ -392,13 +522,15 @@ impl<'a, 'm> Chain<'a, 'm> {
         }
     }
 
-    /// Σ of every stratum given its specimens, and the scales that the strata share.
+    /// Σ of every stratum given its specimens, and what the strata share.
     fn draw_precisions(&mut self, rng: &mut ChaCha8Rng) -> Result<()> {
         let mut scatters: Vec<Scatter> = (0..self.design.n_strata).map(|_| Scatter::new(self.p)).collect();
         for (index, specimen) in self.design.specimens.iter().enumerate() {
             scatters[specimen.stratum].add(self.weight[index], &self.deviation[index]);
         }
-        self.precision = draw_covariances(scatters, &mut self.scale, self.options.scales[1], rng)?;
+        let scale = self.options.scales[1];
+        self.precision = draw_covariances(scatters, &mut self.scale, scale, self.likeness, rng)?;
+        self.likeness = draw_likeness(&self.precision, &self.scale, rng);
         Ok(())
     }
 

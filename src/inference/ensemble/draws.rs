@@ -28,6 +28,22 @@ impl Draws {
         self.positions[((ensemble * self.n_steps + step) * self.dimension + d) * self.n_walkers + walker]
     }
 
+    /// One point.
+    pub fn point(&self, ensemble: usize, step: usize, walker: usize) -> Vec<f64> {
+        (0..self.dimension).map(|d| self.value(ensemble, step, walker, d)).collect()
+    }
+
+    /// `n` points spread over all ensembles, steps and walkers by the golden ratio, which no stride of theirs divides.
+    pub fn spread(&self, n: usize) -> Vec<Vec<f64>> {
+        let golden = 0.5 * (5.0_f64.sqrt() - 1.0);
+        let pick = |k: usize| {
+            let index = (((k as f64 + 0.5) * golden).fract() * self.len() as f64) as usize;
+            let (step, walker) = (index / self.n_walkers, index % self.n_walkers);
+            self.point(step / self.n_steps, step % self.n_steps, walker)
+        };
+        (0..n).map(pick).collect()
+    }
+
     /// Number of points.
     pub fn len(&self) -> usize {
         self.log_density.len()
@@ -50,8 +66,7 @@ impl Draws {
         let mut points = Vec::new();
         for ensemble in 0..self.n_ensembles {
             for step in first..self.n_steps {
-                let point = |walker| (0..self.dimension).map(|d| self.value(ensemble, step, walker, d)).collect();
-                points.extend((0..self.n_walkers).map(point));
+                points.extend((0..self.n_walkers).map(|walker| self.point(ensemble, step, walker)));
             }
         }
         points
