@@ -9,6 +9,7 @@ mod effects;
 mod examine;
 mod extend;
 mod fit;
+mod groups;
 mod ladder;
 mod options;
 mod output;
@@ -36,6 +37,7 @@ fn main() -> ExitCode {
         Command::Diagnose(arguments) => diagnose::run(arguments),
         Command::Extend(arguments) => extend::run(arguments),
         Command::Ladder(arguments) => ladder::run(arguments),
+        Command::Groups(arguments) => groups::run(arguments),
         Command::Challenge(arguments) => challenge::run(arguments),
     };
     match outcome {

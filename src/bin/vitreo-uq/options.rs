@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use vitreo_uq::inference::SamplerOptions;
+use vitreo_uq::inference::prior::PriorSet;
 
 /// Bayesian uncertainty quantification for creep experiments in soft gels.
 #[derive(Parser)]
@@ -37,6 +38,8 @@ pub enum Command {
     Ladder(LadderArguments),
     /// Data with a sealed hidden effect: make some, open the seal, play many
     Challenge(crate::challenge::ChallengeArguments),
+    /// Species or regions compared: how groups of specimens differ, and how sure that is
+    Groups(crate::groups::GroupsArguments),
 }
 
 /// What every command takes.
@@ -77,8 +80,7 @@ pub struct Model {
     /// Noise terms, separated by commas: white, ou, gain, student
     #[arg(long, value_name = "TERM", value_delimiter = ',')]
     pub noise: Vec<String>,
-    /// Prior: porcine, sharif-kashani-2011, lee-1994, generic, or a file
-    #[arg(long, value_name = "NAME|FILE")]
+    #[arg(long, value_name = "NAME|FILE", help = prior_help())]
     pub prior: Option<String>,
     /// Fix a parameter (in `simulate`: give its value); may be repeated
     #[arg(long, value_name = "NAME=VALUE")]
@@ -92,6 +94,11 @@ pub struct Model {
     /// Length unit of that mesh in m
     #[arg(long, value_name = "METRES", default_value_t = 1e-3)]
     pub mesh_unit: f64,
+}
+
+/// Help of `--prior`, with the names that there are.
+fn prior_help() -> String {
+    format!("Prior: {}, or a file", PriorSet::embedded_names().collect::<Vec<_>>().join(", "))
 }
 
 impl Model {

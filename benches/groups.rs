@@ -1,0 +1,70 @@
+//! Sweeps of the population's sampler: 200 specimens in four groups, three parameters, draws and likelihoods.
+
+use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use vitreo_uq::groups::hierarchy::{ExperimentDensity, HierarchyOptions, InterimDraws, Member, sample_population};
+use vitreo_uq::groups::{Design, Labels};
+use vitreo_uq::workflow::Silent;
+
+const N_SPECIMENS: usize = 200;
+const N_DRAWS: usize = 1_000;
+const N_SWEEPS: usize = 200;
+
+/// A normal likelihood, as cheap as one can be: what is measured is the sampler.
+struct Normal {
+    archive: Vec<Vec<f64>>,
+    centre: [f64; 3],
+}
+
+impl ExperimentDensity for Normal {
+    fn ln_density(&self, point: &[f64]) -> f64 {
+        point.iter().zip(&self.centre).map(|(x, c)| -50.0 * (x - c).powi(2)).sum()
+    }
+    fn archive(&self) -> &[Vec<f64>] {
+        &self.archive
+    }
+}
+
+/// Points that fill a small box about a centre evenly.
+fn scattered(centre: [f64; 3], n: usize) -> Vec<Vec<f64>> {
+    let ratios = [0.819_172_513, 0.671_043_607, 0.549_700_478];
+    let coordinate = |i: usize, k: usize| centre[k] + 0.2 * ((i as f64 * ratios[k]).fract() - 0.5);
+    (0..n).map(|i| (0..3).map(|k| coordinate(i, k)).collect()).collect()
+}
+
+fn sweeps(criterion: &mut Criterion) {
+    let labels: Vec<Labels> = (0..N_SPECIMENS)
+        .map(|i| Labels { specimen: format!("{i:03}"), levels: vec![format!("group {}", i % 4)] })
+        .collect();
+    let design = Design::new(&labels);
+    let centres: Vec<[f64; 3]> = scattered([1.0, 0.0, 4.0], N_SPECIMENS).iter().map(|p| [p[0], p[1], p[2]]).collect();
+    let draws: Vec<InterimDraws> = centres
+        .iter()
+        .map(|centre| InterimDraws::new(scattered(*centre, N_DRAWS).concat(), vec![0.0; N_DRAWS]))
+        .collect();
+    let densities: Vec<Normal> =
+        centres.iter().map(|centre| Normal { archive: scattered(*centre, 64), centre: *centre }).collect();
+    let options = HierarchyOptions {
+        overall_mean: vec![0.0; 3],
+        overall_sd: vec![1.25; 3],
+        scales: [0.7, 0.5, 0.3],
+        student_dof: None,
+        n_chains: 1,
+        n_sweeps: [20, N_SWEEPS],
+        max_sweeps: N_SWEEPS,
+        keep_every: N_SWEEPS,
+        seed: 1,
+    };
+    let mut group = criterion.benchmark_group("population, 200 specimens");
+    group.throughput(Throughput::Elements(N_SWEEPS as u64));
+    let mut run = |name: &str, members: Vec<Member>| {
+        group.bench_function(name, |bencher| {
+            bencher.iter(|| sample_population(&design, &members, &options, &Silent).expect("sound"));
+        });
+    };
+    run("sweeps over draws", draws.iter().map(Member::Draws).collect());
+    run("sweeps over likelihoods", densities.iter().map(|own| Member::Exact(own)).collect());
+    group.finish();
+}
+
+criterion_group!(benches, sweeps);
+criterion_main!(benches);

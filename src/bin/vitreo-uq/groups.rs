@@ -1,0 +1,236 @@
+//! `groups`: species or regions compared.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Instant;
+
+use clap::Args;
+use vitreo_uq::error::{Error, Place, Result};
+use vitreo_uq::groups::cohort::{self, Key};
+use vitreo_uq::groups::contrast::Verdict;
+use vitreo_uq::groups::job::{self, GroupsRequest};
+use vitreo_uq::groups::summary::{self, ContrastSummary, GroupSummary, GroupsSummary};
+use vitreo_uq::groups::{artefacts, wording};
+use vitreo_uq::inference::SamplerOptions;
+use vitreo_uq::report::labels::of_parameter;
+use vitreo_uq::study::{ModelSpecification, WithProvenance};
+use vitreo_uq::workflow::Monitor;
+
+use crate::options;
+use crate::terminal::Terminal;
+use crate::text::{significant, warning_text};
+
+/// Arguments of `groups`.
+#[derive(Args)]
+pub struct GroupsArguments {
+    /// Experiments or studies (their last revision's model is taken), or directories that hold some
+    #[arg(value_name = "DIR", required = true)]
+    paths: Vec<PathBuf>,
+    /// What groups are formed by: species, region, or both
+    #[arg(long, value_name = "KEYS", value_delimiter = ',', default_value = "species")]
+    by: Vec<String>,
+    /// Ratios within 1 + MARGIN of 1 are no difference in practice
+    #[arg(long, value_name = "MARGIN", default_value_t = 0.2, allow_negative_numbers = true)]
+    margin: f64,
+    /// Let specimens scatter by a Student-t, so that an outlying one does not widen its group
+    #[arg(long)]
+    heavy_tails: bool,
+    /// Leave out an experiment (its directory or the directory's name) or a specimen (its id); may be repeated
+    #[arg(long, value_name = "NAME")]
+    leave_out: Vec<String>,
+    /// Directory of the comparison and of the draws that it keeps
+    #[arg(long, value_name = "DIR", default_value = "vitreo-uq-out/groups")]
+    out: PathBuf,
+    /// Write the result as one JSON document to a file, or alone to standard output with `-`
+    #[arg(long, value_name = "FILE|-")]
+    json: Option<PathBuf>,
+    /// Base law of every experiment: lethersich, burgers, two-element, or a TOML file with a [base.network]
+    #[arg(long, value_name = "LAW|FILE.toml")]
+    base: Option<String>,
+    /// Effects to add to every model, separated by commas
+    #[arg(long, value_name = "SLUG", value_delimiter = ',')]
+    with: Vec<String>,
+    /// Noise terms, separated by commas: white, ou, gain, student
+    #[arg(long, value_name = "TERM", value_delimiter = ',')]
+    noise: Vec<String>,
+    /// Prior of single experiments, which the comparison takes out again, and of the overall mean: a name or a file
+    #[arg(long, value_name = "NAME|FILE")]
+    prior: Option<String>,
+    /// Fix a parameter in every model; may be repeated
+    #[arg(long, value_name = "NAME=VALUE")]
+    set: Vec<String>,
+    /// Walkers of each of the ensembles that sample an experiment
+    #[arg(long, value_name = "N", default_value_t = SamplerOptions::default().n_walkers, allow_negative_numbers = true)]
+    chains: usize,
+    /// Steps of each walker after which an experiment's run ends, converged or not
+    #[arg(long, value_name = "N", default_value_t = SamplerOptions::default().max_steps, allow_negative_numbers = true)]
+    steps: u64,
+    /// Most sweeps of each of the four chains that sample the population; fewer where the draws converge before
+    #[arg(long, value_name = "N", default_value_t = 128_000)]
+    sweeps: usize,
+    /// Take the likelihood of every experiment instead of its re-weighted draws: the slower reference
+    #[arg(long)]
+    exact: bool,
+    /// Seed of all random numbers
+    #[arg(long, value_name = "N", default_value_t = 1, allow_negative_numbers = true)]
+    seed: u64,
+    /// Threads; 0 for as many as there are cores
+    #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
+    threads: usize,
+    /// No progress on standard error
+    #[arg(long)]
+    quiet: bool,
+    /// Replace a comparison of other experiments
+    #[arg(long)]
+    force: bool,
+}
+
+/// Chains of the population's sampler.
+const N_CHAINS: usize = 4;
+/// Fewest sweeps that diagnostics can judge.
+const FEWEST_SWEEPS: usize = 400;
+
+pub fn run(arguments: &GroupsArguments) -> Result<ExitCode> {
+    let began = Instant::now();
+    let keys = keys(&arguments.by)?;
+    check(arguments)?;
+    let threads = options::use_threads(arguments.threads)?;
+    crate::output::check(arguments.json.as_deref())?;
+    let sampler = options::sampler(arguments.chains, arguments.steps, arguments.seed, threads);
+    let terminal = Terminal::new(arguments.quiet);
+    let model = |own: ModelSpecification| {
+        let GroupsArguments { base, with, noise, prior, set, .. } = arguments;
+        own.with_options(base.as_deref(), with, noise, prior.as_deref(), set)
+    };
+    let measurements = cohort::read(&arguments.paths, &arguments.leave_out, &model, &terminal)?;
+    let provenance = artefacts::provenance(&measurements, arguments.seed);
+    artefacts::check_place(&arguments.out, &keys, &provenance, arguments.force)?;
+    let request = GroupsRequest {
+        keys: &keys,
+        margin: arguments.margin,
+        is_heavy_tailed: arguments.heavy_tails,
+        sampler,
+        n_chains: N_CHAINS,
+        max_sweeps: arguments.sweeps,
+        is_exact: arguments.exact,
+        kept: &arguments.out.join(artefacts::EXPERIMENTS),
+    };
+    let found = job::run(&measurements, &request, &terminal)?;
+    terminal.stage("writing results and figures");
+    let summary = summary::summarise(&measurements, &found, &request)?;
+    let written = artefacts::write(&arguments.out, &keys, &found, &summary, provenance.clone())?;
+    terminal.finish();
+    let document = WithProvenance { provenance, body: &summary };
+    crate::output::show(arguments.json.as_deref(), &document, &words(&summary))?;
+    if !arguments.quiet {
+        eprintln!("Results and figures: {} ({:.1} s)", written.display(), began.elapsed().as_secs_f64());
+    }
+    Ok(ExitCode::from(u8::from(!summary.is_sound())))
+}
+
+fn keys(names: &[String]) -> Result<Vec<Key>> {
+    let refuse = |found: String| {
+        Err(Error::input(Place::option("--by"), found, "group by `species`, `region` or `species,region`"))
+    };
+    let mut keys = Vec::new();
+    for name in names {
+        match Key::named(name.trim()) {
+            Some(key) if keys.contains(&key) => return refuse(format!("`{name}` is named twice")),
+            Some(key) => keys.push(key),
+            None => return refuse(format!("there is no key `{name}`")),
+        }
+    }
+    Ok(keys)
+}
+
+fn check(arguments: &GroupsArguments) -> Result<()> {
+    if !(arguments.margin >= 0.0 && arguments.margin.is_finite()) {
+        let found = format!("a margin of {}", arguments.margin);
+        return Err(Error::input(Place::option("--margin"), found, "give a fraction such as 0.2, for 20 %"));
+    }
+    if arguments.sweeps < FEWEST_SWEEPS {
+        let found = format!("{} sweeps", arguments.sweeps);
+        return Err(Error::input(Place::option("--sweeps"), found, format!("give at least {FEWEST_SWEEPS}")));
+    }
+    Ok(())
+}
+
+fn words(summary: &GroupsSummary) -> String {
+    let mut text = String::new();
+    let mut line = |words: String| {
+        text += &words;
+        text.push('\n');
+    };
+    line(wording::heading(summary));
+    line(String::new());
+    table(summary).into_iter().for_each(&mut line);
+    if !summary.contrasts.is_empty() {
+        line(String::new());
+        ratios(summary).into_iter().for_each(&mut line);
+        line(String::new());
+        summary.sentences.iter().cloned().for_each(&mut line);
+    }
+    for warning in &summary.warnings {
+        line(String::new());
+        line(warning_text(warning));
+    }
+    text
+}
+
+/// Every group's typical specimen, with its 90 % interval, and the spread between specimens as a factor.
+fn table(summary: &GroupsSummary) -> Vec<String> {
+    let width = summary.groups.iter().map(|own| own.name.chars().count()).max().unwrap_or(0).max(5) + 2;
+    let names = summary.groups.first().map_or(&[][..], |group| &group.parameters);
+    let mut rows = vec![names.iter().fold(format!("  {:<width$}{:>9}", "group", "specimens"), |row, own| {
+        row + &format!("{:>31}", of_parameter(&own.name).axis())
+    })];
+    rows.extend(summary.groups.iter().map(|group: &GroupSummary| {
+        let count = if group.specimens == 0 { "predicted".into() } else { group.specimens.to_string() };
+        group.parameters.iter().fold(format!("  {:<width$}{count:>9}", group.name), |row, own| {
+            let [median, q05, q95] = [own.median, own.q05, own.q95].map(three_digits);
+            let factor = own.between_specimen_log_sd.exp();
+            row + &format!("{:>31}", format!("{median} ({q05}–{q95}) ×/÷ {factor:.2}"))
+        })
+    }));
+    rows.push(
+        "  Median of the typical specimen (its 90 % interval) ×/÷ one standard deviation between specimens.".into(),
+    );
+    rows
+}
+
+/// Three significant digits.
+fn three_digits(value: f64) -> String {
+    let digits = 2 - value.abs().log10().floor() as i32;
+    if (0..=5).contains(&digits) { format!("{value:.*}", digits as usize) } else { significant(value) }
+}
+
+/// Every ratio, one a line; stated signs are marked.
+fn ratios(summary: &GroupsSummary) -> Vec<String> {
+    let name = |own: &ContrastSummary| format!("{} {} / {}", of_parameter(&own.parameter).symbol, own.a, own.b);
+    let width = summary.contrasts.iter().map(|own| name(own).chars().count()).max().unwrap_or(0) + 2;
+    let beyond = format!("P(> +{:.0} %)", 100.0 * summary.margin);
+    let below = format!("P(< −{:.0} %)", 100.0 * (1.0 - 1.0 / (1.0 + summary.margin)));
+    let mut rows =
+        vec![format!("  {:<width$}{:>8}{:>17}{:>9}{beyond:>12}{below:>12}", "ratio", "median", "90 %", "P(> 1)")];
+    rows.extend(summary.contrasts.iter().map(|own| {
+        let mark = if own.is_declared { "*" } else { " " };
+        let verdict = match own.verdict {
+            Verdict::Greater => "  greater",
+            Verdict::Less => "  less",
+            Verdict::Equivalent => "  no difference in practice",
+            Verdict::Undecided => "",
+        };
+        let more = own.more.map_or_else(String::new, |plan| format!("  {}", wording::what_it_takes(&plan)));
+        format!(
+            "{mark} {:<width$}{:>8.2}{:>17}{:>9.3}{:>12.3}{:>12.3}{verdict}{more}",
+            name(own),
+            own.ratio_median,
+            format!("{:.2}–{:.2}", own.q05, own.q95),
+            own.probability_greater,
+            own.probability_beyond_margin,
+            own.probability_below_margin
+        )
+    }));
+    rows.push("  * the sign is stated; all stated signs are right together with 99 %.".into());
+    rows
+}

@@ -1,0 +1,289 @@
+//! One experiment on its own: draws of its parameters under an interim prior, kept by the hash of what they came from.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+
+use super::cohort::Measurement;
+use super::hierarchy::{ExperimentDensity, InterimDraws};
+use crate::effects::Library;
+use crate::error::Result;
+use crate::files::write_json_atomically;
+use crate::inference::diagnostics::diagnose;
+use crate::inference::diagnostics::ranks::BlomScores;
+use crate::inference::likelihood::ReducedPosterior;
+use crate::inference::prior::Prior;
+use crate::inference::{LogDensity, SamplerOptions};
+use crate::model::{Compliance, Forward};
+use crate::study::{Provenance, WithProvenance};
+use crate::workflow::heldout::mean_trajectory;
+use crate::workflow::mechanics::Mechanics;
+use crate::workflow::problem::Problem;
+use crate::workflow::reduced::Reduced;
+use crate::workflow::sample::{SampleRequest, rmse_m, sample};
+use crate::workflow::{Monitor, Silent};
+
+/// Draws that are kept of each experiment.
+const N_DRAWS: usize = 1_000;
+/// Draws of them whose mean trajectory is compared with the measurement.
+const N_TRAJECTORIES: usize = 32;
+
+/// An experiment joined with its model and the mechanics of its apparatus, without the finite elements.
+pub struct Specimen {
+    /// The experiment as revisions are compared on it: fitted on all cycles but the last held-out one.
+    pub problem: Problem,
+    reduced: Reduced,
+}
+
+/// What is kept of an experiment on its own.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Interim {
+    /// Hash of everything that the draws depend on.
+    pub built_from_sha256: String,
+    /// Sampled parameters, in the order of the coordinates.
+    pub parameters: Vec<String>,
+    /// Draws in the sampler's coordinates, one value a parameter, draw after draw.
+    pub points: Vec<f64>,
+    /// Whether the sampler's demands were met.
+    pub converged: bool,
+    /// Smallest effective number of draws of a parameter, before thinning.
+    pub ess: f64,
+    /// Root mean square misfit of the posterior mean on the fitted cycles, in µm.
+    pub rmse_fitted_um: f64,
+    /// The same on the cycle that was held out; `None` if there is none.
+    pub rmse_heldout_um: Option<f64>,
+    /// Standard deviation of the predicted positions there, root mean square over rows, in µm: what the fit leaves open.
+    pub predictive_sd_heldout_um: Option<f64>,
+    /// The noise that misfits are measured against, in µm, where it is known.
+    pub noise_um: Option<f64>,
+}
+
+impl Specimen {
+    /// Joins a measurement with the compliance of its apparatus.
+    ///
+    /// # Errors
+    /// [`crate::Error::Input`] when the model cannot be one of the experiment.
+    pub fn new(measurement: &Measurement, compliance: Compliance) -> Result<Self> {
+        let mechanics = Arc::new(Mechanics::Instrument { compliance_per_m: compliance.given_per_m() });
+        let experiment = measurement.experiment.for_comparison();
+        let problem =
+            Problem::with_mechanics(experiment, measurement.specification.clone(), &Library::default(), mechanics)?;
+        let trained = problem.training_ranges();
+        Ok(Self { problem, reduced: Reduced { surrogate: None, compliance, trained, max_relative_error: None } })
+    }
+
+    /// Its log-posterior under the interim prior.
+    pub fn posterior(&self) -> ReducedPosterior<'_> {
+        self.problem.posterior(&self.reduced)
+    }
+
+    /// The base law's parameters that are sampled: what groups are compared by.
+    pub fn pooled(&self) -> Vec<&'static str> {
+        let law = self.problem.model.base().parameters().iter().map(|spec| spec.name);
+        law.filter(|name| self.problem.priors.get(name).is_some()).collect()
+    }
+
+    /// Positions of the pooled parameters among the sampled ones.
+    fn pooled_places(&self) -> Vec<usize> {
+        let place = |name: &str| self.problem.priors.names().position(|own| own == name);
+        self.pooled().into_iter().filter_map(place).collect()
+    }
+
+    /// What the draws depend on.
+    fn built_from(&self, inputs_sha256: &str, options: &SamplerOptions) -> String {
+        let Problem { specification, priors, .. } = &self.problem;
+        let compliance = self.reduced.compliance.given_per_m().to_bits();
+        let SamplerOptions { n_walkers, max_steps, seed, .. } = options;
+        let mut hash = Sha256::new();
+        hash.update(env!("CARGO_PKG_VERSION"));
+        hash.update(inputs_sha256);
+        hash.update(format!("{specification:?} {compliance:x} {n_walkers} {max_steps} {seed} {N_DRAWS}"));
+        hash.update(priors.text());
+        hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+    }
+
+    /// Takes the draws that are kept in `folder` if they are of the same input, else samples and keeps them.
+    ///
+    /// # Errors
+    /// [`crate::Error::Interrupted`] when stopped; whatever the sampler or the file system refuses.
+    pub fn interim(
+        &self,
+        measurement: &Measurement,
+        options: &SamplerOptions,
+        folder: &Path,
+        stop: Option<&AtomicBool>,
+    ) -> Result<Interim> {
+        let built_from_sha256 = self.built_from(&measurement.inputs_sha256, options);
+        let file = file_of(folder, &measurement.name(), &built_from_sha256);
+        if let Some(kept) = read_kept(&file, &built_from_sha256) {
+            return Ok(kept);
+        }
+        let interim = self.sample(options, built_from_sha256, stop)?;
+        let inputs = [(measurement.name(), measurement.inputs_sha256.clone())].into();
+        let provenance = Provenance::new("specimen", 1, options.seed, inputs);
+        write_json_atomically(&file, &WithProvenance { provenance, body: &interim })?;
+        Ok(interim)
+    }
+
+    fn sample(
+        &self,
+        options: &SamplerOptions,
+        built_from_sha256: String,
+        stop: Option<&AtomicBool>,
+    ) -> Result<Interim> {
+        let posterior = self.posterior();
+        let request = SampleRequest { options: options.clone(), kept_surrogate: None, checkpoint: None, resume: false };
+        let outcome = sample(&self.problem, &posterior, &request, &Stoppable(stop))?;
+        let draws = &outcome.draws;
+        let blom = BlomScores::new(draws.len());
+        let of_parameter = |d: usize| diagnose(&draws.column(d), &blom);
+        let diagnostics: Vec<_> = (0..draws.dimension).map(of_parameter).collect();
+        let ess = diagnostics.iter().map(|own| own.ess_bulk.min(own.ess_tail)).fold(f64::INFINITY, f64::min);
+        let points = draws.spread(N_DRAWS);
+        let forward = self.problem.reduced_forward(&self.reduced);
+        let of_point = |point: &Vec<f64>| forward.trajectory_m(&self.model_parameters(&posterior, point));
+        let chosen = points.iter().step_by(points.len().div_ceil(N_TRAJECTORIES).max(1));
+        let trajectories: Vec<Vec<f64>> = chosen.filter_map(|point| of_point(point).ok()).collect();
+        let mean_m = mean_trajectory(&trajectories, None);
+        let misfit_um = |cycles: &[u32]| {
+            let observed = self.problem.positions_of(cycles);
+            (!trajectories.is_empty() && observed.iter().any(Option::is_some)).then(|| {
+                let squares: Vec<f64> =
+                    trajectories.iter().map(|own| rmse_m(own, &about(&mean_m, &observed)).powi(2)).collect();
+                let spread_m = (squares.iter().sum::<f64>() / squares.len() as f64).sqrt();
+                [1e6 * rmse_m(&mean_m, &observed), 1e6 * spread_m]
+            })
+        };
+        let experiment = &self.problem.experiment;
+        Ok(Interim {
+            built_from_sha256,
+            parameters: self.problem.priors.names().map(String::from).collect(),
+            points: points.concat(),
+            converged: outcome.converged,
+            ess,
+            rmse_fitted_um: misfit_um(&experiment.calibration_cycles).map_or(f64::NAN, |[rmse, _]| rmse),
+            rmse_heldout_um: misfit_um(&experiment.heldout_cycles).map(|[rmse, _]| rmse),
+            predictive_sd_heldout_um: misfit_um(&experiment.heldout_cycles).map(|[_, spread]| spread),
+            noise_um: experiment.noise_yardstick().map(|yardstick| 1e6 * yardstick.sd_m),
+        })
+    }
+
+    fn model_parameters(&self, posterior: &ReducedPosterior, point: &[f64]) -> Vec<f64> {
+        posterior.natural(point)[..self.problem.model.parameters().len()].to_vec()
+    }
+
+    /// The draws as the hierarchy takes them.
+    pub fn draws(&self, interim: &Interim) -> InterimDraws {
+        let pooled = self.pooled_priors();
+        let mut log_parameters = Vec::new();
+        let mut log_prior = Vec::new();
+        for point in interim.points.chunks_exact(interim.parameters.len().max(1)) {
+            let mut sum = 0.0;
+            for (place, prior) in &pooled {
+                let value = prior.distribution.from_unconstrained(point[*place]);
+                log_parameters.push(value.ln());
+                sum += ln_prior_of_logarithm(prior, value);
+            }
+            log_prior.push(sum);
+        }
+        InterimDraws::new(log_parameters, log_prior)
+    }
+
+    fn pooled_priors(&self) -> Vec<(usize, &Prior)> {
+        let priors = self.problem.priors.priors();
+        self.pooled_places().into_iter().map(|place| (place, &priors[place])).collect()
+    }
+}
+
+/// A trajectory where there are positions.
+fn about(mean_m: &[f64], observed_m: &[Option<f64>]) -> Vec<Option<f64>> {
+    mean_m.iter().zip(observed_m).map(|(mean, observed)| observed.map(|_| *mean)).collect()
+}
+
+/// Density of a parameter's logarithm.
+fn ln_prior_of_logarithm(prior: &Prior, value: f64) -> f64 {
+    prior.distribution.ln_pdf(value) + value.ln()
+}
+
+/// An experiment's likelihood, for the hierarchy to take instead of draws.
+pub struct SpecimenDensity<'a> {
+    posterior: ReducedPosterior<'a>,
+    /// The pooled parameters, then the others, by their place among the sampler's coordinates.
+    pooled: Vec<(usize, &'a Prior)>,
+    others: Vec<usize>,
+    archive: Vec<Vec<f64>>,
+}
+
+impl<'a> SpecimenDensity<'a> {
+    /// With the interim draws as archive.
+    pub fn new(specimen: &'a Specimen, interim: &Interim) -> Self {
+        let n = interim.parameters.len();
+        let pooled = specimen.pooled_priors();
+        let others: Vec<usize> = (0..n).filter(|own| pooled.iter().all(|(place, _)| place != own)).collect();
+        let of_draw = |draw: &[f64]| -> Vec<f64> {
+            let logarithms =
+                pooled.iter().map(|(place, prior)| prior.distribution.from_unconstrained(draw[*place]).ln());
+            logarithms.chain(others.iter().map(|place| draw[*place])).collect()
+        };
+        let archive = interim.points.chunks_exact(n.max(1)).map(of_draw).collect();
+        Self { posterior: specimen.posterior(), pooled, others, archive }
+    }
+}
+
+impl ExperimentDensity for SpecimenDensity<'_> {
+    fn ln_density(&self, point: &[f64]) -> f64 {
+        let mut coordinates = vec![0.0; point.len()];
+        let mut ln_priors = 0.0;
+        for ((place, prior), logarithm) in self.pooled.iter().zip(point) {
+            let value = logarithm.exp();
+            coordinates[*place] = prior.distribution.to_unconstrained(value);
+            // Of the coordinate, as the posterior counts it.
+            ln_priors += prior.distribution.ln_pdf_unconstrained(coordinates[*place]);
+        }
+        for (place, value) in self.others.iter().zip(&point[self.pooled.len()..]) {
+            coordinates[*place] = *value;
+        }
+        let mut out = [0.0];
+        self.posterior.log_density(&coordinates, &mut out);
+        if out[0] > f64::NEG_INFINITY { out[0] - ln_priors } else { f64::NEG_INFINITY }
+    }
+
+    fn archive(&self) -> &[Vec<f64>] {
+        &self.archive
+    }
+}
+
+/// Nobody watches one specimen of hundreds, but the whole can be stopped.
+struct Stoppable<'a>(Option<&'a AtomicBool>);
+
+impl Monitor for Stoppable<'_> {
+    fn stage(&self, text: &str) {
+        Silent.stage(text);
+    }
+    fn sampling(&self, progress: &crate::inference::ensemble::Progress) {
+        Silent.sampling(progress);
+    }
+    fn progress(&self, done: usize, most: usize) {
+        Silent.progress(done, most);
+    }
+    fn warn(&self, text: &str) {
+        Silent.warn(text);
+    }
+    fn stop(&self) -> Option<&AtomicBool> {
+        self.0
+    }
+}
+
+fn file_of(folder: &Path, name: &str, hash: &str) -> PathBuf {
+    let short = &hash[..12.min(hash.len())];
+    folder.join(format!("{}-{short}.json", crate::study::safe_file_name(name)))
+}
+
+/// A kept file that cannot be read is made anew.
+fn read_kept(file: &Path, built_from_sha256: &str) -> Option<Interim> {
+    let document: WithProvenance<Interim> = serde_json::from_slice(&std::fs::read(file).ok()?).ok()?;
+    Some(document.body).filter(|kept| kept.built_from_sha256 == built_from_sha256)
+}

@@ -1,0 +1,486 @@
+//! The document of a comparison, `vitreo-uq/groups/1`.
+
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::cohort::{Key, Measurement};
+use super::contrast::{Contrast, Verdict};
+use super::design::Specimen as SpecimenOfDesign;
+use super::hierarchy::PopulationDraw;
+use super::job::{Comparison, GroupsRequest, HEAVY_TAILED_DOF};
+use super::plan::{Plan, Question, plan};
+use super::predict::{CreepPrediction, PredictedGroup, creep, creep_times_s};
+use super::published::{Published, published};
+use super::{spread, wording};
+use crate::error::Result;
+use crate::report::density::{quantile_of_sorted, sorted};
+use crate::rheology::TimeWindow;
+use crate::workflow::summary::Warning;
+
+/// Body of `vitreo-uq/groups/1`. Ratios are of groups' typical (median) specimens.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct GroupsSummary {
+    /// What groups were formed by.
+    pub by: Vec<String>,
+    /// Ratios within 1 + margin of 1 are no difference in practice.
+    pub margin: f64,
+    /// The base law whose parameters are compared.
+    pub law: String,
+    /// Effects of any model.
+    pub effects: Vec<String>,
+    /// Degrees of freedom of specimens' scatter; `None` for normal.
+    pub student_dof: Option<f64>,
+    /// What differs, what does not and what is open, a sentence a parameter.
+    pub sentences: Vec<String>,
+    /// Every group; those without specimens are predicted from the others.
+    pub groups: Vec<GroupSummary>,
+    /// Every pair of measured groups in every parameter.
+    pub contrasts: Vec<ContrastSummary>,
+    /// Every specimen in every group in which it was measured.
+    pub specimens: Vec<SpecimenSummary>,
+    /// Specimens, each counted once.
+    pub n_specimens: usize,
+    /// Every experiment.
+    pub experiments: Vec<ExperimentSummary>,
+    /// Spread of repeats of one specimen in the logarithm, a parameter each; `None` without repeats.
+    pub within_specimen_log_sd: Option<Vec<IntervalSummary>>,
+    /// Predicted creep; `None` where not all of the law's parameters are compared.
+    pub creep: Option<CreepSummary>,
+    /// Values of the literature, to look at beside: they are no data here.
+    pub published: Vec<Published>,
+    /// How the population was sampled.
+    pub sampler: PopulationSampler,
+    /// Whether the draws have converged.
+    pub converged: bool,
+    /// What the user should know.
+    pub warnings: Vec<Warning>,
+}
+
+/// Median and central 90 % of a quantity.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct IntervalSummary {
+    /// The parameter that it belongs to.
+    pub name: String,
+    /// Median.
+    pub median: f64,
+    /// 5 % quantile.
+    pub q05: f64,
+    /// 95 % quantile.
+    pub q95: f64,
+}
+
+/// A group.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct GroupSummary {
+    /// Levels of the keys, joined by a comma.
+    pub name: String,
+    /// Specimens that were measured.
+    pub specimens: usize,
+    /// Experiments.
+    pub experiments: usize,
+    /// Its typical specimen and how specimens scatter about it.
+    pub parameters: Vec<GroupParameter>,
+    /// Correlation between specimens of the parameters' logarithms, posterior median, row by row; `None` where nothing was measured.
+    pub correlation: Option<Vec<Vec<f64>>>,
+}
+
+/// A parameter of a group.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct GroupParameter {
+    /// Name.
+    pub name: String,
+    /// Median of the typical specimen's value.
+    pub median: f64,
+    /// 5 % quantile.
+    pub q05: f64,
+    /// 95 % quantile.
+    pub q95: f64,
+    /// Standard deviation between specimens of the logarithm (the scale, where tails are heavy), posterior median.
+    pub between_specimen_log_sd: f64,
+    /// Its 5 % and 95 % quantiles.
+    pub between_specimen_log_sd_90: [f64; 2],
+    /// Central 90 % of a new specimen's value.
+    pub new_specimen_90: [f64; 2],
+    /// How far specimens are drawn together: 0 for not at all, 1 for all to the typical one (Gelman & Pardoe 2006, Technometrics 48:241, eq. 2).
+    pub pooling: Option<f64>,
+}
+
+/// A ratio of two groups.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ContrastSummary {
+    /// Parameter.
+    pub parameter: String,
+    /// Group above the line.
+    pub a: String,
+    /// Group below it.
+    pub b: String,
+    /// Median of a's over b's.
+    pub ratio_median: f64,
+    /// 5 % quantile.
+    pub q05: f64,
+    /// 95 % quantile.
+    pub q95: f64,
+    /// Probability that a's is the greater.
+    pub probability_greater: f64,
+    /// Probability that it is greater by more than the margin.
+    pub probability_beyond_margin: f64,
+    /// Probability that it is smaller by more than the margin.
+    pub probability_below_margin: f64,
+    /// Whether the sign is stated: all stated signs are right together with 99 %.
+    pub is_declared: bool,
+    /// What can be said in view of the margin.
+    pub verdict: Verdict,
+    /// What it would take to settle it; `None` where it is settled.
+    pub more: Option<Plan>,
+}
+
+/// A specimen in a group.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SpecimenSummary {
+    /// Name.
+    pub name: String,
+    /// Group.
+    pub group: String,
+    /// Its parameters there.
+    pub parameters: Vec<SpecimenParameter>,
+    /// Whether it lies far from its group.
+    pub is_outlying: bool,
+}
+
+/// A parameter of a specimen.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SpecimenParameter {
+    /// Name.
+    pub name: String,
+    /// From its own measurements only: 5 %, 50 %, 95 %.
+    pub alone: [f64; 3],
+    /// With what the population says.
+    pub pooled: [f64; 3],
+}
+
+/// An experiment.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ExperimentSummary {
+    /// Name of its directory.
+    pub name: String,
+    /// Specimen.
+    pub specimen: String,
+    /// Group.
+    pub group: String,
+    /// On its own, each parameter: 5 %, 50 %, 95 %.
+    pub alone: Vec<[f64; 3]>,
+    /// Misfit on the fitted cycles, in µm.
+    pub rmse_fitted_um: f64,
+    /// Misfit on the cycle that was held out, in µm.
+    pub rmse_heldout_um: Option<f64>,
+    /// Standard deviation of the positions predicted there, root mean square over rows, in µm.
+    pub predictive_sd_heldout_um: Option<f64>,
+    /// The noise that misfits are measured against, in µm.
+    pub noise_um: Option<f64>,
+    /// Whether its own draws have converged.
+    pub converged: bool,
+    /// Effective number of its draws, weighted to the population.
+    pub effective_draws: f64,
+    /// Whether its likelihood took the draws' place.
+    pub is_exact: bool,
+}
+
+/// Predicted creep.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct CreepSummary {
+    /// Times in s.
+    pub time_s: Vec<f64>,
+    /// One a group, in their order.
+    pub groups: Vec<CreepPrediction>,
+}
+
+/// How the population was sampled.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PopulationSampler {
+    /// Chains.
+    pub chains: usize,
+    /// Sweeps of each that count.
+    pub sweeps: usize,
+    /// Largest rank-normalised split R̂ of a group's mean or spread.
+    pub rhat: f64,
+    /// Smallest effective number of draws of one, bulk or tail.
+    pub ess: f64,
+}
+
+impl GroupsSummary {
+    /// Whether the result is sound (exit code 0).
+    pub fn is_sound(&self) -> bool {
+        self.converged && !self.warnings.iter().any(|warning| warning.kind.is_fatal())
+    }
+}
+
+/// Quantiles 5 %, 50 %, 95 %.
+fn three(values: &[f64]) -> [f64; 3] {
+    let ascending = sorted(values);
+    [0.05, 0.5, 0.95].map(|probability| quantile_of_sorted(&ascending, probability))
+}
+
+fn every(values: &[f64], p: usize, k: usize) -> Vec<f64> {
+    values.iter().skip(k).step_by(p).copied().collect()
+}
+
+/// Puts what was found into words and numbers.
+///
+/// # Errors
+/// Those of the law's creep.
+pub fn summarise(measurements: &[Measurement], found: &Comparison, request: &GroupsRequest) -> Result<GroupsSummary> {
+    let draws: Vec<&PopulationDraw> = found.population.draws().collect();
+    let groups: Vec<GroupSummary> = found.groups.iter().map(|group| group_summary(found, &draws, group)).collect();
+    let contrasts: Vec<ContrastSummary> =
+        found.contrasts.par_iter().map(|own| contrast_summary(found, &draws, own, request)).collect();
+    let experiments: Vec<ExperimentSummary> =
+        (0..measurements.len()).map(|e| experiment_summary(measurements, found, e)).collect();
+    let specimens = specimen_summaries(found, &draws, &experiments);
+    let p = found.parameters.len();
+    let within = |k: usize| {
+        let sd: Vec<f64> =
+            draws.iter().filter_map(|draw| draw.within_specimens.get(k * p + k).map(|v| v.sqrt())).collect();
+        let [q05, median, q95] = three(&sd);
+        IntervalSummary { name: found.parameters[k].into(), median, q05, q95 }
+    };
+    let population = &found.population;
+    let sampler = PopulationSampler {
+        chains: population.chains.len(),
+        sweeps: population.n_sweeps,
+        rhat: population.rhat,
+        ess: population.ess,
+    };
+    let mut effects: Vec<String> =
+        measurements.iter().flat_map(|own| own.specification.effects.iter().cloned()).collect();
+    effects.sort();
+    effects.dedup();
+    let mut summary = GroupsSummary {
+        by: request.keys.iter().map(|key: &Key| key.name().to_string()).collect(),
+        margin: request.margin,
+        law: found.law.name().into(),
+        effects,
+        student_dof: request.is_heavy_tailed.then_some(HEAVY_TAILED_DOF),
+        sentences: Vec::new(),
+        within_specimen_log_sd: found.design.has_repeats().then(|| (0..p).map(within).collect()),
+        creep: creep_summary(found)?,
+        published: published(&found.parameters),
+        converged: population.has_converged,
+        sampler,
+        groups,
+        contrasts,
+        specimens,
+        n_specimens: found.design.specimens.len(),
+        experiments,
+        warnings: Vec::new(),
+    };
+    summary.sentences = wording::conclusions(&summary);
+    summary.warnings = wording::warnings(&summary);
+    Ok(summary)
+}
+
+fn group_summary(found: &Comparison, draws: &[&PopulationDraw], own: &PredictedGroup) -> GroupSummary {
+    let p = found.parameters.len();
+    let parameter = |k: usize| {
+        let [q05, median, q95] = three(&every(&own.typical, p, k)).map(f64::exp);
+        let [lower, _, upper] = three(&every(&own.new_specimen, p, k)).map(f64::exp);
+        let [sd_lower, sd, sd_upper] = three(&every(&own.between_sd, p, k));
+        GroupParameter {
+            name: found.parameters[k].into(),
+            median,
+            q05,
+            q95,
+            between_specimen_log_sd: sd,
+            between_specimen_log_sd_90: [sd_lower, sd_upper],
+            new_specimen_90: [lower, upper],
+            pooling: own.group.and_then(|group| pooling(found, draws, group, k)),
+        }
+    };
+    let correlation = own.group.map(|group| {
+        let stratum = found.design.groups[group].stratum * p * p;
+        let entry = |i: usize, j: usize| {
+            let of = |draw: &PopulationDraw, i: usize, j: usize| draw.between_specimens[stratum + j * p + i];
+            let values: Vec<f64> =
+                draws.iter().map(|draw| of(draw, i, j) / (of(draw, i, i) * of(draw, j, j)).sqrt()).collect();
+            three(&values)[1]
+        };
+        (0..p).map(|i| (0..p).map(|j| entry(i, j)).collect()).collect()
+    });
+    GroupSummary {
+        name: own.name.clone(),
+        specimens: own.group.map_or(0, |group| found.design.n_specimens(group)),
+        experiments: own.group.map_or(0, |group| found.design.group_of.iter().filter(|g| **g == group).count()),
+        parameters: (0..p).map(parameter).collect(),
+        correlation,
+    }
+}
+
+/// Specimens whose first experiment is in a group, by index.
+fn specimens_at_home(found: &Comparison, group: usize) -> Vec<usize> {
+    let design = &found.design;
+    let is_home = |own: &SpecimenOfDesign| own.experiments.first().is_some_and(|e| design.group_of[*e] == group);
+    design.specimens.iter().enumerate().filter(|(_, own)| is_home(own)).map(|(index, _)| index).collect()
+}
+
+/// 1 − var over specimens of the mean deviation / mean of the variance over specimens of the deviation.
+fn pooling(found: &Comparison, draws: &[&PopulationDraw], group: usize, k: usize) -> Option<f64> {
+    let p = found.parameters.len();
+    let specimens = specimens_at_home(found, group);
+    if specimens.len() < 2 {
+        return None;
+    }
+    let deviation = |draw: &PopulationDraw, s: usize| draw.specimen_mean[s * p + k] - draw.group_mean[group * p + k];
+    let mean_of = |s: usize| draws.iter().map(|draw| deviation(draw, s)).sum::<f64>() / draws.len() as f64;
+    let means: Vec<f64> = specimens.iter().map(|s| mean_of(*s)).collect();
+    let variances: Vec<f64> = draws
+        .iter()
+        .map(|draw| spread::variance(&specimens.iter().map(|s| deviation(draw, *s)).collect::<Vec<f64>>()))
+        .collect();
+    let mean_variance = variances.iter().sum::<f64>() / variances.len() as f64;
+    Some((1.0 - spread::variance(&means) / mean_variance).clamp(0.0, 1.0))
+}
+
+fn contrast_summary(
+    found: &Comparison,
+    draws: &[&PopulationDraw],
+    own: &Contrast,
+    request: &GroupsRequest,
+) -> ContrastSummary {
+    let [q05, ratio_median, q95] = own.ratio_quantiles([0.05, 0.5, 0.95]);
+    let margin = request.margin;
+    let verdict = own.verdict(margin);
+    let more = (verdict == Verdict::Undecided).then(|| {
+        let variance_of_pair = variance_of_pair(found, draws, own, request);
+        let question = Question { log_ratio: &own.log_ratio, variance_of_pair: &variance_of_pair, margin };
+        plan(&question, request.sampler.seed)
+    });
+    let name = |group: usize| found.design.groups[group].name.clone();
+    ContrastSummary {
+        parameter: found.parameters[own.parameter].into(),
+        a: name(own.groups[0]),
+        b: name(own.groups[1]),
+        ratio_median,
+        q05,
+        q95,
+        probability_greater: own.probability_above(1.0),
+        probability_beyond_margin: own.probability_above(1.0 + margin),
+        probability_below_margin: 1.0 - own.probability_above(1.0 / (1.0 + margin)),
+        is_declared: own.is_declared,
+        verdict,
+        more,
+    }
+}
+
+/// Variance of the difference between one new specimen of each group, one a draw. Groups that share specimens are measured on the same
+/// specimen, whose own deviation then cancels.
+fn variance_of_pair(
+    found: &Comparison,
+    draws: &[&PopulationDraw],
+    own: &Contrast,
+    request: &GroupsRequest,
+) -> Vec<f64> {
+    let (p, k) = (found.parameters.len(), own.parameter);
+    let strata = own.groups.map(|group| found.design.groups[group].stratum);
+    let heavy = if request.is_heavy_tailed { HEAVY_TAILED_DOF / (HEAVY_TAILED_DOF - 2.0) } else { 1.0 };
+    let of_measurement: f64 = own.groups.iter().map(|group| measurement_variance(found, *group, k)).sum();
+    let variance = |draw: &&PopulationDraw| {
+        let between = |stratum: usize| heavy * draw.between_specimens[stratum * p * p + k * p + k];
+        let within = draw.within_specimens.get(k * p + k).copied().unwrap_or(0.0);
+        let is_shared = strata[0] == strata[1] && found.design.has_repeats();
+        let of_specimens = if is_shared { 0.0 } else { between(strata[0]) + between(strata[1]) };
+        of_specimens + 2.0 * within + of_measurement
+    };
+    draws.iter().map(variance).collect()
+}
+
+/// Median over a group's experiments of the variance that a parameter's logarithm has on its own.
+fn measurement_variance(found: &Comparison, group: usize, k: usize) -> f64 {
+    let p = found.parameters.len();
+    let of_experiment = |(e, _): (usize, &usize)| spread::variance(&every(&found.draws[e].log_parameters, p, k));
+    let members = found.design.group_of.iter().enumerate().filter(|(_, own)| **own == group);
+    let variances: Vec<f64> = members.map(of_experiment).collect();
+    quantile_of_sorted(&sorted(&variances), 0.5)
+}
+
+fn experiment_summary(measurements: &[Measurement], found: &Comparison, e: usize) -> ExperimentSummary {
+    let p = found.parameters.len();
+    let (interim, entry) = (&found.interims[e], found.entries[e]);
+    let specimen = found.design.specimens.iter().find(|own| own.experiments.contains(&e));
+    ExperimentSummary {
+        name: measurements[e].name(),
+        specimen: specimen.map_or_else(String::new, |own| own.name.clone()),
+        group: found.design.groups[found.design.group_of[e]].name.clone(),
+        alone: (0..p).map(|k| three(&every(&found.draws[e].log_parameters, p, k)).map(f64::exp)).collect(),
+        rmse_fitted_um: interim.rmse_fitted_um,
+        rmse_heldout_um: interim.rmse_heldout_um,
+        predictive_sd_heldout_um: interim.predictive_sd_heldout_um,
+        noise_um: interim.noise_um,
+        converged: interim.converged,
+        effective_draws: entry.effective_draws,
+        is_exact: entry.is_exact,
+    }
+}
+
+/// One entry a specimen and group.
+fn specimen_summaries(
+    found: &Comparison,
+    draws: &[&PopulationDraw],
+    experiments: &[ExperimentSummary],
+) -> Vec<SpecimenSummary> {
+    let (p, design) = (found.parameters.len(), &found.design);
+    let mut places: Vec<(usize, usize)> = Vec::new();
+    for group in 0..design.groups.len() {
+        let is_there = |own: &SpecimenOfDesign| own.experiments.iter().any(|e| design.group_of[*e] == group);
+        let there = design.specimens.iter().enumerate().filter(|(_, own)| is_there(own));
+        places.extend(there.map(|(specimen, _)| (specimen, group)));
+    }
+    // Its experiments' logarithms there averaged, as if they told of one value.
+    let alone = |(specimen, group): (usize, usize), k: usize| {
+        let all = || design.specimens[specimen].experiments.iter().filter(|e| design.group_of[**e] == group);
+        let n = all().count() as f64;
+        let log = |e: &usize, q: usize| experiments[*e].alone[k][q].ln();
+        let middle = all().map(|e| log(e, 1)).sum::<f64>() / n;
+        let side = |q: usize| all().map(|e| (log(e, q) - log(e, 1)).powi(2)).sum::<f64>().sqrt() / n;
+        [(middle - side(0)).exp(), middle.exp(), (middle + side(2)).exp()]
+    };
+    let pooled = |(specimen, group): (usize, usize), k: usize| {
+        let home = design.group_of[design.specimens[specimen].experiments[0]];
+        let of = |draw: &&PopulationDraw| {
+            draw.specimen_mean[specimen * p + k] + draw.group_mean[group * p + k] - draw.group_mean[home * p + k]
+        };
+        three(&draws.iter().map(of).collect::<Vec<f64>>()).map(f64::exp)
+    };
+    let values: Vec<Vec<[f64; 3]>> = places.iter().map(|place| (0..p).map(|k| alone(*place, k)).collect()).collect();
+    let medians: Vec<Vec<f64>> = values.iter().map(|own| own.iter().map(|three| three[1].ln()).collect()).collect();
+    let group_of: Vec<usize> = places.iter().map(|(_, group)| *group).collect();
+    let outlying = spread::outlying(&medians, &group_of);
+    let summary = |((place, alone), is_outlying): ((&(usize, usize), &Vec<[f64; 3]>), bool)| {
+        let parameter = |k: usize| {
+            let name = found.parameters[k].into();
+            SpecimenParameter { name, alone: alone[k], pooled: pooled(*place, k) }
+        };
+        SpecimenSummary {
+            name: design.specimens[place.0].name.clone(),
+            group: design.groups[place.1].name.clone(),
+            parameters: (0..p).map(parameter).collect(),
+            is_outlying,
+        }
+    };
+    places.iter().zip(&values).zip(outlying).map(summary).collect()
+}
+
+fn creep_summary(found: &Comparison) -> Result<Option<CreepSummary>> {
+    if found.parameters.len() != found.law.parameters().len() {
+        return Ok(None);
+    }
+    let records = || found.specimens.iter().map(|own| &own.problem.experiment.record);
+    let shortest_s = records().filter_map(|own| own.median_interval_s()).fold(f64::INFINITY, f64::min);
+    let longest_s = records()
+        .filter_map(|own| Some((own.time_s.last()? - own.time_s.first()?) / f64::from(own.n_cycles().max(1))))
+        .fold(0.0, f64::max);
+    if !(shortest_s > 0.0 && longest_s > shortest_s && longest_s.is_finite()) {
+        return Ok(None);
+    }
+    let time_s = creep_times_s(TimeWindow { shortest_s, longest_s });
+    let groups = found.groups.iter().map(|group| creep(found.law, group, &time_s)).collect::<Result<_>>()?;
+    Ok(Some(CreepSummary { time_s, groups }))
+}

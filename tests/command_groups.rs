@@ -1,0 +1,134 @@
+//! `groups` as a user meets it, on some of the synthetic cohort.
+
+mod program;
+
+use std::path::{Path, PathBuf};
+
+use program::{tree, vitreo};
+use serde_json::Value;
+
+const SOME: [&str; 8] = [
+    "bovine-01-central",
+    "bovine-02-central",
+    "bovine-03-central",
+    "human-01-central",
+    "human-02-anterior",
+    "porcine-01-central",
+    "porcine-01-central-repeat",
+    "porcine-02-central",
+];
+
+/// Copies some experiments of the cohort into `dir/cohort`.
+fn copied(dir: &Path, names: &[&str]) -> PathBuf {
+    let cohort = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/cohort");
+    let target = dir.join("cohort");
+    for name in names {
+        std::fs::create_dir_all(target.join(name)).unwrap();
+        for file in ["experiment.toml", "trajectory.csv"] {
+            std::fs::copy(cohort.join(name).join(file), target.join(name).join(file)).unwrap();
+        }
+    }
+    target
+}
+
+fn edited(file: &Path, from: &str, to: &str) {
+    let text = std::fs::read_to_string(file).unwrap();
+    assert!(text.contains(from), "{from} in {}", file.display());
+    std::fs::write(file, text.replacen(from, to, 1)).unwrap();
+}
+
+#[track_caller]
+fn has(value: &Value, keys: &[&str]) {
+    for key in keys {
+        assert!(value.get(key).is_some(), "`{key}` is missing in {value}");
+    }
+}
+
+/// The document has the keys that others rely on, every file is there, one thread and two write the same bytes, and what was kept is used again.
+#[test]
+fn a_cohort_is_compared_and_written_down() {
+    let dir = tempfile::tempdir().unwrap();
+    copied(dir.path(), &SOME);
+    let one = vitreo(dir.path(), &["groups", "cohort", "--json", "-", "--threads", "1", "--out", "one"]).exits(0);
+    assert!(one.stderr.contains("sampling every experiment on its own"), "{one}");
+    let document = one.json();
+    has(&document, &["schema", "version", "seed", "inputs_sha256", "margin", "groups", "contrasts"]);
+    assert_eq!(document["schema"], "vitreo-uq/groups/1");
+    assert_eq!(document["margin"], 0.2);
+    let group = &document["groups"][0];
+    assert_eq!((&group["name"], &group["specimens"]), (&"bovine".into(), &3.into()));
+    assert_eq!(document["groups"][2]["specimens"], 2, "a repeat is no specimen");
+    has(&group["parameters"][0], &["name", "median", "q05", "q95", "between_specimen_log_sd"]);
+    assert_eq!(document["contrasts"].as_array().unwrap().len(), 9);
+    let contrast = &document["contrasts"][0];
+    has(
+        contrast,
+        &["parameter", "a", "b", "ratio_median", "q05", "q95", "probability_greater", "probability_beyond_margin"],
+    );
+    assert_eq!((&contrast["a"], &contrast["b"]), (&"bovine".into(), &"human".into()));
+    let two = vitreo(dir.path(), &["groups", "cohort", "--threads", "2", "--out", "two", "--quiet"]).exits(0);
+    assert!(two.stdout.contains("bovine / human") && two.stderr.is_empty(), "{two}");
+    let files = tree(&dir.path().join("one"));
+    assert!(files == tree(&dir.path().join("two")), "files differ between one thread and two");
+    let mut expected = vec!["groups.json", "groups.csv", "contrasts.csv", "specimens.csv", "population.nc"];
+    expected.extend(["figures/groups.svg", "figures/groups.png", "figures/contrasts.png", "figures/corner.png"]);
+    expected.push("figures/creep.png");
+    for name in expected {
+        assert!(files.contains_key(&Path::new("species").join(name)), "{name} is missing");
+    }
+    vitreo(dir.path(), &["groups", "cohort", "--by", "species,region", "--out", "one", "--quiet"]).exits(0);
+    assert!(dir.path().join("one/species-region/groups.json").is_file());
+    assert!(tree(&dir.path().join("one/experiments")) == tree(&dir.path().join("two/experiments")));
+}
+
+/// A study is taken with its last revision's model.
+#[test]
+fn studies_bring_their_models() {
+    let dir = tempfile::tempdir().unwrap();
+    copied(dir.path(), &SOME[..4]);
+    for name in &SOME[..4] {
+        let experiment = format!("cohort/{name}");
+        let study = format!("studies/{name}");
+        vitreo(dir.path(), &["sample", &experiment, "--out", &study, "--base", "burgers", "--quiet"]);
+    }
+    let run = vitreo(dir.path(), &["groups", "studies", "--json", "-", "--quiet"]);
+    let document = run.json();
+    assert_eq!(document["law"], "burgers");
+    assert_eq!(document["groups"][0]["parameters"].as_array().unwrap().len(), 4);
+    vitreo(dir.path(), &["groups", "studies", "cohort/human-01-central", "--quiet"]).refuses(&["same measurement"]);
+}
+
+/// What cannot be compared is named, with what to do; nothing is written.
+#[test]
+fn what_cannot_be_compared_is_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let cohort = copied(dir.path(), &SOME[..6]);
+    std::fs::create_dir(dir.path().join("empty")).unwrap();
+    let refuses = |arguments: &[&str], words: &[&str]| {
+        let run = vitreo(dir.path(), &[&["groups"], arguments].concat()).refuses(words);
+        assert!(run.stderr.contains("what to do") && !dir.path().join("vitreo-uq-out").exists(), "{run}");
+    };
+    refuses(&["nowhere"], &["nowhere"]);
+    refuses(&["empty"], &["no experiment was found"]);
+    refuses(&["cohort", "--by", "colour"], &["there is no key `colour`"]);
+    refuses(&["cohort", "--by", "species,species"], &["twice"]);
+    refuses(&["cohort", "--margin", "-1"], &["--margin"]);
+    refuses(&["cohort", "--leave-out", "nobody"], &["no experiment is called `nobody`"]);
+    refuses(&["cohort", "cohort/bovine-01-central"], &["same measurement"]);
+
+    edited(&cohort.join("human-01-central/trajectory.csv"), "position_um", "position_furlong");
+    let words = ["human-01-central", "trajectory.csv", "line 1", "position_furlong", "--leave-out human-01-central"];
+    refuses(&["cohort"], &words);
+    vitreo(dir.path(), &["groups", "cohort", "--leave-out", "human-01-central", "--quiet", "--out", "without"])
+        .exits(0);
+    edited(&cohort.join("human-02-anterior/experiment.toml"), "species = \"human\"\n", "");
+    refuses(
+        &["cohort", "--leave-out", "human-01-central"],
+        &["human-02-anterior", "does not say its species", "--leave-out human-02-anterior"],
+    );
+    let run = vitreo(
+        dir.path(),
+        &["groups", "cohort", "--leave-out", "human-01-central", "--leave-out", "human-02", "--out", "without"],
+    );
+    run.refuses(&["comparison of other experiments", "--force"]);
+}
