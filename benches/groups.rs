@@ -46,7 +46,8 @@ fn sweeps(criterion: &mut Criterion) {
     let options = HierarchyOptions {
         overall_mean: vec![0.0; 3],
         overall_sd: vec![1.25; 3],
-        scales: [0.7, 0.5, 0.3],
+        level_scale: 1.0,
+        scales: [0.3, 0.5, 0.3],
         student_dof: None,
         n_chains: 1,
         n_sweeps: [20, N_SWEEPS],

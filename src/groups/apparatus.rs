@@ -31,7 +31,7 @@ pub fn compliances(measurements: &[Measurement], monitor: &dyn Monitor) -> Resul
     }
     let counter = Counter::new(monitor, first.len());
     let of_apparatus = |(key, own): (&String, &&Measurement)| {
-        let compliance = compliance(own)?;
+        let compliance = compliance(own).map_err(|error| own.named(error))?;
         counter.add_one();
         Ok((key.clone(), compliance))
     };

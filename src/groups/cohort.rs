@@ -63,6 +63,19 @@ impl Measurement {
         name_of(&self.path)
     }
 
+    /// An error in working on it, with its name and how to go on without it.
+    pub fn named(&self, error: Error) -> Error {
+        let name = self.name();
+        let or_leave_out = |remedy: String| format!("{remedy}; or leave it out: --leave-out {name}");
+        match error {
+            Error::Input { place, found, remedy } => {
+                Error::input(place, format!("{name}: {found}"), or_leave_out(remedy))
+            }
+            Error::Numerical { what, remedy } => Error::numerical(format!("{name}: {what}"), or_leave_out(remedy)),
+            other => other,
+        }
+    }
+
     /// Whether a user means it by a path, a directory's name or a specimen's.
     fn is_called(&self, name: &str) -> bool {
         is_path_called(&self.path, name) || self.experiment.specimen_id == name

@@ -6,9 +6,9 @@ use crate::report::density::{quantile_of_sorted, sorted};
 
 /// A ratio is beyond the margin, or within it, where so large a share of the posterior is.
 pub const SURE: f64 = 0.95;
-/// Signs are stated where all stated ones are right in so large a share of the posterior. In cohorts of equal groups some sign of nine is then
-/// stated 3 times of 100; at 0.95 it would be 22 times.
-pub const SURE_OF_SIGNS: f64 = 0.99;
+/// Signs are stated where all stated ones are right in so large a share of the posterior: so large that in cohorts of equal groups a sign is
+/// stated less than 5 times of 100.
+pub const SURE_OF_SIGNS: f64 = 0.997;
 
 /// The posterior of one ratio of two groups' typical specimens.
 #[derive(Debug, Clone, PartialEq)]
@@ -113,21 +113,22 @@ mod tests {
         Contrast { parameter: 0, groups: [0, 1], log_ratio, is_declared: false }
     }
 
-    /// Two statements of 99.4 % each that fail on different draws are true together with 98.8 %: only one is made.
+    /// Two statements of 99.8 % each that fail on different draws are true together with 99.6 %: only one is made.
     #[test]
     fn statements_are_made_as_long_as_they_are_true_together() {
+        const N: usize = 10_000;
         let with_wrong = |wrong: std::ops::Range<usize>| {
-            contrast((0..1_000).map(|i| if wrong.contains(&i) { -1.0 } else { 1.0 }).collect())
+            contrast((0..N).map(|i| if wrong.contains(&i) { -1.0 } else { 1.0 }).collect())
         };
         let declared = |mut list: Vec<Contrast>| {
-            declare(&mut list, 1_000);
+            declare(&mut list, N);
             list.iter().filter(|own| own.is_declared).count()
         };
-        assert_eq!(declared(vec![with_wrong(0..6), with_wrong(6..12)]), 1);
-        assert_eq!(declared(vec![with_wrong(0..6), with_wrong(0..6)]), 2);
-        assert_eq!(declared(vec![with_wrong(0..12)]), 0);
+        assert_eq!(declared(vec![with_wrong(0..20), with_wrong(20..40)]), 1);
+        assert_eq!(declared(vec![with_wrong(0..20), with_wrong(0..20)]), 2);
+        assert_eq!(declared(vec![with_wrong(0..40)]), 0);
         let negative = |own: Contrast| contrast(own.log_ratio.iter().map(|x| -x).collect());
-        assert_eq!(declared(vec![with_wrong(0..4), negative(with_wrong(0..4))]), 2);
+        assert_eq!(declared(vec![with_wrong(0..15), negative(with_wrong(0..15))]), 2);
     }
 
     #[test]

@@ -48,6 +48,7 @@ fn analysed(design: &Design, draws: &[InterimDraws], seed: u64) -> (Population, 
     let options = HierarchyOptions {
         overall_mean: vec![0.0; P],
         overall_sd: vec![PRIOR_SD; P],
+        level_scale: super::job::LEVEL_SCALE,
         scales: super::job::SPREAD_SCALES,
         student_dof: None,
         n_chains: 2,
@@ -129,17 +130,16 @@ fn more_specimens_settle_as_often_as_was_promised() {
         let truth = all[(run as usize * 7919) % all.len()];
         let mut labels: Vec<Labels> = Vec::new();
         let mut members = draws.clone();
-        for group in 0..2 {
-            labels.extend((0..sizes[group]).map(|s| label(group, s)));
+        for (group, size) in sizes.iter().enumerate() {
+            labels.extend((0..*size).map(|s| label(group, s)));
         }
-        for group in 0..2 {
-            let covariance =
-                DMatrix::from_column_slice(P, P, &truth.between_specimens[group * P * P..(group + 1) * P * P]);
-            let factor = covariance.cholesky().unwrap().l();
+        for (group, size) in sizes.iter().enumerate() {
+            let own = &truth.between_specimens[group * P * P..(group + 1) * P * P];
+            let factor = DMatrix::from_column_slice(P, P, own).cholesky().unwrap().l();
             for new in 0..n_more as usize {
                 let deviation = &factor * DVector::from_fn(P, |_, _| normal(&mut rng));
                 let value: Vec<f64> = (0..P).map(|k| truth.group_mean[group * P + k] + deviation[k]).collect();
-                labels.push(label(group, sizes[group] + new));
+                labels.push(label(group, size + new));
                 members.push(measured(&value, &mut rng));
             }
         }

@@ -58,7 +58,8 @@ fn options(p: usize, n_sweeps: [usize; 2], seed: u64) -> HierarchyOptions {
     HierarchyOptions {
         overall_mean: vec![0.0; p],
         overall_sd: vec![1.5; p],
-        scales: [0.7, 0.5, 0.3],
+        level_scale: 0.8,
+        scales: [0.4, 0.5, 0.3],
         student_dof: None,
         n_chains: 2,
         n_sweeps,
@@ -99,13 +100,12 @@ fn two_groups_agree_with_quadrature() {
     let mean = difference.iter().sum::<f64>() / difference.len() as f64;
     let spread = (difference.iter().map(|d| (d - mean).powi(2)).sum::<f64>() / difference.len() as f64).sqrt();
 
-    let [tau_scale, sigma_scale, _] = options.scales;
-    let nu = 2.0;
+    let [_, sigma_scale, _] = options.scales;
     let grid: Vec<f64> = (0..60).map(|i| (-5.0 + 8.0 * i as f64 / 59.0_f64).exp()).collect();
     let (mut total, mut first, mut second) = (0.0, 0.0, 0.0);
     for &tau in &grid {
         // p(τ) τ, for a grid in ln τ.
-        let of_tau = (1.0 + (tau / tau_scale).powi(2) / nu).powf(-0.5 * (nu + 1.0)) * tau;
+        let of_tau = (-0.5 * (options.level_scale / tau).powi(2)).exp() / tau;
         for &one in &grid {
             for &two in &grid {
                 // p(σ²) σ² of both, each inverse-gamma(κ/2, κ/α), and α inverse-gamma(½, 1/A²) integrated out:
@@ -173,9 +173,13 @@ fn truth(design: &Design, options: &HierarchyOptions, rng: &mut ChaCha8Rng) -> T
     let mut shares = vec![Vec::new(); layout.n_shares];
     for (overall_mean, overall_sd) in options.overall_mean.iter().zip(&options.overall_sd) {
         shares[0].push(overall_mean + overall_sd * normal(rng));
-        for range in &layout.factors {
-            let scale = inverse_gamma(0.5, options.scales[0].powi(-2), rng);
-            let sd = inverse_gamma(1.0, 2.0 / scale, rng).sqrt();
+        for (factor, range) in layout.factors.iter().enumerate() {
+            let sd = if factor < design.keys.len() {
+                options.level_scale / normal(rng).abs()
+            } else {
+                let scale = inverse_gamma(0.5, options.scales[0].powi(-2), rng);
+                inverse_gamma(1.0, 2.0 / scale, rng).sqrt()
+            };
             range.clone().for_each(|share| shares[share].push(sd * normal(rng)));
         }
     }

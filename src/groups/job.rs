@@ -18,9 +18,11 @@ use crate::rheology::BaseLaw;
 use crate::workflow::{Counter, Monitor};
 use nalgebra::DMatrix;
 
-/// Scales of the half-t priors of the spreads between groups, between specimens and between repeats, in the logarithm: a factor of two, of
-/// 1.6 and of 1.35.
-pub const SPREAD_SCALES: [f64; 3] = [0.7, 0.5, 0.3];
+/// Scale of the spread between species, or between regions, in the logarithm: spreads below 0.4, a factor of 1.5, have a probability of 1 %.
+pub const LEVEL_SCALE: f64 = 1.0;
+/// Scales of the half-t priors of the spreads between groups beyond their species and region, between specimens and between repeats, in the
+/// logarithm: factors of 1.35, 1.6 and 1.35.
+pub const SPREAD_SCALES: [f64; 3] = [0.3, 0.5, 0.3];
 /// Degrees of freedom of heavy-tailed specimens.
 pub const HEAVY_TAILED_DOF: f64 = 4.0;
 /// An experiment's draws are replaced by its likelihood where fewer of them carry the weight.
@@ -103,8 +105,9 @@ pub fn run(measurements: &[Measurement], request: &GroupsRequest, monitor: &dyn 
     monitor.stage("computing the compliance of every apparatus by finite elements");
     let compliances = compliances(measurements, monitor)?;
     let pairs = measurements.iter().zip(compliances);
-    let specimens: Vec<Specimen> =
-        pairs.map(|(own, compliance)| Specimen::new(own, compliance)).collect::<Result<_>>()?;
+    let specimens: Vec<Specimen> = pairs
+        .map(|(own, compliance)| Specimen::new(own, compliance).map_err(|error| own.named(error)))
+        .collect::<Result<_>>()?;
     let (law, parameters) = common_parameters(measurements, &specimens)?;
     monitor.stage("sampling every experiment on its own");
     let interims = interims(measurements, &specimens, request, monitor)?;
@@ -200,11 +203,7 @@ fn interims(
         let interim =
             own.interim(measurement, &options, request.kept, monitor.stop()).map_err(|error| match error {
                 Error::Interrupted { .. } => Error::Interrupted { kept: KEPT.into() },
-                Error::Numerical { what, remedy } => Error::Numerical {
-                    what: format!("{}: {what}", measurement.name()),
-                    remedy: format!("{remedy}; or leave it out: --leave-out {}", measurement.name()),
-                },
-                other => other,
+                other => measurement.named(other),
             })?;
         counter.add_one();
         Ok(interim)
@@ -254,6 +253,7 @@ fn options(specimens: &[Specimen], parameters: &[&str], request: &GroupsRequest)
     HierarchyOptions {
         overall_mean: parameters.iter().map(mean).collect(),
         overall_sd: parameters.iter().map(widest).collect(),
+        level_scale: LEVEL_SCALE,
         scales: SPREAD_SCALES,
         student_dof: request.student_dof(),
         n_chains: request.n_chains,

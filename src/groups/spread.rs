@@ -41,9 +41,10 @@ pub fn outlying(values: &[Vec<f64>], group_of: &[usize]) -> Vec<bool> {
     let Ok(student) = StudentsT::new(0.0, 1.0, degrees) else { return is_outlying };
     let most = student.inverse_cdf(1.0 - tail);
     for k in 0..p {
+        let column: Vec<f64> = values.iter().map(|row| row[k]).collect();
         let deviation = |s: usize| {
-            let own: Vec<f64> = (0..n).filter(|o| group_of[*o] == group_of[s]).map(|o| values[o][k]).collect();
-            (values[s][k] - median(&own)).abs()
+            let own: Vec<f64> = (0..n).filter(|o| group_of[*o] == group_of[s]).map(|o| column[o]).collect();
+            (column[s] - median(&own)).abs()
         };
         let deviations: Vec<f64> = counted.iter().map(|s| deviation(*s)).collect();
         let bar = most * median(&deviations) / NORMAL_MAD;

@@ -126,7 +126,7 @@ pub struct ContrastSummary {
     pub probability_beyond_margin: f64,
     /// Probability that it is smaller by more than the margin.
     pub probability_below_margin: f64,
-    /// Whether the sign is stated: all stated signs are right together with 99 %.
+    /// Whether the sign is stated: all stated signs are right together with 99.7 %.
     pub is_declared: bool,
     /// What can be said in view of the margin.
     pub verdict: Verdict,
@@ -453,19 +453,21 @@ fn specimen_summaries(
     let medians: Vec<Vec<f64>> = values.iter().map(|own| own.iter().map(|three| three[1].ln()).collect()).collect();
     let group_of: Vec<usize> = places.iter().map(|(_, group)| *group).collect();
     let outlying = spread::outlying(&medians, &group_of);
-    let summary = |((place, alone), is_outlying): ((&(usize, usize), &Vec<[f64; 3]>), bool)| {
-        let parameter = |k: usize| {
-            let name = found.parameters[k].into();
-            SpecimenParameter { name, alone: alone[k], pooled: pooled(*place, k) }
+    let summary = |index: usize| {
+        let (specimen, group) = places[index];
+        let parameter = |k: usize| SpecimenParameter {
+            name: found.parameters[k].into(),
+            alone: values[index][k],
+            pooled: pooled((specimen, group), k),
         };
         SpecimenSummary {
-            name: design.specimens[place.0].name.clone(),
-            group: design.groups[place.1].name.clone(),
+            name: design.specimens[specimen].name.clone(),
+            group: design.groups[group].name.clone(),
             parameters: (0..p).map(parameter).collect(),
-            is_outlying,
+            is_outlying: outlying[index],
         }
     };
-    places.iter().zip(&values).zip(outlying).map(summary).collect()
+    (0..places.len()).map(summary).collect()
 }
 
 fn creep_summary(found: &Comparison) -> Result<Option<CreepSummary>> {

@@ -231,6 +231,6 @@ fn ratios(summary: &GroupsSummary) -> Vec<String> {
             own.probability_below_margin
         )
     }));
-    rows.push("  * the sign is stated; all stated signs are right together with 99 %.".into());
+    rows.push("  * the sign is stated; all stated signs are right together with 99.7 %.".into());
     rows
 }

@@ -11,7 +11,8 @@
 //! Groups that share specimens share Σ. The Σ of several strata are partially pooled: Σ_h ~ inverse-Wishart(κ + p − 1, 2κ diag(1/α)), whose
 //! scales α they share and whose κ says how alike they are, from hardly (2) to nearly equal (32); both are learnt. Σ alone is then the prior of
 //! Huang & Wand (2013, Bayesian Anal. 8:439, doi:10.1214/13-BA815): half-t(κ) standard deviations, and at κ = 2 uniform correlations. W is
-//! theirs at κ = 2, and τ are half-t(2).
+//! theirs at κ = 2. τ of a key's levels have 1/τ² ~ Gamma(½, s²/2), that is half-normal 1/τ: small spreads are improbable, so that few levels are
+//! hardly drawn together and intervals of their differences cover a fixed truth as often as they say. τ of the groups' own shares is half-t(2).
 //! Every update but the members' is a draw from a full conditional; (m, a) are drawn with all u integrated out.
 //! A sweep costs time linear in the experiments.
 
@@ -57,7 +58,9 @@ pub struct HierarchyOptions {
     pub overall_mean: Vec<f64>,
     /// Their standard deviations.
     pub overall_sd: Vec<f64>,
-    /// Scale of the half-t prior of the spread between groups, between specimens, and between repeats, in the logarithm.
+    /// Scale s of the spread between the levels of a key, in the logarithm.
+    pub level_scale: f64,
+    /// Scale of the half-t prior of the spread between groups beyond their levels, between specimens, and between repeats, in the logarithm.
     pub scales: [f64; 3],
     /// Degrees of freedom of Student-t specimens; `None` for normal ones.
     pub student_dof: Option<f64>,
@@ -489,12 +492,18 @@ impl<'a, 'm> Chain<'a, 'm> {
 
     fn draw_factor_variances(&mut self, rng: &mut ChaCha8Rng) {
         let nu = HALF_T_DEGREES;
+        let n_keys = self.design.keys.len();
         for (factor, range) in self.layout.factors.iter().enumerate() {
             for k in 0..self.p {
                 let squares: f64 = range.clone().map(|share| self.shares[self.p * share + k].powi(2)).sum();
+                let count = range.len() as f64;
+                if factor < n_keys {
+                    let rate = 0.5 * (self.options.level_scale.powi(2) + squares);
+                    self.factor_variance[factor][k] = 1.0 / gamma(0.5 * (1.0 + count), rate, rng);
+                    continue;
+                }
                 let scale = self.factor_scale[factor][k];
-                let shape = 0.5 * (nu + range.len() as f64);
-                let variance = 1.0 / gamma(shape, nu / scale + 0.5 * squares, rng);
+                let variance = 1.0 / gamma(0.5 * (nu + count), nu / scale + 0.5 * squares, rng);
                 self.factor_variance[factor][k] = variance;
                 let rate = nu / variance + self.options.scales[0].powi(-2);
                 self.factor_scale[factor][k] = 1.0 / gamma(0.5 * (nu + 1.0), rate, rng);
