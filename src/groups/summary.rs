@@ -126,7 +126,7 @@ pub struct ContrastSummary {
     pub probability_beyond_margin: f64,
     /// Probability that it is smaller by more than the margin.
     pub probability_below_margin: f64,
-    /// Whether the sign is stated: all stated signs are right together with 99.7 %.
+    /// Whether a difference is stated: its sign (all that are stated so are right together with 99.7 %), or that it exceeds the margin (95 %).
     pub is_declared: bool,
     /// What can be said in view of the margin.
     pub verdict: Verdict,
@@ -364,7 +364,7 @@ fn contrast_summary(
         probability_greater: own.probability_above(1.0),
         probability_beyond_margin: own.probability_above(1.0 + margin),
         probability_below_margin: 1.0 - own.probability_above(1.0 / (1.0 + margin)),
-        is_declared: own.is_declared,
+        is_declared: own.is_declared || matches!(verdict, Verdict::Greater | Verdict::Less),
         verdict,
         more,
     }

@@ -231,6 +231,6 @@ fn ratios(summary: &GroupsSummary) -> Vec<String> {
             own.probability_below_margin
         )
     }));
-    rows.push("  * the sign is stated; all stated signs are right together with 99.7 %.".into());
+    rows.push("  * stated: that they differ (all such signs are right together with 99.7 %), or by more than the margin (95 %).".into());
     rows
 }
