@@ -154,7 +154,7 @@ pub fn warnings(summary: &GroupsSummary) -> Vec<Warning> {
         add(
             WarningKind::GroupOfOne,
             text,
-            "its spread is taken from the other groups; measure more before reading its differences",
+            "its spread is that of the prior and of the other groups; measure more before reading its differences",
         );
     }
     let predicted: Vec<&str> =
