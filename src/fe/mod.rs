@@ -4,6 +4,7 @@ pub mod assembly;
 pub mod element;
 pub mod exact;
 pub mod factorisation;
+pub mod meridional;
 pub mod ordering;
 mod quadrature;
 pub mod stepping;

@@ -1,0 +1,47 @@
+//! Mesh around a spheroid: nearly confocal ellipses that end on the outer sphere.
+
+use std::f64::consts::FRAC_PI_2;
+
+use super::mesh::{Boundary, Mesh, graded};
+
+/// Ratio of the minor semi-axes of neighbouring ellipses.
+const LAYER_RATIO: f64 = 2.0;
+/// First eccentric angle from the tip, in distances of the poles.
+const FIRST_ANGLE: f64 = 1.5;
+/// Ratio of the eccentric angles of neighbouring rays, from the tip.
+const ANGLE_RATIO: f64 = 3.0;
+
+/// Mesh around the spheroid with these semi-axes (m), inside the sphere of this radius (m).
+///
+/// With m and M the minor and major semi-axes, the confocal family has M² − m² constant; here M² is the linear function of m² that takes
+/// both to the outer radius. The fields have poles at the foci, at ±iξ in the eccentric angle from the tip, tanh ξ = m/M on the body: rays are
+/// graded towards the tip so that every element sees them from afar.
+pub(super) fn mesh(along_m: f64, across_m: f64, outer_radius_m: f64) -> Mesh {
+    let (minor, major) = (along_m.min(across_m), along_m.max(across_m));
+    let (m2, major2, outer2) = (minor * minor, major * major, outer_radius_m * outer_radius_m);
+    let from_tip = graded(FIRST_ANGLE * (minor / major).atanh(), ANGLE_RATIO, FRAC_PI_2);
+    // The tip is on the axis or, of a disc, on the equator; chains run from the axis.
+    let angles: Vec<f64> = if along_m >= across_m {
+        from_tip.iter().map(|t| FRAC_PI_2 - t).collect()
+    } else {
+        from_tip.into_iter().rev().collect()
+    };
+    let mut mesh = Mesh::default();
+    let n_layers = ((outer_radius_m / minor).ln() / LAYER_RATIO.ln()).ceil().max(1.0) as usize;
+    let mut inner = None;
+    for layer in 0..=n_layers {
+        let mk = minor * (outer_radius_m / minor).powf(layer as f64 / n_layers as f64);
+        let confocal = (major2 + (outer2 - major2) * (mk * mk - m2) / (outer2 - m2)).sqrt();
+        let (mk, confocal, surface) = match layer {
+            0 => (minor, major, Boundary { body: true, ..Boundary::INSIDE }),
+            k if k == n_layers => (outer_radius_m, outer_radius_m, Boundary { outer: true, ..Boundary::INSIDE }),
+            _ => (mk, confocal, Boundary::INSIDE),
+        };
+        let semi_axes = if along_m >= across_m { [mk, confocal] } else { [confocal, mk] };
+        let chain = mesh.arcs([0.0; 2], semi_axes, &angles, surface);
+        if let Some(inner) = inner.replace(chain.clone()) {
+            mesh.rule(&inner, &chain);
+        }
+    }
+    mesh
+}
