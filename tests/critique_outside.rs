@@ -15,7 +15,7 @@ use vitreo_uq::inference::ensemble::RandomStream;
 use vitreo_uq::model::{Forward, FullForward};
 use vitreo_uq::study::ModelSpecification;
 use vitreo_uq::workflow::Silent;
-use vitreo_uq::workflow::mechanics::{MODEL_LEVEL, sphere_mesh};
+use vitreo_uq::workflow::mechanics::{MODEL_LEVEL, robot_mesh};
 use vitreo_uq::workflow::problem::Problem;
 use vitreo_uq::workflow::replica::{TABLE_I, embedded};
 
@@ -34,7 +34,7 @@ impl Bench {
         let problem = Problem::new(experiment.clone(), ModelSpecification::default(), None, &Silent)
             .expect("the replica is sound");
         let Apparatus::Robot { robot, vitreous } = &experiment.apparatus else { panic!("the replica has a robot") };
-        let mesh = sphere_mesh(robot, vitreous, MODEL_LEVEL + 1).expect("a sphere");
+        let mesh = robot_mesh(robot, vitreous, MODEL_LEVEL + 1).expect("a sphere");
         let stiffness = Stiffness::new(&mesh).expect("a good mesh");
         let finer = Resolution { steps_per_doubling: 2 * Resolution::default().steps_per_doubling };
         let record = &experiment.record;

@@ -15,7 +15,7 @@ use vitreo_uq::model::{Forward, FullForward};
 use vitreo_uq::study::ModelSpecification;
 use vitreo_uq::workflow::Silent;
 use vitreo_uq::workflow::extend::{ExtensionRequest, compared, run};
-use vitreo_uq::workflow::mechanics::{MODEL_LEVEL, sphere_mesh};
+use vitreo_uq::workflow::mechanics::{MODEL_LEVEL, robot_mesh};
 use vitreo_uq::workflow::problem::Problem;
 use vitreo_uq::workflow::reduced::Reduced;
 use vitreo_uq::workflow::replica::{TABLE_I, embedded};
@@ -35,7 +35,7 @@ const FEWEST_COVERED: usize = 10;
 /// The finer full-order model that makes the data.
 fn finer_stiffness(experiment: &Experiment) -> Stiffness {
     let Apparatus::Robot { robot, vitreous } = &experiment.apparatus else { panic!("the replica has a robot") };
-    Stiffness::new(&sphere_mesh(robot, vitreous, MODEL_LEVEL + 1).expect("a sphere")).expect("a good mesh")
+    Stiffness::new(&robot_mesh(robot, vitreous, MODEL_LEVEL + 1).expect("a sphere")).expect("a good mesh")
 }
 
 fn problem_of(base: &Problem, effect: &dyn Effect) -> Problem {

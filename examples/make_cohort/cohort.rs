@@ -11,7 +11,7 @@ use vitreo_uq::experiment::{Robot, RobotShape, Vitreous};
 use vitreo_uq::fe::Stiffness;
 use vitreo_uq::fe::time::{FullOrderModel, TimeScheme};
 use vitreo_uq::rheology::CreepCompliance;
-use vitreo_uq::workflow::mechanics::sphere_mesh;
+use vitreo_uq::workflow::mechanics::robot_mesh;
 use vitreo_uq::workflow::replica::TABLE_I;
 
 const SEED: u64 = 20080917;
@@ -207,7 +207,7 @@ impl Species {
     /// Full finite elements of the apparatus, ready to be factorised.
     pub fn stiffness(&self) -> Result<Stiffness> {
         let (robot, vitreous) = self.apparatus();
-        Stiffness::new(&sphere_mesh(&robot, &vitreous, MESH_LEVEL)?)
+        Stiffness::new(&robot_mesh(&robot, &vitreous, MESH_LEVEL)?)
     }
 }
 

@@ -174,14 +174,21 @@ impl TabulatedElement {
         Self { n_nodes, points: element.quadrature().into_iter().map(tabulate).collect() }
     }
 
-    /// Calls `visit` at every quadrature point of the element with these node coordinates (m); fails where it is inverted.
-    pub fn for_each_point(&self, coordinates_m: &[[f64; 3]], mut visit: impl FnMut(PhysicalPoint)) -> Result<()> {
-        let mut gradient = vec![[0.0; 3]; self.n_nodes];
-        for point in &self.points {
+    /// Jacobian ∂x/∂ξ (m) of the element with these node coordinates (m) at every quadrature point.
+    pub fn jacobians<'a>(&'a self, coordinates_m: &'a [[f64; 3]]) -> impl Iterator<Item = Matrix3<f64>> + 'a {
+        self.points.iter().map(|point| {
             let mut jacobian = Matrix3::zeros();
             for (x, g) in coordinates_m.iter().zip(&point.gradient) {
                 jacobian += Vector3::from(*x) * Vector3::from(*g).transpose();
             }
+            jacobian
+        })
+    }
+
+    /// Calls `visit` at every quadrature point of the element with these node coordinates (m); fails where it is inverted.
+    pub fn for_each_point(&self, coordinates_m: &[[f64; 3]], mut visit: impl FnMut(PhysicalPoint)) -> Result<()> {
+        let mut gradient = vec![[0.0; 3]; self.n_nodes];
+        for (point, jacobian) in self.points.iter().zip(self.jacobians(coordinates_m)) {
             let determinant = jacobian.determinant();
             let inverse_transpose =
                 jacobian.try_inverse().filter(|_| determinant > 0.0).map(|inverse| inverse.transpose());

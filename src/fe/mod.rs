@@ -7,6 +7,7 @@ pub mod factorisation;
 pub mod meridional;
 pub mod ordering;
 mod quadrature;
+pub mod quality;
 pub mod stepping;
 pub mod strain;
 pub mod time;

@@ -1,12 +1,17 @@
 //! Finite-element meshes of the quarter model and their import and export.
 
+mod box_surface;
+mod cylinder;
 pub mod gmsh;
 pub mod hexahedron27_nodes;
 mod quarter_ball;
+mod spheroid;
 pub mod vtu;
 
+pub use cylinder::Cylinder;
 pub use hexahedron27_nodes::HEXAHEDRON27_REFERENCE_NODES;
 pub use quarter_ball::QuarterBall;
+pub use spheroid::Spheroid;
 
 /// Kind of element; all elements of a mesh are of one kind.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -10,7 +10,7 @@ use crate::fe::Stiffness;
 use crate::fe::exact::SphereInContainer;
 use crate::fe::time::FullOrderModel;
 use crate::mesh::gmsh::read_gmsh;
-use crate::mesh::{Mesh, QuarterBall};
+use crate::mesh::{Cylinder, Mesh, QuarterBall, Spheroid};
 use crate::study::sha256_hex;
 
 /// Mesh level of the model that is fitted.
@@ -72,29 +72,41 @@ pub struct FiniteElements {
     pub mesh_warnings: Vec<Warning>,
 }
 
-/// The built-in mesh of a level 1, 2, 3, …: level × 4·level elements along an octant's edge and the radius.
-pub fn sphere_mesh(robot: &Robot, vitreous: &Vitreous, level: usize) -> Result<Mesh> {
-    let RobotShape::Sphere { diameter_m } = robot.shape else {
-        return Err(Error::input(
-            Place::file("experiment.toml").at_key("robot.shape"),
-            "there is no built-in mesh for this shape yet",
-            "mesh it with Gmsh (physical groups `robot`, `outer`, `symmetry_y`, `symmetry_z`) and give the file with `--mesh FILE.msh`",
-        ));
+/// The built-in mesh of a level 1, 2, 3, …; elements are smaller by the level. Around a sphere it has level × 4·level elements along an octant's edge and
+/// the radius.
+///
+/// # Errors
+/// [`Error::Input`] for a robot that the built-in meshes do not reach: too slender, too flat, or too near the outer surface.
+pub fn robot_mesh(robot: &Robot, vitreous: &Vitreous, level: usize) -> Result<Mesh> {
+    let outer_radius_m = 0.5 * vitreous.diameter_m;
+    let mesh = match robot.shape {
+        RobotShape::Sphere { diameter_m } => {
+            let robot_radius_m = 0.5 * diameter_m;
+            QuarterBall { robot_radius_m, outer_radius_m, n_per_edge: level, n_layers: 4 * level }.mesh()
+        }
+        RobotShape::Ellipsoid { length_m, diameter_m, orientation } => {
+            Spheroid { length_m, diameter_m, orientation, outer_radius_m, level }.mesh()
+        }
+        RobotShape::Cylinder { length_m, diameter_m, orientation } => {
+            Cylinder { length_m, diameter_m, orientation, outer_radius_m, level }.mesh()
+        }
     };
-    let ball = QuarterBall {
-        robot_radius_m: 0.5 * diameter_m,
-        outer_radius_m: 0.5 * vitreous.diameter_m,
-        n_per_edge: level,
-        n_layers: 4 * level,
-    };
-    ball.mesh()
+    mesh.map_err(|error| match error {
+        Error::Numerical { what, remedy } => Error::input(Place::file("experiment.toml").at_key("robot"), what, remedy),
+        other => other,
+    })
+}
+
+/// Force per displacement per Pa of Young's modulus (m) of the whole body, where it is known exactly.
+pub fn exact_stiffness_m(robot: &Robot, vitreous: &Vitreous) -> Option<f64> {
+    let RobotShape::Sphere { diameter_m } = robot.shape else { return None };
+    let exact = SphereInContainer::new(vitreous.poisson_ratio, 0.5 * diameter_m, 0.5 * vitreous.diameter_m);
+    Some(exact.stiffness_n_per_m(1.0))
 }
 
 /// The exact solution where there is one.
 fn exact_comparison(robot: &Robot, vitreous: &Vitreous) -> Option<Comparison> {
-    let RobotShape::Sphere { diameter_m } = robot.shape else { return None };
-    let exact = SphereInContainer::new(vitreous.poisson_ratio, 0.5 * diameter_m, 0.5 * vitreous.diameter_m);
-    Some(Comparison::Exact(1.0 / exact.stiffness_n_per_m(1.0)))
+    exact_stiffness_m(robot, vitreous).map(|stiffness_m| Comparison::Exact(1.0 / stiffness_m))
 }
 
 fn hash_of(file: &MeshFile) -> Result<String> {
@@ -122,9 +134,9 @@ impl Mechanics {
                 (read.mesh, said.chain(doubts).collect(), exact_comparison(robot, vitreous))
             }
             None => {
-                let coarse = Stiffness::new(&sphere_mesh(robot, vitreous, MODEL_LEVEL - 1)?)?;
+                let coarse = Stiffness::new(&robot_mesh(robot, vitreous, MODEL_LEVEL - 1)?)?;
                 let coarse_per_m = FullOrderModel::new(&coarse, poisson_ratio)?.compliance_per_m();
-                (sphere_mesh(robot, vitreous, MODEL_LEVEL)?, Vec::new(), Some(Comparison::CoarserMesh(coarse_per_m)))
+                (robot_mesh(robot, vitreous, MODEL_LEVEL)?, Vec::new(), Some(Comparison::CoarserMesh(coarse_per_m)))
             }
         };
         let mesh_file_sha256 = match mesh_file {

@@ -9,7 +9,7 @@ use crate::experiment::{Apparatus, Experiment, ExperimentFiles};
 use crate::fe::Stiffness;
 use crate::fe::time::{FullOrderModel, TimeScheme};
 use crate::rheology::CreepCompliance;
-use crate::workflow::mechanics::sphere_mesh;
+use crate::workflow::mechanics::robot_mesh;
 
 const TOML: &str = include_str!("../../data/porcine-replica/experiment.toml");
 const CSV: &str = include_str!("../../data/porcine-replica/trajectory.csv");
@@ -46,7 +46,7 @@ pub fn trajectory_csv() -> Result<String> {
     else {
         return Err(Error::numerical("the replica has no robot", "restore data/porcine-replica/experiment.toml"));
     };
-    let stiffness = Stiffness::new(&sphere_mesh(&robot, &vitreous, MESH_LEVEL)?)?;
+    let stiffness = Stiffness::new(&robot_mesh(&robot, &vitreous, MESH_LEVEL)?)?;
     let model = FullOrderModel::new(&stiffness, vitreous.poisson_ratio)?;
     let n_rows = (N_CYCLES as f64 * 2.0 * HOLD_S / INTERVAL_S).round() as usize;
     let hold_rows = (HOLD_S / INTERVAL_S).round() as usize;

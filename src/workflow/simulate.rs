@@ -7,13 +7,12 @@ use serde::{Deserialize, Serialize};
 
 use super::Monitor;
 use super::advice::strain_warning;
-use super::mechanics::{FiniteElements, sphere_mesh};
+use super::convergence::{self, MeshLevel};
+use super::mechanics::FiniteElements;
 use super::problem::Problem;
 use super::summary::{PosteriorSummary, Warning};
 use crate::error::{Error, Place, Result};
-use crate::experiment::{Apparatus, Experiment, Record, RobotShape};
-use crate::fe::Stiffness;
-use crate::fe::exact::SphereInContainer;
+use crate::experiment::Record;
 use crate::fe::strain::largest_principal_strain;
 use crate::fe::time::{FullOrderModel, TimeScheme};
 use crate::model::{Forward, FullForward, FullRun, Response};
@@ -24,9 +23,6 @@ use crate::rheology::CreepCompliance;
 const MOST_FIELDS: usize = 20;
 /// Most time steps of one run.
 const MOST_STEPS: usize = 20_000_000;
-/// Finest mesh level of a convergence table: above, one factorisation takes minutes and several gigabytes.
-pub const FINEST_LEVEL: usize = 8;
-
 /// What a caller decides.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SimulationRequest {
@@ -76,23 +72,6 @@ pub struct SimulationSummary {
     pub convergence: Vec<MeshLevel>,
     /// What the user should know.
     pub warnings: Vec<Warning>,
-}
-
-/// One line of the convergence table.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct MeshLevel {
-    /// Level 1, 2, 3, …; the element size goes with its inverse.
-    pub level: usize,
-    /// Unknowns.
-    pub unknowns: usize,
-    /// Force per displacement per Pa of Young's modulus, whole body, in m.
-    pub stiffness_m: f64,
-    /// Relative error against the exact value (physics §4.2).
-    pub relative_error: f64,
-    /// Relative difference from the level before.
-    pub relative_difference: Option<f64>,
-    /// Observed order of convergence in the element size, from this level and the one before.
-    pub order: Option<f64>,
 }
 
 /// A run with everything that is written.
@@ -191,8 +170,9 @@ pub fn check_request(problem: &Problem, request: &SimulationRequest, has_mesh_fi
         );
     }
     if let Some(levels) = request.refine {
-        if levels == 0 || levels > FINEST_LEVEL {
-            return refuse("--refine", format!("{levels} mesh levels"), &format!("ask for 1 to {FINEST_LEVEL} levels"));
+        let finest = convergence::finest_level(&problem.experiment.apparatus);
+        if levels == 0 || levels > finest {
+            return refuse("--refine", format!("{levels} mesh levels"), &format!("ask for 1 to {finest} levels"));
         }
         if has_mesh_file {
             return refuse(
@@ -247,7 +227,7 @@ pub fn run(
     }
     timing_s.push(("full finite elements".to_string(), clock.elapsed().as_secs_f64()));
     let convergence = match request.refine {
-        Some(levels) => convergence_table(&problem.experiment, levels, monitor, &mut timing_s)?,
+        Some(levels) => convergence::table(&problem.experiment.apparatus, levels, monitor, &mut timing_s)?,
         None => Vec::new(),
     };
     let distance_m = position_m.iter().zip(&exact_m).fold(0.0_f64, |d, (x, y)| d.max((x - y).abs()));
@@ -378,46 +358,6 @@ fn field_rows(record: &Record) -> Vec<usize> {
         return rows;
     }
     (1..=MOST_FIELDS).map(|k| rows[k * n / MOST_FIELDS - 1]).collect()
-}
-
-fn convergence_table(
-    experiment: &Experiment,
-    levels: usize,
-    monitor: &dyn Monitor,
-    timing_s: &mut Vec<(String, f64)>,
-) -> Result<Vec<MeshLevel>> {
-    let Apparatus::Robot { robot, vitreous } = &experiment.apparatus else { return Ok(Vec::new()) };
-    let RobotShape::Sphere { diameter_m } = robot.shape else {
-        return Err(Error::input(
-            Place::option("--refine"),
-            "the convergence table needs the exact value of a sphere, and the robot is none",
-            "leave --refine away, or give an experiment with a spherical robot",
-        ));
-    };
-    let exact = SphereInContainer::new(vitreous.poisson_ratio, 0.5 * diameter_m, 0.5 * vitreous.diameter_m);
-    let exact_m = exact.stiffness_n_per_m(1.0);
-    let mut table: Vec<MeshLevel> = Vec::new();
-    for level in 1..=levels {
-        monitor.stage(&format!("convergence table: mesh level {level} of {levels}"));
-        let clock = Instant::now();
-        let stiffness = Stiffness::new(&sphere_mesh(robot, vitreous, level)?)?;
-        let stiffness_m = 1.0 / FullOrderModel::new(&stiffness, vitreous.poisson_ratio)?.compliance_per_m();
-        timing_s.push((format!("mesh level {level}"), clock.elapsed().as_secs_f64()));
-        let relative_error = stiffness_m / exact_m - 1.0;
-        let before = table.last();
-        let order =
-            before.map(|b| (b.relative_error / relative_error).abs().ln() / (level as f64 / b.level as f64).ln());
-        let relative_difference = before.map(|b| stiffness_m / b.stiffness_m - 1.0);
-        table.push(MeshLevel {
-            level,
-            unknowns: stiffness.n_unknowns(),
-            stiffness_m,
-            relative_error,
-            relative_difference,
-            order,
-        });
-    }
-    Ok(table)
 }
 
 #[cfg(test)]

@@ -9,8 +9,9 @@ use vitreo_uq::fe::time::TimeScheme;
 use vitreo_uq::files::write_json_atomically;
 use vitreo_uq::study::{ModelSpecification, Study, WithProvenance};
 use vitreo_uq::workflow::Monitor;
+use vitreo_uq::workflow::convergence::MeshLevel;
 use vitreo_uq::workflow::problem::Problem;
-use vitreo_uq::workflow::simulate::{self, MeshLevel, SimulationRequest, SimulationSummary};
+use vitreo_uq::workflow::simulate::{self, SimulationRequest, SimulationSummary};
 use vitreo_uq::workflow::simulation_files;
 use vitreo_uq::workflow::summary::PosteriorSummary;
 
@@ -131,7 +132,13 @@ fn words(summary: &SimulationSummary, seconds: &BTreeMap<&str, f64>) -> String {
             "level", "unknowns", "stiffness (m)", "error", "difference", "order", "seconds"
         ));
         lines.extend(summary.convergence.iter().map(|level| table_row(level, seconds)));
-        lines.push("  error: against the exact sphere in a container; difference: from the level before.".into());
+        let is_exact = summary.convergence.iter().any(|level| level.relative_error.is_some());
+        let legend = if is_exact {
+            "  error: against the exact sphere in a container; difference: from the level before."
+        } else {
+            "  difference: from the level before; order: from the differences of three levels."
+        };
+        lines.push(legend.into());
     }
     for warning in &summary.warnings {
         lines.push(String::new());
@@ -148,7 +155,7 @@ fn table_row(level: &MeshLevel, seconds: &BTreeMap<&str, f64>) -> String {
         level.level,
         level.unknowns,
         level.stiffness_m,
-        small(Some(level.relative_error)),
+        small(level.relative_error),
         small(level.relative_difference),
         level.order.map_or("–".into(), |order| format!("{order:.1}")),
         seconds

@@ -15,7 +15,7 @@ use crate::files::write_atomically;
 use crate::number::Dual;
 use crate::study::{ModelSpecification, sha256_hex};
 use crate::workflow::Monitor;
-use crate::workflow::mechanics::{MODEL_LEVEL, sphere_mesh};
+use crate::workflow::mechanics::{MODEL_LEVEL, robot_mesh};
 
 /// Mesh level of the data; the fitted model stands one level below.
 pub const DATA_LEVEL: usize = MODEL_LEVEL + 1;
@@ -116,7 +116,7 @@ impl Workshop {
         let Apparatus::Robot { robot, vitreous } = bench.apparatus() else {
             return Err(Error::numerical("the reference apparatus has no robot", "reinstall the program"));
         };
-        let stiffness = Stiffness::new(&sphere_mesh(robot, vitreous, DATA_LEVEL)?)?;
+        let stiffness = Stiffness::new(&robot_mesh(robot, vitreous, DATA_LEVEL)?)?;
         let steps_per_doubling = FINER_STEPS * Resolution::default().steps_per_doubling;
         Ok(Self { stiffness, poisson_ratio: vitreous.poisson_ratio, resolution: Resolution { steps_per_doubling } })
     }

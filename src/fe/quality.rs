@@ -1,0 +1,75 @@
+//! How well shaped the elements of a mesh are, at the integration points, where it matters.
+
+use nalgebra::Matrix3;
+
+use super::element::TabulatedElement;
+use crate::mesh::Mesh;
+
+/// Shapes of the elements of a mesh.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MeshQuality {
+    /// Elements whose Jacobian is not positive at some integration point; they cannot be computed with.
+    pub n_inverted: usize,
+    /// Smallest volume of the parallelepiped of the Jacobian's columns over the product of their lengths: 1 for bricks, 0.71 for regular
+    /// tetrahedra, 0 where an element is flat.
+    pub smallest_scaled_jacobian: f64,
+    /// Largest ratio of the longest to the shortest side of an element; sides are root mean squares of the Jacobian's columns.
+    pub largest_aspect: f64,
+}
+
+impl MeshQuality {
+    /// Looks at every element.
+    pub fn of(mesh: &Mesh) -> Self {
+        let table = TabulatedElement::of(mesh.element_kind);
+        let mut quality = Self { n_inverted: 0, smallest_scaled_jacobian: 1.0, largest_aspect: 1.0 };
+        for nodes in mesh.elements() {
+            let coordinates: Vec<_> = nodes.iter().map(|&n| mesh.node_coordinates_m[n as usize]).collect();
+            let jacobians: Vec<Matrix3<f64>> = table.jacobians(&coordinates).collect();
+            let scaled = |j: &Matrix3<f64>| j.determinant() / j.column_iter().map(|c| c.norm()).product::<f64>();
+            let smallest = jacobians.iter().map(scaled).fold(1.0, f64::min);
+            let sides = [0, 1, 2].map(|k| jacobians.iter().map(|j| j.column(k).norm_squared()).sum::<f64>().sqrt());
+            let aspect =
+                sides.iter().fold(0.0, |a: f64, &b| a.max(b)) / sides.iter().fold(f64::INFINITY, |a: f64, &b| a.min(b));
+            quality.n_inverted += usize::from(smallest <= 0.0);
+            quality.smallest_scaled_jacobian = quality.smallest_scaled_jacobian.min(smallest);
+            quality.largest_aspect = quality.largest_aspect.max(aspect);
+        }
+        quality
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::{ElementKind, HEXAHEDRON27_REFERENCE_NODES};
+
+    fn one(element_kind: ElementKind, node_coordinates_m: Vec<[f64; 3]>) -> Mesh {
+        Mesh {
+            connectivity: (0..node_coordinates_m.len() as u32).collect(),
+            node_coordinates_m,
+            element_kind,
+            robot_nodes: vec![],
+            outer_nodes: vec![],
+            symmetry_y_nodes: vec![],
+            symmetry_z_nodes: vec![],
+        }
+    }
+
+    /// A parallelepiped has the sine of its angle, at any aspect; turned inside out it is counted.
+    #[test]
+    fn shapes_with_known_quality() {
+        let brick = |map: &dyn Fn([f64; 3]) -> [f64; 3]| {
+            MeshQuality::of(&one(ElementKind::Hexahedron27, HEXAHEDRON27_REFERENCE_NODES.map(map).to_vec()))
+        };
+        let found = brick(&|[x, y, z]| [6.0 * x + 1.0, 2.0 * y, 3.0 * z]);
+        assert!((found.smallest_scaled_jacobian - 1.0).abs() < 1e-14 && (found.largest_aspect - 3.0).abs() < 1e-13);
+        let angle = 0.3_f64;
+        let found = brick(&|[x, y, z]| [6.0 * x + y * angle.cos(), y * angle.sin(), z]);
+        assert!((found.smallest_scaled_jacobian - angle.sin()).abs() < 1e-14 && found.n_inverted == 0, "{found:?}");
+        let found = brick(&|[x, y, z]| [-x, y, z]);
+        assert!(found.n_inverted == 1 && (found.smallest_scaled_jacobian + 1.0).abs() < 1e-14, "{found:?}");
+        let regular = vec![[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]];
+        let found = MeshQuality::of(&one(ElementKind::Tetrahedron4, regular));
+        assert!((found.smallest_scaled_jacobian - 0.5_f64.sqrt()).abs() < 1e-14, "{found:?}");
+    }
+}

@@ -1,0 +1,265 @@
+//! Finite elements around spheroids and cylinders: stiffness against closed forms (physics §4.2, §4.3, §4.8), convergence, symmetry, equilibrium.
+
+mod closed_forms;
+
+use std::f64::consts::PI;
+
+use nalgebra::DVector;
+use vitreo_uq::experiment::Orientation;
+use vitreo_uq::fe::Stiffness;
+use vitreo_uq::fe::assembly::unit_moduli;
+use vitreo_uq::fe::element::TabulatedElement;
+use vitreo_uq::fe::exact::SphereInContainer;
+use vitreo_uq::fe::factorisation::add_symmetric_product;
+use vitreo_uq::fe::time::FullOrderModel;
+use vitreo_uq::mesh::{Cylinder, HEXAHEDRON27_REFERENCE_NODES, Mesh, Spheroid};
+
+const SPHERE_RADIUS_M: f64 = 0.275e-3;
+const OUTER_RADIUS_M: f64 = 10e-3;
+const POISSON_RATIOS: [f64; 3] = [0.3, 0.48, 0.499];
+/// Length over width of the source paper's bodies.
+const ASPECT: f64 = 68.0 / 7.0;
+const ORIENTATIONS: [Orientation; 2] = [Orientation::Horizontal, Orientation::Vertical];
+
+/// Semi-axes (m) of the spheroid with the aspect and the sphere's volume.
+fn spheroid_semi_axes_m(aspect: f64) -> [f64; 2] {
+    let semi_minor_m = SPHERE_RADIUS_M / aspect.cbrt();
+    [aspect * semi_minor_m, semi_minor_m]
+}
+
+fn spheroid(semi_axes_m: [f64; 2], orientation: Orientation, level: usize) -> Mesh {
+    let [length_m, diameter_m] = semi_axes_m.map(|semi_axis_m| 2.0 * semi_axis_m);
+    Spheroid { length_m, diameter_m, orientation, outer_radius_m: OUTER_RADIUS_M, level }.mesh().expect("it fits")
+}
+
+/// The cylinder with the paper's aspect and the sphere's volume: half length and radius in m.
+fn cylinder_sizes_m() -> [f64; 2] {
+    let radius_m = SPHERE_RADIUS_M * (2.0 / (3.0 * ASPECT)).cbrt();
+    [ASPECT * radius_m, radius_m]
+}
+
+fn cylinder(orientation: Orientation, level: usize) -> Mesh {
+    let [length_m, diameter_m] = cylinder_sizes_m().map(|half_m| 2.0 * half_m);
+    Cylinder { length_m, diameter_m, orientation, outer_radius_m: OUTER_RADIUS_M, level }.mesh().expect("it fits")
+}
+
+/// Force per displacement at 1 Pa, whole body, in m.
+fn stiffness_m(stiffness: &Stiffness, poisson_ratio: f64) -> f64 {
+    1.0 / FullOrderModel::new(stiffness, poisson_ratio).expect("positive definite").compliance_per_m()
+}
+
+fn spheroid_errors(semi_axes_m: [f64; 2], orientation: Orientation, level: usize) -> (usize, [f64; 3]) {
+    let stiffness = Stiffness::new(&spheroid(semi_axes_m, orientation, level)).expect("a sound mesh");
+    let [semi_major_m, semi_minor_m] = semi_axes_m;
+    let exact = closed_forms::Spheroid { semi_major_m, semi_minor_m, outer_radius_m: OUTER_RADIUS_M };
+    let errors = POISSON_RATIOS.map(|nu| {
+        stiffness_m(&stiffness, nu) / exact.stiffness_n_per_m(nu, orientation == Orientation::Horizontal) - 1.0
+    });
+    println!(
+        "{:.2}, {orientation:?}, level {level}: {} unknowns, {errors:?}",
+        semi_major_m / semi_minor_m,
+        stiffness.n_unknowns()
+    );
+    (stiffness.n_unknowns(), errors)
+}
+
+/// The program's level and the one below it, at the paper's aspect; the closed form itself is good to 10⁻⁵ there.
+#[test]
+fn spheroids_meet_the_closed_form_at_the_order_of_the_element() {
+    for orientation in ORIENTATIONS {
+        let (few, coarse) = spheroid_errors(spheroid_semi_axes_m(ASPECT), orientation, 2);
+        let (many, fine) = spheroid_errors(spheroid_semi_axes_m(ASPECT), orientation, 3);
+        assert!(few <= 5_000 && many <= 16_000, "{few} and {many} unknowns");
+        for (coarse, fine) in coarse.into_iter().zip(fine) {
+            let slope = (coarse / fine).abs().ln() / 1.5_f64.ln();
+            assert!(coarse.abs() < 8e-4 && fine.abs() < 1.7e-4, "{orientation:?}: {coarse:e}, {fine:e}");
+            assert!(slope > 3.2, "{orientation:?}: order {slope}");
+        }
+    }
+}
+
+/// From nearly a sphere to the slenderest that is meshed.
+#[test]
+fn spheroids_of_other_aspects_meet_the_closed_form() {
+    for (aspect, largest_error) in [(1.1, 1e-4), (3.0, 2.5e-4), (20.0, 1.1e-3), (30.0, 1.3e-3)] {
+        for orientation in ORIENTATIONS {
+            let (_, errors) = spheroid_errors([1e-3, 1e-3 / aspect], orientation, 2);
+            assert!(errors.iter().all(|e| e.abs() < largest_error), "{aspect}, {orientation:?}: {errors:?}");
+        }
+    }
+}
+
+#[test]
+fn a_spheroid_as_long_as_wide_is_a_sphere() {
+    for orientation in ORIENTATIONS {
+        let stiffness = Stiffness::new(&spheroid([SPHERE_RADIUS_M; 2], orientation, 2)).expect("a sound mesh");
+        for nu in POISSON_RATIOS {
+            let exact = SphereInContainer::new(nu, SPHERE_RADIUS_M, OUTER_RADIUS_M).stiffness_n_per_m(1.0);
+            let error = stiffness_m(&stiffness, nu) / exact - 1.0;
+            assert!(error.abs() < 2e-4, "{orientation:?}, ν = {nu}: {error:e}");
+        }
+    }
+}
+
+/// Stiffness (m) of the cylinder at [`POISSON_RATIOS`], horizontal and vertical, from meshes with up to 260,000 unknowns that differ among each other by 2·10⁻⁵.
+const CYLINDER_M: [[f64; 3]; 2] = [[0.0; 3], [0.0; 3]];
+
+/// Stiffness falls from level to level, the difference of two levels is above the finer one's error, and that is below 2·10⁻⁴ at the program's level.
+#[test]
+fn cylinders_converge() {
+    for (orientation, limit_m) in ORIENTATIONS.into_iter().zip(CYLINDER_M) {
+        let levels = [2, 3, 4].map(|level| {
+            let stiffness = Stiffness::new(&cylinder(orientation, level)).expect("a sound mesh");
+            // The finest at one ratio only, for its time.
+            let ratios = if level < 4 { &POISSON_RATIOS[..] } else { &POISSON_RATIOS[..1] };
+            let found: Vec<f64> = ratios.iter().map(|&nu| stiffness_m(&stiffness, nu)).collect();
+            println!("{orientation:?}, level {level}: {} unknowns, {found:?} m", stiffness.n_unknowns());
+            (stiffness.n_unknowns(), found)
+        });
+        assert!(levels[1].0 <= 30_000, "{} unknowns", levels[1].0);
+        for (k, limit_m) in limit_m.into_iter().enumerate() {
+            let error = |level: usize| levels[level].1[k] / limit_m - 1.0;
+            let difference = levels[0].1[k] / levels[1].1[k] - 1.0;
+            println!(
+                "{orientation:?}, ν = {}: {:.2e}, {:.2e}, difference {difference:.2e}",
+                POISSON_RATIOS[k],
+                error(0),
+                error(1)
+            );
+            assert!(error(0).abs() < 5e-4 && error(1).abs() < 2e-4, "{:e}, {:e}", error(0), error(1));
+        }
+        assert!((levels[2].1[0] / limit_m[0] - 1.0).abs() < (levels[1].1[0] / limit_m[0] - 1.0).abs());
+    }
+}
+
+/// A rigid body holds the gel no less than any body inside it does (minimum of the energy): the cylinder lies between the largest spheroid
+/// inside it and a spheroid through its rim, by the closed form at any aspect.
+#[test]
+fn cylinders_lie_between_the_spheroids_inside_and_around_them() {
+    let [half_length_m, radius_m] = cylinder_sizes_m();
+    for orientation in ORIENTATIONS {
+        let stiffness = Stiffness::new(&cylinder(orientation, 2)).expect("a sound mesh");
+        for nu in POISSON_RATIOS {
+            // The rim is on the spheroid of semi-axes a/√s and r/√(1 − s) for any share s; the least of some is a bound.
+            let of = |semi_major_m: f64, semi_minor_m: f64| {
+                let body = closed_forms::Spheroid { semi_major_m, semi_minor_m, outer_radius_m: OUTER_RADIUS_M };
+                body.stiffness_n_per_m(nu, orientation == Orientation::Horizontal)
+            };
+            let around = |k: i32| {
+                of(half_length_m / (0.05 * f64::from(k)).sqrt(), radius_m / (1.0 - 0.05 * f64::from(k)).sqrt())
+            };
+            let upper = (4..=19).map(around).fold(f64::INFINITY, f64::min);
+            let (lower, found) = (of(half_length_m, radius_m), stiffness_m(&stiffness, nu));
+            println!("{orientation:?}, ν = {nu}: {lower:.4e} < {found:.4e} < {upper:.4e}");
+            assert!(lower < found && found < upper, "{orientation:?}, ν = {nu}: {lower} < {found} < {upper}");
+        }
+    }
+}
+
+/// The mesh turned by a right angle about the force's line, back into the quarter by a reflection: y and z exchanged.
+fn turned_about_the_force(mesh: &Mesh) -> Mesh {
+    // Exchanging two coordinates turns elements inside out; exchanging two of their directions undoes it.
+    let exchange: Vec<usize> = HEXAHEDRON27_REFERENCE_NODES
+        .iter()
+        .map(|&[x, y, z]| {
+            HEXAHEDRON27_REFERENCE_NODES.iter().position(|&n| n == [x, z, y]).expect("the grid is symmetric")
+        })
+        .collect();
+    Mesh {
+        node_coordinates_m: mesh.node_coordinates_m.iter().map(|&[x, y, z]| [x, z, y]).collect(),
+        connectivity: mesh.elements().flat_map(|nodes| exchange.iter().map(|&k| nodes[k])).collect(),
+        symmetry_y_nodes: mesh.symmetry_z_nodes.clone(),
+        symmetry_z_nodes: mesh.symmetry_y_nodes.clone(),
+        ..mesh.clone()
+    }
+}
+
+/// A body that is turned about the force, its long axis from y to z when it stands across, feels the same, and so does a mesh that is not the same
+/// to turned eyes: to rounding, since nodes and factor come in another order.
+#[test]
+fn turning_the_body_about_the_force_changes_nothing() {
+    for orientation in ORIENTATIONS {
+        for mesh in [cylinder(orientation, 2), spheroid(spheroid_semi_axes_m(ASPECT), orientation, 2)] {
+            let stiffness = Stiffness::new(&mesh).expect("a sound mesh");
+            let turned = Stiffness::new(&turned_about_the_force(&mesh)).expect("a sound mesh");
+            for nu in POISSON_RATIOS {
+                let ratio = stiffness_m(&turned, nu) / stiffness_m(&stiffness, nu);
+                assert!((ratio - 1.0).abs() < 1e-8, "{orientation:?}, ν = {nu}: {:e}", ratio - 1.0);
+            }
+        }
+    }
+}
+
+/// The robot's force, twice the strain energy over its displacement, and the force that the outer surface bears are one, although the last is made
+/// from element matrices and the others from the assembled one.
+#[test]
+fn energy_is_the_reaction_force() {
+    for orientation in ORIENTATIONS {
+        for mesh in [cylinder(orientation, 2), spheroid(spheroid_semi_axes_m(ASPECT), orientation, 1)] {
+            let stiffness = Stiffness::new(&mesh).expect("a sound mesh");
+            let unknowns = &stiffness.assembly.unknowns;
+            for nu in POISSON_RATIOS {
+                let factor = stiffness.factor(nu).expect("positive definite");
+                let field = factor.unit_response();
+                let mut product = vec![0.0; field.len()];
+                add_symmetric_product(factor.matrix(), &field, &mut product);
+                let twice_the_energy: f64 = field.iter().zip(&product).map(|(u, f)| u * f).sum();
+                let moved = field[unknowns.robot()];
+                assert!(
+                    (twice_the_energy / moved - 1.0).abs() < 1e-8,
+                    "{orientation:?}, ν = {nu}: {twice_the_energy} and {moved}"
+                );
+                let borne = force_on_outer_surface(&mesh, &unknowns.nodal_displacement(&field), nu);
+                assert!((borne + 1.0).abs() < 1e-8, "{orientation:?}, ν = {nu}: {borne}");
+            }
+        }
+    }
+}
+
+/// Force along x that the supports of the outer surface exert at 1 Pa, by the matrices of the elements.
+fn force_on_outer_surface(mesh: &Mesh, displacement_m: &[[f64; 3]], poisson_ratio: f64) -> f64 {
+    let table = TabulatedElement::of(mesh.element_kind);
+    let [two_mu, kappa] = unit_moduli(poisson_ratio);
+    let mut force = 0.0;
+    for nodes in mesh.elements() {
+        if nodes.iter().all(|n| mesh.outer_nodes.binary_search(n).is_err()) {
+            continue;
+        }
+        let coordinates: Vec<_> = nodes.iter().map(|&n| mesh.node_coordinates_m[n as usize]).collect();
+        let element = table.stiffness(&coordinates).expect("not inverted");
+        let displacement =
+            DVector::from_iterator(3 * nodes.len(), nodes.iter().flat_map(|&n| displacement_m[n as usize]));
+        let forces = (element.deviatoric * two_mu + element.volumetric * kappa) * displacement;
+        let outer = nodes.iter().enumerate().filter(|(_, n)| mesh.outer_nodes.binary_search(n).is_ok());
+        force += outer.map(|(k, _)| forces[3 * k]).sum::<f64>();
+    }
+    force
+}
+
+/// The volume is that of a quarter of the ball less the body, up to what quadratic arcs leave out.
+#[test]
+fn the_meshes_fill_the_space_between() {
+    let ball_m3 = 4.0 / 3.0 * PI * 1e-9;
+    let (length_m, diameter_m, outer_radius_m) = (1.2e-3, 0.5e-3, 1e-3);
+    for orientation in ORIENTATIONS {
+        for level in [1, 2] {
+            let of_spheroid =
+                Spheroid { length_m, diameter_m, orientation, outer_radius_m, level }.mesh().expect("it fits");
+            let of_cylinder =
+                Cylinder { length_m, diameter_m, orientation, outer_radius_m, level }.mesh().expect("it fits");
+            let square_m2 = 0.25 * PI * diameter_m * diameter_m;
+            for (mesh, body_m3) in
+                [(of_spheroid, 2.0 / 3.0 * square_m2 * length_m), (of_cylinder, square_m2 * length_m)]
+            {
+                let table = TabulatedElement::of(mesh.element_kind);
+                let mut volume_m3 = 0.0;
+                for nodes in mesh.elements() {
+                    let coordinates: Vec<_> = nodes.iter().map(|&n| mesh.node_coordinates_m[n as usize]).collect();
+                    table.for_each_point(&coordinates, |point| volume_m3 += point.volume_m3).expect("not inverted");
+                }
+                let error = 4.0 * volume_m3 / (ball_m3 - body_m3) - 1.0;
+                assert!(error.abs() < [2e-3, 2e-4][level - 1], "{orientation:?}, level {level}: {error:e}");
+            }
+        }
+    }
+}
