@@ -173,6 +173,13 @@ impl Table {
         Ok(stiffness)
     }
 
+    /// ∫ N r dr dz of every function N of one component.
+    pub(super) fn integrals(&self, map: &Ruled) -> Result<Vec<f64>> {
+        let (_, roots) = self.operators(map)?;
+        let integral = |a: usize| roots.iter().zip(self.value.col_as_slice(a)).map(|(root, v)| root * root * v).sum();
+        Ok((0..self.n_functions()).map(integral).collect())
+    }
+
     /// Derivatives by r and by z and values over r of every function (columns, one operator after the other) at every point (rows), times the root
     /// of the point's weight; and the roots.
     fn operators(&self, map: &Ruled) -> Result<(Mat<f64>, Vec<f64>)> {

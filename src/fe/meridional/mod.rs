@@ -12,6 +12,7 @@
 
 mod basis;
 mod cylinder;
+mod elastic;
 mod element;
 mod geometry;
 mod mesh;
@@ -23,6 +24,7 @@ mod spheroid;
 use std::f64::consts::PI;
 
 use crate::error::{Error, Result};
+pub use elastic::{ElasticRobot, solve_elastic};
 use element::Table;
 use mesh::Mesh;
 

@@ -17,9 +17,9 @@ use crate::error::{Error, Result};
 
 /// One displacement component of one node: a multiple of an unknown, or of the body's unit translation.
 #[derive(Debug, Clone, Copy)]
-struct Freedom {
-    unknown: Option<usize>,
-    factor: f64,
+pub(super) struct Freedom {
+    pub(super) unknown: Option<usize>,
+    pub(super) factor: f64,
 }
 
 /// Stiffnesses that one discretisation gives: of the whole body, per Pa of Young's modulus, in m.
@@ -31,15 +31,15 @@ pub(super) struct Discrete {
 }
 
 /// Nodes on the edges of the cells.
-struct Skeleton {
+pub(super) struct Skeleton {
     order: usize,
-    boundaries: Vec<Boundary>,
+    pub(super) boundaries: Vec<Boundary>,
     /// First of the inner nodes of each edge, which run from the vertex of the lower index.
     edges: HashMap<[usize; 2], usize>,
 }
 
 impl Skeleton {
-    fn new(mesh: &Mesh, order: usize) -> Self {
+    pub(super) fn new(mesh: &Mesh, order: usize) -> Self {
         let (mut boundaries, mut edges) = (mesh.boundaries.clone(), HashMap::new());
         for cell in &mesh.cells {
             for [a, b] in edges_of(cell) {
@@ -68,7 +68,7 @@ impl Skeleton {
     }
 
     /// Node of each function of a cell, or `None` for its interior.
-    fn nodes(&self, cell: &Cell) -> Vec<Option<usize>> {
+    pub(super) fn nodes(&self, cell: &Cell) -> Vec<Option<usize>> {
         let [bottom, top, left, right] = edges_of(cell);
         let last = self.order;
         let node = |i: usize, j: usize| match (i, j) {
@@ -83,13 +83,13 @@ impl Skeleton {
 }
 
 /// Edges of a cell: along the inner curve, along the outer, across at the start, across at the end.
-fn edges_of(cell: &Cell) -> [[usize; 2]; 4] {
+pub(super) fn edges_of(cell: &Cell) -> [[usize; 2]; 4] {
     let [a, b, c, d] = cell.vertices;
     [[a, b], [c, d], [a, c], [b, d]]
 }
 
 /// The body's translation, by component of the mode.
-fn translation(direction: Direction) -> &'static [f64] {
+pub(super) fn translation(direction: Direction) -> &'static [f64] {
     match direction {
         Direction::Axial => &[0.0, 1.0],
         // x = cos θ e_r − sin θ e_θ.
@@ -101,7 +101,7 @@ fn translation(direction: Direction) -> &'static [f64] {
 ///
 /// On the axis a smooth field has U = 0 for n = 0, and U + V = 0 and W = 0 for n = 1 (a horizontal vector there). Across the plane z = 0 an axial
 /// translation makes W even and U odd, a transverse one U and V even and W odd.
-fn freedoms(boundaries: &[Boundary], direction: Direction) -> (Vec<Vec<Freedom>>, usize) {
+pub(super) fn freedoms(boundaries: &[Boundary], direction: Direction, is_rigid: bool) -> (Vec<Vec<Freedom>>, usize) {
     let mut count = 0;
     let mut unknown = |is_free: bool| {
         if !is_free {
@@ -111,7 +111,7 @@ fn freedoms(boundaries: &[Boundary], direction: Direction) -> (Vec<Vec<Freedom>>
         Freedom { unknown: Some(count - 1), factor: 1.0 }
     };
     let of_node = |boundary: &Boundary| -> Vec<Freedom> {
-        if boundary.outer || boundary.body {
+        if boundary.outer || (boundary.body && is_rigid) {
             let factor = if boundary.outer { 0.0 } else { 1.0 };
             return translation(direction).iter().map(|t| Freedom { unknown: None, factor: factor * t }).collect();
         }
@@ -128,13 +128,21 @@ fn freedoms(boundaries: &[Boundary], direction: Direction) -> (Vec<Vec<Freedom>>
 }
 
 /// A cell's stiffness between the functions on its edges, the interior condensed.
-struct Condensed {
-    nodes: Vec<usize>,
+pub(super) struct Condensed {
+    pub(super) nodes: Vec<usize>,
     /// Component by component; both triangles.
-    stiffness: Mat<f64>,
+    pub(super) stiffness: Mat<f64>,
+    /// Load on the same, and what the condensed interior adds to load · displacement.
+    pub(super) load: Vec<f64>,
+    pub(super) work: f64,
 }
 
-fn condense(stiffness: &Mat<f64>, nodes: &[Option<usize>], n_components: usize) -> Result<Condensed> {
+pub(super) fn condense(
+    stiffness: &Mat<f64>,
+    load: &[f64],
+    nodes: &[Option<usize>],
+    n_components: usize,
+) -> Result<Condensed> {
     let n = nodes.len();
     let split = |on_edge: bool| -> Vec<usize> {
         (0..n_components)
@@ -148,13 +156,19 @@ fn condense(stiffness: &Mat<f64>, nodes: &[Option<usize>], n_components: usize) 
     let mut condensed = Mat::from_fn(edge.len(), edge.len(), |a, b| entry(edge[a], edge[b]));
     element::cholesky(inner.as_mut())?;
     solve_lower_triangular_in_place(inner.as_ref(), coupling.as_mut(), Par::Seq);
+    let mut inner_load = Mat::from_fn(interior.len(), 1, |a, _| load[interior[a]]);
+    solve_lower_triangular_in_place(inner.as_ref(), inner_load.as_mut(), Par::Seq);
+    let inner_load = inner_load.col_as_slice(0);
+    let product = |b: usize| -> f64 { coupling.col_as_slice(b).iter().zip(inner_load).map(|(c, f)| c * f).sum() };
+    let load = edge.iter().enumerate().map(|(b, place)| load[*place] - product(b)).collect();
+    let work = inner_load.iter().map(|f| f * f).sum();
     element::add_lower_gram(condensed.as_mut(), coupling.as_ref(), -1.0);
     for b in 0..edge.len() {
         for a in 0..b {
             condensed[(a, b)] = condensed[(b, a)];
         }
     }
-    Ok(Condensed { nodes: nodes.iter().flatten().copied().collect(), stiffness: condensed })
+    Ok(Condensed { nodes: nodes.iter().flatten().copied().collect(), stiffness: condensed, load, work })
 }
 
 /// Solves for the unit translation of the body.
@@ -167,10 +181,10 @@ pub(super) fn solve(
 ) -> Result<Discrete> {
     let mode = Mode::of(direction);
     let skeleton = Skeleton::new(mesh, table.order);
-    let (freedoms, n_skeleton) = freedoms(&skeleton.boundaries, direction);
+    let (freedoms, n_skeleton) = freedoms(&skeleton.boundaries, direction, true);
     let condensed = |cell: &Cell| {
         let stiffness = table.stiffness(&cell.map, &mode, poisson_ratio, formulation)?;
-        condense(&stiffness, &skeleton.nodes(cell), mode.n_components)
+        condense(&stiffness, &vec![0.0; stiffness.nrows()], &skeleton.nodes(cell), mode.n_components)
     };
     let cells: Vec<Condensed> = mesh.cells.par_iter().map(condensed).collect::<Result<_>>()?;
     let local = |cell: &Condensed| -> Vec<Freedom> {
@@ -217,7 +231,11 @@ pub(super) fn solve(
 }
 
 /// Solves a positive definite system given by its lower triangle; one thread, so that the result is the same bytes for any number.
-fn solve_sparse(n: usize, triplets: &[Triplet<u32, u32, f64>], mut right_hand_side: Vec<f64>) -> Result<Vec<f64>> {
+pub(super) fn solve_sparse(
+    n: usize,
+    triplets: &[Triplet<u32, u32, f64>],
+    mut right_hand_side: Vec<f64>,
+) -> Result<Vec<f64>> {
     let failed = |what: String| {
         Error::numerical(
             format!("the meridional stiffness of {n} unknowns {what}"),
