@@ -13,6 +13,7 @@ pub mod error;
 pub mod experiment;
 pub mod files;
 pub mod groups;
+pub mod shapes;
 
 pub mod critique;
 pub mod fe;

@@ -12,14 +12,14 @@ use serde_json::Value;
 const TRUTH: [f64; 3] = [3.527, 1.402, 47.37];
 const POISSON_RATIO: f64 = 0.48;
 
-/// An experiment with three cycles of ±4.6 µN for 5 s each, whose position is `compliance_per_m` × ∫J dF and 2 µm of noise; `robot` is the table's shape
+/// An experiment with three cycles of ±4.6 µN for 5 s each, whose position is `compliance_per_m` × ∫J dF and 4 µm of noise; `robot` is the table's shape
 /// and sizes.
 fn write_experiment(dir: &Path, robot: &str, compliance_per_m: f64) {
     std::fs::create_dir_all(dir).unwrap();
     let toml = format!(
         "[specimen]\nid = \"made\"\n[robot]\n{robot}\ndensity_kg_m3 = 7500\n\
          [vitreous]\ndiameter_mm = 20.0\npoisson_ratio = {POISSON_RATIO}\ndensity_kg_m3 = 1000\n\
-         [measurement]\nfile = \"trajectory.csv\"\ncalibration_cycles = [1]\nheldout_cycles = [2, 3]\nnoise_um = 2.0\n\
+         [measurement]\nfile = \"trajectory.csv\"\ncalibration_cycles = [1]\nheldout_cycles = [2, 3]\nnoise_um = 4.0\n\
          source = \"synthetic: closed form\"\n"
     );
     std::fs::write(dir.join("experiment.toml"), toml).unwrap();
@@ -38,7 +38,7 @@ fn write_experiment(dir: &Path, robot: &str, compliance_per_m: f64) {
     for row in 0..600 {
         let force_un = if (row / 100) % 2 == 0 { 4.6 } else { -4.6 };
         // Twelve uniform numbers add up to a nearly normal one.
-        let noise_um = 2.0 * ((0..12).map(|_| uniform()).sum::<f64>() - 6.0);
+        let noise_um = 4.0 * ((0..12).map(|_| uniform()).sum::<f64>() - 6.0);
         let position_um =
             compliance_per_m * (retarded_un / young_modulus_pa + impulse_un_s / viscosity_2_pa_s) + noise_um;
         csv += &format!("{:.2},{force_un},{position_um:.4},{}\n", step_s * f64::from(row), 1 + row / 200);
@@ -101,7 +101,9 @@ fn simulate_refines_every_shape() {
             &format!("shape = \"{shape}\"\n{sizes}\norientation = \"vertical\""),
             550.0,
         );
-        let simulate = |more: &[&str]| vitreo(place.path(), &[&["simulate", shape, "--quiet"], more].concat());
+        let out = &format!("{shape}-study");
+        let simulate =
+            |more: &[&str]| vitreo(place.path(), &[&["simulate", shape, "--quiet", "--out", out], more].concat());
         let table = simulate(&["--refine", "3", "--json", "-"]).exits(0).json()["convergence"].clone();
         let table = table.as_array().unwrap();
         assert_eq!(table.len(), 3);
@@ -111,7 +113,7 @@ fn simulate_refines_every_shape() {
         assert!(difference(2) < 5e-4 && difference(2) < difference(1), "{table:?}");
         assert!(table[0]["order"].is_null() && table[1]["order"].is_null());
         simulate(&["--refine", "7"]).refuses(&["--refine", "1 to 6 levels"]);
-        let words = simulate(&["--refine", "1", "--force"]).exits(0).stdout;
+        let words = simulate(&["--refine", "1"]).exits(0).stdout;
         assert!(words.contains("difference: from the level before; order"), "{words}");
     }
 }

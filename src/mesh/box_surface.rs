@@ -95,9 +95,8 @@ pub(super) fn long_axis(orientation: Orientation) -> usize {
     }
 }
 
-/// Layers a level, in geometric progression, for a ratio of the outer radius to the body's size: four, or so many that none grows by more than e^1.1
-/// at level 1.
-pub(super) fn layers_per_level(ratio: f64) -> usize {
-    const LARGEST_STEP: f64 = 1.1;
-    (ratio.ln() / LARGEST_STEP).ceil().max(4.0) as usize
+/// Layers a level, in geometric progression, for a ratio of the outer radius to the body's size: four, or so many that ln r grows by no more than
+/// `largest_step` in each at level 1.
+pub(super) fn layers_per_level(ratio: f64, largest_step: f64) -> usize {
+    (ratio.ln() / largest_step).ceil().max(4.0) as usize
 }

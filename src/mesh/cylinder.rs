@@ -16,13 +16,15 @@ use crate::experiment::Orientation;
 /// Power that places of nodes are graded by. An element's error in the energy goes with its size to the power 2 · 0.54 at the rim; from 3.7 on that is
 /// less than what elements of fourth order leave elsewhere.
 const GRADING: f64 = 4.0;
-/// Smallest place of an element's middle node between its ends. Towards ¼ the element itself becomes singular; at ½, where graded
-/// elements do not stretch, the stiffness error is up to five times larger.
-const LEAST_MIDDLE: f64 = 0.4;
+/// Smallest place of an element's middle node between its ends. Towards ¼ the element itself becomes singular, at ½ it does not stretch as the
+/// grading does: at 0.35 and at ½ the stiffness error is several times larger.
+const LEAST_MIDDLE: f64 = 0.45;
 /// Thickness of the layers that are graded towards the surface, in units of the smaller of radius and half length.
 const NEAR: f64 = 0.4;
+/// Largest step of ln r in the layers beyond, at level 1.
+const FAR_STEP: f64 = 0.9;
 /// Radius of the end cap's middle, where elements are not graded, over the cap's; and its share of the angle up to the rim on the outer sphere.
-const CORE: f64 = 0.4;
+const CORE: f64 = 0.3;
 /// How round the edge of the cap's middle is: 0 is a square, 1 a circle. At 0.4 its corner and the two beside it have about 120° each.
 const CORE_ROUNDNESS: f64 = 0.4;
 
@@ -37,8 +39,8 @@ pub struct Cylinder {
     pub orientation: Orientation,
     /// Radius of the fixed outer surface in m.
     pub outer_radius_m: f64,
-    /// 1, 2, 3, …: elements from the cap's middle to the rim, and layers graded towards the surface; along half the mantle there are twice and
-    /// farther out four times as many, or more where the outer surface is far away.
+    /// 1, 2, 3, …: elements from the cap's middle to the rim, and layers graded towards the surface; there are twice as many along half the mantle and
+    /// at least four times as many layers farther out.
     pub level: usize,
 }
 
@@ -133,7 +135,7 @@ impl Section {
         let small_m = half_length_m.min(radius_m);
         let near_m = NEAR * small_m;
         let far_ratio = outer_radius_m / (small_m + near_m);
-        let n_far = cylinder.level * layers_per_level(far_ratio);
+        let n_far = cylinder.level * layers_per_level(far_ratio, FAR_STEP);
         let near = graded(n_near).into_iter().map(|t| near_m * t);
         // Geometric progression, also inside the elements, as in the quarter ball.
         let last = 2 * n_far;

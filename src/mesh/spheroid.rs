@@ -10,6 +10,9 @@ use super::box_surface::{BoxSurface, equiangular_direction, layers_per_level, lo
 use crate::error::{Error, Result};
 use crate::experiment::Orientation;
 
+/// Largest step of ln r from layer to layer, at level 1.
+const LAYER_STEP: f64 = 1.1;
+
 /// Sizes and fineness of the mesh around a prolate spheroid.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Spheroid {
@@ -33,7 +36,7 @@ impl Spheroid {
     pub fn mesh(&self) -> Result<Mesh> {
         self.check()?;
         let surface = BoxSurface::new([self.level; 3]);
-        let n_layers = self.level * layers_per_level(self.outer_radius_m / (0.5 * self.diameter_m));
+        let n_layers = self.level * layers_per_level(self.outer_radius_m / (0.5 * self.diameter_m), LAYER_STEP);
         let semi_axes_m = self.semi_axes_m(n_layers);
         let long = long_axis(self.orientation);
         Ok(surface.layered(n_layers, |point, sheet| {

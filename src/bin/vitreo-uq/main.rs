@@ -14,6 +14,7 @@ mod ladder;
 mod options;
 mod output;
 mod sample;
+mod shapes;
 mod simulate;
 mod target;
 mod terminal;
@@ -38,6 +39,7 @@ fn main() -> ExitCode {
         Command::Extend(arguments) => extend::run(arguments),
         Command::Ladder(arguments) => ladder::run(arguments),
         Command::Groups(arguments) => groups::run(arguments),
+        Command::Shapes(arguments) => shapes::run(arguments),
         Command::Challenge(arguments) => challenge::run(arguments),
     };
     match outcome {

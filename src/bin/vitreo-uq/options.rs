@@ -40,6 +40,8 @@ pub enum Command {
     Challenge(crate::challenge::ChallengeArguments),
     /// Species or regions compared: how groups of specimens differ, and how sure that is
     Groups(crate::groups::GroupsArguments),
+    /// The paper's study of robot shapes, with posterior uncertainty: which claims hold, and the longest robot that still moves far enough
+    Shapes(crate::shapes::ShapesArguments),
 }
 
 /// What every command takes.

@@ -1,0 +1,139 @@
+//! What the paper says of the shapes, and whether it is so.
+
+use serde::{Deserialize, Serialize};
+use statrs::distribution::{ContinuousCDF, Normal};
+
+use super::bodies::{Body, Shape, SizeRule};
+use crate::experiment::Orientation;
+
+/// A claim holds, or does not, where its probability is beyond this or below the rest.
+const SURE: f64 = 0.95;
+/// "Proportional to the surface" would be true within this.
+const PROPORTIONAL: f64 = 0.05;
+
+/// What is to be said of a claim.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Verdict {
+    /// It is so.
+    #[serde(rename = "holds")]
+    Holds,
+    /// It is not.
+    #[serde(rename = "does not hold")]
+    DoesNotHold,
+    /// The errors of the stiffnesses leave it open.
+    #[serde(rename = "too close")]
+    TooClose,
+}
+
+/// A claim of the paper, or the converse of a comparison that it makes.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Claim {
+    /// What is claimed.
+    pub claim: String,
+    /// Whether it is so.
+    pub verdict: Verdict,
+    /// Probability that it is, given the errors of the stiffnesses. The gel's parameters act on all bodies alike and cancel.
+    pub probability: f64,
+    /// The numbers.
+    pub numbers: String,
+}
+
+/// A body's stiffness and how far it may be off.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Measured {
+    /// The body.
+    pub body: Body,
+    /// Force per displacement per Pa, in m.
+    pub stiffness_m: f64,
+    /// Relative error.
+    pub relative_error: f64,
+}
+
+impl Measured {
+    /// Probability that this body moves easier than another; relative errors are taken as standard deviations.
+    fn easier_than(&self, other: &Self) -> f64 {
+        let distance = (other.stiffness_m / self.stiffness_m).ln();
+        let sd = self.relative_error.hypot(other.relative_error).max(f64::EPSILON);
+        Normal::standard().cdf(distance / sd)
+    }
+}
+
+/// The paper's claims, in its order.
+pub fn claims(all: &[Measured]) -> Vec<Claim> {
+    let mut list = Vec::new();
+    let find = |rule: SizeRule, shape: Shape, orientation: Orientation| {
+        all.iter().find(|own| {
+            let is_so = own.body.orientation == orientation || shape == Shape::Sphere;
+            own.body.rule == rule && own.body.shape == shape && is_so
+        })
+    };
+    use Orientation::{Horizontal, Vertical};
+    for rule in SizeRule::ALL {
+        let of_rule: Vec<&Measured> = all.iter().filter(|own| own.body.rule == rule).collect();
+        let Some(sphere) = find(rule, Shape::Sphere, Horizontal) else { continue };
+        let ratio = |own: &Measured| own.stiffness_m / sphere.stiffness_m;
+        let others: Vec<&&Measured> = of_rule.iter().filter(|own| own.body.shape != Shape::Sphere).collect();
+        let easiest = others.iter().map(|own| sphere.easier_than(own)).product();
+        let lowest = others.iter().min_by(|a, b| a.stiffness_m.total_cmp(&b.stiffness_m));
+        let numbers = lowest.map_or_else(String::new, |own| {
+            format!("next to it, or before it: {} at {:.4} × the sphere's resistance", own.body.label(), ratio(own))
+        });
+        list.push(claim(format!("at {}, the sphere moves easiest", rule.title()), easiest, numbers));
+        for orientation in [Horizontal, Vertical] {
+            let (Some(ellipsoid), Some(cylinder)) =
+                (find(rule, Shape::Ellipsoid, orientation), find(rule, Shape::Cylinder, orientation))
+            else {
+                continue;
+            };
+            let way = if orientation == Horizontal { "horizontal" } else { "vertical" };
+            list.push(claim(
+                format!("at {}, the {way} ellipsoid moves easier than the {way} cylinder", rule.title()),
+                ellipsoid.easier_than(cylinder),
+                format!("{:.4} against {:.4} × the sphere's resistance", ratio(ellipsoid), ratio(cylinder)),
+            ));
+        }
+        for shape in [Shape::Ellipsoid, Shape::Cylinder] {
+            let (Some(along), Some(across)) = (find(rule, shape, Horizontal), find(rule, shape, Vertical)) else {
+                continue;
+            };
+            list.push(claim(
+                format!("at {}, the {} moves easier horizontal than vertical", rule.title(), shape.name()),
+                along.easier_than(across),
+                format!("{:.4} against {:.4} × the sphere's resistance", ratio(along), ratio(across)),
+            ));
+        }
+        if rule == SizeRule::EqualVolume {
+            list.push(proportional_to_surface(sphere, &others));
+        }
+    }
+    list
+}
+
+fn claim(claim: String, probability: f64, numbers: String) -> Claim {
+    let verdict = match probability {
+        p if p >= SURE => Verdict::Holds,
+        p if p <= 1.0 - SURE => Verdict::DoesNotHold,
+        _ => Verdict::TooClose,
+    };
+    Claim { claim, verdict, probability, numbers }
+}
+
+/// "The viscoelastic force is approximately proportional to the surface area of the robot."
+fn proportional_to_surface(sphere: &Measured, others: &[&&Measured]) -> Claim {
+    let area = |own: &Measured| own.body.revolution.surface_area_m2();
+    let parts: Vec<(f64, f64)> =
+        others.iter().map(|own| (own.stiffness_m / sphere.stiffness_m, area(own) / area(sphere))).collect();
+    let is_so = parts.iter().all(|(resistance, surface)| (resistance / surface - 1.0).abs() < PROPORTIONAL);
+    let numbers: Vec<String> = others
+        .iter()
+        .zip(&parts)
+        .map(|(own, (resistance, surface))| {
+            format!("{}: {resistance:.3} for a surface of {surface:.3}", own.body.label())
+        })
+        .collect();
+    claim(
+        "at equal volume, resistance is proportional to the surface (within 5 %)".into(),
+        f64::from(u8::from(is_so)),
+        numbers.join("; "),
+    )
+}

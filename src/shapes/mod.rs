@@ -1,0 +1,10 @@
+//! The paper's study of robot shapes: how easily a sphere, an ellipsoid and a cylinder move, along and across the force.
+
+pub mod artefacts;
+pub mod bodies;
+pub mod claims;
+pub mod design;
+mod figures;
+pub mod job;
+pub mod predictors;
+pub mod summary;
