@@ -68,7 +68,7 @@ mod tests {
         assert!((found.smallest_scaled_jacobian - angle.sin()).abs() < 1e-14 && found.n_inverted == 0, "{found:?}");
         let found = brick(&|[x, y, z]| [-x, y, z]);
         assert!(found.n_inverted == 1 && (found.smallest_scaled_jacobian + 1.0).abs() < 1e-14, "{found:?}");
-        let regular = vec![[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]];
+        let regular = vec![[1.0, 1.0, 1.0], [-1.0, 1.0, -1.0], [1.0, -1.0, -1.0], [-1.0, -1.0, 1.0]];
         let found = MeshQuality::of(&one(ElementKind::Tetrahedron4, regular));
         assert!((found.smallest_scaled_jacobian - 0.5_f64.sqrt()).abs() < 1e-14, "{found:?}");
     }

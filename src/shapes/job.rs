@@ -82,7 +82,7 @@ pub struct ElasticRecord {
 }
 
 /// Moduli that are tried; a metal's is about 10¹⁰ times the gel's, where rounding hides the difference.
-const MODULUS_RATIOS: [f64; 3] = [1e2, 1e4, 1e6];
+const MODULUS_RATIOS: [f64; 3] = [1e2, 1e3, 1e4];
 /// Fineness of elastic robots and of the rigid ones that they are compared with.
 const ELASTIC: Resolution = Resolution { order: 6, rim_layers: 3, formulation: Formulation::Mixed };
 

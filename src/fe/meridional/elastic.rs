@@ -136,8 +136,9 @@ mod tests {
         ]
     }
 
-    /// The elastic robot's stiffness is below the rigid one's by a share that falls as the inverse of its modulus: at 10⁵ times the gel's it is
-    /// below 2·10⁻³ (a slender body across the force bends), and a tenth of that at 10⁶. A magnet's is 10¹⁰ times: below 10⁻⁷.
+    /// The elastic robot's stiffness is below the rigid one's by a share that falls as the inverse of its modulus: at 10³ times the gel's it is
+    /// below 0.15 (a slender body across the force bends), at 10⁴ about a tenth of that. A magnet's is 10¹⁰ times: below 10⁻⁷, less than rounding
+    /// lets be seen there.
     #[test]
     fn a_stiff_robot_is_a_rigid_one() {
         let resolution = Resolution { order: 6, rim_layers: 3, ..Resolution::default() };
@@ -148,9 +149,9 @@ mod tests {
                     let robot = ElasticRobot { modulus_ratio, poisson_ratio: 0.3 };
                     1.0 - solve_elastic(body, robot, OUTER_M, 0.48, direction, resolution).unwrap() / rigid
                 };
-                let (soft, stiff) = (share(1e5), share(1e6));
-                assert!(soft > 0.0 && soft < 2e-3, "{body:?} {direction:?}: {soft}");
-                assert!((soft / stiff - 10.0).abs() < 0.2, "{body:?} {direction:?}: {soft} {stiff}");
+                let (soft, stiff) = (share(1e3), share(1e4));
+                assert!(soft > 0.0 && soft < 0.15, "{body:?} {direction:?}: {soft}");
+                assert!((soft / stiff - 10.0).abs() < 1.2, "{body:?} {direction:?}: {soft} {stiff}");
             }
         }
     }
