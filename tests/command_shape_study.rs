@@ -61,9 +61,9 @@ fn the_papers_claims_are_judged() {
     assert!((stiffness(sphere) / 1.820_902_396e-3 - 1.0).abs() < 1e-8);
     assert_eq!(verdict(&document, "at equal volume, the sphere moves easiest"), "holds");
     assert_eq!(verdict(&document, "at equal surface, the sphere moves easiest"), "does not hold");
-    for way in ["horizontal", "vertical"] {
+    for (way, expected) in [("horizontal", "holds"), ("vertical", "does not hold")] {
         let claim = format!("at equal volume, the {way} ellipsoid moves easier than the {way} cylinder");
-        assert_eq!(verdict(&document, &claim), "holds");
+        assert_eq!(verdict(&document, &claim), expected);
     }
     for shape in ["ellipsoid", "cylinder"] {
         let claim = format!("at equal surface, the {shape} moves easier horizontal than vertical");
@@ -88,7 +88,7 @@ fn what_makes_no_study_is_refused() {
         let run = vitreo(dir.path(), &[&["shapes"], arguments].concat()).refuses(words);
         assert!(!dir.path().join("vitreo-uq-out").exists(), "{run}");
     };
-    refuses(&["--aspect", "50"], &["--aspect", "between 0.1 and 20"]);
+    refuses(&["--aspect", "50"], &["--aspect", "between 1 and 20"]);
     refuses(&["--poisson", "0.5"], &["--poisson", "0.4999"]);
     refuses(&["--force", "-1"], &["--force"]);
     refuses(&["--distance", "0"], &["--distance"]);

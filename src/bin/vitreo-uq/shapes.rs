@@ -1,5 +1,6 @@
 //! `shapes`: the paper's study of robot shapes, with posterior uncertainty.
 
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
 
@@ -23,8 +24,24 @@ use crate::terminal::Terminal;
 /// Arguments of `shapes`.
 #[derive(Args)]
 pub struct ShapesArguments {
-    #[command(flatten)]
-    common: Common,
+    /// Experiment (directory with experiment.toml, or the TOML), or study; without it the embedded porcine replica
+    #[arg(value_name = "EXPERIMENT|STUDY")]
+    target: Option<PathBuf>,
+    /// Study directory [default: vitreo-uq-out/<specimen id>]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Write the result as one JSON document to a file, or alone to standard output with `-`
+    #[arg(long, value_name = "FILE|-")]
+    json: Option<PathBuf>,
+    /// Seed of all random numbers
+    #[arg(long, value_name = "N", default_value_t = 1, allow_negative_numbers = true)]
+    seed: u64,
+    /// Threads; 0 for as many as there are cores
+    #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
+    threads: usize,
+    /// No progress on standard error
+    #[arg(long)]
+    quiet: bool,
     #[command(flatten)]
     model: Model,
     /// Length to diameter, and long to short semi-axis
@@ -41,6 +58,15 @@ pub struct ShapesArguments {
     distance: f64,
 }
 
+impl ShapesArguments {
+    /// What every command takes, but for `--force`, which is a force here.
+    fn common(&self) -> Common {
+        let Self { target, out, json, seed, threads, quiet, .. } = self;
+        let (target, out, json) = (target.clone(), out.clone(), json.clone());
+        Common { target, out, json, seed: *seed, threads: *threads, quiet: *quiet, force: false }
+    }
+}
+
 /// The sphere of the paper, where the experiment's robot is none, in m.
 const PAPER_DIAMETER_M: f64 = 0.55e-3;
 /// A hold of the paper's cycle, in s.
@@ -50,7 +76,7 @@ const N_DRAWS: usize = 1_000;
 
 pub fn run(arguments: &ShapesArguments) -> Result<ExitCode> {
     let began = Instant::now();
-    let common = &arguments.common;
+    let common = &arguments.common();
     check(arguments)?;
     let threads = options::use_threads(common.threads)?;
     crate::output::check(common.json.as_deref())?;
@@ -73,8 +99,8 @@ pub fn run(arguments: &ShapesArguments) -> Result<ExitCode> {
 
 fn check(arguments: &ShapesArguments) -> Result<()> {
     let refuse = |option: &str, found: String, remedy: &str| Err(Error::input(Place::option(option), found, remedy));
-    if !(0.1..=20.0).contains(&arguments.aspect) {
-        return refuse("--aspect", format!("an aspect ratio of {}", arguments.aspect), "give one between 0.1 and 20");
+    if !(1.0..=20.0).contains(&arguments.aspect) {
+        return refuse("--aspect", format!("an aspect ratio of {}", arguments.aspect), "give one between 1 and 20");
     }
     if let Some(poisson) = arguments.poisson.filter(|own| !(0.0..=0.4999).contains(own)) {
         return refuse("--poisson", format!("a Poisson ratio of {poisson}"), "give one between 0 and 0.4999");
