@@ -1,5 +1,6 @@
 //! `shapes` as a user meets it: the paper's claims, the second solver beside the first, sweeps and refusals.
 
+mod closed_forms;
 mod program;
 
 use program::{tree, vitreo};
@@ -16,19 +17,12 @@ fn verdict<'a>(document: &'a Value, claim: &str) -> &'a str {
     claims.iter().find(|own| own["claim"] == claim).unwrap_or_else(|| panic!("{claim}"))["verdict"].as_str().unwrap()
 }
 
-/// Stiffness of a prolate spheroid at the centre of a ball, Poisson ratio 0.48, along its axis: physics §4.3 and §4.8, written anew.
-fn spheroid_m(a: f64, b: f64, outer: f64) -> f64 {
-    let (nu, pi) = (0.48, std::f64::consts::PI);
-    let mu = 1.0 / (2.0 * (1.0 + nu));
-    let e = (1.0 - (b / a) * (b / a)).sqrt();
-    let l = ((1.0 + e) / (1.0 - e)).ln();
-    let (chi, alpha) = (l / (a * e), (l - 2.0 * e) / (a * e).powi(3));
-    let free = 32.0 * pi * mu * (1.0 - nu) / ((3.0 - 4.0 * nu) * chi + a * a * alpha);
-    let kappa = 1.0 / (16.0 * pi * mu * (1.0 - nu));
-    let b2 = kappa / (2.0 * (2.0 - 3.0 * nu) * outer.powi(3));
-    let b0 = -kappa / outer * ((3.0 - 4.0 * nu) + (3.0 - 2.0 * nu) / (2.0 * (2.0 - 3.0 * nu)));
-    let g = b2 * ((3.0 - 2.0 * nu) * (a * a + 2.0 * b * b) / 3.0 - 2.0 * (2.0 - 3.0 * nu) * a * a / 3.0);
-    1.0 / (1.0 / free + b0 + 2.0 * g)
+/// Stiffness (m) of the ellipsoid of equal surface along the force by the closed form (physics §4.3, §4.8).
+fn exact_m(document: &Value, poisson_ratio: f64) -> f64 {
+    let horizontal = body(document, "ellipsoid", Some("horizontal"), "equal_surface");
+    let half_m = |key: &str| 0.5e-3 * horizontal[key].as_f64().unwrap();
+    let (semi_major_m, semi_minor_m) = (half_m("length_mm"), half_m("diameter_mm"));
+    closed_forms::Spheroid { semi_major_m, semi_minor_m, outer_radius_m: 10e-3 }.stiffness_n_per_m(poisson_ratio, true)
 }
 
 /// The paper's study: every key of the contract, two solvers that agree, a closed form, and what holds. The axial ellipsoid of equal surface
@@ -53,8 +47,7 @@ fn the_papers_claims_are_judged() {
     }
     let stiffness = |own: &Value| own["stiffness_m"].as_f64().unwrap();
     let horizontal = body(&document, "ellipsoid", Some("horizontal"), "equal_surface");
-    let half = |key: &str| 0.5e-3 * horizontal[key].as_f64().unwrap();
-    let exact = spheroid_m(half("length_mm"), half("diameter_mm"), 10e-3);
+    let exact = exact_m(&document, 0.48);
     assert!((stiffness(horizontal) / exact - 1.0).abs() < 3e-5, "{horizontal} {exact}");
     // Physics §4.10.
     let sphere = body(&document, "sphere", None, "equal_volume");
@@ -75,10 +68,72 @@ fn the_papers_claims_are_judged() {
     );
     let files = tree(&dir.path().join("study/shapes"));
     let names: Vec<String> = files.keys().map(|path| path.display().to_string()).collect();
-    assert_eq!(names, ["shapes.json", "shapes.png", "shapes.svg"]);
+    let expected = ["cylinder_horizontal", "cylinder_vertical", "ellipsoid_horizontal", "ellipsoid_vertical"]
+        .map(|body| format!("{body}.vtu"));
+    assert_eq!(names[..4], expected);
+    assert_eq!(names[4..], ["shapes.json", "shapes.png", "shapes.svg", "sphere.vtu"]);
     let longest = document["longest"].as_array().unwrap();
     assert_eq!(longest.len(), 4);
     assert!(longest.iter().all(|own| own["surrogate_relative_error"].as_f64().unwrap() < 1e-3), "{longest:?}");
+}
+
+/// Sweeps over Poisson ratios: the errors' bars at each, and the axial ellipsoid of equal surface against the closed form at every one. Which side of the
+/// sphere it is on depends on the Poisson ratio, and the words say so.
+#[test]
+fn sweeps_keep_to_the_bars_and_say_which_claims_they_change() {
+    let dir = tempfile::tempdir().unwrap();
+    let arguments = ["shapes", "--poisson", "0.48,0.3,0.499", "--force", "4.6,9.2", "--quiet", "--out", "study"];
+    let run = vitreo(dir.path(), &arguments).exits(0);
+    for words in
+        ["0.499", "elsewhere, at equal surface, the sphere moves easiest: holds at aspect 9.714 and Poisson ratio 0.3"]
+    {
+        assert!(run.stdout.contains(words), "{words}\n{run}");
+    }
+    let text = std::fs::read_to_string(dir.path().join("study/shapes/shapes.json")).unwrap();
+    let document: Value = serde_json::from_str(&text).unwrap();
+    let sweep = document["sweep"].as_array().unwrap();
+    assert_eq!(sweep.len(), 6);
+    let number = |value: &Value| value.as_f64().unwrap_or_else(|| panic!("{value}"));
+    for setting in sweep {
+        let nu = number(&setting["poisson_ratio"]);
+        for own in setting["bodies"].as_array().unwrap() {
+            let bar = if own["shape"] == "cylinder" { 5e-3 } else { 5e-4 };
+            assert!(
+                number(&own["relative_difference_3d"]).abs() < bar && number(&own["relative_error"]) < 1e-8,
+                "{own}"
+            );
+            assert!(own["mesh_3d"]["unknowns"].as_u64().unwrap() <= 60_000, "{own}");
+        }
+        let horizontal = body(setting, "ellipsoid", Some("horizontal"), "equal_surface");
+        let exact = exact_m(setting, nu);
+        assert!((number(&horizontal["stiffness_m"]) / exact - 1.0).abs() < 3e-5, "{horizontal} {exact}");
+        let expected = if nu == 0.3 { "holds" } else { "does not hold" };
+        assert_eq!(verdict(setting, "at equal surface, the sphere moves easiest"), expected);
+    }
+    // Twice the force, twice the way.
+    let moved = |k: usize| number(&sweep[k]["bodies"][0]["displacement_5s_um"]["median"]);
+    assert!((moved(1) / moved(0) - 2.0).abs() < 1e-12);
+}
+
+/// The user's own mesh beside the five bodies: of the sphere that the experiment has, so that everything about it is known.
+#[test]
+fn the_users_mesh_is_set_beside_the_bodies() {
+    let dir = tempfile::tempdir().unwrap();
+    let mesh = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/gmsh/quarter_sphere_tet10.msh");
+    let arguments = ["shapes", "--mesh", mesh, "--poisson", "0.3", "--json", "-", "--quiet", "--out", "study"];
+    let document = vitreo(dir.path(), &arguments).exits(0).json();
+    let own = &document["own_body"];
+    let number = |key: &str| own[key].as_f64().unwrap_or_else(|| panic!("{key} in {own}"));
+    println!("{own}");
+    let pi = std::f64::consts::PI;
+    assert!((number("surface_area_mm2") / (pi * 0.55 * 0.55) - 1.0).abs() < 2e-3);
+    assert!((number("volume_mm3") / (pi / 6.0 * 0.55_f64.powi(3)) - 1.0).abs() < 2e-3);
+    for key in ["ratio_to_sphere_of_equal_volume", "ratio_to_sphere_of_equal_surface"] {
+        let excess = number(key) - 1.0;
+        assert!(excess > 0.0 && excess < 0.05, "{key}: tetrahedra are a little too stiff, {excess}");
+    }
+    let refused = vitreo(dir.path(), &["shapes", "--mesh", "nowhere.msh", "--quiet", "--out", "other"]);
+    refused.refuses(&["nowhere.msh"]);
 }
 
 #[test]
@@ -89,7 +144,8 @@ fn what_makes_no_study_is_refused() {
         assert!(!dir.path().join("vitreo-uq-out").exists(), "{run}");
     };
     refuses(&["--aspect", "50"], &["--aspect", "between 1 and 20"]);
-    refuses(&["--poisson", "0.5"], &["--poisson", "0.4999"]);
+    refuses(&["--aspect", "3,0.5"], &["--aspect", "0.5"]);
+    refuses(&["--poisson", "0.48,0.5"], &["--poisson", "0.4999"]);
     refuses(&["--force", "-1"], &["--force"]);
     refuses(&["--distance", "0"], &["--distance"]);
 }

@@ -29,6 +29,15 @@ struct Tetrahedron10;
 /// 4-node tetrahedron, displacements alone: locks (physics §3.4).
 struct Tetrahedron4;
 
+/// The element of a kind.
+pub(super) fn element_of(kind: ElementKind) -> &'static dyn Element {
+    match kind {
+        ElementKind::Hexahedron27 => &Hexahedron27,
+        ElementKind::Tetrahedron10 => &Tetrahedron10,
+        ElementKind::Tetrahedron4 => &Tetrahedron4,
+    }
+}
+
 /// Quadratic Lagrange polynomial on {−1, 0, 1} whose node is `node`, and its derivative.
 fn lagrange(node: f64, x: f64) -> (f64, f64) {
     if node == 0.0 { (1.0 - x * x, -2.0 * x) } else { (0.5 * x * (x + node), x + 0.5 * node) }
@@ -154,12 +163,7 @@ impl TabulatedElement {
     /// The tabulated element of a kind; built once.
     pub fn of(kind: ElementKind) -> &'static Self {
         static TABLES: [OnceLock<TabulatedElement>; 3] = [OnceLock::new(), OnceLock::new(), OnceLock::new()];
-        let (slot, element): (usize, &dyn Element) = match kind {
-            ElementKind::Hexahedron27 => (0, &Hexahedron27),
-            ElementKind::Tetrahedron10 => (1, &Tetrahedron10),
-            ElementKind::Tetrahedron4 => (2, &Tetrahedron4),
-        };
-        TABLES[slot].get_or_init(|| Self::new(element))
+        TABLES[kind as usize].get_or_init(|| Self::new(element_of(kind)))
     }
 
     /// Tabulates any element.

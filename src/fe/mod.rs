@@ -10,6 +10,7 @@ mod quadrature;
 pub mod quality;
 pub mod stepping;
 pub mod strain;
+pub mod surface;
 pub mod time;
 
 pub use assembly::{Assembly, Unknowns};

@@ -3,14 +3,19 @@
 /// A point of a rule: reference coordinates and weight.
 pub(super) type Point = ([f64; 3], f64);
 
+/// Gauss–Legendre points and weights on [−1, 1], four.
+pub(super) fn line() -> [(f64, f64); 4] {
+    let (mean, root) = (3.0_f64 / 7.0, 2.0 / 7.0 * (6.0_f64 / 5.0).sqrt());
+    let (inner, outer) = ((mean - root).sqrt(), (mean + root).sqrt());
+    let (w_inner, w_outer) = ((18.0 + 30.0_f64.sqrt()) / 36.0, (18.0 - 30.0_f64.sqrt()) / 36.0);
+    [(-outer, w_outer), (-inner, w_inner), (inner, w_inner), (outer, w_outer)]
+}
+
 /// Tensor Gauss–Legendre rule with four points a direction on {−1, 1}³, exact to degree 7 in each coordinate.
 ///
 /// Three points would do on straight elements; the fourth keeps the curved ones from spoiling the convergence order.
 pub(super) fn hexahedron() -> Vec<Point> {
-    let inner = (3.0_f64 / 7.0 - 2.0 / 7.0 * (6.0_f64 / 5.0).sqrt()).sqrt();
-    let outer = (3.0_f64 / 7.0 + 2.0 / 7.0 * (6.0_f64 / 5.0).sqrt()).sqrt();
-    let (w_inner, w_outer) = ((18.0 + 30.0_f64.sqrt()) / 36.0, (18.0 - 30.0_f64.sqrt()) / 36.0);
-    let line = [(-outer, w_outer), (-inner, w_inner), (inner, w_inner), (outer, w_outer)];
+    let line = line();
     let mut points = Vec::with_capacity(64);
     for (z, wz) in line {
         for (y, wy) in line {

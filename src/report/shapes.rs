@@ -20,6 +20,7 @@ const BODIES_WIDTH_PX: f64 = 380.0;
 const GAP_PX: f64 = 26.0;
 const LABEL_PX: f64 = 150.0;
 const BODY_GAP_PX: f64 = 12.0;
+const LONGEST_BAR_PX: f64 = 60.0;
 const BAND_OPACITY: f64 = 0.16;
 
 /// A body's outline in the plane of its axis and the force, the force to the right.
@@ -86,7 +87,7 @@ pub fn shapes(data: &ShapesFigure) -> Result<Svg> {
     let all = || data.panels.iter().flat_map(|panel| &panel.curves);
     let y = Scale::over(all().flat_map(|own| own.lower_um.iter().chain(&own.upper_um)).copied(), 0.05);
     let x = Scale::over(data.time_s.iter().copied(), 0.0);
-    let widest = all().map(|own| own.outline.width_mm).fold(0.0, f64::max);
+    let px_per_mm = data.panels.iter().map(px_per_mm).fold(f64::INFINITY, f64::min);
     for (index, panel) in data.panels.iter().enumerate() {
         let top = MARGIN_PX + HEADING_PX + index as f64 * (panel_height + GAP_PX);
         svg.text(&panel.title, (MARGIN_PX, top + 12.0), TextStyle::new(14.0, Anchor::Start).colour(INK));
@@ -98,7 +99,7 @@ pub fn shapes(data: &ShapesFigure) -> Result<Svg> {
         };
         curves(&mut svg, &Axes { frame, x, y }, data.time_s, panel);
         let left = frame.right() + GAP_PX;
-        bodies(&mut svg, Rect { x: left, width: BODIES_WIDTH_PX, ..frame }, widest, panel);
+        bodies(&mut svg, Rect { x: left, width: BODIES_WIDTH_PX, ..frame }, px_per_mm, panel);
     }
     Ok(svg)
 }
@@ -140,18 +141,30 @@ fn curves(svg: &mut Svg, axes: &Axes, time_s: &[f64], panel: &ShapesPanel) {
     axes.outline(svg);
 }
 
-/// Each body with its name and line; heights are shared out so that all have one scale.
-fn bodies(svg: &mut Svg, room: Rect, widest_mm: f64, panel: &ShapesPanel) {
-    let gaps = BODY_GAP_PX * (panel.curves.len() + 1) as f64;
-    let least_px = TICK_SIZE_PX + 6.0;
+/// Least height of a body's row.
+const LEAST_ROW_PX: f64 = TICK_SIZE_PX + 6.0;
+
+/// The largest scale at which a panel's bodies have room beside its curves.
+fn px_per_mm(panel: &ShapesPanel) -> f64 {
+    let n = panel.curves.len() as f64;
+    let widest_mm = panel.curves.iter().map(|own| own.outline.width_mm).fold(f64::MIN_POSITIVE, f64::max);
     let total_mm: f64 = panel.curves.iter().map(|own| own.outline.height_mm).sum();
-    let fixed = least_px * panel.curves.len() as f64;
-    let across = (room.width - LABEL_PX - 20.0) / widest_mm;
-    let scale = across.min((room.height - gaps - fixed) / total_mm.max(f64::MIN_POSITIVE));
+    let free_px = CURVES_HEIGHT_PX - BODY_GAP_PX * (n + 1.0) - LEAST_ROW_PX * n;
+    ((BODIES_WIDTH_PX - LABEL_PX - 20.0) / widest_mm).min(free_px / total_mm.max(f64::MIN_POSITIVE))
+}
+
+/// The longest of 1, 2 and 5 times a power of ten that is not above a length.
+fn round_length_mm(most_mm: f64) -> f64 {
+    let power = 10_f64.powf(most_mm.log10().floor());
+    [5.0, 2.0].map(|digit| digit * power).into_iter().find(|length| *length <= most_mm).unwrap_or(power)
+}
+
+/// Each body with its name and line, all to one scale.
+fn bodies(svg: &mut Svg, room: Rect, scale: f64, panel: &ShapesPanel) {
     let centre = room.x + LABEL_PX + 0.5 * (room.width - LABEL_PX);
     let mut top = room.y + BODY_GAP_PX;
     for own in &panel.curves {
-        let height = (scale * own.outline.height_mm).max(least_px);
+        let height = (scale * own.outline.height_mm).max(LEAST_ROW_PX);
         let middle = top + 0.5 * height;
         svg.line((room.x, middle), (room.x + 22.0, middle), stroke(own));
         svg.text(
@@ -175,9 +188,55 @@ fn bodies(svg: &mut Svg, room: Rect, widest_mm: f64, panel: &ShapesPanel) {
         svg.path(&path, Stroke::solid(AXIS, 0.8));
         top += height + BODY_GAP_PX;
     }
-    let bar_mm = 1.0;
+    let bar_mm = round_length_mm(LONGEST_BAR_PX / scale);
     let (left, below) = (room.x + LABEL_PX, room.bottom() - 4.0);
     svg.line((left, below), (left + scale * bar_mm, below), Stroke::solid(INK, 1.5));
     let style = TextStyle::new(TICK_SIZE_PX, Anchor::Start).colour(MUTED);
-    svg.text("1 mm; force to the right and left", (left + scale * bar_mm + 8.0, below + 4.0), style);
+    svg.text(&format!("{bar_mm} mm; force to the right and left"), (left + scale * bar_mm + 8.0, below + 4.0), style);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::layout_tests::{LONG, assert_legible};
+    use super::super::palette::series;
+    use super::*;
+
+    fn figure<'a>(time_s: &'a [f64], label: &str, outline: Outline) -> ShapesFigure<'a> {
+        let values = |scale: f64| time_s.iter().map(|t| scale * t * (11.0 - t)).collect::<Vec<f64>>();
+        let curve = |k: usize| ShapeCurve {
+            label: format!("{label} {k}"),
+            colour: series(k),
+            is_dashed: k % 2 == 1,
+            lower_um: values(9.0 + k as f64),
+            median_um: values(10.0 + k as f64),
+            upper_um: values(11.0 + k as f64),
+            outline,
+        };
+        let panel = |title: &str| ShapesPanel { title: title.into(), curves: (0..5).map(curve).collect() };
+        let panels = vec![panel("equal volume (Fig. 7)"), panel("equal surface (Fig. 8)")];
+        ShapesFigure { title: LONG.into(), time_s, panels }
+    }
+
+    /// Round bodies, needles along the force and needles across it, which set the scale in different ways.
+    #[test]
+    fn bodies_of_any_proportion_are_legible() {
+        let time_s: Vec<f64> = (0..=20).map(|i| 0.5 * f64::from(i)).collect();
+        for (width_mm, height_mm) in [(0.5, 0.5), (9.0, 0.4), (0.4, 9.0), (1e-3, 1e-3)] {
+            let outline = Outline { width_mm, height_mm, is_round: width_mm > 1.0 };
+            let svg = shapes(&figure(&time_s, "ellipsoid, horizontal", outline)).unwrap();
+            assert_legible(&format!("{width_mm} × {height_mm}"), &svg);
+        }
+    }
+
+    #[test]
+    fn what_cannot_be_drawn_is_refused() {
+        let time_s: Vec<f64> = (0..=20).map(|i| 0.5 * f64::from(i)).collect();
+        let outline = Outline { width_mm: 1.0, height_mm: 1.0, is_round: true };
+        let mut figure = figure(&time_s, "sphere", outline);
+        figure.panels[1].curves[2].upper_um[3] = f64::NAN;
+        let error = shapes(&figure).unwrap_err().to_string();
+        assert!(error.contains("sphere 2"), "{error}");
+        figure.panels.clear();
+        assert!(shapes(&figure).is_err());
+    }
 }

@@ -7,13 +7,14 @@ use super::job::ShapesResult;
 use super::summary::ShapesSummary;
 use crate::error::Result;
 use crate::files::write_json_atomically;
+use crate::mesh::vtu::{PointData, write_vtu};
 use crate::report::svg::write_figure;
 use crate::study::{Provenance, RevisionWriter, Study, WithProvenance};
 
 /// The folder, beside the revisions.
 const FOLDER: &str = "shapes";
 
-/// Writes the document and its figure. Returns their folder.
+/// Writes the document, its figure, and the bodies of equal volume with the gel's displacement for ParaView. Returns their folder.
 ///
 /// # Errors
 /// [`crate::Error::File`] where the file system refuses.
@@ -21,5 +22,14 @@ pub fn write(study: &Study, found: &ShapesResult, summary: &ShapesSummary, prove
     let writer = RevisionWriter::begin(study.dir(), FOLDER)?;
     write_json_atomically(&writer.path().join("shapes.json"), &WithProvenance { provenance, body: summary })?;
     write_figure(writer.path(), FOLDER, &shapes_figure(found, summary)?)?;
+    for own in &found.fields {
+        let displacement = PointData {
+            name: "displacement_per_displacement_of_robot",
+            components: 3,
+            values: own.displacement.as_flattened(),
+        };
+        let name = own.body.label().replace(", ", "_");
+        write_vtu(writer.path().join(format!("{name}.vtu")), &own.mesh, &[displacement])?;
+    }
     writer.commit()
 }

@@ -137,3 +137,48 @@ fn proportional_to_surface(sphere: &Measured, others: &[&&Measured]) -> Claim {
         numbers.join("; "),
     )
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::bodies::{PAPER_ASPECT, bodies};
+    use super::*;
+
+    fn measured(stiffness_of: impl Fn(&Body) -> f64, relative_error: f64) -> Vec<Measured> {
+        bodies(PAPER_ASPECT, 0.55e-3)
+            .into_iter()
+            .map(|body| Measured { body, stiffness_m: stiffness_of(&body), relative_error })
+            .collect()
+    }
+
+    /// One standard deviation of the difference apart, an ordering has probability Φ(1); far apart it is sure, and the other way round it is not.
+    #[test]
+    fn errors_decide_what_is_too_close() {
+        let easier = |distance: f64, relative_error: f64| {
+            let horizontal =
+                |body: &Body| body.orientation == Orientation::Horizontal && body.shape == Shape::Ellipsoid;
+            let all = measured(|body| if horizontal(body) { (-distance).exp() } else { 1.0 }, relative_error);
+            let list = claims(&all);
+            let wanted = "at equal volume, the horizontal ellipsoid moves easier than the horizontal cylinder";
+            list.into_iter().find(|own| own.claim == wanted).unwrap()
+        };
+        let sd = 2.0_f64.sqrt() * 1e-3;
+        let close = easier(sd, 1e-3);
+        assert_eq!(close.verdict, Verdict::TooClose);
+        assert!((close.probability - 0.841_344_746).abs() < 1e-8, "{close:?}");
+        assert_eq!(easier(5.0 * sd, 1e-3).verdict, Verdict::Holds);
+        assert_eq!(easier(-5.0 * sd, 1e-3).verdict, Verdict::DoesNotHold);
+    }
+
+    /// Of bodies whose resistance is their surface, that claim holds, and the sphere is the easiest at equal volume.
+    #[test]
+    fn resistance_that_is_proportional_to_the_surface_is_called_so() {
+        let list = claims(&measured(|body| body.revolution.surface_area_m2(), 1e-6));
+        let verdict = |words: &str| list.iter().find(|own| own.claim.contains(words)).unwrap().verdict;
+        assert_eq!(verdict("proportional to the surface"), Verdict::Holds);
+        assert_eq!(verdict("at equal volume, the sphere moves easiest"), Verdict::Holds);
+        // At equal surface all are alike.
+        assert_eq!(verdict("at equal surface, the horizontal ellipsoid moves easier than"), Verdict::TooClose);
+        let list = claims(&measured(|body| body.revolution.volume_m3(), 1e-6));
+        assert_eq!(list[5].verdict, Verdict::DoesNotHold, "{:?}", list[5]);
+    }
+}

@@ -195,4 +195,24 @@ mod tests {
             assert!((interpolate(&values, x) - of(x)).abs() < 1e-13);
         }
     }
+
+    /// The longest robot by the surrogate against its definition through the solver itself: just so many draws of twenty move far enough, one fewer
+    /// does not.
+    #[test]
+    fn the_longest_robot_moves_just_far_enough() {
+        let (diameter_m, outer_m, nu) = (0.55e-3, 10e-3, 0.48);
+        let (shape, orientation) = (Shape::Ellipsoid, Orientation::Vertical);
+        let surrogate = StiffnessSurrogate::new(shape, orientation, diameter_m, outer_m, nu).unwrap();
+        assert!(surrogate.relative_error < 1e-3, "{}", surrogate.relative_error);
+        let draws: Vec<f64> = (0..20).map(|i| 1.8e-6 * (1.0 + 0.01 * f64::from(i))).collect();
+        let found = longest(&surrogate, diameter_m, nu, &draws, 0.55e-3);
+        let revolution = shape.sized(found.aspect.unwrap(), SizeRule::EqualVolume, diameter_m);
+        let body = Body { shape, orientation, rule: SizeRule::EqualVolume, revolution };
+        let stiffness_m = solve(revolution, outer_m, nu, body.direction(), Resolution::default()).unwrap().stiffness_m;
+        // 95 % of twenty is all but the lowest.
+        assert!((draws[1] / stiffness_m / 0.55e-3 - 1.0).abs() < 2e-3, "{found:?}");
+        assert!(!found.is_limit_of_range && (found.length_m.unwrap() / body.sizes_m()[0] - 1.0).abs() < 1e-12);
+        assert_eq!(longest(&surrogate, diameter_m, nu, &draws, 10e-3).aspect, None);
+        assert!(longest(&surrogate, diameter_m, nu, &draws, 1e-5).is_limit_of_range);
+    }
 }

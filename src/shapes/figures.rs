@@ -28,10 +28,13 @@ pub fn shapes_figure(found: &ShapesResult, summary: &ShapesSummary) -> Result<Sv
     };
     let panel = |rule: SizeRule| ShapesPanel {
         title: format!("{} (Fig. {})", rule.title(), if rule == SizeRule::EqualVolume { 7 } else { 8 }),
-        curves: found.solved.iter().filter(|own| own.body.rule == rule).enumerate().map(curve).collect(),
+        curves: found.studied[0].solved.iter().filter(|own| own.body.rule == rule).enumerate().map(curve).collect(),
     };
     shapes(&ShapesFigure {
-        title: format!("Robots of aspect ratio {:.2} at ±{} µN", summary.aspect, summary.force_un),
+        title: format!(
+            "Robots of aspect ratio {:.2} at ±{} µN: median and 90 % band of the posterior",
+            summary.aspect, summary.force_un
+        ),
         time_s: &found.time_s,
         panels: SizeRule::ALL.into_iter().map(panel).collect(),
     })

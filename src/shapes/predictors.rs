@@ -181,3 +181,50 @@ fn twin(body: &Body, [of_length, of_diameter]: [f64; 2]) -> BodyOfRevolution {
         semi_axis_across_m: 0.5 * of_diameter * diameter_m,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const RULE: SizeRule = SizeRule::EqualVolume;
+
+    /// A sphere's every length is its diameter.
+    #[test]
+    fn lengths_of_a_sphere_are_its_diameter() {
+        let (diameter_m, orientation) = (0.55e-3, Orientation::Vertical);
+        let body = Body {
+            shape: Shape::Sphere,
+            orientation,
+            rule: RULE,
+            revolution: BodyOfRevolution::sphere(0.5 * diameter_m),
+        };
+        for predictor in Predictor::ALL {
+            assert!((predictor.length_m(&body) / diameter_m - 1.0).abs() < 1e-6, "{predictor:?}");
+        }
+    }
+
+    /// Mean caliper diameters in closed form: L/2 + πD/4 of a cylinder; a + b artanh-type of a spheroid, here by its limit of a needle, whose mean
+    /// |cos| is ½.
+    #[test]
+    fn mean_caliper_diameters() {
+        let cylinder = BodyOfRevolution::Cylinder { length_m: 3.0, diameter_m: 2.0 };
+        assert!((mean_caliper_m(cylinder) - (1.5 + 0.5 * PI)).abs() < 1e-14);
+        let needle = BodyOfRevolution::Spheroid { semi_axis_along_m: 1.0, semi_axis_across_m: 1e-9 };
+        assert!((mean_caliper_m(needle) - 1.0).abs() < 1e-6);
+    }
+
+    /// The spheroids that stand for a cylinder have its volume, or its second moments.
+    #[test]
+    fn spheroids_in_a_cylinders_place() {
+        let (length_m, diameter_m) = (3e-3, 0.4e-3);
+        let revolution = BodyOfRevolution::Cylinder { length_m, diameter_m };
+        let body = Body { shape: Shape::Cylinder, orientation: Orientation::Horizontal, rule: RULE, revolution };
+        let of_volume = twin(&body, TWINS[0].1);
+        assert!((of_volume.volume_m3() / revolution.volume_m3() - 1.0).abs() < 1e-14);
+        let BodyOfRevolution::Spheroid { semi_axis_along_m: a, semi_axis_across_m: b } = twin(&body, TWINS[1].1) else {
+            panic!("not a spheroid")
+        };
+        assert!((a * a / 5.0 / (length_m * length_m / 12.0) - 1.0).abs() < 1e-14);
+        assert!((b * b / 5.0 / (diameter_m * diameter_m / 16.0) - 1.0).abs() < 1e-14);
+    }
+}

@@ -109,6 +109,18 @@ fn exact_comparison(robot: &Robot, vitreous: &Vitreous) -> Option<Comparison> {
     exact_stiffness_m(robot, vitreous).map(|stiffness_m| Comparison::Exact(1.0 / stiffness_m))
 }
 
+/// The mesh that the user brings, and what is doubtful about it; without a robot any body may be in it.
+///
+/// # Errors
+/// [`Error::Input`] and [`Error::File`] of the reader.
+pub fn read_mesh(file: &MeshFile, robot: Option<&Robot>, vitreous: &Vitreous) -> Result<(Mesh, Vec<Warning>)> {
+    let read = read_gmsh(&file.path, file.metres_per_unit)?;
+    let said = read.warnings.iter().map(|w| mesh_check::warning(w.text(), w.advice()));
+    let doubts = mesh_check::doubts(&read.mesh, robot, vitreous);
+    let warnings = said.chain(doubts).collect();
+    Ok((read.mesh, warnings))
+}
+
 fn hash_of(file: &MeshFile) -> Result<String> {
     let mut bytes = std::fs::read(&file.path)
         .map_err(|source| Error::at_path("read", &file.path, source, "give a mesh that can be read"))?;
@@ -128,10 +140,8 @@ impl Mechanics {
         let poisson_ratio = vitreous.poisson_ratio;
         let (mesh, mesh_warnings, comparison) = match mesh_file {
             Some(file) => {
-                let read = read_gmsh(&file.path, file.metres_per_unit)?;
-                let said = read.warnings.iter().map(|w| mesh_check::warning(w.text(), w.advice()));
-                let doubts = mesh_check::doubts(&read.mesh, robot, vitreous);
-                (read.mesh, said.chain(doubts).collect(), exact_comparison(robot, vitreous))
+                let (mesh, warnings) = read_mesh(file, Some(robot), vitreous)?;
+                (mesh, warnings, exact_comparison(robot, vitreous))
             }
             None => {
                 let coarse = Stiffness::new(&robot_mesh(robot, vitreous, MODEL_LEVEL - 1)?)?;

@@ -14,19 +14,21 @@ pub fn warning(text: impl Into<String>, advice: &str) -> Warning {
     Warning { kind: WarningKind::Mesh, text: text.into(), advice: advice.into() }
 }
 
-/// What is doubtful about a mesh; empty when nothing is.
-pub fn doubts(mesh: &Mesh, robot: &Robot, vitreous: &Vitreous) -> Vec<Warning> {
+/// What is doubtful about a mesh; empty when nothing is. Without a robot any body may be in it.
+pub fn doubts(mesh: &Mesh, robot: Option<&Robot>, vitreous: &Vitreous) -> Vec<Warning> {
     let mut list = Vec::new();
     let reach_m = |nodes: &[u32]| {
         let distance = |&node: &u32| mesh.node_coordinates_m[node as usize].iter().map(|x| x * x).sum::<f64>().sqrt();
         nodes.iter().map(distance).fold(0.0, f64::max)
     };
-    let is_sphere = matches!(robot.shape, RobotShape::Sphere { .. });
-    let what = if is_sphere { "the robot's radius" } else { "the robot's reach from its centre" };
-    let sizes = [
-        (what, reach_m(&mesh.robot_nodes), robot.shape.outer_radius_m(), "[robot]"),
-        ("the radius of the outer surface", reach_m(&mesh.outer_nodes), 0.5 * vitreous.diameter_m, "[vitreous]"),
-    ];
+    let of_robot = |robot: &Robot| {
+        let is_sphere = matches!(robot.shape, RobotShape::Sphere { .. });
+        let what = if is_sphere { "the robot's radius" } else { "the robot's reach from its centre" };
+        (what, reach_m(&mesh.robot_nodes), robot.shape.outer_radius_m(), "[robot]")
+    };
+    let of_gel =
+        ("the radius of the outer surface", reach_m(&mesh.outer_nodes), 0.5 * vitreous.diameter_m, "[vitreous]");
+    let sizes = robot.map(of_robot).into_iter().chain([of_gel]);
     for (name, mesh_m, experiment_m, table) in sizes {
         if (mesh_m / experiment_m - 1.0).abs() > SIZE_TOLERANCE {
             let text = format!(
@@ -68,19 +70,19 @@ mod tests {
     #[test]
     fn a_mesh_of_the_same_apparatus_raises_no_doubt() {
         let (robot, vitreous) = apparatus(0.552, 19.9, 0.499);
-        assert_eq!(doubts(&mesh(), &robot, &vitreous), Vec::<Warning>::new());
+        assert_eq!(doubts(&mesh(), Some(&robot), &vitreous), Vec::<Warning>::new());
     }
 
     #[test]
     fn sizes_that_differ_by_more_than_one_per_cent_are_named() {
         let (robot, vitreous) = apparatus(0.56, 20.0, 0.48);
-        let found = doubts(&mesh(), &robot, &vitreous);
+        let found = doubts(&mesh(), Some(&robot), &vitreous);
         assert!(
             found.len() == 1 && found[0].text.contains("0.2750 mm in the mesh and 0.2800 mm in [robot]"),
             "{found:?}"
         );
         let (robot, vitreous) = apparatus(0.55, 20.5, 0.48);
-        let found = doubts(&mesh(), &robot, &vitreous);
+        let found = doubts(&mesh(), Some(&robot), &vitreous);
         assert!(found.len() == 1 && found[0].text.contains("[vitreous]"), "{found:?}");
     }
 
@@ -89,9 +91,9 @@ mod tests {
         // The kind alone is looked at here; no element is computed with.
         let tetrahedral = Mesh { element_kind: ElementKind::Tetrahedron10, connectivity: Vec::new(), ..mesh() };
         let (robot, vitreous) = apparatus(0.55, 20.0, 0.495);
-        let found = doubts(&tetrahedral, &robot, &vitreous);
+        let found = doubts(&tetrahedral, Some(&robot), &vitreous);
         assert!(found.len() == 1 && found[0].text.contains("0.495"), "{found:?}");
         let (robot, vitreous) = apparatus(0.55, 20.0, 0.48);
-        assert!(doubts(&tetrahedral, &robot, &vitreous).is_empty());
+        assert!(doubts(&tetrahedral, Some(&robot), &vitreous).is_empty());
     }
 }

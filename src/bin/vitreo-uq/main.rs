@@ -15,6 +15,7 @@ mod options;
 mod output;
 mod sample;
 mod shapes;
+mod shapes_words;
 mod simulate;
 mod target;
 mod terminal;

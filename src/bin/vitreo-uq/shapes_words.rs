@@ -1,0 +1,222 @@
+//! What `shapes` says.
+
+use std::collections::BTreeSet;
+
+use vitreo_uq::shapes::claims::Claim;
+use vitreo_uq::shapes::summary::{BodySummary, Displacement, OwnBody, ShapesSummary, SweepSummary};
+
+/// The study in words and tables.
+pub fn words(summary: &ShapesSummary) -> String {
+    let mut lines = vec![format!(
+        "Aspect ratio {:.3}, Poisson ratio {}, gel of {} mm, force ±{} µN",
+        summary.aspect, summary.poisson_ratio, summary.vitreous_diameter_mm, summary.force_un
+    )];
+    lines.push(String::new());
+    lines.extend(bodies(summary));
+    lines.push(String::new());
+    lines.extend(meshes(summary));
+    if !summary.sweep.is_empty() {
+        lines.push(String::new());
+        lines.extend(sweep(&summary.sweep));
+    }
+    lines.push(String::new());
+    lines.push("The paper says that:".into());
+    lines.extend(summary.claims.iter().map(claim));
+    lines.extend(changing_claims(&summary.sweep));
+    lines.push(String::new());
+    lines.extend(elastic(summary));
+    lines.push(String::new());
+    lines.extend(predictors(summary));
+    lines.push(String::new());
+    lines.extend(longest(summary));
+    for warning in &summary.warnings {
+        lines.push(format!("Warning: {}; {}", warning.text, warning.advice));
+    }
+    lines.join("\n") + "\n"
+}
+
+fn name(body: &BodySummary) -> String {
+    match &body.orientation {
+        Some(orientation) => format!("{}, {orientation}", body.shape.name()),
+        None => body.shape.name().into(),
+    }
+}
+
+fn moved(own: Displacement) -> String {
+    format!("{:.0} ({:.0}–{:.0}) µm", own.median, own.q05, own.q95)
+}
+
+fn bodies(summary: &ShapesSummary) -> Vec<String> {
+    let mut lines = vec![format!(
+        "  {:<24}{:>10}{:>11}{:>10}{:>10}{:>10}{:>24}",
+        "body", "stiffness", "/ sphere", "surface", "error", "3D − it", "displacement after 5 s"
+    )];
+    let mut rule = None;
+    for body in &summary.bodies {
+        if rule != Some(body.size_rule) {
+            lines.push(format!("  at {}", body.size_rule.title()));
+            rule = Some(body.size_rule);
+        }
+        lines.push(format!(
+            "    {:<22}{:>7.4} mm{:>11.4}{:>10.3}{:>10.0e}{:>10.0e}{:>24}",
+            name(body),
+            1e3 * body.stiffness_m,
+            body.ratio_to_sphere,
+            body.surface_ratio,
+            body.relative_error,
+            body.relative_difference_3d,
+            moved(body.displacement_5s_um)
+        ));
+    }
+    lines.extend(summary.own_body.iter().flat_map(own_body));
+    lines
+}
+
+fn own_body(own: &OwnBody) -> Vec<String> {
+    vec![
+        format!("  your mesh: a body of {:.4} mm² and {:.5} mm³", own.surface_area_mm2, own.volume_mm3),
+        format!(
+            "    {:<22}{:>7.4} mm{:>11.4} of the sphere of its volume, {:.4} of the sphere of its surface; {}",
+            "",
+            1e3 * own.stiffness_m,
+            own.ratio_to_sphere_of_equal_volume,
+            own.ratio_to_sphere_of_equal_surface,
+            moved(own.displacement_5s_um)
+        ),
+    ]
+}
+
+fn meshes(summary: &ShapesSummary) -> Vec<String> {
+    let built_in = || summary.bodies.iter().map(|body| body.mesh_3d);
+    let unknowns = built_in().map(|mesh| mesh.unknowns);
+    let (fewest, most) = (unknowns.clone().min().unwrap_or(0), unknowns.max().unwrap_or(0));
+    let flattest = built_in().map(|mesh| mesh.smallest_scaled_jacobian).fold(1.0, f64::min);
+    let slenderest = built_in().map(|mesh| mesh.largest_aspect).fold(1.0, f64::max);
+    let mut lines = vec![format!(
+        "3D meshes: {fewest} to {most} unknowns, scaled Jacobians from {flattest:.2}, sides of elements up to {slenderest:.0} : 1"
+    )];
+    lines.extend(summary.own_body.iter().map(|own| {
+        format!(
+            "your mesh: {} unknowns, scaled Jacobians from {:.2}, sides of elements up to {:.0} : 1",
+            own.mesh.unknowns, own.mesh.smallest_scaled_jacobian, own.mesh.largest_aspect
+        )
+    }));
+    lines
+}
+
+fn sweep(all: &[SweepSummary]) -> Vec<String> {
+    let mut lines = vec![
+        "Resistance over the sphere's: ellipsoid and cylinder, h along the force and v across it".into(),
+        format!(
+            "  {:>8}{:>9}  {:^32}  {:^32}{:>10}",
+            "aspect", "Poisson", "equal volume", "equal surface", "3D within"
+        ),
+        format!(
+            "  {:>8}{:>9}{:>9}{:>8}{:>8}{:>8} {:>9}{:>8}{:>8}{:>8}",
+            "", "", "ell. h", "ell. v", "cyl. h", "cyl. v", "ell. h", "ell. v", "cyl. h", "cyl. v"
+        ),
+    ];
+    let mut seen = BTreeSet::new();
+    for own in all.iter().filter(|own| seen.insert((own.aspect.to_bits(), own.poisson_ratio.to_bits()))) {
+        let ratios: Vec<f64> =
+            own.bodies.iter().filter(|body| body.orientation.is_some()).map(|body| body.ratio_to_sphere).collect();
+        let numbers: Vec<String> = ratios.iter().map(|ratio| format!("{ratio:>8.4}")).collect();
+        let (volume, surface) = numbers.split_at(numbers.len() / 2);
+        let within = own.bodies.iter().map(|body| body.relative_difference_3d.abs()).fold(0.0, f64::max);
+        lines.push(format!(
+            "  {:>8.3}{:>9} {}  {}{within:>10.0e}",
+            own.aspect,
+            own.poisson_ratio,
+            volume.concat(),
+            surface.concat()
+        ));
+    }
+    let forces: BTreeSet<u64> = all.iter().map(|own| own.force_un.to_bits()).collect();
+    if forces.len() > 1 {
+        lines.push("Displacement after 5 s, median in µm, at the first aspect and Poisson ratio".into());
+        let first = (all[0].aspect, all[0].poisson_ratio);
+        for own in all.iter().filter(|own| (own.aspect, own.poisson_ratio) == first) {
+            let numbers: Vec<String> =
+                own.bodies.iter().map(|body| format!("{} {:.0}", name(body), body.displacement_5s_um.median)).collect();
+            let (volume, surface) = numbers.split_at(numbers.len() / 2);
+            lines.push(format!("  ±{} µN, equal volume: {}", own.force_un, volume.join("; ")));
+            lines.push(format!("  ±{} µN, equal surface: {}", own.force_un, surface.join("; ")));
+        }
+    }
+    lines
+}
+
+fn verdict(claim: &Claim) -> String {
+    serde_json::to_value(claim.verdict).ok().and_then(|own| own.as_str().map(String::from)).unwrap_or_default()
+}
+
+fn claim(own: &Claim) -> String {
+    format!("  {:<15}{} ({})", verdict(own).to_uppercase(), own.claim, own.numbers)
+}
+
+/// Claims whose verdict depends on the aspect or the Poisson ratio.
+fn changing_claims(all: &[SweepSummary]) -> Vec<String> {
+    let Some(first) = all.first() else { return Vec::new() };
+    let mut lines = Vec::new();
+    for (index, own) in first.claims.iter().enumerate() {
+        let same = |other: &&SweepSummary| other.claims[index].verdict != own.verdict;
+        let mut others: Vec<String> = all
+            .iter()
+            .filter(same)
+            .map(|other| {
+                let (aspect, ratio) = (other.aspect, other.poisson_ratio);
+                format!("{} at aspect {aspect:.3} and Poisson ratio {ratio}", verdict(&other.claims[index]))
+            })
+            .collect();
+        others.dedup();
+        if !others.is_empty() {
+            lines.push(format!("  elsewhere, {}: {}", own.claim, others.join("; ")));
+        }
+    }
+    lines
+}
+
+fn elastic(summary: &ShapesSummary) -> Vec<String> {
+    let of = |ratio: f64, difference: f64| format!("{difference:.1e} at {ratio:e} ×");
+    let differences: Vec<String> =
+        summary.elastic_robot.iter().map(|own| of(own.modulus_ratio, own.largest_relative_difference)).collect();
+    vec![format!(
+        "An elastic robot, tied point to point, is less stiff than a rigid one by {} the gel's modulus; metals are at 10¹⁰ ×",
+        differences.join(", ")
+    )]
+}
+
+fn predictors(summary: &ShapesSummary) -> Vec<String> {
+    let mut lines = vec![
+        "What predicts the resistance, the sphere's times a ratio of lengths, at equal volume (rms error, worst):"
+            .into(),
+    ];
+    lines.extend(summary.predictors.iter().map(|own| {
+        format!(
+            "  {:<50}{:>6.1} %{:>8.1} % ({})",
+            own.predictor,
+            100.0 * own.rms_relative_error,
+            100.0 * own.largest_relative_error,
+            own.worst
+        )
+    }));
+    lines
+}
+
+fn longest(summary: &ShapesSummary) -> Vec<String> {
+    let mut lines = vec![format!(
+        "The longest that moves {} mm in {} s with 95 %, at the sphere's volume:",
+        summary.wanted_displacement_mm, summary.hold_s
+    )];
+    for own in &summary.longest {
+        let found = match (own.aspect, own.length_m) {
+            (Some(aspect), Some(length_m)) => {
+                let or_longer = if own.is_limit_of_range { ", or longer" } else { "" };
+                format!("{:.2} mm (aspect ratio {aspect:.1}{or_longer})", 1e3 * length_m)
+            }
+            _ => "none".into(),
+        };
+        lines.push(format!("  {}, {}: {found}", own.shape.name(), own.orientation));
+    }
+    lines
+}
