@@ -36,6 +36,8 @@ pub trait PointScalar: Scalar {
     fn cos(self) -> Self;
     /// xʸ for x > 0.
     fn pow(self, exponent: Self) -> Self;
+    /// √x.
+    fn sqrt(self) -> Self;
 }
 
 /// A value and its derivative in one direction.
@@ -233,6 +235,10 @@ impl PointScalar for f64 {
     fn pow(self, exponent: Self) -> Self {
         self.powf(exponent)
     }
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        f64::sqrt(self)
+    }
 }
 
 impl PointScalar for Dual {
@@ -252,6 +258,9 @@ impl PointScalar for Dual {
     }
     fn pow(self, exponent: Self) -> Self {
         Dual::pow(self, exponent)
+    }
+    fn sqrt(self) -> Self {
+        Dual::sqrt(self)
     }
 }
 

@@ -1,7 +1,7 @@
 //! What every effect of the library must keep (house style; physics §5), as far as it can be seen without solving a model.
 
 use vitreo_uq::distribution::Distribution;
-use vitreo_uq::effects::{EFFECTS, Effect, EffectParameter, Stage, Stages};
+use vitreo_uq::effects::{EFFECTS, Effect, EffectParameter, FIELD_EFFECTS, Stage, Stages};
 use vitreo_uq::error::{Error, Place};
 use vitreo_uq::experiment::Scales;
 use vitreo_uq::model::Model;
@@ -16,6 +16,7 @@ const PORCINE: Scales = Scales {
     sample_interval_s: 0.05,
     duration_s: 40.0,
     poisson_ratio: Some(0.48),
+    robot_radius_m: Some(0.275e-3),
 };
 
 /// Experiments at the edges of what contracts §1 accepts: nothing measured, one constant pull, hardly any rows, any Poisson ratio, an
@@ -33,6 +34,7 @@ fn experiments() -> Vec<Scales> {
         sample_interval_s: 1e-5,
         duration_s: 0.5,
         poisson_ratio: None,
+        robot_radius_m: None,
     };
     let gels = [0.499_999, 0.4999, 0.31, 0.3, 0.2, 0.0, -0.5, -0.999]
         .map(|ratio| Scales { poisson_ratio: Some(ratio), ..PORCINE });
@@ -40,8 +42,13 @@ fn experiments() -> Vec<Scales> {
     [PORCINE, one_pull, three_rows, two_rows, fast_switching, indenter, unmeasured].into_iter().chain(gels).collect()
 }
 
+/// The library's effects, and those that change the field.
+fn all() -> Vec<&'static dyn Effect> {
+    EFFECTS.iter().chain(FIELD_EFFECTS).copied().collect()
+}
+
 fn parameters() -> impl Iterator<Item = &'static EffectParameter> {
-    EFFECTS.iter().flat_map(|effect| effect.parameters())
+    all().into_iter().flat_map(|effect| effect.parameters())
 }
 
 /// A model of one effect at unit parameters of the base law.
@@ -76,11 +83,13 @@ fn the_library_is_the_one_of_physics_section_5_in_the_order_of_application() {
         .chain([("tracking-drift", Stage::Observation)])
         .collect();
     assert_eq!(found, expected);
+    let of_fields: Vec<&str> = FIELD_EFFECTS.iter().map(|effect| effect.slug()).collect();
+    assert_eq!(of_fields, ["inertia", "interface-slip", "liquefied-pocket", "poroelasticity"]);
 }
 
 #[test]
 fn slugs_are_kebab_case_and_parameters_are_unique() {
-    for effect in EFFECTS {
+    for effect in all() {
         let slug = effect.slug();
         let is_word = |word: &str| !word.is_empty() && word.bytes().all(|byte| byte.is_ascii_lowercase());
         assert!(slug.split('-').all(is_word), "{slug}");
@@ -91,9 +100,10 @@ fn slugs_are_kebab_case_and_parameters_are_unique() {
     assert!(names.windows(2).all(|pair| pair[0] != pair[1]), "{names:?}");
 }
 
-/// `1/m` as `_per_m`, `m/s` as `_m_per_s`.
+/// `1/m` as `_per_m`, `m/s` as `_m_per_s`, `m²/(Pa s)` as `_m2_per_pa_s`.
 fn suffix(unit: &str) -> String {
-    match unit.split_once('/') {
+    let plain = unit.replace(['(', ')'], "").replace('²', "2").replace(' ', "_").to_lowercase();
+    match plain.split_once('/') {
         Some(("1", below)) => format!("_per_{below}"),
         Some((above, below)) => format!("_{above}_per_{below}"),
         None => format!("_{unit}"),
@@ -102,10 +112,10 @@ fn suffix(unit: &str) -> String {
 
 #[test]
 fn parameters_are_named_by_their_effect_and_end_in_their_unit() {
-    for effect in EFFECTS {
+    for effect in all() {
         for EffectParameter { spec, .. } in effect.parameters() {
             let own = spec.name.strip_prefix(effect.slug()).and_then(|rest| rest.strip_prefix('.')).unwrap();
-            let is_letter = |byte: u8| byte.is_ascii_lowercase() || byte == b'_';
+            let is_letter = |byte: u8| byte.is_ascii_lowercase() || byte.is_ascii_digit() || byte == b'_';
             assert!(!own.is_empty() && own.bytes().all(is_letter), "{}", spec.name);
             let is_named = spec.unit != "1" && own.ends_with(&suffix(spec.unit)) && own != &suffix(spec.unit)[1..];
             let looks_like_a_unit = ["_s", "_m", "_pa", "_n"].iter().any(|unit| own.ends_with(unit));
@@ -116,7 +126,7 @@ fn parameters_are_named_by_their_effect_and_end_in_their_unit() {
 
 #[test]
 fn nothing_that_people_read_is_empty() {
-    for effect in EFFECTS {
+    for effect in all() {
         for text in [effect.summary(), effect.equation()] {
             assert!(text.len() > 5 && text.trim() == text && !text.ends_with('.'), "{}: `{text}`", effect.slug());
         }
@@ -160,7 +170,7 @@ fn priors_lie_inside_their_supports_for_any_experiment() {
 #[test]
 fn nulls_lie_where_the_prior_has_mass_nearby() {
     for scales in experiments() {
-        for effect in EFFECTS {
+        for effect in all() {
             if effect.needs_finite_elements() && scales.poisson_ratio.is_none() {
                 continue;
             }
@@ -185,9 +195,9 @@ fn at_its_null_every_effect_leaves_the_stages_as_they_are() {
     for scales in experiments() {
         for base in BaseLaw::NAMED {
             let bare = stages_at(&model(base, &[], scales).unwrap(), &[]).unwrap();
-            for effect in EFFECTS {
-                let Ok(model) = model(base, &[*effect], scales) else { continue };
-                let found = stages_at(&model, &null_of(*effect, &scales)).unwrap();
+            for effect in all() {
+                let Ok(model) = model(base, &[effect], scales) else { continue };
+                let found = stages_at(&model, &null_of(effect, &scales)).unwrap();
                 assert_eq!(found, bare, "{} on {base:?} at {scales:?}", effect.slug());
             }
         }
@@ -198,9 +208,9 @@ fn at_its_null_every_effect_leaves_the_stages_as_they_are() {
 #[test]
 fn every_effect_writes_into_its_own_stage_only() {
     let bare = stages_at(&model(BaseLaw::Lethersich, &[], PORCINE).unwrap(), &[]).unwrap();
-    for effect in EFFECTS {
+    for effect in all() {
         let away: Vec<f64> = effect.parameters().iter().map(|p| (p.prior)(&PORCINE).quantile(0.8)).collect();
-        let found = stages_at(&model(BaseLaw::Lethersich, &[*effect], PORCINE).unwrap(), &away).unwrap();
+        let found = stages_at(&model(BaseLaw::Lethersich, &[effect], PORCINE).unwrap(), &away).unwrap();
         let mut expected = bare.clone();
         match effect.stage() {
             Stage::Load => expected.load = found.load.clone(),
@@ -208,6 +218,7 @@ fn every_effect_writes_into_its_own_stage_only() {
                 expected.law = found.law.clone();
                 expected.softening_rate_per_s = found.softening_rate_per_s;
                 expected.poisson_ratio = found.poisson_ratio;
+                expected.spatial = found.spatial.clone();
             }
             Stage::Observation => expected.observation = found.observation.clone(),
         }
@@ -220,9 +231,9 @@ fn every_effect_writes_into_its_own_stage_only() {
 #[test]
 fn a_moving_null_reaches_the_stages() {
     let bare = stages_at(&model(BaseLaw::Lethersich, &[], PORCINE).unwrap(), &[]).unwrap();
-    for effect in EFFECTS {
-        let model = model(BaseLaw::Lethersich, &[*effect], PORCINE).unwrap();
-        let null = null_of(*effect, &PORCINE);
+    for effect in all() {
+        let model = model(BaseLaw::Lethersich, &[effect], PORCINE).unwrap();
+        let null = null_of(effect, &PORCINE);
         for (j, parameter) in effect.parameters().iter().enumerate() {
             let mut all = vec![Dual::constant(2.5); 3];
             all.extend(null.iter().map(|value| Dual::constant(*value)));
@@ -235,13 +246,13 @@ fn a_moving_null_reaches_the_stages() {
 
 #[test]
 fn parameters_outside_their_supports_are_refused_by_name() {
-    for effect in EFFECTS {
-        let model = model(BaseLaw::Lethersich, &[*effect], PORCINE).unwrap();
+    for effect in all() {
+        let model = model(BaseLaw::Lethersich, &[effect], PORCINE).unwrap();
         for (j, EffectParameter { spec, .. }) in effect.parameters().iter().enumerate() {
             let ends = [(spec.support.lower, -1.0), (spec.support.upper, 1.0)];
             let beyond = ends.into_iter().filter(|(end, _)| end.is_finite()).map(|(end, side)| end + 1e-9 * side);
             for value in beyond.chain([f64::NAN]) {
-                let mut values = null_of(*effect, &PORCINE);
+                let mut values = null_of(effect, &PORCINE);
                 values[j] = value;
                 let error = stages_at(&model, &values).unwrap_err();
                 assert!(matches!(error, Error::Numerical { .. }), "{error:?}");
@@ -256,8 +267,8 @@ fn parameters_outside_their_supports_are_refused_by_name() {
 fn laws_and_effects_are_refused_exactly_where_physics_says() {
     let refused = [("burgers", "instantaneous-elasticity"), ("two-element", "second-retardation")];
     for base in BaseLaw::NAMED {
-        for effect in EFFECTS {
-            let outcome = model(base, &[*effect], PORCINE);
+        for effect in all() {
+            let outcome = model(base, &[effect], PORCINE);
             let expected = refused.contains(&(base.name(), effect.slug()));
             assert_eq!(outcome.is_err(), expected, "{} on {}", effect.slug(), base.name());
             if let Err(error) = outcome {
@@ -268,13 +279,20 @@ fn laws_and_effects_are_refused_exactly_where_physics_says() {
     }
 }
 
-/// With one field-changing effect in this part of the library, every pair of different effects is allowed.
+/// Every pair stands together but two that change the field, and `softening` beside those whose field is solved for fixed coefficients.
 #[test]
 fn every_pair_of_effects_stands_together_and_takes_its_parameters_in_order() {
-    assert_eq!(EFFECTS.iter().filter(|effect| effect.changes_field()).count(), 1);
-    for (i, first) in EFFECTS.iter().enumerate() {
-        for second in &EFFECTS[i + 1..] {
+    for (i, first) in all().iter().enumerate() {
+        for second in &all()[i + 1..] {
             let slugs = (first.slug(), second.slug());
+            let both_change_the_field = first.changes_field() && second.changes_field();
+            let one_of_fixed_coefficients = first.field_model().is_some() || second.field_model().is_some();
+            let softens = slugs.0 == "softening" || slugs.1 == "softening";
+            if both_change_the_field || (softens && one_of_fixed_coefficients) {
+                let text = model(BaseLaw::Lethersich, &[*first, *second], PORCINE).unwrap_err().to_string();
+                assert!(text.contains(slugs.0) && text.contains(slugs.1), "{slugs:?}: {text}");
+                continue;
+            }
             let pair = model(BaseLaw::Lethersich, &[*first, *second], PORCINE).unwrap();
             let values: Vec<f64> = (first.parameters().iter().chain(second.parameters()))
                 .map(|parameter| (parameter.prior)(&PORCINE).quantile(0.7))
@@ -296,9 +314,11 @@ fn every_pair_of_effects_stands_together_and_takes_its_parameters_in_order() {
 #[test]
 fn instruments_take_all_but_what_needs_finite_elements() {
     let instrument = Scales { poisson_ratio: None, ..PORCINE };
-    for effect in EFFECTS {
-        let outcome = model(BaseLaw::Lethersich, &[*effect], instrument);
-        assert_eq!(outcome.is_err(), effect.slug() == "compressibility", "{}", effect.slug());
+    for effect in all() {
+        let outcome = model(BaseLaw::Lethersich, &[effect], instrument);
+        let needs_a_field = ["compressibility", "inertia", "interface-slip", "liquefied-pocket", "poroelasticity"]
+            .contains(&effect.slug());
+        assert_eq!(outcome.is_err(), needs_a_field, "{}", effect.slug());
     }
 }
 

@@ -3,14 +3,15 @@
 
 use std::sync::OnceLock;
 
-use vitreo_uq::effects::{EFFECTS, Effect};
+use vitreo_uq::effects::{EFFECTS, Effect, FIELD_EFFECTS, Stage};
 use vitreo_uq::error::{Error, Place};
 use vitreo_uq::experiment::Scales;
 use vitreo_uq::fe::Stiffness;
-use vitreo_uq::mesh::QuarterBall;
+use vitreo_uq::fe::spatial::Surroundings;
+use vitreo_uq::mesh::{Mesh, QuarterBall};
 use vitreo_uq::model::{Compliance, Forward, FullForward, Model, ReducedForward, Response, TrainedRange, convolve_m};
 use vitreo_uq::rheology::{BaseLaw, CreepCompliance};
-use vitreo_uq::surrogate::{Surrogate, Training};
+use vitreo_uq::surrogate::{FieldModels, Surrogate, Training};
 
 const POISSON_RATIO: f64 = 0.48;
 /// E, c₁, c₂, then what Burgers and the two-element law add.
@@ -34,17 +35,42 @@ fn protocol() -> Protocol {
         cycle_s: 6.4,
         duration_s: 12.8,
         poisson_ratio: Some(POISSON_RATIO),
+        robot_radius_m: Some(0.275e-3),
     };
     Protocol { time_s, force_n, scales }
 }
 
 /// A coarse mesh: what is compared is time, not space.
+const BALL: QuarterBall = QuarterBall { robot_radius_m: 0.275e-3, outer_radius_m: 10e-3, n_per_edge: 2, n_layers: 8 };
+
+fn mesh() -> &'static Mesh {
+    static MESH: OnceLock<Mesh> = OnceLock::new();
+    MESH.get_or_init(|| BALL.mesh().expect("sizes are good"))
+}
+
 fn stiffness() -> &'static Stiffness {
     static STIFFNESS: OnceLock<Stiffness> = OnceLock::new();
-    STIFFNESS.get_or_init(|| {
-        let ball = QuarterBall { robot_radius_m: 0.275e-3, outer_radius_m: 10e-3, n_per_edge: 2, n_layers: 8 };
-        Stiffness::new(&ball.mesh().expect("sizes are good")).expect("the mesh is good")
-    })
+    STIFFNESS.get_or_init(|| Stiffness::new(mesh()).expect("the mesh is good"))
+}
+
+fn surroundings() -> Surroundings<'static> {
+    let robot_mass_kg = 7500.0 * 4.0 / 3.0 * std::f64::consts::PI * BALL.robot_radius_m.powi(3);
+    Surroundings {
+        mesh: mesh(),
+        stiffness: stiffness(),
+        poisson_ratio: POISSON_RATIO,
+        gel_density_kg_m3: 1000.0,
+        robot_mass_kg,
+        robot_radius_m: BALL.robot_radius_m,
+        outer_radius_m: BALL.outer_radius_m,
+        ball: Some(BALL),
+    }
+}
+
+fn fields() -> &'static FieldModels {
+    static FIELDS: OnceLock<FieldModels> = OnceLock::new();
+    let wanted = FIELD_EFFECTS.iter().filter_map(|effect| effect.field_model()).collect();
+    FIELDS.get_or_init(|| FieldModels::default().with(&wanted, &surroundings()).expect("the mesh is good"))
 }
 
 /// The reduced family over the Poisson ratios that priors ask for.
@@ -64,7 +90,8 @@ fn compliance(protocol: &Protocol) -> Compliance {
         };
         Surrogate::train(stiffness(), &training).expect("training succeeds")
     });
-    surrogate.compliance(POISSON_RATIO).expect("inside the range")
+    let compliance = surrogate.compliance(POISSON_RATIO).expect("inside the range");
+    compliance.with_spread(|stages| fields().spread(stages))
 }
 
 fn model(effects: &[&'static dyn Effect], scales: Scales) -> Result<Model, Error> {
@@ -77,7 +104,9 @@ fn reduced<'a>(model: &'a Model, protocol: &Protocol) -> ReducedForward<'a> {
 }
 
 fn full<'a>(model: &'a Model, protocol: &'a Protocol) -> FullForward<'a> {
-    FullForward::new(model, stiffness(), POISSON_RATIO, &protocol.time_s, &protocol.force_n).expect("positive definite")
+    FullForward::new(model, stiffness(), POISSON_RATIO, &protocol.time_s, &protocol.force_n)
+        .expect("positive definite")
+        .in_surroundings(surroundings())
 }
 
 /// The law's parameters, then each effect's at a quantile of its prior.
@@ -104,11 +133,16 @@ fn distance(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).fold(0.0, |d: f64, (a, b)| d.max((a - b).abs())) / amplitude(b)
 }
 
-/// Every effect alone, and every pair that may stand together.
+/// Every effect alone, every pair of the library's, and those that change the field beside every effect of load and observation.
 fn models(scales: Scales) -> Vec<Model> {
     let mut list: Vec<Model> = EFFECTS.iter().filter_map(|effect| model(&[*effect], scales).ok()).collect();
     for (i, first) in EFFECTS.iter().enumerate() {
         list.extend(EFFECTS[i + 1..].iter().filter_map(|second| model(&[*first, *second], scales).ok()));
+    }
+    for field in FIELD_EFFECTS {
+        list.extend(model(&[*field], scales));
+        let outside = EFFECTS.iter().filter(|effect| effect.stage() != Stage::Mechanics);
+        list.extend(outside.filter_map(|second| model(&[*second, *field], scales).ok()));
     }
     list
 }
@@ -120,8 +154,9 @@ fn at_the_null_the_base_returns() {
     let compliance_per_m = compliance(&protocol).given_per_m();
     let base = convolve_m(compliance_per_m, &law, &protocol.time_s, &protocol.force_n);
     let models = models(protocol.scales);
-    // Eleven effects have 55 pairs, and all may stand together.
-    assert_eq!(models.len(), EFFECTS.len() * (EFFECTS.len() + 1) / 2);
+    // Eleven effects have 55 pairs, and all may stand together; each field effect may beside the five of load and the one of observation, and alone.
+    let n_outside = EFFECTS.iter().filter(|effect| effect.stage() != Stage::Mechanics).count();
+    assert_eq!(models.len(), EFFECTS.len() * (EFFECTS.len() + 1) / 2 + FIELD_EFFECTS.len() * (1 + n_outside));
     for model in &models {
         let found = reduced(model, &protocol).trajectory_m(&null_of(model)).expect("the base is a model");
         assert!(distance(&found, &base) < 1e-12, "{model:?}: {:e}", distance(&found, &base));
@@ -133,7 +168,7 @@ fn at_the_null_the_base_returns() {
 #[test]
 fn the_reduced_model_agrees_with_full_finite_elements() {
     let protocol = protocol();
-    for effect in EFFECTS {
+    for effect in EFFECTS.iter().chain(FIELD_EFFECTS) {
         let model = model(&[*effect], protocol.scales).expect("an effect alone is a model");
         let (reduced, full) = (reduced(&model, &protocol), full(&model, &protocol));
         let mut largest = 0.0_f64;
@@ -146,8 +181,14 @@ fn the_reduced_model_agrees_with_full_finite_elements() {
             assert!(distance(&full_m, &null_m) > 1e-4, "{}: {:e}", effect.slug(), distance(&full_m, &null_m));
         }
         println!("{:<26} reduced against full: {largest:.1e} of the amplitude", effect.slug());
-        assert!(largest < 1e-6, "{}: {largest:e}", effect.slug());
+        assert!(largest < tolerance(&model, 1e-6), "{}: {largest:e}", effect.slug());
     }
+}
+
+/// What the reduced model may be off, as a share of the amplitude: fields are reduced to 1e-4, and their undrained limit and their pockets are meshed in
+/// another way than the base, which makes up most of that on this coarse mesh.
+fn tolerance(model: &Model, of_time: f64) -> f64 {
+    if model.effects().iter().any(|effect| effect.field_model().is_some()) { 1e-4 } else { of_time }
 }
 
 /// Every pair, each effect somewhere inside its prior: finite in both models, and the same within 2e-6.
@@ -160,7 +201,11 @@ fn every_pair_is_finite_and_the_same_in_both_models() {
         let reduced_m = reduced(model, &protocol).trajectory_m(&parameters).expect("a model");
         let full_m = full(model, &protocol).trajectory_m(&parameters).expect("a model");
         assert!(reduced_m.iter().all(|x| x.is_finite()));
-        assert!(distance(&reduced_m, &full_m) < 2e-6, "{model:?}: {:e}", distance(&reduced_m, &full_m));
+        assert!(
+            distance(&reduced_m, &full_m) < tolerance(model, 2e-6),
+            "{model:?}: {:e}",
+            distance(&reduced_m, &full_m)
+        );
     }
 }
 
@@ -169,7 +214,7 @@ fn every_pair_is_finite_and_the_same_in_both_models() {
 #[test]
 fn sensitivities_agree_with_finite_differences() {
     let protocol = protocol();
-    for effect in EFFECTS {
+    for effect in EFFECTS.iter().chain(FIELD_EFFECTS) {
         let model = model(&[*effect], protocol.scales).expect("an effect alone is a model");
         let forward = reduced(&model, &protocol);
         let n_law = LETHERSICH.len();
@@ -206,7 +251,9 @@ fn sensitivities_agree_with_finite_differences() {
             let one_sided: Vec<f64> =
                 (0..here.len()).map(|i| (4.0 * near[i] - far[i] - 3.0 * here[i]) / (2.0 * h)).collect();
             let exact = forward.derivative_m(&null, index).expect("differentiable at the null");
-            assert!(distance(&exact, &one_sided) < 2e-5, "{name} at null: {:e}", distance(&exact, &one_sided));
+            // With pore flow the response grows as k + O(k^{3/2}): differences come near the derivative slowly.
+            let largest = if effect.field_model().is_some() { 1e-3 } else { 2e-5 };
+            assert!(distance(&exact, &one_sided) < largest, "{name} at null: {:e}", distance(&exact, &one_sided));
         }
     }
 }

@@ -11,7 +11,7 @@ use crate::model::{Compliance, Lanes, N_LANES, Response};
 use crate::number::Dual;
 use crate::study::ModelSpecification;
 use crate::workflow::problem::Problem;
-use crate::workflow::reduced::{KeptSurrogate, Reduced};
+use crate::workflow::reduced::{KeptSurrogate, Reduced, field_models, field_models_of, with_fields};
 use crate::workflow::{Monitor, Silent};
 
 /// Names of the noise terms that every model is given here.
@@ -60,7 +60,7 @@ impl Subject {
         monitor: &dyn Monitor,
     ) -> Result<Self> {
         monitor.stage("preparing the models to compare");
-        let compliance = compliance_of_all(problem, library, kept)?;
+        let compliance = compliance_of_all(problem, library, kept, monitor)?;
         Self::with_compliance(problem, library, compliance)
     }
 
@@ -182,8 +182,8 @@ impl Subject {
         let (mut stages, mut compliances_per_m) = (Vec::new(), Vec::new());
         for (lane, theta) in points.iter().enumerate().take(N_LANES) {
             let parameters: Vec<Dual> = candidate.parameters(theta).into_iter().map(Dual::constant).collect();
-            let made = candidate.model.stages(&parameters).and_then(|stages| {
-                let compliance = self.shared.compliance.per_m(stages.poisson_ratio)?;
+            let made = candidate.model.stages(&parameters).and_then(|mut stages| {
+                let compliance = self.shared.compliance.resolve(&mut stages)?;
                 Ok((stages, compliance.value))
             });
             if let Ok((of_point, compliance_per_m)) = made {
@@ -232,11 +232,17 @@ impl Subject {
     }
 }
 
-/// A compliance that serves every effect: the widest range of Poisson ratios that one of them asks for.
-fn compliance_of_all(problem: &Problem, library: &Library, kept: Option<KeptSurrogate>) -> Result<Compliance> {
-    let of_model = |problem: &Problem| Ok(Reduced::unverified(problem, kept.clone(), &Silent)?.compliance);
+/// A compliance that serves every effect: the widest range of Poisson ratios that one of them asks for, and the models of all other fields.
+fn compliance_of_all(
+    problem: &Problem,
+    library: &Library,
+    kept: Option<KeptSurrogate>,
+    monitor: &dyn Monitor,
+) -> Result<Compliance> {
+    let of_model = |problem: &Problem| Reduced::unverified(problem, kept.clone(), &Silent).map(|own| own.compliance);
     let Some(fe) = problem.finite_elements() else { return of_model(problem) };
     let own = problem.poisson_ratios(fe)?;
+    let (mut widest, mut wanted) = (None, field_models_of(&problem.model));
     for effect in library.effects() {
         let mut specification = problem.specification.clone();
         if specification.effects.iter().any(|slug| slug == effect.slug()) {
@@ -244,11 +250,13 @@ fn compliance_of_all(problem: &Problem, library: &Library, kept: Option<KeptSurr
         }
         specification.effects.push(effect.slug().into());
         let Ok(extended) = problem.with_model(specification, library) else { continue };
+        wanted.extend(effect.field_model());
         let asked = extended.poisson_ratios(fe)?;
         if asked[0] < own[0] || asked[1] > own[1] {
-            // One effect at most changes the field.
-            return of_model(&extended);
+            // One effect at most asks for another ratio.
+            widest = Some(extended);
         }
     }
-    of_model(problem)
+    let fields = field_models(fe, kept.as_ref(), &wanted, monitor)?;
+    Ok(with_fields(of_model(widest.as_ref().unwrap_or(problem))?, &fields))
 }

@@ -39,6 +39,9 @@ impl Effect for Softening {
     fn parameters(&self) -> &'static [EffectParameter] {
         PARAMETERS
     }
+    fn ages_the_gel(&self) -> bool {
+        true
+    }
     fn apply(&self, parameters: &[Dual], _scales: &Scales, stages: &mut Stages) -> Result<()> {
         stages.softening_rate_per_s += parameters[0];
         Ok(())

@@ -4,7 +4,7 @@
 //! own time stepping. Stages say which equations hold, never how they are solved.
 
 use crate::number::Dual;
-use crate::rheology::Element;
+use crate::rheology::{Beside, Element, SpreadTerm};
 
 /// One model at one point of its parameters.
 #[derive(Debug, Clone, PartialEq)]
@@ -17,8 +17,50 @@ pub struct Stages {
     pub softening_rate_per_s: Dual,
     /// Poisson ratio of the gel; `None` for the experiment's.
     pub poisson_ratio: Option<Dual>,
+    /// What else changes the displacement field; not beside another Poisson ratio.
+    pub spatial: Option<Spatial>,
+    /// The terms into which a reduced model splits it; empty until one has.
+    pub spread: Option<Spread>,
     /// From the robot's to the recorded position.
     pub observation: Observation,
+}
+
+/// A linear effect that changes the displacement field (physics §5).
+#[derive(Debug, Clone, PartialEq)]
+pub enum Spatial {
+    /// Mass of gel and robot.
+    Inertia {
+        /// Densities over the experiment's.
+        density_scale: Dual,
+    },
+    /// ġ = t/β along the robot's surface.
+    Slip {
+        /// 1/β in m/(Pa·s).
+        compliance_m_per_pa_s: Dual,
+    },
+    /// Another law around the robot.
+    Pocket {
+        /// Radius over the robot's.
+        radius_ratio: Dual,
+        /// φ of E → (1 − φ) E there.
+        elastic_loss: Dual,
+    },
+    /// Water that leaves.
+    PoreFlow {
+        /// k in m²/(Pa·s).
+        mobility_m2_per_pa_s: Dual,
+        /// Poisson ratio of the skeleton.
+        drained_poisson_ratio: Dual,
+    },
+}
+
+/// The law in several places at once: what a reduced model makes of [`Spatial`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct Spread {
+    /// What stands beside the law in every term.
+    pub beside: Beside,
+    /// The terms.
+    pub terms: Vec<SpreadTerm>,
 }
 
 /// From the commanded to the acting force, in this order: delay, factors by sign, offset, lag, gradient.
@@ -76,6 +118,8 @@ impl Stages {
             law,
             softening_rate_per_s: Dual::ZERO,
             poisson_ratio: None,
+            spatial: None,
+            spread: None,
             observation: Observation { scale: Dual::ONE, velocity_m_per_s: Dual::ZERO, approaches: Vec::new() },
         }
     }

@@ -1,5 +1,7 @@
 //! The apparatus: a robot in the vitreous, or another instrument; its tables in `experiment.toml`.
 
+use std::f64::consts::PI;
+
 use crate::document::Table;
 use crate::error::Result;
 
@@ -78,6 +80,23 @@ pub struct Vitreous {
 }
 
 impl RobotShape {
+    /// Volume in m³.
+    pub fn volume_m3(&self) -> f64 {
+        match *self {
+            Self::Sphere { diameter_m } => PI / 6.0 * diameter_m.powi(3),
+            Self::Ellipsoid { length_m, diameter_m, .. } => PI / 6.0 * diameter_m * diameter_m * length_m,
+            Self::Cylinder { length_m, diameter_m, .. } => 0.25 * PI * diameter_m * diameter_m * length_m,
+        }
+    }
+
+    /// Radius in m, of a sphere; else that of the sphere of its volume.
+    pub fn equivalent_radius_m(&self) -> f64 {
+        match *self {
+            Self::Sphere { diameter_m } => 0.5 * diameter_m,
+            _ => (0.75 / PI * self.volume_m3()).cbrt(),
+        }
+    }
+
     /// Distance in m from the robot's centre to its farthest point.
     pub fn outer_radius_m(&self) -> f64 {
         match *self {

@@ -19,6 +19,8 @@ pub struct Scales {
     pub duration_s: f64,
     /// Poisson ratio of the vitreous; `None` for an instrument.
     pub poisson_ratio: Option<f64>,
+    /// Radius of the robot, or of the sphere of its volume, in m; `None` for an instrument.
+    pub robot_radius_m: Option<f64>,
 }
 
 impl Experiment {
@@ -43,6 +45,10 @@ impl Experiment {
             duration_s,
             poisson_ratio: match &self.apparatus {
                 Apparatus::Robot { vitreous, .. } => Some(vitreous.poisson_ratio),
+                Apparatus::Instrument { .. } => None,
+            },
+            robot_radius_m: match &self.apparatus {
+                Apparatus::Robot { robot, .. } => Some(robot.shape.equivalent_radius_m()),
                 Apparatus::Instrument { .. } => None,
             },
         }

@@ -6,12 +6,15 @@ pub mod exact;
 pub mod factorisation;
 pub mod meridional;
 pub mod ordering;
+pub mod poroelastic;
 mod quadrature;
 pub mod quality;
+pub mod spatial;
 pub mod stepping;
 pub mod strain;
 pub mod surface;
 pub mod time;
+pub mod transient;
 
 pub use assembly::{Assembly, Unknowns};
 pub use factorisation::{Factor, Stiffness};

@@ -29,6 +29,8 @@ struct Face {
     /// Nodes of the element that lie on the face.
     nodes: Vec<usize>,
     points: Vec<FacePoint>,
+    /// The places of its nodes.
+    at_nodes: Vec<FacePoint>,
 }
 
 struct FacePoint {
@@ -49,15 +51,19 @@ fn face(
     let element = element_of(kind);
     let n = kind.n_nodes();
     let tangents = tangents.map(Vector3::from);
-    let tabulate = |&([u, v], weight): &([f64; 2], f64)| {
-        let point: [f64; 3] = (Vector3::from(origin) + tangents[0] * u + tangents[1] * v).into();
+    let tabulate = |point: [f64; 3], weight: f64| {
         let (mut shape, mut gradient) = (vec![0.0; n], vec![[0.0; 3]; n]);
         element.shape(point, &mut shape);
         element.shape_gradient(point, &mut gradient);
         FacePoint { weight, tangents, shape, gradient }
     };
-    let nodes = reference_nodes(kind).into_iter().enumerate().filter(|(_, x)| on_face(*x)).map(|(k, _)| k).collect();
-    Face { nodes, points: places.iter().map(tabulate).collect() }
+    let at = |&([u, v], weight): &([f64; 2], f64)| {
+        tabulate((Vector3::from(origin) + tangents[0] * u + tangents[1] * v).into(), weight)
+    };
+    let places_of_nodes = reference_nodes(kind);
+    let nodes: Vec<usize> = (0..n).filter(|&k| on_face(places_of_nodes[k])).collect();
+    let at_nodes = nodes.iter().map(|&k| tabulate(places_of_nodes[k], 0.0)).collect();
+    Face { nodes, points: places.iter().map(at).collect(), at_nodes }
 }
 
 fn reference_nodes(kind: ElementKind) -> Vec<[f64; 3]> {
@@ -109,32 +115,55 @@ fn tetrahedron_faces(kind: ElementKind) -> Vec<Face> {
 
 /// Calls `visit` at every integration point of the robot's surface, element by element.
 pub fn for_each_robot_point(mesh: &Mesh, mut visit: impl FnMut(SurfacePoint<'_>)) {
+    for_each_robot_face(mesh, |nodes, face| {
+        for point in &face.points {
+            let Placed { area, normal, position_m } = place(mesh, nodes, point);
+            let area_m2 = point.weight * area;
+            visit(SurfacePoint { area_m2, normal: normal.into(), position_m, nodes, shape: &point.shape });
+        }
+    });
+}
+
+/// Normals out of the robot at every node of the mesh, one for each of the faces around it; none away from the robot.
+pub fn robot_normals(mesh: &Mesh) -> Vec<Vec<Vector3<f64>>> {
+    let mut normals = vec![Vec::new(); mesh.n_nodes()];
+    for_each_robot_face(mesh, |nodes, face| {
+        for (&k, point) in face.nodes.iter().zip(&face.at_nodes) {
+            normals[nodes[k] as usize].push(place(mesh, nodes, point).normal);
+        }
+    });
+    normals
+}
+
+fn for_each_robot_face<'a>(mesh: &'a Mesh, mut visit: impl FnMut(&'a [u32], &'static Face)) {
     let faces = faces(mesh.element_kind);
     for nodes in mesh.elements() {
         let is_on_robot = |&k: &usize| mesh.robot_nodes.binary_search(&nodes[k]).is_ok();
         for face in faces.iter().filter(|face| face.nodes.iter().all(is_on_robot)) {
-            let middle = middle_of(mesh, nodes);
-            for point in &face.points {
-                let (mut position, mut jacobian) = (Vector3::zeros(), Matrix3::zeros());
-                for ((&node, n), g) in nodes.iter().zip(&point.shape).zip(&point.gradient) {
-                    let x = Vector3::from(mesh.node_coordinates_m[node as usize]);
-                    position += x * *n;
-                    jacobian += x * Vector3::from(*g).transpose();
-                }
-                let across = (jacobian * point.tangents[0]).cross(&(jacobian * point.tangents[1]));
-                let area = across.norm();
-                // The element is outside the robot.
-                let outward = if across.dot(&(middle - position)) > 0.0 { across / area } else { -across / area };
-                visit(SurfacePoint {
-                    area_m2: point.weight * area,
-                    normal: outward.into(),
-                    position_m: position.into(),
-                    nodes,
-                    shape: &point.shape,
-                });
-            }
+            visit(nodes, face);
         }
     }
+}
+
+/// A point of a face of an element.
+struct Placed {
+    area: f64,
+    normal: Vector3<f64>,
+    position_m: [f64; 3],
+}
+
+fn place(mesh: &Mesh, nodes: &[u32], point: &FacePoint) -> Placed {
+    let (mut position, mut jacobian) = (Vector3::zeros(), Matrix3::zeros());
+    for ((&node, n), g) in nodes.iter().zip(&point.shape).zip(&point.gradient) {
+        let x = Vector3::from(mesh.node_coordinates_m[node as usize]);
+        position += x * *n;
+        jacobian += x * Vector3::from(*g).transpose();
+    }
+    let across = (jacobian * point.tangents[0]).cross(&(jacobian * point.tangents[1]));
+    let area = across.norm();
+    // The element is outside the robot.
+    let outward = if across.dot(&(middle_of(mesh, nodes) - position)) > 0.0 { across } else { -across };
+    Placed { area, normal: outward / area, position_m: position.into() }
 }
 
 fn middle_of(mesh: &Mesh, nodes: &[u32]) -> Vector3<f64> {

@@ -19,6 +19,7 @@ use crate::inference::prior::Prior;
 use crate::inference::{LogDensity, SamplerOptions};
 use crate::model::{Compliance, Forward};
 use crate::study::{Provenance, WithProvenance};
+use crate::surrogate::FieldModels;
 use crate::workflow::heldout::mean_trajectory;
 use crate::workflow::mechanics::Mechanics;
 use crate::workflow::problem::Problem;
@@ -72,7 +73,16 @@ impl Specimen {
         let problem =
             Problem::with_mechanics(experiment, measurement.specification.clone(), &Library::default(), mechanics)?;
         let trained = problem.training_ranges();
-        Ok(Self { problem, reduced: Reduced { surrogate: None, compliance, trained, max_relative_error: None } })
+        Ok(Self {
+            problem,
+            reduced: Reduced {
+                surrogate: None,
+                fields: FieldModels::default(),
+                compliance,
+                trained,
+                max_relative_error: None,
+            },
+        })
     }
 
     /// Its log-posterior under the interim prior.

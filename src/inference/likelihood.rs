@@ -169,8 +169,8 @@ impl<'a> ReducedPosterior<'a> {
             scratch.parameters.clear();
             scratch.parameters.extend((0..n_model).map(|d| Dual::constant(values[d * n + point])));
             let stages = self.parts.model.stages(&scratch.parameters);
-            match stages.and_then(|stages| {
-                let compliance_per_m = self.parts.compliance.per_m(stages.poisson_ratio)?;
+            match stages.and_then(|mut stages| {
+                let compliance_per_m = self.parts.compliance.resolve(&mut stages)?;
                 Ok((stages, compliance_per_m.value))
             }) {
                 Ok((stages, compliance_per_m)) => {

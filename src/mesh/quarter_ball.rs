@@ -33,11 +33,35 @@ impl QuarterBall {
                 "give a robot that lies inside the vitreous",
             ));
         }
+        Ok(self.of_sheets(&self.node_radii_m()))
+    }
+
+    /// The mesh with a sheet of element faces at a radius (m) between robot and outer surface: `n_inside` layers inside of it and the others outside.
+    ///
+    /// # Errors
+    /// [`Error::Numerical`] where the sizes make none.
+    pub fn mesh_with_interface(&self, radius_m: f64, n_inside: usize) -> Result<Mesh> {
+        let parts = [
+            Self { outer_radius_m: radius_m, n_layers: n_inside, ..*self },
+            Self { robot_radius_m: radius_m, n_layers: self.n_layers.saturating_sub(n_inside), ..*self },
+        ];
+        let is_between = radius_m > self.robot_radius_m && radius_m < self.outer_radius_m;
+        if !(is_between && parts.iter().all(|part| part.n_layers > 0 && part.n_per_edge > 0)) {
+            return Err(Error::numerical(
+                format!("no {n_inside} of {} layers fit inside a radius of {radius_m} m", self.n_layers),
+                "give a radius between robot and outer surface, and layers on both sides of it",
+            ));
+        }
+        let mut radii_m = parts[0].node_radii_m();
+        radii_m.extend(&parts[1].node_radii_m()[1..]);
+        Ok(self.of_sheets(&radii_m))
+    }
+
+    fn of_sheets(&self, radii_m: &[f64]) -> Mesh {
         let surface = BoxSurface::new([self.n_per_edge; 3]);
-        let radii_m = self.node_radii_m();
-        Ok(surface.layered(self.n_layers, |point, sheet| {
+        surface.layered(self.n_layers, |point, sheet| {
             equiangular_direction(point, surface.half_width[0]).map(|c| c * radii_m[sheet])
-        }))
+        })
     }
 
     /// Radii of the 2·layers + 1 spherical sheets of nodes, in geometric progression.

@@ -2,11 +2,15 @@
 
 use std::sync::Arc;
 
+use crate::effects::{Spread, Stages};
 use crate::error::{Error, Result};
 use crate::number::Dual;
 
 /// Compliance (1/m) as a function of the Poisson ratio.
 type OfPoissonRatio = dyn Fn(Dual) -> Result<Dual> + Send + Sync;
+
+/// The terms into which an effect that changes the field splits the law.
+type OfStages = dyn Fn(&Stages) -> Result<Option<Spread>> + Send + Sync;
 
 /// What turns ∫J dF into a position.
 #[derive(Clone)]
@@ -15,17 +19,41 @@ pub struct Compliance {
     given_per_m: f64,
     /// At others; `None` where there is no model of them.
     family: Option<Arc<OfPoissonRatio>>,
+    /// Of the other effects that change the field.
+    spread: Option<Arc<OfStages>>,
 }
 
 impl Compliance {
     /// One compliance (1/m).
     pub fn given(per_m: f64) -> Self {
-        Self { given_per_m: per_m, family: None }
+        Self { given_per_m: per_m, family: None, spread: None }
     }
 
     /// One compliance (1/m) at the experiment's Poisson ratio, and a family for others.
     pub fn family(per_m: f64, of_poisson_ratio: impl Fn(Dual) -> Result<Dual> + Send + Sync + 'static) -> Self {
-        Self { given_per_m: per_m, family: Some(Arc::new(of_poisson_ratio)) }
+        Self { given_per_m: per_m, family: Some(Arc::new(of_poisson_ratio)), spread: None }
+    }
+
+    /// The same with the terms of effects that change the field.
+    pub fn with_spread(self, of_stages: impl Fn(&Stages) -> Result<Option<Spread>> + Send + Sync + 'static) -> Self {
+        Self { spread: Some(Arc::new(of_stages)), ..self }
+    }
+
+    /// Completes stages by the terms of their field, and gives the compliance (1/m) that goes with them.
+    ///
+    /// # Errors
+    /// Those of [`Self::per_m`], and [`Error::Numerical`] where there is no model of the stages' field.
+    pub fn resolve(&self, stages: &mut Stages) -> Result<Dual> {
+        if stages.spatial.is_some() {
+            let of_stages = self.spread.as_ref().ok_or_else(|| {
+                Error::numerical(
+                    "there is no reduced model of this effect's field",
+                    "give an experiment with [robot] and [vitreous]",
+                )
+            })?;
+            stages.spread = of_stages(stages)?;
+        }
+        self.per_m(stages.poisson_ratio)
     }
 
     /// The compliance (1/m) at the experiment's Poisson ratio, or an instrument's.

@@ -2,9 +2,11 @@
 
 use super::{Compliance, Model, Response};
 use crate::error::{Error, Result};
-use crate::fe::Stiffness;
+use crate::fe::spatial::{self, SpatialRun, Surroundings};
 use crate::fe::stepping::Resolution;
 use crate::fe::time::{FullOrderModel, TimeScheme};
+use crate::fe::{Stiffness, transient};
+use crate::mesh::Mesh;
 use crate::number::Dual;
 
 /// Parameters → trajectory.
@@ -26,14 +28,17 @@ pub struct FullForward<'a> {
     time_s: &'a [f64],
     force_n: &'a [f64],
     resolution: Resolution,
+    surroundings: Option<Surroundings<'a>>,
 }
 
 /// A full-order run.
 pub struct FullRun {
     /// Recorded position (m) at every row.
     pub position_m: Vec<f64>,
-    /// Unknowns (m) at the rows that were asked for.
-    pub fields: Vec<Vec<f64>>,
+    /// Displacement of every node (m) at the rows that were asked for.
+    pub fields: Vec<Vec<[f64; 3]>>,
+    /// Their mesh, where it is not the model's own.
+    pub mesh: Option<Mesh>,
     /// Displacement (1/m) per force at unit creep compliance, at the run's Poisson ratio.
     pub compliance_per_m: f64,
 }
@@ -48,7 +53,12 @@ impl<'a> FullForward<'a> {
         force_n: &'a [f64],
     ) -> Result<Self> {
         let at_rest = FullOrderModel::new(stiffness, poisson_ratio)?;
-        Ok(Self { model, stiffness, at_rest, time_s, force_n, resolution: Resolution::default() })
+        Ok(Self { model, stiffness, at_rest, time_s, force_n, resolution: Resolution::default(), surroundings: None })
+    }
+
+    /// The same for effects that change the displacement field, which need more than the stiffness.
+    pub fn in_surroundings(self, surroundings: Surroundings<'a>) -> Self {
+        Self { surroundings: Some(surroundings), ..self }
     }
 
     /// The same with other time steps.
@@ -67,19 +77,40 @@ impl<'a> FullForward<'a> {
         if let Some(law) = base.creep_compliance(parameters).filter(|_| is_exponential) {
             let load = self.at_rest.solve_load(self.time_s, self.force_n);
             let position_m = self.at_rest.trajectory(&load, &law, TimeScheme::Exponential);
-            let fields = self.at_rest.fields(&load, &law, field_rows);
-            return Ok(FullRun { position_m, fields, compliance_per_m: self.compliance_per_m() });
+            let fields = self.nodal(self.at_rest.fields(&load, &law, field_rows));
+            return Ok(FullRun { position_m, fields, mesh: None, compliance_per_m: self.compliance_per_m() });
         }
         let constants: Vec<Dual> = parameters.iter().map(|value| Dual::constant(*value)).collect();
         let stages = self.model.stages(&constants)?;
+        if stages.spatial.is_some() {
+            let surroundings = self.surroundings.as_ref().ok_or_else(|| {
+                Error::numerical("the full model has no mesh to solve this effect on", "give it its surroundings")
+            })?;
+            let resolution = spatial_resolution(self.resolution);
+            let run = spatial::run(surroundings, &stages, self.time_s, self.force_n, field_rows, resolution)?;
+            let SpatialRun { position_m, fields, mesh } = run;
+            return Ok(FullRun { position_m, fields, mesh, compliance_per_m: self.compliance_per_m() });
+        }
         let full = match stages.poisson_ratio {
             Some(ratio) => &FullOrderModel::new(self.stiffness, ratio.value)?,
             None => &self.at_rest,
         };
         let stepped = full.step(&stages, self.time_s, self.force_n, self.resolution)?;
-        let fields = full.fields_of(&stepped, field_rows);
-        Ok(FullRun { position_m: stepped.position_m, fields, compliance_per_m: full.compliance_per_m() })
+        let fields = self.nodal(full.fields_of(&stepped, field_rows));
+        Ok(FullRun { position_m: stepped.position_m, fields, mesh: None, compliance_per_m: full.compliance_per_m() })
     }
+
+    fn nodal(&self, fields: Vec<Vec<f64>>) -> Vec<Vec<[f64; 3]>> {
+        let unknowns = &self.stiffness.assembly.unknowns;
+        fields.iter().map(|field| unknowns.nodal_displacement(field)).collect()
+    }
+}
+
+/// Steps of the field's own stepping that are as much finer than its default as others are than theirs.
+fn spatial_resolution(resolution: Resolution) -> transient::Resolution {
+    let own = transient::Resolution::default();
+    let (wanted, usual) = (resolution.steps_per_doubling, Resolution::default().steps_per_doubling);
+    transient::Resolution { steps_per_doubling: (own.steps_per_doubling * wanted).div_ceil(usual), ..own }
 }
 
 impl Forward for FullForward<'_> {
@@ -142,8 +173,8 @@ impl ReducedForward<'_> {
         self.in_trained_range(parameters)?;
         let seeded = |(i, value): (usize, &f64)| Dual { value: *value, derivative: f64::from(u8::from(i == index)) };
         let parameters: Vec<Dual> = parameters.iter().enumerate().map(seeded).collect();
-        let stages = self.model.stages(&parameters)?;
-        let compliance_per_m = self.compliance.per_m(stages.poisson_ratio)?;
+        let mut stages = self.model.stages(&parameters)?;
+        let compliance_per_m = self.compliance.resolve(&mut stages)?;
         let positions = self.response.derivative_m(&stages, compliance_per_m)?;
         let derivative: Vec<f64> = positions.iter().map(|x| x.derivative).collect();
         if derivative.iter().all(|slope| slope.is_finite()) {
@@ -161,8 +192,8 @@ impl Forward for ReducedForward<'_> {
     fn trajectory_m(&self, parameters: &[f64]) -> Result<Vec<f64>> {
         self.in_trained_range(parameters)?;
         let constants: Vec<Dual> = parameters.iter().map(|value| Dual::constant(*value)).collect();
-        let stages = self.model.stages(&constants)?;
-        let compliance_per_m = self.compliance.per_m(stages.poisson_ratio)?;
+        let mut stages = self.model.stages(&constants)?;
+        let compliance_per_m = self.compliance.resolve(&mut stages)?;
         self.response.trajectory_m(&stages, compliance_per_m.value)
     }
 }

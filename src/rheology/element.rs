@@ -47,4 +47,24 @@ impl Element {
     pub fn kelvin_voigt(modulus_pa: Dual, viscosity_pa_s: Dual) -> Self {
         Self::Parallel(vec![Self::Spring { modulus_pa }, Self::Dashpot { viscosity_pa_s }])
     }
+
+    /// The same with every stress `factor` times as large.
+    pub fn scaled(&self, factor: Dual) -> Self {
+        let all = |elements: &[Self]| elements.iter().map(|element| element.scaled(factor)).collect();
+        match self {
+            Self::Spring { modulus_pa } => Self::Spring { modulus_pa: *modulus_pa * factor },
+            Self::Dashpot { viscosity_pa_s } => Self::Dashpot { viscosity_pa_s: *viscosity_pa_s * factor },
+            Self::Springpot { modulus_pa, time_s, order } => {
+                Self::Springpot { modulus_pa: *modulus_pa * factor, time_s: *time_s, order: *order }
+            }
+            Self::Compliance { compliance_per_pa } => {
+                Self::Compliance { compliance_per_pa: *compliance_per_pa / factor }
+            }
+            Self::Retarded { compliance_per_pa, time_s } => {
+                Self::Retarded { compliance_per_pa: *compliance_per_pa / factor, time_s: *time_s }
+            }
+            Self::Series(elements) => Self::Series(all(elements)),
+            Self::Parallel(elements) => Self::Parallel(all(elements)),
+        }
+    }
 }

@@ -8,12 +8,14 @@ mod lumped;
 mod mittag_leffler;
 mod network;
 mod spectrum;
+mod spread;
 mod stieltjes;
 
 pub use element::Element;
 pub use mittag_leffler::mittag_leffler;
 pub use network::Network;
 pub use spectrum::{Accuracy, OscillatingMode, RetardationSpectrum, SpectralMode, TimeWindow};
+pub use spread::{Beside, SpreadTerm};
 
 use crate::distribution::Distribution;
 use crate::number::Dual;
@@ -198,6 +200,8 @@ impl BaseLaw {
 mod network_tests;
 #[cfg(test)]
 mod spectrum_tests;
+#[cfg(test)]
+mod spread_tests;
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -4,6 +4,7 @@
 //! compliances add, in parallel moduli do, and the way between them is one operation, S ↦ 1/(s S), whose poles are the zeros of S: exactly one
 //! between neighbouring poles. So every zero is bracketed, and no polynomial is ever formed.
 
+use super::spread::mass_on_maxwell_bodies;
 use super::{Element, RetardationSpectrum, SpectralMode};
 use crate::number::Dual;
 
@@ -46,6 +47,13 @@ pub(super) fn spectrum_of(element: &Element) -> Option<RetardationSpectrum> {
 pub(super) fn relaxation_rates_per_s(element: &Element) -> Option<Vec<f64>> {
     let modulus = compliance_of(element)?.reciprocal();
     Some(modulus.poles.iter().map(|pole| pole.at.value).filter(|rate| *rate > 0.0).collect())
+}
+
+/// The spectrum of a network with a mass beside it; `None` where it has a springpot, or no mass.
+pub(super) fn with_mass(element: &Element, mass: Dual) -> Option<RetardationSpectrum> {
+    let modulus = compliance_of(element)?.reciprocal();
+    let bodies: Vec<(Dual, Dual)> = modulus.poles.iter().map(|pole| (pole.weight, pole.at)).collect();
+    (mass.value > 0.0).then(|| mass_on_maxwell_bodies(modulus.constant, &bodies, mass))
 }
 
 /// J*.

@@ -3,12 +3,15 @@
 //! Snapshots are full-order fields at Sobol points of a box of parameters. For the base model at one Poisson ratio the problem separates
 //! and one mode is exact; over a range of Poisson ratios three modes span the response. Both go through the same machinery.
 
+mod field_models;
 mod pod;
 mod reduced;
+pub mod spread;
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+pub use field_models::{FieldModels, PocketModel};
 pub use pod::{EnergyProduct, Pod};
 pub use reduced::ReducedOperators;
 

@@ -177,10 +177,8 @@ fn middle_draw(trajectories_m: &[Vec<f64>], row: usize) -> usize {
 
 fn strain_of(problem: &Problem, full: &FullForward, parameters: &[f64], row: usize) -> Result<Option<f64>> {
     let (Some(fe), run) = (problem.finite_elements(), full.run(parameters, &[row])?) else { return Ok(None) };
-    let strain = |field: &Vec<f64>| {
-        let nodal = fe.stiffness.assembly.unknowns.nodal_displacement(field);
-        largest_principal_strain(&fe.mesh, &nodal)
-    };
+    let mesh = run.mesh.as_ref().unwrap_or(&fe.mesh);
+    let strain = |field: &Vec<[f64; 3]>| largest_principal_strain(mesh, field);
     run.fields.first().map(strain).transpose()
 }
 

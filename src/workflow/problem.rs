@@ -195,7 +195,10 @@ impl Problem {
     pub fn full_forward(&self) -> Result<Option<FullForward<'_>>> {
         let record = &self.experiment.record;
         self.finite_elements()
-            .map(|fe| FullForward::new(&self.model, &fe.stiffness, fe.poisson_ratio, &record.time_s, &record.force_n))
+            .map(|fe| {
+                FullForward::new(&self.model, &fe.stiffness, fe.poisson_ratio, &record.time_s, &record.force_n)
+                    .map(|full| full.in_surroundings(fe.surroundings()))
+            })
             .transpose()
     }
 }

@@ -1,5 +1,8 @@
 //! The reduced model of a problem: the surrogate, kept or trained, and its verification with the effects.
 
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
@@ -7,13 +10,15 @@ use sha2::{Digest, Sha256};
 use super::Monitor;
 use super::mechanics::{FiniteElements, Mechanics};
 use super::problem::Problem;
+use crate::effects::FieldModel;
 use crate::error::Result;
 use crate::experiment::Experiment;
+use crate::fe::spatial::Surroundings;
 use crate::inference::prior::PriorSet;
 use crate::mesh::Mesh;
-use crate::model::{Compliance, Forward, FullForward, ReducedForward, Response, TrainedRange};
+use crate::model::{Compliance, Forward, FullForward, Model, ReducedForward, Response, TrainedRange};
 use crate::rheology::BaseLaw;
-use crate::surrogate::{Surrogate, Training};
+use crate::surrogate::{FieldModels, Surrogate, Training};
 
 /// Singular values below this fraction of the largest carry no mode.
 const POD_TOLERANCE: f64 = 1e-6;
@@ -28,6 +33,8 @@ const VERIFICATION_SEED: u32 = 3;
 pub struct Reduced {
     /// The surrogate; `None` for an instrument, whose compliance is given.
     pub surrogate: Option<Surrogate>,
+    /// Models of effects that change the displacement field, as far as the model has any.
+    pub fields: FieldModels,
     /// Displacement per force at unit creep compliance.
     pub compliance: Compliance,
     /// Ranges of the law's parameters in which it may be asked; empty for an instrument.
@@ -41,6 +48,12 @@ pub struct Reduced {
 pub struct KeptSurrogate {
     /// Hash of everything that the surrogate depends on.
     pub built_from_sha256: String,
+    /// Hash of everything that the models of effects' fields depend on.
+    #[serde(default)]
+    pub fields_built_from_sha256: String,
+    /// Models of effects that change the displacement field.
+    #[serde(default)]
+    pub fields: FieldModels,
     /// The surrogate.
     #[serde(flatten)]
     pub surrogate: Surrogate,
@@ -64,12 +77,14 @@ impl Reduced {
         let fe = match &*problem.mechanics {
             Mechanics::Instrument { compliance_per_m } => {
                 let compliance = Compliance::given(*compliance_per_m);
-                return Ok(Self { surrogate: None, compliance, trained: Vec::new(), max_relative_error: None });
+                let fields = FieldModels::default();
+                return Ok(Self { surrogate: None, fields, compliance, trained: Vec::new(), max_relative_error: None });
             }
             Mechanics::FiniteElements(fe) => fe,
         };
         let (law, parameters) = training_law(problem)?;
         let training = training(problem, fe, law, &parameters)?;
+        let fields = field_models(fe, kept.as_ref(), &field_models_of(&problem.model), monitor)?;
         let surrogate = match kept.filter(|kept| kept.built_from_sha256 == built_from(fe, &training)) {
             Some(kept) => {
                 monitor.stage("taking the surrogate that is there");
@@ -81,7 +96,8 @@ impl Reduced {
             }
         };
         Ok(Self {
-            compliance: surrogate.compliance(fe.poisson_ratio)?,
+            compliance: with_fields(surrogate.compliance(fe.poisson_ratio)?, &fields),
+            fields,
             trained: problem.training_ranges(),
             max_relative_error: Some(surrogate.max_relative_error),
             surrogate: Some(surrogate),
@@ -93,8 +109,36 @@ impl Reduced {
         let (Some(fe), Some(surrogate)) = (problem.finite_elements(), self.surrogate.clone()) else { return Ok(None) };
         let (law, parameters) = training_law(problem)?;
         let training = training(problem, fe, law, &parameters)?;
-        Ok(Some(KeptSurrogate { built_from_sha256: built_from(fe, &training), surrogate }))
+        let fields_built_from_sha256 = fields_built_from(fe);
+        let (built_from_sha256, fields) = (built_from(fe, &training), self.fields.clone());
+        Ok(Some(KeptSurrogate { built_from_sha256, fields_built_from_sha256, fields, surrogate }))
     }
+}
+
+/// The models of fields that the effects of a model ask for.
+pub(crate) fn field_models_of(model: &Model) -> BTreeSet<FieldModel> {
+    model.effects().iter().filter_map(|effect| effect.field_model()).collect()
+}
+
+/// The models that are wanted: kept ones where they were built from the same, else new ones.
+pub(crate) fn field_models(
+    fe: &FiniteElements,
+    kept: Option<&KeptSurrogate>,
+    wanted: &BTreeSet<FieldModel>,
+    monitor: &dyn Monitor,
+) -> Result<FieldModels> {
+    let kept = kept.filter(|kept| kept.fields_built_from_sha256 == fields_built_from(fe));
+    let fields = kept.map_or_else(FieldModels::default, |kept| kept.fields.clone());
+    if !fields.have(wanted) {
+        monitor.stage("reducing the effects that change the displacement field");
+    }
+    fields.with(wanted, &fe.surroundings())
+}
+
+/// The compliance with the terms of fields.
+pub(crate) fn with_fields(compliance: Compliance, fields: &FieldModels) -> Compliance {
+    let fields = Arc::new(fields.clone());
+    compliance.with_spread(move |stages| fields.spread(stages))
 }
 
 /// The law of the training runs. The modes do not depend on it, so a network's are trained by the Lethersich law over its default prior.
@@ -135,7 +179,8 @@ fn training_load(problem: &Problem) -> (&[f64], &[f64]) {
 fn verify(problem: &Problem, fe: &FiniteElements, compliance: &Compliance) -> Result<f64> {
     let (time_s, force_n) = training_load(problem);
     let model = &problem.model;
-    let full = FullForward::new(model, &fe.stiffness, fe.poisson_ratio, time_s, force_n)?;
+    let full =
+        FullForward::new(model, &fe.stiffness, fe.poisson_ratio, time_s, force_n)?.in_surroundings(fe.surroundings());
     let response = Response::new(time_s, force_n, time_s.len());
     let reduced = ReducedForward { model, compliance: compliance.clone(), response, trained: &[] };
     let relative_error = |index: u32| {
@@ -157,8 +202,23 @@ fn verify(problem: &Problem, fe: &FiniteElements, compliance: &Compliance) -> Re
     Ok(errors.into_iter().fold(0.0, f64::max))
 }
 
+/// SHA-256 over the program's version, the mesh, what it weighs and the Poisson ratio.
+fn fields_built_from(fe: &FiniteElements) -> String {
+    let Surroundings { gel_density_kg_m3, robot_mass_kg, robot_radius_m, outer_radius_m, ball, .. } = fe.surroundings();
+    let sizes = format!(
+        "{} {gel_density_kg_m3:e} {robot_mass_kg:e} {robot_radius_m:e} {outer_radius_m:e} {ball:?}",
+        fe.poisson_ratio
+    );
+    hash_of(fe, &sizes)
+}
+
 /// SHA-256 over the program's version, the mesh and everything in the training.
 fn built_from(fe: &FiniteElements, training: &Training) -> String {
+    hash_of(fe, &format!("{training:?}"))
+}
+
+/// SHA-256 over the program's version, the mesh and what else counts.
+fn hash_of(fe: &FiniteElements, rest: &str) -> String {
     let mut hash = Sha256::new();
     hash.update(env!("CARGO_PKG_VERSION"));
     hash.update(format!("{:?}", fe.mesh.element_kind));
@@ -168,6 +228,6 @@ fn built_from(fe: &FiniteElements, training: &Training) -> String {
         hash.update(nodes.len().to_le_bytes());
         nodes.iter().for_each(|n| hash.update(n.to_le_bytes()));
     }
-    hash.update(format!("{training:?}"));
+    hash.update(rest);
     hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
 }

@@ -366,7 +366,13 @@ mod tests {
         let of = |compliance_per_m: f64| {
             let compliance = Compliance::given(compliance_per_m);
             let trained = problem.training_ranges();
-            let reduced = Reduced { surrogate: None, compliance, trained, max_relative_error: None };
+            let reduced = Reduced {
+                surrogate: None,
+                fields: crate::surrogate::FieldModels::default(),
+                compliance,
+                trained,
+                max_relative_error: None,
+            };
             fingerprint(&problem, &problem.posterior(&reduced))
         };
         assert_eq!(of(549.0), of(549.0));

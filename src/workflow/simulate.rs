@@ -10,14 +10,17 @@ use super::advice::strain_warning;
 use super::convergence::{self, MeshLevel};
 use super::mechanics::FiniteElements;
 use super::problem::Problem;
+use super::reduced::field_models_of;
 use super::summary::{PosteriorSummary, Warning};
 use crate::error::{Error, Place, Result};
 use crate::experiment::Record;
 use crate::fe::strain::largest_principal_strain;
 use crate::fe::time::{FullOrderModel, TimeScheme};
+use crate::mesh::Mesh;
 use crate::model::{Forward, FullForward, FullRun, Response};
 use crate::number::Dual;
 use crate::rheology::CreepCompliance;
+use crate::surrogate::FieldModels;
 
 /// Most displacement fields that are written.
 const MOST_FIELDS: usize = 20;
@@ -80,8 +83,10 @@ pub struct Simulation {
     pub summary: SimulationSummary,
     /// Position (m) at every row of the protocol.
     pub position_m: Vec<f64>,
-    /// Row and unknowns (m) of every field that is written.
-    pub fields: Vec<(usize, Vec<f64>)>,
+    /// Row and displacement of every node (m) of every field that is written.
+    pub fields: Vec<(usize, Vec<[f64; 3]>)>,
+    /// Their mesh.
+    pub mesh: Mesh,
     /// Wall-clock seconds of each stage.
     pub timing_s: Vec<(String, f64)>,
 }
@@ -218,12 +223,12 @@ pub fn run(
         (Some(scheme), Some(law)) => law_alone(fe, &grid, &law, scheme, &written_rows)?,
         _ => all_stages(problem, fe, &values, &written_rows)?,
     };
-    let Run { rows, position_m, fields, compliance_per_m, extreme_row } = run;
-    let exact_m = closed_form_m(problem, compliance_per_m, &values)?;
+    let Run { rows, position_m, fields, mesh, compliance_per_m, extreme_row } = run;
+    let mesh = mesh.unwrap_or_else(|| fe.mesh.clone());
+    let exact_m = closed_form_m(problem, fe, compliance_per_m, &values)?;
     let mut largest_strain = 0.0_f64;
     for field in &fields {
-        let nodal = fe.stiffness.assembly.unknowns.nodal_displacement(field);
-        largest_strain = largest_strain.max(largest_principal_strain(&fe.mesh, &nodal)?);
+        largest_strain = largest_strain.max(largest_principal_strain(&mesh, field)?);
     }
     timing_s.push(("full finite elements".to_string(), clock.elapsed().as_secs_f64()));
     let convergence = match request.refine {
@@ -245,7 +250,7 @@ pub fn run(
         warnings: strain_warning(largest_strain).into_iter().chain(fe.mesh_warnings.clone()).collect(),
     };
     let fields = rows.into_iter().zip(fields).filter(|(row, _)| written_rows.contains(row)).collect();
-    Ok(Simulation { summary, position_m, fields, timing_s })
+    Ok(Simulation { summary, position_m, fields, mesh, timing_s })
 }
 
 fn scheme_name(scheme: Option<TimeScheme>) -> &'static str {
@@ -261,7 +266,9 @@ struct Run {
     /// Rows of `fields`, in order.
     rows: Vec<usize>,
     position_m: Vec<f64>,
-    fields: Vec<Vec<f64>>,
+    fields: Vec<Vec<[f64; 3]>>,
+    /// Their mesh, where it is not the model's.
+    mesh: Option<Mesh>,
     compliance_per_m: f64,
     /// Row of the largest displacement.
     extreme_row: usize,
@@ -291,24 +298,29 @@ fn law_alone(
     let position_m: Vec<f64> = grid.place_of_row.iter().map(|&place| stepped_m[place]).collect();
     let (rows, extreme_row) = rows_with_extreme(written_rows, &position_m);
     let places: Vec<usize> = rows.iter().map(|&row| grid.place_of_row[row]).collect();
+    let unknowns = &fe.stiffness.assembly.unknowns;
     let fields = model.fields_by(&load, law, &places, scheme);
-    Ok(Run { rows, position_m, fields, compliance_per_m: model.compliance_per_m(), extreme_row })
+    let fields = fields.iter().map(|field| unknowns.nodal_displacement(field)).collect();
+    Ok(Run { rows, position_m, fields, mesh: None, compliance_per_m: model.compliance_per_m(), extreme_row })
 }
 
 fn all_stages(problem: &Problem, fe: &FiniteElements, values: &[f64], written_rows: &[usize]) -> Result<Run> {
     let record = &problem.experiment.record;
-    let full = FullForward::new(&problem.model, &fe.stiffness, fe.poisson_ratio, &record.time_s, &record.force_n)?;
+    let full = FullForward::new(&problem.model, &fe.stiffness, fe.poisson_ratio, &record.time_s, &record.force_n)?
+        .in_surroundings(fe.surroundings());
     let position_m = full.trajectory_m(values)?;
     let (rows, extreme_row) = rows_with_extreme(written_rows, &position_m);
-    let FullRun { position_m, fields, compliance_per_m } = full.run(values, &rows)?;
-    Ok(Run { rows, position_m, fields, compliance_per_m, extreme_row })
+    let FullRun { position_m, fields, mesh, compliance_per_m } = full.run(values, &rows)?;
+    Ok(Run { rows, position_m, fields, mesh, compliance_per_m, extreme_row })
 }
 
 /// The trajectory (m) in closed form at the run's own compliance: what is left is the time integration's error.
-fn closed_form_m(problem: &Problem, compliance_per_m: f64, values: &[f64]) -> Result<Vec<f64>> {
+fn closed_form_m(problem: &Problem, fe: &FiniteElements, compliance_per_m: f64, values: &[f64]) -> Result<Vec<f64>> {
     let record = &problem.experiment.record;
     let constants: Vec<Dual> = values.iter().map(|value| Dual::constant(*value)).collect();
-    let stages = problem.model.stages(&constants)?;
+    let mut stages = problem.model.stages(&constants)?;
+    stages.spread =
+        FieldModels::default().with(&field_models_of(&problem.model), &fe.surroundings())?.spread(&stages)?;
     Response::new(&record.time_s, &record.force_n, record.n_rows()).trajectory_m(&stages, compliance_per_m)
 }
 

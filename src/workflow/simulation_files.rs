@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::problem::Problem;
-use super::simulate::{Simulation, SimulationSummary, finite_elements};
+use super::simulate::{Simulation, SimulationSummary};
 use crate::error::{Error, Result};
 use crate::experiment::{Apparatus, Orientation, Record, RobotShape};
 use crate::mesh::vtu::{PointData, TimeStep, write_pvd, write_vtu};
@@ -22,13 +22,11 @@ pub fn write(dir: &Path, problem: &Problem, simulation: &Simulation) -> Result<(
         let path = dir.join(name);
         std::fs::write(&path, text).map_err(|source| refused(&path, source))?;
     }
-    let fe = finite_elements(problem)?;
     let mut files = Vec::new();
     for (number, (row, field)) in simulation.fields.iter().enumerate() {
-        let nodal = fe.stiffness.assembly.unknowns.nodal_displacement(field);
-        let displacement_m = PointData { name: "displacement_m", components: 3, values: nodal.as_flattened() };
+        let displacement_m = PointData { name: "displacement_m", components: 3, values: field.as_flattened() };
         let name = format!("fields_{:02}.vtu", number + 1);
-        write_vtu(dir.join(&name), &fe.mesh, &[displacement_m])?;
+        write_vtu(dir.join(&name), &simulation.mesh, &[displacement_m])?;
         files.push((problem.experiment.record.time_s[*row], name));
     }
     let steps: Vec<TimeStep> = files.iter().map(|(time_s, file)| TimeStep { time_s: *time_s, file }).collect();

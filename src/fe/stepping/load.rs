@@ -6,13 +6,13 @@ use nalgebra::{Matrix3, Vector3};
 
 /// A change of the force that enters the lag.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Switch {
+pub(crate) struct Switch {
     pub time_s: f64,
     pub force_n: f64,
 }
 
 /// The changes of the force, from the record's start on, after delay, factors and offset; the first is the offset's.
-pub(super) fn switches(load: &Load, time_s: &[f64], force_n: &[f64]) -> Vec<Switch> {
+pub(crate) fn switches(load: &Load, time_s: &[f64], force_n: &[f64]) -> Vec<Switch> {
     let Some(&start_s) = time_s.first() else { return Vec::new() };
     let mut switches = vec![Switch { time_s: start_s, force_n: load.offset_n.value }];
     let mut commanded_n = 0.0;

@@ -17,6 +17,8 @@ mod run;
 mod springpot;
 mod steps;
 
+pub(crate) use load::switches;
+
 use super::time::FullOrderModel;
 use crate::effects::{Approach, Observation, Stages};
 use crate::error::{Error, Result};
@@ -78,7 +80,7 @@ impl FullOrderModel<'_> {
 }
 
 /// The recorded position (m) for the robot's, `time_s` after the record's start.
-fn observed(observation: &Observation, position_m: f64, time_s: f64) -> f64 {
+pub(crate) fn observed(observation: &Observation, position_m: f64, time_s: f64) -> f64 {
     let approach = |a: &Approach| -a.amplitude_m.value * (-time_s / a.time_s.value).exp_m1();
     observation.scale.value * position_m
         + observation.velocity_m_per_s.value * time_s

@@ -90,8 +90,19 @@ impl<T: Real> Lowered<T> {
         let at_rows =
             load.delay_s.is_constant(0.0) && load.lag_time_s.value == 0.0 && load.gradient_per_m.is_constant(0.0);
         let shortest_s = window.shortest_s * if at_rows { 1.0 } else { BETWEEN_ROWS };
-        let spectrum =
-            RetardationSpectrum::with_accuracy(&stages.law, TimeWindow { shortest_s, ..window }, Accuracy::Fast)?;
+        let window = TimeWindow { shortest_s, ..window };
+        let spectrum = match (&stages.spread, &stages.spatial) {
+            (Some(spread), _) if stages.softening_rate_per_s.is_constant(0.0) => {
+                RetardationSpectrum::spread(&stages.law, &spread.beside, &spread.terms, window, Accuracy::Fast)?
+            }
+            (None, None) => RetardationSpectrum::with_accuracy(&stages.law, window, Accuracy::Fast)?,
+            _ => {
+                return Err(Error::numerical(
+                    "the field's terms are not there, or stand beside a gel that softens",
+                    "complete the stages by the compliance, and leave `softening` out",
+                ));
+            }
+        };
         Ok(Self::with_spectrum(stages, &spectrum, compliance_per_m, levels))
     }
 

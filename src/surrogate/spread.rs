@@ -1,0 +1,239 @@
+//! The reduced model of a linear effect that changes the displacement field (physics §3.3, §5).
+//!
+//! The full model is f = (A + x B) z with symmetric A > 0, B ≥ 0 and a scalar x that the law and the effect's parameters make: A is the stiffness and B the
+//! friction or the mass; for a pocket A is the whole stiffness, B the pocket's, and x lies in (−1, 0]. Solutions at values of x over many decades are
+//! snapshots; their POD in the energy norm of A gives modes; and the common eigenvectors of the two matrices, projected on the modes, give the robot's
+//! compliance as C Σ w/(1 + x μ) for every x, complex ones included: an affine split whose online part does not know the mesh.
+//!
+//! Since the compliance is an energy, its error is the square of the energy norm of the field's: what Galerkin's residual r says of it, rᵀA⁻¹r,
+//! bounds the error from above for x ≥ 0, and after division by 1 + x below 0. It is kept in a small matrix ([`SpreadModes::error_indicator`]).
+
+use faer::{Mat, Side};
+use serde::{Deserialize, Serialize};
+
+use super::pod::{EnergyProduct, Pod, dot};
+use crate::error::{Error, Result};
+use crate::fe::spatial::{SpatialKind, SpatialSystem};
+
+/// Weights below this part of the whole are left out.
+const LEAST_WEIGHT: f64 = 1e-10;
+/// x times the natural scale above which a slipping surface sticks.
+const STUCK: f64 = 1e9;
+/// μ over the largest below which a term does not know B at all.
+const NO_SHARE: f64 = 1e-7;
+
+/// A pair of matrices reduced to a few terms.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SpreadModes {
+    /// Compliance at x = 0 of the full model, in 1/m.
+    pub compliance_per_m: f64,
+    /// w, summing up to 1 but for what the modes miss.
+    pub weights: Vec<f64>,
+    /// μ ≥ 0.
+    pub numbers: Vec<f64>,
+    /// Singular values of the normalised snapshots, relative to the largest.
+    pub singular_values: Vec<f64>,
+    /// Solutions that made the modes.
+    pub snapshots: usize,
+    /// Unknowns of the full model.
+    pub unknowns: usize,
+    /// Products in A⁻¹ of f, and of A and B times each eigenvector, relative to the compliance: row by row.
+    gram: Vec<f64>,
+}
+
+/// Values of x of the snapshots: `per_decade` of them over decades around natural scales.
+fn decades(lowest: f64, highest: f64, per_decade: f64) -> Vec<f64> {
+    let n = ((highest / lowest).log10() * per_decade).ceil() as usize;
+    (0..=n).map(|k| lowest * (highest / lowest).powf(k as f64 / n as f64)).collect()
+}
+
+/// The x at which snapshots are taken, for a robot of some radius in a gel of some radius (m) and density (kg/m³).
+pub fn snapshot_values(kind: SpatialKind, radius_m: f64, outer_radius_m: f64, density_kg_m3: f64) -> Vec<f64> {
+    match kind {
+        // Friction acts as 1/R does against the stiffness.
+        SpatialKind::Slip => {
+            let mut values: Vec<f64> = decades(1e-3, 1e3, 2.0).iter().map(|x| x / radius_m).collect();
+            values.insert(0, 0.0);
+            values.push(STUCK / radius_m);
+            values
+        }
+        // Momentum reaches the outer surface where ρ x R_o² is one, and the robot's where ρ x R² is.
+        SpatialKind::Inertia => {
+            let lowest = 1e-2 / (density_kg_m3 * outer_radius_m * outer_radius_m);
+            let highest = 1e2 / (density_kg_m3 * radius_m * radius_m);
+            let mut values = decades(lowest, highest, 2.0);
+            values.insert(0, 0.0);
+            values
+        }
+        // The pocket is softer by a factor 1 + x.
+        SpatialKind::Pocket { .. } => decades(1e-4, 1.0, 2.0).iter().map(|share| share - 1.0).collect(),
+    }
+}
+
+impl SpreadModes {
+    /// Solves at the values of x, and reduces. Singular values below `tolerance` times the largest are dropped.
+    ///
+    /// # Errors
+    /// Those of the factors and of the decomposition.
+    pub fn new(system: &SpatialSystem, values: &[f64], tolerance: f64) -> Result<Self> {
+        let split = Split::new(system);
+        let n = system.n_unknowns();
+        let mut force = vec![0.0; n];
+        force[system.freedoms.robot()] = 1.0;
+        let solve = |x: f64| {
+            let mut field = force.clone();
+            system.factor(&split.weights(x)).map(|factor| {
+                factor.solve_in_place(&mut field);
+                field
+            })
+        };
+        let snapshots: Vec<Vec<f64>> = {
+            use rayon::prelude::*;
+            values.par_iter().map(|x| solve(*x)).collect::<Result<_>>()?
+        };
+        let at_rest = match values.iter().position(|x| *x == 0.0) {
+            Some(k) => snapshots[k].clone(),
+            None => solve(0.0)?,
+        };
+        let whole = split.first_matrix(system)?;
+        let energy = EnergyProduct(whole.upper());
+        let pod = Pod::new(&snapshots, energy, tolerance)?;
+        let applied: Vec<Vec<f64>> = pod.modes.iter().map(|mode| split.second_product(system, mode)).collect();
+        let r = pod.modes.len();
+        let projected =
+            Mat::from_fn(r, r, |i, j| 0.5 * (dot(&pod.modes[i], &applied[j]) + dot(&pod.modes[j], &applied[i])));
+        let eigen = projected.self_adjoint_eigen(Side::Lower).map_err(|e| {
+            Error::numerical(format!("the reduced matrices have no eigenvectors: {e:?}"), "use a finer mesh")
+        })?;
+        let vectors: Vec<Vec<f64>> = (0..r)
+            .map(|k| {
+                let mut vector = vec![0.0; n];
+                for (i, mode) in pod.modes.iter().enumerate() {
+                    vector.iter_mut().zip(mode).for_each(|(sum, value)| *sum += eigen.U()[(i, k)] * value);
+                }
+                vector
+            })
+            .collect();
+        let compliance = at_rest[system.freedoms.robot()];
+        let robot = system.freedoms.robot();
+        let largest = eigen.S().column_vector().iter().copied().fold(0.0, f64::max);
+        let mut terms: Vec<(f64, f64, usize)> = (0..r)
+            .map(|k| {
+                let number = eigen.S().column_vector()[k].max(0.0);
+                let number = if number < NO_SHARE * largest && split.may_vanish { 0.0 } else { number };
+                (vectors[k][robot] * vectors[k][robot] / compliance, number, k)
+            })
+            .filter(|(weight, ..)| *weight > LEAST_WEIGHT)
+            .collect();
+        terms.sort_by(|a, b| a.1.total_cmp(&b.1));
+        let kept: Vec<&Vec<f64>> = terms.iter().map(|(.., k)| &vectors[*k]).collect();
+        let gram = gram(system, &split, &force, &kept, compliance)?;
+        let largest_singular = pod.singular_values[0];
+        Ok(Self {
+            compliance_per_m: crate::fe::time::QUARTER * compliance,
+            weights: terms.iter().map(|(weight, ..)| *weight).collect(),
+            numbers: terms.iter().map(|(_, number, _)| *number).collect(),
+            singular_values: pod.singular_values.iter().map(|s| s / largest_singular).collect(),
+            snapshots: values.len(),
+            unknowns: n,
+            gram,
+        })
+    }
+
+    /// Compliance at a real x over that at x = 0.
+    pub fn relative_compliance(&self, x: f64) -> f64 {
+        self.weights.iter().zip(&self.numbers).map(|(weight, number)| weight / (1.0 + x * number)).sum()
+    }
+
+    /// Upper bound of the error of [`Self::relative_compliance`] at a real x, by the residual.
+    pub fn error_indicator(&self, x: f64) -> f64 {
+        let n = self.weights.len();
+        let size = 2 * n + 1;
+        let mut coefficients = vec![1.0];
+        let amplitudes: Vec<f64> =
+            self.weights.iter().zip(&self.numbers).map(|(weight, number)| weight.sqrt() / (1.0 + x * number)).collect();
+        coefficients.extend(amplitudes.iter().map(|a| -a));
+        coefficients.extend(amplitudes.iter().map(|a| -x * a));
+        let mut sum = 0.0;
+        for i in 0..size {
+            for j in 0..size {
+                sum += coefficients[i] * coefficients[j] * self.gram[i * size + j];
+            }
+        }
+        sum.max(0.0) / if x < 0.0 { 1.0 + x } else { 1.0 }
+    }
+}
+
+/// Which of a system's matrices make A and B.
+struct Split {
+    /// Weights of the system's matrices in A, and in B.
+    first: Vec<f64>,
+    second: Vec<f64>,
+    /// Whether B leaves some fields alone: those that do not slip.
+    may_vanish: bool,
+}
+
+impl Split {
+    fn new(system: &SpatialSystem) -> Self {
+        match system.stiffness.len() {
+            // The pocket and the rest.
+            2 => Self { first: vec![1.0, 1.0], second: vec![1.0, 0.0], may_vanish: false },
+            _ => Self { first: vec![1.0, 0.0], second: vec![0.0, 1.0], may_vanish: system.damping.is_some() },
+        }
+    }
+
+    fn weights(&self, x: f64) -> Vec<f64> {
+        self.first.iter().zip(&self.second).map(|(a, b)| a + x * b).collect()
+    }
+
+    fn first_matrix(&self, system: &SpatialSystem) -> Result<crate::fe::spatial::SymmetricMatrix> {
+        system.sum(&self.first)
+    }
+
+    fn second_product(&self, system: &SpatialSystem, field: &[f64]) -> Vec<f64> {
+        let mut product = vec![0.0; field.len()];
+        for (matrix, weight) in system.matrices().into_iter().zip(&self.second) {
+            if *weight != 0.0 {
+                matrix.add_product(field, &mut product);
+            }
+        }
+        product
+    }
+}
+
+/// Products in A⁻¹ of f, A v√.. and B v, relative to the compliance.
+fn gram(
+    system: &SpatialSystem,
+    split: &Split,
+    force: &[f64],
+    vectors: &[&Vec<f64>],
+    compliance: f64,
+) -> Result<Vec<f64>> {
+    let whole = split.first_matrix(system)?;
+    let factor = system.factor(&split.first)?;
+    let mut sides: Vec<Vec<f64>> = vec![force.to_vec()];
+    // The eigenvectors are of unit energy: the field at x is Σ (φ_robot/(1 + xμ)) φ, and over the compliance's root √w/(1 + xμ) φ √C.
+    let root = compliance.sqrt();
+    sides.extend(vectors.iter().map(|v| whole.product(v).iter().map(|p| root * p).collect::<Vec<f64>>()));
+    sides
+        .extend(vectors.iter().map(|v| split.second_product(system, v).iter().map(|p| root * p).collect::<Vec<f64>>()));
+    let robot = system.freedoms.robot();
+    for (k, v) in vectors.iter().enumerate() {
+        // √w carries the sign of the vector's robot component.
+        if v[robot] < 0.0 {
+            let n = vectors.len();
+            sides[1 + k].iter_mut().for_each(|p| *p = -*p);
+            sides[1 + n + k].iter_mut().for_each(|p| *p = -*p);
+        }
+    }
+    let solved: Vec<Vec<f64>> = sides
+        .iter()
+        .map(|side| {
+            let mut solution = side.clone();
+            factor.solve_in_place(&mut solution);
+            solution
+        })
+        .collect();
+    let size = sides.len();
+    Ok((0..size * size).map(|at| dot(&sides[at / size], &solved[at % size]) / compliance).collect())
+}
