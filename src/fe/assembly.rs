@@ -73,6 +73,11 @@ impl Unknowns {
         self.count
     }
 
+    /// Number of nodes.
+    pub(super) fn n_nodes(&self) -> usize {
+        self.group.len()
+    }
+
     /// Index of the robot's translation along x.
     pub fn robot(&self) -> usize {
         self.count - 1
@@ -105,7 +110,8 @@ impl Unknowns {
         }
     }
 
-    fn of_node(&self, node: u32) -> [u32; 3] {
+    /// Unknown of each component of a node, or `u32::MAX` where it is fixed.
+    pub(super) fn of_node(&self, node: u32) -> [u32; 3] {
         self.unknown[self.group[node as usize] as usize]
     }
 }

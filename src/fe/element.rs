@@ -178,6 +178,11 @@ impl TabulatedElement {
         Self { n_nodes, points: element.quadrature().into_iter().map(tabulate).collect() }
     }
 
+    /// Reference gradients of the shape functions and pressure functions at every quadrature point.
+    pub(super) fn reference_points(&self) -> impl Iterator<Item = (&[[f64; 3]], &[f64])> {
+        self.points.iter().map(|point| (point.gradient.as_slice(), point.pressure.as_slice()))
+    }
+
     /// Jacobian ∂x/∂ξ (m) of the element with these node coordinates (m) at every quadrature point.
     pub fn jacobians<'a>(&'a self, coordinates_m: &'a [[f64; 3]]) -> impl Iterator<Item = Matrix3<f64>> + 'a {
         self.points.iter().map(|point| {

@@ -5,6 +5,7 @@ pub mod element;
 pub mod exact;
 pub mod factorisation;
 pub mod meridional;
+pub mod nonlinear;
 pub mod ordering;
 pub mod poroelastic;
 mod quadrature;

@@ -28,7 +28,7 @@ pub(crate) fn switches(load: &Load, time_s: &[f64], force_n: &[f64]) -> Vec<Swit
 }
 
 /// What answers the force within a step: x = compliance (M F + h).
-pub(super) struct Mechanics {
+pub(crate) struct Mechanics {
     /// Position per unit force and unit modulus, in 1/m.
     pub compliance_per_m: f64,
     /// M: strain at the stages per force at the stages, in 1/Pa.
@@ -38,7 +38,7 @@ pub(super) struct Mechanics {
 }
 
 /// F = F_in (1 + g x) at the stages, `mechanics` telling x.
-pub(super) fn with_gradient(gradient_per_m: f64, force_n: Vector3<f64>, mechanics: &Mechanics) -> Vector3<f64> {
+pub(crate) fn with_gradient(gradient_per_m: f64, force_n: Vector3<f64>, mechanics: &Mechanics) -> Vector3<f64> {
     if gradient_per_m == 0.0 {
         return force_n;
     }
@@ -50,8 +50,9 @@ pub(super) fn with_gradient(gradient_per_m: f64, force_n: Vector3<f64>, mechanic
 }
 
 /// Refuses positions (m) at which the gradient is too strong for what the model says of it.
-pub(super) fn check_feedback(gradient_per_m: f64, position_m: &Vector3<f64>, time_s: f64) -> Result<()> {
-    let feedback = if gradient_per_m == 0.0 { 0.0 } else { gradient_per_m.abs() * position_m.amax() };
+pub(crate) fn check_feedback(gradient_per_m: f64, position_m: &[f64], time_s: f64) -> Result<()> {
+    let farthest_m = position_m.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+    let feedback = if gradient_per_m == 0.0 { 0.0 } else { gradient_per_m.abs() * farthest_m };
     if feedback < LARGEST_FEEDBACK {
         return Ok(());
     }

@@ -10,12 +10,12 @@
 //!
 //! At the default [`Resolution`] the robot's position errs by less than 2e-8 of its largest.
 
-mod load;
+pub(crate) mod load;
 mod network;
 mod radau;
-mod run;
+pub(crate) mod run;
 mod springpot;
-mod steps;
+pub(crate) mod steps;
 
 pub(crate) use load::switches;
 

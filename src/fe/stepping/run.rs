@@ -36,7 +36,7 @@ pub(super) fn strains(
 }
 
 /// Time from switch `i` to the next row or switch that is later by more than rounding; infinite if there is none.
-fn gap_s(time_s: &[f64], switches: &[Switch], i: usize, rounding_s: f64) -> f64 {
+pub(crate) fn gap_s(time_s: &[f64], switches: &[Switch], i: usize, rounding_s: f64) -> f64 {
     let after_s = switches[i].time_s + rounding_s;
     let row_s = time_s.get(time_s.partition_point(|&t| t <= after_s)).copied().unwrap_or(f64::INFINITY);
     let switch_s = switches[i..].iter().map(|switch| switch.time_s).find(|&t| t > after_s).unwrap_or(f64::INFINITY);
@@ -83,7 +83,7 @@ struct Run<'a> {
 }
 
 /// Clock rounding as a share of the record's length.
-const CLOCK_ROUNDING: f64 = 1e-13;
+pub(crate) const CLOCK_ROUNDING: f64 = 1e-13;
 
 impl<'a> Run<'a> {
     fn new(
@@ -163,7 +163,7 @@ impl<'a> Run<'a> {
         let mechanics = Mechanics { compliance_per_m: self.compliance_per_m, response, history };
         let force_n = load::with_gradient(gradient_per_m, lagged_n, &mechanics);
         let strain = mechanics.response * force_n + mechanics.history;
-        load::check_feedback(gradient_per_m, &(strain * self.compliance_per_m), self.now_s)?;
+        load::check_feedback(gradient_per_m, (strain * self.compliance_per_m).as_slice(), self.now_s)?;
         network.end(&prepared.network, &force_n.component_mul(&amplified));
         self.lagged_n = lagged_n[2];
         self.strain_n_per_pa = strain[2];

@@ -11,7 +11,7 @@ const DROPPED_BITS: u32 = 52 - 36;
 
 /// The rule: h ≤ η (time since the switch + scale), on a ladder of lengths η 2^(j/k), so that few lengths occur.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct StepRule {
+pub(crate) struct StepRule {
     steps_per_doubling: f64,
     /// η.
     growth: f64,
@@ -24,14 +24,14 @@ pub(super) struct StepRule {
 
 /// Steps since one switch.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Grading {
+pub(crate) struct Grading {
     switched_s: f64,
     scale_s: f64,
 }
 
 impl StepRule {
     /// The rule for a fastest time of the law and the lag, and a softening rate.
-    pub(super) fn new(resolution: Resolution, fastest_s: f64, feeds_back: bool, softening_per_s: f64) -> Self {
+    pub(crate) fn new(resolution: Resolution, fastest_s: f64, feeds_back: bool, softening_per_s: f64) -> Self {
         let steps_per_doubling = f64::from(resolution.steps_per_doubling.max(1));
         let growth = steps_per_doubling.recip().exp2() - 1.0;
         let longest_step_s = SOFTENING_SHARE * growth / softening_per_s.abs();
@@ -39,13 +39,13 @@ impl StepRule {
     }
 
     /// Steps after a switch that is followed by a stop `gap_s` later.
-    pub(super) fn after_switch(&self, switched_s: f64, gap_s: f64) -> Grading {
+    pub(crate) fn after_switch(&self, switched_s: f64, gap_s: f64) -> Grading {
         let fastest_s = if self.feeds_back { self.fastest_s.min(gap_s) } else { self.fastest_s };
         Grading { switched_s, scale_s: fastest_s.max(SHARE_OF_GAP * gap_s) }
     }
 
     /// Length of the step from `now_s`, with `left_s` to the next stop.
-    pub(super) fn step_s(&self, grading: Grading, now_s: f64, left_s: f64) -> f64 {
+    pub(crate) fn step_s(&self, grading: Grading, now_s: f64, left_s: f64) -> f64 {
         let scale = (now_s - grading.switched_s + grading.scale_s).min(self.longest_step_s / self.growth);
         let ladder_s =
             self.growth * ((self.steps_per_doubling * scale.log2()).floor() / self.steps_per_doubling).exp2();
