@@ -4,6 +4,7 @@
 //! and one mode is exact; over a range of Poisson ratios three modes span the response. Both go through the same machinery.
 
 mod field_models;
+pub mod hyper;
 mod pod;
 mod reduced;
 pub mod spread;

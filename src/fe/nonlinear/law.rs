@@ -198,10 +198,14 @@ impl<N: PointScalar> Bodies<N> {
         2 + self.retarded.len()
     }
 
-    /// The shortest retardation time, in s.
-    pub(crate) fn fastest_s(&self) -> f64 {
+    /// The shortest retardation time in s where the nonlinear body's equivalent strain is `equivalent`: a spring that has stiffened relaxes faster, by its tangent.
+    pub(crate) fn fastest_s(&self, equivalent: f64) -> f64 {
         let times = self.retarded.iter().filter(|body| body.compliance_per_pa.value() > 0.0);
-        let first_s = self.viscosity_1_pa_s.value() / self.modulus_pa.value();
+        let stiffened = match self.nonlinearity {
+            Nonlinearity::StrainStiffening { coefficient } => 1.0 + 3.0 * coefficient.value() * equivalent * equivalent,
+            _ => 1.0,
+        };
+        let first_s = self.viscosity_1_pa_s.value() / (self.modulus_pa.value() * stiffened);
         times.map(|body| body.time_s.value()).fold(first_s, f64::min)
     }
 }
@@ -232,7 +236,8 @@ mod tests {
         let burgers = bodies(BaseLaw::Burgers, stiffening).unwrap();
         assert_eq!((burgers.modulus_pa, burgers.viscosity_1_pa_s, burgers.viscosity_2_pa_s), (3.5, 1.4, 47.0));
         assert_eq!((burgers.instantaneous_per_pa, burgers.n_histories()), (0.125, 2));
-        assert!((burgers.fastest_s() - 0.4).abs() < 1e-15);
+        assert!((burgers.fastest_s(0.0) - 0.4).abs() < 1e-15);
+        assert!((burgers.fastest_s(2.0) - 0.4 / 4.6).abs() < 1e-15);
         let two = bodies(BaseLaw::TwoElement, stiffening).unwrap();
         assert_eq!(two.retarded, [Retarded { compliance_per_pa: 0.125, time_s: 3.75 }]);
         assert_eq!(two.n_histories(), 3);

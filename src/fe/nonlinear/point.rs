@@ -21,6 +21,8 @@ pub(crate) trait Number: PointScalar {
     const HAS_DERIVATIVE: bool;
     /// √x.
     fn sqrt(self) -> Self;
+    /// ln x.
+    fn ln(self) -> Self;
 }
 
 impl Number for f64 {
@@ -28,6 +30,10 @@ impl Number for f64 {
     #[inline(always)]
     fn sqrt(self) -> Self {
         f64::sqrt(self)
+    }
+    #[inline(always)]
+    fn ln(self) -> Self {
+        f64::ln(self)
     }
 }
 
@@ -37,33 +43,37 @@ impl Number for Dual {
     fn sqrt(self) -> Self {
         Dual::sqrt(self)
     }
+    #[inline(always)]
+    fn ln(self) -> Self {
+        Dual::ln(self)
+    }
 }
 
 /// √⅔: from a deviator's norm to the equivalent of physics §5.
-const EQUIVALENT: f64 = 0.816_496_580_927_726;
+pub(crate) const EQUIVALENT: f64 = 0.816_496_580_927_726;
 
 /// A linear body over a stage: ε = decay H + compliance s.
 #[derive(Debug, Clone, Copy)]
-struct LinearBody<N> {
-    decay: N,
-    compliance: N,
+pub(crate) struct LinearBody<N> {
+    pub decay: N,
+    pub compliance: N,
 }
 
 /// The law over a stage of one length.
 #[derive(Debug, Clone)]
 pub(crate) struct StageLaw<N> {
     /// Linear bodies that keep a strain of their own.
-    linear: Vec<LinearBody<N>>,
+    pub linear: Vec<LinearBody<N>>,
     /// j_l.
-    linear_compliance: N,
-    omega: N,
-    kappa: N,
-    radial: Radial<N>,
+    pub linear_compliance: N,
+    pub omega: N,
+    pub kappa: N,
+    pub radial: Radial<N>,
 }
 
 /// What the scalar equation needs.
 #[derive(Debug, Clone, Copy)]
-enum Radial<N> {
+pub(crate) enum Radial<N> {
     /// c₁/g, E and Eβ.
     Stiffening { rate: N, modulus: N, cubic: N },
     /// g/c₂, 1/n − 1 and s₀.
@@ -126,12 +136,6 @@ impl<N: Number> StageLaw<N> {
             }
         }
         offset
-    }
-
-    /// κ: the stress that the nonlinear body's history takes away.
-    #[inline(always)]
-    pub(crate) fn kappa(&self) -> N {
-        self.kappa
     }
 
     /// Strains of all bodies at the stage's end, in place of their histories.

@@ -30,7 +30,7 @@ fn stress_of<N: Number>(law: &StageLaw<N>, strain: &Tensor<N>, histories: &[Tens
     let moduli = law.moduli(deviator_norm(&a));
     std::array::from_fn(|i| {
         let modulus = if i < 5 { moduli.secant } else { moduli.volumetric };
-        modulus * a[i] - law.kappa() * histories[0][i]
+        modulus * a[i] - law.kappa * histories[0][i]
     })
 }
 

@@ -1,12 +1,13 @@
 //! One run: stops, steps, retries.
 
 use super::law::Bodies;
-use super::point::{StageLaw, Tensor};
+use super::point::{EQUIVALENT, StageLaw, Tensor, deviator_norm};
 use super::stage::{Balance, Push, Stage};
 use super::tableau::Tableau;
 use super::{Cost, Options};
 use crate::effects::Load;
 use crate::error::{Error, Result};
+use crate::fe::stepping::Resolution;
 use crate::fe::stepping::load::{self, Switch};
 use crate::fe::stepping::run::{CLOCK_ROUNDING, gap_s};
 use crate::fe::stepping::steps::{Grading, StepRule};
@@ -58,6 +59,7 @@ struct Run<'a> {
     balance: Balance<'a>,
     bodies: &'a Bodies<f64>,
     tableau: Tableau,
+    resolution: Resolution,
     rule: StepRule,
     grading: Grading,
     /// Largest residual that is accepted.
@@ -88,14 +90,14 @@ impl<'a> Run<'a> {
         start_s: f64,
     ) -> Self {
         let lag_time_s = load.lag_time_s.value;
-        let slowest_s = if lag_time_s > 0.0 { lag_time_s } else { f64::INFINITY };
-        let rule = StepRule::new(options.resolution, bodies.fastest_s().min(slowest_s), false, 0.0);
+        let rule = StepRule::new(options.resolution, bodies.fastest_s(0.0), false, 0.0);
         let largest_n = switches.iter().fold(0.0_f64, |most, switch| most.max(switch.force_n.abs()));
         let per_n = balance.factor.unit_response()[balance.robot].max(0.0).sqrt();
         let n_points = balance.points.count();
         Self {
             tolerance: options.tolerance * QUARTER * largest_n * per_n,
             tableau: options.scheme.tableau(),
+            resolution: options.resolution,
             rule,
             grading: rule.after_switch(start_s, f64::INFINITY),
             gradient_per_m: load.gradient_per_m.value,
@@ -119,6 +121,11 @@ impl<'a> Run<'a> {
         self.lagged_n = self.force_n(self.now_s);
         self.input_n = switch.force_n;
         self.switched_s = self.now_s;
+        let bodies = self.histories.chunks_exact(self.bodies.n_histories());
+        let largest = bodies.map(|histories| deviator_norm(&histories[0])).fold(0.0, f64::max);
+        let slowest_s = if self.lag_time_s > 0.0 { self.lag_time_s } else { f64::INFINITY };
+        let fastest_s = self.bodies.fastest_s(EQUIVALENT * largest).min(slowest_s);
+        self.rule = StepRule::new(self.resolution, fastest_s, false, 0.0);
         self.grading = self.rule.after_switch(self.now_s, gap_s);
         self.known.clear();
     }

@@ -200,8 +200,8 @@ fn respond(law: &StageLaw<f64>, strain: &Tensor<f64>, histories: &[Tensor<f64>])
     a.iter_mut().zip(strain).for_each(|(a, e)| *a += e);
     let norm = deviator_norm(&a);
     let Moduli { secant, normal, volumetric, coupling } = law.moduli(norm);
-    let mut stress: Tensor<f64> = std::array::from_fn(|i| secant * a[i] - law.kappa() * histories[0][i]);
-    stress[5] = volumetric * a[5] - law.kappa() * histories[0][5];
+    let mut stress: Tensor<f64> = std::array::from_fn(|i| secant * a[i] - law.kappa * histories[0][i]);
+    stress[5] = volumetric * a[5] - law.kappa * histories[0][5];
     let per_norm = if norm > 0.0 { 1.0 / norm } else { 0.0 };
     let direction = std::array::from_fn(|i| a[i] * per_norm);
     (stress, Tangent { secant, along: normal - secant, volumetric, coupling: coupling * a[5], direction })

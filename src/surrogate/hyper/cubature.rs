@@ -1,0 +1,139 @@
+//! Empirical cubature: few integration points with weights that are not negative (energy-conserving sampling and weighting).
+//!
+//! C. Farhat, T. Chapman, P. Avery, Int. J. Numer. Meth. Engng 102 (2015) 1077, doi:10.1002/nme.4820. The weights solve min |Ax − b|, x ≥ 0, by the
+//! active-set method of C. Lawson and R. Hanson (Solving Least Squares Problems, ch. 23), stopped as soon as the residual is small: the earlier it
+//! stops, the fewer points there are.
+
+use nalgebra::{DMatrix, DVector};
+
+/// A weighted choice of columns.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Cubature {
+    /// Chosen columns, ascending, with their weights, all positive.
+    pub weights: Vec<(usize, f64)>,
+    /// |Ax − b|/|b|.
+    pub residual: f64,
+}
+
+/// Chooses columns of A (one after the other, each `b.len()` long) until |Ax − b| ≤ `tolerance` |b| or `most` columns are in use.
+pub(super) fn choose(columns: &[f64], b: &[f64], tolerance: f64, most: usize) -> Cubature {
+    let n_rows = b.len();
+    let b = DVector::from_column_slice(b);
+    let column = |j: usize| &columns[j * n_rows..(j + 1) * n_rows];
+    let norm = b.norm();
+    let mut active: Vec<usize> = Vec::new();
+    let mut x: Vec<f64> = Vec::new();
+    let mut rest = b.clone();
+    // Columns that left as soon as they entered: rounding, and not to be tried again until something else has changed.
+    let mut refused: Vec<usize> = Vec::new();
+    while rest.norm() > tolerance * norm && active.len() < most {
+        let best = columns
+            .chunks_exact(n_rows)
+            .enumerate()
+            .map(|(j, a)| (j, a.iter().zip(rest.iter()).map(|(a, r)| a * r).sum::<f64>()))
+            .filter(|(j, slope)| *slope > 0.0 && !active.contains(j) && !refused.contains(j))
+            .fold(None, |best: Option<(usize, f64)>, (j, slope)| match best {
+                Some((_, most)) if most >= slope => best,
+                _ => Some((j, slope)),
+            });
+        let Some((entering, _)) = best else { break };
+        active.push(entering);
+        x.push(0.0);
+        loop {
+            let chosen = DMatrix::from_fn(n_rows, active.len(), |i, k| column(active[k])[i]);
+            let Some(solution) = least_squares(&chosen, &b) else {
+                active.pop();
+                x.pop();
+                refused.push(entering);
+                break;
+            };
+            if solution.iter().all(|s| *s > 0.0) {
+                x = solution;
+                refused.clear();
+                break;
+            }
+            // As far towards the solution as all weights stay positive; those that vanish leave.
+            let share =
+                x.iter().zip(&solution).filter(|(_, s)| **s <= 0.0).map(|(x, s)| x / (x - s)).fold(1.0, f64::min);
+            x.iter_mut().zip(&solution).for_each(|(x, s)| *x += share * (s - *x));
+            let leaves: Vec<bool> = x.iter().zip(&solution).map(|(x, s)| *s <= 0.0 && *x <= 1e-14 * s.abs()).collect();
+            if leaves.last() == Some(&true) && leaves.iter().filter(|l| **l).count() == 1 && share == 0.0 {
+                refused.push(entering);
+            }
+            let mut keep = leaves.iter().map(|leaves| !leaves);
+            active.retain(|_| keep.next().unwrap_or(true));
+            let mut keep = leaves.iter().map(|leaves| !leaves);
+            x.retain(|_| keep.next().unwrap_or(true));
+            if active.is_empty() {
+                break;
+            }
+        }
+        rest.copy_from(&b);
+        for (j, x) in active.iter().zip(&x) {
+            rest.iter_mut().zip(column(*j)).for_each(|(r, a)| *r -= x * a);
+        }
+    }
+    let mut weights: Vec<(usize, f64)> = active.into_iter().zip(x).collect();
+    weights.sort_by_key(|(j, _)| *j);
+    Cubature { weights, residual: rest.norm() / norm }
+}
+
+/// Least squares by orthogonal factors; `None` where a column depends on the others.
+fn least_squares(a: &DMatrix<f64>, b: &DVector<f64>) -> Option<Vec<f64>> {
+    if a.ncols() > a.nrows() {
+        return None;
+    }
+    let qr = a.clone().qr();
+    let mut projected = b.clone();
+    qr.q_tr_mul(&mut projected);
+    let r = qr.unpack_r();
+    let largest = (0..r.ncols()).map(|i| r[(i, i)].abs()).fold(0.0, f64::max);
+    if (0..r.ncols()).any(|i| r[(i, i)].abs() <= 1e-12 * largest) {
+        return None;
+    }
+    let solution = r.solve_upper_triangular(&projected.rows(0, a.ncols()).into_owned())?;
+    Some(solution.iter().copied().collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn residual(columns: &[f64], b: &[f64], weights: &[(usize, f64)]) -> Vec<f64> {
+        let mut rest = b.to_vec();
+        for (j, x) in weights {
+            rest.iter_mut().zip(&columns[j * b.len()..]).for_each(|(r, a)| *r -= x * a);
+        }
+        rest
+    }
+
+    /// The conditions of Karush, Kuhn and Tucker: no slope at points in use, none upwards at the others.
+    #[test]
+    fn the_least_residual_without_negative_weights_is_found() {
+        let (n_rows, n) = (7, 40);
+        for seed in 0..10 {
+            let columns: Vec<f64> = (0..n_rows * n).map(|k| (1.3 * f64::from(k) + f64::from(seed)).sin()).collect();
+            let b: Vec<f64> = (0..n_rows).map(|k| (2.9 * f64::from(k * k) + f64::from(seed)).cos() - 0.4).collect();
+            let found = choose(&columns[..7 * 12], &b, 0.0, 12);
+            let rest = residual(&columns, &b, &found.weights);
+            for (j, column) in columns[..7 * 12].chunks_exact(7).enumerate() {
+                let slope: f64 = column.iter().zip(&rest).map(|(a, r)| a * r).sum();
+                let in_use = found.weights.iter().any(|(k, _)| *k == j);
+                assert!(slope < 1e-12 && (!in_use || slope > -1e-12), "{seed} {j} {slope}");
+            }
+            assert!(found.weights.iter().all(|(_, x)| *x > 0.0));
+        }
+    }
+
+    /// Gauss's and Tchakaloff's theorem: the moments up to degree 7 of 400 points are those of at most 8 of them.
+    #[test]
+    fn moments_need_no_more_points_than_there_are_moments() {
+        let points: Vec<f64> = (0..400).map(|i| -1.0 + (f64::from(i) + 0.5) / 200.0).collect();
+        let columns: Vec<f64> = points.iter().flat_map(|x| (0..8).map(move |k| x.powi(k) / 400.0)).collect();
+        let b: Vec<f64> = (0..8).map(|k| columns.chunks_exact(8).map(|c| c[k]).sum()).collect();
+        let found = choose(&columns, &b, 1e-12, 100);
+        assert!(found.weights.len() <= 8 && found.residual <= 1e-12, "{found:?}");
+        let early = choose(&columns, &b, 0.05, 100);
+        assert!(early.weights.len() < found.weights.len() && early.residual <= 0.05, "{early:?}");
+    }
+}

@@ -1,0 +1,444 @@
+//! Steps of the reduced model: few modes, few points, a small dense Newton iteration.
+//!
+//! Between two switches steps grow geometrically: with θ the law's fastest time, rounded down to a power of two, they are equal in ξ = ln(1 + t/θ).
+//! Rows lie between the steps' ends and are interpolated by a polynomial of degree 5 in ξ. Lengths of steps depend on the parameters through that power of
+//! two and the delay alone, so that a trajectory is smooth in its parameters but where θ passes a power of two.
+
+use super::kernel::{self, BlockTensor, CubaturePoints, Given, MOST_MODES, Sums};
+use super::lanes::{Block, N_LANES, Plain};
+use crate::effects::Load;
+use crate::error::{Error, Result};
+use crate::fe::nonlinear::Bodies;
+use crate::fe::nonlinear::Scheme;
+use crate::fe::nonlinear::point::{Number, StageLaw};
+use crate::fe::nonlinear::tableau::Tableau;
+use crate::fe::stepping::load::check_feedback;
+use crate::number::{PointScalar, Scalar};
+use nalgebra::DMatrix;
+
+/// Nodes of an interpolation.
+const N_NODES: usize = 6;
+/// Fewest steps between two switches.
+const FEWEST_STEPS: usize = 3;
+/// Steps are no finer than this share of the time from a switch to the row after it.
+const SHARE_OF_GAP: f64 = 0.1;
+/// Most steps of Newton's method.
+const MOST_ITERATIONS: usize = 25;
+/// Change of the coordinates, relative to the largest they have had, after which one more step is exact enough: it squares the error.
+const NEARLY: f64 = 1e-4;
+/// Clock rounding as a share of the record's length.
+const CLOCK_ROUNDING: f64 = 1e-13;
+
+/// What a run needs besides the law.
+pub(super) struct Reduced<'a> {
+    pub points: &'a CubaturePoints,
+    /// The robot's translation in every mode.
+    pub robot: &'a [f64],
+    /// Share of the robot and of the force that the mesh carries.
+    pub share: f64,
+    pub steps_per_doubling: f64,
+}
+
+/// A change of the force, after delay, factors and offset.
+#[derive(Clone, Copy)]
+struct Switch<N> {
+    time_s: N,
+    force_n: N,
+}
+
+fn switches<N: Number>(load: &Load, time_s: &[f64], force_n: &[f64]) -> Vec<Switch<N>> {
+    let Some(&start_s) = time_s.first() else { return Vec::new() };
+    let offset_n = N::of(load.offset_n);
+    let mut switches = vec![Switch { time_s: N::constant(start_s), force_n: offset_n }];
+    let mut commanded_n = 0.0;
+    for (&time_s, &force_n) in time_s.iter().zip(force_n) {
+        if force_n != commanded_n {
+            commanded_n = force_n;
+            let factor = if force_n < 0.0 { load.negative_factor } else { load.positive_factor };
+            let force_n = N::of(factor) * force_n + offset_n;
+            switches.push(Switch { time_s: N::of(load.delay_s) + N::constant(time_s), force_n });
+        }
+    }
+    switches
+}
+
+/// State of a run.
+struct State<'a, B: Block> {
+    reduced: &'a Reduced<'a>,
+    bodies: &'a Bodies<B::Scalar>,
+    plain_bodies: &'a Bodies<f64>,
+    gradient_per_m: B::Scalar,
+    lag_time_s: B::Scalar,
+    input_n: B::Scalar,
+    lagged_n: B::Scalar,
+    switched_s: B::Scalar,
+    /// Strains of every body at every block.
+    histories: Vec<BlockTensor<B>>,
+    started: Vec<BlockTensor<B>>,
+    rates: Vec<Vec<BlockTensor<B>>>,
+    given: Vec<Given<B>>,
+    plain_given: Vec<Given<Plain>>,
+    coordinates: Vec<B::Scalar>,
+    /// Times and coordinates from which others are extrapolated.
+    known: Vec<(f64, [f64; MOST_MODES])>,
+    sums: Sums,
+    force: Vec<f64>,
+    tangent: Vec<f64>,
+    /// Largest coordinate so far.
+    largest: f64,
+}
+
+/// The robot's displacement (m) at every row, the limit from the left.
+#[inline(always)]
+pub(super) fn run<B: Block>(
+    reduced: &Reduced,
+    bodies: &Bodies<B::Scalar>,
+    plain_bodies: &Bodies<f64>,
+    load: &Load,
+    time_s: &[f64],
+    force_n: &[f64],
+) -> Result<Vec<B::Scalar>> {
+    let zero = B::Scalar::constant(0.0);
+    let mut found = vec![zero; time_s.len()];
+    let (Some(&start_s), Some(&end_s)) = (time_s.first(), time_s.last()) else { return Ok(found) };
+    let rounding_s = CLOCK_ROUNDING * (end_s - start_s);
+    let switches = switches::<B::Scalar>(load, time_s, force_n);
+    let mut state = State::<B>::new(reduced, bodies, plain_bodies, load);
+    let lag_s = load.lag_time_s.value;
+    let slowest_s = if lag_s > 0.0 { lag_s } else { f64::INFINITY };
+    let mut row = time_s.partition_point(|&t| t <= start_s + rounding_s);
+    for (i, switch) in switches.iter().enumerate() {
+        let begin_s = switch.time_s;
+        if begin_s.value() >= end_s - rounding_s {
+            break;
+        }
+        state.switch(*switch);
+        let next_s = switches.get(i + 1).map_or(end_s, |next| next.time_s.value());
+        let length_s = match switches.get(i + 1) {
+            Some(next) if next_s < end_s => next.time_s - begin_s,
+            _ => B::Scalar::constant(end_s) - begin_s,
+        };
+        if length_s.value() <= rounding_s {
+            continue;
+        }
+        let stop_s = next_s.min(end_s);
+        let first_s = time_s.get(row).map_or(length_s.value(), |&t| t - begin_s.value());
+        let largest = kernel::largest_equivalent(&state.histories, bodies.n_histories());
+        let fastest_s = plain_bodies.fastest_s(largest).min(slowest_s).log2().floor().exp2();
+        let scale_s = fastest_s.max(SHARE_OF_GAP * first_s.min(length_s.value()));
+        let nodes = state.hold(begin_s, length_s, scale_s)?;
+        let per_node = (length_s * (1.0 / scale_s) + B::Scalar::constant(1.0)).ln() * (1.0 / (nodes.len() - 1) as f64);
+        while row < time_s.len() && time_s[row] <= stop_s + rounding_s {
+            let since = (B::Scalar::constant(time_s[row]) - begin_s) * (1.0 / scale_s) + B::Scalar::constant(1.0);
+            found[row] = interpolated(&nodes, since.ln() / per_node);
+            row += 1;
+        }
+    }
+    Ok(found)
+}
+
+/// The value at ξ of the polynomial through the nodes nearest to it, which stand at 0, 1, 2, …
+#[inline(always)]
+fn interpolated<N: Number>(nodes: &[N], place: N) -> N {
+    let n = nodes.len().min(N_NODES);
+    let first = (place.value().floor() as usize).saturating_sub(n / 2 - 1).min(nodes.len() - n);
+    let mut distance = [N::constant(0.0); N_NODES];
+    for (k, d) in distance[..n].iter_mut().enumerate() {
+        *d = place + N::constant(-((first + k) as f64));
+    }
+    // Products of the distances before and behind every node.
+    let mut behind = [N::constant(1.0); N_NODES + 1];
+    for k in (0..n).rev() {
+        behind[k] = behind[k + 1] * distance[k];
+    }
+    let (mut before, mut sum) = (N::constant(1.0), N::constant(0.0));
+    for k in 0..n {
+        sum += nodes[first + k] * before * behind[k + 1] * (1.0 / denominator(k, n));
+        before = before * distance[k];
+    }
+    sum
+}
+
+/// Π (k − j) over j ≠ k below n.
+#[inline(always)]
+fn denominator(k: usize, n: usize) -> f64 {
+    (0..n).filter(|j| *j != k).map(|j| k as f64 - j as f64).product()
+}
+
+impl<'a, B: Block> State<'a, B> {
+    #[inline(always)]
+    fn new(reduced: &'a Reduced, bodies: &'a Bodies<B::Scalar>, plain_bodies: &'a Bodies<f64>, load: &Load) -> Self {
+        let (zero, blank) = (B::Scalar::constant(0.0), B::constant(Plain([0.0; N_LANES])));
+        let (m, n_blocks) = (reduced.points.n_modes, reduced.points.n_blocks);
+        let histories = vec![[blank; 6]; n_blocks * bodies.n_histories()];
+        let empty = Plain([0.0; N_LANES]);
+        Self {
+            reduced,
+            bodies,
+            plain_bodies,
+            gradient_per_m: B::Scalar::of(load.gradient_per_m),
+            lag_time_s: B::Scalar::of(load.lag_time_s),
+            input_n: zero,
+            lagged_n: zero,
+            switched_s: zero,
+            started: histories.clone(),
+            rates: vec![histories.clone(); Scheme::Fourth.tableau().nodes.len()],
+            given: vec![Given { offset: [blank; 6], taken: [blank; 6] }; n_blocks],
+            plain_given: vec![Given { offset: [empty; 6], taken: [empty; 6] }; n_blocks],
+            histories,
+            coordinates: vec![zero; m],
+            known: Vec::with_capacity(16),
+            sums: Sums::new(m),
+            force: vec![0.0; m],
+            tangent: vec![0.0; m * m],
+            largest: 0.0,
+        }
+    }
+
+    #[inline(always)]
+    fn switch(&mut self, switch: Switch<B::Scalar>) {
+        self.lagged_n = self.force_n(switch.time_s);
+        self.input_n = switch.force_n;
+        self.switched_s = switch.time_s;
+        self.known.clear();
+    }
+
+    /// The force after the lag.
+    #[inline(always)]
+    fn force_n(&self, time_s: B::Scalar) -> B::Scalar {
+        if self.lag_time_s.value() == 0.0 {
+            return self.input_n;
+        }
+        self.input_n + (self.lagged_n - self.input_n) * (-(time_s - self.switched_s) / self.lag_time_s).exp()
+    }
+
+    #[inline(always)]
+    fn position(&self) -> B::Scalar {
+        let mut x = B::Scalar::constant(0.0);
+        for (r, z) in self.reduced.robot.iter().zip(&self.coordinates) {
+            x += *z * *r;
+        }
+        x
+    }
+
+    /// Steps through the time after a switch; positions at the steps' ends, the first right after the switch.
+    #[inline(always)]
+    fn hold(&mut self, begin_s: B::Scalar, length_s: B::Scalar, scale_s: f64) -> Result<Vec<B::Scalar>> {
+        let doublings = (length_s.value() / scale_s).ln_1p() / std::f64::consts::LN_2;
+        let n = ((self.reduced.steps_per_doubling * doublings).ceil() as usize).max(FEWEST_STEPS);
+        let logarithm = (length_s * (1.0 / scale_s) + B::Scalar::constant(1.0)).ln() * (1.0 / n as f64);
+        if self.plain_bodies.instantaneous_per_pa > 0.0 {
+            // Springs in series jump with the force: a step of almost no length shows where to.
+            self.jump(begin_s, B::Scalar::constant(1e-9 * scale_s))?;
+        } else {
+            self.remember(begin_s.value());
+        }
+        let mut nodes = Vec::with_capacity(n + 1);
+        nodes.push(self.position());
+        let mut from_s = begin_s;
+        for k in 1..=n {
+            let to_s = begin_s + (logarithm * k as f64).exp_m1() * scale_s;
+            self.step(from_s, to_s - from_s)?;
+            nodes.push(self.position());
+            from_s = to_s;
+        }
+        Ok(nodes)
+    }
+
+    #[inline(always)]
+    fn remember(&mut self, time_s: f64) {
+        let mut values = [0.0; MOST_MODES];
+        for (v, z) in values.iter_mut().zip(&self.coordinates) {
+            *v = z.value();
+        }
+        self.known.push((time_s, values));
+    }
+
+    #[inline(always)]
+    fn jump(&mut self, time_s: B::Scalar, step_s: B::Scalar) -> Result<()> {
+        let law = StageLaw::new(self.bodies, step_s);
+        let plain_law = StageLaw::new(self.plain_bodies, step_s.value());
+        self.started.copy_from_slice(&self.histories);
+        let guess: Vec<f64> = self.coordinates.iter().map(|z| z.value()).collect();
+        self.solve(&law, &plain_law, time_s, &guess)?;
+        self.remember(time_s.value());
+        Ok(())
+    }
+
+    #[inline(always)]
+    fn step(&mut self, from_s: B::Scalar, step_s: B::Scalar) -> Result<()> {
+        let Tableau { diagonal, nodes, matrix } = Scheme::Fourth.tableau();
+        let stage_s = step_s * diagonal;
+        let law = StageLaw::new(self.bodies, stage_s);
+        let plain_law = StageLaw::new(self.plain_bodies, stage_s.value());
+        for (stage, (node, weights)) in nodes.iter().zip(matrix).enumerate() {
+            let time_s = from_s + step_s * *node;
+            for (place, start) in self.histories.iter().enumerate() {
+                let mut history = *start;
+                for (rates, weight) in self.rates.iter().zip(*weights) {
+                    let weight = B::splat(step_s * *weight);
+                    for (h, r) in history.iter_mut().zip(&rates[place]) {
+                        *h = *h + weight * *r;
+                    }
+                }
+                self.started[place] = history;
+            }
+            let mut guess = [0.0; MOST_MODES];
+            self.extrapolate(stage, time_s.value(), &mut guess);
+            let guess = &guess[..self.coordinates.len()];
+            self.solve(&law, &plain_law, time_s, guess)?;
+            self.remember(time_s.value());
+            let is_last = stage + 1 == nodes.len();
+            let target = if is_last { &mut self.histories } else { &mut self.rates[stage] };
+            target.copy_from_slice(&self.started);
+            kernel::advance(self.reduced.points, &law, &self.given, &self.coordinates, target);
+            if !is_last {
+                let inverse = B::splat(B::Scalar::constant(1.0) / stage_s);
+                for (rate, start) in target.iter_mut().zip(&self.started) {
+                    for (r, s) in rate.iter_mut().zip(start) {
+                        *r = (*r - *s) * inverse;
+                    }
+                }
+            }
+        }
+        // The next step extrapolates from this one's middle, its third quarter and its end.
+        let last = self.known.len() - 1;
+        self.known = vec![self.known[last - 1], self.known[last - 3], self.known[last]];
+        Ok(())
+    }
+
+    /// A guess: the parabola through three known coordinates, as in the full-order run.
+    #[inline(always)]
+    fn extrapolate(&self, stage: usize, time_s: f64, guess: &mut [f64; MOST_MODES]) {
+        let n = self.known.len();
+        let places = if stage == 4 { [n - 4, n - 3, n - 1] } else { [n.saturating_sub(3), n.saturating_sub(2), n - 1] };
+        let distinct = if stage == 4 { 3 } else { n.min(3) };
+        let chosen = &places[3 - distinct..];
+        for i in chosen {
+            let (t_i, u) = &self.known[*i];
+            let others = chosen.iter().filter(|j| *j != i);
+            let weight: f64 = others.map(|j| (time_s - self.known[*j].0) / (t_i - self.known[*j].0)).product();
+            guess.iter_mut().zip(u).for_each(|(g, u)| *g += weight * u);
+        }
+    }
+
+    /// Balances a stage that starts from `started`: coordinates and what the law made of the histories are kept.
+    #[inline(always)]
+    fn solve(
+        &mut self,
+        law: &StageLaw<B::Scalar>,
+        plain_law: &StageLaw<f64>,
+        time_s: B::Scalar,
+        guess: &[f64],
+    ) -> Result<()> {
+        let (points, share) = (self.reduced.points, self.reduced.share);
+        let (m, n) = (points.n_modes, self.bodies.n_histories());
+        let histories = self.started.chunks_exact(n);
+        for ((given, plain), histories) in self.given.iter_mut().zip(&mut self.plain_given).zip(histories) {
+            *given = Given::new(law, histories);
+            *plain = given.values();
+        }
+        let input_n = self.force_n(time_s);
+        let (force_n, slope) = (share * input_n.value(), share * input_n.value() * self.gradient_per_m.value());
+        let mut z = [0.0; MOST_MODES];
+        z[..m].copy_from_slice(guess);
+        let z = &mut z[..m];
+        let robot = self.reduced.robot;
+        let mut step = [0.0; MOST_MODES];
+        let mut is_near = false;
+        let mut size = f64::INFINITY;
+        for _ in 0..MOST_ITERATIONS {
+            if is_near && !B::Scalar::HAS_DERIVATIVE {
+                break;
+            }
+            let (sums, force, tangent) = (&mut self.sums, &mut self.force, &mut self.tangent);
+            kernel::forces_and_tangent(points, plain_law, &self.plain_given, z, sums, force, tangent);
+            let x: f64 = robot.iter().zip(&*z).map(|(r, z)| r * z).sum();
+            for i in 0..m {
+                step[i] = robot[i] * (force_n + slope * x) - force[i];
+                for j in 0..m {
+                    tangent[i * m + j] -= slope * robot[i] * robot[j];
+                }
+            }
+            if is_near {
+                break;
+            }
+            if !factorise(tangent, m) {
+                return Err(diverged(time_s.value(), f64::NAN));
+            }
+            substitute(tangent, m, &mut step[..m]);
+            z.iter_mut().zip(&step).for_each(|(z, s)| *z += s);
+            self.largest = z.iter().fold(self.largest, |most, z| most.max(z.abs()));
+            size = step[..m].iter().fold(0.0_f64, |most, s| most.max(s.abs()));
+            is_near = size <= NEARLY * self.largest;
+        }
+        if !is_near {
+            return Err(diverged(time_s.value(), size / self.largest));
+        }
+        for (coordinate, value) in self.coordinates.iter_mut().zip(&*z) {
+            *coordinate = B::Scalar::constant(*value);
+        }
+        if B::Scalar::HAS_DERIVATIVE {
+            // One step with numbers that carry derivatives, by the tangent where the iteration ended.
+            let mut force = [B::Scalar::constant(0.0); MOST_MODES];
+            kernel::forces(points, law, &self.given, &self.coordinates, &mut force[..m]);
+            let push = input_n * (self.gradient_per_m * self.position() + B::Scalar::constant(1.0)) * share;
+            let rest: Vec<B::Scalar> = (0..m).map(|i| push * robot[i] - force[i]).collect();
+            let inverse = DMatrix::from_row_slice(m, m, &self.tangent).try_inverse();
+            let inverse = inverse.ok_or_else(|| diverged(time_s.value(), f64::NAN))?;
+            for i in 0..m {
+                for j in 0..m {
+                    self.coordinates[i] += rest[j] * inverse[(i, j)];
+                }
+            }
+        }
+        let x = self.position().value();
+        if !x.is_finite() {
+            return Err(diverged(time_s.value(), f64::NAN));
+        }
+        check_feedback(self.gradient_per_m.value(), &[x], time_s.value())
+    }
+}
+
+/// LU factors of a small matrix, row by row, in place; false where a pivot vanishes. The tangent is nearly symmetric and positive definite: no pivoting.
+#[inline(always)]
+fn factorise(matrix: &mut [f64], m: usize) -> bool {
+    for k in 0..m {
+        let pivot = matrix[k * m + k];
+        if !(pivot.abs() > 0.0 && pivot.is_finite()) {
+            return false;
+        }
+        for i in k + 1..m {
+            let factor = matrix[i * m + k] / pivot;
+            matrix[i * m + k] = factor;
+            for j in k + 1..m {
+                matrix[i * m + j] -= factor * matrix[k * m + j];
+            }
+        }
+    }
+    true
+}
+
+#[inline(always)]
+fn substitute(factors: &[f64], m: usize, vector: &mut [f64]) {
+    for i in 0..m {
+        for j in 0..i {
+            vector[i] -= factors[i * m + j] * vector[j];
+        }
+    }
+    for i in (0..m).rev() {
+        for j in i + 1..m {
+            vector[i] -= factors[i * m + j] * vector[j];
+        }
+        vector[i] /= factors[i * m + i];
+    }
+}
+
+fn diverged(time_s: f64, change: f64) -> Error {
+    Error::numerical(
+        format!(
+            "the reduced nonlinear balance is not found at {time_s} s: the last change is {change:.1e} of the largest displacement"
+        ),
+        "give parameters inside the trained range, or use the full finite-element model",
+    )
+}
