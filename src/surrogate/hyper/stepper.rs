@@ -25,7 +25,7 @@ const SHARE_OF_GAP: f64 = 0.1;
 /// Most steps of Newton's method.
 const MOST_ITERATIONS: usize = 25;
 /// Change of the coordinates, relative to the largest they have had, after which one more step is exact enough: it squares the error.
-const NEARLY: f64 = 1e-4;
+const NEARLY: f64 = 1e-5;
 /// Clock rounding as a share of the record's length.
 const CLOCK_ROUNDING: f64 = 1e-13;
 

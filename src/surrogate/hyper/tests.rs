@@ -69,7 +69,7 @@ fn a_few_modes_and_points_are_right_to_a_thousandth() {
     let mesh = mesh();
     let stiffness = Stiffness::new(&mesh).unwrap();
     for family in FAMILIES {
-        let reduced = trained(&mesh, &stiffness, family, 6);
+        let reduced = trained(&mesh, &stiffness, family, 4);
         assert!(reduced.n_modes == 6 && reduced.weights_m3.len() <= 48, "{family:?}: {}", reduced.weights_m3.len());
         assert!(reduced.weights_m3.iter().all(|w| *w > 0.0) && reduced.cubature_residual < 4e-4);
         assert!(reduced.singular_values[6] < 0.01, "{family:?}: {:?}", &reduced.singular_values[..8]);
