@@ -43,7 +43,7 @@ pub struct Options {
 }
 
 impl Default for Options {
-    /// The robot's position errs by less than 10⁻⁵ of its largest.
+    /// The robot's position errs by less than 2·10⁻⁵ of its largest.
     fn default() -> Self {
         Self { scheme: Scheme::Fourth, resolution: Resolution { steps_per_doubling: 4 }, tolerance: 1e-7 }
     }

@@ -183,11 +183,11 @@ impl IntegrationPoints {
             let (inverses, volumes) = (&self.inverse_jacobian[at..], &self.volume_m3[at..]);
             for (q, stress) in projected.iter().enumerate() {
                 let sigma = stress_matrix(stress, two_mu * volumes[q], kappa * volumes[q]);
-                for i in 0..3 {
+                for (i, sigma) in sigma.iter().enumerate() {
                     let column = &mut conjugate.col_as_slice_mut(3 * e + i)[3 * q..3 * q + 3];
                     for (d, value) in column.iter_mut().enumerate() {
                         let inverse = &inverses[q][3 * d..3 * d + 3];
-                        *value = sigma[i][0] * inverse[0] + sigma[i][1] * inverse[1] + sigma[i][2] * inverse[2];
+                        *value = sigma[0] * inverse[0] + sigma[1] * inverse[1] + sigma[2] * inverse[2];
                     }
                 }
             }

@@ -2,7 +2,7 @@
 //!
 //! The tangent is that of the stage's stress, so Newton's method converges quadratically. It is not factorised: K̂, factorised once, is so near to
 //! it that a few conjugate gradients do. Only their accuracy decides how fast Newton's method is, never where it ends. Gradients want a symmetric matrix; what is
-//! not symmetric, the change of the trace's modulus with the deviator where the dashpot flows, is left out there, which costs a factor of about 1 − 2ν a step.
+//! not symmetric, the change of the trace's modulus with the deviator where the dashpot flows, is left out there, so that the last steps gain digits evenly.
 
 use super::point::{Moduli, StageLaw, Tensor, deviator_norm};
 use super::points::IntegrationPoints;

@@ -299,8 +299,8 @@ pub(super) fn forces_and_tangent(
         let at = moduli::<Plain>(law, norm);
         let row = |c: usize| &points.strains[(block * 6 + c) * m..][..m];
         let inverse = splat(1.0) / norm;
-        for c in 0..5 {
-            let stress = (at.secant * a[c] - given.taken[c]) * deviatoric;
+        for (c, (a, taken)) in a[..5].iter().zip(&given.taken).enumerate() {
+            let stress = (at.secant * *a - *taken) * deviatoric;
             for (f, b) in sums.force.iter_mut().zip(row(c)) {
                 *f = *f + stress * *b;
             }
@@ -311,8 +311,8 @@ pub(super) fn forces_and_tangent(
         }
         for (i, n) in along[..m].iter_mut().enumerate() {
             let mut sum = a[0] * row(0)[i];
-            for c in 1..5 {
-                sum = sum + a[c] * row(c)[i];
+            for (c, a) in a[..5].iter().enumerate().skip(1) {
+                sum = sum + *a * row(c)[i];
             }
             *n = sum * inverse;
         }
@@ -321,10 +321,9 @@ pub(super) fn forces_and_tangent(
         let mut products = points.products[block * m * (m + 1) / 2..].iter();
         for i in 0..m {
             let (n_i, t_i) = (extra * along[i], dilation * row(5)[i]);
-            for j in i..m {
-                let Some(product) = products.next() else { return };
-                let entry = &mut sums.tangent[i * m + j];
-                *entry = *entry + secant * *product + n_i * along[j] + t_i * row(5)[j];
+            let columns = along[i..m].iter().zip(&row(5)[i..]).zip(&mut sums.tangent[i * m + i..]);
+            for (((n_j, t_j), entry), product) in columns.zip(&mut products) {
+                *entry = *entry + secant * *product + n_i * *n_j + t_i * *t_j;
             }
         }
         if couples {

@@ -21,7 +21,8 @@ use crate::model::TrainedRange;
 use crate::number::Dual;
 use crate::rheology::BaseLaw;
 use kernel::{CubaturePoints, MOST_MODES};
-use lanes::{Carrying, Plain};
+use lanes::{Block, Carrying, Plain};
+use pulp::{Arch, Simd, WithSimd};
 use serde::{Deserialize, Serialize};
 use stepper::Reduced;
 
@@ -85,6 +86,25 @@ pub struct HyperRun<'a> {
     pub force_n: &'a [f64],
 }
 
+/// A run, to be compiled for the vector registers that the processor has.
+struct Job<'a, B: Block> {
+    reduced: &'a Reduced<'a>,
+    bodies: &'a Bodies<B::Scalar>,
+    plain_bodies: &'a Bodies<f64>,
+    load: &'a Load,
+    time_s: &'a [f64],
+    force_n: &'a [f64],
+}
+
+impl<B: Block> WithSimd for Job<'_, B> {
+    type Output = Result<Vec<B::Scalar>>;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> Self::Output {
+        stepper::run::<B>(self.reduced, self.bodies, self.plain_bodies, self.load, self.time_s, self.force_n)
+    }
+}
+
 impl NonlinearFamily {
     /// Steps in which the time since a switch doubles. A spring that has stiffened lets go and stiffens again the other way within one doubling.
     fn steps_per_doubling(self) -> f64 {
@@ -137,8 +157,9 @@ impl HyperModel {
         self.check(what)?;
         let bodies = Bodies::<f64>::new(self.law, what.parameters, what.nonlinearity)?;
         let reduced = self.stepped();
-        pulp::Arch::new()
-            .dispatch(|| stepper::run::<Plain>(&reduced, &bodies, &bodies, what.load, what.time_s, what.force_n))
+        let (load, time_s, force_n) = (what.load, what.time_s, what.force_n);
+        let (bodies, plain_bodies) = (&bodies, &bodies);
+        Arch::new().dispatch(Job::<Plain> { reduced: &reduced, bodies, plain_bodies, load, time_s, force_n })
     }
 
     /// The same with the derivative in the direction that the parameters, the nonlinearity and the load carry.
@@ -150,8 +171,9 @@ impl HyperModel {
         let plain = Bodies::<f64>::new(self.law, what.parameters, what.nonlinearity)?;
         let bodies = Bodies::<Dual>::new(self.law, what.parameters, what.nonlinearity)?;
         let reduced = self.stepped();
-        pulp::Arch::new()
-            .dispatch(|| stepper::run::<Carrying>(&reduced, &bodies, &plain, what.load, what.time_s, what.force_n))
+        let (load, time_s, force_n) = (what.load, what.time_s, what.force_n);
+        let (bodies, plain_bodies) = (&bodies, &plain);
+        Arch::new().dispatch(Job::<Carrying> { reduced: &reduced, bodies, plain_bodies, load, time_s, force_n })
     }
 
     fn stepped(&self) -> Reduced<'_> {

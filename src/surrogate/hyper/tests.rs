@@ -31,7 +31,7 @@ fn ranges(family: NonlinearFamily) -> Vec<TrainedRange> {
 
 /// Rows and commands of the porcine replica: eight holds of 5 s, 20 rows a second.
 fn record() -> (Vec<f64>, Vec<f64>) {
-    let force = |i: usize| if i / 100 % 2 == 0 { FORCE_N } else { -FORCE_N };
+    let force = |i: usize| if (i / 100_usize).is_multiple_of(2) { FORCE_N } else { -FORCE_N };
     ((0..800).map(|i| 0.05 * i as f64).collect(), (0..800).map(force).collect())
 }
 
