@@ -22,7 +22,8 @@ pub enum Nonlinearity<N = f64> {
         /// s₀ > 0 in Pa: the stress at which the fluidity is 1/c₂.
         reference_stress_pa: N,
     },
-    /// ε̇_d = ⟨1 − s_y/s_eq⟩ s/c₂ in the dashpot, with the bracket smoothed as in [`smoothed_yield`].
+    /// ε̇_d = ⟨1 − s_y/s_eq⟩ s/c₂ in the dashpot, with s_eq ⟨1 − s_y/s_eq⟩ smoothed to
+    /// ½[s_eq − s_y + √((s_eq − s_y)² + 4δ² s_y s_eq)]: exact at s_y = 0, too large by at most δ s_y, and the sharp law as δ → 0.
     YieldStress {
         /// s_y ≥ 0 in Pa; 0 is the linear law.
         stress_pa: N,
