@@ -51,11 +51,14 @@ pub(crate) fn with_gradient(gradient_per_m: f64, force_n: Vector3<f64>, mechanic
 
 /// Refuses positions (m) at which the gradient is too strong for what the model says of it.
 pub(crate) fn check_feedback(gradient_per_m: f64, position_m: &[f64], time_s: f64) -> Result<()> {
-    let farthest_m = position_m.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
-    let feedback = if gradient_per_m == 0.0 { 0.0 } else { gradient_per_m.abs() * farthest_m };
-    if feedback < LARGEST_FEEDBACK {
+    if gradient_per_m == 0.0 {
         return Ok(());
     }
+    // What is not a number is too strong as well.
+    let shares = position_m.iter().map(|x| (gradient_per_m * x).abs());
+    let Some(feedback) = shares.filter(|share| share.is_nan() || *share >= LARGEST_FEEDBACK).reduce(f64::max) else {
+        return Ok(());
+    };
     Err(Error::numerical(
         format!(
             "the force's gradient changes the force by a share of {feedback:.3} at {time_s} s; {LARGEST_FEEDBACK} and more is refused"
