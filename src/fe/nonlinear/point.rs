@@ -15,22 +15,16 @@ use crate::number::{Dual, PointScalar};
 /// Five coordinates of the deviator and the trace.
 pub(crate) type Tensor<N> = [N; 6];
 
-/// Numbers with a square root.
+/// Numbers with a logarithm.
 pub(crate) trait Number: PointScalar {
     /// Whether the number carries a derivative, which iterations on its value alone would lose.
     const HAS_DERIVATIVE: bool;
-    /// √x.
-    fn sqrt(self) -> Self;
     /// ln x.
     fn ln(self) -> Self;
 }
 
 impl Number for f64 {
     const HAS_DERIVATIVE: bool = false;
-    #[inline(always)]
-    fn sqrt(self) -> Self {
-        f64::sqrt(self)
-    }
     #[inline(always)]
     fn ln(self) -> Self {
         f64::ln(self)
@@ -39,10 +33,6 @@ impl Number for f64 {
 
 impl Number for Dual {
     const HAS_DERIVATIVE: bool = true;
-    #[inline(always)]
-    fn sqrt(self) -> Self {
-        Dual::sqrt(self)
-    }
     #[inline(always)]
     fn ln(self) -> Self {
         Dual::ln(self)
