@@ -1,12 +1,12 @@
 //! What one likelihood costs with each effect and each noise: batches of 32 points around the reference, 800 regular rows, one thread.
 //!
-//! Bars: with any effect at most ten times the base; with all noise terms at most 20 µs. Priors, stages and spectra are part of it.
+//! Bars: with any effect at most ten times the base, twenty where it changes the field; with all noise terms at most 20 µs. Priors, stages and spectra are part of it.
 
 use std::collections::BTreeMap;
 use std::hint::black_box;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use vitreo_uq::effects::Library;
+use vitreo_uq::effects::{FIELD_EFFECTS, Library};
 use vitreo_uq::experiment::Experiment;
 use vitreo_uq::inference::LogDensity;
 use vitreo_uq::inference::ensemble::RandomStream;
@@ -54,7 +54,7 @@ fn measure(criterion: &mut Criterion, group: &str, name: &str, problem: &Problem
 }
 
 fn all(criterion: &mut Criterion) {
-    let library = Library::default();
+    let library = FIELD_EFFECTS.iter().fold(Library::default(), |library, effect| library.with(*effect));
     let base = Problem::new(experiment(), ModelSpecification::default(), None, &Silent).expect("sound");
     measure(criterion, "effect", "none", &base);
     for effect in library.effects() {

@@ -189,35 +189,44 @@ fn kinds(radius_ratio: f64) -> [(SpatialKind, Mesh); 3] {
     ]
 }
 
-/// Outside the snapshots: the error is below 1e-6 of the compliance at rest, and the indicator is above it and not by much more than three decades, rounding
-/// apart.
+/// Between the snapshots: the error is below 1e-6 of the compliance at rest. With few modes it is seen, and the indicator is above it: by Galerkin's
+/// orthogonality it is the error in the energy norm of x = 0, which every other is a part of.
 #[test]
 fn reduced_terms_agree_with_the_full_model_between_snapshots() {
     for (kind, mesh) in kinds(2.0) {
         let system = system(&mesh, 0.48, kind);
         let values = snapshot_values(kind, RADIUS_M, OUTER_RADIUS_M, GEL_DENSITY);
-        let modes = SpreadModes::new(&system, &values, 1e-6).unwrap();
-        println!(
-            "{kind:?}: {} terms of {} snapshots, {:?}",
-            modes.weights.len(),
-            modes.snapshots,
-            modes.singular_values
-        );
         let pocket = matches!(kind, SpatialKind::Pocket { .. });
-        let mut effectivities = Vec::new();
-        for pair in values.windows(2).filter(|pair| pair[0] != 0.0) {
-            let x = if pocket { ((1.0 + pair[0]) * (1.0 + pair[1])).sqrt() - 1.0 } else { (pair[0] * pair[1]).sqrt() };
-            let weights = if pocket { [1.0 + x, 1.0] } else { [1.0, x] };
-            let full = 1.0 / stiffness(&system, &weights) / modes.compliance_per_m;
-            let error = (modes.relative_compliance(x) - full).abs();
-            let indicator = modes.error_indicator(x);
-            assert!(error < 1e-6, "{kind:?}, {x:e}: {error:e}");
-            if error > 1e-11 {
-                effectivities.push(indicator / error);
+        let between: Vec<(f64, f64)> = values
+            .windows(2)
+            .filter(|pair| pair[0] != 0.0)
+            .map(|pair| {
+                let mean = |a: f64, b: f64| (a * b).sqrt();
+                let x = if pocket { mean(1.0 + pair[0], 1.0 + pair[1]) - 1.0 } else { mean(pair[0], pair[1]) };
+                let weights = if pocket { [1.0 + x, 1.0] } else { [1.0, x] };
+                (x, 1.0 / stiffness(&system, &weights))
+            })
+            .collect();
+        for (tolerance, largest) in [(1e-6, 1e-6), (0.1, 0.2)] {
+            let modes = SpreadModes::new(&system, &values, tolerance).unwrap();
+            let mut effectivities: Vec<f64> = Vec::new();
+            for (x, full_per_m) in &between {
+                let error = (full_per_m / modes.compliance_per_m - modes.relative_compliance(*x)).abs();
+                let indicator = modes.error_indicator(*x);
+                assert!(error < largest, "{kind:?}, {x:e}: {error:e}");
+                assert!(indicator > 0.99 * error - 1e-10, "{kind:?}, {x:e}: {indicator:e} {error:e}");
+                if error > 1e-8 {
+                    effectivities.push(indicator / error);
+                }
             }
-            assert!(indicator > 0.9 * error - 1e-11, "{kind:?}, {x:e}: {indicator:e} {error:e}");
+            println!(
+                "{kind:?}, {tolerance:e}: {} terms of {} snapshots, singular values [{}], effectivities {effectivities:.1?}",
+                modes.weights.len(),
+                modes.snapshots,
+                modes.singular_values[..8].iter().map(|s| format!("{s:.1e}")).collect::<Vec<_>>().join(", ")
+            );
+            assert!(tolerance < 0.1 || !effectivities.is_empty(), "{kind:?}: the indicator was never put to the test");
         }
-        println!("{kind:?}: effectivities {effectivities:?}");
     }
 }
 

@@ -12,10 +12,16 @@ use crate::experiment::Scales;
 use crate::number::Dual;
 use crate::parameter::{ParameterSpec, Support};
 
+const HIGHEST_DRAINED: f64 = 0.45;
+
 /// The drained Poisson ratios that are modelled, for a gel of an undrained one: from 0 to 0.45 for ν = 0.48, below the undrained one always.
 pub fn drained_range(poisson_ratio: f64) -> [f64; 2] {
-    let upper = f64::min(0.45, poisson_ratio - f64::min(0.03, 0.1 * (1.0 + poisson_ratio)));
-    [f64::max(upper - 0.45, 0.5 * (upper - 1.0)), upper]
+    let below = 0.1 * (1.0 + poisson_ratio);
+    if poisson_ratio - below.min(0.03) >= HIGHEST_DRAINED - 1e-9 {
+        return [0.0, HIGHEST_DRAINED];
+    }
+    let upper = poisson_ratio - below.min(0.03);
+    [f64::max(upper - HIGHEST_DRAINED, 0.5 * (upper - 1.0)), upper]
 }
 
 /// k at which pressure diffuses over the robot's radius in about a hold.

@@ -37,6 +37,8 @@ struct FacePoint {
     weight: f64,
     /// Directions along the face, in reference coordinates.
     tangents: [Vector3<f64>; 2],
+    /// From here into the cell.
+    inward: Vector3<f64>,
     shape: Vec<f64>,
     gradient: Vec<[f64; 3]>,
 }
@@ -51,11 +53,12 @@ fn face(
     let element = element_of(kind);
     let n = kind.n_nodes();
     let tangents = tangents.map(Vector3::from);
+    let middle = reference_nodes(kind).into_iter().map(Vector3::from).sum::<Vector3<f64>>() / n as f64;
     let tabulate = |point: [f64; 3], weight: f64| {
         let (mut shape, mut gradient) = (vec![0.0; n], vec![[0.0; 3]; n]);
         element.shape(point, &mut shape);
         element.shape_gradient(point, &mut gradient);
-        FacePoint { weight, tangents, shape, gradient }
+        FacePoint { weight, tangents, inward: middle - Vector3::from(point), shape, gradient }
     };
     let at = |&([u, v], weight): &([f64; 2], f64)| {
         tabulate((Vector3::from(origin) + tangents[0] * u + tangents[1] * v).into(), weight)
@@ -161,14 +164,9 @@ fn place(mesh: &Mesh, nodes: &[u32], point: &FacePoint) -> Placed {
     }
     let across = (jacobian * point.tangents[0]).cross(&(jacobian * point.tangents[1]));
     let area = across.norm();
-    // The element is outside the robot.
-    let outward = if across.dot(&(middle_of(mesh, nodes) - position)) > 0.0 { across } else { -across };
+    // The element is outside the robot. Its middle would not tell the side: thin curved ones have it behind the tangent plane.
+    let outward = if across.dot(&(jacobian * point.inward)) > 0.0 { across } else { -across };
     Placed { area, normal: outward / area, position_m: position.into() }
-}
-
-fn middle_of(mesh: &Mesh, nodes: &[u32]) -> Vector3<f64> {
-    let sum: Vector3<f64> = nodes.iter().map(|&n| Vector3::from(mesh.node_coordinates_m[n as usize])).sum();
-    sum / nodes.len() as f64
 }
 
 /// Size of the robot that a mesh goes around.

@@ -31,29 +31,10 @@ impl PoreSpectrum {
             elements.extend(terms.into_iter().map(|term| {
                 let inverse = Dual::ONE / term.weight;
                 let viscosity_pa_s = inverse * term.area_m2 / mobility_m2_per_pa_s;
-                let law = law.iter().map(|element| scaled(element, inverse)).collect();
+                let law = law.iter().map(|element| element.scaled(inverse)).collect();
                 Element::Parallel(vec![Element::Series(law), Element::Dashpot { viscosity_pa_s }])
             }));
         }
         Ok(elements)
-    }
-}
-
-/// The element with all stresses times `factor`.
-fn scaled(element: &Element, factor: Dual) -> Element {
-    match element {
-        Element::Spring { modulus_pa } => Element::Spring { modulus_pa: *modulus_pa * factor },
-        Element::Dashpot { viscosity_pa_s } => Element::Dashpot { viscosity_pa_s: *viscosity_pa_s * factor },
-        Element::Springpot { modulus_pa, time_s, order } => {
-            Element::Springpot { modulus_pa: *modulus_pa * factor, time_s: *time_s, order: *order }
-        }
-        Element::Compliance { compliance_per_pa } => {
-            Element::Compliance { compliance_per_pa: *compliance_per_pa / factor }
-        }
-        Element::Retarded { compliance_per_pa, time_s } => {
-            Element::Retarded { compliance_per_pa: *compliance_per_pa / factor, time_s: *time_s }
-        }
-        Element::Series(elements) => Element::Series(elements.iter().map(|inner| scaled(inner, factor)).collect()),
-        Element::Parallel(elements) => Element::Parallel(elements.iter().map(|inner| scaled(inner, factor)).collect()),
     }
 }

@@ -1,15 +1,12 @@
 //! Symmetric sparse matrices over [`Freedoms`] and their Cholesky factors.
 
-use faer::dyn_stack::{MemBuffer, MemStack};
-use faer::linalg::cholesky::llt::factor::LltRegularization;
-use faer::sparse::linalg::cholesky::{self, CholeskySymbolicParams, LltRef, SymbolicCholesky, SymmetricOrdering};
+use faer::sparse::linalg::cholesky::SymbolicCholesky;
 use faer::sparse::{SparseColMat, SparseColMatRef, Triplet};
-use faer::{Conj, MatMut, Par, Side};
 use nalgebra::DMatrix;
 
 use super::Freedoms;
 use crate::error::{Error, Result};
-use crate::fe::factorisation::add_symmetric_product;
+use crate::fe::factorisation::{add_symmetric_product, analysed, factorised, solve_in_place};
 
 /// Upper triangle of a symmetric matrix.
 #[derive(Debug, Clone)]
@@ -114,9 +111,6 @@ pub struct SymmetricSolver {
     symbolic: SymbolicCholesky<u32>,
 }
 
-/// One thread: a factor by several differs in its last bits from run to run of another thread count.
-const PARALLELISM: Par = Par::Seq;
-
 impl SymmetricSolver {
     /// Analyses the sums of matrices over as many unknowns; `order` is that of elimination.
     ///
@@ -138,21 +132,7 @@ impl SymmetricSolver {
             (first + rows.partition_point(|row| *row < entry.row)) as u32
         };
         let places = matrices.iter().map(|matrix| triplets_of(matrix.upper()).map(place).collect()).collect();
-        let forward: Vec<u32> = order.iter().map(|&u| u as u32).collect();
-        let mut inverse = vec![0; n];
-        for (position, &unknown) in forward.iter().enumerate() {
-            inverse[unknown as usize] = position as u32;
-        }
-        let permutation = faer::perm::PermRef::new_checked(&forward, &inverse, n);
-        let symbolic = cholesky::factorize_symbolic_cholesky(
-            pattern.symbolic(),
-            Side::Upper,
-            SymmetricOrdering::Custom(permutation),
-            CholeskySymbolicParams::default(),
-        )
-        .map_err(|e| {
-            Error::numerical(format!("the factor of {n} unknowns cannot be analysed: {e:?}"), "use a coarser mesh")
-        })?;
+        let symbolic = analysed(pattern.symbolic(), order)?;
         Ok(Self { pattern, places, symbolic })
     }
 
@@ -168,25 +148,12 @@ impl SymmetricSolver {
                 target[place as usize] += weight * value;
             }
         }
-        let mut values = vec![0.0; self.symbolic.len_val()];
-        let mut memory =
-            MemBuffer::new(self.symbolic.factorize_numeric_llt_scratch::<f64>(PARALLELISM, Default::default()));
-        self.symbolic
-            .factorize_numeric_llt(
-                &mut values,
-                sum.as_ref(),
-                Side::Upper,
-                LltRegularization::default(),
-                PARALLELISM,
-                MemStack::new(&mut memory),
-                Default::default(),
+        let values = factorised(&self.symbolic, sum.as_ref()).ok_or_else(|| {
+            Error::numerical(
+                format!("the matrices with the weights {weights:?} are not positive definite"),
+                "check the mesh's symmetry planes and the effect's parameters",
             )
-            .map_err(|e| {
-                Error::numerical(
-                    format!("the matrices with the weights {weights:?} are not positive definite ({e:?})"),
-                    "check the mesh's symmetry planes and the effect's parameters",
-                )
-            })?;
+        })?;
         Ok(SymmetricFactor { symbolic: &self.symbolic, values })
     }
 }
@@ -200,14 +167,6 @@ pub struct SymmetricFactor<'a> {
 impl SymmetricFactor<'_> {
     /// Replaces a right-hand side by the solution.
     pub fn solve_in_place(&self, right_hand_side: &mut [f64]) {
-        let n = right_hand_side.len();
-        let column = MatMut::from_column_major_slice_mut(right_hand_side, n, 1);
-        let mut memory = MemBuffer::new(self.symbolic.solve_in_place_scratch::<f64>(1, PARALLELISM));
-        LltRef::<'_, u32, f64>::new(self.symbolic, &self.values).solve_in_place_with_conj(
-            Conj::No,
-            column,
-            PARALLELISM,
-            MemStack::new(&mut memory),
-        );
+        solve_in_place(self.symbolic, &self.values, right_hand_side);
     }
 }
