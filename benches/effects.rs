@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::hint::black_box;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use vitreo_uq::effects::{FIELD_EFFECTS, Library};
+use vitreo_uq::effects::Library;
 use vitreo_uq::experiment::Experiment;
 use vitreo_uq::inference::LogDensity;
 use vitreo_uq::inference::ensemble::RandomStream;
@@ -54,7 +54,7 @@ fn measure(criterion: &mut Criterion, group: &str, name: &str, problem: &Problem
 }
 
 fn all(criterion: &mut Criterion) {
-    let library = FIELD_EFFECTS.iter().fold(Library::default(), |library, effect| library.with(*effect));
+    let library = Library::default();
     let base = Problem::new(experiment(), ModelSpecification::default(), None, &Silent).expect("sound");
     measure(criterion, "effect", "none", &base);
     for effect in library.effects() {

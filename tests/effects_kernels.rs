@@ -3,11 +3,11 @@
 
 use std::sync::OnceLock;
 
-use vitreo_uq::effects::{EFFECTS, Effect, FIELD_EFFECTS, Stage};
+use vitreo_uq::effects::{EFFECTS, Effect};
 use vitreo_uq::error::{Error, Place};
 use vitreo_uq::experiment::Scales;
 use vitreo_uq::fe::Stiffness;
-use vitreo_uq::fe::spatial::Surroundings;
+use vitreo_uq::fe::spatial::{Sizes, Surroundings};
 use vitreo_uq::mesh::{Mesh, QuarterBall};
 use vitreo_uq::model::{Compliance, Forward, FullForward, Model, ReducedForward, Response, TrainedRange, convolve_m};
 use vitreo_uq::rheology::{BaseLaw, CreepCompliance};
@@ -59,18 +59,21 @@ fn surroundings() -> Surroundings<'static> {
         mesh: mesh(),
         stiffness: stiffness(),
         poisson_ratio: POISSON_RATIO,
-        gel_density_kg_m3: 1000.0,
-        robot_mass_kg,
-        robot_radius_m: BALL.robot_radius_m,
-        outer_radius_m: BALL.outer_radius_m,
-        ball: Some(BALL),
+        sizes: Sizes {
+            gel_density_kg_m3: 1000.0,
+            robot_mass_kg,
+            robot_radius_m: BALL.robot_radius_m,
+            outer_radius_m: BALL.outer_radius_m,
+            ball: Some(BALL),
+        },
     }
 }
 
 fn fields() -> &'static FieldModels {
     static FIELDS: OnceLock<FieldModels> = OnceLock::new();
-    let wanted = FIELD_EFFECTS.iter().filter_map(|effect| effect.field_model()).collect();
-    FIELDS.get_or_init(|| FieldModels::default().with(&wanted, &surroundings()).expect("the mesh is good"))
+    let build = |model| FieldModels::build(model, &surroundings()).expect("the mesh is good");
+    let wanted = || EFFECTS.iter().filter_map(|effect| effect.field_model());
+    FIELDS.get_or_init(|| wanted().fold(FieldModels::default(), |fields, model| fields.or(build(model))))
 }
 
 /// The reduced family over the Poisson ratios that priors ask for.
@@ -133,16 +136,11 @@ fn distance(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).fold(0.0, |d: f64, (a, b)| d.max((a - b).abs())) / amplitude(b)
 }
 
-/// Every effect alone, every pair of the library's, and those that change the field beside every effect of load and observation.
+/// Every effect alone and every pair that may stand together.
 fn models(scales: Scales) -> Vec<Model> {
     let mut list: Vec<Model> = EFFECTS.iter().filter_map(|effect| model(&[*effect], scales).ok()).collect();
     for (i, first) in EFFECTS.iter().enumerate() {
         list.extend(EFFECTS[i + 1..].iter().filter_map(|second| model(&[*first, *second], scales).ok()));
-    }
-    for field in FIELD_EFFECTS {
-        list.extend(model(&[*field], scales));
-        let outside = EFFECTS.iter().filter(|effect| effect.stage() != Stage::Mechanics);
-        list.extend(outside.filter_map(|second| model(&[*second, *field], scales).ok()));
     }
     list
 }
@@ -154,9 +152,14 @@ fn at_the_null_the_base_returns() {
     let compliance_per_m = compliance(&protocol).given_per_m();
     let base = convolve_m(compliance_per_m, &law, &protocol.time_s, &protocol.force_n);
     let models = models(protocol.scales);
-    // Eleven effects have 55 pairs, and all may stand together; each field effect may beside the five of load and the one of observation, and alone.
-    let n_outside = EFFECTS.iter().filter(|effect| effect.stage() != Stage::Mechanics).count();
-    assert_eq!(models.len(), EFFECTS.len() * (EFFECTS.len() + 1) / 2 + FIELD_EFFECTS.len() * (1 + n_outside));
+    // All may stand alone; two that change the field may not stand together, nor a gel that ages beside the equations of a field.
+    let (mut n_fields, mut n_solved) = (0, 0);
+    EFFECTS.iter().filter(|e| e.changes_field()).for_each(|e| {
+        n_fields += 1;
+        n_solved += usize::from(e.field_model().is_some());
+    });
+    let n_refused = n_fields * (n_fields - 1) / 2 + n_solved;
+    assert_eq!(models.len(), EFFECTS.len() * (EFFECTS.len() + 1) / 2 - n_refused);
     for model in &models {
         let found = reduced(model, &protocol).trajectory_m(&null_of(model)).expect("the base is a model");
         assert!(distance(&found, &base) < 1e-12, "{model:?}: {:e}", distance(&found, &base));
@@ -168,7 +171,7 @@ fn at_the_null_the_base_returns() {
 #[test]
 fn the_reduced_model_agrees_with_full_finite_elements() {
     let protocol = protocol();
-    for effect in EFFECTS.iter().chain(FIELD_EFFECTS) {
+    for effect in EFFECTS {
         let model = model(&[*effect], protocol.scales).expect("an effect alone is a model");
         let (reduced, full) = (reduced(&model, &protocol), full(&model, &protocol));
         let mut largest = 0.0_f64;
@@ -214,7 +217,7 @@ fn every_pair_is_finite_and_the_same_in_both_models() {
 #[test]
 fn sensitivities_agree_with_finite_differences() {
     let protocol = protocol();
-    for effect in EFFECTS.iter().chain(FIELD_EFFECTS) {
+    for effect in EFFECTS {
         let model = model(&[*effect], protocol.scales).expect("an effect alone is a model");
         let forward = reduced(&model, &protocol);
         let n_law = LETHERSICH.len();

@@ -48,16 +48,11 @@ pub const EFFECTS: &[&dyn Effect] = &[
     &fractional_damping::FractionalDamping,
     &softening::Softening,
     &compressibility::Compressibility,
-    &tracking_drift::TrackingDrift,
-];
-
-/// Effects that change the displacement field and need a reduced model of it, in the order in which a model applies them: models like the others, but not part of
-/// [`Library::default`] yet, whose searches and challenges stand on what can be told apart. [`Library::with`] adds them.
-pub const FIELD_EFFECTS: &[&dyn Effect] = &[
     &inertia::Inertia,
     &interface_slip::InterfaceSlip,
     &liquefied_pocket::LiquefiedPocket,
     &poroelasticity::Poroelasticity,
+    &tracking_drift::TrackingDrift,
 ];
 
 /// Range of positions by which default priors are scaled, in m: the measured one, or a millimetre, the largest displacement of the
@@ -111,6 +106,18 @@ pub enum FieldModel {
     Pocket,
     /// Pore flow.
     PoreFlow,
+}
+
+impl FieldModel {
+    /// What is modelled, in a few plain words.
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Inertia => "mass",
+            Self::Slip => "slip on the robot",
+            Self::Pocket => "a softer pocket",
+            Self::PoreFlow => "pore flow",
+        }
+    }
 }
 
 /// One parameter of an effect: the only place where its name, symbol, unit, support, null and default prior stand.

@@ -1,6 +1,5 @@
 //! The reduced models of the effects that change the displacement field, as many as a problem asks for.
 
-use std::collections::BTreeSet;
 use std::f64::consts::PI;
 
 use rayon::prelude::*;
@@ -10,7 +9,7 @@ use super::spread::{SpreadModes, snapshot_values};
 use crate::effects::{FieldModel, POCKET_RADIUS_RATIOS, Spatial, Spread, Stages, drained_range, pocket_law};
 use crate::error::{Error, Result};
 use crate::fe::poroelastic::{PoreModel, PoreSpectrum, SpectrumSettings};
-use crate::fe::spatial::{SpatialKind, SpatialSystem, Surroundings};
+use crate::fe::spatial::{Sizes, SpatialKind, SpatialSystem, Surroundings};
 use crate::number::{Dual, Scalar};
 use crate::rheology::{Beside, SpreadTerm};
 
@@ -42,47 +41,51 @@ pub struct FieldModels {
 pub struct PocketModel {
     /// ln of the three weights and the logit of the share between, radius by radius, at Chebyshev points of ln ρ_p.
     at_radii: Vec<[f64; 4]>,
-    /// The modes at each radius.
-    pub modes: Vec<SpreadModes>,
 }
 
 impl FieldModels {
-    /// Builds those that are asked for and not there yet.
+    /// Builds one.
     ///
     /// # Errors
     /// Those of the full models.
-    pub fn with(self, wanted: &BTreeSet<FieldModel>, surroundings: &Surroundings<'_>) -> Result<Self> {
-        let Self { mut inertia, mut slip, mut pocket, mut pores } = self;
+    pub fn build(model: FieldModel, surroundings: &Surroundings<'_>) -> Result<Self> {
         let modes = |kind: SpatialKind| {
             let system = SpatialSystem::new(surroundings, surroundings.mesh, kind)?;
             modes_of(surroundings, &system, kind)
         };
-        if wanted.contains(&FieldModel::Inertia) && inertia.is_none() {
-            inertia = Some(modes(SpatialKind::Inertia)?);
+        let mut fields = Self::default();
+        match model {
+            FieldModel::Inertia => fields.inertia = Some(modes(SpatialKind::Inertia)?),
+            FieldModel::Slip => fields.slip = Some(modes(SpatialKind::Slip)?),
+            FieldModel::Pocket => fields.pocket = Some(PocketModel::new(surroundings)?),
+            FieldModel::PoreFlow => {
+                let model = PoreModel::new(surroundings.mesh, surroundings.stiffness, surroundings.poisson_ratio)?;
+                let drained_poisson_ratio = drained_range(surroundings.poisson_ratio);
+                let settings = SpectrumSettings { drained_poisson_ratio, ..SpectrumSettings::default() };
+                fields.pores = Some(PoreSpectrum::build(&model, &settings)?);
+            }
         }
-        if wanted.contains(&FieldModel::Slip) && slip.is_none() {
-            slip = Some(modes(SpatialKind::Slip)?);
-        }
-        if wanted.contains(&FieldModel::Pocket) && pocket.is_none() {
-            pocket = Some(PocketModel::new(surroundings)?);
-        }
-        if wanted.contains(&FieldModel::PoreFlow) && pores.is_none() {
-            let model = PoreModel::new(surroundings.mesh, surroundings.stiffness, surroundings.poisson_ratio)?;
-            let drained_poisson_ratio = drained_range(surroundings.poisson_ratio);
-            let settings = SpectrumSettings { drained_poisson_ratio, ..SpectrumSettings::default() };
-            pores = Some(PoreSpectrum::build(&model, &settings)?);
-        }
-        Ok(Self { inertia, slip, pocket, pores })
+        Ok(fields)
     }
 
-    /// Whether all that are asked for are there.
-    pub fn have(&self, wanted: &BTreeSet<FieldModel>) -> bool {
-        wanted.iter().all(|model| match model {
+    /// These, and of the others those that are missing here.
+    pub fn or(self, other: Self) -> Self {
+        Self {
+            inertia: self.inertia.or(other.inertia),
+            slip: self.slip.or(other.slip),
+            pocket: self.pocket.or(other.pocket),
+            pores: self.pores.or(other.pores),
+        }
+    }
+
+    /// Whether one is there.
+    pub fn has(&self, model: FieldModel) -> bool {
+        match model {
             FieldModel::Inertia => self.inertia.is_some(),
             FieldModel::Slip => self.slip.is_some(),
             FieldModel::Pocket => self.pocket.is_some(),
             FieldModel::PoreFlow => self.pores.is_some(),
-        })
+        }
     }
 
     /// The terms of the stages' effect; `None` where they have none.
@@ -120,7 +123,7 @@ impl FieldModels {
 }
 
 fn modes_of(surroundings: &Surroundings<'_>, system: &SpatialSystem, kind: SpatialKind) -> Result<SpreadModes> {
-    let Surroundings { robot_radius_m, outer_radius_m, gel_density_kg_m3, .. } = *surroundings;
+    let Sizes { robot_radius_m, outer_radius_m, gel_density_kg_m3, .. } = surroundings.sizes;
     SpreadModes::new(system, &snapshot_values(kind, robot_radius_m, outer_radius_m, gel_density_kg_m3), TOLERANCE)
 }
 
@@ -139,7 +142,7 @@ impl PocketModel {
         let [lower, upper] = POCKET_RADIUS_RATIOS.map(f64::ln);
         let radius = |i: usize| {
             let x = -(PI * (i as f64 + 0.5) / N_RADII as f64).cos();
-            (0.5 * (lower + upper) + 0.5 * (upper - lower) * x).exp() * surroundings.robot_radius_m
+            (0.5 * (lower + upper) + 0.5 * (upper - lower) * x).exp() * surroundings.sizes.robot_radius_m
         };
         let at = |i: usize| {
             let radius_m = radius(i);
@@ -154,7 +157,7 @@ impl PocketModel {
                 "use a finer mesh around the robot",
             ));
         }
-        Ok(Self { at_radii, modes })
+        Ok(Self { at_radii })
     }
 
     /// The terms at a radius over the robot's.
@@ -224,11 +227,13 @@ mod tests {
             mesh: &mesh,
             stiffness: &stiffness,
             poisson_ratio: 0.48,
-            gel_density_kg_m3: 1000.0,
-            robot_mass_kg: 1e-6,
-            robot_radius_m,
-            outer_radius_m,
-            ball: Some(ball),
+            sizes: Sizes {
+                gel_density_kg_m3: 1000.0,
+                robot_mass_kg: 1e-6,
+                robot_radius_m,
+                outer_radius_m,
+                ball: Some(ball),
+            },
         };
         let pocket = PocketModel::new(&surroundings).unwrap();
         for ratio in [1.5, 1.7, 2.0, 2.5, 3.0, 4.0, 5.0] {

@@ -2,6 +2,7 @@
 
 pub mod advice;
 pub mod artefacts;
+mod cache;
 pub mod convergence;
 pub mod extend;
 pub mod fit;

@@ -6,7 +6,7 @@ use super::Monitor;
 use super::mechanics::{FiniteElements, Mechanics, MeshFile};
 use super::model_priors::read_priors;
 use super::reduced::Reduced;
-use crate::effects::Library;
+use crate::effects::{Effect, Library};
 use crate::error::{Error, Place, Result};
 use crate::experiment::{Apparatus, Experiment, Record};
 use crate::inference::likelihood::{FittedRecord, PosteriorParts, ReducedPosterior};
@@ -64,6 +64,7 @@ impl Problem {
             fe.mesh_warnings.iter().for_each(|w| monitor.warn(&format!("{}; {}", w.text, w.advice)));
         }
         let Checked { model, noise, priors } = checked;
+        refuse_without_mesh(&model, &mechanics)?;
         Ok(Self { experiment, specification, model, noise, priors, mechanics: Arc::new(mechanics) })
     }
 
@@ -78,6 +79,7 @@ impl Problem {
         mechanics: Arc<Mechanics>,
     ) -> Result<Self> {
         let Checked { model, noise, priors } = check(&experiment, &specification, library)?;
+        refuse_without_mesh(&model, &mechanics)?;
         Ok(Self { experiment, specification, model, noise, priors, mechanics })
     }
 
@@ -200,6 +202,20 @@ impl Problem {
                     .map(|full| full.in_surroundings(fe.surroundings()))
             })
             .transpose()
+    }
+}
+
+/// Some effects need more of a mesh than others.
+fn refuse_without_mesh(model: &Model, mechanics: &Mechanics) -> Result<()> {
+    let Mechanics::FiniteElements(fe) = mechanics else { return Ok(()) };
+    let lacking = |effect: &&dyn Effect| Some((effect.slug(), fe.lacks(effect.field_model()?)?));
+    match model.effects().iter().copied().find_map(|effect| lacking(&effect)) {
+        None => Ok(()),
+        Some((slug, reason)) => Err(Error::input(
+            Place::option("--with"),
+            format!("`{slug}` cannot be computed for this robot and mesh: {reason}"),
+            "leave it out, or use another mesh",
+        )),
     }
 }
 

@@ -7,13 +7,12 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use super::Monitor;
 use super::mechanics::{FiniteElements, Mechanics};
 use super::problem::Problem;
+use super::{Monitor, cache};
 use crate::effects::FieldModel;
 use crate::error::Result;
 use crate::experiment::Experiment;
-use crate::fe::spatial::Surroundings;
 use crate::inference::prior::PriorSet;
 use crate::mesh::Mesh;
 use crate::model::{Compliance, Forward, FullForward, Model, ReducedForward, Response, TrainedRange};
@@ -120,7 +119,7 @@ pub(crate) fn field_models_of(model: &Model) -> BTreeSet<FieldModel> {
     model.effects().iter().filter_map(|effect| effect.field_model()).collect()
 }
 
-/// The models that are wanted: kept ones where they were built from the same, else new ones.
+/// The models that are wanted: kept ones where they were built from the same, in the study or in the cache, else new ones.
 pub(crate) fn field_models(
     fe: &FiniteElements,
     kept: Option<&KeptSurrogate>,
@@ -128,11 +127,23 @@ pub(crate) fn field_models(
     monitor: &dyn Monitor,
 ) -> Result<FieldModels> {
     let kept = kept.filter(|kept| kept.fields_built_from_sha256 == fields_built_from(fe));
-    let fields = kept.map_or_else(FieldModels::default, |kept| kept.fields.clone());
-    if !fields.have(wanted) {
-        monitor.stage("reducing the effects that change the displacement field");
+    let mut fields = kept.map_or_else(FieldModels::default, |kept| kept.fields.clone());
+    for model in wanted {
+        if fields.has(*model) {
+            continue;
+        }
+        let hash = hash_of(fe, &format!("{} {model:?}", weighed(fe)));
+        fields = match cache::read::<FieldModels>(&hash).filter(|cached| cached.has(*model)) {
+            Some(cached) => fields.or(cached),
+            None => {
+                monitor.stage(&format!("reducing full finite elements with {}", model.words()));
+                let built = FieldModels::build(*model, &fe.surroundings())?;
+                cache::write(&hash, &built);
+                fields.or(built)
+            }
+        };
     }
-    fields.with(wanted, &fe.surroundings())
+    Ok(fields)
 }
 
 /// The compliance with the terms of fields.
@@ -204,12 +215,12 @@ fn verify(problem: &Problem, fe: &FiniteElements, compliance: &Compliance) -> Re
 
 /// SHA-256 over the program's version, the mesh, what it weighs and the Poisson ratio.
 fn fields_built_from(fe: &FiniteElements) -> String {
-    let Surroundings { gel_density_kg_m3, robot_mass_kg, robot_radius_m, outer_radius_m, ball, .. } = fe.surroundings();
-    let sizes = format!(
-        "{} {gel_density_kg_m3:e} {robot_mass_kg:e} {robot_radius_m:e} {outer_radius_m:e} {ball:?}",
-        fe.poisson_ratio
-    );
-    hash_of(fe, &sizes)
+    hash_of(fe, &weighed(fe))
+}
+
+/// What models of fields depend on beside the mesh.
+fn weighed(fe: &FiniteElements) -> String {
+    format!("{:e} {:?}", fe.poisson_ratio, fe.sizes)
 }
 
 /// SHA-256 over the program's version, the mesh and everything in the training.

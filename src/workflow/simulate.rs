@@ -10,7 +10,7 @@ use super::advice::strain_warning;
 use super::convergence::{self, MeshLevel};
 use super::mechanics::FiniteElements;
 use super::problem::Problem;
-use super::reduced::field_models_of;
+use super::reduced::{field_models, field_models_of};
 use super::summary::{PosteriorSummary, Warning};
 use crate::error::{Error, Place, Result};
 use crate::experiment::Record;
@@ -20,7 +20,6 @@ use crate::mesh::Mesh;
 use crate::model::{Forward, FullForward, FullRun, Response};
 use crate::number::Dual;
 use crate::rheology::CreepCompliance;
-use crate::surrogate::FieldModels;
 
 /// Most displacement fields that are written.
 const MOST_FIELDS: usize = 20;
@@ -319,8 +318,7 @@ fn closed_form_m(problem: &Problem, fe: &FiniteElements, compliance_per_m: f64, 
     let record = &problem.experiment.record;
     let constants: Vec<Dual> = values.iter().map(|value| Dual::constant(*value)).collect();
     let mut stages = problem.model.stages(&constants)?;
-    stages.spread =
-        FieldModels::default().with(&field_models_of(&problem.model), &fe.surroundings())?.spread(&stages)?;
+    stages.spread = field_models(fe, None, &field_models_of(&problem.model), &super::Silent)?.spread(&stages)?;
     Response::new(&record.time_s, &record.force_n, record.n_rows()).trajectory_m(&stages, compliance_per_m)
 }
 
