@@ -3,7 +3,7 @@
 
 use std::sync::OnceLock;
 
-use vitreo_uq::effects::{EFFECTS, Effect};
+use vitreo_uq::effects::{EFFECTS, Effect, FieldModel};
 use vitreo_uq::error::{Error, Place};
 use vitreo_uq::experiment::Scales;
 use vitreo_uq::fe::Stiffness;
@@ -41,7 +41,7 @@ fn protocol() -> Protocol {
 }
 
 /// A coarse mesh: what is compared is time, not space.
-const BALL: QuarterBall = QuarterBall { robot_radius_m: 0.275e-3, outer_radius_m: 10e-3, n_per_edge: 2, n_layers: 8 };
+const BALL: QuarterBall = QuarterBall { robot_radius_m: 0.275e-3, outer_radius_m: 10e-3, n_per_edge: 1, n_layers: 6 };
 
 fn mesh() -> &'static Mesh {
     static MESH: OnceLock<Mesh> = OnceLock::new();
@@ -152,13 +152,11 @@ fn at_the_null_the_base_returns() {
     let compliance_per_m = compliance(&protocol).given_per_m();
     let base = convolve_m(compliance_per_m, &law, &protocol.time_s, &protocol.force_n);
     let models = models(protocol.scales);
-    // All may stand alone; two that change the field may not stand together, nor a gel that ages beside the equations of a field.
-    let (mut n_fields, mut n_solved) = (0, 0);
-    EFFECTS.iter().filter(|e| e.changes_field()).for_each(|e| {
-        n_fields += 1;
-        n_solved += usize::from(e.field_model().is_some());
-    });
-    let n_refused = n_fields * (n_fields - 1) / 2 + n_solved;
+    // All may stand alone. Of pairs, two that change the field are refused; of the effects whose fields are solved for each beside `softening` and
+    // `fractional-damping`, and mass beside `instantaneous-elasticity`.
+    let n_fields = EFFECTS.iter().filter(|effect| effect.changes_field()).count();
+    let n_solved = EFFECTS.iter().filter(|effect| effect.field_model().is_some()).count();
+    let n_refused = n_fields * (n_fields - 1) / 2 + 2 * n_solved + 1;
     assert_eq!(models.len(), EFFECTS.len() * (EFFECTS.len() + 1) / 2 - n_refused);
     for model in &models {
         let found = reduced(model, &protocol).trajectory_m(&null_of(model)).expect("the base is a model");
@@ -188,27 +186,29 @@ fn the_reduced_model_agrees_with_full_finite_elements() {
     }
 }
 
-/// What the reduced model may be off, as a share of the amplitude: fields are reduced to 1e-4, and their undrained limit and their pockets are meshed in
-/// another way than the base, which makes up most of that on this coarse mesh.
+/// What the reduced model may be off, as a share of the amplitude: fields are reduced to 1e-4; pockets are meshed in another way than the base, and pore flow has an
+/// undrained limit of its own, which on this coarse mesh make 4e-4 and 8e-4.
 fn tolerance(model: &Model, of_time: f64) -> f64 {
-    if model.effects().iter().any(|effect| effect.field_model().is_some()) { 1e-4 } else { of_time }
+    match model.effects().iter().find_map(|effect| effect.field_model()) {
+        Some(FieldModel::Pocket | FieldModel::PoreFlow) => 1e-3,
+        Some(_) => 1e-4,
+        None => of_time,
+    }
 }
 
 /// Every pair, each effect somewhere inside its prior: finite in both models, and the same within 2e-6.
 #[test]
 fn every_pair_is_finite_and_the_same_in_both_models() {
     let protocol = protocol();
-    for (number, model) in models(protocol.scales).iter().enumerate() {
+    let distance_of = |(number, model): (usize, &Model)| {
         let golden = |i: usize| 0.2 + 0.6 * (0.618_034 * (number + 3 * i) as f64).fract();
         let parameters = parameters_at(model, golden);
-        let reduced_m = reduced(model, &protocol).trajectory_m(&parameters).expect("a model");
-        let full_m = full(model, &protocol).trajectory_m(&parameters).expect("a model");
-        assert!(reduced_m.iter().all(|x| x.is_finite()));
-        assert!(
-            distance(&reduced_m, &full_m) < tolerance(model, 2e-6),
-            "{model:?}: {:e}",
-            distance(&reduced_m, &full_m)
-        );
+        let reduced_m = reduced(model, &protocol).trajectory_m(&parameters)?;
+        Ok(distance(&reduced_m, &full(model, &protocol).trajectory_m(&parameters)?))
+    };
+    for (number, model) in models(protocol.scales).iter().enumerate() {
+        let found = distance_of((number, model)).unwrap_or_else(|error: Error| panic!("{model:?}: {error}"));
+        assert!(found < tolerance(model, 2e-6), "{model:?}: {found:e}");
     }
 }
 

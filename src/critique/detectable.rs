@@ -40,7 +40,8 @@ pub struct Detectable {
 impl Detectable {
     /// Whether the experiment shows next to nothing of the effect, whatever its size.
     pub fn is_blind_spot(&self) -> bool {
-        self.largest_distance < BLIND_SIGMA || self.visible_fraction < BLIND_FRACTION
+        // What is seen at some size is no blind spot, even where small sizes leave nothing.
+        self.smallest.is_none() && (self.largest_distance < BLIND_SIGMA || self.visible_fraction < BLIND_FRACTION)
     }
 }
 

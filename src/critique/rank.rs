@@ -1,13 +1,15 @@
 //! Rank every effect of the library by its score at the calibrated base.
 //!
 //! z_k = g_kᵀPr/‖Pg_k‖ with g_k the whitened signature of effect k at its null, averaged over draws of the base model's parameters; one-sided where
-//! the support is; the largest over a grid where a parameter means nothing at the null. A rank orders what is refitted and explains; it eliminates
+//! the support is; the largest over a grid where a parameter means nothing at the null. The signature of an effect that is to first order other values of the law's
+//! parameters is what their best fit leaves of it at a finite size ([`crate::effects::Effect::shows_at`]), at the base's own fit. A rank orders what is refitted and explains; it eliminates
 //! nothing, since a large effect is not where its tangent points.
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::fit::columns_m;
+use super::separation::{Truth, closest};
 use super::{Candidate, Fitted, Subject, Tangent};
 use crate::error::Result;
 use crate::inference::ensemble::RandomStream;
@@ -52,13 +54,15 @@ pub fn scores(
     seed: u64,
 ) -> Result<Vec<Score>> {
     let centre = Tangent::new(subject, base, fitted)?;
-    let at_fit = signatures(subject, base, fitted, candidates)?;
+    let finite: Vec<Option<Finite>> =
+        candidates.par_iter().map(|candidate| Finite::new(subject, base, fitted, candidate)).collect::<Result<_>>()?;
+    let at_fit = signatures(subject, base, fitted, candidates, &finite)?;
     let draws: Vec<Fitted> =
         (0..N_DRAWS).filter_map(|number| drawn(subject, base, fitted, &centre, seed, number)).collect();
     let z_of_draw = |draw: &Fitted| -> Result<Vec<Vec<f64>>> {
         let tangent = Tangent::new(subject, base, draw)?;
         let residual = tangent.projected_residual();
-        let signatures = signatures(subject, base, draw, candidates)?;
+        let signatures = signatures(subject, base, draw, candidates, &finite)?;
         let z = |columns: &Vec<Vec<f64>>| {
             tangent.visible(columns).iter().map(|g| safe_ratio(g.dot(&residual), g.norm())).collect()
         };
@@ -67,9 +71,14 @@ pub fn scores(
     let found: Vec<Result<Vec<Vec<f64>>>> = draws.par_iter().map(z_of_draw).collect();
     let found: Vec<Vec<Vec<f64>>> = found.into_iter().collect::<Result<_>>()?;
     let score = |(number, columns): (usize, &Vec<Vec<f64>>)| {
-        let (whole, visible) = (centre.whiten(columns), centre.visible(columns));
+        let finite = finite[number].as_ref();
+        let whole = centre.whiten(finite.map_or(columns, |finite| &finite.whole_m));
+        let visible = centre.visible(columns);
         let residual = centre.projected_residual();
         let one_sign = sign_of_support(base, candidates[number]);
+        if columns.is_empty() {
+            return Score::nothing(one_sign.is_some());
+        }
         let mean = |point: usize| match found.len() {
             0 => safe_ratio(visible[point].dot(&residual), visible[point].norm()),
             n => found.iter().map(|draw| draw[number][point]).sum::<f64>() / n as f64,
@@ -82,10 +91,15 @@ pub fn scores(
         let unit = free.map_or(1.0, |free| free.coordinate.slope(free.null.unwrap_or(0.0)));
         let null = free.and_then(|free| Some(free.coordinate.value(free.null?))).unwrap_or(0.0);
         let norm = visible[best].norm();
+        // A finite signature grows with the square of the size.
+        let expected = match finite {
+            None => safe_ratio(z, norm),
+            Some(finite) => finite.step * safe_ratio(oriented(z).max(0.0), norm * finite.step.abs()).sqrt(),
+        };
         let visible_fraction = (0..columns.len()).map(fraction).fold(0.0, f64::max);
         Score {
             z: oriented(z),
-            expected_parameter: null + safe_ratio(z, norm) * unit,
+            expected_parameter: null + expected * unit,
             visible_fraction,
             signature_per_unit: norm / unit,
             direction: (fraction(best) > LEAST_VISIBLE).then(|| visible[best].normalize()),
@@ -93,6 +107,19 @@ pub fn scores(
         }
     };
     Ok(at_fit.iter().enumerate().map(score).collect())
+}
+
+impl Score {
+    fn nothing(is_one_sided: bool) -> Self {
+        Self {
+            z: 0.0,
+            expected_parameter: f64::NAN,
+            visible_fraction: 0.0,
+            signature_per_unit: 0.0,
+            direction: None,
+            is_one_sided,
+        }
+    }
 }
 
 fn safe_ratio(a: f64, b: f64) -> f64 {
@@ -111,31 +138,75 @@ fn sign_of_support(base: &Candidate, candidate: &Candidate) -> Option<f64> {
     free.is_one_sided().then(|| if free.ends[0] == null { 1.0 } else { -1.0 })
 }
 
-/// Columns of each candidate's first new parameter at the null, one a point of the grid.
+/// Columns of each candidate's first new parameter at the null, one a point of the grid; or those of its finite size.
 fn signatures(
     subject: &Subject,
     base: &Candidate,
     fitted: &Fitted,
     candidates: &[&Candidate],
+    finite: &[Option<Finite>],
 ) -> Result<Vec<Vec<Vec<f64>>>> {
-    let of = |candidate: &&Candidate| -> Result<Vec<Vec<f64>>> {
-        let Some(first) = first_free(base, candidate) else { return Ok(Vec::new()) };
-        let place = candidate.free.iter().position(|free| free.name == first.name).unwrap_or(0);
-        let start = candidate.embed(base, &fitted.theta);
-        // What the base has stays at its fit.
-        let is_new = |free: &super::Free| base.free.iter().all(|known| known.name != free.name);
-        let unidentified: Vec<usize> = (0..candidate.free.len())
-            .filter(|k| candidate.free[*k].is_unidentified_at_null() && is_new(&candidate.free[*k]))
-            .collect();
-        let grid: &[f64] = if unidentified.is_empty() { &GRID[..1] } else { &GRID };
-        let at = |probability: &f64| {
-            let mut theta = start.clone();
-            unidentified.iter().for_each(|k| theta[*k] = candidate.free[*k].quantile(*probability));
-            Ok(columns_m(subject, candidate, &theta)?.swap_remove(place))
-        };
-        grid.iter().map(at).collect()
+    let of = |(candidate, finite): (&&Candidate, &Option<Finite>)| -> Result<Vec<Vec<f64>>> {
+        if let Some(finite) = finite {
+            return Ok(finite.left_m.clone());
+        }
+        let Some((place, points)) = points_at_null(base, fitted, candidate) else { return Ok(Vec::new()) };
+        points.iter().map(|theta| Ok(columns_m(subject, candidate, theta)?.swap_remove(place))).collect()
     };
-    candidates.iter().map(of).collect()
+    candidates.iter().zip(finite).map(of).collect()
+}
+
+/// Place of the first new parameter of a candidate, and its points at the null: one for each point of the grid of what means nothing there.
+fn points_at_null(base: &Candidate, fitted: &Fitted, candidate: &Candidate) -> Option<(usize, Vec<Vec<f64>>)> {
+    let first = first_free(base, candidate)?;
+    let place = candidate.free.iter().position(|free| free.name == first.name)?;
+    let start = candidate.embed(base, &fitted.theta);
+    // What the base has stays at its fit.
+    let is_new = |free: &super::Free| base.free.iter().all(|known| known.name != free.name);
+    let unidentified: Vec<usize> = (0..candidate.free.len())
+        .filter(|k| candidate.free[*k].is_unidentified_at_null() && is_new(&candidate.free[*k]))
+        .collect();
+    let grid: &[f64] = if unidentified.is_empty() { &GRID[..1] } else { &GRID };
+    let at = |probability: &f64| {
+        let mut theta = start.clone();
+        unidentified.iter().for_each(|k| theta[*k] = candidate.free[*k].quantile(*probability));
+        theta
+    };
+    Some((place, grid.iter().map(at).collect()))
+}
+
+/// What an effect does at a finite size, a unit of its first parameter's coordinate, one column a point of the grid.
+struct Finite {
+    /// The size, as a step of the coordinate.
+    step: f64,
+    /// In m: all of it.
+    whole_m: Vec<Vec<f64>>,
+    /// What the base model's best fit leaves of it.
+    left_m: Vec<Vec<f64>>,
+}
+
+impl Finite {
+    /// `None` for effects that show at small sizes.
+    fn new(subject: &Subject, base: &Candidate, fitted: &Fitted, candidate: &Candidate) -> Result<Option<Self>> {
+        let is_new = |slug: &str| base.effects.iter().all(|own| own != slug);
+        let added = candidate.model.effects().iter().find(|effect| is_new(effect.slug()));
+        let Some(size) = added.and_then(|effect| effect.shows_at(candidate.model.scales())) else { return Ok(None) };
+        let Some((place, points)) = points_at_null(base, fitted, candidate) else { return Ok(None) };
+        let free = &candidate.free[place];
+        let step = free.coordinate.theta(size) - free.null.unwrap_or(0.0);
+        let mut own = Self { step, whole_m: Vec::new(), left_m: Vec::new() };
+        for mut theta in points {
+            theta[place] += step;
+            // Where the size has no model, it shows nothing.
+            let Ok(position_m) = subject.trajectory_m(candidate, &theta) else { continue };
+            let truth = Truth { candidate, theta: &theta, noise: fitted.noise, position_m: &position_m };
+            let nearest_m = subject.trajectory_m(base, &closest(subject, base, &truth)?.theta)?;
+            let per_unit = |other: &[f64]| position_m.iter().zip(other).map(|(a, b)| (a - b) / step).collect();
+            own.whole_m.push(per_unit(&fitted.position_m));
+            own.left_m.push(per_unit(&nearest_m));
+        }
+        Ok(Some(own))
+    }
 }
 
 /// A draw of the base model's parameters about its fit.
@@ -246,14 +317,14 @@ mod tests {
         let position_m = subject.trajectory_m(&base, &theta).expect("a model");
         let fitted = Fitted { theta, noise: NOISE, position_m, objective: 0.0, ln_likelihood: 0.0 };
         let bias = subject.extended(&["force-bias"]).expect("addable");
-        let of_bias = signatures(&subject, &base, &fitted, &[&bias]).expect("derivatives").remove(0);
+        let of_bias = signatures(&subject, &base, &fitted, &[&bias], &[None]).expect("derivatives").remove(0);
         let place = bias.free.iter().position(|free| free.name.starts_with("force-bias")).expect("its size");
         let start = bias.embed(&base, &fitted.theta);
         assert_eq!(of_bias, [columns_m(&subject, &bias, &start).expect("derivatives").swap_remove(place)]);
         let second = subject_with(&TWO_LEVELS, &Library::default(), &[]);
         let (base, fitted) = at(&second, &[], &[]);
         let added = second.extended(&["second-retardation"]).expect("addable");
-        assert_eq!(signatures(&second, &base, &fitted, &[&added]).expect("derivatives")[0].len(), GRID.len());
+        assert_eq!(signatures(&second, &base, &fitted, &[&added], &[None]).expect("derivatives")[0].len(), GRID.len());
     }
 
     /// Twins of one force level point the same way; two independent scores stay below the textbook's threshold.

@@ -4,8 +4,9 @@
 //! that J_k(t) = (1/E)(1 − E_α(−(t E/c₁)^α)) with the Mittag-Leffler function E_α. Null: α = 1, the dashpot itself. Valid for α in (0.3, 1];
 //! below, damper and spring are hardly told apart. Mainardi & Spada 2011, doi:10.1140/epjst/e2011-01387-1, the fractional Kelvin–Voigt body.
 
+use super::beside_fields::MEMORY;
 use super::first_body::{NO_BODY, body, elements_of, first_body_mut, in_series};
-use super::{Effect, EffectParameter, Stage, Stages};
+use super::{Effect, EffectParameter, FieldModel, Stage, Stages};
 use crate::distribution::Distribution;
 use crate::error::Result;
 use crate::experiment::Scales;
@@ -50,6 +51,9 @@ impl Effect for FractionalDamping {
             Some(_) => Some("its first Kelvin–Voigt body has a springpot already, and that is the same thing twice"),
             None => Some(NO_BODY),
         }
+    }
+    fn barred_beside(&self, _field: FieldModel) -> Option<&'static str> {
+        Some(MEMORY)
     }
     fn apply(&self, parameters: &[Dual], _scales: &Scales, stages: &mut Stages) -> Result<()> {
         let order = parameters[0];

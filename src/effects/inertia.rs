@@ -5,12 +5,14 @@
 //! momentum diffuses over the robot's radius in about ρR²/η. In an unbounded incompressible medium it is Basset's and Boussinesq's force (physics
 //! §4.6; Zwanzig & Bixon 1970, Phys. Rev. A 2:2005, doi:10.1103/PhysRevA.2.2005).
 
+use super::beside_fields::law_conflict;
 use super::{Effect, EffectParameter, FieldModel, Spatial, Stage, Stages};
 use crate::distribution::Distribution;
 use crate::error::Result;
 use crate::experiment::Scales;
 use crate::number::Dual;
 use crate::parameter::{ParameterSpec, Support};
+use crate::rheology::BaseLaw;
 
 const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     spec: ParameterSpec::new("inertia.density_scale", "1", Support::POSITIVE),
@@ -45,6 +47,9 @@ impl Effect for Inertia {
     }
     fn field_model(&self) -> Option<FieldModel> {
         Some(FieldModel::Inertia)
+    }
+    fn conflict(&self, base: &BaseLaw) -> Option<&'static str> {
+        law_conflict(base, FieldModel::Inertia)
     }
     fn apply(&self, parameters: &[Dual], _scales: &Scales, stages: &mut Stages) -> Result<()> {
         let density_scale = parameters[0];

@@ -5,8 +5,9 @@
 //! al. 1998, doi:10.1016/S0006-3495(98)77646-5). To first order it is what `actuator-lag` and `clock-offset` are with the sign turned, and
 //! what `second-retardation` is for a short time (physics §5). Burgers' law has it already.
 
+use super::beside_fields::WAVES;
 use super::first_body::{NO_BODY, elements_of, in_series, young_modulus_pa};
-use super::{Effect, EffectParameter, Stage, Stages};
+use super::{Effect, EffectParameter, FieldModel, Stage, Stages};
 use crate::distribution::Distribution;
 use crate::error::Result;
 use crate::experiment::Scales;
@@ -48,6 +49,9 @@ impl Effect for InstantaneousElasticity {
             return Some("it has a spring in series already, and a second one is the same thing twice");
         }
         young_modulus_pa(&law).err().map(|_| NO_BODY)
+    }
+    fn barred_beside(&self, field: FieldModel) -> Option<&'static str> {
+        (field == FieldModel::Inertia).then_some(WAVES)
     }
     fn apply(&self, parameters: &[Dual], _scales: &Scales, stages: &mut Stages) -> Result<()> {
         let ratio = parameters[0];

@@ -5,12 +5,14 @@
 //! layer; a body with edges slips along what its faces have in common. In an unbounded incompressible medium the drag falls by (1 + 2b/R)/(1 + 3b/R), b = G/(βs)
 //! (physics §4.7; Basset 1888, A Treatise on Hydrodynamics, vol. 2). Close to `second-retardation`, and to first order it is a change of c₂.
 
+use super::beside_fields::law_conflict;
 use super::{Effect, EffectParameter, FieldModel, Spatial, Stage, Stages, apparent_viscosity_pa_s, robot_radius_m};
 use crate::distribution::Distribution;
 use crate::error::Result;
 use crate::experiment::Scales;
 use crate::number::Dual;
 use crate::parameter::{ParameterSpec, Support};
+use crate::rheology::BaseLaw;
 
 /// 1/β at which the slip length is the robot's radius.
 fn scale_m_per_pa_s(scales: &Scales) -> f64 {
@@ -50,6 +52,12 @@ impl Effect for InterfaceSlip {
     }
     fn field_model(&self) -> Option<FieldModel> {
         Some(FieldModel::Slip)
+    }
+    fn shows_at(&self, scales: &Scales) -> Option<f64> {
+        Some(0.03 * scale_m_per_pa_s(scales))
+    }
+    fn conflict(&self, base: &BaseLaw) -> Option<&'static str> {
+        law_conflict(base, FieldModel::Slip)
     }
     fn apply(&self, parameters: &[Dual], _scales: &Scales, stages: &mut Stages) -> Result<()> {
         let compliance_m_per_pa_s = parameters[0];

@@ -5,6 +5,7 @@
 //! eigenvectors of the pocket's and the rest's stiffness, each the two laws beside each other. Closed form: two concentric layers, each with the four modes of physics §4.2.
 //! Liquefied lacunae are common in aged vitreous (Sebag 1987, Graefe's Arch. Clin. Exp. Ophthalmol. 225:89, doi:10.1007/BF02160337).
 
+use super::beside_fields::law_conflict;
 use super::first_body::{NO_BODY, body, elements_of, first_body_mut, in_series};
 use super::{Effect, EffectParameter, FieldModel, Spatial, Stage, Stages};
 use crate::distribution::Distribution;
@@ -69,7 +70,11 @@ impl Effect for LiquefiedPocket {
     }
     fn conflict(&self, base: &BaseLaw) -> Option<&'static str> {
         let law = elements_of(base);
-        in_series(&law).into_iter().find_map(body).is_none().then_some(NO_BODY)
+        let is_without_body = in_series(&law).into_iter().find_map(body).is_none();
+        is_without_body.then_some(NO_BODY).or_else(|| law_conflict(base, FieldModel::Pocket))
+    }
+    fn shows_at(&self, _scales: &Scales) -> Option<f64> {
+        Some(0.2)
     }
     fn apply(&self, parameters: &[Dual], _scales: &Scales, stages: &mut Stages) -> Result<()> {
         let (loss, radius_ratio) = (parameters[0], parameters[1]);

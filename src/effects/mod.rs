@@ -4,6 +4,7 @@
 //! it. Listing, help, prior checks, ranking and the conformance tests read [`EFFECTS`]; no other file names an effect.
 
 mod actuator_lag;
+mod beside_fields;
 mod clock_offset;
 mod compressibility;
 mod first_body;
@@ -162,9 +163,14 @@ pub trait Effect: Sync {
     fn field_model(&self) -> Option<FieldModel> {
         None
     }
-    /// Whether the gel itself changes with time; not beside an effect with a [`Self::field_model`], whose equations have fixed coefficients.
-    fn ages_the_gel(&self) -> bool {
-        false
+    /// Why it cannot stand beside an effect with a [`Self::field_model`], if it cannot.
+    fn barred_beside(&self, _field: FieldModel) -> Option<&'static str> {
+        None
+    }
+    /// Size of the first parameter at which the effect shows, where a small one is to first order nothing but other values of the law's parameters: its signature is then
+    /// what the best of those leaves at this size, and grows with the square of the size.
+    fn shows_at(&self, _scales: &Scales) -> Option<f64> {
+        None
     }
     /// Why it cannot be added to this base law, if it cannot.
     fn conflict(&self, _base: &BaseLaw) -> Option<&'static str> {

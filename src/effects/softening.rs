@@ -4,7 +4,8 @@
 //! force F e^{rt}. Null: r = 0. Valid for r ≥ 0 while the whole gel softens alike. Excised vitreous lost four fifths of its modulus in
 //! its first hour (Nickerson et al. 2008, J. Biomech. 41:1840), r of about 4·10⁻⁴ 1/s; the robot itself may break the network faster.
 
-use super::{Effect, EffectParameter, Stage, Stages};
+use super::beside_fields::AGEING;
+use super::{Effect, EffectParameter, FieldModel, Stage, Stages};
 use crate::distribution::Distribution;
 use crate::error::Result;
 use crate::experiment::Scales;
@@ -39,8 +40,8 @@ impl Effect for Softening {
     fn parameters(&self) -> &'static [EffectParameter] {
         PARAMETERS
     }
-    fn ages_the_gel(&self) -> bool {
-        true
+    fn barred_beside(&self, _field: FieldModel) -> Option<&'static str> {
+        Some(AGEING)
     }
     fn apply(&self, parameters: &[Dual], _scales: &Scales, stages: &mut Stages) -> Result<()> {
         stages.softening_rate_per_s += parameters[0];

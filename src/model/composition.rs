@@ -55,12 +55,14 @@ impl Model {
                 "keep one of them: a model has at most one effect that changes the field",
             );
         }
-        let ageing = effects.iter().find(|effect| effect.ages_the_gel());
-        if let (Some(ageing), Some(field)) = (ageing, effects.iter().find(|effect| effect.field_model().is_some())) {
-            return refuse(
-                format!("`{}` and `{}` cannot stand together", field.slug(), ageing.slug()),
-                "leave one out: the field's equations are solved for a gel that stays what it is",
-            );
+        if let Some((field, model)) = effects.iter().find_map(|e| Some((e, e.field_model()?))) {
+            let barred = effects.iter().find_map(|other| Some((other, other.barred_beside(model)?)));
+            if let Some((other, reason)) = barred {
+                return refuse(
+                    format!("`{}` and `{}` cannot stand together: {reason}", field.slug(), other.slug()),
+                    "leave one of them out",
+                );
+            }
         }
         let of_effects = effects.iter().flat_map(|effect| effect.parameters()).map(|parameter| parameter.spec);
         let parameters = base.parameters().iter().copied().chain(of_effects).collect();

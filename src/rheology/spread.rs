@@ -122,6 +122,12 @@ impl<T: PointScalar> RetardationSpectrum<T> {
             self.add_two_lethersich(weight, theta, [e, soft], [c1, c2]);
             return Ok(());
         }
+        // A share of nothing is no body beside the other.
+        for (number, alone) in [(rest, second), (share, law)] {
+            if number.is_constant(0.0) {
+                return self.add_scaled(&Self::with_accuracy(alone, window, accuracy)?, T::of(term.weight));
+            }
+        }
         let scaled = |elements: &[Element], factor: Dual| {
             Element::Series(elements.iter().map(|own| own.scaled(factor)).collect())
         };

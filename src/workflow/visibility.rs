@@ -4,6 +4,9 @@
 //! parameters with a row a prior, P = I − AA⁺. The visible fraction is ‖Pg‖² over ‖g‖² under white noise alone, and 1/‖Pg‖ the standard error with
 //! which ε would be known. The noise's random effects (correlated errors, gains, offsets) are in L, and so take their share.
 //!
+//! An effect that is to first order other values of the law's parameters shows at a size of its own ([`Effect::shows_at`]): g is then the difference that this size makes, and Pg what the best
+//! of those values leave of it. It grows with the square of the size, so that the standard error is the size at which it would be one.
+//!
 //! Effects whose Pg point the same way or opposite ways are twins (physics §5).
 
 use nalgebra::{DMatrix, DVector};
@@ -105,6 +108,8 @@ pub fn run(
 /// The calibrated base model and what its parameters absorb.
 struct Base {
     parameters: Vec<f64>,
+    /// Places of those that are not fixed.
+    sampled: Vec<usize>,
     position_m: Vec<f64>,
     noise: NoiseLikelihood,
     noise_parameters: Vec<f64>,
@@ -122,11 +127,12 @@ impl Base {
         let forward = problem.reduced_forward(&calibrated.reduced);
         let parameters = calibrated.model_parameters.clone();
         let position_m = forward.trajectory_m(&parameters)?;
-        let mut columns = Vec::new();
+        let (mut columns, mut sampled) = (Vec::new(), Vec::new());
         let mut prior_rows = Vec::new();
         for (index, spec) in problem.model.parameters().iter().enumerate() {
             let Some(prior) = problem.priors.get(spec.name) else { continue };
             columns.push(forward.derivative_m(&parameters, index)?);
+            sampled.push(index);
             prior_rows.push(1.0 / prior_sd_near(&prior.distribution, parameters[index]));
         }
         let white = noise.whiten(&columns, &position_m, &noise_parameters);
@@ -140,20 +146,40 @@ impl Base {
         let absorbed = if n_columns == 0 { DMatrix::zeros(n_rows, 0) } else { scaled.qr().q() };
         let kept = calibrated.reduced.to_keep(problem)?;
         let observed_rows = (0..record.n_rows()).filter(|row| record.position_m[*row].is_some()).collect();
-        Ok(Self { parameters, position_m, noise, noise_parameters, observed_rows, absorbed, kept })
+        Ok(Self { parameters, sampled, position_m, noise, noise_parameters, observed_rows, absorbed, kept })
     }
 
-    /// What is left of a signature (m a unit of the parameter, one value a row).
-    fn visible(&self, signature_m: Vec<f64>) -> Visible {
+    /// What is left of a signature.
+    fn visible(&self, Signature { whole_m, left_m, size }: Signature) -> Visible {
         let noise_sd_m = 1e-6 * self.noise_parameters[0];
-        let observed = self.observed_rows.iter().map(|row| signature_m[*row] / noise_sd_m);
+        let observed = self.observed_rows.iter().map(|row| whole_m[*row] / noise_sd_m);
         let whole: f64 = observed.map(|g| g * g).sum();
-        let white = self.noise.whiten(&[signature_m], &self.position_m, &self.noise_parameters);
+        let white = self.noise.whiten(&[left_m], &self.position_m, &self.noise_parameters);
         let mut g = DVector::zeros(self.absorbed.nrows());
         g.iter_mut().zip(&white[0]).for_each(|(g, w)| *g = *w);
         let rest = &g - &self.absorbed * (self.absorbed.transpose() * &g);
         let fraction = if whole > 0.0 { rest.norm_squared() / whole } else { 0.0 };
-        Visible { fraction, rest }
+        let standard_error = match size {
+            None => rest.norm().recip(),
+            Some(size) => size.abs() * rest.norm().sqrt().recip(),
+        };
+        Visible { fraction, rest, standard_error }
+    }
+}
+
+/// What an effect does to the positions, one value a row.
+struct Signature {
+    /// In m: a unit of the parameter, or its size.
+    whole_m: Vec<f64>,
+    /// The same after the base has absorbed what it can by other than first order.
+    left_m: Vec<f64>,
+    /// The size; `None` for a derivative.
+    size: Option<f64>,
+}
+
+impl Signature {
+    fn derivative(column_m: Vec<f64>) -> Self {
+        Self { left_m: column_m.clone(), whole_m: column_m, size: None }
     }
 }
 
@@ -162,6 +188,8 @@ struct Visible {
     fraction: f64,
     /// Pg.
     rest: DVector<f64>,
+    /// Of the first parameter.
+    standard_error: f64,
 }
 
 /// |cos| of two visible parts above which two effects are called twins.
@@ -248,13 +276,13 @@ fn entry(
     let best = seen.max_by(|a, b| a.fraction.total_cmp(&b.fraction));
     if let Some(visible) = &best {
         entry.visible_fraction = Some(visible.fraction);
-        entry.standard_error = Some(1.0 / visible.rest.norm()).filter(|error| error.is_finite());
+        entry.standard_error = Some(visible.standard_error).filter(|error| error.is_finite());
     }
     Ok((entry, best))
 }
 
-/// Signatures (m a unit) of an effect's first parameter at its null, one for each point of the grid of those that mean nothing there.
-fn signatures(effect: &dyn Effect, forward: &ReducedForward, base: &Base) -> Result<Vec<Vec<f64>>> {
+/// Signatures of an effect's first parameter, one for each point of the grid of those that mean nothing at its null.
+fn signatures(effect: &dyn Effect, forward: &ReducedForward, base: &Base) -> Result<Vec<Signature>> {
     let (model, scales) = (forward.model, forward.model.scales());
     let own = effect.parameters();
     let is_first = |spec: &ParameterSpec| own.first().is_some_and(|parameter| parameter.spec == *spec);
@@ -265,16 +293,56 @@ fn signatures(effect: &dyn Effect, forward: &ReducedForward, base: &Base) -> Res
         let values = own.iter().map(|p| (p.null)(scales).unwrap_or_else(|| (p.prior)(scales).quantile(*probability)));
         let mut parameters = base.parameters.clone();
         parameters.splice(first..first, values);
-        list.push(match own.first().and_then(|p| p.finite_step) {
-            None => forward.derivative_m(&parameters, first)?,
-            Some(step) => {
+        let finite_step = own.first().and_then(|p| p.finite_step);
+        list.push(match (effect.shows_at(scales), finite_step) {
+            (Some(size), _) => finite(forward, base, parameters, first, size)?,
+            (None, None) => Signature::derivative(forward.derivative_m(&parameters, first)?),
+            (None, Some(step)) => {
                 let step = step(scales);
                 let here = forward.trajectory_m(&parameters)?;
                 parameters[first] += step;
                 let there = forward.trajectory_m(&parameters)?;
-                here.iter().zip(&there).map(|(a, b)| (b - a) / step).collect()
+                Signature::derivative(here.iter().zip(&there).map(|(a, b)| (b - a) / step).collect())
             }
         });
     }
     Ok(list)
+}
+
+/// Steps of Gauss and Newton that let the base's parameters absorb a finite size.
+const ABSORBING_STEPS: usize = 8;
+
+/// What a finite size does, and what is left of it at the base parameters that come nearest: they move until the extended model is where the base was.
+fn finite(
+    forward: &ReducedForward,
+    base: &Base,
+    mut parameters: Vec<f64>,
+    first: usize,
+    size: f64,
+) -> Result<Signature> {
+    parameters[first] = size;
+    let difference = |there: &[f64]| -> Vec<f64> { there.iter().zip(&base.position_m).map(|(a, b)| a - b).collect() };
+    let whole_m = difference(&forward.trajectory_m(&parameters)?);
+    let mut left_m = whole_m.clone();
+    // The law's are positive; what other effects absorb is left to the projection.
+    let n_law = forward.model.base().parameters().len();
+    let free: Vec<usize> = base.sampled.iter().copied().filter(|k| *k < n_law).collect();
+    for _ in 0..ABSORBING_STEPS {
+        let columns = free.iter().map(|k| {
+            let slope = forward.derivative_m(&parameters, *k)?;
+            Ok(slope.iter().map(|x| x * parameters[*k]).collect())
+        });
+        let mut columns: Vec<Vec<f64>> = columns.collect::<Result<_>>()?;
+        columns.push(left_m.clone());
+        let white = base.noise.whiten(&columns, &base.position_m, &base.noise_parameters);
+        let Some((rest, columns)) = white.split_last() else { break };
+        let n = rest.len();
+        let jacobian = DMatrix::from_fn(n, columns.len(), |i, j| columns[j][i]);
+        let Ok(step) = jacobian.svd(true, true).solve(&DVector::from_column_slice(rest), 1e-10) else { break };
+        for (k, change) in free.iter().zip(step.iter()) {
+            parameters[*k] *= (-change).clamp(-1.0, 1.0).exp();
+        }
+        left_m = difference(&forward.trajectory_m(&parameters)?);
+    }
+    Ok(Signature { whole_m, left_m, size: Some(size) })
 }
