@@ -42,6 +42,9 @@ fn experiments() -> Vec<Scales> {
     [PORCINE, one_pull, three_rows, two_rows, fast_switching, indenter, unmeasured].into_iter().chain(gels).collect()
 }
 
+/// Effects whose law is not linear: beside them only load and observation.
+const NONLINEAR: [&str; 3] = ["strain-stiffening", "shear-thinning", "yield-stress"];
+
 /// The library's effects, and those that change the field.
 fn all() -> Vec<&'static dyn Effect> {
     EFFECTS.iter().chain(FIELD_EFFECTS).copied().collect()
@@ -84,7 +87,8 @@ fn the_library_is_the_one_of_physics_section_5_in_the_order_of_application() {
         .collect();
     assert_eq!(found, expected);
     let of_fields: Vec<&str> = FIELD_EFFECTS.iter().map(|effect| effect.slug()).collect();
-    assert_eq!(of_fields, ["inertia", "interface-slip", "liquefied-pocket", "poroelasticity"]);
+    let linear = ["inertia", "interface-slip", "liquefied-pocket", "poroelasticity"];
+    assert_eq!(of_fields, [&linear[..], &NONLINEAR].concat());
 }
 
 #[test]
@@ -106,7 +110,7 @@ fn suffix(unit: &str) -> String {
     match plain.split_once('/') {
         Some(("1", below)) => format!("_per_{below}"),
         Some((above, below)) => format!("_{above}_per_{below}"),
-        None => format!("_{unit}"),
+        None => format!("_{plain}"),
     }
 }
 
@@ -279,7 +283,8 @@ fn laws_and_effects_are_refused_exactly_where_physics_says() {
     }
 }
 
-/// Every pair stands together but two that change the field, and `softening` beside those whose field is solved for fixed coefficients.
+/// Every pair stands together but two that change the field, `softening` beside those whose field is solved for fixed coefficients, and a law that is not linear
+/// beside any other mechanics.
 #[test]
 fn every_pair_of_effects_stands_together_and_takes_its_parameters_in_order() {
     for (i, first) in all().iter().enumerate() {
@@ -288,7 +293,10 @@ fn every_pair_of_effects_stands_together_and_takes_its_parameters_in_order() {
             let both_change_the_field = first.changes_field() && second.changes_field();
             let one_of_fixed_coefficients = first.field_model().is_some() || second.field_model().is_some();
             let softens = slugs.0 == "softening" || slugs.1 == "softening";
-            if both_change_the_field || (softens && one_of_fixed_coefficients) {
+            let both_mechanics = first.stage() == Stage::Mechanics && second.stage() == Stage::Mechanics;
+            let one_is_nonlinear = NONLINEAR.contains(&slugs.0) || NONLINEAR.contains(&slugs.1);
+            let must_be_refused = (softens && one_of_fixed_coefficients) || (both_mechanics && one_is_nonlinear);
+            if both_change_the_field || must_be_refused {
                 let text = model(BaseLaw::Lethersich, &[*first, *second], PORCINE).unwrap_err().to_string();
                 assert!(text.contains(slugs.0) && text.contains(slugs.1), "{slugs:?}: {text}");
                 continue;
@@ -316,9 +324,34 @@ fn instruments_take_all_but_what_needs_finite_elements() {
     let instrument = Scales { poisson_ratio: None, ..PORCINE };
     for effect in all() {
         let outcome = model(BaseLaw::Lethersich, &[effect], instrument);
-        let needs_a_field = ["compressibility", "inertia", "interface-slip", "liquefied-pocket", "poroelasticity"]
-            .contains(&effect.slug());
+        let linear = ["compressibility", "inertia", "interface-slip", "liquefied-pocket", "poroelasticity"];
+        let needs_a_field = linear.contains(&effect.slug()) || NONLINEAR.contains(&effect.slug());
         assert_eq!(outcome.is_err(), needs_a_field, "{}", effect.slug());
+    }
+}
+
+/// Only series of Kelvin–Voigt bodies, springs and one dashpot can have a body that is not linear; the message says which law cannot.
+#[test]
+fn nonlinear_laws_refuse_networks_that_they_cannot_take_apart() {
+    let read =
+        |text: &str| BaseLaw::Network(vitreo_uq::rheology::Network::from_text("network.toml".as_ref(), text).unwrap());
+    let body = r#"{ parallel = [{ dashpot = "soft" }, { spring = "gel" }] }"#;
+    let fractional = r#"{ parallel = [{ spring = "gel" }, { springpot = "mesh" }] }"#;
+    let taken = read(&format!(r#"series = [{{ dashpot = "flow" }}, {body}, {{ spring = "glass" }}]"#));
+    let refused = [
+        format!("series = [{body}]"),
+        r#"series = [{ spring = "gel" }, { dashpot = "flow" }]"#.into(),
+        format!(r#"series = [{fractional}, {{ dashpot = "flow" }}]"#),
+        format!(r#"series = [{body}, {{ dashpot = "flow" }}, {{ dashpot = "other" }}]"#),
+    ]
+    .map(|text| read(&text));
+    for slug in NONLINEAR {
+        let effect = all().into_iter().find(|effect| effect.slug() == slug).unwrap();
+        assert!(model(taken, &[effect], PORCINE).is_ok(), "{slug}");
+        for law in refused {
+            let text = model(law, &[effect], PORCINE).unwrap_err().to_string();
+            assert!(text.contains(slug) && text.contains("one dashpot in series"), "{text}");
+        }
     }
 }
 

@@ -1,6 +1,6 @@
 //! A model: base law and effects, allowed to stand together (physics §5).
 
-use crate::effects::{Effect, Stages};
+use crate::effects::{Effect, Stage, Stages};
 use crate::error::{Error, Place, Result};
 use crate::experiment::Scales;
 use crate::number::Dual;
@@ -61,6 +61,16 @@ impl Model {
                 format!("`{}` and `{}` cannot stand together", field.slug(), ageing.slug()),
                 "leave one out: the field's equations are solved for a gel that stays what it is",
             );
+        }
+        if let Some(nonlinear) = effects.iter().find(|effect| effect.is_nonlinear()) {
+            let is_other =
+                |effect: &&&dyn Effect| effect.stage() == Stage::Mechanics && effect.slug() != nonlinear.slug();
+            if let Some(other) = effects.iter().find(is_other) {
+                return refuse(
+                    format!("`{}` and `{}` cannot stand together", nonlinear.slug(), other.slug()),
+                    "leave one out: beside a law that is not linear stand effects of load and observation only",
+                );
+            }
         }
         let of_effects = effects.iter().flat_map(|effect| effect.parameters()).map(|parameter| parameter.spec);
         let parameters = base.parameters().iter().copied().chain(of_effects).collect();
