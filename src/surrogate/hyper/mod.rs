@@ -99,7 +99,7 @@ impl<B: Block> WithSimd for Job<'_, B> {
 /// Steps in which the time since a switch doubles. A spring that has stiffened lets go and stiffens again the other way within one doubling.
 fn steps_per_doubling(family: NonlinearFamily) -> f64 {
     match family {
-        NonlinearFamily::StrainStiffening => 2.0,
+        NonlinearFamily::StrainStiffening => 4.0,
         NonlinearFamily::ShearThinning | NonlinearFamily::YieldStress => 1.0,
     }
 }
