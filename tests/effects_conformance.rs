@@ -42,6 +42,9 @@ fn experiments() -> Vec<Scales> {
     [PORCINE, one_pull, three_rows, two_rows, fast_switching, indenter, unmeasured].into_iter().chain(gels).collect()
 }
 
+/// Effects whose law is not linear: beside them only load and observation.
+const NONLINEAR: [&str; 3] = ["strain-stiffening", "shear-thinning", "yield-stress"];
+
 fn parameters() -> impl Iterator<Item = &'static EffectParameter> {
     EFFECTS.iter().flat_map(|effect| effect.parameters())
 }
@@ -80,6 +83,9 @@ fn the_library_is_the_one_of_physics_section_5_in_the_order_of_application() {
         "interface-slip",
         "liquefied-pocket",
         "poroelasticity",
+        "strain-stiffening",
+        "shear-thinning",
+        "yield-stress",
     ];
     let found: Vec<(&str, Stage)> = EFFECTS.iter().map(|effect| (effect.slug(), effect.stage())).collect();
     let expected: Vec<(&str, Stage)> = (load.map(|slug| (slug, Stage::Load)).into_iter())
@@ -108,7 +114,7 @@ fn suffix(unit: &str) -> String {
     match plain.split_once('/') {
         Some(("1", below)) => format!("_per_{below}"),
         Some((above, below)) => format!("_{above}_per_{below}"),
-        None => format!("_{unit}"),
+        None => format!("_{plain}"),
     }
 }
 
@@ -281,7 +287,8 @@ fn laws_and_effects_are_refused_exactly_where_physics_says() {
     }
 }
 
-/// Every pair stands together but two that change the field; those whose field is solved for fixed coefficients beside `softening` and springpots; and mass beside a spring in series.
+/// Every pair stands together but two that change the field; those whose field is solved for fixed coefficients beside `softening` and springpots; mass beside a
+/// spring in series; and a law that is not linear beside any other mechanics.
 #[test]
 fn every_pair_of_effects_stands_together_and_takes_its_parameters_in_order() {
     let barred = |a: &str, b: &dyn Effect| {
@@ -293,7 +300,10 @@ fn every_pair_of_effects_stands_together_and_takes_its_parameters_in_order() {
         for second in &EFFECTS[i + 1..] {
             let slugs = (first.slug(), second.slug());
             let both_change_the_field = first.changes_field() && second.changes_field();
-            if both_change_the_field || barred(slugs.0, *second) || barred(slugs.1, *first) {
+            let both_mechanics = first.stage() == Stage::Mechanics && second.stage() == Stage::Mechanics;
+            let one_is_nonlinear = NONLINEAR.contains(&slugs.0) || NONLINEAR.contains(&slugs.1);
+            let must_be_refused = both_change_the_field || (both_mechanics && one_is_nonlinear);
+            if must_be_refused || barred(slugs.0, *second) || barred(slugs.1, *first) {
                 let text = model(BaseLaw::Lethersich, &[*first, *second], PORCINE).unwrap_err().to_string();
                 assert!(text.contains(slugs.0) && text.contains(slugs.1), "{slugs:?}: {text}");
                 continue;
@@ -321,9 +331,34 @@ fn instruments_take_all_but_what_needs_finite_elements() {
     let instrument = Scales { poisson_ratio: None, ..PORCINE };
     for effect in EFFECTS.iter().copied() {
         let outcome = model(BaseLaw::Lethersich, &[effect], instrument);
-        let needs_a_field = ["compressibility", "inertia", "interface-slip", "liquefied-pocket", "poroelasticity"]
-            .contains(&effect.slug());
+        let linear = ["compressibility", "inertia", "interface-slip", "liquefied-pocket", "poroelasticity"];
+        let needs_a_field = linear.contains(&effect.slug()) || NONLINEAR.contains(&effect.slug());
         assert_eq!(outcome.is_err(), needs_a_field, "{}", effect.slug());
+    }
+}
+
+/// Only series of Kelvin–Voigt bodies, springs and one dashpot can have a body that is not linear; the message says which law cannot.
+#[test]
+fn nonlinear_laws_refuse_networks_that_they_cannot_take_apart() {
+    let read =
+        |text: &str| BaseLaw::Network(vitreo_uq::rheology::Network::from_text("network.toml".as_ref(), text).unwrap());
+    let body = r#"{ parallel = [{ dashpot = "soft" }, { spring = "gel" }] }"#;
+    let fractional = r#"{ parallel = [{ spring = "gel" }, { springpot = "mesh" }] }"#;
+    let taken = read(&format!(r#"series = [{{ dashpot = "flow" }}, {body}, {{ spring = "glass" }}]"#));
+    let refused = [
+        format!("series = [{body}]"),
+        r#"series = [{ spring = "gel" }, { dashpot = "flow" }]"#.into(),
+        format!(r#"series = [{fractional}, {{ dashpot = "flow" }}]"#),
+        format!(r#"series = [{body}, {{ dashpot = "flow" }}, {{ dashpot = "other" }}]"#),
+    ]
+    .map(|text| read(&text));
+    for slug in NONLINEAR {
+        let effect = all().into_iter().find(|effect| effect.slug() == slug).unwrap();
+        assert!(model(taken, &[effect], PORCINE).is_ok(), "{slug}");
+        for law in refused {
+            let text = model(law, &[effect], PORCINE).unwrap_err().to_string();
+            assert!(text.contains(slug) && text.contains("one dashpot in series"), "{text}");
+        }
     }
 }
 

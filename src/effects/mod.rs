@@ -17,18 +17,23 @@ mod instantaneous_elasticity;
 mod interface_slip;
 mod library;
 mod liquefied_pocket;
+mod nonlinearity;
 mod poroelasticity;
 mod second_retardation;
+mod shear_thinning;
 mod softening;
 mod stages;
+mod strain_stiffening;
 #[cfg(test)]
 mod test_scales;
 mod tracking_drift;
+mod yield_stress;
 
 pub use library::Library;
 pub use liquefied_pocket::{RADIUS_RATIOS as POCKET_RADIUS_RATIOS, pocket_law};
+pub use nonlinearity::{NonlinearFamily, Nonlinearity, YIELD_SMOOTHING};
 pub use poroelasticity::drained_range;
-pub use stages::{Approach, LARGEST_FEEDBACK, Load, Observation, Spatial, Spread, Stages};
+pub use stages::{Approach, FieldStepper, LARGEST_FEEDBACK, Load, Observation, Spatial, Spread, Stages, Stepped};
 
 use crate::distribution::Distribution;
 use crate::error::Result;
@@ -53,6 +58,9 @@ pub const EFFECTS: &[&dyn Effect] = &[
     &interface_slip::InterfaceSlip,
     &liquefied_pocket::LiquefiedPocket,
     &poroelasticity::Poroelasticity,
+    &strain_stiffening::StrainStiffening,
+    &shear_thinning::ShearThinning,
+    &yield_stress::YieldStress,
     &tracking_drift::TrackingDrift,
 ];
 
@@ -67,11 +75,21 @@ fn robot_radius_m(scales: &Scales) -> f64 {
     scales.robot_radius_m.unwrap_or(1e-3)
 }
 
+/// Largest force by which default priors are scaled, in N; a micronewton where none is commanded.
+fn largest_force_n(scales: &Scales) -> f64 {
+    if scales.largest_force_n > 0.0 { scales.largest_force_n } else { 1e-6 }
+}
+
 /// The viscosity (Pa·s) at which the largest force would move the robot through the range of positions in one hold, by Stokes' law.
 fn apparent_viscosity_pa_s(scales: &Scales) -> f64 {
-    let force_n = if scales.largest_force_n > 0.0 { scales.largest_force_n } else { 1e-6 };
+    let force_n = largest_force_n(scales);
     let hold_s = if scales.hold_s > 0.0 { scales.hold_s } else { 1.0 };
     force_n * hold_s / (6.0 * std::f64::consts::PI * robot_radius_m(scales) * position_range_m(scales))
+}
+
+/// s₀ = F_max/(4πR²) in Pa: the largest force over the robot's surface.
+fn reference_stress_pa(scales: &Scales) -> f64 {
+    largest_force_n(scales) / (4.0 * std::f64::consts::PI * robot_radius_m(scales).powi(2))
 }
 
 /// Where in the way from the command to the camera an effect acts.
@@ -107,6 +125,8 @@ pub enum FieldModel {
     Pocket,
     /// Pore flow.
     PoreFlow,
+    /// A law that is not linear.
+    Nonlinear(NonlinearFamily),
 }
 
 impl FieldModel {
@@ -117,6 +137,9 @@ impl FieldModel {
             Self::Slip => "slip on the robot",
             Self::Pocket => "a softer pocket",
             Self::PoreFlow => "pore flow",
+            Self::Nonlinear(NonlinearFamily::StrainStiffening) => "a spring that stiffens",
+            Self::Nonlinear(NonlinearFamily::ShearThinning) => "a dashpot that thins",
+            Self::Nonlinear(NonlinearFamily::YieldStress) => "a dashpot that yields",
         }
     }
 }
@@ -171,6 +194,10 @@ pub trait Effect: Sync {
     /// what the best of those leaves at this size, and grows with the square of the size.
     fn shows_at(&self, _scales: &Scales) -> Option<f64> {
         None
+    }
+    /// Whether its law is not linear: beside such an effect only those of load and observation stand.
+    fn is_nonlinear(&self) -> bool {
+        matches!(self.field_model(), Some(FieldModel::Nonlinear(_)))
     }
     /// Why it cannot be added to this base law, if it cannot.
     fn conflict(&self, _base: &BaseLaw) -> Option<&'static str> {

@@ -3,8 +3,11 @@
 //! A base law and effects write themselves into [`Stages`]; the reduced model evaluates them in closed form and the full-order model by its
 //! own time stepping. Stages say which equations hold, never how they are solved.
 
+use super::Nonlinearity;
+use crate::error::Result;
 use crate::number::Dual;
 use crate::rheology::{Beside, Element, SpreadTerm};
+use std::sync::Arc;
 
 /// One model at one point of its parameters.
 #[derive(Debug, Clone, PartialEq)]
@@ -19,13 +22,13 @@ pub struct Stages {
     pub poisson_ratio: Option<Dual>,
     /// What else changes the displacement field; not beside another Poisson ratio.
     pub spatial: Option<Spatial>,
-    /// The terms into which a reduced model splits it; empty until one has.
+    /// What a reduced model makes of it; empty until one has.
     pub spread: Option<Spread>,
     /// From the robot's to the recorded position.
     pub observation: Observation,
 }
 
-/// A linear effect that changes the displacement field (physics §5).
+/// An effect that changes the displacement field (physics §5).
 #[derive(Debug, Clone, PartialEq)]
 pub enum Spatial {
     /// Mass of gel and robot.
@@ -52,15 +55,54 @@ pub enum Spatial {
         /// Poisson ratio of the skeleton.
         drained_poisson_ratio: Dual,
     },
+    /// One body of the law is not linear.
+    Nonlinear(Nonlinearity<Dual>),
 }
 
-/// The law in several places at once: what a reduced model makes of [`Spatial`].
+/// The law spread over the gel: what a reduced model makes of [`Spatial`].
 #[derive(Debug, Clone, PartialEq)]
-pub struct Spread {
-    /// What stands beside the law in every term.
-    pub beside: Beside,
-    /// The terms.
-    pub terms: Vec<SpreadTerm>,
+pub enum Spread {
+    /// The law in several places at once, all linear.
+    Terms {
+        /// What stands beside the law in every term.
+        beside: Beside,
+        /// The terms.
+        terms: Vec<SpreadTerm>,
+    },
+    /// A law that is not linear, at few points.
+    Stepped(Stepped),
+}
+
+/// A reduced model of a law that is not linear, which is stepped through a record.
+pub trait FieldStepper: std::fmt::Debug + Send + Sync {
+    /// By how much (m) the robot's displacement at every row exceeds that of the same stages with a linear law, the limit from the left. Row i's
+    /// commanded force (N) holds on [tᵢ, tᵢ₊₁), tᵢ in s; `compliance_per_m` is the displacement per force at unit creep compliance.
+    ///
+    /// # Errors
+    /// [`crate::Error::Numerical`] where the law is none that is served, a force gradient is refused, or the balance is not found.
+    fn excess_m(&self, stages: &Stages, compliance_per_m: f64, time_s: &[f64], force_n: &[f64]) -> Result<Vec<f64>>;
+
+    /// The same with the derivative in the direction that the stages carry.
+    ///
+    /// # Errors
+    /// As [`Self::excess_m`].
+    fn excess_dual_m(
+        &self,
+        stages: &Stages,
+        compliance_per_m: f64,
+        time_s: &[f64],
+        force_n: &[f64],
+    ) -> Result<Vec<Dual>>;
+}
+
+/// A stepper, shared by all stages that it serves.
+#[derive(Debug, Clone)]
+pub struct Stepped(pub Arc<dyn FieldStepper>);
+
+impl PartialEq for Stepped {
+    fn eq(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.0, &other.0)
+    }
 }
 
 /// From the commanded to the acting force, in this order: delay, factors by sign, offset, lag, gradient.

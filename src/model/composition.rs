@@ -1,6 +1,6 @@
 //! A model: base law and effects, allowed to stand together (physics §5).
 
-use crate::effects::{Effect, Stages};
+use crate::effects::{Effect, Stage, Stages};
 use crate::error::{Error, Place, Result};
 use crate::experiment::Scales;
 use crate::number::Dual;
@@ -61,6 +61,16 @@ impl Model {
                 return refuse(
                     format!("`{}` and `{}` cannot stand together: {reason}", field.slug(), other.slug()),
                     "leave one of them out",
+                );
+            }
+        }
+        if let Some(nonlinear) = effects.iter().find(|effect| effect.is_nonlinear()) {
+            let is_other =
+                |effect: &&&dyn Effect| effect.stage() == Stage::Mechanics && effect.slug() != nonlinear.slug();
+            if let Some(other) = effects.iter().find(is_other) {
+                return refuse(
+                    format!("`{}` and `{}` cannot stand together", nonlinear.slug(), other.slug()),
+                    "leave one out: beside a law that is not linear stand effects of load and observation only",
                 );
             }
         }

@@ -1,13 +1,16 @@
 //! One trait for the full and the reduced model, so that nothing downstream can tell them apart.
 
 use super::{Compliance, Model, Response};
+use crate::effects::{Spatial, Stages};
 use crate::error::{Error, Result};
+use crate::fe::nonlinear::{self, NonlinearModel};
 use crate::fe::spatial::{self, SpatialRun, Surroundings};
 use crate::fe::stepping::Resolution;
 use crate::fe::time::{FullOrderModel, TimeScheme};
 use crate::fe::{Stiffness, transient};
 use crate::mesh::Mesh;
 use crate::number::Dual;
+use std::sync::OnceLock;
 
 /// Parameters → trajectory.
 pub trait Forward: Sync {
@@ -29,6 +32,8 @@ pub struct FullForward<'a> {
     force_n: &'a [f64],
     resolution: Resolution,
     surroundings: Option<Surroundings<'a>>,
+    /// Prepared by the first run that needs it.
+    nonlinear: OnceLock<NonlinearModel<'a>>,
 }
 
 /// A full-order run.
@@ -53,12 +58,13 @@ impl<'a> FullForward<'a> {
         force_n: &'a [f64],
     ) -> Result<Self> {
         let at_rest = FullOrderModel::new(stiffness, poisson_ratio)?;
-        Ok(Self { model, stiffness, at_rest, time_s, force_n, resolution: Resolution::default(), surroundings: None })
+        let (resolution, nonlinear) = (Resolution::default(), OnceLock::new());
+        Ok(Self { model, stiffness, at_rest, time_s, force_n, resolution, surroundings: None, nonlinear })
     }
 
     /// The same for effects that change the displacement field, which need more than the stiffness.
     pub fn in_surroundings(self, surroundings: Surroundings<'a>) -> Self {
-        Self { surroundings: Some(surroundings), ..self }
+        Self { surroundings: Some(surroundings), nonlinear: OnceLock::new(), ..self }
     }
 
     /// The same with other time steps.
@@ -86,6 +92,9 @@ impl<'a> FullForward<'a> {
             let surroundings = self.surroundings.as_ref().ok_or_else(|| {
                 Error::numerical("the full model has no mesh to solve this effect on", "give it its surroundings")
             })?;
+            if let Some(Spatial::Nonlinear(_)) = stages.spatial {
+                return self.run_nonlinear(surroundings, &stages, field_rows);
+            }
             let resolution = spatial_resolution(self.resolution);
             let run = spatial::run(surroundings, &stages, self.time_s, self.force_n, field_rows, resolution)?;
             let SpatialRun { position_m, fields, mesh } = run;
@@ -100,6 +109,25 @@ impl<'a> FullForward<'a> {
         Ok(FullRun { position_m: stepped.position_m, fields, mesh: None, compliance_per_m: full.compliance_per_m() })
     }
 
+    fn run_nonlinear(&self, surroundings: &Surroundings<'a>, stages: &Stages, rows: &[usize]) -> Result<FullRun> {
+        let model = match self.nonlinear.get() {
+            Some(model) => model,
+            None => {
+                let Surroundings { mesh, stiffness, poisson_ratio, .. } = *surroundings;
+                let model = NonlinearModel::new(mesh, stiffness, poisson_ratio)?;
+                self.nonlinear.get_or_init(|| model)
+            }
+        };
+        let own = nonlinear::Options::default();
+        let resolution = scaled(own.resolution.steps_per_doubling, self.resolution);
+        let options = nonlinear::Options { resolution: Resolution { steps_per_doubling: resolution }, ..own };
+        let run = model.run_stages(stages, self.time_s, self.force_n, rows, options)?;
+        let unknowns = &surroundings.stiffness.assembly.unknowns;
+        let fields = run.fields.iter().map(|field| unknowns.nodal_displacement(field)).collect();
+        let (position_m, compliance_per_m) = (run.displacement_m, self.compliance_per_m());
+        Ok(FullRun { position_m, fields, mesh: None, compliance_per_m })
+    }
+
     fn nodal(&self, fields: Vec<Vec<f64>>) -> Vec<Vec<[f64; 3]>> {
         let unknowns = &self.stiffness.assembly.unknowns;
         fields.iter().map(|field| unknowns.nodal_displacement(field)).collect()
@@ -109,8 +137,12 @@ impl<'a> FullForward<'a> {
 /// Steps of the field's own stepping that are as much finer than its default as others are than theirs.
 fn spatial_resolution(resolution: Resolution) -> transient::Resolution {
     let own = transient::Resolution::default();
-    let (wanted, usual) = (resolution.steps_per_doubling, Resolution::default().steps_per_doubling);
-    transient::Resolution { steps_per_doubling: (own.steps_per_doubling * wanted).div_ceil(usual), ..own }
+    transient::Resolution { steps_per_doubling: scaled(own.steps_per_doubling, resolution), ..own }
+}
+
+/// Steps a doubling that are as much more than a stepping's own default as others are than theirs.
+fn scaled(own: u32, wanted: Resolution) -> u32 {
+    (own * wanted.steps_per_doubling).div_ceil(Resolution::default().steps_per_doubling)
 }
 
 impl Forward for FullForward<'_> {

@@ -1,15 +1,21 @@
 //! The reduced models of the effects that change the displacement field, as many as a problem asks for.
 
+use std::collections::BTreeMap;
 use std::f64::consts::PI;
+use std::sync::Arc;
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use super::hyper::{self, HyperModel, HyperSettings};
 use super::spread::{SpreadModes, snapshot_values};
-use crate::effects::{FieldModel, POCKET_RADIUS_RATIOS, Spatial, Spread, Stages, drained_range, pocket_law};
+use crate::effects::{
+    FieldModel, NonlinearFamily, POCKET_RADIUS_RATIOS, Spatial, Spread, Stages, Stepped, drained_range, pocket_law,
+};
 use crate::error::{Error, Result};
 use crate::fe::poroelastic::{PoreModel, PoreSpectrum, SpectrumSettings};
 use crate::fe::spatial::{Sizes, SpatialKind, SpatialSystem, Surroundings};
+use crate::model::Model;
 use crate::number::{Dual, Scalar};
 use crate::rheology::{Beside, SpreadTerm};
 
@@ -31,6 +37,9 @@ pub struct FieldModels {
     pub pocket: Option<PocketModel>,
     /// Pore flow.
     pub pores: Option<PoreSpectrum>,
+    /// Laws that are not linear.
+    #[serde(default)]
+    pub nonlinear: BTreeMap<NonlinearFamily, HyperModel>,
 }
 
 /// The pocket's terms at any radius.
@@ -64,13 +73,19 @@ impl FieldModels {
                 let settings = SpectrumSettings { drained_poisson_ratio, ..SpectrumSettings::default() };
                 fields.pores = Some(PoreSpectrum::build(&model, &settings)?);
             }
+            FieldModel::Nonlinear(family) => {
+                fields.nonlinear.insert(family, hyper::build(surroundings, family, &HyperSettings::of(family))?);
+            }
         }
         Ok(fields)
     }
 
     /// These, and of the others those that are missing here.
     pub fn or(self, other: Self) -> Self {
+        let mut nonlinear = other.nonlinear;
+        nonlinear.extend(self.nonlinear);
         Self {
+            nonlinear,
             inertia: self.inertia.or(other.inertia),
             slip: self.slip.or(other.slip),
             pocket: self.pocket.or(other.pocket),
@@ -85,10 +100,20 @@ impl FieldModels {
             FieldModel::Slip => self.slip.is_some(),
             FieldModel::Pocket => self.pocket.is_some(),
             FieldModel::PoreFlow => self.pores.is_some(),
+            FieldModel::Nonlinear(family) => self.nonlinear.contains_key(&family),
         }
     }
 
-    /// The terms of the stages' effect; `None` where they have none.
+    /// What building the model of a law that is not linear found as its largest distance from full runs, relative to their amplitude; `None` for models
+    /// without such a law.
+    pub fn verified(&self, model: &Model) -> Option<f64> {
+        model.effects().iter().find_map(|effect| match effect.field_model() {
+            Some(FieldModel::Nonlinear(family)) => self.nonlinear.get(&family).map(|m| m.reduced().max_relative_error),
+            _ => None,
+        })
+    }
+
+    /// What becomes of the stages' effect; `None` where they have none.
     ///
     /// # Errors
     /// [`Error::Numerical`] for a model that was not built; [`Error::OutsideTrainedRange`].
@@ -100,15 +125,15 @@ impl FieldModels {
             None => None,
             Some(Spatial::Inertia { density_scale }) => {
                 let beside = Beside::Mass { scale: *density_scale };
-                Some(Spread { beside, terms: terms_of(self.inertia.as_ref().ok_or_else(missing)?) })
+                Some(Spread::Terms { beside, terms: terms_of(self.inertia.as_ref().ok_or_else(missing)?) })
             }
             Some(Spatial::Slip { compliance_m_per_pa_s }) => {
                 let beside = Beside::Friction { compliance: *compliance_m_per_pa_s };
-                Some(Spread { beside, terms: terms_of(self.slip.as_ref().ok_or_else(missing)?) })
+                Some(Spread::Terms { beside, terms: terms_of(self.slip.as_ref().ok_or_else(missing)?) })
             }
             Some(Spatial::Pocket { radius_ratio, elastic_loss }) => {
                 let terms = self.pocket.as_ref().ok_or_else(missing)?.terms(*radius_ratio)?;
-                Some(Spread { beside: Beside::Law(pocket_law(&stages.law, *elastic_loss)?), terms })
+                Some(Spread::Terms { beside: Beside::Law(pocket_law(&stages.law, *elastic_loss)?), terms })
             }
             Some(Spatial::PoreFlow { mobility_m2_per_pa_s, drained_poisson_ratio }) => {
                 let pores = self.pores.as_ref().ok_or_else(missing)?;
@@ -116,7 +141,11 @@ impl FieldModels {
                 let flowing = pores.terms(*drained_poisson_ratio)?;
                 let flowing = flowing.iter().map(|term| SpreadTerm { weight: term.weight, number: term.area_m2 });
                 let beside = Beside::Friction { compliance: *mobility_m2_per_pa_s };
-                Some(Spread { beside, terms: [undrained].into_iter().chain(flowing).collect() })
+                Some(Spread::Terms { beside, terms: [undrained].into_iter().chain(flowing).collect() })
+            }
+            Some(Spatial::Nonlinear(law)) => {
+                let model = self.nonlinear.get(&law.family()).ok_or_else(missing)?;
+                Some(Spread::Stepped(Stepped(Arc::new(model.clone()))))
             }
         })
     }

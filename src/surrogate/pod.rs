@@ -1,7 +1,7 @@
 //! Proper orthogonal decomposition in the energy inner product ⟨u, v⟩ = uᵀ K̂ v.
 
-use faer::Mat;
 use faer::sparse::SparseColMatRef;
+use nalgebra::DMatrix;
 
 use crate::error::{Error, Result};
 use crate::fe::factorisation::add_symmetric_product;
@@ -9,6 +9,8 @@ use crate::fe::factorisation::add_symmetric_product;
 /// Remainder of a unit snapshot below which no direction is left in it. What is larger and still rounding is kept: the singular values
 /// then show where rounding begins.
 const ROUNDING: f64 = f64::EPSILON;
+/// Most iterations of the decomposition for every row, of which two or three do.
+const MOST_ROTATIONS: usize = 100;
 
 /// Energy-orthonormal modes of a set of snapshots, by falling singular value.
 #[derive(Debug, Clone)]
@@ -60,19 +62,21 @@ impl Pod {
         if n == 0 {
             return Err(Error::numerical("every snapshot is zero", "check that the record applies a force"));
         }
-        let factor = Mat::from_fn(n, triangle.len(), |i, j| triangle[j].get(i).copied().unwrap_or(0.0));
-        let svd = factor.thin_svd().map_err(|e| {
-            Error::numerical(
-                format!("the snapshots cannot be decomposed: {e:?}"),
+        // By one thread whatever the size, so that the bits do not depend on how many there are.
+        let factor = DMatrix::from_fn(n, triangle.len(), |i, j| triangle[j].get(i).copied().unwrap_or(0.0));
+        let svd = factor.try_svd(true, false, f64::EPSILON, MOST_ROTATIONS * n);
+        let Some((left, values)) = svd.and_then(|svd| Some((svd.u?, svd.singular_values))) else {
+            return Err(Error::numerical(
+                "the snapshots cannot be decomposed",
                 "look for infinite values in the record",
-            )
-        })?;
-        let singular_values: Vec<f64> = svd.S().column_vector().iter().copied().collect();
+            ));
+        };
+        let singular_values: Vec<f64> = values.iter().copied().collect();
         let kept = singular_values.iter().take_while(|s| **s > tolerance * singular_values[0]).count();
         let mode = |k: usize| {
             let mut mode = vec![0.0; basis[0].len()];
             for (i, q) in basis.iter().enumerate() {
-                subtract(&mut mode, -svd.U()[(i, k)], q);
+                subtract(&mut mode, -left[(i, k)], q);
             }
             mode
         };

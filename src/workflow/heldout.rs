@@ -13,10 +13,12 @@ use crate::experiment::Record;
 use crate::fe::strain::largest_principal_strain;
 use crate::inference::noise::NoiseModel;
 use crate::inference::pareto::pareto_k;
-use crate::model::{Forward, FullForward};
+use crate::model::{Forward, FullForward, ReducedForward};
 
 /// Posterior draws that full finite elements are run for.
 pub const N_CHECK_DRAWS: usize = 128;
+/// Draws run in full where that takes minutes each.
+const N_SLOW_DRAWS: usize = 2;
 /// Simulated measurements that the misfit and the coverage are judged by.
 const N_SIMULATIONS: usize = 8_000;
 /// Fewer for long records, to so many simulated positions in all, but never fewer than resolve the 99.9 % band.
@@ -112,6 +114,9 @@ pub fn check(problem: &Problem, reduced: &Reduced, draws: &[NaturalDraw]) -> Res
             discretisation_m: None,
         });
     };
+    if problem.model.effects().iter().any(|effect| effect.is_nonlinear()) {
+        return check_some(problem, &full, &reduced_forward, draws);
+    }
     let Runs { draws, trajectories_m: full_m, n_refused } = run_all(&full, draws, n_model)?;
     let run_reduced = |draw: &NaturalDraw| reduced_forward.trajectory_m(&draw[..n_model]);
     let reduced_m: Vec<Vec<f64>> = draws.par_iter().map(run_reduced).collect::<Result<_>>()?;
@@ -133,6 +138,43 @@ pub fn check(problem: &Problem, reduced: &Reduced, draws: &[NaturalDraw]) -> Res
         surrogate_vs_full_max_m: Some(surrogate_vs_full_max_m),
         pareto_k: Some(pareto_k(&ln_weights)),
         weights: Some(normalised(&ln_weights)),
+        largest_strain,
+        discretisation_m: relative_error.map(|error| amplitude_m * error),
+    })
+}
+
+/// The same where a full run takes minutes, as for laws that are not linear: the reduced model predicts, and the full one is run for the first
+/// [`N_SLOW_DRAWS`] draws.
+fn check_some(
+    problem: &Problem,
+    full: &FullForward,
+    reduced: &ReducedForward,
+    draws: &[NaturalDraw],
+) -> Result<FullCheck> {
+    let n_model = problem.model.parameters().len();
+    let Runs { draws, trajectories_m, n_refused } = run_all(reduced, draws, n_model)?;
+    let mean_m = mean_trajectory(&trajectories_m, None);
+    let (extreme_row, amplitude_m) =
+        mean_m.iter().enumerate().fold((0, 0.0), |(row, a), (i, x)| if x.abs() > a { (i, x.abs()) } else { (row, a) });
+    let middle = &draws[middle_draw(&trajectories_m, extreme_row)][..n_model];
+    let largest_strain = strain_of(problem, full, middle, extreme_row)?;
+    let (mut farthest_m, mut fe_runs) = (0.0_f64, 0);
+    for (draw, reduced_m) in draws.iter().zip(&trajectories_m).take(N_SLOW_DRAWS) {
+        let full_m = full.trajectory_m(&draw[..n_model])?;
+        farthest_m = full_m.iter().zip(reduced_m).fold(farthest_m, |d, (x, y)| d.max((x - y).abs()));
+        fe_runs += 1;
+    }
+    let comparison = problem.finite_elements().and_then(|fe| fe.comparison);
+    let relative_error = comparison.map(|other| other.relative_error(full.compliance_per_m()).abs());
+    Ok(FullCheck {
+        noise: DrawnNoise::new(problem, &draws, &trajectories_m),
+        n_refused,
+        draws,
+        trajectories_m,
+        surrogate_vs_full_max_m: Some(farthest_m),
+        pareto_k: None,
+        weights: None,
+        fe_runs,
         largest_strain,
         discretisation_m: relative_error.map(|error| amplitude_m * error),
     })

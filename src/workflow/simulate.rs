@@ -14,6 +14,7 @@ use super::reduced::{field_models, field_models_of};
 use super::summary::{PosteriorSummary, Warning};
 use crate::error::{Error, Place, Result};
 use crate::experiment::Record;
+use crate::fe::stepping::Resolution;
 use crate::fe::strain::largest_principal_strain;
 use crate::fe::time::{FullOrderModel, TimeScheme};
 use crate::mesh::Mesh;
@@ -224,7 +225,7 @@ pub fn run(
     };
     let Run { rows, position_m, fields, mesh, compliance_per_m, extreme_row } = run;
     let mesh = mesh.unwrap_or_else(|| fe.mesh.clone());
-    let exact_m = closed_form_m(problem, fe, compliance_per_m, &values)?;
+    let exact_m = exact_in_time_m(problem, fe, compliance_per_m, &values)?;
     let mut largest_strain = 0.0_f64;
     for field in &fields {
         largest_strain = largest_strain.max(largest_principal_strain(&mesh, field)?);
@@ -313,9 +314,17 @@ fn all_stages(problem: &Problem, fe: &FiniteElements, values: &[f64], written_ro
     Ok(Run { rows, position_m, fields, mesh, compliance_per_m, extreme_row })
 }
 
-/// The trajectory (m) in closed form at the run's own compliance: what is left is the time integration's error.
-fn closed_form_m(problem: &Problem, fe: &FiniteElements, compliance_per_m: f64, values: &[f64]) -> Result<Vec<f64>> {
+/// The trajectory (m) in closed form at the run's own compliance: what is left is the time integration's error. For a law that is not linear, which has no
+/// closed form, the full-order trajectory with steps twice as long: what is left is several times that error.
+fn exact_in_time_m(problem: &Problem, fe: &FiniteElements, compliance_per_m: f64, values: &[f64]) -> Result<Vec<f64>> {
     let record = &problem.experiment.record;
+    if problem.model.effects().iter().any(|effect| effect.is_nonlinear()) {
+        let resolution = Resolution { steps_per_doubling: Resolution::default().steps_per_doubling / 2 };
+        return FullForward::new(&problem.model, &fe.stiffness, fe.poisson_ratio, &record.time_s, &record.force_n)?
+            .in_surroundings(fe.surroundings())
+            .with_resolution(resolution)
+            .trajectory_m(values);
+    }
     let constants: Vec<Dual> = values.iter().map(|value| Dual::constant(*value)).collect();
     let mut stages = problem.model.stages(&constants)?;
     stages.spread = field_models(fe, None, &field_models_of(&problem.model), &super::Silent)?.spread(&stages)?;

@@ -1,99 +1,9 @@
 //! What a nonlinear gel is made of: bodies in series, one of which is not linear (physics §2, §5).
 
+use crate::effects::Nonlinearity;
 use crate::error::{Error, Result};
 use crate::number::{Dual, PointScalar};
-use crate::rheology::{BaseLaw, Element};
-use serde::{Deserialize, Serialize};
-
-/// What is not linear about the first Kelvin–Voigt body or the dashpot of the law (physics §5).
-///
-/// With s = D̂⁻¹σ and the equivalents ε_eq² = ⅔ dev ε : dev ε, s_eq² = ⅔ dev s : dev s:
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub enum Nonlinearity<N = f64> {
-    /// dev s = E (1 + β ε_eq²) dev ε_k + c₁ dev ε̇_k in the first Kelvin–Voigt body; its volumetric part stays linear.
-    StrainStiffening {
-        /// β ≥ 0; 0 is the linear law.
-        coefficient: N,
-    },
-    /// ε̇_d = (s_eq/s₀)^{1/n−1} s/c₂ in the dashpot.
-    ShearThinning {
-        /// n in (0, 1]; 1 is the linear law.
-        index: N,
-        /// s₀ > 0 in Pa: the stress at which the fluidity is 1/c₂.
-        reference_stress_pa: N,
-    },
-    /// ε̇_d = ⟨1 − s_y/s_eq⟩ s/c₂ in the dashpot, with s_eq ⟨1 − s_y/s_eq⟩ smoothed to
-    /// ½[s_eq − s_y + √((s_eq − s_y)² + 4δ² s_y s_eq)]: exact at s_y = 0, too large by at most δ s_y, and the sharp law as δ → 0.
-    YieldStress {
-        /// s_y ≥ 0 in Pa; 0 is the linear law.
-        stress_pa: N,
-        /// δ in (0, 1): how smooth the bracket is; [`YIELD_SMOOTHING`] serves.
-        smoothing: f64,
-    },
-}
-
-/// δ that keeps the creep of what should be rigid at 10⁻⁴ of the fluid's.
-pub const YIELD_SMOOTHING: f64 = 0.01;
-
-impl Nonlinearity {
-    /// The same with numbers that carry derivatives, all constant.
-    pub fn constant(self) -> Nonlinearity<Dual> {
-        match self {
-            Self::StrainStiffening { coefficient } => {
-                Nonlinearity::StrainStiffening { coefficient: coefficient.into() }
-            }
-            Self::ShearThinning { index, reference_stress_pa } => {
-                Nonlinearity::ShearThinning { index: index.into(), reference_stress_pa: reference_stress_pa.into() }
-            }
-            Self::YieldStress { stress_pa, smoothing } => {
-                Nonlinearity::YieldStress { stress_pa: stress_pa.into(), smoothing }
-            }
-        }
-    }
-}
-
-impl Nonlinearity<Dual> {
-    /// The same in another number.
-    pub(crate) fn of<N: PointScalar>(self) -> Nonlinearity<N> {
-        match self {
-            Self::StrainStiffening { coefficient } => {
-                Nonlinearity::StrainStiffening { coefficient: N::of(coefficient) }
-            }
-            Self::ShearThinning { index, reference_stress_pa } => {
-                Nonlinearity::ShearThinning { index: N::of(index), reference_stress_pa: N::of(reference_stress_pa) }
-            }
-            Self::YieldStress { stress_pa, smoothing } => {
-                Nonlinearity::YieldStress { stress_pa: N::of(stress_pa), smoothing }
-            }
-        }
-    }
-
-    /// Refuses numbers outside the law's support.
-    fn check(&self) -> Result<()> {
-        let (good, what, support) = match *self {
-            Self::StrainStiffening { coefficient } => {
-                let beta = coefficient.value;
-                (beta >= 0.0 && beta.is_finite(), format!("a stiffening coefficient of {beta}"), "0 or more")
-            }
-            Self::ShearThinning { index, reference_stress_pa } => {
-                let (n, stress_pa) = (index.value, reference_stress_pa.value);
-                let good = n > 0.0 && n <= 1.0 && stress_pa > 0.0 && stress_pa.is_finite();
-                let what = format!("a thinning index of {n} at the reference stress {stress_pa} Pa");
-                (good, what, "an index in (0, 1] and a positive stress")
-            }
-            Self::YieldStress { stress_pa, smoothing } => {
-                let stress_pa = stress_pa.value;
-                let good = stress_pa >= 0.0 && stress_pa.is_finite() && smoothing > 0.0 && smoothing < 1.0;
-                let what = format!("a yield stress of {stress_pa} Pa with the smoothing {smoothing}");
-                (good, what, "a stress of 0 or more and a smoothing in (0, 1)")
-            }
-        };
-        if good {
-            return Ok(());
-        }
-        Err(Error::numerical(format!("the law has {what}"), format!("give {support}")))
-    }
-}
+use crate::rheology::Element;
 
 /// A Kelvin–Voigt body by its compliance: τ ε̇ + ε = C s.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -119,24 +29,13 @@ pub(crate) struct Bodies<N> {
 }
 
 impl<N: PointScalar> Bodies<N> {
-    /// The bodies of a base law at `parameters` (SI, the order of [`BaseLaw::parameters`]).
+    /// The bodies of elements in series.
     ///
     /// # Errors
     /// [`Error::Numerical`] for laws that are not Kelvin–Voigt bodies, springs and one dashpot in series, and for numbers outside their support.
-    pub(crate) fn new(base: BaseLaw, parameters: &[Dual], nonlinearity: Nonlinearity<Dual>) -> Result<Self> {
+    pub(crate) fn new(law: &[Element], nonlinearity: Nonlinearity<Dual>) -> Result<Self> {
         nonlinearity.check()?;
-        if parameters.len() != base.parameters().len() {
-            return Err(Error::numerical(
-                format!(
-                    "the {} law has {} parameters, and {} are given",
-                    base.title(),
-                    base.parameters().len(),
-                    parameters.len()
-                ),
-                "give one value for each",
-            ));
-        }
-        let bodies = Self::of_elements(&base.elements(parameters), nonlinearity)?;
+        let bodies = Self::of_elements(law, nonlinearity)?;
         let sizes = [bodies.modulus_pa, bodies.viscosity_1_pa_s, bodies.viscosity_2_pa_s];
         let positive = |n: &N| n.value() > 0.0 && n.value().is_finite();
         let not_negative = |n: N| n.value() >= 0.0 && n.value().is_finite();
@@ -144,9 +43,11 @@ impl<N: PointScalar> Bodies<N> {
             && not_negative(bodies.instantaneous_per_pa)
             && bodies.retarded.iter().all(|body| not_negative(body.compliance_per_pa) && positive(&body.time_s));
         if !good {
-            let values: Vec<f64> = parameters.iter().map(|p| p.value).collect();
+            let values = [sizes[0], sizes[1], sizes[2]].map(PointScalar::value);
             return Err(Error::numerical(
-                format!("the {} law at {values:?} has a body without resistance or without end", base.title()),
+                format!(
+                    "a law with the modulus and viscosities {values:?} has a body without resistance or without end"
+                ),
                 "give positive, finite parameters",
             ));
         }
@@ -223,12 +124,14 @@ fn unsuited(what: &str) -> Error {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::effects::YIELD_SMOOTHING;
+    use crate::rheology::BaseLaw;
 
     const P: [f64; 5] = [3.5, 1.4, 47.0, 8.0, 30.0];
 
     fn bodies(base: BaseLaw, nonlinearity: Nonlinearity) -> Result<Bodies<f64>> {
         let parameters = P.map(Dual::constant);
-        Bodies::new(base, &parameters[..base.parameters().len()], nonlinearity.constant())
+        Bodies::new(&base.elements(&parameters[..base.parameters().len()]), nonlinearity.constant())
     }
 
     #[test]
@@ -280,7 +183,7 @@ mod tests {
         }
         let zero = [3.0, 0.0, 40.0].map(Dual::constant);
         let linear = Nonlinearity::StrainStiffening { coefficient: 0.0 }.constant();
-        assert!(Bodies::<f64>::new(BaseLaw::Lethersich, &zero, linear).is_err());
-        assert!(Bodies::<f64>::new(BaseLaw::Lethersich, &zero[..2], linear).is_err());
+        let refused = Bodies::<f64>::new(&BaseLaw::Lethersich.elements(&zero), linear);
+        assert!(refused.unwrap_err().to_string().contains("without resistance"));
     }
 }

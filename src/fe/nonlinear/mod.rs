@@ -8,6 +8,7 @@
 //! Time is stepped by a method of order 4 (Hairer & Wanner's SDIRK), L-stable and stiffly accurate, in steps that end at every row and switch and grow
 //! geometrically after a switch. A step whose balance is not found is halved.
 
+mod between_steps;
 mod law;
 pub(crate) mod point;
 pub(crate) mod points;
@@ -18,17 +19,16 @@ pub(crate) mod tableau;
 mod tests;
 
 pub(crate) use law::Bodies;
-pub use law::{Nonlinearity, YIELD_SMOOTHING};
 pub(crate) use run::AtRow;
 pub use tableau::Scheme;
 
-use crate::effects::Load;
+use crate::effects::{Load, Nonlinearity, Stages};
 use crate::error::{Error, Result};
 use crate::fe::stepping::Resolution;
 use crate::fe::{Factor, Stiffness};
 use crate::mesh::Mesh;
 use crate::number::Dual;
-use crate::rheology::BaseLaw;
+use crate::rheology::Element;
 use points::IntegrationPoints;
 
 /// How fine a run is.
@@ -52,12 +52,10 @@ impl Default for Options {
 /// What is run: a law, a load and a record.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NonlinearRun<'a> {
-    /// Base law: lethersich, burgers or two-element.
-    pub law: BaseLaw,
-    /// The law's parameters, SI, in the order of [`BaseLaw::parameters`].
-    pub parameters: &'a [f64],
-    /// What is not linear about it.
-    pub nonlinearity: Nonlinearity,
+    /// Kelvin–Voigt bodies, springs and one dashpot in series; derivatives are ignored.
+    pub law: &'a [Element],
+    /// What is not linear about them.
+    pub nonlinearity: Nonlinearity<Dual>,
     /// From the commanded to the acting force.
     pub load: &'a Load,
     /// Times of the rows in s, ascending.
@@ -148,12 +146,31 @@ impl<'a> NonlinearModel<'a> {
         Ok(result)
     }
 
+    /// Runs the stages of a law that is not linear: recorded position (m) at every row, and all unknowns (m) at `rows`. Steps do not end at rows.
+    ///
+    /// # Errors
+    /// Those of [`Self::run`], and [`Error::Numerical`] for stages without such a law and where the gel softens.
+    pub fn run_stages(
+        &self,
+        stages: &Stages,
+        time_s: &[f64],
+        force_n: &[f64],
+        rows: &[usize],
+        options: Options,
+    ) -> Result<NonlinearResult> {
+        between_steps::run(self, stages, time_s, force_n, rows, options)
+    }
+
     /// The same, with every row's state shown to `at_row`.
     pub(crate) fn watch(&self, what: &NonlinearRun, options: Options, at_row: impl FnMut(AtRow)) -> Result<Cost> {
-        let parameters: Vec<Dual> = what.parameters.iter().map(|p| Dual::constant(*p)).collect();
-        let bodies = Bodies::new(what.law, &parameters, what.nonlinearity.constant())?;
-        let balance = stage::Balance { points: &self.points, factor: &self.factor, robot: self.robot };
-        run::run(balance, &bodies, what.load, what.time_s, what.force_n, options, at_row)
+        let bodies = Bodies::new(what.law, what.nonlinearity)?;
+        let balance = self.balance();
+        let record = run::Record { time_s: what.time_s, force_n: what.force_n, stops_s: what.time_s };
+        run::run(balance, &bodies, what.load, record, options, at_row, |_, _| {})
+    }
+
+    fn balance(&self) -> stage::Balance<'_> {
+        stage::Balance { points: &self.points, factor: &self.factor, robot: self.robot }
     }
 
     pub(crate) fn points(&self) -> &IntegrationPoints {

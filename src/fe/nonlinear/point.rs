@@ -9,7 +9,8 @@
 //! stiffening: ω = j_l c₁/g, κ = c₁/g; thinning and yielding: ω = −1, κ = 0. The size m of ε_k or s solves one scalar equation
 //! α m + ψ(m) = √⅔ |dev a| with a convex ψ, so that Newton's method from the right cannot fail.
 
-use super::law::{Bodies, Nonlinearity};
+use super::law::Bodies;
+use crate::effects::Nonlinearity;
 use crate::number::{Dual, PointScalar};
 
 /// Five coordinates of the deviator and the trace.

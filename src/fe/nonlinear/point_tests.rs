@@ -1,7 +1,7 @@
 //! The stage's stress put back into the law's equations, tangents and derivatives against finite differences, and limits.
 
-use super::super::law::YIELD_SMOOTHING;
 use super::*;
+use crate::effects::YIELD_SMOOTHING;
 use crate::rheology::BaseLaw;
 
 const P: [f64; 5] = [3.527, 1.402, 47.370, 20.0, 2.5];
@@ -21,7 +21,7 @@ fn kinds() -> Vec<Nonlinearity> {
 }
 
 fn bodies<N: Number>(base: BaseLaw, nonlinearity: Nonlinearity<Dual>, parameters: &[Dual]) -> Bodies<N> {
-    Bodies::new(base, &parameters[..base.parameters().len()], nonlinearity).expect("a sound law")
+    Bodies::new(&base.elements(&parameters[..base.parameters().len()]), nonlinearity).expect("a sound law")
 }
 
 fn stress_of<N: Number>(law: &StageLaw<N>, strain: &Tensor<N>, histories: &[Tensor<N>]) -> Tensor<N> {

@@ -20,22 +20,30 @@ const MOST_RETRIES: u32 = 8;
 /// Index of the last of five stages.
 const LAST_STAGE: usize = 4;
 
-/// What a row sees: unknowns (m) and stresses s (Pa) at all points, the limit from the left.
+/// What a stop sees: unknowns (m) and stresses s (Pa) at all points, the limit from the left.
 pub(crate) struct AtRow<'a> {
     pub row: usize,
     pub displacement: &'a [f64],
     pub stresses: &'a [Tensor<f64>],
 }
 
-/// Steps the gel through a record and shows its state at every row.
+/// Times and commands of a record, and the times in it at which a run stops, all ascending.
+#[derive(Clone, Copy)]
+pub(super) struct Record<'a> {
+    pub time_s: &'a [f64],
+    pub force_n: &'a [f64],
+    pub stops_s: &'a [f64],
+}
+
+/// Steps the gel through a record and shows its state at every stop, and the time and the robot's displacement at the end of every step.
 pub(super) fn run(
     balance: Balance,
     bodies: &Bodies<f64>,
     load: &Load,
-    time_s: &[f64],
-    force_n: &[f64],
+    Record { time_s, force_n, stops_s }: Record,
     options: Options,
     mut at_row: impl FnMut(AtRow),
+    mut at_step: impl FnMut(f64, f64),
 ) -> Result<Cost> {
     let switches = load::switches(load, time_s, force_n);
     let start_s = time_s.first().copied().unwrap_or(0.0);
@@ -43,13 +51,13 @@ pub(super) fn run(
     let rounding_s = CLOCK_ROUNDING * length_s;
     let mut run = Run::new(balance, bodies, load, &switches, options, start_s);
     let mut coming = switches.iter().copied().enumerate().peekable();
-    for (row, &row_s) in time_s.iter().enumerate() {
+    for (row, &row_s) in stops_s.iter().enumerate() {
         // A switch at a row comes after it: positions are limits from the left.
         while let Some((i, switch)) = coming.next_if(|(_, switch)| switch.time_s < row_s - rounding_s) {
-            run.advance_to(switch.time_s, rounding_s)?;
+            run.advance_to(switch.time_s, rounding_s, &mut at_step)?;
             run.switch(switch, gap_s(time_s, &switches, i, rounding_s));
         }
-        run.advance_to(row_s, rounding_s)?;
+        run.advance_to(row_s, rounding_s, &mut at_step)?;
         at_row(AtRow { row, displacement: &run.displacement, stresses: &run.stresses });
     }
     Ok(run.cost)
@@ -138,13 +146,14 @@ impl<'a> Run<'a> {
         self.input_n + (self.lagged_n - self.input_n) * (-(time_s - self.switched_s) / self.lag_time_s).exp()
     }
 
-    fn advance_to(&mut self, stop_s: f64, rounding_s: f64) -> Result<()> {
+    fn advance_to(&mut self, stop_s: f64, rounding_s: f64, at_step: &mut impl FnMut(f64, f64)) -> Result<()> {
         while stop_s - self.now_s > rounding_s {
             let left_s = stop_s - self.now_s;
             let step_s = self.rule.step_s(self.grading, self.now_s, left_s);
             // The last step is `left_s` but for rounding.
             let end_s = if step_s > 0.75 * left_s { stop_s } else { self.now_s + step_s };
             self.step(end_s, MOST_RETRIES)?;
+            at_step(end_s, self.displacement[self.balance.robot]);
         }
         Ok(())
     }

@@ -1,7 +1,8 @@
 //! The balance's tangent against finite differences, and how fast the iterations converge.
 
-use super::super::{Bodies, Nonlinearity, YIELD_SMOOTHING};
+use super::super::Bodies;
 use super::*;
+use crate::effects::{Nonlinearity, YIELD_SMOOTHING};
 use crate::fe::Stiffness;
 use crate::fe::time::QUARTER;
 use crate::mesh::QuarterBall;
@@ -30,7 +31,7 @@ fn with_stage(nonlinearity: Nonlinearity, check: impl Fn(&Balance, &Stage, Vec<f
     let points = IntegrationPoints::new(&mesh, unknowns, 0.48).expect("no element is inverted");
     let balance = Balance { points: &points, factor: &factor, robot: unknowns.robot() };
     let parameters = [3.527, 1.402, 20.0].map(Dual::constant);
-    let bodies = Bodies::new(BaseLaw::Lethersich, &parameters, nonlinearity.constant()).expect("a sound law");
+    let bodies = Bodies::new(&BaseLaw::Lethersich.elements(&parameters), nonlinearity.constant()).expect("a sound law");
     let law = StageLaw::new(&bodies, STEP_S);
     let unit = factor.unit_response();
     let field: Vec<f64> = unit.iter().map(|u| 0.1 * FORCE_N * u).collect();

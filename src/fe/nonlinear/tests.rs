@@ -1,14 +1,19 @@
 //! Runs against the linear model, homogeneous bodies solved by other means, and each other.
 
 use super::*;
-use crate::effects::Stages;
+use crate::effects::{Nonlinearity, Stages, YIELD_SMOOTHING};
 use crate::fe::time::{FullOrderModel, QUARTER};
 use crate::mesh::QuarterBall;
+use crate::rheology::BaseLaw;
 
 const P: [f64; 5] = [3.527, 1.402, 47.370, 20.0, 2.5];
 const FORCE_N: f64 = 4.6e-6;
 /// s₀ of physics §5 for the reference force and radius, in Pa.
 const REFERENCE_STRESS_PA: f64 = 4.84;
+
+fn lethersich() -> Vec<Element> {
+    BaseLaw::Lethersich.elements(&[P[0], P[1], P[2]].map(Dual::constant))
+}
 
 fn ball() -> Mesh {
     let ball = QuarterBall { robot_radius_m: 0.275e-3, outer_radius_m: 10e-3, n_per_edge: 1, n_layers: 3 };
@@ -59,7 +64,8 @@ fn nulls_are_the_linear_model() {
             stages.load = load;
             let exact = linear.step(&stages, &time_s, &force_n, Resolution::default()).unwrap();
             let load = &stages.load;
-            let what = NonlinearRun { law, parameters, nonlinearity, load, time_s: &time_s, force_n: &force_n };
+            let (law, nonlinearity) = (&stages.law, nonlinearity.constant());
+            let what = NonlinearRun { law, nonlinearity, load, time_s: &time_s, force_n: &force_n };
             let found = model.run(&what, &[3, 7, 99], Options::default()).unwrap();
             let error = distance(&found.displacement_m, &exact.displacement_m);
             assert!(error < 1e-5, "{law:?}: {error:e}");
@@ -190,8 +196,8 @@ fn run_cube(homogeneous: &Homogeneous, load: &Load, time_s: &[f64], force_n: &[f
     let mesh = cube(usize::from(homogeneous.shears));
     let stiffness = Stiffness::new(&mesh).unwrap();
     let model = NonlinearModel::new(&mesh, &stiffness, homogeneous.poisson_ratio).unwrap();
-    let nonlinearity = homogeneous.nonlinearity;
-    let what = NonlinearRun { law: BaseLaw::Lethersich, parameters: &P[..3], nonlinearity, load, time_s, force_n };
+    let nonlinearity = homogeneous.nonlinearity.constant();
+    let what = NonlinearRun { law: &lethersich(), nonlinearity, load, time_s, force_n };
     model.run(&what, &[], options).unwrap().displacement_m
 }
 
@@ -266,8 +272,8 @@ fn a_run_has_the_same_bytes_for_any_number_of_threads() {
     let (load, stiffness) = (full_load(), Stiffness::new(&mesh).unwrap());
     let model = NonlinearModel::new(&mesh, &stiffness, 0.48).unwrap();
     let nonlinearity = Nonlinearity::ShearThinning { index: 0.5, reference_stress_pa: REFERENCE_STRESS_PA };
-    let (law, parameters) = (BaseLaw::Lethersich, &P[..3]);
-    let what = NonlinearRun { law, parameters, nonlinearity, load: &load, time_s: &time_s, force_n: &force_n };
+    let (law, nonlinearity) = (&lethersich(), nonlinearity.constant());
+    let what = NonlinearRun { law, nonlinearity, load: &load, time_s: &time_s, force_n: &force_n };
     let options = Options { resolution: Resolution { steps_per_doubling: 1 }, ..Options::default() };
     let run = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
@@ -288,8 +294,8 @@ fn a_balance_that_is_not_found_is_an_error() {
     let (time_s, force_n) = record();
     let load = full_load();
     let nonlinearity = Nonlinearity::StrainStiffening { coefficient: 1.0 };
-    let (law, parameters) = (BaseLaw::Lethersich, &P[..3]);
-    let what = NonlinearRun { law, parameters, nonlinearity, load: &load, time_s: &time_s, force_n: &force_n };
+    let (law, nonlinearity) = (&lethersich(), nonlinearity.constant());
+    let what = NonlinearRun { law, nonlinearity, load: &load, time_s: &time_s, force_n: &force_n };
     let failed = model.run(&what, &[], Options { tolerance: 1e-30, ..Options::default() });
     let message = failed.unwrap_err().to_string();
     assert!(message.contains("at 3 s with a step of") && message.contains("residual stays at"), "{message}");
@@ -304,4 +310,46 @@ fn a_balance_that_is_not_found_is_an_error() {
 fn a_stiffness_of_another_mesh_is_refused() {
     let stiffness = Stiffness::new(&ball()).unwrap();
     assert!(matches!(NonlinearModel::new(&cube(0), &stiffness, 0.48), Err(Error::Numerical { .. })));
+}
+
+/// Steps that do not end at rows against steps that do, for every law and every effect of the load; and the fields at the chosen rows.
+#[test]
+fn rows_between_steps_are_interpolated_to_the_steps_own_error() {
+    let mesh = ball();
+    let stiffness = Stiffness::new(&mesh).unwrap();
+    let model = NonlinearModel::new(&mesh, &stiffness, 0.48).unwrap();
+    let time_s: Vec<f64> = (0..120).map(|i| 3.0 + 0.1 * f64::from(i)).collect();
+    let force_n: Vec<f64> = (0..120).map(|i| [1.0, -0.8, 0.5][i / 40] * FORCE_N).collect();
+    for (law, nonlinearity) in [
+        (BaseLaw::Lethersich, Nonlinearity::StrainStiffening { coefficient: 0.5 }),
+        (BaseLaw::Burgers, Nonlinearity::ShearThinning { index: 0.5, reference_stress_pa: REFERENCE_STRESS_PA }),
+        (BaseLaw::TwoElement, Nonlinearity::YieldStress { stress_pa: 1.0, smoothing: YIELD_SMOOTHING }),
+    ] {
+        let parameters: Vec<Dual> = P[..law.parameters().len()].iter().map(|p| (*p).into()).collect();
+        let mut stages = Stages::of_law(law.elements(&parameters));
+        let mut load = full_load();
+        if law == BaseLaw::Burgers {
+            load.gradient_per_m = 0.0.into();
+        }
+        stages.load = load;
+        let what = NonlinearRun {
+            law: &stages.law,
+            nonlinearity: nonlinearity.constant(),
+            load: &stages.load,
+            time_s: &time_s,
+            force_n: &force_n,
+        };
+        let exact = model.run(&what, &[50, 119], Options::default()).unwrap();
+        let mut stages = stages.clone();
+        stages.spatial = Some(crate::effects::Spatial::Nonlinear(nonlinearity.constant()));
+        let found = model.run_stages(&stages, &time_s, &force_n, &[119, 50, 999], Options::default()).unwrap();
+        let error = distance(&found.displacement_m, &exact.displacement_m);
+        println!("{law:?}: {error:.1e} in {} steps instead of {}", found.cost.n_steps, exact.cost.n_steps);
+        assert!(error < 1e-4, "{law:?}: {error:e}");
+        assert!(found.cost.n_steps < exact.cost.n_steps);
+        assert!(
+            distance(&found.fields[0], &exact.fields[1]) < 1e-4 && distance(&found.fields[1], &exact.fields[0]) < 1e-4
+        );
+        assert_eq!(found.fields.len(), 2);
+    }
 }

@@ -110,6 +110,10 @@ pub fn run(
             let run = job.step(&scaled, &[&inside, &stages.law], |z| system.freedoms.nodal_displacement(z))?;
             Ok(SpatialRun { mesh: Some(mesh), ..run })
         }
+        Some(Spatial::Nonlinear(_)) => Err(Error::numerical(
+            "a law that is not linear has no matrices of its own",
+            "run it by the balance of `fe::nonlinear`",
+        )),
         Some(Spatial::PoreFlow { mobility_m2_per_pa_s, drained_poisson_ratio }) => {
             let model = PoreModel::new(surroundings.mesh, surroundings.stiffness, surroundings.poisson_ratio)?;
             let body = model.drained(drained_poisson_ratio.value)?;

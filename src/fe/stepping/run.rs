@@ -12,7 +12,7 @@ use nalgebra::{Matrix3, Vector3};
 use std::collections::HashMap;
 
 /// q (N/Pa) at every row.
-pub(super) fn strains(
+pub(crate) fn strains(
     compliance_per_m: f64,
     stages: &Stages,
     time_s: &[f64],

@@ -23,11 +23,11 @@ mod transition;
 
 pub use numbers::{Lanes, N_LANES};
 
-use crate::effects::{LARGEST_FEEDBACK, Stages};
+use crate::effects::{LARGEST_FEEDBACK, Spread, Stages};
 use crate::error::{Error, Result};
 use crate::number::{Dual, PointScalar, Scalar};
 use crate::rheology::TimeWindow;
-use numbers::Number;
+use numbers::{Number, Real};
 use record::Record;
 use system::{Lowered, System};
 
@@ -36,6 +36,8 @@ use system::{Lowered, System};
 pub struct Response {
     record: Record,
     window: TimeWindow,
+    time_s: Vec<f64>,
+    force_n: Vec<f64>,
 }
 
 impl Response {
@@ -48,7 +50,18 @@ impl Response {
             Some(&longest_s) if !record.step_s.is_empty() => TimeWindow { shortest_s, longest_s },
             _ => TimeWindow { shortest_s: 1.0, longest_s: 1.0 },
         };
-        Self { record, window }
+        let [time_s, force_n] = [time_s, force_n].map(|rows| rows[..record.n_rows].to_vec());
+        Self { record, window, time_s, force_n }
+    }
+
+    /// The numbers of stages, with what a law that is not linear adds to the linear one's position.
+    fn lowered<T: Real>(&self, stages: &Stages, compliance_per_m: T) -> Result<Lowered<T>> {
+        let mut point = Lowered::new(stages, compliance_per_m, self.window, self.record.levels())?;
+        if let Some(Spread::Stepped(stepped)) = &stages.spread {
+            let excess_m = T::excess_m(&*stepped.0, stages, compliance_per_m, &self.time_s, &self.force_n)?;
+            point.excess_m = Some(excess_m);
+        }
+        Ok(point)
     }
 
     /// Recorded position (m) at every row, the limit from the left. `compliance_per_m` is the displacement per force at unit creep compliance.
@@ -56,7 +69,7 @@ impl Response {
     /// # Errors
     /// [`Error::Numerical`] where the law has no spectrum, a force gradient feeds back too strongly or the position is not finite.
     pub fn trajectory_m(&self, stages: &Stages, compliance_per_m: f64) -> Result<Vec<f64>> {
-        let point = Lowered::new(stages, compliance_per_m, self.window, self.record.levels())?;
+        let point = self.lowered(stages, compliance_per_m)?;
         let mut position_m = Vec::new();
         let sound = self.run::<f64>(&[&point], &mut position_m)[0];
         if sound { Ok(position_m) } else { Err(refusal(stages)) }
@@ -74,7 +87,7 @@ impl Response {
                 "take a finite step from 0",
             ));
         }
-        let point = Lowered::new(stages, compliance_per_m, self.window, self.record.levels())?;
+        let point = self.lowered(stages, compliance_per_m)?;
         let mut position_m = Vec::new();
         let sound = self.run::<Dual>(&[&point], &mut position_m)[0];
         if sound { Ok(position_m) } else { Err(refusal(stages)) }
@@ -92,7 +105,7 @@ impl Response {
             .iter()
             .zip(compliance_per_m)
             .take(N_LANES)
-            .map(|(stages, &compliance)| Lowered::new(stages, compliance, self.window, self.record.levels()).ok())
+            .map(|(stages, &compliance)| self.lowered(stages, compliance).ok())
             .collect();
         let mut sound = [false; N_LANES];
         let mut waiting: Vec<usize> = (0..points.len()).filter(|&lane| points[lane].is_some()).collect();
@@ -137,6 +150,11 @@ impl Response {
             linear::run(&self.record, &system, position_m);
             if system.shape.softening {
                 soften(&self.record, &system, position_m);
+            }
+        }
+        for (lane, point) in points.iter().enumerate() {
+            for (position, excess) in position_m.iter_mut().zip(point.excess_m.iter().flatten()) {
+                position.set_lane(lane, position.lane(lane) + *excess);
             }
         }
         if system.shape.observed {

@@ -2,6 +2,8 @@
 
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub};
 
+use crate::effects::{FieldStepper, Stages};
+use crate::error::Result;
 use crate::number::{Dual, PointScalar, Scalar};
 
 /// Points that one pass carries.
@@ -42,6 +44,14 @@ pub(super) trait Number: Scalar {
 pub(super) trait Real: PointScalar + Number<Lane = Self> + Field {
     /// Whether the other may stand for this: nearly the same value, and the same derivative.
     fn is_close(self, other: Self, tolerance: f64) -> bool;
+    /// What a law that is not linear adds at every row, in m.
+    fn excess_m(
+        stepper: &dyn FieldStepper,
+        stages: &Stages,
+        compliance_per_m: Self,
+        time_s: &[f64],
+        force_n: &[f64],
+    ) -> Result<Vec<Self>>;
 }
 
 /// Real and complex numbers alike.
@@ -131,6 +141,15 @@ impl Real for f64 {
     fn is_close(self, other: Self, tolerance: f64) -> bool {
         (self - other).abs() <= tolerance
     }
+    fn excess_m(
+        stepper: &dyn FieldStepper,
+        stages: &Stages,
+        compliance_per_m: Self,
+        time_s: &[f64],
+        force_n: &[f64],
+    ) -> Result<Vec<Self>> {
+        stepper.excess_m(stages, compliance_per_m, time_s, force_n)
+    }
 }
 
 impl Field for f64 {
@@ -202,6 +221,15 @@ const SERIES_BELOW: f64 = 0.5;
 impl Real for Dual {
     fn is_close(self, other: Self, tolerance: f64) -> bool {
         (self.value - other.value).abs() <= tolerance && self.derivative == other.derivative
+    }
+    fn excess_m(
+        stepper: &dyn FieldStepper,
+        stages: &Stages,
+        compliance_per_m: Self,
+        time_s: &[f64],
+        force_n: &[f64],
+    ) -> Result<Vec<Self>> {
+        stepper.excess_dual_m(stages, compliance_per_m.value, time_s, force_n)
     }
 }
 

@@ -7,7 +7,7 @@
 use super::numbers::{Complex, N_LANES, Number, Real, gather};
 use super::schedule::Grading;
 use super::transition::LARGEST_STATE;
-use crate::effects::Stages;
+use crate::effects::{Spatial, Spread, Stages};
 use crate::error::{Error, Result};
 use crate::number::Dual;
 use crate::rheology::{Accuracy, RetardationSpectrum, TimeWindow};
@@ -34,6 +34,8 @@ pub(super) struct Lowered<T> {
     pub shape: Shape,
     pub grading: Grading,
     numbers: Vec<T>,
+    /// What a law that is not linear adds at every row, in m.
+    pub excess_m: Option<Vec<T>>,
 }
 
 /// A mode Y' = κ F − ρ Y.
@@ -82,7 +84,7 @@ pub(super) enum Levels {
 }
 
 impl<T: Real> Lowered<T> {
-    /// The numbers of stages. `window` is what the record's rows ask for, `levels` whether its commands are few.
+    /// The numbers of stages, without what a law that is not linear adds. `window` is what the record's rows ask for, `levels` whether its commands are few.
     pub fn new(stages: &Stages, compliance_per_m: T, window: TimeWindow, levels: Levels) -> Result<Self> {
         let load = &stages.load;
         check(load.delay_s.value >= 0.0, "the force's delay", load.delay_s, "s")?;
@@ -92,8 +94,11 @@ impl<T: Real> Lowered<T> {
         let shortest_s = window.shortest_s * if at_rows { 1.0 } else { BETWEEN_ROWS };
         let window = TimeWindow { shortest_s, ..window };
         let spectrum = match (&stages.spread, &stages.spatial) {
-            (Some(spread), _) if stages.softening_rate_per_s.is_constant(0.0) => {
-                RetardationSpectrum::spread(&stages.law, &spread.beside, &spread.terms, window, Accuracy::Fast)?
+            (Some(Spread::Terms { beside, terms }), _) if stages.softening_rate_per_s.is_constant(0.0) => {
+                RetardationSpectrum::spread(&stages.law, beside, terms, window, Accuracy::Fast)?
+            }
+            (Some(Spread::Stepped(_)), Some(Spatial::Nonlinear(_))) if stages.softening_rate_per_s.is_constant(0.0) => {
+                RetardationSpectrum::with_accuracy(&stages.law, window, Accuracy::Fast)?
             }
             (None, None) => RetardationSpectrum::with_accuracy(&stages.law, window, Accuracy::Fast)?,
             _ => {
@@ -153,7 +158,7 @@ impl<T: Real> Lowered<T> {
         for approach in &observation.approaches {
             numbers.extend([T::of(approach.amplitude_m), T::constant(1.0) / T::of(approach.time_s)]);
         }
-        Self { shape, grading, numbers }
+        Self { shape, grading, numbers, excess_m: None }
     }
 }
 

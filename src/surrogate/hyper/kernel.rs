@@ -15,7 +15,7 @@ const MOST_ITERATIONS: usize = 60;
 const ROUNDING: f64 = 1e-11;
 
 /// What the modes strain at the points of the cubature, in blocks.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub(super) struct CubaturePoints {
     pub n_modes: usize,
     pub n_blocks: usize,

@@ -3,6 +3,10 @@
 //! Full runs over a box of parameters give displacement fields, of which the proper orthogonal decomposition keeps a few modes, and stresses, from which
 //! the empirical cubature chooses a few points with weights. What then is left of the gel is a handful of coordinates and the strains of its bodies at those points;
 //! it is stepped by the method of the full model, but with steps that do not end at rows.
+//!
+//! Only the excess over a linear law is taken from it: the linear law is stepped beside it in the same way, with the same compliance, and subtracted. To the
+//! excess, the response of the linear law is added in closed form (see [`crate::model::Response`]), so that the base returns at the null, and errors of steps and
+//! of the mesh are those of the excess alone.
 
 mod cubature;
 mod kernel;
@@ -12,29 +16,25 @@ mod stepper;
 mod tests;
 mod train;
 
-pub use train::{HyperTraining, NonlinearFamily, train};
+pub use train::{HyperSettings, build};
 
-use crate::effects::Load;
+use crate::effects::{FieldStepper, Load, NonlinearFamily, Nonlinearity, Spatial, Stages};
 use crate::error::{Error, Result};
-use crate::fe::nonlinear::{Bodies, Nonlinearity};
-use crate::model::TrainedRange;
-use crate::number::Dual;
-use crate::rheology::BaseLaw;
+use crate::fe::nonlinear::Bodies;
+use crate::number::{Dual, PointScalar};
 use kernel::{CubaturePoints, MOST_MODES};
 use lanes::{Block, Carrying, Plain};
+use nalgebra::{DMatrix, DVector};
 use pulp::{Arch, Simd, WithSimd};
 use serde::{Deserialize, Serialize};
-use stepper::Reduced;
+use std::sync::Arc;
+use stepper::{Member, Reduced};
 
 /// What a surrogate is, as it is kept on disk.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct HyperReduced {
-    /// Name of the base law.
-    pub law: String,
     /// What is not linear.
     pub family: NonlinearFamily,
-    /// Ranges of the law's parameters and, last, of the nonlinear one inside which it may be asked.
-    pub ranges: Vec<TrainedRange>,
     /// Poisson ratio of the gel.
     pub poisson_ratio: f64,
     /// Number of modes m.
@@ -63,34 +63,25 @@ pub struct HyperReduced {
     pub fe_unknowns: usize,
 }
 
-/// A surrogate made ready to run.
-#[derive(Debug, Clone)]
-pub struct HyperModel {
-    reduced: HyperReduced,
-    law: BaseLaw,
-    points: CubaturePoints,
-}
+/// A surrogate made ready to run; a copy shares its numbers.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(into = "HyperReduced", try_from = "HyperReduced")]
+pub struct HyperModel(Arc<Ready>);
 
-/// What is run: a law's parameters, a load and a record.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct HyperRun<'a> {
-    /// The law's parameters, SI, in the order of [`BaseLaw::parameters`].
-    pub parameters: &'a [Dual],
-    /// What is not linear about it.
-    pub nonlinearity: Nonlinearity<Dual>,
-    /// From the commanded to the acting force.
-    pub load: &'a Load,
-    /// Times of the rows in s, ascending.
-    pub time_s: &'a [f64],
-    /// Commanded force in N; row i's holds on [tᵢ, tᵢ₊₁). Before the first row nothing acts.
-    pub force_n: &'a [f64],
+#[derive(Debug, PartialEq)]
+struct Ready {
+    reduced: HyperReduced,
+    points: CubaturePoints,
+    /// One point and one mode of the same compliance.
+    linear: CubaturePoints,
+    /// Displacement (1/m) of the robot per force at unit creep compliance, where the law is linear.
+    compliance_per_m: f64,
 }
 
 /// A run, to be compiled for the vector registers that the processor has.
 struct Job<'a, B: Block> {
-    reduced: &'a Reduced<'a>,
-    bodies: &'a Bodies<B::Scalar>,
-    plain_bodies: &'a Bodies<f64>,
+    law: Member<'a, B::Scalar>,
+    linear: Member<'a, B::Scalar>,
     load: &'a Load,
     time_s: &'a [f64],
     force_n: &'a [f64],
@@ -101,104 +92,149 @@ impl<B: Block> WithSimd for Job<'_, B> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) -> Self::Output {
-        stepper::run::<B>(self.reduced, self.bodies, self.plain_bodies, self.load, self.time_s, self.force_n)
+        stepper::run::<B>(self.law, self.linear, self.load, self.time_s, self.force_n)
     }
 }
 
-impl NonlinearFamily {
-    /// Steps in which the time since a switch doubles. A spring that has stiffened lets go and stiffens again the other way within one doubling.
-    fn steps_per_doubling(self) -> f64 {
-        match self {
-            Self::StrainStiffening => 4.0,
-            Self::ShearThinning { .. } | Self::YieldStress { .. } => 2.0,
-        }
+/// Steps in which the time since a switch doubles. A spring that has stiffened lets go and stiffens again the other way within one doubling.
+fn steps_per_doubling(family: NonlinearFamily) -> f64 {
+    match family {
+        NonlinearFamily::StrainStiffening => 4.0,
+        NonlinearFamily::ShearThinning | NonlinearFamily::YieldStress => 1.0,
     }
 }
 
-impl HyperModel {
+/// The same bodies, all linear.
+fn linear_bodies<N: PointScalar>(bodies: &Bodies<N>) -> Bodies<N> {
+    let nonlinearity = Nonlinearity::StrainStiffening { coefficient: N::constant(0.0) };
+    Bodies { nonlinearity, ..bodies.clone() }
+}
+
+impl From<HyperModel> for HyperReduced {
+    fn from(model: HyperModel) -> Self {
+        model.0.reduced.clone()
+    }
+}
+
+impl TryFrom<HyperReduced> for HyperModel {
+    type Error = Error;
+
     /// Makes a surrogate ready.
-    ///
-    /// # Errors
-    /// [`Error::Numerical`] where its parts do not fit together, as in a damaged file.
-    pub fn new(reduced: HyperReduced) -> Result<Self> {
+    fn try_from(reduced: HyperReduced) -> Result<Self> {
         let (m, n) = (reduced.n_modes, reduced.weights_m3.len());
-        let law = BaseLaw::named(&reduced.law);
+        let damaged = || {
+            Error::numerical(
+                format!("a surrogate of {m} modes and {n} points is incomplete"),
+                "delete the cached surrogate and build it again",
+            )
+        };
         let fits = (1..=MOST_MODES).contains(&m)
             && n > 0
             && reduced.robot.len() == m
             && reduced.strains.len() == 6 * m * n
-            && law.is_some_and(|law| reduced.ranges.len() == law.parameters().len() + 1);
-        let Some(law) = law.filter(|_| fits) else {
-            return Err(Error::numerical(
-                format!("a surrogate of {m} modes and {n} points for the law {:?} is incomplete", reduced.law),
-                "delete the cached surrogate and build it again",
-            ));
-        };
+            && reduced.unit_moduli.iter().all(|modulus| *modulus > 0.0);
+        if !fits {
+            return Err(damaged());
+        }
         let points = CubaturePoints::new(m, &reduced.strains, &reduced.weights_m3, reduced.unit_moduli);
-        Ok(Self { reduced, law, points })
+        let compliance_per_m = linear_compliance_per_m(&reduced).filter(|c| *c > 0.0).ok_or_else(damaged)?;
+        let weight_m3 = reduced.force_share / (compliance_per_m * reduced.unit_moduli[0]);
+        let linear = CubaturePoints::new(1, &[1.0, 0.0, 0.0, 0.0, 0.0, 0.0], &[weight_m3], reduced.unit_moduli);
+        Ok(Self(Arc::new(Ready { reduced, points, linear, compliance_per_m })))
     }
+}
 
+/// The robot's displacement (1/m) per force at unit creep compliance, by the modes and the points.
+fn linear_compliance_per_m(reduced: &HyperReduced) -> Option<f64> {
+    let m = reduced.n_modes;
+    let mut stiffness = DMatrix::<f64>::zeros(m, m);
+    for (weight, strains) in reduced.weights_m3.iter().zip(reduced.strains.chunks_exact(6 * m)) {
+        for (c, row) in strains.chunks_exact(m).enumerate() {
+            let row = DVector::from_column_slice(row);
+            let modulus = reduced.unit_moduli[usize::from(c == 5)];
+            stiffness += &row * row.transpose() * (weight * modulus);
+        }
+    }
+    let robot = DVector::from_column_slice(&reduced.robot);
+    let field = stiffness.cholesky()?.solve(&robot);
+    Some(reduced.force_share * robot.dot(&field))
+}
+
+impl HyperModel {
     /// What is kept on disk.
     pub fn reduced(&self) -> &HyperReduced {
-        &self.reduced
+        &self.0.reduced
     }
 
     /// Number of points.
     pub fn n_points(&self) -> usize {
-        self.reduced.weights_m3.len()
+        self.0.reduced.weights_m3.len()
     }
 
-    /// The robot's displacement (m) at every row, the limit from the left; derivatives are ignored.
-    ///
-    /// # Errors
-    /// [`Error::OutsideTrainedRange`]; [`Error::Numerical`] for another nonlinearity than the trained one, where a force gradient is refused, and where
-    /// the reduced balance is not found.
-    pub fn run(&self, what: &HyperRun) -> Result<Vec<f64>> {
-        self.check(what)?;
-        let bodies = Bodies::<f64>::new(self.law, what.parameters, what.nonlinearity)?;
-        let reduced = self.stepped();
-        let (load, time_s, force_n) = (what.load, what.time_s, what.force_n);
-        let (bodies, plain_bodies) = (&bodies, &bodies);
-        Arch::new().dispatch(Job::<Plain> { reduced: &reduced, bodies, plain_bodies, load, time_s, force_n })
+    /// The excess in one kind of number. The model's own compliance differs by its mesh's and its points' error from that of the whole model; positions are
+    /// scaled by the ratio.
+    fn excess<B: Block>(
+        &self,
+        stages: &Stages,
+        compliance_per_m: f64,
+        time_s: &[f64],
+        force_n: &[f64],
+    ) -> Result<Vec<B::Scalar>> {
+        let nonlinearity = self.nonlinearity(stages)?;
+        let bodies = Bodies::<B::Scalar>::new(&stages.law, nonlinearity)?;
+        let plain_bodies = Bodies::<f64>::new(&stages.law, nonlinearity)?;
+        let (linear_bodies, plain_linear_bodies) = (linear_bodies(&bodies), linear_bodies(&plain_bodies));
+        let Ready { reduced, points, linear, compliance_per_m: own_per_m } = &*self.0;
+        let scale = compliance_per_m / own_per_m;
+        let mut load = stages.load.clone();
+        load.gradient_per_m = load.gradient_per_m * scale;
+        let (share, steps_per_doubling) = (reduced.force_share, steps_per_doubling(reduced.family));
+        let law = Reduced { points, robot: &reduced.robot, share, steps_per_doubling };
+        let alone = Reduced { points: linear, robot: &[1.0], share, steps_per_doubling };
+        let mut excess_m = Arch::new().dispatch(Job::<B> {
+            law: Member { reduced: law, bodies: &bodies, plain_bodies: &plain_bodies },
+            linear: Member { reduced: alone, bodies: &linear_bodies, plain_bodies: &plain_linear_bodies },
+            load: &load,
+            time_s,
+            force_n,
+        })?;
+        excess_m.iter_mut().for_each(|x| *x = *x * scale);
+        Ok(excess_m)
     }
 
-    /// The same with the derivative in the direction that the parameters, the nonlinearity and the load carry.
-    ///
-    /// # Errors
-    /// As [`Self::run`].
-    pub fn run_dual(&self, what: &HyperRun) -> Result<Vec<Dual>> {
-        self.check(what)?;
-        let plain = Bodies::<f64>::new(self.law, what.parameters, what.nonlinearity)?;
-        let bodies = Bodies::<Dual>::new(self.law, what.parameters, what.nonlinearity)?;
-        let reduced = self.stepped();
-        let (load, time_s, force_n) = (what.load, what.time_s, what.force_n);
-        let (bodies, plain_bodies) = (&bodies, &plain);
-        Arch::new().dispatch(Job::<Carrying> { reduced: &reduced, bodies, plain_bodies, load, time_s, force_n })
-    }
-
-    fn stepped(&self) -> Reduced<'_> {
-        Reduced {
-            points: &self.points,
-            robot: &self.reduced.robot,
-            share: self.reduced.force_share,
-            steps_per_doubling: self.reduced.family.steps_per_doubling(),
+    fn nonlinearity(&self, stages: &Stages) -> Result<Nonlinearity<Dual>> {
+        match stages.spatial {
+            Some(Spatial::Nonlinear(law)) if law.family() == self.0.reduced.family => Ok(law),
+            _ => Err(Error::numerical(
+                format!("the surrogate is of {:?}, and another law is asked for", self.0.reduced.family),
+                "build the surrogate of that law",
+            )),
         }
     }
+}
 
-    fn check(&self, what: &HyperRun) -> Result<()> {
-        let Some(last) = self.reduced.family.parameter(what.nonlinearity) else {
+impl FieldStepper for HyperModel {
+    fn excess_m(&self, stages: &Stages, compliance_per_m: f64, time_s: &[f64], force_n: &[f64]) -> Result<Vec<f64>> {
+        self.excess::<Plain>(stages, compliance_per_m, time_s, force_n)
+    }
+
+    fn excess_dual_m(
+        &self,
+        stages: &Stages,
+        compliance_per_m: f64,
+        time_s: &[f64],
+        force_n: &[f64],
+    ) -> Result<Vec<Dual>> {
+        if let Nonlinearity::YieldStress { stress_pa, .. } = self.nonlinearity(stages)?
+            && stress_pa.value == 0.0
+            && stress_pa.derivative != 0.0
+        {
+            // What yields first is what stands still, and which way it would have moved nobody can tell.
             return Err(Error::numerical(
-                format!("the surrogate is of {:?}, and {:?} is asked for", self.reduced.family, what.nonlinearity),
-                "train a surrogate for that nonlinearity",
+                "the position has no computable derivative with respect to the yield stress at 0",
+                "take a finite step from 0",
             ));
-        };
-        let values = what.parameters.iter().map(|p| p.value).chain([last.value]);
-        for (range, value) in self.reduced.ranges.iter().zip(values) {
-            if !range.contains(value) {
-                let (parameter, lower, upper) = (range.name.clone(), range.lower, range.upper);
-                return Err(Error::OutsideTrainedRange { parameter, value, lower, upper });
-            }
         }
-        Ok(())
+        self.excess::<Carrying>(stages, compliance_per_m, time_s, force_n)
     }
 }

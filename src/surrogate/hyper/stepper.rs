@@ -22,6 +22,8 @@ const N_NODES: usize = 6;
 const FEWEST_STEPS: usize = 3;
 /// Steps are no finer than this share of the time from a switch to the row after it.
 const SHARE_OF_GAP: f64 = 0.1;
+/// Length of the step in which springs in series jump, in parts of the fastest time.
+const SHARE_OF_JUMP: f64 = 1e-9;
 /// Most steps of Newton's method.
 const MOST_ITERATIONS: usize = 25;
 /// Change of the coordinates, relative to the largest they have had, after which one more step is exact enough: it squares the error.
@@ -29,7 +31,8 @@ const NEARLY: f64 = 1e-5;
 /// Clock rounding as a share of the record's length.
 const CLOCK_ROUNDING: f64 = 1e-13;
 
-/// What a run needs besides the law.
+/// Points and modes of a run.
+#[derive(Clone, Copy)]
 pub(super) struct Reduced<'a> {
     pub points: &'a CubaturePoints,
     /// The robot's translation in every mode.
@@ -37,6 +40,14 @@ pub(super) struct Reduced<'a> {
     /// Share of the robot and of the force that the mesh carries.
     pub share: f64,
     pub steps_per_doubling: f64,
+}
+
+/// A law over some points.
+#[derive(Clone, Copy)]
+pub(super) struct Member<'a, N> {
+    pub reduced: Reduced<'a>,
+    pub bodies: &'a Bodies<N>,
+    pub plain_bodies: &'a Bodies<f64>,
 }
 
 /// A change of the force, after delay, factors and offset.
@@ -64,7 +75,7 @@ fn switches<N: Number>(load: &Load, time_s: &[f64], force_n: &[f64]) -> Vec<Swit
 
 /// State of a run.
 struct State<'a, B: Block> {
-    reduced: &'a Reduced<'a>,
+    reduced: Reduced<'a>,
     bodies: &'a Bodies<B::Scalar>,
     plain_bodies: &'a Bodies<f64>,
     gradient_per_m: B::Scalar,
@@ -88,12 +99,13 @@ struct State<'a, B: Block> {
     largest: f64,
 }
 
-/// The robot's displacement (m) at every row, the limit from the left.
+/// By how much (m) the robot's displacement at every row exceeds that of a linear law, the limit from the left.
+///
+/// Both are stepped alike, so that most of what steps and interpolation err drops out, and all of it where the law is linear.
 #[inline(always)]
 pub(super) fn run<B: Block>(
-    reduced: &Reduced,
-    bodies: &Bodies<B::Scalar>,
-    plain_bodies: &Bodies<f64>,
+    law: Member<B::Scalar>,
+    linear: Member<B::Scalar>,
     load: &Load,
     time_s: &[f64],
     force_n: &[f64],
@@ -103,7 +115,7 @@ pub(super) fn run<B: Block>(
     let (Some(&start_s), Some(&end_s)) = (time_s.first(), time_s.last()) else { return Ok(found) };
     let rounding_s = CLOCK_ROUNDING * (end_s - start_s);
     let switches = switches::<B::Scalar>(load, time_s, force_n);
-    let mut state = State::<B>::new(reduced, bodies, plain_bodies, load);
+    let mut members = [law, linear].map(|member| State::<B>::new(member, load));
     let lag_s = load.lag_time_s.value;
     let slowest_s = if lag_s > 0.0 { lag_s } else { f64::INFINITY };
     let mut row = time_s.partition_point(|&t| t <= start_s + rounding_s);
@@ -112,7 +124,7 @@ pub(super) fn run<B: Block>(
         if begin_s.value() >= end_s - rounding_s {
             break;
         }
-        state.switch(*switch);
+        members.iter_mut().for_each(|member| member.switch(*switch));
         let next_s = switches.get(i + 1).map_or(end_s, |next| next.time_s.value());
         let length_s = match switches.get(i + 1) {
             Some(next) if next_s < end_s => next.time_s - begin_s,
@@ -123,10 +135,18 @@ pub(super) fn run<B: Block>(
         }
         let stop_s = next_s.min(end_s);
         let first_s = time_s.get(row).map_or(length_s.value(), |&t| t - begin_s.value());
-        let largest = kernel::largest_equivalent(&state.histories, bodies.n_histories());
-        let fastest_s = plain_bodies.fastest_s(largest).min(slowest_s).log2().floor().exp2();
+        let largest = kernel::largest_equivalent(&members[0].histories, law.bodies.n_histories());
+        let fastest_s = law.plain_bodies.fastest_s(largest).min(slowest_s).log2().floor().exp2();
         let scale_s = fastest_s.max(SHARE_OF_GAP * first_s.min(length_s.value()));
-        let nodes = state.hold(begin_s, length_s, scale_s)?;
+        let mut nodes: Vec<B::Scalar> = Vec::new();
+        for member in &mut members {
+            let own = member.hold(begin_s, length_s, scale_s)?;
+            if nodes.is_empty() {
+                nodes = own;
+            } else {
+                nodes.iter_mut().zip(own).for_each(|(node, linear)| *node = *node - linear);
+            }
+        }
         let per_node = (length_s * (1.0 / scale_s) + B::Scalar::constant(1.0)).ln() * (1.0 / (nodes.len() - 1) as f64);
         while row < time_s.len() && time_s[row] <= stop_s + rounding_s {
             let since = (B::Scalar::constant(time_s[row]) - begin_s) * (1.0 / scale_s) + B::Scalar::constant(1.0);
@@ -167,7 +187,8 @@ fn denominator(k: usize, n: usize) -> f64 {
 
 impl<'a, B: Block> State<'a, B> {
     #[inline(always)]
-    fn new(reduced: &'a Reduced, bodies: &'a Bodies<B::Scalar>, plain_bodies: &'a Bodies<f64>, load: &Load) -> Self {
+    fn new(member: Member<'a, B::Scalar>, load: &Load) -> Self {
+        let Member { reduced, bodies, plain_bodies } = member;
         let (zero, blank) = (B::Scalar::constant(0.0), B::constant(Plain([0.0; N_LANES])));
         let (m, n_blocks) = (reduced.points.n_modes, reduced.points.n_blocks);
         let histories = vec![[blank; 6]; n_blocks * bodies.n_histories()];
@@ -227,20 +248,23 @@ impl<'a, B: Block> State<'a, B> {
         let doublings = (length_s.value() / scale_s).ln_1p() / std::f64::consts::LN_2;
         let n = ((self.reduced.steps_per_doubling * doublings).ceil() as usize).max(FEWEST_STEPS);
         let logarithm = (length_s * (1.0 / scale_s) + B::Scalar::constant(1.0)).ln() * (1.0 / n as f64);
-        if self.plain_bodies.instantaneous_per_pa > 0.0 {
-            // Springs in series jump with the force: a step of almost no length shows where to.
-            self.jump(begin_s, B::Scalar::constant(1e-9 * scale_s))?;
-        } else {
-            self.remember(begin_s.value());
-        }
+        // Springs in series jump with the force: an implicit step of almost no length shows where to.
+        let jumps = self.plain_bodies.instantaneous_per_pa > 0.0;
         let mut nodes = Vec::with_capacity(n + 1);
-        nodes.push(self.position());
         let mut from_s = begin_s;
-        for k in 1..=n {
+        for k in 0..=n {
             let to_s = begin_s + (logarithm * k as f64).exp_m1() * scale_s;
-            self.step(from_s, to_s - from_s)?;
-            nodes.push(self.position());
+            if k > 0 || jumps {
+                let (step_s, scheme) = match k {
+                    0 => (B::Scalar::constant(SHARE_OF_JUMP * scale_s), Scheme::Euler),
+                    _ => (to_s - from_s, Scheme::Fourth),
+                };
+                self.step(from_s, step_s, scheme)?;
+            } else {
+                self.remember(begin_s.value());
+            }
             from_s = to_s;
+            nodes.push(self.position());
         }
         Ok(nodes)
     }
@@ -255,19 +279,8 @@ impl<'a, B: Block> State<'a, B> {
     }
 
     #[inline(always)]
-    fn jump(&mut self, time_s: B::Scalar, step_s: B::Scalar) -> Result<()> {
-        let law = StageLaw::new(self.bodies, step_s);
-        let plain_law = StageLaw::new(self.plain_bodies, step_s.value());
-        self.started.copy_from_slice(&self.histories);
-        let guess: Vec<f64> = self.coordinates.iter().map(|z| z.value()).collect();
-        self.solve(&law, &plain_law, time_s, &guess)?;
-        self.remember(time_s.value());
-        Ok(())
-    }
-
-    #[inline(always)]
-    fn step(&mut self, from_s: B::Scalar, step_s: B::Scalar) -> Result<()> {
-        let Tableau { diagonal, nodes, matrix } = Scheme::Fourth.tableau();
+    fn step(&mut self, from_s: B::Scalar, step_s: B::Scalar, scheme: Scheme) -> Result<()> {
+        let Tableau { diagonal, nodes, matrix } = scheme.tableau();
         let stage_s = step_s * diagonal;
         let law = StageLaw::new(self.bodies, stage_s);
         let plain_law = StageLaw::new(self.plain_bodies, stage_s.value());
@@ -284,7 +297,11 @@ impl<'a, B: Block> State<'a, B> {
                 self.started[place] = history;
             }
             let mut guess = [0.0; MOST_MODES];
-            self.extrapolate(stage, time_s.value(), &mut guess);
+            if self.known.is_empty() {
+                guess.iter_mut().zip(&self.coordinates).for_each(|(g, z)| *g = z.value());
+            } else {
+                self.extrapolate(stage, time_s.value(), &mut guess);
+            }
             let guess = &guess[..self.coordinates.len()];
             self.solve(&law, &plain_law, time_s, guess)?;
             self.remember(time_s.value());
@@ -302,8 +319,12 @@ impl<'a, B: Block> State<'a, B> {
             }
         }
         // The next step extrapolates from this one's middle, its third quarter and its end.
-        let last = self.known.len() - 1;
-        self.known = vec![self.known[last - 1], self.known[last - 3], self.known[last]];
+        if nodes.len() > 1 {
+            let last = self.known.len() - 1;
+            let kept = [self.known[last - 1], self.known[last - 3], self.known[last]];
+            self.known.clear();
+            self.known.extend(kept);
+        }
         Ok(())
     }
 

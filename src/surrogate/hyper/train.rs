@@ -1,111 +1,57 @@
 //! Training: full runs over a box, modes, cubature, and a comparison with full runs at other parameters.
+//!
+//! Laws have similarities, so that few runs serve every experiment on a gel: with the modulus and a hold's length as units only the ratios of the law's times to the
+//! hold, and what is below, shape the fields. Stiffening: β (x/R)², x the robot's elastic displacement. Thinning: n. Yielding: s_y over the force on the robot's surface.
+//! Nothing of what was measured enters, nor any prior: outside the box the modes still serve, as well as they can.
 
 use super::cubature;
 use super::kernel::MOST_MODES;
-use super::{HyperModel, HyperReduced, HyperRun};
-use crate::effects::Stages;
+use super::{HyperModel, HyperReduced};
+use crate::effects::{NonlinearFamily, Nonlinearity, Spatial, Spread, Stages, Stepped, YIELD_SMOOTHING};
 use crate::error::{Error, Result};
 use crate::fe::Stiffness;
-use crate::fe::nonlinear::{NonlinearModel, NonlinearRun, Nonlinearity, Options, Scheme};
+use crate::fe::nonlinear::{NonlinearModel, NonlinearRun, Options, Scheme};
+use crate::fe::spatial::Surroundings;
 use crate::fe::stepping::Resolution;
-use crate::fe::time::QUARTER;
-use crate::mesh::Mesh;
-use crate::model::TrainedRange;
+use crate::fe::time::{FullOrderModel, QUARTER};
+use crate::model::Response;
 use crate::number::Dual;
-use crate::rheology::BaseLaw;
+use crate::rheology::{BaseLaw, Element};
 use crate::surrogate::pod::{EnergyProduct, Pod};
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
+use std::f64::consts::PI;
+use std::sync::Arc;
 
 /// Seed of the scrambled Sobol sequence: the training design is part of the method, not of a run.
 const DESIGN_SEED: u32 = 2;
-/// Holds of the record that training runs go through.
-const TRAINING_HOLDS: usize = 2;
+/// Forces of the training record's holds, in parts of the largest.
+const HOLDS: [f64; 3] = [1.0, -1.0, 0.4];
 /// When fields are taken, as shares of a hold.
 const TAKEN_AT: [f64; 5] = [0.004, 0.03, 0.12, 0.4, 1.0];
+/// c₁/E and c₂/E, in holds.
+const TIMES: [[f64; 2]; 2] = [[0.02, 1.0], [0.5, 20.0]];
+/// β (x/R)², covered on a logarithmic scale.
+const STIFFENINGS: [f64; 2] = [0.05, 50.0];
+/// n, covered evenly.
+const INDICES: [f64; 2] = [0.3, 1.0];
+/// s_y over F/(4πR²), covered evenly.
+const YIELDS: [f64; 2] = [0.0, 2.0];
 /// States that the cubature is fitted to, at most.
 const MOST_STATES: usize = 40;
 /// Weight of the reduced linear stiffness beside the states' forces.
 const STIFFNESS_WEIGHT: f64 = 1.0;
+/// Elements from a quarter sphere's middle to its rim in training meshes: the excess over the linear law is less than the whole, and so is its error.
+const MOST_PER_EDGE: usize = 2;
 /// Accuracy of the full runs: shapes of fields matter, their times do not.
 const TRAINING: Options =
     Options { scheme: Scheme::Euler, resolution: Resolution { steps_per_doubling: 1 }, tolerance: 1e-4 };
-/// Accuracy of the runs that verify: twice as many steps, of the higher order.
+/// Accuracy of the runs that verify: four times as many steps, of the higher order. With fewer a spring that lets go and stiffens again is not resolved.
 const VERIFICATION: Options =
-    Options { scheme: Scheme::Fourth, resolution: Resolution { steps_per_doubling: 2 }, tolerance: 1e-5 };
+    Options { scheme: Scheme::Fourth, resolution: Resolution { steps_per_doubling: 4 }, tolerance: 1e-5 };
 
-/// One nonlinearity with its parameter left open.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub enum NonlinearFamily {
-    /// The parameter is β.
-    StrainStiffening,
-    /// The parameter is n.
-    ShearThinning {
-        /// s₀ in Pa.
-        reference_stress_pa: f64,
-    },
-    /// The parameter is s_y in Pa.
-    YieldStress {
-        /// δ.
-        smoothing: f64,
-    },
-}
-
-impl NonlinearFamily {
-    /// The nonlinearity at a value of the parameter.
-    pub fn at(self, value: Dual) -> Nonlinearity<Dual> {
-        match self {
-            Self::StrainStiffening => Nonlinearity::StrainStiffening { coefficient: value },
-            Self::ShearThinning { reference_stress_pa } => {
-                Nonlinearity::ShearThinning { index: value, reference_stress_pa: reference_stress_pa.into() }
-            }
-            Self::YieldStress { smoothing } => Nonlinearity::YieldStress { stress_pa: value, smoothing },
-        }
-    }
-
-    fn plain(self, value: f64) -> Nonlinearity {
-        match self {
-            Self::StrainStiffening => Nonlinearity::StrainStiffening { coefficient: value },
-            Self::ShearThinning { reference_stress_pa } => {
-                Nonlinearity::ShearThinning { index: value, reference_stress_pa }
-            }
-            Self::YieldStress { smoothing } => Nonlinearity::YieldStress { stress_pa: value, smoothing },
-        }
-    }
-
-    /// The parameter of a nonlinearity of this family, `None` for one of another.
-    pub fn parameter(self, nonlinearity: Nonlinearity<Dual>) -> Option<Dual> {
-        match (self, nonlinearity) {
-            (Self::StrainStiffening, Nonlinearity::StrainStiffening { coefficient }) => Some(coefficient),
-            (
-                Self::ShearThinning { reference_stress_pa },
-                Nonlinearity::ShearThinning { index, reference_stress_pa: s },
-            ) if s.is_constant(reference_stress_pa) => Some(index),
-            (Self::YieldStress { smoothing }, Nonlinearity::YieldStress { stress_pa, smoothing: other })
-                if smoothing == other =>
-            {
-                Some(stress_pa)
-            }
-            _ => None,
-        }
-    }
-}
-
-/// What a surrogate is trained for.
-#[derive(Debug, Clone, PartialEq)]
-pub struct HyperTraining<'a> {
-    /// Base law: lethersich, burgers or two-element.
-    pub law: BaseLaw,
-    /// What is not linear.
-    pub family: NonlinearFamily,
-    /// Ranges of the law's parameters, all positive, covered on a logarithmic scale, and last that of the nonlinear one, covered evenly.
-    pub ranges: &'a [TrainedRange],
-    /// Poisson ratio of the gel.
-    pub poisson_ratio: f64,
-    /// Times of the record in s.
-    pub time_s: &'a [f64],
-    /// Commanded force in N.
-    pub force_n: &'a [f64],
+/// How a surrogate is trained.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct HyperSettings {
     /// Number of modes, 16 at most.
     pub n_modes: usize,
     /// What the cubature may leave of the training states' forces, relative to them.
@@ -118,53 +64,95 @@ pub struct HyperTraining<'a> {
     pub verification_runs: u32,
 }
 
+impl HyperSettings {
+    /// Those that reach a thousandth of the amplitude. Where a yield stress stops the flow depends on all three numbers, which takes more runs.
+    pub fn of(family: NonlinearFamily) -> Self {
+        let (n_modes, most_points, training_runs) = match family {
+            NonlinearFamily::StrainStiffening => (6, 48, 16),
+            NonlinearFamily::ShearThinning => (6, 48, 10),
+            NonlinearFamily::YieldStress => (7, 56, 28),
+        };
+        Self { n_modes, cubature_tolerance: 3e-4, most_points, training_runs, verification_runs: 4 }
+    }
+}
+
 /// One state of a training run.
 struct State {
     displacement: Vec<f64>,
     stresses: Vec<[f64; 6]>,
 }
 
-/// Trains a surrogate on full runs of a mesh, whose stiffness was assembled before.
+/// One point of the training design, in units in which the modulus and the hold are 1.
+struct DesignPoint {
+    law: Vec<Element>,
+    nonlinearity: Nonlinearity<Dual>,
+}
+
+/// The training problem: a mesh prepared, and a force.
+struct Workshop<'a> {
+    model: NonlinearModel<'a>,
+    family: NonlinearFamily,
+    radius_m: f64,
+    /// Largest force, by which the robot moves by its radius at unit creep compliance.
+    force_n: f64,
+    compliance_per_m: f64,
+    time_s: Vec<f64>,
+    command_n: Vec<f64>,
+}
+
+/// Trains a surrogate on full runs. Around a sphere in a built-in mesh these may use a coarser one.
 ///
 /// # Errors
-/// [`Error::Numerical`] where the ranges do not fit the law, where the record applies no force, and where a full run fails.
-pub fn train(mesh: &Mesh, stiffness: &Stiffness, training: &HyperTraining) -> Result<HyperReduced> {
-    let (n_ranges, n_parameters) = (training.ranges.len(), training.law.parameters().len() + 1);
-    if n_ranges != n_parameters || !(1..=MOST_MODES).contains(&training.n_modes) {
+/// [`Error::Numerical`] for a number of modes out of range, and where a full run fails.
+pub fn build(surroundings: &Surroundings, family: NonlinearFamily, settings: &HyperSettings) -> Result<HyperModel> {
+    match surroundings.sizes.ball.filter(|ball| ball.n_per_edge > MOST_PER_EDGE) {
+        Some(ball) => {
+            let n_layers = ball.n_layers * MOST_PER_EDGE / ball.n_per_edge;
+            let ball = crate::mesh::QuarterBall { n_per_edge: MOST_PER_EDGE, n_layers, ..ball };
+            let mesh = ball.mesh()?;
+            let stiffness = Stiffness::new(&mesh)?;
+            let mut sizes = surroundings.sizes;
+            sizes.ball = Some(ball);
+            let coarser =
+                Surroundings { mesh: &mesh, stiffness: &stiffness, poisson_ratio: surroundings.poisson_ratio, sizes };
+            train(&coarser, family, settings)
+        }
+        None => train(surroundings, family, settings),
+    }
+}
+
+fn train(surroundings: &Surroundings, family: NonlinearFamily, settings: &HyperSettings) -> Result<HyperModel> {
+    if !(1..=MOST_MODES).contains(&settings.n_modes) {
         return Err(Error::numerical(
-            format!("{n_ranges} ranges and {} modes are given", training.n_modes),
-            format!("give {n_parameters} ranges and 1 to {MOST_MODES} modes"),
+            format!("{} modes are asked for", settings.n_modes),
+            format!("ask for 1 to {MOST_MODES}"),
         ));
     }
-    let model = NonlinearModel::new(mesh, stiffness, training.poisson_ratio)?;
-    let (time_s, force_n) = training_record(training.time_s, training.force_n);
-    let runs: Vec<Vec<State>> = (0..training.training_runs)
-        .into_par_iter()
-        .map(|index| states(&model, training, index, &time_s, &force_n))
-        .collect::<Result<_>>()?;
+    let workshop = Workshop::new(surroundings, family)?;
+    let model = &workshop.model;
+    let runs: Vec<Vec<State>> =
+        (0..settings.training_runs).into_par_iter().map(|index| workshop.states(index)).collect::<Result<_>>()?;
     let states: Vec<State> = runs.into_iter().flatten().collect();
     let energy = EnergyProduct(model.factor().matrix());
-    // The linear model's own field is among the snapshots, so that the null is exact in space.
+    // The linear model's own field is among the snapshots.
     let linear = model.factor().unit_response();
     let snapshots: Vec<Vec<f64>> =
         std::iter::once(linear).chain(states.iter().map(|state| state.displacement.clone())).collect();
     let mut pod = Pod::new(&snapshots, energy, 0.0)?;
-    pod.modes.truncate(training.n_modes);
+    pod.modes.truncate(settings.n_modes);
     let points = model.points();
     let strains: Vec<Vec<[f64; 6]>> = pod.modes.iter().map(|mode| points.strains(mode)).collect();
     let kept = kept_states(&states);
     let (columns, target) = conditions(points.volumes_m3(), points.unit_moduli(), &strains, &kept);
-    let chosen = cubature::choose(&columns, &target, training.cubature_tolerance, training.most_points);
+    let chosen = cubature::choose(&columns, &target, settings.cubature_tolerance, settings.most_points);
     let at_points = chosen.weights.iter().flat_map(|(point, _)| {
         let strains = &strains;
         (0..6).flat_map(move |c| strains.iter().map(move |mode| mode[*point][c]))
     });
     let moduli = points.unit_moduli();
     let mut reduced = HyperReduced {
-        law: training.law.name().into(),
-        family: training.family,
-        ranges: training.ranges.to_vec(),
-        poisson_ratio: training.poisson_ratio,
+        family,
+        poisson_ratio: surroundings.poisson_ratio,
         n_modes: pod.modes.len(),
         robot: pod.modes.iter().map(|mode| mode[model.robot()]).collect(),
         force_share: QUARTER,
@@ -173,71 +161,92 @@ pub fn train(mesh: &Mesh, stiffness: &Stiffness, training: &HyperTraining) -> Re
         unit_moduli: [moduli[0], moduli[5]],
         singular_values: pod.singular_values.iter().map(|s| s / pod.singular_values[0]).collect(),
         cubature_residual: chosen.residual,
-        training_runs: training.training_runs as usize,
-        verification_runs: training.verification_runs as usize,
+        training_runs: settings.training_runs as usize,
+        verification_runs: settings.verification_runs as usize,
         max_relative_error: 0.0,
-        fe_unknowns: stiffness.n_unknowns(),
+        fe_unknowns: surroundings.stiffness.n_unknowns(),
     };
-    let ready = HyperModel::new(reduced.clone())?;
-    let errors: Vec<f64> = (training.training_runs..training.training_runs + training.verification_runs)
+    let ready = HyperModel::try_from(reduced.clone())?;
+    let errors: Vec<f64> = (settings.training_runs..settings.training_runs + settings.verification_runs)
         .into_par_iter()
-        .map(|index| distance(&model, &ready, training, index, &time_s, &force_n))
+        .map(|index| workshop.distance(&ready, index))
         .collect::<Result<_>>()?;
     reduced.max_relative_error = errors.into_iter().fold(0.0, f64::max);
-    Ok(reduced)
+    HyperModel::try_from(reduced)
 }
 
-/// Few rows in the first holds of a record, with the record's forces.
-fn training_record(time_s: &[f64], force_n: &[f64]) -> (Vec<f64>, Vec<f64>) {
-    let mut starts: Vec<usize> = (0..time_s.len()).filter(|&i| i == 0 || force_n[i] != force_n[i - 1]).collect();
-    starts.push(time_s.len().saturating_sub(1));
-    starts.dedup();
-    let (mut times, mut forces) = (Vec::new(), Vec::new());
-    for pair in starts.windows(2).take(TRAINING_HOLDS) {
-        let (from_s, to_s, force) = (time_s[pair[0]], time_s[pair[1]], force_n[pair[0]]);
-        times.push(from_s);
-        forces.push(force);
-        for share in &TAKEN_AT[..TAKEN_AT.len() - 1] {
-            times.push(from_s + share * (to_s - from_s));
-            forces.push(force);
+/// Between the ends of a range, on a logarithmic scale.
+fn on_log([lower, upper]: [f64; 2], share: f64) -> f64 {
+    lower * (upper / lower).powf(share)
+}
+
+fn between([lower, upper]: [f64; 2], share: f64) -> f64 {
+    lower + share * (upper - lower)
+}
+
+impl<'a> Workshop<'a> {
+    fn new(surroundings: &Surroundings<'a>, family: NonlinearFamily) -> Result<Self> {
+        let Surroundings { mesh, stiffness, poisson_ratio, sizes } = *surroundings;
+        let model = NonlinearModel::new(mesh, stiffness, poisson_ratio)?;
+        let compliance_per_m = FullOrderModel::new(stiffness, poisson_ratio)?.compliance_per_m();
+        let radius_m = sizes.robot_radius_m;
+        let force_n = radius_m / compliance_per_m;
+        let (mut time_s, mut command_n) = (vec![0.0], Vec::new());
+        for (hold, level) in (0_u8..).zip(HOLDS) {
+            time_s.extend(TAKEN_AT.map(|share| f64::from(hold) + share));
+            command_n.extend([level * force_n; TAKEN_AT.len()]);
         }
+        command_n.push(0.0);
+        Ok(Self { model, family, radius_m, force_n, compliance_per_m, time_s, command_n })
     }
-    if let Some(pair) = starts[..starts.len().min(TRAINING_HOLDS + 1)].windows(2).next_back() {
-        times.push(time_s[pair[1]]);
-        forces.push(force_n[pair[1]]);
+
+    /// Parameters of one Sobol point.
+    fn design_point(&self, index: u32) -> DesignPoint {
+        let share = |dimension: u32| f64::from(sobol_burley::sample(index, dimension, DESIGN_SEED));
+        let viscosities = [on_log(TIMES[0], share(0)), on_log(TIMES[1], share(1))];
+        let parameters = [1.0, viscosities[0], viscosities[1]].map(Dual::constant);
+        let surface_pa = self.force_n / (4.0 * PI * self.radius_m * self.radius_m);
+        let nonlinearity = match self.family {
+            NonlinearFamily::StrainStiffening => {
+                Nonlinearity::StrainStiffening { coefficient: on_log(STIFFENINGS, share(2)) }
+            }
+            NonlinearFamily::ShearThinning => {
+                Nonlinearity::ShearThinning { index: between(INDICES, share(2)), reference_stress_pa: surface_pa }
+            }
+            NonlinearFamily::YieldStress => Nonlinearity::YieldStress {
+                stress_pa: surface_pa * between(YIELDS, share(2)),
+                smoothing: YIELD_SMOOTHING,
+            },
+        };
+        DesignPoint { law: BaseLaw::Lethersich.elements(&parameters), nonlinearity: nonlinearity.constant() }
     }
-    (times, forces)
-}
 
-/// Parameters of one Sobol point: the law's on a logarithmic scale, the nonlinear one evenly.
-fn design_point(training: &HyperTraining, index: u32) -> (Vec<f64>, f64) {
-    let coordinate = |dimension: u32| f64::from(sobol_burley::sample(index, dimension, DESIGN_SEED));
-    let (last, law) = training.ranges.split_last().map_or((None, training.ranges), |(last, law)| (Some(last), law));
-    let on_log =
-        |(range, d): (&TrainedRange, u32)| (range.lower.ln() + coordinate(d) * (range.upper / range.lower).ln()).exp();
-    let parameters = law.iter().zip(0_u32..).map(on_log).collect();
-    let even = |range: &TrainedRange| range.lower + coordinate(law.len() as u32) * (range.upper - range.lower);
-    (parameters, last.map_or(0.0, even))
-}
+    fn states(&self, index: u32) -> Result<Vec<State>> {
+        let DesignPoint { law, nonlinearity } = self.design_point(index);
+        let (load, time_s, force_n) = (&Stages::of_law(Vec::new()).load, &self.time_s, &self.command_n);
+        let what = NonlinearRun { law: &law, nonlinearity, load, time_s, force_n };
+        let mut states = Vec::new();
+        self.model.watch(&what, TRAINING, |at| {
+            if at.row > 0 {
+                states.push(State { displacement: at.displacement.to_vec(), stresses: at.stresses.to_vec() });
+            }
+        })?;
+        Ok(states)
+    }
 
-fn states(
-    model: &NonlinearModel,
-    training: &HyperTraining,
-    index: u32,
-    time_s: &[f64],
-    force_n: &[f64],
-) -> Result<Vec<State>> {
-    let (parameters, value) = design_point(training, index);
-    let load = Stages::of_law(Vec::new()).load;
-    let nonlinearity = training.family.plain(value);
-    let what = NonlinearRun { law: training.law, parameters: &parameters, nonlinearity, load: &load, time_s, force_n };
-    let mut states = Vec::new();
-    model.watch(&what, TRAINING, |at| {
-        if at.row > 0 {
-            states.push(State { displacement: at.displacement.to_vec(), stresses: at.stresses.to_vec() });
-        }
-    })?;
-    Ok(states)
+    /// Largest distance of the reduced from the full trajectory at a design point, relative to the latter's amplitude.
+    fn distance(&self, ready: &HyperModel, index: u32) -> Result<f64> {
+        let DesignPoint { law, nonlinearity } = self.design_point(index);
+        let mut stages = Stages::of_law(law);
+        stages.spatial = Some(Spatial::Nonlinear(nonlinearity));
+        let full = self.model.run_stages(&stages, &self.time_s, &self.command_n, &[], VERIFICATION)?.displacement_m;
+        stages.spread = Some(Spread::Stepped(Stepped(Arc::new(ready.clone()))));
+        let response = Response::new(&self.time_s, &self.command_n, self.time_s.len());
+        let reduced = response.trajectory_m(&stages, self.compliance_per_m)?;
+        let amplitude = full.iter().fold(0.0_f64, |a, x| a.max(x.abs()));
+        let distance = reduced.iter().zip(&full).fold(0.0_f64, |d, (r, x)| d.max((r - x).abs()));
+        Ok(if amplitude > 0.0 { distance / amplitude } else { 0.0 })
+    }
 }
 
 /// At most [`MOST_STATES`] of the states, evenly.
@@ -290,26 +299,4 @@ fn conditions(
     });
     target.iter_mut().zip(&scale).for_each(|(t, s)| *t *= s);
     (columns, target)
-}
-
-/// Largest distance of the reduced from the full trajectory at a design point, relative to the latter's amplitude.
-fn distance(
-    model: &NonlinearModel,
-    ready: &HyperModel,
-    training: &HyperTraining,
-    index: u32,
-    time_s: &[f64],
-    force_n: &[f64],
-) -> Result<f64> {
-    let (parameters, value) = design_point(training, index);
-    let load = Stages::of_law(Vec::new()).load;
-    let nonlinearity = training.family.plain(value);
-    let what = NonlinearRun { law: training.law, parameters: &parameters, nonlinearity, load: &load, time_s, force_n };
-    let full = model.run(&what, &[], VERIFICATION)?.displacement_m;
-    let parameters: Vec<Dual> = parameters.into_iter().map(Dual::constant).collect();
-    let nonlinearity = nonlinearity.constant();
-    let reduced = ready.run(&HyperRun { parameters: &parameters, nonlinearity, load: &load, time_s, force_n })?;
-    let amplitude = full.iter().fold(0.0_f64, |a, x| a.max(x.abs()));
-    let distance = reduced.iter().zip(&full).fold(0.0_f64, |d, (r, x)| d.max((r - x).abs()));
-    Ok(if amplitude > 0.0 { distance / amplitude } else { 0.0 })
 }
