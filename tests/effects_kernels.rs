@@ -7,7 +7,7 @@ use vitreo_uq::effects::{EFFECTS, Effect, FIELD_EFFECTS, Stage};
 use vitreo_uq::error::{Error, Place};
 use vitreo_uq::experiment::Scales;
 use vitreo_uq::fe::Stiffness;
-use vitreo_uq::fe::spatial::Surroundings;
+use vitreo_uq::fe::spatial::{Sizes, Surroundings};
 use vitreo_uq::mesh::{Mesh, QuarterBall};
 use vitreo_uq::model::{Compliance, Forward, FullForward, Model, ReducedForward, Response, TrainedRange, convolve_m};
 use vitreo_uq::rheology::{BaseLaw, CreepCompliance};
@@ -59,11 +59,13 @@ fn surroundings() -> Surroundings<'static> {
         mesh: mesh(),
         stiffness: stiffness(),
         poisson_ratio: POISSON_RATIO,
-        gel_density_kg_m3: 1000.0,
-        robot_mass_kg,
-        robot_radius_m: BALL.robot_radius_m,
-        outer_radius_m: BALL.outer_radius_m,
-        ball: Some(BALL),
+        sizes: Sizes {
+            gel_density_kg_m3: 1000.0,
+            robot_mass_kg,
+            robot_radius_m: BALL.robot_radius_m,
+            outer_radius_m: BALL.outer_radius_m,
+            ball: Some(BALL),
+        },
     }
 }
 

@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use nalgebra::{DMatrix, DVector};
 use vitreo_uq::fe::Stiffness;
-use vitreo_uq::fe::spatial::{Scaled, SpatialKind, SpatialSystem, Surroundings};
+use vitreo_uq::fe::spatial::{Scaled, Sizes, SpatialKind, SpatialSystem, Surroundings};
 use vitreo_uq::fe::transient::{self, Load, Resolution};
 use vitreo_uq::mesh::{Mesh, QuarterBall};
 use vitreo_uq::number::Dual;
@@ -30,11 +30,13 @@ fn system(mesh: &Mesh, poisson_ratio: f64, kind: SpatialKind) -> SpatialSystem {
         mesh,
         stiffness: &stiffness,
         poisson_ratio,
-        gel_density_kg_m3: GEL_DENSITY,
-        robot_mass_kg,
-        robot_radius_m: RADIUS_M,
-        outer_radius_m: OUTER_RADIUS_M,
-        ball: None,
+        sizes: Sizes {
+            gel_density_kg_m3: GEL_DENSITY,
+            robot_mass_kg,
+            robot_radius_m: RADIUS_M,
+            outer_radius_m: OUTER_RADIUS_M,
+            ball: None,
+        },
     };
     SpatialSystem::new(&surroundings, mesh, kind).expect("a sound mesh")
 }

@@ -10,7 +10,7 @@ use super::spread::{SpreadModes, snapshot_values};
 use crate::effects::{FieldModel, POCKET_RADIUS_RATIOS, Spatial, Spread, Stages, drained_range, pocket_law};
 use crate::error::{Error, Result};
 use crate::fe::poroelastic::{PoreModel, PoreSpectrum, SpectrumSettings};
-use crate::fe::spatial::{SpatialKind, SpatialSystem, Surroundings};
+use crate::fe::spatial::{Sizes, SpatialKind, SpatialSystem, Surroundings};
 use crate::number::{Dual, Scalar};
 use crate::rheology::{Beside, SpreadTerm};
 
@@ -120,7 +120,7 @@ impl FieldModels {
 }
 
 fn modes_of(surroundings: &Surroundings<'_>, system: &SpatialSystem, kind: SpatialKind) -> Result<SpreadModes> {
-    let Surroundings { robot_radius_m, outer_radius_m, gel_density_kg_m3, .. } = *surroundings;
+    let Sizes { robot_radius_m, outer_radius_m, gel_density_kg_m3, .. } = surroundings.sizes;
     SpreadModes::new(system, &snapshot_values(kind, robot_radius_m, outer_radius_m, gel_density_kg_m3), TOLERANCE)
 }
 
@@ -139,7 +139,7 @@ impl PocketModel {
         let [lower, upper] = POCKET_RADIUS_RATIOS.map(f64::ln);
         let radius = |i: usize| {
             let x = -(PI * (i as f64 + 0.5) / N_RADII as f64).cos();
-            (0.5 * (lower + upper) + 0.5 * (upper - lower) * x).exp() * surroundings.robot_radius_m
+            (0.5 * (lower + upper) + 0.5 * (upper - lower) * x).exp() * surroundings.sizes.robot_radius_m
         };
         let at = |i: usize| {
             let radius_m = radius(i);
@@ -224,11 +224,13 @@ mod tests {
             mesh: &mesh,
             stiffness: &stiffness,
             poisson_ratio: 0.48,
-            gel_density_kg_m3: 1000.0,
-            robot_mass_kg: 1e-6,
-            robot_radius_m,
-            outer_radius_m,
-            ball: Some(ball),
+            sizes: Sizes {
+                gel_density_kg_m3: 1000.0,
+                robot_mass_kg: 1e-6,
+                robot_radius_m,
+                outer_radius_m,
+                ball: Some(ball),
+            },
         };
         let pocket = PocketModel::new(&surroundings).unwrap();
         for ratio in [1.5, 1.7, 2.0, 2.5, 3.0, 4.0, 5.0] {

@@ -9,11 +9,13 @@
 //! bounds the error from above for x ≥ 0, and after division by 1 + x below 0. It is kept in a small matrix ([`SpreadModes::error_indicator`]).
 
 use faer::{Mat, Side};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::pod::{EnergyProduct, Pod, dot};
 use crate::error::{Error, Result};
-use crate::fe::spatial::{SpatialKind, SpatialSystem};
+use crate::fe::spatial::{SpatialKind, SpatialSystem, SymmetricMatrix};
+use crate::fe::time::QUARTER;
 
 /// Weights below this part of the whole are left out.
 const LEAST_WEIGHT: f64 = 1e-10;
@@ -87,15 +89,12 @@ impl SpreadModes {
                 field
             })
         };
-        let snapshots: Vec<Vec<f64>> = {
-            use rayon::prelude::*;
-            values.par_iter().map(|x| solve(*x)).collect::<Result<_>>()?
-        };
+        let snapshots: Vec<Vec<f64>> = values.par_iter().map(|x| solve(*x)).collect::<Result<_>>()?;
         let at_rest = match values.iter().position(|x| *x == 0.0) {
             Some(k) => snapshots[k].clone(),
             None => solve(0.0)?,
         };
-        let whole = split.first_matrix(system)?;
+        let whole = system.sum(&split.first)?;
         let energy = EnergyProduct(whole.upper());
         let pod = Pod::new(&snapshots, energy, tolerance)?;
         let applied: Vec<Vec<f64>> = pod.modes.iter().map(|mode| split.second_product(system, mode)).collect();
@@ -127,10 +126,10 @@ impl SpreadModes {
             .collect();
         terms.sort_by(|a, b| a.1.total_cmp(&b.1));
         let kept: Vec<&Vec<f64>> = terms.iter().map(|(.., k)| &vectors[*k]).collect();
-        let gram = gram(system, &split, &force, &kept, compliance)?;
+        let gram = gram(system, &split, &whole, &force, &kept, compliance)?;
         let largest_singular = pod.singular_values[0];
         Ok(Self {
-            compliance_per_m: crate::fe::time::QUARTER * compliance,
+            compliance_per_m: QUARTER * compliance,
             weights: terms.iter().map(|(weight, ..)| *weight).collect(),
             numbers: terms.iter().map(|(_, number, _)| *number).collect(),
             singular_values: pod.singular_values.iter().map(|s| s / largest_singular).collect(),
@@ -186,10 +185,6 @@ impl Split {
         self.first.iter().zip(&self.second).map(|(a, b)| a + x * b).collect()
     }
 
-    fn first_matrix(&self, system: &SpatialSystem) -> Result<crate::fe::spatial::SymmetricMatrix> {
-        system.sum(&self.first)
-    }
-
     fn second_product(&self, system: &SpatialSystem, field: &[f64]) -> Vec<f64> {
         let mut product = vec![0.0; field.len()];
         for (matrix, weight) in system.matrices().into_iter().zip(&self.second) {
@@ -201,31 +196,23 @@ impl Split {
     }
 }
 
-/// Products in A⁻¹ of f, A v√.. and B v, relative to the compliance.
+/// Products in A⁻¹ of f, then A v, then B v for every eigenvector v, relative to the compliance.
 fn gram(
     system: &SpatialSystem,
     split: &Split,
+    whole: &SymmetricMatrix,
     force: &[f64],
     vectors: &[&Vec<f64>],
     compliance: f64,
 ) -> Result<Vec<f64>> {
-    let whole = split.first_matrix(system)?;
     let factor = system.factor(&split.first)?;
-    let mut sides: Vec<Vec<f64>> = vec![force.to_vec()];
-    // The eigenvectors are of unit energy: the field at x is Σ (φ_robot/(1 + xμ)) φ, and over the compliance's root √w/(1 + xμ) φ √C.
-    let root = compliance.sqrt();
-    sides.extend(vectors.iter().map(|v| whole.product(v).iter().map(|p| root * p).collect::<Vec<f64>>()));
-    sides
-        .extend(vectors.iter().map(|v| split.second_product(system, v).iter().map(|p| root * p).collect::<Vec<f64>>()));
     let robot = system.freedoms.robot();
-    for (k, v) in vectors.iter().enumerate() {
-        // √w carries the sign of the vector's robot component.
-        if v[robot] < 0.0 {
-            let n = vectors.len();
-            sides[1 + k].iter_mut().for_each(|p| *p = -*p);
-            sides[1 + n + k].iter_mut().for_each(|p| *p = -*p);
-        }
-    }
+    let mut sides: Vec<Vec<f64>> = vec![force.to_vec()];
+    // Eigenvectors are of unit energy: the field at x is Σ v_robot/(1 + xμ) v, and v_robot is ±√(w C), the sign of which is put to the vector.
+    let scales: Vec<f64> = vectors.iter().map(|v| compliance.sqrt().copysign(v[robot])).collect();
+    let scaled = |product: Vec<f64>, scale: &f64| product.iter().map(|p| scale * p).collect::<Vec<f64>>();
+    sides.extend(vectors.iter().zip(&scales).map(|(v, scale)| scaled(whole.product(v), scale)));
+    sides.extend(vectors.iter().zip(&scales).map(|(v, scale)| scaled(split.second_product(system, v), scale)));
     let solved: Vec<Vec<f64>> = sides
         .iter()
         .map(|side| {

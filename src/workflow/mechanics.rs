@@ -5,10 +5,10 @@ use std::path::PathBuf;
 use super::mesh_check;
 use super::summary::Warning;
 use crate::error::{Error, Place, Result};
-use crate::experiment::{Apparatus, Orientation, Robot, RobotShape, Vitreous};
+use crate::experiment::{Apparatus, Robot, RobotShape, Vitreous};
 use crate::fe::Stiffness;
 use crate::fe::exact::SphereInContainer;
-use crate::fe::spatial::Surroundings;
+use crate::fe::spatial::{Sizes, Surroundings};
 use crate::fe::time::FullOrderModel;
 use crate::mesh::gmsh::read_gmsh;
 use crate::mesh::{Cylinder, Mesh, QuarterBall, Spheroid};
@@ -65,16 +65,8 @@ pub struct FiniteElements {
     pub stiffness: Stiffness,
     /// Poisson ratio of the vitreous.
     pub poisson_ratio: f64,
-    /// Density of the vitreous, in kg/m³.
-    pub gel_density_kg_m3: f64,
-    /// Mass of the robot, in kg.
-    pub robot_mass_kg: f64,
-    /// Radius of the robot, or of the sphere of its volume, in m.
-    pub robot_radius_m: f64,
-    /// Radius of the outer surface, in m.
-    pub outer_radius_m: f64,
-    /// How the mesh was made, where it is the built-in one around a sphere.
-    pub ball: Option<QuarterBall>,
+    /// Sizes and weights of gel and robot.
+    pub sizes: Sizes,
     /// What the discretisation error is measured by; `None` for imported bodies other than spheres.
     pub comparison: Option<Comparison>,
     /// SHA-256 of the imported mesh's file and unit.
@@ -90,20 +82,30 @@ impl FiniteElements {
             mesh: &self.mesh,
             stiffness: &self.stiffness,
             poisson_ratio: self.poisson_ratio,
-            gel_density_kg_m3: self.gel_density_kg_m3,
-            robot_mass_kg: self.robot_mass_kg,
-            robot_radius_m: self.robot_radius_m,
-            outer_radius_m: self.outer_radius_m,
-            ball: self.ball,
+            sizes: self.sizes,
         }
     }
 }
 
-/// How the built-in mesh of a level is made, around a sphere.
-pub fn ball_of(robot: &Robot, vitreous: &Vitreous, level: usize) -> Option<QuarterBall> {
-    let RobotShape::Sphere { diameter_m } = robot.shape else { return None };
+/// Sizes and weights of gel and robot in a mesh of the program's, or, with no level, in another.
+pub fn sizes_of(robot: &Robot, vitreous: &Vitreous, level: Option<usize>) -> Sizes {
+    let ball = |diameter_m: f64| level.map(|level| ball(diameter_m, vitreous, level));
+    Sizes {
+        gel_density_kg_m3: vitreous.density_kg_m3,
+        robot_mass_kg: robot.density_kg_m3 * robot.shape.volume_m3(),
+        robot_radius_m: robot.shape.equivalent_radius_m(),
+        outer_radius_m: 0.5 * vitreous.diameter_m,
+        ball: match robot.shape {
+            RobotShape::Sphere { diameter_m } => ball(diameter_m),
+            _ => None,
+        },
+    }
+}
+
+/// How the built-in mesh of a level is made around a sphere.
+fn ball(diameter_m: f64, vitreous: &Vitreous, level: usize) -> QuarterBall {
     let (robot_radius_m, outer_radius_m) = (0.5 * diameter_m, 0.5 * vitreous.diameter_m);
-    Some(QuarterBall { robot_radius_m, outer_radius_m, n_per_edge: level, n_layers: 4 * level })
+    QuarterBall { robot_radius_m, outer_radius_m, n_per_edge: level, n_layers: 4 * level }
 }
 
 /// The built-in mesh of a level 1, 2, 3, …; elements are smaller by the level. Around a sphere it has level × 4·level elements along an octant's edge and
@@ -113,17 +115,13 @@ pub fn ball_of(robot: &Robot, vitreous: &Vitreous, level: usize) -> Option<Quart
 /// [`Error::Input`] for a robot that the built-in meshes do not reach: too slender, too flat, or too near the outer surface.
 pub fn robot_mesh(robot: &Robot, vitreous: &Vitreous, level: usize) -> Result<Mesh> {
     let outer_radius_m = 0.5 * vitreous.diameter_m;
-    let mesh = match (robot.shape, ball_of(robot, vitreous, level)) {
-        (_, Some(ball)) => ball.mesh(),
-        (RobotShape::Cylinder { length_m, diameter_m, orientation }, None) => {
-            Cylinder { length_m, diameter_m, orientation, outer_radius_m, level }.mesh()
-        }
-        (RobotShape::Ellipsoid { length_m, diameter_m, orientation }, None) => {
+    let mesh = match robot.shape {
+        RobotShape::Sphere { diameter_m } => ball(diameter_m, vitreous, level).mesh(),
+        RobotShape::Ellipsoid { length_m, diameter_m, orientation } => {
             Spheroid { length_m, diameter_m, orientation, outer_radius_m, level }.mesh()
         }
-        (RobotShape::Sphere { diameter_m }, None) => {
-            let orientation = Orientation::Horizontal;
-            Spheroid { length_m: diameter_m, diameter_m, orientation, outer_radius_m, level }.mesh()
+        RobotShape::Cylinder { length_m, diameter_m, orientation } => {
+            Cylinder { length_m, diameter_m, orientation, outer_radius_m, level }.mesh()
         }
     };
     mesh.map_err(|error| match error {
@@ -193,11 +191,7 @@ impl Mechanics {
             mesh,
             stiffness,
             poisson_ratio,
-            gel_density_kg_m3: vitreous.density_kg_m3,
-            robot_mass_kg: robot.density_kg_m3 * robot.shape.volume_m3(),
-            robot_radius_m: robot.shape.equivalent_radius_m(),
-            outer_radius_m: 0.5 * vitreous.diameter_m,
-            ball: ball_of(robot, vitreous, MODEL_LEVEL).filter(|_| mesh_file.is_none()),
+            sizes: sizes_of(robot, vitreous, mesh_file.is_none().then_some(MODEL_LEVEL)),
             comparison,
             mesh_file_sha256,
             mesh_warnings,

@@ -13,7 +13,6 @@ use super::problem::Problem;
 use crate::effects::FieldModel;
 use crate::error::Result;
 use crate::experiment::Experiment;
-use crate::fe::spatial::Surroundings;
 use crate::inference::prior::PriorSet;
 use crate::mesh::Mesh;
 use crate::model::{Compliance, Forward, FullForward, Model, ReducedForward, Response, TrainedRange};
@@ -204,12 +203,7 @@ fn verify(problem: &Problem, fe: &FiniteElements, compliance: &Compliance) -> Re
 
 /// SHA-256 over the program's version, the mesh, what it weighs and the Poisson ratio.
 fn fields_built_from(fe: &FiniteElements) -> String {
-    let Surroundings { gel_density_kg_m3, robot_mass_kg, robot_radius_m, outer_radius_m, ball, .. } = fe.surroundings();
-    let sizes = format!(
-        "{} {gel_density_kg_m3:e} {robot_mass_kg:e} {robot_radius_m:e} {outer_radius_m:e} {ball:?}",
-        fe.poisson_ratio
-    );
-    hash_of(fe, &sizes)
+    hash_of(fe, &format!("{:e} {:?}", fe.poisson_ratio, fe.sizes))
 }
 
 /// SHA-256 over the program's version, the mesh and everything in the training.

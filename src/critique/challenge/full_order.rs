@@ -7,9 +7,9 @@ use rayon::prelude::*;
 
 use super::{ApparatusError, Bench, Truth};
 use crate::error::{Error, Result};
-use crate::experiment::{Apparatus, Robot, Vitreous};
+use crate::experiment::Apparatus;
 use crate::fe::Stiffness;
-use crate::fe::spatial::Surroundings;
+use crate::fe::spatial::{Sizes, Surroundings};
 use crate::fe::stepping::Resolution;
 use crate::fe::time::FullOrderModel;
 use crate::files::write_atomically;
@@ -18,7 +18,7 @@ use crate::model::{Forward, FullForward};
 use crate::number::Dual;
 use crate::study::{ModelSpecification, sha256_hex};
 use crate::workflow::Monitor;
-use crate::workflow::mechanics::{MODEL_LEVEL, ball_of, robot_mesh};
+use crate::workflow::mechanics::{MODEL_LEVEL, robot_mesh, sizes_of};
 
 /// Mesh level of the data; the fitted model stands one level below.
 pub const DATA_LEVEL: usize = MODEL_LEVEL + 1;
@@ -109,11 +109,10 @@ fn read(path: &Path, n_rows: usize) -> Option<Vec<f64>> {
 
 /// The finer finite elements.
 struct Workshop {
-    robot: Robot,
-    vitreous: Vitreous,
     mesh: Mesh,
     stiffness: Stiffness,
     poisson_ratio: f64,
+    sizes: Sizes,
     resolution: Resolution,
 }
 
@@ -125,21 +124,8 @@ impl Workshop {
         let mesh = robot_mesh(robot, vitreous, DATA_LEVEL)?;
         let stiffness = Stiffness::new(&mesh)?;
         let resolution = Resolution { steps_per_doubling: FINER_STEPS * Resolution::default().steps_per_doubling };
-        let (robot, vitreous, poisson_ratio) = (*robot, *vitreous, vitreous.poisson_ratio);
-        Ok(Self { robot, vitreous, mesh, stiffness, poisson_ratio, resolution })
-    }
-
-    fn surroundings(&self) -> Surroundings<'_> {
-        Surroundings {
-            mesh: &self.mesh,
-            stiffness: &self.stiffness,
-            poisson_ratio: self.poisson_ratio,
-            gel_density_kg_m3: self.vitreous.density_kg_m3,
-            robot_mass_kg: self.robot.density_kg_m3 * self.robot.shape.volume_m3(),
-            robot_radius_m: self.robot.shape.equivalent_radius_m(),
-            outer_radius_m: 0.5 * self.vitreous.diameter_m,
-            ball: ball_of(&self.robot, &self.vitreous, DATA_LEVEL),
-        }
+        let (poisson_ratio, sizes) = (vitreous.poisson_ratio, sizes_of(robot, vitreous, Some(DATA_LEVEL)));
+        Ok(Self { mesh, stiffness, poisson_ratio, sizes, resolution })
     }
 
     /// `full` is factorised at the stated Poisson ratio.
@@ -158,10 +144,11 @@ impl Workshop {
         };
         let force_n = truth.outside.as_ref().map_or_else(|| record.force_n.clone(), |outside| outside.force_n(&record));
         let mut position_m = if stages.spatial.is_some() {
-            let ratio = wrong_ratio.unwrap_or(self.poisson_ratio);
-            let surroundings = Surroundings { poisson_ratio: ratio, ..self.surroundings() };
+            let Self { mesh, stiffness, sizes, .. } = self;
+            let poisson_ratio = wrong_ratio.unwrap_or(self.poisson_ratio);
+            let surroundings = Surroundings { mesh, stiffness, poisson_ratio, sizes: *sizes };
             let values: Vec<f64> = values.iter().map(|value| value.value).collect();
-            FullForward::new(&model, &self.stiffness, ratio, &record.time_s, &force_n)?
+            FullForward::new(&model, stiffness, poisson_ratio, &record.time_s, &force_n)?
                 .with_resolution(self.resolution)
                 .in_surroundings(surroundings)
                 .trajectory_m(&values)?

@@ -67,11 +67,6 @@ impl SymmetricMatrix {
         Self::from_triplets(n, &triplets)
     }
 
-    /// Number of unknowns.
-    pub fn n(&self) -> usize {
-        self.0.ncols()
-    }
-
     /// The upper triangle.
     pub fn upper(&self) -> SparseColMatRef<'_, u32, f64> {
         self.0.as_ref()

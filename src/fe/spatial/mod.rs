@@ -14,5 +14,5 @@ mod systems;
 
 pub use freedoms::Freedoms;
 pub use matrices::{SymmetricFactor, SymmetricMatrix, SymmetricSolver};
-pub use run::{SpatialRun, Surroundings, run};
+pub use run::{Sizes, SpatialRun, Surroundings, run};
 pub use systems::{Scaled, SpatialKind, SpatialSystem};

@@ -10,15 +10,9 @@ use crate::fe::transient::{self, Load, Resolution, Switch, TransientSystem};
 use crate::mesh::{Mesh, QuarterBall};
 use crate::rheology::{CreepCompliance, Element, TimeWindow};
 
-/// The gel, the robot in it and what they weigh.
-#[derive(Debug, Clone, Copy)]
-pub struct Surroundings<'a> {
-    /// The mesh.
-    pub mesh: &'a Mesh,
-    /// Its stiffness.
-    pub stiffness: &'a Stiffness,
-    /// Poisson ratio of the gel.
-    pub poisson_ratio: f64,
+/// What gel and robot measure and weigh.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sizes {
     /// Density of the gel, in kg/m³.
     pub gel_density_kg_m3: f64,
     /// Mass of the whole robot, in kg.
@@ -31,6 +25,19 @@ pub struct Surroundings<'a> {
     pub ball: Option<QuarterBall>,
 }
 
+/// The gel and the robot in it.
+#[derive(Debug, Clone, Copy)]
+pub struct Surroundings<'a> {
+    /// The mesh.
+    pub mesh: &'a Mesh,
+    /// Its stiffness.
+    pub stiffness: &'a Stiffness,
+    /// Poisson ratio of the gel.
+    pub poisson_ratio: f64,
+    /// Sizes and weights.
+    pub sizes: Sizes,
+}
+
 /// Layers of elements inside a pocket, and how many more than the model's mesh there are in all.
 const LAYERS_INSIDE: usize = 4;
 const MORE_LAYERS: usize = 1;
@@ -41,7 +48,7 @@ impl Surroundings<'_> {
     /// # Errors
     /// [`Error::Numerical`] where the robot is no sphere in a built-in mesh, or the pocket does not fit.
     pub fn pocket_mesh(&self, radius_m: f64) -> Result<Mesh> {
-        let ball = self.ball.ok_or_else(|| {
+        let ball = self.sizes.ball.ok_or_else(|| {
             Error::numerical(
                 "a liquefied pocket needs the built-in mesh around a sphere",
                 "leave `liquefied-pocket` out for other robots and for meshes from files",
@@ -95,7 +102,7 @@ pub fn run(
             job.step(&scaled, &[&stages.law], |z| system.freedoms.nodal_displacement(z))
         }
         Some(Spatial::Pocket { radius_ratio, elastic_loss }) => {
-            let radius_m = radius_ratio.value * surroundings.robot_radius_m;
+            let radius_m = radius_ratio.value * surroundings.sizes.robot_radius_m;
             let mesh = surroundings.pocket_mesh(radius_m)?;
             let system = SpatialSystem::new(surroundings, &mesh, SpatialKind::Pocket { radius_m })?;
             let scaled = Scaled { system: &system, friction_scale: 0.0, density_scale: 0.0 };

@@ -143,7 +143,7 @@ fn mass(surroundings: &Surroundings<'_>, mesh: &Mesh, freedoms: &Freedoms) -> Re
         |coordinates_m| {
             let mut matrix = DMatrix::zeros(3 * n, 3 * n);
             table.for_each_point(coordinates_m, |point| {
-                let weight = surroundings.gel_density_kg_m3 * point.volume_m3;
+                let weight = surroundings.sizes.gel_density_kg_m3 * point.volume_m3;
                 for (a, shape_a) in point.shape.iter().enumerate() {
                     for (b, shape_b) in point.shape.iter().enumerate() {
                         let value = weight * shape_a * shape_b;
@@ -156,7 +156,7 @@ fn mass(surroundings: &Surroundings<'_>, mesh: &Mesh, freedoms: &Freedoms) -> Re
     )?;
     // On any one node of the robot's surface, whose translation all share.
     let mut of_robot = DMatrix::zeros(3, 3);
-    of_robot[(0, 0)] = QUARTER * surroundings.robot_mass_kg;
+    of_robot[(0, 0)] = QUARTER * surroundings.sizes.robot_mass_kg;
     let robot_node = &mesh.robot_nodes[..1];
     elements.push((robot_node, of_robot));
     SymmetricMatrix::assemble(freedoms, elements.into_iter())
