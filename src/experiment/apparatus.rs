@@ -29,6 +29,44 @@ pub struct Robot {
     pub shape: RobotShape,
     /// Density in kg/m³.
     pub density_kg_m3: f64,
+    /// Where its centre lies; `None` in the middle of the vitreous.
+    pub offset: Option<Offset>,
+}
+
+/// A robot's centre off the vitreous's.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Offset {
+    /// Distance of the centres in m, above 0.
+    pub distance_m: f64,
+    /// Direction relative to the force.
+    pub direction: OffsetDirection,
+}
+
+/// Direction of a robot's offset relative to the force.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum OffsetDirection {
+    /// Along the force, x.
+    Along,
+    /// Across the force, along y, as a vertical robot's long axis is.
+    Across,
+}
+
+impl OffsetDirection {
+    /// Name in `experiment.toml`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Along => "along",
+            Self::Across => "across",
+        }
+    }
+
+    /// The axis, 0 for x and 1 for y.
+    pub fn axis(self) -> usize {
+        match self {
+            Self::Along => 0,
+            Self::Across => 1,
+        }
+    }
 }
 
 /// Shape of the robot, sizes in m.
@@ -107,6 +145,31 @@ impl RobotShape {
     }
 }
 
+impl Robot {
+    /// Distance in m from the vitreous's centre to the robot's farthest point.
+    pub fn farthest_point_m(&self) -> f64 {
+        let Some(Offset { distance_m, direction }) = self.offset else { return self.shape.outer_radius_m() };
+        let is_along = |orientation| (orientation == Orientation::Horizontal) == (direction == OffsetDirection::Along);
+        match self.shape {
+            RobotShape::Sphere { diameter_m } => distance_m + 0.5 * diameter_m,
+            RobotShape::Cylinder { length_m, diameter_m, orientation } if is_along(orientation) => {
+                (distance_m + 0.5 * length_m).hypot(0.5 * diameter_m)
+            }
+            RobotShape::Cylinder { length_m, diameter_m, .. } => {
+                (distance_m + 0.5 * diameter_m).hypot(0.5 * length_m)
+            }
+            RobotShape::Ellipsoid { length_m, orientation, .. } if is_along(orientation) => distance_m + 0.5 * length_m,
+            RobotShape::Ellipsoid { length_m, diameter_m, .. } => {
+                // (d + b cos t)² + (a sin t)² over t, across the long axis.
+                let (a, b) = (0.5 * length_m, 0.5 * diameter_m);
+                let spread = a * a - b * b;
+                let cos = if distance_m * b < spread { distance_m * b / spread } else { 1.0 };
+                (distance_m + b * cos).hypot(a * (1.0 - cos * cos).sqrt())
+            }
+        }
+    }
+}
+
 const MM_PER_M: f64 = 1e3;
 
 impl Apparatus {
@@ -138,6 +201,21 @@ impl Apparatus {
         let vitreous_table = root.required_table("vitreous")?;
         let vitreous = vitreous_from(vitreous_table)?;
         let reach_m = robot.shape.outer_radius_m();
+        let farthest_m = robot.farthest_point_m();
+        if let Some(offset) = robot.offset.filter(|_| reach_m < vitreous.diameter_m / 2.0 && farthest_m >= vitreous.diameter_m / 2.0) {
+            let to_mm = |metres: f64| metres * MM_PER_M;
+            return Err(robot_table.refuse(
+                "offset_mm",
+                format!(
+                    "with its centre {:.4} mm off the vitreous's, the robot reaches {:.4} mm from there and the vitreous ends at {:.4} mm: the gap is {:.4} mm",
+                    to_mm(offset.distance_m),
+                    to_mm(farthest_m),
+                    to_mm(vitreous.diameter_m / 2.0),
+                    to_mm(vitreous.diameter_m / 2.0 - farthest_m)
+                ),
+                "give an `offset_mm` that leaves a gap between robot and outer surface; it is the distance of the two centres",
+            ));
+        }
         if reach_m >= vitreous.diameter_m / 2.0 {
             return Err(vitreous_table.refuse(
                 "diameter_mm",
@@ -157,11 +235,12 @@ fn robot_from(table: Table<'_>) -> Result<Robot> {
     let shape_name = table.required_text("shape", "shape = \"sphere\"")?;
     let shape = match shape_name.as_str() {
         "sphere" => {
-            table.only(&["shape", "diameter_mm", "density_kg_m3"])?;
+            table.only(&["shape", "diameter_mm", "density_kg_m3", "offset_mm", "offset_direction"])?;
             RobotShape::Sphere { diameter_m: size_m(table, "diameter_mm", "diameter_mm = 0.55")? }
         }
         "ellipsoid" | "cylinder" => {
-            table.only(&["shape", "length_mm", "diameter_mm", "orientation", "density_kg_m3"])?;
+            let sizes = ["shape", "length_mm", "diameter_mm", "orientation", "density_kg_m3"];
+            table.only(&[&sizes[..], &["offset_mm", "offset_direction"]].concat())?;
             let length_m = size_m(table, "length_mm", "length_mm = 1.8")?;
             let diameter_m = size_m(table, "diameter_mm", "diameter_mm = 0.28")?;
             let orientation = orientation_from(table)?;
@@ -186,7 +265,34 @@ fn robot_from(table: Table<'_>) -> Result<Robot> {
         }
     };
     let density_kg_m3 = table.required_positive("density_kg_m3", "density_kg_m3 = 7500")?;
-    Ok(Robot { shape, density_kg_m3 })
+    let offset = offset_from(table)?;
+    Ok(Robot { shape, density_kg_m3, offset })
+}
+
+/// No offset, or one of 0, is a robot in the middle.
+fn offset_from(table: Table<'_>) -> Result<Option<Offset>> {
+    let distance_mm = table.number("offset_mm")?.unwrap_or(0.0);
+    if !(distance_mm >= 0.0 && distance_mm.is_finite()) {
+        return Err(table.refuse(
+            "offset_mm",
+            format!("{distance_mm} is no distance"),
+            "give the distance of the robot's centre from the vitreous's in millimetres, 0 or more; to which side makes no difference",
+        ));
+    }
+    let direction = match table.text("offset_direction")?.as_deref() {
+        None if distance_mm == 0.0 => return Ok(None),
+        None => return Err(table.missing("offset_direction", "offset_direction = \"along\"")),
+        Some("along") => OffsetDirection::Along,
+        Some("across") => OffsetDirection::Across,
+        Some(other) => {
+            return Err(table.refuse(
+                "offset_direction",
+                format!("unknown direction `{other}`"),
+                "use \"along\" (along the force) or \"across\" (across it)",
+            ));
+        }
+    };
+    Ok((distance_mm > 0.0).then_some(Offset { distance_m: distance_mm / MM_PER_M, direction }))
 }
 
 fn orientation_from(table: Table<'_>) -> Result<Orientation> {

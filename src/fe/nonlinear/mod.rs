@@ -97,6 +97,7 @@ pub struct NonlinearModel<'a> {
     factor: Factor<'a>,
     points: IntegrationPoints,
     robot: usize,
+    share: f64,
 }
 
 impl<'a> NonlinearModel<'a> {
@@ -114,7 +115,7 @@ impl<'a> NonlinearModel<'a> {
         }
         let factor = stiffness.factor(poisson_ratio)?;
         let points = IntegrationPoints::new(mesh, unknowns, poisson_ratio)?;
-        Ok(Self { factor, points, robot: unknowns.robot() })
+        Ok(Self { factor, points, robot: unknowns.robot(), share: unknowns.share() })
     }
 
     /// Number of integration points.
@@ -152,7 +153,8 @@ impl<'a> NonlinearModel<'a> {
     pub(crate) fn watch(&self, what: &NonlinearRun, options: Options, at_row: impl FnMut(AtRow)) -> Result<Cost> {
         let parameters: Vec<Dual> = what.parameters.iter().map(|p| Dual::constant(*p)).collect();
         let bodies = Bodies::new(what.law, &parameters, what.nonlinearity.constant())?;
-        let balance = stage::Balance { points: &self.points, factor: &self.factor, robot: self.robot };
+        let Self { points, factor, robot, share } = self;
+        let balance = stage::Balance { points, factor, robot: *robot, share: *share };
         run::run(balance, &bodies, what.load, what.time_s, what.force_n, options, at_row)
     }
 

@@ -44,6 +44,8 @@ pub(super) struct Balance<'a> {
     pub points: &'a IntegrationPoints,
     pub factor: &'a Factor<'a>,
     pub robot: usize,
+    /// Share of the force that the model carries.
+    pub share: f64,
 }
 
 /// One stage: the law, the histories of all points (`n_histories` each, one point after the other) and the push.

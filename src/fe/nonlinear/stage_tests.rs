@@ -3,7 +3,6 @@
 use super::super::{Bodies, Nonlinearity, YIELD_SMOOTHING};
 use super::*;
 use crate::fe::Stiffness;
-use crate::fe::time::QUARTER;
 use crate::mesh::QuarterBall;
 use crate::number::Dual;
 use crate::rheology::BaseLaw;
@@ -28,7 +27,7 @@ fn with_stage(nonlinearity: Nonlinearity, check: impl Fn(&Balance, &Stage, Vec<f
     let factor = stiffness.factor(0.48).expect("positive definite");
     let unknowns = &stiffness.assembly.unknowns;
     let points = IntegrationPoints::new(&mesh, unknowns, 0.48).expect("no element is inverted");
-    let balance = Balance { points: &points, factor: &factor, robot: unknowns.robot() };
+    let balance = Balance { points: &points, factor: &factor, robot: unknowns.robot(), share: unknowns.share() };
     let parameters = [3.527, 1.402, 20.0].map(Dual::constant);
     let bodies = Bodies::new(BaseLaw::Lethersich, &parameters, nonlinearity.constant()).expect("a sound law");
     let law = StageLaw::new(&bodies, STEP_S);
@@ -36,7 +35,8 @@ fn with_stage(nonlinearity: Nonlinearity, check: impl Fn(&Balance, &Stage, Vec<f
     let field: Vec<f64> = unit.iter().map(|u| 0.1 * FORCE_N * u).collect();
     let strains = points.strains(&field);
     let histories: Vec<Tensor<f64>> = strains.iter().flat_map(|e| [e.map(|e| 0.3 * e), e.map(|e| -0.2 * e)]).collect();
-    let push = Push { force_n: QUARTER * FORCE_N, slope_n_per_m: QUARTER * FORCE_N * 200.0 };
+    let force_n = unknowns.share() * FORCE_N;
+    let push = Push { force_n, slope_n_per_m: force_n * 200.0 };
     let stage = Stage { law: &law, histories: &histories, n_histories: 2, push };
     let wavy = field.iter().enumerate().map(|(i, u)| u * (1.0 + 0.1 * (i as f64).sin())).collect();
     check(&balance, &stage, wavy);

@@ -8,7 +8,6 @@ use crate::error::{Error, Result};
 use crate::fe::Stiffness;
 use crate::fe::nonlinear::{NonlinearModel, NonlinearRun, Nonlinearity, Options, Scheme};
 use crate::fe::stepping::Resolution;
-use crate::fe::time::QUARTER;
 use crate::mesh::Mesh;
 use crate::model::TrainedRange;
 use crate::number::Dual;
@@ -167,7 +166,7 @@ pub fn train(mesh: &Mesh, stiffness: &Stiffness, training: &HyperTraining) -> Re
         poisson_ratio: training.poisson_ratio,
         n_modes: pod.modes.len(),
         robot: pod.modes.iter().map(|mode| mode[model.robot()]).collect(),
-        force_share: QUARTER,
+        force_share: stiffness.assembly.unknowns.share(),
         weights_m3: chosen.weights.iter().map(|(point, weight)| weight * points.volumes_m3()[*point]).collect(),
         strains: at_points.collect(),
         unit_moduli: [moduli[0], moduli[5]],
