@@ -72,7 +72,7 @@ fn the_reference_by_a_wall_is_brenners_and_faxens() {
     let drag = |height: f64, direction: Direction| {
         let at = |outer_radius_m: f64, nu: f64| {
             let sphere = EccentricSphere { radius_m: 1.0, outer_radius_m, offset_m: outer_radius_m - height };
-            let found = sphere.solve(nu, direction, at_order(12)).expect("a sound problem");
+            let found = sphere.solve(nu, direction, at_order(9)).expect("a sound problem");
             found.translation_m * 2.0 * (1.0 + nu) / (6.0 * PI)
         };
         let incompressible = |outer_radius_m| 2.0 * at(outer_radius_m, 0.4999) - at(outer_radius_m, 0.4998);
@@ -83,7 +83,7 @@ fn the_reference_by_a_wall_is_brenners_and_faxens() {
         let towards = drag(height, Direction::Axial) / towards_a_wall(height) - 1.0;
         let along = drag(height, Direction::Transverse) / along_a_wall(height) - 1.0;
         println!("{height} radii: towards {towards:e}, along {along:e}");
-        assert!(towards.abs() < 5e-6, "{height}: {towards:e}");
+        assert!(towards.abs() < 2e-6, "{height}: {towards:e}");
         assert!(along.abs() < 0.3 * f64::powi(height, -6) + 5e-6, "{height}: {along:e}");
     }
 }
@@ -91,7 +91,7 @@ fn the_reference_by_a_wall_is_brenners_and_faxens() {
 /// Errors fall exponentially with the order, the displacements alone come from above to the same, and the estimate covers the error of one order less.
 #[test]
 fn the_reference_converges_and_knows_its_error() {
-    for (offset_m, ceilings) in [(2e-3, [1e-5, 1e-9]), (8e-3, [2e-4, 1e-6])] {
+    for (offset_m, ceilings) in [(2e-3, [1e-6, 1e-10]), (8e-3, [2e-6, 1e-9])] {
         for (_, direction) in DIRECTIONS {
             let best = eccentric(offset_m, 0.48, direction, at_order(13)).translation_m;
             for (order, ceiling) in [6, 9].into_iter().zip(ceilings) {
@@ -153,8 +153,7 @@ fn elements_off_the_centre_converge_to_the_reference() {
 /// The robot keeps its shape to the last bit, the outer surface lies around the vitreous's centre, and elements stay well shaped; the half model carries half of the robot.
 #[test]
 fn meshes_have_their_surfaces_where_they_belong() {
-    let cylinder =
-        RobotShape::Cylinder { length_m: 1.8e-3, diameter_m: 0.28e-3, orientation: Orientation::Vertical };
+    let cylinder = RobotShape::Cylinder { length_m: 1.8e-3, diameter_m: 0.28e-3, orientation: Orientation::Vertical };
     let ellipsoid =
         RobotShape::Ellipsoid { length_m: 1.8e-3, diameter_m: 0.3e-3, orientation: Orientation::Horizontal };
     for shape in [SPHERE, cylinder, ellipsoid] {
@@ -166,7 +165,8 @@ fn meshes_have_their_surfaces_where_they_belong() {
                 let mesh = mesh_of(shape, offset_mm, direction, 2);
                 assert_eq!(mesh.share(), share);
                 let at = |node: &u32| mesh.node_coordinates_m[*node as usize];
-                let robot: Vec<[f64; 3]> = centred.robot_nodes.iter().map(|n| centred.node_coordinates_m[*n as usize]).collect();
+                let robot: Vec<[f64; 3]> =
+                    centred.robot_nodes.iter().map(|n| centred.node_coordinates_m[*n as usize]).collect();
                 assert!(robot.iter().zip(&mesh.robot_nodes).all(|(x, node)| *x == at(node)));
                 for node in &mesh.outer_nodes {
                     let mut place = at(node);

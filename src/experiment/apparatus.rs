@@ -155,9 +155,7 @@ impl Robot {
             RobotShape::Cylinder { length_m, diameter_m, orientation } if is_along(orientation) => {
                 (distance_m + 0.5 * length_m).hypot(0.5 * diameter_m)
             }
-            RobotShape::Cylinder { length_m, diameter_m, .. } => {
-                (distance_m + 0.5 * diameter_m).hypot(0.5 * length_m)
-            }
+            RobotShape::Cylinder { length_m, diameter_m, .. } => (distance_m + 0.5 * diameter_m).hypot(0.5 * length_m),
             RobotShape::Ellipsoid { length_m, orientation, .. } if is_along(orientation) => distance_m + 0.5 * length_m,
             RobotShape::Ellipsoid { length_m, diameter_m, .. } => {
                 // (d + b cos t)² + (a sin t)² over t, across the long axis.
@@ -202,7 +200,9 @@ impl Apparatus {
         let vitreous = vitreous_from(vitreous_table)?;
         let reach_m = robot.shape.outer_radius_m();
         let farthest_m = robot.farthest_point_m();
-        if let Some(offset) = robot.offset.filter(|_| reach_m < vitreous.diameter_m / 2.0 && farthest_m >= vitreous.diameter_m / 2.0) {
+        if let Some(offset) =
+            robot.offset.filter(|_| reach_m < vitreous.diameter_m / 2.0 && farthest_m >= vitreous.diameter_m / 2.0)
+        {
             let to_mm = |metres: f64| metres * MM_PER_M;
             return Err(robot_table.refuse(
                 "offset_mm",
@@ -357,6 +357,78 @@ mod tests {
             robot(&format!("shape = \"cylinder\"\n{sizes}\"horizontal\"")),
             RobotShape::Cylinder { length_m: 2e-3, diameter_m: 0.5e-3, orientation: Orientation::Horizontal }
         );
+    }
+
+    const SPHERE: &str = "[robot]\nshape = \"sphere\"\ndiameter_mm = 0.5\ndensity_kg_m3 = 7500\n";
+    const VITREOUS: &str = "[vitreous]\ndiameter_mm = 20\npoisson_ratio = 0.48\ndensity_kg_m3 = 1000\n";
+
+    #[test]
+    fn offsets_are_read_and_nothing_is_in_the_middle() {
+        let offset = |lines: &str| match read(&format!("{SPHERE}{lines}\n{VITREOUS}")) {
+            Apparatus::Robot { robot, .. } => robot.offset,
+            other => panic!("{other:?}"),
+        };
+        for nothing in ["", "offset_mm = 0", "offset_mm = 0.0\noffset_direction = \"across\""] {
+            assert_eq!(offset(nothing), None, "{nothing}");
+        }
+        for direction in [OffsetDirection::Along, OffsetDirection::Across] {
+            let lines = format!("offset_mm = 2.5\noffset_direction = \"{}\"", direction.name());
+            assert_eq!(offset(&lines), Some(Offset { distance_m: 2.5e-3, direction }));
+        }
+    }
+
+    #[test]
+    fn offsets_that_leave_no_room_or_direction_are_refused() {
+        let refused = |robot: &str, words: &[&str]| {
+            let text = format!("{robot}\n{VITREOUS}");
+            let document = Document::parse(std::path::Path::new("e.toml"), &text).unwrap();
+            let message = Apparatus::from_document(document.root()).unwrap_err().to_string();
+            assert!(words.iter().all(|word| message.contains(word)), "{message}");
+        };
+        let sphere = |lines: &str| format!("{SPHERE}{lines}");
+        refused(&sphere("offset_mm = 2"), &["offset_direction"]);
+        refused(&sphere("offset_mm = -2\noffset_direction = \"along\""), &["line 5", "-2", "0 or more"]);
+        refused(&sphere("offset_mm = 2\noffset_direction = \"up\""), &["`up`", "along", "across"]);
+        refused(
+            &sphere("offset_mm = 9.8\noffset_direction = \"across\""),
+            &["line 5", "9.8000 mm off", "reaches 10.0500 mm", "gap is -0.0500 mm"],
+        );
+        refused("[instrument]\ncompliance_per_m = 1\noffset_mm = 2", &["offset_mm"]);
+    }
+
+    /// Against points all over the bodies.
+    #[test]
+    fn the_farthest_point_is_the_farthest() {
+        let (length_m, diameter_m) = (3.0_f64, 1.0_f64);
+        for orientation in [Orientation::Horizontal, Orientation::Vertical] {
+            let long = if orientation == Orientation::Horizontal { 0 } else { 1 };
+            for direction in [OffsetDirection::Along, OffsetDirection::Across] {
+                for distance_m in [0.1, 1.0, 4.0] {
+                    let found = |shape| {
+                        let offset = Some(Offset { distance_m, direction });
+                        Robot { shape, density_kg_m3: 1.0, offset }.farthest_point_m()
+                    };
+                    let (mut ellipsoid, mut cylinder) = (0.0_f64, 0.0_f64);
+                    for (i, j) in (0..=400).flat_map(|i| (0..400).map(move |j| (i, j))) {
+                        let (height, turn) = ((f64::from(i) * PI / 400.0).cos(), f64::from(j) * PI / 200.0);
+                        let reach = |radius: f64, farthest: &mut f64| {
+                            let mut place = [0.0; 3];
+                            place[long] = 0.5 * length_m * height;
+                            place[(long + 1) % 3] = 0.5 * diameter_m * radius * turn.cos();
+                            place[(long + 2) % 3] = 0.5 * diameter_m * radius * turn.sin();
+                            place[direction.axis()] += distance_m;
+                            *farthest = farthest.max(place.iter().map(|x| x * x).sum::<f64>().sqrt());
+                        };
+                        reach((1.0 - height * height).sqrt(), &mut ellipsoid);
+                        reach(1.0, &mut cylinder);
+                    }
+                    let exact = found(RobotShape::Ellipsoid { length_m, diameter_m, orientation });
+                    assert!((exact / ellipsoid - 1.0).abs() < 1e-4, "{exact} {ellipsoid}");
+                    let exact = found(RobotShape::Cylinder { length_m, diameter_m, orientation });
+                    assert!((exact / cylinder - 1.0).abs() < 1e-4, "{exact} {cylinder}");
+                }
+            }
+        }
     }
 
     #[test]

@@ -60,7 +60,10 @@ pub struct Mesh {
 impl Mesh {
     /// Share of the robot, and of the force on it, that the model carries: each plane of symmetry halves it, to a quarter or a half.
     pub fn share(&self) -> f64 {
-        [&self.symmetry_y_nodes, &self.symmetry_z_nodes].iter().map(|nodes| if nodes.is_empty() { 1.0 } else { 0.5 }).product()
+        [&self.symmetry_y_nodes, &self.symmetry_z_nodes]
+            .iter()
+            .map(|nodes| if nodes.is_empty() { 1.0 } else { 0.5 })
+            .product()
     }
 
     /// Number of nodes.

@@ -41,7 +41,10 @@ impl OffCentre {
             && centred.n_nodes() > n_sheet;
         if !(is_layered && (0.0..1.0).contains(&self.share())) {
             return Err(Error::numerical(
-                format!("no mesh is moved {} m off the centre of a radius of {} m", self.offset.distance_m, self.outer_radius_m),
+                format!(
+                    "no mesh is moved {} m off the centre of a radius of {} m",
+                    self.offset.distance_m, self.outer_radius_m
+                ),
                 "give an offset that leaves the robot inside the vitreous, and a mesh in layers",
             ));
         }
@@ -111,8 +114,7 @@ fn mirrored(mesh: &mut Mesh) -> Vec<u32> {
         .iter()
         .map(|[u, v, w]| HEXAHEDRON27_REFERENCE_NODES.iter().position(|other| other == &[-u, *v, *w]).unwrap_or(0))
         .collect();
-    let images: Vec<u32> =
-        mesh.elements().flat_map(|nodes| turned.iter().map(|&k| image[nodes[k] as usize])).collect();
+    let images: Vec<u32> = mesh.elements().flat_map(|nodes| turned.iter().map(|&k| image[nodes[k] as usize])).collect();
     mesh.connectivity.extend(images);
     for nodes in [&mut mesh.robot_nodes, &mut mesh.outer_nodes, &mut mesh.symmetry_z_nodes] {
         let new: Vec<u32> = nodes.iter().map(|&node| image[node as usize]).filter(|&node| node >= n_nodes).collect();

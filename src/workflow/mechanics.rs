@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use super::mesh_check;
 use super::summary::Warning;
 use crate::error::{Error, Place, Result};
-use crate::experiment::{Apparatus, Robot, RobotShape, Vitreous};
+use crate::experiment::{Apparatus, Offset, OffsetDirection, Robot, RobotShape, Vitreous};
 use crate::fe::Stiffness;
 use crate::fe::exact::SphereInContainer;
 use crate::fe::quality::MeshQuality;
@@ -176,6 +176,21 @@ pub fn read_mesh(file: &MeshFile, robot: Option<&Robot>, vitreous: &Vitreous) ->
     Ok((read.mesh, warnings))
 }
 
+/// Imported meshes are quarter models, which a robot off the centre across the force does not have. Along it the mesh brings its own offset.
+fn refuse_across(robot: &Robot) -> Result<()> {
+    match robot.offset {
+        Some(Offset { direction: OffsetDirection::Across, distance_m }) => Err(Error::input(
+            Place::option("--mesh"),
+            format!(
+                "the robot is {:.4} mm off the centre across the force, and a mesh from a file is a quarter model, symmetric about that line",
+                1e3 * distance_m
+            ),
+            "leave `--mesh` out: the built-in mesh has the half model that this takes",
+        )),
+        _ => Ok(()),
+    }
+}
+
 fn hash_of(file: &MeshFile) -> Result<String> {
     let mut bytes = std::fs::read(&file.path)
         .map_err(|source| Error::at_path("read", &file.path, source, "give a mesh that can be read"))?;
@@ -195,6 +210,7 @@ impl Mechanics {
         let poisson_ratio = vitreous.poisson_ratio;
         let (mesh, mesh_warnings, comparison) = match mesh_file {
             Some(file) => {
+                refuse_across(robot)?;
                 let (mesh, warnings) = read_mesh(file, Some(robot), vitreous)?;
                 (mesh, warnings, exact_comparison(robot, vitreous))
             }

@@ -11,7 +11,7 @@ use super::solver::{Assembled, Motion};
 use super::{Direction, Resolution};
 use crate::error::{Error, Result};
 
-/// Most ratio of the radii of neighbouring circles in the concentric picture.
+/// Most ratio of the distances of neighbouring circles on the side away from the gap, from where the limiting point is.
 const LAYER_RATIO: f64 = 2.0;
 /// Rays from pole to pole in the concentric picture, at equal angles.
 const N_ANGLES: usize = 6;
@@ -54,12 +54,19 @@ impl EccentricSphere {
     ///
     /// # Errors
     /// [`Error::Numerical`] where the sphere does not lie inside the other with a gap of a millionth of its radius, or ratio or order is out of range.
-    pub fn solve(&self, poisson_ratio: f64, direction: Direction, resolution: Resolution) -> Result<EccentricStiffness> {
+    pub fn solve(
+        &self,
+        poisson_ratio: f64,
+        direction: Direction,
+        resolution: Resolution,
+    ) -> Result<EccentricStiffness> {
         let Self { radius_m, outer_radius_m, offset_m } = *self;
         let gap_m = outer_radius_m - offset_m - radius_m;
         if !(radius_m > 0.0 && offset_m >= 0.0 && outer_radius_m.is_finite() && gap_m > 1e-6 * radius_m) {
             return Err(Error::numerical(
-                format!("no mesh fits between a sphere of radius {radius_m} m and one of {outer_radius_m} m, {offset_m} m off its centre"),
+                format!(
+                    "no mesh fits between a sphere of radius {radius_m} m and one of {outer_radius_m} m, {offset_m} m off its centre"
+                ),
                 "give a sphere that lies inside the other with a gap",
             ));
         }
@@ -113,19 +120,23 @@ impl EccentricSphere {
 
     fn mesh(&self) -> Mesh {
         let [centre, before] = self.concentric_picture();
-        let n_layers = (-before.ln() / LAYER_RATIO.ln()).ceil().max(1.0) as usize;
+        let squeezed = 1.0 - centre * centre;
+        let first = before * squeezed / (1.0 - centre * before);
+        let growth = (1.0 + centre) / first;
+        let n_layers = (growth.ln() / LAYER_RATIO.ln()).ceil().max(1.0) as usize;
         let angles_rad = concentric_angles(centre);
         let last = angles_rad.len() - 1;
         let mut mesh = Mesh { is_whole: true, ..Mesh::default() };
         let mut inner = None;
         for layer in 0..=n_layers {
-            let s = before.powf(1.0 - layer as f64 / n_layers as f64);
+            let distance = first * growth.powf(layer as f64 / n_layers as f64);
+            let s = distance / (squeezed + centre * distance);
             let below = 1.0 - (centre * s).powi(2);
             let (radius_m, height_m, surface) = match layer {
                 0 => (self.radius_m, self.offset_m, Boundary { body: true, ..Boundary::INSIDE }),
                 k if k == n_layers => (self.outer_radius_m, 0.0, Boundary { outer: true, ..Boundary::INSIDE }),
                 _ => (
-                    self.outer_radius_m * s * (1.0 - centre * centre) / below,
+                    self.outer_radius_m * s * squeezed / below,
                     self.outer_radius_m * centre * (1.0 - s * s) / below,
                     Boundary::INSIDE,
                 ),
@@ -137,8 +148,8 @@ impl EccentricSphere {
                 _ => {
                     let (sin, cos) = angles_rad[k].sin_cos();
                     let along = 1.0 + 2.0 * centre * s * sin + (centre * s).powi(2);
-                    let z = ((1.0 + 2.0 * centre * s * sin + s * s) * centre + (1.0 - centre * centre) * s * sin) / along;
-                    let r = (1.0 - centre * centre) * s * cos / along;
+                    let z = ((1.0 + 2.0 * centre * s * sin + s * s) * centre + squeezed * s * sin) / along;
+                    let r = squeezed * s * cos / along;
                     (z - centre * (1.0 - s * s) / below).atan2(r)
                 }
             };
@@ -154,8 +165,7 @@ impl EccentricSphere {
 
 /// Angles of the rays above the equator in the concentric picture, from the pole of the gap to the other.
 fn concentric_angles(centre: f64) -> Vec<f64> {
-    let mut angles: Vec<f64> =
-        (0..N_ANGLES).map(|k| FRAC_PI_2 * (1.0 - 2.0 * k as f64 / N_ANGLES as f64)).collect();
+    let mut angles: Vec<f64> = (0..N_ANGLES).map(|k| FRAC_PI_2 * (1.0 - 2.0 * k as f64 / N_ANGLES as f64)).collect();
     // On the outer sphere the tangent of half the distance from the pole shrinks by (1 − p)/(1 + p).
     let stretch = (1.0 + centre) / (1.0 - centre);
     let mut tangent = (0.5 * (FRAC_PI_2 - angles[N_ANGLES - 1])).tan();

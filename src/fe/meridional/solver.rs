@@ -288,7 +288,8 @@ impl<'a> Assembled<'a> {
         let solution = solve_sparse(self.n_skeleton, &self.triplets, right_hand_side)?;
         let of_cell = |(index, cell): (usize, &Condensed)| {
             let given = self.prescribed(index, motion);
-            let value = |(freedom, given): (&Freedom, &f64)| freedom.unknown.map_or(*given, |u| freedom.factor * solution[u]);
+            let value =
+                |(freedom, given): (&Freedom, &f64)| freedom.unknown.map_or(*given, |u| freedom.factor * solution[u]);
             self.local(cell).iter().zip(&given).map(value).collect()
         };
         Ok(Response(self.cells.iter().enumerate().map(of_cell).collect()))
