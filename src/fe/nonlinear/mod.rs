@@ -30,6 +30,7 @@ use crate::mesh::Mesh;
 use crate::number::Dual;
 use crate::rheology::BaseLaw;
 use points::IntegrationPoints;
+use stage::Kinematics;
 
 /// How fine a run is.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -98,6 +99,7 @@ pub struct NonlinearModel<'a> {
     points: IntegrationPoints,
     robot: usize,
     share: f64,
+    kinematics: Kinematics,
 }
 
 impl<'a> NonlinearModel<'a> {
@@ -115,7 +117,12 @@ impl<'a> NonlinearModel<'a> {
         }
         let factor = stiffness.factor(poisson_ratio)?;
         let points = IntegrationPoints::new(mesh, unknowns, poisson_ratio)?;
-        Ok(Self { factor, points, robot: unknowns.robot(), share: unknowns.share() })
+        Ok(Self { factor, points, robot: unknowns.robot(), share: unknowns.share(), kinematics: Kinematics::Small })
+    }
+
+    /// The same with strains of any size.
+    pub(crate) fn with_finite_strains(self) -> Self {
+        Self { kinematics: Kinematics::Finite, ..self }
     }
 
     /// Number of integration points.
@@ -153,8 +160,8 @@ impl<'a> NonlinearModel<'a> {
     pub(crate) fn watch(&self, what: &NonlinearRun, options: Options, at_row: impl FnMut(AtRow)) -> Result<Cost> {
         let parameters: Vec<Dual> = what.parameters.iter().map(|p| Dual::constant(*p)).collect();
         let bodies = Bodies::new(what.law, &parameters, what.nonlinearity.constant())?;
-        let Self { points, factor, robot, share } = self;
-        let balance = stage::Balance { points, factor, robot: *robot, share: *share };
+        let Self { points, factor, robot, share, kinematics } = self;
+        let balance = stage::Balance { points, factor, robot: *robot, share: *share, kinematics: *kinematics };
         run::run(balance, &bodies, what.load, what.time_s, what.force_n, options, at_row)
     }
 
