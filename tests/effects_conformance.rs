@@ -353,7 +353,7 @@ fn nonlinear_laws_refuse_networks_that_they_cannot_take_apart() {
     ]
     .map(|text| read(&text));
     for slug in NONLINEAR {
-        let effect = all().into_iter().find(|effect| effect.slug() == slug).unwrap();
+        let effect = EFFECTS.iter().copied().find(|effect| effect.slug() == slug).unwrap();
         assert!(model(taken, &[effect], PORCINE).is_ok(), "{slug}");
         for law in refused {
             let text = model(law, &[effect], PORCINE).unwrap_err().to_string();

@@ -9,13 +9,15 @@ use vitreo_uq::experiment::Orientation;
 use vitreo_uq::fe::Stiffness;
 use vitreo_uq::fe::exact::SphereInContainer;
 use vitreo_uq::fe::poroelastic::{CondensedPores, PoreModel, PoreSpectrum, PressureSpace, SpectrumSettings};
-use vitreo_uq::fe::time::{FullOrderModel, QUARTER};
+use vitreo_uq::fe::time::FullOrderModel;
 use vitreo_uq::fe::transient::{self, Load, Part, Resolution, StageSolve, StageWeights, TransientSystem};
 use vitreo_uq::mesh::gmsh::read_gmsh;
 use vitreo_uq::mesh::{Cylinder, ElementKind, HEXAHEDRON27_REFERENCE_NODES, Mesh, QuarterBall, Spheroid};
 use vitreo_uq::number::{Dual, Scalar};
 use vitreo_uq::rheology::{BaseLaw, CreepCompliance, RetardationSpectrum, TimeWindow};
 
+/// Of the quarter model.
+const QUARTER: f64 = 0.25;
 const ROBOT_RADIUS_M: f64 = 0.275e-3;
 const OUTER_RADIUS_M: f64 = 10e-3;
 const DRAINED: [f64; 3] = [0.0, 0.3, 0.45];

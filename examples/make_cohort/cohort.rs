@@ -195,6 +195,7 @@ impl Species {
         let robot = Robot {
             shape: RobotShape::Sphere { diameter_m: ROBOT_DIAMETER_MM / MM_PER_M },
             density_kg_m3: ROBOT_DENSITY_KG_M3,
+            offset: None,
         };
         let vitreous = Vitreous {
             diameter_m: self.vitreous_diameter_mm / MM_PER_M,

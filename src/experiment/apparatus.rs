@@ -29,6 +29,44 @@ pub struct Robot {
     pub shape: RobotShape,
     /// Density in kg/m³.
     pub density_kg_m3: f64,
+    /// Where its centre lies; `None` in the middle of the vitreous.
+    pub offset: Option<Offset>,
+}
+
+/// A robot's centre off the vitreous's.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Offset {
+    /// Distance of the centres in m, above 0.
+    pub distance_m: f64,
+    /// Direction relative to the force.
+    pub direction: OffsetDirection,
+}
+
+/// Direction of a robot's offset relative to the force.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum OffsetDirection {
+    /// Along the force, x.
+    Along,
+    /// Across the force, along y, as a vertical robot's long axis is.
+    Across,
+}
+
+impl OffsetDirection {
+    /// Name in `experiment.toml`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Along => "along",
+            Self::Across => "across",
+        }
+    }
+
+    /// The axis, 0 for x and 1 for y.
+    pub fn axis(self) -> usize {
+        match self {
+            Self::Along => 0,
+            Self::Across => 1,
+        }
+    }
 }
 
 /// Shape of the robot, sizes in m.
@@ -107,6 +145,29 @@ impl RobotShape {
     }
 }
 
+impl Robot {
+    /// Distance in m from the vitreous's centre to the robot's farthest point.
+    pub fn farthest_point_m(&self) -> f64 {
+        let Some(Offset { distance_m, direction }) = self.offset else { return self.shape.outer_radius_m() };
+        let is_along = |orientation| (orientation == Orientation::Horizontal) == (direction == OffsetDirection::Along);
+        match self.shape {
+            RobotShape::Sphere { diameter_m } => distance_m + 0.5 * diameter_m,
+            RobotShape::Cylinder { length_m, diameter_m, orientation } if is_along(orientation) => {
+                (distance_m + 0.5 * length_m).hypot(0.5 * diameter_m)
+            }
+            RobotShape::Cylinder { length_m, diameter_m, .. } => (distance_m + 0.5 * diameter_m).hypot(0.5 * length_m),
+            RobotShape::Ellipsoid { length_m, orientation, .. } if is_along(orientation) => distance_m + 0.5 * length_m,
+            RobotShape::Ellipsoid { length_m, diameter_m, .. } => {
+                // (d + b cos t)² + (a sin t)² over t, across the long axis.
+                let (a, b) = (0.5 * length_m, 0.5 * diameter_m);
+                let spread = a * a - b * b;
+                let cos = if distance_m * b < spread { distance_m * b / spread } else { 1.0 };
+                (distance_m + b * cos).hypot(a * (1.0 - cos * cos).sqrt())
+            }
+        }
+    }
+}
+
 const MM_PER_M: f64 = 1e3;
 
 impl Apparatus {
@@ -138,6 +199,23 @@ impl Apparatus {
         let vitreous_table = root.required_table("vitreous")?;
         let vitreous = vitreous_from(vitreous_table)?;
         let reach_m = robot.shape.outer_radius_m();
+        let farthest_m = robot.farthest_point_m();
+        if let Some(offset) =
+            robot.offset.filter(|_| reach_m < vitreous.diameter_m / 2.0 && farthest_m >= vitreous.diameter_m / 2.0)
+        {
+            let to_mm = |metres: f64| metres * MM_PER_M;
+            return Err(robot_table.refuse(
+                "offset_mm",
+                format!(
+                    "with its centre {:.4} mm off the vitreous's, the robot reaches {:.4} mm from there and the vitreous ends at {:.4} mm: the gap is {:.4} mm",
+                    to_mm(offset.distance_m),
+                    to_mm(farthest_m),
+                    to_mm(vitreous.diameter_m / 2.0),
+                    to_mm(vitreous.diameter_m / 2.0 - farthest_m)
+                ),
+                "give an `offset_mm` that leaves a gap between robot and outer surface; it is the distance of the two centres",
+            ));
+        }
         if reach_m >= vitreous.diameter_m / 2.0 {
             return Err(vitreous_table.refuse(
                 "diameter_mm",
@@ -157,11 +235,12 @@ fn robot_from(table: Table<'_>) -> Result<Robot> {
     let shape_name = table.required_text("shape", "shape = \"sphere\"")?;
     let shape = match shape_name.as_str() {
         "sphere" => {
-            table.only(&["shape", "diameter_mm", "density_kg_m3"])?;
+            table.only(&["shape", "diameter_mm", "density_kg_m3", "offset_mm", "offset_direction"])?;
             RobotShape::Sphere { diameter_m: size_m(table, "diameter_mm", "diameter_mm = 0.55")? }
         }
         "ellipsoid" | "cylinder" => {
-            table.only(&["shape", "length_mm", "diameter_mm", "orientation", "density_kg_m3"])?;
+            let sizes = ["shape", "length_mm", "diameter_mm", "orientation", "density_kg_m3"];
+            table.only(&[&sizes[..], &["offset_mm", "offset_direction"]].concat())?;
             let length_m = size_m(table, "length_mm", "length_mm = 1.8")?;
             let diameter_m = size_m(table, "diameter_mm", "diameter_mm = 0.28")?;
             let orientation = orientation_from(table)?;
@@ -186,7 +265,34 @@ fn robot_from(table: Table<'_>) -> Result<Robot> {
         }
     };
     let density_kg_m3 = table.required_positive("density_kg_m3", "density_kg_m3 = 7500")?;
-    Ok(Robot { shape, density_kg_m3 })
+    let offset = offset_from(table)?;
+    Ok(Robot { shape, density_kg_m3, offset })
+}
+
+/// No offset, or one of 0, is a robot in the middle.
+fn offset_from(table: Table<'_>) -> Result<Option<Offset>> {
+    let distance_mm = table.number("offset_mm")?.unwrap_or(0.0);
+    if !(distance_mm >= 0.0 && distance_mm.is_finite()) {
+        return Err(table.refuse(
+            "offset_mm",
+            format!("{distance_mm} is no distance"),
+            "give the distance of the robot's centre from the vitreous's in millimetres, 0 or more; to which side makes no difference",
+        ));
+    }
+    let direction = match table.text("offset_direction")?.as_deref() {
+        None if distance_mm == 0.0 => return Ok(None),
+        None => return Err(table.missing("offset_direction", "offset_direction = \"along\"")),
+        Some("along") => OffsetDirection::Along,
+        Some("across") => OffsetDirection::Across,
+        Some(other) => {
+            return Err(table.refuse(
+                "offset_direction",
+                format!("unknown direction `{other}`"),
+                "use \"along\" (along the force) or \"across\" (across it)",
+            ));
+        }
+    };
+    Ok((distance_mm > 0.0).then_some(Offset { distance_m: distance_mm / MM_PER_M, direction }))
 }
 
 fn orientation_from(table: Table<'_>) -> Result<Orientation> {
@@ -251,6 +357,78 @@ mod tests {
             robot(&format!("shape = \"cylinder\"\n{sizes}\"horizontal\"")),
             RobotShape::Cylinder { length_m: 2e-3, diameter_m: 0.5e-3, orientation: Orientation::Horizontal }
         );
+    }
+
+    const SPHERE: &str = "[robot]\nshape = \"sphere\"\ndiameter_mm = 0.5\ndensity_kg_m3 = 7500\n";
+    const VITREOUS: &str = "[vitreous]\ndiameter_mm = 20\npoisson_ratio = 0.48\ndensity_kg_m3 = 1000\n";
+
+    #[test]
+    fn offsets_are_read_and_nothing_is_in_the_middle() {
+        let offset = |lines: &str| match read(&format!("{SPHERE}{lines}\n{VITREOUS}")) {
+            Apparatus::Robot { robot, .. } => robot.offset,
+            other => panic!("{other:?}"),
+        };
+        for nothing in ["", "offset_mm = 0", "offset_mm = 0.0\noffset_direction = \"across\""] {
+            assert_eq!(offset(nothing), None, "{nothing}");
+        }
+        for direction in [OffsetDirection::Along, OffsetDirection::Across] {
+            let lines = format!("offset_mm = 2.5\noffset_direction = \"{}\"", direction.name());
+            assert_eq!(offset(&lines), Some(Offset { distance_m: 2.5e-3, direction }));
+        }
+    }
+
+    #[test]
+    fn offsets_that_leave_no_room_or_direction_are_refused() {
+        let refused = |robot: &str, words: &[&str]| {
+            let text = format!("{robot}\n{VITREOUS}");
+            let document = Document::parse(std::path::Path::new("e.toml"), &text).unwrap();
+            let message = Apparatus::from_document(document.root()).unwrap_err().to_string();
+            assert!(words.iter().all(|word| message.contains(word)), "{message}");
+        };
+        let sphere = |lines: &str| format!("{SPHERE}{lines}");
+        refused(&sphere("offset_mm = 2"), &["offset_direction"]);
+        refused(&sphere("offset_mm = -2\noffset_direction = \"along\""), &["line 5", "-2", "0 or more"]);
+        refused(&sphere("offset_mm = 2\noffset_direction = \"up\""), &["`up`", "along", "across"]);
+        refused(
+            &sphere("offset_mm = 9.8\noffset_direction = \"across\""),
+            &["line 5", "9.8000 mm off", "reaches 10.0500 mm", "gap is -0.0500 mm"],
+        );
+        refused("[instrument]\ncompliance_per_m = 1\noffset_mm = 2", &["offset_mm"]);
+    }
+
+    /// Against points all over the bodies.
+    #[test]
+    fn the_farthest_point_is_the_farthest() {
+        let (length_m, diameter_m) = (3.0_f64, 1.0_f64);
+        for orientation in [Orientation::Horizontal, Orientation::Vertical] {
+            let long = if orientation == Orientation::Horizontal { 0 } else { 1 };
+            for direction in [OffsetDirection::Along, OffsetDirection::Across] {
+                for distance_m in [0.1, 1.0, 4.0] {
+                    let found = |shape| {
+                        let offset = Some(Offset { distance_m, direction });
+                        Robot { shape, density_kg_m3: 1.0, offset }.farthest_point_m()
+                    };
+                    let (mut ellipsoid, mut cylinder) = (0.0_f64, 0.0_f64);
+                    for (i, j) in (0..=400).flat_map(|i| (0..400).map(move |j| (i, j))) {
+                        let (height, turn) = ((f64::from(i) * PI / 400.0).cos(), f64::from(j) * PI / 200.0);
+                        let reach = |radius: f64, farthest: &mut f64| {
+                            let mut place = [0.0; 3];
+                            place[long] = 0.5 * length_m * height;
+                            place[(long + 1) % 3] = 0.5 * diameter_m * radius * turn.cos();
+                            place[(long + 2) % 3] = 0.5 * diameter_m * radius * turn.sin();
+                            place[direction.axis()] += distance_m;
+                            *farthest = farthest.max(place.iter().map(|x| x * x).sum::<f64>().sqrt());
+                        };
+                        reach((1.0 - height * height).sqrt(), &mut ellipsoid);
+                        reach(1.0, &mut cylinder);
+                    }
+                    let exact = found(RobotShape::Ellipsoid { length_m, diameter_m, orientation });
+                    assert!((exact / ellipsoid - 1.0).abs() < 1e-4, "{exact} {ellipsoid}");
+                    let exact = found(RobotShape::Cylinder { length_m, diameter_m, orientation });
+                    assert!((exact / cylinder - 1.0).abs() < 1e-4, "{exact} {cylinder}");
+                }
+            }
+        }
     }
 
     #[test]

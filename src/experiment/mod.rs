@@ -10,7 +10,7 @@ mod record;
 mod scales;
 mod trajectory;
 
-pub use apparatus::{Apparatus, Orientation, Robot, RobotShape, Vitreous};
+pub use apparatus::{Apparatus, Offset, OffsetDirection, Orientation, Robot, RobotShape, Vitreous};
 pub use noise::{NoiseOrigin, NoiseYardstick};
 pub use read::{ExperimentFiles, Note};
 pub use record::Record;

@@ -21,6 +21,7 @@ pub struct Unknowns {
     /// Unknown of each component of each group, or [`FIXED`].
     unknown: Vec<[u32; 3]>,
     count: usize,
+    share: f64,
 }
 
 impl Unknowns {
@@ -65,12 +66,17 @@ impl Unknowns {
             group[node as usize] = unknown.len() as u32;
         }
         unknown.push([count, FIXED, FIXED]);
-        Ok(Self { group, unknown, count: count as usize + 1 })
+        Ok(Self { group, unknown, count: count as usize + 1, share: mesh.share() })
     }
 
     /// Number of unknowns.
     pub fn count(&self) -> usize {
         self.count
+    }
+
+    /// Share of the robot and of the force that the model carries ([`Mesh::share`]).
+    pub fn share(&self) -> f64 {
+        self.share
     }
 
     /// Number of nodes.

@@ -131,7 +131,7 @@ impl Factor<'_> {
     }
 
     /// K̂⁻¹ times the unit force on the robot: the displacement field (m) at unit Young's modulus and force, of the
-    /// model that was meshed (for the quarter model: a quarter of the whole body's force).
+    /// model that was meshed, whose share of the whole body's force is [`Mesh::share`].
     pub fn unit_response(&self) -> Vec<f64> {
         let mut field = vec![0.0; self.n_unknowns()];
         if let Some(last) = field.last_mut() {

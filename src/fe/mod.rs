@@ -4,6 +4,7 @@ pub mod assembly;
 pub mod element;
 pub mod exact;
 pub mod factorisation;
+pub mod large;
 pub mod meridional;
 pub mod nonlinear;
 pub mod ordering;

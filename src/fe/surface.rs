@@ -7,7 +7,6 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::element::element_of;
 use super::quadrature::line;
-use super::time::QUARTER;
 use crate::mesh::{ElementKind, HEXAHEDRON27_REFERENCE_NODES, Mesh};
 
 /// One integration point on the robot's surface.
@@ -181,13 +180,14 @@ pub struct RobotSize {
 impl RobotSize {
     /// By the divergence theorem: V = ⅓ ∮ x·n dA, to which the planes of symmetry add nothing.
     pub fn of(mesh: &Mesh) -> Self {
-        let mut quarter = Self { surface_area_m2: 0.0, volume_m3: 0.0 };
+        let mut part = Self { surface_area_m2: 0.0, volume_m3: 0.0 };
         for_each_robot_point(mesh, |point| {
-            quarter.surface_area_m2 += point.area_m2;
+            part.surface_area_m2 += point.area_m2;
             let height_m: f64 = point.normal.iter().zip(point.position_m).map(|(n, x)| n * x).sum();
-            quarter.volume_m3 += point.area_m2 * height_m / 3.0;
+            part.volume_m3 += point.area_m2 * height_m / 3.0;
         });
-        Self { surface_area_m2: quarter.surface_area_m2 / QUARTER, volume_m3: quarter.volume_m3 / QUARTER }
+        let share = mesh.share();
+        Self { surface_area_m2: part.surface_area_m2 / share, volume_m3: part.volume_m3 / share }
     }
 
     /// Diameters of the spheres of equal volume and of equal surface, in m.
@@ -243,9 +243,9 @@ mod tests {
                 symmetry_z_nodes: vec![],
             };
             let found = RobotSize::of(&mesh);
-            assert!((found.surface_area_m2 * QUARTER - 0.75_f64.sqrt()).abs() < 1e-14, "{kind:?}: {found:?}");
+            assert!((found.surface_area_m2 - 0.75_f64.sqrt()).abs() < 1e-14, "{kind:?}: {found:?}");
             // ⅓ x·n A with n towards the origin's side, where the element is.
-            assert!((found.volume_m3 * QUARTER + 1.0 / 6.0).abs() < 1e-14, "{kind:?}: {found:?}");
+            assert!((found.volume_m3 + 1.0 / 6.0).abs() < 1e-14, "{kind:?}: {found:?}");
         }
     }
 }

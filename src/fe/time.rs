@@ -8,9 +8,6 @@ use super::factorisation::{Factor, Stiffness};
 use crate::error::Result;
 use crate::rheology::CreepCompliance;
 
-/// Share of the robot and of the force that the quarter model carries.
-pub const QUARTER: f64 = 0.25;
-
 /// How a branch is advanced over a step of constant stress.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum TimeScheme {
@@ -54,7 +51,8 @@ impl<'a> FullOrderModel<'a> {
     /// Factorises the unit stiffness at a Poisson ratio in (−1, 0.5).
     pub fn new(stiffness: &'a Stiffness, poisson_ratio: f64) -> Result<Self> {
         let factor = stiffness.factor(poisson_ratio)?;
-        let field_per_n = factor.unit_response().iter().map(|u| QUARTER * u).collect();
+        let share = stiffness.assembly.unknowns.share();
+        let field_per_n = factor.unit_response().iter().map(|u| share * u).collect();
         Ok(Self { factor, robot: stiffness.assembly.unknowns.robot(), field_per_n })
     }
 

@@ -4,12 +4,14 @@ mod box_surface;
 mod cylinder;
 pub mod gmsh;
 pub mod hexahedron27_nodes;
+mod off_centre;
 mod quarter_ball;
 mod spheroid;
 pub mod vtu;
 
 pub use cylinder::Cylinder;
 pub use hexahedron27_nodes::HEXAHEDRON27_REFERENCE_NODES;
+pub use off_centre::OffCentre;
 pub use quarter_ball::QuarterBall;
 pub use spheroid::Spheroid;
 
@@ -35,7 +37,8 @@ impl ElementKind {
     }
 }
 
-/// A mesh of the quarter model (y ≥ 0, z ≥ 0; physics §3.1), coordinates in m, robot centre at the origin.
+/// A mesh of the quarter model (y ≥ 0, z ≥ 0; physics §3.1), or, without symmetry about y = 0, of the half model z ≥ 0. Coordinates in m, the robot's
+/// centre at the origin, wherever in the vitreous it is.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mesh {
     /// Node coordinates in m.
@@ -48,13 +51,21 @@ pub struct Mesh {
     pub robot_nodes: Vec<u32>,
     /// Nodes on the fixed outer surface, sorted.
     pub outer_nodes: Vec<u32>,
-    /// Nodes on the symmetry plane y = 0 (u_y = 0 there), sorted.
+    /// Nodes on the symmetry plane y = 0 (u_y = 0 there), sorted; none in a half model.
     pub symmetry_y_nodes: Vec<u32>,
     /// Nodes on the symmetry plane z = 0 (u_z = 0 there), sorted.
     pub symmetry_z_nodes: Vec<u32>,
 }
 
 impl Mesh {
+    /// Share of the robot, and of the force on it, that the model carries: each plane of symmetry halves it, to a quarter or a half.
+    pub fn share(&self) -> f64 {
+        [&self.symmetry_y_nodes, &self.symmetry_z_nodes]
+            .iter()
+            .map(|nodes| if nodes.is_empty() { 1.0 } else { 0.5 })
+            .product()
+    }
+
     /// Number of nodes.
     pub fn n_nodes(&self) -> usize {
         self.node_coordinates_m.len()

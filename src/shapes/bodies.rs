@@ -106,7 +106,7 @@ impl Body {
             Shape::Ellipsoid => RobotShape::Ellipsoid { length_m, diameter_m, orientation },
             Shape::Cylinder => RobotShape::Cylinder { length_m, diameter_m, orientation },
         };
-        Robot { shape, density_kg_m3 }
+        Robot { shape, density_kg_m3, offset: None }
     }
 
     /// What figures and sentences call it.

@@ -12,7 +12,7 @@ use crate::fe::Stiffness;
 use crate::fe::meridional::{ElasticRobot, Formulation, Resolution, solve, solve_elastic};
 use crate::fe::quality::MeshQuality;
 use crate::fe::surface::RobotSize;
-use crate::fe::time::{FullOrderModel, QUARTER};
+use crate::fe::time::FullOrderModel;
 use crate::mesh::Mesh;
 use crate::model::convolve_m;
 use crate::report::density::{quantile_of_sorted, sorted};
@@ -168,7 +168,7 @@ fn solve_body(body: &Body, vitreous: &Vitreous, poisson_ratios: &[f64]) -> Resul
             body: *body,
             stiffness_m: meridional.stiffness_m,
             relative_error: meridional.relative_error,
-            stiffness_3d_m: 1.0 / (QUARTER * moved),
+            stiffness_3d_m: 1.0 / (unknowns.share() * moved),
             unknowns: unknowns.count(),
             quality,
         });

@@ -18,7 +18,7 @@ pub use reduced::ReducedOperators;
 
 use crate::error::{Error, Result};
 use crate::fe::Stiffness;
-use crate::fe::time::{FullOrderModel, QUARTER, SolvedLoad, TimeScheme};
+use crate::fe::time::{FullOrderModel, SolvedLoad, TimeScheme};
 use crate::model::{Compliance, TrainedRange, convolve_m};
 use crate::number::Dual;
 use crate::rheology::{BaseLaw, CreepCompliance};
@@ -116,7 +116,8 @@ impl Surrogate {
         let energy = EnergyProduct(energy_matrix.as_ref());
         let snapshots: Vec<Vec<f64>> = runs(0..TRAINING_RUNS)?.into_iter().flat_map(|run| run.fields).collect();
         let pod = Pod::new(&snapshots, energy, training.tolerance)?;
-        let operators = ReducedOperators::project(&stiffness.assembly, &pod.modes, QUARTER);
+        let share = stiffness.assembly.unknowns.share();
+        let operators = ReducedOperators::project(&stiffness.assembly, &pod.modes, share);
         let mut surrogate = Self {
             parameters: training.parameters.to_vec(),
             poisson_ratio: TrainedRange {

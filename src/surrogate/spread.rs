@@ -15,7 +15,6 @@ use serde::{Deserialize, Serialize};
 use super::pod::{EnergyProduct, Pod, dot};
 use crate::error::{Error, Result};
 use crate::fe::spatial::{SpatialKind, SpatialSystem, SymmetricMatrix};
-use crate::fe::time::QUARTER;
 
 /// Weights below this part of the whole are left out.
 const LEAST_WEIGHT: f64 = 1e-10;
@@ -129,7 +128,7 @@ impl SpreadModes {
         let gram = gram(system, &split, &whole, &force, &kept, compliance)?;
         let largest_singular = pod.singular_values[0];
         Ok(Self {
-            compliance_per_m: QUARTER * compliance,
+            compliance_per_m: system.freedoms.share() * compliance,
             weights: terms.iter().map(|(weight, ..)| *weight).collect(),
             numbers: terms.iter().map(|(_, number, _)| *number).collect(),
             singular_values: pod.singular_values.iter().map(|s| s / largest_singular).collect(),

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::Monitor;
 use super::mechanics::{exact_stiffness_m, robot_mesh};
 use crate::error::Result;
-use crate::experiment::{Apparatus, Robot, RobotShape};
+use crate::experiment::{Apparatus, OffsetDirection, Robot, RobotShape};
 use crate::fe::Stiffness;
 use crate::fe::time::FullOrderModel;
 
@@ -32,8 +32,12 @@ pub struct MeshLevel {
 /// Finest level of a table: above, one factorisation takes minutes and several gigabytes.
 pub fn finest_level(apparatus: &Apparatus) -> usize {
     match apparatus {
-        Apparatus::Robot { robot: Robot { shape: RobotShape::Sphere { .. }, .. }, .. } => 8,
-        // More layers, and more elements towards a rim.
+        Apparatus::Robot { robot: Robot { shape: RobotShape::Sphere { .. }, offset, .. }, .. }
+            if offset.is_none_or(|offset| offset.direction == OffsetDirection::Along) =>
+        {
+            8
+        }
+        // More layers, and more elements towards a rim, or twice as many in a half model.
         _ => 6,
     }
 }

@@ -6,13 +6,14 @@ use super::mesh_check;
 use super::summary::Warning;
 use crate::effects::FieldModel;
 use crate::error::{Error, Place, Result};
-use crate::experiment::{Apparatus, Robot, RobotShape, Vitreous};
+use crate::experiment::{Apparatus, Offset, OffsetDirection, Robot, RobotShape, Vitreous};
 use crate::fe::Stiffness;
 use crate::fe::exact::SphereInContainer;
+use crate::fe::quality::MeshQuality;
 use crate::fe::spatial::{Sizes, Surroundings};
 use crate::fe::time::FullOrderModel;
 use crate::mesh::gmsh::read_gmsh;
-use crate::mesh::{Cylinder, ElementKind, Mesh, QuarterBall, Spheroid};
+use crate::mesh::{Cylinder, ElementKind, Mesh, OffCentre, QuarterBall, Spheroid};
 use crate::study::sha256_hex;
 
 /// Mesh level of the model that is fitted.
@@ -43,7 +44,7 @@ pub enum Mechanics {
 pub enum Comparison {
     /// Of the next coarser built-in mesh.
     CoarserMesh(f64),
-    /// Exact, of a sphere in its container (physics §4.2).
+    /// Exact, of a sphere in the middle of its container (physics §4.2).
     Exact(f64),
 }
 
@@ -68,7 +69,7 @@ pub struct FiniteElements {
     pub poisson_ratio: f64,
     /// Sizes and weights of gel and robot.
     pub sizes: Sizes,
-    /// What the discretisation error is measured by; `None` for imported bodies other than spheres.
+    /// What the discretisation error is measured by; `None` for imported bodies other than spheres in the middle.
     pub comparison: Option<Comparison>,
     /// SHA-256 of the imported mesh's file and unit.
     pub mesh_file_sha256: Option<String>,
@@ -101,34 +102,35 @@ impl FiniteElements {
 
 /// Sizes and weights of gel and robot in a mesh of the program's, or, with no level, in another.
 pub fn sizes_of(robot: &Robot, vitreous: &Vitreous, level: Option<usize>) -> Sizes {
-    let ball = |diameter_m: f64| level.map(|level| ball(diameter_m, vitreous, level));
+    let ball = |diameter_m: f64| level.map(|level| ball(diameter_m, 0.5 * vitreous.diameter_m, level));
     Sizes {
         gel_density_kg_m3: vitreous.density_kg_m3,
         robot_mass_kg: robot.density_kg_m3 * robot.shape.volume_m3(),
         robot_radius_m: robot.shape.equivalent_radius_m(),
         outer_radius_m: 0.5 * vitreous.diameter_m,
-        ball: match robot.shape {
-            RobotShape::Sphere { diameter_m } => ball(diameter_m),
+        ball: match (robot.shape, robot.offset) {
+            (RobotShape::Sphere { diameter_m }, None) => ball(diameter_m),
             _ => None,
         },
     }
 }
 
 /// How the built-in mesh of a level is made around a sphere.
-fn ball(diameter_m: f64, vitreous: &Vitreous, level: usize) -> QuarterBall {
-    let (robot_radius_m, outer_radius_m) = (0.5 * diameter_m, 0.5 * vitreous.diameter_m);
-    QuarterBall { robot_radius_m, outer_radius_m, n_per_edge: level, n_layers: 4 * level }
+fn ball(diameter_m: f64, outer_radius_m: f64, level: usize) -> QuarterBall {
+    QuarterBall { robot_radius_m: 0.5 * diameter_m, outer_radius_m, n_per_edge: level, n_layers: 4 * level }
 }
 
 /// The built-in mesh of a level 1, 2, 3, …; elements are smaller by the level. Around a sphere it has level × 4·level elements along an octant's edge and
-/// the radius.
+/// the radius. Around a robot off the centre across the force it is a half model, with twice as many.
 ///
 /// # Errors
-/// [`Error::Input`] for a robot that the built-in meshes do not reach: too slender, too flat, or too near the outer surface.
+/// [`Error::Input`] for a robot that the built-in meshes do not reach: too slender, too flat, or too near the outer surface, or so far off the centre that
+/// elements would be inside out.
 pub fn robot_mesh(robot: &Robot, vitreous: &Vitreous, level: usize) -> Result<Mesh> {
-    let outer_radius_m = 0.5 * vitreous.diameter_m;
+    let off_centre = robot.offset.map(|offset| OffCentre { outer_radius_m: 0.5 * vitreous.diameter_m, offset });
+    let outer_radius_m = off_centre.map_or(0.5 * vitreous.diameter_m, |place| place.centred_outer_radius_m());
     let mesh = match robot.shape {
-        RobotShape::Sphere { diameter_m } => ball(diameter_m, vitreous, level).mesh(),
+        RobotShape::Sphere { diameter_m } => ball(diameter_m, outer_radius_m, level).mesh(),
         RobotShape::Ellipsoid { length_m, diameter_m, orientation } => {
             Spheroid { length_m, diameter_m, orientation, outer_radius_m, level }.mesh()
         }
@@ -136,15 +138,35 @@ pub fn robot_mesh(robot: &Robot, vitreous: &Vitreous, level: usize) -> Result<Me
             Cylinder { length_m, diameter_m, orientation, outer_radius_m, level }.mesh()
         }
     };
+    let mesh = match off_centre {
+        Some(place) => mesh.and_then(|mesh| moved(&place, mesh)),
+        None => mesh,
+    };
     mesh.map_err(|error| match error {
         Error::Numerical { what, remedy } => Error::input(Place::file("experiment.toml").at_key("robot"), what, remedy),
         other => other,
     })
 }
 
-/// Force per displacement per Pa of Young's modulus (m) of the whole body, where it is known exactly.
+fn moved(place: &OffCentre, centred: Mesh) -> Result<Mesh> {
+    let mesh = place.displaced(centred)?;
+    let n_inverted = MeshQuality::of(&mesh).n_inverted;
+    if n_inverted > 0 {
+        return Err(Error::numerical(
+            format!(
+                "{n_inverted} elements of the built-in mesh are inside out with the robot {:.4} mm off the centre of a radius of {:.4} mm",
+                1e3 * place.offset.distance_m,
+                1e3 * place.outer_radius_m
+            ),
+            "give a smaller `offset_mm`: the robot is too near the outer surface for the built-in mesh",
+        ));
+    }
+    Ok(mesh)
+}
+
+/// Force per displacement per Pa of Young's modulus (m) of the whole body, where it is known exactly: of a sphere in the middle.
 pub fn exact_stiffness_m(robot: &Robot, vitreous: &Vitreous) -> Option<f64> {
-    let RobotShape::Sphere { diameter_m } = robot.shape else { return None };
+    let (RobotShape::Sphere { diameter_m }, None) = (robot.shape, robot.offset) else { return None };
     let exact = SphereInContainer::new(vitreous.poisson_ratio, 0.5 * diameter_m, 0.5 * vitreous.diameter_m);
     Some(exact.stiffness_n_per_m(1.0))
 }
@@ -166,6 +188,21 @@ pub fn read_mesh(file: &MeshFile, robot: Option<&Robot>, vitreous: &Vitreous) ->
     Ok((read.mesh, warnings))
 }
 
+/// Imported meshes are quarter models, which a robot off the centre across the force does not have. Along it the mesh brings its own offset.
+fn refuse_across(robot: &Robot) -> Result<()> {
+    match robot.offset {
+        Some(Offset { direction: OffsetDirection::Across, distance_m }) => Err(Error::input(
+            Place::option("--mesh"),
+            format!(
+                "the robot is {:.4} mm off the centre across the force, and a mesh from a file is a quarter model, symmetric about that line",
+                1e3 * distance_m
+            ),
+            "leave `--mesh` out: the built-in mesh has the half model that this takes",
+        )),
+        _ => Ok(()),
+    }
+}
+
 fn hash_of(file: &MeshFile) -> Result<String> {
     let mut bytes = std::fs::read(&file.path)
         .map_err(|source| Error::at_path("read", &file.path, source, "give a mesh that can be read"))?;
@@ -185,6 +222,7 @@ impl Mechanics {
         let poisson_ratio = vitreous.poisson_ratio;
         let (mesh, mesh_warnings, comparison) = match mesh_file {
             Some(file) => {
+                refuse_across(robot)?;
                 let (mesh, warnings) = read_mesh(file, Some(robot), vitreous)?;
                 (mesh, warnings, exact_comparison(robot, vitreous))
             }

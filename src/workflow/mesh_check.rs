@@ -1,7 +1,7 @@
 //! Whether a mesh that the user brings is of the apparatus that the experiment describes.
 
 use super::summary::{Warning, WarningKind};
-use crate::experiment::{Robot, RobotShape, Vitreous};
+use crate::experiment::{Offset, Robot, RobotShape, Vitreous};
 use crate::mesh::{ElementKind, Mesh};
 
 /// Relative disagreement of a size that is passed over.
@@ -17,17 +17,30 @@ pub fn warning(text: impl Into<String>, advice: &str) -> Warning {
 /// What is doubtful about a mesh; empty when nothing is. Without a robot any body may be in it.
 pub fn doubts(mesh: &Mesh, robot: Option<&Robot>, vitreous: &Vitreous) -> Vec<Warning> {
     let mut list = Vec::new();
-    let reach_m = |nodes: &[u32]| {
-        let distance = |&node: &u32| mesh.node_coordinates_m[node as usize].iter().map(|x| x * x).sum::<f64>().sqrt();
-        nodes.iter().map(distance).fold(0.0, f64::max)
+    // The robot's centre is at the origin, and the vitreous's an offset away from it, on either side.
+    let reach_m = |nodes: &[u32], offset: Option<Offset>| {
+        let from = |shift_m: [f64; 3]| {
+            let squared = |&node: &u32| {
+                mesh.node_coordinates_m[node as usize].iter().zip(shift_m).map(|(x, s)| (x + s).powi(2)).sum::<f64>()
+            };
+            nodes.iter().map(squared).fold(0.0, f64::max).sqrt()
+        };
+        let mut shift_m = [0.0; 3];
+        let Some(offset) = offset else { return from(shift_m) };
+        shift_m[offset.direction.axis()] = offset.distance_m;
+        from(shift_m).min(from(shift_m.map(|s| -s)))
     };
     let of_robot = |robot: &Robot| {
         let is_sphere = matches!(robot.shape, RobotShape::Sphere { .. });
         let what = if is_sphere { "the robot's radius" } else { "the robot's reach from its centre" };
-        (what, reach_m(&mesh.robot_nodes), robot.shape.outer_radius_m(), "[robot]")
+        (what, reach_m(&mesh.robot_nodes, None), robot.shape.outer_radius_m(), "[robot]")
     };
-    let of_gel =
-        ("the radius of the outer surface", reach_m(&mesh.outer_nodes), 0.5 * vitreous.diameter_m, "[vitreous]");
+    let of_gel = (
+        "the radius of the outer surface",
+        reach_m(&mesh.outer_nodes, robot.and_then(|robot| robot.offset)),
+        0.5 * vitreous.diameter_m,
+        "[vitreous]",
+    );
     let sizes = robot.map(of_robot).into_iter().chain([of_gel]);
     for (name, mesh_m, experiment_m, table) in sizes {
         if (mesh_m / experiment_m - 1.0).abs() > SIZE_TOLERANCE {
@@ -53,6 +66,7 @@ pub fn doubts(mesh: &Mesh, robot: Option<&Robot>, vitreous: &Vitreous) -> Vec<Wa
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::experiment::OffsetDirection;
     use crate::mesh::QuarterBall;
 
     fn mesh() -> Mesh {
@@ -62,7 +76,7 @@ mod tests {
     fn apparatus(robot_mm: f64, vitreous_mm: f64, poisson_ratio: f64) -> (Robot, Vitreous) {
         let shape = RobotShape::Sphere { diameter_m: 1e-3 * robot_mm };
         (
-            Robot { shape, density_kg_m3: 7500.0 },
+            Robot { shape, density_kg_m3: 7500.0, offset: None },
             Vitreous { diameter_m: 1e-3 * vitreous_mm, poisson_ratio, density_kg_m3: 1000.0 },
         )
     }
@@ -84,6 +98,20 @@ mod tests {
         let (robot, vitreous) = apparatus(0.55, 20.5, 0.48);
         let found = doubts(&mesh(), Some(&robot), &vitreous);
         assert!(found.len() == 1 && found[0].text.contains("[vitreous]"), "{found:?}");
+    }
+
+    /// A mesh off the centre agrees with an experiment that says so, on either side, and with no other.
+    #[test]
+    fn the_outer_surface_is_looked_for_around_the_vitreous() {
+        let (centred, vitreous) = apparatus(0.55, 20.0, 0.48);
+        let offset = Some(Offset { distance_m: 2e-3, direction: OffsetDirection::Along });
+        let robot = Robot { offset, ..centred };
+        let mut moved = crate::workflow::mechanics::robot_mesh(&robot, &vitreous, 1).unwrap();
+        assert_eq!(doubts(&moved, Some(&robot), &vitreous), Vec::<Warning>::new());
+        let found = doubts(&moved, Some(&centred), &vitreous);
+        assert!(found.len() == 1 && found[0].text.contains("12.0000 mm in the mesh and 10.0000 mm"), "{found:?}");
+        moved.node_coordinates_m.iter_mut().for_each(|place| place[0] = -place[0]);
+        assert_eq!(doubts(&moved, Some(&robot), &vitreous), Vec::<Warning>::new());
     }
 
     #[test]

@@ -5,7 +5,7 @@ use std::path::Path;
 use super::problem::Problem;
 use super::simulate::{Simulation, SimulationSummary};
 use crate::error::{Error, Result};
-use crate::experiment::{Apparatus, Orientation, Record, RobotShape};
+use crate::experiment::{Apparatus, Offset, Orientation, Record, RobotShape};
 use crate::mesh::vtu::{PointData, TimeStep, write_pvd, write_vtu};
 
 /// Writes trajectory, experiment and fields into `dir`: the directory is itself an experiment.
@@ -86,14 +86,23 @@ fn apparatus_toml(apparatus: &Apparatus) -> String {
                 }
             };
             format!(
-                "[robot]\n{shape}\ndensity_kg_m3 = {}\n[vitreous]\ndiameter_mm = {}\npoisson_ratio = {}\ndensity_kg_m3 = {}",
+                "[robot]\n{shape}\ndensity_kg_m3 = {}\n{}[vitreous]\ndiameter_mm = {}\npoisson_ratio = {}\ndensity_kg_m3 = {}",
                 robot.density_kg_m3,
+                offset_toml(robot.offset),
                 mm(vitreous.diameter_m),
                 vitreous.poisson_ratio,
                 vitreous.density_kg_m3
             )
         }
     }
+}
+
+/// The lines of an offset, none of a robot in the middle.
+fn offset_toml(offset: Option<Offset>) -> String {
+    offset.map_or_else(String::new, |offset| {
+        let (distance_mm, direction) = (decimal(1e3 * offset.distance_m), offset.direction.name());
+        format!("offset_mm = {distance_mm}\noffset_direction = \"{direction}\"\n")
+    })
 }
 
 fn elongated_toml(shape: &str, length_mm: f64, diameter_mm: f64, orientation: Orientation) -> String {

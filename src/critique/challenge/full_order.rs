@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::{ApparatusError, Bench, Truth};
 use crate::error::{Error, Result};
-use crate::experiment::Apparatus;
+use crate::experiment::{Apparatus, Robot, Vitreous};
 use crate::fe::Stiffness;
 use crate::fe::spatial::{Sizes, Surroundings};
 use crate::fe::stepping::Resolution;
@@ -58,9 +58,18 @@ pub fn trajectories_m(
         monitor.stage(&format!("full finite elements: {} trajectories on the finer mesh", needed.len()));
         let workshop = Workshop::new(bench)?;
         let full = FullOrderModel::new(&workshop.stiffness, workshop.poisson_ratio)?;
+        let places = off_centre(bench, needed.values())?;
+        let models: Vec<(ApparatusError, FullOrderModel<'_>)> = places
+            .par_iter()
+            .map(|(error, stiffness)| Ok((*error, FullOrderModel::new(stiffness, workshop.poisson_ratio)?)))
+            .collect::<Result<_>>()?;
         let computed: Vec<(&str, Vec<f64>)> = needed
             .into_par_iter()
-            .map(|(key, truth)| Ok((key, workshop.trajectory_m(bench, &full, truth)?)))
+            .map(|(key, truth)| {
+                let own = models.iter().find(|(error, _)| truth.apparatus == Some(*error));
+                let full = own.map_or(&full, |(_, model)| model);
+                Ok((key, workshop.trajectory_m(bench, full, truth)?))
+            })
             .collect::<Result<_>>()?;
         for (key, position_m) in computed {
             if let Some(folder) = cache {
@@ -71,6 +80,31 @@ pub fn trajectories_m(
         }
     }
     Ok(keys.iter().map(|key| known[key.as_str()].clone()).collect())
+}
+
+/// The finer finite elements of every robot that is not where it is said to be.
+fn off_centre<'a>(
+    bench: &Bench,
+    truths: impl Iterator<Item = &'a &'a Truth>,
+) -> Result<Vec<(ApparatusError, Stiffness)>> {
+    let (robot, vitreous) = robot_of(bench)?;
+    let mut errors: Vec<ApparatusError> = Vec::new();
+    for error in truths.filter_map(|truth| truth.apparatus) {
+        if error.robot(robot) != *robot && !errors.contains(&error) {
+            errors.push(error);
+        }
+    }
+    let stiffness = |error: ApparatusError| Stiffness::new(&robot_mesh(&error.robot(robot), vitreous, DATA_LEVEL)?);
+    errors.into_iter().map(|error| Ok((error, stiffness(error)?))).collect()
+}
+
+fn robot_of(bench: &Bench) -> Result<(&Robot, &Vitreous)> {
+    match bench.apparatus() {
+        Apparatus::Robot { robot, vitreous } => Ok((robot, vitreous)),
+        Apparatus::Instrument { .. } => {
+            Err(Error::numerical("the reference apparatus has no robot", "reinstall the program"))
+        }
+    }
 }
 
 /// Number of unknowns of the data's mesh.
@@ -118,9 +152,7 @@ struct Workshop {
 
 impl Workshop {
     fn new(bench: &Bench) -> Result<Self> {
-        let Apparatus::Robot { robot, vitreous } = bench.apparatus() else {
-            return Err(Error::numerical("the reference apparatus has no robot", "reinstall the program"));
-        };
+        let (robot, vitreous) = robot_of(bench)?;
         let mesh = robot_mesh(robot, vitreous, DATA_LEVEL)?;
         let stiffness = Stiffness::new(&mesh)?;
         let resolution = Resolution { steps_per_doubling: FINER_STEPS * Resolution::default().steps_per_doubling };
@@ -128,7 +160,7 @@ impl Workshop {
         Ok(Self { mesh, stiffness, poisson_ratio, sizes, resolution })
     }
 
-    /// `full` is factorised at the stated Poisson ratio.
+    /// `full` is factorised at the stated Poisson ratio, with the robot where it is.
     fn trajectory_m(&self, bench: &Bench, full: &FullOrderModel<'_>, truth: &Truth) -> Result<Vec<f64>> {
         let record = truth.protocol.record();
         let still = bench.subject_of(truth.protocol, &vec![0.0; record.n_rows()])?;
@@ -143,7 +175,7 @@ impl Workshop {
             _ => None,
         };
         let force_n = truth.outside.as_ref().map_or_else(|| record.force_n.clone(), |outside| outside.force_n(&record));
-        let mut position_m = if stages.spatial.is_some() {
+        let position_m = if stages.spatial.is_some() {
             let Self { mesh, stiffness, sizes, .. } = self;
             let poisson_ratio = wrong_ratio.unwrap_or(self.poisson_ratio);
             let surroundings = Surroundings { mesh, stiffness, poisson_ratio, sizes: *sizes };
@@ -164,9 +196,6 @@ impl Workshop {
             };
             stepped?.position_m
         };
-        if let Some(ApparatusError::ComplianceFactor(factor)) = truth.apparatus {
-            position_m.iter_mut().for_each(|x| *x *= factor);
-        }
         Ok(match &truth.outside {
             Some(outside) => outside.recorded_m(&record, &position_m),
             None => position_m,

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::{Disturbance, NoiseKind, OutsideKind, Protocol};
+use crate::experiment::{Offset, OffsetDirection, Robot};
 
 /// A thing to hide.
 #[derive(Debug, Clone, PartialEq)]
@@ -24,17 +25,29 @@ pub enum Hidden {
 pub enum ApparatusError {
     /// The gel's Poisson ratio.
     PoissonRatio(f64),
-    /// Factor of the compliance.
-    ComplianceFactor(f64),
+    /// The robot's place: so far off the centre.
+    OffCentre {
+        /// Distance of the centres in m.
+        distance_m: f64,
+        /// Across the force, or along it.
+        across: bool,
+    },
 }
 
 impl ApparatusError {
-    /// Those that are played: two Poisson ratios where 0.48 is stated, and a compliance that is 6 % off.
+    /// The robot where it is in truth.
+    pub(super) fn robot(self, stated: &Robot) -> Robot {
+        let Self::OffCentre { distance_m, across } = self else { return *stated };
+        let direction = if across { OffsetDirection::Across } else { OffsetDirection::Along };
+        Robot { offset: Some(Offset { distance_m, direction }), ..*stated }
+    }
+
+    /// Those that are played: two Poisson ratios where 0.48 is stated, and a robot off the centre in both directions, which makes the gel 4 and 5 % stiffer.
     pub const ALL: [Self; 4] = [
         Self::PoissonRatio(0.45),
         Self::PoissonRatio(0.495),
-        Self::ComplianceFactor(1.06),
-        Self::ComplianceFactor(0.94),
+        Self::OffCentre { distance_m: 6e-3, across: false },
+        Self::OffCentre { distance_m: 8e-3, across: true },
     ];
 }
 
@@ -109,7 +122,10 @@ impl Truth {
         match (&self.outside, self.apparatus) {
             (Some(outside), _) => outside.kind.name().into(),
             (None, Some(ApparatusError::PoissonRatio(ratio))) => format!("Poisson ratio {ratio}"),
-            (None, Some(ApparatusError::ComplianceFactor(factor))) => format!("compliance × {factor}"),
+            (None, Some(ApparatusError::OffCentre { distance_m, across })) => {
+                let direction = if across { "across" } else { "along" };
+                format!("robot {} mm off the centre, {direction} the force", 1e3 * distance_m)
+            }
             (None, None) => self.label(),
         }
     }

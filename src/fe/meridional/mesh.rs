@@ -40,6 +40,8 @@ pub(super) struct Mesh {
     pub(super) points: Vec<Point>,
     pub(super) boundaries: Vec<Boundary>,
     pub(super) cells: Vec<Cell>,
+    /// Both halves are meshed, without symmetry about z = 0.
+    pub(super) is_whole: bool,
 }
 
 /// A chain of curves from vertex to vertex, from the axis towards the equator.
@@ -53,7 +55,7 @@ impl Mesh {
     /// Adds a vertex. Points with r = 0 or z = 0, exactly, are on the axis or the equator.
     pub(super) fn vertex(&mut self, point: Point, surface: Boundary) -> usize {
         self.points.push(point);
-        self.boundaries.push(Boundary { axis: point[0] == 0.0, equator: point[1] == 0.0, ..surface });
+        self.boundaries.push(Boundary { axis: point[0] == 0.0, equator: point[1] == 0.0 && !self.is_whole, ..surface });
         self.points.len() - 1
     }
 
@@ -63,7 +65,7 @@ impl Mesh {
         Chain { vertices: vertices.to_vec(), curves: vertices.windows(2).map(segment).collect() }
     }
 
-    /// New vertices on an ellipse around `centre` at these angles (from the equator, rad), joined by its arcs. Angles 0 and π/2 around the
+    /// New vertices on an ellipse around `centre` at these angles (from the equator, rad), joined by its arcs. Angles 0 and ±π/2 around the
     /// origin give points exactly on the equator and the axis.
     pub(super) fn arcs(&mut self, centre: Point, semi_axes: Point, angles_rad: &[f64], surface: Boundary) -> Chain {
         let arc = |pair: &[f64]| Curve::Arc { centre, semi_axes, from_rad: pair[0], to_rad: pair[1] };
@@ -71,7 +73,7 @@ impl Mesh {
         let vertices = angles_rad
             .iter()
             .map(|&angle| {
-                let cos = if angle == std::f64::consts::FRAC_PI_2 { 0.0 } else { angle.cos() };
+                let cos = if angle.abs() == std::f64::consts::FRAC_PI_2 { 0.0 } else { angle.cos() };
                 self.vertex([centre[0] + semi_axes[0] * cos, centre[1] + semi_axes[1] * angle.sin()], surface)
             })
             .collect();

@@ -12,6 +12,7 @@
 
 mod basis;
 mod cylinder;
+mod eccentric;
 mod elastic;
 mod element;
 mod geometry;
@@ -24,6 +25,7 @@ mod spheroid;
 use std::f64::consts::PI;
 
 use crate::error::{Error, Result};
+pub use eccentric::{EccentricSphere, EccentricStiffness};
 pub use elastic::{ElasticRobot, solve_elastic};
 use element::Table;
 use mesh::Mesh;

@@ -171,6 +171,158 @@ pub(super) fn condense(
     Ok(Condensed { nodes: nodes.iter().flatten().copied().collect(), stiffness: condensed, load, work })
 }
 
+/// The rigid motions of the body that a mode has.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Motion {
+    /// Unit translation.
+    Translation,
+    /// Unit rotation about the line through the axis at this height, across axis and translation; of mode 1 only.
+    Rotation { height_m: f64 },
+}
+
+/// Everything but the body's motion: the cells condensed, the unknowns numbered.
+pub(super) struct Assembled<'a> {
+    mesh: &'a Mesh,
+    table: &'a Table,
+    direction: Direction,
+    boundaries: Vec<Boundary>,
+    freedoms: Vec<Vec<Freedom>>,
+    cells: Vec<Condensed>,
+    triplets: Vec<Triplet<u32, u32, f64>>,
+    n_skeleton: usize,
+    /// ∫ over the circle, of both halves where only one is meshed.
+    whole: f64,
+    n_components: usize,
+}
+
+/// Displacements on the edges of every cell, component by component.
+pub(super) struct Response(Vec<Vec<f64>>);
+
+impl<'a> Assembled<'a> {
+    pub(super) fn new(
+        mesh: &'a Mesh,
+        table: &'a Table,
+        direction: Direction,
+        poisson_ratio: f64,
+        formulation: Formulation,
+    ) -> Result<Self> {
+        let mode = Mode::of(direction);
+        let skeleton = Skeleton::new(mesh, table.order);
+        let (freedoms, n_skeleton) = freedoms(&skeleton.boundaries, direction, true);
+        let condensed = |cell: &Cell| {
+            let stiffness = table.stiffness(&cell.map, &mode, poisson_ratio, formulation)?;
+            condense(&stiffness, &vec![0.0; stiffness.nrows()], &skeleton.nodes(cell), mode.n_components)
+        };
+        let cells: Vec<Condensed> = mesh.cells.par_iter().map(condensed).collect::<Result<_>>()?;
+        let halves = if mesh.is_whole { 1.0 } else { 2.0 };
+        let mut assembled = Self {
+            mesh,
+            table,
+            direction,
+            boundaries: skeleton.boundaries,
+            freedoms,
+            cells,
+            triplets: Vec::new(),
+            n_skeleton,
+            whole: halves * mode.circle,
+            n_components: mode.n_components,
+        };
+        let mut triplets = Vec::new();
+        for cell in &assembled.cells {
+            let local = assembled.local(cell);
+            for (b, column) in local.iter().enumerate() {
+                for (row, entry) in local.iter().zip(cell.stiffness.col_as_slice(b)) {
+                    if let (Some(i), Some(j)) = (row.unknown, column.unknown)
+                        && i >= j
+                    {
+                        triplets.push(Triplet::new(i as u32, j as u32, row.factor * column.factor * entry));
+                    }
+                }
+            }
+        }
+        assembled.triplets = triplets;
+        Ok(assembled)
+    }
+
+    pub(super) fn n_unknowns(&self) -> usize {
+        self.n_skeleton + self.mesh.cells.len() * (self.table.order - 1).pow(2) * self.n_components
+    }
+
+    fn local(&self, cell: &Condensed) -> Vec<Freedom> {
+        (0..self.n_components)
+            .flat_map(|c| cell.nodes.iter().map(move |&node| (node, c)))
+            .map(|(node, c)| self.freedoms[node][c])
+            .collect()
+    }
+
+    /// What the body's motion prescribes on the edges of a cell, component by component; of no meaning where there are unknowns.
+    fn prescribed(&self, index: usize, motion: Motion) -> Vec<f64> {
+        let cell = &self.cells[index];
+        let Motion::Rotation { height_m } = motion else {
+            return self.local(cell).iter().map(|freedom| freedom.factor).collect();
+        };
+        let (map, nodes, last) = (&self.mesh.cells[index].map, &self.table.nodes, self.table.order);
+        let is_edge = |i: usize, j: usize| [0, last].contains(&i) || [0, last].contains(&j);
+        let places = (0..=last).flat_map(|j| (0..=last).map(move |i| (i, j))).filter(|(i, j)| is_edge(*i, *j));
+        let places: Vec<[f64; 2]> = places.map(|(i, j)| map.at(nodes[i], nodes[j]).0).collect();
+        // u = ŷ × (x, y, z − h) = (z − h) x̂ − x ẑ: U = −V = z − h, W = −r.
+        let of = |component: usize, [r, z]: [f64; 2]| [z - height_m, height_m - z, -r][component];
+        (0..self.n_components)
+            .flat_map(|c| cell.nodes.iter().zip(&places).map(move |(node, place)| (c, *node, *place)))
+            .map(|(c, node, place)| if self.boundaries[node].outer { 0.0 } else { of(c, place) })
+            .collect()
+    }
+
+    pub(super) fn respond(&self, motion: Motion) -> Result<Response> {
+        let mut right_hand_side = vec![0.0; self.n_skeleton];
+        for (index, cell) in self.cells.iter().enumerate() {
+            let (local, given) = (self.local(cell), self.prescribed(index, motion));
+            for (b, value) in given.iter().enumerate().filter(|(b, _)| local[*b].unknown.is_none()) {
+                for (row, entry) in local.iter().zip(cell.stiffness.col_as_slice(b)) {
+                    if let Some(i) = row.unknown {
+                        right_hand_side[i] -= row.factor * value * entry;
+                    }
+                }
+            }
+        }
+        let solution = solve_sparse(self.n_skeleton, &self.triplets, right_hand_side)?;
+        let of_cell = |(index, cell): (usize, &Condensed)| {
+            let given = self.prescribed(index, motion);
+            let value =
+                |(freedom, given): (&Freedom, &f64)| freedom.unknown.map_or(*given, |u| freedom.factor * solution[u]);
+            self.local(cell).iter().zip(&given).map(value).collect()
+        };
+        Ok(Response(self.cells.iter().enumerate().map(of_cell).collect()))
+    }
+
+    /// Work of the forces of one motion's response on another's, of the whole body.
+    pub(super) fn energy(&self, one: &Response, other: &Response) -> f64 {
+        let mut energy = 0.0;
+        for ((cell, one), other) in self.cells.iter().zip(&one.0).zip(&other.0) {
+            for (a, u) in one.iter().enumerate() {
+                let force: f64 = other.iter().zip(cell.stiffness.col_as_slice(a)).map(|(u, k)| k * u).sum();
+                energy += u * force;
+            }
+        }
+        self.whole * energy
+    }
+
+    /// Force of a response on the outer sphere along the translation.
+    pub(super) fn reaction(&self, response: &Response) -> f64 {
+        let translation = translation(self.direction);
+        let mut reaction = 0.0;
+        for (cell, values) in self.cells.iter().zip(&response.0) {
+            for a in 0..values.len() {
+                if self.boundaries[cell.nodes[a % cell.nodes.len()]].outer {
+                    let force: f64 = values.iter().zip(cell.stiffness.col_as_slice(a)).map(|(u, k)| k * u).sum();
+                    reaction -= translation[a / cell.nodes.len()] * force;
+                }
+            }
+        }
+        self.whole * reaction
+    }
+}
+
 /// Solves for the unit translation of the body.
 pub(super) fn solve(
     mesh: &Mesh,
@@ -179,55 +331,13 @@ pub(super) fn solve(
     poisson_ratio: f64,
     formulation: Formulation,
 ) -> Result<Discrete> {
-    let mode = Mode::of(direction);
-    let skeleton = Skeleton::new(mesh, table.order);
-    let (freedoms, n_skeleton) = freedoms(&skeleton.boundaries, direction, true);
-    let condensed = |cell: &Cell| {
-        let stiffness = table.stiffness(&cell.map, &mode, poisson_ratio, formulation)?;
-        condense(&stiffness, &vec![0.0; stiffness.nrows()], &skeleton.nodes(cell), mode.n_components)
-    };
-    let cells: Vec<Condensed> = mesh.cells.par_iter().map(condensed).collect::<Result<_>>()?;
-    let local = |cell: &Condensed| -> Vec<Freedom> {
-        (0..mode.n_components)
-            .flat_map(|c| cell.nodes.iter().map(move |&node| (node, c)))
-            .map(|(node, c)| freedoms[node][c])
-            .collect()
-    };
-
-    let mut right_hand_side = vec![0.0; n_skeleton];
-    let mut triplets = Vec::new();
-    for cell in &cells {
-        let local = local(cell);
-        for (b, column) in local.iter().enumerate() {
-            for (row, entry) in local.iter().zip(cell.stiffness.col_as_slice(b)) {
-                let value = row.factor * column.factor * entry;
-                match (row.unknown, column.unknown) {
-                    (Some(i), Some(j)) if i >= j => triplets.push(Triplet::new(i as u32, j as u32, value)),
-                    (Some(i), None) => right_hand_side[i] -= value,
-                    _ => {}
-                }
-            }
-        }
-    }
-    let solution = solve_sparse(n_skeleton, &triplets, right_hand_side)?;
-
-    let translation = translation(direction);
-    let (mut energy, mut reaction) = (0.0, 0.0);
-    for cell in &cells {
-        let displacement: Vec<f64> =
-            local(cell).iter().map(|f| f.factor * f.unknown.map_or(1.0, |u| solution[u])).collect();
-        for a in 0..displacement.len() {
-            let force: f64 = displacement.iter().zip(cell.stiffness.col_as_slice(a)).map(|(u, k)| k * u).sum();
-            energy += displacement[a] * force;
-            if skeleton.boundaries[cell.nodes[a % cell.nodes.len()]].outer {
-                reaction -= translation[a / cell.nodes.len()] * force;
-            }
-        }
-    }
-    let n_interior = mesh.cells.len() * (table.order - 1).pow(2) * mode.n_components;
-    // Both halves of the body.
-    let whole = 2.0 * mode.circle;
-    Ok(Discrete { by_energy_m: whole * energy, by_reaction_m: whole * reaction, n_unknowns: n_skeleton + n_interior })
+    let assembled = Assembled::new(mesh, table, direction, poisson_ratio, formulation)?;
+    let response = assembled.respond(Motion::Translation)?;
+    Ok(Discrete {
+        by_energy_m: assembled.energy(&response, &response),
+        by_reaction_m: assembled.reaction(&response),
+        n_unknowns: assembled.n_unknowns(),
+    })
 }
 
 /// Solves a positive definite system given by its lower triangle; one thread, so that the result is the same bytes for any number.

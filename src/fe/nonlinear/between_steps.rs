@@ -10,7 +10,6 @@ use crate::error::{Error, Result};
 use crate::fe::stepping::load::switches;
 use crate::fe::stepping::run::{CLOCK_ROUNDING, strains};
 use crate::fe::stepping::{Resolution, observed};
-use crate::fe::time::QUARTER;
 use std::collections::BTreeMap;
 
 /// Ends of steps that a polynomial goes through.
@@ -70,7 +69,7 @@ fn displacements_m(
     force_n: &[f64],
     steps: &[(f64, f64)],
 ) -> Result<Vec<f64>> {
-    let compliance_per_m = QUARTER * model.factor().unit_response()[model.robot()];
+    let compliance_per_m = model.share * model.factor().unit_response()[model.robot()];
     let mut union_s: Vec<f64> = time_s.iter().copied().chain(steps.iter().map(|step| step.0)).collect();
     union_s.sort_by(f64::total_cmp);
     union_s.dedup();

@@ -30,6 +30,7 @@ use crate::mesh::Mesh;
 use crate::number::Dual;
 use crate::rheology::Element;
 use points::IntegrationPoints;
+use stage::Kinematics;
 
 /// How fine a run is.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -95,6 +96,8 @@ pub struct NonlinearModel<'a> {
     factor: Factor<'a>,
     points: IntegrationPoints,
     robot: usize,
+    share: f64,
+    kinematics: Kinematics,
 }
 
 impl<'a> NonlinearModel<'a> {
@@ -112,7 +115,12 @@ impl<'a> NonlinearModel<'a> {
         }
         let factor = stiffness.factor(poisson_ratio)?;
         let points = IntegrationPoints::new(mesh, unknowns, poisson_ratio)?;
-        Ok(Self { factor, points, robot: unknowns.robot() })
+        Ok(Self { factor, points, robot: unknowns.robot(), share: unknowns.share(), kinematics: Kinematics::Small })
+    }
+
+    /// The same with strains of any size.
+    pub(crate) fn with_finite_strains(self) -> Self {
+        Self { kinematics: Kinematics::Finite, ..self }
     }
 
     /// Number of integration points.
@@ -170,7 +178,8 @@ impl<'a> NonlinearModel<'a> {
     }
 
     fn balance(&self) -> stage::Balance<'_> {
-        stage::Balance { points: &self.points, factor: &self.factor, robot: self.robot }
+        let Self { points, factor, robot, share, kinematics } = self;
+        stage::Balance { points, factor, robot: *robot, share: *share, kinematics: *kinematics }
     }
 
     pub(crate) fn points(&self) -> &IntegrationPoints {

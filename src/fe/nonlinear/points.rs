@@ -140,11 +140,76 @@ impl IntegrationPoints {
         let chunks: Vec<Mat<f64>> = stresses
             .par_chunks(CHUNK * self.n_points)
             .enumerate()
-            .map(|(chunk, stresses)| self.element_forces(chunk * CHUNK, stresses))
+            .map(|(chunk, stresses)| {
+                let first = chunk * CHUNK;
+                let [two_mu, kappa] = self.moduli;
+                let mut projected = vec![[0.0; 6]; self.n_points];
+                self.element_forces(first, stresses.len() / self.n_points, |e, conjugate| {
+                    projected.copy_from_slice(&stresses[e * self.n_points..][..self.n_points]);
+                    self.project(first + e, &mut projected);
+                    let volumes = &self.volume_m3[(first + e) * self.n_points..];
+                    for ((stress, volume), conjugate) in projected.iter().zip(volumes).zip(conjugate) {
+                        *conjugate = stress_matrix(stress, two_mu * volume, kappa * volume);
+                    }
+                })
+            })
             .collect();
+        self.summed(&chunks)
+    }
+
+    /// Displacement gradients ∂uᵢ/∂xⱼ at all points.
+    pub(crate) fn gradients(&self, displacement: &[f64]) -> Vec<Matrix3<f64>> {
+        let mut gradients = vec![Matrix3::zeros(); self.count()];
+        gradients.par_chunks_mut(CHUNK * self.n_points).enumerate().for_each(|(chunk, gradients)| {
+            let n_elements = gradients.len() / self.n_points;
+            let first = chunk * CHUNK;
+            let nodal = self.gathered(displacement, first, n_elements);
+            let mut reference = Mat::<f64>::zeros(3 * self.n_points, 3 * n_elements);
+            matmul(reference.as_mut(), Accum::Replace, self.gradient.as_ref(), nodal.as_ref(), 1.0, Par::Seq);
+            for (e, gradients) in gradients.chunks_exact_mut(self.n_points).enumerate() {
+                let columns = [0, 1, 2].map(|i| reference.col_as_slice(3 * e + i));
+                let inverses = &self.inverse_jacobian[(first + e) * self.n_points..];
+                for (q, (gradient, inverse)) in gradients.iter_mut().zip(inverses).enumerate() {
+                    let by_place =
+                        |i: usize, j: usize| (0..3).map(|d| columns[i][3 * q + d] * inverse[3 * d + j]).sum();
+                    *gradient = Matrix3::from_fn(by_place);
+                }
+            }
+        });
+        gradients
+    }
+
+    /// Nodal forces (N) of stresses P (Pa) that do the work P : ∇δu, summed on the unknowns; the transpose of [`Self::gradients`] with volumes.
+    pub(crate) fn gradient_forces(&self, stresses: &[Matrix3<f64>]) -> Vec<f64> {
+        let chunks: Vec<Mat<f64>> = stresses
+            .par_chunks(CHUNK * self.n_points)
+            .enumerate()
+            .map(|(chunk, stresses)| {
+                let first = chunk * CHUNK;
+                self.element_forces(first, stresses.len() / self.n_points, |e, conjugate| {
+                    let places = (first + e) * self.n_points..;
+                    let given = stresses[e * self.n_points..].iter().zip(&self.volume_m3[places]);
+                    for ((stress, volume), conjugate) in given.zip(conjugate) {
+                        *conjugate = [0, 1, 2].map(|i| [0, 1, 2].map(|j| volume * stress[(i, j)]));
+                    }
+                })
+            })
+            .collect();
+        self.summed(&chunks)
+    }
+
+    /// Projects the traces of all points on the pressures of their elements.
+    pub(crate) fn project_all(&self, tensors: &mut [Tensor<f64>]) {
+        tensors
+            .par_chunks_exact_mut(self.n_points)
+            .enumerate()
+            .for_each(|(element, tensors)| self.project(element, tensors));
+    }
+
+    fn summed(&self, chunks: &[Mat<f64>]) -> Vec<f64> {
         let mut force = vec![0.0; self.n_unknowns];
         let mut unknowns = self.unknowns.chunks_exact(3 * self.n_nodes);
-        for chunk in &chunks {
+        for chunk in chunks {
             for (e, unknowns) in (0..chunk.ncols() / 3).zip(&mut unknowns) {
                 for i in 0..3 {
                     for (f, node) in chunk.col_as_slice(3 * e + i).iter().zip(unknowns.chunks_exact(3)) {
@@ -171,18 +236,19 @@ impl IntegrationPoints {
         nodal
     }
 
-    fn element_forces(&self, first: usize, stresses: &[Tensor<f64>]) -> Mat<f64> {
-        let n_elements = stresses.len() / self.n_points;
+    /// Forces of elements from `first` on. `fill` gives an element's stresses times volumes.
+    fn element_forces(
+        &self,
+        first: usize,
+        n_elements: usize,
+        mut fill: impl FnMut(usize, &mut [[[f64; 3]; 3]]),
+    ) -> Mat<f64> {
         let mut conjugate = Mat::<f64>::zeros(3 * self.n_points, 3 * n_elements);
-        let [two_mu, kappa] = self.moduli;
-        let mut projected = vec![[0.0; 6]; self.n_points];
-        for (e, stresses) in stresses.chunks_exact(self.n_points).enumerate() {
-            projected.copy_from_slice(stresses);
-            self.project(first + e, &mut projected);
-            let at = (first + e) * self.n_points;
-            let (inverses, volumes) = (&self.inverse_jacobian[at..], &self.volume_m3[at..]);
-            for (q, stress) in projected.iter().enumerate() {
-                let sigma = stress_matrix(stress, two_mu * volumes[q], kappa * volumes[q]);
+        let mut stresses = vec![[[0.0; 3]; 3]; self.n_points];
+        for e in 0..n_elements {
+            fill(e, &mut stresses);
+            let inverses = &self.inverse_jacobian[(first + e) * self.n_points..];
+            for (q, sigma) in stresses.iter().enumerate() {
                 for (i, sigma) in sigma.iter().enumerate() {
                     let column = &mut conjugate.col_as_slice_mut(3 * e + i)[3 * q..3 * q + 3];
                     for (d, value) in column.iter_mut().enumerate() {
@@ -229,14 +295,14 @@ const R2: f64 = std::f64::consts::FRAC_1_SQRT_2;
 const R6: f64 = 0.408_248_290_463_863;
 
 /// Coordinates of the strain of a displacement gradient ∂uᵢ/∂xⱼ.
-fn strain_tensor(derivative: impl Fn(usize, usize) -> f64) -> Tensor<f64> {
+pub(crate) fn strain_tensor(derivative: impl Fn(usize, usize) -> f64) -> Tensor<f64> {
     let [xx, yy, zz] = [0, 1, 2].map(|i| derivative(i, i));
     let shear = |i, j| R2 * (derivative(i, j) + derivative(j, i));
     [R6 * (2.0 * xx - yy - zz), R2 * (yy - zz), shear(0, 1), shear(0, 2), shear(1, 2), xx + yy + zz]
 }
 
 /// The matrix Σ with Σ : ∇u = `deviatoric` dev s : dev ε + `volumetric` tr s tr ε.
-fn stress_matrix(s: &Tensor<f64>, deviatoric: f64, volumetric: f64) -> [[f64; 3]; 3] {
+pub(crate) fn stress_matrix(s: &Tensor<f64>, deviatoric: f64, volumetric: f64) -> [[f64; 3]; 3] {
     let pressure = volumetric * s[5];
     let (a, b) = (deviatoric * R6 * s[0], deviatoric * R2 * s[1]);
     let [xy, xz, yz] = [s[2], s[3], s[4]].map(|t| deviatoric * R2 * t);

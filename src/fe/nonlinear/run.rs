@@ -11,7 +11,6 @@ use crate::fe::stepping::Resolution;
 use crate::fe::stepping::load::{self, Switch};
 use crate::fe::stepping::run::{CLOCK_ROUNDING, gap_s};
 use crate::fe::stepping::steps::{Grading, StepRule};
-use crate::fe::time::QUARTER;
 use rayon::prelude::*;
 
 /// Most halvings of a step whose stages do not converge.
@@ -103,7 +102,7 @@ impl<'a> Run<'a> {
         let per_n = balance.factor.unit_response()[balance.robot].max(0.0).sqrt();
         let n_points = balance.points.count();
         Self {
-            tolerance: options.tolerance * QUARTER * largest_n * per_n,
+            tolerance: options.tolerance * balance.share * largest_n * per_n,
             tableau: options.scheme.tableau(),
             resolution: options.resolution,
             rule,
@@ -194,7 +193,8 @@ impl<'a> Run<'a> {
             let time_s = if is_last { end_s } else { start_s + node * step_s };
             let mut histories = started(&self.histories, &rates, weights, step_s);
             let input_n = self.force_n(time_s);
-            let push = Push { force_n: QUARTER * input_n, slope_n_per_m: QUARTER * input_n * self.gradient_per_m };
+            let force_n = self.balance.share * input_n;
+            let push = Push { force_n, slope_n_per_m: force_n * self.gradient_per_m };
             let mut displacement = self.extrapolated(stage, time_s);
             let problem = Stage { law: &law, histories: &histories, n_histories: n, push };
             let solved = self.balance.solve(&problem, &mut displacement, self.tolerance)?;

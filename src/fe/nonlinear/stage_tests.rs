@@ -4,7 +4,6 @@ use super::super::Bodies;
 use super::*;
 use crate::effects::{Nonlinearity, YIELD_SMOOTHING};
 use crate::fe::Stiffness;
-use crate::fe::time::QUARTER;
 use crate::mesh::QuarterBall;
 use crate::number::Dual;
 use crate::rheology::BaseLaw;
@@ -23,21 +22,33 @@ fn kinds() -> [Nonlinearity; 3] {
 
 /// Calls `check` with a balance on a coarse ball, a stage with histories that are not zero, and a displacement of the size of the solution.
 fn with_stage(nonlinearity: Nonlinearity, check: impl Fn(&Balance, &Stage, Vec<f64>)) {
+    with_stage_of(Kinematics::Small, 0.1, nonlinearity, check);
+}
+
+/// `size` is the displacement over the linear one of the force.
+fn with_stage_of(
+    kinematics: Kinematics,
+    size: f64,
+    nonlinearity: Nonlinearity,
+    check: impl Fn(&Balance, &Stage, Vec<f64>),
+) {
     let ball = QuarterBall { robot_radius_m: 0.275e-3, outer_radius_m: 10e-3, n_per_edge: 1, n_layers: 2 };
     let mesh = ball.mesh().expect("the sizes are good");
     let stiffness = Stiffness::new(&mesh).expect("the mesh is good");
     let factor = stiffness.factor(0.48).expect("positive definite");
     let unknowns = &stiffness.assembly.unknowns;
     let points = IntegrationPoints::new(&mesh, unknowns, 0.48).expect("no element is inverted");
-    let balance = Balance { points: &points, factor: &factor, robot: unknowns.robot() };
+    let balance =
+        Balance { points: &points, factor: &factor, robot: unknowns.robot(), share: unknowns.share(), kinematics };
     let parameters = [3.527, 1.402, 20.0].map(Dual::constant);
     let bodies = Bodies::new(&BaseLaw::Lethersich.elements(&parameters), nonlinearity.constant()).expect("a sound law");
     let law = StageLaw::new(&bodies, STEP_S);
     let unit = factor.unit_response();
-    let field: Vec<f64> = unit.iter().map(|u| 0.1 * FORCE_N * u).collect();
+    let field: Vec<f64> = unit.iter().map(|u| size * FORCE_N * u).collect();
     let strains = points.strains(&field);
     let histories: Vec<Tensor<f64>> = strains.iter().flat_map(|e| [e.map(|e| 0.3 * e), e.map(|e| -0.2 * e)]).collect();
-    let push = Push { force_n: QUARTER * FORCE_N, slope_n_per_m: QUARTER * FORCE_N * 200.0 };
+    let force_n = unknowns.share() * FORCE_N;
+    let push = Push { force_n, slope_n_per_m: force_n * 200.0 };
     let stage = Stage { law: &law, histories: &histories, n_histories: 2, push };
     let wavy = field.iter().enumerate().map(|(i, u)| u * (1.0 + 0.1 * (i as f64).sin())).collect();
     check(&balance, &stage, wavy);
@@ -51,7 +62,7 @@ fn dense_tangent(balance: &Balance, stage: &Stage, displacement: &[f64]) -> DMat
         .map(|i| {
             let mut unit = vec![0.0; n];
             unit[i] = 1.0;
-            DVector::from_vec(balance.apply(stage, &now.tangents, &unit, false))
+            DVector::from_vec(balance.apply(stage, &now, &unit, false))
         })
         .collect();
     DMatrix::from_columns(&columns)
@@ -116,4 +127,28 @@ fn the_iteration_with_conjugate_gradients_converges_to_the_balance() {
             assert!(step.amax() < 1e-9 * displacement[balance.robot].abs(), "{nonlinearity:?}");
         });
     }
+}
+
+/// With finite strains too the tangent is the residual's derivative, here along a wavy direction; displacements reach a third of the robot's radius.
+#[test]
+fn the_tangent_of_finite_strains_is_the_residuals_derivative() {
+    let linear = Nonlinearity::StrainStiffening { coefficient: 0.0 };
+    with_stage_of(Kinematics::Finite, 0.1, linear, |balance, stage, displacement| {
+        println!("the robot at {:e} m", displacement[balance.robot]);
+        assert!(displacement[balance.robot] > 0.05e-3);
+        let now = balance.evaluate(stage, &displacement);
+        let direction: Vec<f64> = displacement.iter().enumerate().map(|(i, u)| u * (0.7 * i as f64).cos()).collect();
+        let image = balance.apply(stage, &now, &direction, true);
+        let residual = |h: f64| {
+            let moved: Vec<f64> = displacement.iter().zip(&direction).map(|(u, d)| u + h * d).collect();
+            balance.evaluate(stage, &moved).residual
+        };
+        let h = 1e-4;
+        let (up, down) = (residual(h), residual(-h));
+        let largest = image.iter().fold(0.0_f64, |m, f| m.max(f.abs()));
+        for ((up, down), exact) in up.iter().zip(&down).zip(&image) {
+            let found = -(up - down) / (2.0 * h);
+            assert!((found - exact).abs() < 1e-6 * largest, "{found:e} {exact:e} of {largest:e}");
+        }
+    });
 }

@@ -2,10 +2,12 @@
 
 use super::*;
 use crate::effects::{Nonlinearity, Stages, YIELD_SMOOTHING};
-use crate::fe::time::{FullOrderModel, QUARTER};
+use crate::fe::time::FullOrderModel;
 use crate::mesh::QuarterBall;
 use crate::rheology::BaseLaw;
 
+/// Of the quarter model.
+const QUARTER: f64 = 0.25;
 const P: [f64; 5] = [3.527, 1.402, 47.370, 20.0, 2.5];
 const FORCE_N: f64 = 4.6e-6;
 /// s₀ of physics §5 for the reference force and radius, in Pa.

@@ -10,7 +10,6 @@ use super::drained::{DrainedModel, dot};
 use super::terms::dense_cholesky;
 use crate::error::Result;
 use crate::fe::factorisation::add_symmetric_product;
-use crate::fe::time::QUARTER;
 use crate::fe::transient::{Part, StageSolve, StageWeights, TransientSystem};
 
 /// Columns of B K_d⁻¹ Bᵀ that are solved for at once.
@@ -115,7 +114,7 @@ impl TransientSystem for CondensedPores<'_> {
     }
 
     fn add_load(&self, force_n: f64, right_hand_side: &mut [f64]) {
-        right_hand_side[self.n_pressures()] += QUARTER * force_n;
+        right_hand_side[self.n_pressures()] += self.body.share() * force_n;
     }
 
     fn position_m(&self, unknowns: &[f64]) -> f64 {

@@ -3,7 +3,6 @@
 use super::{PoreModel, pressure::PressureFactor};
 use crate::error::{Error, Result};
 use crate::fe::factorisation::Factor;
-use crate::fe::time::QUARTER;
 
 /// Residual, in the preconditioner's norm and relative to the load's, at which pressures are good; outputs err by its square.
 const TOLERANCE: f64 = 1e-10;
@@ -65,7 +64,7 @@ impl<'a> DrainedModel<'a> {
 
     /// Displacement of the robot (m) per unit force on the whole body without pressures, at unit Young's modulus: Φ(∞), in 1/m.
     pub fn drained_compliance_per_m(&self) -> f64 {
-        QUARTER * self.drained()
+        self.share() * self.drained()
     }
 
     /// Φ(τ) in 1/m for every τ ≥ 0 (m²): displacement of the robot per unit force on the whole body and unit Young's modulus.
@@ -74,7 +73,12 @@ impl<'a> DrainedModel<'a> {
     /// [`Error::Numerical`] where the pressures are not found.
     pub fn compliances_per_m(&self, areas_m2: &[f64]) -> Result<Vec<f64>> {
         let solved = self.pressures(areas_m2)?;
-        Ok(solved.iter().map(|p| QUARTER * (self.drained() - dot(&self.load, &p.values))).collect())
+        Ok(solved.iter().map(|p| self.share() * (self.drained() - dot(&self.load, &p.values))).collect())
+    }
+
+    /// Share of the force that the model carries.
+    pub(super) fn share(&self) -> f64 {
+        self.model.stiffness.assembly.unknowns.share()
     }
 
     /// Φ_d of the model that was meshed.

@@ -17,7 +17,6 @@ use super::PoreModel;
 use super::drained::{DrainedModel, Moduli, dot};
 use super::terms::{Direction, Terms};
 use crate::error::{Error, Result};
-use crate::fe::time::QUARTER;
 use crate::number::{Dual, Scalar};
 
 /// τ/S between which terms are chosen: from the square of this share of the robot's smallest radius to that of the mesh's largest.
@@ -254,7 +253,7 @@ fn chosen_areas_m2(model: &PoreModel, settings: &SpectrumSettings) -> Result<(Ve
         chosen.push(worst);
         directions.push(direction(worst));
     }
-    Ok((chosen.iter().map(|area| area / storage).collect(), QUARTER * undrained))
+    Ok((chosen.iter().map(|area| area / storage).collect(), body.share() * undrained))
 }
 
 fn computed(body: &DrainedModel, scaled_areas_m2: &[f64]) -> Result<Computed> {

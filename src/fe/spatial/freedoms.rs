@@ -20,6 +20,7 @@ pub struct Freedoms {
     count: usize,
     /// First unknown that is a slip; those from here to the robot's are.
     first_slip: usize,
+    share: f64,
 }
 
 impl Freedoms {
@@ -98,12 +99,17 @@ impl Freedoms {
             terms.extend(component);
             start.push(terms.len() as u32);
         }
-        Ok(Self { start, terms, count: count as usize + 1, first_slip })
+        Ok(Self { start, terms, count: count as usize + 1, first_slip, share: mesh.share() })
     }
 
     /// Number of unknowns.
     pub fn count(&self) -> usize {
         self.count
+    }
+
+    /// Share of the robot and of the force that the model carries ([`Mesh::share`]).
+    pub fn share(&self) -> f64 {
+        self.share
     }
 
     /// Index of the robot's translation along x.

@@ -46,12 +46,12 @@ impl Surroundings<'_> {
     /// A mesh with element faces at the radius (m) of a pocket, by the model's fineness.
     ///
     /// # Errors
-    /// [`Error::Numerical`] where the robot is no sphere in a built-in mesh, or the pocket does not fit.
+    /// [`Error::Numerical`] where the robot is no sphere in the middle of a built-in mesh, or the pocket does not fit.
     pub fn pocket_mesh(&self, radius_m: f64) -> Result<Mesh> {
         let ball = self.sizes.ball.ok_or_else(|| {
             Error::numerical(
-                "a liquefied pocket needs the built-in mesh around a sphere",
-                "leave `liquefied-pocket` out for other robots and for meshes from files",
+                "a liquefied pocket needs the built-in mesh around a sphere in the middle of the vitreous",
+                "leave `liquefied-pocket` out for other robots, for robots off the centre (`offset_mm`) and for meshes from files",
             )
         })?;
         let n_inside = (ball.n_layers * LAYERS_INSIDE).div_ceil(12);

@@ -10,7 +10,6 @@ use crate::fe::assembly::unit_moduli;
 use crate::fe::element::TabulatedElement;
 use crate::fe::ordering::nested_dissection;
 use crate::fe::surface::for_each_robot_point;
-use crate::fe::time::QUARTER;
 use crate::fe::transient::{Part, StageSolve, StageWeights, TransientSystem};
 use crate::mesh::Mesh;
 
@@ -156,7 +155,7 @@ fn mass(surroundings: &Surroundings<'_>, mesh: &Mesh, freedoms: &Freedoms) -> Re
     )?;
     // On any one node of the robot's surface, whose translation all share.
     let mut of_robot = DMatrix::zeros(3, 3);
-    of_robot[(0, 0)] = QUARTER * surroundings.sizes.robot_mass_kg;
+    of_robot[(0, 0)] = freedoms.share() * surroundings.sizes.robot_mass_kg;
     let robot_node = &mesh.robot_nodes[..1];
     elements.push((robot_node, of_robot));
     SymmetricMatrix::assemble(freedoms, elements.into_iter())
@@ -236,7 +235,7 @@ impl TransientSystem for Scaled<'_> {
         }
     }
     fn add_load(&self, force_n: f64, right_hand_side: &mut [f64]) {
-        right_hand_side[self.system.freedoms.robot()] += QUARTER * force_n;
+        right_hand_side[self.system.freedoms.robot()] += self.system.freedoms.share() * force_n;
     }
     fn position_m(&self, unknowns: &[f64]) -> f64 {
         unknowns[self.system.freedoms.robot()]

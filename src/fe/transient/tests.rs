@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, DVector, SMatrix, SVector};
 use super::*;
 use crate::effects::Stages;
 use crate::fe::element::TabulatedElement;
-use crate::fe::time::{FullOrderModel, QUARTER, TimeScheme};
+use crate::fe::time::{FullOrderModel, TimeScheme};
 use crate::fe::{Assembly, Stiffness, stepping};
 use crate::mesh::{Mesh, QuarterBall};
 use crate::number::Dual;
@@ -118,7 +118,7 @@ fn base() -> Dense {
         }
     }
     let mut load = DVector::zeros(n);
-    load[n - 1] = QUARTER;
+    load[n - 1] = assembly.unknowns.share();
     Dense { stiffness: vec![matrix], damping: None, mass: None, load }
 }
 

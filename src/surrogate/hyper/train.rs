@@ -13,7 +13,7 @@ use crate::fe::Stiffness;
 use crate::fe::nonlinear::{NonlinearModel, NonlinearRun, Options, Scheme};
 use crate::fe::spatial::Surroundings;
 use crate::fe::stepping::Resolution;
-use crate::fe::time::{FullOrderModel, QUARTER};
+use crate::fe::time::FullOrderModel;
 use crate::model::Response;
 use crate::number::Dual;
 use crate::rheology::{BaseLaw, Element};
@@ -155,7 +155,7 @@ fn train(surroundings: &Surroundings, family: NonlinearFamily, settings: &HyperS
         poisson_ratio: surroundings.poisson_ratio,
         n_modes: pod.modes.len(),
         robot: pod.modes.iter().map(|mode| mode[model.robot()]).collect(),
-        force_share: QUARTER,
+        force_share: surroundings.stiffness.assembly.unknowns.share(),
         weights_m3: chosen.weights.iter().map(|(point, weight)| weight * points.volumes_m3()[*point]).collect(),
         strains: at_points.collect(),
         unit_moduli: [moduli[0], moduli[5]],
