@@ -152,12 +152,12 @@ fn the_excess_vanishes_with_the_nonlinearity() {
 fn sensitivities_are_finite_differences() {
     let (time_s, force_n) = record(180);
     let response = Response::new(&time_s, &force_n, time_s.len());
-    for which in 0..3 {
+    for (which, value) in MIDDLE.into_iter().enumerate() {
         for direction in 0..9 {
             let with = |by: Dual| {
                 let share = |i: usize| if i == direction { by } else { Dual::ZERO };
                 let parameters: [Dual; 3] = std::array::from_fn(|i| (share(i) + 1.0) * PORCINE[i]);
-                let mut stages = stages(which, BaseLaw::Lethersich, &parameters, (share(3) + 1.0) * MIDDLE[which]);
+                let mut stages = stages(which, BaseLaw::Lethersich, &parameters, (share(3) + 1.0) * value);
                 stages.load.delay_s = share(4) * 0.1 + 0.012;
                 stages.load.offset_n = (share(5) + 0.1) * FORCE_N;
                 stages.load.lag_time_s = share(6) * 0.1 + 0.07;
