@@ -1,7 +1,7 @@
 //! What every effect of the library must keep (house style; physics §5), as far as it can be seen without solving a model.
 
 use vitreo_uq::distribution::Distribution;
-use vitreo_uq::effects::{EFFECTS, Effect, EffectParameter, Stage, Stages};
+use vitreo_uq::effects::{EFFECTS, Effect, EffectParameter, NONLINEAR_EFFECTS, Stage, Stages};
 use vitreo_uq::error::{Error, Place};
 use vitreo_uq::experiment::Scales;
 use vitreo_uq::model::Model;
@@ -45,8 +45,13 @@ fn experiments() -> Vec<Scales> {
 /// Effects whose law is not linear: beside them only load and observation.
 const NONLINEAR: [&str; 3] = ["strain-stiffening", "shear-thinning", "yield-stress"];
 
+/// The library's effects, and those whose law is not linear.
+fn all() -> Vec<&'static dyn Effect> {
+    EFFECTS.iter().chain(NONLINEAR_EFFECTS).copied().collect()
+}
+
 fn parameters() -> impl Iterator<Item = &'static EffectParameter> {
-    EFFECTS.iter().flat_map(|effect| effect.parameters())
+    all().into_iter().flat_map(|effect| effect.parameters())
 }
 
 /// A model of one effect at unit parameters of the base law.
@@ -67,7 +72,7 @@ fn stages_at(model: &Model, of_effects: &[f64]) -> Result<Stages, Error> {
 }
 
 fn effect(slug: &str) -> &'static dyn Effect {
-    EFFECTS.iter().copied().find(|effect| effect.slug() == slug).unwrap()
+    all().into_iter().find(|effect| effect.slug() == slug).unwrap()
 }
 
 #[test]
@@ -83,9 +88,6 @@ fn the_library_is_the_one_of_physics_section_5_in_the_order_of_application() {
         "interface-slip",
         "liquefied-pocket",
         "poroelasticity",
-        "strain-stiffening",
-        "shear-thinning",
-        "yield-stress",
     ];
     let found: Vec<(&str, Stage)> = EFFECTS.iter().map(|effect| (effect.slug(), effect.stage())).collect();
     let expected: Vec<(&str, Stage)> = (load.map(|slug| (slug, Stage::Load)).into_iter())
@@ -93,11 +95,12 @@ fn the_library_is_the_one_of_physics_section_5_in_the_order_of_application() {
         .chain([("tracking-drift", Stage::Observation)])
         .collect();
     assert_eq!(found, expected);
+    assert_eq!(NONLINEAR_EFFECTS.iter().map(|effect| effect.slug()).collect::<Vec<_>>(), NONLINEAR);
 }
 
 #[test]
 fn slugs_are_kebab_case_and_parameters_are_unique() {
-    for effect in EFFECTS.iter().copied() {
+    for effect in all() {
         let slug = effect.slug();
         let is_word = |word: &str| !word.is_empty() && word.bytes().all(|byte| byte.is_ascii_lowercase());
         assert!(slug.split('-').all(is_word), "{slug}");
@@ -120,7 +123,7 @@ fn suffix(unit: &str) -> String {
 
 #[test]
 fn parameters_are_named_by_their_effect_and_end_in_their_unit() {
-    for effect in EFFECTS.iter().copied() {
+    for effect in all() {
         for EffectParameter { spec, .. } in effect.parameters() {
             let own = spec.name.strip_prefix(effect.slug()).and_then(|rest| rest.strip_prefix('.')).unwrap();
             let is_letter = |byte: u8| byte.is_ascii_lowercase() || byte.is_ascii_digit() || byte == b'_';
@@ -134,7 +137,7 @@ fn parameters_are_named_by_their_effect_and_end_in_their_unit() {
 
 #[test]
 fn nothing_that_people_read_is_empty() {
-    for effect in EFFECTS.iter().copied() {
+    for effect in all() {
         for text in [effect.summary(), effect.equation()] {
             assert!(text.len() > 5 && text.trim() == text && !text.ends_with('.'), "{}: `{text}`", effect.slug());
         }
@@ -178,7 +181,7 @@ fn priors_lie_inside_their_supports_for_any_experiment() {
 #[test]
 fn nulls_lie_where_the_prior_has_mass_nearby() {
     for scales in experiments() {
-        for effect in EFFECTS.iter().copied() {
+        for effect in all() {
             if effect.needs_finite_elements() && scales.poisson_ratio.is_none() {
                 continue;
             }
@@ -203,7 +206,7 @@ fn at_its_null_every_effect_leaves_the_stages_as_they_are() {
     for scales in experiments() {
         for base in BaseLaw::NAMED {
             let bare = stages_at(&model(base, &[], scales).unwrap(), &[]).unwrap();
-            for effect in EFFECTS.iter().copied() {
+            for effect in all() {
                 let Ok(model) = model(base, &[effect], scales) else { continue };
                 let found = stages_at(&model, &null_of(effect, &scales)).unwrap();
                 assert_eq!(found, bare, "{} on {base:?} at {scales:?}", effect.slug());
@@ -216,7 +219,7 @@ fn at_its_null_every_effect_leaves_the_stages_as_they_are() {
 #[test]
 fn every_effect_writes_into_its_own_stage_only() {
     let bare = stages_at(&model(BaseLaw::Lethersich, &[], PORCINE).unwrap(), &[]).unwrap();
-    for effect in EFFECTS.iter().copied() {
+    for effect in all() {
         let away: Vec<f64> = effect.parameters().iter().map(|p| (p.prior)(&PORCINE).quantile(0.8)).collect();
         let found = stages_at(&model(BaseLaw::Lethersich, &[effect], PORCINE).unwrap(), &away).unwrap();
         let mut expected = bare.clone();
@@ -239,7 +242,7 @@ fn every_effect_writes_into_its_own_stage_only() {
 #[test]
 fn a_moving_null_reaches_the_stages() {
     let bare = stages_at(&model(BaseLaw::Lethersich, &[], PORCINE).unwrap(), &[]).unwrap();
-    for effect in EFFECTS.iter().copied() {
+    for effect in all() {
         let model = model(BaseLaw::Lethersich, &[effect], PORCINE).unwrap();
         let null = null_of(effect, &PORCINE);
         for (j, parameter) in effect.parameters().iter().enumerate() {
@@ -254,7 +257,7 @@ fn a_moving_null_reaches_the_stages() {
 
 #[test]
 fn parameters_outside_their_supports_are_refused_by_name() {
-    for effect in EFFECTS.iter().copied() {
+    for effect in all() {
         let model = model(BaseLaw::Lethersich, &[effect], PORCINE).unwrap();
         for (j, EffectParameter { spec, .. }) in effect.parameters().iter().enumerate() {
             let ends = [(spec.support.lower, -1.0), (spec.support.upper, 1.0)];
@@ -275,7 +278,7 @@ fn parameters_outside_their_supports_are_refused_by_name() {
 fn laws_and_effects_are_refused_exactly_where_physics_says() {
     let refused = [("burgers", "instantaneous-elasticity"), ("two-element", "second-retardation")];
     for base in BaseLaw::NAMED {
-        for effect in EFFECTS.iter().copied() {
+        for effect in all() {
             let outcome = model(base, &[effect], PORCINE);
             let expected = refused.contains(&(base.name(), effect.slug()));
             assert_eq!(outcome.is_err(), expected, "{} on {}", effect.slug(), base.name());
@@ -296,8 +299,8 @@ fn every_pair_of_effects_stands_together_and_takes_its_parameters_in_order() {
             && (["softening", "fractional-damping"].contains(&a)
                 || (a == "instantaneous-elasticity" && b.slug() == "inertia"))
     };
-    for (i, first) in EFFECTS.iter().enumerate() {
-        for second in &EFFECTS[i + 1..] {
+    for (i, first) in all().iter().enumerate() {
+        for second in &all()[i + 1..] {
             let slugs = (first.slug(), second.slug());
             let both_change_the_field = first.changes_field() && second.changes_field();
             let both_mechanics = first.stage() == Stage::Mechanics && second.stage() == Stage::Mechanics;
@@ -329,7 +332,7 @@ fn every_pair_of_effects_stands_together_and_takes_its_parameters_in_order() {
 #[test]
 fn instruments_take_all_but_what_needs_finite_elements() {
     let instrument = Scales { poisson_ratio: None, ..PORCINE };
-    for effect in EFFECTS.iter().copied() {
+    for effect in all() {
         let outcome = model(BaseLaw::Lethersich, &[effect], instrument);
         let linear = ["compressibility", "inertia", "interface-slip", "liquefied-pocket", "poroelasticity"];
         let needs_a_field = linear.contains(&effect.slug()) || NONLINEAR.contains(&effect.slug());
@@ -353,7 +356,7 @@ fn nonlinear_laws_refuse_networks_that_they_cannot_take_apart() {
     ]
     .map(|text| read(&text));
     for slug in NONLINEAR {
-        let effect = EFFECTS.iter().copied().find(|effect| effect.slug() == slug).unwrap();
+        let effect = all().into_iter().find(|effect| effect.slug() == slug).unwrap();
         assert!(model(taken, &[effect], PORCINE).is_ok(), "{slug}");
         for law in refused {
             let text = model(law, &[effect], PORCINE).unwrap_err().to_string();

@@ -74,7 +74,7 @@ impl Effect for LiquefiedPocket {
         is_without_body.then_some(NO_BODY).or_else(|| law_conflict(base, FieldModel::Pocket))
     }
     fn shows_at(&self, _scales: &Scales) -> Option<f64> {
-        Some(0.2)
+        Some(0.5)
     }
     fn apply(&self, parameters: &[Dual], _scales: &Scales, stages: &mut Stages) -> Result<()> {
         let (loss, radius_ratio) = (parameters[0], parameters[1]);
