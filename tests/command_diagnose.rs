@@ -77,7 +77,7 @@ fn a_sealed_case_is_diagnosed_and_written_down() {
     assert!(["missing", "none", "unexplained"].contains(&verdict), "{verdict}");
     assert_eq!(verdict == "missing", document["extended"].is_object(), "{document}");
     let candidates = document["candidates"].as_array().unwrap();
-    assert_eq!(candidates.len(), 11);
+    assert_eq!(candidates.len(), vitreo_uq::effects::EFFECTS.len());
     for candidate in candidates {
         let wanted =
             ["effect", "status", "z", "p_familywise", "visible_fraction", "expected_parameter", "refit", "twins"];
