@@ -13,7 +13,7 @@ use crate::experiment::Record;
 use crate::fe::strain::largest_principal_strain;
 use crate::inference::noise::NoiseModel;
 use crate::inference::pareto::pareto_k;
-use crate::model::{Forward, FullForward, ReducedForward};
+use crate::model::{Forward, FullForward};
 
 /// Posterior draws that full finite elements are run for.
 pub const N_CHECK_DRAWS: usize = 128;
@@ -92,18 +92,25 @@ fn normal_components(student_dof: Option<f64>) -> Vec<f64> {
     (0..STUDENT_COMPONENTS).map(|i| scale / gamma.inverse_cdf(probability(i)).sqrt()).collect()
 }
 
-/// Runs the full model for every draw over the whole record.
+/// Runs the full model for every draw over the whole record, and the reduced one beside it. Where a full run takes minutes, as for laws that are not linear, the
+/// reduced model predicts, and the full one is run beside it for the first [`N_SLOW_DRAWS`] draws.
 ///
 /// # Errors
 /// [`crate::Error::Numerical`] when no draw has a model on the whole record; whatever its parts refuse.
 pub fn check(problem: &Problem, reduced: &Reduced, draws: &[NaturalDraw]) -> Result<FullCheck> {
-    let reduced_forward = problem.reduced_forward(reduced);
+    let (reduced_forward, full) = (problem.reduced_forward(reduced), problem.full_forward()?);
     let n_model = problem.model.parameters().len();
-    let Some(full) = problem.full_forward()? else {
-        let Runs { draws, trajectories_m, n_refused } = run_all(&reduced_forward, draws, n_model)?;
+    let is_slow = problem.model.effects().iter().any(|effect| effect.is_nonlinear());
+    let predicting: &dyn Forward = match &full {
+        Some(full) if !is_slow => full,
+        _ => &reduced_forward,
+    };
+    let Runs { draws, trajectories_m, n_refused } = run_all(predicting, draws, n_model)?;
+    let noise = DrawnNoise::new(problem, &draws, &trajectories_m);
+    let Some(full) = full else {
         return Ok(FullCheck {
             n_refused,
-            noise: DrawnNoise::new(problem, &draws, &trajectories_m),
+            noise,
             draws,
             trajectories_m,
             surrogate_vs_full_max_m: None,
@@ -114,67 +121,30 @@ pub fn check(problem: &Problem, reduced: &Reduced, draws: &[NaturalDraw]) -> Res
             discretisation_m: None,
         });
     };
-    if problem.model.effects().iter().any(|effect| effect.is_nonlinear()) {
-        return check_some(problem, &full, &reduced_forward, draws);
-    }
-    let Runs { draws, trajectories_m: full_m, n_refused } = run_all(&full, draws, n_model)?;
-    let run_reduced = |draw: &NaturalDraw| reduced_forward.trajectory_m(&draw[..n_model]);
-    let reduced_m: Vec<Vec<f64>> = draws.par_iter().map(run_reduced).collect::<Result<_>>()?;
+    let beside_m: Vec<Vec<f64>> = if is_slow {
+        draws.iter().take(N_SLOW_DRAWS).map(|draw| full.trajectory_m(&draw[..n_model])).collect::<Result<_>>()?
+    } else {
+        draws.par_iter().map(|draw| reduced_forward.trajectory_m(&draw[..n_model])).collect::<Result<_>>()?
+    };
     let distance = |(a, b): (&Vec<f64>, &Vec<f64>)| a.iter().zip(b).fold(0.0_f64, |d, (x, y)| d.max((x - y).abs()));
-    let surrogate_vs_full_max_m = full_m.iter().zip(&reduced_m).map(distance).fold(0.0, f64::max);
-    let ln_weights = ln_weights(problem, &draws, &full_m, &reduced_m);
-    let mean_m = mean_trajectory(&full_m, None);
-    let (extreme_row, amplitude_m) =
-        mean_m.iter().enumerate().fold((0, 0.0), |(row, a), (i, x)| if x.abs() > a { (i, x.abs()) } else { (row, a) });
-    let largest_strain = strain_of(problem, &full, &draws[middle_draw(&full_m, extreme_row)][..n_model], extreme_row)?;
-    let comparison = problem.finite_elements().and_then(|fe| fe.comparison);
-    let relative_error = comparison.map(|other| other.relative_error(full.compliance_per_m()).abs());
-    Ok(FullCheck {
-        noise: DrawnNoise::new(problem, &draws, &full_m),
-        fe_runs: draws.len(),
-        draws,
-        n_refused,
-        trajectories_m: full_m,
-        surrogate_vs_full_max_m: Some(surrogate_vs_full_max_m),
-        pareto_k: Some(pareto_k(&ln_weights)),
-        weights: Some(normalised(&ln_weights)),
-        largest_strain,
-        discretisation_m: relative_error.map(|error| amplitude_m * error),
-    })
-}
-
-/// The same where a full run takes minutes, as for laws that are not linear: the reduced model predicts, and the full one is run for the first
-/// [`N_SLOW_DRAWS`] draws.
-fn check_some(
-    problem: &Problem,
-    full: &FullForward,
-    reduced: &ReducedForward,
-    draws: &[NaturalDraw],
-) -> Result<FullCheck> {
-    let n_model = problem.model.parameters().len();
-    let Runs { draws, trajectories_m, n_refused } = run_all(reduced, draws, n_model)?;
+    let surrogate_vs_full_max_m = trajectories_m.iter().zip(&beside_m).map(distance).fold(0.0, f64::max);
+    let ln_weights = (!is_slow).then(|| ln_weights(problem, &draws, &trajectories_m, &beside_m));
     let mean_m = mean_trajectory(&trajectories_m, None);
     let (extreme_row, amplitude_m) =
         mean_m.iter().enumerate().fold((0, 0.0), |(row, a), (i, x)| if x.abs() > a { (i, x.abs()) } else { (row, a) });
     let middle = &draws[middle_draw(&trajectories_m, extreme_row)][..n_model];
-    let largest_strain = strain_of(problem, full, middle, extreme_row)?;
-    let (mut farthest_m, mut fe_runs) = (0.0_f64, 0);
-    for (draw, reduced_m) in draws.iter().zip(&trajectories_m).take(N_SLOW_DRAWS) {
-        let full_m = full.trajectory_m(&draw[..n_model])?;
-        farthest_m = full_m.iter().zip(reduced_m).fold(farthest_m, |d, (x, y)| d.max((x - y).abs()));
-        fe_runs += 1;
-    }
+    let largest_strain = strain_of(problem, &full, middle, extreme_row)?;
     let comparison = problem.finite_elements().and_then(|fe| fe.comparison);
     let relative_error = comparison.map(|other| other.relative_error(full.compliance_per_m()).abs());
     Ok(FullCheck {
-        noise: DrawnNoise::new(problem, &draws, &trajectories_m),
-        n_refused,
+        noise,
+        fe_runs: if is_slow { beside_m.len() } else { draws.len() },
         draws,
+        n_refused,
         trajectories_m,
-        surrogate_vs_full_max_m: Some(farthest_m),
-        pareto_k: None,
-        weights: None,
-        fe_runs,
+        surrogate_vs_full_max_m: Some(surrogate_vs_full_max_m),
+        pareto_k: ln_weights.as_deref().map(pareto_k),
+        weights: ln_weights.as_deref().map(normalised),
         largest_strain,
         discretisation_m: relative_error.map(|error| amplitude_m * error),
     })

@@ -15,50 +15,55 @@ use std::collections::BTreeMap;
 /// Ends of steps that a polynomial goes through.
 const N_NODES: usize = 6;
 
-/// See [`NonlinearModel::run_stages`].
-pub(super) fn run(
-    model: &NonlinearModel,
-    stages: &Stages,
-    time_s: &[f64],
-    force_n: &[f64],
-    rows: &[usize],
-    options: Options,
-) -> Result<NonlinearResult> {
-    let Some(Spatial::Nonlinear(nonlinearity)) = stages.spatial else {
-        return Err(Error::numerical("the law is linear", "step it by the linear model"));
-    };
-    if !stages.softening_rate_per_s.is_constant(0.0) {
-        return Err(Error::numerical(
-            "a gel that softens while it is measured is not stepped beside a law that is not linear",
-            "leave one of them out",
-        ));
-    }
-    let bodies = Bodies::<f64>::new(&stages.law, nonlinearity)?;
-    // A spring in series jumps with the force, and where the force follows the position its excess jumps, too: such a run stops at every row.
-    let jumps = bodies.instantaneous_per_pa > 0.0 && stages.load.gradient_per_m.value != 0.0;
-    let wanted = rows.iter().copied().filter(|&row| row < time_s.len());
-    let mut stop_rows: Vec<usize> = if jumps { (0..time_s.len()).collect() } else { wanted.collect() };
-    stop_rows.extend(time_s.len().checked_sub(1));
-    stop_rows.sort_unstable();
-    stop_rows.dedup();
-    let stops_s: Vec<f64> = stop_rows.iter().map(|&row| time_s[row]).collect();
-    let record = Record { time_s, force_n, stops_s: &stops_s };
-    let (mut fields, mut steps) = (BTreeMap::new(), Vec::new());
-    let at_stop = |at: run::AtRow| {
-        let row = stop_rows[at.row];
-        if rows.contains(&row) {
-            fields.insert(row, at.displacement.to_vec());
+impl NonlinearModel<'_> {
+    /// Runs the stages of a law that is not linear: recorded position (m) at every row, and all unknowns (m) at `rows`. Steps do not end at rows.
+    ///
+    /// # Errors
+    /// Those of [`Self::run`], and [`Error::Numerical`] for stages without such a law and where the gel softens.
+    pub fn run_stages(
+        &self,
+        stages: &Stages,
+        time_s: &[f64],
+        force_n: &[f64],
+        rows: &[usize],
+        options: Options,
+    ) -> Result<NonlinearResult> {
+        let Some(Spatial::Nonlinear(nonlinearity)) = stages.spatial else {
+            return Err(Error::numerical("the law is linear", "step it by the linear model"));
+        };
+        if !stages.softening_rate_per_s.is_constant(0.0) {
+            return Err(Error::numerical(
+                "a gel that softens while it is measured is not stepped beside a law that is not linear",
+                "leave one of them out",
+            ));
         }
-    };
-    let at_step = |time_s: f64, x: f64| steps.push((time_s, x));
-    let cost = run::run(model.balance(), &bodies, &stages.load, record, options, at_stop, at_step)?;
-    let mut displacement_m = displacements_m(model, stages, time_s, force_n, &steps)?;
-    let start_s = time_s.first().copied().unwrap_or(0.0);
-    for (x, t) in displacement_m.iter_mut().zip(time_s) {
-        *x = observed(&stages.observation, *x, t - start_s);
+        let bodies = Bodies::<f64>::new(&stages.law, nonlinearity)?;
+        // A spring in series jumps with the force, and where the force follows the position its excess jumps, too: such a run stops at every row.
+        let jumps = bodies.instantaneous_per_pa > 0.0 && stages.load.gradient_per_m.value != 0.0;
+        let wanted = rows.iter().copied().filter(|&row| row < time_s.len());
+        let mut stop_rows: Vec<usize> = if jumps { (0..time_s.len()).collect() } else { wanted.collect() };
+        stop_rows.extend(time_s.len().checked_sub(1));
+        stop_rows.sort_unstable();
+        stop_rows.dedup();
+        let stops_s: Vec<f64> = stop_rows.iter().map(|&row| time_s[row]).collect();
+        let record = Record { time_s, force_n, stops_s: &stops_s };
+        let (mut fields, mut steps) = (BTreeMap::new(), Vec::new());
+        let at_stop = |at: run::AtRow| {
+            let row = stop_rows[at.row];
+            if rows.contains(&row) {
+                fields.insert(row, at.displacement.to_vec());
+            }
+        };
+        let at_step = |time_s: f64, x: f64| steps.push((time_s, x));
+        let cost = run::run(self.balance(), &bodies, &stages.load, record, options, at_stop, at_step)?;
+        let mut displacement_m = displacements_m(self, stages, time_s, force_n, &steps)?;
+        let start_s = time_s.first().copied().unwrap_or(0.0);
+        for (x, t) in displacement_m.iter_mut().zip(time_s) {
+            *x = observed(&stages.observation, *x, t - start_s);
+        }
+        let fields = rows.iter().filter_map(|row| fields.get(row).cloned()).collect();
+        Ok(NonlinearResult { displacement_m, fields, cost })
     }
-    let fields = rows.iter().filter_map(|row| fields.get(row).cloned()).collect();
-    Ok(NonlinearResult { displacement_m, fields, cost })
 }
 
 /// Displacement (m) at the rows from that at the ends of steps.

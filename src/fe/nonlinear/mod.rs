@@ -22,7 +22,7 @@ pub(crate) use law::Bodies;
 pub(crate) use run::AtRow;
 pub use tableau::Scheme;
 
-use crate::effects::{Load, Nonlinearity, Stages};
+use crate::effects::{Load, Nonlinearity};
 use crate::error::{Error, Result};
 use crate::fe::stepping::Resolution;
 use crate::fe::{Factor, Stiffness};
@@ -154,22 +154,7 @@ impl<'a> NonlinearModel<'a> {
         Ok(result)
     }
 
-    /// Runs the stages of a law that is not linear: recorded position (m) at every row, and all unknowns (m) at `rows`. Steps do not end at rows.
-    ///
-    /// # Errors
-    /// Those of [`Self::run`], and [`Error::Numerical`] for stages without such a law and where the gel softens.
-    pub fn run_stages(
-        &self,
-        stages: &Stages,
-        time_s: &[f64],
-        force_n: &[f64],
-        rows: &[usize],
-        options: Options,
-    ) -> Result<NonlinearResult> {
-        between_steps::run(self, stages, time_s, force_n, rows, options)
-    }
-
-    /// The same, with every row's state shown to `at_row`.
+    /// [`Self::run`] with every row's state shown to `at_row`.
     pub(crate) fn watch(&self, what: &NonlinearRun, options: Options, at_row: impl FnMut(AtRow)) -> Result<Cost> {
         let bodies = Bodies::new(what.law, what.nonlinearity)?;
         let balance = self.balance();

@@ -115,19 +115,11 @@ impl IntegrationPoints {
         strains.par_chunks_mut(CHUNK * self.n_points).enumerate().for_each(|(chunk, strains)| {
             let n_elements = strains.len() / self.n_points;
             let first = chunk * CHUNK;
-            let nodal = self.gathered(displacement, first, n_elements);
-            let mut gradient = Mat::<f64>::zeros(3 * self.n_points, 3 * n_elements);
-            matmul(gradient.as_mut(), Accum::Replace, self.gradient.as_ref(), nodal.as_ref(), 1.0, Par::Seq);
+            let reference = self.reference_gradients(displacement, first, n_elements);
             for (e, strains) in strains.chunks_exact_mut(self.n_points).enumerate() {
-                let columns = [0, 1, 2].map(|i| gradient.col_as_slice(3 * e + i));
-                let inverses = &self.inverse_jacobian[(first + e) * self.n_points..];
-                for (q, (strain, inverse)) in strains.iter_mut().zip(inverses).enumerate() {
-                    // ∂uᵢ/∂xⱼ = Σ_d ∂uᵢ/∂ξ_d ∂ξ_d/∂xⱼ.
-                    let derivative = |i: usize, j: usize| {
-                        let g = &columns[i][3 * q..3 * q + 3];
-                        g[0] * inverse[j] + g[1] * inverse[3 + j] + g[2] * inverse[6 + j]
-                    };
-                    *strain = strain_tensor(derivative);
+                let derivative = self.derivatives(&reference, first, e);
+                for (q, strain) in strains.iter_mut().enumerate() {
+                    *strain = strain_tensor(|i, j| derivative(q, i, j));
                 }
                 self.project(first + e, strains);
             }
@@ -163,16 +155,11 @@ impl IntegrationPoints {
         gradients.par_chunks_mut(CHUNK * self.n_points).enumerate().for_each(|(chunk, gradients)| {
             let n_elements = gradients.len() / self.n_points;
             let first = chunk * CHUNK;
-            let nodal = self.gathered(displacement, first, n_elements);
-            let mut reference = Mat::<f64>::zeros(3 * self.n_points, 3 * n_elements);
-            matmul(reference.as_mut(), Accum::Replace, self.gradient.as_ref(), nodal.as_ref(), 1.0, Par::Seq);
+            let reference = self.reference_gradients(displacement, first, n_elements);
             for (e, gradients) in gradients.chunks_exact_mut(self.n_points).enumerate() {
-                let columns = [0, 1, 2].map(|i| reference.col_as_slice(3 * e + i));
-                let inverses = &self.inverse_jacobian[(first + e) * self.n_points..];
-                for (q, (gradient, inverse)) in gradients.iter_mut().zip(inverses).enumerate() {
-                    let by_place =
-                        |i: usize, j: usize| (0..3).map(|d| columns[i][3 * q + d] * inverse[3 * d + j]).sum();
-                    *gradient = Matrix3::from_fn(by_place);
+                let derivative = self.derivatives(&reference, first, e);
+                for (q, gradient) in gradients.iter_mut().enumerate() {
+                    *gradient = Matrix3::from_fn(|i, j| derivative(q, i, j));
                 }
             }
         });
@@ -221,6 +208,29 @@ impl IntegrationPoints {
             }
         }
         force
+    }
+
+    /// ∂uᵢ/∂ξ_d at the points of `n_elements` elements from `first` on: row 3q + d, column 3e + i.
+    fn reference_gradients(&self, displacement: &[f64], first: usize, n_elements: usize) -> Mat<f64> {
+        let nodal = self.gathered(displacement, first, n_elements);
+        let mut reference = Mat::<f64>::zeros(3 * self.n_points, 3 * n_elements);
+        matmul(reference.as_mut(), Accum::Replace, self.gradient.as_ref(), nodal.as_ref(), 1.0, Par::Seq);
+        reference
+    }
+
+    /// ∂uᵢ/∂xⱼ = Σ_d ∂uᵢ/∂ξ_d ∂ξ_d/∂xⱼ at point q of the element `e` after `first`, by (q, i, j).
+    fn derivatives<'a>(
+        &'a self,
+        reference: &'a Mat<f64>,
+        first: usize,
+        e: usize,
+    ) -> impl Fn(usize, usize, usize) -> f64 + 'a {
+        let columns = [0, 1, 2].map(|i| reference.col_as_slice(3 * e + i));
+        let inverses = &self.inverse_jacobian[(first + e) * self.n_points..];
+        move |q, i, j| {
+            let (g, inverse) = (&columns[i][3 * q..3 * q + 3], &inverses[q]);
+            g[0] * inverse[j] + g[1] * inverse[3 + j] + g[2] * inverse[6 + j]
+        }
     }
 
     fn gathered(&self, displacement: &[f64], first: usize, n_elements: usize) -> Mat<f64> {
