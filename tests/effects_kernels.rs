@@ -3,7 +3,7 @@
 
 use std::sync::OnceLock;
 
-use vitreo_uq::effects::{EFFECTS, Effect, FieldModel, NONLINEAR_EFFECTS};
+use vitreo_uq::effects::{EFFECTS, Effect, FieldModel};
 use vitreo_uq::error::{Error, Place};
 use vitreo_uq::experiment::Scales;
 use vitreo_uq::fe::Stiffness;
@@ -41,9 +41,9 @@ fn protocol() -> Protocol {
     Protocol { time_s, force_n, scales }
 }
 
-/// The library's effects, and those whose law is not linear.
+/// The library's effects.
 fn all() -> Vec<&'static dyn Effect> {
-    EFFECTS.iter().chain(NONLINEAR_EFFECTS).copied().collect()
+    EFFECTS.iter().copied().collect()
 }
 
 /// A coarse mesh: what is compared is time, not space.

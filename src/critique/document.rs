@@ -86,7 +86,14 @@ impl Report<'_> {
             detectable = smallest_detectable(subject, base, self.threshold_sigma())?;
             separating_protocol = self.separating_protocol()?;
         }
-        let is_blind = |slug: &str| detectable.iter().any(|d: &Detectable| d.effect == slug && d.is_blind_spot());
+        // What leaves nothing where it is small may show where it is large.
+        let of = |slug: &str| detectable.iter().find(|d: &&Detectable| d.effect == slug);
+        for entry in candidates.iter_mut().filter(|entry| entry.status == Status::Invisible) {
+            if of(&entry.effect).is_some_and(|d| d.smallest.is_some()) {
+                entry.status = Status::Unsupported;
+            }
+        }
+        let is_blind = |slug: &str| of(slug).is_some_and(Detectable::is_blind_spot);
         let invisible = |c: &&CandidateEntry| c.status == Status::Invisible || is_blind(&c.effect);
         let blind_spots = candidates.iter().filter(invisible).map(|c| c.effect.clone()).collect();
         let smallest = |d: &Detectable| SmallestDetectable { effect: d.effect.clone(), parameter: d.smallest };

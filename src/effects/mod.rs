@@ -58,13 +58,11 @@ pub const EFFECTS: &[&dyn Effect] = &[
     &interface_slip::InterfaceSlip,
     &liquefied_pocket::LiquefiedPocket,
     &poroelasticity::Poroelasticity,
+    &strain_stiffening::StrainStiffening,
+    &shear_thinning::ShearThinning,
+    &yield_stress::YieldStress,
     &tracking_drift::TrackingDrift,
 ];
-
-/// Effects whose law is not linear: models like the others, but each costs thousands of the others' evaluations, too many for [`Library::default`], which is searched as a whole.
-/// [`Library::with`] adds them.
-pub const NONLINEAR_EFFECTS: &[&dyn Effect] =
-    &[&strain_stiffening::StrainStiffening, &shear_thinning::ShearThinning, &yield_stress::YieldStress];
 
 /// Range of positions by which default priors are scaled, in m: the measured one, or a millimetre, the largest displacement of the
 /// reference experiment (physics §1), where nothing is measured.

@@ -1,6 +1,6 @@
 //! Symbols and units of parameters: of effects from their own tables, of all others from their names in the contracts.
 
-use crate::effects::{EFFECTS, NONLINEAR_EFFECTS};
+use crate::effects::EFFECTS;
 
 /// Symbol and unit of a parameter as figures show them.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -63,7 +63,7 @@ pub fn of_parameter(name: &str) -> ParameterLabel {
 
 /// Label of an effect's parameter: slug and symbol, since two effects may use one symbol.
 fn of_effect(name: &str) -> Option<ParameterLabel> {
-    EFFECTS.iter().chain(NONLINEAR_EFFECTS).find_map(|effect| {
+    EFFECTS.iter().find_map(|effect| {
         let parameter = effect.parameters().iter().find(|parameter| parameter.spec.name == name)?;
         let unit = if parameter.spec.unit == "1" { "–".into() } else { parameter.spec.unit.replace("Pa s", "Pa·s") };
         Some(ParameterLabel { symbol: format!("{} {}", effect.slug(), parameter.symbol), unit })
@@ -111,7 +111,7 @@ mod tests {
     /// Two columns of one corner plot must not carry the same label, and the unit of an effect's table is the one that its name ends in.
     #[test]
     fn labels_of_effects_are_unique_and_agree_with_their_names() {
-        let all = || EFFECTS.iter().chain(NONLINEAR_EFFECTS);
+        let all = || EFFECTS.iter();
         let names = || all().flat_map(|effect| effect.parameters()).map(|parameter| parameter.spec.name);
         let labels: std::collections::BTreeSet<String> = names().map(|name| of_parameter(name).axis()).collect();
         assert_eq!(labels.len(), names().count());

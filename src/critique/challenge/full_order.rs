@@ -180,8 +180,8 @@ impl Workshop {
             let poisson_ratio = wrong_ratio.unwrap_or(self.poisson_ratio);
             let surroundings = Surroundings { mesh, stiffness, poisson_ratio, sizes: *sizes };
             let values: Vec<f64> = values.iter().map(|value| value.value).collect();
+            // The reduced models of these effects have no steps that the data's would have to be finer than.
             FullForward::new(&model, stiffness, poisson_ratio, &record.time_s, &force_n)?
-                .with_resolution(self.resolution)
                 .in_surroundings(surroundings)
                 .trajectory_m(&values)?
         } else {

@@ -124,6 +124,41 @@ pub fn run(
     }
 }
 
+/// Changes of a force that are nearer to a row than this share of the record come after it.
+const CLOCK_ROUNDING: f64 = 1e-13;
+
+/// Positions (m) at rows by superposition: a force that does not depend on the position acts on a linear system, so that one step of it, stepped once through
+/// the record's length, gives the answer to any.
+fn superposed(
+    system: &dyn TransientSystem,
+    chains: &[CreepCompliance],
+    load: &Load,
+    time_s: &[f64],
+    resolution: Resolution,
+) -> Result<Vec<f64>> {
+    let (Some(first_s), Some(last_s)) = (time_s.first(), time_s.last()) else { return Ok(Vec::new()) };
+    let rounding_s = CLOCK_ROUNDING * (last_s - first_s);
+    // Time since a change, the row, and the change in N.
+    let mut terms: Vec<(f64, usize, f64)> = Vec::new();
+    let mut force_n = 0.0;
+    for switch in &load.switches {
+        let change_n = switch.force_n - force_n;
+        force_n = switch.force_n;
+        let ages = time_s.iter().map(|t| t - switch.time_s).enumerate().filter(|(_, age_s)| *age_s > rounding_s);
+        terms.extend(ages.filter(|_| change_n != 0.0).map(|(row, age_s)| (age_s, row, change_n)));
+    }
+    terms.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let ages_s: Vec<f64> = std::iter::once(0.0).chain(terms.iter().map(|term| term.0)).collect();
+    let unit =
+        Load { switches: vec![Switch { time_s: 0.0, force_n: 1.0 }], lag_time_s: load.lag_time_s, gradient_per_m: 0.0 };
+    let answer = transient::run(system, chains, &unit, &ages_s, &[], resolution)?;
+    let mut position_m = vec![0.0; time_s.len()];
+    for ((_, row, change_n), per_n) in terms.iter().zip(&answer.position_m[1..]) {
+        position_m[*row] += change_n * per_n;
+    }
+    Ok(position_m)
+}
+
 /// What all runs share.
 struct Job<'a> {
     stages: &'a Stages,
@@ -150,9 +185,14 @@ impl Job<'_> {
         let window = self.window();
         let chains: Vec<CreepCompliance> =
             laws.iter().map(|law| transient::chain_of(law, window)).collect::<Result<_>>()?;
-        let stepped = transient::run(system, &chains, &load, self.time_s, self.rows, self.resolution)?;
         let start_s = self.time_s.first().copied().unwrap_or(0.0);
         let observe = |(x, t): (&f64, &f64)| observed(&self.stages.observation, *x, t - start_s);
+        if self.rows.is_empty() && load.gradient_per_m == 0.0 {
+            let position_m = superposed(system, &chains, &load, self.time_s, self.resolution)?;
+            let position_m = position_m.iter().zip(self.time_s).map(observe).collect();
+            return Ok(SpatialRun { position_m, fields: Vec::new(), mesh: None });
+        }
+        let stepped = transient::run(system, &chains, &load, self.time_s, self.rows, self.resolution)?;
         Ok(SpatialRun {
             position_m: stepped.position_m.iter().zip(self.time_s).map(observe).collect(),
             fields: stepped.fields.iter().map(|z| nodal(z)).collect(),

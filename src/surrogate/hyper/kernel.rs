@@ -3,6 +3,8 @@
 //! The equations are those of [`crate::fe::nonlinear::point`], for eight points at once.
 
 use super::lanes::{Block, N_LANES, Plain};
+use crate::effects::Nonlinearity;
+use crate::fe::nonlinear::Bodies;
 use crate::fe::nonlinear::point::{EQUIVALENT, Number, Radial, StageLaw};
 use crate::number::PointScalar;
 
@@ -12,53 +14,64 @@ pub(super) type BlockTensor<B> = [B; 6];
 /// Added to squared deviators (of strains): nothing that moves is so still, and nothing is divided by zero.
 const STILL: f64 = 1e-60;
 const MOST_ITERATIONS: usize = 60;
-const ROUNDING: f64 = 1e-11;
+/// √(v² + this) beside |v| + 2 ln(1 + e^−|v|): nowhere further away than 0.2.
+const HYPERBOLA: f64 = 1.6;
 
-/// What the modes strain at the points of the cubature, in blocks.
+/// What M modes strain at the points of the cubature, in blocks.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct CubaturePoints {
-    pub n_modes: usize,
-    pub n_blocks: usize,
-    /// Strain of every mode: block by block, tensor coordinate by coordinate, mode by mode.
-    pub strains: Vec<Plain>,
-    /// Products of the modes' deviators, block by block, i ≤ j.
-    pub products: Vec<Plain>,
+pub(super) struct CubaturePoints<const M: usize>(Vec<Points<M>>);
+
+/// A block of points.
+#[derive(Debug, Clone, PartialEq)]
+struct Points<const M: usize> {
+    /// Strain of every mode, by tensor coordinate.
+    strains: [[Plain; M]; 6],
+    /// Products of the modes' deviators.
+    products: [[Plain; M]; M],
     /// Weights (m³) times 2μ̂ and times κ̂.
-    pub weights: Vec<[Plain; 2]>,
+    weights: [Plain; 2],
 }
 
-impl CubaturePoints {
+impl<const M: usize> CubaturePoints<M> {
     /// From strains (point by point, coordinate by coordinate, mode by mode), weights in m³ and unit moduli 2μ̂ and κ̂.
-    pub(super) fn new(n_modes: usize, strains: &[f64], weights_m3: &[f64], [two_mu, kappa]: [f64; 2]) -> Self {
-        let n_blocks = weights_m3.len().div_ceil(N_LANES);
-        // Points that fill the last block up weigh nothing.
-        let lane = |block: usize, place: usize| {
-            let of_point = |l: usize| strains.get((block * N_LANES + l) * 6 * n_modes + place).copied().unwrap_or(0.0);
+    pub(super) fn new(strains: &[f64], weights_m3: &[f64], unit_moduli: [f64; 2]) -> Self {
+        let lanes = |values: &[f64], stride: usize, place: usize, block: usize| {
+            // Points that fill the last block up weigh nothing.
+            let of_point = |l: usize| values.get((block * N_LANES + l) * stride + place).copied().unwrap_or(0.0);
             Plain(std::array::from_fn(of_point))
         };
-        let blocks: Vec<Plain> =
-            (0..n_blocks).flat_map(|b| (0..6 * n_modes).map(move |k| (b, k))).map(|(b, k)| lane(b, k)).collect();
-        let mut products = Vec::new();
-        for block in blocks.chunks_exact(6 * n_modes) {
-            for i in 0..n_modes {
-                for j in i..n_modes {
-                    let terms = (0..5).map(|c| block[c * n_modes + i] * block[c * n_modes + j]);
-                    products.push(terms.fold(Plain([0.0; N_LANES]), |a, b| a + b));
-                }
-            }
-        }
-        let weight = |b: usize| Plain(std::array::from_fn(|l| weights_m3.get(b * N_LANES + l).copied().unwrap_or(0.0)));
-        let weights = (0..n_blocks).map(|b| [weight(b) * splat(two_mu), weight(b) * splat(kappa)]).collect();
-        Self { n_modes, n_blocks, strains: blocks, products, weights }
+        let block = |b: usize| {
+            let strains: [[Plain; M]; 6] =
+                std::array::from_fn(|c| std::array::from_fn(|i| lanes(strains, 6 * M, c * M + i, b)));
+            let product = |i: usize, j: usize| {
+                strains[..5].iter().fold(splat(0.0), |sum, of_modes| sum + of_modes[i] * of_modes[j])
+            };
+            let products = std::array::from_fn(|i| std::array::from_fn(|j| product(i, j)));
+            let weights = unit_moduli.map(|modulus| lanes(weights_m3, 1, 0, b) * splat(modulus));
+            Points { strains, products, weights }
+        };
+        Self((0..weights_m3.len().div_ceil(N_LANES)).map(block).collect())
     }
 
-    /// Strain of a block at reduced coordinates.
+    /// Largest equivalent strain at reduced coordinates.
+    pub(super) fn largest_strain(&self, coordinates: &[f64; M]) -> f64 {
+        let at = |points: &Points<M>| deviator_norm(&points.strain::<Plain>(coordinates)).largest();
+        EQUIVALENT * self.0.iter().map(at).fold(0.0, f64::max)
+    }
+
+    /// Number of blocks.
+    pub(super) fn n_blocks(&self) -> usize {
+        self.0.len()
+    }
+}
+
+impl<const M: usize> Points<M> {
+    /// Strain at reduced coordinates.
     #[inline(always)]
-    fn strain<B: Block>(&self, block: usize, coordinates: &[B::Scalar]) -> BlockTensor<B> {
-        let m = self.n_modes;
+    fn strain<B: Block>(&self, coordinates: &[B::Scalar; M]) -> BlockTensor<B> {
         let mut strain = [B::constant(splat(0.0)); 6];
-        for (c, sum) in strain.iter_mut().enumerate() {
-            for (z, b) in coordinates.iter().zip(&self.strains[(block * 6 + c) * m..][..m]) {
+        for (sum, of_modes) in strain.iter_mut().zip(&self.strains) {
+            for (z, b) in coordinates.iter().zip(of_modes) {
                 *sum = *sum + B::splat(*z) * *b;
             }
         }
@@ -103,6 +116,7 @@ impl<B: Block> Given<B> {
 }
 
 /// Moduli as in [`crate::fe::nonlinear::point::Moduli`].
+#[derive(Debug, Clone, Copy)]
 struct BlockModuli<B> {
     secant: B,
     normal: B,
@@ -130,14 +144,24 @@ fn in_series<B: Block>(j: B, flow: B, slope: B, m: B) -> BlockModuli<B> {
     BlockModuli { secant, normal, volumetric: secant, coupling }
 }
 
-/// m of (a + b m²) m = e, from the right.
+/// m of (a + b m²) m = e by steps of third order (Halley's).
+///
+/// With t = b e²/a³ a quotient of polynomials starts them, right to 4 % for t below 1000, so that two steps reach rounding; beyond it takes more.
 #[inline(always)]
 fn stiffening_root(a: Plain, b: Plain, e: Plain) -> Plain {
-    let mut m = e / a;
-    for _ in 0..MOST_ITERATIONS {
-        let change = (m * (a + b * m * m) - e) / stiffening_slope(a, b, m);
+    let (one, three, inverse) = (splat(1.0), splat(3.0), splat(1.0) / a);
+    let (bend, linear) = (b * inverse, e * inverse);
+    let t = bend * linear * linear;
+    let above = one + t * (splat(0.33035) + t * splat(0.0010286));
+    let below = one + t * (splat(0.91573) + t * splat(0.012622));
+    let mut m = linear * above / below;
+    for step in 0..MOST_ITERATIONS {
+        let squared = bend * m * m;
+        let (excess, slope) = (m * (one + squared) - linear, one + three * squared);
+        let change = excess * slope / (slope * slope - excess * three * bend * m);
         m = m - change;
-        if (change / m).largest() <= ROUNDING {
+        // A step of third order leaves the cube of this.
+        if step > 0 && change.is_within(m * splat(1e-5)) {
             break;
         }
     }
@@ -149,32 +173,42 @@ fn stiffening_slope(a: Plain, b: Plain, m: Plain) -> Plain {
     a + b * splat(3.0) * m * m
 }
 
-/// m of m (j + g (m/s₀)^p) = e, and (m/s₀)^p.
+/// m of m (j + g (m/s₀)^p) = e, and g (m/s₀)^p/j.
+///
+/// With v = ln(g/j) + p ln(m/s₀): v + p ln(1 + eᵛ) = c, a curve along two straight lines. The hyperbola beside it starts two steps of third order.
 #[inline(always)]
 fn thinning_root(e: Plain, j: f64, g: f64, s0: f64, p: f64) -> (Plain, Plain) {
-    let one = splat(1.0);
-    let target = Block::ln(e / splat(j * s0));
-    let mut y = target.min((target - splat((g / j).ln())) * splat(1.0 / (1.0 + p)));
-    let mut share = one;
-    for _ in 0..MOST_ITERATIONS {
-        share = Block::exp(y * splat(p));
-        let ratio = share * splat(g / j);
-        // The logarithm of what m (j + flow) is of what it should be, to third order: right where it matters.
-        let excess = Block::exp(y - target) * (one + ratio);
-        let excess = (excess - one) * splat(2.0) / (excess + one);
-        let change = excess / (one + splat(p) * ratio / (one + ratio));
-        y = y - change;
-        if change.largest() <= 1e-9 {
-            share = share * (one - change * splat(p));
-            break;
-        }
+    let (one, half, power) = (splat(1.0), splat(0.5), splat(p));
+    let c = Block::ln(e * splat(1.0 / (j * s0))) * power + splat((g / j).ln());
+    let bend = (c * c + splat(HYPERBOLA * (1.0 + p))).sqrt();
+    let mut v = (c * splat(2.0 + p) - bend * power) * splat(0.5 / (1.0 + p));
+    let mut ratio = Block::exp(v);
+    for _ in 0..2 {
+        let whole = one + ratio;
+        let share = ratio / whole;
+        let excess = v + power * Block::ln(whole) - c;
+        let slope = one + power * share;
+        let curvature = power * share * (one - share);
+        let change = excess * slope / (slope * slope - half * excess * curvature);
+        v = v - change;
+        ratio = ratio * exp_of_little(-change);
     }
-    (Block::exp(y) * splat(s0), share)
+    (e * splat(1.0 / j) / (one + ratio), ratio)
+}
+
+/// eˣ by Taylor's polynomial of degree 9, to rounding for |x| < 0.1.
+#[inline(always)]
+fn exp_of_little(x: Plain) -> Plain {
+    let mut sum = splat(1.0);
+    for n in (1_u8..10).rev() {
+        sum = splat(1.0) + x * sum * splat(1.0 / f64::from(n));
+    }
+    sum
 }
 
 #[inline(always)]
-fn thinning_slope(share: Plain, j: f64, g: f64) -> Plain {
-    splat(j) + share * splat(g)
+fn thinning_slope(ratio: Plain, j: f64, p: f64) -> Plain {
+    splat(j) * (splat(1.0) + ratio * splat(1.0 + p))
 }
 
 #[inline(always)]
@@ -202,15 +236,15 @@ fn moduli<B: Block>(law: &StageLaw<B::Scalar>, norm: B) -> BlockModuli<B> {
         Radial::Thinning { fluidity, exponent, reference } => {
             let (g, s0, p) = (fluidity.value(), reference.value(), exponent.value());
             let jv = law.linear_compliance.value();
-            let (m, share) = thinning_root(driving.values(), jv, g, s0, p);
+            let (m, ratio) = thinning_root(driving.values(), jv, g, s0, p);
             let (reference, exponent, fluidity) = (B::splat(reference), B::splat(exponent), B::splat(fluidity));
             if !B::Scalar::HAS_DERIVATIVE {
-                let flow = fluidity * share;
+                let flow = j * ratio;
                 return in_series(j, flow, flow * (exponent + one), B::constant(m));
             }
             let root = B::constant(m);
             let rest = root * (j + fluidity * ((root / reference).ln() * exponent).exp()) - driving;
-            let m = polished(root, rest, thinning_slope(share, jv, g * (1.0 + p)));
+            let m = polished(root, rest, thinning_slope(ratio, jv, p));
             let flow = fluidity * ((m / reference).ln() * exponent).exp();
             in_series(j, flow, flow * (exponent + one), m)
         }
@@ -231,6 +265,17 @@ fn moduli<B: Block>(law: &StageLaw<B::Scalar>, norm: B) -> BlockModuli<B> {
             let slope = ((beyond + quarter) / root + one) * splat(0.5);
             in_series(j, g * share, g * slope, m)
         }
+    }
+}
+
+/// The equivalent strain of the nonlinear body where its spring bears what without stiffening would be `elastic`.
+pub(super) fn stiffened_strain(bodies: &Bodies<f64>, elastic: f64) -> f64 {
+    match bodies.nonlinearity {
+        Nonlinearity::StrainStiffening { coefficient } => {
+            let [strain, ..] = stiffening_root(splat(1.0), splat(coefficient), splat(elastic)).0;
+            strain
+        }
+        _ => elastic,
     }
 }
 
@@ -262,101 +307,102 @@ fn deviator_norm<B: Block>(a: &BlockTensor<B>) -> B {
     (squared + B::constant(splat(STILL))).sqrt()
 }
 
-/// Sums of the balance over the blocks.
-#[derive(Debug, Clone)]
-pub(super) struct Sums {
-    force: Vec<Plain>,
-    /// Row by row.
-    tangent: Vec<Plain>,
+/// The law at a block.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct At {
+    a: BlockTensor<Plain>,
+    inverse_norm: Plain,
+    moduli: BlockModuli<Plain>,
 }
 
-impl Sums {
-    pub(super) fn new(n_modes: usize) -> Self {
-        Self { force: vec![splat(0.0); n_modes], tangent: vec![splat(0.0); n_modes * n_modes] }
+impl At {
+    /// What the stress would be at a little beside a, by the tangent.
+    #[inline(always)]
+    fn stress_beside(&self, a: &BlockTensor<Plain>, taken: &BlockTensor<Plain>) -> BlockTensor<Plain> {
+        let Self { a: here, inverse_norm, moduli } = self;
+        let mut along = (a[0] - here[0]) * here[0];
+        for c in 1..5 {
+            along = along + (a[c] - here[c]) * here[c];
+        }
+        along = along * *inverse_norm;
+        let bent = (moduli.normal - moduli.secant) * along * *inverse_norm;
+        let mut stress = *a;
+        for (c, s) in stress[..5].iter_mut().enumerate() {
+            *s = moduli.secant * *s + bent * here[c] - taken[c];
+        }
+        stress[5] = moduli.volumetric * stress[5] + moduli.coupling * along * here[5] - taken[5];
+        stress
     }
 }
 
-/// Internal forces on the modes and, row by row, their derivatives.
+/// Internal forces on the modes and, row by row, their derivatives. What it finds at the blocks stands in `at`.
 #[inline(always)]
-pub(super) fn forces_and_tangent(
-    points: &CubaturePoints,
+pub(super) fn forces_and_tangent<const M: usize>(
+    points: &CubaturePoints<M>,
     law: &StageLaw<f64>,
     given: &[Given<Plain>],
-    coordinates: &[f64],
-    sums: &mut Sums,
-    force: &mut [f64],
-    tangent: &mut [f64],
-) {
-    let m = points.n_modes;
-    sums.force.fill(splat(0.0));
-    sums.tangent.fill(splat(0.0));
-    let couples = !matches!(law.radial, Radial::Stiffening { .. });
-    let mut along = [splat(0.0); MOST_MODES];
-    for (block, given) in given.iter().enumerate() {
-        let [deviatoric, volumetric] = points.weights[block];
-        let a = sum(&points.strain::<Plain>(block, coordinates), &given.offset);
+    coordinates: &[f64; M],
+    at: &mut Vec<At>,
+) -> ([f64; M], [[f64; M]; M]) {
+    // The law of all blocks first: their roots and quotients wait for themselves, not for each other.
+    at.clear();
+    for (points, given) in points.0.iter().zip(given) {
+        let a = sum(&points.strain::<Plain>(coordinates), &given.offset);
         let norm = deviator_norm(&a);
-        let at = moduli::<Plain>(law, norm);
-        let row = |c: usize| &points.strains[(block * 6 + c) * m..][..m];
-        let inverse = splat(1.0) / norm;
-        for (c, (a, taken)) in a[..5].iter().zip(&given.taken).enumerate() {
-            let stress = (at.secant * *a - *taken) * deviatoric;
-            for (f, b) in sums.force.iter_mut().zip(row(c)) {
-                *f = *f + stress * *b;
+        at.push(At { a, inverse_norm: splat(1.0) / norm, moduli: moduli::<Plain>(law, norm) });
+    }
+    let zero = splat(0.0);
+    let (mut force, mut tangent, mut below) = ([zero; M], [[zero; M]; M], [[zero; M]; M]);
+    let couples = !matches!(law.radial, Radial::Stiffening { .. });
+    for ((points, given), At { a, inverse_norm, moduli }) in points.0.iter().zip(given).zip(&*at) {
+        let [deviatoric, volumetric] = points.weights;
+        let mut along = [zero; M];
+        for (c, of_modes) in points.strains[..5].iter().enumerate() {
+            let stress = (moduli.secant * a[c] - given.taken[c]) * deviatoric;
+            let direction = a[c] * *inverse_norm;
+            for i in 0..M {
+                force[i] = force[i] + stress * of_modes[i];
+                along[i] = along[i] + direction * of_modes[i];
             }
         }
-        let trace = (at.volumetric * a[5] - given.taken[5]) * volumetric;
-        for (f, b) in sums.force.iter_mut().zip(row(5)) {
-            *f = *f + trace * *b;
-        }
-        for (i, n) in along[..m].iter_mut().enumerate() {
-            let mut sum = a[0] * row(0)[i];
-            for (c, a) in a[..5].iter().enumerate().skip(1) {
-                sum = sum + *a * row(c)[i];
-            }
-            *n = sum * inverse;
-        }
-        let (secant, extra) = (at.secant * deviatoric, (at.normal - at.secant) * deviatoric);
-        let (dilation, coupling) = (at.volumetric * volumetric, at.coupling * a[5] * volumetric);
-        let mut products = points.products[block * m * (m + 1) / 2..].iter();
-        for i in 0..m {
-            let (n_i, t_i) = (extra * along[i], dilation * row(5)[i]);
-            let columns = along[i..m].iter().zip(&row(5)[i..]).zip(&mut sums.tangent[i * m + i..]);
-            for (((n_j, t_j), entry), product) in columns.zip(&mut products) {
-                *entry = *entry + secant * *product + n_i * *n_j + t_i * *t_j;
+        let traces = &points.strains[5];
+        let trace = (moduli.volumetric * a[5] - given.taken[5]) * volumetric;
+        let (secant, extra) = (moduli.secant * deviatoric, (moduli.normal - moduli.secant) * deviatoric);
+        let dilation = moduli.volumetric * volumetric;
+        for i in 0..M {
+            force[i] = force[i] + trace * traces[i];
+            let (n_i, t_i) = (extra * along[i], dilation * traces[i]);
+            for j in i..M {
+                let bent = n_i * along[j] + t_i * traces[j];
+                tangent[i][j] = tangent[i][j] + secant * points.products[i][j] + bent;
             }
         }
         if couples {
-            // The part that is not symmetric goes below the diagonal and is spread afterwards with what the upper part lacks.
-            for i in 0..m {
-                let t_i = coupling * row(5)[i];
-                for j in 0..m {
-                    let entry = &mut sums.tangent[i * m + j];
-                    if j >= i {
-                        *entry = *entry + t_i * along[j];
-                    } else {
-                        *entry = *entry + t_i * along[j] - coupling * row(5)[j] * along[i];
-                    }
+            let coupling = moduli.coupling * a[5] * volumetric;
+            for i in 0..M {
+                let t_i = coupling * traces[i];
+                for j in 0..M {
+                    below[i][j] = below[i][j] + t_i * along[j];
                 }
             }
         }
     }
-    for (f, sum) in force.iter_mut().zip(&sums.force) {
-        *f = sum.sum();
+    let mut summed = [[0.0; M]; M];
+    for i in 0..M {
+        for j in i..M {
+            let symmetric = tangent[i][j].sum();
+            (summed[i][j], summed[j][i]) = (symmetric, symmetric);
+        }
     }
-    for i in 0..m {
-        for j in i..m {
-            let upper = sums.tangent[i * m + j].sum();
-            tangent[i * m + j] = upper;
-            if j > i {
-                tangent[j * m + i] = upper + sums.tangent[j * m + i].sum();
+    if couples {
+        for i in 0..M {
+            for j in 0..M {
+                summed[i][j] += below[i][j].sum();
             }
         }
     }
+    (force.map(|f| f.sum()), summed)
 }
-
-/// Most modes of a surrogate.
-pub(super) const MOST_MODES: usize = 16;
 
 /// Stress s of a block.
 #[inline(always)]
@@ -371,44 +417,47 @@ fn stress<B: Block>(law: &StageLaw<B::Scalar>, given: &Given<B>, strain: &BlockT
 
 /// Internal forces on the modes alone.
 #[inline(always)]
-pub(super) fn forces<B: Block>(
-    points: &CubaturePoints,
+pub(super) fn forces<B: Block, const M: usize>(
+    points: &CubaturePoints<M>,
     law: &StageLaw<B::Scalar>,
     given: &[Given<B>],
-    coordinates: &[B::Scalar],
-    force: &mut [B::Scalar],
-) {
-    let m = points.n_modes;
-    let mut sums = [B::constant(splat(0.0)); MOST_MODES];
-    for (block, given) in given.iter().enumerate() {
-        let [deviatoric, volumetric] = points.weights[block];
-        let stress = stress(law, given, &points.strain::<B>(block, coordinates));
-        for (c, s) in stress.iter().enumerate() {
+    coordinates: &[B::Scalar; M],
+) -> [B::Scalar; M] {
+    let mut sums = [B::constant(splat(0.0)); M];
+    for (points, given) in points.0.iter().zip(given) {
+        let [deviatoric, volumetric] = points.weights;
+        let stress = stress(law, given, &points.strain::<B>(coordinates));
+        for (c, (s, of_modes)) in stress.iter().zip(&points.strains).enumerate() {
             let weighed = *s * if c < 5 { deviatoric } else { volumetric };
-            for (f, b) in sums.iter_mut().zip(&points.strains[(block * 6 + c) * m..][..m]) {
+            for (f, b) in sums.iter_mut().zip(of_modes) {
                 *f = *f + weighed * *b;
             }
         }
     }
-    for (f, sum) in force.iter_mut().zip(&sums[..m]) {
-        *f = sum.sum();
-    }
+    sums.map(|sum| sum.sum())
 }
 
-/// Carries the histories of all blocks (`n_histories` each) to the stage's end.
+/// Carries the histories of all blocks (`n_histories` each) to the stage's end. Plain numbers take the law's tangent from where the balance was last looked at, `at`:
+/// the last step of Newton's method leaves no more than the square of its length, there as here.
 #[inline(always)]
-pub(super) fn advance<B: Block>(
-    points: &CubaturePoints,
+pub(super) fn advance<B: Block, const M: usize>(
+    points: &CubaturePoints<M>,
     law: &StageLaw<B::Scalar>,
     given: &[Given<B>],
-    coordinates: &[B::Scalar],
+    coordinates: &[B::Scalar; M],
+    at: &[At],
     histories: &mut [BlockTensor<B>],
 ) {
     let n = 1 + law.linear.len();
     let compliance = B::splat(law.linear_compliance);
-    for ((block, given), histories) in given.iter().enumerate().zip(histories.chunks_exact_mut(n)) {
-        let strain = points.strain::<B>(block, coordinates);
-        let stress = stress(law, given, &strain);
+    for (((points, given), at), histories) in points.0.iter().zip(given).zip(at).zip(histories.chunks_exact_mut(n)) {
+        let strain = points.strain::<B>(coordinates);
+        let stress = if B::Scalar::HAS_DERIVATIVE {
+            stress(law, given, &strain)
+        } else {
+            let a = sum(&strain, &given.offset).map(|a| a.values());
+            at.stress_beside(&a, &given.taken.map(|t| t.values())).map(B::constant)
+        };
         let mut rest = strain;
         for (r, s) in rest.iter_mut().zip(&stress) {
             *r = *r - compliance * *s;

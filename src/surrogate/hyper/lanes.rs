@@ -84,14 +84,14 @@ impl Neg for Plain {
 }
 
 impl Plain {
-    /// The smaller, lane by lane.
+    /// Whether no lane's absolute value is beyond its limit.
     #[inline(always)]
-    pub(super) fn min(self, other: Self) -> Self {
-        let mut result = self;
+    pub(super) fn is_within(self, limit: Self) -> bool {
+        let mut beyond = 0_u64;
         for l in 0..N_LANES {
-            result.0[l] = if self.0[l] < other.0[l] { self.0[l] } else { other.0[l] };
+            beyond |= u64::from(self.0[l].abs() > limit.0[l]);
         }
-        result
+        beyond == 0
     }
 
     /// Largest absolute value.

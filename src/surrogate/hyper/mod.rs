@@ -22,13 +22,16 @@ use crate::effects::{FieldStepper, Load, NonlinearFamily, Nonlinearity, Spatial,
 use crate::error::{Error, Result};
 use crate::fe::nonlinear::Bodies;
 use crate::number::{Dual, PointScalar};
-use kernel::{CubaturePoints, MOST_MODES};
+use kernel::CubaturePoints;
 use lanes::{Block, Carrying, Plain};
 use nalgebra::{DMatrix, DVector};
 use pulp::{Arch, Simd, WithSimd};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use stepper::{Member, Reduced};
+
+/// Modes of a surrogate.
+pub const N_MODES: usize = 6;
 
 /// What a surrogate is, as it is kept on disk.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -37,10 +40,8 @@ pub struct HyperReduced {
     pub family: NonlinearFamily,
     /// Poisson ratio of the gel.
     pub poisson_ratio: f64,
-    /// Number of modes m.
-    pub n_modes: usize,
-    /// The robot's translation in each mode.
-    pub robot: Vec<f64>,
+    /// The robot's translation in each of the m modes.
+    pub robot: [f64; N_MODES],
     /// Share of the whole body's force that the meshed part carries.
     pub force_share: f64,
     /// Weight of every point, in m³.
@@ -71,17 +72,19 @@ pub struct HyperModel(Arc<Ready>);
 #[derive(Debug, PartialEq)]
 struct Ready {
     reduced: HyperReduced,
-    points: CubaturePoints,
+    points: CubaturePoints<N_MODES>,
     /// One point and one mode of the same compliance.
-    linear: CubaturePoints,
+    linear: CubaturePoints<1>,
     /// Displacement (1/m) of the robot per force at unit creep compliance, where the law is linear.
     compliance_per_m: f64,
+    /// Largest equivalent strain at the points per force (Pa/N), where the law is an elastic one.
+    strain_per_force: f64,
 }
 
 /// A run, to be compiled for the vector registers that the processor has.
 struct Job<'a, B: Block> {
-    law: Member<'a, B::Scalar>,
-    linear: Member<'a, B::Scalar>,
+    law: Member<'a, B::Scalar, N_MODES>,
+    linear: Member<'a, B::Scalar, 1>,
     load: &'a Load,
     time_s: &'a [f64],
     force_n: &'a [f64],
@@ -92,14 +95,14 @@ impl<B: Block> WithSimd for Job<'_, B> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) -> Self::Output {
-        stepper::run::<B>(self.law, self.linear, self.load, self.time_s, self.force_n)
+        stepper::run::<B, N_MODES>(self.law, self.linear, self.load, self.time_s, self.force_n)
     }
 }
 
-/// Steps in which the time since a switch doubles. A spring that has stiffened lets go and stiffens again the other way within one doubling.
+/// Steps in which the time since a switch doubles, where nothing has stiffened.
 fn steps_per_doubling(family: NonlinearFamily) -> f64 {
     match family {
-        NonlinearFamily::StrainStiffening => 4.0,
+        NonlinearFamily::StrainStiffening => 2.0,
         NonlinearFamily::ShearThinning | NonlinearFamily::YieldStress => 1.0,
     }
 }
@@ -121,32 +124,35 @@ impl TryFrom<HyperReduced> for HyperModel {
 
     /// Makes a surrogate ready.
     fn try_from(reduced: HyperReduced) -> Result<Self> {
-        let (m, n) = (reduced.n_modes, reduced.weights_m3.len());
+        let n = reduced.weights_m3.len();
         let damaged = || {
             Error::numerical(
-                format!("a surrogate of {m} modes and {n} points is incomplete"),
+                format!("a surrogate of {n} points is incomplete"),
                 "delete the cached surrogate and build it again",
             )
         };
-        let fits = (1..=MOST_MODES).contains(&m)
-            && n > 0
-            && reduced.robot.len() == m
-            && reduced.strains.len() == 6 * m * n
+        let fits = n > 0
+            && reduced.strains.len() == 6 * N_MODES * n
             && reduced.unit_moduli.iter().all(|modulus| *modulus > 0.0);
         if !fits {
             return Err(damaged());
         }
-        let points = CubaturePoints::new(m, &reduced.strains, &reduced.weights_m3, reduced.unit_moduli);
-        let compliance_per_m = linear_compliance_per_m(&reduced).filter(|c| *c > 0.0).ok_or_else(damaged)?;
+        let points = CubaturePoints::new(&reduced.strains, &reduced.weights_m3, reduced.unit_moduli);
+        let field = linear_field(&reduced).ok_or_else(damaged)?;
+        let compliance_per_m: f64 = reduced.robot.iter().zip(&field).map(|(robot, z)| robot * z).sum();
+        if !(compliance_per_m > 0.0) {
+            return Err(damaged());
+        }
+        let strain_per_force = points.largest_strain(&field);
         let weight_m3 = reduced.force_share / (compliance_per_m * reduced.unit_moduli[0]);
-        let linear = CubaturePoints::new(1, &[1.0, 0.0, 0.0, 0.0, 0.0, 0.0], &[weight_m3], reduced.unit_moduli);
-        Ok(Self(Arc::new(Ready { reduced, points, linear, compliance_per_m })))
+        let linear = CubaturePoints::new(&[1.0, 0.0, 0.0, 0.0, 0.0, 0.0], &[weight_m3], reduced.unit_moduli);
+        Ok(Self(Arc::new(Ready { reduced, points, linear, compliance_per_m, strain_per_force })))
     }
 }
 
-/// The robot's displacement (1/m) per force at unit creep compliance, by the modes and the points.
-fn linear_compliance_per_m(reduced: &HyperReduced) -> Option<f64> {
-    let m = reduced.n_modes;
+/// Coordinates per force (m/N at unit modulus) where the law is linear, by the modes and the points; `None` where these bear nothing.
+fn linear_field(reduced: &HyperReduced) -> Option<[f64; N_MODES]> {
+    let m = N_MODES;
     let mut stiffness = DMatrix::<f64>::zeros(m, m);
     for (weight, strains) in reduced.weights_m3.iter().zip(reduced.strains.chunks_exact(6 * m)) {
         for (c, row) in strains.chunks_exact(m).enumerate() {
@@ -156,8 +162,8 @@ fn linear_compliance_per_m(reduced: &HyperReduced) -> Option<f64> {
         }
     }
     let robot = DVector::from_column_slice(&reduced.robot);
-    let field = stiffness.cholesky()?.solve(&robot);
-    Some(reduced.force_share * robot.dot(&field))
+    let field = stiffness.cholesky()?.solve(&robot) * reduced.force_share;
+    Some(std::array::from_fn(|i| field[i]))
 }
 
 impl HyperModel {
@@ -184,13 +190,14 @@ impl HyperModel {
         let bodies = Bodies::<B::Scalar>::new(&stages.law, nonlinearity)?;
         let plain_bodies = Bodies::<f64>::new(&stages.law, nonlinearity)?;
         let (linear_bodies, plain_linear_bodies) = (linear_bodies(&bodies), linear_bodies(&plain_bodies));
-        let Ready { reduced, points, linear, compliance_per_m: own_per_m } = &*self.0;
+        let Ready { reduced, points, linear, compliance_per_m: own_per_m, strain_per_force } = &*self.0;
         let scale = compliance_per_m / own_per_m;
         let mut load = stages.load.clone();
         load.gradient_per_m = load.gradient_per_m * scale;
         let (share, steps_per_doubling) = (reduced.force_share, steps_per_doubling(reduced.family));
-        let law = Reduced { points, robot: &reduced.robot, share, steps_per_doubling };
-        let alone = Reduced { points: linear, robot: &[1.0], share, steps_per_doubling };
+        let strain_per_force = *strain_per_force;
+        let law = Reduced { points, robot: reduced.robot, share, steps_per_doubling, strain_per_force };
+        let alone = Reduced { points: linear, robot: [1.0], share, steps_per_doubling, strain_per_force };
         let mut excess_m = Arch::new().dispatch(Job::<B> {
             law: Member { reduced: law, bodies: &bodies, plain_bodies: &plain_bodies },
             linear: Member { reduced: alone, bodies: &linear_bodies, plain_bodies: &plain_linear_bodies },

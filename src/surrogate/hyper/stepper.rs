@@ -4,7 +4,7 @@
 //! Rows lie between the steps' ends and are interpolated by a polynomial of degree 5 in ξ. Lengths of steps depend on the parameters through that power of
 //! two and the delay alone, so that a trajectory is smooth in its parameters but where θ passes a power of two.
 
-use super::kernel::{self, BlockTensor, CubaturePoints, Given, MOST_MODES, Sums};
+use super::kernel::{self, At, BlockTensor, CubaturePoints, Given};
 use super::lanes::{Block, N_LANES, Plain};
 use crate::effects::Load;
 use crate::error::{Error, Result};
@@ -14,12 +14,14 @@ use crate::fe::nonlinear::point::{Number, StageLaw};
 use crate::fe::nonlinear::tableau::Tableau;
 use crate::fe::stepping::load::check_feedback;
 use crate::number::{PointScalar, Scalar};
-use nalgebra::DMatrix;
 
 /// Nodes of an interpolation.
 const N_NODES: usize = 6;
 /// Fewest steps between two switches.
 const FEWEST_STEPS: usize = 3;
+/// Share of steps by which there are more for every halving of the fastest time that stiffening has brought, and how many times as many there are at most.
+const MORE_STEPS: f64 = 0.25;
+const MOST_STEPS: f64 = 2.0;
 /// Steps are no finer than this share of the time from a switch to the row after it.
 const SHARE_OF_GAP: f64 = 0.1;
 /// Length of the step in which springs in series jump, in parts of the fastest time.
@@ -33,19 +35,21 @@ const CLOCK_ROUNDING: f64 = 1e-13;
 
 /// Points and modes of a run.
 #[derive(Clone, Copy)]
-pub(super) struct Reduced<'a> {
-    pub points: &'a CubaturePoints,
+pub(super) struct Reduced<'a, const M: usize> {
+    pub points: &'a CubaturePoints<M>,
     /// The robot's translation in every mode.
-    pub robot: &'a [f64],
+    pub robot: [f64; M],
     /// Share of the robot and of the force that the mesh carries.
     pub share: f64,
     pub steps_per_doubling: f64,
+    /// Largest equivalent strain per force (Pa/N) where the law is an elastic one.
+    pub strain_per_force: f64,
 }
 
 /// A law over some points.
 #[derive(Clone, Copy)]
-pub(super) struct Member<'a, N> {
-    pub reduced: Reduced<'a>,
+pub(super) struct Member<'a, N, const M: usize> {
+    pub reduced: Reduced<'a, M>,
     pub bodies: &'a Bodies<N>,
     pub plain_bodies: &'a Bodies<f64>,
 }
@@ -74,8 +78,8 @@ fn switches<N: Number>(load: &Load, time_s: &[f64], force_n: &[f64]) -> Vec<Swit
 }
 
 /// State of a run.
-struct State<'a, B: Block> {
-    reduced: Reduced<'a>,
+struct State<'a, B: Block, const M: usize> {
+    reduced: Reduced<'a, M>,
     bodies: &'a Bodies<B::Scalar>,
     plain_bodies: &'a Bodies<f64>,
     gradient_per_m: B::Scalar,
@@ -89,12 +93,10 @@ struct State<'a, B: Block> {
     rates: Vec<Vec<BlockTensor<B>>>,
     given: Vec<Given<B>>,
     plain_given: Vec<Given<Plain>>,
-    coordinates: Vec<B::Scalar>,
+    coordinates: [B::Scalar; M],
     /// Times and coordinates from which others are extrapolated.
-    known: Vec<(f64, [f64; MOST_MODES])>,
-    sums: Sums,
-    force: Vec<f64>,
-    tangent: Vec<f64>,
+    known: Vec<(f64, [f64; M])>,
+    at: Vec<At>,
     /// Largest coordinate so far.
     largest: f64,
 }
@@ -103,9 +105,9 @@ struct State<'a, B: Block> {
 ///
 /// Both are stepped alike, so that most of what steps and interpolation err drops out, and all of it where the law is linear.
 #[inline(always)]
-pub(super) fn run<B: Block>(
-    law: Member<B::Scalar>,
-    linear: Member<B::Scalar>,
+pub(super) fn run<B: Block, const M: usize>(
+    law: Member<B::Scalar, M>,
+    linear: Member<B::Scalar, 1>,
     load: &Load,
     time_s: &[f64],
     force_n: &[f64],
@@ -115,7 +117,7 @@ pub(super) fn run<B: Block>(
     let (Some(&start_s), Some(&end_s)) = (time_s.first(), time_s.last()) else { return Ok(found) };
     let rounding_s = CLOCK_ROUNDING * (end_s - start_s);
     let switches = switches::<B::Scalar>(load, time_s, force_n);
-    let mut members = [law, linear].map(|member| State::<B>::new(member, load));
+    let (mut state, mut beside) = (State::<B, M>::new(law, load), State::<B, 1>::new(linear, load));
     let lag_s = load.lag_time_s.value;
     let slowest_s = if lag_s > 0.0 { lag_s } else { f64::INFINITY };
     let mut row = time_s.partition_point(|&t| t <= start_s + rounding_s);
@@ -124,7 +126,8 @@ pub(super) fn run<B: Block>(
         if begin_s.value() >= end_s - rounding_s {
             break;
         }
-        members.iter_mut().for_each(|member| member.switch(*switch));
+        state.switch(*switch);
+        beside.switch(*switch);
         let next_s = switches.get(i + 1).map_or(end_s, |next| next.time_s.value());
         let length_s = match switches.get(i + 1) {
             Some(next) if next_s < end_s => next.time_s - begin_s,
@@ -135,18 +138,20 @@ pub(super) fn run<B: Block>(
         }
         let stop_s = next_s.min(end_s);
         let first_s = time_s.get(row).map_or(length_s.value(), |&t| t - begin_s.value());
-        let largest = kernel::largest_equivalent(&members[0].histories, law.bodies.n_histories());
-        let fastest_s = law.plain_bodies.fastest_s(largest).min(slowest_s).log2().floor().exp2();
+        let largest = kernel::largest_equivalent(&state.histories, law.bodies.n_histories());
+        let doublings_of = |time_s: f64| time_s.min(slowest_s).log2().floor();
+        let fastest = doublings_of(law.plain_bodies.fastest_s(largest));
+        // A spring that has stiffened lets go and stiffens again the other way within one doubling.
+        let elastic = law.reduced.strain_per_force * switch.force_n.value().abs() / law.plain_bodies.modulus_pa;
+        let largest = largest.max(kernel::stiffened_strain(law.plain_bodies, elastic));
+        let stiffened =
+            doublings_of(law.plain_bodies.fastest_s(0.0)) - doublings_of(law.plain_bodies.fastest_s(largest));
+        let steps_per_doubling = law.reduced.steps_per_doubling * (1.0 + MORE_STEPS * stiffened).min(MOST_STEPS);
+        let fastest_s = fastest.exp2();
         let scale_s = fastest_s.max(SHARE_OF_GAP * first_s.min(length_s.value()));
-        let mut nodes: Vec<B::Scalar> = Vec::new();
-        for member in &mut members {
-            let own = member.hold(begin_s, length_s, scale_s)?;
-            if nodes.is_empty() {
-                nodes = own;
-            } else {
-                nodes.iter_mut().zip(own).for_each(|(node, linear)| *node = *node - linear);
-            }
-        }
+        let mut nodes = state.hold(begin_s, length_s, scale_s, steps_per_doubling)?;
+        let linear = beside.hold(begin_s, length_s, scale_s, steps_per_doubling)?;
+        nodes.iter_mut().zip(linear).for_each(|(node, linear)| *node = *node - linear);
         let per_node = (length_s * (1.0 / scale_s) + B::Scalar::constant(1.0)).ln() * (1.0 / (nodes.len() - 1) as f64);
         while row < time_s.len() && time_s[row] <= stop_s + rounding_s {
             let since = (B::Scalar::constant(time_s[row]) - begin_s) * (1.0 / scale_s) + B::Scalar::constant(1.0);
@@ -185,12 +190,12 @@ fn denominator(k: usize, n: usize) -> f64 {
     (0..n).filter(|j| *j != k).map(|j| k as f64 - j as f64).product()
 }
 
-impl<'a, B: Block> State<'a, B> {
+impl<'a, B: Block, const M: usize> State<'a, B, M> {
     #[inline(always)]
-    fn new(member: Member<'a, B::Scalar>, load: &Load) -> Self {
+    fn new(member: Member<'a, B::Scalar, M>, load: &Load) -> Self {
         let Member { reduced, bodies, plain_bodies } = member;
         let (zero, blank) = (B::Scalar::constant(0.0), B::constant(Plain([0.0; N_LANES])));
-        let (m, n_blocks) = (reduced.points.n_modes, reduced.points.n_blocks);
+        let n_blocks = reduced.points.n_blocks();
         let histories = vec![[blank; 6]; n_blocks * bodies.n_histories()];
         let empty = Plain([0.0; N_LANES]);
         Self {
@@ -207,11 +212,9 @@ impl<'a, B: Block> State<'a, B> {
             given: vec![Given { offset: [blank; 6], taken: [blank; 6] }; n_blocks],
             plain_given: vec![Given { offset: [empty; 6], taken: [empty; 6] }; n_blocks],
             histories,
-            coordinates: vec![zero; m],
+            coordinates: [zero; M],
             known: Vec::with_capacity(16),
-            sums: Sums::new(m),
-            force: vec![0.0; m],
-            tangent: vec![0.0; m * m],
+            at: Vec::with_capacity(n_blocks),
             largest: 0.0,
         }
     }
@@ -244,9 +247,15 @@ impl<'a, B: Block> State<'a, B> {
 
     /// Steps through the time after a switch; positions at the steps' ends, the first right after the switch.
     #[inline(always)]
-    fn hold(&mut self, begin_s: B::Scalar, length_s: B::Scalar, scale_s: f64) -> Result<Vec<B::Scalar>> {
+    fn hold(
+        &mut self,
+        begin_s: B::Scalar,
+        length_s: B::Scalar,
+        scale_s: f64,
+        steps_per_doubling: f64,
+    ) -> Result<Vec<B::Scalar>> {
         let doublings = (length_s.value() / scale_s).ln_1p() / std::f64::consts::LN_2;
-        let n = ((self.reduced.steps_per_doubling * doublings).ceil() as usize).max(FEWEST_STEPS);
+        let n = ((steps_per_doubling * doublings).ceil() as usize).max(FEWEST_STEPS);
         let logarithm = (length_s * (1.0 / scale_s) + B::Scalar::constant(1.0)).ln() * (1.0 / n as f64);
         // Springs in series jump with the force: an implicit step of almost no length shows where to.
         let jumps = self.plain_bodies.instantaneous_per_pa > 0.0;
@@ -271,11 +280,7 @@ impl<'a, B: Block> State<'a, B> {
 
     #[inline(always)]
     fn remember(&mut self, time_s: f64) {
-        let mut values = [0.0; MOST_MODES];
-        for (v, z) in values.iter_mut().zip(&self.coordinates) {
-            *v = z.value();
-        }
-        self.known.push((time_s, values));
+        self.known.push((time_s, self.coordinates.map(|z| z.value())));
     }
 
     #[inline(always)]
@@ -296,19 +301,16 @@ impl<'a, B: Block> State<'a, B> {
                 }
                 self.started[place] = history;
             }
-            let mut guess = [0.0; MOST_MODES];
-            if self.known.is_empty() {
-                guess.iter_mut().zip(&self.coordinates).for_each(|(g, z)| *g = z.value());
-            } else {
-                self.extrapolate(stage, time_s.value(), &mut guess);
-            }
-            let guess = &guess[..self.coordinates.len()];
+            let guess = match self.known.is_empty() {
+                true => self.coordinates.map(|z| z.value()),
+                false => self.extrapolated(stage, time_s.value()),
+            };
             self.solve(&law, &plain_law, time_s, guess)?;
             self.remember(time_s.value());
             let is_last = stage + 1 == nodes.len();
             let target = if is_last { &mut self.histories } else { &mut self.rates[stage] };
             target.copy_from_slice(&self.started);
-            kernel::advance(self.reduced.points, &law, &self.given, &self.coordinates, target);
+            kernel::advance(self.reduced.points, &law, &self.given, &self.coordinates, &self.at, target);
             if !is_last {
                 let inverse = B::splat(B::Scalar::constant(1.0) / stage_s);
                 for (rate, start) in target.iter_mut().zip(&self.started) {
@@ -330,7 +332,8 @@ impl<'a, B: Block> State<'a, B> {
 
     /// A guess: the parabola through three known coordinates, as in the full-order run.
     #[inline(always)]
-    fn extrapolate(&self, stage: usize, time_s: f64, guess: &mut [f64; MOST_MODES]) {
+    fn extrapolated(&self, stage: usize, time_s: f64) -> [f64; M] {
+        let mut guess = [0.0; M];
         let n = self.known.len();
         let places = if stage == 4 { [n - 4, n - 3, n - 1] } else { [n.saturating_sub(3), n.saturating_sub(2), n - 1] };
         let distinct = if stage == 4 { 3 } else { n.min(3) };
@@ -341,6 +344,7 @@ impl<'a, B: Block> State<'a, B> {
             let weight: f64 = others.map(|j| (time_s - self.known[*j].0) / (t_i - self.known[*j].0)).product();
             guess.iter_mut().zip(u).for_each(|(g, u)| *g += weight * u);
         }
+        guess
     }
 
     /// Balances a stage that starts from `started`: coordinates and what the law made of the histories are kept.
@@ -350,68 +354,60 @@ impl<'a, B: Block> State<'a, B> {
         law: &StageLaw<B::Scalar>,
         plain_law: &StageLaw<f64>,
         time_s: B::Scalar,
-        guess: &[f64],
+        guess: [f64; M],
     ) -> Result<()> {
-        let (points, share) = (self.reduced.points, self.reduced.share);
-        let (m, n) = (points.n_modes, self.bodies.n_histories());
-        let histories = self.started.chunks_exact(n);
+        let Reduced { points, robot, share, .. } = self.reduced;
+        let histories = self.started.chunks_exact(self.bodies.n_histories());
         for ((given, plain), histories) in self.given.iter_mut().zip(&mut self.plain_given).zip(histories) {
             *given = Given::new(law, histories);
             *plain = given.values();
         }
         let input_n = self.force_n(time_s);
         let (force_n, slope) = (share * input_n.value(), share * input_n.value() * self.gradient_per_m.value());
-        let mut z = [0.0; MOST_MODES];
-        z[..m].copy_from_slice(guess);
-        let z = &mut z[..m];
-        let robot = self.reduced.robot;
-        let mut step = [0.0; MOST_MODES];
+        let mut z = guess;
+        let mut tangent;
         let mut is_near = false;
         let mut size = f64::INFINITY;
         for _ in 0..MOST_ITERATIONS {
             if is_near && !B::Scalar::HAS_DERIVATIVE {
                 break;
             }
-            let (sums, force, tangent) = (&mut self.sums, &mut self.force, &mut self.tangent);
-            kernel::forces_and_tangent(points, plain_law, &self.plain_given, z, sums, force, tangent);
-            let x: f64 = robot.iter().zip(&*z).map(|(r, z)| r * z).sum();
-            for i in 0..m {
+            let force;
+            (force, tangent) = kernel::forces_and_tangent(points, plain_law, &self.plain_given, &z, &mut self.at);
+            let x: f64 = robot.iter().zip(&z).map(|(r, z)| r * z).sum();
+            let mut step = [0.0; M];
+            for i in 0..M {
                 step[i] = robot[i] * (force_n + slope * x) - force[i];
-                for j in 0..m {
-                    tangent[i * m + j] -= slope * robot[i] * robot[j];
+                for j in 0..M {
+                    tangent[i][j] -= slope * robot[i] * robot[j];
                 }
             }
-            if is_near {
-                break;
-            }
-            if !factorise(tangent, m) {
+            if !factorise(&mut tangent) {
                 return Err(diverged(time_s.value(), f64::NAN));
             }
-            substitute(tangent, m, &mut step[..m]);
+            if is_near {
+                // One step with numbers that carry derivatives, by the tangent where the iteration ended.
+                let at = z.map(B::Scalar::constant);
+                let force = kernel::forces(points, law, &self.given, &at);
+                let mut x = B::Scalar::constant(0.0);
+                robot.iter().zip(&at).for_each(|(r, z)| x += *z * *r);
+                let push = input_n * (self.gradient_per_m * x + B::Scalar::constant(1.0)) * share;
+                let mut rest = std::array::from_fn(|i| push * robot[i] - force[i]);
+                substitute(&tangent, &mut rest);
+                self.coordinates = std::array::from_fn(|i| at[i] + rest[i]);
+                break;
+            }
+            substitute(&tangent, &mut step);
             z.iter_mut().zip(&step).for_each(|(z, s)| *z += s);
             self.largest = z.iter().fold(self.largest, |most, z| most.max(z.abs()));
-            size = step[..m].iter().fold(0.0_f64, |most, s| most.max(s.abs()));
+            size = step.iter().fold(0.0_f64, |most, s| most.max(s.abs()));
             is_near = size <= NEARLY * self.largest;
         }
         if !is_near {
             return Err(diverged(time_s.value(), size / self.largest));
         }
-        for (coordinate, value) in self.coordinates.iter_mut().zip(&*z) {
-            *coordinate = B::Scalar::constant(*value);
-        }
-        if B::Scalar::HAS_DERIVATIVE {
-            // One step with numbers that carry derivatives, by the tangent where the iteration ended.
-            let mut force = [B::Scalar::constant(0.0); MOST_MODES];
-            kernel::forces(points, law, &self.given, &self.coordinates, &mut force[..m]);
-            let push = input_n * (self.gradient_per_m * self.position() + B::Scalar::constant(1.0)) * share;
-            let rest: Vec<B::Scalar> = (0..m).map(|i| push * robot[i] - force[i]).collect();
-            let inverse = DMatrix::from_row_slice(m, m, &self.tangent).try_inverse();
-            let inverse = inverse.ok_or_else(|| diverged(time_s.value(), f64::NAN))?;
-            for i in 0..m {
-                for j in 0..m {
-                    self.coordinates[i] += rest[j] * inverse[(i, j)];
-                }
-            }
+        if !B::Scalar::HAS_DERIVATIVE {
+            self.coordinates = z.map(B::Scalar::constant);
         }
         let x = self.position().value();
         if !x.is_finite() {
@@ -421,19 +417,22 @@ impl<'a, B: Block> State<'a, B> {
     }
 }
 
-/// LU factors of a small matrix, row by row, in place; false where a pivot vanishes. The tangent is nearly symmetric and positive definite: no pivoting.
+/// LU factors of a small matrix in place, the inverse pivots on the diagonal; false where a pivot vanishes. The tangent is nearly symmetric and positive
+/// definite: no pivoting.
 #[inline(always)]
-fn factorise(matrix: &mut [f64], m: usize) -> bool {
-    for k in 0..m {
-        let pivot = matrix[k * m + k];
-        if !(pivot.abs() > 0.0 && pivot.is_finite()) {
+fn factorise<const M: usize>(matrix: &mut [[f64; M]; M]) -> bool {
+    for k in 0..M {
+        let inverse = 1.0 / matrix[k][k];
+        if !(inverse.abs() > 0.0 && inverse.is_finite()) {
             return false;
         }
-        for i in k + 1..m {
-            let factor = matrix[i * m + k] / pivot;
-            matrix[i * m + k] = factor;
-            for j in k + 1..m {
-                matrix[i * m + j] -= factor * matrix[k * m + j];
+        matrix[k][k] = inverse;
+        let pivot_row = matrix[k];
+        for row in &mut matrix[k + 1..] {
+            let factor = row[k] * inverse;
+            row[k] = factor;
+            for j in k + 1..M {
+                row[j] -= factor * pivot_row[j];
             }
         }
     }
@@ -441,17 +440,17 @@ fn factorise(matrix: &mut [f64], m: usize) -> bool {
 }
 
 #[inline(always)]
-fn substitute(factors: &[f64], m: usize, vector: &mut [f64]) {
-    for i in 0..m {
+fn substitute<N: Number, const M: usize>(factors: &[[f64; M]; M], vector: &mut [N; M]) {
+    for i in 0..M {
         for j in 0..i {
-            vector[i] -= factors[i * m + j] * vector[j];
+            vector[i] = vector[i] - vector[j] * factors[i][j];
         }
     }
-    for i in (0..m).rev() {
-        for j in i + 1..m {
-            vector[i] -= factors[i * m + j] * vector[j];
+    for i in (0..M).rev() {
+        for j in i + 1..M {
+            vector[i] = vector[i] - vector[j] * factors[i][j];
         }
-        vector[i] /= factors[i * m + i];
+        vector[i] = vector[i] * factors[i][i];
     }
 }
 

@@ -87,15 +87,10 @@ fn a_few_modes_and_points_are_right_to_a_thousandth() {
     for (which, family) in FAMILIES.into_iter().enumerate() {
         let model = model_of(which);
         let reduced = model.reduced();
-        println!(
-            "{family:?}: {} modes, {} points, error {:.1e}",
-            reduced.n_modes,
-            model.n_points(),
-            reduced.max_relative_error
-        );
-        assert!(reduced.n_modes <= 8 && model.n_points() <= 64, "{family:?}: {}", model.n_points());
-        assert!(reduced.weights_m3.iter().all(|w| *w > 0.0) && reduced.cubature_residual < 4e-4);
-        assert!(reduced.singular_values[reduced.n_modes] < 0.01, "{family:?}: {:?}", &reduced.singular_values[..8]);
+        println!("{family:?}: {N_MODES} modes, {} points, error {:.1e}", model.n_points(), reduced.max_relative_error);
+        assert!(model.n_points() <= 48, "{family:?}: {}", model.n_points());
+        assert!(reduced.weights_m3.iter().all(|w| *w > 0.0) && reduced.cubature_residual < 1e-3);
+        assert!(reduced.singular_values[N_MODES] < 0.01, "{family:?}: {:?}", &reduced.singular_values[..8]);
         let error = reduced.max_relative_error;
         assert!(error < 1e-3 && error > 1e-6, "{family:?}: {error:e}");
     }
@@ -125,6 +120,32 @@ fn other_laws_records_and_loads_are_right() {
         let linear = largest_distance(&response.trajectory_m(&stages, compliance_per_m()).unwrap(), &exact);
         println!("{:?} on {}: error {error:.1e}, excess {linear:.1e}", FAMILIES[which], base.name());
         assert!(error < 1e-3 && linear > 20.0 * error, "{which}: {error:e} of {linear:e}");
+    }
+}
+
+/// A fiftieth of the middle parameter, where the excess is small: what is left of it is small beside it, too.
+#[test]
+fn small_effects_are_right_beside_themselves() {
+    let Surroundings { mesh, stiffness, .. } = surroundings();
+    let full = NonlinearModel::new(mesh, stiffness, 0.48).unwrap();
+    let (time_s, force_n) = record(120);
+    let rows = (0..time_s.len()).step_by(5);
+    let (time_s, force_n): (Vec<f64>, Vec<f64>) = rows.map(|row| (time_s[row], force_n[row])).unzip();
+    for (which, null) in [(0, 0.0), (1, 1.0), (2, 0.0)] {
+        let value = null + 0.02 * (MIDDLE[which] - null);
+        let stages = stages(which, BaseLaw::Lethersich, &PORCINE.map(Dual::constant), value.into());
+        let exact = full.run_stages(&stages, &time_s, &force_n, &[], Options::default()).unwrap().displacement_m;
+        let linear = self::stages(which, BaseLaw::Lethersich, &PORCINE.map(Dual::constant), null.into());
+        let linear = full.run_stages(&linear, &time_s, &force_n, &[], Options::default()).unwrap().displacement_m;
+        let excess: Vec<f64> = exact.iter().zip(&linear).map(|(x, l)| x - l).collect();
+        let found = model_of(which).excess_m(&stages, compliance_per_m(), &time_s, &force_n).unwrap();
+        let error = largest_distance(&found, &excess);
+        println!(
+            "{:?}: excess {:.1e} of the amplitude, error {error:.1e} of the excess",
+            FAMILIES[which],
+            largest_distance(&exact, &linear)
+        );
+        assert!(error < 0.1, "{which}: {error:e}");
     }
 }
 
@@ -224,6 +245,4 @@ fn a_surrogate_survives_the_disk_and_refuses_other_laws() {
     assert!(HyperModel::try_from(damaged.clone()).unwrap_err().to_string().contains("build it again"));
     let text = serde_json::to_string(&damaged).unwrap();
     assert!(serde_json::from_str::<HyperModel>(&text).is_err());
-    let settings = HyperSettings { n_modes: 17, ..HyperSettings::of(FAMILIES[0]) };
-    assert!(build(&surroundings(), FAMILIES[0], &settings).unwrap_err().to_string().contains("1 to 16"));
 }

@@ -5,8 +5,7 @@
 //! Nothing of what was measured enters, nor any prior: outside the box the modes still serve, as well as they can.
 
 use super::cubature;
-use super::kernel::MOST_MODES;
-use super::{HyperModel, HyperReduced};
+use super::{HyperModel, HyperReduced, N_MODES};
 use crate::effects::{NonlinearFamily, Nonlinearity, Spatial, Spread, Stages, Stepped, YIELD_SMOOTHING};
 use crate::error::{Error, Result};
 use crate::fe::Stiffness;
@@ -52,8 +51,6 @@ const VERIFICATION: Options =
 /// How a surrogate is trained.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HyperSettings {
-    /// Number of modes, 16 at most.
-    pub n_modes: usize,
     /// What the cubature may leave of the training states' forces, relative to them.
     pub cubature_tolerance: f64,
     /// Most points of the cubature.
@@ -67,12 +64,12 @@ pub struct HyperSettings {
 impl HyperSettings {
     /// Those that reach a thousandth of the amplitude. Where a yield stress stops the flow depends on all three numbers, which takes more runs.
     pub fn of(family: NonlinearFamily) -> Self {
-        let (n_modes, most_points, training_runs) = match family {
-            NonlinearFamily::StrainStiffening => (6, 48, 16),
-            NonlinearFamily::ShearThinning => (6, 48, 10),
-            NonlinearFamily::YieldStress => (7, 56, 28),
+        let (most_points, training_runs) = match family {
+            NonlinearFamily::StrainStiffening => (40, 16),
+            NonlinearFamily::ShearThinning => (32, 10),
+            NonlinearFamily::YieldStress => (48, 28),
         };
-        Self { n_modes, cubature_tolerance: 3e-4, most_points, training_runs, verification_runs: 4 }
+        Self { cubature_tolerance: 3e-4, most_points, training_runs, verification_runs: 4 }
     }
 }
 
@@ -122,12 +119,6 @@ pub fn build(surroundings: &Surroundings, family: NonlinearFamily, settings: &Hy
 }
 
 fn train(surroundings: &Surroundings, family: NonlinearFamily, settings: &HyperSettings) -> Result<HyperModel> {
-    if !(1..=MOST_MODES).contains(&settings.n_modes) {
-        return Err(Error::numerical(
-            format!("{} modes are asked for", settings.n_modes),
-            format!("ask for 1 to {MOST_MODES}"),
-        ));
-    }
     let workshop = Workshop::new(surroundings, family)?;
     let model = &workshop.model;
     let runs: Vec<Vec<State>> =
@@ -139,7 +130,14 @@ fn train(surroundings: &Surroundings, family: NonlinearFamily, settings: &HyperS
     let snapshots: Vec<Vec<f64>> =
         std::iter::once(linear).chain(states.iter().map(|state| state.displacement.clone())).collect();
     let mut pod = Pod::new(&snapshots, energy, 0.0)?;
-    pod.modes.truncate(settings.n_modes);
+    pod.modes.truncate(N_MODES);
+    let robot: Vec<f64> = pod.modes.iter().map(|mode| mode[model.robot()]).collect();
+    let robot = robot.try_into().map_err(|robot: Vec<f64>| {
+        Error::numerical(
+            format!("the training runs have {} independent fields of {N_MODES}", robot.len()),
+            "train on more runs",
+        )
+    })?;
     let points = model.points();
     let strains: Vec<Vec<[f64; 6]>> = pod.modes.iter().map(|mode| points.strains(mode)).collect();
     let kept = kept_states(&states);
@@ -153,8 +151,7 @@ fn train(surroundings: &Surroundings, family: NonlinearFamily, settings: &HyperS
     let mut reduced = HyperReduced {
         family,
         poisson_ratio: surroundings.poisson_ratio,
-        n_modes: pod.modes.len(),
-        robot: pod.modes.iter().map(|mode| mode[model.robot()]).collect(),
+        robot,
         force_share: surroundings.stiffness.assembly.unknowns.share(),
         weights_m3: chosen.weights.iter().map(|(point, weight)| weight * points.volumes_m3()[*point]).collect(),
         strains: at_points.collect(),
