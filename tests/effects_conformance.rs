@@ -47,7 +47,7 @@ const NONLINEAR: [&str; 3] = ["strain-stiffening", "shear-thinning", "yield-stre
 
 /// The library's effects.
 fn all() -> Vec<&'static dyn Effect> {
-    EFFECTS.iter().copied().collect()
+    EFFECTS.to_vec()
 }
 
 fn parameters() -> impl Iterator<Item = &'static EffectParameter> {

@@ -43,7 +43,7 @@ fn protocol() -> Protocol {
 
 /// The library's effects.
 fn all() -> Vec<&'static dyn Effect> {
-    EFFECTS.iter().copied().collect()
+    EFFECTS.to_vec()
 }
 
 /// A coarse mesh: what is compared is time, not space.

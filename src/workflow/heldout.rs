@@ -13,7 +13,7 @@ use crate::experiment::Record;
 use crate::fe::strain::largest_principal_strain;
 use crate::inference::noise::NoiseModel;
 use crate::inference::pareto::pareto_k;
-use crate::model::{Forward, FullForward};
+use crate::model::{Forward, FullRun};
 
 /// Posterior draws that full finite elements are run for.
 pub const N_CHECK_DRAWS: usize = 128;
@@ -92,15 +92,15 @@ fn normal_components(student_dof: Option<f64>) -> Vec<f64> {
     (0..STUDENT_COMPONENTS).map(|i| scale / gamma.inverse_cdf(probability(i)).sqrt()).collect()
 }
 
-/// Runs the full model for every draw over the whole record, and the reduced one beside it. Where a full run takes minutes, as for laws that are not linear, the
-/// reduced model predicts, and the full one is run beside it for the first [`N_SLOW_DRAWS`] draws.
+/// Runs the full model for every draw over the whole record, and the reduced one beside it. Where a full run takes seconds to minutes, as with effects whose
+/// field is solved for, the reduced model predicts, and the full one is run beside it for the first few draws.
 ///
 /// # Errors
 /// [`crate::Error::Numerical`] when no draw has a model on the whole record; whatever its parts refuse.
 pub fn check(problem: &Problem, reduced: &Reduced, draws: &[NaturalDraw]) -> Result<FullCheck> {
     let (reduced_forward, full) = (problem.reduced_forward(reduced), problem.full_forward()?);
     let n_model = problem.model.parameters().len();
-    let is_slow = problem.model.effects().iter().any(|effect| effect.is_nonlinear());
+    let is_slow = problem.model.effects().iter().any(|effect| effect.field_model().is_some());
     let predicting: &dyn Forward = match &full {
         Some(full) if !is_slow => full,
         _ => &reduced_forward,
@@ -121,19 +121,33 @@ pub fn check(problem: &Problem, reduced: &Reduced, draws: &[NaturalDraw]) -> Res
             discretisation_m: None,
         });
     };
-    let beside_m: Vec<Vec<f64>> = if is_slow {
-        draws.iter().take(N_SLOW_DRAWS).map(|draw| full.trajectory_m(&draw[..n_model])).collect::<Result<_>>()?
-    } else {
-        draws.par_iter().map(|draw| reduced_forward.trajectory_m(&draw[..n_model])).collect::<Result<_>>()?
-    };
-    let distance = |(a, b): (&Vec<f64>, &Vec<f64>)| a.iter().zip(b).fold(0.0_f64, |d, (x, y)| d.max((x - y).abs()));
-    let surrogate_vs_full_max_m = trajectories_m.iter().zip(&beside_m).map(distance).fold(0.0, f64::max);
-    let ln_weights = (!is_slow).then(|| ln_weights(problem, &draws, &trajectories_m, &beside_m));
     let mean_m = mean_trajectory(&trajectories_m, None);
     let (extreme_row, amplitude_m) =
         mean_m.iter().enumerate().fold((0, 0.0), |(row, a), (i, x)| if x.abs() > a { (i, x.abs()) } else { (row, a) });
-    let middle = &draws[middle_draw(&trajectories_m, extreme_row)][..n_model];
-    let largest_strain = strain_of(problem, &full, middle, extreme_row)?;
+    let middle = middle_draw(&trajectories_m, extreme_row);
+    let compared: Vec<usize> = if is_slow {
+        let others = (0..draws.len()).filter(|draw| *draw != middle);
+        std::iter::once(middle).chain(others).take(N_SLOW_DRAWS).collect()
+    } else {
+        (0..draws.len()).collect()
+    };
+    let parameters = |draw: usize| &draws[draw][..n_model];
+    let strain = |run: &FullRun| strain_of(problem, run);
+    let (beside_m, largest_strain): (Vec<Vec<f64>>, Option<f64>) = if is_slow {
+        let rows = [extreme_row];
+        let run = |draw: &usize| full.run(parameters(*draw), if *draw == middle { &rows } else { &[] });
+        let runs: Vec<FullRun> = compared.par_iter().map(run).collect::<Result<_>>()?;
+        let largest = runs.first().map(strain).transpose()?.flatten();
+        (runs.into_iter().map(|run| run.position_m).collect(), largest)
+    } else {
+        let reduced = compared.par_iter().map(|draw| reduced_forward.trajectory_m(parameters(*draw)));
+        (reduced.collect::<Result<_>>()?, strain(&full.run(parameters(middle), &[extreme_row])?)?)
+    };
+    let distance = |(draw, b): (&usize, &Vec<f64>)| {
+        trajectories_m[*draw].iter().zip(b).fold(0.0_f64, |d, (x, y)| d.max((x - y).abs()))
+    };
+    let surrogate_vs_full_max_m = compared.iter().zip(&beside_m).map(distance).fold(0.0, f64::max);
+    let ln_weights = (!is_slow).then(|| ln_weights(problem, &draws, &trajectories_m, &beside_m));
     let comparison = problem.finite_elements().and_then(|fe| fe.comparison);
     let relative_error = comparison.map(|other| other.relative_error(full.compliance_per_m()).abs());
     Ok(FullCheck {
@@ -187,11 +201,10 @@ fn middle_draw(trajectories_m: &[Vec<f64>], row: usize) -> usize {
     order[order.len() / 2]
 }
 
-fn strain_of(problem: &Problem, full: &FullForward, parameters: &[f64], row: usize) -> Result<Option<f64>> {
-    let (Some(fe), run) = (problem.finite_elements(), full.run(parameters, &[row])?) else { return Ok(None) };
+fn strain_of(problem: &Problem, run: &FullRun) -> Result<Option<f64>> {
+    let Some(fe) = problem.finite_elements() else { return Ok(None) };
     let mesh = run.mesh.as_ref().unwrap_or(&fe.mesh);
-    let strain = |field: &Vec<[f64; 3]>| largest_principal_strain(mesh, field);
-    run.fields.first().map(strain).transpose()
+    run.fields.first().map(|field| largest_principal_strain(mesh, field)).transpose()
 }
 
 /// Logarithms of full over reduced likelihood of the calibration cycles.

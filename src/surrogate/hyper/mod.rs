@@ -140,7 +140,7 @@ impl TryFrom<HyperReduced> for HyperModel {
         let points = CubaturePoints::new(&reduced.strains, &reduced.weights_m3, reduced.unit_moduli);
         let field = linear_field(&reduced).ok_or_else(damaged)?;
         let compliance_per_m: f64 = reduced.robot.iter().zip(&field).map(|(robot, z)| robot * z).sum();
-        if !(compliance_per_m > 0.0) {
+        if compliance_per_m.is_nan() || compliance_per_m <= 0.0 {
             return Err(damaged());
         }
         let strain_per_force = points.largest_strain(&field);
