@@ -89,6 +89,13 @@ fn a_sealed_case_is_diagnosed_and_written_down() {
         refit["parameters"].as_array().unwrap().iter().for_each(|p| has(p, &["name", "mean", "q05", "q95"]));
     }
     document["smallest_detectable"].as_array().unwrap().iter().for_each(|d| has(d, &["effect", "parameter"]));
+    // What is seen at some size is neither a blind spot nor invisible.
+    let sizes = document["smallest_detectable"].as_array().unwrap().iter();
+    for seen in sizes.filter(|d| d["parameter"].is_number()) {
+        assert!(!document["blind_spots"].as_array().unwrap().contains(&seen["effect"]), "{seen}");
+        let entry = candidates.iter().find(|candidate| candidate["effect"] == seen["effect"]).unwrap();
+        assert_ne!(entry["status"], "invisible", "{seen}");
+    }
     let froms: Vec<&str> = document["noise"].as_array().unwrap().iter().map(|n| n["from"].as_str().unwrap()).collect();
     assert_eq!(
         froms,

@@ -41,11 +41,6 @@ fn protocol() -> Protocol {
     Protocol { time_s, force_n, scales }
 }
 
-/// The library's effects.
-fn all() -> Vec<&'static dyn Effect> {
-    EFFECTS.to_vec()
-}
-
 /// A coarse mesh: what is compared is time, not space.
 const BALL: QuarterBall = QuarterBall { robot_radius_m: 0.275e-3, outer_radius_m: 10e-3, n_per_edge: 1, n_layers: 6 };
 
@@ -82,7 +77,7 @@ fn surroundings(is_nonlinear: bool) -> Surroundings<'static> {
 
 fn fields(is_nonlinear: bool) -> &'static FieldModels {
     static FIELDS: [OnceLock<FieldModels>; 2] = [const { OnceLock::new() }; 2];
-    let alike = all().into_iter().filter(|effect| effect.is_nonlinear() == is_nonlinear);
+    let alike = EFFECTS.iter().copied().filter(|effect| effect.is_nonlinear() == is_nonlinear);
     let wanted = alike.filter_map(|effect| effect.field_model());
     let build_one = |model| FieldModels::build(model, &surroundings(is_nonlinear)).expect("the mesh is good");
     let build = || wanted.fold(FieldModels::default(), |fields, model| fields.or(build_one(model)));
@@ -160,9 +155,9 @@ fn distance(a: &[f64], b: &[f64]) -> f64 {
 
 /// Every effect alone and every pair that may stand together.
 fn models(scales: Scales) -> Vec<Model> {
-    let mut list: Vec<Model> = all().into_iter().filter_map(|effect| model(&[effect], scales).ok()).collect();
-    for (i, first) in all().iter().enumerate() {
-        list.extend(all()[i + 1..].iter().filter_map(|second| model(&[*first, *second], scales).ok()));
+    let mut list: Vec<Model> = EFFECTS.iter().copied().filter_map(|effect| model(&[effect], scales).ok()).collect();
+    for (i, first) in EFFECTS.iter().enumerate() {
+        list.extend(EFFECTS[i + 1..].iter().filter_map(|second| model(&[*first, *second], scales).ok()));
     }
     list
 }
@@ -174,11 +169,11 @@ fn at_the_null_the_base_returns() {
     let models = models(protocol.scales);
     // All may stand alone. Of pairs, two that change the field are refused; of the effects whose fields are solved for each beside `softening` and
     // `fractional-damping`, mass beside `instantaneous-elasticity`, and laws that are not linear beside that and `second-retardation`.
-    let n_fields = all().into_iter().filter(|effect| effect.changes_field()).count();
-    let n_solved = all().into_iter().filter(|effect| effect.field_model().is_some()).count();
-    let n_nonlinear = all().into_iter().filter(|effect| effect.is_nonlinear()).count();
+    let n_fields = EFFECTS.iter().copied().filter(|effect| effect.changes_field()).count();
+    let n_solved = EFFECTS.iter().copied().filter(|effect| effect.field_model().is_some()).count();
+    let n_nonlinear = EFFECTS.iter().copied().filter(|effect| effect.is_nonlinear()).count();
     let n_refused = n_fields * (n_fields - 1) / 2 + 2 * n_solved + 1 + 2 * n_nonlinear;
-    assert_eq!(models.len(), all().len() * (all().len() + 1) / 2 - n_refused);
+    assert_eq!(models.len(), EFFECTS.len() * (EFFECTS.len() + 1) / 2 - n_refused);
     for model in &models {
         let compliance_per_m = compliance(model, &protocol).given_per_m();
         let base = convolve_m(compliance_per_m, &law, &protocol.time_s, &protocol.force_n);
@@ -192,7 +187,7 @@ fn at_the_null_the_base_returns() {
 #[test]
 fn the_reduced_model_agrees_with_full_finite_elements() {
     let protocol = protocol();
-    for effect in all() {
+    for effect in EFFECTS.iter().copied() {
         let model = model(&[effect], protocol.scales).expect("an effect alone is a model");
         let (reduced, full) = (reduced(&model, &protocol), full(&model, &protocol));
         let mut largest = 0.0_f64;
@@ -243,7 +238,7 @@ fn every_pair_is_finite_and_the_same_in_both_models() {
 #[test]
 fn sensitivities_agree_with_finite_differences() {
     let protocol = protocol();
-    for effect in all() {
+    for effect in EFFECTS.iter().copied() {
         let model = model(&[effect], protocol.scales).expect("an effect alone is a model");
         let forward = reduced(&model, &protocol);
         let n_law = LETHERSICH.len();
@@ -291,7 +286,7 @@ fn sensitivities_agree_with_finite_differences() {
 #[test]
 fn finite_steps_are_near_their_limit() {
     let protocol = protocol();
-    for effect in all() {
+    for effect in EFFECTS.iter().copied() {
         let Some(step) = effect.parameters().first().and_then(|p| p.finite_step) else { continue };
         let model = model(&[effect], protocol.scales).expect("an effect alone is a model");
         let forward = reduced(&model, &protocol);
@@ -312,7 +307,7 @@ fn finite_steps_are_near_their_limit() {
 #[test]
 fn larger_laws_are_smaller_laws_with_an_effect() {
     let protocol = protocol();
-    let named = |slug: &str| all().into_iter().find(|effect| effect.slug() == slug).expect("in the library");
+    let named = |slug: &str| EFFECTS.iter().copied().find(|effect| effect.slug() == slug).expect("in the library");
     let [young_modulus_pa, ..] = LETHERSICH;
     // J₀ = 0.2/E; a second body of 0.3/E and 2 s.
     let cases = [

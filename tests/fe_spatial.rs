@@ -3,8 +3,9 @@
 use std::f64::consts::PI;
 
 use nalgebra::{DMatrix, DVector};
+use vitreo_uq::effects::{Spatial, Stages};
 use vitreo_uq::fe::Stiffness;
-use vitreo_uq::fe::spatial::{Scaled, Sizes, SpatialKind, SpatialSystem, Surroundings};
+use vitreo_uq::fe::spatial::{self, Scaled, Sizes, SpatialKind, SpatialSystem, Surroundings};
 use vitreo_uq::fe::transient::{self, Load, Resolution};
 use vitreo_uq::mesh::{Mesh, QuarterBall};
 use vitreo_uq::number::Dual;
@@ -23,22 +24,21 @@ fn ball(level: usize) -> QuarterBall {
     QuarterBall { robot_radius_m: RADIUS_M, outer_radius_m: OUTER_RADIUS_M, n_per_edge: level, n_layers: 4 * level }
 }
 
-fn system(mesh: &Mesh, poisson_ratio: f64, kind: SpatialKind) -> SpatialSystem {
+fn surroundings<'a>(mesh: &'a Mesh, stiffness: &'a Stiffness, poisson_ratio: f64) -> Surroundings<'a> {
     let robot_mass_kg = 4.0 / 3.0 * PI * RADIUS_M.powi(3) * ROBOT_DENSITY;
-    let stiffness = Stiffness::new(mesh).expect("a sound mesh");
-    let surroundings = Surroundings {
-        mesh,
-        stiffness: &stiffness,
-        poisson_ratio,
-        sizes: Sizes {
-            gel_density_kg_m3: GEL_DENSITY,
-            robot_mass_kg,
-            robot_radius_m: RADIUS_M,
-            outer_radius_m: OUTER_RADIUS_M,
-            ball: None,
-        },
+    let sizes = Sizes {
+        gel_density_kg_m3: GEL_DENSITY,
+        robot_mass_kg,
+        robot_radius_m: RADIUS_M,
+        outer_radius_m: OUTER_RADIUS_M,
+        ball: None,
     };
-    SpatialSystem::new(&surroundings, mesh, kind).expect("a sound mesh")
+    Surroundings { mesh, stiffness, poisson_ratio, sizes }
+}
+
+fn system(mesh: &Mesh, poisson_ratio: f64, kind: SpatialKind) -> SpatialSystem {
+    let stiffness = Stiffness::new(mesh).expect("a sound mesh");
+    SpatialSystem::new(&surroundings(mesh, &stiffness, poisson_ratio), mesh, kind).expect("a sound mesh")
 }
 
 /// Force per displacement of the whole body (N/m) with these weights of the system's matrices.
@@ -285,5 +285,38 @@ fn creep_by_terms_agrees_with_time_stepping() {
         println!("{kind:?}: {worst:e} of the amplitude, the effect moves it by {moved:e}; {} steps", run.n_steps);
         assert!(worst < 1e-5, "{kind:?}: {worst:e}");
         assert!(moved > 1e-3, "{kind:?}: {moved:e}");
+    }
+}
+
+/// Positions by superposition of one step's answer against steps through every change of the force, which is what a run with fields takes: delay, lag, factors,
+/// an offset from the start, changes that fall between rows, and rows at which the force changes.
+#[test]
+fn superposed_positions_are_those_of_steps_through_every_switch() {
+    let mesh = ball(1).mesh().unwrap();
+    let stiffness = Stiffness::new(&mesh).unwrap();
+    let surroundings = surroundings(&mesh, &stiffness, 0.48);
+    let time_s: Vec<f64> = (0..60).map(|row| 3.0 + 0.1 * f64::from(row)).collect();
+    let force_n: Vec<f64> = (0..60).map(|row| [4e-6, -4e-6, 0.0, 2e-6][row / 15]).collect();
+    for spatial in
+        [Spatial::Slip { compliance_m_per_pa_s: 3e-4.into() }, Spatial::Inertia { density_scale: 50.0.into() }]
+    {
+        for (delay_s, lag_s) in [(0.0, 0.0), (0.033, 0.12)] {
+            let mut stages = Stages::of_law(law());
+            stages.spatial = Some(spatial.clone());
+            stages.load.delay_s = delay_s.into();
+            stages.load.lag_time_s = lag_s.into();
+            stages.load.negative_factor = 0.9.into();
+            stages.load.offset_n = 2e-7.into();
+            stages.observation.velocity_m_per_s = 1e-6.into();
+            let run = |rows: &[usize]| {
+                spatial::run(&surroundings, &stages, &time_s, &force_n, rows, Resolution::default()).unwrap().position_m
+            };
+            let (stepped, superposed) = (run(&[59]), run(&[]));
+            let amplitude = stepped.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+            let error =
+                stepped.iter().zip(&superposed).fold(0.0_f64, |most, (a, b)| most.max((a - b).abs())) / amplitude;
+            println!("{spatial:?}, delay {delay_s} s, lag {lag_s} s: {error:.1e}");
+            assert!(error < 2e-6 && amplitude > 1e-5, "{error:e} of {amplitude:e} m");
+        }
     }
 }

@@ -111,8 +111,7 @@ mod tests {
     /// Two columns of one corner plot must not carry the same label, and the unit of an effect's table is the one that its name ends in.
     #[test]
     fn labels_of_effects_are_unique_and_agree_with_their_names() {
-        let all = || EFFECTS.iter();
-        let names = || all().flat_map(|effect| effect.parameters()).map(|parameter| parameter.spec.name);
+        let names = || EFFECTS.iter().flat_map(|effect| effect.parameters()).map(|parameter| parameter.spec.name);
         let labels: std::collections::BTreeSet<String> = names().map(|name| of_parameter(name).axis()).collect();
         assert_eq!(labels.len(), names().count());
         for name in names() {

@@ -152,7 +152,7 @@ pub fn check(problem: &Problem, reduced: &Reduced, draws: &[NaturalDraw]) -> Res
     let relative_error = comparison.map(|other| other.relative_error(full.compliance_per_m()).abs());
     Ok(FullCheck {
         noise,
-        fe_runs: if is_slow { beside_m.len() } else { draws.len() },
+        fe_runs: compared.len(),
         draws,
         n_refused,
         trajectories_m,

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 
 use super::{ApparatusError, Bench, Truth};
+use crate::effects::Spatial;
 use crate::error::{Error, Result};
 use crate::experiment::{Apparatus, Robot, Vitreous};
 use crate::fe::Stiffness;
@@ -180,8 +181,13 @@ impl Workshop {
             let poisson_ratio = wrong_ratio.unwrap_or(self.poisson_ratio);
             let surroundings = Surroundings { mesh, stiffness, poisson_ratio, sizes: *sizes };
             let values: Vec<f64> = values.iter().map(|value| value.value).collect();
-            // The reduced models of these effects have no steps that the data's would have to be finer than.
+            // Reduced models of linear fields have no steps that the data's would have to be finer than.
+            let resolution = match stages.spatial {
+                Some(Spatial::Nonlinear(_)) => self.resolution,
+                _ => Resolution::default(),
+            };
             FullForward::new(&model, stiffness, poisson_ratio, &record.time_s, &force_n)?
+                .with_resolution(resolution)
                 .in_surroundings(surroundings)
                 .trajectory_m(&values)?
         } else {

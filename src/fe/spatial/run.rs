@@ -5,6 +5,7 @@ use crate::effects::{Spatial, Stages, pocket_law};
 use crate::error::{Error, Result};
 use crate::fe::Stiffness;
 use crate::fe::poroelastic::{CondensedPores, PoreModel};
+use crate::fe::stepping::run::CLOCK_ROUNDING;
 use crate::fe::stepping::{observed, switches};
 use crate::fe::transient::{self, Load, Resolution, Switch, TransientSystem};
 use crate::mesh::{Mesh, QuarterBall};
@@ -123,9 +124,6 @@ pub fn run(
         }
     }
 }
-
-/// Changes of a force that are nearer to a row than this share of the record come after it.
-const CLOCK_ROUNDING: f64 = 1e-13;
 
 /// Positions (m) at rows by superposition: a force that does not depend on the position acts on a linear system, so that one step of it, stepped once through
 /// the record's length, gives the answer to any.

@@ -11,6 +11,7 @@ use super::steps::Grading;
 use super::{Part, StageSolve, StageWeights, TransientSystem};
 use crate::effects::LARGEST_FEEDBACK;
 use crate::error::{Error, Result};
+use crate::fe::stepping::run::CLOCK_ROUNDING;
 use crate::rheology::CreepCompliance;
 
 /// How fine the steps are.
@@ -42,8 +43,6 @@ pub struct TransientRun {
     pub n_factors: usize,
 }
 
-/// Clock rounding as a share of the record's length.
-const CLOCK_ROUNDING: f64 = 1e-13;
 /// Factors kept at once: a run of one hold needs about two for every decade of time.
 const MOST_FACTORS: usize = 48;
 

@@ -28,7 +28,7 @@ use nalgebra::{DMatrix, DVector};
 use pulp::{Arch, Simd, WithSimd};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
-use stepper::{Member, Reduced};
+use stepper::{Fineness, Member, Reduced};
 
 /// Modes of a surrogate.
 pub const N_MODES: usize = 6;
@@ -85,6 +85,7 @@ struct Ready {
 struct Job<'a, B: Block> {
     law: Member<'a, B::Scalar, N_MODES>,
     linear: Member<'a, B::Scalar, 1>,
+    fineness: Fineness,
     load: &'a Load,
     time_s: &'a [f64],
     force_n: &'a [f64],
@@ -95,7 +96,7 @@ impl<B: Block> WithSimd for Job<'_, B> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) -> Self::Output {
-        stepper::run::<B, N_MODES>(self.law, self.linear, self.load, self.time_s, self.force_n)
+        stepper::run::<B, N_MODES>(self.law, self.linear, self.fineness, self.load, self.time_s, self.force_n)
     }
 }
 
@@ -194,13 +195,14 @@ impl HyperModel {
         let scale = compliance_per_m / own_per_m;
         let mut load = stages.load.clone();
         load.gradient_per_m = load.gradient_per_m * scale;
-        let (share, steps_per_doubling) = (reduced.force_share, steps_per_doubling(reduced.family));
-        let strain_per_force = *strain_per_force;
-        let law = Reduced { points, robot: reduced.robot, share, steps_per_doubling, strain_per_force };
-        let alone = Reduced { points: linear, robot: [1.0], share, steps_per_doubling, strain_per_force };
+        let share = reduced.force_share;
+        let law = Reduced { points, robot: reduced.robot, share };
+        let alone = Reduced { points: linear, robot: [1.0], share };
+        let steps_per_doubling = steps_per_doubling(reduced.family);
         let mut excess_m = Arch::new().dispatch(Job::<B> {
             law: Member { reduced: law, bodies: &bodies, plain_bodies: &plain_bodies },
             linear: Member { reduced: alone, bodies: &linear_bodies, plain_bodies: &plain_linear_bodies },
+            fineness: Fineness { steps_per_doubling, strain_per_force: *strain_per_force },
             load: &load,
             time_s,
             force_n,

@@ -41,8 +41,14 @@ pub(super) struct Reduced<'a, const M: usize> {
     pub robot: [f64; M],
     /// Share of the robot and of the force that the mesh carries.
     pub share: f64,
+}
+
+/// How fine the steps of a run are.
+#[derive(Clone, Copy)]
+pub(super) struct Fineness {
+    /// Steps in which the time since a switch doubles, where nothing has stiffened.
     pub steps_per_doubling: f64,
-    /// Largest equivalent strain per force (Pa/N) where the law is an elastic one.
+    /// Largest equivalent strain per force (Pa/N) where the law is an elastic one: it tells how far springs will stiffen.
     pub strain_per_force: f64,
 }
 
@@ -108,6 +114,7 @@ struct State<'a, B: Block, const M: usize> {
 pub(super) fn run<B: Block, const M: usize>(
     law: Member<B::Scalar, M>,
     linear: Member<B::Scalar, 1>,
+    fineness: Fineness,
     load: &Load,
     time_s: &[f64],
     force_n: &[f64],
@@ -142,11 +149,11 @@ pub(super) fn run<B: Block, const M: usize>(
         let doublings_of = |time_s: f64| time_s.min(slowest_s).log2().floor();
         let fastest = doublings_of(law.plain_bodies.fastest_s(largest));
         // A spring that has stiffened lets go and stiffens again the other way within one doubling.
-        let elastic = law.reduced.strain_per_force * switch.force_n.value().abs() / law.plain_bodies.modulus_pa;
+        let elastic = fineness.strain_per_force * switch.force_n.value().abs() / law.plain_bodies.modulus_pa;
         let largest = largest.max(kernel::stiffened_strain(law.plain_bodies, elastic));
         let stiffened =
             doublings_of(law.plain_bodies.fastest_s(0.0)) - doublings_of(law.plain_bodies.fastest_s(largest));
-        let steps_per_doubling = law.reduced.steps_per_doubling * (1.0 + MORE_STEPS * stiffened).min(MOST_STEPS);
+        let steps_per_doubling = fineness.steps_per_doubling * (1.0 + MORE_STEPS * stiffened).min(MOST_STEPS);
         let fastest_s = fastest.exp2();
         let scale_s = fastest_s.max(SHARE_OF_GAP * first_s.min(length_s.value()));
         let mut nodes = state.hold(begin_s, length_s, scale_s, steps_per_doubling)?;

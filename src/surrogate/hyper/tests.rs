@@ -89,7 +89,9 @@ fn a_few_modes_and_points_are_right_to_a_thousandth() {
         let reduced = model.reduced();
         println!("{family:?}: {N_MODES} modes, {} points, error {:.1e}", model.n_points(), reduced.max_relative_error);
         assert!(model.n_points() <= 48, "{family:?}: {}", model.n_points());
-        assert!(reduced.weights_m3.iter().all(|w| *w > 0.0) && reduced.cubature_residual < 1e-3);
+        // Thinning reaches its error with fewer points than the tolerance asks for.
+        let most = if family == NonlinearFamily::ShearThinning { 1e-3 } else { 4e-4 };
+        assert!(reduced.weights_m3.iter().all(|w| *w > 0.0) && reduced.cubature_residual < most, "{family:?}");
         assert!(reduced.singular_values[N_MODES] < 0.01, "{family:?}: {:?}", &reduced.singular_values[..8]);
         let error = reduced.max_relative_error;
         assert!(error < 1e-3 && error > 1e-6, "{family:?}: {error:e}");
@@ -133,12 +135,11 @@ fn small_effects_are_right_beside_themselves() {
     let (time_s, force_n): (Vec<f64>, Vec<f64>) = rows.map(|row| (time_s[row], force_n[row])).unzip();
     for (which, null) in [(0, 0.0), (1, 1.0), (2, 0.0)] {
         let value = null + 0.02 * (MIDDLE[which] - null);
-        let stages = stages(which, BaseLaw::Lethersich, &PORCINE.map(Dual::constant), value.into());
-        let exact = full.run_stages(&stages, &time_s, &force_n, &[], Options::default()).unwrap().displacement_m;
-        let linear = self::stages(which, BaseLaw::Lethersich, &PORCINE.map(Dual::constant), null.into());
-        let linear = full.run_stages(&linear, &time_s, &force_n, &[], Options::default()).unwrap().displacement_m;
+        let at = |value: f64| stages(which, BaseLaw::Lethersich, &PORCINE.map(Dual::constant), value.into());
+        let run = |value: f64| full.run_stages(&at(value), &time_s, &force_n, &[], Options::default()).unwrap();
+        let (exact, linear) = (run(value).displacement_m, run(null).displacement_m);
         let excess: Vec<f64> = exact.iter().zip(&linear).map(|(x, l)| x - l).collect();
-        let found = model_of(which).excess_m(&stages, compliance_per_m(), &time_s, &force_n).unwrap();
+        let found = model_of(which).excess_m(&at(value), compliance_per_m(), &time_s, &force_n).unwrap();
         let error = largest_distance(&found, &excess);
         println!(
             "{:?}: excess {:.1e} of the amplitude, error {error:.1e} of the excess",
