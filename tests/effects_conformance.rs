@@ -97,7 +97,7 @@ fn the_library_is_the_one_of_physics_section_5_in_the_order_of_application() {
 
 #[test]
 fn slugs_are_kebab_case_and_parameters_are_unique() {
-    for effect in EFFECTS.iter().copied() {
+    for &effect in EFFECTS {
         let slug = effect.slug();
         let is_word = |word: &str| !word.is_empty() && word.bytes().all(|byte| byte.is_ascii_lowercase());
         assert!(slug.split('-').all(is_word), "{slug}");
@@ -120,7 +120,7 @@ fn suffix(unit: &str) -> String {
 
 #[test]
 fn parameters_are_named_by_their_effect_and_end_in_their_unit() {
-    for effect in EFFECTS.iter().copied() {
+    for &effect in EFFECTS {
         for EffectParameter { spec, .. } in effect.parameters() {
             let own = spec.name.strip_prefix(effect.slug()).and_then(|rest| rest.strip_prefix('.')).unwrap();
             let is_letter = |byte: u8| byte.is_ascii_lowercase() || byte.is_ascii_digit() || byte == b'_';
@@ -134,7 +134,7 @@ fn parameters_are_named_by_their_effect_and_end_in_their_unit() {
 
 #[test]
 fn nothing_that_people_read_is_empty() {
-    for effect in EFFECTS.iter().copied() {
+    for &effect in EFFECTS {
         for text in [effect.summary(), effect.equation()] {
             assert!(text.len() > 5 && text.trim() == text && !text.ends_with('.'), "{}: `{text}`", effect.slug());
         }
@@ -178,7 +178,7 @@ fn priors_lie_inside_their_supports_for_any_experiment() {
 #[test]
 fn nulls_lie_where_the_prior_has_mass_nearby() {
     for scales in experiments() {
-        for effect in EFFECTS.iter().copied() {
+        for &effect in EFFECTS {
             if effect.needs_finite_elements() && scales.poisson_ratio.is_none() {
                 continue;
             }
@@ -203,7 +203,7 @@ fn at_its_null_every_effect_leaves_the_stages_as_they_are() {
     for scales in experiments() {
         for base in BaseLaw::NAMED {
             let bare = stages_at(&model(base, &[], scales).unwrap(), &[]).unwrap();
-            for effect in EFFECTS.iter().copied() {
+            for &effect in EFFECTS {
                 let Ok(model) = model(base, &[effect], scales) else { continue };
                 let found = stages_at(&model, &null_of(effect, &scales)).unwrap();
                 assert_eq!(found, bare, "{} on {base:?} at {scales:?}", effect.slug());
@@ -216,7 +216,7 @@ fn at_its_null_every_effect_leaves_the_stages_as_they_are() {
 #[test]
 fn every_effect_writes_into_its_own_stage_only() {
     let bare = stages_at(&model(BaseLaw::Lethersich, &[], PORCINE).unwrap(), &[]).unwrap();
-    for effect in EFFECTS.iter().copied() {
+    for &effect in EFFECTS {
         let away: Vec<f64> = effect.parameters().iter().map(|p| (p.prior)(&PORCINE).quantile(0.8)).collect();
         let found = stages_at(&model(BaseLaw::Lethersich, &[effect], PORCINE).unwrap(), &away).unwrap();
         let mut expected = bare.clone();
@@ -239,7 +239,7 @@ fn every_effect_writes_into_its_own_stage_only() {
 #[test]
 fn a_moving_null_reaches_the_stages() {
     let bare = stages_at(&model(BaseLaw::Lethersich, &[], PORCINE).unwrap(), &[]).unwrap();
-    for effect in EFFECTS.iter().copied() {
+    for &effect in EFFECTS {
         let model = model(BaseLaw::Lethersich, &[effect], PORCINE).unwrap();
         let null = null_of(effect, &PORCINE);
         for (j, parameter) in effect.parameters().iter().enumerate() {
@@ -254,7 +254,7 @@ fn a_moving_null_reaches_the_stages() {
 
 #[test]
 fn parameters_outside_their_supports_are_refused_by_name() {
-    for effect in EFFECTS.iter().copied() {
+    for &effect in EFFECTS {
         let model = model(BaseLaw::Lethersich, &[effect], PORCINE).unwrap();
         for (j, EffectParameter { spec, .. }) in effect.parameters().iter().enumerate() {
             let ends = [(spec.support.lower, -1.0), (spec.support.upper, 1.0)];
@@ -280,7 +280,7 @@ fn laws_and_effects_are_refused_exactly_where_physics_says() {
         ("burgers", "inertia", "waves"),
     ];
     for base in BaseLaw::NAMED {
-        for effect in EFFECTS.iter().copied() {
+        for &effect in EFFECTS {
             let outcome = model(base, &[effect], PORCINE);
             let expected = refused.iter().find(|(law, slug, _)| (*law, *slug) == (base.name(), effect.slug()));
             assert_eq!(outcome.is_err(), expected.is_some(), "{} on {}", effect.slug(), base.name());
@@ -334,7 +334,7 @@ fn every_pair_of_effects_stands_together_and_takes_its_parameters_in_order() {
 #[test]
 fn instruments_take_all_but_what_needs_finite_elements() {
     let instrument = Scales { poisson_ratio: None, ..PORCINE };
-    for effect in EFFECTS.iter().copied() {
+    for &effect in EFFECTS {
         let outcome = model(BaseLaw::Lethersich, &[effect], instrument);
         let linear = ["compressibility", "inertia", "interface-slip", "liquefied-pocket", "poroelasticity"];
         let needs_a_field = linear.contains(&effect.slug()) || NONLINEAR.contains(&effect.slug());

@@ -187,7 +187,7 @@ fn at_the_null_the_base_returns() {
 #[test]
 fn the_reduced_model_agrees_with_full_finite_elements() {
     let protocol = protocol();
-    for effect in EFFECTS.iter().copied() {
+    for &effect in EFFECTS {
         let model = model(&[effect], protocol.scales).expect("an effect alone is a model");
         let (reduced, full) = (reduced(&model, &protocol), full(&model, &protocol));
         let mut largest = 0.0_f64;
@@ -238,7 +238,7 @@ fn every_pair_is_finite_and_the_same_in_both_models() {
 #[test]
 fn sensitivities_agree_with_finite_differences() {
     let protocol = protocol();
-    for effect in EFFECTS.iter().copied() {
+    for &effect in EFFECTS {
         let model = model(&[effect], protocol.scales).expect("an effect alone is a model");
         let forward = reduced(&model, &protocol);
         let n_law = LETHERSICH.len();
@@ -286,7 +286,7 @@ fn sensitivities_agree_with_finite_differences() {
 #[test]
 fn finite_steps_are_near_their_limit() {
     let protocol = protocol();
-    for effect in EFFECTS.iter().copied() {
+    for &effect in EFFECTS {
         let Some(step) = effect.parameters().first().and_then(|p| p.finite_step) else { continue };
         let model = model(&[effect], protocol.scales).expect("an effect alone is a model");
         let forward = reduced(&model, &protocol);
