@@ -216,9 +216,7 @@ fn strength(text: Option<&str>, stream: &mut RandomStream) -> Result<Option<f64>
 
 fn hidden(arguments: &NewArguments, bench: &Bench, protocol: Protocol, stream: &mut RandomStream) -> Result<Hidden> {
     let suited: Vec<OutsideKind> = OutsideKind::ALL.into_iter().filter(|kind| kind.suits(protocol)).collect();
-    // Those that change the displacement field only rescale the law in a creep test of one body.
-    let effects = bench.library().effects().iter().filter(|effect| !effect.changes_field());
-    let slugs: Vec<String> = effects.map(|effect| effect.slug().to_string()).collect();
+    let slugs = bench.hideable();
     if let Some(slug) = &arguments.effect {
         return Ok(Hidden::Effects(vec![slug.clone()]));
     }

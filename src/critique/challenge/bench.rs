@@ -4,7 +4,7 @@ use super::super::separation::{SEPARATED_SIGMA, Truth as Shown, closest};
 use super::super::{Candidate, Subject};
 use super::strength::scaled_to;
 use super::{Disturbance, Hidden, HiddenEffect, NamedValue, NoiseKind, OutsideKind, Protocol, Truth};
-use crate::effects::Library;
+use crate::effects::{Effect, Library};
 use crate::error::{Error, Place, Result};
 use crate::experiment::{Apparatus, Experiment, Record};
 use crate::inference::ensemble::RandomStream;
@@ -66,6 +66,12 @@ impl Bench {
     /// The library.
     pub fn library(&self) -> &Library {
         &self.library
+    }
+
+    /// Effects that can be hidden: all but those that only rescale the law in a creep test of one body, of which no signal can be asked for.
+    pub fn hideable(&self) -> Vec<String> {
+        let shows = |effect: &&&dyn Effect| !effect.changes_field() || effect.field_model().is_some();
+        self.library.effects().iter().filter(shows).map(|effect| effect.slug().to_string()).collect()
     }
 
     /// The reference apparatus.

@@ -6,7 +6,6 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 
 use super::{ApparatusError, Bench, Truth};
-use crate::effects::Spatial;
 use crate::error::{Error, Result};
 use crate::experiment::{Apparatus, Robot, Vitreous};
 use crate::fe::Stiffness;
@@ -22,8 +21,10 @@ use crate::workflow::Monitor;
 use crate::workflow::mechanics::{MODEL_LEVEL, robot_mesh, sizes_of};
 
 /// Mesh level of the data; the fitted model stands one level below.
-pub const DATA_LEVEL: usize = MODEL_LEVEL + 1;
-/// The data's time steps are this much shorter.
+const DATA_LEVEL: usize = MODEL_LEVEL + 1;
+/// That of nonlinear laws, whose reduced models are trained on the mesh below: on the next one a run would take a quarter of an hour.
+const NONLINEAR_DATA_LEVEL: usize = MODEL_LEVEL;
+/// The data's time steps are this much shorter; but where an effect changes the displacement field: the reduced models of such effects have no steps, or steps of their own.
 const FINER_STEPS: u32 = 2;
 
 /// Position (m) at every row for each truth, without noise: full finite elements on a finer mesh and with finer time steps than the fitted model's. Those
@@ -57,8 +58,10 @@ pub fn trajectories_m(
     }
     if !needed.is_empty() {
         monitor.stage(&format!("full finite elements: {} trajectories on the finer mesh", needed.len()));
-        let workshop = Workshop::new(bench)?;
+        let workshop = Workshop::new(bench, DATA_LEVEL)?;
         let full = FullOrderModel::new(&workshop.stiffness, workshop.poisson_ratio)?;
+        let is_any_nonlinear = needed.values().any(|truth| is_nonlinear(bench, truth));
+        let for_nonlinear = is_any_nonlinear.then(|| Workshop::new(bench, NONLINEAR_DATA_LEVEL)).transpose()?;
         let places = off_centre(bench, needed.values())?;
         let models: Vec<(ApparatusError, FullOrderModel<'_>)> = places
             .par_iter()
@@ -69,6 +72,7 @@ pub fn trajectories_m(
             .map(|(key, truth)| {
                 let own = models.iter().find(|(error, _)| truth.apparatus == Some(*error));
                 let full = own.map_or(&full, |(_, model)| model);
+                let workshop = for_nonlinear.as_ref().filter(|_| is_nonlinear(bench, truth)).unwrap_or(&workshop);
                 Ok((key, workshop.trajectory_m(bench, full, truth)?))
             })
             .collect::<Result<_>>()?;
@@ -81,6 +85,10 @@ pub fn trajectories_m(
         }
     }
     Ok(keys.iter().map(|key| known[key.as_str()].clone()).collect())
+}
+
+fn is_nonlinear(bench: &Bench, truth: &Truth) -> bool {
+    truth.effects.iter().any(|effect| bench.library().get(&effect.slug).is_some_and(|effect| effect.is_nonlinear()))
 }
 
 /// The finer finite elements of every robot that is not where it is said to be.
@@ -108,19 +116,11 @@ fn robot_of(bench: &Bench) -> Result<(&Robot, &Vitreous)> {
     }
 }
 
-/// Number of unknowns of the data's mesh.
-///
-/// # Errors
-/// Whatever meshing refuses.
-pub fn n_unknowns(bench: &Bench) -> Result<usize> {
-    Ok(Workshop::new(bench)?.stiffness.n_unknowns())
-}
-
 /// Hash of all that a trajectory depends on.
 fn key(truth: &Truth) -> String {
     let parameters: Vec<_> = truth.effects.iter().map(|effect| (&effect.slug, &effect.parameters)).collect();
     let text = format!(
-        "{} {DATA_LEVEL} {FINER_STEPS} {:?} {:?} {parameters:?} {:?} {:?}",
+        "{} {DATA_LEVEL} {NONLINEAR_DATA_LEVEL} {FINER_STEPS} {:?} {:?} {parameters:?} {:?} {:?}",
         env!("CARGO_PKG_VERSION"),
         truth.protocol,
         truth.law,
@@ -152,12 +152,12 @@ struct Workshop {
 }
 
 impl Workshop {
-    fn new(bench: &Bench) -> Result<Self> {
+    fn new(bench: &Bench, level: usize) -> Result<Self> {
         let (robot, vitreous) = robot_of(bench)?;
-        let mesh = robot_mesh(robot, vitreous, DATA_LEVEL)?;
+        let mesh = robot_mesh(robot, vitreous, level)?;
         let stiffness = Stiffness::new(&mesh)?;
         let resolution = Resolution { steps_per_doubling: FINER_STEPS * Resolution::default().steps_per_doubling };
-        let (poisson_ratio, sizes) = (vitreous.poisson_ratio, sizes_of(robot, vitreous, Some(DATA_LEVEL)));
+        let (poisson_ratio, sizes) = (vitreous.poisson_ratio, sizes_of(robot, vitreous, Some(level)));
         Ok(Self { mesh, stiffness, poisson_ratio, sizes, resolution })
     }
 
@@ -181,13 +181,7 @@ impl Workshop {
             let poisson_ratio = wrong_ratio.unwrap_or(self.poisson_ratio);
             let surroundings = Surroundings { mesh, stiffness, poisson_ratio, sizes: *sizes };
             let values: Vec<f64> = values.iter().map(|value| value.value).collect();
-            // Reduced models of linear fields have no steps that the data's would have to be finer than.
-            let resolution = match stages.spatial {
-                Some(Spatial::Nonlinear(_)) => self.resolution,
-                _ => Resolution::default(),
-            };
             FullForward::new(&model, stiffness, poisson_ratio, &record.time_s, &force_n)?
-                .with_resolution(resolution)
                 .in_surroundings(surroundings)
                 .trajectory_m(&values)?
         } else {

@@ -278,13 +278,9 @@ fn draw(bench: &Bench, request: &PlaysRequest, sort: Sort, number: usize) -> Res
     Err(refusal.unwrap_or_else(|| Error::numerical("no truth was drawn", "ask for other effects or signals")))
 }
 
-/// The effects to choose from: those asked for, else those that leave the displacement field as it is. In a creep test of one body the others only
-/// rescale the law, and no signal of theirs can be asked for.
+/// The effects to choose from: those asked for, else all that can be hidden.
 fn slugs(bench: &Bench, request: &PlaysRequest) -> Vec<String> {
-    if !request.effects.is_empty() {
-        return request.effects.clone();
-    }
-    bench.library().effects().iter().filter(|e| !e.changes_field()).map(|e| e.slug().to_string()).collect()
+    if request.effects.is_empty() { bench.hideable() } else { request.effects.clone() }
 }
 
 /// A case without its noise.
