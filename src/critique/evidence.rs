@@ -126,7 +126,9 @@ impl<'a> CandidatePosterior<'a> {
         let of_natural = |natural: Vec<f64>| natural.iter().enumerate().map(|(d, x)| seen.of_natural(d, *x)).collect();
         let starts: Vec<Vec<f64>> = starts.into_iter().map(of_natural).collect();
         let modes = find_modes(&seen, &starts)?;
-        importance::evidence(&seen, &modes, &ImportanceOptions { seed, ..ImportanceOptions::default() })
+        let is_slow = self.problem.model.is_nonlinear();
+        let options = if is_slow { ImportanceOptions::of_slow_density() } else { ImportanceOptions::default() };
+        importance::evidence(&seen, &modes, &ImportanceOptions { seed, ..options })
     }
 
     fn by_tempering(&self, seed: u64) -> Result<Estimate> {

@@ -15,8 +15,11 @@ use crate::model::{Lanes, N_LANES};
 
 /// Step of a difference, in a search coordinate, whose unit is the spread of a prior.
 const DIFFERENCE: f64 = 1e-4;
-/// Dampings tried at every step, in units of the curvature along coordinates.
-const DAMPINGS: [f64; N_LANES] = [0.0, 1e-4, 1e-2, 0.1, 1.0, 10.0, 100.0, 1e4];
+/// Dampings tried at every step, in units of the curvature along coordinates; the first ones serve most steps.
+const DAMPINGS: [f64; N_LANES] = [0.0, 0.1, 1e-2, 1.0, 1e-4, 10.0, 100.0, 1e4];
+/// Steps that are tried first where every trajectory is computed by itself; the others follow where these gain less than this share of what was promised.
+const FIRST_TRIALS: usize = 2;
+const KEPT_PROMISE: f64 = 0.3;
 const MOST_STEPS: usize = 60;
 const MOST_ROUNDS: usize = 12;
 /// No coordinate moves by more than this at once.
@@ -118,11 +121,12 @@ pub(super) fn columns_m(subject: &Subject, candidate: &Candidate, theta: &[f64])
             "fix one of its parameters",
         )
     };
-    derivatives_m(subject, candidate, theta).map(|(_, columns)| columns).ok_or_else(none)
+    let position_m = subject.trajectory_m(candidate, theta)?;
+    derivatives_m(subject, candidate, theta, &position_m).ok_or_else(none)
 }
 
-/// Position and its derivatives; `None` where there is no model.
-fn derivatives_m(subject: &Subject, candidate: &Candidate, theta: &[f64]) -> Option<(Vec<f64>, Vec<Vec<f64>>)> {
+/// Derivatives at coordinates whose position is known; `None` where there are none.
+fn derivatives_m(subject: &Subject, candidate: &Candidate, theta: &[f64], position_m: &[f64]) -> Option<Vec<Vec<f64>>> {
     let n_free = candidate.free.len();
     // Away from the nearer end.
     let step = |k: usize| {
@@ -134,28 +138,21 @@ fn derivatives_m(subject: &Subject, candidate: &Candidate, theta: &[f64]) -> Opt
         moved[k] += step(k);
         moved
     };
-    let points: Vec<Vec<f64>> = std::iter::once(theta.to_vec()).chain((0..n_free).map(moved)).collect();
-    let mut position_m = Vec::new();
+    let points: Vec<Vec<f64>> = (0..n_free).map(moved).collect();
     let mut columns = Vec::with_capacity(candidate.dimension());
-    for (number, chunk) in points.chunks(N_LANES).enumerate() {
+    for chunk in points.chunks(N_LANES) {
         let (lanes, is_valid) = subject.trajectories_m(candidate, chunk);
         if is_valid[..chunk.len()].contains(&false) {
             return None;
         }
         for lane in 0..chunk.len() {
-            let place = number * N_LANES + lane;
-            if place == 0 {
-                position_m = lanes.iter().map(|row| row.0[0]).collect();
-            } else {
-                let inverse = 1.0 / step(place - 1);
-                columns.push(
-                    lanes.iter().zip(&position_m).map(|(row, x): (&Lanes, &f64)| (row.0[lane] - x) * inverse).collect(),
-                );
-            }
+            let inverse = 1.0 / step(columns.len());
+            let difference = |(row, x): (&Lanes, &f64)| (row.0[lane] - x) * inverse;
+            columns.push(lanes.iter().zip(position_m).map(difference).collect());
         }
     }
     columns.extend(candidate.columns.iter().cloned());
-    Some((position_m, columns))
+    Some(columns)
 }
 
 /// A search in one candidate.
@@ -325,18 +322,27 @@ impl Climber<'_> {
     }
 
     fn climb_mean(&self, mut point: Point) -> Point {
+        let [least_gain, _] = self.search.least_gains();
+        let n_first = if self.candidate.model.is_nonlinear() { FIRST_TRIALS } else { N_LANES };
         let mut resting = 0;
         for _ in 0..MOST_STEPS {
-            let Some(trials) = self.trials(&point) else { return point };
-            let (lanes, values) = self.objectives(&trials, &point.log_noise);
-            let best = (0..trials.len()).max_by(|&a, &b| values[a].total_cmp(&values[b])).unwrap_or(0);
-            let gain = values[best] - point.objective;
-            if gain > 0.0 {
-                point.theta.clone_from(&trials[best]);
-                point.position_m = lanes.iter().map(|row| row.0[best]).collect();
-                point.objective = values[best];
+            let Some(steps) = self.steps(&point).filter(|steps| steps.promised > least_gain) else { break };
+            let before = point.objective;
+            let (first, others) = steps.trials.split_at(n_first.min(steps.trials.len()));
+            for tried in [first, others] {
+                if tried.is_empty() || point.objective - before > KEPT_PROMISE * steps.promised {
+                    break;
+                }
+                let (lanes, values) = self.objectives(tried, &point.log_noise);
+                let best = (0..tried.len()).max_by(|&a, &b| values[a].total_cmp(&values[b])).unwrap_or(0);
+                if values[best] > point.objective {
+                    point.theta.clone_from(&tried[best]);
+                    point.position_m = lanes.iter().map(|row| row.0[best]).collect();
+                    point.objective = values[best];
+                }
             }
-            resting = if gain < self.search.least_gains()[0] { resting + 1 } else { 0 };
+            let gain = point.objective - before;
+            resting = if gain < least_gain { resting + 1 } else { 0 };
             if gain <= 0.0 || resting == 2 {
                 break;
             }
@@ -344,10 +350,9 @@ impl Climber<'_> {
         point
     }
 
-    /// Damped Gauss–Newton steps.
-    fn trials(&self, point: &Point) -> Option<Vec<Vec<f64>>> {
+    fn steps(&self, point: &Point) -> Option<Steps> {
         let (subject, candidate) = (self.subject, self.candidate);
-        let (_, mut columns) = derivatives_m(subject, candidate, &point.theta)?;
+        let mut columns = derivatives_m(subject, candidate, &point.theta, &point.position_m)?;
         let residual_m =
             subject.fitted_m.iter().zip(&point.position_m).map(|(y, x)| y.map_or(0.0, |y| y - x)).collect();
         columns.push(residual_m);
@@ -379,6 +384,14 @@ pub(super) fn normal_equations(columns_and_residual: &[Vec<f64>]) -> (DMatrix<f6
     (normal, DVector::from_fn(n, |i, _| dot(i, n)))
 }
 
+/// Damped Gauss–Newton steps from a point.
+pub(super) struct Steps {
+    /// Where they end.
+    pub trials: Vec<Vec<f64>>,
+    /// What the first would gain if the curvature held, in the unit of ½‖r − Ax‖².
+    pub promised: f64,
+}
+
 /// Steps against the curvature `normal` along `slope` with several dampings, inside the candidate's ends; coordinates at an end that they push against
 /// stay there. `None` where nothing can move.
 pub(super) fn damped_steps(
@@ -386,7 +399,7 @@ pub(super) fn damped_steps(
     from: &[f64],
     normal: &DMatrix<f64>,
     slope: &DVector<f64>,
-) -> Option<Vec<Vec<f64>>> {
+) -> Option<Steps> {
     let is_held = |k: usize| {
         let [lower, upper] = candidate.ends(k);
         (from[k] <= lower && slope[k] < 0.0) || (from[k] >= upper && slope[k] > 0.0)
@@ -399,12 +412,13 @@ pub(super) fn damped_steps(
     let scaled =
         DMatrix::from_fn(active.len(), active.len(), |i, j| normal[(active[i], active[j])] / (scale[i] * scale[j]));
     let slope = DVector::from_fn(active.len(), |i, _| slope[active[i]] / scale[i]);
-    let mut trials = Vec::with_capacity(N_LANES);
+    let (mut trials, mut promised) = (Vec::with_capacity(N_LANES), None);
     for damping in DAMPINGS {
         let mut damped = scaled.clone();
         (0..active.len()).for_each(|i| damped[(i, i)] += damping + 1e-12);
         let Some(factor) = damped.cholesky() else { continue };
         let step = factor.solve(&slope);
+        promised.get_or_insert(0.5 * slope.dot(&step));
         let mut theta = from.to_vec();
         for (i, k) in active.iter().enumerate() {
             let [lower, upper] = candidate.ends(*k);
@@ -414,7 +428,7 @@ pub(super) fn damped_steps(
         }
         trials.push(theta);
     }
-    (!trials.is_empty()).then_some(trials)
+    promised.map(|promised| Steps { trials, promised })
 }
 
 fn list_has_grid(candidate: &Candidate, effect: usize) -> bool {

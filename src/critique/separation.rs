@@ -9,7 +9,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::fit::{columns_m, damped_steps, normal_equations};
+use super::fit::{Steps, columns_m, damped_steps, normal_equations};
 use super::{Candidate, Fitted, Subject};
 use crate::error::{Error, Result};
 use crate::model::N_LANES;
@@ -212,7 +212,10 @@ impl<'a> Imitation<'a> {
             if point.squared < NOTHING {
                 break;
             }
-            let Some(trials) = self.steps(&point.theta, residual) else { break };
+            let Some(Steps { trials, promised }) = self.steps(&point.theta, residual) else { break };
+            if 2.0 * promised < LEAST_PART * point.squared {
+                break;
+            }
             let mut tried = self.differences(&trials);
             let squares: Vec<f64> =
                 trials.iter().zip(&tried).map(|(theta, white)| self.squared(theta, white)).collect();
@@ -230,7 +233,7 @@ impl<'a> Imitation<'a> {
         Some(point)
     }
 
-    fn steps(&self, theta: &[f64], residual: Vec<f64>) -> Option<Vec<Vec<f64>>> {
+    fn steps(&self, theta: &[f64], residual: Vec<f64>) -> Option<Steps> {
         let mut white = self.whiten(&columns_m(self.subject, self.other, theta).ok()?);
         white.push(residual);
         let (mut normal, mut slope) = normal_equations(&white);

@@ -3,6 +3,7 @@
 //! Two ways to the same density: the Lethersich law under white noise by a kernel that touches each row once, and any other model by its
 //! stages, its response and its noise's filter, eight points at a time.
 
+use std::cmp::Ordering;
 use std::collections::BTreeMap;
 
 use super::LogDensity;
@@ -122,14 +123,28 @@ impl<'a> ReducedPosterior<'a> {
         match &self.kernel {
             Kernel::Squares(data) => self.add_by_squares(data, values, log_density),
             Kernel::Stages { response, noise } => {
-                let inside: Vec<usize> =
+                let mut inside: Vec<usize> =
                     (0..log_density.len()).filter(|i| log_density[*i] > f64::NEG_INFINITY).collect();
+                if self.parts.model.is_nonlinear() {
+                    self.sort_by_trajectory(values, log_density.len(), &mut inside);
+                }
                 let mut scratch = Scratch::default();
                 for chunk in inside.chunks(N_LANES) {
                     self.add_by_stages(response, noise, values, chunk, &mut scratch, log_density);
                 }
             }
         }
+    }
+
+    /// Brings points together that differ in their noise alone: their trajectory is computed once.
+    fn sort_by_trajectory(&self, values: &[f64], n: usize, points: &mut [usize]) {
+        let n_model = self.parts.model.parameters().len();
+        let of_model = |point: usize| (0..n_model).map(move |d| values[d * n + point]);
+        let order = |a: &usize, b: &usize| {
+            let differ = of_model(*a).zip(of_model(*b)).map(|(a, b)| a.total_cmp(&b));
+            differ.reduce(Ordering::then).unwrap_or(Ordering::Equal).then(a.cmp(b))
+        };
+        points.sort_unstable_by(order);
     }
 
     fn add_by_squares(&self, data: &SumOfSquares, values: &mut [f64], log_density: &mut [f64]) {
@@ -166,6 +181,15 @@ impl<'a> ReducedPosterior<'a> {
         let n_model = self.parts.model.parameters().len();
         scratch.clear();
         for &point in points {
+            let is_same = |(d, parameter): (usize, &Dual)| parameter.value == values[d * n + point];
+            if let Some(&lane) = scratch.lanes.last()
+                && scratch.parameters.len() == n_model
+                && scratch.parameters.iter().enumerate().all(is_same)
+            {
+                scratch.points.push(point);
+                scratch.lanes.push(lane);
+                continue;
+            }
             scratch.parameters.clear();
             scratch.parameters.extend((0..n_model).map(|d| Dual::constant(values[d * n + point])));
             let stages = self.parts.model.stages(&scratch.parameters);
@@ -175,10 +199,15 @@ impl<'a> ReducedPosterior<'a> {
             }) {
                 Ok((stages, compliance_per_m)) => {
                     scratch.points.push(point);
+                    scratch.lanes.push(scratch.stages.len());
                     scratch.stages.push(stages);
                     scratch.compliances_per_m.push(compliance_per_m);
                 }
-                Err(_) => log_density[point] = f64::NEG_INFINITY,
+                Err(_) => {
+                    log_density[point] = f64::NEG_INFINITY;
+                    // No later point takes the lane of one before this.
+                    scratch.parameters.clear();
+                }
             }
         }
         if scratch.points.is_empty() {
@@ -190,13 +219,19 @@ impl<'a> ReducedPosterior<'a> {
             scratch.points.iter().for_each(|point| log_density[*point] = f64::NEG_INFINITY);
             return;
         }
+        if scratch.stages.len() < scratch.points.len() {
+            for row in &mut scratch.positions_m {
+                let packed = row.0;
+                row.0.iter_mut().zip(&scratch.lanes).for_each(|(x, lane)| *x = packed[*lane]);
+            }
+        }
         let of_lane = |d: usize, lane: usize| values[d * n + scratch.points[lane.min(scratch.points.len() - 1)]];
         let of_noise: Vec<[f64; N_LANES]> =
             (n_model..self.sources.len()).map(|d| std::array::from_fn(|lane| of_lane(d, lane))).collect();
         let mut ln_likelihood = [0.0; N_LANES];
         noise.ln_likelihood_lanes(&scratch.positions_m, &of_noise, &mut ln_likelihood);
-        for (lane, &point) in scratch.points.iter().enumerate() {
-            if is_valid[lane] {
+        for (lane, (&point, &own)) in scratch.points.iter().zip(&scratch.lanes).enumerate() {
+            if is_valid[own] {
                 log_density[point] += ln_likelihood[lane];
             } else {
                 log_density[point] = f64::NEG_INFINITY;
@@ -210,6 +245,8 @@ impl<'a> ReducedPosterior<'a> {
 struct Scratch {
     parameters: Vec<Dual>,
     points: Vec<usize>,
+    /// Whose trajectory each of them has.
+    lanes: Vec<usize>,
     stages: Vec<crate::effects::Stages>,
     compliances_per_m: Vec<f64>,
     positions_m: Vec<Lanes>,
@@ -218,6 +255,7 @@ struct Scratch {
 impl Scratch {
     fn clear(&mut self) {
         self.points.clear();
+        self.lanes.clear();
         self.stages.clear();
         self.compliances_per_m.clear();
     }

@@ -182,6 +182,24 @@ fn the_kernel_of_stages_equals_prior_plus_scalar_likelihood() {
     }
 }
 
+/// Neighbours that differ in their noise alone share a trajectory, also beside points that have none; each has the bits that it has alone.
+#[test]
+fn points_that_differ_in_their_noise_alone_share_a_trajectory() {
+    let case = Case::new();
+    let noise = |natural: &Vec<f64>, factor: f64| {
+        let mut moved = natural.clone();
+        moved[6..].iter_mut().for_each(|value| *value *= factor);
+        moved
+    };
+    let mixed = mixed(&case);
+    let points: Vec<Vec<f64>> =
+        mixed.iter().flat_map(|point| [1.0, 1.3, 0.8].map(|factor| noise(point, factor))).collect();
+    let together: Vec<u64> = case.log_density(&points).into_iter().map(f64::to_bits).collect();
+    let alone: Vec<u64> =
+        points.iter().map(|point| case.log_density(std::slice::from_ref(point))[0].to_bits()).collect();
+    assert_eq!(together, alone);
+}
+
 /// The likelihood of the stepped equations' trajectory: the steps' error is below 10⁻⁸ of the position.
 #[test]
 fn the_kernel_of_stages_is_that_of_the_equations() {

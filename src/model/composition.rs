@@ -95,6 +95,11 @@ impl Model {
         &self.effects
     }
 
+    /// Whether its law is not linear, so that every trajectory takes a thousand times as long.
+    pub fn is_nonlinear(&self) -> bool {
+        self.effects.iter().any(|effect| effect.is_nonlinear())
+    }
+
     /// The experiment's sizes that effects refer to.
     pub fn scales(&self) -> &Scales {
         &self.scales

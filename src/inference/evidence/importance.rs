@@ -46,6 +46,13 @@ impl Default for ImportanceOptions {
     }
 }
 
+impl ImportanceOptions {
+    /// For densities that take a millisecond: an error of 0.03 nats where the proposal is good, and more draws only where it is not.
+    pub fn of_slow_density() -> Self {
+        Self { n_adapting: 600, n_draws: 2_000, ..Self::default() }
+    }
+}
+
 /// Effective draws per coordinate that a proposal is fitted to: weights are taken to a power that leaves as many.
 const DRAWS_PER_COORDINATE: f64 = 30.0;
 /// Share of the estimate's draws that come from one wide component over all of the posterior, and how much wider it is: what the others miss must not
