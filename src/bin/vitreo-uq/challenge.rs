@@ -215,7 +215,7 @@ fn strength(text: Option<&str>, stream: &mut RandomStream) -> Result<Option<f64>
 }
 
 fn hidden(arguments: &NewArguments, bench: &Bench, protocol: Protocol, stream: &mut RandomStream) -> Result<Hidden> {
-    let suited: Vec<OutsideKind> = OutsideKind::ALL.into_iter().filter(|kind| kind.suits(protocol)).collect();
+    let suited: Vec<OutsideKind> = OutsideKind::DRAWN.into_iter().filter(|kind| kind.suits(protocol)).collect();
     let slugs = bench.hideable();
     if let Some(slug) = &arguments.effect {
         return Ok(Hidden::Effects(vec![slug.clone()]));
@@ -231,7 +231,7 @@ fn hidden(arguments: &NewArguments, bench: &Bench, protocol: Protocol, stream: &
         };
     }
     if let Some(Some(kind)) = &arguments.outside {
-        return Ok(Hidden::Outside(named("--outside", kind, &OutsideKind::ALL, OutsideKind::name)?));
+        return Ok(Hidden::Outside(named("--outside", kind, &OutsideKind::all(), OutsideKind::name)?));
     }
     let choice = stream.unit();
     if arguments.none || (arguments.outside.is_none() && choice < 0.15) {

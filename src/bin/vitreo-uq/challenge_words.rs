@@ -6,6 +6,7 @@ use std::path::Path;
 use vitreo_uq::critique::challenge::files::Opened;
 use vitreo_uq::critique::challenge::plays::Play;
 use vitreo_uq::critique::challenge::tally::Tally;
+use vitreo_uq::critique::challenge::{Disturbance, OutsideKind};
 use vitreo_uq::critique::diagnosis::Diagnosis;
 
 use crate::text::significant;
@@ -21,7 +22,12 @@ pub fn words_of_truth(
     let mut lines = vec![format!("The seal is whole: the answer has the hash {}.", opened.commitment_sha256)];
     let [e, c1, c2] = truth.law.map(significant);
     match &truth.outside {
-        Some(outside) => lines.push(format!("Hidden: {}, which is not of the library.", outside.kind.name())),
+        Some(outside) => {
+            lines.push(format!("Hidden: {}, which is not of the library{}.", outside.kind.name(), size_of(outside)));
+            if !truth.ideal_class.is_empty() {
+                lines.push(format!("In this experiment it looks like {}.", truth.ideal_class.join(" or ")));
+            }
+        }
         None if truth.effects.is_empty() => lines.push("Hidden: nothing.".into()),
         None => {}
     }
@@ -35,7 +41,7 @@ pub fn words_of_truth(
             significant(effect.signal_sigma)
         ));
     }
-    if truth.ideal_class.len() > truth.effects.len() {
+    if truth.outside.is_none() && truth.ideal_class.len() > truth.effects.len() {
         lines.push(format!("This experiment cannot tell these apart: {}.", truth.ideal_class.join(", ")));
     }
     lines.push(format!(
@@ -60,6 +66,16 @@ pub fn words_of_truth(
         }
     }
     lines.join("\n") + "\n"
+}
+
+/// How far the robot would go, where that is what is hidden.
+fn size_of(outside: &Disturbance) -> String {
+    match outside.kind {
+        OutsideKind::LargeDisplacement => {
+            format!("; if the gel were linear, the robot would come {} of its radii away", significant(outside.size))
+        }
+        _ => String::new(),
+    }
 }
 
 /// What many plays came to.

@@ -2,6 +2,7 @@
 
 use super::super::separation::{SEPARATED_SIGMA, Truth as Shown, closest};
 use super::super::{Candidate, Subject};
+use super::large::{self, LargeGel};
 use super::strength::scaled_to;
 use super::{Disturbance, Hidden, HiddenEffect, NamedValue, NoiseKind, OutsideKind, Protocol, Truth};
 use crate::effects::{Effect, Library};
@@ -178,6 +179,7 @@ impl Bench {
                 truth.ideal_class = class;
                 truth.effects = effects;
             }
+            Hidden::Outside(OutsideKind::LargeDisplacement) => return self.with_large(order, motion, law).map(Some),
             Hidden::Outside(kind) => {
                 let asked_sigma = order.strength_sigma.unwrap_or(20.0);
                 let drawn = Disturbance::draw(*kind, stream);
@@ -192,9 +194,54 @@ impl Bench {
         }
         Ok(Some(truth))
     }
+
+    /// A gel so much stiffer than the drawn law that large displacements show as strongly as is asked.
+    fn with_large(&self, order: &Order, motion: &Motion, law: [f64; 3]) -> Result<Truth> {
+        let asked_sigma = order.strength_sigma.unwrap_or(20.0);
+        let gel = LargeGel::new(self.apparatus(), large::SIZING_LEVEL)?;
+        let farthest_m = motion.farthest_m()?;
+        let radius_m = large::radius_m(self.apparatus())?;
+        let law_at = |radii: f64| law.map(|value| value * farthest_m / (radii * radius_m));
+        let at = |radii: f64| -> Result<(Motion, Vec<f64>)> {
+            let motion = self.motion(order, law_at(radii))?;
+            let position_m = gel.position_m(law_at(radii), motion.record())?;
+            Ok((motion, position_m))
+        };
+        let sigma_at = |radii: f64| {
+            let (motion, position_m) = at(radii).ok()?;
+            motion.distance_sigma(&motion.shown(&position_m), &motion.base)
+        };
+        // A gel does not know left from right: what is not linear in it goes with the third power.
+        let signals = |cubes: &[f64]| sigma_at(cubes[0].cbrt()).map(|sigma| vec![sigma]);
+        let most = large::FARTHEST_RADII.powi(3);
+        let Some((cubes, sigma)) = scaled_to(asked_sigma, vec![0.5 * most], &[most], signals) else {
+            let farthest = sigma_at(large::FARTHEST_RADII).map_or("unknown".into(), |sigma| format!("{sigma:.1} σ"));
+            return Err(Error::input(
+                Place::option("--strength"),
+                format!(
+                    "{asked_sigma} σ are out of reach: the mesh carries {} radii, where the signal is {farthest}",
+                    large::FARTHEST_RADII
+                ),
+                "ask for a smaller `--strength`",
+            ));
+        };
+        let radii = cubes[0].cbrt();
+        let (motion, position_m) = at(radii)?;
+        let mut truth = Truth::of_nothing(order.protocol, order.noise, law_at(radii));
+        truth.outside = Some(Disturbance { kind: OutsideKind::LargeDisplacement, size: radii, shape: Vec::new() });
+        truth.outside_sigma = Some(sigma[0]);
+        truth.ideal_class = motion.ideal_class(&motion.shown(&position_m), &[], &self.library);
+        Ok(truth)
+    }
 }
 
 impl Motion {
+    /// Farthest position (m) without anything hidden.
+    fn farthest_m(&self) -> Result<f64> {
+        let position_m = self.subject.trajectory_m(&self.base, &self.theta)?;
+        Ok(position_m.iter().fold(0.0, |most, x| x.abs().max(most)))
+    }
+
     fn record(&self) -> &Record {
         &self.subject.experiment().record
     }

@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
-use super::{ApparatusError, Bench, Truth};
+use super::large::{self, LargeGel};
+use super::{ApparatusError, Bench, OutsideKind, Truth};
 use crate::error::{Error, Result};
 use crate::experiment::{Apparatus, Robot, Vitreous};
 use crate::fe::Stiffness;
@@ -70,6 +71,10 @@ pub fn trajectories_m(
         let computed: Vec<(&str, Vec<f64>)> = needed
             .into_par_iter()
             .map(|(key, truth)| {
+                if truth.outside.as_ref().is_some_and(|outside| outside.kind == OutsideKind::LargeDisplacement) {
+                    let gel = LargeGel::new(bench.apparatus(), large::DATA_LEVEL)?;
+                    return Ok((key, gel.position_m(truth.law, &truth.protocol.record())?));
+                }
                 let own = models.iter().find(|(error, _)| truth.apparatus == Some(*error));
                 let full = own.map_or(&full, |(_, model)| model);
                 let workshop = for_nonlinear.as_ref().filter(|_| is_nonlinear(bench, truth)).unwrap_or(&workshop);
@@ -96,7 +101,7 @@ fn off_centre<'a>(
     bench: &Bench,
     truths: impl Iterator<Item = &'a &'a Truth>,
 ) -> Result<Vec<(ApparatusError, Stiffness)>> {
-    let (robot, vitreous) = robot_of(bench)?;
+    let (robot, vitreous) = robot_of(bench.apparatus())?;
     let mut errors: Vec<ApparatusError> = Vec::new();
     for error in truths.filter_map(|truth| truth.apparatus) {
         if error.robot(robot) != *robot && !errors.contains(&error) {
@@ -107,8 +112,9 @@ fn off_centre<'a>(
     errors.into_iter().map(|error| Ok((error, stiffness(error)?))).collect()
 }
 
-fn robot_of(bench: &Bench) -> Result<(&Robot, &Vitreous)> {
-    match bench.apparatus() {
+/// The reference apparatus's robot and gel.
+pub(super) fn robot_of(apparatus: &Apparatus) -> Result<(&Robot, &Vitreous)> {
+    match apparatus {
         Apparatus::Robot { robot, vitreous } => Ok((robot, vitreous)),
         Apparatus::Instrument { .. } => {
             Err(Error::numerical("the reference apparatus has no robot", "reinstall the program"))
@@ -153,7 +159,7 @@ struct Workshop {
 
 impl Workshop {
     fn new(bench: &Bench, level: usize) -> Result<Self> {
-        let (robot, vitreous) = robot_of(bench)?;
+        let (robot, vitreous) = robot_of(bench.apparatus())?;
         let mesh = robot_mesh(robot, vitreous, level)?;
         let stiffness = Stiffness::new(&mesh)?;
         let resolution = Resolution { steps_per_doubling: FINER_STEPS * Resolution::default().steps_per_doubling };

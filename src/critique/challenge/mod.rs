@@ -7,6 +7,7 @@
 mod bench;
 pub mod files;
 pub mod full_order;
+mod large;
 mod noise;
 mod outside;
 pub mod plays;

@@ -32,11 +32,13 @@ pub enum OutsideKind {
     Backlash,
     /// The force is not proportional to its command: F (1 + s (|F|/F_max − 1)). With one force level that is a scale.
     ForceLevel,
+    /// The robot moves by about its own size, so that the gel's geometry is not linear. Its size is in robot radii.
+    LargeDisplacement,
 }
 
 impl OutsideKind {
-    /// All of them.
-    pub const ALL: [Self; 10] = [
+    /// Those that may be drawn; data with large displacements take minutes, and are made where they are asked for by name.
+    pub const DRAWN: [Self; 10] = [
         Self::Vibration,
         Self::CycleVibration,
         Self::Slip,
@@ -48,6 +50,11 @@ impl OutsideKind {
         Self::Backlash,
         Self::ForceLevel,
     ];
+
+    /// All of them.
+    pub fn all() -> Vec<Self> {
+        Self::DRAWN.into_iter().chain([Self::LargeDisplacement]).collect()
+    }
 
     /// Name in options and JSON.
     pub fn name(self) -> &'static str {
@@ -62,6 +69,7 @@ impl OutsideKind {
             Self::PixelLocking => "pixel-locking",
             Self::Backlash => "backlash",
             Self::ForceLevel => "force-level",
+            Self::LargeDisplacement => "large-displacement",
         }
     }
 
@@ -70,17 +78,18 @@ impl OutsideKind {
         protocol == Protocol::Levels || !matches!(self, Self::Backlash | Self::ForceLevel)
     }
 
-    /// A size at which it is sure to be seen: in m where it adds to the position, else a fraction.
+    /// A size at which it is sure to be seen, in the unit of [`Disturbance::size`].
     fn first_size(self) -> f64 {
         match self {
             Self::GainJump | Self::CubicScale | Self::ForceLevel => 0.05,
+            Self::LargeDisplacement => 1.0,
             _ => 20e-6,
         }
     }
 
     /// Whether the size may have either sign.
     fn has_two_signs(self) -> bool {
-        !matches!(self, Self::Vibration | Self::CycleVibration | Self::Backlash)
+        !matches!(self, Self::Vibration | Self::CycleVibration | Self::Backlash | Self::LargeDisplacement)
     }
 }
 
@@ -89,7 +98,7 @@ impl OutsideKind {
 pub struct Disturbance {
     /// What it is.
     pub kind: OutsideKind,
-    /// Its size: in m where it adds to the position, else a fraction.
+    /// Its size: in m where it adds to the position, in robot radii for large displacements (the farthest position if the gel were linear), else a fraction.
     pub size: f64,
     /// Moments, frequencies and phases, as numbers from 0 to 1 that each kind puts on its own scale.
     pub shape: Vec<f64>,
@@ -179,7 +188,8 @@ impl Disturbance {
                 };
                 position_m.iter().map(follow).collect()
             }
-            OutsideKind::ForceLevel => position_m.to_vec(),
+            // What acts otherwise is in the true position.
+            OutsideKind::ForceLevel | OutsideKind::LargeDisplacement => position_m.to_vec(),
         }
     }
 }
@@ -202,7 +212,7 @@ mod tests {
     #[test]
     fn nothing_of_it_is_nothing() {
         let (record, position_m) = ramp();
-        for kind in OutsideKind::ALL {
+        for kind in OutsideKind::DRAWN {
             let none = Disturbance::draw(kind, &mut RandomStream::new(1, 0)).sized(0.0);
             assert_eq!(none.recorded_m(&record, &position_m), position_m, "{kind:?}");
             assert_eq!(none.force_n(&record), record.force_n, "{kind:?}");
@@ -212,7 +222,7 @@ mod tests {
     #[test]
     fn every_kind_changes_the_fitted_cycles() {
         let (record, position_m) = ramp();
-        for kind in OutsideKind::ALL {
+        for kind in OutsideKind::DRAWN {
             for stream in 0..20 {
                 let made = Disturbance::draw(kind, &mut RandomStream::new(1, stream));
                 let moved =

@@ -256,7 +256,7 @@ fn draw(bench: &Bench, request: &PlaysRequest, sort: Sort, number: usize) -> Res
             }
             Sort::Outside => {
                 let kinds: Vec<OutsideKind> =
-                    OutsideKind::ALL.into_iter().filter(|kind| kind.suits(protocol)).collect();
+                    OutsideKind::DRAWN.into_iter().filter(|kind| kind.suits(protocol)).collect();
                 order(Hidden::Outside(kinds[(spread(kinds.len()) + attempt) % kinds.len()]), signal_sigma)
             }
             Sort::Single => {

@@ -80,7 +80,10 @@ impl Play {
     pub fn is_right(&self) -> bool {
         match self.sort {
             Sort::None | Sort::Apparatus => self.said == "none",
-            Sort::Outside => self.said == "unexplained",
+            // Where an effect of the library does the same, it may be named.
+            Sort::Outside => {
+                self.said == "unexplained" || self.class.iter().any(|slug| self.truth.ideal_class.contains(slug))
+            }
             Sort::Single | Sort::Pair => self.is_in_class(),
         }
     }

@@ -20,10 +20,10 @@ mod tests;
 
 pub(crate) use deformation::Deformation;
 
-use crate::effects::{Load, Nonlinearity};
+use crate::effects::{Load, Nonlinearity, Spatial, Stages};
 use crate::error::{Error, Result};
 use crate::fe::Stiffness;
-use crate::fe::nonlinear::{Cost, NonlinearModel, NonlinearRun, Options};
+use crate::fe::nonlinear::{Bodies, Cost, NonlinearModel, NonlinearResult, Options};
 use crate::mesh::Mesh;
 use crate::number::Dual;
 use crate::rheology::BaseLaw;
@@ -72,28 +72,20 @@ impl<'a> LargeModel<'a> {
     /// [`Error::Numerical`] for a law that is no series of Kelvin–Voigt bodies, springs and a dashpot, for parameters outside their support, and where the balance is not found
     /// in ever smaller steps; that says how far the robot came.
     pub fn run(&self, what: &LargeRun, options: Options) -> Result<LargeResult> {
-        let mut displacement_m = Vec::with_capacity(what.time_s.len());
-        // Without stiffening the first spring is linear.
-        let nonlinearity = Nonlinearity::StrainStiffening { coefficient: Dual::ZERO };
         let LargeRun { law, parameters, load, time_s, force_n } = *what;
         let parameters: Vec<Dual> = parameters.iter().map(|p| Dual::constant(*p)).collect();
-        let law = &law.elements(&parameters);
-        let run = NonlinearRun { law, nonlinearity, load, time_s, force_n };
-        let robot = self.model.robot();
-        let outcome = self.model.watch(&run, options, |at| displacement_m.push(at.displacement[robot]));
-        match outcome {
-            Ok(cost) => Ok(LargeResult { displacement_m, cost }),
-            Err(Error::Numerical { what, .. }) if !displacement_m.is_empty() => {
-                let row = displacement_m.len() - 1;
-                let farthest_m = displacement_m.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
-                Err(Error::numerical(
-                    format!(
-                        "the mesh carries the robot no farther than the row at {} s ({:.4e} m; {farthest_m:.4e} m at most before): {what}",
-                        time_s[row], displacement_m[row]
-                    ),
-                    "use a smaller force, a stiffer gel or a finer mesh",
-                ))
-            }
+        // Without stiffening the first spring is linear.
+        let nonlinearity = Nonlinearity::StrainStiffening { coefficient: Dual::ZERO };
+        let law = law.elements(&parameters);
+        Bodies::<f64>::new(&law, nonlinearity)?;
+        let spatial = Some(Spatial::Nonlinear(nonlinearity));
+        let stages = Stages { load: load.clone(), spatial, ..Stages::of_law(law) };
+        match self.model.run_stages(&stages, time_s, force_n, &[], options) {
+            Ok(NonlinearResult { displacement_m, cost, .. }) => Ok(LargeResult { displacement_m, cost }),
+            Err(Error::Numerical { what, .. }) => Err(Error::numerical(
+                format!("the mesh carries the robot no farther: {what}"),
+                "use a smaller force, a stiffer gel or a finer mesh",
+            )),
             Err(other) => Err(other),
         }
     }

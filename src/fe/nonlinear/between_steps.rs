@@ -55,7 +55,8 @@ impl NonlinearModel<'_> {
             }
         };
         let at_step = |time_s: f64, x: f64| steps.push((time_s, x));
-        let cost = run::run(self.balance(), &bodies, &stages.load, record, options, at_stop, at_step)?;
+        let outcome = run::run(self.balance(), &bodies, &stages.load, record, options, at_stop, at_step);
+        let cost = outcome.map_err(|error| with_place(error, &steps))?;
         let mut displacement_m = displacements_m(self, stages, time_s, force_n, &steps)?;
         let start_s = time_s.first().copied().unwrap_or(0.0);
         for (x, t) in displacement_m.iter_mut().zip(time_s) {
@@ -63,6 +64,18 @@ impl NonlinearModel<'_> {
         }
         let fields = rows.iter().filter_map(|row| fields.get(row).cloned()).collect();
         Ok(NonlinearResult { displacement_m, fields, cost })
+    }
+}
+
+/// A run's error with how far the robot came.
+fn with_place(error: Error, steps: &[(f64, f64)]) -> Error {
+    let farthest_m = steps.iter().fold(0.0_f64, |most, step| most.max(step.1.abs()));
+    match error {
+        Error::Numerical { what, remedy } => Error::Numerical {
+            what: format!("{what}; the robot was {farthest_m:.3e} m away at most until then"),
+            remedy,
+        },
+        other => other,
     }
 }
 
