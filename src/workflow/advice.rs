@@ -1,6 +1,7 @@
 //! What a posterior's figures mean, in words, with advice.
 
 use super::summary::{PosteriorSummary, Warning, WarningKind};
+use crate::effects::Library;
 
 /// Misfit or learnt noise above this multiple of the known noise is not the noise (contracts §4).
 pub const NOISE_FACTOR: f64 = 1.5;
@@ -109,16 +110,29 @@ pub fn misfit_warning(misfits_um: &[(&str, Option<f64>)], noise_um: f64) -> Opti
     })
 }
 
-/// A reduced model that is too far (µm) from full finite elements, or whose importance weights cannot be trusted.
-pub fn surrogate_warning(distance_um: f64, pareto_k: Option<f64>, noise_um: f64) -> Option<Warning> {
+/// A reduced model with these effects that is too far (µm) from full finite elements, or whose importance weights cannot be trusted.
+pub fn surrogate_warning(
+    distance_um: f64,
+    pareto_k: Option<f64>,
+    noise_um: f64,
+    effects: &[String],
+) -> Option<Warning> {
     let is_inaccurate = distance_um > SURROGATE_SHARE * noise_um || pareto_k.is_some_and(|k| k > PARETO_LIMIT);
     let weights = pareto_k.map_or(String::new(), |k| format!(", Pareto k {k:.2}"));
+    let library = Library::default();
+    let is_nonlinear = |slug: &String| library.get(slug).is_some_and(|effect| effect.is_nonlinear());
+    // Modes and points of a law that is not linear are as many as they are, whatever the prior.
+    let advice = if effects.iter().any(is_nonlinear) {
+        "the reduced model of a law that is not linear is right to a thousandth of the amplitude: the parameters may err by more than their intervals say; measure at a smaller amplitude"
+    } else {
+        "delete the kept surrogate and narrow the prior"
+    };
     is_inaccurate.then(|| Warning {
         kind: WarningKind::SurrogateInaccurate,
         text: format!(
             "the reduced model differs from full finite elements by up to {distance_um:.3} µm (noise {noise_um:.3} µm{weights})"
         ),
-        advice: "delete the kept surrogate and narrow the prior".into(),
+        advice: advice.into(),
     })
 }
 
@@ -176,7 +190,8 @@ fn misfit(summary: &PosteriorSummary, noise: f64, add: &mut impl FnMut(WarningKi
 /// Errors of the reduced model and of the mesh, against the noise.
 fn model_error(summary: &PosteriorSummary, noise: f64, add: &mut impl FnMut(WarningKind, String, &str)) {
     let heldout = &summary.heldout;
-    if let Some(warning) = surrogate_warning(heldout.surrogate_vs_fe_max_um.unwrap_or(0.0), heldout.pareto_k, noise) {
+    let distance_um = heldout.surrogate_vs_fe_max_um.unwrap_or(0.0);
+    if let Some(warning) = surrogate_warning(distance_um, heldout.pareto_k, noise, &summary.model.effects) {
         add(warning.kind, warning.text, &warning.advice);
     }
     if heldout.fe_runs.is_some()
@@ -317,5 +332,12 @@ mod tests {
             (vec![NoiseUnknown, SurrogateInaccurate], false)
         );
         assert_eq!(after(|s| (s.heldout.rmse_um, s.heldout.joint_p) = (None, None)), (vec![NothingHeldOut], true));
+    }
+
+    #[test]
+    fn a_law_that_is_not_linear_is_not_mended_by_its_prior() {
+        let advice = |slug: &str| surrogate_warning(1.0, None, 4.0, &[slug.to_string()]).map(|warning| warning.advice);
+        assert!(advice("shear-thinning").is_some_and(|advice| advice.contains("smaller amplitude")));
+        assert!(advice("poroelasticity").is_some_and(|advice| advice.contains("narrow the prior")));
     }
 }

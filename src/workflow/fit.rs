@@ -474,7 +474,8 @@ fn warnings(summary: &FitSummary, at_end: &[&str], at_null: &[&str]) -> Vec<Warn
     }
     if let Some(noise_um) = summary.noise_um {
         list.extend(misfit_warning(&[("fitted", Some(summary.rmse_um))], noise_um));
-        list.extend(surrogate_warning(summary.surrogate_vs_fe_max_um.unwrap_or(0.0), None, noise_um));
+        let distance_um = summary.surrogate_vs_fe_max_um.unwrap_or(0.0);
+        list.extend(surrogate_warning(distance_um, None, noise_um, &summary.model.effects));
         if summary.surrogate_vs_fe_max_um.is_some() {
             list.extend(mesh_warning(summary.fe_discretisation_um, noise_um));
         }

@@ -68,26 +68,27 @@ pub fn trajectories_m(
             .par_iter()
             .map(|(error, stiffness)| Ok((*error, FullOrderModel::new(stiffness, workshop.poisson_ratio)?)))
             .collect::<Result<_>>()?;
-        let computed: Vec<(&str, Vec<f64>)> = needed
-            .into_par_iter()
-            .map(|(key, truth)| {
-                if truth.outside.as_ref().is_some_and(|outside| outside.kind == OutsideKind::LargeDisplacement) {
-                    let gel = LargeGel::new(bench.apparatus(), large::DATA_LEVEL)?;
-                    return Ok((key, gel.position_m(truth.law, &truth.protocol.record())?));
-                }
-                let own = models.iter().find(|(error, _)| truth.apparatus == Some(*error));
-                let full = own.map_or(&full, |(_, model)| model);
-                let workshop = for_nonlinear.as_ref().filter(|_| is_nonlinear(bench, truth)).unwrap_or(&workshop);
-                Ok((key, workshop.trajectory_m(bench, full, truth)?))
-            })
-            .collect::<Result<_>>()?;
-        for (key, position_m) in computed {
+        let compute = |truth: &Truth| -> Result<Vec<f64>> {
+            if truth.outside.as_ref().is_some_and(|outside| outside.kind == OutsideKind::LargeDisplacement) {
+                let gel = LargeGel::new(bench.apparatus(), large::DATA_LEVEL)?;
+                return gel.position_m(truth.law, &truth.protocol.record());
+            }
+            let own = models.iter().find(|(error, _)| truth.apparatus == Some(*error));
+            let full = own.map_or(&full, |(_, model)| model);
+            let workshop = for_nonlinear.as_ref().filter(|_| is_nonlinear(bench, truth)).unwrap_or(&workshop);
+            workshop.trajectory_m(bench, full, truth)
+        };
+        let kept = |key: &str, truth: &Truth| -> Result<Vec<f64>> {
+            let position_m = compute(truth)?;
             if let Some(folder) = cache {
                 let bytes: Vec<u8> = position_m.iter().flat_map(|x| x.to_le_bytes()).collect();
                 write_atomically(&place(folder, key), &bytes)?;
             }
-            known.insert(key, position_m);
-        }
+            Ok(position_m)
+        };
+        let computed: Vec<(&str, Vec<f64>)> =
+            needed.into_par_iter().map(|(key, truth)| Ok((key, kept(key, truth)?))).collect::<Result<_>>()?;
+        known.extend(computed);
     }
     Ok(keys.iter().map(|key| known[key.as_str()].clone()).collect())
 }
