@@ -159,7 +159,9 @@ impl<N: Number> StageLaw<N> {
         let volumetric = linear / (j * linear + one);
         let (alpha, beta, driving) = (j * linear + one, j * cubic, norm * EQUIVALENT);
         let (a, b, e) = (alpha.value(), beta.value(), driving.value());
-        let mut m = if b > 0.0 { (e / a).min((e / b).cbrt()) } else { e / a };
+        let t = b * e * e / (a * a * a);
+        let [above, below] = STIFFENING_START.map(|[first, second]| 1.0 + t * (first + t * second));
+        let mut m = e / a * above / below;
         for _ in 0..MOST_ITERATIONS {
             let change = (m * (a + b * m * m) - e) / (a + 3.0 * b * m * m);
             m -= change;
@@ -227,6 +229,8 @@ impl<N: Number> StageLaw<N> {
     }
 }
 
+/// m of (a + b m²) m = e to 4 % where t = b e²/a³ is below 1000: e/a times the quotient of two polynomials 1 + p₁ t + p₂ t².
+pub(crate) const STIFFENING_START: [[f64; 2]; 2] = [[0.33035, 0.0010286], [0.91573, 0.012622]];
 /// Most steps of the scalar equation; from the right they only ever come closer, and five do.
 const MOST_ITERATIONS: usize = 60;
 /// Relative change below which its solution stands.

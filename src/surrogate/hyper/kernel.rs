@@ -5,7 +5,7 @@
 use super::lanes::{Block, N_LANES, Plain};
 use crate::effects::Nonlinearity;
 use crate::fe::nonlinear::Bodies;
-use crate::fe::nonlinear::point::{EQUIVALENT, Number, Radial, StageLaw};
+use crate::fe::nonlinear::point::{EQUIVALENT, Number, Radial, STIFFENING_START, StageLaw};
 use crate::number::{PointScalar, Scalar};
 
 /// A strain or stress at the points of a block.
@@ -136,14 +136,15 @@ fn in_series<B: Block>(j: B, flow: B, slope: B, m: B) -> BlockModuli<B> {
 
 /// m of (a + b m²) m = e by steps of third order (Halley's).
 ///
-/// With t = b e²/a³ a quotient of polynomials starts them, right to 4 % for t below 1000, so that two steps reach rounding; beyond it takes more.
+/// Started within 4 % for b e²/a³ below 1000, two steps reach rounding; beyond it takes more.
 #[inline(always)]
 fn stiffening_root(a: Plain, b: Plain, e: Plain) -> Plain {
     let (one, three, inverse) = (splat(1.0), splat(3.0), splat(1.0) / a);
     let (bend, linear) = (b * inverse, e * inverse);
     let t = bend * linear * linear;
-    let above = one + t * (splat(0.33035) + t * splat(0.0010286));
-    let below = one + t * (splat(0.91573) + t * splat(0.012622));
+    let [[a_1, a_2], [b_1, b_2]] = STIFFENING_START;
+    let above = one + t * (splat(a_1) + t * splat(a_2));
+    let below = one + t * (splat(b_1) + t * splat(b_2));
     let mut m = linear * above / below;
     for step in 0..MOST_ITERATIONS {
         let squared = bend * m * m;
