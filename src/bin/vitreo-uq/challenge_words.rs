@@ -23,7 +23,11 @@ pub fn words_of_truth(
     let [e, c1, c2] = truth.law.map(significant);
     match &truth.outside {
         Some(outside) => {
-            lines.push(format!("Hidden: {}, which is not of the library{}.", outside.kind.name(), size_of(outside)));
+            let sigma = truth
+                .outside_sigma
+                .map_or(String::new(), |sigma| format!(", a signal of {} standard deviations", significant(sigma)));
+            let (name, size) = (outside.kind.name(), size_of(outside));
+            lines.push(format!("Hidden: {name}, which is not of the library{sigma}{size}."));
             if !truth.ideal_class.is_empty() {
                 lines.push(format!("In this experiment it looks like {}.", truth.ideal_class.join(" or ")));
             }

@@ -160,7 +160,7 @@ fn experiment_toml(apparatus: &Apparatus, commitment: &str) -> String {
         }
     };
     format!(
-        "# SYNTHETIC. A challenge: data by full finite elements on a finer mesh and time step than the program's own, plus noise. Something may be hidden\n\
+        "# SYNTHETIC. A challenge: data by full finite elements, never by the reduced models that are fitted, plus noise. Something may be hidden\n\
          # in them. `vitreo-uq challenge reveal` opens the answer, which was sealed before the data were written.\n\
          {COMMENT}{commitment}\n\
          [specimen]\nid = \"{}\"\nspecies = \"porcine\"\n\n{of_apparatus}\n\
