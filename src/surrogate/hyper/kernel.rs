@@ -6,7 +6,7 @@ use super::lanes::{Block, N_LANES, Plain};
 use crate::effects::Nonlinearity;
 use crate::fe::nonlinear::Bodies;
 use crate::fe::nonlinear::point::{EQUIVALENT, Number, Radial, STIFFENING_START, StageLaw};
-use crate::number::{PointScalar, Scalar};
+use crate::number::PointScalar;
 
 /// A strain or stress at the points of a block.
 pub(super) type BlockTensor<B> = [B; 6];
@@ -103,6 +103,16 @@ impl<B: Block> Given<B> {
         }
         Self { offset, taken }
     }
+
+    #[inline(always)]
+    pub(super) fn values(&self) -> Given<Plain> {
+        let mut values = Given { offset: [splat(0.0); 6], taken: [splat(0.0); 6] };
+        for c in 0..6 {
+            values.offset[c] = self.offset[c].values();
+            values.taken[c] = self.taken[c].values();
+        }
+        values
+    }
 }
 
 /// Moduli as in [`crate::fe::nonlinear::point::Moduli`].
@@ -174,21 +184,17 @@ fn thinning_root(e: Plain, j: f64, g: f64, s0: f64, p: f64) -> (Plain, Plain) {
     let bend = (c * c + splat(HYPERBOLA * (1.0 + p))).sqrt();
     let mut v = (c * splat(2.0 + p) - bend * power) * splat(0.5 / (1.0 + p));
     let mut ratio = Block::exp(v);
-    let mut whole = one + ratio;
-    let mut logarithm = Block::ln(whole);
     for _ in 0..2 {
+        let whole = one + ratio;
         let share = ratio / whole;
-        let excess = v + power * logarithm - c;
+        let excess = v + power * Block::ln(whole) - c;
         let slope = one + power * share;
         let curvature = power * share * (one - share);
         let change = excess * slope / (slope * slope - half * excess * curvature);
         v = v - change;
         ratio = ratio * exp_of_little(-change);
-        let before = whole;
-        whole = one + ratio;
-        logarithm = logarithm + ln_of_little((whole - before) / (whole + before));
     }
-    (e * splat(1.0 / j) / whole, ratio)
+    (e * splat(1.0 / j) / (one + ratio), ratio)
 }
 
 /// eˣ by Taylor's polynomial of degree 9, to rounding for |x| < 0.1.
@@ -199,17 +205,6 @@ fn exp_of_little(x: Plain) -> Plain {
         sum = splat(1.0) + x * sum * splat(1.0 / f64::from(n));
     }
     sum
-}
-
-/// ln((1 + z)/(1 − z)) by its series, to rounding for |z| < 0.1.
-#[inline(always)]
-fn ln_of_little(z: Plain) -> Plain {
-    let squared = z * z;
-    let mut sum = splat(1.0 / 13.0);
-    for odd in [11.0, 9.0, 7.0, 5.0, 3.0, 1.0] {
-        sum = sum * squared + splat(1.0 / odd);
-    }
-    splat(2.0) * z * sum
 }
 
 #[inline(always)]
@@ -322,46 +317,38 @@ pub(super) struct At {
 }
 
 impl At {
-    /// What the stress would be at a strain a little beside, by the tangent: constants, whatever they are made from.
+    /// What the stress would be at a little beside a, by the tangent.
     #[inline(always)]
-    fn stress_beside<B: Block>(&self, given: &Given<B>, strain: &BlockTensor<B>) -> BlockTensor<B> {
+    fn stress_beside(&self, a: &BlockTensor<Plain>, taken: &BlockTensor<Plain>) -> BlockTensor<Plain> {
         let Self { a: here, inverse_norm, moduli } = self;
-        let mut a = [splat(0.0); 6];
-        for c in 0..6 {
-            a[c] = (strain[c] + given.offset[c]).values();
-        }
         let mut along = (a[0] - here[0]) * here[0];
         for c in 1..5 {
             along = along + (a[c] - here[c]) * here[c];
         }
         along = along * *inverse_norm;
         let bent = (moduli.normal - moduli.secant) * along * *inverse_norm;
-        let mut stress = [B::constant(splat(0.0)); 6];
-        for c in 0..5 {
-            stress[c] = B::constant(moduli.secant * a[c] + bent * here[c] - given.taken[c].values());
+        let mut stress = *a;
+        for (c, s) in stress[..5].iter_mut().enumerate() {
+            *s = moduli.secant * *s + bent * here[c] - taken[c];
         }
-        let trace = moduli.volumetric * a[5] + moduli.coupling * along * here[5] - given.taken[5].values();
-        stress[5] = B::constant(trace);
+        stress[5] = moduli.volumetric * stress[5] + moduli.coupling * along * here[5] - taken[5];
         stress
     }
 }
 
 /// Internal forces on the modes and, row by row, their derivatives. What it finds at the blocks stands in `at`.
 #[inline(always)]
-pub(super) fn forces_and_tangent<B: Block, const M: usize>(
+pub(super) fn forces_and_tangent<const M: usize>(
     points: &CubaturePoints<M>,
     law: &StageLaw<f64>,
-    given: &[Given<B>],
+    given: &[Given<Plain>],
     coordinates: &[f64; M],
     at: &mut Vec<At>,
 ) -> ([f64; M], [[f64; M]; M]) {
     // The law of all blocks first: their roots and quotients wait for themselves, not for each other.
     at.clear();
     for (points, given) in points.0.iter().zip(given) {
-        let mut a = points.strain::<Plain>(coordinates);
-        for (a, offset) in a.iter_mut().zip(&given.offset) {
-            *a = *a + offset.values();
-        }
+        let a = sum(&points.strain::<Plain>(coordinates), &given.offset);
         let norm = deviator_norm(&a);
         at.push(At { a, inverse_norm: splat(1.0) / norm, moduli: moduli::<Plain>(law, norm) });
     }
@@ -372,7 +359,7 @@ pub(super) fn forces_and_tangent<B: Block, const M: usize>(
         let [deviatoric, volumetric] = points.weights;
         let mut along = [zero; M];
         for (c, of_modes) in points.strains[..5].iter().enumerate() {
-            let stress = (moduli.secant * a[c] - given.taken[c].values()) * deviatoric;
+            let stress = (moduli.secant * a[c] - given.taken[c]) * deviatoric;
             let direction = a[c] * *inverse_norm;
             for i in 0..M {
                 force[i] = force[i] + stress * of_modes[i];
@@ -380,7 +367,7 @@ pub(super) fn forces_and_tangent<B: Block, const M: usize>(
             }
         }
         let traces = &points.strains[5];
-        let trace = (moduli.volumetric * a[5] - given.taken[5].values()) * volumetric;
+        let trace = (moduli.volumetric * a[5] - given.taken[5]) * volumetric;
         let (secant, extra) = (moduli.secant * deviatoric, (moduli.normal - moduli.secant) * deviatoric);
         let dilation = moduli.volumetric * volumetric;
         for i in 0..M {
@@ -415,11 +402,7 @@ pub(super) fn forces_and_tangent<B: Block, const M: usize>(
             }
         }
     }
-    let mut forces = [0.0; M];
-    for (summed, lanes) in forces.iter_mut().zip(&force) {
-        *summed = lanes.sum();
-    }
-    (forces, summed)
+    (force.map(|f| f.sum()), summed)
 }
 
 /// Stress s of a block.
@@ -452,15 +435,11 @@ pub(super) fn forces<B: Block, const M: usize>(
             }
         }
     }
-    let mut forces = [B::Scalar::constant(0.0); M];
-    for (force, lanes) in forces.iter_mut().zip(&sums) {
-        *force = lanes.sum();
-    }
-    forces
+    sums.map(|sum| sum.sum())
 }
 
-/// Carries the histories of all blocks (`n_histories` each) from where the stage `started` to its end. Plain numbers take the law's tangent from where the balance was
-/// last looked at, `at`: the last step of Newton's method leaves no more than the square of its length, there as here.
+/// Carries the histories of all blocks (`n_histories` each) to the stage's end. Plain numbers take the law's tangent from where the balance was last looked at, `at`:
+/// the last step of Newton's method leaves no more than the square of its length, there as here.
 #[inline(always)]
 pub(super) fn advance<B: Block, const M: usize>(
     points: &CubaturePoints<M>,
@@ -468,31 +447,31 @@ pub(super) fn advance<B: Block, const M: usize>(
     given: &[Given<B>],
     coordinates: &[B::Scalar; M],
     at: &[At],
-    started: &[BlockTensor<B>],
-    ended: &mut [BlockTensor<B>],
+    histories: &mut [BlockTensor<B>],
 ) {
     let n = 1 + law.linear.len();
     let compliance = B::splat(law.linear_compliance);
-    let blocks = points.0.iter().zip(given).zip(at);
-    let histories = started.chunks_exact(n).zip(ended.chunks_exact_mut(n));
-    for (((points, given), at), (started, ended)) in blocks.zip(histories) {
-        let mut rest = points.strain::<B>(coordinates);
-        let stress = match B::Scalar::HAS_DERIVATIVE {
-            true => stress(law, given, &rest),
-            false => at.stress_beside(given, &rest),
+    for (((points, given), at), histories) in points.0.iter().zip(given).zip(at).zip(histories.chunks_exact_mut(n)) {
+        let strain = points.strain::<B>(coordinates);
+        let stress = if B::Scalar::HAS_DERIVATIVE {
+            stress(law, given, &strain)
+        } else {
+            let a = sum(&strain, &given.offset).map(|a| a.values());
+            at.stress_beside(&a, &given.taken.map(|t| t.values())).map(B::constant)
         };
+        let mut rest = strain;
         for (r, s) in rest.iter_mut().zip(&stress) {
             *r = *r - compliance * *s;
         }
-        let linear = started[1..].iter().zip(&mut ended[1..]);
-        for (body, (started, ended)) in law.linear.iter().zip(linear) {
+        let (nonlinear, linear) = histories.split_at_mut(1);
+        for (body, history) in law.linear.iter().zip(linear) {
             let (decay, compliance) = (B::splat(body.decay), B::splat(body.compliance));
             for c in 0..6 {
-                let left = decay * started[c];
+                let left = decay * history[c];
                 rest[c] = rest[c] - left;
-                ended[c] = left + compliance * stress[c];
+                history[c] = left + compliance * stress[c];
             }
         }
-        ended[0] = rest;
+        nonlinear[0] = rest;
     }
 }

@@ -98,6 +98,7 @@ struct State<'a, B: Block, const M: usize> {
     started: Vec<BlockTensor<B>>,
     rates: Vec<Vec<BlockTensor<B>>>,
     given: Vec<Given<B>>,
+    plain_given: Vec<Given<Plain>>,
     coordinates: [B::Scalar; M],
     /// Times and coordinates from which others are extrapolated.
     known: Vec<(f64, [f64; M])>,
@@ -203,6 +204,7 @@ impl<'a, B: Block, const M: usize> State<'a, B, M> {
         let (zero, blank) = (B::Scalar::constant(0.0), B::constant(Plain([0.0; N_LANES])));
         let n_blocks = reduced.points.n_blocks();
         let histories = vec![[blank; 6]; n_blocks * bodies.n_histories()];
+        let empty = Plain([0.0; N_LANES]);
         Self {
             reduced,
             bodies,
@@ -215,6 +217,7 @@ impl<'a, B: Block, const M: usize> State<'a, B, M> {
             started: histories.clone(),
             rates: vec![histories.clone(); Scheme::Fourth.tableau().nodes.len()],
             given: vec![Given { offset: [blank; 6], taken: [blank; 6] }; n_blocks],
+            plain_given: vec![Given { offset: [empty; 6], taken: [empty; 6] }; n_blocks],
             histories,
             coordinates: [zero; M],
             known: Vec::with_capacity(16),
@@ -313,7 +316,8 @@ impl<'a, B: Block, const M: usize> State<'a, B, M> {
             self.remember(time_s.value());
             let is_last = stage + 1 == nodes.len();
             let target = if is_last { &mut self.histories } else { &mut self.rates[stage] };
-            kernel::advance(self.reduced.points, &law, &self.given, &self.coordinates, &self.at, &self.started, target);
+            target.copy_from_slice(&self.started);
+            kernel::advance(self.reduced.points, &law, &self.given, &self.coordinates, &self.at, target);
             if !is_last {
                 let inverse = B::splat(B::Scalar::constant(1.0) / stage_s);
                 for (rate, start) in target.iter_mut().zip(&self.started) {
@@ -361,8 +365,9 @@ impl<'a, B: Block, const M: usize> State<'a, B, M> {
     ) -> Result<()> {
         let Reduced { points, robot, share, .. } = self.reduced;
         let histories = self.started.chunks_exact(self.bodies.n_histories());
-        for (given, histories) in self.given.iter_mut().zip(histories) {
+        for ((given, plain), histories) in self.given.iter_mut().zip(&mut self.plain_given).zip(histories) {
             *given = Given::new(law, histories);
+            *plain = given.values();
         }
         let input_n = self.force_n(time_s);
         let (force_n, slope) = (share * input_n.value(), share * input_n.value() * self.gradient_per_m.value());
@@ -375,7 +380,7 @@ impl<'a, B: Block, const M: usize> State<'a, B, M> {
                 break;
             }
             let force;
-            (force, tangent) = kernel::forces_and_tangent(points, plain_law, &self.given, &z, &mut self.at);
+            (force, tangent) = kernel::forces_and_tangent(points, plain_law, &self.plain_given, &z, &mut self.at);
             let x: f64 = robot.iter().zip(&z).map(|(r, z)| r * z).sum();
             let mut step = [0.0; M];
             for i in 0..M {

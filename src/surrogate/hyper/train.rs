@@ -44,9 +44,14 @@ const MOST_PER_EDGE: usize = 2;
 /// Accuracy of the full runs: shapes of fields matter, their times do not.
 const TRAINING: Options =
     Options { scheme: Scheme::Euler, resolution: Resolution { steps_per_doubling: 1 }, tolerance: 1e-4 };
-/// Accuracy of the runs that verify: four times as many steps, of the higher order. With fewer a spring that lets go and stiffens again is not resolved.
-const VERIFICATION: Options =
-    Options { scheme: Scheme::Fourth, resolution: Resolution { steps_per_doubling: 4 }, tolerance: 1e-5 };
+/// Accuracy of the runs that verify, of the higher order. A spring that lets go and stiffens again is not resolved by fewer steps.
+fn verification(family: NonlinearFamily) -> Options {
+    let steps_per_doubling = match family {
+        NonlinearFamily::StrainStiffening | NonlinearFamily::YieldStress => 4,
+        NonlinearFamily::ShearThinning => 2,
+    };
+    Options { scheme: Scheme::Fourth, resolution: Resolution { steps_per_doubling }, tolerance: 1e-5 }
+}
 
 /// How a surrogate is trained.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -236,7 +241,10 @@ impl<'a> Workshop<'a> {
         let DesignPoint { law, nonlinearity } = self.design_point(index);
         let mut stages = Stages::of_law(law);
         stages.spatial = Some(Spatial::Nonlinear(nonlinearity));
-        let full = self.model.run_stages(&stages, &self.time_s, &self.command_n, &[], VERIFICATION)?.displacement_m;
+        let full = self
+            .model
+            .run_stages(&stages, &self.time_s, &self.command_n, &[], verification(self.family))?
+            .displacement_m;
         stages.spread = Some(Spread::Stepped(Stepped(Arc::new(ready.clone()))));
         let response = Response::new(&self.time_s, &self.command_n, self.time_s.len());
         let reduced = response.trajectory_m(&stages, self.compliance_per_m)?;
