@@ -121,12 +121,16 @@ pub(super) fn columns_m(subject: &Subject, candidate: &Candidate, theta: &[f64])
             "fix one of its parameters",
         )
     };
-    let position_m = subject.trajectory_m(candidate, theta)?;
-    derivatives_m(subject, candidate, theta, &position_m).ok_or_else(none)
+    derivatives_m(subject, candidate, theta, None).ok_or_else(none)
 }
 
-/// Derivatives at coordinates whose position is known; `None` where there are none.
-fn derivatives_m(subject: &Subject, candidate: &Candidate, theta: &[f64], position_m: &[f64]) -> Option<Vec<Vec<f64>>> {
+/// Derivatives at coordinates, whose position (m) may be known; `None` where there are none.
+fn derivatives_m(
+    subject: &Subject,
+    candidate: &Candidate,
+    theta: &[f64],
+    known_m: Option<&[f64]>,
+) -> Option<Vec<Vec<f64>>> {
     let n_free = candidate.free.len();
     // Away from the nearer end.
     let step = |k: usize| {
@@ -138,7 +142,10 @@ fn derivatives_m(subject: &Subject, candidate: &Candidate, theta: &[f64], positi
         moved[k] += step(k);
         moved
     };
-    let points: Vec<Vec<f64>> = (0..n_free).map(moved).collect();
+    // Beside the moved points the position costs nothing, but where every trajectory is computed by itself.
+    let centre = known_m.is_none().then(|| theta.to_vec());
+    let points: Vec<Vec<f64>> = centre.into_iter().chain((0..n_free).map(moved)).collect();
+    let mut position_m = known_m.map(<[f64]>::to_vec);
     let mut columns = Vec::with_capacity(candidate.dimension());
     for chunk in points.chunks(N_LANES) {
         let (lanes, is_valid) = subject.trajectories_m(candidate, chunk);
@@ -146,6 +153,10 @@ fn derivatives_m(subject: &Subject, candidate: &Candidate, theta: &[f64], positi
             return None;
         }
         for lane in 0..chunk.len() {
+            let Some(position_m) = &position_m else {
+                position_m = Some(lanes.iter().map(|row| row.0[lane]).collect());
+                continue;
+            };
             let inverse = 1.0 / step(columns.len());
             let difference = |(row, x): (&Lanes, &f64)| (row.0[lane] - x) * inverse;
             columns.push(lanes.iter().zip(position_m).map(difference).collect());
@@ -352,7 +363,7 @@ impl Climber<'_> {
 
     fn steps(&self, point: &Point) -> Option<Steps> {
         let (subject, candidate) = (self.subject, self.candidate);
-        let mut columns = derivatives_m(subject, candidate, &point.theta, &point.position_m)?;
+        let mut columns = derivatives_m(subject, candidate, &point.theta, Some(&point.position_m))?;
         let residual_m =
             subject.fitted_m.iter().zip(&point.position_m).map(|(y, x)| y.map_or(0.0, |y| y - x)).collect();
         columns.push(residual_m);

@@ -35,4 +35,9 @@ impl Library {
     pub fn get(&self, slug: &str) -> Option<&'static dyn Effect> {
         self.0.iter().copied().find(|effect| effect.slug() == slug)
     }
+
+    /// Whether one of these effects has a law that is not linear.
+    pub fn any_nonlinear<'a>(&self, slugs: impl IntoIterator<Item = &'a str>) -> bool {
+        slugs.into_iter().any(|slug| self.get(slug).is_some_and(|effect| effect.is_nonlinear()))
+    }
 }

@@ -119,10 +119,8 @@ pub fn surrogate_warning(
 ) -> Option<Warning> {
     let is_inaccurate = distance_um > SURROGATE_SHARE * noise_um || pareto_k.is_some_and(|k| k > PARETO_LIMIT);
     let weights = pareto_k.map_or(String::new(), |k| format!(", Pareto k {k:.2}"));
-    let library = Library::default();
-    let is_nonlinear = |slug: &String| library.get(slug).is_some_and(|effect| effect.is_nonlinear());
     // Modes and points of a law that is not linear are as many as they are, whatever the prior.
-    let advice = if effects.iter().any(is_nonlinear) {
+    let advice = if Library::default().any_nonlinear(effects.iter().map(String::as_str)) {
         "the reduced model of a law that is not linear is right to a thousandth of the amplitude: the parameters may err by more than their intervals say; measure at a smaller amplitude"
     } else {
         "delete the kept surrogate and narrow the prior"

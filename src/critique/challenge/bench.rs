@@ -40,6 +40,8 @@ const LARGEST_FACTOR: f64 = 2.0;
 const LONGEST_FACTOR: f64 = 3.0;
 /// Laws, signs and shapes that are tried before a signal is called out of reach.
 const MOST_DRAWS: usize = 40;
+/// Signal of what is outside the library where none is asked for: it has no prior.
+const OUTSIDE_SIGMA: f64 = 20.0;
 /// Sizes stay where the prior leaves this on either side.
 const SIZE_TAIL: f64 = 1e-3;
 
@@ -181,7 +183,7 @@ impl Bench {
             }
             Hidden::Outside(OutsideKind::LargeDisplacement) => return self.with_large(order, motion, law).map(Some),
             Hidden::Outside(kind) => {
-                let asked_sigma = order.strength_sigma.unwrap_or(20.0);
+                let asked_sigma = order.strength_sigma.unwrap_or(OUTSIDE_SIGMA);
                 let drawn = Disturbance::draw(*kind, stream);
                 let Some((disturbance, sigma)) = motion.with_outside(&drawn, asked_sigma)? else { return Ok(None) };
                 let position_m = motion.disturbed_m(&disturbance)?;
@@ -197,7 +199,7 @@ impl Bench {
 
     /// A gel so much stiffer than the drawn law that large displacements show as strongly as is asked.
     fn with_large(&self, order: &Order, motion: &Motion, law: [f64; 3]) -> Result<Truth> {
-        let asked_sigma = order.strength_sigma.unwrap_or(20.0);
+        let asked_sigma = order.strength_sigma.unwrap_or(OUTSIDE_SIGMA);
         let gel = LargeGel::new(self.apparatus(), large::SIZING_LEVEL)?;
         let farthest_m = motion.farthest_m()?;
         let radius_m = large::radius_m(self.apparatus())?;

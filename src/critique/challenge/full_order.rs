@@ -28,7 +28,8 @@ const NONLINEAR_DATA_LEVEL: usize = MODEL_LEVEL;
 /// The data's time steps are this much shorter; but where an effect changes the displacement field: the reduced models of such effects have no steps, or steps of their own.
 const FINER_STEPS: u32 = 2;
 
-/// Position (m) at every row for each truth, without noise: full finite elements on a finer mesh and with finer time steps than the fitted model's. Those
+/// Position (m) at every row for each truth, without noise: full finite elements on a finer mesh and with finer time steps than the fitted model's; laws that are not linear and large
+/// displacements on meshes of their own. Those
 /// in the directory `cache` are read, others are computed, and kept there.
 ///
 /// # Errors
@@ -58,7 +59,7 @@ pub fn trajectories_m(
         }
     }
     if !needed.is_empty() {
-        monitor.stage(&format!("full finite elements: {} trajectories on the finer mesh", needed.len()));
+        monitor.stage(&format!("full finite elements: {} trajectories", needed.len()));
         let workshop = Workshop::new(bench, DATA_LEVEL)?;
         let full = FullOrderModel::new(&workshop.stiffness, workshop.poisson_ratio)?;
         let is_any_nonlinear = needed.values().any(|truth| is_nonlinear(bench, truth));
@@ -94,7 +95,7 @@ pub fn trajectories_m(
 }
 
 fn is_nonlinear(bench: &Bench, truth: &Truth) -> bool {
-    truth.effects.iter().any(|effect| bench.library().get(&effect.slug).is_some_and(|effect| effect.is_nonlinear()))
+    bench.library().any_nonlinear(truth.effects.iter().map(|effect| effect.slug.as_str()))
 }
 
 /// The finer finite elements of every robot that is not where it is said to be.

@@ -13,6 +13,7 @@ use crate::fe::nonlinear::Scheme;
 use crate::fe::nonlinear::point::{Number, StageLaw};
 use crate::fe::nonlinear::tableau::Tableau;
 use crate::fe::stepping::load::check_feedback;
+use crate::fe::stepping::run::CLOCK_ROUNDING;
 use crate::number::{PointScalar, Scalar};
 
 /// Nodes of an interpolation.
@@ -30,8 +31,6 @@ const SHARE_OF_JUMP: f64 = 1e-9;
 const MOST_ITERATIONS: usize = 25;
 /// Change of the coordinates, relative to the largest they have had, after which one more step is exact enough: it squares the error.
 const NEARLY: f64 = 1e-5;
-/// Clock rounding as a share of the record's length.
-const CLOCK_ROUNDING: f64 = 1e-13;
 
 /// Points and modes of a run.
 #[derive(Clone, Copy)]
