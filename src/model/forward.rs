@@ -1,7 +1,7 @@
 //! One trait for the full and the reduced model, so that nothing downstream can tell them apart.
 
 use super::{Compliance, Model, Response};
-use crate::effects::{Spatial, Stages};
+use crate::effects::{Nonlinearity, Spatial, Stages};
 use crate::error::{Error, Result};
 use crate::fe::nonlinear::{self, NonlinearModel};
 use crate::fe::spatial::{self, SpatialRun, Surroundings};
@@ -110,19 +110,40 @@ impl<'a> FullForward<'a> {
     }
 
     fn run_nonlinear(&self, surroundings: &Surroundings<'a>, stages: &Stages, rows: &[usize]) -> Result<FullRun> {
+        let own_ball = match stages.spatial {
+            Some(Spatial::Nonlinear(Nonlinearity::ShearThinning { .. })) => surroundings.thinning_ball(),
+            _ => None,
+        };
+        if let Some(ball) = own_ball {
+            let mesh = ball.mesh()?;
+            let stiffness = Stiffness::new(&mesh)?;
+            let model = NonlinearModel::new(&mesh, &stiffness, surroundings.poisson_ratio)?;
+            let run = self.run_balance(&model, &stiffness, stages, rows)?;
+            return Ok(FullRun { mesh: Some(mesh), ..run });
+        }
+        let Surroundings { mesh, stiffness, poisson_ratio, .. } = *surroundings;
         let model = match self.nonlinear.get() {
             Some(model) => model,
             None => {
-                let Surroundings { mesh, stiffness, poisson_ratio, .. } = *surroundings;
                 let model = NonlinearModel::new(mesh, stiffness, poisson_ratio)?;
                 self.nonlinear.get_or_init(|| model)
             }
         };
+        self.run_balance(model, stiffness, stages, rows)
+    }
+
+    fn run_balance(
+        &self,
+        model: &NonlinearModel<'_>,
+        stiffness: &Stiffness,
+        stages: &Stages,
+        rows: &[usize],
+    ) -> Result<FullRun> {
         let own = nonlinear::Options::default();
         let resolution = scaled(own.resolution.steps_per_doubling, self.resolution);
         let options = nonlinear::Options { resolution: Resolution { steps_per_doubling: resolution }, ..own };
         let run = model.run_stages(stages, self.time_s, self.force_n, rows, options)?;
-        let unknowns = &surroundings.stiffness.assembly.unknowns;
+        let unknowns = &stiffness.assembly.unknowns;
         let fields = run.fields.iter().map(|field| unknowns.nodal_displacement(field)).collect();
         let (position_m, compliance_per_m) = (run.displacement_m, self.compliance_per_m());
         Ok(FullRun { position_m, fields, mesh: None, compliance_per_m })

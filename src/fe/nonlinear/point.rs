@@ -117,6 +117,12 @@ impl<N: Number> StageLaw<N> {
         Self { linear, linear_compliance, omega, kappa, radial }
     }
 
+    /// Whether nothing stiffens, thins or yields, whatever derivatives say.
+    #[inline(always)]
+    pub(crate) fn is_linear(&self) -> bool {
+        matches!(self.radial, Radial::Stiffening { cubic, .. } if cubic.value() == 0.0)
+    }
+
     /// −h + ω H_N: what is added to the strain to make a. Histories: the nonlinear body's, then the linear ones'.
     #[inline(always)]
     pub(crate) fn offset(&self, histories: &[Tensor<N>]) -> Tensor<N> {

@@ -1,7 +1,8 @@
 //! Runs against the linear model, homogeneous bodies solved by other means, and each other.
 
 use super::*;
-use crate::effects::{Nonlinearity, Stages, YIELD_SMOOTHING};
+use crate::effects::{Nonlinearity, Spatial, Stages, YIELD_SMOOTHING};
+use crate::fe::spatial::{Sizes, Surroundings};
 use crate::fe::time::FullOrderModel;
 use crate::mesh::QuarterBall;
 use crate::rheology::BaseLaw;
@@ -354,4 +355,40 @@ fn rows_between_steps_are_interpolated_to_the_steps_own_error() {
         );
         assert_eq!(found.fields.len(), 2);
     }
+}
+
+/// How far a robot moves in a gel that thins (n = 0.3): the mesh for it at level 2, and the level's own, against half as long elements along the radius with twice as many around it.
+#[test]
+fn layers_are_what_a_law_that_thins_needs() {
+    let ball = QuarterBall { robot_radius_m: 0.275e-3, outer_radius_m: 10e-3, n_per_edge: 2, n_layers: 8 };
+    let excess_m = |ball: QuarterBall| {
+        let mesh = ball.mesh().unwrap();
+        let stiffness = Stiffness::new(&mesh).unwrap();
+        let model = NonlinearModel::new(&mesh, &stiffness, 0.48).unwrap();
+        let (time_s, force_n) = (vec![0.0, 1.0, 3.0], vec![FORCE_N; 3]);
+        let at = |index: f64| {
+            let thinning = Nonlinearity::ShearThinning { index, reference_stress_pa: REFERENCE_STRESS_PA };
+            let mut stages = Stages::of_law(lethersich());
+            stages.spatial = Some(Spatial::Nonlinear(thinning.constant()));
+            let options = Options { resolution: Resolution { steps_per_doubling: 2 }, ..Options::default() };
+            model.run_stages(&stages, &time_s, &force_n, &[], options).unwrap().displacement_m[2]
+        };
+        at(0.3) - at(1.0)
+    };
+    let sizes = Sizes {
+        gel_density_kg_m3: 1000.0,
+        robot_mass_kg: 0.65e-6,
+        robot_radius_m: ball.robot_radius_m,
+        outer_radius_m: ball.outer_radius_m,
+        ball: Some(ball),
+    };
+    let mesh = ball.mesh().unwrap();
+    let stiffness = Stiffness::new(&mesh).unwrap();
+    let surroundings = Surroundings { mesh: &mesh, stiffness: &stiffness, poisson_ratio: 0.48, sizes };
+    let layered = surroundings.thinning_ball().unwrap();
+    let finer = QuarterBall { n_per_edge: 2 * layered.n_per_edge, n_layers: 2 * layered.n_layers, ..layered };
+    let exact_m = excess_m(finer);
+    let [own, layered] = [ball, layered].map(|ball| (excess_m(ball) / exact_m - 1.0).abs());
+    println!("level 2 errs {own:.1e}, the mesh for thinning {layered:.1e}");
+    assert!(layered < 0.2 * own && layered < 5e-3, "{layered:e} {own:e}");
 }

@@ -42,6 +42,9 @@ pub struct Surroundings<'a> {
 /// Layers of elements inside a pocket, and how many more than the model's mesh there are in all.
 const LAYERS_INSIDE: usize = 4;
 const MORE_LAYERS: usize = 1;
+/// Layers for a law that thins, over the model's. At n = 0.3 a robot moves 4 µm of 0.78 mm too far among 8 layers, 1.5 among 12, 0.1 among 24; a quarter of its arc in two elements
+/// adds 0.2 µm, in one 0.4.
+const THINNING_LAYERS: usize = 2;
 
 impl Surroundings<'_> {
     /// A mesh with element faces at the radius (m) of a pocket, by the model's fineness.
@@ -57,6 +60,17 @@ impl Surroundings<'_> {
         })?;
         let n_inside = (ball.n_layers * LAYERS_INSIDE).div_ceil(12);
         QuarterBall { n_layers: ball.n_layers + MORE_LAYERS, ..ball }.mesh_with_interface(radius_m, n_inside)
+    }
+
+    /// Around a sphere in a built-in mesh, one of other layers for a law that thins: rates of strain fall off so steeply from the robot that twice the layers take
+    /// more from the error than elements along them, of which there are fewer. `None` around other robots.
+    pub fn thinning_ball(&self) -> Option<QuarterBall> {
+        let layered = |ball: QuarterBall| QuarterBall {
+            n_per_edge: (ball.n_per_edge - 1).max(1),
+            n_layers: THINNING_LAYERS * ball.n_layers,
+            ..ball
+        };
+        self.sizes.ball.map(layered)
     }
 }
 

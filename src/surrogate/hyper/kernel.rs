@@ -220,6 +220,10 @@ fn moduli<B: Block>(law: &StageLaw<B::Scalar>, norm: B) -> BlockModuli<B> {
         Radial::Stiffening { rate, modulus, cubic } => {
             let (linear, cubic) = (B::splat(rate + modulus), B::splat(cubic));
             let (alpha, beta) = (j * linear + one, j * cubic);
+            if law.is_linear() && !B::Scalar::HAS_DERIVATIVE {
+                let secant = linear / alpha;
+                return BlockModuli { secant, normal: secant, volumetric: secant, coupling: B::constant(splat(0.0)) };
+            }
             let (a, b) = (alpha.values(), beta.values());
             let m = stiffening_root(a, b, driving.values());
             let root = B::constant(m);

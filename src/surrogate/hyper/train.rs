@@ -13,6 +13,7 @@ use crate::fe::nonlinear::{NonlinearModel, NonlinearRun, Options, Scheme};
 use crate::fe::spatial::Surroundings;
 use crate::fe::stepping::Resolution;
 use crate::fe::time::FullOrderModel;
+use crate::mesh::QuarterBall;
 use crate::model::Response;
 use crate::number::Dual;
 use crate::rheology::{BaseLaw, Element};
@@ -33,10 +34,10 @@ const TIMES: [[f64; 2]; 2] = [[0.02, 1.0], [0.5, 20.0]];
 const STIFFENINGS: [f64; 2] = [0.05, 50.0];
 /// n, covered evenly.
 const INDICES: [f64; 2] = [0.3, 1.0];
-/// s_y over F/(4πR²), covered evenly.
+/// s_y over F/(4πR²), more densely towards 0, where priors are largest and fields change most.
 const YIELDS: [f64; 2] = [0.0, 2.0];
 /// States that the cubature is fitted to, at most.
-const MOST_STATES: usize = 40;
+const MOST_STATES: usize = 80;
 /// Weight of the reduced linear stiffness beside the states' forces.
 const STIFFNESS_WEIGHT: f64 = 1.0;
 /// Elements from a quarter sphere's middle to its rim in training meshes: the excess over the linear law is less than the whole, and so is its error.
@@ -70,9 +71,9 @@ impl HyperSettings {
     /// Those that reach a thousandth of the amplitude. Where a yield stress stops the flow depends on all three numbers, which takes more runs.
     pub fn of(family: NonlinearFamily) -> Self {
         let (most_points, training_runs) = match family {
-            NonlinearFamily::StrainStiffening => (40, 16),
+            NonlinearFamily::StrainStiffening => (32, 16),
             NonlinearFamily::ShearThinning => (32, 10),
-            NonlinearFamily::YieldStress => (48, 28),
+            NonlinearFamily::YieldStress => (56, 28),
         };
         Self { cubature_tolerance: 3e-4, most_points, training_runs, verification_runs: 4 }
     }
@@ -102,15 +103,23 @@ struct Workshop<'a> {
     command_n: Vec<f64>,
 }
 
-/// Trains a surrogate on full runs. Around a sphere in a built-in mesh these may use a coarser one.
+/// Trains a surrogate on full runs. Around a sphere in a built-in mesh these use another one, with fewer elements along the robot's surface.
 ///
 /// # Errors
 /// [`Error::Numerical`] for a number of modes out of range, and where a full run fails.
 pub fn build(surroundings: &Surroundings, family: NonlinearFamily, settings: &HyperSettings) -> Result<HyperModel> {
-    match surroundings.sizes.ball.filter(|ball| ball.n_per_edge > MOST_PER_EDGE) {
+    let ball = match family {
+        NonlinearFamily::ShearThinning => {
+            surroundings.thinning_ball().map(|ball| QuarterBall { n_per_edge: 1, ..ball })
+        }
+        _ => surroundings.sizes.ball.filter(|ball| ball.n_per_edge > MOST_PER_EDGE).map(|ball| QuarterBall {
+            n_per_edge: MOST_PER_EDGE,
+            n_layers: ball.n_layers * MOST_PER_EDGE / ball.n_per_edge,
+            ..ball
+        }),
+    };
+    match ball {
         Some(ball) => {
-            let n_layers = ball.n_layers * MOST_PER_EDGE / ball.n_per_edge;
-            let ball = crate::mesh::QuarterBall { n_per_edge: MOST_PER_EDGE, n_layers, ..ball };
             let mesh = ball.mesh()?;
             let stiffness = Stiffness::new(&mesh)?;
             let mut sizes = surroundings.sizes;
@@ -216,7 +225,7 @@ impl<'a> Workshop<'a> {
                 Nonlinearity::ShearThinning { index: between(INDICES, share(2)), reference_stress_pa: surface_pa }
             }
             NonlinearFamily::YieldStress => Nonlinearity::YieldStress {
-                stress_pa: surface_pa * between(YIELDS, share(2)),
+                stress_pa: surface_pa * between(YIELDS, share(2) * share(2)),
                 smoothing: YIELD_SMOOTHING,
             },
         };
