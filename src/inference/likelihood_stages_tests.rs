@@ -182,18 +182,22 @@ fn the_kernel_of_stages_equals_prior_plus_scalar_likelihood() {
     }
 }
 
-/// Neighbours that differ in their noise alone share a trajectory, also beside points that have none; each has the bits that it has alone.
+/// Neighbours that differ in their noise alone share a trajectory, those that differ in any one parameter of the model do not, also beside points that have none; each
+/// has the bits that it has alone.
 #[test]
 fn points_that_differ_in_their_noise_alone_share_a_trajectory() {
     let case = Case::new();
-    let noise = |natural: &Vec<f64>, factor: f64| {
-        let mut moved = natural.clone();
-        moved[6..].iter_mut().for_each(|value| *value *= factor);
+    let moved = |natural: &[f64], which: std::ops::Range<usize>, factor: f64| {
+        let mut moved = natural.to_vec();
+        moved[which].iter_mut().for_each(|value| *value *= factor);
         moved
     };
-    let mixed = mixed(&case);
-    let points: Vec<Vec<f64>> =
-        mixed.iter().flat_map(|point| [1.0, 1.3, 0.8].map(|factor| noise(point, factor))).collect();
+    let neighbours = |point: Vec<f64>| {
+        let of_noise = [1.0, 1.3, 0.8].map(|factor| moved(&point, 6..point.len(), factor));
+        let of_model: Vec<Vec<f64>> = (0..6).map(|d| moved(&point, d..d + 1, 1.01)).collect();
+        of_model.into_iter().flat_map(move |other| [other, point.clone()]).chain(of_noise)
+    };
+    let points: Vec<Vec<f64>> = mixed(&case).into_iter().flat_map(neighbours).collect();
     let together: Vec<u64> = case.log_density(&points).into_iter().map(f64::to_bits).collect();
     let alone: Vec<u64> =
         points.iter().map(|point| case.log_density(std::slice::from_ref(point))[0].to_bits()).collect();
