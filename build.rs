@@ -1,25 +1,28 @@
-//! The hash of the sources, so that what one build of the program has kept for later is not taken for another's.
+//! The hash of the sources that reduced models are computed by, so that what one build of the program has kept for later serves another one as long as
+//! the mechanics are the same.
 
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::Path;
 
+/// What a reduced model depends on beside its input: meshes, finite elements, reduction, laws and effects. Statistics, figures and words do not count.
+const MECHANICS: [&str; 6] = ["src/effects", "src/fe", "src/mesh", "src/number.rs", "src/rheology", "src/surrogate"];
+
 fn main() -> std::io::Result<()> {
-    println!("cargo:rerun-if-changed=src");
     let mut hash = DefaultHasher::new();
-    add(Path::new("src"), &mut hash)?;
-    println!("cargo:rustc-env=VITREO_UQ_SOURCES={:016x}", hash.finish());
+    for place in MECHANICS {
+        println!("cargo:rerun-if-changed={place}");
+        add(Path::new(place), &mut hash)?;
+    }
+    println!("cargo:rustc-env=VITREO_UQ_MECHANICS={:016x}", hash.finish());
     Ok(())
 }
 
-fn add(folder: &Path, hash: &mut DefaultHasher) -> std::io::Result<()> {
-    let mut paths = std::fs::read_dir(folder)?.map(|entry| entry.map(|e| e.path())).collect::<Result<Vec<_>, _>>()?;
-    paths.sort();
-    for path in paths {
-        if path.is_dir() {
-            add(&path, hash)?;
-        } else {
-            std::fs::read(&path)?.hash(hash);
-        }
+fn add(path: &Path, hash: &mut DefaultHasher) -> std::io::Result<()> {
+    if !path.is_dir() {
+        std::fs::read(path)?.hash(hash);
+        return Ok(());
     }
-    Ok(())
+    let mut paths = std::fs::read_dir(path)?.map(|entry| entry.map(|e| e.path())).collect::<Result<Vec<_>, _>>()?;
+    paths.sort();
+    paths.iter().try_for_each(|path| add(path, hash))
 }

@@ -30,10 +30,10 @@ pub(super) fn write(hash: &str, model: &impl Serialize) {
     }
 }
 
-/// The hash is that of content; the sources' own keeps builds apart.
+/// The hash is that of content; that of the sources of mechanics keeps programs apart that would build another model from it.
 fn path(hash: &str) -> Option<PathBuf> {
     folder(|name| std::env::var_os(name))
-        .map(|folder| folder.join(env!("VITREO_UQ_SOURCES")).join(format!("{hash}.json")))
+        .map(|folder| folder.join(env!("VITREO_UQ_MECHANICS")).join(format!("{hash}.json")))
 }
 
 /// The directory for caches: the one that is asked for, or what the system has for users' caches.
