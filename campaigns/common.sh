@@ -1,0 +1,74 @@
+# Sourced by every campaign's run.sh. A campaign runs the release build, writes raw output below target/campaigns/NAME (not kept) and one result.json beside
+# its script: seeds, command lines, commit, processor, duration, and the figures that README and docs may quote.
+set -euo pipefail
+
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+cd "$root"
+export VITREO_UQ_CACHE=${VITREO_UQ_CACHE:-$root/target/cache}
+program=$root/target/release/vitreo-uq
+python=${PYTHON:-python3}
+
+# begin NAME: builds the program, clears the raw output, starts the clock.
+begin() {
+    name=$1
+    raw=$root/target/campaigns/$name
+    rm -rf "$raw"
+    mkdir -p "$raw"
+    cargo build --release --quiet --locked
+    : >"$raw/commands.txt"
+    started=$(date +%s)
+}
+
+# run_in LABEL PROGRAM ARGUMENTS…: runs a command, keeps its words in LABEL.txt, notes the command line. Exit code 1 (not to be trusted) is a result; others end the campaign.
+run_in() {
+    local label=$1
+    shift
+    local shown=("$@")
+    shown[0]=$(basename "$1")
+    printf '%s\n' "${shown[*]//$root\//}" >>"$raw/commands.txt"
+    local code=0
+    "$@" >"$raw/$label.txt" 2>"$raw/$label.log" || code=$?
+    if ((code > 1)); then
+        printf '%s failed with %s:\n' "$label" "$code" >&2
+        tail -n 5 "$raw/$label.log" >&2
+        exit "$code"
+    fi
+}
+
+# play LABEL ARGUMENTS…: `challenge run`, its document in LABEL.json.
+play() {
+    local label=$1
+    shift
+    run_in "$label" "$program" challenge run --quiet --cache "$VITREO_UQ_CACHE/trajectories" --json "$raw/$label.json" "$@"
+}
+
+# finish: has figures.py of the campaign read the raw output, and writes result.json.
+finish() {
+    "$python" "$root/campaigns/result.py" "$name" "$raw" $(($(date +%s) - started))
+}
+
+# timed LABEL PROGRAM ARGUMENTS…: runs a command three times in an empty directory each and notes seconds of wall clock and of processor in LABEL.seconds.
+timed() {
+    local label=$1 place run
+    shift
+    for run in 1 2 3; do
+        place=$raw/work
+        rm -rf "$place"
+        mkdir -p "$place"
+        (cd "$place" && run_timed "$label" "$@")
+    done
+}
+
+# One run of `timed`, in the present directory.
+run_timed() {
+    local label=$1
+    shift
+    local code=0
+    TIMEFORMAT='%R %U %S'
+    { time "$@" >"$raw/$label.txt" 2>"$raw/$label.log" || code=$?; } 2>>"$raw/$label.seconds"
+    if ((code > 1)); then
+        printf '%s failed with %s:\n' "$label" "$code" >&2
+        tail -n 5 "$raw/$label.log" >&2
+        exit "$code"
+    fi
+}

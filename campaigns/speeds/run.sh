@@ -1,0 +1,39 @@
+#!/usr/bin/env bash
+# Wall clock and processor time of whole commands, three runs each; on a machine that does nothing else.
+source "$(dirname "${BASH_SOURCE[0]}")/../common.sh"
+begin speeds
+
+timed sample "$program" sample --chains 32 --quiet
+timed shapes "$program" shapes --quiet
+# Reduced models are built where nothing is kept.
+for seed in 4 7 13; do
+    timed "challenge-new-$seed" env VITREO_UQ_CACHE= "$program" challenge new --out eye --seed "$seed" --quiet
+done
+
+# Records with each effect at 10 and 40 σ, their studies made by `compare` before the clock starts.
+effects=$("$program" effects --json - --quiet | "$python" -c 'import json, sys; print(*(e["slug"] for e in json.load(sys.stdin)["effects"] if e["slug"] != "compressibility"))')
+for effect in none $effects; do
+    for strength in 10 40; do
+        hide=(--effect "$effect" --strength "$strength")
+        if [[ $effect == none ]]; then
+            hide=(--none)
+        fi
+        place=$raw/records/$effect-$strength
+        mkdir -p "$raw/records"
+        "$program" challenge new --out "$place" "${hide[@]}" --seed 5 --quiet >"$raw/make.txt"
+        "$program" compare "$place" --out "$raw/studies/$effect-$strength" --quiet >"$raw/make.txt"
+        (cd "$raw" && run_timed "diagnose-$effect-$strength" "$program" diagnose "studies/$effect-$strength" --quiet)
+    done
+done
+
+"$python" campaigns/speeds/records.py "$raw/long"
+timed compare-10000-200 "$program" compare "$raw/long/rows-10000-cycles-200" --out study --quiet
+timed compare-100000-100 "$program" compare "$raw/long/rows-100000-cycles-100" --out study --quiet
+timed diagnose-30000-100 "$program" diagnose "$raw/long/rows-30000-cycles-100" --out study --quiet
+timed sample-200000-4 "$program" sample "$raw/long/rows-200000-cycles-4" --out study --quiet
+
+for bench in likelihood effects noise finite_elements; do
+    run_in "bench-$bench" cargo bench --quiet --locked --bench "$bench"
+done
+rm -rf "$raw/work" "$raw/studies"
+finish
