@@ -9,6 +9,8 @@ use rand::{Rng, RngExt};
 use statrs::function::beta::{beta_reg, ln_beta};
 use statrs::function::erf::{erf, erf_inv, erfc, erfc_inv};
 
+use crate::elementary;
+
 /// A prior distribution; numbers are in the parameter's own unit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Distribution {
@@ -207,6 +209,17 @@ impl Distribution {
                 if z < 0.0 { lower + width * logistic(z) } else { upper - width * logistic(-z) }
             }
             LogUniform { lower, upper } => (lower * (logistic(z) * (upper / lower).ln()).exp()).clamp(lower, upper),
+        }
+    }
+
+    /// The values at many coordinates: where they are exponentials, by vector instructions. Slices have the same length.
+    pub fn fill_from_unconstrained(&self, z: &[f64], x: &mut [f64]) {
+        match *self {
+            LogNormal { .. } | HalfNormal { .. } => {
+                x.copy_from_slice(z);
+                elementary::exp_all(x);
+            }
+            _ => x.iter_mut().zip(z).for_each(|(x, z)| *x = self.from_unconstrained(*z)),
         }
     }
 

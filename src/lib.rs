@@ -9,6 +9,7 @@
 pub mod distribution;
 mod document;
 pub mod effects;
+mod elementary;
 pub mod error;
 pub mod experiment;
 pub mod files;

@@ -76,13 +76,14 @@ fn holds_of(record: &Record) -> Vec<Hold> {
     let mut starts = vec![0];
     for &row in step_rows.iter().filter(|row| **row > 0) {
         // A step that a sampled ramp spreads over neighbouring rows is one step.
-        let continues = row >= 2 && step_rows.contains(&(row - 1)) && rise(row) * rise(row - 1) > 0.0;
+        let continues = row >= 2 && step_rows.binary_search(&(row - 1)).is_ok() && rise(row) * rise(row - 1) > 0.0;
         // A step in the very last row starts nothing that was recorded.
         if !continues && row + 1 < n_rows {
             starts.push(row);
         }
     }
     let end_s = |row: usize| record.time_s.get(row).copied().unwrap_or(record.time_s[n_rows - 1]);
+    let rest_n = REST_TOLERANCE * record.force_range_n();
     let before_s =
         |row: usize| if row == 0 || row >= n_rows { 0.0 } else { record.time_s[row] - record.time_s[row - 1] };
     starts
@@ -91,7 +92,7 @@ fn holds_of(record: &Record) -> Vec<Hold> {
         .map(|(i, &first_row)| {
             let end_row = starts.get(i + 1).copied().unwrap_or(n_rows);
             let step_n = rise(first_row);
-            let is_step = i > 0 || step_n.abs() > REST_TOLERANCE * record.force_range_n();
+            let is_step = i > 0 || step_n.abs() > rest_n;
             Hold {
                 first_row,
                 duration_s: end_s(end_row) - record.time_s[first_row],
@@ -191,8 +192,9 @@ fn listed(times_s: &[f64]) -> String {
 /// Cycle of each row, given the first row of each cycle; rows before the first belong to cycle 1.
 fn number_rows(record: &Record, starts: &[usize]) -> Vec<u32> {
     let mut cycle = vec![1; record.n_rows()];
-    for start in starts.iter().skip(1) {
-        cycle[*start..].iter_mut().for_each(|number| *number += 1);
+    let ends = starts.iter().skip(2).copied().chain([record.n_rows()]);
+    for ((start, end), number) in starts.iter().skip(1).zip(ends).zip(2..) {
+        cycle[*start..end].fill(number);
     }
     cycle
 }
@@ -201,14 +203,14 @@ fn number_rows(record: &Record, starts: &[usize]) -> Vec<u32> {
 fn repeating_lag_s(record: &Record) -> Option<f64> {
     let (start_s, end_s) = (*record.time_s.first()?, *record.time_s.last()?);
     let spacing_s = (end_s - start_s) / LAG_GRID as f64;
-    let mut row = 0;
+    let (mut row, range_n) = (0, record.force_range_n());
     let force: Vec<f64> = (0..LAG_GRID)
         .map(|i| {
             let time_s = start_s + i as f64 * spacing_s;
             while row + 1 < record.n_rows() && record.time_s[row + 1] <= time_s {
                 row += 1;
             }
-            record.force_n[row] / record.force_range_n()
+            record.force_n[row] / range_n
         })
         .collect();
     let difference = |lag: usize| {
@@ -240,7 +242,10 @@ fn from_period(record: &Record, period_s: f64) -> FoundCycles {
             break;
         }
         let distance_s = |row: &usize| (record.time_s[*row] - due_s).abs();
-        let near_step = step_rows.iter().copied().min_by(|a, b| distance_s(a).total_cmp(&distance_s(b)));
+        // Steps are in order of time: the nearest is one of the two around.
+        let after = step_rows.partition_point(|row| record.time_s[*row] < due_s);
+        let around = step_rows[after.saturating_sub(1)..step_rows.len().min(after + 1)].iter().copied();
+        let near_step = around.min_by(|a, b| distance_s(a).total_cmp(&distance_s(b)));
         let nearest = record.time_s.partition_point(|time_s| *time_s < due_s);
         let nearest = if distance_s(&(nearest - 1)) < distance_s(&nearest) { nearest - 1 } else { nearest };
         match near_step.filter(|row| distance_s(row) < 0.05 * period_s) {

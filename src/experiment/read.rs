@@ -200,8 +200,9 @@ impl Specification {
         let trajectory = read_trajectory(csv_place, text_of(csv_place, csv_bytes)?)?;
         check_driven(csv_place, &trajectory)?;
         let mut notes = Vec::new();
-        let lines = trajectory.lines.clone();
-        let position_column = trajectory.position_column.clone();
+        let mut trajectory = trajectory;
+        let (lines, position_column) =
+            (std::mem::take(&mut trajectory.lines), std::mem::take(&mut trajectory.position_column));
         let record = record_from(trajectory, &mut notes);
         let (calibration_cycles, heldout_cycles) = self.choose_cycles(record.n_cycles())?;
         check_positions(&record, &calibration_cycles, &Place::file(csv_place).at_key(position_column), &lines)?;
@@ -297,8 +298,9 @@ fn check_driven(csv_place: &Path, trajectory: &Trajectory) -> Result<()> {
 }
 
 fn check_positions(record: &Record, calibration_cycles: &[u32], place: &Place, lines: &[usize]) -> Result<()> {
+    let counts = record.n_positions();
     for &cycle in calibration_cycles {
-        let n_positions = record.n_positions(cycle);
+        let n_positions = counts.get(cycle as usize).copied().unwrap_or(0);
         if n_positions < MIN_POSITIONS {
             let first_row = record.cycle.iter().position(|of_row| *of_row == cycle).unwrap_or(0);
             return Err(Error::input(
@@ -318,7 +320,8 @@ fn note_data(record: &Record, heldout_cycles: &[u32], source_missing: bool, note
     if n_missing > 0 {
         notes.push(Note::PositionsMissing { n_missing, n_rows: record.n_rows() });
     }
-    let empty = heldout_cycles.iter().filter(|cycle| record.n_positions(**cycle) == 0);
+    let counts = record.n_positions();
+    let empty = heldout_cycles.iter().filter(|cycle| counts.get(**cycle as usize).is_none_or(|count| *count == 0));
     notes.extend(empty.map(|&cycle| Note::HeldOutCycleEmpty { cycle }));
     let positions = || record.position_m.iter().flatten().copied();
     let range_m = positions().fold(f64::NEG_INFINITY, f64::max) - positions().fold(f64::INFINITY, f64::min);

@@ -29,12 +29,33 @@ impl Record {
 
     /// Indices of the rows that belong to one of `cycles` and hold a position, in order of time.
     pub fn rows_with_position(&self, cycles: &[u32]) -> Vec<usize> {
-        (0..self.n_rows()).filter(|&i| self.position_m[i].is_some() && cycles.contains(&self.cycle[i])).collect()
+        let is_wanted = self.are_among(cycles);
+        (0..self.n_rows()).filter(|&i| self.position_m[i].is_some() && is_wanted(self.cycle[i])).collect()
     }
 
-    /// Number of positions in one cycle.
-    pub fn n_positions(&self, cycle: u32) -> usize {
-        self.rows_with_position(&[cycle]).len()
+    /// Whether a cycle is one of `cycles`, at a cost that does not grow with their number: records have a hundred thousand.
+    pub fn are_among(&self, cycles: &[u32]) -> impl Fn(u32) -> bool + use<> {
+        let mut is_wanted = vec![false; self.largest_cycle() + 1];
+        for cycle in cycles {
+            if let Some(wanted) = is_wanted.get_mut(*cycle as usize) {
+                *wanted = true;
+            }
+        }
+        move |cycle| is_wanted.get(cycle as usize).copied().unwrap_or(false)
+    }
+
+    /// Number of positions in every cycle, by its number; cycle 0 has none.
+    pub fn n_positions(&self) -> Vec<usize> {
+        let mut counts = vec![0; self.largest_cycle() + 1];
+        for (cycle, _) in self.cycle.iter().zip(&self.position_m).filter(|(_, position)| position.is_some()) {
+            counts[*cycle as usize] += 1;
+        }
+        counts
+    }
+
+    /// Cycles are counted from 1 without gaps, so this is as many as there are.
+    fn largest_cycle(&self) -> usize {
+        self.cycle.iter().copied().max().unwrap_or(0) as usize
     }
 
     /// Largest minus smallest force in N; for a force that never changes, its size.
@@ -65,10 +86,13 @@ impl Record {
 
 /// Median of finite values, `None` if there are none.
 pub(super) fn median(mut values: Vec<f64>) -> Option<f64> {
-    values.sort_by(f64::total_cmp);
-    let upper = *values.get(values.len() / 2)?;
-    let lower = values[(values.len() - 1) / 2];
-    Some(0.5 * (lower + upper))
+    if values.is_empty() {
+        return None;
+    }
+    let (n, middle) = (values.len(), values.len() / 2);
+    let (before, upper, _) = values.select_nth_unstable_by(middle, f64::total_cmp);
+    let lower = if n % 2 == 1 { *upper } else { before.iter().copied().max_by(f64::total_cmp)? };
+    Some(0.5 * (lower + *upper))
 }
 
 #[cfg(test)]
@@ -101,7 +125,7 @@ mod tests {
     fn rows_of_cycles_leave_out_lost_positions() {
         let record = record(&[0.0; 10]);
         assert_eq!(record.rows_with_position(&[1, 3]), [0, 1, 3, 9]);
-        assert_eq!(record.n_positions(2), 3);
+        assert_eq!(record.n_positions(), [0, 3, 3, 1]);
         assert_eq!(record.n_cycles(), 3);
     }
 

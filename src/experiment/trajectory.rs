@@ -50,10 +50,11 @@ struct Header {
 /// Parses a trajectory; `file` is only named in errors.
 pub(super) fn read_trajectory(file: &Path, text: &str) -> Result<Trajectory> {
     let mut rows = Rows::new(file, text);
-    let Some((header_line, cells)) = rows.next_row()? else {
+    let Some(header_line) = rows.next_row()? else {
         return Err(Error::input(Place::file(file).at_line(1), "the file has no header", HEADER_REMEDY));
     };
-    let header = Header::parse(&Place::file(file).at_line(header_line), &cells)?;
+    let names: Vec<String> = rows.record.iter().map(str::to_string).collect();
+    let header = Header::parse(&Place::file(file).at_line(header_line), &names)?;
     let mut trajectory = Trajectory {
         time_s: Vec::new(),
         force_n: Vec::new(),
@@ -63,8 +64,8 @@ pub(super) fn read_trajectory(file: &Path, text: &str) -> Result<Trajectory> {
         force_column: header.names[header.quantities[FORCE].0].clone(),
         position_column: header.names[header.quantities[POSITION].0].clone(),
     };
-    while let Some((line, cells)) = rows.next_row()? {
-        trajectory.push(&header, &Place::file(file).at_line(line), &cells)?;
+    while let Some(line) = rows.next_row()? {
+        trajectory.push(&header, &|| Place::file(file).at_line(line), &rows.record)?;
         trajectory.lines.push(line);
     }
     if trajectory.time_s.len() < 2 {
@@ -100,7 +101,8 @@ impl<'a> Rows<'a> {
         Self { file, text: text.as_bytes(), reader, record: csv::StringRecord::new(), counted_bytes: 0, line: 1 }
     }
 
-    fn next_row(&mut self) -> Result<Option<(usize, Vec<String>)>> {
+    /// Line of the next row, whose cells are then in `record`.
+    fn next_row(&mut self) -> Result<Option<usize>> {
         let start = usize::try_from(self.reader.position().byte()).unwrap_or(usize::MAX);
         let more = self.reader.read_record(&mut self.record).map_err(|error| {
             Error::input(
@@ -112,8 +114,7 @@ impl<'a> Rows<'a> {
         if !more {
             return Ok(None);
         }
-        let line = self.line_of_row_from(start);
-        Ok(Some((line, self.record.iter().map(str::to_string).collect())))
+        Ok(Some(self.line_of_row_from(start)))
     }
 
     /// The reader gives the byte at which it began to look for a row; blank lines before the row still count.
@@ -214,22 +215,24 @@ impl Column {
 }
 
 impl Trajectory {
-    fn push(&mut self, header: &Header, place: &Place, cells: &[String]) -> Result<()> {
+    /// `place` is the row's, made only where something is wrong with it: files have millions of rows.
+    fn push(&mut self, header: &Header, place: &dyn Fn() -> Place, cells: &csv::StringRecord) -> Result<()> {
         if cells.len() != header.names.len() {
             return Err(Error::input(
-                place.clone(),
+                place(),
                 format!("{} cells where the header has {}", cells.len(), header.names.len()),
                 "give every row one cell for each column; leave the position cell empty where tracking was lost, and use a decimal point",
             ));
         }
+        let at = |index: usize| place().at_key(header.names[index].as_str());
         let cell = |which: usize| {
             let (index, unit) = header.quantities[which];
-            (cells[index].as_str(), unit, place.clone().at_key(header.names[index].as_str()))
+            (&cells[index], unit, move || at(index))
         };
         let (text, unit, place_of_time) = cell(TIME);
         let time_s = unit.to_si(finite(&place_of_time, text, "correct the time or remove the row")?);
         plausible(&place_of_time, time_s, TIMES_S, "s")?;
-        self.check_time(place_of_time, time_s)?;
+        self.check_time(&place_of_time, time_s)?;
         let (text, unit, place_of_force) = cell(FORCE);
         let remedy = "give the force that was commanded in this row; 0 if none was";
         let force_n = unit.to_si(finite(&place_of_force, text, remedy)?);
@@ -237,7 +240,7 @@ impl Trajectory {
         self.force_n.push(force_n);
         self.time_s.push(time_s);
         let (text, unit, place_of_position) = cell(POSITION);
-        self.position_m.push(if text.is_empty() || LOST.contains(&text.to_lowercase().as_str()) {
+        self.position_m.push(if text.is_empty() || LOST.iter().any(|lost| text.eq_ignore_ascii_case(lost)) {
             None
         } else {
             let remedy = "correct the position, or leave the cell empty where tracking was lost";
@@ -246,20 +249,20 @@ impl Trajectory {
             Some(position_m)
         });
         if let (Some(index), Some(cycles)) = (header.cycle, &mut self.cycle) {
-            cycles.push(next_cycle(place.clone().at_key("cycle"), &cells[index], cycles.last().copied())?);
+            cycles.push(next_cycle(&|| at(index), &cells[index], cycles.last().copied())?);
         }
         Ok(())
     }
 
-    fn check_time(&self, place: Place, time_s: f64) -> Result<()> {
+    fn check_time(&self, place: &dyn Fn() -> Place, time_s: f64) -> Result<()> {
         match self.time_s.last() {
             None if time_s < 0.0 => Err(Error::input(
-                place,
+                place(),
                 format!("the record starts at {time_s} s, before t = 0"),
                 "shift the times so that the record starts at t = 0, where the position is 0",
             )),
             Some(before) if time_s <= *before => Err(Error::input(
-                place,
+                place(),
                 format!("time is not increasing: {time_s} s follows {before} s"),
                 "sort the rows by time and remove repeated ones",
             )),
@@ -268,14 +271,14 @@ impl Trajectory {
     }
 }
 
-fn finite(place: &Place, text: &str, remedy: &str) -> Result<f64> {
+fn finite(place: &dyn Fn() -> Place, text: &str, remedy: &str) -> Result<f64> {
     let found = match text.parse::<f64>() {
         Ok(number) if number.is_finite() => return Ok(number),
         Ok(_) => format!("`{text}` is not a finite number"),
         Err(_) if text.is_empty() => "the cell is empty".to_string(),
         Err(_) => format!("`{text}` is not a number"),
     };
-    Err(Error::input(place.clone(), found, remedy))
+    Err(Error::input(place(), found, remedy))
 }
 
 /// Sizes that an experiment can have; what lies outside is a slip of units and would leave the range of floating-point numbers later.
@@ -283,22 +286,22 @@ const TIMES_S: [f64; 2] = [1e-12, 1e12];
 const FORCES_N: [f64; 2] = [1e-24, 1e12];
 const POSITIONS_M: [f64; 2] = [0.0, 1e6];
 
-fn plausible(place: &Place, value: f64, [smallest, largest]: [f64; 2], unit: &str) -> Result<()> {
+fn plausible(place: &dyn Fn() -> Place, value: f64, [smallest, largest]: [f64; 2], unit: &str) -> Result<()> {
     if value == 0.0 || (smallest..=largest).contains(&value.abs()) {
         return Ok(());
     }
     Err(Error::input(
-        place.clone(),
+        place(),
         format!("{value:e} {unit} is not a size that an experiment has"),
         "check the number, and the unit at the end of the column's name",
     ))
 }
 
 /// Cycles are counted from 1 without gaps.
-fn next_cycle(place: Place, text: &str, before: Option<u32>) -> Result<u32> {
+fn next_cycle(place: &dyn Fn() -> Place, text: &str, before: Option<u32>) -> Result<u32> {
     let cycle = text.parse::<u32>().ok().filter(|cycle| *cycle >= 1).ok_or_else(|| {
         Error::input(
-            place.clone(),
+            place(),
             format!("`{text}` is not a cycle number"),
             "number the cycles 1, 2, 3, …, or remove the whole `cycle` column to have them found from the force",
         )
@@ -309,7 +312,7 @@ fn next_cycle(place: Place, text: &str, before: Option<u32>) -> Result<u32> {
     }
     let before = before.map_or("the first row".to_string(), |before| format!("cycle {before}"));
     Err(Error::input(
-        place,
+        place(),
         format!("cycle {cycle} follows {before}"),
         "number the cycles 1, 2, 3, … in the order of time, or remove the `cycle` column to have them found from the force",
     ))

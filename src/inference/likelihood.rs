@@ -9,10 +9,11 @@ use std::collections::BTreeMap;
 use super::LogDensity;
 use super::noise::{NoiseLikelihood, NoiseModel};
 use super::prior::PriorSet;
+use crate::elementary;
 use crate::error::Result;
 use crate::model::{Compliance, CreepLanes, Forward, Lanes, Model, N_LANES, Response, SumOfSquares, TrainedRange};
 use crate::number::Dual;
-use crate::rheology::BaseLaw;
+use crate::rheology::{BaseLaw, LETHERSICH};
 
 /// Where a parameter's value comes from.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -37,6 +38,24 @@ pub struct PosteriorParts<'a> {
     pub priors: &'a PriorSet,
     /// Values of the parameters that are not sampled.
     pub fixed: &'a BTreeMap<String, f64>,
+}
+
+/// Probability beyond either end of the rates that are tabulated where no range was trained.
+const TABLE_TAIL: f64 = 1e-9;
+
+/// Logarithms of the slowest and the fastest rate E/c₁ (1/s) that the posterior asks for.
+fn ln_rates(parts: &PosteriorParts<'_>) -> (f64, f64) {
+    let ends = |name: &str| {
+        let trained = parts.trained.iter().find(|range| range.name == name).map(|range| (range.lower, range.upper));
+        let fixed = || parts.fixed.get(name).map(|value| (*value, *value));
+        let of_prior = || {
+            let distribution = parts.priors.get(name)?.distribution;
+            Some((distribution.quantile(TABLE_TAIL), distribution.quantile(1.0 - TABLE_TAIL)))
+        };
+        fixed().or(trained).or_else(of_prior).unwrap_or((f64::NAN, f64::NAN))
+    };
+    let ((e_low, e_high), (c_low, c_high)) = (ends(LETHERSICH[0].name), ends(LETHERSICH[1].name));
+    ((e_low / c_high).ln(), (e_high / c_low).ln())
 }
 
 /// What is fitted; all slices have one entry a row.
@@ -84,7 +103,7 @@ impl<'a> ReducedPosterior<'a> {
         let sources = names.map(source).collect();
         let is_plain = model.base() == BaseLaw::Lethersich && model.effects().is_empty();
         let kernel = if is_plain && noise == NoiseModel::default() {
-            Kernel::Squares(SumOfSquares::new(time_s, force_n, observed_m))
+            Kernel::Squares(SumOfSquares::new(time_s, force_n, observed_m).tabulated(ln_rates(&parts)))
         } else {
             let n_rows = observed_m.iter().rposition(Option::is_some).map_or(0, |last| last + 1);
             Kernel::Stages {
@@ -158,11 +177,15 @@ impl<'a> ReducedPosterior<'a> {
             viscosity_2[i] = compliance_per_m / viscosity_2[i];
         }
         let lanes = CreepLanes { retarded_m_per_n: young, rate_per_s: viscosity_1, flow_m_per_n_s: viscosity_2 };
-        let mut sum_m2 = vec![0.0; n];
-        data.evaluate(lanes, &mut sum_m2);
+        let mut space = vec![0.0; 2 * n];
+        let (sum_m2, ln_noise) = space.split_at_mut(n);
+        data.evaluate(lanes, sum_m2);
+        noise_sd_um.iter_mut().for_each(|sd| *sd *= 1e-6);
+        ln_noise.copy_from_slice(noise_sd_um);
+        elementary::ln_all(ln_noise);
         for i in 0..n {
             if log_density[i] > f64::NEG_INFINITY {
-                log_density[i] += ln_gaussian(data.n_observed(), sum_m2[i], 1e-6 * noise_sd_um[i]);
+                log_density[i] += ln_gaussian(data.n_observed(), sum_m2[i], noise_sd_um[i], ln_noise[i]);
             }
         }
     }
@@ -262,9 +285,10 @@ impl Scratch {
 }
 
 /// −n ln σ − RSS/(2σ²) − (n/2) ln 2π.
-fn ln_gaussian(n_observed: usize, sum_m2: f64, noise_sd_m: f64) -> f64 {
-    let n = n_observed as f64;
-    -n * (noise_sd_m.ln() + 0.5 * (2.0 * std::f64::consts::PI).ln()) - 0.5 * sum_m2 / (noise_sd_m * noise_sd_m)
+fn ln_gaussian(n_observed: usize, sum_m2: f64, noise_sd_m: f64, ln_noise_sd_m: f64) -> f64 {
+    /// ln(2π)/2.
+    const HALF_LN_TAU: f64 = 0.918_938_533_204_672_7;
+    -(n_observed as f64) * (ln_noise_sd_m + HALF_LN_TAU) - 0.5 * sum_m2 / (noise_sd_m * noise_sd_m)
 }
 
 impl LogDensity for ReducedPosterior<'_> {
@@ -280,9 +304,7 @@ impl LogDensity for ReducedPosterior<'_> {
         let column = |source: &Source, out: &mut [f64]| match *source {
             Source::Sampled(index) => {
                 let distribution = &self.parts.priors.priors()[index].distribution;
-                for (x, z) in out.iter_mut().zip(&points[index * n..]) {
-                    *x = distribution.from_unconstrained(*z);
-                }
+                distribution.fill_from_unconstrained(&points[index * n..(index + 1) * n], out);
             }
             Source::Fixed(value) => out.fill(value),
         };

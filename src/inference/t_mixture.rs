@@ -3,9 +3,11 @@
 //! q(y) = Σ w_k t₆(y; m_k, S_k), one component a mode at first. Refitting to weighted draws is one step of expectation and maximisation on the
 //! Kullback–Leibler distance from the density that the weights stand for (Cappé et al. 2008, doi:10.1007/s11222-008-9059-x, §3.2).
 
+use crate::elementary;
 use crate::inference::ensemble::RandomStream;
 use crate::inference::optimum::{Mode, Modes};
 use nalgebra::DMatrix;
+use pulp::{Arch, Simd, WithSimd};
 use serde::{Deserialize, Serialize};
 use statrs::function::gamma::ln_gamma;
 
@@ -19,6 +21,9 @@ const DRAWS_PER_COORDINATE: usize = 100;
 const MAX_COMPONENTS: usize = 8;
 /// Draws per coordinate that a component is dropped below when it is refitted, and that its former shape counts for.
 const FEWEST_DRAWS_PER_COORDINATE: f64 = 2.0;
+
+/// Points whose sums are carried together.
+const BLOCK: usize = 16;
 
 /// A mixture of multivariate t distributions.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -218,8 +223,93 @@ impl TMixture {
 }
 
 /// 1 + r²/ν.
+#[inline(always)]
 pub(super) fn growth(distance2: f64) -> f64 {
     1.0 + distance2 / DEGREES_OF_FREEDOM
+}
+
+/// A draw from one component for each of many points at once, and how much more likely the points are than the draws. Coordinate d of point i stands
+/// at `d * n + i`; the words read from each stream are those of [`TMixture::draw`].
+pub(super) struct Jumps<'a> {
+    pub component: &'a Component,
+    /// ln q is this times ln(1 + r²/ν).
+    pub exponent: f64,
+    pub points: &'a [f64],
+    pub draws: &'a mut [f64],
+    /// ln q(point) − ln q(draw).
+    pub log_factors: &'a mut [f64],
+}
+
+impl Jumps<'_> {
+    /// Draws from one stream a point.
+    pub fn draw(self, streams: &mut [RandomStream]) {
+        let n = streams.len();
+        // Normal numbers, in the layout of the points, then a row of products of uniform numbers.
+        let mut space = vec![0.0; self.points.len() + n];
+        let (noise, products) = space.split_at_mut(self.points.len());
+        for (i, stream) in streams.iter_mut().enumerate() {
+            // The word that chooses a component where there are several.
+            stream.word();
+            products[i] = stream.unit() * stream.unit() * stream.unit();
+            noise.iter_mut().skip(i).step_by(n).for_each(|z| *z = stream.normal());
+        }
+        Arch::new().dispatch(JumpsOfNoise { jumps: self, noise, products, n });
+    }
+}
+
+struct JumpsOfNoise<'a> {
+    jumps: Jumps<'a>,
+    noise: &'a mut [f64],
+    products: &'a mut [f64],
+    n: usize,
+}
+
+impl WithSimd for JumpsOfNoise<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _simd: S) {
+        let Self { jumps: Jumps { component, exponent, points, draws, log_factors }, noise, products, n } = self;
+        let dimension = component.location.len();
+        // The products' place is taken by the draws' squared distances, the factors' by the points'.
+        for product in products.iter_mut() {
+            *product = (DEGREES_OF_FREEDOM / (-2.0 * elementary::ln(*product))).sqrt();
+        }
+        for d in 0..dimension {
+            for i in 0..n {
+                noise[d * n + i] *= products[i];
+            }
+        }
+        products.fill(0.0);
+        log_factors.fill(0.0);
+        for d in 0..dimension {
+            let draws = &mut draws[d * n..(d + 1) * n];
+            let (spread, whiten) = (&component.spread[d * dimension..], &component.whiten[d * dimension..]);
+            // Two sums side by side: the draw's coordinate, and the point's place in the component, in blocks that stay in registers.
+            let mut first = 0;
+            while first < n {
+                let width = if n - first < BLOCK { n - first } else { BLOCK };
+                let (mut steps, mut places) = ([0.0; BLOCK], [0.0; BLOCK]);
+                for e in 0..=d {
+                    let (noise, points) = (&noise[e * n + first..][..width], &points[e * n + first..][..width]);
+                    for k in 0..width {
+                        steps[k] += spread[e] * noise[k];
+                        places[k] += whiten[e] * (points[k] - component.location[e]);
+                    }
+                }
+                for k in 0..width {
+                    let z = noise[d * n + first + k];
+                    draws[first + k] = steps[k] + component.location[d];
+                    products[first + k] += z * z;
+                    log_factors[first + k] += places[k] * places[k];
+                }
+                first += width;
+            }
+        }
+        for i in 0..n {
+            log_factors[i] = exponent * elementary::ln(growth(log_factors[i]) / growth(products[i]));
+        }
+    }
 }
 
 impl Component {

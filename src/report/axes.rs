@@ -12,6 +12,12 @@ pub const LABEL_SIZE_PX: f64 = 13.0;
 /// Smallest size to which a label shrinks before it is cut.
 const SMALLEST_PX: f64 = 9.0;
 const TICK_LENGTH_PX: f64 = 5.0;
+/// Width of the columns that curves are thinned by: what a picture at twice the size still shows.
+const COLUMN_PX: f64 = 0.5;
+/// Curves with fewer points a column are drawn as they are.
+const POINTS_OF_COLUMN: f64 = 8.0;
+/// Beyond so many dots, those that cover each other are drawn once.
+const MOST_DOTS: usize = 5_000;
 
 /// A frame with a horizontal and a vertical scale.
 #[derive(Debug, Clone, Copy)]
@@ -76,15 +82,13 @@ impl Axes {
     /// Line through the points of each run of finite values; a value that is not finite breaks the line.
     pub fn line(&self, svg: &mut Svg, x: &[f64], y: &[f64], stroke: Stroke) {
         let mut path = Path::default();
-        let mut drawing = false;
-        for (&x, &y) in x.iter().zip(y) {
-            let finite = x.is_finite() && y.is_finite();
-            match (finite, drawing) {
-                (true, false) => path.move_to(self.px(x, y)),
-                (true, true) => path.line_to(self.px(x, y)),
-                _ => {}
+        let points: Vec<Point> = x.iter().zip(y).map(|(&x, &y)| self.px(x, y)).collect();
+        for run in points.split(|(x, y)| !(x.is_finite() && y.is_finite())) {
+            let mut run = thinned(run).into_iter();
+            if let Some(first) = run.next() {
+                path.move_to(first);
             }
-            drawing = finite;
+            run.for_each(|point| path.line_to(point));
         }
         svg.path(&path, stroke);
     }
@@ -97,10 +101,9 @@ impl Axes {
         let mut start = 0;
         while start < n {
             let run: Vec<usize> = (start..n).take_while(finite).collect();
-            let there = run.iter().map(|&i| self.px(x[i], upper[i]));
-            let back = run.iter().rev().map(|&i| self.px(x[i], lower[i]));
+            let edge = |y: &[f64]| thinned(&run.iter().map(|&i| self.px(x[i], y[i])).collect::<Vec<Point>>());
             if run.len() > 1 {
-                path.polyline(there.chain(back), true);
+                path.polyline(edge(upper).into_iter().chain(edge(lower).into_iter().rev()), true);
             }
             start += run.len() + 1;
         }
@@ -116,13 +119,18 @@ impl Axes {
         diameter_px: f64,
         opacity: f64,
     ) {
-        let mut dots = Path::default();
-        for (x, y) in points.filter(|(x, y)| x.is_finite() && y.is_finite()) {
-            let inside = |scale: &Scale, value| (0.0..=1.0).contains(&scale.fraction(value));
-            if inside(&self.x, x) && inside(&self.y, y) {
-                dots.dot(self.px(x, y));
-            }
+        let inside = |scale: &Scale, value| (0.0..=1.0).contains(&scale.fraction(value));
+        let is_drawn =
+            |(x, y): &(f64, f64)| x.is_finite() && y.is_finite() && inside(&self.x, *x) && inside(&self.y, *y);
+        let mut drawn: Vec<Point> = points.filter(is_drawn).map(|(x, y)| self.px(x, y)).collect();
+        if drawn.len() > MOST_DOTS {
+            // Of dots that cover each other by more than half, one is drawn.
+            let cell = 0.5 * diameter_px;
+            let mut taken = std::collections::HashSet::new();
+            drawn.retain(|(x, y)| taken.insert(((x / cell) as i64, (y / cell) as i64)));
         }
+        let mut dots = Path::default();
+        drawn.into_iter().for_each(|point| dots.dot(point));
         svg.dots(&dots, colour, diameter_px, opacity);
     }
 
@@ -209,6 +217,30 @@ impl Axes {
     }
 }
 
+/// A run of a curve, in order from left to right, without the points that a picture cannot show: of those in one column of pixels the first, the
+/// lowest, the highest and the last are kept, so that the curve's envelope is exact.
+fn thinned(run: &[Point]) -> Vec<Point> {
+    let width_px = run.first().zip(run.last()).map_or(0.0, |(first, last)| last.0 - first.0);
+    let is_sparse = (run.len() as f64) < POINTS_OF_COLUMN * (1.0 + width_px / COLUMN_PX);
+    if is_sparse || !run.is_sorted_by(|a, b| a.0 <= b.0) {
+        return run.to_vec();
+    }
+    let column = |point: &Point| (point.0 / COLUMN_PX).floor();
+    let mut kept = Vec::new();
+    for points in run.chunk_by(|a, b| column(a) == column(b)) {
+        let last = points.len() - 1;
+        let extreme = |largest: bool| {
+            let sign = if largest { 1.0 } else { -1.0 };
+            (0..points.len()).max_by(|a, b| (sign * points[*a].1).total_cmp(&(sign * points[*b].1))).unwrap_or(0)
+        };
+        let mut chosen = [0, extreme(false), extreme(true), last];
+        chosen.sort_unstable();
+        let distinct = chosen.iter().enumerate().filter(|(i, k)| *i == 0 || chosen[i - 1] != **k);
+        kept.extend(distinct.map(|(_, k)| points[*k]));
+    }
+    kept
+}
+
 /// The label in one line, or quantity and unit in two where it would have to shrink too much; and its size.
 fn label_lines(label: &str, room_px: f64) -> (Vec<String>, f64) {
     let whole = fitting_size_px(label, LABEL_SIZE_PX, SMALLEST_PX, room_px);
@@ -279,6 +311,19 @@ mod tests {
         let mut svg = Svg::new(120.0, 80.0, "");
         axes().band(&mut svg, &x, &[0.0; 5], &y, Fill::new(INK, 0.5));
         assert_eq!(svg.document().matches('Z').count(), 2);
+    }
+
+    /// A curve of 50,000 points with one spike: at most four points a column are left, the spike and both ends among them.
+    #[test]
+    fn curves_keep_their_envelope_when_thinned() {
+        let value = |i: usize| if i == 31_007 { 0.99 } else { 0.3 + 0.1 * (0.37 * i as f64).sin() };
+        let run: Vec<Point> = (0..50_000).map(|i| axes().px(10.0 * i as f64 / 49_999.0, value(i))).collect();
+        let kept = thinned(&run);
+        assert!(kept.len() <= 4 * 201, "{}", kept.len());
+        assert_eq!((kept.first(), kept.last()), (run.first(), run.last()));
+        let highest = |points: &[Point]| points.iter().map(|p| p.1).fold(f64::INFINITY, f64::min);
+        assert_eq!(highest(&kept), highest(&run));
+        assert_eq!(thinned(&run[..300]).len(), 300);
     }
 
     #[test]

@@ -370,7 +370,10 @@ fn draw_bands(svg: &mut Svg, axes: &Axes, data: &PredictiveData, lines: &Lines, 
 fn score(data: &PredictiveData, residuals: &[f64], kind: CycleKind) -> Option<(f64, &'static str)> {
     let name = if kind == CycleKind::Calibration { "fitted" } else { "held-out" };
     // Where one cycle ends and the next begins, a row belongs to the next.
-    let cycle_at = |time: f64| data.cycles.iter().rev().find(|c| time >= c.start_s && time <= c.end_s);
+    let cycle_at = |time: f64| {
+        let begun = data.cycles.partition_point(|c| c.start_s <= time);
+        data.cycles[..begun].last().filter(|c| time <= c.end_s)
+    };
     let inside = |time: f64| cycle_at(time).is_some_and(|cycle| cycle.kind == kind);
     let squares: Vec<f64> =
         data.time_s.iter().zip(residuals).filter(|(t, r)| inside(**t) && r.is_finite()).map(|(_, r)| r * r).collect();

@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Monitor;
 use super::advice::{mesh_warning, misfit_warning, surrogate_warning};
+use super::fitted_rows::FittedRows;
 use super::problem::{Problem, TAIL_MASS};
 use super::reduced::{KeptSurrogate, Reduced};
 use super::summary::{ModelSummary, Warning, WarningKind};
@@ -35,6 +36,10 @@ const FINITE_STEP: f64 = 1e-4;
 const AT_LINEAR_END: f64 = 1e-6;
 /// Most effects that are held at their nulls in turn.
 const MOST_HELD: usize = 4;
+/// Positions among which minima are searched for from all starts; where there are more, the best are finished among all of them.
+const MOST_SEARCHED: usize = 20_000;
+/// Most minima that are finished.
+const MOST_FINISHED: usize = 3;
 /// Starts whose objectives differ by less than this fraction have found the same minimum.
 const SAME_MINIMUM: f64 = 1e-6;
 
@@ -121,7 +126,7 @@ pub fn run(problem: &Problem, kept_surrogate: Option<KeptSurrogate>, monitor: &d
     }
     let reduced = Reduced::new(problem, kept_surrogate, monitor)?;
     monitor.stage("fitting the calibration cycles");
-    let data = best_support(problem, &reduced, &free)?;
+    let data = best_support(problem, &reduced, &free, &FittedRows::new(problem))?;
     let (searches, best) = (&data.searches, best_of(&data.searches));
     let data = &data.residuals;
     let model_parameters = data.model_parameters(&best.theta);
@@ -142,11 +147,22 @@ struct Searched<'a> {
 
 /// The better of searches in which effects whose null is an end of their support are free, or held there: a search stops at a wall before it has
 /// found the best of the others, and a model must not fit worse than the one that it contains.
-fn best_support<'a>(problem: &'a Problem, reduced: &'a Reduced, free: &[usize]) -> Result<Searched<'a>> {
+fn best_support<'a>(
+    problem: &'a Problem,
+    reduced: &'a Reduced,
+    free: &[usize],
+    rows: &FittedRows,
+) -> Result<Searched<'a>> {
     let search = |held: &BTreeMap<usize, f64>| -> Result<Searched<'a>> {
-        let left = free.iter().copied().filter(|j| !held.contains_key(j)).collect();
-        let residuals = CreepResiduals::new(problem, reduced, left, held);
-        let searches = residuals.search(&residuals.starts(problem))?;
+        let left: Vec<usize> = free.iter().copied().filter(|j| !held.contains_key(j)).collect();
+        let residuals = CreepResiduals::new(problem, reduced, &left, held, rows);
+        let starts = residuals.starts(problem);
+        let searches = if rows.observed.len() <= MOST_SEARCHED {
+            residuals.search(&starts)?
+        } else {
+            let few = CreepResiduals::new(problem, reduced, &left, held, &rows.thinned(MOST_SEARCHED));
+            residuals.finished(few.search(&starts)?, few.observed.len())?
+        };
         Ok(Searched { residuals, searches })
     };
     let effects = effects_with_null_at_end(problem, free);
@@ -234,12 +250,16 @@ struct CreepResiduals<'a> {
 }
 
 impl<'a> CreepResiduals<'a> {
-    fn new(problem: &'a Problem, reduced: &'a Reduced, free: Vec<usize>, held: &BTreeMap<usize, f64>) -> Self {
+    fn new(
+        problem: &'a Problem,
+        reduced: &'a Reduced,
+        free: &[usize],
+        held: &BTreeMap<usize, f64>,
+        rows: &FittedRows,
+    ) -> Self {
         let (fixed, specs) = (&problem.specification.fixed, problem.model.parameters());
         let value = |(j, name): (usize, &str)| held.get(&j).or_else(|| fixed.get(name)).copied().unwrap_or(f64::NAN);
         let template = specs.iter().map(|p| p.name).enumerate().map(value).collect();
-        let positions = problem.positions_of(&problem.experiment.calibration_cycles);
-        let observed = positions.iter().enumerate().filter_map(|(row, y)| y.map(|y| (row, y))).collect();
         let n_law = problem.model.base().parameters().len();
         let coordinate = |j: usize| {
             let is_scale = j < n_law && specs[j].support.upper.is_infinite();
@@ -254,11 +274,16 @@ impl<'a> CreepResiduals<'a> {
             )
         };
         Self {
-            forward: problem.reduced_forward(reduced),
+            forward: ReducedForward {
+                model: &problem.model,
+                compliance: reduced.compliance.clone(),
+                response: rows.response(),
+                trained: &reduced.trained,
+            },
             template,
-            free: free.into_iter().map(coordinate).collect(),
+            free: free.iter().copied().map(coordinate).collect(),
             ranges: specs.iter().map(|p| problem.range_of(p.name, TAIL_MASS)).collect(),
-            observed,
+            observed: rows.observed.clone(),
         }
     }
 
@@ -326,6 +351,31 @@ impl<'a> CreepResiduals<'a> {
             Some(error) if fits.is_empty() => Err(error),
             _ => Ok(fits),
         }
+    }
+
+    /// Searches among few positions, finished among all: the best minima go on from where they are, the others are told apart by their objectives.
+    fn finished(&self, found: Vec<Fit>, n_searched: usize) -> Result<Vec<Fit>> {
+        let mut minima: Vec<&Fit> = Vec::new();
+        let mut order: Vec<&Fit> = found.iter().collect();
+        order.sort_by(|a, b| a.objective.total_cmp(&b.objective));
+        for fit in order {
+            if minima.len() < MOST_FINISHED && !minima.iter().any(|minimum| is_same_minimum(minimum, fit)) {
+                minima.push(fit);
+            }
+        }
+        let ends: Vec<Result<Fit>> =
+            minima.iter().map(|minimum| fit(self, &minimum.theta, &Tolerances::default())).collect();
+        let ends: Vec<Fit> = ends.into_iter().collect::<Result<_>>()?;
+        let more = self.observed.len() as f64 / n_searched as f64;
+        let finish = |search: &Fit| match minima.iter().position(|minimum| is_same_minimum(minimum, search)) {
+            Some(index) => Fit {
+                iterations: search.iterations + ends[index].iterations,
+                residuals: Vec::new(),
+                ..ends[index].clone()
+            },
+            None => Fit { objective: more * search.objective, residuals: Vec::new(), ..search.clone() },
+        };
+        Ok(found.iter().map(finish).collect())
     }
 }
 

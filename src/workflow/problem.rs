@@ -158,7 +158,8 @@ impl Problem {
     pub fn positions_of(&self, cycles: &[u32]) -> Vec<Option<f64>> {
         let record = &self.experiment.record;
         let pairs = record.position_m.iter().zip(&record.cycle);
-        pairs.map(|(position, cycle)| position.filter(|_| cycles.contains(cycle))).collect()
+        let is_wanted = record.are_among(cycles);
+        pairs.map(|(position, cycle)| position.filter(|_| is_wanted(*cycle))).collect()
     }
 
     /// Log-posterior of the calibration cycles by the reduced model.

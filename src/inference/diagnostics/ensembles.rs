@@ -9,7 +9,7 @@
 //!   ESS = Var g/(Var ḡ·τ_ḡ/(m n)). Correlation between walkers, of either sign, is so accounted for.
 //! - Autocorrelation time: draws over ESS of the mean, in steps. It is what one walker alone would need.
 
-use super::autocovariance::{integrate, sample_variance};
+use super::autocovariance::{integrate, sample_variance, sum};
 use super::chains::Chains;
 use super::ranks::{BlomScores, Sorted};
 
@@ -55,7 +55,7 @@ pub struct ParameterDiagnostics {
 /// `blom` must be for as many values.
 pub fn diagnose(column: &DrawColumn, blom: &BlomScores) -> ParameterDiagnostics {
     let n = column.values.len();
-    let mean = column.values.iter().sum::<f64>() / n as f64;
+    let mean = sum(&column.values) / n as f64;
     let sd = sample_variance(&column.values).sqrt();
     let sorted = Sorted::new(&column.values);
     let quantile = |probability| sorted.quantile(probability);
@@ -86,7 +86,7 @@ pub fn autocorrelation_time(column: &DrawColumn) -> f64 {
 
 /// Per-step averages over walkers of a quantity in the column's layout, one chain an ensemble.
 pub fn walker_averages(column: &DrawColumn, quantity: &[f64]) -> Chains {
-    let average = |walkers: &[f64]| walkers.iter().sum::<f64>() / column.n_walkers as f64;
+    let average = |walkers: &[f64]| sum(walkers) / column.n_walkers as f64;
     let chain = |steps: &[f64]| steps.chunks_exact(column.n_walkers).map(average).collect();
     Chains::new(quantity.chunks_exact((column.n_steps * column.n_walkers).max(1)).map(chain).collect())
 }
@@ -110,7 +110,7 @@ fn pooled_rhat(column: &DrawColumn, scores: &[f64]) -> f64 {
     let mut within = 0.0;
     for ensemble in scores.chunks_exact(column.n_steps * column.n_walkers) {
         for draws in [&ensemble[..half], &ensemble[ensemble.len() - half..]] {
-            means.push(draws.iter().sum::<f64>() / half as f64);
+            means.push(sum(draws) / half as f64);
             within += sample_variance(draws) / (2 * column.n_ensembles) as f64;
         }
     }

@@ -11,6 +11,9 @@ pub struct Sorted {
 impl Sorted {
     /// Sorts values; at most 2³² − 1 of them. NaN sorts last (first if its sign is negative).
     pub fn new(values: &[f64]) -> Self {
+        if let Some(entries) = sorted_by_place(values) {
+            return Self { entries };
+        }
         let keyed = values.iter().zip(0u32..).map(|(&value, idx)| (ordered_bits(value), idx)).collect();
         let entries = radix_sorted(keyed).into_iter().map(|(_, idx)| (values[idx as usize], idx)).collect();
         Self { entries }
@@ -36,18 +39,18 @@ impl Sorted {
     pub fn folded_normal_scores(&self, centre: f64, blom: &BlomScores) -> Vec<f64> {
         let split = self.entries.partition_point(|entry| entry.0 < centre);
         let (left, right) = self.entries.split_at(split);
-        let mut left = left.iter().rev().map(|&(value, idx)| (centre - value, idx)).peekable();
-        let mut right = right.iter().map(|&(value, idx)| (value - centre, idx)).peekable();
+        let (mut below, mut above) = (left.len(), 0);
         let mut merged = Vec::with_capacity(self.entries.len());
-        loop {
-            let next = match (left.peek(), right.peek()) {
-                (Some(a), Some(b)) if a.0 <= b.0 => left.next(),
-                (_, Some(_)) => right.next(),
-                (Some(_), None) => left.next(),
-                (None, None) => break,
-            };
-            merged.extend(next);
+        while below > 0 && above < right.len() {
+            let (lower, upper) = (left[below - 1], right[above]);
+            let (left_distance, right_distance) = (centre - lower.0, upper.0 - centre);
+            let is_left = left_distance <= right_distance;
+            merged.push(if is_left { (left_distance, lower.1) } else { (right_distance, upper.1) });
+            below -= usize::from(is_left);
+            above += usize::from(!is_left);
         }
+        merged.extend(left[..below].iter().rev().map(|&(value, idx)| (centre - value, idx)));
+        merged.extend(right[above..].iter().map(|&(value, idx)| (value - centre, idx)));
         scores(&merged, blom)
     }
 }
@@ -94,6 +97,51 @@ fn scores(entries: &[(f64, u32)], blom: &BlomScores) -> Vec<f64> {
         start = end;
     }
     out
+}
+
+/// Sorts by where a value lies between the smallest and the largest, in 2³² cells, and within a cell by value. `None` for few values, or ones that are
+/// not finite or all the same.
+fn sorted_by_place(values: &[f64]) -> Option<Vec<(f64, u32)>> {
+    const DIGIT_BITS: usize = 11;
+    const N_BUCKETS: usize = 1 << DIGIT_BITS;
+    const N_DIGITS: usize = 3;
+    let (lowest, highest) =
+        values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(*v), high.max(*v)));
+    let scale = f64::from(u32::MAX) / (highest - lowest);
+    // Of what is not a number the sum is none either; differences of neighbours times the scale keep their order.
+    if values.len() < N_BUCKETS || !scale.is_normal() || !values.iter().sum::<f64>().is_finite() {
+        return None;
+    }
+    let mut ends = [[0_u32; N_BUCKETS]; N_DIGITS];
+    let digit = |cell: u32, k: usize| (cell >> (DIGIT_BITS * k)) as usize % N_BUCKETS;
+    let mut cells: Vec<(u32, u32)> = Vec::with_capacity(values.len());
+    for (value, idx) in values.iter().zip(0_u32..) {
+        let cell = ((value - lowest) * scale) as u32;
+        (0..N_DIGITS).for_each(|k| ends[k][digit(cell, k)] += 1);
+        cells.push((cell, idx));
+    }
+    let mut sorted = cells.clone();
+    for (k, ends) in ends.iter_mut().enumerate() {
+        let mut begin = 0;
+        for end in ends.iter_mut() {
+            (*end, begin) = (begin, begin + *end);
+        }
+        for &entry in &cells {
+            let place = &mut ends[digit(entry.0, k)];
+            sorted[*place as usize] = entry;
+            *place += 1;
+        }
+        std::mem::swap(&mut cells, &mut sorted);
+    }
+    let mut entries: Vec<(f64, u32)> = cells.iter().map(|(_, idx)| (values[*idx as usize], *idx)).collect();
+    let mut start = 0;
+    for run in cells.chunk_by(|a, b| a.0 == b.0) {
+        if run.len() > 1 {
+            entries[start..start + run.len()].sort_by(|a, b| a.0.total_cmp(&b.0));
+        }
+        start += run.len();
+    }
+    Some(entries)
 }
 
 /// Bits that sort as integers like the numbers do, −0 below +0.
@@ -167,6 +215,19 @@ mod tests {
         let sorted = Sorted::new(&values);
         assert!(sorted.entries.iter().zip(&expected).all(|(a, b)| a.0 == *b));
         assert!(sorted.entries.iter().all(|&(value, idx)| values[idx as usize] == value));
+    }
+
+    /// One value far off puts all others into a few cells; equal values keep their order.
+    #[test]
+    fn outliers_do_not_spoil_the_order() {
+        let mut values: Vec<f64> = (0..6_000_i64).map(|i| ((i * 7919) % 2999 - 1500) as f64 * 0.37e-3).collect();
+        values[17] = 1e9;
+        let sorted = Sorted::new(&values);
+        let mut expected: Vec<(f64, u32)> = values.iter().copied().zip(0..).collect();
+        expected.sort_by(|a, b| a.0.total_cmp(&b.0));
+        assert_eq!(sorted.entries, expected);
+        values[18] = f64::NAN;
+        assert!(Sorted::new(&values).entries.last().is_some_and(|(value, _)| value.is_nan()));
     }
 
     #[test]

@@ -57,8 +57,11 @@ impl Draws {
     /// All values of one coordinate, ensemble by ensemble, step by step, walker by walker.
     pub fn column(&self, d: usize) -> DrawColumn {
         let stride = self.dimension * self.n_walkers;
-        let row = |step: &[f64]| step[d * self.n_walkers..(d + 1) * self.n_walkers].to_vec();
-        self.with_values(self.positions.chunks_exact(stride.max(1)).flat_map(row).collect())
+        let mut values = Vec::with_capacity(self.len());
+        for step in self.positions.chunks_exact(stride.max(1)) {
+            values.extend_from_slice(&step[d * self.n_walkers..(d + 1) * self.n_walkers]);
+        }
+        self.with_values(values)
     }
 
     /// Points one by one, from kept step `first` on.
@@ -148,8 +151,8 @@ pub(super) fn join(records: &[&Record], dimension: usize, n_walkers: usize) -> D
         n_walkers,
         dimension,
         store_every: first.map_or(1, |record| record.store_every),
-        positions: records.iter().flat_map(|record| &record.positions).copied().collect(),
-        log_density: records.iter().flat_map(|record| &record.log_density).copied().collect(),
+        positions: records.iter().map(|record| &record.positions[..]).collect::<Vec<_>>().concat(),
+        log_density: records.iter().map(|record| &record.log_density[..]).collect::<Vec<_>>().concat(),
     }
 }
 

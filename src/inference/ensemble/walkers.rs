@@ -2,6 +2,7 @@
 
 use super::moves::{Independence, Move, Points};
 use super::random::RandomStream;
+use crate::elementary;
 use crate::inference::LogDensity;
 use crate::{Error, Result};
 
@@ -53,6 +54,7 @@ struct Proposal {
     positions: Vec<f64>,
     log_density: Vec<f64>,
     log_factors: Vec<f64>,
+    thresholds: Vec<f64>,
 }
 
 /// What a checkpoint keeps of an ensemble; walkers in order, layout of [`Points`].
@@ -89,8 +91,12 @@ impl Ensemble {
             accepted: vec![0; h],
             streams: (first..first + h).map(|w| RandomStream::new(seed, (number * n_walkers + w) as u64)).collect(),
         };
-        let proposal =
-            Proposal { positions: vec![0.0; dimension * h], log_density: vec![0.0; h], log_factors: vec![0.0; h] };
+        let proposal = Proposal {
+            positions: vec![0.0; dimension * h],
+            log_density: vec![0.0; h],
+            log_factors: vec![0.0; h],
+            thresholds: vec![0.0; h],
+        };
         let shared = RandomStream::new(seed, (1 << 63) | number as u64);
         Self { dimension, halves: [half(0), half(h)], shared, proposal, jumps: JumpCount::default(), n_steps: 0 }
     }
@@ -230,14 +236,15 @@ impl Ensemble {
 
 impl Half {
     /// Metropolis decision for every walker: one word each, whatever the outcome. Returns how many moved.
-    fn accept(&mut self, proposal: &Proposal, dimension: usize) -> u64 {
+    fn accept(&mut self, proposal: &mut Proposal, dimension: usize) -> u64 {
         let n = self.log_density.len();
         let mut n_accepted = 0;
+        proposal.thresholds.iter_mut().zip(&mut self.streams).for_each(|(u, stream)| *u = stream.unit());
+        elementary::ln_all(&mut proposal.thresholds);
         for i in 0..n {
             let log_ratio = proposal.log_density[i] - self.log_density[i] + proposal.log_factors[i];
-            let threshold = self.streams[i].unit().ln();
             // A NaN ratio (a factor of 0·∞) compares false: the walker stays.
-            let accept = threshold < log_ratio;
+            let accept = proposal.thresholds[i] < log_ratio;
             self.accepted[i] += u64::from(accept);
             n_accepted += u64::from(accept);
             if accept {

@@ -8,7 +8,7 @@
 use super::{Move, Points};
 use crate::inference::ensemble::random::RandomStream;
 use crate::inference::optimum::Modes;
-use crate::inference::t_mixture::{TMixture, growth};
+use crate::inference::t_mixture::{Jumps, TMixture};
 use serde::{Deserialize, Serialize};
 
 /// Independence move from a mixture of t₆ distributions.
@@ -34,13 +34,6 @@ impl Independence {
     #[inline]
     fn jump(&self, stream: &mut RandomStream, point: &mut [f64], noise: &mut [f64]) -> f64 {
         let mixture = &self.mixture;
-        if let Some(only) = mixture.only() {
-            // With one component constants cancel, one logarithm is enough and the draw's distance is that of its noise.
-            let before = growth(only.distance2(point));
-            mixture.draw(stream, point, noise);
-            let after = growth(noise.iter().map(|z| z * z).sum());
-            return mixture.exponent() * (before / after).ln();
-        }
         let before = mixture.log_density(point);
         mixture.draw(stream, point, noise);
         before - mixture.log_density(point)
@@ -61,6 +54,10 @@ impl Move for Independence {
         proposals: &mut [f64],
         log_factors: &mut [f64],
     ) {
+        if let Some(component) = self.mixture.only() {
+            let (exponent, points) = (self.mixture.exponent(), moving.coordinates);
+            return Jumps { component, exponent, points, draws: proposals, log_factors }.draw(own);
+        }
         let dimension = moving.dimension;
         // Work space on the stack for the usual dimensions, so that the hot loop allocates nothing.
         let mut few = [0.0; 2 * 16];
@@ -86,6 +83,7 @@ mod tests {
     use super::*;
     use crate::inference::optimum::Optimum;
 
+    /// All walkers at once, by one component: the draws and factors that each has by itself, for numbers of walkers that fill blocks and do not.
     #[test]
     fn the_short_way_of_one_component_is_the_long_one() {
         let mut modes = Modes::default();
@@ -96,12 +94,21 @@ mod tests {
             converged: true,
         });
         let q = Independence::from_modes(&modes, 2).unwrap();
-        let mut stream = RandomStream::new(3, 1);
-        for _ in 0..100 {
-            let before = [stream.normal(), 5.0 * stream.normal()];
-            let (mut point, mut noise) = (before, [0.0; 2]);
-            let factor = q.jump(&mut stream, &mut point, &mut noise);
-            assert!((factor - (q.mixture.log_density(&before) - q.mixture.log_density(&point))).abs() < 1e-12);
+        for n in [1, 5, 16, 19] {
+            let streams = || (0..n as u64).map(|i| RandomStream::new(3, i)).collect::<Vec<_>>();
+            let coordinates: Vec<f64> = (0..2 * n).map(|i| (1.7 * i as f64).sin() * 3.0).collect();
+            let (mut proposals, mut factors) = (vec![0.0; 2 * n], vec![0.0; n]);
+            let moving = Points { coordinates: &coordinates, n, dimension: 2 };
+            let mut shared = RandomStream::new(3, 1000);
+            let mut own = streams();
+            q.propose(moving, moving, &mut shared, &mut own, &mut proposals, &mut factors);
+            for (i, (mut stream, used)) in streams().into_iter().zip(own).enumerate() {
+                let mut point = [coordinates[i], coordinates[n + i]];
+                let factor = q.jump(&mut stream, &mut point, &mut [0.0; 2]);
+                assert!((factor - factors[i]).abs() < 1e-12, "{factor} {}", factors[i]);
+                assert!((0..2).all(|d| (point[d] - proposals[d * n + i]).abs() < 1e-12));
+                assert_eq!(stream.position(), used.position());
+            }
         }
     }
 }

@@ -1,0 +1,83 @@
+//! The rows that a least-squares fit sees: all that are needed for the fitted positions, or few of them that show the same motion.
+
+use super::problem::Problem;
+use crate::model::Response;
+
+/// Rows up to the last fitted position.
+pub(super) struct FittedRows {
+    time_s: Vec<f64>,
+    force_n: Vec<f64>,
+    /// Row and position (m) of what is fitted.
+    pub observed: Vec<(usize, f64)>,
+}
+
+impl FittedRows {
+    /// Those of the calibration cycles: later rows move nothing that is fitted.
+    pub fn new(problem: &Problem) -> Self {
+        let record = &problem.experiment.record;
+        let positions = problem.positions_of(&problem.experiment.calibration_cycles);
+        let observed: Vec<(usize, f64)> =
+            positions.iter().enumerate().filter_map(|(row, y)| y.map(|y| (row, y))).collect();
+        let n_rows = observed.last().map_or(0, |(row, _)| row + 1);
+        Self { time_s: record.time_s[..n_rows].to_vec(), force_n: record.force_n[..n_rows].to_vec(), observed }
+    }
+
+    /// At most about `most` of the positions, evenly chosen, and the rows from which on the force is another: between rows it holds, so the trajectory
+    /// at the rows that are left is the same.
+    pub fn thinned(&self, most: usize) -> Self {
+        let every = self.observed.len().div_ceil(most).max(1);
+        let mut chosen = self.observed.iter().step_by(every).peekable();
+        let mut thinned = Self { time_s: Vec::new(), force_n: Vec::new(), observed: Vec::new() };
+        for (row, (&time_s, &force_n)) in self.time_s.iter().zip(&self.force_n).enumerate() {
+            let fitted = chosen.next_if(|(chosen, _)| *chosen == row);
+            if let Some((_, position_m)) = fitted {
+                thinned.observed.push((thinned.time_s.len(), *position_m));
+            }
+            if fitted.is_some() || row == 0 || force_n != self.force_n[row - 1] {
+                thinned.time_s.push(time_s);
+                thinned.force_n.push(force_n);
+            }
+        }
+        thinned
+    }
+
+    /// The rows prepared for the reduced model.
+    pub fn response(&self) -> Response {
+        Response::new(&self.time_s, &self.force_n, self.time_s.len())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effects::Stages;
+    use crate::number::Dual;
+    use crate::rheology::Element;
+
+    /// 3000 rows at irregular times under a force that changes at some: one position in forty is left, at the same places of the same trajectory.
+    #[test]
+    fn few_rows_show_the_same_motion() {
+        let n = 3000;
+        let time_s: Vec<f64> = (0..n).map(|i| 0.01 * i as f64 + 0.004 * ((i * 7) % 5) as f64 / 5.0).collect();
+        let force_n: Vec<f64> = (0..n).map(|i| 4.6e-6 * f64::from([1, 1, -1, 0][(i / 311) % 4])).collect();
+        let observed = (0..n).filter(|i| i % 3 != 1).map(|i| (i, i as f64)).collect();
+        let all = FittedRows { time_s, force_n, observed };
+        let few = all.thinned(50);
+        assert_eq!(few.observed.len(), 50);
+        assert!(few.time_s.len() <= 50 + 11);
+        let number = |value: f64| Dual::constant(value);
+        let stages = Stages::of_law(vec![
+            Element::kelvin_voigt(number(3.5), number(1.4)),
+            Element::Dashpot { viscosity_pa_s: number(47.0) },
+        ]);
+        let at = |rows: &FittedRows| {
+            let x = rows.response().trajectory_m(&stages, 549.0).expect("sound");
+            rows.observed.iter().map(|(row, y)| (x[*row], *y)).collect::<Vec<_>>()
+        };
+        let every: Vec<(f64, f64)> = at(&all).into_iter().step_by(40).collect();
+        for ((few_m, few_y), (all_m, all_y)) in at(&few).into_iter().zip(every) {
+            assert_eq!(few_y, all_y);
+            assert!((few_m - all_m).abs() < 1e-15, "{few_m} {all_m}");
+        }
+    }
+}
