@@ -55,9 +55,38 @@ impl WithSimd for LnAll<'_> {
     }
 }
 
-/// eˣ = 2ᵏ eʳ with |r| ≤ ln 2/2.
+/// Replaces every x by eˣ − 1, accurate near 0; −1 below −708, +∞ above 709.
+pub fn exp_m1_all(values: &mut [f64]) {
+    Arch::new().dispatch(ExpM1All(values));
+}
+
+struct ExpM1All<'a>(&'a mut [f64]);
+
+impl WithSimd for ExpM1All<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _simd: S) {
+        for x in self.0 {
+            let (scale, grown) = parts(*x);
+            let value = scale * grown + (scale - 1.0);
+            *x = if *x > LARGEST_EXPONENT { f64::INFINITY } else { value };
+        }
+    }
+}
+
+/// eˣ.
 #[inline(always)]
 pub fn exp(x: f64) -> f64 {
+    let (scale, grown) = parts(x);
+    let value = scale + scale * grown;
+    let value = if x > LARGEST_EXPONENT { f64::INFINITY } else { value };
+    if x < SMALLEST_EXPONENT { 0.0 } else { value }
+}
+
+/// 2ᵏ and eʳ − 1 of eˣ = 2ᵏ eʳ with |r| ≤ ln 2/2.
+#[inline(always)]
+fn parts(x: f64) -> (f64, f64) {
     let inside = if x > LARGEST_EXPONENT { LARGEST_EXPONENT } else { x };
     let inside = if inside < SMALLEST_EXPONENT { SMALLEST_EXPONENT } else { inside };
     let rounded = inside * std::f64::consts::LOG2_E + ROUNDING;
@@ -73,9 +102,7 @@ pub fn exp(x: f64) -> f64 {
         sum = sum * r + coefficient;
     }
     let scale = f64::from_bits(rounded.to_bits().wrapping_add(EXPONENT_BIAS) << MANTISSA_BITS);
-    let value = scale + scale * (r + r * r * sum);
-    let value = if x > LARGEST_EXPONENT { f64::INFINITY } else { value };
-    if x < SMALLEST_EXPONENT { 0.0 } else { value }
+    (scale, r + r * r * sum)
 }
 
 /// ln x = e ln 2 + 2 artanh s, s = (m − 1)/(m + 1), x = 2ᵉ m with m between √½ and √2.
@@ -131,6 +158,10 @@ mod tests {
             }
         }
         assert!(largest.iter().all(|error| *error < 5e-16), "{largest:?}");
+        let mut lost = [-3e-9, -1e-4, -0.3, -0.4, -5.0, -800.0, 2.0];
+        let expected = lost.map(f64::exp_m1);
+        exp_m1_all(&mut lost);
+        assert!(lost.iter().zip(expected).all(|(a, b)| (a / b - 1.0).abs() < 1e-15), "{lost:?}");
         assert_eq!([exp(0.0), exp(1e4), exp(-1e4), ln(1.0)], [1.0, f64::INFINITY, 0.0, 0.0]);
         assert!(exp(f64::NAN).is_nan() && ln(f64::NAN).is_nan() && ln(-1.0).is_nan());
         assert_eq!([ln(0.0), ln(f64::INFINITY)], [f64::NEG_INFINITY, f64::INFINITY]);

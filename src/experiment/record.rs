@@ -1,5 +1,7 @@
 //! The rows of a trajectory and what can be asked of them.
 
+use sha2::{Digest, Sha256};
+
 /// Rows of the trajectory, SI. All vectors have the same length.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Record {
@@ -20,6 +22,17 @@ impl Record {
     /// Number of rows.
     pub fn n_rows(&self) -> usize {
         self.time_s.len()
+    }
+
+    /// Hash of all rows.
+    pub fn sha256(&self) -> String {
+        let mut hash = Sha256::new();
+        let positions = self.position_m.iter().map(|position| position.unwrap_or(f64::NAN));
+        for value in self.time_s.iter().chain(&self.force_n).copied().chain(positions) {
+            hash.update(value.to_le_bytes());
+        }
+        self.cycle.iter().for_each(|cycle| hash.update(cycle.to_le_bytes()));
+        hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
     }
 
     /// Highest cycle number, 0 for an empty record.

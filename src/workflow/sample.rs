@@ -14,7 +14,7 @@ use super::problem::Problem;
 use super::reduced::{KeptSurrogate, Reduced};
 use super::summary::*;
 use crate::error::{Error, Result};
-use crate::experiment::{NoiseOrigin, NoiseYardstick};
+use crate::experiment::{Experiment, NoiseOrigin, NoiseYardstick};
 use crate::files::write_atomically;
 use crate::inference::checkpoint;
 use crate::inference::diagnostics::ranks::BlomScores;
@@ -149,7 +149,20 @@ fn fingerprint(problem: &Problem, posterior: &ReducedPosterior) -> String {
     let Problem { experiment, specification, priors, .. } = problem;
     let version = env!("CARGO_PKG_VERSION");
     let (compliance_per_m, trained) = posterior.mechanics();
-    format!("{version} {experiment:?} {specification:?} {priors:?} {:x} {trained:?}", compliance_per_m.to_bits())
+    let Experiment {
+        specimen_id,
+        species,
+        region,
+        apparatus,
+        record,
+        calibration_cycles,
+        heldout_cycles,
+        noise_sd_m,
+        source,
+    } = experiment;
+    let described = (specimen_id, species, region, apparatus, calibration_cycles, heldout_cycles, noise_sd_m, source);
+    let rows = record.sha256();
+    format!("{version} {described:?} {rows} {specification:?} {priors:?} {:x} {trained:?}", compliance_per_m.to_bits())
 }
 
 /// Draws in the parameters' own units.

@@ -51,18 +51,18 @@ pub fn suspects(draws: &Draws) -> Vec<Suspect> {
     if draws.n_steps < 8 {
         return Vec::new();
     }
-    let window = Window { draws, first };
+    let window = Window::new(draws, first);
     let low = window.low_limit();
     let stuck = window.stuck_after();
     let apart = window.apart();
     let mut found = Vec::new();
     for ensemble in 0..draws.n_ensembles {
         for walker in 0..draws.n_walkers {
-            let mean_log_density = window.mean_log_density(ensemble, walker);
             let idx = ensemble * draws.n_walkers + walker;
+            let mean_log_density = window.mean_log_density[idx];
             let reason = if mean_log_density < low {
                 Reason::Low
-            } else if stuck && window.moves(ensemble, walker) == 0 {
+            } else if stuck && window.moves[idx] == 0 {
                 Reason::Stuck
             } else if apart[idx] {
                 Reason::Apart
@@ -81,27 +81,60 @@ pub fn suspects(draws: &Draws) -> Vec<Suspect> {
     found
 }
 
+/// What all walkers did; one entry a walker, ensemble by ensemble.
 struct Window<'a> {
     draws: &'a Draws,
     first: usize,
+    mean_log_density: Vec<f64>,
+    /// Kept steps at which the walker is elsewhere than one kept step earlier.
+    moves: Vec<usize>,
 }
 
-impl Window<'_> {
+impl<'a> Window<'a> {
+    fn new(draws: &'a Draws, first: usize) -> Self {
+        let n = draws.n_ensembles * draws.n_walkers;
+        let mut window = Self { draws, first, mean_log_density: Vec::new(), moves: vec![0; n] };
+        window.mean_log_density = window.means(|ensemble, step| window.log_densities(ensemble, step), |_, value| value);
+        for ensemble in 0..draws.n_ensembles {
+            for step in first + 1..draws.n_steps {
+                let before = &draws.log_density[(ensemble * draws.n_steps + step - 1) * draws.n_walkers..];
+                let here = &draws.log_density[(ensemble * draws.n_steps + step) * draws.n_walkers..];
+                let own = window.moves[ensemble * draws.n_walkers..].iter_mut().take(draws.n_walkers);
+                own.zip(here).zip(before).for_each(|((moves, here), before)| *moves += usize::from(here != before));
+            }
+        }
+        window
+    }
+
     fn steps(&self) -> std::ops::Range<usize> {
         self.first..self.draws.n_steps
     }
 
-    fn log_density(&self, ensemble: usize, step: usize, walker: usize) -> f64 {
-        self.draws.log_density[(ensemble * self.draws.n_steps + step) * self.draws.n_walkers + walker]
+    /// One entry a walker.
+    fn log_densities(&self, ensemble: usize, step: usize) -> &'a [f64] {
+        let Draws { n_steps, n_walkers, log_density, .. } = self.draws;
+        &log_density[(ensemble * n_steps + step) * n_walkers..][..*n_walkers]
     }
 
-    fn mean_log_density(&self, ensemble: usize, walker: usize) -> f64 {
-        self.steps().map(|step| self.log_density(ensemble, step, walker)).sum::<f64>() / self.steps().len() as f64
+    /// One entry a walker.
+    fn coordinates(&self, ensemble: usize, step: usize, d: usize) -> &'a [f64] {
+        let Draws { n_steps, n_walkers, dimension, positions, .. } = self.draws;
+        &positions[((ensemble * n_steps + step) * dimension + d) * n_walkers..][..*n_walkers]
     }
 
-    fn walkers(&self) -> impl Iterator<Item = (usize, usize)> {
+    /// Mean over the steps of a function of each walker's value, given the walker's number.
+    fn means(&self, row: impl Fn(usize, usize) -> &'a [f64], of: impl Fn(usize, f64) -> f64) -> Vec<f64> {
         let n_walkers = self.draws.n_walkers;
-        (0..self.draws.n_ensembles).flat_map(move |e| (0..n_walkers).map(move |w| (e, w)))
+        let mut sums = vec![0.0; self.draws.n_ensembles * n_walkers];
+        for ensemble in 0..self.draws.n_ensembles {
+            for step in self.steps() {
+                let own = sums.iter_mut().enumerate().skip(ensemble * n_walkers);
+                own.zip(row(ensemble, step)).for_each(|((walker, sum), value)| *sum += of(walker, *value));
+            }
+        }
+        let n = self.steps().len() as f64;
+        sums.iter_mut().for_each(|sum| *sum /= n);
+        sums
     }
 
     /// Mean log density below which a walker is low.
@@ -118,39 +151,25 @@ impl Window<'_> {
         middle - LOW_FACTOR * (middle - sorted.quantile(0.05))
     }
 
-    /// Kept steps at which the walker is elsewhere than one kept step earlier.
-    fn moves(&self, ensemble: usize, walker: usize) -> usize {
-        let at = |step| self.log_density(ensemble, step, walker);
-        self.steps().skip(1).filter(|&step| at(step) != at(step - 1)).count()
-    }
-
     /// Whether the window is long enough for a walker without any move to be stuck.
     fn stuck_after(&self) -> bool {
-        let rates: Vec<f64> =
-            self.walkers().map(|(e, w)| self.moves(e, w) as f64 / (self.steps().len() - 1) as f64).collect();
+        let rates: Vec<f64> = self.moves.iter().map(|n| *n as f64 / (self.steps().len() - 1) as f64).collect();
         (1.0 - median(&rates)).powi(self.steps().len() as i32 - 1) < STUCK_PROBABILITY
     }
 
     /// For each walker, whether one of its coordinates keeps apart from the others'.
     fn apart(&self) -> Vec<bool> {
         let mut apart = vec![false; self.draws.n_ensembles * self.draws.n_walkers];
-        let n = self.steps().len() as f64;
         for d in 0..self.draws.dimension {
-            let moments: Vec<(f64, f64)> = self
-                .walkers()
-                .map(|(e, w)| {
-                    let values = || self.steps().map(|step| self.draws.value(e, step, w, d));
-                    let mean = values().sum::<f64>() / n;
-                    (mean, (values().map(|x| (x - mean).powi(2)).sum::<f64>() / n).sqrt())
-                })
-                .collect();
-            let means: Vec<f64> = moments.iter().map(|moment| moment.0).collect();
+            let row = |ensemble: usize, step: usize| self.coordinates(ensemble, step, d);
+            let means = self.means(row, |_, x| x);
+            let variances = self.means(row, |walker, x| (x - means[walker]) * (x - means[walker]));
             let centre = median(&means);
             let deviations: Vec<f64> = means.iter().map(|mean| (mean - centre).abs()).collect();
             // 1.4826 times the median absolute deviation is a Gaussian's standard deviation.
             let robust_sd = 1.4826 * median(&deviations);
-            for (k, (_, sd)) in moments.iter().enumerate() {
-                apart[k] |= deviations[k] > APART_FACTOR * robust_sd && deviations[k] > *sd;
+            for (k, variance) in variances.iter().enumerate() {
+                apart[k] |= deviations[k] > APART_FACTOR * robust_sd && deviations[k] > variance.sqrt();
             }
         }
         apart

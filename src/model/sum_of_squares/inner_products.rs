@@ -3,6 +3,7 @@
 use pulp::{Arch, Simd, WithSimd};
 
 use super::{LANES, Lanes, SumOfSquares};
+use crate::elementary::exp_m1_all;
 
 /// A trajectory that others are compared with, and what it leaves; entries of rows that are not compared are 0.
 pub(super) struct Reference {
@@ -31,10 +32,10 @@ impl SumOfSquares {
         let mut response_n = vec![0.0; self.observed_m.len()];
         let mut state = 0.0_f64;
         for hold in &self.holds {
-            let decay = (-self.step_s[hold.step] * rate_per_s).exp();
-            let gain = hold.force_n * (1.0 - decay);
+            // By what is lost and not by what is left, which would round the rate where steps are short.
+            let lost = -(-self.step_s[hold.step] * rate_per_s).exp_m1();
             for row in hold.rows.clone() {
-                state = state.mul_add(decay, gain);
+                state = lost.mul_add(hold.force_n - state, state);
                 response_n[row] = state;
             }
         }
@@ -44,16 +45,16 @@ impl SumOfSquares {
     /// The inner products of every rate.
     pub(super) fn inner_products(&self, rates_per_s: &[f64], reference: &Reference) -> Vec<InnerProducts> {
         let mut found = Vec::with_capacity(rates_per_s.len());
-        let mut decay = vec![[0.0; LANES]; self.step_s.len()];
+        let mut grown = vec![[0.0; LANES]; self.step_s.len()];
         for chunk in rates_per_s.chunks(LANES) {
-            for (decay, step_s) in decay.iter_mut().zip(&self.step_s) {
-                for (lane, decay) in decay.iter_mut().enumerate() {
-                    *decay = -step_s * chunk[lane.min(chunk.len() - 1)];
+            for (grown, step_s) in grown.iter_mut().zip(&self.step_s) {
+                for (lane, exponent) in grown.iter_mut().enumerate() {
+                    *exponent = -step_s * chunk[lane.min(chunk.len() - 1)];
                 }
-                crate::elementary::exp_all(decay);
+                exp_m1_all(grown);
             }
             let mut sums = [[0.0; LANES]; 4];
-            Arch::new().dispatch(Pass { record: self, reference, decay: &decay, sums: &mut sums });
+            Arch::new().dispatch(Pass { record: self, reference, grown: &grown, sums: &mut sums });
             found.extend((0..chunk.len()).map(|lane| InnerProducts {
                 residual: sums[0][lane],
                 square: sums[1][lane],
@@ -68,7 +69,8 @@ impl SumOfSquares {
 struct Pass<'a> {
     record: &'a SumOfSquares,
     reference: &'a Reference,
-    decay: &'a [Lanes],
+    /// e^{−rh} − 1 of each step.
+    grown: &'a [Lanes],
     sums: &'a mut [Lanes; 4],
 }
 
@@ -77,17 +79,16 @@ impl WithSimd for Pass<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self { record, reference, decay, sums } = self;
+        let Self { record, reference, grown, sums } = self;
         let n_registers = S::as_simd_f64s(&sums[0][..]).0.len();
-        let one = simd.splat_f64s(1.0);
         for register in 0..n_registers {
             let mut state = simd.splat_f64s(0.0);
             let mut total = [simd.splat_f64s(0.0); 4];
             for hold in &record.holds {
-                let a = S::as_simd_f64s(&decay[hold.step][..]).0[register];
-                let gain = simd.mul_f64s(simd.splat_f64s(hold.force_n), simd.sub_f64s(one, a));
+                let grown = S::as_simd_f64s(&grown[hold.step][..]).0[register];
+                let force = simd.splat_f64s(hold.force_n);
                 for row in hold.rows.clone() {
-                    state = simd.mul_add_e_f64s(state, a, gain);
+                    state = simd.mul_add_e_f64s(grown, simd.sub_f64s(state, force), state);
                     if record.observed_m[row].is_nan() {
                         continue;
                     }

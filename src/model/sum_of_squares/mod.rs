@@ -304,9 +304,9 @@ mod tests {
         }
     }
 
-    /// Records that determine nothing have no table, and the same sums.
+    /// A record that determines nothing has the sums of its rows; a range that is none has no table.
     #[test]
-    fn a_record_without_motion_has_no_table() {
+    fn a_record_without_motion_is_summed() {
         let observed = [Some(1e-6); 12];
         let time_s: Vec<f64> = (0..12).map(f64::from).collect();
         let record = SumOfSquares::new(&time_s, &[0.0; 12], &observed).tabulated((-3.0, 3.0));

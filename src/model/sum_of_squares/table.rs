@@ -29,7 +29,7 @@ const N_FUNCTIONS: usize = 4;
 const LONGEST_REACH: f64 = 24.0;
 /// Rates at which the table is held to the sums over the rows; they trained nothing.
 const N_CHECKED: usize = 48;
-/// Largest error there, relative to the product of the factors' norms. Together with the largest cancellation: 1e-8 of a sum of squares.
+/// Largest error there, relative to the terms of the sum of squares. With the largest cancellation: 1e-8 of a sum of squares.
 const CHECK_TOLERANCE: f64 = 1e-12;
 /// Terms that are so many times their sum are not added: 1e-12 of them is 1e-8 of it.
 const LARGEST_CANCELLATION: f64 = 1e4;
@@ -134,17 +134,13 @@ impl Table {
         };
         let ln_rates: Vec<f64> = (0..N_CHECKED).map(ln_rate).filter(|x| (x - self.ln_rate).abs() > 1e-3).collect();
         let exact = self.products_with_k(record, reference, &ln_rates);
-        let residual_m = self.products.residual_2.sqrt();
+        let p = &self.products;
         ln_rates.iter().zip(exact).all(|(ln_rate, exact)| {
             let Some(found) = self.at(*ln_rate) else { return true };
-            // A product is compared with the largest that its factors allow.
-            let k_n = exact[1].abs().sqrt();
-            let scales = [
-                residual_m * k_n,
-                exact[1],
-                self.products.response_2.sqrt() * k_n,
-                self.products.impulse_2.sqrt() * k_n,
-            ];
+            // An error is small where it is against the form's terms: a k² in c² k² against e² + c² k², and so on.
+            let c = self.retarded_m_per_n * (ln_rate - self.ln_rate);
+            let k = (exact[1] + p.residual_2 / (c * c)).sqrt();
+            let scales = [p.residual_2.sqrt() * k, k * k, p.response_2.sqrt() * k, p.impulse_2.sqrt() * k];
             found.iter().zip(exact).zip(scales).all(|((a, b), scale)| (a - b).abs() <= CHECK_TOLERANCE * scale)
         })
     }
