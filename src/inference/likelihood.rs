@@ -168,6 +168,16 @@ impl<'a> ReducedPosterior<'a> {
 
     fn add_by_squares(&self, data: &SumOfSquares, values: &mut [f64], log_density: &mut [f64]) {
         let (n, compliance_per_m) = (log_density.len(), self.parts.compliance.given_per_m());
+        let Some(inside) = log_density.iter().position(|density| *density > f64::NEG_INFINITY) else { return };
+        // A point that is out already is summed as one that is not, lest it lead out of the table.
+        for values in values.chunks_exact_mut(n) {
+            let value = values[inside];
+            values
+                .iter_mut()
+                .zip(&*log_density)
+                .filter(|(_, d)| **d == f64::NEG_INFINITY)
+                .for_each(|(x, _)| *x = value);
+        }
         let (law, noise_sd_um) = values.split_at_mut(3 * n);
         let (young, viscosities) = law.split_at_mut(n);
         let (viscosity_1, viscosity_2) = viscosities.split_at_mut(n);

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Monitor;
 use super::advice::{mesh_warning, misfit_warning, surrogate_warning};
-use super::fitted_rows::FittedRows;
+use super::fitted_rows::{FittedRows, MOST_SEARCHED, SAME_MINIMUM, finished, is_same_minimum};
 use super::problem::{Problem, TAIL_MASS};
 use super::reduced::{KeptSurrogate, Reduced};
 use super::summary::{ModelSummary, Warning, WarningKind};
@@ -36,12 +36,6 @@ const FINITE_STEP: f64 = 1e-4;
 const AT_LINEAR_END: f64 = 1e-6;
 /// Most effects that are held at their nulls in turn.
 const MOST_HELD: usize = 4;
-/// Positions among which minima are searched for from all starts; where there are more, the best are finished among all of them.
-const MOST_SEARCHED: usize = 20_000;
-/// Most minima that are finished.
-const MOST_FINISHED: usize = 3;
-/// Starts whose objectives differ by less than this fraction have found the same minimum.
-const SAME_MINIMUM: f64 = 1e-6;
 
 /// Body of `vitreo-uq/fit/1`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -161,7 +155,7 @@ fn best_support<'a>(
             residuals.search(&starts)?
         } else {
             let few = CreepResiduals::new(problem, reduced, &left, held, &rows.thinned(MOST_SEARCHED));
-            residuals.finished(few.search(&starts)?, few.observed.len())?
+            finished(&residuals, &few.search(&starts)?, rows.observed.len() as f64 / few.observed.len() as f64)?
         };
         Ok(Searched { residuals, searches })
     };
@@ -274,12 +268,7 @@ impl<'a> CreepResiduals<'a> {
             )
         };
         Self {
-            forward: ReducedForward {
-                model: &problem.model,
-                compliance: reduced.compliance.clone(),
-                response: rows.response(),
-                trained: &reduced.trained,
-            },
+            forward: problem.reduced_forward_over(reduced, rows.response()),
             template,
             free: free.iter().copied().map(coordinate).collect(),
             ranges: specs.iter().map(|p| problem.range_of(p.name, TAIL_MASS)).collect(),
@@ -352,31 +341,6 @@ impl<'a> CreepResiduals<'a> {
             _ => Ok(fits),
         }
     }
-
-    /// Searches among few positions, finished among all: the best minima go on from where they are, the others are told apart by their objectives.
-    fn finished(&self, found: Vec<Fit>, n_searched: usize) -> Result<Vec<Fit>> {
-        let mut minima: Vec<&Fit> = Vec::new();
-        let mut order: Vec<&Fit> = found.iter().collect();
-        order.sort_by(|a, b| a.objective.total_cmp(&b.objective));
-        for fit in order {
-            if minima.len() < MOST_FINISHED && !minima.iter().any(|minimum| is_same_minimum(minimum, fit)) {
-                minima.push(fit);
-            }
-        }
-        let ends: Vec<Result<Fit>> =
-            minima.iter().map(|minimum| fit(self, &minimum.theta, &Tolerances::default())).collect();
-        let ends: Vec<Fit> = ends.into_iter().collect::<Result<_>>()?;
-        let more = self.observed.len() as f64 / n_searched as f64;
-        let finish = |search: &Fit| match minima.iter().position(|minimum| is_same_minimum(minimum, search)) {
-            Some(index) => Fit {
-                iterations: search.iterations + ends[index].iterations,
-                residuals: Vec::new(),
-                ..ends[index].clone()
-            },
-            None => Fit { objective: more * search.objective, residuals: Vec::new(), ..search.clone() },
-        };
-        Ok(found.iter().map(finish).collect())
-    }
 }
 
 impl Residuals for CreepResiduals<'_> {
@@ -395,10 +359,6 @@ impl Residuals for CreepResiduals<'_> {
         let columns = columns?;
         Some(DMatrix::from_fn(self.observed.len(), self.free.len(), |i, k| columns[k][self.observed[i].0]))
     }
-}
-
-fn is_same_minimum(a: &Fit, b: &Fit) -> bool {
-    (a.objective - b.objective).abs() <= SAME_MINIMUM * a.objective.min(b.objective)
 }
 
 /// The lowest objective; among equal ones a converged search.

@@ -1,7 +1,16 @@
 //! The rows that a least-squares fit sees: all that are needed for the fitted positions, or few of them that show the same motion.
 
 use super::problem::Problem;
+use crate::error::Result;
+use crate::inference::least_squares::{Fit, Residuals, Tolerances, fit};
 use crate::model::Response;
+
+/// Positions among which minima are searched for from all starts; where there are more, the best are finished among all of them.
+pub(super) const MOST_SEARCHED: usize = 20_000;
+/// Most minima that are finished.
+const MOST_FINISHED: usize = 3;
+/// Starts whose objectives differ by less than this fraction have found the same minimum.
+pub(super) const SAME_MINIMUM: f64 = 1e-6;
 
 /// Rows up to the last fitted position.
 pub(super) struct FittedRows {
@@ -45,6 +54,31 @@ impl FittedRows {
     pub fn response(&self) -> Response {
         Response::new(&self.time_s, &self.force_n, self.time_s.len())
     }
+}
+
+/// Searches among few positions, finished among all: the best minima go on from where they are, the others are told apart by their objectives. There are
+/// `more` times as many positions in all.
+pub(super) fn finished(all: &dyn Residuals, found: &[Fit], more: f64) -> Result<Vec<Fit>> {
+    let mut order: Vec<&Fit> = found.iter().collect();
+    order.sort_by(|a, b| a.objective.total_cmp(&b.objective));
+    let mut minima: Vec<&Fit> = Vec::new();
+    for search in order {
+        if minima.len() < MOST_FINISHED && !minima.iter().any(|minimum| is_same_minimum(minimum, search)) {
+            minima.push(search);
+        }
+    }
+    let finish = |minimum: &&Fit| fit(all, &minimum.theta, &Tolerances::default());
+    let ends: Vec<Fit> = minima.iter().map(finish).collect::<Result<_>>()?;
+    let end = |search: &Fit| match minima.iter().position(|minimum| is_same_minimum(minimum, search)) {
+        Some(index) => Fit { iterations: search.iterations + ends[index].iterations, ..ends[index].clone() },
+        None => Fit { objective: more * search.objective, ..search.clone() },
+    };
+    // Nobody asks for residuals, which are as long as the record.
+    Ok(found.iter().map(|search| Fit { residuals: Vec::new(), ..end(search) }).collect())
+}
+
+pub(super) fn is_same_minimum(a: &Fit, b: &Fit) -> bool {
+    (a.objective - b.objective).abs() <= SAME_MINIMUM * a.objective.min(b.objective)
 }
 
 #[cfg(test)]

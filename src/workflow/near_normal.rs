@@ -133,3 +133,7 @@ impl NearNormal {
         self.sd_m * (to_observed - between)
     }
 }
+
+#[cfg(test)]
+#[path = "near_normal_tests.rs"]
+mod tests;

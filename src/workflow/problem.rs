@@ -186,10 +186,15 @@ impl Problem {
     /// The reduced forward model over the whole record.
     pub fn reduced_forward<'a>(&'a self, reduced: &'a Reduced) -> ReducedForward<'a> {
         let record = &self.experiment.record;
+        self.reduced_forward_over(reduced, Response::new(&record.time_s, &record.force_n, record.n_rows()))
+    }
+
+    /// The same over the rows of a response.
+    pub(super) fn reduced_forward_over<'a>(&'a self, reduced: &'a Reduced, response: Response) -> ReducedForward<'a> {
         ReducedForward {
             model: &self.model,
             compliance: reduced.compliance.clone(),
-            response: Response::new(&record.time_s, &record.force_n, record.n_rows()),
+            response,
             trained: &reduced.trained,
         }
     }
