@@ -14,19 +14,41 @@ use statrs::function::erf::{erf, erfc, erfc_inv};
 const FAR_SD: f64 = 7.0;
 /// Points along one drawn coordinate, along each of two, and altogether for more.
 const N_ALONE: usize = 96;
-const N_EACH_OF_TWO: usize = 40;
-const N_OF_MORE: usize = 4096;
+const N_EACH_OF_TWO: usize = 24;
+const N_OF_MORE: usize = 2048;
 /// The saddle point is found when its slope is below this.
 const LEAST_SLOPE: f64 = 1e-9;
 const MOST_STEPS: usize = 60;
 
 /// ln P(lower ≤ x ≤ upper) of a normal vector x with mean 0; ends may be infinite. −∞ where the covariance is none.
 pub(super) fn ln_box_probability(covariance: &DMatrix<f64>, lower: &[f64], upper: &[f64]) -> f64 {
+    let mut left: Vec<usize> = (0..lower.len()).collect();
+    let mut sum = 0.0;
+    // What hangs together with the first that is left is taken out at once; the rest is independent of it.
+    while let Some(first) = left.first() {
+        let mut together = vec![*first];
+        let mut next = 0;
+        while let Some(one) = together.get(next).copied() {
+            let linked = |k: &usize| covariance[(one, *k)] != 0.0 && !together.contains(k);
+            let found: Vec<usize> = left.iter().copied().filter(linked).collect();
+            together.extend(found);
+            next += 1;
+        }
+        left.retain(|k| !together.contains(k));
+        let of =
+            |ends: &[f64]| -> Vec<f64> { together.iter().map(|k| ends[*k] / covariance[(*k, *k)].sqrt()).collect() };
+        let correlation = DMatrix::from_fn(together.len(), together.len(), |i, j| {
+            let (a, b) = (together[i], together[j]);
+            covariance[(a, b)] / (covariance[(a, a)] * covariance[(b, b)]).sqrt()
+        });
+        sum += ln_of_correlated(&correlation, &of(lower), &of(upper));
+    }
+    sum
+}
+
+/// The same of coordinates with variance 1.
+fn ln_of_correlated(correlation: &DMatrix<f64>, lower: &[f64], upper: &[f64]) -> f64 {
     let n = lower.len();
-    let sd: Vec<f64> = (0..n).map(|k| covariance[(k, k)].sqrt()).collect();
-    let over_sd = |ends: &[f64]| -> Vec<f64> { ends.iter().zip(&sd).map(|(end, sd)| end / sd).collect() };
-    let (lower, upper) = (over_sd(lower), over_sd(upper));
-    let correlation = DMatrix::from_fn(n, n, |i, j| covariance[(i, j)] / (sd[i] * sd[j]));
     // Which ends matter: those near the mean, then those near where the others push a coordinate.
     let mut place = DVector::zeros(n);
     let mut near: Vec<usize> = Vec::new();
@@ -40,7 +62,7 @@ pub(super) fn ln_box_probability(covariance: &DMatrix<f64>, lower: &[f64], upper
         near.extend(added);
         // The least likely coordinates first: the others follow them.
         near.sort_by(|a, b| Within::new(lower[*a], upper[*a]).ln_p.total_cmp(&Within::new(lower[*b], upper[*b]).ln_p));
-        let Some(found) = Tilted::new(&correlation, &near, &lower, &upper) else { return f64::NEG_INFINITY };
+        let Some(found) = Tilted::new(correlation, &near, lower, upper) else { return f64::NEG_INFINITY };
         let Some(pull) = found.factor.tr_solve_lower_triangular(&found.mean()) else { return f64::NEG_INFINITY };
         let moved = |k: usize| near.iter().zip(pull.iter()).map(|(j, pull)| correlation[(k, *j)] * pull).sum::<f64>();
         place = DVector::from_fn(n, |k, _| moved(k));

@@ -260,17 +260,8 @@ fn integrals_with_several_ends_are_those_of_a_grid() {
         (0.5, [3.0, -200.0, 30.0]),
     ] {
         let sd = [2.0, 3.0, 2.5];
-        let told = DMatrix::from_fn(3, 3, |i, j| {
-            sd[i]
-                * sd[j]
-                * if i == j {
-                    1.0
-                } else if i * j == 0 {
-                    0.4
-                } else {
-                    correlation
-                }
-        });
+        let shared = |i: usize, j: usize| if i * j == 0 { 0.1 } else { correlation };
+        let told = DMatrix::from_fn(3, 3, |i, j| sd[i] * sd[j] * if i == j { 1.0 } else { shared(i, j) });
         let slope = DVector::from_row_slice(&slope);
         let found = ln_integral(&told, &slope, &precision, &step, &reach);
         // The first is integrated by its formula, the others by the grid.

@@ -124,7 +124,7 @@ fn a_claim_is_judged_by_its_class_its_size_and_its_error() {
     assert_eq!(play(hidden(), &missing(&["delay"], &["drift"])).size_covered, None);
     assert_eq!(play(hidden(), &missing(&["delay", "drift"], &[])).size_covered, None);
     assert_eq!(play(truth(&["delay", "drift"], &[]), &missing(&["delay", "drift"], &[])).size_covered, None);
-    assert_eq!(right.heldout_over_noise, Some(4.2 / 4.0));
+    assert_eq!(right.heldout_over_predictive_noise, Some(4.2 / 4.0));
     // A pair is named in alphabetical order, whatever the order of the claim.
     assert_eq!(play(truth(&["drift", "bias"], &[]), &missing(&["drift", "bias"], &["delay"])).said, "bias+drift");
 }
