@@ -96,7 +96,7 @@ fn by_gain(subject: &Subject, _seed: u64) -> Result<Diagnosis> {
 }
 
 fn order(hidden: Hidden, protocol: Protocol, strength_sigma: f64) -> Order {
-    Order { hidden, protocol, noise: NoiseKind::White, strength_sigma: Some(strength_sigma) }
+    Order { hidden, protocol, noise: NoiseKind::White, is_noise_given: true, strength_sigma: Some(strength_sigma) }
 }
 
 /// Every sort of truth on both protocols: the signal is the one that was asked for, and full finite elements agree with the reduced model by which it was
@@ -222,6 +222,9 @@ fn a_sealed_challenge_is_an_experiment_that_does_not_tell_its_answer() {
     }
     let opened = files::reveal(&dir).expect("whole");
     assert_eq!((opened.answer.truth.label(), opened.commitment_sha256), ("softening".into(), commitment));
+    // Of 200 rows of 4 µm: five standard deviations of 5 %.
+    let noise_um = 1e6 * opened.noise.and_then(|noise| noise.rms_m(|row| row >= 600)).expect("sealed");
+    assert!((3.0..5.0).contains(&noise_um), "{noise_um}");
     // A second challenge does not replace the first, and changed data are told.
     assert_eq!(files::make(&dir, bench, &order, 12, &Silent).expect_err("in use").exit_code(), 2);
     let csv = dir.join("trajectory.csv");
@@ -259,7 +262,7 @@ fn committed_challenges_are_whole_and_rightly_diagnosed() {
         let request = DiagnosisRequest { in_full: false, ..DiagnosisRequest::default() };
         let diagnosis = diagnose(&subject, &request, &Silent).expect("a diagnosis").diagnosis;
         let truth = files::reveal(dir).expect("whole").answer.truth;
-        judged(0, Sort::of(&truth), truth, &diagnosis)
+        judged(0, Sort::of(&truth), truth, &diagnosis, None)
     };
     let plays: Vec<_> = dirs.par_iter().map(diagnosed).collect();
     for (dir, play) in dirs.iter().zip(&plays) {

@@ -82,8 +82,8 @@ pub struct Errors {
     pub rmse_fitted_um: f64,
     /// Of the scored cycle.
     pub rmse_heldout_um: Option<f64>,
-    /// Total predictive noise of the scored cycle, in µm: root mean square standard deviation of the learnt noise, with a gain of a per cent at least, and
-    /// of what uncertain parameters add.
+    /// Total predictive noise of the scored cycle, in µm: root mean square standard deviation of the noise as it was fitted, and of what uncertain parameters
+    /// add. Nothing else is in it, so that an error above it is a misfit.
     pub predictive_noise_um: Option<f64>,
 }
 

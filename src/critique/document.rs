@@ -8,7 +8,6 @@ use super::diagnosis::{
 };
 use super::evidence::{evidence, parameters_about_fit};
 use super::leftover::{Leftover, event_remark};
-use super::noise_fit::GAIN_FLOOR;
 use super::outside::Outside;
 use super::refit::{Gain, Refitted};
 use super::search::{Found, Single};
@@ -149,7 +148,6 @@ impl Report<'_> {
                 &model.candidate,
                 &model.fitted,
                 &self.subject.scored_m,
-                GAIN_FLOOR,
             ),
         }
     }
@@ -392,20 +390,16 @@ fn entry(outside: &Outside) -> UnexplainedEntry {
     }
 }
 
-/// Total predictive noise (µm) of a model over the rows that have a position: the noise, with a gain of at least so much, and what uncertain
-/// parameters add.
+/// Total predictive noise (µm) of a model over the rows that have a position: the noise as it was fitted, and what uncertain parameters add.
 pub(super) fn predictive_noise_um(
     subject: &Subject,
     candidate: &Candidate,
     fitted: &Fitted,
     positions_m: &[Option<f64>],
-    least_gain: f64,
 ) -> Option<f64> {
     let record = &subject.experiment().record;
-    let mut fitted = fitted.clone();
-    fitted.noise[3] = fitted.noise[3].max(least_gain);
-    let tangent = Tangent::new(subject, candidate, &fitted).ok()?;
-    let of_parameters_m2 = tangent.position_variance_m2(subject, candidate, &fitted).ok()?;
+    let tangent = Tangent::new(subject, candidate, fitted).ok()?;
+    let of_parameters_m2 = tangent.position_variance_m2(subject, candidate, fitted).ok()?;
     let of_noise_m = subject.noise().marginal_sd_m(&record.time_s, &record.cycle, &fitted.position_m, &fitted.noise);
     let variances_m2 = of_parameters_m2.iter().zip(&of_noise_m).map(|(variance, sd)| variance + sd * sd);
     let of_rows: Vec<f64> =

@@ -118,7 +118,7 @@ fn the_threshold_is_the_signal_that_gains_it() {
 }
 
 /// Errors of the scored rows by their definition, and the noise of a prediction by dense algebra: that of the parameters, given the fitted rows, and that of
-/// one position, its gain a per cent at least.
+/// one position, with the gain that was fitted, small as it is.
 #[test]
 fn errors_and_predictive_noise_are_those_of_dense_algebra() {
     let data = measured(&small(), &[], &[], 34);
@@ -140,7 +140,7 @@ fn errors_and_predictive_noise_are_those_of_dense_algebra() {
         let white = if a == b { 4e-6_f64.powi(2) } else { 0.0 };
         let process = 2e-6_f64.powi(2) * (-(record.time_s[a] - record.time_s[b]).abs() / 0.8).exp();
         let same = f64::from(u8::from(record.cycle[a] == record.cycle[b]));
-        white + process + same * (0.01_f64.powi(2) * x_m[a] * x_m[b] + 1e-6_f64.powi(2))
+        white + process + same * (0.002_f64.powi(2) * x_m[a] * x_m[b] + 1e-6_f64.powi(2))
     })
     .try_inverse()
     .expect("regular");
@@ -154,7 +154,7 @@ fn errors_and_predictive_noise_are_those_of_dense_algebra() {
     let variance_m2 = |row: &usize| {
         let slope = DMatrix::from_fn(columns.len(), 1, |k, _| columns[k][*row]);
         let of_parameters = (slope.transpose() * &covariance * &slope)[(0, 0)];
-        of_parameters + 21e-12 + 0.01_f64.powi(2) * x_m[*row].powi(2)
+        of_parameters + 21e-12 + 0.002_f64.powi(2) * x_m[*row].powi(2)
     };
     let expected_um = 1e6 * (scored.iter().map(variance_m2).sum::<f64>() / scored.len() as f64).sqrt();
     let found_um = errors.predictive_noise_um.expect("scored");

@@ -59,7 +59,7 @@ impl Leftover {
         let predicted =
             if subject.scored_m.iter().any(Option::is_some) { &subject.scored_m } else { &subject.fitted_m };
         let beside = process.as_ref().map_or(fitted, |own| &own.fitted);
-        let noise_um = predictive_noise_um(subject, candidate, beside, predicted, 0.0).ok_or_else(|| {
+        let noise_um = predictive_noise_um(subject, candidate, beside, predicted).ok_or_else(|| {
             Error::numerical("the model has no derivatives at its fit", "examine another revision with `--from`")
         })?;
         let widened_um = (noise_um.powi(2) + 1e12 * (size_m2 + mean_square(&variance_m2))).sqrt();

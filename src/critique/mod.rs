@@ -6,6 +6,7 @@
 //! [`Tangent`] is the linear algebra around them.
 
 pub mod bootstrap;
+mod box_probability;
 mod candidate;
 pub mod challenge;
 pub mod compare;

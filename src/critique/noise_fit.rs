@@ -23,7 +23,8 @@ const PROCESS: (f64, f64) = (0.5, 1.0);
 /// Standard deviations of a cycle's gain, and of its offset over the yardstick.
 const GAIN_SD: f64 = 0.03;
 const OFFSET_SD: f64 = 1.0;
-/// A gain that a few cycles show to be smaller is not known to be.
+/// A gain that a few cycles show to be smaller is not known to be: what scores of future cycles, which compare models, take for the least. It is no part of
+/// any noise that is reported, nor of what an error is measured against.
 pub(super) const GAIN_FLOOR: f64 = 0.01;
 
 impl NoisePrior {

@@ -5,7 +5,8 @@ use std::hash::{BuildHasher, Hasher, RandomState};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use clap::{Args, Subcommand, ValueEnum};
+use clap::builder::BoolishValueParser;
+use clap::{ArgAction, Args, Subcommand, ValueEnum};
 use vitreo_uq::critique::Subject;
 use vitreo_uq::critique::challenge::files::{self, Opened};
 use vitreo_uq::critique::challenge::plays::{self, PlaysRequest, Sort};
@@ -61,9 +62,12 @@ struct NewArguments {
     /// Protocol: paper (±F, 5 s each) or levels (three force levels and rests)
     #[arg(long, value_name = "NAME", default_value = "paper")]
     protocol: String,
-    /// Noise: white, ou, gain, outliers
+    /// Noise: white, ou, gain, outliers, ou-alone, ou-outliers, lost
     #[arg(long, value_name = "KIND", default_value = "white")]
     noise_kind: String,
+    /// Whether the experiment states its noise; `no` leaves it to be estimated
+    #[arg(long, value_name = "yes|no", default_value = "yes", action = ArgAction::Set, value_parser = BoolishValueParser::new())]
+    noise_known: bool,
     /// Seed of all random numbers; who knows it knows the answer [default: from the operating system]
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
@@ -102,9 +106,12 @@ struct RunArguments {
     /// Protocols, separated by commas: paper, levels [default: both]
     #[arg(long, value_name = "NAME", value_delimiter = ',')]
     protocol: Vec<String>,
-    /// Noises, separated by commas: white, ou, gain, outliers [default: all]
+    /// Noises, separated by commas: white, ou, gain, outliers, ou-alone, ou-outliers, lost [default: the first four]
     #[arg(long, value_name = "KIND", value_delimiter = ',')]
     noise_kind: Vec<String>,
+    /// Whether the experiments state their noise; `no` leaves it to be estimated
+    #[arg(long, value_name = "yes|no", default_value = "yes", action = ArgAction::Set, value_parser = BoolishValueParser::new())]
+    noise_known: bool,
     /// Where full finite-element trajectories are kept [default: the user's cache directory]
     #[arg(long, value_name = "DIR")]
     cache: Option<PathBuf>,
@@ -168,7 +175,7 @@ fn make(arguments: &NewArguments) -> Result<ExitCode> {
     let terminal = Terminal::new(arguments.quiet);
     let bench = Bench::new(&terminal)?;
     let hidden = hidden(arguments, &bench, protocol, &mut stream)?;
-    let order = Order { hidden, protocol, noise, strength_sigma };
+    let order = Order { hidden, protocol, noise, is_noise_given: arguments.noise_known, strength_sigma };
     let commitment = files::make(&arguments.out, &bench, &order, seed, &terminal)?;
     terminal.finish();
     let dir = arguments.out.display();
@@ -251,8 +258,7 @@ fn reveal(arguments: &RevealArguments) -> Result<ExitCode> {
     let diagnosis = diagnosis_of(&opened, arguments.study.as_deref())?;
     let judged = diagnosis.map(|diagnosis| {
         let truth = opened.answer.truth.clone();
-        // Only what was said is looked at here, not the error on the scored cycle.
-        (plays::judged(0, Sort::of(&truth), truth, &diagnosis), diagnosis)
+        (plays::judged(0, Sort::of(&truth), truth, &diagnosis, opened.noise.as_ref()), diagnosis)
     });
     let looked_in = study_dir(&opened, arguments.study.as_deref());
     let words = words_of_truth(&opened, judged.as_ref(), &arguments.dir, &looked_in);
@@ -261,6 +267,7 @@ fn reveal(arguments: &RevealArguments) -> Result<ExitCode> {
         "commitment_sha256": opened.commitment_sha256,
         "right": judged.as_ref().map(|(play, _)| play.is_right()),
         "said": judged.as_ref().map(|(play, _)| play.said.clone()),
+        "play": judged.as_ref().map(|(play, _)| play),
     });
     let provenance = Provenance::new("challenge-answer", 1, 0, BTreeMap::new());
     crate::output::show(arguments.json.as_deref(), &WithProvenance { provenance, body }, &words)?;
@@ -307,7 +314,7 @@ fn play(arguments: &RunArguments) -> Result<ExitCode> {
     crate::output::check(arguments.json.as_deref())?;
     let many = |texts: &[String], all: Vec<String>| if texts.is_empty() { all } else { texts.to_vec() };
     let protocols = many(&arguments.protocol, Protocol::ALL.map(|p| p.name().to_string()).to_vec());
-    let noises = many(&arguments.noise_kind, NoiseKind::ALL.map(|n| n.name().to_string()).to_vec());
+    let noises = many(&arguments.noise_kind, NoiseKind::USUAL.map(|n| n.name().to_string()).to_vec());
     let protocol = |text: &String| named("--protocol", text, &Protocol::ALL, Protocol::name);
     let noise = |text: &String| named("--noise-kind", text, &NoiseKind::ALL, NoiseKind::name);
     let request = PlaysRequest {
@@ -317,6 +324,7 @@ fn play(arguments: &RunArguments) -> Result<ExitCode> {
         effects: arguments.effect.clone(),
         protocols: protocols.iter().map(protocol).collect::<Result<_>>()?,
         noises: noises.iter().map(noise).collect::<Result<_>>()?,
+        is_noise_given: arguments.noise_known,
         seed: arguments.seed,
     };
     let terminal = Terminal::new(arguments.quiet);

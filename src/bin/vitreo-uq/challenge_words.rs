@@ -49,8 +49,9 @@ pub fn words_of_truth(
         lines.push(format!("This experiment cannot tell these apart: {}.", truth.ideal_class.join(", ")));
     }
     lines.push(format!(
-        "Law: E = {e} Pa, c1 = {c1} Pa s, c2 = {c2} Pa s; noise: {}; protocol: {}.",
+        "Law: E = {e} Pa, c1 = {c1} Pa s, c2 = {c2} Pa s; noise: {}{}; protocol: {}.",
         truth.noise.name(),
+        if truth.is_noise_given { "" } else { ", not stated" },
         truth.protocol.name()
     ));
     match judged {
@@ -67,9 +68,26 @@ pub fn words_of_truth(
                 let word = if covered { "lies" } else { "does not lie" };
                 format!("The true size {word} in its 90 % interval.")
             }));
+            lines.extend(error_of(play));
         }
     }
     lines.join("\n") + "\n"
+}
+
+/// The error on the scored cycle beside the noise that was drawn and the noise that the diagnosis predicts; `None` where no cycle was scored.
+fn error_of(play: &Play) -> Option<String> {
+    let what = if play.class.is_empty() { "without anything added" } else { "with what was named" };
+    let error = format!("The error on the held-out cycle, {what}, is {} µm", significant(play.rmse_heldout_um?));
+    let of_truth = match (play.heldout_over_true_noise, play.true_noise_um) {
+        (Some(ratio), Some(noise_um)) => {
+            format!("{ratio:.2} of the {} µm of noise that were put there", significant(noise_um))
+        }
+        _ => "this seal does not hold the noise that was put there".into(),
+    };
+    let of_diagnosis = play
+        .heldout_over_predictive_noise
+        .map_or(String::new(), |ratio| format!(", {ratio:.2} of the noise that the diagnosis predicts"));
+    Some(format!("{error}: {of_truth}{of_diagnosis}."))
 }
 
 /// How far the robot would go, where that is what is hidden.
@@ -103,7 +121,8 @@ pub fn words_of_plays(tally: &Tally) -> String {
         ("one hidden effect: first, but for what cannot be told from it", tally.first_place_separated),
         ("its true size in the 90 % interval", tally.interval_coverage_90),
         ("two hidden effects: both in the reported class", tally.pair_coverage),
-        ("rightly named: held-out error within 1.1 of the noise", tally.heldout_at_noise),
+        ("rightly named: held-out error within 1.1 of the true noise", tally.heldout_at_true_noise),
+        ("rightly named: within 1.1 of the predictive noise", tally.heldout_at_predictive_noise),
         ("nothing hidden: an effect claimed", tally.false_claims),
         ("nothing hidden: called unexplained", tally.false_unexplained),
         ("outside the library: called unexplained", tally.unexplained_called),

@@ -3,6 +3,7 @@
 use super::super::separation::{SEPARATED_SIGMA, Truth as Shown, closest};
 use super::super::{Candidate, Subject};
 use super::large::{self, LargeGel};
+use super::protocol::WHITE_M;
 use super::strength::scaled_to;
 use super::{Disturbance, Hidden, HiddenEffect, NamedValue, NoiseKind, OutsideKind, Protocol, Truth};
 use crate::effects::{Effect, Library};
@@ -24,6 +25,8 @@ pub struct Order {
     pub protocol: Protocol,
     /// Noise.
     pub noise: NoiseKind,
+    /// Whether the experiment states the noise.
+    pub is_noise_given: bool,
     /// Signal in standard deviations that each hidden thing shall have; `None` for a size from the effect's prior.
     pub strength_sigma: Option<f64>,
 }
@@ -91,12 +94,26 @@ impl Bench {
         Subject::with_compliance(&problem, &self.library, self.compliance.clone())
     }
 
-    /// The subject of a protocol and positions (m, one a row).
+    /// The subject of a protocol and positions (m, one a row), with the noise of a tracker that has white noise.
     ///
     /// # Errors
     /// As [`Bench::subject`].
     pub fn subject_of(&self, protocol: Protocol, position_m: &[f64]) -> Result<Subject> {
-        self.subject(protocol.experiment("challenge", self.apparatus().clone(), position_m))
+        let all: Vec<Option<f64>> = position_m.iter().copied().map(Some).collect();
+        self.subject_measured(protocol, &all, Some(WHITE_M))
+    }
+
+    /// The subject of a protocol, positions (m, one a row, some of which may be lost) and noise (m), where it is given.
+    ///
+    /// # Errors
+    /// As [`Bench::subject`].
+    pub fn subject_measured(
+        &self,
+        protocol: Protocol,
+        position_m: &[Option<f64>],
+        noise_sd_m: Option<f64>,
+    ) -> Result<Subject> {
+        self.subject(protocol.experiment("challenge", self.apparatus().clone(), position_m, noise_sd_m))
     }
 
     /// Draws a truth. The same order and stream give the same truth.
@@ -113,7 +130,7 @@ impl Bench {
         for _ in 0..MOST_DRAWS {
             let motion = self.motion(order, self.law(stream))?;
             if let Some(truth) = self.with_hidden(order, &motion, stream)? {
-                return Ok(truth);
+                return Ok(Truth { is_noise_given: order.is_noise_given, ..truth });
             }
         }
         Err(out_of_reach(order))

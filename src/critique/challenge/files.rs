@@ -5,8 +5,9 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use super::full_order::trajectories_m;
+use super::protocol::WHITE_M;
 use super::seal::{SALT_BYTES, Sealed, open, seal};
-use super::{Bench, Order, Truth};
+use super::{Bench, Noise, Order, Truth};
 use crate::error::{Error, Place, Result};
 use crate::experiment::{Apparatus, Record, RobotShape};
 use crate::files::{write_atomically, write_json_atomically};
@@ -28,13 +29,32 @@ pub struct Answer {
     pub truth: Truth,
     /// SHA-256 of `trajectory.csv`, so that the answer belongs to these data and no others.
     pub trajectory_sha256: String,
+    /// Position (µm) of every row without noise; none in seals from before it was kept.
+    #[serde(default)]
+    pub noise_free_um: Vec<f64>,
+}
+
+impl Answer {
+    /// The noise of the data whose CSV is given; `None` where the seal does not hold what it is reckoned from.
+    fn noise(&self, csv: &str) -> Option<Noise> {
+        let measured_um = csv.lines().skip(1).map(|line| line.split(',').nth(2)?.parse::<f64>().ok());
+        let measured_um: Vec<Option<f64>> = measured_um.collect();
+        if self.noise_free_um.is_empty() || measured_um.len() != self.noise_free_um.len() {
+            return None;
+        }
+        let error_m = measured_um.iter().zip(&self.noise_free_um).map(|(y, x)| 1e-6 * (y.unwrap_or(*x) - x)).collect();
+        let is_lost = measured_um.iter().map(Option::is_none).collect();
+        Some(Noise { error_m, is_lost, stated_sd_m: WHITE_M })
+    }
 }
 
 /// A challenge that was opened.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Opened {
     /// What was sealed.
     pub answer: Answer,
+    /// Noise of the data; `None` where the seal is too old to hold it.
+    pub noise: Option<Noise>,
     /// The hash that was committed to.
     pub commitment_sha256: String,
 }
@@ -49,18 +69,20 @@ pub fn make(dir: &Path, bench: &Bench, order: &Order, seed: u64, monitor: &dyn M
     let truth = bench.draw(order, &mut RandomStream::new(seed, 0))?;
     let record = truth.protocol.record();
     let position_m = trajectories_m(bench, std::slice::from_ref(&truth), None, monitor)?.remove(0);
-    let noise_m = truth.noise.draw(&record, &position_m, &mut RandomStream::new(seed, 1));
-    let measured_m: Vec<f64> = position_m.iter().zip(&noise_m).map(|(x, noise)| x + noise).collect();
-    let csv = trajectory_csv(&record, &measured_m);
+    let noise = truth.noise.draw(&record, &position_m, &mut RandomStream::new(seed, 1));
+    let csv = trajectory_csv(&record, &noise.measured_m(&position_m));
+    let stated_um = truth.is_noise_given.then_some(1e6 * noise.stated_sd_m);
+    // As many digits as it takes to tell the noise to a thousandth of what it is.
+    let noise_free_um = position_m.iter().map(|x| (1e10 * x).round() / 1e4).collect();
     let mut salt = [0; SALT_BYTES];
     let mut stream = RandomStream::new(seed, 2);
     salt.chunks_mut(4).for_each(|part| part.copy_from_slice(&stream.word().to_le_bytes()));
-    let answer = Answer { truth, trajectory_sha256: sha256_hex(csv.as_bytes()) };
+    let answer = Answer { truth, trajectory_sha256: sha256_hex(csv.as_bytes()), noise_free_um };
     let bytes = serde_json::to_vec(&answer).map_err(|error| {
         Error::numerical(format!("the answer is no JSON: {error}"), "report the command that was run")
     })?;
     let sealed = seal(&salt, &bytes);
-    let toml = experiment_toml(bench.apparatus(), &sealed.commitment_sha256);
+    let toml = experiment_toml(bench.apparatus(), &sealed.commitment_sha256, stated_um);
     std::fs::create_dir_all(dir).map_err(|source| Error::at_path("create", dir, source, "give another `--out`"))?;
     write_atomically(&dir.join(COMMITMENT_FILE), format!("{}\n", sealed.commitment_sha256).as_bytes())?;
     write_json_atomically(&dir.join(SEALED_FILE), &sealed)?;
@@ -119,10 +141,11 @@ pub fn reveal(dir: &Path) -> Result<Opened> {
     let Some(answer) = open(&sealed).and_then(|bytes| serde_json::from_slice::<Answer>(&bytes).ok()) else {
         return refuse(SEALED_FILE, "the answer does not have the hash that was committed to");
     };
-    if sha256_hex(text("trajectory.csv")?.as_bytes()) != answer.trajectory_sha256 {
+    let csv = text("trajectory.csv")?;
+    if sha256_hex(csv.as_bytes()) != answer.trajectory_sha256 {
         return refuse("trajectory.csv", "these are not the data that the answer belongs to");
     }
-    Ok(Opened { answer, commitment_sha256: commitment })
+    Ok(Opened { noise: answer.noise(&csv), answer, commitment_sha256: commitment })
 }
 
 /// Specimen identifier of the challenge with a hash.
@@ -130,17 +153,20 @@ pub fn specimen_id(commitment: &str) -> String {
     format!("challenge-{}", commitment.get(..8).unwrap_or(commitment))
 }
 
-fn trajectory_csv(record: &Record, measured_m: &[f64]) -> String {
+fn trajectory_csv(record: &Record, measured_m: &[Option<f64>]) -> String {
     let mut csv = String::from("time_s,force_uN,position_um,cycle\n");
     for (row, position_m) in measured_m.iter().enumerate() {
         let (time_s, force_un) = (record.time_s[row], 1e6 * record.force_n[row]);
-        csv += &format!("{time_s:.2},{force_un:.2},{:.3},{}\n", 1e6 * position_m, record.cycle[row]);
+        let position_um = position_m.map_or(String::new(), |x| format!("{:.3}", 1e6 * x));
+        csv += &format!("{time_s:.2},{force_un:.2},{position_um},{}\n", record.cycle[row]);
     }
     csv
 }
 
-fn experiment_toml(apparatus: &Apparatus, commitment: &str) -> String {
+fn experiment_toml(apparatus: &Apparatus, commitment: &str, noise_um: Option<f64>) -> String {
     let decimal = |value: f64| format!("{value:.10e}").parse::<f64>().unwrap_or(value);
+    let noise =
+        noise_um.map_or(String::new(), |noise_um| format!("noise_um = {:?}\n", (100.0 * noise_um).round() / 100.0));
     let of_apparatus = match apparatus {
         Apparatus::Instrument { compliance_per_m } => format!("[instrument]\ncompliance_per_m = {compliance_per_m}\n"),
         Apparatus::Robot { robot, vitreous } => {
@@ -164,7 +190,7 @@ fn experiment_toml(apparatus: &Apparatus, commitment: &str) -> String {
          # in them. `vitreo-uq challenge reveal` opens the answer, which was sealed before the data were written.\n\
          {COMMENT}{commitment}\n\
          [specimen]\nid = \"{}\"\nspecies = \"porcine\"\n\n{of_apparatus}\n\
-         [measurement]\nfile = \"trajectory.csv\"\ncalibration_cycles = [1]\nheldout_cycles = [2, 3, 4]\nnoise_um = 4.0\n\
+         [measurement]\nfile = \"trajectory.csv\"\ncalibration_cycles = [1]\nheldout_cycles = [2, 3, 4]\n{noise}\
          source = \"synthetic: full finite elements, with a sealed answer\"\n",
         specimen_id(commitment)
     )
@@ -178,10 +204,14 @@ mod tests {
     /// A whole challenge, written without finite elements.
     fn written(dir: &Path, salt: &[u8; SALT_BYTES], law: [f64; 3]) -> Sealed {
         let truth = Truth::of_nothing(Protocol::Paper, NoiseKind::White, law);
-        let csv = trajectory_csv(&Protocol::Paper.record(), &vec![1e-6; 800]);
-        let answer = Answer { truth, trajectory_sha256: sha256_hex(csv.as_bytes()) };
+        let mut measured_m = vec![Some(1e-6); 800];
+        measured_m[7] = None;
+        let csv = trajectory_csv(&Protocol::Paper.record(), &measured_m);
+        let (trajectory_sha256, noise_free_um) = (sha256_hex(csv.as_bytes()), vec![0.25; 800]);
+        let answer = Answer { truth, trajectory_sha256, noise_free_um };
         let sealed = seal(salt, &serde_json::to_vec(&answer).expect("JSON"));
-        let toml = experiment_toml(&Apparatus::Instrument { compliance_per_m: 1.0 }, &sealed.commitment_sha256);
+        let toml =
+            experiment_toml(&Apparatus::Instrument { compliance_per_m: 1.0 }, &sealed.commitment_sha256, Some(4.0));
         for (name, text) in [
             (COMMITMENT_FILE, sealed.commitment_sha256.clone() + "\n"),
             (SEALED_FILE, serde_json::to_string(&sealed).expect("JSON")),
@@ -193,6 +223,27 @@ mod tests {
         sealed
     }
 
+    /// Seals from before the trajectory was kept open, and the noise is not told.
+    #[test]
+    fn an_older_answer_opens_without_its_noise() {
+        let truth = Truth::of_nothing(Protocol::Paper, NoiseKind::White, [1.0, 2.0, 3.0]);
+        let answer = Answer { truth, trajectory_sha256: String::new(), noise_free_um: vec![1.0; 800] };
+        let mut json = serde_json::to_value(&answer).expect("JSON");
+        json.as_object_mut().expect("an object").remove("noise_free_um");
+        json["truth"].as_object_mut().expect("an object").remove("is_noise_given");
+        let csv = trajectory_csv(&Protocol::Paper.record(), &vec![Some(0.0); 800]);
+        let older: Answer = serde_json::from_value(json).expect("an answer");
+        assert!(older.truth.is_noise_given && older.noise(&csv).is_none());
+    }
+
+    /// The noise stands in the experiment where it is given, and only there.
+    #[test]
+    fn the_noise_is_stated_or_left_to_be_estimated() {
+        let toml = |noise_um| experiment_toml(&Apparatus::Instrument { compliance_per_m: 1.0 }, "00", noise_um);
+        assert!(toml(Some(4.0)).contains("\nnoise_um = 4.0\n") && toml(Some(4.729_6)).contains("\nnoise_um = 4.73\n"));
+        assert!(!toml(None).contains("noise_um"));
+    }
+
     /// Every one of the four files is held to the hash; a whole answer to other physics of the same data, with a hash of its own, does not pass either.
     #[test]
     fn no_file_of_a_challenge_can_be_changed() {
@@ -201,7 +252,12 @@ mod tests {
         let (salt, law) = ([3; SALT_BYTES], [1.0, 2.0, 3.0]);
         let other = written(dir, &[4; SALT_BYTES], [9.0, 2.0, 3.0]);
         let sealed = written(dir, &salt, law);
-        assert_eq!(reveal(dir).expect("whole").commitment_sha256, sealed.commitment_sha256);
+        let opened = reveal(dir).expect("whole");
+        assert_eq!(opened.commitment_sha256, sealed.commitment_sha256);
+        // 1 µm was measured, 0.25 µm are there, and one position was lost.
+        let noise = opened.noise.expect("sealed");
+        assert!((noise.rms_m(|_| true).expect("rows") - 0.75e-6).abs() < 1e-18);
+        assert_eq!((noise.rms_m(|row| row == 7), noise.is_lost.iter().filter(|is| **is).count()), (None, 1));
         let json = |sealed: &Sealed| serde_json::to_string(sealed).expect("JSON");
         let forged = Sealed { answer: seal(&salt, b"{}").answer, ..sealed.clone() };
         for (name, text) in [

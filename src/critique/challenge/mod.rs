@@ -18,7 +18,7 @@ pub mod tally;
 mod truth;
 
 pub use bench::{Bench, Order};
-pub use noise::NoiseKind;
+pub use noise::{Noise, NoiseKind};
 pub use outside::{Disturbance, OutsideKind};
 pub use protocol::Protocol;
 pub use truth::{ApparatusError, Hidden, HiddenEffect, NamedValue, Truth};

@@ -11,7 +11,7 @@ use super::super::diagnosis::{Diagnosis, VerdictKind};
 use super::full_order::trajectories_m;
 use super::tally::{Tally, tally};
 use super::truth::joined;
-use super::{ApparatusError, Bench, Hidden, NoiseKind, Order, OutsideKind, Protocol, Truth};
+use super::{ApparatusError, Bench, Hidden, Noise, NoiseKind, Order, OutsideKind, Protocol, Truth};
 use crate::error::{Error, Place, Result};
 use crate::inference::ensemble::RandomStream;
 use crate::workflow::Monitor;
@@ -74,6 +74,8 @@ pub struct PlaysRequest {
     pub protocols: Vec<Protocol>,
     /// Noises.
     pub noises: Vec<NoiseKind>,
+    /// Whether the experiments state their noise; where they do not, each diagnosis has to estimate it.
+    pub is_noise_given: bool,
     /// Seed of truths and noises.
     pub seed: u64,
 }
@@ -86,7 +88,8 @@ impl Default for PlaysRequest {
             only: None,
             effects: Vec::new(),
             protocols: Protocol::ALL.to_vec(),
-            noises: NoiseKind::ALL.to_vec(),
+            noises: NoiseKind::USUAL.to_vec(),
+            is_noise_given: true,
             seed: 1,
         }
     }
@@ -136,12 +139,41 @@ pub struct Play {
     pub first: Option<String>,
     /// Gain in nats of each effect's refit, best first, with that on the last cycle.
     pub gains: Vec<(String, f64, Option<f64>)>,
+    /// The verdict in its own words; empty where there is none.
+    pub sentence: String,
+    /// Seed of the diagnosis; 0 where it is not known.
+    pub seed: u64,
     /// Whether the size of the hidden effect lies in its 90 % interval; `None` where it was not named or nothing was hidden.
     pub size_covered: Option<bool>,
-    /// Root mean square error on the scored cycle with what was named, over the total predictive noise there.
-    pub heldout_over_noise: Option<f64>,
+    /// The size of every hidden effect that was named.
+    pub sizes: Vec<NamedSize>,
+    /// Noise (µm) that the diagnosis measured misfits against, given or estimated.
+    pub yardstick_um: Option<f64>,
+    /// Root mean square error (µm) on the scored cycle with what was named, of the base model where nothing was.
+    pub rmse_heldout_um: Option<f64>,
+    /// Root mean square (µm) of the noise that was drawn, over the rows on which that error was taken: what the true model leaves.
+    pub true_noise_um: Option<f64>,
+    /// The error over the true noise. The true model reads 1, whatever was drawn, and a misfit of f times the noise √(1 + f²), but for what it shares with it.
+    pub heldout_over_true_noise: Option<f64>,
+    /// The error over the total predictive noise that the diagnosis gives the model that it named; `None` where it named none.
+    pub heldout_over_predictive_noise: Option<f64>,
     /// Why there is no diagnosis.
     pub failure: Option<String>,
+}
+
+/// The size of a hidden effect beside what the diagnosis says of it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct NamedSize {
+    /// Name of the parameter, with unit.
+    pub name: String,
+    /// What was hidden.
+    pub value: f64,
+    /// Posterior mean.
+    pub mean: f64,
+    /// 5 % quantile.
+    pub q05: f64,
+    /// 95 % quantile.
+    pub q95: f64,
 }
 
 /// All challenges as they were played.
@@ -236,8 +268,11 @@ fn draw(bench: &Bench, request: &PlaysRequest, sort: Sort, number: usize) -> Res
     let protocol = protocols[place % protocols.len()];
     let noise = noises[place / protocols.len() % noises.len()];
     let signal_sigma = signals[place / (protocols.len() * noises.len()) % signals.len()];
-    let order =
-        |hidden: Hidden, signal_sigma: f64| Order { hidden, protocol, noise, strength_sigma: Some(signal_sigma) };
+    let is_noise_given = request.is_noise_given;
+    let order = |hidden: Hidden, signal_sigma: f64| {
+        let strength_sigma = Some(signal_sigma);
+        Order { hidden, protocol, noise, is_noise_given, strength_sigma }
+    };
     let stream_number = match sort {
         // The same laws for all noises.
         Sort::None => CONTROL_STREAMS + (place / (protocols.len() * noises.len()) % CONTROL_LAWS) as u64,
@@ -295,14 +330,15 @@ fn play(bench: &Bench, request: &PlaysRequest, case: Case, diagnose: &Diagnose<'
     let Case { number, sort, truth, position_m } = case;
     let record = truth.protocol.record();
     let mut stream = RandomStream::new(request.seed, NOISE_STREAMS + number as u64);
-    let noise_m = truth.noise.draw(&record, &position_m, &mut stream);
-    let measured_m: Vec<f64> = position_m.iter().zip(&noise_m).map(|(x, noise)| x + noise).collect();
-    let subject = bench.subject_of(truth.protocol, &measured_m)?;
+    let noise = truth.noise.draw(&record, &position_m, &mut stream);
+    let stated_sd_m = truth.is_noise_given.then_some(noise.stated_sd_m);
+    let subject = bench.subject_measured(truth.protocol, &noise.measured_m(&position_m), stated_sd_m)?;
     let seed = u64::from(stream.word()) << 32 | u64::from(stream.word());
-    Ok(match diagnose(&subject, seed) {
-        Ok(diagnosis) => judged(number, sort, truth, &diagnosis),
+    let play = match diagnose(&subject, seed) {
+        Ok(diagnosis) => judged(number, sort, truth, &diagnosis, Some(&noise)),
         Err(error) => failed(number, sort, truth, &error),
-    })
+    };
+    Ok(Play { seed, ..play })
 }
 
 fn failed(number: usize, sort: Sort, truth: Truth, error: &Error) -> Play {
@@ -316,14 +352,21 @@ fn failed(number: usize, sort: Sort, truth: Truth, error: &Error) -> Play {
         unexplained: Vec::new(),
         first: None,
         gains: Vec::new(),
+        sentence: String::new(),
+        seed: 0,
         size_covered: None,
-        heldout_over_noise: None,
+        sizes: Vec::new(),
+        yardstick_um: None,
+        rmse_heldout_um: None,
+        true_noise_um: None,
+        heldout_over_true_noise: None,
+        heldout_over_predictive_noise: None,
         failure: Some(error.to_string()),
     }
 }
 
-/// What a diagnosis said, beside the truth.
-pub fn judged(number: usize, sort: Sort, truth: Truth, diagnosis: &Diagnosis) -> Play {
+/// What a diagnosis said, beside the truth and the noise that was drawn, where that is known.
+pub fn judged(number: usize, sort: Sort, truth: Truth, diagnosis: &Diagnosis, noise: Option<&Noise>) -> Play {
     let verdict = &diagnosis.verdict;
     let said = match verdict.kind {
         VerdictKind::Missing => joined(verdict.effects.iter().map(String::as_str)),
@@ -346,37 +389,65 @@ pub fn judged(number: usize, sort: Sort, truth: Truth, diagnosis: &Diagnosis) ->
     gains.sort_by(|a, b| b.1.total_cmp(&a.1));
     let named = verdict.effects.first().filter(|_| verdict.kind == VerdictKind::Missing).cloned();
     let first = named.or_else(|| gains.first().map(|(slug, ..)| slug.clone()));
-    let heldout_over_noise = diagnosis
-        .extended
-        .as_ref()
-        .filter(|_| verdict.kind == VerdictKind::Missing)
-        .and_then(|errors| Some(errors.rmse_heldout_um? / errors.predictive_noise_um?));
+    let (rmse_heldout_um, predictive_noise_um) = match &diagnosis.extended {
+        Some(errors) => (errors.rmse_heldout_um, errors.predictive_noise_um),
+        None => (diagnosis.base.rmse_heldout_um, None),
+    };
+    let true_noise_um = noise.and_then(|noise| true_noise_um(&truth, diagnosis, noise));
+    let error_over = |noise_um: Option<f64>| Some(rmse_heldout_um? / noise_um?);
     Play {
         number,
         sort,
         label: truth.label(),
         size_covered: size_covered(&truth, diagnosis),
+        sizes: named_sizes(&truth, diagnosis),
         truth,
         said,
         class,
         unexplained: diagnosis.unexplained.iter().map(|entry| entry.kind.clone()).collect(),
         first,
         gains,
-        heldout_over_noise,
+        sentence: verdict.sentence.clone(),
+        seed: 0,
+        yardstick_um: Some(diagnosis.base.noise_um),
+        rmse_heldout_um,
+        true_noise_um,
+        heldout_over_true_noise: error_over(true_noise_um),
+        heldout_over_predictive_noise: error_over(predictive_noise_um),
         failure: None,
     }
 }
 
+/// Root mean square (µm) of the drawn noise over the rows whose error a diagnosis reports: those of the scored cycle, without what it left out as outliers.
+fn true_noise_um(truth: &Truth, diagnosis: &Diagnosis, noise: &Noise) -> Option<f64> {
+    let cycle = truth.protocol.record().cycle;
+    let is_scored = |row: usize| {
+        cycle.get(row).is_some_and(|cycle| diagnosis.heldout_cycles.contains(cycle))
+            && !diagnosis.outlier_rows.contains(&row)
+    };
+    noise.rms_m(is_scored).map(|rms_m| 1e6 * rms_m)
+}
+
+/// Sizes of the hidden effects that a diagnosis names.
+fn named_sizes(truth: &Truth, diagnosis: &Diagnosis) -> Vec<NamedSize> {
+    let verdict = &diagnosis.verdict;
+    let is_named = |slug: &String| verdict.kind == VerdictKind::Missing && verdict.effects.contains(slug);
+    let named = truth.effects.iter().filter(|effect| is_named(&effect.slug)).filter_map(|effect| {
+        let size = effect.parameters.first()?;
+        let entry = diagnosis.candidates.iter().find(|entry| entry.effect == effect.slug)?;
+        let found = entry.refit.as_ref()?.parameters.iter().find(|parameter| parameter.name == size.name)?;
+        Some(NamedSize { name: size.name.clone(), value: size.value, mean: found.mean, q05: found.q05, q95: found.q95 })
+    });
+    named.collect()
+}
+
 /// Whether the size of the one hidden effect lies in the interval that the diagnosis gives it, if it names that effect alone.
 fn size_covered(truth: &Truth, diagnosis: &Diagnosis) -> Option<bool> {
-    let [effect] = truth.effects.as_slice() else { return None };
-    let size = effect.parameters.first()?;
-    if diagnosis.verdict.kind != VerdictKind::Missing || diagnosis.verdict.effects != [effect.slug.clone()] {
+    let ([effect], [named]) = (truth.effects.as_slice(), diagnosis.verdict.effects.as_slice()) else { return None };
+    if effect.slug != *named {
         return None;
     }
-    let entry = diagnosis.candidates.iter().find(|entry| entry.effect == effect.slug)?;
-    let parameter = entry.refit.as_ref()?.parameters.iter().find(|parameter| parameter.name == size.name)?;
-    Some((parameter.q05..=parameter.q95).contains(&size.value))
+    named_sizes(truth, diagnosis).first().map(|size| (size.q05..=size.q95).contains(&size.value))
 }
 
 #[cfg(test)]

@@ -77,7 +77,7 @@ fn diagnosis(kind: VerdictKind, effects: &[&str], equivalent: &[&str]) -> Diagno
         discrepancy: None,
         noise: Vec::new(),
         unexplained: Vec::new(),
-        outlier_rows: Vec::new(),
+        outlier_rows: vec![OUTLIER_ROW],
         remarks: Vec::new(),
     }
 }
@@ -93,8 +93,19 @@ fn unexplained(diagnosis: Diagnosis) -> Diagnosis {
     Diagnosis { unexplained: vec![entry], ..diagnosis }
 }
 
+/// Noise of this size (µm) in every row, but for one of the scored cycle in which it is far larger.
+fn noise_of_um(size_um: f64) -> Noise {
+    let mut error_m: Vec<f64> = (0..800).map(|row| 1e-6 * if row % 2 == 0 { size_um } else { -size_um }).collect();
+    error_m[OUTLIER_ROW] = 1e-3;
+    Noise { error_m, is_lost: vec![false; 800], stated_sd_m: 4e-6 }
+}
+
+/// Of cycle 4.
+const OUTLIER_ROW: usize = 700;
+
 fn play(truth: Truth, diagnosis: &Diagnosis) -> Play {
-    judged(0, Sort::of(&truth), truth, diagnosis)
+    let noise = noise_of_um(4.0);
+    judged(0, Sort::of(&truth), truth, diagnosis, Some(&noise))
 }
 
 #[test]
@@ -113,7 +124,7 @@ fn a_claim_is_judged_by_its_class_its_size_and_its_error() {
     assert_eq!(play(hidden(), &missing(&["delay"], &["drift"])).size_covered, None);
     assert_eq!(play(hidden(), &missing(&["delay", "drift"], &[])).size_covered, None);
     assert_eq!(play(truth(&["delay", "drift"], &[]), &missing(&["delay", "drift"], &[])).size_covered, None);
-    assert_eq!(right.heldout_over_noise, Some(4.2 / 4.0));
+    assert_eq!(right.heldout_over_predictive_noise, Some(4.2 / 4.0));
     // A pair is named in alphabetical order, whatever the order of the claim.
     assert_eq!(play(truth(&["drift", "bias"], &[]), &missing(&["drift", "bias"], &["delay"])).said, "bias+drift");
 }
@@ -123,8 +134,55 @@ fn without_a_claim_there_is_no_class_and_the_largest_gain_is_first() {
     for (kind, said) in [(VerdictKind::None, "none"), (VerdictKind::Unexplained, "unexplained")] {
         let play = play(truth(&["drift"], &["drift"]), &diagnosis(kind, &[], &[]));
         assert_eq!((play.said.as_str(), play.first.as_deref()), (said, Some("bias")));
-        assert!(play.class.is_empty() && play.size_covered.is_none() && play.heldout_over_noise.is_none());
+        assert!(play.class.is_empty() && play.size_covered.is_none() && play.heldout_over_predictive_noise.is_none());
     }
+}
+
+/// The named effect leaves 7 µm where 4 µm of noise were drawn. A predictive noise of 12.9 µm, as a floor of a gain makes it, calls that noise; the noise
+/// that was drawn does not. The outlier that the diagnosis left out is no noise of the rows that it was scored on, nor are other cycles.
+#[test]
+fn an_error_is_counted_against_the_noise_that_was_drawn() {
+    let nothing = diagnosis(VerdictKind::None, &[], &[]);
+    let mut diagnosis = diagnosis(VerdictKind::Missing, &["drift"], &[]);
+    let errors = |rmse_um: f64, predictive_um: f64| Errors {
+        rmse_fitted_um: rmse_um,
+        rmse_heldout_um: Some(rmse_um),
+        predictive_noise_um: Some(predictive_um),
+    };
+    let hidden = || truth(&["drift"], &["drift"]);
+    diagnosis.extended = Some(errors(7.0, 12.9));
+    let far = play(hidden(), &diagnosis);
+    assert!((far.true_noise_um.expect("scored") - 4.0).abs() < 1e-9, "{far:?}");
+    assert!((far.heldout_over_true_noise.expect("scored") - 7.0 / 4.0).abs() < 1e-9);
+    assert!((far.heldout_over_predictive_noise.expect("scored") - 7.0 / 12.9).abs() < 1e-9);
+    let tallied = tally(std::slice::from_ref(&far));
+    assert_eq!((tallied.heldout_at_predictive_noise, tallied.heldout_at_true_noise), (Some(1.0), Some(0.0)));
+    // The true model leaves what was drawn, and reads 1.
+    diagnosis.extended = Some(errors(4.0, 4.0));
+    let near = play(hidden(), &diagnosis);
+    assert!((near.heldout_over_true_noise.expect("scored") - 1.0).abs() < 1e-9);
+    assert_eq!(tally(&[far, near]).heldout_at_true_noise, Some(0.5));
+    // Where nothing is named, it is the base model that leaves it.
+    let none = play(truth(&[], &[]), &nothing);
+    assert_eq!((none.rmse_heldout_um, none.heldout_over_predictive_noise), (Some(9.0), None));
+    assert!((none.heldout_over_true_noise.expect("scored") - 9.0 / 4.0).abs() < 1e-9);
+    let unknown = judged(0, Sort::Single, hidden(), &diagnosis, None);
+    assert_eq!((unknown.heldout_over_true_noise, unknown.heldout_over_predictive_noise), (None, Some(1.0)));
+}
+
+/// Coverage can be counted again from what is kept of a play, of pairs too.
+#[test]
+fn sizes_of_what_was_named_are_kept_with_their_intervals() {
+    let both = play(truth(&["drift", "bias"], &[]), &diagnosis(VerdictKind::Missing, &["drift", "bias"], &[]));
+    let size =
+        |name: &str, q05: f64, q95: f64| NamedSize { name: name.into(), value: 2.0, mean: 0.5 * (q05 + q95), q05, q95 };
+    assert_eq!(both.sizes, [size("drift.size", 2.0, 4.0), size("bias.size", 2.1, 3.0)]);
+    assert_eq!(both.size_covered, None);
+    let one = play(truth(&["drift", "bias"], &[]), &diagnosis(VerdictKind::Missing, &["bias"], &[]));
+    assert_eq!(one.sizes.len(), 1);
+    assert!(play(truth(&["drift"], &[]), &diagnosis(VerdictKind::None, &[], &[])).sizes.is_empty());
+    let kept: Play = serde_json::from_str(&serde_json::to_string(&both).expect("JSON")).expect("a play");
+    assert_eq!(kept, both);
 }
 
 /// Nineteen plays whose every count differs from its neighbours, so that no share is right by a wrong denominator.
@@ -177,7 +235,8 @@ fn shares_are_counted_over_what_they_are_shares_of() {
     // Sizes: of the drift inside, of the bias outside.
     assert_eq!(found.interval_coverage_90, Some(1.0 / 2.0));
     // In class: three singles and a pair, one of them farther off than 1.1 times the noise.
-    assert_eq!(found.heldout_at_noise, Some(3.0 / 4.0));
+    assert_eq!(found.heldout_at_predictive_noise, Some(3.0 / 4.0));
+    assert_eq!(found.heldout_at_true_noise, Some(3.0 / 4.0));
     let of = |truth: &str, said: &str| {
         found.confusion.iter().find(|entry| entry.truth == truth && entry.said == said).map_or(0, |entry| entry.count)
     };

@@ -19,7 +19,7 @@ const N_CYCLES: u32 = 4;
 const RATE_HZ: f64 = 20.0;
 /// The paper's force.
 const FORCE_N: f64 = 4.6e-6;
-/// White noise of the tracker, stated in every experiment.
+/// White noise of the tracker.
 pub(super) const WHITE_M: f64 = 4e-6;
 
 impl Protocol {
@@ -68,10 +68,17 @@ impl Protocol {
         }
     }
 
-    /// An experiment with this protocol and these positions (m, one a row): the first cycle calibrates, the rest is held out.
-    pub fn experiment(self, specimen_id: &str, apparatus: Apparatus, position_m: &[f64]) -> Experiment {
+    /// An experiment with this protocol, these positions (m, one a row) and this noise (m), if it is given: the first cycle calibrates, the rest is held
+    /// out.
+    pub fn experiment(
+        self,
+        specimen_id: &str,
+        apparatus: Apparatus,
+        position_m: &[Option<f64>],
+        noise_sd_m: Option<f64>,
+    ) -> Experiment {
         let mut record = self.record();
-        record.position_m = position_m.iter().copied().map(Some).collect();
+        record.position_m = position_m.to_vec();
         Experiment {
             specimen_id: specimen_id.into(),
             species: Some("porcine".into()),
@@ -80,7 +87,7 @@ impl Protocol {
             record,
             calibration_cycles: vec![1],
             heldout_cycles: (2..=N_CYCLES).collect(),
-            noise_sd_m: Some(WHITE_M),
+            noise_sd_m,
             source: "synthetic: full finite elements, with a sealed answer".into(),
         }
     }

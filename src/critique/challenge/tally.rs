@@ -36,8 +36,11 @@ pub struct Tally {
     pub misattributed: Option<f64>,
     /// Share of rightly named single effects whose size lies in its 90 % interval.
     pub interval_coverage_90: Option<f64>,
-    /// Share of rightly named cases whose error on the scored cycle is at most 1.1 times the total predictive noise after the addition.
-    pub heldout_at_noise: Option<f64>,
+    /// Share of rightly named cases whose error on the scored cycle, after the addition, is at most 1.1 times the noise that was drawn there.
+    pub heldout_at_true_noise: Option<f64>,
+    /// Share of them where it is at most 1.1 times the total predictive noise of the diagnosis: whether the diagnosis knows how far off it is. A predictive
+    /// noise that is too large makes this 1 whatever is left.
+    pub heldout_at_predictive_noise: Option<f64>,
     /// The same by sort, protocol, noise and signal.
     pub groups: Vec<Group>,
 }
@@ -118,7 +121,10 @@ pub fn tally(plays: &[Play]) -> Tally {
     let controls = of(&|play| matches!(play.sort, Sort::None | Sort::Apparatus));
     let outside = of(&|play| play.sort == Sort::Outside);
     let sized = of(&|play| play.size_covered.is_some());
-    let named = of(&|play| !play.truth.effects.is_empty() && play.is_in_class() && play.heldout_over_noise.is_some());
+    let at_noise = |ratio: &dyn Fn(&Play) -> Option<f64>| {
+        let named = of(&|play| !play.truth.effects.is_empty() && play.is_in_class() && ratio(play).is_some());
+        share(&named, |play| ratio(play).is_some_and(|ratio| ratio <= ALLOWED_RATIO))
+    };
     Tally {
         played: plays.len(),
         failed: plays.iter().filter(|play| play.failure.is_some()).count(),
@@ -133,7 +139,8 @@ pub fn tally(plays: &[Play]) -> Tally {
         unexplained_called: share(&outside, |play| play.said == "unexplained"),
         misattributed: share(&outside, |play| play.is_claim() && play.unexplained.is_empty()),
         interval_coverage_90: share(&sized, |play| play.size_covered == Some(true)),
-        heldout_at_noise: share(&named, |play| play.heldout_over_noise.is_some_and(|ratio| ratio <= ALLOWED_RATIO)),
+        heldout_at_true_noise: at_noise(&|play| play.heldout_over_true_noise),
+        heldout_at_predictive_noise: at_noise(&|play| play.heldout_over_predictive_noise),
         groups: groups(plays),
     }
 }

@@ -78,6 +78,9 @@ pub struct Truth {
     pub protocol: Protocol,
     /// Noise.
     pub noise: NoiseKind,
+    /// Whether the experiment states the noise; where it does not, the diagnosis has to estimate it.
+    #[serde(default = "is_given")]
+    pub is_noise_given: bool,
     /// E (Pa), c₁ (Pa·s), c₂ (Pa·s).
     pub law: [f64; 3],
     /// Effects of the library, none to two.
@@ -93,12 +96,18 @@ pub struct Truth {
     pub ideal_class: Vec<String>,
 }
 
+/// Answers that were sealed before there was a choice.
+fn is_given() -> bool {
+    true
+}
+
 impl Truth {
     /// Of data in which nothing is hidden.
     pub fn of_nothing(protocol: Protocol, noise: NoiseKind, law: [f64; 3]) -> Self {
         Self {
             protocol,
             noise,
+            is_noise_given: is_given(),
             law,
             effects: Vec::new(),
             outside: None,

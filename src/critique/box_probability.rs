@@ -1,0 +1,335 @@
+//! The probability that a normal vector lies in a box, by its logarithm, so that it may be as small as one likes.
+//!
+//! With the covariance factorised, LLᵀ, coordinate after coordinate is drawn inside its own ends given those before it; the mean of the products of what
+//! those ends hold is the probability (Genz, *J. Comput. Graph. Stat.* 1, 141, 1992). The draws are shifted by the μ of the saddle point of ln weight, so
+//! that the weights are nearly alike however far in the tail the box lies (Botev, *J. R. Stat. Soc. B* 79, 125, 2017, doi:10.1111/rssb.12162). In place
+//! of random numbers stand fixed points, so that the same box has the same probability; one coordinate is exact.
+
+use std::f64::consts::{FRAC_1_SQRT_2, PI, SQRT_2, TAU};
+
+use nalgebra::{DMatrix, DVector};
+use statrs::function::erf::{erf, erfc, erfc_inv};
+
+/// Ends so many standard deviations away from where a coordinate is, given that the others are in the box, hold all of it: 1 − 10⁻¹².
+const FAR_SD: f64 = 7.0;
+/// Points along one drawn coordinate, along each of two, and altogether for more.
+const N_ALONE: usize = 96;
+const N_EACH_OF_TWO: usize = 24;
+const N_OF_MORE: usize = 2048;
+/// The saddle point is found when its slope is below this.
+const LEAST_SLOPE: f64 = 1e-9;
+const MOST_STEPS: usize = 60;
+
+/// ln P(lower ≤ x ≤ upper) of a normal vector x with mean 0; ends may be infinite. −∞ where the covariance is none.
+pub(super) fn ln_box_probability(covariance: &DMatrix<f64>, lower: &[f64], upper: &[f64]) -> f64 {
+    let mut left: Vec<usize> = (0..lower.len()).collect();
+    let mut sum = 0.0;
+    // What hangs together with the first that is left is taken out at once; the rest is independent of it.
+    while let Some(first) = left.first() {
+        let mut together = vec![*first];
+        let mut next = 0;
+        while let Some(one) = together.get(next).copied() {
+            let linked = |k: &usize| covariance[(one, *k)] != 0.0 && !together.contains(k);
+            let found: Vec<usize> = left.iter().copied().filter(linked).collect();
+            together.extend(found);
+            next += 1;
+        }
+        left.retain(|k| !together.contains(k));
+        let of =
+            |ends: &[f64]| -> Vec<f64> { together.iter().map(|k| ends[*k] / covariance[(*k, *k)].sqrt()).collect() };
+        let correlation = DMatrix::from_fn(together.len(), together.len(), |i, j| {
+            let (a, b) = (together[i], together[j]);
+            covariance[(a, b)] / (covariance[(a, a)] * covariance[(b, b)]).sqrt()
+        });
+        sum += ln_of_correlated(&correlation, &of(lower), &of(upper));
+    }
+    sum
+}
+
+/// The same of coordinates with variance 1.
+fn ln_of_correlated(correlation: &DMatrix<f64>, lower: &[f64], upper: &[f64]) -> f64 {
+    let n = lower.len();
+    // Which ends matter: those near the mean, then those near where the others push a coordinate.
+    let mut place = DVector::zeros(n);
+    let mut near: Vec<usize> = Vec::new();
+    let mut tilted: Option<Tilted> = None;
+    loop {
+        let is_near = |k: &usize| lower[*k] - place[*k] > -FAR_SD || upper[*k] - place[*k] < FAR_SD;
+        let added: Vec<usize> = (0..n).filter(|k| !near.contains(k) && is_near(k)).collect();
+        if added.is_empty() {
+            return tilted.map_or(0.0, |tilted| tilted.ln_probability());
+        }
+        near.extend(added);
+        // The least likely coordinates first: the others follow them.
+        near.sort_by(|a, b| Within::new(lower[*a], upper[*a]).ln_p.total_cmp(&Within::new(lower[*b], upper[*b]).ln_p));
+        let Some(found) = Tilted::new(correlation, &near, lower, upper) else { return f64::NEG_INFINITY };
+        let Some(pull) = found.factor.tr_solve_lower_triangular(&found.mean()) else { return f64::NEG_INFINITY };
+        let moved = |k: usize| near.iter().zip(pull.iter()).map(|(j, pull)| correlation[(k, *j)] * pull).sum::<f64>();
+        place = DVector::from_fn(n, |k, _| moved(k));
+        tilted = Some(found);
+    }
+}
+
+/// ln P(lower ≤ x ≤ upper) of a standard normal x.
+pub(super) fn ln_within(lower: f64, upper: f64) -> f64 {
+    Within::new(lower, upper).ln_p
+}
+
+/// A standard normal variable between two ends.
+struct Within {
+    /// ln of the probability.
+    ln_p: f64,
+    /// Densities at the ends over the probability.
+    at_lower: f64,
+    at_upper: f64,
+}
+
+/// An interval shorter than this, relative to the scale on which the density changes, has a density that is a parabola.
+const SHORT: f64 = 1e-4;
+
+impl Within {
+    fn new(lower: f64, upper: f64) -> Self {
+        if upper <= 0.0 && lower < 0.0 {
+            let mirrored = Self::new(-upper, -lower);
+            return Self { at_lower: mirrored.at_upper, at_upper: mirrored.at_lower, ..mirrored };
+        }
+        if lower < 0.0 {
+            let p = 0.5 * (erf(upper * FRAC_1_SQRT_2) - erf(lower * FRAC_1_SQRT_2));
+            return Self { ln_p: p.ln(), at_lower: density(lower) / p, at_upper: density(upper) / p };
+        }
+        let over_density = mass_over_density(lower, upper);
+        let ln_p = -0.5 * (lower * lower + TAU.ln()) + over_density.ln();
+        Self { ln_p, at_lower: 1.0 / over_density, at_upper: fall(lower, upper) / over_density }
+    }
+
+    /// Derivative of the probability's logarithm by a shift of both ends downwards.
+    fn slope(&self) -> f64 {
+        self.at_lower - self.at_upper
+    }
+
+    /// Derivative of the slope by the same shift, less one is the variance.
+    fn curvature(&self, lower: f64, upper: f64) -> f64 {
+        let product = |end: f64, density: f64| if density == 0.0 { 0.0 } else { end * density };
+        (product(lower, self.at_lower) - product(upper, self.at_upper) - self.slope().powi(2)).clamp(-1.0, 0.0)
+    }
+}
+
+fn density(x: f64) -> f64 {
+    (-0.5 * x * x).exp() / TAU.sqrt()
+}
+
+/// φ(upper)/φ(lower).
+fn fall(lower: f64, upper: f64) -> f64 {
+    if upper.is_infinite() { 0.0 } else { (0.5 * (lower - upper) * (lower + upper)).exp() }
+}
+
+/// Mass between two ends over the density at the lower one, which is not negative.
+fn mass_over_density(lower: f64, upper: f64) -> f64 {
+    let length = upper - lower;
+    if length * (1.0 + lower) < SHORT {
+        return length * (1.0 - length * (lower / 2.0 - length * (lower * lower - 1.0) / 6.0));
+    }
+    mills(lower) - fall(lower, upper) * mills(upper)
+}
+
+/// Mills' ratio Q(x)/φ(x) for x ≥ 0.
+fn mills(x: f64) -> f64 {
+    if x < 25.0 {
+        return (0.5 * PI).sqrt() * (0.5 * x * x).exp() * erfc(x * FRAC_1_SQRT_2);
+    }
+    let inverse_square = 1.0 / (x * x);
+    let series = [105.0, -15.0, 3.0, -1.0].iter().fold(0.0, |sum, term| (sum + term) * inverse_square);
+    (1.0 + series) / x
+}
+
+/// The point below which a standard normal between two ends lies with probability `share`.
+fn quantile_within(lower: f64, upper: f64, share: f64) -> f64 {
+    if upper <= 0.0 && lower < 0.0 {
+        return -quantile_within(-upper, -lower, 1.0 - share);
+    }
+    let tail = |x: f64| 0.5 * erfc(x * FRAC_1_SQRT_2);
+    let found = if lower > 5.0 {
+        // ln of the mass above, over the density at the lower end, by Newton's steps.
+        let wanted = (mills(lower) - share * mass_over_density(lower, upper)).ln();
+        let mut x = (lower * lower + 2.0 * (mills(lower).ln() - wanted)).max(0.0).sqrt();
+        for _ in 0..4 {
+            let ratio = mills(x);
+            x += ratio * (0.5 * (lower - x) * (lower + x) + ratio.ln() - wanted);
+        }
+        x
+    } else if lower < 0.0 {
+        let (below, above) = (tail(-lower), tail(upper));
+        let p = (1.0 - below - above) * share + below;
+        if p < 0.5 {
+            -SQRT_2 * erfc_inv(2.0 * p)
+        } else {
+            SQRT_2 * erfc_inv(2.0 * (above + (1.0 - below - above) * (1.0 - share)))
+        }
+    } else {
+        let (most, least) = (tail(lower), tail(upper));
+        SQRT_2 * erfc_inv(2.0 * (least + (most - least) * (1.0 - share)))
+    };
+    found.clamp(lower, upper)
+}
+
+/// A box in coordinates that are drawn one after the other, and the shifts of the saddle point.
+struct Tilted {
+    /// Cholesky factor of the correlations.
+    factor: DMatrix<f64>,
+    /// Its rows and the ends over its diagonal.
+    rows: DMatrix<f64>,
+    lower: Vec<f64>,
+    upper: Vec<f64>,
+    /// The saddle point: coordinates and shifts; those of the last coordinate are 0.
+    x: Vec<f64>,
+    shift: Vec<f64>,
+}
+
+impl Tilted {
+    fn new(correlation: &DMatrix<f64>, chosen: &[usize], lower: &[f64], upper: &[f64]) -> Option<Self> {
+        let n = chosen.len();
+        let factor = DMatrix::from_fn(n, n, |i, j| correlation[(chosen[i], chosen[j])]).cholesky()?.unpack();
+        let rows = DMatrix::from_fn(n, n, |i, j| if j < i { factor[(i, j)] / factor[(i, i)] } else { 0.0 });
+        let scaled = |ends: &[f64]| (0..n).map(|i| ends[chosen[i]] / factor[(i, i)]).collect();
+        let (lower, upper) = (scaled(lower), scaled(upper));
+        let mut tilted = Self { factor, rows, lower, upper, x: vec![0.0; n], shift: vec![0.0; n] };
+        tilted.find_saddle();
+        Some(tilted)
+    }
+
+    fn n(&self) -> usize {
+        self.lower.len()
+    }
+
+    /// Ends of coordinate `k` given those before it, less its shift.
+    fn ends(&self, k: usize, x: &[f64], shift: f64) -> [f64; 2] {
+        let moved = shift + (0..k).map(|j| self.rows[(k, j)] * x[j]).sum::<f64>();
+        [self.lower[k] - moved, self.upper[k] - moved]
+    }
+
+    /// The weight's logarithm ψ(x; μ) = Σ [μ²/2 − xμ + ln P(ends given x, less μ)].
+    fn ln_weight(&self, x: &[f64]) -> f64 {
+        let of_coordinate = |k: usize| {
+            let [lower, upper] = self.ends(k, x, self.shift[k]);
+            ln_within(lower, upper) + self.shift[k] * (0.5 * self.shift[k] - x[k])
+        };
+        (0..self.n()).map(of_coordinate).sum()
+    }
+
+    /// ∂ψ/∂x and ∂ψ/∂μ, without the last coordinate's, with their derivatives.
+    fn slopes(&self, x: &[f64], shift: &[f64]) -> (DVector<f64>, DMatrix<f64>) {
+        let (n, m) = (self.n(), self.n() - 1);
+        let (mut slope, mut curvature) = (vec![0.0; n], vec![0.0; n]);
+        for k in 0..n {
+            let [lower, upper] = self.ends(k, x, shift[k]);
+            let within = Within::new(lower, upper);
+            (slope[k], curvature[k]) = (within.slope(), within.curvature(lower, upper));
+        }
+        let rows = &self.rows;
+        let gradient = DVector::from_fn(2 * m, |i, _| match i.checked_sub(m) {
+            None => -shift[i] + (i + 1..n).map(|k| slope[k] * rows[(k, i)]).sum::<f64>(),
+            Some(i) => shift[i] - x[i] + slope[i],
+        });
+        let mixed = |i: usize, j: usize| curvature[i] * rows[(i, j)] - if i == j { 1.0 } else { 0.0 };
+        let jacobian = DMatrix::from_fn(2 * m, 2 * m, |i, j| match (i.checked_sub(m), j.checked_sub(m)) {
+            (None, None) => (0..n).map(|k| rows[(k, i)] * curvature[k] * rows[(k, j)]).sum(),
+            (None, Some(j)) => mixed(j, i),
+            (Some(i), None) => mixed(i, j),
+            (Some(i), Some(j)) if i == j => 1.0 + curvature[i],
+            _ => 0.0,
+        });
+        (gradient, jacobian)
+    }
+
+    /// Newton's steps, shortened where the slope does not fall. Any shift gives the right probability; the saddle point's gives it with the fewest points.
+    fn find_saddle(&mut self) {
+        let m = self.n() - 1;
+        if m == 0 {
+            return;
+        }
+        let (mut gradient, mut jacobian) = self.slopes(&self.x, &self.shift);
+        for _ in 0..MOST_STEPS {
+            if gradient.norm() < LEAST_SLOPE {
+                return;
+            }
+            let Some(step) = jacobian.lu().solve(&gradient) else { return };
+            let mut length = 1.0;
+            loop {
+                let (mut x, mut shift) = (self.x.clone(), self.shift.clone());
+                (0..m).for_each(|k| {
+                    x[k] -= length * step[k];
+                    shift[k] -= length * step[m + k];
+                });
+                let (trial, of_trial) = self.slopes(&x, &shift);
+                if trial.norm() < gradient.norm() {
+                    (self.x, self.shift, gradient, jacobian) = (x, shift, trial, of_trial);
+                    break;
+                }
+                length *= 0.5;
+                if length < 1e-6 {
+                    return;
+                }
+            }
+        }
+    }
+
+    /// About where the coordinates are on average, given the box.
+    fn mean(&self) -> DVector<f64> {
+        DVector::from_fn(self.n(), |k, _| {
+            let [lower, upper] = self.ends(k, &self.x, self.shift[k]);
+            self.shift[k] + Within::new(lower, upper).slope()
+        })
+    }
+
+    fn ln_probability(&self) -> f64 {
+        let n_drawn = self.n() - 1;
+        let at_saddle = self.ln_weight(&self.x);
+        if n_drawn == 0 {
+            return at_saddle;
+        }
+        let mut x = vec![0.0; self.n()];
+        let mut sum = 0.0;
+        for_points(n_drawn, |point, weight| {
+            for (k, share) in point.iter().enumerate() {
+                let [lower, upper] = self.ends(k, &x, self.shift[k]);
+                x[k] = self.shift[k] + quantile_within(lower, upper, *share);
+            }
+            sum += weight * (self.ln_weight(&x) - at_saddle).exp();
+        });
+        at_saddle + sum.ln()
+    }
+}
+
+/// Points of the unit cube with weights that add to one: equal distances, or a Kronecker sequence, bent so that the ends of the cube have no weight
+/// (w = t³(10 − 15t + 6t²)): integrands are steep there, and a periodic one is what both are best at.
+fn for_points(n_dimensions: usize, mut visit: impl FnMut(&[f64], f64)) {
+    let bent = |t: f64| (t.powi(3) * (10.0 - t * (15.0 - 6.0 * t)), 30.0 * (t * (1.0 - t)).powi(2));
+    let mut point = vec![0.0; n_dimensions];
+    let mut visit_at = |n: usize, t: &dyn Fn(usize) -> f64| {
+        let mut weight = 1.0 / n as f64;
+        for (dimension, share) in point.iter_mut().enumerate() {
+            let (bent, slope) = bent(t(dimension));
+            *share = bent;
+            weight *= slope;
+        }
+        visit(&point, weight);
+    };
+    let middle = |number: usize, n: usize| (number as f64 + 0.5) / n as f64;
+    match n_dimensions {
+        1 => (0..N_ALONE).for_each(|number| visit_at(N_ALONE, &|_| middle(number, N_ALONE))),
+        2 => {
+            let n = N_EACH_OF_TWO;
+            (0..n * n).for_each(|number| visit_at(n * n, &|d| middle(if d == 0 { number / n } else { number % n }, n)));
+        }
+        _ => {
+            // The root of xᵈ⁺¹ = x + 1, whose powers are the farthest from fractions.
+            let ratio = (0..60).fold(1.5_f64, |x, _| (1.0 + x).powf(1.0 / (n_dimensions + 1) as f64));
+            let t = |number: usize, d: usize| ((number as f64 + 0.5) * ratio.powi(-(d as i32) - 1)).fract();
+            (0..N_OF_MORE).for_each(|number| visit_at(N_OF_MORE, &|d| t(number, d)));
+        }
+    }
+}
+
+#[cfg(test)]
+#[path = "box_probability_tests.rs"]
+mod tests;
