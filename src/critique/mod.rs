@@ -9,6 +9,8 @@ pub mod bootstrap;
 mod candidate;
 pub mod challenge;
 pub mod compare;
+#[cfg(test)]
+mod controls_tests;
 pub mod detectable;
 pub mod diagnose;
 pub mod diagnosis;

@@ -11,6 +11,7 @@ pub mod ladder;
 pub mod log_score;
 pub mod mechanics;
 mod mesh_check;
+pub mod misfit;
 mod mixture;
 mod model_priors;
 pub mod problem;
