@@ -12,8 +12,9 @@
 //!
 //!   γₖ = |Σ꜀ aₖ꜀|² / (C Σ꜀ |aₖ꜀|²),   S = −(C − 1) Σₖ ln(1 − γₖ)
 //!
-//! γₖ is Beta(1, C − 1) and S is Gamma(K, 1) distributed. Beyond its 99.9 % point something comes again; that is a misfit if it makes what is left more
-//! than 1.5 times the noise, given, or else estimated from what does not come again. No size of the slow noise and no time of it enters.
+//! γₖ is Beta(1, C − 1) and S is Gamma(K, 1) distributed. Beyond its 99.99 % point something comes again; that is a misfit if it makes what is left more
+//! than 1.5 times the noise, given, or else estimated from what does not come again. No size of the slow noise and no time of it enters. What is taken out
+//! of each cycle makes harmonics of very slow noise depend on each other: up to 1.5 records of noise alone in a thousand lie beyond that point.
 //!
 //! γₖ is the squared inter-trial coherence of evoked responses (Jervis et al., *IEEE Trans. Biomed. Eng.* 30, 43, 1983, doi:10.1109/TBME.1983.325165).
 
@@ -23,8 +24,10 @@ use crate::experiment::Record;
 
 /// Misfit or learnt noise above this multiple of the known noise is not the noise (contracts §4).
 pub const NOISE_FACTOR: f64 = 1.5;
-/// Share of experiments without a misfit in which one test finds one.
+/// Share of records of noise alone whose size is called too large.
 pub const FALSE_ALARM: f64 = 0.001;
+/// p below which something comes again; it is one in a thousand for noise of any time, with what the harmonics have in common.
+const RETURN_P: f64 = 1e-4;
 /// Harmonics of the cycle that are looked at, and rows that each needs.
 const MOST_HARMONICS: usize = 8;
 const ROWS_PER_HARMONIC: usize = 6;
@@ -85,7 +88,7 @@ impl Misfit {
         let returning = Returning::of(remainder);
         let [fitted, heldout] = [remainder.fitted_m, remainder.heldout_m].map(|rows| Series::of(remainder, rows));
         let fitted = fitted?;
-        let comes_again = returning.as_ref().is_some_and(|own| own.p < FALSE_ALARM);
+        let comes_again = returning.as_ref().is_some_and(|own| own.p < RETURN_P);
         // Nothing but its return tells a misfit from slow noise of unknown size.
         let noise_m = match &returning {
             Some(own) if !is_known => noise_m.max(own.noise_m2.sqrt()),
