@@ -246,6 +246,14 @@ mod tests {
         assert_eq!((bootstrap.len(), bootstrap.threshold()), (4, 4.0));
         // Of 99 the 95th in size: four stay above it.
         assert_eq!(Bootstrap { largest: (1..=99).rev().map(f64::from).collect() }.threshold(), 95.0);
+        // Ten searches are not called a hundred.
+        let words = |n: i32| Bootstrap { largest: (1..=n).map(f64::from).collect() }.sentence().expect("searches");
+        assert!(
+            words(10).starts_with("in 10 simulated searches where nothing is missing no refit gained more than 10.0")
+        );
+        assert!(words(10).contains("too few") && !words(99).contains("too few"));
+        assert!(words(99).starts_with("in 95 of 99 simulated searches") && words(99).contains("more than 95.0 nats"));
+        assert_eq!(Bootstrap { largest: Vec::new() }.sentence(), None);
         let decision = Simulations { most: 99, only_for: Some(0.05) };
         assert!(decision.are_enough(&[1.0; 20], 2.1) && !decision.are_enough(&[1.0; 20], 1.9));
         assert!(!decision.are_enough(&[1.0; 10], 9.0) && decision.are_enough(&[1.0; 10], 0.5));

@@ -221,4 +221,10 @@ fn a_document_holds_the_claim_with_sizes_of_the_whole_model() {
     assert!(n_apart > 0);
     let other = document.candidates.iter().find(|entry| entry.effect == "force-asymmetry").expect("of the library");
     assert!(other.refit.as_ref().expect("refitted").log_bayes_factor.is_none());
+    // What gains beyond chance and is not claimed is said to be weaker, and not to be without support.
+    let standing = |p_familywise: f64| {
+        let entry = CandidateEntry { status: Status::Unsupported, p_familywise, ..other.clone() };
+        document.standing(&entry)
+    };
+    assert_eq!([standing(0.01), standing(0.4)], ["weaker than the claim", "no more than chance"]);
 }
