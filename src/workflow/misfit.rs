@@ -135,10 +135,12 @@ pub fn directions_of_spread(draws_m: &[Vec<f64>], mean_m: &[f64], n: usize) -> V
     let mut left: Vec<Vec<f64>> =
         draws_m.iter().map(|draw_m| draw_m.iter().zip(mean_m).map(|(x, mean)| x - mean).collect()).collect();
     let mut directions: Vec<Vec<f64>> = Vec::with_capacity(n);
+    let mut largest = 0.0_f64;
     for _ in 0..n.min(left.len()) {
         let squares: Vec<f64> = left.iter().map(|own| dot(own, own)).collect();
         let Some(farthest) = (0..left.len()).max_by(|a, b| squares[*a].total_cmp(&squares[*b])) else { break };
-        if squares[farthest] <= 0.0 {
+        largest = largest.max(squares[farthest]);
+        if squares[farthest] <= LEAST_NEW * LEAST_NEW * largest {
             break;
         }
         let norm = squares[farthest].sqrt();
