@@ -171,3 +171,35 @@ fn what_cannot_be_asked_is_refused() {
     refuses(&["--simulations", "10"], &["--simulations", "99"]);
     assert!(!dir.path().join("study").exists(), "something was written");
 }
+
+/// A shape of 1.2 µm, in its own phase in every cycle alike, beside the known 0.5 µm: `sample` does not trust its posterior for the misfit, and `diagnose` does not say that
+/// nothing is missing; without the shape neither complains.
+#[test]
+fn sample_and_diagnose_agree_on_what_the_known_noise_allows() {
+    let dir = tempfile::tempdir().unwrap();
+    for (name, size_um, is_misfit) in [("bent", 1.2, true), ("plain", 0.0, false)] {
+        let experiment = dir.path().join(name);
+        write_instrument_experiment(&experiment, true, 0.0);
+        let path = experiment.join("trajectory.csv");
+        let csv = std::fs::read_to_string(&path).unwrap();
+        let bent = |(line, text): (usize, &str)| {
+            let mut cells: Vec<String> = text.split(',').map(String::from).collect();
+            if line > 0 {
+                let phase = std::f64::consts::TAU * ((line - 1) % 100) as f64 / 100.0;
+                let shape_um = size_um * ((2.0 * phase).sin() + (3.0 * phase + 0.5).cos() + (5.0 * phase).sin());
+                cells[2] = (cells[2].parse::<f64>().unwrap() + shape_um).to_string();
+            }
+            cells.join(",") + "\n"
+        };
+        std::fs::write(&path, csv.lines().enumerate().map(bent).collect::<String>()).unwrap();
+        let study = format!("{name}-study");
+        let sampled =
+            vitreo(dir.path(), &["sample", experiment.to_str().unwrap(), "--out", &study, "--json", "-", "--quiet"]);
+        assert_eq!(sampled.code, i32::from(is_misfit), "{sampled}");
+        let kinds = sampled.json()["warnings"].to_string();
+        assert_eq!(kinds.contains("misfit_above_noise"), is_misfit, "{kinds}");
+        let run = vitreo(dir.path(), &[&["diagnose", &study, "--json", "-", "--quiet"][..], &SIMULATIONS].concat());
+        let document = run.exits(0).json();
+        assert_eq!(document["verdict"]["kind"] != "none", is_misfit, "{}", document["verdict"]);
+    }
+}

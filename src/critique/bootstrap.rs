@@ -19,6 +19,8 @@ pub struct Bootstrap {
 const BATCH: usize = 10;
 /// A p is known well enough when so many simulations reached the gain (Besag & Clifford, Biometrika 78, 301, 1991).
 const ENOUGH_EXCEEDANCES: usize = 10;
+/// Fewer searches than this do not show the largest gain of 95 in 100.
+const ENOUGH_FOR_QUANTILE: usize = 40;
 /// A gain that is so many times the largest simulated one will not be reached.
 const OUT_OF_REACH: f64 = 2.0;
 
@@ -88,11 +90,23 @@ impl Bootstrap {
         self.largest.is_empty()
     }
 
-    /// The gain that 95 of 100 simulated searches stay below.
+    /// The gain that 95 of 100 simulated searches stay below; of fewer than twenty searches the largest.
     pub fn threshold(&self) -> f64 {
         let mut sorted = self.largest.clone();
         sorted.sort_by(f64::total_cmp);
         sorted.get(sorted.len() * 95 / 100).copied().unwrap_or(f64::INFINITY)
+    }
+
+    /// What the simulated searches gained, and how many there were; `None` of none.
+    pub(super) fn sentence(&self) -> Option<String> {
+        let n = self.largest.len();
+        let gained = self.threshold();
+        let larger = self.largest.iter().filter(|largest| **largest > gained).count();
+        let few = if n < ENOUGH_FOR_QUANTILE { ": enough to decide, too few for a limit of 95 in 100" } else { "" };
+        (n > 0).then(|| match larger {
+            0 => format!("in {n} simulated searches where nothing is missing no refit gained more than {gained:.1} nats{few}"),
+            _ => format!("in {} of {n} simulated searches where nothing is missing no refit gained more than {gained:.1} nats{few}", n - larger),
+        })
     }
 }
 
@@ -232,6 +246,14 @@ mod tests {
         assert_eq!((bootstrap.len(), bootstrap.threshold()), (4, 4.0));
         // Of 99 the 95th in size: four stay above it.
         assert_eq!(Bootstrap { largest: (1..=99).rev().map(f64::from).collect() }.threshold(), 95.0);
+        // Ten searches are not called a hundred.
+        let words = |n: i32| Bootstrap { largest: (1..=n).map(f64::from).collect() }.sentence().expect("searches");
+        assert!(
+            words(10).starts_with("in 10 simulated searches where nothing is missing no refit gained more than 10.0")
+        );
+        assert!(words(10).contains("too few") && !words(99).contains("too few"));
+        assert!(words(99).starts_with("in 95 of 99 simulated searches") && words(99).contains("more than 95.0 nats"));
+        assert_eq!(Bootstrap { largest: Vec::new() }.sentence(), None);
         let decision = Simulations { most: 99, only_for: Some(0.05) };
         assert!(decision.are_enough(&[1.0; 20], 2.1) && !decision.are_enough(&[1.0; 20], 1.9));
         assert!(!decision.are_enough(&[1.0; 10], 9.0) && decision.are_enough(&[1.0; 10], 0.5));

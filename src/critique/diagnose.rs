@@ -3,7 +3,7 @@
 use super::bootstrap::simulated;
 use super::diagnosis::Diagnosis;
 use super::document::Report;
-use super::leftover::{Leftover, event_in_any_cycle, is_gain_of_a_cycle};
+use super::leftover::{Leftover, event_in_any_cycle, is_gain_of_a_cycle, misfit};
 use super::outside::{self, Outside, OutsideNull, OutsideRequest, outside_gain};
 use super::refit::Refitted;
 use super::search::{Bars, Effort, Found, LARGER_NATS, replacements, search};
@@ -12,6 +12,7 @@ use super::{Search, Subject, outliers};
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
+use crate::workflow::misfit::Misfit;
 use crate::workflow::{Counter, Monitor};
 
 /// What a caller decides.
@@ -54,8 +55,12 @@ const REACH_NATS: f64 = 6.0;
 const LARGEST_OUTSIDE_P: f64 = 0.02;
 const LEAST_OUTSIDE_NATS: f64 = 5.5;
 const N_OUTSIDE_SIMULATIONS: usize = 199;
-/// Simulated data sets by which a finding is confirmed: none of them may show as much.
-const N_CONFIRMING: usize = 39;
+/// Simulated data sets by which a finding is confirmed: none of them may show as much. They are made so many at a time, three times at least, and no more
+/// where the finding is out of their reach.
+const N_CONFIRMING: usize = 195;
+const CONFIRMING_BATCH: usize = 13;
+const FEWEST_CONFIRMING: usize = 39;
+const OUT_OF_REACH: f64 = 2.0;
 const CONFIRMING_STREAMS: u64 = 0xc0f1;
 /// What the best effect of the library gains by chance, in nats; each further one is asked for more.
 const CHANCE_NATS: f64 = 1.5;
@@ -79,10 +84,10 @@ pub fn diagnose(subject: &Subject, request: &DiagnosisRequest, monitor: &dyn Mon
     let effort = Effort { n_simulations, in_full, seed };
     let mut found = search(&subject, &request.bars, &effort, monitor)?;
     monitor.stage("looking for structure outside the library");
-    let unexplained = unexplained(&subject, request, &mut found, monitor)?;
+    let (unexplained, left) = judged(&subject, request, &mut found, monitor)?;
     let class = match &found.claimed {
-        Some(claimed) => class_of(&subject, &found, claimed)?,
-        None => Vec::new(),
+        Some(claimed) if !left.is_too_large() => class_of(&subject, &found, claimed)?,
+        _ => Vec::new(),
     };
     let (mut leftover, mut event) = (None, None);
     let mut report = Report {
@@ -90,6 +95,7 @@ pub fn diagnose(subject: &Subject, request: &DiagnosisRequest, monitor: &dyn Mon
         request,
         found: &found,
         unexplained: &unexplained,
+        left: &left,
         leftover: None,
         event: None,
         class: &class,
@@ -111,6 +117,28 @@ pub fn diagnose(subject: &Subject, request: &DiagnosisRequest, monitor: &dyn Mon
 /// Whether structure outside the library is more than chance.
 fn is_significant(outside: &Outside) -> bool {
     outside.p_familywise <= LARGEST_OUTSIDE_P && outside.penalised_gain_nats >= LEAST_OUTSIDE_NATS
+}
+
+/// Structure that is not of the library, and what the best model leaves. Where that is more than the noise allows, the law is still wrong: one effect may
+/// be said to help, and none is added for the sake of what is left.
+fn judged(
+    subject: &Subject,
+    request: &DiagnosisRequest,
+    found: &mut Found,
+    monitor: &dyn Monitor,
+) -> Result<(Vec<Outside>, Misfit)> {
+    let mut structure = unexplained(subject, request, found, monitor)?;
+    let left_by = |found: &Found, structure: &[Outside]| {
+        misfit(subject, found.claimed.as_ref().unwrap_or(&found.base), structure)
+    };
+    let mut left = left_by(found, &structure)?;
+    let is_larger = found.claimed.as_ref().is_some_and(|claimed| found.added(claimed).len() > 1);
+    if left.is_too_large() && is_larger {
+        found.claimed = found.first_claimed().cloned();
+        structure = unexplained(subject, request, found, monitor)?;
+        left = left_by(found, &structure)?;
+    }
+    Ok((structure, left))
 }
 
 /// Structure that is not of the library. Withdraws a claim that such structure explains better.
@@ -168,21 +196,25 @@ fn confirmed(
     let Some(gain) = list.first().map(|first| first.penalised_gain_nats) else { return Ok(list) };
     let null = OutsideNull::of(subject, &model.candidate, &model.fitted, request)?;
     let counter = Counter::new(monitor, N_CONFIRMING);
-    let reaches = |number: usize| -> Result<bool> {
+    let gain_of = |number: usize| -> Result<f64> {
         let data = simulated(subject, model, request.seed ^ CONFIRMING_STREAMS, number);
         let start = (model.fitted.theta.clone(), model.fitted.noise);
         let fitted = data.fit(&model.candidate, &[start], Search::Local)?;
         let simulated = outside_gain(&data, &model.candidate, &fitted, &null)?.0;
         counter.add_one();
-        Ok(simulated >= gain)
+        Ok(simulated)
     };
-    // The first that reaches it ends the search: the rest would change nothing.
-    match (0..N_CONFIRMING).into_par_iter().map(reaches).find_first(|reached| !matches!(reached, Ok(false))) {
-        Some(Err(error)) => return Err(error),
-        Some(_) => return Ok(Vec::new()),
-        None => {}
+    let (mut largest, mut n_made) = (LEAST_OUTSIDE_NATS, 0);
+    while n_made < N_CONFIRMING && (n_made < FEWEST_CONFIRMING || gain <= OUT_OF_REACH * largest) {
+        let batch = (n_made..n_made + CONFIRMING_BATCH).into_par_iter().map(gain_of);
+        largest = batch.collect::<Result<Vec<f64>>>()?.into_iter().fold(largest, f64::max);
+        n_made += CONFIRMING_BATCH;
+        // The first that reaches it ends the search: the rest would change nothing.
+        if largest >= gain {
+            return Ok(Vec::new());
+        }
     }
-    let p = 1.0 / (1 + N_CONFIRMING) as f64;
+    let p = 1.0 / (1 + n_made) as f64;
     list.iter_mut().for_each(|outside| outside.p_familywise = outside.p_familywise.max(p));
     Ok(list)
 }

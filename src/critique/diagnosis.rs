@@ -39,12 +39,34 @@ pub struct Diagnosis {
     pub remarks: Vec<String>,
 }
 
+/// p above which a gain is no more than chance makes.
+const CHANCE_P: f64 = 0.05;
+
+impl Diagnosis {
+    /// Standing of a candidate in words, beside what the verdict says; empty where there is nothing to say.
+    pub fn standing(&self, candidate: &CandidateEntry) -> &'static str {
+        let (kind, is_named) = (self.verdict.kind, self.verdict.effects.contains(&candidate.effect));
+        let is_chance = candidate.refit.is_none() || candidate.p_familywise > CHANCE_P;
+        match candidate.status {
+            Status::Claimed => "claimed",
+            Status::Equivalent => "equivalent",
+            Status::Suggestive if is_named => "helps, not enough",
+            Status::Suggestive => "suggestive",
+            Status::Invisible => "invisible here",
+            Status::Unsupported if is_chance => "no more than chance",
+            Status::Unsupported if kind == VerdictKind::Missing => "weaker than the claim",
+            Status::Unsupported if !self.verdict.effects.is_empty() => "helps less",
+            Status::Unsupported => "not what is left",
+        }
+    }
+}
+
 /// The conclusion.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Verdict {
     /// Of which kind it is.
     pub kind: VerdictKind,
-    /// Effects that are needed.
+    /// Effects that are needed, or, of an unexplained misfit, what helps without being enough.
     pub effects: Vec<String>,
     /// Effects that this experiment cannot tell from those.
     pub equivalent: Vec<String>,
@@ -60,7 +82,7 @@ pub enum VerdictKind {
     Missing,
     /// The model explains the data down to the noise.
     None,
-    /// It does not, and no effect is claimed.
+    /// It does not, and no effect is claimed: what is named helps most, and is not the cause.
     Unexplained,
 }
 
@@ -71,7 +93,7 @@ pub struct BaseErrors {
     pub rmse_fitted_um: f64,
     /// Of the scored cycle.
     pub rmse_heldout_um: Option<f64>,
-    /// Known or estimated noise.
+    /// Known noise; or the estimated one, white and slow together.
     pub noise_um: f64,
 }
 
@@ -95,9 +117,9 @@ pub enum Status {
     Claimed,
     /// Cannot be told from what is claimed.
     Equivalent,
-    /// Gains, but not enough to be claimed.
+    /// Gains, but not enough to be claimed; or helps a model that stays wrong with it.
     Suggestive,
-    /// Gains nothing worth a word.
+    /// Gains nothing worth a word, or less than what stands in its place.
     Unsupported,
     /// Does not show in this experiment, or cannot be added to this model.
     Invisible,

@@ -14,14 +14,13 @@ use super::search::{Found, Single};
 use super::{Candidate, Fitted, Subject, Tangent, noise_learning, protocol, rank};
 use crate::error::Result;
 use crate::report::number::significant;
+use crate::workflow::misfit::Misfit;
 use crate::workflow::{Counter, Monitor};
 
 /// Gains (nats) below this are not worth a computation of evidence, and nothing to speak of.
 const LEAST_GAIN: f64 = 2.0;
 /// Visible shares below this are blind spots.
 const LEAST_VISIBLE: f64 = 1e-3;
-/// Learnt noise above so many times the known one stands for something that is not noise.
-const LARGEST_NOISE_RATIO: f64 = 3.0;
 /// Simulated repeats by which a change of the protocol is confirmed.
 const N_REPEATS: usize = 40;
 /// Pairs that are reported.
@@ -35,6 +34,8 @@ pub(super) struct Report<'a> {
     pub request: &'a DiagnosisRequest,
     pub found: &'a Found,
     pub unexplained: &'a [Outside],
+    /// What the best model leaves, beside what the noise allows.
+    pub left: &'a Misfit,
     /// What is unexplained, taken together; `None` where nothing is, or nobody asked.
     pub leftover: Option<&'a Leftover>,
     /// An event in any cycle, the scored one included.
@@ -47,7 +48,7 @@ impl Report<'_> {
     pub fn document(&self, outlier_rows: Vec<usize>, monitor: &dyn Monitor) -> Result<Diagnosis> {
         let (subject, found) = (self.subject, self.found);
         let experiment = subject.experiment();
-        let noise_um = 1e6 * subject.yardstick_m();
+        let noise_um = self.noise_um();
         let base = self.errors(&found.base);
         let scored: Vec<&Single> = found.singles.iter().filter(|single| single.score.is_some()).collect();
         let scores: Vec<rank::Score> = scored.iter().filter_map(|single| single.score.clone()).collect();
@@ -163,7 +164,7 @@ impl Report<'_> {
     fn status(&self, single: &Single) -> Status {
         let gain = single.gain.map_or(0.0, |gain| gain.fitted);
         if self.claimed().contains(&single.slug) {
-            Status::Claimed
+            if self.left.is_too_large() { Status::Suggestive } else { Status::Claimed }
         } else if self.class.iter().any(|own| own.slug == single.slug) {
             Status::Equivalent
         } else if single.score.as_ref().is_none_or(|score| score.visible_fraction < LEAST_VISIBLE) && gain < LEAST_GAIN
@@ -258,10 +259,9 @@ impl Report<'_> {
         let mut list = Vec::new();
         let threshold = rank::largest_score_threshold(scores, cosines, self.request.seed);
         list.push(format!(
-            "without any effect the largest score stays below {threshold:.2} standard deviations, and the largest gain of a refit below {:.1} nats, in 95 of 100 experiments ({} simulated searches)",
-            self.found.bootstrap.threshold(),
-            self.found.bootstrap.len()
+            "without any effect the largest score stays below {threshold:.2} standard deviations in 95 of 100 experiments"
         ));
+        list.extend(self.found.bootstrap.sentence());
         match self.subject.experiment().heldout_cycles[..] {
             [] => list.push("no cycle is held out, so nothing is claimed beyond \"suggestive\"".into()),
             [cycle] if self.subject.problem().experiment.calibration_cycles.len() == 1 => list.push(format!(
@@ -274,12 +274,12 @@ impl Report<'_> {
 
     fn verdict(&self, candidates: &[CandidateEntry]) -> Verdict {
         let effects: Vec<String> = self.claimed().into_iter().map(String::from).collect();
-        let kind = if !effects.is_empty() {
-            VerdictKind::Missing
-        } else if self.remains() {
+        let kind = if self.left.is_too_large() || (effects.is_empty() && !self.unexplained.is_empty()) {
             VerdictKind::Unexplained
-        } else {
+        } else if effects.is_empty() {
             VerdictKind::None
+        } else {
+            VerdictKind::Missing
         };
         let sentence = match kind {
             VerdictKind::Missing => self.missing_sentence(&effects, candidates),
@@ -292,19 +292,31 @@ impl Report<'_> {
 
     /// Whether something remains that the best model does not explain.
     pub fn remains(&self) -> bool {
-        !self.unexplained.is_empty() || self.learnt_noise_ratio() > LARGEST_NOISE_RATIO
+        !self.unexplained.is_empty() || self.left.is_too_large()
     }
 
-    /// Noise that differs from row to row, as learnt with the best model, over the known one.
-    fn learnt_noise_ratio(&self) -> f64 {
+    /// The noise of one position (µm): known, or else what is estimated beside the best model, white and slow together, or, where that holds a misfit,
+    /// what does not come again in every cycle.
+    fn noise_um(&self) -> f64 {
         let model = self.found.claimed.as_ref().unwrap_or(&self.found.base);
-        1e-6 * self.subject.noise().row_sd_um(&model.fitted.noise) / self.subject.yardstick_m()
+        let learnt_um = self.subject.noise().row_sd_um(&model.fitted.noise);
+        let least_um = 1e6 * self.subject.yardstick_m();
+        match (self.left.is_known, self.left.is_too_large()) {
+            (true, _) => least_um,
+            (false, true) => 1e6 * self.left.noise_m,
+            (false, false) => learnt_um.max(least_um),
+        }
     }
 
-    fn missing_sentence(&self, effects: &[String], candidates: &[CandidateEntry]) -> String {
-        let Some(claimed) = &self.found.claimed else { return String::new() };
-        let (before, after) = (self.errors(&self.found.base), self.errors(claimed));
-        let errors = match (before.rmse_heldout_um, after.rmse_heldout_um) {
+    /// The noise in µm, and whether it was given.
+    fn noise_words(&self) -> String {
+        format!("{}{}", short(self.noise_um()), if self.left.is_known { "" } else { ", estimated" })
+    }
+
+    /// Where the error on the held-out cycle goes with the model that is claimed or helps.
+    fn errors_words(&self, model: &Refitted) -> String {
+        let (before, after) = (self.errors(&self.found.base), self.errors(model));
+        match (before.rmse_heldout_um, after.rmse_heldout_um) {
             (Some(was), Some(is)) => {
                 format!("on the held-out cycle the error goes from {} to {} µm", short(was), short(is))
             }
@@ -313,7 +325,12 @@ impl Report<'_> {
                 short(before.rmse_fitted_um),
                 short(after.rmse_fitted_um)
             ),
-        };
+        }
+    }
+
+    fn missing_sentence(&self, effects: &[String], candidates: &[CandidateEntry]) -> String {
+        let Some(claimed) = &self.found.claimed else { return String::new() };
+        let errors = self.errors_words(claimed);
         let sizes: Vec<String> = candidates
             .iter()
             .filter(|candidate| candidate.status == Status::Claimed)
@@ -326,18 +343,12 @@ impl Report<'_> {
                 format!(" This experiment cannot tell {which} from {}.", listed(class, "or"))
             }
         };
-        let ratio = self.learnt_noise_ratio();
-        let noise = if ratio > LARGEST_NOISE_RATIO {
-            format!(" Even so {ratio:.0} times the known noise are left: this is not all that is missing.")
-        } else {
-            String::new()
-        };
         let rest = self.what_remains().map_or(String::new(), |what| format!(" Unexplained, here: {what}"));
         format!(
-            "The model lacks {}: with {}, {errors} (noise {}). {}.{class}{noise}{rest}",
+            "The model lacks {}: with {}, {errors} (noise {}). {}.{class}{rest}",
             listed(effects, "and"),
             if effects.len() > 1 { "them" } else { "it" },
-            short(1e6 * self.subject.yardstick_m()),
+            self.noise_words(),
             sizes.join("; ")
         )
     }
@@ -350,15 +361,38 @@ impl Report<'_> {
 
     fn unexplained_sentence(&self) -> String {
         let what = self.what_remains().unwrap_or_default();
-        if !self.unexplained.is_empty() {
-            return format!("Unexplained, here: {what}");
+        let rest = if what.is_empty() { String::new() } else { format!(" Unexplained, here: {what}") };
+        if let Some(helping) = &self.found.claimed {
+            let effects = listed(&self.found.added(helping).into_iter().map(String::from).collect::<Vec<_>>(), "and");
+            return format!(
+                "The model is still wrong with all that was tried: with {effects} it leaves {}. Of the library {effects} helps most, but it is not the cause ({}): read no property from its size.{rest}",
+                self.excess_words(),
+                self.errors_words(helping)
+            );
         }
-        let noise = format!(
-            "Unexplained, here: neighbouring errors are {:.1} times the known noise of {} µm, and no effect of the library or known structure accounts for it. {what}",
-            self.learnt_noise_ratio(),
-            short(1e6 * self.subject.yardstick_m())
-        );
-        noise.trim_end().into()
+        if !self.unexplained.is_empty() {
+            return rest.trim_start().into();
+        }
+        format!(
+            "The model is wrong, and no effect of the library or known structure accounts for it: it leaves {}.{rest}",
+            self.excess_words()
+        )
+    }
+
+    /// How much more than the noise is left, and where.
+    fn excess_words(&self) -> String {
+        let heldout = self.left.heldout.filter(|size| size.is_too_large);
+        let (size, which) = heldout.map_or((self.left.fitted, "fitted cycles"), |size| (size, "held-out cycle"));
+        let origin = if self.left.is_known { "known" } else { "estimated" };
+        let returning = self.left.returning_m.map_or(String::new(), |returning_m| {
+            format!("; {} µm of it come again in every cycle, which noise does not", short(1e6 * returning_m))
+        });
+        format!(
+            "{} µm on the {which}, {:.1} times the {origin} noise of {} µm{returning}",
+            short(1e6 * size.rms_m),
+            size.rms_m / self.left.noise_m,
+            short(1e6 * self.left.noise_m)
+        )
     }
 
     fn none_sentence(&self, candidates: &[CandidateEntry]) -> String {
@@ -375,7 +409,7 @@ impl Report<'_> {
             "Nothing is missing that this experiment could show: the model's error is {} µm on the {} (noise {}), and what it leaves looks like noise.{hint}",
             short(errors.rmse_heldout_um.unwrap_or(errors.rmse_fitted_um)),
             if is_heldout { "held-out cycle" } else { "fitted cycles" },
-            short(1e6 * self.subject.yardstick_m()),
+            self.noise_words(),
         )
     }
 }

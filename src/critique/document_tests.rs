@@ -8,10 +8,23 @@ use crate::critique::outside::OutsideKind;
 use crate::critique::search::tests::{BIAS, DRIFT_M_PER_S, found, refitted, small};
 use crate::critique::separation::tests::measured;
 use crate::workflow::Silent;
+use crate::workflow::misfit::Size;
+
+const SMALL: Size = Size { rms_m: 4e-6, is_too_large: false };
+const LARGE: Size = Size { rms_m: 6.4e-6, is_too_large: true };
+/// Nothing is left but 4 µm of known noise.
+const WITHIN: Misfit = Misfit {
+    fitted: SMALL,
+    heldout: Some(SMALL),
+    noise_m: 4e-6,
+    is_known: true,
+    returning_m: None,
+    learnt_degrees: 1.0,
+};
 
 /// Of a search alone: nothing is unexplained, and no other effect stands for a claimed one.
 fn plain<'a>(subject: &'a Subject, request: &'a DiagnosisRequest, found: &'a Found) -> Report<'a> {
-    Report { subject, request, found, unexplained: &[], class: &[], leftover: None, event: None }
+    Report { subject, request, found, unexplained: &[], left: &WITHIN, class: &[], leftover: None, event: None }
 }
 
 /// Something outside the library; what stands in it but its words is not looked at.
@@ -42,38 +55,45 @@ fn the_verdict_follows_claim_structure_and_noise() {
     let data = measured(&small(), &["force-bias"], &[BIAS], 31);
     let mut found = found(&data, &[1.0; 99]);
     let request = request();
-    let kind = |found: &Found, unexplained: &[Outside]| {
-        let report = Report { unexplained, ..plain(&data, &request, found) };
+    let too_large = Misfit { heldout: Some(LARGE), returning_m: Some(5e-6), ..WITHIN };
+    let kind = |found: &Found, unexplained: &[Outside], left: &Misfit| {
+        let report = Report { unexplained, left, ..plain(&data, &request, found) };
         let statuses: Vec<Status> = found.singles.iter().map(|single| report.status(single)).collect();
         let verdict = report.verdict(&[]);
         (verdict.kind, verdict.effects, verdict.sentence, statuses)
     };
     let outside = [slip(&found.base)];
-    // 4 µm are known, and three times that is the bar.
-    found.base.fitted.noise = [11.9, 0.1, 1.0, 0.01, 1.0];
-    let (none, effects, sentence, statuses) = kind(&found, &[]);
+    // However large the noise that the model has learnt: what is left decides.
+    found.base.fitted.noise = [4.0, 5.0, 1.0, 0.01, 1.0];
+    let (none, effects, sentence, statuses) = kind(&found, &[], &WITHIN);
     assert_eq!((none, effects.len()), (VerdictKind::None, 0));
-    assert!(sentence.contains("on the held-out cycle"), "{sentence}");
+    assert!(sentence.contains("on the held-out cycle (noise 4.00)"), "{sentence}");
     assert_eq!(statuses[1], Status::Suggestive);
-    let (unexplained, _, sentence, statuses) = kind(&found, &outside);
+    let (unexplained, _, sentence, statuses) = kind(&found, &outside, &WITHIN);
     assert_eq!(unexplained, VerdictKind::Unexplained);
     assert!(sentence.ends_with("a slip.") && statuses[1] == Status::Unsupported, "{sentence}");
-    found.base.fitted.noise[0] = 12.1;
-    let (unexplained, effects, sentence, _) = kind(&found, &[]);
+    let (unexplained, effects, sentence, _) = kind(&found, &[], &too_large);
     assert_eq!((unexplained, effects.len()), (VerdictKind::Unexplained, 0));
-    assert!(sentence.contains("3.0 times the known noise of 4.00 µm"), "{sentence}");
+    assert!(sentence.contains("6.40 µm on the held-out cycle, 1.6 times the known noise of 4.00 µm"), "{sentence}");
+    assert!(sentence.contains("5.00 µm of it come again in every cycle"), "{sentence}");
+    // Where none was given, none is called known.
+    let estimated = Misfit { is_known: false, ..WITHIN };
+    let (none, _, sentence, _) = kind(&found, &[], &estimated);
+    assert_eq!(none, VerdictKind::None);
+    assert!(sentence.contains("(noise 6.40, estimated)") && !sentence.contains("known"), "{sentence}");
     found.claimed = found.singles[1].refitted.clone();
     for (list, remains) in [(&outside[..0], false), (&outside[..], true)] {
-        let (missing, effects, sentence, statuses) = kind(&found, list);
+        let (missing, effects, sentence, statuses) = kind(&found, list, &WITHIN);
         assert_eq!((missing, effects), (VerdictKind::Missing, vec!["force-bias".to_string()]));
         assert_eq!(sentence.contains("Unexplained, here: a slip."), remains);
-        assert!(!sentence.contains("times the known noise"), "{sentence}");
         assert_eq!(statuses[1], Status::Claimed);
         assert!(statuses[0] != Status::Suggestive && statuses[2] != Status::Suggestive);
     }
-    found.claimed.as_mut().expect("a claim").fitted.noise[0] = 20.1;
-    let (_, _, sentence, _) = kind(&found, &[]);
-    assert!(sentence.contains("Even so 5 times the known noise are left"), "{sentence}");
+    // What helps without being enough is no cause.
+    let (unexplained, effects, sentence, statuses) = kind(&found, &[], &too_large);
+    assert_eq!((unexplained, effects), (VerdictKind::Unexplained, vec!["force-bias".to_string()]));
+    assert!(sentence.starts_with("The model is still wrong") && sentence.contains("not the cause"), "{sentence}");
+    assert_eq!(statuses[1], Status::Suggestive);
 }
 
 #[test]
@@ -201,4 +221,10 @@ fn a_document_holds_the_claim_with_sizes_of_the_whole_model() {
     assert!(n_apart > 0);
     let other = document.candidates.iter().find(|entry| entry.effect == "force-asymmetry").expect("of the library");
     assert!(other.refit.as_ref().expect("refitted").log_bayes_factor.is_none());
+    // What gains beyond chance and is not claimed is said to be weaker, and not to be without support.
+    let standing = |p_familywise: f64| {
+        let entry = CandidateEntry { status: Status::Unsupported, p_familywise, ..other.clone() };
+        document.standing(&entry)
+    };
+    assert_eq!([standing(0.01), standing(0.4)], ["weaker than the claim", "no more than chance"]);
 }

@@ -102,7 +102,7 @@ impl Subject {
 
     pub(super) fn noise_prior(&self) -> NoisePrior {
         let scales = self.experiment().scales();
-        NoisePrior::new(self.yardstick_m(), scales.sample_interval_s, scales.cycle_s)
+        NoisePrior::new(self.yardstick_m(), self.is_noise_known(), scales.sample_interval_s, scales.cycle_s)
     }
 }
 

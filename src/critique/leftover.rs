@@ -7,6 +7,7 @@
 
 use super::diagnosis::DiscrepancyEntry;
 use super::document::{predictive_noise_um, short};
+use super::fit::columns_m;
 use super::outside::{Axis, Discrepancy, Outside, OutsideKind, OutsideRequest, discrepancies, events_over_all_cycles};
 use super::refit::Refitted;
 use super::{Candidate, Fitted, Subject};
@@ -14,11 +15,34 @@ use crate::error::{Error, Result};
 use crate::report::discrepancy::{DiscrepancyPanel, discrepancy};
 use crate::report::number::with_decimals;
 use crate::report::svg::Svg;
+use crate::workflow::misfit::{Misfit, Remainder};
 
 /// Share of a cycle within which a change of gain counts as one between cycles: positions near zero do not show the moment.
 const CYCLE_EDGE: f64 = 0.05;
 /// p above which a process beside a known shape is not spoken of.
 const LARGEST_P: f64 = 0.05;
+
+/// What a model leaves, beside what the noise allows. What was recognised as no part of any law, as a slip, has been taken out.
+///
+/// # Errors
+/// [`crate::Error::Numerical`] where the model has no derivatives at its fit.
+pub(super) fn misfit(subject: &Subject, model: &Refitted, unexplained: &[Outside]) -> Result<Misfit> {
+    let shape = unexplained.first().filter(|outside| outside.kind.is_apart_from_law());
+    let (candidate, fitted) = with_shape(model, shape);
+    let left = |positions_m: &[Option<f64>]| -> Vec<Option<f64>> {
+        positions_m.iter().zip(&fitted.position_m).map(|(y, x)| y.map(|y| y - x)).collect()
+    };
+    let remainder = Remainder {
+        record: &subject.experiment().record,
+        fitted_m: &left(&subject.fitted_m),
+        heldout_m: &left(&subject.scored_m),
+        position_m: &fitted.position_m,
+        absorbed_m: &columns_m(subject, candidate, &fitted.theta)?,
+        has_gain: true,
+    };
+    Misfit::of(&remainder, subject.yardstick_m(), subject.is_noise_known())
+        .ok_or_else(|| Error::numerical("no position is fitted", "fit a cycle that has positions"))
+}
 
 /// What no effect explains, and its picture.
 pub struct Leftover {

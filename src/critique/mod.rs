@@ -10,6 +10,8 @@ mod box_probability;
 mod candidate;
 pub mod challenge;
 pub mod compare;
+#[cfg(test)]
+mod controls_tests;
 pub mod detectable;
 pub mod diagnose;
 pub mod diagnosis;

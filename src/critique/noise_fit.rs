@@ -14,12 +14,17 @@ pub(super) struct NoisePrior {
     ln_white_um: f64,
     /// ln of the shortest and longest correlation time in s.
     ln_time_s: [f64; 2],
+    /// Standard deviation of ln σ_ou.
+    process_log_sd: f64,
 }
 
 /// Standard deviation of ln σ about the yardstick: known, yet not so well that it could stand in the way of the data.
 const WHITE_LOG_SD: f64 = 0.5;
 /// Median of σ_ou over the yardstick, and standard deviation of its logarithm.
 const PROCESS: (f64, f64) = (0.5, 1.0);
+/// The latter where the yardstick is estimated from short lags, which do not show slow noise: at ten times the sample interval it is four times the estimate, at
+/// ten seconds twenty times.
+const PROCESS_LOG_SD_OF_ESTIMATE: f64 = 2.5;
 /// Standard deviations of a cycle's gain, and of its offset over the yardstick.
 const GAIN_SD: f64 = 0.03;
 const OFFSET_SD: f64 = 1.0;
@@ -28,11 +33,12 @@ const OFFSET_SD: f64 = 1.0;
 pub(super) const GAIN_FLOOR: f64 = 0.01;
 
 impl NoisePrior {
-    pub fn new(yardstick_m: f64, sample_interval_s: f64, cycle_s: f64) -> Self {
+    pub fn new(yardstick_m: f64, is_known: bool, sample_interval_s: f64, cycle_s: f64) -> Self {
         let shortest_s = 2.0 * sample_interval_s;
         Self {
             ln_white_um: (1e6 * yardstick_m).ln(),
             ln_time_s: [shortest_s.ln(), cycle_s.max(10.0 * shortest_s).ln()],
+            process_log_sd: if is_known { PROCESS.1 } else { PROCESS_LOG_SD_OF_ESTIMATE },
         }
     }
 
@@ -41,7 +47,7 @@ impl NoisePrior {
         let normal = |x: f64, mean: f64, sd: f64| -0.5 * ((x - mean) / sd).powi(2);
         let offset_sd = OFFSET_SD * self.ln_white_um.exp();
         normal(noise[0], self.ln_white_um, WHITE_LOG_SD)
-            + normal(noise[1], self.ln_white_um + PROCESS.0.ln(), PROCESS.1)
+            + normal(noise[1], self.ln_white_um + PROCESS.0.ln(), self.process_log_sd)
             + normal(noise[3].exp(), 0.0, GAIN_SD)
             + normal(noise[4].exp(), 0.0, offset_sd)
     }

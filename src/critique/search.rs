@@ -90,6 +90,11 @@ impl Found {
         model.candidate.effects[n_base..].iter().map(String::as_str).collect()
     }
 
+    /// The model of the first round, where that was claimed: the one effect that helps most.
+    pub fn first_claimed(&self) -> Option<&Refitted> {
+        self.steps.first().filter(|step| step.is_claimed).map(|step| &step.refitted)
+    }
+
     /// A single effect by its slug.
     pub fn single(&self, slug: &str) -> Option<&Single> {
         self.singles.iter().find(|single| single.slug == slug)

@@ -166,6 +166,11 @@ impl Subject {
         self.shared.yardstick_m
     }
 
+    /// Whether the noise was given with the experiment.
+    pub fn is_noise_known(&self) -> bool {
+        self.shared.experiment.noise_sd_m.is_some()
+    }
+
     /// What turns ∫J dF into a position, for every effect of the library.
     pub fn compliance(&self) -> &Compliance {
         &self.shared.compliance

@@ -15,7 +15,7 @@ const MARGIN_PX: f64 = 20.0;
 const BRACKET_PX: f64 = 24.0;
 const LABEL_PX: f64 = 206.0;
 /// Columns of text beside the bars, with the width of each.
-const COLUMNS: [(&str, f64); 4] = [("standing", 92.0), ("score z", 62.0), ("p", 62.0), ("visible", 62.0)];
+const COLUMNS: [(&str, f64); 4] = [("standing", 124.0), ("score z", 62.0), ("p", 62.0), ("visible", 62.0)];
 const ROW_PX: f64 = 31.0;
 const FIT_BAR_PX: f64 = 12.0;
 const HELDOUT_BAR_PX: f64 = 7.0;
@@ -55,7 +55,7 @@ fn look(status: Status) -> (Colour, &'static str) {
         Status::Claimed => (GREEN, "claimed"),
         Status::Equivalent => (SKY, "equivalent"),
         Status::Suggestive => (ORANGE, "suggestive"),
-        Status::Unsupported => (MUTED, "unsupported"),
+        Status::Unsupported => (MUTED, "weaker, or chance"),
         Status::Invisible => (AXIS, "invisible"),
     }
 }
@@ -109,7 +109,8 @@ impl Bars {
         candidates.sort_by(|a, b| is_in_class(b).cmp(&is_in_class(a)).then(gain(b).total_cmp(&gain(a))));
         let has_twins = diagnosis.candidates.iter().any(|c| c.status == Status::Equivalent);
         let n_in_class = if has_twins { candidates.iter().filter(|c| is_in_class(c)).count() } else { 0 };
-        let mut sections = vec![("", candidates.into_iter().map(candidate_row).collect())];
+        let mut sections =
+            vec![("", candidates.into_iter().map(|candidate| candidate_row(diagnosis, candidate)).collect())];
         sections.push(("pairs of effects", pair_rows(diagnosis)));
         sections.push(("outside the library", unexplained_rows(diagnosis)));
         sections.retain(|(_, rows)| !rows.is_empty());
@@ -295,8 +296,8 @@ impl Row {
     }
 }
 
-fn candidate_row(candidate: &CandidateEntry) -> Row {
-    let (colour, name) = look(candidate.status);
+fn candidate_row(diagnosis: &Diagnosis, candidate: &CandidateEntry) -> Row {
+    let (colour, _) = look(candidate.status);
     let refit = candidate.refit.as_ref();
     let detail =
         if candidate.twins.is_empty() { String::new() } else { format!("like {}", candidate.twins.join(", ")) };
@@ -309,7 +310,7 @@ fn candidate_row(candidate: &CandidateEntry) -> Row {
         gain_nats: refit.map(|refit| refit.gain_nats),
         heldout_gain_nats: refit.and_then(|refit| refit.heldout_gain_nats),
         columns: [
-            name.into(),
+            diagnosis.standing(candidate).into(),
             number(candidate.z.is_finite() && !is_refused, with_decimals(candidate.z, 1)),
             number(refit.is_some() && candidate.p_familywise.is_finite(), probability(candidate.p_familywise)),
             number(candidate.visible_fraction.is_finite() && !is_refused, percent(candidate.visible_fraction)),

@@ -1,10 +1,10 @@
 //! What a posterior's figures mean, in words, with advice.
 
+use super::misfit::Misfit;
+pub use super::misfit::NOISE_FACTOR;
 use super::summary::{PosteriorSummary, Warning, WarningKind};
 use crate::effects::Library;
 
-/// Misfit or learnt noise above this multiple of the known noise is not the noise (contracts §4).
-pub const NOISE_FACTOR: f64 = 1.5;
 /// Learnt noise so many times below the known one is not the tracker's.
 const LOW_NOISE_FACTOR: f64 = 3.0;
 /// A joint probability below this lies outside the 99.9 % band.
@@ -22,6 +22,8 @@ const LINEAR_STRAIN: f64 = 0.01;
 pub struct Findings<'a> {
     /// The summary without its warnings.
     pub summary: &'a PosteriorSummary,
+    /// What the posterior's mean leaves, beside what the noise allows; `None` where no noise is known.
+    pub misfit: Option<&'a Misfit>,
     /// What the sampler said of itself.
     pub sampler_messages: &'a [String],
 }
@@ -41,7 +43,10 @@ pub fn warnings(findings: &Findings) -> Vec<Warning> {
     }
     match heldout.noise_um {
         Some(noise) => {
-            misfit(summary, noise, &mut add);
+            if let Some(left) = findings.misfit {
+                misfit(summary, left, &mut add);
+            }
+            noise_below(summary, noise, &mut add);
             model_error(summary, noise, &mut add);
         }
         None => {
@@ -95,13 +100,17 @@ pub fn warnings(findings: &Findings) -> Vec<Warning> {
 
 /// The misfits (µm, with the name of their cycles) that are too large to be the noise.
 pub fn misfit_warning(misfits_um: &[(&str, Option<f64>)], noise_um: f64) -> Option<Warning> {
-    let misses: Vec<String> = misfits_um
-        .iter()
-        .filter_map(|(which, rmse)| rmse.filter(|rmse| *rmse > NOISE_FACTOR * noise_um).map(|rmse| (which, rmse)))
-        .map(|(which, rmse)| {
-            format!("the {which} cycles by {rmse:.3} µm ({:.1} × the noise of {noise_um:.3} µm)", rmse / noise_um)
-        })
-        .collect();
+    let larger = misfits_um.iter().filter_map(|(which, rmse)| Some((*which, (*rmse)?)));
+    let larger: Vec<(&str, f64)> = larger.filter(|(_, rmse)| *rmse > NOISE_FACTOR * noise_um).collect();
+    missed(&larger, noise_um)
+}
+
+/// What is said of cycles that are missed by so much (µm); `None` where none is.
+fn missed(misses_um: &[(&str, f64)], noise_um: f64) -> Option<Warning> {
+    let miss = |(which, rmse): &(&str, f64)| {
+        format!("the {which} cycles by {rmse:.3} µm ({:.1} × the noise of {noise_um:.3} µm)", rmse / noise_um)
+    };
+    let misses: Vec<String> = misses_um.iter().map(miss).collect();
     (!misses.is_empty()).then(|| Warning {
         kind: WarningKind::MisfitAboveNoise,
         text: format!("the model misses {}", misses.join(" and ")),
@@ -145,37 +154,47 @@ pub fn strain_warning(largest_strain: f64) -> Option<Warning> {
     })
 }
 
-fn misfit(summary: &PosteriorSummary, noise: f64, add: &mut impl FnMut(WarningKind, String, &str)) {
+fn misfit(summary: &PosteriorSummary, left: &Misfit, add: &mut impl FnMut(WarningKind, String, &str)) {
     let heldout = &summary.heldout;
-    let misses = [("fitted", Some(heldout.rmse_fitted_um)), ("held-out", heldout.rmse_um)];
-    let limit = NOISE_FACTOR * noise;
-    if let Some(mut warning) = misfit_warning(&misses, noise) {
-        let is_fitted = heldout.rmse_fitted_um <= limit;
+    let learnt = summary.error_budget_um.noise;
+    let (noise, is_learnt_too_large) = (1e6 * left.noise_m, left.is_learnt_too_large(1e-6 * learnt));
+    let sizes = [("fitted", Some(left.fitted)), ("held-out", left.heldout)];
+    let too_large = sizes.into_iter().filter_map(|(which, size)| Some((which, size?))).filter(|own| own.1.is_too_large);
+    let misses: Vec<(&str, f64)> = too_large.map(|(which, size)| (which, 1e6 * size.rms_m)).collect();
+    if let Some(mut warning) = missed(&misses, noise) {
+        if let Some(returning_m) = left.returning_m {
+            warning.text += &format!(", and {:.3} µm of it come again in every cycle", 1e6 * returning_m);
+        }
         // Where the noise is as it should be, and not of another kind in each cycle, only the parameters' spread is left to cover a misfit.
-        let is_small = summary.error_budget_um.noise <= limit && !summary.model.noise.iter().any(|n| n == "gain");
-        if is_fitted && is_small && heldout.joint_p.is_some_and(|p| p >= OUTSIDE_BAND) {
+        let is_small = !is_learnt_too_large && !summary.model.noise.iter().any(|n| n == "gain");
+        if !left.fitted.is_too_large && is_small && heldout.joint_p.is_some_and(|p| p >= OUTSIDE_BAND) {
             warning.text +=
                 ", which the posterior's own spread covers: the fitted cycles do not determine the parameters";
             warning.advice = "fit more cycles or longer ones, or give a more informative prior (--prior)".into();
         }
         add(warning.kind, warning.text, &warning.advice);
     }
-    let learnt = summary.error_budget_um.noise;
-    if learnt > limit {
+    if is_learnt_too_large {
+        let origin = if left.is_known { "known" } else { "estimated" };
         let text = format!(
-            "the learnt noise, {learnt:.3} µm, is {:.1} × the {} noise of {noise:.3} µm: it has swallowed a misfit",
-            learnt / noise,
-            heldout.noise_origin
+            "the learnt noise, {learnt:.3} µm, is {:.1} × the {origin} noise of {noise:.3} µm: it has swallowed a misfit",
+            learnt / noise
         );
         add(
             WarningKind::LearntNoiseAboveKnown,
             text,
             "the posterior's widths describe the misfit, not the measurement's precision",
         );
-    } else if learnt * LOW_NOISE_FACTOR < noise {
+    }
+}
+
+/// A learnt noise far below the one (µm) that is known or estimated.
+fn noise_below(summary: &PosteriorSummary, noise: f64, add: &mut impl FnMut(WarningKind, String, &str)) {
+    let learnt = summary.error_budget_um.noise;
+    if learnt * LOW_NOISE_FACTOR < noise {
         let text = format!(
             "the learnt noise, {learnt:.2e} µm, is far below the {} noise of {noise:.3} µm",
-            heldout.noise_origin
+            summary.heldout.noise_origin
         );
         add(
             WarningKind::LearntNoiseBelowKnown,
@@ -228,6 +247,7 @@ pub fn mesh_warning(error_um: Option<f64>, noise_um: f64) -> Option<Warning> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::workflow::misfit::Size;
     use crate::workflow::summary::*;
     use WarningKind::*;
 
@@ -290,7 +310,18 @@ mod tests {
     fn after(change: impl Fn(&mut PosteriorSummary)) -> (Vec<WarningKind>, bool) {
         let mut summary = sound();
         change(&mut summary);
-        summary.warnings = warnings(&Findings { summary: &summary, sampler_messages: &[] });
+        // White errors of many rows: what is above 1.5 × the noise is so beyond chance.
+        let size = |rms_um: f64| Size { rms_m: 1e-6 * rms_um, is_too_large: rms_um > 6.0 };
+        let misfit = Misfit {
+            fitted: size(summary.heldout.rmse_fitted_um),
+            heldout: summary.heldout.rmse_um.map(size),
+            noise_m: 4e-6,
+            is_known: true,
+            returning_m: None,
+            learnt_degrees: 1e4,
+        };
+        let misfit = summary.heldout.noise_um.map(|_| &misfit);
+        summary.warnings = warnings(&Findings { summary: &summary, misfit, sampler_messages: &[] });
         (summary.warnings.iter().map(|warning| warning.kind).collect(), summary.is_sound())
     }
 

@@ -13,6 +13,7 @@ pub mod ladder;
 pub mod log_score;
 pub mod mechanics;
 mod mesh_check;
+pub mod misfit;
 mod mixture;
 mod model_priors;
 mod near_normal;

@@ -10,6 +10,7 @@ use super::Monitor;
 use super::advice::{Findings, warnings};
 use super::heldout::{self, FullCheck, N_CHECK_DRAWS, NaturalDraw, Score};
 use super::log_score::log_score;
+use super::misfit::{Misfit, Remainder, directions_of_spread};
 use super::problem::Problem;
 use super::reduced::{KeptSurrogate, Reduced};
 use super::summary::*;
@@ -246,10 +247,29 @@ fn summarise(
         warnings: Vec::new(),
     };
     let messages = with_names(&outcome.messages, problem);
-    summary.warnings = warnings(&Findings { summary: &summary, sampler_messages: &messages });
+    let misfit = misfit(problem, &mean_m, check, yardstick);
+    summary.warnings = warnings(&Findings { summary: &summary, misfit: misfit.as_ref(), sampler_messages: &messages });
     summary.warnings.extend(check.n_refused.map(refused_warning));
     summary.warnings.extend(problem.finite_elements().into_iter().flat_map(|fe| fe.mesh_warnings.clone()));
     summary
+}
+
+/// What the posterior's mean leaves, beside what the noise allows.
+fn misfit(problem: &Problem, mean_m: &[f64], check: &FullCheck, yardstick: Option<NoiseYardstick>) -> Option<Misfit> {
+    let left = |cycles: &[u32]| -> Vec<Option<f64>> {
+        problem.positions_of(cycles).iter().zip(mean_m).map(|(y, x)| y.map(|y| y - x)).collect()
+    };
+    let Problem { experiment, specification, model, .. } = problem;
+    let remainder = Remainder {
+        record: &experiment.record,
+        fitted_m: &left(&experiment.calibration_cycles),
+        heldout_m: &left(&experiment.heldout_cycles),
+        position_m: mean_m,
+        absorbed_m: &directions_of_spread(&check.trajectories_m, mean_m, model.parameters().len()),
+        has_gain: specification.noise.iter().any(|n| n == "gain"),
+    };
+    let NoiseYardstick { sd_m, origin } = yardstick?;
+    Misfit::of(&remainder, sd_m, matches!(origin, NoiseOrigin::Known))
 }
 
 /// Sampled law parameters of which a twentieth of the draws lie in the outermost thousandth of the trained range (on a logarithmic

@@ -4,7 +4,7 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use vitreo_uq::critique::diagnose::{DiagnosisRequest, diagnose};
-use vitreo_uq::critique::diagnosis::{CandidateEntry, Diagnosis, Status};
+use vitreo_uq::critique::diagnosis::{CandidateEntry, Diagnosis, Status, VerdictKind};
 use vitreo_uq::critique::search::Bars;
 use vitreo_uq::error::{Error, Place, Result};
 use vitreo_uq::files::write_json_atomically;
@@ -87,7 +87,7 @@ fn words(diagnosis: &Diagnosis, revision: &str) -> String {
     ];
     let mut candidates: Vec<&CandidateEntry> = diagnosis.candidates.iter().collect();
     candidates.sort_by(|a, b| gain(b).total_cmp(&gain(a)));
-    lines.extend(candidates.iter().map(|candidate| row(candidate)));
+    lines.extend(candidates.iter().map(|candidate| row(diagnosis, candidate)));
     lines.push("  (gains in nats over the model without the effect; p for the whole search)".into());
     if let Some(pair) = diagnosis.pairs.first() {
         lines.push(format!("  best pair: {} with {:.1} nats", pair.effects.join(" + "), pair.gain_nats));
@@ -116,7 +116,11 @@ fn words(diagnosis: &Diagnosis, revision: &str) -> String {
         return lines.join("\n") + "\n";
     }
     lines.push(String::new());
-    lines.push(format!("Add it with `vitreo-uq extend STUDY --with {}`.", diagnosis.verdict.effects.join(",")));
+    let command = format!("`vitreo-uq extend STUDY --with {}`", diagnosis.verdict.effects.join(","));
+    lines.push(match diagnosis.verdict.kind {
+        VerdictKind::Missing => format!("Add it with {command}."),
+        _ => format!("It helps and is not enough; {command} shows what it leaves."),
+    });
     lines.join("\n") + "\n"
 }
 
@@ -141,16 +145,13 @@ fn gain(candidate: &CandidateEntry) -> f64 {
     candidate.refit.as_ref().map_or(f64::NEG_INFINITY, |refit| refit.gain_nats)
 }
 
-fn row(candidate: &CandidateEntry) -> String {
+fn row(diagnosis: &Diagnosis, candidate: &CandidateEntry) -> String {
     let number = |value: Option<f64>| value.map_or("–".into(), |value| format!("{value:.1}"));
     let refit = candidate.refit.as_ref();
     let standing = match (candidate.status, &candidate.refused) {
         (_, Some(reason)) => format!("not here: {reason}"),
         (Status::Claimed, _) => "CLAIMED".into(),
-        (Status::Equivalent, _) => "equivalent".into(),
-        (Status::Suggestive, _) => "suggestive".into(),
-        (Status::Unsupported, _) => String::new(),
-        (Status::Invisible, _) => "invisible here".into(),
+        _ => diagnosis.standing(candidate).into(),
     };
     let p = refit.map_or("–".into(), |_| format!("{:.3}", candidate.p_familywise));
     format!(

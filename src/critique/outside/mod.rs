@@ -80,6 +80,11 @@ impl OutsideKind {
         }
     }
 
+    /// Whether it comes from outside the gel and has no part in its law, whatever that is.
+    pub fn is_apart_from_law(self) -> bool {
+        matches!(self, Self::Vibration | Self::Slip | Self::Ramp | Self::GainChange | Self::Disturbance)
+    }
+
     /// The argument of a free curve, which stands for a process of it; `None` for what has a shape of its own.
     pub fn axis_of_curve(self) -> Option<Axis> {
         match self {
