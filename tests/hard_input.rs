@@ -131,6 +131,37 @@ fn an_edited_surrogate_is_not_used() {
 }
 
 #[test]
+fn edited_draws_of_an_experiment_are_sampled_anew() {
+    let place = tempfile::tempdir().unwrap();
+    for (name, species) in [("a", "porcine"), ("b", "bovine")] {
+        write_instrument_experiment(&place.path().join(name), true, 0.0);
+        let path = place.path().join(name).join("experiment.toml");
+        let toml = std::fs::read_to_string(&path).unwrap();
+        std::fs::write(path, toml.replace("id = \"gel\"", &format!("id = \"{name}\"\nspecies = \"{species}\"")))
+            .unwrap();
+    }
+    let compare = || vitreo(place.path(), &["groups", "a", "b", "--sweeps", "400", "--out", "compared", "--quiet"]);
+    let code = compare().code;
+    let kept = place.path().join("compared/experiments");
+    let before = tree(&kept);
+    assert!(matches!(code, 0 | 1) && before.len() == 2, "{before:?}");
+    let (name, bytes) = before.first_key_value().unwrap();
+    let text = String::from_utf8(bytes.clone()).unwrap();
+    let document: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let first = document["points"][0].to_string();
+    for (key, value) in [("parameters", "[]"), ("points", "[]"), ("points", "[1.0]")] {
+        let mut edited = document.clone();
+        edited[key] = serde_json::from_str(value).unwrap();
+        std::fs::write(kept.join(name), edited.to_string()).unwrap();
+        compare().exits(code);
+        assert!(tree(&kept) == before, "{key} = {value}");
+    }
+    std::fs::write(kept.join(name), text.replacen(&first, "0.123", 1)).unwrap();
+    compare().exits(code);
+    assert!(tree(&kept) == before);
+}
+
+#[test]
 fn absurd_sizes_and_counts_are_refused() {
     let place = tempfile::tempdir().unwrap();
     gel(place.path());

@@ -15,6 +15,8 @@ const STRETCH_FACTORS: (f64, f64) = (1.25, 5.0);
 /// Numbers that an axis can show; beyond, or nearer to zero, ratios and powers leave the range of floating-point numbers.
 const LARGEST: f64 = 1e290;
 const SMALLEST: f64 = 1e-290;
+/// An axis that is shorter than this part of its numbers has no numbers to tell its ends apart.
+const NARROWEST: f64 = 1e-9;
 
 /// Linear or logarithmic.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -55,7 +57,7 @@ impl Scale {
         let drawable = |value: f64| if value.abs() < SMALLEST { 0.0 } else { value.clamp(-LARGEST, LARGEST) };
         let (lower, upper) = (drawable(lower), drawable(upper));
         let (lower, upper) = if lower <= upper { (lower, upper) } else { (upper, lower) };
-        let smallest = 1e-9 * lower.abs().max(upper.abs());
+        let smallest = NARROWEST * lower.abs().max(upper.abs());
         if upper - lower > smallest {
             return Self { kind: ScaleKind::Linear, lower, upper };
         }
@@ -73,8 +75,8 @@ impl Scale {
 
     /// A logarithmic scale; ends that are not positive are replaced by the smallest number that can be drawn.
     pub fn log10(lower: f64, upper: f64) -> Self {
-        let lower = lower.clamp(SMALLEST, 0.1 * LARGEST);
-        let upper = if upper > lower { upper.min(LARGEST) } else { 10.0 * lower };
+        let lower = if lower > SMALLEST { lower.min(0.1 * LARGEST) } else { SMALLEST };
+        let upper = if upper > lower * (1.0 + NARROWEST) { upper.min(LARGEST) } else { 10.0 * lower };
         Self { kind: ScaleKind::Log10, lower, upper }
     }
 

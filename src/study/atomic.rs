@@ -58,8 +58,10 @@ pub(super) fn copy_tree(from: &Path, to: &Path) -> Result<()> {
         if source.is_dir() {
             fs::create_dir_all(&target).map_err(refused("create", &target))?;
             copy_tree(&source, &target)?;
-        } else {
+        } else if source.is_file() {
             fs::copy(&source, &target).map_err(refused("copy", &source))?;
+        } else {
+            return Err(Error::input(Place::file(source), "this is no regular file", "remove it from the study"));
         }
     }
     Ok(())
