@@ -233,15 +233,14 @@ fn more_threads_than_cores_are_not_made() {
     assert!(began.elapsed() < 2 * SOON);
 }
 
-/// Eight thousand mutated files, each of them the same in every run. The campaign `campaigns/hard-input` plays a hundred thousand.
+/// Fifteen hundred mutated files, the same in every run. The campaign `campaigns/hard-input` plays a hundred thousand.
 #[test]
 fn mutated_files_never_panic() {
     let folder = tempfile::tempdir().unwrap();
     let (place, readers) = (Place::new(folder.path()), readers());
     let (mut panicked, mut n_accepted, mut n_refused) = (Vec::new(), 0, 0);
     // Samples are accepted, so that their mutations come far.
-    for reader in readers.iter().filter(|reader| !["checkpoint", "inputs.sha256", "sealed.json"].contains(&reader.name))
-    {
+    for reader in readers.iter().filter(|reader| !["inputs.sha256", "sealed.json"].contains(&reader.name)) {
         for sample in &reader.samples {
             assert_eq!(reader.play(&place, sample), Outcome::Accepted, "{}", reader.name);
         }

@@ -73,7 +73,8 @@ fn ends(child: Child, code: i32, dir: &Path, what: &str) -> bool {
         assert!(words.contains("stopped by") && words.contains("what to do: run the same command"), "{what}: {words}");
         return true;
     }
-    assert_eq!(found, 0, "{what}: {words}");
+    // Done before it could be stopped.
+    assert!(matches!(found, 0 | 1), "{what} ended with {found}: {words}");
     false
 }
 

@@ -5,14 +5,19 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+use sha2::{Digest, Sha256};
 
 use vitreo_uq::Result;
 use vitreo_uq::critique::challenge::files::reveal;
 use vitreo_uq::effects::Library;
 use vitreo_uq::experiment::Experiment;
-use vitreo_uq::inference::LogDensity;
+use vitreo_uq::inference::ensemble::{Checkpointing, Progress, RunControl};
 use vitreo_uq::inference::prior::PriorSet;
+use vitreo_uq::inference::{LogDensity, SamplerOptions, sample};
 use vitreo_uq::mesh::gmsh::read_gmsh;
 use vitreo_uq::report;
 use vitreo_uq::report::corner::{CornerOptions, ParameterColumn, Posterior, corner};
@@ -34,7 +39,9 @@ pub struct Dice(u64);
 impl Dice {
     pub fn new(seed: u64) -> Self {
         let mut dice = Self(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1);
-        (0..8).for_each(|_| drop(dice.word()));
+        for _ in 0..8 {
+            dice.word();
+        }
         dice
     }
 
@@ -401,8 +408,53 @@ fn read_mesh(place: &Place, bytes: &[u8]) -> Result<()> {
     read_gmsh(place.put("mesh.msh", bytes), 1e-3).map(drop)
 }
 
-fn read_checkpoint(place: &Place, bytes: &[u8]) -> Result<()> {
-    vitreo_uq::inference::checkpoint::read(&place.put("state", bytes)).map(drop)
+/// A normal density.
+struct Bowl;
+
+impl LogDensity for Bowl {
+    fn dimension(&self) -> usize {
+        2
+    }
+    fn log_density(&self, points: &[f64], log_density: &mut [f64]) {
+        let (x, y) = points.split_at(log_density.len());
+        log_density.iter_mut().zip(x.iter().zip(y)).for_each(|(out, (x, y))| *out = -0.5 * (x * x + y * y));
+    }
+}
+
+/// A short run, stopped at its first report if `stop` is given, and what it saved.
+fn bowl(resume: Option<&[u8]>, stop: Option<&AtomicBool>) -> (Result<()>, Vec<u8>) {
+    let saved = Mutex::new(Vec::new());
+    let sink = |bytes: &[u8]| {
+        *saved.lock().expect("nobody panics with it") = bytes.to_vec();
+        Ok(())
+    };
+    let progress = |_: &Progress| {
+        if let Some(stop) = stop {
+            stop.store(true, Ordering::SeqCst);
+        }
+    };
+    let control = RunControl {
+        stop,
+        progress: Some(&progress),
+        checkpoint: Some(Checkpointing { sink: &sink, interval: Duration::from_secs(3600) }),
+        resume,
+        ..RunControl::default()
+    };
+    let options = SamplerOptions { n_walkers: 8, max_steps: 600, threads: 1, ..SamplerOptions::default() };
+    let outcome = sample(&Bowl, &[vec![0.5, -0.5]], &options, &control).map(drop);
+    (outcome, saved.into_inner().expect("nobody panics with it"))
+}
+
+/// A sampler's state without the hash at its end, which [`read_checkpoint`] adds: edited states are to be found out by what they hold, too.
+fn checkpoint() -> Vec<u8> {
+    let (_, mut bytes) = bowl(None, Some(&AtomicBool::new(false)));
+    bytes.truncate(bytes.len() - 32);
+    bytes
+}
+
+fn read_checkpoint(_: &Place, bytes: &[u8]) -> Result<()> {
+    let sealed = [bytes, &Sha256::digest(bytes)].concat();
+    bowl(Some(&sealed), None).0
 }
 
 fn read_study(place: &Place, bytes: &[u8]) -> Result<()> {
@@ -436,11 +488,7 @@ pub fn readers() -> Vec<Reader> {
             vec![text(SMALL_TOML), text(ROBOT_TOML)],
             read_experiment as fn(&Place, &[u8]) -> Result<()>,
         ),
-        reader(
-            "trajectory.csv",
-            vec![text(&small_csv()), text(&small_csv().replace(",cycle", ",cycle").replace("um", "nm"))],
-            read_trajectory,
-        ),
+        reader("trajectory.csv", vec![text(&small_csv()), text(&small_csv().replace("_um", "_nm"))], read_trajectory),
         reader("model.toml", vec![text(MODEL), text(NETWORK_MODEL)], read_model),
         reader("network", vec![text(NETWORK)], read_network),
         reader("prior", vec![data("priors/generic.toml"), data("priors/nickerson-2008-bovine.toml")], read_prior),
@@ -454,7 +502,7 @@ pub fn readers() -> Vec<Reader> {
                 .to_vec(),
             read_mesh,
         ),
-        reader("checkpoint", vec![text("vitreo-uq checkpoint 1\n\0"), draws_csv().remove(0)], read_checkpoint),
+        reader("checkpoint", vec![checkpoint()], read_checkpoint),
         reader(
             "inputs.sha256",
             vec![text(&format!("{}  experiment.toml\n{}  trajectory.csv\n", "00".repeat(32), "11".repeat(32)))],
