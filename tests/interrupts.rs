@@ -93,11 +93,12 @@ fn prepared(place: &Path) {
             .replace("id = \"gel\"", &format!("id = \"{name}\"\nspecies = \"{species}\""));
         std::fs::write(path, toml).unwrap();
     }
-    let code = vitreo(place, &["sample", "gel", "--out", "study", "--quiet"]).code;
+    let code = vitreo(place, &["sample", "gel", "--steps", "3000", "--out", "study", "--quiet"]).code;
     assert!([0, 1].contains(&code));
 }
 
-/// Commands on an instrument's experiment, which take a second: stopped at three moments, by each signal; then run to the end.
+/// Commands on an instrument's experiment, which take a second: stopped at three moments, by each signal; then run to the end. Forty runs of the program take
+/// a minute.
 #[test]
 fn every_command_stops_soon_and_runs_again() {
     let place = tempfile::tempdir().unwrap();
@@ -105,13 +106,13 @@ fn every_command_stops_soon_and_runs_again() {
     std::fs::create_dir(&template).unwrap();
     prepared(&template);
     let commands: [&[&str]; 8] = [
-        &["sample", "gel", "--out", "new"],
+        &["sample", "gel", "--steps", "3000", "--out", "new"],
         &["fit", "gel", "--out", "new"],
         &["effects", "gel"],
         &["compare", "study"],
-        &["extend", "study", "--with", "tracking-drift"],
-        &["ladder", "study"],
-        &["groups", "gel", "other", "--out", "compared"],
+        &["extend", "study", "--with", "tracking-drift", "--steps", "3000"],
+        &["ladder", "study", "--steps", "3000"],
+        &["groups", "gel", "other", "--steps", "3000", "--sweeps", "400", "--out", "compared"],
         &["corner", "study/m0", "--out", "figure"],
     ];
     let mut n_stopped = BTreeMap::new();
