@@ -209,6 +209,24 @@ impl<'a> Table<'a> {
         self.number(key)?.map(|value| self.check_positive(key, value, example)).transpose()
     }
 
+    /// A number above zero within stated sizes that must be there.
+    pub(crate) fn required_within(&self, key: &str, example: &str, sizes: [f64; 2]) -> Result<f64> {
+        let value = self.required_positive(key, example)?;
+        self.check_within(key, value, sizes)
+    }
+
+    /// Refuses what is not within stated sizes: a slip, which would leave what can be computed.
+    pub(crate) fn check_within(&self, key: &str, value: f64, [smallest, largest]: [f64; 2]) -> Result<f64> {
+        if (smallest..=largest).contains(&value) {
+            return Ok(value);
+        }
+        Err(self.refuse(
+            key,
+            format!("{value:e} is not a size that this can have"),
+            format!("check the number and its unit: {smallest:e} to {largest:e} can be computed"),
+        ))
+    }
+
     fn check_positive(&self, key: &str, value: f64, example: &str) -> Result<f64> {
         if value > 0.0 {
             return Ok(value);

@@ -128,10 +128,11 @@ impl Error {
     pub fn numerical(what: impl Into<String>, remedy: impl Into<String>) -> Self {
         Self::Numerical { what: what.into(), remedy: remedy.into() }
     }
-    /// The program's exit code for this error: 2 for usage and input, 1 for anything else.
+    /// The program's exit code for this error: 2 for usage and input, 130 where it was interrupted (as by Ctrl-C), 1 for anything else.
     pub fn exit_code(&self) -> u8 {
         match self {
             Self::Input { .. } | Self::File { .. } => 2,
+            Self::Interrupted { .. } => 130,
             _ => 1,
         }
     }

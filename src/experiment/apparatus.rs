@@ -135,6 +135,16 @@ impl RobotShape {
         }
     }
 
+    /// Diameter or length in m, whichever is smaller.
+    fn smallest_size_m(&self) -> f64 {
+        match *self {
+            Self::Sphere { diameter_m } => diameter_m,
+            Self::Ellipsoid { length_m, diameter_m, .. } | Self::Cylinder { length_m, diameter_m, .. } => {
+                length_m.min(diameter_m)
+            }
+        }
+    }
+
     /// Distance in m from the robot's centre to its farthest point.
     pub fn outer_radius_m(&self) -> f64 {
         match *self {
@@ -169,6 +179,14 @@ impl Robot {
 }
 
 const MM_PER_M: f64 = 1e3;
+/// Sizes of bodies, from a nanometre to ten metres.
+const SIZES_MM: [f64; 2] = [1e-6, 1e4];
+/// Densities, from a gas's to far beyond any metal's.
+const DENSITIES_KG_M3: [f64; 2] = [1e-3, 1e6];
+/// Compliances of instruments: the inverse of lengths from a femtometre to a thousand kilometres.
+const COMPLIANCES_PER_M: [f64; 2] = [1e-6, 1e15];
+/// Largest ratio of the vitreous's diameter to the robot's smallest size: beyond, elements would only be added where nothing moves.
+const LARGEST_RATIO: f64 = 1e4;
 
 impl Apparatus {
     /// Reads `[robot]` and `[vitreous]`, or `[instrument]`.
@@ -184,7 +202,8 @@ impl Apparatus {
                 }
             }
             instrument.only(&["compliance_per_m"])?;
-            let compliance_per_m = instrument.required_positive("compliance_per_m", "compliance_per_m = 1.59e6")?;
+            let compliance_per_m =
+                instrument.required_within("compliance_per_m", "compliance_per_m = 1.59e6", COMPLIANCES_PER_M)?;
             return Ok(Self::Instrument { compliance_per_m });
         }
         if !root.has("robot") && !root.has("vitreous") {
@@ -227,6 +246,13 @@ impl Apparatus {
                 "check `diameter_mm` in [vitreous] and the sizes in [robot]; both are in millimetres and are full diameters",
             ));
         }
+        if vitreous.diameter_m > LARGEST_RATIO * robot.shape.smallest_size_m() {
+            return Err(vitreous_table.refuse(
+                "diameter_mm",
+                format!("the vitreous is more than {LARGEST_RATIO} times as large as the robot's smallest size"),
+                "check `diameter_mm` in [vitreous] and the sizes in [robot]; a gel a thousand times larger than the robot acts as one without end",
+            ));
+        }
         Ok(Self::Robot { robot, vitreous })
     }
 }
@@ -264,7 +290,7 @@ fn robot_from(table: Table<'_>) -> Result<Robot> {
             ));
         }
     };
-    let density_kg_m3 = table.required_positive("density_kg_m3", "density_kg_m3 = 7500")?;
+    let density_kg_m3 = table.required_within("density_kg_m3", "density_kg_m3 = 7500", DENSITIES_KG_M3)?;
     let offset = offset_from(table)?;
     Ok(Robot { shape, density_kg_m3, offset })
 }
@@ -318,12 +344,12 @@ fn vitreous_from(table: Table<'_>) -> Result<Vitreous> {
             "give a Poisson ratio above −1 and below 0.5; 0.48 for vitreous, 0.499 for nearly incompressible",
         ));
     }
-    let density_kg_m3 = table.required_positive("density_kg_m3", "density_kg_m3 = 1000")?;
+    let density_kg_m3 = table.required_within("density_kg_m3", "density_kg_m3 = 1000", DENSITIES_KG_M3)?;
     Ok(Vitreous { diameter_m, poisson_ratio, density_kg_m3 })
 }
 
 fn size_m(table: Table<'_>, key: &str, example: &str) -> Result<f64> {
-    Ok(table.required_positive(key, example)? / MM_PER_M)
+    Ok(table.required_within(key, example, SIZES_MM)? / MM_PER_M)
 }
 
 #[cfg(test)]

@@ -1,5 +1,6 @@
 //! From files to a checked [`Experiment`].
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use super::cycles::find_cycles;
@@ -8,10 +9,13 @@ use super::trajectory::{Trajectory, read_trajectory};
 use super::{Apparatus, Experiment};
 use crate::document::{Document, Table, text_of};
 use crate::error::{Error, Place, Result};
+use crate::files::{self, Content};
 
 /// Positions that a calibration cycle needs at least: twice the parameters of the base law with its noise.
 const MIN_POSITIONS: usize = 8;
 const UM_PER_M: f64 = 1e6;
+/// Standard deviations that a tracker's noise can have.
+const NOISES_UM: [f64; 2] = [1e-9, 1e9];
 
 /// The files of an experiment exactly as they were read, and what the reader noticed.
 #[derive(Debug, Clone, PartialEq)]
@@ -89,11 +93,12 @@ impl Experiment {
     /// [`Error::File`] if a file cannot be read, [`Error::Input`] for everything contracts §1 refuses.
     pub fn read(path: &Path) -> Result<(Self, ExperimentFiles)> {
         let toml_path = if path.is_dir() { path.join("experiment.toml") } else { path.to_path_buf() };
-        let toml_bytes =
-            read_file(&toml_path, "give a directory that holds experiment.toml, or the path of the TOML file")?;
+        let remedy = "give a directory that holds experiment.toml, or the path of the TOML file";
+        let toml_bytes = files::read(&toml_path, Content::Settings, remedy)?;
         let specification = Specification::read(&toml_path, &toml_bytes)?;
         let csv_path = toml_path.with_file_name(&specification.csv_name);
-        let csv_bytes = read_file(&csv_path, "put the CSV where `file` in [measurement] says, beside the TOML")?;
+        let remedy = "put the CSV where `file` in [measurement] says, beside the TOML";
+        let csv_bytes = files::read(&csv_path, Content::Table, remedy)?;
         specification.complete(&toml_path, &toml_bytes, &csv_path, &csv_bytes)
     }
 
@@ -111,10 +116,6 @@ impl Experiment {
         let specification = Specification::read(&toml_place, toml_text.as_ref())?;
         specification.complete(&toml_place, toml_text.as_ref(), &csv_place, csv_text.as_ref())
     }
-}
-
-fn read_file(path: &Path, remedy: &str) -> Result<Vec<u8>> {
-    std::fs::read(path).map_err(|source| Error::at_path("read", path, source, remedy))
 }
 
 /// What `experiment.toml` says, before the rows are known.
@@ -140,8 +141,8 @@ impl CycleList {
     fn read(measurement: Table<'_>, key: &str) -> Result<Self> {
         let list = Self { place: measurement.place(key), cycles: measurement.counts(key)? };
         if let Some(cycles) = &list.cycles {
-            let twice = cycles.iter().enumerate().find(|(i, cycle)| cycles[..*i].contains(cycle));
-            if let Some((_, cycle)) = twice {
+            let mut seen = BTreeSet::new();
+            if let Some(cycle) = cycles.iter().find(|cycle| !seen.insert(**cycle)) {
                 return Err(list.refuse(format!("cycle {cycle} is listed twice"), "list each cycle once"));
             }
         }
@@ -176,7 +177,10 @@ impl Specification {
         let measurement = root.required_table("measurement")?;
         measurement.only(&["file", "calibration_cycles", "heldout_cycles", "noise_um", "source"])?;
         let csv_name = csv_name_from(measurement)?;
-        let noise_sd_m = measurement.positive("noise_um", "noise_um = 4.0")?.map(|noise_um| noise_um / UM_PER_M);
+        let noise_um = measurement.positive("noise_um", "noise_um = 4.0")?;
+        let noise_um =
+            noise_um.map(|noise_um| measurement.check_within("noise_um", noise_um, NOISES_UM)).transpose()?;
+        let noise_sd_m = noise_um.map(|noise_um| noise_um / UM_PER_M);
         Ok(Self {
             specimen_id,
             species,

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use crate::error::{Error, Place, Result};
+use crate::files::refuse_long_lines;
 use crate::units::{Dimension, UNITS, Unit, nearest_name};
 
 /// The rows of a CSV in SI, before cycles are settled.
@@ -37,6 +38,9 @@ const TIME: usize = 0;
 const FORCE: usize = 1;
 const POSITION: usize = 2;
 
+/// Rows that a record may have: at some hundred bytes each while it is read.
+const MOST_ROWS: usize = 20_000_000;
+
 /// Words that stand for a lost position beside the empty cell.
 const LOST: [&str; 3] = ["nan", "na", "null"];
 
@@ -49,6 +53,7 @@ struct Header {
 
 /// Parses a trajectory; `file` is only named in errors.
 pub(super) fn read_trajectory(file: &Path, text: &str) -> Result<Trajectory> {
+    refuse_long_lines(file, text.as_bytes())?;
     let mut rows = Rows::new(file, text);
     let Some(header_line) = rows.next_row()? else {
         return Err(Error::input(Place::file(file).at_line(1), "the file has no header", HEADER_REMEDY));
@@ -65,6 +70,13 @@ pub(super) fn read_trajectory(file: &Path, text: &str) -> Result<Trajectory> {
         position_column: header.names[header.quantities[POSITION].0].clone(),
     };
     while let Some(line) = rows.next_row()? {
+        if trajectory.lines.len() == MOST_ROWS {
+            return Err(Error::input(
+                Place::file(file).at_line(line),
+                format!("this row is one more than the {MOST_ROWS} that a record may have"),
+                "keep every k-th row, or split the record",
+            ));
+        }
         trajectory.push(&header, &|| Place::file(file).at_line(line), &rows.record)?;
         trajectory.lines.push(line);
     }

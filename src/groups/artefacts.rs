@@ -8,7 +8,7 @@ use super::figures;
 use super::job::Comparison;
 use super::summary::GroupsSummary;
 use crate::error::{Error, Place, Result};
-use crate::files::{write_atomically, write_json_atomically};
+use crate::files::{Content, read_if_there, write_atomically, write_json_atomically};
 use crate::study::{Provenance, RevisionWriter, WithProvenance};
 
 /// The folder of draws of single experiments.
@@ -34,7 +34,7 @@ pub fn provenance(measurements: &[Measurement], seed: u64) -> Provenance {
 /// [`Error::Input`] unless `force` is set.
 pub fn check_place(out: &Path, keys: &[Key], provenance: &Provenance, force: bool) -> Result<()> {
     let file = out.join(folder_name(keys)).join(DOCUMENT);
-    let Ok(bytes) = std::fs::read(&file) else { return Ok(()) };
+    let Some(bytes) = read_if_there(&file, Content::Document) else { return Ok(()) };
     let before: Option<Provenance> = serde_json::from_slice(&bytes).ok();
     let hashes = |own: &Provenance| {
         let mut all: Vec<String> = own.inputs_sha256.values().cloned().collect();

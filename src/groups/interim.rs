@@ -11,14 +11,14 @@ use super::cohort::Measurement;
 use super::hierarchy::{ExperimentDensity, InterimDraws};
 use crate::effects::Library;
 use crate::error::Result;
-use crate::files::write_json_atomically;
+use crate::files::{Content, read_if_there, write_json_atomically};
 use crate::inference::diagnostics::diagnose;
 use crate::inference::diagnostics::ranks::BlomScores;
 use crate::inference::likelihood::ReducedPosterior;
 use crate::inference::prior::Prior;
 use crate::inference::{LogDensity, SamplerOptions};
 use crate::model::{Compliance, Forward};
-use crate::study::{Provenance, WithProvenance};
+use crate::study::{Kept, Provenance, WithProvenance};
 use crate::surrogate::FieldModels;
 use crate::workflow::heldout::mean_trajectory;
 use crate::workflow::mechanics::Mechanics;
@@ -128,14 +128,29 @@ impl Specimen {
     ) -> Result<Interim> {
         let built_from_sha256 = self.built_from(&measurement.inputs_sha256, options);
         let file = file_of(folder, &measurement.name(), &built_from_sha256);
-        if let Some(kept) = read_kept(&file, &built_from_sha256) {
+        if let Some(kept) = self.read_kept(&file, &built_from_sha256) {
             return Ok(kept);
         }
         let interim = self.sample(options, built_from_sha256, stop)?;
         let inputs = [(measurement.name(), measurement.inputs_sha256.clone())].into();
         let provenance = Provenance::new("specimen", 1, options.seed, inputs);
-        write_json_atomically(&file, &WithProvenance { provenance, body: &interim })?;
+        write_json_atomically(&file, &WithProvenance { provenance, body: Kept::new(&interim) })?;
         Ok(interim)
+    }
+
+    /// A kept file that cannot be read, was changed or is of another input is made anew.
+    fn read_kept(&self, file: &Path, built_from_sha256: &str) -> Option<Interim> {
+        let bytes = read_if_there(file, Content::Document)?;
+        let document: WithProvenance<Kept<Interim>> = serde_json::from_slice(&bytes).ok()?;
+        let n = self.problem.priors.priors().len();
+        let is_ours = |kept: &Interim| {
+            kept.built_from_sha256 == built_from_sha256
+                && kept.parameters.iter().map(String::as_str).eq(self.problem.priors.names())
+                && !kept.points.is_empty()
+                && n > 0
+                && kept.points.len().is_multiple_of(n)
+        };
+        document.body.unchanged().filter(is_ours)
     }
 
     fn sample(
@@ -290,10 +305,4 @@ impl Monitor for Stoppable<'_> {
 fn file_of(folder: &Path, name: &str, hash: &str) -> PathBuf {
     let short = &hash[..12.min(hash.len())];
     folder.join(format!("{}-{short}.json", crate::study::safe_file_name(name)))
-}
-
-/// A kept file that cannot be read is made anew.
-fn read_kept(file: &Path, built_from_sha256: &str) -> Option<Interim> {
-    let document: WithProvenance<Interim> = serde_json::from_slice(&std::fs::read(file).ok()?).ok()?;
-    Some(document.body).filter(|kept| kept.built_from_sha256 == built_from_sha256)
 }

@@ -1,6 +1,7 @@
 //! Files that hold a run's state: written whole or not at all, and refused when damaged or another problem's.
 
 use crate::error::Place;
+use crate::files::{self, Content};
 use crate::{Error, Result};
 use sha2::{Digest, Sha256};
 use std::path::Path;
@@ -13,10 +14,10 @@ const DIGEST_LENGTH: usize = 32;
 /// # Errors
 /// [`Error::File`].
 pub fn read(path: &Path) -> Result<Option<Vec<u8>>> {
-    match std::fs::read(path) {
+    match files::read(path, Content::State, "check the file's permissions") {
         Ok(bytes) => Ok(Some(bytes)),
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(None),
-        Err(error) => Err(Error::at_path("read", path, error, "check the file's permissions")),
+        Err(Error::File { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(error),
     }
 }
 

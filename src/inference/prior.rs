@@ -7,6 +7,7 @@ use rand::Rng;
 pub use super::distribution::{Distribution, UnconstrainedDensity};
 use crate::document::{Document, Table, text_of};
 use crate::error::{Error, Place, Result};
+use crate::files::{self, Content};
 use crate::parameter::{ParameterSpec, Support};
 use crate::rheology::LETHERSICH;
 
@@ -101,8 +102,7 @@ impl PriorSet {
         if !path.exists() {
             return Err(unknown_name(name_or_file));
         }
-        let bytes = std::fs::read(path)
-            .map_err(|source| Error::at_path("read", path, source, "give a readable prior file, or a prior's name"))?;
+        let bytes = files::read(path, Content::Settings, "give a readable prior file, or a prior's name")?;
         let mut set = Self::from_text(path, &bytes, wanted, others, default)?;
         set.name = name_or_file.to_string();
         Ok(set)
@@ -239,6 +239,7 @@ const DISTRIBUTIONS: [&str; 6] = ["log_normal", "normal", "half_normal", "unifor
 fn prior_from(table: Table<'_>, spec: &ParameterSpec) -> Result<Prior> {
     let kind = table.required_text("distribution", "distribution = \"log_normal\"")?;
     let distribution = distribution_from(table, &kind)?;
+    refuse_absurd(table)?;
     let unit = table.required_text("unit", &format!("unit = \"{}\"", spec.unit))?;
     if unit != spec.unit {
         return Err(table.refuse(
@@ -307,6 +308,29 @@ fn distribution_from(table: Table<'_>, kind: &str) -> Result<Distribution> {
             ));
         }
     })
+}
+
+/// Sizes that a number of a prior can have in the units that there are; what lies outside is a slip, and would leave the range of floating-point
+/// numbers in a power or a ratio.
+const SIZES: [f64; 2] = [1e-30, 1e15];
+/// The same for numbers without a unit that say how wide or which shape.
+const SHAPES: [(&str, [f64; 2]); 3] = [("log_sd", [1e-6, 20.0]), ("alpha", [1e-3, 1e6]), ("beta", [1e-3, 1e6])];
+
+fn refuse_absurd(table: Table<'_>) -> Result<()> {
+    for key in table.keys() {
+        let shape = SHAPES.iter().find(|(name, _)| *name == key).map(|(_, sizes)| *sizes);
+        let is_number = ["median", "mean", "sd", "lower", "upper"].contains(&key);
+        let Some([smallest, largest]) = shape.or(is_number.then_some(SIZES)) else { continue };
+        let value = table.number(key)?.unwrap_or(0.0);
+        if value != 0.0 && !(smallest..=largest).contains(&value.abs()) {
+            return Err(table.refuse(
+                key,
+                format!("{value:e} is not a size that this number can have"),
+                format!("give a number between {smallest:e} and {largest:e}; check the unit"),
+            ));
+        }
+    }
+    Ok(())
 }
 
 /// By median and log_sd, or by the mean and sd of the parameter itself as papers print them.

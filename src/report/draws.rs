@@ -6,10 +6,12 @@ use std::path::Path;
 use super::density::{quantile_of_sorted, sorted};
 use super::labels;
 use crate::error::Place;
-use crate::files::stream_atomically;
+use crate::files::{self, Content, refuse_long_lines, stream_atomically};
 use crate::{Error, Result};
 
 const INDEX_COLUMNS: [&str; 3] = ["ensemble", "walker", "step"];
+/// Numbers that a table of draws may have.
+const MOST_NUMBERS: usize = 100_000_000;
 const LOG_DENSITY: &str = "log_density";
 
 /// Draws of several independent ensembles of walkers.
@@ -157,8 +159,9 @@ fn quoted(field: &str) -> String {
 /// missing or repeated draws, and for a file without draws.
 pub fn read_draws_csv(path: &Path) -> Result<DrawTable> {
     let remedy = "give the path of a CSV file with one column a parameter";
-    let file = std::fs::File::open(path).map_err(|error| Error::at_path("read", path, error, remedy))?;
-    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(std::io::BufReader::new(file));
+    let bytes = files::read(path, Content::Table, remedy)?;
+    refuse_long_lines(path, &bytes)?;
+    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(bytes.as_slice());
     let broken = |error: csv::Error| {
         let line = error.position().map_or(1, |position| position.line() as usize);
         Error::input(Place::file(path).at_line(line), error.to_string(), "give every line as many fields as the header")
@@ -168,6 +171,13 @@ pub fn read_draws_csv(path: &Path) -> Result<DrawTable> {
     for record in reader.records() {
         let record = record.map_err(broken)?;
         let line = record.position().map_or(0, |position| position.line() as usize);
+        if rows.len() * header.len() >= MOST_NUMBERS {
+            return Err(Error::input(
+                Place::file(path).at_line(line),
+                format!("the table has more than {MOST_NUMBERS} numbers"),
+                "keep every k-th draw: thousands of them suffice",
+            ));
+        }
         rows.push(numbers(path, line, &header, &record)?);
     }
     let table = table_from_rows(path, &header, &rows)?;

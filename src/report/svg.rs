@@ -1,13 +1,13 @@
 //! A small SVG canvas, and the writing of a figure as SVG and PNG.
 
 use std::fmt::Write as _;
-use std::path::Path as FilePath;
+use std::path::{Path as FilePath, PathBuf};
 
 use resvg::{tiny_skia, usvg};
 
 use super::font;
 use super::palette::{Colour, INK, WHITE};
-use crate::files::write_atomically;
+use crate::files::write_together;
 use crate::{Error, Result};
 
 /// PNG pixels per SVG unit.
@@ -162,7 +162,7 @@ impl Path {
     }
     /// A dot: with round caps, a stroke of no length.
     pub fn dot(&mut self, at: Point) {
-        let _ = write!(self.0, "M{:.1} {:.1}h0", at.0, at.1);
+        let _ = write!(self.0, "M{:.1} {:.1}h0", Px(at.0).drawable(), Px(at.1).drawable());
     }
     /// Appends a polyline, closed if asked.
     pub fn polyline(&mut self, points: impl IntoIterator<Item = Point>, closed: bool) {
@@ -300,15 +300,23 @@ impl Svg {
     }
 }
 
-/// Writes `<stem>.svg` and `<stem>.png` into `dir`. Each file appears whole or not at all.
+/// Writes `<stem>.svg` and `<stem>.png` into `dir`, each whole or not at all.
 ///
 /// # Errors
 /// [`Error::File`] where the directory cannot be written, [`Error::Numerical`] where the PNG cannot be rendered; nothing
 /// is written in the latter case.
 pub fn write_figure(dir: &FilePath, stem: &str, svg: &Svg) -> Result<()> {
+    let files = figure_files(dir, stem, svg)?;
+    write_together(&files.each_ref().map(|(path, bytes)| (path.as_path(), bytes.as_slice())))
+}
+
+/// Places and content of `<stem>.svg` and `<stem>.png`, for those who write them together with other files.
+///
+/// # Errors
+/// [`Error::Numerical`] where the PNG cannot be rendered.
+pub fn figure_files(dir: &FilePath, stem: &str, svg: &Svg) -> Result<[(PathBuf, Vec<u8>); 2]> {
     let png = svg.png()?;
-    write_atomically(&dir.join(format!("{stem}.svg")), svg.document().as_bytes())?;
-    write_atomically(&dir.join(format!("{stem}.png")), &png)
+    Ok([(dir.join(format!("{stem}.svg")), svg.document().into_bytes()), (dir.join(format!("{stem}.png")), png)])
 }
 
 /// Removes what [`write_figure`] wrote earlier, if anything is there.
@@ -330,9 +338,19 @@ pub fn remove_figure(dir: &FilePath, stem: &str) -> Result<()> {
 /// A coordinate with at most two decimals.
 struct Px(f64);
 
+/// Farthest coordinate that is drawn: far outside of every figure, and inside of what rasterisers can count.
+const FARTHEST_PX: f64 = 20_000.0;
+
+impl Px {
+    /// What is farther away is drawn at the limit, and what is no number at 0.
+    fn drawable(self) -> f64 {
+        if self.0.is_nan() { 0.0 } else { self.0.clamp(-FARTHEST_PX, FARTHEST_PX) }
+    }
+}
+
 impl std::fmt::Display for Px {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let hundredths = (self.0 * 100.0).round();
+        let hundredths = (Self(self.0).drawable() * 100.0).round();
         // −0 would print a sign.
         let text = format!("{:.2}", if hundredths == 0.0 { 0.0 } else { hundredths / 100.0 });
         f.write_str(text.trim_end_matches('0').trim_end_matches('.'))
@@ -419,6 +437,23 @@ mod tests {
             );
         }
         assert_eq!(std::fs::read_dir(first.path()).unwrap().count(), 2);
+    }
+
+    #[test]
+    fn coordinates_of_any_size_can_be_drawn() {
+        let mut svg = Svg::new(100.0, 50.0, "far away");
+        let far = [1e19, -1e308, f64::INFINITY, f64::NAN, f64::MIN_POSITIVE];
+        for (x, y) in far.iter().flat_map(|x| far.map(|y| (*x, y))) {
+            let mut path = Path::default();
+            path.polyline([(10.0, 10.0), (x, y), (20.0, 30.0)], true);
+            path.dot((x, y));
+            svg.path(&path, Stroke::solid(BLUE, 1.0).dashed(6.0, 4.0));
+            svg.circle((x, y), 3.0, Fill::new(BLUE, 0.5));
+            svg.clipped(Rect { x, y, width: x, height: y }, |svg| {
+                svg.line((0.0, 0.0), (x, y), Stroke::solid(BLUE, 1.0))
+            });
+        }
+        assert!(svg.png().is_ok());
     }
 
     #[test]

@@ -12,6 +12,12 @@ const DIGITS_OF_A_DECADE: [&[f64]; 4] = [&[1.0, 2.0, 5.0], &ALL_DIGITS, &[1.0, 3
 const STRETCH: f64 = 0.5;
 const STRETCH_FACTORS: (f64, f64) = (1.25, 5.0);
 
+/// Numbers that an axis can show; beyond, or nearer to zero, ratios and powers leave the range of floating-point numbers.
+const LARGEST: f64 = 1e290;
+const SMALLEST: f64 = 1e-290;
+/// An axis that is shorter than this part of its numbers has no numbers to tell its ends apart.
+const NARROWEST: f64 = 1e-9;
+
 /// Linear or logarithmic.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ScaleKind {
@@ -47,8 +53,11 @@ impl Scale {
     /// A linear scale. Empty or non-finite ranges are widened to something that can be drawn.
     pub fn linear(lower: f64, upper: f64) -> Self {
         let (lower, upper) = if lower.is_finite() && upper.is_finite() { (lower, upper) } else { (0.0, 1.0) };
+        // Their difference and its digits must be numbers, too.
+        let drawable = |value: f64| if value.abs() < SMALLEST { 0.0 } else { value.clamp(-LARGEST, LARGEST) };
+        let (lower, upper) = (drawable(lower), drawable(upper));
         let (lower, upper) = if lower <= upper { (lower, upper) } else { (upper, lower) };
-        let smallest = 1e-9 * lower.abs().max(upper.abs());
+        let smallest = NARROWEST * lower.abs().max(upper.abs());
         if upper - lower > smallest {
             return Self { kind: ScaleKind::Linear, lower, upper };
         }
@@ -64,10 +73,10 @@ impl Scale {
         Self::linear(lower - pad, upper + pad)
     }
 
-    /// A logarithmic scale; ends that are not positive are replaced by the smallest normal number.
+    /// A logarithmic scale; ends that are not positive are replaced by the smallest number that can be drawn.
     pub fn log10(lower: f64, upper: f64) -> Self {
-        let lower = lower.max(f64::MIN_POSITIVE);
-        let upper = if upper > lower { upper } else { 10.0 * lower };
+        let lower = if lower > SMALLEST { lower.min(0.1 * LARGEST) } else { SMALLEST };
+        let upper = if upper > lower * (1.0 + NARROWEST) { upper.min(LARGEST) } else { 10.0 * lower };
         Self { kind: ScaleKind::Log10, lower, upper }
     }
 
@@ -304,9 +313,13 @@ mod tests {
 
     #[test]
     fn degenerate_ranges_can_be_drawn() {
-        for scale in
-            [Scale::linear(0.0, 0.0), Scale::linear(5.0, 5.0), Scale::linear(f64::NAN, 1.0), Scale::over([], 0.1)]
-        {
+        let extreme =
+            [0.0, 5.0, -1e308, f64::MAX, f64::MIN_POSITIVE, 5e-324, 1e19, 1e19 + 1e4, f64::NAN, f64::INFINITY];
+        let pairs = || extreme.iter().flat_map(|lower| extreme.map(|upper| (*lower, upper)));
+        let scales = pairs().flat_map(|(lower, upper)| {
+            [Scale::linear(lower, upper), Scale::log10(lower, upper), Scale::over([lower, upper], 0.1)]
+        });
+        for scale in scales.chain([Scale::over([], 0.1)]) {
             assert!(scale.upper > scale.lower && !scale.ticks(5).major.is_empty(), "{scale:?}");
         }
     }

@@ -30,6 +30,8 @@ const SERIES: &str = "series";
 const PARALLEL: &str = "parallel";
 const KEYS: [&str; 5] = [SPRING, DASHPOT, SPRINGPOT, SERIES, PARALLEL];
 const EXAMPLE: &str = "{ spring = \"gel\" }";
+/// Most bodies of a network: with two parameters each, those of effects and noise fit into the 256 dimensions of the Sobol sequences, too.
+const MOST_BODIES: usize = 64;
 
 /// Every network that has been read.
 static NETWORKS: Mutex<Vec<&'static Network>> = Mutex::new(Vec::new());
@@ -85,6 +87,8 @@ impl Kind {
 struct Reader {
     elements: Vec<(String, Kind, usize)>,
     parameters: Vec<(String, &'static str, Support)>,
+    /// Leaves, those of one element counted each time.
+    n_bodies: usize,
 }
 
 impl Network {
@@ -193,6 +197,14 @@ impl Reader {
 
     fn leaf(&mut self, table: &Table<'_>, key: &str, kind: Kind) -> Result<Node> {
         let name = table.required_text(key, EXAMPLE)?;
+        self.n_bodies += 1;
+        if self.n_bodies > MOST_BODIES {
+            return Err(table.refuse(
+                key,
+                format!("this is body {} of the network", self.n_bodies),
+                format!("give a network of at most {MOST_BODIES} bodies; measurements of creep tell a few apart"),
+            ));
+        }
         if !is_identifier(&name) {
             return Err(table.refuse(
                 key,
@@ -309,6 +321,19 @@ mod tests {
         let spring = Element::Spring { modulus_pa: 2.0.into() };
         let elements = network.elements(&[2.0.into(), 5.0.into()]);
         assert_eq!(elements, [spring, Element::kelvin_voigt(2.0.into(), 5.0.into())]);
+    }
+
+    #[test]
+    fn a_network_has_a_largest_size() {
+        let of = |n: usize| {
+            let bodies: Vec<String> = (0..n).map(|k| format!("{{ springpot = \"p{k}\" }}")).collect();
+            read(&format!("[base.network]\nseries = [{}]\n", bodies.join(", ")))
+        };
+        assert_eq!(of(MOST_BODIES).unwrap().parameters().len(), 2 * MOST_BODIES);
+        for n in [MOST_BODIES + 1, 1_000] {
+            let message = of(n).unwrap_err().to_string();
+            assert!(message.contains("line 2") && message.contains("at most 64 bodies"), "{message}");
+        }
     }
 
     #[test]

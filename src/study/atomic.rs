@@ -3,19 +3,8 @@
 use std::fs::{self, File, TryLockError};
 use std::path::Path;
 
-use tempfile::TempDir;
-
 use crate::error::{Error, Place, Result};
-use crate::files::{folder_of, refused, sync_directory};
-
-/// A directory that removes itself unless it is moved away; readable like any other.
-pub(super) fn temporary_directory(parent: &Path, prefix: &str) -> Result<TempDir> {
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(prefix);
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o777));
-    builder.tempdir_in(parent).map_err(refused("create a directory in", parent))
-}
+use crate::files::{TemporaryDirectory, folder_of, refused, sync_directory, together};
 
 /// Flushes every file and directory below `path` to the disk.
 pub(super) fn sync_tree(path: &Path) -> Result<()> {
@@ -43,7 +32,8 @@ pub(super) fn remove_tree(path: &Path) -> Result<()> {
 ///
 /// Where the system cannot exchange, the old directory is first renamed to `.<name>.replaced`, which [`restore`]
 /// brings back should the program be killed before the second renaming.
-pub(super) fn replace_directory(finished: TempDir, target: &Path) -> Result<()> {
+pub(super) fn replace_directory(finished: TemporaryDirectory, target: &Path) -> Result<()> {
+    let uninterrupted = together();
     if !target.exists() {
         fs::rename(finished.path(), target).map_err(refused("create", target))?;
         let _ = finished.keep();
@@ -55,6 +45,7 @@ pub(super) fn replace_directory(finished: TempDir, target: &Path) -> Result<()> 
         let _ = finished.keep();
         remove_tree(&aside)?;
     }
+    drop(uninterrupted);
     // After an exchange the temporary name holds what was replaced, and dropping it removes that.
     sync_directory(folder_of(target))
 }
@@ -67,8 +58,10 @@ pub(super) fn copy_tree(from: &Path, to: &Path) -> Result<()> {
         if source.is_dir() {
             fs::create_dir_all(&target).map_err(refused("create", &target))?;
             copy_tree(&source, &target)?;
-        } else {
+        } else if source.is_file() {
             fs::copy(&source, &target).map_err(refused("copy", &source))?;
+        } else {
+            return Err(Error::input(Place::file(source), "this is no regular file", "remove it from the study"));
         }
     }
     Ok(())
@@ -109,6 +102,10 @@ impl Lock {
     /// Takes the study's lock.
     pub(super) fn acquire(dir: &Path) -> Result<Self> {
         let path = dir.join(".lock");
+        // Opening a pipe would wait for somebody to read from it.
+        if path.exists() && !path.is_file() {
+            return Err(Error::input(Place::file(path), "this is not the file that the study keeps here", "remove it"));
+        }
         let file = File::create(&path).map_err(refused("create", &path))?;
         match file.try_lock() {
             Err(TryLockError::WouldBlock) => Err(Error::input(

@@ -10,7 +10,7 @@
 //!   simulation/                      the last simulation, written whole or not at all
 //!   .m0.checkpoint/                  what an interrupted run of m0 resumes from
 //! ```
-//! Hidden names with `.partial-` or `.replaced` are left by a killed program and removed by the next one that writes.
+//! Hidden names with `.partial-` or `.replaced` are left by a killed program and removed by the next one that opens the study.
 
 mod atomic;
 mod model_specification;
@@ -21,12 +21,13 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 pub use model_specification::ModelSpecification;
-pub use provenance::{Provenance, WithProvenance, sha256_hex};
+pub use provenance::{Kept, Provenance, WithProvenance, sha256_hex};
 pub use revision::RevisionWriter;
 
 use crate::error::{Error, Place, Result};
 use crate::experiment::{Experiment, ExperimentFiles};
-use atomic::{Lock, replace_directory, sync_tree, temporary_directory};
+use crate::files::{self, Content, TemporaryDirectory};
+use atomic::{Lock, replace_directory, sync_tree};
 
 const TOML_NAME: &str = "experiment.toml";
 const HASHES_NAME: &str = "inputs.sha256";
@@ -37,8 +38,9 @@ pub const FIT_NAME: &str = "fit.json";
 /// The file of a study that compares its revisions; its figures stand beside it, as `ladder.svg` and `ladder.png`.
 pub const LADDER_NAME: &str = "ladder.json";
 const OUT_REMEDY: &str = "choose a writable place with `--out`";
-/// Studies go here when no directory is named.
+const INCOMPLETE_REMEDY: &str = "check that the study is complete and readable";
 const LONGEST_NAME_BYTES: usize = 80;
+/// Studies go here when no directory is named.
 const DEFAULT_PARENT: &str = "vitreo-uq-out";
 
 /// A study directory whose inputs have been checked.
@@ -82,6 +84,7 @@ impl Study {
         let inputs_sha256 = hashes_of(files)?;
         let study = |opening| Self { dir: dir.to_path_buf(), inputs_sha256: inputs_sha256.clone(), opening };
         if Self::is_study(dir) {
+            files::sweep(dir);
             if read_hashes(dir)? == inputs_sha256 {
                 check_copies(dir, &inputs_sha256)?;
                 return Ok(study(Opening::Continued));
@@ -134,6 +137,7 @@ impl Study {
                 "give the directory that an earlier command made, or an experiment",
             ));
         }
+        files::sweep(dir);
         let inputs_sha256 = read_hashes(dir)?;
         check_copies(dir, &inputs_sha256)?;
         Ok(Self { dir: dir.to_path_buf(), inputs_sha256, opening: Opening::Continued })
@@ -318,18 +322,13 @@ fn create(dir: &Path, files: &ExperimentFiles, hashes: &BTreeMap<String, String>
     std::fs::create_dir_all(parent).map_err(|source| refused("create", parent, source))?;
     let name = dir.file_name().map_or("study".into(), |name| name.to_string_lossy());
     let is_empty_directory = !replace && dir.is_dir();
-    let building = temporary_directory(if is_empty_directory { dir } else { parent }, &format!(".{name}.partial-"))?;
+    let building = TemporaryDirectory::new(if is_empty_directory { dir } else { parent }, &name)?;
     write_inputs(building.path(), files, hashes)?;
     sync_tree(building.path())?;
-    if is_empty_directory {
-        return fill(dir, building.path());
-    }
     if replace {
         return replace_directory(building, dir);
     }
-    std::fs::rename(building.path(), dir).map_err(|source| refused("create", dir, source))?;
-    let _ = building.keep();
-    Ok(())
+    building.move_to(dir, HASHES_NAME, OUT_REMEDY)
 }
 
 fn write_inputs(folder: &Path, files: &ExperimentFiles, hashes: &BTreeMap<String, String>) -> Result<()> {
@@ -346,25 +345,10 @@ fn write_inputs(folder: &Path, files: &ExperimentFiles, hashes: &BTreeMap<String
     write(HASHES_NAME, lines.as_bytes())
 }
 
-/// Moves what `building` holds up into `dir`, the hashes last: a directory without them is no study.
-///
-/// An empty directory is filled rather than exchanged, because it may be someone's working directory.
-fn fill(dir: &Path, building: &Path) -> Result<()> {
-    let refused = |source| Error::at_path("write", dir, source, OUT_REMEDY);
-    let mut names = Vec::new();
-    for entry in read_dir(building)? {
-        names.push(entry.map_err(refused)?.file_name());
-    }
-    names.sort_by_key(|name| name == HASHES_NAME);
-    for name in names {
-        std::fs::rename(building.join(&name), dir.join(&name)).map_err(refused)?;
-    }
-    crate::files::sync_directory(dir)
-}
-
 fn read_hashes(dir: &Path) -> Result<BTreeMap<String, String>> {
     let path = dir.join(HASHES_NAME);
-    let text = std::fs::read_to_string(&path).map_err(|source| unreadable(&path, source))?;
+    let bytes = files::read(&path, Content::Settings, INCOMPLETE_REMEDY)?;
+    let text = crate::document::text_of(&path, &bytes)?;
     let mut hashes = BTreeMap::new();
     for (index, line) in text.lines().enumerate() {
         let (hash, name) = line.split_once("  ").ok_or_else(|| {
@@ -382,7 +366,7 @@ fn read_hashes(dir: &Path) -> Result<BTreeMap<String, String>> {
 fn check_copies(dir: &Path, hashes: &BTreeMap<String, String>) -> Result<()> {
     for (name, hash) in hashes {
         let path = dir.join(name);
-        let bytes = std::fs::read(&path).map_err(|source| unreadable(&path, source))?;
+        let bytes = files::read(&path, Content::Table, INCOMPLETE_REMEDY)?;
         if sha256_hex(&bytes) != *hash {
             return Err(Error::input(
                 Place::file(&path),
@@ -407,7 +391,7 @@ fn read_dir(dir: &Path) -> Result<std::fs::ReadDir> {
 }
 
 fn unreadable(path: &Path, source: std::io::Error) -> Error {
-    Error::at_path("read", path, source, "check that the study is complete and readable")
+    Error::at_path("read", path, source, INCOMPLETE_REMEDY)
 }
 
 #[cfg(test)]

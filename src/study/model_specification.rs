@@ -8,7 +8,7 @@ use serde::Serialize;
 use crate::document::{Document, text_of};
 use crate::effects::{Effect, Library};
 use crate::error::{Error, Place, Result};
-use crate::files::write_atomically;
+use crate::files::{self, Content, write_atomically};
 use crate::inference::noise::NoiseModel;
 use crate::inference::prior::PriorSet;
 use crate::parameter::ParameterSpec;
@@ -66,8 +66,7 @@ impl ModelSpecification {
     /// # Errors
     /// [`Error::File`] if it cannot be read, [`Error::Input`] with file, line, key and remedy if it is not acceptable.
     pub fn read(path: &Path, library: &Library) -> Result<Self> {
-        let bytes = std::fs::read(path)
-            .map_err(|source| Error::at_path("read", path, source, "give a file that is there and can be read"))?;
+        let bytes = files::read(path, Content::Settings, "give a file that is there and can be read")?;
         Self::from_text(path, &bytes, library)
     }
 

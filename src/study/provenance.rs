@@ -43,6 +43,31 @@ pub struct WithProvenance<T> {
     pub body: T,
 }
 
+/// What the program keeps to use again, with the hash of its content: what was changed since is found out, and made anew.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Kept<T> {
+    content_sha256: String,
+    #[serde(flatten)]
+    content: T,
+}
+
+impl<T: Serialize> Kept<T> {
+    /// Seals the content.
+    pub fn new(content: T) -> Self {
+        Self { content_sha256: Self::hash(&content), content }
+    }
+
+    /// The content, if it is what was sealed.
+    pub fn unchanged(self) -> Option<T> {
+        (self.content_sha256 == Self::hash(&self.content)).then_some(self.content)
+    }
+
+    /// Of the content as it is written: numbers read back to the last bit, so what was read is written as before. What cannot be written has no hash.
+    fn hash(content: &T) -> String {
+        serde_json::to_vec(content).map_or_else(|_| String::new(), |bytes| sha256_hex(&bytes))
+    }
+}
+
 /// SHA-256 in lower-case hexadecimal.
 pub fn sha256_hex(bytes: &[u8]) -> String {
     Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
@@ -57,6 +82,21 @@ mod tests {
     fn hashes_are_sha256() {
         assert_eq!(sha256_hex(b"abc"), "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
         assert_eq!(sha256_hex(b""), "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855");
+    }
+
+    #[test]
+    fn what_is_kept_comes_back_unless_it_was_changed() {
+        #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+        struct Body {
+            modes: usize,
+            values: Vec<f64>,
+        }
+        let body = Body { modes: 1, values: vec![0.1 + 0.2, -0.0, 1.0, 1e-300, 1e300] };
+        let text = serde_json::to_string(&Kept::new(body.clone())).unwrap();
+        let read = |text: &str| serde_json::from_str::<Kept<Body>>(text).unwrap().unchanged();
+        assert_eq!(read(&text), Some(body));
+        assert_eq!(read(&text.replace("\"modes\":1", "\"modes\":2")), None);
+        assert_eq!(read(&text.replace("0.30000000000000004", "0.3")), None);
     }
 
     #[test]

@@ -2,17 +2,16 @@
 
 use std::path::{Path, PathBuf};
 
-use tempfile::TempDir;
-
-use super::atomic::{Lock, remove_tree, replace_directory, restore, sync_tree, temporary_directory};
+use super::atomic::{Lock, remove_tree, replace_directory, restore, sync_tree};
 use crate::error::{Error, Result};
+use crate::files::TemporaryDirectory;
 
 /// A revision or simulation under construction in a hidden directory of the study; dropping it discards it.
 ///
 /// It holds the study's lock, so one program at a time writes to a study.
 #[derive(Debug)]
 pub struct RevisionWriter {
-    building: TempDir,
+    building: TemporaryDirectory,
     target: PathBuf,
     _lock: Lock,
 }
@@ -23,7 +22,7 @@ impl RevisionWriter {
         let target = study_dir.join(name);
         restore(&target)?;
         remove_leftovers(study_dir)?;
-        let building = temporary_directory(study_dir, &format!(".{name}.partial-"))?;
+        let building = TemporaryDirectory::new(study_dir, name)?;
         Ok(Self { building, target, _lock: lock })
     }
 

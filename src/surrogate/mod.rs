@@ -164,6 +164,14 @@ impl Surrogate {
         Ok(Compliance::family(per_m, move |ratio| family.dual_compliance_per_m(ratio)))
     }
 
+    /// Whether its parts fit together, so that it can be asked: a file may have been edited.
+    pub fn is_whole(&self) -> bool {
+        let range_is_sound = |range: &TrainedRange| range.lower.is_finite() && range.lower <= range.upper;
+        self.operators.is_whole()
+            && !self.singular_values.is_empty()
+            && self.parameters.iter().chain([&self.poisson_ratio]).all(range_is_sound)
+    }
+
     /// Number of modes.
     pub fn n_modes(&self) -> usize {
         self.operators.n_modes

@@ -49,6 +49,16 @@ impl ReducedOperators {
         }
     }
 
+    /// Whether every list has the length that the number of modes asks for, and every number is one.
+    pub fn is_whole(&self) -> bool {
+        let Self { n_modes, deviatoric, volumetric, robot, force_share } = self;
+        let square = n_modes.checked_mul(*n_modes);
+        *n_modes > 0
+            && [deviatoric, volumetric].iter().all(|own| Some(own.len()) == square)
+            && robot.len() == *n_modes
+            && [deviatoric, volumetric, robot].into_iter().flatten().chain([force_share]).all(|x| x.is_finite())
+    }
+
     /// Reduced coordinates of the response to unit force on the whole body at unit Young's modulus (online).
     pub fn unit_response(&self, poisson_ratio: f64) -> Result<DVector<f64>> {
         let [two_mu, kappa] = unit_moduli(poisson_ratio);
@@ -94,6 +104,24 @@ fn unit_moduli_slopes(poisson_ratio: f64) -> [f64; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn edited_operators_are_not_whole() {
+        let whole = || ReducedOperators {
+            n_modes: 1,
+            deviatoric: vec![3.0],
+            volumetric: vec![0.5],
+            robot: vec![1.0],
+            force_share: 0.25,
+        };
+        assert!(whole().is_whole());
+        for n_modes in [0, 2, usize::MAX] {
+            assert!(!ReducedOperators { n_modes, ..whole() }.is_whole());
+        }
+        assert!(!ReducedOperators { deviatoric: vec![], ..whole() }.is_whole());
+        assert!(!ReducedOperators { robot: vec![], ..whole() }.is_whole());
+        assert!(!ReducedOperators { volumetric: vec![f64::INFINITY], ..whole() }.is_whole());
+    }
 
     /// Against a central difference, whose own error is about 1e-9 here.
     #[test]

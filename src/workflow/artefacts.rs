@@ -4,6 +4,7 @@ use std::path::Path;
 
 use super::heldout::BAND_PROBABILITIES;
 use super::problem::Problem;
+use super::reduced::SURROGATE_NAME;
 use super::sample::SampleResult;
 use crate::effects::Library;
 use crate::error::{Error, Result};
@@ -23,7 +24,7 @@ use crate::report::singular_values::{Family, singular_values};
 use crate::report::svg::{Svg, write_figure};
 use crate::report::trace::{EnsembleTrace, ParameterTrace, trace};
 use crate::rheology::LETHERSICH;
-use crate::study::{ModelSpecification, Provenance, WithProvenance};
+use crate::study::{Kept, ModelSpecification, Provenance, WithProvenance};
 use crate::workflow::replica::TABLE_I;
 
 /// A prior file's copy in a revision.
@@ -44,7 +45,7 @@ pub fn write(dir: &Path, problem: &Problem, result: &SampleResult, header: &dyn 
     specification.write(&dir.join("model.toml"))?;
     write_document(&dir.join("posterior.json"), header("posterior"), &result.summary)?;
     if let Some(kept) = result.reduced.to_keep(problem)? {
-        write_document(&dir.join("surrogate.json"), header("surrogate"), &kept)?;
+        write_document(&dir.join(SURROGATE_NAME), header("surrogate"), &Kept::new(kept))?;
     }
     let table = draw_table(problem, result);
     write_draws_csv(&dir.join("draws.csv"), &table)?;

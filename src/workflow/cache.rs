@@ -9,15 +9,16 @@ use std::path::PathBuf;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use crate::files::write_json_atomically;
+use crate::files::{Content, read_if_there, write_json_atomically};
+use crate::study::Kept;
 
 /// Where models are kept, instead of the user's directory for caches; empty for nowhere.
 const PLACE: &str = "VITREO_UQ_CACHE";
 
-/// The model that is kept under a hash; `None` where there is none that can be read.
-pub(super) fn read<T: DeserializeOwned>(hash: &str) -> Option<T> {
-    let bytes = std::fs::read(path(hash)?).ok()?;
-    serde_json::from_slice(&bytes).ok()
+/// The model that is kept under a hash; `None` where there is none that can be read, or where it was changed.
+pub(super) fn read<T: Serialize + DeserializeOwned>(hash: &str) -> Option<T> {
+    let bytes = read_if_there(&path(hash)?, Content::Document)?;
+    serde_json::from_slice::<Kept<T>>(&bytes).ok()?.unchanged()
 }
 
 /// Keeps a model.
@@ -26,7 +27,7 @@ pub(super) fn write(hash: &str, model: &impl Serialize) {
     let is_there = path.parent().is_some_and(|folder| std::fs::create_dir_all(folder).is_ok());
     if is_there {
         // Refused where there is no room or no right to write: the model is then built again the next time.
-        let _ = write_json_atomically(&path, model);
+        let _ = write_json_atomically(&path, &Kept::new(model));
     }
 }
 
@@ -79,13 +80,20 @@ mod tests {
 
     #[test]
     fn what_is_kept_comes_back_and_damage_is_none() {
+        #[derive(Debug, PartialEq, Serialize, serde::Deserialize)]
+        struct Model {
+            values: Vec<f64>,
+        }
         let hash = format!("test-{}", std::process::id());
         let Some(path) = path(&hash) else { return };
-        assert_eq!(read::<Vec<f64>>(&hash), None);
-        write(&hash, &vec![0.1, 1e-300]);
-        assert_eq!(read::<Vec<f64>>(&hash), Some(vec![0.1, 1e-300]));
-        std::fs::write(&path, "[0.1, ").unwrap();
-        assert_eq!(read::<Vec<f64>>(&hash), None);
+        assert_eq!(read::<Model>(&hash), None);
+        write(&hash, &Model { values: vec![0.1, 1e-300] });
+        assert_eq!(read::<Model>(&hash), Some(Model { values: vec![0.1, 1e-300] }));
+        let text = std::fs::read_to_string(&path).unwrap();
+        for changed in [text.replace("0.1", "0.2"), text[..text.len() / 2].into()] {
+            std::fs::write(&path, changed).unwrap();
+            assert_eq!(read::<Model>(&hash), None);
+        }
         std::fs::remove_file(path).unwrap();
     }
 }

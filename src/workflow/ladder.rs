@@ -15,6 +15,7 @@ use super::sample::{self, SampleRequest};
 use super::summary::{ModelSummary, ParameterSummary, PosteriorSummary, Warning, WarningKind};
 use crate::effects::Library;
 use crate::error::{Error, Place, Result};
+use crate::files::{Content, read_if_there};
 use crate::inference::SamplerOptions;
 use crate::rheology::BaseLaw;
 use crate::study::{LADDER_NAME, Provenance, Study, WithProvenance, sha256_hex};
@@ -267,7 +268,7 @@ impl Revision {
 
 /// A document that can be read; one that cannot is made again.
 fn read_document<T: serde::de::DeserializeOwned>(path: &std::path::Path) -> Option<WithProvenance<T>> {
-    serde_json::from_slice(&std::fs::read(path).ok()?).ok()
+    serde_json::from_slice(&read_if_there(path, Content::Document)?).ok()
 }
 
 fn earlier_ladder(study: &Study) -> Option<LadderSummary> {

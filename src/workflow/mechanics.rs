@@ -12,6 +12,7 @@ use crate::fe::exact::SphereInContainer;
 use crate::fe::quality::MeshQuality;
 use crate::fe::spatial::{Sizes, Surroundings};
 use crate::fe::time::FullOrderModel;
+use crate::files::{self, Content};
 use crate::mesh::gmsh::read_gmsh;
 use crate::mesh::{Cylinder, ElementKind, Mesh, OffCentre, QuarterBall, Spheroid};
 use crate::study::sha256_hex;
@@ -204,8 +205,7 @@ fn refuse_across(robot: &Robot) -> Result<()> {
 }
 
 fn hash_of(file: &MeshFile) -> Result<String> {
-    let mut bytes = std::fs::read(&file.path)
-        .map_err(|source| Error::at_path("read", &file.path, source, "give a mesh that can be read"))?;
+    let mut bytes = files::read(&file.path, Content::Mesh, "give a mesh that can be read")?;
     bytes.extend_from_slice(&file.metres_per_unit.to_le_bytes());
     Ok(sha256_hex(&bytes))
 }

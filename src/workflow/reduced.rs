@@ -1,6 +1,7 @@
 //! The reduced model of a problem: the surrogate, kept or trained, and its verification with the effects.
 
 use std::collections::BTreeSet;
+use std::path::Path;
 use std::sync::Arc;
 
 use rayon::prelude::*;
@@ -13,12 +14,16 @@ use super::{Monitor, cache};
 use crate::effects::FieldModel;
 use crate::error::Result;
 use crate::experiment::Experiment;
+use crate::files::{Content, read_if_there};
 use crate::inference::prior::PriorSet;
 use crate::mesh::Mesh;
 use crate::model::{Compliance, Forward, FullForward, Model, ReducedForward, Response, TrainedRange};
 use crate::rheology::BaseLaw;
+use crate::study::{Kept, WithProvenance};
 use crate::surrogate::{FieldModels, Surrogate, Training};
 
+/// The file of a revision that keeps its surrogate.
+pub const SURROGATE_NAME: &str = "surrogate.json";
 /// Singular values below this fraction of the largest carry no mode.
 const POD_TOLERANCE: f64 = 1e-6;
 /// Full-order runs by which a model with effects is verified.
@@ -58,6 +63,27 @@ pub struct KeptSurrogate {
     /// The surrogate.
     #[serde(flatten)]
     pub surrogate: Surrogate,
+}
+
+impl KeptSurrogate {
+    /// The surrogate that an earlier run left in a revision, if there is one that can be used; whether it is of the same input is looked at when it
+    /// is. One that was changed since is not used, and `monitor` says so.
+    pub fn read(revision_dir: &Path, monitor: &dyn Monitor) -> Option<Self> {
+        let path = revision_dir.join(SURROGATE_NAME);
+        if !path.exists() {
+            return None;
+        }
+        let document: Option<WithProvenance<Kept<Self>>> =
+            read_if_there(&path, Content::Document).and_then(|bytes| serde_json::from_slice(&bytes).ok());
+        let kept = document.and_then(|document| document.body.unchanged()).filter(|kept| kept.surrogate.is_whole());
+        if kept.is_none() {
+            monitor.warn(&format!(
+                "{} is not as this program wrote it, and is not used: the surrogate is trained anew",
+                path.display()
+            ));
+        }
+        kept
+    }
 }
 
 impl Reduced {

@@ -14,6 +14,7 @@ use vitreo_uq::critique::challenge::{Bench, Hidden, NoiseKind, Order, OutsideKin
 use vitreo_uq::critique::diagnose::{DiagnosisRequest, diagnose};
 use vitreo_uq::critique::diagnosis::Diagnosis;
 use vitreo_uq::error::{Error, Place, Result};
+use vitreo_uq::files::{Content, read_if_there};
 use vitreo_uq::inference::ensemble::RandomStream;
 use vitreo_uq::study::{Provenance, Study, WithProvenance};
 use vitreo_uq::workflow::Silent;
@@ -156,6 +157,9 @@ impl OnlySort {
     }
 }
 
+/// Most challenges of one run: weeks.
+const MOST_PLAYS: usize = 1_000_000;
+
 pub fn run(arguments: &ChallengeArguments) -> Result<ExitCode> {
     match &arguments.action {
         Action::New(arguments) => make(arguments),
@@ -166,6 +170,7 @@ pub fn run(arguments: &ChallengeArguments) -> Result<ExitCode> {
 
 fn make(arguments: &NewArguments) -> Result<ExitCode> {
     files::check_place(&arguments.out)?;
+    use_threads(0)?;
     let seed = arguments.seed.unwrap_or_else(seed_of_the_system);
     let protocol = named("--protocol", &arguments.protocol, &Protocol::ALL, Protocol::name)?;
     let noise = named("--noise-kind", &arguments.noise_kind, &NoiseKind::ALL, NoiseKind::name)?;
@@ -296,7 +301,7 @@ fn diagnosis_of(opened: &Opened, study: Option<&Path>) -> Result<Option<Diagnosi
     }
     for revision in study.revisions()? {
         let path = study.revision_dir(&revision)?.join("diagnosis.json");
-        let Ok(bytes) = std::fs::read(&path) else { continue };
+        let Some(bytes) = read_if_there(&path, Content::Document) else { continue };
         let read = serde_json::from_slice::<WithProvenance<Diagnosis>>(&bytes);
         return read.map(|document| Some(document.body)).map_err(|error| {
             Error::input(
@@ -312,6 +317,10 @@ fn diagnosis_of(opened: &Opened, study: Option<&Path>) -> Result<Option<Diagnosi
 fn play(arguments: &RunArguments) -> Result<ExitCode> {
     use_threads(arguments.threads)?;
     crate::output::check(arguments.json.as_deref())?;
+    if arguments.count > MOST_PLAYS {
+        let found = format!("{} challenges", arguments.count);
+        return Err(Error::input(Place::option("--count"), found, format!("play at most {MOST_PLAYS} at a time")));
+    }
     let many = |texts: &[String], all: Vec<String>| if texts.is_empty() { all } else { texts.to_vec() };
     let protocols = many(&arguments.protocol, Protocol::ALL.map(|p| p.name().to_string()).to_vec());
     let noises = many(&arguments.noise_kind, NoiseKind::USUAL.map(|n| n.name().to_string()).to_vec());

@@ -32,6 +32,7 @@ pub fn run(arguments: &CompareArguments) -> Result<ExitCode> {
             format!("ask for {FEWEST_SIMULATIONS} at least"),
         ));
     }
+    options::check_simulations(arguments.simulations)?;
     let terminal = Terminal::new(common.quiet);
     let sampler = options::default_sampler(common.seed, threads);
     let examined = Examined::open(common, &arguments.model, sampler, &terminal)?;
@@ -48,7 +49,11 @@ pub fn run(arguments: &CompareArguments) -> Result<ExitCode> {
     terminal.finish();
     crate::output::show(common.json.as_deref(), &document, &words(&outcome.comparison, &examined.revision))?;
     if !common.quiet {
-        eprintln!("Results and figures: {} ({:.1} s)", written.display(), began.elapsed().as_secs_f64());
+        crate::interrupt::say(&format!(
+            "Results and figures: {} ({:.1} s)",
+            written.display(),
+            began.elapsed().as_secs_f64()
+        ));
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -16,7 +16,7 @@ use vitreo_uq::report::svg::write_figure;
 use vitreo_uq::study::Study;
 use vitreo_uq::workflow::{artefacts, replica};
 
-use crate::options::CornerArguments;
+use crate::options::{self, CornerArguments};
 use crate::output;
 
 const NOTHING_REMEDY: &str =
@@ -43,6 +43,7 @@ struct Loaded {
 
 pub fn run(arguments: &CornerArguments) -> Result<ExitCode> {
     let references = references(&arguments.reference)?;
+    options::use_threads(0)?;
     output::check(arguments.json.as_deref())?;
     let paths = match arguments.paths.as_slice() {
         [] => vec![Study::default_dir(&replica::embedded()?.0.specimen_id)],

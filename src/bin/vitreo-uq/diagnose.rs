@@ -48,7 +48,11 @@ pub fn run(arguments: &DiagnoseArguments) -> Result<ExitCode> {
     terminal.finish();
     crate::output::show(common.json.as_deref(), &document, &words(diagnosis, &examined.revision))?;
     if !common.quiet {
-        eprintln!("Results and figures: {} ({:.1} s)", written.display(), began.elapsed().as_secs_f64());
+        crate::interrupt::say(&format!(
+            "Results and figures: {} ({:.1} s)",
+            written.display(),
+            began.elapsed().as_secs_f64()
+        ));
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -65,6 +69,7 @@ fn request(arguments: &DiagnoseArguments) -> Result<DiagnosisRequest> {
         let remedy = "give at least 99: fewer cannot show a p as small as the later rounds ask for";
         return Err(Error::input(Place::option("--simulations"), format!("{simulations} simulated searches"), remedy));
     }
+    options::check_simulations(simulations)?;
     let bars = Bars { smallest_change: smallest, ..default.bars };
     Ok(DiagnosisRequest { bars, n_simulations: simulations, seed: arguments.common.seed, ..default })
 }

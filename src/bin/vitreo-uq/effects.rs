@@ -21,7 +21,7 @@ pub fn run(arguments: &EffectsArguments) -> Result<ExitCode> {
     let terminal = Terminal::new(common.quiet);
     let target = Target::open(common, &arguments.model, &terminal)?;
     let problem = target.problem(&arguments.model, &terminal)?;
-    let kept = target.existing_study().and_then(kept_surrogate);
+    let kept = target.existing_study().and_then(|study| kept_surrogate(study, &terminal));
     let summary = visibility::run(&problem, &Library::default(), kept, &terminal)?;
     terminal.finish();
     let provenance = artefacts::with_inputs(target.provenance("effects", common.seed)?, &problem);

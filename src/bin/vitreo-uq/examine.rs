@@ -49,13 +49,14 @@ impl Examined {
 
     /// The experiment, split into fitted and scored cycles, for the fits of its own model.
     pub fn subject(&self, terminal: &Terminal) -> Result<Subject> {
-        let compliance = Reduced::unverified(&self.problem, kept_surrogate(&self.study), terminal)?.compliance;
+        let compliance =
+            Reduced::unverified(&self.problem, kept_surrogate(&self.study, terminal), terminal)?.compliance;
         Subject::with_compliance(&self.problem, &Library::default(), compliance)
     }
 
     /// The same for the fits of every effect, one of which may ask for a wider surrogate.
     pub fn subject_for_effects(&self, terminal: &Terminal) -> Result<Subject> {
-        Subject::new(&self.problem, &Library::default(), kept_surrogate(&self.study), terminal)
+        Subject::new(&self.problem, &Library::default(), kept_surrogate(&self.study, terminal), terminal)
     }
 
     /// The header of a document about it.

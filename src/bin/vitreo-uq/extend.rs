@@ -75,7 +75,11 @@ pub fn run(arguments: &ExtendArguments) -> Result<ExitCode> {
     terminal.finish();
     crate::output::show(common.json.as_deref(), &document, &words(summary))?;
     if !common.quiet {
-        eprintln!("Results and figures: {} ({:.1} s)", written.display(), began.elapsed().as_secs_f64());
+        crate::interrupt::say(&format!(
+            "Results and figures: {} ({:.1} s)",
+            written.display(),
+            began.elapsed().as_secs_f64()
+        ));
     }
     Ok(ExitCode::from(u8::from(!summary.is_sound())))
 }

@@ -23,7 +23,7 @@ pub fn run(arguments: &FitArguments) -> Result<ExitCode> {
     let terminal = Terminal::new(common.quiet);
     let target = Target::open(common, &arguments.model, &terminal)?;
     let problem = target.problem(&arguments.model, &terminal)?;
-    let kept = target.existing_study().and_then(kept_surrogate);
+    let kept = target.existing_study().and_then(|study| kept_surrogate(study, &terminal));
     let result = fit::run(&problem, kept, &terminal)?;
     let study = target.make_study()?;
     let provenance = artefacts::with_inputs(study.provenance("fit", 1, common.seed), &problem);
@@ -33,7 +33,7 @@ pub fn run(arguments: &FitArguments) -> Result<ExitCode> {
     terminal.finish();
     crate::output::show(common.json.as_deref(), &document, &words(&result.summary))?;
     if !common.quiet {
-        eprintln!("Result: {}", path.display());
+        crate::interrupt::say(&format!("Result: {}", path.display()));
     }
     Ok(ExitCode::from(u8::from(!result.summary.is_sound())))
 }

@@ -89,6 +89,8 @@ pub struct GroupsArguments {
 const N_CHAINS: usize = 4;
 /// Fewest sweeps that diagnostics can judge.
 const FEWEST_SWEEPS: usize = 400;
+/// Most sweeps: days.
+const MOST_SWEEPS: usize = 1_000_000_000;
 
 pub fn run(arguments: &GroupsArguments) -> Result<ExitCode> {
     let began = Instant::now();
@@ -123,7 +125,11 @@ pub fn run(arguments: &GroupsArguments) -> Result<ExitCode> {
     let document = WithProvenance { provenance, body: &summary };
     crate::output::show(arguments.json.as_deref(), &document, &words(&summary))?;
     if !arguments.quiet {
-        eprintln!("Results and figures: {} ({:.1} s)", written.display(), began.elapsed().as_secs_f64());
+        crate::interrupt::say(&format!(
+            "Results and figures: {} ({:.1} s)",
+            written.display(),
+            began.elapsed().as_secs_f64()
+        ));
     }
     Ok(ExitCode::from(u8::from(!summary.is_sound())))
 }
@@ -148,9 +154,10 @@ fn check(arguments: &GroupsArguments) -> Result<()> {
         let found = format!("a margin of {}", arguments.margin);
         return Err(Error::input(Place::option("--margin"), found, "give a fraction such as 0.2, for 20 %"));
     }
-    if arguments.sweeps < FEWEST_SWEEPS {
+    if !(FEWEST_SWEEPS..=MOST_SWEEPS).contains(&arguments.sweeps) {
         let found = format!("{} sweeps", arguments.sweeps);
-        return Err(Error::input(Place::option("--sweeps"), found, format!("give at least {FEWEST_SWEEPS}")));
+        let remedy = format!("give at least {FEWEST_SWEEPS} and at most {MOST_SWEEPS}");
+        return Err(Error::input(Place::option("--sweeps"), found, remedy));
     }
     Ok(())
 }

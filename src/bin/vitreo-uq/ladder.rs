@@ -3,11 +3,11 @@
 use std::process::ExitCode;
 use std::time::Instant;
 
-use vitreo_uq::error::{Error, Result};
-use vitreo_uq::files::write_json_atomically;
+use vitreo_uq::error::Result;
+use vitreo_uq::files::{self, Content};
 use vitreo_uq::report;
 use vitreo_uq::report::labels::of_parameter;
-use vitreo_uq::report::svg::write_figure;
+use vitreo_uq::report::svg::figure_files;
 use vitreo_uq::study::{LADDER_NAME, Study, WithProvenance};
 use vitreo_uq::workflow::Monitor;
 use vitreo_uq::workflow::ladder::{self, LadderRequest, LadderSummary, Rung, Shift};
@@ -36,13 +36,15 @@ pub fn run(arguments: &LadderArguments) -> Result<ExitCode> {
     terminal.stage("writing results and figures");
     let provenance = provenance(study, &summary, common.seed)?;
     let document = WithProvenance { provenance, body: &summary };
-    write_figure(study.dir(), "ladder", &report::ladder::ladder(&summary)?)?;
-    write_json_atomically(&study.dir().join(LADDER_NAME), &document)?;
+    let [svg, png] = figure_files(study.dir(), "ladder", &report::ladder::ladder(&summary)?)?;
+    let json = study.dir().join(LADDER_NAME);
+    let json = (json.clone(), files::to_json(&json, &document)?);
+    files::write_together(&[&svg, &png, &json].map(|(path, bytes)| (path.as_path(), bytes.as_slice())))?;
     terminal.finish();
     crate::output::show(common.json.as_deref(), &document, &words(&summary))?;
     if !common.quiet {
         let (figure, seconds) = (study.dir().join("ladder.svg"), began.elapsed().as_secs_f64());
-        eprintln!("Figure: {} ({seconds:.1} s)", figure.display());
+        crate::interrupt::say(&format!("Figure: {} ({seconds:.1} s)", figure.display()));
     }
     Ok(ExitCode::from(u8::from(!summary.is_sound())))
 }
@@ -53,9 +55,8 @@ fn provenance(study: &Study, summary: &LadderSummary, seed: u64) -> Result<vitre
     for rung in &summary.revisions {
         let dir = study.revision_dir(&rung.revision)?;
         for name in ["model.toml", "posterior.json"] {
-            let bytes = std::fs::read(dir.join(name)).map_err(|source| {
-                Error::at_path("read", dir.join(name), source, "check that the study is complete and readable")
-            })?;
+            let bytes =
+                files::read(&dir.join(name), Content::Document, "check that the study is complete and readable")?;
             provenance = provenance.with_input(format!("{}/{name}", rung.revision), &bytes);
         }
     }

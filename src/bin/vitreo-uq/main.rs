@@ -1,4 +1,5 @@
 //! The program: arguments in, exit code out.
+#![deny(clippy::print_stderr, clippy::print_stdout)]
 
 mod challenge;
 mod challenge_words;
@@ -10,6 +11,7 @@ mod examine;
 mod extend;
 mod fit;
 mod groups;
+mod interrupt;
 mod ladder;
 mod options;
 mod output;
@@ -26,9 +28,12 @@ use std::process::ExitCode;
 use clap::Parser;
 
 use options::{Command, Program};
+use vitreo_uq::Error;
 
 fn main() -> ExitCode {
     let program = Program::parse();
+    let how_to_go_on = how_to_go_on(&program.command);
+    interrupt::watch(how_to_go_on);
     let outcome = match &program.command {
         Command::Sample(arguments) => sample::run(arguments),
         Command::Fit(arguments) => fit::run(arguments),
@@ -45,9 +50,25 @@ fn main() -> ExitCode {
     };
     match outcome {
         Ok(code) => code,
+        Err(Error::Interrupted { .. }) => {
+            interrupt::say(&interrupt::last_word(how_to_go_on));
+            ExitCode::from(interrupt::exit_code())
+        }
         Err(error) => {
-            eprintln!("error: {error}");
+            interrupt::say(&format!("error: {error}"));
             ExitCode::from(error.exit_code())
         }
+    }
+}
+
+/// What a stopped command leaves to do.
+fn how_to_go_on(command: &Command) -> &'static str {
+    match command {
+        Command::Sample(_) => {
+            "run the same command with `--resume`, which goes on from the sampler's last saved state, if there is one"
+        }
+        Command::Groups(_) => "run the same command again: experiments that were sampled are not sampled again",
+        Command::Challenge(_) => "run the same command again: trajectories in the cache are not computed again",
+        _ => "run the same command again",
     }
 }

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use vitreo_uq::error::{Error, Place};
 use vitreo_uq::inference::SamplerOptions;
 use vitreo_uq::inference::prior::PriorSet;
 
@@ -270,10 +271,34 @@ pub fn default_sampler(seed: u64, threads: usize) -> SamplerOptions {
     SamplerOptions { seed, threads, ..SamplerOptions::default() }
 }
 
-/// Uses so many threads everywhere, at most one a core: more would only get in each other's way. Returns how many.
+/// Most simulations: a probability of a thousandth is known to a tenth of itself by them.
+const MOST_SIMULATIONS: usize = 100_000;
+
+/// Refuses more simulations than any question needs.
+pub fn check_simulations(simulations: usize) -> vitreo_uq::Result<()> {
+    if simulations <= MOST_SIMULATIONS {
+        return Ok(());
+    }
+    let found = format!("{simulations} simulations");
+    Err(Error::input(
+        Place::option("--simulations"),
+        found,
+        format!("give at most {MOST_SIMULATIONS}; hundreds are usual"),
+    ))
+}
+
+/// Where the number of threads stands if no option gives it.
+const THREADS_VARIABLE: &str = "RAYON_NUM_THREADS";
+
+/// Uses so many threads everywhere (0: as many as the environment says, or as there are cores), at most one a core: more would only get in each
+/// other's way. Returns how many.
 pub fn use_threads(threads: usize) -> vitreo_uq::Result<usize> {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    let threads = threads.min(cores);
+    let asked = match threads {
+        0 => std::env::var(THREADS_VARIABLE).ok().and_then(|text| text.parse().ok()).filter(|threads| *threads > 0),
+        threads => Some(threads),
+    };
+    let threads = asked.map_or(cores, |asked| asked.min(cores));
     rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().map_err(|error| {
         vitreo_uq::Error::numerical(format!("no threads to be had: {error}"), "use fewer threads (--threads)")
     })?;

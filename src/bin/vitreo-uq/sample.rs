@@ -6,6 +6,7 @@ use std::time::Instant;
 
 use vitreo_uq::effects::Library;
 use vitreo_uq::error::{Error, Place, Result};
+use vitreo_uq::files::{Content, read_if_there};
 use vitreo_uq::inference::SamplerOptions;
 use vitreo_uq::inference::prior::PriorSet;
 use vitreo_uq::study::{ModelSpecification, Provenance, Study, WithProvenance};
@@ -51,7 +52,11 @@ pub fn run(arguments: &SampleArguments) -> Result<ExitCode> {
     let words = text::posterior(&result.summary);
     crate::output::show(common.json.as_deref(), &document, &words)?;
     if !common.quiet {
-        eprintln!("Results and figures: {} ({:.1} s)", written.display(), began.elapsed().as_secs_f64());
+        crate::interrupt::say(&format!(
+            "Results and figures: {} ({:.1} s)",
+            written.display(),
+            began.elapsed().as_secs_f64()
+        ));
     }
     Ok(ExitCode::from(u8::from(!sound)))
 }
@@ -67,8 +72,12 @@ pub fn sample_into_m0(
     let revision = study.begin_revision(REVISION)?;
     let checkpoint = study.checkpoint_dir(REVISION)?.join("sampler.state");
     let seed = options.seed;
-    let request =
-        SampleRequest { options, kept_surrogate: kept_surrogate(study), checkpoint: Some(&checkpoint), resume };
+    let request = SampleRequest {
+        options,
+        kept_surrogate: kept_surrogate(study, terminal),
+        checkpoint: Some(&checkpoint),
+        resume,
+    };
     let mut result = sample::run(problem, &request, terminal)?;
     terminal.stage("writing results and figures");
     let clock = Instant::now();
@@ -110,7 +119,7 @@ fn refuse_other_model(study: &Study, specification: &ModelSpecification, force: 
 fn refuse_other_mesh(study: &Study, problem: &Problem, force: bool) -> Result<()> {
     let Ok(dir) = study.revision_dir(REVISION) else { return Ok(()) };
     let path = dir.join("posterior.json");
-    let Ok(bytes) = std::fs::read(&path) else { return Ok(()) };
+    let Some(bytes) = read_if_there(&path, Content::Document) else { return Ok(()) };
     let before: Option<Provenance> = serde_json::from_slice(&bytes).ok();
     let mesh_of = |provenance: &Provenance| provenance.inputs_sha256.get(artefacts::MESH_INPUT).cloned();
     let now = mesh_of(&artefacts::with_inputs(study.provenance("posterior", 1, 0), problem));
@@ -131,10 +140,7 @@ fn same_model(ours: &ModelSpecification, other: &ModelSpecification) -> Result<b
     if unnamed(ours) == unnamed(other) { same_prior() } else { Ok(false) }
 }
 
-/// The surrogate of an earlier run, if it can be read; whether it fits is checked by its hash.
-pub fn kept_surrogate(study: &Study) -> Option<KeptSurrogate> {
-    let path = study.revision_dir(REVISION).ok()?.join("surrogate.json");
-    let bytes = std::fs::read(path).ok()?;
-    let document: WithProvenance<KeptSurrogate> = serde_json::from_slice(&bytes).ok()?;
-    Some(document.body)
+/// The surrogate of an earlier run, if it can be used; whether it fits is checked by its hash.
+pub fn kept_surrogate(study: &Study, monitor: &dyn Monitor) -> Option<KeptSurrogate> {
+    KeptSurrogate::read(&study.revision_dir(REVISION).ok()?, monitor)
 }

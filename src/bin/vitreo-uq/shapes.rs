@@ -100,7 +100,11 @@ pub fn run(arguments: &ShapesArguments) -> Result<ExitCode> {
         &shapes_words::words(&summary),
     )?;
     if !common.quiet {
-        eprintln!("Results and figures: {} ({:.1} s)", written.display(), began.elapsed().as_secs_f64());
+        crate::interrupt::say(&format!(
+            "Results and figures: {} ({:.1} s)",
+            written.display(),
+            began.elapsed().as_secs_f64()
+        ));
     }
     Ok(ExitCode::SUCCESS)
 }

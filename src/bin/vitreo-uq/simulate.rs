@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use vitreo_uq::effects::Library;
 use vitreo_uq::error::{Error, Place, Result};
 use vitreo_uq::fe::time::TimeScheme;
-use vitreo_uq::files::write_json_atomically;
+use vitreo_uq::files::{self, Content, write_json_atomically};
 use vitreo_uq::study::{ModelSpecification, Study, WithProvenance};
 use vitreo_uq::workflow::Monitor;
 use vitreo_uq::workflow::convergence::MeshLevel;
@@ -58,7 +58,10 @@ pub fn run(arguments: &SimulateArguments) -> Result<ExitCode> {
     terminal.finish();
     crate::output::show(common.json.as_deref(), &document, &words(&simulation.summary, &stages))?;
     if !common.quiet {
-        eprintln!("Trajectory, experiment.toml and fields (open fields.pvd in ParaView): {}", written.display());
+        crate::interrupt::say(&format!(
+            "Trajectory, experiment.toml and fields (open fields.pvd in ParaView): {}",
+            written.display()
+        ));
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -90,14 +93,13 @@ fn posterior(
         return Ok(None);
     }
     let path = dir.join("posterior.json");
-    let bytes = std::fs::read(&path).map_err(|source| {
-        Error::at_path("read", &path, source, "run `sample` again, or give every parameter with `--set`")
-    })?;
+    let remedy = "run `sample` again, or give every parameter with `--set`";
+    let bytes = files::read(&path, Content::Document, remedy)?;
     let document: WithProvenance<PosteriorSummary> = serde_json::from_slice(&bytes).map_err(|error| {
         Error::input(
             Place::file(&path).at_line(error.line()),
             format!("this is not a posterior of this program: {error}"),
-            "run `sample` again, or give every parameter with `--set`",
+            remedy,
         )
     })?;
     Ok(Some((name, document.body)))

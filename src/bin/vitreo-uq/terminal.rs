@@ -1,13 +1,15 @@
 //! Progress and warnings on standard error: a bar on a terminal, lines otherwise, nothing when quiet.
 
 use std::io::IsTerminal;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex};
+use std::sync::Mutex;
+use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 use vitreo_uq::inference::ensemble::{Phase, Progress};
 use vitreo_uq::workflow::Monitor;
+
+use crate::interrupt::{self, say};
 
 /// Time between two lines about the sampler where there is no terminal.
 const LINE_INTERVAL_S: f64 = 5.0;
@@ -21,20 +23,11 @@ pub struct Terminal {
     /// The stage, as long as nothing else is said of it.
     stage: Mutex<String>,
     last_line: Mutex<Instant>,
-    stop: Arc<AtomicBool>,
 }
 
 impl Terminal {
-    /// Watches for Ctrl-C too: the first asks the job to stop at the next safe place, the second ends the program.
+    /// Says what a job does, or nothing of it.
     pub fn new(quiet: bool) -> Self {
-        let stop = Arc::new(AtomicBool::new(false));
-        let flag = Arc::clone(&stop);
-        let handler = ctrlc::set_handler(move || {
-            if flag.swap(true, Ordering::SeqCst) {
-                std::process::exit(130);
-            }
-            eprintln!("\nstopping at the next safe place (Ctrl-C again to stop at once) …");
-        });
         let bar = (!quiet && std::io::stderr().is_terminal()).then(|| {
             let style = ProgressStyle::with_template("{spinner} {msg} {wide_bar} {elapsed}")
                 .unwrap_or_else(|_| ProgressStyle::default_bar());
@@ -42,11 +35,8 @@ impl Terminal {
             bar.enable_steady_tick(TICK);
             bar
         });
-        let terminal = Self { quiet, bar, stage: Mutex::default(), last_line: Mutex::new(Instant::now()), stop };
-        if handler.is_err() {
-            terminal.warn("Ctrl-C will end the program without keeping its state");
-        }
-        terminal
+        bar.iter().for_each(interrupt::clear_at_end);
+        Self { quiet, bar, stage: Mutex::default(), last_line: Mutex::new(Instant::now()) }
     }
 
     /// Ends the bar.
@@ -68,7 +58,7 @@ impl Monitor for Terminal {
                     *stage = text.to_string();
                 }
             }
-            None if !self.quiet => eprintln!("{text} …"),
+            None if !self.quiet => say(&format!("{text} …")),
             None => {}
         }
     }
@@ -89,7 +79,7 @@ impl Monitor for Terminal {
             && last.elapsed().as_secs_f64() > LINE_INTERVAL_S
         {
             *last = Instant::now();
-            eprintln!("{text}");
+            say(&text);
         }
     }
 
@@ -102,7 +92,7 @@ impl Monitor for Terminal {
     }
 
     fn warn(&self, text: &str) {
-        let show = || eprintln!("note: {text}");
+        let show = || say(&format!("note: {text}"));
         match &self.bar {
             Some(bar) => bar.suspend(show),
             None if !self.quiet => show(),
@@ -111,6 +101,6 @@ impl Monitor for Terminal {
     }
 
     fn stop(&self) -> Option<&AtomicBool> {
-        Some(&self.stop)
+        Some(interrupt::flag())
     }
 }

@@ -10,7 +10,7 @@ use super::seal::{SALT_BYTES, Sealed, open, seal};
 use super::{Bench, Noise, Order, Truth};
 use crate::error::{Error, Place, Result};
 use crate::experiment::{Apparatus, Record, RobotShape};
-use crate::files::{write_atomically, write_json_atomically};
+use crate::files::{self, Content, TemporaryDirectory, write_atomically, write_json_atomically};
 use crate::inference::ensemble::RandomStream;
 use crate::study::sha256_hex;
 use crate::workflow::Monitor;
@@ -83,12 +83,25 @@ pub fn make(dir: &Path, bench: &Bench, order: &Order, seed: u64, monitor: &dyn M
     })?;
     let sealed = seal(&salt, &bytes);
     let toml = experiment_toml(bench.apparatus(), &sealed.commitment_sha256, stated_um);
-    std::fs::create_dir_all(dir).map_err(|source| Error::at_path("create", dir, source, "give another `--out`"))?;
-    write_atomically(&dir.join(COMMITMENT_FILE), format!("{}\n", sealed.commitment_sha256).as_bytes())?;
-    write_json_atomically(&dir.join(SEALED_FILE), &sealed)?;
-    write_atomically(&dir.join("trajectory.csv"), csv.as_bytes())?;
-    write_atomically(&dir.join("experiment.toml"), toml.as_bytes())?;
+    write(dir, &sealed, &csv, &toml)?;
     Ok(sealed.commitment_sha256)
+}
+
+/// Writes the four files, all of them or none.
+fn write(dir: &Path, sealed: &Sealed, csv: &str, toml: &str) -> Result<()> {
+    const REMEDY: &str = "give another `--out`";
+    // Behind a symbolic link the directory itself is meant, and `.` has a name only in full.
+    let dir = &dir.canonicalize().unwrap_or_else(|_| dir.to_path_buf());
+    let parent = files::folder_of(dir);
+    std::fs::create_dir_all(parent).map_err(|source| Error::at_path("create", parent, source, REMEDY))?;
+    let name = dir.file_name().map_or("challenge".into(), |name| name.to_string_lossy());
+    let building = TemporaryDirectory::new(if dir.is_dir() { dir } else { parent }, &name)?;
+    let at = |name: &str| building.path().join(name);
+    write_atomically(&at(COMMITMENT_FILE), format!("{}\n", sealed.commitment_sha256).as_bytes())?;
+    write_json_atomically(&at(SEALED_FILE), sealed)?;
+    write_atomically(&at("trajectory.csv"), csv.as_bytes())?;
+    write_atomically(&at("experiment.toml"), toml.as_bytes())?;
+    building.move_to(dir, "experiment.toml", REMEDY)
 }
 
 /// Refuses a directory that holds anything.
@@ -116,10 +129,10 @@ pub fn check_place(dir: &Path) -> Result<()> {
 /// [`Error::Input`] with the file that does not fit; [`Error::File`] where one cannot be read.
 pub fn reveal(dir: &Path) -> Result<Opened> {
     let text = |name: &str| {
-        let path = dir.join(name);
-        std::fs::read_to_string(&path).map_err(|source| {
-            Error::at_path("read", path, source, "give the directory that `vitreo-uq challenge new` made")
-        })
+        let (path, remedy) = (dir.join(name), "give the directory that `vitreo-uq challenge new` made");
+        let content = if name.ends_with(".csv") { Content::Table } else { Content::Document };
+        let bytes = files::read(&path, content, remedy)?;
+        String::from_utf8(bytes).map_err(|_| Error::input(Place::file(path), "this is not UTF-8 text", remedy))
     };
     let refuse = |name: &str, found: &str| {
         Err(Error::input(

@@ -13,7 +13,7 @@ use crate::fe::Stiffness;
 use crate::fe::spatial::{Sizes, Surroundings};
 use crate::fe::stepping::Resolution;
 use crate::fe::time::FullOrderModel;
-use crate::files::write_atomically;
+use crate::files::{Content, read_if_there, write_atomically};
 use crate::mesh::Mesh;
 use crate::model::{Forward, FullForward};
 use crate::number::Dual;
@@ -144,7 +144,7 @@ fn place(folder: &Path, key: &str) -> PathBuf {
 
 /// A kept trajectory; `None` where there is none or it is damaged.
 fn read(path: &Path, n_rows: usize) -> Option<Vec<f64>> {
-    let bytes = std::fs::read(path).ok()?;
+    let bytes = read_if_there(path, Content::Table)?;
     let (numbers, []) = bytes.as_chunks::<8>() else { return None };
     let position_m: Vec<f64> = numbers.iter().map(|number| f64::from_le_bytes(*number)).collect();
     (position_m.len() == n_rows && position_m.iter().all(|x| x.is_finite())).then_some(position_m)

@@ -90,6 +90,10 @@ impl Default for SamplerOptions {
 
 /// Fewest steps that leave room for a burn-in and a draw.
 const FEWEST_STEPS: u64 = 32;
+/// Most steps: days of the cheapest model.
+const MOST_STEPS: u64 = 1_000_000_000;
+/// Most walkers of an ensemble: more than any model has use for, and their draws still fit into memory.
+const MOST_WALKERS: usize = 4_096;
 
 impl SamplerOptions {
     /// Refuses settings that cannot give a sound run.
@@ -108,6 +112,14 @@ impl SamplerOptions {
                     "use an even number of walkers, at least {fewest} (more than twice the parameters); 32 is a good choice"
                 ),
             );
+        }
+        if self.n_walkers > MOST_WALKERS {
+            let found = format!("{} walkers", self.n_walkers);
+            return refuse("--chains", found, format!("use at most {MOST_WALKERS} walkers; 32 is a good choice"));
+        }
+        if self.max_steps > MOST_STEPS {
+            let found = format!("{} steps", self.max_steps);
+            return refuse("--steps", found, format!("allow at most {MOST_STEPS} steps; thousands are usual"));
         }
         if self.n_ensembles < 4 {
             let found = format!("{} ensembles", self.n_ensembles);
@@ -202,11 +214,13 @@ mod tests {
             SamplerOptions { max_steps: 5, ..Default::default() },
             SamplerOptions { store_every: Some(0), ..Default::default() },
             SamplerOptions { jump_fraction: 1.0, ..Default::default() },
+            SamplerOptions { n_walkers: 1 << 62, ..Default::default() },
+            SamplerOptions { max_steps: 1 << 63, ..Default::default() },
         ];
         for options in wrong {
             let error = options.validate(4).unwrap_err();
             assert!(
-                matches!(&error, Error::Input { remedy, .. } if remedy.contains("at least") || remedy.contains("more"))
+                matches!(&error, Error::Input { remedy, .. } if ["at least", "at most", "more"].iter().any(|word| remedy.contains(word)))
             );
         }
         assert!(SamplerOptions { n_walkers: 10, ..Default::default() }.validate(4).is_ok());

@@ -129,8 +129,8 @@ pub(super) fn from_bytes(
             n_steps: lane.n_steps,
         };
         let record = Record {
-            positions: take(lane.n_stored * dimension * w)?,
-            log_density: take(lane.n_stored * w)?,
+            positions: take(lane.n_stored.saturating_mul(dimension * w))?,
+            log_density: take(lane.n_stored.saturating_mul(w))?,
             n_stored: lane.n_stored,
             base_step: lane.base_step,
             store_every: lane.store_every,

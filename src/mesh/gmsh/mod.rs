@@ -12,6 +12,7 @@ mod sections;
 use std::path::Path;
 
 use crate::error::{Error, Place, Result};
+use crate::files::{self, Content};
 use crate::mesh::Mesh;
 
 /// An imported mesh, with what its maker should know about it.
@@ -92,6 +93,9 @@ impl GmshWarning {
     }
 }
 
+/// Units of length that a mesh can be in, from a picometre to a kilometre, in m.
+const UNITS_M: [f64; 2] = [1e-12, 1e3];
+
 /// Reads a tetrahedral mesh of the quarter model from an MSH 4.1 file.
 ///
 /// `metres_per_unit` is the length of the file's unit, 1e-3 for a file in mm. Nodes keep the file's order, without those of no volume element; element
@@ -103,15 +107,14 @@ impl GmshWarning {
 /// symmetry node is off its plane, when a face of the boundary is in no group, or when robot and outer surface touch.
 pub fn read_gmsh(path: impl AsRef<Path>, metres_per_unit: f64) -> Result<GmshMesh> {
     let path = path.as_ref();
-    if !(metres_per_unit.is_finite() && metres_per_unit > 0.0) {
+    if !(UNITS_M[0]..=UNITS_M[1]).contains(&metres_per_unit) {
         return Err(Error::input(
             Place::option("metres_per_unit"),
             format!("{metres_per_unit} is not a length"),
             "give the file's unit in m, 1e-3 for mm",
         ));
     }
-    let bytes = std::fs::read(path)
-        .map_err(|source| Error::at_path("read", path, source, "check that the mesh file exists and may be read"))?;
+    let bytes = files::read(path, Content::Mesh, "check that the mesh file exists and may be read")?;
     let mut scanner = scanner::Scanner::new(path, &bytes);
     let raw = sections::read_sections(&mut scanner)?;
     model::build(raw, &|found, remedy| scanner.file_error(found, remedy), metres_per_unit)

@@ -1,0 +1,130 @@
+//! Plays mutated files to every reader and counts what becomes of them: the program of `campaigns/hard-input`.
+//!
+//! `cargo run --release --example hard_input -- COUNT SEED [SECONDS [PROGRAM]]` prints one JSON document. It ends with exit code 1 if anything panicked, took longer
+//! than a minute or was left half-written; what did is kept in a folder that it names. One in a hundred inputs goes through PROGRAM, too.
+
+#[path = "../tests/mutators/mod.rs"]
+mod mutators;
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::process::{Command, ExitCode};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::{Duration, Instant};
+
+use mutators::{Outcome, Place, Reader, input, readers};
+
+/// An input that takes longer is a hang.
+const HANG: Duration = Duration::from_secs(60);
+/// Three inputs in so many go through the program.
+const EVERY: u64 = 300;
+
+fn main() -> ExitCode {
+    let arguments: Vec<u64> = std::env::args().skip(1).filter_map(|text| text.parse().ok()).collect();
+    let (count, seed) = (arguments.first().copied().unwrap_or(2_000), arguments.get(1).copied().unwrap_or(1));
+    let most_seconds = arguments.get(2).copied().unwrap_or(u64::MAX);
+    let program = std::env::args().nth(4);
+    std::panic::set_hook(Box::new(|_| {}));
+    let Ok(folder) = tempfile::tempdir().map(tempfile::TempDir::keep) else { return ExitCode::from(2) };
+    let (place, readers) = (Place::new(&folder), readers());
+    let began = Instant::now();
+    static NUMBER: AtomicU64 = AtomicU64::new(0);
+    static SINCE_MS: AtomicU64 = AtomicU64::new(0);
+    let now_ms = move || u64::try_from(began.elapsed().as_millis()).unwrap_or(u64::MAX);
+    let kept = folder.clone();
+    std::thread::spawn(move || {
+        loop {
+            std::thread::sleep(Duration::from_secs(1));
+            if now_ms().saturating_sub(SINCE_MS.load(Ordering::SeqCst)) > HANG.as_millis() as u64 {
+                eprintln!("input {} hangs; it is in {}", NUMBER.load(Ordering::SeqCst), kept.display());
+                std::process::exit(1);
+            }
+        }
+    });
+    let mut outcomes: BTreeMap<String, BTreeMap<String, u64>> = BTreeMap::new();
+    let (mut played, mut n_panicked, mut n_wrong, mut slowest_s) = (0, 0, 0, 0.0_f64);
+    for number in 0..count {
+        if began.elapsed().as_secs() >= most_seconds {
+            break;
+        }
+        let reader = &readers[usize::try_from(number).unwrap_or(0) % readers.len()];
+        let bytes = input(reader, seed, number);
+        NUMBER.store(number, Ordering::SeqCst);
+        SINCE_MS.store(now_ms(), Ordering::SeqCst);
+        let clock = Instant::now();
+        let outcome = reader.play(&place, &bytes);
+        slowest_s = slowest_s.max(clock.elapsed().as_secs_f64());
+        if outcome == Outcome::Panicked {
+            n_panicked += 1;
+            let _ = std::fs::write(folder.join(format!("panicked-{number}-{}", reader.name)), &bytes);
+            eprintln!("input {number} of {} panics", reader.name);
+        }
+        *outcomes.entry(reader.name.into()).or_default().entry(word(outcome)).or_default() += 1;
+        played += 1;
+        if let Some(program) = program.as_ref().filter(|_| number % EVERY < 3) {
+            let found = through_program(program, &folder.join("program"), &readers, seed, number);
+            if found != "soundly ended" {
+                eprintln!("input {number} through the program: {found}");
+                n_wrong += 1;
+            }
+            *outcomes.entry("through the program".into()).or_default().entry(found.into()).or_default() += 1;
+        }
+    }
+    let document = serde_json::json!({
+        "schema": "vitreo-uq/hard-input/1",
+        "count": played,
+        "seed": seed,
+        "panicked": n_panicked,
+        "hung": 0,
+        "wrongly_ended_through_the_program": n_wrong,
+        "outcomes": outcomes,
+        "slowest_input_s": slowest_s,
+        "seconds": began.elapsed().as_secs_f64(),
+    });
+    println!("{document:#}");
+    if n_panicked + n_wrong > 0 {
+        eprintln!("inputs that panicked are in {}", folder.display());
+        return ExitCode::FAILURE;
+    }
+    let _ = std::fs::remove_dir_all(&folder);
+    ExitCode::SUCCESS
+}
+
+fn word(outcome: Outcome) -> String {
+    format!("{outcome:?}").to_lowercase()
+}
+
+/// Gives a mutated experiment or table of draws to the program itself, and looks at how it ended and what it left.
+fn through_program(program: &str, folder: &Path, readers: &[Reader], seed: u64, number: u64) -> &'static str {
+    let names = ["experiment.toml", "trajectory.csv", "draws.csv"];
+    let name = names[usize::try_from(number % 3).unwrap_or(0)];
+    let Some(reader) = readers.iter().find(|reader| reader.name == name) else { return "no such reader" };
+    let _ = std::fs::remove_dir_all(folder);
+    let experiment = folder.join("gel");
+    let others = readers.iter().filter(|reader| names.contains(&reader.name));
+    let is_written = std::fs::create_dir_all(&experiment).is_ok()
+        && others.into_iter().all(|other| std::fs::write(experiment.join(other.name), &other.samples[0]).is_ok())
+        && std::fs::write(experiment.join(name), input(reader, seed, number)).is_ok();
+    if !is_written {
+        return "no room";
+    }
+    let arguments = if name == "draws.csv" {
+        ["corner", "gel/draws.csv", "--out", "figure"]
+    } else {
+        ["fit", "gel", "--out", "study"]
+    };
+    let Ok(output) = Command::new(program).current_dir(folder).args(arguments).output() else { return "not started" };
+    let words = String::from_utf8_lossy(&output.stderr);
+    let is_left = |folder: &Path| {
+        std::fs::read_dir(folder).is_ok_and(|entries| {
+            entries.flatten().any(|entry| entry.file_name().to_string_lossy().contains(".partial-"))
+        })
+    };
+    match output.status.code() {
+        _ if words.contains("panicked") => "panicked",
+        _ if is_left(folder) || is_left(&folder.join("study")) => "half written",
+        Some(2) if !words.contains("what to do: ") => "refused without a remedy",
+        Some(0..=2) => "soundly ended",
+        _ => "killed",
+    }
+}

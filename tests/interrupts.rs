@@ -1,0 +1,222 @@
+//! Signals, at several moments of every command: the program ends within a second, leaves nothing half-written, says how to go on; run again, it gives
+//! the bytes that it would have given.
+#![cfg(unix)]
+
+mod program;
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use program::{drifting_replica, tree, vitreo, write_instrument_experiment};
+
+/// The bar is a second; the rest is for a test machine that is busy with other tests.
+const SOON: Duration = Duration::from_secs(1 + 4);
+/// Signals with their exit codes.
+const SIGNALS: [(&str, i32); 3] = [("INT", 130), ("TERM", 143), ("HUP", 129)];
+
+fn start(dir: &Path, arguments: &[&str]) -> Child {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_vitreo-uq"));
+    command.current_dir(dir).args(arguments).env("VITREO_UQ_CACHE", dir.join("cache")).stdin(Stdio::null());
+    command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap()
+}
+
+fn send(signal: &str, child: &Child) {
+    let status = Command::new("kill").args([format!("-{signal}"), child.id().to_string()]).status().unwrap();
+    assert!(status.success());
+}
+
+/// `nohup` makes the program deaf to one of the signals, as it should.
+fn is_ignored(signal: &str) -> bool {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let mask = status.lines().find_map(|line| u64::from_str_radix(line.strip_prefix("SigIgn:")?.trim(), 16).ok());
+    signal == "HUP" && mask.is_some_and(|mask| mask & 1 == 1)
+}
+
+/// Files without those that say how long something took, and without what only a resumed run needs.
+fn results(dir: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let mut files = tree(dir);
+    files.retain(|path, _| {
+        let text = path.to_string_lossy();
+        !text.ends_with("timing.json")
+            && !text.starts_with("cache")
+            && !text.contains(".checkpoint")
+            && !text.ends_with(".lock")
+    });
+    files
+}
+
+#[track_caller]
+fn nothing_is_half_written(dir: &Path) {
+    for (path, bytes) in tree(dir) {
+        let text = path.to_string_lossy();
+        assert!(!text.contains(".partial-") && !text.contains(".replaced"), "{text} is left");
+        if text.ends_with(".json") {
+            assert!(serde_json::from_slice::<serde_json::Value>(&bytes).is_ok(), "{text} is half written");
+        }
+    }
+}
+
+/// Waits for the end of a child that was sent a signal; whether it was stopped by it, and did not end by itself before.
+#[track_caller]
+fn ends(child: Child, code: i32, dir: &Path, what: &str) -> bool {
+    let began = Instant::now();
+    let output = child.wait_with_output().unwrap();
+    let words = String::from_utf8_lossy(&output.stderr);
+    assert!(began.elapsed() < SOON, "{what} took {:?}: {words}", began.elapsed());
+    assert!(!words.contains("panicked"), "{what}: {words}");
+    nothing_is_half_written(dir);
+    // Before the program watches for signals it has done nothing, and the system ends it.
+    let Some(found) = output.status.code() else { return false };
+    if found == code {
+        assert!(words.contains("stopped by") && words.contains("what to do: run the same command"), "{what}: {words}");
+        return true;
+    }
+    // Done before it could be stopped.
+    assert!(matches!(found, 0 | 1), "{what} ended with {found}: {words}");
+    false
+}
+
+fn copy(from: &Path, to: &Path) {
+    assert!(Command::new("cp").arg("-r").arg(from).arg(to).status().unwrap().success());
+}
+
+/// A folder with an instrument's experiment, another of another species, and a study of the first.
+fn prepared(place: &Path) {
+    write_instrument_experiment(&place.join("gel"), true, 0.4);
+    write_instrument_experiment(&place.join("other"), true, 0.0);
+    for (name, species) in [("gel", "porcine"), ("other", "bovine")] {
+        let path = place.join(name).join("experiment.toml");
+        let toml = std::fs::read_to_string(&path)
+            .unwrap()
+            .replace("id = \"gel\"", &format!("id = \"{name}\"\nspecies = \"{species}\""));
+        std::fs::write(path, toml).unwrap();
+    }
+    let code = vitreo(place, &["sample", "gel", "--steps", "3000", "--out", "study", "--quiet"]).code;
+    assert!([0, 1].contains(&code));
+}
+
+/// Commands on an instrument's experiment, which take a second: stopped at three moments, by each signal; then run to the end. Forty runs of the program take
+/// a minute.
+#[test]
+fn every_command_stops_soon_and_runs_again() {
+    let place = tempfile::tempdir().unwrap();
+    let template = place.path().join("template");
+    std::fs::create_dir(&template).unwrap();
+    prepared(&template);
+    let commands: [&[&str]; 8] = [
+        &["sample", "gel", "--steps", "3000", "--out", "new"],
+        &["fit", "gel", "--out", "new"],
+        &["effects", "gel"],
+        &["compare", "study"],
+        &["extend", "study", "--with", "tracking-drift", "--steps", "3000"],
+        &["ladder", "study", "--steps", "3000"],
+        &["groups", "gel", "other", "--steps", "3000", "--sweeps", "400", "--out", "compared"],
+        &["corner", "study/m0", "--out", "figure"],
+    ];
+    let mut n_stopped = BTreeMap::new();
+    for (index, arguments) in commands.into_iter().enumerate() {
+        let whole = place.path().join(format!("whole{index}"));
+        copy(&template, &whole);
+        let began = Instant::now();
+        let code = start(&whole, arguments).wait_with_output().unwrap().status.code();
+        assert!(matches!(code, Some(0 | 1)), "{arguments:?}: {code:?}");
+        let took = began.elapsed();
+        let dir = place.path().join(format!("stopped{index}"));
+        copy(&template, &dir);
+        for (part, (signal, code)) in [0.15, 0.45, 0.8].into_iter().zip(SIGNALS) {
+            if is_ignored(signal) {
+                continue;
+            }
+            let child = start(&dir, arguments);
+            std::thread::sleep(took.mul_f64(part).max(Duration::from_millis(30)));
+            send(signal, &child);
+            let stopped = ends(child, code, &dir, &format!("{arguments:?} by {signal}"));
+            *n_stopped.entry(arguments[0]).or_insert(0) += usize::from(stopped);
+        }
+        let code = start(&dir, arguments).wait_with_output().unwrap().status.code();
+        assert!(matches!(code, Some(0 | 1)), "{arguments:?}: {code:?}");
+        let (expected, found) = (results(&whole), results(&dir));
+        assert!(expected.keys().eq(found.keys()), "{arguments:?}: {:?} against {:?}", found.keys(), expected.keys());
+        let differing: Vec<_> =
+            expected.iter().filter(|(path, bytes)| found[*path] != **bytes).map(|(path, _)| path).collect();
+        assert!(differing.is_empty(), "{arguments:?}: {differing:?}");
+    }
+    assert!(n_stopped["sample"] > 0 && n_stopped["groups"] > 0, "{n_stopped:?}");
+}
+
+/// Commands that solve finite elements and search, for a minute and more: stopped while they do.
+#[test]
+fn long_computations_stop_soon() {
+    let place = tempfile::tempdir().unwrap();
+    let dir = place.path();
+    drifting_replica(dir);
+    let commands: [&[&str]; 5] = [
+        &["diagnose", "drifting", "--out", "study"],
+        &["simulate", "drifting", "--out", "study", "--refine", "3"],
+        &["shapes", "--out", "shapes"],
+        &["challenge", "new", "--out", "sealed", "--seed", "13"],
+        &["challenge", "run", "--count", "50", "--cache", "trajectories"],
+    ];
+    for arguments in commands {
+        let mut n_stopped = 0;
+        for ((signal, code), seconds) in SIGNALS.into_iter().zip([0.3, 1.5, 4.0]) {
+            if is_ignored(signal) {
+                continue;
+            }
+            let child = start(dir, arguments);
+            std::thread::sleep(Duration::from_secs_f64(seconds));
+            send(signal, &child);
+            n_stopped += usize::from(ends(child, code, dir, &format!("{arguments:?} by {signal}")));
+        }
+        assert!(n_stopped > 0, "{arguments:?} was never stopped");
+    }
+    assert!(!dir.join("sealed/sealed.json").exists() || dir.join("sealed/experiment.toml").exists());
+}
+
+/// The terminal hangs up: what is said goes nowhere, the state is kept, and the run goes on from it to the same bytes.
+#[test]
+fn a_run_whose_terminal_hangs_up_is_resumed() {
+    let place = tempfile::tempdir().unwrap();
+    prepared(place.path());
+    let arguments = ["sample", "gel", "--steps", "20000", "--out", "whole"];
+    let whole = vitreo(place.path(), &arguments);
+    let mut arguments = arguments.map(String::from).to_vec();
+    arguments[5] = "stopped".into();
+    arguments.push("--resume".into());
+    let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    let mut n_stopped = 0;
+    for milliseconds in [200, 400, 600] {
+        let mut child = start(place.path(), &arguments);
+        // From now on every word on standard error is refused.
+        drop(child.stderr.take());
+        std::thread::sleep(Duration::from_millis(milliseconds));
+        send("HUP", &child);
+        let began = Instant::now();
+        let code = child.wait().unwrap().code();
+        assert!(began.elapsed() < SOON);
+        assert!(is_ignored("HUP") || matches!(code, Some(0 | 1 | 129) | None), "{code:?}");
+        n_stopped += usize::from(code == Some(129));
+        nothing_is_half_written(place.path());
+    }
+    assert!(is_ignored("HUP") || n_stopped > 0, "the run was never stopped");
+    vitreo(place.path(), &arguments).exits(whole.code);
+    assert!(results(&place.path().join("stopped")) == results(&place.path().join("whole")));
+}
+
+/// A killed `ladder` cannot clean up; the next command in the study does.
+#[test]
+fn what_a_killed_program_leaves_is_swept() {
+    let place = tempfile::tempdir().unwrap();
+    prepared(place.path());
+    let mut dead = Command::new("true").spawn().unwrap();
+    dead.wait().unwrap();
+    let mut alive = Command::new("sleep").arg("100").spawn().unwrap();
+    let at = |process: u32| place.path().join(format!("study/.partial-{process}-abc"));
+    [dead.id(), alive.id()].iter().for_each(|process| std::fs::write(at(*process), "half").unwrap());
+    vitreo(place.path(), &["fit", "study"]).exits(0);
+    assert!(!at(dead.id()).exists() && at(alive.id()).exists());
+    alive.kill().unwrap();
+    alive.wait().unwrap();
+}

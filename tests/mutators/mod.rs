@@ -1,0 +1,517 @@
+//! Hard input: files that were damaged, edited or made up, and every reader that they can be given to.
+//!
+//! The test suite plays seconds of it, the campaign `campaigns/hard-input` hours; both with these mutators.
+#![allow(dead_code, reason = "the test and the campaign each use their own part")]
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+use sha2::{Digest, Sha256};
+
+use vitreo_uq::Result;
+use vitreo_uq::critique::challenge::files::reveal;
+use vitreo_uq::effects::Library;
+use vitreo_uq::experiment::Experiment;
+use vitreo_uq::inference::ensemble::{Checkpointing, Progress, RunControl};
+use vitreo_uq::inference::prior::PriorSet;
+use vitreo_uq::inference::{LogDensity, SamplerOptions, sample};
+use vitreo_uq::mesh::gmsh::read_gmsh;
+use vitreo_uq::report;
+use vitreo_uq::report::corner::{CornerOptions, ParameterColumn, Posterior, corner};
+use vitreo_uq::report::density::{Support, sorted};
+use vitreo_uq::report::draws::read_draws_csv;
+use vitreo_uq::report::palette::series;
+use vitreo_uq::rheology::Network;
+use vitreo_uq::study::{Kept, ModelSpecification, Study, WithProvenance};
+use vitreo_uq::surrogate::{ReducedOperators, Surrogate};
+use vitreo_uq::workflow::ladder::LadderSummary;
+use vitreo_uq::workflow::mechanics::Mechanics;
+use vitreo_uq::workflow::problem::Problem;
+use vitreo_uq::workflow::reduced::{KeptSurrogate, Reduced};
+use vitreo_uq::workflow::{Silent, replica};
+
+/// Numbers by a fixed recurrence (xorshift64*), the same everywhere.
+pub struct Dice(u64);
+
+impl Dice {
+    pub fn new(seed: u64) -> Self {
+        let mut dice = Self(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1);
+        for _ in 0..8 {
+            dice.word();
+        }
+        dice
+    }
+
+    fn word(&mut self) -> u64 {
+        self.0 ^= self.0 >> 12;
+        self.0 ^= self.0 << 25;
+        self.0 ^= self.0 >> 27;
+        self.0.wrapping_mul(0x2545_f491_4f6c_dd1d)
+    }
+
+    /// A whole number below `n`, which is above 0.
+    pub fn below(&mut self, n: usize) -> usize {
+        usize::try_from(self.word() % n as u64).unwrap_or(0)
+    }
+}
+
+/// What stands in the place of a number.
+const NUMBERS: [&str; 30] = [
+    "0",
+    "-0.0",
+    "1",
+    "-1",
+    "2",
+    "1e-320",
+    "5e-324",
+    "1e-30",
+    "1e-9",
+    "0.5",
+    "1e9",
+    "1e15",
+    "1e19",
+    "1e100",
+    "1e308",
+    "-1e308",
+    "1e999",
+    "nan",
+    "inf",
+    "-inf",
+    "4294967295",
+    "4294967296",
+    "9223372036854775807",
+    "9223372036854775808",
+    "18446744073709551616",
+    "0x10",
+    "1_000",
+    "",
+    "\"7\"",
+    "null",
+];
+/// What is put anywhere.
+const TOKENS: [&str; 24] = [
+    "[",
+    "]",
+    "{",
+    "}",
+    "\"",
+    "'",
+    ",",
+    ";",
+    "\n",
+    "\r\n",
+    "\t",
+    "\0",
+    "=",
+    "[[",
+    "#",
+    "é",
+    "\u{feff}",
+    "\u{202e}",
+    "𝛂",
+    "true",
+    "[robot]",
+    "[base.network]",
+    "series = [",
+    "$EndNodes\n",
+];
+
+/// One mutation of a file.
+pub fn mutate(bytes: &mut Vec<u8>, other: &[u8], dice: &mut Dice) {
+    match dice.below(14) {
+        0 if !bytes.is_empty() => {
+            let at = dice.below(bytes.len());
+            bytes[at] ^= 1 << dice.below(8);
+        }
+        1 if !bytes.is_empty() => {
+            let at = dice.below(bytes.len());
+            bytes[at] = dice.below(256) as u8;
+        }
+        2 => bytes.truncate(dice.below(bytes.len() + 1)),
+        3 => {
+            let [start, end] = range(bytes.len(), dice);
+            bytes.drain(start..end);
+        }
+        4 => {
+            let [start, end] = range(bytes.len(), dice);
+            let part = bytes[start..end].to_vec();
+            let at = dice.below(bytes.len() + 1);
+            drop(bytes.splice(at..at, part));
+        }
+        5 => insert(bytes, TOKENS[dice.below(TOKENS.len())].as_bytes(), dice),
+        6 => insert(bytes, NUMBERS[dice.below(NUMBERS.len())].as_bytes(), dice),
+        7 | 8 | 9 => replace_number(bytes, dice),
+        10 => with_lines(bytes, dice, |lines, dice| drop(lines.remove(dice.below(lines.len())))),
+        11 => with_lines(bytes, dice, |lines, dice| {
+            let (a, b) = (dice.below(lines.len()), dice.below(lines.len()));
+            lines.swap(a, b);
+        }),
+        12 => with_lines(bytes, dice, |lines, dice| {
+            let (at, times) = (dice.below(lines.len()), [1, 2, 50, 2_000][dice.below(4)]);
+            let line = lines[at].clone();
+            drop(lines.splice(at..at, std::iter::repeat_n(line, times)));
+        }),
+        _ => {
+            let [start, end] = range(other.len(), dice);
+            let part = other[start..end].to_vec();
+            insert(bytes, &part, dice);
+        }
+    }
+}
+
+fn range(length: usize, dice: &mut Dice) -> [usize; 2] {
+    let start = dice.below(length + 1);
+    let most = [4, 40, 400, length][dice.below(4)];
+    [start, (start + dice.below(most + 1)).min(length)]
+}
+
+fn insert(bytes: &mut Vec<u8>, part: &[u8], dice: &mut Dice) {
+    let at = dice.below(bytes.len() + 1);
+    drop(bytes.splice(at..at, part.iter().copied()));
+}
+
+fn replace_number(bytes: &mut Vec<u8>, dice: &mut Dice) {
+    let is_part = |byte: &u8| byte.is_ascii_digit() || matches!(byte, b'.' | b'-' | b'+' | b'e' | b'E');
+    let is_start = |at: usize| bytes[at].is_ascii_digit() && (at == 0 || !is_part(&bytes[at - 1]));
+    let starts: Vec<usize> = (0..bytes.len()).filter(|at| is_start(*at)).collect();
+    if starts.is_empty() {
+        return;
+    }
+    let start = starts[dice.below(starts.len())];
+    let length = bytes[start..].iter().take_while(|byte| is_part(byte)).count();
+    let new = NUMBERS[dice.below(NUMBERS.len())].as_bytes();
+    drop(bytes.splice(start..start + length, new.iter().copied()));
+}
+
+fn with_lines(bytes: &mut Vec<u8>, dice: &mut Dice, change: impl FnOnce(&mut Vec<Vec<u8>>, &mut Dice)) {
+    let mut lines: Vec<Vec<u8>> = bytes.split_inclusive(|byte| *byte == b'\n').map(<[u8]>::to_vec).collect();
+    if !lines.is_empty() {
+        change(&mut lines, dice);
+        *bytes = lines.concat();
+    }
+}
+
+/// A reader with files that it accepts.
+pub struct Reader {
+    pub name: &'static str,
+    pub samples: Vec<Vec<u8>>,
+    read: fn(&Place, &[u8]) -> Result<()>,
+}
+
+/// Where readers of files find them.
+pub struct Place {
+    folder: PathBuf,
+}
+
+impl Place {
+    /// In a folder that is there and empty.
+    pub fn new(folder: &Path) -> Self {
+        Self { folder: folder.to_path_buf() }
+    }
+
+    fn put(&self, name: &str, bytes: &[u8]) -> PathBuf {
+        let path = self.folder.join(name);
+        std::fs::write(&path, bytes).expect("the scratch folder can be written");
+        path
+    }
+}
+
+/// What became of an input.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Outcome {
+    Accepted,
+    /// With exit code 2 and a remedy.
+    Refused,
+    /// Read, but what was computed from it failed and said so.
+    Failed,
+    Panicked,
+}
+
+impl Reader {
+    /// Gives the reader an input.
+    pub fn play(&self, place: &Place, bytes: &[u8]) -> Outcome {
+        match catch_unwind(AssertUnwindSafe(|| (self.read)(place, bytes))) {
+            Ok(Ok(())) => Outcome::Accepted,
+            Ok(Err(error)) if error.exit_code() == 2 && error.to_string().contains("what to do: ") => Outcome::Refused,
+            Ok(Err(_)) => Outcome::Failed,
+            Err(_) => Outcome::Panicked,
+        }
+    }
+}
+
+/// The mutated input of a number, from one to four mutations of one of the reader's samples.
+pub fn input(reader: &Reader, seed: u64, number: u64) -> Vec<u8> {
+    let mut dice = Dice::new(seed.wrapping_add(number.wrapping_mul(0x1_0000_0001)));
+    let samples = &reader.samples;
+    let mut bytes = samples[dice.below(samples.len())].clone();
+    let other = &samples[dice.below(samples.len())];
+    for _ in 0..1 + dice.below(4) {
+        mutate(&mut bytes, other, &mut dice);
+    }
+    bytes
+}
+
+const SMALL_TOML: &str = "[specimen]\nid = \"gel\"\n[instrument]\ncompliance_per_m = 549.0\n[measurement]\nfile = \"trajectory.csv\"\ncalibration_cycles = [1]\nheldout_cycles = [2]\nnoise_um = 0.5\nsource = \"synthetic: a line\"\n";
+const ROBOT_TOML: &str = "[specimen]\nid = \"eye\"\nspecies = \"porcine\"\n[robot]\nshape = \"cylinder\"\nlength_mm = 1.8\ndiameter_mm = 0.28\norientation = \"horizontal\"\ndensity_kg_m3 = 7500\noffset_mm = 0.5\noffset_direction = \"along\"\n[vitreous]\ndiameter_mm = 20.0\npoisson_ratio = 0.48\ndensity_kg_m3 = 1000\n[measurement]\nfile = \"trajectory.csv\"\n";
+const NETWORK: &str =
+    "series = [\n  { parallel = [{ spring = \"e\" }, { springpot = \"p\" }] },\n  { dashpot = \"c\" },\n]\n";
+const MODEL: &str = "base = \"lethersich\"\neffects = [\"clock-offset\", \"tracking-drift\"]\nnoise = [\"white\", \"gain\"]\nprior = \"generic\"\n[fixed]\nyoung_modulus_pa = 3.5\n";
+const NETWORK_MODEL: &str = "effects = []\nnoise = [\"white\"]\nprior = \"generic\"\n[base.network]\nseries = [\n  { parallel = [{ spring = \"e\" }, { springpot = \"p\" }] },\n  { dashpot = \"c\" },\n]\n";
+
+/// Forty rows of two cycles.
+fn small_csv() -> String {
+    let row = |k: usize| {
+        let (time_s, force_un) = (0.1 * k as f64, if (k / 10) % 2 == 0 { 1.0 } else { -1.0 });
+        format!("{time_s:.1},{force_un},{:.3},{}\n", time_s * force_un, 1 + k / 20)
+    };
+    "time_s,force_uN,position_um,cycle\n".to_string() + &(0..40).map(row).collect::<String>()
+}
+
+fn draws_csv() -> Vec<Vec<u8>> {
+    let mut indexed = String::from("ensemble,walker,step,young_modulus_pa,viscosity_1_pa_s,log_density\n");
+    let mut plain = String::from("a,b\n");
+    for k in 0..64_usize {
+        let (x, y) = (3.5 + 0.1 * (k as f64 * 0.7).sin(), 1.4 + 0.2 * (k as f64 * 1.3).cos());
+        indexed += &format!("{},{},{},{x:?},{y:?},-1.5\n", k / 32, (k / 8) % 4, k % 8);
+        plain += &format!("{x:?},{y:?}\n");
+    }
+    vec![indexed.into_bytes(), plain.into_bytes()]
+}
+
+/// A surrogate of one mode, as `surrogate.json` holds it.
+pub fn surrogate_json() -> Vec<u8> {
+    let range = |name: &str, lower, upper| vitreo_uq::model::TrainedRange { name: name.into(), lower, upper };
+    let operators = ReducedOperators {
+        n_modes: 1,
+        deviatoric: vec![2.0],
+        volumetric: vec![0.5],
+        robot: vec![1.0],
+        force_share: 0.25,
+    };
+    let surrogate = Surrogate {
+        parameters: vec![range("young_modulus_pa", 0.1, 50.0)],
+        poisson_ratio: range("poisson_ratio", 0.48, 0.48),
+        operators,
+        singular_values: vec![1.0, 1e-9],
+        tolerance: 1e-6,
+        snapshot_runs: 16,
+        verification_runs: 8,
+        max_projection_error: 1e-9,
+        max_relative_error: 1e-9,
+        fe_unknowns: 15_480,
+    };
+    let (built_from_sha256, fields_built_from_sha256) = ("00".repeat(32), "11".repeat(32));
+    let body = KeptSurrogate { built_from_sha256, fields_built_from_sha256, fields: Default::default(), surrogate };
+    let provenance = vitreo_uq::study::Provenance::new("surrogate", 1, 1, Default::default());
+    serde_json::to_vec_pretty(&WithProvenance { provenance, body: Kept::new(body) }).expect("JSON")
+}
+
+fn ladder_json() -> Vec<u8> {
+    let parameter = |median: f64| serde_json::json!({ "name": "young_modulus_pa", "mean": median, "sd": 0.1, "q05": 3.0, "median": median, "q95": 4.0 });
+    let rung = |name: &str, effects: &[&str], rmse: f64| {
+        serde_json::json!({ "revision": name, "effects": effects, "from": null, "added": effects,
+            "model": { "base": "lethersich", "effects": effects, "noise": ["white"] },
+            "rmse_fitted_um": rmse, "rmse_heldout_um": rmse, "heldout_log_score_nats": -10.0, "heldout_log_score_mcse_nats": 0.1,
+            "parameters": [parameter(3.5)], "learnt_noise_um": 0.5, "coverage_50": 0.5, "coverage_90": 0.9, "joint_p": 0.5,
+            "fe_runs": null, "surrogate_vs_fe_max_um": null, "converged": true, "warnings": [], "refit_sha256": null })
+    };
+    let summary = serde_json::json!({ "schema": "vitreo-uq/ladder/1", "version": "0.1.0", "seed": 1, "inputs_sha256": {},
+        "experiment": "gel", "fitted_cycles": [1], "heldout_cycles": [2], "noise_um": 0.5, "noise_origin": "known",
+        "revisions": [rung("m0", &[], 5.0), rung("m1", &["clock-offset"], 0.6)],
+        "shifts": [{ "name": "young_modulus_pa", "before": parameter(3.0), "after": parameter(3.5), "relative": 0.1, "in_sd_before": 2.0 }],
+        "sentence": "It fell." });
+    serde_json::to_vec_pretty(&summary).expect("JSON")
+}
+
+fn instrument(toml: &[u8], csv: &[u8]) -> Result<Experiment> {
+    Ok(Experiment::from_texts("experiment.toml", toml, "trajectory.csv", csv)?.0)
+}
+
+/// A model joined with an instrument's experiment, and asked for the posterior density of three points.
+fn ask(experiment: Experiment, specification: ModelSpecification) -> Result<()> {
+    let mechanics = Arc::new(Mechanics::Instrument { compliance_per_m: 549.0 });
+    let problem = Problem::with_mechanics(experiment, specification, &Library::default(), mechanics)?;
+    let reduced = Reduced::new(&problem, None, &Silent)?;
+    let posterior = problem.posterior(&reduced);
+    let medians: Vec<f64> = problem.priors.priors().iter().map(|prior| prior.distribution.quantile(0.5)).collect();
+    let medians = problem.priors.to_unconstrained(&medians);
+    for shift in [0.0, 0.5, -0.5] {
+        let point: Vec<f64> = medians.iter().map(|z| z + shift).collect();
+        posterior.log_density(&point, &mut [0.0]);
+    }
+    Ok(())
+}
+
+fn read_experiment(_: &Place, bytes: &[u8]) -> Result<()> {
+    let experiment = instrument(bytes, small_csv().as_bytes())?;
+    drop((experiment.noise_yardstick(), experiment.for_comparison()));
+    Ok(())
+}
+
+fn read_trajectory(_: &Place, bytes: &[u8]) -> Result<()> {
+    let experiment = instrument(SMALL_TOML.as_bytes(), bytes)?;
+    drop((experiment.noise_yardstick(), experiment.for_comparison()));
+    if experiment.record.n_rows() < 500 { ask(experiment, ModelSpecification::default()) } else { Ok(()) }
+}
+
+fn read_model(_: &Place, bytes: &[u8]) -> Result<()> {
+    let specification = ModelSpecification::from_text(Path::new("model.toml"), bytes, &Library::default())?;
+    ask(instrument(SMALL_TOML.as_bytes(), small_csv().as_bytes())?, specification)
+}
+
+fn read_network(_: &Place, bytes: &[u8]) -> Result<()> {
+    Network::from_text(Path::new("network.toml"), &String::from_utf8_lossy(bytes)).map(drop)
+}
+
+fn read_prior(place: &Place, bytes: &[u8]) -> Result<()> {
+    let path = place.put("prior.toml", bytes);
+    let priors = PriorSet::read(&path.display().to_string())?;
+    drop(priors.box_quantiles(1e-9));
+    let prior = path.display().to_string();
+    ask(instrument(SMALL_TOML.as_bytes(), small_csv().as_bytes())?, ModelSpecification { prior, ..Default::default() })
+}
+
+fn read_surrogate(place: &Place, bytes: &[u8]) -> Result<()> {
+    place.put("surrogate.json", bytes);
+    if let Some(kept) = KeptSurrogate::read(&place.folder, &Silent) {
+        kept.surrogate.compliance_per_m(0.48)?;
+    }
+    Ok(())
+}
+
+fn read_draws(place: &Place, bytes: &[u8]) -> Result<()> {
+    let table = read_draws_csv(&place.put("draws.csv", bytes))?;
+    let columns: Vec<Vec<f64>> = (0..table.parameter_names.len()).map(|k| table.column(k)).collect();
+    let parameters = table.parameter_names.iter().zip(&columns).map(|(name, draws)| ParameterColumn {
+        name,
+        symbol: name,
+        unit: "Pa",
+        draws,
+        support: Support::guess(&sorted(draws)),
+        prior: None,
+        reference: None,
+    });
+    let posterior = Posterior { label: "draws", colour: series(0), parameters: parameters.collect() };
+    corner(&[posterior], &CornerOptions::default())?.png().map(drop)
+}
+
+fn read_ladder(_: &Place, bytes: &[u8]) -> Result<()> {
+    // As the command reads it: what is no ladder is made anew.
+    let Ok(document) = serde_json::from_slice::<WithProvenance<LadderSummary>>(bytes) else { return Ok(()) };
+    report::ladder::ladder(&document.body)?.png().map(drop)
+}
+
+fn read_mesh(place: &Place, bytes: &[u8]) -> Result<()> {
+    read_gmsh(place.put("mesh.msh", bytes), 1e-3).map(drop)
+}
+
+/// A normal density.
+struct Bowl;
+
+impl LogDensity for Bowl {
+    fn dimension(&self) -> usize {
+        2
+    }
+    fn log_density(&self, points: &[f64], log_density: &mut [f64]) {
+        let (x, y) = points.split_at(log_density.len());
+        log_density.iter_mut().zip(x.iter().zip(y)).for_each(|(out, (x, y))| *out = -0.5 * (x * x + y * y));
+    }
+}
+
+/// A short run, stopped at its first report if `stop` is given, and what it saved.
+fn bowl(resume: Option<&[u8]>, stop: Option<&AtomicBool>) -> (Result<()>, Vec<u8>) {
+    let saved = Mutex::new(Vec::new());
+    let sink = |bytes: &[u8]| {
+        *saved.lock().expect("nobody panics with it") = bytes.to_vec();
+        Ok(())
+    };
+    let progress = |_: &Progress| {
+        if let Some(stop) = stop {
+            stop.store(true, Ordering::SeqCst);
+        }
+    };
+    let control = RunControl {
+        stop,
+        progress: Some(&progress),
+        checkpoint: Some(Checkpointing { sink: &sink, interval: Duration::from_secs(3600) }),
+        resume,
+        ..RunControl::default()
+    };
+    let options = SamplerOptions { n_walkers: 8, max_steps: 600, threads: 1, ..SamplerOptions::default() };
+    let outcome = sample(&Bowl, &[vec![0.5, -0.5]], &options, &control).map(drop);
+    (outcome, saved.into_inner().expect("nobody panics with it"))
+}
+
+/// A sampler's state without the hash at its end, which [`read_checkpoint`] adds: edited states are to be found out by what they hold, too.
+fn checkpoint() -> Vec<u8> {
+    let (_, mut bytes) = bowl(None, Some(&AtomicBool::new(false)));
+    bytes.truncate(bytes.len() - 32);
+    bytes
+}
+
+fn read_checkpoint(_: &Place, bytes: &[u8]) -> Result<()> {
+    let sealed = [bytes, &Sha256::digest(bytes)].concat();
+    bowl(Some(&sealed), None).0
+}
+
+fn read_study(place: &Place, bytes: &[u8]) -> Result<()> {
+    let (experiment, files) = replica::embedded()?;
+    let dir = place.folder.join("study");
+    if !dir.exists() {
+        Study::open_or_create(&dir, &files, false)?;
+    }
+    std::fs::write(dir.join("inputs.sha256"), bytes).expect("the scratch folder can be written");
+    drop(experiment);
+    Study::open(&dir)?.revisions().map(drop)
+}
+
+fn read_challenge(place: &Place, bytes: &[u8]) -> Result<()> {
+    place.put("commitment.sha256", b"00\n");
+    place.put("experiment.toml", b"# Sealed answer, SHA-256: 00\n");
+    place.put("trajectory.csv", small_csv().as_bytes());
+    place.put("sealed.json", bytes);
+    reveal(&place.folder).map(drop)
+}
+
+/// Every reader. The files that they accept are in `data/` and `tests/data/`, or made here.
+pub fn readers() -> Vec<Reader> {
+    let data =
+        |name: &str| std::fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join(name)).expect("it is in the sources");
+    let text = |text: &str| text.as_bytes().to_vec();
+    let reader = |name, samples, read| Reader { name, samples, read };
+    vec![
+        reader(
+            "experiment.toml",
+            vec![text(SMALL_TOML), text(ROBOT_TOML)],
+            read_experiment as fn(&Place, &[u8]) -> Result<()>,
+        ),
+        reader("trajectory.csv", vec![text(&small_csv()), text(&small_csv().replace("_um", "_nm"))], read_trajectory),
+        reader("model.toml", vec![text(MODEL), text(NETWORK_MODEL)], read_model),
+        reader("network", vec![text(NETWORK)], read_network),
+        reader("prior", vec![data("priors/generic.toml"), data("priors/nickerson-2008-bovine.toml")], read_prior),
+        reader("surrogate.json", vec![surrogate_json()], read_surrogate),
+        reader("draws.csv", draws_csv(), read_draws),
+        reader("ladder.json", vec![ladder_json()], read_ladder),
+        reader(
+            "mesh",
+            ["quarter_sphere_tet10.msh", "quarter_sphere_tet10_binary.msh", "quarter_sphere_tet4.msh"]
+                .map(|name| data(&format!("tests/data/gmsh/{name}")))
+                .to_vec(),
+            read_mesh,
+        ),
+        reader("checkpoint", vec![checkpoint()], read_checkpoint),
+        reader(
+            "inputs.sha256",
+            vec![text(&format!("{}  experiment.toml\n{}  trajectory.csv\n", "00".repeat(32), "11".repeat(32)))],
+            read_study,
+        ),
+        reader(
+            "sealed.json",
+            vec![text("{\"salt_hex\": \"00\", \"sealed\": \"00ff\", \"commitment_sha256\": \"00\"}")],
+            read_challenge,
+        ),
+    ]
+}
