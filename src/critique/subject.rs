@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::Candidate;
-use crate::effects::Library;
+use crate::effects::{Effect, Library};
 use crate::error::{Error, Place, Result};
 use crate::experiment::Experiment;
 use crate::inference::noise::{NoiseLikelihood, NoiseModel};
@@ -60,7 +60,7 @@ impl Subject {
         monitor: &dyn Monitor,
     ) -> Result<Self> {
         monitor.stage("preparing the models to compare");
-        let compliance = compliance_of_all(problem, library, kept, monitor)?;
+        let compliance = compliance_of(problem, library, library.effects(), kept, monitor)?;
         Self::with_compliance(problem, library, compliance)
     }
 
@@ -232,10 +232,14 @@ impl Subject {
     }
 }
 
-/// A compliance that serves every effect: the widest range of Poisson ratios that one of them asks for, and the models of all other fields.
-fn compliance_of_all(
+/// A compliance that serves some effects of a library: the widest range of Poisson ratios that one of them asks for, and the models of all other fields.
+///
+/// # Errors
+/// Whatever building these models refuses.
+pub(super) fn compliance_of(
     problem: &Problem,
     library: &Library,
+    effects: &[&'static dyn Effect],
     kept: Option<KeptSurrogate>,
     monitor: &dyn Monitor,
 ) -> Result<Compliance> {
@@ -243,7 +247,7 @@ fn compliance_of_all(
     let Some(fe) = problem.finite_elements() else { return of_model(problem) };
     let own = problem.poisson_ratios(fe)?;
     let (mut widest, mut wanted) = (None, field_models_of(&problem.model));
-    for effect in library.effects() {
+    for effect in effects {
         let mut specification = problem.specification.clone();
         if specification.effects.iter().any(|slug| slug == effect.slug()) {
             continue;

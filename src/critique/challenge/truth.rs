@@ -91,6 +91,9 @@ pub struct Truth {
     /// Effects that this experiment cannot tell from the hidden ones: the best fit with one to noise-free data stays below 4 standard deviations. The
     /// hidden ones are among them.
     pub ideal_class: Vec<String>,
+    /// Effects that are not compared yet: their reduced models take long to build and were not needed to make the data. Opening the answer compares them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub not_compared: Vec<String>,
 }
 
 impl Truth {
@@ -105,6 +108,7 @@ impl Truth {
             apparatus: None,
             outside_sigma: None,
             ideal_class: Vec::new(),
+            not_compared: Vec::new(),
         }
     }
 
