@@ -79,7 +79,7 @@ impl<'a> CandidatePosterior<'a> {
         let parts = PosteriorParts {
             model: &self.problem.model,
             noise: self.problem.noise,
-            compliance: self.subject.compliance().clone(),
+            compliance: self.subject.local_compliance().clone(),
             trained: &[],
             priors: &self.problem.priors,
             fixed: &self.fixed,

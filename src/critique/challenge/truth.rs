@@ -147,3 +147,20 @@ pub(super) fn joined<'a>(slugs: impl Iterator<Item = &'a str>) -> String {
     slugs.sort_unstable();
     slugs.join("+")
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Answers that were sealed before effects could be left for later have no such list, and none is written where there is nothing to list.
+    #[test]
+    fn a_truth_with_nothing_left_to_compare_is_written_as_ever() {
+        let truth = Truth::of_nothing(Protocol::Paper, NoiseKind::White, [1.0, 2.0, 3.0]);
+        let text = serde_json::to_string(&truth).expect("JSON");
+        assert!(text.ends_with("\"outside_sigma\":null,\"ideal_class\":[]}"), "{text}");
+        assert_eq!(serde_json::from_str::<Truth>(&text).expect("a truth"), truth);
+        let late = Truth { not_compared: vec!["inertia".into()], ..truth };
+        let text = serde_json::to_string(&late).expect("JSON");
+        assert_eq!(serde_json::from_str::<Truth>(&text).expect("a truth"), late);
+    }
+}
