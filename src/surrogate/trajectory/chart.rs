@@ -16,7 +16,8 @@ const FARTHEST: f64 = 12.0;
 
 /// What runs the stepper at coordinates: the excess (m) at every row at unit modulus, and the displacement (m) that errors are measured by; both by any one
 /// factor.
-pub(super) type Run<'a> = dyn Fn(&[f64]) -> Option<(Vec<f64>, f64)> + Sync + 'a;
+pub(super) type Run<'a> = dyn Fn(&[f64]) -> Option<Trained> + Sync + 'a;
+type Trained = (Vec<f64>, f64);
 
 /// A box.
 #[derive(Debug)]
@@ -32,7 +33,7 @@ pub(super) struct Chart {
 #[derive(Debug)]
 struct Work {
     next: AtomicUsize,
-    runs: Vec<OnceLock<Option<(Vec<f64>, f64)>>>,
+    runs: Vec<OnceLock<Option<Trained>>>,
 }
 
 #[derive(Debug)]
@@ -134,7 +135,7 @@ impl Chart {
         point.iter().zip(ends).map(|(x, (lower, upper))| 0.5 * (lower + upper) + 0.5 * (upper - lower) * x).collect()
     }
 
-    fn make(&self, basis: &Basis, tolerance: f64, runs: &[Option<&(Vec<f64>, f64)>]) -> Made {
+    fn make(&self, basis: &Basis, tolerance: f64, runs: &[Option<&Trained>]) -> Made {
         let Some(runs) = runs.iter().copied().collect::<Option<Vec<_>>>() else { return Made::Rough };
         let (design, checks) = runs.split_at(basis.design.len());
         // Displacements differ within a box: everything is seen relative to them.

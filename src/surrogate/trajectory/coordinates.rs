@@ -25,7 +25,7 @@ pub(super) struct Kind {
 
 impl Kind {
     /// How far the last coordinate is from where the law is linear and nothing exceeds it.
-    pub fn from_null<N: Scalar>(&self, last: N) -> N {
+    pub fn beyond_null<N: Scalar>(&self, last: N) -> N {
         match self.family {
             NonlinearFamily::ShearThinning => N::constant(1.0) - last,
             NonlinearFamily::StrainStiffening | NonlinearFamily::YieldStress => last,

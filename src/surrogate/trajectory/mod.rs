@@ -33,6 +33,9 @@ const MOST_ROWS: usize = 20_000;
 /// Times from which on they are of no experiment, as logarithms of seconds.
 const LONGEST_LN_S: f64 = 16.0;
 
+/// Boxes by the kind of law and their numbers along every coordinate.
+type Charts = BTreeMap<(Kind, Vec<i32>), Arc<Chart>>;
+
 /// A stepper that remembers.
 #[derive(Debug)]
 pub struct LocalStepper {
@@ -40,7 +43,7 @@ pub struct LocalStepper {
     time_s: Vec<f64>,
     force_n: Vec<f64>,
     force_and_impulse: [f64; 2],
-    charts: RwLock<BTreeMap<(Kind, Vec<i32>), Arc<Chart>>>,
+    charts: RwLock<Charts>,
 }
 
 impl LocalStepper {
@@ -86,14 +89,14 @@ impl LocalStepper {
         // Divided by the distance from the linear law, so that what is learnt vanishes there as the excess does.
         let run = |coordinates: &[f64]| {
             let at = stages_at(stages, coordinates, sizes)?;
-            let inverse = 1.0 / kind.from_null(*coordinates.last()?);
+            let inverse = 1.0 / kind.beyond_null(*coordinates.last()?);
             let mut excess_m = self.stepper.0.excess_m(&at, compliance_per_m, &self.time_s, &self.force_n).ok()?;
             excess_m.iter_mut().for_each(|x| *x *= inverse);
             Some((excess_m, inverse * amplitude_m(&at, sizes)))
         };
         let coordinates: Vec<N> = coordinates.into_iter().map(&of).collect();
         let (surface, place) = chart.surface(&values, &coordinates, basis, TOLERANCE, &run)?;
-        let factor = kind.from_null(*coordinates.last()?) / of(modulus_pa);
+        let factor = kind.beyond_null(*coordinates.last()?) / of(modulus_pa);
         Some(surface.excess_m(basis, &place, factor, n_rows))
     }
 
