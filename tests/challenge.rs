@@ -144,6 +144,35 @@ fn truths_show_as_strongly_as_they_were_asked_to() {
     }
 }
 
+/// A bench that serves one effect has no other reduced models, and draws the same: to the last digits of a compliance that is trained over fewer Poisson ratios. What it
+/// did not compare is compared by the whole one.
+#[test]
+fn a_bench_for_one_effect_draws_what_the_whole_one_draws() {
+    for slug in ["force-bias", "interface-slip"] {
+        let slugs = vec![slug.to_string()];
+        let own = Bench::serving(&slugs, &Silent).expect("the reference apparatus");
+        let order = order(Hidden::Effects(slugs), Protocol::Paper, 12.0);
+        let draw = |bench: &Bench| bench.draw(&order, &mut RandomStream::new(8, 0)).expect("in reach");
+        let (quick, whole) = (draw(&own), draw(&BENCH));
+        println!("{:?} {:?} {:?}", quick.ideal_class, quick.not_compared, whole.ideal_class);
+        assert_eq!(quick.law, whole.law);
+        for (a, b) in quick.effects[0].parameters.iter().zip(&whole.effects[0].parameters) {
+            assert!((a.value / b.value - 1.0).abs() < 1e-6, "{a:?} {b:?}");
+        }
+        assert!(whole.not_compared.is_empty());
+        for late in ["inertia", "poroelasticity", "yield-stress"] {
+            assert!(quick.not_compared.iter().any(|slug| slug == late), "{late}");
+            let subject = own.subject_of(Protocol::Paper, &[0.0; 800]).expect("an experiment");
+            let candidate = subject.extended(&[late]).expect("a model");
+            let away: Vec<f64> = candidate.free.iter().map(|free| free.quantile(0.3)).collect();
+            assert!(subject.trajectory_m(&candidate, &away).is_err(), "{late} was built");
+        }
+        assert_eq!(BENCH.compared(&quick).expect("a model").ideal_class, whole.ideal_class);
+    }
+    let refusal = Bench::serving(&["wormhole".into()], &Silent).err().expect("unknown").to_string();
+    assert!(refusal.contains("wormhole"), "{refusal}");
+}
+
 /// Large displacements: sized on a mesh of level 1, made on one of level 2. 20 standard deviations of 4 µm over 600 rows are a root mean square of 3.3 µm. The base law's best
 /// fit to noise-free data leaves no less than that, and more as it weighs rows by a noise that is correlated (5.3 µm were measured); a robot that moves as in a linear gel leaves
 /// a tenth. It comes about its own radius far.

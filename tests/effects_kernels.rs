@@ -80,7 +80,7 @@ fn fields(is_nonlinear: bool) -> &'static FieldModels {
     static FIELDS: [OnceLock<FieldModels>; 2] = [const { OnceLock::new() }; 2];
     let alike = EFFECTS.iter().copied().filter(|effect| effect.is_nonlinear() == is_nonlinear);
     let wanted = alike.filter_map(|effect| effect.field_model());
-    let build_one = |model| FieldModels::build(model, &surroundings(is_nonlinear)).expect("the mesh is good");
+    let build_one = |model| FieldModels::build(model, &surroundings(is_nonlinear), &|| ()).expect("the mesh is good");
     let build = || wanted.fold(FieldModels::default(), |fields, model| fields.or(build_one(model)));
     FIELDS[usize::from(is_nonlinear)].get_or_init(build)
 }

@@ -122,7 +122,7 @@ pub(super) fn simulated(subject: &Subject, reference: &Refitted, seed: u64, numb
 }
 
 fn largest_gain(subject: &Subject, reference: &Refitted, candidates: &[Candidate], seed: u64, number: usize) -> f64 {
-    let data = simulated(subject, reference, seed, number);
+    let data = simulated(subject, reference, seed, number).locally();
     let start = (reference.fitted.theta.clone(), reference.fitted.noise);
     let Ok(base) = data.fit(&reference.candidate, &[start], Search::Local) else { return f64::INFINITY };
     let gain = |candidate: &Candidate| {

@@ -15,6 +15,7 @@ use crate::inference::evidence::{Estimate, PriorCoordinates, SavageDickey, Weigh
 use crate::inference::likelihood::{FittedRecord, PosteriorParts, ReducedPosterior};
 use crate::inference::optimum::find_modes;
 use crate::inference::prior::{Prior, PriorSet};
+use crate::model::Compliance;
 use crate::workflow::problem::Problem;
 
 /// How an evidence was computed.
@@ -75,11 +76,20 @@ impl<'a> CandidatePosterior<'a> {
 
     /// The log density: that of the positions that are fitted, outliers left out, times the priors'.
     pub fn density(&self) -> ReducedPosterior<'_> {
+        self.density_by(self.subject.compliance())
+    }
+
+    /// The same for many draws: a law that is not linear remembers its trajectories.
+    fn density_of_draws(&self) -> ReducedPosterior<'_> {
+        self.density_by(self.subject.local_compliance())
+    }
+
+    fn density_by(&self, compliance: &Compliance) -> ReducedPosterior<'_> {
         let record = &self.subject.experiment().record;
         let parts = PosteriorParts {
             model: &self.problem.model,
             noise: self.problem.noise,
-            compliance: self.subject.compliance().clone(),
+            compliance: compliance.clone(),
             trained: &[],
             priors: &self.problem.priors,
             fixed: &self.fixed,
@@ -128,11 +138,13 @@ impl<'a> CandidatePosterior<'a> {
         let modes = find_modes(&seen, &starts)?;
         let is_slow = self.problem.model.is_nonlinear();
         let options = if is_slow { ImportanceOptions::of_slow_density() } else { ImportanceOptions::default() };
+        let density = self.density_of_draws();
+        let seen = PriorCoordinates::new(&density, self.priors());
         importance::evidence(&seen, &modes, &ImportanceOptions { seed, ..options })
     }
 
     fn by_tempering(&self, seed: u64) -> Result<Estimate> {
-        let density = self.density();
+        let density = self.density_of_draws();
         let seen = PriorCoordinates::new(&density, self.priors());
         tempering::evidence(&seen, &TemperingOptions { seed, ..TemperingOptions::default() })
     }

@@ -3,13 +3,14 @@
 use std::sync::Arc;
 
 use super::Candidate;
-use crate::effects::Library;
+use crate::effects::{Effect, Library};
 use crate::error::{Error, Place, Result};
 use crate::experiment::Experiment;
 use crate::inference::noise::{NoiseLikelihood, NoiseModel};
 use crate::model::{Compliance, Lanes, N_LANES, Response};
 use crate::number::Dual;
 use crate::study::ModelSpecification;
+use crate::surrogate::trajectory;
 use crate::workflow::problem::Problem;
 use crate::workflow::reduced::{KeptSurrogate, Reduced, field_models, field_models_of, with_fields};
 use crate::workflow::{Monitor, Silent};
@@ -25,6 +26,8 @@ const UNKNOWN_NOISE: f64 = 0.005;
 #[derive(Clone)]
 pub struct Subject {
     shared: Arc<Shared>,
+    /// Whether trajectories of laws that are not linear are those that are remembered.
+    is_local: bool,
     /// Positions (m) of the fitted cycles, `None` elsewhere; one entry a row of the record.
     pub fitted_m: Vec<Option<f64>>,
     /// Positions (m) of the scored cycle, `None` elsewhere.
@@ -45,6 +48,8 @@ pub(super) struct Shared {
     pub noise: NoiseModel,
     pub yardstick_m: f64,
     pub compliance: Compliance,
+    /// The same with laws that are not linear remembering their trajectories.
+    pub local: Compliance,
     pub response: Response,
 }
 
@@ -60,7 +65,7 @@ impl Subject {
         monitor: &dyn Monitor,
     ) -> Result<Self> {
         monitor.stage("preparing the models to compare");
-        let compliance = compliance_of_all(problem, library, kept, monitor)?;
+        let compliance = compliance_of(problem, library, library.effects(), kept, monitor)?;
         Self::with_compliance(problem, library, compliance)
     }
 
@@ -84,7 +89,9 @@ impl Subject {
             (base.positions_of(&experiment.calibration_cycles), base.positions_of(&experiment.heldout_cycles));
         let noise = base.noise;
         let library = library.clone();
-        let shared = Shared { experiment, specification, base, library, noise, yardstick_m, compliance, response };
+        let local = trajectory::local(&compliance, &experiment.record.time_s, &experiment.record.force_n);
+        let shared =
+            Shared { experiment, specification, base, library, noise, yardstick_m, compliance, local, response };
         Ok(Self::of(Arc::new(shared), fitted_m, scored_m))
     }
 
@@ -94,13 +101,14 @@ impl Subject {
             |positions: &[Option<f64>]| NoiseLikelihood::new(shared.noise, &record.time_s, &record.cycle, positions);
         let both: Vec<Option<f64>> = fitted_m.iter().zip(&scored_m).map(|(a, b)| a.or(*b)).collect();
         let (fitted, all) = (likelihood(&fitted_m), likelihood(&both));
-        Self { shared, fitted_m, scored_m, fitted, all }
+        Self { shared, is_local: false, fitted_m, scored_m, fitted, all }
     }
 
     /// The same experiment with other positions (m), one a row; rows without a position stay without.
     pub fn with_positions(&self, position_m: &[f64]) -> Self {
         let replaced = |old: &[Option<f64>]| old.iter().zip(position_m).map(|(old, new)| old.map(|_| *new)).collect();
-        Self::of(self.shared.clone(), replaced(&self.fitted_m), replaced(&self.scored_m))
+        let other = Self::of(self.shared.clone(), replaced(&self.fitted_m), replaced(&self.scored_m));
+        Self { is_local: self.is_local, ..other }
     }
 
     /// The same without the positions of some rows.
@@ -108,7 +116,13 @@ impl Subject {
         let left = |old: &[Option<f64>]| {
             old.iter().enumerate().map(|(row, old)| old.filter(|_| !rows.contains(&row))).collect()
         };
-        Self::of(self.shared.clone(), left(&self.fitted_m), left(&self.scored_m))
+        let other = Self::of(self.shared.clone(), left(&self.fitted_m), left(&self.scored_m));
+        Self { is_local: self.is_local, ..other }
+    }
+
+    /// The same where many models of one law that is not linear are asked for, near to each other: its trajectories are learnt once, and then remembered.
+    pub fn locally(self) -> Self {
+        Self { is_local: true, ..self }
     }
 
     /// The experiment, split into fitted and scored cycles. Its positions are those of the measurement, outliers included.
@@ -176,6 +190,11 @@ impl Subject {
         &self.shared.compliance
     }
 
+    /// The same where many points of one law that is not linear are asked for.
+    pub fn local_compliance(&self) -> &Compliance {
+        &self.shared.local
+    }
+
     /// Number of fitted positions.
     pub fn n_fitted(&self) -> usize {
         self.fitted.n_observed()
@@ -188,7 +207,8 @@ impl Subject {
         for (lane, theta) in points.iter().enumerate().take(N_LANES) {
             let parameters: Vec<Dual> = candidate.parameters(theta).into_iter().map(Dual::constant).collect();
             let made = candidate.model.stages(&parameters).and_then(|mut stages| {
-                let compliance = self.shared.compliance.resolve(&mut stages)?;
+                let compliance = if self.is_local { &self.shared.local } else { &self.shared.compliance };
+                let compliance = compliance.resolve(&mut stages)?;
                 Ok((stages, compliance.value))
             });
             if let Ok((of_point, compliance_per_m)) = made {
@@ -237,10 +257,14 @@ impl Subject {
     }
 }
 
-/// A compliance that serves every effect: the widest range of Poisson ratios that one of them asks for, and the models of all other fields.
-fn compliance_of_all(
+/// A compliance that serves some effects of a library: the widest range of Poisson ratios that one of them asks for, and the models of all other fields.
+///
+/// # Errors
+/// Whatever building these models refuses.
+pub(super) fn compliance_of(
     problem: &Problem,
     library: &Library,
+    effects: &[&'static dyn Effect],
     kept: Option<KeptSurrogate>,
     monitor: &dyn Monitor,
 ) -> Result<Compliance> {
@@ -248,7 +272,7 @@ fn compliance_of_all(
     let Some(fe) = problem.finite_elements() else { return of_model(problem) };
     let own = problem.poisson_ratios(fe)?;
     let (mut widest, mut wanted) = (None, field_models_of(&problem.model));
-    for effect in library.effects() {
+    for effect in effects {
         let mut specification = problem.specification.clone();
         if specification.effects.iter().any(|slug| slug == effect.slug()) {
             continue;

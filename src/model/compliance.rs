@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::effects::{Spread, Stages};
+use crate::effects::{Spread, Stages, Stepped};
 use crate::error::{Error, Result};
 use crate::number::Dual;
 
@@ -37,6 +37,17 @@ impl Compliance {
     /// The same with the terms of effects that change the field.
     pub fn with_spread(self, of_stages: impl Fn(&Stages) -> Result<Option<Spread>> + Send + Sync + 'static) -> Self {
         Self { spread: Some(Arc::new(of_stages)), ..self }
+    }
+
+    /// The same with other steppers in the place of those of laws that are not linear.
+    pub fn with_stepper(self, change: impl Fn(&Stages, Stepped) -> Stepped + Send + Sync + 'static) -> Self {
+        let Some(of_stages) = self.spread.clone() else { return self };
+        self.with_spread(move |stages| {
+            Ok(match of_stages(stages)? {
+                Some(Spread::Stepped(stepper)) => Some(Spread::Stepped(change(stages, stepper))),
+                other => other,
+            })
+        })
     }
 
     /// Completes stages by the terms of their field, and gives the compliance (1/m) that goes with them.

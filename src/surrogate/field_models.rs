@@ -53,28 +53,41 @@ pub struct PocketModel {
 }
 
 impl FieldModels {
-    /// Builds one.
+    /// Pieces of work that building one takes.
+    pub fn n_pieces(model: FieldModel) -> usize {
+        match model {
+            FieldModel::Inertia | FieldModel::Slip | FieldModel::PoreFlow => 1,
+            FieldModel::Pocket => N_RADII,
+            FieldModel::Nonlinear(family) => HyperSettings::of(family).n_runs(),
+        }
+    }
+
+    /// Builds one; `piece_done` is called, from any thread, after every piece.
     ///
     /// # Errors
     /// Those of the full models.
-    pub fn build(model: FieldModel, surroundings: &Surroundings<'_>) -> Result<Self> {
+    pub fn build(model: FieldModel, surroundings: &Surroundings<'_>, piece_done: &(dyn Fn() + Sync)) -> Result<Self> {
         let modes = |kind: SpatialKind| {
             let system = SpatialSystem::new(surroundings, surroundings.mesh, kind)?;
-            modes_of(surroundings, &system, kind)
+            let modes = modes_of(surroundings, &system, kind)?;
+            piece_done();
+            Ok(modes)
         };
         let mut fields = Self::default();
         match model {
             FieldModel::Inertia => fields.inertia = Some(modes(SpatialKind::Inertia)?),
             FieldModel::Slip => fields.slip = Some(modes(SpatialKind::Slip)?),
-            FieldModel::Pocket => fields.pocket = Some(PocketModel::new(surroundings)?),
+            FieldModel::Pocket => fields.pocket = Some(PocketModel::new(surroundings, piece_done)?),
             FieldModel::PoreFlow => {
                 let model = PoreModel::new(surroundings.mesh, surroundings.stiffness, surroundings.poisson_ratio)?;
                 let drained_poisson_ratio = drained_range(surroundings.poisson_ratio);
                 let settings = SpectrumSettings { drained_poisson_ratio, ..SpectrumSettings::default() };
                 fields.pores = Some(PoreSpectrum::build(&model, &settings)?);
+                piece_done();
             }
             FieldModel::Nonlinear(family) => {
-                fields.nonlinear.insert(family, hyper::build(surroundings, family, &HyperSettings::of(family))?);
+                let settings = HyperSettings::of(family);
+                fields.nonlinear.insert(family, hyper::build(surroundings, family, &settings, piece_done)?);
             }
         }
         Ok(fields)
@@ -167,7 +180,7 @@ fn terms_of(modes: &SpreadModes) -> Vec<SpreadTerm> {
 }
 
 impl PocketModel {
-    fn new(surroundings: &Surroundings<'_>) -> Result<Self> {
+    fn new(surroundings: &Surroundings<'_>, radius_done: &(dyn Fn() + Sync)) -> Result<Self> {
         let [lower, upper] = POCKET_RADIUS_RATIOS.map(f64::ln);
         let radius = |i: usize| {
             let x = -(PI * (i as f64 + 0.5) / N_RADII as f64).cos();
@@ -176,7 +189,9 @@ impl PocketModel {
         let at = |i: usize| {
             let radius_m = radius(i);
             let (kind, mesh) = (SpatialKind::Pocket { radius_m }, surroundings.pocket_mesh(radius_m)?);
-            modes_of(surroundings, &SpatialSystem::new(surroundings, &mesh, kind)?, kind)
+            let modes = modes_of(surroundings, &SpatialSystem::new(surroundings, &mesh, kind)?, kind)?;
+            radius_done();
+            Ok(modes)
         };
         let modes: Vec<SpreadModes> = (0..N_RADII).into_par_iter().map(at).collect::<Result<_>>()?;
         let at_radii: Vec<[f64; 4]> = modes.iter().map(three_terms).collect();
@@ -264,7 +279,7 @@ mod tests {
                 ball: Some(ball),
             },
         };
-        let pocket = PocketModel::new(&surroundings).unwrap();
+        let pocket = PocketModel::new(&surroundings, &|| ()).unwrap();
         for ratio in [1.5, 1.7, 2.0, 2.5, 3.0, 4.0, 5.0] {
             let radius_m = ratio * robot_radius_m;
             let kind = SpatialKind::Pocket { radius_m };

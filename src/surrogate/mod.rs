@@ -8,6 +8,7 @@ pub mod hyper;
 mod pod;
 mod reduced;
 pub mod spread;
+pub mod trajectory;
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};

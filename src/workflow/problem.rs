@@ -16,6 +16,7 @@ use crate::model::{FullForward, Model, ReducedForward, Response, TrainedRange};
 use crate::number::Dual;
 use crate::parameter::ParameterSpec;
 use crate::study::ModelSpecification;
+use crate::surrogate::trajectory;
 
 /// Prior mass beyond either end of the surrogate's trained range; the prior is truncated there.
 pub(crate) const TAIL_MASS: f64 = 1e-9;
@@ -162,13 +163,13 @@ impl Problem {
         pairs.map(|(position, cycle)| position.filter(|_| is_wanted(*cycle))).collect()
     }
 
-    /// Log-posterior of the calibration cycles by the reduced model.
+    /// Log-posterior of the calibration cycles by the reduced model. A law that is not linear remembers its trajectories.
     pub fn posterior<'a>(&'a self, reduced: &'a Reduced) -> ReducedPosterior<'a> {
         let Record { time_s, force_n, cycle, .. } = &self.experiment.record;
         let parts = PosteriorParts {
             model: &self.model,
             noise: self.noise,
-            compliance: reduced.compliance.clone(),
+            compliance: trajectory::local(&reduced.compliance, time_s, force_n),
             trained: &reduced.trained,
             priors: &self.priors,
             fixed: &self.specification.fixed,

@@ -10,7 +10,7 @@ use sha2::{Digest, Sha256};
 
 use super::mechanics::{FiniteElements, Mechanics};
 use super::problem::Problem;
-use super::{Monitor, cache};
+use super::{Counter, Monitor, cache};
 use crate::effects::FieldModel;
 use crate::error::Result;
 use crate::experiment::Experiment;
@@ -171,7 +171,8 @@ pub(crate) fn field_models(
             Some(cached) => fields.or(cached),
             None => {
                 monitor.stage(&format!("reducing full finite elements with {}", model.words()));
-                let built = FieldModels::build(*model, &fe.surroundings())?;
+                let counter = Counter::new(monitor, FieldModels::n_pieces(*model));
+                let built = FieldModels::build(*model, &fe.surroundings(), &|| counter.add_one())?;
                 cache::write(&hash, &built);
                 fields.or(built)
             }

@@ -10,14 +10,15 @@ use clap::{ArgAction, Args, Subcommand, ValueEnum};
 use vitreo_uq::critique::Subject;
 use vitreo_uq::critique::challenge::files::{self, Opened};
 use vitreo_uq::critique::challenge::plays::{self, PlaysRequest, Sort};
-use vitreo_uq::critique::challenge::{Bench, Hidden, NoiseKind, Order, OutsideKind, Protocol};
+use vitreo_uq::critique::challenge::{Bench, Hidden, NoiseKind, Order, OutsideKind, Protocol, hideable};
 use vitreo_uq::critique::diagnose::{DiagnosisRequest, diagnose};
 use vitreo_uq::critique::diagnosis::Diagnosis;
+use vitreo_uq::effects::Library;
 use vitreo_uq::error::{Error, Place, Result};
 use vitreo_uq::files::{Content, read_if_there};
 use vitreo_uq::inference::ensemble::RandomStream;
 use vitreo_uq::study::{Provenance, Study, WithProvenance};
-use vitreo_uq::workflow::Silent;
+use vitreo_uq::workflow::{Monitor, Silent};
 
 use crate::challenge_words::{words_of_plays, words_of_truth};
 use crate::options::use_threads;
@@ -88,6 +89,9 @@ struct RevealArguments {
     /// Write the result as one JSON document to a file, or alone to standard output with `-`
     #[arg(long, value_name = "FILE|-")]
     json: Option<PathBuf>,
+    /// No progress on standard error
+    #[arg(long)]
+    quiet: bool,
 }
 
 #[derive(Args)]
@@ -178,8 +182,9 @@ fn make(arguments: &NewArguments) -> Result<ExitCode> {
     let mut stream = RandomStream::new(seed, 3);
     let strength_sigma = strength(arguments.strength.as_deref(), &mut stream)?;
     let terminal = Terminal::new(arguments.quiet);
-    let bench = Bench::new(&terminal)?;
-    let hidden = hidden(arguments, &bench, protocol, &mut stream)?;
+    let hidden = hidden(arguments, protocol, &mut stream)?;
+    let needed: &[String] = if let Hidden::Effects(slugs) = &hidden { slugs } else { &[] };
+    let bench = Bench::serving(needed, &terminal)?;
     let order = Order { hidden, protocol, noise, is_noise_given: arguments.noise_known, strength_sigma };
     let commitment = files::make(&arguments.out, &bench, &order, seed, &terminal)?;
     terminal.finish();
@@ -226,9 +231,9 @@ fn strength(text: Option<&str>, stream: &mut RandomStream) -> Result<Option<f64>
     }
 }
 
-fn hidden(arguments: &NewArguments, bench: &Bench, protocol: Protocol, stream: &mut RandomStream) -> Result<Hidden> {
+fn hidden(arguments: &NewArguments, protocol: Protocol, stream: &mut RandomStream) -> Result<Hidden> {
     let suited: Vec<OutsideKind> = OutsideKind::DRAWN.into_iter().filter(|kind| kind.suits(protocol)).collect();
-    let slugs = bench.hideable();
+    let slugs = hideable(&Library::default());
     if let Some(slug) = &arguments.effect {
         return Ok(Hidden::Effects(vec![slug.clone()]));
     }
@@ -259,8 +264,16 @@ fn hidden(arguments: &NewArguments, bench: &Bench, protocol: Protocol, stream: &
 
 fn reveal(arguments: &RevealArguments) -> Result<ExitCode> {
     crate::output::check(arguments.json.as_deref())?;
-    let opened = files::reveal(&arguments.dir)?;
+    let mut opened = files::reveal(&arguments.dir)?;
     let diagnosis = diagnosis_of(&opened, arguments.study.as_deref())?;
+    if diagnosis.is_some() && !opened.answer.truth.not_compared.is_empty() {
+        // What took too long when the challenge was made: the diagnosis has left the models that it takes.
+        let terminal = Terminal::new(arguments.quiet);
+        let bench = Bench::new(&terminal)?;
+        terminal.stage("comparing what was hidden with the effects that change the displacement field");
+        opened.answer.truth = bench.compared(&opened.answer.truth)?;
+        terminal.finish();
+    }
     let judged = diagnosis.map(|diagnosis| {
         let truth = opened.answer.truth.clone();
         (plays::judged(0, Sort::of(&truth), truth, &diagnosis, opened.noise.as_ref()), diagnosis)

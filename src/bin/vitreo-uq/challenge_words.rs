@@ -48,6 +48,9 @@ pub fn words_of_truth(
     if truth.outside.is_none() && truth.ideal_class.len() > truth.effects.len() {
         lines.push(format!("This experiment cannot tell these apart: {}.", truth.ideal_class.join(", ")));
     }
+    if !truth.not_compared.is_empty() {
+        lines.push(format!("Not compared with it yet: {}. With a diagnosis they are.", truth.not_compared.join(", ")));
+    }
     lines.push(format!(
         "Law: E = {e} Pa, c1 = {c1} Pa s, c2 = {c2} Pa s; noise: {}{}; protocol: {}.",
         truth.noise.name(),

@@ -1,14 +1,17 @@
 //! Where truths are drawn.
 
-use super::super::separation::{SEPARATED_SIGMA, Truth as Shown, closest};
-use super::super::{Candidate, Subject};
+use super::super::Candidate;
+use super::super::Subject;
+use super::super::separation::Truth as Shown;
+use super::super::subject::compliance_of;
 use super::large::{self, LargeGel};
+use super::motion::Motion;
 use super::protocol::WHITE_M;
 use super::strength::scaled_to;
-use super::{Disturbance, Hidden, HiddenEffect, NamedValue, NoiseKind, OutsideKind, Protocol, Truth};
+use super::{Disturbance, Hidden, NoiseKind, OutsideKind, Protocol, Truth};
 use crate::effects::{Effect, Library};
 use crate::error::{Error, Place, Result};
-use crate::experiment::{Apparatus, Experiment, Record};
+use crate::experiment::{Apparatus, Experiment};
 use crate::inference::ensemble::RandomStream;
 use crate::model::Compliance;
 use crate::study::ModelSpecification;
@@ -36,6 +39,8 @@ pub struct Bench {
     problem: Problem,
     compliance: Compliance,
     library: Library,
+    /// Effects that can be fitted here, in the library's order.
+    served: Vec<&'static dyn Effect>,
 }
 
 /// Elastic displacement, retardation time and flow of a drawn law lie within these factors of Table I's.
@@ -45,39 +50,37 @@ const LONGEST_FACTOR: f64 = 3.0;
 const MOST_DRAWS: usize = 40;
 /// Signal of what is outside the library where none is asked for: it has no prior.
 const OUTSIDE_SIGMA: f64 = 20.0;
-/// Sizes stay where the prior leaves this on either side.
-const SIZE_TAIL: f64 = 1e-3;
-
-/// A law's motion, ready to have something added.
-struct Motion {
-    subject: Subject,
-    base: Candidate,
-    theta: Vec<f64>,
-    noise: [f64; 5],
-}
-
 impl Bench {
     /// Meshes the reference apparatus and trains its reduced model for all effects of the library.
     ///
     /// # Errors
     /// Whatever the training refuses.
     pub fn new(monitor: &dyn Monitor) -> Result<Self> {
+        Self::serving_those(|_| true, monitor)
+    }
+
+    /// Trains its reduced model for those effects alone that are named, and for all that need no more than the base law's: for one truth with these hidden.
+    ///
+    /// # Errors
+    /// [`Error::Input`] where there is no such effect; whatever the training refuses.
+    pub fn serving(slugs: &[String], monitor: &dyn Monitor) -> Result<Self> {
+        refuse_unknown(&Library::default(), slugs)?;
+        Self::serving_those(|effect| !effect.changes_field() || slugs.iter().any(|s| s == effect.slug()), monitor)
+    }
+
+    fn serving_those(is_served: impl Fn(&dyn Effect) -> bool, monitor: &dyn Monitor) -> Result<Self> {
         let (replica, _) = embedded()?;
         let library = Library::default();
+        let served: Vec<_> = library.effects().iter().copied().filter(|effect| is_served(*effect)).collect();
         let problem = Problem::new(replica, ModelSpecification::default(), None, monitor)?;
-        let compliance = Subject::new(&problem, &library, None, monitor)?.compliance().clone();
-        Ok(Self { problem, compliance, library })
+        monitor.stage("preparing the models that size a signal");
+        let compliance = compliance_of(&problem, &library, &served, None, monitor)?;
+        Ok(Self { problem, compliance, library, served })
     }
 
     /// The library.
     pub fn library(&self) -> &Library {
         &self.library
-    }
-
-    /// Effects that can be hidden: all but those that only rescale the law in a creep test of one body, of which no signal can be asked for.
-    pub fn hideable(&self) -> Vec<String> {
-        let shows = |effect: &&&dyn Effect| !effect.changes_field() || effect.field_model().is_some();
-        self.library.effects().iter().filter(shows).map(|effect| effect.slug().to_string()).collect()
     }
 
     /// The reference apparatus.
@@ -128,24 +131,52 @@ impl Bench {
         }
         let order = &self.in_order_of_application(order)?;
         for _ in 0..MOST_DRAWS {
-            let motion = self.motion(order, self.law(stream))?;
-            if let Some(truth) = self.with_hidden(order, &motion, stream)? {
+            let motion = self.motion(order.protocol, order.noise, self.law(stream))?;
+            if let Some(mut truth) = self.with_hidden(order, &motion, stream)? {
+                if truth.outside.is_some() || !truth.effects.is_empty() {
+                    let is_served = |slug: &str| self.served.iter().any(|effect| effect.slug() == slug);
+                    let others = self.library.effects().iter().map(|effect| effect.slug());
+                    truth.not_compared = others.filter(|slug| !is_served(slug)).map(String::from).collect();
+                }
                 return Ok(Truth { is_noise_given: order.is_noise_given, ..truth });
             }
         }
         Err(out_of_reach(order))
     }
 
+    /// A truth with its class completed by the effects that were not compared when it was drawn.
+    ///
+    /// # Errors
+    /// [`Error::Numerical`] where the truth has no model.
+    pub fn compared(&self, truth: &Truth) -> Result<Truth> {
+        let mut whole = Truth { not_compared: Vec::new(), ..truth.clone() };
+        let is_late = |effect: &&&'static dyn Effect| truth.not_compared.iter().any(|slug| slug == effect.slug());
+        let late: Vec<_> = self.served.iter().filter(is_late).copied().collect();
+        if late.is_empty() {
+            return Ok(whole);
+        }
+        let motion = self.motion(truth.protocol, truth.noise, truth.law)?;
+        let hidden: Vec<String> = truth.effects.iter().map(|effect| effect.slug.clone()).collect();
+        let (candidate, theta) = motion.with_hidden_effects(truth)?;
+        let position_m = match &truth.outside {
+            Some(outside) if outside.kind == OutsideKind::LargeDisplacement => {
+                LargeGel::new(self.apparatus(), large::SIZING_LEVEL)?.position_m(truth.law, motion.record())?
+            }
+            Some(outside) => motion.disturbed_m(outside)?,
+            None => motion.subject.trajectory_m(&candidate, &theta)?,
+        };
+        let shown = Shown { candidate: &candidate, theta: &theta, noise: motion.noise, position_m: &position_m };
+        let found = motion.ideal_class(&shown, &hidden, &late);
+        let is_in = |slug: &str| truth.ideal_class.iter().chain(&found).any(|known| known == slug);
+        let all = self.library.effects().iter().map(|effect| effect.slug());
+        whole.ideal_class = all.filter(|slug| is_in(slug)).map(String::from).collect();
+        Ok(whole)
+    }
+
     /// Effects in the library's order, which is that of a model's parameters.
     fn in_order_of_application(&self, order: &Order) -> Result<Order> {
         let Hidden::Effects(slugs) = &order.hidden else { return Ok(order.clone()) };
-        if let Some(unknown) = slugs.iter().find(|slug| self.library.get(slug).is_none()) {
-            return Err(Error::input(
-                Place::option("--effect"),
-                format!("there is no effect `{unknown}`"),
-                "name effects that `vitreo-uq effects` lists",
-            ));
-        }
+        refuse_unknown(&self.library, slugs)?;
         let known = self.library.effects().iter().map(|effect| effect.slug());
         let sorted: Vec<String> = known.filter(|slug| slugs.iter().any(|s| s == slug)).map(String::from).collect();
         Ok(Order { hidden: Hidden::Effects(sorted), ..order.clone() })
@@ -170,17 +201,17 @@ impl Bench {
         TABLE_I
     }
 
-    fn motion(&self, order: &Order, law: [f64; 3]) -> Result<Motion> {
-        let n_rows = order.protocol.record().n_rows();
-        let still = self.subject_of(order.protocol, &vec![0.0; n_rows])?;
+    fn motion(&self, protocol: Protocol, noise: NoiseKind, law: [f64; 3]) -> Result<Motion> {
+        let n_rows = protocol.record().n_rows();
+        let still = self.subject_of(protocol, &vec![0.0; n_rows])?;
         let theta_of = |base: &Candidate| base.free.iter().map(|free| free.coordinate.theta(law[free.index])).collect();
         let base = still.base();
         let theta: Vec<f64> = theta_of(&base);
         let position_m = still.trajectory_m(&base, &theta)?;
         // Once more, so that priors that are scaled by the range of positions are those of this motion.
-        let subject = self.subject_of(order.protocol, &position_m)?;
+        let subject = self.subject_of(protocol, &position_m)?;
         let base = subject.base();
-        Ok(Motion { theta: theta_of(&base), subject, base, noise: order.noise.parameters() })
+        Ok(Motion { theta: theta_of(&base), subject, base, noise: noise.parameters() })
     }
 
     fn with_hidden(&self, order: &Order, motion: &Motion, stream: &mut RandomStream) -> Result<Option<Truth>> {
@@ -191,7 +222,7 @@ impl Bench {
             Hidden::Nothing => {}
             Hidden::Apparatus(error) => truth.apparatus = Some(*error),
             Hidden::Effects(slugs) => {
-                let Some((effects, class)) = motion.with_effects(slugs, order.strength_sigma, &self.library, stream)?
+                let Some((effects, class)) = motion.with_effects(slugs, order.strength_sigma, &self.served, stream)?
                 else {
                     return Ok(None);
                 };
@@ -205,7 +236,7 @@ impl Bench {
                 let Some((disturbance, sigma)) = motion.with_outside(&drawn, asked_sigma)? else { return Ok(None) };
                 let position_m = motion.disturbed_m(&disturbance)?;
                 // What an effect of the library would explain is not outside.
-                if !motion.ideal_class(&motion.shown(&position_m), &[], &self.library).is_empty() {
+                if !motion.ideal_class(&motion.shown(&position_m), &[], &self.served).is_empty() {
                     return Ok(None);
                 }
                 (truth.outside, truth.outside_sigma) = (Some(disturbance), Some(sigma));
@@ -222,7 +253,7 @@ impl Bench {
         let radius_m = large::radius_m(self.apparatus())?;
         let law_at = |radii: f64| law.map(|value| value * farthest_m / (radii * radius_m));
         let at = |radii: f64| -> Result<(Motion, Vec<f64>)> {
-            let motion = self.motion(order, law_at(radii))?;
+            let motion = self.motion(order.protocol, order.noise, law_at(radii))?;
             let position_m = gel.position_m(law_at(radii), motion.record())?;
             Ok((motion, position_m))
         };
@@ -249,147 +280,25 @@ impl Bench {
         let mut truth = Truth::of_nothing(order.protocol, order.noise, law_at(radii));
         truth.outside = Some(Disturbance { kind: OutsideKind::LargeDisplacement, size: radii, shape: Vec::new() });
         truth.outside_sigma = Some(sigma[0]);
-        truth.ideal_class = motion.ideal_class(&motion.shown(&position_m), &[], &self.library);
+        truth.ideal_class = motion.ideal_class(&motion.shown(&position_m), &[], &self.served);
         Ok(truth)
     }
 }
 
-impl Motion {
-    /// Farthest position (m) without anything hidden.
-    fn farthest_m(&self) -> Result<f64> {
-        let position_m = self.subject.trajectory_m(&self.base, &self.theta)?;
-        Ok(position_m.iter().fold(0.0, |most, x| x.abs().max(most)))
-    }
+/// Effects that can be hidden: all but those that only rescale the law in a creep test of one body, of which no signal can be asked for.
+pub fn hideable(library: &Library) -> Vec<String> {
+    let shows = |effect: &&&dyn Effect| !effect.changes_field() || effect.field_model().is_some();
+    library.effects().iter().filter(shows).map(|effect| effect.slug().to_string()).collect()
+}
 
-    fn record(&self) -> &Record {
-        &self.subject.experiment().record
-    }
-
-    /// Noise-free positions (m) that the law has a part in.
-    fn shown<'a>(&'a self, position_m: &'a [f64]) -> Shown<'a> {
-        Shown { candidate: &self.base, theta: &self.theta, noise: self.noise, position_m }
-    }
-
-    /// Distance in σ that the best fit of a candidate leaves; `None` where it has no model.
-    fn distance_sigma(&self, shown: &Shown, candidate: &Candidate) -> Option<f64> {
-        closest(&self.subject, candidate, shown).ok().map(|closest| closest.distance)
-    }
-
-    /// Effects at sizes of the signal asked for, each given the others, and those that cannot be told from them; `None` where that is out of reach.
-    fn with_effects(
-        &self,
-        slugs: &[String],
-        asked_sigma: Option<f64>,
-        library: &Library,
-        stream: &mut RandomStream,
-    ) -> Result<Option<(Vec<HiddenEffect>, Vec<String>)>> {
-        let names: Vec<&str> = slugs.iter().map(String::as_str).collect();
-        let candidate = self.subject.extended(&names)?;
-        let mut theta = candidate.embed(&self.base, &self.theta);
-        // Coordinate, null and signed reach of each effect's size.
-        let mut sizes: Vec<(usize, f64, f64)> = Vec::new();
-        for (k, free) in candidate.free.iter().enumerate().filter(|(_, free)| free.effect.is_some()) {
-            let [lower, upper] = [free.quantile(SIZE_TAIL), free.quantile(1.0 - SIZE_TAIL)];
-            let uniform = stream.unit();
-            match free.null {
-                Some(null) => {
-                    let is_upward = if free.is_one_sided() { null == free.ends[0] } else { uniform < 0.5 };
-                    sizes.push((k, null, if is_upward { upper - null } else { lower - null }));
-                    theta[k] = free.quantile(uniform);
-                }
-                None => theta[k] = free.quantile(0.05 + 0.9 * uniform),
-            }
-        }
-        let others: Vec<Candidate> = (0..names.len())
-            .map(|left_out| {
-                let kept: Vec<&str> = (0..names.len()).filter(|k| *k != left_out).map(|k| names[k]).collect();
-                self.subject.extended(&kept)
-            })
-            .collect::<Result<_>>()?;
-        let signals = |theta: &[f64]| -> Option<Vec<f64>> {
-            let position_m = self.subject.trajectory_m(&candidate, theta).ok()?;
-            let shown = Shown { candidate: &candidate, theta, noise: self.noise, position_m: &position_m };
-            others.iter().map(|other| self.distance_sigma(&shown, other)).collect()
-        };
-        let (theta, signals_sigma) = match asked_sigma {
-            None => {
-                let Some(found) = signals(&theta) else { return Ok(None) };
-                (theta, found)
-            }
-            Some(asked_sigma) => {
-                let at = |reach: &[f64]| {
-                    let mut theta = theta.clone();
-                    for ((k, null, whole), share) in sizes.iter().zip(reach) {
-                        theta[*k] = null + whole * share;
-                    }
-                    theta
-                };
-                let n = sizes.len();
-                match scaled_to(asked_sigma, vec![0.1; n], &vec![1.0; n], |reach| signals(&at(reach))) {
-                    Some((reach, found)) => (at(&reach), found),
-                    None => return Ok(None),
-                }
-            }
-        };
-        let values = candidate.parameters(&theta);
-        let effect = |(place, slug): (usize, &String)| HiddenEffect {
-            slug: slug.clone(),
-            parameters: candidate
-                .free
-                .iter()
-                .filter(|free| free.effect == Some(place))
-                .map(|free| NamedValue { name: free.name.into(), value: values[free.index] })
-                .collect(),
-            signal_sigma: signals_sigma[place],
-        };
-        let effects = candidate.effects.iter().enumerate().map(effect).collect();
-        let position_m = self.subject.trajectory_m(&candidate, &theta)?;
-        let shown = Shown { candidate: &candidate, theta: &theta, noise: self.noise, position_m: &position_m };
-        Ok(Some((effects, self.ideal_class(&shown, slugs, library))))
-    }
-
-    /// Noise-free positions (m) with a disturbance.
-    fn disturbed_m(&self, disturbance: &Disturbance) -> Result<Vec<f64>> {
-        let record = self.record();
-        let mut experiment = self.subject.experiment().clone();
-        experiment.record.force_n = disturbance.force_n(record);
-        let problem = self.subject.problem();
-        let acting = problem.with(experiment, self.subject.specification().clone(), self.subject.library())?;
-        let acting = Subject::with_compliance(&acting, self.subject.library(), self.subject.compliance().clone())?;
-        let position_m = acting.trajectory_m(&acting.base(), &self.theta)?;
-        Ok(disturbance.recorded_m(record, &position_m))
-    }
-
-    fn with_outside(&self, drawn: &Disturbance, asked_sigma: f64) -> Result<Option<(Disturbance, f64)>> {
-        let at = |sizes: &[f64]| drawn.sized(drawn.size * sizes[0]);
-        let signals = |sizes: &[f64]| {
-            let position_m = self.disturbed_m(&at(sizes)).ok()?;
-            self.distance_sigma(&self.shown(&position_m), &self.base).map(|sigma| vec![sigma])
-        };
-        let found = scaled_to(asked_sigma, vec![1.0], &[20.0], signals);
-        Ok(found.map(|(sizes, sigma)| (at(&sizes), sigma[0])))
-    }
-
-    /// Effects that cannot be told from the hidden ones by noise-free data: alone, or in the place of one of a pair.
-    fn ideal_class(&self, shown: &Shown, hidden: &[String], library: &Library) -> Vec<String> {
-        let mut class = Vec::new();
-        for effect in library.effects() {
-            let slug = effect.slug();
-            let hidden: Vec<&str> = hidden.iter().map(String::as_str).collect();
-            let mut models = vec![vec![slug]];
-            if let [a, b] = hidden[..] {
-                models.extend([vec![slug, b], vec![a, slug]]);
-            }
-            let explains = |model: &Vec<&str>| {
-                // What cannot stand together, or with this law, is no candidate.
-                let Ok(candidate) = self.subject.extended(model) else { return false };
-                self.distance_sigma(shown, &candidate).is_some_and(|sigma| sigma < SEPARATED_SIGMA)
-            };
-            if hidden.contains(&slug) || models.iter().any(explains) {
-                class.push(slug.to_string());
-            }
-        }
-        class
+fn refuse_unknown(library: &Library, slugs: &[String]) -> Result<()> {
+    match slugs.iter().find(|slug| library.get(slug).is_none()) {
+        None => Ok(()),
+        Some(unknown) => Err(Error::input(
+            Place::option("--effect"),
+            format!("there is no effect `{unknown}`"),
+            "name effects that `vitreo-uq effects` lists",
+        )),
     }
 }
 
@@ -416,30 +325,4 @@ fn out_of_reach(order: &Order) -> Error {
         format!("{what} cannot be made to show{strength} under the {} protocol", order.protocol.name()),
         "ask for less, for another effect, or for the other protocol; `vitreo-uq effects` says what an experiment can see",
     )
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::critique::separation::tests::{NOISE, ONE_LEVEL, TWO_LEVELS, at, subject_with};
-
-    /// Signals are those asked for; on one force level an asymmetry stands for a bias, alone or beside a drift, and on two it does not.
-    #[test]
-    fn an_ideal_class_is_what_the_protocol_cannot_tell_from_what_is_hidden() {
-        let library = Library::only(&["clock-offset", "force-asymmetry", "force-bias", "tracking-drift"]);
-        let class = |cycles: &[&[f64]], hidden: &[&str], asked_sigma: f64| {
-            let subject = subject_with(cycles, &library, &[]);
-            let (base, fitted) = at(&subject, &[], &[]);
-            let motion = Motion { subject, base, theta: fitted.theta, noise: NOISE };
-            let slugs: Vec<String> = hidden.iter().map(|slug| slug.to_string()).collect();
-            let drawn = motion.with_effects(&slugs, Some(asked_sigma), &library, &mut RandomStream::new(5, 0));
-            let (effects, class) = drawn.expect("models").expect("in reach");
-            assert!(effects.iter().all(|effect| (effect.signal_sigma / asked_sigma - 1.0).abs() < 0.02), "{effects:?}");
-            class
-        };
-        assert_eq!(class(&ONE_LEVEL, &["force-bias"], 20.0), ["force-asymmetry", "force-bias"]);
-        assert_eq!(class(&TWO_LEVELS, &["force-bias"], 20.0), ["force-bias"]);
-        let pair = class(&ONE_LEVEL, &["force-bias", "tracking-drift"], 6.0);
-        assert!(pair.iter().any(|slug| slug == "force-asymmetry") && pair.len() >= 3, "{pair:?}");
-    }
 }

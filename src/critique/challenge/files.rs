@@ -66,6 +66,7 @@ pub struct Opened {
 /// [`Error::Input`] where the directory is in use or the order cannot be met; [`Error::File`] where it cannot be written.
 pub fn make(dir: &Path, bench: &Bench, order: &Order, seed: u64, monitor: &dyn Monitor) -> Result<String> {
     check_place(dir)?;
+    monitor.stage("drawing what is hidden and sizing its signal");
     let truth = bench.draw(order, &mut RandomStream::new(seed, 0))?;
     let record = truth.protocol.record();
     let position_m = trajectories_m(bench, std::slice::from_ref(&truth), None, monitor)?.remove(0);

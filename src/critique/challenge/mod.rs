@@ -8,6 +8,7 @@ mod bench;
 pub mod files;
 pub mod full_order;
 mod large;
+mod motion;
 mod noise;
 mod outside;
 pub mod plays;
@@ -17,7 +18,7 @@ mod strength;
 pub mod tally;
 mod truth;
 
-pub use bench::{Bench, Order};
+pub use bench::{Bench, Order, hideable};
 pub use noise::{Noise, NoiseKind};
 pub use outside::{Disturbance, OutsideKind};
 pub use protocol::Protocol;

@@ -11,7 +11,7 @@ use super::super::diagnosis::{Diagnosis, VerdictKind};
 use super::full_order::trajectories_m;
 use super::tally::{Tally, tally};
 use super::truth::joined;
-use super::{ApparatusError, Bench, Hidden, Noise, NoiseKind, Order, OutsideKind, Protocol, Truth};
+use super::{ApparatusError, Bench, Hidden, Noise, NoiseKind, Order, OutsideKind, Protocol, Truth, hideable};
 use crate::error::{Error, Place, Result};
 use crate::inference::ensemble::RandomStream;
 use crate::workflow::Monitor;
@@ -315,7 +315,7 @@ fn draw(bench: &Bench, request: &PlaysRequest, sort: Sort, number: usize) -> Res
 
 /// The effects to choose from: those asked for, else all that can be hidden.
 fn slugs(bench: &Bench, request: &PlaysRequest) -> Vec<String> {
-    if request.effects.is_empty() { bench.hideable() } else { request.effects.clone() }
+    if request.effects.is_empty() { hideable(bench.library()) } else { request.effects.clone() }
 }
 
 /// A case without its noise.

@@ -94,6 +94,9 @@ pub struct Truth {
     /// Effects that this experiment cannot tell from the hidden ones: the best fit with one to noise-free data stays below 4 standard deviations. The
     /// hidden ones are among them.
     pub ideal_class: Vec<String>,
+    /// Effects that are not compared yet: their reduced models take long to build and were not needed to make the data. Opening the answer compares them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub not_compared: Vec<String>,
 }
 
 /// Answers that were sealed before there was a choice.
@@ -114,6 +117,7 @@ impl Truth {
             apparatus: None,
             outside_sigma: None,
             ideal_class: Vec::new(),
+            not_compared: Vec::new(),
         }
     }
 
@@ -151,4 +155,21 @@ pub(super) fn joined<'a>(slugs: impl Iterator<Item = &'a str>) -> String {
     let mut slugs: Vec<&str> = slugs.collect();
     slugs.sort_unstable();
     slugs.join("+")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Answers that were sealed before effects could be left for later have no such list, and none is written where there is nothing to list.
+    #[test]
+    fn a_truth_with_nothing_left_to_compare_is_written_as_ever() {
+        let truth = Truth::of_nothing(Protocol::Paper, NoiseKind::White, [1.0, 2.0, 3.0]);
+        let text = serde_json::to_string(&truth).expect("JSON");
+        assert!(text.ends_with("\"outside_sigma\":null,\"ideal_class\":[]}"), "{text}");
+        assert_eq!(serde_json::from_str::<Truth>(&text).expect("a truth"), truth);
+        let late = Truth { not_compared: vec!["inertia".into()], ..truth };
+        let text = serde_json::to_string(&late).expect("JSON");
+        assert_eq!(serde_json::from_str::<Truth>(&text).expect("a truth"), late);
+    }
 }

@@ -65,7 +65,7 @@ fn compliance_per_m(which: usize) -> f64 {
 
 fn trained(family: NonlinearFamily, verification_runs: u32) -> HyperModel {
     let settings = HyperSettings { verification_runs, ..HyperSettings::of(family) };
-    build(&surroundings(), family, &settings).expect("training succeeds")
+    build(&surroundings(), family, &settings, &|| ()).expect("training succeeds")
 }
 
 /// One model of each family, shared by the tests.

@@ -77,6 +77,11 @@ impl HyperSettings {
         };
         Self { cubature_tolerance: 3e-4, most_points, training_runs, verification_runs: 4 }
     }
+
+    /// Full runs, of both kinds.
+    pub fn n_runs(&self) -> usize {
+        (self.training_runs + self.verification_runs) as usize
+    }
 }
 
 /// One state of a training run.
@@ -103,11 +108,17 @@ struct Workshop<'a> {
     command_n: Vec<f64>,
 }
 
-/// Trains a surrogate on full runs. Around a sphere in a built-in mesh these use another one, with fewer elements along the robot's surface.
+/// Trains a surrogate on full runs; `run_done` is called after each. Around a sphere in a built-in mesh these use another one, with fewer elements along the
+/// robot's surface.
 ///
 /// # Errors
 /// [`Error::Numerical`] for a number of modes out of range, and where a full run fails.
-pub fn build(surroundings: &Surroundings, family: NonlinearFamily, settings: &HyperSettings) -> Result<HyperModel> {
+pub fn build(
+    surroundings: &Surroundings,
+    family: NonlinearFamily,
+    settings: &HyperSettings,
+    run_done: &(dyn Fn() + Sync),
+) -> Result<HyperModel> {
     let ball = match family {
         NonlinearFamily::ShearThinning => {
             surroundings.thinning_ball().map(|ball| QuarterBall { n_per_edge: 1, ..ball })
@@ -126,17 +137,24 @@ pub fn build(surroundings: &Surroundings, family: NonlinearFamily, settings: &Hy
             sizes.ball = Some(ball);
             let coarser =
                 Surroundings { mesh: &mesh, stiffness: &stiffness, poisson_ratio: surroundings.poisson_ratio, sizes };
-            train(&coarser, family, settings)
+            train(&coarser, family, settings, run_done)
         }
-        None => train(surroundings, family, settings),
+        None => train(surroundings, family, settings, run_done),
     }
 }
 
-fn train(surroundings: &Surroundings, family: NonlinearFamily, settings: &HyperSettings) -> Result<HyperModel> {
+fn train(
+    surroundings: &Surroundings,
+    family: NonlinearFamily,
+    settings: &HyperSettings,
+    run_done: &(dyn Fn() + Sync),
+) -> Result<HyperModel> {
     let workshop = Workshop::new(surroundings, family)?;
     let model = &workshop.model;
-    let runs: Vec<Vec<State>> =
-        (0..settings.training_runs).into_par_iter().map(|index| workshop.states(index)).collect::<Result<_>>()?;
+    let runs: Vec<Vec<State>> = (0..settings.training_runs)
+        .into_par_iter()
+        .map(|index| workshop.states(index).inspect(|_| run_done()))
+        .collect::<Result<_>>()?;
     let states: Vec<State> = runs.into_iter().flatten().collect();
     let energy = EnergyProduct(model.factor().matrix());
     // The linear model's own field is among the snapshots.
@@ -180,7 +198,7 @@ fn train(surroundings: &Surroundings, family: NonlinearFamily, settings: &HyperS
     let ready = HyperModel::try_from(reduced.clone())?;
     let errors: Vec<f64> = (settings.training_runs..settings.training_runs + settings.verification_runs)
         .into_par_iter()
-        .map(|index| workshop.distance(&ready, index))
+        .map(|index| workshop.distance(&ready, index).inspect(|_| run_done()))
         .collect::<Result<_>>()?;
     reduced.max_relative_error = errors.into_iter().fold(0.0, f64::max);
     HyperModel::try_from(reduced)

@@ -1,0 +1,228 @@
+//! A box of coordinates in which trajectories are few time modes with polynomials for amplitudes, or two boxes, or none.
+
+use super::polynomial::Basis;
+use crate::number::Scalar;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+
+/// Most time modes.
+const MOST_MODES: usize = 40;
+/// Share of the tolerance that modes may leave of the trajectories that made them.
+const SHARE_OF_MODES: f64 = 0.1;
+/// Halvings, one after another.
+const MOST_HALVINGS: usize = 2;
+/// A box whose error is more than so many times the tolerance is not halved: two halves would not do.
+const FARTHEST: f64 = 12.0;
+
+/// What runs the stepper at coordinates: the excess (m) at every row at unit modulus, and the displacement (m) that errors are measured by; both by any one
+/// factor.
+pub(super) type Run<'a> = dyn Fn(&[f64]) -> Option<Trained> + Sync + 'a;
+type Trained = (Vec<f64>, f64);
+
+/// A box.
+#[derive(Debug)]
+pub(super) struct Chart {
+    lower: Vec<f64>,
+    upper: Vec<f64>,
+    n_halvings: usize,
+    /// What it is made from, until it is made.
+    work: Mutex<Option<Arc<Work>>>,
+    made: OnceLock<Made>,
+}
+
+#[derive(Debug)]
+struct Work {
+    next: AtomicUsize,
+    runs: Vec<OnceLock<Option<Trained>>>,
+}
+
+#[derive(Debug)]
+enum Made {
+    Smooth(Surface),
+    Halves {
+        coordinate: usize,
+        at: f64,
+        halves: Box<[Chart; 2]>,
+    },
+    /// No polynomials of this degree come near enough.
+    Rough,
+}
+
+/// Time modes and their amplitudes.
+#[derive(Debug)]
+pub(super) struct Surface {
+    /// Mode by mode, one value a row.
+    modes: Vec<Vec<f64>>,
+    /// Mode by mode, one coefficient a polynomial.
+    coefficients: Vec<Vec<f64>>,
+    /// Largest error on points that trained nothing, relative to the displacement there.
+    pub certified: f64,
+}
+
+impl Chart {
+    pub fn new(lower: Vec<f64>, upper: Vec<f64>) -> Self {
+        Self::halved(lower, upper, 0)
+    }
+
+    fn halved(lower: Vec<f64>, upper: Vec<f64>, n_halvings: usize) -> Self {
+        Self { lower, upper, n_halvings, work: Mutex::new(None), made: OnceLock::new() }
+    }
+
+    /// The surface at coordinates inside, and the place in its box; made now where nobody has asked yet. `None` where there is none.
+    pub fn surface<'a, N: Scalar>(
+        &'a self,
+        values: &[f64],
+        coordinates: &[N],
+        basis: &Basis,
+        tolerance: f64,
+        run: &Run<'_>,
+    ) -> Option<(&'a Surface, Vec<N>)> {
+        match self.made(basis, tolerance, run) {
+            Made::Rough => None,
+            Made::Halves { coordinate, at, halves } => {
+                let half = &halves[usize::from(values[*coordinate] >= *at)];
+                half.surface(values, coordinates, basis, tolerance, run)
+            }
+            Made::Smooth(surface) => {
+                let ends = self.lower.iter().zip(&self.upper);
+                let scaled = coordinates
+                    .iter()
+                    .zip(ends)
+                    .map(|(x, (lower, upper))| (*x * 2.0 + N::constant(-lower - upper)) * (1.0 / (upper - lower)));
+                Some((surface, scaled.collect()))
+            }
+        }
+    }
+
+    /// Every thread that asks helps, and all find the same.
+    fn made(&self, basis: &Basis, tolerance: f64, run: &Run<'_>) -> &Made {
+        if let Some(made) = self.made.get() {
+            return made;
+        }
+        let work = {
+            let mut work = self.work.lock().unwrap_or_else(PoisonError::into_inner);
+            match (&*work, self.made.get()) {
+                (_, Some(made)) => return made,
+                (Some(work), None) => work.clone(),
+                (None, None) => {
+                    let n_runs = basis.design.len() + basis.checks.len();
+                    let runs = (0..n_runs).map(|_| OnceLock::new()).collect();
+                    let begun = Arc::new(Work { next: AtomicUsize::new(0), runs });
+                    *work = Some(begun.clone());
+                    begun
+                }
+            }
+        };
+        let at = |number: usize| {
+            let point = basis.design.get(number).unwrap_or_else(|| &basis.checks[number - basis.design.len()]);
+            run(&self.coordinates_of(point))
+        };
+        loop {
+            let number = work.next.fetch_add(1, Ordering::Relaxed);
+            let Some(place) = work.runs.get(number) else { break };
+            place.get_or_init(|| at(number));
+        }
+        // What others are still at is waited for.
+        let runs: Vec<_> =
+            work.runs.iter().enumerate().map(|(k, place)| place.get_or_init(|| at(k)).as_ref()).collect();
+        let made = self.made.get_or_init(|| self.make(basis, tolerance, &runs));
+        *self.work.lock().unwrap_or_else(PoisonError::into_inner) = None;
+        made
+    }
+
+    fn coordinates_of(&self, point: &[f64]) -> Vec<f64> {
+        let ends = self.lower.iter().zip(&self.upper);
+        point.iter().zip(ends).map(|(x, (lower, upper))| 0.5 * (lower + upper) + 0.5 * (upper - lower) * x).collect()
+    }
+
+    fn make(&self, basis: &Basis, tolerance: f64, runs: &[Option<&Trained>]) -> Made {
+        let Some(runs) = runs.iter().copied().collect::<Option<Vec<_>>>() else { return Made::Rough };
+        let (design, checks) = runs.split_at(basis.design.len());
+        // Displacements differ within a box: everything is seen relative to them.
+        let scaled: Vec<Vec<f64>> =
+            design.iter().map(|(excess_m, amplitude_m)| excess_m.iter().map(|x| x / amplitude_m).collect()).collect();
+        let modes = modes(scaled, SHARE_OF_MODES * tolerance);
+        let coefficients: Vec<Vec<f64>> = modes
+            .iter()
+            .map(|mode| {
+                let amplitudes = design.iter().map(|(excess_m, _)| dot(mode, excess_m));
+                let amplitudes = nalgebra::DVector::from_iterator(design.len(), amplitudes);
+                (&basis.fit * amplitudes).iter().copied().collect()
+            })
+            .collect();
+        let mut surface = Surface { modes, coefficients, certified: 0.0 };
+        for (point, (excess_m, amplitude_m)) in basis.checks.iter().zip(checks) {
+            let found = surface.excess_m(basis, point, 1.0, excess_m.len());
+            let error = found.iter().zip(excess_m).fold(0.0_f64, |worst, (a, b)| worst.max((a - b).abs()));
+            surface.certified = surface.certified.max(error / amplitude_m);
+        }
+        if surface.certified <= tolerance {
+            return Made::Smooth(surface);
+        }
+        if self.n_halvings >= MOST_HALVINGS || surface.certified.is_nan() || surface.certified > FARTHEST * tolerance {
+            return Made::Rough;
+        }
+        let squares: Vec<f64> = (0..basis.n_polynomials())
+            .map(|k| surface.coefficients.iter().map(|of_mode| of_mode[k] * of_mode[k]).sum())
+            .collect();
+        let tails = basis.tails(&squares);
+        let coordinate = (0..tails.len()).max_by(|a, b| tails[*a].total_cmp(&tails[*b])).unwrap_or(0);
+        let at = 0.5 * (self.lower[coordinate] + self.upper[coordinate]);
+        let (mut below, mut above) = (self.upper.clone(), self.lower.clone());
+        below[coordinate] = at;
+        above[coordinate] = at;
+        let half = |lower: Vec<f64>, upper: Vec<f64>| Self::halved(lower, upper, self.n_halvings + 1);
+        Made::Halves {
+            coordinate,
+            at,
+            halves: Box::new([half(self.lower.clone(), below), half(above, self.upper.clone())]),
+        }
+    }
+}
+
+impl Surface {
+    /// The excess (m) at the first rows, at a place in the box.
+    pub fn excess_m<N: Scalar>(&self, basis: &Basis, place: &[N], factor: N, n_rows: usize) -> Vec<N> {
+        let polynomials = basis.values(place);
+        let mut excess_m = vec![N::constant(0.0); n_rows];
+        for (mode, coefficients) in self.modes.iter().zip(&self.coefficients) {
+            let sum = polynomials.iter().zip(coefficients).fold(N::constant(0.0), |sum, (p, c)| sum + *p * *c);
+            let amplitude = sum * factor;
+            excess_m.iter_mut().zip(mode).for_each(|(x, value)| *x += amplitude * *value);
+        }
+        excess_m
+    }
+}
+
+/// Orthonormal modes that leave no trajectory more than `tolerance` at any row: every time the one that is left the largest.
+fn modes(mut trajectories: Vec<Vec<f64>>, tolerance: f64) -> Vec<Vec<f64>> {
+    let mut modes: Vec<Vec<f64>> = Vec::new();
+    while modes.len() < MOST_MODES {
+        let largest = |trajectory: &Vec<f64>| trajectory.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+        let worst =
+            (0..trajectories.len()).max_by(|a, b| largest(&trajectories[*a]).total_cmp(&largest(&trajectories[*b])));
+        let Some(worst) = worst.filter(|k| largest(&trajectories[*k]) > tolerance) else { break };
+        let mut mode = trajectories[worst].clone();
+        // Once more against what rounding leaves of the others.
+        for other in &modes {
+            subtract(&mut mode, other);
+        }
+        let norm = dot(&mode, &mode).sqrt();
+        if norm == 0.0 {
+            break;
+        }
+        mode.iter_mut().for_each(|x| *x /= norm);
+        trajectories.iter_mut().for_each(|trajectory| subtract(trajectory, &mode));
+        modes.push(mode);
+    }
+    modes
+}
+
+fn subtract(from: &mut [f64], mode: &[f64]) {
+    let share = dot(from, mode);
+    from.iter_mut().zip(mode).for_each(|(x, m)| *x -= share * m);
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(x, y)| x * y).sum()
+}
