@@ -25,6 +25,7 @@ pub mod protocol;
 pub mod rank;
 pub mod refit;
 pub mod score_test;
+mod screen;
 pub mod search;
 pub mod separation;
 mod subject;
@@ -33,6 +34,7 @@ mod tangent;
 mod test_replica;
 #[cfg(test)]
 mod test_subjects;
+mod weighing;
 
 pub use candidate::{Candidate, Coordinate, Free};
 pub use fit::{Fitted, Search};

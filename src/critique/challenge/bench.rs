@@ -45,6 +45,21 @@ const OUTSIDE_SIGMA: f64 = 20.0;
 /// Sizes stay where the prior leaves this on either side.
 const SIZE_TAIL: f64 = 1e-3;
 
+/// Rounds in which sizes and the range of positions that their priors are scaled by come to agree.
+const PRIOR_ROUNDS: usize = 4;
+
+/// An effect with a size from its prior.
+pub(super) struct FromPriors {
+    /// E (Pa), c₁ and c₂ (Pa s).
+    pub law: [f64; 3],
+    /// Parameters of the effect.
+    pub parameters: Vec<NamedValue>,
+    /// Distance in σ that the best fit without it leaves of its noise-free data.
+    pub signal_sigma: f64,
+    /// Noise-free position (m) at every row, by the reduced model.
+    pub position_m: Vec<f64>,
+}
+
 /// A law's motion, ready to have something added.
 struct Motion {
     subject: Subject,
@@ -164,6 +179,45 @@ impl Bench {
         let subject = self.subject_of(order.protocol, &position_m)?;
         let base = subject.base();
         Ok(Motion { theta: theta_of(&base), subject, base, noise: order.noise.parameters() })
+    }
+
+    /// An effect whose parameters are at uniform quantiles of their priors, as an experiment with their own data has them; `None` where that has no model.
+    pub(super) fn draw_from_priors(
+        &self,
+        slug: &str,
+        protocol: Protocol,
+        noise: NoiseKind,
+        stream: &mut RandomStream,
+    ) -> Result<Option<FromPriors>> {
+        let order = Order { hidden: Hidden::Effects(vec![slug.into()]), protocol, noise, strength_sigma: None };
+        let motion = self.motion(&self.in_order_of_application(&order)?, self.law(stream))?;
+        let mut law = [0.0; 3];
+        law.copy_from_slice(&motion.base.parameters(&motion.theta)[..3]);
+        let n_parameters = motion.subject.extended(&[slug])?.free.len() - motion.base.free.len();
+        let uniforms: Vec<f64> = (0..n_parameters).map(|_| stream.unit()).collect();
+        let mut position_m = motion.subject.trajectory_m(&motion.base, &motion.theta)?;
+        let mut drawn = None;
+        for _ in 0..PRIOR_ROUNDS {
+            let subject = self.subject_of(protocol, &position_m)?;
+            let candidate = subject.extended(&[slug])?;
+            let mut uniforms = uniforms.iter();
+            let coordinate = |free: &super::super::Free| match free.effect {
+                None => free.coordinate.theta(law[free.index]),
+                Some(_) => free.quantile(uniforms.next().copied().unwrap_or(0.5)),
+            };
+            let theta: Vec<f64> = candidate.free.iter().map(coordinate).collect();
+            let Ok(moved_m) = subject.trajectory_m(&candidate, &theta) else { return Ok(None) };
+            position_m = moved_m;
+            drawn = Some((subject, candidate, theta));
+        }
+        let Some((subject, candidate, theta)) = drawn else { return Ok(None) };
+        let shown = Shown { candidate: &candidate, theta: &theta, noise: motion.noise, position_m: &position_m };
+        let Ok(nearest) = closest(&subject, &subject.base(), &shown) else { return Ok(None) };
+        let values = candidate.parameters(&theta);
+        let of_effect = candidate.free.iter().filter(|free| free.effect.is_some());
+        let parameters =
+            of_effect.map(|free| NamedValue { name: free.name.into(), value: values[free.index] }).collect();
+        Ok(Some(FromPriors { law, parameters, signal_sigma: nearest.distance, position_m }))
     }
 
     fn with_hidden(&self, order: &Order, motion: &Motion, stream: &mut RandomStream) -> Result<Option<Truth>> {
