@@ -233,8 +233,9 @@ const N_DRAWS_FOR_ANSWERS: usize = 2_000;
 
 /// The sides of the first valley in a parameter of the added effects, in the coordinate in which its prior is a standard normal.
 fn answers(problem: &Problem, effects: &[String], columns: &[DrawColumn]) -> Vec<ExtensionAnswer> {
-    let is_added =
-        |name: &str| effects.iter().any(|slug| name.strip_prefix(slug.as_str()).is_some_and(|rest| rest.starts_with('.')));
+    let is_added = |name: &str| {
+        effects.iter().any(|slug| name.strip_prefix(slug.as_str()).is_some_and(|rest| rest.starts_with('.')))
+    };
     for (prior, column) in problem.priors.priors().iter().zip(columns).filter(|(prior, _)| is_added(&prior.name)) {
         let every = column.values.len().div_ceil(N_DRAWS_FOR_ANSWERS).max(1);
         let natural: Vec<f64> = column.values.iter().step_by(every).copied().collect();

@@ -1,12 +1,14 @@
 //! Where a posterior of one number has a valley between two answers.
 //!
 //! The weighted draws' density is smoothed by a normal kernel of the usual width for one bump (Silverman 1986, eq. 3.31), which is too wide for two: what
-//! still shows a valley has one. Both answers must have a share that is worth a word.
+//! still shows a valley has one. Both answers must have a share that is worth a word, and the valley must be deeper than so many draws leave to chance.
 
 use super::WeightedDraws;
 
 /// The lower of two peaks is at least so many times as high as the valley between them.
 const LEAST_DEPTH: f64 = 2.0;
+/// The lower peak stands above the valley by so many standard errors of the smoothed density's difference.
+const LEAST_ERRORS: f64 = 4.0;
 /// Smallest share of an answer.
 const LEAST_SHARE: f64 = 0.05;
 const N_NODES: usize = 160;
@@ -21,7 +23,8 @@ pub fn valley(draws: &WeightedDraws, of: impl Fn(&[f64]) -> f64) -> Option<f64> 
     let mean = draws.mean(&of);
     let sd = draws.mean(|point| (of(point) - mean).powi(2)).sqrt();
     let spread = sd.min((upper - lower) / QUARTILES_APART);
-    let width = 0.9 * spread * draws.effective_size().powf(-0.2);
+    let n_effective = draws.effective_size();
+    let width = 0.9 * spread * n_effective.powf(-0.2);
     if !(width > 0.0 && width.is_finite() && high > low) {
         return None;
     }
@@ -36,13 +39,18 @@ pub fn valley(draws: &WeightedDraws, of: impl Fn(&[f64]) -> f64) -> Option<f64> 
             density[k] += weight * (-0.5 * ((node(k) - value) / width).powi(2)).exp();
         }
     }
+    // Of kernels that integrate to one; their squares integrate to 1/(2 √π width), which over n is the variance for a density of one.
+    density.iter_mut().for_each(|value| *value /= width * std::f64::consts::TAU.sqrt());
+    let unit_variance = 1.0 / (2.0 * std::f64::consts::PI.sqrt() * width * n_effective);
     let highest = |nodes: &[f64]| nodes.iter().copied().fold(0.0, f64::max);
-    let depth = |k: usize| highest(&density[..k]).min(highest(&density[k + 1..])) / density[k].max(f64::MIN_POSITIVE);
-    let deepest = (1..N_NODES - 1).max_by(|a, b| depth(*a).total_cmp(&depth(*b)))?;
-    let bottom = node(deepest);
-    let share = draws.mean(|point| f64::from(u8::from(of(point) < bottom)));
-    let is_valley = depth(deepest) >= LEAST_DEPTH && (LEAST_SHARE..=1.0 - LEAST_SHARE).contains(&share);
-    is_valley.then_some(bottom)
+    let peak = |k: usize| highest(&density[..k]).min(highest(&density[k + 1..]));
+    let depth = |k: usize| peak(k) / density[k].max(f64::MIN_POSITIVE);
+    let share = |k: usize| draws.mean(|point| f64::from(u8::from(of(point) < node(k))));
+    let is_shared = |k: &usize| (LEAST_SHARE..=1.0 - LEAST_SHARE).contains(&share(*k));
+    let deepest = (1..N_NODES - 1).filter(is_shared).max_by(|a, b| depth(*a).total_cmp(&depth(*b)))?;
+    let error = (unit_variance * (peak(deepest) + density[deepest])).sqrt();
+    let is_valley = depth(deepest) >= LEAST_DEPTH && peak(deepest) - density[deepest] >= LEAST_ERRORS * error;
+    is_valley.then(|| node(deepest))
 }
 
 #[cfg(test)]
