@@ -66,6 +66,8 @@ fn by_gain(subject: &Subject, _seed: u64) -> Result<Diagnosis> {
             rmse_heldout_um: None,
             largest_change: 0.0,
             log_bayes_factor: None,
+            log_bayes_factor_at_most: None,
+            answers: vec![],
             parameters: Vec::new(),
         }),
         twins: Vec::new(),

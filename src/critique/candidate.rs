@@ -137,6 +137,16 @@ impl Candidate {
         Self { columns: [self.columns.clone(), columns].concat(), ..self.clone() }
     }
 
+    /// The same with some of its free parameters held at coordinates.
+    pub fn held(&self, theta: &[f64], is_held: impl Fn(&Free) -> bool) -> Self {
+        let mut held = self.clone();
+        for (free, theta) in self.free.iter().zip(theta).filter(|(free, _)| is_held(free)) {
+            held.template[free.index] = free.coordinate.value(*theta);
+        }
+        held.free.retain(|free| !is_held(free));
+        held
+    }
+
     /// Number of coordinates: free parameters, then amplitudes of columns.
     pub fn dimension(&self) -> usize {
         self.free.len() + self.columns.len()

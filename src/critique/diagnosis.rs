@@ -161,9 +161,24 @@ pub struct Refit {
     pub rmse_heldout_um: Option<f64>,
     /// Largest change of the predicted positions against the base's refit, over the noise.
     pub largest_change: f64,
-    /// Log Bayes factor over the base; `None` where the refit gains too little to be worth the computation.
+    /// Log Bayes factor over the base; `None` where the refit gains too little to be worth the computation, or cannot come near the best.
     pub log_bayes_factor: Option<f64>,
+    /// What it stays below where it is not computed because it cannot come near the best.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub log_bayes_factor_at_most: Option<f64>,
     /// Parameters of the effect.
+    pub parameters: Vec<RefitParameter>,
+    /// The answers that the posterior gives where it gives more than one, the likelier first; `parameters` is over all of them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub answers: Vec<Answer>,
+}
+
+/// One answer of a posterior that gives several: a part of it, with a valley between it and the rest.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Answer {
+    /// Its share of the posterior.
+    pub probability: f64,
+    /// Parameters, given that it is this one.
     pub parameters: Vec<RefitParameter>,
 }
 

@@ -3,22 +3,20 @@
 use super::detectable::{Detectable, smallest_detectable};
 use super::diagnose::{DiagnosisRequest, Equivalent};
 use super::diagnosis::{
-    BaseErrors, CandidateEntry, Diagnosis, Errors, PairEntry, Refit, RefitParameter, SmallestDetectable, Status,
-    UnexplainedEntry, Verdict, VerdictKind,
+    Answer, BaseErrors, CandidateEntry, Diagnosis, Errors, PairEntry, Refit, RefitParameter, SmallestDetectable,
+    Status, UnexplainedEntry, Verdict, VerdictKind,
 };
-use super::evidence::{evidence, parameters_about_fit};
 use super::leftover::{Leftover, event_remark};
 use super::outside::Outside;
 use super::refit::{Gain, Refitted};
 use super::search::{Found, Single};
+use super::weighing::{Factor, LEAST_GAIN, Weighing};
 use super::{Candidate, Fitted, Subject, Tangent, noise_learning, protocol, rank};
 use crate::error::Result;
 use crate::report::number::significant;
+use crate::workflow::Monitor;
 use crate::workflow::misfit::Misfit;
-use crate::workflow::{Counter, Monitor};
 
-/// Gains (nats) below this are not worth a computation of evidence, and nothing to speak of.
-const LEAST_GAIN: f64 = 2.0;
 /// Visible shares below this are blind spots.
 const LEAST_VISIBLE: f64 = 1e-3;
 /// Simulated repeats by which a change of the protocol is confirmed.
@@ -57,24 +55,18 @@ impl Report<'_> {
         let twins: Vec<Vec<String>> =
             rank::twins(&cosines).iter().map(|list| list.iter().map(slug).collect()).collect();
         monitor.stage("weighing the evidence");
-        // Nothing is weighed in most experiments that lack nothing.
-        let ln_base = match found.singles.iter().any(|single| self.is_weighed(single)) {
-            true => evidence(subject, &found.base.candidate, &found.base.fitted, self.request.seed)?.ln_evidence,
-            false => f64::NAN,
-        };
-        let of_claim = self.parameters_of_larger_claim()?;
-        let counter = Counter::new(monitor, found.singles.len());
+        let weighing = Weighing::new(subject, found, (self.request.in_full, self.request.seed), monitor)?;
         let mut candidates = Vec::new();
         for single in &found.singles {
             let place = scored.iter().position(|other| other.slug == single.slug);
             let twins = place.map_or(Vec::new(), |place| twins[place].clone());
-            candidates.push(self.candidate(single, twins, ln_base, &of_claim)?);
-            counter.add_one();
+            candidates.push(self.candidate(single, twins, &weighing)?);
         }
         let learnt = noise_learning::learn(subject, &found.base.candidate, &found.base.fitted)?;
         let mut remarks = self.remarks(&scores, &cosines);
         remarks.extend(self.event.map(|event| event_remark(subject, event)));
         remarks.extend(learnt.disagreements());
+        remarks.extend(weighing.remarks.iter().cloned());
         if self.request.in_full {
             let exact = protocol::exact_degeneracies(subject)?;
             remarks.extend(exact.into_iter().map(|degeneracy| degeneracy.sentence));
@@ -177,17 +169,11 @@ impl Report<'_> {
         }
     }
 
-    fn candidate(
-        &self,
-        single: &Single,
-        twins: Vec<String>,
-        ln_base: f64,
-        of_claim: &[RefitParameter],
-    ) -> Result<CandidateEntry> {
+    fn candidate(&self, single: &Single, twins: Vec<String>, weighing: &Weighing) -> Result<CandidateEntry> {
         let status = self.status(single);
         let score = single.score.as_ref();
         let refit = match (&single.refitted, single.gain) {
-            (Some(refitted), Some(gain)) => Some(self.refit(single, refitted, gain, ln_base, of_claim)?),
+            (Some(refitted), Some(gain)) => Some(self.refit(single, refitted, gain, weighing)?),
             _ => None,
         };
         let p = single.gain.map_or(1.0, |gain| self.found.bootstrap.p(gain.fitted));
@@ -204,54 +190,25 @@ impl Report<'_> {
         })
     }
 
-    /// Whether an effect's evidence is computed.
-    fn is_weighed(&self, single: &Single) -> bool {
-        let gains = single.gain.is_some_and(|gain| gain.fitted > LEAST_GAIN);
-        self.claimed().contains(&single.slug) || (self.request.in_full && gains)
-    }
-
-    /// Parameters of a claim of several effects, which all of them share; none for other claims.
-    fn parameters_of_larger_claim(&self) -> Result<Vec<RefitParameter>> {
-        let Some(claimed) = self.found.claimed.as_ref().filter(|claimed| self.found.added(claimed).len() > 1) else {
-            return Ok(Vec::new());
-        };
-        match parameters_about_fit(self.subject, &claimed.candidate, &claimed.fitted, self.request.seed)? {
-            Some(parameters) => Ok(parameters),
-            None => laplace(self.subject, claimed),
-        }
-    }
-
     /// The refit with an effect. Of a claim of several, its parameters are those of the whole model; all else is of the effect alone.
-    fn refit(
-        &self,
-        single: &Single,
-        refitted: &Refitted,
-        gain: Gain,
-        ln_base: f64,
-        of_claim: &[RefitParameter],
-    ) -> Result<Refit> {
-        let alone = if self.is_weighed(single) {
-            Some(evidence(self.subject, &refitted.candidate, &refitted.fitted, self.request.seed)?)
-        } else {
-            None
+    fn refit(&self, single: &Single, refitted: &Refitted, gain: Gain, weighing: &Weighing) -> Result<Refit> {
+        let parameters = weighing.parameters(self.subject, single, self.claimed().contains(&single.slug))?;
+        let parameters = parameters.of(&self.found.added(refitted));
+        let (log_bayes_factor, log_bayes_factor_at_most) = match weighing.factor(single.slug) {
+            Factor::Known(value) => (Some(value), None),
+            Factor::AtMost(value) => (None, Some(value)),
+            Factor::Unknown => (None, None),
         };
-        let is_of_claim = !of_claim.is_empty() && self.claimed().contains(&single.slug);
-        let parameters = match &alone {
-            _ if is_of_claim => of_claim.to_vec(),
-            Some(alone) => alone.parameters.clone(),
-            None => laplace(self.subject, refitted)?,
-        };
-        let own = self.found.added(refitted);
-        let is_own =
-            |name: &str| own.iter().any(|slug| name.strip_prefix(slug).is_some_and(|rest| rest.starts_with('.')));
         Ok(Refit {
             gain_nats: gain.fitted,
             heldout_gain_nats: gain.future,
             last_cycle_gain_nats: gain.last,
             rmse_heldout_um: self.errors(refitted).rmse_heldout_um,
             largest_change: gain.largest_change,
-            log_bayes_factor: alone.map(|alone| alone.ln_evidence - ln_base),
-            parameters: parameters.into_iter().filter(|parameter| is_own(&parameter.name)).collect(),
+            log_bayes_factor,
+            log_bayes_factor_at_most,
+            parameters: parameters.all,
+            answers: parameters.answers,
         })
     }
 
@@ -331,11 +288,11 @@ impl Report<'_> {
     fn missing_sentence(&self, effects: &[String], candidates: &[CandidateEntry]) -> String {
         let Some(claimed) = &self.found.claimed else { return String::new() };
         let errors = self.errors_words(claimed);
-        let sizes: Vec<String> = candidates
-            .iter()
-            .filter(|candidate| candidate.status == Status::Claimed)
-            .filter_map(|candidate| candidate.refit.as_ref()?.parameters.first().map(size))
-            .collect();
+        let claimed = candidates.iter().filter(|candidate| candidate.status == Status::Claimed);
+        let refits: Vec<&Refit> = claimed.filter_map(|candidate| candidate.refit.as_ref()).collect();
+        let sizes: Vec<String> = refits.iter().filter_map(|refit| refit.parameters.first().map(size)).collect();
+        let several: Vec<String> = refits.iter().filter_map(|refit| in_words(&refit.answers)).collect();
+        let several = several.concat();
         let class = match &self.class_slugs()[..] {
             [] => String::new(),
             class => {
@@ -345,7 +302,7 @@ impl Report<'_> {
         };
         let rest = self.what_remains().map_or(String::new(), |what| format!(" Unexplained, here: {what}"));
         format!(
-            "The model lacks {}: with {}, {errors} (noise {}). {}.{class}{rest}",
+            "The model lacks {}: with {}, {errors} (noise {}). {}.{several}{class}{rest}",
             listed(effects, "and"),
             if effects.len() > 1 { "them" } else { "it" },
             self.noise_words(),
@@ -442,7 +399,7 @@ pub(super) fn predictive_noise_um(
 }
 
 /// Normal approximation of the free parameters at a fit.
-fn laplace(subject: &Subject, model: &Refitted) -> Result<Vec<RefitParameter>> {
+pub(super) fn laplace(subject: &Subject, model: &Refitted) -> Result<Vec<RefitParameter>> {
     let tangent = Tangent::new(subject, &model.candidate, &model.fitted)?;
     let sds = tangent.standard_deviations();
     let parameter = |(k, free): (usize, &super::Free)| {
@@ -462,6 +419,16 @@ fn size(parameter: &RefitParameter) -> String {
         short(parameter.q05),
         short(parameter.q95)
     )
+}
+
+/// Answers where a posterior gives several: one of them is right, and the data do not say which.
+fn in_words(answers: &[Answer]) -> Option<String> {
+    let of = |answer: &Answer| {
+        Some(format!("{} with probability {:.2}", size(answer.parameters.first()?), answer.probability))
+    };
+    let each: Vec<String> = answers.iter().filter_map(of).collect();
+    let count = if each.len() == 2 { "two" } else { "several" };
+    (each.len() > 1).then(|| format!(" There are {count} answers: {}.", listed(&each, "or")))
 }
 
 /// Three significant digits.

@@ -228,3 +228,52 @@ fn a_document_holds_the_claim_with_sizes_of_the_whole_model() {
     };
     assert_eq!([standing(0.01), standing(0.4)], ["weaker than the claim", "no more than chance"]);
 }
+
+/// A claim is weighed, what cannot come near it gets a bound instead of an evidence and is named, and the bound holds: evidences stay below gains and what the
+/// posterior may widen by.
+#[test]
+fn what_cannot_come_near_the_claim_gets_a_bound() {
+    let data = measured(&small(), &["force-bias"], &[BIAS], 36);
+    let mut found = found(&data, &[1.0; 99]);
+    found.claimed = found.single("force-bias").and_then(|single| single.refitted.clone());
+    let at = |found: &Found, slug: &str| Weighing::new(&data, found, (true, 1), &Silent).expect("weighed").factor(slug);
+    let Factor::Known(claim) = at(&found, "force-bias") else { panic!("the claim is weighed") };
+    let gain = found.single("force-bias").and_then(|single| single.gain).expect("refitted").fitted;
+    assert!(claim > 20.0 && claim < gain + 5.0, "{claim} {gain}");
+    let drift = found.singles.iter().position(|single| single.slug == "tracking-drift").expect("of the library");
+    let with_gain = |found: &mut Found, nats: f64| {
+        let single = &mut found.singles[drift];
+        single.gain = single.gain.map(|own| Gain { fitted: nats, ..own });
+    };
+    with_gain(&mut found, 3.0);
+    assert_eq!(at(&found, "tracking-drift"), Factor::AtMost(8.0));
+    with_gain(&mut found, 1.9);
+    assert_eq!(at(&found, "tracking-drift"), Factor::Unknown);
+    with_gain(&mut found, claim - 14.9);
+    let Factor::Known(near) = at(&found, "tracking-drift") else { panic!("within reach") };
+    let single = found.single("tracking-drift").and_then(|single| single.refitted.as_ref()).expect("refitted");
+    assert!(near < single.fitted.objective - found.base.fitted.objective + 5.0, "{near}");
+    with_gain(&mut found, 3.0);
+    let request = DiagnosisRequest::default();
+    let weighing = Weighing::new(&data, &found, (true, request.seed), &Silent).expect("weighed");
+    assert!(weighing.remarks.iter().any(|remark| remark.contains("tracking-drift")), "{:?}", weighing.remarks);
+    let report = plain(&data, &request, &found);
+    let entry = report.candidate(&found.singles[drift], Vec::new(), &weighing).expect("derivatives");
+    let refit = entry.refit.expect("refitted");
+    assert_eq!((refit.log_bayes_factor, refit.log_bayes_factor_at_most), (None, Some(8.0)));
+    assert_eq!(refit.parameters.len(), 1);
+}
+
+/// Two answers are said with their shares; one is not spoken of.
+#[test]
+fn two_answers_are_said() {
+    let answer = |probability: f64, mean: f64| {
+        let (q05, q95) = (0.9 * mean, 1.1 * mean);
+        Answer { probability, parameters: vec![RefitParameter { name: "a.size".into(), mean, q05, q95 }] }
+    };
+    assert_eq!(in_words(&[]), None);
+    assert_eq!(
+        in_words(&[answer(0.7, 2.0), answer(0.3, 30.0)]).expect("two"),
+        " There are two answers: a.size = 2.00 (1.80 to 2.20 at 90 %) with probability 0.70 or a.size = 30.0 (27.0 to 33.0 at 90 %) with probability 0.30."
+    );
+}

@@ -3,15 +3,21 @@
 //! Every parameter has its proper prior, those of the effects and of the noise included (the default ones, or the prior file's), and parameters that
 //! two candidates share have the same: so differences are logarithms of Bayes factors. The priors of the law and of the noise are those of
 //! `sample`, not the looser ones of [`Subject::fit`], which has to find an optimum and nothing more.
+//!
+//! A posterior may give two answers: a little of an effect with one modulus, and much of it with another. Climbs therefore start from a fixed design in the
+//! effects' own parameters, with the law and the noise fitted anew at each point of it, and the proposal covers every mode that they end in; the draws'
+//! weights then give each the share that its evidence has.
 
 use std::collections::BTreeMap;
 
-use super::diagnosis::RefitParameter;
-use super::{Candidate, Fitted, Free, Subject};
+use rayon::prelude::*;
+
+use super::diagnosis::{Answer, RefitParameter};
+use super::{Candidate, Fitted, Free, Search, Subject};
 use crate::error::{Error, Place, Result};
 use crate::inference::evidence::importance::{self, ImportanceOptions};
 use crate::inference::evidence::tempering::{self, TemperingOptions};
-use crate::inference::evidence::{Estimate, PriorCoordinates, SavageDickey, WeightedDraws, savage_dickey};
+use crate::inference::evidence::{Estimate, PriorCoordinates, SavageDickey, WeightedDraws, savage_dickey, valley};
 use crate::inference::likelihood::{FittedRecord, PosteriorParts, ReducedPosterior};
 use crate::inference::optimum::find_modes;
 use crate::inference::prior::{Prior, PriorSet};
@@ -38,8 +44,10 @@ pub struct Evidence {
     pub pareto_k: Option<f64>,
     /// How it was computed.
     pub method: EvidenceMethod,
-    /// The sampled parameters of the law and of the effects, in the model's order.
+    /// The sampled parameters of the law and of the effects, in the model's order, over all answers.
     pub parameters: Vec<RefitParameter>,
+    /// The parts of the posterior where a valley in an effect's parameter divides it, the likelier first; empty where there is one answer.
+    pub answers: Vec<Answer>,
 }
 
 /// The posterior of a candidate over the sampler's coordinates.
@@ -101,33 +109,68 @@ impl<'a> CandidatePosterior<'a> {
         )
     }
 
-    /// Natural values at which climbs and walkers start: the fit, next to it, and the fit with the effects' parameters elsewhere in their priors.
+    /// Natural values at which climbs and walkers start: the fit, next to it, and the tops that fits come to from elsewhere in the priors of the effects'
+    /// parameters, with the law fitted anew.
     pub fn starts(&self, candidate: &Candidate, fitted: &Fitted) -> Vec<Vec<f64>> {
-        let mut natural = candidate.parameters(&fitted.theta);
-        natural.extend(fitted.noise);
+        let at_fit = (&fitted.theta[..], &fitted.noise);
+        let tops = self.other_tops(candidate, fitted);
+        let of_tops = tops.iter().map(|top| self.start(candidate, (&top.theta, &top.noise), FARTHEST_TAIL));
+        let of_fit = [FARTHEST_TAIL, START_QUANTILE].map(|tail| self.start(candidate, at_fit, tail));
+        of_fit.into_iter().chain(of_tops).collect()
+    }
+
+    /// A point of a fit as a start: no nearer than a tail of the prior to an end of the support.
+    fn start(&self, candidate: &Candidate, (theta, noise): (&[f64], &[f64; 5]), tail: f64) -> Vec<f64> {
+        let mut natural = candidate.parameters(theta);
+        natural.extend(noise);
         let names: Vec<&str> = self.problem.parameters().iter().map(|spec| spec.name).collect();
         let value = |name: &str| names.iter().position(|known| *known == name).map_or(f64::NAN, |place| natural[place]);
-        let is_of_effect = |name: &str| candidate.free.iter().any(|free| free.name == name && free.effect.is_some());
-        let priors = self.priors().priors();
-        let inside = |tail: f64| -> Vec<f64> {
-            priors.iter().map(|prior| moved_inside(prior, value(&prior.name), tail)).collect()
-        };
-        let at_fit = inside(FARTHEST_TAIL);
-        let elsewhere = |number: u32| -> Vec<f64> {
+        self.priors().priors().iter().map(|prior| moved_inside(prior, value(&prior.name), tail)).collect()
+    }
+
+    /// Tops of the fit's objective, but the best, that are within reach of it: from a design in the effects' parameters, law and noise fitted at each of
+    /// its points before those parameters are let go.
+    fn other_tops(&self, candidate: &Candidate, fitted: &Fitted) -> Vec<Fitted> {
+        let is_of_effect = |free: &Free| free.effect.is_some();
+        if !candidate.free.iter().any(is_of_effect) {
+            return Vec::new();
+        }
+        let of_law: Vec<f64> =
+            candidate.free.iter().zip(&fitted.theta).filter(|(free, _)| !is_of_effect(free)).map(|(_, x)| *x).collect();
+        let top = |number: u32| -> Option<Fitted> {
             let mut dimension = 0;
-            let coordinate = |(prior, at_fit): (&Prior, &f64)| {
-                if !is_of_effect(&prior.name) {
+            let coordinate = |(free, at_fit): (&Free, &f64)| {
+                if !is_of_effect(free) {
                     return *at_fit;
                 }
                 let p = 0.02 + 0.96 * f64::from(sobol_burley::sample(number, dimension, START_SEED));
                 dimension += 1;
-                prior.distribution.quantile(p)
+                free.quantile(p)
             };
-            priors.iter().zip(&at_fit).map(coordinate).collect()
+            let mut theta: Vec<f64> = candidate.free.iter().zip(&fitted.theta).map(coordinate).collect();
+            let held = candidate.held(&theta, is_of_effect);
+            let with_law = self.subject.fit(&held, &[(of_law.clone(), fitted.noise)], Search::Local).ok()?;
+            let mut law = with_law.theta.iter();
+            for (free, theta) in candidate.free.iter().zip(&mut theta).filter(|(free, _)| !is_of_effect(free)) {
+                *theta = law.next().copied().unwrap_or(free.clamped(*theta));
+            }
+            self.subject.fit(candidate, &[(theta, with_law.noise)], Search::Local).ok()
         };
-        let n_elsewhere = if candidate.free.iter().any(|free| free.effect.is_some()) { EFFECT_STARTS } else { 0 };
-        let others: Vec<Vec<f64>> = (0..n_elsewhere).map(elsewhere).collect();
-        [vec![at_fit, inside(START_QUANTILE)], others].concat()
+        let mut tops: Vec<Fitted> = (0..EFFECT_STARTS).into_par_iter().filter_map(top).collect();
+        tops.sort_by(|a, b| b.objective.total_cmp(&a.objective));
+        let best = tops.first().map_or(fitted.objective, |top| top.objective.max(fitted.objective));
+        let mut distinct: Vec<Fitted> = Vec::new();
+        for top in tops.into_iter().filter(|top| top.objective > best - TOP_REACH_NATS) {
+            let is_same = |other: &Fitted| {
+                other.theta.iter().zip(&top.theta).all(|(a, b)| (a - b).abs() < SAME_TOP)
+                    && (other.objective - top.objective).abs() < SAME_TOP_NATS
+            };
+            if !is_same(fitted) && !distinct.iter().any(is_same) {
+                distinct.push(top);
+            }
+        }
+        distinct.truncate(MOST_TOPS);
+        distinct
     }
 
     fn by_importance(&self, starts: Vec<Vec<f64>>, seed: u64) -> Result<Estimate> {
@@ -136,8 +179,7 @@ impl<'a> CandidatePosterior<'a> {
         let of_natural = |natural: Vec<f64>| natural.iter().enumerate().map(|(d, x)| seen.of_natural(d, *x)).collect();
         let starts: Vec<Vec<f64>> = starts.into_iter().map(of_natural).collect();
         let modes = find_modes(&seen, &starts)?;
-        let is_slow = self.problem.model.is_nonlinear();
-        let options = if is_slow { ImportanceOptions::of_slow_density() } else { ImportanceOptions::default() };
+        let options = if self.is_slow() { ImportanceOptions::of_slow_density() } else { ImportanceOptions::default() };
         let density = self.density_of_draws();
         let seen = PriorCoordinates::new(&density, self.priors());
         importance::evidence(&seen, &modes, &ImportanceOptions { seed, ..options })
@@ -149,12 +191,22 @@ impl<'a> CandidatePosterior<'a> {
         tempering::evidence(&seen, &TemperingOptions { seed, ..TemperingOptions::default() })
     }
 
+    /// Whether every trajectory is computed by itself.
+    fn is_slow(&self) -> bool {
+        self.problem.model.is_nonlinear()
+    }
+
     fn estimate(&self, candidate: &Candidate, fitted: &Fitted, seed: u64) -> Result<(Estimate, EvidenceMethod)> {
         match self.by_importance(self.starts(candidate, fitted), seed) {
             Ok(estimate) if importance::is_reliable(&estimate) => Ok((estimate, EvidenceMethod::ImportanceSampling)),
-            Ok(_) | Err(Error::Numerical { .. }) => {
+            Ok(_) | Err(Error::Numerical { .. }) if !self.is_slow() => {
                 Ok((self.by_tempering(seed)?, EvidenceMethod::SequentialMonteCarlo))
             }
+            // A million trajectories, each by itself: out of a diagnosis's reach.
+            Ok(_) => Err(Error::numerical(
+                format!("the weights of draws from the model with {} cannot be believed", candidate.effects.join(", ")),
+                "sample it with `extend`, which takes more draws",
+            )),
             Err(other) => Err(other),
         }
     }
@@ -164,9 +216,15 @@ impl<'a> CandidatePosterior<'a> {
 const START_QUANTILE: f64 = 0.05;
 /// Tail of a prior within which a fit is at an end of the support.
 const FARTHEST_TAIL: f64 = 1e-6;
-/// Starts with the effects' parameters at Sobol points of their priors, and the seed of those: the design is part of the method.
-const EFFECT_STARTS: u32 = 6;
+/// Points of the design in the effects' parameters, at Sobol points of their priors, and the seed of those: the design is part of the method.
+const EFFECT_STARTS: u32 = 12;
 const START_SEED: u32 = 11;
+/// Tops so far (nats) below the best weigh nothing, whatever their widths.
+const TOP_REACH_NATS: f64 = 20.0;
+/// Tops that are as near as this, in units of the priors' spreads and in nats, are one.
+const SAME_TOP: f64 = 0.03;
+const SAME_TOP_NATS: f64 = 0.1;
+const MOST_TOPS: usize = 6;
 
 /// A value, or one well inside the prior where it lies in a tail of less than `tail`: fits end at supports, where gradients vanish.
 fn moved_inside(prior: &Prior, value: f64, tail: f64) -> f64 {
@@ -191,23 +249,21 @@ pub fn evidence(subject: &Subject, candidate: &Candidate, fitted: &Fitted, seed:
     Ok(evidence_of(&posterior, &estimate, method))
 }
 
-/// The parameters of a candidate about its fit, by importance sampling of that one mode; `None` where the weights cannot be believed. For models whose
-/// evidence is compared with nothing: other modes are not climbed for, nor is a sequential sampler run for minutes.
+/// The same by importance sampling alone; `None` where the weights cannot be believed. For models whose evidence is compared with nothing: no sequential
+/// sampler is run for minutes.
 ///
 /// # Errors
 /// [`Error::Input`] for a candidate with columns of free amplitude.
-pub fn parameters_about_fit(
+pub fn posterior_by_importance(
     subject: &Subject,
     candidate: &Candidate,
     fitted: &Fitted,
     seed: u64,
-) -> Result<Option<Vec<RefitParameter>>> {
+) -> Result<Option<Evidence>> {
     let posterior = CandidatePosterior::new(subject, candidate)?;
-    let mut starts = posterior.starts(candidate, fitted);
-    starts.truncate(1);
-    match posterior.by_importance(starts, seed) {
+    match posterior.by_importance(posterior.starts(candidate, fitted), seed) {
         Ok(estimate) if importance::is_reliable(&estimate) => {
-            Ok(Some(evidence_of(&posterior, &estimate, EvidenceMethod::ImportanceSampling).parameters))
+            Ok(Some(evidence_of(&posterior, &estimate, EvidenceMethod::ImportanceSampling)))
         }
         Ok(_) | Err(Error::Numerical { .. }) => Ok(None),
         Err(other) => Err(other),
@@ -280,17 +336,45 @@ pub fn bayes_factor_at_null(
 }
 
 fn evidence_of(posterior: &CandidatePosterior, estimate: &Estimate, method: EvidenceMethod) -> Evidence {
-    let n_model = posterior.problem.model.parameters().len();
-    let of_model = |name: &str| posterior.problem.model.parameters()[..n_model].iter().any(|spec| spec.name == name);
     let density = posterior.density();
     let seen = PriorCoordinates::new(&density, posterior.priors());
-    let priors = posterior.priors().priors().iter().enumerate();
-    let parameters = priors
-        .filter(|(_, prior)| of_model(&prior.name))
-        .map(|(d, prior)| summary(&estimate.draws, &prior.name, |point| seen.natural(d, point[d])))
-        .collect();
+    let parameters = parameters_of(posterior, &seen, &estimate.draws);
+    let answers = answers(posterior, &seen, &estimate.draws);
     let Estimate { ln_evidence, standard_error, pareto_k, .. } = *estimate;
-    Evidence { ln_evidence, standard_error, pareto_k, method, parameters }
+    Evidence { ln_evidence, standard_error, pareto_k, method, parameters, answers }
+}
+
+fn parameters_of(
+    posterior: &CandidatePosterior,
+    seen: &PriorCoordinates,
+    draws: &WeightedDraws,
+) -> Vec<RefitParameter> {
+    let n_model = posterior.problem.model.parameters().len();
+    let of_model = |name: &str| posterior.problem.model.parameters()[..n_model].iter().any(|spec| spec.name == name);
+    let priors = posterior.priors().priors().iter().enumerate();
+    priors
+        .filter(|(_, prior)| of_model(&prior.name))
+        .map(|(d, prior)| summary(draws, &prior.name, |point| seen.natural(d, point[d])))
+        .collect()
+}
+
+/// The two sides of the first valley in a parameter of an effect, where there is one.
+fn answers(posterior: &CandidatePosterior, seen: &PriorCoordinates, draws: &WeightedDraws) -> Vec<Answer> {
+    let n_law = posterior.problem.model.base().parameters().len();
+    let of_effects = &posterior.problem.model.parameters()[n_law..];
+    let priors = posterior.priors().priors().iter().enumerate();
+    let mut of_effects = priors.filter(|(_, prior)| of_effects.iter().any(|spec| spec.name == prior.name));
+    let Some((d, bottom)) = of_effects.find_map(|(d, _)| Some((d, valley(draws, |point| point[d])?))) else {
+        return Vec::new();
+    };
+    let side = |is_on: &dyn Fn(f64) -> bool| {
+        let part = draws.part(|point| is_on(point[d]));
+        let probability = draws.mean(|point| f64::from(u8::from(is_on(point[d]))));
+        Answer { probability, parameters: parameters_of(posterior, seen, &part) }
+    };
+    let mut sides = vec![side(&|x| x < bottom), side(&|x| x >= bottom)];
+    sides.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+    sides
 }
 
 fn summary(draws: &WeightedDraws, name: &str, of: impl Fn(&[f64]) -> f64) -> RefitParameter {

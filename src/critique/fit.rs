@@ -124,6 +124,27 @@ pub(super) fn columns_m(subject: &Subject, candidate: &Candidate, theta: &[f64])
     derivatives_m(subject, candidate, theta, None).ok_or_else(none)
 }
 
+/// The derivative with respect to one coordinate, as in [`columns_m`], at a point whose position (m) is known.
+pub(super) fn column_m(
+    subject: &Subject,
+    candidate: &Candidate,
+    theta: &[f64],
+    coordinate: usize,
+    known_m: &[f64],
+) -> Result<Vec<f64>> {
+    let step = difference_step(candidate, theta, coordinate);
+    let mut moved = theta.to_vec();
+    moved[coordinate] += step;
+    let moved_m = subject.trajectory_m(candidate, &moved)?;
+    Ok(moved_m.iter().zip(known_m).map(|(moved, known)| (moved - known) / step).collect())
+}
+
+/// Away from the nearer end.
+fn difference_step(candidate: &Candidate, theta: &[f64], coordinate: usize) -> f64 {
+    let [_, upper] = candidate.ends(coordinate);
+    if theta[coordinate] + DIFFERENCE > upper { -DIFFERENCE } else { DIFFERENCE }
+}
+
 /// Derivatives at coordinates, whose position (m) may be known; `None` where there are none.
 fn derivatives_m(
     subject: &Subject,
@@ -132,11 +153,7 @@ fn derivatives_m(
     known_m: Option<&[f64]>,
 ) -> Option<Vec<Vec<f64>>> {
     let n_free = candidate.free.len();
-    // Away from the nearer end.
-    let step = |k: usize| {
-        let [_, upper] = candidate.ends(k);
-        if theta[k] + DIFFERENCE > upper { -DIFFERENCE } else { DIFFERENCE }
-    };
+    let step = |k: usize| difference_step(candidate, theta, k);
     let moved = |k: usize| {
         let mut moved = theta.to_vec();
         moved[k] += step(k);

@@ -28,6 +28,7 @@ pub mod protocol;
 pub mod rank;
 pub mod refit;
 pub mod score_test;
+mod screen;
 pub mod search;
 pub mod separation;
 mod subject;
@@ -36,6 +37,7 @@ mod tangent;
 mod test_replica;
 #[cfg(test)]
 mod test_subjects;
+mod weighing;
 
 pub use candidate::{Candidate, Coordinate, Free};
 pub use fit::{Fitted, Search};

@@ -8,7 +8,7 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::fit::columns_m;
+use super::fit::column_m;
 use super::separation::{Truth, closest};
 use super::{Candidate, Fitted, Subject, Tangent};
 use crate::error::Result;
@@ -138,6 +138,21 @@ fn sign_of_support(base: &Candidate, candidate: &Candidate) -> Option<f64> {
     free.is_one_sided().then(|| if free.ends[0] == null { 1.0 } else { -1.0 })
 }
 
+/// Unit vectors along what a base's fit leaves of a candidate's signatures, whitened, one a point of the grid; and the sign that its support leaves it.
+pub(super) fn directions(
+    subject: &Subject,
+    (base, fitted): (&Candidate, &Fitted),
+    candidate: &Candidate,
+    tangent: &Tangent,
+) -> Result<(Vec<DVector<f64>>, Option<f64>)> {
+    let finite = Finite::new(subject, base, fitted, candidate)?;
+    let columns = signatures(subject, base, fitted, &[candidate], &[finite])?.swap_remove(0);
+    let whole = tangent.whiten(&columns);
+    let seen = whole.into_iter().map(|white| (white.norm(), tangent.project(white)));
+    let seen = seen.filter(|(whole, left)| left.norm() > LEAST_VISIBLE * whole).map(|(_, left)| left.normalize());
+    Ok((seen.collect(), sign_of_support(base, candidate)))
+}
+
 /// Columns of each candidate's first new parameter at the null, one a point of the grid; or those of its finite size.
 fn signatures(
     subject: &Subject,
@@ -151,7 +166,8 @@ fn signatures(
             return Ok(finite.left_m.clone());
         }
         let Some((place, points)) = points_at_null(base, fitted, candidate) else { return Ok(Vec::new()) };
-        points.iter().map(|theta| Ok(columns_m(subject, candidate, theta)?.swap_remove(place))).collect()
+        // At the null the base's position is the candidate's, whatever means nothing there.
+        points.iter().map(|theta| column_m(subject, candidate, theta, place, &fitted.position_m)).collect()
     };
     candidates.iter().zip(finite).map(of).collect()
 }
@@ -278,6 +294,7 @@ pub fn pair_score(a: &Score, b: &Score) -> f64 {
 mod tests {
     use super::*;
     use crate::critique::Search;
+    use crate::critique::fit::columns_m;
     use crate::critique::separation::tests::{NOISE, TWO_LEVELS, at, subject_with};
     use crate::critique::test_replica::{WHITE, base_fit, replica, simulated};
     use crate::effects::Library;
@@ -320,7 +337,10 @@ mod tests {
         let of_bias = signatures(&subject, &base, &fitted, &[&bias], &[None]).expect("derivatives").remove(0);
         let place = bias.free.iter().position(|free| free.name.starts_with("force-bias")).expect("its size");
         let start = bias.embed(&base, &fitted.theta);
-        assert_eq!(of_bias, [columns_m(&subject, &bias, &start).expect("derivatives").swap_remove(place)]);
+        let expected = columns_m(&subject, &bias, &start).expect("derivatives").swap_remove(place);
+        let size = expected.iter().fold(0.0, |largest: f64, x| largest.max(x.abs()));
+        // Differences of steps of 10⁻⁴ have 10⁻⁴ as many digits as positions.
+        assert!(of_bias.len() == 1 && of_bias[0].iter().zip(&expected).all(|(a, b)| (a - b).abs() < 1e-8 * size));
         let second = subject_with(&TWO_LEVELS, &Library::default(), &[]);
         let (base, fitted) = at(&second, &[], &[]);
         let added = second.extended(&["second-retardation"]).expect("addable");

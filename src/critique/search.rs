@@ -131,7 +131,9 @@ pub fn search(subject: &Subject, bars: &Bars, effort: &Effort, monitor: &dyn Mon
     let mut refitted = refit_all(subject, &models, &[&base], Search::Wide, monitor);
     if let Some(better) = base_from(subject, &base, &refitted) {
         base = better;
-        refitted = refit_all(subject, &models, &[&base], Search::Wide, monitor);
+        // Wide searches have been made: only the base is new to them.
+        let again = refit_all(subject, &models, &[&base], Search::Local, monitor);
+        refitted = refitted.into_iter().zip(again).map(|(first, again)| better_of(first, again)).collect();
     }
     let scores =
         super::rank::scores(subject, &base.candidate, &base.fitted, &models.iter().collect::<Vec<_>>(), effort.seed)?;
@@ -156,6 +158,13 @@ pub fn search(subject: &Subject, bars: &Bars, effort: &Effort, monitor: &dyn Mon
     found.pairs = pairs(subject, &found, monitor);
     rounds(subject, bars, effort, &mut found, monitor);
     Ok(found)
+}
+
+fn better_of(first: Option<Refitted>, again: Option<Refitted>) -> Option<Refitted> {
+    match (first, again) {
+        (Some(first), Some(again)) if first.fitted.objective >= again.fitted.objective => Some(first),
+        (first, again) => again.or(first),
+    }
 }
 
 /// The base with an effect of the library, or the reason why it cannot be added.

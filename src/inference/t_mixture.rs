@@ -131,6 +131,13 @@ impl TMixture {
         Self::new(shapes, self.dimension).unwrap_or_else(|| self.clone())
     }
 
+    /// The same with every component `stretch` times as wide.
+    pub fn stretched(&self, stretch: f64) -> Self {
+        let mut shapes = self.shapes();
+        shapes.iter_mut().for_each(|shape| shape.covariance *= stretch * stretch);
+        Self::new(shapes, self.dimension).unwrap_or_else(|| self.clone())
+    }
+
     /// One step of expectation and maximisation towards the density that weighted points stand for; the weights add up to one. A component that
     /// has next to no points is dropped, and one that has few keeps some of its shape.
     pub fn refitted(&self, points: &[Vec<f64>], weights: &[f64]) -> Self {

@@ -74,6 +74,8 @@ fn candidate(effect: &str, status: Status, gain_nats: Option<f64>, heldout: Opti
         rmse_heldout_um: Some(4.1),
         largest_change: 1.0,
         log_bayes_factor: None,
+        log_bayes_factor_at_most: None,
+        answers: vec![],
         parameters: vec![],
     });
     CandidateEntry {

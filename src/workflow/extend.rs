@@ -11,6 +11,9 @@ use super::summary::{ModelSummary, ParameterSummary, PosteriorSummary, Warning};
 use crate::effects::Library;
 use crate::error::{Error, Place, Result};
 use crate::inference::SamplerOptions;
+use crate::inference::diagnostics::DrawColumn;
+use crate::inference::evidence::{WeightedDraws, normal_of, valley};
+use crate::report::number::significant;
 use crate::study::ModelSpecification;
 
 /// Body of `vitreo-uq/extension/1`.
@@ -40,10 +43,28 @@ pub struct ExtensionSummary {
     pub parameters: Vec<ParameterSummary>,
     /// Whether both posteriors have converged.
     pub converged: bool,
+    /// Answers that the posterior gives for a parameter of the added effects, the likelier first; empty where it gives one.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub answers: Vec<ExtensionAnswer>,
     /// What the figures say.
     pub sentence: String,
     /// What the user should know of the extended model.
     pub warnings: Vec<Warning>,
+}
+
+/// One of several answers: a part of the posterior, with a valley between it and the rest.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ExtensionAnswer {
+    /// The parameter that the answers differ in.
+    pub parameter: String,
+    /// Share of the posterior.
+    pub probability: f64,
+    /// Mean of the parameter, given that it is this answer.
+    pub mean: f64,
+    /// 5 % quantile, likewise.
+    pub q05: f64,
+    /// 95 % quantile, likewise.
+    pub q95: f64,
 }
 
 /// Root mean square distance of the posterior mean from the positions, by full finite elements, in µm.
@@ -171,7 +192,9 @@ pub fn run(pair: Pair, request: &ExtensionRequest, monitor: &dyn Monitor) -> Res
     let kept = base.reduced.to_keep(&before)?;
     monitor.stage(&format!("the model with {}", request.effects.join(", ")));
     let after = sampled(&problem, kept)?;
-    let summary = summarise(&problem, request, &base.summary, &after.summary);
+    let mut summary = summarise(&problem, request, &base.summary, &after.summary);
+    summary.answers = answers(&problem, request.effects, &after.columns);
+    summary.sentence.push_str(&in_words(&summary.answers));
     Ok(Extension { summary, problem, after })
 }
 
@@ -199,9 +222,60 @@ fn summarise(
         after: now,
         parameters: after.parameters.clone(),
         converged: base.converged && after.converged,
+        answers: Vec::new(),
         sentence: sentence(&request.effects.join(" and "), before, now, &Scoring::of(problem, request, after)),
         warnings: after.warnings.clone(),
     }
+}
+
+/// Draws that are looked at for a valley: evenly spread over all.
+const N_DRAWS_FOR_ANSWERS: usize = 2_000;
+const GOLDEN: f64 = 0.618_033_988_749_894_9;
+
+/// The sides of the first valley in a parameter of the added effects, in the coordinate in which its prior is a standard normal.
+fn answers(problem: &Problem, effects: &[String], columns: &[DrawColumn]) -> Vec<ExtensionAnswer> {
+    let is_added = |name: &str| {
+        effects.iter().any(|slug| name.strip_prefix(slug.as_str()).is_some_and(|rest| rest.starts_with('.')))
+    };
+    for (prior, column) in problem.priors.priors().iter().zip(columns).filter(|(prior, _)| is_added(&prior.name)) {
+        // Multiples of the golden section: a stride would lock to some of the walkers.
+        let n = column.values.len();
+        let place = |k: usize| ((k as f64 * GOLDEN).fract() * n as f64) as usize;
+        let natural: Vec<f64> = (0..N_DRAWS_FOR_ANSWERS.min(n)).map(|k| column.values[place(k)]).collect();
+        let points: Vec<Vec<f64>> = natural.iter().map(|x| vec![normal_of(&prior.distribution, *x), *x]).collect();
+        let draws = WeightedDraws::new(points, &vec![0.0; natural.len()]);
+        let Some(bottom) = valley(&draws, |point| point[0]) else { continue };
+        let side = |is_on: &dyn Fn(f64) -> bool| {
+            let part = draws.part(|point| is_on(point[0]));
+            let quantiles = part.quantiles(|point| point[1], &[0.05, 0.95]);
+            ExtensionAnswer {
+                parameter: prior.name.clone(),
+                probability: draws.mean(|point| f64::from(u8::from(is_on(point[0])))),
+                mean: part.mean(|point| point[1]),
+                q05: quantiles[0],
+                q95: quantiles[1],
+            }
+        };
+        let mut sides = vec![side(&|u| u < bottom), side(&|u| u >= bottom)];
+        sides.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+        return sides;
+    }
+    Vec::new()
+}
+
+fn in_words(answers: &[ExtensionAnswer]) -> String {
+    let digits = |value: f64| significant(value, 3);
+    let of = |answer: &ExtensionAnswer| {
+        let ExtensionAnswer { parameter, probability, mean, q05, q95 } = answer;
+        format!(
+            "{parameter} = {} ({} to {} at 90 %) with probability {probability:.2}",
+            digits(*mean),
+            digits(*q05),
+            digits(*q95)
+        )
+    };
+    let each: Vec<String> = answers.iter().map(of).collect();
+    if each.is_empty() { String::new() } else { format!(" There are two answers: {}.", each.join(", or ")) }
 }
 
 /// What errors are judged by.
@@ -268,6 +342,34 @@ mod tests {
         assert!(say(4.3, 4.0, 0).contains("does not change") && say(4.5, 4.0, 0).contains("falls"));
         let scoring = Scoring { noise_um: None, n_scored: 0, earlier: 0 };
         assert!(sentence("x", misfit(9.0, None), misfit(4.0, None), &scoring).contains("suggestive"));
+    }
+
+    /// Draws of two heaps are two answers with their shares, also of a parameter that is always positive; draws of one heap are one.
+    #[test]
+    fn two_heaps_of_draws_are_two_answers() {
+        let (experiment, _) = crate::workflow::replica::embedded().expect("embedded");
+        let effects = ["softening".to_string()];
+        let specification = ModelSpecification { effects: effects.to_vec(), ..ModelSpecification::default() };
+        let problem = Problem::new(experiment, specification, None, &super::super::Silent).expect("sound");
+        let place = problem.priors.names().position(|name| name.starts_with("softening.")).expect("sampled");
+        let prior = problem.priors.priors()[place].distribution;
+        let columns = |heap: &dyn Fn(usize) -> f64| -> Vec<DrawColumn> {
+            let of = |d: usize| {
+                let value = |k: usize| {
+                    let spread = ((k as f64 * 0.618).fract() - 0.5) * 0.06;
+                    prior.quantile(if d == place { heap(k) + spread } else { 0.5 + spread })
+                };
+                DrawColumn { n_ensembles: 1, n_steps: 400, n_walkers: 10, values: (0..4_000).map(value).collect() }
+            };
+            (0..problem.priors.priors().len()).map(of).collect()
+        };
+        let two = answers(&problem, &effects, &columns(&|k| if k % 10 < 3 { 0.9 } else { 0.1 }));
+        assert_eq!(two.len(), 2);
+        // 2,000 of the draws have an error of 0.01 in a share; five are allowed.
+        assert!((two[0].probability - 0.7).abs() < 0.05 && two[0].q95 < two[1].q05, "{two:?}");
+        assert!(in_words(&two).contains(", or softening."), "{}", in_words(&two));
+        assert!(answers(&problem, &effects, &columns(&|_| 0.4)).is_empty());
+        assert_eq!(in_words(&[]), "");
     }
 
     #[test]

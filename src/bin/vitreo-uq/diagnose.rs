@@ -158,6 +158,10 @@ fn row(diagnosis: &Diagnosis, candidate: &CandidateEntry) -> String {
         (Status::Claimed, _) => "CLAIMED".into(),
         _ => diagnosis.standing(candidate).into(),
     };
+    let ln_bayes = match refit.and_then(|refit| refit.log_bayes_factor_at_most) {
+        Some(bound) => format!("< {bound:.0}"),
+        None => number(refit.and_then(|refit| refit.log_bayes_factor)),
+    };
     let p = refit.map_or("–".into(), |_| format!("{:.3}", candidate.p_familywise));
     format!(
         "  {:<26}{:>8}{:>11}{:>11}{p:>9}{:>10}   {standing}",
@@ -165,7 +169,7 @@ fn row(diagnosis: &Diagnosis, candidate: &CandidateEntry) -> String {
         number(refit.map(|_| candidate.z)),
         number(refit.map(|refit| refit.gain_nats)),
         number(refit.and_then(|refit| refit.heldout_gain_nats)),
-        number(refit.and_then(|refit| refit.log_bayes_factor)),
+        ln_bayes,
     )
     .trim_end()
     .to_string()

@@ -2,13 +2,13 @@
 
 use super::super::Candidate;
 use super::super::Subject;
-use super::super::separation::Truth as Shown;
+use super::super::separation::{Truth as Shown, closest};
 use super::super::subject::compliance_of;
 use super::large::{self, LargeGel};
 use super::motion::Motion;
 use super::protocol::WHITE_M;
 use super::strength::scaled_to;
-use super::{Disturbance, Hidden, NoiseKind, OutsideKind, Protocol, Truth};
+use super::{Disturbance, Hidden, NamedValue, NoiseKind, OutsideKind, Protocol, Truth};
 use crate::effects::{Effect, Library};
 use crate::error::{Error, Place, Result};
 use crate::experiment::{Apparatus, Experiment};
@@ -50,6 +50,21 @@ const LONGEST_FACTOR: f64 = 3.0;
 const MOST_DRAWS: usize = 40;
 /// Signal of what is outside the library where none is asked for: it has no prior.
 const OUTSIDE_SIGMA: f64 = 20.0;
+/// Rounds in which sizes and the range of positions that their priors are scaled by come to agree.
+const PRIOR_ROUNDS: usize = 4;
+
+/// An effect with a size from its prior.
+pub(super) struct FromPriors {
+    /// E (Pa), c₁ and c₂ (Pa s).
+    pub law: [f64; 3],
+    /// Parameters of the effect.
+    pub parameters: Vec<NamedValue>,
+    /// Distance in σ that the best fit without it leaves of its noise-free data.
+    pub signal_sigma: f64,
+    /// Noise-free position (m) at every row, by the reduced model.
+    pub position_m: Vec<f64>,
+}
+
 impl Bench {
     /// Meshes the reference apparatus and trains its reduced model for all effects of the library.
     ///
@@ -212,6 +227,44 @@ impl Bench {
         let subject = self.subject_of(protocol, &position_m)?;
         let base = subject.base();
         Ok(Motion { theta: theta_of(&base), subject, base, noise: noise.parameters() })
+    }
+
+    /// An effect whose parameters are at uniform quantiles of their priors, as an experiment with their own data has them; `None` where that has no model.
+    pub(super) fn draw_from_priors(
+        &self,
+        slug: &str,
+        protocol: Protocol,
+        noise: NoiseKind,
+        stream: &mut RandomStream,
+    ) -> Result<Option<FromPriors>> {
+        let motion = self.motion(protocol, noise, self.law(stream))?;
+        let mut law = [0.0; 3];
+        law.copy_from_slice(&motion.base.parameters(&motion.theta)[..3]);
+        let n_parameters = motion.subject.extended(&[slug])?.free.len() - motion.base.free.len();
+        let uniforms: Vec<f64> = (0..n_parameters).map(|_| stream.unit()).collect();
+        let mut position_m = motion.subject.trajectory_m(&motion.base, &motion.theta)?;
+        let mut drawn = None;
+        for _ in 0..PRIOR_ROUNDS {
+            let subject = self.subject_of(protocol, &position_m)?;
+            let candidate = subject.extended(&[slug])?;
+            let mut uniforms = uniforms.iter();
+            let coordinate = |free: &super::super::Free| match free.effect {
+                None => free.coordinate.theta(law[free.index]),
+                Some(_) => free.quantile(uniforms.next().copied().unwrap_or(0.5)),
+            };
+            let theta: Vec<f64> = candidate.free.iter().map(coordinate).collect();
+            let Ok(moved_m) = subject.trajectory_m(&candidate, &theta) else { return Ok(None) };
+            position_m = moved_m;
+            drawn = Some((subject, candidate, theta));
+        }
+        let Some((subject, candidate, theta)) = drawn else { return Ok(None) };
+        let shown = Shown { candidate: &candidate, theta: &theta, noise: motion.noise, position_m: &position_m };
+        let Ok(nearest) = closest(&subject, &subject.base(), &shown) else { return Ok(None) };
+        let values = candidate.parameters(&theta);
+        let of_effect = candidate.free.iter().filter(|free| free.effect.is_some());
+        let parameters =
+            of_effect.map(|free| NamedValue { name: free.name.into(), value: values[free.index] }).collect();
+        Ok(Some(FromPriors { law, parameters, signal_sigma: nearest.distance, position_m }))
     }
 
     fn with_hidden(&self, order: &Order, motion: &Motion, stream: &mut RandomStream) -> Result<Option<Truth>> {

@@ -2,9 +2,11 @@
 //!
 //! A [`Truth`] is drawn on a [`Bench`], which sizes what is hidden by its signal in standard deviations; its noise-free trajectory comes from
 //! [`full_order::trajectories_m`]: full finite elements on a finer mesh and finer time steps than the fitted model's, never the surrogate. [`seal`] hides
-//! the answer of a single case; [`plays`] gives many cases fresh noise, has each diagnosed, and [`tally`] counts what was said.
+//! the answer of a single case; [`plays`] gives many cases fresh noise, has each diagnosed, and [`tally`] counts what was said. [`coverage`] counts how often
+//! intervals hold truths that were drawn from the priors.
 
 mod bench;
+pub mod coverage;
 pub mod files;
 pub mod full_order;
 mod large;

@@ -45,6 +45,8 @@ fn candidate(slug: &str, gain_nats: f64, [q05, q95]: [f64; 2]) -> CandidateEntry
             rmse_heldout_um: None,
             largest_change: 0.0,
             log_bayes_factor: None,
+            log_bayes_factor_at_most: None,
+            answers: vec![],
             parameters: vec![parameter],
         }),
         twins: Vec::new(),

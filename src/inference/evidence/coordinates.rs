@@ -22,6 +22,11 @@ pub fn ln_standard_normal(point: &[f64]) -> f64 {
     -0.5 * squares - 0.5 * point.len() as f64 * std::f64::consts::TAU.ln()
 }
 
+/// The coordinate of a value in which its prior is a standard normal; values far out in a tail are moved to where tables end.
+pub fn normal_of(prior: &Distribution, value: f64) -> f64 {
+    Normal::standard().inverse_cdf(prior.cdf(value)).clamp(-REACH, REACH)
+}
+
 /// A posterior over the sampler's coordinates, seen in coordinates whose priors are standard normals.
 pub struct PriorCoordinates<'a> {
     posterior: &'a dyn LogDensity,
@@ -43,8 +48,7 @@ impl<'a> PriorCoordinates<'a> {
 
     /// The coordinate of a natural value; values far out in a tail are moved to where the table ends.
     pub fn of_natural(&self, coordinate: usize, value: f64) -> f64 {
-        let below = self.scales[coordinate].distribution.cdf(value);
-        Normal::standard().inverse_cdf(below).clamp(-REACH, REACH)
+        normal_of(&self.scales[coordinate].distribution, value)
     }
 }
 

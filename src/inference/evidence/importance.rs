@@ -1,11 +1,12 @@
 //! Importance sampling from a mixture of t distributions that is adapted to the posterior.
 //!
 //! ẑ = (1/N) Σ p(θᵢ)/q(θᵢ), θᵢ ~ q. The proposal starts from the modes' Laplace approximations; rounds of draws then refit it to what the weights
-//! say: to all draws so far, each weighted by the mixture of the proposals that they came from (Cornuet et al. 2012,
+//! say ([`super::charts`]: a part for each mode where that describes them better): to all draws so far, each weighted by the mixture of the proposals that they came from (Cornuet et al. 2012,
 //! doi:10.1111/j.1467-9469.2011.00756.x), the weights truncated so that no single draw takes the proposal with it (Ionides 2008,
 //! doi:10.1198/106186008X320456). The estimate comes from fresh draws of the final proposal alone:
 //! it is unbiased, whatever the adaptation did, and its k̂ says whether its error can be believed.
 
+use super::charts::Charts;
 use super::proposal::Proposal;
 use super::weighted::{effective_size, normalised};
 use super::{Estimate, WeightedDraws, evaluate, ln_mean};
@@ -77,7 +78,8 @@ pub fn evidence(density: &dyn LogDensity, modes: &Modes, options: &ImportanceOpt
     let stream = RandomStream::new(options.seed, 0);
     let mut sampler = Sampler {
         density,
-        proposal: Proposal::plain(mixture, dimension),
+        modes,
+        proposal: Charts::one(Proposal::plain(mixture, dimension)),
         stream,
         pool: Pool::default(),
         n_evaluations: 0,
@@ -109,7 +111,8 @@ fn no_mode() -> Error {
 
 struct Sampler<'a> {
     density: &'a dyn LogDensity,
-    proposal: Proposal,
+    modes: &'a Modes,
+    proposal: Charts,
     stream: RandomStream,
     pool: Pool,
     n_evaluations: usize,
@@ -124,11 +127,11 @@ struct Pool {
     /// ln Σ n_r q_r of each point over the rounds r.
     ln_proposed: Vec<f64>,
     /// The proposals and how many draws came from each.
-    proposals: Vec<(Proposal, usize)>,
+    proposals: Vec<(Charts, usize)>,
 }
 
 impl Pool {
-    fn add(&mut self, mixture: &Proposal, points: Vec<Vec<f64>>, values: Vec<f64>) {
+    fn add(&mut self, mixture: &Charts, points: Vec<Vec<f64>>, values: Vec<f64>) {
         let ln_n = (points.len() as f64).ln();
         for (point, ln_proposed) in self.points.iter().zip(&mut self.ln_proposed) {
             *ln_proposed = ln_sum(*ln_proposed, ln_n + mixture.ln_density(point));
@@ -158,7 +161,7 @@ fn ln_sum(a: f64, b: f64) -> f64 {
 
 impl Sampler<'_> {
     /// Draws from a proposal with their log densities.
-    fn draw(&mut self, proposal: &Proposal, n: usize) -> Result<(Vec<Vec<f64>>, Vec<f64>)> {
+    fn draw(&mut self, proposal: &Charts, n: usize) -> Result<(Vec<Vec<f64>>, Vec<f64>)> {
         let points = proposal.draw(n, self.density.dimension(), &mut self.stream);
         let values = evaluate(self.density, &points)?;
         self.n_evaluations += n;
@@ -175,7 +178,7 @@ impl Sampler<'_> {
                 break;
             }
             let weights = self.pool.weights();
-            if let Some(fitted) = Proposal::fitted(&self.pool.points, &weights, &mut self.stream) {
+            if let Some(fitted) = Charts::fitted(&self.pool.points, &weights, self.modes, &mut self.stream) {
                 self.proposal = fitted;
             }
         }
@@ -195,7 +198,7 @@ impl Sampler<'_> {
     }
 }
 
-fn ln_weights(mixture: &Proposal, points: &[Vec<f64>], values: &[f64]) -> Vec<f64> {
+fn ln_weights(mixture: &Charts, points: &[Vec<f64>], values: &[f64]) -> Vec<f64> {
     points.iter().zip(values).map(|(point, value)| value - mixture.ln_density(point)).collect()
 }
 

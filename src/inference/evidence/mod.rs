@@ -3,15 +3,18 @@
 //! Three ways, which must agree: importance sampling from a mixture that is adapted to the posterior ([`importance`]), sequential Monte Carlo from
 //! the prior ([`tempering`]), and, for the ratio of two nested models, the posterior density at the null ([`savage_dickey()`]).
 
+mod charts;
 mod coordinates;
 pub mod importance;
 mod proposal;
 mod savage_dickey;
 pub mod tempering;
+mod valley;
 mod weighted;
 
-pub use coordinates::PriorCoordinates;
+pub use coordinates::{PriorCoordinates, normal_of};
 pub use savage_dickey::{SavageDickey, savage_dickey};
+pub use valley::valley;
 pub use weighted::WeightedDraws;
 
 use crate::error::{Error, Result};

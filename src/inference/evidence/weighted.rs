@@ -44,6 +44,19 @@ impl WeightedDraws {
         probabilities.iter().map(|probability| interpolated(&knots, *probability)).collect()
     }
 
+    /// The draws at which a condition holds; all of them where it holds at none of any weight.
+    pub fn part(&self, is_in: impl Fn(&[f64]) -> bool) -> Self {
+        let mut part = self.clone();
+        let own = self.points.iter().zip(&mut part.weights);
+        own.for_each(|(point, weight)| *weight *= f64::from(u8::from(is_in(point))));
+        let total: f64 = part.weights.iter().sum();
+        if total == 0.0 {
+            return self.clone();
+        }
+        part.weights.iter_mut().for_each(|weight| *weight /= total);
+        part
+    }
+
     /// Draws of equal weight, as many as asked for: systematic resampling.
     pub fn resampled(&self, n: usize, stream: &mut RandomStream) -> Vec<Vec<f64>> {
         resampled_indices(&self.weights, n, stream).into_iter().map(|i| self.points[i].clone()).collect()

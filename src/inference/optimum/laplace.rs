@@ -67,6 +67,11 @@ impl Mode {
 }
 
 impl Modes {
+    /// One mode alone.
+    pub fn only(mode: &Mode) -> Self {
+        Self { modes: vec![mode.clone()] }
+    }
+
     /// Adds an optimum unless it is a known mode.
     pub fn add(&mut self, optimum: &Optimum) {
         let mode = Mode::new(optimum);
