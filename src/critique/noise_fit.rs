@@ -127,6 +127,8 @@ const MOST_ROUNDS: usize = 40;
 /// Gain (nats) of a round below which the search narrows, and width below which it ends.
 const LEAST_GAIN: f64 = 2e-3;
 const NARROWEST: f64 = 0.03;
+/// Width of the first steps about the noise of another fit.
+const SETTLING_WIDTH: f64 = 0.1;
 
 /// Climbs in the noise's parameters. Starts from `from`, and from starts of its own if `widely`. Returns the best and its log posterior.
 pub(super) fn fit(
@@ -140,7 +142,7 @@ pub(super) fn fit(
     let from = prior.clamped(*from);
     let evaluate = |points: &[LogNoise]| objective.evaluate(points);
     if !widely {
-        return climb(&evaluate, prior, &[from], 0.1);
+        return climb(&evaluate, prior, &[from], SETTLING_WIDTH);
     }
     let starts: Vec<LogNoise> = prior.starts().into_iter().map(|start| prior.clamped(start)).collect();
     // The best starts may lie under different tops, and a top that was reached along a ridge may not be one: so a few, then again from the best of them.
@@ -149,6 +151,27 @@ pub(super) fn fit(
     let better = |best: (LogNoise, f64), top: (LogNoise, f64)| if top.1 > best.1 { top } else { best };
     let best = own.fold(climb(&evaluate, prior, &[from], 0.3), better);
     climb(&evaluate, prior, &[best.0], 0.6)
+}
+
+/// Climbs from the noise of another fit of nearly the same residuals; `None` where a round gains next to nothing, so that the noise may stay as it is.
+pub(super) fn settle(
+    likelihood: &NoiseLikelihood,
+    prior: &NoisePrior,
+    position_m: &[f64],
+    from: &LogNoise,
+) -> Option<LogNoise> {
+    let objective = Objective::new(likelihood, prior, position_m);
+    let evaluate = |points: &[LogNoise]| objective.evaluate(points);
+    let from = prior.clamped(*from);
+    let mut climber = Climber::new(&evaluate, prior, &[from], SETTLING_WIDTH);
+    let mut has_moved = false;
+    for _ in 0..MOST_ROUNDS {
+        if climber.round().is_none_or(|gain| gain <= LEAST_GAIN) {
+            break;
+        }
+        has_moved = true;
+    }
+    has_moved.then_some(climber.here)
 }
 
 /// Sweeps of random walks before their states are used, and between two that are.
@@ -201,24 +224,51 @@ pub(super) fn draws(
 }
 
 /// Climbs any function of the noise's parameters from the best of some starts; `width` is that of the first steps.
-///
-/// Each round asks for both neighbours along every coordinate, then goes by the parabolas through them; widths follow what is found.
 pub(super) fn climb(
     objective: &dyn Fn(&[LogNoise]) -> Vec<f64>,
     prior: &NoisePrior,
     starts: &[LogNoise],
     width: f64,
 ) -> (LogNoise, f64) {
-    let values = objective(starts);
-    let best = (0..starts.len()).max_by(|&a, &b| values[a].total_cmp(&values[b])).unwrap_or(0);
-    let (mut here, mut value) = (starts[best], values[best]);
-    let mut widths = [width; 5];
+    let mut climber = Climber::new(objective, prior, starts, width);
     for _ in 0..MOST_ROUNDS {
+        let Some(gain) = climber.round() else { break };
+        if gain <= LEAST_GAIN && climber.widths.iter().all(|width| *width <= NARROWEST) {
+            break;
+        }
+    }
+    (climber.here, climber.value)
+}
+
+/// A climb: each round asks for both neighbours along every coordinate, then goes by the parabolas through them; widths follow what is found.
+struct Climber<'a> {
+    objective: &'a dyn Fn(&[LogNoise]) -> Vec<f64>,
+    prior: &'a NoisePrior,
+    here: LogNoise,
+    value: f64,
+    widths: LogNoise,
+}
+
+impl<'a> Climber<'a> {
+    fn new(
+        objective: &'a dyn Fn(&[LogNoise]) -> Vec<f64>,
+        prior: &'a NoisePrior,
+        starts: &[LogNoise],
+        width: f64,
+    ) -> Self {
+        let values = objective(starts);
+        let best = (0..starts.len()).max_by(|&a, &b| values[a].total_cmp(&values[b])).unwrap_or(0);
+        Self { objective, prior, here: starts[best], value: values[best], widths: [width; 5] }
+    }
+
+    /// Gain of a round.
+    fn round(&mut self) -> Option<f64> {
+        let Self { objective, prior, here, value, .. } = *self;
         let mut points = Vec::with_capacity(16);
         for index in 0..5 {
             for sign in [1.0, -1.0] {
                 let mut point = here;
-                point[index] += sign * widths[index];
+                point[index] += sign * self.widths[index];
                 points.push(prior.clamped(point));
             }
         }
@@ -227,7 +277,7 @@ pub(super) fn climb(
         for index in 0..5 {
             let (up, down) = (around[2 * index], around[2 * index + 1]);
             let curvature = up + down - 2.0 * value;
-            let width = widths[index];
+            let width = self.widths[index];
             step[index] = if curvature < -1e-9 {
                 (0.5 * width * (down - up) / curvature).clamp(-4.0 * width, 4.0 * width)
             } else if up > value + 1e-9 || down > value + 1e-9 {
@@ -250,25 +300,18 @@ pub(super) fn climb(
         }
         let tried = objective(&trials);
         let all = points.iter().zip(&around).chain(trials.iter().zip(&tried));
-        let Some((best, best_value)) = all.max_by(|a, b| a.1.total_cmp(b.1)) else { break };
+        let (best, best_value) = all.max_by(|a, b| a.1.total_cmp(b.1))?;
         let gain = best_value - value;
-        for index in 0..5 {
+        for (index, width) in self.widths.iter_mut().enumerate() {
             let moved = (best[index] - here[index]).abs();
-            widths[index] = if gain > LEAST_GAIN {
-                moved.clamp(0.4 * widths[index], 2.0 * widths[index])
-            } else {
-                0.4 * widths[index]
-            };
-            widths[index] = widths[index].clamp(0.5 * NARROWEST, 1.0);
+            *width = if gain > LEAST_GAIN { moved.clamp(0.4 * *width, 2.0 * *width) } else { 0.4 * *width };
+            *width = width.clamp(0.5 * NARROWEST, 1.0);
         }
         if gain > 0.0 {
-            (here, value) = (*best, *best_value);
+            (self.here, self.value) = (*best, *best_value);
         }
-        if gain <= LEAST_GAIN && widths.iter().all(|width| *width <= NARROWEST) {
-            break;
-        }
+        Some(gain)
     }
-    (here, value)
 }
 
 #[cfg(test)]

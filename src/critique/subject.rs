@@ -106,7 +106,13 @@ impl Subject {
     /// The same without the positions of some rows.
     pub fn without_rows(&self, rows: &[usize]) -> Self {
         let left = |old: &[Option<f64>]| {
-            old.iter().enumerate().map(|(row, old)| old.filter(|_| !rows.contains(&row))).collect()
+            let mut left = old.to_vec();
+            for row in rows {
+                if let Some(left) = left.get_mut(*row) {
+                    *left = None;
+                }
+            }
+            left
         };
         Self::of(self.shared.clone(), left(&self.fitted_m), left(&self.scored_m))
     }

@@ -76,7 +76,7 @@ fn holds_of(record: &Record) -> Vec<Hold> {
     let mut starts = vec![0];
     for &row in step_rows.iter().filter(|row| **row > 0) {
         // A step that a sampled ramp spreads over neighbouring rows is one step.
-        let continues = row >= 2 && step_rows.contains(&(row - 1)) && rise(row) * rise(row - 1) > 0.0;
+        let continues = row >= 2 && step_rows.binary_search(&(row - 1)).is_ok() && rise(row) * rise(row - 1) > 0.0;
         // A step in the very last row starts nothing that was recorded.
         if !continues && row + 1 < n_rows {
             starts.push(row);
@@ -190,11 +190,15 @@ fn listed(times_s: &[f64]) -> String {
 
 /// Cycle of each row, given the first row of each cycle; rows before the first belong to cycle 1.
 fn number_rows(record: &Record, starts: &[usize]) -> Vec<u32> {
-    let mut cycle = vec![1; record.n_rows()];
-    for start in starts.iter().skip(1) {
-        cycle[*start..].iter_mut().for_each(|number| *number += 1);
-    }
-    cycle
+    let mut later = starts.iter().skip(1).peekable();
+    let mut number = 1;
+    let of_row = |row: usize| {
+        while later.next_if(|start| **start <= row).is_some() {
+            number += 1;
+        }
+        number
+    };
+    (0..record.n_rows()).map(of_row).collect()
 }
 
 /// The shortest lag at which a force without steps repeats, in s.
@@ -240,7 +244,9 @@ fn from_period(record: &Record, period_s: f64) -> FoundCycles {
             break;
         }
         let distance_s = |row: &usize| (record.time_s[*row] - due_s).abs();
-        let near_step = step_rows.iter().copied().min_by(|a, b| distance_s(a).total_cmp(&distance_s(b)));
+        let next_step = step_rows.partition_point(|row| record.time_s[*row] < due_s);
+        let around = &step_rows[next_step.saturating_sub(1)..step_rows.len().min(next_step + 1)];
+        let near_step = around.iter().copied().min_by(|a, b| distance_s(a).total_cmp(&distance_s(b)));
         let nearest = record.time_s.partition_point(|time_s| *time_s < due_s);
         let nearest = if distance_s(&(nearest - 1)) < distance_s(&nearest) { nearest - 1 } else { nearest };
         match near_step.filter(|row| distance_s(row) < 0.05 * period_s) {

@@ -297,8 +297,9 @@ fn check_driven(csv_place: &Path, trajectory: &Trajectory) -> Result<()> {
 }
 
 fn check_positions(record: &Record, calibration_cycles: &[u32], place: &Place, lines: &[usize]) -> Result<()> {
+    let counts = record.n_positions();
     for &cycle in calibration_cycles {
-        let n_positions = record.n_positions(cycle);
+        let n_positions = counts.get(&cycle).copied().unwrap_or(0);
         if n_positions < MIN_POSITIONS {
             let first_row = record.cycle.iter().position(|of_row| *of_row == cycle).unwrap_or(0);
             return Err(Error::input(
@@ -318,7 +319,8 @@ fn note_data(record: &Record, heldout_cycles: &[u32], source_missing: bool, note
     if n_missing > 0 {
         notes.push(Note::PositionsMissing { n_missing, n_rows: record.n_rows() });
     }
-    let empty = heldout_cycles.iter().filter(|cycle| record.n_positions(**cycle) == 0);
+    let counts = record.n_positions();
+    let empty = heldout_cycles.iter().filter(|cycle| !counts.contains_key(cycle));
     notes.extend(empty.map(|&cycle| Note::HeldOutCycleEmpty { cycle }));
     let positions = || record.position_m.iter().flatten().copied();
     let range_m = positions().fold(f64::NEG_INFINITY, f64::max) - positions().fold(f64::INFINITY, f64::min);

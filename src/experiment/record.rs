@@ -1,5 +1,7 @@
 //! The rows of a trajectory and what can be asked of them.
 
+use std::collections::{HashMap, HashSet};
+
 /// Rows of the trajectory, SI. All vectors have the same length.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Record {
@@ -29,12 +31,17 @@ impl Record {
 
     /// Indices of the rows that belong to one of `cycles` and hold a position, in order of time.
     pub fn rows_with_position(&self, cycles: &[u32]) -> Vec<usize> {
+        let cycles: HashSet<u32> = cycles.iter().copied().collect();
         (0..self.n_rows()).filter(|&i| self.position_m[i].is_some() && cycles.contains(&self.cycle[i])).collect()
     }
 
-    /// Number of positions in one cycle.
-    pub fn n_positions(&self, cycle: u32) -> usize {
-        self.rows_with_position(&[cycle]).len()
+    /// Number of positions in each cycle that has any.
+    pub fn n_positions(&self) -> HashMap<u32, usize> {
+        let mut counts = HashMap::new();
+        for (_, cycle) in self.position_m.iter().zip(&self.cycle).filter(|(position, _)| position.is_some()) {
+            *counts.entry(*cycle).or_insert(0) += 1;
+        }
+        counts
     }
 
     /// Largest minus smallest force in N; for a force that never changes, its size.
@@ -101,7 +108,7 @@ mod tests {
     fn rows_of_cycles_leave_out_lost_positions() {
         let record = record(&[0.0; 10]);
         assert_eq!(record.rows_with_position(&[1, 3]), [0, 1, 3, 9]);
-        assert_eq!(record.n_positions(2), 3);
+        assert_eq!(record.n_positions(), HashMap::from([(1, 3), (2, 3), (3, 1)]));
         assert_eq!(record.n_cycles(), 3);
     }
 

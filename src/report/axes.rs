@@ -1,5 +1,7 @@
 //! A pair of axes: data drawn into a frame, and the frame's ticks and labels.
 
+use std::collections::HashSet;
+
 use super::font::{fitting_size_px, shorten, text_width_px, wrapped};
 use super::palette::{AXIS, Colour, GRID, INK, MUTED};
 use super::svg::{Anchor, Fill, Path, Point, Rect, Stroke, Style, Svg, TextStyle};
@@ -12,6 +14,8 @@ pub const LABEL_SIZE_PX: f64 = 13.0;
 /// Smallest size to which a label shrinks before it is cut.
 const SMALLEST_PX: f64 = 9.0;
 const TICK_LENGTH_PX: f64 = 5.0;
+/// With more points than so many a pixel of the frame's width, those that nobody could see are left out.
+const MOST_POINTS_A_PIXEL: f64 = 4.0;
 
 /// A frame with a horizontal and a vertical scale.
 #[derive(Debug, Clone, Copy)]
@@ -73,11 +77,39 @@ impl Axes {
         (self.x_px(x), self.y_px(y))
     }
 
+    /// Which points of a curve are drawn: all of a few; of many the first, the lowest, the highest and the last of each pixel column, which look the same.
+    fn shown(&self, x: &[f64], y: &[f64]) -> Vec<usize> {
+        let n = x.len().min(y.len());
+        if n as f64 <= MOST_POINTS_A_PIXEL * self.frame.width {
+            return (0..n).collect();
+        }
+        let is_finite = |i: usize| x[i].is_finite() && y[i].is_finite();
+        let column = |i: usize| self.x_px(x[i]).floor();
+        let indices: Vec<usize> = (0..n).collect();
+        let is_together = |a: &usize, b: &usize| is_finite(*a) && is_finite(*b) && column(*a) == column(*b);
+        let of_column = |together: &[usize]| {
+            let lowest = together.iter().copied().min_by(|a, b| y[*a].total_cmp(&y[*b]));
+            let highest = together.iter().copied().max_by(|a, b| y[*a].total_cmp(&y[*b]));
+            let mut kept: Vec<usize> = together
+                .first()
+                .copied()
+                .into_iter()
+                .chain(lowest)
+                .chain(highest)
+                .chain(together.last().copied())
+                .collect();
+            kept.sort_unstable();
+            kept.dedup();
+            kept
+        };
+        indices.chunk_by(is_together).flat_map(of_column).collect()
+    }
+
     /// Line through the points of each run of finite values; a value that is not finite breaks the line.
     pub fn line(&self, svg: &mut Svg, x: &[f64], y: &[f64], stroke: Stroke) {
         let mut path = Path::default();
         let mut drawing = false;
-        for (&x, &y) in x.iter().zip(y) {
+        for (x, y) in self.shown(x, y).into_iter().map(|i| (x[i], y[i])) {
             let finite = x.is_finite() && y.is_finite();
             match (finite, drawing) {
                 (true, false) => path.move_to(self.px(x, y)),
@@ -93,10 +125,14 @@ impl Axes {
     pub fn band(&self, svg: &mut Svg, x: &[f64], lower: &[f64], upper: &[f64], fill: Fill) {
         let mut path = Path::default();
         let n = x.len().min(lower.len()).min(upper.len());
+        let mut shown = self.shown(&x[..n], &lower[..n]);
+        shown.extend(self.shown(&x[..n], &upper[..n]));
+        shown.sort_unstable();
+        shown.dedup();
         let finite = |i: &usize| x[*i].is_finite() && lower[*i].is_finite() && upper[*i].is_finite();
         let mut start = 0;
-        while start < n {
-            let run: Vec<usize> = (start..n).take_while(finite).collect();
+        while start < shown.len() {
+            let run: Vec<usize> = shown[start..].iter().copied().take_while(finite).collect();
             let there = run.iter().map(|&i| self.px(x[i], upper[i]));
             let back = run.iter().rev().map(|&i| self.px(x[i], lower[i]));
             if run.len() > 1 {
@@ -107,7 +143,7 @@ impl Axes {
         svg.path(&path, fill);
     }
 
-    /// Dots at the finite points that lie in the frame.
+    /// Dots at the finite points that lie in the frame; those that share a pixel are one.
     pub fn scatter(
         &self,
         svg: &mut Svg,
@@ -116,11 +152,17 @@ impl Axes {
         diameter_px: f64,
         opacity: f64,
     ) {
+        let inside = |scale: &Scale, value| (0.0..=1.0).contains(&scale.fraction(value));
+        let points: Vec<Point> = points
+            .filter(|(x, y)| x.is_finite() && y.is_finite() && inside(&self.x, *x) && inside(&self.y, *y))
+            .map(|(x, y)| self.px(x, y))
+            .collect();
+        let are_many = points.len() as f64 > MOST_POINTS_A_PIXEL * self.frame.width;
         let mut dots = Path::default();
-        for (x, y) in points.filter(|(x, y)| x.is_finite() && y.is_finite()) {
-            let inside = |scale: &Scale, value| (0.0..=1.0).contains(&scale.fraction(value));
-            if inside(&self.x, x) && inside(&self.y, y) {
-                dots.dot(self.px(x, y));
+        let mut drawn = HashSet::new();
+        for at in points {
+            if !are_many || drawn.insert((at.0 as i64, at.1 as i64)) {
+                dots.dot(at);
             }
         }
         svg.dots(&dots, colour, diameter_px, opacity);
@@ -131,6 +173,18 @@ impl Axes {
         if (0.0..=1.0).contains(&self.x.fraction(x)) {
             let x = self.x_px(x);
             svg.line((x, self.frame.y), (x, self.frame.bottom()), stroke);
+        }
+    }
+
+    /// Vertical lines across the frame, one a pixel at most.
+    pub fn verticals(&self, svg: &mut Svg, x: &[f64], stroke: Stroke) {
+        let mut last_px = f64::NEG_INFINITY;
+        for x in x {
+            let at_px = self.x_px(*x);
+            if (at_px - last_px).abs() >= 1.0 {
+                self.vertical(svg, *x, stroke);
+                last_px = at_px;
+            }
         }
     }
 
@@ -279,6 +333,28 @@ mod tests {
         let mut svg = Svg::new(120.0, 80.0, "");
         axes().band(&mut svg, &x, &[0.0; 5], &y, Fill::new(INK, 0.5));
         assert_eq!(svg.document().matches('Z').count(), 2);
+    }
+
+    /// A sine with a spike, at 1000 points a pixel: the file has a few points a pixel, and the spike is among them.
+    #[test]
+    fn long_series_are_drawn_with_a_few_points_a_pixel() {
+        let n = 100_000;
+        let x: Vec<f64> = (0..n).map(|i| 10.0 * i as f64 / n as f64).collect();
+        let mut y: Vec<f64> = x.iter().map(|x| 0.5 + 0.3 * x.sin()).collect();
+        y[43_210] = 0.98;
+        let spike = format!("{} {}", axes().x_px(x[43_210]), axes().y_px(0.98));
+        let mut svg = Svg::new(120.0, 80.0, "");
+        axes().line(&mut svg, &x, &y, Stroke::solid(INK, 1.0));
+        let line = svg.document();
+        assert!(line.matches('L').count() < 500, "{}", line.matches('L').count());
+        let [spike_x, spike_y] = [axes().x_px(x[43_210]), axes().y_px(0.98)].map(|px| format!("{px:.0}"));
+        assert!(line.contains(&format!("L{spike_x}")) && line.contains(&format!(" {spike_y}")), "{spike}");
+        let mut svg = Svg::new(120.0, 80.0, "");
+        axes().scatter(&mut svg, x.iter().copied().zip(y.iter().copied()), INK, 2.0, 1.0);
+        assert!(svg.document().matches("h0").count() < 100 * 50);
+        let mut svg = Svg::new(120.0, 80.0, "");
+        axes().verticals(&mut svg, &x, Stroke::solid(INK, 1.0));
+        assert!(svg.document().matches("<line").count() <= 101, "{}", svg.document().matches("<line").count());
     }
 
     #[test]

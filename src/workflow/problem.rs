@@ -1,5 +1,6 @@
 //! An experiment and a model joined: what is fitted, by which law, under which priors, with which mechanics.
 
+use std::collections::HashSet;
 use std::sync::Arc;
 
 use super::Monitor;
@@ -157,6 +158,7 @@ impl Problem {
     /// Positions of some cycles, `None` elsewhere.
     pub fn positions_of(&self, cycles: &[u32]) -> Vec<Option<f64>> {
         let record = &self.experiment.record;
+        let cycles: HashSet<u32> = cycles.iter().copied().collect();
         let pairs = record.position_m.iter().zip(&record.cycle);
         pairs.map(|(position, cycle)| position.filter(|_| cycles.contains(cycle))).collect()
     }

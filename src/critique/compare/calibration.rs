@@ -10,6 +10,7 @@ use statrs::distribution::{ContinuousCDF, Gamma};
 
 use super::SIGNIFICANT;
 use super::linear::{Linear, LinearFit};
+use super::rows::Columns;
 use super::whiteness::{ljung_box, runs};
 use crate::critique::Subject;
 use crate::error::Result;
@@ -45,15 +46,9 @@ pub struct Significance {
 ///
 /// # Errors
 /// [`crate::Error::Numerical`] where a fit has no solution.
-pub fn looks(
-    linear: &Linear,
-    likelihood: &NoiseLikelihood,
-    residual_m: &[f64],
-    panels: &[Vec<Vec<f64>>],
-) -> Result<Looks> {
+pub fn looks(linear: &Linear, likelihood: &NoiseLikelihood, residual_m: &[f64], panels: &[Columns]) -> Result<Looks> {
     let base = linear.fit_base(likelihood, residual_m)?;
-    let with: Vec<LinearFit> =
-        panels.iter().map(|columns| linear.fit_with(likelihood, residual_m, columns, &base)).collect::<Result<_>>()?;
+    let with = linear.fit_with(likelihood, residual_m, &panels.iter().collect::<Vec<_>>(), &base)?;
     let whitened = linear.whitened(likelihood, residual_m, &base);
     let mut statistics: Vec<f64> = with.iter().map(|fit| (fit.objective - base.objective).max(0.0)).collect();
     statistics.push(runs(&whitened));
@@ -102,7 +97,7 @@ fn pool_of(whitened: &[f64]) -> Vec<f64> {
 pub fn significance(
     subject: &Subject,
     linear: &Linear,
-    panels: &[Vec<Vec<f64>>],
+    panels: &[Columns],
     own: &Looks,
     n_simulations: usize,
     seed: u64,

@@ -3,7 +3,7 @@
 //! A column has one value a row of the record, at most 1 in size: a bias of one metre has amplitude 1 there. Columns that point along a motion are
 //! signed, since a bias that turns with the force is lost in a plain mean.
 
-use super::rows::{Column, Rows};
+use super::rows::{ByCycle, Column, Columns, Rows};
 use crate::experiment::Record;
 
 /// Columns that are looked at together.
@@ -17,6 +17,21 @@ pub struct Panel {
     pub is_along_force: bool,
     /// The columns.
     pub columns: Vec<Column>,
+    /// Where these are one for each cycle: their values.
+    pub by_cycle: Option<ByCycle>,
+}
+
+impl Panel {
+    /// The columns' values.
+    pub fn values(&self) -> Columns {
+        match &self.by_cycle {
+            Some(by_cycle) => Columns { dense: Vec::new(), by_cycle: Some(by_cycle.clone()) },
+            None => {
+                let dense = self.columns.iter().map(|column| column.values.clone()).collect();
+                Columns { dense, by_cycle: None }
+            }
+        }
+    }
 }
 
 /// A look that has no meaning in an experiment.
@@ -41,7 +56,7 @@ type Look = (&'static str, Result<Panel, &'static str>);
 
 fn panel(place: &'static str, title: &'static str, is_along_force: bool, columns: Vec<Column>) -> Look {
     let is_empty = columns.is_empty();
-    let panel = Panel { place, title, is_along_force, columns };
+    let panel = Panel { place, title, is_along_force, columns, by_cycle: None };
     (place, if is_empty { Err("too few positions for it") } else { Ok(panel) })
 }
 
@@ -106,16 +121,36 @@ fn input_correlation(rows: &Rows) -> Look {
     if ends.is_empty() || changes.is_empty() {
         return ("input_correlation", Err(NO_STEPS));
     }
-    let mut columns = vec![vec![0.0; rows.n()]; ends.len()];
-    for (row, time_s) in record.time_s.iter().enumerate() {
-        for (at_s, change) in &changes {
-            if let Some(bin) = lag_bin(&ends, time_s - at_s) {
-                columns[bin][row] += change;
-            }
-        }
-    }
+    let columns = summed_by_lag(&record.time_s, &changes, &ends);
     let columns = columns.into_iter().enumerate().map(|(k, values)| lag_column(&ends, k, values)).collect();
     panel("input_correlation", "lag behind force changes (s)", true, rows.kept(columns))
+}
+
+/// For each bin of lags, the sum of the changes (times in s, and sizes) that lie so long before each time. Both ends of a bin move on with the times, so
+/// that every change enters and leaves each bin once.
+fn summed_by_lag(time_s: &[f64], changes: &[(f64, f64)], ends: &[f64]) -> Vec<Vec<f64>> {
+    let sums: Vec<f64> = std::iter::once(0.0)
+        .chain(changes.iter().scan(0.0, |sum, change| {
+            *sum += change.1;
+            Some(*sum)
+        }))
+        .collect();
+    let of_bin = |k: usize| {
+        // As `lag_bin`: beyond the end before, up to the own end.
+        let (mut first, mut end) = (0, 0);
+        let at = |time_s: &f64| {
+            while first < changes.len() && time_s - changes[first].0 > ends[k] {
+                first += 1;
+            }
+            let is_past = |lag_s: f64| if k == 0 { lag_s > 0.0 } else { lag_s > ends[k - 1] };
+            while end < changes.len() && is_past(time_s - changes[end].0) {
+                end += 1;
+            }
+            sums[end.max(first)] - sums[first]
+        };
+        time_s.iter().map(at).collect()
+    };
+    (0..ends.len()).map(of_bin).collect()
 }
 
 fn time_since_step(rows: &Rows) -> Look {
@@ -133,17 +168,17 @@ fn time_since_step(rows: &Rows) -> Look {
 }
 
 fn cycle(rows: &Rows) -> Look {
-    let mut cycles: Vec<u32> = rows.fitted_rows().map(|row| rows.record.cycle[row]).collect();
-    cycles.dedup();
+    let (cycles, by_cycle) = rows.by_cycle();
     if cycles.len() < 2 {
         return ("cycle", Err("only one cycle is fitted"));
     }
-    let of = |cycle: &u32| {
-        rows.column(cycle.to_string(), format!("in cycle {cycle}"), |row| {
-            f64::from(u8::from(rows.record.cycle[row] == *cycle))
-        })
+    let with_column = cycles.iter().zip(&by_cycle.has_column).filter(|(_, has_column)| **has_column);
+    let named = |(cycle, _): (&u32, &bool)| {
+        let (label, phrase) = (cycle.to_string(), format!("in cycle {cycle}"));
+        Column { label, phrase, lag_s: None, values: Vec::new() }
     };
-    panel("cycle", "cycle", false, rows.kept(cycles.iter().map(of).collect()))
+    let (place, look) = panel("cycle", "cycle", false, with_column.map(named).collect());
+    (place, look.map(|panel| Panel { by_cycle: Some(by_cycle), ..panel }))
 }
 
 /// −1, 0 or 1.

@@ -40,6 +40,7 @@ mod model;
 mod paths;
 mod rows;
 mod scales;
+mod whitening;
 
 #[cfg(test)]
 mod dense;
@@ -47,3 +48,4 @@ mod dense;
 pub use lanes::LANES;
 pub use likelihood::NoiseLikelihood;
 pub use model::{NoiseModel, NoiseScales, NoiseTerm};
+pub(crate) use whitening::{Asked, CycleProducts};
