@@ -1,8 +1,8 @@
 //! The noise's parameters at a given position.
 
 use crate::inference::ensemble::RandomStream;
-use crate::inference::noise::NoiseLikelihood;
-use crate::model::{Lanes, N_LANES};
+use crate::inference::noise::{NoiseLikelihood, SharedPosition};
+use crate::model::N_LANES;
 
 /// Logarithms of the noise's parameters: σ (µm), σ_ou (µm), τ (s), s_g, s_o (µm).
 pub(super) type LogNoise = [f64; 5];
@@ -95,12 +95,12 @@ pub(super) fn natural(noise: &LogNoise) -> [f64; 5] {
 pub(super) struct Objective<'a> {
     likelihood: &'a NoiseLikelihood,
     prior: &'a NoisePrior,
-    position_m: Vec<Lanes>,
+    position_m: Vec<SharedPosition>,
 }
 
 impl<'a> Objective<'a> {
     pub fn new(likelihood: &'a NoiseLikelihood, prior: &'a NoisePrior, position_m: &[f64]) -> Self {
-        Self { likelihood, prior, position_m: position_m.iter().map(|x| Lanes([*x; N_LANES])).collect() }
+        Self { likelihood, prior, position_m: position_m.iter().copied().map(SharedPosition).collect() }
     }
 
     pub fn evaluate(&self, points: &[LogNoise]) -> Vec<f64> {
@@ -110,7 +110,7 @@ impl<'a> Objective<'a> {
             let parameters: [[f64; N_LANES]; 5] =
                 std::array::from_fn(|index| std::array::from_fn(|place| lane(index, place)));
             let mut out = [0.0; N_LANES];
-            self.likelihood.ln_likelihood_lanes(&self.position_m, &parameters, &mut out);
+            self.likelihood.ln_likelihood_shared(&self.position_m, &parameters, &mut out);
             let with_prior = chunk.iter().zip(out).map(|(noise, value)| {
                 let total = value + self.prior.ln_density(noise);
                 if total.is_nan() { f64::NEG_INFINITY } else { total }
@@ -151,6 +151,72 @@ pub(super) fn fit(
     let better = |best: (LogNoise, f64), top: (LogNoise, f64)| if top.1 > best.1 { top } else { best };
     let best = own.fold(climb(&evaluate, prior, &[from], 0.3), better);
     climb(&evaluate, prior, &[best.0], 0.6)
+}
+
+/// Whether a climb from one noise would gain something, for each of some residuals (observed less predicted, m, one a row) about one position (m).
+pub(super) fn would_gain(
+    likelihood: &NoiseLikelihood,
+    prior: &NoisePrior,
+    position_m: &[f64],
+    residuals_m: &[&[f64]],
+    from: &LogNoise,
+) -> Vec<bool> {
+    let from = prior.clamped(*from);
+    let mut points = vec![from];
+    points.extend(neighbours(prior, &from, &[SETTLING_WIDTH; 5]));
+    let mut values: Vec<Vec<f64>> = vec![Vec::with_capacity(points.len()); residuals_m.len()];
+    for chunk in points.chunks(N_LANES) {
+        let lane = |index: usize, lane: usize| chunk[lane.min(chunk.len() - 1)][index].exp();
+        let parameters: [[f64; N_LANES]; 5] =
+            std::array::from_fn(|index| std::array::from_fn(|place| lane(index, place)));
+        let found = likelihood.ln_likelihoods_of(residuals_m, position_m, &parameters);
+        for (values, found) in values.iter_mut().zip(found) {
+            values.extend(chunk.iter().zip(found).map(|(noise, value)| value + prior.ln_density(noise)));
+        }
+    }
+    let gains = |values: &Vec<f64>| {
+        let (value, around) = (values[0], &values[1..]);
+        let step = parabola_steps(value, around, &[SETTLING_WIDTH; 5]);
+        let promised = |index: usize| {
+            let (up, down) = (around[2 * index], around[2 * index + 1]);
+            let share = step[index] / SETTLING_WIDTH;
+            let slope = 0.5 * (up - down);
+            (share * slope + 0.5 * share * share * (up + down - 2.0 * value)).max(up - value).max(down - value).max(0.0)
+        };
+        let promised: f64 = (0..5).map(promised).sum();
+        // What is no number is for the climb to judge.
+        promised.is_nan() || promised > LEAST_GAIN
+    };
+    values.iter().map(gains).collect()
+}
+
+/// Both neighbours along every coordinate.
+fn neighbours(prior: &NoisePrior, here: &LogNoise, widths: &LogNoise) -> Vec<LogNoise> {
+    let mut points = Vec::with_capacity(10);
+    for index in 0..5 {
+        for sign in [1.0, -1.0] {
+            let mut point = *here;
+            point[index] += sign * widths[index];
+            points.push(prior.clamped(point));
+        }
+    }
+    points
+}
+
+/// Steps to the tops of the parabolas through a point and its neighbours.
+fn parabola_steps(value: f64, around: &[f64], widths: &LogNoise) -> LogNoise {
+    std::array::from_fn(|index| {
+        let (up, down) = (around[2 * index], around[2 * index + 1]);
+        let curvature = up + down - 2.0 * value;
+        let width = widths[index];
+        if curvature < -1e-9 {
+            (0.5 * width * (down - up) / curvature).clamp(-4.0 * width, 4.0 * width)
+        } else if up > value + 1e-9 || down > value + 1e-9 {
+            2.0 * width * (up - down).signum()
+        } else {
+            0.0
+        }
+    })
 }
 
 /// Climbs from the noise of another fit of nearly the same residuals; `None` where a round gains next to nothing, so that the noise may stay as it is.
@@ -264,28 +330,9 @@ impl<'a> Climber<'a> {
     /// Gain of a round.
     fn round(&mut self) -> Option<f64> {
         let Self { objective, prior, here, value, .. } = *self;
-        let mut points = Vec::with_capacity(16);
-        for index in 0..5 {
-            for sign in [1.0, -1.0] {
-                let mut point = here;
-                point[index] += sign * self.widths[index];
-                points.push(prior.clamped(point));
-            }
-        }
+        let points = neighbours(prior, &here, &self.widths);
         let around = objective(&points);
-        let mut step = [0.0; 5];
-        for index in 0..5 {
-            let (up, down) = (around[2 * index], around[2 * index + 1]);
-            let curvature = up + down - 2.0 * value;
-            let width = self.widths[index];
-            step[index] = if curvature < -1e-9 {
-                (0.5 * width * (down - up) / curvature).clamp(-4.0 * width, 4.0 * width)
-            } else if up > value + 1e-9 || down > value + 1e-9 {
-                2.0 * width * (up - down).signum()
-            } else {
-                0.0
-            };
-        }
+        let step = parabola_steps(value, &around, &self.widths);
         let mut trials: Vec<LogNoise> = [0.25, 0.5, 1.0, 1.5]
             .iter()
             .map(|length| prior.clamped(std::array::from_fn(|index| here[index] + length * step[index])))

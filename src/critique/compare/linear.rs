@@ -118,7 +118,37 @@ impl Linear {
                 }
             }
         }
-        looks.iter().zip(best).map(|(look, mean)| self.settle(likelihood, residual_m, look, mean)).collect()
+        let corrections_m: Vec<Vec<f64>> =
+            looks.iter().zip(&best).map(|(look, mean)| self.correction_m(look, &mean.solved)).collect();
+        let moves = self.moves(likelihood, residual_m, &best, &corrections_m);
+        let settled = looks.iter().zip(best).zip(corrections_m.into_iter().zip(moves));
+        settled
+            .map(|((look, mean), (correction_m, moves))| match moves {
+                true => self.settle(likelihood, residual_m, look, mean, correction_m),
+                false => Ok(fit_of(&mean, correction_m)),
+            })
+            .collect()
+    }
+
+    /// Whether the noise would move for each of some means; those with one noise are looked at together.
+    fn moves(
+        &self,
+        likelihood: &NoiseLikelihood,
+        residual_m: &[f64],
+        means: &[Mean],
+        corrections_m: &[Vec<f64>],
+    ) -> Vec<bool> {
+        let mut moves = vec![false; means.len()];
+        for noise in distinct(means) {
+            let members: Vec<usize> = (0..means.len()).filter(|k| means[*k].log_noise == noise).collect();
+            let left =
+                |k: &usize| -> Vec<f64> { residual_m.iter().zip(&corrections_m[*k]).map(|(r, c)| r - c).collect() };
+            let left_m: Vec<Vec<f64>> = members.iter().map(left).collect();
+            let slices: Vec<&[f64]> = left_m.iter().map(Vec::as_slice).collect();
+            let found = noise_fit::would_gain(likelihood, &self.noise_prior, &self.position_m, &slices, &noise);
+            members.iter().zip(found).for_each(|(k, would_gain)| moves[*k] = would_gain);
+        }
+        moves
     }
 
     fn settle(
@@ -127,8 +157,8 @@ impl Linear {
         residual_m: &[f64],
         columns: &Columns,
         start: Mean,
+        correction_m: Vec<f64>,
     ) -> Result<LinearFit> {
-        let correction_m = self.correction_m(columns, &start.solved);
         let moved_m = self.moved_m(&correction_m);
         let moved = noise_fit::settle(likelihood, &self.noise_prior, &moved_m, &start.log_noise);
         let Some(log_noise) = moved else { return Ok(fit_of(&start, correction_m)) };
@@ -286,6 +316,17 @@ impl Linear {
         };
         Ok((0..self.position_m.len()).map(at_row).collect())
     }
+}
+
+/// The noises of some means, each once.
+fn distinct(means: &[Mean]) -> Vec<LogNoise> {
+    let mut noises: Vec<LogNoise> = Vec::new();
+    for mean in means {
+        if !noises.contains(&mean.log_noise) {
+            noises.push(mean.log_noise);
+        }
+    }
+    noises
 }
 
 fn fit_of(mean: &Mean, correction_m: Vec<f64>) -> LinearFit {

@@ -176,3 +176,7 @@ impl Solved {
         (weights.dot(&self.amplitudes) + self.of_cycles[number], variance.max(0.0).sqrt())
     }
 }
+
+#[cfg(test)]
+#[path = "normal_tests.rs"]
+mod tests;

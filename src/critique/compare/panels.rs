@@ -370,3 +370,59 @@ fn harmonics(rows: &Rows) -> Look {
     }
     panel("harmonics", "harmonic of the force: amplitude", false, rows.kept(columns))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::inference::ensemble::RandomStream;
+
+    /// Against the sum over all pairs, at uneven times with two changes at one of them.
+    #[test]
+    fn sums_by_lag_are_those_over_all_pairs() {
+        let mut stream = RandomStream::new(9, 1);
+        let mut now_s = 0.0;
+        let time_s: Vec<f64> = (0..400)
+            .map(|_| {
+                now_s += 0.2 * stream.unit();
+                now_s
+            })
+            .collect();
+        let changes: Vec<(f64, f64)> =
+            time_s.iter().enumerate().filter(|(row, _)| row % 3 != 1).map(|(_, t)| (*t, stream.normal())).collect();
+        let ends = [0.1, 0.35, 1.0, 4.0];
+        let sums = summed_by_lag(&time_s, &changes, &ends);
+        for (row, t) in time_s.iter().enumerate() {
+            let mut exact = [0.0; 4];
+            for (at_s, change) in &changes {
+                if let Some(bin) = lag_bin(&ends, t - at_s) {
+                    exact[bin] += change;
+                }
+            }
+            for (k, exact) in exact.iter().enumerate() {
+                assert!((sums[k][row] - exact).abs() < 1e-12, "{} {exact}", sums[k][row]);
+            }
+        }
+    }
+
+    /// 20,000 rows in 2,000 cycles: what all looks keep is some dozens of numbers a row, however many cycles there are; one column a cycle over all rows
+    /// was 2,000.
+    #[test]
+    fn columns_of_many_cycles_are_one_number_a_row() {
+        let n = 20_000;
+        let record = Record {
+            time_s: (0..n).map(|row| 0.2 * row as f64).collect(),
+            force_n: (0..n).map(|row: usize| if row % 10 < 5 { 4.6e-6 } else { -4.6e-6 }).collect(),
+            position_m: vec![Some(0.0); n],
+            cycle: (0..n).map(|row| 1 + (row / 10) as u32).collect(),
+        };
+        let position_m: Vec<f64> = (0..n).map(|row| 1e-4 * (0.6 * row as f64).sin()).collect();
+        let is_fitted = record.cycle.iter().map(|cycle| *cycle < 2_000 && *cycle != 7).collect();
+        let (panels, _) = panels(&Rows::new(&record, &position_m, is_fitted));
+        let cycles = panels.iter().find(|panel| panel.place == "cycle").expect("many cycles");
+        assert_eq!(cycles.columns.len(), 1_998);
+        let kept: usize = panels.iter().map(|panel| panel.values().dense.iter().map(Vec::len).sum::<usize>()).sum();
+        assert!(kept < 80 * n, "{kept}");
+        let by_cycle = cycles.values().by_cycle.expect("a column a cycle");
+        assert_eq!((by_cycle.place[59], by_cycle.place[60], by_cycle.place[70]), (Some(5), None, Some(6)));
+    }
+}

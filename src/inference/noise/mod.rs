@@ -38,6 +38,7 @@ mod lanes;
 mod likelihood;
 mod model;
 mod paths;
+mod residuals;
 mod rows;
 mod scales;
 mod whitening;
@@ -46,6 +47,6 @@ mod whitening;
 mod dense;
 
 pub use lanes::LANES;
-pub use likelihood::NoiseLikelihood;
+pub use likelihood::{NoiseLikelihood, SharedPosition};
 pub use model::{NoiseModel, NoiseScales, NoiseTerm};
 pub(crate) use whitening::{Asked, CycleProducts};

@@ -342,3 +342,7 @@ impl Cycles {
         (cycle.left, cycle.kept) = (self.unit.process().number(), self.past.process().number());
     }
 }
+
+#[cfg(test)]
+#[path = "whitening_tests.rs"]
+mod tests;
