@@ -106,16 +106,9 @@ impl<'a> Objective<'a> {
     pub fn evaluate(&self, points: &[LogNoise]) -> Vec<f64> {
         let mut values = Vec::with_capacity(points.len());
         for chunk in points.chunks(N_LANES) {
-            let lane = |index: usize, lane: usize| chunk[lane.min(chunk.len() - 1)][index].exp();
-            let parameters: [[f64; N_LANES]; 5] =
-                std::array::from_fn(|index| std::array::from_fn(|place| lane(index, place)));
             let mut out = [0.0; N_LANES];
-            self.likelihood.ln_likelihood_shared(&self.position_m, &parameters, &mut out);
-            let with_prior = chunk.iter().zip(out).map(|(noise, value)| {
-                let total = value + self.prior.ln_density(noise);
-                if total.is_nan() { f64::NEG_INFINITY } else { total }
-            });
-            values.extend(with_prior);
+            self.likelihood.ln_likelihood_shared(&self.position_m, &lanes(chunk), &mut out);
+            values.extend(chunk.iter().zip(out).map(|(noise, value)| with_prior(self.prior, noise, value)));
         }
         values
     }
@@ -153,41 +146,56 @@ pub(super) fn fit(
     climb(&evaluate, prior, &[best.0], 0.6)
 }
 
-/// Whether a climb from one noise would gain something, for each of some residuals (observed less predicted, m, one a row) about one position (m).
-pub(super) fn would_gain(
+/// Climbs from the noise of another fit for each of some residuals (observed less predicted, m, one a row) about one position (m), which gains multiply.
+/// `None` where the first round gains next to nothing, so that the noise may stay as it is; the neighbours of that round are looked at for all at once.
+pub(super) fn settle(
     likelihood: &NoiseLikelihood,
     prior: &NoisePrior,
     position_m: &[f64],
     residuals_m: &[&[f64]],
     from: &LogNoise,
-) -> Vec<bool> {
+) -> Vec<Option<LogNoise>> {
     let from = prior.clamped(*from);
+    let objectives = |residuals_m: &[&[f64]], points: &[LogNoise]| {
+        let mut values: Vec<Vec<f64>> = vec![Vec::with_capacity(points.len()); residuals_m.len()];
+        for chunk in points.chunks(N_LANES) {
+            let found = likelihood.ln_likelihoods_of(residuals_m, position_m, &lanes(chunk));
+            for (values, found) in values.iter_mut().zip(found) {
+                values.extend(chunk.iter().zip(found).map(|(noise, value)| with_prior(prior, noise, value)));
+            }
+        }
+        values
+    };
     let mut points = vec![from];
     points.extend(neighbours(prior, &from, &[SETTLING_WIDTH; 5]));
-    let mut values: Vec<Vec<f64>> = vec![Vec::with_capacity(points.len()); residuals_m.len()];
-    for chunk in points.chunks(N_LANES) {
-        let lane = |index: usize, lane: usize| chunk[lane.min(chunk.len() - 1)][index].exp();
-        let parameters: [[f64; N_LANES]; 5] =
-            std::array::from_fn(|index| std::array::from_fn(|place| lane(index, place)));
-        let found = likelihood.ln_likelihoods_of(residuals_m, position_m, &parameters);
-        for (values, found) in values.iter_mut().zip(found) {
-            values.extend(chunk.iter().zip(found).map(|(noise, value)| value + prior.ln_density(noise)));
+    let first = objectives(residuals_m, &points);
+    let climb = |(residual_m, values): (&&[f64], Vec<f64>)| {
+        let evaluate = |points: &[LogNoise]| objectives(&[residual_m], points).concat();
+        let here = Climber { objective: &evaluate, prior, here: from, value: values[0], widths: [SETTLING_WIDTH; 5] };
+        let mut climber = here;
+        let mut gain = climber.step(&points[1..], &values[1..]);
+        let mut has_moved = false;
+        for _ in 1..MOST_ROUNDS {
+            if gain.is_none_or(|gain| gain <= LEAST_GAIN) {
+                break;
+            }
+            has_moved = true;
+            gain = climber.round();
         }
-    }
-    let gains = |values: &Vec<f64>| {
-        let (value, around) = (values[0], &values[1..]);
-        let step = parabola_steps(value, around, &[SETTLING_WIDTH; 5]);
-        let promised = |index: usize| {
-            let (up, down) = (around[2 * index], around[2 * index + 1]);
-            let share = step[index] / SETTLING_WIDTH;
-            let slope = 0.5 * (up - down);
-            (share * slope + 0.5 * share * share * (up + down - 2.0 * value)).max(up - value).max(down - value).max(0.0)
-        };
-        let promised: f64 = (0..5).map(promised).sum();
-        // What is no number is for the climb to judge.
-        promised.is_nan() || promised > LEAST_GAIN
+        has_moved.then_some(climber.here)
     };
-    values.iter().map(gains).collect()
+    residuals_m.iter().zip(first).map(climb).collect()
+}
+
+/// Parameters in their units, side by side; the last point stands for lanes without one.
+fn lanes(points: &[LogNoise]) -> [[f64; N_LANES]; 5] {
+    let value = |index: usize, lane: usize| points[lane.min(points.len() - 1)][index].exp();
+    std::array::from_fn(|index| std::array::from_fn(|lane| value(index, lane)))
+}
+
+fn with_prior(prior: &NoisePrior, noise: &LogNoise, ln_likelihood: f64) -> f64 {
+    let total = ln_likelihood + prior.ln_density(noise);
+    if total.is_nan() { f64::NEG_INFINITY } else { total }
 }
 
 /// Both neighbours along every coordinate.
@@ -217,27 +225,6 @@ fn parabola_steps(value: f64, around: &[f64], widths: &LogNoise) -> LogNoise {
             0.0
         }
     })
-}
-
-/// Climbs from the noise of another fit of nearly the same residuals; `None` where a round gains next to nothing, so that the noise may stay as it is.
-pub(super) fn settle(
-    likelihood: &NoiseLikelihood,
-    prior: &NoisePrior,
-    position_m: &[f64],
-    from: &LogNoise,
-) -> Option<LogNoise> {
-    let objective = Objective::new(likelihood, prior, position_m);
-    let evaluate = |points: &[LogNoise]| objective.evaluate(points);
-    let from = prior.clamped(*from);
-    let mut climber = Climber::new(&evaluate, prior, &[from], SETTLING_WIDTH);
-    let mut has_moved = false;
-    for _ in 0..MOST_ROUNDS {
-        if climber.round().is_none_or(|gain| gain <= LEAST_GAIN) {
-            break;
-        }
-        has_moved = true;
-    }
-    has_moved.then_some(climber.here)
 }
 
 /// Sweeps of random walks before their states are used, and between two that are.
@@ -329,10 +316,15 @@ impl<'a> Climber<'a> {
 
     /// Gain of a round.
     fn round(&mut self) -> Option<f64> {
+        let points = neighbours(self.prior, &self.here, &self.widths);
+        let around = (self.objective)(&points);
+        self.step(&points, &around)
+    }
+
+    /// The same with the neighbours known.
+    fn step(&mut self, points: &[LogNoise], around: &[f64]) -> Option<f64> {
         let Self { objective, prior, here, value, .. } = *self;
-        let points = neighbours(prior, &here, &self.widths);
-        let around = objective(&points);
-        let step = parabola_steps(value, &around, &self.widths);
+        let step = parabola_steps(value, around, &self.widths);
         let mut trials: Vec<LogNoise> = [0.25, 0.5, 1.0, 1.5]
             .iter()
             .map(|length| prior.clamped(std::array::from_fn(|index| here[index] + length * step[index])))
@@ -346,7 +338,7 @@ impl<'a> Climber<'a> {
             trials.push(prior.clamped(alone));
         }
         let tried = objective(&trials);
-        let all = points.iter().zip(&around).chain(trials.iter().zip(&tried));
+        let all = points.iter().zip(around).chain(trials.iter().zip(&tried));
         let (best, best_value) = all.max_by(|a, b| a.1.total_cmp(b.1))?;
         let gain = best_value - value;
         for (index, width) in self.widths.iter_mut().enumerate() {

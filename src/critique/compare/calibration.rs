@@ -102,7 +102,6 @@ pub fn significance(
     n_simulations: usize,
     seed: u64,
 ) -> Result<Significance> {
-    let record = &subject.experiment().record;
     let pool = pool_of(&own.whitened);
     let noises = linear.noise_draws(&subject.fitted, &own.base, n_simulations, seed);
     let of_one = |number: usize| -> Result<Vec<f64>> {
@@ -110,7 +109,7 @@ pub fn significance(
         let noise_m = simulated_noise_m(subject, linear.position_m(), &noises[number], &pool, &mut stream);
         let fitted = subject.fitted_m.iter().zip(linear.position_m()).zip(&noise_m);
         let observed_m: Vec<Option<f64>> = fitted.map(|((y, f), e)| y.map(|_| f + e)).collect();
-        let likelihood = NoiseLikelihood::new(subject.noise(), &record.time_s, &record.cycle, &observed_m);
+        let likelihood = subject.fitted.with_observed(&observed_m);
         let residual_m: Vec<f64> = observed_m.iter().zip(&noise_m).map(|(y, e)| y.map_or(0.0, |_| *e)).collect();
         Ok(looks(linear, &likelihood, &residual_m, panels)?.statistics)
     };

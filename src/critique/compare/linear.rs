@@ -120,50 +120,39 @@ impl Linear {
         }
         let corrections_m: Vec<Vec<f64>> =
             looks.iter().zip(&best).map(|(look, mean)| self.correction_m(look, &mean.solved)).collect();
-        let moves = self.moves(likelihood, residual_m, &best, &corrections_m);
-        let settled = looks.iter().zip(best).zip(corrections_m.into_iter().zip(moves));
-        settled
-            .map(|((look, mean), (correction_m, moves))| match moves {
-                true => self.settle(likelihood, residual_m, look, mean, correction_m),
-                false => Ok(fit_of(&mean, correction_m)),
-            })
-            .collect()
+        let noises = self.settle(likelihood, residual_m, &best, &corrections_m);
+        let mut fits = Vec::with_capacity(looks.len());
+        for (((look, mean), correction_m), noise) in looks.iter().zip(best).zip(corrections_m).zip(noises) {
+            fits.push(match noise {
+                Some(noise) => {
+                    let again = self.mean(likelihood, residual_m, look, &noise)?;
+                    fit_of(&again, self.correction_m(look, &again.solved))
+                }
+                None => fit_of(&mean, correction_m),
+            });
+        }
+        Ok(fits)
     }
 
-    /// Whether the noise would move for each of some means; those with one noise are looked at together.
-    fn moves(
+    /// The best noise beside each mean, those that begin with one noise together; `None` where it stays as it is.
+    fn settle(
         &self,
         likelihood: &NoiseLikelihood,
         residual_m: &[f64],
         means: &[Mean],
         corrections_m: &[Vec<f64>],
-    ) -> Vec<bool> {
-        let mut moves = vec![false; means.len()];
-        for noise in distinct(means) {
-            let members: Vec<usize> = (0..means.len()).filter(|k| means[*k].log_noise == noise).collect();
+    ) -> Vec<Option<LogNoise>> {
+        let mut noises = vec![None; means.len()];
+        for start in distinct(means) {
+            let members: Vec<usize> = (0..means.len()).filter(|k| means[*k].log_noise == start).collect();
             let left =
                 |k: &usize| -> Vec<f64> { residual_m.iter().zip(&corrections_m[*k]).map(|(r, c)| r - c).collect() };
             let left_m: Vec<Vec<f64>> = members.iter().map(left).collect();
             let slices: Vec<&[f64]> = left_m.iter().map(Vec::as_slice).collect();
-            let found = noise_fit::would_gain(likelihood, &self.noise_prior, &self.position_m, &slices, &noise);
-            members.iter().zip(found).for_each(|(k, would_gain)| moves[*k] = would_gain);
+            let settled = noise_fit::settle(likelihood, &self.noise_prior, &self.position_m, &slices, &start);
+            members.iter().zip(settled).for_each(|(k, noise)| noises[*k] = noise);
         }
-        moves
-    }
-
-    fn settle(
-        &self,
-        likelihood: &NoiseLikelihood,
-        residual_m: &[f64],
-        columns: &Columns,
-        start: Mean,
-        correction_m: Vec<f64>,
-    ) -> Result<LinearFit> {
-        let moved_m = self.moved_m(&correction_m);
-        let moved = noise_fit::settle(likelihood, &self.noise_prior, &moved_m, &start.log_noise);
-        let Some(log_noise) = moved else { return Ok(fit_of(&start, correction_m)) };
-        let again = self.mean(likelihood, residual_m, columns, &log_noise)?;
-        Ok(fit_of(&again, self.correction_m(columns, &again.solved)))
+        noises
     }
 
     /// The position to which the noise is fitted: f̂ and a correction.

@@ -107,8 +107,10 @@ impl<S: Simd, const OU: bool, const GAIN: bool> Covariance<S, OU, GAIN> {
         let mut alpha = one;
         if OU {
             alpha = one + v0;
-            gain.precision = one / alpha;
-            self.d[0] = v0 * gain.precision;
+            if !GAIN {
+                gain.precision = one / alpha;
+                self.d[0] = v0 * gain.precision;
+            }
         }
         if GAIN {
             let f1 = if OU { x + self.u01 } else { x };
@@ -116,7 +118,14 @@ impl<S: Simd, const OU: bool, const GAIN: bool> Covariance<S, OU, GAIN> {
             let (v1, v2) = (self.d[1] * f1, self.d[2] * f2);
             let with_gain = f1.mul_add(v1, alpha);
             let with_offset = f2.mul_add(v2, with_gain);
-            let (precision_1, precision_2) = (one / with_gain, one / with_offset);
+            // One division for all three: divisions are what a step waits for. Variances' ratios are below 10¹⁰⁰, so that their product is a number.
+            let first_two = alpha * with_gain;
+            let inverse = one / (first_two * with_offset);
+            let (precision_1, precision_2) = (inverse * (alpha * with_offset), inverse * first_two);
+            if OU {
+                gain.precision = inverse * (with_gain * with_offset);
+                self.d[0] = v0 * gain.precision;
+            }
             self.d[1] = self.d[1] * alpha * precision_1;
             self.d[2] = self.d[2] * with_gain * precision_2;
             if OU {

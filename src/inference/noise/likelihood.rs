@@ -28,6 +28,14 @@ impl NoiseLikelihood {
         Self { model, rows, observed_m: observed_m.iter().copied().flatten().collect() }
     }
 
+    /// The same rows with other positions in m: one entry a row of the record, `None` where there was nothing to compare. Costs less than
+    /// [`NoiseLikelihood::new`], which looks for equal steps.
+    pub fn with_observed(&self, observed_m: &[Option<f64>]) -> Self {
+        let observed = |row: &super::rows::Row| observed_m[row.index].unwrap_or(f64::NAN);
+        let observed_m = self.rows.rows.iter().map(observed).collect();
+        Self { model: self.model, rows: self.rows.clone(), observed_m }
+    }
+
     /// Number of positions that are compared.
     pub fn n_observed(&self) -> usize {
         self.observed_m.len()
