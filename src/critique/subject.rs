@@ -100,7 +100,8 @@ impl Subject {
     /// The same experiment with other positions (m), one a row; rows without a position stay without.
     pub fn with_positions(&self, position_m: &[f64]) -> Self {
         let replaced = |old: &[Option<f64>]| old.iter().zip(position_m).map(|(old, new)| old.map(|_| *new)).collect();
-        let (fitted_m, scored_m) = (replaced(&self.fitted_m), replaced(&self.scored_m));
+        let (fitted_m, scored_m): (Vec<Option<f64>>, Vec<Option<f64>>) =
+            (replaced(&self.fitted_m), replaced(&self.scored_m));
         let both: Vec<Option<f64>> = fitted_m.iter().zip(&scored_m).map(|(a, b)| a.or(*b)).collect();
         let (fitted, all) = (self.fitted.with_observed(&fitted_m), self.all.with_observed(&both));
         Self { shared: self.shared.clone(), fitted_m, scored_m, fitted, all }
