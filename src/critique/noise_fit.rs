@@ -1,8 +1,8 @@
 //! The noise's parameters at a given position.
 
 use crate::inference::ensemble::RandomStream;
-use crate::inference::noise::NoiseLikelihood;
-use crate::model::{Lanes, N_LANES};
+use crate::inference::noise::{NoiseLikelihood, SharedPosition};
+use crate::model::N_LANES;
 
 /// Logarithms of the noise's parameters: σ (µm), σ_ou (µm), τ (s), s_g, s_o (µm).
 pub(super) type LogNoise = [f64; 5];
@@ -102,27 +102,20 @@ pub(super) fn natural(noise: &LogNoise) -> [f64; 5] {
 pub(super) struct Objective<'a> {
     likelihood: &'a NoiseLikelihood,
     prior: &'a NoisePrior,
-    position_m: Vec<Lanes>,
+    position_m: Vec<SharedPosition>,
 }
 
 impl<'a> Objective<'a> {
     pub fn new(likelihood: &'a NoiseLikelihood, prior: &'a NoisePrior, position_m: &[f64]) -> Self {
-        Self { likelihood, prior, position_m: position_m.iter().map(|x| Lanes([*x; N_LANES])).collect() }
+        Self { likelihood, prior, position_m: position_m.iter().copied().map(SharedPosition).collect() }
     }
 
     pub fn evaluate(&self, points: &[LogNoise]) -> Vec<f64> {
         let mut values = Vec::with_capacity(points.len());
         for chunk in points.chunks(N_LANES) {
-            let lane = |index: usize, lane: usize| chunk[lane.min(chunk.len() - 1)][index].exp();
-            let parameters: [[f64; N_LANES]; 5] =
-                std::array::from_fn(|index| std::array::from_fn(|place| lane(index, place)));
             let mut out = [0.0; N_LANES];
-            self.likelihood.ln_likelihood_lanes(&self.position_m, &parameters, &mut out);
-            let with_prior = chunk.iter().zip(out).map(|(noise, value)| {
-                let total = value + self.prior.ln_density(noise);
-                if total.is_nan() { f64::NEG_INFINITY } else { total }
-            });
-            values.extend(with_prior);
+            self.likelihood.ln_likelihood_shared(&self.position_m, &lanes(chunk), &mut out);
+            values.extend(chunk.iter().zip(out).map(|(noise, value)| with_prior(self.prior, noise, value)));
         }
         values
     }
@@ -134,6 +127,8 @@ const MOST_ROUNDS: usize = 40;
 /// Gain (nats) of a round below which the search narrows, and width below which it ends.
 const LEAST_GAIN: f64 = 2e-3;
 const NARROWEST: f64 = 0.03;
+/// Width of the first steps about the noise of another fit.
+const SETTLING_WIDTH: f64 = 0.1;
 
 /// Climbs in the noise's parameters. Starts from `from`, and from starts of its own if `widely`. Returns the best and its log posterior.
 pub(super) fn fit(
@@ -147,7 +142,7 @@ pub(super) fn fit(
     let from = prior.clamped(*from);
     let evaluate = |points: &[LogNoise]| objective.evaluate(points);
     if !widely {
-        return climb(&evaluate, prior, &[from], 0.1);
+        return climb(&evaluate, prior, &[from], SETTLING_WIDTH);
     }
     let starts: Vec<LogNoise> = prior.starts().into_iter().map(|start| prior.clamped(start)).collect();
     // The best starts may lie under different tops, and a top that was reached along a ridge may not be one: so a few, then again from the best of them.
@@ -156,6 +151,87 @@ pub(super) fn fit(
     let better = |best: (LogNoise, f64), top: (LogNoise, f64)| if top.1 > best.1 { top } else { best };
     let best = own.fold(climb(&evaluate, prior, &[from], 0.3), better);
     climb(&evaluate, prior, &[best.0], 0.6)
+}
+
+/// Climbs from the noise of another fit for each of some residuals (observed less predicted, m, one a row) about one position (m), which gains multiply.
+/// `None` where the first round gains next to nothing, so that the noise may stay as it is; the neighbours of that round are looked at for all at once.
+pub(super) fn settle(
+    likelihood: &NoiseLikelihood,
+    prior: &NoisePrior,
+    position_m: &[f64],
+    residuals_m: &[&[f64]],
+    from: &LogNoise,
+) -> Vec<Option<LogNoise>> {
+    let from = prior.clamped(*from);
+    let objectives = |residuals_m: &[&[f64]], points: &[LogNoise]| {
+        let mut values: Vec<Vec<f64>> = vec![Vec::with_capacity(points.len()); residuals_m.len()];
+        for chunk in points.chunks(N_LANES) {
+            let found = likelihood.ln_likelihoods_of(residuals_m, position_m, &lanes(chunk));
+            for (values, found) in values.iter_mut().zip(found) {
+                values.extend(chunk.iter().zip(found).map(|(noise, value)| with_prior(prior, noise, value)));
+            }
+        }
+        values
+    };
+    let mut points = vec![from];
+    points.extend(neighbours(prior, &from, &[SETTLING_WIDTH; 5]));
+    let first = objectives(residuals_m, &points);
+    let climb = |(residual_m, values): (&&[f64], Vec<f64>)| {
+        let evaluate = |points: &[LogNoise]| objectives(&[residual_m], points).concat();
+        let here = Climber { objective: &evaluate, prior, here: from, value: values[0], widths: [SETTLING_WIDTH; 5] };
+        let mut climber = here;
+        let mut gain = climber.step(&points[1..], &values[1..]);
+        let mut has_moved = false;
+        for _ in 1..MOST_ROUNDS {
+            if gain.is_none_or(|gain| gain <= LEAST_GAIN) {
+                break;
+            }
+            has_moved = true;
+            gain = climber.round();
+        }
+        has_moved.then_some(climber.here)
+    };
+    residuals_m.iter().zip(first).map(climb).collect()
+}
+
+/// Parameters in their units, side by side; the last point stands for lanes without one.
+fn lanes(points: &[LogNoise]) -> [[f64; N_LANES]; 5] {
+    let value = |index: usize, lane: usize| points[lane.min(points.len() - 1)][index].exp();
+    std::array::from_fn(|index| std::array::from_fn(|lane| value(index, lane)))
+}
+
+fn with_prior(prior: &NoisePrior, noise: &LogNoise, ln_likelihood: f64) -> f64 {
+    let total = ln_likelihood + prior.ln_density(noise);
+    if total.is_nan() { f64::NEG_INFINITY } else { total }
+}
+
+/// Both neighbours along every coordinate.
+fn neighbours(prior: &NoisePrior, here: &LogNoise, widths: &LogNoise) -> Vec<LogNoise> {
+    let mut points = Vec::with_capacity(10);
+    for index in 0..5 {
+        for sign in [1.0, -1.0] {
+            let mut point = *here;
+            point[index] += sign * widths[index];
+            points.push(prior.clamped(point));
+        }
+    }
+    points
+}
+
+/// Steps to the tops of the parabolas through a point and its neighbours.
+fn parabola_steps(value: f64, around: &[f64], widths: &LogNoise) -> LogNoise {
+    std::array::from_fn(|index| {
+        let (up, down) = (around[2 * index], around[2 * index + 1]);
+        let curvature = up + down - 2.0 * value;
+        let width = widths[index];
+        if curvature < -1e-9 {
+            (0.5 * width * (down - up) / curvature).clamp(-4.0 * width, 4.0 * width)
+        } else if up > value + 1e-9 || down > value + 1e-9 {
+            2.0 * width * (up - down).signum()
+        } else {
+            0.0
+        }
+    })
 }
 
 /// Sweeps of random walks before their states are used, and between two that are.
@@ -208,41 +284,54 @@ pub(super) fn draws(
 }
 
 /// Climbs any function of the noise's parameters from the best of some starts; `width` is that of the first steps.
-///
-/// Each round asks for both neighbours along every coordinate, then goes by the parabolas through them; widths follow what is found.
 pub(super) fn climb(
     objective: &dyn Fn(&[LogNoise]) -> Vec<f64>,
     prior: &NoisePrior,
     starts: &[LogNoise],
     width: f64,
 ) -> (LogNoise, f64) {
-    let values = objective(starts);
-    let best = (0..starts.len()).max_by(|&a, &b| values[a].total_cmp(&values[b])).unwrap_or(0);
-    let (mut here, mut value) = (starts[best], values[best]);
-    let mut widths = [width; 5];
+    let mut climber = Climber::new(objective, prior, starts, width);
     for _ in 0..MOST_ROUNDS {
-        let mut points = Vec::with_capacity(16);
-        for index in 0..5 {
-            for sign in [1.0, -1.0] {
-                let mut point = here;
-                point[index] += sign * widths[index];
-                points.push(prior.clamped(point));
-            }
+        let Some(gain) = climber.round() else { break };
+        if gain <= LEAST_GAIN && climber.widths.iter().all(|width| *width <= NARROWEST) {
+            break;
         }
-        let around = objective(&points);
-        let mut step = [0.0; 5];
-        for index in 0..5 {
-            let (up, down) = (around[2 * index], around[2 * index + 1]);
-            let curvature = up + down - 2.0 * value;
-            let width = widths[index];
-            step[index] = if curvature < -1e-9 {
-                (0.5 * width * (down - up) / curvature).clamp(-4.0 * width, 4.0 * width)
-            } else if up > value + 1e-9 || down > value + 1e-9 {
-                2.0 * width * (up - down).signum()
-            } else {
-                0.0
-            };
-        }
+    }
+    (climber.here, climber.value)
+}
+
+/// A climb: each round asks for both neighbours along every coordinate, then goes by the parabolas through them; widths follow what is found.
+struct Climber<'a> {
+    objective: &'a dyn Fn(&[LogNoise]) -> Vec<f64>,
+    prior: &'a NoisePrior,
+    here: LogNoise,
+    value: f64,
+    widths: LogNoise,
+}
+
+impl<'a> Climber<'a> {
+    fn new(
+        objective: &'a dyn Fn(&[LogNoise]) -> Vec<f64>,
+        prior: &'a NoisePrior,
+        starts: &[LogNoise],
+        width: f64,
+    ) -> Self {
+        let values = objective(starts);
+        let best = (0..starts.len()).max_by(|&a, &b| values[a].total_cmp(&values[b])).unwrap_or(0);
+        Self { objective, prior, here: starts[best], value: values[best], widths: [width; 5] }
+    }
+
+    /// Gain of a round.
+    fn round(&mut self) -> Option<f64> {
+        let points = neighbours(self.prior, &self.here, &self.widths);
+        let around = (self.objective)(&points);
+        self.step(&points, &around)
+    }
+
+    /// The same with the neighbours known.
+    fn step(&mut self, points: &[LogNoise], around: &[f64]) -> Option<f64> {
+        let Self { objective, prior, here, value, .. } = *self;
+        let step = parabola_steps(value, around, &self.widths);
         let mut trials: Vec<LogNoise> = [0.25, 0.5, 1.0, 1.5]
             .iter()
             .map(|length| prior.clamped(std::array::from_fn(|index| here[index] + length * step[index])))
@@ -256,26 +345,19 @@ pub(super) fn climb(
             trials.push(prior.clamped(alone));
         }
         let tried = objective(&trials);
-        let all = points.iter().zip(&around).chain(trials.iter().zip(&tried));
-        let Some((best, best_value)) = all.max_by(|a, b| a.1.total_cmp(b.1)) else { break };
+        let all = points.iter().zip(around).chain(trials.iter().zip(&tried));
+        let (best, best_value) = all.max_by(|a, b| a.1.total_cmp(b.1))?;
         let gain = best_value - value;
-        for index in 0..5 {
+        for (index, width) in self.widths.iter_mut().enumerate() {
             let moved = (best[index] - here[index]).abs();
-            widths[index] = if gain > LEAST_GAIN {
-                moved.clamp(0.4 * widths[index], 2.0 * widths[index])
-            } else {
-                0.4 * widths[index]
-            };
-            widths[index] = widths[index].clamp(0.5 * NARROWEST, 1.0);
+            *width = if gain > LEAST_GAIN { moved.clamp(0.4 * *width, 2.0 * *width) } else { 0.4 * *width };
+            *width = width.clamp(0.5 * NARROWEST, 1.0);
         }
         if gain > 0.0 {
-            (here, value) = (*best, *best_value);
+            (self.here, self.value) = (*best, *best_value);
         }
-        if gain <= LEAST_GAIN && widths.iter().all(|width| *width <= NARROWEST) {
-            break;
-        }
+        Some(gain)
     }
-    (here, value)
 }
 
 #[cfg(test)]

@@ -32,6 +32,8 @@ const SAME_FRACTION: f64 = 0.33;
 const LONGEST_BURST: usize = 3;
 /// Steps are compared in proportion to their heights, with this ratio at most; with larger ones only where there are none such.
 const LARGEST_RATIO: f64 = 1.25;
+/// With more force steps than this, every second, third, … is compared: a share of a third shows in so many as well, and the cost is linear in the steps.
+const MOST_COMPARED: usize = 512;
 /// Rows this soon after a step that has none to be compared with are not judged.
 const UNJUDGED_ROWS: usize = 10;
 /// Rows whose times after two steps differ by less, in sample intervals, are at the same time after them.
@@ -147,11 +149,17 @@ impl<'a> Steps<'a> {
 
     /// Whether more than a third of the other force steps show what a position shows, or it stands just after a step that none can be compared with.
     fn may_belong_to_step(&self, departures: &[Option<Departure>], place: usize, scale_m: f64) -> bool {
-        let Some(own) = self.steps.iter().position(|step| step.places.contains(&place)) else { return false };
+        // Steps follow each other in time.
+        let own = self.steps.partition_point(|step| step.places.end <= place);
+        if self.steps.get(own).is_none_or(|step| !step.places.contains(&place)) {
+            return false;
+        }
         let step = &self.steps[own];
         let after_s = self.time_s[place] - step.start_s;
         let seen_m = departures[place].as_ref().map_or(0.0, |departure| departure.from_both_m);
-        let mut others: Vec<(f64, Vec<f64>)> = (0..self.steps.len())
+        let every = self.steps.len().div_ceil(MOST_COMPARED).max(1);
+        let mut others: Vec<(f64, Vec<f64>)> = (own % every..self.steps.len())
+            .step_by(every)
             .filter(|other| *other != own)
             .map(|other| (step.height_n / self.steps[other].height_n, self.departures_at(departures, other, after_s)))
             .filter(|(_, there)| !there.is_empty())

@@ -107,14 +107,23 @@ impl Subject {
     /// The same experiment with other positions (m), one a row; rows without a position stay without.
     pub fn with_positions(&self, position_m: &[f64]) -> Self {
         let replaced = |old: &[Option<f64>]| old.iter().zip(position_m).map(|(old, new)| old.map(|_| *new)).collect();
-        let other = Self::of(self.shared.clone(), replaced(&self.fitted_m), replaced(&self.scored_m));
-        Self { is_local: self.is_local, ..other }
+        let (fitted_m, scored_m): (Vec<Option<f64>>, Vec<Option<f64>>) =
+            (replaced(&self.fitted_m), replaced(&self.scored_m));
+        let both: Vec<Option<f64>> = fitted_m.iter().zip(&scored_m).map(|(a, b)| a.or(*b)).collect();
+        let (fitted, all) = (self.fitted.with_observed(&fitted_m), self.all.with_observed(&both));
+        Self { shared: self.shared.clone(), is_local: self.is_local, fitted_m, scored_m, fitted, all }
     }
 
     /// The same without the positions of some rows.
     pub fn without_rows(&self, rows: &[usize]) -> Self {
         let left = |old: &[Option<f64>]| {
-            old.iter().enumerate().map(|(row, old)| old.filter(|_| !rows.contains(&row))).collect()
+            let mut left = old.to_vec();
+            for row in rows {
+                if let Some(left) = left.get_mut(*row) {
+                    *left = None;
+                }
+            }
+            left
         };
         let other = Self::of(self.shared.clone(), left(&self.fitted_m), left(&self.scored_m));
         Self { is_local: self.is_local, ..other }

@@ -19,6 +19,25 @@ pub enum Protocol {
     Levels,
 }
 
+impl Protocol {
+    /// The paper's force in many short cycles of so many rows, 0.2 s apart; the last one is held out.
+    pub fn many_cycles(n_cycles: usize, rows_each: usize) -> Subject {
+        let (mut experiment, _) = embedded().expect("embedded");
+        experiment.apparatus = Apparatus::Instrument { compliance_per_m: 549.178 };
+        let n_rows = n_cycles * rows_each;
+        let record = &mut experiment.record;
+        record.time_s = (0..n_rows).map(|row| 0.2 * row as f64).collect();
+        record.force_n =
+            (0..n_rows).map(|row| if row % rows_each < rows_each / 2 { 4.6e-6 } else { -4.6e-6 }).collect();
+        record.cycle = (0..n_rows).map(|row| 1 + (row / rows_each) as u32).collect();
+        record.position_m = (0..n_rows).map(|row| Some(1e-4 * (0.6 * row as f64).sin())).collect();
+        experiment.calibration_cycles = (1..n_cycles as u32).collect();
+        experiment.heldout_cycles = vec![n_cycles as u32];
+        let problem = Problem::new(experiment, ModelSpecification::default(), None, &Silent).expect("sound");
+        Subject::new(&problem, &Library::default(), None, &Silent).expect("sound")
+    }
+}
+
 /// A subject on an instrument, which needs no finite elements, with the replica's stiffness.
 pub fn subject(protocol: Protocol) -> Subject {
     let (mut experiment, _) = embedded().expect("embedded");

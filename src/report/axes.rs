@@ -110,7 +110,7 @@ impl Axes {
         svg.path(&path, fill);
     }
 
-    /// Dots at the finite points that lie in the frame.
+    /// Dots at the finite points that lie in the frame; of many that cover each other by more than half, one.
     pub fn scatter(
         &self,
         svg: &mut Svg,
@@ -139,6 +139,18 @@ impl Axes {
         if (0.0..=1.0).contains(&self.x.fraction(x)) {
             let x = self.x_px(x);
             svg.line((x, self.frame.y), (x, self.frame.bottom()), stroke);
+        }
+    }
+
+    /// Vertical lines across the frame, one a pixel at most.
+    pub fn verticals(&self, svg: &mut Svg, x: &[f64], stroke: Stroke) {
+        let mut last_px = f64::NEG_INFINITY;
+        for x in x {
+            let at_px = self.x_px(*x);
+            if (at_px - last_px).abs() >= 1.0 {
+                self.vertical(svg, *x, stroke);
+                last_px = at_px;
+            }
         }
     }
 

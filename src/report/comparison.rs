@@ -129,9 +129,7 @@ fn shade(svg: &mut Svg, axes: &Axes, data: &ComparisonData) {
         let (left, right) = (axes.x_px(from), axes.x_px(to));
         svg.rect(Rect { x: left, width: right - left, ..axes.frame }, Fill::new(SKY, 0.14));
     }
-    for step_s in data.step_s {
-        axes.vertical(svg, *step_s, Stroke::solid(MUTED, 0.8).opacity(0.45));
-    }
+    axes.verticals(svg, data.step_s, Stroke::solid(MUTED, 0.8).opacity(0.45));
 }
 
 fn draw_main(svg: &mut Svg, axes: &Axes, data: &ComparisonData) {

@@ -10,6 +10,8 @@ const WIDTH_PX: f64 = 1080.0;
 const N_COLUMNS: usize = 3;
 const PANEL_HEIGHT_PX: f64 = 150.0;
 const PITCH_PX: f64 = 236.0;
+/// Thinner bars could not be seen.
+const LEAST_BAR_PX: f64 = 0.7;
 
 /// One panel.
 #[derive(Debug, Clone, PartialEq)]
@@ -64,7 +66,8 @@ fn draw(svg: &mut Svg, panel: &BarPanel, frame: Rect) {
     svg.text(&heading, (frame.x - 60.0, frame.y - 8.0), TextStyle::new(LABEL_SIZE_PX, Anchor::Start).colour(ink));
     axes.y_axis(svg, AxisStyle::new(Some(&panel.y_label), 5, 58.0).grid());
     let zero = axes.y_px(0.0);
-    for (k, (_, bias, sd)) in panel.bars.iter().enumerate() {
+    for k in shown(&panel.bars, frame.width) {
+        let (_, bias, sd) = &panel.bars[k];
         let (x, right) = (axes.x_px(k as f64 + 0.15), axes.x_px(k as f64 + 0.85));
         let y = axes.y_px(*bias);
         let is_clear = bias.abs() > 2.0 * sd;
@@ -75,7 +78,8 @@ fn draw(svg: &mut Svg, panel: &BarPanel, frame: Rect) {
         } else {
             0.3
         };
-        svg.rect(Rect { x, y: y.min(zero), width: right - x, height: (y - zero).abs() }, Fill::new(colour, opacity));
+        let width = (right - x).max(LEAST_BAR_PX);
+        svg.rect(Rect { x, y: y.min(zero), width, height: (y - zero).abs() }, Fill::new(colour, opacity));
         let middle = 0.5 * (x + right);
         let (low, high) = (axes.y_px(bias - 2.0 * sd), axes.y_px(bias + 2.0 * sd));
         svg.line((middle, low), (middle, high), Stroke::solid(INK, 1.3));
@@ -83,6 +87,15 @@ fn draw(svg: &mut Svg, panel: &BarPanel, frame: Rect) {
     labels(svg, panel, &axes);
     axes.horizontal(svg, 0.0, Stroke::solid(AXIS, 1.0));
     svg.rect(frame, Style::from(Stroke::solid(if panel.is_significant { VERMILLION } else { MUTED }, 1.0)));
+}
+
+/// Which bars are drawn: all of them, or the clearest of those that share two pixels.
+fn shown(bars: &[(String, f64, f64)], width_px: f64) -> Vec<usize> {
+    let together = (2.0 * bars.len() as f64 / width_px).ceil().max(1.0) as usize;
+    let clearness = |k: &usize| bars[*k].1.abs() / bars[*k].2.max(f64::MIN_POSITIVE);
+    let indices: Vec<usize> = (0..bars.len()).collect();
+    let clearest = |group: &[usize]| group.iter().copied().max_by(|a, b| clearness(a).total_cmp(&clearness(b)));
+    indices.chunks(together).filter_map(clearest).collect()
 }
 
 /// Names of bars, every second or third where they would touch, and the axis' name.

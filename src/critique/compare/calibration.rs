@@ -10,6 +10,7 @@ use statrs::distribution::{ContinuousCDF, Gamma};
 
 use super::SIGNIFICANT;
 use super::linear::{Linear, LinearFit};
+use super::rows::Columns;
 use super::whiteness::{ljung_box, runs};
 use crate::critique::Subject;
 use crate::error::Result;
@@ -45,15 +46,9 @@ pub struct Significance {
 ///
 /// # Errors
 /// [`crate::Error::Numerical`] where a fit has no solution.
-pub fn looks(
-    linear: &Linear,
-    likelihood: &NoiseLikelihood,
-    residual_m: &[f64],
-    panels: &[Vec<Vec<f64>>],
-) -> Result<Looks> {
+pub fn looks(linear: &Linear, likelihood: &NoiseLikelihood, residual_m: &[f64], panels: &[Columns]) -> Result<Looks> {
     let base = linear.fit_base(likelihood, residual_m)?;
-    let with: Vec<LinearFit> =
-        panels.iter().map(|columns| linear.fit_with(likelihood, residual_m, columns, &base)).collect::<Result<_>>()?;
+    let with = linear.fit_with(likelihood, residual_m, &panels.iter().collect::<Vec<_>>(), &base)?;
     let whitened = linear.whitened(likelihood, residual_m, &base);
     let mut statistics: Vec<f64> = with.iter().map(|fit| (fit.objective - base.objective).max(0.0)).collect();
     statistics.push(runs(&whitened));
@@ -102,12 +97,11 @@ fn pool_of(whitened: &[f64]) -> Vec<f64> {
 pub fn significance(
     subject: &Subject,
     linear: &Linear,
-    panels: &[Vec<Vec<f64>>],
+    panels: &[Columns],
     own: &Looks,
     n_simulations: usize,
     seed: u64,
 ) -> Result<Significance> {
-    let record = &subject.experiment().record;
     let pool = pool_of(&own.whitened);
     let noises = linear.noise_draws(&subject.fitted, &own.base, n_simulations, seed);
     let of_one = |number: usize| -> Result<Vec<f64>> {
@@ -115,7 +109,7 @@ pub fn significance(
         let noise_m = simulated_noise_m(subject, linear.position_m(), &noises[number], &pool, &mut stream);
         let fitted = subject.fitted_m.iter().zip(linear.position_m()).zip(&noise_m);
         let observed_m: Vec<Option<f64>> = fitted.map(|((y, f), e)| y.map(|_| f + e)).collect();
-        let likelihood = NoiseLikelihood::new(subject.noise(), &record.time_s, &record.cycle, &observed_m);
+        let likelihood = subject.fitted.with_observed(&observed_m);
         let residual_m: Vec<f64> = observed_m.iter().zip(&noise_m).map(|(y, e)| y.map_or(0.0, |_| *e)).collect();
         Ok(looks(linear, &likelihood, &residual_m, panels)?.statistics)
     };

@@ -5,7 +5,8 @@
 //! source describes leaves it less than half of its gain, or less than would be significant.
 
 use super::calibration::{Looks, Significance};
-use super::linear::{Linear, LinearFit};
+use super::linear::Linear;
+use super::rows::Columns;
 use super::whiteness::{ljung_box, runs};
 use crate::error::Result;
 use crate::inference::noise::NoiseLikelihood;
@@ -33,7 +34,7 @@ pub struct Shown<'a> {
     /// Positions less f̂, in m, one value a row.
     pub residual_m: &'a [f64],
     /// Columns of each panel.
-    pub columns: &'a [Vec<Vec<f64>>],
+    pub columns: &'a [Columns],
     /// Place of the primary look, the correlation of residuals with force changes.
     pub primary: Option<usize>,
     /// What was found.
@@ -80,8 +81,8 @@ impl Shown<'_> {
             let whitened = self.linear.whitened(self.likelihood, self.residual_m, there);
             return Ok(if look == self.columns.len() { runs(&whitened) } else { ljung_box(&whitened) });
         };
-        let both: Vec<Vec<f64>> = self.columns[source].iter().chain(columns).cloned().collect();
-        let joint: LinearFit = self.linear.fit_with(self.likelihood, self.residual_m, &both, there)?;
-        Ok((joint.objective - there.objective).max(0.0))
+        let both = self.columns[source].and(columns);
+        let joint = self.linear.fit_with(self.likelihood, self.residual_m, &[&both], there)?;
+        Ok(joint.iter().map(|joint| (joint.objective - there.objective).max(0.0)).sum())
     }
 }

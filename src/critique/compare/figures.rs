@@ -1,5 +1,6 @@
 //! The figures of a comparison.
 
+use std::collections::HashMap;
 use std::path::Path;
 
 use super::document::PanelEntry;
@@ -75,24 +76,64 @@ fn comparison_figure(subject: &Subject, outcome: &Outcome, name: &str) -> Result
     })
 }
 
-/// Whitened residuals turned along the step, averaged by step and time since it; residuals in µm beside them.
-fn map_rows(subject: &Subject, outcome: &Outcome) -> Vec<MapRow> {
+/// With more force steps than this, those of neighbouring cycles that go one way are one row of the map.
+const MOST_MAP_ROWS: usize = 96;
+
+/// The force steps of one row of the map.
+struct StepGroup {
+    label: String,
+    is_heldout: bool,
+    sign: f64,
+    /// First and last row of the record after each step.
+    rows: Vec<[usize; 2]>,
+}
+
+/// Every force step, or those of some successive cycles that go one way.
+fn step_groups(subject: &Subject) -> Vec<StepGroup> {
     let record = &subject.experiment().record;
     let steps = record.force_step_rows();
-    let mut rows: Vec<MapRow> = Vec::new();
+    let n_together = (2 * record.n_cycles() as usize).div_ceil(MOST_MAP_ROWS).max(1) as u32;
+    let is_pooled = steps.len() > MOST_MAP_ROWS;
+    let mut groups: Vec<StepGroup> = Vec::new();
+    let mut known: HashMap<(u32, bool, bool), usize> = HashMap::new();
     for (place, &at) in steps.iter().enumerate() {
         let before = if at == 0 { 0.0 } else { record.force_n[at - 1] };
         let sign = (record.force_n[at] - before).signum();
         let end = steps.get(place + 1).map_or(record.n_rows() - 1, |next| *next);
+        let cycle = record.cycle[at];
+        let is_heldout = subject.experiment().heldout_cycles.contains(&cycle);
+        let direction = if sign > 0.0 { "+" } else { "−" };
+        let bin = cycle.saturating_sub(1) / n_together;
+        let key = (bin, is_heldout, sign > 0.0);
+        if let Some(group) = known.get(&key).filter(|_| is_pooled).and_then(|group| groups.get_mut(*group)) {
+            group.rows.push([at + 1, end]);
+            continue;
+        }
+        // Rounded to 0.1 ms and written without trailing zeros.
+        let at_s = (1e4 * record.time_s[at]).round() / 1e4;
+        let label = match (is_pooled, n_together) {
+            (false, _) => format!("cycle {cycle}: {direction} step at {at_s} s"),
+            (true, 1) => format!("cycle {cycle}: {direction} steps"),
+            (true, _) => format!("cycles {} to {}: {direction} steps", bin * n_together + 1, (bin + 1) * n_together),
+        };
+        known.insert(key, groups.len());
+        groups.push(StepGroup { label, is_heldout, sign, rows: vec![[at + 1, end]] });
+    }
+    groups
+}
+
+/// Whitened residuals turned along the step, averaged by step and time since it; residuals in µm beside them.
+fn map_rows(subject: &Subject, outcome: &Outcome) -> Vec<MapRow> {
+    let mut rows: Vec<MapRow> = Vec::new();
+    for group in step_groups(subject) {
         let mut cells = vec![(0.0, 0.0, 0_usize); outcome.lag_ends_s.len()];
-        let is_heldout = subject.experiment().heldout_cycles.contains(&record.cycle[at]);
-        for row in at + 1..=end {
+        for row in group.rows.iter().flat_map(|[first, last]| *first..=*last) {
             let (Some(white), Some(lag_s)) = (outcome.whitened[row], outcome.time_since_step_s[row]) else { continue };
             let Some(y) = subject.fitted_m[row].or(subject.scored_m[row]) else { continue };
             let bin = outcome.lag_ends_s.partition_point(|end| *end < lag_s);
             if let Some(cell) = cells.get_mut(bin) {
                 let residual_um = 1e6 * (y - outcome.fitted.position_m[row]);
-                *cell = (cell.0 + sign * white, cell.1 + sign * residual_um, cell.2 + 1);
+                *cell = (cell.0 + group.sign * white, cell.1 + group.sign * residual_um, cell.2 + 1);
             }
         }
         if cells.iter().all(|cell| cell.2 == 0) {
@@ -102,11 +143,8 @@ fn map_rows(subject: &Subject, outcome: &Outcome) -> Vec<MapRow> {
             let count = *n as f64;
             (*n > 0).then(|| (white / count.sqrt(), residual_um / count))
         };
-        let direction = if sign > 0.0 { "+" } else { "−" };
-        // Rounded to 0.1 ms and written without trailing zeros.
-        let at_s = (1e4 * record.time_s[at]).round() / 1e4;
-        let label = format!("cycle {}: {direction} step at {at_s} s", record.cycle[at]);
-        rows.push(MapRow { label, is_heldout, cells: cells.iter().map(of_cell).collect() });
+        let cells = cells.iter().map(of_cell).collect();
+        rows.push(MapRow { label: group.label, is_heldout: group.is_heldout, cells });
     }
     rows
 }

@@ -3,17 +3,16 @@
 //! Near its fit a model is linear, f̂ + A δ, and columns C add to it: f̂ + A δ + C a. Noise that was estimated from residuals which still hold what
 //! C describes has swallowed it; so δ, a and the noise are found together, and what C gains is a likelihood ratio.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 
 use super::super::fit::columns_m;
 use super::super::noise_fit::{self, LogNoise, NoisePrior};
 use super::super::{Candidate, Fitted, Subject};
+use super::normal::{Normal, Solved};
+use super::rows::{ByCycle, Columns};
 use crate::error::{Error, Result};
 use crate::inference::ensemble::RandomStream;
-use crate::inference::noise::NoiseLikelihood;
-
-/// What is added to the normal equations of columns of unit length: directions that the model or other columns hold already get no amplitude.
-const RIDGE: f64 = 1e-7;
+use crate::inference::noise::{Asked, NoiseLikelihood};
 
 /// A model about its fit.
 pub struct Linear {
@@ -39,10 +38,12 @@ pub struct LinearFit {
     log_noise: LogNoise,
 }
 
-/// Amplitudes with their covariance.
-struct Solved {
-    amplitudes: DVector<f64>,
-    covariance: DMatrix<f64>,
+/// The best mean of some columns under one noise.
+struct Mean {
+    solved: Solved,
+    log_noise: LogNoise,
+    /// As in [`LinearFit`].
+    objective: f64,
 }
 
 impl Linear {
@@ -71,21 +72,17 @@ impl Linear {
         &self.position_m
     }
 
-    /// Derivatives (m a unit of the coordinate), one column a coordinate.
-    pub fn derivatives_m(&self) -> &[Vec<f64>] {
-        &self.derivatives_m
-    }
-
     /// Fits the model alone to positions less f̂ (m, one value a row).
     ///
     /// # Errors
     /// [`Error::Numerical`] where the normal equations have no solution.
     pub fn fit_base(&self, likelihood: &NoiseLikelihood, residual_m: &[f64]) -> Result<LinearFit> {
-        let starts = [self.base_noise, self.noise_prior.white()];
-        self.best(likelihood, residual_m, &[], &starts)
+        let none = Columns::default();
+        let mut fits = self.best(likelihood, residual_m, &[&none], &[self.base_noise, self.noise_prior.white()])?;
+        fits.pop().ok_or_else(|| no_solution("no start"))
     }
 
-    /// Fits the model with columns, from the noise of a fit without them and from noise as small as the yardstick.
+    /// Fits the model with the columns of each of some looks, from the noise of a fit without them and from noise as small as the yardstick.
     ///
     /// # Errors
     /// As [`Linear::fit_base`].
@@ -93,59 +90,69 @@ impl Linear {
         &self,
         likelihood: &NoiseLikelihood,
         residual_m: &[f64],
-        columns: &[Vec<f64>],
+        looks: &[&Columns],
         base: &LinearFit,
-    ) -> Result<LinearFit> {
-        self.best(likelihood, residual_m, columns, &[base.log_noise, self.noise_prior.white()])
+    ) -> Result<Vec<LinearFit>> {
+        self.best(likelihood, residual_m, looks, &[base.log_noise, self.noise_prior.white()])
     }
 
-    /// Climbs from the better of the starts.
+    /// Each look from the better of the starts: mean, noise, and the mean again. The calibration repeats exactly this, so that it need not be iterated
+    /// to rest.
     fn best(
         &self,
         likelihood: &NoiseLikelihood,
         residual_m: &[f64],
-        columns: &[Vec<f64>],
+        looks: &[&Columns],
         starts: &[LogNoise],
-    ) -> Result<LinearFit> {
-        let mut best: Option<(f64, LogNoise)> = None;
+    ) -> Result<Vec<LinearFit>> {
+        let mut best: Vec<Mean> = Vec::new();
         for start in starts {
-            let objective = self.fit_at(likelihood, residual_m, columns, *start)?.objective;
-            if best.is_none_or(|(best, _)| objective > best) {
-                best = Some((objective, *start));
+            let means = self.means(likelihood, residual_m, looks, start)?;
+            if best.is_empty() {
+                best = means;
+                continue;
+            }
+            for (best, mean) in best.iter_mut().zip(means) {
+                if mean.objective > best.objective {
+                    *best = mean;
+                }
             }
         }
-        let (_, start) = best.ok_or_else(|| no_solution("no start"))?;
-        self.climb(likelihood, residual_m, columns, start)
+        let corrections_m: Vec<Vec<f64>> =
+            looks.iter().zip(&best).map(|(look, mean)| self.correction_m(look, &mean.solved)).collect();
+        let noises = self.settle(likelihood, residual_m, &best, &corrections_m);
+        let mut fits = Vec::with_capacity(looks.len());
+        for (((look, mean), correction_m), noise) in looks.iter().zip(best).zip(corrections_m).zip(noises) {
+            fits.push(match noise {
+                Some(noise) => {
+                    let again = self.mean(likelihood, residual_m, look, &noise)?;
+                    fit_of(&again, self.correction_m(look, &again.solved))
+                }
+                None => fit_of(&mean, correction_m),
+            });
+        }
+        Ok(fits)
     }
 
-    /// Mean, noise, and the mean again: the calibration repeats exactly this, so that it need not be iterated to rest.
-    fn climb(
+    /// The best noise beside each mean, those that begin with one noise together; `None` where it stays as it is.
+    fn settle(
         &self,
         likelihood: &NoiseLikelihood,
         residual_m: &[f64],
-        columns: &[Vec<f64>],
-        start: LogNoise,
-    ) -> Result<LinearFit> {
-        let (correction_m, _) = self.mean(likelihood, residual_m, columns, &start)?;
-        let moved_m = self.moved_m(&correction_m);
-        let (log_noise, _) = noise_fit::fit(likelihood, &self.noise_prior, &moved_m, &start, false);
-        self.fit_at(likelihood, residual_m, columns, log_noise)
-    }
-
-    /// The best mean under a noise.
-    fn fit_at(
-        &self,
-        likelihood: &NoiseLikelihood,
-        residual_m: &[f64],
-        columns: &[Vec<f64>],
-        log_noise: LogNoise,
-    ) -> Result<LinearFit> {
-        let (correction_m, of_prior) = self.mean(likelihood, residual_m, columns, &log_noise)?;
-        let noise = noise_fit::natural(&log_noise);
-        let objective = likelihood.ln_likelihood(&self.moved_m(&correction_m), &noise)
-            + self.noise_prior.ln_density(&log_noise)
-            + of_prior;
-        Ok(LinearFit { objective, correction_m, noise, log_noise })
+        means: &[Mean],
+        corrections_m: &[Vec<f64>],
+    ) -> Vec<Option<LogNoise>> {
+        let mut noises = vec![None; means.len()];
+        for start in distinct(means) {
+            let members: Vec<usize> = (0..means.len()).filter(|k| means[*k].log_noise == start).collect();
+            let left =
+                |k: &usize| -> Vec<f64> { residual_m.iter().zip(&corrections_m[*k]).map(|(r, c)| r - c).collect() };
+            let left_m: Vec<Vec<f64>> = members.iter().map(left).collect();
+            let slices: Vec<&[f64]> = left_m.iter().map(Vec::as_slice).collect();
+            let settled = noise_fit::settle(likelihood, &self.noise_prior, &self.position_m, &slices, &start);
+            members.iter().zip(settled).for_each(|(k, noise)| noises[*k] = noise);
+        }
+        noises
     }
 
     /// The position to which the noise is fitted: f̂ and a correction.
@@ -153,60 +160,72 @@ impl Linear {
         self.position_m.iter().zip(correction_m).map(|(f, correction)| f + correction).collect()
     }
 
-    /// The best correction (m) under one noise, and the log prior of the coordinates there.
+    /// A δ + C a (m), one value a row of the record.
+    fn correction_m(&self, columns: &Columns, solved: &Solved) -> Vec<f64> {
+        let mut correction_m = columns.by_cycle.as_ref().map_or_else(
+            || vec![0.0; self.position_m.len()],
+            |by_cycle| by_cycle.place.iter().map(|place| place.map_or(0.0, |place| solved.of_cycles[place])).collect(),
+        );
+        for (column, amplitude) in self.derivatives_m.iter().chain(&columns.dense).zip(solved.amplitudes.iter()) {
+            correction_m.iter_mut().zip(column).for_each(|(sum, value)| *sum += amplitude * value);
+        }
+        correction_m
+    }
+
     fn mean(
         &self,
         likelihood: &NoiseLikelihood,
         residual_m: &[f64],
-        columns: &[Vec<f64>],
+        columns: &Columns,
         log_noise: &LogNoise,
-    ) -> Result<(Vec<f64>, f64)> {
-        let solved = self.solve(likelihood, residual_m, columns, &noise_fit::natural(log_noise))?;
-        let mut correction_m = vec![0.0; self.position_m.len()];
-        for (column, amplitude) in self.derivatives_m.iter().chain(columns).zip(solved.amplitudes.iter()) {
-            correction_m.iter_mut().zip(column).for_each(|(sum, value)| *sum += amplitude * value);
-        }
-        let pulls = self.priors.iter().zip(solved.amplitudes.iter());
-        let of_prior = pulls.map(|((inverse_sd, pull), step)| -0.5 * (pull - step * inverse_sd).powi(2)).sum();
-        Ok((correction_m, of_prior))
+    ) -> Result<Mean> {
+        let mut means = self.means(likelihood, residual_m, &[columns], log_noise)?;
+        means.pop().ok_or_else(|| no_solution("no columns"))
     }
 
-    /// Generalised least squares.
-    fn solve(
+    /// The best mean of each look under one noise: generalised least squares.
+    fn means(
         &self,
         likelihood: &NoiseLikelihood,
         residual_m: &[f64],
-        columns: &[Vec<f64>],
-        noise: &[f64; 5],
-    ) -> Result<Solved> {
-        let mut all: Vec<Vec<f64>> = self.derivatives_m.iter().chain(columns).cloned().collect();
-        all.push(residual_m.to_vec());
-        let white = likelihood.whiten(&all, &self.position_m, noise);
-        let n = all.len() - 1;
-        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-        let mut normal = DMatrix::zeros(n, n);
-        let mut slope = DVector::zeros(n);
-        for i in 0..n {
-            for j in 0..=i {
-                normal[(i, j)] = dot(&white[i], &white[j]);
-                normal[(j, i)] = normal[(i, j)];
-            }
-            slope[i] = dot(&white[i], &white[n]);
+        looks: &[&Columns],
+        log_noise: &LogNoise,
+    ) -> Result<Vec<Mean>> {
+        let noise = noise_fit::natural(log_noise);
+        let n_common = self.derivatives_m.len() + 1;
+        let mut columns: Vec<&[f64]> = self.derivatives_m.iter().map(Vec::as_slice).collect();
+        columns.push(residual_m);
+        let mut own = Vec::with_capacity(looks.len());
+        for look in looks {
+            own.push(columns.len()..columns.len() + look.dense.len());
+            columns.extend(look.dense.iter().map(Vec::as_slice));
         }
-        for (k, (inverse_sd, pull)) in self.priors.iter().enumerate() {
-            normal[(k, k)] += inverse_sd * inverse_sd;
-            slope[k] += inverse_sd * pull;
+        let with_cycles = looks.iter().position(|look| look.by_cycle.is_some());
+        let asked = Asked { columns: &columns, n_common, own: &own, with_cycles };
+        let products = likelihood
+            .white_products(&asked, &self.position_m, &noise)
+            .ok_or_else(|| no_solution("noise outside its support"))?;
+        let of_noise = products.ln_constant + self.noise_prior.ln_density(log_noise);
+        let mut cycles = products.cycles;
+        let mut means = Vec::with_capacity(looks.len());
+        for ((number, look), products) in looks.iter().enumerate().zip(products.sets) {
+            // The residuals, which all looks share, go behind a look's own columns.
+            let n = products.nrows();
+            let order: Vec<usize> = (0..n_common - 1).chain(n_common..n).chain(std::iter::once(n_common - 1)).collect();
+            let of_cycles = if with_cycles == Some(number) { std::mem::take(&mut cycles) } else { Vec::new() };
+            let normal = Normal {
+                products: products.select_rows(&order).select_columns(&order),
+                cycles: of_cycles.into_iter().map(|cycle| cycle.ordered(&order)).collect(),
+                has_column: look.by_cycle.as_ref().map_or(Vec::new(), |by_cycle| by_cycle.has_column.clone()),
+                priors: self.priors.clone(),
+            };
+            let solved = normal.solve().ok_or_else(|| no_solution("columns that are not finite"))?;
+            let pulls = self.priors.iter().zip(solved.amplitudes.iter());
+            let of_prior: f64 = pulls.map(|((inverse_sd, pull), step)| -0.5 * (pull - step * inverse_sd).powi(2)).sum();
+            let objective = of_noise + of_prior - 0.5 * solved.left;
+            means.push(Mean { solved, log_noise: *log_noise, objective });
         }
-        let scale: Vec<f64> = (0..n).map(|k| normal[(k, k)].max(f64::MIN_POSITIVE).sqrt().recip()).collect();
-        let scaled =
-            DMatrix::from_fn(n, n, |i, j| normal[(i, j)] * scale[i] * scale[j] + if i == j { RIDGE } else { 0.0 });
-        let factor = scaled.cholesky().ok_or_else(|| no_solution("columns that are not finite"))?;
-        let amplitudes = factor.solve(&DVector::from_fn(n, |i, _| slope[i] * scale[i]));
-        let inverse = factor.inverse();
-        Ok(Solved {
-            amplitudes: DVector::from_fn(n, |i, _| amplitudes[i] * scale[i]),
-            covariance: DMatrix::from_fn(n, n, |i, j| inverse[(i, j)] * scale[i] * scale[j]),
-        })
+        Ok(means)
     }
 
     /// Weighted means w·(A δ + C a), in m, with their standard errors, under the noise of a fit.
@@ -217,17 +236,45 @@ impl Linear {
         &self,
         likelihood: &NoiseLikelihood,
         residual_m: &[f64],
-        columns: &[Vec<f64>],
+        columns: &Columns,
         fit: &LinearFit,
         weights: &[Vec<f64>],
     ) -> Result<Vec<(f64, f64)>> {
-        let solved = self.solve(likelihood, residual_m, columns, &fit.noise)?;
+        let solved = self.mean(likelihood, residual_m, columns, &fit.log_noise)?.solved;
         let of_weights = |weights: &Vec<f64>| {
             let dot = |column: &Vec<f64>| column.iter().zip(weights).map(|(c, w)| c * w).sum::<f64>();
-            let v = DVector::from_iterator(solved.amplitudes.len(), self.derivatives_m.iter().chain(columns).map(dot));
-            (v.dot(&solved.amplitudes), v.dot(&(&solved.covariance * &v)).max(0.0).sqrt())
+            let all = self.derivatives_m.iter().chain(&columns.dense);
+            solved.weighted(&DVector::from_iterator(solved.amplitudes.len(), all.map(dot)))
         };
         Ok(weights.iter().map(of_weights).collect())
+    }
+
+    /// The same means over the fitted rows of each cycle that has a column.
+    ///
+    /// # Errors
+    /// As [`Linear::fit_base`].
+    pub fn cycle_means_m(
+        &self,
+        likelihood: &NoiseLikelihood,
+        residual_m: &[f64],
+        by_cycle: &ByCycle,
+        is_fitted: &[bool],
+        fit: &LinearFit,
+    ) -> Result<Vec<(f64, f64)>> {
+        let columns = Columns { dense: Vec::new(), by_cycle: Some(by_cycle.clone()) };
+        let solved = self.mean(likelihood, residual_m, &columns, &fit.log_noise)?.solved;
+        let n = self.derivatives_m.len();
+        let mut sums = vec![(0.0, DVector::zeros(n)); by_cycle.has_column.len()];
+        for (row, place) in by_cycle.place.iter().enumerate().filter(|(row, _)| is_fitted[*row]) {
+            if let Some((count, sum)) = place.and_then(|place| sums.get_mut(place)) {
+                *count += 1.0;
+                sum.iter_mut().zip(&self.derivatives_m).for_each(|(sum, column)| *sum += column[row]);
+            }
+        }
+        let in_cycles = solved.in_cycles();
+        let with_column = sums.into_iter().zip(&in_cycles).enumerate().filter(|(cycle, _)| by_cycle.has_column[*cycle]);
+        let mean = |(cycle, ((count, sum), in_cycle))| solved.weighted_in_cycle(&(sum / count), cycle, in_cycle);
+        Ok(with_column.map(mean).collect())
     }
 
     /// L⁻¹ (y − f̂ − A δ) at the fitted rows in order.
@@ -249,13 +296,31 @@ impl Linear {
     /// # Errors
     /// As [`Linear::fit_base`].
     pub fn position_sd_m(&self, likelihood: &NoiseLikelihood, noise: &[f64; 5]) -> Result<Vec<f64>> {
-        let solved = self.solve(likelihood, &vec![0.0; self.position_m.len()], &[], noise)?;
+        let nothing_m = vec![0.0; self.position_m.len()];
+        let solved = self.mean(likelihood, &nothing_m, &Columns::default(), &noise.map(f64::ln))?.solved;
+        let mut slope = DVector::zeros(self.derivatives_m.len());
         let at_row = |row: usize| {
-            let slope = DVector::from_iterator(self.derivatives_m.len(), self.derivatives_m.iter().map(|c| c[row]));
-            slope.dot(&(&solved.covariance * &slope)).max(0.0).sqrt()
+            slope.iter_mut().zip(&self.derivatives_m).for_each(|(slope, column)| *slope = column[row]);
+            solved.weighted(&slope).1
         };
         Ok((0..self.position_m.len()).map(at_row).collect())
     }
+}
+
+/// The noises of some means, each once.
+fn distinct(means: &[Mean]) -> Vec<LogNoise> {
+    let mut noises: Vec<LogNoise> = Vec::new();
+    for mean in means {
+        if !noises.contains(&mean.log_noise) {
+            noises.push(mean.log_noise);
+        }
+    }
+    noises
+}
+
+fn fit_of(mean: &Mean, correction_m: Vec<f64>) -> LinearFit {
+    let noise = noise_fit::natural(&mean.log_noise);
+    LinearFit { objective: mean.objective, correction_m, noise, log_noise: mean.log_noise }
 }
 
 fn no_solution(why: &str) -> Error {

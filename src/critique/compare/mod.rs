@@ -8,6 +8,7 @@ pub mod document;
 mod echoes;
 pub mod figures;
 pub mod linear;
+mod normal;
 pub mod panels;
 pub mod rows;
 mod sentences;
@@ -18,7 +19,7 @@ use document::{Bar, Comparison, LeftOutEntry, PanelEntry};
 use echoes::Shown;
 use linear::Linear;
 use panels::Panel;
-use rows::{Column, Rows};
+use rows::{Column, Columns, Rows};
 
 use super::{Candidate, Fitted, Search, Subject, outliers};
 use crate::error::Result;
@@ -59,14 +60,13 @@ pub fn run(subject: &Subject, candidate: &Candidate, n_simulations: usize, seed:
     let is_fitted = subject.fitted_m.iter().map(Option::is_some).collect();
     let rows = Rows::new(record, &fitted.position_m, is_fitted);
     let (panels, left_out) = panels::panels(&rows);
-    let columns: Vec<Vec<Vec<f64>>> =
-        panels.iter().map(|panel| panel.columns.iter().map(|column| column.values.clone()).collect()).collect();
+    let columns: Vec<Columns> = panels.iter().map(Panel::values).collect();
     let residual_m = residuals_m(&subject.fitted_m, &fitted.position_m);
     let own = looks(&linear, &subject.fitted, &residual_m, &columns)?;
     let significance = significance(subject, &linear, &columns, &own, n_simulations, seed)?;
     let mut entries = Vec::with_capacity(panels.len() + 2);
     for (k, panel) in panels.iter().enumerate() {
-        let bars = bars(subject, &linear, &residual_m, panel, &own.with[k])?;
+        let bars = bars(subject, &linear, &residual_m, panel, rows.is_fitted(), &own.with[k])?;
         let rms_um = 1e6 * rms_m(subject, &own.with[k].correction_m);
         entries.push(entry(panel, bars, rms_um, k, &own, &significance));
     }
@@ -158,6 +158,7 @@ fn bars(
     linear: &Linear,
     residual_m: &[f64],
     panel: &Panel,
+    is_fitted: &[bool],
     fit: &linear::LinearFit,
 ) -> Result<Vec<Bar>> {
     let masked = |column: &Column| -> Vec<f64> {
@@ -169,9 +170,13 @@ fn bars(
         let square: f64 = masked.iter().map(|value| value * value).sum();
         masked.iter().map(|value| value / square).collect()
     };
-    let columns: Vec<Vec<f64>> = panel.columns.iter().map(|column| column.values.clone()).collect();
-    let weights: Vec<Vec<f64>> = panel.columns.iter().map(weight).collect();
-    let means = linear.weighted_means_m(&subject.fitted, residual_m, &columns, fit, &weights)?;
+    let means = match &panel.by_cycle {
+        Some(by_cycle) => linear.cycle_means_m(&subject.fitted, residual_m, by_cycle, is_fitted, fit)?,
+        None => {
+            let weights: Vec<Vec<f64>> = panel.columns.iter().map(weight).collect();
+            linear.weighted_means_m(&subject.fitted, residual_m, &panel.values(), fit, &weights)?
+        }
+    };
     let bar = |(column, (mean_m, sd_m)): (&Column, (f64, f64))| Bar {
         label: column.label.clone(),
         phrase: column.phrase.clone(),

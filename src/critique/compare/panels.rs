@@ -3,7 +3,7 @@
 //! A column has one value a row of the record, at most 1 in size: a bias of one metre has amplitude 1 there. Columns that point along a motion are
 //! signed, since a bias that turns with the force is lost in a plain mean.
 
-use super::rows::{Column, Rows};
+use super::rows::{ByCycle, Column, Columns, Rows};
 use crate::experiment::Record;
 
 /// Columns that are looked at together.
@@ -17,6 +17,21 @@ pub struct Panel {
     pub is_along_force: bool,
     /// The columns.
     pub columns: Vec<Column>,
+    /// Where these are one for each cycle: their values.
+    pub by_cycle: Option<ByCycle>,
+}
+
+impl Panel {
+    /// The columns' values.
+    pub fn values(&self) -> Columns {
+        match &self.by_cycle {
+            Some(by_cycle) => Columns { dense: Vec::new(), by_cycle: Some(by_cycle.clone()) },
+            None => {
+                let dense = self.columns.iter().map(|column| column.values.clone()).collect();
+                Columns { dense, by_cycle: None }
+            }
+        }
+    }
 }
 
 /// A look that has no meaning in an experiment.
@@ -41,7 +56,7 @@ type Look = (&'static str, Result<Panel, &'static str>);
 
 fn panel(place: &'static str, title: &'static str, is_along_force: bool, columns: Vec<Column>) -> Look {
     let is_empty = columns.is_empty();
-    let panel = Panel { place, title, is_along_force, columns };
+    let panel = Panel { place, title, is_along_force, columns, by_cycle: None };
     (place, if is_empty { Err("too few positions for it") } else { Ok(panel) })
 }
 
@@ -106,16 +121,36 @@ fn input_correlation(rows: &Rows) -> Look {
     if ends.is_empty() || changes.is_empty() {
         return ("input_correlation", Err(NO_STEPS));
     }
-    let mut columns = vec![vec![0.0; rows.n()]; ends.len()];
-    for (row, time_s) in record.time_s.iter().enumerate() {
-        for (at_s, change) in &changes {
-            if let Some(bin) = lag_bin(&ends, time_s - at_s) {
-                columns[bin][row] += change;
-            }
-        }
-    }
+    let columns = summed_by_lag(&record.time_s, &changes, &ends);
     let columns = columns.into_iter().enumerate().map(|(k, values)| lag_column(&ends, k, values)).collect();
     panel("input_correlation", "lag behind force changes (s)", true, rows.kept(columns))
+}
+
+/// For each bin of lags, the sum of the changes (times in s, and sizes) that lie so long before each time. Both ends of a bin move on with the times, so
+/// that every change enters and leaves each bin once.
+fn summed_by_lag(time_s: &[f64], changes: &[(f64, f64)], ends: &[f64]) -> Vec<Vec<f64>> {
+    let sums: Vec<f64> = std::iter::once(0.0)
+        .chain(changes.iter().scan(0.0, |sum, change| {
+            *sum += change.1;
+            Some(*sum)
+        }))
+        .collect();
+    let of_bin = |k: usize| {
+        // As `lag_bin`: beyond the end before, up to the own end.
+        let (mut first, mut end) = (0, 0);
+        let at = |time_s: &f64| {
+            while first < changes.len() && time_s - changes[first].0 > ends[k] {
+                first += 1;
+            }
+            let is_past = |lag_s: f64| if k == 0 { lag_s > 0.0 } else { lag_s > ends[k - 1] };
+            while end < changes.len() && is_past(time_s - changes[end].0) {
+                end += 1;
+            }
+            sums[end.max(first)] - sums[first]
+        };
+        time_s.iter().map(at).collect()
+    };
+    (0..ends.len()).map(of_bin).collect()
 }
 
 fn time_since_step(rows: &Rows) -> Look {
@@ -133,17 +168,17 @@ fn time_since_step(rows: &Rows) -> Look {
 }
 
 fn cycle(rows: &Rows) -> Look {
-    let mut cycles: Vec<u32> = rows.fitted_rows().map(|row| rows.record.cycle[row]).collect();
-    cycles.dedup();
+    let (cycles, by_cycle) = rows.by_cycle();
     if cycles.len() < 2 {
         return ("cycle", Err("only one cycle is fitted"));
     }
-    let of = |cycle: &u32| {
-        rows.column(cycle.to_string(), format!("in cycle {cycle}"), |row| {
-            f64::from(u8::from(rows.record.cycle[row] == *cycle))
-        })
+    let with_column = cycles.iter().zip(&by_cycle.has_column).filter(|(_, has_column)| **has_column);
+    let named = |(cycle, _): (&u32, &bool)| {
+        let (label, phrase) = (cycle.to_string(), format!("in cycle {cycle}"));
+        Column { label, phrase, lag_s: None, values: Vec::new() }
     };
-    panel("cycle", "cycle", false, rows.kept(cycles.iter().map(of).collect()))
+    let (place, look) = panel("cycle", "cycle", false, with_column.map(named).collect());
+    (place, look.map(|panel| Panel { by_cycle: Some(by_cycle), ..panel }))
 }
 
 /// −1, 0 or 1.
@@ -334,4 +369,60 @@ fn harmonics(rows: &Rows) -> Look {
         columns.push(rows.column(k.to_string(), phrase, |row| (k as f64 * phase(row)).sin()));
     }
     panel("harmonics", "harmonic of the force: amplitude", false, rows.kept(columns))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::inference::ensemble::RandomStream;
+
+    /// Against the sum over all pairs, at uneven times with two changes at one of them.
+    #[test]
+    fn sums_by_lag_are_those_over_all_pairs() {
+        let mut stream = RandomStream::new(9, 1);
+        let mut now_s = 0.0;
+        let time_s: Vec<f64> = (0..400)
+            .map(|_| {
+                now_s += 0.2 * stream.unit();
+                now_s
+            })
+            .collect();
+        let changes: Vec<(f64, f64)> =
+            time_s.iter().enumerate().filter(|(row, _)| row % 3 != 1).map(|(_, t)| (*t, stream.normal())).collect();
+        let ends = [0.1, 0.35, 1.0, 4.0];
+        let sums = summed_by_lag(&time_s, &changes, &ends);
+        for (row, t) in time_s.iter().enumerate() {
+            let mut exact = [0.0; 4];
+            for (at_s, change) in &changes {
+                if let Some(bin) = lag_bin(&ends, t - at_s) {
+                    exact[bin] += change;
+                }
+            }
+            for (k, exact) in exact.iter().enumerate() {
+                assert!((sums[k][row] - exact).abs() < 1e-12, "{} {exact}", sums[k][row]);
+            }
+        }
+    }
+
+    /// 20,000 rows in 2,000 cycles: what all looks keep is some dozens of numbers a row, however many cycles there are; one column a cycle over all rows
+    /// was 2,000.
+    #[test]
+    fn columns_of_many_cycles_are_one_number_a_row() {
+        let n = 20_000;
+        let record = Record {
+            time_s: (0..n).map(|row| 0.2 * row as f64).collect(),
+            force_n: (0..n).map(|row: usize| if row % 10 < 5 { 4.6e-6 } else { -4.6e-6 }).collect(),
+            position_m: vec![Some(0.0); n],
+            cycle: (0..n).map(|row| 1 + (row / 10) as u32).collect(),
+        };
+        let position_m: Vec<f64> = (0..n).map(|row| 1e-4 * (0.6 * row as f64).sin()).collect();
+        let is_fitted = record.cycle.iter().map(|cycle| *cycle < 2_000 && *cycle != 7).collect();
+        let (panels, _) = panels(&Rows::new(&record, &position_m, is_fitted));
+        let cycles = panels.iter().find(|panel| panel.place == "cycle").expect("many cycles");
+        assert_eq!(cycles.columns.len(), 1_998);
+        let kept: usize = panels.iter().map(|panel| panel.values().dense.iter().map(Vec::len).sum::<usize>()).sum();
+        assert!(kept < 80 * n, "{kept}");
+        let by_cycle = cycles.values().by_cycle.expect("a column a cycle");
+        assert_eq!((by_cycle.place[59], by_cycle.place[60], by_cycle.place[70]), (Some(5), None, Some(6)));
+    }
 }

@@ -15,8 +15,34 @@ pub struct Column {
     pub phrase: String,
     /// From and to, in s after a force step, where that is what it is about.
     pub lag_s: Option<[f64; 2]>,
-    /// One value a row of the record.
+    /// One value a row of the record; none for a cycle's column, which [`ByCycle`] has.
     pub values: Vec<f64>,
+}
+
+/// A column for each cycle, 1 in its rows and 0 elsewhere: kept as one number a row, however many cycles there are.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct ByCycle {
+    /// The place of each row's cycle among those with a fitted row; `None` for rows of other cycles, and of cycles without a column.
+    pub place: Vec<Option<usize>>,
+    /// Which of those have a column.
+    pub has_column: Vec<bool>,
+}
+
+/// What is added to a model.
+#[derive(Debug, Clone, Default)]
+pub struct Columns {
+    /// One value a row of the record each.
+    pub dense: Vec<Vec<f64>>,
+    /// Beside them, one for each cycle.
+    pub by_cycle: Option<ByCycle>,
+}
+
+impl Columns {
+    /// All columns of both, of which one at most has columns of cycles.
+    pub fn and(&self, other: &Self) -> Self {
+        let dense = self.dense.iter().chain(&other.dense).cloned().collect();
+        Self { dense, by_cycle: self.by_cycle.clone().or_else(|| other.by_cycle.clone()) }
+    }
 }
 
 /// What panels are made from.
@@ -59,6 +85,11 @@ impl<'a> Rows<'a> {
         self.record.n_rows()
     }
 
+    /// Which rows count.
+    pub fn is_fitted(&self) -> &[bool] {
+        &self.is_fitted
+    }
+
     /// Time (s) since the last force step before each row.
     pub fn time_since_step_s(&self) -> Vec<Option<f64>> {
         self.since_step.iter().map(|step| step.map(|(time_s, _)| time_s)).collect()
@@ -82,6 +113,30 @@ impl<'a> Rows<'a> {
 
     pub(super) fn fitted_rows(&self) -> impl Iterator<Item = usize> + '_ {
         (0..self.n()).filter(|row| self.is_fitted[*row])
+    }
+
+    /// Cycles with fitted rows, and their columns where those are enough.
+    pub(super) fn by_cycle(&self) -> (Vec<u32>, ByCycle) {
+        let (mut cycles, mut counts) = (Vec::<u32>::new(), Vec::<usize>::new());
+        for row in self.fitted_rows() {
+            if cycles.last() != Some(&self.record.cycle[row]) {
+                cycles.push(self.record.cycle[row]);
+                counts.push(0);
+            }
+            if let Some(count) = counts.last_mut() {
+                *count += 1;
+            }
+        }
+        let has_column: Vec<bool> = counts.iter().map(|count| *count >= FEWEST_ROWS).collect();
+        let mut next = 0;
+        let place_of = |cycle: &u32| {
+            while next < cycles.len() && cycles[next] < *cycle {
+                next += 1;
+            }
+            (cycles.get(next) == Some(cycle) && has_column[next]).then_some(next)
+        };
+        let place = self.record.cycle.iter().map(place_of).collect();
+        (cycles, ByCycle { place, has_column })
     }
 
     /// Columns with fitted rows enough, scaled to at most 1 there.

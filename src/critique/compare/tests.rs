@@ -56,3 +56,24 @@ fn a_delay_is_one_finding_and_its_echoes() {
     assert!(names[first_echo..].iter().all(Option::is_some), "sources come first: {names:?}");
     assert!(sources[0].size_um.expect("a size") > 10.0 && sources[0].sentence.contains('±'), "{:?}", sources[0]);
 }
+
+/// 20,000 rows in 2,000 cycles of a correct model: every cycle has its bias with an error, and one that is off by 6 σ of its mean is the clearest. The two
+/// simulated records say nothing of significance; with a column a cycle over all rows this takes gigabytes.
+#[test]
+fn many_cycles_are_looked_at_one_by_one() {
+    let subject = Protocol::many_cycles(2_000, 10);
+    let truth_m = truth_of(&subject, &[], &[]);
+    let noise_m = noise_of(&subject, &truth_m, &NOISES[0], 5);
+    let cycle = &subject.experiment().record.cycle;
+    let off_m = |row: usize| if cycle[row] == 1_234 { 6.0 * 4e-6 / 10_f64.sqrt() } else { 0.0 };
+    let position_m: Vec<f64> = (0..truth_m.len()).map(|row| truth_m[row] + noise_m[row] + off_m(row)).collect();
+    let comparison = compared(&subject.with_positions(&position_m), 2);
+    let panel = comparison.panels.iter().find(|panel| panel.place == "cycle").expect("many cycles");
+    assert_eq!(panel.bars.len(), 1_999);
+    let bar = panel.bars.iter().find(|bar| bar.label == "1234").expect("its bar");
+    // Six standard errors, give or take five: false failures below 1e-6.
+    assert!(bar.bias_um > bar.sd_um && bar.bias_um < 11.0 * bar.sd_um, "{bar:?}");
+    let squares: f64 = panel.bars.iter().map(|bar| (bar.bias_um / bar.sd_um).powi(2)).sum();
+    // χ² with 1999 degrees of freedom, and 36 beside it: standard deviation 63.
+    assert!((squares - 1999.0).abs() < 6.0 * 63.0 + 36.0, "{squares}");
+}

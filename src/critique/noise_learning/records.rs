@@ -52,7 +52,14 @@ pub(super) fn of_neighbours(record: &Record) -> Option<Spread> {
 /// Differences of what a fit (positions in m) leaves at the same time in successive cycles, where the last force step was the same in both: after
 /// another step, as after the first of all, the true motions differ.
 pub(super) fn of_cycles(record: &Record, fitted_m: &[f64]) -> Option<CycleSpread> {
-    let pairs: Vec<Pair> = (1..record.n_cycles()).filter_map(|cycle| Pair::new(record, fitted_m, cycle)).collect();
+    let steps = record.force_step_rows();
+    let same = Same {
+        time_s: SAME_TIME_INTERVALS * record.median_interval_s()?,
+        force_n: EQUAL_STEP_FRACTION * record.force_range_n(),
+    };
+    let cycles: Vec<Vec<Phase>> = (1..=record.n_cycles()).map(|cycle| phases(record, &steps, cycle)).collect();
+    let pairs = cycles.windows(2).filter_map(|pair| Pair::new(record, fitted_m, [&pair[0], &pair[1]], &same));
+    let pairs: Vec<Pair> = pairs.collect();
     let n_pairs = pairs.len();
     if n_pairs == 0 {
         return None;
@@ -83,6 +90,12 @@ pub(super) fn of_cycles(record: &Record, fitted_m: &[f64]) -> Option<CycleSpread
     Some(CycleSpread { whole, within: within_one, gain_sd, gain_standard_error, gain_score, offset_score, n_pairs })
 }
 
+/// What counts as the same time and as the same force.
+struct Same {
+    time_s: f64,
+    force_n: f64,
+}
+
 /// A cycle against the next.
 struct Pair {
     difference_m: Vec<f64>,
@@ -96,12 +109,10 @@ struct Pair {
 }
 
 impl Pair {
-    fn new(record: &Record, fitted_m: &[f64], cycle: u32) -> Option<Self> {
-        let same_s = SAME_TIME_INTERVALS * record.median_interval_s()?;
-        let equal_n = EQUAL_STEP_FRACTION * record.force_range_n();
-        let (own, next) = (phases(record, cycle), phases(record, cycle + 1));
+    fn new(record: &Record, fitted_m: &[f64], [own, next]: [&[Phase]; 2], same: &Same) -> Option<Self> {
+        let (same_s, equal_n) = (same.time_s, same.force_n);
         let (mut difference_m, mut position_m) = (Vec::new(), Vec::new());
-        for row in &own {
+        for row in own {
             let at = next.partition_point(|other| other.after_s < row.after_s - same_s);
             if let (Some(other), Some(one_m)) = (next.get(at), record.position_m[row.row])
                 && other.after_s <= row.after_s + same_s
@@ -130,8 +141,8 @@ struct Phase {
     to_n: f64,
 }
 
-fn phases(record: &Record, cycle: u32) -> Vec<Phase> {
-    let steps = record.force_step_rows();
+/// Of the rows of a cycle, with the rows of all force steps.
+fn phases(record: &Record, steps: &[usize], cycle: u32) -> Vec<Phase> {
     let first = record.cycle.partition_point(|other| *other < cycle);
     let end = record.cycle.partition_point(|other| *other <= cycle);
     let phase = |row: usize| {

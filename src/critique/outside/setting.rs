@@ -91,7 +91,7 @@ fn since_steps(time_s: &[f64], force_n: &[f64], step_rows: &[usize]) -> Vec<(f64
     let sign = |row: usize| (force_n[row] - if row == 0 { 0.0 } else { force_n[row - 1] }).signum();
     let since = |row: usize| {
         // At the step's own row the position is still the one before.
-        let last = step_rows.iter().rev().find(|step| **step < row);
+        let last = step_rows.partition_point(|step| *step < row).checked_sub(1).map(|place| &step_rows[place]);
         last.map_or((0.0, 0.0), |step| (sign(*step), time_s[row] - time_s[*step]))
     };
     (0..time_s.len()).map(since).collect()

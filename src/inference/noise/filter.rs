@@ -3,7 +3,7 @@
 //! Legend: state (u, g, o) with indices 0, 1, 2; h = (1, x, 1) observes it; P = U D Uᵀ its covariance over σ², U unit upper triangular. The process
 //! stands first because D₀ enters P₀₀ alone: a time step touches D₀, U₀₁ and U₀₂ only. Whatever a model lacks is left out at compile time.
 
-use pulp::Simd;
+use pulp::{Scalar, Simd};
 
 use super::lanes::Register;
 
@@ -33,6 +33,33 @@ pub(super) struct Gain<S: Simd> {
     pub precision: Register<S>,
     /// P hᵀ/σ²; over S/σ², Kalman's gain.
     direction: [Register<S>; 3],
+}
+
+/// A gain as numbers, which one covariance gives to the means of many columns.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct GainNumbers {
+    /// σ²/S.
+    pub precision: f64,
+    direction: [f64; 3],
+}
+
+impl Gain<Scalar> {
+    pub fn numbers(&self) -> GainNumbers {
+        GainNumbers { precision: self.precision.number(), direction: self.direction.map(Register::number) }
+    }
+}
+
+impl GainNumbers {
+    /// The same in every lane; what a mean is corrected by takes no excess.
+    #[inline(always)]
+    pub fn splat<S: Simd>(&self, simd: S) -> Gain<S> {
+        let [u, g, o] = self.direction;
+        Gain {
+            excess: Register::splat(simd, 0.0),
+            precision: Register::splat(simd, self.precision),
+            direction: [Register::splat(simd, u), Register::splat(simd, g), Register::splat(simd, o)],
+        }
+    }
 }
 
 impl<S: Simd, const OU: bool, const GAIN: bool> Covariance<S, OU, GAIN> {
@@ -80,8 +107,10 @@ impl<S: Simd, const OU: bool, const GAIN: bool> Covariance<S, OU, GAIN> {
         let mut alpha = one;
         if OU {
             alpha = one + v0;
-            gain.precision = one / alpha;
-            self.d[0] = v0 * gain.precision;
+            if !GAIN {
+                gain.precision = one / alpha;
+                self.d[0] = v0 * gain.precision;
+            }
         }
         if GAIN {
             let f1 = if OU { x + self.u01 } else { x };
@@ -89,7 +118,14 @@ impl<S: Simd, const OU: bool, const GAIN: bool> Covariance<S, OU, GAIN> {
             let (v1, v2) = (self.d[1] * f1, self.d[2] * f2);
             let with_gain = f1.mul_add(v1, alpha);
             let with_offset = f2.mul_add(v2, with_gain);
-            let (precision_1, precision_2) = (one / with_gain, one / with_offset);
+            // One division for all three: divisions are what a step waits for. Variances' ratios are below 10¹⁰⁰, so that their product is a number.
+            let first_two = alpha * with_gain;
+            let inverse = one / (first_two * with_offset);
+            let (precision_1, precision_2) = (inverse * (alpha * with_offset), inverse * first_two);
+            if OU {
+                gain.precision = inverse * (with_gain * with_offset);
+                self.d[0] = v0 * gain.precision;
+            }
             self.d[1] = self.d[1] * alpha * precision_1;
             self.d[2] = self.d[2] * with_gain * precision_2;
             if OU {
@@ -121,6 +157,33 @@ impl<S: Simd, const OU: bool, const GAIN: bool> Mean<S, OU, GAIN> {
     #[inline(always)]
     pub fn zero(simd: S) -> Self {
         Self { state: [Register::splat(simd, 0.0); 3] }
+    }
+
+    /// With a process of a given size (m), and neither gain nor offset.
+    #[inline(always)]
+    pub fn of_process(process: Register<S>) -> Self {
+        Self { state: [process, process.zero(), process.zero()] }
+    }
+
+    /// The process.
+    #[inline(always)]
+    pub fn process(&self) -> Register<S> {
+        self.state[0]
+    }
+
+    /// From arrays of lanes, one for each part of the state.
+    #[inline(always)]
+    pub fn load<const W: usize>(simd: S, lanes: &[[f64; W]; 3], index: usize) -> Self {
+        let part = |part: usize| Register::load(simd, &lanes[part], index);
+        Self { state: [part(0), part(1), part(2)] }
+    }
+
+    /// Into arrays of lanes.
+    #[inline(always)]
+    pub fn store<const W: usize>(&self, lanes: &mut [[f64; W]; 3], index: usize) {
+        self.state[0].store(&mut lanes[0], index);
+        self.state[1].store(&mut lanes[1], index);
+        self.state[2].store(&mut lanes[2], index);
     }
 
     /// A time step.

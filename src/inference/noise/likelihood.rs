@@ -28,6 +28,14 @@ impl NoiseLikelihood {
         Self { model, rows, observed_m: observed_m.iter().copied().flatten().collect() }
     }
 
+    /// The same rows with other positions in m: one entry a row of the record, `None` where there was nothing to compare. Costs less than
+    /// [`NoiseLikelihood::new`], which looks for equal steps.
+    pub fn with_observed(&self, observed_m: &[Option<f64>]) -> Self {
+        let observed = |row: &super::rows::Row| observed_m[row.index].unwrap_or(f64::NAN);
+        let observed_m = self.rows.rows.iter().map(observed).collect();
+        Self { model: self.model, rows: self.rows.clone(), observed_m }
+    }
+
     /// Number of positions that are compared.
     pub fn n_observed(&self) -> usize {
         self.observed_m.len()
@@ -42,6 +50,16 @@ impl NoiseLikelihood {
         out[0]
     }
 
+    /// The same of several points that share their position: `parameters[parameter][lane]`.
+    pub fn ln_likelihood_shared(
+        &self,
+        position_m: &[SharedPosition],
+        parameters: &[[f64; LANES]],
+        out: &mut [f64; LANES],
+    ) {
+        self.evaluate(Vectors, position_m, &self.scales(parameters), out);
+    }
+
     /// The same for several points at once: `position_m[row][lane]`, `parameters[parameter][lane]`. What a lane gets does not depend, to the last
     /// bit, on the others; it may differ from [`NoiseLikelihood::ln_likelihood`] by rounding.
     pub fn ln_likelihood_lanes<R: Borrow<[f64; LANES]>>(
@@ -50,17 +68,20 @@ impl NoiseLikelihood {
         parameters: &[[f64; LANES]],
         out: &mut [f64; LANES],
     ) {
-        let scales = std::array::from_fn(|lane| {
+        self.evaluate(Vectors, position_m, &self.scales(parameters), out);
+    }
+
+    pub(super) fn scales(&self, parameters: &[[f64; LANES]]) -> [Option<Scales>; LANES] {
+        std::array::from_fn(|lane| {
             let mut values = [0.0; NoiseTerm::MOST_PARAMETERS];
             for (value, lanes) in values.iter_mut().zip(parameters) {
                 *value = lanes[lane];
             }
             Scales::new(self.model, &values[..parameters.len().min(values.len())])
-        });
-        self.evaluate(Vectors, position_m, &scales, out);
+        })
     }
 
-    fn evaluate<M: Machine, R: Borrow<[f64; W]>, const W: usize>(
+    fn evaluate<M: Machine, R: PositionRow<W>, const W: usize>(
         &self,
         machine: M,
         position_m: &[R],
@@ -86,7 +107,7 @@ impl NoiseLikelihood {
         }
     }
 
-    fn pass<M: Machine, R: Borrow<[f64; W]>, const W: usize, const OU: bool, const GAIN: bool, const STUDENT: bool>(
+    fn pass<M: Machine, R: PositionRow<W>, const W: usize, const OU: bool, const GAIN: bool, const STUDENT: bool>(
         &self,
         machine: M,
         position_m: &[R],
@@ -105,6 +126,29 @@ impl NoiseLikelihood {
             tail_weight: of(|s| (s.dof + 1.0) / s.dof),
         };
         machine.run(pass)
+    }
+}
+
+/// The position (m) of a row that all points share.
+#[derive(Debug, Clone, Copy)]
+pub struct SharedPosition(pub f64);
+
+/// The positions of a row, one a point or one of all.
+trait PositionRow<const W: usize> {
+    fn register<S: Simd>(&self, simd: S, index: usize) -> Register<S>;
+}
+
+impl<R: Borrow<[f64; W]>, const W: usize> PositionRow<W> for R {
+    #[inline(always)]
+    fn register<S: Simd>(&self, simd: S, index: usize) -> Register<S> {
+        Register::load(simd, self.borrow(), index)
+    }
+}
+
+impl<const W: usize> PositionRow<W> for SharedPosition {
+    #[inline(always)]
+    fn register<S: Simd>(&self, simd: S, _index: usize) -> Register<S> {
+        Register::splat(simd, self.0)
     }
 }
 
@@ -130,18 +174,18 @@ impl Machine for Scalars {
 
 /// A step of the process for every lane.
 #[derive(Clone)]
-struct Step<const W: usize> {
-    decay: [f64; W],
-    gained: [f64; W],
+pub(super) struct Step<const W: usize> {
+    pub decay: [f64; W],
+    pub gained: [f64; W],
 }
 
 impl<const W: usize> Step<W> {
-    const NONE: Self = Self { decay: [0.0; W], gained: [0.0; W] };
+    pub const NONE: Self = Self { decay: [0.0; W], gained: [0.0; W] };
 
     /// Decay exp(−Δt/τ) and the variance (1 − exp(−2Δt/τ)) σ_ou²/σ² gained, as [`Scales::step`]. Uneven sampling asks for one a row, so that single
     /// exponentials would cost more than the filter.
     #[inline(always)]
-    fn fill<S: Simd>(&mut self, simd: S, register: usize, step_s: f64, ou: &[f64; W], ou_time_s: &[f64; W]) {
+    pub fn fill<S: Simd>(&mut self, simd: S, register: usize, step_s: f64, ou: &[f64; W], ou_time_s: &[f64; W]) {
         let time_s = Register::load(simd, ou_time_s, register);
         let change = (Register::splat(simd, -step_s) / time_s).exp_m1_below_zero();
         (Register::splat(simd, 1.0) + change).store(&mut self.decay, register);
@@ -201,7 +245,7 @@ struct Pass<'a, R, const W: usize, const OU: bool, const GAIN: bool, const STUDE
     tail_weight: [f64; W],
 }
 
-impl<R: Borrow<[f64; W]>, const W: usize, const OU: bool, const GAIN: bool, const STUDENT: bool> WithSimd
+impl<R: PositionRow<W>, const W: usize, const OU: bool, const GAIN: bool, const STUDENT: bool> WithSimd
     for Pass<'_, R, W, OU, GAIN, STUDENT>
 {
     type Output = Sums<W>;
@@ -244,7 +288,7 @@ impl<R: Borrow<[f64; W]>, const W: usize, const OU: bool, const GAIN: bool, cons
                     covariance.renew(prior);
                     mean.renew();
                 }
-                let x = Register::load(simd, self.position_m[row.index].borrow(), register);
+                let x = self.position_m[row.index].register(simd, register);
                 let innovation = mean.innovation(Register::splat(simd, observed_m) - x, x);
                 if !OU && !GAIN {
                     let square = innovation * innovation;

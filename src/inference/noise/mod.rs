@@ -38,12 +38,15 @@ mod lanes;
 mod likelihood;
 mod model;
 mod paths;
+mod residuals;
 mod rows;
 mod scales;
+mod whitening;
 
 #[cfg(test)]
 mod dense;
 
 pub use lanes::LANES;
-pub use likelihood::NoiseLikelihood;
+pub use likelihood::{NoiseLikelihood, SharedPosition};
 pub use model::{NoiseModel, NoiseScales, NoiseTerm};
+pub(crate) use whitening::{Asked, CycleProducts};

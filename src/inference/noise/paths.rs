@@ -1,38 +1,39 @@
-//! Whitening by the filter, marginal standard deviations, and simulated noise.
+//! The filter row by row: marginal standard deviations, and simulated noise.
 
 use pulp::Scalar;
 use rand::{Rng, RngExt};
 use rand_distr::StandardNormal;
 
+use super::NoiseModel;
 use super::filter::{Covariance, Gain, Mean, PriorVariances};
 use super::lanes::Register;
 use super::rows::{Row, Rows};
 use super::scales::Scales;
-use super::{NoiseLikelihood, NoiseModel};
 
-type Number = Register<Scalar>;
+pub(super) type Number = Register<Scalar>;
 
-fn number(value: f64) -> Number {
+pub(super) fn number(value: f64) -> Number {
     Register::splat(Scalar, value)
 }
 
 /// The filter of one point, row by row; terms that the model lacks have variance 0.
-struct Walk<'a> {
-    scales: &'a Scales,
-    step_s: &'a [f64],
+pub(super) struct Walk {
+    /// Decay of the process and the variance that it gains, by step.
+    steps: Vec<(f64, f64)>,
     prior: PriorVariances<Scalar>,
     covariance: Covariance<Scalar, true, true>,
 }
 
-impl<'a> Walk<'a> {
-    fn new(scales: &'a Scales, step_s: &'a [f64]) -> Self {
+impl Walk {
+    pub fn new(scales: &Scales, step_s: &[f64]) -> Self {
+        let steps = step_s.iter().map(|step_s| scales.step(*step_s)).collect();
         let prior = PriorVariances { gain: number(scales.gain_per_m2), offset: number(scales.offset) };
-        Self { scales, step_s, prior, covariance: Covariance::zero(Scalar) }
+        Self { steps, prior, covariance: Covariance::zero(Scalar) }
     }
 
     /// Decay of the process up to a row, and the row's gain.
-    fn observe(&mut self, row: &Row, position_m: f64) -> (Number, Gain<Scalar>) {
-        let (decay, gained) = self.scales.step(self.step_s[row.step]);
+    pub fn observe(&mut self, row: &Row, position_m: f64) -> (Number, Gain<Scalar>) {
+        let (decay, gained) = self.steps[row.step];
         self.covariance.advance(number(decay), number(gained));
         if row.new_cycle {
             self.covariance.renew(self.prior);
@@ -42,37 +43,10 @@ impl<'a> Walk<'a> {
 }
 
 /// Takes a mean to a row.
-fn advance(mean: &mut Mean<Scalar, true, true>, row: &Row, decay: Number) {
+pub(super) fn advance(mean: &mut Mean<Scalar, true, true>, row: &Row, decay: Number) {
     mean.advance(decay);
     if row.new_cycle {
         mean.renew();
-    }
-}
-
-impl NoiseLikelihood {
-    /// L⁻¹ times each column, where L Lᵀ is the covariance of the observed positions at a point: so ‖whiten(r)‖² is the Mahalanobis distance of
-    /// residuals r. A column has one entry a row of the record, its result one an observed row, in order.
-    ///
-    /// L is that of the Gaussian terms; with `student` it is multiplied by √(ν/(ν − 2)). All NaN for parameters outside their support.
-    pub fn whiten(&self, columns: &[Vec<f64>], position_m: &[f64], parameters: &[f64]) -> Vec<Vec<f64>> {
-        let Some(scales) = Scales::new(self.model, parameters) else {
-            return vec![vec![f64::NAN; self.n_observed()]; columns.len()];
-        };
-        let inverse_sd_per_m = 1.0 / (scales.noise_sd_m * scales.variance_factor().sqrt());
-        let mut walk = Walk::new(&scales, &self.rows.step_s);
-        let mut means = vec![Mean::<Scalar, true, true>::zero(Scalar); columns.len()];
-        let mut white = vec![Vec::with_capacity(self.n_observed()); columns.len()];
-        for row in &self.rows.rows {
-            let x = position_m[row.index];
-            let (decay, gain) = walk.observe(row, x);
-            for ((column, mean), white) in columns.iter().zip(&mut means).zip(&mut white) {
-                advance(mean, row, decay);
-                let innovation = mean.innovation(number(column[row.index]), number(x));
-                mean.correct(&gain, innovation * gain.precision);
-                white.push(innovation.number() * gain.precision.number().sqrt() * inverse_sd_per_m);
-            }
-        }
-        white
     }
 }
 

@@ -1,0 +1,113 @@
+//! Products of whitened columns against the whitened columns themselves.
+
+use super::super::dense::{POINTS, TestRecord, gaussian_models, parameters};
+use super::*;
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// Products, those of cycles' columns put together from what each cycle says, and the density, over more rows than a block has; the record has a cycle
+/// without observations.
+#[test]
+fn products_are_those_of_whitened_columns() {
+    let n_rows = 3 * BLOCK + 50;
+    let mut record = TestRecord::irregular(n_rows);
+    // Many short cycles, some of one row, beside the long ones.
+    record.cycle =
+        (0..n_rows).map(|row| if row < 400 { 1 + (row / 9) as u32 } else { 50 + (row / 150) as u32 }).collect();
+    (18..27).for_each(|row| record.observed_m[row] = None);
+    let columns: Vec<Vec<f64>> = (0..13)
+        .map(|k| record.time_s.iter().map(|t| 1e-6 * (1.0 + (f64::from(k) + 0.3) * t).sin()).collect())
+        .chain([record.residual_m()])
+        .collect();
+    let slices: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
+    let visited: Vec<u32> = record.observed_rows().into_iter().map(|row| record.cycle[row]).collect();
+    let numbers: Vec<u32> = visited.chunk_by(|a, b| a == b).map(|rows| rows[0]).collect();
+    let units: Vec<Vec<f64>> = numbers
+        .iter()
+        .map(|number| record.cycle.iter().map(|cycle| f64::from(u8::from(cycle == number))).collect())
+        .collect();
+    for model in gaussian_models() {
+        for point in POINTS {
+            let parameters = parameters(model, point);
+            let likelihood = NoiseLikelihood::new(model, &record.time_s, &record.cycle, &record.observed_m);
+            let white = likelihood.whiten(&columns, &record.position_m, &parameters);
+            let white_units = likelihood.whiten(&units, &record.position_m, &parameters);
+            // The last column is common to both sets.
+            let order: Vec<usize> = std::iter::once(13).chain(0..13).collect();
+            let shuffled: Vec<&[f64]> = order.iter().map(|k| slices[*k]).collect();
+            let asked = Asked { columns: &shuffled, n_common: 1, own: &[1..9, 9..14], with_cycles: Some(1) };
+            let products = likelihood.white_products(&asked, &record.position_m, &parameters).expect("in support");
+            let members = [(0..9).collect::<Vec<usize>>(), std::iter::once(0).chain(9..14).collect()];
+            for (set, members) in products.sets.iter().zip(&members) {
+                for (i, a) in members.iter().enumerate() {
+                    for (j, b) in members.iter().enumerate() {
+                        let (a, b) = (&white[order[*a]], &white[order[*b]]);
+                        let scale = (dot(a, a) * dot(b, b)).sqrt();
+                        assert!((set[(i, j)] - dot(a, b)).abs() < 1e-11 * scale, "{i} {j}");
+                    }
+                }
+            }
+            let n = numbers.len();
+            assert_eq!(products.cycles.len(), n);
+            // A column's shape in a later cycle is that of a unit of process, by what has come through.
+            for first in 0..n {
+                let cycle = &products.cycles[first];
+                let length = dot(&white_units[first], &white_units[first]).sqrt();
+                for (k, member) in members[1].iter().enumerate() {
+                    let mut found = cycle.unit_with[k];
+                    let mut process = cycle.left;
+                    for later in &products.cycles[first + 1..] {
+                        found += process * later.past_with[k];
+                        process *= later.kept;
+                    }
+                    let column = &white[order[*member]];
+                    let exact = dot(&white_units[first], column);
+                    assert!((found - exact).abs() < 1e-10 * length * dot(column, column).sqrt(), "{found} {exact}");
+                }
+                for second in first..n {
+                    let mut process = 1.0;
+                    let mut found = 0.0;
+                    if first == second {
+                        found = cycle.unit;
+                    } else {
+                        process =
+                            cycle.left * products.cycles[first + 1..second].iter().map(|c| c.kept).product::<f64>();
+                        found += process * products.cycles[second].both;
+                    }
+                    let (mut one, mut other) = if first == second {
+                        (cycle.left, cycle.left)
+                    } else {
+                        (process * products.cycles[second].kept, products.cycles[second].left)
+                    };
+                    for later in &products.cycles[second + 1..] {
+                        found += one * other * later.past;
+                        one *= later.kept;
+                        other *= later.kept;
+                    }
+                    let exact = dot(&white_units[first], &white_units[second]);
+                    let lengths = length * dot(&white_units[second], &white_units[second]).sqrt();
+                    assert!((found - exact).abs() < 1e-10 * lengths, "{first} {second}: {found} {exact}");
+                }
+            }
+            let residual = &white[13];
+            let direct = likelihood.ln_likelihood(&record.position_m, &parameters);
+            let found = products.ln_constant - 0.5 * dot(residual, residual);
+            assert!((found / direct - 1.0).abs() < 1e-10, "{found} against {direct}");
+            // The same density of several residuals under eight noises at once, of which the last differs.
+            let lanes: Vec<[f64; LANES]> = parameters
+                .iter()
+                .map(|value| std::array::from_fn(|lane| if lane == 7 { 1.1 * value } else { *value }))
+                .collect();
+            let many = likelihood.ln_likelihoods_of(&[slices[13], slices[4]], &record.position_m, &lanes);
+            let of_other = products.ln_constant - 0.5 * dot(&white[4], &white[4]);
+            for (found, exact) in [(many[0][0], direct), (many[1][3], of_other)] {
+                assert!((found / exact - 1.0).abs() < 1e-10, "{found} against {exact}");
+            }
+            let moved: Vec<f64> = parameters.iter().map(|value| 1.1 * value).collect();
+            let moved = likelihood.ln_likelihood(&record.position_m, &moved);
+            assert!((many[0][7] / moved - 1.0).abs() < 1e-10, "{} against {moved}", many[0][7]);
+        }
+    }
+}
