@@ -2,6 +2,7 @@
 
 use super::summary::{PosteriorSummary, Warning, WarningKind};
 use crate::effects::Library;
+use crate::experiment::{Apparatus, Experiment};
 
 /// Misfit or learnt noise above this multiple of the known noise is not the noise (contracts §4).
 pub const NOISE_FACTOR: f64 = 1.5;
@@ -17,6 +18,11 @@ const MESH_SHARE: f64 = 0.25;
 const PARETO_LIMIT: f64 = 0.7;
 /// Strain up to which the gel is known to be linear (`literature`: below 1 %).
 const LINEAR_STRAIN: f64 = 0.01;
+/// A gel that is strained by more than its own length is no gel: a unit is wrong.
+const IMPOSSIBLE_STRAIN: f64 = 1.0;
+/// What comes before any other advice where figures are impossible.
+const UNITS_FIRST: &str =
+    "check the units of force, position and sizes first: other figures say that one of them is wrong";
 
 /// What advice is drawn from.
 pub struct Findings<'a> {
@@ -24,6 +30,8 @@ pub struct Findings<'a> {
     pub summary: &'a PosteriorSummary,
     /// What the sampler said of itself.
     pub sampler_messages: &'a [String],
+    /// Positions that cannot be.
+    pub impossible_positions: Option<Warning>,
 }
 
 /// All warnings that apply, gravest first.
@@ -33,6 +41,23 @@ pub fn warnings(findings: &Findings) -> Vec<Warning> {
     let summary = findings.summary;
     let heldout = &summary.heldout;
     let messages = findings.sampler_messages.join("; ");
+    if let Some(impossible) = &findings.impossible_positions {
+        add(impossible.kind, impossible.text.clone(), &impossible.advice);
+    }
+    if !summary.at_edge_of_range.is_empty() {
+        let text = format!(
+            "the posterior of {} leans against the end of the range that the prior allows",
+            summary.at_edge_of_range.join(", ")
+        );
+        add(
+            WarningKind::EdgeOfRange,
+            text,
+            "check the units of force and position first; where they are right, give a wider prior (--prior generic)",
+        );
+    }
+    let units_first = findings.impossible_positions.is_some()
+        || !summary.at_edge_of_range.is_empty()
+        || summary.largest_strain.is_some_and(|strain| strain > IMPOSSIBLE_STRAIN);
     if !summary.converged {
         let text = format!("the draws have not converged: {messages}");
         add(WarningKind::NotConverged, text, "give more steps (--steps), or a more informative prior (--prior)");
@@ -42,12 +67,12 @@ pub fn warnings(findings: &Findings) -> Vec<Warning> {
     match heldout.noise_um {
         Some(noise) => {
             misfit(summary, noise, &mut add);
-            model_error(summary, noise, &mut add);
+            model_error(summary, noise, units_first, &mut add);
         }
         None => {
             let text = "the tracker's noise is neither given nor can it be estimated, so nothing says how much misfit is too much";
             add(WarningKind::NoiseUnknown, text.into(), "give `noise_um` in [measurement]");
-            model_error(summary, summary.error_budget_um.noise, &mut add);
+            model_error(summary, summary.error_budget_um.noise, units_first, &mut add);
         }
     }
     if let Some(p) = heldout.joint_p.filter(|p| *p < OUTSIDE_BAND) {
@@ -58,17 +83,6 @@ pub fn warnings(findings: &Findings) -> Vec<Warning> {
             WarningKind::HeldoutOutsideBand,
             text,
             "look at the predictive figure for where it fails; the model lacks something that these cycles show",
-        );
-    }
-    if !summary.at_edge_of_range.is_empty() {
-        let text = format!(
-            "the posterior of {} leans against the end of the range that the prior allows",
-            summary.at_edge_of_range.join(", ")
-        );
-        add(
-            WarningKind::EdgeOfRange,
-            text,
-            "check the units of force and position, or give a wider prior (--prior generic)",
         );
     }
     if heldout.rmse_um.is_none() {
@@ -141,7 +155,12 @@ pub fn strain_warning(largest_strain: f64) -> Option<Warning> {
         text: format!(
             "the largest strain at the integration points is {largest_strain:.2} (at the robot's surface up to a tenth more); the gel is known to be linear below {LINEAR_STRAIN}, so the linear model is used beyond its proven range"
         ),
-        advice: "read E, c₁ and c₂ as effective values at this amplitude, or repeat with a smaller force".into(),
+        advice: if largest_strain > IMPOSSIBLE_STRAIN {
+            "no gel is strained by more than its own length: check the units of force, position and sizes first"
+        } else {
+            "read E, c₁ and c₂ as effective values at this amplitude, or repeat with a smaller force"
+        }
+        .into(),
     })
 }
 
@@ -186,21 +205,43 @@ fn misfit(summary: &PosteriorSummary, noise: f64, add: &mut impl FnMut(WarningKi
 }
 
 /// Errors of the reduced model and of the mesh, against the noise.
-fn model_error(summary: &PosteriorSummary, noise: f64, add: &mut impl FnMut(WarningKind, String, &str)) {
+fn model_error(
+    summary: &PosteriorSummary,
+    noise: f64,
+    units_first: bool,
+    add: &mut impl FnMut(WarningKind, String, &str),
+) {
     let heldout = &summary.heldout;
     let distance_um = heldout.surrogate_vs_fe_max_um.unwrap_or(0.0);
     if let Some(warning) = surrogate_warning(distance_um, heldout.pareto_k, noise, &summary.model.effects) {
         add(warning.kind, warning.text, &warning.advice);
     }
     if heldout.fe_runs.is_some()
-        && let Some(warning) = mesh_warning(summary.error_budget_um.fe_discretisation, noise)
+        && let Some(warning) = mesh_warning(summary.error_budget_um.fe_discretisation, noise, units_first)
     {
         add(warning.kind, warning.text, &warning.advice);
     }
 }
 
-/// A mesh whose error (µm) is not small beside the noise, or is not known.
-pub fn mesh_warning(error_um: Option<f64>, noise_um: f64) -> Option<Warning> {
+/// Positions that range farther than the gel that the robot moves in.
+pub fn impossible_positions(experiment: &Experiment) -> Option<Warning> {
+    let Apparatus::Robot { vitreous, .. } = &experiment.apparatus else { return None };
+    let positions_m = experiment.record.position_m.iter().flatten();
+    let [lowest, highest] =
+        positions_m.fold([f64::INFINITY, f64::NEG_INFINITY], |[lowest, highest], x| [lowest.min(*x), highest.max(*x)]);
+    (highest - lowest > vitreous.diameter_m).then(|| Warning {
+        kind: WarningKind::ImpossiblePositions,
+        text: format!(
+            "the positions range over {:.3} mm, and the gel measures {:.3} mm",
+            1e3 * (highest - lowest),
+            1e3 * vitreous.diameter_m
+        ),
+        advice: "check the units first: of the position's column (`position_um`, `position_mm`, …) and of the sizes in experiment.toml".into(),
+    })
+}
+
+/// A mesh whose error (µm) is not small beside the noise, or is not known; `units_first` where a wrong unit is the likelier reason.
+pub fn mesh_warning(error_um: Option<f64>, noise_um: f64, units_first: bool) -> Option<Warning> {
     let (kind, text, advice) = match error_um {
         Some(error) if error > noise_um => (
             WarningKind::MeshInaccurate,
@@ -222,7 +263,8 @@ pub fn mesh_warning(error_um: Option<f64>, noise_um: f64) -> Option<Warning> {
             "repeat with a mesh of half the element size (--mesh) and compare",
         ),
     };
-    Some(Warning { kind, text, advice: advice.into() })
+    let advice = if units_first { format!("{UNITS_FIRST}; then {advice}") } else { advice.into() };
+    Some(Warning { kind, text, advice })
 }
 
 #[cfg(test)]
@@ -290,7 +332,7 @@ mod tests {
     fn after(change: impl Fn(&mut PosteriorSummary)) -> (Vec<WarningKind>, bool) {
         let mut summary = sound();
         change(&mut summary);
-        summary.warnings = warnings(&Findings { summary: &summary, sampler_messages: &[] });
+        summary.warnings = warnings(&Findings { summary: &summary, sampler_messages: &[], impossible_positions: None });
         (summary.warnings.iter().map(|warning| warning.kind).collect(), summary.is_sound())
     }
 
@@ -330,6 +372,45 @@ mod tests {
             (vec![NoiseUnknown, SurrogateInaccurate], false)
         );
         assert_eq!(after(|s| (s.heldout.rmse_um, s.heldout.joint_p) = (None, None)), (vec![NothingHeldOut], true));
+    }
+
+    /// A mesh that is coarse by its error is named with the mesh's remedy; where the parameters are absurd, with the units' first.
+    #[test]
+    fn units_come_before_meshes_where_figures_are_impossible() {
+        let advice = |change: &dyn Fn(&mut PosteriorSummary)| {
+            let mut summary = sound();
+            summary.error_budget_um.fe_discretisation = Some(400.0);
+            change(&mut summary);
+            let all = warnings(&Findings { summary: &summary, sampler_messages: &[], impossible_positions: None });
+            all.into_iter().find(|warning| warning.kind == MeshInaccurate).expect("the mesh is told").advice
+        };
+        assert!(advice(&|_| {}).starts_with("bring a finer mesh"));
+        for change in [
+            (&|s: &mut PosteriorSummary| s.at_edge_of_range = vec!["young_modulus_pa".into()]) as &dyn Fn(&mut _),
+            &|s| s.largest_strain = Some(30.0),
+        ] {
+            let advice = advice(change);
+            assert!(advice.starts_with("check the units"), "{advice}");
+        }
+        assert!(strain_warning(30.0).expect("large").advice.contains("check the units"));
+    }
+
+    /// A record of 300 µm whose column says millimetres.
+    #[test]
+    fn positions_that_no_gel_allows_are_told_first() {
+        let (mut experiment, _) = crate::workflow::replica::embedded().expect("embedded");
+        assert_eq!(impossible_positions(&experiment), None);
+        experiment.record.position_m.iter_mut().flatten().for_each(|x| *x *= 1e3);
+        let impossible = impossible_positions(&experiment).expect("the gel measures 20 mm");
+        assert!(impossible.kind.is_fatal() && impossible.advice.starts_with("check the units"));
+        let mut summary = sound();
+        summary.heldout.rmse_um = Some(4e3);
+        let all = warnings(&Findings {
+            summary: &summary,
+            sampler_messages: &[],
+            impossible_positions: Some(impossible.clone()),
+        });
+        assert_eq!((all.len(), &all[0]), (2, &impossible));
     }
 
     #[test]

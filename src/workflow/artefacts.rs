@@ -78,6 +78,11 @@ pub fn with_inputs(mut header: Provenance, problem: &Problem) -> Provenance {
     header.with_input(name, problem.priors.text().as_bytes())
 }
 
+/// Whether an input that a header names is one of the experiment's own files.
+pub fn of_measurement(name: &str) -> bool {
+    name != PRIOR_COPY && name != MESH_INPUT && !name.starts_with("prior ")
+}
+
 /// Writes wall-clock figures, which are not the same from run to run and therefore stand alone.
 pub fn write_timing(dir: &Path, timing_s: &[(&'static str, f64)], provenance: Provenance) -> Result<()> {
     let stages: std::collections::BTreeMap<&str, f64> = timing_s.iter().copied().collect();

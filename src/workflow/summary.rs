@@ -237,6 +237,8 @@ pub enum WarningKind {
     GroupPredicted,
     /// A specimen lies far from its group.
     OutlyingSpecimen,
+    /// The positions range farther than the gel.
+    ImpossiblePositions,
 }
 
 impl WarningKind {
@@ -247,6 +249,7 @@ impl WarningKind {
             self,
             NotConverged
                 | EdgeOfRange
+                | ImpossiblePositions
                 | MeshInaccurate
                 | Undetermined
                 | SurrogateInaccurate
