@@ -38,6 +38,7 @@ mod lanes;
 mod likelihood;
 mod model;
 mod paths;
+mod pointwise;
 mod rows;
 mod scales;
 
@@ -47,3 +48,4 @@ mod dense;
 pub use lanes::LANES;
 pub use likelihood::NoiseLikelihood;
 pub use model::{NoiseModel, NoiseScales, NoiseTerm};
+pub use pointwise::Conditional;
