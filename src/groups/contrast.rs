@@ -25,7 +25,7 @@ pub struct Contrast {
 }
 
 /// What can be said of a ratio in view of the margin.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, schemars::JsonSchema, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
     /// Above 1 + margin, with [`SURE`].

@@ -118,7 +118,7 @@ fn with_specimens(
 }
 
 /// Creep compliance of a group: times, and at each the median and central 90 % of the typical specimen and of a new one.
-#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, serde::Serialize, serde::Deserialize)]
 pub struct CreepPrediction {
     /// Median of the typical specimen's creep compliance, in 1/Pa.
     pub median_per_pa: Vec<f64>,

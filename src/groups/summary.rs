@@ -20,7 +20,7 @@ use crate::rheology::TimeWindow;
 use crate::workflow::summary::Warning;
 
 /// Body of `vitreo-uq/groups/1`. Ratios are of groups' typical (median) specimens.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct GroupsSummary {
     /// What groups were formed by.
     pub by: Vec<String>,
@@ -59,7 +59,7 @@ pub struct GroupsSummary {
 }
 
 /// Median and central 90 % of a quantity.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct IntervalSummary {
     /// The parameter that it belongs to.
     pub name: String,
@@ -72,7 +72,7 @@ pub struct IntervalSummary {
 }
 
 /// A group.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct GroupSummary {
     /// Levels of the keys, joined by a comma.
     pub name: String,
@@ -87,7 +87,7 @@ pub struct GroupSummary {
 }
 
 /// A parameter of a group.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct GroupParameter {
     /// Name.
     pub name: String,
@@ -110,7 +110,7 @@ pub struct GroupParameter {
 }
 
 /// A ratio of two groups.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct ContrastSummary {
     /// Parameter.
     pub parameter: String,
@@ -139,7 +139,7 @@ pub struct ContrastSummary {
 }
 
 /// A specimen in a group.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct SpecimenSummary {
     /// Name.
     pub name: String,
@@ -152,7 +152,7 @@ pub struct SpecimenSummary {
 }
 
 /// A parameter of a specimen.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct SpecimenParameter {
     /// Name.
     pub name: String,
@@ -163,7 +163,7 @@ pub struct SpecimenParameter {
 }
 
 /// An experiment.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct ExperimentSummary {
     /// Name of its directory.
     pub name: String,
@@ -190,7 +190,7 @@ pub struct ExperimentSummary {
 }
 
 /// Predicted creep.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct CreepSummary {
     /// Times in s.
     pub time_s: Vec<f64>,
@@ -199,7 +199,7 @@ pub struct CreepSummary {
 }
 
 /// How the population was sampled.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct PopulationSampler {
     /// Chains.
     pub chains: usize,

@@ -18,8 +18,8 @@ const MESH_SHARE: f64 = 0.25;
 const PARETO_LIMIT: f64 = 0.7;
 /// Strain up to which the gel is known to be linear (`literature`: below 1 %).
 const LINEAR_STRAIN: f64 = 0.01;
-/// A gel that is strained by more than its own length is no gel: a unit is wrong.
-const IMPOSSIBLE_STRAIN: f64 = 1.0;
+/// A gel that is strained so many times its own length is no gel: a unit is wrong. The paper's bead strains its gel by 2.6.
+const IMPOSSIBLE_STRAIN: f64 = 20.0;
 /// What comes before any other advice where figures are impossible.
 const UNITS_FIRST: &str =
     "check the units of force, position and sizes first: other figures say that one of them is wrong";
@@ -156,7 +156,7 @@ pub fn strain_warning(largest_strain: f64) -> Option<Warning> {
             "the largest strain at the integration points is {largest_strain:.2} (at the robot's surface up to a tenth more); the gel is known to be linear below {LINEAR_STRAIN}, so the linear model is used beyond its proven range"
         ),
         advice: if largest_strain > IMPOSSIBLE_STRAIN {
-            "no gel is strained by more than its own length: check the units of force, position and sizes first"
+            "no gel is strained by twenty times its own length: check the units of force, position and sizes first"
         } else {
             "read E, c₁ and c₂ as effective values at this amplitude, or repeat with a smaller force"
         }
@@ -393,6 +393,7 @@ mod tests {
             assert!(advice.starts_with("check the units"), "{advice}");
         }
         assert!(strain_warning(30.0).expect("large").advice.contains("check the units"));
+        assert!(strain_warning(2.6).expect("the paper's").advice.starts_with("read E"));
     }
 
     /// A record of 300 µm whose column says millimetres.

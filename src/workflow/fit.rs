@@ -39,7 +39,7 @@ const MOST_HELD: usize = 4;
 const SAME_MINIMUM: f64 = 1e-6;
 
 /// Body of `vitreo-uq/fit/1`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct FitSummary {
     /// Specimen identifier.
     pub experiment: String,
@@ -75,7 +75,7 @@ pub struct FitSummary {
 }
 
 /// Estimate of one parameter, in the unit of its name.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct FittedParameter {
     /// Name, with unit.
     pub name: String,

@@ -7,7 +7,7 @@ use crate::experiment::Record;
 use crate::inference::ensemble::RandomStream;
 
 /// What noise a challenge has. All have 4 µm of white noise, which is the `noise_um` of the experiment; the rest is for the diagnosis to find out.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, schemars::JsonSchema, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum NoiseKind {
     /// White alone.
