@@ -377,18 +377,18 @@ mod tests {
     /// A mesh that is coarse by its error is named with the mesh's remedy; where the parameters are absurd, with the units' first.
     #[test]
     fn units_come_before_meshes_where_figures_are_impossible() {
-        let advice = |change: &dyn Fn(&mut PosteriorSummary)| {
+        type Change = fn(&mut PosteriorSummary);
+        let advice = |change: Change| {
             let mut summary = sound();
             summary.error_budget_um.fe_discretisation = Some(400.0);
             change(&mut summary);
             let all = warnings(&Findings { summary: &summary, sampler_messages: &[], impossible_positions: None });
             all.into_iter().find(|warning| warning.kind == MeshInaccurate).expect("the mesh is told").advice
         };
-        assert!(advice(&|_| {}).starts_with("bring a finer mesh"));
-        for change in [
-            (&|s: &mut PosteriorSummary| s.at_edge_of_range = vec!["young_modulus_pa".into()]) as &dyn Fn(&mut _),
-            &|s| s.largest_strain = Some(30.0),
-        ] {
+        assert!(advice(|_| {}).starts_with("bring a finer mesh"));
+        let changes: [Change; 2] =
+            [|s| s.at_edge_of_range = vec!["young_modulus_pa".into()], |s| s.largest_strain = Some(30.0)];
+        for change in changes {
             let advice = advice(change);
             assert!(advice.starts_with("check the units"), "{advice}");
         }
