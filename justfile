@@ -14,6 +14,10 @@ check:
 python-checks:
     scripts/python-checks.sh
 
+# JSON Schemas of the documents, made anew from their types.
+schemas:
+    cargo run --example write_schemas
+
 # All benchmarks.
 bench:
     cargo bench

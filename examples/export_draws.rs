@@ -8,7 +8,7 @@ use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use vitreo_uq::report::draws::{DrawTable, write_draws_csv};
 use vitreo_uq::report::labelled_netcdf::{Dimension, Variable, write_labelled_netcdf};
-use vitreo_uq::report::netcdf::{ObservedData, write_draws_netcdf};
+use vitreo_uq::report::netcdf::{RecordGroups, RowColumn, write_draws_netcdf};
 
 fn main() -> vitreo_uq::Result<()> {
     let dir = std::env::args_os().nth(1).map_or_else(std::env::temp_dir, PathBuf::from);
@@ -30,9 +30,15 @@ fn main() -> vitreo_uq::Result<()> {
         values,
         log_density,
     };
-    let observed = ObservedData { time_s: &[0.0, 0.05, 0.1], position_um: &[Some(0.0), Some(12.5), None] };
+    let column = |name, unit, values: &[f64]| RowColumn { name, unit, values: values.to_vec() };
+    let record = RecordGroups {
+        constant: vec![column("time_s", "s", &[0.0, 0.05, 0.1])],
+        observed_rows: vec![0, 1],
+        observed: vec![column("position_um", "µm", &[0.0, 12.5])],
+        ..RecordGroups::default()
+    };
     write_draws_csv(&dir.join("draws.csv"), &table)?;
-    write_draws_netcdf(&dir.join("draws.nc"), &table, Some(observed))?;
+    write_draws_netcdf(&dir.join("draws.nc"), &table, &record)?;
     write_labelled(&dir, &table)?;
     let n_draws = table.n_draws();
     assert_eq!(n_draws, 16_000);

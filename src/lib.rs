@@ -25,6 +25,7 @@ pub mod number;
 pub mod parameter;
 pub mod report;
 pub mod rheology;
+pub mod schemas;
 pub mod study;
 pub mod surrogate;
 pub mod units;

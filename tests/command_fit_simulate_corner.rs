@@ -137,11 +137,16 @@ fn corner_overlays_studies_and_csv_of_any_tool() {
     assert!(shown.stdout.contains("study m0, other") && shown.stdout.contains("both.svg"), "{shown}");
     let svg = std::fs::read_to_string(place.path().join("figures/both.svg")).unwrap();
     assert!(svg.contains("c₂") && svg.contains("gain") && svg.contains("other") && svg.contains("reference"));
+    // Overlaid posteriors that are not known to be of the same data: said beside the figure and in its legend.
+    assert!(shown.stderr.contains("not of the same data") && shown.stderr.contains("fitted to cycle 1"), "{shown}");
+    assert!(svg.contains("(fitted to cycle 1)") && svg.contains("(data not known)"), "{svg}");
     let png = std::fs::read(place.path().join("figures/both.png")).unwrap();
     assert_eq!(&png[1..4], b"PNG");
     // A revision, and the draws inside one, are the same posterior.
     let quiet = run(&["study/m0", "study/m0/draws.csv", "--quiet"]).exits(0);
     assert_eq!((quiet.stdout.as_str(), quiet.stderr.as_str()), ("", ""));
+    let same = run(&["study/m0", "study/m0/draws.csv"]).exits(0);
+    assert!(!same.stderr.contains("same data"), "{same}");
     assert!(place.path().join("corner.png").is_file());
 
     run(&[]).refuses(&["porcine-replica", "vitreo-uq sample"]);

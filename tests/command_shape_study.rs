@@ -82,7 +82,7 @@ fn the_papers_claims_are_judged() {
 #[test]
 fn sweeps_keep_to_the_bars_and_say_which_claims_they_change() {
     let dir = tempfile::tempdir().unwrap();
-    let arguments = ["shapes", "--poisson", "0.48,0.3,0.499", "--force", "4.6,9.2", "--quiet", "--out", "study"];
+    let arguments = ["shapes", "--poisson", "0.48,0.3,0.499", "--force-un", "4.6,9.2", "--quiet", "--out", "study"];
     let run = vitreo(dir.path(), &arguments).exits(0);
     for words in
         ["0.499", "elsewhere, at equal surface, the sphere moves easiest: holds at aspect 9.714 and Poisson ratio 0.3"]
@@ -146,6 +146,10 @@ fn what_makes_no_study_is_refused() {
     refuses(&["--aspect", "50"], &["--aspect", "between 1 and 20"]);
     refuses(&["--aspect", "3,0.5"], &["--aspect", "0.5"]);
     refuses(&["--poisson", "0.48,0.5"], &["--poisson", "0.4999"]);
-    refuses(&["--force", "-1"], &["--force"]);
+    refuses(&["--force-un", "-1"], &["--force-un"]);
+    // `--force` replaces, as everywhere; it was a force here once.
+    refuses(&["--force", "4.6,9.2"], &["--force", "--force-un 4.6,9.2"]);
+    refuses(&["somewhere", "--force", "4.6"], &["--force-un 4.6"]);
+    refuses(&["--force", "-1"], &["--force-un -1"]);
     refuses(&["--distance", "0"], &["--distance"]);
 }

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 /// Body of `vitreo-uq/diagnosis/1`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct Diagnosis {
     /// Specimen identifier.
     pub experiment: String,
@@ -62,7 +62,7 @@ impl Diagnosis {
 }
 
 /// The conclusion.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct Verdict {
     /// Of which kind it is.
     pub kind: VerdictKind,
@@ -75,7 +75,7 @@ pub struct Verdict {
 }
 
 /// Kinds of conclusion.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, schemars::JsonSchema, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum VerdictKind {
     /// Effects of the library are needed.
@@ -87,7 +87,7 @@ pub enum VerdictKind {
 }
 
 /// Errors of the base model.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct BaseErrors {
     /// Root mean square error of the fitted cycles, in µm.
     pub rmse_fitted_um: f64,
@@ -98,7 +98,7 @@ pub struct BaseErrors {
 }
 
 /// Errors of another model.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct Errors {
     /// Root mean square error of the fitted cycles, in µm.
     pub rmse_fitted_um: f64,
@@ -110,7 +110,7 @@ pub struct Errors {
 }
 
 /// Standing of a candidate.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, schemars::JsonSchema, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Status {
     /// Part of the verdict.
@@ -126,7 +126,7 @@ pub enum Status {
 }
 
 /// One effect.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct CandidateEntry {
     /// Slug.
     pub effect: String,
@@ -149,7 +149,7 @@ pub struct CandidateEntry {
 }
 
 /// A refit with an effect.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct Refit {
     /// Gain in log likelihood over the base, noise estimated anew for both.
     pub gain_nats: f64,
@@ -183,7 +183,7 @@ pub struct Answer {
 }
 
 /// A parameter of a refit.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct RefitParameter {
     /// Name.
     pub name: String,
@@ -196,7 +196,7 @@ pub struct RefitParameter {
 }
 
 /// A pair of effects.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct PairEntry {
     /// Slugs.
     pub effects: Vec<String>,
@@ -207,7 +207,7 @@ pub struct PairEntry {
 }
 
 /// The smallest size of an effect that would have been seen.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct SmallestDetectable {
     /// Slug.
     pub effect: String,
@@ -216,7 +216,7 @@ pub struct SmallestDetectable {
 }
 
 /// The noise, as one way of learning shows it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct NoiseEstimate {
     /// How it was learnt: `rest records`, `short-lag differences`, `cycle-to-cycle differences` or `restricted maximum likelihood`.
     pub from: String,
@@ -229,7 +229,7 @@ pub struct NoiseEstimate {
 }
 
 /// Structure that no effect of the library explains.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct UnexplainedEntry {
     /// `slip`, `vibration`, `backlash`, `cycle-locked`, …
     pub kind: String,
@@ -244,7 +244,7 @@ pub struct UnexplainedEntry {
 }
 
 /// What no effect of the library explains, all of it together.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct DiscrepancyEntry {
     /// Along what it was found: `time`, `cycle_phase`, `time_since_step`, `force` or `position`.
     pub axis: String,

@@ -2,6 +2,7 @@
 
 use super::design::Design;
 use super::hierarchy::PopulationDraw;
+use super::scale::Scale;
 use crate::report::density::{quantile_of_sorted, sorted};
 
 /// A ratio is beyond the margin, or within it, where so large a share of the posterior is.
@@ -24,7 +25,7 @@ pub struct Contrast {
 }
 
 /// What can be said of a ratio in view of the margin.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, schemars::JsonSchema, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
     /// Above 1 + margin, with [`SURE`].
@@ -69,13 +70,15 @@ impl Contrast {
 /// Every pair of groups in every parameter, and which signs are stated.
 ///
 /// Signs are taken in the order of their probability as long as all taken so far are right together in [`SURE_OF_SIGNS`] of the draws.
-pub fn contrasts(design: &Design, draws: &[&PopulationDraw], n_parameters: usize) -> Vec<Contrast> {
-    let n_groups = design.groups.len();
+pub fn contrasts(design: &Design, draws: &[&PopulationDraw], scales: &[Scale]) -> Vec<Contrast> {
+    let (n_groups, n_parameters) = (design.groups.len(), scales.len());
     let mut all = Vec::new();
-    for parameter in 0..n_parameters {
+    for (parameter, scale) in scales.iter().enumerate() {
         for a in 0..n_groups {
             for b in a + 1..n_groups {
-                let at = |draw: &PopulationDraw, group: usize| draw.group_mean[group * n_parameters + parameter];
+                let at = |draw: &PopulationDraw, group: usize| {
+                    scale.ln_value(draw.group_mean[group * n_parameters + parameter])
+                };
                 let log_ratio = draws.iter().map(|draw| at(draw, a) - at(draw, b)).collect();
                 all.push(Contrast { parameter, groups: [a, b], log_ratio, is_declared: false });
             }

@@ -11,6 +11,7 @@ use super::contrast::{Contrast, Verdict, contrasts};
 use super::design::{Design, Labels};
 use super::hierarchy::*;
 use super::plan::{Question, chance};
+use super::scale::Scale;
 use crate::workflow::Silent;
 
 const P: usize = 3;
@@ -59,7 +60,7 @@ fn analysed(design: &Design, draws: &[InterimDraws], seed: u64) -> (Population, 
     };
     let population = sample_population(design, &members, &options, &Silent).unwrap();
     let all: Vec<&PopulationDraw> = population.draws().collect();
-    let found = contrasts(design, &all, P);
+    let found = contrasts(design, &all, &[Scale::Logarithm; P]);
     (population, found)
 }
 

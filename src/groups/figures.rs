@@ -4,6 +4,7 @@ use std::path::Path;
 
 use super::hierarchy::PopulationDraw;
 use super::job::Comparison;
+use super::scale::Scale;
 use super::summary::{CreepSummary, GroupsSummary, SpecimenSummary};
 use crate::error::{Error, Result};
 use crate::report::contrasts::{ContrastCell, ContrastMatrix, ContrastPanel, contrast_matrix};
@@ -59,7 +60,7 @@ fn forest_figure(summary: &GroupsSummary, labels: &[ParameterLabel]) -> Result<S
             let own = &group.parameters[k];
             let mark = |specimen: &&SpecimenSummary| {
                 let of_parameter = &specimen.parameters[k];
-                (specimen.name.clone(), of_parameter.alone, of_parameter.pooled[1], specimen.is_outlying)
+                (specimen.name.clone(), of_parameter.alone, of_parameter.pooled, specimen.is_outlying)
             };
             let marks: Vec<_> = specimens_of(&group.name).iter().map(mark).collect();
             (index, group, own, marks)
@@ -174,7 +175,10 @@ fn corner_figure(found: &Comparison, labels: &[ParameterLabel]) -> Result<Svg> {
     let values: Vec<Vec<Vec<f64>>> = measured()
         .map(|group| {
             let step = (group.typical.len() / p).div_ceil(N_CORNER_DRAWS).max(1);
-            let column = |k: usize| group.typical.iter().skip(k).step_by(p * step).map(|x| x.exp()).collect();
+            let column = |k: usize| {
+                let coordinates = group.typical.iter().skip(k).step_by(p * step);
+                coordinates.map(|x| found.scales[k].value(*x)).collect()
+            };
             (0..p).map(column).collect()
         })
         .collect();
@@ -187,13 +191,14 @@ fn corner_figure(found: &Comparison, labels: &[ParameterLabel]) -> Result<Svg> {
             parameters: found
                 .parameters
                 .iter()
+                .zip(&found.scales)
                 .zip(labels.iter().zip(columns))
-                .map(|(name, (label, draws))| ParameterColumn {
+                .map(|((name, scale), (label, draws))| ParameterColumn {
                     name,
                     symbol: &label.symbol,
                     unit: &label.unit,
                     draws,
-                    support: Support { lower: 0.0, upper: f64::INFINITY },
+                    support: support(*scale),
                     prior: None,
                     reference: None,
                 })
@@ -203,7 +208,16 @@ fn corner_figure(found: &Comparison, labels: &[ParameterLabel]) -> Result<Svg> {
     corner(&posteriors, &CornerOptions { title: "Typical specimens of every group", ..CornerOptions::default() })
 }
 
-/// Writes the draws in ArviZ's layout, with named dimensions. Logarithms are of SI values.
+/// Where values of a scale lie.
+fn support(scale: Scale) -> Support {
+    match scale {
+        Scale::Logarithm => Support { lower: 0.0, upper: f64::INFINITY },
+        Scale::LogOdds { lower, upper } => Support { lower, upper },
+    }
+}
+
+/// Writes the draws in ArviZ's layout, with named dimensions. Logarithms are of SI values; parameters between two ends have log-odds in their place.
+/// `typical` and `specimen_value` are the values themselves.
 ///
 /// # Errors
 /// [`Error::File`] where the file system refuses.
@@ -233,7 +247,12 @@ pub fn write_netcdf(path: &Path, found: &Comparison) -> Result<()> {
         dimensions: dimensions.to_vec(),
         values,
     };
+    let values = |of: &dyn Fn(&PopulationDraw) -> &[f64]| -> Vec<f64> {
+        all(of).iter().zip(found.scales.iter().cycle()).map(|(x, scale)| scale.value(*x)).collect()
+    };
     let mut variables = vec![
+        variable("typical", &["group", "parameter"], values(&|draw| &draw.group_mean)),
+        variable("specimen_value", &["specimen", "parameter"], values(&|draw| &draw.specimen_mean)),
         variable("log_typical", &["group", "parameter"], all(&|draw| &draw.group_mean)),
         variable("log_specimen", &["specimen", "parameter"], all(&|draw| &draw.specimen_mean)),
         variable(

@@ -9,6 +9,7 @@ use sha2::{Digest, Sha256};
 
 use super::cohort::Measurement;
 use super::hierarchy::{ExperimentDensity, InterimDraws};
+use super::scale::Scale;
 use crate::effects::Library;
 use crate::error::Result;
 use crate::files::{Content, read_if_there, write_json_atomically};
@@ -96,10 +97,9 @@ impl Specimen {
         law.filter(|name| self.problem.priors.get(name).is_some()).collect()
     }
 
-    /// Positions of the pooled parameters among the sampled ones.
-    fn pooled_places(&self) -> Vec<usize> {
-        let place = |name: &str| self.problem.priors.names().position(|own| own == name);
-        self.pooled().into_iter().filter_map(place).collect()
+    /// Their scales in the population.
+    pub fn scales(&self) -> Vec<Scale> {
+        self.pooled_parameters().into_iter().map(|own| own.scale).collect()
     }
 
     /// What the draws depend on.
@@ -202,24 +202,45 @@ impl Specimen {
 
     /// The draws as the hierarchy takes them.
     pub fn draws(&self, interim: &Interim) -> InterimDraws {
-        let pooled = self.pooled_priors();
-        let mut log_parameters = Vec::new();
+        let pooled = self.pooled_parameters();
+        let mut coordinates = Vec::new();
         let mut log_prior = Vec::new();
         for point in interim.points.chunks_exact(interim.parameters.len().max(1)) {
             let mut sum = 0.0;
-            for (place, prior) in &pooled {
-                let value = prior.distribution.from_unconstrained(point[*place]);
-                log_parameters.push(value.ln());
-                sum += ln_prior_of_logarithm(prior, value);
+            for own in &pooled {
+                let value = own.prior.distribution.from_unconstrained(point[own.place]);
+                let coordinate = own.scale.coordinate(value);
+                coordinates.push(coordinate);
+                sum += own.ln_prior_of_coordinate(coordinate);
             }
             log_prior.push(sum);
         }
-        InterimDraws::new(log_parameters, log_prior)
+        InterimDraws::new(coordinates, log_prior)
     }
 
-    fn pooled_priors(&self) -> Vec<(usize, &Prior)> {
+    fn pooled_parameters(&self) -> Vec<Pooled<'_>> {
         let priors = self.problem.priors.priors();
-        self.pooled_places().into_iter().map(|place| (place, &priors[place])).collect()
+        let of_law = self.problem.model.base().parameters().iter();
+        let pooled = of_law.filter_map(|spec| {
+            let place = priors.iter().position(|prior| prior.name == spec.name)?;
+            Some(Pooled { place, prior: &priors[place], scale: Scale::of(spec.support) })
+        });
+        pooled.collect()
+    }
+}
+
+/// A parameter that the population has, too.
+struct Pooled<'a> {
+    /// Its place among the sampler's coordinates.
+    place: usize,
+    prior: &'a Prior,
+    scale: Scale,
+}
+
+impl Pooled<'_> {
+    /// The interim prior's density of the population's coordinate.
+    fn ln_prior_of_coordinate(&self, coordinate: f64) -> f64 {
+        self.prior.distribution.ln_pdf(self.scale.value(coordinate)) + self.scale.ln_slope(coordinate)
     }
 }
 
@@ -228,16 +249,11 @@ fn about(mean_m: &[f64], observed_m: &[Option<f64>]) -> Vec<Option<f64>> {
     mean_m.iter().zip(observed_m).map(|(mean, observed)| observed.map(|_| *mean)).collect()
 }
 
-/// Density of a parameter's logarithm.
-fn ln_prior_of_logarithm(prior: &Prior, value: f64) -> f64 {
-    prior.distribution.ln_pdf(value) + value.ln()
-}
-
 /// An experiment's likelihood, for the hierarchy to take instead of draws.
 pub struct SpecimenDensity<'a> {
     posterior: ReducedPosterior<'a>,
     /// The pooled parameters, then the others, by their place among the sampler's coordinates.
-    pooled: Vec<(usize, &'a Prior)>,
+    pooled: Vec<Pooled<'a>>,
     others: Vec<usize>,
     archive: Vec<Vec<f64>>,
 }
@@ -246,12 +262,12 @@ impl<'a> SpecimenDensity<'a> {
     /// With the interim draws as archive.
     pub fn new(specimen: &'a Specimen, interim: &Interim) -> Self {
         let n = interim.parameters.len();
-        let pooled = specimen.pooled_priors();
-        let others: Vec<usize> = (0..n).filter(|own| pooled.iter().all(|(place, _)| place != own)).collect();
+        let pooled = specimen.pooled_parameters();
+        let others: Vec<usize> = (0..n).filter(|own| pooled.iter().all(|pooled| pooled.place != *own)).collect();
         let of_draw = |draw: &[f64]| -> Vec<f64> {
-            let logarithms =
-                pooled.iter().map(|(place, prior)| prior.distribution.from_unconstrained(draw[*place]).ln());
-            logarithms.chain(others.iter().map(|place| draw[*place])).collect()
+            let coordinate =
+                |own: &Pooled| own.scale.coordinate(own.prior.distribution.from_unconstrained(draw[own.place]));
+            pooled.iter().map(coordinate).chain(others.iter().map(|place| draw[*place])).collect()
         };
         let archive = interim.points.chunks_exact(n.max(1)).map(of_draw).collect();
         Self { posterior: specimen.posterior(), pooled, others, archive }
@@ -262,11 +278,15 @@ impl ExperimentDensity for SpecimenDensity<'_> {
     fn ln_density(&self, point: &[f64]) -> f64 {
         let mut coordinates = vec![0.0; point.len()];
         let mut ln_priors = 0.0;
-        for ((place, prior), logarithm) in self.pooled.iter().zip(point) {
-            let value = logarithm.exp();
-            coordinates[*place] = prior.distribution.to_unconstrained(value);
+        for (Pooled { place, prior, scale }, coordinate) in self.pooled.iter().zip(point) {
+            let own = prior.distribution.to_unconstrained(scale.value(*coordinate));
+            // The interim prior may end before the parameter's support does; nothing is known of the likelihood beyond.
+            if !own.is_finite() {
+                return f64::NEG_INFINITY;
+            }
+            coordinates[*place] = own;
             // Of the coordinate, as the posterior counts it.
-            ln_priors += prior.distribution.ln_pdf_unconstrained(coordinates[*place]);
+            ln_priors += prior.distribution.ln_pdf_unconstrained(own);
         }
         for (place, value) in self.others.iter().zip(&point[self.pooled.len()..]) {
             coordinates[*place] = *value;

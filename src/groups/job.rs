@@ -12,16 +12,18 @@ use super::hierarchy::{
 };
 use super::interim::{Interim, Specimen, SpecimenDensity};
 use super::predict::{PredictedGroup, predicted_groups};
+use super::scale::Scale;
 use crate::error::{Error, Place, Result};
 use crate::inference::SamplerOptions;
+use crate::model::Compliance;
 use crate::rheology::BaseLaw;
 use crate::workflow::{Counter, Monitor};
 use nalgebra::DMatrix;
 
-/// Scale of the spread between species, or between regions, in the logarithm: spreads below 0.4, a factor of 1.5, have a probability of 1 %.
+/// Scale of the spread between species, or between regions, in the logarithm or the log-odds: spreads below 0.4, a factor of 1.5, have a probability of 1 %.
 pub const LEVEL_SCALE: f64 = 1.0;
 /// Scales of the half-t priors of the spreads between groups beyond their species and region, between specimens and between repeats, in the
-/// logarithm: factors of 1.35, 1.6 and 1.35.
+/// logarithm: factors of 1.35, 1.6 and 1.35; in the log-odds of parameters between two ends: the same factors of the odds.
 pub const SPREAD_SCALES: [f64; 3] = [0.3, 0.5, 0.3];
 /// Degrees of freedom of heavy-tailed specimens.
 pub const HEAVY_TAILED_DOF: f64 = 4.0;
@@ -78,6 +80,8 @@ pub struct Comparison {
     pub law: BaseLaw,
     /// Their names.
     pub parameters: Vec<&'static str>,
+    /// The scale of each in the population.
+    pub scales: Vec<Scale>,
     /// Every experiment joined with its model.
     pub specimens: Vec<Specimen>,
     /// Every experiment on its own.
@@ -100,10 +104,25 @@ pub struct Comparison {
 /// [`Error::Input`] where labels are missing or models do not go together, [`Error::Interrupted`] when stopped (experiments that are done are
 /// kept), and whatever the parts refuse.
 pub fn run(measurements: &[Measurement], request: &GroupsRequest, monitor: &dyn Monitor) -> Result<Comparison> {
-    let labels = cohort::labels(measurements, request.keys)?;
-    let design = Design::new(&labels);
+    // Labels that are missing are refused before anything is computed.
+    cohort::labels(measurements, request.keys)?;
     monitor.stage("computing the compliance of every apparatus by finite elements");
     let compliances = compliances(measurements, monitor)?;
+    run_with(measurements, compliances, request, monitor)
+}
+
+/// The same with the compliance of every apparatus known.
+///
+/// # Errors
+/// As [`run`].
+pub fn run_with(
+    measurements: &[Measurement],
+    compliances: Vec<Compliance>,
+    request: &GroupsRequest,
+    monitor: &dyn Monitor,
+) -> Result<Comparison> {
+    let labels = cohort::labels(measurements, request.keys)?;
+    let design = Design::new(&labels);
     let pairs = measurements.iter().zip(compliances);
     let specimens: Vec<Specimen> = pairs
         .map(|(own, compliance)| Specimen::new(own, compliance).map_err(|error| own.named(error)))
@@ -114,7 +133,8 @@ pub fn run(measurements: &[Measurement], request: &GroupsRequest, monitor: &dyn 
     let draws: Vec<InterimDraws> = specimens.iter().zip(&interims).map(|(own, interim)| own.draws(interim)).collect();
 
     monitor.stage("weighing the draws of single experiments by the population");
-    let main = options(&specimens, &parameters, request);
+    let scales = specimens.first().map_or_else(Vec::new, Specimen::scales);
+    let main = options(&specimens, &parameters, &scales, request);
     let [_, n_pilot] = PILOT_SWEEPS;
     let pilot = HierarchyOptions {
         n_chains: PILOT_CHAINS,
@@ -143,9 +163,21 @@ pub fn run(measurements: &[Measurement], request: &GroupsRequest, monitor: &dyn 
     drop(densities);
     let all: Vec<&PopulationDraw> = population.draws().collect();
     let groups = predicted_groups(&design, &all, parameters.len(), request.student_dof(), request.sampler.seed);
-    let contrasts = contrasts(&design, &all, parameters.len());
+    let contrasts = contrasts(&design, &all, &scales);
     drop(all);
-    Ok(Comparison { design, law, parameters, specimens, interims, draws, entries, population, groups, contrasts })
+    Ok(Comparison {
+        design,
+        law,
+        parameters,
+        scales,
+        specimens,
+        interims,
+        draws,
+        entries,
+        population,
+        groups,
+        contrasts,
+    })
 }
 
 /// The law and the parameters that all experiments share.
@@ -242,17 +274,23 @@ fn over_threads<T: Send>(n: usize, job: impl Fn(usize) -> Result<T> + Sync) -> R
 }
 
 /// The prior of the overall mean is that of single experiments, at its widest.
-fn options(specimens: &[Specimen], parameters: &[&str], request: &GroupsRequest) -> HierarchyOptions {
+fn options(specimens: &[Specimen], parameters: &[&str], scales: &[Scale], request: &GroupsRequest) -> HierarchyOptions {
     let [n_dropped, n_first] = FIRST_SWEEPS;
-    let quantile = |own: &Specimen, name: &str, probability: f64| {
-        own.problem.priors.get(name).map_or(f64::NAN, |prior| prior.distribution.quantile(probability).ln())
+    let named = || parameters.iter().zip(scales);
+    let quantile = |own: &Specimen, (name, scale): (&&str, &Scale), probability: f64| {
+        let prior = own.problem.priors.get(name);
+        prior.map_or(f64::NAN, |prior| scale.coordinate(prior.distribution.quantile(probability)))
     };
-    let mean = |name: &&str| specimens.iter().map(|own| quantile(own, name, 0.5)).sum::<f64>() / specimens.len() as f64;
-    let sd = |own: &Specimen, name: &&str| 0.5 * (quantile(own, name, 0.8413) - quantile(own, name, 0.1587));
-    let widest = |name: &&str| specimens.iter().map(|own| sd(own, name)).fold(0.0, f64::max);
+    let mean = |own_parameter: (&&str, &Scale)| {
+        specimens.iter().map(|own| quantile(own, own_parameter, 0.5)).sum::<f64>() / specimens.len() as f64
+    };
+    let sd = |own: &Specimen, parameter: (&&str, &Scale)| {
+        0.5 * (quantile(own, parameter, 0.8413) - quantile(own, parameter, 0.1587))
+    };
+    let widest = |parameter: (&&str, &Scale)| specimens.iter().map(|own| sd(own, parameter)).fold(0.0, f64::max);
     HierarchyOptions {
-        overall_mean: parameters.iter().map(mean).collect(),
-        overall_sd: parameters.iter().map(widest).collect(),
+        overall_mean: named().map(mean).collect(),
+        overall_sd: named().map(widest).collect(),
         level_scale: LEVEL_SCALE,
         scales: SPREAD_SCALES,
         student_dof: request.student_dof(),

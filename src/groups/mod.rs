@@ -1,5 +1,6 @@
 //! Species and regions: how groups of specimens differ, and how sure that is.
 
+pub mod alone;
 pub mod apparatus;
 pub mod artefacts;
 pub mod cohort;
@@ -16,6 +17,7 @@ pub mod job;
 pub mod plan;
 pub mod predict;
 pub mod published;
+pub mod scale;
 pub mod spread;
 pub mod summary;
 pub mod wording;

@@ -28,7 +28,7 @@ pub struct Question<'a> {
 }
 
 /// What to expect of measuring more.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, schemars::JsonSchema, serde::Serialize, serde::Deserialize)]
 pub struct Plan {
     /// Smallest number of new specimens a group that settles the question with a chance of 80 %; `None` if 512 do not.
     pub specimens_per_group: Option<u32>,

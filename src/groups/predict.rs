@@ -7,6 +7,7 @@ use rand_distr::{ChiSquared, Distribution, StandardNormal};
 
 use super::design::Design;
 use super::hierarchy::{Layout, PopulationDraw};
+use super::scale::Scale;
 use crate::error::Result;
 use crate::number::Dual;
 use crate::report::density::{quantile_of_sorted, sorted};
@@ -24,11 +25,11 @@ const STREAM: u64 = 1 << 32;
 pub struct PredictedGroup {
     /// Its name.
     pub name: String,
-    /// Logarithms of the typical specimen's parameters.
+    /// Coordinates of the typical specimen's parameters.
     pub typical: Vec<f64>,
-    /// Logarithms of a new specimen's, all of its repeats averaged.
+    /// Coordinates of a new specimen's, all of its repeats averaged.
     pub new_specimen: Vec<f64>,
-    /// Standard deviations of specimens in the logarithm.
+    /// Standard deviations of specimens in the coordinate.
     pub between_sd: Vec<f64>,
     /// Its index in the design; `None` where nothing was measured.
     pub group: Option<usize>,
@@ -117,7 +118,7 @@ fn with_specimens(
 }
 
 /// Creep compliance of a group: times, and at each the median and central 90 % of the typical specimen and of a new one.
-#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, serde::Serialize, serde::Deserialize)]
 pub struct CreepPrediction {
     /// Median of the typical specimen's creep compliance, in 1/Pa.
     pub median_per_pa: Vec<f64>,
@@ -129,6 +130,9 @@ pub struct CreepPrediction {
     pub new_specimen_q05_per_pa: Vec<f64>,
     /// 95 % quantile of a new specimen's.
     pub new_specimen_q95_per_pa: Vec<f64>,
+    /// Share of the draws at which the law has no creep that could be computed, as where a springpot's order is 0 to the last bit; left out.
+    #[serde(default)]
+    pub share_left_out: f64,
 }
 
 /// Times at which creep is predicted, evenly spaced in the logarithm, in s.
@@ -140,22 +144,30 @@ pub fn creep_times_s(window: TimeWindow) -> Vec<f64> {
 /// Creep of a group of a law, all of whose parameters are pooled.
 ///
 /// # Errors
-/// Those of the law's spectrum.
-pub fn creep(law: BaseLaw, group: &PredictedGroup, time_s: &[f64]) -> Result<CreepPrediction> {
+/// [`crate::Error::Numerical`] where no draw has a creep.
+pub fn creep(law: BaseLaw, scales: &[Scale], group: &PredictedGroup, time_s: &[f64]) -> Result<CreepPrediction> {
     let (Some(first), Some(last)) = (time_s.first(), time_s.last()) else {
         return Err(crate::Error::numerical("creep at no time", "give times"));
     };
     let window = TimeWindow { shortest_s: *first, longest_s: *last };
     let p = law.parameters().len();
-    let curves = |logarithms: &[f64]| -> Result<Vec<Vec<f64>>> {
-        let step = (logarithms.len() / p).div_ceil(N_CURVES).max(1);
+    let (mut n_all, mut n_left_out) = (0, 0);
+    let mut curves = |coordinates: &[f64]| -> Result<Vec<Vec<f64>>> {
+        let step = (coordinates.len() / p).div_ceil(N_CURVES).max(1);
         let mut at_time: Vec<Vec<f64>> = vec![Vec::new(); time_s.len()];
-        for draw in logarithms.chunks_exact(p).step_by(step) {
-            let parameters: Vec<Dual> = draw.iter().map(|x| x.exp().into()).collect();
-            let spectrum = RetardationSpectrum::of(&law.elements(&parameters), window)?;
-            for (values, time) in at_time.iter_mut().zip(time_s) {
-                values.push(spectrum.creep_compliance_per_pa(*time));
+        for draw in coordinates.chunks_exact(p).step_by(step) {
+            let parameters: Vec<Dual> = draw.iter().zip(scales).map(|(x, scale)| scale.value(*x).into()).collect();
+            n_all += 1;
+            match curve(law, &parameters, window, time_s) {
+                Some(curve) => at_time.iter_mut().zip(curve).for_each(|(values, own)| values.push(own)),
+                None => n_left_out += 1,
             }
+        }
+        if at_time.iter().any(Vec::is_empty) {
+            return Err(crate::Error::numerical(
+                format!("the law has no creep at any draw of {}", group.name),
+                "give narrower priors (--prior), or fix a parameter (--set)",
+            ));
         }
         Ok(at_time.iter().map(|values| sorted(values)).collect())
     };
@@ -169,5 +181,13 @@ pub fn creep(law: BaseLaw, group: &PredictedGroup, time_s: &[f64]) -> Result<Cre
         typical_q95_per_pa: quantile(&typical, 0.95),
         new_specimen_q05_per_pa: quantile(&new_specimen, 0.05),
         new_specimen_q95_per_pa: quantile(&new_specimen, 0.95),
+        share_left_out: f64::from(n_left_out) / f64::from(n_all.max(1)),
     })
+}
+
+/// J(t) at every time; `None` where the law has no spectrum there, or none that numbers can hold.
+fn curve(law: BaseLaw, parameters: &[Dual], window: TimeWindow, time_s: &[f64]) -> Option<Vec<f64>> {
+    let spectrum: RetardationSpectrum = RetardationSpectrum::of(&law.elements(parameters), window).ok()?;
+    let curve: Vec<f64> = time_s.iter().map(|time| spectrum.creep_compliance_per_pa(*time)).collect();
+    curve.iter().all(|value| value.is_finite() && *value > 0.0).then_some(curve)
 }

@@ -15,7 +15,7 @@ const PUBLICATIONS: [(&str, &str, &str); 6] = [
 ];
 
 /// A published value.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct Published {
     /// Parameter.
     pub parameter: String,

@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use super::alone::quantiles_alone;
 use super::cohort::{Key, Measurement};
 use super::contrast::{Contrast, Verdict};
 use super::design::Specimen as SpecimenOfDesign;
@@ -11,6 +12,7 @@ use super::job::{Comparison, GroupsRequest, HEAVY_TAILED_DOF};
 use super::plan::{Plan, Question, plan};
 use super::predict::{CreepPrediction, PredictedGroup, creep, creep_times_s};
 use super::published::{Published, published};
+use super::scale::{Scale, ScaleName};
 use super::{spread, wording};
 use crate::error::Result;
 use crate::report::density::{quantile_of_sorted, sorted};
@@ -18,7 +20,7 @@ use crate::rheology::TimeWindow;
 use crate::workflow::summary::Warning;
 
 /// Body of `vitreo-uq/groups/1`. Ratios are of groups' typical (median) specimens.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct GroupsSummary {
     /// What groups were formed by.
     pub by: Vec<String>,
@@ -42,7 +44,7 @@ pub struct GroupsSummary {
     pub n_specimens: usize,
     /// Every experiment.
     pub experiments: Vec<ExperimentSummary>,
-    /// Spread of repeats of one specimen in the logarithm, a parameter each; `None` without repeats.
+    /// Spread of repeats of one specimen in the logarithm or the log-odds, a parameter each; `None` without repeats.
     pub within_specimen_log_sd: Option<Vec<IntervalSummary>>,
     /// Predicted creep; `None` where not all of the law's parameters are compared.
     pub creep: Option<CreepSummary>,
@@ -57,7 +59,7 @@ pub struct GroupsSummary {
 }
 
 /// Median and central 90 % of a quantity.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct IntervalSummary {
     /// The parameter that it belongs to.
     pub name: String,
@@ -70,7 +72,7 @@ pub struct IntervalSummary {
 }
 
 /// A group.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct GroupSummary {
     /// Levels of the keys, joined by a comma.
     pub name: String,
@@ -80,12 +82,12 @@ pub struct GroupSummary {
     pub experiments: usize,
     /// Its typical specimen and how specimens scatter about it.
     pub parameters: Vec<GroupParameter>,
-    /// Correlation between specimens of the parameters' logarithms, posterior median, row by row; `None` where nothing was measured.
+    /// Correlation between specimens of the parameters on their scales, posterior median, row by row; `None` where nothing was measured.
     pub correlation: Option<Vec<Vec<f64>>>,
 }
 
 /// A parameter of a group.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct GroupParameter {
     /// Name.
     pub name: String,
@@ -95,7 +97,9 @@ pub struct GroupParameter {
     pub q05: f64,
     /// 95 % quantile.
     pub q95: f64,
-    /// Standard deviation between specimens of the logarithm (the scale, where tails are heavy), posterior median.
+    /// Whether specimens scatter in the logarithm or, between two ends, in the log-odds.
+    pub scale: ScaleName,
+    /// Standard deviation between specimens on that scale (the scale parameter, where tails are heavy), posterior median.
     pub between_specimen_log_sd: f64,
     /// Its 5 % and 95 % quantiles.
     pub between_specimen_log_sd_90: [f64; 2],
@@ -106,7 +110,7 @@ pub struct GroupParameter {
 }
 
 /// A ratio of two groups.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct ContrastSummary {
     /// Parameter.
     pub parameter: String,
@@ -135,7 +139,7 @@ pub struct ContrastSummary {
 }
 
 /// A specimen in a group.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct SpecimenSummary {
     /// Name.
     pub name: String,
@@ -148,18 +152,18 @@ pub struct SpecimenSummary {
 }
 
 /// A parameter of a specimen.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct SpecimenParameter {
     /// Name.
     pub name: String,
-    /// From its own measurements only: 5 %, 50 %, 95 %.
+    /// From its own measurements and the scatter of repeats in this cohort: 5 %, 50 %, 95 %.
     pub alone: [f64; 3],
     /// With what the population says.
     pub pooled: [f64; 3],
 }
 
 /// An experiment.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct ExperimentSummary {
     /// Name of its directory.
     pub name: String,
@@ -186,7 +190,7 @@ pub struct ExperimentSummary {
 }
 
 /// Predicted creep.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct CreepSummary {
     /// Times in s.
     pub time_s: Vec<f64>,
@@ -195,7 +199,7 @@ pub struct CreepSummary {
 }
 
 /// How the population was sampled.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct PopulationSampler {
     /// Chains.
     pub chains: usize,
@@ -220,6 +224,11 @@ fn three(values: &[f64]) -> [f64; 3] {
     [0.05, 0.5, 0.95].map(|probability| quantile_of_sorted(&ascending, probability))
 }
 
+/// Quantiles 5 %, 50 %, 95 % of the values at some coordinates.
+fn values(scale: Scale, coordinates: &[f64]) -> [f64; 3] {
+    three(coordinates).map(|coordinate| scale.value(coordinate))
+}
+
 fn every(values: &[f64], p: usize, k: usize) -> Vec<f64> {
     values.iter().skip(k).step_by(p).copied().collect()
 }
@@ -235,7 +244,7 @@ pub fn summarise(measurements: &[Measurement], found: &Comparison, request: &Gro
         found.contrasts.par_iter().map(|own| contrast_summary(found, &draws, own, request)).collect();
     let experiments: Vec<ExperimentSummary> =
         (0..measurements.len()).map(|e| experiment_summary(measurements, found, e)).collect();
-    let specimens = specimen_summaries(found, &draws, &experiments);
+    let specimens = specimen_summaries(found, &draws, request.sampler.seed);
     let p = found.parameters.len();
     let within = |k: usize| {
         let sd: Vec<f64> =
@@ -281,14 +290,16 @@ pub fn summarise(measurements: &[Measurement], found: &Comparison, request: &Gro
 fn group_summary(found: &Comparison, draws: &[&PopulationDraw], own: &PredictedGroup) -> GroupSummary {
     let p = found.parameters.len();
     let parameter = |k: usize| {
-        let [q05, median, q95] = three(&every(&own.typical, p, k)).map(f64::exp);
-        let [lower, _, upper] = three(&every(&own.new_specimen, p, k)).map(f64::exp);
+        let scale = found.scales[k];
+        let [q05, median, q95] = values(scale, &every(&own.typical, p, k));
+        let [lower, _, upper] = values(scale, &every(&own.new_specimen, p, k));
         let [sd_lower, sd, sd_upper] = three(&every(&own.between_sd, p, k));
         GroupParameter {
             name: found.parameters[k].into(),
             median,
             q05,
             q95,
+            scale: scale.name(),
             between_specimen_log_sd: sd,
             between_specimen_log_sd_90: [sd_lower, sd_upper],
             new_specimen_90: [lower, upper],
@@ -370,7 +381,8 @@ fn contrast_summary(
     }
 }
 
-/// Variance of the difference between one new specimen of each group, one a draw. Groups that share specimens are measured on the same
+/// Variance of the difference of the logarithms of one new specimen of each group, one a draw; where specimens scatter in the log-odds, by the slope of the
+/// logarithm at the group's typical one. Groups that share specimens are measured on the same
 /// specimen, whose own deviation then cancels.
 fn variance_of_pair(
     found: &Comparison,
@@ -383,11 +395,16 @@ fn variance_of_pair(
     let heavy = if request.is_heavy_tailed { HEAVY_TAILED_DOF / (HEAVY_TAILED_DOF - 2.0) } else { 1.0 };
     let of_measurement: f64 = own.groups.iter().map(|group| measurement_variance(found, *group, k)).sum();
     let variance = |draw: &&PopulationDraw| {
+        let slopes = own.groups.map(|group| found.scales[k].relative_slope(draw.group_mean[group * p + k]));
         let between = |stratum: usize| heavy * draw.between_specimens[stratum * p * p + k * p + k];
         let within = draw.within_specimens.get(k * p + k).copied().unwrap_or(0.0);
         let is_shared = strata[0] == strata[1] && found.design.has_repeats();
-        let of_specimens = if is_shared { 0.0 } else { between(strata[0]) + between(strata[1]) };
-        of_specimens + 2.0 * within + of_measurement
+        let of_specimens = if is_shared {
+            (slopes[0] - slopes[1]).powi(2) * between(strata[0])
+        } else {
+            slopes[0].powi(2) * between(strata[0]) + slopes[1].powi(2) * between(strata[1])
+        };
+        of_specimens + (slopes[0].powi(2) + slopes[1].powi(2)) * within + of_measurement
     };
     draws.iter().map(variance).collect()
 }
@@ -395,7 +412,10 @@ fn variance_of_pair(
 /// Median over a group's experiments of the variance that a parameter's logarithm has on its own.
 fn measurement_variance(found: &Comparison, group: usize, k: usize) -> f64 {
     let p = found.parameters.len();
-    let of_experiment = |(e, _): (usize, &usize)| spread::variance(&every(&found.draws[e].log_parameters, p, k));
+    let of_experiment = |(e, _): (usize, &usize)| {
+        let coordinates = every(&found.draws[e].coordinates, p, k).into_iter();
+        spread::variance(&coordinates.map(|x| found.scales[k].ln_value(x)).collect::<Vec<f64>>())
+    };
     let members = found.design.group_of.iter().enumerate().filter(|(_, own)| **own == group);
     let variances: Vec<f64> = members.map(of_experiment).collect();
     quantile_of_sorted(&sorted(&variances), 0.5)
@@ -409,7 +429,7 @@ fn experiment_summary(measurements: &[Measurement], found: &Comparison, e: usize
         name: measurements[e].name(),
         specimen: specimen.map_or_else(String::new, |own| own.name.clone()),
         group: found.design.groups[found.design.group_of[e]].name.clone(),
-        alone: (0..p).map(|k| three(&every(&found.draws[e].log_parameters, p, k)).map(f64::exp)).collect(),
+        alone: (0..p).map(|k| values(found.scales[k], &every(&found.draws[e].coordinates, p, k))).collect(),
         rmse_fitted_um: interim.rmse_fitted_um,
         rmse_heldout_um: interim.rmse_heldout_um,
         predictive_sd_heldout_um: interim.predictive_sd_heldout_um,
@@ -421,11 +441,7 @@ fn experiment_summary(measurements: &[Measurement], found: &Comparison, e: usize
 }
 
 /// One entry a specimen and group.
-fn specimen_summaries(
-    found: &Comparison,
-    draws: &[&PopulationDraw],
-    experiments: &[ExperimentSummary],
-) -> Vec<SpecimenSummary> {
+fn specimen_summaries(found: &Comparison, draws: &[&PopulationDraw], seed: u64) -> Vec<SpecimenSummary> {
     let (p, design) = (found.parameters.len(), &found.design);
     let mut places: Vec<(usize, usize)> = Vec::new();
     for group in 0..design.groups.len() {
@@ -433,31 +449,31 @@ fn specimen_summaries(
         let there = design.specimens.iter().enumerate().filter(|(_, own)| is_there(own));
         places.extend(there.map(|(specimen, _)| (specimen, group)));
     }
-    // Its experiments' logarithms there averaged, as if they told of one value.
+    let within: Vec<Vec<f64>> = (0..p)
+        .map(|k| draws.iter().filter_map(|draw| draw.within_specimens.get(k * p + k).copied()).collect())
+        .collect();
     let alone = |(specimen, group): (usize, usize), k: usize| {
-        let all = || design.specimens[specimen].experiments.iter().filter(|e| design.group_of[**e] == group);
-        let n = all().count() as f64;
-        let log = |e: &usize, q: usize| experiments[*e].alone[k][q].ln();
-        let middle = all().map(|e| log(e, 1)).sum::<f64>() / n;
-        let side = |q: usize| all().map(|e| (log(e, q) - log(e, 1)).powi(2)).sum::<f64>().sqrt() / n;
-        [(middle - side(0)).exp(), middle.exp(), (middle + side(2)).exp()]
+        let is_there = |e: &&usize| design.group_of[**e] == group;
+        let own = design.specimens[specimen].experiments.iter().filter(is_there).map(|e| &found.draws[*e]);
+        quantiles_alone(&own.collect::<Vec<_>>(), &within[k], k, p, seed)
     };
     let pooled = |(specimen, group): (usize, usize), k: usize| {
         let home = design.group_of[design.specimens[specimen].experiments[0]];
         let of = |draw: &&PopulationDraw| {
             draw.specimen_mean[specimen * p + k] + draw.group_mean[group * p + k] - draw.group_mean[home * p + k]
         };
-        three(&draws.iter().map(of).collect::<Vec<f64>>()).map(f64::exp)
+        values(found.scales[k], &draws.iter().map(of).collect::<Vec<f64>>())
     };
-    let values: Vec<Vec<[f64; 3]>> = places.iter().map(|place| (0..p).map(|k| alone(*place, k)).collect()).collect();
-    let medians: Vec<Vec<f64>> = values.iter().map(|own| own.iter().map(|three| three[1].ln()).collect()).collect();
+    let coordinates: Vec<Vec<[f64; 3]>> =
+        places.iter().map(|place| (0..p).map(|k| alone(*place, k)).collect()).collect();
+    let medians: Vec<Vec<f64>> = coordinates.iter().map(|own| own.iter().map(|three| three[1]).collect()).collect();
     let group_of: Vec<usize> = places.iter().map(|(_, group)| *group).collect();
     let outlying = spread::outlying(&medians, &group_of);
     let summary = |index: usize| {
         let (specimen, group) = places[index];
         let parameter = |k: usize| SpecimenParameter {
             name: found.parameters[k].into(),
-            alone: values[index][k],
+            alone: coordinates[index][k].map(|coordinate| found.scales[k].value(coordinate)),
             pooled: pooled((specimen, group), k),
         };
         SpecimenSummary {
@@ -483,6 +499,7 @@ fn creep_summary(found: &Comparison) -> Result<Option<CreepSummary>> {
         return Ok(None);
     }
     let time_s = creep_times_s(TimeWindow { shortest_s, longest_s });
-    let groups = found.groups.iter().map(|group| creep(found.law, group, &time_s)).collect::<Result<_>>()?;
+    let groups =
+        found.groups.iter().map(|group| creep(found.law, &found.scales, group, &time_s)).collect::<Result<_>>()?;
     Ok(Some(CreepSummary { time_s, groups }))
 }

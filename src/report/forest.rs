@@ -32,6 +32,11 @@ const BELOW_PX: f64 = 9.0;
 const MOST_NUMBERS: usize = 5;
 const TYPICAL_BAR_PX: f64 = 12.0;
 const NEW_BAR_PX: f64 = 3.0;
+/// In a row stand a specimen's own estimate and the pooled one, so far above and below its middle, in row heights.
+const ROW_HALF: f64 = 0.22;
+const OWN_LINE_PX: f64 = 1.1;
+const OWN_OPACITY: f64 = 0.5;
+const POOLED_LINE_PX: f64 = 1.8;
 
 const REFERENCE: Stroke = Stroke { colour: AXIS, width_px: 1.0, opacity: 0.9, dash: Some((3.5, 2.5)) };
 
@@ -81,8 +86,8 @@ pub struct SpecimenMark<'a> {
     pub name: &'a str,
     /// From its own data only: 5 % quantile, median, 95 % quantile.
     pub alone: [f64; 3],
-    /// Median with what the other specimens say.
-    pub pooled: f64,
+    /// With what the other specimens say: 5 % quantile, median, 95 % quantile.
+    pub pooled: [f64; 3],
     /// Whether it lies apart from its group.
     pub is_outlying: bool,
 }
@@ -142,7 +147,7 @@ fn check(data: &Forest) -> Result<()> {
             if !(ascending(&row.typical) && ascending(&row.new_specimen)) {
                 return refuse(format!("{place}: its summary is {not_ascending}"), remedy);
             }
-            if let Some(odd) = row.specimens.iter().find(|s| !(ascending(&s.alone) && ascending(&[s.pooled]))) {
+            if let Some(odd) = row.specimens.iter().find(|s| !(ascending(&s.alone) && ascending(&s.pooled))) {
                 return refuse(format!("{place}, {}: its estimate is {not_ascending}", odd.name), remedy);
             }
         }
@@ -356,8 +361,12 @@ fn outlying_lines(names: &[&str], width_px: f64) -> Vec<String> {
 fn scale(panel: &ForestPanel) -> Scale {
     let specimens = || panel.rows.iter().flat_map(|row| &row.specimens);
     let typical = panel.rows.iter().flat_map(|row| row.typical);
-    let estimates = typical.chain(specimens().flat_map(|specimen| [specimen.alone[1], specimen.pooled]));
-    let intervals = panel.rows.iter().flat_map(|row| row.new_specimen).chain(specimens().flat_map(|s| s.alone));
+    let estimates = typical.chain(specimens().flat_map(|specimen| [specimen.alone[1], specimen.pooled[1]]));
+    let intervals = panel
+        .rows
+        .iter()
+        .flat_map(|row| row.new_specimen)
+        .chain(specimens().flat_map(|s| [s.alone, s.pooled].concat()));
     Scale::log10_around(estimates, intervals, panel.references.iter().map(|reference| reference.value))
 }
 
@@ -423,22 +432,26 @@ fn arrows(svg: &mut Svg, axes: &Axes, ends: [f64; 2], y: f64, colour: Colour) {
     svg.path(&path, Fill::new(colour, 1.0));
 }
 
-/// A row a specimen: its own interval and estimate, and how far the others draw it.
+/// A row a specimen: its own interval and estimate above, those with what the others say below.
 fn rows(svg: &mut Svg, axes: &Axes, row: &ForestRow, below: Rect, named: bool) {
     let pitch = if named { NAMED_ROW_PX } else { UNNAMED_ROW_PX };
     let size = if named { 1.0 } else { 0.8 };
     for (i, specimen) in row.specimens.iter().enumerate() {
-        let y = below.y + pitch * (i as f64 + 0.5);
+        let middle = below.y + pitch * (i as f64 + 0.5);
+        let [above, under] = [middle - ROW_HALF * pitch, middle + ROW_HALF * pitch];
         let x = |value: f64| axes.x_px(value);
-        let [q05, median, q95] = specimen.alone;
-        svg.line((x(q05), y), (x(q95), y), Stroke::solid(row.colour, 1.1).opacity(0.45));
-        arrows(svg, axes, [q05, q95], y, row.colour);
-        svg.line((x(median), y), (x(specimen.pooled), y), Stroke::solid(row.colour, 2.0 * size));
+        let mut interval = |[q05, _, q95]: [f64; 3], y: f64, width: f64, opacity: f64| {
+            svg.line((x(q05), y), (x(q95), y), Stroke::solid(row.colour, width).opacity(opacity));
+            arrows(svg, axes, [q05, q95], y, row.colour);
+        };
+        interval(specimen.alone, above, OWN_LINE_PX, OWN_OPACITY);
+        interval(specimen.pooled, under, POOLED_LINE_PX * size, 1.0);
+        let (own, pooled) = (x(specimen.alone[1]), x(specimen.pooled[1]));
         if specimen.is_outlying {
-            outlying_mark(svg, (x(median), y), 6.2 * size);
+            outlying_mark(svg, (own, above), 6.2 * size);
         }
-        svg.circle((x(median), y), 3.0 * size, own_style(row.colour));
-        svg.circle((x(specimen.pooled), y), 2.6 * size, Fill::new(row.colour, 1.0));
+        svg.circle((own, above), 2.4 * size, own_style(row.colour));
+        svg.circle((pooled, under), 2.6 * size, Fill::new(row.colour, 1.0));
     }
 }
 
@@ -447,7 +460,7 @@ fn cloud(svg: &mut Svg, axes: &Axes, row: &ForestRow, below: Rect) {
     let y = |i: usize| below.y + 3.0 + (below.height - 6.0) * (0.5 + i as f64 * 0.618_033_988_749_895).fract();
     let (mut joins, mut own, mut pooled) = (Path::default(), Path::default(), Path::default());
     for (i, specimen) in row.specimens.iter().enumerate() {
-        let (from, to) = ((axes.x_px(specimen.alone[1]), y(i)), (axes.x_px(specimen.pooled), y(i)));
+        let (from, to) = ((axes.x_px(specimen.alone[1]), y(i)), (axes.x_px(specimen.pooled[1]), y(i)));
         joins.polyline([from, to], false);
         own.dot(from);
         pooled.dot(to);
@@ -488,16 +501,23 @@ fn entries(data: &Forest, layout: &Layout) -> Vec<Entry> {
     ];
     if rows().any(|row| !row.specimens.is_empty()) {
         let has_rows = layout.blocks.iter().any(|block| block.specimens != Specimens::Cloud);
-        let own = if has_rows { "a specimen's own data: median and 90 %" } else { "a specimen's own data: median" };
-        entries.push(Entry::new(Mark::Drawn(if has_rows { own_with_interval } else { own_alone }), own));
-        entries.push(Entry::new(
-            Mark::Drawn(|svg, r| {
-                let (x, y) = (r.x + r.width - 6.0, r.y + r.height / 2.0);
-                svg.line((r.x + 3.0, y), (x, y), Stroke::solid(MUTED, 2.0));
-                svg.circle((x, y), 2.8, Fill::new(MUTED, 1.0));
-            }),
-            "the same, with what the others say",
-        ));
+        let has_clouds = layout.blocks.iter().any(|block| block.specimens == Specimens::Cloud);
+        let shown = match (has_rows, has_clouds) {
+            (true, false) => "median and 90 %",
+            (true, true) => "median and 90 % (of large groups the median)",
+            (false, _) => "median",
+        };
+        let [own, pooled] =
+            if has_rows { [own_with_interval, pooled_with_interval] } else { [own_alone, pooled_alone] };
+        entries.push(Entry::new(Mark::Drawn(own), format!("a specimen by its own data: {shown}")));
+        entries.push(Entry::new(Mark::Drawn(pooled), format!("with what the others say: {shown}")));
+        if has_clouds {
+            let mark = |svg: &mut Svg, r: Rect| {
+                let y = r.y + r.height / 2.0;
+                svg.line((r.x, y), (r.x + r.width, y), Stroke::solid(MUTED, 0.8).opacity(0.6));
+            };
+            entries.push(Entry::new(Mark::Drawn(mark), "from the one to the other"));
+        }
     }
     if rows().any(|row| row.specimens.iter().any(|specimen| specimen.is_outlying)) {
         let mark = |svg: &mut Svg, r: Rect| outlying_mark(svg, (r.x + r.width / 2.0, r.y + r.height / 2.0), 6.0);
@@ -511,8 +531,18 @@ fn entries(data: &Forest, layout: &Layout) -> Vec<Entry> {
 
 fn own_with_interval(svg: &mut Svg, r: Rect) {
     let y = r.y + r.height / 2.0;
-    svg.line((r.x, y), (r.x + r.width, y), Stroke::solid(MUTED, 1.1).opacity(0.6));
+    svg.line((r.x, y), (r.x + r.width, y), Stroke::solid(MUTED, OWN_LINE_PX).opacity(OWN_OPACITY));
     own_alone(svg, r);
+}
+
+fn pooled_with_interval(svg: &mut Svg, r: Rect) {
+    let y = r.y + r.height / 2.0;
+    svg.line((r.x, y), (r.x + r.width, y), Stroke::solid(MUTED, POOLED_LINE_PX));
+    pooled_alone(svg, r);
+}
+
+fn pooled_alone(svg: &mut Svg, r: Rect) {
+    svg.circle((r.x + r.width / 2.0, r.y + r.height / 2.0), 2.8, Fill::new(MUTED, 1.0));
 }
 
 fn own_alone(svg: &mut Svg, r: Rect) {

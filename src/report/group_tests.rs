@@ -37,7 +37,7 @@ fn row<'a>(group: usize, centre: f64, spread: f64, names: &'a [String]) -> Fores
         SpecimenMark {
             name,
             alone: [0.5, 1.0, 2.5].map(|factor| centre * shift * factor),
-            pooled: centre * shift.sqrt(),
+            pooled: [0.7, 1.0, 1.6].map(|factor| centre * shift.sqrt() * factor),
             is_outlying: i % 7 == 1,
         }
     };
@@ -110,7 +110,7 @@ fn forests_without_groups_or_with_odd_numbers_are_refused() {
         (|panels| panels[0].rows[1].typical[1] = f64::NAN, "E (Pa), bovine: its summary"),
         (|panels| panels[0].rows[1].new_specimen[0] = 0.0, "its summary"),
         (|panels| panels[0].rows[0].specimens[2].alone = [3.0, 2.0, 4.0], "specimen 3: its estimate"),
-        (|panels| panels[0].rows[0].specimens[2].pooled = f64::INFINITY, "specimen 3: its estimate"),
+        (|panels| panels[0].rows[0].specimens[2].pooled[2] = f64::INFINITY, "specimen 3: its estimate"),
         (|panels| panels[0].references[0].value = -1.0, "the reference `Lee 1992` is -1"),
     ];
     for (change, words) in refused {

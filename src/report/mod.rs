@@ -39,6 +39,7 @@ pub mod netcdf;
 pub mod number;
 pub mod palette;
 pub mod predictive;
+mod record_netcdf;
 pub mod shapes;
 pub mod singular_values;
 pub mod svg;

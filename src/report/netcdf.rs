@@ -1,48 +1,37 @@
 //! Posterior draws as NetCDF-4 in ArviZ's layout.
 //!
-//! Group `posterior`: one variable a parameter over (`chain`, `draw`), chain = ensemble × walker; the coordinate
-//! `ensemble` along `chain` says which chains belong together, since walkers of one ensemble are not independent.
-//! Group `sample_stats`: `lp`, the log density. Group `observed_data`: the measurement, where given.
-//! No time stamps: the same draws give the same bytes.
+//! Group `posterior`: one variable a parameter over (`chain`, `draw`). A chain is an ensemble: ensembles are independent, walkers of one are not. Its draws
+//! stand so that a chain's first half are those of the first half of the steps, and in each half walker after walker, each in the order of its
+//! steps ([`arrangement`]): ArviZ's split R̂ is then the one of this program, and its effective sizes see what is correlated in time. The coordinates `walker`
+//! and `step` along `draw` say which is which. Group `sample_stats`: `lp`, the log density.
+//! What belongs to the rows of a record ([`RecordGroups`]) stands beside. No time stamps: the same draws give the same bytes.
 
 use std::path::Path;
 
 use netcdf_writer::{DimensionId, NcAttrValue, NcFileBuilder, NcWriteFormat, NcWriteOptions, VariableId};
 
 use super::draws::DrawTable;
+pub use super::record_netcdf::{DrawnRows, PriorDraws, RecordGroups, RowColumn};
 use crate::error::Place;
 use crate::files::write_atomically;
 use crate::{Error, Result};
 
-/// The measurement that was fitted.
-#[derive(Debug, Clone, Copy)]
-pub struct ObservedData<'a> {
-    /// Time of each row.
-    pub time_s: &'a [f64],
-    /// Position of each row; `None` where tracking was lost.
-    pub position_um: &'a [Option<f64>],
-}
+const ARRANGEMENT: &str = "a chain is an ensemble; its draws: first half of the steps walker by walker, then second half of the steps walker by walker";
 
-/// Writes the draws, and the measurement where given.
+/// Writes the draws, and what belongs to the rows of the record.
 ///
 /// # Errors
 /// [`Error::Input`] for an inconsistent table or names that NetCDF does not allow, [`Error::File`] where the file cannot be
 /// written.
-pub fn write_draws_netcdf(path: &Path, table: &DrawTable, observed: Option<ObservedData>) -> Result<()> {
+pub fn write_draws_netcdf(path: &Path, table: &DrawTable, record: &RecordGroups) -> Result<()> {
     table.check()?;
     // A slash would open a group; the others are the layout's own.
-    let reserved =
-        |name: &&String| name.contains('/') || ["chain", "draw", "ensemble", "walker"].contains(&name.as_str());
+    let reserved = |name: &&String| name.contains('/') || ["chain", "draw", "walker", "step"].contains(&name.as_str());
     if let Some(name) = table.parameter_names.iter().find(reserved) {
         return Err(refused(format!("a parameter is called `{name}`")));
     }
-    if let Some(observed) = observed
-        && observed.time_s.len() != observed.position_um.len()
-    {
-        let found = format!("{} times and {} positions", observed.time_s.len(), observed.position_um.len());
-        return Err(refused(found));
-    }
-    let bytes = encode(table, observed).map_err(|error| refused(error.to_string()))?;
+    record.check().map_err(refused)?;
+    let bytes = encode(table, record).map_err(|error| refused(error.to_string()))?;
     write_atomically(path, &bytes)
 }
 
@@ -50,21 +39,30 @@ fn refused(found: String) -> Error {
     Error::input(Place::default().at_key("NetCDF"), found, "use the CSV, or rename the parameter")
 }
 
+/// Walker and step of every draw of a chain, in order.
+pub fn arrangement(n_walkers: usize, n_steps: usize) -> Vec<[usize; 2]> {
+    let half = n_steps / 2;
+    let of_steps = |steps: std::ops::Range<usize>| {
+        (0..n_walkers).flat_map(move |walker| steps.clone().map(move |step| [walker, step]))
+    };
+    // The step in the middle of an odd number belongs to neither half.
+    of_steps(0..half).chain(of_steps(half..n_steps - half)).chain(of_steps(n_steps - half..n_steps)).collect()
+}
+
 pub(super) type NcResult<T> = std::result::Result<T, netcdf_writer::Error>;
 
-fn encode(table: &DrawTable, observed: Option<ObservedData>) -> NcResult<Vec<u8>> {
+fn encode(table: &DrawTable, record: &RecordGroups) -> NcResult<Vec<u8>> {
     let mut file = new_file()?;
-    let posterior = Group::new(&mut file, "posterior", table)?;
+    let order = arrangement(table.n_walkers, table.n_steps);
+    let posterior = Group::new(&mut file, "posterior", table, &order)?;
     for (i, name) in table.parameter_names.iter().enumerate() {
         posterior.add_variable(&mut file, name, &table.units[i], &table.column(i))?;
     }
     if !table.log_density.is_empty() {
-        let stats = Group::new(&mut file, "sample_stats", table)?;
+        let stats = Group::new(&mut file, "sample_stats", table, &order)?;
         stats.add_variable(&mut file, "lp", "1", &table.log_density)?;
     }
-    if let Some(observed) = observed {
-        add_observed(&mut file, observed)?;
-    }
+    record.add_to(&mut file)?;
     into_bytes(file)
 }
 
@@ -81,8 +79,11 @@ pub(super) fn into_bytes(file: NcFileBuilder) -> NcResult<Vec<u8>> {
     Ok(bytes)
 }
 
+fn text(text: &str) -> NcAttrValue {
+    NcAttrValue::Chars(text.to_owned())
+}
+
 fn creators() -> [(&'static str, NcAttrValue); 4] {
-    let text = |text: &str| NcAttrValue::Chars(text.to_owned());
     let (name, version) = (env!("CARGO_PKG_NAME"), env!("CARGO_PKG_VERSION"));
     [
         ("created_by", text(&format!("{name} {version}"))),
@@ -92,8 +93,14 @@ fn creators() -> [(&'static str, NcAttrValue); 4] {
     ]
 }
 
-fn attribute(file: &mut NcFileBuilder, variable: VariableId, name: &str, text: &str) -> NcResult<()> {
-    file.add_variable_attribute(variable, name, NcAttrValue::Chars(text.to_owned()))
+/// Says who made a group, and what is to be known of it.
+pub(super) fn describe(file: &mut NcFileBuilder, group: &str, note: &str) -> NcResult<()> {
+    creators().into_iter().try_for_each(|(name, value)| file.add_group_attribute(group, name, value))?;
+    if note.is_empty() { Ok(()) } else { file.add_group_attribute(group, "note", text(note)) }
+}
+
+pub(super) fn attribute(file: &mut NcFileBuilder, variable: VariableId, name: &str, value: &str) -> NcResult<()> {
+    file.add_variable_attribute(variable, name, text(value))
 }
 
 /// The unit of a variable; `1` where it has none.
@@ -108,16 +115,25 @@ pub(super) fn add_group(
     n_chains: usize,
     n_draws: usize,
 ) -> NcResult<[DimensionId; 2]> {
-    creators().into_iter().try_for_each(|(attribute, value)| file.add_group_attribute(name, attribute, value))?;
-    let chain = file.add_dimension_path(format!("{name}/chain"), n_chains as u64)?;
-    let draw = file.add_dimension_path(format!("{name}/draw"), n_draws as u64)?;
-    for (coordinate, dimension, length) in [("chain", chain, n_chains), ("draw", draw, n_draws)] {
-        add_coordinate(file, name, coordinate, dimension, &(0..length as i64).collect::<Vec<i64>>())?;
-    }
+    describe(file, name, "")?;
+    add_draws(file, name, n_chains, &(0..n_draws as i64).collect::<Vec<i64>>())
+}
+
+/// The dimensions `chain`, counted from 0, and `draw`, with its labels, of a group.
+pub(super) fn add_draws(
+    file: &mut NcFileBuilder,
+    group: &str,
+    n_chains: usize,
+    draws: &[i64],
+) -> NcResult<[DimensionId; 2]> {
+    let chain = file.add_dimension_path(format!("{group}/chain"), n_chains as u64)?;
+    let draw = file.add_dimension_path(format!("{group}/draw"), draws.len() as u64)?;
+    add_coordinate(file, group, "chain", chain, &(0..n_chains as i64).collect::<Vec<i64>>())?;
+    add_coordinate(file, group, "draw", draw, draws)?;
     Ok([chain, draw])
 }
 
-fn add_coordinate(
+pub(super) fn add_coordinate(
     file: &mut NcFileBuilder,
     group: &str,
     name: &str,
@@ -128,41 +144,38 @@ fn add_coordinate(
     file.write_variable(variable, values)
 }
 
-struct Group {
-    name: String,
+/// A group over all draws of a table.
+struct Group<'a> {
+    name: &'a str,
+    table: &'a DrawTable,
+    order: &'a [[usize; 2]],
     dimensions: [DimensionId; 2],
 }
 
-impl Group {
-    /// Begins a group over a table's chains and draws, which says how the chains are made up of ensembles and walkers.
-    fn new(file: &mut NcFileBuilder, name: &str, table: &DrawTable) -> NcResult<Self> {
-        let (n_chains, n_walkers) = ((table.n_ensembles * table.n_walkers) as i64, table.n_walkers as i64);
-        let dimensions = add_group(file, name, n_chains as usize, table.n_steps)?;
-        let ensembles: Vec<i64> = (0..n_chains).map(|chain| chain / n_walkers).collect();
-        let walkers: Vec<i64> = (0..n_chains).map(|chain| chain % n_walkers).collect();
-        add_coordinate(file, name, "ensemble", dimensions[0], &ensembles)?;
-        add_coordinate(file, name, "walker", dimensions[0], &walkers)?;
-        Ok(Self { name: name.to_owned(), dimensions })
+impl<'a> Group<'a> {
+    fn new(file: &mut NcFileBuilder, name: &'a str, table: &'a DrawTable, order: &'a [[usize; 2]]) -> NcResult<Self> {
+        describe(file, name, ARRANGEMENT)?;
+        let labels: Vec<i64> = (0..order.len() as i64).collect();
+        let dimensions = add_draws(file, name, table.n_ensembles, &labels)?;
+        for (place, coordinate) in ["walker", "step"].into_iter().enumerate() {
+            let values: Vec<i64> = order.iter().map(|own| own[place] as i64).collect();
+            add_coordinate(file, name, coordinate, dimensions[1], &values)?;
+        }
+        Ok(Self { name, table, order, dimensions })
     }
 
+    /// A quantity in the table's order.
     fn add_variable(&self, file: &mut NcFileBuilder, name: &str, unit: &str, values: &[f64]) -> NcResult<()> {
         let variable = file.add_variable_path::<f64>(format!("{}/{name}", self.name), &self.dimensions)?;
         add_unit(file, variable, unit)?;
-        // Without it readers take `ensemble` and `walker` for data instead of labels of the chains.
-        attribute(file, variable, "coordinates", "ensemble walker")?;
-        file.write_variable(variable, values)
+        // Without it readers take `walker` and `step` for data instead of labels of the draws.
+        attribute(file, variable, "coordinates", "walker step")?;
+        let (n_walkers, n_steps) = (self.table.n_walkers, self.table.n_steps);
+        let of_ensemble = |ensemble: usize| {
+            self.order.iter().map(move |[walker, step]| values[(ensemble * n_walkers + walker) * n_steps + step])
+        };
+        file.write_variable(variable, &(0..self.table.n_ensembles).flat_map(of_ensemble).collect::<Vec<f64>>())
     }
-}
-
-fn add_observed(file: &mut NcFileBuilder, observed: ObservedData) -> NcResult<()> {
-    let time = file.add_dimension_path("observed_data/time", observed.time_s.len() as u64)?;
-    let positions: Vec<f64> = observed.position_um.iter().map(|position| position.unwrap_or(f64::NAN)).collect();
-    for (name, unit, values) in [("time", "s", observed.time_s), ("position_um", "µm", &positions)] {
-        let variable = file.add_variable_path::<f64>(format!("observed_data/{name}"), &[time])?;
-        attribute(file, variable, "units", unit)?;
-        file.write_variable(variable, values)?;
-    }
-    creators().into_iter().try_for_each(|(name, value)| file.add_group_attribute("observed_data", name, value))
 }
 
 #[cfg(test)]
@@ -182,19 +195,37 @@ mod tests {
     }
 
     #[test]
+    fn halves_of_a_chain_are_halves_of_the_steps() {
+        let order = arrangement(3, 5);
+        assert_eq!(order.len(), 15);
+        assert!(order[..6].iter().all(|[_, step]| *step < 2) && order[9..].iter().all(|[_, step]| *step > 2));
+        assert_eq!(order[..3], [[0, 0], [0, 1], [1, 0]]);
+        let mut sorted = order.clone();
+        sorted.sort_unstable();
+        sorted.dedup();
+        assert_eq!(sorted.len(), 15);
+        assert_eq!(arrangement(2, 1), [[0, 0], [1, 0]]);
+    }
+
+    #[test]
     fn the_file_is_hdf5_and_the_same_each_time() {
         let dir = tempfile::tempdir().unwrap();
-        let observed = ObservedData { time_s: &[0.0, 0.1], position_um: &[Some(0.0), None] };
+        let record = RecordGroups {
+            constant: vec![RowColumn { name: "force", unit: "µN", values: vec![1.0, 2.0] }],
+            observed_rows: vec![0],
+            observed: vec![RowColumn { name: "position_um", unit: "µm", values: vec![0.5] }],
+            ..RecordGroups::default()
+        };
         let write = |name: &str| {
             let path = dir.path().join(name);
-            write_draws_netcdf(&path, &table("young_modulus_pa"), Some(observed)).unwrap();
+            write_draws_netcdf(&path, &table("young_modulus_pa"), &record).unwrap();
             std::fs::read(path).unwrap()
         };
         let (first, second) = (write("a.nc"), write("b.nc"));
         assert_eq!(first, second);
         assert_eq!(&first[..8], b"\x89HDF\r\n\x1a\n");
-        // Contiguous little-endian storage: the draws of the second parameter stand in the file as they are.
-        let column: Vec<u8> = table("x").column(1).iter().flat_map(|value| value.to_le_bytes()).collect();
+        // Contiguous little-endian storage: the first walker's first draws stand in the file as they are.
+        let column: Vec<u8> = table("x").column(1)[..2].iter().flat_map(|value| value.to_le_bytes()).collect();
         assert!(first.windows(column.len()).any(|window| window == column));
     }
 
@@ -202,11 +233,15 @@ mod tests {
     fn impossible_names_and_shapes_are_refused() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.nc");
-        assert!(write_draws_netcdf(&path, &table("a/b"), None).is_err());
-        assert!(write_draws_netcdf(&path, &table(""), None).is_err());
+        let none = RecordGroups::default();
+        assert!(write_draws_netcdf(&path, &table("a/b"), &none).is_err());
+        assert!(write_draws_netcdf(&path, &table(""), &none).is_err());
         let mut short = table("x");
         short.values.pop();
-        assert!(write_draws_netcdf(&path, &short, None).is_err());
+        assert!(write_draws_netcdf(&path, &short, &none).is_err());
+        let uneven = RecordGroups { observed_rows: vec![3], ..RecordGroups::default() };
+        let column = RowColumn { name: "position_um", unit: "µm", values: vec![0.5, 0.6] };
+        assert!(write_draws_netcdf(&path, &table("x"), &RecordGroups { observed: vec![column], ..uneven }).is_err());
         assert!(!path.exists());
     }
 }

@@ -7,7 +7,7 @@ use crate::fe::meridional::{BodyOfRevolution, Direction};
 pub const PAPER_ASPECT: f64 = 68.0 / 7.0;
 
 /// What a body has in common with the sphere.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, schemars::JsonSchema, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum SizeRule {
     /// Its volume (Fig. 7).
@@ -30,7 +30,7 @@ impl SizeRule {
 }
 
 /// A kind of body.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, schemars::JsonSchema, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Shape {
     /// The reference.

@@ -12,7 +12,7 @@ const SURE: f64 = 0.95;
 const PROPORTIONAL: f64 = 0.05;
 
 /// What is to be said of a claim.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, schemars::JsonSchema, Serialize, Deserialize)]
 pub enum Verdict {
     /// It is so.
     #[serde(rename = "holds")]
@@ -26,7 +26,7 @@ pub enum Verdict {
 }
 
 /// A claim of the paper, or the converse of a comparison that it makes.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct Claim {
     /// What is claimed.
     pub claim: String,

@@ -116,7 +116,7 @@ impl StiffnessSurrogate {
 }
 
 /// The longest robot of a shape, at the volume of the sphere and under the same force.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct LongestRobot {
     /// Which shape.
     pub shape: Shape,

@@ -120,7 +120,7 @@ pub struct ShapesResult {
 }
 
 /// Elastic robots of one modulus.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, schemars::JsonSchema, serde::Serialize, serde::Deserialize)]
 pub struct ElasticRecord {
     /// The robot's Young's modulus over the gel's.
     pub modulus_ratio: f64,

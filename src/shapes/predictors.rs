@@ -88,7 +88,7 @@ fn mean_caliper_m(body: BodyOfRevolution) -> f64 {
 }
 
 /// A candidate's record over the sweep.
-#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, serde::Serialize, serde::Deserialize)]
 pub struct PredictorRecord {
     /// In words.
     pub predictor: String,

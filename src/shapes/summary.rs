@@ -13,7 +13,7 @@ use crate::fe::quality::MeshQuality;
 use crate::workflow::summary::Warning;
 
 /// Body of `vitreo-uq/shapes/1`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct ShapesSummary {
     /// Poisson ratio of the gel.
     pub poisson_ratio: f64,
@@ -47,7 +47,7 @@ pub struct ShapesSummary {
 }
 
 /// One body.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct BodySummary {
     /// What it is.
     pub shape: Shape,
@@ -78,7 +78,7 @@ pub struct BodySummary {
 }
 
 /// A three-dimensional mesh.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct MeshSummary {
     /// Unknowns of the quarter model.
     pub unknowns: usize,
@@ -96,7 +96,7 @@ impl MeshSummary {
 }
 
 /// The bodies of one aspect ratio in one gel under one force.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct SweepSummary {
     /// Length to diameter.
     pub aspect: f64,
@@ -114,7 +114,7 @@ pub struct SweepSummary {
 }
 
 /// The body of the user's own mesh.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct OwnBody {
     /// Surface of the body that the mesh goes around, in mm².
     pub surface_area_mm2: f64,
@@ -133,7 +133,7 @@ pub struct OwnBody {
 }
 
 /// Posterior of a displacement, in µm.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct Displacement {
     /// Median.
     pub median: f64,

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 /// Header of a JSON document; flattened into it, so that its keys stand at the top.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct Provenance {
     /// `vitreo-uq/<kind>/<number>`.
     pub schema: String,
@@ -33,7 +33,7 @@ impl Provenance {
 }
 
 /// A JSON document: header and body side by side.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct WithProvenance<T> {
     /// Header.
     #[serde(flatten)]

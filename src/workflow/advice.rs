@@ -4,6 +4,7 @@ use super::misfit::Misfit;
 pub use super::misfit::NOISE_FACTOR;
 use super::summary::{PosteriorSummary, Warning, WarningKind};
 use crate::effects::Library;
+use crate::experiment::{Apparatus, Experiment};
 
 /// Learnt noise so many times below the known one is not the tracker's.
 const LOW_NOISE_FACTOR: f64 = 3.0;
@@ -17,6 +18,11 @@ const MESH_SHARE: f64 = 0.25;
 const PARETO_LIMIT: f64 = 0.7;
 /// Strain up to which the gel is known to be linear (`literature`: below 1 %).
 const LINEAR_STRAIN: f64 = 0.01;
+/// A gel that is strained so many times its own length is no gel: a unit is wrong. The paper's bead strains its gel by 2.6.
+const IMPOSSIBLE_STRAIN: f64 = 20.0;
+/// What comes before any other advice where figures are impossible.
+const UNITS_FIRST: &str =
+    "check the units of force, position and sizes first: other figures say that one of them is wrong";
 
 /// What advice is drawn from.
 pub struct Findings<'a> {
@@ -26,6 +32,8 @@ pub struct Findings<'a> {
     pub misfit: Option<&'a Misfit>,
     /// What the sampler said of itself.
     pub sampler_messages: &'a [String],
+    /// Positions that cannot be.
+    pub impossible_positions: Option<Warning>,
 }
 
 /// All warnings that apply, gravest first.
@@ -35,6 +43,23 @@ pub fn warnings(findings: &Findings) -> Vec<Warning> {
     let summary = findings.summary;
     let heldout = &summary.heldout;
     let messages = findings.sampler_messages.join("; ");
+    if let Some(impossible) = &findings.impossible_positions {
+        add(impossible.kind, impossible.text.clone(), &impossible.advice);
+    }
+    if !summary.at_edge_of_range.is_empty() {
+        let text = format!(
+            "the posterior of {} leans against the end of the range that the prior allows",
+            summary.at_edge_of_range.join(", ")
+        );
+        add(
+            WarningKind::EdgeOfRange,
+            text,
+            "check the units of force and position first; where they are right, give a wider prior (--prior generic)",
+        );
+    }
+    let units_first = findings.impossible_positions.is_some()
+        || !summary.at_edge_of_range.is_empty()
+        || summary.largest_strain.is_some_and(|strain| strain > IMPOSSIBLE_STRAIN);
     if !summary.converged {
         let text = format!("the draws have not converged: {messages}");
         add(WarningKind::NotConverged, text, "give more steps (--steps), or a more informative prior (--prior)");
@@ -47,12 +72,12 @@ pub fn warnings(findings: &Findings) -> Vec<Warning> {
                 misfit(summary, left, &mut add);
             }
             noise_below(summary, noise, &mut add);
-            model_error(summary, noise, &mut add);
+            model_error(summary, noise, units_first, &mut add);
         }
         None => {
             let text = "the tracker's noise is neither given nor can it be estimated, so nothing says how much misfit is too much";
             add(WarningKind::NoiseUnknown, text.into(), "give `noise_um` in [measurement]");
-            model_error(summary, summary.error_budget_um.noise, &mut add);
+            model_error(summary, summary.error_budget_um.noise, units_first, &mut add);
         }
     }
     if let Some(p) = heldout.joint_p.filter(|p| *p < OUTSIDE_BAND) {
@@ -63,17 +88,6 @@ pub fn warnings(findings: &Findings) -> Vec<Warning> {
             WarningKind::HeldoutOutsideBand,
             text,
             "look at the predictive figure for where it fails; the model lacks something that these cycles show",
-        );
-    }
-    if !summary.at_edge_of_range.is_empty() {
-        let text = format!(
-            "the posterior of {} leans against the end of the range that the prior allows",
-            summary.at_edge_of_range.join(", ")
-        );
-        add(
-            WarningKind::EdgeOfRange,
-            text,
-            "check the units of force and position, or give a wider prior (--prior generic)",
         );
     }
     if heldout.rmse_um.is_none() {
@@ -150,7 +164,12 @@ pub fn strain_warning(largest_strain: f64) -> Option<Warning> {
         text: format!(
             "the largest strain at the integration points is {largest_strain:.2} (at the robot's surface up to a tenth more); the gel is known to be linear below {LINEAR_STRAIN}, so the linear model is used beyond its proven range"
         ),
-        advice: "read E, c₁ and c₂ as effective values at this amplitude, or repeat with a smaller force".into(),
+        advice: if largest_strain > IMPOSSIBLE_STRAIN {
+            "no gel is strained by twenty times its own length: check the units of force, position and sizes first"
+        } else {
+            "read E, c₁ and c₂ as effective values at this amplitude, or repeat with a smaller force"
+        }
+        .into(),
     })
 }
 
@@ -205,21 +224,43 @@ fn noise_below(summary: &PosteriorSummary, noise: f64, add: &mut impl FnMut(Warn
 }
 
 /// Errors of the reduced model and of the mesh, against the noise.
-fn model_error(summary: &PosteriorSummary, noise: f64, add: &mut impl FnMut(WarningKind, String, &str)) {
+fn model_error(
+    summary: &PosteriorSummary,
+    noise: f64,
+    units_first: bool,
+    add: &mut impl FnMut(WarningKind, String, &str),
+) {
     let heldout = &summary.heldout;
     let distance_um = heldout.surrogate_vs_fe_max_um.unwrap_or(0.0);
     if let Some(warning) = surrogate_warning(distance_um, heldout.pareto_k, noise, &summary.model.effects) {
         add(warning.kind, warning.text, &warning.advice);
     }
     if heldout.fe_runs.is_some()
-        && let Some(warning) = mesh_warning(summary.error_budget_um.fe_discretisation, noise)
+        && let Some(warning) = mesh_warning(summary.error_budget_um.fe_discretisation, noise, units_first)
     {
         add(warning.kind, warning.text, &warning.advice);
     }
 }
 
-/// A mesh whose error (µm) is not small beside the noise, or is not known.
-pub fn mesh_warning(error_um: Option<f64>, noise_um: f64) -> Option<Warning> {
+/// Positions that range farther than the gel that the robot moves in.
+pub fn impossible_positions(experiment: &Experiment) -> Option<Warning> {
+    let Apparatus::Robot { vitreous, .. } = &experiment.apparatus else { return None };
+    let positions_m = experiment.record.position_m.iter().flatten();
+    let [lowest, highest] =
+        positions_m.fold([f64::INFINITY, f64::NEG_INFINITY], |[lowest, highest], x| [lowest.min(*x), highest.max(*x)]);
+    (highest - lowest > vitreous.diameter_m).then(|| Warning {
+        kind: WarningKind::ImpossiblePositions,
+        text: format!(
+            "the positions range over {:.3} mm, and the gel measures {:.3} mm",
+            1e3 * (highest - lowest),
+            1e3 * vitreous.diameter_m
+        ),
+        advice: "check the units first: of the position's column (`position_um`, `position_mm`, …) and of the sizes in experiment.toml".into(),
+    })
+}
+
+/// A mesh whose error (µm) is not small beside the noise, or is not known; `units_first` where a wrong unit is the likelier reason.
+pub fn mesh_warning(error_um: Option<f64>, noise_um: f64, units_first: bool) -> Option<Warning> {
     let (kind, text, advice) = match error_um {
         Some(error) if error > noise_um => (
             WarningKind::MeshInaccurate,
@@ -241,7 +282,8 @@ pub fn mesh_warning(error_um: Option<f64>, noise_um: f64) -> Option<Warning> {
             "repeat with a mesh of half the element size (--mesh) and compare",
         ),
     };
-    Some(Warning { kind, text, advice: advice.into() })
+    let advice = if units_first { format!("{UNITS_FIRST}; then {advice}") } else { advice.into() };
+    Some(Warning { kind, text, advice })
 }
 
 #[cfg(test)]
@@ -321,7 +363,7 @@ mod tests {
             learnt_degrees: 1e4,
         };
         let misfit = summary.heldout.noise_um.map(|_| &misfit);
-        summary.warnings = warnings(&Findings { summary: &summary, misfit, sampler_messages: &[] });
+        summary.warnings = warnings(&Findings { summary: &summary, misfit, sampler_messages: &[], impossible_positions: None });
         (summary.warnings.iter().map(|warning| warning.kind).collect(), summary.is_sound())
     }
 
@@ -361,6 +403,46 @@ mod tests {
             (vec![NoiseUnknown, SurrogateInaccurate], false)
         );
         assert_eq!(after(|s| (s.heldout.rmse_um, s.heldout.joint_p) = (None, None)), (vec![NothingHeldOut], true));
+    }
+
+    /// A mesh that is coarse by its error is named with the mesh's remedy; where the parameters are absurd, with the units' first.
+    #[test]
+    fn units_come_before_meshes_where_figures_are_impossible() {
+        type Change = fn(&mut PosteriorSummary);
+        let advice = |change: Change| {
+            let mut summary = sound();
+            summary.error_budget_um.fe_discretisation = Some(400.0);
+            change(&mut summary);
+            let all = warnings(&Findings { summary: &summary, sampler_messages: &[], impossible_positions: None });
+            all.into_iter().find(|warning| warning.kind == MeshInaccurate).expect("the mesh is told").advice
+        };
+        assert!(advice(|_| {}).starts_with("bring a finer mesh"));
+        let changes: [Change; 2] =
+            [|s| s.at_edge_of_range = vec!["young_modulus_pa".into()], |s| s.largest_strain = Some(30.0)];
+        for change in changes {
+            let advice = advice(change);
+            assert!(advice.starts_with("check the units"), "{advice}");
+        }
+        assert!(strain_warning(30.0).expect("large").advice.contains("check the units"));
+        assert!(strain_warning(2.6).expect("the paper's").advice.starts_with("read E"));
+    }
+
+    /// A record of 300 µm whose column says millimetres.
+    #[test]
+    fn positions_that_no_gel_allows_are_told_first() {
+        let (mut experiment, _) = crate::workflow::replica::embedded().expect("embedded");
+        assert_eq!(impossible_positions(&experiment), None);
+        experiment.record.position_m.iter_mut().flatten().for_each(|x| *x *= 1e3);
+        let impossible = impossible_positions(&experiment).expect("the gel measures 20 mm");
+        assert!(impossible.kind.is_fatal() && impossible.advice.starts_with("check the units"));
+        let mut summary = sound();
+        summary.heldout.rmse_um = Some(4e3);
+        let all = warnings(&Findings {
+            summary: &summary,
+            sampler_messages: &[],
+            impossible_positions: Some(impossible.clone()),
+        });
+        assert_eq!((all.len(), &all[0]), (2, &impossible));
     }
 
     #[test]

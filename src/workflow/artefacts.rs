@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use super::exchange::record_groups;
 use super::heldout::BAND_PROBABILITIES;
 use super::problem::Problem;
 use super::reduced::SURROGATE_NAME;
@@ -17,7 +18,7 @@ use crate::report::corner::{CornerOptions, ParameterColumn, Posterior, PriorCurv
 use crate::report::density::Support;
 use crate::report::draws::{DrawTable, write_draws_csv};
 use crate::report::labels::of_parameter;
-use crate::report::netcdf::{ObservedData, write_draws_netcdf};
+use crate::report::netcdf::write_draws_netcdf;
 use crate::report::palette::series;
 use crate::report::predictive::{Band, CycleKind, CycleSpan, PredictiveData, predictive};
 use crate::report::singular_values::{Family, singular_values};
@@ -51,8 +52,8 @@ pub fn write(dir: &Path, problem: &Problem, result: &SampleResult, header: &dyn 
     write_draws_csv(&dir.join("draws.csv"), &table)?;
     let record = &problem.experiment.record;
     let position_um: Vec<Option<f64>> = record.position_m.iter().map(|x| x.map(|x| 1e6 * x)).collect();
-    let observed = ObservedData { time_s: &record.time_s, position_um: &position_um };
-    write_draws_netcdf(&dir.join("posterior.nc"), &table, Some(observed))?;
+    let groups = record_groups(problem, &result.reduced, &result.outcome.draws, header("posterior").seed);
+    write_draws_netcdf(&dir.join("posterior.nc"), &table, &groups)?;
     write_figures(&dir.join("figures"), problem, result, &position_um)
 }
 
@@ -77,6 +78,11 @@ pub fn with_inputs(mut header: Provenance, problem: &Problem) -> Provenance {
         header.inputs_sha256.insert(MESH_INPUT.into(), hash);
     }
     header.with_input(name, problem.priors.text().as_bytes())
+}
+
+/// Whether an input that a header names is one of the experiment's own files.
+pub fn of_measurement(name: &str) -> bool {
+    name != PRIOR_COPY && name != MESH_INPUT && !name.starts_with("prior ")
 }
 
 /// Writes wall-clock figures, which are not the same from run to run and therefore stand alone.

@@ -12,7 +12,7 @@ use crate::fe::Stiffness;
 use crate::fe::time::FullOrderModel;
 
 /// One line of the convergence table.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct MeshLevel {
     /// Level 1, 2, 3, …; the element size goes with its inverse.
     pub level: usize,

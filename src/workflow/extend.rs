@@ -17,7 +17,7 @@ use crate::report::number::significant;
 use crate::study::ModelSpecification;
 
 /// Body of `vitreo-uq/extension/1`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct ExtensionSummary {
     /// Specimen identifier.
     pub experiment: String,
@@ -68,7 +68,7 @@ pub struct ExtensionAnswer {
 }
 
 /// Root mean square distance of the posterior mean from the positions, by full finite elements, in µm.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct Misfit {
     /// On the fitted cycles.
     pub rmse_fitted_um: f64,

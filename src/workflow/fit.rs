@@ -10,8 +10,12 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::Monitor;
+<<<<<<< HEAD
 use super::advice::{mesh_warning, misfit_warning, surrogate_warning};
 use super::fitted_rows::{FittedRows, MOST_SEARCHED, SAME_MINIMUM, finished, is_same_minimum};
+=======
+use super::advice::{impossible_positions, mesh_warning, misfit_warning, surrogate_warning};
+>>>>>>> f
 use super::problem::{Problem, TAIL_MASS};
 use super::reduced::{KeptSurrogate, Reduced};
 use super::summary::{ModelSummary, Warning, WarningKind};
@@ -38,7 +42,7 @@ const AT_LINEAR_END: f64 = 1e-6;
 const MOST_HELD: usize = 4;
 
 /// Body of `vitreo-uq/fit/1`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct FitSummary {
     /// Specimen identifier.
     pub experiment: String,
@@ -74,7 +78,7 @@ pub struct FitSummary {
 }
 
 /// Estimate of one parameter, in the unit of its name.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct FittedParameter {
     /// Name, with unit.
     pub name: String,
@@ -435,13 +439,19 @@ fn summarise(
     };
     let at_end = data.at_end_of_range(&best.theta);
     summary.converged &= at_end.is_empty();
-    summary.warnings = warnings(&summary, &at_end, &at_null);
+    summary.warnings = warnings(&summary, &at_end, &at_null, impossible_positions(&problem.experiment));
     summary.warnings.extend(problem.finite_elements().into_iter().flat_map(|fe| fe.mesh_warnings.clone()));
     summary
 }
 
-fn warnings(summary: &FitSummary, at_end: &[&str], at_null: &[&str]) -> Vec<Warning> {
-    let mut list = Vec::new();
+fn warnings(
+    summary: &FitSummary,
+    at_end: &[&str],
+    at_null: &[&str],
+    impossible_positions: Option<Warning>,
+) -> Vec<Warning> {
+    let units_first = !at_end.is_empty() || impossible_positions.is_some();
+    let mut list: Vec<Warning> = impossible_positions.into_iter().collect();
     if !at_null.is_empty() {
         list.push(Warning {
             kind: WarningKind::AtNull,
@@ -457,7 +467,7 @@ fn warnings(summary: &FitSummary, at_end: &[&str], at_null: &[&str]) -> Vec<Warn
             kind: WarningKind::NotConverged,
             text: format!("the search ran to the end of the prior's range of {}", at_end.join(", ")),
             advice:
-                "the data may not determine it: fix a parameter (--set), or give a prior that reaches farther (--prior)"
+                "check the units of force and position first; the data may not determine it: fix a parameter (--set), or give a prior that reaches farther (--prior)"
                     .into(),
         });
     } else if !summary.converged {
@@ -487,7 +497,7 @@ fn warnings(summary: &FitSummary, at_end: &[&str], at_null: &[&str]) -> Vec<Warn
         let distance_um = summary.surrogate_vs_fe_max_um.unwrap_or(0.0);
         list.extend(surrogate_warning(distance_um, None, noise_um, &summary.model.effects));
         if summary.surrogate_vs_fe_max_um.is_some() {
-            list.extend(mesh_warning(summary.fe_discretisation_um, noise_um));
+            list.extend(mesh_warning(summary.fe_discretisation_um, noise_um, units_first));
         }
     }
     list

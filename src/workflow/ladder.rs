@@ -21,7 +21,7 @@ use crate::rheology::BaseLaw;
 use crate::study::{LADDER_NAME, Provenance, Study, WithProvenance, sha256_hex};
 
 /// Body of `vitreo-uq/ladder/1`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct LadderSummary {
     /// Specimen identifier.
     pub experiment: String,
@@ -42,7 +42,7 @@ pub struct LadderSummary {
 }
 
 /// A revision.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct Rung {
     /// Its name.
     pub revision: String,
@@ -85,7 +85,7 @@ pub struct Rung {
 }
 
 /// A parameter of a revision.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct RungParameter {
     /// Name, with unit.
     pub name: String,
@@ -102,7 +102,7 @@ pub struct RungParameter {
 }
 
 /// How far the missing effects had bent a parameter of the law.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct Shift {
     /// Name of the parameter.
     pub name: String,

@@ -4,6 +4,7 @@ pub mod advice;
 pub mod artefacts;
 mod cache;
 pub mod convergence;
+mod exchange;
 pub mod extend;
 pub mod fit;
 mod fitted_rows;

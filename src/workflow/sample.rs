@@ -7,7 +7,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
 use super::Monitor;
-use super::advice::{Findings, warnings};
+use super::advice::{Findings, impossible_positions, warnings};
 use super::heldout::{self, FullCheck, N_CHECK_DRAWS, NaturalDraw, Score};
 use super::log_score::log_score;
 use super::misfit::{Misfit, Remainder, directions_of_spread};
@@ -80,12 +80,6 @@ pub fn run(problem: &Problem, request: &SampleRequest, monitor: &dyn Monitor) ->
     lap("surrogate");
     let posterior = problem.posterior(&reduced);
     let outcome = sample(problem, &posterior, request, monitor)?;
-    if outcome.draws.is_empty() {
-        return Err(Error::numerical(
-            format!("burn-in took all {} steps, so no draw was kept", request.options.max_steps),
-            "give more steps (--steps); thousands are usual",
-        ));
-    }
     lap("sampling");
     let has_finite_elements = problem.finite_elements().is_some();
     monitor.stage(if has_finite_elements { "checking by full finite elements" } else { "predicting all cycles" });
@@ -142,7 +136,14 @@ pub fn sample(
         resume: resumed.as_deref(),
         fingerprint: fingerprint(problem, posterior),
     };
-    sample_density(posterior, &starts, &request.options, &control)
+    let outcome = sample_density(posterior, &starts, &request.options, &control)?;
+    if outcome.draws.is_empty() {
+        return Err(Error::numerical(
+            format!("burn-in took all {} steps, so no draw was kept", request.options.max_steps),
+            "give more steps (--steps); thousands are usual",
+        ));
+    }
+    Ok(outcome)
 }
 
 /// What the log-density is built from, in words; the sampler hashes it.
@@ -248,7 +249,10 @@ fn summarise(
     };
     let messages = with_names(&outcome.messages, problem);
     let misfit = misfit(problem, &mean_m, check, yardstick);
-    summary.warnings = warnings(&Findings { summary: &summary, misfit: misfit.as_ref(), sampler_messages: &messages });
+    let impossible_positions = impossible_positions(&problem.experiment);
+    let findings =
+        Findings { summary: &summary, misfit: misfit.as_ref(), sampler_messages: &messages, impossible_positions };
+    summary.warnings = warnings(&findings);
     summary.warnings.extend(check.n_refused.map(refused_warning));
     summary.warnings.extend(problem.finite_elements().into_iter().flat_map(|fe| fe.mesh_warnings.clone()));
     summary

@@ -40,7 +40,7 @@ pub struct SimulationRequest {
 }
 
 /// Value of one parameter of the law.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct SimulationParameter {
     /// Name, with unit.
     pub name: String,
@@ -51,7 +51,7 @@ pub struct SimulationParameter {
 }
 
 /// Body of `vitreo-uq/simulation/1`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct SimulationSummary {
     /// Specimen identifier of the experiment whose protocol was run.
     pub experiment: String,

@@ -6,7 +6,7 @@ use crate::rheology::BaseLaw;
 use crate::study::ModelSpecification;
 
 /// Body of `vitreo-uq/posterior/1`. Figures that do not apply (an instrument has no finite elements) are `null`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct PosteriorSummary {
     /// Specimen identifier.
     pub experiment: String,
@@ -33,7 +33,7 @@ pub struct PosteriorSummary {
 }
 
 /// The model that was fitted.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct ModelSummary {
     /// Base law.
     pub base: String,
@@ -62,7 +62,7 @@ impl ModelSummary {
 }
 
 /// Posterior of one parameter, in the unit of its name.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct ParameterSummary {
     /// Name, with unit.
     pub name: String,
@@ -92,7 +92,7 @@ pub struct ParameterSummary {
 }
 
 /// How the draws were made.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct SamplerSummary {
     /// Walkers of one ensemble.
     pub walkers: usize,
@@ -111,7 +111,7 @@ pub struct SamplerSummary {
 }
 
 /// How good the reduced model is.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct SurrogateSummary {
     /// Modes kept.
     pub modes: Option<usize>,
@@ -128,7 +128,7 @@ pub struct SurrogateSummary {
 }
 
 /// How the posterior predicts the held-out cycles.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct HeldoutSummary {
     /// The cycles that were fitted.
     pub fitted_cycles: Vec<u32>,
@@ -167,7 +167,7 @@ pub struct HeldoutSummary {
 }
 
 /// Where the uncertainty of a predicted position comes from, in µm.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct ErrorBudget {
     /// Learnt noise from row to row, posterior median.
     pub noise: f64,
@@ -180,7 +180,7 @@ pub struct ErrorBudget {
 }
 
 /// Something that the user should know, with advice.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct Warning {
     /// Which.
     pub kind: WarningKind,
@@ -191,7 +191,7 @@ pub struct Warning {
 }
 
 /// Kinds of warnings.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, schemars::JsonSchema, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum WarningKind {
@@ -237,6 +237,8 @@ pub enum WarningKind {
     GroupPredicted,
     /// A specimen lies far from its group.
     OutlyingSpecimen,
+    /// The positions range farther than the gel.
+    ImpossiblePositions,
 }
 
 impl WarningKind {
@@ -247,6 +249,7 @@ impl WarningKind {
             self,
             NotConverged
                 | EdgeOfRange
+                | ImpossiblePositions
                 | MeshInaccurate
                 | Undetermined
                 | SurrogateInaccurate

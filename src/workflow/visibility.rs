@@ -30,7 +30,7 @@ use crate::parameter::ParameterSpec;
 const GRID: [f64; 9] = [0.02, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.98];
 
 /// Body of `vitreo-uq/effects/1`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct EffectsSummary {
     /// Specimen identifier.
     pub experiment: String,
@@ -43,7 +43,7 @@ pub struct EffectsSummary {
 }
 
 /// One effect.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct EffectEntry {
     /// Name in commands and files.
     pub slug: String,
@@ -67,7 +67,7 @@ pub struct EffectEntry {
 }
 
 /// One parameter of an effect.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct ParameterEntry {
     /// Name `slug.name`.
     pub name: String,

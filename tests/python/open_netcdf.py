@@ -43,31 +43,36 @@ def compare(netcdf, table_csv):
     as_dataset = getattr(draws["posterior"], "to_dataset", lambda: draws["posterior"])
     posterior = as_dataset()
     ensemble, walker, step = (rows[:, header.index(name)].astype(int) for name in ("ensemble", "walker", "step"))
-    chain = ensemble * (walker.max() + 1) + walker
-    shape = (chain.max() + 1, step.max() + 1)
+    n_walkers, n_steps = walker.max() + 1, step.max() + 1
+    shape = (ensemble.max() + 1, n_walkers * n_steps)
     names = [name for name in header if name not in ("ensemble", "walker", "step", "log_density")]
+
+    # Where the file has what the CSV calls a walker and a step.
+    for coordinate in ("walker", "step"):
+        assert posterior[coordinate].dims == ("draw",), f"{coordinate} is no coordinate of the draws"
+    place = np.full((n_walkers, n_steps), -1)
+    place[posterior["walker"].values, posterior["step"].values] = np.arange(shape[1])
+    assert (place >= 0).all(), "a draw is missing"
+    draw = place[walker, step]
+    assert posterior["step"].values[: shape[1] // 2].max() <= n_steps // 2, "halves of a chain are not halves of the steps"
 
     assert sorted(posterior.data_vars) == sorted(names), list(posterior.data_vars)
     for name in names:
         variable = posterior[name]
         assert variable.dims == ("chain", "draw") and variable.shape == shape, variable.sizes
         assert variable.attrs["units"], f"{name} has no unit"
-        assert np.array_equal(variable.values[chain, step], rows[:, header.index(name)]), f"{name} differs"
-    for coordinate in ("chain", "draw", "ensemble", "walker"):
+        assert np.array_equal(variable.values[ensemble, draw], rows[:, header.index(name)]), f"{name} differs"
+    for coordinate in ("chain", "draw"):
         assert coordinate in posterior.coords, f"{coordinate} is no coordinate"
-    assert posterior["ensemble"].dims == ("chain",)
-    assert np.array_equal(posterior["ensemble"].values, np.arange(shape[0]) // (walker.max() + 1))
     assert posterior.attrs["created_by"].startswith("vitreo-uq ")
     if "log_density" in header:
-        log_density = draws["sample_stats"]["lp"].values[chain, step]
+        log_density = draws["sample_stats"]["lp"].values[ensemble, draw]
         assert np.array_equal(log_density, rows[:, header.index("log_density")]), "lp differs"
 
     table = summary(draws)
     for name in names:
         mean, exact = float(table.loc[name, "mean"]), rows[:, header.index(name)].mean()
         assert abs(mean - exact) <= 0.01 * abs(exact) + 0.01, f"{name}: {mean} against {exact}"
-    pooled = posterior.groupby("ensemble").mean(...)
-    assert pooled.sizes["ensemble"] == ensemble.max() + 1
     print(f"{reader}: {len(rows)} draws of {len(names)} parameters equal the CSV bit for bit")
 
 

@@ -14,10 +14,12 @@ use vitreo_uq::report::labels::{ParameterLabel, of_parameter};
 use vitreo_uq::report::palette::series;
 use vitreo_uq::report::svg::write_figure;
 use vitreo_uq::study::Study;
-use vitreo_uq::workflow::{artefacts, replica};
+use vitreo_uq::workflow::{Monitor, artefacts, replica};
 
+use crate::corner_data::{FittedData, differences};
 use crate::options::{self, CornerArguments};
 use crate::output;
+use crate::terminal::Terminal;
 
 const NOTHING_REMEDY: &str =
     "give a study, a revision of one (study/m0), or a CSV file of draws; `vitreo-uq sample` makes a study";
@@ -39,6 +41,8 @@ struct Column {
 struct Loaded {
     label: String,
     columns: Vec<Column>,
+    /// What it was fitted to, where that is known.
+    data: Option<FittedData>,
 }
 
 pub fn run(arguments: &CornerArguments) -> Result<ExitCode> {
@@ -53,11 +57,23 @@ pub fn run(arguments: &CornerArguments) -> Result<ExitCode> {
     tell_apart(&mut loaded, &paths);
     draw_priors(&mut loaded);
     refuse_unknown_references(&references, &loaded)?;
+    let names: Vec<&str> = loaded.iter().map(|posterior| posterior.label.as_str()).collect();
+    let data: Vec<Option<FittedData>> = loaded.iter().map(|posterior| posterior.data.clone()).collect();
+    let (legend, note) = match differences(&names, &data) {
+        Some((added, note)) => {
+            (names.iter().zip(added).map(|(name, added)| format!("{name} ({added})")).collect(), Some(note))
+        }
+        None => (names.iter().map(ToString::to_string).collect::<Vec<String>>(), None),
+    };
+    if let Some(note) = &note {
+        Terminal::new(arguments.quiet).warn(note);
+    }
     let posteriors: Vec<Posterior> = loaded
         .iter()
+        .zip(&legend)
         .enumerate()
-        .map(|(i, posterior)| Posterior {
-            label: &posterior.label,
+        .map(|(i, (posterior, label))| Posterior {
+            label,
             colour: series(i),
             parameters: posterior.columns.iter().map(|column| parameter(column, &references)).collect(),
         })
@@ -67,9 +83,10 @@ pub fn run(arguments: &CornerArguments) -> Result<ExitCode> {
     std::fs::create_dir_all(&dir)
         .map_err(|source| Error::at_path("create", &dir, source, "choose a writable place with `--out`"))?;
     write_figure(&dir, &stem, &figure)?;
-    let names: Vec<&str> = loaded.iter().map(|posterior| posterior.label.as_str()).collect();
     let files = ["svg", "png"].map(|extension| dir.join(format!("{stem}.{extension}")).display().to_string());
-    let document = serde_json::json!({ "schema": "vitreo-uq/corner/1", "version": env!("CARGO_PKG_VERSION"), "posteriors": names, "files": files });
+    let document = serde_json::json!({
+        "schema": "vitreo-uq/corner/1", "version": env!("CARGO_PKG_VERSION"), "posteriors": names, "data": data, "note": note, "files": files
+    });
     let words = match arguments.quiet {
         true => String::new(),
         false => format!("Corner plot of {}:\n  {}\n", names.join(", "), files.join("\n  ")),
@@ -144,7 +161,7 @@ fn load_revision(dir: &Path) -> Result<Loaded> {
     let label = [study, name(&full)].into_iter().flatten().collect::<Vec<_>>().join(" ");
     // Hard limits come from the priors; where their file has moved away they are guessed from the draws.
     let priors = artefacts::model_of(dir, &Library::default()).and_then(|model| PriorSet::read(&model.prior)).ok();
-    load_csv(&draws, label, priors.as_ref())
+    Ok(Loaded { data: FittedData::of_revision(dir), ..load_csv(&draws, label, priors.as_ref())? })
 }
 
 fn load_csv(path: &Path, label: String, priors: Option<&PriorSet>) -> Result<Loaded> {
@@ -165,7 +182,7 @@ fn load_csv(path: &Path, label: String, priors: Option<&PriorSet>) -> Result<Loa
         let (prior, curve) = (prior.cloned(), (Vec::new(), Vec::new()));
         Column { name: name.clone(), label: of_parameter(name), draws, support, prior, curve }
     });
-    Ok(Loaded { label, columns: columns.collect() })
+    Ok(Loaded { label, columns: columns.collect(), data: None })
 }
 
 /// Priors are drawn as far as the draws of any posterior reach, not of their own only.

@@ -9,6 +9,7 @@ use vitreo_uq::error::{Error, Place, Result};
 use vitreo_uq::groups::cohort::{self, Key};
 use vitreo_uq::groups::contrast::Verdict;
 use vitreo_uq::groups::job::{self, GroupsRequest};
+use vitreo_uq::groups::scale::ScaleName;
 use vitreo_uq::groups::summary::{self, ContrastSummary, GroupSummary, GroupsSummary};
 use vitreo_uq::groups::{artefacts, wording};
 use vitreo_uq::inference::SamplerOptions;
@@ -202,6 +203,11 @@ fn table(summary: &GroupsSummary) -> Vec<String> {
     rows.push(
         "  Median of the typical specimen (its 90 % interval) ×/÷ one standard deviation between specimens.".into(),
     );
+    let between_ends: Vec<String> =
+        names.iter().filter(|own| own.scale == ScaleName::LogOdds).map(|own| of_parameter(&own.name).symbol).collect();
+    if !between_ends.is_empty() {
+        rows.push(format!("  Of {}, which lies between two ends, ×/÷ is of the odds.", between_ends.join(", ")));
+    }
     rows
 }
 

@@ -5,6 +5,7 @@ mod challenge;
 mod challenge_words;
 mod compare;
 mod corner;
+mod corner_data;
 mod diagnose;
 mod effects;
 mod examine;

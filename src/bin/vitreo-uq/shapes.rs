@@ -51,7 +51,10 @@ pub struct ShapesArguments {
     aspect: Vec<f64>,
     /// Amplitude of the force in µN, or several [default: the experiment's]
     #[arg(long, value_name = "MICRONEWTON", value_delimiter = ',', allow_negative_numbers = true)]
-    force: Vec<f64>,
+    force_un: Vec<f64>,
+    /// Replace a study or revision that was made from another input or model
+    #[arg(long, value_name = "", num_args = 0..=1, allow_negative_numbers = true)]
+    force: Option<Option<String>>,
     /// Poisson ratio, or several [default: the experiment's]
     #[arg(long, value_name = "RATIO", value_delimiter = ',', allow_negative_numbers = true)]
     poisson: Vec<f64>,
@@ -61,11 +64,21 @@ pub struct ShapesArguments {
 }
 
 impl ShapesArguments {
-    /// What every command takes, but for `--force`, which is a force here.
-    fn common(&self) -> Common {
+    /// What every command takes. What follows `--force` was a force once: a number there is refused, anything else is the target.
+    fn common(&self) -> Result<Common> {
         let Self { target, out, json, seed, threads, quiet, .. } = self;
-        let (target, out, json) = (target.clone(), out.clone(), json.clone());
-        Common { target, out, json, seed: *seed, threads: *threads, quiet: *quiet, force: false }
+        let (mut target, out, json) = (target.clone(), out.clone(), json.clone());
+        if let Some(Some(text)) = &self.force {
+            if target.is_some() || text.split(',').all(|part| part.trim().parse::<f64>().is_ok()) {
+                return Err(Error::input(
+                    Place::option("--force"),
+                    format!("`{text}` follows it, and `--force` replaces a study that was made from another input"),
+                    format!("give forces in µN by `--force-un {text}`"),
+                ));
+            }
+            target = Some(PathBuf::from(text));
+        }
+        Ok(Common { target, out, json, seed: *seed, threads: *threads, quiet: *quiet, force: self.force.is_some() })
     }
 }
 
@@ -78,7 +91,7 @@ const N_DRAWS: usize = 1_000;
 
 pub fn run(arguments: &ShapesArguments) -> Result<ExitCode> {
     let began = Instant::now();
-    let common = &arguments.common();
+    let common = &arguments.common()?;
     check(arguments)?;
     let threads = options::use_threads(common.threads)?;
     crate::output::check(common.json.as_deref())?;
@@ -117,8 +130,8 @@ fn check(arguments: &ShapesArguments) -> Result<()> {
     if let Some(poisson) = arguments.poisson.iter().find(|own| !(0.0..=0.4999).contains(*own)) {
         return refuse("--poisson", format!("a Poisson ratio of {poisson}"), "give one between 0 and 0.4999");
     }
-    if let Some(force) = arguments.force.iter().find(|own| !(**own > 0.0 && own.is_finite())) {
-        return refuse("--force", format!("a force of {force} µN"), "give a positive one");
+    if let Some(force) = arguments.force_un.iter().find(|own| !(**own > 0.0 && own.is_finite())) {
+        return refuse("--force-un", format!("a force of {force} µN"), "give a positive one");
     }
     if !(arguments.distance > 0.0 && arguments.distance.is_finite()) {
         return refuse("--distance", format!("a distance of {} mm", arguments.distance), "give a positive one");
@@ -158,7 +171,7 @@ fn request(arguments: &ShapesArguments, examined: &Examined) -> Result<(ShapesRe
         vitreous: *vitreous,
         aspects: arguments.aspect.clone(),
         poisson_ratios,
-        force_n: arguments.force.first().map_or(amplitude, |force| 1e-6 * force),
+        force_n: arguments.force_un.first().map_or(amplitude, |force| 1e-6 * force),
         hold_s: HOLD_S,
         distance_m: 1e-3 * arguments.distance,
         laws: laws(examined)?,
@@ -169,7 +182,7 @@ fn request(arguments: &ShapesArguments, examined: &Examined) -> Result<(ShapesRe
 
 /// The forces (N) of the sweep.
 fn forces_n(arguments: &ShapesArguments, request: &ShapesRequest) -> Vec<f64> {
-    match &arguments.force[..] {
+    match &arguments.force_un[..] {
         [] => vec![request.force_n],
         given => given.iter().map(|force| 1e-6 * force).collect(),
     }

@@ -7,7 +7,7 @@ use crate::experiment::Record;
 use crate::inference::ensemble::RandomStream;
 
 /// What noise a challenge has. Its size is what the experiment states as `noise_um`, where it states any; the rest is for the diagnosis to find out.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, schemars::JsonSchema, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum NoiseKind {
     /// White alone, of 4 µm.

@@ -9,7 +9,7 @@ use crate::experiment::Record;
 use crate::inference::ensemble::RandomStream;
 
 /// What is outside the library.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, schemars::JsonSchema, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum OutsideKind {
     /// A vibration of the camera at a frequency of its own.
@@ -94,7 +94,7 @@ impl OutsideKind {
 }
 
 /// Something outside the library, with its numbers.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct Disturbance {
     /// What it is.
     pub kind: OutsideKind,

@@ -20,7 +20,7 @@ use crate::workflow::Monitor;
 pub type Diagnose<'a> = dyn Fn(&Subject, u64) -> Result<Diagnosis> + Sync + 'a;
 
 /// Kinds of hidden things.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, schemars::JsonSchema, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Sort {
     /// Nothing.
@@ -119,7 +119,7 @@ const LEAST_PAIR_SIGMA: f64 = 10.0;
 const GOLDEN: f64 = 0.618_033_988_749_894_9;
 
 /// One challenge as it was played.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct Play {
     /// Number, from 0.
     pub number: usize,
@@ -177,7 +177,7 @@ pub struct NamedSize {
 }
 
 /// All challenges as they were played.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct Plays {
     /// Counts.
     #[serde(flatten)]

@@ -8,7 +8,7 @@ use super::plays::{Play, Sort};
 use super::{NoiseKind, Protocol};
 
 /// Body of `vitreo-uq/challenge/1`. Rates are from 0 to 1, `None` where nothing of the sort was played.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct Tally {
     /// Number of plays.
     pub played: usize,
@@ -46,7 +46,7 @@ pub struct Tally {
 }
 
 /// An entry of the confusion matrix.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct Confusion {
     /// Slugs joined by `+`, `none` or `outside`.
     pub truth: String,
@@ -57,7 +57,7 @@ pub struct Confusion {
 }
 
 /// Plays of one sort, protocol, noise and signal.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct Group {
     /// Sort.
     pub sort: Sort,

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 /// Body of `vitreo-uq/comparison/1`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct Comparison {
     /// Specimen identifier.
     pub experiment: String,
@@ -34,7 +34,7 @@ pub struct Comparison {
 }
 
 /// A place where the model fails.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct Finding {
     /// Stable name of the look.
     #[serde(rename = "where")]
@@ -53,7 +53,7 @@ pub struct Finding {
 }
 
 /// One look.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct PanelEntry {
     /// Stable name.
     #[serde(rename = "where")]
@@ -77,7 +77,7 @@ pub struct PanelEntry {
 }
 
 /// The bias in one column of a look.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct Bar {
     /// Short name.
     pub label: String,
@@ -92,7 +92,7 @@ pub struct Bar {
 }
 
 /// A look that was left out.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct LeftOutEntry {
     /// Stable name.
     #[serde(rename = "where")]

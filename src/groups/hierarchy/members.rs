@@ -7,12 +7,12 @@ use rand_distr::weighted::WeightedAliasIndex;
 
 use super::random::normals;
 
-/// Draws of an experiment's logarithmic parameters under the interim prior.
+/// Draws of an experiment's parameters, as coordinates without ends, under the interim prior.
 #[derive(Debug, Clone)]
 pub struct InterimDraws {
-    /// Parameters; `n_parameters` values a draw.
-    pub log_parameters: Vec<f64>,
-    /// Log-density of the interim prior over the logarithmic parameters, one value a draw.
+    /// Coordinates; `n_parameters` values a draw.
+    pub coordinates: Vec<f64>,
+    /// Log-density of the interim prior over the coordinates, one value a draw.
     pub log_prior: Vec<f64>,
     /// Proposals are drawn in proportion to the inverse interim prior; `None` without draws.
     proposal: Option<WeightedAliasIndex<f64>>,
@@ -20,10 +20,10 @@ pub struct InterimDraws {
 
 impl InterimDraws {
     /// Draws with the interim prior's log-density at each.
-    pub fn new(log_parameters: Vec<f64>, log_prior: Vec<f64>) -> Self {
+    pub fn new(coordinates: Vec<f64>, log_prior: Vec<f64>) -> Self {
         let least = log_prior.iter().copied().fold(f64::INFINITY, f64::min);
         let inverse = log_prior.iter().map(|log_prior| (least - log_prior).exp()).collect();
-        Self { log_parameters, log_prior, proposal: WeightedAliasIndex::new(inverse).ok() }
+        Self { coordinates, log_prior, proposal: WeightedAliasIndex::new(inverse).ok() }
     }
 
     /// Number of draws.
@@ -36,10 +36,10 @@ impl InterimDraws {
         self.log_prior.is_empty()
     }
 
-    /// Parameters of a draw.
+    /// Coordinates of a draw.
     pub fn get(&self, index: usize) -> &[f64] {
-        let p = self.log_parameters.len() / self.len().max(1);
-        &self.log_parameters[index * p..(index + 1) * p]
+        let p = self.coordinates.len() / self.len().max(1);
+        &self.coordinates[index * p..(index + 1) * p]
     }
 
     fn propose(&self, rng: &mut impl Rng) -> usize {
@@ -73,7 +73,7 @@ pub(super) fn squared_distance(x: &[f64], mean: &[f64], precision: &DMatrix<f64>
     sum
 }
 
-/// The likelihood of an experiment. A point holds the logarithms of the pooled parameters and then whatever else the experiment's model has.
+/// The likelihood of an experiment. A point holds the coordinates of the pooled parameters and then whatever else the experiment's model has.
 pub trait ExperimentDensity: Sync {
     /// Log-likelihood, with the priors of what is not pooled but *without* the interim prior of what is; −∞ outside the support.
     fn ln_density(&self, point: &[f64]) -> f64;
@@ -91,8 +91,8 @@ pub enum Member<'a> {
 
 /// Where a chain stands in one experiment.
 pub(super) struct Place {
-    /// Logarithmic parameters.
-    pub log_parameters: Vec<f64>,
+    /// Coordinates of the pooled parameters.
+    pub coordinates: Vec<f64>,
     index: usize,
     point: Vec<f64>,
     ln_density: f64,
@@ -131,22 +131,22 @@ impl Member<'_> {
         match self {
             Self::Draws(draws) => {
                 let index = rng.random_range(0..draws.len());
-                let log_parameters = draws.get(index).to_vec();
-                Place { log_parameters, index, point: Vec::new(), ln_density: 0.0, n_trials, tried, accepted }
+                let coordinates = draws.get(index).to_vec();
+                Place { coordinates, index, point: Vec::new(), ln_density: 0.0, n_trials, tried, accepted }
             }
             Self::Exact(density) => {
                 let archive = density.archive();
                 let point = archive[rng.random_range(0..archive.len())].clone();
                 let ln_density = density.ln_density(&point);
-                let log_parameters = point[..n_parameters].to_vec();
-                Place { log_parameters, index: 0, point, ln_density, n_trials, tried, accepted }
+                let coordinates = point[..n_parameters].to_vec();
+                Place { coordinates, index: 0, point, ln_density, n_trials, tried, accepted }
             }
         }
     }
 
     /// Steps that leave the conditional distribution given the population's mean and precision as it is.
     pub(super) fn step(&self, place: &mut Place, mean: &[f64], precision: &DMatrix<f64>, rng: &mut impl Rng) {
-        let mut distance = squared_distance(&place.log_parameters, mean, precision);
+        let mut distance = squared_distance(&place.coordinates, mean, precision);
         place.tried += place.n_trials;
         match self {
             Self::Draws(draws) => {
@@ -158,7 +158,7 @@ impl Member<'_> {
                         place.accepted += 1;
                     }
                 }
-                place.log_parameters.copy_from_slice(draws.get(place.index));
+                place.coordinates.copy_from_slice(draws.get(place.index));
             }
             Self::Exact(density) => {
                 let steps = ExactSteps::new(*density, mean, precision);
@@ -166,7 +166,7 @@ impl Member<'_> {
                     let (point, ln_of_population) = steps.propose(place, rng);
                     let ln_density = density.ln_density(&point);
                     if rng.random::<f64>().ln() < ln_density - place.ln_density + ln_of_population {
-                        place.log_parameters.copy_from_slice(&point[..mean.len()]);
+                        place.coordinates.copy_from_slice(&point[..mean.len()]);
                         (place.point, place.ln_density) = (point, ln_density);
                         place.accepted += 1;
                     }

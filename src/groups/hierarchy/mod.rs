@@ -1,6 +1,6 @@
 //! The population of groups, by Gibbs sampling.
 //!
-//! For the logarithms φ (p of them) of an experiment e of specimen s in group g:
+//! For the coordinates φ (p of them; logarithms, or log-odds of parameters between two ends) of an experiment e of specimen s in group g:
 //!
 //! ```text
 //! φ_e  = μ_g + u_s + w_e        w_e ~ N(0, W)          repeats (left out where no specimen has any)
@@ -54,13 +54,13 @@ pub const LIKENESS: [f64; 5] = [2.0, 4.0, 8.0, 16.0, 32.0];
 /// Priors and settings of the hierarchy.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HierarchyOptions {
-    /// Mean of the overall logarithms, one value a parameter.
+    /// Mean of the overall coordinates, one value a parameter.
     pub overall_mean: Vec<f64>,
     /// Their standard deviations.
     pub overall_sd: Vec<f64>,
-    /// Scale s of the spread between the levels of a key, in the logarithm.
+    /// Scale s of the spread between the levels of a key, in the coordinate.
     pub level_scale: f64,
-    /// Scale of the half-t prior of the spread between groups beyond their levels, between specimens, and between repeats, in the logarithm.
+    /// Scale of the half-t prior of the spread between groups beyond their levels, between specimens, and between repeats, in the coordinate.
     pub scales: [f64; 3],
     /// Degrees of freedom of Student-t specimens; `None` for normal ones.
     pub student_dof: Option<f64>,
@@ -79,7 +79,7 @@ pub struct HierarchyOptions {
 /// One state of the population.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PopulationDraw {
-    /// Mean logarithms of every group, p values a group.
+    /// Mean coordinates of every group, p values a group.
     pub group_mean: Vec<f64>,
     /// Covariance of specimens in every stratum, p² values each.
     pub between_specimens: Vec<f64>,
@@ -87,7 +87,7 @@ pub struct PopulationDraw {
     pub within_specimens: Vec<f64>,
     /// Standard deviations between the levels of every key and, last, between groups beyond them; p values each.
     pub between_groups_sd: Vec<f64>,
-    /// Logarithms of every specimen's own mean, p values a specimen, in its first experiment's group.
+    /// Coordinates of every specimen's own mean, p values a specimen, in its first experiment's group.
     pub specimen_mean: Vec<f64>,
     /// The specimens' weights λ.
     pub specimen_weight: Vec<f64>,
@@ -389,7 +389,7 @@ impl<'a, 'm> Chain<'a, 'm> {
 
     fn residual(&self, experiment: usize) -> DVector<f64> {
         let mean = &self.group_mean[self.design.group_of[experiment]];
-        DVector::from_fn(self.p, |k, _| self.places[experiment].log_parameters[k] - mean[k])
+        DVector::from_fn(self.p, |k, _| self.places[experiment].coordinates[k] - mean[k])
     }
 
     /// (m, a) given the experiments' parameters, the specimens' deviations integrated out.
@@ -419,7 +419,7 @@ impl<'a, 'm> Chain<'a, 'm> {
         };
         for (index, specimen) in design.specimens.iter().enumerate() {
             let own = &self.precision[specimen.stratum] * self.weight[index];
-            let value = |e: usize| DVector::from_column_slice(&self.places[e].log_parameters);
+            let value = |e: usize| DVector::from_column_slice(&self.places[e].coordinates);
             if !self.has_repeats {
                 let e = specimen.experiments[0];
                 let group = design.group_of[e];

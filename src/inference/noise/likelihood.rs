@@ -16,7 +16,7 @@ pub struct NoiseLikelihood {
     pub(super) model: NoiseModel,
     pub(super) rows: Rows,
     /// Observed position in m of each visited row.
-    observed_m: Vec<f64>,
+    pub(super) observed_m: Vec<f64>,
 }
 
 impl NoiseLikelihood {
@@ -217,7 +217,7 @@ fn ln_density<const W: usize>(n_observed: usize, scales: &Scales, sums: &Sums<W>
 /// ln[Γ((ν + 1)/2) / (Γ(ν/2) √(ν/2))]: the density of a t at 0 over that of a standard normal.
 ///
 /// By Stirling's series of the ratio at ν/2 + 10, where its next term is below 2·10⁻¹⁴: a difference of two ln Γ would lose its digits at large ν.
-fn ln_student_constant(dof: f64) -> f64 {
+pub(super) fn ln_student_constant(dof: f64) -> f64 {
     let half = 0.5 * dof;
     let mut ratio = 1.0;
     for k in 0..10 {

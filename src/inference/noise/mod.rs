@@ -38,7 +38,11 @@ mod lanes;
 mod likelihood;
 mod model;
 mod paths;
+<<<<<<< HEAD
 mod residuals;
+=======
+mod pointwise;
+>>>>>>> f
 mod rows;
 mod scales;
 mod whitening;
@@ -49,4 +53,8 @@ mod dense;
 pub use lanes::LANES;
 pub use likelihood::{NoiseLikelihood, SharedPosition};
 pub use model::{NoiseModel, NoiseScales, NoiseTerm};
+<<<<<<< HEAD
 pub(crate) use whitening::{Asked, CycleProducts};
+=======
+pub use pointwise::Conditional;
+>>>>>>> f

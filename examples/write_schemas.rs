@@ -1,0 +1,17 @@
+//! Writes the JSON Schemas of all documents, by default to `docs/schemas/`: `cargo run --example write_schemas [-- DIR]`.
+
+use std::path::PathBuf;
+
+use vitreo_uq::files::write_atomically;
+
+fn main() -> vitreo_uq::Result<()> {
+    let default = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("docs/schemas");
+    let dir = std::env::args_os().nth(1).map_or(default, PathBuf::from);
+    let schemas = vitreo_uq::schemas::all();
+    assert_eq!(schemas.len(), 11);
+    for own in &schemas {
+        write_atomically(&dir.join(own.file_name()), own.text().as_bytes())?;
+    }
+    println!("{} schemas in {}", schemas.len(), dir.display());
+    Ok(())
+}

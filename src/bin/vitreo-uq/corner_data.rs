@@ -1,0 +1,110 @@
+//! What overlaid posteriors were fitted to: posteriors of different data differ in what they know, too.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+use vitreo_uq::study::{Provenance, WithProvenance};
+use vitreo_uq::workflow::artefacts::of_measurement;
+
+/// The data of a posterior.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct FittedData {
+    /// Cycles that were fitted.
+    pub fitted_cycles: Vec<u32>,
+    /// SHA-256 of the experiment's files, by name.
+    pub inputs_sha256: BTreeMap<String, String>,
+}
+
+/// The part of `posterior.json` that says it.
+#[derive(Deserialize)]
+struct OfPosterior {
+    heldout: OfHeldout,
+}
+
+#[derive(Deserialize)]
+struct OfHeldout {
+    fitted_cycles: Vec<u32>,
+}
+
+impl FittedData {
+    /// Of a revision; `None` where its document does not say.
+    pub fn of_revision(dir: &Path) -> Option<Self> {
+        let bytes = std::fs::read(dir.join("posterior.json")).ok()?;
+        let document: WithProvenance<OfPosterior> = serde_json::from_slice(&bytes).ok()?;
+        let Provenance { inputs_sha256, .. } = document.provenance;
+        Some(Self {
+            fitted_cycles: document.body.heldout.fitted_cycles,
+            inputs_sha256: inputs_sha256.into_iter().filter(|(name, _)| of_measurement(name)).collect(),
+        })
+    }
+
+    /// "cycle 1", "cycles 1–3", "cycles 1, 3".
+    pub fn cycles(&self) -> String {
+        let mut runs: Vec<[u32; 2]> = Vec::new();
+        for cycle in &self.fitted_cycles {
+            match runs.last_mut() {
+                Some([_, last]) if *last + 1 == *cycle => *last = *cycle,
+                _ => runs.push([*cycle, *cycle]),
+            }
+        }
+        let run =
+            |[first, last]: &[u32; 2]| if first == last { first.to_string() } else { format!("{first}–{last}") };
+        let list: Vec<String> = runs.iter().map(run).collect();
+        format!("cycle{} {}", if self.fitted_cycles.len() == 1 { "" } else { "s" }, list.join(", "))
+    }
+}
+
+/// What the legend adds to each posterior's name, and what is to be said of all, where they are not all known to be of the same data.
+pub fn differences(names: &[&str], data: &[Option<FittedData>]) -> Option<(Vec<String>, String)> {
+    let first = data.first()?;
+    if data.iter().all(|own| own == first) {
+        return None;
+    }
+    let words = |own: &Option<FittedData>| match own {
+        Some(own) => format!("fitted to {}", own.cycles()),
+        None => "data not known".to_string(),
+    };
+    let known: Vec<&FittedData> = data.iter().flatten().collect();
+    let is_one_measurement = known.windows(2).all(|pair| pair[0].inputs_sha256 == pair[1].inputs_sha256);
+    let of = if is_one_measurement { "" } else { " of its own measurement" };
+    let each: Vec<String> = names
+        .iter()
+        .zip(data)
+        .map(|(name, own)| format!("{name}: {}{}", words(own), if own.is_some() { of } else { "" }))
+        .collect();
+    let advice = if is_one_measurement && known.len() == data.len() {
+        "; `vitreo-uq ladder` compares revisions on the same cycles"
+    } else {
+        ""
+    };
+    let text = format!(
+        "these posteriors are not of the same data, so that they differ in more than the model: {}{advice}",
+        each.join("; ")
+    );
+    Some((data.iter().map(words).collect(), text))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn data(cycles: &[u32], hash: &str) -> Option<FittedData> {
+        let inputs_sha256 = [("trajectory.csv".to_string(), hash.to_string())].into();
+        Some(FittedData { fitted_cycles: cycles.to_vec(), inputs_sha256 })
+    }
+
+    #[test]
+    fn differences_are_said_and_nothing_else() {
+        let names = ["a m0", "a m1"];
+        assert_eq!(differences(&names, &[data(&[1], "x"), data(&[1], "x")]), None);
+        assert_eq!(differences(&names, &[None, None]), None);
+        let (legend, text) = differences(&names, &[data(&[1], "x"), data(&[1, 2, 3, 5], "x")]).unwrap();
+        assert_eq!(legend, ["fitted to cycle 1", "fitted to cycles 1–3, 5"]);
+        assert!(text.contains("a m0: fitted to cycle 1; a m1") && text.contains("ladder"), "{text}");
+        let (_, text) = differences(&names, &[data(&[1], "x"), data(&[1], "y")]).unwrap();
+        assert!(text.contains("its own measurement") && !text.contains("ladder"), "{text}");
+        let (legend, _) = differences(&names, &[data(&[1], "x"), None]).unwrap();
+        assert_eq!(legend[1], "data not known");
+    }
+}

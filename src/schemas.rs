@@ -1,0 +1,98 @@
+//! JSON Schemas (draft 2020-12) of the documents that commands write, generated from their types: `docs/schemas/<kind>-<number>.json`.
+
+use schemars::JsonSchema;
+use schemars::generate::SchemaSettings;
+use serde_json::{Value, json};
+
+use crate::critique::challenge::plays::Plays;
+use crate::critique::compare::document::Comparison;
+use crate::critique::diagnosis::Diagnosis;
+use crate::groups::summary::GroupsSummary;
+use crate::shapes::summary::ShapesSummary;
+use crate::study::WithProvenance;
+use crate::workflow::extend::ExtensionSummary;
+use crate::workflow::fit::FitSummary;
+use crate::workflow::ladder::LadderSummary;
+use crate::workflow::simulate::SimulationSummary;
+use crate::workflow::summary::PosteriorSummary;
+use crate::workflow::visibility::EffectsSummary;
+
+/// The schema of one kind of documents.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DocumentSchema {
+    /// Kind, as in `vitreo-uq/<kind>/<number>`.
+    pub kind: &'static str,
+    /// Number.
+    pub number: u32,
+    /// The schema.
+    pub schema: Value,
+}
+
+impl DocumentSchema {
+    fn of<T: JsonSchema>(kind: &'static str, command: &str) -> Self {
+        let number = 1;
+        let generator = SchemaSettings::draft2020_12().for_serialize().into_generator();
+        let mut schema = generator.into_root_schema_for::<WithProvenance<T>>().to_value();
+        schema["title"] = json!(format!("What `vitreo-uq {command}` writes"));
+        schema["properties"]["schema"]["const"] = json!(format!("vitreo-uq/{kind}/{number}"));
+        Self { kind, number, schema }
+    }
+
+    /// Name of its file.
+    pub fn file_name(&self) -> String {
+        format!("{}-{}.json", self.kind, self.number)
+    }
+
+    /// The file's text.
+    pub fn text(&self) -> String {
+        format!("{:#}\n", self.schema)
+    }
+}
+
+/// The schema of every document of a command.
+pub fn all() -> Vec<DocumentSchema> {
+    vec![
+        DocumentSchema::of::<Plays>("challenge", "challenge run"),
+        DocumentSchema::of::<Comparison>("comparison", "compare"),
+        DocumentSchema::of::<Diagnosis>("diagnosis", "diagnose"),
+        DocumentSchema::of::<EffectsSummary>("effects", "effects"),
+        DocumentSchema::of::<ExtensionSummary>("extension", "extend"),
+        DocumentSchema::of::<FitSummary>("fit", "fit"),
+        DocumentSchema::of::<GroupsSummary>("groups", "groups"),
+        DocumentSchema::of::<LadderSummary>("ladder", "ladder"),
+        DocumentSchema::of::<PosteriorSummary>("posterior", "sample"),
+        DocumentSchema::of::<ShapesSummary>("shapes", "shapes"),
+        DocumentSchema::of::<SimulationSummary>("simulation", "simulate"),
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The files in the repository are what the types say.
+    #[test]
+    fn files_are_up_to_date() {
+        let dir = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/schemas");
+        for own in all() {
+            let file = dir.join(own.file_name());
+            let text = std::fs::read_to_string(&file).unwrap_or_default();
+            assert!(text == own.text(), "{} is out of date: cargo run --example write_schemas", file.display());
+        }
+        assert_eq!(std::fs::read_dir(dir).unwrap().count(), all().len());
+    }
+
+    /// Keys of the header and of the body stand side by side, and both are required.
+    #[test]
+    fn headers_and_bodies_are_one_object() {
+        for own in all() {
+            let required: Vec<&str> =
+                own.schema["required"].as_array().unwrap().iter().filter_map(Value::as_str).collect();
+            for key in ["schema", "version", "seed", "inputs_sha256"] {
+                assert!(required.contains(&key) && own.schema["properties"][key].is_object(), "{}: {key}", own.kind);
+            }
+            assert!(required.len() > 6, "{}: {required:?}", own.kind);
+            assert_eq!(own.schema["properties"]["schema"]["const"], format!("vitreo-uq/{}/1", own.kind));
+        }
+    }
+}

@@ -1,0 +1,265 @@
+//! Every law, network, effect and noise that `sample` accepts goes through the comparison: small cohorts, short records from closed forms, few steps. What
+//! is asked is that it ends with figures that are numbers, and with every parameter inside its support.
+
+use std::path::PathBuf;
+use std::sync::OnceLock;
+
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+use vitreo_uq::effects::EFFECTS;
+use vitreo_uq::experiment::Experiment;
+use vitreo_uq::fe::Stiffness;
+use vitreo_uq::fe::spatial::{Sizes, Surroundings};
+use vitreo_uq::fe::time::FullOrderModel;
+use vitreo_uq::groups::artefacts;
+use vitreo_uq::groups::cohort::{Key, Measurement};
+use vitreo_uq::groups::job::{GroupsRequest, run_with};
+use vitreo_uq::groups::summary::{GroupsSummary, summarise};
+use vitreo_uq::inference::SamplerOptions;
+use vitreo_uq::mesh::{Mesh, QuarterBall};
+use vitreo_uq::model::{Compliance, TrainedRange};
+use vitreo_uq::parameter::ParameterSpec;
+use vitreo_uq::rheology::{BaseLaw, Network};
+use vitreo_uq::study::{ModelSpecification, sha256_hex};
+use vitreo_uq::surrogate::{FieldModels, Surrogate, Training};
+use vitreo_uq::workflow::Silent;
+
+/// Displacement per force at unit creep compliance, in 1/m; about that of the sphere below.
+const COMPLIANCE_PER_M: f64 = 549.178;
+const FORCE_N: f64 = 4.6e-6;
+const ROWS_A_HOLD: usize = 12;
+const INTERVAL_S: f64 = 0.4;
+const POISSON_RATIO: f64 = 0.48;
+
+#[derive(Clone, Copy, PartialEq)]
+enum Apparatus {
+    Instrument,
+    Robot,
+}
+
+/// J(t) in 1/Pa.
+type Creep = fn(f64, f64) -> f64;
+
+/// Of Lethersich's law, all of whose moduli and viscosities are multiplied by a factor.
+fn lethersich(time_s: f64, factor: f64) -> f64 {
+    ((1.0 - (-3.527 * time_s / 1.402_f64).exp()) / 3.527 + time_s / 47.370) / factor
+}
+
+/// Of a springpot of nearly a dashpot's order.
+fn springpot(time_s: f64, factor: f64) -> f64 {
+    let order = 0.95 - 0.02 * (factor - 1.0);
+    time_s.powf(order) / (20.0 * factor * statrs::function::gamma::gamma(1.0 + order))
+}
+
+/// Three species-and-specimen pairs, one of them measured twice: two cycles of ±F each.
+fn cohort(specification: &ModelSpecification, apparatus: Apparatus, creep: Creep) -> Vec<Measurement> {
+    let mut rng = ChaCha8Rng::seed_from_u64(5);
+    let eyes = [("bovine", "a", 2.0), ("bovine", "b", 1.6), ("porcine", "c", 1.0), ("porcine", "c", 1.05)];
+    let one = |(index, (species, id, factor)): (usize, (&str, &str, f64))| {
+        let mut csv = String::from("time_s,force_uN,position_um,cycle\n");
+        for row in 0..4 * ROWS_A_HOLD {
+            let (time_s, hold) = (INTERVAL_S * row as f64, row / ROWS_A_HOLD);
+            let sign = |hold: usize| if hold.is_multiple_of(2) { 1.0 } else { -1.0 };
+            let step_m = |h: usize| {
+                let since_s = time_s - INTERVAL_S * (h * ROWS_A_HOLD) as f64;
+                let step = if h == 0 { 1.0 } else { 2.0 * sign(h) };
+                if since_s > 0.0 { step * FORCE_N * COMPLIANCE_PER_M * creep(since_s, factor) } else { 0.0 }
+            };
+            let noise: f64 = StandardNormal.sample(&mut rng);
+            let position_um = 1e6 * (0..=hold).map(step_m).sum::<f64>() + 4.0 * noise;
+            csv += &format!("{time_s:.6},{:.1},{position_um:.4},{}\n", 1e6 * FORCE_N * sign(hold), 1 + hold / 2);
+        }
+        let of = match apparatus {
+            Apparatus::Instrument => format!("[instrument]\ncompliance_per_m = {COMPLIANCE_PER_M}\n"),
+            Apparatus::Robot => format!(
+                "[robot]\nshape = \"sphere\"\ndiameter_mm = 0.55\ndensity_kg_m3 = 7500\n\
+                 [vitreous]\ndiameter_mm = 20.0\npoisson_ratio = {POISSON_RATIO}\ndensity_kg_m3 = 1000\n"
+            ),
+        };
+        let toml = format!(
+            "[specimen]\nid = \"{id}\"\nspecies = \"{species}\"\n{of}\
+             [measurement]\nfile = \"trajectory.csv\"\nnoise_um = 4.0\nsource = \"synthetic: closed form\"\n"
+        );
+        let (experiment, _) = Experiment::from_texts("experiment.toml", &toml, "trajectory.csv", &csv).unwrap();
+        Measurement {
+            path: PathBuf::from(format!("{species}-{id}-{index}")),
+            experiment,
+            inputs_sha256: sha256_hex(format!("{toml}{csv}").as_bytes()),
+            specification: specification.clone(),
+        }
+    };
+    eyes.into_iter().enumerate().map(one).collect()
+}
+
+/// Runs a comparison and writes it down.
+fn compared(
+    specification: &ModelSpecification,
+    apparatus: Apparatus,
+    creep: Creep,
+    compliance: Compliance,
+) -> GroupsSummary {
+    let dir = tempfile::tempdir().unwrap();
+    let measurements = cohort(specification, apparatus, creep);
+    let sampler = SamplerOptions { n_walkers: 20, max_steps: 600, ..SamplerOptions::default() };
+    let request = GroupsRequest {
+        keys: &[Key::Species],
+        margin: 0.2,
+        is_heavy_tailed: false,
+        sampler,
+        n_chains: 2,
+        max_sweeps: 400,
+        is_exact: false,
+        kept: &dir.path().join("experiments"),
+    };
+    let what = format!("{} {:?} {:?}", specification.base.name(), specification.effects, specification.noise);
+    let found = run_with(&measurements, vec![compliance; measurements.len()], &request, &Silent)
+        .unwrap_or_else(|error| panic!("{what}: {error}"));
+    let summary = summarise(&measurements, &found, &request).unwrap_or_else(|error| panic!("{what}: {error}"));
+    let provenance = artefacts::provenance(&measurements, 1);
+    artefacts::write(dir.path(), request.keys, &found, &summary, provenance)
+        .unwrap_or_else(|error| panic!("{what}: {error}"));
+    check(&summary, specification.base.parameters(), &what);
+    summary
+}
+
+/// All figures are numbers, in order and inside the supports.
+fn check(summary: &GroupsSummary, law: &[ParameterSpec], what: &str) {
+    let inside = |name: &str, values: &[f64]| {
+        let spec = law.iter().find(|spec| spec.name == name).unwrap();
+        let is_inside = values.is_sorted() && values.iter().all(|x| x.is_finite() && spec.support.contains(*x));
+        assert!(is_inside, "{what}, {name}: {values:?}");
+    };
+    for parameter in summary.groups.iter().flat_map(|group| &group.parameters) {
+        inside(&parameter.name, &[parameter.q05, parameter.median, parameter.q95]);
+        inside(&parameter.name, &parameter.new_specimen_90);
+        assert!(parameter.between_specimen_log_sd > 0.0, "{what}: {parameter:?}");
+    }
+    for parameter in summary.specimens.iter().flat_map(|own| &own.parameters) {
+        inside(&parameter.name, &parameter.alone);
+        inside(&parameter.name, &parameter.pooled);
+    }
+    for own in &summary.contrasts {
+        assert!(own.q05 > 0.0 && own.q05 <= own.q95 && own.q95.is_finite(), "{what}: {own:?}");
+    }
+    let creep = summary.creep.as_ref().unwrap_or_else(|| panic!("{what}: no creep"));
+    assert_eq!(creep.groups.len(), 2, "{what}");
+}
+
+fn network(text: &str) -> BaseLaw {
+    BaseLaw::Network(Network::from_text("network.toml".as_ref(), text).unwrap())
+}
+
+fn of_law(base: BaseLaw) -> ModelSpecification {
+    ModelSpecification { base, ..ModelSpecification::default() }
+}
+
+#[test]
+fn every_law_and_network_goes_through() {
+    let networks = [
+        "springpot = \"gel\"",
+        "parallel = [{ spring = \"gel\" }, { springpot = \"mesh\" }]",
+        "series = [{ parallel = [{ spring = \"gel\" }, { springpot = \"mesh\" }] }, { dashpot = \"flow\" }]",
+        "parallel = [{ springpot = \"fast\" }, { springpot = \"slow\" }]",
+        "parallel = [{ dashpot = \"solvent\" }, { series = [{ spring = \"gel\" }, { dashpot = \"chain\" }] }]",
+    ];
+    for base in BaseLaw::NAMED.into_iter().chain(networks.map(network)) {
+        compared(&of_law(base), Apparatus::Instrument, lethersich, Compliance::given(COMPLIANCE_PER_M));
+    }
+}
+
+/// Orders near the end of their support, where a logarithm would leave it: new specimens and curves stay inside, and ratios are of orders.
+#[test]
+fn an_order_near_one_stays_an_order() {
+    let law = network("springpot = \"gel\"");
+    let summary = compared(&of_law(law), Apparatus::Instrument, springpot, Compliance::given(COMPLIANCE_PER_M));
+    let order = |name: &str| {
+        let group = summary.groups.iter().find(|group| group.name == name).unwrap();
+        group.parameters.iter().find(|own| own.name == "gel_order").unwrap().clone()
+    };
+    for name in ["bovine", "porcine"] {
+        let own = order(name);
+        assert!(own.q05 < 0.95 && 0.9 < own.q95 && own.new_specimen_90[1] < 1.0, "{own:?}");
+    }
+    let ratio = summary.contrasts.iter().find(|own| own.parameter == "gel_order").unwrap();
+    let of_medians = order("bovine").median / order("porcine").median;
+    assert!((ratio.ratio_median / of_medians).ln().abs() < 0.05, "{ratio:?} {of_medians}");
+    assert!(ratio.q95 < 2.0, "an order is at most 1: {ratio:?}");
+}
+
+#[test]
+fn every_noise_and_every_effect_of_an_instrument_goes_through() {
+    for noise in [&["white", "ou"][..], &["white", "gain"], &["white", "student"], &["white", "ou", "gain", "student"]]
+    {
+        let noise = noise.iter().map(ToString::to_string).collect();
+        let specification = ModelSpecification { noise, ..ModelSpecification::default() };
+        compared(&specification, Apparatus::Instrument, lethersich, Compliance::given(COMPLIANCE_PER_M));
+    }
+    for effect in EFFECTS.iter().filter(|effect| !effect.needs_finite_elements()) {
+        let effects = vec![effect.slug().to_string()];
+        let specification = ModelSpecification { effects, ..ModelSpecification::default() };
+        compared(&specification, Apparatus::Instrument, lethersich, Compliance::given(COMPLIANCE_PER_M));
+    }
+}
+
+/// A coarse mesh: what is asked is whether the way is open, not how exact it is.
+const BALL: QuarterBall = QuarterBall { robot_radius_m: 0.275e-3, outer_radius_m: 10e-3, n_per_edge: 1, n_layers: 4 };
+
+fn surroundings(is_nonlinear: bool) -> Surroundings<'static> {
+    static MESH: OnceLock<(Mesh, Stiffness)> = OnceLock::new();
+    let (mesh, stiffness) = MESH.get_or_init(|| {
+        let mesh = BALL.mesh().unwrap();
+        let stiffness = Stiffness::new(&mesh).unwrap();
+        (mesh, stiffness)
+    });
+    let robot_mass_kg = 7500.0 * 4.0 / 3.0 * std::f64::consts::PI * BALL.robot_radius_m.powi(3);
+    let sizes = Sizes {
+        gel_density_kg_m3: 1000.0,
+        robot_mass_kg,
+        robot_radius_m: BALL.robot_radius_m,
+        outer_radius_m: BALL.outer_radius_m,
+        // A law that thins would bring a finer mesh of its own.
+        ball: (!is_nonlinear).then_some(BALL),
+    };
+    Surroundings { mesh, stiffness, poisson_ratio: POISSON_RATIO, sizes }
+}
+
+/// Over the Poisson ratios that effects ask for.
+fn family() -> Compliance {
+    static SURROGATE: OnceLock<Surrogate> = OnceLock::new();
+    let surrogate = SURROGATE.get_or_init(|| {
+        let range = |own: &ParameterSpec| TrainedRange { name: own.name.into(), lower: 1.0, upper: 9.0 };
+        let parameters: Vec<TrainedRange> = BaseLaw::Lethersich.parameters().iter().map(range).collect();
+        let time_s: Vec<f64> = (0..4 * ROWS_A_HOLD).map(|row| INTERVAL_S * row as f64).collect();
+        let training = Training {
+            law: BaseLaw::Lethersich,
+            parameters: &parameters,
+            poisson_ratio: [0.0, 0.499],
+            time_s: &time_s,
+            force_n: &vec![FORCE_N; time_s.len()],
+            tolerance: 1e-6,
+        };
+        Surrogate::train(surroundings(false).stiffness, &training).unwrap()
+    });
+    surrogate.compliance(POISSON_RATIO).unwrap()
+}
+
+#[test]
+fn every_effect_of_the_displacement_field_goes_through() {
+    for effect in EFFECTS.iter().filter(|effect| effect.needs_finite_elements()) {
+        let fields = match effect.field_model() {
+            Some(model) => FieldModels::build(model, &surroundings(effect.is_nonlinear())).unwrap(),
+            None => FieldModels::default(),
+        };
+        let compliance = if effect.is_nonlinear() {
+            let full = FullOrderModel::new(surroundings(true).stiffness, POISSON_RATIO).unwrap();
+            Compliance::given(full.compliance_per_m())
+        } else {
+            family()
+        };
+        let effects = vec![effect.slug().to_string()];
+        let specification = ModelSpecification { effects, ..ModelSpecification::default() };
+        let compliance = compliance.with_spread(move |stages| fields.spread(stages));
+        compared(&specification, Apparatus::Robot, lethersich, compliance);
+    }
+}

@@ -1,0 +1,75 @@
+"""Every document that a command writes is what its schema in `docs/schemas/` says (JSON Schema, draft 2020-12).
+
+usage: documents_and_schemas.py [--quick]; quick leaves out the commands that need finite elements.
+"""
+
+import json
+import pathlib
+import sys
+import tempfile
+
+import jsonschema
+
+import small_experiment
+
+SCHEMAS = small_experiment.ROOT / "docs" / "schemas"
+# On an instrument, in this order: later commands go on from earlier ones.
+OF_STUDY = [
+    ("posterior", ["sample", "eye", "--out", "study"]),
+    ("fit", ["fit", "study"]),
+    ("effects", ["effects", "study"]),
+    ("comparison", ["compare", "study"]),
+    ("diagnosis", ["diagnose", "study"]),
+    ("extension", ["extend", "study", "--with", "clock-offset"]),
+    ("ladder", ["ladder", "study"]),
+    ("groups", ["groups", "cohort", "--out", "compared"]),
+    ("posterior", ["sample", "eye", "--out", "law", "--base", "law.toml", "--noise", "white,ou,gain,student"]),
+    ("groups", ["groups", "cohort", "--out", "network", "--base", "law.toml"]),
+]
+OF_FINITE_ELEMENTS = [
+    ("posterior", ["sample", "--out", "replica"]),
+    ("fit", ["fit", "replica"]),
+    ("effects", ["effects", "replica"]),
+    ("simulation", ["simulate", "--out", "simulated"]),
+    ("shapes", ["shapes", "--out", "replica"]),
+    ("challenge", ["challenge", "run", "--count", "2"]),
+]
+
+
+def problems(kind, document):
+    """What the schema does not allow, in words."""
+    schema = json.loads((SCHEMAS / f"{kind}-1.json").read_text())
+    jsonschema.Draft202012Validator.check_schema(schema)
+    errors = jsonschema.Draft202012Validator(schema).iter_errors(document)
+    return [f"{kind}: {error.json_path}: {error.message[:200]}" for error in errors]
+
+
+def main():
+    commands = OF_STUDY if "--quick" in sys.argv else OF_STUDY + OF_FINITE_ELEMENTS
+    found, seen = [], set()
+    with tempfile.TemporaryDirectory() as folder:
+        small_experiment.write(folder, "eye")
+        (pathlib.Path(folder) / "law.toml").write_text('[base.network]\nparallel = [{ spring = "gel" }, { springpot = "mesh" }]\n')
+        for index, (species, factor) in enumerate([("porcine", 1.0), ("porcine", 1.2), ("bovine", 2.0), ("bovine", 2.3)]):
+            small_experiment.write(f"{folder}/cohort", f"{species}-{index}", species, factor, seed=index, cycles=2)
+        for kind, arguments in commands:
+            document = json.loads(small_experiment.run(folder, *arguments, "--json", "-", "--quiet"))
+            found += problems(kind, document)
+            seen.add(kind)
+            # A schema that allows anything would show nothing.
+            for key in ("schema", "version"):
+                assert problems(kind, {name: value for name, value in document.items() if name != key}), f"{kind} without {key} is allowed"
+            assert problems(kind, {**document, "schema": "vitreo-uq/other/1"}), f"{kind}: another schema is allowed"
+        for written in pathlib.Path(folder).rglob("*.json"):
+            document = json.loads(written.read_text())
+            kind = document.get("schema", "").split("/")[1]
+            if (SCHEMAS / f"{kind}-1.json").exists():
+                found += [f"{written.name}: {text}" for text in problems(kind, document)]
+    if found:
+        print("\n".join(found))
+        sys.exit(1)
+    print(f"documents of {len(seen)} kinds are what their schemas say")
+
+
+if __name__ == "__main__":
+    main()
