@@ -174,7 +174,7 @@ pub struct Refit {
 }
 
 /// One answer of a posterior that gives several: a part of it, with a valley between it and the rest.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct Answer {
     /// Its share of the posterior.
     pub probability: f64,

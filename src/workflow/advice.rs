@@ -363,7 +363,8 @@ mod tests {
             learnt_degrees: 1e4,
         };
         let misfit = summary.heldout.noise_um.map(|_| &misfit);
-        summary.warnings = warnings(&Findings { summary: &summary, misfit, sampler_messages: &[], impossible_positions: None });
+        summary.warnings =
+            warnings(&Findings { summary: &summary, misfit, sampler_messages: &[], impossible_positions: None });
         (summary.warnings.iter().map(|warning| warning.kind).collect(), summary.is_sound())
     }
 

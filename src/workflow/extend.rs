@@ -53,7 +53,7 @@ pub struct ExtensionSummary {
 }
 
 /// One of several answers: a part of the posterior, with a valley between it and the rest.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct ExtensionAnswer {
     /// The parameter that the answers differ in.
     pub parameter: String,

@@ -10,12 +10,8 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::Monitor;
-<<<<<<< HEAD
-use super::advice::{mesh_warning, misfit_warning, surrogate_warning};
-use super::fitted_rows::{FittedRows, MOST_SEARCHED, SAME_MINIMUM, finished, is_same_minimum};
-=======
 use super::advice::{impossible_positions, mesh_warning, misfit_warning, surrogate_warning};
->>>>>>> f
+use super::fitted_rows::{FittedRows, MOST_SEARCHED, SAME_MINIMUM, finished, is_same_minimum};
 use super::problem::{Problem, TAIL_MASS};
 use super::reduced::{KeptSurrogate, Reduced};
 use super::summary::{ModelSummary, Warning, WarningKind};

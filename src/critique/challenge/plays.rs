@@ -162,7 +162,7 @@ pub struct Play {
 }
 
 /// The size of a hidden effect beside what the diagnosis says of it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct NamedSize {
     /// Name of the parameter, with unit.
     pub name: String,

@@ -38,11 +38,8 @@ mod lanes;
 mod likelihood;
 mod model;
 mod paths;
-<<<<<<< HEAD
-mod residuals;
-=======
 mod pointwise;
->>>>>>> f
+mod residuals;
 mod rows;
 mod scales;
 mod whitening;
@@ -53,8 +50,5 @@ mod dense;
 pub use lanes::LANES;
 pub use likelihood::{NoiseLikelihood, SharedPosition};
 pub use model::{NoiseModel, NoiseScales, NoiseTerm};
-<<<<<<< HEAD
-pub(crate) use whitening::{Asked, CycleProducts};
-=======
 pub use pointwise::Conditional;
->>>>>>> f
+pub(crate) use whitening::{Asked, CycleProducts};
