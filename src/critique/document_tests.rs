@@ -193,8 +193,9 @@ fn a_document_holds_the_claim_with_sizes_of_the_whole_model() {
     let report = plain(&data, &request, &found);
     let document = report.document(vec![3], &Silent).expect("a document");
     assert_eq!(document.verdict.effects, ["force-bias", "tracking-drift"]);
-    assert_eq!((document.outlier_rows, document.heldout_cycles), (vec![3], vec![4]));
-    let (before, after) = (document.base.rmse_heldout_um, document.extended.and_then(|errors| errors.rmse_heldout_um));
+    assert_eq!((&document.outlier_rows[..], &document.heldout_cycles[..]), (&[3][..], &[4][..]));
+    let (before, after) =
+        (document.base.rmse_heldout_um, document.extended.as_ref().and_then(|errors| errors.rmse_heldout_um));
     let (before, after) = (before.expect("scored"), after.expect("scored"));
     assert!(before > 2.0 * after, "{before} {after}");
     let words = format!("goes from {} to {} µm", short(before), short(after));

@@ -414,7 +414,12 @@ mod tests {
             let mut summary = sound();
             summary.error_budget_um.fe_discretisation = Some(400.0);
             change(&mut summary);
-            let all = warnings(&Findings { summary: &summary, sampler_messages: &[], impossible_positions: None });
+            let all = warnings(&Findings {
+                summary: &summary,
+                misfit: None,
+                sampler_messages: &[],
+                impossible_positions: None,
+            });
             all.into_iter().find(|warning| warning.kind == MeshInaccurate).expect("the mesh is told").advice
         };
         assert!(advice(|_| {}).starts_with("bring a finer mesh"));
@@ -440,6 +445,7 @@ mod tests {
         summary.heldout.rmse_um = Some(4e3);
         let all = warnings(&Findings {
             summary: &summary,
+            misfit: None,
             sampler_messages: &[],
             impossible_positions: Some(impossible.clone()),
         });

@@ -60,6 +60,9 @@ pub fn record_groups(problem: &Problem, reduced: &Reduced, draws: &Draws, seed: 
     groups
 }
 
+/// Of one draw: log density of every fitted position, and positions with noise at every kept row.
+type Predicted = (Vec<f64>, Vec<f64>);
+
 /// Predicts chosen rows.
 struct Predictor<'a> {
     problem: &'a Problem,
@@ -133,11 +136,11 @@ impl<'a> Predictor<'a> {
             let rng = &mut self.random(POSTERIOR_STREAM + index as u64);
             Some((chosen, self.with_noise_um(&trajectory_m, &noise, rng)))
         };
-        let all: Vec<Option<(Vec<f64>, Vec<f64>)>> = (0..self.n_chains * n_draws).into_par_iter().map(one).collect();
+        let all: Vec<Option<Predicted>> = (0..self.n_chains * n_draws).into_par_iter().map(one).collect();
         // A draw that fits and has no model on other rows is left out of all chains.
         let is_there = |k: &usize| (0..self.n_chains).all(|chain| all[chain * n_draws + k].is_some());
         let kept: Vec<usize> = (0..n_draws).filter(is_there).collect();
-        let of = |part: fn(&(Vec<f64>, Vec<f64>)) -> &Vec<f64>| -> Vec<f64> {
+        let of = |part: fn(&Predicted) -> &Vec<f64>| -> Vec<f64> {
             let chains = (0..self.n_chains).flat_map(|chain| kept.iter().map(move |k| chain * n_draws + k));
             chains.filter_map(|index| all[index].as_ref()).flat_map(|own| part(own).iter().copied()).collect()
         };

@@ -248,7 +248,7 @@ fn family() -> Compliance {
 fn every_effect_of_the_displacement_field_goes_through() {
     for effect in EFFECTS.iter().filter(|effect| effect.needs_finite_elements()) {
         let fields = match effect.field_model() {
-            Some(model) => FieldModels::build(model, &surroundings(effect.is_nonlinear())).unwrap(),
+            Some(model) => FieldModels::build(model, &surroundings(effect.is_nonlinear()), &|| ()).unwrap(),
             None => FieldModels::default(),
         };
         let compliance = if effect.is_nonlinear() {

@@ -143,7 +143,7 @@ pub fn mutate(bytes: &mut Vec<u8>, other: &[u8], dice: &mut Dice) {
         }
         5 => insert(bytes, TOKENS[dice.below(TOKENS.len())].as_bytes(), dice),
         6 => insert(bytes, NUMBERS[dice.below(NUMBERS.len())].as_bytes(), dice),
-        7 | 8 | 9 => replace_number(bytes, dice),
+        7..=9 => replace_number(bytes, dice),
         10 => with_lines(bytes, dice, |lines, dice| drop(lines.remove(dice.below(lines.len())))),
         11 => with_lines(bytes, dice, |lines, dice| {
             let (a, b) = (dice.below(lines.len()), dice.below(lines.len()));
@@ -264,7 +264,7 @@ const NETWORK_MODEL: &str = "effects = []\nnoise = [\"white\"]\nprior = \"generi
 /// Forty rows of two cycles.
 fn small_csv() -> String {
     let row = |k: usize| {
-        let (time_s, force_un) = (0.1 * k as f64, if (k / 10) % 2 == 0 { 1.0 } else { -1.0 });
+        let (time_s, force_un) = (0.1 * k as f64, if (k / 10).is_multiple_of(2) { 1.0 } else { -1.0 });
         format!("{time_s:.1},{force_un},{:.3},{}\n", time_s * force_un, 1 + k / 20)
     };
     "time_s,force_uN,position_um,cycle\n".to_string() + &(0..40).map(row).collect::<String>()

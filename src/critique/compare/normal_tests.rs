@@ -31,7 +31,8 @@ fn dense(noise: &[f64; 5]) -> Dense {
         time_s.iter().map(|t| 1e-4 * (0.1 * t).cos()).collect(),
     ];
     let slices: Vec<&[f64]> = columns_m.iter().map(Vec::as_slice).chain([residual_m.as_slice()]).collect();
-    let asked = Asked { columns: &slices, n_common: 4, own: &[4..4], with_cycles: Some(0) };
+    let own = 4..4;
+    let asked = Asked { columns: &slices, n_common: 4, own: std::slice::from_ref(&own), with_cycles: Some(0) };
     let products = likelihood.white_products(&asked, &position_m, noise).expect("in support");
     let numbers: Vec<u32> = cycle.chunk_by(|a, b| a == b).map(|rows| rows[0]).collect();
     let has_column: Vec<bool> = (0..numbers.len()).map(|k| k != 3 && k != numbers.len() - 2).collect();

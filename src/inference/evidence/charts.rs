@@ -121,7 +121,7 @@ mod tests {
     fn bent(n: usize, seed: u64) -> Vec<Vec<f64>> {
         let mut stream = RandomStream::new(seed, 0);
         let mut one = |k: usize| {
-            let (u, v, sign) = (stream.normal(), stream.normal(), if k % 4 == 0 { -1.0 } else { 1.0 });
+            let (u, v, sign) = (stream.normal(), stream.normal(), if k.is_multiple_of(4) { -1.0 } else { 1.0 });
             vec![8.0 * sign + u, 1.5 * sign * u * u + 0.3 * v]
         };
         (0..n).map(&mut one).collect()

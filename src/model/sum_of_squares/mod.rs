@@ -253,7 +253,7 @@ mod tests {
         let jitter = |i: usize| if irregular { 0.3 * step_s * ((i * 7919) % 13) as f64 / 13.0 } else { 0.0 };
         let time_s: Vec<f64> = (0..n).map(|i| step_s * i as f64 + jitter(i)).collect();
         let force_n: Vec<f64> =
-            time_s.iter().map(|t| if (t / 5.0) as u32 % 2 == 0 { 4.6e-6 } else { -4.6e-6 }).collect();
+            time_s.iter().map(|t| if ((t / 5.0) as u32).is_multiple_of(2) { 4.6e-6 } else { -4.6e-6 }).collect();
         let x = convolve_m(549.0, &CreepCompliance::lethersich(&TRUTH), &time_s, &force_n);
         let mut rng = ChaCha8Rng::seed_from_u64(3);
         let mut noise = || -> f64 { rng.sample(StandardNormal) };

@@ -130,7 +130,7 @@ impl Table {
         // Half of them over the whole range, half around the reference rate.
         let ln_rate = |k: usize| {
             let fraction = ((k as f64 + 0.5) * golden).fract();
-            if k % 2 == 0 { first + width * fraction } else { self.ln_rate + 4.0 * PIECE * (fraction - 0.5) }
+            if k.is_multiple_of(2) { first + width * fraction } else { self.ln_rate + 4.0 * PIECE * (fraction - 0.5) }
         };
         let ln_rates: Vec<f64> = (0..N_CHECKED).map(ln_rate).filter(|x| (x - self.ln_rate).abs() > 1e-3).collect();
         let exact = self.products_with_k(record, reference, &ln_rates);
