@@ -120,7 +120,8 @@ fn is_significant(outside: &Outside) -> bool {
 }
 
 /// Structure that is not of the library, and what the best model leaves. Where that is more than the noise allows, the law is still wrong: one effect may
-/// be said to help, and none is added for the sake of what is left.
+/// be said to help, and none is added for the sake of what is left. The same goes for an effect that structure of
+/// the law takes the place of.
 fn judged(
     subject: &Subject,
     request: &DiagnosisRequest,
@@ -137,6 +138,13 @@ fn judged(
         found.claimed = found.first_claimed().cloned();
         structure = unexplained(subject, request, found, monitor)?;
         left = left_by(found, &structure)?;
+    }
+    let is_of_law = structure.first().is_some_and(|first| !first.kind.is_apart_from_law());
+    if let (None, Some(first), true) = (&found.claimed, found.first_claimed().cloned(), is_of_law) {
+        let left_by_it = misfit(subject, &first, &[])?;
+        if left_by_it.is_too_large() {
+            (found.claimed, left) = (Some(first), left_by_it);
+        }
     }
     Ok((structure, left))
 }

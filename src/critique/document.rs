@@ -328,7 +328,7 @@ impl Report<'_> {
             );
         }
         if !self.unexplained.is_empty() {
-            return rest.trim_start().into();
+            return format!("No effect of the library explains what the model leaves.{rest}");
         }
         format!(
             "The model is wrong, and no effect of the library or known structure accounts for it: it leaves {}.{rest}",

@@ -242,8 +242,9 @@ fn scores_at_an_end_are_those_of_a_sum_over_the_size() {
             ln_sum((0..5).map(of_scale)) - 5.0_f64.ln()
         };
         let (all, last) = (ln_density(4) - ln_density(1), ln_density(4) - ln_density(3));
-        assert!((score.all - all).abs() < 1e-4, "{subject}: {} {all}", score.all);
-        assert!((score.last - last).abs() < 1e-4, "{subject}: {} {last}", score.last);
+        // The probability of the support, far in the tail, is known to 1e-3 (its own tests).
+        assert!((score.all - all).abs() < 1e-3, "{subject}: {} {all}", score.all);
+        assert!((score.last - last).abs() < 1e-3, "{subject}: {} {last}", score.last);
     }
 }
 

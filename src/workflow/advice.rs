@@ -348,20 +348,24 @@ mod tests {
         }
     }
 
-    /// Kinds of warnings after a change, and whether the result is then sound.
-    fn after(change: impl Fn(&mut PosteriorSummary)) -> (Vec<WarningKind>, bool) {
-        let mut summary = sound();
-        change(&mut summary);
-        // White errors of many rows: what is above 1.5 × the noise is so beyond chance.
+    /// White errors of many rows: what is above 1.5 × the noise is so beyond chance.
+    fn misfit_of(summary: &PosteriorSummary) -> Misfit {
         let size = |rms_um: f64| Size { rms_m: 1e-6 * rms_um, is_too_large: rms_um > 6.0 };
-        let misfit = Misfit {
+        Misfit {
             fitted: size(summary.heldout.rmse_fitted_um),
             heldout: summary.heldout.rmse_um.map(size),
             noise_m: 4e-6,
             is_known: true,
             returning_m: None,
             learnt_degrees: 1e4,
-        };
+        }
+    }
+
+    /// Kinds of warnings after a change, and whether the result is then sound.
+    fn after(change: impl Fn(&mut PosteriorSummary)) -> (Vec<WarningKind>, bool) {
+        let mut summary = sound();
+        change(&mut summary);
+        let misfit = misfit_of(&summary);
         let misfit = summary.heldout.noise_um.map(|_| &misfit);
         summary.warnings =
             warnings(&Findings { summary: &summary, misfit, sampler_messages: &[], impossible_positions: None });
@@ -445,7 +449,7 @@ mod tests {
         summary.heldout.rmse_um = Some(4e3);
         let all = warnings(&Findings {
             summary: &summary,
-            misfit: None,
+            misfit: Some(&misfit_of(&summary)),
             sampler_messages: &[],
             impossible_positions: Some(impossible.clone()),
         });

@@ -63,15 +63,16 @@ mod tests {
         WeightedDraws::new((0..n).map(|_| vec![of(&mut stream)]).collect(), &vec![0.0; n])
     }
 
-    /// Two normals six standard deviations apart, one of a share of 0.2: with 400 draws its share is known to 0.02, five of which are allowed.
+    /// Two normals six standard deviations apart, one of a share of 0.2: with 1,000 draws its peak stands seven standard errors above the valley, of which four are
+    /// asked for, and its share is known to 0.013, five of which are allowed.
     #[test]
     fn two_bumps_have_a_valley_between_them() {
         let two = |stream: &mut RandomStream| stream.normal() + if stream.unit() < 0.2 { 6.0 } else { 0.0 };
         for seed in 0..20 {
-            let draws = draws(400, seed, two);
+            let draws = draws(1_000, seed, two);
             let bottom = valley(&draws, |x| x[0]).expect("two answers");
             let share = draws.mean(|x| f64::from(u8::from(x[0] > bottom)));
-            assert!((1.5..5.0).contains(&bottom) && (share - 0.2).abs() < 0.1, "{bottom} {share}");
+            assert!((1.5..5.0).contains(&bottom) && (share - 0.2).abs() < 0.065, "{bottom} {share}");
         }
     }
 
