@@ -125,8 +125,10 @@ fn every_command_stops_soon_and_runs_again() {
         let took = began.elapsed();
         let dir = place.path().join(format!("stopped{index}"));
         copy(&template, &dir);
+        let mut is_done = false;
         for (part, (signal, code)) in [0.15, 0.45, 0.8].into_iter().zip(SIGNALS) {
-            if is_ignored(signal) {
+            // A run that came to its end before the signal has made its results: an effect cannot be added twice.
+            if is_done || is_ignored(signal) {
                 continue;
             }
             let child = start(&dir, arguments);
@@ -134,9 +136,12 @@ fn every_command_stops_soon_and_runs_again() {
             send(signal, &child);
             let stopped = ends(child, code, &dir, &format!("{arguments:?} by {signal}"));
             *n_stopped.entry(arguments[0]).or_insert(0) += usize::from(stopped);
+            is_done = !stopped;
         }
-        let code = start(&dir, arguments).wait_with_output().unwrap().status.code();
-        assert!(matches!(code, Some(0 | 1)), "{arguments:?}: {code:?}");
+        if !is_done {
+            let code = start(&dir, arguments).wait_with_output().unwrap().status.code();
+            assert!(matches!(code, Some(0 | 1)), "{arguments:?}: {code:?}");
+        }
         let (expected, found) = (results(&whole), results(&dir));
         assert!(expected.keys().eq(found.keys()), "{arguments:?}: {:?} against {:?}", found.keys(), expected.keys());
         let differing: Vec<_> =
