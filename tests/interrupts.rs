@@ -58,9 +58,20 @@ fn nothing_is_half_written(dir: &Path) {
     }
 }
 
+/// How a program that was sent a signal ended.
+#[derive(PartialEq)]
+enum Ending {
+    /// By itself, in order.
+    Stopped,
+    /// By the system, before it watched for signals.
+    Killed,
+    /// With its job done, before it could be stopped.
+    Done,
+}
+
 /// Waits for the end of a child that was sent a signal; whether it was stopped by it, and did not end by itself before.
 #[track_caller]
-fn ends(child: Child, code: i32, dir: &Path, what: &str) -> bool {
+fn ends(child: Child, code: i32, dir: &Path, what: &str) -> Ending {
     let began = Instant::now();
     let output = child.wait_with_output().unwrap();
     let words = String::from_utf8_lossy(&output.stderr);
@@ -68,14 +79,13 @@ fn ends(child: Child, code: i32, dir: &Path, what: &str) -> bool {
     assert!(!words.contains("panicked"), "{what}: {words}");
     nothing_is_half_written(dir);
     // Before the program watches for signals it has done nothing, and the system ends it.
-    let Some(found) = output.status.code() else { return false };
+    let Some(found) = output.status.code() else { return Ending::Killed };
     if found == code {
         assert!(words.contains("stopped by") && words.contains("what to do: run the same command"), "{what}: {words}");
-        return true;
+        return Ending::Stopped;
     }
-    // Done before it could be stopped.
     assert!(matches!(found, 0 | 1), "{what} ended with {found}: {words}");
-    false
+    Ending::Done
 }
 
 fn copy(from: &Path, to: &Path) {
@@ -134,9 +144,9 @@ fn every_command_stops_soon_and_runs_again() {
             let child = start(&dir, arguments);
             std::thread::sleep(took.mul_f64(part).max(Duration::from_millis(30)));
             send(signal, &child);
-            let stopped = ends(child, code, &dir, &format!("{arguments:?} by {signal}"));
-            *n_stopped.entry(arguments[0]).or_insert(0) += usize::from(stopped);
-            is_done = !stopped;
+            let ending = ends(child, code, &dir, &format!("{arguments:?} by {signal}"));
+            *n_stopped.entry(arguments[0]).or_insert(0) += usize::from(ending == Ending::Stopped);
+            is_done = ending == Ending::Done;
         }
         if !is_done {
             let code = start(&dir, arguments).wait_with_output().unwrap().status.code();
@@ -173,7 +183,8 @@ fn long_computations_stop_soon() {
             let child = start(dir, arguments);
             std::thread::sleep(Duration::from_secs_f64(seconds));
             send(signal, &child);
-            n_stopped += usize::from(ends(child, code, dir, &format!("{arguments:?} by {signal}")));
+            let ending = ends(child, code, dir, &format!("{arguments:?} by {signal}"));
+            n_stopped += usize::from(ending == Ending::Stopped);
         }
         assert!(n_stopped > 0, "{arguments:?} was never stopped");
     }
