@@ -33,6 +33,8 @@ fi
 export MPLBACKEND=Agg PYTHONDONTWRITEBYTECODE=1
 # Compiled once here, so that no check's time or output includes it.
 cargo build --quiet --examples --bins
+# Checks run this program: building it alone would compile dependencies once more, with fewer features.
+export VITREO_UQ=$PWD/target/debug/vitreo-uq
 
 passed=0 failed=0
 for script in tests/python/*.py; do

@@ -2,7 +2,6 @@
 
 import csv
 import json
-import subprocess
 import sys
 import tempfile
 from pathlib import Path
@@ -11,6 +10,8 @@ from xml.etree import ElementTree
 import numpy as np
 import vtk
 from vtk.util.numpy_support import vtk_to_numpy
+
+import small_experiment
 
 ROBOT_RADIUS_M, OUTER_RADIUS_M = 0.275e-3, 10e-3
 
@@ -27,8 +28,7 @@ def read(path):
 def main():
     with tempfile.TemporaryDirectory() as name:
         study, result = Path(name) / "study", Path(name) / "result.json"
-        command = ["cargo", "run", "--quiet", "--", "simulate", "--quiet", "--out", str(study), "--json", str(result)]
-        subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+        small_experiment.run(name, "simulate", "--quiet", "--out", study, "--json", result)
         folder = study / "simulation"
         assert json.loads(result.read_text())["schema"] == "vitreo-uq/simulation/1"
         with open(folder / "trajectory.csv", newline="") as file:
