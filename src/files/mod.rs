@@ -1,6 +1,6 @@
 //! Every file that the program reads or writes goes through here.
 //!
-//! Written so that a reader sees the old content or the new, never a part, and a kill or a signal leaves one of them ([`under_way`]); read only
+//! Written so that a reader sees the old content or the new, never a part, and a kill or a signal leaves one of them (`under_way`); read only
 //! where it is a regular file of a size that the program can hold ([`read`]).
 
 mod directory;

@@ -1,7 +1,7 @@
 //! Importance sampling from a mixture of t distributions that is adapted to the posterior.
 //!
 //! ẑ = (1/N) Σ p(θᵢ)/q(θᵢ), θᵢ ~ q. The proposal starts from the modes' Laplace approximations; rounds of draws then refit it to what the weights
-//! say ([`super::charts`]: a part for each mode where that describes them better): to all draws so far, each weighted by the mixture of the proposals that they came from (Cornuet et al. 2012,
+//! say (`charts`: a part for each mode where that describes them better): to all draws so far, each weighted by the mixture of the proposals that they came from (Cornuet et al. 2012,
 //! doi:10.1111/j.1467-9469.2011.00756.x), the weights truncated so that no single draw takes the proposal with it (Ionides 2008,
 //! doi:10.1198/106186008X320456). The estimate comes from fresh draws of the final proposal alone:
 //! it is unbiased, whatever the adaptation did, and its k̂ says whether its error can be believed.

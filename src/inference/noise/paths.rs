@@ -75,7 +75,7 @@ impl NoiseModel {
         rows.rows.iter().map(sd_m).collect()
     }
 
-    /// One draw of the noise, observed less position in m, at every row of a record, from the density that [`NoiseLikelihood`] gives the record
+    /// One draw of the noise, observed less position in m, at every row of a record, from the density that [`NoiseLikelihood`](super::NoiseLikelihood) gives the record
     /// when it is observed at every row. NaN for parameters outside their support.
     ///
     /// Drawn prediction by prediction through the likelihood's own filter, which for the Gaussian terms is the same as drawing each term.
