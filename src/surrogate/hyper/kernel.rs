@@ -1,12 +1,16 @@
 //! The law at blocks of cubature points, and the reduced balance summed over them.
 //!
 //! The equations are those of [`crate::fe::nonlinear::point`], for eight points at once.
+//!
+//! What loops over the blocks is a pass of its own ([`pulp::Simd::vectorize`]): compiled as one function, a whole run took the compiler a minute for each kind of
+//! processor, since the time of its passes grows with the square of a function's length.
 
 use super::lanes::{Block, N_LANES, Plain};
 use crate::effects::Nonlinearity;
 use crate::fe::nonlinear::Bodies;
 use crate::fe::nonlinear::point::{EQUIVALENT, Number, Radial, STIFFENING_START, StageLaw};
 use crate::number::PointScalar;
+use pulp::{Simd, WithSimd};
 
 /// A strain or stress at the points of a block.
 pub(super) type BlockTensor<B> = [B; 6];
@@ -341,72 +345,79 @@ impl At {
 }
 
 /// Internal forces on the modes and, row by row, their derivatives. What it finds at the blocks stands in `at`.
-#[inline(always)]
-pub(super) fn forces_and_tangent<const M: usize>(
-    points: &CubaturePoints<M>,
-    law: &StageLaw<f64>,
-    given: &[Given<Plain>],
-    coordinates: &[f64; M],
-    at: &mut Vec<At>,
-) -> ([f64; M], [[f64; M]; M]) {
-    // The law of all blocks first: their roots and quotients wait for themselves, not for each other.
-    at.clear();
-    for (points, given) in points.0.iter().zip(given) {
-        let a = sum(&points.strain::<Plain>(coordinates), &given.offset);
-        let norm = deviator_norm(&a);
-        at.push(At { a, inverse_norm: splat(1.0) / norm, moduli: moduli::<Plain>(law, norm) });
-    }
-    let zero = splat(0.0);
-    let (mut force, mut tangent, mut below) = ([zero; M], [[zero; M]; M], [[zero; M]; M]);
-    let couples = !matches!(law.radial, Radial::Stiffening { .. });
-    for ((points, given), At { a, inverse_norm, moduli }) in points.0.iter().zip(given).zip(&*at) {
-        let [deviatoric, volumetric] = points.weights;
-        let mut along = [zero; M];
-        for (c, of_modes) in points.strains[..5].iter().enumerate() {
-            let stress = (moduli.secant * a[c] - given.taken[c]) * deviatoric;
-            let direction = a[c] * *inverse_norm;
-            for i in 0..M {
-                force[i] = force[i] + stress * of_modes[i];
-                along[i] = along[i] + direction * of_modes[i];
-            }
+pub(super) struct ForcesAndTangent<'a, const M: usize> {
+    pub points: &'a CubaturePoints<M>,
+    pub law: &'a StageLaw<f64>,
+    pub given: &'a [Given<Plain>],
+    pub coordinates: &'a [f64; M],
+    pub at: &'a mut Vec<At>,
+}
+
+impl<const M: usize> WithSimd for ForcesAndTangent<'_, M> {
+    type Output = ([f64; M], [[f64; M]; M]);
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> Self::Output {
+        let Self { points, law, given, coordinates, at } = self;
+        // The law of all blocks first: their roots and quotients wait for themselves, not for each other.
+        at.clear();
+        for (points, given) in points.0.iter().zip(given) {
+            let a = sum(&points.strain::<Plain>(coordinates), &given.offset);
+            let norm = deviator_norm(&a);
+            at.push(At { a, inverse_norm: splat(1.0) / norm, moduli: moduli::<Plain>(law, norm) });
         }
-        let traces = &points.strains[5];
-        let trace = (moduli.volumetric * a[5] - given.taken[5]) * volumetric;
-        let (secant, extra) = (moduli.secant * deviatoric, (moduli.normal - moduli.secant) * deviatoric);
-        let dilation = moduli.volumetric * volumetric;
-        for i in 0..M {
-            force[i] = force[i] + trace * traces[i];
-            let (n_i, t_i) = (extra * along[i], dilation * traces[i]);
-            for j in i..M {
-                let bent = n_i * along[j] + t_i * traces[j];
-                tangent[i][j] = tangent[i][j] + secant * points.products[i][j] + bent;
+        let zero = splat(0.0);
+        let (mut force, mut tangent, mut below) = ([zero; M], [[zero; M]; M], [[zero; M]; M]);
+        let couples = !matches!(law.radial, Radial::Stiffening { .. });
+        for ((points, given), At { a, inverse_norm, moduli }) in points.0.iter().zip(given).zip(&*at) {
+            let [deviatoric, volumetric] = points.weights;
+            let mut along = [zero; M];
+            for (c, of_modes) in points.strains[..5].iter().enumerate() {
+                let stress = (moduli.secant * a[c] - given.taken[c]) * deviatoric;
+                let direction = a[c] * *inverse_norm;
+                for i in 0..M {
+                    force[i] = force[i] + stress * of_modes[i];
+                    along[i] = along[i] + direction * of_modes[i];
+                }
             }
-        }
-        if couples {
-            let coupling = moduli.coupling * a[5] * volumetric;
+            let traces = &points.strains[5];
+            let trace = (moduli.volumetric * a[5] - given.taken[5]) * volumetric;
+            let (secant, extra) = (moduli.secant * deviatoric, (moduli.normal - moduli.secant) * deviatoric);
+            let dilation = moduli.volumetric * volumetric;
             for i in 0..M {
-                let t_i = coupling * traces[i];
-                for j in 0..M {
-                    below[i][j] = below[i][j] + t_i * along[j];
+                force[i] = force[i] + trace * traces[i];
+                let (n_i, t_i) = (extra * along[i], dilation * traces[i]);
+                for j in i..M {
+                    let bent = n_i * along[j] + t_i * traces[j];
+                    tangent[i][j] = tangent[i][j] + secant * points.products[i][j] + bent;
+                }
+            }
+            if couples {
+                let coupling = moduli.coupling * a[5] * volumetric;
+                for i in 0..M {
+                    let t_i = coupling * traces[i];
+                    for j in 0..M {
+                        below[i][j] = below[i][j] + t_i * along[j];
+                    }
                 }
             }
         }
-    }
-    let mut summed = [[0.0; M]; M];
-    for i in 0..M {
-        for j in i..M {
-            let symmetric = tangent[i][j].sum();
-            (summed[i][j], summed[j][i]) = (symmetric, symmetric);
-        }
-    }
-    if couples {
+        let mut summed = [[0.0; M]; M];
         for i in 0..M {
-            for j in 0..M {
-                summed[i][j] += below[i][j].sum();
+            for j in i..M {
+                let symmetric = tangent[i][j].sum();
+                (summed[i][j], summed[j][i]) = (symmetric, symmetric);
             }
         }
+        if couples {
+            for i in 0..M {
+                for j in 0..M {
+                    summed[i][j] += below[i][j].sum();
+                }
+            }
+        }
+        (force.map(|f| f.sum()), summed)
     }
-    (force.map(|f| f.sum()), summed)
 }
 
 /// Stress s of a block.
@@ -421,61 +432,76 @@ fn stress<B: Block>(law: &StageLaw<B::Scalar>, given: &Given<B>, strain: &BlockT
 }
 
 /// Internal forces on the modes alone.
-#[inline(always)]
-pub(super) fn forces<B: Block, const M: usize>(
-    points: &CubaturePoints<M>,
-    law: &StageLaw<B::Scalar>,
-    given: &[Given<B>],
-    coordinates: &[B::Scalar; M],
-) -> [B::Scalar; M] {
-    let mut sums = [B::constant(splat(0.0)); M];
-    for (points, given) in points.0.iter().zip(given) {
-        let [deviatoric, volumetric] = points.weights;
-        let stress = stress(law, given, &points.strain::<B>(coordinates));
-        for (c, (s, of_modes)) in stress.iter().zip(&points.strains).enumerate() {
-            let weighed = *s * if c < 5 { deviatoric } else { volumetric };
-            for (f, b) in sums.iter_mut().zip(of_modes) {
-                *f = *f + weighed * *b;
+pub(super) struct Forces<'a, B: Block, const M: usize> {
+    pub points: &'a CubaturePoints<M>,
+    pub law: &'a StageLaw<B::Scalar>,
+    pub given: &'a [Given<B>],
+    pub coordinates: &'a [B::Scalar; M],
+}
+
+impl<B: Block, const M: usize> WithSimd for Forces<'_, B, M> {
+    type Output = [B::Scalar; M];
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> Self::Output {
+        let Self { points, law, given, coordinates } = self;
+        let mut sums = [B::constant(splat(0.0)); M];
+        for (points, given) in points.0.iter().zip(given) {
+            let [deviatoric, volumetric] = points.weights;
+            let stress = stress(law, given, &points.strain::<B>(coordinates));
+            for (c, (s, of_modes)) in stress.iter().zip(&points.strains).enumerate() {
+                let weighed = *s * if c < 5 { deviatoric } else { volumetric };
+                for (f, b) in sums.iter_mut().zip(of_modes) {
+                    *f = *f + weighed * *b;
+                }
             }
         }
+        sums.map(|sum| sum.sum())
     }
-    sums.map(|sum| sum.sum())
 }
 
 /// Carries the histories of all blocks (`n_histories` each) to the stage's end. Plain numbers take the law's tangent from where the balance was last looked at, `at`:
 /// the last step of Newton's method leaves no more than the square of its length, there as here.
-#[inline(always)]
-pub(super) fn advance<B: Block, const M: usize>(
-    points: &CubaturePoints<M>,
-    law: &StageLaw<B::Scalar>,
-    given: &[Given<B>],
-    coordinates: &[B::Scalar; M],
-    at: &[At],
-    histories: &mut [BlockTensor<B>],
-) {
-    let n = 1 + law.linear.len();
-    let compliance = B::splat(law.linear_compliance);
-    for (((points, given), at), histories) in points.0.iter().zip(given).zip(at).zip(histories.chunks_exact_mut(n)) {
-        let strain = points.strain::<B>(coordinates);
-        let stress = if B::Scalar::HAS_DERIVATIVE {
-            stress(law, given, &strain)
-        } else {
-            let a = sum(&strain, &given.offset).map(|a| a.values());
-            at.stress_beside(&a, &given.taken.map(|t| t.values())).map(B::constant)
-        };
-        let mut rest = strain;
-        for (r, s) in rest.iter_mut().zip(&stress) {
-            *r = *r - compliance * *s;
-        }
-        let (nonlinear, linear) = histories.split_at_mut(1);
-        for (body, history) in law.linear.iter().zip(linear) {
-            let (decay, compliance) = (B::splat(body.decay), B::splat(body.compliance));
-            for c in 0..6 {
-                let left = decay * history[c];
-                rest[c] = rest[c] - left;
-                history[c] = left + compliance * stress[c];
+pub(super) struct Advance<'a, B: Block, const M: usize> {
+    pub points: &'a CubaturePoints<M>,
+    pub law: &'a StageLaw<B::Scalar>,
+    pub given: &'a [Given<B>],
+    pub coordinates: &'a [B::Scalar; M],
+    pub at: &'a [At],
+    pub histories: &'a mut [BlockTensor<B>],
+}
+
+impl<B: Block, const M: usize> WithSimd for Advance<'_, B, M> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Self { points, law, given, coordinates, at, histories } = self;
+        let n = 1 + law.linear.len();
+        let compliance = B::splat(law.linear_compliance);
+        for (((points, given), at), histories) in points.0.iter().zip(given).zip(at).zip(histories.chunks_exact_mut(n))
+        {
+            let strain = points.strain::<B>(coordinates);
+            let stress = if B::Scalar::HAS_DERIVATIVE {
+                stress(law, given, &strain)
+            } else {
+                let a = sum(&strain, &given.offset).map(|a| a.values());
+                at.stress_beside(&a, &given.taken.map(|t| t.values())).map(B::constant)
+            };
+            let mut rest = strain;
+            for (r, s) in rest.iter_mut().zip(&stress) {
+                *r = *r - compliance * *s;
             }
+            let (nonlinear, linear) = histories.split_at_mut(1);
+            for (body, history) in law.linear.iter().zip(linear) {
+                let (decay, compliance) = (B::splat(body.decay), B::splat(body.compliance));
+                for c in 0..6 {
+                    let left = decay * history[c];
+                    rest[c] = rest[c] - left;
+                    history[c] = left + compliance * stress[c];
+                }
+            }
+            nonlinear[0] = rest;
         }
-        nonlinear[0] = rest;
     }
 }

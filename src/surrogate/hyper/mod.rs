@@ -95,8 +95,8 @@ impl<B: Block> WithSimd for Job<'_, B> {
     type Output = Result<Vec<B::Scalar>>;
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) -> Self::Output {
-        stepper::run::<B, N_MODES>(self.law, self.linear, self.fineness, self.load, self.time_s, self.force_n)
+    fn with_simd<S: Simd>(self, simd: S) -> Self::Output {
+        stepper::run::<B, S, N_MODES>(simd, self.law, self.linear, self.fineness, self.load, self.time_s, self.force_n)
     }
 }
 

@@ -4,7 +4,7 @@
 //! Rows lie between the steps' ends and are interpolated by a polynomial of degree 5 in ξ. Lengths of steps depend on the parameters through that power of
 //! two and the delay alone, so that a trajectory is smooth in its parameters but where θ passes a power of two.
 
-use super::kernel::{self, At, BlockTensor, CubaturePoints, Given};
+use super::kernel::{self, Advance, At, BlockTensor, CubaturePoints, Forces, ForcesAndTangent, Given};
 use super::lanes::{Block, N_LANES, Plain};
 use crate::effects::Load;
 use crate::error::{Error, Result};
@@ -15,6 +15,7 @@ use crate::fe::nonlinear::tableau::Tableau;
 use crate::fe::stepping::load::check_feedback;
 use crate::fe::stepping::run::CLOCK_ROUNDING;
 use crate::number::{PointScalar, Scalar};
+use pulp::Simd;
 
 /// Nodes of an interpolation.
 const N_NODES: usize = 6;
@@ -110,7 +111,8 @@ struct State<'a, B: Block, const M: usize> {
 ///
 /// Both are stepped alike, so that most of what steps and interpolation err drops out, and all of it where the law is linear.
 #[inline(always)]
-pub(super) fn run<B: Block, const M: usize>(
+pub(super) fn run<B: Block, S: Simd, const M: usize>(
+    simd: S,
     law: Member<B::Scalar, M>,
     linear: Member<B::Scalar, 1>,
     fineness: Fineness,
@@ -155,8 +157,8 @@ pub(super) fn run<B: Block, const M: usize>(
         let steps_per_doubling = fineness.steps_per_doubling * (1.0 + MORE_STEPS * stiffened).min(MOST_STEPS);
         let fastest_s = fastest.exp2();
         let scale_s = fastest_s.max(SHARE_OF_GAP * first_s.min(length_s.value()));
-        let mut nodes = state.hold(begin_s, length_s, scale_s, steps_per_doubling)?;
-        let linear = beside.hold(begin_s, length_s, scale_s, steps_per_doubling)?;
+        let mut nodes = state.hold(simd, begin_s, length_s, scale_s, steps_per_doubling)?;
+        let linear = beside.hold(simd, begin_s, length_s, scale_s, steps_per_doubling)?;
         nodes.iter_mut().zip(linear).for_each(|(node, linear)| *node = *node - linear);
         let per_node = (length_s * (1.0 / scale_s) + B::Scalar::constant(1.0)).ln() * (1.0 / (nodes.len() - 1) as f64);
         while row < time_s.len() && time_s[row] <= stop_s + rounding_s {
@@ -253,8 +255,9 @@ impl<'a, B: Block, const M: usize> State<'a, B, M> {
 
     /// Steps through the time after a switch; positions at the steps' ends, the first right after the switch.
     #[inline(always)]
-    fn hold(
+    fn hold<S: Simd>(
         &mut self,
+        simd: S,
         begin_s: B::Scalar,
         length_s: B::Scalar,
         scale_s: f64,
@@ -274,7 +277,7 @@ impl<'a, B: Block, const M: usize> State<'a, B, M> {
                     0 => (B::Scalar::constant(SHARE_OF_JUMP * scale_s), Scheme::Euler),
                     _ => (to_s - from_s, Scheme::Fourth),
                 };
-                self.step(from_s, step_s, scheme)?;
+                self.step(simd, from_s, step_s, scheme)?;
             } else {
                 self.remember(begin_s.value());
             }
@@ -290,7 +293,7 @@ impl<'a, B: Block, const M: usize> State<'a, B, M> {
     }
 
     #[inline(always)]
-    fn step(&mut self, from_s: B::Scalar, step_s: B::Scalar, scheme: Scheme) -> Result<()> {
+    fn step<S: Simd>(&mut self, simd: S, from_s: B::Scalar, step_s: B::Scalar, scheme: Scheme) -> Result<()> {
         let Tableau { diagonal, nodes, matrix } = scheme.tableau();
         let stage_s = step_s * diagonal;
         let law = StageLaw::new(self.bodies, stage_s);
@@ -311,12 +314,19 @@ impl<'a, B: Block, const M: usize> State<'a, B, M> {
                 true => self.coordinates.map(|z| z.value()),
                 false => self.extrapolated(stage, time_s.value()),
             };
-            self.solve(&law, &plain_law, time_s, guess)?;
+            self.solve(simd, &law, &plain_law, time_s, guess)?;
             self.remember(time_s.value());
             let is_last = stage + 1 == nodes.len();
             let target = if is_last { &mut self.histories } else { &mut self.rates[stage] };
             target.copy_from_slice(&self.started);
-            kernel::advance(self.reduced.points, &law, &self.given, &self.coordinates, &self.at, target);
+            simd.vectorize(Advance {
+                points: self.reduced.points,
+                law: &law,
+                given: &self.given,
+                coordinates: &self.coordinates,
+                at: &self.at,
+                histories: target,
+            });
             if !is_last {
                 let inverse = B::splat(B::Scalar::constant(1.0) / stage_s);
                 for (rate, start) in target.iter_mut().zip(&self.started) {
@@ -355,8 +365,9 @@ impl<'a, B: Block, const M: usize> State<'a, B, M> {
 
     /// Balances a stage that starts from `started`: coordinates and what the law made of the histories are kept.
     #[inline(always)]
-    fn solve(
+    fn solve<S: Simd>(
         &mut self,
+        simd: S,
         law: &StageLaw<B::Scalar>,
         plain_law: &StageLaw<f64>,
         time_s: B::Scalar,
@@ -379,7 +390,8 @@ impl<'a, B: Block, const M: usize> State<'a, B, M> {
                 break;
             }
             let force;
-            (force, tangent) = kernel::forces_and_tangent(points, plain_law, &self.plain_given, &z, &mut self.at);
+            let (given, at) = (&self.plain_given[..], &mut self.at);
+            (force, tangent) = simd.vectorize(ForcesAndTangent { points, law: plain_law, given, coordinates: &z, at });
             let x: f64 = robot.iter().zip(&z).map(|(r, z)| r * z).sum();
             let mut step = [0.0; M];
             for i in 0..M {
@@ -394,7 +406,7 @@ impl<'a, B: Block, const M: usize> State<'a, B, M> {
             if is_near {
                 // One step with numbers that carry derivatives, by the tangent where the iteration ended.
                 let at = z.map(B::Scalar::constant);
-                let force = kernel::forces(points, law, &self.given, &at);
+                let force = simd.vectorize(Forces { points, law, given: &self.given, coordinates: &at });
                 let mut x = B::Scalar::constant(0.0);
                 robot.iter().zip(&at).for_each(|(r, z)| x += *z * *r);
                 let push = input_n * (self.gradient_per_m * x + B::Scalar::constant(1.0)) * share;
