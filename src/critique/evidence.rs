@@ -50,11 +50,21 @@ pub struct Evidence {
     pub answers: Vec<Answer>,
 }
 
+/// How carefully other answers are looked for where every trajectory is computed by itself.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Care {
+    /// From every start of the design, and with trajectories that are learnt: for what is claimed.
+    Full,
+    /// From few starts, by the stepper: for what stands beside a claim.
+    Brief,
+}
+
 /// The posterior of a candidate over the sampler's coordinates.
 pub struct CandidatePosterior<'a> {
     subject: &'a Subject,
     problem: Problem,
     fixed: BTreeMap<String, f64>,
+    care: Care,
 }
 
 impl<'a> CandidatePosterior<'a> {
@@ -74,7 +84,7 @@ impl<'a> CandidatePosterior<'a> {
         specification.effects.clone_from(&candidate.effects);
         let problem = subject.problem().with_model(specification, subject.library())?;
         let fixed = problem.specification.fixed.clone();
-        Ok(Self { subject, problem, fixed })
+        Ok(Self { subject, problem, fixed, care: Care::Full })
     }
 
     /// Priors of the sampled parameters.
@@ -89,7 +99,10 @@ impl<'a> CandidatePosterior<'a> {
 
     /// The same for many draws: a law that is not linear remembers its trajectories.
     fn density_of_draws(&self) -> ReducedPosterior<'_> {
-        self.density_by(self.subject.local_compliance())
+        match self.care {
+            Care::Full => self.density_by(self.subject.local_compliance()),
+            Care::Brief => self.density(),
+        }
     }
 
     fn density_by(&self, compliance: &Compliance) -> ReducedPosterior<'_> {
@@ -156,7 +169,8 @@ impl<'a> CandidatePosterior<'a> {
             }
             self.subject.fit(candidate, &[(theta, with_law.noise)], Search::Local).ok()
         };
-        let mut tops: Vec<Fitted> = (0..EFFECT_STARTS).into_par_iter().filter_map(top).collect();
+        let n_starts = if self.is_slow() && self.care == Care::Brief { BRIEF_STARTS } else { EFFECT_STARTS };
+        let mut tops: Vec<Fitted> = (0..n_starts).into_par_iter().filter_map(top).collect();
         tops.sort_by(|a, b| b.objective.total_cmp(&a.objective));
         let best = tops.first().map_or(fitted.objective, |top| top.objective.max(fitted.objective));
         let mut distinct: Vec<Fitted> = Vec::new();
@@ -218,6 +232,7 @@ const START_QUANTILE: f64 = 0.05;
 const FARTHEST_TAIL: f64 = 1e-6;
 /// Points of the design in the effects' parameters, at Sobol points of their priors, and the seed of those: the design is part of the method.
 const EFFECT_STARTS: u32 = 12;
+const BRIEF_STARTS: u32 = 4;
 const START_SEED: u32 = 11;
 /// Tops so far (nats) below the best weigh nothing, whatever their widths.
 const TOP_REACH_NATS: f64 = 20.0;
@@ -244,7 +259,20 @@ fn moved_inside(prior: &Prior, value: f64, tail: f64) -> f64 {
 /// # Errors
 /// [`Error::Input`] for a candidate with columns of free amplitude, [`Error::Numerical`] when its posterior cannot be sampled.
 pub fn evidence(subject: &Subject, candidate: &Candidate, fitted: &Fitted, seed: u64) -> Result<Evidence> {
-    let posterior = CandidatePosterior::new(subject, candidate)?;
+    evidence_with(subject, candidate, fitted, (Care::Full, seed))
+}
+
+/// [`evidence`] with as much care as is asked for.
+///
+/// # Errors
+/// As [`evidence`].
+pub(super) fn evidence_with(
+    subject: &Subject,
+    candidate: &Candidate,
+    fitted: &Fitted,
+    (care, seed): (Care, u64),
+) -> Result<Evidence> {
+    let posterior = CandidatePosterior { care, ..CandidatePosterior::new(subject, candidate)? };
     let (estimate, method) = posterior.estimate(candidate, fitted, seed)?;
     Ok(evidence_of(&posterior, &estimate, method))
 }

@@ -4,7 +4,10 @@
 //! have no prior in it, only ends: so a model that contains another never fits worse, and what it gains is a likelihood ratio.
 //!
 //! The search goes back and forth between the mean (Gauss and Newton on whitened residuals, derivatives by differences, several damped steps tried at
-//! once) and the noise. Each is the other's nuisance: in a Gaussian model their Fisher information has no cross terms, so few rounds do.
+//! once) and the noise. Each is the other's nuisance: in a Gaussian model their Fisher information has no cross terms, so few rounds do. Where every trajectory
+//! takes long, derivatives follow the steps by Broyden's rule, and are computed anew where these do not keep their promise and before a search ends.
+
+use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
 
@@ -18,8 +21,12 @@ const DIFFERENCE: f64 = 1e-4;
 /// Dampings tried at every step, in units of the curvature along coordinates; the first ones serve most steps.
 const DAMPINGS: [f64; N_LANES] = [0.0, 0.1, 1e-2, 1.0, 1e-4, 10.0, 100.0, 1e4];
 /// Steps that are tried first where every trajectory is computed by itself; the others follow where these gain less than this share of what was promised.
-const FIRST_TRIALS: usize = 2;
-const KEPT_PROMISE: f64 = 0.3;
+pub(super) const FIRST_TRIALS: usize = 1;
+pub(super) const KEPT_PROMISE: f64 = 0.3;
+/// Climbs whose positions differ by less than this sum of squares, in units of the noise, are at one optimum: the second one ends there, unless it stands higher
+/// by more than [`HIGHER_NATS`].
+const SAME_PLACE: f64 = 0.1;
+const HIGHER_NATS: f64 = 0.01;
 const MOST_STEPS: usize = 60;
 const MOST_ROUNDS: usize = 12;
 /// No coordinate moves by more than this at once.
@@ -75,6 +82,43 @@ struct Point {
     position_m: Vec<f64>,
     log_noise: LogNoise,
     objective: f64,
+    /// Derivatives at `theta`, once they are known: the noise, which changes in between, is no part of them.
+    columns_m: Option<Arc<Vec<Vec<f64>>>>,
+    /// Whether they were guessed from those at another point.
+    is_guessed: bool,
+}
+
+impl Point {
+    /// Moves to a better place. Derivatives are forgotten, or those of the first `n_guessed` coordinates guessed by Broyden's rule: changed as little as agrees
+    /// with the move.
+    fn move_to(&mut self, theta: &[f64], position_m: Vec<f64>, objective: f64, n_guessed: usize) {
+        let moved: Vec<f64> = theta.iter().zip(&self.theta).map(|(new, old)| new - old).collect();
+        let squared: f64 = moved[..n_guessed].iter().map(|step| step * step).sum();
+        self.columns_m = self.columns_m.take().filter(|_| squared > 0.0).map(|mut columns_m| {
+            let columns = Arc::make_mut(&mut columns_m);
+            let missed_m: Vec<f64> = (0..position_m.len())
+                .map(|row| {
+                    let foreseen: f64 = columns.iter().zip(&moved).map(|(column, step)| column[row] * step).sum();
+                    position_m[row] - self.position_m[row] - foreseen
+                })
+                .collect();
+            for (column, step) in columns.iter_mut().zip(&moved[..n_guessed]) {
+                column.iter_mut().zip(&missed_m).for_each(|(x, missed)| *x += missed * step / squared);
+            }
+            columns_m
+        });
+        self.is_guessed = self.columns_m.is_some();
+        self.theta.clear();
+        self.theta.extend_from_slice(theta);
+        self.position_m = position_m;
+        self.objective = objective;
+    }
+
+    fn forget_guess(&mut self) {
+        if self.is_guessed {
+            (self.columns_m, self.is_guessed) = (None, false);
+        }
+    }
 }
 
 impl Subject {
@@ -84,13 +128,13 @@ impl Subject {
     /// [`Error::Numerical`] when the candidate has no model at any start.
     pub fn fit(&self, candidate: &Candidate, also: &[(Vec<f64>, [f64; 5])], search: Search) -> Result<Fitted> {
         let climber = Climber { subject: self, candidate, noise_prior: self.noise_prior(), search };
-        let mut best: Option<Point> = None;
+        let mut ended: Vec<Point> = Vec::new();
         for start in climber.starts(also) {
-            let point = climber.climb(start);
-            if best.as_ref().is_none_or(|best| point.objective > best.objective) {
-                best = Some(point);
-            }
+            let point = climber.climb(start, &ended);
+            ended.push(point);
         }
+        // Of equals the first.
+        let best = ended.into_iter().reduce(|best, other| if other.objective > best.objective { other } else { best });
         best.map(|point| self.fitted_at(point)).ok_or_else(|| no_start(candidate))
     }
 
@@ -242,7 +286,14 @@ impl Climber<'_> {
             let (lanes, values) = self.objectives(std::slice::from_ref(theta), log_noise);
             if values[0].is_finite() {
                 let position_m = lanes.iter().map(|row| row.0[0]).collect();
-                points.push(Point { theta: theta.clone(), position_m, log_noise: *log_noise, objective: values[0] });
+                points.push(Point {
+                    theta: theta.clone(),
+                    position_m,
+                    log_noise: *log_noise,
+                    objective: values[0],
+                    columns_m: None,
+                    is_guessed: false,
+                });
             }
         }
         points
@@ -329,17 +380,27 @@ impl Climber<'_> {
         (0..32).map(start).collect()
     }
 
-    /// To and fro between mean and noise.
-    fn climb(&self, mut point: Point) -> Point {
+    /// To and fro between mean and noise, until both rest or the point is where another climb ended.
+    fn climb(&self, mut point: Point, ended: &[Point]) -> Point {
         for round in 0..MOST_ROUNDS {
             let before = point.objective;
             point = self.climb_mean(point);
+            if ended.iter().any(|other| self.is_at(&point, other)) {
+                break;
+            }
             point = self.climb_noise(point, self.search == Search::Wide && round == 0);
             if round > 0 && point.objective - before < self.search.least_gains()[1] {
                 break;
             }
         }
         point
+    }
+
+    fn is_at(&self, point: &Point, other: &Point) -> bool {
+        let fitted = self.subject.fitted_m.iter().zip(point.position_m.iter().zip(&other.position_m));
+        let squares: f64 = fitted.filter(|(y, _)| y.is_some()).map(|(_, (a, b))| (a - b).powi(2)).sum();
+        let is_near = squares < SAME_PLACE * self.subject.yardstick_m().powi(2);
+        is_near && point.objective < other.objective + HIGHER_NATS
     }
 
     fn climb_noise(&self, point: Point, widely: bool) -> Point {
@@ -351,36 +412,54 @@ impl Climber<'_> {
 
     fn climb_mean(&self, mut point: Point) -> Point {
         let [least_gain, _] = self.search.least_gains();
-        let n_first = if self.candidate.model.is_nonlinear() { FIRST_TRIALS } else { N_LANES };
+        let is_slow = self.candidate.model.is_nonlinear();
+        let (n_first, n_guessed) = if is_slow { (FIRST_TRIALS, self.candidate.free.len()) } else { (N_LANES, 0) };
         let mut resting = 0;
         for _ in 0..MOST_STEPS {
-            let Some(steps) = self.steps(&point).filter(|steps| steps.promised > least_gain) else { break };
-            let before = point.objective;
+            let Some(steps) = self.steps(&mut point).filter(|steps| steps.promised > least_gain) else {
+                if point.is_guessed {
+                    point.forget_guess();
+                    continue;
+                }
+                break;
+            };
+            let (before, was_guessed) = (point.objective, point.is_guessed);
             let (first, others) = steps.trials.split_at(n_first.min(steps.trials.len()));
             for tried in [first, others] {
-                if tried.is_empty() || point.objective - before > KEPT_PROMISE * steps.promised {
+                // What was guessed is computed before more is tried along it.
+                let is_enough = point.objective - before > KEPT_PROMISE * steps.promised;
+                if tried.is_empty() || is_enough || (was_guessed && std::ptr::eq(tried, others)) {
                     break;
                 }
                 let (lanes, values) = self.objectives(tried, &point.log_noise);
                 let best = (0..tried.len()).max_by(|&a, &b| values[a].total_cmp(&values[b])).unwrap_or(0);
                 if values[best] > point.objective {
-                    point.theta.clone_from(&tried[best]);
-                    point.position_m = lanes.iter().map(|row| row.0[best]).collect();
-                    point.objective = values[best];
+                    let position_m = lanes.iter().map(|row| row.0[best]).collect();
+                    point.move_to(&tried[best], position_m, values[best], n_guessed);
                 }
             }
             let gain = point.objective - before;
+            if was_guessed && gain < KEPT_PROMISE * steps.promised {
+                point.forget_guess();
+                continue;
+            }
             resting = if gain < least_gain { resting + 1 } else { 0 };
             if gain <= 0.0 || resting == 2 {
                 break;
             }
         }
+        // The noise's turn: what is guessed is not carried on.
+        point.forget_guess();
         point
     }
 
-    fn steps(&self, point: &Point) -> Option<Steps> {
+    fn steps(&self, point: &mut Point) -> Option<Steps> {
         let (subject, candidate) = (self.subject, self.candidate);
-        let mut columns = derivatives_m(subject, candidate, &point.theta, Some(&point.position_m))?;
+        if point.columns_m.is_none() {
+            let known_m = Some(&point.position_m[..]);
+            point.columns_m = derivatives_m(subject, candidate, &point.theta, known_m).map(Arc::new);
+        }
+        let mut columns = Vec::clone(point.columns_m.as_ref()?);
         let residual_m =
             subject.fitted_m.iter().zip(&point.position_m).map(|(y, x)| y.map_or(0.0, |y| y - x)).collect();
         columns.push(residual_m);

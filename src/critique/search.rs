@@ -5,6 +5,7 @@ use rayon::prelude::*;
 use super::bootstrap::{Bootstrap, Simulations};
 use super::rank::{Score, pair_score};
 use super::refit::{Gain, Refitted, refit_all};
+use super::screen::Screen;
 use super::{Candidate, Search, Subject};
 use crate::error::Result;
 use crate::workflow::Monitor;
@@ -36,6 +37,8 @@ pub(super) const LARGER_NATS: f64 = 8.0;
 const LEAST_REMOVAL_NATS: f64 = 4.0;
 /// Pairs that are refitted for their grouped score, besides all of the best single effect.
 const N_LEADING_PAIRS: usize = 10;
+/// A second effect whose bound ([`Screen`]) stays below this adds too little to be wanted, by [`LARGER_NATS`], and is not refitted.
+const LEAST_BOUND_NATS: f64 = 4.0;
 /// Pairs that are refitted from every start.
 const N_WIDE_PAIRS: usize = 6;
 
@@ -187,7 +190,7 @@ fn base_from(subject: &Subject, base: &Refitted, larger: &[Option<Refitted>]) ->
     Some(Refitted { candidate: base.candidate.clone(), fitted, future })
 }
 
-/// Pairs with the best grouped scores, and all with the best single effect.
+/// Pairs with the best grouped scores, and those with the best single effect to which the other one adds anything to first order.
 fn pairs(subject: &Subject, found: &Found, monitor: &dyn Monitor) -> Vec<(Refitted, Gain)> {
     let usable: Vec<&Single> = found.singles.iter().filter(|single| single.refitted.is_some()).collect();
     let mut scored: Vec<(f64, [&str; 2])> = Vec::new();
@@ -200,8 +203,9 @@ fn pairs(subject: &Subject, found: &Found, monitor: &dyn Monitor) -> Vec<(Refitt
     }
     scored.sort_by(|a, b| b.0.total_cmp(&a.0));
     let mut wanted: Vec<[&str; 2]> = scored.iter().take(N_LEADING_PAIRS).map(|(_, pair)| *pair).collect();
-    if let Some(best) = best_single(&found.singles) {
-        wanted.extend(usable.iter().filter(|other| other.slug != best.slug).map(|other| [best.slug, other.slug]));
+    if let Some((best, refitted)) = best_single(&found.singles).and_then(|best| Some((best, best.refitted.as_ref()?))) {
+        let others = usable.iter().filter(|other| other.slug != best.slug).map(|other| [best.slug, other.slug]);
+        wanted.extend(that_may_gain(subject, refitted, others.collect()));
     }
     wanted.iter_mut().for_each(|pair| pair.sort_unstable());
     wanted.sort_unstable();
@@ -231,6 +235,23 @@ fn pairs(subject: &Subject, found: &Found, monitor: &dyn Monitor) -> Vec<(Refitt
         list.sort_by(|a, b| b.1.rank.total_cmp(&a.1.rank));
     }
     list
+}
+
+/// Of pairs with an effect, at its fit, those that may gain [`LEAST_BOUND_NATS`]; all of them where first-order values are not to be had.
+fn that_may_gain<'a>(subject: &Subject, fitted: &Refitted, pairs: Vec<[&'a str; 2]>) -> Vec<[&'a str; 2]> {
+    let n_base = subject.specification().effects.len();
+    let own = &fitted.candidate.effects[n_base..];
+    let (pairs, candidates): (Vec<[&str; 2]>, Vec<Candidate>) = pairs
+        .into_iter()
+        .filter_map(|pair| {
+            let other = pair.into_iter().find(|slug| own.iter().all(|own| own != slug))?;
+            let effects: Vec<&str> = own.iter().map(String::as_str).chain([other]).collect();
+            Some((pair, subject.extended(&effects).ok()?))
+        })
+        .unzip();
+    let Ok(screen) = Screen::new(subject, fitted, &candidates) else { return pairs };
+    let bounds = screen.bounds_nats(subject);
+    pairs.into_iter().zip(bounds).filter(|(_, bound)| *bound >= LEAST_BOUND_NATS).map(|(pair, _)| pair).collect()
 }
 
 fn best_single(singles: &[Single]) -> Option<&Single> {

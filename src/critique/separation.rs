@@ -9,7 +9,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::fit::{Steps, columns_m, damped_steps, normal_equations};
+use super::fit::{FIRST_TRIALS, KEPT_PROMISE, Steps, columns_m, damped_steps, normal_equations};
 use super::{Candidate, Fitted, Subject};
 use crate::error::{Error, Result};
 use crate::model::N_LANES;
@@ -216,10 +216,17 @@ impl<'a> Imitation<'a> {
             if 2.0 * promised < LEAST_PART * point.squared {
                 break;
             }
-            let mut tried = self.differences(&trials);
-            let squares: Vec<f64> =
-                trials.iter().zip(&tried).map(|(theta, white)| self.squared(theta, white)).collect();
-            let best = (0..trials.len()).min_by(|&a, &b| squares[a].total_cmp(&squares[b])).unwrap_or(0);
+            let n_first = if self.other.model.is_nonlinear() { FIRST_TRIALS } else { trials.len() };
+            let (mut tried, mut squares) = (Vec::new(), Vec::new());
+            for chunk in [&trials[..n_first], &trials[n_first..]] {
+                let least = squares.iter().copied().fold(f64::INFINITY, f64::min);
+                if !chunk.is_empty() && point.squared - least < KEPT_PROMISE * 2.0 * promised {
+                    let white = self.differences(chunk);
+                    squares.extend(chunk.iter().zip(&white).map(|(theta, white)| self.squared(theta, white)));
+                    tried.extend(white);
+                }
+            }
+            let best = (0..squares.len()).min_by(|&a, &b| squares[a].total_cmp(&squares[b])).unwrap_or(0);
             let taken = point.squared - squares[best];
             if taken <= 0.0 {
                 break;

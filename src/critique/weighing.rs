@@ -6,10 +6,12 @@
 
 use std::collections::BTreeMap;
 
+use rayon::prelude::*;
+
 use super::Subject;
 use super::diagnosis::{Answer, RefitParameter};
 use super::document::laplace;
-use super::evidence::{Evidence, evidence, posterior_by_importance};
+use super::evidence::{Care, Evidence, evidence, evidence_with, posterior_by_importance};
 use super::refit::Refitted;
 use super::search::{Found, Single};
 use crate::error::{Error, Result};
@@ -44,6 +46,13 @@ impl From<Evidence> for Parameters {
     fn from(evidence: Evidence) -> Self {
         Self { all: evidence.parameters, answers: evidence.answers }
     }
+}
+
+/// What became of one effect.
+enum Weighed {
+    Tried(Result<Evidence>),
+    /// Out of reach: the factor stays below this.
+    Far(f64),
 }
 
 /// The evidences that were computed.
@@ -85,24 +94,36 @@ impl Weighing {
             own.ln_base = evidence(subject, &found.base.candidate, &found.base.fitted, seed)?.ln_evidence;
         }
         let counter = Counter::new(monitor, worth.len());
+        // What is claimed, or leads where nothing is, bounds what is within reach; the rest is weighed side by side.
+        let n_leading = claimed.len().max(1).min(worth.len());
+        let (leading, others) = worth.split_at(n_leading);
         let mut best = f64::NEG_INFINITY;
         let (mut far, mut failed): (Vec<&str>, Vec<&str>) = (Vec::new(), Vec::new());
-        for single in worth {
-            counter.add_one();
-            let Some(refitted) = &single.refitted else { continue };
-            let at_most = gain(single) + WIDENING_NATS;
-            if !claimed.contains(&single.slug) && at_most < best - REACH_NATS {
-                own.bounds.insert(single.slug, at_most);
-                far.push(single.slug);
-                continue;
-            }
-            match evidence(subject, &refitted.candidate, &refitted.fitted, seed) {
-                Ok(found) => {
-                    best = best.max(found.ln_evidence - own.ln_base);
-                    own.singles.insert(single.slug, found);
+        for (part, care) in [(leading, Care::Full), (others, Care::Brief)] {
+            let weigh = |single: &&Single| {
+                counter.add_one();
+                let at_most = gain(single) + WIDENING_NATS;
+                if !claimed.contains(&single.slug) && at_most < best - REACH_NATS {
+                    return Some(Weighed::Far(at_most));
                 }
-                Err(Error::Numerical { .. }) => failed.push(single.slug),
-                Err(other) => return Err(other),
+                let Refitted { candidate, fitted, .. } = single.refitted.as_ref()?;
+                Some(Weighed::Tried(evidence_with(subject, candidate, fitted, (care, seed))))
+            };
+            let weighed: Vec<Option<Weighed>> = part.par_iter().map(weigh).collect();
+            for (single, weighed) in part.iter().zip(weighed) {
+                match weighed {
+                    Some(Weighed::Tried(Ok(found))) => {
+                        best = best.max(found.ln_evidence - own.ln_base);
+                        own.singles.insert(single.slug, found);
+                    }
+                    Some(Weighed::Tried(Err(Error::Numerical { .. }))) => failed.push(single.slug),
+                    Some(Weighed::Tried(Err(other))) => return Err(other),
+                    Some(Weighed::Far(at_most)) => {
+                        own.bounds.insert(single.slug, at_most);
+                        far.push(single.slug);
+                    }
+                    None => {}
+                }
             }
         }
         own.remarks.extend((!far.is_empty()).then(|| {

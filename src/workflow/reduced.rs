@@ -118,14 +118,19 @@ impl Reduced {
         let (law, parameters) = training_law(problem)?;
         let training = training(problem, fe, law, &parameters)?;
         let fields = field_models(fe, kept.as_ref(), &field_models_of(&problem.model), monitor)?;
-        let surrogate = match kept.filter(|kept| kept.built_from_sha256 == built_from(fe, &training)) {
+        let hash = built_from(fe, &training);
+        let kept = kept.filter(|kept| kept.built_from_sha256 == hash).map(|kept| kept.surrogate);
+        let cached = || cache::read::<Surrogate>(&hash).filter(Surrogate::is_whole);
+        let surrogate = match kept.or_else(cached) {
             Some(kept) => {
                 monitor.stage("taking the surrogate that is there");
-                kept.surrogate
+                kept
             }
             None => {
                 monitor.stage("training the surrogate on full finite-element runs");
-                Surrogate::train(&fe.stiffness, &training)?
+                let trained = Surrogate::train(&fe.stiffness, &training)?;
+                cache::write(&hash, &trained);
+                trained
             }
         };
         Ok(Self {
