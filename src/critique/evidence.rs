@@ -50,12 +50,12 @@ pub struct Evidence {
     pub answers: Vec<Answer>,
 }
 
-/// How carefully other answers are looked for where every trajectory is computed by itself.
+/// How much an evidence may cost.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Care {
-    /// From every start of the design, and with trajectories that are learnt: for what is claimed.
+    /// From every start of the design, with trajectories that are learnt, and by another method where the first fails: for what is claimed.
     Full,
-    /// From few starts, by the stepper: for what stands beside a claim.
+    /// From few starts where trajectories are slow, by few draws there, and by importance sampling alone: for what stands beside a claim.
     Brief,
 }
 
@@ -150,7 +150,8 @@ impl<'a> CandidatePosterior<'a> {
         }
         let of_law: Vec<f64> =
             candidate.free.iter().zip(&fitted.theta).filter(|(free, _)| !is_of_effect(free)).map(|(_, x)| *x).collect();
-        let top = |number: u32| -> Option<Fitted> {
+        // With the effects' parameters held.
+        let on_profile = |number: u32| -> Option<Fitted> {
             let mut dimension = 0;
             let coordinate = |(free, at_fit): (&Free, &f64)| {
                 if !is_of_effect(free) {
@@ -167,10 +168,16 @@ impl<'a> CandidatePosterior<'a> {
             for (free, theta) in candidate.free.iter().zip(&mut theta).filter(|(free, _)| !is_of_effect(free)) {
                 *theta = law.next().copied().unwrap_or(free.clamped(*theta));
             }
-            self.subject.fit(candidate, &[(theta, with_law.noise)], Search::Local).ok()
+            Some(Fitted { theta, ..with_law })
         };
         let n_starts = if self.is_slow() && self.care == Care::Brief { BRIEF_STARTS } else { EFFECT_STARTS };
-        let mut tops: Vec<Fitted> = (0..n_starts).into_par_iter().filter_map(top).collect();
+        let mut profile: Vec<Fitted> = (0..n_starts).into_par_iter().filter_map(on_profile).collect();
+        let of_effects: Vec<usize> = (0..candidate.free.len()).filter(|k| is_of_effect(&candidate.free[*k])).collect();
+        if let (true, [only]) = (self.is_slow(), &of_effects[..]) {
+            profile = near_local_tops(profile, |point| point.theta[*only]);
+        }
+        let top = |start: Fitted| self.subject.fit(candidate, &[(start.theta, start.noise)], Search::Local).ok();
+        let mut tops: Vec<Fitted> = profile.into_par_iter().filter_map(top).collect();
         tops.sort_by(|a, b| b.objective.total_cmp(&a.objective));
         let best = tops.first().map_or(fitted.objective, |top| top.objective.max(fitted.objective));
         let mut distinct: Vec<Fitted> = Vec::new();
@@ -193,7 +200,11 @@ impl<'a> CandidatePosterior<'a> {
         let of_natural = |natural: Vec<f64>| natural.iter().enumerate().map(|(d, x)| seen.of_natural(d, *x)).collect();
         let starts: Vec<Vec<f64>> = starts.into_iter().map(of_natural).collect();
         let modes = find_modes(&seen, &starts)?;
-        let options = if self.is_slow() { ImportanceOptions::of_slow_density() } else { ImportanceOptions::default() };
+        let options = match (self.is_slow(), self.care) {
+            (true, Care::Full) => ImportanceOptions::of_slow_density(),
+            (true, Care::Brief) => ImportanceOptions::of_slow_density_in_brief(),
+            (false, _) => ImportanceOptions::default(),
+        };
         let density = self.density_of_draws();
         let seen = PriorCoordinates::new(&density, self.priors());
         importance::evidence(&seen, &modes, &ImportanceOptions { seed, ..options })
@@ -213,10 +224,10 @@ impl<'a> CandidatePosterior<'a> {
     fn estimate(&self, candidate: &Candidate, fitted: &Fitted, seed: u64) -> Result<(Estimate, EvidenceMethod)> {
         match self.by_importance(self.starts(candidate, fitted), seed) {
             Ok(estimate) if importance::is_reliable(&estimate) => Ok((estimate, EvidenceMethod::ImportanceSampling)),
-            Ok(_) | Err(Error::Numerical { .. }) if !self.is_slow() => {
+            Ok(_) | Err(Error::Numerical { .. }) if !self.is_slow() && self.care == Care::Full => {
                 Ok((self.by_tempering(seed)?, EvidenceMethod::SequentialMonteCarlo))
             }
-            // A million trajectories, each by itself: out of a diagnosis's reach.
+            // Hundreds of thousands of trajectories: too many for what stands beside a claim, and out of a diagnosis's reach where each is computed by itself.
             Ok(_) => Err(Error::numerical(
                 format!("the weights of draws from the model with {} cannot be believed", candidate.effects.join(", ")),
                 "sample it with `extend`, which takes more draws",
@@ -240,6 +251,20 @@ const TOP_REACH_NATS: f64 = 20.0;
 const SAME_TOP: f64 = 0.03;
 const SAME_TOP_NATS: f64 = 0.1;
 const MOST_TOPS: usize = 6;
+
+/// Of points of a profile along one coordinate, those that stand no lower than both of their neighbours, and these neighbours: from the others climbs lead where
+/// they lead from these.
+fn near_local_tops(mut profile: Vec<Fitted>, coordinate: impl Fn(&Fitted) -> f64) -> Vec<Fitted> {
+    profile.sort_by(|a, b| coordinate(a).total_cmp(&coordinate(b)));
+    let height = |place: usize| profile[place].objective;
+    let n = profile.len();
+    let is_top = |place: usize| {
+        (place == 0 || height(place - 1) <= height(place)) && (place + 1 == n || height(place + 1) <= height(place))
+    };
+    let is_near: Vec<bool> =
+        (0..n).map(|place| (place.saturating_sub(1)..=(place + 1).min(n - 1)).any(is_top)).collect();
+    profile.into_iter().zip(is_near).filter_map(|(point, is_near)| is_near.then_some(point)).collect()
+}
 
 /// A value, or one well inside the prior where it lies in a tail of less than `tail`: fits end at supports, where gradients vanish.
 fn moved_inside(prior: &Prior, value: f64, tail: f64) -> f64 {

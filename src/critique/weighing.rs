@@ -116,7 +116,10 @@ impl Weighing {
                         best = best.max(found.ln_evidence - own.ln_base);
                         own.singles.insert(single.slug, found);
                     }
-                    Some(Weighed::Tried(Err(Error::Numerical { .. }))) => failed.push(single.slug),
+                    Some(Weighed::Tried(Err(Error::Numerical { .. }))) => {
+                        own.bounds.insert(single.slug, gain(single) + WIDENING_NATS);
+                        failed.push(single.slug);
+                    }
                     Some(Weighed::Tried(Err(other))) => return Err(other),
                     Some(Weighed::Far(at_most)) => {
                         own.bounds.insert(single.slug, at_most);
@@ -134,7 +137,7 @@ impl Weighing {
         }));
         own.remarks.extend((!failed.is_empty()).then(|| {
             format!(
-                "the posteriors of {} could not be weighed: they have no Bayes factors, and their intervals are those of a normal approximation about the fit",
+                "the posteriors of {} could not be weighed in reasonable time: of their Bayes factors there are bounds, and their intervals are those of a normal approximation about the fit",
                 failed.join(", ")
             )
         }));

@@ -37,13 +37,15 @@ pub struct ImportanceOptions {
     pub n_rounds: usize,
     /// Draws of the estimate.
     pub n_draws: usize,
+    /// An estimate that cannot be believed is tried again with more draws, so often in all.
+    pub n_attempts: usize,
     /// Seed of the draws.
     pub seed: u64,
 }
 
 impl Default for ImportanceOptions {
     fn default() -> Self {
-        Self { n_adapting: 2_000, n_rounds: 6, n_draws: 8_000, seed: 1 }
+        Self { n_adapting: 2_000, n_rounds: 6, n_draws: 8_000, n_attempts: 2, seed: 1 }
     }
 }
 
@@ -51,6 +53,11 @@ impl ImportanceOptions {
     /// For densities that take a millisecond: an error of 0.03 nats where the proposal is good, and more draws only where it is not.
     pub fn of_slow_density() -> Self {
         Self { n_adapting: 600, n_draws: 2_000, ..Self::default() }
+    }
+
+    /// For such densities where a tenth of a nat will do, or no answer.
+    pub fn of_slow_density_in_brief() -> Self {
+        Self { n_adapting: 400, n_rounds: 3, n_draws: 1_000, n_attempts: 1, ..Self::default() }
     }
 }
 
@@ -62,8 +69,7 @@ const BACKGROUND_SHARE: f64 = 0.1;
 const BACKGROUND_STRETCH: f64 = 1.5;
 /// Effective share of the draws at which the proposal is good enough.
 const GOOD_SHARE: f64 = 0.75;
-/// An estimate that cannot be believed is tried again with more draws, this often and by this factor.
-const ATTEMPTS: usize = 2;
+/// By what factor more draws there are when an estimate that cannot be believed is tried again.
 const MORE: usize = 3;
 /// Rounds of adaptation then.
 const ROUNDS_AGAIN: usize = 2;
@@ -86,7 +92,7 @@ pub fn evidence(density: &dyn LogDensity, modes: &Modes, options: &ImportanceOpt
     };
     let mut best: Option<Estimate> = None;
     let ImportanceOptions { mut n_adapting, mut n_rounds, mut n_draws, .. } = *options;
-    for _ in 0..ATTEMPTS {
+    for _ in 0..options.n_attempts {
         sampler.adapt(n_adapting, n_rounds)?;
         let found = sampler.estimate(n_draws)?;
         let good = is_reliable(&found);
