@@ -14,7 +14,7 @@ begin() {
     raw=$root/target/campaigns/$name
     rm -rf "$raw"
     mkdir -p "$raw"
-    cargo build --release --quiet --locked
+    cargo build --release --quiet --locked --bins --examples
     : >"$raw/commands.txt"
     started=$(date +%s)
 }

@@ -3,6 +3,5 @@
 # model, since this calibrates an algorithm. A random coverage of 90 % of 240 lies within 203 and 228 with a probability of 99 %.
 source "$(dirname "${BASH_SOURCE[0]}")/../common.sh"
 begin coverage
-cargo build --release --quiet --locked --example interval_coverage
 run_in coverage "$root/target/release/examples/interval_coverage" --count "${COUNT:-240}" --seed 1 --json "$raw/coverage.json"
 finish

@@ -434,3 +434,28 @@ fn summary(draws: &WeightedDraws, name: &str, of: impl Fn(&[f64]) -> f64) -> Ref
     let quantiles = draws.quantiles(&of, &[0.05, 0.95]);
     RefitParameter { name: name.into(), mean: draws.mean(&of), q05: quantiles[0], q95: quantiles[1] }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn climbs_start_at_the_tops_of_a_profile_and_beside_them() {
+        let kept = |heights: &[f64]| -> Vec<f64> {
+            let point = |(place, objective): (usize, &f64)| Fitted {
+                theta: vec![place as f64],
+                noise: [1.0; 5],
+                position_m: Vec::new(),
+                objective: *objective,
+                ln_likelihood: *objective,
+            };
+            // In any order.
+            let profile: Vec<Fitted> = heights.iter().enumerate().map(point).rev().collect();
+            near_local_tops(profile, |point| point.theta[0]).iter().map(|point| point.theta[0]).collect()
+        };
+        assert_eq!(kept(&[0.0, 1.0, 2.0, 5.0, 3.0, 2.0, 1.0]), [2.0, 3.0, 4.0]);
+        assert_eq!(kept(&[9.0, 1.0, 0.0, 0.5, 0.0, -1.0, -2.0, 4.0]), [0.0, 1.0, 2.0, 3.0, 4.0, 6.0, 7.0]);
+        assert_eq!(kept(&[1.0]), [0.0]);
+        assert!(kept(&[]).is_empty());
+    }
+}

@@ -297,7 +297,7 @@ fn rounds(subject: &Subject, bars: &Bars, effort: &Effort, found: &mut Found, mo
         (current, standing) = (larger, true);
     }
     if standing {
-        found.claimed = Some(without_needless(subject, found, current));
+        found.claimed = Some(without_needless(subject, bars, found, current));
     }
 }
 
@@ -356,8 +356,8 @@ fn additions_to(subject: &Subject, model: &Refitted) -> Vec<Candidate> {
     others.filter_map(|slug| subject.extended(&[&own[..], &[slug]].concat()).ok()).collect()
 }
 
-/// Takes out, one by one, effects whose removal costs next to nothing.
-fn without_needless(subject: &Subject, found: &Found, mut model: Refitted) -> Refitted {
+/// Takes out, one by one, effects whose removal costs next to nothing, while what is left would be claimed by itself.
+fn without_needless(subject: &Subject, bars: &Bars, found: &Found, mut model: Refitted) -> Refitted {
     loop {
         let own: Vec<String> = found.added(&model).into_iter().map(String::from).collect();
         if own.len() < 2 {
@@ -371,8 +371,12 @@ fn without_needless(subject: &Subject, found: &Found, mut model: Refitted) -> Re
             })
             .collect();
         let cost = |smaller: &Refitted| model.fitted.objective - smaller.fitted.objective;
-        let cheapest = smaller.into_iter().min_by(|a, b| cost(a).total_cmp(&cost(b)));
-        match cheapest.filter(|smaller| cost(smaller) < LEAST_REMOVAL_NATS) {
+        let stands = |smaller: &Refitted| {
+            let gain = smaller.gain_over(&found.base, subject);
+            passes(bars, &gain, found.bootstrap.p(gain.fitted), 0)
+        };
+        let needless = smaller.into_iter().filter(|smaller| cost(smaller) < LEAST_REMOVAL_NATS && stands(smaller));
+        match needless.min_by(|a, b| cost(a).total_cmp(&cost(b))) {
             Some(smaller) => model = smaller,
             None => return model,
         }
