@@ -210,17 +210,29 @@ fn derivatives_m(
     let mut columns = Vec::with_capacity(candidate.dimension());
     for chunk in points.chunks(N_LANES) {
         let (lanes, is_valid) = subject.trajectories_m(candidate, chunk);
-        if is_valid[..chunk.len()].contains(&false) {
-            return None;
-        }
         for lane in 0..chunk.len() {
             let Some(position_m) = &position_m else {
-                position_m = Some(lanes.iter().map(|row| row.0[lane]).collect());
+                position_m = Some(lanes.iter().map(|row| row.0[lane]).collect()).filter(|_| is_valid[lane]);
+                position_m.as_ref()?;
                 continue;
             };
-            let inverse = 1.0 / step(columns.len());
-            let difference = |(row, x): (&Lanes, &f64)| (row.0[lane] - x) * inverse;
-            columns.push(lanes.iter().zip(position_m).map(difference).collect());
+            let coordinate = columns.len();
+            let column = |lanes: &[Lanes], lane: usize, step: f64| -> Vec<f64> {
+                let inverse = 1.0 / step;
+                lanes.iter().zip(position_m).map(|(row, x)| (row.0[lane] - x) * inverse).collect()
+            };
+            if is_valid[lane] {
+                columns.push(column(&lanes, lane, step(coordinate)));
+                continue;
+            }
+            // The model may end there, as where a force gradient pulls the robot away: then the other side.
+            let mut other = theta.to_vec();
+            other[coordinate] -= step(coordinate);
+            let (lanes, is_valid) = subject.trajectories_m(candidate, &[other]);
+            if !is_valid[0] {
+                return None;
+            }
+            columns.push(column(&lanes, 0, -step(coordinate)));
         }
     }
     columns.extend(candidate.columns.iter().cloned());

@@ -1,6 +1,7 @@
 //! Reduced models that took long to build, kept on disk under the hash of all that they were built from.
 //!
-//! They depend on the apparatus, not on what is measured with it, so that one serves every experiment of a laboratory. A cache is a convenience: what cannot be
+//! Those of fields depend on the apparatus, not on what is measured with it, so that one serves every experiment of a laboratory; the surrogate of the law depends on the record's times and
+//! forces, too, so that one serves every command on that record. A cache is a convenience: what cannot be
 //! read is built again, and what cannot be written is not kept.
 
 use std::ffi::OsString;
