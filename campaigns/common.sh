@@ -8,24 +8,37 @@ export VITREO_UQ_CACHE=${VITREO_UQ_CACHE:-$root/target/cache}
 program=$root/target/release/vitreo-uq
 python=${PYTHON:-python3}
 
-# begin NAME: builds the program, clears the raw output, starts the clock.
+# begin NAME: builds the program, clears the raw output, starts the clock. With RESUME=1 the output is kept, and what is there is not run again.
 begin() {
     name=$1
     raw=$root/target/campaigns/$name
-    rm -rf "$raw"
+    if [[ -z ${RESUME:-} ]]; then
+        rm -rf "$raw"
+    fi
     mkdir -p "$raw"
     cargo build --release --quiet --locked --bins --examples
-    : >"$raw/commands.txt"
-    started=$(date +%s)
+}
+
+# note LABEL STARTED PROGRAM ARGUMENTS…: what was run, how long it took, at which commit; marked where the work tree differs from that in more than results.
+note() {
+    local label=$1 started=$2 mark=
+    shift 2
+    local shown=("$@")
+    shown[0]=$(basename "$1")
+    if git status --porcelain | grep -qv 'result\.json$'; then
+        mark=' and changes'
+    fi
+    printf '%s\n' "${shown[*]//$root\//}" "$(git rev-parse --short=12 HEAD)$mark" "$(($(date +%s) - started))" >"$raw/$label.done"
 }
 
 # run_in LABEL PROGRAM ARGUMENTS…: runs a command, keeps its words in LABEL.txt, notes the command line. Exit code 1 (not to be trusted) is a result; others end the campaign.
 run_in() {
-    local label=$1
+    local label=$1 started
     shift
-    local shown=("$@")
-    shown[0]=$(basename "$1")
-    printf '%s\n' "${shown[*]//$root\//}" >>"$raw/commands.txt"
+    if [[ -e $raw/$label.done ]]; then
+        return
+    fi
+    started=$(date +%s)
     local code=0
     "$@" >"$raw/$label.txt" 2>"$raw/$label.log" || code=$?
     if ((code > 1)); then
@@ -33,6 +46,7 @@ run_in() {
         tail -n 5 "$raw/$label.log" >&2
         exit "$code"
     fi
+    note "$label" "$started" "$@"
 }
 
 # play LABEL ARGUMENTS…: `challenge run`, its document in LABEL.json.
@@ -44,19 +58,25 @@ play() {
 
 # finish: has figures.py of the campaign read the raw output, and writes result.json.
 finish() {
-    "$python" "$root/campaigns/result.py" "$name" "$raw" $(($(date +%s) - started))
+    "$python" "$root/campaigns/result.py" "$name" "$raw"
 }
 
 # timed LABEL PROGRAM ARGUMENTS…: runs a command three times in an empty directory each and notes seconds of wall clock and of processor in LABEL.seconds.
 timed() {
-    local label=$1 place run
+    local label=$1 place run started
     shift
+    if [[ -e $raw/$label.done ]]; then
+        return
+    fi
+    rm -f "$raw/$label.seconds"
+    started=$(date +%s)
     for run in 1 2 3; do
         place=$raw/work
         rm -rf "$place"
         mkdir -p "$place"
         (cd "$place" && run_timed "$label" "$@")
     done
+    note "$label" "$started" "$@"
 }
 
 # One run of `timed`, in the present directory.

@@ -4,7 +4,6 @@ import importlib.util
 import json
 import pathlib
 import platform
-import subprocess
 import sys
 
 sys.dont_write_bytecode = True
@@ -22,28 +21,27 @@ def processor():
     return f"{names[0]}, {len(names)} cores" if names else platform.machine()
 
 
-def commit():
-    """The commit that was built, marked where the work tree differs from it in more than results."""
-
-    def git(*arguments):
-        return subprocess.run(["git", *arguments], cwd=campaigns, capture_output=True, text=True, check=True).stdout.strip()
-
-    changed = [line for line in git("status", "--porcelain", "--", "..").splitlines() if not line.endswith("result.json")]
-    return git("rev-parse", "--short=12", "HEAD") + (" and changes" if changed else "")
+def ran(raw):
+    """Command lines, commits and seconds of what was run, in the order of their ends."""
+    notes = sorted(raw.glob("*.done"), key=lambda path: path.stat().st_mtime)
+    lines = [path.read_text(encoding="utf-8").splitlines() for path in notes]
+    commands, commits, seconds = zip(*lines, strict=True)
+    return list(commands), sorted(set(commits)), sum(map(int, seconds))
 
 
 def main():
-    name, raw, seconds = sys.argv[1], pathlib.Path(sys.argv[2]), int(sys.argv[3])
+    name, raw = sys.argv[1], pathlib.Path(sys.argv[2])
+    commands, commits, seconds = ran(raw)
     specification = importlib.util.spec_from_file_location("figures", campaigns / name / "figures.py")
     module = importlib.util.module_from_spec(specification)
     specification.loader.exec_module(module)
     figures, counts = module.figures(raw)
     result = {
         "campaign": name,
-        "commit": commit(),
+        "commit": ", ".join(commits),
         "processor": processor(),
         "seconds": seconds,
-        "commands": (raw / "commands.txt").read_text(encoding="utf-8").splitlines(),
+        "commands": commands,
         "figures": figures,
         "counts": counts,
     }

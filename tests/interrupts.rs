@@ -185,6 +185,10 @@ fn long_computations_stop_soon() {
             send(signal, &child);
             let ending = ends(child, code, dir, &format!("{arguments:?} by {signal}"));
             n_stopped += usize::from(ending == Ending::Stopped);
+            // Some commands replace nothing that an earlier run has made.
+            if ending == Ending::Done {
+                break;
+            }
         }
         assert!(n_stopped > 0, "{arguments:?} was never stopped");
     }

@@ -3,7 +3,7 @@
 source "$(dirname "${BASH_SOURCE[0]}")/../common.sh"
 begin speeds
 
-timed sample "$program" sample --chains 32 --quiet
+timed sample env VITREO_UQ_CACHE= "$program" sample --chains 32 --quiet
 timed shapes "$program" shapes --quiet
 # Reduced models are built where nothing is kept.
 for seed in 4 7 13; do
@@ -18,11 +18,19 @@ for effect in none $effects; do
         if [[ $effect == none ]]; then
             hide=(--none)
         fi
+        label=diagnose-$effect-$strength
+        if [[ -e $raw/$label.done ]]; then
+            continue
+        fi
         place=$raw/records/$effect-$strength
+        rm -rf "$place"
+        started=$(date +%s)
         mkdir -p "$raw/records"
         "$program" challenge new --out "$place" "${hide[@]}" --seed 5 --quiet >"$raw/make.txt"
         "$program" compare "$place" --out "$raw/studies/$effect-$strength" --quiet >"$raw/make.txt"
-        (cd "$raw" && run_timed "diagnose-$effect-$strength" "$program" diagnose "studies/$effect-$strength" --quiet)
+        diagnose=("$program" diagnose "studies/$effect-$strength" --quiet)
+        (cd "$raw" && run_timed "$label" "${diagnose[@]}")
+        note "$label" "$started" "${diagnose[@]}"
     done
 done
 
@@ -30,7 +38,7 @@ done
 timed compare-10000-200 "$program" compare "$raw/long/rows-10000-cycles-200" --out study --quiet
 timed compare-100000-100 "$program" compare "$raw/long/rows-100000-cycles-100" --out study --quiet
 timed diagnose-30000-100 "$program" diagnose "$raw/long/rows-30000-cycles-100" --out study --quiet
-timed sample-200000-4 "$program" sample "$raw/long/rows-200000-cycles-4" --out study --quiet
+timed sample-200000-4 env VITREO_UQ_CACHE= "$program" sample "$raw/long/rows-200000-cycles-4" --out study --quiet
 
 for bench in likelihood effects noise finite_elements; do
     run_in "bench-$bench" cargo bench --quiet --locked --bench "$bench"

@@ -3,7 +3,7 @@
 use nalgebra::DMatrix;
 
 use super::*;
-use crate::critique::fit::columns_m;
+use crate::critique::derivatives::columns_m;
 use crate::critique::outside::OutsideKind;
 use crate::critique::search::tests::{BIAS, DRIFT_M_PER_S, found, refitted, small};
 use crate::critique::separation::tests::measured;

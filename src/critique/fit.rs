@@ -7,22 +7,21 @@
 //! once) and the noise. Each is the other's nuisance: in a Gaussian model their Fisher information has no cross terms, so few rounds do. Where every trajectory
 //! takes long, derivatives follow the steps by Broyden's rule, and are computed anew where these do not keep their promise and before a search ends.
 
-use std::sync::Arc;
-
 use nalgebra::{DMatrix, DVector};
 
+use super::derivatives::derivatives_m;
 use super::noise_fit::{self, LogNoise, NoisePrior};
 use super::{Candidate, Subject};
 use crate::error::{Error, Result};
 use crate::model::{Lanes, N_LANES};
 
-/// Step of a difference, in a search coordinate, whose unit is the spread of a prior.
-const DIFFERENCE: f64 = 1e-4;
-/// Dampings tried at every step, in units of the curvature along coordinates; the first ones serve most steps.
-const DAMPINGS: [f64; N_LANES] = [0.0, 0.1, 1e-2, 1.0, 1e-4, 10.0, 100.0, 1e4];
-/// Steps that are tried first where every trajectory is computed by itself; the others follow where these gain less than this share of what was promised.
-pub(super) const FIRST_TRIALS: usize = 1;
+/// Steps that are tried: parts of the undamped one, since narrow valleys bend, then damped ones, with dampings in units of the curvature along coordinates.
+const PARTS: [f64; 3] = [1.0, 0.5, 0.25];
+const DAMPINGS: [f64; N_LANES - PARTS.len()] = [1e-4, 1e-2, 0.1, 1.0, 100.0];
+/// Steps that gain more than this share of what was promised are followed by no others.
 pub(super) const KEPT_PROMISE: f64 = 0.3;
+/// Steps along guessed derivatives that are tried before these are computed.
+const N_BY_GUESS: usize = 2;
 /// Climbs whose positions differ by less than this sum of squares, in units of the noise, are at one optimum: the second one ends there, unless it stands higher
 /// by more than [`HIGHER_NATS`].
 const SAME_PLACE: f64 = 0.1;
@@ -42,11 +41,13 @@ pub enum Search {
 }
 
 impl Search {
-    /// Gain (nats) of a step below which the mean is at rest, and of a round below which mean and noise are.
-    fn least_gains(self) -> [f64; 2] {
-        match self {
-            Self::Wide => [1e-4, 3e-3],
-            Self::Local => [3e-3, 2e-2],
+    /// Gain (nats) of a step below which the mean is at rest, and of a round below which mean and noise are. Steps that each take a trajectory by itself have
+    /// to be worth it.
+    fn least_gains(self, is_slow: bool) -> [f64; 2] {
+        match (self, is_slow) {
+            (Self::Wide, false) => [1e-4, 3e-3],
+            (Self::Wide, true) => [1e-3, 3e-3],
+            (Self::Local, _) => [3e-3, 2e-2],
         }
     }
 }
@@ -83,7 +84,7 @@ struct Point {
     log_noise: LogNoise,
     objective: f64,
     /// Derivatives at `theta`, once they are known: the noise, which changes in between, is no part of them.
-    columns_m: Option<Arc<Vec<Vec<f64>>>>,
+    columns_m: Option<Vec<Vec<f64>>>,
     /// Whether they were guessed from those at another point.
     is_guessed: bool,
 }
@@ -94,8 +95,7 @@ impl Point {
     fn move_to(&mut self, theta: &[f64], position_m: Vec<f64>, objective: f64, n_guessed: usize) {
         let moved: Vec<f64> = theta.iter().zip(&self.theta).map(|(new, old)| new - old).collect();
         let squared: f64 = moved[..n_guessed].iter().map(|step| step * step).sum();
-        self.columns_m = self.columns_m.take().filter(|_| squared > 0.0).map(|mut columns_m| {
-            let columns = Arc::make_mut(&mut columns_m);
+        self.columns_m = self.columns_m.take().filter(|_| squared > 0.0).map(|mut columns| {
             let missed_m: Vec<f64> = (0..position_m.len())
                 .map(|row| {
                     let foreseen: f64 = columns.iter().zip(&moved).map(|(column, step)| column[row] * step).sum();
@@ -105,7 +105,7 @@ impl Point {
             for (column, step) in columns.iter_mut().zip(&moved[..n_guessed]) {
                 column.iter_mut().zip(&missed_m).for_each(|(x, missed)| *x += missed * step / squared);
             }
-            columns_m
+            columns
         });
         self.is_guessed = self.columns_m.is_some();
         self.theta.clear();
@@ -155,88 +155,6 @@ fn no_start(candidate: &Candidate) -> Error {
         format!("the model with {} cannot be evaluated at any start of its fit", candidate.effects.join(", ")),
         "look at the priors of its parameters",
     )
-}
-
-/// Derivatives (m a unit of the coordinate, one value a row of the record) of a candidate's position.
-pub(super) fn columns_m(subject: &Subject, candidate: &Candidate, theta: &[f64]) -> Result<Vec<Vec<f64>>> {
-    let none = || {
-        Error::numerical(
-            format!("the model with {} has no derivatives at its fit", candidate.effects.join(", ")),
-            "fix one of its parameters",
-        )
-    };
-    derivatives_m(subject, candidate, theta, None).ok_or_else(none)
-}
-
-/// The derivative with respect to one coordinate, as in [`columns_m`], at a point whose position (m) is known.
-pub(super) fn column_m(
-    subject: &Subject,
-    candidate: &Candidate,
-    theta: &[f64],
-    coordinate: usize,
-    known_m: &[f64],
-) -> Result<Vec<f64>> {
-    let step = difference_step(candidate, theta, coordinate);
-    let mut moved = theta.to_vec();
-    moved[coordinate] += step;
-    let moved_m = subject.trajectory_m(candidate, &moved)?;
-    Ok(moved_m.iter().zip(known_m).map(|(moved, known)| (moved - known) / step).collect())
-}
-
-/// Away from the nearer end.
-fn difference_step(candidate: &Candidate, theta: &[f64], coordinate: usize) -> f64 {
-    let [_, upper] = candidate.ends(coordinate);
-    if theta[coordinate] + DIFFERENCE > upper { -DIFFERENCE } else { DIFFERENCE }
-}
-
-/// Derivatives at coordinates, whose position (m) may be known; `None` where there are none.
-fn derivatives_m(
-    subject: &Subject,
-    candidate: &Candidate,
-    theta: &[f64],
-    known_m: Option<&[f64]>,
-) -> Option<Vec<Vec<f64>>> {
-    let n_free = candidate.free.len();
-    let step = |k: usize| difference_step(candidate, theta, k);
-    let moved = |k: usize| {
-        let mut moved = theta.to_vec();
-        moved[k] += step(k);
-        moved
-    };
-    // Beside the moved points the position costs nothing, but where every trajectory is computed by itself.
-    let centre = known_m.is_none().then(|| theta.to_vec());
-    let points: Vec<Vec<f64>> = centre.into_iter().chain((0..n_free).map(moved)).collect();
-    let mut position_m = known_m.map(<[f64]>::to_vec);
-    let mut columns = Vec::with_capacity(candidate.dimension());
-    for chunk in points.chunks(N_LANES) {
-        let (lanes, is_valid) = subject.trajectories_m(candidate, chunk);
-        for lane in 0..chunk.len() {
-            let Some(position_m) = &position_m else {
-                position_m = Some(lanes.iter().map(|row| row.0[lane]).collect()).filter(|_| is_valid[lane]);
-                position_m.as_ref()?;
-                continue;
-            };
-            let coordinate = columns.len();
-            let column = |lanes: &[Lanes], lane: usize, step: f64| -> Vec<f64> {
-                let inverse = 1.0 / step;
-                lanes.iter().zip(position_m).map(|(row, x)| (row.0[lane] - x) * inverse).collect()
-            };
-            if is_valid[lane] {
-                columns.push(column(&lanes, lane, step(coordinate)));
-                continue;
-            }
-            // The model may end there, as where a force gradient pulls the robot away: then the other side.
-            let mut other = theta.to_vec();
-            other[coordinate] -= step(coordinate);
-            let (lanes, is_valid) = subject.trajectories_m(candidate, &[other]);
-            if !is_valid[0] {
-                return None;
-            }
-            columns.push(column(&lanes, 0, -step(coordinate)));
-        }
-    }
-    columns.extend(candidate.columns.iter().cloned());
-    Some(columns)
 }
 
 /// A search in one candidate.
@@ -401,11 +319,15 @@ impl Climber<'_> {
                 break;
             }
             point = self.climb_noise(point, self.search == Search::Wide && round == 0);
-            if round > 0 && point.objective - before < self.search.least_gains()[1] {
+            if round > 0 && point.objective - before < self.least_gains()[1] {
                 break;
             }
         }
         point
+    }
+
+    fn least_gains(&self) -> [f64; 2] {
+        self.search.least_gains(self.candidate.model.is_nonlinear())
     }
 
     fn is_at(&self, point: &Point, other: &Point) -> bool {
@@ -423,9 +345,8 @@ impl Climber<'_> {
     }
 
     fn climb_mean(&self, mut point: Point) -> Point {
-        let [least_gain, _] = self.search.least_gains();
-        let is_slow = self.candidate.model.is_nonlinear();
-        let (n_first, n_guessed) = if is_slow { (FIRST_TRIALS, self.candidate.free.len()) } else { (N_LANES, 0) };
+        let [least_gain, _] = self.least_gains();
+        let n_guessed = if self.candidate.model.is_nonlinear() { self.candidate.free.len() } else { 0 };
         let mut resting = 0;
         for _ in 0..MOST_STEPS {
             let Some(steps) = self.steps(&mut point).filter(|steps| steps.promised > least_gain) else {
@@ -436,18 +357,24 @@ impl Climber<'_> {
                 break;
             };
             let (before, was_guessed) = (point.objective, point.is_guessed);
-            let (first, others) = steps.trials.split_at(n_first.min(steps.trials.len()));
-            for tried in [first, others] {
-                // What was guessed is computed before more is tried along it.
-                let is_enough = point.objective - before > KEPT_PROMISE * steps.promised;
-                if tried.is_empty() || is_enough || (was_guessed && std::ptr::eq(tried, others)) {
-                    break;
-                }
+            // What promises next to nothing is tried once.
+            let n_turns = match (steps.promised < HIGHER_NATS, was_guessed) {
+                (true, _) => 1,
+                (false, true) => N_BY_GUESS,
+                (false, false) => steps.trials.len(),
+            };
+            for tried in steps.in_turn(self.candidate).take(n_turns) {
+                let so_far = point.objective - before;
                 let (lanes, values) = self.objectives(tried, &point.log_noise);
                 let best = (0..tried.len()).max_by(|&a, &b| values[a].total_cmp(&values[b])).unwrap_or(0);
                 if values[best] > point.objective {
                     let position_m = lanes.iter().map(|row| row.0[best]).collect();
                     point.move_to(&tried[best], position_m, values[best], n_guessed);
+                } else if so_far > 0.0 {
+                    break;
+                }
+                if point.objective - before > KEPT_PROMISE * steps.promised {
+                    break;
                 }
             }
             let gain = point.objective - before;
@@ -469,9 +396,9 @@ impl Climber<'_> {
         let (subject, candidate) = (self.subject, self.candidate);
         if point.columns_m.is_none() {
             let known_m = Some(&point.position_m[..]);
-            point.columns_m = derivatives_m(subject, candidate, &point.theta, known_m).map(Arc::new);
+            point.columns_m = derivatives_m(subject, candidate, &point.theta, known_m);
         }
-        let mut columns = Vec::clone(point.columns_m.as_ref()?);
+        let mut columns = point.columns_m.clone()?;
         let residual_m =
             subject.fitted_m.iter().zip(&point.position_m).map(|(y, x)| y.map_or(0.0, |y| y - x)).collect();
         columns.push(residual_m);
@@ -503,15 +430,22 @@ pub(super) fn normal_equations(columns_and_residual: &[Vec<f64>]) -> (DMatrix<f6
     (normal, DVector::from_fn(n, |i, _| dot(i, n)))
 }
 
-/// Damped Gauss–Newton steps from a point.
+/// Parts of the Gauss–Newton step from a point, and damped ones.
 pub(super) struct Steps {
     /// Where they end.
     pub trials: Vec<Vec<f64>>,
-    /// What the first would gain if the curvature held, in the unit of ½‖r − Ax‖².
+    /// What the whole undamped step would gain if the curvature held, in the unit of ½‖r − Ax‖².
     pub promised: f64,
 }
 
-/// Steps against the curvature `normal` along `slope` with several dampings, inside the candidate's ends; coordinates at an end that they push against
+impl Steps {
+    /// The steps to try at once, one group after another: one by one where every trajectory is computed by itself.
+    pub fn in_turn(&self, candidate: &Candidate) -> std::slice::Chunks<'_, Vec<f64>> {
+        self.trials.chunks(if candidate.model.is_nonlinear() { 1 } else { N_LANES })
+    }
+}
+
+/// Steps against the curvature `normal` along `slope`, whole, in part and damped, inside the candidate's ends; coordinates at an end that they push against
 /// stay there. `None` where nothing can move.
 pub(super) fn damped_steps(
     candidate: &Candidate,
@@ -532,20 +466,22 @@ pub(super) fn damped_steps(
         DMatrix::from_fn(active.len(), active.len(), |i, j| normal[(active[i], active[j])] / (scale[i] * scale[j]));
     let slope = DVector::from_fn(active.len(), |i, _| slope[active[i]] / scale[i]);
     let (mut trials, mut promised) = (Vec::with_capacity(N_LANES), None);
-    for damping in DAMPINGS {
+    for (damping, parts) in std::iter::once((0.0, &PARTS[..])).chain(DAMPINGS.map(|damping| (damping, &PARTS[..1]))) {
         let mut damped = scaled.clone();
         (0..active.len()).for_each(|i| damped[(i, i)] += damping + 1e-12);
         let Some(factor) = damped.cholesky() else { continue };
         let step = factor.solve(&slope);
         promised.get_or_insert(0.5 * slope.dot(&step));
-        let mut theta = from.to_vec();
-        for (i, k) in active.iter().enumerate() {
-            let [lower, upper] = candidate.ends(*k);
-            let move_by = step[i] / scale[i];
-            let longest = if *k < candidate.free.len() { LONGEST_STEP } else { f64::INFINITY };
-            theta[*k] = (theta[*k] + move_by.clamp(-longest, longest)).clamp(lower, upper);
+        for part in parts {
+            let mut theta = from.to_vec();
+            for (i, k) in active.iter().enumerate() {
+                let [lower, upper] = candidate.ends(*k);
+                let move_by = part * step[i] / scale[i];
+                let longest = if *k < candidate.free.len() { LONGEST_STEP } else { f64::INFINITY };
+                theta[*k] = (theta[*k] + move_by.clamp(-longest, longest)).clamp(lower, upper);
+            }
+            trials.push(theta);
         }
-        trials.push(theta);
     }
     promised.map(|promised| Steps { trials, promised })
 }

@@ -16,7 +16,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::box_probability::{ln_box_probability, ln_within};
-use super::fit::columns_m;
+use super::derivatives::columns_m;
 use super::noise_fit::GAIN_FLOOR;
 use super::{Candidate, Fitted, Subject};
 use crate::error::Result;

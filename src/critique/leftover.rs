@@ -5,9 +5,9 @@
 //! parameters, so that these mean what they meant. Nobody knows whether, when and with which sign such a thing comes again: predictions are not moved
 //! by it, and their variance grows by its mean square, s² → s² + ⟨m² + v⟩, with m its mean and v its variance in the fitted rows.
 
+use super::derivatives::columns_m;
 use super::diagnosis::DiscrepancyEntry;
 use super::document::{predictive_noise_um, short};
-use super::fit::columns_m;
 use super::outside::{Axis, Discrepancy, Outside, OutsideKind, OutsideRequest, discrepancies, events_over_all_cycles};
 use super::refit::Refitted;
 use super::{Candidate, Fitted, Subject};

@@ -12,6 +12,7 @@ pub mod challenge;
 pub mod compare;
 #[cfg(test)]
 mod controls_tests;
+mod derivatives;
 pub mod detectable;
 pub mod diagnose;
 pub mod diagnosis;

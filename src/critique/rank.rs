@@ -8,7 +8,7 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::fit::column_m;
+use super::derivatives::column_m;
 use super::separation::{Truth, closest};
 use super::{Candidate, Fitted, Subject, Tangent};
 use crate::error::Result;
@@ -294,7 +294,7 @@ pub fn pair_score(a: &Score, b: &Score) -> f64 {
 mod tests {
     use super::*;
     use crate::critique::Search;
-    use crate::critique::fit::columns_m;
+    use crate::critique::derivatives::columns_m;
     use crate::critique::separation::tests::{NOISE, TWO_LEVELS, at, subject_with};
     use crate::critique::test_replica::{WHITE, base_fit, replica, simulated};
     use crate::effects::Library;

@@ -204,8 +204,8 @@ fn pairs(subject: &Subject, found: &Found, monitor: &dyn Monitor) -> Vec<(Refitt
     scored.sort_by(|a, b| b.0.total_cmp(&a.0));
     let mut wanted: Vec<[&str; 2]> = scored.iter().take(N_LEADING_PAIRS).map(|(_, pair)| *pair).collect();
     if let Some((best, refitted)) = best_single(&found.singles).and_then(|best| Some((best, best.refitted.as_ref()?))) {
-        let others = usable.iter().filter(|other| other.slug != best.slug).map(|other| [best.slug, other.slug]);
-        wanted.extend(that_may_gain(subject, refitted, others.collect()));
+        let others: Vec<&str> = usable.iter().map(|other| other.slug).filter(|slug| *slug != best.slug).collect();
+        wanted.extend(that_may_gain(subject, best.slug, refitted, &others).into_iter().map(|other| [best.slug, other]));
     }
     wanted.iter_mut().for_each(|pair| pair.sort_unstable());
     wanted.sort_unstable();
@@ -237,21 +237,13 @@ fn pairs(subject: &Subject, found: &Found, monitor: &dyn Monitor) -> Vec<(Refitt
     list
 }
 
-/// Of pairs with an effect, at its fit, those that may gain [`LEAST_BOUND_NATS`]; all of them where first-order values are not to be had.
-fn that_may_gain<'a>(subject: &Subject, fitted: &Refitted, pairs: Vec<[&'a str; 2]>) -> Vec<[&'a str; 2]> {
-    let n_base = subject.specification().effects.len();
-    let own = &fitted.candidate.effects[n_base..];
-    let (pairs, candidates): (Vec<[&str; 2]>, Vec<Candidate>) = pairs
-        .into_iter()
-        .filter_map(|pair| {
-            let other = pair.into_iter().find(|slug| own.iter().all(|own| own != slug))?;
-            let effects: Vec<&str> = own.iter().map(String::as_str).chain([other]).collect();
-            Some((pair, subject.extended(&effects).ok()?))
-        })
-        .unzip();
-    let Ok(screen) = Screen::new(subject, fitted, &candidates) else { return pairs };
+/// Of effects beside the best single one, at its fit, those that may gain [`LEAST_BOUND_NATS`]; all of them where first-order values are not to be had.
+fn that_may_gain<'a>(subject: &Subject, best: &str, fitted: &Refitted, others: &[&'a str]) -> Vec<&'a str> {
+    let candidate = |other: &&'a str| Some((*other, subject.extended(&[best, other]).ok()?));
+    let (others, candidates): (Vec<&str>, Vec<Candidate>) = others.iter().filter_map(candidate).unzip();
+    let Ok(screen) = Screen::new(subject, fitted, &candidates) else { return others };
     let bounds = screen.bounds_nats(subject);
-    pairs.into_iter().zip(bounds).filter(|(_, bound)| *bound >= LEAST_BOUND_NATS).map(|(pair, _)| pair).collect()
+    others.into_iter().zip(bounds).filter(|(_, bound)| *bound >= LEAST_BOUND_NATS).map(|(other, _)| other).collect()
 }
 
 fn best_single(singles: &[Single]) -> Option<&Single> {

@@ -9,7 +9,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::fit::{FIRST_TRIALS, KEPT_PROMISE, Steps, columns_m, damped_steps, normal_equations};
+use super::derivatives::columns_m;
+use super::fit::{KEPT_PROMISE, Steps, damped_steps, normal_equations};
 use super::{Candidate, Fitted, Subject};
 use crate::error::{Error, Result};
 use crate::model::N_LANES;
@@ -212,18 +213,21 @@ impl<'a> Imitation<'a> {
             if point.squared < NOTHING {
                 break;
             }
-            let Some(Steps { trials, promised }) = self.steps(&point.theta, residual) else { break };
-            if 2.0 * promised < LEAST_PART * point.squared {
+            let Some(steps) = self.steps(&point.theta, residual) else { break };
+            if 2.0 * steps.promised < LEAST_PART * point.squared {
                 break;
             }
-            let n_first = if self.other.model.is_nonlinear() { FIRST_TRIALS } else { trials.len() };
             let (mut tried, mut squares) = (Vec::new(), Vec::new());
-            for chunk in [&trials[..n_first], &trials[n_first..]] {
-                let least = squares.iter().copied().fold(f64::INFINITY, f64::min);
-                if !chunk.is_empty() && point.squared - least < KEPT_PROMISE * 2.0 * promised {
-                    let white = self.differences(chunk);
-                    squares.extend(chunk.iter().zip(&white).map(|(theta, white)| self.squared(theta, white)));
-                    tried.extend(white);
+            let mut least = point.squared;
+            for chunk in steps.in_turn(self.other) {
+                let white = self.differences(chunk);
+                squares.extend(chunk.iter().zip(&white).map(|(theta, white)| self.squared(theta, white)));
+                tried.extend(white);
+                let before = least;
+                least = squares.iter().copied().fold(before, f64::min);
+                let is_past = before < point.squared && least >= before;
+                if is_past || point.squared - least > KEPT_PROMISE * 2.0 * steps.promised {
+                    break;
                 }
             }
             let best = (0..squares.len()).min_by(|&a, &b| squares[a].total_cmp(&squares[b])).unwrap_or(0);
@@ -231,7 +235,7 @@ impl<'a> Imitation<'a> {
             if taken <= 0.0 {
                 break;
             }
-            point = Point { theta: trials[best].clone(), squared: squares[best] };
+            point = Point { theta: steps.trials[best].clone(), squared: squares[best] };
             white = tried.swap_remove(best);
             if taken < LEAST_PART * point.squared {
                 break;

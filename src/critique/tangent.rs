@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::fit::columns_m;
+use super::derivatives::columns_m;
 use super::{Candidate, Fitted, Subject};
 use crate::error::Result;
 use crate::inference::noise::NoiseLikelihood;

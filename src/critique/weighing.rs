@@ -48,13 +48,6 @@ impl From<Evidence> for Parameters {
     }
 }
 
-/// What became of one effect.
-enum Weighed {
-    Tried(Result<Evidence>),
-    /// Out of reach: the factor stays below this.
-    Far(f64),
-}
-
 /// The evidences that were computed.
 pub(super) struct Weighing {
     ln_base: f64,
@@ -79,6 +72,7 @@ impl Weighing {
         };
         let claimed = found.claimed.as_ref().map_or(Vec::new(), |claimed| found.added(claimed));
         let gain = |single: &Single| single.gain.map_or(f64::NEG_INFINITY, |gain| gain.fitted);
+        let at_most = |single: &Single| gain(single) + WIDENING_NATS;
         let mut worth: Vec<&Single> = found
             .singles
             .iter()
@@ -102,31 +96,23 @@ impl Weighing {
         for (part, care) in [(leading, Care::Full), (others, Care::Brief)] {
             let weigh = |single: &&Single| {
                 counter.add_one();
-                let at_most = gain(single) + WIDENING_NATS;
-                if !claimed.contains(&single.slug) && at_most < best - REACH_NATS {
-                    return Some(Weighed::Far(at_most));
-                }
                 let Refitted { candidate, fitted, .. } = single.refitted.as_ref()?;
-                Some(Weighed::Tried(evidence_with(subject, candidate, fitted, (care, seed))))
+                let is_far = !claimed.contains(&single.slug) && at_most(single) < best - REACH_NATS;
+                (!is_far).then(|| evidence_with(subject, candidate, fitted, (care, seed)))
             };
-            let weighed: Vec<Option<Weighed>> = part.par_iter().map(weigh).collect();
-            for (single, weighed) in part.iter().zip(weighed) {
+            let weighed: Vec<Option<Result<Evidence>>> = part.par_iter().map(weigh).collect();
+            for (single, weighed) in part.iter().zip(weighed).filter(|(single, _)| single.refitted.is_some()) {
                 match weighed {
-                    Some(Weighed::Tried(Ok(found))) => {
+                    Some(Ok(found)) => {
                         best = best.max(found.ln_evidence - own.ln_base);
                         own.singles.insert(single.slug, found);
+                        continue;
                     }
-                    Some(Weighed::Tried(Err(Error::Numerical { .. }))) => {
-                        own.bounds.insert(single.slug, gain(single) + WIDENING_NATS);
-                        failed.push(single.slug);
-                    }
-                    Some(Weighed::Tried(Err(other))) => return Err(other),
-                    Some(Weighed::Far(at_most)) => {
-                        own.bounds.insert(single.slug, at_most);
-                        far.push(single.slug);
-                    }
-                    None => {}
+                    Some(Err(Error::Numerical { .. })) => failed.push(single.slug),
+                    Some(Err(other)) => return Err(other),
+                    None => far.push(single.slug),
                 }
+                own.bounds.insert(single.slug, at_most(single));
             }
         }
         own.remarks.extend((!far.is_empty()).then(|| {

@@ -5,7 +5,7 @@
 
 use nalgebra::DVector;
 
-use super::super::fit::columns_m;
+use super::super::derivatives::columns_m;
 use super::super::noise_fit::{self, LogNoise, NoisePrior};
 use super::super::{Candidate, Fitted, Subject};
 use super::normal::{Normal, Solved};

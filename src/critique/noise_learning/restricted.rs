@@ -6,7 +6,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::{RestrictedSpread, Spread};
-use crate::critique::fit::columns_m;
+use crate::critique::derivatives::columns_m;
 use crate::critique::noise_fit::{LogNoise, Objective, climb, natural};
 use crate::critique::{Candidate, Fitted, Subject};
 use crate::error::Result;

@@ -7,7 +7,7 @@ use super::super::test_subjects::{Protocol, noise_of, subject, truth_of};
 use super::super::{Search, Subject};
 use super::restricted::Absorbed;
 use super::*;
-use crate::critique::fit::columns_m;
+use crate::critique::derivatives::columns_m;
 
 fn learnt(data: &Subject) -> LearntNoise {
     let fitted = data.fit(&data.base(), &[], Search::Wide).expect("fits");

@@ -7,7 +7,7 @@ use super::OutsideRequest;
 use super::look::starts;
 use super::setting::Setting;
 use super::shape::Shape;
-use crate::critique::fit::columns_m;
+use crate::critique::derivatives::columns_m;
 use crate::critique::noise_fit::natural;
 use crate::critique::{Candidate, Fitted, Search, Subject, Tangent};
 use crate::error::Result;

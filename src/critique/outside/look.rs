@@ -7,7 +7,7 @@ use super::sentence::describe;
 use super::setting::Setting;
 use super::shape::{Shape, families, is_event};
 use super::{Outside, OutsideKind, OutsideRequest};
-use crate::critique::fit::columns_m;
+use crate::critique::derivatives::columns_m;
 use crate::critique::noise_fit::natural;
 use crate::critique::{Candidate, Fitted, Search, Subject, Tangent, outliers};
 use crate::error::Result;

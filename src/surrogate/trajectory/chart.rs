@@ -30,9 +30,11 @@ pub(super) struct Chart {
     made: OnceLock<Made>,
 }
 
+/// Runs at the points that check a fit, and after them at those that it is made from. Those of one degree come first among those of the next.
 #[derive(Debug)]
 struct Work {
-    next: AtomicUsize,
+    /// The next run to be begun, degree by degree.
+    next: Vec<AtomicUsize>,
     runs: Vec<OnceLock<Option<Trained>>>,
 }
 
@@ -51,6 +53,8 @@ enum Made {
 /// Time modes and their amplitudes.
 #[derive(Debug)]
 pub(super) struct Surface {
+    /// Which of the polynomials, by their degree.
+    level: usize,
     /// Mode by mode, one value a row.
     modes: Vec<Vec<f64>>,
     /// Mode by mode, one coefficient a polynomial.
@@ -73,15 +77,15 @@ impl Chart {
         &'a self,
         values: &[f64],
         coordinates: &[N],
-        basis: &Basis,
+        bases: &[Basis],
         tolerance: f64,
         run: &Run<'_>,
     ) -> Option<(&'a Surface, Vec<N>)> {
-        match self.made(basis, tolerance, run) {
+        match self.made(bases, tolerance, run) {
             Made::Rough => None,
             Made::Halves { coordinate, at, halves } => {
                 let half = &halves[usize::from(values[*coordinate] >= *at)];
-                half.surface(values, coordinates, basis, tolerance, run)
+                half.surface(values, coordinates, bases, tolerance, run)
             }
             Made::Smooth(surface) => {
                 let ends = self.lower.iter().zip(&self.upper);
@@ -95,37 +99,51 @@ impl Chart {
     }
 
     /// Every thread that asks helps, and all find the same.
-    fn made(&self, basis: &Basis, tolerance: f64, run: &Run<'_>) -> &Made {
+    fn made(&self, bases: &[Basis], tolerance: f64, run: &Run<'_>) -> &Made {
         if let Some(made) = self.made.get() {
             return made;
         }
+        let (Some(checks), Some(design)) =
+            (bases.first().map(|basis| &basis.checks), bases.last().map(|last| &last.design))
+        else {
+            return self.made.get_or_init(|| Made::Rough);
+        };
         let work = {
             let mut work = self.work.lock().unwrap_or_else(PoisonError::into_inner);
             match (&*work, self.made.get()) {
                 (_, Some(made)) => return made,
                 (Some(work), None) => work.clone(),
                 (None, None) => {
-                    let n_runs = basis.design.len() + basis.checks.len();
-                    let runs = (0..n_runs).map(|_| OnceLock::new()).collect();
-                    let begun = Arc::new(Work { next: AtomicUsize::new(0), runs });
+                    let ends = std::iter::once(0).chain(bases.iter().map(|basis| checks.len() + basis.design.len()));
+                    let next = ends.take(bases.len()).map(AtomicUsize::new).collect();
+                    let runs = (0..checks.len() + design.len()).map(|_| OnceLock::new()).collect();
+                    let begun = Arc::new(Work { next, runs });
                     *work = Some(begun.clone());
                     begun
                 }
             }
         };
         let at = |number: usize| {
-            let point = basis.design.get(number).unwrap_or_else(|| &basis.checks[number - basis.design.len()]);
+            let point = checks.get(number).unwrap_or_else(|| &design[number - checks.len()]);
             run(&self.coordinates_of(point))
         };
-        loop {
-            let number = work.next.fetch_add(1, Ordering::Relaxed);
-            let Some(place) = work.runs.get(number) else { break };
-            place.get_or_init(|| at(number));
+        let mut made = None;
+        for (level, (basis, next)) in bases.iter().zip(&work.next).enumerate() {
+            let places = &work.runs[..checks.len() + basis.design.len()];
+            loop {
+                let number = next.fetch_add(1, Ordering::Relaxed);
+                let Some(place) = places.get(number) else { break };
+                place.get_or_init(|| at(number));
+            }
+            // What others are still at is waited for.
+            let runs: Vec<_> =
+                places.iter().enumerate().map(|(k, place)| place.get_or_init(|| at(k)).as_ref()).collect();
+            made = self.make(bases, level, tolerance, &runs);
+            if made.is_some() {
+                break;
+            }
         }
-        // What others are still at is waited for.
-        let runs: Vec<_> =
-            work.runs.iter().enumerate().map(|(k, place)| place.get_or_init(|| at(k)).as_ref()).collect();
-        let made = self.made.get_or_init(|| self.make(basis, tolerance, &runs));
+        let made = self.made.get_or_init(|| made.unwrap_or(Made::Rough));
         *self.work.lock().unwrap_or_else(PoisonError::into_inner) = None;
         made
     }
@@ -135,9 +153,11 @@ impl Chart {
         point.iter().zip(ends).map(|(x, (lower, upper))| 0.5 * (lower + upper) + 0.5 * (upper - lower) * x).collect()
     }
 
-    fn make(&self, basis: &Basis, tolerance: f64, runs: &[Option<&Trained>]) -> Made {
-        let Some(runs) = runs.iter().copied().collect::<Option<Vec<_>>>() else { return Made::Rough };
-        let (design, checks) = runs.split_at(basis.design.len());
+    /// What comes of polynomials of one degree; `None` where those of the next are to be tried.
+    fn make(&self, bases: &[Basis], level: usize, tolerance: f64, runs: &[Option<&Trained>]) -> Option<Made> {
+        let basis = &bases[level];
+        let Some(runs) = runs.iter().copied().collect::<Option<Vec<_>>>() else { return Some(Made::Rough) };
+        let (checks, design) = runs.split_at(basis.checks.len());
         // Displacements differ within a box: everything is seen relative to them.
         let scaled: Vec<Vec<f64>> =
             design.iter().map(|(excess_m, amplitude_m)| excess_m.iter().map(|x| x / amplitude_m).collect()).collect();
@@ -150,17 +170,20 @@ impl Chart {
                 (&basis.fit * amplitudes).iter().copied().collect()
             })
             .collect();
-        let mut surface = Surface { modes, coefficients, certified: 0.0 };
+        let mut surface = Surface { level, modes, coefficients, certified: 0.0 };
         for (point, (excess_m, amplitude_m)) in basis.checks.iter().zip(checks) {
-            let found = surface.excess_m(basis, point, 1.0, excess_m.len());
+            let found = surface.excess_m(bases, point, 1.0, excess_m.len());
             let error = found.iter().zip(excess_m).fold(0.0_f64, |worst, (a, b)| worst.max((a - b).abs()));
             surface.certified = surface.certified.max(error / amplitude_m);
         }
         if surface.certified <= tolerance {
-            return Made::Smooth(surface);
+            return Some(Made::Smooth(surface));
+        }
+        if level + 1 < bases.len() {
+            return None;
         }
         if self.n_halvings >= MOST_HALVINGS || surface.certified.is_nan() || surface.certified > FARTHEST * tolerance {
-            return Made::Rough;
+            return Some(Made::Rough);
         }
         let squares: Vec<f64> = (0..basis.n_polynomials())
             .map(|k| surface.coefficients.iter().map(|of_mode| of_mode[k] * of_mode[k]).sum())
@@ -172,18 +195,18 @@ impl Chart {
         below[coordinate] = at;
         above[coordinate] = at;
         let half = |lower: Vec<f64>, upper: Vec<f64>| Self::halved(lower, upper, self.n_halvings + 1);
-        Made::Halves {
+        Some(Made::Halves {
             coordinate,
             at,
             halves: Box::new([half(self.lower.clone(), below), half(above, self.upper.clone())]),
-        }
+        })
     }
 }
 
 impl Surface {
     /// The excess (m) at the first rows, at a place in the box.
-    pub fn excess_m<N: Scalar>(&self, basis: &Basis, place: &[N], factor: N, n_rows: usize) -> Vec<N> {
-        let polynomials = basis.values(place);
+    pub fn excess_m<N: Scalar>(&self, bases: &[Basis], place: &[N], factor: N, n_rows: usize) -> Vec<N> {
+        let polynomials = bases[self.level].values(place);
         let mut excess_m = vec![N::constant(0.0); n_rows];
         for (mode, coefficients) in self.modes.iter().zip(&self.coefficients) {
             let sum = polynomials.iter().zip(coefficients).fold(N::constant(0.0), |sum, (p, c)| sum + *p * *c);

@@ -24,10 +24,9 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError, RwLock};
 pub const TOLERANCE: f64 = 1e-4;
 /// Runs that check a box.
 const N_CHECKS: u32 = 24;
-/// Numbers of coordinates that are served, and the polynomials' degree.
+/// Numbers of coordinates that are served, and the polynomials' degrees: the next one is tried where the one before does not do, on its points and more.
 const FEWEST_COORDINATES: usize = 2;
-const MOST_COORDINATES: usize = 4;
-const DEGREE: [usize; MOST_COORDINATES - FEWEST_COORDINATES + 1] = [8, 6, 5];
+const DEGREES: [&[usize]; 3] = [&[2, 4, 8], &[2, 3, 4, 6], &[2, 3, 5]];
 /// Longest record that is served: a box keeps a few dozen numbers a row.
 const MOST_ROWS: usize = 20_000;
 /// Times from which on they are of no experiment, as logarithms of seconds.
@@ -78,7 +77,7 @@ impl LocalStepper {
         }
         let sizes = Sizes { force_n: largest_n, impulse_n_s, compliance_per_m };
         let Place { kind, coordinates, modulus_pa } = Place::of(stages, sizes)?;
-        let basis = basis_of(coordinates.len())?;
+        let bases = bases_of(coordinates.len())?;
         let values: Vec<f64> = coordinates.iter().map(|x| x.value).collect();
         let (widths, ends) = widths(&kind);
         let (last, of_law) = values.split_last()?;
@@ -95,9 +94,9 @@ impl LocalStepper {
             Some((excess_m, inverse * amplitude_m(&at, sizes)))
         };
         let coordinates: Vec<N> = coordinates.into_iter().map(&of).collect();
-        let (surface, place) = chart.surface(&values, &coordinates, basis, TOLERANCE, &run)?;
+        let (surface, place) = chart.surface(&values, &coordinates, bases, TOLERANCE, &run)?;
         let factor = kind.beyond_null(*coordinates.last()?) / of(modulus_pa);
-        Some(surface.excess_m(basis, &place, factor, n_rows))
+        Some(surface.excess_m(bases, &place, factor, n_rows))
     }
 
     fn chart(&self, kind: Kind, values: &[f64], widths: &[f64], ends: [f64; 2]) -> Arc<Chart> {
@@ -140,12 +139,12 @@ impl FieldStepper for LocalStepper {
     }
 }
 
-/// Polynomials of so many coordinates.
-fn basis_of(n_coordinates: usize) -> Option<&'static Basis> {
-    static BASES: [OnceLock<Option<Basis>>; DEGREE.len()] = [const { OnceLock::new() }; DEGREE.len()];
+/// Polynomials of so many coordinates, of rising degree.
+fn bases_of(n_coordinates: usize) -> Option<&'static [Basis]> {
+    static BASES: [OnceLock<Option<Vec<Basis>>>; DEGREES.len()] = [const { OnceLock::new() }; DEGREES.len()];
     let place = n_coordinates.checked_sub(FEWEST_COORDINATES)?;
-    let make = || Basis::new(n_coordinates, DEGREE[place], N_CHECKS);
-    BASES.get(place)?.get_or_init(make).as_ref()
+    let make = || DEGREES[place].iter().map(|degree| Basis::new(n_coordinates, *degree, N_CHECKS)).collect();
+    BASES.get(place)?.get_or_init(make).as_deref()
 }
 
 /// A compliance whose nonlinear laws remember their trajectories in one record: rows' times (s) and commanded forces (N).
