@@ -15,9 +15,12 @@ use super::{Candidate, Subject};
 use crate::error::{Error, Result};
 use crate::model::{Lanes, N_LANES};
 
-/// Steps that are tried: parts of the undamped one, since narrow valleys bend, then damped ones, with dampings in units of the curvature along coordinates.
+/// Dampings of the steps that are tried, in units of the curvature along coordinates.
+const DAMPINGS: [f64; N_LANES - 1] = [0.1, 1e-2, 1.0, 1e-4, 10.0, 100.0, 1e4];
+/// The same where every trajectory is computed by itself, and one step after another is tried: parts of the undamped step come before them, since narrow valleys
+/// bend.
+const SLOW_DAMPINGS: [f64; 5] = [1e-4, 1e-2, 0.1, 1.0, 100.0];
 const PARTS: [f64; 3] = [1.0, 0.5, 0.25];
-const DAMPINGS: [f64; N_LANES - PARTS.len()] = [1e-4, 1e-2, 0.1, 1.0, 100.0];
 /// Steps that gain more than this share of what was promised are followed by no others.
 pub(super) const KEPT_PROMISE: f64 = 0.3;
 /// Steps along guessed derivatives that are tried before these are computed.
@@ -466,7 +469,10 @@ pub(super) fn damped_steps(
         DMatrix::from_fn(active.len(), active.len(), |i, j| normal[(active[i], active[j])] / (scale[i] * scale[j]));
     let slope = DVector::from_fn(active.len(), |i, _| slope[active[i]] / scale[i]);
     let (mut trials, mut promised) = (Vec::with_capacity(N_LANES), None);
-    for (damping, parts) in std::iter::once((0.0, &PARTS[..])).chain(DAMPINGS.map(|damping| (damping, &PARTS[..1]))) {
+    let is_slow = candidate.model.is_nonlinear();
+    let (undamped, dampings) = if is_slow { (&PARTS[..], &SLOW_DAMPINGS[..]) } else { (&PARTS[..1], &DAMPINGS[..]) };
+    let damped = dampings.iter().map(|damping| (*damping, &PARTS[..1]));
+    for (damping, parts) in std::iter::once((0.0, undamped)).chain(damped) {
         let mut damped = scaled.clone();
         (0..active.len()).for_each(|i| damped[(i, i)] += damping + 1e-12);
         let Some(factor) = damped.cholesky() else { continue };
