@@ -8,7 +8,7 @@ export VITREO_UQ_CACHE=${VITREO_UQ_CACHE:-$root/target/cache}
 program=$root/target/release/vitreo-uq
 python=${PYTHON:-python3}
 
-# begin NAME: builds the program, clears the raw output, starts the clock. With RESUME=1 the output is kept, and what is there is not run again.
+# begin NAME: builds the program, clears the raw output. With RESUME=1 the output is kept, and commands that came to their end are not run again.
 begin() {
     name=$1
     raw=$root/target/campaigns/$name
@@ -19,23 +19,38 @@ begin() {
     cargo build --release --quiet --locked --bins --examples
 }
 
+# shown PROGRAM ARGUMENTS…: a command line as results quote it.
+shown() {
+    local words=("$@")
+    words[0]=$(basename "$1")
+    printf '%s' "${words[*]//$root\//}"
+}
+
+# is_done LABEL PROGRAM ARGUMENTS…: whether this very command came to its end before: one of another COUNT did not.
+is_done() {
+    local label=$1 before=
+    shift
+    if [[ -e $raw/$label.done ]]; then
+        read -r before <"$raw/$label.done"
+    fi
+    [[ $before == "$(shown "$@")" ]]
+}
+
 # note LABEL STARTED PROGRAM ARGUMENTS…: what was run, how long it took, at which commit; marked where the work tree differs from that in more than results.
 note() {
     local label=$1 started=$2 mark=
     shift 2
-    local shown=("$@")
-    shown[0]=$(basename "$1")
-    if git status --porcelain | grep -qv 'result\.json$'; then
+    if [[ -n $(git status --porcelain | grep -v 'result\.json$') ]]; then
         mark=' and changes'
     fi
-    printf '%s\n' "${shown[*]//$root\//}" "$(git rev-parse --short=12 HEAD)$mark" "$(($(date +%s) - started))" >"$raw/$label.done"
+    printf '%s\n' "$(shown "$@")" "$(git rev-parse --short=12 HEAD)$mark" "$(($(date +%s) - started))" >"$raw/$label.done"
 }
 
 # run_in LABEL PROGRAM ARGUMENTS…: runs a command, keeps its words in LABEL.txt, notes the command line. Exit code 1 (not to be trusted) is a result; others end the campaign.
 run_in() {
     local label=$1 started
     shift
-    if [[ -e $raw/$label.done ]]; then
+    if is_done "$label" "$@"; then
         return
     fi
     started=$(date +%s)
@@ -65,7 +80,7 @@ finish() {
 timed() {
     local label=$1 place run started
     shift
-    if [[ -e $raw/$label.done ]]; then
+    if is_done "$label" "$@"; then
         return
     fi
     rm -f "$raw/$label.seconds"

@@ -19,16 +19,16 @@ for effect in none $effects; do
             hide=(--none)
         fi
         label=diagnose-$effect-$strength
-        if [[ -e $raw/$label.done ]]; then
+        diagnose=("$program" diagnose "studies/$effect-$strength" --quiet)
+        if is_done "$label" "${diagnose[@]}"; then
             continue
         fi
         place=$raw/records/$effect-$strength
-        rm -rf "$place"
+        rm -rf "$place" "$raw/studies/$effect-$strength" "$raw/$label.seconds"
         started=$(date +%s)
         mkdir -p "$raw/records"
         "$program" challenge new --out "$place" "${hide[@]}" --seed 5 --quiet >"$raw/make.txt"
         "$program" compare "$place" --out "$raw/studies/$effect-$strength" --quiet >"$raw/make.txt"
-        diagnose=("$program" diagnose "studies/$effect-$strength" --quiet)
         (cd "$raw" && run_timed "$label" "${diagnose[@]}")
         note "$label" "$started" "${diagnose[@]}"
     done
