@@ -32,6 +32,7 @@ pub mod score_test;
 mod screen;
 pub mod search;
 pub mod separation;
+mod steps;
 mod subject;
 mod tangent;
 #[cfg(test)]

@@ -10,7 +10,8 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::derivatives::columns_m;
-use super::fit::{KEPT_PROMISE, Steps, damped_steps, normal_equations};
+use super::fit::KEPT_PROMISE;
+use super::steps::{Steps, damped_steps, normal_equations};
 use super::{Candidate, Fitted, Subject};
 use crate::error::{Error, Result};
 use crate::model::N_LANES;

@@ -1,8 +1,8 @@
 //! Reduced models that took long to build, kept on disk under the hash of all that they were built from.
 //!
-//! Those of fields depend on the apparatus, not on what is measured with it, so that one serves every experiment of a laboratory; the surrogate of the law depends on the record's times and
-//! forces, too, so that one serves every command on that record. A cache is a convenience: what cannot be
-//! read is built again, and what cannot be written is not kept.
+//! Those of fields depend on the apparatus, not on what is measured with it: one serves every experiment of a laboratory. The surrogate of the law depends on the
+//! record's times and forces, too: one serves every command on that record. A cache is a convenience: what cannot be read is built again, and what cannot be
+//! written is not kept.
 
 use std::ffi::OsString;
 use std::path::PathBuf;

@@ -103,19 +103,17 @@ impl Chart {
         if let Some(made) = self.made.get() {
             return made;
         }
-        let (Some(checks), Some(design)) =
-            (bases.first().map(|basis| &basis.checks), bases.last().map(|last| &last.design))
-        else {
-            return self.made.get_or_init(|| Made::Rough);
-        };
+        // Of all degrees the checks are the same, and designs begin alike.
+        let Some(Basis { checks, design, .. }) = bases.last() else { return self.made.get_or_init(|| Made::Rough) };
         let work = {
             let mut work = self.work.lock().unwrap_or_else(PoisonError::into_inner);
             match (&*work, self.made.get()) {
                 (_, Some(made)) => return made,
                 (Some(work), None) => work.clone(),
                 (None, None) => {
-                    let ends = std::iter::once(0).chain(bases.iter().map(|basis| checks.len() + basis.design.len()));
-                    let next = ends.take(bases.len()).map(AtomicUsize::new).collect();
+                    let ends = bases.iter().map(|basis| checks.len() + basis.design.len());
+                    let begins = std::iter::once(0).chain(ends).take(bases.len());
+                    let next = begins.map(AtomicUsize::new).collect();
                     let runs = (0..checks.len() + design.len()).map(|_| OnceLock::new()).collect();
                     let begun = Arc::new(Work { next, runs });
                     *work = Some(begun.clone());
