@@ -7,7 +7,8 @@ use vitreo_uq::critique::{Candidate, Fitted, Search, Subject};
 use vitreo_uq::effects::Library;
 use vitreo_uq::inference::diagnostics::ensembles::ess;
 use vitreo_uq::inference::ensemble::RunControl;
-use vitreo_uq::inference::evidence::SavageDickey;
+use vitreo_uq::inference::evidence::importance::{self, ImportanceOptions};
+use vitreo_uq::inference::evidence::{PriorCoordinates, SavageDickey};
 use vitreo_uq::inference::{SamplerOptions, sample};
 use vitreo_uq::study::ModelSpecification;
 use vitreo_uq::workflow::Silent;
@@ -79,14 +80,35 @@ fn bayes_factors_agree_however_they_are_computed() {
     }
 }
 
-/// A retardation beside another one: where its amplitude is nothing its time means nothing, and where their times are alike they share an amplitude.
+/// A retardation beside another one: where its amplitude is nothing its time means nothing, and where their times are alike they share an amplitude, a
+/// narrow ridge that draws around the top miss. The error that is given holds the estimate of ten times as many draws, whose own is well below
+/// a nat: 3 of both together fail falsely once in 370 if they are what they say, for each of two fixed seeds.
 #[test]
-fn evidence_of_a_second_retardation_agrees_both_ways() {
-    let with = extended_fit("second-retardation");
-    let weighted = by(EvidenceMethod::ImportanceSampling, &with);
-    let tempered = by(EvidenceMethod::SequentialMonteCarlo, &with);
-    assert_agree(weighted, tempered);
-    assert!(weighted.1 < 0.5 && tempered.1 < 0.3, "{weighted:?} {tempered:?}");
+fn the_evidence_of_a_second_retardation_holds_its_error() {
+    let (candidate, fit) = extended_fit("second-retardation");
+    let posterior = CandidatePosterior::new(subject(), &candidate).expect("sound");
+    let modes = posterior.modes(&candidate, &fit).expect("finite");
+    let density = posterior.density();
+    let seen = PriorCoordinates::new(&density, posterior.priors());
+    let many = ImportanceOptions { n_adapting: 6_000, n_rounds: 8, n_draws: 40_000, n_attempts: 1, seed: 11 };
+    let long = importance::evidence(&seen, &modes, &many).expect("has a mode");
+    assert!(long.standard_error < 0.5, "{}", long.standard_error);
+    for seed in [3, 4] {
+        let found = evidence(subject(), &candidate, &fit, seed).expect("can be sampled");
+        let error = found.standard_error.hypot(long.standard_error);
+        assert!(
+            (found.ln_evidence - long.ln_evidence).abs() < 3.0 * error && error < 1.5,
+            "{found:?} {}",
+            long.ln_evidence
+        );
+    }
+    let is_on_ridge = |at: &[f64]| {
+        let natural = |name: &str| at[posterior.priors().names().position(|known| known == name).expect("sampled")];
+        let own_s = natural("viscosity_1_pa_s") / natural("young_modulus_pa");
+        natural("second-retardation.compliance_ratio") > 0.3
+            && (natural("second-retardation.time_s") / own_s - 1.0).abs() < 0.01
+    };
+    assert!(posterior.starts(&candidate, &fit).ridges.iter().any(|at| is_on_ridge(at)));
 }
 
 /// Shares of the ensemble sampler's draws below and above the weighted quantiles: 5 % each, to within 4 errors: the sampler's, whose walkers are slow in
@@ -102,7 +124,7 @@ fn intervals_are_those_of_the_ensemble_sampler() {
     let options =
         SamplerOptions { seed: 2, max_steps: 10_000, stop_when_converged: false, ..SamplerOptions::default() };
     let starts: Vec<Vec<f64>> =
-        posterior.starts(&candidate, &fit).iter().map(|x| posterior.priors().to_unconstrained(x)).collect();
+        posterior.starts(&candidate, &fit).climbs.iter().map(|x| posterior.priors().to_unconstrained(x)).collect();
     let outcome = sample(&posterior.density(), &starts, &options, &RunControl::default()).expect("can be sampled");
     for parameter in &found.parameters {
         let d = priors.iter().position(|prior| prior.name == parameter.name).expect("sampled");

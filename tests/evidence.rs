@@ -13,7 +13,7 @@ use vitreo_uq::inference::ensemble::RandomStream;
 use vitreo_uq::inference::evidence::importance::{self, ImportanceOptions, LARGEST_PARETO_K};
 use vitreo_uq::inference::evidence::tempering::{self, TemperingOptions};
 use vitreo_uq::inference::evidence::{Estimate, PriorCoordinates, SavageDickey, WeightedDraws, savage_dickey};
-use vitreo_uq::inference::optimum::find_modes;
+use vitreo_uq::inference::optimum::{Modes, find_modes};
 use vitreo_uq::inference::prior::PriorSet;
 use vitreo_uq::parameter::{ParameterSpec, Support};
 
@@ -153,7 +153,7 @@ fn all_three_ways_agree_with_quadrature_where_an_amplitude_is_next_to_nothing() 
     let start = |amplitude: f64, level: f64| vec![seen.of_natural(0, amplitude), seen.of_natural(1, level)];
     let weighted = by_importance(&seen, &[start(0.1, 0.2), start(0.003, 0.0)]);
     assert_importance(&weighted, exact, 0.03);
-    let tempered = tempering::evidence(&seen, &TemperingOptions::default()).expect("finite");
+    let tempered = tempering::evidence(&seen, &Modes::default(), &TemperingOptions::default()).expect("finite");
     assert_tempering(&tempered, exact, 0.06);
     let exact_ratio = exact - Amplitude::ln_evidence(Some(0.0));
     for draws in [&weighted.draws, &tempered.draws] {
@@ -210,7 +210,7 @@ fn both_ways_give_the_evidence_of_twelve_dimensions() {
     let exact = target.ln_evidence();
     assert_importance(&by_importance(&target, &[vec![0.1; 12]]), exact, 0.02);
     let options = TemperingOptions { n_particles: 500, ..TemperingOptions::default() };
-    assert_tempering(&tempering::evidence(&target, &options).expect("finite"), exact, 0.15);
+    assert_tempering(&tempering::evidence(&target, &Modes::default(), &options).expect("finite"), exact, 0.15);
 }
 
 /// Gaussian likelihoods of every coordinate, one of them bimodal: ±3 alike. Z of a coordinate with prior N(0, 5²) and likelihood N(x; m, s²) is
@@ -250,7 +250,7 @@ fn both_ways_give_the_evidence_of_two_modes_and_do_not_depend_on_threads() {
     let target = Tempered { prior: prior.expect("sound") };
     let seen = PriorCoordinates::new(&target, &target.prior);
     let options = TemperingOptions { n_particles: 500, ..TemperingOptions::default() };
-    let found = tempering::evidence(&seen, &options).expect("finite");
+    let found = tempering::evidence(&seen, &Modes::default(), &options).expect("finite");
     let variance: f64 = 25.01;
     let exact: f64 = [3.0_f64, 1.0, 2.0, 3.0, 4.0]
         .iter()
@@ -263,7 +263,7 @@ fn both_ways_give_the_evidence_of_two_modes_and_do_not_depend_on_threads() {
     // Shares of modes wander as 500 particles are resampled some sixty times: 0.2 is about four errors of three replicates.
     assert!((found.draws.mean(|x| f64::from(u8::from(x[0] > 0.0))) - 0.5).abs() < 0.2);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
-    let alone = pool.install(|| tempering::evidence(&seen, &options)).expect("finite");
+    let alone = pool.install(|| tempering::evidence(&seen, &Modes::default(), &options)).expect("finite");
     assert_eq!(alone, found);
 }
 

@@ -8,7 +8,7 @@
 use super::proposal::Proposal;
 use super::weighted::effective_size;
 use crate::inference::ensemble::RandomStream;
-use crate::inference::optimum::Modes;
+use crate::inference::optimum::{Mode, Modes};
 use crate::inference::t_mixture::TMixture;
 
 /// Effective draws per coordinate below which a part is not fitted.
@@ -27,6 +27,23 @@ impl Charts {
     /// One proposal.
     pub fn one(proposal: Proposal) -> Self {
         Self { parts: vec![(1.0, proposal)] }
+    }
+
+    /// The modes' Laplace approximations, each drawn from often enough to be seen: its mass says little of a ridge's.
+    pub fn of_modes(modes: &Modes, dimension: usize) -> Option<Self> {
+        let part = |(mode, share): (&Mode, f64)| {
+            let mixture = TMixture::from_modes(&Modes::only(mode), dimension)?;
+            Some((share.max(SMALLEST_SHARE), Proposal::plain(mixture, dimension)))
+        };
+        let parts: Vec<(f64, Proposal)> = modes.iter().zip(modes.weights()).filter_map(part).collect();
+        (!parts.is_empty()).then(|| Self::of(parts))
+    }
+
+    /// Parts whose shares add up to anything.
+    fn of(mut parts: Vec<(f64, Proposal)>) -> Self {
+        let total: f64 = parts.iter().map(|(share, _)| share).sum();
+        parts.iter_mut().for_each(|(share, _)| *share /= total);
+        Self { parts }
     }
 
     /// Fitted to points with weights that add up to one, as one or with a part for each mode; `None` when the points lie in a plane.
@@ -49,25 +66,26 @@ impl Charts {
         if modes.len() < 2 {
             return None;
         }
-        let nearest: Vec<usize> = points.iter().map(|point| modes.nearest(point).map_or(0, |(mode, _)| mode)).collect();
+        let mut members: Vec<(Vec<Vec<f64>>, Vec<f64>)> = vec![Default::default(); modes.len()];
+        for (point, weight) in points.iter().zip(weights).filter(|(_, weight)| **weight > 0.0) {
+            let (own_points, own_weights) = &mut members[modes.nearest(point)?.0];
+            own_points.push(point.clone());
+            own_weights.push(*weight);
+        }
         let mut parts = Vec::new();
         let mut n_fitted = 0;
-        for (number, mode) in modes.iter().enumerate() {
-            let own = |(mode, weight): (&usize, &f64)| if *mode == number { *weight } else { 0.0 };
-            let mut of_part: Vec<f64> = nearest.iter().zip(weights).map(own).collect();
-            let share: f64 = of_part.iter().sum();
-            of_part.iter_mut().for_each(|weight| *weight /= share.max(f64::MIN_POSITIVE));
-            let is_known = share > 0.0 && effective_size(&of_part) >= DRAWS_PER_COORDINATE * dimension as f64;
-            let fitted = is_known.then(|| Proposal::fitted(points, &of_part, stream)).flatten();
+        for (mode, (points, mut weights)) in modes.iter().zip(members) {
+            let share: f64 = weights.iter().sum();
+            weights.iter_mut().for_each(|weight| *weight /= share.max(f64::MIN_POSITIVE));
+            let is_known = share > 0.0 && effective_size(&weights) >= DRAWS_PER_COORDINATE * dimension as f64;
+            let fitted = is_known.then(|| Proposal::fitted(&points, &weights, stream)).flatten();
             n_fitted += usize::from(fitted.is_some());
             let at_mode = || Some(Proposal::plain(TMixture::from_modes(&Modes::only(mode), dimension)?, dimension));
             if let Some(proposal) = fitted.or_else(at_mode) {
                 parts.push((share.max(SMALLEST_SHARE), proposal));
             }
         }
-        let total: f64 = parts.iter().map(|(share, _)| share).sum();
-        parts.iter_mut().for_each(|(share, _)| *share /= total);
-        (n_fitted > 0).then_some(Self { parts })
+        (n_fitted > 0).then(|| Self::of(parts))
     }
 
     /// The same with a component of this share that has the moments of all weighted points, `stretch` times as wide.

@@ -7,7 +7,6 @@
 //! it is unbiased, whatever the adaptation did, and its k̂ says whether its error can be believed.
 
 use super::charts::Charts;
-use super::proposal::Proposal;
 use super::weighted::{effective_size, normalised};
 use super::{Estimate, WeightedDraws, evaluate, ln_mean};
 use crate::error::{Error, Result};
@@ -15,7 +14,6 @@ use crate::inference::LogDensity;
 use crate::inference::ensemble::RandomStream;
 use crate::inference::optimum::Modes;
 use crate::inference::pareto::pareto_k;
-use crate::inference::t_mixture::TMixture;
 
 /// Pareto k̂ below which an estimate is believed (Vehtari et al. 2024, JMLR 25:72).
 pub const LARGEST_PARETO_K: f64 = 0.7;
@@ -80,16 +78,9 @@ const ROUNDS_AGAIN: usize = 2;
 /// [`Error::Numerical`] when no mode has a usable curvature, when no draw has a finite density, or when the density is +∞ or often NaN.
 pub fn evidence(density: &dyn LogDensity, modes: &Modes, options: &ImportanceOptions) -> Result<Estimate> {
     let dimension = density.dimension();
-    let mixture = TMixture::from_modes(modes, dimension).ok_or_else(no_mode)?;
+    let proposal = Charts::of_modes(modes, dimension).ok_or_else(no_mode)?;
     let stream = RandomStream::new(options.seed, 0);
-    let mut sampler = Sampler {
-        density,
-        modes,
-        proposal: Charts::one(Proposal::plain(mixture, dimension)),
-        stream,
-        pool: Pool::default(),
-        n_evaluations: 0,
-    };
+    let mut sampler = Sampler { density, modes, proposal, stream, pool: Pool::default(), n_evaluations: 0 };
     let mut best: Option<Estimate> = None;
     let ImportanceOptions { mut n_adapting, mut n_rounds, mut n_draws, .. } = *options;
     for _ in 0..options.n_attempts {

@@ -2,8 +2,8 @@
 //!
 //! Particles from the prior pass through p(θ) p(data | θ)^φ with φ from 0 to 1 (Neal 2001, doi:10.1023/A:1008923215028; Del Moral et al. 2006,
 //! doi:10.1111/j.1467-9868.2006.00553.x). Each φ is as far on as leaves nine tenths of the particles effective; they are resampled and then moved by
-//! kernels that leave the tempered density as it is, until most of them are somewhere else: jumps into a proposal fitted to the particles, which carry
-//! them between modes, and steps along differences of two of them (ter Braak 2006, doi:10.1007/s11222-006-8769-1), which need no fit. The evidence is
+//! kernels that leave the tempered density as it is, until most of them are somewhere else: jumps into a proposal fitted to the particles, with a part
+//! for each mode (`charts`), which carry them between modes, and steps along differences of two of them (ter Braak 2006, doi:10.1007/s11222-006-8769-1), which need no fit. The evidence is
 //! the product of the mean weights. Several replicates, independent of each other, give its error.
 //!
 //! A part of the posterior in which particles hardly move, such as a narrow ridge beside a wide bulk, dies out on the way: the evidence is then too low by
@@ -11,13 +11,15 @@
 
 use rayon::prelude::*;
 
+use super::charts::Charts;
 use super::coordinates::ln_standard_normal;
-use super::proposal::{Map, Proposal};
+use super::proposal::Map;
 use super::weighted::{effective_size, normalised, resampled_indices};
 use super::{Estimate, WeightedDraws, evaluate, ln_mean};
 use crate::error::{Error, Result};
 use crate::inference::LogDensity;
 use crate::inference::ensemble::RandomStream;
+use crate::inference::optimum::Modes;
 
 /// How much to spend.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -44,13 +46,14 @@ const MOST_TEMPERATURES: usize = 1_000;
 const WANTED_ACCEPTANCES: f64 = 3.0;
 const MOST_ROUNDS: usize = 12;
 
-/// Evidence by sequential Monte Carlo of a posterior over coordinates whose priors are standard normals ([`super::PriorCoordinates`]).
+/// Evidence by sequential Monte Carlo of a posterior over coordinates whose priors are standard normals ([`super::PriorCoordinates`]). Modes divide the
+/// particles for jumps; none need be known.
 ///
 /// # Errors
 /// [`Error::Numerical`] when no draw from the prior has a finite density, when the temperature does not reach 1, or when the density is +∞ or often
 /// NaN.
-pub fn evidence(posterior: &dyn LogDensity, options: &TemperingOptions) -> Result<Estimate> {
-    let one = |replicate: usize| Replicate::new(posterior, options, replicate as u64)?.run();
+pub fn evidence(posterior: &dyn LogDensity, modes: &Modes, options: &TemperingOptions) -> Result<Estimate> {
+    let one = |replicate: usize| Replicate::new((posterior, modes), options, replicate as u64)?.run();
     let runs: Vec<Finished> = (0..options.n_replicates.max(2)).into_par_iter().map(one).collect::<Result<_>>()?;
     let ln_evidences: Vec<f64> = runs.iter().map(|run| run.ln_evidence).collect();
     let (ln_evidence, scatter) = ln_mean(&ln_evidences);
@@ -89,6 +92,7 @@ impl Particle {
 
 struct Replicate<'a> {
     posterior: &'a dyn LogDensity,
+    modes: &'a Modes,
     particles: Vec<Particle>,
     phi: f64,
     ln_evidence: f64,
@@ -98,12 +102,16 @@ struct Replicate<'a> {
 }
 
 impl<'a> Replicate<'a> {
-    fn new(posterior: &'a dyn LogDensity, options: &TemperingOptions, replicate: u64) -> Result<Self> {
+    fn new(
+        (posterior, modes): (&'a dyn LogDensity, &'a Modes),
+        options: &TemperingOptions,
+        replicate: u64,
+    ) -> Result<Self> {
         let mut stream = RandomStream::new(options.seed, replicate);
         let dimension = posterior.dimension();
         let points = (0..options.n_particles).map(|_| (0..dimension).map(|_| stream.normal()).collect()).collect();
         let (particles, phi, ln_evidence, variance, n_evaluations) = (Vec::new(), 0.0, 0.0, 0.0, 0);
-        let mut made = Self { posterior, particles, phi, ln_evidence, variance, stream, n_evaluations };
+        let mut made = Self { posterior, modes, particles, phi, ln_evidence, variance, stream, n_evaluations };
         made.particles = made.particles_at(points)?;
         Ok(made)
     }
@@ -121,11 +129,11 @@ impl<'a> Replicate<'a> {
     fn run(mut self) -> Result<Finished> {
         for _ in 0..MOST_TEMPERATURES {
             let weights = self.raise_temperature()?;
-            let proposal = self.proposal(&weights);
+            let proposals = self.proposals(&weights);
             let picked = resampled_indices(&weights, self.particles.len(), &mut self.stream);
             self.particles = picked.into_iter().map(|i| self.particles[i].clone()).collect();
-            if let Some(proposal) = &proposal {
-                self.move_particles(proposal)?;
+            if let Some((jumps, map)) = &proposals {
+                self.move_particles(jumps, map)?;
             }
             if self.phi == 1.0 {
                 let points = self.particles.into_iter().map(|particle| particle.point).collect();
@@ -171,17 +179,18 @@ impl<'a> Replicate<'a> {
         Ok(normalised(&ln_weights))
     }
 
-    fn proposal(&mut self, weights: &[f64]) -> Option<Proposal> {
+    /// What jumps are drawn from, and the map that makes steps straight.
+    fn proposals(&mut self, weights: &[f64]) -> Option<(Charts, Map)> {
         let points: Vec<Vec<f64>> = self.particles.iter().map(|particle| particle.point.clone()).collect();
-        Proposal::fitted(&points, weights, &mut self.stream)
+        Some((Charts::fitted(&points, weights, self.modes, &mut self.stream)?, Map::fitted(&points, weights)?))
     }
 
-    fn move_particles(&mut self, proposal: &Proposal) -> Result<()> {
+    fn move_particles(&mut self, jumps: &Charts, map: &Map) -> Result<()> {
         let wanted = WANTED_ACCEPTANCES * self.particles.len() as f64;
         let mut n_accepted = 0;
         for _ in 0..MOST_ROUNDS {
-            n_accepted += self.jump(proposal)?;
-            n_accepted += self.step(&proposal.map)?;
+            n_accepted += self.jump(jumps)?;
+            n_accepted += self.step(map)?;
             if n_accepted as f64 >= wanted {
                 break;
             }
@@ -189,7 +198,7 @@ impl<'a> Replicate<'a> {
         Ok(())
     }
 
-    fn jump(&mut self, proposal: &Proposal) -> Result<usize> {
+    fn jump(&mut self, proposal: &Charts) -> Result<usize> {
         let points = proposal.draw(self.particles.len(), self.posterior.dimension(), &mut self.stream);
         self.accept(points, |old, new| proposal.ln_density(old) - proposal.ln_density(new))
     }

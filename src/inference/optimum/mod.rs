@@ -5,7 +5,7 @@ mod newton;
 mod stencil;
 
 pub use laplace::{Mode, Modes};
-pub use newton::{Optimum, maximise};
+pub use newton::{Optimum, maximise, touching};
 
 use crate::Result;
 use crate::inference::LogDensity;

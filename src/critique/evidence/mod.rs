@@ -10,19 +10,21 @@
 
 use std::collections::BTreeMap;
 
-use rayon::prelude::*;
+mod starts;
 
 use super::diagnosis::{Answer, RefitParameter};
-use super::{Candidate, Fitted, Free, Search, Subject};
+use super::{Candidate, Fitted, Free, Subject};
 use crate::error::{Error, Place, Result};
 use crate::inference::evidence::importance::{self, ImportanceOptions};
 use crate::inference::evidence::tempering::{self, TemperingOptions};
 use crate::inference::evidence::{Estimate, PriorCoordinates, SavageDickey, WeightedDraws, savage_dickey, valley};
 use crate::inference::likelihood::{FittedRecord, PosteriorParts, ReducedPosterior};
-use crate::inference::optimum::find_modes;
-use crate::inference::prior::{Prior, PriorSet};
+use crate::inference::optimum::{Modes, find_modes, touching};
+use crate::inference::prior::PriorSet;
 use crate::model::Compliance;
 use crate::workflow::problem::Problem;
+
+pub use starts::Starts;
 
 /// How an evidence was computed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -38,7 +40,7 @@ pub enum EvidenceMethod {
 pub struct Evidence {
     /// Log probability density of the fitted positions, in nats for positions in m.
     pub ln_evidence: f64,
-    /// Its standard error.
+    /// Its standard error; where importance weights could not be believed, no less than how far the two methods are apart.
     pub standard_error: f64,
     /// Pareto k̂ of importance sampling; `None` where another method took over.
     pub pareto_k: Option<f64>,
@@ -122,84 +124,24 @@ impl<'a> CandidatePosterior<'a> {
         )
     }
 
-    /// Natural values at which climbs and walkers start: the fit, next to it, and the tops that fits come to from elsewhere in the priors of the effects'
-    /// parameters, with the law fitted anew.
-    pub fn starts(&self, candidate: &Candidate, fitted: &Fitted) -> Vec<Vec<f64>> {
-        let at_fit = (&fitted.theta[..], &fitted.noise);
-        let tops = self.other_tops(candidate, fitted);
-        let of_tops = tops.iter().map(|top| self.start(candidate, (&top.theta, &top.noise), FARTHEST_TAIL));
-        let of_fit = [FARTHEST_TAIL, START_QUANTILE].map(|tail| self.start(candidate, at_fit, tail));
-        of_fit.into_iter().chain(of_tops).collect()
-    }
-
-    /// A point of a fit as a start: no nearer than a tail of the prior to an end of the support.
-    fn start(&self, candidate: &Candidate, (theta, noise): (&[f64], &[f64; 5]), tail: f64) -> Vec<f64> {
-        let mut natural = candidate.parameters(theta);
-        natural.extend(noise);
-        let names: Vec<&str> = self.problem.parameters().iter().map(|spec| spec.name).collect();
-        let value = |name: &str| names.iter().position(|known| *known == name).map_or(f64::NAN, |place| natural[place]);
-        self.priors().priors().iter().map(|prior| moved_inside(prior, value(&prior.name), tail)).collect()
-    }
-
-    /// Tops of the fit's objective, but the best, that are within reach of it: from a design in the effects' parameters, law and noise fitted at each of
-    /// its points before those parameters are let go.
-    fn other_tops(&self, candidate: &Candidate, fitted: &Fitted) -> Vec<Fitted> {
-        let is_of_effect = |free: &Free| free.effect.is_some();
-        if !candidate.free.iter().any(is_of_effect) {
-            return Vec::new();
-        }
-        let of_law: Vec<f64> =
-            candidate.free.iter().zip(&fitted.theta).filter(|(free, _)| !is_of_effect(free)).map(|(_, x)| *x).collect();
-        // With the effects' parameters held.
-        let on_profile = |number: u32| -> Option<Fitted> {
-            let mut dimension = 0;
-            let coordinate = |(free, at_fit): (&Free, &f64)| {
-                if !is_of_effect(free) {
-                    return *at_fit;
-                }
-                let p = 0.02 + 0.96 * f64::from(sobol_burley::sample(number, dimension, START_SEED));
-                dimension += 1;
-                free.quantile(p)
-            };
-            let mut theta: Vec<f64> = candidate.free.iter().zip(&fitted.theta).map(coordinate).collect();
-            let held = candidate.held(&theta, is_of_effect);
-            let with_law = self.subject.fit(&held, &[(of_law.clone(), fitted.noise)], Search::Local).ok()?;
-            let mut law = with_law.theta.iter();
-            for (free, theta) in candidate.free.iter().zip(&mut theta).filter(|(free, _)| !is_of_effect(free)) {
-                *theta = law.next().copied().unwrap_or(free.clamped(*theta));
-            }
-            Some(Fitted { theta, ..with_law })
-        };
-        let n_starts = if self.is_slow() && self.care == Care::Brief { BRIEF_STARTS } else { EFFECT_STARTS };
-        let mut profile: Vec<Fitted> = (0..n_starts).into_par_iter().filter_map(on_profile).collect();
-        let of_effects: Vec<usize> = (0..candidate.free.len()).filter(|k| is_of_effect(&candidate.free[*k])).collect();
-        if let (true, [only]) = (self.is_slow(), &of_effects[..]) {
-            profile = near_local_tops(profile, |point| point.theta[*only]);
-        }
-        let top = |start: Fitted| self.subject.fit(candidate, &[(start.theta, start.noise)], Search::Local).ok();
-        let mut tops: Vec<Fitted> = profile.into_par_iter().filter_map(top).collect();
-        tops.sort_by(|a, b| b.objective.total_cmp(&a.objective));
-        let best = tops.first().map_or(fitted.objective, |top| top.objective.max(fitted.objective));
-        let mut distinct: Vec<Fitted> = Vec::new();
-        for top in tops.into_iter().filter(|top| top.objective > best - TOP_REACH_NATS) {
-            let is_same = |other: &Fitted| {
-                other.theta.iter().zip(&top.theta).all(|(a, b)| (a - b).abs() < SAME_TOP)
-                    && (other.objective - top.objective).abs() < SAME_TOP_NATS
-            };
-            if !is_same(fitted) && !distinct.iter().any(is_same) {
-                distinct.push(top);
-            }
-        }
-        distinct.truncate(MOST_TOPS);
-        distinct
-    }
-
-    fn by_importance(&self, starts: Vec<Vec<f64>>, seed: u64) -> Result<Estimate> {
+    /// Tops of the posterior, and places on ridges beside them, in [`PriorCoordinates`].
+    ///
+    /// # Errors
+    /// [`Error::Numerical`] when a log density is +∞.
+    pub fn modes(&self, candidate: &Candidate, fitted: &Fitted) -> Result<Modes> {
+        let starts = self.starts(candidate, fitted);
         let density = self.density();
         let seen = PriorCoordinates::new(&density, self.priors());
         let of_natural = |natural: Vec<f64>| natural.iter().enumerate().map(|(d, x)| seen.of_natural(d, *x)).collect();
-        let starts: Vec<Vec<f64>> = starts.into_iter().map(of_natural).collect();
-        let modes = find_modes(&seen, &starts)?;
+        let climbs: Vec<Vec<f64>> = starts.climbs.into_iter().map(of_natural).collect();
+        let mut modes = find_modes(&seen, &climbs)?;
+        for point in starts.ridges.into_iter().map(of_natural) {
+            touching(&seen, &point)?.iter().for_each(|touching| modes.add(touching));
+        }
+        Ok(modes)
+    }
+
+    fn by_importance(&self, modes: &Modes, seed: u64) -> Result<Estimate> {
         let options = match (self.is_slow(), self.care) {
             (true, Care::Full) => ImportanceOptions::of_slow_density(),
             (true, Care::Brief) => ImportanceOptions::of_slow_density_in_brief(),
@@ -207,13 +149,13 @@ impl<'a> CandidatePosterior<'a> {
         };
         let density = self.density_of_draws();
         let seen = PriorCoordinates::new(&density, self.priors());
-        importance::evidence(&seen, &modes, &ImportanceOptions { seed, ..options })
+        importance::evidence(&seen, modes, &ImportanceOptions { seed, ..options })
     }
 
-    fn by_tempering(&self, seed: u64) -> Result<Estimate> {
+    fn by_tempering(&self, modes: &Modes, seed: u64) -> Result<Estimate> {
         let density = self.density_of_draws();
         let seen = PriorCoordinates::new(&density, self.priors());
-        tempering::evidence(&seen, &TemperingOptions { seed, ..TemperingOptions::default() })
+        tempering::evidence(&seen, modes, &TemperingOptions { seed, ..TemperingOptions::default() })
     }
 
     /// Whether every trajectory is computed by itself.
@@ -222,10 +164,18 @@ impl<'a> CandidatePosterior<'a> {
     }
 
     fn estimate(&self, candidate: &Candidate, fitted: &Fitted, seed: u64) -> Result<(Estimate, EvidenceMethod)> {
-        match self.by_importance(self.starts(candidate, fitted), seed) {
+        let modes = self.modes(candidate, fitted)?;
+        let weighted = self.by_importance(&modes, seed);
+        match weighted {
             Ok(estimate) if importance::is_reliable(&estimate) => Ok((estimate, EvidenceMethod::ImportanceSampling)),
             Ok(_) | Err(Error::Numerical { .. }) if !self.is_slow() && self.care == Care::Full => {
-                Ok((self.by_tempering(seed)?, EvidenceMethod::SequentialMonteCarlo))
+                let mut tempered = self.by_tempering(&modes, seed)?;
+                // What replicates do not tell, as a part of the posterior that all of them lose, weights that reach it do.
+                if let Ok(weighted) = weighted {
+                    let apart = (tempered.ln_evidence - weighted.ln_evidence).abs();
+                    tempered.standard_error = tempered.standard_error.max(apart);
+                }
+                Ok((tempered, EvidenceMethod::SequentialMonteCarlo))
             }
             // Hundreds of thousands of trajectories: too many for what stands beside a claim, and out of a diagnosis's reach where each is computed by itself.
             Ok(_) => Err(Error::numerical(
@@ -234,47 +184,6 @@ impl<'a> CandidatePosterior<'a> {
             )),
             Err(other) => Err(other),
         }
-    }
-}
-
-/// Quantile of the prior at which a climb starts where the fit is at an end of the support.
-const START_QUANTILE: f64 = 0.05;
-/// Tail of a prior within which a fit is at an end of the support.
-const FARTHEST_TAIL: f64 = 1e-6;
-/// Points of the design in the effects' parameters, at Sobol points of their priors, and the seed of those: the design is part of the method.
-const EFFECT_STARTS: u32 = 12;
-const BRIEF_STARTS: u32 = 4;
-const START_SEED: u32 = 11;
-/// Tops so far (nats) below the best weigh nothing, whatever their widths.
-const TOP_REACH_NATS: f64 = 20.0;
-/// Tops that are as near as this, in units of the priors' spreads and in nats, are one.
-const SAME_TOP: f64 = 0.03;
-const SAME_TOP_NATS: f64 = 0.1;
-const MOST_TOPS: usize = 6;
-
-/// Of points of a profile along one coordinate, those that stand no lower than both of their neighbours, and these neighbours: from the others climbs lead where
-/// they lead from these.
-fn near_local_tops(mut profile: Vec<Fitted>, coordinate: impl Fn(&Fitted) -> f64) -> Vec<Fitted> {
-    profile.sort_by(|a, b| coordinate(a).total_cmp(&coordinate(b)));
-    let height = |place: usize| profile[place].objective;
-    let n = profile.len();
-    let is_top = |place: usize| {
-        (place == 0 || height(place - 1) <= height(place)) && (place + 1 == n || height(place + 1) <= height(place))
-    };
-    let is_near: Vec<bool> =
-        (0..n).map(|place| (place.saturating_sub(1)..=(place + 1).min(n - 1)).any(is_top)).collect();
-    profile.into_iter().zip(is_near).filter_map(|(point, is_near)| is_near.then_some(point)).collect()
-}
-
-/// A value, or one well inside the prior where it lies in a tail of less than `tail`: fits end at supports, where gradients vanish.
-fn moved_inside(prior: &Prior, value: f64, tail: f64) -> f64 {
-    let below = prior.distribution.cdf(value);
-    if below < tail {
-        prior.distribution.quantile(START_QUANTILE)
-    } else if below > 1.0 - tail {
-        prior.distribution.quantile(1.0 - START_QUANTILE)
-    } else {
-        value
     }
 }
 
@@ -314,7 +223,7 @@ pub fn posterior_by_importance(
     seed: u64,
 ) -> Result<Option<Evidence>> {
     let posterior = CandidatePosterior::new(subject, candidate)?;
-    match posterior.by_importance(posterior.starts(candidate, fitted), seed) {
+    match posterior.modes(candidate, fitted).and_then(|modes| posterior.by_importance(&modes, seed)) {
         Ok(estimate) if importance::is_reliable(&estimate) => {
             Ok(Some(evidence_of(&posterior, &estimate, EvidenceMethod::ImportanceSampling)))
         }
@@ -335,9 +244,10 @@ pub fn evidence_by(
     method: EvidenceMethod,
 ) -> Result<Evidence> {
     let posterior = CandidatePosterior::new(subject, candidate)?;
+    let modes = posterior.modes(candidate, fitted)?;
     let estimate = match method {
-        EvidenceMethod::ImportanceSampling => posterior.by_importance(posterior.starts(candidate, fitted), seed)?,
-        EvidenceMethod::SequentialMonteCarlo => posterior.by_tempering(seed)?,
+        EvidenceMethod::ImportanceSampling => posterior.by_importance(&modes, seed)?,
+        EvidenceMethod::SequentialMonteCarlo => posterior.by_tempering(&modes, seed)?,
     };
     Ok(evidence_of(&posterior, &estimate, method))
 }
@@ -433,29 +343,4 @@ fn answers(posterior: &CandidatePosterior, seen: &PriorCoordinates, draws: &Weig
 fn summary(draws: &WeightedDraws, name: &str, of: impl Fn(&[f64]) -> f64) -> RefitParameter {
     let quantiles = draws.quantiles(&of, &[0.05, 0.95]);
     RefitParameter { name: name.into(), mean: draws.mean(&of), q05: quantiles[0], q95: quantiles[1] }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn climbs_start_at_the_tops_of_a_profile_and_beside_them() {
-        let kept = |heights: &[f64]| -> Vec<f64> {
-            let point = |(place, objective): (usize, &f64)| Fitted {
-                theta: vec![place as f64],
-                noise: [1.0; 5],
-                position_m: Vec::new(),
-                objective: *objective,
-                ln_likelihood: *objective,
-            };
-            // In any order.
-            let profile: Vec<Fitted> = heights.iter().enumerate().map(point).rev().collect();
-            near_local_tops(profile, |point| point.theta[0]).iter().map(|point| point.theta[0]).collect()
-        };
-        assert_eq!(kept(&[0.0, 1.0, 2.0, 5.0, 3.0, 2.0, 1.0]), [2.0, 3.0, 4.0]);
-        assert_eq!(kept(&[9.0, 1.0, 0.0, 0.5, 0.0, -1.0, -2.0, 4.0]), [0.0, 1.0, 2.0, 3.0, 4.0, 6.0, 7.0]);
-        assert_eq!(kept(&[1.0]), [0.0]);
-        assert!(kept(&[]).is_empty());
-    }
 }
