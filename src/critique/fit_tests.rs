@@ -100,3 +100,40 @@ fn columns_find_their_amplitude() {
     // 6 µm with a standard error of 4 µm √(2/600) = 0.23 µm, five of which are passed falsely below 1e-6.
     assert!((found.theta[base.free.len()] - 6e-6).abs() < 1.2e-6, "{}", found.theta[base.free.len()]);
 }
+
+/// Broyden's rule, in numbers that can be done by hand: guessed derivatives foresee the move that was made, stay as they were across it, and leave columns
+/// of free amplitude alone; without it they are forgotten.
+#[test]
+fn guessed_derivatives_agree_with_the_last_move() {
+    let position = |theta: &[f64]| vec![theta[0] * theta[0] + theta[1] + 3.0 * theta[2], theta[0] * theta[1]];
+    let (from, to) = ([1.0, 2.0, 0.5], [1.3, 1.8, 0.9]);
+    let columns = vec![vec![2.0, 2.0], vec![1.0, 1.0], vec![3.0, 0.0]];
+    let start = Point {
+        theta: from.to_vec(),
+        position_m: position(&from),
+        log_noise: [0.0; 5],
+        objective: 0.0,
+        columns_m: Some(columns.clone()),
+        is_guessed: false,
+    };
+    let mut point = start.clone();
+    point.move_to(&to, position(&to), 1.0, 2);
+    assert!(point.is_guessed);
+    let guessed = point.columns_m.clone().expect("guessed");
+    let along = |columns: &[Vec<f64>], step: [f64; 3], row: usize| -> f64 {
+        columns.iter().zip(step).map(|(column, step)| column[row] * step).sum()
+    };
+    for row in 0..2 {
+        let change = position(&to)[row] - position(&from)[row];
+        assert!((along(&guessed, [0.3, -0.2, 0.4], row) - change).abs() < 1e-12);
+        let across = [0.2, 0.3, 0.0];
+        assert!((along(&guessed, across, row) - along(&columns, across, row)).abs() < 1e-12);
+    }
+    assert_eq!(guessed[2], columns[2]);
+    assert!((guessed[0][0] - columns[0][0]).abs() > 0.1);
+    point.forget_guess();
+    assert!(point.columns_m.is_none() && !point.is_guessed);
+    let mut fast = start;
+    fast.move_to(&to, position(&to), 1.0, 0);
+    assert!(fast.columns_m.is_none() && !fast.is_guessed);
+}
