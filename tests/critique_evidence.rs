@@ -81,8 +81,9 @@ fn bayes_factors_agree_however_they_are_computed() {
 }
 
 /// A retardation beside another one: where its amplitude is nothing its time means nothing, and where their times are alike they share an amplitude, a
-/// narrow ridge that draws around the top miss. The error that is given holds the estimate of ten times as many draws, whose own is well below
-/// a nat: 3 of both together fail falsely once in 370 if they are what they say, for each of two fixed seeds.
+/// narrow ridge that draws around the top miss. The error that is given holds the estimate of a longer run, whose own is well
+/// below a nat: 3 of both together fail falsely once in 370 if they are what they say, for each of two fixed seeds. Both runs start from the same places,
+/// so that the ridge is asked for by itself.
 #[test]
 fn the_evidence_of_a_second_retardation_holds_its_error() {
     let (candidate, fit) = extended_fit("second-retardation");

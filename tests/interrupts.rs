@@ -107,8 +107,8 @@ fn prepared(place: &Path) {
     assert!([0, 1].contains(&code));
 }
 
-/// Commands on an instrument's experiment, which take a second: stopped at three moments, by each signal; then run to the end. Forty runs of the program take
-/// a minute.
+/// Commands on an instrument's experiment, which take a second: stopped at three moments, by each signal; then run to the end. Forty runs of the program, and
+/// a few where a moment was missed, take a minute.
 #[test]
 fn every_command_stops_soon_and_runs_again() {
     let place = tempfile::tempdir().unwrap();

@@ -8,9 +8,9 @@
 //! effects' own parameters, with the law and the noise fitted anew at each point of it, and the proposal covers every mode that they end in; the draws'
 //! weights then give each the share that its evidence has.
 
-use std::collections::BTreeMap;
-
 mod starts;
+
+use std::collections::BTreeMap;
 
 use super::diagnosis::{Answer, RefitParameter};
 use super::{Candidate, Fitted, Free, Subject};

@@ -118,8 +118,7 @@ impl CandidatePosterior<'_> {
 
     /// The fit from a point with these coordinates held; `None` where there is none.
     fn fitted_with_held(&self, candidate: &Candidate, from: &Fitted, held: &[usize]) -> Option<Fitted> {
-        let is_held = |k: &usize| held.contains(k);
-        let free: Vec<usize> = (0..candidate.free.len()).filter(|k| !is_held(k)).collect();
+        let free: Vec<usize> = (0..candidate.free.len()).filter(|k| !held.contains(k)).collect();
         let of_rest =
             candidate.held(&from.theta, |parameter| held.iter().any(|k| candidate.free[*k].index == parameter.index));
         let start: Vec<f64> = free.iter().map(|k| from.theta[*k]).collect();

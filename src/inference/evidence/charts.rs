@@ -31,10 +31,7 @@ impl Charts {
 
     /// The modes' Laplace approximations, each drawn from often enough to be seen: its mass says little of a ridge's.
     pub fn of_modes(modes: &Modes, dimension: usize) -> Option<Self> {
-        let part = |(mode, share): (&Mode, f64)| {
-            let mixture = TMixture::from_modes(&Modes::only(mode), dimension)?;
-            Some((share.max(SMALLEST_SHARE), Proposal::plain(mixture, dimension)))
-        };
+        let part = |(mode, share): (&Mode, f64)| Some((share.max(SMALLEST_SHARE), touching(mode, dimension)?));
         let parts: Vec<(f64, Proposal)> = modes.iter().zip(modes.weights()).filter_map(part).collect();
         (!parts.is_empty()).then(|| Self::of(parts))
     }
@@ -48,7 +45,19 @@ impl Charts {
 
     /// Fitted to points with weights that add up to one, as one or with a part for each mode; `None` when the points lie in a plane.
     pub fn fitted(points: &[Vec<f64>], weights: &[f64], modes: &Modes, stream: &mut RandomStream) -> Option<Self> {
-        let one = Proposal::fitted(points, weights, stream).map(Self::one);
+        let one = Proposal::fitted(points, weights, stream);
+        Self::or_parted(one, points, weights, modes, stream)
+    }
+
+    /// One proposal that was fitted to these points, or a part for each mode where that describes them better.
+    pub fn or_parted(
+        one: Option<Proposal>,
+        points: &[Vec<f64>],
+        weights: &[f64],
+        modes: &Modes,
+        stream: &mut RandomStream,
+    ) -> Option<Self> {
+        let one = one.map(Self::one);
         let several = Self::parted(points, weights, modes, stream);
         let described = |charts: &Self| -> f64 {
             let used = points.iter().zip(weights).filter(|(_, weight)| **weight > 0.0);
@@ -80,8 +89,7 @@ impl Charts {
             let is_known = share > 0.0 && effective_size(&weights) >= DRAWS_PER_COORDINATE * dimension as f64;
             let fitted = is_known.then(|| Proposal::fitted(&points, &weights, stream)).flatten();
             n_fitted += usize::from(fitted.is_some());
-            let at_mode = || Some(Proposal::plain(TMixture::from_modes(&Modes::only(mode), dimension)?, dimension));
-            if let Some(proposal) = fitted.or_else(at_mode) {
+            if let Some(proposal) = fitted.or_else(|| touching(mode, dimension)) {
                 parts.push((share.max(SMALLEST_SHARE), proposal));
             }
         }
@@ -128,6 +136,11 @@ impl Charts {
         let top = terms.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         if top == f64::NEG_INFINITY { top } else { top + terms.iter().map(|term| (term - top).exp()).sum::<f64>().ln() }
     }
+}
+
+/// A mode's Laplace approximation; `None` where its curvature cannot be used.
+fn touching(mode: &Mode, dimension: usize) -> Option<Proposal> {
+    Some(Proposal::plain(TMixture::from_modes(&Modes::only(mode), dimension)?, dimension))
 }
 
 #[cfg(test)]

@@ -2,9 +2,9 @@
 //!
 //! Particles from the prior pass through p(θ) p(data | θ)^φ with φ from 0 to 1 (Neal 2001, doi:10.1023/A:1008923215028; Del Moral et al. 2006,
 //! doi:10.1111/j.1467-9868.2006.00553.x). Each φ is as far on as leaves nine tenths of the particles effective; they are resampled and then moved by
-//! kernels that leave the tempered density as it is, until most of them are somewhere else: jumps into a proposal fitted to the particles, with a part
-//! for each mode (`charts`), which carry them between modes, and steps along differences of two of them (ter Braak 2006, doi:10.1007/s11222-006-8769-1), which need no fit. The evidence is
-//! the product of the mean weights. Several replicates, independent of each other, give its error.
+//! kernels that leave the tempered density as it is, until most of them are somewhere else. Jumps go into a proposal fitted to the particles, with a part
+//! for each mode (`charts`): they carry particles between modes. Steps go along differences of two of them (ter Braak 2006,
+//! doi:10.1007/s11222-006-8769-1) and need no fit. The evidence is the product of the mean weights. Several replicates, independent of each other, give its error.
 //!
 //! A part of the posterior in which particles hardly move, such as a narrow ridge beside a wide bulk, dies out on the way: the evidence is then too low by
 //! its share, which no replicate tells.
@@ -13,7 +13,7 @@ use rayon::prelude::*;
 
 use super::charts::Charts;
 use super::coordinates::ln_standard_normal;
-use super::proposal::Map;
+use super::proposal::{Map, Proposal};
 use super::weighted::{effective_size, normalised, resampled_indices};
 use super::{Estimate, WeightedDraws, evaluate, ln_mean};
 use crate::error::{Error, Result};
@@ -182,7 +182,9 @@ impl<'a> Replicate<'a> {
     /// What jumps are drawn from, and the map that makes steps straight.
     fn proposals(&mut self, weights: &[f64]) -> Option<(Charts, Map)> {
         let points: Vec<Vec<f64>> = self.particles.iter().map(|particle| particle.point.clone()).collect();
-        Some((Charts::fitted(&points, weights, self.modes, &mut self.stream)?, Map::fitted(&points, weights)?))
+        let one = Proposal::fitted(&points, weights, &mut self.stream)?;
+        let map = one.map.clone();
+        Some((Charts::or_parted(Some(one), &points, weights, self.modes, &mut self.stream)?, map))
     }
 
     fn move_particles(&mut self, jumps: &Charts, map: &Map) -> Result<()> {

@@ -38,12 +38,7 @@ const DIFFERENCE_TARGET: f64 = 1e-2;
 /// # Errors
 /// [`crate::Error::Numerical`] when a log density is +∞.
 pub fn maximise(density: &dyn LogDensity, start: &[f64]) -> Result<Option<Optimum>> {
-    let mut x = DVector::from_column_slice(start);
-    let mut value = evaluate(density, std::slice::from_ref(&x))?[0];
-    if !value.is_finite() || x.is_empty() {
-        return Ok(None);
-    }
-    let mut steps = x.map(|coordinate| 1e-3 * (1.0 + coordinate.abs()));
+    let Some((mut x, mut value, mut steps)) = beginning(density, start)? else { return Ok(None) };
     let mut refined = false;
     for iteration in 0.. {
         let Some(derivatives) = differentiate(density, &x, value, &mut steps)? else { return Ok(None) };
@@ -81,19 +76,24 @@ pub fn maximise(density: &dyn LogDensity, start: &[f64]) -> Result<Option<Optimu
 /// # Errors
 /// [`crate::Error::Numerical`] when a log density is +∞.
 pub fn touching(density: &dyn LogDensity, point: &[f64]) -> Result<Option<Optimum>> {
-    let x = DVector::from_column_slice(point);
-    let value = evaluate(density, std::slice::from_ref(&x))?[0];
-    if !value.is_finite() || x.is_empty() {
-        return Ok(None);
-    }
-    let mut steps = x.map(|coordinate| 1e-3 * (1.0 + coordinate.abs()));
-    let mut touching = None;
-    for _ in 0..3 {
+    let Some((x, value, mut steps)) = beginning(density, point)? else { return Ok(None) };
+    for _ in 0..2 {
         let Some(derivatives) = differentiate(density, &x, value, &mut steps)? else { return Ok(None) };
-        touching = Some(Local::new(&derivatives).optimum(&x, value, false));
         steps = adapted_steps(&x, value, &derivatives, &steps);
     }
-    Ok(touching)
+    let derivatives = differentiate(density, &x, value, &mut steps)?;
+    Ok(derivatives.map(|derivatives| Local::new(&derivatives).optimum(&x, value, false)))
+}
+
+/// A point, its log density and the first difference steps.
+type Beginning = (DVector<f64>, f64, DVector<f64>);
+
+/// `None` outside the support.
+fn beginning(density: &dyn LogDensity, point: &[f64]) -> Result<Option<Beginning>> {
+    let x = DVector::from_column_slice(point);
+    let value = evaluate(density, std::slice::from_ref(&x))?[0];
+    let steps = x.map(|coordinate| 1e-3 * (1.0 + coordinate.abs()));
+    Ok((value.is_finite() && !x.is_empty()).then_some((x, value, steps)))
 }
 
 /// Steps over which each coordinate alone would change the log density by the target.
