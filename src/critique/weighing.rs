@@ -92,13 +92,14 @@ impl Weighing {
         let n_leading = claimed.len().max(1).min(worth.len());
         let (leading, others) = worth.split_at(n_leading);
         let mut best = f64::NEG_INFINITY;
-        let (mut far, mut failed): (Vec<&str>, Vec<&str>) = (Vec::new(), Vec::new());
+        let (mut far, mut slow, mut failed): (Vec<&str>, Vec<&str>, Vec<&str>) = (Vec::new(), Vec::new(), Vec::new());
         for (part, care) in [(leading, Care::Full), (others, Care::Brief)] {
             let weigh = |single: &&Single| {
                 counter.add_one();
                 let Refitted { candidate, fitted, .. } = single.refitted.as_ref()?;
                 let is_far = !claimed.contains(&single.slug) && at_most(single) < best - REACH_NATS;
-                (!is_far).then(|| evidence_with(subject, candidate, fitted, (care, seed)))
+                let is_slow = care == Care::Brief && candidate.model.is_nonlinear();
+                (!is_far && !is_slow).then(|| evidence_with(subject, candidate, fitted, (care, seed)))
             };
             let weighed: Vec<Option<Result<Evidence>>> = part.par_iter().map(weigh).collect();
             for (single, weighed) in part.iter().zip(weighed).filter(|(single, _)| single.refitted.is_some()) {
@@ -110,7 +111,8 @@ impl Weighing {
                     }
                     Some(Err(Error::Numerical { .. })) => failed.push(single.slug),
                     Some(Err(other)) => return Err(other),
-                    None => far.push(single.slug),
+                    None if at_most(single) < best - REACH_NATS => far.push(single.slug),
+                    None => slow.push(single.slug),
                 }
                 own.bounds.insert(single.slug, at_most(single));
             }
@@ -119,6 +121,12 @@ impl Weighing {
             format!(
                 "the Bayes factors of {} are not computed: what these gain leaves them more than {REACH_NATS:.0} nats below the best",
                 far.join(", ")
+            )
+        }));
+        own.remarks.extend((!slow.is_empty()).then(|| {
+            format!(
+                "the Bayes factors of {} are not computed beside another effect's, since such a law takes long: there are bounds, and intervals by a normal approximation about the fit",
+                slow.join(", ")
             )
         }));
         own.remarks.extend((!failed.is_empty()).then(|| {

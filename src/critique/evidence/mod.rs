@@ -57,7 +57,7 @@ pub struct Evidence {
 pub enum Care {
     /// From every start of the design, with trajectories that are learnt, and by another method where the first fails: for what is claimed.
     Full,
-    /// From few starts where trajectories are slow, by few draws there, and by importance sampling alone: for what stands beside a claim.
+    /// By fewer draws, and by importance sampling alone: for what stands beside a claim.
     Brief,
 }
 
@@ -101,10 +101,7 @@ impl<'a> CandidatePosterior<'a> {
 
     /// The same for many draws: a law that is not linear remembers its trajectories.
     fn density_of_draws(&self) -> ReducedPosterior<'_> {
-        match self.care {
-            Care::Full => self.density_by(self.subject.local_compliance()),
-            Care::Brief => self.density(),
-        }
+        self.density_by(self.subject.local_compliance())
     }
 
     fn density_by(&self, compliance: &Compliance) -> ReducedPosterior<'_> {
@@ -143,9 +140,9 @@ impl<'a> CandidatePosterior<'a> {
 
     fn by_importance(&self, modes: &Modes, seed: u64) -> Result<Estimate> {
         let options = match (self.is_slow(), self.care) {
-            (true, Care::Full) => ImportanceOptions::of_slow_density(),
-            (true, Care::Brief) => ImportanceOptions::of_slow_density_in_brief(),
-            (false, _) => ImportanceOptions::default(),
+            (true, _) => ImportanceOptions::of_slow_density(),
+            (false, Care::Full) => ImportanceOptions::default(),
+            (false, Care::Brief) => ImportanceOptions::in_brief(),
         };
         let density = self.density_of_draws();
         let seen = PriorCoordinates::new(&density, self.priors());

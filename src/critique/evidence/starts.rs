@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::{CandidatePosterior, Care};
+use super::CandidatePosterior;
 use crate::critique::{Candidate, Fitted, Search};
 use crate::inference::prior::Prior;
 
@@ -12,7 +12,6 @@ const START_QUANTILE: f64 = 0.05;
 const FARTHEST_TAIL: f64 = 1e-6;
 /// Points of the design in the effects' parameters, at Sobol points of their priors, and the seed of those: the design is part of the method.
 const EFFECT_STARTS: u32 = 12;
-const BRIEF_STARTS: u32 = 4;
 const START_SEED: u32 = 11;
 /// Tops so far (nats) below the best weigh nothing, whatever their widths.
 const TOP_REACH_NATS: f64 = 20.0;
@@ -93,14 +92,12 @@ impl CandidatePosterior<'_> {
             }
             self.fitted_with_held(candidate, &at_design, &of_effects)
         };
-        let is_brief = self.is_slow() && self.care == Care::Brief;
-        let n_starts = if is_brief { BRIEF_STARTS } else { EFFECT_STARTS };
-        let mut profile: Vec<Fitted> = (0..n_starts).into_par_iter().filter_map(on_profile).collect();
+        let mut profile: Vec<Fitted> = (0..EFFECT_STARTS).into_par_iter().filter_map(on_profile).collect();
         if let (true, [only]) = (self.is_slow(), &of_effects[..]) {
             profile = near_local_tops(profile, |point| point.theta[*only]);
         }
         let mut passed = Vec::new();
-        if of_effects.len() > 1 && !is_brief {
+        if of_effects.len() > 1 {
             let with_one_held = |(number, point): (usize, Fitted)| {
                 self.fitted_with_held(candidate, &point, &[of_effects[number % of_effects.len()]])
             };

@@ -53,9 +53,9 @@ impl ImportanceOptions {
         Self { n_adapting: 600, n_draws: 2_000, ..Self::default() }
     }
 
-    /// For such densities where a tenth of a nat will do, or no answer.
-    pub fn of_slow_density_in_brief() -> Self {
-        Self { n_adapting: 400, n_rounds: 3, n_draws: 1_000, n_attempts: 1, ..Self::default() }
+    /// Where a tenth of a nat will do: an answer at once where the proposal is good.
+    pub fn in_brief() -> Self {
+        Self { n_adapting: 800, n_rounds: 5, n_draws: 2_500, ..Self::default() }
     }
 }
 
