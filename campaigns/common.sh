@@ -64,11 +64,16 @@ run_in() {
     note "$label" "$started" "$@"
 }
 
-# play LABEL ARGUMENTS…: `challenge run`, its document in LABEL.json.
+# play LABEL COUNT ARGUMENTS…: `challenge run` of so many, in parts, so that RESUME=1 loses little; their documents in LABEL.FIRST.json.
+plays_a_part=50
 play() {
-    local label=$1
-    shift
-    run_in "$label" "$program" challenge run --quiet --cache "$VITREO_UQ_CACHE/trajectories" --json "$raw/$label.json" "$@"
+    local label=$1 count=$2 first part
+    shift 2
+    for ((first = 0; first < count; first += plays_a_part)); do
+        part=$label.$first
+        run_in "$part" "$program" challenge run --quiet --cache "$VITREO_UQ_CACHE/trajectories" --json "$raw/$part.json" \
+            --count $((count - first < plays_a_part ? count - first : plays_a_part)) --first "$first" "$@"
+    done
 }
 
 # finish: has figures.py of the campaign read the raw output, and writes result.json.

@@ -8,9 +8,17 @@ def documents(raw):
     return {path.stem: json.loads(path.read_text(encoding="utf-8")) for path in sorted(raw.glob("*.json"))}
 
 
+def plays_by_label(raw):
+    """All plays of each label, whose parts are called LABEL.FIRST."""
+    found = {}
+    for name, document in documents(raw).items():
+        found.setdefault(name.partition(".")[0], []).extend(document["plays"])
+    return found
+
+
 def plays(raw):
     """All plays, of all documents."""
-    return [play for document in documents(raw).values() for play in document["plays"]]
+    return [play for own in plays_by_label(raw).values() for play in own]
 
 
 def of(part, whole):

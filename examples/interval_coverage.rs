@@ -1,6 +1,6 @@
 //! Counts how often 90 % intervals of an effect's first parameter hold a truth that was drawn from the priors.
 //!
-//! `cargo run --release --example interval_coverage -- --count 240 --seed 1 --json coverage.json [--effects a,b] [--least-sigma 5]`
+//! `cargo run --release --example interval_coverage -- --count 240 --first 0 --seed 1 --json coverage.json [--effects a,b] [--least-sigma 5]`
 
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -20,20 +20,21 @@ fn parsed<T: FromStr>(option: &'static str, text: &str) -> Result<T> {
 
 fn main() -> Result<()> {
     let effects = EFFECTS.map(String::from).to_vec();
-    let mut request = CoverageRequest { count: 8, effects, least_sigma: 5.0, seed: 1 };
+    let mut request = CoverageRequest { count: 8, first: 0, effects, least_sigma: 5.0, seed: 1 };
     let mut json: Option<PathBuf> = None;
     let mut arguments = std::env::args().skip(1);
     while let Some(option) = arguments.next() {
         let value = arguments.next().unwrap_or_default();
         match option.as_str() {
             "--count" => request.count = parsed("--count", &value)?,
+            "--first" => request.first = parsed("--first", &value)?,
             "--seed" => request.seed = parsed("--seed", &value)?,
             "--least-sigma" => request.least_sigma = parsed("--least-sigma", &value)?,
             "--effects" => request.effects = value.split(',').map(String::from).collect(),
             "--json" => json = Some(Path::new(&value).into()),
             _ => {
                 let found = format!("`{option}` is no option of this");
-                let remedy = "give --count, --seed, --least-sigma, --effects or --json";
+                let remedy = "give --count, --first, --seed, --least-sigma, --effects or --json";
                 return Err(Error::input(Place::option("interval_coverage"), found, remedy));
             }
         }

@@ -15,6 +15,6 @@ for noise in white ou gain outliers lost ou-alone ou-outliers; do
     if [[ $noise == ou-* ]]; then
         known=no
     fi
-    play "$noise" --only none --count "$count" --noise-kind "$noise" --noise-known "$known" --seed "$seed"
+    play "$noise" "$count" --only none --noise-kind "$noise" --noise-known "$known" --seed "$seed"
 done
 finish

@@ -3,5 +3,7 @@
 # model, since this calibrates an algorithm. A random coverage of 90 % of 240 lies within 203 and 228 with a probability of 99 %.
 source "$(dirname "${BASH_SOURCE[0]}")/../common.sh"
 begin coverage
-run_in coverage "$root/target/release/examples/interval_coverage" --count "${COUNT:-240}" --seed 1 --json "$raw/coverage.json"
+for ((first = 0; first < ${COUNT:-240}; first += 20)); do
+    run_in "$first" "$root/target/release/examples/interval_coverage" --count 20 --first "$first" --seed 1 --json "$raw/$first.json"
+done
 finish

@@ -3,5 +3,5 @@
 source "$(dirname "${BASH_SOURCE[0]}")/../common.sh"
 begin pairs
 effects=clock-offset,force-asymmetry,force-bias,actuator-lag,force-gradient,instantaneous-elasticity,second-retardation,fractional-damping,softening,tracking-drift
-play pairs --only pair --count "${COUNT:-100}" --effect "$effects" --noise-kind white,ou,gain,outliers --seed 3001
+play pairs "${COUNT:-100}" --only pair --effect "$effects" --noise-kind white,ou,gain,outliers --seed 3001
 finish

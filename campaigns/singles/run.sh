@@ -3,5 +3,5 @@
 source "$(dirname "${BASH_SOURCE[0]}")/../common.sh"
 begin singles
 effects=clock-offset,force-asymmetry,force-bias,actuator-lag,force-gradient,instantaneous-elasticity,second-retardation,fractional-damping,softening,tracking-drift
-play singles --only single --count "${COUNT:-200}" --effect "$effects" --noise-kind white,ou,gain,outliers --seed 2001
+play singles "${COUNT:-200}" --only single --effect "$effects" --noise-kind white,ou,gain,outliers --seed 2001
 finish

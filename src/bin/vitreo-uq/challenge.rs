@@ -99,6 +99,9 @@ struct RunArguments {
     /// How many to play
     #[arg(long, value_name = "N", default_value_t = 100)]
     count: usize,
+    /// Number of the first, from 0: a long run may be played in parts
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    first: usize,
     /// Signals in standard deviations, separated by commas
     #[arg(long, value_name = "SIGMA", value_delimiter = ',', default_values_t = [5.0, 10.0, 20.0, 40.0])]
     signal: Vec<f64>,
@@ -334,6 +337,10 @@ fn play(arguments: &RunArguments) -> Result<ExitCode> {
         let found = format!("{} challenges", arguments.count);
         return Err(Error::input(Place::option("--count"), found, format!("play at most {MOST_PLAYS} at a time")));
     }
+    if arguments.first > MOST_PLAYS {
+        let found = format!("number {}", arguments.first);
+        return Err(Error::input(Place::option("--first"), found, format!("begin at {MOST_PLAYS} at most")));
+    }
     let many = |texts: &[String], all: Vec<String>| if texts.is_empty() { all } else { texts.to_vec() };
     let protocols = many(&arguments.protocol, Protocol::ALL.map(|p| p.name().to_string()).to_vec());
     let noises = many(&arguments.noise_kind, NoiseKind::USUAL.map(|n| n.name().to_string()).to_vec());
@@ -341,6 +348,7 @@ fn play(arguments: &RunArguments) -> Result<ExitCode> {
     let noise = |text: &String| named("--noise-kind", text, &NoiseKind::ALL, NoiseKind::name);
     let request = PlaysRequest {
         count: arguments.count,
+        first: arguments.first,
         signals_sigma: arguments.signal.clone(),
         only: arguments.only.map(OnlySort::sort),
         effects: arguments.effect.clone(),

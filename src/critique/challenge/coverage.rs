@@ -22,6 +22,8 @@ use crate::workflow::{Counter, Monitor};
 pub struct CoverageRequest {
     /// How many records.
     pub count: usize,
+    /// Number of the first: a part of a long count takes the records that the whole would have taken.
+    pub first: usize,
     /// Effects by slug, in turn.
     pub effects: Vec<String>,
     /// Smallest signal of a truth, in standard deviations.
@@ -111,7 +113,8 @@ pub fn count(bench: &Bench, request: &CoverageRequest, monitor: &dyn Monitor) ->
         counter.add_one();
         Ok(interval)
     };
-    let intervals: Vec<Interval> = (0..request.count).into_par_iter().map(one).collect::<Result<_>>()?;
+    let intervals: Vec<Interval> =
+        (request.first..request.first + request.count).into_par_iter().map(one).collect::<Result<_>>()?;
     let of_effect = |slug: &String| {
         let own: Vec<&Interval> = intervals.iter().filter(|interval| &interval.effect == slug).collect();
         let counted: Vec<&&Interval> = own.iter().filter(|interval| interval.is_covered.is_some()).collect();

@@ -64,6 +64,8 @@ impl Sort {
 pub struct PlaysRequest {
     /// How many.
     pub count: usize,
+    /// Number of the first: a part of a long run plays what the whole would have played.
+    pub first: usize,
     /// Signals in standard deviations.
     pub signals_sigma: Vec<f64>,
     /// One sort only; `None` for a mixture.
@@ -84,6 +86,7 @@ impl Default for PlaysRequest {
     fn default() -> Self {
         Self {
             count: 100,
+            first: 0,
             signals_sigma: vec![5.0, 10.0, 20.0, 40.0],
             only: None,
             effects: Vec::new(),
@@ -199,7 +202,7 @@ pub fn run(
 ) -> Result<Plays> {
     check(bench, request)?;
     monitor.stage(&format!("drawing {} hidden things and sizing their signals", request.count));
-    let drawn: Vec<(Sort, Truth)> = (0..request.count)
+    let drawn: Vec<(Sort, Truth)> = (request.first..request.first + request.count)
         .into_par_iter()
         .map(|number| {
             let sort = request.only.unwrap_or(MIXTURE[number % MIXTURE.len()]);
@@ -219,7 +222,8 @@ pub fn run(
             if monitor.stop().is_some_and(|stop| stop.load(Ordering::Relaxed)) {
                 return Err(Error::Interrupted { kept: "nothing is kept but the trajectories in the cache".into() });
             }
-            let play = play(bench, request, Case { number, sort, truth, position_m }, diagnose)?;
+            let case = Case { number: request.first + number, sort, truth, position_m };
+            let play = play(bench, request, case, diagnose)?;
             let n_done = 1 + done.fetch_add(1, Ordering::Relaxed);
             if n_done.is_multiple_of(every) {
                 monitor.stage(&format!("diagnosed {n_done} of {} cases", request.count));
