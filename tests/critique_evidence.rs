@@ -62,12 +62,11 @@ fn assert_agree(a: Value, b: Value) {
 }
 
 /// A drift, whose null lies inside, and a softening, whose null is an end of its support: the ways to each evidence, and the Bayes factor's three.
-#[test]
-fn bayes_factors_agree_however_they_are_computed() {
+fn assert_methods_agree(slugs: &[&str]) {
     use EvidenceMethod::{ImportanceSampling, SequentialMonteCarlo};
     let base = [ImportanceSampling, SequentialMonteCarlo].map(|method| by(method, base_fit()));
     assert_agree(base[0], base[1]);
-    for slug in ["tracking-drift", "softening"] {
+    for slug in slugs {
         let with = extended_fit(slug);
         let found = [ImportanceSampling, SequentialMonteCarlo].map(|method| by(method, &with));
         let ratio = bayes_factor_at_null(subject(), &with.0, &with.1, 4).expect("can be sampled");
@@ -80,9 +79,20 @@ fn bayes_factors_agree_however_they_are_computed() {
     }
 }
 
+#[test]
+fn bayes_factors_agree_however_they_are_computed() {
+    assert_methods_agree(&["tracking-drift"]);
+}
+
+#[test]
+#[ignore = "campaigns/long-tests"]
+fn bayes_factors_at_the_end_of_a_support_agree_however_they_are_computed() {
+    assert_methods_agree(&["softening"]);
+}
+
 /// A retardation beside another one: where its amplitude is nothing its time means nothing, and where their times are alike they share an amplitude, a
 /// narrow ridge that draws around the top miss. The error that is given holds the estimate of a longer run, whose own is well
-/// below a nat: 3 of both together fail falsely once in 370 if they are what they say, for each of two fixed seeds. Both runs start from the same places,
+/// below a nat: 3 of both together fail falsely once in 370 if they are what they say; the seed is fixed. Both runs start from the same places,
 /// so that the ridge is asked for by itself.
 #[test]
 fn the_evidence_of_a_second_retardation_holds_its_error() {
@@ -91,18 +101,16 @@ fn the_evidence_of_a_second_retardation_holds_its_error() {
     let modes = posterior.modes(&candidate, &fit).expect("finite");
     let density = posterior.density();
     let seen = PriorCoordinates::new(&density, posterior.priors());
-    let many = ImportanceOptions { n_adapting: 6_000, n_rounds: 8, n_draws: 40_000, n_attempts: 1, seed: 11 };
+    let many = ImportanceOptions { n_adapting: 4_000, n_rounds: 8, n_draws: 20_000, n_attempts: 1, seed: 11 };
     let long = importance::evidence(&seen, &modes, &many).expect("has a mode");
     assert!(long.standard_error < 0.5, "{}", long.standard_error);
-    for seed in [3, 4] {
-        let found = evidence(subject(), &candidate, &fit, seed).expect("can be sampled");
-        let error = found.standard_error.hypot(long.standard_error);
-        assert!(
-            (found.ln_evidence - long.ln_evidence).abs() < 3.0 * error && error < 1.5,
-            "{found:?} {}",
-            long.ln_evidence
-        );
-    }
+    let found = evidence(subject(), &candidate, &fit, 3).expect("can be sampled");
+    let error = found.standard_error.hypot(long.standard_error);
+    assert!(
+        (found.ln_evidence - long.ln_evidence).abs() < 3.0 * error && error < 1.5,
+        "{found:?} {}",
+        long.ln_evidence
+    );
     let is_on_ridge = |at: &[f64]| {
         let natural = |name: &str| at[posterior.priors().names().position(|known| known == name).expect("sampled")];
         let own_s = natural("viscosity_1_pa_s") / natural("young_modulus_pa");

@@ -20,7 +20,6 @@ use vitreo_uq::workflow::problem::Problem;
 use vitreo_uq::workflow::reduced::Reduced;
 use vitreo_uq::workflow::replica::{TABLE_I, embedded};
 
-const N_REPLICATES: u64 = 20;
 const NOISE_SD_M: f64 = 4e-6;
 /// Prior of the law, from which truths are drawn: near Table I, so that positions are those of an experiment.
 const PRIOR: &str = r#"
@@ -29,8 +28,6 @@ viscosity_1_pa_s = { distribution = "log_normal", median = 1.402, log_sd = 0.3, 
 viscosity_2_pa_s = { distribution = "log_normal", median = 47.37, log_sd = 0.3, unit = "Pa s", source = "this test" }
 noise_sd_um = { distribution = "log_normal", median = 4.0, log_sd = 1.5, unit = "um", source = "this test" }
 "#;
-/// An interval of 90 % that covers rightly covers fewer than 10 of 20 truths with probability 7e-7.
-const FEWEST_COVERED: usize = 10;
 
 /// The finer full-order model that makes the data.
 fn finer_stiffness(experiment: &Experiment) -> Stiffness {
@@ -111,9 +108,9 @@ fn covered(base: &Problem, effect: &dyn Effect, stiffness: &Stiffness, reduced: 
         .collect()
 }
 
-/// 20 replicates an effect. Twelve parameters at 7e-7 each, and four bounds on all together at 1e-6: false failures below 2e-5.
-#[test]
-fn posteriors_cover_the_truth_as_often_as_they_say() {
+/// So many replicates an effect: intervals of 90 % cover each parameter so often at least, and all together as often as they say, at 50 % and 90 %: within
+/// five standard deviations of a binomial count (false failures below 2e-6).
+fn assert_covered(n_replicates: u64, fewest_covered: usize) {
     let (experiment, _) = embedded().expect("embedded");
     let stiffness = finer_stiffness(&experiment);
     let directory = tempfile::tempdir().expect("a temporary directory");
@@ -126,7 +123,7 @@ fn posteriors_cover_the_truth_as_often_as_they_say() {
         let problem = problem_of(&base, effect);
         let problem = Problem { experiment: problem.experiment.for_comparison(), ..problem };
         let reduced = Reduced::new(&problem, None, &Silent).expect("training succeeds");
-        let seeds = (0..N_REPLICATES).map(|k| 1000 * number + k).collect::<Vec<u64>>();
+        let seeds = (0..n_replicates).map(|k| 1000 * number + k).collect::<Vec<u64>>();
         let found: Vec<Vec<[bool; 2]>> =
             seeds.par_iter().map(|seed| covered(&base, effect, &stiffness, &reduced, *seed)).collect();
         for (index, parameter) in effect.parameters().iter().enumerate() {
@@ -134,31 +131,42 @@ fn posteriors_cover_the_truth_as_often_as_they_say() {
             let (half, nine_tenths) = (count(0), count(1));
             let error = reduced.max_relative_error.expect("there are finite elements");
             println!(
-                "{:<42} covered {half:>2} at 50 %, {nine_tenths:>2} at 90 % of {N_REPLICATES}; reduced against full {error:.0e}",
+                "{:<42} covered {half:>2} at 50 %, {nine_tenths:>2} at 90 % of {n_replicates}; reduced against full {error:.0e}",
                 parameter.spec.name
             );
-            assert!(nine_tenths >= FEWEST_COVERED, "{}: {nine_tenths}", parameter.spec.name);
-            totals = [totals[0] + half, totals[1] + nine_tenths, totals[2] + N_REPLICATES as usize];
+            assert!(nine_tenths >= fewest_covered, "{}: {nine_tenths}", parameter.spec.name);
+            totals = [totals[0] + half, totals[1] + nine_tenths, totals[2] + n_replicates as usize];
         }
     }
     let [half, nine_tenths, all] = totals;
     println!("all: {half} at 50 %, {nine_tenths} at 90 % of {all}");
-    // Five standard deviations of a binomial count.
     for (count, probability) in [(half, 0.5), (nine_tenths, 0.9)] {
         let (mean, sd) = (probability * all as f64, (probability * (1.0 - probability) * all as f64).sqrt());
         assert!((count as f64 - mean).abs() < 5.0 * sd, "{count} of {all} at {probability}");
     }
 }
 
+/// An interval that covers rightly covers fewer than 1 of 4 with a probability of 1e-4, for each of twelve parameters; the seeds are fixed.
+#[test]
+fn posteriors_cover_the_truth_as_often_as_they_say() {
+    assert_covered(4, 1);
+}
+
+/// An interval that covers rightly covers fewer than 10 of 20 with a probability of 7e-7, for each of twelve parameters.
+#[test]
+#[ignore = "campaigns/long-tests"]
+fn posteriors_cover_many_truths_as_often_as_they_say() {
+    assert_covered(20, 10);
+}
+
 /// Data made with an effect that the base model lacks: the base misses the cycle that no fit has seen, the extended model misses it by the noise.
 /// 200 positions: their root mean square noise lies within 25 % of 4 µm but for one time in 10⁶. Soundness includes a joint check at 0.1 % for each
 /// effect: one failure in a hundred for other seeds than these.
-#[test]
-fn extending_by_the_right_effect_brings_the_heldout_error_to_the_noise() {
+fn assert_error_falls(is_asked: fn(&dyn Effect) -> bool) {
     let (experiment, _) = embedded().expect("embedded");
     let stiffness = finer_stiffness(&experiment);
     let base = Problem::new(experiment, ModelSpecification::default(), None, &Silent).expect("sound");
-    for (number, effect) in (0_u64..).zip(by_factor()) {
+    for (number, effect) in (0_u64..).zip(by_factor()).filter(|(_, effect)| is_asked(*effect)) {
         let problem = problem_of(&base, effect);
         // Well inside the prior, away from the null.
         let value = |p: &vitreo_uq::effects::EffectParameter| {
@@ -186,4 +194,15 @@ fn extending_by_the_right_effect_brings_the_heldout_error_to_the_noise() {
         let hides_in_the_law = effect.changes_field();
         assert!(hides_in_the_law || before > 1.5 * 4.0, "{}: {before}", effect.slug());
     }
+}
+
+#[test]
+fn extending_by_the_right_effect_brings_the_heldout_error_to_the_noise() {
+    assert_error_falls(|effect| ["actuator-lag", "softening", "tracking-drift"].contains(&effect.slug()));
+}
+
+#[test]
+#[ignore = "campaigns/long-tests"]
+fn extending_by_any_right_effect_brings_the_heldout_error_to_the_noise() {
+    assert_error_falls(|_| true);
 }

@@ -1,4 +1,4 @@
-//! The bar on truth: no wrong posterior in 400 runs started 10 % off and in 400 started from the prior.
+//! The bar on truth: no wrong posterior in 400 runs started 10 % off and in 400 started from the prior; in few of them unless long tests are asked for.
 
 mod creep_posterior;
 
@@ -6,7 +6,8 @@ use creep_posterior::{CreepPosterior, Exact, over_cores};
 use vitreo_uq::inference::ensemble::RandomStream;
 use vitreo_uq::inference::{SamplerOptions, sample};
 
-const N_RUNS: u64 = 400;
+const N_RUNS: u64 = 40;
+const N_LONG_RUNS: u64 = 400;
 /// The default of a run.
 const JUMP_FRACTION: f64 = 0.8;
 
@@ -56,13 +57,13 @@ fn assert_truth(n_runs: u64, jump_fraction: f64, start_of: impl Fn(&CreepPosteri
 
 #[test]
 fn started_ten_percent_off() {
-    assert_truth(N_RUNS, JUMP_FRACTION, |posterior, seed| {
-        let mut stream = RandomStream::new(seed, 1 << 62);
-        // Every natural parameter 10 % too large or too small; a start for each of eight walkers.
-        let off = |stream: &mut RandomStream| if stream.unit() < 0.5 { 0.9_f64.ln() } else { 1.1_f64.ln() };
-        let centre: Vec<f64> = posterior.truth().iter().map(|x| x + off(&mut stream)).collect();
-        (0..8).map(|_| centre.iter().map(|x| x + 1e-3 * stream.normal()).collect()).collect()
-    });
+    assert_truth(N_RUNS, JUMP_FRACTION, ten_percent_off);
+}
+
+#[test]
+#[ignore = "campaigns/wrong-posteriors"]
+fn started_ten_percent_off_in_many_runs() {
+    assert_truth(N_LONG_RUNS, JUMP_FRACTION, ten_percent_off);
 }
 
 #[test]
@@ -71,8 +72,22 @@ fn started_from_the_prior() {
 }
 
 #[test]
+#[ignore = "campaigns/wrong-posteriors"]
+fn started_from_the_prior_in_many_runs() {
+    assert_truth(N_LONG_RUNS, JUMP_FRACTION, from_the_prior);
+}
+
+#[test]
 fn started_from_the_prior_with_the_ensemble_s_moves_alone() {
-    assert_truth(40, 0.0, from_the_prior);
+    assert_truth(8, 0.0, from_the_prior);
+}
+
+/// Every natural parameter 10 % too large or too small; a start for each of eight walkers.
+fn ten_percent_off(posterior: &CreepPosterior, seed: u64) -> Vec<Vec<f64>> {
+    let mut stream = RandomStream::new(seed, 1 << 62);
+    let off = |stream: &mut RandomStream| if stream.unit() < 0.5 { 0.9_f64.ln() } else { 1.1_f64.ln() };
+    let centre: Vec<f64> = posterior.truth().iter().map(|x| x + off(&mut stream)).collect();
+    (0..8).map(|_| centre.iter().map(|x| x + 1e-3 * stream.normal()).collect()).collect()
 }
 
 fn from_the_prior(posterior: &CreepPosterior, seed: u64) -> Vec<Vec<f64>> {

@@ -18,6 +18,8 @@ use crate::workflow::problem::Problem;
 /// Effects that are quick to fit, and between them fit much.
 const QUICK: [&str; 6] =
     ["actuator-lag", "clock-offset", "force-bias", "instantaneous-elasticity", "second-retardation", "tracking-drift"];
+/// Where the verdict is not about which.
+const FEW: [&str; 3] = ["clock-offset", "force-bias", "instantaneous-elasticity"];
 
 /// What noise a control has: σ, σ_ou (µm), τ (s), s_g, s_o (µm); shares of rows that are off by 12 σ and lost; and whether σ is given.
 #[derive(Clone, Copy)]
@@ -35,13 +37,13 @@ fn autoregressive(sd_um: f64, time_s: f64) -> Noise {
     Noise { parameters: [NONE, sd_um, time_s, NONE, NONE], is_given: false, ..WHITE }
 }
 
-/// A subject of positions (m), one a row, and the quick effects, with a noise of 4 µm given or none.
-fn measured(position_m: &[Option<f64>], is_given: bool) -> Subject {
+/// A subject of positions (m), one a row, and these effects, with a noise of 4 µm given or none.
+fn measured(position_m: &[Option<f64>], is_given: bool, effects: &[&str]) -> Subject {
     let mut experiment = subject(Protocol::Paper).experiment().clone();
     experiment.record.position_m = position_m.to_vec();
     experiment.noise_sd_m = is_given.then_some(4e-6);
     let problem = Problem::new(experiment, ModelSpecification::default(), None, &Silent).expect("sound");
-    Subject::new(&problem, &Library::only(&QUICK), None, &Silent).expect("sound")
+    Subject::new(&problem, &Library::only(effects), None, &Silent).expect("sound")
 }
 
 fn control(still: &Subject, noise: &Noise, seed: u64) -> Subject {
@@ -55,7 +57,7 @@ fn control(still: &Subject, noise: &Noise, seed: u64) -> Subject {
         (stream.unit() >= noise.lost).then_some(x + noise_m + off_m)
     };
     let positions: Vec<Option<f64>> = position_m.iter().zip(noise_m).map(&mut of_row).collect();
-    measured(&positions, noise.is_given)
+    measured(&positions, noise.is_given, &QUICK)
 }
 
 fn diagnosed(subject: &Subject, seed: u64) -> Diagnosis {
@@ -64,11 +66,11 @@ fn diagnosed(subject: &Subject, seed: u64) -> Diagnosis {
 }
 
 /// Slow noise alone, of which short lags show a third at most, is noise, called an estimate; with outliers beside it and with lost rows, too. The false claims
-/// of a search are at most one in a hundred, so that one of these eight is not `none` once in a dozen choices of seeds: these are fixed. `VITREO_UQ_CONTROLS`
-/// asks for more of each kind.
+/// of a search are at most one in a hundred, so that one of these four is not `none` once in twenty-five choices of seeds: these are fixed. `VITREO_UQ_CONTROLS`
+/// asks for more of each kind, and for more kinds.
 #[test]
 fn noise_that_is_not_given_is_not_a_misfit() {
-    let n: u64 = std::env::var("VITREO_UQ_CONTROLS").ok().and_then(|n| n.parse().ok()).unwrap_or(2);
+    let n: u64 = std::env::var("VITREO_UQ_CONTROLS").ok().and_then(|n| n.parse().ok()).unwrap_or(1);
     let slow = autoregressive(6.0, 0.475);
     let kinds = [
         ("AR(1) 0.475 s", slow),
@@ -87,7 +89,7 @@ fn noise_that_is_not_given_is_not_a_misfit() {
         ("lost rows", Noise { lost: 0.1, ..WHITE }),
     ];
     let still = subject(Protocol::Paper);
-    let n_kinds = if n > 2 { kinds.len() } else { 4 };
+    let n_kinds = if n > 1 { kinds.len() } else { 4 };
     let cases: Vec<(usize, u64)> = (0..n_kinds).flat_map(|kind| (0..n).map(move |seed| (kind, seed))).collect();
     let others: Vec<(usize, u64, Diagnosis)> = cases
         .into_par_iter()
@@ -98,7 +100,7 @@ fn noise_that_is_not_given_is_not_a_misfit() {
         let wrong: Vec<_> = own().filter(|other| other.2.verdict.kind != VerdictKind::None).collect();
         println!("{name}: {} of {n} not none", wrong.len());
         wrong.iter().for_each(|(_, seed, other)| println!("  seed {seed}: {}", other.verdict.sentence));
-        assert!(n > 2 || wrong.is_empty());
+        assert!(n > 1 || wrong.is_empty());
         for (.., diagnosis) in own().filter(|other| other.2.verdict.kind == VerdictKind::None) {
             assert_eq!(diagnosis.verdict.sentence.contains("estimated"), !noise.is_given);
             let true_um = noise.parameters[0].hypot(noise.parameters[1]);
@@ -126,7 +128,7 @@ fn a_wrong_law_is_called_wrong_first() {
     let mut stream = RandomStream::new(9, 9);
     let position_m: Vec<Option<f64>> =
         (0..record.n_rows()).map(|row| Some(of_row(row) + 1e-7 * stream.normal())).collect();
-    let data = measured(&position_m, false);
+    let data = measured(&position_m, false, &FEW);
     let diagnosis = diagnosed(&data, 1);
     let verdict = &diagnosis.verdict;
     println!("{}", verdict.sentence);
@@ -139,21 +141,21 @@ fn a_wrong_law_is_called_wrong_first() {
 }
 
 /// What both commands make of the same remainder: a shape of 5 µm that comes again in every cycle beside 4 µm of known noise. The search's noise swallows it,
-/// and `diagnose` has to call it a misfit as `sample` does, with white noise alone.
+/// and `diagnose` has to call it a misfit as `sample` does, with white noise alone. Without the shape `sample` is content; for `diagnose` the controls above ask that.
 #[test]
 fn known_noise_binds_both_commands() {
     let still = subject(Protocol::Paper);
     let truth_m = truth_of(&still, &[], &[]);
     let record = still.experiment().record.clone();
-    let again = |t: f64| 7e-6 * (std::f64::consts::TAU * 0.3 * t + 0.5).sin();
-    for (size, is_misfit) in [(1.0, true), (0.0, false)] {
-        let noise_m = noise_of(&still, &truth_m, &WHITE.parameters, 17);
-        let position_m: Vec<Option<f64>> = (0..truth_m.len())
-            .map(|row| Some(truth_m[row] + noise_m[row] + size * again(record.time_s[row])))
-            .collect();
-        let data = measured(&position_m, true);
-        let diagnosis = diagnosed(&data, 2);
-        assert_eq!(diagnosis.verdict.kind != VerdictKind::None, is_misfit, "{}", diagnosis.verdict.sentence);
+    let noise_m = noise_of(&still, &truth_m, &WHITE.parameters, 17);
+    let again_m = |t: f64| 7e-6 * (std::f64::consts::TAU * 0.3 * t + 0.5).sin();
+    let with = |size: f64| {
+        let of_row = |row: usize| Some(truth_m[row] + noise_m[row] + size * again_m(record.time_s[row]));
+        measured(&(0..truth_m.len()).map(of_row).collect::<Vec<_>>(), true, &FEW)
+    };
+    let diagnosis = diagnosed(&with(1.0), 2);
+    assert_ne!(diagnosis.verdict.kind, VerdictKind::None, "{}", diagnosis.verdict.sentence);
+    for (data, is_misfit) in [(with(1.0), true), (with(0.0), false)] {
         // As `sample` does: the fit of white noise, its residuals, the same rule.
         let model_m = data.fit(&data.base(), &[], Search::Wide).expect("fits").position_m;
         let left = |positions: &[Option<f64>]| -> Vec<Option<f64>> {
@@ -174,6 +176,7 @@ fn known_noise_binds_both_commands() {
 
 /// The real measurement beside the project, where it is there: an effect may help, and none is the cause.
 #[test]
+#[ignore = "campaigns/long-tests"]
 fn a_real_measurement_of_another_law_is_not_explained() {
     let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/keizer-2022-cycles");
     if !path.exists() {

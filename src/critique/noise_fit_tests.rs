@@ -79,7 +79,7 @@ fn no_search_finds_a_better_noise() {
         ("gain", [4.0, 1e-6, 1.0, 0.01, 2.0]),
     ];
     let mut worst = 0.0_f64;
-    let n = 12;
+    let n = 6;
     for (name, noise) in &kinds {
         let (losses, white_um) = losses(&subject, |_| plain.clone(), noise, n);
         println!(

@@ -242,7 +242,7 @@ fn the_sharp_yield_stress_is_the_limit_of_the_smoothed_one() {
     assert!(error(YIELD_SMOOTHING) < 1e-4);
 }
 
-/// One hold a switch, so that the rule and not the rows set the steps; the reference has steps four times as many.
+/// One hold a switch, so that the rule and not the rows set the steps; runs with half as long steps against each other.
 #[test]
 fn the_error_falls_with_the_fourth_power_of_the_step() {
     let load = Stages::of_law(Vec::new()).load;
@@ -256,11 +256,12 @@ fn the_error_falls_with_the_fourth_power_of_the_step() {
             let options = Options { scheme, resolution: Resolution { steps_per_doubling }, tolerance: 1e-11 };
             run_cube(&homogeneous, &load, &time_s, &force_n, options)
         };
-        let exact = run(64, Scheme::Fourth);
+        let exact = homogeneous.run(&time_s, &force_n, |f, _| f);
         let growth = |k: f64| k.recip().exp2() - 1.0;
         let order = |scheme: Scheme| {
-            let (coarse, fine) = (distance(&run(4, scheme), &exact), distance(&run(16, scheme), &exact));
-            (coarse / fine).ln() / (growth(4.0) / growth(16.0)).ln()
+            let [coarse, middle, fine] = [4, 8, 16].map(|steps| run(steps, scheme));
+            println!("{nonlinearity:?} {scheme:?}: {:.1e} {:.1e}", distance(&coarse, &exact), distance(&fine, &exact));
+            (distance(&coarse, &middle) / distance(&middle, &fine)).ln() / (growth(4.0) / growth(8.0)).ln()
         };
         let (fourth, first) = (order(Scheme::Fourth), order(Scheme::Euler));
         assert!(fourth > 3.5 && fourth < 4.5, "{nonlinearity:?}: {fourth}");
@@ -321,8 +322,8 @@ fn rows_between_steps_are_interpolated_to_the_steps_own_error() {
     let mesh = ball();
     let stiffness = Stiffness::new(&mesh).unwrap();
     let model = NonlinearModel::new(&mesh, &stiffness, 0.48).unwrap();
-    let time_s: Vec<f64> = (0..120).map(|i| 3.0 + 0.1 * f64::from(i)).collect();
-    let force_n: Vec<f64> = (0..120).map(|i| [1.0, -0.8, 0.5][i / 40] * FORCE_N).collect();
+    let time_s: Vec<f64> = (0..48).map(|i| 3.0 + 0.1 * f64::from(i)).collect();
+    let force_n: Vec<f64> = (0..48).map(|i| [1.0, -0.8, 0.5][i / 16] * FORCE_N).collect();
     for (law, nonlinearity) in [
         (BaseLaw::Lethersich, Nonlinearity::StrainStiffening { coefficient: 0.5 }),
         (BaseLaw::Burgers, Nonlinearity::ShearThinning { index: 0.5, reference_stress_pa: REFERENCE_STRESS_PA }),
@@ -342,10 +343,10 @@ fn rows_between_steps_are_interpolated_to_the_steps_own_error() {
             time_s: &time_s,
             force_n: &force_n,
         };
-        let exact = model.run(&what, &[50, 119], Options::default()).unwrap();
+        let exact = model.run(&what, &[20, 47], Options::default()).unwrap();
         let mut stages = stages.clone();
         stages.spatial = Some(crate::effects::Spatial::Nonlinear(nonlinearity.constant()));
-        let found = model.run_stages(&stages, &time_s, &force_n, &[119, 50, 999], Options::default()).unwrap();
+        let found = model.run_stages(&stages, &time_s, &force_n, &[47, 20, 999], Options::default()).unwrap();
         let error = distance(&found.displacement_m, &exact.displacement_m);
         println!("{law:?}: {error:.1e} in {} steps instead of {}", found.cost.n_steps, exact.cost.n_steps);
         assert!(error < 1e-4, "{law:?}: {error:e}");
@@ -357,10 +358,9 @@ fn rows_between_steps_are_interpolated_to_the_steps_own_error() {
     }
 }
 
-/// How far a robot moves in a gel that thins (n = 0.3): the mesh for it at level 2, and the level's own, against half as long elements along the radius with twice as many around it.
-#[test]
-fn layers_are_what_a_law_that_thins_needs() {
-    let ball = QuarterBall { robot_radius_m: 0.275e-3, outer_radius_m: 10e-3, n_per_edge: 2, n_layers: 8 };
+/// How far a robot moves in a gel that thins (n = 0.3): the mesh for it, and the level's own, against half as long elements along the radius with twice as many around it.
+/// Shares of the last that the first two err by.
+fn errors_without_and_with_layers(ball: QuarterBall) -> [f64; 2] {
     let excess_m = |ball: QuarterBall| {
         let mesh = ball.mesh().unwrap();
         let stiffness = Stiffness::new(&mesh).unwrap();
@@ -370,7 +370,7 @@ fn layers_are_what_a_law_that_thins_needs() {
             let thinning = Nonlinearity::ShearThinning { index, reference_stress_pa: REFERENCE_STRESS_PA };
             let mut stages = Stages::of_law(lethersich());
             stages.spatial = Some(Spatial::Nonlinear(thinning.constant()));
-            let options = Options { resolution: Resolution { steps_per_doubling: 2 }, ..Options::default() };
+            let options = Options { resolution: Resolution { steps_per_doubling: 1 }, ..Options::default() };
             model.run_stages(&stages, &time_s, &force_n, &[], options).unwrap().displacement_m[2]
         };
         at(0.3) - at(1.0)
@@ -389,6 +389,23 @@ fn layers_are_what_a_law_that_thins_needs() {
     let finer = QuarterBall { n_per_edge: 2 * layered.n_per_edge, n_layers: 2 * layered.n_layers, ..layered };
     let exact_m = excess_m(finer);
     let [own, layered] = [ball, layered].map(|ball| (excess_m(ball) / exact_m - 1.0).abs());
-    println!("level 2 errs {own:.1e}, the mesh for thinning {layered:.1e}");
+    println!("the level's mesh errs {own:.1e}, the mesh for thinning {layered:.1e}");
+    [own, layered]
+}
+
+const LEVEL_1: QuarterBall =
+    QuarterBall { robot_radius_m: 0.275e-3, outer_radius_m: 10e-3, n_per_edge: 1, n_layers: 4 };
+
+/// At level 1 what is left is the error around the robot.
+#[test]
+fn layers_are_what_a_law_that_thins_needs() {
+    let [own, layered] = errors_without_and_with_layers(LEVEL_1);
+    assert!(layered < 0.5 * own, "{layered:e} {own:e}");
+}
+
+#[test]
+#[ignore = "campaigns/long-tests"]
+fn layers_are_what_a_law_that_thins_needs_at_level_2() {
+    let [own, layered] = errors_without_and_with_layers(QuarterBall { n_per_edge: 2, n_layers: 8, ..LEVEL_1 });
     assert!(layered < 0.2 * own && layered < 5e-3, "{layered:e} {own:e}");
 }
