@@ -5,13 +5,14 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::Path;
 
 /// What a reduced model depends on beside its input: meshes, finite elements, reduction, laws and effects. Statistics, figures, words and tests do not count.
-const MECHANICS: [&str; 6] = ["src/effects", "src/fe", "src/mesh", "src/number.rs", "src/rheology", "src/surrogate"];
+const MECHANICS: [&str; 6] = ["effects", "fe", "mesh", "number.rs", "rheology", "surrogate"];
 
 fn main() -> std::io::Result<()> {
     let mut hash = DefaultHasher::new();
     for place in MECHANICS {
-        println!("cargo:rerun-if-changed={place}");
-        add(Path::new(place), &mut hash)?;
+        let place = Path::new("crates/mechanics/src").join(place);
+        println!("cargo:rerun-if-changed={}", place.display());
+        add(&place, &mut hash)?;
     }
     println!("cargo:rustc-env=VITREO_UQ_MECHANICS={:016x}", hash.finish());
     Ok(())

@@ -64,16 +64,22 @@ run_in() {
     note "$label" "$started" "$@"
 }
 
-# play LABEL COUNT ARGUMENTS…: `challenge run` of so many, in parts, so that RESUME=1 loses little; their documents in LABEL.FIRST.json.
+# in_parts LABEL COUNT SIZE PROGRAM ARGUMENTS…: a program that takes --count, --first and --json, in parts of SIZE, so that RESUME=1 loses little; documents in
+# LABEL.FIRST.json.
+in_parts() {
+    local label=$1 count=$2 size=$3 first
+    shift 3
+    for ((first = 0; first < count; first += size)); do
+        run_in "$label.$first" "$@" --json "$raw/$label.$first.json" --count $((count - first < size ? count - first : size)) --first "$first"
+    done
+}
+
+# play LABEL COUNT ARGUMENTS…: `challenge run` of so many.
 plays_a_part=50
 play() {
-    local label=$1 count=$2 first part
+    local label=$1 count=$2
     shift 2
-    for ((first = 0; first < count; first += plays_a_part)); do
-        part=$label.$first
-        run_in "$part" "$program" challenge run --quiet --cache "$VITREO_UQ_CACHE/trajectories" --json "$raw/$part.json" \
-            --count $((count - first < plays_a_part ? count - first : plays_a_part)) --first "$first" "$@"
-    done
+    in_parts "$label" "$count" "$plays_a_part" "$program" challenge run --quiet --cache "$VITREO_UQ_CACHE/trajectories" "$@"
 }
 
 # finish: has figures.py of the campaign read the raw output, and writes result.json.

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use vitreo_uq::report::corner::{CornerOptions, ParameterColumn, Posterior, corner};
-use vitreo_uq::report::density::{Support, sorted};
+use vitreo_uq::report::density::{guessed_support, sorted};
 use vitreo_uq::report::draws::{DrawTable, read_draws_csv};
 use vitreo_uq::report::labels::{ParameterLabel, of_parameter};
 use vitreo_uq::report::palette::series;
@@ -51,7 +51,7 @@ fn parameters(posterior: &Loaded) -> Vec<ParameterColumn<'_>> {
             symbol: &label.symbol,
             unit: &label.unit,
             draws,
-            support: Support::guess(&sorted(draws)),
+            support: guessed_support(&sorted(draws)),
             prior: None,
             reference: None,
         })

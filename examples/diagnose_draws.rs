@@ -4,7 +4,7 @@
 
 use std::collections::BTreeMap;
 use vitreo_uq::error::Place;
-use vitreo_uq::inference::diagnostics::{Chains, chains, ess_bulk, ess_mean, ess_tail, mcse_mean, rhat};
+use vitreo_uq::inference::diagnostics::{Chains, convergence, ess_bulk, ess_mean, ess_tail, mcse_mean, rhat};
 use vitreo_uq::{Error, Result};
 
 fn read(path: &str) -> Result<Chains> {
@@ -29,7 +29,7 @@ fn main() -> Result<()> {
             "ess_tail": ess_tail(&draws),
             "ess_mean": ess_mean(&draws),
             "mcse_mean": mcse_mean(&draws),
-            "autocorrelation_time": chains::autocorrelation_time(&draws),
+            "autocorrelation_time": convergence::autocorrelation_time(&draws),
         });
         println!("{found}");
     }

@@ -1,34 +1,43 @@
 //! Bayesian uncertainty quantification for creep experiments in soft gels.
 //!
-//! Data flow in one direction; a module uses only those above it in this list:
-//! [`error`] and [`units`] → [`experiment`] (what was measured) → [`mesh`] → [`fe`] (full-order model)
-//! → [`rheology`] (creep laws) → [`model`] (law + apparatus → trajectory) → [`surrogate`] (reduced model)
-//! → [`inference`] (priors, likelihood, sampler, diagnostics) → [`study`] (what is kept on disk)
-//! → [`report`] (figures and exchange formats) → [`workflow`] (the jobs) → [`critique`] (where a model fails, what it lacks).
-
-pub mod distribution;
-mod document;
-pub mod effects;
-mod elementary;
-pub mod error;
-pub mod experiment;
-pub mod files;
-pub mod groups;
-pub mod shapes;
+//! Modules stand in the order in which data flow; each uses only those before it.
+//!
+//! - [`error`]: one error type, with file, line and remedy
+//! - [`files`]: all reading and writing of files
+//! - [`units`]: unit suffixes
+//! - [`parameter`]: what a parameter is
+//! - `elementary`: exponentials and logarithms of many numbers at once
+//! - [`number`]: dual numbers, and what kernels compute with
+//! - [`distribution`]: distributions of priors
+//! - `toml_input`: TOML whose every value knows its line
+//! - [`experiment`]: what was measured: apparatus, force, positions, cycles
+//! - [`rheology`]: laws of springs, dashpots and springpots, as spectra
+//! - [`effects`]: physical effects, one file each, and the stages that they write themselves into
+//! - [`mesh`]: meshes of the gel
+//! - [`fe`]: full finite elements
+//! - [`model`]: law, effects and apparatus: parameters to trajectory
+//! - [`surrogate`]: what stands for a full model, certified
+//! - [`inference`]: priors, likelihood, noise, ensembles, evidence
+//! - [`documents`]: what commands write: plain types
+//! - [`report`]: figures, CSV, NetCDF
+//! - [`study`]: what is kept on disk
+//! - [`workflow`]: the jobs of `sample`, `fit`, `simulate`, `effects`, `extend`, `ladder`
+//! - [`critique`]: where a model fails and what it lacks; challenges
+//! - [`shapes`]: the study of robot shapes
+//! - [`groups`]: species and regions compared
+//! - [`schemas`]: JSON Schemas of the documents
 
 pub mod critique;
-pub mod fe;
-pub mod inference;
-pub mod mesh;
-pub mod model;
-pub mod number;
-pub mod parameter;
-pub mod report;
-pub mod rheology;
+pub mod groups;
 pub mod schemas;
+pub mod shapes;
 pub mod study;
-pub mod surrogate;
-pub mod units;
 pub mod workflow;
 
-pub use error::{Error, Result};
+pub use vitreo_uq_figures::{documents, report};
+pub use vitreo_uq_inference::inference;
+use vitreo_uq_mechanics::toml_input;
+pub use vitreo_uq_mechanics::{
+    Error, Result, distribution, effects, error, experiment, fe, files, mesh, model, number, parameter, rheology,
+    surrogate, units,
+};

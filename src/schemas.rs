@@ -5,17 +5,17 @@ use schemars::generate::SchemaSettings;
 use serde_json::{Value, json};
 
 use crate::critique::challenge::plays::Plays;
-use crate::critique::compare::document::Comparison;
-use crate::critique::diagnosis::Diagnosis;
-use crate::groups::summary::GroupsSummary;
-use crate::shapes::summary::ShapesSummary;
+use crate::documents::comparison::Comparison;
+use crate::documents::diagnosis::Diagnosis;
+use crate::documents::effects::EffectsSummary;
+use crate::documents::extension::ExtensionSummary;
+use crate::documents::fit::FitSummary;
+use crate::documents::groups::GroupsSummary;
+use crate::documents::ladder::LadderSummary;
+use crate::documents::posterior::PosteriorSummary;
+use crate::documents::shapes::ShapesSummary;
+use crate::documents::simulation::SimulationSummary;
 use crate::study::WithProvenance;
-use crate::workflow::extend::ExtensionSummary;
-use crate::workflow::fit::FitSummary;
-use crate::workflow::ladder::LadderSummary;
-use crate::workflow::simulate::SimulationSummary;
-use crate::workflow::summary::PosteriorSummary;
-use crate::workflow::visibility::EffectsSummary;
 
 /// The schema of one kind of documents.
 #[derive(Debug, Clone, PartialEq)]

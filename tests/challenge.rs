@@ -4,14 +4,15 @@ use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
 use rayon::prelude::*;
-use vitreo_uq::critique::challenge::plays::{PlaysRequest, Sort, judged, run};
+use vitreo_uq::critique::challenge::play::Sort;
+use vitreo_uq::critique::challenge::plays::{PlaysRequest, judged, run};
 use vitreo_uq::critique::challenge::{Bench, Hidden, NoiseKind, Order, OutsideKind, Protocol, files, full_order};
 use vitreo_uq::critique::diagnose::{DiagnosisRequest, diagnose};
-use vitreo_uq::critique::diagnosis::{
-    BaseErrors, CandidateEntry, Diagnosis, Errors, Refit, Status, Verdict, VerdictKind,
-};
 use vitreo_uq::critique::future::future_score;
 use vitreo_uq::critique::{Candidate, Fitted, Search, Subject};
+use vitreo_uq::documents::diagnosis::{
+    BaseErrors, CandidateEntry, Diagnosis, Errors, Refit, Status, Verdict, VerdictKind,
+};
 use vitreo_uq::error::Result;
 use vitreo_uq::experiment::Experiment;
 use vitreo_uq::inference::ensemble::RandomStream;

@@ -74,7 +74,7 @@ fn a_missing_drift_is_added_and_the_error_falls() {
     assert!(entry("clock-offset")["visible_fraction"].as_f64().unwrap() > 0.01);
 }
 
-/// The list's keys are those of contracts §5, and what this protocol cannot see is said: of compressibility next to nothing is left once E, c₁
+/// The list's keys are those of formats §5, and what this protocol cannot see is said: of compressibility next to nothing is left once E, c₁
 /// and c₂ have absorbed what they can (physics §5).
 #[test]
 fn the_list_has_every_effect_with_what_is_visible() {

@@ -15,7 +15,7 @@ fn read_json(path: &Path) -> Value {
     serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap()
 }
 
-/// The document of contracts §5 on standard output and in the study; the estimate is near what the data were made of (5 of the
+/// The document of formats §5 on standard output and in the study; the estimate is near what the data were made of (5 of the
 /// standard errors: one failure in 10⁶ for another seed of the replica).
 #[test]
 fn fit_of_the_replica_writes_the_contracts_document() {

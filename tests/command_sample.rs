@@ -18,7 +18,7 @@ fn has_numbers(object: &Value, keys: &[&str]) {
     }
 }
 
-/// The keys of contracts §5, written out.
+/// The keys of formats §5, written out.
 fn check_contract(document: &Value) {
     assert_eq!(document["schema"], "vitreo-uq/posterior/1");
     assert_eq!(document["version"], env!("CARGO_PKG_VERSION"));

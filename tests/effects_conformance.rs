@@ -1,4 +1,4 @@
-//! What every effect of the library must keep (house style; physics §5), as far as it can be seen without solving a model.
+//! What every effect of the library must keep (physics §5), as far as it can be seen without solving a model.
 
 use vitreo_uq::distribution::Distribution;
 use vitreo_uq::effects::{EFFECTS, Effect, EffectParameter, Stage, Stages};
@@ -19,7 +19,7 @@ const PORCINE: Scales = Scales {
     robot_radius_m: Some(0.275e-3),
 };
 
-/// Experiments at the edges of what contracts §1 accepts: nothing measured, one constant pull, hardly any rows, any Poisson ratio, an
+/// Experiments at the edges of what formats §1 accepts: nothing measured, one constant pull, hardly any rows, any Poisson ratio, an
 /// instrument far from the scales of a bead.
 fn experiments() -> Vec<Scales> {
     let one_pull = Scales { hold_s: PORCINE.duration_s, ..PORCINE };

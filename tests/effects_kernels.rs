@@ -1,4 +1,4 @@
-//! What every effect keeps in the kernels (house style): at its null the base returns; the reduced model agrees with full finite elements, which
+//! What every effect keeps in the kernels: at its null the base returns; the reduced model agrees with full finite elements, which
 //! step it by other means; sensitivities agree with finite differences; every pair gives finite positions.
 
 use std::sync::OnceLock;

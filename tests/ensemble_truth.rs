@@ -79,7 +79,7 @@ fn started_from_the_prior_in_many_runs() {
 
 #[test]
 fn started_from_the_prior_with_the_ensemble_s_moves_alone() {
-    assert_truth(8, 0.0, from_the_prior);
+    assert_truth(N_RUNS, 0.0, from_the_prior);
 }
 
 /// Every natural parameter 10 % too large or too small; a start for each of eight walkers.

@@ -1,4 +1,4 @@
-//! Every rejection of contracts §1: file, line, column or key, and a remedy that says what to do here.
+//! Every rejection of formats §1: file, line, column or key, and a remedy that says what to do here.
 
 use rand::{RngExt, SeedableRng};
 use vitreo_uq::experiment::{Experiment, ExperimentFiles};

@@ -9,15 +9,16 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
+use vitreo_uq::documents::groups::GroupsSummary;
+use vitreo_uq::documents::posterior::WarningKind;
 use vitreo_uq::error::Error;
 use vitreo_uq::experiment::Experiment;
 use vitreo_uq::groups::cohort::{Key, Measurement};
 use vitreo_uq::groups::job::{Comparison, GroupsRequest, run};
-use vitreo_uq::groups::summary::{GroupsSummary, summarise};
+use vitreo_uq::groups::summary::summarise;
 use vitreo_uq::inference::SamplerOptions;
 use vitreo_uq::inference::ensemble::Progress;
 use vitreo_uq::study::{ModelSpecification, sha256_hex};
-use vitreo_uq::workflow::summary::WarningKind;
 use vitreo_uq::workflow::{Monitor, Silent};
 
 /// Force per displacement per Pa of a sphere of 0.275 mm in a ball of 10 mm, in m (physics §4.10).

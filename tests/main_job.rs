@@ -11,7 +11,7 @@ use vitreo_uq::workflow::problem::Problem;
 use vitreo_uq::workflow::reduced::Reduced;
 use vitreo_uq::workflow::replica;
 use vitreo_uq::workflow::sample::{SampleRequest, SampleResult, run};
-use vitreo_uq::workflow::{Silent, heldout};
+use vitreo_uq::workflow::{Silent, full_check};
 
 fn main_job() -> (Problem, SampleResult) {
     let (experiment, _) = replica::embedded().unwrap();
@@ -132,11 +132,11 @@ fn a_wrong_surrogate_is_measured_by_the_full_model() {
             vec![3.527 * (1.0 + 5e-4 * normal()), 1.402 * (1.0 + 2e-3 * normal()), 47.37 * (1.0 + 2e-3 * normal()), 4.0]
         })
         .collect();
-    let exact = heldout::check(&problem, &reduced, &draws).unwrap();
+    let exact = full_check::check(&problem, &reduced, &draws).unwrap();
     assert!(exact.surrogate_vs_full_max_m.unwrap() < 1e-12);
     assert_eq!(exact.pareto_k, Some(0.0));
     reduced.compliance = Compliance::given(reduced.compliance.given_per_m() * (1.0 + ERROR));
-    let wrong = heldout::check(&problem, &reduced, &draws).unwrap();
+    let wrong = full_check::check(&problem, &reduced, &draws).unwrap();
     let amplitude_m = wrong.trajectories_m.iter().flatten().fold(0.0_f64, |a, x| a.max(x.abs()));
     let ratio = wrong.surrogate_vs_full_max_m.unwrap() / (ERROR * amplitude_m);
     assert!((ratio - 1.0).abs() < 1e-6, "{ratio}");

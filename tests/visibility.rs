@@ -2,14 +2,15 @@
 //! signatures by finite differences, the base absorbed by its normal equations.
 
 use nalgebra::{DMatrix, DVector};
+use vitreo_uq::distribution::Distribution;
+use vitreo_uq::documents::effects::EffectsSummary;
 use vitreo_uq::effects::Library;
-use vitreo_uq::inference::distribution::Distribution;
 use vitreo_uq::model::{Forward, ReducedForward};
 use vitreo_uq::study::ModelSpecification;
 use vitreo_uq::workflow::problem::Problem;
 use vitreo_uq::workflow::reduced::{KeptSurrogate, Reduced};
 use vitreo_uq::workflow::replica::embedded;
-use vitreo_uq::workflow::visibility::{self, EffectsSummary};
+use vitreo_uq::workflow::visibility::{self};
 use vitreo_uq::workflow::{Silent, fit};
 
 /// So narrow that they count beside the data: the replica alone knows the parameters to about a per cent.

@@ -3,7 +3,5 @@
 # model, since this calibrates an algorithm. A random coverage of 90 % of 240 lies within 203 and 228 with a probability of 99 %.
 source "$(dirname "${BASH_SOURCE[0]}")/../common.sh"
 begin coverage
-for ((first = 0; first < ${COUNT:-240}; first += 20)); do
-    run_in "$first" "$root/target/release/examples/interval_coverage" --count 20 --first "$first" --seed 1 --json "$raw/$first.json"
-done
+in_parts coverage "${COUNT:-240}" 20 "$root/target/release/examples/interval_coverage" --seed 1
 finish

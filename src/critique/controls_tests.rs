@@ -5,9 +5,9 @@
 use rayon::prelude::*;
 
 use super::diagnose::{DiagnosisRequest, diagnose};
-use super::diagnosis::{Diagnosis, VerdictKind};
 use super::test_subjects::{Protocol, noise_of, subject, truth_of};
 use super::{Search, Subject};
+use crate::documents::diagnosis::{Diagnosis, VerdictKind};
 use crate::effects::Library;
 use crate::inference::ensemble::RandomStream;
 use crate::study::ModelSpecification;

@@ -1,39 +1,20 @@
 //! Which effect is missing: the search, what stands beside its claim, and the words for it.
 
 use super::bootstrap::simulated;
-use super::diagnosis::Diagnosis;
+use super::class::class_of;
 use super::document::Report;
 use super::leftover::{Leftover, event_in_any_cycle, is_gain_of_a_cycle, misfit};
 use super::outside::{self, Outside, OutsideNull, OutsideRequest, outside_gain};
 use super::refit::Refitted;
-use super::search::{Bars, Effort, Found, LARGER_NATS, replacements, search};
-use super::separation::{SEPARATED_SIGMA, distance};
+pub use super::request::DiagnosisRequest;
+use super::search::{Effort, Found, LARGER_NATS, search};
 use super::{Search, Subject, outliers};
+use crate::documents::diagnosis::Diagnosis;
 use rayon::prelude::*;
 
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::workflow::misfit::Misfit;
 use crate::workflow::{Counter, Monitor};
-
-/// What a caller decides.
-#[derive(Debug, Clone, PartialEq)]
-pub struct DiagnosisRequest {
-    /// What a claim has to pass.
-    pub bars: Bars,
-    /// Most simulated searches a round.
-    pub n_simulations: usize,
-    /// Seed of all random numbers.
-    pub seed: u64,
-    /// Whether to look for what only words need: evidence of all candidates, protocols, smallest sizes. `challenge run` leaves them out.
-    pub in_full: bool,
-}
-
-impl Default for DiagnosisRequest {
-    fn default() -> Self {
-        let bars = Bars { largest_p: 0.05, least_future_nats: 2.0, smallest_change: 0.25 };
-        Self { bars, n_simulations: 99, seed: 1, in_full: true }
-    }
-}
 
 /// What was found, with the models behind it.
 pub struct Outcome {
@@ -49,8 +30,6 @@ pub struct Outcome {
     pub subject: Subject,
 }
 
-/// Models whose rank is within so many nats of the claim are within reach of the data.
-const REACH_NATS: f64 = 6.0;
 /// p and gain (nats, less what chance gives) that structure outside the library needs.
 const LARGEST_OUTSIDE_P: f64 = 0.02;
 const LEAST_OUTSIDE_NATS: f64 = 5.5;
@@ -225,33 +204,6 @@ fn confirmed(
     let p = 1.0 / (1 + n_made) as f64;
     list.iter_mut().for_each(|outside| outside.p_familywise = outside.p_familywise.max(p));
     Ok(list)
-}
-
-/// An effect that stands for one of the claim as well as it does itself, and the model in which it does.
-pub(super) struct Equivalent {
-    pub slug: &'static str,
-    pub model: Refitted,
-}
-
-/// Effects within reach of the data that this experiment does not separate from one of the claim.
-fn class_of(subject: &Subject, found: &Found, claimed: &Refitted) -> Result<Vec<Equivalent>> {
-    let rank = |model: &Refitted| model.gain_over(&found.base, subject).rank;
-    let best = rank(claimed);
-    let mut class: Vec<Equivalent> = Vec::new();
-    for (slug, model) in replacements(subject, found, claimed) {
-        if class.iter().any(|own| own.slug == slug) || best - rank(&model) > REACH_NATS {
-            continue;
-        }
-        // A model that cannot come near the claim at all stands apart from it.
-        let apart = match distance(subject, &model.candidate, (&claimed.candidate, &claimed.fitted)) {
-            Err(Error::Numerical { .. }) => f64::INFINITY,
-            other => other?,
-        };
-        if apart < SEPARATED_SIGMA {
-            class.push(Equivalent { slug, model });
-        }
-    }
-    Ok(class)
 }
 
 #[cfg(test)]

@@ -1,10 +1,10 @@
 //! What stands beside a claim, what takes its place, and all of it once.
 
 use super::*;
-use crate::critique::diagnosis::VerdictKind;
 use crate::critique::document::tests::slip;
 use crate::critique::search::tests::{BIAS, found, small};
 use crate::critique::separation::tests::{ONE_LEVEL, measured, subject_with};
+use crate::documents::diagnosis::VerdictKind;
 use crate::effects::Library;
 use crate::workflow::Silent;
 

@@ -1,17 +1,19 @@
 //! A diagnosis in its document: what stands beside the claim, and the words for it.
 
+use super::class::Equivalent;
 use super::detectable::{Detectable, smallest_detectable};
-use super::diagnose::{DiagnosisRequest, Equivalent};
-use super::diagnosis::{
+use super::leftover::{Leftover, event_remark};
+use super::outside::Outside;
+use super::predicted::predictive_noise_um;
+use super::refit::{Gain, Refitted};
+use super::request::DiagnosisRequest;
+use super::search::{Found, Single};
+use super::weighing::{Factor, LEAST_GAIN, Weighing};
+use super::{Candidate, Fitted, Subject, noise_learning, protocol, rank};
+use crate::documents::diagnosis::{
     Answer, BaseErrors, CandidateEntry, Diagnosis, Errors, PairEntry, Refit, RefitParameter, SmallestDetectable,
     Status, UnexplainedEntry, Verdict, VerdictKind,
 };
-use super::leftover::{Leftover, event_remark};
-use super::outside::Outside;
-use super::refit::{Gain, Refitted};
-use super::search::{Found, Single};
-use super::weighing::{Factor, LEAST_GAIN, Weighing};
-use super::{Candidate, Fitted, Subject, Tangent, noise_learning, protocol, rank};
 use crate::error::Result;
 use crate::report::number::significant;
 use crate::workflow::Monitor;
@@ -23,8 +25,6 @@ const LEAST_VISIBLE: f64 = 1e-3;
 const N_REPEATS: usize = 40;
 /// Pairs that are reported.
 const N_PAIRS: usize = 5;
-/// 5 % and 95 % quantiles of a normal, in standard deviations.
-const Q95: f64 = 1.644_853_626_951_472_2;
 
 /// What the document is written from.
 pub(super) struct Report<'a> {
@@ -381,35 +381,6 @@ fn entry(outside: &Outside) -> UnexplainedEntry {
     }
 }
 
-/// Total predictive noise (µm) of a model over the rows that have a position: the noise as it was fitted, and what uncertain parameters add.
-pub(super) fn predictive_noise_um(
-    subject: &Subject,
-    candidate: &Candidate,
-    fitted: &Fitted,
-    positions_m: &[Option<f64>],
-) -> Option<f64> {
-    let record = &subject.experiment().record;
-    let tangent = Tangent::new(subject, candidate, fitted).ok()?;
-    let of_parameters_m2 = tangent.position_variance_m2(subject, candidate, fitted).ok()?;
-    let of_noise_m = subject.noise().marginal_sd_m(&record.time_s, &record.cycle, &fitted.position_m, &fitted.noise);
-    let variances_m2 = of_parameters_m2.iter().zip(&of_noise_m).map(|(variance, sd)| variance + sd * sd);
-    let of_rows: Vec<f64> =
-        positions_m.iter().zip(variances_m2).filter_map(|(y, variance)| y.map(|_| variance)).collect();
-    (!of_rows.is_empty()).then(|| 1e6 * (of_rows.iter().sum::<f64>() / of_rows.len() as f64).sqrt())
-}
-
-/// Normal approximation of the free parameters at a fit.
-pub(super) fn laplace(subject: &Subject, model: &Refitted) -> Result<Vec<RefitParameter>> {
-    let tangent = Tangent::new(subject, &model.candidate, &model.fitted)?;
-    let sds = tangent.standard_deviations();
-    let parameter = |(k, free): (usize, &super::Free)| {
-        let theta = model.fitted.theta[k];
-        let at = |sds_away: f64| free.coordinate.value(free.clamped(theta + sds_away * sds[k]));
-        RefitParameter { name: free.name.into(), mean: free.coordinate.value(theta), q05: at(-Q95), q95: at(Q95) }
-    };
-    Ok(model.candidate.free.iter().enumerate().map(parameter).collect())
-}
-
 /// `slug.name = mean (q05 to q95)`.
 fn size(parameter: &RefitParameter) -> String {
     format!(
@@ -432,7 +403,7 @@ fn in_words(answers: &[Answer]) -> Option<String> {
 }
 
 /// Three significant digits.
-pub(super) fn short(value: f64) -> String {
+fn short(value: f64) -> String {
     significant(value, 3)
 }
 

@@ -5,8 +5,9 @@ use nalgebra::DMatrix;
 use super::*;
 use crate::critique::derivatives::columns_m;
 use crate::critique::outside::OutsideKind;
-use crate::critique::search::tests::{BIAS, DRIFT_M_PER_S, found, refitted, small};
+use crate::critique::search::tests::{BIAS, DRIFT_M_PER_S, found, found_beside, refitted, small};
 use crate::critique::separation::tests::measured;
+use crate::critique::test_replica::replica;
 use crate::workflow::Silent;
 use crate::workflow::misfit::Size;
 
@@ -263,6 +264,20 @@ fn what_cannot_come_near_the_claim_gets_a_bound() {
     let refit = entry.refit.expect("refitted");
     assert_eq!((refit.log_bayes_factor, refit.log_bayes_factor_at_most), (None, Some(8.0)));
     assert_eq!(refit.parameters.len(), 1);
+}
+
+/// However near it comes: a law that is not linear gets a bound beside a claim, and is named.
+#[test]
+fn a_law_that_is_not_linear_is_not_weighed_beside_a_claim() {
+    let mut found = found_beside(replica(), &["force-bias", "strain-stiffening"]);
+    let near = Gain { fitted: 1e3, future: None, last: None, largest_change: 1.0, rank: 1e3 };
+    found.singles.iter_mut().for_each(|single| single.gain = Some(near));
+    found.claimed = found.singles[0].refitted.clone();
+    let weighing = Weighing::new(replica(), &found, (true, 1), &Silent).expect("weighed");
+    assert!(matches!(weighing.factor("force-bias"), Factor::Known(_)));
+    assert_eq!(weighing.factor("strain-stiffening"), Factor::AtMost(1005.0));
+    let [remark] = &weighing.remarks[..] else { panic!("{:?}", weighing.remarks) };
+    assert!(remark.contains("strain-stiffening") && remark.contains("beside another effect's"), "{remark}");
 }
 
 /// Two answers are said with their shares; one is not spoken of.

@@ -6,13 +6,14 @@
 //! by it, and their variance grows by its mean square, s² → s² + ⟨m² + v⟩, with m its mean and v its variance in the fitted rows.
 
 use super::derivatives::columns_m;
-use super::diagnosis::DiscrepancyEntry;
-use super::document::{predictive_noise_um, short};
 use super::outside::{Axis, Discrepancy, Outside, OutsideKind, OutsideRequest, discrepancies, events_over_all_cycles};
+use super::predicted::predictive_noise_um;
 use super::refit::Refitted;
 use super::{Candidate, Fitted, Subject};
+use crate::documents::diagnosis::DiscrepancyEntry;
 use crate::error::{Error, Result};
 use crate::report::discrepancy::{DiscrepancyPanel, discrepancy};
+use crate::report::number::significant;
 use crate::report::number::with_decimals;
 use crate::report::svg::Svg;
 use crate::workflow::misfit::{Misfit, Remainder};
@@ -112,8 +113,11 @@ impl Leftover {
     /// As [`discrepancy`].
     pub fn figure(&self, experiment: &str) -> Result<Svg> {
         let DiscrepancyEntry { predictive_noise_um: from, predictive_noise_with_discrepancy_um: to, .. } = self.entry;
-        let widened =
-            format!("Predictions are widened from a standard deviation of {} to {} µm.", short(from), short(to));
+        let widened = format!(
+            "Predictions are widened from a standard deviation of {} to {} µm.",
+            significant(from, 3),
+            significant(to, 3)
+        );
         discrepancy(
             &self.panels,
             &format!("{experiment}: unexplained, here"),
@@ -192,13 +196,13 @@ fn sentence(subject: &Subject, leading: Option<&Outside>, process: Option<&Discr
             format!(
                 "{} Beside it {} µm {}, at most {by}, {at}.",
                 outside.sentence,
-                short(own.size_um),
+                significant(own.size_um, 3),
                 follow(own.axis)
             )
         }
         (Some(outside), None) => outside.sentence.clone(),
         (None, Some((own, (by, at)))) => {
-            format!("{} µm {}, at most {by}, {at}.", short(own.size_um), follow(own.axis))
+            format!("{} µm {}, at most {by}, {at}.", significant(own.size_um, 3), follow(own.axis))
         }
         (None, None) => String::new(),
     }
@@ -222,10 +226,10 @@ fn peak(subject: &Subject, process: &Discrepancy, rows: &[usize]) -> Option<(Str
     let decimals = if sd_um > 0.0 { (1.0 - sd_um.log10().floor()).clamp(0.0, 6.0) as usize } else { 1 };
     let by = format!("{} ± {} µm", with_decimals(mean_um, decimals), with_decimals(sd_um, decimals));
     let place = match process.axis {
-        Axis::Phase => format!("{} s into the cycle", short(at * subject.experiment().scales().cycle_s)),
-        Axis::TimeSinceStep => format!("{} s after the step", short(at)),
-        Axis::AbsoluteTime => format!("at {} s (cycle {})", short(at), record.cycle[row]),
-        Axis::Force => format!("at {} µN", short(1e6 * at)),
+        Axis::Phase => format!("{} s into the cycle", significant(at * subject.experiment().scales().cycle_s, 3)),
+        Axis::TimeSinceStep => format!("{} s after the step", significant(at, 3)),
+        Axis::AbsoluteTime => format!("at {} s (cycle {})", significant(at, 3), record.cycle[row]),
+        Axis::Force => format!("at {} µN", significant(1e6 * at, 3)),
     };
     Some((by, place))
 }
@@ -262,7 +266,7 @@ fn panel_of_shape(subject: &Subject, shape: &Outside, rows: &[usize]) -> Discrep
     };
     let (axis_label, coordinate) = match (shape.kind, shape.period_s) {
         (OutsideKind::Vibration, Some(period_s)) => (
-            format!("time within a period of {} s (s)", short(period_s)),
+            format!("time within a period of {} s (s)", significant(period_s, 3)),
             of(&|row| record.time_s[row].rem_euclid(period_s)),
         ),
         (OutsideKind::Backlash, _) => ("time since the cycle's begin (s)".into(), of(&since_cycle_s)),

@@ -1,6 +1,6 @@
 //! Where a model fails, which effect it lacks, and how the error falls when that is added.
 //!
-//! Everything here works on a [`Subject`]: one experiment with every cycle fitted but the last, which alone is scored (contracts §4), under a noise of
+//! Everything here works on a [`Subject`]: one experiment with every cycle fitted but the last, which alone is scored (formats §4), under a noise of
 //! white errors, an Ornstein–Uhlenbeck process and a gain and offset for each cycle, which is estimated anew for every model. A [`Candidate`] is a
 //! model of the mean: a law with effects, and columns of free amplitude for what is no effect. [`Subject::fit`] finds its best parameters and noise,
 //! [`Tangent`] is the linear algebra around them.
@@ -9,13 +9,13 @@ pub mod bootstrap;
 mod box_probability;
 mod candidate;
 pub mod challenge;
+mod class;
 pub mod compare;
 #[cfg(test)]
 mod controls_tests;
 mod derivatives;
 pub mod detectable;
 pub mod diagnose;
-pub mod diagnosis;
 mod document;
 pub mod evidence;
 mod fit;
@@ -25,9 +25,11 @@ mod noise_fit;
 pub mod noise_learning;
 pub mod outliers;
 pub mod outside;
+mod predicted;
 pub mod protocol;
 pub mod rank;
 pub mod refit;
+mod request;
 pub mod score_test;
 mod screen;
 pub mod search;

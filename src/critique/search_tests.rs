@@ -96,7 +96,7 @@ fn what_a_base_has_is_not_added() {
 }
 
 /// Base and some singles, none of which is judged.
-fn found_beside(data: &Subject, slugs: &[&'static str]) -> Found {
+pub fn found_beside(data: &Subject, slugs: &[&'static str]) -> Found {
     let base = Refitted::new(data, data.base(), &[], Search::Local).expect("fits");
     let single = |slug: &&'static str| {
         let candidate = data.extended(&[slug]).expect("addable");

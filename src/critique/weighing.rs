@@ -9,11 +9,11 @@ use std::collections::BTreeMap;
 use rayon::prelude::*;
 
 use super::Subject;
-use super::diagnosis::{Answer, RefitParameter};
-use super::document::laplace;
 use super::evidence::{Care, Evidence, evidence, evidence_with, posterior_by_importance};
+use super::predicted::laplace;
 use super::refit::Refitted;
 use super::search::{Found, Single};
+use crate::documents::diagnosis::{Answer, RefitParameter};
 use crate::error::{Error, Result};
 use crate::workflow::{Counter, Monitor};
 
@@ -60,6 +60,15 @@ pub(super) struct Weighing {
     pub remarks: Vec<String>,
 }
 
+/// What became of an effect that was worth weighing.
+enum Weighed {
+    By(Result<Evidence>),
+    /// Its gain leaves it out of reach of the best.
+    Far,
+    /// A law that is not linear beside a claim.
+    Slow,
+}
+
 impl Weighing {
     /// Weighs the claim, and with `in_full` all that may come near it.
     pub fn new(subject: &Subject, found: &Found, (in_full, seed): (bool, u64), monitor: &dyn Monitor) -> Result<Self> {
@@ -97,22 +106,28 @@ impl Weighing {
             let weigh = |single: &&Single| {
                 counter.add_one();
                 let Refitted { candidate, fitted, .. } = single.refitted.as_ref()?;
-                let is_far = !claimed.contains(&single.slug) && at_most(single) < best - REACH_NATS;
-                let is_slow = care == Care::Brief && candidate.model.is_nonlinear();
-                (!is_far && !is_slow).then(|| evidence_with(subject, candidate, fitted, (care, seed)))
+                let weighed = if !claimed.contains(&single.slug) && at_most(single) < best - REACH_NATS {
+                    Weighed::Far
+                } else if care == Care::Brief && candidate.model.is_nonlinear() {
+                    Weighed::Slow
+                } else {
+                    Weighed::By(evidence_with(subject, candidate, fitted, (care, seed)))
+                };
+                Some(weighed)
             };
-            let weighed: Vec<Option<Result<Evidence>>> = part.par_iter().map(weigh).collect();
-            for (single, weighed) in part.iter().zip(weighed).filter(|(single, _)| single.refitted.is_some()) {
+            let weighed: Vec<Option<Weighed>> = part.par_iter().map(weigh).collect();
+            for (single, weighed) in part.iter().zip(weighed) {
                 match weighed {
-                    Some(Ok(found)) => {
+                    None => continue,
+                    Some(Weighed::By(Ok(found))) => {
                         best = best.max(found.ln_evidence - own.ln_base);
                         own.singles.insert(single.slug, found);
                         continue;
                     }
-                    Some(Err(Error::Numerical { .. })) => failed.push(single.slug),
-                    Some(Err(other)) => return Err(other),
-                    None if at_most(single) < best - REACH_NATS => far.push(single.slug),
-                    None => slow.push(single.slug),
+                    Some(Weighed::By(Err(Error::Numerical { .. }))) => failed.push(single.slug),
+                    Some(Weighed::By(Err(other))) => return Err(other),
+                    Some(Weighed::Far) => far.push(single.slug),
+                    Some(Weighed::Slow) => slow.push(single.slug),
                 }
                 own.bounds.insert(single.slug, at_most(single));
             }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use super::cohort::{Key, Measurement};
 use super::figures;
 use super::job::Comparison;
-use super::summary::GroupsSummary;
+use crate::documents::groups::GroupsSummary;
 use crate::error::{Error, Place, Result};
 use crate::files::{Content, read_if_there, write_atomically, write_json_atomically};
 use crate::study::{Provenance, RevisionWriter, WithProvenance};

@@ -3,6 +3,7 @@
 use super::design::Design;
 use super::hierarchy::PopulationDraw;
 use super::scale::Scale;
+use crate::documents::groups::RatioVerdict;
 use crate::report::density::{quantile_of_sorted, sorted};
 
 /// A ratio is beyond the margin, or within it, where so large a share of the posterior is.
@@ -24,20 +25,6 @@ pub struct Contrast {
     pub is_declared: bool,
 }
 
-/// What can be said of a ratio in view of the margin.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, schemars::JsonSchema, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Verdict {
-    /// Above 1 + margin, with [`SURE`].
-    Greater,
-    /// Below 1/(1 + margin), with [`SURE`].
-    Less,
-    /// Between the two, with [`SURE`].
-    Equivalent,
-    /// None of these.
-    Undecided,
-}
-
 impl Contrast {
     /// Share of the posterior above a ratio.
     pub fn probability_above(&self, ratio: f64) -> f64 {
@@ -52,17 +39,17 @@ impl Contrast {
     }
 
     /// What can be said in view of a margin.
-    pub fn verdict(&self, margin: f64) -> Verdict {
+    pub fn verdict(&self, margin: f64) -> RatioVerdict {
         let greater = self.probability_above(1.0 + margin);
         let less = 1.0 - self.probability_above(1.0 / (1.0 + margin));
         if greater >= SURE {
-            Verdict::Greater
+            RatioVerdict::Greater
         } else if less >= SURE {
-            Verdict::Less
+            RatioVerdict::Less
         } else if 1.0 - greater - less >= SURE {
-            Verdict::Equivalent
+            RatioVerdict::Equivalent
         } else {
-            Verdict::Undecided
+            RatioVerdict::Undecided
         }
     }
 }
@@ -137,10 +124,10 @@ mod tests {
     #[test]
     fn verdicts_look_at_the_margin() {
         let at = |ratio: f64| contrast((0..100).map(|i| f64::ln(ratio) + 1e-3 * f64::from(i - 50)).collect());
-        assert_eq!(at(2.0).verdict(0.2), Verdict::Greater);
-        assert_eq!(at(0.5).verdict(0.2), Verdict::Less);
-        assert_eq!(at(1.0).verdict(0.2), Verdict::Equivalent);
-        assert_eq!(at(1.2).verdict(0.2), Verdict::Undecided);
+        assert_eq!(at(2.0).verdict(0.2), RatioVerdict::Greater);
+        assert_eq!(at(0.5).verdict(0.2), RatioVerdict::Less);
+        assert_eq!(at(1.0).verdict(0.2), RatioVerdict::Equivalent);
+        assert_eq!(at(1.2).verdict(0.2), RatioVerdict::Undecided);
         let [q05, median, q95] = at(2.0).ratio_quantiles([0.05, 0.5, 0.95]);
         assert!(q05 < median && median < q95 && (median - 2.0).abs() < 2e-3);
     }

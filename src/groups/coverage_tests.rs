@@ -7,11 +7,12 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 
-use super::contrast::{Contrast, Verdict, contrasts};
+use super::contrast::{Contrast, contrasts};
 use super::design::{Design, Labels};
 use super::hierarchy::*;
 use super::plan::{Question, chance};
 use super::scale::Scale;
+use crate::documents::groups::RatioVerdict;
 use crate::workflow::Silent;
 
 const P: usize = 3;
@@ -115,7 +116,8 @@ fn intervals_of_ratios_cover_the_truth_in_many_cohorts() {
 /// Where no group differs, a difference (a sign, or one beyond the margin) is stated in at most 5 % of cohorts.
 fn assert_nothing_stated(n_cohorts: u64, most_stated: usize) {
     let means = [[0.3, -0.2, 0.1]; 3];
-    let is_stated = |own: &Contrast| own.is_declared || matches!(own.verdict(0.2), Verdict::Greater | Verdict::Less);
+    let is_stated =
+        |own: &Contrast| own.is_declared || matches!(own.verdict(0.2), RatioVerdict::Greater | RatioVerdict::Less);
     let stated = over_cohorts(n_cohorts, &means, 22, |found| found.iter().any(is_stated));
     let n_stated = stated.iter().filter(|stated| **stated).count();
     assert!(n_stated <= most_stated, "{n_stated}");
@@ -171,7 +173,7 @@ fn assert_promise_is_kept(n_repetitions: u64) {
             }
         }
         let (_, found) = analysed(&Design::new(&labels), &members, run);
-        found[0].verdict(margin) != Verdict::Undecided
+        found[0].verdict(margin) != RatioVerdict::Undecided
     };
     let settled: Vec<bool> = (0..n_repetitions).into_par_iter().map(repeat).collect();
     let n = n_repetitions as f64;

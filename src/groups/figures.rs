@@ -5,7 +5,7 @@ use std::path::Path;
 use super::hierarchy::PopulationDraw;
 use super::job::Comparison;
 use super::scale::Scale;
-use super::summary::{CreepSummary, GroupsSummary, SpecimenSummary};
+use crate::documents::groups::{CreepSummary, GroupsSummary, SpecimenSummary};
 use crate::error::{Error, Result};
 use crate::report::contrasts::{ContrastCell, ContrastMatrix, ContrastPanel, contrast_matrix};
 use crate::report::corner::{CornerOptions, ParameterColumn, Posterior, corner};

@@ -21,7 +21,7 @@ use crate::inference::{LogDensity, SamplerOptions};
 use crate::model::{Compliance, Forward};
 use crate::study::{Kept, Provenance, WithProvenance};
 use crate::surrogate::FieldModels;
-use crate::workflow::heldout::mean_trajectory;
+use crate::workflow::full_check::mean_trajectory;
 use crate::workflow::mechanics::Mechanics;
 use crate::workflow::problem::Problem;
 use crate::workflow::reduced::Reduced;

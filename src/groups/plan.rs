@@ -3,6 +3,7 @@
 //! A truth is drawn from the posterior; the mean of n new specimens a group scatters about it with the spreads of that draw and the error of
 //! measurement; all draws are weighted by how well they predict that mean, each with its own spreads, and asked whether the question is settled.
 
+use crate::documents::groups::Plan;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
@@ -25,15 +26,6 @@ pub struct Question<'a> {
     pub variance_of_pair: &'a [f64],
     /// Ratios within 1 + margin of 1 are no difference in practice.
     pub margin: f64,
-}
-
-/// What to expect of measuring more.
-#[derive(Debug, Clone, Copy, PartialEq, schemars::JsonSchema, serde::Serialize, serde::Deserialize)]
-pub struct Plan {
-    /// Smallest number of new specimens a group that settles the question with a chance of 80 %; `None` if 512 do not.
-    pub specimens_per_group: Option<u32>,
-    /// The chance with that number, or with 512.
-    pub chance: f64,
 }
 
 /// The smallest number of new specimens that is likely to settle a question.

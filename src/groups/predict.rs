@@ -1,5 +1,6 @@
 //! What the population predicts: a new specimen of a group, its creep, and groups in which nothing was measured.
 
+use crate::documents::groups::CreepPrediction;
 use nalgebra::{DMatrix, DVector};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -115,24 +116,6 @@ fn with_specimens(
         new_specimen.extend(mean.iter().zip(deviation.iter()).map(|(mean, deviation)| mean + deviation));
     }
     PredictedGroup { name: name.to_string(), typical, new_specimen, between_sd, group }
-}
-
-/// Creep compliance of a group: times, and at each the median and central 90 % of the typical specimen and of a new one.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, serde::Serialize, serde::Deserialize)]
-pub struct CreepPrediction {
-    /// Median of the typical specimen's creep compliance, in 1/Pa.
-    pub median_per_pa: Vec<f64>,
-    /// Its 5 % quantile.
-    pub typical_q05_per_pa: Vec<f64>,
-    /// Its 95 % quantile.
-    pub typical_q95_per_pa: Vec<f64>,
-    /// 5 % quantile of a new specimen's.
-    pub new_specimen_q05_per_pa: Vec<f64>,
-    /// 95 % quantile of a new specimen's.
-    pub new_specimen_q95_per_pa: Vec<f64>,
-    /// Share of the draws at which the law has no creep that could be computed, as where a springpot's order is 0 to the last bit; left out.
-    #[serde(default)]
-    pub share_left_out: f64,
 }
 
 /// Times at which creep is predicted, evenly spaced in the logarithm, in s.

@@ -1,6 +1,6 @@
 //! Values of the literature beside which groups are shown; they are no data.
 
-use serde::{Deserialize, Serialize};
+use crate::documents::groups::Published;
 
 use crate::inference::prior::PriorSet;
 
@@ -13,21 +13,6 @@ const PUBLICATIONS: [(&str, &str, &str); 6] = [
     ("nickerson-2008-bovine", "Nickerson 2008", "bovine"),
     ("aboulatta-2021", "Aboulatta 2021", "porcine"),
 ];
-
-/// A published value.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
-pub struct Published {
-    /// Parameter.
-    pub parameter: String,
-    /// Author and year.
-    pub source: String,
-    /// Species.
-    pub species: String,
-    /// The value, in SI.
-    pub value: f64,
-    /// What is published and what was derived or assumed.
-    pub statement: String,
-}
 
 /// What the embedded priors of publications say of some parameters; what they merely assume is left out.
 pub fn published(parameters: &[&str]) -> Vec<Published> {

@@ -1,6 +1,6 @@
 //! The scale without ends on which a parameter scatters in the population: the logarithm, or, between two ends, the log-odds.
 
-use serde::{Deserialize, Serialize};
+use crate::documents::groups::ScaleName;
 
 use crate::parameter::Support;
 
@@ -19,16 +19,6 @@ pub enum Scale {
         /// b.
         upper: f64,
     },
-}
-
-/// A scale's name in documents.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, schemars::JsonSchema, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum ScaleName {
-    /// ln x.
-    Logarithm,
-    /// ln((x − a)/(b − x)) between the ends a and b of the parameter's support.
-    LogOdds,
 }
 
 impl Scale {

@@ -1,12 +1,12 @@
 //! What a comparison says, in words, and what the user should know of it.
 
-use super::contrast::Verdict;
 use super::hierarchy::{FEWEST_EFFECTIVE_DRAWS, LARGEST_RHAT};
-use super::plan::Plan;
-use super::summary::{ContrastSummary, ExperimentSummary, GroupSummary, GroupsSummary};
+use crate::documents::groups::Plan;
+use crate::documents::groups::RatioVerdict;
+use crate::documents::groups::{ContrastSummary, ExperimentSummary, GroupSummary, GroupsSummary};
+use crate::documents::posterior::{Warning, WarningKind};
 use crate::report::labels::of_parameter;
 use crate::workflow::advice::NOISE_FACTOR;
-use crate::workflow::summary::{Warning, WarningKind};
 
 /// Pairs of groups, and names, that a sentence lists.
 const MOST_PAIRS: usize = 3;
@@ -43,12 +43,12 @@ pub fn conclusions(summary: &GroupsSummary) -> Vec<String> {
             let list: Vec<String> = own.iter().filter(|own| is(own)).map(|own| as_greater(own)).collect();
             (!list.is_empty()).then(|| format!("{before}{}{after}", at_most(MOST_PAIRS, &list)))
         };
-        let is_beyond = |own: &ContrastSummary| matches!(own.verdict, Verdict::Greater | Verdict::Less);
-        let is_open = |own: &ContrastSummary| own.verdict == Verdict::Undecided;
+        let is_beyond = |own: &ContrastSummary| matches!(own.verdict, RatioVerdict::Greater | RatioVerdict::Less);
+        let is_open = |own: &ContrastSummary| own.verdict == RatioVerdict::Undecided;
         let parts = [
             part(&is_beyond, "", &format!(" by more than {margin}")),
             part(&|own| is_open(own) && own.is_declared, "", " by an amount that is open"),
-            part(&|own| own.verdict == Verdict::Equivalent, &format!("no difference beyond {margin}: "), ""),
+            part(&|own| own.verdict == RatioVerdict::Equivalent, &format!("no difference beyond {margin}: "), ""),
             part(&|own| is_open(own) && !own.is_declared, "open: ", ""),
         ];
         format!("{}: {}.", of_parameter(name).symbol, parts.into_iter().flatten().collect::<Vec<_>>().join("; "))

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use super::figures::shapes_figure;
 use super::job::ShapesResult;
-use super::summary::ShapesSummary;
+use crate::documents::shapes::ShapesSummary;
 use crate::error::Result;
 use crate::files::write_json_atomically;
 use crate::mesh::vtu::{PointData, write_vtu};

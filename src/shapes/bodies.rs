@@ -1,69 +1,24 @@
 //! The five bodies under two rules of size.
 
+use crate::documents::shapes::{Shape, SizeRule};
 use crate::experiment::{Orientation, Robot, RobotShape};
 use crate::fe::meridional::{BodyOfRevolution, Direction};
 
 /// Length to diameter, and long to short semi-axis, in the paper.
 pub const PAPER_ASPECT: f64 = 68.0 / 7.0;
 
-/// What a body has in common with the sphere.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, schemars::JsonSchema, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum SizeRule {
-    /// Its volume (Fig. 7).
-    EqualVolume,
-    /// The area of its surface (Fig. 8).
-    EqualSurface,
-}
-
-impl SizeRule {
-    /// Both, in the paper's order.
-    pub const ALL: [Self; 2] = [Self::EqualVolume, Self::EqualSurface];
-
-    /// In words.
-    pub fn title(self) -> &'static str {
-        match self {
-            Self::EqualVolume => "equal volume",
-            Self::EqualSurface => "equal surface",
-        }
-    }
-}
-
-/// A kind of body.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, schemars::JsonSchema, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Shape {
-    /// The reference.
-    Sphere,
-    /// Prolate spheroid.
-    Ellipsoid,
-    /// Right circular cylinder with sharp rims.
-    Cylinder,
-}
-
-impl Shape {
-    /// Its name in files and figures.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Sphere => "sphere",
-            Self::Ellipsoid => "ellipsoid",
-            Self::Cylinder => "cylinder",
-        }
-    }
-
-    /// A body of this shape and aspect ratio (length to diameter), as large as a sphere of this diameter by the rule.
-    pub fn sized(self, aspect: f64, rule: SizeRule, sphere_diameter_m: f64) -> BodyOfRevolution {
-        let sphere = BodyOfRevolution::sphere(0.5 * sphere_diameter_m);
-        let unit = match self {
-            Self::Sphere => return sphere,
-            Self::Ellipsoid => BodyOfRevolution::Spheroid { semi_axis_along_m: 0.5 * aspect, semi_axis_across_m: 0.5 },
-            Self::Cylinder => BodyOfRevolution::Cylinder { length_m: aspect, diameter_m: 1.0 },
-        };
-        unit.scaled(match rule {
-            SizeRule::EqualVolume => (sphere.volume_m3() / unit.volume_m3()).cbrt(),
-            SizeRule::EqualSurface => (sphere.surface_area_m2() / unit.surface_area_m2()).sqrt(),
-        })
-    }
+/// A body of this shape and aspect ratio (length to diameter), as large as a sphere of this diameter by the rule.
+pub fn sized(shape: Shape, aspect: f64, rule: SizeRule, sphere_diameter_m: f64) -> BodyOfRevolution {
+    let sphere = BodyOfRevolution::sphere(0.5 * sphere_diameter_m);
+    let unit = match shape {
+        Shape::Sphere => return sphere,
+        Shape::Ellipsoid => BodyOfRevolution::Spheroid { semi_axis_along_m: 0.5 * aspect, semi_axis_across_m: 0.5 },
+        Shape::Cylinder => BodyOfRevolution::Cylinder { length_m: aspect, diameter_m: 1.0 },
+    };
+    unit.scaled(match rule {
+        SizeRule::EqualVolume => (sphere.volume_m3() / unit.volume_m3()).cbrt(),
+        SizeRule::EqualSurface => (sphere.surface_area_m2() / unit.surface_area_m2()).sqrt(),
+    })
 }
 
 /// A body of the study.
@@ -133,7 +88,7 @@ pub fn bodies(aspect: f64, sphere_diameter_m: f64) -> Vec<Body> {
         shape,
         orientation,
         rule,
-        revolution: shape.sized(aspect, rule, sphere_diameter_m),
+        revolution: sized(shape, aspect, rule, sphere_diameter_m),
     };
     SizeRule::ALL.into_iter().flat_map(|rule| five.map(|own| sized(rule, own))).collect()
 }
@@ -145,10 +100,10 @@ mod tests {
     /// Sphere : ellipsoid : cylinder = 1 : 1.684 : 1.712 at equal volume (the paper, physics §4.4).
     #[test]
     fn surfaces_are_the_papers() {
-        let area = |shape: Shape| shape.sized(PAPER_ASPECT, SizeRule::EqualVolume, 0.55e-3).surface_area_m2();
+        let area = |shape: Shape| sized(shape, PAPER_ASPECT, SizeRule::EqualVolume, 0.55e-3).surface_area_m2();
         assert!((area(Shape::Ellipsoid) / area(Shape::Sphere) - 1.684).abs() < 1e-3);
         assert!((area(Shape::Cylinder) / area(Shape::Sphere) - 1.712).abs() < 1e-3);
-        let surface = |shape: Shape| shape.sized(PAPER_ASPECT, SizeRule::EqualSurface, 0.55e-3).surface_area_m2();
+        let surface = |shape: Shape| sized(shape, PAPER_ASPECT, SizeRule::EqualSurface, 0.55e-3).surface_area_m2();
         assert!((surface(Shape::Cylinder) / surface(Shape::Sphere) - 1.0).abs() < 1e-14);
         assert_eq!(bodies(PAPER_ASPECT, 0.55e-3).len(), 10);
     }

@@ -1,42 +1,16 @@
 //! What the paper says of the shapes, and whether it is so.
 
-use serde::{Deserialize, Serialize};
+use crate::documents::shapes::{Claim, ClaimVerdict};
 use statrs::distribution::{ContinuousCDF, Normal};
 
-use super::bodies::{Body, Shape, SizeRule};
+use super::bodies::Body;
+use crate::documents::shapes::{Shape, SizeRule};
 use crate::experiment::Orientation;
 
 /// A claim holds, or does not, where its probability is beyond this or below the rest.
 const SURE: f64 = 0.95;
 /// "Proportional to the surface" would be true within this.
 const PROPORTIONAL: f64 = 0.05;
-
-/// What is to be said of a claim.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, schemars::JsonSchema, Serialize, Deserialize)]
-pub enum Verdict {
-    /// It is so.
-    #[serde(rename = "holds")]
-    Holds,
-    /// It is not.
-    #[serde(rename = "does not hold")]
-    DoesNotHold,
-    /// The errors of the stiffnesses leave it open.
-    #[serde(rename = "too close")]
-    TooClose,
-}
-
-/// A claim of the paper, or the converse of a comparison that it makes.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
-pub struct Claim {
-    /// What is claimed.
-    pub claim: String,
-    /// Whether it is so.
-    pub verdict: Verdict,
-    /// Probability that it is, given the errors of the stiffnesses. The gel's parameters act on all bodies alike and cancel.
-    pub probability: f64,
-    /// The numbers.
-    pub numbers: String,
-}
 
 /// A body's stiffness and how far it may be off.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -111,9 +85,9 @@ pub fn claims(all: &[Measured]) -> Vec<Claim> {
 
 fn claim(claim: String, probability: f64, numbers: String) -> Claim {
     let verdict = match probability {
-        p if p >= SURE => Verdict::Holds,
-        p if p <= 1.0 - SURE => Verdict::DoesNotHold,
-        _ => Verdict::TooClose,
+        p if p >= SURE => ClaimVerdict::Holds,
+        p if p <= 1.0 - SURE => ClaimVerdict::DoesNotHold,
+        _ => ClaimVerdict::TooClose,
     };
     Claim { claim, verdict, probability, numbers }
 }
@@ -163,10 +137,10 @@ mod tests {
         };
         let sd = 2.0_f64.sqrt() * 1e-3;
         let close = easier(sd, 1e-3);
-        assert_eq!(close.verdict, Verdict::TooClose);
+        assert_eq!(close.verdict, ClaimVerdict::TooClose);
         assert!((close.probability - 0.841_344_746).abs() < 1e-8, "{close:?}");
-        assert_eq!(easier(5.0 * sd, 1e-3).verdict, Verdict::Holds);
-        assert_eq!(easier(-5.0 * sd, 1e-3).verdict, Verdict::DoesNotHold);
+        assert_eq!(easier(5.0 * sd, 1e-3).verdict, ClaimVerdict::Holds);
+        assert_eq!(easier(-5.0 * sd, 1e-3).verdict, ClaimVerdict::DoesNotHold);
     }
 
     /// Of bodies whose resistance is their surface, that claim holds, and the sphere is the easiest at equal volume.
@@ -174,11 +148,11 @@ mod tests {
     fn resistance_that_is_proportional_to_the_surface_is_called_so() {
         let list = claims(&measured(|body| body.revolution.surface_area_m2(), 1e-6));
         let verdict = |words: &str| list.iter().find(|own| own.claim.contains(words)).unwrap().verdict;
-        assert_eq!(verdict("proportional to the surface"), Verdict::Holds);
-        assert_eq!(verdict("at equal volume, the sphere moves easiest"), Verdict::Holds);
+        assert_eq!(verdict("proportional to the surface"), ClaimVerdict::Holds);
+        assert_eq!(verdict("at equal volume, the sphere moves easiest"), ClaimVerdict::Holds);
         // At equal surface all are alike.
-        assert_eq!(verdict("at equal surface, the horizontal ellipsoid moves easier than"), Verdict::TooClose);
+        assert_eq!(verdict("at equal surface, the horizontal ellipsoid moves easier than"), ClaimVerdict::TooClose);
         let list = claims(&measured(|body| body.revolution.volume_m3(), 1e-6));
-        assert_eq!(list[5].verdict, Verdict::DoesNotHold, "{:?}", list[5]);
+        assert_eq!(list[5].verdict, ClaimVerdict::DoesNotHold, "{:?}", list[5]);
     }
 }

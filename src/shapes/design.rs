@@ -3,12 +3,13 @@
 //! ln k at equal volume is a smooth function of the logarithm of the aspect ratio and of the Poisson ratio: a polynomial through Chebyshev's
 //! points, whose error is measured between them.
 
+use crate::documents::shapes::LongestRobot;
 use std::f64::consts::PI;
 
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
 
-use super::bodies::{Body, Shape, SizeRule};
+use super::bodies::{Body, sized};
+use crate::documents::shapes::{Shape, SizeRule};
 use crate::error::Result;
 use crate::experiment::Orientation;
 use crate::fe::meridional::{Resolution, solve};
@@ -85,7 +86,7 @@ impl StiffnessSurrogate {
         let ln_stiffness = |aspect: f64, poisson_ratio: f64| {
             let (rule, resolution) =
                 (SizeRule::EqualVolume, Resolution { order: 6, rim_layers: 5, ..Resolution::default() });
-            let revolution = shape.sized(aspect, rule, sphere_diameter_m);
+            let revolution = sized(shape, aspect, rule, sphere_diameter_m);
             let body = Body { shape, orientation, rule, revolution };
             solve(revolution, outer_radius_m, poisson_ratio, body.direction(), resolution)
                 .map(|own| own.stiffness_m.ln())
@@ -113,23 +114,6 @@ impl StiffnessSurrogate {
         let inside = |x: f64| x.abs() <= 1.0 + 1e-12;
         (inside(point.0) && inside(point.1)).then(|| self.at(point).exp())
     }
-}
-
-/// The longest robot of a shape, at the volume of the sphere and under the same force.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
-pub struct LongestRobot {
-    /// Which shape.
-    pub shape: Shape,
-    /// Which way, in words.
-    pub orientation: String,
-    /// Length to diameter; `None` where not even the shortest moves far enough.
-    pub aspect: Option<f64>,
-    /// Length in m.
-    pub length_m: Option<f64>,
-    /// Whether longer ones would, too: the surrogate ends here.
-    pub is_limit_of_range: bool,
-    /// Largest relative error of the surrogate at points between those that made it.
-    pub surrogate_relative_error: f64,
 }
 
 /// The largest aspect ratio at which the displacement `force_per_pa` (F·J(t), N/Pa, one a posterior draw) over the stiffness reaches `distance_m` with
@@ -161,7 +145,7 @@ pub fn longest(
         None
     };
     let length_m = aspect.map(|aspect| {
-        let revolution = surrogate.shape.sized(aspect, SizeRule::EqualVolume, sphere_diameter_m);
+        let revolution = sized(surrogate.shape, aspect, SizeRule::EqualVolume, sphere_diameter_m);
         let body = Body {
             shape: surrogate.shape,
             orientation: surrogate.orientation,
@@ -206,7 +190,7 @@ mod tests {
         assert!(surrogate.relative_error < 1e-3, "{}", surrogate.relative_error);
         let draws: Vec<f64> = (0..20).map(|i| 1.8e-6 * (1.0 + 0.01 * f64::from(i))).collect();
         let found = longest(&surrogate, diameter_m, nu, &draws, 0.55e-3);
-        let revolution = shape.sized(found.aspect.unwrap(), SizeRule::EqualVolume, diameter_m);
+        let revolution = sized(shape, found.aspect.unwrap(), SizeRule::EqualVolume, diameter_m);
         let body = Body { shape, orientation, rule: SizeRule::EqualVolume, revolution };
         let stiffness_m = solve(revolution, outer_m, nu, body.direction(), Resolution::default()).unwrap().stiffness_m;
         // 95 % of twenty is all but the lowest.

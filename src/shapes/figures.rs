@@ -1,8 +1,9 @@
 //! The figure of a study of shapes: trajectories as in the paper's Figs. 7 and 8, beside the bodies drawn to scale.
 
-use super::bodies::{Body, Shape, SizeRule};
+use super::bodies::Body;
 use super::job::{ShapesResult, Solved};
-use super::summary::ShapesSummary;
+use crate::documents::shapes::ShapesSummary;
+use crate::documents::shapes::{Shape, SizeRule};
 use crate::error::Result;
 use crate::experiment::Orientation;
 use crate::report::palette::{Colour, series};

@@ -1,11 +1,16 @@
 //! The study: stiffness of every body by two solvers, the posterior carried through, claims, predictors and the design question.
 
+use crate::documents::shapes::ElasticRecord;
 use rayon::prelude::*;
 
-use super::bodies::{Body, Shape, bodies};
-use super::claims::{Claim, Measured, claims};
-use super::design::{LongestRobot, StiffnessSurrogate, longest};
-use super::predictors::{PredictorRecord, compare_predictors};
+use super::bodies::{Body, bodies};
+use super::claims::{Measured, claims};
+use super::design::{StiffnessSurrogate, longest};
+use super::predictors::compare_predictors;
+use crate::documents::shapes::Claim;
+use crate::documents::shapes::LongestRobot;
+use crate::documents::shapes::PredictorRecord;
+use crate::documents::shapes::Shape;
 use crate::error::Result;
 use crate::experiment::{Orientation, Vitreous};
 use crate::fe::Stiffness;
@@ -117,15 +122,6 @@ pub struct ShapesResult {
     pub predictors: Vec<PredictorRecord>,
     /// The longest robots.
     pub longest: Vec<LongestRobot>,
-}
-
-/// Elastic robots of one modulus.
-#[derive(Debug, Clone, Copy, PartialEq, schemars::JsonSchema, serde::Serialize, serde::Deserialize)]
-pub struct ElasticRecord {
-    /// The robot's Young's modulus over the gel's.
-    pub modulus_ratio: f64,
-    /// Largest share by which a body is less stiff than a rigid one.
-    pub largest_relative_difference: f64,
 }
 
 /// Moduli that are tried; a metal's is about 10¹⁰ times the gel's, where rounding hides the difference.

@@ -5,11 +5,13 @@
 //! knows the aspect ratio and the orientation: spheroids in the body's place, whose stiffness is known in closed form (physics §4.3, §4.8). They are
 //! compared over cylinders alone, since a spheroid is its own.
 
+use crate::documents::shapes::PredictorRecord;
 use std::f64::consts::PI;
 
 use rayon::prelude::*;
 
-use super::bodies::{Body, Shape, SizeRule};
+use super::bodies::{Body, sized};
+use crate::documents::shapes::{Shape, SizeRule};
 use crate::error::Result;
 use crate::experiment::Orientation;
 use crate::fe::meridional::{BodyOfRevolution, Resolution, solve};
@@ -87,19 +89,6 @@ fn mean_caliper_m(body: BodyOfRevolution) -> f64 {
     }
 }
 
-/// A candidate's record over the sweep.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, serde::Serialize, serde::Deserialize)]
-pub struct PredictorRecord {
-    /// In words.
-    pub predictor: String,
-    /// Root mean square of the relative error of the predicted ratio to the sphere.
-    pub rms_relative_error: f64,
-    /// The largest, with its sign.
-    pub largest_relative_error: f64,
-    /// The body that has it.
-    pub worst: String,
-}
-
 /// Ratios to the sphere of the sweep's bodies, at equal volume, and each candidate's record; best first.
 ///
 /// # Errors
@@ -114,7 +103,7 @@ pub fn compare_predictors(
         for shape in [Shape::Ellipsoid, Shape::Cylinder] {
             for orientation in [Orientation::Horizontal, Orientation::Vertical] {
                 let rule = SizeRule::EqualVolume;
-                let revolution = shape.sized(aspect, rule, sphere_diameter_m);
+                let revolution = sized(shape, aspect, rule, sphere_diameter_m);
                 bodies.push((aspect, Body { shape, orientation, rule, revolution }));
             }
         }

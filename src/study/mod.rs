@@ -1,4 +1,4 @@
-//! The study directory: revisions, provenance, atomic writes (contracts §3).
+//! The study directory: revisions, provenance, atomic writes (formats §3).
 //!
 //! ```text
 //! vitreo-uq-out/porcine-01/
@@ -348,7 +348,7 @@ fn write_inputs(folder: &Path, files: &ExperimentFiles, hashes: &BTreeMap<String
 fn read_hashes(dir: &Path) -> Result<BTreeMap<String, String>> {
     let path = dir.join(HASHES_NAME);
     let bytes = files::read(&path, Content::Settings, INCOMPLETE_REMEDY)?;
-    let text = crate::document::text_of(&path, &bytes)?;
+    let text = crate::toml_input::text_of(&path, &bytes)?;
     let mut hashes = BTreeMap::new();
     for (index, line) in text.lines().enumerate() {
         let (hash, name) = line.split_once("  ").ok_or_else(|| {

@@ -1,11 +1,11 @@
-//! `model.toml`: which model a revision is (contracts §2).
+//! `model.toml`: which model a revision is (formats §2).
 
 use std::collections::BTreeMap;
 use std::path::Path;
 
 use serde::Serialize;
 
-use crate::document::{Document, text_of};
+use crate::documents::posterior::ModelSummary;
 use crate::effects::{Effect, Library};
 use crate::error::{Error, Place, Result};
 use crate::files::{self, Content, write_atomically};
@@ -13,6 +13,7 @@ use crate::inference::noise::NoiseModel;
 use crate::inference::prior::PriorSet;
 use crate::parameter::ParameterSpec;
 use crate::rheology::{BaseLaw, Network};
+use crate::toml_input::{TomlInput, text_of};
 use crate::units::nearest_name;
 
 /// A model: base law, effects, noise, priors, and parameters that are not inferred.
@@ -28,6 +29,13 @@ pub struct ModelSpecification {
     pub prior: String,
     /// Parameters held at a value, in their own units.
     pub fixed: BTreeMap<String, f64>,
+}
+
+impl ModelSpecification {
+    /// As documents show it.
+    pub fn summary(&self) -> ModelSummary {
+        ModelSummary { base: self.base.name().into(), effects: self.effects.clone(), noise: self.noise.clone() }
+    }
 }
 
 impl Default for ModelSpecification {
@@ -75,7 +83,7 @@ impl ModelSpecification {
     /// # Errors
     /// As [`ModelSpecification::read`].
     pub fn from_text(file: &Path, bytes: &[u8], library: &Library) -> Result<Self> {
-        let document = Document::parse(file, text_of(file, bytes)?)?;
+        let document = TomlInput::parse(file, text_of(file, bytes)?)?;
         let root = document.root();
         root.only(&["base", "effects", "fixed", "noise", "prior"])?;
         let default = Self::default();

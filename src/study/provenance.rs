@@ -1,4 +1,4 @@
-//! What every JSON file says about its origin (contracts §3).
+//! What every JSON file says about its origin (formats §3).
 
 use std::collections::BTreeMap;
 

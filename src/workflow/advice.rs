@@ -2,7 +2,7 @@
 
 use super::misfit::Misfit;
 pub use super::misfit::NOISE_FACTOR;
-use super::summary::{PosteriorSummary, Warning, WarningKind};
+use crate::documents::posterior::{PosteriorSummary, Warning, WarningKind};
 use crate::effects::Library;
 use crate::experiment::{Apparatus, Experiment};
 
@@ -289,8 +289,8 @@ pub fn mesh_warning(error_um: Option<f64>, noise_um: f64, units_first: bool) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::documents::posterior::*;
     use crate::workflow::misfit::Size;
-    use crate::workflow::summary::*;
     use WarningKind::*;
 
     /// A sound result: noise 4 µm, nothing wrong.
@@ -372,7 +372,7 @@ mod tests {
         (summary.warnings.iter().map(|warning| warning.kind).collect(), summary.is_sound())
     }
 
-    /// Each rule of contracts §4 on both sides of its limit.
+    /// Each rule of formats §4 on both sides of its limit.
     #[test]
     fn every_rule_speaks_on_its_side_of_the_limit_only() {
         let none: (Vec<WarningKind>, bool) = (vec![], true);

@@ -1,9 +1,10 @@
 //! The files of a revision: model, surrogate, posterior, draws, figures, timing.
 
+use crate::report::labels::model_title;
 use std::path::Path;
 
 use super::exchange::record_groups;
-use super::heldout::BAND_PROBABILITIES;
+use super::near_normal::BAND_PROBABILITIES;
 use super::problem::Problem;
 use super::reduced::SURROGATE_NAME;
 use super::sample::SampleResult;
@@ -170,7 +171,7 @@ fn corner_figure(problem: &Problem, result: &SampleResult) -> Result<Svg> {
         })
         .collect();
     let posterior = Posterior { label: id, colour: series(0), parameters };
-    let title = format!("{id}: posterior of the {} model", result.summary.model.title());
+    let title = format!("{id}: posterior of the {} model", model_title(&result.summary.model));
     let options = CornerOptions { title: &title, reference_label: "Table I of the paper", ..CornerOptions::default() };
     corner(&[posterior], &options)
 }

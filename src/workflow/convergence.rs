@@ -1,8 +1,7 @@
 //! Convergence of the stiffness over the levels of the built-in meshes.
 
+use crate::documents::simulation::MeshLevel;
 use std::time::Instant;
-
-use serde::{Deserialize, Serialize};
 
 use super::Monitor;
 use super::mechanics::{exact_stiffness_m, robot_mesh};
@@ -10,24 +9,6 @@ use crate::error::Result;
 use crate::experiment::{Apparatus, OffsetDirection, Robot, RobotShape};
 use crate::fe::Stiffness;
 use crate::fe::time::FullOrderModel;
-
-/// One line of the convergence table.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
-pub struct MeshLevel {
-    /// Level 1, 2, 3, …; the element size goes with its inverse.
-    pub level: usize,
-    /// Unknowns.
-    pub unknowns: usize,
-    /// Force per displacement per Pa of Young's modulus, whole body, in m.
-    pub stiffness_m: f64,
-    /// Relative error against the exact value (physics §4.2); `None` for robots that have none.
-    pub relative_error: Option<f64>,
-    /// Relative difference from the level before.
-    pub relative_difference: Option<f64>,
-    /// Observed order of convergence in the element size: from the errors of this level and the one before, or, without an exact value, from the
-    /// differences of the last three levels.
-    pub order: Option<f64>,
-}
 
 /// Finest level of a table: above, one factorisation takes minutes and several gigabytes.
 pub fn finest_level(apparatus: &Apparatus) -> usize {

@@ -3,18 +3,18 @@
 //! The estimate is of the logarithms of the law's parameters and of its effects' parameters as they are, with analytic derivatives, by the
 //! reduced model; several starts keep it from a local minimum. Priors serve as starts, and say (by all but 2·10⁻⁹ of their mass) how far to search.
 
+use crate::documents::fit::{FitSummary, FittedParameter};
 use std::collections::BTreeMap;
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
 
 use super::Monitor;
 use super::advice::{impossible_positions, mesh_warning, misfit_warning, surrogate_warning};
 use super::fitted_rows::{FittedRows, MOST_SEARCHED, SAME_MINIMUM, finished, is_same_minimum};
 use super::problem::{Problem, TAIL_MASS};
 use super::reduced::{KeptSurrogate, Reduced};
-use super::summary::{ModelSummary, Warning, WarningKind};
+use crate::documents::posterior::{Warning, WarningKind};
 use crate::effects::EffectParameter;
 use crate::error::{Error, Place, Result};
 use crate::inference::least_squares::{Fit, Residuals, Tolerances, fit};
@@ -36,60 +36,6 @@ const FINITE_STEP: f64 = 1e-4;
 const AT_LINEAR_END: f64 = 1e-6;
 /// Most effects that are held at their nulls in turn.
 const MOST_HELD: usize = 4;
-
-/// Body of `vitreo-uq/fit/1`.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
-pub struct FitSummary {
-    /// Specimen identifier.
-    pub experiment: String,
-    /// The model.
-    pub model: ModelSummary,
-    /// Parameters held at a value, in the unit of their name.
-    pub fixed: BTreeMap<String, f64>,
-    /// One entry an estimated parameter.
-    pub parameters: Vec<FittedParameter>,
-    /// Sum of squared residuals, in m².
-    pub objective_m2: f64,
-    /// Root mean square residual of the fitted positions, in µm: the estimate of the noise.
-    pub rmse_um: f64,
-    /// Positions that were fitted.
-    pub fitted_positions: usize,
-    /// The noise that the misfit is measured against, in µm.
-    pub noise_um: Option<f64>,
-    /// Steps tried from the start that led to the estimate.
-    pub iterations: usize,
-    /// Whether both of the paper's tolerances were met, inside the prior's range.
-    pub converged: bool,
-    /// Starts that were searched from.
-    pub starts: usize,
-    /// Starts that led to this same minimum.
-    pub starts_agreeing: usize,
-    /// Largest distance of the reduced from the full finite-element trajectory at the estimate, over the whole record, in µm; `None`
-    /// for an instrument.
-    pub surrogate_vs_fe_max_um: Option<f64>,
-    /// Displacement that the mesh's error makes, in µm; `None` where it is not known.
-    pub fe_discretisation_um: Option<f64>,
-    /// What the user should know.
-    pub warnings: Vec<Warning>,
-}
-
-/// Estimate of one parameter, in the unit of its name.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
-pub struct FittedParameter {
-    /// Name, with unit.
-    pub name: String,
-    /// Estimate.
-    pub value: f64,
-    /// Standard error by the delta method; `None` where the data do not determine the parameter.
-    pub standard_error: Option<f64>,
-}
-
-impl FitSummary {
-    /// Whether the result is sound (exit code 0).
-    pub fn is_sound(&self) -> bool {
-        !self.warnings.iter().any(|warning| warning.kind.is_fatal())
-    }
-}
 
 /// The estimate with what is needed to compute with it.
 pub struct FitResult {
@@ -418,7 +364,7 @@ fn summarise(
     let specification = &problem.specification;
     let mut summary = FitSummary {
         experiment: problem.experiment.specimen_id.clone(),
-        model: ModelSummary::of(specification),
+        model: specification.summary(),
         fixed: specification.fixed.clone(),
         parameters: free.iter().map(estimate).collect(),
         objective_m2: best.objective,

@@ -8,6 +8,9 @@ use crate::model::convolve_m;
 use crate::rheology::CreepCompliance;
 use crate::study::ModelSpecification;
 use crate::workflow::Silent;
+use crate::workflow::full_check::{NaturalDraw, check};
+use crate::workflow::problem::Problem;
+use crate::workflow::reduced::Reduced;
 use crate::workflow::replica::{TABLE_I, embedded};
 
 const COMPLIANCE_PER_M: f64 = 549.0;

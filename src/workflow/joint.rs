@@ -7,7 +7,7 @@
 use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, Normal};
 
-use super::heldout::FullCheck;
+use super::full_check::FullCheck;
 use super::mixture::Mixture;
 
 /// Rows at which probabilities that vary slowly along a record are asked for; spread by the golden ratio, which no period of a protocol divides.

@@ -1,6 +1,7 @@
 //! Sentences, branches and shifts of a ladder.
 
 use super::*;
+use crate::documents::posterior::ModelSummary;
 
 /// A rung with one parameter of the law.
 pub(crate) fn rung_of(revision: &str, from: Option<&str>, effects: &[&str], heldout_um: Option<f64>) -> Rung {

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use super::mesh_check;
-use super::summary::Warning;
+use crate::documents::posterior::Warning;
 use crate::effects::FieldModel;
 use crate::error::{Error, Place, Result};
 use crate::experiment::{Apparatus, Offset, OffsetDirection, Robot, RobotShape, Vitreous};

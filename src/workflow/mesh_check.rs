@@ -1,6 +1,6 @@
 //! Whether a mesh that the user brings is of the apparatus that the experiment describes.
 
-use super::summary::{Warning, WarningKind};
+use crate::documents::posterior::{Warning, WarningKind};
 use crate::experiment::{Offset, Robot, RobotShape, Vitreous};
 use crate::mesh::{ElementKind, Mesh};
 

@@ -22,7 +22,7 @@ use statrs::distribution::{ChiSquared, ContinuousCDF, Gamma};
 
 use crate::experiment::Record;
 
-/// Misfit or learnt noise above this multiple of the known noise is not the noise (contracts §4).
+/// Misfit or learnt noise above this multiple of the known noise is not the noise (formats §4).
 pub const NOISE_FACTOR: f64 = 1.5;
 /// Share of records of noise alone whose size is called too large.
 pub const FALSE_ALARM: f64 = 0.001;

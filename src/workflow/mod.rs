@@ -6,8 +6,10 @@ mod cache;
 pub mod convergence;
 mod exchange;
 pub mod extend;
+pub mod first_revision;
 pub mod fit;
 mod fitted_rows;
+pub mod full_check;
 pub mod heldout;
 mod joint;
 pub mod ladder;
@@ -24,7 +26,6 @@ pub mod replica;
 pub mod sample;
 pub mod simulate;
 pub mod simulation_files;
-pub mod summary;
 pub mod visibility;
 
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};

@@ -6,7 +6,10 @@
 
 use statrs::distribution::{Continuous, ContinuousCDF, Normal};
 
-use super::heldout::{BAND_PROBABILITIES, FullCheck};
+use super::full_check::FullCheck;
+
+/// Probabilities of the quantiles that bands are made of.
+pub const BAND_PROBABILITIES: [f64; 5] = [0.05, 0.25, 0.5, 0.75, 0.95];
 
 /// Largest distance of a component's mean, in standard deviations, and of its variance, in variances, for the series to stand for the mixture:
 /// the terms left out are then below 10⁻⁵ of a standard deviation.

@@ -3,9 +3,10 @@
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::super::heldout::{BAND_PROBABILITIES, DrawnNoise, FullCheck, bands_m, mixture, score};
+use super::super::full_check::{DrawnNoise, FullCheck};
+use super::super::heldout::{bands_m, mixture, score};
 use super::super::joint::{Predicted, joint};
-use super::{band_normals, near_normals};
+use super::{BAND_PROBABILITIES, band_normals, near_normals};
 use crate::experiment::Record;
 use crate::inference::noise::NoiseModel;
 

@@ -5,18 +5,15 @@ use std::sync::Arc;
 use super::Monitor;
 use super::mechanics::{FiniteElements, Mechanics, MeshFile};
 use super::model_priors::read_priors;
-use super::reduced::Reduced;
 use crate::effects::{Effect, Library};
 use crate::error::{Error, Place, Result};
-use crate::experiment::{Apparatus, Experiment, Record};
-use crate::inference::likelihood::{FittedRecord, PosteriorParts, ReducedPosterior};
+use crate::experiment::{Apparatus, Experiment};
 use crate::inference::noise::{NoiseLikelihood, NoiseModel};
 use crate::inference::prior::PriorSet;
-use crate::model::{FullForward, Model, ReducedForward, Response, TrainedRange};
+use crate::model::{FullForward, Model, TrainedRange};
 use crate::number::Dual;
 use crate::parameter::ParameterSpec;
 use crate::study::ModelSpecification;
-use crate::surrogate::trajectory;
 
 /// Prior mass beyond either end of the surrogate's trained range; the prior is truncated there.
 pub(crate) const TAIL_MASS: f64 = 1e-9;
@@ -163,41 +160,10 @@ impl Problem {
         pairs.map(|(position, cycle)| position.filter(|_| is_wanted(*cycle))).collect()
     }
 
-    /// Log-posterior of the calibration cycles by the reduced model. A law that is not linear remembers its trajectories.
-    pub fn posterior<'a>(&'a self, reduced: &'a Reduced) -> ReducedPosterior<'a> {
-        let Record { time_s, force_n, cycle, .. } = &self.experiment.record;
-        let parts = PosteriorParts {
-            model: &self.model,
-            noise: self.noise,
-            compliance: trajectory::local(&reduced.compliance, time_s, force_n),
-            trained: &reduced.trained,
-            priors: &self.priors,
-            fixed: &self.specification.fixed,
-        };
-        let observed_m = &self.positions_of(&self.experiment.calibration_cycles);
-        ReducedPosterior::new(parts, FittedRecord { time_s, force_n, cycle, observed_m })
-    }
-
     /// The likelihood of some cycles' positions under the model's noise.
     pub fn noise_likelihood(&self, cycles: &[u32]) -> NoiseLikelihood {
         let record = &self.experiment.record;
         NoiseLikelihood::new(self.noise, &record.time_s, &record.cycle, &self.positions_of(cycles))
-    }
-
-    /// The reduced forward model over the whole record.
-    pub fn reduced_forward<'a>(&'a self, reduced: &'a Reduced) -> ReducedForward<'a> {
-        let record = &self.experiment.record;
-        self.reduced_forward_over(reduced, Response::new(&record.time_s, &record.force_n, record.n_rows()))
-    }
-
-    /// The same over the rows of a response.
-    pub(super) fn reduced_forward_over<'a>(&'a self, reduced: &'a Reduced, response: Response) -> ReducedForward<'a> {
-        ReducedForward {
-            model: &self.model,
-            compliance: reduced.compliance.clone(),
-            response,
-            trained: &reduced.trained,
-        }
     }
 
     /// The full-order forward model over the whole record; `None` for an instrument.

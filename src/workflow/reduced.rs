@@ -9,18 +9,19 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use super::mechanics::{FiniteElements, Mechanics};
-use super::problem::Problem;
+use super::problem::{Problem, TAIL_MASS};
 use super::{Counter, Monitor, cache};
 use crate::effects::FieldModel;
 use crate::error::Result;
-use crate::experiment::Experiment;
+use crate::experiment::{Experiment, Record};
 use crate::files::{Content, read_if_there};
+use crate::inference::likelihood::{FittedRecord, PosteriorParts, ReducedPosterior};
 use crate::inference::prior::PriorSet;
 use crate::mesh::Mesh;
 use crate::model::{Compliance, Forward, FullForward, Model, ReducedForward, Response, TrainedRange};
 use crate::rheology::BaseLaw;
 use crate::study::{Kept, WithProvenance};
-use crate::surrogate::{FieldModels, Surrogate, Training};
+use crate::surrogate::{FieldModels, Surrogate, Training, trajectory};
 
 /// The file of a revision that keeps its surrogate.
 pub const SURROGATE_NAME: &str = "surrogate.json";
@@ -192,6 +193,39 @@ pub(crate) fn with_fields(compliance: Compliance, fields: &FieldModels) -> Compl
     compliance.with_spread(move |stages| fields.spread(stages))
 }
 
+impl Problem {
+    /// Log-posterior of the calibration cycles by the reduced model. A law that is not linear remembers its trajectories.
+    pub fn posterior<'a>(&'a self, reduced: &'a Reduced) -> ReducedPosterior<'a> {
+        let Record { time_s, force_n, cycle, .. } = &self.experiment.record;
+        let parts = PosteriorParts {
+            model: &self.model,
+            noise: self.noise,
+            compliance: trajectory::local(&reduced.compliance, time_s, force_n),
+            trained: &reduced.trained,
+            priors: &self.priors,
+            fixed: &self.specification.fixed,
+        };
+        let observed_m = &self.positions_of(&self.experiment.calibration_cycles);
+        ReducedPosterior::new(parts, FittedRecord { time_s, force_n, cycle, observed_m })
+    }
+
+    /// The reduced forward model over the whole record.
+    pub fn reduced_forward<'a>(&'a self, reduced: &'a Reduced) -> ReducedForward<'a> {
+        let record = &self.experiment.record;
+        self.reduced_forward_over(reduced, Response::new(&record.time_s, &record.force_n, record.n_rows()))
+    }
+
+    /// The same over the rows of a response.
+    pub(super) fn reduced_forward_over<'a>(&'a self, reduced: &'a Reduced, response: Response) -> ReducedForward<'a> {
+        ReducedForward {
+            model: &self.model,
+            compliance: reduced.compliance.clone(),
+            response,
+            trained: &reduced.trained,
+        }
+    }
+}
+
 /// The law of the training runs. The modes do not depend on it, so a network's are trained by the Lethersich law over its default prior.
 fn training_law(problem: &Problem) -> Result<(BaseLaw, Vec<TrainedRange>)> {
     let law = problem.model.base();
@@ -200,7 +234,7 @@ fn training_law(problem: &Problem) -> Result<(BaseLaw, Vec<TrainedRange>)> {
     }
     let law = BaseLaw::default();
     let priors = PriorSet::named("porcine")?;
-    let boxes = priors.box_quantiles(super::problem::TAIL_MASS);
+    let boxes = priors.box_quantiles(TAIL_MASS);
     let ranges = law.parameters().iter().zip(boxes);
     Ok((law, ranges.map(|(p, (lower, upper))| TrainedRange { name: p.name.into(), lower, upper }).collect()))
 }

@@ -8,12 +8,13 @@ use rand_chacha::ChaCha8Rng;
 
 use super::Monitor;
 use super::advice::{Findings, impossible_positions, warnings};
-use super::heldout::{self, FullCheck, N_CHECK_DRAWS, NaturalDraw, Score};
+use super::full_check::{self, FullCheck, N_CHECK_DRAWS, NaturalDraw, mean_trajectory};
+use super::heldout::{self, Score};
 use super::log_score::log_score;
 use super::misfit::{Misfit, Remainder, directions_of_spread};
 use super::problem::Problem;
 use super::reduced::{KeptSurrogate, Reduced};
-use super::summary::*;
+use crate::documents::posterior::*;
 use crate::error::{Error, Result};
 use crate::experiment::{Experiment, NoiseOrigin, NoiseYardstick};
 use crate::files::write_atomically;
@@ -86,7 +87,7 @@ pub fn run(problem: &Problem, request: &SampleRequest, monitor: &dyn Monitor) ->
     let columns = natural_columns(problem, &outcome);
     let spread = outcome.draws.spread(N_CHECK_DRAWS);
     let draws: Vec<NaturalDraw> = spread.iter().map(|point| posterior.natural(point)).collect();
-    let check = heldout::check(problem, &reduced, &draws)?;
+    let check = full_check::check(problem, &reduced, &draws)?;
     lap("full finite elements");
     let bands_m = heldout::bands_m(&check);
     let heldout_m = problem.positions_of(&problem.experiment.heldout_cycles);
@@ -189,7 +190,7 @@ fn summarise(
     yardstick: Option<NoiseYardstick>,
 ) -> PosteriorSummary {
     let parameters = parameter_summaries(problem, reduced, columns, check);
-    let mean_m = heldout::mean_trajectory(&check.trajectories_m, None);
+    let mean_m = mean_trajectory(&check.trajectories_m, None);
     let fitted = problem.positions_of(&problem.experiment.calibration_cycles);
     let learnt_noise_um = learnt_noise_um(check);
     let surrogate = reduced.surrogate.as_ref();
@@ -221,7 +222,7 @@ fn summarise(
     };
     let mut summary = PosteriorSummary {
         experiment: problem.experiment.specimen_id.clone(),
-        model: ModelSummary::of(&problem.specification),
+        model: problem.specification.summary(),
         parameters,
         sampler: SamplerSummary {
             walkers: request.options.n_walkers,

@@ -1,17 +1,16 @@
 //! A full finite-element run: the whole system stepped through the experiment's protocol with its internal fields.
 
+use crate::documents::simulation::{SimulationParameter, SimulationSummary};
 use std::collections::BTreeMap;
 use std::time::Instant;
 
-use serde::{Deserialize, Serialize};
-
 use super::Monitor;
 use super::advice::strain_warning;
-use super::convergence::{self, MeshLevel};
+use super::convergence::{self};
 use super::mechanics::FiniteElements;
 use super::problem::Problem;
 use super::reduced::{field_models, field_models_of};
-use super::summary::{PosteriorSummary, Warning};
+use crate::documents::posterior::PosteriorSummary;
 use crate::error::{Error, Place, Result};
 use crate::experiment::Record;
 use crate::fe::stepping::Resolution;
@@ -37,44 +36,6 @@ pub struct SimulationRequest {
     pub time_step_s: Option<f64>,
     /// Finest level of a convergence table over the built-in meshes, if one is wanted.
     pub refine: Option<usize>,
-}
-
-/// Value of one parameter of the law.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
-pub struct SimulationParameter {
-    /// Name, with unit.
-    pub name: String,
-    /// Value in that unit.
-    pub value: f64,
-    /// Where the value comes from.
-    pub origin: String,
-}
-
-/// Body of `vitreo-uq/simulation/1`.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
-pub struct SimulationSummary {
-    /// Specimen identifier of the experiment whose protocol was run.
-    pub experiment: String,
-    /// The law's parameters.
-    pub parameters: Vec<SimulationParameter>,
-    /// Unknowns of the full-order model.
-    pub unknowns: usize,
-    /// Force per displacement per Pa of Young's modulus, whole body, in m.
-    pub stiffness_m: f64,
-    /// `exponential` or `midpoint`.
-    pub scheme: String,
-    /// Time steps of the run.
-    pub time_steps: usize,
-    /// Largest distance of the stepped trajectory from compliance × ∫J dF (physics §4.5), in µm: the error of the time integration.
-    pub time_integration_error_um: f64,
-    /// Largest absolute displacement of the robot, in µm.
-    pub largest_displacement_um: f64,
-    /// Largest absolute principal strain over the fields looked at: the ends of the holds and the largest displacement.
-    pub largest_strain: f64,
-    /// One entry a mesh level; empty when none was asked for.
-    pub convergence: Vec<MeshLevel>,
-    /// What the user should know.
-    pub warnings: Vec<Warning>,
 }
 
 /// A run with everything that is written.

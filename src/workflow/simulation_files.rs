@@ -3,7 +3,8 @@
 use std::path::Path;
 
 use super::problem::Problem;
-use super::simulate::{Simulation, SimulationSummary};
+use super::simulate::Simulation;
+use crate::documents::simulation::SimulationSummary;
 use crate::error::{Error, Result};
 use crate::experiment::{Apparatus, Offset, Orientation, Record, RobotShape};
 use crate::mesh::vtu::{PointData, TimeStep, write_pvd, write_vtu};

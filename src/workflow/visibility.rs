@@ -9,14 +9,13 @@
 //!
 //! Effects whose Pg point the same way or opposite ways are twins (physics §5).
 
+use crate::documents::effects::{EffectEntry, EffectsSummary, ParameterEntry};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
 
 use super::fit;
 use super::problem::Problem;
 use super::reduced::{KeptSurrogate, Reduced};
-use super::summary::ModelSummary;
 use super::{Monitor, Silent};
 use crate::distribution::Distribution;
 use crate::effects::{Effect, EffectParameter, Library};
@@ -28,60 +27,6 @@ use crate::parameter::ParameterSpec;
 
 /// Prior quantiles at which parameters that mean nothing at the null are tried.
 const GRID: [f64; 9] = [0.02, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.98];
-
-/// Body of `vitreo-uq/effects/1`.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
-pub struct EffectsSummary {
-    /// Specimen identifier.
-    pub experiment: String,
-    /// The model that effects would be added to.
-    pub model: ModelSummary,
-    /// Noise (µm) at which visibility was computed.
-    pub noise_um: f64,
-    /// The library.
-    pub effects: Vec<EffectEntry>,
-}
-
-/// One effect.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
-pub struct EffectEntry {
-    /// Name in commands and files.
-    pub slug: String,
-    /// `load`, `mechanics` or `observation`.
-    pub stage: String,
-    /// What it adds.
-    pub summary: String,
-    /// Its equation.
-    pub equation: String,
-    /// Its parameters.
-    pub parameters: Vec<ParameterEntry>,
-    /// Share of its signature, in squared units of the white noise, that neither the base model nor the other noise can absorb; the largest over
-    /// parameters that mean nothing at the null. `None` where the effect cannot be added.
-    pub visible_fraction: Option<f64>,
-    /// Standard error with which this experiment would know the first parameter near its null, in that parameter's unit.
-    pub standard_error: Option<f64>,
-    /// Effects whose visible part has the same shape: to first order only the support's sign tells them apart.
-    pub twins: Vec<String>,
-    /// Why the effect cannot be added here, if it cannot.
-    pub refused: Option<String>,
-}
-
-/// One parameter of an effect.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
-pub struct ParameterEntry {
-    /// Name `slug.name`.
-    pub name: String,
-    /// Symbol in the equation.
-    pub symbol: String,
-    /// Unit.
-    pub unit: String,
-    /// Ends of the support; `None` for an infinite one.
-    pub support: [Option<f64>; 2],
-    /// Value at which the effect is not there; `None` where the parameter means nothing then.
-    pub null: Option<f64>,
-    /// Default prior for this experiment.
-    pub prior: String,
-}
 
 /// The library for an experiment.
 ///
@@ -99,7 +44,7 @@ pub fn run(
     let list = library.effects().par_iter().map(|effect| entry(problem, library, *effect, &base));
     Ok(EffectsSummary {
         experiment: problem.experiment.specimen_id.clone(),
-        model: ModelSummary::of(&problem.specification),
+        model: problem.specification.summary(),
         noise_um: base.noise_parameters[0],
         effects: with_twins(list.collect::<Result<_>>()?),
     })

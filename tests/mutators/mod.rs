@@ -13,6 +13,7 @@ use sha2::{Digest, Sha256};
 
 use vitreo_uq::Result;
 use vitreo_uq::critique::challenge::files::reveal;
+use vitreo_uq::documents::ladder::LadderSummary;
 use vitreo_uq::effects::Library;
 use vitreo_uq::experiment::Experiment;
 use vitreo_uq::inference::ensemble::{Checkpointing, Progress, RunControl};
@@ -21,13 +22,12 @@ use vitreo_uq::inference::{LogDensity, SamplerOptions, sample};
 use vitreo_uq::mesh::gmsh::read_gmsh;
 use vitreo_uq::report;
 use vitreo_uq::report::corner::{CornerOptions, ParameterColumn, Posterior, corner};
-use vitreo_uq::report::density::{Support, sorted};
+use vitreo_uq::report::density::{guessed_support, sorted};
 use vitreo_uq::report::draws::read_draws_csv;
 use vitreo_uq::report::palette::series;
 use vitreo_uq::rheology::Network;
 use vitreo_uq::study::{Kept, ModelSpecification, Study, WithProvenance};
 use vitreo_uq::surrogate::{ReducedOperators, Surrogate};
-use vitreo_uq::workflow::ladder::LadderSummary;
 use vitreo_uq::workflow::mechanics::Mechanics;
 use vitreo_uq::workflow::problem::Problem;
 use vitreo_uq::workflow::reduced::{KeptSurrogate, Reduced};
@@ -390,7 +390,7 @@ fn read_draws(place: &Place, bytes: &[u8]) -> Result<()> {
         symbol: name,
         unit: "Pa",
         draws,
-        support: Support::guess(&sorted(draws)),
+        support: guessed_support(&sorted(draws)),
         prior: None,
         reference: None,
     });

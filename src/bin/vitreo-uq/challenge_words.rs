@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use vitreo_uq::critique::challenge::files::Opened;
-use vitreo_uq::critique::challenge::plays::Play;
+use vitreo_uq::critique::challenge::play::Play;
 use vitreo_uq::critique::challenge::tally::Tally;
 use vitreo_uq::critique::challenge::{Disturbance, OutsideKind};
-use vitreo_uq::critique::diagnosis::Diagnosis;
+use vitreo_uq::documents::diagnosis::Diagnosis;
 
 use crate::text::significant;
 

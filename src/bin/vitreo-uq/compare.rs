@@ -3,8 +3,8 @@
 use std::process::ExitCode;
 use std::time::Instant;
 
-use vitreo_uq::critique::compare::document::{Comparison, Finding, PanelEntry};
 use vitreo_uq::critique::compare::{self, SIGNIFICANT, figures};
+use vitreo_uq::documents::comparison::{Comparison, Finding, PanelEntry};
 use vitreo_uq::error::{Error, Place, Result};
 use vitreo_uq::files::write_json_atomically;
 use vitreo_uq::study::WithProvenance;

@@ -8,7 +8,7 @@ use vitreo_uq::effects::Library;
 use vitreo_uq::error::{Error, Place, Result};
 use vitreo_uq::inference::prior::{Prior, PriorSet};
 use vitreo_uq::report::corner::{CornerOptions, ParameterColumn, Posterior, PriorCurve, corner};
-use vitreo_uq::report::density::{Support, sorted};
+use vitreo_uq::report::density::{Support, guessed_support, sorted};
 use vitreo_uq::report::draws::read_draws_csv;
 use vitreo_uq::report::labels::{ParameterLabel, of_parameter};
 use vitreo_uq::report::palette::series;
@@ -177,7 +177,7 @@ fn load_csv(path: &Path, label: String, priors: Option<&PriorSet>) -> Result<Loa
                 let (lower, upper) = prior.distribution.support();
                 Support { lower, upper }
             }
-            None => Support::guess(&sorted(&draws)),
+            None => guessed_support(&sorted(&draws)),
         };
         let (prior, curve) = (prior.cloned(), (Vec::new(), Vec::new()));
         Column { name: name.clone(), label: of_parameter(name), draws, support, prior, curve }

@@ -4,8 +4,8 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use vitreo_uq::critique::diagnose::{DiagnosisRequest, diagnose};
-use vitreo_uq::critique::diagnosis::{CandidateEntry, Diagnosis, Status, VerdictKind};
 use vitreo_uq::critique::search::Bars;
+use vitreo_uq::documents::diagnosis::{CandidateEntry, Diagnosis, Status, VerdictKind};
 use vitreo_uq::error::{Error, Place, Result};
 use vitreo_uq::files::write_json_atomically;
 use vitreo_uq::report::diagnosis as figure;

@@ -1,18 +1,20 @@
 //! `effects`: the library, and what an experiment can see of it.
 
 use std::process::ExitCode;
+use vitreo_uq::report::labels::model_title;
 
+use vitreo_uq::documents::effects::{EffectEntry, EffectsSummary, ParameterEntry};
 use vitreo_uq::effects::Library;
 use vitreo_uq::error::Result;
 use vitreo_uq::study::WithProvenance;
 use vitreo_uq::workflow::artefacts;
-use vitreo_uq::workflow::visibility::{self, EffectEntry, EffectsSummary, ParameterEntry};
+use vitreo_uq::workflow::visibility::{self};
 
 use crate::options::{self, EffectsArguments};
-use crate::sample::kept_surrogate;
 use crate::target::Target;
 use crate::terminal::Terminal;
 use crate::text::significant;
+use vitreo_uq::workflow::first_revision::kept_surrogate;
 
 pub fn run(arguments: &EffectsArguments) -> Result<ExitCode> {
     let common = &arguments.common;
@@ -31,7 +33,11 @@ pub fn run(arguments: &EffectsArguments) -> Result<ExitCode> {
 
 fn words(summary: &EffectsSummary) -> String {
     let mut lines = vec![
-        format!("{}: what this experiment can see beside the {} model", summary.experiment, summary.model.title()),
+        format!(
+            "{}: what this experiment can see beside the {} model",
+            summary.experiment,
+            model_title(&summary.model)
+        ),
         format!(
             "(visible: share of an effect's signature that model and noise cannot absorb; standard error: what a noise of {} µm leaves)",
             significant(summary.noise_um)

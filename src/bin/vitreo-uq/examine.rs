@@ -10,9 +10,9 @@ use vitreo_uq::workflow::reduced::Reduced;
 use vitreo_uq::workflow::{Monitor, artefacts};
 
 use crate::options::{Common, Model};
-use crate::sample::{kept_surrogate, refuse_nothing_to_sample, sample_into_m0};
 use crate::target::Target;
 use crate::terminal::Terminal;
+use vitreo_uq::workflow::first_revision::{kept_surrogate, make_first_revision, refuse_nothing_to_sample};
 
 /// A study with a revision, ready to be examined.
 pub struct Examined {
@@ -41,7 +41,7 @@ impl Examined {
         let study = target.make_study()?;
         if there.is_empty() {
             terminal.stage("m0, the first model, on the calibration cycles");
-            sample_into_m0(&study, &problem, options, false, terminal)?;
+            make_first_revision(&study, &problem, options, false, terminal)?;
         }
         let revision = model.from.clone().or_else(|| there.last().cloned()).unwrap_or_else(|| "m0".into());
         Ok(Self { study, revision, problem })

@@ -2,21 +2,23 @@
 
 use std::process::ExitCode;
 use std::time::Instant;
+use vitreo_uq::report::labels::model_title;
 
+use vitreo_uq::documents::extension::{ExtensionSummary, Misfit};
 use vitreo_uq::effects::Library;
 use vitreo_uq::error::{Error, Place, Result};
 use vitreo_uq::files::write_json_atomically;
 use vitreo_uq::study::{Study, WithProvenance};
-use vitreo_uq::workflow::extend::{self, Extension, ExtensionRequest, ExtensionSummary, Misfit};
+use vitreo_uq::workflow::extend::{self, Extension, ExtensionRequest};
 use vitreo_uq::workflow::mechanics::MeshFile;
 use vitreo_uq::workflow::problem::Problem;
 use vitreo_uq::workflow::{Monitor, artefacts};
 
 use crate::options::{self, ExtendArguments, Model};
-use crate::sample::{refuse_nothing_to_sample, sample_into_m0};
 use crate::target::Target;
 use crate::terminal::Terminal;
 use crate::text::{parameter_table, significant, warning_text};
+use vitreo_uq::workflow::first_revision::{make_first_revision, refuse_nothing_to_sample};
 
 /// The file of a revision that says what extending led to.
 const EXTENSION_NAME: &str = "extension.json";
@@ -60,7 +62,7 @@ pub fn run(arguments: &ExtendArguments) -> Result<ExitCode> {
     let study = &target.make_study()?;
     if study.revisions()?.is_empty() {
         terminal.stage("m0, the model to extend, on the calibration cycles");
-        sample_into_m0(study, &before, request.options.clone(), false, &terminal)?;
+        make_first_revision(study, &before, request.options.clone(), false, &terminal)?;
     }
     let writer = study.begin_revision(&revision)?;
     let extension = extend::run(pair, &request, &terminal)?;
@@ -101,7 +103,7 @@ fn words(summary: &ExtensionSummary) -> String {
         format!("scored on cycle {}", cycles(&summary.heldout_cycles))
     };
     let mut lines = vec![
-        format!("{}: {} ({}): {verdict}", summary.experiment, summary.model.title(), summary.revision),
+        format!("{}: {} ({}): {verdict}", summary.experiment, model_title(&summary.model), summary.revision),
         format!("Both models fitted to cycles {}, {heldout}.", cycles(&summary.fitted_cycles)),
         String::new(),
         parameter_table(&summary.parameters),

@@ -1,20 +1,22 @@
 //! `fit`: the paper's point estimate, with standard errors.
 
 use std::process::ExitCode;
+use vitreo_uq::report::labels::model_title;
 
+use vitreo_uq::documents::fit::{FitSummary, FittedParameter};
 use vitreo_uq::error::Result;
 use vitreo_uq::files::write_json_atomically;
 use vitreo_uq::inference::prior::NOISE;
 use vitreo_uq::report::labels::of_parameter;
 use vitreo_uq::study::{FIT_NAME, WithProvenance};
 use vitreo_uq::workflow::artefacts;
-use vitreo_uq::workflow::fit::{self, FitSummary, FittedParameter};
+use vitreo_uq::workflow::fit::{self};
 
 use crate::options::{self, FitArguments};
-use crate::sample::kept_surrogate;
 use crate::target::Target;
 use crate::terminal::Terminal;
 use crate::text::{column_width, significant, warning_text};
+use vitreo_uq::workflow::first_revision::kept_surrogate;
 
 pub fn run(arguments: &FitArguments) -> Result<ExitCode> {
     let common = &arguments.common;
@@ -46,7 +48,7 @@ fn words(summary: &FitSummary) -> String {
         format!(
             "{}: {} model, nonlinear least squares on {} positions: {verdict} in {} steps",
             summary.experiment,
-            summary.model.title(),
+            model_title(&summary.model),
             summary.fitted_positions,
             summary.iterations
         ),

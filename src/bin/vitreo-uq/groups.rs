@@ -5,12 +5,13 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use clap::Args;
+use vitreo_uq::documents::groups::RatioVerdict;
+use vitreo_uq::documents::groups::ScaleName;
+use vitreo_uq::documents::groups::{ContrastSummary, GroupSummary, GroupsSummary};
 use vitreo_uq::error::{Error, Place, Result};
 use vitreo_uq::groups::cohort::{self, Key};
-use vitreo_uq::groups::contrast::Verdict;
 use vitreo_uq::groups::job::{self, GroupsRequest};
-use vitreo_uq::groups::scale::ScaleName;
-use vitreo_uq::groups::summary::{self, ContrastSummary, GroupSummary, GroupsSummary};
+use vitreo_uq::groups::summary::{self};
 use vitreo_uq::groups::{artefacts, wording};
 use vitreo_uq::inference::SamplerOptions;
 use vitreo_uq::report::labels::of_parameter;
@@ -228,10 +229,10 @@ fn ratios(summary: &GroupsSummary) -> Vec<String> {
     rows.extend(summary.contrasts.iter().map(|own| {
         let mark = if own.is_declared { "*" } else { " " };
         let verdict = match own.verdict {
-            Verdict::Greater => "  greater",
-            Verdict::Less => "  less",
-            Verdict::Equivalent => "  no difference in practice",
-            Verdict::Undecided => "",
+            RatioVerdict::Greater => "  greater",
+            RatioVerdict::Less => "  less",
+            RatioVerdict::Equivalent => "  no difference in practice",
+            RatioVerdict::Undecided => "",
         };
         let more = own.more.map_or_else(String::new, |plan| format!("  {}", wording::what_it_takes(&plan)));
         format!(

@@ -2,7 +2,9 @@
 
 use std::process::ExitCode;
 use std::time::Instant;
+use vitreo_uq::report::labels::model_title;
 
+use vitreo_uq::documents::ladder::{LadderSummary, Rung, RungParameter, Shift};
 use vitreo_uq::error::Result;
 use vitreo_uq::files::{self, Content};
 use vitreo_uq::report;
@@ -10,7 +12,7 @@ use vitreo_uq::report::labels::of_parameter;
 use vitreo_uq::report::svg::figure_files;
 use vitreo_uq::study::{LADDER_NAME, Study, WithProvenance};
 use vitreo_uq::workflow::Monitor;
-use vitreo_uq::workflow::ladder::{self, LadderRequest, LadderSummary, Rung, Shift};
+use vitreo_uq::workflow::ladder::{self, LadderRequest};
 
 use crate::examine::Examined;
 use crate::options::{self, LadderArguments};
@@ -100,7 +102,7 @@ fn heading(summary: &LadderSummary) -> String {
 /// Label of a rung: its model for the first, what it adds for the others.
 fn label(rung: &Rung) -> String {
     match &rung.from {
-        None => rung.model.title(),
+        None => model_title(&rung.model),
         Some(_) => format!("+ {}", rung.added.join(" + ")),
     }
 }
@@ -167,9 +169,8 @@ fn shifts(summary: &LadderSummary) -> Vec<String> {
         format!("  What was missing in {before} had bent the law (median, 90 % interval):"),
         format!("  {:<width$}{before:>26}{after:>26}{:>10}{:>12}", "parameter", "shift", "in sd"),
     ];
-    let interval = |p: &ladder::RungParameter| {
-        format!("{} [{}, {}]", significant(p.median), significant(p.q05), significant(p.q95))
-    };
+    let interval =
+        |p: &RungParameter| format!("{} [{}, {}]", significant(p.median), significant(p.q05), significant(p.q95));
     lines.extend(summary.shifts.iter().map(|shift: &Shift| {
         let (before, after) = (interval(&shift.before), interval(&shift.after));
         let axis = of_parameter(&shift.name).axis();

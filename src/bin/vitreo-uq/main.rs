@@ -26,10 +26,51 @@ mod text;
 
 use std::process::ExitCode;
 
-use clap::Parser;
+use clap::{Parser, Subcommand};
 
-use options::{Command, Program};
+use options::{
+    CompareArguments, CornerArguments, DiagnoseArguments, EffectsArguments, ExtendArguments, FitArguments,
+    LadderArguments, SampleArguments, SimulateArguments,
+};
 use vitreo_uq::Error;
+
+/// Bayesian uncertainty quantification for creep experiments in soft gels.
+#[derive(Parser)]
+#[command(name = "vitreo-uq", version, about, propagate_version = true)]
+struct Program {
+    /// What to do.
+    #[command(subcommand)]
+    command: Command,
+}
+
+/// One variant a command.
+#[derive(Subcommand)]
+enum Command {
+    /// From a measurement to a posterior that full finite elements have checked
+    Sample(SampleArguments),
+    /// The paper's point estimate by nonlinear least squares, with standard errors
+    Fit(FitArguments),
+    /// A full finite-element run: trajectory in the experiment's format, fields for ParaView
+    Simulate(SimulateArguments),
+    /// Corner plot of one or several posteriors
+    Corner(CornerArguments),
+    /// The library of physical effects, and what this experiment can see of each
+    Effects(EffectsArguments),
+    /// Model against measurement: where it fails
+    Compare(CompareArguments),
+    /// Which physical effect is missing: every effect refitted, the claim judged on a cycle that no fit has seen
+    Diagnose(DiagnoseArguments),
+    /// The next revision of a study: an effect added, refitted, with the error before and after
+    Extend(ExtendArguments),
+    /// All revisions of a study on the same footing: how the error fell
+    Ladder(LadderArguments),
+    /// Data with a sealed hidden effect: make some, open the seal, play many
+    Challenge(challenge::ChallengeArguments),
+    /// Species or regions compared: how groups of specimens differ, and how sure that is
+    Groups(groups::GroupsArguments),
+    /// The paper's study of robot shapes, with posterior uncertainty: which claims hold, and the longest robot that still moves far enough
+    Shapes(shapes::ShapesArguments),
+}
 
 fn main() -> ExitCode {
     let program = Program::parse();

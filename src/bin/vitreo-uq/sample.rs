@@ -1,27 +1,21 @@
 //! `sample`: from a measurement to a posterior that full finite elements have checked.
 
-use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
 
 use vitreo_uq::effects::Library;
 use vitreo_uq::error::{Error, Place, Result};
 use vitreo_uq::files::{Content, read_if_there};
-use vitreo_uq::inference::SamplerOptions;
 use vitreo_uq::inference::prior::PriorSet;
 use vitreo_uq::study::{ModelSpecification, Provenance, Study, WithProvenance};
+use vitreo_uq::workflow::first_revision::{FIRST_REVISION, make_first_revision, refuse_nothing_to_sample};
 use vitreo_uq::workflow::problem::Problem;
-use vitreo_uq::workflow::reduced::KeptSurrogate;
-use vitreo_uq::workflow::sample::{self, SampleRequest, SampleResult};
 use vitreo_uq::workflow::{Monitor, artefacts};
 
 use crate::options::SampleArguments;
 use crate::target::Target;
 use crate::terminal::Terminal;
 use crate::{options, text};
-
-/// The revision that `sample` writes.
-const REVISION: &str = "m0";
 
 pub fn run(arguments: &SampleArguments) -> Result<ExitCode> {
     let began = Instant::now();
@@ -30,7 +24,7 @@ pub fn run(arguments: &SampleArguments) -> Result<ExitCode> {
     crate::output::check(common.json.as_deref())?;
     let options = options::sampler(arguments.chains, arguments.steps, common.seed, threads);
     let terminal = Terminal::new(common.quiet);
-    let target = Target::open_at(common, &arguments.model, Some(REVISION), &terminal)?;
+    let target = Target::open_at(common, &arguments.model, Some(FIRST_REVISION), &terminal)?;
     if let Some(study) = target.existing_study() {
         refuse_other_model(study, &target.specification, common.force)?;
     }
@@ -41,10 +35,10 @@ pub fn run(arguments: &SampleArguments) -> Result<ExitCode> {
     refuse_nothing_to_sample(&problem)?;
     options.validate(problem.priors.priors().len())?;
     let study = &target.make_study()?;
-    if study.revision_dir(REVISION).is_ok() {
-        terminal.warn(&format!("the study's {REVISION} is replaced when this run ends"));
+    if study.revision_dir(FIRST_REVISION).is_ok() {
+        terminal.warn(&format!("the study's {FIRST_REVISION} is replaced when this run ends"));
     }
-    let (result, written) = sample_into_m0(study, &problem, options, arguments.resume, &terminal)?;
+    let (result, written) = make_first_revision(study, &problem, options, arguments.resume, &terminal)?;
     terminal.finish();
     let sound = result.summary.is_sound();
     let provenance = artefacts::with_inputs(study.provenance("posterior", 1, common.seed), &problem);
@@ -61,49 +55,9 @@ pub fn run(arguments: &SampleArguments) -> Result<ExitCode> {
     Ok(ExitCode::from(u8::from(!sound)))
 }
 
-/// Samples the posterior and writes it as the study's m0.
-pub fn sample_into_m0(
-    study: &Study,
-    problem: &Problem,
-    options: SamplerOptions,
-    resume: bool,
-    terminal: &Terminal,
-) -> Result<(SampleResult, PathBuf)> {
-    let revision = study.begin_revision(REVISION)?;
-    let checkpoint = study.checkpoint_dir(REVISION)?.join("sampler.state");
-    let seed = options.seed;
-    let request = SampleRequest {
-        options,
-        kept_surrogate: kept_surrogate(study, terminal),
-        checkpoint: Some(&checkpoint),
-        resume,
-    };
-    let mut result = sample::run(problem, &request, terminal)?;
-    terminal.stage("writing results and figures");
-    let clock = Instant::now();
-    let header = |kind: &str| artefacts::with_inputs(study.provenance(kind, 1, seed), problem);
-    artefacts::write(revision.path(), problem, &result, &header)?;
-    result.timing_s.push(("results and figures", clock.elapsed().as_secs_f64()));
-    artefacts::write_timing(revision.path(), &result.timing_s, header("timing"))?;
-    let written = revision.commit()?;
-    study.discard_checkpoint(REVISION)?;
-    Ok((result, written))
-}
-
-pub fn refuse_nothing_to_sample(problem: &Problem) -> Result<()> {
-    if problem.priors.priors().is_empty() {
-        return Err(Error::input(
-            Place::option("--set"),
-            "every parameter is fixed, so there is nothing to infer",
-            "leave at least one parameter free, or use `simulate`",
-        ));
-    }
-    Ok(())
-}
-
 /// A revision of another model is not overwritten unless that is asked for.
 fn refuse_other_model(study: &Study, specification: &ModelSpecification, force: bool) -> Result<()> {
-    let Ok(dir) = study.revision_dir(REVISION) else { return Ok(()) };
+    let Ok(dir) = study.revision_dir(FIRST_REVISION) else { return Ok(()) };
     let path = dir.join("model.toml");
     if force || same_model(&artefacts::model_of(&dir, &Library::default())?, specification)? {
         return Ok(());
@@ -117,7 +71,7 @@ fn refuse_other_model(study: &Study, specification: &ModelSpecification, force: 
 
 /// Nor is one on another mesh.
 fn refuse_other_mesh(study: &Study, problem: &Problem, force: bool) -> Result<()> {
-    let Ok(dir) = study.revision_dir(REVISION) else { return Ok(()) };
+    let Ok(dir) = study.revision_dir(FIRST_REVISION) else { return Ok(()) };
     let path = dir.join("posterior.json");
     let Some(bytes) = read_if_there(&path, Content::Document) else { return Ok(()) };
     let before: Option<Provenance> = serde_json::from_slice(&bytes).ok();
@@ -138,9 +92,4 @@ fn same_model(ours: &ModelSpecification, other: &ModelSpecification) -> Result<b
     let unnamed = |model: &ModelSpecification| ModelSpecification { prior: String::new(), ..model.clone() };
     let same_prior = || Ok(PriorSet::read(&ours.prior)?.text() == PriorSet::read(&other.prior)?.text());
     if unnamed(ours) == unnamed(other) { same_prior() } else { Ok(false) }
-}
-
-/// The surrogate of an earlier run, if it can be used; whether it fits is checked by its hash.
-pub fn kept_surrogate(study: &Study, monitor: &dyn Monitor) -> Option<KeptSurrogate> {
-    KeptSurrogate::read(&study.revision_dir(REVISION).ok()?, monitor)
 }

@@ -5,6 +5,8 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use clap::Args;
+use vitreo_uq::documents::posterior::Warning;
+use vitreo_uq::documents::shapes::ShapesSummary;
 use vitreo_uq::error::{Error, Place, Result};
 use vitreo_uq::experiment::{Apparatus, RobotShape, Vitreous};
 use vitreo_uq::report::draws::read_draws_csv;
@@ -12,11 +14,10 @@ use vitreo_uq::rheology::CreepCompliance;
 use vitreo_uq::shapes::artefacts;
 use vitreo_uq::shapes::bodies::PAPER_ASPECT;
 use vitreo_uq::shapes::job::{self, ShapesRequest};
-use vitreo_uq::shapes::summary::{ShapesSummary, summarise};
+use vitreo_uq::shapes::summary::summarise;
 use vitreo_uq::study::WithProvenance;
 use vitreo_uq::workflow::Monitor;
 use vitreo_uq::workflow::mechanics::{MeshFile, read_mesh};
-use vitreo_uq::workflow::summary::Warning;
 
 use crate::examine::Examined;
 use crate::options::{self, Common, Model};

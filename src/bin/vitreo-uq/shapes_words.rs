@@ -2,8 +2,8 @@
 
 use std::collections::BTreeSet;
 
-use vitreo_uq::shapes::claims::Claim;
-use vitreo_uq::shapes::summary::{BodySummary, Displacement, OwnBody, ShapesSummary, SweepSummary};
+use vitreo_uq::documents::shapes::Claim;
+use vitreo_uq::documents::shapes::{BodySummary, Displacement, OwnBody, ShapesSummary, SweepSummary};
 
 /// The study in words and tables.
 pub fn words(summary: &ShapesSummary) -> String {

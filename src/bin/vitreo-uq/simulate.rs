@@ -3,17 +3,18 @@
 use std::collections::BTreeMap;
 use std::process::ExitCode;
 
+use vitreo_uq::documents::posterior::PosteriorSummary;
+use vitreo_uq::documents::simulation::MeshLevel;
+use vitreo_uq::documents::simulation::SimulationSummary;
 use vitreo_uq::effects::Library;
 use vitreo_uq::error::{Error, Place, Result};
 use vitreo_uq::fe::time::TimeScheme;
 use vitreo_uq::files::{self, Content, write_json_atomically};
 use vitreo_uq::study::{ModelSpecification, Study, WithProvenance};
 use vitreo_uq::workflow::Monitor;
-use vitreo_uq::workflow::convergence::MeshLevel;
 use vitreo_uq::workflow::problem::Problem;
-use vitreo_uq::workflow::simulate::{self, SimulationRequest, SimulationSummary};
+use vitreo_uq::workflow::simulate::{self, SimulationRequest};
 use vitreo_uq::workflow::simulation_files;
-use vitreo_uq::workflow::summary::PosteriorSummary;
 
 use crate::options::{self, Scheme, SimulateArguments};
 use crate::target::Target;

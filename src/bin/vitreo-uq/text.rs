@@ -1,7 +1,8 @@
 //! Results in words and columns, for people.
 
+use vitreo_uq::documents::posterior::{ParameterSummary, PosteriorSummary, Warning};
+use vitreo_uq::report::labels::model_title;
 use vitreo_uq::report::labels::of_parameter;
-use vitreo_uq::workflow::summary::{ParameterSummary, PosteriorSummary, Warning};
 
 /// The summary that `sample` prints.
 pub fn posterior(summary: &PosteriorSummary) -> String {
@@ -15,7 +16,7 @@ pub fn posterior(summary: &PosteriorSummary) -> String {
     line(format!(
         "{}: {} model, {} ensembles of {} walkers, {} steps: {verdict}",
         summary.experiment,
-        summary.model.title(),
+        model_title(&summary.model),
         sampler.ensembles,
         sampler.walkers,
         sampler.steps

@@ -5,10 +5,9 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
-use super::large::{self, LargeGel};
+use super::large::{self, LargeGel, robot_of};
 use super::{ApparatusError, Bench, OutsideKind, Truth};
 use crate::error::{Error, Result};
-use crate::experiment::{Apparatus, Robot, Vitreous};
 use crate::fe::Stiffness;
 use crate::fe::spatial::{Sizes, Surroundings};
 use crate::fe::stepping::Resolution;
@@ -112,16 +111,6 @@ fn off_centre<'a>(
     }
     let stiffness = |error: ApparatusError| Stiffness::new(&robot_mesh(&error.robot(robot), vitreous, DATA_LEVEL)?);
     errors.into_iter().map(|error| Ok((error, stiffness(error)?))).collect()
-}
-
-/// The reference apparatus's robot and gel.
-pub(super) fn robot_of(apparatus: &Apparatus) -> Result<(&Robot, &Vitreous)> {
-    match apparatus {
-        Apparatus::Robot { robot, vitreous } => Ok((robot, vitreous)),
-        Apparatus::Instrument { .. } => {
-            Err(Error::numerical("the reference apparatus has no robot", "reinstall the program"))
-        }
-    }
 }
 
 /// Hash of all that a trajectory depends on.

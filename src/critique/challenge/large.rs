@@ -2,10 +2,9 @@
 //!
 //! At the paper's 3.6 radii no mesh follows, so the drawn law is made stiffer, all three numbers by one factor: its times stay, its displacements shrink.
 
-use super::full_order::robot_of;
 use crate::effects::Stages;
 use crate::error::{Error, Result};
-use crate::experiment::{Apparatus, Record, RobotShape};
+use crate::experiment::{Apparatus, Record, Robot, RobotShape, Vitreous};
 use crate::fe::Stiffness;
 use crate::fe::large::{LargeModel, LargeRun};
 use crate::fe::nonlinear::Options;
@@ -52,5 +51,15 @@ pub(super) fn radius_m(apparatus: &Apparatus) -> Result<f64> {
     match robot_of(apparatus)?.0.shape {
         RobotShape::Sphere { diameter_m } => Ok(0.5 * diameter_m),
         _ => Err(Error::numerical("the reference apparatus has no sphere", "reinstall the program")),
+    }
+}
+
+/// The reference apparatus's robot and gel.
+pub(super) fn robot_of(apparatus: &Apparatus) -> Result<(&Robot, &Vitreous)> {
+    match apparatus {
+        Apparatus::Robot { robot, vitreous } => Ok((robot, vitreous)),
+        Apparatus::Instrument { .. } => {
+            Err(Error::numerical("the reference apparatus has no robot", "reinstall the program"))
+        }
     }
 }

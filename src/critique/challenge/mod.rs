@@ -13,6 +13,7 @@ mod large;
 mod motion;
 mod noise;
 mod outside;
+pub mod play;
 pub mod plays;
 mod protocol;
 pub mod seal;

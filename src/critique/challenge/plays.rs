@@ -7,57 +7,18 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::super::Subject;
-use super::super::diagnosis::{Diagnosis, VerdictKind};
 use super::full_order::trajectories_m;
+use super::play::{NamedSize, Play, Sort};
 use super::tally::{Tally, tally};
 use super::truth::joined;
 use super::{ApparatusError, Bench, Hidden, Noise, NoiseKind, Order, OutsideKind, Protocol, Truth, hideable};
+use crate::documents::diagnosis::{Diagnosis, VerdictKind};
 use crate::error::{Error, Place, Result};
 use crate::inference::ensemble::RandomStream;
 use crate::workflow::Monitor;
 
 /// What diagnoses a subject, with a seed.
 pub type Diagnose<'a> = dyn Fn(&Subject, u64) -> Result<Diagnosis> + Sync + 'a;
-
-/// Kinds of hidden things.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, schemars::JsonSchema, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Sort {
-    /// Nothing.
-    None,
-    /// One effect of the library.
-    Single,
-    /// Two.
-    Pair,
-    /// Something outside the library.
-    Outside,
-    /// A wrong constant of the apparatus, which the law absorbs.
-    Apparatus,
-}
-
-impl Sort {
-    /// Of a truth.
-    pub fn of(truth: &Truth) -> Self {
-        match (&truth.outside, truth.apparatus, truth.effects.len()) {
-            (Some(_), ..) => Self::Outside,
-            (None, Some(_), _) => Self::Apparatus,
-            (None, None, 0) => Self::None,
-            (None, None, 1) => Self::Single,
-            (None, None, _) => Self::Pair,
-        }
-    }
-
-    /// Name in tables.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::None => "none",
-            Self::Single => "single",
-            Self::Pair => "pair",
-            Self::Outside => "outside",
-            Self::Apparatus => "apparatus",
-        }
-    }
-}
 
 /// Which challenges are played.
 #[derive(Debug, Clone, PartialEq)]
@@ -120,64 +81,6 @@ const CONTROL_LAWS: usize = 40;
 const LEAST_PAIR_SIGMA: f64 = 10.0;
 /// Golden section: its multiples spread evenly over choices without locking to another choice.
 const GOLDEN: f64 = 0.618_033_988_749_894_9;
-
-/// One challenge as it was played.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
-pub struct Play {
-    /// Number, from 0.
-    pub number: usize,
-    /// Sort.
-    pub sort: Sort,
-    /// What it was made from.
-    pub truth: Truth,
-    /// What a right diagnosis names.
-    pub label: String,
-    /// What was said: slugs joined by `+`, `none`, `unexplained`, or `failed`.
-    pub said: String,
-    /// The effects that were named, and those that were called equivalent.
-    pub class: Vec<String>,
-    /// Kinds of structure that were called unexplained.
-    pub unexplained: Vec<String>,
-    /// The effect that stood first: the first that was named, else the one whose refit gained most.
-    pub first: Option<String>,
-    /// Gain in nats of each effect's refit, best first, with that on the last cycle.
-    pub gains: Vec<(String, f64, Option<f64>)>,
-    /// The verdict in its own words; empty where there is none.
-    pub sentence: String,
-    /// Seed of the diagnosis; 0 where it is not known.
-    pub seed: u64,
-    /// Whether the size of the hidden effect lies in its 90 % interval; `None` where it was not named or nothing was hidden.
-    pub size_covered: Option<bool>,
-    /// The size of every hidden effect that was named.
-    pub sizes: Vec<NamedSize>,
-    /// Noise (µm) that the diagnosis measured misfits against, given or estimated.
-    pub yardstick_um: Option<f64>,
-    /// Root mean square error (µm) on the scored cycle with what was named, of the base model where nothing was.
-    pub rmse_heldout_um: Option<f64>,
-    /// Root mean square (µm) of the noise that was drawn, over the rows on which that error was taken: what the true model leaves.
-    pub true_noise_um: Option<f64>,
-    /// The error over the true noise. The true model reads 1, whatever was drawn, and a misfit of f times the noise √(1 + f²), but for what it shares with it.
-    pub heldout_over_true_noise: Option<f64>,
-    /// The error over the total predictive noise that the diagnosis gives the model that it named; `None` where it named none.
-    pub heldout_over_predictive_noise: Option<f64>,
-    /// Why there is no diagnosis.
-    pub failure: Option<String>,
-}
-
-/// The size of a hidden effect beside what the diagnosis says of it.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
-pub struct NamedSize {
-    /// Name of the parameter, with unit.
-    pub name: String,
-    /// What was hidden.
-    pub value: f64,
-    /// Posterior mean.
-    pub mean: f64,
-    /// 5 % quantile.
-    pub q05: f64,
-    /// 95 % quantile.
-    pub q95: f64,
-}
 
 /// All challenges as they were played.
 #[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]

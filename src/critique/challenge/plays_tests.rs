@@ -1,10 +1,10 @@
 //! Diagnoses and truths written by hand: what is made of one, and what many come to.
 
-use super::super::super::diagnosis::{
-    BaseErrors, CandidateEntry, Errors, Refit, RefitParameter, Status, UnexplainedEntry, Verdict,
-};
 use super::super::{Disturbance, HiddenEffect, NamedValue};
 use super::*;
+use crate::documents::diagnosis::{
+    BaseErrors, CandidateEntry, Errors, Refit, RefitParameter, Status, UnexplainedEntry, Verdict,
+};
 
 fn truth(slugs: &[&str], ideal_class: &[&str]) -> Truth {
     let effect = |slug: &&str| HiddenEffect {

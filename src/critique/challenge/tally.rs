@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use super::plays::{Play, Sort};
+use super::play::{Play, Sort};
 use super::{NoiseKind, Protocol};
 
 /// Body of `vitreo-uq/challenge/1`. Rates are from 0 to 1, `None` where nothing of the sort was played.
@@ -77,32 +77,6 @@ pub struct Group {
 
 /// Error on the scored cycle over its noise that is allowed after the addition.
 const ALLOWED_RATIO: f64 = 1.1;
-
-impl Play {
-    /// Whether the diagnosis was right: the hidden effects in the class, `none` where nothing is hidden, `unexplained` of what is outside.
-    pub fn is_right(&self) -> bool {
-        match self.sort {
-            Sort::None | Sort::Apparatus => self.said == "none",
-            // Where an effect of the library does the same, it may be named.
-            Sort::Outside => {
-                self.said == "unexplained" || self.class.iter().any(|slug| self.truth.ideal_class.contains(slug))
-            }
-            Sort::Single | Sort::Pair => self.is_in_class(),
-        }
-    }
-
-    fn is_in_class(&self) -> bool {
-        self.truth.effects.iter().all(|effect| self.class.contains(&effect.slug))
-    }
-
-    fn is_claim(&self) -> bool {
-        !["none", "unexplained", "failed"].contains(&self.said.as_str())
-    }
-
-    fn is_first_separated(&self) -> bool {
-        self.first.as_ref().is_some_and(|first| self.truth.ideal_class.contains(first))
-    }
-}
 
 fn share(plays: &[&Play], is: impl Fn(&Play) -> bool) -> Option<f64> {
     (!plays.is_empty()).then(|| plays.iter().filter(|play| is(play)).count() as f64 / plays.len() as f64)

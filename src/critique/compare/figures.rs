@@ -3,9 +3,9 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-use super::document::PanelEntry;
 use super::{Outcome, SIGNIFICANT};
 use crate::critique::Subject;
+use crate::documents::comparison::PanelEntry;
 use crate::error::Result;
 use crate::report::comparison::{ComparisonData, comparison};
 use crate::report::comparison_bars::{BarPanel, bias_sheet};

@@ -4,7 +4,6 @@
 //! is judged against records simulated from the model with the noise that was found for it ([`calibration`]).
 
 pub mod calibration;
-pub mod document;
 mod echoes;
 pub mod figures;
 pub mod linear;
@@ -14,8 +13,8 @@ pub mod rows;
 mod sentences;
 pub mod whiteness;
 
+use crate::documents::comparison::{Bar, Comparison, LeftOutEntry, PanelEntry};
 use calibration::{Looks, Significance, looks, significance};
-use document::{Bar, Comparison, LeftOutEntry, PanelEntry};
 use echoes::Shown;
 use linear::Linear;
 use panels::Panel;

@@ -1,7 +1,7 @@
 //! What was found, in plain words.
 
-use super::document::{Bar, Comparison, Finding, PanelEntry};
 use super::panels::lag_phrase;
+use crate::documents::comparison::{Bar, Comparison, Finding, PanelEntry};
 use crate::report::number::significant;
 
 /// Misfit over the yardstick above which the noise that the fit found is not what is known of it.

@@ -1,8 +1,8 @@
 //! Correct models with noise of every kind, and models that lack an effect.
 
 use super::super::test_subjects::{Protocol, noise_of, subject, truth_of};
-use super::document::Finding;
 use super::*;
+use crate::documents::comparison::Finding;
 use crate::inference::ensemble::RandomStream;
 
 /// σ (µm), σ_ou (µm), τ (s), s_g, s_o (µm): white, slow, and a gain that changes by 1 %.

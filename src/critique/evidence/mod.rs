@@ -12,8 +12,8 @@ mod starts;
 
 use std::collections::BTreeMap;
 
-use super::diagnosis::{Answer, RefitParameter};
 use super::{Candidate, Fitted, Free, Subject};
+use crate::documents::diagnosis::{Answer, RefitParameter};
 use crate::error::{Error, Place, Result};
 use crate::inference::evidence::importance::{self, ImportanceOptions};
 use crate::inference::evidence::tempering::{self, TemperingOptions};

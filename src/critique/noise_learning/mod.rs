@@ -12,8 +12,8 @@
 mod records;
 mod restricted;
 
-use super::diagnosis::NoiseEstimate;
 use super::{Candidate, Fitted, Subject};
+use crate::documents::diagnosis::NoiseEstimate;
 use crate::error::Result;
 use crate::experiment::Record;
 use crate::report::number::significant;

@@ -1,0 +1,12 @@
+//! The documents that commands write (formats §5): plain types, with no more in them than what a reader of one may ask of it. Jobs make them, figures and the terminal show them.
+
+pub mod comparison;
+pub mod diagnosis;
+pub mod effects;
+pub mod extension;
+pub mod fit;
+pub mod groups;
+pub mod ladder;
+pub mod posterior;
+pub mod shapes;
+pub mod simulation;

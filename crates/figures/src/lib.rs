@@ -1,0 +1,6 @@
+//! What vitreo-uq writes for people and programs: documents as plain types, figures, CSV and NetCDF.
+
+pub mod documents;
+pub mod report;
+
+use vitreo_uq_mechanics::{Error, Result, effects, error, files, parameter, rheology};

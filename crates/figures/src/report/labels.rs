@@ -1,0 +1,130 @@
+//! Symbols and units of parameters: of effects from their own tables, of all others from their names (formats §5).
+
+use crate::documents::posterior::ModelSummary;
+use crate::effects::EFFECTS;
+use crate::rheology::BaseLaw;
+
+/// Symbol and unit of a parameter as figures show them.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ParameterLabel {
+    /// Short symbol such as `E`; the name itself where there is none.
+    pub symbol: String,
+    /// Unit such as `Pa`, or `–` where there is none.
+    pub unit: String,
+}
+
+impl ParameterLabel {
+    /// Symbol and unit for an axis: `E (Pa)`.
+    pub fn axis(&self) -> String {
+        axis_label(&self.symbol, &self.unit)
+    }
+}
+
+/// Name of a model for people: the law, and the effects.
+pub fn model_title(model: &ModelSummary) -> String {
+    let law = BaseLaw::named(&model.base).map_or(model.base.as_str(), |law| law.title());
+    let effects: String = model.effects.iter().map(|slug| format!(" + {slug}")).collect();
+    format!("{law}{effects}")
+}
+
+/// `symbol (unit)`; a quantity without unit is marked by `–`.
+pub fn axis_label(symbol: &str, unit: &str) -> String {
+    format!("{symbol} ({})", if unit.is_empty() { "–" } else { unit })
+}
+
+const SYMBOLS: [(&str, &str); 13] = [
+    ("young_modulus_pa", "E"),
+    ("viscosity_1_pa_s", "c₁"),
+    ("viscosity_2_pa_s", "c₂"),
+    ("instantaneous_modulus_pa", "E₀"),
+    ("second_modulus_pa", "E₂"),
+    ("second_viscosity_pa_s", "c₃"),
+    ("noise_sd_um", "σ"),
+    ("ou_sd_um", "σ OU"),
+    ("ou_time_s", "τ OU"),
+    ("gain_sd", "sd of gain"),
+    ("offset_sd_um", "sd of offset"),
+    ("student_dof", "degrees of freedom"),
+    ("log_density", "log density"),
+];
+
+/// Longer suffixes first, since `_s` ends `_pa_s` too.
+const UNITS: [(&str, &str); 13] = [
+    ("_m2_per_pa_s", "m²/(Pa·s)"),
+    ("_m_per_pa_s", "m/(Pa·s)"),
+    ("_m_per_s", "m/s"),
+    ("_per_pa", "1/Pa"),
+    ("_per_s", "1/s"),
+    ("_per_m", "1/m"),
+    ("_pa_s", "Pa·s"),
+    ("_pa", "Pa"),
+    ("_um", "µm"),
+    ("_mm", "mm"),
+    ("_ms", "ms"),
+    ("_s", "s"),
+    ("_m", "m"),
+];
+
+/// Symbol and unit of a parameter by its name; an unknown name without its unit becomes its own symbol.
+pub fn of_parameter(name: &str) -> ParameterLabel {
+    of_effect(name).unwrap_or_else(|| of_name(name))
+}
+
+/// Label of an effect's parameter: slug and symbol, since two effects may use one symbol.
+fn of_effect(name: &str) -> Option<ParameterLabel> {
+    EFFECTS.iter().find_map(|effect| {
+        let parameter = effect.parameters().iter().find(|parameter| parameter.spec.name == name)?;
+        let unit = if parameter.spec.unit == "1" { "–".into() } else { parameter.spec.unit.replace("Pa s", "Pa·s") };
+        Some(ParameterLabel { symbol: format!("{} {}", effect.slug(), parameter.symbol), unit })
+    })
+}
+
+fn of_name(name: &str) -> ParameterLabel {
+    let (stem, unit) = UNITS
+        .iter()
+        .find_map(|(suffix, unit)| name.strip_suffix(suffix).map(|stem| (stem, *unit)))
+        .unwrap_or((name, "–"));
+    let symbol = SYMBOLS.iter().find(|(known, _)| *known == name).map(|(_, symbol)| (*symbol).to_owned());
+    ParameterLabel {
+        symbol: symbol.unwrap_or_else(|| stem.replace('_', " ").replace('.', ": ")),
+        unit: unit.to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_of_the_contracts_have_symbols_and_units() {
+        assert_eq!(of_parameter("young_modulus_pa").axis(), "E (Pa)");
+        assert_eq!(of_parameter("viscosity_2_pa_s").axis(), "c₂ (Pa·s)");
+        assert_eq!(of_parameter("noise_sd_um").axis(), "σ (µm)");
+    }
+
+    #[test]
+    fn effects_give_their_own_symbols_and_units() {
+        assert_eq!(of_parameter("actuator-lag.time_s").axis(), "actuator-lag τ (s)");
+        assert_eq!(of_parameter("fractional-damping.order").axis(), "fractional-damping α (–)");
+        assert_eq!(of_parameter("tracking-drift.velocity_m_per_s").axis(), "tracking-drift v (m/s)");
+        assert_eq!(of_parameter("force-gradient.gradient_per_m").axis(), "force-gradient g (1/m)");
+    }
+
+    #[test]
+    fn effects_from_outside_the_crate_are_labelled_by_their_names() {
+        assert_eq!(of_parameter("thermal-drift.amplitude_m").axis(), "thermal-drift: amplitude (m)");
+        assert_eq!(of_parameter("membrane.mobility_m2_per_pa_s").axis(), "membrane: mobility (m²/(Pa·s))");
+        assert_eq!(of_parameter("membrane.order").axis(), "membrane: order (–)");
+    }
+
+    /// Two columns of one corner plot must not carry the same label, and the unit of an effect's table is the one that its name ends in.
+    #[test]
+    fn labels_of_effects_are_unique_and_agree_with_their_names() {
+        let names = || EFFECTS.iter().flat_map(|effect| effect.parameters()).map(|parameter| parameter.spec.name);
+        let labels: std::collections::BTreeSet<String> = names().map(|name| of_parameter(name).axis()).collect();
+        assert_eq!(labels.len(), names().count());
+        for name in names() {
+            assert_eq!(of_parameter(name).unit, of_name(name).unit, "{name}");
+        }
+    }
+}

@@ -1,0 +1,54 @@
+//! Noise models: what stands between the predicted position and the tracker's (physics §5).
+//!
+//! The position observed at row i of cycle c is
+//!
+//!   yᵢ = xᵢ (1 + g_c) + o_c + u(tᵢ) + eᵢ
+//!
+//! | name | adds | parameters |
+//! |---|---|---|
+//! | `white` | independent eᵢ ~ N(0, σ²); compulsory | `noise_sd_um` σ |
+//! | `ou` | u, a stationary Ornstein–Uhlenbeck process of variance σ_ou² and correlation exp(−Δt/τ), through cycles and gaps | `ou_sd_um` σ_ou, `ou_time_s` τ |
+//! | `gain` | g_c ~ N(0, s_g²) and o_c ~ N(0, s_o²), independent for each cycle | `gain_sd` s_g, `offset_sd_um` s_o |
+//! | `student` | heavy tails in place of normal ones | `student_dof` ν |
+//!
+//! They are nuisance, learnt from the data, and never a physical claim.
+//!
+//! # Cost
+//! The density is the product of one-step predictive densities, which a Kalman filter over (u, g, o) gives in time linear in the number of
+//! observations, exactly for any times. The filter keeps the covariance as U D Uᵀ (Bierman, *Factorization Methods for Discrete Sequential
+//! Estimation*, 1977, ch. V), so that it stays positive and keeps its digits where gain, offset and process are each large and their sum is small.
+//!
+//! # Student-t
+//! With `student` the prediction is a t: given the past, yᵢ ~ t_ν(mᵢ, scale √Sᵢ), where mᵢ and Sᵢ are the filter's mean and variance, and the state
+//! moves by K w v in place of K v, with the innovation v = yᵢ − mᵢ and the weight
+//!
+//!   w = (ν + 1)/(ν + v²/Sᵢ)
+//!
+//! so that an outlier moves it little. As w v/S is the score ∂ln p(yᵢ)/∂mᵢ of the t, the state moves by P hᵀ times the score: a *score-driven* filter
+//! (Harvey, *Dynamic Models for Volatility and Heavy Tails*, Cambridge University Press 2013; Harvey & Luati, *JASA* 109, 1112, 2014,
+//! doi:10.1080/01621459.2014.887011, who leave out the score's factor (ν + 1)/ν). Any filter whose mᵢ and Sᵢ are functions of the past alone gives a
+//! proper joint density, since each factor integrates to one. As ν → ∞ the filter is the Gaussian one; with `white` alone the errors are independent
+//! and t-distributed.
+//!
+//! σ is then the *scale* of the t: a single error's variance is σ² ν/(ν − 2), which is infinite at the support's end ν = 2. The cost of O(n) is that the
+//! t-density belongs to the rows that are observed: leaving rows out is another model, not its marginal (for the Gaussian terms it is the same).
+
+mod filter;
+mod lanes;
+mod likelihood;
+mod model;
+mod paths;
+mod pointwise;
+mod residuals;
+mod rows;
+mod scales;
+mod whitening;
+
+#[cfg(test)]
+mod dense;
+
+pub use lanes::LANES;
+pub use likelihood::{NoiseLikelihood, SharedPosition};
+pub use model::{NoiseModel, NoiseScales, NoiseTerm};
+pub use pointwise::Conditional;
+pub use whitening::{Asked, CycleProducts};

@@ -1,0 +1,343 @@
+//! Whitening of columns, and inner products of whitened columns that are never kept whole.
+//!
+//! One covariance gives the gains of a block of rows; the means of all columns go through the block eight at a time. Columns of cycles, 1 in the rows of a
+//! cycle and 0 elsewhere, are as many as cycles; yet whitened they differ from 0 before the cycle's end, and after it through the process alone, which
+//! is one number. So [`CycleProducts`] hold what the cycle's own rows say of its column and of a unit of process that comes into them, and what leaves them.
+
+use std::ops::Range;
+
+use nalgebra::DMatrix;
+use pulp::{Arch, Scalar, Simd, WithSimd};
+
+use super::NoiseLikelihood;
+use super::filter::{GainNumbers, Mean};
+use super::lanes::{LANES, Product, Products as Determinant, Register};
+use super::paths::{Walk, advance, number};
+use super::rows::Row;
+use super::scales::Scales;
+
+/// Rows of a block: few enough that its columns stay in the nearest cache.
+const BLOCK: usize = 256;
+
+/// The filter at a row.
+#[derive(Clone, Copy)]
+struct RowGain {
+    row: Row,
+    /// Position in m.
+    x: f64,
+    decay: f64,
+    gain: GainNumbers,
+    /// σ²/S under a root.
+    root_precision: f64,
+}
+
+/// Some successive rows with their whitened columns.
+struct Block<'a> {
+    rows: &'a [RowGain],
+    /// One slice of [`BLOCK`] numbers a column.
+    white: &'a [[f64; BLOCK]],
+}
+
+impl Block<'_> {
+    fn column(&self, column: usize) -> &[f64] {
+        &self.white[column][..self.rows.len()]
+    }
+}
+
+/// Inner products of whitened columns.
+#[derive(Debug, Clone)]
+pub struct WhiteProducts {
+    /// Of each set: its common columns, then its own.
+    pub sets: Vec<DMatrix<f64>>,
+    /// Of the set that has columns of cycles, one entry a cycle with an observed row.
+    pub cycles: Vec<CycleProducts>,
+    /// The log density in nats less that of the quadratic form: −½ ln det(2πΣ).
+    pub ln_constant: f64,
+}
+
+/// What the rows of one cycle say of its column e and of a unit of process p that comes into them, both whitened.
+#[derive(Debug, Clone)]
+pub struct CycleProducts {
+    /// e·e, e·p and p·p.
+    pub unit: f64,
+    pub both: f64,
+    pub past: f64,
+    /// Products of e and of p with the set's columns.
+    pub unit_with: Vec<f64>,
+    pub past_with: Vec<f64>,
+    /// The process that leaves the cycle for a unit of e and of p.
+    pub left: f64,
+    pub kept: f64,
+}
+
+impl CycleProducts {
+    /// With the set's columns in another order.
+    pub fn ordered(self, order: &[usize]) -> Self {
+        let ordered = |with: &[f64]| order.iter().map(|k| with[*k]).collect();
+        Self { unit_with: ordered(&self.unit_with), past_with: ordered(&self.past_with), ..self }
+    }
+}
+
+/// Which products are asked for.
+pub struct Asked<'a> {
+    /// Columns, one value a row of the record each: first those that all sets share.
+    pub columns: &'a [&'a [f64]],
+    /// How many are shared.
+    pub n_common: usize,
+    /// The own columns of each set.
+    pub own: &'a [Range<usize>],
+    /// The set with columns of cycles beside its own.
+    pub with_cycles: Option<usize>,
+}
+
+impl NoiseLikelihood {
+    /// L⁻¹ times each column, where L Lᵀ is the covariance of the observed positions at a point: so ‖whiten(r)‖² is the Mahalanobis distance of
+    /// residuals r. A column has one entry a row of the record, its result one an observed row, in order.
+    ///
+    /// L is that of the Gaussian terms; with `student` it is multiplied by √(ν/(ν − 2)). All NaN for parameters outside their support.
+    pub fn whiten(&self, columns: &[Vec<f64>], position_m: &[f64], parameters: &[f64]) -> Vec<Vec<f64>> {
+        let Some(scales) = Scales::new(self.model, parameters) else {
+            return vec![vec![f64::NAN; self.n_observed()]; columns.len()];
+        };
+        let mut white = vec![Vec::with_capacity(self.n_observed()); columns.len()];
+        let columns: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
+        self.each_block(&scales, &columns, position_m, |block| {
+            for (column, white) in white.iter_mut().enumerate() {
+                white.extend_from_slice(block.column(column));
+            }
+        });
+        white
+    }
+
+    /// Inner products of whitened columns, in one pass and without keeping them; `None` for parameters outside their support.
+    pub fn white_products(&self, asked: &Asked, position_m: &[f64], parameters: &[f64]) -> Option<WhiteProducts> {
+        let scales = Scales::new(self.model, parameters)?;
+        let n = asked.columns.len();
+        let mut sums = vec![0.0; n * n];
+        let members = |set: &Range<usize>| (0..asked.n_common).chain(set.clone());
+        let of_cycles: Vec<usize> = asked.with_cycles.map_or(Vec::new(), |set| members(&asked.own[set]).collect());
+        let mut cycles = Cycles::new(&scales, of_cycles);
+        let ln_det = self.each_block(&scales, asked.columns, position_m, |block| {
+            Arch::new().dispatch(Gram { block, asked, sums: &mut sums });
+            if asked.with_cycles.is_some() {
+                cycles.take(block);
+            }
+        });
+        let set = |own: &Range<usize>| {
+            let members: Vec<usize> = members(own).collect();
+            let product = |i: usize, j: usize| sums[members[i].max(members[j]) * n + members[i].min(members[j])];
+            DMatrix::from_fn(members.len(), members.len(), product)
+        };
+        let ln_unit = self.n_observed() as f64 * (scales.noise_sd_m.ln() + 0.5 * std::f64::consts::TAU.ln());
+        Some(WhiteProducts {
+            sets: asked.own.iter().map(set).collect(),
+            cycles: cycles.done,
+            ln_constant: -ln_unit - 0.5 * ln_det,
+        })
+    }
+
+    /// Whitens columns block by block. Returns ln det of the covariance over that of its white part.
+    fn each_block(
+        &self,
+        scales: &Scales,
+        columns: &[&[f64]],
+        position_m: &[f64],
+        mut visit: impl FnMut(&Block),
+    ) -> f64 {
+        let mut walk = Walk::new(scales, &self.rows.step_s);
+        let mut determinant = Product::one(Scalar);
+        let mut means = vec![[[0.0; LANES]; 3]; columns.len().div_ceil(LANES)];
+        let mut white = vec![[0.0; BLOCK]; columns.len()];
+        let mut gains = Vec::with_capacity(BLOCK);
+        for rows in self.rows.rows.chunks(BLOCK) {
+            gains.clear();
+            for row in rows {
+                let x = position_m[row.index];
+                let (decay, gain) = walk.observe(row, x);
+                determinant.grow(gain.excess);
+                let numbers = gain.numbers();
+                let root_precision = numbers.precision.sqrt();
+                gains.push(RowGain { row: *row, x, decay: decay.number(), gain: numbers, root_precision });
+            }
+            let groups = columns.chunks(LANES).zip(white.chunks_mut(LANES)).zip(&mut means);
+            for ((columns, white), means) in groups {
+                Arch::new().dispatch(Sweep { rows: &gains, columns, white, means, inverse_sd: inverse_sd(scales) });
+            }
+            visit(&Block { rows: &gains, white: &white });
+        }
+        let mut product = Determinant::<1>::ONE;
+        determinant.store(&mut product, 0);
+        product.ln(0)
+    }
+}
+
+/// 1/m.
+fn inverse_sd(scales: &Scales) -> f64 {
+    1.0 / (scales.noise_sd_m * scales.variance_factor().sqrt())
+}
+
+/// Up to eight columns through a block.
+struct Sweep<'a> {
+    rows: &'a [RowGain],
+    columns: &'a [&'a [f64]],
+    white: &'a mut [[f64; BLOCK]],
+    means: &'a mut [[f64; LANES]; 3],
+    inverse_sd: f64,
+}
+
+impl WithSimd for Sweep<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let inverse_sd = Register::splat(simd, self.inverse_sd);
+        let mut lanes = [0.0; LANES];
+        for register in 0..LANES / S::F64_LANES {
+            let first = register * S::F64_LANES;
+            if first >= self.columns.len() {
+                break;
+            }
+            let mut mean = Mean::<S, true, true>::load(simd, self.means, register);
+            for (place, row) in self.rows.iter().enumerate() {
+                for (lane, column) in self.columns.iter().enumerate() {
+                    lanes[lane] = column[row.row.index];
+                }
+                mean.advance(Register::splat(simd, row.decay));
+                if row.row.new_cycle {
+                    mean.renew();
+                }
+                let gain = row.gain.splat(simd);
+                let innovation = mean.innovation(Register::load(simd, &lanes, register), Register::splat(simd, row.x));
+                mean.correct(&gain, innovation * gain.precision);
+                let white = innovation * Register::splat(simd, row.root_precision) * inverse_sd;
+                let mut whitened = [0.0; LANES];
+                white.store(&mut whitened, register);
+                for (lane, column) in self.white.iter_mut().enumerate().skip(first).take(S::F64_LANES) {
+                    column[place] = whitened[lane];
+                }
+            }
+            mean.store(self.means, register);
+        }
+    }
+}
+
+/// Adds a block's products, by column and smaller column, to their sums.
+struct Gram<'a> {
+    block: &'a Block<'a>,
+    asked: &'a Asked<'a>,
+    sums: &'a mut [f64],
+}
+
+impl WithSimd for Gram<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _simd: S) {
+        let Asked { columns, n_common, own, .. } = *self.asked;
+        let (n, length) = (columns.len(), self.block.rows.len());
+        let white = self.block.white;
+        for i in 0..n_common {
+            for j in 0..=i {
+                self.sums[i * n + j] += dot(&white[i][..length], &white[j][..length]);
+            }
+        }
+        for set in own {
+            for i in set.start..set.end {
+                for j in 0..n_common {
+                    self.sums[i * n + j] += dot(&white[i][..length], &white[j][..length]);
+                }
+                for j in set.start..=i {
+                    self.sums[i * n + j] += dot(&white[i][..length], &white[j][..length]);
+                }
+            }
+        }
+    }
+}
+
+/// Eight sums side by side, so that the compiler may use vector registers, whatever their width: the sum does not depend on it.
+#[inline(always)]
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<LANES>(), b.as_chunks::<LANES>());
+    let mut sums = [0.0; LANES];
+    for (a, b) in a.iter().zip(b) {
+        for lane in 0..LANES {
+            sums[lane] += a[lane] * b[lane];
+        }
+    }
+    let mut sum = 0.0;
+    for lane in sums {
+        sum += lane;
+    }
+    for (a, b) in a_rest.iter().zip(b_rest) {
+        sum += a * b;
+    }
+    sum
+}
+
+/// The columns of cycles on their way through the rows.
+struct Cycles {
+    /// Columns that they are multiplied with.
+    members: Vec<usize>,
+    inverse_sd: f64,
+    unit: Mean<Scalar, true, true>,
+    past: Mean<Scalar, true, true>,
+    done: Vec<CycleProducts>,
+    white: [Vec<f64>; 2],
+}
+
+impl Cycles {
+    fn new(scales: &Scales, members: Vec<usize>) -> Self {
+        let mean = Mean::zero(Scalar);
+        let white = [Vec::with_capacity(BLOCK), Vec::with_capacity(BLOCK)];
+        Self { members, inverse_sd: inverse_sd(scales), unit: mean, past: mean, done: Vec::new(), white }
+    }
+
+    fn take(&mut self, block: &Block) {
+        let mut first = 0;
+        while first < block.rows.len() {
+            let begins = |row: &RowGain| row.row.new_cycle;
+            let more = block.rows[first + 1..].iter().position(begins);
+            let end = more.map_or(block.rows.len(), |more| first + 1 + more);
+            if block.rows[first].row.new_cycle {
+                self.unit = Mean::zero(Scalar);
+                self.past = Mean::of_process(number(1.0));
+                let zeros = vec![0.0; self.members.len()];
+                let (unit_with, past_with) = (zeros.clone(), zeros);
+                let (unit, both, past, left, kept) = (0.0, 0.0, 0.0, 0.0, 0.0);
+                self.done.push(CycleProducts { unit, both, past, unit_with, past_with, left, kept });
+            }
+            self.rows(block, first..end);
+            first = end;
+        }
+    }
+
+    /// Rows of one cycle.
+    fn rows(&mut self, block: &Block, rows: Range<usize>) {
+        let Some(cycle) = self.done.last_mut() else { return };
+        let [unit, past] = &mut self.white;
+        unit.clear();
+        past.clear();
+        for row in &block.rows[rows.clone()] {
+            let gain = row.gain.splat(Scalar);
+            for (mean, value, white) in [(&mut self.unit, 1.0, &mut *unit), (&mut self.past, 0.0, &mut *past)] {
+                advance(mean, &row.row, number(row.decay));
+                let innovation = mean.innovation(number(value), number(row.x));
+                mean.correct(&gain, innovation * gain.precision);
+                white.push(innovation.number() * row.root_precision * self.inverse_sd);
+            }
+        }
+        cycle.unit += dot(unit, unit);
+        cycle.both += dot(unit, past);
+        cycle.past += dot(past, past);
+        for (k, member) in self.members.iter().enumerate() {
+            let column = &block.column(*member)[rows.clone()];
+            cycle.unit_with[k] += dot(unit, column);
+            cycle.past_with[k] += dot(past, column);
+        }
+        (cycle.left, cycle.kept) = (self.unit.process().number(), self.past.process().number());
+    }
+}
+
+#[cfg(test)]
+#[path = "whitening_tests.rs"]
+mod tests;

@@ -1,0 +1,42 @@
+//! Which effects there are: those of the program, and those that a user adds.
+
+use super::{EFFECTS, Effect};
+
+/// The effects that models may name, in the order in which they are applied.
+#[derive(Clone)]
+pub struct Library(Vec<&'static dyn Effect>);
+
+impl Default for Library {
+    /// The program's own effects.
+    fn default() -> Self {
+        Self(EFFECTS.to_vec())
+    }
+}
+
+impl Library {
+    /// Some of the program's effects, so that a test's search is short.
+    pub fn only(slugs: &[&str]) -> Self {
+        Self(EFFECTS.iter().copied().filter(|effect| slugs.contains(&effect.slug())).collect())
+    }
+
+    /// The library with one more effect, applied after the others.
+    pub fn with(mut self, effect: &'static dyn Effect) -> Self {
+        self.0.push(effect);
+        self
+    }
+
+    /// All effects.
+    pub fn effects(&self) -> &[&'static dyn Effect] {
+        &self.0
+    }
+
+    /// The effect of a slug.
+    pub fn get(&self, slug: &str) -> Option<&'static dyn Effect> {
+        self.0.iter().copied().find(|effect| effect.slug() == slug)
+    }
+
+    /// Whether one of these effects has a law that is not linear.
+    pub fn any_nonlinear<'a>(&self, slugs: impl IntoIterator<Item = &'a str>) -> bool {
+        slugs.into_iter().any(|slug| self.get(slug).is_some_and(|effect| effect.is_nonlinear()))
+    }
+}

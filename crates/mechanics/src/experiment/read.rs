@@ -1,0 +1,286 @@
+//! From files to a checked [`Experiment`].
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+use super::cycles::find_cycles;
+use super::notes::{Note, UM_PER_M};
+use super::record::Record;
+use super::trajectory::{Trajectory, read_trajectory};
+use super::{Apparatus, Experiment};
+use crate::error::{Error, Place, Result};
+use crate::files::{self, Content};
+use crate::toml_input::{Table, TomlInput, text_of};
+
+/// Positions that a calibration cycle needs at least: twice the parameters of the base law with its noise.
+const MIN_POSITIONS: usize = 8;
+/// Standard deviations that a tracker's noise can have.
+const NOISES_UM: [f64; 2] = [1e-9, 1e9];
+
+/// The files of an experiment exactly as they were read, and what the reader noticed.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ExperimentFiles {
+    /// File name of the TOML, `experiment.toml` as a rule.
+    pub toml_name: String,
+    /// Its bytes, unchanged.
+    pub toml_bytes: Vec<u8>,
+    /// Path of the CSV relative to the TOML, as it stands in `measurement.file`.
+    pub csv_name: String,
+    /// Its bytes, unchanged.
+    pub csv_bytes: Vec<u8>,
+    /// What a person should know about how the data were understood.
+    pub notes: Vec<Note>,
+}
+
+impl Experiment {
+    /// Reads an experiment: a directory that holds `experiment.toml`, or the path of the TOML itself.
+    ///
+    /// # Errors
+    /// [`Error::File`] if a file cannot be read, [`Error::Input`] for everything formats §1 refuses.
+    pub fn read(path: &Path) -> Result<(Self, ExperimentFiles)> {
+        let toml_path = if path.is_dir() { path.join("experiment.toml") } else { path.to_path_buf() };
+        let remedy = "give a directory that holds experiment.toml, or the path of the TOML file";
+        let toml_bytes = files::read(&toml_path, Content::Settings, remedy)?;
+        let specification = Specification::read(&toml_path, &toml_bytes)?;
+        let csv_path = toml_path.with_file_name(&specification.csv_name);
+        let remedy = "put the CSV where `file` in [measurement] says, beside the TOML";
+        let csv_bytes = files::read(&csv_path, Content::Table, remedy)?;
+        specification.complete(&toml_path, &toml_bytes, &csv_path, &csv_bytes)
+    }
+
+    /// The same from texts that are already in memory; the places are only named in errors.
+    ///
+    /// # Errors
+    /// As [`Experiment::read`].
+    pub fn from_texts(
+        toml_place: impl Into<PathBuf>,
+        toml_text: impl AsRef<[u8]>,
+        csv_place: impl Into<PathBuf>,
+        csv_text: impl AsRef<[u8]>,
+    ) -> Result<(Self, ExperimentFiles)> {
+        let (toml_place, csv_place) = (toml_place.into(), csv_place.into());
+        let specification = Specification::read(&toml_place, toml_text.as_ref())?;
+        specification.complete(&toml_place, toml_text.as_ref(), &csv_place, csv_text.as_ref())
+    }
+}
+
+/// What `experiment.toml` says, before the rows are known.
+struct Specification {
+    specimen_id: String,
+    species: Option<String>,
+    region: Option<String>,
+    apparatus: Apparatus,
+    csv_name: String,
+    calibration: CycleList,
+    heldout: CycleList,
+    noise_sd_m: Option<f64>,
+    source: Option<String>,
+}
+
+/// Cycles named in the TOML, if any, and where.
+struct CycleList {
+    place: Place,
+    cycles: Option<Vec<u32>>,
+}
+
+impl CycleList {
+    fn read(measurement: Table<'_>, key: &str) -> Result<Self> {
+        let list = Self { place: measurement.place(key), cycles: measurement.counts(key)? };
+        if let Some(cycles) = &list.cycles {
+            let mut seen = BTreeSet::new();
+            if let Some(cycle) = cycles.iter().find(|cycle| !seen.insert(**cycle)) {
+                return Err(list.refuse(format!("cycle {cycle} is listed twice"), "list each cycle once"));
+            }
+        }
+        Ok(list)
+    }
+
+    fn refuse(&self, found: impl Into<String>, remedy: impl Into<String>) -> Error {
+        Error::input(self.place.clone(), found, remedy)
+    }
+
+    fn check_exist(&self, n_cycles: u32) -> Result<()> {
+        match self.cycles.iter().flatten().find(|cycle| **cycle > n_cycles) {
+            None => Ok(()),
+            Some(cycle) => Err(self.refuse(
+                format!("cycle {cycle} does not exist, the record has {n_cycles}"),
+                format!("name cycles from 1 to {n_cycles}"),
+            )),
+        }
+    }
+}
+
+impl Specification {
+    fn read(file: &Path, bytes: &[u8]) -> Result<Self> {
+        let document = TomlInput::parse(file, text_of(file, bytes)?)?;
+        let root = document.root();
+        root.only(&["specimen", "robot", "vitreous", "instrument", "measurement"])?;
+        let specimen = root.required_table("specimen")?;
+        specimen.only(&["id", "species", "region"])?;
+        let specimen_id = specimen.required_text("id", "id = \"porcine-01\"")?;
+        let (species, region) = (specimen.text("species")?, specimen.text("region")?);
+        let apparatus = Apparatus::from_document(root)?;
+        let measurement = root.required_table("measurement")?;
+        measurement.only(&["file", "calibration_cycles", "heldout_cycles", "noise_um", "source"])?;
+        let csv_name = csv_name_from(measurement)?;
+        let noise_um = measurement.positive("noise_um", "noise_um = 4.0")?;
+        let noise_um =
+            noise_um.map(|noise_um| measurement.check_within("noise_um", noise_um, NOISES_UM)).transpose()?;
+        let noise_sd_m = noise_um.map(|noise_um| noise_um / UM_PER_M);
+        Ok(Self {
+            specimen_id,
+            species,
+            region,
+            apparatus,
+            csv_name,
+            calibration: CycleList::read(measurement, "calibration_cycles")?,
+            heldout: CycleList::read(measurement, "heldout_cycles")?,
+            noise_sd_m,
+            source: measurement.text("source")?,
+        })
+    }
+
+    fn complete(
+        self,
+        toml_place: &Path,
+        toml_bytes: &[u8],
+        csv_place: &Path,
+        csv_bytes: &[u8],
+    ) -> Result<(Experiment, ExperimentFiles)> {
+        let trajectory = read_trajectory(csv_place, text_of(csv_place, csv_bytes)?)?;
+        check_driven(csv_place, &trajectory)?;
+        let mut notes = Vec::new();
+        let mut trajectory = trajectory;
+        let (lines, position_column) =
+            (std::mem::take(&mut trajectory.lines), std::mem::take(&mut trajectory.position_column));
+        let record = record_from(trajectory, &mut notes);
+        let (calibration_cycles, heldout_cycles) = self.choose_cycles(record.n_cycles())?;
+        check_positions(&record, &calibration_cycles, &Place::file(csv_place).at_key(position_column), &lines)?;
+        note_data(&record, &heldout_cycles, self.source.is_none(), &mut notes);
+        let files = ExperimentFiles {
+            toml_name: toml_place
+                .file_name()
+                .map_or("experiment.toml".into(), |name| name.to_string_lossy().into_owned()),
+            toml_bytes: toml_bytes.to_vec(),
+            csv_name: self.csv_name,
+            csv_bytes: csv_bytes.to_vec(),
+            notes,
+        };
+        let experiment = Experiment {
+            specimen_id: self.specimen_id,
+            species: self.species,
+            region: self.region,
+            apparatus: self.apparatus,
+            record,
+            calibration_cycles,
+            heldout_cycles,
+            noise_sd_m: self.noise_sd_m,
+            source: self.source.unwrap_or_else(|| "not stated".into()),
+        };
+        Ok((experiment, files))
+    }
+
+    /// Default: the first cycle calibrates and every cycle that does not calibrate is held out.
+    fn choose_cycles(&self, n_cycles: u32) -> Result<(Vec<u32>, Vec<u32>)> {
+        self.calibration.check_exist(n_cycles)?;
+        self.heldout.check_exist(n_cycles)?;
+        let mut calibration = self.calibration.cycles.clone().unwrap_or_else(|| vec![1]);
+        if calibration.is_empty() {
+            return Err(self.calibration.refuse("no cycle calibrates", "name at least one cycle, such as [1]"));
+        }
+        let mut heldout = self
+            .heldout
+            .cycles
+            .clone()
+            .unwrap_or_else(|| (1..=n_cycles).filter(|cycle| !calibration.contains(cycle)).collect());
+        if let Some(both) = heldout.iter().find(|cycle| calibration.contains(cycle)) {
+            let remedy = if self.calibration.cycles.is_some() {
+                "remove it from `calibration_cycles` or from `heldout_cycles`"
+            } else {
+                "remove it from `heldout_cycles`, or name other `calibration_cycles` (the default is the first cycle)"
+            };
+            return Err(self.heldout.refuse(format!("cycle {both} is both calibrated and held out"), remedy));
+        }
+        calibration.sort_unstable();
+        heldout.sort_unstable();
+        Ok((calibration, heldout))
+    }
+}
+
+/// The CSV's path must stay inside the TOML's directory, because a study copies both files side by side.
+fn csv_name_from(measurement: Table<'_>) -> Result<String> {
+    let name = measurement.required_text("file", "file = \"trajectory.csv\"")?;
+    let inside = Path::new(&name).components().all(|part| matches!(part, std::path::Component::Normal(_)));
+    if inside && !name.contains(char::is_control) {
+        return Ok(name);
+    }
+    Err(measurement.refuse(
+        "file",
+        format!("`{name}` is not a plain path below the directory of the TOML"),
+        "put the CSV beside experiment.toml and give its name, such as `file = \"trajectory.csv\"`",
+    ))
+}
+
+fn record_from(trajectory: Trajectory, notes: &mut Vec<Note>) -> Record {
+    let Trajectory { time_s, force_n, position_m, cycle, .. } = trajectory;
+    let cycle_given = cycle.is_some();
+    let mut record = Record { cycle: cycle.unwrap_or_else(|| vec![1; time_s.len()]), time_s, force_n, position_m };
+    if !cycle_given {
+        let found = find_cycles(&record);
+        notes.push(found.note());
+        record.cycle = found.cycle;
+    }
+    record
+}
+
+/// Without any force nothing can be learnt, and scales taken from the force would be zero.
+fn check_driven(csv_place: &Path, trajectory: &Trajectory) -> Result<()> {
+    if trajectory.force_n.iter().any(|force_n| *force_n != 0.0) {
+        return Ok(());
+    }
+    Err(Error::input(
+        Place::file(csv_place)
+            .at_line(trajectory.lines.first().copied().unwrap_or(1))
+            .at_key(trajectory.force_column.as_str()),
+        "the force is zero in every row",
+        "give the commanded force in the force column; a record without force cannot be fitted",
+    ))
+}
+
+fn check_positions(record: &Record, calibration_cycles: &[u32], place: &Place, lines: &[usize]) -> Result<()> {
+    let counts = record.n_positions();
+    for &cycle in calibration_cycles {
+        let n_positions = counts.get(cycle as usize).copied().unwrap_or(0);
+        if n_positions < MIN_POSITIONS {
+            let first_row = record.cycle.iter().position(|of_row| *of_row == cycle).unwrap_or(0);
+            return Err(Error::input(
+                place.clone().at_line(lines.get(first_row).copied().unwrap_or(1)),
+                format!(
+                    "calibration cycle {cycle}, which starts here, has {n_positions} positions; {MIN_POSITIONS} are needed"
+                ),
+                "name a cycle with more positions in `calibration_cycles` of the TOML, or measure more of this one",
+            ));
+        }
+    }
+    Ok(())
+}
+
+fn note_data(record: &Record, heldout_cycles: &[u32], source_missing: bool, notes: &mut Vec<Note>) {
+    let n_missing = record.position_m.iter().filter(|position| position.is_none()).count();
+    if n_missing > 0 {
+        notes.push(Note::PositionsMissing { n_missing, n_rows: record.n_rows() });
+    }
+    let counts = record.n_positions();
+    let empty = heldout_cycles.iter().filter(|cycle| counts.get(**cycle as usize).is_none_or(|count| *count == 0));
+    notes.extend(empty.map(|&cycle| Note::HeldOutCycleEmpty { cycle }));
+    let positions = || record.position_m.iter().flatten().copied();
+    let range_m = positions().fold(f64::NEG_INFINITY, f64::max) - positions().fold(f64::INFINITY, f64::min);
+    if let Some(Some(first)) = record.position_m.first()
+        && first.abs() > 0.5 * range_m
+    {
+        notes.push(Note::FirstPositionNotZero { position_m: *first });
+    }
+    if source_missing {
+        notes.push(Note::SourceNotStated);
+    }
+}

@@ -1,0 +1,151 @@
+//! The rows of a trajectory and what can be asked of them.
+
+use sha2::{Digest, Sha256};
+
+/// Rows of the trajectory, SI. All vectors have the same length.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Record {
+    /// Times in s, strictly increasing.
+    pub time_s: Vec<f64>,
+    /// Commanded force in N; row i holds on [tᵢ, tᵢ₊₁).
+    pub force_n: Vec<f64>,
+    /// Position in m, limit from the left; `None` where tracking was lost.
+    pub position_m: Vec<Option<f64>>,
+    /// Cycle of each row, counted from 1.
+    pub cycle: Vec<u32>,
+}
+
+/// A change of force above this fraction of the force's range is a force step (formats §1).
+const STEP_FRACTION: f64 = 0.2;
+
+impl Record {
+    /// Number of rows.
+    pub fn n_rows(&self) -> usize {
+        self.time_s.len()
+    }
+
+    /// Hash of all rows.
+    pub fn sha256(&self) -> String {
+        let mut hash = Sha256::new();
+        let positions = self.position_m.iter().map(|position| position.unwrap_or(f64::NAN));
+        for value in self.time_s.iter().chain(&self.force_n).copied().chain(positions) {
+            hash.update(value.to_le_bytes());
+        }
+        self.cycle.iter().for_each(|cycle| hash.update(cycle.to_le_bytes()));
+        hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+    }
+
+    /// Highest cycle number, 0 for an empty record.
+    pub fn n_cycles(&self) -> u32 {
+        self.cycle.last().copied().unwrap_or(0)
+    }
+
+    /// Indices of the rows that belong to one of `cycles` and hold a position, in order of time.
+    pub fn rows_with_position(&self, cycles: &[u32]) -> Vec<usize> {
+        let is_wanted = self.are_among(cycles);
+        (0..self.n_rows()).filter(|&i| self.position_m[i].is_some() && is_wanted(self.cycle[i])).collect()
+    }
+
+    /// Whether a cycle is one of `cycles`, at a cost that does not grow with their number: records have a hundred thousand.
+    pub fn are_among(&self, cycles: &[u32]) -> impl Fn(u32) -> bool + use<> {
+        let mut is_wanted = vec![false; self.largest_cycle() + 1];
+        for cycle in cycles {
+            if let Some(wanted) = is_wanted.get_mut(*cycle as usize) {
+                *wanted = true;
+            }
+        }
+        move |cycle| is_wanted.get(cycle as usize).copied().unwrap_or(false)
+    }
+
+    /// Number of positions in every cycle, by its number; cycle 0 has none.
+    pub fn n_positions(&self) -> Vec<usize> {
+        let mut counts = vec![0; self.largest_cycle() + 1];
+        for (cycle, _) in self.cycle.iter().zip(&self.position_m).filter(|(_, position)| position.is_some()) {
+            counts[*cycle as usize] += 1;
+        }
+        counts
+    }
+
+    /// Cycles are counted from 1 without gaps, so this is as many as there are.
+    fn largest_cycle(&self) -> usize {
+        self.cycle.iter().copied().max().unwrap_or(0) as usize
+    }
+
+    /// Largest minus smallest force in N; for a force that never changes, its size.
+    pub fn force_range_n(&self) -> f64 {
+        let largest = self.force_n.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let smallest = self.force_n.iter().copied().fold(f64::INFINITY, f64::min);
+        if largest > smallest { largest - smallest } else { self.force_n.first().map_or(0.0, |force| force.abs()) }
+    }
+
+    /// Indices of the rows at which a force step begins: the force differs from the row before by more than 20 % of
+    /// the force's range (formats §1). Before the first row the force is zero, so row 0 may be one.
+    pub fn force_step_rows(&self) -> Vec<usize> {
+        let threshold_n = STEP_FRACTION * self.force_range_n();
+        let before = std::iter::once(0.0).chain(self.force_n.iter().copied());
+        before
+            .zip(&self.force_n)
+            .enumerate()
+            .filter(|(_, (before, after))| (*after - before).abs() > threshold_n)
+            .map(|(row, _)| row)
+            .collect()
+    }
+
+    /// Median time between rows in s; `None` with fewer than two rows.
+    pub fn median_interval_s(&self) -> Option<f64> {
+        median(self.time_s.windows(2).map(|pair| pair[1] - pair[0]).collect())
+    }
+}
+
+/// Median of finite values, `None` if there are none.
+pub(super) fn median(mut values: Vec<f64>) -> Option<f64> {
+    if values.is_empty() {
+        return None;
+    }
+    let (n, middle) = (values.len(), values.len() / 2);
+    let (before, upper, _) = values.select_nth_unstable_by(middle, f64::total_cmp);
+    let lower = if n % 2 == 1 { *upper } else { before.iter().copied().max_by(f64::total_cmp)? };
+    Some(0.5 * (lower + *upper))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn record(force_n: &[f64]) -> Record {
+        Record {
+            time_s: (0..force_n.len()).map(|i| i as f64).collect(),
+            force_n: force_n.to_vec(),
+            position_m: (0..force_n.len()).map(|i| (i % 3 != 2).then_some(i as f64)).collect(),
+            cycle: (0..force_n.len()).map(|i| 1 + (i / 4) as u32).collect(),
+        }
+    }
+
+    #[test]
+    fn steps_are_changes_above_a_fifth_of_the_range() {
+        // Range 10: 2.0 is exactly a fifth and not a step, 2.1 is one.
+        let steps = record(&[0.0, 2.0, 0.0, 2.1, 10.0, 9.0, 0.0, 0.0]).force_step_rows();
+        assert_eq!(steps, [3, 4, 6]);
+    }
+
+    #[test]
+    fn a_constant_pull_is_one_step_at_the_start() {
+        assert_eq!(record(&[-3.0, -3.0, -3.0]).force_step_rows(), [0]);
+        assert_eq!(record(&[0.0, 0.0]).force_step_rows(), [0_usize; 0]);
+    }
+
+    #[test]
+    fn rows_of_cycles_leave_out_lost_positions() {
+        let record = record(&[0.0; 10]);
+        assert_eq!(record.rows_with_position(&[1, 3]), [0, 1, 3, 9]);
+        assert_eq!(record.n_positions(), [0, 3, 3, 1]);
+        assert_eq!(record.n_cycles(), 3);
+    }
+
+    #[test]
+    fn median_of_even_and_odd_counts() {
+        assert_eq!(median(vec![3.0, 1.0, 2.0]), Some(2.0));
+        assert_eq!(median(vec![4.0, 1.0, 2.0, 3.0]), Some(2.5));
+        assert_eq!(median(vec![]), None);
+    }
+}

@@ -1,0 +1,240 @@
+//! Stages as the numbers of a linear system: what the kernels integrate.
+//!
+//! The strain of a mode obeys s' = r (F̃ − s) with F̃ = F eᵛᵗ, v the softening rate. With Y = C a s e^{−vt} this is Y' = κ F − ρ Y, κ = C a r,
+//! ρ = r + v, and the position is e^{vt} (C J₀ F + Σ Y): softening is a change of rates and a growing factor, and a dashpot is a mode of rate 0
+//! with κ = C φ. C is the compliance per m.
+
+use super::grading::Grading;
+use super::numbers::{Complex, N_LANES, Number, Real, gather};
+use crate::effects::{Spatial, Spread, Stages};
+use crate::error::{Error, Result};
+use crate::number::Dual;
+use crate::rheology::{Accuracy, RetardationSpectrum, TimeWindow};
+
+/// Most modes that are stepped exactly: beyond, the matrix costs more than a scheme.
+pub(super) const LARGEST_STATE: usize = 4;
+
+/// Which parts a model has. Points of one shape are computed together: what a point's arithmetic is depends on nothing else.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Shape {
+    n_modes: usize,
+    n_oscillating: usize,
+    n_approaches: usize,
+    pub delayed: bool,
+    pub lagging: bool,
+    pub softening: bool,
+    pub feedback: bool,
+    /// Whether steps under a feedback are graded, and not exact.
+    pub graded: bool,
+    /// Whether the recorded position differs from the robot's.
+    pub observed: bool,
+}
+
+/// One point: its shape, and its numbers in the order in which [`System::gather`] reads them.
+#[derive(Debug, Clone)]
+pub(super) struct Lowered<T> {
+    pub shape: Shape,
+    pub grading: Grading,
+    numbers: Vec<T>,
+    /// What a law that is not linear adds at every row, in m.
+    pub excess_m: Option<Vec<T>>,
+}
+
+/// A mode Y' = κ F − ρ Y.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Mode<T> {
+    /// κ in m/(N·s).
+    pub gain: T,
+    /// ρ in 1/s.
+    pub rate: T,
+}
+
+/// The numbers of one or several points of one shape.
+#[derive(Debug, Clone)]
+pub(super) struct System<S> {
+    pub shape: Shape,
+    /// The points' own.
+    pub gradings: [Grading; N_LANES],
+    /// C J₀ in m/N.
+    pub instantaneous: S,
+    pub modes: Vec<Mode<S>>,
+    pub oscillating: Vec<Mode<Complex<S>>>,
+    pub positive_factor: S,
+    pub negative_factor: S,
+    pub offset_n: S,
+    pub delay_s: S,
+    /// 1/τ of the lag in 1/s.
+    pub lag_rate: S,
+    pub softening_rate: S,
+    pub gradient: S,
+    pub scale: S,
+    pub velocity: S,
+    /// Amplitude in m and rate in 1/s.
+    pub approaches: Vec<(S, S)>,
+}
+
+/// Shortest time after a switch that matters, as a part of the shortest step, where a switch may fall between rows or the force changes
+/// between them.
+const BETWEEN_ROWS: f64 = 1e-2;
+
+/// How many commands a record has.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Levels {
+    Few,
+    /// A matrix exponential for each would cost more than a scheme that serves all.
+    Many,
+}
+
+impl<T: Real> Lowered<T> {
+    /// The numbers of stages, without what a law that is not linear adds. `window` is what the record's rows ask for, `levels` whether its commands are few.
+    pub fn new(stages: &Stages, compliance_per_m: T, window: TimeWindow, levels: Levels) -> Result<Self> {
+        let load = &stages.load;
+        check(load.delay_s.value >= 0.0, "the force's delay", load.delay_s, "s")?;
+        check(load.lag_time_s.value >= 0.0, "the force's lag", load.lag_time_s, "s")?;
+        let at_rows =
+            load.delay_s.is_constant(0.0) && load.lag_time_s.value == 0.0 && load.gradient_per_m.is_constant(0.0);
+        let shortest_s = window.shortest_s * if at_rows { 1.0 } else { BETWEEN_ROWS };
+        let window = TimeWindow { shortest_s, ..window };
+        let spectrum = match (&stages.spread, &stages.spatial) {
+            (Some(Spread::Terms { beside, terms }), _) if stages.softening_rate_per_s.is_constant(0.0) => {
+                RetardationSpectrum::spread(&stages.law, beside, terms, window, Accuracy::Fast)?
+            }
+            (Some(Spread::Stepped(_)), Some(Spatial::Nonlinear(_))) if stages.softening_rate_per_s.is_constant(0.0) => {
+                RetardationSpectrum::with_accuracy(&stages.law, window, Accuracy::Fast)?
+            }
+            (None, None) => RetardationSpectrum::with_accuracy(&stages.law, window, Accuracy::Fast)?,
+            _ => {
+                return Err(Error::numerical(
+                    "the field's terms are not there, or stand beside a gel that softens",
+                    "complete the stages by the compliance, and leave `softening` out",
+                ));
+            }
+        };
+        Ok(Self::with_spectrum(stages, &spectrum, compliance_per_m, levels))
+    }
+
+    /// The same with the law's spectrum as it is given.
+    pub fn with_spectrum(
+        stages: &Stages,
+        spectrum: &RetardationSpectrum<T>,
+        compliance_per_m: T,
+        levels: Levels,
+    ) -> Self {
+        let (load, observation) = (&stages.load, &stages.observation);
+        let mut shape = Shape {
+            n_modes: spectrum.modes.len() + 1,
+            n_oscillating: spectrum.oscillating.len(),
+            n_approaches: observation.approaches.len(),
+            delayed: !load.delay_s.is_constant(0.0),
+            lagging: load.lag_time_s.value > 0.0,
+            softening: !stages.softening_rate_per_s.is_constant(0.0),
+            feedback: !load.gradient_per_m.is_constant(0.0),
+            graded: false,
+            observed: !(observation.scale.is_constant(1.0)
+                && observation.velocity_m_per_s.is_constant(0.0)
+                && observation.approaches.is_empty()),
+        };
+        let is_exact = levels == Levels::Few
+            && !shape.lagging
+            && !shape.softening
+            && shape.n_oscillating == 0
+            && shape.n_modes <= LARGEST_STATE;
+        shape.graded = shape.feedback && !is_exact;
+        let lag = shape.lagging.then(|| 1.0 / load.lag_time_s.value);
+        let grading = if shape.graded { grading(spectrum, lag) } else { Grading::NONE };
+        let lag_rate = if shape.lagging { T::constant(1.0) / T::of(load.lag_time_s) } else { T::constant(0.0) };
+        let mut numbers = Vec::with_capacity(11 + 2 * shape.n_modes + 4 * shape.n_oscillating + 2 * shape.n_approaches);
+        numbers.extend([
+            compliance_per_m * spectrum.instantaneous_per_pa,
+            T::of(load.positive_factor),
+            T::of(load.negative_factor),
+            T::of(load.offset_n),
+            T::of(load.delay_s),
+            lag_rate,
+            T::of(stages.softening_rate_per_s),
+            T::of(load.gradient_per_m),
+            T::of(observation.scale),
+            T::of(observation.velocity_m_per_s),
+        ]);
+        push_modes(&mut numbers, spectrum, compliance_per_m, T::of(stages.softening_rate_per_s));
+        for approach in &observation.approaches {
+            numbers.extend([T::of(approach.amplitude_m), T::constant(1.0) / T::of(approach.time_s)]);
+        }
+        Self { shape, grading, numbers, excess_m: None }
+    }
+}
+
+/// How steps of a law are graded behind a lag of some rate (1/s).
+fn grading<T: Real>(spectrum: &RetardationSpectrum<T>, lag_rate: Option<f64>) -> Grading {
+    let real = spectrum.modes.iter().map(|mode| (mode.compliance_per_pa.value(), mode.rate_per_s.value()));
+    let size = |[re, im]: [T; 2]| re.value().hypot(im.value());
+    let complex = spectrum.oscillating.iter().map(|mode| (size(mode.compliance_per_pa), size(mode.rate_per_s)));
+    let mut rough: Vec<(f64, f64)> = real.chain(complex).collect();
+    let fluidity = spectrum.fluidity_per_pa_s.value();
+    let total = spectrum.instantaneous_per_pa.value()
+        + rough.iter().map(|(compliance, _)| compliance).sum::<f64>()
+        + lag_rate.map_or(0.0, |rate| fluidity / rate);
+    let inverse = if total > 0.0 { 1.0 / total } else { 0.0 };
+    rough.iter_mut().for_each(|(share, _)| *share *= inverse);
+    let mut modes: Vec<(f64, f64)> = rough.iter().map(|&(share, rate)| (share * rate, rate)).collect();
+    modes.push((fluidity * inverse, 0.0));
+    rough.extend(lag_rate.map(|rate| (1.0, rate)));
+    Grading::new(&rough, &modes)
+}
+
+fn push_modes<T: Real>(numbers: &mut Vec<T>, spectrum: &RetardationSpectrum<T>, compliance_per_m: T, softening: T) {
+    for mode in &spectrum.modes {
+        let gain = compliance_per_m * mode.compliance_per_pa * mode.rate_per_s;
+        numbers.extend([gain, mode.rate_per_s + softening]);
+    }
+    numbers.extend([compliance_per_m * spectrum.fluidity_per_pa_s, softening]);
+    for mode in &spectrum.oscillating {
+        let complex = |[re, im]: [T; 2]| Complex { re, im };
+        let rate = complex(mode.rate_per_s);
+        let gain = (complex(mode.compliance_per_pa) * rate).times(compliance_per_m);
+        numbers.extend([gain.re, gain.im, rate.re + softening, rate.im]);
+    }
+}
+
+fn check(holds: bool, what: &str, number: Dual, unit: &str) -> Result<()> {
+    if holds {
+        return Ok(());
+    }
+    Err(Error::numerical(format!("{what} is {} {unit}", number.value), "give a value of at least 0"))
+}
+
+impl<S: Number> System<S> {
+    /// Gathers points of one shape; the last stands in for those that are missing.
+    pub fn gather(points: &[&Lowered<S::Lane>]) -> Self {
+        let shape = points[0].shape;
+        let mut next = 0;
+        let mut take = || {
+            next += 1;
+            gather::<S>(|lane| points[lane.min(points.len() - 1)].numbers[next - 1])
+        };
+        Self {
+            shape,
+            gradings: std::array::from_fn(|lane| points[lane.min(points.len() - 1)].grading),
+            instantaneous: take(),
+            positive_factor: take(),
+            negative_factor: take(),
+            offset_n: take(),
+            delay_s: take(),
+            lag_rate: take(),
+            softening_rate: take(),
+            gradient: take(),
+            scale: take(),
+            velocity: take(),
+            modes: (0..shape.n_modes).map(|_| Mode { gain: take(), rate: take() }).collect(),
+            oscillating: (0..shape.n_oscillating)
+                .map(|_| Mode { gain: Complex { re: take(), im: take() }, rate: Complex { re: take(), im: take() } })
+                .collect(),
+            approaches: (0..shape.n_approaches).map(|_| (take(), take())).collect(),
+        }
+    }
+
+    /// The force on its way after the factors, without the offset, in N.
+    pub fn scaled_n(&self, command_n: f64) -> S {
+        if command_n > 0.0 { self.positive_factor * command_n } else { self.negative_factor * command_n }
+    }
+}

@@ -1,0 +1,148 @@
+//! Unit suffixes, parsed once at the border; everything inside is SI.
+//!
+//! A column such as `force_uN` is a quantity and a unit joined by the last underscore (formats §1).
+
+/// A physical dimension that a column may carry.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Dimension {
+    /// Time, SI unit s.
+    Time,
+    /// Force, SI unit N.
+    Force,
+    /// Length, SI unit m.
+    Length,
+}
+
+/// One accepted unit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Unit {
+    /// Suffix without its underscore, such as `uN`; upper and lower case matter.
+    pub suffix: &'static str,
+    /// What it measures.
+    pub dimension: Dimension,
+    /// Units of this kind in one SI unit: 10⁶ for `um`. A power of ten, hence exact in `f64`.
+    pub per_si_unit: f64,
+}
+
+/// Every accepted unit (formats §1). Listing, parsing and error messages read this slice.
+pub const UNITS: &[Unit] = &[
+    Unit { suffix: "s", dimension: Dimension::Time, per_si_unit: 1.0 },
+    Unit { suffix: "ms", dimension: Dimension::Time, per_si_unit: 1e3 },
+    Unit { suffix: "N", dimension: Dimension::Force, per_si_unit: 1.0 },
+    Unit { suffix: "mN", dimension: Dimension::Force, per_si_unit: 1e3 },
+    Unit { suffix: "uN", dimension: Dimension::Force, per_si_unit: 1e6 },
+    Unit { suffix: "nN", dimension: Dimension::Force, per_si_unit: 1e9 },
+    Unit { suffix: "pN", dimension: Dimension::Force, per_si_unit: 1e12 },
+    Unit { suffix: "m", dimension: Dimension::Length, per_si_unit: 1.0 },
+    Unit { suffix: "mm", dimension: Dimension::Length, per_si_unit: 1e3 },
+    Unit { suffix: "um", dimension: Dimension::Length, per_si_unit: 1e6 },
+    Unit { suffix: "nm", dimension: Dimension::Length, per_si_unit: 1e9 },
+];
+
+impl Unit {
+    /// The accepted unit of a dimension with this suffix, if there is one.
+    pub fn find(dimension: Dimension, suffix: &str) -> Option<Unit> {
+        UNITS.iter().find(|unit| unit.dimension == dimension && unit.suffix == suffix).copied()
+    }
+
+    /// A value in this unit as SI.
+    ///
+    /// Divides by an exact power of ten rather than multiplying by an inexact one, so that 4.6 µN becomes the
+    /// double nearest to 4.6·10⁻⁶ N in almost every case.
+    pub fn to_si(self, value: f64) -> f64 {
+        value / self.per_si_unit
+    }
+}
+
+impl Dimension {
+    /// Its accepted suffixes with their underscores, for messages: "_s, _ms".
+    pub fn accepted_suffixes(self) -> String {
+        let suffixes: Vec<String> =
+            UNITS.iter().filter(|unit| unit.dimension == self).map(|unit| format!("_{}", unit.suffix)).collect();
+        suffixes.join(", ")
+    }
+}
+
+/// The candidate that looks most like a misspelt name, if any is near enough to be worth suggesting.
+///
+/// Case-blind edit distance of at most a third of the longer name (at least 2).
+pub fn nearest_name<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    candidates
+        .into_iter()
+        .map(|candidate| (edit_distance(&name.to_lowercase(), &candidate.to_lowercase()), candidate))
+        .filter(|(distance, candidate)| {
+            *distance
+                <= (name.chars().count().max(candidate.chars().count()) / 3)
+                    .max(2)
+                    .min(candidate.len().saturating_sub(1))
+        })
+        .min_by_key(|(distance, _)| *distance)
+        .map(|(_, candidate)| candidate)
+}
+
+/// Levenshtein distance in characters.
+fn edit_distance(a: &str, b: &str) -> usize {
+    let b: Vec<char> = b.chars().collect();
+    let mut row: Vec<usize> = (0..=b.len()).collect();
+    for (i, from) in a.chars().enumerate() {
+        let mut diagonal = row[0];
+        row[0] = i + 1;
+        for (j, to) in b.iter().enumerate() {
+            let substitution = diagonal + usize::from(from != *to);
+            diagonal = row[j + 1];
+            row[j + 1] = substitution.min(row[j] + 1).min(diagonal + 1);
+        }
+    }
+    row[b.len()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_unit_converts_one_million_to_its_si_value() {
+        let expected = [
+            ("s", 1e6),
+            ("ms", 1e3),
+            ("N", 1e6),
+            ("mN", 1e3),
+            ("uN", 1.0),
+            ("nN", 1e-3),
+            ("pN", 1e-6),
+            ("m", 1e6),
+            ("mm", 1e3),
+            ("um", 1.0),
+            ("nm", 1e-3),
+        ];
+        assert_eq!(UNITS.len(), expected.len());
+        for (unit, (suffix, si)) in UNITS.iter().zip(expected) {
+            assert_eq!(unit.suffix, suffix);
+            assert_eq!(unit.to_si(1e6), si);
+        }
+    }
+
+    #[test]
+    fn a_suffix_counts_only_in_its_dimension_and_case() {
+        assert!(Unit::find(Dimension::Length, "mm").is_some());
+        assert!(Unit::find(Dimension::Force, "mm").is_none());
+        assert!(Unit::find(Dimension::Force, "un").is_none());
+        assert!(Unit::find(Dimension::Time, "").is_none());
+    }
+
+    #[test]
+    fn misspelt_names_find_their_neighbour_and_strangers_do_not() {
+        let names = ["diameter_mm", "length_mm", "density_kg_m3"];
+        assert_eq!(nearest_name("diametre_mm", names), Some("diameter_mm"));
+        assert_eq!(nearest_name("Density_kg_m3", names), Some("density_kg_m3"));
+        assert_eq!(nearest_name("colour", names), None);
+        assert_eq!(nearest_name("", ["id"]), None);
+    }
+
+    #[test]
+    fn edit_distance_of_textbook_pairs() {
+        assert_eq!(edit_distance("kitten", "sitting"), 3);
+        assert_eq!(edit_distance("", "abc"), 3);
+        assert_eq!(edit_distance("same", "same"), 0);
+    }
+}

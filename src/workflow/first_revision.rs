@@ -1,0 +1,67 @@
+//! The first revision of a study: a posterior with all that is written beside it.
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use super::problem::Problem;
+use super::reduced::KeptSurrogate;
+use super::sample::{self, SampleRequest, SampleResult};
+use super::{Monitor, artefacts};
+use crate::error::{Error, Place, Result};
+use crate::inference::SamplerOptions;
+use crate::study::Study;
+
+/// Its name.
+pub const FIRST_REVISION: &str = "m0";
+
+/// Samples the posterior and writes it as the study's first revision, whole or not at all; returns its directory, too.
+///
+/// # Errors
+/// Those of [`sample::run`], and of writing.
+pub fn make_first_revision(
+    study: &Study,
+    problem: &Problem,
+    options: SamplerOptions,
+    resume: bool,
+    monitor: &dyn Monitor,
+) -> Result<(SampleResult, PathBuf)> {
+    let revision = study.begin_revision(FIRST_REVISION)?;
+    let checkpoint = study.checkpoint_dir(FIRST_REVISION)?.join("sampler.state");
+    let seed = options.seed;
+    let request = SampleRequest {
+        options,
+        kept_surrogate: kept_surrogate(study, monitor),
+        checkpoint: Some(&checkpoint),
+        resume,
+    };
+    let mut result = sample::run(problem, &request, monitor)?;
+    monitor.stage("writing results and figures");
+    let clock = Instant::now();
+    let header = |kind: &str| artefacts::with_inputs(study.provenance(kind, 1, seed), problem);
+    artefacts::write(revision.path(), problem, &result, &header)?;
+    result.timing_s.push(("results and figures", clock.elapsed().as_secs_f64()));
+    artefacts::write_timing(revision.path(), &result.timing_s, header("timing"))?;
+    let written = revision.commit()?;
+    study.discard_checkpoint(FIRST_REVISION)?;
+    Ok((result, written))
+}
+
+/// Refuses a problem with every parameter fixed.
+///
+/// # Errors
+/// [`Error::Input`].
+pub fn refuse_nothing_to_sample(problem: &Problem) -> Result<()> {
+    if problem.priors.priors().is_empty() {
+        return Err(Error::input(
+            Place::option("--set"),
+            "every parameter is fixed, so there is nothing to infer",
+            "leave at least one parameter free, or use `simulate`",
+        ));
+    }
+    Ok(())
+}
+
+/// The surrogate of an earlier run, if it can be used; whether it fits is checked by its hash.
+pub fn kept_surrogate(study: &Study, monitor: &dyn Monitor) -> Option<KeptSurrogate> {
+    KeptSurrogate::read(&study.revision_dir(FIRST_REVISION).ok()?, monitor)
+}
