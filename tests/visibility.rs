@@ -10,7 +10,7 @@ use vitreo_uq::study::ModelSpecification;
 use vitreo_uq::workflow::problem::Problem;
 use vitreo_uq::workflow::reduced::{KeptSurrogate, Reduced};
 use vitreo_uq::workflow::replica::embedded;
-use vitreo_uq::workflow::visibility::{self};
+use vitreo_uq::workflow::visibility;
 use vitreo_uq::workflow::{Silent, fit};
 
 /// So narrow that they count beside the data: the replica alone knows the parameters to about a per cent.

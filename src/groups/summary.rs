@@ -2,7 +2,7 @@
 
 use crate::documents::groups::{
     ContrastSummary, CreepSummary, ExperimentSummary, GroupParameter, GroupSummary, GroupsSummary, IntervalSummary,
-    PopulationSampler, SpecimenParameter, SpecimenSummary,
+    PopulationSampler, RatioVerdict, SpecimenParameter, SpecimenSummary,
 };
 use rayon::prelude::*;
 
@@ -17,7 +17,6 @@ use super::predict::{PredictedGroup, creep, creep_times_s};
 use super::published::published;
 use super::scale::Scale;
 use super::{spread, wording};
-use crate::documents::groups::RatioVerdict;
 use crate::error::Result;
 use crate::report::density::{quantile_of_sorted, sorted};
 use crate::rheology::TimeWindow;

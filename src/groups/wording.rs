@@ -1,9 +1,7 @@
 //! What a comparison says, in words, and what the user should know of it.
 
 use super::hierarchy::{FEWEST_EFFECTIVE_DRAWS, LARGEST_RHAT};
-use crate::documents::groups::Plan;
-use crate::documents::groups::RatioVerdict;
-use crate::documents::groups::{ContrastSummary, ExperimentSummary, GroupSummary, GroupsSummary};
+use crate::documents::groups::{ContrastSummary, ExperimentSummary, GroupSummary, GroupsSummary, Plan, RatioVerdict};
 use crate::documents::posterior::{Warning, WarningKind};
 use crate::report::labels::of_parameter;
 use crate::workflow::advice::NOISE_FACTOR;

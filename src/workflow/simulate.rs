@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use super::Monitor;
 use super::advice::strain_warning;
-use super::convergence::{self};
+use super::convergence;
 use super::mechanics::FiniteElements;
 use super::problem::Problem;
 use super::reduced::{field_models, field_models_of};

@@ -132,7 +132,7 @@ impl<'a> Table<'a> {
     }
 
     /// Refuses the table as a whole.
-    pub fn refuse_whole(&self, found: impl Into<String>, remedy: impl Into<String>) -> Error {
+    pub(crate) fn refuse_whole(&self, found: impl Into<String>, remedy: impl Into<String>) -> Error {
         Error::input(Place::file(&self.document.file).at_line(self.line).at_key(self.path()), found, remedy)
     }
 
@@ -210,13 +210,13 @@ impl<'a> Table<'a> {
     }
 
     /// A number above zero within stated sizes that must be there.
-    pub fn required_within(&self, key: &str, example: &str, sizes: [f64; 2]) -> Result<f64> {
+    pub(crate) fn required_within(&self, key: &str, example: &str, sizes: [f64; 2]) -> Result<f64> {
         let value = self.required_positive(key, example)?;
         self.check_within(key, value, sizes)
     }
 
     /// Refuses what is not within stated sizes: a slip, which would leave what can be computed.
-    pub fn check_within(&self, key: &str, value: f64, [smallest, largest]: [f64; 2]) -> Result<f64> {
+    pub(crate) fn check_within(&self, key: &str, value: f64, [smallest, largest]: [f64; 2]) -> Result<f64> {
         if (smallest..=largest).contains(&value) {
             return Ok(value);
         }

@@ -8,7 +8,7 @@ use vitreo_uq::effects::Library;
 use vitreo_uq::error::Result;
 use vitreo_uq::study::WithProvenance;
 use vitreo_uq::workflow::artefacts;
-use vitreo_uq::workflow::visibility::{self};
+use vitreo_uq::workflow::visibility;
 
 use crate::options::{self, EffectsArguments};
 use crate::target::Target;

@@ -10,7 +10,7 @@ use vitreo_uq::inference::prior::NOISE;
 use vitreo_uq::report::labels::of_parameter;
 use vitreo_uq::study::{FIT_NAME, WithProvenance};
 use vitreo_uq::workflow::artefacts;
-use vitreo_uq::workflow::fit::{self};
+use vitreo_uq::workflow::fit;
 
 use crate::options::{self, FitArguments};
 use crate::target::Target;

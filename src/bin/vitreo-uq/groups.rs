@@ -5,13 +5,11 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use clap::Args;
-use vitreo_uq::documents::groups::RatioVerdict;
-use vitreo_uq::documents::groups::ScaleName;
-use vitreo_uq::documents::groups::{ContrastSummary, GroupSummary, GroupsSummary};
+use vitreo_uq::documents::groups::{ContrastSummary, GroupSummary, GroupsSummary, RatioVerdict, ScaleName};
 use vitreo_uq::error::{Error, Place, Result};
 use vitreo_uq::groups::cohort::{self, Key};
 use vitreo_uq::groups::job::{self, GroupsRequest};
-use vitreo_uq::groups::summary::{self};
+use vitreo_uq::groups::summary;
 use vitreo_uq::groups::{artefacts, wording};
 use vitreo_uq::inference::SamplerOptions;
 use vitreo_uq::report::labels::of_parameter;

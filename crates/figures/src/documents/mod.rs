@@ -8,5 +8,7 @@ pub mod fit;
 pub mod groups;
 pub mod ladder;
 pub mod posterior;
+#[cfg(test)]
+pub(crate) mod rung_for_tests;
 pub mod shapes;
 pub mod simulation;

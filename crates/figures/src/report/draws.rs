@@ -256,7 +256,7 @@ fn ranks(rows: &[Vec<f64>], column: Option<usize>) -> BTreeMap<u64, usize> {
 mod tests {
     use super::*;
 
-    pub fn table() -> DrawTable {
+    pub(crate) fn table() -> DrawTable {
         let (n_ensembles, n_walkers, n_steps) = (2, 3, 4);
         let n = n_ensembles * n_walkers * n_steps;
         DrawTable {

@@ -14,7 +14,7 @@ impl Default for Library {
 }
 
 impl Library {
-    /// Some of the program's effects, so that a test's search is short.
+    /// The program's effects of these names, for a search among few.
     pub fn only(slugs: &[&str]) -> Self {
         Self(EFFECTS.iter().copied().filter(|effect| slugs.contains(&effect.slug())).collect())
     }

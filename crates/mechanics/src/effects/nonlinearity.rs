@@ -66,7 +66,7 @@ impl Nonlinearity {
 
 impl Nonlinearity<Dual> {
     /// The same in another number.
-    pub fn of<N: PointScalar>(self) -> Nonlinearity<N> {
+    pub(crate) fn of<N: PointScalar>(self) -> Nonlinearity<N> {
         match self {
             Self::StrainStiffening { coefficient } => {
                 Nonlinearity::StrainStiffening { coefficient: N::of(coefficient) }

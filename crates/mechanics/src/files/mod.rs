@@ -19,8 +19,8 @@ pub use directory::TemporaryDirectory;
 pub use leftovers::sweep;
 pub use reading::refuse_long_lines;
 pub use reading::{Content, read, read_if_there};
-pub use under_way::stop_writing;
-pub use under_way::{UnderWay, together};
+pub(crate) use under_way::UnderWay;
+pub use under_way::{stop_writing, together};
 
 use crate::error::{Error, Result};
 

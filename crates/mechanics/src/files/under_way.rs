@@ -17,7 +17,7 @@ const MOST_TRIES: usize = 5;
 
 /// A hidden path that is being written; [`stop_writing`] removes it.
 #[derive(Debug)]
-pub struct UnderWay(PathBuf);
+pub(crate) struct UnderWay(PathBuf);
 
 impl UnderWay {
     /// Creates something at a hidden path; no stop comes between its creation and its being known.

@@ -259,7 +259,7 @@ impl Half {
 }
 
 /// Refuses NaN and +∞, naming the point.
-pub fn check(dimension: usize, points: &[f64], log_density: &[f64]) -> Result<()> {
+pub(crate) fn check(dimension: usize, points: &[f64], log_density: &[f64]) -> Result<()> {
     // Without an early exit the scan is one vector instruction a few values.
     if log_density.iter().fold(true, |good, value| good & (*value < f64::INFINITY)) {
         return Ok(());
