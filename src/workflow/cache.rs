@@ -7,6 +7,7 @@
 use std::ffi::OsString;
 use std::path::PathBuf;
 
+use etcetera::base_strategy::{BaseStrategy, choose_native_strategy};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
@@ -34,49 +35,31 @@ pub(super) fn write(hash: &str, model: &impl Serialize) {
 
 /// The hash is that of content; that of the sources of mechanics keeps programs apart that would build another model from it.
 fn path(hash: &str) -> Option<PathBuf> {
-    folder(|name| std::env::var_os(name))
-        .map(|folder| folder.join(env!("VITREO_UQ_MECHANICS")).join(format!("{hash}.json")))
+    Some(cache_directory()?.join(env!("VITREO_UQ_MECHANICS")).join(format!("{hash}.json")))
 }
 
-/// The directory for caches: the one that is asked for, or what the system has for users' caches.
-fn folder(variable: impl Fn(&str) -> Option<OsString>) -> Option<PathBuf> {
-    if let Some(place) = variable(PLACE) {
-        return Some(PathBuf::from(place)).filter(|place| !place.as_os_str().is_empty());
+/// The directory for all that is kept between commands and belongs to no study: the one in `VITREO_UQ_CACHE`, or else the system's for users' caches; `None` where
+/// that variable is empty or the system has none.
+pub fn cache_directory() -> Option<PathBuf> {
+    directory(std::env::var_os(PLACE))
+}
+
+fn directory(asked_for: Option<OsString>) -> Option<PathBuf> {
+    match asked_for {
+        Some(place) => Some(PathBuf::from(place)).filter(|place| !place.as_os_str().is_empty()),
+        None => Some(choose_native_strategy().ok()?.cache_dir().join("vitreo-uq")),
     }
-    let absolute = |name: &str| variable(name).map(PathBuf::from).filter(|path| path.is_absolute());
-    let of_system = if cfg!(windows) {
-        absolute("LOCALAPPDATA")
-    } else {
-        let below_home = if cfg!(target_vendor = "apple") { "Library/Caches" } else { ".cache" };
-        absolute("XDG_CACHE_HOME").or_else(|| absolute("HOME").map(|home| home.join(below_home)))
-    };
-    of_system.map(|folder| folder.join("vitreo-uq"))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn with(variables: &'static [(&str, &str)]) -> Option<PathBuf> {
-        folder(|name| variables.iter().find(|(own, _)| *own == name).map(|(_, value)| OsString::from(value)))
-    }
-
     #[test]
     fn the_place_can_be_asked_for_or_switched_off() {
-        assert_eq!(with(&[("VITREO_UQ_CACHE", "here"), ("HOME", "/home/a")]), Some("here".into()));
-        assert_eq!(with(&[("VITREO_UQ_CACHE", ""), ("HOME", "/home/a")]), None);
-        assert_eq!(with(&[]), None);
-    }
-
-    #[cfg(all(unix, not(target_vendor = "apple")))]
-    #[test]
-    fn users_caches_stand_where_the_system_has_them() {
-        assert_eq!(with(&[("HOME", "/home/a")]), Some("/home/a/.cache/vitreo-uq".into()));
-        assert_eq!(with(&[("XDG_CACHE_HOME", "/c"), ("HOME", "/home/a")]), Some("/c/vitreo-uq".into()));
-        assert_eq!(
-            with(&[("XDG_CACHE_HOME", "relative"), ("HOME", "/home/a")]),
-            Some("/home/a/.cache/vitreo-uq".into())
-        );
+        assert_eq!(directory(Some("here".into())), Some("here".into()));
+        assert_eq!(directory(Some("".into())), None);
+        assert!(directory(None).is_none_or(|place| place.is_absolute() && place.ends_with("vitreo-uq")));
     }
 
     #[test]

@@ -30,6 +30,8 @@ pub mod visibility;
 
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
+pub use cache::cache_directory;
+
 use crate::inference::ensemble::Progress;
 
 /// Who watches a job: the terminal, or nobody.

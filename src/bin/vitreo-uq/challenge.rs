@@ -19,7 +19,7 @@ use vitreo_uq::error::{Error, Place, Result};
 use vitreo_uq::files::{Content, read_if_there};
 use vitreo_uq::inference::ensemble::RandomStream;
 use vitreo_uq::study::{Provenance, Study, WithProvenance};
-use vitreo_uq::workflow::{Monitor, Silent};
+use vitreo_uq::workflow::{Monitor, Silent, cache_directory};
 
 use crate::challenge_words::{words_of_plays, words_of_truth};
 use crate::options::use_threads;
@@ -121,7 +121,7 @@ struct RunArguments {
     /// Whether the experiments state their noise; `no` leaves it to be estimated
     #[arg(long, value_name = "yes|no", default_value = "yes", action = ArgAction::Set, value_parser = BoolishValueParser::new())]
     noise_known: bool,
-    /// Where full finite-element trajectories are kept [default: the user's cache directory]
+    /// Where full finite-element trajectories are kept [default: VITREO_UQ_CACHE, or else the user's cache directory]
     #[arg(long, value_name = "DIR")]
     cache: Option<PathBuf>,
     /// Write the result as one JSON document to a file, or alone to standard output with `-`
@@ -360,7 +360,7 @@ fn play(arguments: &RunArguments) -> Result<ExitCode> {
     };
     let terminal = Terminal::new(arguments.quiet);
     let bench = Bench::new(&terminal)?;
-    let cache = arguments.cache.clone().or_else(user_cache);
+    let cache = arguments.cache.clone().or_else(|| Some(cache_directory()?.join("challenge")));
     let said = |subject: &Subject, seed: u64| {
         let request = DiagnosisRequest { seed, in_full: false, ..DiagnosisRequest::default() };
         Ok(diagnose(subject, &request, &Silent)?.diagnosis)
@@ -371,11 +371,4 @@ fn play(arguments: &RunArguments) -> Result<ExitCode> {
     let words = words_of_plays(&plays.tally);
     crate::output::show(arguments.json.as_deref(), &WithProvenance { provenance, body: &plays }, &words)?;
     Ok(ExitCode::SUCCESS)
-}
-
-/// The place for trajectories in the user's cache directory; `None` where the system names none.
-fn user_cache() -> Option<PathBuf> {
-    let set = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
-    let folder = set("XDG_CACHE_HOME").or_else(|| set("LOCALAPPDATA")).or_else(|| Some(set("HOME")?.join(".cache")))?;
-    Some(folder.join("vitreo-uq").join("challenge"))
 }

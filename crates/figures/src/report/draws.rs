@@ -122,11 +122,16 @@ fn refuse(found: String, remedy: &str) -> Error {
 /// [`Error::Input`] for an inconsistent table, [`Error::File`] where the file cannot be written.
 pub fn write_draws_csv(path: &Path, table: &DrawTable) -> Result<()> {
     table.check()?;
-    let names = table.parameter_names.iter().map(|name| quoted(name)).collect::<Vec<_>>().join(",");
     let n_parameters = table.parameter_names.len();
     stream_atomically(path, |out| {
         let has_log_density = !table.log_density.is_empty();
-        writeln!(out, "{},{names}{}", INDEX_COLUMNS.join(","), if has_log_density { ",log_density" } else { "" })?;
+        // Names come from users' model files and may hold anything.
+        let names = table.parameter_names.iter().map(String::as_str);
+        let header = INDEX_COLUMNS.into_iter().chain(names).chain(has_log_density.then_some(LOG_DENSITY));
+        let mut writer = csv::Writer::from_writer(&mut *out);
+        writer.write_record(header)?;
+        writer.flush()?;
+        drop(writer);
         for (draw, row) in table.values.chunks_exact(n_parameters).enumerate() {
             let (chain, step) = (draw / table.n_steps, draw % table.n_steps);
             write!(out, "{},{},{step}", chain / table.n_walkers, chain % table.n_walkers)?;
@@ -140,15 +145,6 @@ pub fn write_draws_csv(path: &Path, table: &DrawTable) -> Result<()> {
         }
         Ok(())
     })
-}
-
-/// A CSV field; names come from users' model files and may hold anything.
-fn quoted(field: &str) -> String {
-    if field.contains([',', '"', '\n', '\r']) {
-        format!("\"{}\"", field.replace('"', "\"\""))
-    } else {
-        field.to_owned()
-    }
 }
 
 /// Reads draws from CSV: [`write_draws_csv`]'s, or any table with a header and one column a parameter. Without the columns
