@@ -12,9 +12,10 @@
 //! - `toml_input`: TOML whose every value knows its line
 //! - [`experiment`]: what was measured: apparatus, force, positions, cycles
 //! - [`rheology`]: laws of springs, dashpots and springpots, as spectra
-//! - [`effects`]: physical effects, one file each, and the stages that they write themselves into
+//! - [`stages`]: what a model computes from command to camera, as numbers
 //! - [`mesh`]: meshes of the gel
 //! - [`fe`]: full finite elements
+//! - [`effects`]: physical effects, one file each
 //! - [`model`]: law, effects and apparatus: parameters to trajectory
 //! - [`surrogate`]: what stands for a full model, certified
 //! - [`inference`]: priors, likelihood, noise, ensembles, evidence
@@ -39,5 +40,5 @@ pub use vitreo_uq_inference::inference;
 use vitreo_uq_mechanics::toml_input;
 pub use vitreo_uq_mechanics::{
     Error, Result, distribution, effects, error, experiment, fe, files, mesh, model, number, parameter, rheology,
-    surrogate, units,
+    stages, surrogate, units,
 };

@@ -38,7 +38,7 @@ fn finer_stiffness(experiment: &Experiment) -> Stiffness {
 /// Effects that leave the displacement field's shape as it is, or change the Poisson ratio alone: runs of the others take a minute each, and are compared with closed
 /// forms and with their reduced models in tests of their own.
 fn by_factor() -> impl Iterator<Item = &'static dyn Effect> {
-    EFFECTS.iter().copied().filter(|effect| effect.field_model().is_none())
+    EFFECTS.iter().copied().filter(|effect| effect.field().is_none())
 }
 
 fn problem_of(base: &Problem, effect: &dyn Effect) -> Problem {

@@ -17,6 +17,7 @@ const PORCINE: Scales = Scales {
     duration_s: 40.0,
     poisson_ratio: Some(0.48),
     robot_radius_m: Some(0.275e-3),
+    outer_radius_m: Some(10e-3),
 };
 
 /// Experiments at the edges of what formats §1 accepts: nothing measured, one constant pull, hardly any rows, any Poisson ratio, an
@@ -35,6 +36,7 @@ fn experiments() -> Vec<Scales> {
         duration_s: 0.5,
         poisson_ratio: None,
         robot_radius_m: None,
+        outer_radius_m: None,
     };
     let gels = [0.499_999, 0.4999, 0.31, 0.3, 0.2, 0.0, -0.5, -0.999]
         .map(|ratio| Scales { poisson_ratio: Some(ratio), ..PORCINE });
@@ -297,7 +299,7 @@ fn laws_and_effects_are_refused_exactly_where_physics_says() {
 #[test]
 fn every_pair_of_effects_stands_together_and_takes_its_parameters_in_order() {
     let barred = |a: &str, b: &dyn Effect| {
-        b.field_model().is_some()
+        b.field().is_some()
             && (["softening", "fractional-damping"].contains(&a)
                 || (a == "instantaneous-elasticity" && b.slug() == "inertia"))
     };

@@ -3,7 +3,7 @@
 
 use std::sync::OnceLock;
 
-use vitreo_uq::effects::{EFFECTS, Effect, FieldModel};
+use vitreo_uq::effects::{EFFECTS, Effect, Field};
 use vitreo_uq::error::{Error, Place};
 use vitreo_uq::experiment::Scales;
 use vitreo_uq::fe::Stiffness;
@@ -37,6 +37,7 @@ fn protocol() -> Protocol {
         duration_s: 12.8,
         poisson_ratio: Some(POISSON_RATIO),
         robot_radius_m: Some(0.275e-3),
+        outer_radius_m: Some(10e-3),
     };
     Protocol { time_s, force_n, scales }
 }
@@ -79,9 +80,8 @@ fn surroundings(is_nonlinear: bool) -> Surroundings<'static> {
 fn fields(is_nonlinear: bool) -> &'static FieldModels {
     static FIELDS: [OnceLock<FieldModels>; 2] = [const { OnceLock::new() }; 2];
     let alike = EFFECTS.iter().copied().filter(|effect| effect.is_nonlinear() == is_nonlinear);
-    let wanted = alike.filter_map(|effect| effect.field_model());
-    let build_one = |model| FieldModels::build(model, &surroundings(is_nonlinear), &|| ()).expect("the mesh is good");
-    let build = || wanted.fold(FieldModels::default(), |fields, model| fields.or(build_one(model)));
+    let build_one = |effect| FieldModels::build(effect, &surroundings(is_nonlinear), &|| ()).expect("the mesh is good");
+    let build = || alike.fold(FieldModels::default(), |fields, effect| fields.or(build_one(effect)));
     FIELDS[usize::from(is_nonlinear)].get_or_init(build)
 }
 
@@ -171,7 +171,7 @@ fn at_the_null_the_base_returns() {
     // All may stand alone. Of pairs, two that change the field are refused; of the effects whose fields are solved for each beside `softening` and
     // `fractional-damping`, mass beside `instantaneous-elasticity`, and laws that are not linear beside that and `second-retardation`.
     let n_fields = EFFECTS.iter().copied().filter(|effect| effect.changes_field()).count();
-    let n_solved = EFFECTS.iter().copied().filter(|effect| effect.field_model().is_some()).count();
+    let n_solved = EFFECTS.iter().copied().filter(|effect| effect.field().is_some()).count();
     let n_nonlinear = EFFECTS.iter().copied().filter(|effect| effect.is_nonlinear()).count();
     let n_refused = n_fields * (n_fields - 1) / 2 + 2 * n_solved + 1 + 2 * n_nonlinear;
     assert_eq!(models.len(), EFFECTS.len() * (EFFECTS.len() + 1) / 2 - n_refused);
@@ -211,8 +211,9 @@ fn tolerance(model: &Model, of_time: f64) -> f64 {
     if is_nonlinear(model) {
         return 1e-3;
     }
-    match model.effects().iter().find_map(|effect| effect.field_model()) {
-        Some(FieldModel::Pocket | FieldModel::PoreFlow) => 1e-3,
+    match model.field() {
+        Some((_, Field::Pair(pair))) if pair.shape().is_some() => 1e-3,
+        Some((_, Field::Pores(_))) => 1e-3,
         Some(_) => 1e-4,
         None => of_time,
     }
@@ -288,7 +289,7 @@ fn sensitivities_agree_with_finite_differences() {
                 (0..here.len()).map(|i| (4.0 * near[i] - far[i] - 3.0 * here[i]) / (2.0 * h)).collect();
             let exact = forward.derivative_m(&null, index).expect("differentiable at the null");
             // With pore flow the response grows as k + O(k^{3/2}): differences come near the derivative slowly.
-            let largest = if effect.field_model().is_some() { 1e-3 } else { 2e-5 };
+            let largest = if effect.field().is_some() { 1e-3 } else { 2e-5 };
             assert!(distance(&exact, &one_sided) < largest, "{name} at null: {:e}", distance(&exact, &one_sided));
         }
     }

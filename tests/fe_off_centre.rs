@@ -2,12 +2,13 @@
 
 use std::f64::consts::PI;
 
+use vitreo_uq::effects::{EFFECTS, Field};
 use vitreo_uq::experiment::{Offset, OffsetDirection, Orientation, Robot, RobotShape, Vitreous};
 use vitreo_uq::fe::Stiffness;
 use vitreo_uq::fe::exact::SphereInContainer;
 use vitreo_uq::fe::meridional::{Direction, EccentricSphere, EccentricStiffness, Formulation, Resolution};
 use vitreo_uq::fe::quality::MeshQuality;
-use vitreo_uq::fe::spatial::{SpatialKind, SpatialSystem, Surroundings};
+use vitreo_uq::fe::spatial::Surroundings;
 use vitreo_uq::fe::surface::RobotSize;
 use vitreo_uq::fe::time::FullOrderModel;
 use vitreo_uq::mesh::Mesh;
@@ -198,21 +199,23 @@ fn the_half_model_is_the_quarter_model_where_both_hold() {
     let (centred, vitreous) = apparatus(SPHERE, 1.0, OffsetDirection::Across);
     let centred = Robot { offset: None, ..centred };
     let across = Robot { offset: Some(Offset { distance_m: shift, direction: OffsetDirection::Across }), ..centred };
-    for kind in [SpatialKind::Inertia, SpatialKind::Slip] {
+    // Stiffness and mass or friction of comparable weight.
+    for (slug, weight) in [("inertia", 1e4), ("interface-slip", 1e3)] {
+        let effect = EFFECTS.iter().find(|effect| effect.slug() == slug).expect("an effect");
+        let Some(Field::Pair(pair)) = effect.field() else { panic!("{slug} has no matrices") };
         let [quarter, half] = [centred, across].map(|robot| {
             let mesh = robot_mesh(&robot, &vitreous, 2).expect("a mesh");
             let stiffness = Stiffness::new(&mesh).expect("a sound mesh");
             let sizes = sizes_of(&robot, &vitreous, Some(2));
             let surroundings = Surroundings { mesh: &mesh, stiffness: &stiffness, poisson_ratio: 0.48, sizes };
-            let system = SpatialSystem::new(&surroundings, &mesh, kind).expect("sound matrices");
-            // Stiffness and mass or friction of comparable weight.
-            let factor = system.factor(&[1.0, if kind == SpatialKind::Inertia { 1e4 } else { 1e3 }]).expect("definite");
+            let system = pair.system(&surroundings, None).expect("sound matrices").system;
+            let factor = system.factor([1.0, weight]).expect("definite");
             let mut field = vec![0.0; system.n_unknowns()];
             let robot = system.freedoms.robot();
             field[robot] = system.freedoms.share();
             factor.solve_in_place(&mut field);
             field[robot]
         });
-        assert!((half / quarter - 1.0).abs() < 1e-6, "{kind:?}: {half} {quarter}");
+        assert!((half / quarter - 1.0).abs() < 1e-6, "{slug}: {half} {quarter}");
     }
 }

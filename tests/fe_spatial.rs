@@ -1,18 +1,17 @@
-//! Inertia, slip and pocket: full finite elements against closed forms, reduced terms against full finite elements, and creep against time stepping.
+//! Linear effects that change the displacement field: full finite elements against closed forms, reduced terms against full finite elements, and creep against time stepping.
 
 use std::f64::consts::PI;
 
 use nalgebra::{DMatrix, DVector};
-use vitreo_uq::effects::{Spatial, Stages};
+use vitreo_uq::effects::{EFFECTS, Effect, Field, LinearField, MatrixPair, Spatial, Stages};
+use vitreo_uq::experiment::Scales;
 use vitreo_uq::fe::Stiffness;
-use vitreo_uq::fe::spatial::{self, Scaled, Sizes, SpatialKind, SpatialSystem, Surroundings};
+use vitreo_uq::fe::spatial::{Sizes, SpatialJob, SpatialSystem, SteppedSystem, Surroundings};
 use vitreo_uq::fe::transient::{self, Load, Resolution};
-use vitreo_uq::mesh::{Mesh, QuarterBall};
+use vitreo_uq::mesh::QuarterBall;
 use vitreo_uq::number::Dual;
-use vitreo_uq::rheology::{
-    Accuracy, BaseLaw, Beside, CreepCompliance, Element, RetardationSpectrum, SpreadTerm, TimeWindow,
-};
-use vitreo_uq::surrogate::spread::{SpreadModes, snapshot_values};
+use vitreo_uq::rheology::{Accuracy, BaseLaw, CreepCompliance, Element, RetardationSpectrum, SpreadTerm, TimeWindow};
+use vitreo_uq::surrogate::spread::SpreadModes;
 
 const RADIUS_M: f64 = 0.275e-3;
 const OUTER_RADIUS_M: f64 = 10e-3;
@@ -24,25 +23,41 @@ fn ball(level: usize) -> QuarterBall {
     QuarterBall { robot_radius_m: RADIUS_M, outer_radius_m: OUTER_RADIUS_M, n_per_edge: level, n_layers: 4 * level }
 }
 
-fn surroundings<'a>(mesh: &'a Mesh, stiffness: &'a Stiffness, poisson_ratio: f64) -> Surroundings<'a> {
-    let robot_mass_kg = 4.0 / 3.0 * PI * RADIUS_M.powi(3) * ROBOT_DENSITY;
-    let sizes = Sizes {
+fn sizes(level: usize) -> Sizes {
+    Sizes {
         gel_density_kg_m3: GEL_DENSITY,
-        robot_mass_kg,
+        robot_mass_kg: 4.0 / 3.0 * PI * RADIUS_M.powi(3) * ROBOT_DENSITY,
         robot_radius_m: RADIUS_M,
         outer_radius_m: OUTER_RADIUS_M,
-        ball: None,
+        ball: Some(ball(level)),
+    }
+}
+
+/// Effects that bring two matrices.
+fn pairs() -> Vec<(&'static dyn Effect, &'static dyn MatrixPair)> {
+    let pair = |effect: &&'static dyn Effect| match effect.field() {
+        Some(Field::Pair(pair)) => Some((*effect, pair)),
+        _ => None,
     };
-    Surroundings { mesh, stiffness, poisson_ratio, sizes }
+    EFFECTS.iter().filter_map(pair).collect()
 }
 
-fn system(mesh: &Mesh, poisson_ratio: f64, kind: SpatialKind) -> SpatialSystem {
-    let stiffness = Stiffness::new(mesh).expect("a sound mesh");
-    SpatialSystem::new(&surroundings(mesh, &stiffness, poisson_ratio), mesh, kind).expect("a sound mesh")
+fn pair(slug: &str) -> &'static dyn MatrixPair {
+    pairs().into_iter().find(|(effect, _)| effect.slug() == slug).expect("an effect with matrices").1
 }
 
-/// Force per displacement of the whole body (N/m) with these weights of the system's matrices.
-fn stiffness(system: &SpatialSystem, weights: &[f64]) -> f64 {
+fn with_surroundings<T>(level: usize, poisson_ratio: f64, job: impl Fn(&Surroundings<'_>) -> T) -> T {
+    let mesh = ball(level).mesh().unwrap();
+    let stiffness = Stiffness::new(&mesh).expect("a sound mesh");
+    job(&Surroundings { mesh: &mesh, stiffness: &stiffness, poisson_ratio, sizes: sizes(level) })
+}
+
+fn system(level: usize, poisson_ratio: f64, pair: &dyn MatrixPair, shape: Option<f64>) -> SpatialSystem {
+    with_surroundings(level, poisson_ratio, |gel| pair.system(gel, shape).expect("a sound mesh").system)
+}
+
+/// Force per displacement of the whole body (N/m) with these weights of the gel's matrix and of the second.
+fn stiffness(system: &SpatialSystem, weights: [f64; 2]) -> f64 {
     let mut field = vec![0.0; system.n_unknowns()];
     let robot = system.freedoms.robot();
     field[robot] = 1.0;
@@ -134,11 +149,10 @@ fn slip_meets_the_closed_form_and_converges() {
     for nu in [0.3, 0.48, 0.499] {
         let mut errors: Vec<Vec<f64>> = Vec::new();
         for level in [2, 3] {
-            let mesh = ball(level).mesh().unwrap();
-            let system = system(&mesh, nu, SpatialKind::Slip);
+            let system = system(level, nu, pair("interface-slip"), None);
             let error = |scaled: &f64| {
                 let kappa = scaled / RADIUS_M;
-                stiffness(&system, &[1.0, kappa]) / slipping_sphere(nu, kappa, OUTER_RADIUS_M) - 1.0
+                stiffness(&system, [1.0, kappa]) / slipping_sphere(nu, kappa, OUTER_RADIUS_M) - 1.0
             };
             errors.push([0.0, 0.1, 1.0, 10.0].iter().map(error).collect());
         }
@@ -152,11 +166,9 @@ fn slip_meets_the_closed_form_and_converges() {
 #[test]
 fn the_pocket_meets_the_two_layer_solution() {
     for (nu, ratio) in [(0.3, 1.5), (0.48, 2.0), (0.48, 5.0), (0.499, 3.0)] {
-        let radius_m = ratio * RADIUS_M;
-        let mesh = QuarterBall { n_layers: 13, ..ball(3) }.mesh_with_interface(radius_m, 4).unwrap();
-        let system = system(&mesh, nu, SpatialKind::Pocket { radius_m });
+        let system = system(3, nu, pair("liquefied-pocket"), Some(ratio));
         for soft in [1.0, 0.3, 0.03] {
-            let error = stiffness(&system, &[soft, 1.0]) / sphere_in_pocket(nu, soft, ratio) - 1.0;
+            let error = stiffness(&system, [1.0, soft]) / sphere_in_pocket(nu, soft, ratio) - 1.0;
             println!("pocket, ν = {nu}, {ratio} radii, {soft}: {error:e}");
             assert!(error.abs() < 3e-4, "ν = {nu}, {ratio}, {soft}: {error:e}");
         }
@@ -167,67 +179,55 @@ fn the_pocket_meets_the_two_layer_solution() {
 #[test]
 fn inertia_meets_basset_boussinesq() {
     let nu = 0.499_99;
-    let mesh = ball(3).mesh().unwrap();
-    let system = system(&mesh, nu, SpatialKind::Inertia);
+    let system = system(3, nu, pair("inertia"), None);
     let mass_kg = 4.0 / 3.0 * PI * RADIUS_M.powi(3) * ROBOT_DENSITY;
     let mu = 1.0 / (2.0 * (1.0 + nu));
     for y in [0.2, 1.0, 5.0] {
         // y = ρ s² R²/G with the shear modulus G; here G = μ for unit Young's modulus, so s² = y μ/(ρR²).
         let s_squared = y * mu / (GEL_DENSITY * RADIUS_M * RADIUS_M);
         let known = 6.0 * PI * mu * RADIUS_M * (1.0 + f64::sqrt(y) + y / 9.0) + mass_kg * s_squared;
-        let error = stiffness(&system, &[1.0, s_squared]) / known - 1.0;
+        let error = stiffness(&system, [1.0, s_squared]) / known - 1.0;
         println!("inertia, y = {y}: {error:e}");
         assert!(error.abs() < 1.5e-3, "y = {y}: {error:e}");
     }
-}
-
-fn kinds(radius_ratio: f64) -> [(SpatialKind, Mesh); 3] {
-    let radius_m = radius_ratio * RADIUS_M;
-    let pocket = QuarterBall { n_layers: 9, ..ball(2) }.mesh_with_interface(radius_m, 3).unwrap();
-    [
-        (SpatialKind::Slip, ball(2).mesh().unwrap()),
-        (SpatialKind::Inertia, ball(2).mesh().unwrap()),
-        (SpatialKind::Pocket { radius_m }, pocket),
-    ]
 }
 
 /// Between the snapshots: the error is below 1e-6 of the compliance at rest. With few modes it is seen, and the indicator is above it: by Galerkin's
 /// orthogonality it is the error in the energy norm of x = 0, which every other is a part of.
 #[test]
 fn reduced_terms_agree_with_the_full_model_between_snapshots() {
-    for (kind, mesh) in kinds(2.0) {
-        let system = system(&mesh, 0.48, kind);
-        let values = snapshot_values(kind, RADIUS_M, OUTER_RADIUS_M, GEL_DENSITY);
-        let pocket = matches!(kind, SpatialKind::Pocket { .. });
-        let between: Vec<(f64, f64)> = values
+    for (effect, pair) in pairs() {
+        let slug = effect.slug();
+        let system = system(2, 0.48, pair, pair.shape().map(|_| 2.0));
+        let splitting = pair.splitting(&sizes(2));
+        let factors: Vec<f64> = splitting.snapshots.iter().map(|x| splitting.reference + x).collect();
+        let between: Vec<(f64, f64)> = factors
             .windows(2)
             .filter(|pair| pair[0] != 0.0)
             .map(|pair| {
-                let mean = |a: f64, b: f64| (a * b).sqrt();
-                let x = if pocket { mean(1.0 + pair[0], 1.0 + pair[1]) - 1.0 } else { mean(pair[0], pair[1]) };
-                let weights = if pocket { [1.0 + x, 1.0] } else { [1.0, x] };
-                (x, 1.0 / stiffness(&system, &weights))
+                let mean = (pair[0] * pair[1]).sqrt();
+                (mean - splitting.reference, 1.0 / stiffness(&system, [1.0, mean]))
             })
             .collect();
         for (tolerance, largest) in [(1e-6, 1e-6), (0.1, f64::INFINITY)] {
-            let modes = SpreadModes::new(&system, &values, tolerance).unwrap();
+            let modes = SpreadModes::new(&system, &splitting, tolerance).unwrap();
             let mut effectivities: Vec<f64> = Vec::new();
             for (x, full_per_m) in &between {
                 let error = (full_per_m / modes.compliance_per_m - modes.relative_compliance(*x)).abs();
                 let indicator = modes.error_indicator(*x);
-                assert!(error < largest, "{kind:?}, {x:e}: {error:e}");
-                assert!(indicator > 0.99 * error - 1e-10, "{kind:?}, {x:e}: {indicator:e} {error:e}");
+                assert!(error < largest, "{slug}, {x:e}: {error:e}");
+                assert!(indicator > 0.99 * error - 1e-10, "{slug}, {x:e}: {indicator:e} {error:e}");
                 if error > 1e-8 {
                     effectivities.push(indicator / error);
                 }
             }
             println!(
-                "{kind:?}, {tolerance:e}: {} terms of {} snapshots, singular values [{}], effectivities {effectivities:.1?}",
+                "{slug}, {tolerance:e}: {} terms of {} snapshots, singular values [{}], effectivities {effectivities:.1?}",
                 modes.weights.len(),
                 modes.snapshots,
                 modes.singular_values[..8].iter().map(|s| format!("{s:.1e}")).collect::<Vec<_>>().join(", ")
             );
-            assert!(tolerance < 0.1 || !effectivities.is_empty(), "{kind:?}: the indicator was never put to the test");
+            assert!(tolerance < 0.1 || !effectivities.is_empty(), "{slug}: the indicator was never put to the test");
         }
     }
 }
@@ -241,39 +241,50 @@ fn terms(modes: &SpreadModes) -> Vec<SpreadTerm> {
     modes.weights.iter().zip(&modes.numbers).map(term).collect()
 }
 
+/// Sizes of the reference experiment.
+const SCALES: Scales = Scales {
+    largest_force_n: 4.6e-6,
+    position_range_m: 0.98e-3,
+    hold_s: 5.0,
+    cycle_s: 10.0,
+    sample_interval_s: 0.05,
+    duration_s: 40.0,
+    poisson_ratio: Some(0.48),
+    robot_radius_m: Some(RADIUS_M),
+    outer_radius_m: Some(OUTER_RADIUS_M),
+};
+
+/// The stages of the law with an effect at parameters inside its prior.
+fn stages(effect: &dyn Effect) -> (Stages, LinearField) {
+    let value = |parameter: &vitreo_uq::effects::EffectParameter| (parameter.prior)(&SCALES).quantile(0.6).into();
+    let values: Vec<Dual> = effect.parameters().iter().map(value).collect();
+    let mut stages = Stages::of_law(law());
+    effect.apply(&values, &SCALES, &mut stages).unwrap();
+    match stages.spatial.clone() {
+        Some(Spatial::Linear(field)) => (stages, field),
+        other => panic!("{other:?}"),
+    }
+}
+
 /// Creep after one step by the terms' spectrum against time stepping of the full model, which shares no more than the matrices.
 #[test]
 fn creep_by_terms_agrees_with_time_stepping() {
     let window = TimeWindow { shortest_s: 0.02, longest_s: 5.0 };
-    for (kind, mesh) in kinds(3.0) {
-        let system = system(&mesh, 0.48, kind);
-        let modes =
-            SpreadModes::new(&system, &snapshot_values(kind, RADIUS_M, OUTER_RADIUS_M, GEL_DENSITY), 1e-6).unwrap();
-        let soft: Vec<Element> = BaseLaw::Lethersich.elements(&[0.4 * 3.527, 1.402, 47.370].map(Dual::constant));
-        let (beside, scaled) = match kind {
-            SpatialKind::Slip => {
-                let compliance = 3e-4;
-                let scaled = Scaled { system: &system, friction_scale: 1.0 / compliance, density_scale: 0.0 };
-                (Beside::Friction { compliance: compliance.into() }, scaled)
-            }
-            SpatialKind::Inertia => (
-                Beside::Mass { scale: 1.0.into() },
-                Scaled { system: &system, friction_scale: 0.0, density_scale: 1.0 },
-            ),
-            SpatialKind::Pocket { .. } => {
-                (Beside::Law(soft.clone()), Scaled { system: &system, friction_scale: 0.0, density_scale: 0.0 })
-            }
-        };
-        let spectrum = RetardationSpectrum::spread(&law(), &beside, &terms(&modes), window, Accuracy::Fine).unwrap();
+    for (effect, pair) in pairs() {
+        let slug = effect.slug();
+        let (_, field) = stages(effect);
+        let system = system(2, 0.48, pair, field.shape.map(|shape| shape.value));
+        let splitting = pair.splitting(&sizes(2));
+        let modes = SpreadModes::new(&system, &splitting, 1e-6).unwrap();
+        let spectrum =
+            RetardationSpectrum::spread(&law(), &field.beside, &terms(&modes), window, Accuracy::Fine).unwrap();
         let time_s: Vec<f64> = (0..=250).map(|i| 0.02 * f64::from(i)).collect();
         let force_n = vec![4.6e-6; time_s.len()];
-        let chain = |law: &[Element]| -> CreepCompliance { transient::chain_of(law, window).unwrap() };
-        let laws = match kind {
-            SpatialKind::Pocket { .. } => vec![chain(&soft), chain(&law())],
-            _ => vec![chain(&law())],
-        };
-        let run = transient::run(&scaled, &laws, &Load::held(&time_s, &force_n), &time_s, &[], Resolution::default())
-            .unwrap();
+        let (stepped, laws) = SteppedSystem::new(&system, &law(), &field.beside);
+        let chains: Vec<CreepCompliance> = laws.iter().map(|law| transient::chain_of(law, window).unwrap()).collect();
+        let run =
+            transient::run(&stepped, &chains, &Load::held(&time_s, &force_n), &time_s, &[], Resolution::default())
+                .unwrap();
         let amplitude = run.position_m.iter().copied().fold(0.0, f64::max);
         let base = CreepCompliance::lethersich(&[3.527, 1.402, 47.370]);
         let (mut worst, mut moved) = (0.0_f64, 0.0_f64);
@@ -282,9 +293,9 @@ fn creep_by_terms_agrees_with_time_stepping() {
             worst = worst.max((scale * spectrum.creep_compliance_per_pa(*t) - stepped).abs() / amplitude);
             moved = moved.max((scale * base.at(*t) - stepped).abs() / amplitude);
         }
-        println!("{kind:?}: {worst:e} of the amplitude, the effect moves it by {moved:e}; {} steps", run.n_steps);
-        assert!(worst < 1e-5, "{kind:?}: {worst:e}");
-        assert!(moved > 1e-3, "{kind:?}: {moved:e}");
+        println!("{slug}: {worst:e} of the amplitude, the effect moves it by {moved:e}; {} steps", run.n_steps);
+        assert!(worst < 1e-5, "{slug}: {worst:e}");
+        assert!(moved > 1e-3, "{slug}: {moved:e}");
     }
 }
 
@@ -292,30 +303,27 @@ fn creep_by_terms_agrees_with_time_stepping() {
 /// an offset from the start, changes that fall between rows, and rows at which the force changes.
 #[test]
 fn superposed_positions_are_those_of_steps_through_every_switch() {
-    let mesh = ball(1).mesh().unwrap();
-    let stiffness = Stiffness::new(&mesh).unwrap();
-    let surroundings = surroundings(&mesh, &stiffness, 0.48);
     let time_s: Vec<f64> = (0..60).map(|row| 3.0 + 0.1 * f64::from(row)).collect();
     let force_n: Vec<f64> = (0..60).map(|row| [4e-6, -4e-6, 0.0, 2e-6][row / 15]).collect();
-    for spatial in
-        [Spatial::Slip { compliance_m_per_pa_s: 3e-4.into() }, Spatial::Inertia { density_scale: 50.0.into() }]
-    {
+    for (effect, _) in pairs() {
+        let field = effect.field().expect("matrices");
         for (delay_s, lag_s) in [(0.0, 0.0), (0.033, 0.12)] {
-            let mut stages = Stages::of_law(law());
-            stages.spatial = Some(spatial.clone());
+            let (mut stages, linear) = stages(effect);
             stages.load.delay_s = delay_s.into();
             stages.load.lag_time_s = lag_s.into();
             stages.load.negative_factor = 0.9.into();
             stages.load.offset_n = 2e-7.into();
             stages.observation.velocity_m_per_s = 1e-6.into();
             let run = |rows: &[usize]| {
-                spatial::run(&surroundings, &stages, &time_s, &force_n, rows, Resolution::default()).unwrap().position_m
+                let (time_s, force_n, resolution) = (&time_s, &force_n, Resolution::default());
+                let job = SpatialJob { stages: &stages, time_s, force_n, rows, resolution };
+                with_surroundings(1, 0.48, |gel| field.run(gel, &linear, &job).unwrap().position_m)
             };
             let (stepped, superposed) = (run(&[59]), run(&[]));
             let amplitude = stepped.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
             let error =
                 stepped.iter().zip(&superposed).fold(0.0_f64, |most, (a, b)| most.max((a - b).abs())) / amplitude;
-            println!("{spatial:?}, delay {delay_s} s, lag {lag_s} s: {error:.1e}");
+            println!("{}, delay {delay_s} s, lag {lag_s} s: {error:.1e}", effect.slug());
             assert!(error < 2e-6 && amplitude > 1e-5, "{error:e} of {amplitude:e} m");
         }
     }

@@ -20,7 +20,7 @@ const CITING: [&str; 10] = [
 ];
 
 /// Modules of the library in the order in which data flow, as `lib.rs` and ARCHITECTURE.md name them.
-const ORDER: [&str; 24] = [
+const ORDER: [&str; 25] = [
     "error",
     "files",
     "units",
@@ -31,9 +31,10 @@ const ORDER: [&str; 24] = [
     "toml_input",
     "experiment",
     "rheology",
-    "effects",
+    "stages",
     "mesh",
     "fe",
+    "effects",
     "model",
     "surrogate",
     "inference",

@@ -12,7 +12,7 @@ use crate::number::Dual;
 use crate::study::ModelSpecification;
 use crate::surrogate::trajectory;
 use crate::workflow::problem::Problem;
-use crate::workflow::reduced::{KeptSurrogate, Reduced, field_models, field_models_of, with_fields};
+use crate::workflow::reduced::{KeptSurrogate, Reduced, field_models, with_fields};
 use crate::workflow::{Monitor, Silent};
 
 /// Names of the noise terms that every model is given here.
@@ -280,7 +280,7 @@ pub(super) fn compliance_of(
     let of_model = |problem: &Problem| Reduced::unverified(problem, kept.clone(), &Silent).map(|own| own.compliance);
     let Some(fe) = problem.finite_elements() else { return of_model(problem) };
     let own = problem.poisson_ratios(fe)?;
-    let (mut widest, mut wanted) = (None, field_models_of(&problem.model));
+    let (mut widest, mut wanted) = (None, problem.model.effects().to_vec());
     for effect in effects {
         let mut specification = problem.specification.clone();
         if specification.effects.iter().any(|slug| slug == effect.slug()) {
@@ -288,7 +288,7 @@ pub(super) fn compliance_of(
         }
         specification.effects.push(effect.slug().into());
         let Ok(extended) = problem.with_model(specification, library) else { continue };
-        wanted.extend(effect.field_model());
+        wanted.push(*effect);
         let asked = extended.poisson_ratios(fe)?;
         if asked[0] < own[0] || asked[1] > own[1] {
             // One effect at most asks for another ratio.

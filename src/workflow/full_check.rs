@@ -88,7 +88,7 @@ fn normal_components(student_dof: Option<f64>) -> Vec<f64> {
 pub fn check(problem: &Problem, reduced: &Reduced, draws: &[NaturalDraw]) -> Result<FullCheck> {
     let (reduced_forward, full) = (problem.reduced_forward(reduced), problem.full_forward()?);
     let n_model = problem.model.parameters().len();
-    let is_slow = problem.model.effects().iter().any(|effect| effect.field_model().is_some());
+    let is_slow = problem.model.field().is_some();
     let predicting: &dyn Forward = match &full {
         Some(full) if !is_slow => full,
         _ => &reduced_forward,

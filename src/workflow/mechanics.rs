@@ -4,7 +4,6 @@ use std::path::PathBuf;
 
 use super::mesh_check;
 use crate::documents::posterior::Warning;
-use crate::effects::FieldModel;
 use crate::error::{Error, Place, Result};
 use crate::experiment::{Apparatus, Offset, OffsetDirection, Robot, RobotShape, Vitreous};
 use crate::fe::Stiffness;
@@ -14,7 +13,7 @@ use crate::fe::spatial::{Sizes, Surroundings};
 use crate::fe::time::FullOrderModel;
 use crate::files::{self, Content};
 use crate::mesh::gmsh::read_gmsh;
-use crate::mesh::{Cylinder, ElementKind, Mesh, OffCentre, QuarterBall, Spheroid};
+use crate::mesh::{Cylinder, Mesh, OffCentre, QuarterBall, Spheroid};
 use crate::study::sha256_hex;
 
 /// Mesh level of the model that is fitted.
@@ -86,17 +85,6 @@ impl FiniteElements {
             stiffness: &self.stiffness,
             poisson_ratio: self.poisson_ratio,
             sizes: self.sizes,
-        }
-    }
-
-    /// Why the field of an effect cannot be computed on this mesh, if it cannot.
-    pub fn lacks(&self, model: FieldModel) -> Option<&'static str> {
-        match model {
-            FieldModel::Pocket if self.sizes.ball.is_none() => Some("a pocket needs the built-in mesh around a sphere"),
-            FieldModel::PoreFlow if self.mesh.element_kind == ElementKind::Tetrahedron4 => {
-                Some("pore flow needs quadratic elements")
-            }
-            _ => None,
         }
     }
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::Monitor;
 use super::mechanics::{FiniteElements, Mechanics, MeshFile};
 use super::model_priors::read_priors;
-use crate::effects::{Effect, Library};
+use crate::effects::Library;
 use crate::error::{Error, Place, Result};
 use crate::experiment::{Apparatus, Experiment};
 use crate::inference::noise::{NoiseLikelihood, NoiseModel};
@@ -181,8 +181,7 @@ impl Problem {
 /// Some effects need more of a mesh than others.
 fn refuse_without_mesh(model: &Model, mechanics: &Mechanics) -> Result<()> {
     let Mechanics::FiniteElements(fe) = mechanics else { return Ok(()) };
-    let lacking = |effect: &&dyn Effect| Some((effect.slug(), fe.lacks(effect.field_model()?)?));
-    match model.effects().iter().copied().find_map(|effect| lacking(&effect)) {
+    match model.field().and_then(|(slug, field)| Some((slug, field.lacks(&fe.surroundings())?))) {
         None => Ok(()),
         Some((slug, reason)) => Err(Error::input(
             Place::option("--with"),

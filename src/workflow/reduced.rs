@@ -1,6 +1,5 @@
 //! The reduced model of a problem: the surrogate, kept or trained, and its verification with the effects.
 
-use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -11,17 +10,17 @@ use sha2::{Digest, Sha256};
 use super::mechanics::{FiniteElements, Mechanics};
 use super::problem::{Problem, TAIL_MASS};
 use super::{Counter, Monitor, cache};
-use crate::effects::FieldModel;
+use crate::effects::Effect;
 use crate::error::Result;
 use crate::experiment::{Experiment, Record};
 use crate::files::{Content, read_if_there};
 use crate::inference::likelihood::{FittedRecord, PosteriorParts, ReducedPosterior};
 use crate::inference::prior::PriorSet;
 use crate::mesh::Mesh;
-use crate::model::{Compliance, Forward, FullForward, Model, ReducedForward, Response, TrainedRange};
+use crate::model::{Compliance, Forward, FullForward, ReducedForward, Response, TrainedRange};
 use crate::rheology::BaseLaw;
 use crate::study::{Kept, WithProvenance};
-use crate::surrogate::{FieldModels, Surrogate, Training, trajectory};
+use crate::surrogate::{FieldModels, Surrogate, Training, n_pieces, trajectory};
 
 /// The file of a revision that keeps its surrogate.
 pub const SURROGATE_NAME: &str = "surrogate.json";
@@ -94,7 +93,8 @@ impl Reduced {
     pub fn new(problem: &Problem, kept: Option<KeptSurrogate>, monitor: &dyn Monitor) -> Result<Self> {
         let mut reduced = Self::unverified(problem, kept, monitor)?;
         if let (Some(fe), false) = (problem.finite_elements(), problem.is_exponential()) {
-            let found = match reduced.fields.verified(&problem.model) {
+            let of_field = problem.model.field().and_then(|(slug, _)| reduced.fields.verified(slug));
+            let found = match of_field {
                 Some(found) => found,
                 None => {
                     monitor.stage("verifying the reduced model on full finite-element runs");
@@ -118,7 +118,7 @@ impl Reduced {
         };
         let (law, parameters) = training_law(problem)?;
         let training = training(problem, fe, law, &parameters)?;
-        let fields = field_models(fe, kept.as_ref(), &field_models_of(&problem.model), monitor)?;
+        let fields = field_models(fe, kept.as_ref(), problem.model.effects(), monitor)?;
         let hash = built_from(fe, &training);
         let kept = kept.filter(|kept| kept.built_from_sha256 == hash).map(|kept| kept.surrogate);
         let cached = || cache::read::<Surrogate>(&hash).filter(Surrogate::is_whole);
@@ -154,31 +154,25 @@ impl Reduced {
     }
 }
 
-/// The models of fields that the effects of a model ask for.
-pub(crate) fn field_models_of(model: &Model) -> BTreeSet<FieldModel> {
-    model.effects().iter().filter_map(|effect| effect.field_model()).collect()
-}
-
-/// The models that are wanted: kept ones where they were built from the same, in the study or in the cache, else new ones.
+/// The models of fields that effects ask for: kept ones where they were built from the same, in the study or in the cache, else new ones.
 pub(crate) fn field_models(
     fe: &FiniteElements,
     kept: Option<&KeptSurrogate>,
-    wanted: &BTreeSet<FieldModel>,
+    effects: &[&'static dyn Effect],
     monitor: &dyn Monitor,
 ) -> Result<FieldModels> {
     let kept = kept.filter(|kept| kept.fields_built_from_sha256 == fields_built_from(fe));
     let mut fields = kept.map_or_else(FieldModels::default, |kept| kept.fields.clone());
-    for model in wanted {
-        if fields.has(*model) {
-            continue;
-        }
-        let hash = hash_of(fe, &format!("{} {model:?}", weighed(fe)));
-        fields = match cache::read::<FieldModels>(&hash).filter(|cached| cached.has(*model)) {
+    for effect in effects {
+        let slug = effect.slug();
+        let Some(field) = effect.field().filter(|_| !fields.has(slug)) else { continue };
+        let hash = hash_of(fe, &format!("{} {slug}", weighed(fe)));
+        fields = match cache::read::<FieldModels>(&hash).filter(|cached| cached.has(slug)) {
             Some(cached) => fields.or(cached),
             None => {
-                monitor.stage(&format!("reducing full finite elements with {}", model.words()));
-                let counter = Counter::new(monitor, FieldModels::n_pieces(*model));
-                let built = FieldModels::build(*model, &fe.surroundings(), &|| counter.add_one())?;
+                monitor.stage(&format!("reducing full finite elements with {}", field.words()));
+                let counter = Counter::new(monitor, n_pieces(*effect));
+                let built = FieldModels::build(*effect, &fe.surroundings(), &|| counter.add_one())?;
                 cache::write(&hash, &built);
                 fields.or(built)
             }
@@ -283,7 +277,7 @@ fn verify(problem: &Problem, fe: &FiniteElements, compliance: &Compliance) -> Re
         let distance = reduced_m.iter().zip(&full_m).fold(0.0_f64, |d, (r, x)| d.max((r - x).abs()));
         if amplitude > 0.0 { distance / amplitude } else { 0.0 }
     };
-    let n_runs = if field_models_of(model).is_empty() { VERIFICATION_RUNS } else { SLOW_VERIFICATION_RUNS };
+    let n_runs = if model.field().is_none() { VERIFICATION_RUNS } else { SLOW_VERIFICATION_RUNS };
     let errors: Vec<f64> = (0..n_runs).into_par_iter().map(relative_error).collect();
     Ok(errors.into_iter().fold(0.0, f64::max))
 }

@@ -9,7 +9,7 @@ use super::advice::strain_warning;
 use super::convergence;
 use super::mechanics::FiniteElements;
 use super::problem::Problem;
-use super::reduced::{field_models, field_models_of};
+use super::reduced::field_models;
 use crate::documents::posterior::PosteriorSummary;
 use crate::error::{Error, Place, Result};
 use crate::experiment::Record;
@@ -288,7 +288,7 @@ fn exact_in_time_m(problem: &Problem, fe: &FiniteElements, compliance_per_m: f64
     }
     let constants: Vec<Dual> = values.iter().map(|value| Dual::constant(*value)).collect();
     let mut stages = problem.model.stages(&constants)?;
-    stages.spread = field_models(fe, None, &field_models_of(&problem.model), &super::Silent)?.spread(&stages)?;
+    stages.spread = field_models(fe, None, problem.model.effects(), &super::Silent)?.spread(&stages)?;
     Response::new(&record.time_s, &record.force_n, record.n_rows()).trajectory_m(&stages, compliance_per_m)
 }
 

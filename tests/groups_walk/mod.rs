@@ -271,10 +271,7 @@ fn family() -> Compliance {
 
 fn assert_field_effects_go_through(is_asked: fn(&dyn Effect) -> bool) {
     for effect in EFFECTS.iter().filter(|effect| effect.needs_finite_elements() && is_asked(**effect)) {
-        let fields = match effect.field_model() {
-            Some(model) => FieldModels::build(model, &surroundings(effect.is_nonlinear()), &|| ()).unwrap(),
-            None => FieldModels::default(),
-        };
+        let fields = FieldModels::build(*effect, &surroundings(effect.is_nonlinear()), &|| ()).unwrap();
         let compliance = if effect.is_nonlinear() {
             let full = FullOrderModel::new(surroundings(true).stiffness, POISSON_RATIO).unwrap();
             Compliance::given(full.compliance_per_m())

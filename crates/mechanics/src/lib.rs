@@ -12,9 +12,10 @@
 //! - [`toml_input`]: TOML whose every value knows its line
 //! - [`experiment`]: what was measured: apparatus, force, positions, cycles
 //! - [`rheology`]: laws of springs, dashpots and springpots, as spectra
-//! - [`effects`]: physical effects, one file each, and the stages that they write themselves into
+//! - [`stages`]: what a model computes from command to camera, as numbers
 //! - [`mesh`]: meshes of the gel
 //! - [`fe`]: full finite elements
+//! - [`effects`]: physical effects, one file each
 //! - [`model`]: law, effects and apparatus: parameters to trajectory
 //! - [`surrogate`]: what stands for a full model, certified
 
@@ -30,6 +31,7 @@ pub mod model;
 pub mod number;
 pub mod parameter;
 pub mod rheology;
+pub mod stages;
 pub mod surrogate;
 pub mod toml_input;
 pub mod units;

@@ -340,7 +340,7 @@ impl Bench {
 
 /// Effects that can be hidden: all but those that only rescale the law in a creep test of one body, of which no signal can be asked for.
 pub fn hideable(library: &Library) -> Vec<String> {
-    let shows = |effect: &&&dyn Effect| !effect.changes_field() || effect.field_model().is_some();
+    let shows = |effect: &&&dyn Effect| !effect.changes_field() || effect.field().is_some();
     library.effects().iter().filter(shows).map(|effect| effect.slug().to_string()).collect()
 }
 

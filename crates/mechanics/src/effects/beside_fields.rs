@@ -1,7 +1,6 @@
 //! What cannot stand beside an effect that changes the displacement field, and why: one place for the laws' and the effects' refusals.
 
-use super::FieldModel;
-use super::first_body::elements_of;
+use super::first_body::{body, elements_of, in_series};
 use crate::rheology::{BaseLaw, Element, RetardationSpectrum, TimeWindow};
 
 /// Coefficients that change with time.
@@ -11,13 +10,14 @@ pub(super) const MEMORY: &str = "the memory of a springpot is not solved for bes
 /// Springs in series.
 pub(super) const WAVES: &str = "with mass, a spring in series lets waves through, which are not resolved";
 
-/// Why an effect with a model of its field cannot be added to a base law, if it cannot.
-pub(super) fn law_conflict(base: &BaseLaw, field: FieldModel) -> Option<&'static str> {
-    let law = elements_of(base);
-    if law.iter().any(has_springpot) {
-        return Some(MEMORY);
-    }
-    (field == FieldModel::Inertia && gives_way_at_once(&law)).then_some(WAVES)
+/// Why a linear effect that changes the field cannot be added to a base law, if it cannot.
+pub(super) fn law_conflict(base: &BaseLaw) -> Option<&'static str> {
+    elements_of(base).iter().any(has_springpot).then_some(MEMORY)
+}
+
+/// Why mass cannot be added to a base law beside that, if it cannot.
+pub(super) fn waves(base: &BaseLaw) -> Option<&'static str> {
+    gives_way_at_once(&elements_of(base)).then_some(WAVES)
 }
 
 fn has_springpot(element: &Element) -> bool {
@@ -34,17 +34,33 @@ fn gives_way_at_once(law: &[Element]) -> bool {
     RetardationSpectrum::<crate::number::Dual>::of(law, window).is_ok_and(|s| s.instantaneous_per_pa.value > 0.0)
 }
 
+/// Why a base law cannot have a body that is not linear, if it cannot: it must be Kelvin–Voigt bodies, springs and one dashpot in series.
+pub(super) fn nonlinear_conflict(base: &BaseLaw) -> Option<&'static str> {
+    let law = elements_of(base);
+    let (mut bodies, mut dashpots, mut others) = (0, 0, 0);
+    for element in in_series(&law) {
+        match (element, body(element)) {
+            (_, Some((_, Element::Dashpot { .. }))) => bodies += 1,
+            (Element::Dashpot { .. }, _) => dashpots += 1,
+            (Element::Spring { .. }, _) => {}
+            _ => others += 1,
+        }
+    }
+    let is_suited = bodies > 0 && dashpots == 1 && others == 0 && law.len() == in_series(&law).len();
+    (!is_suited).then_some("its elements must be Kelvin–Voigt bodies, springs and one dashpot in series")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn springs_in_series_stand_beside_all_fields_but_mass() {
-        for field in [FieldModel::Inertia, FieldModel::Slip, FieldModel::Pocket, FieldModel::PoreFlow] {
-            assert_eq!(law_conflict(&BaseLaw::Lethersich, field), None);
-            assert_eq!(law_conflict(&BaseLaw::TwoElement, field), None);
-            let of_burgers = law_conflict(&BaseLaw::Burgers, field);
-            assert_eq!(of_burgers, (field == FieldModel::Inertia).then_some(WAVES), "{field:?}");
+        for (base, lets_waves_through) in
+            [(BaseLaw::Lethersich, false), (BaseLaw::TwoElement, false), (BaseLaw::Burgers, true)]
+        {
+            assert_eq!(law_conflict(&base), None);
+            assert_eq!(waves(&base), lets_waves_through.then_some(WAVES), "{base:?}");
         }
     }
 }

@@ -48,7 +48,7 @@ impl Effect for ForceGradient {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::effects::LARGEST_FEEDBACK;
+    use crate::stages::LARGEST_FEEDBACK;
     use crate::effects::test_scales::SCALES;
 
     /// The law that the effect is the first order of: F ∝ d⁻⁴ with g = −4/d, moved away by x; the next term is 10 (x/d)².

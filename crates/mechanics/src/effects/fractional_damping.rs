@@ -6,7 +6,7 @@
 
 use super::beside_fields::MEMORY;
 use super::first_body::{NO_BODY, body, elements_of, first_body_mut, in_series};
-use super::{Effect, EffectParameter, FieldModel, Stage, Stages};
+use super::{Effect, EffectParameter, Field, Stage, Stages};
 use crate::distribution::Distribution;
 use crate::error::Result;
 use crate::experiment::Scales;
@@ -52,7 +52,7 @@ impl Effect for FractionalDamping {
             None => Some(NO_BODY),
         }
     }
-    fn barred_beside(&self, _field: FieldModel) -> Option<&'static str> {
+    fn barred_beside(&self, _field: Field) -> Option<&'static str> {
         Some(MEMORY)
     }
     fn apply(&self, parameters: &[Dual], _scales: &Scales, stages: &mut Stages) -> Result<()> {

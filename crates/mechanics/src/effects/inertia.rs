@@ -5,14 +5,21 @@
 //! momentum diffuses over the robot's radius in about ρR²/η. In an unbounded incompressible medium it is Basset's and Boussinesq's force
 //! (physics §4.6; Zwanzig & Bixon 1970, Phys. Rev. A 2:2005, doi:10.1103/PhysRevA.2.2005).
 
-use super::beside_fields::law_conflict;
-use super::{Effect, EffectParameter, FieldModel, Spatial, Stage, Stages};
+use nalgebra::DMatrix;
+
+use super::beside_fields::{law_conflict, waves};
+use super::{Effect, EffectParameter, Field, FieldSystem, LinearField, MatrixPair, Spatial, Stage, Stages};
 use crate::distribution::Distribution;
 use crate::error::Result;
 use crate::experiment::Scales;
+use crate::fe::element::TabulatedElement;
+use crate::fe::spatial::{
+    Freedoms, Sizes, SpatialSystem, Splitting, Surroundings, SymmetricMatrix, decades, element_matrices, stiffness,
+};
+use crate::mesh::Mesh;
 use crate::number::Dual;
 use crate::parameter::{ParameterSpec, Support};
-use crate::rheology::BaseLaw;
+use crate::rheology::{BaseLaw, Beside};
 
 const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     spec: ParameterSpec::new("inertia.density_scale", "1", Support::POSITIVE),
@@ -42,22 +49,74 @@ impl Effect for Inertia {
     fn parameters(&self) -> &'static [EffectParameter] {
         PARAMETERS
     }
-    fn changes_field(&self) -> bool {
-        true
-    }
-    fn field_model(&self) -> Option<FieldModel> {
-        Some(FieldModel::Inertia)
+    fn field(&self) -> Option<Field> {
+        Some(Field::Pair(&Inertia))
     }
     fn conflict(&self, base: &BaseLaw) -> Option<&'static str> {
-        law_conflict(base, FieldModel::Inertia)
+        law_conflict(base).or_else(|| waves(base))
     }
     fn apply(&self, parameters: &[Dual], _scales: &Scales, stages: &mut Stages) -> Result<()> {
         let density_scale = parameters[0];
         if !density_scale.is_constant(0.0) {
-            stages.spatial = Some(Spatial::Inertia { density_scale });
+            let beside = Beside::Mass { scale: density_scale };
+            stages.spatial = Some(Spatial::Linear(LinearField { effect: self.slug(), shape: None, beside }));
         }
         Ok(())
     }
+}
+
+impl MatrixPair for Inertia {
+    fn words(&self) -> &'static str {
+        "mass"
+    }
+    fn has_mass(&self) -> bool {
+        true
+    }
+    /// Momentum reaches the outer surface where ρ x R_o² is one, and the robot's where ρ x R² is.
+    fn splitting(&self, sizes: &Sizes) -> Splitting {
+        let Sizes { robot_radius_m, outer_radius_m, gel_density_kg_m3, .. } = *sizes;
+        let lowest = 1e-2 / (gel_density_kg_m3 * outer_radius_m * outer_radius_m);
+        let highest = 1e2 / (gel_density_kg_m3 * robot_radius_m * robot_radius_m);
+        let mut snapshots = decades(lowest, highest, 2.0);
+        snapshots.insert(0, 0.0);
+        Splitting { reference: 0.0, snapshots, is_rigid_at_null: false }
+    }
+    fn system(&self, surroundings: &Surroundings<'_>, _shape: Option<f64>) -> Result<FieldSystem> {
+        let mesh = surroundings.mesh;
+        let freedoms = Freedoms::tied(mesh)?;
+        let gel = stiffness(surroundings, mesh, &freedoms, |_| true)?;
+        let second = mass(surroundings, mesh, &freedoms)?;
+        Ok(FieldSystem { mesh: None, system: SpatialSystem::new(mesh, freedoms, gel, second)? })
+    }
+}
+
+/// ∫ ρ u·v over the gel, and the robot's mass.
+fn mass(surroundings: &Surroundings<'_>, mesh: &Mesh, freedoms: &Freedoms) -> Result<SymmetricMatrix> {
+    let table = TabulatedElement::of(mesh.element_kind);
+    let n = table.n_nodes;
+    let mut elements = element_matrices(
+        mesh,
+        |_| true,
+        |coordinates_m| {
+            let mut matrix = DMatrix::zeros(3 * n, 3 * n);
+            table.for_each_point(coordinates_m, |point| {
+                let weight = surroundings.sizes.gel_density_kg_m3 * point.volume_m3;
+                for (a, shape_a) in point.shape.iter().enumerate() {
+                    for (b, shape_b) in point.shape.iter().enumerate() {
+                        let value = weight * shape_a * shape_b;
+                        (0..3).for_each(|i| matrix[(3 * a + i, 3 * b + i)] += value);
+                    }
+                }
+            })?;
+            Ok(matrix)
+        },
+    )?;
+    // On any one node of the robot's surface, whose translation all share.
+    let mut of_robot = DMatrix::zeros(3, 3);
+    of_robot[(0, 0)] = freedoms.share() * surroundings.sizes.robot_mass_kg;
+    let robot_node = &mesh.robot_nodes[..1];
+    elements.push((robot_node, of_robot));
+    SymmetricMatrix::assemble(freedoms, elements.into_iter())
 }
 
 #[cfg(test)]
@@ -73,7 +132,8 @@ mod tests {
             stages.spatial
         };
         assert_eq!(written(0.0.into()), None);
-        assert_eq!(written(1.0.into()), Some(Spatial::Inertia { density_scale: 1.0.into() }));
+        let beside = Beside::Mass { scale: 1.0.into() };
+        assert_eq!(written(1.0.into()), Some(Spatial::Linear(LinearField { effect: "inertia", shape: None, beside })));
         assert!(written(Dual::variable(0.0)).is_some());
     }
 }

@@ -7,7 +7,7 @@
 
 use super::beside_fields::WAVES;
 use super::first_body::{NO_BODY, elements_of, in_series, young_modulus_pa};
-use super::{Effect, EffectParameter, FieldModel, Stage, Stages};
+use super::{Effect, EffectParameter, Field, Stage, Stages};
 use crate::distribution::Distribution;
 use crate::error::Result;
 use crate::experiment::Scales;
@@ -50,8 +50,8 @@ impl Effect for InstantaneousElasticity {
         }
         young_modulus_pa(&law).err().map(|_| NO_BODY)
     }
-    fn barred_beside(&self, field: FieldModel) -> Option<&'static str> {
-        (field == FieldModel::Inertia).then_some(WAVES)
+    fn barred_beside(&self, field: Field) -> Option<&'static str> {
+        field.has_mass().then_some(WAVES)
     }
     fn apply(&self, parameters: &[Dual], _scales: &Scales, stages: &mut Stages) -> Result<()> {
         let ratio = parameters[0];

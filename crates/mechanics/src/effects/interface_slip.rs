@@ -5,14 +5,28 @@
 //! layer; a body with edges slips along what its faces have in common. In an unbounded incompressible medium the drag falls by (1 + 2b/R)/(1 + 3b/R), b = G/(βs)
 //! (physics §4.7; Basset 1888, A Treatise on Hydrodynamics, vol. 2). Close to `second-retardation`, and to first order it is a change of c₂.
 
+use faer::sparse::Triplet;
+use nalgebra::Vector3;
+
 use super::beside_fields::law_conflict;
-use super::{Effect, EffectParameter, FieldModel, Spatial, Stage, Stages, apparent_viscosity_pa_s, robot_radius_m};
+use super::{
+    Effect, EffectParameter, Field, FieldSystem, LinearField, MatrixPair, Spatial, Stage, Stages,
+    apparent_viscosity_pa_s, robot_radius_m,
+};
 use crate::distribution::Distribution;
 use crate::error::Result;
 use crate::experiment::Scales;
+use crate::fe::spatial::{
+    Freedoms, Sizes, SpatialSystem, Splitting, Surroundings, SymmetricMatrix, decades, stiffness,
+};
+use crate::fe::surface::for_each_surface_point;
+use crate::mesh::Mesh;
 use crate::number::Dual;
 use crate::parameter::{ParameterSpec, Support};
-use crate::rheology::BaseLaw;
+use crate::rheology::{BaseLaw, Beside};
+
+/// Factor of the friction times the robot's radius above which a slipping surface sticks.
+const STUCK: f64 = 1e9;
 
 /// 1/β at which the slip length is the robot's radius.
 fn scale_m_per_pa_s(scales: &Scales) -> f64 {
@@ -47,25 +61,75 @@ impl Effect for InterfaceSlip {
     fn parameters(&self) -> &'static [EffectParameter] {
         PARAMETERS
     }
-    fn changes_field(&self) -> bool {
-        true
-    }
-    fn field_model(&self) -> Option<FieldModel> {
-        Some(FieldModel::Slip)
+    fn field(&self) -> Option<Field> {
+        Some(Field::Pair(&InterfaceSlip))
     }
     fn shows_at(&self, scales: &Scales) -> Option<f64> {
         Some(0.03 * scale_m_per_pa_s(scales))
     }
     fn conflict(&self, base: &BaseLaw) -> Option<&'static str> {
-        law_conflict(base, FieldModel::Slip)
+        law_conflict(base)
     }
     fn apply(&self, parameters: &[Dual], _scales: &Scales, stages: &mut Stages) -> Result<()> {
         let compliance_m_per_pa_s = parameters[0];
         if !compliance_m_per_pa_s.is_constant(0.0) {
-            stages.spatial = Some(Spatial::Slip { compliance_m_per_pa_s });
+            let beside = Beside::Friction { compliance: compliance_m_per_pa_s };
+            stages.spatial = Some(Spatial::Linear(LinearField { effect: self.slug(), shape: None, beside }));
         }
         Ok(())
     }
+}
+
+impl MatrixPair for InterfaceSlip {
+    fn words(&self) -> &'static str {
+        "slip on the robot"
+    }
+    /// Friction acts as 1/R does against the stiffness.
+    fn splitting(&self, sizes: &Sizes) -> Splitting {
+        let radius_m = sizes.robot_radius_m;
+        let mut snapshots: Vec<f64> = decades(1e-3, 1e3, 2.0).iter().map(|x| x / radius_m).collect();
+        snapshots.insert(0, 0.0);
+        snapshots.push(STUCK / radius_m);
+        Splitting { reference: 0.0, snapshots, is_rigid_at_null: true }
+    }
+    fn system(&self, surroundings: &Surroundings<'_>, _shape: Option<f64>) -> Result<FieldSystem> {
+        let mesh = surroundings.mesh;
+        let freedoms = Freedoms::slipping(mesh)?;
+        let gel = stiffness(surroundings, mesh, &freedoms, |_| true)?;
+        let second = friction(mesh, &freedoms)?;
+        Ok(FieldSystem { mesh: None, system: SpatialSystem::new(mesh, freedoms, gel, second)? })
+    }
+}
+
+/// ∫ g·g over the robot's surface, g the tangential slip.
+fn friction(mesh: &Mesh, freedoms: &Freedoms) -> Result<SymmetricMatrix> {
+    let mut triplets = Vec::new();
+    for_each_surface_point(mesh, &mesh.robot_nodes, |point| {
+        let normal = Vector3::from(point.normal);
+        // The slip that each unknown makes here, along the surface.
+        let mut slips: Vec<(u32, Vector3<f64>)> = Vec::new();
+        for (&node, &shape) in point.nodes.iter().zip(point.shape) {
+            for i in 0..3 {
+                for &(unknown, share) in freedoms.of(node, i).iter().filter(|(unknown, _)| freedoms.is_slip(*unknown)) {
+                    let mut direction = Vector3::zeros();
+                    direction[i] = share * shape;
+                    match slips.iter_mut().find(|(other, _)| *other == unknown) {
+                        Some((_, sum)) => *sum += direction,
+                        None => slips.push((unknown, direction)),
+                    }
+                }
+            }
+        }
+        for (_, slip) in &mut slips {
+            *slip -= normal * normal.dot(slip);
+        }
+        for (i, a) in &slips {
+            for (j, b) in slips.iter().filter(|(j, _)| i <= j) {
+                triplets.push(Triplet::new(*i, *j, point.area_m2 * a.dot(b)));
+            }
+        }
+    });
+    SymmetricMatrix::from_triplets(freedoms.count(), &triplets)
 }
 
 #[cfg(test)]
@@ -81,6 +145,8 @@ mod tests {
             stages.spatial
         };
         assert_eq!(written(0.0.into()), None);
-        assert_eq!(written(2.0.into()), Some(Spatial::Slip { compliance_m_per_pa_s: 2.0.into() }));
+        let beside = Beside::Friction { compliance: 2.0.into() };
+        let slip = LinearField { effect: "interface-slip", shape: None, beside };
+        assert_eq!(written(2.0.into()), Some(Spatial::Linear(slip)));
     }
 }

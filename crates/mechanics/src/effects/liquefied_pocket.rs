@@ -5,18 +5,27 @@
 //! eigenvectors of the pocket's and the rest's stiffness, each the two laws beside each other. Closed form: two concentric layers, each with the four modes of physics §4.2.
 //! Liquefied lacunae are common in aged vitreous (Sebag 1987, Graefe's Arch. Clin. Exp. Ophthalmol. 225:89, doi:10.1007/BF02160337).
 
+use nalgebra::Vector3;
+
 use super::beside_fields::law_conflict;
 use super::first_body::{NO_BODY, body, elements_of, first_body_mut, in_series};
-use super::{Effect, EffectParameter, FieldModel, Spatial, Stage, Stages};
+use super::{
+    Effect, EffectParameter, Field, FieldSystem, LinearField, MatrixPair, ShapeParameter, Spatial, Stage, Stages,
+};
 use crate::distribution::Distribution;
 use crate::error::{Error, Result};
 use crate::experiment::Scales;
+use crate::fe::spatial::{Freedoms, Sizes, SpatialSystem, Splitting, Surroundings, decades, stiffness};
+use crate::mesh::{Mesh, QuarterBall};
 use crate::number::Dual;
 use crate::parameter::{ParameterSpec, Support};
-use crate::rheology::{BaseLaw, Element};
+use crate::rheology::{BaseLaw, Beside, Element};
 
 /// ρ_p that are meshed.
-pub const RADIUS_RATIOS: [f64; 2] = [1.5, 5.0];
+const RADIUS_RATIOS: [f64; 2] = [1.5, 5.0];
+/// Layers of elements inside a pocket of every twelve, and how many more than the model's mesh there are in all.
+const LAYERS_INSIDE: usize = 4;
+const MORE_LAYERS: usize = 1;
 /// Share of E that stays at the least: at none the pocket would flow forever as a whole, which this does within 10⁹ retardation times.
 const LEAST_SHARE: f64 = 1e-9;
 
@@ -62,16 +71,13 @@ impl Effect for LiquefiedPocket {
     fn parameters(&self) -> &'static [EffectParameter] {
         PARAMETERS
     }
-    fn changes_field(&self) -> bool {
-        true
-    }
-    fn field_model(&self) -> Option<FieldModel> {
-        Some(FieldModel::Pocket)
+    fn field(&self) -> Option<Field> {
+        Some(Field::Pair(&LiquefiedPocket))
     }
     fn conflict(&self, base: &BaseLaw) -> Option<&'static str> {
         let law = elements_of(base);
         let is_without_body = in_series(&law).into_iter().find_map(body).is_none();
-        is_without_body.then_some(NO_BODY).or_else(|| law_conflict(base, FieldModel::Pocket))
+        is_without_body.then_some(NO_BODY).or_else(|| law_conflict(base))
     }
     fn shows_at(&self, _scales: &Scales) -> Option<f64> {
         Some(0.5)
@@ -87,7 +93,11 @@ impl Effect for LiquefiedPocket {
         if loss.is_constant(0.0) {
             return Ok(());
         }
-        stages.spatial = Some(Spatial::Pocket { radius_ratio, elastic_loss: loss });
+        stages.spatial = Some(Spatial::Linear(LinearField {
+            effect: self.slug(),
+            shape: Some(radius_ratio),
+            beside: Beside::Law(pocket_law(&stages.law, loss)?),
+        }));
         Ok(())
     }
 }
@@ -96,7 +106,7 @@ impl Effect for LiquefiedPocket {
 ///
 /// # Errors
 /// [`Error::Numerical`] for a law without a Kelvin–Voigt body in series.
-pub fn pocket_law(law: &[Element], elastic_loss: Dual) -> Result<Vec<Element>> {
+fn pocket_law(law: &[Element], elastic_loss: Dual) -> Result<Vec<Element>> {
     let mut inside = law.to_vec();
     if let Element::Parallel(parts) = first_body_mut(&mut inside)? {
         let share = Dual::ONE - elastic_loss;
@@ -108,6 +118,56 @@ pub fn pocket_law(law: &[Element], elastic_loss: Dual) -> Result<Vec<Element>> {
         }
     }
     Ok(inside)
+}
+
+impl MatrixPair for LiquefiedPocket {
+    fn words(&self) -> &'static str {
+        "a softer pocket"
+    }
+    fn lacks(&self, surroundings: &Surroundings<'_>) -> Option<&'static str> {
+        surroundings.sizes.ball.is_none().then_some("a pocket needs the built-in mesh around a sphere")
+    }
+    /// Around a sphere the gel's field is known by the robot's displacement and two amplitudes at the pocket's edge (physics §4.2), so that exactly three shares occur: 0,
+    /// where the pocket moves as a whole, 1, where the rest stands still, and one between.
+    fn shape(&self) -> Option<ShapeParameter> {
+        Some(ShapeParameter { name: PARAMETERS[1].spec.name, range: RADIUS_RATIOS })
+    }
+    /// The pocket is softer by a factor 1 + x.
+    fn splitting(&self, _sizes: &Sizes) -> Splitting {
+        let snapshots = decades(1e-4, 1.0, 2.0).iter().map(|share| share - 1.0).collect();
+        Splitting { reference: 1.0, snapshots, is_rigid_at_null: false }
+    }
+    /// Elements lie inside or outside as their middles do.
+    fn system(&self, surroundings: &Surroundings<'_>, shape: Option<f64>) -> Result<FieldSystem> {
+        let radius_m = shape.unwrap_or(f64::NAN) * surroundings.sizes.robot_radius_m;
+        let mesh = pocket_mesh(&surroundings.sizes, radius_m)?;
+        let freedoms = Freedoms::tied(&mesh)?;
+        let is_inside = |nodes: &[u32]| middle_distance_m(&mesh, nodes) < radius_m;
+        let second = stiffness(surroundings, &mesh, &freedoms, is_inside)?;
+        let gel = stiffness(surroundings, &mesh, &freedoms, |nodes| !is_inside(nodes))?;
+        let system = SpatialSystem::new(&mesh, freedoms, gel, second)?;
+        Ok(FieldSystem { mesh: Some(mesh), system })
+    }
+}
+
+/// A mesh with element faces at the radius (m) of a pocket, by the model's fineness.
+///
+/// # Errors
+/// [`Error::Numerical`] where the robot is no sphere in the middle of a built-in mesh, or the pocket does not fit.
+fn pocket_mesh(sizes: &Sizes, radius_m: f64) -> Result<Mesh> {
+    let ball = sizes.ball.ok_or_else(|| {
+        Error::numerical(
+            "a liquefied pocket needs the built-in mesh around a sphere in the middle of the vitreous",
+            "leave `liquefied-pocket` out for other robots, for robots off the centre (`offset_mm`) and for meshes from files",
+        )
+    })?;
+    let n_inside = (ball.n_layers * LAYERS_INSIDE).div_ceil(12);
+    QuarterBall { n_layers: ball.n_layers + MORE_LAYERS, ..ball }.mesh_with_interface(radius_m, n_inside)
+}
+
+fn middle_distance_m(mesh: &Mesh, nodes: &[u32]) -> f64 {
+    let sum: Vector3<f64> = nodes.iter().map(|&n| Vector3::from(mesh.node_coordinates_m[n as usize])).sum();
+    sum.norm() / nodes.len() as f64
 }
 
 #[cfg(test)]

@@ -7,6 +7,7 @@ mod actuator_lag;
 mod beside_fields;
 mod clock_offset;
 mod compressibility;
+mod field;
 mod first_body;
 mod force_asymmetry;
 mod force_bias;
@@ -17,23 +18,19 @@ mod instantaneous_elasticity;
 mod interface_slip;
 mod library;
 mod liquefied_pocket;
-mod nonlinearity;
 mod poroelasticity;
 mod second_retardation;
 mod shear_thinning;
 mod softening;
-mod stages;
 mod strain_stiffening;
 #[cfg(test)]
 mod test_scales;
 mod tracking_drift;
 mod yield_stress;
 
+pub use crate::stages::{Approach, LinearField, Load, Observation, Spatial, Stages};
+pub use field::{Field, FieldSystem, MatrixPair, ShapeParameter};
 pub use library::Library;
-pub use liquefied_pocket::{RADIUS_RATIOS as POCKET_RADIUS_RATIOS, pocket_law};
-pub use nonlinearity::{NonlinearFamily, Nonlinearity, YIELD_SMOOTHING};
-pub use poroelasticity::drained_range;
-pub use stages::{Approach, FieldStepper, LARGEST_FEEDBACK, Load, Observation, Spatial, Spread, Stages, Stepped};
 
 use crate::distribution::Distribution;
 use crate::error::Result;
@@ -114,36 +111,6 @@ impl Stage {
     }
 }
 
-/// A reduced model of an effect that changes the displacement field.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum FieldModel {
-    /// Mass of gel and robot.
-    Inertia,
-    /// Slip on the robot's surface.
-    Slip,
-    /// A softer pocket around the robot.
-    Pocket,
-    /// Pore flow.
-    PoreFlow,
-    /// A law that is not linear.
-    Nonlinear(NonlinearFamily),
-}
-
-impl FieldModel {
-    /// What is modelled, in a few plain words.
-    pub fn words(self) -> &'static str {
-        match self {
-            Self::Inertia => "mass",
-            Self::Slip => "slip on the robot",
-            Self::Pocket => "a softer pocket",
-            Self::PoreFlow => "pore flow",
-            Self::Nonlinear(NonlinearFamily::StrainStiffening) => "a spring that stiffens",
-            Self::Nonlinear(NonlinearFamily::ShearThinning) => "a dashpot that thins",
-            Self::Nonlinear(NonlinearFamily::YieldStress) => "a dashpot that yields",
-        }
-    }
-}
-
 /// One parameter of an effect: the only place where its name, symbol, unit, support, null and default prior stand.
 #[derive(Debug, Clone)]
 pub struct EffectParameter {
@@ -174,20 +141,20 @@ pub trait Effect: Sync {
     fn equation(&self) -> &'static str;
     /// Its parameters, in the order in which [`Effect::apply`] takes them.
     fn parameters(&self) -> &'static [EffectParameter];
-    /// Whether the displacement field differs in more than a factor from the base's; one such effect a model.
+    /// How it changes the displacement field, if it does in more than a factor; one such effect a model.
+    fn field(&self) -> Option<Field> {
+        None
+    }
+    /// Whether the displacement field is another than the base's.
     fn changes_field(&self) -> bool {
-        false
+        self.field().is_some()
     }
     /// Whether it needs finite elements, which an instrument does not have.
     fn needs_finite_elements(&self) -> bool {
         self.changes_field()
     }
-    /// The reduced model that it needs beside the base's.
-    fn field_model(&self) -> Option<FieldModel> {
-        None
-    }
-    /// Why it cannot stand beside an effect with a [`Self::field_model`], if it cannot.
-    fn barred_beside(&self, _field: FieldModel) -> Option<&'static str> {
+    /// Why it cannot stand beside an effect with a [`Self::field`], if it cannot.
+    fn barred_beside(&self, _field: Field) -> Option<&'static str> {
         None
     }
     /// Size of the first parameter at which the effect shows, where a small one is to first order nothing but other values of the law's parameters: its signature is then
@@ -197,13 +164,14 @@ pub trait Effect: Sync {
     }
     /// Whether its law is not linear: beside such an effect only those of load and observation stand.
     fn is_nonlinear(&self) -> bool {
-        matches!(self.field_model(), Some(FieldModel::Nonlinear(_)))
+        matches!(self.field(), Some(Field::Nonlinear(_)))
     }
     /// Why it cannot be added to this base law, if it cannot.
     fn conflict(&self, _base: &BaseLaw) -> Option<&'static str> {
         None
     }
-    /// Writes the effect at `parameters` (SI, inside the support) into the stages.
+    /// Writes the effect at `parameters` (SI, inside the support) into the stages. Effects with a [`Self::field`] come last, so that they find the law as the others have
+    /// made it.
     ///
     /// # Errors
     /// [`crate::Error::Numerical`] where there is no model at these parameters.

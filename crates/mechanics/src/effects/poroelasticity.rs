@@ -6,18 +6,20 @@
 //! 1993, Comprehensive Rock Engineering 2:113; the paper names solid–fluid models as its future work).
 
 use super::beside_fields::law_conflict;
-use super::{Effect, EffectParameter, FieldModel, Spatial, Stage, Stages, apparent_viscosity_pa_s, robot_radius_m};
+use super::{
+    Effect, EffectParameter, Field, LinearField, Spatial, Stage, Stages, apparent_viscosity_pa_s, robot_radius_m,
+};
 use crate::distribution::Distribution;
 use crate::error::{Error, Result};
 use crate::experiment::Scales;
 use crate::number::Dual;
 use crate::parameter::{ParameterSpec, Support};
-use crate::rheology::BaseLaw;
+use crate::rheology::{BaseLaw, Beside};
 
 const HIGHEST_DRAINED: f64 = 0.45;
 
 /// The drained Poisson ratios that are modelled, for a gel of an undrained one: from 0 to 0.45 for ν = 0.48, below the undrained one always.
-pub fn drained_range(poisson_ratio: f64) -> [f64; 2] {
+fn drained_range(poisson_ratio: f64) -> [f64; 2] {
     let below = 0.1 * (1.0 + poisson_ratio);
     if poisson_ratio - below.min(0.03) >= HIGHEST_DRAINED - 1e-9 {
         return [0.0, HIGHEST_DRAINED];
@@ -72,17 +74,14 @@ impl Effect for Poroelasticity {
     fn parameters(&self) -> &'static [EffectParameter] {
         PARAMETERS
     }
-    fn changes_field(&self) -> bool {
-        true
-    }
-    fn field_model(&self) -> Option<FieldModel> {
-        Some(FieldModel::PoreFlow)
+    fn field(&self) -> Option<Field> {
+        Some(Field::Pores(drained_range))
     }
     fn shows_at(&self, scales: &Scales) -> Option<f64> {
         Some(0.03 * scale_m2_per_pa_s(scales))
     }
     fn conflict(&self, base: &BaseLaw) -> Option<&'static str> {
-        law_conflict(base, FieldModel::PoreFlow)
+        law_conflict(base)
     }
     fn apply(&self, parameters: &[Dual], scales: &Scales, stages: &mut Stages) -> Result<()> {
         let (mobility_m2_per_pa_s, drained_poisson_ratio) = (parameters[0], parameters[1]);
@@ -94,7 +93,11 @@ impl Effect for Poroelasticity {
             ));
         }
         if !mobility_m2_per_pa_s.is_constant(0.0) {
-            stages.spatial = Some(Spatial::PoreFlow { mobility_m2_per_pa_s, drained_poisson_ratio });
+            stages.spatial = Some(Spatial::Linear(LinearField {
+                effect: self.slug(),
+                shape: Some(drained_poisson_ratio),
+                beside: Beside::Friction { compliance: mobility_m2_per_pa_s },
+            }));
         }
         Ok(())
     }

@@ -5,16 +5,15 @@
 //! n = 1. Valid for n in (0.3, 1] and stresses within a decade or two of s₀: at rest the fluid becomes solid, where real ones keep a viscosity. Under one force
 //! the response is nearly that of another c₂; two forces f and 1 flow at rates f^{1/n}: 1 (physics §5).
 
-use super::nonlinearity::conflict;
-use super::{
-    Effect, EffectParameter, FieldModel, NonlinearFamily, Nonlinearity, Spatial, Stage, Stages, reference_stress_pa,
-};
+use super::beside_fields::nonlinear_conflict;
+use super::{Effect, EffectParameter, Field, Stage, reference_stress_pa};
 use crate::distribution::Distribution;
 use crate::error::Result;
 use crate::experiment::Scales;
 use crate::number::Dual;
 use crate::parameter::{ParameterSpec, Support};
 use crate::rheology::BaseLaw;
+use crate::stages::{NonlinearFamily, Nonlinearity, Spatial, Stages};
 
 const SMALLEST_INDEX: f64 = 0.3;
 
@@ -46,14 +45,11 @@ impl Effect for ShearThinning {
     fn parameters(&self) -> &'static [EffectParameter] {
         PARAMETERS
     }
-    fn changes_field(&self) -> bool {
-        true
-    }
-    fn field_model(&self) -> Option<FieldModel> {
-        Some(FieldModel::Nonlinear(NonlinearFamily::ShearThinning))
+    fn field(&self) -> Option<Field> {
+        Some(Field::Nonlinear(NonlinearFamily::ShearThinning))
     }
     fn conflict(&self, base: &BaseLaw) -> Option<&'static str> {
-        conflict(base)
+        nonlinear_conflict(base)
     }
     fn apply(&self, parameters: &[Dual], scales: &Scales, stages: &mut Stages) -> Result<()> {
         let index = parameters[0];

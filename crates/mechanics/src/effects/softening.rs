@@ -5,7 +5,7 @@
 //! its first hour (Nickerson et al. 2008, J. Biomech. 41:1840), r of about 4·10⁻⁴ 1/s; the robot itself may break the network faster.
 
 use super::beside_fields::AGEING;
-use super::{Effect, EffectParameter, FieldModel, Stage, Stages};
+use super::{Effect, EffectParameter, Field, Stage, Stages};
 use crate::distribution::Distribution;
 use crate::error::Result;
 use crate::experiment::Scales;
@@ -40,7 +40,7 @@ impl Effect for Softening {
     fn parameters(&self) -> &'static [EffectParameter] {
         PARAMETERS
     }
-    fn barred_beside(&self, _field: FieldModel) -> Option<&'static str> {
+    fn barred_beside(&self, _field: Field) -> Option<&'static str> {
         Some(AGEING)
     }
     fn apply(&self, parameters: &[Dual], _scales: &Scales, stages: &mut Stages) -> Result<()> {

@@ -5,17 +5,15 @@
 //! semiflexible filaments stiffen by much higher powers once β ε_eq² passes ten or so (Storm et al. 2005, Nature 435:191, doi:10.1038/nature03521).
 //! Strains are small ones, as everywhere here. A pulled body at rest obeys s = E (ε + β ε³) in its equivalents: slack at first, then ε → (s/(Eβ))^⅓.
 
-use super::nonlinearity::conflict;
-use super::{
-    Effect, EffectParameter, FieldModel, NonlinearFamily, Nonlinearity, Spatial, Stage, Stages, position_range_m,
-    robot_radius_m,
-};
+use super::beside_fields::nonlinear_conflict;
+use super::{Effect, EffectParameter, Field, Stage, position_range_m, robot_radius_m};
 use crate::distribution::Distribution;
 use crate::error::Result;
 use crate::experiment::Scales;
 use crate::number::Dual;
 use crate::parameter::{ParameterSpec, Support};
 use crate::rheology::BaseLaw;
+use crate::stages::{NonlinearFamily, Nonlinearity, Spatial, Stages};
 
 /// Half the range of positions over the robot's radius: the strain near the robot.
 fn typical_strain(scales: &Scales) -> f64 {
@@ -50,14 +48,11 @@ impl Effect for StrainStiffening {
     fn parameters(&self) -> &'static [EffectParameter] {
         PARAMETERS
     }
-    fn changes_field(&self) -> bool {
-        true
-    }
-    fn field_model(&self) -> Option<FieldModel> {
-        Some(FieldModel::Nonlinear(NonlinearFamily::StrainStiffening))
+    fn field(&self) -> Option<Field> {
+        Some(Field::Nonlinear(NonlinearFamily::StrainStiffening))
     }
     fn conflict(&self, base: &BaseLaw) -> Option<&'static str> {
-        conflict(base)
+        nonlinear_conflict(base)
     }
     fn apply(&self, parameters: &[Dual], _scales: &Scales, stages: &mut Stages) -> Result<()> {
         let coefficient = parameters[0];

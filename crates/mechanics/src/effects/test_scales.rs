@@ -14,6 +14,7 @@ pub(super) const SCALES: Scales = Scales {
     duration_s: 40.0,
     poisson_ratio: Some(0.48),
     robot_radius_m: Some(0.275e-3),
+    outer_radius_m: Some(10e-3),
 };
 
 /// J(t) in 1/Pa of elements in series, from their spectrum.

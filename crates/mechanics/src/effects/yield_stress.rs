@@ -5,17 +5,15 @@
 //! fallen below s_y, only the elastic part moves. Under one force it hides in c₂ (physics §5). The bracket is smoothed within a hundredth of s_y
 //! ([`YIELD_SMOOTHING`]): below the yield stress the dashpot creeps at 10⁻⁴ of its fluidity or less, far above it nothing changes.
 
-use super::nonlinearity::conflict;
-use super::{
-    Effect, EffectParameter, FieldModel, NonlinearFamily, Nonlinearity, Spatial, Stage, Stages, YIELD_SMOOTHING,
-    reference_stress_pa,
-};
+use super::beside_fields::nonlinear_conflict;
+use super::{Effect, EffectParameter, Field, Stage, reference_stress_pa};
 use crate::distribution::Distribution;
 use crate::error::Result;
 use crate::experiment::Scales;
 use crate::number::Dual;
 use crate::parameter::{ParameterSpec, Support};
 use crate::rheology::BaseLaw;
+use crate::stages::{NonlinearFamily, Nonlinearity, Spatial, Stages, YIELD_SMOOTHING};
 
 /// Step from the null, in parts of s₀, at which the gel still flows everywhere but where it stands still: at a hundredth of s₀ what is far away has stopped.
 const FINITE_STEP: f64 = 1e-4;
@@ -48,14 +46,11 @@ impl Effect for YieldStress {
     fn parameters(&self) -> &'static [EffectParameter] {
         PARAMETERS
     }
-    fn changes_field(&self) -> bool {
-        true
-    }
-    fn field_model(&self) -> Option<FieldModel> {
-        Some(FieldModel::Nonlinear(NonlinearFamily::YieldStress))
+    fn field(&self) -> Option<Field> {
+        Some(Field::Nonlinear(NonlinearFamily::YieldStress))
     }
     fn conflict(&self, base: &BaseLaw) -> Option<&'static str> {
-        conflict(base)
+        nonlinear_conflict(base)
     }
     fn apply(&self, parameters: &[Dual], _scales: &Scales, stages: &mut Stages) -> Result<()> {
         let stress_pa = parameters[0];

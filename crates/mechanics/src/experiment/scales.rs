@@ -21,6 +21,8 @@ pub struct Scales {
     pub poisson_ratio: Option<f64>,
     /// Radius of the robot, or of the sphere of its volume, in m; `None` for an instrument.
     pub robot_radius_m: Option<f64>,
+    /// Radius of the vitreous, in m; `None` for an instrument.
+    pub outer_radius_m: Option<f64>,
 }
 
 impl Experiment {
@@ -49,6 +51,10 @@ impl Experiment {
             },
             robot_radius_m: match &self.apparatus {
                 Apparatus::Robot { robot, .. } => Some(robot.shape.equivalent_radius_m()),
+                Apparatus::Instrument { .. } => None,
+            },
+            outer_radius_m: match &self.apparatus {
+                Apparatus::Robot { vitreous, .. } => Some(0.5 * vitreous.diameter_m),
                 Apparatus::Instrument { .. } => None,
             },
         }

@@ -1,4 +1,4 @@
-//! The robot's surface as the mesh has it: integration points on the faces of the elements around it.
+//! Surfaces as the mesh has them, the robot's above all: integration points on the faces of the elements beside it.
 
 use std::f64::consts::PI;
 use std::sync::OnceLock;
@@ -9,11 +9,11 @@ use super::element::element_of;
 use super::quadrature::line;
 use crate::mesh::{ElementKind, HEXAHEDRON27_REFERENCE_NODES, Mesh};
 
-/// One integration point on the robot's surface.
+/// One integration point on a surface.
 pub struct SurfacePoint<'a> {
     /// Weight × area of the face's parametrisation, in m².
     pub area_m2: f64,
-    /// Unit normal, out of the robot.
+    /// Unit normal, into the gel.
     pub normal: [f64; 3],
     /// Where it is, in m.
     pub position_m: [f64; 3],
@@ -115,9 +115,9 @@ fn tetrahedron_faces(kind: ElementKind) -> Vec<Face> {
     vec![flat(0, [y, z]), flat(1, [z, x]), flat(2, [x, y]), oblique]
 }
 
-/// Calls `visit` at every integration point of the robot's surface, element by element.
-pub fn for_each_robot_point(mesh: &Mesh, mut visit: impl FnMut(SurfacePoint<'_>)) {
-    for_each_robot_face(mesh, |nodes, face| {
+/// Calls `visit` at every integration point of the surface that nodes of the mesh (in rising order) make up, element by element.
+pub fn for_each_surface_point(mesh: &Mesh, surface_nodes: &[u32], mut visit: impl FnMut(SurfacePoint<'_>)) {
+    for_each_face(mesh, surface_nodes, |nodes, face| {
         for point in &face.points {
             let Placed { area, normal, position_m } = place(mesh, nodes, point);
             let area_m2 = point.weight * area;
@@ -129,7 +129,7 @@ pub fn for_each_robot_point(mesh: &Mesh, mut visit: impl FnMut(SurfacePoint<'_>)
 /// Normals out of the robot at every node of the mesh, one for each of the faces around it; none away from the robot.
 pub fn robot_normals(mesh: &Mesh) -> Vec<Vec<Vector3<f64>>> {
     let mut normals = vec![Vec::new(); mesh.n_nodes()];
-    for_each_robot_face(mesh, |nodes, face| {
+    for_each_face(mesh, &mesh.robot_nodes, |nodes, face| {
         for (&k, point) in face.nodes.iter().zip(&face.at_nodes) {
             normals[nodes[k] as usize].push(place(mesh, nodes, point).normal);
         }
@@ -137,11 +137,11 @@ pub fn robot_normals(mesh: &Mesh) -> Vec<Vec<Vector3<f64>>> {
     normals
 }
 
-fn for_each_robot_face<'a>(mesh: &'a Mesh, mut visit: impl FnMut(&'a [u32], &'static Face)) {
+fn for_each_face<'a>(mesh: &'a Mesh, surface_nodes: &[u32], mut visit: impl FnMut(&'a [u32], &'static Face)) {
     let faces = faces(mesh.element_kind);
     for nodes in mesh.elements() {
-        let is_on_robot = |&k: &usize| mesh.robot_nodes.binary_search(&nodes[k]).is_ok();
-        for face in faces.iter().filter(|face| face.nodes.iter().all(is_on_robot)) {
+        let is_on_surface = |&k: &usize| surface_nodes.binary_search(&nodes[k]).is_ok();
+        for face in faces.iter().filter(|face| face.nodes.iter().all(is_on_surface)) {
             visit(nodes, face);
         }
     }
@@ -181,7 +181,7 @@ impl RobotSize {
     /// By the divergence theorem: V = ⅓ ∮ x·n dA, to which the planes of symmetry add nothing.
     pub fn of(mesh: &Mesh) -> Self {
         let mut part = Self { surface_area_m2: 0.0, volume_m3: 0.0 };
-        for_each_robot_point(mesh, |point| {
+        for_each_surface_point(mesh, &mesh.robot_nodes, |point| {
             part.surface_area_m2 += point.area_m2;
             let height_m: f64 = point.normal.iter().zip(point.position_m).map(|(n, x)| n * x).sum();
             part.volume_m3 += point.area_m2 * height_m / 3.0;

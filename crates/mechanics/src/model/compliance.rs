@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
-use crate::effects::{Spread, Stages, Stepped};
 use crate::error::{Error, Result};
 use crate::number::Dual;
+use crate::stages::{Spread, Stages, Stepped};
 
 /// Compliance (1/m) as a function of the Poisson ratio.
 type OfPoissonRatio = dyn Fn(Dual) -> Result<Dual> + Send + Sync;

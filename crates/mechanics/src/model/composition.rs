@@ -1,11 +1,12 @@
 //! A model: base law and effects, allowed to stand together (physics §5).
 
-use crate::effects::{Effect, Stage, Stages};
+use crate::effects::{Effect, Field, Stage};
 use crate::error::{Error, Place, Result};
 use crate::experiment::Scales;
 use crate::number::Dual;
 use crate::parameter::ParameterSpec;
 use crate::rheology::BaseLaw;
+use crate::stages::Stages;
 
 /// A base law and effects; parameters are the law's, then each effect's.
 #[derive(Clone)]
@@ -55,7 +56,7 @@ impl Model {
                 "keep one of them: a model has at most one effect that changes the field",
             );
         }
-        if let Some((field, model)) = effects.iter().find_map(|e| Some((e, e.field_model()?))) {
+        if let Some((field, model)) = effects.iter().find_map(|e| Some((e, e.field()?))) {
             let barred = effects.iter().find_map(|other| Some((other, other.barred_beside(model)?)));
             if let Some((other, reason)) = barred {
                 return refuse(
@@ -125,11 +126,23 @@ impl Model {
         }
         let (law, mut rest) = parameters.split_at(self.base.parameters().len());
         let mut stages = Stages::of_law(self.base.elements(law));
+        let mut of_field = None;
         for effect in &self.effects {
             let (own, others) = rest.split_at(effect.parameters().len());
-            effect.apply(own, &self.scales, &mut stages)?;
+            match effect.field() {
+                Some(_) => of_field = Some((effect, own)),
+                None => effect.apply(own, &self.scales, &mut stages)?,
+            }
             rest = others;
         }
+        if let Some((effect, own)) = of_field {
+            effect.apply(own, &self.scales, &mut stages)?;
+        }
         Ok(stages)
+    }
+
+    /// How its effects change the displacement field, if they do, with the slug of the one that does.
+    pub fn field(&self) -> Option<(&'static str, Field)> {
+        self.effects.iter().find_map(|effect| Some((effect.slug(), effect.field()?)))
     }
 }

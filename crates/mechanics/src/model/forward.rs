@@ -1,15 +1,15 @@
 //! One trait for the full and the reduced model, so that nothing downstream can tell them apart.
 
 use super::{Compliance, Model, Response};
-use crate::effects::{Nonlinearity, Spatial, Stages};
 use crate::error::{Error, Result};
 use crate::fe::nonlinear::{self, NonlinearModel};
-use crate::fe::spatial::{self, SpatialRun, Surroundings};
+use crate::fe::spatial::{SpatialJob, SpatialRun, Surroundings};
 use crate::fe::stepping::Resolution;
 use crate::fe::time::{FullOrderModel, TimeScheme};
 use crate::fe::{Stiffness, transient};
 use crate::mesh::Mesh;
 use crate::number::Dual;
+use crate::stages::{Nonlinearity, Spatial, Stages};
 use std::sync::OnceLock;
 
 /// Parameters → trajectory.
@@ -88,16 +88,16 @@ impl<'a> FullForward<'a> {
         }
         let constants: Vec<Dual> = parameters.iter().map(|value| Dual::constant(*value)).collect();
         let stages = self.model.stages(&constants)?;
-        if stages.spatial.is_some() {
+        if let Some(spatial) = &stages.spatial {
             let surroundings = self.surroundings.as_ref().ok_or_else(|| {
                 Error::numerical("the full model has no mesh to solve this effect on", "give it its surroundings")
             })?;
-            if let Some(Spatial::Nonlinear(_)) = stages.spatial {
+            let (Spatial::Linear(linear), Some((_, field))) = (spatial, self.model.field()) else {
                 return self.run_nonlinear(surroundings, &stages, field_rows);
-            }
-            let resolution = spatial_resolution(self.resolution);
-            let run = spatial::run(surroundings, &stages, self.time_s, self.force_n, field_rows, resolution)?;
-            let SpatialRun { position_m, fields, mesh } = run;
+            };
+            let (time_s, force_n, resolution) = (self.time_s, self.force_n, spatial_resolution(self.resolution));
+            let job = SpatialJob { stages: &stages, time_s, force_n, rows: field_rows, resolution };
+            let SpatialRun { position_m, fields, mesh } = field.run(surroundings, linear, &job)?;
             return Ok(FullRun { position_m, fields, mesh, compliance_per_m: self.compliance_per_m() });
         }
         let full = match stages.poisson_ratio {

@@ -5,9 +5,10 @@
 //!
 //! - [`Beside::Friction`]: w/(G + μ s/b), b the compliance of an interface or the mobility of a pore fluid;
 //! - [`Beside::Mass`]: w/(G + μ d s²);
-//! - [`Beside::Law`]: w/(θ G₁ + (1 − θ) G), G₁ another law.
+//! - [`Beside::Law`]: w/(θ G₁ + (1 − θ) G), G₁ another law;
+//! - [`Beside::Spring`]: the same with a spring for the other law.
 //!
-//! So every term is the law with a dashpot, a mass or another law beside it, and its creep a sum of exponentials. For the Lethersich law these are
+//! So every term is the law with a dashpot, a mass, a spring or another law beside it, and its creep a sum of exponentials. For the Lethersich law these are
 //! closed forms; other laws go through [`super::stieltjes`], and masses through the zeros of G/s + μ d s.
 
 use super::spectrum::{Accuracy, TimeWindow};
@@ -30,6 +31,11 @@ pub enum Beside {
     },
     /// A second law with the share θ; the first has the rest.
     Law(Vec<Element>),
+    /// A spring with the share θ; the law has the rest.
+    Spring {
+        /// b ≥ 0 in 1/Pa; at 0 terms with θ > 0 do not move.
+        compliance_per_pa: Dual,
+    },
 }
 
 /// One term: weight w, and μ or θ.
@@ -67,6 +73,9 @@ impl<T: PointScalar> RetardationSpectrum<T> {
                     spectrum.add_with_friction(law, *compliance, *term, window, accuracy)?;
                 }
                 Beside::Mass { scale } => spectrum.add_with_mass(law, *scale, *term)?,
+                Beside::Spring { compliance_per_pa } => {
+                    spectrum.add_with_spring(law, *compliance_per_pa, *term, window, accuracy)?;
+                }
                 Beside::Law(second) => spectrum.add_shared(law, second, *term, window, accuracy)?,
             }
         }
@@ -103,6 +112,52 @@ impl<T: PointScalar> RetardationSpectrum<T> {
         }
         let dashpot = Element::Dashpot { viscosity_pa_s: term.number / compliance };
         self.add_parallel_terms(vec![Element::Series(law.to_vec()), dashpot], term.weight, window, accuracy)
+    }
+
+    /// w/(θ/b + (1 − θ) G).
+    fn add_with_spring(
+        &mut self,
+        law: &[Element],
+        compliance: Dual,
+        term: SpreadTerm,
+        window: TimeWindow,
+        accuracy: Accuracy,
+    ) -> Result<()> {
+        let (share, rest) = (term.number, Dual::ONE - term.number);
+        if share.is_constant(0.0) {
+            return self.add_scaled(&Self::with_accuracy(law, window, accuracy)?, T::of(term.weight));
+        }
+        if compliance.is_constant(0.0) {
+            return Ok(());
+        }
+        if compliance.value == 0.0 || rest.is_constant(0.0) {
+            // To first order b/θ, whatever the law.
+            self.instantaneous_per_pa += T::of(term.weight * compliance / share);
+            return Ok(());
+        }
+        if let Some([e, c1, c2]) = lethersich::<T>(law) {
+            let [theta, b] = [share, compliance].map(T::of);
+            self.add_lethersich_with_spring(T::of(term.weight), theta, b, [e, c1, c2]);
+            return Ok(());
+        }
+        let scaled = |element: &Element| element.scaled(rest);
+        let beside = Element::Spring { modulus_pa: share / compliance };
+        let elements = vec![Element::Series(law.iter().map(scaled).collect()), beside];
+        self.add_parallel_terms(elements, term.weight, window, accuracy)
+    }
+
+    /// w b (E + Cs)/N, N = (1 − θ) b c₁c₂ s² + (θC + (1 − θ) b c₂E) s + θE, C = c₁ + c₂.
+    fn add_lethersich_with_spring(&mut self, weight: T, theta: T, b: T, [e, c1, c2]: [T; 3]) {
+        let (c, rest) = (c1 + c2, (T::constant(1.0) - theta) * b);
+        let (quadratic, linear, constant) = (rest * c1 * c2, theta * c + rest * c2 * e, theta * e);
+        let root = (linear * linear - quadratic * constant * 4.0).sqrt();
+        let larger = (linear + root) * 0.5;
+        let (fast, slow) = (larger / quadratic, constant / larger);
+        for (rate, other) in [(fast, slow), (slow, fast)] {
+            // Residue at s = −rate over the rate.
+            let gain = b * (e - c * rate) / (quadratic * rate * (other - rate));
+            self.modes.push(SpectralMode { compliance_per_pa: weight * gain, rate_per_s: rate });
+        }
     }
 
     fn add_shared(

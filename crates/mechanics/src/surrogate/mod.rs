@@ -8,12 +8,13 @@ pub mod hyper;
 mod pod;
 mod reduced;
 pub mod spread;
+mod three_terms;
 pub mod trajectory;
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-pub use field_models::{FieldModels, PocketModel};
+pub use field_models::{FieldModel, FieldModels, n_pieces};
 pub use pod::{EnergyProduct, Pod};
 pub use reduced::ReducedOperators;
 

@@ -1,7 +1,7 @@
 //! The reduced model of a linear effect that changes the displacement field (physics §3.3, §5).
 //!
 //! The full model is f = (A + x B) z with symmetric A > 0, B ≥ 0 and a scalar x that the law and the effect's parameters make: A is the stiffness and B the
-//! friction or the mass; for a pocket A is the whole stiffness, B the pocket's, and x lies in (−1, 0]. Solutions at values of x over many decades are
+//! friction or the mass; where a second law has a share, A is the whole stiffness, B that share's, and x is above −1. Solutions at values of x over many decades are
 //! snapshots; their POD in the energy norm of A gives modes; and the common eigenvectors of the two matrices, projected on the modes, give the robot's
 //! compliance as C Σ w/(1 + x μ) for every x, complex ones included: an affine split whose online part does not know the mesh.
 //!
@@ -14,12 +14,10 @@ use serde::{Deserialize, Serialize};
 
 use super::pod::{EnergyProduct, Pod, dot};
 use crate::error::{Error, Result};
-use crate::fe::spatial::{SpatialKind, SpatialSystem, SymmetricMatrix};
+use crate::fe::spatial::{SpatialSystem, Splitting, SymmetricMatrix};
 
 /// Weights below this part of the whole are left out.
 const LEAST_WEIGHT: f64 = 1e-10;
-/// x times the natural scale above which a slipping surface sticks.
-const STUCK: f64 = 1e9;
 /// μ over the largest below which a term does not know B at all.
 const NO_SHARE: f64 = 1e-7;
 
@@ -42,48 +40,20 @@ pub struct SpreadModes {
     gram: Vec<f64>,
 }
 
-/// Values of x of the snapshots: `per_decade` of them over decades around natural scales.
-fn decades(lowest: f64, highest: f64, per_decade: f64) -> Vec<f64> {
-    let n = ((highest / lowest).log10() * per_decade).ceil() as usize;
-    (0..=n).map(|k| lowest * (highest / lowest).powf(k as f64 / n as f64)).collect()
-}
-
-/// The x at which snapshots are taken, for a robot of some radius in a gel of some radius (m) and density (kg/m³).
-pub fn snapshot_values(kind: SpatialKind, radius_m: f64, outer_radius_m: f64, density_kg_m3: f64) -> Vec<f64> {
-    match kind {
-        // Friction acts as 1/R does against the stiffness.
-        SpatialKind::Slip => {
-            let mut values: Vec<f64> = decades(1e-3, 1e3, 2.0).iter().map(|x| x / radius_m).collect();
-            values.insert(0, 0.0);
-            values.push(STUCK / radius_m);
-            values
-        }
-        // Momentum reaches the outer surface where ρ x R_o² is one, and the robot's where ρ x R² is.
-        SpatialKind::Inertia => {
-            let lowest = 1e-2 / (density_kg_m3 * outer_radius_m * outer_radius_m);
-            let highest = 1e2 / (density_kg_m3 * radius_m * radius_m);
-            let mut values = decades(lowest, highest, 2.0);
-            values.insert(0, 0.0);
-            values
-        }
-        // The pocket is softer by a factor 1 + x.
-        SpatialKind::Pocket { .. } => decades(1e-4, 1.0, 2.0).iter().map(|share| share - 1.0).collect(),
-    }
-}
-
 impl SpreadModes {
-    /// Solves at the values of x, and reduces. Singular values below `tolerance` times the largest are dropped.
+    /// Solves at the snapshots' values of x, and reduces. Singular values below `tolerance` times the largest are dropped.
     ///
     /// # Errors
     /// Those of the factors and of the decomposition.
-    pub fn new(system: &SpatialSystem, values: &[f64], tolerance: f64) -> Result<Self> {
-        let split = Split::new(system);
+    pub fn new(system: &SpatialSystem, splitting: &Splitting, tolerance: f64) -> Result<Self> {
+        let values = &splitting.snapshots;
+        let first = [1.0, splitting.reference];
         let n = system.n_unknowns();
         let mut force = vec![0.0; n];
         force[system.freedoms.robot()] = 1.0;
         let solve = |x: f64| {
             let mut field = force.clone();
-            system.factor(&split.weights(x)).map(|factor| {
+            system.factor([1.0, splitting.reference + x]).map(|factor| {
                 factor.solve_in_place(&mut field);
                 field
             })
@@ -93,10 +63,10 @@ impl SpreadModes {
             Some(k) => snapshots[k].clone(),
             None => solve(0.0)?,
         };
-        let whole = system.sum(&split.first)?;
+        let whole = system.sum(first)?;
         let energy = EnergyProduct(whole.upper());
         let pod = Pod::new(&snapshots, energy, tolerance)?;
-        let applied: Vec<Vec<f64>> = pod.modes.iter().map(|mode| split.second_product(system, mode)).collect();
+        let applied: Vec<Vec<f64>> = pod.modes.iter().map(|mode| system.second.product(mode)).collect();
         let r = pod.modes.len();
         let projected =
             Mat::from_fn(r, r, |i, j| 0.5 * (dot(&pod.modes[i], &applied[j]) + dot(&pod.modes[j], &applied[i])));
@@ -118,14 +88,14 @@ impl SpreadModes {
         let mut terms: Vec<(f64, f64, usize)> = (0..r)
             .map(|k| {
                 let number = eigen.S().column_vector()[k].max(0.0);
-                let number = if number < NO_SHARE * largest && split.may_vanish { 0.0 } else { number };
+                let number = if number < NO_SHARE * largest && splitting.is_rigid_at_null { 0.0 } else { number };
                 (vectors[k][robot] * vectors[k][robot] / compliance, number, k)
             })
             .filter(|(weight, ..)| *weight > LEAST_WEIGHT)
             .collect();
         terms.sort_by(|a, b| a.1.total_cmp(&b.1));
         let kept: Vec<&Vec<f64>> = terms.iter().map(|(.., k)| &vectors[*k]).collect();
-        let gram = gram(system, &split, &whole, &force, &kept, compliance)?;
+        let gram = gram(system, first, &whole, &force, &kept, compliance)?;
         let largest_singular = pod.singular_values[0];
         Ok(Self {
             compliance_per_m: system.freedoms.share() * compliance,
@@ -162,56 +132,23 @@ impl SpreadModes {
     }
 }
 
-/// Which of a system's matrices make A and B.
-struct Split {
-    /// Weights of the system's matrices in A, and in B.
-    first: Vec<f64>,
-    second: Vec<f64>,
-    /// Whether B leaves some fields alone: those that do not slip.
-    may_vanish: bool,
-}
-
-impl Split {
-    fn new(system: &SpatialSystem) -> Self {
-        match system.stiffness.len() {
-            // The pocket and the rest.
-            2 => Self { first: vec![1.0, 1.0], second: vec![1.0, 0.0], may_vanish: false },
-            _ => Self { first: vec![1.0, 0.0], second: vec![0.0, 1.0], may_vanish: system.damping.is_some() },
-        }
-    }
-
-    fn weights(&self, x: f64) -> Vec<f64> {
-        self.first.iter().zip(&self.second).map(|(a, b)| a + x * b).collect()
-    }
-
-    fn second_product(&self, system: &SpatialSystem, field: &[f64]) -> Vec<f64> {
-        let mut product = vec![0.0; field.len()];
-        for (matrix, weight) in system.matrices().into_iter().zip(&self.second) {
-            if *weight != 0.0 {
-                matrix.add_product(field, &mut product);
-            }
-        }
-        product
-    }
-}
-
 /// Products in A⁻¹ of f, then A v, then B v for every eigenvector v, relative to the compliance.
 fn gram(
     system: &SpatialSystem,
-    split: &Split,
+    first: [f64; 2],
     whole: &SymmetricMatrix,
     force: &[f64],
     vectors: &[&Vec<f64>],
     compliance: f64,
 ) -> Result<Vec<f64>> {
-    let factor = system.factor(&split.first)?;
+    let factor = system.factor(first)?;
     let robot = system.freedoms.robot();
     let mut sides: Vec<Vec<f64>> = vec![force.to_vec()];
     // Eigenvectors are of unit energy: the field at x is Σ v_robot/(1 + xμ) v, and v_robot is ±√(w C), the sign of which is put to the vector.
     let scales: Vec<f64> = vectors.iter().map(|v| compliance.sqrt().copysign(v[robot])).collect();
     let scaled = |product: Vec<f64>, scale: &f64| product.iter().map(|p| scale * p).collect::<Vec<f64>>();
     sides.extend(vectors.iter().zip(&scales).map(|(v, scale)| scaled(whole.product(v), scale)));
-    sides.extend(vectors.iter().zip(&scales).map(|(v, scale)| scaled(split.second_product(system, v), scale)));
+    sides.extend(vectors.iter().zip(&scales).map(|(v, scale)| scaled(system.second.product(v), scale)));
     let solved: Vec<Vec<f64>> = sides
         .iter()
         .map(|side| {

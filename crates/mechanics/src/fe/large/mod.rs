@@ -20,13 +20,13 @@ mod tests;
 
 pub(crate) use deformation::Deformation;
 
-use crate::effects::{Load, Nonlinearity, Spatial, Stages};
 use crate::error::{Error, Result};
 use crate::fe::Stiffness;
 use crate::fe::nonlinear::{Bodies, Cost, NonlinearModel, NonlinearResult, Options};
 use crate::mesh::Mesh;
 use crate::number::Dual;
 use crate::rheology::BaseLaw;
+use crate::stages::{Load, Nonlinearity, Spatial, Stages};
 
 /// What is run: a law, a load and a record.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -5,11 +5,11 @@
 
 use super::run::{self, Record};
 use super::{Bodies, NonlinearModel, NonlinearResult, Options};
-use crate::effects::{Spatial, Stages};
 use crate::error::{Error, Result};
 use crate::fe::stepping::load::switches;
 use crate::fe::stepping::run::{CLOCK_ROUNDING, strains};
 use crate::fe::stepping::{Resolution, observed};
+use crate::stages::{Spatial, Stages};
 use std::collections::BTreeMap;
 
 /// Ends of steps that a polynomial goes through.

@@ -1,9 +1,9 @@
 //! What a nonlinear gel is made of: bodies in series, one of which is not linear (physics §2, §5).
 
-use crate::effects::Nonlinearity;
 use crate::error::{Error, Result};
 use crate::number::{Dual, PointScalar};
 use crate::rheology::Element;
+use crate::stages::Nonlinearity;
 
 /// A Kelvin–Voigt body by its compliance: τ ε̇ + ε = C s.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -124,8 +124,8 @@ fn unsuited(what: &str) -> Error {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::effects::YIELD_SMOOTHING;
     use crate::rheology::BaseLaw;
+    use crate::stages::YIELD_SMOOTHING;
 
     const P: [f64; 5] = [3.5, 1.4, 47.0, 8.0, 30.0];
 

@@ -22,13 +22,13 @@ pub(crate) use law::Bodies;
 pub(crate) use run::AtRow;
 pub use tableau::Scheme;
 
-use crate::effects::{Load, Nonlinearity};
 use crate::error::{Error, Result};
 use crate::fe::stepping::Resolution;
 use crate::fe::{Factor, Stiffness};
 use crate::mesh::Mesh;
 use crate::number::Dual;
 use crate::rheology::Element;
+use crate::stages::{Load, Nonlinearity};
 use points::IntegrationPoints;
 use stage::Kinematics;
 

@@ -10,8 +10,8 @@
 //! α m + ψ(m) = √⅔ |dev a| with a convex ψ, so that Newton's method from the right cannot fail.
 
 use super::law::Bodies;
-use crate::effects::Nonlinearity;
 use crate::number::{Dual, PointScalar};
+use crate::stages::Nonlinearity;
 
 /// Five coordinates of the deviator and the trace.
 pub(crate) type Tensor<N> = [N; 6];

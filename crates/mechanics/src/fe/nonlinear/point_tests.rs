@@ -1,8 +1,8 @@
 //! The stage's stress put back into the law's equations, tangents and derivatives against finite differences, and limits.
 
 use super::*;
-use crate::effects::YIELD_SMOOTHING;
 use crate::rheology::BaseLaw;
+use crate::stages::YIELD_SMOOTHING;
 
 const P: [f64; 5] = [3.527, 1.402, 47.370, 20.0, 2.5];
 const STEP_S: f64 = 0.3;

@@ -5,12 +5,12 @@ use super::point::{EQUIVALENT, StageLaw, Tensor, deviator_norm};
 use super::stage::{Balance, Push, Stage};
 use super::tableau::Tableau;
 use super::{Cost, Options};
-use crate::effects::Load;
 use crate::error::{Error, Result};
 use crate::fe::stepping::Resolution;
 use crate::fe::stepping::load::{self, Switch};
 use crate::fe::stepping::run::{CLOCK_ROUNDING, gap_s};
 use crate::fe::stepping::steps::{Grading, StepRule};
+use crate::stages::Load;
 use rayon::prelude::*;
 
 /// Most halvings of a step whose stages do not converge.

@@ -2,11 +2,11 @@
 
 use super::super::Bodies;
 use super::*;
-use crate::effects::{Nonlinearity, YIELD_SMOOTHING};
 use crate::fe::Stiffness;
 use crate::mesh::QuarterBall;
 use crate::number::Dual;
 use crate::rheology::BaseLaw;
+use crate::stages::{Nonlinearity, YIELD_SMOOTHING};
 use nalgebra::{DMatrix, DVector};
 
 const STEP_S: f64 = 0.4;

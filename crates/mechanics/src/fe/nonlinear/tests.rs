@@ -1,11 +1,11 @@
 //! Runs against the linear model, homogeneous bodies solved by other means, and each other.
 
 use super::*;
-use crate::effects::{Nonlinearity, Spatial, Stages, YIELD_SMOOTHING};
 use crate::fe::spatial::{Sizes, Surroundings};
 use crate::fe::time::FullOrderModel;
 use crate::mesh::QuarterBall;
 use crate::rheology::BaseLaw;
+use crate::stages::{Nonlinearity, Spatial, Stages, YIELD_SMOOTHING};
 
 /// Of the quarter model.
 const QUARTER: f64 = 0.25;
@@ -345,7 +345,7 @@ fn rows_between_steps_are_interpolated_to_the_steps_own_error() {
         };
         let exact = model.run(&what, &[20, 47], Options::default()).unwrap();
         let mut stages = stages.clone();
-        stages.spatial = Some(crate::effects::Spatial::Nonlinear(nonlinearity.constant()));
+        stages.spatial = Some(crate::stages::Spatial::Nonlinear(nonlinearity.constant()));
         let found = model.run_stages(&stages, &time_s, &force_n, &[47, 20, 999], Options::default()).unwrap();
         let error = distance(&found.displacement_m, &exact.displacement_m);
         println!("{law:?}: {error:.1e} in {} steps instead of {}", found.cost.n_steps, exact.cost.n_steps);

@@ -29,7 +29,15 @@ impl Freedoms {
     /// # Errors
     /// [`Error::Numerical`] for a mesh without a robot or an outer surface.
     pub fn tied(mesh: &Mesh) -> Result<Self> {
-        Self::new(mesh, |_| Vec::new())
+        Self::new(mesh, |_| Vec::new(), false)
+    }
+
+    /// The robot's surface moves with it, and the outer surface is free.
+    ///
+    /// # Errors
+    /// As [`Self::tied`].
+    pub fn with_free_outer_surface(mesh: &Mesh) -> Result<Self> {
+        Self::new(mesh, |_| Vec::new(), true)
     }
 
     /// The gel on the robot's surface moves with it along the normal and slips along the surface.
@@ -40,25 +48,29 @@ impl Freedoms {
     /// As [`Self::tied`].
     pub fn slipping(mesh: &Mesh) -> Result<Self> {
         let normals = distinct_normals(mesh);
-        Self::new(mesh, |node| {
-            let mut closed: Vec<Vector3<f64>> = Vec::new();
-            let on = |nodes: &[u32]| nodes.binary_search(&(node as u32)).is_ok();
-            let planes = [(on(&mesh.symmetry_y_nodes), Vector3::y()), (on(&mesh.symmetry_z_nodes), Vector3::z())];
-            let of_planes = planes.into_iter().filter(|(is_on, _)| *is_on).map(|(_, normal)| normal);
-            for normal in of_planes.chain(normals[node].iter().copied()) {
-                closed.extend(left_of(normal, &closed));
-            }
-            let mut open: Vec<Vector3<f64>> = Vec::new();
-            for axis in [Vector3::y(), Vector3::z(), Vector3::x()] {
-                let known: Vec<Vector3<f64>> = closed.iter().chain(&open).copied().collect();
-                open.extend(left_of(axis, &known));
-            }
-            open
-        })
+        Self::new(
+            mesh,
+            |node| {
+                let mut closed: Vec<Vector3<f64>> = Vec::new();
+                let on = |nodes: &[u32]| nodes.binary_search(&(node as u32)).is_ok();
+                let planes = [(on(&mesh.symmetry_y_nodes), Vector3::y()), (on(&mesh.symmetry_z_nodes), Vector3::z())];
+                let of_planes = planes.into_iter().filter(|(is_on, _)| *is_on).map(|(_, normal)| normal);
+                for normal in of_planes.chain(normals[node].iter().copied()) {
+                    closed.extend(left_of(normal, &closed));
+                }
+                let mut open: Vec<Vector3<f64>> = Vec::new();
+                for axis in [Vector3::y(), Vector3::z(), Vector3::x()] {
+                    let known: Vec<Vector3<f64>> = closed.iter().chain(&open).copied().collect();
+                    open.extend(left_of(axis, &known));
+                }
+                open
+            },
+            false,
+        )
     }
 
     /// `slips` gives the directions in which a node of the robot's surface may slip.
-    fn new(mesh: &Mesh, slips: impl Fn(usize) -> Vec<Vector3<f64>>) -> Result<Self> {
+    fn new(mesh: &Mesh, slips: impl Fn(usize) -> Vec<Vector3<f64>>, is_outer_free: bool) -> Result<Self> {
         if mesh.robot_nodes.is_empty() || mesh.outer_nodes.is_empty() {
             return Err(Error::numerical(
                 "the mesh has no robot surface or no outer surface",
@@ -69,7 +81,7 @@ impl Freedoms {
         let mut combinations: Vec<[Vec<(u32, f64)>; 3]> = vec![Default::default(); mesh.n_nodes()];
         let mut count = 0_u32;
         for (node, of_node) in combinations.iter_mut().enumerate() {
-            if on(&mesh.outer_nodes, node) || on(&mesh.robot_nodes, node) {
+            if (on(&mesh.outer_nodes, node) && !is_outer_free) || on(&mesh.robot_nodes, node) {
                 continue;
             }
             let fixed = [false, on(&mesh.symmetry_y_nodes, node), on(&mesh.symmetry_z_nodes, node)];

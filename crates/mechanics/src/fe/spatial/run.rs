@@ -1,78 +1,14 @@
-//! Full-order runs of effects that change the displacement field, by time stepping of their definition.
+//! Full-order runs of linear effects that change the displacement field, by time stepping of their definition.
 
-use super::{Scaled, SpatialKind, SpatialSystem};
-use crate::effects::{Spatial, Stages, pocket_law};
+use super::{SpatialSystem, SteppedSystem, Surroundings};
 use crate::error::{Error, Result};
-use crate::fe::Stiffness;
 use crate::fe::poroelastic::{CondensedPores, PoreModel};
 use crate::fe::stepping::run::CLOCK_ROUNDING;
 use crate::fe::stepping::{observed, switches};
 use crate::fe::transient::{self, Load, Resolution, Switch, TransientSystem};
-use crate::mesh::{Mesh, QuarterBall};
-use crate::rheology::{CreepCompliance, Element, TimeWindow};
-
-/// What gel and robot measure and weigh.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Sizes {
-    /// Density of the gel, in kg/m³.
-    pub gel_density_kg_m3: f64,
-    /// Mass of the whole robot, in kg.
-    pub robot_mass_kg: f64,
-    /// Radius of the robot, or of the sphere of its volume, in m.
-    pub robot_radius_m: f64,
-    /// Radius of the outer surface, in m.
-    pub outer_radius_m: f64,
-    /// How the mesh was made, where it is the built-in one around a sphere: a pocket needs one with element faces at its radius.
-    pub ball: Option<QuarterBall>,
-}
-
-/// The gel and the robot in it.
-#[derive(Debug, Clone, Copy)]
-pub struct Surroundings<'a> {
-    /// The mesh.
-    pub mesh: &'a Mesh,
-    /// Its stiffness.
-    pub stiffness: &'a Stiffness,
-    /// Poisson ratio of the gel.
-    pub poisson_ratio: f64,
-    /// Sizes and weights.
-    pub sizes: Sizes,
-}
-
-/// Layers of elements inside a pocket, and how many more than the model's mesh there are in all.
-const LAYERS_INSIDE: usize = 4;
-const MORE_LAYERS: usize = 1;
-/// Layers for a law that thins, over the model's. At n = 0.3 a robot moves 4 µm of 0.78 mm too far among 8 layers, 1.5 among 12, 0.1 among 24; a quarter of its arc in two elements
-/// adds 0.2 µm, in one 0.4.
-const THINNING_LAYERS: usize = 2;
-
-impl Surroundings<'_> {
-    /// A mesh with element faces at the radius (m) of a pocket, by the model's fineness.
-    ///
-    /// # Errors
-    /// [`Error::Numerical`] where the robot is no sphere in the middle of a built-in mesh, or the pocket does not fit.
-    pub fn pocket_mesh(&self, radius_m: f64) -> Result<Mesh> {
-        let ball = self.sizes.ball.ok_or_else(|| {
-            Error::numerical(
-                "a liquefied pocket needs the built-in mesh around a sphere in the middle of the vitreous",
-                "leave `liquefied-pocket` out for other robots, for robots off the centre (`offset_mm`) and for meshes from files",
-            )
-        })?;
-        let n_inside = (ball.n_layers * LAYERS_INSIDE).div_ceil(12);
-        QuarterBall { n_layers: ball.n_layers + MORE_LAYERS, ..ball }.mesh_with_interface(radius_m, n_inside)
-    }
-
-    /// Around a sphere in a built-in mesh, one of other layers for a law that thins: rates of strain fall off so steeply from the robot that twice the layers take
-    /// more from the error than elements along them, of which there are fewer. `None` around other robots.
-    pub fn thinning_ball(&self) -> Option<QuarterBall> {
-        let layered = |ball: QuarterBall| QuarterBall {
-            n_per_edge: (ball.n_per_edge - 1).max(1),
-            n_layers: THINNING_LAYERS * ball.n_layers,
-            ..ball
-        };
-        self.sizes.ball.map(layered)
-    }
-}
+use crate::mesh::Mesh;
+use crate::rheology::{Beside, CreepCompliance, Element, TimeWindow};
+use crate::stages::Stages;
 
 /// What a run gives.
 pub struct SpatialRun {
@@ -84,59 +20,19 @@ pub struct SpatialRun {
     pub mesh: Option<Mesh>,
 }
 
-/// Steps the stages' field effect through a record; row i's commanded force (N) holds on [tᵢ, tᵢ₊₁).
-///
-/// # Errors
-/// [`Error::Numerical`] where the stages have no such effect, the gel softens beside it, or the run fails.
-pub fn run(
-    surroundings: &Surroundings<'_>,
-    stages: &Stages,
-    time_s: &[f64],
-    force_n: &[f64],
-    rows: &[usize],
-    resolution: Resolution,
-) -> Result<SpatialRun> {
-    if !stages.softening_rate_per_s.is_constant(0.0) {
-        return Err(Error::numerical(
-            "a gel that softens while it is measured is not stepped beside an effect that changes the field",
-            "leave one of them out",
-        ));
-    }
-    let job = Job { stages, time_s, force_n, rows, resolution };
-    match &stages.spatial {
-        None => Err(Error::numerical("there is no effect that changes the field", "step the law alone")),
-        Some(Spatial::Inertia { density_scale }) => {
-            let system = SpatialSystem::new(surroundings, surroundings.mesh, SpatialKind::Inertia)?;
-            let scaled = Scaled { system: &system, friction_scale: 0.0, density_scale: density_scale.value };
-            job.step(&scaled, &[&stages.law], |z| system.freedoms.nodal_displacement(z))
-        }
-        Some(Spatial::Slip { compliance_m_per_pa_s }) => {
-            let system = SpatialSystem::new(surroundings, surroundings.mesh, SpatialKind::Slip)?;
-            let friction_scale = compliance_m_per_pa_s.value.recip();
-            let scaled = Scaled { system: &system, friction_scale, density_scale: 0.0 };
-            job.step(&scaled, &[&stages.law], |z| system.freedoms.nodal_displacement(z))
-        }
-        Some(Spatial::Pocket { radius_ratio, elastic_loss }) => {
-            let radius_m = radius_ratio.value * surroundings.sizes.robot_radius_m;
-            let mesh = surroundings.pocket_mesh(radius_m)?;
-            let system = SpatialSystem::new(surroundings, &mesh, SpatialKind::Pocket { radius_m })?;
-            let scaled = Scaled { system: &system, friction_scale: 0.0, density_scale: 0.0 };
-            let inside = pocket_law(&stages.law, *elastic_loss)?;
-            let run = job.step(&scaled, &[&inside, &stages.law], |z| system.freedoms.nodal_displacement(z))?;
-            Ok(SpatialRun { mesh: Some(mesh), ..run })
-        }
-        Some(Spatial::Nonlinear(_)) => Err(Error::numerical(
-            "a law that is not linear has no matrices of its own",
-            "run it by the balance of `fe::nonlinear`",
-        )),
-        Some(Spatial::PoreFlow { mobility_m2_per_pa_s, drained_poisson_ratio }) => {
-            let model = PoreModel::new(surroundings.mesh, surroundings.stiffness, surroundings.poisson_ratio)?;
-            let body = model.drained(drained_poisson_ratio.value)?;
-            let pores = CondensedPores::new(&body, mobility_m2_per_pa_s.value);
-            let unknowns = &surroundings.stiffness.assembly.unknowns;
-            job.step(&pores, &[&stages.law], |z| unknowns.nodal_displacement(&pores.displacements(z)))
-        }
-    }
+/// A record that is stepped through: row i's commanded force (N) holds on [tᵢ, tᵢ₊₁), tᵢ in s.
+#[derive(Debug, Clone, Copy)]
+pub struct SpatialJob<'a> {
+    /// Load, law and observation.
+    pub stages: &'a Stages,
+    /// Times in s.
+    pub time_s: &'a [f64],
+    /// Commanded forces in N.
+    pub force_n: &'a [f64],
+    /// Rows at which fields are wanted.
+    pub rows: &'a [usize],
+    /// Length of the steps.
+    pub resolution: Resolution,
 }
 
 /// Positions (m) at rows by superposition: a force that does not depend on the position acts on a linear system, so that one step of it, stepped once through
@@ -171,22 +67,41 @@ fn superposed(
     Ok(position_m)
 }
 
-/// What all runs share.
-struct Job<'a> {
-    stages: &'a Stages,
-    time_s: &'a [f64],
-    force_n: &'a [f64],
-    rows: &'a [usize],
-    resolution: Resolution,
-}
+impl SpatialJob<'_> {
+    /// Steps a gel with something beside its law.
+    ///
+    /// # Errors
+    /// [`Error::Numerical`] where the gel softens beside it, or the run fails.
+    pub fn run(&self, system: &SpatialSystem, beside: &Beside) -> Result<SpatialRun> {
+        let (stepped, laws) = SteppedSystem::new(system, &self.stages.law, beside);
+        self.step(&stepped, &laws, |z| system.freedoms.nodal_displacement(z))
+    }
 
-impl Job<'_> {
+    /// Steps a gel that water leaves: mobility in m²/(Pa·s), Poisson ratio of the skeleton.
+    ///
+    /// # Errors
+    /// As [`Self::run`].
+    pub fn run_pores(&self, surroundings: &Surroundings<'_>, mobility: f64, drained_ratio: f64) -> Result<SpatialRun> {
+        let model = PoreModel::new(surroundings.mesh, surroundings.stiffness, surroundings.poisson_ratio)?;
+        let body = model.drained(drained_ratio)?;
+        let pores = CondensedPores::new(&body, mobility);
+        let unknowns = &surroundings.stiffness.assembly.unknowns;
+        let laws = [self.stages.law.clone()];
+        self.step(&pores, &laws, |z| unknowns.nodal_displacement(&pores.displacements(z)))
+    }
+
     fn step(
         &self,
         system: &dyn TransientSystem,
-        laws: &[&Vec<Element>],
+        laws: &[Vec<Element>],
         nodal: impl Fn(&[f64]) -> Vec<[f64; 3]>,
     ) -> Result<SpatialRun> {
+        if !self.stages.softening_rate_per_s.is_constant(0.0) {
+            return Err(Error::numerical(
+                "a gel that softens while it is measured is not stepped beside an effect that changes the field",
+                "leave one of them out",
+            ));
+        }
         let load = &self.stages.load;
         let steps = switches(load, self.time_s, self.force_n);
         let load = Load {

@@ -1,74 +1,58 @@
-//! The matrices of each effect.
+//! Two matrices on one set of unknowns: the gel's, and that of what stands beside its law.
 
-use nalgebra::{DMatrix, Vector3};
+use nalgebra::DMatrix;
 use rayon::prelude::*;
 
-use super::run::Surroundings;
-use super::{Freedoms, SymmetricMatrix, SymmetricSolver};
+use super::surroundings::Surroundings;
+use super::{Freedoms, SymmetricFactor, SymmetricMatrix, SymmetricSolver};
 use crate::error::Result;
 use crate::fe::assembly::unit_moduli;
 use crate::fe::element::TabulatedElement;
 use crate::fe::ordering::nested_dissection;
-use crate::fe::surface::for_each_robot_point;
 use crate::fe::transient::{Part, StageSolve, StageWeights, TransientSystem};
 use crate::mesh::Mesh;
+use crate::rheology::{Beside, Element};
 
-/// Which effect.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum SpatialKind {
-    /// Mass of gel and robot.
-    Inertia,
-    /// Slip along the robot's surface.
-    Slip,
-    /// A second law inside a radius (m) around the origin; elements lie inside or outside as their middles do.
-    Pocket {
-        /// Radius in m.
-        radius_m: f64,
-    },
-}
-
-/// The matrices of one effect at one Poisson ratio, for unit Young's modulus (m), unit density scale (kg) and unit friction (m²).
+/// The matrices of one effect at one Poisson ratio.
 #[derive(Debug)]
 pub struct SpatialSystem {
     /// The unknowns.
     pub freedoms: Freedoms,
-    /// One for each law: the whole gel's, or the pocket's and the rest's.
-    pub stiffness: Vec<SymmetricMatrix>,
-    /// Of slip.
-    pub damping: Option<SymmetricMatrix>,
-    /// Of gel and robot.
-    pub mass: Option<SymmetricMatrix>,
+    /// What the gel's law multiplies: stiffness for unit Young's modulus, in m.
+    pub gel: SymmetricMatrix,
+    /// What stands beside it: a stiffness for unit modulus (m), a mass for unit density scale (kg), or a friction for unit coefficient (m²).
+    pub second: SymmetricMatrix,
     solver: SymmetricSolver,
 }
 
+/// How two matrices are split into terms.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Splitting {
+    /// Factor of the second matrix at which the two make the energy norm: at 0 a term is w/(G + μ B), with B what stands beside the law; at 1 it is w/((1 − θ) G + θ B).
+    pub reference: f64,
+    /// Factors over the reference at which the full model is solved.
+    pub snapshots: Vec<f64>,
+    /// Whether at the effect's null the second matrix holds fast, so that the fields which leave it alone are all that is left.
+    pub is_rigid_at_null: bool,
+}
+
+/// From the lowest to the highest, so many a decade.
+pub fn decades(lowest: f64, highest: f64, per_decade: f64) -> Vec<f64> {
+    let n = ((highest / lowest).log10() * per_decade).ceil() as usize;
+    (0..=n).map(|k| lowest * (highest / lowest).powf(k as f64 / n as f64)).collect()
+}
+
 impl SpatialSystem {
-    /// Assembles the matrices on the surroundings' mesh, or on another of the same gel.
+    /// Prepares the factors of two matrices that were assembled on a mesh.
     ///
     /// # Errors
-    /// [`crate::Error::Numerical`] for inverted elements and for meshes without a robot.
-    pub fn new(surroundings: &Surroundings<'_>, mesh: &Mesh, kind: SpatialKind) -> Result<Self> {
-        let freedoms = match kind {
-            SpatialKind::Slip => Freedoms::slipping(mesh)?,
-            SpatialKind::Inertia | SpatialKind::Pocket { .. } => Freedoms::tied(mesh)?,
-        };
-        let stiffness = match kind {
-            SpatialKind::Pocket { radius_m } => {
-                let inside = |nodes: &[u32]| middle_distance_m(mesh, nodes) < radius_m;
-                vec![
-                    stiffness(surroundings, mesh, &freedoms, |nodes| inside(nodes))?,
-                    stiffness(surroundings, mesh, &freedoms, |nodes| !inside(nodes))?,
-                ]
-            }
-            SpatialKind::Inertia | SpatialKind::Slip => vec![stiffness(surroundings, mesh, &freedoms, |_| true)?],
-        };
-        let damping = if kind == SpatialKind::Slip { Some(friction(mesh, &freedoms)?) } else { None };
-        let mass = if kind == SpatialKind::Inertia { Some(mass(surroundings, mesh, &freedoms)?) } else { None };
+    /// As [`SymmetricSolver::new`].
+    pub fn new(mesh: &Mesh, freedoms: Freedoms, gel: SymmetricMatrix, second: SymmetricMatrix) -> Result<Self> {
         let n_nodes_per_element = mesh.element_kind.n_nodes();
         let node_order =
             nested_dissection(mesh.n_nodes(), &mesh.connectivity, n_nodes_per_element, &mesh.node_coordinates_m);
-        let matrices: Vec<&SymmetricMatrix> = stiffness.iter().chain(&damping).chain(&mass).collect();
-        let solver = SymmetricSolver::new(&matrices, &freedoms.elimination_order(&node_order))?;
-        Ok(Self { freedoms, stiffness, damping, mass, solver })
+        let solver = SymmetricSolver::new(&[&gel, &second], &freedoms.elimination_order(&node_order))?;
+        Ok(Self { freedoms, gel, second, solver })
     }
 
     /// Number of unknowns.
@@ -76,35 +60,28 @@ impl SpatialSystem {
         self.freedoms.count()
     }
 
-    /// All matrices: stiffness of each law, friction, mass.
-    pub fn matrices(&self) -> Vec<&SymmetricMatrix> {
-        self.stiffness.iter().chain(&self.damping).chain(&self.mass).collect()
-    }
-
-    /// Factor of Σ weight × matrix, in the order of [`Self::matrices`].
+    /// Factor of the gel's matrix and of the second, weighted.
     ///
     /// # Errors
     /// [`crate::Error::Numerical`] where the sum is not positive definite.
-    pub fn factor(&self, weights: &[f64]) -> Result<super::SymmetricFactor<'_>> {
-        self.solver.factor(&self.matrices(), weights)
+    pub fn factor(&self, weights: [f64; 2]) -> Result<SymmetricFactor<'_>> {
+        self.solver.factor(&[&self.gel, &self.second], &weights)
     }
 
-    /// Σ weight × matrix, in the order of [`Self::matrices`].
+    /// The gel's matrix and the second, weighted.
     ///
     /// # Errors
     /// As [`SymmetricMatrix::from_triplets`].
-    pub fn sum(&self, weights: &[f64]) -> Result<SymmetricMatrix> {
-        SymmetricMatrix::sum(self.n_unknowns(), &self.matrices(), weights)
+    pub fn sum(&self, weights: [f64; 2]) -> Result<SymmetricMatrix> {
+        SymmetricMatrix::sum(self.n_unknowns(), &[&self.gel, &self.second], &weights)
     }
 }
 
-fn middle_distance_m(mesh: &Mesh, nodes: &[u32]) -> f64 {
-    let sum: Vector3<f64> = nodes.iter().map(|&n| Vector3::from(mesh.node_coordinates_m[n as usize])).sum();
-    sum.norm() / nodes.len() as f64
-}
-
-/// Element matrices, computed in parallel, in the order of the elements.
-fn element_matrices<'a>(
+/// Matrices of the elements that are wanted by their nodes, computed in parallel from the nodes' coordinates (m), in the order of the elements.
+///
+/// # Errors
+/// Those of `matrix`.
+pub fn element_matrices<'a>(
     mesh: &'a Mesh,
     is_wanted: impl Fn(&[u32]) -> bool,
     matrix: impl Fn(&[[f64; 3]]) -> Result<DMatrix<f64>> + Sync,
@@ -117,7 +94,11 @@ fn element_matrices<'a>(
     wanted.par_iter().map(of_element).collect()
 }
 
-fn stiffness(
+/// Stiffness (m) of the elements that are wanted by their nodes, for unit Young's modulus.
+///
+/// # Errors
+/// [`crate::Error::Numerical`] for inverted elements.
+pub fn stiffness(
     surroundings: &Surroundings<'_>,
     mesh: &Mesh,
     freedoms: &Freedoms,
@@ -132,103 +113,68 @@ fn stiffness(
     SymmetricMatrix::assemble(freedoms, elements.into_iter())
 }
 
-/// ∫ ρ u·v over the gel, and the robot's mass.
-fn mass(surroundings: &Surroundings<'_>, mesh: &Mesh, freedoms: &Freedoms) -> Result<SymmetricMatrix> {
-    let table = TabulatedElement::of(mesh.element_kind);
-    let n = table.n_nodes;
-    let mut elements = element_matrices(
-        mesh,
-        |_| true,
-        |coordinates_m| {
-            let mut matrix = DMatrix::zeros(3 * n, 3 * n);
-            table.for_each_point(coordinates_m, |point| {
-                let weight = surroundings.sizes.gel_density_kg_m3 * point.volume_m3;
-                for (a, shape_a) in point.shape.iter().enumerate() {
-                    for (b, shape_b) in point.shape.iter().enumerate() {
-                        let value = weight * shape_a * shape_b;
-                        (0..3).for_each(|i| matrix[(3 * a + i, 3 * b + i)] += value);
-                    }
-                }
-            })?;
-            Ok(matrix)
-        },
-    )?;
-    // On any one node of the robot's surface, whose translation all share.
-    let mut of_robot = DMatrix::zeros(3, 3);
-    of_robot[(0, 0)] = freedoms.share() * surroundings.sizes.robot_mass_kg;
-    let robot_node = &mesh.robot_nodes[..1];
-    elements.push((robot_node, of_robot));
-    SymmetricMatrix::assemble(freedoms, elements.into_iter())
+/// What the second matrix does, at one size of the effect.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Second {
+    /// It resists by a law of its own.
+    Stiffness,
+    /// It resists velocities, by so many Pa·s/m.
+    Damping(f64),
+    /// It resists accelerations, so many times.
+    Mass(f64),
 }
 
-/// ∫ g·g over the robot's surface, g the tangential slip.
-fn friction(mesh: &Mesh, freedoms: &Freedoms) -> Result<SymmetricMatrix> {
-    let mut triplets = Vec::new();
-    for_each_robot_point(mesh, |point| {
-        let normal = Vector3::from(point.normal);
-        // The slip that each unknown makes here, along the surface.
-        let mut slips: Vec<(u32, Vector3<f64>)> = Vec::new();
-        for (&node, &shape) in point.nodes.iter().zip(point.shape) {
-            for i in 0..3 {
-                for &(unknown, share) in freedoms.of(node, i).iter().filter(|(unknown, _)| freedoms.is_slip(*unknown)) {
-                    let mut direction = Vector3::zeros();
-                    direction[i] = share * shape;
-                    match slips.iter_mut().find(|(other, _)| *other == unknown) {
-                        Some((_, sum)) => *sum += direction,
-                        None => slips.push((unknown, direction)),
-                    }
-                }
+/// A system with something beside the law, ready to be stepped.
+pub struct SteppedSystem<'a> {
+    system: &'a SpatialSystem,
+    second: Second,
+}
+
+impl<'a> SteppedSystem<'a> {
+    /// The system, and its laws in the order of [`Part::Stiffness`].
+    pub fn new(system: &'a SpatialSystem, law: &[Element], beside: &Beside) -> (Self, Vec<Vec<Element>>) {
+        let (second, own) = match beside {
+            Beside::Friction { compliance } => (Second::Damping(compliance.value.recip()), None),
+            Beside::Mass { scale } => (Second::Mass(scale.value), None),
+            Beside::Spring { compliance_per_pa } => {
+                (Second::Stiffness, Some(vec![Element::Compliance { compliance_per_pa: *compliance_per_pa }]))
             }
-        }
-        for (_, slip) in &mut slips {
-            *slip -= normal * normal.dot(slip);
-        }
-        for (i, a) in &slips {
-            for (j, b) in slips.iter().filter(|(j, _)| i <= j) {
-                triplets.push(faer::sparse::Triplet::new(*i, *j, point.area_m2 * a.dot(b)));
-            }
-        }
-    });
-    SymmetricMatrix::from_triplets(freedoms.count(), &triplets)
+            Beside::Law(own) => (Second::Stiffness, Some(own.clone())),
+        };
+        (Self { system, second }, own.into_iter().chain([law.to_vec()]).collect())
+    }
 }
 
-/// A system at one friction (Pa·s/m) and one density scale, ready to be stepped.
-pub struct Scaled<'a> {
-    /// The matrices.
-    pub system: &'a SpatialSystem,
-    /// β in Pa·s/m.
-    pub friction_scale: f64,
-    /// Density over the given one.
-    pub density_scale: f64,
-}
-
-impl TransientSystem for Scaled<'_> {
+impl TransientSystem for SteppedSystem<'_> {
     fn n_unknowns(&self) -> usize {
         self.system.freedoms.count()
     }
     fn n_laws(&self) -> usize {
-        self.system.stiffness.len()
+        1 + usize::from(self.second == Second::Stiffness)
     }
     fn has_mass(&self) -> bool {
-        self.system.mass.is_some()
+        matches!(self.second, Second::Mass(_))
     }
     fn factor(&self, weights: &StageWeights) -> Result<StageSolve<'_>> {
-        let mut all = weights.stiffness.clone();
-        all.extend(self.system.damping.iter().map(|_| self.friction_scale * weights.damping_per_pa_s));
-        all.extend(self.system.mass.iter().map(|_| self.density_scale * weights.mass_per_pa_s2));
-        let factor = self.system.factor(&all)?;
+        let second = match self.second {
+            Second::Stiffness => weights.stiffness[0],
+            Second::Damping(scale) => scale * weights.damping_per_pa_s,
+            Second::Mass(scale) => scale * weights.mass_per_pa_s2,
+        };
+        let factor = self.system.factor([weights.stiffness[self.n_laws() - 1], second])?;
         Ok(Box::new(move |right_hand_side: &mut [f64]| {
             factor.solve_in_place(right_hand_side);
             Ok(())
         }))
     }
     fn add_product(&self, part: Part, x: &[f64], result: &mut [f64]) {
-        let (matrix, scale) = match part {
-            Part::Stiffness(law) => (self.system.stiffness.get(law), 1.0),
-            Part::Damping => (self.system.damping.as_ref(), self.friction_scale),
-            Part::Mass => (self.system.mass.as_ref(), self.density_scale),
+        let (gel, second) = (&self.system.gel, &self.system.second);
+        let (matrix, scale) = match (part, self.second) {
+            (Part::Stiffness(0), Second::Stiffness) => (second, 1.0),
+            (Part::Stiffness(_), _) => (gel, 1.0),
+            (Part::Damping, Second::Damping(scale)) | (Part::Mass, Second::Mass(scale)) => (second, scale),
+            _ => return,
         };
-        let Some(matrix) = matrix else { return };
         let product = matrix.product(x);
         for (sum, value) in result.iter_mut().zip(product) {
             *sum += scale * value;

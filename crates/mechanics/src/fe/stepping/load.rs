@@ -1,7 +1,7 @@
 //! The load as it is defined (physics §5): delay, factors by sign, offset, lag, gradient.
 
-use crate::effects::{LARGEST_FEEDBACK, Load};
 use crate::error::{Error, Result};
+use crate::stages::{LARGEST_FEEDBACK, Load};
 use nalgebra::{Matrix3, Vector3};
 
 /// A change of the force that enters the lag.

@@ -20,8 +20,8 @@ pub(crate) mod steps;
 pub(crate) use load::switches;
 
 use super::time::FullOrderModel;
-use crate::effects::{Approach, Observation, Stages};
 use crate::error::{Error, Result};
+use crate::stages::{Approach, Observation, Stages};
 
 /// How fine the steps are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

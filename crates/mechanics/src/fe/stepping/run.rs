@@ -6,8 +6,8 @@ use super::network::{Network, NetworkStep};
 use super::radau::Radau;
 use super::springpot::RateRange;
 use super::steps::{Grading, StepRule};
-use crate::effects::Stages;
 use crate::error::Result;
+use crate::stages::Stages;
 use nalgebra::{Matrix3, Vector3};
 use std::collections::HashMap;
 

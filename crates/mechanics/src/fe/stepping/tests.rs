@@ -2,9 +2,9 @@
 
 use super::run::strains;
 use super::{Observation, Resolution, observed};
-use crate::effects::{Approach, LARGEST_FEEDBACK, Stages};
 use crate::number::Dual;
 use crate::rheology::{BaseLaw, Element};
+use crate::stages::{Approach, LARGEST_FEEDBACK, Stages};
 use statrs::function::erf::erfc;
 use statrs::function::gamma::gamma;
 

@@ -9,10 +9,10 @@ use super::output::{Output, State};
 use super::sdirk::{DIAGONAL, LOWER, N_STAGES, predict};
 use super::steps::Grading;
 use super::{Part, StageSolve, StageWeights, TransientSystem};
-use crate::effects::LARGEST_FEEDBACK;
 use crate::error::{Error, Result};
 use crate::fe::stepping::run::CLOCK_ROUNDING;
 use crate::rheology::CreepCompliance;
+use crate::stages::LARGEST_FEEDBACK;
 
 /// How fine the steps are.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -3,13 +3,13 @@
 use nalgebra::{DMatrix, DVector, SMatrix, SVector};
 
 use super::*;
-use crate::effects::Stages;
 use crate::fe::element::TabulatedElement;
 use crate::fe::time::{FullOrderModel, TimeScheme};
 use crate::fe::{Assembly, Stiffness, stepping};
 use crate::mesh::{Mesh, QuarterBall};
 use crate::number::Dual;
 use crate::rheology::BaseLaw;
+use crate::stages::Stages;
 
 /// E, c₁, c₂ of the paper, a series spring.
 const PARAMETERS: [f64; 4] = [3.527, 1.402, 47.370, 20.0];
@@ -398,7 +398,7 @@ fn springpots_are_those_of_the_other_stepper() {
     assert!(error < 1e-6, "{error:e}");
 }
 
-const LARGEST: f64 = crate::effects::LARGEST_FEEDBACK;
+const LARGEST: f64 = crate::stages::LARGEST_FEEDBACK;
 
 #[test]
 fn laws_that_do_not_fit_are_refused() {

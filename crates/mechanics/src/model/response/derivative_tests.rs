@@ -3,9 +3,9 @@
 use super::Response;
 use super::numbers::Number;
 use super::tests::{largest, record, respond_with, rich_law, spectrum};
-use crate::effects::{Approach, Stages};
 use crate::number::Dual;
 use crate::rheology::{RetardationSpectrum, SpectralMode};
+use crate::stages::{Approach, Stages};
 
 /// Everything that a model may move: the stages' numbers, the spectrum's, and the compliance.
 #[derive(Clone)]

@@ -13,8 +13,8 @@ use super::schedule::{Piece, Schedule};
 use super::system::LARGEST_STATE;
 use super::system::System;
 use super::transition::Transition;
-use crate::effects::LARGEST_FEEDBACK;
 use crate::number::PointScalar;
+use crate::stages::LARGEST_FEEDBACK;
 
 /// Position (m) of the robot at every row.
 pub(super) fn run<S: Number>(record: &Record, system: &System<S>, position_m: &mut [S]) {

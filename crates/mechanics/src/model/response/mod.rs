@@ -24,10 +24,10 @@ mod transition;
 
 pub use numbers::{Lanes, N_LANES};
 
-use crate::effects::{LARGEST_FEEDBACK, Spread, Stages};
 use crate::error::{Error, Result};
 use crate::number::{Dual, PointScalar, Scalar};
 use crate::rheology::TimeWindow;
+use crate::stages::{LARGEST_FEEDBACK, Spread, Stages};
 use numbers::{Number, Real};
 use record::Record;
 use system::{Lowered, System};

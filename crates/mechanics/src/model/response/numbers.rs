@@ -2,9 +2,9 @@
 
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub};
 
-use crate::effects::{FieldStepper, Stages};
 use crate::error::Result;
 use crate::number::{Dual, PointScalar, Scalar};
+use crate::stages::{FieldStepper, Stages};
 
 /// Points that one pass carries.
 pub const N_LANES: usize = 8;

@@ -3,9 +3,9 @@ use super::super::numbers::Number;
 use super::super::system::{Levels, Lowered};
 use super::super::{Lanes, Response};
 use super::*;
-use crate::effects::Stages;
 use crate::number::Dual;
 use crate::rheology::{BaseLaw, Element, RetardationSpectrum, TimeWindow};
+use crate::stages::Stages;
 
 const COMPLIANCE_PER_M: f64 = 549.0;
 const N_ROWS: usize = 240;

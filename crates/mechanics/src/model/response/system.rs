@@ -6,10 +6,10 @@
 
 use super::grading::Grading;
 use super::numbers::{Complex, N_LANES, Number, Real, gather};
-use crate::effects::{Spatial, Spread, Stages};
 use crate::error::{Error, Result};
 use crate::number::Dual;
 use crate::rheology::{Accuracy, RetardationSpectrum, TimeWindow};
+use crate::stages::{Spatial, Spread, Stages};
 
 /// Most modes that are stepped exactly: beyond, the matrix costs more than a scheme.
 pub(super) const LARGEST_STATE: usize = 4;

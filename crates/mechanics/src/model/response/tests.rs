@@ -3,12 +3,12 @@
 use super::numbers::Number;
 use super::system::{Levels, Lowered};
 use super::{Lanes, N_LANES, Response};
-use crate::effects::{Approach, Stages};
 use crate::model::convolve_m;
 use crate::number::{Dual, PointScalar};
 use crate::rheology::{
     BaseLaw, CreepCompliance, Element, OscillatingMode, RetardationSpectrum, SpectralMode, TimeWindow,
 };
+use crate::stages::{Approach, Stages};
 
 const COMPLIANCE_PER_M: f64 = 549.0;
 const LETHERSICH: [f64; 3] = [3.527, 1.402, 47.37];

@@ -6,10 +6,10 @@
 //! processor, since the time of its passes grows with the square of a function's length.
 
 use super::lanes::{Block, N_LANES, Plain};
-use crate::effects::Nonlinearity;
 use crate::fe::nonlinear::Bodies;
 use crate::fe::nonlinear::point::{EQUIVALENT, Number, Radial, STIFFENING_START, StageLaw};
 use crate::number::PointScalar;
+use crate::stages::Nonlinearity;
 use pulp::{Simd, WithSimd};
 
 /// A strain or stress at the points of a block.

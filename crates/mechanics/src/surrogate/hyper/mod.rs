@@ -18,10 +18,10 @@ mod train;
 
 pub use train::{HyperSettings, build};
 
-use crate::effects::{FieldStepper, Load, NonlinearFamily, Nonlinearity, Spatial, Stages};
 use crate::error::{Error, Result};
 use crate::fe::nonlinear::Bodies;
 use crate::number::{Dual, PointScalar};
+use crate::stages::{FieldStepper, Load, NonlinearFamily, Nonlinearity, Spatial, Stages};
 use kernel::CubaturePoints;
 use lanes::{Block, Carrying, Plain};
 use nalgebra::{DMatrix, DVector};

@@ -6,7 +6,6 @@
 
 use super::kernel::{self, Advance, At, BlockTensor, CubaturePoints, Forces, ForcesAndTangent, Given};
 use super::lanes::{Block, N_LANES, Plain};
-use crate::effects::Load;
 use crate::error::{Error, Result};
 use crate::fe::nonlinear::Bodies;
 use crate::fe::nonlinear::Scheme;
@@ -15,6 +14,7 @@ use crate::fe::nonlinear::tableau::Tableau;
 use crate::fe::stepping::load::check_feedback;
 use crate::fe::stepping::run::CLOCK_ROUNDING;
 use crate::number::{PointScalar, Scalar};
+use crate::stages::Load;
 use pulp::Simd;
 
 /// Nodes of an interpolation.

@@ -1,7 +1,6 @@
 //! The surrogate against full finite elements at parameters, laws, records and loads that it was not trained with.
 
 use super::*;
-use crate::effects::{Spread, Stepped, YIELD_SMOOTHING};
 use crate::fe::Stiffness;
 use crate::fe::nonlinear::{NonlinearModel, Options};
 use crate::fe::spatial::{Sizes, Surroundings};
@@ -9,6 +8,7 @@ use crate::fe::time::FullOrderModel;
 use crate::mesh::{Mesh, QuarterBall};
 use crate::model::Response;
 use crate::rheology::BaseLaw;
+use crate::stages::{Spread, Stepped, YIELD_SMOOTHING};
 use std::sync::OnceLock;
 
 const FORCE_N: f64 = 4.6e-6;

@@ -6,7 +6,6 @@
 
 use super::cubature;
 use super::{HyperModel, HyperReduced, N_MODES};
-use crate::effects::{NonlinearFamily, Nonlinearity, Spatial, Spread, Stages, Stepped, YIELD_SMOOTHING};
 use crate::error::{Error, Result};
 use crate::fe::Stiffness;
 use crate::fe::nonlinear::{NonlinearModel, NonlinearRun, Options, Scheme};
@@ -17,6 +16,7 @@ use crate::mesh::QuarterBall;
 use crate::model::Response;
 use crate::number::Dual;
 use crate::rheology::{BaseLaw, Element};
+use crate::stages::{NonlinearFamily, Nonlinearity, Spatial, Spread, Stages, Stepped, YIELD_SMOOTHING};
 use crate::surrogate::pod::{EnergyProduct, Pod};
 use rayon::prelude::*;
 use std::f64::consts::PI;

@@ -3,9 +3,9 @@
 //! With the first body's modulus E as the unit of stress, a law under a given force differs from another by its times c/E and its ratios of moduli, by how far it is from a linear one,
 //! and by a factor 1/E of all displacements. So one number less has to be covered than a law has, and that the one which data hold best.
 
-use crate::effects::{NonlinearFamily, Nonlinearity, Spatial, Stages};
 use crate::number::{Dual, Scalar};
 use crate::rheology::Element;
+use crate::stages::{NonlinearFamily, Nonlinearity, Spatial, Stages};
 use std::f64::consts::{LN_2, PI};
 
 /// Stiffening shows where β (x/R)² comes to this.

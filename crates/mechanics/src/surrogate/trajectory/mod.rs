@@ -10,10 +10,10 @@ mod polynomial;
 #[cfg(test)]
 mod tests;
 
-use crate::effects::{FieldStepper, NonlinearFamily, Spatial, Stages, Stepped};
 use crate::error::Result;
 use crate::model::Compliance;
 use crate::number::{Dual, Scalar};
+use crate::stages::{FieldStepper, NonlinearFamily, Spatial, Stages, Stepped};
 use chart::Chart;
 use coordinates::{Kind, Place, Sizes, amplitude_m, stages_at, widths};
 use polynomial::Basis;

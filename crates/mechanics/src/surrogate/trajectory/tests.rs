@@ -1,11 +1,11 @@
 //! Remembered trajectories against the stepper, at points that trained nothing.
 
 use super::*;
-use crate::effects::{Nonlinearity, YIELD_SMOOTHING};
 use crate::fe::Stiffness;
 use crate::fe::spatial::{Sizes as BodySizes, Surroundings};
 use crate::mesh::QuarterBall;
 use crate::rheology::BaseLaw;
+use crate::stages::{Nonlinearity, YIELD_SMOOTHING};
 use crate::surrogate::hyper::{self, HyperModel, HyperSettings};
 use rayon::prelude::*;
 

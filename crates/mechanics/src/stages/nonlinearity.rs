@@ -1,9 +1,7 @@
 //! Laws that are not linear (physics §5): one body of the base law whose stress does not grow in proportion.
 
-use super::first_body::{body, elements_of, in_series};
 use crate::error::{Error, Result};
 use crate::number::{Dual, PointScalar};
-use crate::rheology::{BaseLaw, Element};
 use serde::{Deserialize, Serialize};
 
 /// Which of the laws.
@@ -119,20 +117,4 @@ impl<N> Nonlinearity<N> {
             Self::YieldStress { .. } => NonlinearFamily::YieldStress,
         }
     }
-}
-
-/// Why a base law cannot have a body that is not linear, if it cannot: it must be Kelvin–Voigt bodies, springs and one dashpot in series.
-pub(super) fn conflict(base: &BaseLaw) -> Option<&'static str> {
-    let law = elements_of(base);
-    let (mut bodies, mut dashpots, mut others) = (0, 0, 0);
-    for element in in_series(&law) {
-        match (element, body(element)) {
-            (_, Some((_, Element::Dashpot { .. }))) => bodies += 1,
-            (Element::Dashpot { .. }, _) => dashpots += 1,
-            (Element::Spring { .. }, _) => {}
-            _ => others += 1,
-        }
-    }
-    let is_suited = bodies > 0 && dashpots == 1 && others == 0 && law.len() == in_series(&law).len();
-    (!is_suited).then_some("its elements must be Kelvin–Voigt bodies, springs and one dashpot in series")
 }

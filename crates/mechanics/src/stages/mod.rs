@@ -3,7 +3,10 @@
 //! A base law and effects write themselves into [`Stages`]; the reduced model evaluates them in closed form and the full-order model by its
 //! own time stepping. Stages say which equations hold, never how they are solved.
 
-use super::Nonlinearity;
+mod nonlinearity;
+
+pub use nonlinearity::{NonlinearFamily, Nonlinearity, YIELD_SMOOTHING};
+
 use crate::error::Result;
 use crate::number::Dual;
 use crate::rheology::{Beside, Element, SpreadTerm};
@@ -31,32 +34,21 @@ pub struct Stages {
 /// An effect that changes the displacement field (physics §5).
 #[derive(Debug, Clone, PartialEq)]
 pub enum Spatial {
-    /// Mass of gel and robot.
-    Inertia {
-        /// Densities over the experiment's.
-        density_scale: Dual,
-    },
-    /// ġ = t/β along the robot's surface.
-    Slip {
-        /// 1/β in m/(Pa·s).
-        compliance_m_per_pa_s: Dual,
-    },
-    /// Another law around the robot.
-    Pocket {
-        /// Radius over the robot's.
-        radius_ratio: Dual,
-        /// φ of E → (1 − φ) E there.
-        elastic_loss: Dual,
-    },
-    /// Water that leaves.
-    PoreFlow {
-        /// k in m²/(Pa·s).
-        mobility_m2_per_pa_s: Dual,
-        /// Poisson ratio of the skeleton.
-        drained_poisson_ratio: Dual,
-    },
+    /// A linear one: in part of the field something stands beside the law.
+    Linear(LinearField),
     /// One body of the law is not linear.
     Nonlinear(Nonlinearity<Dual>),
+}
+
+/// What stands beside the law, and where.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LinearField {
+    /// Slug of the effect, which knows the field.
+    pub effect: &'static str,
+    /// The number that the field's shape depends on, such as a radius or a Poisson ratio; `None` where there is one shape only.
+    pub shape: Option<Dual>,
+    /// What stands beside the law there.
+    pub beside: Beside,
 }
 
 /// The law spread over the gel: what a reduced model makes of [`Spatial`].
