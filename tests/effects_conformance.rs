@@ -84,6 +84,7 @@ fn the_library_is_the_one_of_physics_section_5_in_the_order_of_application() {
         "inertia",
         "interface-slip",
         "liquefied-pocket",
+        "outer-wall-compliance",
         "poroelasticity",
         "strain-stiffening",
         "shear-thinning",
@@ -338,7 +339,14 @@ fn instruments_take_all_but_what_needs_finite_elements() {
     let instrument = Scales { poisson_ratio: None, ..PORCINE };
     for &effect in EFFECTS {
         let outcome = model(BaseLaw::Lethersich, &[effect], instrument);
-        let linear = ["compressibility", "inertia", "interface-slip", "liquefied-pocket", "poroelasticity"];
+        let linear = [
+            "compressibility",
+            "inertia",
+            "interface-slip",
+            "liquefied-pocket",
+            "outer-wall-compliance",
+            "poroelasticity",
+        ];
         let needs_a_field = linear.contains(&effect.slug()) || NONLINEAR.contains(&effect.slug());
         assert_eq!(outcome.is_err(), needs_a_field, "{}", effect.slug());
     }

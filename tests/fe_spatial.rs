@@ -127,6 +127,47 @@ fn sphere_in_pocket(nu: f64, soft: f64, ratio: f64) -> f64 {
     16.0 * PI * soft * mu * (1.0 - nu) * amplitudes[1] * RADIUS_M
 }
 
+/// The same of a tied sphere in a gel (E = 1 Pa) whose outer surface stands on springs of k Pa/m.
+fn sphere_within_springs(nu: f64, k_pa_per_m: f64) -> f64 {
+    let mu = 1.0 / (2.0 * (1.0 + nu));
+    let ratio = OUTER_RADIUS_M / RADIUS_M;
+    let (inner, outer) = (modes(nu, 1.0), modes(nu, ratio));
+    let mut matrix = DMatrix::zeros(4, 4);
+    for mode in 0..4 {
+        let [a, b, ..] = outer[mode];
+        let [shear, normal] = tractions(nu, mu, ratio, outer[mode]);
+        (matrix[(0, mode)], matrix[(1, mode)]) = (inner[mode][0], inner[mode][1]);
+        matrix[(2, mode)] = shear + k_pa_per_m * RADIUS_M * a;
+        matrix[(3, mode)] = normal + k_pa_per_m * RADIUS_M * (a + b);
+    }
+    let amplitudes = matrix.lu().solve(&DVector::from_vec(vec![1.0, 0.0, 0.0, 0.0])).expect("regular");
+    16.0 * PI * mu * (1.0 - nu) * amplitudes[1] * RADIUS_M
+}
+
+/// The closed form itself: a fixed surface is physics §4.2; on soft springs the gel moves as a body.
+#[test]
+fn the_closed_form_of_the_wall_has_the_known_limits() {
+    assert!((sphere_within_springs(0.48, 1e12) / 1.820_902_396e-3 - 1.0).abs() < 1e-6);
+    let k = 1e-6;
+    assert!((sphere_within_springs(0.48, k) / (4.0 * PI * OUTER_RADIUS_M.powi(2) * k) - 1.0).abs() < 1e-5);
+}
+
+#[test]
+fn the_wall_meets_the_closed_form_and_converges() {
+    for nu in [0.3, 0.48, 0.499] {
+        let mut errors: Vec<Vec<f64>> = Vec::new();
+        for level in [2, 3] {
+            let system = system(level, nu, pair("outer-wall-compliance"), None);
+            let error = |k: &f64| stiffness(&system, [1.0, k * OUTER_RADIUS_M]) / sphere_within_springs(nu, *k) - 1.0;
+            errors.push([1e-2, 1.0, 1e2, 1e4].iter().map(error).collect());
+        }
+        println!("wall, ν = {nu}: {errors:?}");
+        for (coarse, fine) in errors[0].iter().zip(&errors[1]) {
+            assert!(fine.abs() < 3e-4 && fine.abs() < 0.6 * coarse.abs(), "ν = {nu}: {coarse:e}, {fine:e}");
+        }
+    }
+}
+
 /// The closed form itself: no slip is physics §4.2, free slip and what is between tend to §4.7 far from the wall in an incompressible gel.
 #[test]
 fn the_closed_form_of_slip_has_the_known_limits() {

@@ -48,8 +48,8 @@ impl Effect for ForceGradient {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::stages::LARGEST_FEEDBACK;
     use crate::effects::test_scales::SCALES;
+    use crate::stages::LARGEST_FEEDBACK;
 
     /// The law that the effect is the first order of: F ∝ d⁻⁴ with g = −4/d, moved away by x; the next term is 10 (x/d)².
     #[test]

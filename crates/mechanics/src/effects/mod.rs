@@ -18,6 +18,7 @@ mod instantaneous_elasticity;
 mod interface_slip;
 mod library;
 mod liquefied_pocket;
+mod outer_wall_compliance;
 mod poroelasticity;
 mod second_retardation;
 mod shear_thinning;
@@ -54,6 +55,7 @@ pub const EFFECTS: &[&dyn Effect] = &[
     &inertia::Inertia,
     &interface_slip::InterfaceSlip,
     &liquefied_pocket::LiquefiedPocket,
+    &outer_wall_compliance::OuterWallCompliance,
     &poroelasticity::Poroelasticity,
     &strain_stiffening::StrainStiffening,
     &shear_thinning::ShearThinning,

@@ -71,6 +71,9 @@ fn terms_are_what_they_are_defined_as() {
             assert_is(&spread(&law_of, &friction, &terms), exact, "friction");
             let exact = |s: f64| weight / (number * soft_modulus(s) + (1.0 - number) * modulus(parameters, s));
             assert_is(&spread(&law_of, &Beside::Law(soft.clone()), &terms), exact, "two laws");
+            let spring = Beside::Spring { compliance_per_pa: 0.4.into() };
+            let exact = |s: f64| weight / (number / 0.4 + (1.0 - number) * modulus(parameters, s));
+            assert_is(&spread(&law_of, &spring, &terms), exact, "spring");
             // Overdamped and ringing.
             for scale in [1e-3, 1.0, 50.0] {
                 let exact = |s: f64| weight / (modulus(parameters, s) + number * scale * s * s);
@@ -98,6 +101,7 @@ fn closed_forms_agree_with_the_general_way() {
         let terms = [term(0.4, number), term(0.6, 0.3 * number)];
         let pairs = [
             (Beside::Friction { compliance: 2.0.into() }, Beside::Friction { compliance: 2.0.into() }),
+            (Beside::Spring { compliance_per_pa: 0.2.into() }, Beside::Spring { compliance_per_pa: 0.2.into() }),
             (Beside::Mass { scale: 0.1.into() }, Beside::Mass { scale: 0.1.into() }),
             (Beside::Mass { scale: 30.0.into() }, Beside::Mass { scale: 30.0.into() }),
             (Beside::Law(soft(&direct)), Beside::Law(soft(&turned))),
@@ -136,8 +140,9 @@ fn derivatives_agree_with_finite_differences() {
             };
             base.elements(&parameters.iter().enumerate().map(number).collect::<Vec<_>>())
         };
-        let kinds: [fn(Dual, Vec<Element>) -> Beside; 3] = [
+        let kinds: [fn(Dual, Vec<Element>) -> Beside; 4] = [
             |b, _| Beside::Friction { compliance: b },
+            |b, _| Beside::Spring { compliance_per_pa: b },
             |d, _| Beside::Mass { scale: d },
             |e, law| {
                 let soft = law.into_iter().map(|element| match element {
@@ -177,6 +182,23 @@ fn derivatives_agree_with_finite_differences() {
             }
         }
     }
+}
+
+/// At no compliance the base returns, and the derivative is that of a spring beside it, at once: Σ w/θ over the terms that give way.
+#[test]
+fn springs_move_off_their_null() {
+    let base = law(BaseLaw::Lethersich, &LETHERSICH);
+    let terms = [term(1.0, 0.0), term(0.2, 0.5), term(0.1, 1.0)];
+    let plain = RetardationSpectrum::of(&base, WINDOW).unwrap();
+    assert_eq!(spread(&base, &Beside::Spring { compliance_per_pa: Dual::ZERO }, &terms), plain);
+    for t in [0.1, 3.0] {
+        let moving = creep(&spread(&base, &Beside::Spring { compliance_per_pa: Dual::variable(0.0) }, &terms), t);
+        assert!((moving.derivative - (0.2 / 0.5 + 0.1)).abs() < 1e-13, "{moving:?}");
+    }
+    // A small one, in full.
+    let small = creep(&spread(&base, &Beside::Spring { compliance_per_pa: 1e-6.into() }, &terms), 3.0);
+    let null = creep(&plain, 3.0);
+    assert!(((small.value - null.value) / 1e-6 - (0.2 / 0.5 + 0.1)).abs() < 1e-4, "{small:?}");
 }
 
 /// At no slip the base returns, and the derivative is that of a dashpot beside it: Σ w t/μ over the terms that slip.

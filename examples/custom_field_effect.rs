@@ -1,0 +1,115 @@
+//! An effect of your own that changes the displacement field: `cargo run --release --example custom_field_effect`.
+//!
+//! `stiff-rim`: the outer third of the gel has another modulus, E → (1 + a) E. Null: a = 0. The effect assembles two stiffness matrices; time stepping in full and the reduced
+//! model follow from them, and are compared here.
+
+use nalgebra::Vector3;
+use vitreo_uq::Result;
+use vitreo_uq::distribution::Distribution;
+use vitreo_uq::effects::{
+    Effect, EffectParameter, Field, FieldSystem, Library, LinearField, MatrixPair, Spatial, Stage, Stages,
+};
+use vitreo_uq::experiment::Scales;
+use vitreo_uq::fe::spatial::{Freedoms, Sizes, SpatialSystem, Splitting, Surroundings, decades, stiffness};
+use vitreo_uq::model::Forward;
+use vitreo_uq::number::Dual;
+use vitreo_uq::parameter::{ParameterSpec, Support};
+use vitreo_uq::rheology::{Beside, Element};
+use vitreo_uq::study::ModelSpecification;
+use vitreo_uq::workflow::reduced::Reduced;
+use vitreo_uq::workflow::{Silent, problem::Problem, replica};
+
+struct StiffRim;
+
+const PARAMETERS: &[EffectParameter] = &[EffectParameter {
+    spec: ParameterSpec::new("stiff-rim.excess", "1", Support::POSITIVE),
+    symbol: "a",
+    null: |_| Some(0.0),
+    prior: |_| Distribution::HalfNormal { sd: 2.0 },
+    prior_source: "chosen: up to some times as stiff",
+    finite_step: None,
+}];
+
+/// The law with (1 + a) times the modulus of every spring outside of a network.
+fn stiffened(element: &Element, factor: Dual) -> Element {
+    match element {
+        Element::Spring { modulus_pa } => Element::Spring { modulus_pa: *modulus_pa * factor },
+        Element::Parallel(parts) => Element::Parallel(parts.iter().map(|part| stiffened(part, factor)).collect()),
+        other => other.clone(),
+    }
+}
+
+impl Effect for StiffRim {
+    fn slug(&self) -> &'static str {
+        "stiff-rim"
+    }
+    fn stage(&self) -> Stage {
+        Stage::Mechanics
+    }
+    fn summary(&self) -> &'static str {
+        "the gel is stiffer near its outer surface"
+    }
+    fn equation(&self) -> &'static str {
+        "E → (1 + a) E in the outer third of the radius"
+    }
+    fn parameters(&self) -> &'static [EffectParameter] {
+        PARAMETERS
+    }
+    fn field(&self) -> Option<Field> {
+        Some(Field::Pair(&StiffRim))
+    }
+    fn apply(&self, parameters: &[Dual], _scales: &Scales, stages: &mut Stages) -> Result<()> {
+        if !parameters[0].is_constant(0.0) {
+            let factor = Dual::ONE + parameters[0];
+            let rim = stages.law.iter().map(|element| stiffened(element, factor)).collect();
+            let (effect, beside) = (self.slug(), Beside::Law(rim));
+            stages.spatial = Some(Spatial::Linear(LinearField { effect, shape: None, beside }));
+        }
+        Ok(())
+    }
+}
+
+impl MatrixPair for StiffRim {
+    fn words(&self) -> &'static str {
+        "a stiff rim"
+    }
+    /// The rim is stiffer by a factor 1 + x.
+    fn splitting(&self, _sizes: &Sizes) -> Splitting {
+        let snapshots = decades(1.0, 1e3, 2.0).iter().map(|factor| factor - 1.0).collect();
+        Splitting { reference: 1.0, snapshots, is_rigid_at_null: false }
+    }
+    fn system(&self, surroundings: &Surroundings<'_>, _shape: Option<f64>) -> Result<FieldSystem> {
+        let (mesh, inner_radius_m) = (surroundings.mesh, surroundings.sizes.outer_radius_m * 2.0 / 3.0);
+        let freedoms = Freedoms::tied(mesh)?;
+        let is_rim = |nodes: &[u32]| {
+            let sum: Vector3<f64> = nodes.iter().map(|&n| Vector3::from(mesh.node_coordinates_m[n as usize])).sum();
+            sum.norm() > inner_radius_m * nodes.len() as f64
+        };
+        let second = stiffness(surroundings, mesh, &freedoms, is_rim)?;
+        let gel = stiffness(surroundings, mesh, &freedoms, |nodes| !is_rim(nodes))?;
+        Ok(FieldSystem { mesh: None, system: SpatialSystem::new(mesh, freedoms, gel, second)? })
+    }
+}
+
+fn main() -> Result<()> {
+    let library = Library::default().with(&StiffRim);
+    let (experiment, _) = replica::embedded()?;
+    let specification = ModelSpecification { effects: vec!["stiff-rim".into()], ..ModelSpecification::default() };
+    let problem = Problem::with_library(experiment, specification, &library, None, &Silent)?;
+    let reduced = Reduced::unverified(&problem, None, &Silent)?;
+    let full = problem.full_forward()?.expect("the replica has finite elements");
+    let largest = |from: &[f64], to: &[f64]| from.iter().zip(to).fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));
+    let trajectory = |excess: f64| problem.reduced_forward(&reduced).trajectory_m(&[3.527, 1.402, 47.370, excess]);
+    let soft = trajectory(0.0)?;
+    for excess in [0.5, 4.0] {
+        let stiff = trajectory(excess)?;
+        let error_m = largest(&stiff, &full.trajectory_m(&[3.527, 1.402, 47.370, excess])?);
+        println!(
+            "a rim {:.1} times as stiff moves the robot by {:.2} µm; reduced and full model differ by {:.4} µm",
+            1.0 + excess,
+            1e6 * largest(&stiff, &soft),
+            1e6 * error_m
+        );
+    }
+    Ok(())
+}

@@ -1,0 +1,33 @@
+//! A law of your own, as a network of springs, dashpots and springpots: `cargo run --release --example custom_law`.
+//!
+//! The standard linear solid, a spring in series with a Kelvin–Voigt body, on an instrument of which the displacement per force at unit creep compliance is known.
+//! In `model.toml` the same text stands under `[base.network]`.
+
+use vitreo_uq::Result;
+use vitreo_uq::error::Place;
+use vitreo_uq::experiment::Scales;
+use vitreo_uq::model::{Compliance, Forward, Model, ReducedForward, Response};
+use vitreo_uq::rheology::{BaseLaw, Network};
+
+const NETWORK: &str = r#"series = [{ spring = "gel" }, { parallel = [{ spring = "mesh" }, { dashpot = "water" }] }]"#;
+
+fn main() -> Result<()> {
+    let law = BaseLaw::Network(Network::from_text("network.toml".as_ref(), NETWORK)?);
+    let names: Vec<&str> = law.parameters().iter().map(|parameter| parameter.name).collect();
+    println!("parameters: {}", names.join(", "));
+    let model = Model::new(law, Vec::new(), Scales::default(), &Place::option("--base"))?;
+    // A force of 1 µN that is held for 5 s, and 5 s of rest.
+    let time_s: Vec<f64> = (0..=100).map(|row| 0.1 * f64::from(row)).collect();
+    let force_n: Vec<f64> = time_s.iter().map(|time| if *time < 5.0 { 1e-6 } else { 0.0 }).collect();
+    let forward = ReducedForward {
+        model: &model,
+        compliance: Compliance::given(500.0),
+        response: Response::new(&time_s, &force_n, time_s.len()),
+        trained: &[],
+    };
+    let position_m = forward.trajectory_m(&[8.0, 4.0, 6.0])?;
+    for row in [10, 50, 51, 100] {
+        println!("{:.1} s: {:.4} µm", time_s[row], 1e6 * position_m[row]);
+    }
+    Ok(())
+}
