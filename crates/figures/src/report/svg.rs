@@ -7,7 +7,7 @@ use resvg::{tiny_skia, usvg};
 
 use super::font;
 use super::palette::{Colour, INK, WHITE};
-use crate::files::write_together;
+use crate::files::{write_together, xml_text};
 use crate::{Error, Result};
 
 /// PNG pixels per SVG unit.
@@ -254,7 +254,7 @@ impl Svg {
             Anchor::End => " text-anchor=\"end\"",
         };
         let turn = if style.upwards { format!(" transform=\"rotate(-90 {x} {y})\"") } else { String::new() };
-        let text = escape(text);
+        let text = xml_text(text);
         let _ = writeln!(
             self.body,
             "<text x=\"{x}\" y=\"{y}\" font-size=\"{size}\" fill=\"{colour}\"{anchor}{turn}>{text}</text>"
@@ -276,7 +276,7 @@ impl Svg {
     /// The whole document.
     pub fn document(&self) -> String {
         let (width, height, families) = (Px(self.width_px), Px(self.height_px), font::FAMILIES);
-        let (title, background) = (escape(&self.description), WHITE);
+        let (title, background) = (xml_text(&self.description), WHITE);
         format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" viewBox=\"0 0 {width} {height}\" role=\"img\" font-family=\"{families}\">\n<title>{title}</title>\n<rect width=\"{width}\" height=\"{height}\" fill=\"{background}\"/>\n{}</svg>\n",
             self.body
@@ -381,23 +381,6 @@ impl std::fmt::Display for Attributes {
         }
         Ok(())
     }
-}
-
-/// Text as XML: markup escaped, control characters (which XML forbids) replaced.
-fn escape(text: &str) -> String {
-    let mut escaped = String::with_capacity(text.len());
-    for character in text.chars() {
-        match character {
-            '&' => escaped.push_str("&amp;"),
-            '<' => escaped.push_str("&lt;"),
-            '>' => escaped.push_str("&gt;"),
-            '"' => escaped.push_str("&quot;"),
-            '\u{fffe}' | '\u{ffff}' => escaped.push('\u{fffd}'),
-            c if c.is_control() => escaped.push('\u{fffd}'),
-            c => escaped.push(c),
-        }
-    }
-    escaped
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! Full-order finite elements (physics §3): elements, assembly, factorisation, time stepping.
 
 pub mod assembly;
+pub mod clock;
 pub mod element;
 pub mod exact;
 pub mod factorisation;

@@ -7,6 +7,7 @@ mod directory;
 mod leftovers;
 mod reading;
 mod under_way;
+mod xml;
 
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -21,6 +22,7 @@ pub use reading::refuse_long_lines;
 pub use reading::{Content, read, read_if_there};
 pub(crate) use under_way::UnderWay;
 pub use under_way::{stop_writing, together};
+pub use xml::xml_text;
 
 use crate::error::{Error, Result};
 

@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use crate::error::{Error, Place, Result};
-use crate::files::{stream_atomically, write_atomically};
+use crate::files::{stream_atomically, write_atomically, xml_text};
 use crate::mesh::{ElementKind, Mesh};
 
 /// A field with values at the nodes.
@@ -95,7 +95,7 @@ pub fn write_pvd(path: impl AsRef<Path>, steps: &[TimeStep<'_>]) -> Result<()> {
     }
     let mut text = "<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"1.0\">\n<Collection>\n".to_owned();
     for TimeStep { time_s, file } in steps {
-        let file = escaped(file);
+        let file = xml_text(file);
         let _ = writeln!(text, "<DataSet timestep=\"{time_s}\" group=\"\" part=\"0\" file=\"{file}\"/>");
     }
     text += "</Collection>\n</VTKFile>\n";
@@ -140,26 +140,9 @@ impl Arrays {
         self.bytes[offset..offset + 8].copy_from_slice(&length.to_le_bytes());
         format!(
             "<DataArray type=\"{kind}\" Name=\"{}\" NumberOfComponents=\"{components}\" format=\"appended\" offset=\"{offset}\"/>\n",
-            escaped(name)
+            xml_text(name)
         )
     }
-}
-
-/// Text fit for an XML attribute.
-fn escaped(text: &str) -> String {
-    let mut escaped = String::with_capacity(text.len());
-    for character in text.chars() {
-        match character {
-            '&' => escaped.push_str("&amp;"),
-            '<' => escaped.push_str("&lt;"),
-            '>' => escaped.push_str("&gt;"),
-            '"' => escaped.push_str("&quot;"),
-            // XML 1.0 has no way to write the other control characters.
-            control if control.is_control() => escaped.push(' '),
-            other => escaped.push(other),
-        }
-    }
-    escaped
 }
 
 #[cfg(test)]

@@ -7,13 +7,11 @@
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
-use nalgebra::Complex;
-
-use super::complex::ComplexDual;
 use super::lumped::{Density, FINE, Node, Rule};
 use super::spectrum::check_order;
 use super::{Element, OscillatingMode, RetardationSpectrum, SpectralMode, TimeWindow, stieltjes};
 use crate::error::{Error, Result};
+use crate::number::Complex;
 use crate::number::Dual;
 
 /// Times at which two steps of the midpoint rule are compared.
@@ -74,10 +72,10 @@ fn check_orders(element: &Element) -> Result<()> {
 
 fn spectrum_at(network: &Element, step: f64, zeros: &[Zero], window: TimeWindow) -> RetardationSpectrum {
     let node = |node: Node<Dual>| {
-        let compliance = modulus_at(network, ComplexDual::constant(node.u, PI)).value.reciprocal();
+        let compliance = modulus_at(network, Complex::<Dual>::constant(node.u, PI)).value.reciprocal();
         SpectralMode { compliance_per_pa: compliance.im * (-step / PI), rate_per_s: Dual::constant(node.exp_u) }
     };
-    let transform = |s: f64| modulus_at(network, ComplexDual::constant(s.ln(), 0.0)).value.reciprocal().re;
+    let transform = |s: f64| modulus_at(network, Complex::<Dual>::constant(s.ln(), 0.0)).value.reciprocal().re;
     let poles: Vec<OscillatingMode> = zeros.iter().map(|zero| zero.mode(step)).collect();
     let mut spectrum = RetardationSpectrum::empty();
     Density {
@@ -107,16 +105,16 @@ fn largest_difference(a: &RetardationSpectrum, b: &RetardationSpectrum, window: 
 
 /// A zero of G* at v = u₀ + iπ.
 struct Zero {
-    u: ComplexDual,
+    u: Complex<Dual>,
     /// dG*/dv there.
-    slope: ComplexDual,
+    slope: Complex<Dual>,
 }
 
 impl Zero {
     fn mode(&self, step: f64) -> OscillatingMode {
         // −2πi u₀/h.
-        let exponent = ComplexDual { re: self.u.im * (2.0 * PI / step), im: self.u.re * (-2.0 * PI / step) };
-        let share = (self.slope * (exponent.exp() + ComplexDual::constant(1.0, 0.0))).reciprocal();
+        let exponent = Complex { re: self.u.im * (2.0 * PI / step), im: self.u.re * (-2.0 * PI / step) };
+        let share = (self.slope * (exponent.exp() + Complex::<Dual>::constant(1.0, 0.0))).reciprocal();
         let rate = self.u.exp();
         OscillatingMode { compliance_per_pa: [share.re * -2.0, share.im * -2.0], rate_per_s: [rate.re, rate.im] }
     }
@@ -126,22 +124,24 @@ impl Zero {
 /// exact.
 fn zeros_beyond_the_cut(network: &Element, window: TimeWindow) -> Vec<Zero> {
     let reach = [-window.longest_s.ln() - REACH, -window.shortest_s.ln() + REACH];
-    let exact = |u: Complex<f64>| {
-        let v = ComplexDual::constant(u.re, u.im + PI);
+    let exact = |u: nalgebra::Complex<f64>| {
+        let v = Complex::<Dual>::constant(u.re, u.im + PI);
         let at = modulus_at(network, v);
         let v = v - at.value * at.slope.reciprocal();
-        Zero { u: ComplexDual { re: v.re, im: v.im - PI }, slope: modulus_at(network, v).slope }
+        Zero { u: Complex { re: v.re, im: v.im - PI }, slope: modulus_at(network, v).slope }
     };
-    let inside = |u: &Complex<f64>| u.im > 0.0 && u.im < FRAC_PI_2 && u.re > reach[0] && u.re < reach[1];
+    let inside = |u: &nalgebra::Complex<f64>| u.im > 0.0 && u.im < FRAC_PI_2 && u.re > reach[0] && u.re < reach[1];
     zeros_of_modulus(network, reach).into_iter().filter(inside).map(exact).collect()
 }
 
 /// Where G* vanishes: for bodies in series where that of one of them does.
-fn zeros_of_modulus(element: &Element, reach: [f64; 2]) -> Vec<Complex<f64>> {
+fn zeros_of_modulus(element: &Element, reach: [f64; 2]) -> Vec<nalgebra::Complex<f64>> {
     match element {
         Element::Series(elements) => elements.iter().flat_map(|part| zeros_of_modulus(part, reach)).collect(),
         Element::Parallel(_) => match stieltjes::spectrum_of(element) {
-            Some(exact) => exact.modes.iter().map(|mode| Complex::new(mode.rate_per_s.value.ln(), 0.0)).collect(),
+            Some(exact) => {
+                exact.modes.iter().map(|mode| nalgebra::Complex::new(mode.rate_per_s.value.ln(), 0.0)).collect()
+            }
             None => zeros(element, 1.0, &poles_of_modulus(element, reach), reach),
         },
         _ => Vec::new(),
@@ -149,11 +149,11 @@ fn zeros_of_modulus(element: &Element, reach: [f64; 2]) -> Vec<Complex<f64>> {
 }
 
 /// Where G* is infinite: for bodies in parallel where that of one of them is.
-fn poles_of_modulus(element: &Element, reach: [f64; 2]) -> Vec<Complex<f64>> {
+fn poles_of_modulus(element: &Element, reach: [f64; 2]) -> Vec<nalgebra::Complex<f64>> {
     match element {
         Element::Parallel(elements) => elements.iter().flat_map(|part| poles_of_modulus(part, reach)).collect(),
         Element::Series(_) => match stieltjes::relaxation_rates_per_s(element) {
-            Some(rates) => rates.into_iter().map(|rate| Complex::new(rate.ln(), 0.0)).collect(),
+            Some(rates) => rates.into_iter().map(|rate| nalgebra::Complex::new(rate.ln(), 0.0)).collect(),
             None => zeros(element, -1.0, &zeros_of_modulus(element, reach), reach),
         },
         _ => Vec::new(),
@@ -161,11 +161,16 @@ fn poles_of_modulus(element: &Element, reach: [f64; 2]) -> Vec<Complex<f64>> {
 }
 
 /// Zeros of G* (`power` 1) or of J* (`power` −1) found from starts over the reach and beside the function's poles.
-fn zeros(element: &Element, power: f64, poles: &[Complex<f64>], reach: [f64; 2]) -> Vec<Complex<f64>> {
+fn zeros(
+    element: &Element,
+    power: f64,
+    poles: &[nalgebra::Complex<f64>],
+    reach: [f64; 2],
+) -> Vec<nalgebra::Complex<f64>> {
     let n_starts = ((reach[1] - reach[0]) / START_SPACING).ceil().max(0.0) as u32;
-    let regular = (0..=n_starts).map(|start| Complex::new(reach[0] + START_SPACING * f64::from(start), 0.3));
-    let beside = poles.iter().map(|pole| pole + Complex::new(0.0, 0.1));
-    let mut zeros: Vec<Complex<f64>> = Vec::new();
+    let regular = (0..=n_starts).map(|start| nalgebra::Complex::new(reach[0] + START_SPACING * f64::from(start), 0.3));
+    let beside = poles.iter().map(|pole| pole + nalgebra::Complex::new(0.0, 0.1));
+    let mut zeros: Vec<nalgebra::Complex<f64>> = Vec::new();
     for start in regular.chain(beside) {
         if let Some(zero) = newton(element, power, poles, start, reach)
             && zeros.iter().all(|known| (known - zero).norm() > 1e-8)
@@ -180,15 +185,15 @@ fn zeros(element: &Element, power: f64, poles: &[Complex<f64>], reach: [f64; 2])
 fn newton(
     element: &Element,
     power: f64,
-    poles: &[Complex<f64>],
-    mut u: Complex<f64>,
+    poles: &[nalgebra::Complex<f64>],
+    mut u: nalgebra::Complex<f64>,
     reach: [f64; 2],
-) -> Option<Complex<f64>> {
+) -> Option<nalgebra::Complex<f64>> {
     for _ in 0..MAX_NEWTON_STEPS {
-        let at = modulus_at(element, ComplexDual::constant(u.re, u.im + PI));
+        let at = modulus_at(element, Complex::<Dual>::constant(u.re, u.im + PI));
         let logarithmic = at.slope * at.value.reciprocal();
-        let of_poles: Complex<f64> = poles.iter().map(|pole| (u - pole).inv()).sum();
-        let step = (Complex::new(logarithmic.re.value, logarithmic.im.value) * power + of_poles).inv();
+        let of_poles: nalgebra::Complex<f64> = poles.iter().map(|pole| (u - pole).inv()).sum();
+        let step = (nalgebra::Complex::new(logarithmic.re.value, logarithmic.im.value) * power + of_poles).inv();
         let size = step.norm();
         // Long steps overshoot: the modulus is a sum of exponentials of v.
         u -= step * size.recip().min(1.0);
@@ -205,30 +210,28 @@ fn newton(
 /// G* at s = eᵛ, and its derivative by v.
 #[derive(Clone, Copy)]
 struct Modulus {
-    value: ComplexDual,
-    slope: ComplexDual,
+    value: Complex<Dual>,
+    slope: Complex<Dual>,
 }
 
-fn modulus_at(element: &Element, v: ComplexDual) -> Modulus {
-    let zero = ComplexDual::constant(0.0, 0.0);
+fn modulus_at(element: &Element, v: Complex<Dual>) -> Modulus {
+    let zero = Complex::<Dual>::constant(0.0, 0.0);
     match element {
-        Element::Spring { modulus_pa } => {
-            Modulus { value: ComplexDual { re: *modulus_pa, im: Dual::ZERO }, slope: zero }
-        }
+        Element::Spring { modulus_pa } => Modulus { value: Complex { re: *modulus_pa, im: Dual::ZERO }, slope: zero },
         Element::Dashpot { viscosity_pa_s } => {
             let value = v.exp() * *viscosity_pa_s;
             Modulus { value, slope: value }
         }
         Element::Compliance { compliance_per_pa } => {
-            Modulus { value: ComplexDual { re: Dual::ONE / *compliance_per_pa, im: Dual::ZERO }, slope: zero }
+            Modulus { value: Complex { re: Dual::ONE / *compliance_per_pa, im: Dual::ZERO }, slope: zero }
         }
         Element::Retarded { compliance_per_pa, time_s } => {
             let slope = v.exp() * (*time_s / *compliance_per_pa);
-            let spring = ComplexDual { re: Dual::ONE / *compliance_per_pa, im: Dual::ZERO };
+            let spring = Complex { re: Dual::ONE / *compliance_per_pa, im: Dual::ZERO };
             Modulus { value: spring + slope, slope }
         }
         Element::Springpot { modulus_pa, time_s, order } => {
-            let exponent = ComplexDual { re: *order * (v.re + time_s.ln()), im: *order * v.im };
+            let exponent = Complex { re: *order * (v.re + time_s.ln()), im: *order * v.im };
             let value = exponent.exp() * *modulus_pa;
             Modulus { value, slope: value * *order }
         }

@@ -2,8 +2,8 @@
 
 use nalgebra::DMatrix;
 
-use super::complex::ComplexDual;
 use super::{OscillatingMode, RetardationSpectrum, SpectralMode};
+use crate::number::Complex;
 use crate::number::Dual;
 
 /// 1/(s F), F = G/s + m s, from the poles q and weights g of G/s = g∞ + Σ g/(s + q): its zeros are the eigenvalues of the mass on springs and dashpots in
@@ -24,8 +24,8 @@ pub(super) fn mass_on_maxwell_bodies(constant: Dual, bodies: &[(Dual, Dual)], ma
         let whole = bodies.iter().fold(constant, |sum, (weight, rate)| sum + *weight / *rate);
         spectrum.fluidity_per_pa_s = Dual::ONE / whole;
     }
-    let value_and_slope = |s: ComplexDual| {
-        let one = |x: Dual| ComplexDual { re: x, im: Dual::ZERO };
+    let value_and_slope = |s: Complex<Dual>| {
+        let one = |x: Dual| Complex { re: x, im: Dual::ZERO };
         let start = (one(constant) + s * mass, one(mass));
         bodies.iter().fold(start, |(value, slope), (weight, rate)| {
             let share = (s + one(*rate)).reciprocal();
@@ -36,7 +36,7 @@ pub(super) fn mass_on_maxwell_bodies(constant: Dual, bodies: &[(Dual, Dual)], ma
         if eigenvalue.im < 0.0 {
             continue;
         }
-        let mut s = ComplexDual::constant(eigenvalue.re, eigenvalue.im);
+        let mut s = Complex::<Dual>::constant(eigenvalue.re, eigenvalue.im);
         // Newton in dual numbers: the last digits of the value, then the exact derivative.
         for _ in 0..2 {
             let (value, slope) = value_and_slope(s);

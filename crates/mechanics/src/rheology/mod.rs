@@ -1,7 +1,6 @@
 //! Springs, dashpots and their creep compliance (physics §2). Scalar: space enters only through the finite elements.
 
 mod branch_cut;
-mod complex;
 mod element;
 mod fractional;
 mod lumped;

@@ -18,7 +18,7 @@ use crate::fe::spatial::{SpatialSystem, Splitting, SymmetricMatrix};
 
 /// Weights below this part of the whole are left out.
 const LEAST_WEIGHT: f64 = 1e-10;
-/// μ over the largest below which a term does not know B at all.
+/// μ over the largest below which a term does not know B at all, and the rest of a share below which it knows nothing else.
 const NO_SHARE: f64 = 1e-7;
 
 /// A pair of matrices reduced to a few terms.
@@ -88,6 +88,7 @@ impl SpreadModes {
         let mut terms: Vec<(f64, f64, usize)> = (0..r)
             .map(|k| {
                 let number = eigen.S().column_vector()[k].max(0.0);
+                let number = if splitting.reference == 1.0 && number > 1.0 - NO_SHARE { 1.0 } else { number };
                 let number = if number < NO_SHARE * largest && splitting.is_rigid_at_null { 0.0 } else { number };
                 (vectors[k][robot] * vectors[k][robot] / compliance, number, k)
             })

@@ -6,8 +6,8 @@
 use super::run::{self, Record};
 use super::{Bodies, NonlinearModel, NonlinearResult, Options};
 use crate::error::{Error, Result};
-use crate::fe::stepping::load::switches;
-use crate::fe::stepping::run::{CLOCK_ROUNDING, strains};
+use crate::fe::clock::{CLOCK_ROUNDING, switches};
+use crate::fe::stepping::run::strains;
 use crate::fe::stepping::{Resolution, observed};
 use crate::stages::{Spatial, Stages};
 use std::collections::BTreeMap;
@@ -103,7 +103,8 @@ fn displacements_m(
     let rounding_s = CLOCK_ROUNDING * length_s;
     // The excess does not jump with the force: a switch finds what the step before it left.
     let excesses: Vec<(f64, f64)> = steps.iter().map(|&(t, x)| (t, x - linear_m(t))).collect();
-    let begins_s: Vec<f64> = switches(&stages.load, time_s, force_n).iter().map(|switch| switch.time_s).collect();
+    let begins_s: Vec<f64> =
+        switches::<f64>(&stages.load, time_s, force_n).iter().map(|switch| switch.time_s).collect();
     let mut found = Vec::with_capacity(time_s.len());
     for &row_s in time_s {
         let holds = begins_s.partition_point(|&begin_s| begin_s < row_s - rounding_s);

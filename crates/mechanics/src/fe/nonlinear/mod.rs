@@ -14,13 +14,12 @@ pub(crate) mod point;
 pub(crate) mod points;
 mod run;
 mod stage;
-pub(crate) mod tableau;
 #[cfg(test)]
 mod tests;
 
+pub use super::clock::Scheme;
 pub(crate) use law::Bodies;
 pub(crate) use run::AtRow;
-pub use tableau::Scheme;
 
 use crate::error::{Error, Result};
 use crate::fe::stepping::Resolution;

@@ -3,13 +3,11 @@
 use super::law::Bodies;
 use super::point::{EQUIVALENT, StageLaw, Tensor, deviator_norm};
 use super::stage::{Balance, Push, Stage};
-use super::tableau::Tableau;
 use super::{Cost, Options};
 use crate::error::{Error, Result};
+use crate::fe::clock::{CLOCK_ROUNDING, Grading, StepRule, Switch, Tableau, check_feedback, switches};
 use crate::fe::stepping::Resolution;
-use crate::fe::stepping::load::{self, Switch};
-use crate::fe::stepping::run::{CLOCK_ROUNDING, gap_s};
-use crate::fe::stepping::steps::{Grading, StepRule};
+use crate::fe::stepping::run::gap_s;
 use crate::stages::Load;
 use rayon::prelude::*;
 
@@ -44,7 +42,7 @@ pub(super) fn run(
     mut at_row: impl FnMut(AtRow),
     mut at_step: impl FnMut(f64, f64),
 ) -> Result<Cost> {
-    let switches = load::switches(load, time_s, force_n);
+    let switches = switches(load, time_s, force_n);
     let start_s = time_s.first().copied().unwrap_or(0.0);
     let length_s = time_s.last().map_or(0.0, |end_s| end_s - start_s).max(f64::MIN_POSITIVE);
     let rounding_s = CLOCK_ROUNDING * length_s;
@@ -97,7 +95,7 @@ impl<'a> Run<'a> {
         start_s: f64,
     ) -> Self {
         let lag_time_s = load.lag_time_s.value;
-        let rule = StepRule::new(options.resolution, bodies.fastest_s(0.0), false, 0.0);
+        let rule = StepRule::new(options.resolution.steps_per_doubling, bodies.fastest_s(0.0), false, 0.0);
         let largest_n = switches.iter().fold(0.0_f64, |most, switch| most.max(switch.force_n.abs()));
         let per_n = balance.factor.unit_response()[balance.robot].max(0.0).sqrt();
         let n_points = balance.points.count();
@@ -132,7 +130,7 @@ impl<'a> Run<'a> {
         let largest = bodies.map(|histories| deviator_norm(&histories[0])).fold(0.0, f64::max);
         let slowest_s = if self.lag_time_s > 0.0 { self.lag_time_s } else { f64::INFINITY };
         let fastest_s = self.bodies.fastest_s(EQUIVALENT * largest).min(slowest_s);
-        self.rule = StepRule::new(self.resolution, fastest_s, false, 0.0);
+        self.rule = StepRule::new(self.resolution.steps_per_doubling, fastest_s, false, 0.0);
         self.grading = self.rule.after_switch(self.now_s, gap_s);
         self.known.clear();
     }
@@ -198,7 +196,7 @@ impl<'a> Run<'a> {
             let mut displacement = self.extrapolated(stage, time_s);
             let problem = Stage { law: &law, histories: &histories, n_histories: n, push };
             let solved = self.balance.solve(&problem, &mut displacement, self.tolerance)?;
-            load::check_feedback(self.gradient_per_m, &[displacement[self.balance.robot]], time_s)?;
+            check_feedback(self.gradient_per_m, &[displacement[self.balance.robot]], time_s)?;
             self.cost.n_stages += 1;
             self.cost.n_evaluations += solved.n_evaluations;
             self.cost.n_gradients += solved.n_gradients;

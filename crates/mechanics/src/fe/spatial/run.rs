@@ -2,10 +2,10 @@
 
 use super::{SpatialSystem, SteppedSystem, Surroundings};
 use crate::error::{Error, Result};
+use crate::fe::clock::{CLOCK_ROUNDING, Switch, switches};
 use crate::fe::poroelastic::{CondensedPores, PoreModel};
-use crate::fe::stepping::run::CLOCK_ROUNDING;
-use crate::fe::stepping::{observed, switches};
-use crate::fe::transient::{self, Load, Resolution, Switch, TransientSystem};
+use crate::fe::stepping::observed;
+use crate::fe::transient::{self, Load, Resolution, TransientSystem};
 use crate::mesh::Mesh;
 use crate::rheology::{Beside, CreepCompliance, Element, TimeWindow};
 use crate::stages::Stages;
@@ -103,9 +103,8 @@ impl SpatialJob<'_> {
             ));
         }
         let load = &self.stages.load;
-        let steps = switches(load, self.time_s, self.force_n);
         let load = Load {
-            switches: steps.into_iter().map(|s| Switch { time_s: s.time_s, force_n: s.force_n }).collect(),
+            switches: switches(load, self.time_s, self.force_n),
             lag_time_s: load.lag_time_s.value,
             gradient_per_m: load.gradient_per_m.value,
         };

@@ -10,14 +10,11 @@
 //!
 //! At the default [`Resolution`] the robot's position errs by less than 2e-8 of its largest.
 
-pub(crate) mod load;
+mod gradient;
 mod network;
 mod radau;
 pub(crate) mod run;
 mod springpot;
-pub(crate) mod steps;
-
-pub(crate) use load::switches;
 
 use super::time::FullOrderModel;
 use crate::error::{Error, Result};

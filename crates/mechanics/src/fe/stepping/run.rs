@@ -1,12 +1,12 @@
 //! One run: stops, steps, and what is solved in a step.
 
 use super::Resolution;
-use super::load::{self, Mechanics, Switch};
+use super::gradient::{self, Mechanics};
 use super::network::{Network, NetworkStep};
 use super::radau::Radau;
 use super::springpot::RateRange;
-use super::steps::{Grading, StepRule};
 use crate::error::Result;
+use crate::fe::clock::{CLOCK_ROUNDING, Grading, StepRule, Switch, check_feedback, switches};
 use crate::stages::Stages;
 use nalgebra::{Matrix3, Vector3};
 use std::collections::HashMap;
@@ -19,7 +19,7 @@ pub(crate) fn strains(
     force_n: &[f64],
     resolution: Resolution,
 ) -> Result<Vec<f64>> {
-    let switches = load::switches(&stages.load, time_s, force_n);
+    let switches = switches(&stages.load, time_s, force_n);
     let mut run = Run::new(compliance_per_m, stages, time_s, &switches, resolution)?;
     let mut coming = switches.iter().copied().enumerate().peekable();
     let mut strains = Vec::with_capacity(time_s.len());
@@ -82,9 +82,6 @@ struct Run<'a> {
     strain_n_per_pa: f64,
 }
 
-/// Clock rounding as a share of the record's length.
-pub(crate) const CLOCK_ROUNDING: f64 = 1e-13;
-
 impl<'a> Run<'a> {
     fn new(
         compliance_per_m: f64,
@@ -103,7 +100,8 @@ impl<'a> Run<'a> {
         let slowest = if lag_s > 0.0 { lag_s } else { f64::INFINITY };
         let fastest_s = network.fastest_rate_per_s(range).recip().min(slowest);
         let feeds_back = stages.load.gradient_per_m.value != 0.0;
-        let rule = StepRule::new(resolution, fastest_s, feeds_back, stages.softening_rate_per_s.value);
+        let rule =
+            StepRule::new(resolution.steps_per_doubling, fastest_s, feeds_back, stages.softening_rate_per_s.value);
         Ok(Self {
             stages,
             compliance_per_m,
@@ -161,9 +159,9 @@ impl<'a> Run<'a> {
         let gradient_per_m = self.stages.load.gradient_per_m.value;
         let response = prepared.network.compliance * Matrix3::from_diagonal(&amplified);
         let mechanics = Mechanics { compliance_per_m: self.compliance_per_m, response, history };
-        let force_n = load::with_gradient(gradient_per_m, lagged_n, &mechanics);
+        let force_n = gradient::with_gradient(gradient_per_m, lagged_n, &mechanics);
         let strain = mechanics.response * force_n + mechanics.history;
-        load::check_feedback(gradient_per_m, (strain * self.compliance_per_m).as_slice(), self.now_s)?;
+        check_feedback(gradient_per_m, (strain * self.compliance_per_m).as_slice(), self.now_s)?;
         network.end(&prepared.network, &force_n.component_mul(&amplified));
         self.lagged_n = lagged_n[2];
         self.strain_n_per_pa = strain[2];

@@ -1,6 +1,6 @@
 //! The fields that a law's bodies keep, and what they say of the stage under way.
 
-use super::sdirk::{DIAGONAL, N_STAGES, predict};
+use super::stages::{DIAGONAL, N_STAGES, predict};
 use crate::rheology::CreepCompliance;
 
 /// A chain of bodies that all carry the stress w; their strains (fields in m, w in Pa·m) add up to z.

@@ -1,13 +1,6 @@
 //! The force on the robot: piecewise constant, with lag and gradient where the actuator has them (physics §5).
 
-/// A change of the force.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Switch {
-    /// When, in s.
-    pub time_s: f64,
-    /// The force from then on, in N.
-    pub force_n: f64,
-}
+use crate::fe::clock::Switch;
 
 /// A piecewise-constant force F_in on the whole body, and what the actuator makes of it.
 #[derive(Debug, Clone, PartialEq)]

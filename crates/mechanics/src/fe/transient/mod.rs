@@ -18,10 +18,10 @@ mod history;
 mod load;
 mod output;
 mod run;
-mod sdirk;
+mod stages;
 mod steps;
 
-pub use load::{Load, Switch};
+pub use load::Load;
 pub use run::{Resolution, TransientRun, run};
 
 use crate::error::{Error, Result};

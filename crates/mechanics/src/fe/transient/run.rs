@@ -4,15 +4,14 @@ use std::collections::HashMap;
 use std::rc::Rc;
 
 use super::history::{Chain, Free, Response};
-use super::load::{Load, Switch};
+use super::load::Load;
 use super::output::{Output, State};
-use super::sdirk::{DIAGONAL, LOWER, N_STAGES, predict};
+use super::stages::{DIAGONAL, N_STAGES, predict};
 use super::steps::Grading;
 use super::{Part, StageSolve, StageWeights, TransientSystem};
 use crate::error::{Error, Result};
-use crate::fe::stepping::run::CLOCK_ROUNDING;
+use crate::fe::clock::{CLOCK_ROUNDING, FOURTH, Switch, check_feedback};
 use crate::rheology::CreepCompliance;
-use crate::stages::LARGEST_FEEDBACK;
 
 /// How fine the steps are.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -230,7 +229,7 @@ impl<'a> Run<'a> {
         let velocity = self.now.rates_per_s.clone();
         for stage in 0..N_STAGES {
             let lag_s = self.load.lag_time_s;
-            let earlier: f64 = LOWER[stage].iter().zip(lag_rates).map(|(a, rate)| a * step_s * rate).sum();
+            let earlier: f64 = FOURTH.matrix[stage].iter().zip(lag_rates).map(|(a, rate)| a * step_s * rate).sum();
             lag_rates[stage] = (self.input_n - start_n - earlier) / (lag_s + implicit_s);
             let force_n = if lag_s > 0.0 { start_n + earlier + implicit_s * lag_rates[stage] } else { self.input_n };
             self.lagged_n = force_n;
@@ -253,7 +252,7 @@ impl<'a> Run<'a> {
                     let history_m = position_m(&stress) + self.system.position_m(&free.strain_m);
                     let feedback = g * force_n * position_m(stress_per_n);
                     let force_n = force_n * (1.0 + g * history_m) / (1.0 - feedback);
-                    check_feedback(g * (history_m + force_n * position_m(stress_per_n)), self.now.time_s)?;
+                    check_feedback(g, &[history_m + force_n * position_m(stress_per_n)], self.now.time_s)?;
                     stress.iter_mut().zip(stress_per_n).for_each(|(w, per_n)| *w += force_n * per_n);
                 }
             }
@@ -308,18 +307,4 @@ impl<'a> Run<'a> {
             self.system.add_product(Part::Stiffness(i), scratch, right_hand_side);
         }
     }
-}
-
-/// Refuses positions at which the gradient is too strong for what the model says of it.
-fn check_feedback(feedback: f64, time_s: f64) -> Result<()> {
-    if feedback.abs() < LARGEST_FEEDBACK {
-        return Ok(());
-    }
-    Err(Error::numerical(
-        format!(
-            "the force's gradient changes the force by a share of {:.3} at {time_s} s; {LARGEST_FEEDBACK} and more is refused",
-            feedback.abs()
-        ),
-        "use a smaller gradient, or a stiffer gel",
-    ))
 }

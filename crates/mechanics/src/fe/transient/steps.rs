@@ -1,11 +1,7 @@
 //! How long steps are: powers of two that grow with the time since the last switch.
 
 use super::Resolution;
-
-/// Starting scale of steps after a switch, as a share of the time to the next row or switch: what is over sooner is stable without being resolved.
-const SHARE_OF_GAP: f64 = 1e-4;
-/// Binary digits that a step's length does without: lengths that differ by rounding of the clock share their factor.
-const DROPPED_BITS: u32 = 52 - 36;
+use crate::fe::clock::{SHARE_OF_GAP, ending_well};
 
 /// Steps since one switch: h ≤ η (time since the switch + scale).
 #[derive(Debug, Clone, Copy)]
@@ -28,14 +24,6 @@ impl Grading {
     pub(super) fn step_s(&self, now_s: f64, left_s: f64) -> f64 {
         let wanted_s = (self.growth * (now_s - self.switched_s + self.scale_s)).min(self.longest_step_s);
         let ladder_s = wanted_s.log2().floor().exp2();
-        let step_s = if ladder_s >= left_s {
-            left_s
-        } else if 2.0 * ladder_s >= left_s {
-            0.5 * left_s
-        } else {
-            return ladder_s;
-        };
-        let half = 1_u64 << (DROPPED_BITS - 1);
-        f64::from_bits(((step_s.to_bits() + half) >> DROPPED_BITS) << DROPPED_BITS)
+        ending_well(ladder_s, left_s)
     }
 }

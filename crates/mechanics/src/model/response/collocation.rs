@@ -10,8 +10,9 @@ use pulp::{Arch, Simd, WithSimd};
 
 use super::linear::{Row, oscillating_row, row};
 use super::moments::{N_FUNCTIONS, entire_functions, entire_functions_of_decay};
-use super::numbers::{Complex, Number};
+use super::numbers::{ComplexLanes, Number};
 use super::system::{Mode, System};
+use crate::number::Complex;
 
 const N_NODES: usize = N_FUNCTIONS;
 

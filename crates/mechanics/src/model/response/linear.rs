@@ -7,10 +7,10 @@
 
 use pulp::{Arch, Simd, WithSimd};
 
-use super::numbers::{Complex, Field, N_LANES, Number, Real};
+use super::numbers::{ComplexLanes, Field, N_LANES, Number, Real};
 use super::record::Record;
 use super::system::{Mode, System};
-use crate::number::{PointScalar, Scalar};
+use crate::number::{Complex, PointScalar, Scalar};
 
 /// What a step does to the modes.
 struct Step<S> {

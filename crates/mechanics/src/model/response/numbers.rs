@@ -3,7 +3,7 @@
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub};
 
 use crate::error::Result;
-use crate::number::{Dual, PointScalar, Scalar};
+use crate::number::{Complex, Dual, PointScalar, Scalar};
 use crate::stages::{FieldStepper, Stages};
 
 /// Points that one pass carries.
@@ -362,80 +362,30 @@ impl Number for Lanes {
     }
 }
 
-/// re + i im.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Complex<N> {
-    pub re: N,
-    pub im: N,
-}
-
-impl<N: Number> Add for Complex<N> {
-    type Output = Self;
-    #[inline(always)]
-    fn add(self, other: Self) -> Self {
-        Self { re: self.re + other.re, im: self.im + other.im }
-    }
-}
-
-impl<N: Number> Sub for Complex<N> {
-    type Output = Self;
-    #[inline(always)]
-    fn sub(self, other: Self) -> Self {
-        Self { re: self.re - other.re, im: self.im - other.im }
-    }
-}
-
-impl<N: Number> Mul for Complex<N> {
-    type Output = Self;
-    #[inline(always)]
-    fn mul(self, other: Self) -> Self {
-        Self { re: self.re * other.re - self.im * other.im, im: self.re * other.im + self.im * other.re }
-    }
-}
-
-impl<N: Number> Mul<f64> for Complex<N> {
-    type Output = Self;
-    #[inline(always)]
-    fn mul(self, other: f64) -> Self {
-        self.times(N::constant(other))
-    }
-}
-
-impl<N: Number> Div for Complex<N> {
-    type Output = Self;
-    fn div(self, other: Self) -> Self {
-        let norm = other.re * other.re + other.im * other.im;
-        let product = self * Self { re: other.re, im: -other.im };
-        Self { re: product.re / norm, im: product.im / norm }
-    }
-}
-
-impl<N: Number> Complex<N> {
+/// Complex numbers of several points.
+pub(super) trait ComplexLanes<L> {
     /// One point's number.
-    pub fn lane(self, lane: usize) -> Complex<N::Lane> {
+    fn lane(self, lane: usize) -> Complex<L>;
+    /// Replaces one point's number.
+    fn set_lane(&mut self, lane: usize, value: Complex<L>);
+}
+
+impl<N: Number> ComplexLanes<N::Lane> for Complex<N> {
+    fn lane(self, lane: usize) -> Complex<N::Lane> {
         Complex { re: self.re.lane(lane), im: self.im.lane(lane) }
     }
-
-    /// Replaces one point's number.
-    pub fn set_lane(&mut self, lane: usize, value: Complex<N::Lane>) {
+    fn set_lane(&mut self, lane: usize, value: Complex<N::Lane>) {
         self.re.set_lane(lane, value.re);
         self.im.set_lane(lane, value.im);
-    }
-
-    /// The product with a real number.
-    #[inline(always)]
-    pub fn times(self, factor: N) -> Self {
-        Self { re: self.re * factor, im: self.im * factor }
     }
 }
 
 impl<N: Real> Field for Complex<N> {
     fn real(value: f64) -> Self {
-        Self { re: N::constant(value), im: N::constant(0.0) }
+        Self::constant(value, 0.0)
     }
     fn exponential(self) -> Self {
-        let (size, sin, cos) = (self.re.exp(), self.im.sin(), self.im.cos());
-        Self { re: size * cos, im: size * sin }
+        self.exp()
     }
     fn size(self) -> f64 {
         self.re.value().abs().max(self.im.value().abs())

@@ -5,9 +5,9 @@
 //! with κ = C φ. C is the compliance per m.
 
 use super::grading::Grading;
-use super::numbers::{Complex, N_LANES, Number, Real, gather};
+use super::numbers::{N_LANES, Number, Real, gather};
 use crate::error::{Error, Result};
-use crate::number::Dual;
+use crate::number::{Complex, Dual};
 use crate::rheology::{Accuracy, RetardationSpectrum, TimeWindow};
 use crate::stages::{Spatial, Spread, Stages};
 

@@ -7,12 +7,10 @@
 use super::kernel::{self, Advance, At, BlockTensor, CubaturePoints, Forces, ForcesAndTangent, Given};
 use super::lanes::{Block, N_LANES, Plain};
 use crate::error::{Error, Result};
+use crate::fe::clock::{CLOCK_ROUNDING, Switch, Tableau, check_feedback, switches};
 use crate::fe::nonlinear::Bodies;
 use crate::fe::nonlinear::Scheme;
 use crate::fe::nonlinear::point::{Number, StageLaw};
-use crate::fe::nonlinear::tableau::Tableau;
-use crate::fe::stepping::load::check_feedback;
-use crate::fe::stepping::run::CLOCK_ROUNDING;
 use crate::number::{PointScalar, Scalar};
 use crate::stages::Load;
 use pulp::Simd;
@@ -58,29 +56,6 @@ pub(super) struct Member<'a, N, const M: usize> {
     pub reduced: Reduced<'a, M>,
     pub bodies: &'a Bodies<N>,
     pub plain_bodies: &'a Bodies<f64>,
-}
-
-/// A change of the force, after delay, factors and offset.
-#[derive(Clone, Copy)]
-struct Switch<N> {
-    time_s: N,
-    force_n: N,
-}
-
-fn switches<N: Number>(load: &Load, time_s: &[f64], force_n: &[f64]) -> Vec<Switch<N>> {
-    let Some(&start_s) = time_s.first() else { return Vec::new() };
-    let offset_n = N::of(load.offset_n);
-    let mut switches = vec![Switch { time_s: N::constant(start_s), force_n: offset_n }];
-    let mut commanded_n = 0.0;
-    for (&time_s, &force_n) in time_s.iter().zip(force_n) {
-        if force_n != commanded_n {
-            commanded_n = force_n;
-            let factor = if force_n < 0.0 { load.negative_factor } else { load.positive_factor };
-            let force_n = N::of(factor) * force_n + offset_n;
-            switches.push(Switch { time_s: N::of(load.delay_s) + N::constant(time_s), force_n });
-        }
-    }
-    switches
 }
 
 /// State of a run.

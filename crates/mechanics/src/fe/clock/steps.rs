@@ -1,9 +1,7 @@
-//! How long steps are: geometric after every switch, and ending at every row and every switch.
-
-use super::Resolution;
+//! How long steps are: geometric after every switch, and ending where the force or a row asks for it.
 
 /// Least starting scale of steps after a switch, as a share of the time to the next stop: what is over sooner is stable without being resolved.
-const SHARE_OF_GAP: f64 = 1e-4;
+pub(crate) const SHARE_OF_GAP: f64 = 1e-4;
 /// Longest step times the rate at which the gel softens, over η.
 const SOFTENING_SHARE: f64 = 3.0;
 /// Binary digits that a step's length does without: lengths that differ by rounding of the clock share their matrices.
@@ -31,8 +29,8 @@ pub(crate) struct Grading {
 
 impl StepRule {
     /// The rule for a fastest time of the law and the lag, and a softening rate.
-    pub(crate) fn new(resolution: Resolution, fastest_s: f64, feeds_back: bool, softening_per_s: f64) -> Self {
-        let steps_per_doubling = f64::from(resolution.steps_per_doubling.max(1));
+    pub(crate) fn new(steps_per_doubling: u32, fastest_s: f64, feeds_back: bool, softening_per_s: f64) -> Self {
+        let steps_per_doubling = f64::from(steps_per_doubling.max(1));
         let growth = steps_per_doubling.recip().exp2() - 1.0;
         let longest_step_s = SOFTENING_SHARE * growth / softening_per_s.abs();
         Self { steps_per_doubling, growth, fastest_s, feeds_back, longest_step_s }
@@ -49,19 +47,20 @@ impl StepRule {
         let scale = (now_s - grading.switched_s + grading.scale_s).min(self.longest_step_s / self.growth);
         let ladder_s =
             self.growth * ((self.steps_per_doubling * scale.log2()).floor() / self.steps_per_doubling).exp2();
-        let step_s = if ladder_s >= left_s {
-            left_s
-        } else if 2.0 * ladder_s >= left_s {
-            0.5 * left_s
-        } else {
-            ladder_s
-        };
-        rounded(step_s)
+        ending_well(ladder_s, left_s)
     }
 }
 
-/// The length to 36 binary digits: 7e-12 of it.
-fn rounded(length_s: f64) -> f64 {
+/// The step to take where one of `ladder_s` is wanted and `left_s` are left: not so long that it passes the end, nor such that a short one is left over; to 36 binary
+/// digits, 7e-12 of it.
+pub(crate) fn ending_well(ladder_s: f64, left_s: f64) -> f64 {
+    let length_s = if ladder_s >= left_s {
+        left_s
+    } else if 2.0 * ladder_s >= left_s {
+        0.5 * left_s
+    } else {
+        ladder_s
+    };
     let half = 1_u64 << (DROPPED_BITS - 1);
     f64::from_bits(((length_s.to_bits() + half) >> DROPPED_BITS) << DROPPED_BITS)
 }

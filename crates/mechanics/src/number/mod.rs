@@ -3,6 +3,10 @@
 //! A model writes its stages down in [`Dual`] numbers, and the kernel that turns stages into a trajectory is written once for any
 //! [`Scalar`]: on `f64` it gives the trajectory, on [`Dual`] its exact derivative in one direction (forward mode).
 
+mod complex;
+
+pub use complex::Complex;
+
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub};
 
 /// What a kernel may do with a number.

@@ -35,7 +35,7 @@ impl Scheme {
     }
 }
 
-const FOURTH: Tableau = Tableau {
+pub(crate) const FOURTH: Tableau = Tableau {
     diagonal: 0.25,
     nodes: &[0.25, 0.75, 0.55, 0.5, 1.0],
     matrix: &[
@@ -50,6 +50,7 @@ const FOURTH: Tableau = Tableau {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use nalgebra::{SMatrix, SVector};
 
     const N_STAGES: usize = 5;
 
@@ -86,21 +87,30 @@ mod tests {
         }
     }
 
-    /// R(−z) = 1 − z bᵀ(I + zA)⁻¹1: at most 1 in size for every decay, and 0 for an infinitely fast one.
+    /// R(z) = 1 + z bᵀ(I − zA)⁻¹1 is e^z to z⁵, at most 1 on the imaginary axis and 0 at −∞.
     #[test]
-    fn fast_decays_are_damped() {
-        let decay = |z: f64| {
-            let mut rates = [0.0; N_STAGES];
-            let mut value = 1.0;
-            for i in 0..N_STAGES {
-                let start = 1.0 + (0..i).map(|j| entry(i, j) * rates[j]).sum::<f64>();
-                value = start / (1.0 + z * FOURTH.diagonal);
-                rates[i] = -z * value;
-            }
-            value
+    fn the_method_is_l_stable() {
+        let a = SMatrix::<f64, N_STAGES, N_STAGES>::from_fn(|i, j| if j <= i { entry(i, j) } else { 0.0 });
+        let b = a.row(N_STAGES - 1).transpose();
+        let on_axis = |y: f64| {
+            // (I − iyA)(p + iq) = 1 in real numbers.
+            let mut system = SMatrix::<f64, 10, 10>::identity();
+            system.fixed_view_mut::<5, 5>(0, 5).copy_from(&(a * y));
+            system.fixed_view_mut::<5, 5>(5, 0).copy_from(&(a * -y));
+            let ones = SVector::<f64, 10>::from_fn(|i, _| if i < 5 { 1.0 } else { 0.0 });
+            let solved = system.lu().solve(&ones).expect("the stages have no eigenvalue there");
+            let (p, q) = (b.dot(&solved.fixed_rows::<5>(0)), b.dot(&solved.fixed_rows::<5>(5)));
+            (1.0 - y * q).hypot(y * p)
         };
-        assert!((decay(0.1) - (-0.1_f64).exp()).abs() < 1e-7);
-        assert!((0..80).all(|i| decay(1e-3 * 1.5_f64.powi(i)).abs() <= 1.0));
-        assert!(decay(1e9).abs() < 1e-7);
+        for k in -60..=60 {
+            assert!(on_axis(10.0_f64.powf(0.1 * f64::from(k))) <= 1.0 + 1e-14, "{k}");
+        }
+        let real = |z: f64| {
+            let inverse = (SMatrix::<f64, 5, 5>::identity() - a * z).try_inverse().expect("z is not a pole");
+            1.0 + z * b.dot(&(inverse * SVector::repeat(1.0)))
+        };
+        assert!(real(-1e9).abs() < 1e-8);
+        let ratio = (real(-0.2) - (-0.2_f64).exp()) / (real(-0.1) - (-0.1_f64).exp());
+        assert!((ratio.log2() - 5.0).abs() < 0.2, "{ratio}");
     }
 }

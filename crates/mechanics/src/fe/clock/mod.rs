@@ -1,0 +1,14 @@
+//! What all time stepping shares: changes of the force, lengths of steps, coefficients of methods.
+
+mod load;
+mod steps;
+mod tableau;
+
+pub use load::Switch;
+pub(crate) use load::{check_feedback, switches};
+pub(crate) use steps::{Grading, SHARE_OF_GAP, StepRule, ending_well};
+pub use tableau::Scheme;
+pub(crate) use tableau::{FOURTH, Tableau};
+
+/// Times that differ by less than this share of the record's length are the same.
+pub(crate) const CLOCK_ROUNDING: f64 = 1e-13;
