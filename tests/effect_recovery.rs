@@ -152,11 +152,11 @@ fn posteriors_cover_the_truth_as_often_as_they_say() {
     assert_covered(4, 1);
 }
 
-/// An interval that covers rightly covers fewer than 10 of 20 with a probability of 7e-7, for each of twelve parameters.
+/// An interval that covers rightly covers fewer than 13 of 20 with a probability of 6e-5, for each of twelve parameters.
 #[test]
 #[ignore = "campaigns/long-tests"]
 fn posteriors_cover_many_truths_as_often_as_they_say() {
-    assert_covered(20, 10);
+    assert_covered(20, 13);
 }
 
 /// Data made with an effect that the base model lacks: the base misses the cycle that no fit has seen, the extended model misses it by the noise.

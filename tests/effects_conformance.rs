@@ -72,30 +72,22 @@ fn effect(slug: &str) -> &'static dyn Effect {
     EFFECTS.iter().copied().find(|effect| effect.slug() == slug).unwrap()
 }
 
+/// The page has every effect, its stage and its number of parameters, in the order in which a model applies them; and no other.
 #[test]
-fn the_library_is_the_one_of_physics_section_5_in_the_order_of_application() {
-    let load = ["clock-offset", "force-asymmetry", "force-bias", "actuator-lag", "force-gradient"];
-    let mechanics = [
-        "instantaneous-elasticity",
-        "second-retardation",
-        "fractional-damping",
-        "softening",
-        "compressibility",
-        "inertia",
-        "interface-slip",
-        "liquefied-pocket",
-        "outer-wall-compliance",
-        "poroelasticity",
-        "strain-stiffening",
-        "shear-thinning",
-        "yield-stress",
-    ];
-    let found: Vec<(&str, Stage)> = EFFECTS.iter().map(|effect| (effect.slug(), effect.stage())).collect();
-    let expected: Vec<(&str, Stage)> = (load.map(|slug| (slug, Stage::Load)).into_iter())
-        .chain(mechanics.map(|slug| (slug, Stage::Mechanics)))
-        .chain([("tracking-drift", Stage::Observation)])
+fn the_library_is_the_one_that_the_page_on_physics_has() {
+    let page = include_str!("../docs/physics.md");
+    let table = page.split("| effect | stage | parameters (null) | equation |").nth(1).expect("the table of effects");
+    let rows = table.lines().skip(2).take_while(|line| line.starts_with('|'));
+    let written: Vec<(String, String, usize)> = rows
+        .map(|row| {
+            let cells: Vec<&str> = row.split('|').map(str::trim).collect();
+            (cells[1].trim_matches('`').to_string(), cells[2].to_string(), cells[3].split(", ").count())
+        })
         .collect();
-    assert_eq!(found, expected);
+    let own = |effect: &&'static dyn Effect| {
+        (effect.slug().to_string(), effect.stage().name().to_string(), effect.parameters().len())
+    };
+    assert_eq!(written, EFFECTS.iter().map(own).collect::<Vec<_>>());
 }
 
 #[test]

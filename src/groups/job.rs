@@ -27,7 +27,7 @@ pub const LEVEL_SCALE: f64 = 1.0;
 pub const SPREAD_SCALES: [f64; 3] = [0.3, 0.5, 0.3];
 /// Degrees of freedom of heavy-tailed specimens.
 pub const HEAVY_TAILED_DOF: f64 = 4.0;
-/// An experiment's draws are replaced by its likelihood where fewer of them carry the weight.
+/// Effective sample size of an experiment's draws below which its likelihood is evaluated directly.
 const FEWEST_EFFECTIVE: f64 = 100.0;
 /// Sweeps of each chain that are dropped, and thereafter until convergence is first judged.
 pub const FIRST_SWEEPS: [usize; 2] = [1_000, 4_000];
