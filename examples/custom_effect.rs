@@ -8,6 +8,7 @@ use vitreo_uq::effects::{Approach, Effect, EffectParameter, Library, Stage, Stag
 use vitreo_uq::experiment::Scales;
 use vitreo_uq::number::Dual;
 use vitreo_uq::parameter::{ParameterSpec, Support};
+use vitreo_uq::report::labels;
 use vitreo_uq::study::ModelSpecification;
 use vitreo_uq::workflow::extend::{self, ExtensionRequest};
 use vitreo_uq::workflow::{Silent, problem::Problem, replica};
@@ -71,5 +72,6 @@ fn main() -> Result<()> {
     let summary = extend::run(pair, &request, &Silent)?.summary;
     println!("{}", summary.sentence);
     summary.parameters.iter().for_each(|p| println!("{} = {:.3e} ± {:.1e}", p.name, p.mean, p.sd));
+    println!("On figures the first is {}.", labels::of_parameter(PARAMETERS[0].spec.name).axis());
     Ok(())
 }

@@ -35,6 +35,8 @@ fn custom_effect() {
     assert!(text.contains("With thermal-drift the error on the held-out cycle falls"), "{text}");
     let number = |after: &str| number(&text, after);
     assert!(number(" before, ") < 5.0 && number("held-out cycle falls: ") > 6.0, "{text}");
+    // Its parameters carry its own symbols into figures.
+    assert!(text.contains("thermal-drift A (m)"), "{text}");
     let amplitude_um = 1e6 * number("thermal-drift.amplitude_m = ");
     assert!((amplitude_um - 30.0).abs() < 10.0, "{text}");
 }

@@ -1,7 +1,7 @@
 //! Symbols and units of parameters: of effects from their own tables, of all others from their names (formats §5).
 
 use crate::documents::posterior::ModelSummary;
-use crate::effects::EFFECTS;
+use crate::effects::parameter_named;
 use crate::rheology::BaseLaw;
 
 /// Symbol and unit of a parameter as figures show them.
@@ -49,9 +49,10 @@ const SYMBOLS: [(&str, &str); 13] = [
 ];
 
 /// Longer suffixes first, since `_s` ends `_pa_s` too.
-const UNITS: [(&str, &str); 13] = [
+const UNITS: [(&str, &str); 14] = [
     ("_m2_per_pa_s", "m²/(Pa·s)"),
     ("_m_per_pa_s", "m/(Pa·s)"),
+    ("_m_per_pa", "m/Pa"),
     ("_m_per_s", "m/s"),
     ("_per_pa", "1/Pa"),
     ("_per_s", "1/s"),
@@ -72,11 +73,9 @@ pub fn of_parameter(name: &str) -> ParameterLabel {
 
 /// Label of an effect's parameter: slug and symbol, since two effects may use one symbol.
 fn of_effect(name: &str) -> Option<ParameterLabel> {
-    EFFECTS.iter().find_map(|effect| {
-        let parameter = effect.parameters().iter().find(|parameter| parameter.spec.name == name)?;
-        let unit = if parameter.spec.unit == "1" { "–".into() } else { parameter.spec.unit.replace("Pa s", "Pa·s") };
-        Some(ParameterLabel { symbol: format!("{} {}", effect.slug(), parameter.symbol), unit })
-    })
+    let (effect, parameter) = parameter_named(name)?;
+    let unit = if parameter.spec.unit == "1" { "–".into() } else { parameter.spec.unit.replace("Pa s", "Pa·s") };
+    Some(ParameterLabel { symbol: format!("{} {}", effect.slug(), parameter.symbol), unit })
 }
 
 fn of_name(name: &str) -> ParameterLabel {
@@ -94,6 +93,7 @@ fn of_name(name: &str) -> ParameterLabel {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::effects::EFFECTS;
 
     #[test]
     fn names_of_the_contracts_have_symbols_and_units() {
@@ -111,7 +111,7 @@ mod tests {
     }
 
     #[test]
-    fn effects_from_outside_the_crate_are_labelled_by_their_names() {
+    fn parameters_that_nobody_knows_are_labelled_by_their_names() {
         assert_eq!(of_parameter("thermal-drift.amplitude_m").axis(), "thermal-drift: amplitude (m)");
         assert_eq!(of_parameter("membrane.mobility_m2_per_pa_s").axis(), "membrane: mobility (m²/(Pa·s))");
         assert_eq!(of_parameter("membrane.order").axis(), "membrane: order (–)");

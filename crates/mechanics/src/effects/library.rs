@@ -1,6 +1,11 @@
 //! Which effects there are: those of the program, and those that a user adds.
 
-use super::{EFFECTS, Effect};
+use std::sync::{Mutex, PoisonError};
+
+use super::{EFFECTS, Effect, EffectParameter};
+
+/// Effects that users have added, in any library: their parameters have labels in every figure of the program.
+static ADDED: Mutex<Vec<&'static dyn Effect>> = Mutex::new(Vec::new());
 
 /// The effects that models may name, in the order in which they are applied.
 #[derive(Clone)]
@@ -21,6 +26,10 @@ impl Library {
 
     /// The library with one more effect, applied after the others.
     pub fn with(mut self, effect: &'static dyn Effect) -> Self {
+        let mut added = ADDED.lock().unwrap_or_else(PoisonError::into_inner);
+        if added.iter().all(|known| known.slug() != effect.slug()) {
+            added.push(effect);
+        }
         self.0.push(effect);
         self
     }
@@ -39,4 +48,13 @@ impl Library {
     pub fn any_nonlinear<'a>(&self, slugs: impl IntoIterator<Item = &'a str>) -> bool {
         slugs.into_iter().any(|slug| self.get(slug).is_some_and(|effect| effect.is_nonlinear()))
     }
+}
+
+/// The effect, of the program or added to a library of this run, that has a parameter of this name, and the parameter.
+pub fn parameter_named(name: &str) -> Option<(&'static dyn Effect, &'static EffectParameter)> {
+    let added = ADDED.lock().unwrap_or_else(PoisonError::into_inner);
+    EFFECTS.iter().chain(added.iter()).find_map(|effect| {
+        let parameter = effect.parameters().iter().find(|parameter| parameter.spec.name == name)?;
+        Some((*effect, parameter))
+    })
 }
