@@ -12,7 +12,7 @@
 //! gels do not lock. Steps in time, Newton's method and conjugate gradients are those of [`crate::fe::nonlinear`], with the consistent tangent. Surfaces stay tied: the gel
 //! neither tears nor slides, the robot does not rotate.
 //!
-//! **Limits.** In front of the robot elements are pressed flat, behind it drawn long, and a strain of order one is beyond what any gel is linear at; how far a mesh carries is measured in `tests/fe_large.rs`.
+//! **Limits.** In front of the robot elements are pressed flat, behind it drawn long, and a strain of order one is beyond what any gel is linear at; how far a mesh carries is measured in `tests/fe/large.rs`.
 
 mod deformation;
 #[cfg(test)]

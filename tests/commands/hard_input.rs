@@ -1,7 +1,7 @@
 //! Input that no program should be given: each ends with exit code 2 and says what to do, in seconds, with nothing written.
 
-mod mutators;
-mod program;
+use crate::mutators;
+use crate::program;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};

@@ -55,7 +55,7 @@ fn killed_writers_leave_whole_revisions_and_a_usable_study() {
     let mut n_killed_at_work = 0;
     for round in 0..25_u64 {
         let mut victim = Command::new(std::env::current_exe().unwrap())
-            .args(["--exact", "killed_writers_leave_whole_revisions_and_a_usable_study"])
+            .args(["--exact", "study_survives_kill::killed_writers_leave_whole_revisions_and_a_usable_study"])
             .env(VICTIM_DIR, &dir)
             .stdout(Stdio::null())
             .stderr(Stdio::null())

@@ -75,7 +75,7 @@ fn effect(slug: &str) -> &'static dyn Effect {
 /// The page has every effect, its stage and its number of parameters, in the order in which a model applies them; and no other.
 #[test]
 fn the_library_is_the_one_that_the_page_on_physics_has() {
-    let page = include_str!("../docs/physics.md");
+    let page = include_str!("../../docs/physics.md");
     let table = page.split("| effect | stage | parameters (null) | equation |").nth(1).expect("the table of effects");
     let rows = table.lines().skip(2).take_while(|line| line.starts_with('|'));
     let written: Vec<(String, String, usize)> = rows

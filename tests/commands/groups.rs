@@ -1,6 +1,6 @@
 //! `groups` as a user meets it, on some of the synthetic cohort.
 
-mod program;
+use crate::program;
 
 use std::path::{Path, PathBuf};
 

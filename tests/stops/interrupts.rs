@@ -2,7 +2,7 @@
 //! the bytes that it would have given.
 #![cfg(unix)]
 
-mod program;
+use crate::program;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

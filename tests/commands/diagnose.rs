@@ -1,6 +1,6 @@
 //! `diagnose` as a user meets it: a sealed case, data with something that is not of the library, and what is refused.
 
-mod program;
+use crate::program;
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};

@@ -1,7 +1,7 @@
 //! Simulation-based calibration (Talts et al. 2018, arXiv:1804.06788) of the whole inference: parameters drawn from the prior,
 //! data simulated from them, the posterior sampled; the truth's rank among independent posterior draws must be uniform.
 
-mod creep_posterior;
+use crate::creep_posterior;
 
 use creep_posterior::over_cores;
 use std::collections::BTreeMap;

@@ -1,6 +1,6 @@
 //! A job that is stopped and resumed ends in the same bytes as one that was left alone.
 
-mod program;
+use crate::program;
 
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};

@@ -1,6 +1,6 @@
 //! `effects` and `extend` as a user meets them: the replica as a drifting camera would have recorded it.
 
-mod program;
+use crate::program;
 
 use std::path::Path;
 

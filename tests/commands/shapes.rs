@@ -1,7 +1,7 @@
 //! `sample` and `simulate` for robots that are not spheres.
 
-mod closed_forms;
-mod program;
+use crate::closed_forms;
+use crate::program;
 
 use std::path::Path;
 

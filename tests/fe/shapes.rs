@@ -1,6 +1,6 @@
 //! Finite elements around spheroids and cylinders: stiffness against closed forms (physics §4.2, §4.3, §4.8), convergence, symmetry, equilibrium.
 
-mod closed_forms;
+use crate::closed_forms;
 
 use std::f64::consts::PI;
 

@@ -1,8 +1,6 @@
 //! The comparison on records from closed forms that the program's finite elements have no part in: re-weighted draws against likelihoods, effects
 //! in a model, a model that is not enough, one specimen a group, and a run that is stopped and goes on.
 
-mod groups_walk;
-
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 

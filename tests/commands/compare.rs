@@ -1,6 +1,6 @@
 //! `compare` as a user meets it: a correct model, and one that lacks a tracker's delay.
 
-mod program;
+use crate::program;
 
 use std::path::{Path, PathBuf};
 

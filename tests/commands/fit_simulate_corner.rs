@@ -1,6 +1,6 @@
 //! `fit`, `simulate` and `corner` as a user meets them.
 
-mod program;
+use crate::program;
 
 use std::path::Path;
 

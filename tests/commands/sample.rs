@@ -1,6 +1,6 @@
 //! `sample` as a user meets it: exit codes, streams, files, the same bytes again.
 
-mod program;
+use crate::program;
 
 use std::path::Path;
 
@@ -235,7 +235,7 @@ fn the_same_model_is_continued_another_refused_and_replaced_by_force() {
 #[test]
 fn a_prior_file_is_kept_and_compared_by_content() {
     let place = place();
-    let porcine = include_str!("../priors/porcine.toml");
+    let porcine = include_str!("../../priors/porcine.toml");
     let prior = place.path().join("mine.toml");
     std::fs::write(&prior, porcine).unwrap();
     let sample = |extra: &[&str]| vitreo(place.path(), &[&["sample", "--out", "study", "--quiet"], extra].concat());

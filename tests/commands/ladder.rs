@@ -1,6 +1,6 @@
 //! `ladder` as a user meets it: the replica as a drifting camera would have recorded it, and a gel with one revision.
 
-mod program;
+use crate::program;
 
 use std::path::Path;
 

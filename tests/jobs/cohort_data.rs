@@ -1,6 +1,6 @@
 //! The committed synthetic cohort is what `examples/make_cohort` makes, and its README says what it was made with.
 
-#[path = "../examples/make_cohort/cohort.rs"]
+#[path = "../../examples/make_cohort/cohort.rs"]
 mod cohort;
 
 use std::path::{Path, PathBuf};

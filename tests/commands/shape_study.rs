@@ -1,7 +1,7 @@
 //! `shapes` as a user meets it: the paper's claims, the second solver beside the first, sweeps and refusals.
 
-mod closed_forms;
-mod program;
+use crate::closed_forms;
+use crate::program;
 
 use program::{tree, vitreo};
 use serde_json::Value;

@@ -17,7 +17,7 @@ use vitreo_uq::inference::optimum::{Modes, find_modes};
 use vitreo_uq::inference::prior::PriorSet;
 use vitreo_uq::parameter::{ParameterSpec, Support};
 
-#[path = "../crates/inference/src/inference/test_densities.rs"]
+#[path = "../../crates/inference/src/inference/test_densities.rs"]
 mod test_densities;
 use test_densities::{Banana, Correlated, TwoBumps};
 

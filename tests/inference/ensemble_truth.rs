@@ -1,6 +1,6 @@
 //! The bar on truth: no wrong posterior in 400 runs started 10 % off and in 400 started from the prior; in few of them unless long tests are asked for.
 
-mod creep_posterior;
+use crate::creep_posterior;
 
 use creep_posterior::{CreepPosterior, Exact, over_cores};
 use vitreo_uq::inference::ensemble::RandomStream;

@@ -1,0 +1,19 @@
+//! Commands as a user meets them, and the examples.
+
+#[path = "../closed_forms/mod.rs"]
+mod closed_forms;
+mod compare;
+mod diagnose;
+mod effects_extend;
+mod examples;
+mod fit_simulate_corner;
+mod groups;
+mod hard_input;
+mod ladder;
+#[path = "../mutators/mod.rs"]
+mod mutators;
+#[path = "../program/mod.rs"]
+mod program;
+mod sample;
+mod shape_study;
+mod shapes;

@@ -1,0 +1,5 @@
+//! Diagnosis and challenges.
+
+mod challenge;
+mod evidence;
+mod outside;

@@ -1,0 +1,9 @@
+//! Ensembles, evidence and noise against known densities.
+
+mod creep_posterior;
+mod ensemble_truth;
+mod evidence;
+mod move_harness;
+mod noise_calibration;
+mod sampler_runs;
+mod simulation_based_calibration;
