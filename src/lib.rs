@@ -1,5 +1,35 @@
 //! Bayesian uncertainty quantification for creep experiments in soft gels.
 //!
+//! # Quick start
+//!
+//! ```
+//! use vitreo_uq::study::ModelSpecification;
+//! use vitreo_uq::workflow::problem::Problem;
+//! use vitreo_uq::workflow::{Silent, fit, replica};
+//!
+//! // `Experiment::read("my-experiment".as_ref())` reads your own.
+//! let (experiment, _) = replica::embedded()?;
+//! let problem = Problem::new(experiment, ModelSpecification::default(), None, &Silent)?;
+//! let fit = fit::run(&problem, None, &Silent)?.summary;
+//! for parameter in &fit.parameters {
+//!     println!("{} = {:.3}", parameter.name, parameter.value);
+//! }
+//! // What is left is the replica's noise of 4 µm.
+//! assert!(fit.converged && (3.5..4.5).contains(&fit.rmse_um));
+//! # Ok::<(), vitreo_uq::Error>(())
+//! ```
+//!
+//! [`workflow::sample`] samples the posterior, [`critique`] says where the model fails and what it lacks, [`workflow::extend`] adds it.
+//!
+//! | to bring your own | see |
+//! |---|---|
+//! | law | `examples/custom_law.rs` |
+//! | effect | `examples/custom_effect.rs` |
+//! | effect that changes the displacement field | `examples/custom_field_effect.rs` |
+//! | forward model, under the ensemble sampler alone | `examples/custom_forward_model.rs` |
+//!
+//! # Map
+//!
 //! Modules stand in the order in which data flow; each uses only those before it.
 //!
 //! - [`error`]: one error type, with file, line and remedy
