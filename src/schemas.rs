@@ -11,6 +11,7 @@ use crate::documents::effects::EffectsSummary;
 use crate::documents::extension::ExtensionSummary;
 use crate::documents::fit::FitSummary;
 use crate::documents::groups::GroupsSummary;
+use crate::documents::init::InitSummary;
 use crate::documents::ladder::LadderSummary;
 use crate::documents::posterior::PosteriorSummary;
 use crate::documents::shapes::ShapesSummary;
@@ -59,6 +60,7 @@ pub fn all() -> Vec<DocumentSchema> {
         DocumentSchema::of::<ExtensionSummary>("extension", "extend"),
         DocumentSchema::of::<FitSummary>("fit", "fit"),
         DocumentSchema::of::<GroupsSummary>("groups", "groups"),
+        DocumentSchema::of::<InitSummary>("init", "init"),
         DocumentSchema::of::<LadderSummary>("ladder", "ladder"),
         DocumentSchema::of::<PosteriorSummary>("posterior", "sample"),
         DocumentSchema::of::<ShapesSummary>("shapes", "shapes"),

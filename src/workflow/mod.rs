@@ -11,6 +11,7 @@ pub mod fit;
 mod fitted_rows;
 pub mod full_check;
 pub mod heldout;
+pub mod init;
 mod joint;
 pub mod ladder;
 pub mod log_score;

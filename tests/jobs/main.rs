@@ -4,4 +4,5 @@ mod cohort_data;
 mod experiment_rejections;
 mod groups;
 mod groups_walk;
+mod laboratory_tables;
 mod main_job;

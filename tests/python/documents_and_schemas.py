@@ -15,6 +15,7 @@ import small_experiment
 SCHEMAS = small_experiment.ROOT / "docs" / "schemas"
 # On an instrument, in this order: later commands go on from earlier ones.
 OF_STUDY = [
+    ("init", ["init", "eye/trajectory.csv", "--out", "described"]),
     ("posterior", ["sample", "eye", "--out", "study"]),
     ("fit", ["fit", "study"]),
     ("effects", ["effects", "study"]),

@@ -11,6 +11,9 @@ use toml::de::{DeTable, DeValue};
 use crate::error::{Error, Place, Result};
 use crate::units::nearest_name;
 
+/// What `init` writes for a number that it cannot know.
+pub const UNKNOWN: &str = "?";
+
 /// A parsed TOML file that remembers where everything stands.
 pub struct TomlInput<'a> {
     file: PathBuf,
@@ -179,9 +182,18 @@ impl<'a> Table<'a> {
         self.text(key)?.ok_or_else(|| self.missing(key, example))
     }
 
+    /// Whether a key holds a number.
+    pub fn is_number(&self, key: &str) -> bool {
+        self.entry(key).is_some_and(|(_, value)| matches!(value.get_ref(), DeValue::Float(_) | DeValue::Integer(_)))
+    }
+
     /// A finite number, if present; whole numbers count.
     pub fn number(&self, key: &str) -> Result<Option<f64>> {
         let Some((_, value)) = self.entry(key) else { return Ok(None) };
+        if value.get_ref().as_str() == Some(UNKNOWN) {
+            let remedy = format!("measure it or look it up, and write the number, as in `{key} = 1.0`");
+            return Err(self.refuse(key, "this is not filled in yet", remedy));
+        }
         let text = match value.get_ref() {
             DeValue::Float(float) => float.as_str(),
             DeValue::Integer(integer) if integer.radix() == 10 => integer.as_str(),

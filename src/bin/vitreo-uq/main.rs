@@ -12,6 +12,7 @@ mod examine;
 mod extend;
 mod fit;
 mod groups;
+mod init;
 mod interrupt;
 mod ladder;
 mod options;
@@ -46,6 +47,8 @@ struct Program {
 /// One variant a command.
 #[derive(Subcommand)]
 enum Command {
+    /// From a table of numbers, however it is written, to an experiment
+    Init(init::InitArguments),
     /// From a measurement to a posterior that full finite elements have checked
     Sample(SampleArguments),
     /// The paper's point estimate by nonlinear least squares, with standard errors
@@ -77,6 +80,7 @@ fn main() -> ExitCode {
     let how_to_go_on = how_to_go_on(&program.command);
     interrupt::watch(how_to_go_on);
     let outcome = match &program.command {
+        Command::Init(arguments) => init::run(arguments),
         Command::Sample(arguments) => sample::run(arguments),
         Command::Fit(arguments) => fit::run(arguments),
         Command::Simulate(arguments) => simulate::run(arguments),

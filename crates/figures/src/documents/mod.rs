@@ -6,6 +6,7 @@ pub mod effects;
 pub mod extension;
 pub mod fit;
 pub mod groups;
+pub mod init;
 pub mod ladder;
 pub mod posterior;
 #[cfg(test)]

@@ -9,6 +9,7 @@ mod notes;
 mod read;
 mod record;
 mod scales;
+pub mod table;
 mod trajectory;
 
 pub use apparatus::{Apparatus, Offset, OffsetDirection, Orientation, Robot, RobotShape, Vitreous};

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use super::cycles::find_cycles;
 use super::notes::{Note, UM_PER_M};
 use super::record::Record;
+use super::table::{KEYS, TableDescription, read_described, table_text};
 use super::trajectory::{Trajectory, read_trajectory};
 use super::{Apparatus, Experiment};
 use crate::error::{Error, Place, Result};
@@ -71,6 +72,8 @@ struct Specification {
     region: Option<String>,
     apparatus: Apparatus,
     csv_name: String,
+    /// `None` for a table of the program's own form.
+    table: Option<TableDescription>,
     calibration: CycleList,
     heldout: CycleList,
     noise_sd_m: Option<f64>,
@@ -121,7 +124,9 @@ impl Specification {
         let (species, region) = (specimen.text("species")?, specimen.text("region")?);
         let apparatus = Apparatus::from_document(root)?;
         let measurement = root.required_table("measurement")?;
-        measurement.only(&["file", "calibration_cycles", "heldout_cycles", "noise_um", "source"])?;
+        measurement
+            .only(&[&["file", "calibration_cycles", "heldout_cycles", "noise_um", "source"], &KEYS[..]].concat())?;
+        let table = TableDescription::read(measurement)?;
         let csv_name = csv_name_from(measurement)?;
         let noise_um = measurement.positive("noise_um", "noise_um = 4.0")?;
         let noise_um =
@@ -133,6 +138,7 @@ impl Specification {
             region,
             apparatus,
             csv_name,
+            table,
             calibration: CycleList::read(measurement, "calibration_cycles")?,
             heldout: CycleList::read(measurement, "heldout_cycles")?,
             noise_sd_m,
@@ -147,7 +153,10 @@ impl Specification {
         csv_place: &Path,
         csv_bytes: &[u8],
     ) -> Result<(Experiment, ExperimentFiles)> {
-        let trajectory = read_trajectory(csv_place, text_of(csv_place, csv_bytes)?)?;
+        let trajectory = match &self.table {
+            None => read_trajectory(csv_place, text_of(csv_place, csv_bytes)?)?,
+            Some(table) => read_described(csv_place, &table_text(csv_bytes), table)?,
+        };
         check_driven(csv_place, &trajectory)?;
         let mut notes = Vec::new();
         let mut trajectory = trajectory;

@@ -21,6 +21,14 @@ pub(super) struct Trajectory {
     pub position_column: String,
 }
 
+/// One row in SI, with the text of its cycle.
+pub(super) struct Row<'a> {
+    pub time_s: f64,
+    pub force_n: f64,
+    pub position_m: Option<f64>,
+    pub cycle: Option<&'a str>,
+}
+
 /// What a column holds.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Column {
@@ -37,12 +45,14 @@ const QUANTITIES: [(&str, Dimension, &str); 3] = [
 const TIME: usize = 0;
 const FORCE: usize = 1;
 const POSITION: usize = 2;
+/// Not a quantity, but a place.
+pub(super) const CYCLE: usize = 3;
 
 /// Rows that a record may have: at some hundred bytes each while it is read.
 const MOST_ROWS: usize = 20_000_000;
 
 /// Words that stand for a lost position beside the empty cell.
-const LOST: [&str; 3] = ["nan", "na", "null"];
+pub(super) const LOST: [&str; 3] = ["nan", "na", "null"];
 
 /// Index of each quantity's column, with its unit, and of the cycle column.
 struct Header {
@@ -60,33 +70,13 @@ pub(super) fn read_trajectory(file: &Path, text: &str) -> Result<Trajectory> {
     };
     let names: Vec<String> = rows.record.iter().map(str::to_string).collect();
     let header = Header::parse(&Place::file(file).at_line(header_line), &names)?;
-    let mut trajectory = Trajectory {
-        time_s: Vec::new(),
-        force_n: Vec::new(),
-        position_m: Vec::new(),
-        cycle: header.cycle.map(|_| Vec::new()),
-        lines: Vec::new(),
-        force_column: header.names[header.quantities[FORCE].0].clone(),
-        position_column: header.names[header.quantities[POSITION].0].clone(),
-    };
+    let column = |which: usize| header.names[header.quantities[which].0].as_str();
+    let mut trajectory = Trajectory::empty(header.cycle.is_some(), column(FORCE), column(POSITION));
     while let Some(line) = rows.next_row()? {
-        if trajectory.lines.len() == MOST_ROWS {
-            return Err(Error::input(
-                Place::file(file).at_line(line),
-                format!("this row is one more than the {MOST_ROWS} that a record may have"),
-                "keep every k-th row, or split the record",
-            ));
-        }
+        trajectory.note_line(file, line)?;
         trajectory.push(&header, &|| Place::file(file).at_line(line), &rows.record)?;
-        trajectory.lines.push(line);
     }
-    if trajectory.time_s.len() < 2 {
-        return Err(Error::input(
-            Place::file(file).at_line(header_line + trajectory.time_s.len()),
-            format!("{} rows below the header", trajectory.time_s.len()),
-            "give one row for each sample, at least two",
-        ));
-    }
+    trajectory.check_length(file, header_line + trajectory.time_s.len())?;
     Ok(trajectory)
 }
 
@@ -243,27 +233,77 @@ impl Trajectory {
         };
         let (text, unit, place_of_time) = cell(TIME);
         let time_s = unit.to_si(finite(&place_of_time, text, "correct the time or remove the row")?);
-        plausible(&place_of_time, time_s, TIMES_S, "s")?;
-        self.check_time(&place_of_time, time_s)?;
         let (text, unit, place_of_force) = cell(FORCE);
         let remedy = "give the force that was commanded in this row; 0 if none was";
         let force_n = unit.to_si(finite(&place_of_force, text, remedy)?);
-        plausible(&place_of_force, force_n, FORCES_N, "N")?;
-        self.force_n.push(force_n);
-        self.time_s.push(time_s);
         let (text, unit, place_of_position) = cell(POSITION);
-        self.position_m.push(if text.is_empty() || LOST.iter().any(|lost| text.eq_ignore_ascii_case(lost)) {
+        let position_m = if text.is_empty() || LOST.iter().any(|lost| text.eq_ignore_ascii_case(lost)) {
             None
         } else {
             let remedy = "correct the position, or leave the cell empty where tracking was lost";
-            let position_m = unit.to_si(finite(&place_of_position, text, remedy)?);
-            plausible(&place_of_position, position_m, POSITIONS_M, "m")?;
-            Some(position_m)
-        });
-        if let (Some(index), Some(cycles)) = (header.cycle, &mut self.cycle) {
-            cycles.push(next_cycle(&|| at(index), &cells[index], cycles.last().copied())?);
+            Some(unit.to_si(finite(&place_of_position, text, remedy)?))
+        };
+        let cycle = header.cycle.map(|index| &cells[index]);
+        self.add(Row { time_s, force_n, position_m, cycle }, &|which| match which {
+            CYCLE => at(header.cycle.unwrap_or(0)),
+            _ => at(header.quantities[which].0),
+        })
+    }
+
+    /// Nothing yet, with the names of the columns of force and position.
+    pub(super) fn empty(has_cycles: bool, force_column: &str, position_column: &str) -> Self {
+        Self {
+            time_s: Vec::new(),
+            force_n: Vec::new(),
+            position_m: Vec::new(),
+            cycle: has_cycles.then(Vec::new),
+            lines: Vec::new(),
+            force_column: force_column.into(),
+            position_column: position_column.into(),
+        }
+    }
+
+    /// Adds a row that was read; `place` is that of a quantity by its index, or of [`CYCLE`].
+    pub(super) fn add(&mut self, row: Row<'_>, place: &dyn Fn(usize) -> Place) -> Result<()> {
+        let Row { time_s, force_n, position_m, cycle } = row;
+        plausible(&|| place(TIME), time_s, TIMES_S, "s")?;
+        self.check_time(&|| place(TIME), time_s)?;
+        plausible(&|| place(FORCE), force_n, FORCES_N, "N")?;
+        if let Some(position_m) = position_m {
+            plausible(&|| place(POSITION), position_m, POSITIONS_M, "m")?;
+        }
+        self.time_s.push(time_s);
+        self.force_n.push(force_n);
+        self.position_m.push(position_m);
+        if let (Some(text), Some(cycles)) = (cycle, &mut self.cycle) {
+            cycles.push(next_cycle(&|| place(CYCLE), text, cycles.last().copied())?);
         }
         Ok(())
+    }
+
+    /// Notes the line of the row that was added last.
+    pub(super) fn note_line(&mut self, file: &Path, line: usize) -> Result<()> {
+        if self.lines.len() == MOST_ROWS {
+            return Err(Error::input(
+                Place::file(file).at_line(line),
+                format!("this row is one more than the {MOST_ROWS} that a record may have"),
+                "keep every k-th row, or split the record",
+            ));
+        }
+        self.lines.push(line);
+        Ok(())
+    }
+
+    /// A record has two rows at least; `line` is the first row's.
+    pub(super) fn check_length(&self, file: &Path, line: usize) -> Result<()> {
+        if self.time_s.len() >= 2 {
+            return Ok(());
+        }
+        Err(Error::input(
+            Place::file(file).at_line(line),
+            format!("{} rows below the header", self.time_s.len()),
+            "give one row for each sample, at least two",
+        ))
     }
 
     fn check_time(&self, place: &dyn Fn() -> Place, time_s: f64) -> Result<()> {

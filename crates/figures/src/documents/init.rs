@@ -1,0 +1,44 @@
+//! The document of `init` (formats §5, `vitreo-uq/init/1`).
+
+use serde::{Deserialize, Serialize};
+
+/// Body of `vitreo-uq/init/1`.
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+pub struct InitSummary {
+    /// The directory that was written.
+    pub directory: String,
+    /// Name of the table in it.
+    pub file: String,
+    /// What was understood of the table, one sentence each.
+    pub reasons: Vec<String>,
+    /// Columns of time, force, position and, if the table has one, cycle.
+    pub columns: Vec<InitColumn>,
+    /// Other columns, which are kept in the file and not read.
+    pub others: Vec<String>,
+    /// Rows.
+    pub rows: usize,
+    /// Rows without a position.
+    pub rows_without_position: usize,
+    /// Keys of `experiment.toml` that are left to be filled in.
+    pub unknown: Vec<String>,
+}
+
+/// One column.
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+pub struct InitColumn {
+    /// time, force, position or cycle.
+    pub role: String,
+    /// Name in the header, or `column N`.
+    pub name: String,
+    /// Unit, or how times are written; empty for cycles.
+    pub unit: String,
+    /// Smallest and largest value in s, µN and µm; `None` for cycles.
+    pub range: Option<[f64; 2]>,
+}
+
+impl InitSummary {
+    /// Whether the experiment can be read as it stands.
+    pub fn is_complete(&self) -> bool {
+        self.unknown.is_empty()
+    }
+}

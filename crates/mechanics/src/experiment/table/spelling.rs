@@ -1,0 +1,156 @@
+//! Units and times as laboratories write them.
+
+use crate::units::{Dimension, UNITS};
+
+/// Spellings of units that are not suffixes of the program's own, with how many SI units they are.
+const SPELLINGS: [(&str, Dimension, f64); 24] = [
+    ("sec", Dimension::Time, 1.0),
+    ("secs", Dimension::Time, 1.0),
+    ("second", Dimension::Time, 1.0),
+    ("seconds", Dimension::Time, 1.0),
+    ("sek", Dimension::Time, 1.0),
+    ("msec", Dimension::Time, 1e-3),
+    ("millisecond", Dimension::Time, 1e-3),
+    ("milliseconds", Dimension::Time, 1e-3),
+    ("us", Dimension::Time, 1e-6),
+    ("ns", Dimension::Time, 1e-9),
+    ("min", Dimension::Time, 60.0),
+    ("mins", Dimension::Time, 60.0),
+    ("minutes", Dimension::Time, 60.0),
+    ("h", Dimension::Time, 3600.0),
+    ("hours", Dimension::Time, 3600.0),
+    ("newton", Dimension::Force, 1.0),
+    ("newtons", Dimension::Force, 1.0),
+    ("fN", Dimension::Force, 1e-15),
+    ("micron", Dimension::Length, 1e-6),
+    ("microns", Dimension::Length, 1e-6),
+    ("micrometer", Dimension::Length, 1e-6),
+    ("micrometre", Dimension::Length, 1e-6),
+    ("cm", Dimension::Length, 1e-2),
+    ("pm", Dimension::Length, 1e-12),
+];
+
+/// A unit that was recognised.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Spelt {
+    /// What it measures.
+    pub dimension: Dimension,
+    /// As it is written in `experiment.toml`: with `u` for µ.
+    pub name: String,
+    /// A value in this unit is `value / per_si_unit` for powers of ten, exactly, and `value × si_units` for others.
+    scale: Scale,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Scale {
+    Over(f64),
+    Times(f64),
+}
+
+impl Spelt {
+    /// A value in this unit as SI.
+    pub fn to_si(&self, value: f64) -> f64 {
+        match self.scale {
+            Scale::Over(per_si_unit) => value / per_si_unit,
+            Scale::Times(si_units) => value * si_units,
+        }
+    }
+}
+
+/// The unit of a text such as `µm`, `[uN]` or `(s)`, if it is one. The program's own suffixes keep their case (`mN` is no `MN`); words do not.
+pub fn unit(text: &str) -> Option<Spelt> {
+    let plain = text.trim().trim_matches(['[', ']', '(', ')', '"', '.', ' ']);
+    let plain = plain.replace(['µ', 'μ'], "u");
+    let own = UNITS.iter().find(|unit| unit.suffix == plain);
+    if let Some(own) = own {
+        return Some(Spelt { dimension: own.dimension, name: plain, scale: Scale::Over(own.per_si_unit) });
+    }
+    let is_word = plain.len() > 2;
+    let same = |known: &str| if is_word { known.eq_ignore_ascii_case(&plain) } else { known == plain };
+    let (name, dimension, si_units) = SPELLINGS.iter().find(|(known, ..)| same(known))?;
+    Some(Spelt { dimension: *dimension, name: (*name).into(), scale: Scale::Times(*si_units) })
+}
+
+/// Seconds of a clock's `hh:mm:ss.fff` or `mm:ss.fff`.
+pub fn clock_s(cell: &str) -> Option<f64> {
+    let parts: Vec<&str> = cell.split(':').collect();
+    let (seconds, larger) = parts.split_last()?;
+    if larger.is_empty() || larger.len() > 2 {
+        return None;
+    }
+    let whole = |text: &&str| {
+        (!text.is_empty() && text.len() <= 4 && text.bytes().all(|b| b.is_ascii_digit()))
+            .then(|| text.parse::<u32>().ok())?
+    };
+    let larger: Option<Vec<u32>> = larger.iter().map(whole).collect();
+    let seconds: f64 = seconds.replace(',', ".").parse().ok().filter(|s: &f64| (0.0..61.0).contains(s))?;
+    Some(larger?.iter().fold(0.0, |sum, part| (sum + f64::from(*part)) * 60.0) + seconds)
+}
+
+/// Seconds since 1970 of an ISO 8601 time such as `2026-11-22T10:00:00.25Z`, also with a blank for the T and with an offset.
+pub fn iso_s(cell: &str) -> Option<f64> {
+    let (date, time) = cell.split_once(['T', ' '])?;
+    let mut date = date.splitn(3, '-').map(|part| part.parse::<i64>().ok());
+    let (year, month, day) = (date.next()??, date.next()??, date.next()??);
+    if !((1..=12).contains(&month) && (1..=31).contains(&day) && (1900..=2999).contains(&year)) {
+        return None;
+    }
+    let time = time.trim();
+    let at = time.find(['Z', 'z', '+', '-']).unwrap_or(time.len());
+    let (time, zone) = time.split_at(at);
+    let offset_s = match zone {
+        "" | "Z" | "z" => 0.0,
+        _ => {
+            let (sign, rest) = zone.split_at(1);
+            let (hours, minutes) = rest.split_once(':').unwrap_or((rest, "0"));
+            let seconds = 3600.0 * hours.parse::<f64>().ok()? + 60.0 * minutes.parse::<f64>().ok()?;
+            if sign == "+" { seconds } else { -seconds }
+        }
+    };
+    // Days since 1970 of the Gregorian calendar, years counted from March (H. Hinnant, "chrono-compatible low-level date algorithms").
+    let year = if month <= 2 { year - 1 } else { year };
+    let (era, of_era) = (year.div_euclid(400), year.rem_euclid(400));
+    let of_year = (153 * ((month + 9) % 12) + 2) / 5 + day - 1;
+    let days = era * 146_097 + of_era * 365 + of_era / 4 - of_era / 100 + of_year - 719_468;
+    Some(86_400.0 * days as f64 + clock_s(time)? - offset_s)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn units_are_recognised_in_any_dress() {
+        for (text, name, value) in [
+            ("[µm]", "um", 1e-6),
+            ("(μN)", "uN", 1e-6),
+            ("uN", "uN", 1e-6),
+            ("Seconds", "seconds", 1.0),
+            ("min", "min", 60.0),
+            ("MSEC", "msec", 1e-3),
+            ("nN", "nN", 1e-9),
+            ("cm", "cm", 1e-2),
+        ] {
+            let found = unit(text).unwrap_or_else(|| panic!("{text}"));
+            assert_eq!((found.name.as_str(), found.to_si(1.0)), (name, value), "{text}");
+        }
+        for text in ["", "MN", "Um", "MM", "a.u.", "V", "px"] {
+            assert_eq!(unit(text), None, "{text}");
+        }
+    }
+
+    #[test]
+    fn times_of_day_and_dates_are_seconds() {
+        assert_eq!(clock_s("01:02:03.5"), Some(3723.5));
+        assert_eq!(clock_s("02:03,5"), Some(123.5));
+        assert_eq!(iso_s("1970-01-02T00:00:01Z"), Some(86_401.0));
+        assert_eq!(iso_s("2000-03-01 12:00:00"), Some(951_912_000.0));
+        assert_eq!(iso_s("2024-02-29T01:00:00.25+01:00"), Some(1_709_164_800.25));
+        for text in ["12", "1:2:3:4", "a:b", "12:99"] {
+            assert_eq!(clock_s(text), None, "{text}");
+        }
+        for text in ["2024-13-01T00:00:00", "2024-02-29", "yesterday 10:00"] {
+            assert_eq!(iso_s(text), None, "{text}");
+        }
+    }
+}

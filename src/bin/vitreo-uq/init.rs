@@ -1,0 +1,144 @@
+//! `init`: from a table of numbers to an experiment.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::Args;
+use vitreo_uq::documents::init::{InitColumn, InitSummary};
+use vitreo_uq::error::Result;
+use vitreo_uq::experiment::table::Given;
+use vitreo_uq::study::{Provenance, WithProvenance};
+use vitreo_uq::workflow::init::{self, InitRequest};
+
+use crate::text::significant;
+
+/// Arguments of `init`.
+#[derive(Args)]
+pub struct InitArguments {
+    /// Table of force and position against time: text, cells between commas, semicolons, tabulators or blanks
+    #[arg(value_name = "FILE")]
+    file: PathBuf,
+    /// Directory to write [default: the table's name without its ending]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Column of the time, by name or number
+    #[arg(long, value_name = "COLUMN")]
+    time: Option<String>,
+    /// Column of the force
+    #[arg(long, value_name = "COLUMN")]
+    force: Option<String>,
+    /// Column of the position along the force
+    #[arg(long, value_name = "COLUMN")]
+    position: Option<String>,
+    /// Column of the cycle
+    #[arg(long, value_name = "COLUMN")]
+    cycle: Option<String>,
+    /// Unit of the time: s, ms, min, h, clock (hh:mm:ss) or iso
+    #[arg(long, value_name = "UNIT")]
+    time_unit: Option<String>,
+    /// Unit of the force: N, mN, uN, nN or pN
+    #[arg(long, value_name = "UNIT")]
+    force_unit: Option<String>,
+    /// Unit of the position: m, mm, um or nm
+    #[arg(long, value_name = "UNIT")]
+    position_unit: Option<String>,
+    /// Name of the specimen [default: the table's name]
+    #[arg(long, value_name = "ID")]
+    id: Option<String>,
+    /// Diameter of the robot, a sphere, in mm
+    #[arg(long, value_name = "MM")]
+    robot_diameter_mm: Option<f64>,
+    /// Density of the robot in kg/m³
+    #[arg(long, value_name = "KG/M3")]
+    robot_density_kg_m3: Option<f64>,
+    /// Diameter of the vitreous in mm
+    #[arg(long, value_name = "MM")]
+    vitreous_diameter_mm: Option<f64>,
+    /// Poisson ratio of the vitreous
+    #[arg(long, value_name = "RATIO", allow_negative_numbers = true)]
+    poisson_ratio: Option<f64>,
+    /// Known noise of the tracker in µm
+    #[arg(long, value_name = "UM")]
+    noise_um: Option<f64>,
+    /// Write the result as one JSON document to a file, or alone to standard output with `-`
+    #[arg(long, value_name = "FILE|-")]
+    json: Option<PathBuf>,
+    /// Replace an experiment that is there
+    #[arg(long)]
+    replace: bool,
+    /// No words about what comes next on standard error
+    #[arg(long)]
+    quiet: bool,
+}
+
+pub fn run(arguments: &InitArguments) -> Result<ExitCode> {
+    crate::output::check(arguments.json.as_deref())?;
+    let given = Given {
+        columns: [&arguments.time, &arguments.force, &arguments.position, &arguments.cycle].map(Clone::clone),
+        units: [&arguments.time_unit, &arguments.force_unit, &arguments.position_unit].map(Clone::clone),
+    };
+    let request = InitRequest {
+        file: arguments.file.clone(),
+        out: arguments.out.clone(),
+        given,
+        id: arguments.id.clone(),
+        sizes: [
+            arguments.robot_diameter_mm,
+            arguments.robot_density_kg_m3,
+            arguments.vitreous_diameter_mm,
+            arguments.poisson_ratio,
+        ],
+        noise_um: arguments.noise_um,
+        force: arguments.replace,
+    };
+    let (summary, sha256) = init::run(&request)?;
+    let provenance = Provenance::new("init", 1, 0, BTreeMap::from([(summary.file.clone(), sha256)]));
+    crate::output::show(arguments.json.as_deref(), &WithProvenance { provenance, body: &summary }, &words(&summary))?;
+    if !arguments.quiet {
+        crate::interrupt::say(&next(&summary));
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn words(summary: &InitSummary) -> String {
+    let mut lines = vec![format!("{}: {} rows", summary.file, summary.rows)];
+    lines.extend(summary.reasons.iter().map(|reason| format!("  {reason}")));
+    lines.push(String::new());
+    lines.extend(summary.columns.iter().map(column));
+    if summary.columns.iter().all(|column| column.role != "cycle") {
+        lines.push("  cycle     found from the force's repetition".into());
+    }
+    if !summary.others.is_empty() {
+        lines.push(format!("  not read  {}", summary.others.join(", ")));
+    }
+    if summary.rows_without_position > 0 {
+        lines.push(format!("{} rows have no position; they are not compared.", summary.rows_without_position));
+    }
+    lines.join("\n") + "\n"
+}
+
+fn column(column: &InitColumn) -> String {
+    let InitColumn { role, name, unit, range } = column;
+    let si = match role.as_str() {
+        "time" => "s",
+        "force" => "µN",
+        _ => "µm",
+    };
+    let range =
+        range.map_or(String::new(), |[low, high]| format!(": {} to {} {si}", significant(low), significant(high)));
+    let unit = if unit.is_empty() { String::new() } else { format!(" ({unit})") };
+    format!("  {role:<9} `{name}`{unit}{range}")
+}
+
+fn next(summary: &InitSummary) -> String {
+    let toml = format!("{}/experiment.toml", summary.directory);
+    if summary.is_complete() {
+        return format!("Wrote {toml}. Next: vitreo-uq sample {}", summary.directory);
+    }
+    format!(
+        "Wrote {toml}. Fill in its lines with \"?\": {}. Then: vitreo-uq sample {}",
+        summary.unknown.join(", "),
+        summary.directory
+    )
+}

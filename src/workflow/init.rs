@@ -1,0 +1,192 @@
+//! The job of `init`: a table of another maker becomes an experiment that the program reads.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use crate::documents::init::{InitColumn, InitSummary};
+use crate::error::{Error, Place, Result};
+use crate::experiment::table::{ColumnName, Given, Proposal, TableDescription, TimeFormat, Zero, propose, table_text};
+use crate::files::{self, Content, write_together};
+use crate::study::sha256_hex;
+use crate::toml_input::UNKNOWN;
+
+/// What a caller says.
+#[derive(Debug, Clone, Default)]
+pub struct InitRequest {
+    /// The table.
+    pub file: PathBuf,
+    /// Directory to write; the table's name without its ending where none is given.
+    pub out: Option<PathBuf>,
+    /// What is known of its columns.
+    pub given: Given,
+    /// Specimen identifier.
+    pub id: Option<String>,
+    /// Diameter of a spherical robot in mm, its density in kg/m³, the vitreous's diameter in mm and Poisson ratio.
+    pub sizes: [Option<f64>; 4],
+    /// Noise of the tracker in µm.
+    pub noise_um: Option<f64>,
+    /// Replace an experiment that is there.
+    pub force: bool,
+}
+
+/// Looks at the table, and writes the experiment beside a copy of it. Gives what was understood, and the hash of the table.
+///
+/// # Errors
+/// Those of [`propose`]; [`Error::Input`] where an experiment is there already; [`Error::File`] when the operating system refuses.
+pub fn run(request: &InitRequest) -> Result<(InitSummary, String)> {
+    let bytes = files::read(&request.file, Content::Table, "give a table that can be read")?;
+    let proposal = propose(&request.file, &table_text(&bytes), &request.given)?;
+    let name = file_name(&request.file)?;
+    let out = request.out.clone().unwrap_or_else(|| PathBuf::from(Path::new(&name).file_stem().unwrap_or_default()));
+    let toml_path = out.join("experiment.toml");
+    if toml_path.exists() && !request.force {
+        return Err(Error::input(
+            Place::file(&toml_path),
+            "an experiment is there already",
+            "give another directory with `--out`, or `--force` to replace it",
+        ));
+    }
+    let unknown = UNKNOWN_KEYS.iter().zip(request.sizes).filter(|(_, size)| size.is_none());
+    let unknown = unknown.map(|(key, _)| (*key).to_string()).collect();
+    let toml = experiment_toml(request, &name, &proposal.description);
+    std::fs::create_dir_all(&out)
+        .map_err(|error| Error::at_path("create", &out, error, "give a directory that can be written to"))?;
+    write_together(&[(&out.join(&name), &bytes), (&toml_path, toml.as_bytes())])?;
+    let summary = InitSummary {
+        directory: out.display().to_string(),
+        file: name,
+        columns: columns(&proposal),
+        others: others(&proposal),
+        reasons: proposal.reasons,
+        rows: proposal.n_rows,
+        rows_without_position: proposal.n_lost,
+        unknown,
+    };
+    Ok((summary, sha256_hex(&bytes)))
+}
+
+/// Keys of [`InitRequest::sizes`].
+const UNKNOWN_KEYS: [&str; 4] =
+    ["robot.diameter_mm", "robot.density_kg_m3", "vitreous.diameter_mm", "vitreous.poisson_ratio"];
+
+fn file_name(file: &Path) -> Result<String> {
+    let name = file.file_name().and_then(|name| name.to_str()).filter(|name| !name.contains(char::is_control));
+    name.map(String::from).ok_or_else(|| {
+        Error::input(
+            Place::file(file),
+            "this is no plain name of a file",
+            "rename the table to letters, digits and dots",
+        )
+    })
+}
+
+fn name_of(column: &ColumnName) -> String {
+    match column {
+        ColumnName::Named(name) => name.clone(),
+        ColumnName::Number(number) => format!("column {number}"),
+    }
+}
+
+fn time_unit(format: &TimeFormat) -> String {
+    match format {
+        TimeFormat::Unit(unit) => unit.name.clone(),
+        TimeFormat::Clock => "clock".into(),
+        TimeFormat::Iso => "iso".into(),
+    }
+}
+
+fn columns(proposal: &Proposal) -> Vec<InitColumn> {
+    let TableDescription { time, force, position, cycle, .. } = &proposal.description;
+    let column = |role: &str, name: &ColumnName, unit: String, range| InitColumn {
+        role: role.into(),
+        name: name_of(name),
+        unit,
+        range,
+    };
+    let micro = |range: [f64; 2]| Some(range.map(|x| 1e6 * x));
+    let mut columns = vec![
+        column("time", &time.0, time_unit(&time.1), Some([0.0, proposal.duration_s])),
+        column("force", &force.0, force.1.name.clone(), micro(proposal.force_n)),
+        column("position", &position.0, position.1.name.clone(), micro(proposal.position_m)),
+    ];
+    columns.extend(cycle.as_ref().map(|cycle| column("cycle", cycle, String::new(), None)));
+    columns
+}
+
+fn others(proposal: &Proposal) -> Vec<String> {
+    let TableDescription { time, force, position, cycle, .. } = &proposal.description;
+    let used: Vec<&ColumnName> = [&time.0, &force.0, &position.0].into_iter().chain(cycle).collect();
+    let is_used = |(at, name): &(usize, &String)| {
+        used.iter().any(|column| match column {
+            ColumnName::Named(own) => own == *name,
+            ColumnName::Number(number) => *number == at + 1,
+        })
+    };
+    let free = proposal.columns.iter().enumerate().filter(|column| !is_used(column));
+    free.map(|(at, name)| if name.is_empty() { format!("column {}", at + 1) } else { name.clone() }).collect()
+}
+
+/// A text as TOML has it.
+fn text(value: &str) -> String {
+    toml::Value::String(value.into()).to_string()
+}
+
+fn column_name(column: &ColumnName) -> String {
+    match column {
+        ColumnName::Named(name) => text(name),
+        ColumnName::Number(number) => number.to_string(),
+    }
+}
+
+/// `experiment.toml`, with a comment a line.
+fn experiment_toml(request: &InitRequest, file: &str, table: &TableDescription) -> String {
+    let stem = Path::new(file).file_stem().map_or("specimen".into(), |stem| stem.to_string_lossy().into_owned());
+    let [diameter, density, vitreous, poisson] =
+        request.sizes.map(|size| size.map_or_else(|| text(UNKNOWN), |size| format!("{size:?}")));
+    let mut lines = String::from("# What was measured. Lines with \"?\" need a number before this can be read.\n");
+    let mut line = |key: &str, value: String, comment: &str| {
+        let _ = writeln!(lines, "{:<36} # {comment}", format!("{key} = {value}"));
+    };
+    line(
+        "\n[specimen]\nid",
+        text(request.id.as_deref().unwrap_or(&stem)),
+        "its name; repeats of one specimen share it",
+    );
+    line("\n[robot]\nshape", text("sphere"), "or \"ellipsoid\", \"cylinder\" with `length_mm` and `orientation`");
+    line("diameter_mm", diameter, "of the moving body");
+    line("density_kg_m3", density, "of the moving body");
+    line("\n[vitreous]\ndiameter_mm", vitreous, "of the gel around it, whose outer surface is fixed");
+    line("poisson_ratio", poisson, "0.48 to 0.499 for a gel that is nearly incompressible");
+    line("density_kg_m3", "1000.0".into(), "of water, if nothing better is known");
+    line("\n[measurement]\nfile", text(file), "the table as it was");
+    line("source", text("not stated"), "where it comes from; synthetic or measured");
+    match request.noise_um {
+        Some(noise_um) => line("noise_um", format!("{noise_um:?}"), "known noise of the tracker"),
+        None => line("# noise_um", "4.0".into(), "known noise of the tracker, if it is known"),
+    }
+    line("# calibration_cycles", "[1]".into(), "cycles that are fitted; the others are held out");
+    line("delimiter", text(table.delimiter.name()), "between cells");
+    line("decimal", text(table.decimal.name()), "before decimals");
+    if let Some(header) = table.header_line {
+        line("header_line", header.to_string(), "line of the columns' names");
+    }
+    line("first_row_line", table.first_row_line.to_string(), "line of the first row");
+    match table.zero {
+        Zero::AsWritten => line("# zero", text("first"), "which position is 0: \"first\", \"rest\" or a number"),
+        Zero::First => line("zero", text("first"), "the first position is 0"),
+        Zero::Rest => line("zero", text("rest"), "the position before the force acts is 0"),
+        Zero::Value(value) => line("zero", format!("{value:?}"), "this position is 0"),
+    }
+    let direction = if table.is_reversed { "-" } else { "+" };
+    line("direction", text(direction), "\"-\" where the position grows against the force");
+    line("\n[measurement.columns]\ntime", column_name(&table.time.0), "name in the header, or number from 1");
+    line("time_unit", text(&time_unit(&table.time.1)), "s, ms, min, h, \"clock\" (hh:mm:ss) or \"iso\"");
+    line("force", column_name(&table.force.0), "the commanded force, which holds until the next row");
+    line("force_unit", text(&table.force.1.name), "N, mN, uN, nN or pN");
+    line("position", column_name(&table.position.0), "along the force");
+    line("position_unit", text(&table.position.1.name), "m, mm, um or nm");
+    if let Some(cycle) = &table.cycle {
+        line("cycle", column_name(cycle), "left out, cycles are found from the force");
+    }
+    lines
+}
