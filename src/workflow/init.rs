@@ -25,8 +25,8 @@ pub struct InitRequest {
     pub sizes: [Option<f64>; 4],
     /// Noise of the tracker in µm.
     pub noise_um: Option<f64>,
-    /// Replace an experiment that is there.
-    pub force: bool,
+    /// Write over an experiment that is there.
+    pub replace: bool,
 }
 
 /// Looks at the table, and writes the experiment beside a copy of it. Gives what was understood, and the hash of the table.
@@ -39,11 +39,11 @@ pub fn run(request: &InitRequest) -> Result<(InitSummary, String)> {
     let name = file_name(&request.file)?;
     let out = request.out.clone().unwrap_or_else(|| PathBuf::from(Path::new(&name).file_stem().unwrap_or_default()));
     let toml_path = out.join("experiment.toml");
-    if toml_path.exists() && !request.force {
+    if toml_path.exists() && !request.replace {
         return Err(Error::input(
             Place::file(&toml_path),
             "an experiment is there already",
-            "give another directory with `--out`, or `--force` to replace it",
+            "give another directory with `--out`, or `--replace` to write over it",
         ));
     }
     let unknown = UNKNOWN_KEYS.iter().zip(request.sizes).filter(|(_, size)| size.is_none());
@@ -144,8 +144,11 @@ fn experiment_toml(request: &InitRequest, file: &str, table: &TableDescription) 
     let [diameter, density, vitreous, poisson] =
         request.sizes.map(|size| size.map_or_else(|| text(UNKNOWN), |size| format!("{size:?}")));
     let mut lines = String::from("# What was measured. Lines with \"?\" need a number before this can be read.\n");
+    // A key after the head of a table stands in its own line.
     let mut line = |key: &str, value: String, comment: &str| {
-        let _ = writeln!(lines, "{:<36} # {comment}", format!("{key} = {value}"));
+        let (head, key) = key.rsplit_once('\n').map_or(("", key), |(head, key)| (head, key));
+        let end = if head.is_empty() { "" } else { "\n" };
+        let _ = writeln!(lines, "{head}{end}{:<36} # {comment}", format!("{key} = {value}"));
     };
     line(
         "\n[specimen]\nid",

@@ -18,7 +18,7 @@ fn truth() -> Vec<[f64; 3]> {
     let steps = [(0.0, 4.6), (5.0, -9.2), (10.0, 9.2), (15.0, -9.2)];
     let row = |i: usize| {
         let t = INTERVAL_S * i as f64;
-        let force = if (i / 50) % 2 == 0 { 4.6 } else { -4.6 };
+        let force = if (i / 50).is_multiple_of(2) { 4.6 } else { -4.6 };
         let past = steps.iter().filter(|(at, _)| t > *at);
         [t, force, past.map(|(at, change)| change / 4.6 * creep(t - at)).sum::<f64>()]
     };
@@ -112,7 +112,6 @@ fn looks() -> Vec<(&'static str, Look)> {
             Look { between: ";", decimal: ',', names: GERMAN, encoding: Encoding::Latin1, end: "\r\n", ..PLAIN },
         ),
         ("semicolons, points", Look { between: ";", names: BRACKETS, ..PLAIN }),
-        ("tabs", Look { between: "\t", names: ROUND, ..PLAIN }),
         ("tabs, decimal commas", Look { between: "\t", decimal: ',', names: ROUND, ..PLAIN }),
         ("blanks", Look { between: "   ", names: ["t/s", "F/uN", "x/um"], ..PLAIN }),
         ("blanks, decimal commas", Look { between: "  ", decimal: ',', names: ["t/s", "F/uN", "x/um"], ..PLAIN }),
@@ -125,6 +124,10 @@ fn looks() -> Vec<(&'static str, Look)> {
         (
             "units beneath, in brackets",
             Look { names: ["t", "F", "x"], units_row: Some(["[s]", "[uN]", "[um]"]), between: "\t", ..PLAIN },
+        ),
+        (
+            "units beneath, one of another kind",
+            Look { names: WORDS, units_row: Some(["s", "µN", "µm"]), others: &[("T", "21.5")], ..PLAIN },
         ),
         ("header as a comment", Look { names: ROUND, comment_sign: "# ", ..PLAIN }),
         ("comments above", Look { names: BRACKETS, above: &["# tracker 3.1", "# bead 7; 20 °C"], ..PLAIN }),
@@ -188,7 +191,7 @@ fn written(look: &Look) -> Vec<u8> {
     names[0] = format!("{}{}", look.comment_sign, names[0]);
     line(names);
     if let Some(units) = look.units_row {
-        line(row(units.map(String::from), others(|_| String::new()), None));
+        line(row(units.map(String::from), others(|_| "°C".into()), None));
     }
     for (i, [t, force, position]) in truth().into_iter().enumerate() {
         let position = look.sign * position + look.offset_um;
@@ -225,7 +228,7 @@ fn initialised(folder: &Path, number: usize, look: &Look, units: [Option<String>
     let out = folder.join(format!("experiment-{number}"));
     let given = Given { units, ..Given::default() };
     let request =
-        InitRequest { file, out: Some(out.clone()), given, sizes: SIZES, force: true, ..InitRequest::default() };
+        InitRequest { file, out: Some(out.clone()), given, sizes: SIZES, replace: true, ..InitRequest::default() };
     run(&request)?;
     Experiment::read(&out).map(|(experiment, _)| experiment)
 }

@@ -7,7 +7,7 @@ use std::process::ExitCode;
 use clap::Args;
 use vitreo_uq::documents::init::{InitColumn, InitSummary};
 use vitreo_uq::error::Result;
-use vitreo_uq::experiment::table::Given;
+use vitreo_uq::experiment::table::{Given, unit as spelt};
 use vitreo_uq::study::{Provenance, WithProvenance};
 use vitreo_uq::workflow::init::{self, InitRequest};
 
@@ -64,7 +64,7 @@ pub struct InitArguments {
     /// Write the result as one JSON document to a file, or alone to standard output with `-`
     #[arg(long, value_name = "FILE|-")]
     json: Option<PathBuf>,
-    /// Replace an experiment that is there
+    /// Write over an experiment that is there
     #[arg(long)]
     replace: bool,
     /// No words about what comes next on standard error
@@ -90,7 +90,7 @@ pub fn run(arguments: &InitArguments) -> Result<ExitCode> {
             arguments.poisson_ratio,
         ],
         noise_um: arguments.noise_um,
-        force: arguments.replace,
+        replace: arguments.replace,
     };
     let (summary, sha256) = init::run(&request)?;
     let provenance = Provenance::new("init", 1, 0, BTreeMap::from([(summary.file.clone(), sha256)]));
@@ -120,15 +120,18 @@ fn words(summary: &InitSummary) -> String {
 
 fn column(column: &InitColumn) -> String {
     let InitColumn { role, name, unit, range } = column;
-    let si = match role.as_str() {
-        "time" => "s",
-        "force" => "µN",
-        _ => "µm",
+    // The document has SI and micro-units; people see the table's own.
+    let in_document = if role == "time" { 1.0 } else { 1e-6 };
+    let (per, shown) = match spelt(unit) {
+        Some(own) => (in_document / own.to_si(1.0), unit.as_str()),
+        None => (1.0, "s"),
     };
-    let range =
-        range.map_or(String::new(), |[low, high]| format!(": {} to {} {si}", significant(low), significant(high)));
-    let unit = if unit.is_empty() { String::new() } else { format!(" ({unit})") };
-    format!("  {role:<9} `{name}`{unit}{range}")
+    let range = range.map_or(String::new(), |[low, high]| {
+        // No minus before a zero.
+        format!(": {} to {} {shown}", significant(low * per + 0.0), significant(high * per + 0.0))
+    });
+    let written = if spelt(unit).is_none() && !unit.is_empty() { format!(" ({unit})") } else { String::new() };
+    format!("  {role:<9} `{name}`{written}{range}")
 }
 
 fn next(summary: &InitSummary) -> String {

@@ -14,6 +14,8 @@ use crate::units::Dimension;
 
 /// Lines that are looked at for the layout.
 const LOOKED_AT: usize = 5_000;
+/// Letters of a cell in a line of units.
+const LONGEST_UNIT: usize = 8;
 /// Share of the positions' range by which a record that starts at 0 may miss it.
 const NEAR_ZERO: f64 = 0.02;
 
@@ -66,6 +68,16 @@ impl Role {
             Self::Position => "position",
             Self::Cycle => "cycle",
         }
+    }
+
+    /// An example of the option that says its unit.
+    fn unit_option(self) -> String {
+        let unit = match self {
+            Self::Time => "s",
+            Self::Force => "uN",
+            Self::Position | Self::Cycle => "um",
+        };
+        format!("--{}-unit {unit}", self.name())
     }
 
     fn dimension(self) -> Option<Dimension> {
@@ -164,11 +176,10 @@ fn header(lines: &[&str], layout: &Layout) -> Header {
     let names = |place: usize| above.get(place).and_then(|index| Some((*index, names_in(lines[*index], layout)?)));
     let Some((line, nearest)) = names(0) else { return Header::default() };
     let units: Vec<Option<Spelt>> = nearest.iter().map(|cell| unit(cell)).collect();
-    let is_dressed =
-        |cell: &String| cell.is_empty() || unit(cell).is_some() || cell.trim_matches(['-', '[', ']', '1']).is_empty();
+    // A line of units may have some that are none of ours, such as °C.
     if let Some((line, names)) = names(1)
-        && nearest.iter().all(is_dressed)
         && units.iter().flatten().count() >= 2
+        && nearest.iter().all(|cell| cell.chars().count() <= LONGEST_UNIT)
     {
         return Header { line: Some(line), names, units };
     }
@@ -223,23 +234,31 @@ pub fn propose(file: &Path, text: &str, given: &Given) -> Result<Proposal> {
     }
     let first_row = cells(lines[layout.first], layout.delimiter);
     let cell = |role: Role| columns[role as usize].and_then(|at| first_row.get(at)).map_or("", |cell| cell.as_ref());
+    let own_unit = |role: Role| columns[role as usize].and_then(|at| header.units.get(at).cloned().flatten());
+    let told = |role: Role| given.units[role as usize].as_deref();
+    let has_form = |role: Role| {
+        let cell = cell(role);
+        role == Role::Time && (clock_s(cell).is_some() || iso_s(cell).is_some())
+    };
+    let missing: Vec<Role> = [Role::Time, Role::Force, Role::Position]
+        .into_iter()
+        .filter(|role| told(*role).is_none() && own_unit(*role).is_none() && !has_form(*role))
+        .collect();
+    if let Some(first) = missing.first() {
+        let names: Vec<&str> = missing.iter().map(|role| role.name()).collect();
+        let options: Vec<String> = missing.iter().map(|role| role.unit_option()).collect();
+        return Err(Error::input(
+            Place::option(format!("--{}-unit", first.name())),
+            format!("{}: the table does not say the unit of {}", file.display(), names.join(" and ")),
+            format!("say it, as in `{}`", options.join(" ")),
+        ));
+    }
     let unit_of = |role: Role| -> Result<Spelt> {
-        let own = columns[role as usize].and_then(|at| header.units.get(at).cloned().flatten());
-        let told = given.units[role as usize].as_deref();
-        let found = match told {
-            Some(text) => unit(text),
-            None => own,
-        };
+        let found = told(role).map_or_else(|| own_unit(role), unit);
         found.filter(|unit| Some(unit.dimension) == role.dimension()).ok_or_else(|| {
-            let example = ["s", "uN", "um"][role as usize];
-            Error::input(
-                Place::option(format!("--{}-unit", role.name())),
-                match told {
-                    Some(text) => format!("`{text}` is no unit of a {}", role.name()),
-                    None => format!("the unit of the {} is not written in the table", role.name()),
-                },
-                format!("say it, as in `--{}-unit {example}`", role.name()),
-            )
+            let found = format!("`{}` is no unit of a {}", told(role).unwrap_or_default(), role.name());
+            let remedy = format!("say it, as in `{}`", role.unit_option());
+            Error::input(Place::option(format!("--{}-unit", role.name())), found, remedy)
         })
     };
     let time_format = match given.units[0].as_deref() {
@@ -415,7 +434,7 @@ mod tests {
         let refused = |text: &str| propose(Path::new("t.csv"), text, &Given::default()).unwrap_err().to_string();
         let rows = "0,1,0\n1,1,2\n2,1,3\n";
         assert!(refused(rows).contains("--time"));
-        assert!(refused(&format!("t,F,x\n{rows}")).contains("--time-unit s"));
+        assert!(refused(&format!("t,F,x\n{rows}")).contains("--time-unit s --force-unit uN --position-unit um"));
         assert!(refused(&format!("t [s],F [V],x [um]\n{rows}")).contains("--force"));
         let two = refused("t [s],F [uN],position a [um],position b [um]\n0,1,0,0\n1,1,2,2\n");
         assert!(two.contains("several columns may be the position"), "{two}");
