@@ -161,6 +161,8 @@ struct Header {
     line: Option<usize>,
     names: Vec<String>,
     units: Vec<Option<Spelt>>,
+    /// Columns whose unit is none of ours: a temperature, a voltage.
+    foreign: Vec<usize>,
 }
 
 /// A line's cells as names, if it has as many as the rows have; units in brackets after a blank belong to the name before them.
@@ -181,10 +183,12 @@ fn header(lines: &[&str], layout: &Layout) -> Header {
         && units.iter().flatten().count() >= 2
         && nearest.iter().all(|cell| cell.chars().count() <= LONGEST_UNIT)
     {
-        return Header { line: Some(line), names, units };
+        let is_foreign = |at: &usize| units[*at].is_none() && nearest[*at].chars().any(char::is_alphabetic);
+        let foreign = (0..units.len()).filter(is_foreign).collect();
+        return Header { line: Some(line), names, units, foreign };
     }
     let units = nearest.iter().map(|name| split_unit(name).1).collect();
-    Header { line: Some(line), names: nearest, units }
+    Header { line: Some(line), names: nearest, units, foreign: Vec::new() }
 }
 
 /// A name and the unit in it: `x [µm]`, `x (µm)`, `x/µm`, `x_um`, `x in µm`.
@@ -357,7 +361,7 @@ fn column(
             )
         });
     }
-    let free = (0..header.names.len()).filter(|at| !taken.contains(&Some(*at)));
+    let free = (0..header.names.len()).filter(|at| !taken.contains(&Some(*at)) && !header.foreign.contains(at));
     let mut fits: Vec<(u32, usize)> =
         free.filter_map(|at| Some((fit(role, &header.names[at], header.units[at].as_ref())?, at))).collect();
     fits.retain(|(fit, _)| *fit > u32::from(role == Role::Cycle));
