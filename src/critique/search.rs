@@ -30,6 +30,8 @@ impl Bars {
 
 /// Most effects that one search adds.
 const MOST_EFFECTS: usize = 3;
+/// What a claim may lose in the log score of the cycle that no fit has seen, nats: an effect that does not show there gains and loses next to nothing.
+const LARGEST_LOSS_NATS: f64 = 0.1;
 /// A larger model has to outrank a smaller one by this factor and so many nats.
 const LARGER_FACTOR: f64 = 1.03;
 pub(super) const LARGER_NATS: f64 = 8.0;
@@ -297,8 +299,10 @@ fn passes(bars: &Bars, gain: &Gain, p: f64, round: usize) -> bool {
     p <= bars.p_of_round(round) && predicts(bars, gain) && gain.largest_change >= bars.smallest_change
 }
 
+/// Whether future cycles are predicted better, and the last one, which no fit has seen, not worse.
 fn predicts(bars: &Bars, gain: &Gain) -> bool {
-    gain.future.is_some_and(|future| future > bars.least_future_nats)
+    let is_kept = |last: f64| last > -LARGEST_LOSS_NATS;
+    gain.future.is_some_and(|future| future > bars.least_future_nats) && gain.last.is_some_and(is_kept)
 }
 
 /// The best model with one effect more than `current`, and its gain over `current`. After the first round any pair will do, also one without the best
