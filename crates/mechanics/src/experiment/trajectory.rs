@@ -52,7 +52,12 @@ pub(super) const CYCLE: usize = 3;
 const MOST_ROWS: usize = 20_000_000;
 
 /// Words that stand for a lost position beside the empty cell.
-pub(super) const LOST: [&str; 3] = ["nan", "na", "null"];
+const LOST: [&str; 3] = ["nan", "na", "null"];
+
+/// Whether a cell says that its position was lost.
+pub(super) fn is_lost(cell: &str) -> bool {
+    cell.is_empty() || LOST.iter().any(|lost| cell.eq_ignore_ascii_case(lost))
+}
 
 /// Index of each quantity's column, with its unit, and of the cycle column.
 struct Header {
@@ -237,7 +242,7 @@ impl Trajectory {
         let remedy = "give the force that was commanded in this row; 0 if none was";
         let force_n = unit.to_si(finite(&place_of_force, text, remedy)?);
         let (text, unit, place_of_position) = cell(POSITION);
-        let position_m = if text.is_empty() || LOST.iter().any(|lost| text.eq_ignore_ascii_case(lost)) {
+        let position_m = if is_lost(text) {
             None
         } else {
             let remedy = "correct the position, or leave the cell empty where tracking was lost";

@@ -4,12 +4,11 @@ use std::borrow::Cow;
 use std::path::Path;
 
 use super::description::{ColumnName, TableDescription, TimeFormat, Zero};
-use super::read::read_described;
+use super::read::{read_described, rest_m, settle_zero};
 use super::spelling::{Spelt, clock_s, iso_s, unit};
-use super::text::{Decimal, Delimiter, cells, is_aside};
+use super::text::{Decimal, Delimiter, cells, header_cells, is_aside};
 use crate::error::{Error, Place, Result};
-use crate::experiment::record::median;
-use crate::experiment::trajectory::{LOST, Trajectory};
+use crate::experiment::trajectory::{Trajectory, is_lost};
 use crate::units::Dimension;
 
 /// Lines that are looked at for the layout.
@@ -37,7 +36,7 @@ pub struct Proposal {
     pub columns: Vec<String>,
     /// In words, one sentence each.
     pub reasons: Vec<String>,
-    /// Number of rows, and of those without a position.
+    /// Number of rows.
     pub n_rows: usize,
     /// Rows without a position.
     pub n_lost: usize,
@@ -111,10 +110,6 @@ struct Layout {
     n_cells: usize,
 }
 
-fn is_lost(cell: &str) -> bool {
-    cell.is_empty() || LOST.iter().any(|lost| cell.eq_ignore_ascii_case(lost))
-}
-
 fn is_value(cell: &str, decimal: Decimal) -> bool {
     decimal.number(cell).is_some() || clock_s(cell).is_some() || iso_s(cell).is_some()
 }
@@ -165,10 +160,9 @@ struct Header {
     foreign: Vec<usize>,
 }
 
-/// A line's cells as names, if it has as many as the rows have; units in brackets after a blank belong to the name before them.
+/// A line's cells as names, if it has as many as the rows have and two of them are words.
 fn names_in(line: &str, layout: &Layout) -> Option<Vec<String>> {
-    let line = line.trim_start().trim_start_matches(['#', '%', '/']);
-    let found: Vec<String> = cells(line, layout.delimiter).into_iter().map(Cow::into_owned).collect();
+    let found: Vec<String> = header_cells(line, layout.delimiter).into_iter().map(Cow::into_owned).collect();
     let n_words = found.iter().filter(|cell| !cell.is_empty() && !is_value(cell, layout.decimal)).count();
     (found.len() == layout.n_cells && n_words >= 2).then_some(found)
 }
@@ -214,7 +208,7 @@ fn fit(role: Role, name: &str, unit: Option<&Spelt>) -> Option<u32> {
         _ => 0,
     };
     // A unit alone says what is measured, not what of.
-    Some(if by_name > 0 { by_name + by_unit } else { by_unit })
+    Some(by_name + by_unit)
 }
 
 /// Finds how a table is written; `file` is only named in errors.
@@ -294,9 +288,9 @@ pub fn propose(file: &Path, text: &str, given: &Given) -> Result<Proposal> {
         zero: Zero::AsWritten,
         is_reversed: false,
     };
-    let trajectory = read_described(file, text, &description)?;
+    let mut trajectory = read_described(file, text, &description)?;
     (description.zero, description.is_reversed) = zero_and_direction(&trajectory, &mut reasons);
-    let trajectory = read_described(file, text, &description)?;
+    settle_zero(file, &mut trajectory, &description)?;
     let ends = |values: &mut dyn Iterator<Item = f64>| {
         values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)])
     };
@@ -387,11 +381,8 @@ fn zero_and_direction(trajectory: &Trajectory, reasons: &mut Vec<String>) -> (Ze
     let Trajectory { force_n, position_m, .. } = trajectory;
     let known = || position_m.iter().flatten().copied();
     let range_m = known().fold(f64::NEG_INFINITY, f64::max) - known().fold(f64::INFINITY, f64::min);
-    let n_rest = force_n.iter().take_while(|force| **force == 0.0).count();
-    let rest_m =
-        (n_rest > 0).then(|| median(position_m.iter().take(n_rest + 1).copied().flatten().collect())).flatten();
     let um = |m: f64| format!("{:.3} µm", 1e6 * m);
-    let zero = match (rest_m, position_m.first().copied().flatten()) {
+    let zero = match (rest_m(trajectory), position_m.first().copied().flatten()) {
         (Some(rest_m), _) if rest_m.abs() > NEAR_ZERO * range_m => {
             reasons.push(format!(
                 "the position is {} before the force acts, and counts from there (zero = \"rest\")",

@@ -5,10 +5,10 @@ use std::path::Path;
 
 use super::description::{ColumnName, TableDescription, TimeFormat, Zero};
 use super::spelling::{clock_s, iso_s};
-use super::text::{cells, is_aside};
+use super::text::{cells, header_cells, is_aside};
 use crate::error::{Error, Place, Result};
 use crate::experiment::record::median;
-use crate::experiment::trajectory::{CYCLE, LOST, Row, Trajectory};
+use crate::experiment::trajectory::{CYCLE, Row, Trajectory, is_lost};
 use crate::files::refuse_long_lines;
 
 /// A day; a clock that runs back by more than half of one has passed midnight.
@@ -25,7 +25,7 @@ impl Columns {
     fn new(file: &Path, text: &str, description: &TableDescription) -> Result<Self> {
         let header: Option<(usize, Vec<Cow<'_, str>>)> = description.header_line.map(|number| {
             let line = text.lines().nth(number - 1).unwrap_or_default();
-            (number, header_cells(line, description))
+            (number, header_cells(line, description.delimiter))
         });
         let place_of = |name: &ColumnName| match (name, &header) {
             (ColumnName::Number(number), _) => Ok((*number - 1, format!("column {number}"))),
@@ -54,11 +54,6 @@ impl Columns {
             cycle: description.cycle.as_ref().map(place_of).transpose()?,
         })
     }
-}
-
-/// A header's cells; a comment sign before it is none of them.
-pub(super) fn header_cells<'a>(line: &'a str, description: &TableDescription) -> Vec<Cow<'a, str>> {
-    cells(line.trim_start().trim_start_matches(['#', '%', '/']), description.delimiter)
 }
 
 fn quoted(cells: &[Cow<'_, str>]) -> String {
@@ -109,8 +104,7 @@ pub(in crate::experiment) fn read_described(
             1,
             "give the force that was commanded in this row; 0 if none was",
         )?);
-        let is_lost = position.is_empty() || LOST.iter().any(|lost| position.eq_ignore_ascii_case(lost));
-        let position_m = if is_lost {
+        let position_m = if is_lost(position) {
             None
         } else {
             let remedy = "correct the position, or leave the cell empty where tracking was lost";
@@ -170,8 +164,16 @@ impl Clock {
     }
 }
 
-/// Positions from where they are 0, in the force's direction.
-fn settle_zero(file: &Path, trajectory: &mut Trajectory, description: &TableDescription) -> Result<()> {
+/// Median position (m) before the force first acts, as written; `None` where it acts from the first row on.
+pub(super) fn rest_m(trajectory: &Trajectory) -> Option<f64> {
+    let n_rest = trajectory.force_n.iter().take_while(|force| **force == 0.0).count();
+    // The first row of the force still shows what was before it.
+    let rest = trajectory.position_m.iter().take(n_rest + 1).copied().flatten().collect();
+    median(rest).filter(|_| n_rest > 0)
+}
+
+/// Positions, as written so far, from where they are 0, in the force's direction.
+pub(super) fn settle_zero(file: &Path, trajectory: &mut Trajectory, description: &TableDescription) -> Result<()> {
     let refuse = |found: &str, remedy: &str| {
         Err(Error::input(Place::file(file).at_line(description.first_row_line).at_key("zero"), found, remedy))
     };
@@ -182,20 +184,13 @@ fn settle_zero(file: &Path, trajectory: &mut Trajectory, description: &TableDesc
             Some(first_m) => first_m,
             None => return refuse("the first row has no position", "write `zero = \"rest\"` or the position itself"),
         },
-        Zero::Rest => {
-            let n_rest = trajectory.force_n.iter().take_while(|force| **force == 0.0).count();
-            // The first row of the force still shows what was before it.
-            let rest = trajectory.position_m.iter().take(n_rest + 1).copied().flatten().collect();
-            match median(rest).filter(|_| n_rest > 0) {
-                Some(rest_m) => rest_m,
-                None => {
-                    return refuse(
-                        "there is no row before the force acts",
-                        "write `zero = \"first\"` or the position itself",
-                    );
-                }
+        Zero::Rest => match rest_m(trajectory) {
+            Some(rest_m) => rest_m,
+            None => {
+                let remedy = "write `zero = \"first\"` or the position itself";
+                return refuse("there is no row before the force acts", remedy);
             }
-        }
+        },
     };
     let sign = if description.is_reversed { -1.0 } else { 1.0 };
     trajectory.position_m.iter_mut().flatten().for_each(|x| *x = sign * (*x - zero_m));

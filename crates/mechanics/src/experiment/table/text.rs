@@ -120,6 +120,11 @@ pub fn cells(line: &str, delimiter: Delimiter) -> Vec<Cow<'_, str>> {
     row.iter().map(|cell| Cow::Owned(cell.to_string())).collect()
 }
 
+/// The cells of a header; a comment sign before it is none of them.
+pub fn header_cells(line: &str, delimiter: Delimiter) -> Vec<Cow<'_, str>> {
+    cells(line.trim_start().trim_start_matches(['#', '%', '/']), delimiter)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
