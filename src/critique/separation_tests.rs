@@ -14,7 +14,7 @@ const INTERVAL_S: f64 = 0.1;
 
 /// An instrument's record: cycles of holds of 5 s at forces in µN.
 pub fn record(cycles: &[&[f64]]) -> Record {
-    let mut record = Record { time_s: vec![], force_n: vec![], position_m: vec![], cycle: vec![] };
+    let mut record = Record::default();
     for (cycle, force_un) in
         cycles.iter().enumerate().flat_map(|(cycle, forces)| forces.iter().map(move |f| (cycle, f)))
     {

@@ -198,6 +198,7 @@ mod tests {
             force_n: vec![0.0; n_rows],
             position_m: vec![None; n_rows],
             cycle: vec![1; n_rows],
+            ..Record::default()
         };
         let mut rng = ChaCha8Rng::seed_from_u64(8);
         let draw = |rng: &mut ChaCha8Rng| -> f64 { rng.sample(rand_distr::StandardNormal) };

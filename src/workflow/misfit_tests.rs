@@ -25,6 +25,7 @@ fn record() -> (Record, Vec<f64>) {
         force_n,
         position_m: vec![None; n],
         cycle: (0..n).map(|row| 1 + (row / N_PER_CYCLE) as u32).collect(),
+        ..Record::default()
     };
     (record, position_m)
 }

@@ -71,6 +71,7 @@ fn closed_forms_are_what_simulations_find() {
         force_n: vec![0.0; n_rows],
         position_m: vec![None; n_rows],
         cycle: vec![1; n_rows],
+        ..Record::default()
     };
     let centre: Vec<(f64, f64)> = (0..n_rows).map(|row| mixture(&check, row)).map(|m| (m.mean(), m.sd())).collect();
     let places: Vec<usize> = (0..n_rows).collect();

@@ -48,6 +48,7 @@ fn sub_steps_divide_the_rows_and_keep_them() {
         force_n: vec![1.0, -1.0, 2.0, 0.0],
         position_m: vec![None; 4],
         cycle: vec![1; 4],
+        ..Record::default()
     };
     let grid = TimeGrid::new(&record, Some(0.05));
     assert_eq!(grid.place_of_row, [0, 2, 5, 6]);

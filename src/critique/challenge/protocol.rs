@@ -65,6 +65,7 @@ impl Protocol {
             force_n: one_cycle.repeat(N_CYCLES as usize),
             position_m: vec![Some(0.0); n_rows],
             cycle: (1..=N_CYCLES).flat_map(|cycle| std::iter::repeat_n(cycle, one_cycle.len())).collect(),
+            ..Record::default()
         }
     }
 

@@ -414,6 +414,7 @@ mod tests {
             force_n: (0..n).map(|row: usize| if row % 10 < 5 { 4.6e-6 } else { -4.6e-6 }).collect(),
             position_m: vec![Some(0.0); n],
             cycle: (0..n).map(|row| 1 + (row / 10) as u32).collect(),
+            ..Record::default()
         };
         let position_m: Vec<f64> = (0..n).map(|row| 1e-4 * (0.6 * row as f64).sin()).collect();
         let is_fitted = record.cycle.iter().map(|cycle| *cycle < 2_000 && *cycle != 7).collect();

@@ -67,7 +67,7 @@ impl Protocol<'_> {
     fn altered(&self, interval_s: f64, force: impl Fn(&Moment) -> (f64, f64)) -> Record {
         let begin_s = self.record.time_s.first().copied().unwrap_or(0.0);
         let n_rows = ((self.end_s() - begin_s) / interval_s).round() as usize;
-        let mut made = Record { time_s: vec![], force_n: vec![], position_m: vec![Some(0.0); n_rows], cycle: vec![] };
+        let mut made = Record { position_m: vec![Some(0.0); n_rows], ..Record::default() };
         for i in 0..n_rows {
             let time_s = begin_s + i as f64 * interval_s;
             let row = self.row_at(time_s);

@@ -2,7 +2,7 @@ use super::*;
 
 /// A record from (duration in s, force) holds, sampled every `interval_s`, without its end point.
 fn record(holds: &[(f64, f64)], interval_s: f64) -> Record {
-    let mut record = Record { time_s: vec![], force_n: vec![], position_m: vec![], cycle: vec![] };
+    let mut record = Record::default();
     let mut start_s = 0.0;
     for &(duration_s, force_n) in holds {
         let n = (duration_s / interval_s).round() as usize;
@@ -161,7 +161,7 @@ fn steps_at_the_very_threshold_do_not_hide_the_repetition() {
 fn random_record(rng: &mut rand_chacha::ChaCha8Rng, pattern: &[(f64, f64)], n_cycles: u32, cut: f64) -> Record {
     use rand::RngExt;
     let drift = rng.random_range(-0.012..0.012);
-    let mut record = Record { time_s: vec![], force_n: vec![], position_m: vec![], cycle: vec![] };
+    let mut record = Record::default();
     let mut start_s = 0.0;
     for cycle in 0..n_cycles {
         for &(duration_s, level) in pattern {

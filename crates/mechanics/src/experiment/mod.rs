@@ -4,6 +4,7 @@
 
 mod apparatus;
 mod cycles;
+mod force;
 pub mod noise;
 mod notes;
 mod read;
@@ -13,6 +14,7 @@ pub mod table;
 mod trajectory;
 
 pub use apparatus::{Apparatus, Offset, OffsetDirection, Orientation, Robot, RobotShape, Vitreous};
+pub use force::{Force, ForceRule};
 pub use noise::{NoiseOrigin, NoiseYardstick};
 pub use notes::Note;
 pub use read::ExperimentFiles;

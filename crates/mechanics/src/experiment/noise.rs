@@ -191,7 +191,7 @@ mod tests {
     fn noisy(holds: &[(f64, f64)], seed: u64) -> Record {
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
         let noise = Normal::new(0.0, NOISE_M).unwrap();
-        let mut record = Record { time_s: vec![], force_n: vec![], position_m: vec![], cycle: vec![] };
+        let mut record = Record::default();
         let mut steps: Vec<(f64, f64)> = vec![];
         let (mut start_s, mut before) = (0.0, 0.0);
         for &(duration_s, force) in holds {

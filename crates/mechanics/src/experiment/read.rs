@@ -4,9 +4,10 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use super::cycles::find_cycles;
+use super::force::ForceRule;
 use super::notes::{Note, UM_PER_M};
 use super::record::Record;
-use super::table::{KEYS, TableDescription, read_described, table_text};
+use super::table::{KEYS, TableDescription, one_of, read_described, table_text};
 use super::trajectory::{Trajectory, read_trajectory};
 use super::{Apparatus, Experiment};
 use crate::error::{Error, Place, Result};
@@ -74,6 +75,7 @@ struct Specification {
     csv_name: String,
     /// `None` for a table of the program's own form.
     table: Option<TableDescription>,
+    force_rule: ForceRule,
     calibration: CycleList,
     heldout: CycleList,
     noise_sd_m: Option<f64>,
@@ -124,8 +126,10 @@ impl Specification {
         let (species, region) = (specimen.text("species")?, specimen.text("region")?);
         let apparatus = Apparatus::from_document(root)?;
         let measurement = root.required_table("measurement")?;
-        measurement
-            .only(&[&["file", "calibration_cycles", "heldout_cycles", "noise_um", "source"], &KEYS[..]].concat())?;
+        measurement.only(
+            &[&["file", "calibration_cycles", "heldout_cycles", "noise_um", "source", "force"], &KEYS[..]].concat(),
+        )?;
+        let force_rule = one_of(measurement, "force", &ForceRule::ALL, ForceRule::name)?.unwrap_or_default();
         let table = TableDescription::read(measurement)?;
         let csv_name = csv_name_from(measurement)?;
         let noise_um = measurement.positive("noise_um", "noise_um = 4.0")?;
@@ -139,6 +143,7 @@ impl Specification {
             apparatus,
             csv_name,
             table,
+            force_rule,
             calibration: CycleList::read(measurement, "calibration_cycles")?,
             heldout: CycleList::read(measurement, "heldout_cycles")?,
             noise_sd_m,
@@ -162,7 +167,7 @@ impl Specification {
         let mut trajectory = trajectory;
         let (lines, position_column) =
             (std::mem::take(&mut trajectory.lines), std::mem::take(&mut trajectory.position_column));
-        let record = record_from(trajectory, &mut notes);
+        let (record, lines) = record_from(trajectory, lines, self.force_rule, &mut notes);
         let (calibration_cycles, heldout_cycles) = self.choose_cycles(record.n_cycles())?;
         check_positions(&record, &calibration_cycles, &Place::file(csv_place).at_key(position_column), &lines)?;
         note_data(&record, &heldout_cycles, self.source.is_none(), &mut notes);
@@ -230,16 +235,23 @@ fn csv_name_from(measurement: Table<'_>) -> Result<String> {
     ))
 }
 
-fn record_from(trajectory: Trajectory, notes: &mut Vec<Note>) -> Record {
+/// The record with its cycles, and the line of each row. A force that goes in lines gets rows where it crosses zero: effects may act on one sign of it.
+fn record_from(
+    trajectory: Trajectory,
+    lines: Vec<usize>,
+    force_rule: ForceRule,
+    notes: &mut Vec<Note>,
+) -> (Record, Vec<usize>) {
     let Trajectory { time_s, force_n, position_m, cycle, .. } = trajectory;
     let cycle_given = cycle.is_some();
-    let mut record = Record { cycle: cycle.unwrap_or_else(|| vec![1; time_s.len()]), time_s, force_n, position_m };
+    let cycle = cycle.unwrap_or_else(|| vec![1; time_s.len()]);
+    let mut record = Record { time_s, force_n, position_m, cycle, force_rule, force_rows: Vec::new() };
     if !cycle_given {
         let found = find_cycles(&record);
         notes.push(found.note());
         record.cycle = found.cycle;
     }
-    record
+    record.with_force_rows(lines)
 }
 
 /// Without any force nothing can be learnt, and scales taken from the force would be zero.
@@ -275,9 +287,9 @@ fn check_positions(record: &Record, calibration_cycles: &[u32], place: &Place, l
 }
 
 fn note_data(record: &Record, heldout_cycles: &[u32], source_missing: bool, notes: &mut Vec<Note>) {
-    let n_missing = record.position_m.iter().filter(|position| position.is_none()).count();
+    let n_missing = record.position_m.iter().filter(|position| position.is_none()).count() - record.force_rows.len();
     if n_missing > 0 {
-        notes.push(Note::PositionsMissing { n_missing, n_rows: record.n_rows() });
+        notes.push(Note::PositionsMissing { n_missing, n_rows: record.n_samples() });
     }
     let counts = record.n_positions();
     let empty = heldout_cycles.iter().filter(|cycle| counts.get(**cycle as usize).is_none_or(|count| *count == 0));

@@ -1,18 +1,23 @@
 //! The rows of a trajectory and what can be asked of them.
 
+use super::force::{Force, ForceRule};
 use sha2::{Digest, Sha256};
 
 /// Rows of the trajectory, SI. All vectors have the same length.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Record {
     /// Times in s, strictly increasing.
     pub time_s: Vec<f64>,
-    /// Commanded force in N; row i holds on [tᵢ, tᵢ₊₁).
+    /// Commanded force in N.
     pub force_n: Vec<f64>,
     /// Position in m, limit from the left; `None` where tracking was lost.
     pub position_m: Vec<Option<f64>>,
     /// Cycle of each row, counted from 1.
     pub cycle: Vec<u32>,
+    /// What the force does between rows.
+    pub force_rule: ForceRule,
+    /// Rows that stand for a change of the force alone, in order: no position was sampled there.
+    pub force_rows: Vec<usize>,
 }
 
 /// A change of force above this fraction of the force's range is a force step (formats §1).
@@ -32,7 +37,15 @@ impl Record {
             hash.update(value.to_le_bytes());
         }
         self.cycle.iter().for_each(|cycle| hash.update(cycle.to_le_bytes()));
+        if self.force_rule != ForceRule::Hold {
+            hash.update(self.force_rule.name());
+        }
         hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+    }
+
+    /// The commanded force.
+    pub fn force(&self) -> Force<'_> {
+        Force { at_rows_n: &self.force_n, rule: self.force_rule }
     }
 
     /// Highest cycle number, 0 for an empty record.
@@ -91,9 +104,46 @@ impl Record {
             .collect()
     }
 
-    /// Median time between rows in s; `None` with fewer than two rows.
+    /// The same with a row, and no position in it, wherever a force that goes in lines crosses zero; `lines` are the rows' own, and become those of all rows.
+    pub(super) fn with_force_rows(self, lines: Vec<usize>) -> (Self, Vec<usize>) {
+        let crossing_s = |row: usize| {
+            let (from_n, to_n) = (self.force_n[row], *self.force_n.get(row + 1)?);
+            let share = from_n / (from_n - to_n);
+            let at_s = self.time_s[row] + share * (self.time_s[row + 1] - self.time_s[row]);
+            (from_n * to_n < 0.0 && self.time_s[row] < at_s && at_s < self.time_s[row + 1]).then_some(at_s)
+        };
+        if !self.force().is_linear() || (0..self.n_rows()).all(|row| crossing_s(row).is_none()) {
+            return (self, lines);
+        }
+        let (mut made, mut lines_made) = (Self { force_rule: self.force_rule, ..Self::default() }, Vec::new());
+        for row in 0..self.n_rows() {
+            let mut push = |time_s: f64, force_n: f64, position_m: Option<f64>| {
+                made.time_s.push(time_s);
+                made.force_n.push(force_n);
+                made.position_m.push(position_m);
+                made.cycle.push(self.cycle[row]);
+                lines_made.push(lines[row]);
+            };
+            push(self.time_s[row], self.force_n[row], self.position_m[row]);
+            if let Some(at_s) = crossing_s(row) {
+                push(at_s, 0.0, None);
+                made.force_rows.push(made.time_s.len() - 1);
+            }
+        }
+        (made, lines_made)
+    }
+
+    /// Number of rows at which a position was sampled, lost ones included.
+    pub fn n_samples(&self) -> usize {
+        self.n_rows() - self.force_rows.len()
+    }
+
+    /// Median time between samples in s; `None` with fewer than two of them.
     pub fn median_interval_s(&self) -> Option<f64> {
-        median(self.time_s.windows(2).map(|pair| pair[1] - pair[0]).collect())
+        let mut left_out = self.force_rows.iter().copied().peekable();
+        let is_sample = |row: &usize| left_out.next_if_eq(row).is_none();
+        let sampled_s: Vec<f64> = (0..self.n_rows()).filter(is_sample).map(|row| self.time_s[row]).collect();
+        median(sampled_s.windows(2).map(|pair| pair[1] - pair[0]).collect())
     }
 }
 
@@ -118,6 +168,7 @@ mod tests {
             force_n: force_n.to_vec(),
             position_m: (0..force_n.len()).map(|i| (i % 3 != 2).then_some(i as f64)).collect(),
             cycle: (0..force_n.len()).map(|i| 1 + (i / 4) as u32).collect(),
+            ..Record::default()
         }
     }
 
@@ -140,6 +191,22 @@ mod tests {
         assert_eq!(record.rows_with_position(&[1, 3]), [0, 1, 3, 9]);
         assert_eq!(record.n_positions(), [0, 3, 3, 1]);
         assert_eq!(record.n_cycles(), 3);
+    }
+
+    #[test]
+    fn a_line_through_zero_gets_a_row_there() {
+        let linear = Record { force_rule: ForceRule::Linear, ..record(&[1.0, -3.0, 0.0, 2.0, -2.0]) };
+        let (made, lines) = linear.with_force_rows(vec![2, 3, 4, 5, 6]);
+        assert_eq!(made.time_s, [0.0, 0.25, 1.0, 2.0, 3.0, 3.5, 4.0]);
+        assert_eq!(made.force_n, [1.0, 0.0, -3.0, 0.0, 2.0, 0.0, -2.0]);
+        assert_eq!((lines, made.force_rows), (vec![2, 2, 3, 4, 5, 5, 6], vec![1, 5]));
+        assert_eq!(made.position_m, [Some(0.0), None, Some(1.0), None, Some(3.0), None, Some(4.0)]);
+    }
+
+    #[test]
+    fn rows_of_the_force_alone_are_no_samples() {
+        let record = Record { force_rows: vec![1, 3], ..record(&[0.0; 5]) };
+        assert_eq!((record.n_samples(), record.median_interval_s()), (3, Some(2.0)));
     }
 
     #[test]

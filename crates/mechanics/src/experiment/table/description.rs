@@ -121,7 +121,13 @@ impl TableDescription {
     }
 }
 
-fn one_of<T: Copy>(table: Table<'_>, key: &str, all: &[T], name: fn(T) -> &'static str) -> Result<Option<T>> {
+/// One of a few words.
+pub(in crate::experiment) fn one_of<T: Copy>(
+    table: Table<'_>,
+    key: &str,
+    all: &[T],
+    name: fn(T) -> &'static str,
+) -> Result<Option<T>> {
     let Some(text) = table.text(key)? else { return Ok(None) };
     match all.iter().find(|one| name(**one) == text) {
         Some(one) => Ok(Some(*one)),

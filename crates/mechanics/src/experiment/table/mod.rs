@@ -9,8 +9,8 @@ mod read;
 mod spelling;
 mod text;
 
-pub(super) use description::KEYS;
 pub use description::{ColumnName, TableDescription, TimeFormat, Zero};
+pub(super) use description::{KEYS, one_of};
 pub use propose::{Given, Proposal, propose};
 pub(super) use read::read_described;
 pub use spelling::{Spelt, unit};

@@ -1,0 +1,103 @@
+//! The commanded force between the rows at which it is given.
+
+/// What the force does between rows (formats §1).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum ForceRule {
+    /// Row i's force holds on [tᵢ, tᵢ₊₁).
+    #[default]
+    Hold,
+    /// It goes in a straight line to the next row's; before the first row it is zero.
+    Linear,
+}
+
+impl ForceRule {
+    /// All of them.
+    pub const ALL: [Self; 2] = [Self::Hold, Self::Linear];
+
+    /// As it is written in `experiment.toml`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Hold => "hold",
+            Self::Linear => "linear",
+        }
+    }
+}
+
+/// A commanded force against time: its values at the rows and what it does between them. Slices of numbers become one that holds.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Force<'a> {
+    /// Force at every row, in N.
+    pub at_rows_n: &'a [f64],
+    /// What it does between them.
+    pub rule: ForceRule,
+}
+
+impl<'a, T: AsRef<[f64]> + ?Sized> From<&'a T> for Force<'a> {
+    fn from(at_rows_n: &'a T) -> Self {
+        Self { at_rows_n: at_rows_n.as_ref(), rule: ForceRule::Hold }
+    }
+}
+
+impl<'a> Force<'a> {
+    /// The first `n` rows of it.
+    pub fn first(self, n: usize) -> Self {
+        Self { at_rows_n: &self.at_rows_n[..n.min(self.at_rows_n.len())], ..self }
+    }
+
+    /// Whether it changes between rows.
+    pub fn is_linear(self) -> bool {
+        self.rule == ForceRule::Linear
+    }
+
+    /// By how much it rises a second from a row on, in N/s; 0 after the last. `time_s` are the rows' times in s.
+    pub fn slope_n_per_s(self, time_s: &[f64], row: usize) -> f64 {
+        match (self.rule, self.at_rows_n.get(row + 1), time_s.get(row + 1)) {
+            (ForceRule::Linear, Some(next_n), Some(next_s)) => (next_n - self.at_rows_n[row]) / (next_s - time_s[row]),
+            _ => 0.0,
+        }
+    }
+
+    /// Whether the force between a row and the next pushes forward; where the line crosses zero, the longer part of it.
+    pub fn is_positive(self, row: usize) -> bool {
+        let here_n = self.at_rows_n[row];
+        match (self.rule, self.at_rows_n.get(row + 1)) {
+            (ForceRule::Linear, Some(next_n)) => here_n + next_n > 0.0,
+            _ => here_n > 0.0,
+        }
+    }
+
+    /// The force at a time, in N: from the right where it jumps; zero before the first row.
+    pub fn at_n(self, time_s: &[f64], at_s: f64) -> f64 {
+        let Some(row) = time_s.partition_point(|&row_s| row_s <= at_s).checked_sub(1) else { return 0.0 };
+        let slope = self.slope_n_per_s(time_s, row);
+        self.at_rows_n[row] + if slope == 0.0 { 0.0 } else { slope * (at_s - time_s[row]) }
+    }
+
+    /// Its integral between a row and the next, in N·s; 0 after the last.
+    pub fn impulse_n_s(self, time_s: &[f64], row: usize) -> f64 {
+        let Some(next_s) = time_s.get(row + 1) else { return 0.0 };
+        let mean_n = match (self.rule, self.at_rows_n.get(row + 1)) {
+            (ForceRule::Linear, Some(next_n)) => 0.5 * (self.at_rows_n[row] + next_n),
+            _ => self.at_rows_n[row],
+        };
+        mean_n * (next_s - time_s[row])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_between_rows_has_its_slope_value_and_impulse() {
+        let (time_s, at_rows_n) = ([0.0, 2.0, 3.0], [1.0, 5.0, -1.0]);
+        let held = Force::from(&at_rows_n);
+        let linear = Force { rule: ForceRule::Linear, ..held };
+        assert_eq!([0, 1, 2].map(|row| linear.slope_n_per_s(&time_s, row)), [2.0, -6.0, 0.0]);
+        assert_eq!([0, 1, 2].map(|row| held.slope_n_per_s(&time_s, row)), [0.0; 3]);
+        assert_eq!([-1.0, 0.0, 1.0, 2.5, 9.0].map(|t| linear.at_n(&time_s, t)), [0.0, 1.0, 3.0, 2.0, -1.0]);
+        assert_eq!([-1.0, 0.0, 1.0, 2.5, 9.0].map(|t| held.at_n(&time_s, t)), [0.0, 1.0, 1.0, 5.0, -1.0]);
+        assert_eq!([0, 1, 2].map(|row| linear.impulse_n_s(&time_s, row)), [6.0, 2.0, 0.0]);
+        assert_eq!([0, 1, 2].map(|row| held.impulse_n_s(&time_s, row)), [2.0, 5.0, 0.0]);
+    }
+}
