@@ -54,7 +54,10 @@ impl Creep {
         };
         let cycle = vec![1; observed.len()];
         let Self { time_s, force_n, .. } = self;
-        ReducedPosterior::new(parts, FittedRecord { time_s, force_n, cycle: &cycle, observed_m: &observed })
+        ReducedPosterior::new(
+            parts,
+            FittedRecord { time_s, force: force_n.into(), cycle: &cycle, observed_m: &observed },
+        )
     }
 
     /// A batch of points around the reference, coordinate d of point i at `d * n + i`.

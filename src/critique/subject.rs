@@ -84,12 +84,12 @@ impl Subject {
             .experiment
             .noise_yardstick()
             .map_or_else(|| UNKNOWN_NOISE * problem.experiment.scales().position_range_m, |yardstick| yardstick.sd_m);
-        let response = Response::new(&record.time_s, &record.force_n, record.n_rows());
+        let response = Response::new(&record.time_s, record.force(), record.n_rows());
         let (fitted_m, scored_m) =
             (base.positions_of(&experiment.calibration_cycles), base.positions_of(&experiment.heldout_cycles));
         let noise = base.noise;
         let library = library.clone();
-        let local = trajectory::local(&compliance, &experiment.record.time_s, &experiment.record.force_n);
+        let local = trajectory::local(&compliance, &experiment.record.time_s, experiment.record.force());
         let shared =
             Shared { experiment, specification, base, library, noise, yardstick_m, compliance, local, response };
         Ok(Self::of(Arc::new(shared), fitted_m, scored_m))

@@ -2,6 +2,7 @@
 
 use super::problem::Problem;
 use crate::error::Result;
+use crate::experiment::{Force, ForceRule};
 use crate::inference::least_squares::{Fit, Residuals, Tolerances, fit};
 use crate::model::Response;
 
@@ -16,6 +17,7 @@ pub(super) const SAME_MINIMUM: f64 = 1e-6;
 pub(super) struct FittedRows {
     time_s: Vec<f64>,
     force_n: Vec<f64>,
+    force_rule: ForceRule,
     /// Row and position (m) of what is fitted.
     pub observed: Vec<(usize, f64)>,
 }
@@ -28,21 +30,27 @@ impl FittedRows {
         let observed: Vec<(usize, f64)> =
             positions.iter().enumerate().filter_map(|(row, y)| y.map(|y| (row, y))).collect();
         let n_rows = observed.last().map_or(0, |(row, _)| row + 1);
-        Self { time_s: record.time_s[..n_rows].to_vec(), force_n: record.force_n[..n_rows].to_vec(), observed }
+        let [time_s, force_n] = [&record.time_s, &record.force_n].map(|rows| rows[..n_rows].to_vec());
+        Self { time_s, force_n, force_rule: record.force_rule, observed }
     }
 
-    /// At most about `most` of the positions, evenly chosen, and the rows from which on the force is another: between rows it holds, so the trajectory
-    /// at the rows that are left is the same.
+    /// At most about `most` of the positions, evenly chosen, and the rows at which the force begins or ends to be another, so that the trajectory at the
+    /// rows that are left is the same.
     pub fn thinned(&self, most: usize) -> Self {
         let every = self.observed.len().div_ceil(most).max(1);
         let mut chosen = self.observed.iter().step_by(every).peekable();
-        let mut thinned = Self { time_s: Vec::new(), force_n: Vec::new(), observed: Vec::new() };
+        let (time_s, force_n, observed) = (Vec::new(), Vec::new(), Vec::new());
+        let mut thinned = Self { time_s, force_n, observed, force_rule: self.force_rule };
+        let is_linear = self.force_rule == ForceRule::Linear;
         for (row, (&time_s, &force_n)) in self.time_s.iter().zip(&self.force_n).enumerate() {
             let fitted = chosen.next_if(|(chosen, _)| *chosen == row);
             if let Some((_, position_m)) = fitted {
                 thinned.observed.push((thinned.time_s.len(), *position_m));
             }
-            if fitted.is_some() || row == 0 || force_n != self.force_n[row - 1] {
+            let changes = row == 0
+                || force_n != self.force_n[row - 1]
+                || (is_linear && self.force_n.get(row + 1).is_some_and(|next| *next != force_n));
+            if fitted.is_some() || changes {
                 thinned.time_s.push(time_s);
                 thinned.force_n.push(force_n);
             }
@@ -52,7 +60,8 @@ impl FittedRows {
 
     /// The rows prepared for the reduced model.
     pub fn response(&self) -> Response {
-        Response::new(&self.time_s, &self.force_n, self.time_s.len())
+        let force = Force { at_rows_n: &self.force_n, rule: self.force_rule };
+        Response::new(&self.time_s, force, self.time_s.len())
     }
 }
 
@@ -95,7 +104,7 @@ mod tests {
         let time_s: Vec<f64> = (0..n).map(|i| 0.01 * i as f64 + 0.004 * ((i * 7) % 5) as f64 / 5.0).collect();
         let force_n: Vec<f64> = (0..n).map(|i| 4.6e-6 * f64::from([1, 1, -1, 0][(i / 311) % 4])).collect();
         let observed = (0..n).filter(|i| i % 3 != 1).map(|i| (i, i as f64)).collect();
-        let all = FittedRows { time_s, force_n, observed };
+        let all = FittedRows { time_s, force_n, force_rule: ForceRule::Hold, observed };
         let few = all.thinned(50);
         assert_eq!(few.observed.len(), 50);
         assert!(few.time_s.len() <= 50 + 11);

@@ -171,7 +171,7 @@ impl Problem {
         let record = &self.experiment.record;
         self.finite_elements()
             .map(|fe| {
-                FullForward::new(&self.model, &fe.stiffness, fe.poisson_ratio, &record.time_s, &record.force_n)
+                FullForward::new(&self.model, &fe.stiffness, fe.poisson_ratio, &record.time_s, record.force())
                     .map(|full| full.in_surroundings(fe.surroundings()))
             })
             .transpose()

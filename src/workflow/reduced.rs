@@ -12,7 +12,7 @@ use super::problem::{Problem, TAIL_MASS};
 use super::{Counter, Monitor, cache};
 use crate::effects::Effect;
 use crate::error::Result;
-use crate::experiment::{Experiment, Record};
+use crate::experiment::{Experiment, Force, Record};
 use crate::files::{Content, read_if_there};
 use crate::inference::likelihood::{FittedRecord, PosteriorParts, ReducedPosterior};
 use crate::inference::prior::PriorSet;
@@ -190,23 +190,24 @@ pub(crate) fn with_fields(compliance: Compliance, fields: &FieldModels) -> Compl
 impl Problem {
     /// Log-posterior of the calibration cycles by the reduced model. A law that is not linear remembers its trajectories.
     pub fn posterior<'a>(&'a self, reduced: &'a Reduced) -> ReducedPosterior<'a> {
-        let Record { time_s, force_n, cycle, .. } = &self.experiment.record;
+        let record = &self.experiment.record;
+        let (Record { time_s, cycle, .. }, force) = (record, record.force());
         let parts = PosteriorParts {
             model: &self.model,
             noise: self.noise,
-            compliance: trajectory::local(&reduced.compliance, time_s, force_n),
+            compliance: trajectory::local(&reduced.compliance, time_s, force),
             trained: &reduced.trained,
             priors: &self.priors,
             fixed: &self.specification.fixed,
         };
         let observed_m = &self.positions_of(&self.experiment.calibration_cycles);
-        ReducedPosterior::new(parts, FittedRecord { time_s, force_n, cycle, observed_m })
+        ReducedPosterior::new(parts, FittedRecord { time_s, force, cycle, observed_m })
     }
 
     /// The reduced forward model over the whole record.
     pub fn reduced_forward<'a>(&'a self, reduced: &'a Reduced) -> ReducedForward<'a> {
         let record = &self.experiment.record;
-        self.reduced_forward_over(reduced, Response::new(&record.time_s, &record.force_n, record.n_rows()))
+        self.reduced_forward_over(reduced, Response::new(&record.time_s, record.force(), record.n_rows()))
     }
 
     /// The same over the rows of a response.
@@ -241,26 +242,26 @@ fn training<'a>(
     law: BaseLaw,
     parameters: &'a [TrainedRange],
 ) -> Result<Training<'a>> {
-    let (time_s, force_n) = training_load(problem);
+    let (time_s, force) = training_load(problem);
     let poisson_ratio = problem.poisson_ratios(fe)?;
-    Ok(Training { law, parameters, poisson_ratio, time_s, force_n, tolerance: POD_TOLERANCE })
+    Ok(Training { law, parameters, poisson_ratio, time_s, force, tolerance: POD_TOLERANCE })
 }
 
 /// Times and forces up to the last calibration row.
-fn training_load(problem: &Problem) -> (&[f64], &[f64]) {
+fn training_load(problem: &Problem) -> (&[f64], Force<'_>) {
     let Experiment { record, calibration_cycles, .. } = &problem.experiment;
     let n_rows = record.cycle.iter().rposition(|cycle| calibration_cycles.contains(cycle)).map_or(0, |last| last + 1);
-    (&record.time_s[..n_rows], &record.force_n[..n_rows])
+    (&record.time_s[..n_rows], record.force().first(n_rows))
 }
 
 /// Largest distance of the reduced model with its effects from the full-order one, relative to the latter's amplitude, over Sobol points of the
 /// priors. Points at which an effect has no model are left out.
 fn verify(problem: &Problem, fe: &FiniteElements, compliance: &Compliance) -> Result<f64> {
-    let (time_s, force_n) = training_load(problem);
+    let (time_s, force) = training_load(problem);
     let model = &problem.model;
     let full =
-        FullForward::new(model, &fe.stiffness, fe.poisson_ratio, time_s, force_n)?.in_surroundings(fe.surroundings());
-    let response = Response::new(time_s, force_n, time_s.len());
+        FullForward::new(model, &fe.stiffness, fe.poisson_ratio, time_s, force)?.in_surroundings(fe.surroundings());
+    let response = Response::new(time_s, force, time_s.len());
     let reduced = ReducedForward { model, compliance: compliance.clone(), response, trained: &[] };
     let relative_error = |index: u32| {
         let quantile = |(d, name): (u32, &str)| {

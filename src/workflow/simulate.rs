@@ -12,7 +12,7 @@ use super::problem::Problem;
 use super::reduced::field_models;
 use crate::documents::posterior::PosteriorSummary;
 use crate::error::{Error, Place, Result};
-use crate::experiment::Record;
+use crate::experiment::{Force, ForceRule, Record};
 use crate::fe::stepping::Resolution;
 use crate::fe::strain::largest_principal_strain;
 use crate::fe::time::{FullOrderModel, TimeScheme};
@@ -254,7 +254,7 @@ fn law_alone(
     written_rows: &[usize],
 ) -> Result<Run> {
     let model = FullOrderModel::new(&fe.stiffness, fe.poisson_ratio)?;
-    let load = model.solve_load(&grid.time_s, &grid.force_n);
+    let load = model.solve_load(&grid.time_s, Force { at_rows_n: &grid.force_n, rule: grid.force_rule });
     let stepped_m = model.trajectory(&load, law, scheme);
     let position_m: Vec<f64> = grid.place_of_row.iter().map(|&place| stepped_m[place]).collect();
     let (rows, extreme_row) = rows_with_extreme(written_rows, &position_m);
@@ -267,7 +267,7 @@ fn law_alone(
 
 fn all_stages(problem: &Problem, fe: &FiniteElements, values: &[f64], written_rows: &[usize]) -> Result<Run> {
     let record = &problem.experiment.record;
-    let full = FullForward::new(&problem.model, &fe.stiffness, fe.poisson_ratio, &record.time_s, &record.force_n)?
+    let full = FullForward::new(&problem.model, &fe.stiffness, fe.poisson_ratio, &record.time_s, record.force())?
         .in_surroundings(fe.surroundings());
     let position_m = full.trajectory_m(values)?;
     let (rows, extreme_row) = rows_with_extreme(written_rows, &position_m);
@@ -281,7 +281,7 @@ fn exact_in_time_m(problem: &Problem, fe: &FiniteElements, compliance_per_m: f64
     let record = &problem.experiment.record;
     if problem.model.effects().iter().any(|effect| effect.is_nonlinear()) {
         let resolution = Resolution { steps_per_doubling: Resolution::default().steps_per_doubling / 2 };
-        return FullForward::new(&problem.model, &fe.stiffness, fe.poisson_ratio, &record.time_s, &record.force_n)?
+        return FullForward::new(&problem.model, &fe.stiffness, fe.poisson_ratio, &record.time_s, record.force())?
             .in_surroundings(fe.surroundings())
             .with_resolution(resolution)
             .trajectory_m(values);
@@ -289,13 +289,14 @@ fn exact_in_time_m(problem: &Problem, fe: &FiniteElements, compliance_per_m: f64
     let constants: Vec<Dual> = values.iter().map(|value| Dual::constant(*value)).collect();
     let mut stages = problem.model.stages(&constants)?;
     stages.spread = field_models(fe, None, problem.model.effects(), &super::Silent)?.spread(&stages)?;
-    Response::new(&record.time_s, &record.force_n, record.n_rows()).trajectory_m(&stages, compliance_per_m)
+    Response::new(&record.time_s, record.force(), record.n_rows()).trajectory_m(&stages, compliance_per_m)
 }
 
 /// The record's times with steps in between, no longer than asked for.
 struct TimeGrid {
     time_s: Vec<f64>,
     force_n: Vec<f64>,
+    force_rule: ForceRule,
     /// Where each row of the record stands.
     place_of_row: Vec<usize>,
 }
@@ -313,16 +314,17 @@ fn n_steps(record: &Record, longest_s: Option<f64>) -> f64 {
 impl TimeGrid {
     fn new(record: &Record, longest_s: Option<f64>) -> Self {
         let (mut time_s, mut force_n, mut place_of_row) = (Vec::new(), Vec::new(), Vec::new());
-        for (row, (&time, &force)) in record.time_s.iter().zip(&record.force_n).enumerate() {
+        for (row, &time) in record.time_s.iter().enumerate() {
             place_of_row.push(time_s.len());
             let interval_s = record.time_s.get(row + 1).map_or(0.0, |next| next - time);
             let parts = n_parts(interval_s, longest_s);
             for part in 0..parts as usize {
-                time_s.push(time + interval_s * part as f64 / parts);
-                force_n.push(force);
+                let at_s = time + interval_s * part as f64 / parts;
+                time_s.push(at_s);
+                force_n.push(record.force().at_n(&record.time_s, at_s));
             }
         }
-        Self { time_s, force_n, place_of_row }
+        Self { time_s, force_n, force_rule: record.force_rule, place_of_row }
     }
 }
 

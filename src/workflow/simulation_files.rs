@@ -67,6 +67,7 @@ fn experiment_toml(problem: &Problem, summary: &SimulationSummary) -> String {
         "file = \"trajectory.csv\"".into(),
         format!("calibration_cycles = {:?}", experiment.calibration_cycles),
         format!("heldout_cycles = {:?}", experiment.heldout_cycles),
+        format!("force = \"{}\"", experiment.record.force_rule.name()),
         format!("source = {}", quoted(&source)),
     ]);
     lines.join("\n") + "\n"

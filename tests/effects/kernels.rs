@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 
 use vitreo_uq::effects::{EFFECTS, Effect, Field};
 use vitreo_uq::error::{Error, Place};
-use vitreo_uq::experiment::Scales;
+use vitreo_uq::experiment::{Force, ForceRule, Scales};
 use vitreo_uq::fe::Stiffness;
 use vitreo_uq::fe::spatial::{Sizes, Surroundings};
 use vitreo_uq::fe::time::FullOrderModel;
@@ -22,7 +22,14 @@ const LETHERSICH: [f64; 3] = [3.527, 1.402, 47.370];
 struct Protocol {
     time_s: Vec<f64>,
     force_n: Vec<f64>,
+    rule: ForceRule,
     scales: Scales,
+}
+
+impl Protocol {
+    fn force(&self) -> Force<'_> {
+        Force { at_rows_n: &self.force_n, rule: self.rule }
+    }
 }
 
 fn protocol() -> Protocol {
@@ -39,7 +46,30 @@ fn protocol() -> Protocol {
         robot_radius_m: Some(0.275e-3),
         outer_radius_m: Some(10e-3),
     };
-    Protocol { time_s, force_n, scales }
+    Protocol { time_s, force_n, rule: ForceRule::Hold, scales }
+}
+
+/// A force that goes in lines: it jumps at the first row, swings, bends sharply, holds, and has a row wherever it crosses zero.
+fn lines() -> Protocol {
+    let mut made = Protocol { time_s: Vec::new(), force_n: Vec::new(), rule: ForceRule::Linear, ..protocol() };
+    for i in 0..64 {
+        let t = 0.2 * f64::from(i) + if i % 3 == 1 { 0.07 } else { 0.0 };
+        let force_n = 4.6e-6
+            * match i {
+                0..32 => (0.4 + 1.9 * t).cos(),
+                32..48 => 0.5 - 0.1 * f64::from((i - 40_i32).abs()),
+                _ => -0.7,
+            };
+        if let (Some(&before_s), Some(&before_n)) = (made.time_s.last(), made.force_n.last())
+            && before_n * force_n < 0.0
+        {
+            made.time_s.push(before_s + (t - before_s) * before_n / (before_n - force_n));
+            made.force_n.push(0.0);
+        }
+        made.time_s.push(t);
+        made.force_n.push(force_n);
+    }
+    made
 }
 
 /// A coarse mesh: what is compared is time, not space.
@@ -105,7 +135,7 @@ fn compliance(model: &Model, protocol: &Protocol) -> Compliance {
             parameters: &parameters,
             poisson_ratio: [0.3, 0.499],
             time_s: &protocol.time_s,
-            force_n: &protocol.force_n,
+            force: protocol.force(),
             tolerance: 1e-8,
         };
         Surrogate::train(stiffness(), &training).expect("training succeeds")
@@ -119,13 +149,13 @@ fn model(effects: &[&'static dyn Effect], scales: Scales) -> Result<Model, Error
 }
 
 fn reduced<'a>(model: &'a Model, protocol: &Protocol) -> ReducedForward<'a> {
-    let response = Response::new(&protocol.time_s, &protocol.force_n, protocol.time_s.len());
+    let response = Response::new(&protocol.time_s, protocol.force(), protocol.time_s.len());
     ReducedForward { model, compliance: compliance(model, protocol), response, trained: &[] }
 }
 
 fn full<'a>(model: &'a Model, protocol: &'a Protocol) -> FullForward<'a> {
     let surroundings = surroundings(is_nonlinear(model));
-    FullForward::new(model, surroundings.stiffness, POISSON_RATIO, &protocol.time_s, &protocol.force_n)
+    FullForward::new(model, surroundings.stiffness, POISSON_RATIO, &protocol.time_s, protocol.force())
         .expect("positive definite")
         .in_surroundings(surroundings)
 }
@@ -177,7 +207,7 @@ fn at_the_null_the_base_returns() {
     assert_eq!(models.len(), EFFECTS.len() * (EFFECTS.len() + 1) / 2 - n_refused);
     for model in &models {
         let compliance_per_m = compliance(model, &protocol).given_per_m();
-        let base = convolve_m(compliance_per_m, &law, &protocol.time_s, &protocol.force_n);
+        let base = convolve_m(compliance_per_m, &law, &protocol.time_s, protocol.force());
         let found = reduced(model, &protocol).trajectory_m(&null_of(model)).expect("the base is a model");
         assert!(distance(&found, &base) < 1e-12, "{model:?}: {:e}", distance(&found, &base));
     }
@@ -187,10 +217,19 @@ fn at_the_null_the_base_returns() {
 /// alone. Errors of the step: 1e-7, with springpots 1e-6; of the modes over Poisson ratios: 1e-7.
 #[test]
 fn the_reduced_model_agrees_with_full_finite_elements() {
-    let protocol = protocol();
+    assert_agreement(&protocol());
+}
+
+/// The same under a force that goes in lines between rows: a sine sampled far too seldom to be held.
+#[test]
+fn the_reduced_model_agrees_with_full_finite_elements_under_lines() {
+    assert_agreement(&lines());
+}
+
+fn assert_agreement(protocol: &Protocol) {
     for &effect in EFFECTS {
         let model = model(&[effect], protocol.scales).expect("an effect alone is a model");
-        let (reduced, full) = (reduced(&model, &protocol), full(&model, &protocol));
+        let (reduced, full) = (reduced(&model, protocol), full(&model, protocol));
         let mut largest = 0.0_f64;
         for probability in [0.15, 0.4, 0.8] {
             let parameters = parameters_at(&model, |i| if i % 2 == 0 { probability } else { 1.0 - probability });

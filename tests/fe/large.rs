@@ -30,7 +30,7 @@ fn both(stiffness: &Stiffness, mesh: &Mesh, time_s: &[f64], force_n: &[f64], opt
     let linear_m = linear.trajectory(&load, &CreepCompliance::lethersich(&LAW), TimeScheme::Exponential);
     let model = LargeModel::new(mesh, stiffness, POISSON_RATIO).expect("a model");
     let load = no_load();
-    let run = LargeRun { law: BaseLaw::Lethersich, parameters: &LAW, load: &load, time_s, force_n };
+    let run = LargeRun { law: BaseLaw::Lethersich, parameters: &LAW, load: &load, time_s, force: force_n.into() };
     [linear_m, model.run(&run, options).expect("the mesh carries it").displacement_m]
 }
 
@@ -108,8 +108,13 @@ fn what_the_mesh_does_not_carry_is_refused_with_the_place() {
     let load = no_load();
     for share in [1.0, 2.0, 4.0, 16.0, 64.0, 1e3] {
         let (time_s, force_n) = record(share);
-        let run =
-            LargeRun { law: BaseLaw::Lethersich, parameters: &LAW, load: &load, time_s: &time_s, force_n: &force_n };
+        let run = LargeRun {
+            law: BaseLaw::Lethersich,
+            parameters: &LAW,
+            load: &load,
+            time_s: &time_s,
+            force: (&force_n).into(),
+        };
         match model.run(&run, Options::default()) {
             Ok(found) => println!("{share}: {:.3} radii", found.displacement_m[6] / RADIUS_M),
             Err(error) => {

@@ -147,7 +147,7 @@ fn conjugate_gradients_and_condensed_stepping_are_the_dense_saddle_system() {
     let body = model.drained(0.3).expect("below the undrained ratio");
     let (mobility, (time_s, force_n), (law, window)) = (2e-8, record(), lethersich());
     let law = [transient::chain_of(&law, window).expect("springs and dashpots")];
-    let load = Load::held(&time_s, &force_n);
+    let load = Load::commanded(&time_s, &force_n);
     let coarse = Resolution { steps_per_doubling: 4, ..Resolution::default() };
     let rows = [30, 77];
     let run = |system: &dyn TransientSystem| {
@@ -271,7 +271,7 @@ fn terzaghis_column_consolidates_as_its_closed_form() {
     let body = model.drained(drained).expect("below the undrained ratio");
     let law = CreepCompliance { instantaneous_per_pa: 1.0 / modulus, retarded: Vec::new(), fluidity_per_pa_s: 0.0 };
     let time_s: Vec<f64> = (0..60).map(|row| 0.5 * f64::from(row)).collect();
-    let load = Load::held(&time_s, &vec![1e-6; time_s.len()]);
+    let load = Load::commanded(&time_s, &vec![1e-6; time_s.len()]);
     let pores = CondensedPores::new(&body, mobility);
     let found = transient::run(&pores, &[law], &load, &time_s, &[], Resolution::default()).expect("a sound model");
     let [two_mu, kappa] = moduli(0.48, drained);
@@ -441,7 +441,7 @@ fn the_reduced_creep_is_the_stepped_one() {
     let spectrum = build(&model, &SpectrumSettings::default());
     let ((time_s, force_n), (law, window)) = (record(), lethersich());
     let chain = [transient::chain_of(&law, window).expect("springs and dashpots")];
-    let load = Load::held(&time_s, &force_n);
+    let load = Load::commanded(&time_s, &force_n);
     let exact_at = |row: usize, creep: &dyn Fn(f64) -> f64| -> f64 {
         let before = |k: usize| if k == 0 { 0.0 } else { force_n[k - 1] };
         let steps = (0..row).filter(|&k| force_n[k] != before(k));

@@ -327,7 +327,7 @@ fn creep_by_terms_agrees_with_time_stepping() {
         let (stepped, laws) = SteppedSystem::new(&system, &law(), &field.beside);
         let chains: Vec<CreepCompliance> = laws.iter().map(|law| transient::chain_of(law, window).unwrap()).collect();
         let run =
-            transient::run(&stepped, &chains, &Load::held(&time_s, &force_n), &time_s, &[], Resolution::default())
+            transient::run(&stepped, &chains, &Load::commanded(&time_s, &force_n), &time_s, &[], Resolution::default())
                 .unwrap();
         let amplitude = run.position_m.iter().copied().fold(0.0, f64::max);
         let base = CreepCompliance::lethersich(&[3.527, 1.402, 47.370]);
@@ -360,7 +360,7 @@ fn superposed_positions_are_those_of_steps_through_every_switch() {
             stages.observation.velocity_m_per_s = 1e-6.into();
             let run = |rows: &[usize]| {
                 let (time_s, force_n, resolution) = (&time_s, &force_n, Resolution::default());
-                let job = SpatialJob { stages: &stages, time_s, force_n, rows, resolution };
+                let job = SpatialJob { stages: &stages, time_s, force: force_n.into(), rows, resolution };
                 with_surroundings(1, 0.48, |gel| field.run(gel, &linear, &job).unwrap().position_m)
             };
             let (stepped, superposed) = (run(&[59]), run(&[]));

@@ -1,6 +1,7 @@
 //! Jobs of the library, from an experiment to a result.
 
 mod cohort_data;
+mod drives;
 mod experiment_rejections;
 mod groups;
 mod groups_walk;

@@ -3,6 +3,6 @@
 pub mod inference;
 
 use vitreo_uq_mechanics::{
-    Error, Result, distribution, effects, elementary, error, files, model, number, parameter, rheology, toml_input,
-    units,
+    Error, Result, distribution, effects, elementary, error, experiment, files, model, number, parameter, rheology,
+    toml_input, units,
 };

@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use super::large::{self, LargeGel, robot_of};
 use super::{ApparatusError, Bench, OutsideKind, Truth};
 use crate::error::{Error, Result};
+use crate::experiment::Force;
 use crate::fe::Stiffness;
 use crate::fe::spatial::{Sizes, Surroundings};
 use crate::fe::stepping::Resolution;
@@ -173,23 +174,21 @@ impl Workshop {
             _ => None,
         };
         let force_n = truth.outside.as_ref().map_or_else(|| record.force_n.clone(), |outside| outside.force_n(&record));
+        let force = Force { at_rows_n: &force_n, rule: record.force_rule };
         let position_m = if stages.spatial.is_some() {
             let Self { mesh, stiffness, sizes, .. } = self;
             let poisson_ratio = wrong_ratio.unwrap_or(self.poisson_ratio);
             let surroundings = Surroundings { mesh, stiffness, poisson_ratio, sizes: *sizes };
             let values: Vec<f64> = values.iter().map(|value| value.value).collect();
-            FullForward::new(&model, stiffness, poisson_ratio, &record.time_s, &force_n)?
+            FullForward::new(&model, stiffness, poisson_ratio, &record.time_s, force)?
                 .in_surroundings(surroundings)
                 .trajectory_m(&values)?
         } else {
             let stepped = match stages.poisson_ratio.map(|ratio| ratio.value).or(wrong_ratio) {
-                Some(ratio) => FullOrderModel::new(&self.stiffness, ratio)?.step(
-                    &stages,
-                    &record.time_s,
-                    &force_n,
-                    self.resolution,
-                ),
-                None => full.step(&stages, &record.time_s, &force_n, self.resolution),
+                Some(ratio) => {
+                    FullOrderModel::new(&self.stiffness, ratio)?.step(&stages, &record.time_s, force, self.resolution)
+                }
+                None => full.step(&stages, &record.time_s, force, self.resolution),
             };
             stepped?.position_m
         };

@@ -37,8 +37,8 @@ impl LargeGel {
     pub(super) fn position_m(&self, law: [f64; 3], record: &Record) -> Result<Vec<f64>> {
         let model = LargeModel::new(&self.mesh, &self.stiffness, self.poisson_ratio)?;
         let load = Stages::of_law(Vec::new()).load;
-        let (time_s, force_n) = (&record.time_s, &record.force_n);
-        let run = LargeRun { law: BaseLaw::Lethersich, parameters: &law, load: &load, time_s, force_n };
+        let (time_s, force) = (&record.time_s, record.force());
+        let run = LargeRun { law: BaseLaw::Lethersich, parameters: &law, load: &load, time_s, force };
         Ok(model.run(&run, Options::default())?.displacement_m)
     }
 }

@@ -115,7 +115,7 @@ fn input_correlation(rows: &Rows) -> Look {
     let record = rows.record;
     let ends = rows.lag_ends_s(MOST_LAG_BINS);
     let changes: Vec<(f64, f64)> = (0..rows.n())
-        .map(|row| (record.time_s[row], record.force_n[row] - rows.acting_n[row]))
+        .map(|row| (record.time_s[row], record.force_n[row] - record.before_n(row)))
         .filter(|change| change.1 != 0.0)
         .collect();
     if ends.is_empty() || changes.is_empty() {

@@ -65,11 +65,11 @@ impl<'a> Rows<'a> {
     /// Of a record with a model's position (m) at every row; `is_fitted` says which rows count.
     pub fn new(record: &'a Record, position_m: &'a [f64], is_fitted: Vec<bool>) -> Self {
         let n = record.n_rows();
-        let acting_n: Vec<f64> = (0..n).map(|i| if i == 0 { 0.0 } else { record.force_n[i - 1] }).collect();
+        let acting_n: Vec<f64> = (0..n).map(|row| record.acting_n(row)).collect();
         let moved_m = (0..n).map(|i| if i == 0 { 0.0 } else { position_m[i] - position_m[i - 1] }).collect();
         let largest_n = record.force_n.iter().fold(0.0_f64, |largest, force| largest.max(force.abs()));
         let steps: Vec<(usize, f64)> =
-            record.force_step_rows().into_iter().map(|row| (row, record.force_n[row] - acting_n[row])).collect();
+            record.force_step_rows().into_iter().map(|row| (row, record.force_n[row] - record.before_n(row))).collect();
         let largest_step = steps.iter().fold(f64::MIN_POSITIVE, |largest, step| largest.max(step.1.abs()));
         let last_before = |row: usize| {
             let place = steps.partition_point(|(at, _)| *at < row).checked_sub(1)?;

@@ -117,7 +117,7 @@ impl<'a> CandidatePosterior<'a> {
         let observed_m = &self.subject.fitted_m;
         ReducedPosterior::new(
             parts,
-            FittedRecord { time_s: &record.time_s, force_n: &record.force_n, cycle: &record.cycle, observed_m },
+            FittedRecord { time_s: &record.time_s, force: record.force(), cycle: &record.cycle, observed_m },
         )
     }
 

@@ -31,7 +31,7 @@ impl Setting {
         let record = &subject.experiment().record;
         let scales = subject.experiment().scales();
         let n_rows = record.n_rows();
-        let acting_force_n = (0..n_rows).map(|row| if row == 0 { 0.0 } else { record.force_n[row - 1] }).collect();
+        let acting_force_n = (0..n_rows).map(|row| record.acting_n(row)).collect();
         Ok(Self {
             time_s: record.time_s.clone(),
             acting_force_n,

@@ -1,6 +1,6 @@
 //! Candidate protocols, made from the user's own: as long, with as many cycles, and never with a larger force.
 
-use crate::experiment::Record;
+use crate::experiment::{ForceRule, Record};
 
 /// A changed protocol.
 #[derive(Debug, Clone)]
@@ -67,7 +67,8 @@ impl Protocol<'_> {
     fn altered(&self, interval_s: f64, force: impl Fn(&Moment) -> (f64, f64)) -> Record {
         let begin_s = self.record.time_s.first().copied().unwrap_or(0.0);
         let n_rows = ((self.end_s() - begin_s) / interval_s).round() as usize;
-        let mut made = Record { position_m: vec![Some(0.0); n_rows], ..Record::default() };
+        let rule = self.record.force_rule;
+        let mut made = Record { position_m: vec![Some(0.0); n_rows], force_rule: rule, ..Record::default() };
         for i in 0..n_rows {
             let time_s = begin_s + i as f64 * interval_s;
             let row = self.row_at(time_s);
@@ -76,7 +77,11 @@ impl Protocol<'_> {
             let end_s = self.starts.get(cycle + 1).map_or(self.end_s(), |next| self.record.time_s[*next]);
             let (factor, at_s) = force(&Moment { time_s, cycle, start_s, length_s: end_s - start_s });
             made.time_s.push(time_s);
-            made.force_n.push(factor * self.record.force_n[self.row_at(at_s)]);
+            let force_n = match rule {
+                ForceRule::Hold => self.record.force_n[self.row_at(at_s)],
+                ForceRule::Linear => self.record.force().at_n(&self.record.time_s, at_s),
+            };
+            made.force_n.push(factor * force_n);
             made.cycle.push(self.record.cycle[row]);
         }
         made

@@ -261,7 +261,7 @@ fn family() -> Compliance {
             parameters: &parameters,
             poisson_ratio: [0.0, 0.499],
             time_s: &time_s,
-            force_n: &vec![FORCE_N; time_s.len()],
+            force: (&vec![FORCE_N; time_s.len()]).into(),
             tolerance: 1e-6,
         };
         Surrogate::train(surroundings(false).stiffness, &training).unwrap()

@@ -11,6 +11,7 @@ use super::noise::{NoiseLikelihood, NoiseModel};
 use super::prior::PriorSet;
 use crate::elementary;
 use crate::error::Result;
+use crate::experiment::Force;
 use crate::model::{Compliance, CreepLanes, Forward, Lanes, Model, N_LANES, Response, SumOfSquares, TrainedRange};
 use crate::number::Dual;
 use crate::rheology::{BaseLaw, LETHERSICH};
@@ -63,8 +64,8 @@ fn ln_rates(parts: &PosteriorParts<'_>) -> (f64, f64) {
 pub struct FittedRecord<'a> {
     /// Times in s.
     pub time_s: &'a [f64],
-    /// Commanded force in N; row i holds on [tᵢ, tᵢ₊₁).
-    pub force_n: &'a [f64],
+    /// Commanded force.
+    pub force: Force<'a>,
     /// Cycle of each row.
     pub cycle: &'a [u32],
     /// Positions (m) that are compared, `None` where there is nothing to compare.
@@ -83,7 +84,7 @@ pub struct ReducedPosterior<'a> {
 }
 
 enum Kernel {
-    /// Lethersich, no effect, white noise.
+    /// Lethersich, no effect, white noise, a force that holds between rows.
     Squares(SumOfSquares),
     /// Any other.
     Stages { response: Response, noise: NoiseLikelihood },
@@ -93,7 +94,7 @@ impl<'a> ReducedPosterior<'a> {
     /// Prepares the record.
     pub fn new(parts: PosteriorParts<'a>, record: FittedRecord<'_>) -> Self {
         let PosteriorParts { model, noise, priors, fixed, .. } = parts;
-        let FittedRecord { time_s, force_n, cycle, observed_m } = record;
+        let FittedRecord { time_s, force, cycle, observed_m } = record;
         let of_noise = noise.parameters();
         let names = model.parameters().iter().chain(&of_noise).map(|p| p.name);
         let source = |name: &str| match priors.names().position(|n| n == name) {
@@ -102,12 +103,12 @@ impl<'a> ReducedPosterior<'a> {
         };
         let sources = names.map(source).collect();
         let is_plain = model.base() == BaseLaw::Lethersich && model.effects().is_empty();
-        let kernel = if is_plain && noise == NoiseModel::default() {
-            Kernel::Squares(SumOfSquares::new(time_s, force_n, observed_m).tabulated(ln_rates(&parts)))
+        let kernel = if is_plain && noise == NoiseModel::default() && !force.is_linear() {
+            Kernel::Squares(SumOfSquares::new(time_s, force.at_rows_n, observed_m).tabulated(ln_rates(&parts)))
         } else {
             let n_rows = observed_m.iter().rposition(Option::is_some).map_or(0, |last| last + 1);
             Kernel::Stages {
-                response: Response::new(time_s, force_n, n_rows),
+                response: Response::new(time_s, force, n_rows),
                 noise: NoiseLikelihood::new(noise, time_s, cycle, observed_m),
             }
         };
@@ -380,7 +381,7 @@ mod tests {
             fixed: &fixed,
         };
         let cycle = [1; 80];
-        let record = FittedRecord { time_s: &time_s, force_n: &force_n, cycle: &cycle, observed_m: &observed };
+        let record = FittedRecord { time_s: &time_s, force: (&force_n).into(), cycle: &cycle, observed_m: &observed };
         let posterior = ReducedPosterior::new(parts, record);
         let response = Response::new(&time_s, &force_n, time_s.len());
         let forward = ReducedForward { model: &model, compliance, response, trained: &trained };
@@ -422,7 +423,7 @@ mod tests {
             priors: &priors,
             fixed: &fixed,
         };
-        let record = FittedRecord { time_s: &time_s, force_n: &force_n, cycle: &cycle, observed_m: &observed };
+        let record = FittedRecord { time_s: &time_s, force: (&force_n).into(), cycle: &cycle, observed_m: &observed };
         let posterior = ReducedPosterior::new(parts, record);
         let coordinate = |point: usize, d: usize| (1.0 + d as f64) * (0.37 * point as f64 + d as f64).sin();
         let log_density = |points: &[usize]| {

@@ -48,6 +48,16 @@ impl Record {
         Force { at_rows_n: &self.force_n, rule: self.force_rule }
     }
 
+    /// Command before a row, in N: the row's before, 0 before the first.
+    pub fn before_n(&self, row: usize) -> f64 {
+        row.checked_sub(1).map_or(0.0, |before| self.force_n[before])
+    }
+
+    /// Command that acts when a row's position is taken, in N: the limit from the left, 0 at the first row.
+    pub fn acting_n(&self, row: usize) -> f64 {
+        if row > 0 && self.force().is_linear() { self.force_n[row] } else { self.before_n(row) }
+    }
+
     /// Highest cycle number, 0 for an empty record.
     pub fn n_cycles(&self) -> u32 {
         self.cycle.last().copied().unwrap_or(0)
@@ -201,6 +211,15 @@ mod tests {
         assert_eq!(made.force_n, [1.0, 0.0, -3.0, 0.0, 2.0, 0.0, -2.0]);
         assert_eq!((lines, made.force_rows), (vec![2, 2, 3, 4, 5, 5, 6], vec![1, 5]));
         assert_eq!(made.position_m, [Some(0.0), None, Some(1.0), None, Some(3.0), None, Some(4.0)]);
+    }
+
+    #[test]
+    fn what_acts_at_a_row_is_the_limit_from_the_left() {
+        let held = record(&[1.0, -3.0, 2.0]);
+        let linear = Record { force_rule: ForceRule::Linear, ..held.clone() };
+        assert_eq!([0, 1, 2].map(|row| held.acting_n(row)), [0.0, 1.0, -3.0]);
+        assert_eq!([0, 1, 2].map(|row| linear.acting_n(row)), [0.0, -3.0, 2.0]);
+        assert_eq!([0, 1, 2].map(|row| linear.before_n(row)), [0.0, 1.0, -3.0]);
     }
 
     #[test]

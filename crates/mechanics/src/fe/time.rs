@@ -2,16 +2,17 @@
 //!
 //! Every branch m of the law (Kelvin–Voigt bodies, dashpots) keeps its own nodal displacement field. All branches carry the
 //! stress D̂ε(w), K̂ w = f, so a step from t to t + Δt reads u = h + j w: the history h decays, w follows the force. While
-//! the force holds, w holds too, and a step by the exponential scheme is exact.
+//! the force holds or goes in a line, w does too, and a step by the exponential scheme is exact.
 
 use super::factorisation::{Factor, Stiffness};
 use crate::error::Result;
+use crate::experiment::Force;
 use crate::rheology::CreepCompliance;
 
-/// How a branch is advanced over a step of constant stress.
+/// How a branch is advanced over a step of constant stress, or one that goes in a line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum TimeScheme {
-    /// Exact while the force holds.
+    /// Exact between the rows.
     #[default]
     Exponential,
     /// Implicit midpoint: second order, an independent check of the exponential step.
@@ -37,12 +38,12 @@ pub struct FullOrderModel<'a> {
     field_per_n: Vec<f64>,
 }
 
-/// A piecewise-constant force with its solved field.
+/// A commanded force with its solved field.
 ///
 /// All forces push the robot along x, so one solve for 1 N serves every switch, scaled.
 pub struct SolvedLoad<'a> {
     time_s: &'a [f64],
-    force_n: &'a [f64],
+    force: Force<'a>,
     /// K̂⁻¹ f for 1 N on the whole body.
     field_per_n: Vec<f64>,
 }
@@ -56,9 +57,9 @@ impl<'a> FullOrderModel<'a> {
         Ok(Self { factor, robot: stiffness.assembly.unknowns.robot(), field_per_n })
     }
 
-    /// Solves for the field of a load; row i's force (N) holds on [tᵢ, tᵢ₊₁).
-    pub fn solve_load<'l>(&self, time_s: &'l [f64], force_n: &'l [f64]) -> SolvedLoad<'l> {
-        SolvedLoad { time_s, force_n, field_per_n: self.field_per_n.clone() }
+    /// Solves for the field of a commanded force at rows (s).
+    pub fn solve_load<'l>(&self, time_s: &'l [f64], force: impl Into<Force<'l>>) -> SolvedLoad<'l> {
+        SolvedLoad { time_s, force: force.into(), field_per_n: self.field_per_n.clone() }
     }
 
     /// Unknowns per unit force at unit Young's modulus, in 1/m.
@@ -116,9 +117,9 @@ fn run(
     let mut run = Run::new(law, field_per_n);
     at_row(&run);
     for row in 1..load.time_s.len() {
-        let force_n = load.force_n[row - 1];
-        if row == 1 || force_n != load.force_n[row - 2] {
-            run.begin_hold(force_n);
+        let (force_n, slope_n_per_s) = (load.force.at_rows_n[row - 1], load.force.slope_n_per_s(load.time_s, row - 1));
+        if row == 1 || load.force.is_linear() || force_n != load.force.at_rows_n[row - 2] {
+            run.begin_hold(force_n, slope_n_per_s);
         }
         run.advance(load.time_s[row] - load.time_s[row - 1], scheme);
         at_row(&run);
@@ -134,8 +135,10 @@ struct Run<'a> {
     fields: Vec<Vec<f64>>,
     /// w at 1 N, in m.
     field_per_n: &'a [f64],
-    /// Force of the hold.
+    /// Force at the hold's start in N, by how much it rises in N/s, and the time since in s.
     force_n: f64,
+    slope_n_per_s: f64,
+    since_s: f64,
 }
 
 /// Scalars of one branch since the start of the hold.
@@ -143,9 +146,18 @@ struct Run<'a> {
 struct Branch {
     decay: f64,
     gain_per_pa: f64,
+    /// The same for a force that rises.
+    ramp_s_per_pa: f64,
 }
 
-const UNMOVED: Branch = Branch { decay: 1.0, gain_per_pa: 0.0 };
+const UNMOVED: Branch = Branch { decay: 1.0, gain_per_pa: 0.0, ramp_s_per_pa: 0.0 };
+
+impl Branch {
+    /// What a force and its slope have made of it.
+    fn moved(self, force: f64, slope_per_s: f64) -> f64 {
+        self.gain_per_pa * force + self.ramp_s_per_pa * slope_per_s
+    }
+}
 
 impl<'a> Run<'a> {
     fn new(law: &'a CreepCompliance, field_per_n: &'a [f64]) -> Self {
@@ -157,18 +169,20 @@ impl<'a> Run<'a> {
             fields: vec![vec![0.0; field_per_n.len()]; n_branches],
             field_per_n,
             force_n: 0.0,
+            slope_n_per_s: 0.0,
+            since_s: 0.0,
         }
     }
 
-    fn begin_hold(&mut self, force_n: f64) {
+    fn begin_hold(&mut self, force_n: f64, slope_n_per_s: f64) {
         for (field, branch) in self.fields.iter_mut().zip(&mut self.branches) {
-            let gain = branch.gain_per_pa * self.force_n;
+            let gain = branch.moved(self.force_n, self.slope_n_per_s);
             for (value, w) in field.iter_mut().zip(self.field_per_n) {
                 *value = branch.decay * *value + gain * w;
             }
             *branch = UNMOVED;
         }
-        self.force_n = force_n;
+        (self.force_n, self.slope_n_per_s, self.since_s) = (force_n, slope_n_per_s, 0.0);
     }
 
     fn advance(&mut self, step_s: f64, scheme: TimeScheme) {
@@ -178,16 +192,24 @@ impl<'a> Run<'a> {
         };
         for (branch, mode) in bodies.iter_mut().zip(&self.law.retarded) {
             let decay = scheme.decay(step_s, mode.time_s);
+            let kept = mode.compliance_per_pa * (1.0 - decay);
             branch.decay *= decay;
-            branch.gain_per_pa = decay * branch.gain_per_pa + mode.compliance_per_pa * (1.0 - decay);
+            branch.gain_per_pa = decay * branch.gain_per_pa + kept;
+            // A line is followed by the retardation time late.
+            let late_s = mode.compliance_per_pa * step_s - kept * mode.time_s;
+            branch.ramp_s_per_pa = decay * branch.ramp_s_per_pa + kept * self.since_s + late_s;
         }
-        dashpots.gain_per_pa += self.law.fluidity_per_pa_s * step_s;
+        let flow_per_pa = self.law.fluidity_per_pa_s * step_s;
+        dashpots.gain_per_pa += flow_per_pa;
+        dashpots.ramp_s_per_pa += flow_per_pa * (self.since_s + 0.5 * step_s);
+        self.since_s += step_s;
     }
 
     fn displacement_at(&self, unknown: usize) -> f64 {
-        let w = self.force_n * self.field_per_n[unknown];
+        let per_n = self.field_per_n[unknown];
+        let (w, rise) = (self.force_n * per_n, self.slope_n_per_s * per_n);
         let branches = self.fields.iter().zip(&self.branches);
-        let creep: f64 = branches.map(|(field, b)| b.decay * field[unknown] + b.gain_per_pa * w).sum();
-        creep + self.law.instantaneous_per_pa * w
+        let creep: f64 = branches.map(|(field, b)| b.decay * field[unknown] + b.moved(w, rise)).sum();
+        creep + self.law.instantaneous_per_pa * (w + rise * self.since_s)
     }
 }

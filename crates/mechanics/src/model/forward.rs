@@ -2,6 +2,7 @@
 
 use super::{Compliance, Model, Response};
 use crate::error::{Error, Result};
+use crate::experiment::Force;
 use crate::fe::nonlinear::{self, NonlinearModel};
 use crate::fe::spatial::{SpatialJob, SpatialRun, Surroundings};
 use crate::fe::stepping::Resolution;
@@ -21,7 +22,7 @@ pub trait Forward: Sync {
 
 /// The full-order model: finite elements stepped through the record.
 ///
-/// The base law alone takes the exponential step, which is exact while the force holds; with effects the network of elements is stepped by
+/// The base law alone takes the exponential step, which is exact between rows; with effects the network of elements is stepped by
 /// its definition, apart from the reduced model's closed forms.
 pub struct FullForward<'a> {
     model: &'a Model,
@@ -29,7 +30,7 @@ pub struct FullForward<'a> {
     /// At the experiment's Poisson ratio.
     at_rest: FullOrderModel<'a>,
     time_s: &'a [f64],
-    force_n: &'a [f64],
+    force: Force<'a>,
     resolution: Resolution,
     surroundings: Option<Surroundings<'a>>,
     /// Prepared by the first run that needs it.
@@ -55,11 +56,11 @@ impl<'a> FullForward<'a> {
         stiffness: &'a Stiffness,
         poisson_ratio: f64,
         time_s: &'a [f64],
-        force_n: &'a [f64],
+        force: impl Into<Force<'a>>,
     ) -> Result<Self> {
         let at_rest = FullOrderModel::new(stiffness, poisson_ratio)?;
         let (resolution, nonlinear) = (Resolution::default(), OnceLock::new());
-        Ok(Self { model, stiffness, at_rest, time_s, force_n, resolution, surroundings: None, nonlinear })
+        Ok(Self { model, stiffness, at_rest, time_s, force: force.into(), resolution, surroundings: None, nonlinear })
     }
 
     /// The same for effects that change the displacement field, which need more than the stiffness.
@@ -81,7 +82,7 @@ impl<'a> FullForward<'a> {
     pub fn run(&self, parameters: &[f64], field_rows: &[usize]) -> Result<FullRun> {
         let (base, is_exponential) = (self.model.base(), self.model.effects().is_empty());
         if let Some(law) = base.creep_compliance(parameters).filter(|_| is_exponential) {
-            let load = self.at_rest.solve_load(self.time_s, self.force_n);
+            let load = self.at_rest.solve_load(self.time_s, self.force);
             let position_m = self.at_rest.trajectory(&load, &law, TimeScheme::Exponential);
             let fields = self.nodal(self.at_rest.fields(&load, &law, field_rows));
             return Ok(FullRun { position_m, fields, mesh: None, compliance_per_m: self.compliance_per_m() });
@@ -95,8 +96,8 @@ impl<'a> FullForward<'a> {
             let (Spatial::Linear(linear), Some((_, field))) = (spatial, self.model.field()) else {
                 return self.run_nonlinear(surroundings, &stages, field_rows);
             };
-            let (time_s, force_n, resolution) = (self.time_s, self.force_n, spatial_resolution(self.resolution));
-            let job = SpatialJob { stages: &stages, time_s, force_n, rows: field_rows, resolution };
+            let (time_s, force, resolution) = (self.time_s, self.force, spatial_resolution(self.resolution));
+            let job = SpatialJob { stages: &stages, time_s, force, rows: field_rows, resolution };
             let SpatialRun { position_m, fields, mesh } = field.run(surroundings, linear, &job)?;
             return Ok(FullRun { position_m, fields, mesh, compliance_per_m: self.compliance_per_m() });
         }
@@ -104,7 +105,7 @@ impl<'a> FullForward<'a> {
             Some(ratio) => &FullOrderModel::new(self.stiffness, ratio.value)?,
             None => &self.at_rest,
         };
-        let stepped = full.step(&stages, self.time_s, self.force_n, self.resolution)?;
+        let stepped = full.step(&stages, self.time_s, self.force, self.resolution)?;
         let fields = self.nodal(full.fields_of(&stepped, field_rows));
         Ok(FullRun { position_m: stepped.position_m, fields, mesh: None, compliance_per_m: full.compliance_per_m() })
     }
@@ -142,7 +143,7 @@ impl<'a> FullForward<'a> {
         let own = nonlinear::Options::default();
         let resolution = scaled(own.resolution.steps_per_doubling, self.resolution);
         let options = nonlinear::Options { resolution: Resolution { steps_per_doubling: resolution }, ..own };
-        let run = model.run_stages(stages, self.time_s, self.force_n, rows, options)?;
+        let run = model.run_stages(stages, self.time_s, self.force, rows, options)?;
         let unknowns = &stiffness.assembly.unknowns;
         let fields = run.fields.iter().map(|field| unknowns.nodal_displacement(field)).collect();
         let (position_m, compliance_per_m) = (run.displacement_m, self.compliance_per_m());

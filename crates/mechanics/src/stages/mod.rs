@@ -8,6 +8,7 @@ mod nonlinearity;
 pub use nonlinearity::{NonlinearFamily, Nonlinearity, YIELD_SMOOTHING};
 
 use crate::error::Result;
+use crate::experiment::Force;
 use crate::number::Dual;
 use crate::rheology::{Beside, Element, SpreadTerm};
 use std::sync::Arc;
@@ -67,12 +68,12 @@ pub enum Spread {
 
 /// A reduced model of a law that is not linear, which is stepped through a record.
 pub trait FieldStepper: std::fmt::Debug + Send + Sync {
-    /// By how much (m) the robot's displacement at every row exceeds that of the same stages with a linear law, the limit from the left. Row i's
-    /// commanded force (N) holds on [tᵢ, tᵢ₊₁), tᵢ in s; `compliance_per_m` is the displacement per force at unit creep compliance.
+    /// By how much (m) the robot's displacement at every row (s) exceeds that of the same stages with a linear law, the limit from the left;
+    /// `compliance_per_m` is the displacement per force at unit creep compliance.
     ///
     /// # Errors
     /// [`crate::Error::Numerical`] where the law is none that is served, a force gradient is refused, or the balance is not found.
-    fn excess_m(&self, stages: &Stages, compliance_per_m: f64, time_s: &[f64], force_n: &[f64]) -> Result<Vec<f64>>;
+    fn excess_m(&self, stages: &Stages, compliance_per_m: f64, time_s: &[f64], force: Force<'_>) -> Result<Vec<f64>>;
 
     /// The same with the derivative in the direction that the stages carry.
     ///
@@ -83,7 +84,7 @@ pub trait FieldStepper: std::fmt::Debug + Send + Sync {
         stages: &Stages,
         compliance_per_m: f64,
         time_s: &[f64],
-        force_n: &[f64],
+        force: Force<'_>,
     ) -> Result<Vec<Dual>>;
 }
 

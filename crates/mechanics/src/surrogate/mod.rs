@@ -19,6 +19,7 @@ pub use pod::{EnergyProduct, Pod};
 pub use reduced::ReducedOperators;
 
 use crate::error::{Error, Result};
+use crate::experiment::Force;
 use crate::fe::Stiffness;
 use crate::fe::time::{FullOrderModel, SolvedLoad, TimeScheme};
 use crate::model::{Compliance, TrainedRange, convolve_m};
@@ -44,8 +45,8 @@ pub struct Training<'a> {
     pub poisson_ratio: [f64; 2],
     /// Times of the record in s.
     pub time_s: &'a [f64],
-    /// Commanded force in N.
-    pub force_n: &'a [f64],
+    /// Commanded force.
+    pub force: Force<'a>,
     /// Singular values below this fraction of the largest are dropped.
     pub tolerance: f64,
 }
@@ -101,14 +102,14 @@ impl Surrogate {
             let [lower, upper] = training.poisson_ratio;
             if lower == upper {
                 let model = FullOrderModel::new(stiffness, lower)?;
-                let load = model.solve_load(training.time_s, training.force_n);
+                let load = model.solve_load(training.time_s, training.force);
                 return indices.into_par_iter().map(|i| full_run(training, i, &model, &load)).collect();
             }
             indices
                 .into_par_iter()
                 .map(|i| {
                     let model = FullOrderModel::new(stiffness, design_point(training, i).1)?;
-                    let load = model.solve_load(training.time_s, training.force_n);
+                    let load = model.solve_load(training.time_s, training.force);
                     full_run(training, i, &model, &load)
                 })
                 .collect()
@@ -195,7 +196,7 @@ impl Surrogate {
             self.max_projection_error = self.max_projection_error.max(energy.norm(&rest) / norm);
         }
         let law = training.creep_compliance(&run.law_parameters)?;
-        let reduced = convolve_m(self.compliance_per_m(run.poisson_ratio)?, &law, training.time_s, training.force_n);
+        let reduced = convolve_m(self.compliance_per_m(run.poisson_ratio)?, &law, training.time_s, training.force);
         let amplitude = run.position_m.iter().fold(0.0_f64, |a, x| a.max(x.abs()));
         let distance = reduced.iter().zip(&run.position_m).fold(0.0_f64, |d, (r, x)| d.max((r - x).abs()));
         if amplitude > 0.0 {
@@ -258,7 +259,7 @@ mod tests {
             parameters: &parameters,
             poisson_ratio,
             time_s: &time_s,
-            force_n: &force_n,
+            force: (&force_n).into(),
             tolerance,
         };
         let surrogate = Surrogate::train(&stiffness, &training).expect("training succeeds");

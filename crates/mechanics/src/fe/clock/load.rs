@@ -1,31 +1,67 @@
 //! When the force changes, and when it depends too much on the position.
 
 use crate::error::{Error, Result};
+use crate::experiment::Force;
 use crate::number::PointScalar;
 use crate::stages::{LARGEST_FEEDBACK, Load};
 
-/// A change of the force that enters the lag.
+/// A change of the force that enters the lag: from then on it is a straight line.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Switch<N = f64> {
     /// When, in s.
     pub time_s: N,
-    /// The force from then on, in N.
+    /// The force from the right, in N.
     pub force_n: N,
+    /// By how much it rises a second from then on, in N/s.
+    pub slope_n_per_s: N,
+    /// Whether the force itself jumps there, and not its slope alone.
+    pub jumps: bool,
+}
+
+impl<N: PointScalar> Switch<N> {
+    /// To a force (N) that then holds.
+    pub(crate) fn to(time_s: N, force_n: N) -> Self {
+        Self { time_s, force_n, slope_n_per_s: N::constant(0.0), jumps: true }
+    }
+
+    /// The force that enters the lag, in N, at a time since.
+    #[inline(always)]
+    pub(crate) fn input_n(&self, time_s: N) -> N {
+        self.force_n + self.slope_n_per_s * (time_s - self.time_s)
+    }
+
+    /// What a lag of some time (s) makes of that force in the long run, in N: it follows a line by the lag's time late.
+    #[inline(always)]
+    pub(crate) fn followed_n(&self, time_s: N, lag_time_s: N) -> N {
+        self.input_n(time_s) - self.slope_n_per_s * lag_time_s
+    }
 }
 
 /// The changes of the force, from the record's start on, after delay, factors and offset; the first is the offset's.
-pub(crate) fn switches<N: PointScalar>(load: &Load, time_s: &[f64], force_n: &[f64]) -> Vec<Switch<N>> {
+pub(crate) fn switches<N: PointScalar>(load: &Load, time_s: &[f64], force: Force<'_>) -> Vec<Switch<N>> {
     let Some(&start_s) = time_s.first() else { return Vec::new() };
     let offset_n = N::of(load.offset_n);
-    let mut switches = vec![Switch { time_s: N::constant(start_s), force_n: offset_n }];
-    let mut commanded_n = 0.0;
-    for (&time_s, &force_n) in time_s.iter().zip(force_n) {
-        if force_n != commanded_n {
-            commanded_n = force_n;
-            let factor = if force_n < 0.0 { load.negative_factor } else { load.positive_factor };
-            let force_n = N::of(factor) * force_n + offset_n;
-            switches.push(Switch { time_s: N::of(load.delay_s) + N::constant(time_s), force_n });
+    let mut switches = vec![Switch::to(N::constant(start_s), offset_n)];
+    let (mut commanded_n, mut slope_before) = (0.0, 0.0);
+    for (row, (&row_s, &force_n)) in time_s.iter().zip(force.at_rows_n).enumerate() {
+        let slope = force.slope_n_per_s(time_s, row);
+        let jumps = force_n != commanded_n && (row == 0 || !force.is_linear());
+        commanded_n = force_n;
+        if !jumps && slope == slope_before {
+            continue;
         }
+        slope_before = slope;
+        let factor = match (force.is_linear(), force_n < 0.0) {
+            (true, _) if force.is_positive(row) => load.positive_factor,
+            (false, false) => load.positive_factor,
+            _ => load.negative_factor,
+        };
+        switches.push(Switch {
+            time_s: N::of(load.delay_s) + N::constant(row_s),
+            force_n: N::of(factor) * force_n + offset_n,
+            slope_n_per_s: N::of(factor) * slope,
+            jumps,
+        });
     }
     switches
 }

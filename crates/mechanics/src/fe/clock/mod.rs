@@ -6,7 +6,7 @@ mod tableau;
 
 pub use load::Switch;
 pub(crate) use load::{check_feedback, switches};
-pub(crate) use steps::{Grading, SHARE_OF_GAP, StepRule, ending_well};
+pub(crate) use steps::{Grading, StepRule, ending_well, share_of_gap};
 pub use tableau::Scheme;
 pub(crate) use tableau::{FOURTH, Tableau};
 

@@ -1,7 +1,9 @@
 //! How long steps are: geometric after every switch, and ending where the force or a row asks for it.
 
 /// Least starting scale of steps after a switch, as a share of the time to the next stop: what is over sooner is stable without being resolved.
-pub(crate) const SHARE_OF_GAP: f64 = 1e-4;
+const SHARE_OF_GAP: f64 = 1e-4;
+/// The same where the force does not jump: what is fast then follows it from the beginning.
+const SHARE_OF_SMOOTH_GAP: f64 = 0.1;
 /// Longest step times the rate at which the gel softens, over η.
 const SOFTENING_SHARE: f64 = 3.0;
 /// Binary digits that a step's length does without: lengths that differ by rounding of the clock share their matrices.
@@ -20,6 +22,11 @@ pub(crate) struct StepRule {
     longest_step_s: f64,
 }
 
+/// Least starting scale of steps after a switch, as a share of the time to the next stop.
+pub(crate) fn share_of_gap(jumps: bool) -> f64 {
+    if jumps { SHARE_OF_GAP } else { SHARE_OF_SMOOTH_GAP }
+}
+
 /// Steps since one switch.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Grading {
@@ -36,10 +43,10 @@ impl StepRule {
         Self { steps_per_doubling, growth, fastest_s, feeds_back, longest_step_s }
     }
 
-    /// Steps after a switch that is followed by a stop `gap_s` later.
-    pub(crate) fn after_switch(&self, switched_s: f64, gap_s: f64) -> Grading {
+    /// Steps after a switch that is followed by a stop `gap_s` later; `jumps` where the force does.
+    pub(crate) fn after_switch(&self, switched_s: f64, gap_s: f64, jumps: bool) -> Grading {
         let fastest_s = if self.feeds_back { self.fastest_s.min(gap_s) } else { self.fastest_s };
-        Grading { switched_s, scale_s: fastest_s.max(SHARE_OF_GAP * gap_s) }
+        Grading { switched_s, scale_s: fastest_s.max(share_of_gap(jumps) * gap_s) }
     }
 
     /// Length of the step from `now_s`, with `left_s` to the next stop.

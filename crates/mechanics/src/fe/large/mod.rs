@@ -21,6 +21,7 @@ mod tests;
 pub(crate) use deformation::Deformation;
 
 use crate::error::{Error, Result};
+use crate::experiment::Force;
 use crate::fe::Stiffness;
 use crate::fe::nonlinear::{Bodies, Cost, NonlinearModel, NonlinearResult, Options};
 use crate::mesh::Mesh;
@@ -39,8 +40,8 @@ pub struct LargeRun<'a> {
     pub load: &'a Load,
     /// Times of the rows in s, ascending.
     pub time_s: &'a [f64],
-    /// Commanded force in N; row i's holds on [tᵢ, tᵢ₊₁). Before the first row nothing acts.
-    pub force_n: &'a [f64],
+    /// Commanded force. Before the first row nothing acts.
+    pub force: Force<'a>,
 }
 
 /// What came of a run.
@@ -72,7 +73,7 @@ impl<'a> LargeModel<'a> {
     /// [`Error::Numerical`] for a law that is no series of Kelvin–Voigt bodies, springs and a dashpot, for parameters outside their support, and where the balance is not found
     /// in ever smaller steps; that says how far the robot came.
     pub fn run(&self, what: &LargeRun, options: Options) -> Result<LargeResult> {
-        let LargeRun { law, parameters, load, time_s, force_n } = *what;
+        let LargeRun { law, parameters, load, time_s, force } = *what;
         let parameters: Vec<Dual> = parameters.iter().map(|p| Dual::constant(*p)).collect();
         // Without stiffening the first spring is linear.
         let nonlinearity = Nonlinearity::StrainStiffening { coefficient: Dual::ZERO };
@@ -80,7 +81,7 @@ impl<'a> LargeModel<'a> {
         Bodies::<f64>::new(&law, nonlinearity)?;
         let spatial = Some(Spatial::Nonlinear(nonlinearity));
         let stages = Stages { load: load.clone(), spatial, ..Stages::of_law(law) };
-        match self.model.run_stages(&stages, time_s, force_n, &[], options) {
+        match self.model.run_stages(&stages, time_s, force, &[], options) {
             Ok(NonlinearResult { displacement_m, cost, .. }) => Ok(LargeResult { displacement_m, cost }),
             Err(Error::Numerical { what, .. }) => Err(Error::numerical(
                 format!("the mesh carries the robot no farther: {what}"),

@@ -6,6 +6,7 @@
 use super::run::{self, Record};
 use super::{Bodies, NonlinearModel, NonlinearResult, Options};
 use crate::error::{Error, Result};
+use crate::experiment::Force;
 use crate::fe::clock::{CLOCK_ROUNDING, switches};
 use crate::fe::stepping::run::strains;
 use crate::fe::stepping::{Resolution, observed};
@@ -20,14 +21,15 @@ impl NonlinearModel<'_> {
     ///
     /// # Errors
     /// Those of [`Self::run`], and [`Error::Numerical`] for stages without such a law and where the gel softens.
-    pub fn run_stages(
+    pub fn run_stages<'f>(
         &self,
         stages: &Stages,
         time_s: &[f64],
-        force_n: &[f64],
+        force: impl Into<Force<'f>>,
         rows: &[usize],
         options: Options,
     ) -> Result<NonlinearResult> {
+        let force = force.into();
         let Some(Spatial::Nonlinear(nonlinearity)) = stages.spatial else {
             return Err(Error::numerical("the law is linear", "step it by the linear model"));
         };
@@ -46,7 +48,7 @@ impl NonlinearModel<'_> {
         stop_rows.sort_unstable();
         stop_rows.dedup();
         let stops_s: Vec<f64> = stop_rows.iter().map(|&row| time_s[row]).collect();
-        let record = Record { time_s, force_n, stops_s: &stops_s };
+        let record = Record { time_s, force, stops_s: &stops_s };
         let (mut fields, mut steps) = (BTreeMap::new(), Vec::new());
         let at_stop = |at: run::AtRow| {
             let row = stop_rows[at.row];
@@ -57,7 +59,7 @@ impl NonlinearModel<'_> {
         let at_step = |time_s: f64, x: f64| steps.push((time_s, x));
         let outcome = run::run(self.balance(), &bodies, &stages.load, record, options, at_stop, at_step);
         let cost = outcome.map_err(|error| with_place(error, &steps))?;
-        let mut displacement_m = displacements_m(self, stages, time_s, force_n, &steps)?;
+        let mut displacement_m = displacements_m(self, stages, time_s, force, &steps)?;
         let start_s = time_s.first().copied().unwrap_or(0.0);
         for (x, t) in displacement_m.iter_mut().zip(time_s) {
             *x = observed(&stages.observation, *x, t - start_s);
@@ -84,17 +86,17 @@ fn displacements_m(
     model: &NonlinearModel,
     stages: &Stages,
     time_s: &[f64],
-    force_n: &[f64],
+    force: Force<'_>,
     steps: &[(f64, f64)],
 ) -> Result<Vec<f64>> {
     let compliance_per_m = model.share * model.factor().unit_response()[model.robot()];
     let mut union_s: Vec<f64> = time_s.iter().copied().chain(steps.iter().map(|step| step.0)).collect();
     union_s.sort_by(f64::total_cmp);
     union_s.dedup();
-    let command_n = |&t: &f64| time_s.partition_point(|&row_s| row_s <= t).checked_sub(1).map_or(0.0, |i| force_n[i]);
-    let commands_n: Vec<f64> = union_s.iter().map(command_n).collect();
+    let commands_n: Vec<f64> = union_s.iter().map(|&t| force.at_n(time_s, t)).collect();
+    let commands = Force { at_rows_n: &commands_n, rule: force.rule };
     let linear = Stages { spatial: None, spread: None, ..stages.clone() };
-    let strains = strains(compliance_per_m, &linear, &union_s, &commands_n, Resolution::default())?;
+    let strains = strains(compliance_per_m, &linear, &union_s, commands, Resolution::default())?;
     let linear_m = |t: f64| {
         let place = union_s.partition_point(|&u| u < t);
         strains.get(place).map_or(0.0, |q| compliance_per_m * q)
@@ -103,8 +105,7 @@ fn displacements_m(
     let rounding_s = CLOCK_ROUNDING * length_s;
     // The excess does not jump with the force: a switch finds what the step before it left.
     let excesses: Vec<(f64, f64)> = steps.iter().map(|&(t, x)| (t, x - linear_m(t))).collect();
-    let begins_s: Vec<f64> =
-        switches::<f64>(&stages.load, time_s, force_n).iter().map(|switch| switch.time_s).collect();
+    let begins_s: Vec<f64> = switches::<f64>(&stages.load, time_s, force).iter().map(|switch| switch.time_s).collect();
     let mut found = Vec::with_capacity(time_s.len());
     for &row_s in time_s {
         let holds = begins_s.partition_point(|&begin_s| begin_s < row_s - rounding_s);

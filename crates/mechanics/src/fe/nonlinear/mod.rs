@@ -22,6 +22,7 @@ pub(crate) use law::Bodies;
 pub(crate) use run::AtRow;
 
 use crate::error::{Error, Result};
+use crate::experiment::Force;
 use crate::fe::stepping::Resolution;
 use crate::fe::{Factor, Stiffness};
 use crate::mesh::Mesh;
@@ -60,8 +61,8 @@ pub struct NonlinearRun<'a> {
     pub load: &'a Load,
     /// Times of the rows in s, ascending.
     pub time_s: &'a [f64],
-    /// Commanded force in N; row i's holds on [tᵢ, tᵢ₊₁). Before the first row nothing acts.
-    pub force_n: &'a [f64],
+    /// Commanded force. Before the first row nothing acts.
+    pub force: Force<'a>,
 }
 
 /// What a run cost.
@@ -157,7 +158,7 @@ impl<'a> NonlinearModel<'a> {
     pub(crate) fn watch(&self, what: &NonlinearRun, options: Options, at_row: impl FnMut(AtRow)) -> Result<Cost> {
         let bodies = Bodies::new(what.law, what.nonlinearity)?;
         let balance = self.balance();
-        let record = run::Record { time_s: what.time_s, force_n: what.force_n, stops_s: what.time_s };
+        let record = run::Record { time_s: what.time_s, force: what.force, stops_s: what.time_s };
         run::run(balance, &bodies, what.load, record, options, at_row, |_, _| {})
     }
 

@@ -5,6 +5,7 @@ use super::point::{EQUIVALENT, StageLaw, Tensor, deviator_norm};
 use super::stage::{Balance, Push, Stage};
 use super::{Cost, Options};
 use crate::error::{Error, Result};
+use crate::experiment::Force;
 use crate::fe::clock::{CLOCK_ROUNDING, Grading, StepRule, Switch, Tableau, check_feedback, switches};
 use crate::fe::stepping::Resolution;
 use crate::fe::stepping::run::gap_s;
@@ -28,7 +29,7 @@ pub(crate) struct AtRow<'a> {
 #[derive(Clone, Copy)]
 pub(super) struct Record<'a> {
     pub time_s: &'a [f64],
-    pub force_n: &'a [f64],
+    pub force: Force<'a>,
     pub stops_s: &'a [f64],
 }
 
@@ -37,12 +38,12 @@ pub(super) fn run(
     balance: Balance,
     bodies: &Bodies<f64>,
     load: &Load,
-    Record { time_s, force_n, stops_s }: Record,
+    Record { time_s, force, stops_s }: Record,
     options: Options,
     mut at_row: impl FnMut(AtRow),
     mut at_step: impl FnMut(f64, f64),
 ) -> Result<Cost> {
-    let switches = switches(load, time_s, force_n);
+    let switches = switches(load, time_s, force);
     let start_s = time_s.first().copied().unwrap_or(0.0);
     let length_s = time_s.last().map_or(0.0, |end_s| end_s - start_s).max(f64::MIN_POSITIVE);
     let rounding_s = CLOCK_ROUNDING * length_s;
@@ -72,9 +73,8 @@ struct Run<'a> {
     gradient_per_m: f64,
     lag_time_s: f64,
     now_s: f64,
-    /// When the force switched last, the force that entered the lag then, and what the lag made of those before.
-    switched_s: f64,
-    input_n: f64,
+    /// The force that enters the lag since it switched last, and what the lag made of those before.
+    input: Switch,
     lagged_n: f64,
     /// Strains of every body at every point.
     histories: Vec<Tensor<f64>>,
@@ -104,12 +104,11 @@ impl<'a> Run<'a> {
             tableau: options.scheme.tableau(),
             resolution: options.resolution,
             rule,
-            grading: rule.after_switch(start_s, f64::INFINITY),
+            grading: rule.after_switch(start_s, f64::INFINITY, true),
             gradient_per_m: load.gradient_per_m.value,
             lag_time_s,
             now_s: start_s,
-            switched_s: start_s,
-            input_n: 0.0,
+            input: Switch::to(start_s, 0.0),
             lagged_n: 0.0,
             histories: vec![[0.0; 6]; n_points * bodies.n_histories()],
             displacement: vec![0.0; balance.factor.n_unknowns()],
@@ -124,23 +123,24 @@ impl<'a> Run<'a> {
     /// Changes the force; the next row or switch comes `gap_s` later.
     fn switch(&mut self, switch: Switch, gap_s: f64) {
         self.lagged_n = self.force_n(self.now_s);
-        self.input_n = switch.force_n;
-        self.switched_s = self.now_s;
+        self.input = Switch { time_s: self.now_s, ..switch };
         let bodies = self.histories.chunks_exact(self.bodies.n_histories());
         let largest = bodies.map(|histories| deviator_norm(&histories[0])).fold(0.0, f64::max);
         let slowest_s = if self.lag_time_s > 0.0 { self.lag_time_s } else { f64::INFINITY };
         let fastest_s = self.bodies.fastest_s(EQUIVALENT * largest).min(slowest_s);
         self.rule = StepRule::new(self.resolution.steps_per_doubling, fastest_s, false, 0.0);
-        self.grading = self.rule.after_switch(self.now_s, gap_s);
+        self.grading = self.rule.after_switch(self.now_s, gap_s, switch.jumps);
         self.known.clear();
     }
 
-    /// The force after the lag: τ Ḟ = F_in − F, F_in constant since the switch.
+    /// The force after the lag: τ Ḟ = F_in − F, F_in a line since the switch.
     fn force_n(&self, time_s: f64) -> f64 {
-        if self.lag_time_s == 0.0 {
-            return self.input_n;
+        let (input, lag_s) = (&self.input, self.lag_time_s);
+        if lag_s == 0.0 {
+            return input.input_n(time_s);
         }
-        self.input_n + (self.lagged_n - self.input_n) * (-(time_s - self.switched_s) / self.lag_time_s).exp()
+        let left_n = self.lagged_n - input.followed_n(input.time_s, lag_s);
+        input.followed_n(time_s, lag_s) + left_n * (-(time_s - input.time_s) / lag_s).exp()
     }
 
     fn advance_to(&mut self, stop_s: f64, rounding_s: f64, at_step: &mut impl FnMut(f64, f64)) -> Result<()> {

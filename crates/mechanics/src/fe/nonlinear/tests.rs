@@ -68,7 +68,7 @@ fn nulls_are_the_linear_model() {
             let exact = linear.step(&stages, &time_s, &force_n, Resolution::default()).unwrap();
             let load = &stages.load;
             let (law, nonlinearity) = (&stages.law, nonlinearity.constant());
-            let what = NonlinearRun { law, nonlinearity, load, time_s: &time_s, force_n: &force_n };
+            let what = NonlinearRun { law, nonlinearity, load, time_s: &time_s, force: (&force_n).into() };
             let found = model.run(&what, &[3, 7, 99], Options::default()).unwrap();
             let error = distance(&found.displacement_m, &exact.displacement_m);
             assert!(error < 1e-5, "{law:?}: {error:e}");
@@ -200,7 +200,7 @@ fn run_cube(homogeneous: &Homogeneous, load: &Load, time_s: &[f64], force_n: &[f
     let stiffness = Stiffness::new(&mesh).unwrap();
     let model = NonlinearModel::new(&mesh, &stiffness, homogeneous.poisson_ratio).unwrap();
     let nonlinearity = homogeneous.nonlinearity.constant();
-    let what = NonlinearRun { law: &lethersich(), nonlinearity, load, time_s, force_n };
+    let what = NonlinearRun { law: &lethersich(), nonlinearity, load, time_s, force: force_n.into() };
     model.run(&what, &[], options).unwrap().displacement_m
 }
 
@@ -277,7 +277,7 @@ fn a_run_has_the_same_bytes_for_any_number_of_threads() {
     let model = NonlinearModel::new(&mesh, &stiffness, 0.48).unwrap();
     let nonlinearity = Nonlinearity::ShearThinning { index: 0.5, reference_stress_pa: REFERENCE_STRESS_PA };
     let (law, nonlinearity) = (&lethersich(), nonlinearity.constant());
-    let what = NonlinearRun { law, nonlinearity, load: &load, time_s: &time_s, force_n: &force_n };
+    let what = NonlinearRun { law, nonlinearity, load: &load, time_s: &time_s, force: (&force_n).into() };
     let options = Options { resolution: Resolution { steps_per_doubling: 1 }, ..Options::default() };
     let run = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
@@ -299,7 +299,7 @@ fn a_balance_that_is_not_found_is_an_error() {
     let load = full_load();
     let nonlinearity = Nonlinearity::StrainStiffening { coefficient: 1.0 };
     let (law, nonlinearity) = (&lethersich(), nonlinearity.constant());
-    let what = NonlinearRun { law, nonlinearity, load: &load, time_s: &time_s, force_n: &force_n };
+    let what = NonlinearRun { law, nonlinearity, load: &load, time_s: &time_s, force: (&force_n).into() };
     let failed = model.run(&what, &[], Options { tolerance: 1e-30, ..Options::default() });
     let message = failed.unwrap_err().to_string();
     assert!(message.contains("at 3 s with a step of") && message.contains("residual stays at"), "{message}");
@@ -341,7 +341,7 @@ fn rows_between_steps_are_interpolated_to_the_steps_own_error() {
             nonlinearity: nonlinearity.constant(),
             load: &stages.load,
             time_s: &time_s,
-            force_n: &force_n,
+            force: (&force_n).into(),
         };
         let exact = model.run(&what, &[20, 47], Options::default()).unwrap();
         let mut stages = stages.clone();

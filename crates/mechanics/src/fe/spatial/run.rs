@@ -2,7 +2,8 @@
 
 use super::{SpatialSystem, SteppedSystem, Surroundings};
 use crate::error::{Error, Result};
-use crate::fe::clock::{CLOCK_ROUNDING, Switch, switches};
+use crate::experiment::Force;
+use crate::fe::clock::{CLOCK_ROUNDING, Switch};
 use crate::fe::poroelastic::{CondensedPores, PoreModel};
 use crate::fe::stepping::observed;
 use crate::fe::transient::{self, Load, Resolution, TransientSystem};
@@ -20,23 +21,23 @@ pub struct SpatialRun {
     pub mesh: Option<Mesh>,
 }
 
-/// A record that is stepped through: row i's commanded force (N) holds on [tᵢ, tᵢ₊₁), tᵢ in s.
+/// A record that is stepped through.
 #[derive(Debug, Clone, Copy)]
 pub struct SpatialJob<'a> {
     /// Load, law and observation.
     pub stages: &'a Stages,
     /// Times in s.
     pub time_s: &'a [f64],
-    /// Commanded forces in N.
-    pub force_n: &'a [f64],
+    /// Commanded force.
+    pub force: Force<'a>,
     /// Rows at which fields are wanted.
     pub rows: &'a [usize],
     /// Length of the steps.
     pub resolution: Resolution,
 }
 
-/// Positions (m) at rows by superposition: a force that does not depend on the position acts on a linear system, so that one step of it, stepped once through
-/// the record's length, gives the answer to any.
+/// Positions (m) at rows by superposition: a force that does not depend on the position acts on a linear system, so that one step and one ramp of it, stepped
+/// once through the record's length, give the answer to any.
 fn superposed(
     system: &dyn TransientSystem,
     chains: &[CreepCompliance],
@@ -46,23 +47,35 @@ fn superposed(
 ) -> Result<Vec<f64>> {
     let (Some(first_s), Some(last_s)) = (time_s.first(), time_s.last()) else { return Ok(Vec::new()) };
     let rounding_s = CLOCK_ROUNDING * (last_s - first_s);
-    // Time since a change, the row, and the change in N.
-    let mut terms: Vec<(f64, usize, f64)> = Vec::new();
-    let mut force_n = 0.0;
-    for switch in &load.switches {
-        let change_n = switch.force_n - force_n;
-        force_n = switch.force_n;
-        let ages = time_s.iter().map(|t| t - switch.time_s).enumerate().filter(|(_, age_s)| *age_s > rounding_s);
-        terms.extend(ages.filter(|_| change_n != 0.0).map(|(row, age_s)| (age_s, row, change_n)));
-    }
-    terms.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let ages_s: Vec<f64> = std::iter::once(0.0).chain(terms.iter().map(|term| term.0)).collect();
-    let unit =
-        Load { switches: vec![Switch { time_s: 0.0, force_n: 1.0 }], lag_time_s: load.lag_time_s, gradient_per_m: 0.0 };
-    let answer = transient::run(system, chains, &unit, &ages_s, &[], resolution)?;
     let mut position_m = vec![0.0; time_s.len()];
-    for ((_, row, change_n), per_n) in terms.iter().zip(&answer.position_m[1..]) {
-        position_m[*row] += change_n * per_n;
+    let (mut steps, mut kinks) = (Vec::new(), Vec::new());
+    let mut before = Switch::to(*first_s, 0.0);
+    for switch in &load.switches {
+        if switch.jumps {
+            steps.push((switch.time_s, switch.force_n - before.input_n(switch.time_s)));
+        }
+        kinks.push((switch.time_s, switch.slope_n_per_s - before.slope_n_per_s));
+        before = *switch;
+    }
+    let step = Switch::to(0.0, 1.0);
+    let ramp = Switch { force_n: 0.0, slope_n_per_s: 1.0, jumps: false, ..step };
+    for (unit, changes) in [(step, steps), (ramp, kinks)] {
+        // Time since a change, the row, and the change.
+        let mut terms: Vec<(f64, usize, f64)> = Vec::new();
+        for (switched_s, change) in changes.into_iter().filter(|(_, change)| *change != 0.0) {
+            let ages = time_s.iter().map(|t| t - switched_s).enumerate().filter(|(_, age_s)| *age_s > rounding_s);
+            terms.extend(ages.map(|(row, age_s)| (age_s, row, change)));
+        }
+        if terms.is_empty() {
+            continue;
+        }
+        terms.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let ages_s: Vec<f64> = std::iter::once(0.0).chain(terms.iter().map(|term| term.0)).collect();
+        let unit = Load { switches: vec![unit], lag_time_s: load.lag_time_s, gradient_per_m: 0.0 };
+        let answer = transient::run(system, chains, &unit, &ages_s, &[], resolution)?;
+        for ((_, row, change), per_unit) in terms.iter().zip(&answer.position_m[1..]) {
+            position_m[*row] += change * per_unit;
+        }
     }
     Ok(position_m)
 }
@@ -102,12 +115,7 @@ impl SpatialJob<'_> {
                 "leave one of them out",
             ));
         }
-        let load = &self.stages.load;
-        let load = Load {
-            switches: switches(load, self.time_s, self.force_n),
-            lag_time_s: load.lag_time_s.value,
-            gradient_per_m: load.gradient_per_m.value,
-        };
+        let load = Load::of(&self.stages.load, self.time_s, self.force);
         let window = self.window();
         let chains: Vec<CreepCompliance> =
             laws.iter().map(|law| transient::chain_of(law, window)).collect::<Result<_>>()?;

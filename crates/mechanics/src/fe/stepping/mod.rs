@@ -18,6 +18,7 @@ mod springpot;
 
 use super::time::FullOrderModel;
 use crate::error::{Error, Result};
+use crate::experiment::Force;
 use crate::stages::{Approach, Observation, Stages};
 
 /// How fine the steps are.
@@ -46,15 +47,21 @@ pub struct Stepped {
 }
 
 impl FullOrderModel<'_> {
-    /// Steps the model through a record; row i's commanded force (N) holds on [tᵢ, tᵢ₊₁), tᵢ in s, ascending. Before the first row nothing acts.
+    /// Steps the model through a record: times (s), ascending, and the commanded force. Before the first row nothing acts.
     ///
     /// The Poisson ratio is the one that this model was factorised at, whatever the stages say.
     ///
     /// # Errors
     /// [`Error::Numerical`] where a force gradient is refused, where the law has an element without stiffness, and where the position is not finite.
-    pub fn step(&self, stages: &Stages, time_s: &[f64], force_n: &[f64], resolution: Resolution) -> Result<Stepped> {
+    pub fn step<'f>(
+        &self,
+        stages: &Stages,
+        time_s: &[f64],
+        force: impl Into<Force<'f>>,
+        resolution: Resolution,
+    ) -> Result<Stepped> {
         let compliance_per_m = self.compliance_per_m();
-        let strain_n_per_pa = run::strains(compliance_per_m, stages, time_s, force_n, resolution)?;
+        let strain_n_per_pa = run::strains(compliance_per_m, stages, time_s, force.into(), resolution)?;
         let displacement_m: Vec<f64> = strain_n_per_pa.iter().map(|q| compliance_per_m * q).collect();
         let start_s = time_s.first().copied().unwrap_or(0.0);
         let observe = |(x, t): (&f64, &f64)| observed(&stages.observation, *x, t - start_s);

@@ -6,6 +6,7 @@ use super::network::{Network, NetworkStep};
 use super::radau::Radau;
 use super::springpot::RateRange;
 use crate::error::Result;
+use crate::experiment::Force;
 use crate::fe::clock::{CLOCK_ROUNDING, Grading, StepRule, Switch, check_feedback, switches};
 use crate::stages::Stages;
 use nalgebra::{Matrix3, Vector3};
@@ -16,10 +17,10 @@ pub(crate) fn strains(
     compliance_per_m: f64,
     stages: &Stages,
     time_s: &[f64],
-    force_n: &[f64],
+    force: Force<'_>,
     resolution: Resolution,
 ) -> Result<Vec<f64>> {
-    let switches = switches(&stages.load, time_s, force_n);
+    let switches = switches(&stages.load, time_s, force);
     let mut run = Run::new(compliance_per_m, stages, time_s, &switches, resolution)?;
     let mut coming = switches.iter().copied().enumerate().peekable();
     let mut strains = Vec::with_capacity(time_s.len());
@@ -77,7 +78,7 @@ struct Run<'a> {
     now_s: f64,
     grading: Grading,
     /// F_in, and what the lag has made of it, in N.
-    input_n: f64,
+    input: Switch,
     lagged_n: f64,
     strain_n_per_pa: f64,
 }
@@ -106,14 +107,14 @@ impl<'a> Run<'a> {
             stages,
             compliance_per_m,
             radau: Radau::new(),
-            grading: rule.after_switch(start_s, shortest_s),
+            grading: rule.after_switch(start_s, shortest_s, true),
             rule,
             network,
             prepared: HashMap::new(),
             start_s,
             rounding_s,
             now_s: start_s,
-            input_n: 0.0,
+            input: Switch::to(start_s, 0.0),
             lagged_n: 0.0,
             strain_n_per_pa: 0.0,
         })
@@ -121,8 +122,9 @@ impl<'a> Run<'a> {
 
     /// Changes the force; the next row or switch comes `gap_s` later.
     fn switch(&mut self, switch: Switch, gap_s: f64) {
-        self.input_n = switch.force_n;
-        self.grading = self.rule.after_switch(self.now_s, gap_s);
+        self.input = switch;
+        // A springpot has no fastest time, so that a bend is as sharp to it as a jump.
+        self.grading = self.rule.after_switch(self.now_s, gap_s, true);
     }
 
     fn advance_to(&mut self, stop_s: f64) -> Result<()> {
@@ -151,7 +153,9 @@ impl<'a> Run<'a> {
                 Vector3::zeros()
             },
         });
-        let lagged_n = (prepared.lag_left * (self.lagged_n - self.input_n)).add_scalar(self.input_n);
+        let start_s = self.now_s;
+        let followed_n = self.radau.nodes.map(|node| self.input.followed_n(start_s + node * prepared.step_s, lag_s));
+        let lagged_n = prepared.lag_left * (self.lagged_n - self.input.followed_n(start_s, lag_s)) + followed_n;
         let since_s = self.now_s - self.start_s;
         let rate = self.stages.softening_rate_per_s.value;
         let amplified = self.radau.nodes.map(|node| (rate * (since_s + node * prepared.step_s)).exp());

@@ -70,7 +70,7 @@ fn distance(found: &[f64], exact: &[f64]) -> f64 {
 }
 
 fn stepped(stages: &Stages, time_s: &[f64], force_n: &[f64]) -> Vec<f64> {
-    strains(1.0, stages, time_s, force_n, Resolution::default()).expect("a sound model")
+    strains(1.0, stages, time_s, force_n.into(), Resolution::default()).expect("a sound model")
 }
 
 /// Error of a law's response to the record against its creep compliance.
@@ -237,7 +237,8 @@ fn rigid_elements_and_elements_without_resistance_act_as_their_limits() {
     let plain = run(vec![spring(2.0), dashpot(3.0)]);
     let more = run(vec![spring(2.0), rigid, Element::Parallel(vec![dashpot(3.0), idle.clone()])]);
     assert!(distance(&more, &plain) < 1e-12);
-    let refused = strains(1.0, &Stages::of_law(vec![spring(2.0), idle]), &time_s, &force_n, Resolution::default());
+    let refused =
+        strains(1.0, &Stages::of_law(vec![spring(2.0), idle]), &time_s, (&force_n).into(), Resolution::default());
     assert!(matches!(refused, Err(crate::Error::Numerical { .. })));
 }
 
@@ -334,7 +335,7 @@ fn a_strong_gradient_is_refused() {
     // F = 1 (1 + g x), x = F/2: g x = (g/2) / (1 − g/2), a half at g = 2/3.
     for (gradient, accepted) in [(0.66, true), (0.67, false), (2.0, false), (-5.0, false)] {
         stages.load.gradient_per_m = dual(gradient);
-        let run = strains(1.0, &stages, &time_s, &force_n, Resolution::default());
+        let run = strains(1.0, &stages, &time_s, (&force_n).into(), Resolution::default());
         assert_eq!(run.is_ok(), accepted, "{gradient}");
         assert!(accepted || run.is_err_and(|e| e.to_string().contains(&LARGEST_FEEDBACK.to_string())));
     }
@@ -356,7 +357,7 @@ fn the_error_falls_with_the_fifth_power_of_the_step() {
     let exact = superposition(&time_s, &force_n, 0.0, creep);
     let error = |steps_per_doubling: u32| {
         let resolution = Resolution { steps_per_doubling };
-        distance(&strains(1.0, &stages, &time_s, &force_n, resolution).expect("a sound model"), &exact)
+        distance(&strains(1.0, &stages, &time_s, (&force_n).into(), resolution).expect("a sound model"), &exact)
     };
     let (coarse, fine) = (error(16), error(40));
     let growth = |k: f64| k.recip().exp2() - 1.0;

@@ -1,8 +1,10 @@
-//! The force on the robot: piecewise constant, with lag and gradient where the actuator has them (physics §5).
+//! The force on the robot: straight lines, with lag and gradient where the actuator has them (physics §5).
 
-use crate::fe::clock::Switch;
+use crate::experiment::Force;
+use crate::fe::clock::{Switch, switches};
+use crate::stages::{self, Stages};
 
-/// A piecewise-constant force F_in on the whole body, and what the actuator makes of it.
+/// A force F_in of straight lines on the whole body, and what the actuator makes of it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Load {
     /// In the order of time; before the first no force acts.
@@ -14,16 +16,17 @@ pub struct Load {
 }
 
 impl Load {
-    /// Row i's force (N) holds on [tᵢ, tᵢ₊₁); no lag, no gradient.
-    pub fn held(time_s: &[f64], force_n: &[f64]) -> Self {
-        let mut switches = Vec::new();
-        let mut last_n = 0.0;
-        for (&time_s, &force_n) in time_s.iter().zip(force_n) {
-            if force_n != last_n {
-                last_n = force_n;
-                switches.push(Switch { time_s, force_n });
-            }
+    /// A commanded force at rows (s), as it is: no lag, no gradient.
+    pub fn commanded<'a>(time_s: &[f64], force: impl Into<Force<'a>>) -> Self {
+        Self::of(&Stages::of_law(Vec::new()).load, time_s, force.into())
+    }
+
+    /// What stages make of a commanded force at rows (s).
+    pub(crate) fn of(load: &stages::Load, time_s: &[f64], force: Force<'_>) -> Self {
+        Self {
+            switches: switches(load, time_s, force),
+            lag_time_s: load.lag_time_s.value,
+            gradient_per_m: load.gradient_per_m.value,
         }
-        Self { switches, lag_time_s: 0.0, gradient_per_m: 0.0 }
     }
 }

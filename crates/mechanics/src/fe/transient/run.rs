@@ -79,8 +79,8 @@ pub fn run(
         }
         run.advance_to(switch.time_s, rounding_s, &mut output)?;
         let gap_s = gap_s(time_s, &load.switches, i, rounding_s).min(last_s - switch.time_s);
-        run.input_n = switch.force_n;
-        run.grading = Grading::new(resolution, switch.time_s, gap_s);
+        run.input = *switch;
+        run.grading = Grading::new(resolution, switch.time_s, gap_s, switch.jumps);
         run.is_fresh = true;
     }
     run.advance_to(last_s, rounding_s, &mut output)?;
@@ -120,7 +120,7 @@ struct Run<'a> {
     now: State,
     /// Whether no step has been taken since the switch: rates at its left side say nothing of the right.
     is_fresh: bool,
-    input_n: f64,
+    input: Switch,
     lagged_n: f64,
     accelerations: Vec<Vec<f64>>,
     predicted_velocity: Vec<f64>,
@@ -145,10 +145,10 @@ impl<'a> Run<'a> {
             chains: laws.iter().map(|law| Chain::new(law, n)).collect(),
             free: vec![Free::new(n); laws.len()],
             factors: HashMap::new(),
-            grading: Grading::new(Resolution::default(), start_s, 1.0),
+            grading: Grading::new(Resolution::default(), start_s, 1.0, true),
             now: State { time_s: start_s, unknowns: vec![0.0; n], rates_per_s: vec![0.0; n] },
             is_fresh: true,
-            input_n: 0.0,
+            input: Switch::to(start_s, 0.0),
             lagged_n: 0.0,
             accelerations: vec![vec![0.0; n_velocities]; N_STAGES],
             predicted_velocity: vec![0.0; n_velocities],
@@ -165,7 +165,7 @@ impl<'a> Run<'a> {
 
     fn advance_to(&mut self, stop_s: f64, rounding_s: f64, output: &mut Output) -> Result<()> {
         // Before the first switch nothing moves.
-        if self.n_steps == 0 && self.input_n == 0.0 {
+        if self.n_steps == 0 && self.input.force_n == 0.0 && self.input.slope_n_per_s == 0.0 {
             let rest = self.rest(stop_s);
             output.until(&self.now, &rest, self.system);
             self.now = rest;
@@ -229,9 +229,10 @@ impl<'a> Run<'a> {
         let velocity = self.now.rates_per_s.clone();
         for stage in 0..N_STAGES {
             let lag_s = self.load.lag_time_s;
+            let input_n = self.input.input_n(self.now.time_s + FOURTH.nodes[stage] * step_s);
             let earlier: f64 = FOURTH.matrix[stage].iter().zip(lag_rates).map(|(a, rate)| a * step_s * rate).sum();
-            lag_rates[stage] = (self.input_n - start_n - earlier) / (lag_s + implicit_s);
-            let force_n = if lag_s > 0.0 { start_n + earlier + implicit_s * lag_rates[stage] } else { self.input_n };
+            lag_rates[stage] = (input_n - start_n - earlier) / (lag_s + implicit_s);
+            let force_n = if lag_s > 0.0 { start_n + earlier + implicit_s * lag_rates[stage] } else { input_n };
             self.lagged_n = force_n;
 
             for (chain, free) in self.chains.iter_mut().zip(&mut self.free) {

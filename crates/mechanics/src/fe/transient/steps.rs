@@ -1,7 +1,7 @@
 //! How long steps are: powers of two that grow with the time since the last switch.
 
 use super::Resolution;
-use crate::fe::clock::{SHARE_OF_GAP, ending_well};
+use crate::fe::clock::{ending_well, share_of_gap};
 
 /// Steps since one switch: h ≤ η (time since the switch + scale).
 #[derive(Debug, Clone, Copy)]
@@ -13,11 +13,11 @@ pub(super) struct Grading {
 }
 
 impl Grading {
-    /// Steps after a switch that is followed by a row or switch `gap_s` later.
-    pub(super) fn new(resolution: Resolution, switched_s: f64, gap_s: f64) -> Self {
+    /// Steps after a switch that is followed by a row or switch `gap_s` later; `jumps` where the force does.
+    pub(super) fn new(resolution: Resolution, switched_s: f64, gap_s: f64, jumps: bool) -> Self {
         let Resolution { steps_per_doubling, longest_step_s } = resolution;
         let growth = f64::from(steps_per_doubling.max(1)).recip();
-        Self { growth, switched_s, scale_s: SHARE_OF_GAP * gap_s, longest_step_s }
+        Self { growth, switched_s, scale_s: share_of_gap(jumps) * gap_s, longest_step_s }
     }
 
     /// Length of the step from `now_s`, with `left_s` to the next switch.

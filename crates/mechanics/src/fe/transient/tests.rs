@@ -184,7 +184,7 @@ fn by_exponentials<const N: usize>(a: SMatrix<f64, N, N>, b: SVector<f64, N>, ou
 
 fn stepped(system: &Dense, laws: &[CreepCompliance], resolution: Resolution) -> Vec<f64> {
     let (time_s, force_n) = record();
-    let load = Load::held(&time_s, &force_n);
+    let load = Load::commanded(&time_s, &force_n);
     run(system, laws, &load, &time_s, &[], resolution).expect("a sound model").position_m
 }
 
@@ -196,7 +196,7 @@ fn the_base_model_is_its_exact_solution() {
     let (system, rows) = (base(), [0, 7, 61, 99]);
     for law in BaseLaw::NAMED.into_iter().filter(|law| law.parameters().len() <= PARAMETERS.len()) {
         let law = chain(law);
-        let load = Load::held(&time_s, &force_n);
+        let load = Load::commanded(&time_s, &force_n);
         let found = run(&system, std::slice::from_ref(&law), &load, &time_s, &rows, Resolution::default())
             .expect("a sound model");
         let error = distance(&found.position_m, &exact.trajectory(&solved, &law, TimeScheme::Exponential));
@@ -337,7 +337,7 @@ fn the_error_falls_with_the_fourth_power_of_the_step() {
     let exact: Vec<f64> = time_s.iter().map(|&t| step(t) - if t > 1.0 { 2.0 * step(t - 1.0) } else { 0.0 }).collect();
     let error = |steps_per_doubling: u32| {
         let resolution = Resolution { steps_per_doubling, longest_step_s: 0.32 / f64::from(steps_per_doubling) };
-        let load = Load::held(&time_s, &force_n);
+        let load = Load::commanded(&time_s, &force_n);
         distance(&run(&system, &law, &load, &time_s, &[], resolution).expect("sound").position_m, &exact)
     };
     let errors = [8, 16, 32].map(error);
@@ -363,7 +363,7 @@ fn lag_and_gradient_are_those_of_the_other_stepper() {
     for gradient_per_m in [0.0, 200.0, -200.0] {
         stages.load.gradient_per_m = Dual::constant(gradient_per_m);
         let exact = model.step(&stages, &time_s, &force_n, stepping::Resolution::default()).expect("a sound model");
-        let mut load = Load { lag_time_s: 0.2, gradient_per_m, ..Load::held(&time_s, &force_n) };
+        let mut load = Load { lag_time_s: 0.2, gradient_per_m, ..Load::commanded(&time_s, &force_n) };
         load.switches.iter_mut().for_each(|switch| switch.time_s += 0.0137);
         let law = [chain(BaseLaw::Burgers)];
         let found = run(&system, &law, &load, &time_s, &[], Resolution::default()).expect("a sound model");
@@ -371,7 +371,7 @@ fn lag_and_gradient_are_those_of_the_other_stepper() {
         println!("gradient {gradient_per_m}: {error:e}");
         assert!(error < 2e-6, "{gradient_per_m}: {error:e}");
     }
-    let load = Load { gradient_per_m: 2000.0, ..Load::held(&time_s, &force_n) };
+    let load = Load { gradient_per_m: 2000.0, ..Load::commanded(&time_s, &force_n) };
     let refused = run(&system, &[chain(BaseLaw::Burgers)], &load, &time_s, &[], Resolution::default());
     assert!(refused.is_err_and(|e| e.to_string().contains(&LARGEST.to_string())));
 }
@@ -391,7 +391,7 @@ fn springpots_are_those_of_the_other_stepper() {
     let chain = chain_of(&law, WINDOW).expect("no complex rates");
     let exact =
         model.step(&Stages::of_law(law), &time_s, &force_n, stepping::Resolution::default()).expect("a sound model");
-    let load = Load::held(&time_s, &force_n);
+    let load = Load::commanded(&time_s, &force_n);
     let found = run(&base(), &[chain], &load, &time_s, &[], Resolution::default()).expect("a sound model");
     let error = distance(&found.position_m, &exact.displacement_m);
     println!("springpot: {error:e}");
@@ -403,12 +403,12 @@ const LARGEST: f64 = crate::stages::LARGEST_FEEDBACK;
 #[test]
 fn laws_that_do_not_fit_are_refused() {
     let (system, (time_s, force_n)) = (base(), record());
-    let load = Load::held(&time_s, &force_n);
+    let load = Load::commanded(&time_s, &force_n);
     let rigid = CreepCompliance { instantaneous_per_pa: 0.0, retarded: Vec::new(), fluidity_per_pa_s: 0.0 };
     for laws in [vec![], vec![rigid], vec![chain(BaseLaw::Burgers); 2]] {
         assert!(run(&system, &laws, &load, &time_s, &[], Resolution::default()).is_err());
     }
     let nothing =
-        run(&system, &[chain(BaseLaw::Burgers)], &Load::held(&[], &[]), &[1.0, 2.0], &[], Resolution::default());
+        run(&system, &[chain(BaseLaw::Burgers)], &Load::commanded(&[], &[]), &[1.0, 2.0], &[], Resolution::default());
     assert_eq!(nothing.expect("no force").position_m, [0.0, 0.0]);
 }

@@ -38,10 +38,13 @@ struct ModeStep<T> {
 pub(super) struct CollocationStep<S> {
     modes: Vec<ModeStep<S>>,
     oscillating: Vec<ModeStep<Complex<S>>>,
-    /// Σ Y at the nodes for a unit of L, D and R at the nodes.
+    /// Σ Y at the nodes for a unit of L, of what it rises, of D and of R at the nodes.
     by_level: [S; N_NODES],
+    by_slope: [S; N_NODES],
     by_deficit: [S; N_NODES],
     by_feedback: [[S; N_NODES]; N_NODES],
+    length_s: S,
+    rises: bool,
     /// e^{−λ c h} and e^{r c h} at the nodes.
     lag_decay: [S; N_NODES],
     growth: [S; N_NODES],
@@ -51,7 +54,9 @@ pub(super) struct CollocationStep<S> {
 pub(super) struct State<S> {
     modes: Vec<S>,
     oscillating: Vec<Complex<S>>,
+    pub now_s: S,
     pub level_n: S,
+    pub slope_n_per_s: S,
     pub deficit_n: S,
     /// e^{rt}.
     growth: S,
@@ -63,17 +68,20 @@ impl<S: Number> State<S> {
         Self {
             modes: vec![zero; system.modes.len()],
             oscillating: vec![Complex { re: zero, im: zero }; system.oscillating.len()],
+            now_s: zero,
             level_n: zero,
+            slope_n_per_s: zero,
             deficit_n: zero,
             growth: S::constant(1.0),
         }
     }
 }
 
-/// One mode: its step, and Σ Y at the nodes by L, D and R.
+/// One mode: its step, and Σ Y at the nodes by L, what it rises, D and R.
 struct OfMode<T> {
     step: ModeStep<T>,
     by_level: [T; N_NODES],
+    by_slope: [T; N_NODES],
     by_deficit: [T; N_NODES],
     by_feedback: [[T; N_NODES]; N_NODES],
 }
@@ -88,12 +96,13 @@ fn of_mode<T: Copy + Add<Output = T> + Mul<Output = T> + Mul<f64, Output = T>>(
 ) -> OfMode<T> {
     let mut by_feedback = [[gain; N_NODES]; N_NODES];
     let (mut node_decay, mut by_level, mut by_deficit) = ([gain; N_NODES], [gain; N_NODES], [gain; N_NODES]);
+    let by_slope = rows.map(|row| row.ramp_gain);
     for i in 0..N_NODES {
         by_feedback[i] = weights(gain, NODES[i], functions[i], polynomials);
         (node_decay[i], by_level[i], by_deficit[i]) = (rows[i].decay, rows[i].gain, rows[i].lag_gain);
     }
     let step = ModeStep { node_decay, whole: rows[END], weights: by_feedback[END] };
-    OfMode { step, by_level, by_deficit, by_feedback }
+    OfMode { step, by_level, by_slope, by_deficit, by_feedback }
 }
 
 /// gain ∫₀ᶜ e^{−rate (c−s)} ℓⱼ(s) ds of the nodes' Lagrange polynomials ℓⱼ, from φₖ(−rate c).
@@ -137,14 +146,18 @@ fn lagrange(j: usize) -> [f64; N_NODES] {
 }
 
 impl<S: Number> CollocationStep<S> {
-    pub fn new(system: &System<S>, length_s: S) -> Self {
+    /// `rises` where forces rise while they act.
+    pub fn new(system: &System<S>, length_s: S, rises: bool) -> Self {
         let zero = S::constant(0.0);
         let mut step = Self {
             modes: vec![empty(zero); system.modes.len()],
             oscillating: vec![empty(Complex { re: zero, im: zero }); system.oscillating.len()],
             by_level: [zero; N_NODES],
+            by_slope: [zero; N_NODES],
             by_deficit: [zero; N_NODES],
             by_feedback: [[zero; N_NODES]; N_NODES],
+            length_s,
+            rises,
             lag_decay: [zero; N_NODES],
             growth: [zero; N_NODES],
         };
@@ -174,13 +187,14 @@ impl<S: Number> CollocationStep<S> {
         for (index, mode) in system.oscillating.iter().enumerate() {
             let mode: Mode<Complex<S::Lane>> = mode.lane(lane);
             let rate = mode.rate.times(length_s);
-            let rows = NODES.map(|part| oscillating_row(mode, length_s * part, lag_rate));
+            let rows = NODES.map(|part| oscillating_row(mode, length_s * part, lag_rate, self.rises));
             let functions = NODES.map(|part| entire_functions(rate * -part));
             let of_mode = of_mode(mode.gain.times(length_s), rows, functions, polynomials);
             set_parts(&mut self.oscillating[index], &of_mode.step, |target, &value| target.set_lane(lane, value));
             let add = |target: &mut S, value: Complex<S::Lane>| target.set_lane(lane, target.lane(lane) + value.re);
             for i in 0..N_NODES {
                 add(&mut self.by_level[i], of_mode.by_level[i]);
+                add(&mut self.by_slope[i], of_mode.by_slope[i]);
                 add(&mut self.by_deficit[i], of_mode.by_deficit[i]);
                 for j in 0..N_NODES {
                     add(&mut self.by_feedback[i][j], of_mode.by_feedback[i][j]);
@@ -207,17 +221,18 @@ impl<S: Number> WithSimd for FillModes<'_, S> {
         let zero = S::constant(0.0);
         let lag_rate = if system.shape.lagging { Some(system.lag_rate) } else { None };
         for (mode, target) in system.modes.iter().zip(step.modes.iter_mut()) {
-            let mut rows = [Row { decay: zero, gain: zero, lag_gain: zero }; N_NODES];
+            let mut rows = [Row::filled(zero); N_NODES];
             let mut functions = [[zero; N_FUNCTIONS]; N_NODES];
             for k in 0..N_NODES {
                 let part_s = length_s * NODES[k];
-                rows[k] = row(*mode, part_s, lag_rate);
+                rows[k] = row(*mode, part_s, lag_rate, step.rises);
                 functions[k] = entire_functions_of_decay(mode.rate * part_s);
             }
             let of_mode = of_mode(mode.gain * length_s, rows, functions, polynomials);
             *target = of_mode.step;
             for i in 0..N_NODES {
                 step.by_level[i] += of_mode.by_level[i];
+                step.by_slope[i] += of_mode.by_slope[i];
                 step.by_deficit[i] += of_mode.by_deficit[i];
                 for j in 0..N_NODES {
                     step.by_feedback[i][j] += of_mode.by_feedback[i][j];
@@ -228,8 +243,7 @@ impl<S: Number> WithSimd for FillModes<'_, S> {
 }
 
 fn empty<T: Copy>(zero: T) -> ModeStep<T> {
-    let whole = Row { decay: zero, gain: zero, lag_gain: zero };
-    ModeStep { node_decay: [zero; N_NODES], whole, weights: [zero; N_NODES] }
+    ModeStep { node_decay: [zero; N_NODES], whole: Row::filled(zero), weights: [zero; N_NODES] }
 }
 
 fn set_parts<T, U>(target: &mut ModeStep<T>, source: &ModeStep<U>, mut set: impl FnMut(&mut T, &U)) {
@@ -240,15 +254,19 @@ fn set_parts<T, U>(target: &mut ModeStep<T>, source: &ModeStep<U>, mut set: impl
     set(&mut target.whole.decay, &source.whole.decay);
     set(&mut target.whole.gain, &source.whole.gain);
     set(&mut target.whole.lag_gain, &source.whole.lag_gain);
+    set(&mut target.whole.ramp_gain, &source.whole.ramp_gain);
 }
 
 /// Moves the state by one step.
 #[inline(always)]
 pub(super) fn advance<S: Number>(system: &System<S>, step: &CollocationStep<S>, state: &mut State<S>) {
     let feedback = feedback_at_nodes(system, step, state);
-    let (level_n, deficit_n) = (state.level_n, state.deficit_n);
+    let (level_n, slope, deficit_n) = (state.level_n, state.slope_n_per_s, state.deficit_n);
     for (y, mode) in state.modes.iter_mut().zip(&step.modes) {
         let mut next = mode.whole.gain.mul_add(level_n, mode.whole.lag_gain * deficit_n);
+        if step.rises {
+            next = mode.whole.ramp_gain.mul_add(slope, next);
+        }
         for k in 0..N_NODES {
             next = mode.weights[k].mul_add(feedback[k], next);
         }
@@ -256,6 +274,9 @@ pub(super) fn advance<S: Number>(system: &System<S>, step: &CollocationStep<S>, 
     }
     for (y, mode) in state.oscillating.iter_mut().zip(&step.oscillating) {
         let mut next = mode.whole.gain.times(level_n) + mode.whole.lag_gain.times(deficit_n);
+        if step.rises {
+            next = next + mode.whole.ramp_gain.times(slope);
+        }
         for k in 0..N_NODES {
             next = next + mode.weights[k].times(feedback[k]);
         }
@@ -263,6 +284,10 @@ pub(super) fn advance<S: Number>(system: &System<S>, step: &CollocationStep<S>, 
     }
     state.deficit_n = deficit_n * step.lag_decay[END];
     state.growth = state.growth * step.growth[END];
+    state.now_s += step.length_s;
+    if step.rises {
+        state.level_n += slope * step.length_s;
+    }
 }
 
 /// R at the nodes.
@@ -274,6 +299,9 @@ fn feedback_at_nodes<S: Number>(system: &System<S>, step: &CollocationStep<S>, s
     let mut known = [zero; N_NODES];
     for i in 0..N_NODES {
         known[i] = step.by_level[i].mul_add(state.level_n, step.by_deficit[i] * state.deficit_n);
+        if step.rises {
+            known[i] = step.by_slope[i].mul_add(state.slope_n_per_s, known[i]);
+        }
     }
     for (&y, mode) in state.modes.iter().zip(&step.modes) {
         for i in 0..N_NODES {
@@ -286,7 +314,10 @@ fn feedback_at_nodes<S: Number>(system: &System<S>, step: &CollocationStep<S>, s
         }
     }
     for i in 0..N_NODES {
-        let force_n = state.deficit_n.mul_add(step.lag_decay[i], state.level_n);
+        let mut force_n = state.deficit_n.mul_add(step.lag_decay[i], state.level_n);
+        if step.rises {
+            force_n = (state.slope_n_per_s * NODES[i]).mul_add(step.length_s, force_n);
+        }
         let known = system.instantaneous.mul_add(force_n, known[i]);
         let strength = system.gradient * force_n * state.growth * step.growth[i];
         right[i] = strength * known;

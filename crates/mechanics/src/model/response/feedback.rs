@@ -30,8 +30,11 @@ pub(super) fn run<S: Number>(record: &Record, system: &System<S>, position_m: &m
             position_m,
         });
     } else {
-        let steps: Vec<CollocationStep<S>> =
-            schedule.length_s.iter().map(|&length_s| CollocationStep::new(system, length_s)).collect();
+        let steps: Vec<CollocationStep<S>> = schedule
+            .length_s
+            .iter()
+            .map(|&length_s| CollocationStep::new(system, length_s, record.is_linear))
+            .collect();
         Arch::new().dispatch(CollocationRun { system, schedule: &schedule, steps: &steps, position_m });
     }
 }
@@ -127,8 +130,15 @@ impl<S: Number> WithSimd for CollocationRun<'_, S> {
     fn with_simd<V: Simd>(self, _simd: V) {
         let system = self.system;
         let mut state = collocation::State::new(system);
+        let late_s = system.late_s();
         for piece in &self.schedule.pieces {
-            let level_n = self.schedule.level_n[piece.level];
+            let level = &self.schedule.levels[piece.level];
+            let mut level_n = level.force_n;
+            if self.schedule.is_linear {
+                // What the lag follows is the command of its time before.
+                level_n += level.slope_n_per_s * (state.now_s - level.from_s - late_s);
+                state.slope_n_per_s = level.slope_n_per_s;
+            }
             if system.shape.lagging {
                 // The difference first: where a level stays, nothing is rounded.
                 state.deficit_n += state.level_n - level_n;

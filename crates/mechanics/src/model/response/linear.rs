@@ -1,12 +1,14 @@
 //! The robot's position where the force does not depend on it: exact recursions, one exponential a mode and distinct step.
 //!
 //! Between switches the force is L + D e^{−λt}, λ = 1/τ of the lag, L the level that it tends to. Over a step h a mode goes
-//! Y ← d Y + q L + k D with d = e^{−ρh}, q = κ ∫ e^{−ρ(h−s)} ds, k = κ ∫ e^{−ρ(h−s)} e^{−λs} ds. A switch between rows acts by superposition: the
-//! step is taken as if it had not been, and its own response over what is left of the step is added, so that all points
-//! take the same steps whatever their delays.
+//! Y ← d Y + q L + k D with d = e^{−ρh}, q = κ ∫ e^{−ρ(h−s)} ds, k = κ ∫ e^{−ρ(h−s)} e^{−λs} ds. Where L rises by S a second, r S is added with
+//! r = κ ∫ e^{−ρ(h−s)} s ds; behind a lag, L is then what the force tends to: the command of τ before. A switch between rows acts by superposition:
+//! the step is taken as if it had not been, and its own response over what is left of the step is added, so that all points take the same steps
+//! whatever their delays.
 
 use pulp::{Arch, Simd, WithSimd};
 
+use super::moments::entire_functions_of_decay;
 use super::numbers::{ComplexLanes, Field, N_LANES, Number, Real};
 use super::record::Record;
 use super::system::{Mode, System};
@@ -18,19 +20,28 @@ struct Step<S> {
     oscillating: Vec<Row<Complex<S>>>,
     /// e^{−λh}.
     lag_decay: S,
+    length_s: f64,
 }
 
-/// d, q and k of one mode.
+/// d, q, k and r of one mode.
 #[derive(Clone, Copy)]
 pub(super) struct Row<T> {
     pub decay: T,
     pub gain: T,
     pub lag_gain: T,
+    /// 0 where forces hold.
+    pub ramp_gain: T,
 }
 
-/// d, q, k of a mode over a step of length h.
+impl<T: Copy> Row<T> {
+    pub fn filled(zero: T) -> Self {
+        Self { decay: zero, gain: zero, lag_gain: zero, ramp_gain: zero }
+    }
+}
+
+/// d, q, k of a mode over a step of length h, and r where forces rise.
 #[inline(always)]
-pub(super) fn row<N: Number>(mode: Mode<N>, length_s: N, lag_rate: Option<N>) -> Row<N> {
+pub(super) fn row<N: Number>(mode: Mode<N>, length_s: N, lag_rate: Option<N>, rises: bool) -> Row<N> {
     let z = mode.rate * length_s;
     let (decay, mean) = z.decay();
     let input = mode.gain * length_s;
@@ -38,11 +49,17 @@ pub(super) fn row<N: Number>(mode: Mode<N>, length_s: N, lag_rate: Option<N>) ->
         Some(lag_rate) => input * z.overlap(lag_rate * length_s),
         None => N::constant(0.0),
     };
-    Row { decay, gain: input * mean, lag_gain }
+    let ramp_gain = if rises { input * length_s * entire_functions_of_decay(z)[1] } else { N::constant(0.0) };
+    Row { decay, gain: input * mean, lag_gain, ramp_gain }
 }
 
 /// The same of an oscillating mode.
-pub(super) fn oscillating_row<N: Real>(mode: Mode<Complex<N>>, length_s: N, lag_rate: Option<N>) -> Row<Complex<N>> {
+pub(super) fn oscillating_row<N: Real>(
+    mode: Mode<Complex<N>>,
+    length_s: N,
+    lag_rate: Option<N>,
+    rises: bool,
+) -> Row<Complex<N>> {
     let z = mode.rate.times(length_s);
     let input = mode.gain.times(length_s);
     let lag_gain = lag_rate.map_or(Complex::real(0.0), |lag_rate| {
@@ -50,7 +67,11 @@ pub(super) fn oscillating_row<N: Real>(mode: Mode<Complex<N>>, length_s: N, lag_
         let (smaller, difference) = if z.re.value() < b.re.value() { (z, b - z) } else { (b, z - b) };
         input * (smaller * -1.0).exponential() * mean_decay(difference)
     });
-    Row { decay: (z * -1.0).exponential(), gain: input * mean_decay(z), lag_gain }
+    let ramp_gain = match rises {
+        true => input.times(length_s) * super::moments::entire_functions(z * -1.0)[1],
+        false => Complex::real(0.0),
+    };
+    Row { decay: (z * -1.0).exponential(), gain: input * mean_decay(z), lag_gain, ramp_gain }
 }
 
 /// (1 − e⁻ᶻ)/z, by its series near 0.
@@ -71,24 +92,24 @@ impl<S: Number> Mode<Complex<S>> {
 }
 
 impl<S: Number> Step<S> {
-    fn new(system: &System<S>, length_s: f64) -> Self {
+    fn new(system: &System<S>, length_s: f64, rises: bool) -> Self {
         let zero = S::constant(0.0);
         let mut step = Self {
-            modes: vec![Row { decay: zero, gain: zero, lag_gain: zero }; system.modes.len()],
-            oscillating: Vec::with_capacity(system.oscillating.len()),
+            modes: vec![Row::filled(zero); system.modes.len()],
+            oscillating: vec![Row::filled(complex_zero()); system.oscillating.len()],
             lag_decay: zero,
+            length_s,
         };
-        let no_row = Row { decay: complex_zero(), gain: complex_zero(), lag_gain: complex_zero() };
-        step.oscillating.resize(system.oscillating.len(), no_row);
-        Arch::new().dispatch(FillRows { system, length_s, rows: &mut step.modes });
+        Arch::new().dispatch(FillRows { system, length_s, rises, rows: &mut step.modes });
         for lane in 0..S::N_POINTS {
             let length_s = S::Lane::constant(length_s);
             let lag_rate = system.shape.lagging.then(|| system.lag_rate.lane(lane));
             for (mode, target) in system.oscillating.iter().zip(&mut step.oscillating) {
-                let of_lane = oscillating_row(mode.lane(lane), length_s, lag_rate);
+                let of_lane = oscillating_row(mode.lane(lane), length_s, lag_rate, rises);
                 target.decay.set_lane(lane, of_lane.decay);
                 target.gain.set_lane(lane, of_lane.gain);
                 target.lag_gain.set_lane(lane, of_lane.lag_gain);
+                target.ramp_gain.set_lane(lane, of_lane.ramp_gain);
             }
             if let Some(lag_rate) = lag_rate {
                 step.lag_decay.set_lane(lane, (-(lag_rate * length_s)).exp());
@@ -102,6 +123,7 @@ impl<S: Number> Step<S> {
 struct FillRows<'a, S> {
     system: &'a System<S>,
     length_s: f64,
+    rises: bool,
     rows: &'a mut [Row<S>],
 }
 
@@ -113,7 +135,7 @@ impl<S: Number> WithSimd for FillRows<'_, S> {
         let length_s = S::constant(self.length_s);
         let lag_rate = if self.system.shape.lagging { Some(self.system.lag_rate) } else { None };
         for (mode, target) in self.system.modes.iter().zip(self.rows.iter_mut()) {
-            *target = row(*mode, length_s, lag_rate);
+            *target = row(*mode, length_s, lag_rate, self.rises);
         }
     }
 }
@@ -129,8 +151,9 @@ struct Kick<N> {
     row: usize,
     /// Time from it to that row, in s.
     remaining_s: N,
-    /// Change of the level in N.
+    /// Change of the level in N, and of what it rises in N/s.
     change_n: N,
+    bend_n_per_s: N,
 }
 
 /// All points' switches in the order of rows.
@@ -139,7 +162,9 @@ fn kicks<S: Number>(record: &Record, system: &System<S>) -> Vec<Kick<S::Lane>> {
     let mut rows = [1; N_LANES];
     // Points inside switches: delays are alike, so that the kicks come nearly sorted.
     for switch in &record.switches {
-        let change_n = system.scaled_n(switch.after_n) - system.scaled_n(switch.before_n);
+        let (after_n, after_slope) = system.scaled(switch.after, switch.time_s);
+        let (before_n, before_slope) = system.scaled(switch.before, switch.time_s);
+        let (change_n, bend_n_per_s) = (after_n - before_n, after_slope - before_slope);
         for lane in 0..S::N_POINTS {
             let delay_s = system.delay_s.lane(lane);
             let time_s = switch.time_s + delay_s.value();
@@ -150,7 +175,8 @@ fn kicks<S: Number>(record: &Record, system: &System<S>) -> Vec<Kick<S::Lane>> {
             rows[lane] = row;
             if row < record.n_rows {
                 let remaining_s = S::Lane::constant(record.time_s[row] - switch.time_s) - delay_s;
-                kicks.push(Kick { lane, row, remaining_s, change_n: change_n.lane(lane) });
+                let (change_n, bend_n_per_s) = (change_n.lane(lane), bend_n_per_s.lane(lane));
+                kicks.push(Kick { lane, row, remaining_s, change_n, bend_n_per_s });
             }
         }
     }
@@ -158,24 +184,37 @@ fn kicks<S: Number>(record: &Record, system: &System<S>) -> Vec<Kick<S::Lane>> {
     kicks
 }
 
-/// The response to a unit change of the level, at a later time.
+/// The response to a unit change of the level, at a later time, and to one of what it rises.
 struct KickResponse<N> {
     after_s: N,
-    modes: Vec<N>,
-    oscillating: Vec<Complex<N>>,
+    modes: Vec<(N, N)>,
+    oscillating: Vec<(Complex<N>, Complex<N>)>,
+    /// By how long a lag follows late, in s.
+    late_s: N,
     /// e^{−λ after}; 0 without lag.
     lag_decay: N,
 }
 
 impl<N: Real> KickResponse<N> {
-    fn new<S: Number<Lane = N>>(system: &System<S>, lane: usize, after_s: N) -> Self {
+    fn new<S: Number<Lane = N>>(system: &System<S>, lane: usize, after_s: N, rises: bool) -> Self {
         let lag_rate = system.shape.lagging.then(|| system.lag_rate.lane(lane));
-        let real = system.modes.iter().map(|mode| row(mode.lane(lane), after_s, lag_rate));
-        let complex = system.oscillating.iter().map(|mode| oscillating_row(mode.lane(lane), after_s, lag_rate));
+        let late_s = system.late_s().lane(lane);
+        let real = system.modes.iter().map(|mode| row(mode.lane(lane), after_s, lag_rate, rises));
+        let complex = system.oscillating.iter().map(|mode| oscillating_row(mode.lane(lane), after_s, lag_rate, rises));
+        // A bend leaves the level behind a lag by that of τ before, and the force where it was.
+        let of_real = |row: Row<N>| {
+            let step = row.gain - row.lag_gain;
+            (step, row.ramp_gain - late_s * step)
+        };
+        let of_complex = |row: Row<Complex<N>>| {
+            let step = row.gain - row.lag_gain;
+            (step, row.ramp_gain - step.times(late_s))
+        };
         Self {
             after_s,
-            modes: real.map(|row| row.gain - row.lag_gain).collect(),
-            oscillating: complex.map(|row| row.gain - row.lag_gain).collect(),
+            modes: real.map(of_real).collect(),
+            oscillating: complex.map(of_complex).collect(),
+            late_s,
             lag_decay: lag_rate.map_or(N::constant(0.0), |lag_rate| (-(lag_rate * after_s)).exp()),
         }
     }
@@ -187,22 +226,27 @@ pub(super) fn run<S: Number>(record: &Record, system: &System<S>, position_m: &m
     let longest = record.holds.iter().map(|hold| hold.rows.len()).max().unwrap_or(0);
     let mut sweep = Sweep {
         system,
-        steps: record.step_s.iter().map(|&length_s| Step::new(system, length_s)).collect(),
+        steps: record.step_s.iter().map(|&length_s| Step::new(system, length_s, record.is_linear)).collect(),
         modes: vec![zero; system.modes.len()],
         oscillating: vec![complex_zero(); system.oscillating.len()],
+        is_linear: record.is_linear,
+        late_s: system.late_s(),
         level_n: zero,
+        slope_n_per_s: zero,
         deficit_n: zero,
         deficits_n: vec![zero; if system.shape.lagging { longest } else { 0 }],
         input: vec![zero; system.modes.len()],
+        oscillating_input: vec![complex_zero(); system.oscillating.len()],
     };
     if !system.shape.delayed {
         for hold in &record.holds {
-            sweep.change_level(system.scaled_n(hold.force_n) + system.offset_n);
+            let (level_n, slope_n_per_s) = system.scaled(hold.line, hold.line.from_s);
+            sweep.change_level(level_n + system.offset_n, slope_n_per_s);
             sweep.advance(hold.step, &mut position_m[hold.rows.clone()]);
         }
         return;
     }
-    sweep.change_level(system.offset_n);
+    sweep.change_level(system.offset_n, zero);
     let kicks = kicks(record, system);
     let mut waiting = kicks.iter().peekable();
     let mut responses: Vec<Option<KickResponse<S::Lane>>> = (0..S::N_POINTS).map(|_| None).collect();
@@ -225,18 +269,28 @@ struct Sweep<'a, S> {
     steps: Vec<Step<S>>,
     modes: Vec<S>,
     oscillating: Vec<Complex<S>>,
-    /// L and D.
+    is_linear: bool,
+    /// By how long a lag follows late, in s.
+    late_s: S,
+    /// L, by how much it rises, and D.
     level_n: S,
+    slope_n_per_s: S,
     deficit_n: S,
     /// D at the ends of the steps of a run of rows.
     deficits_n: Vec<S>,
-    /// q L of every mode.
+    /// q L of every mode, with r S where the force rises.
     input: Vec<S>,
+    oscillating_input: Vec<Complex<S>>,
 }
 
 impl<S: Number> Sweep<'_, S> {
     /// The force stays where it is where there is lag.
-    fn change_level(&mut self, level_n: S) {
+    fn change_level(&mut self, command_n: S, slope_n_per_s: S) {
+        let mut level_n = command_n;
+        if self.is_linear {
+            level_n = level_n - slope_n_per_s * self.late_s;
+            self.slope_n_per_s = slope_n_per_s;
+        }
         if self.system.shape.lagging {
             self.deficit_n = self.deficit_n + self.level_n - level_n;
         }
@@ -248,6 +302,19 @@ impl<S: Number> Sweep<'_, S> {
         for (input, row) in self.input.iter_mut().zip(&step.modes) {
             *input = row.gain * self.level_n;
         }
+        for (input, row) in self.oscillating_input.iter_mut().zip(&step.oscillating) {
+            *input = row.gain.times(self.level_n);
+        }
+        if self.is_linear {
+            for (input, row) in self.input.iter_mut().zip(&step.modes) {
+                *input += row.ramp_gain * self.slope_n_per_s;
+            }
+            for (input, row) in self.oscillating_input.iter_mut().zip(&step.oscillating) {
+                *input = *input + row.ramp_gain.times(self.slope_n_per_s);
+            }
+            // Every row of such a record is a step of its own.
+            self.level_n += self.slope_n_per_s * step.length_s;
+        }
         Arch::new().dispatch(Rows {
             step,
             system: self.system,
@@ -257,6 +324,7 @@ impl<S: Number> Sweep<'_, S> {
             deficit_n: &mut self.deficit_n,
             deficits_n: &mut self.deficits_n,
             input: &self.input,
+            oscillating_input: &self.oscillating_input,
             position_m,
         });
     }
@@ -272,22 +340,49 @@ impl<S: Number> Sweep<'_, S> {
         if known.as_ref().is_none_or(|known| !known.after_s.is_close(kick.remaining_s, tolerance_s)) {
             *known = None;
         }
-        let response = known.get_or_insert_with(|| KickResponse::new(self.system, kick.lane, kick.remaining_s));
+        let response =
+            known.get_or_insert_with(|| KickResponse::new(self.system, kick.lane, kick.remaining_s, self.is_linear));
         let (lane, change) = (kick.lane, kick.change_n);
         let left = response.lag_decay * change;
         let mut moved = self.system.instantaneous.lane(lane) * (change - left);
-        for (state, &unit) in self.modes.iter_mut().zip(&response.modes) {
+        for (state, &(unit, _)) in self.modes.iter_mut().zip(&response.modes) {
             moved += unit * change;
             state.set_lane(lane, state.lane(lane) + unit * change);
         }
-        for (state, &unit) in self.oscillating.iter_mut().zip(&response.oscillating) {
+        for (state, &(unit, _)) in self.oscillating.iter_mut().zip(&response.oscillating) {
             moved += unit.re * change;
             state.re.set_lane(lane, state.re.lane(lane) + unit.re * change);
             state.im.set_lane(lane, state.im.lane(lane) + unit.im * change);
         }
-        position_m.set_lane(lane, position_m.lane(lane) + moved);
         self.level_n.set_lane(lane, self.level_n.lane(lane) + change);
         self.deficit_n.set_lane(lane, self.deficit_n.lane(lane) - left);
+        if self.is_linear {
+            moved += self.bend(kick, response);
+        }
+        position_m.set_lane(lane, position_m.lane(lane) + moved);
+    }
+}
+
+impl<S: Number> Sweep<'_, S> {
+    /// Adds what a switch changes of the slope; by how much the position moves.
+    fn bend(&mut self, kick: &Kick<S::Lane>, response: &KickResponse<S::Lane>) -> S::Lane {
+        let (lane, bend) = (kick.lane, kick.bend_n_per_s);
+        let level = (kick.remaining_s - response.late_s) * bend;
+        let left = response.late_s * response.lag_decay * bend;
+        let mut moved = self.system.instantaneous.lane(lane) * (level + left);
+        for (state, &(_, unit)) in self.modes.iter_mut().zip(&response.modes) {
+            moved += unit * bend;
+            state.set_lane(lane, state.lane(lane) + unit * bend);
+        }
+        for (state, &(_, unit)) in self.oscillating.iter_mut().zip(&response.oscillating) {
+            moved += unit.re * bend;
+            state.re.set_lane(lane, state.re.lane(lane) + unit.re * bend);
+            state.im.set_lane(lane, state.im.lane(lane) + unit.im * bend);
+        }
+        self.level_n.set_lane(lane, self.level_n.lane(lane) + level);
+        self.slope_n_per_s.set_lane(lane, self.slope_n_per_s.lane(lane) + bend);
+        self.deficit_n.set_lane(lane, self.deficit_n.lane(lane) + left);
+        moved
     }
 }
 
@@ -301,6 +396,7 @@ struct Rows<'a, S> {
     deficit_n: &'a mut S,
     deficits_n: &'a mut [S],
     input: &'a [S],
+    oscillating_input: &'a [Complex<S>],
     position_m: &'a mut [S],
 }
 
@@ -325,10 +421,10 @@ impl<S: Number> WithSimd for Rows<'_, S> {
         let mut part = Part {
             rows: &step.modes,
             inputs: self.input,
+            oscillating_inputs: self.oscillating_input,
             states: self.modes,
             oscillating_rows: &step.oscillating,
             oscillating: self.oscillating,
-            level_n,
             deficits_n,
             lagging: system.shape.lagging,
         };
@@ -360,12 +456,11 @@ const WIDEST: usize = 8;
 /// The modes that are still to go through the rows.
 struct Part<'a, S> {
     rows: &'a [Row<S>],
-    /// q L of every mode.
     inputs: &'a [S],
+    oscillating_inputs: &'a [Complex<S>],
     states: &'a mut [S],
     oscillating_rows: &'a [Row<Complex<S>>],
     oscillating: &'a mut [Complex<S>],
-    level_n: S,
     deficits_n: &'a [S],
     lagging: bool,
 }
@@ -395,7 +490,7 @@ impl<S: Number> Part<'_, S> {
         let (mut turning, mut turn, mut drive, mut lag_drive) = ([none; O], [none; O], [none; O], [none; O]);
         for k in 0..O {
             (turning[k], turn[k]) = (self.oscillating[k], self.oscillating_rows[k].decay);
-            drive[k] = self.oscillating_rows[k].gain.times(self.level_n);
+            drive[k] = self.oscillating_inputs[k];
             lag_drive[k] = self.oscillating_rows[k].lag_gain;
         }
         for row in 0..position_m.len() {
@@ -426,5 +521,6 @@ impl<S: Number> Part<'_, S> {
         (self.states, self.oscillating) = (states, oscillating);
         (self.rows, self.inputs) = (&self.rows[B..], &self.inputs[B..]);
         self.oscillating_rows = &self.oscillating_rows[O..];
+        self.oscillating_inputs = &self.oscillating_inputs[O..];
     }
 }

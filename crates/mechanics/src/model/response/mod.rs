@@ -13,6 +13,8 @@ mod derivative_tests;
 mod feedback;
 mod grading;
 mod linear;
+#[cfg(test)]
+mod lines_tests;
 mod moments;
 mod numbers;
 mod record;
@@ -25,6 +27,7 @@ mod transition;
 pub use numbers::{Lanes, N_LANES};
 
 use crate::error::{Error, Result};
+use crate::experiment::{Force, ForceRule};
 use crate::number::{Dual, PointScalar, Scalar};
 use crate::rheology::TimeWindow;
 use crate::stages::{LARGEST_FEEDBACK, Spread, Stages};
@@ -39,27 +42,31 @@ pub struct Response {
     window: TimeWindow,
     time_s: Vec<f64>,
     force_n: Vec<f64>,
+    force_rule: ForceRule,
 }
 
 impl Response {
-    /// Prepares the first `n_rows` rows of a record: times (s), strictly increasing, and the commanded force (N), row i holds on [tᵢ, tᵢ₊₁).
-    pub fn new(time_s: &[f64], force_n: &[f64], n_rows: usize) -> Self {
-        let record = Record::new(time_s, force_n, n_rows);
+    /// Prepares the first `n_rows` rows of a record: times (s), strictly increasing, and the commanded force.
+    pub fn new<'f>(time_s: &[f64], force: impl Into<Force<'f>>, n_rows: usize) -> Self {
+        // What the force does after the last row is no concern of the rows.
+        let force = force.into().first(n_rows);
+        let record = Record::new(time_s, force, n_rows);
         let shortest_s = record.step_s.iter().copied().fold(f64::INFINITY, f64::min);
         // Without a step nothing is asked of the law; any window serves.
         let window = match record.time_s.last() {
             Some(&longest_s) if !record.step_s.is_empty() => TimeWindow { shortest_s, longest_s },
             _ => TimeWindow { shortest_s: 1.0, longest_s: 1.0 },
         };
-        let [time_s, force_n] = [time_s, force_n].map(|rows| rows[..record.n_rows].to_vec());
-        Self { record, window, time_s, force_n }
+        let [time_s, force_n] = [time_s, force.at_rows_n].map(|rows| rows[..record.n_rows].to_vec());
+        Self { record, window, time_s, force_n, force_rule: force.rule }
     }
 
     /// The numbers of stages, with what a law that is not linear adds to the linear one's position.
     fn lowered<T: Real>(&self, stages: &Stages, compliance_per_m: T) -> Result<Lowered<T>> {
-        let mut point = Lowered::new(stages, compliance_per_m, self.window, self.record.levels())?;
+        let mut point = Lowered::new(stages, compliance_per_m, self.window, &self.record)?;
         if let Some(Spread::Stepped(stepped)) = &stages.spread {
-            let excess_m = T::excess_m(&*stepped.0, stages, compliance_per_m, &self.time_s, &self.force_n)?;
+            let force = Force { at_rows_n: &self.force_n, rule: self.force_rule };
+            let excess_m = T::excess_m(&*stepped.0, stages, compliance_per_m, &self.time_s, force)?;
             point.excess_m = Some(excess_m);
         }
         Ok(point)

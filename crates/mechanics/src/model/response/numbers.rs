@@ -3,6 +3,7 @@
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub};
 
 use crate::error::Result;
+use crate::experiment::Force;
 use crate::number::{Complex, Dual, PointScalar, Scalar};
 use crate::stages::{FieldStepper, Stages};
 
@@ -50,7 +51,7 @@ pub(super) trait Real: PointScalar + Number<Lane = Self> + Field {
         stages: &Stages,
         compliance_per_m: Self,
         time_s: &[f64],
-        force_n: &[f64],
+        force: Force<'_>,
     ) -> Result<Vec<Self>>;
 }
 
@@ -146,9 +147,9 @@ impl Real for f64 {
         stages: &Stages,
         compliance_per_m: Self,
         time_s: &[f64],
-        force_n: &[f64],
+        force: Force<'_>,
     ) -> Result<Vec<Self>> {
-        stepper.excess_m(stages, compliance_per_m, time_s, force_n)
+        stepper.excess_m(stages, compliance_per_m, time_s, force)
     }
 }
 
@@ -227,9 +228,9 @@ impl Real for Dual {
         stages: &Stages,
         compliance_per_m: Self,
         time_s: &[f64],
-        force_n: &[f64],
+        force: Force<'_>,
     ) -> Result<Vec<Self>> {
-        stepper.excess_dual_m(stages, compliance_per_m.value, time_s, force_n)
+        stepper.excess_dual_m(stages, compliance_per_m.value, time_s, force)
     }
 }
 

@@ -5,6 +5,7 @@ use std::ops::Range;
 
 use super::numbers::Real;
 use super::system::Levels;
+use crate::experiment::Force;
 
 /// Steps whose lengths differ by less than this fraction of the record's length count as equal: decimal times such as 0.05 i are
 /// not equally spaced in binary, and exponentials are dear.
@@ -26,8 +27,10 @@ pub(super) struct Record {
     pub step_s: Vec<f64>,
     pub holds: Vec<Hold>,
     pub switches: Vec<Switch>,
-    /// Distinct commands in N; the first, zero, acts before the record.
-    pub command_n: Vec<f64>,
+    /// Distinct commands; the first, zero, acts before the record.
+    pub commands: Vec<Line>,
+    /// Whether commands change between rows.
+    pub is_linear: bool,
     /// Lengths closer than this are equal, in s.
     pub tolerance_s: f64,
 }
@@ -37,10 +40,32 @@ pub(super) struct Record {
 pub(super) struct Hold {
     /// Index of the step's length.
     pub step: usize,
-    /// Command in N.
-    pub force_n: f64,
+    /// The command from the row before the first on.
+    pub line: Line,
     /// The rows at the steps' ends.
     pub rows: Range<usize>,
+}
+
+/// A command that goes in a line.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Line {
+    /// Since when, in s; any time where it holds.
+    pub from_s: f64,
+    /// In N, then.
+    pub force_n: f64,
+    /// In N/s.
+    pub slope_n_per_s: f64,
+    /// Whether it pushes forward.
+    pub is_positive: bool,
+}
+
+impl Line {
+    const ZERO: Self = Self { from_s: 0.0, force_n: 0.0, slope_n_per_s: 0.0, is_positive: false };
+
+    /// In N, at a time.
+    pub fn at_n(self, time_s: f64) -> f64 {
+        self.force_n + self.slope_n_per_s * (time_s - self.from_s)
+    }
 }
 
 /// A change of the command.
@@ -49,50 +74,61 @@ pub(super) struct Switch {
     /// The row from which on it is commanded.
     pub row: usize,
     pub time_s: f64,
-    pub before_n: f64,
-    pub after_n: f64,
+    pub before: Line,
+    pub after: Line,
     /// Index of the command after it.
     pub command: usize,
-    /// |change| over the largest force.
+    /// |change| over the largest force, that within a row after it included.
     pub relative_size: f64,
 }
 
 impl Record {
     /// The first `n_rows` rows.
-    pub fn new(time_s: &[f64], force_n: &[f64], n_rows: usize) -> Self {
-        let n_rows = n_rows.min(time_s.len()).min(force_n.len());
-        let (time_s, force_n) = (&time_s[..n_rows], &force_n[..n_rows]);
+    pub fn new(time_s: &[f64], force: Force<'_>, n_rows: usize) -> Self {
+        let n_rows = n_rows.min(time_s.len()).min(force.at_rows_n.len());
+        let (time_s, force) = (&time_s[..n_rows], force.first(n_rows));
         let start_s = time_s.first().copied().unwrap_or(0.0);
         let time_s: Vec<f64> = time_s.iter().map(|t| t - start_s).collect();
         let tolerance_s = EQUAL_STEP_TOLERANCE * time_s.last().map_or(0.0, |last| last.abs() + start_s.abs());
         let (mut step_s, mut holds, mut switches) = (Vec::new(), Vec::<Hold>::new(), Vec::new());
-        let largest_n = force_n.iter().fold(0.0_f64, |largest, force| force.abs().max(largest));
-        let (mut command_n, mut known) = (vec![0.0], HashMap::from([(0.0_f64.to_bits(), 0)]));
-        let mut before_n = 0.0;
+        let largest_n = force.at_rows_n.iter().fold(0.0_f64, |largest, force| force.abs().max(largest));
+        let (mut commands, mut known) = (vec![Line::ZERO], HashMap::from([((0.0_f64.to_bits(), 0), 0)]));
+        let is_linear = force.is_linear();
+        let mut before = Line::ZERO;
         for row in 1..n_rows {
-            let after_n = force_n[row - 1];
-            let step = slot(&mut step_s, time_s[row] - time_s[row - 1], tolerance_s);
-            let switched = after_n != before_n;
+            let length_s = time_s[row] - time_s[row - 1];
+            let step = slot(&mut step_s, length_s, tolerance_s);
+            let line = Line {
+                from_s: if is_linear { time_s[row - 1] } else { 0.0 },
+                force_n: force.at_rows_n[row - 1],
+                slope_n_per_s: force.slope_n_per_s(&time_s, row - 1),
+                is_positive: force.is_positive(row - 1),
+            };
+            let switched = is_linear || line.force_n != before.force_n;
             if switched {
-                let command = *known.entry((after_n + 0.0).to_bits()).or_insert_with(|| {
-                    command_n.push(after_n);
-                    command_n.len() - 1
+                // Lines that begin at different times are different commands.
+                let key = ((line.force_n + 0.0).to_bits(), if is_linear { row } else { 0 });
+                let command = *known.entry(key).or_insert_with(|| {
+                    commands.push(line);
+                    commands.len() - 1
                 });
-                let relative_size = (after_n - before_n).abs() / largest_n;
+                let jump_n = line.force_n - before.at_n(time_s[row - 1]);
+                let bend_n = (line.slope_n_per_s - before.slope_n_per_s) * length_s;
+                let relative_size = (jump_n.abs() + bend_n.abs()) / largest_n;
                 let time_s = time_s[row - 1];
-                switches.push(Switch { row: row - 1, time_s, before_n, after_n, command, relative_size });
+                switches.push(Switch { row: row - 1, time_s, before, after: line, command, relative_size });
             }
             match holds.last_mut() {
                 Some(hold) if hold.step == step && !switched => hold.rows.end = row + 1,
-                _ => holds.push(Hold { step, force_n: after_n, rows: row..row + 1 }),
+                _ => holds.push(Hold { step, line, rows: row..row + 1 }),
             }
-            before_n = after_n;
+            before = line;
         }
-        Self { n_rows, time_s, step_s, holds, switches, command_n, tolerance_s }
+        Self { n_rows, time_s, step_s, holds, switches, commands, is_linear, tolerance_s }
     }
 
     pub fn levels(&self) -> Levels {
-        if self.command_n.len() > MOST_FEW_LEVELS { Levels::Many } else { Levels::Few }
+        if self.is_linear || self.commands.len() > MOST_FEW_LEVELS { Levels::Many } else { Levels::Few }
     }
 }
 

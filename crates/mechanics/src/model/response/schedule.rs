@@ -8,7 +8,7 @@ use std::ops::Range;
 
 use super::grading::{N_SIZES, SIZE_RATIO};
 use super::numbers::{N_LANES, Number, Real, gather};
-use super::record::{Record, slot};
+use super::record::{Line, Record, slot};
 use super::system::System;
 
 /// After a switch of each class, steps are at most this share of the time since: smaller behind a lag, which moves the force itself.
@@ -47,14 +47,32 @@ pub(super) struct Schedule<S> {
     pub pieces: Vec<Piece>,
     /// Lengths in s.
     pub length_s: Vec<S>,
-    /// Levels of the force in N, offset included.
-    pub level_n: Vec<S>,
+    /// Levels of the force.
+    pub levels: Vec<Level<S>>,
+    /// Whether they change while they act.
+    pub is_linear: bool,
+}
+
+/// A force that enters the lag.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Level<S> {
+    /// In N, offset included, when it comes to act.
+    pub force_n: S,
+    /// By how much it rises, in N/s.
+    pub slope_n_per_s: S,
+    /// Since when it acts, in s; of no meaning where it does not rise.
+    pub from_s: S,
 }
 
 impl<S: Number> Schedule<S> {
     pub fn new(record: &Record, system: &System<S>) -> Self {
-        let of_command: Vec<S> =
-            record.command_n.iter().map(|&command_n| system.scaled_n(command_n) + system.offset_n).collect();
+        let level = |line: &Line| {
+            let (force_n, slope_n_per_s) = system.scaled(*line, line.from_s);
+            let from_s = system.delay_s + S::constant(line.from_s);
+            Level { force_n: force_n + system.offset_n, slope_n_per_s, from_s }
+        };
+        let of_command: Vec<Level<S>> = record.commands.iter().map(level).collect();
+        let is_linear = record.is_linear;
         let of_lane = |lane: usize| {
             let delay_s = system.shape.delayed.then(|| system.delay_s.lane(lane));
             let longest_s = system.gradings[lane].longest_s();
@@ -66,10 +84,10 @@ impl<S: Number> Schedule<S> {
         if are_alike || S::N_POINTS == 1 {
             let Parts { pieces, length_s, .. } = of_lane(0);
             let length_s = length_s.into_iter().map(|length_s| gather::<S>(|_| length_s)).collect();
-            return Self { pieces, length_s, level_n: of_command };
+            return Self { pieces, length_s, levels: of_command, is_linear };
         }
         let parts: Vec<Parts<S::Lane>> = (0..S::N_POINTS).map(of_lane).collect();
-        Joint::new(record, &parts).schedule(&parts, &of_command)
+        Joint::new(record, &parts).schedule(&parts, &of_command, is_linear)
     }
 }
 
@@ -100,6 +118,19 @@ impl Distinct {
 
     fn gathered<S: Number>(&self, of_lane: impl Fn(usize, usize) -> S::Lane) -> Vec<S> {
         self.list.iter().map(|indices| gather::<S>(|lane| of_lane(lane, indices[lane] as usize))).collect()
+    }
+
+    fn levels<S: Number>(&self, of_command: &[Level<S>]) -> Vec<Level<S>> {
+        let level = |indices: &Indices| {
+            let gathered =
+                |of: fn(&Level<S>) -> S| gather::<S>(|lane| of(&of_command[indices[lane] as usize]).lane(lane));
+            Level {
+                force_n: gathered(|level| level.force_n),
+                slope_n_per_s: gathered(|level| level.slope_n_per_s),
+                from_s: gathered(|level| level.from_s),
+            }
+        };
+        self.list.iter().map(level).collect()
     }
 }
 
@@ -155,11 +186,12 @@ impl Joint {
         joint
     }
 
-    fn schedule<S: Number>(self, parts: &[Parts<S::Lane>], of_command: &[S]) -> Schedule<S> {
+    fn schedule<S: Number>(self, parts: &[Parts<S::Lane>], of_command: &[Level<S>], is_linear: bool) -> Schedule<S> {
         Schedule {
             length_s: self.lengths.gathered(|lane, index| parts[lane].length_s[index]),
-            level_n: self.levels.gathered(|lane, index| of_command[index].lane(lane)),
+            levels: self.levels.levels(of_command),
             pieces: self.pieces,
+            is_linear,
         }
     }
 }

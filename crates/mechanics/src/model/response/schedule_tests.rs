@@ -166,7 +166,7 @@ fn first_steps_follow_sizes_shares_and_rates() {
 fn parts_fill_the_rows() {
     let time_s = time_s();
     let parts = |force_n: &[f64], delay_s: f64, longest_s: [f64; N_SIZES]| {
-        let record = Record::new(&time_s, force_n, N_ROWS);
+        let record = Record::new(&time_s, force_n.into(), N_ROWS);
         let parts = Parts::new(&record, (delay_s > 0.0).then_some(delay_s), longest_s, SHARE_OF_AGE);
         let (mut now_s, mut n_steps, mut row) = (0.0, 0, 1);
         for piece in &parts.pieces {

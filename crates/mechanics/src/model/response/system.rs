@@ -6,6 +6,7 @@
 
 use super::grading::Grading;
 use super::numbers::{N_LANES, Number, Real, gather};
+use super::record::{Line, Record};
 use crate::error::{Error, Result};
 use crate::number::{Complex, Dual};
 use crate::rheology::{Accuracy, RetardationSpectrum, TimeWindow};
@@ -86,13 +87,15 @@ pub(super) enum Levels {
 }
 
 impl<T: Real> Lowered<T> {
-    /// The numbers of stages, without what a law that is not linear adds. `window` is what the record's rows ask for, `levels` whether its commands are few.
-    pub fn new(stages: &Stages, compliance_per_m: T, window: TimeWindow, levels: Levels) -> Result<Self> {
+    /// The numbers of stages, without what a law that is not linear adds. `window` is what the record's rows ask for.
+    pub fn new(stages: &Stages, compliance_per_m: T, window: TimeWindow, record: &Record) -> Result<Self> {
         let load = &stages.load;
         check(load.delay_s.value >= 0.0, "the force's delay", load.delay_s, "s")?;
         check(load.lag_time_s.value >= 0.0, "the force's lag", load.lag_time_s, "s")?;
-        let at_rows =
-            load.delay_s.is_constant(0.0) && load.lag_time_s.value == 0.0 && load.gradient_per_m.is_constant(0.0);
+        let at_rows = !record.is_linear
+            && load.delay_s.is_constant(0.0)
+            && load.lag_time_s.value == 0.0
+            && load.gradient_per_m.is_constant(0.0);
         let shortest_s = window.shortest_s * if at_rows { 1.0 } else { BETWEEN_ROWS };
         let window = TimeWindow { shortest_s, ..window };
         let spectrum = match (&stages.spread, &stages.spatial) {
@@ -110,7 +113,7 @@ impl<T: Real> Lowered<T> {
                 ));
             }
         };
-        Ok(Self::with_spectrum(stages, &spectrum, compliance_per_m, levels))
+        Ok(Self::with_spectrum(stages, &spectrum, compliance_per_m, record.levels()))
     }
 
     /// The same with the law's spectrum as it is given.
@@ -233,8 +236,14 @@ impl<S: Number> System<S> {
         }
     }
 
-    /// The force on its way after the factors, without the offset, in N.
-    pub fn scaled_n(&self, command_n: f64) -> S {
-        if command_n > 0.0 { self.positive_factor * command_n } else { self.negative_factor * command_n }
+    /// The force on its way after the factors, without the offset, in N, and by how much it rises in N/s.
+    pub fn scaled(&self, line: Line, time_s: f64) -> (S, S) {
+        let factor = if line.is_positive { self.positive_factor } else { self.negative_factor };
+        (factor * line.at_n(time_s), factor * line.slope_n_per_s)
+    }
+
+    /// By how long a lag follows a line late, in s.
+    pub fn late_s(&self) -> S {
+        if self.shape.lagging { S::constant(1.0) / self.lag_rate } else { S::constant(0.0) }
     }
 }

@@ -3,6 +3,7 @@
 use super::numbers::Number;
 use super::system::{Levels, Lowered};
 use super::{Lanes, N_LANES, Response};
+use crate::experiment::{Force, ForceRule};
 use crate::model::convolve_m;
 use crate::number::{Dual, PointScalar};
 use crate::rheology::{
@@ -193,11 +194,19 @@ fn carried<T: PointScalar>(spectrum: &RetardationSpectrum) -> RetardationSpectru
 }
 
 /// The kernel's answer for a given spectrum.
-pub(super) fn respond_with<S: Number>(stages: &Stages, spectrum: &RetardationSpectrum, compliance: Dual) -> Vec<S> {
+pub(super) fn respond_with<S: Number>(
+    stages: &Stages,
+    spectrum: &RetardationSpectrum,
+    compliance: Dual,
+    rule: ForceRule,
+) -> Vec<S> {
     let (time_s, force_n) = record();
+    let force = Force { at_rows_n: &force_n, rule };
     let mut position_m = Vec::new();
-    let point = Lowered::with_spectrum(stages, &carried(spectrum), PointScalar::of(compliance), Levels::Few);
-    let sound = Response::new(&time_s, &force_n, time_s.len()).run::<S>(&[&point], &mut position_m);
+    let response = Response::new(&time_s, force, time_s.len());
+    let levels = if rule == ForceRule::Linear { Levels::Many } else { Levels::Few };
+    let point = Lowered::with_spectrum(stages, &carried(spectrum), PointScalar::of(compliance), levels);
+    let sound = response.run::<S>(&[&point], &mut position_m);
     assert!(sound[0]);
     position_m
 }
@@ -280,7 +289,7 @@ fn all_combinations_equal_runge_kutta() {
         stages.observation.velocity_m_per_s = number(-2e-5);
         stages.observation.approaches.push(Approach { amplitude_m: number(1e-4), time_s: number(0.8) });
         let spectrum = spectrum(&stages, choice & 16 != 0);
-        let found: Vec<f64> = respond_with(&stages, &spectrum, number(COMPLIANCE_PER_M));
+        let found: Vec<f64> = respond_with(&stages, &spectrum, number(COMPLIANCE_PER_M), ForceRule::Hold);
         let exact = choice & 8 == 0 || choice & 22 == 0;
         let tolerance = if exact { 1e-10 } else { 2e-8 };
         assert_close(&found, &runge_kutta(&stages, &spectrum), tolerance, &format!("combination {choice:05b}"));
@@ -317,13 +326,14 @@ fn strong_feedback_is_refused() {
 fn lanes_have_the_bits_of_single_points() {
     let (time_s, many_n) = record();
     let few_n: Vec<f64> = many_n.iter().map(|force_n| 2e-6 * (force_n / 1.7e-6).round().clamp(-2.0, 2.0)).collect();
-    for force_n in [many_n, few_n] {
-        lanes_have_the_bits_of_single_points_under(&time_s, &force_n);
+    for force_n in [&many_n, &few_n] {
+        lanes_have_the_bits_of_single_points_under(&time_s, force_n.into());
     }
+    lanes_have_the_bits_of_single_points_under(&time_s, Force { at_rows_n: &many_n, rule: ForceRule::Linear });
 }
 
-fn lanes_have_the_bits_of_single_points_under(time_s: &[f64], force_n: &[f64]) {
-    let response = Response::new(time_s, force_n, time_s.len());
+fn lanes_have_the_bits_of_single_points_under(time_s: &[f64], force: Force<'_>) {
+    let response = Response::new(time_s, force, time_s.len());
     let variant = |kind: usize| {
         let mut stages = if kind % 3 == 2 { rich_law() } else { lethersich() };
         let size = 0.1 * kind as f64;

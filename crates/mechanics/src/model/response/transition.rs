@@ -26,7 +26,11 @@ impl<S: Number> Transition<S> {
         let (mut transitions, mut known) = (Vec::new(), HashMap::new());
         let order = schedule.pieces.iter().map(|piece| {
             *known.entry((piece.length, piece.level)).or_insert_with(|| {
-                transitions.push(Self::new(system, schedule.level_n[piece.level], schedule.length_s[piece.length]));
+                transitions.push(Self::new(
+                    system,
+                    schedule.levels[piece.level].force_n,
+                    schedule.length_s[piece.length],
+                ));
                 transitions.len() - 1
             })
         });

@@ -19,6 +19,7 @@ mod train;
 pub use train::{HyperSettings, build};
 
 use crate::error::{Error, Result};
+use crate::experiment::Force;
 use crate::fe::nonlinear::Bodies;
 use crate::number::{Dual, PointScalar};
 use crate::stages::{FieldStepper, Load, NonlinearFamily, Nonlinearity, Spatial, Stages};
@@ -88,7 +89,7 @@ struct Job<'a, B: Block> {
     fineness: Fineness,
     load: &'a Load,
     time_s: &'a [f64],
-    force_n: &'a [f64],
+    force: Force<'a>,
 }
 
 impl<B: Block> WithSimd for Job<'_, B> {
@@ -96,7 +97,7 @@ impl<B: Block> WithSimd for Job<'_, B> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> Self::Output {
-        stepper::run::<B, S, N_MODES>(simd, self.law, self.linear, self.fineness, self.load, self.time_s, self.force_n)
+        stepper::run::<B, S, N_MODES>(simd, self.law, self.linear, self.fineness, self.load, self.time_s, self.force)
     }
 }
 
@@ -185,7 +186,7 @@ impl HyperModel {
         stages: &Stages,
         compliance_per_m: f64,
         time_s: &[f64],
-        force_n: &[f64],
+        force: Force<'_>,
     ) -> Result<Vec<B::Scalar>> {
         let nonlinearity = self.nonlinearity(stages)?;
         let bodies = Bodies::<B::Scalar>::new(&stages.law, nonlinearity)?;
@@ -205,7 +206,7 @@ impl HyperModel {
             fineness: Fineness { steps_per_doubling, strain_per_force: *strain_per_force },
             load: &load,
             time_s,
-            force_n,
+            force,
         })?;
         excess_m.iter_mut().for_each(|x| *x = *x * scale);
         Ok(excess_m)
@@ -223,8 +224,8 @@ impl HyperModel {
 }
 
 impl FieldStepper for HyperModel {
-    fn excess_m(&self, stages: &Stages, compliance_per_m: f64, time_s: &[f64], force_n: &[f64]) -> Result<Vec<f64>> {
-        self.excess::<Plain>(stages, compliance_per_m, time_s, force_n)
+    fn excess_m(&self, stages: &Stages, compliance_per_m: f64, time_s: &[f64], force: Force<'_>) -> Result<Vec<f64>> {
+        self.excess::<Plain>(stages, compliance_per_m, time_s, force)
     }
 
     fn excess_dual_m(
@@ -232,7 +233,7 @@ impl FieldStepper for HyperModel {
         stages: &Stages,
         compliance_per_m: f64,
         time_s: &[f64],
-        force_n: &[f64],
+        force: Force<'_>,
     ) -> Result<Vec<Dual>> {
         if let Nonlinearity::YieldStress { stress_pa, .. } = self.nonlinearity(stages)?
             && stress_pa.value == 0.0
@@ -244,6 +245,6 @@ impl FieldStepper for HyperModel {
                 "take a finite step from 0",
             ));
         }
-        self.excess::<Carrying>(stages, compliance_per_m, time_s, force_n)
+        self.excess::<Carrying>(stages, compliance_per_m, time_s, force)
     }
 }

@@ -7,6 +7,7 @@
 use super::kernel::{self, Advance, At, BlockTensor, CubaturePoints, Forces, ForcesAndTangent, Given};
 use super::lanes::{Block, N_LANES, Plain};
 use crate::error::{Error, Result};
+use crate::experiment::Force;
 use crate::fe::clock::{CLOCK_ROUNDING, Switch, Tableau, check_feedback, switches};
 use crate::fe::nonlinear::Bodies;
 use crate::fe::nonlinear::Scheme;
@@ -65,9 +66,8 @@ struct State<'a, B: Block, const M: usize> {
     plain_bodies: &'a Bodies<f64>,
     gradient_per_m: B::Scalar,
     lag_time_s: B::Scalar,
-    input_n: B::Scalar,
+    input: Switch<B::Scalar>,
     lagged_n: B::Scalar,
-    switched_s: B::Scalar,
     /// Strains of every body at every block.
     histories: Vec<BlockTensor<B>>,
     started: Vec<BlockTensor<B>>,
@@ -93,13 +93,13 @@ pub(super) fn run<B: Block, S: Simd, const M: usize>(
     fineness: Fineness,
     load: &Load,
     time_s: &[f64],
-    force_n: &[f64],
+    force: Force<'_>,
 ) -> Result<Vec<B::Scalar>> {
     let zero = B::Scalar::constant(0.0);
     let mut found = vec![zero; time_s.len()];
     let (Some(&start_s), Some(&end_s)) = (time_s.first(), time_s.last()) else { return Ok(found) };
     let rounding_s = CLOCK_ROUNDING * (end_s - start_s);
-    let switches = switches::<B::Scalar>(load, time_s, force_n);
+    let switches = switches::<B::Scalar>(load, time_s, force);
     let (mut state, mut beside) = (State::<B, M>::new(law, load), State::<B, 1>::new(linear, load));
     let lag_s = load.lag_time_s.value;
     let slowest_s = if lag_s > 0.0 { lag_s } else { f64::INFINITY };
@@ -125,7 +125,9 @@ pub(super) fn run<B: Block, S: Simd, const M: usize>(
         let doublings_of = |time_s: f64| time_s.min(slowest_s).log2().floor();
         let fastest = doublings_of(law.plain_bodies.fastest_s(largest));
         // A spring that has stiffened lets go and stiffens again the other way within one doubling.
-        let elastic = fineness.strain_per_force * switch.force_n.value().abs() / law.plain_bodies.modulus_pa;
+        let at_end_n = switch.input_n(B::Scalar::constant(stop_s)).value().abs();
+        let pushes_n = switch.force_n.value().abs().max(at_end_n);
+        let elastic = fineness.strain_per_force * pushes_n / law.plain_bodies.modulus_pa;
         let largest = largest.max(kernel::stiffened_strain(law.plain_bodies, elastic));
         let stiffened =
             doublings_of(law.plain_bodies.fastest_s(0.0)) - doublings_of(law.plain_bodies.fastest_s(largest));
@@ -187,9 +189,8 @@ impl<'a, B: Block, const M: usize> State<'a, B, M> {
             plain_bodies,
             gradient_per_m: B::Scalar::of(load.gradient_per_m),
             lag_time_s: B::Scalar::of(load.lag_time_s),
-            input_n: zero,
+            input: Switch::to(zero, zero),
             lagged_n: zero,
-            switched_s: zero,
             started: histories.clone(),
             rates: vec![histories.clone(); Scheme::Fourth.tableau().nodes.len()],
             given: vec![Given { offset: [blank; 6], taken: [blank; 6] }; n_blocks],
@@ -205,18 +206,19 @@ impl<'a, B: Block, const M: usize> State<'a, B, M> {
     #[inline(always)]
     fn switch(&mut self, switch: Switch<B::Scalar>) {
         self.lagged_n = self.force_n(switch.time_s);
-        self.input_n = switch.force_n;
-        self.switched_s = switch.time_s;
+        self.input = switch;
         self.known.clear();
     }
 
     /// The force after the lag.
     #[inline(always)]
     fn force_n(&self, time_s: B::Scalar) -> B::Scalar {
-        if self.lag_time_s.value() == 0.0 {
-            return self.input_n;
+        let (input, lag_s) = (&self.input, self.lag_time_s);
+        if lag_s.value() == 0.0 {
+            return input.input_n(time_s);
         }
-        self.input_n + (self.lagged_n - self.input_n) * (-(time_s - self.switched_s) / self.lag_time_s).exp()
+        let left_n = self.lagged_n - input.followed_n(input.time_s, lag_s);
+        input.followed_n(time_s, lag_s) + left_n * (-(time_s - input.time_s) / lag_s).exp()
     }
 
     #[inline(always)]

@@ -156,7 +156,7 @@ fn small_effects_are_right_beside_themselves() {
         let run = |value: f64| full.run_stages(&at(value), &time_s, &force_n, &[], Options::default()).unwrap();
         let (exact, linear) = (run(value).displacement_m, run(null).displacement_m);
         let excess: Vec<f64> = exact.iter().zip(&linear).map(|(x, l)| x - l).collect();
-        let found = model_of(which).excess_m(&at(value), compliance_per_m(which), &time_s, &force_n).unwrap();
+        let found = model_of(which).excess_m(&at(value), compliance_per_m(which), &time_s, (&force_n).into()).unwrap();
         let error = largest_distance(&found, &excess);
         println!(
             "{:?}: excess {:.1e} of the amplitude, error {error:.1e} of the excess",
@@ -175,7 +175,7 @@ fn the_excess_vanishes_with_the_nonlinearity() {
         let away = |share: f64| null + share * (MIDDLE[which] - null);
         let excess = |share: f64| {
             let stages = stages(which, BaseLaw::Lethersich, &PORCINE.map(Dual::constant), away(share).into());
-            model_of(which).excess_m(&stages, compliance_per_m(which), &time_s, &force_n).unwrap()
+            model_of(which).excess_m(&stages, compliance_per_m(which), &time_s, (&force_n).into()).unwrap()
         };
         let largest = |x: &[f64]| x.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
         // At the null itself rounding is left, of displacements of a millimetre.
@@ -254,10 +254,10 @@ fn a_surrogate_survives_the_disk_and_refuses_other_laws() {
     assert_eq!(serde_json::from_str::<HyperModel>(&text).unwrap(), model);
     let (time_s, force_n) = record(8);
     let other = stages(0, BaseLaw::Lethersich, &PORCINE.map(Dual::constant), 0.3.into());
-    let message = model.excess_m(&other, 500.0, &time_s, &force_n).unwrap_err().to_string();
+    let message = model.excess_m(&other, 500.0, &time_s, (&force_n).into()).unwrap_err().to_string();
     assert!(message.contains("YieldStress") && message.contains("build the surrogate"), "{message}");
     let at_null = stages(2, BaseLaw::Lethersich, &PORCINE.map(Dual::constant), Dual::variable(0.0));
-    let message = model.excess_dual_m(&at_null, 500.0, &time_s, &force_n).unwrap_err().to_string();
+    let message = model.excess_dual_m(&at_null, 500.0, &time_s, (&force_n).into()).unwrap_err().to_string();
     assert!(message.contains("take a finite step"), "{message}");
     let damaged = HyperReduced { strains: Vec::new(), ..model.reduced().clone() };
     assert!(HyperModel::try_from(damaged.clone()).unwrap_err().to_string().contains("build it again"));

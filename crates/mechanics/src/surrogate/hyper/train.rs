@@ -252,8 +252,9 @@ impl<'a> Workshop<'a> {
 
     fn states(&self, index: u32) -> Result<Vec<State>> {
         let DesignPoint { law, nonlinearity } = self.design_point(index);
-        let (load, time_s, force_n) = (&Stages::of_law(Vec::new()).load, &self.time_s, &self.command_n);
-        let what = NonlinearRun { law: &law, nonlinearity, load, time_s, force_n };
+        let (load, time_s) = (&Stages::of_law(Vec::new()).load, &self.time_s);
+        let force = (&self.command_n).into();
+        let what = NonlinearRun { law: &law, nonlinearity, load, time_s, force };
         let mut states = Vec::new();
         self.model.watch(&what, TRAINING, |at| {
             if at.row > 0 {

@@ -11,6 +11,7 @@ mod polynomial;
 mod tests;
 
 use crate::error::Result;
+use crate::experiment::{Force, ForceRule};
 use crate::model::Compliance;
 use crate::number::{Dual, Scalar};
 use crate::stages::{FieldStepper, NonlinearFamily, Spatial, Stages, Stepped};
@@ -41,21 +42,28 @@ pub struct LocalStepper {
     stepper: Stepped,
     time_s: Vec<f64>,
     force_n: Vec<f64>,
+    force_rule: ForceRule,
     force_and_impulse: [f64; 2],
     charts: RwLock<Charts>,
 }
 
 impl LocalStepper {
-    /// For one record: rows' times (s) and forces (N), or the first rows of it.
-    pub fn new(stepper: Stepped, time_s: &[f64], force_n: &[f64]) -> Self {
-        let force = force_n.iter().fold(0.0_f64, |most, f| most.max(f.abs()));
+    /// For one record: rows' times (s) and the commanded force, or the first rows of it.
+    pub fn new(stepper: Stepped, time_s: &[f64], force: Force<'_>) -> Self {
+        let largest_n = force.at_rows_n.iter().fold(0.0_f64, |most, f| most.max(f.abs()));
         let (mut impulse, mut most) = (0.0_f64, 0.0_f64);
-        for (force, times) in force_n.iter().zip(time_s.windows(2)) {
-            impulse += force * (times[1] - times[0]);
+        for row in 0..force.at_rows_n.len() {
+            impulse += force.impulse_n_s(time_s, row);
             most = most.max(impulse.abs());
         }
-        let (time_s, force_n) = (time_s.to_vec(), force_n.to_vec());
-        Self { stepper, time_s, force_n, force_and_impulse: [force, most], charts: RwLock::default() }
+        Self {
+            stepper,
+            time_s: time_s.to_vec(),
+            force_n: force.at_rows_n.to_vec(),
+            force_rule: force.rule,
+            force_and_impulse: [largest_n, most],
+            charts: RwLock::default(),
+        }
     }
 
     /// The learnt excess, `None` where the stepper is to be asked.
@@ -64,13 +72,14 @@ impl LocalStepper {
         stages: &Stages,
         compliance_per_m: f64,
         time_s: &[f64],
-        force_n: &[f64],
+        force: Force<'_>,
         of: impl Fn(Dual) -> N,
     ) -> Option<Vec<N>> {
         let n_rows = time_s.len();
         let is_own = n_rows <= MOST_ROWS
             && self.time_s.get(..n_rows) == Some(time_s)
-            && self.force_n.get(..force_n.len()) == Some(force_n);
+            && self.force_rule == force.rule
+            && self.force_n.get(..force.at_rows_n.len()) == Some(force.at_rows_n);
         let [largest_n, impulse_n_s] = self.force_and_impulse;
         if !is_own || largest_n == 0.0 {
             return None;
@@ -86,10 +95,11 @@ impl LocalStepper {
         }
         let chart = self.chart(kind.clone(), &values, &widths, ends);
         // Divided by the distance from the linear law, so that what is learnt vanishes there as the excess does.
+        let own = Force { at_rows_n: &self.force_n, rule: self.force_rule };
         let run = |coordinates: &[f64]| {
             let at = stages_at(stages, coordinates, sizes)?;
             let inverse = 1.0 / kind.beyond_null(*coordinates.last()?);
-            let mut excess_m = self.stepper.0.excess_m(&at, compliance_per_m, &self.time_s, &self.force_n).ok()?;
+            let mut excess_m = self.stepper.0.excess_m(&at, compliance_per_m, &self.time_s, own).ok()?;
             excess_m.iter_mut().for_each(|x| *x *= inverse);
             Some((excess_m, inverse * amplitude_m(&at, sizes)))
         };
@@ -118,10 +128,10 @@ impl LocalStepper {
 }
 
 impl FieldStepper for LocalStepper {
-    fn excess_m(&self, stages: &Stages, compliance_per_m: f64, time_s: &[f64], force_n: &[f64]) -> Result<Vec<f64>> {
-        match self.learnt(stages, compliance_per_m, time_s, force_n, |x| x.value) {
+    fn excess_m(&self, stages: &Stages, compliance_per_m: f64, time_s: &[f64], force: Force<'_>) -> Result<Vec<f64>> {
+        match self.learnt(stages, compliance_per_m, time_s, force, |x| x.value) {
             Some(excess_m) => Ok(excess_m),
-            None => self.stepper.0.excess_m(stages, compliance_per_m, time_s, force_n),
+            None => self.stepper.0.excess_m(stages, compliance_per_m, time_s, force),
         }
     }
 
@@ -130,11 +140,11 @@ impl FieldStepper for LocalStepper {
         stages: &Stages,
         compliance_per_m: f64,
         time_s: &[f64],
-        force_n: &[f64],
+        force: Force<'_>,
     ) -> Result<Vec<Dual>> {
-        match self.learnt(stages, compliance_per_m, time_s, force_n, |x| x) {
+        match self.learnt(stages, compliance_per_m, time_s, force, |x| x) {
             Some(excess_m) => Ok(excess_m),
-            None => self.stepper.0.excess_dual_m(stages, compliance_per_m, time_s, force_n),
+            None => self.stepper.0.excess_dual_m(stages, compliance_per_m, time_s, force),
         }
     }
 }
@@ -147,14 +157,17 @@ fn bases_of(n_coordinates: usize) -> Option<&'static [Basis]> {
     BASES.get(place)?.get_or_init(make).as_deref()
 }
 
-/// A compliance whose nonlinear laws remember their trajectories in one record: rows' times (s) and commanded forces (N).
-pub fn local(compliance: &Compliance, time_s: &[f64], force_n: &[f64]) -> Compliance {
-    let record = Arc::new((time_s.to_vec(), force_n.to_vec()));
+/// A compliance whose nonlinear laws remember their trajectories in one record: rows' times (s) and commanded force.
+pub fn local<'f>(compliance: &Compliance, time_s: &[f64], force: impl Into<Force<'f>>) -> Compliance {
+    let force = force.into();
+    let record = Arc::new((time_s.to_vec(), force.at_rows_n.to_vec()));
+    let rule = force.rule;
     let steppers: Mutex<BTreeMap<NonlinearFamily, Stepped>> = Mutex::default();
     compliance.clone().with_stepper(move |stages, stepper| {
         let Some(Spatial::Nonlinear(law)) = stages.spatial else { return stepper };
         let mut steppers = steppers.lock().unwrap_or_else(PoisonError::into_inner);
-        let remembering = || Stepped(Arc::new(LocalStepper::new(stepper, &record.0, &record.1)));
+        let remembering =
+            || Stepped(Arc::new(LocalStepper::new(stepper, &record.0, Force { at_rows_n: &record.1, rule })));
         steppers.entry(law.family()).or_insert_with(remembering).clone()
     })
 }

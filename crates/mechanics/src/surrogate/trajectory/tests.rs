@@ -45,7 +45,7 @@ fn record() -> (Vec<f64>, Vec<f64>) {
 
 fn local(which: usize) -> LocalStepper {
     let (time_s, force_n) = record();
-    LocalStepper::new(Stepped(Arc::new(stepper(which).clone())), &time_s, &force_n)
+    LocalStepper::new(Stepped(Arc::new(stepper(which).clone())), &time_s, (&force_n).into())
 }
 
 fn stages(which: usize, law: [Dual; 3], value: Dual) -> Stages {
@@ -85,7 +85,7 @@ fn steppers_only_scale_with_the_modulus() {
             let value = ABOUT[which][1] * if which == 0 { factor * factor } else { 1.0 };
             let law = PORCINE.map(|x| Dual::constant(factor * x));
             let at = stages(which, law, value.into());
-            stepper(which).excess_m(&at, COMPLIANCE_PER_M, &time_s, &force_n).expect("it moves")
+            stepper(which).excess_m(&at, COMPLIANCE_PER_M, &time_s, (&force_n).into()).expect("it moves")
         };
         let (one, other) = (excess_m(1.0), excess_m(1.7));
         let worst = one.iter().zip(&other).fold(0.0_f64, |m, (a, b)| m.max((a - 1.7 * b).abs()));
@@ -109,11 +109,13 @@ fn what_is_remembered_is_what_the_stepper_says() {
             let (mut n_learnt, mut worst) = (0, 0.0_f64);
             let points = points(which, about);
             for at in &points {
-                let exact = stepper(which).excess_m(at, COMPLIANCE_PER_M, &time_s, &force_n).expect("it moves");
-                let found = local.learnt(at, COMPLIANCE_PER_M, &time_s, &force_n, |x| x.value);
+                let exact =
+                    stepper(which).excess_m(at, COMPLIANCE_PER_M, &time_s, (&force_n).into()).expect("it moves");
+                let found = local.learnt(at, COMPLIANCE_PER_M, &time_s, (&force_n).into(), |x| x.value);
                 let Some(found) = found else { continue };
                 n_learnt += 1;
-                let first = local.excess_m(at, COMPLIANCE_PER_M, &time_s[..101], &force_n[..101]).expect("it moves");
+                let first =
+                    local.excess_m(at, COMPLIANCE_PER_M, &time_s[..101], (&force_n[..101]).into()).expect("it moves");
                 assert_eq!(first, found[..101]);
                 let error = found.iter().zip(&exact).fold(0.0_f64, |m, (a, b)| m.max((a - b).abs()));
                 worst = worst.max(error / amplitude_m(at, sizes(&local)));
@@ -133,9 +135,9 @@ fn what_is_not_covered_is_left_to_the_stepper() {
     let usual = stages(which, PORCINE.map(Dual::constant), 0.93.into());
     let learnt = |at: &Stages, time_s: &[f64]| {
         let force_n = &force_n[..time_s.len()];
-        let found = local.learnt(at, COMPLIANCE_PER_M, time_s, force_n, |x| x.value);
-        let exact = stepper(which).excess_m(at, COMPLIANCE_PER_M, time_s, force_n).expect("it moves");
-        let is_the_stepper = local.excess_m(at, COMPLIANCE_PER_M, time_s, force_n).expect("it moves") == exact;
+        let found = local.learnt(at, COMPLIANCE_PER_M, time_s, force_n.into(), |x| x.value);
+        let exact = stepper(which).excess_m(at, COMPLIANCE_PER_M, time_s, force_n.into()).expect("it moves");
+        let is_the_stepper = local.excess_m(at, COMPLIANCE_PER_M, time_s, force_n.into()).expect("it moves") == exact;
         assert_eq!(found.is_some(), !is_the_stepper);
         found.is_some()
     };
@@ -156,7 +158,7 @@ fn answers_depend_on_nothing_but_the_point() {
     let which = 1;
     let points: Vec<Stages> = [0.96, 0.93, 0.88].iter().flat_map(|about| points(which, *about)).collect();
     let bits = |local: &LocalStepper, at: &Stages| -> Vec<u64> {
-        let excess_m = local.excess_m(at, COMPLIANCE_PER_M, &time_s, &force_n).expect("it moves");
+        let excess_m = local.excess_m(at, COMPLIANCE_PER_M, &time_s, (&force_n).into()).expect("it moves");
         excess_m.into_iter().map(f64::to_bits).collect()
     };
     let (forth, back, beside) = (local(which), local(which), local(which));
@@ -174,8 +176,9 @@ fn little_excess_is_as_right_as_much() {
     let (time_s, force_n) = record();
     for (which, null, step) in [(0, 0.0, 1e-5), (1, 1.0, -1e-4), (2, 0.0, 1e-5)] {
         let at = stages(which, PORCINE.map(Dual::constant), (null + step).into());
-        let found = local(which).learnt(&at, COMPLIANCE_PER_M, &time_s, &force_n, |x| x.value).expect("covered");
-        let exact = stepper(which).excess_m(&at, COMPLIANCE_PER_M, &time_s, &force_n).expect("it moves");
+        let found =
+            local(which).learnt(&at, COMPLIANCE_PER_M, &time_s, (&force_n).into(), |x| x.value).expect("covered");
+        let exact = stepper(which).excess_m(&at, COMPLIANCE_PER_M, &time_s, (&force_n).into()).expect("it moves");
         let error = found.iter().zip(&exact).fold(0.0_f64, |m, (a, b)| m.max((a - b).abs())) / largest(&exact);
         println!("{:?}: {error:e} of {:e} m", FAMILIES[which], largest(&exact));
         assert!(error < 0.02, "{:?}: {error:e}", FAMILIES[which]);
@@ -198,10 +201,10 @@ fn derivatives_are_those_of_the_trajectory() {
                 stages(which, [number(0), number(1), number(2)], number(3))
             };
             let dual = |stepper: &dyn FieldStepper| -> Vec<f64> {
-                let found = stepper.excess_dual_m(&at(0.0, 1.0), COMPLIANCE_PER_M, &time_s, &force_n);
+                let found = stepper.excess_dual_m(&at(0.0, 1.0), COMPLIANCE_PER_M, &time_s, (&force_n).into());
                 found.expect("it moves").iter().map(|x| x.derivative).collect()
             };
-            let value = |shift: f64| local.excess_m(&at(shift, 0.0), COMPLIANCE_PER_M, &time_s, &force_n);
+            let value = |shift: f64| local.excess_m(&at(shift, 0.0), COMPLIANCE_PER_M, &time_s, (&force_n).into());
             let (ahead, behind) = (value(1e-5).expect("it moves"), value(-1e-5).expect("it moves"));
             let own = dual(&local);
             let distance = |other: &dyn Fn(usize) -> f64| {
