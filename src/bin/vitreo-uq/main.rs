@@ -17,6 +17,7 @@ mod interrupt;
 mod ladder;
 mod options;
 mod output;
+mod questions;
 mod sample;
 mod shapes;
 mod shapes_words;
