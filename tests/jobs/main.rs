@@ -1,6 +1,7 @@
 //! Jobs of the library, from an experiment to a result.
 
 mod cohort_data;
+mod contradictions;
 mod experiment_rejections;
 mod groups;
 mod groups_walk;
