@@ -77,7 +77,7 @@ fn draw(arguments: &CheckArguments, experiment: &Experiment, files: &ExperimentF
         across_m,
         cycle: &record.cycle,
     };
-    let svg = raw_record(&raw, &experiment.specimen_id, &text.join(" "))?;
+    let svg = raw_record(&raw, &experiment.specimen_id, &text.join(" ").replace('-', "−"))?;
     let dir =
         arguments.out.parent().filter(|dir| !dir.as_os_str().is_empty()).map_or(PathBuf::from("."), PathBuf::from);
     let stem = arguments.out.file_name().map_or("record".into(), |name| name.to_string_lossy().into_owned());

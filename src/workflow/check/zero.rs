@@ -11,9 +11,10 @@ const SHARE: f64 = 0.03;
 /// The same where the first row has no position.
 const NOISES_WITHOUT_START: f64 = 12.0;
 const SHARE_WITHOUT_START: f64 = 0.15;
-/// Rows of rest before the force that can show a drift, and a drift's size in noise and in its own standard errors.
+/// Rows of rest before the force that can show a drift, and a drift's size in noise, as a share of the positions' range, and in its own standard errors.
 const REST_ROWS: usize = 8;
 const DRIFT_NOISES: f64 = 4.0;
+const DRIFT_SHARE: f64 = 0.02;
 const DRIFT_ERRORS: f64 = 8.0;
 
 fn median(mut values: Vec<f64>) -> Option<f64> {
@@ -71,7 +72,9 @@ pub(super) fn drifts_at_rest(looked: &Looked<'_>) -> Option<Contradiction> {
     let left: f64 = rest.iter().map(|p| (p.1 - mean_m - slope * (p.0 - mean_s)).powi(2)).sum();
     let error = (left / (n - 2.0) / spread).sqrt();
     let drift_m = slope * (rest[rest.len() - 1].0 - rest[0].0);
-    if drift_m.abs() <= DRIFT_NOISES * looked.noise_m || slope.abs() <= DRIFT_ERRORS * error {
+    if drift_m.abs() <= (DRIFT_NOISES * looked.noise_m).max(DRIFT_SHARE * looked.range_m)
+        || slope.abs() <= DRIFT_ERRORS * error
+    {
         return None;
     }
     let text = format!("the position drifts by {} µm at rest, before any force acts", um(drift_m));

@@ -11,7 +11,7 @@ pub struct InitSummary {
     pub file: String,
     /// What was understood of the table, one sentence each.
     pub reasons: Vec<String>,
-    /// Columns of time, force, position and, if the table has one, cycle.
+    /// Columns of time, force, position (or x and y) and, if the table has one, cycle.
     pub columns: Vec<InitColumn>,
     /// Other columns, which are kept in the file and not read.
     pub others: Vec<String>,
