@@ -5,6 +5,7 @@ use schemars::generate::SchemaSettings;
 use serde_json::{Value, json};
 
 use crate::critique::challenge::plays::Plays;
+use crate::documents::check::CheckSummary;
 use crate::documents::comparison::Comparison;
 use crate::documents::diagnosis::Diagnosis;
 use crate::documents::effects::EffectsSummary;
@@ -54,6 +55,7 @@ impl DocumentSchema {
 pub fn all() -> Vec<DocumentSchema> {
     vec![
         DocumentSchema::of::<Plays>("challenge", "challenge run"),
+        DocumentSchema::of::<CheckSummary>("check", "check"),
         DocumentSchema::of::<Comparison>("comparison", "compare"),
         DocumentSchema::of::<Diagnosis>("diagnosis", "diagnose"),
         DocumentSchema::of::<EffectsSummary>("effects", "effects"),

@@ -232,6 +232,7 @@ fn measurement(
         (Experiment::read(path)?, ModelSpecification::default())
     };
     files.notes.iter().for_each(|note| monitor.warn(&format!("{}: {note}", name_of(path))));
+    crate::workflow::check::refuse_certain(&experiment, &files.understood, monitor)?;
     Ok(Measurement {
         path: path.to_path_buf(),
         experiment,

@@ -9,6 +9,7 @@ fn files(id: &str) -> ExperimentFiles {
         csv_name: "data/trajectory.csv".into(),
         csv_bytes: b"time_s,force_N,position_m\r\n".to_vec(),
         notes: vec![],
+        understood: crate::experiment::Understood::default(),
     }
 }
 

@@ -5,7 +5,10 @@ use std::path::{Path, PathBuf};
 
 use crate::documents::init::{InitColumn, InitSummary};
 use crate::error::{Error, Place, Result};
-use crate::experiment::table::{ColumnName, Given, Proposal, TableDescription, TimeFormat, Zero, propose, table_text};
+use crate::experiment::table::{
+    Ask, ColumnName, Given, PositionColumns, Proposal, Question, TableDescription, TimeFormat, propose,
+};
+use crate::experiment::{Direction, Zero};
 use crate::files::{self, Content, write_together};
 use crate::study::sha256_hex;
 use crate::toml_input::UNKNOWN;
@@ -21,6 +24,8 @@ pub struct InitRequest {
     pub given: Given,
     /// Specimen identifier.
     pub id: Option<String>,
+    /// Its species and the region of its eye.
+    pub groups: [Option<String>; 2],
     /// Diameter of a spherical robot in mm, its density in kg/m³, the vitreous's diameter in mm and Poisson ratio.
     pub sizes: [Option<f64>; 4],
     /// Noise of the tracker in µm.
@@ -29,13 +34,12 @@ pub struct InitRequest {
     pub replace: bool,
 }
 
-/// Looks at the table, and writes the experiment beside a copy of it. Gives what was understood, and the hash of the table.
+/// Looks at the table, asks for what it cannot know, and writes the experiment beside a copy of the table. Gives what was understood, and the table's hash.
 ///
 /// # Errors
 /// Those of [`propose`]; [`Error::Input`] where an experiment is there already; [`Error::File`] when the operating system refuses.
-pub fn run(request: &InitRequest) -> Result<(InitSummary, String)> {
+pub fn run(request: &InitRequest, ask: Ask<'_>) -> Result<(InitSummary, String)> {
     let bytes = files::read(&request.file, Content::Table, "give a table that can be read")?;
-    let proposal = propose(&request.file, &table_text(&bytes), &request.given)?;
     let name = file_name(&request.file)?;
     let out = request.out.clone().unwrap_or_else(|| PathBuf::from(Path::new(&name).file_stem().unwrap_or_default()));
     let toml_path = out.join("experiment.toml");
@@ -46,9 +50,15 @@ pub fn run(request: &InitRequest) -> Result<(InitSummary, String)> {
             "give another directory with `--out`, or `--replace` to write over it",
         ));
     }
+    let proposal = propose(&request.file, &bytes, &request.given, ask)?;
+    let mut request = request.clone();
+    for (size, what) in request.sizes.iter_mut().zip(SIZES) {
+        *size = size.or_else(|| asked_size(what, ask));
+    }
+    let request = &request;
     let unknown = UNKNOWN_KEYS.iter().zip(request.sizes).filter(|(_, size)| size.is_none());
     let unknown = unknown.map(|(key, _)| (*key).to_string()).collect();
-    let toml = experiment_toml(request, &name, &proposal.description);
+    let toml = experiment_toml(request, &name, &proposal);
     std::fs::create_dir_all(&out)
         .map_err(|error| Error::at_path("create", &out, error, "give a directory that can be written to"))?;
     write_together(&[(&out.join(&name), &bytes), (&toml_path, toml.as_bytes())])?;
@@ -68,6 +78,31 @@ pub fn run(request: &InitRequest) -> Result<(InitSummary, String)> {
 /// Keys of [`InitRequest::sizes`].
 const UNKNOWN_KEYS: [&str; 4] =
     ["robot.diameter_mm", "robot.density_kg_m3", "vitreous.diameter_mm", "vitreous.poisson_ratio"];
+
+/// The same in words.
+const SIZES: [&str; 4] = [
+    "diameter of the robot, a sphere, in mm",
+    "density of the robot in kg/m³",
+    "diameter of the vitreous in mm",
+    "Poisson ratio of the vitreous (0.48 to 0.499 for a gel that is nearly incompressible)",
+];
+/// Answers that are no numbers before a question is given up.
+const TRIES: usize = 3;
+
+fn asked_size(what: &str, ask: Ask<'_>) -> Option<f64> {
+    let mut text = what.to_string();
+    for _ in 0..TRIES {
+        let answer = ask(&Question { text, choices: Vec::new(), proposal: Some(UNKNOWN.into()) })?;
+        if answer == UNKNOWN {
+            return None;
+        }
+        match answer.replace(',', ".").parse::<f64>() {
+            Ok(size) if size.is_finite() => return Some(size),
+            _ => text = format!("`{answer}` is no number; {what}"),
+        }
+    }
+    None
+}
 
 fn file_name(file: &Path) -> Result<String> {
     let name = file.file_name().and_then(|name| name.to_str()).filter(|name| !name.contains(char::is_control));
@@ -107,15 +142,22 @@ fn columns(proposal: &Proposal) -> Vec<InitColumn> {
     let mut columns = vec![
         column("time", &time.0, time_unit(&time.1), Some([0.0, proposal.duration_s])),
         column("force", &force.0, force.1.name.clone(), micro(proposal.force_n)),
-        column("position", &position.0, position.1.name.clone(), micro(proposal.position_m)),
     ];
+    let unit = || position.1.name.clone();
+    match &position.0 {
+        PositionColumns::Along(name) => columns.push(column("position", name, unit(), micro(proposal.position_m))),
+        PositionColumns::Plane([x, y]) => {
+            columns.push(column("position_x", x, unit(), None));
+            columns.push(column("position_y", y, unit(), None));
+        }
+    }
     columns.extend(cycle.as_ref().map(|cycle| column("cycle", cycle, String::new(), None)));
     columns
 }
 
 fn others(proposal: &Proposal) -> Vec<String> {
     let TableDescription { time, force, position, cycle, .. } = &proposal.description;
-    let used: Vec<&ColumnName> = [&time.0, &force.0, &position.0].into_iter().chain(cycle).collect();
+    let used: Vec<&ColumnName> = [&time.0, &force.0].into_iter().chain(position.0.all()).chain(cycle).collect();
     let is_used = |(at, name): &(usize, &String)| {
         used.iter().any(|column| match column {
             ColumnName::Named(own) => own == *name,
@@ -139,7 +181,8 @@ fn column_name(column: &ColumnName) -> String {
 }
 
 /// `experiment.toml`, with a comment a line.
-fn experiment_toml(request: &InitRequest, file: &str, table: &TableDescription) -> String {
+fn experiment_toml(request: &InitRequest, file: &str, proposal: &Proposal) -> String {
+    let table = &proposal.description;
     let stem = Path::new(file).file_stem().map_or("specimen".into(), |stem| stem.to_string_lossy().into_owned());
     let [diameter, density, vitreous, poisson] =
         request.sizes.map(|size| size.map_or_else(|| text(UNKNOWN), |size| format!("{size:?}")));
@@ -155,6 +198,15 @@ fn experiment_toml(request: &InitRequest, file: &str, table: &TableDescription) 
         text(request.id.as_deref().unwrap_or(&stem)),
         "its name; repeats of one specimen share it",
     );
+    let [species, region] = &request.groups;
+    match species {
+        Some(species) => line("species", text(species), "groups are formed by it"),
+        None => line("# species", text("porcine"), "free text; groups are formed by it"),
+    }
+    match region {
+        Some(region) => line("region", text(region), "groups are formed by it"),
+        None => line("# region", text("central"), "free text; groups are formed by it"),
+    }
     line("\n[robot]\nshape", text("sphere"), "or \"ellipsoid\", \"cylinder\" with `length_mm` and `orientation`");
     line("diameter_mm", diameter, "of the moving body");
     line("density_kg_m3", density, "of the moving body");
@@ -170,26 +222,48 @@ fn experiment_toml(request: &InitRequest, file: &str, table: &TableDescription) 
     line("# calibration_cycles", "[1]".into(), "cycles that are fitted; the others are held out");
     line("delimiter", text(table.delimiter.name()), "between cells");
     line("decimal", text(table.decimal.name()), "before decimals");
+    if let Some(encoding) = table.encoding {
+        line("encoding", text(encoding.name()), "of the letters: utf-8, utf-16-le, utf-16-be or latin-1");
+    }
+    match &table.comment {
+        Some(sign) => line("comment", text(sign), "lines that begin with it are not read"),
+        None => line("# comment", text("#"), "lines that begin with it are not read; left out: #, % and //"),
+    }
     if let Some(header) = table.header_line {
         line("header_line", header.to_string(), "line of the columns' names");
     }
     line("first_row_line", table.first_row_line.to_string(), "line of the first row");
-    match table.zero {
+    match proposal.frame.zero {
         Zero::AsWritten => line("# zero", text("first"), "which position is 0: \"first\", \"rest\" or a number"),
         Zero::First => line("zero", text("first"), "the first position is 0"),
         Zero::Rest => line("zero", text("rest"), "the position before the force acts is 0"),
         Zero::Value(value) => line("zero", format!("{value:?}"), "this position is 0"),
     }
-    let direction = if table.is_reversed { "-" } else { "+" };
-    line("direction", text(direction), "\"-\" where the position grows against the force");
+    match proposal.frame.direction {
+        Direction::Forward => line("direction", text("+"), "\"-\" where the position grows against the force"),
+        Direction::Backward => line("direction", text("-"), "the position grows against the force"),
+        Direction::Fit => line("direction", text("fit"), "the line of motion of x and y, or its degrees from x to y"),
+        Direction::Degrees(degrees) => line("direction", format!("{degrees:?}"), "degrees from x to y"),
+    }
+    line("# force", text("hold"), "\"hold\" until the next row, or \"linear\" between rows");
     line("\n[measurement.columns]\ntime", column_name(&table.time.0), "name in the header, or number from 1");
-    line("time_unit", text(&time_unit(&table.time.1)), "s, ms, min, h, \"clock\" (hh:mm:ss) or \"iso\"");
-    line("force", column_name(&table.force.0), "the commanded force, which holds until the next row");
-    line("force_unit", text(&table.force.1.name), "N, mN, uN, nN or pN");
-    line("position", column_name(&table.position.0), "along the force");
-    line("position_unit", text(&table.position.1.name), "m, mm, um or nm");
+    line("force", column_name(&table.force.0), "the commanded force");
+    match &table.position.0 {
+        PositionColumns::Along(position) => line("position", column_name(position), "along the force"),
+        PositionColumns::Plane([x, y]) => {
+            line("position_x", column_name(x), "projected on the line that `direction` names");
+            line("position_y", column_name(y), "with it");
+        }
+    }
     if let Some(cycle) = &table.cycle {
         line("cycle", column_name(cycle), "left out, cycles are found from the force");
     }
+    line(
+        "\n[measurement.units]\ntime",
+        text(&time_unit(&table.time.1)),
+        "s, ms, min, h, \"clock\" (hh:mm:ss) or \"iso\"",
+    );
+    line("force", text(&table.force.1.name), "N, mN, uN, nN or pN");
+    line("position", text(&table.position.1.name), "m, mm, um or nm");
     lines
 }

@@ -3,6 +3,7 @@
 pub mod advice;
 pub mod artefacts;
 mod cache;
+pub mod check;
 pub mod convergence;
 mod exchange;
 pub mod extend;

@@ -1,6 +1,8 @@
 //! Jobs of the library, from an experiment to a result.
 
 mod cohort_data;
+
+mod contradictions;
 mod drives;
 mod experiment_rejections;
 mod groups;

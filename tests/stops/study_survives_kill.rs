@@ -50,6 +50,7 @@ fn killed_writers_leave_whole_revisions_and_a_usable_study() {
         csv_name: "trajectory.csv".into(),
         csv_bytes: b"time_s\n".to_vec(),
         notes: vec![],
+        understood: vitreo_uq::experiment::Understood::default(),
     };
     let study = Study::open_or_create(&dir, &files, false).unwrap();
     let mut n_killed_at_work = 0;

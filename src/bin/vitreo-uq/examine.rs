@@ -28,6 +28,7 @@ impl Examined {
     /// Opens the revision that the options name; given an experiment, makes the study and its m0 first.
     pub fn open(common: &Common, model: &Model, options: SamplerOptions, terminal: &Terminal) -> Result<Self> {
         let target = Target::open(common, model, terminal)?;
+        target.check(terminal)?;
         let there = match target.existing_study() {
             Some(study) => study.revisions()?,
             None => Vec::new(),

@@ -35,6 +35,7 @@ pub fn run(arguments: &ExtendArguments) -> Result<ExitCode> {
     // Effects and values are of the model that is made; all else changes the model that is extended, too.
     let model = Model { with: Vec::new(), set: Vec::new(), ..arguments.model.clone() };
     let target = Target::open(common, &model, &terminal)?;
+    target.check(&terminal)?;
     if let (Some(_), Some(study)) = (&model.base, target.existing_study())
         && !study.revisions()?.is_empty()
     {

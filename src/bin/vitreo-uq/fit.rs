@@ -24,6 +24,7 @@ pub fn run(arguments: &FitArguments) -> Result<ExitCode> {
     crate::output::check(common.json.as_deref())?;
     let terminal = Terminal::new(common.quiet);
     let target = Target::open(common, &arguments.model, &terminal)?;
+    target.check(&terminal)?;
     let problem = target.problem(&arguments.model, &terminal)?;
     let kept = target.existing_study().and_then(|study| kept_surrogate(study, &terminal));
     let result = fit::run(&problem, kept, &terminal)?;

@@ -11,6 +11,7 @@ use vitreo_uq::experiment::table::{Given, unit as spelt};
 use vitreo_uq::study::{Provenance, WithProvenance};
 use vitreo_uq::workflow::init::{self, InitRequest};
 
+use crate::questions;
 use crate::text::significant;
 
 /// Arguments of `init`.
@@ -31,21 +32,33 @@ pub struct InitArguments {
     /// Column of the position along the force
     #[arg(long, value_name = "COLUMN")]
     position: Option<String>,
+    /// Column of x, where the position is not in one column; with `--y`
+    #[arg(long, value_name = "COLUMN")]
+    x: Option<String>,
+    /// Column of y
+    #[arg(long, value_name = "COLUMN")]
+    y: Option<String>,
     /// Column of the cycle
     #[arg(long, value_name = "COLUMN")]
     cycle: Option<String>,
     /// Unit of the time: s, ms, min, h, clock (hh:mm:ss) or iso
     #[arg(long, value_name = "UNIT")]
-    time_unit: Option<String>,
+    unit_time: Option<String>,
     /// Unit of the force: N, mN, uN, nN or pN
     #[arg(long, value_name = "UNIT")]
-    force_unit: Option<String>,
+    unit_force: Option<String>,
     /// Unit of the position: m, mm, um or nm
     #[arg(long, value_name = "UNIT")]
-    position_unit: Option<String>,
+    unit_position: Option<String>,
     /// Name of the specimen [default: the table's name]
     #[arg(long, value_name = "ID")]
     id: Option<String>,
+    /// Its species, by which groups are formed
+    #[arg(long, value_name = "TEXT")]
+    species: Option<String>,
+    /// The region of its eye, by which groups are formed
+    #[arg(long, value_name = "TEXT")]
+    region: Option<String>,
     /// Diameter of the robot, a sphere, in mm
     #[arg(long, value_name = "MM")]
     robot_diameter_mm: Option<f64>,
@@ -76,13 +89,15 @@ pub fn run(arguments: &InitArguments) -> Result<ExitCode> {
     crate::output::check(arguments.json.as_deref())?;
     let given = Given {
         columns: [&arguments.time, &arguments.force, &arguments.position, &arguments.cycle].map(Clone::clone),
-        units: [&arguments.time_unit, &arguments.force_unit, &arguments.position_unit].map(Clone::clone),
+        plane: [arguments.x.clone(), arguments.y.clone()],
+        units: [&arguments.unit_time, &arguments.unit_force, &arguments.unit_position].map(Clone::clone),
     };
     let request = InitRequest {
         file: arguments.file.clone(),
         out: arguments.out.clone(),
         given,
         id: arguments.id.clone(),
+        groups: [arguments.species.clone(), arguments.region.clone()],
         sizes: [
             arguments.robot_diameter_mm,
             arguments.robot_density_kg_m3,
@@ -92,7 +107,9 @@ pub fn run(arguments: &InitArguments) -> Result<ExitCode> {
         noise_um: arguments.noise_um,
         replace: arguments.replace,
     };
-    let (summary, sha256) = init::run(&request)?;
+    let may_ask = questions::may_be_asked(arguments.quiet, arguments.json.as_deref());
+    let (summary, sha256) =
+        if may_ask { init::run(&request, &mut questions::ask)? } else { init::run(&request, &mut |_| None)? };
     let provenance = Provenance::new("init", 1, 0, BTreeMap::from([(summary.file.clone(), sha256)]));
     crate::output::show(arguments.json.as_deref(), &WithProvenance { provenance, body: &summary }, &words(&summary))?;
     if !arguments.quiet {
@@ -107,10 +124,10 @@ fn words(summary: &InitSummary) -> String {
     lines.push(String::new());
     lines.extend(summary.columns.iter().map(column));
     if summary.columns.iter().all(|column| column.role != "cycle") {
-        lines.push("  cycle     found from the force's repetition".into());
+        lines.push("  cycle      found from the force's repetition".into());
     }
     if !summary.others.is_empty() {
-        lines.push(format!("  not read  {}", summary.others.join(", ")));
+        lines.push(format!("  not read   {}", summary.others.join(", ")));
     }
     if summary.rows_without_position > 0 {
         lines.push(format!("{} rows have no position; they are not compared.", summary.rows_without_position));
@@ -131,7 +148,7 @@ fn column(column: &InitColumn) -> String {
         format!(": {} to {} {shown}", significant(low * per + 0.0), significant(high * per + 0.0))
     });
     let written = if spelt(unit).is_none() && !unit.is_empty() { format!(" ({unit})") } else { String::new() };
-    format!("  {role:<9} `{name}`{written}{range}")
+    format!("  {role:<10} `{name}`{written}{range}")
 }
 
 fn next(summary: &InitSummary) -> String {

@@ -3,6 +3,7 @@
 
 mod challenge;
 mod challenge_words;
+mod check;
 mod compare;
 mod corner;
 mod corner_data;
@@ -17,6 +18,7 @@ mod interrupt;
 mod ladder;
 mod options;
 mod output;
+mod questions;
 mod sample;
 mod shapes;
 mod shapes_words;
@@ -49,6 +51,8 @@ struct Program {
 enum Command {
     /// From a table of numbers, however it is written, to an experiment
     Init(init::InitArguments),
+    /// What was understood of a record, the record drawn, and what contradicts its description
+    Check(check::CheckArguments),
     /// From a measurement to a posterior that full finite elements have checked
     Sample(SampleArguments),
     /// The paper's point estimate by nonlinear least squares, with standard errors
@@ -81,6 +85,7 @@ fn main() -> ExitCode {
     interrupt::watch(how_to_go_on);
     let outcome = match &program.command {
         Command::Init(arguments) => init::run(arguments),
+        Command::Check(arguments) => check::run(arguments),
         Command::Sample(arguments) => sample::run(arguments),
         Command::Fit(arguments) => fit::run(arguments),
         Command::Simulate(arguments) => simulate::run(arguments),

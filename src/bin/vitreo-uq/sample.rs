@@ -25,6 +25,7 @@ pub fn run(arguments: &SampleArguments) -> Result<ExitCode> {
     let options = options::sampler(arguments.chains, arguments.steps, common.seed, threads);
     let terminal = Terminal::new(common.quiet);
     let target = Target::open_at(common, &arguments.model, Some(FIRST_REVISION), &terminal)?;
+    target.check(&terminal)?;
     if let Some(study) = target.existing_study() {
         refuse_other_model(study, &target.specification, common.force)?;
     }

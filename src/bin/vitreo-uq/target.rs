@@ -4,12 +4,12 @@ use std::path::PathBuf;
 
 use vitreo_uq::effects::Library;
 use vitreo_uq::error::{Error, Place, Result};
-use vitreo_uq::experiment::{Experiment, ExperimentFiles};
+use vitreo_uq::experiment::{Experiment, ExperimentFiles, Understood};
 use vitreo_uq::study::{ModelSpecification, Provenance, Study};
 use vitreo_uq::workflow::Monitor;
 use vitreo_uq::workflow::mechanics::MeshFile;
 use vitreo_uq::workflow::problem::Problem;
-use vitreo_uq::workflow::{artefacts, replica};
+use vitreo_uq::workflow::{artefacts, check, replica};
 
 use crate::options::{Common, Model};
 
@@ -20,6 +20,8 @@ pub struct Target {
     place: StudyPlace,
     /// The experiment.
     pub experiment: Experiment,
+    /// How its description was taken.
+    understood: Understood,
     /// The model that the options, or else the study's last revision, name.
     pub specification: ModelSpecification,
 }
@@ -43,7 +45,7 @@ impl Target {
         default_revision: Option<&str>,
         monitor: &dyn Monitor,
     ) -> Result<Self> {
-        let (place, experiment) = match &common.target {
+        let (place, experiment, understood) = match &common.target {
             Some(path) if Study::is_study(path) => {
                 if common.out.is_some() {
                     return Err(Error::input(
@@ -55,7 +57,7 @@ impl Target {
                 let study = Study::open(path)?;
                 let (experiment, files) = study.read_experiment()?;
                 print_notes(&files, monitor);
-                (StudyPlace::There(study), experiment)
+                (StudyPlace::There(study), experiment, files.understood)
             }
             path => {
                 if let Some(dir) = path.as_ref().filter(|dir| dir.join("model.toml").is_file()) {
@@ -71,11 +73,17 @@ impl Target {
                 };
                 print_notes(&files, monitor);
                 let dir = common.out.clone().unwrap_or_else(|| Study::default_dir(&experiment.specimen_id));
-                (place_of(dir, files, common.force)?, experiment)
+                let understood = files.understood.clone();
+                (place_of(dir, files, common.force)?, experiment, understood)
             }
         };
         let specification = specification(place.study(), model, default_revision)?;
-        Ok(Self { place, experiment, specification })
+        Ok(Self { place, experiment, understood, specification })
+    }
+
+    /// Refuses a record that certainly contradicts its description, and says what may: before anything is fitted to it.
+    pub fn check(&self, monitor: &dyn Monitor) -> Result<()> {
+        check::refuse_certain(&self.experiment, &self.understood, monitor)
     }
 
     /// The study, if it is there already.

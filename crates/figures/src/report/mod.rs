@@ -41,6 +41,7 @@ mod netcdf_file;
 pub mod number;
 pub mod palette;
 pub mod predictive;
+pub mod record;
 mod record_netcdf;
 pub mod shapes;
 pub mod singular_values;

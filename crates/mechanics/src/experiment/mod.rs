@@ -5,6 +5,7 @@
 mod apparatus;
 mod cycles;
 mod force;
+mod frame;
 pub mod noise;
 mod notes;
 mod read;
@@ -15,9 +16,10 @@ mod trajectory;
 
 pub use apparatus::{Apparatus, Offset, OffsetDirection, Orientation, Robot, RobotShape, Vitreous};
 pub use force::{Force, ForceRule};
+pub use frame::{Direction, Frame, Projection, Settled, Zero};
 pub use noise::{NoiseOrigin, NoiseYardstick};
 pub use notes::Note;
-pub use read::ExperimentFiles;
+pub use read::{ExperimentFiles, Understood};
 pub use record::Record;
 pub use scales::Scales;
 

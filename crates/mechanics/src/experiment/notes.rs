@@ -32,6 +32,15 @@ pub enum Note {
         /// The first position in m.
         position_m: f64,
     },
+    /// x and y were projected on a line, and this is what moved across it.
+    MovesAcross {
+        /// Direction of the line, from x towards y.
+        degrees: f64,
+        /// Root mean square across it, in m.
+        rms_m: f64,
+        /// Largest minus smallest position along it, in m.
+        range_m: f64,
+    },
     /// `measurement.source` was left out.
     SourceNotStated,
 }
@@ -48,6 +57,12 @@ impl std::fmt::Display for Note {
                 f,
                 "the first position is {:.4} µm, but the record should start at 0, before the force acts; subtract the rest position",
                 position_m * UM_PER_M
+            ),
+            Self::MovesAcross { degrees, rms_m, range_m } => write!(
+                f,
+                "x and y are projected on a line at {degrees:.2}° from x; along it positions range over {:.4} µm, across it they scatter by {:.4} µm (root mean square), which no model sees",
+                range_m * UM_PER_M,
+                rms_m * UM_PER_M
             ),
             Self::SourceNotStated => f.write_str(
                 "`measurement.source` is not given; say there where the data come from, synthetic or measured",

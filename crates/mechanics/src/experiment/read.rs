@@ -5,9 +5,10 @@ use std::path::{Path, PathBuf};
 
 use super::cycles::find_cycles;
 use super::force::ForceRule;
+use super::frame::{Frame, Settled};
 use super::notes::{Note, UM_PER_M};
 use super::record::Record;
-use super::table::{KEYS, TableDescription, one_of, read_described, table_text};
+use super::table::{Encoding, KEYS, TableDescription, one_of, read_described};
 use super::trajectory::{Trajectory, read_trajectory};
 use super::{Apparatus, Experiment};
 use crate::error::{Error, Place, Result};
@@ -32,6 +33,17 @@ pub struct ExperimentFiles {
     pub csv_bytes: Vec<u8>,
     /// What a person should know about how the data were understood.
     pub notes: Vec<Note>,
+    /// How the description was taken.
+    pub understood: Understood,
+}
+
+/// How a description was taken, for whoever holds it against the rows.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Understood {
+    /// Whether `force` in [measurement] says what the force does between rows.
+    pub force_rule_given: bool,
+    /// What was done to the coordinates.
+    pub settled: Settled,
 }
 
 impl Experiment {
@@ -75,7 +87,9 @@ struct Specification {
     csv_name: String,
     /// `None` for a table of the program's own form.
     table: Option<TableDescription>,
+    frame: Frame,
     force_rule: ForceRule,
+    force_rule_given: bool,
     calibration: CycleList,
     heldout: CycleList,
     noise_sd_m: Option<f64>,
@@ -127,10 +141,16 @@ impl Specification {
         let apparatus = Apparatus::from_document(root)?;
         let measurement = root.required_table("measurement")?;
         measurement.only(
-            &[&["file", "calibration_cycles", "heldout_cycles", "noise_um", "source", "force"], &KEYS[..]].concat(),
+            &[
+                &["file", "calibration_cycles", "heldout_cycles", "noise_um", "source", "force", "zero", "direction"],
+                &KEYS[..],
+            ]
+            .concat(),
         )?;
+        let force_rule_given = measurement.has("force");
         let force_rule = one_of(measurement, "force", &ForceRule::ALL, ForceRule::name)?.unwrap_or_default();
         let table = TableDescription::read(measurement)?;
+        let frame = Frame::read(measurement, table.as_ref().is_some_and(TableDescription::is_plane))?;
         let csv_name = csv_name_from(measurement)?;
         let noise_um = measurement.positive("noise_um", "noise_um = 4.0")?;
         let noise_um =
@@ -143,7 +163,9 @@ impl Specification {
             apparatus,
             csv_name,
             table,
+            frame,
             force_rule,
+            force_rule_given,
             calibration: CycleList::read(measurement, "calibration_cycles")?,
             heldout: CycleList::read(measurement, "heldout_cycles")?,
             noise_sd_m,
@@ -158,19 +180,31 @@ impl Specification {
         csv_place: &Path,
         csv_bytes: &[u8],
     ) -> Result<(Experiment, ExperimentFiles)> {
-        let trajectory = match &self.table {
+        let mut trajectory = match &self.table {
             None => read_trajectory(csv_place, text_of(csv_place, csv_bytes)?)?,
-            Some(table) => read_described(csv_place, &table_text(csv_bytes), table)?,
+            Some(table) => {
+                let encoding = table.encoding.unwrap_or_else(|| Encoding::of(csv_bytes));
+                let text = encoding.text(csv_bytes).ok_or_else(|| {
+                    let found = format!("the table is not written in {}", encoding.name());
+                    let remedy = "correct `encoding` in [measurement], or leave it out so that it is found";
+                    Error::input(Place::file(csv_place), found, remedy)
+                })?;
+                read_described(csv_place, &text, table)?
+            }
         };
         check_driven(csv_place, &trajectory)?;
         let mut notes = Vec::new();
-        let mut trajectory = trajectory;
+        let settled = self.frame.settle(csv_place, &mut trajectory)?;
         let (lines, position_column) =
             (std::mem::take(&mut trajectory.lines), std::mem::take(&mut trajectory.position_column));
         let (record, lines) = record_from(trajectory, lines, self.force_rule, &mut notes);
         let (calibration_cycles, heldout_cycles) = self.choose_cycles(record.n_cycles())?;
         check_positions(&record, &calibration_cycles, &Place::file(csv_place).at_key(position_column), &lines)?;
         note_data(&record, &heldout_cycles, self.source.is_none(), &mut notes);
+        if let Some(projection) = &settled.projection {
+            let range_m = range_m(&record);
+            notes.push(Note::MovesAcross { degrees: projection.degrees, rms_m: projection.across_rms_m, range_m });
+        }
         let files = ExperimentFiles {
             toml_name: toml_place
                 .file_name()
@@ -179,6 +213,7 @@ impl Specification {
             csv_name: self.csv_name,
             csv_bytes: csv_bytes.to_vec(),
             notes,
+            understood: Understood { force_rule_given: self.force_rule_given, settled },
         };
         let experiment = Experiment {
             specimen_id: self.specimen_id,
@@ -286,6 +321,12 @@ fn check_positions(record: &Record, calibration_cycles: &[u32], place: &Place, l
     Ok(())
 }
 
+/// Largest minus smallest position, in m.
+fn range_m(record: &Record) -> f64 {
+    let positions = || record.position_m.iter().flatten().copied();
+    positions().fold(f64::NEG_INFINITY, f64::max) - positions().fold(f64::INFINITY, f64::min)
+}
+
 fn note_data(record: &Record, heldout_cycles: &[u32], source_missing: bool, notes: &mut Vec<Note>) {
     let n_missing = record.position_m.iter().filter(|position| position.is_none()).count() - record.force_rows.len();
     if n_missing > 0 {
@@ -294,10 +335,8 @@ fn note_data(record: &Record, heldout_cycles: &[u32], source_missing: bool, note
     let counts = record.n_positions();
     let empty = heldout_cycles.iter().filter(|cycle| counts.get(**cycle as usize).is_none_or(|count| *count == 0));
     notes.extend(empty.map(|&cycle| Note::HeldOutCycleEmpty { cycle }));
-    let positions = || record.position_m.iter().flatten().copied();
-    let range_m = positions().fold(f64::NEG_INFINITY, f64::max) - positions().fold(f64::INFINITY, f64::min);
     if let Some(Some(first)) = record.position_m.first()
-        && first.abs() > 0.5 * range_m
+        && first.abs() > 0.5 * range_m(record)
     {
         notes.push(Note::FirstPositionNotZero { position_m: *first });
     }

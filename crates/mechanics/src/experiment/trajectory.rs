@@ -11,7 +11,12 @@ use crate::units::{Dimension, UNITS, Unit, nearest_name};
 pub(super) struct Trajectory {
     pub time_s: Vec<f64>,
     pub force_n: Vec<f64>,
+    /// As written; of x and y, x.
     pub position_m: Vec<Option<f64>>,
+    /// The other coordinate of a table with x and y.
+    pub y_m: Option<Vec<Option<f64>>>,
+    /// Metres in a unit of the position's column.
+    pub position_unit_m: f64,
     /// `None` when the file has no `cycle` column.
     pub cycle: Option<Vec<u32>>,
     /// Line of each row in the file, counted from 1.
@@ -77,6 +82,7 @@ pub(super) fn read_trajectory(file: &Path, text: &str) -> Result<Trajectory> {
     let header = Header::parse(&Place::file(file).at_line(header_line), &names)?;
     let column = |which: usize| header.names[header.quantities[which].0].as_str();
     let mut trajectory = Trajectory::empty(header.cycle.is_some(), column(FORCE), column(POSITION));
+    trajectory.position_unit_m = header.quantities[POSITION].1.to_si(1.0);
     while let Some(line) = rows.next_row()? {
         trajectory.note_line(file, line)?;
         trajectory.push(&header, &|| Place::file(file).at_line(line), &rows.record)?;
@@ -261,6 +267,8 @@ impl Trajectory {
             time_s: Vec::new(),
             force_n: Vec::new(),
             position_m: Vec::new(),
+            y_m: None,
+            position_unit_m: 1.0,
             cycle: has_cycles.then(Vec::new),
             lines: Vec::new(),
             force_column: force_column.into(),

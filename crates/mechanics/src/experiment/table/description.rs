@@ -1,7 +1,7 @@
 //! How a table of another maker is written: what `[measurement]` says of it beside its name (formats §1).
 
-use super::spelling::{Spelt, unit};
-use super::text::{Decimal, Delimiter};
+use super::spelling::{Spelt, split_unit, unit};
+use super::text::{Decimal, Delimiter, Encoding};
 use crate::error::Result;
 use crate::toml_input::Table;
 use crate::units::Dimension;
@@ -26,17 +26,23 @@ pub enum TimeFormat {
     Iso,
 }
 
-/// Which position counts as 0.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Zero {
-    /// The one that the table has for 0.
-    AsWritten,
-    /// The first.
-    First,
-    /// The median of those before the force first acts.
-    Rest,
-    /// This one, in the column's unit.
-    Value(f64),
+/// Where the position stands.
+#[derive(Debug, Clone, PartialEq)]
+pub enum PositionColumns {
+    /// In one column, along the force.
+    Along(ColumnName),
+    /// In two, x and y.
+    Plane([ColumnName; 2]),
+}
+
+impl PositionColumns {
+    /// The columns, x first.
+    pub fn all(&self) -> &[ColumnName] {
+        match self {
+            Self::Along(column) => std::slice::from_ref(column),
+            Self::Plane(columns) => columns,
+        }
+    }
 }
 
 /// A table of force and position against time.
@@ -46,6 +52,10 @@ pub struct TableDescription {
     pub delimiter: Delimiter,
     /// Before decimals.
     pub decimal: Decimal,
+    /// Letters as bytes; `None`: as the bytes show.
+    pub encoding: Option<Encoding>,
+    /// The sign that makes a line a comment; `None`: `#`, `%` and `//`.
+    pub comment: Option<String>,
     /// Line of the header, from 1; `None` where there is none.
     pub header_line: Option<usize>,
     /// Line of the first row, from 1.
@@ -55,18 +65,14 @@ pub struct TableDescription {
     /// Forces.
     pub force: (ColumnName, Spelt),
     /// Positions.
-    pub position: (ColumnName, Spelt),
+    pub position: (PositionColumns, Spelt),
     /// Cycles; found from the force where there is no such column.
     pub cycle: Option<ColumnName>,
-    /// Which position is 0.
-    pub zero: Zero,
-    /// Whether positions grow against the force's direction.
-    pub is_reversed: bool,
 }
 
-/// Keys of `[measurement]` that describe a table.
-pub(in crate::experiment) const KEYS: [&str; 7] =
-    ["columns", "delimiter", "decimal", "header_line", "first_row_line", "zero", "direction"];
+/// Keys of `[measurement]` that describe a table of another form than the program's own.
+pub(in crate::experiment) const KEYS: [&str; 8] =
+    ["columns", "units", "delimiter", "decimal", "encoding", "comment", "header_line", "first_row_line"];
 
 const EXAMPLE: &str = "position = \"x [µm]\"";
 
@@ -83,7 +89,11 @@ impl TableDescription {
                 )),
             };
         };
-        columns.only(&["time", "time_unit", "force", "force_unit", "position", "position_unit", "cycle"])?;
+        columns.only(&["time", "force", "position", "position_x", "position_y", "cycle"])?;
+        let units = Units { measurement, table: measurement.table("units")? };
+        if let Some(table) = units.table {
+            table.only(&["time", "force", "position"])?;
+        }
         let delimiter = one_of(measurement, "delimiter", &Delimiter::ALL, Delimiter::name)?.unwrap_or(Delimiter::Comma);
         let decimal = one_of(measurement, "decimal", &Decimal::ALL, Decimal::name)?.unwrap_or(Decimal::Point);
         if delimiter == Delimiter::Comma && decimal == Decimal::Comma {
@@ -93,31 +103,35 @@ impl TableDescription {
         let header_line = line(measurement, "header_line")?;
         let first_row_line = line(measurement, "first_row_line")?;
         let header_line = if header_line.is_none() && first_row_line.is_none() { Some(1) } else { header_line };
-        let force = (column(columns, "force")?, dimensioned(columns, "force_unit", Dimension::Force)?);
-        let position = (column(columns, "position")?, dimensioned(columns, "position_unit", Dimension::Length)?);
-        let format = match columns.required_text("time_unit", "time_unit = \"s\"")?.as_str() {
-            "clock" => TimeFormat::Clock,
-            "iso" => TimeFormat::Iso,
-            _ => TimeFormat::Unit(dimensioned(columns, "time_unit", Dimension::Time)?),
+        let (time, force) = (column(columns, "time")?, column(columns, "force")?);
+        let position = position_columns(columns)?;
+        let format = match units.text("time")?.as_deref() {
+            Some("clock") => TimeFormat::Clock,
+            Some("iso") => TimeFormat::Iso,
+            _ => TimeFormat::Unit(units.of("time", Dimension::Time, &time)?),
         };
         let description = Self {
             delimiter,
             decimal,
+            encoding: one_of(measurement, "encoding", &Encoding::ALL, Encoding::name)?,
+            comment: measurement.text("comment")?,
             header_line,
             first_row_line: first_row_line.unwrap_or(header_line.map_or(1, |line| line + 1)),
-            time: (column(columns, "time")?, format),
-            force,
-            position,
+            force: (force.clone(), units.of("force", Dimension::Force, &force)?),
+            position: (position.clone(), units.of("position", Dimension::Length, &position.all()[0])?),
+            time: (time, format),
             cycle: if columns.has("cycle") { Some(column(columns, "cycle")?) } else { None },
-            zero: zero(measurement)?,
-            is_reversed: one_of(measurement, "direction", &[false, true], |reversed| if reversed { "-" } else { "+" })?
-                .unwrap_or(false),
         };
         if description.header_line.is_some_and(|header| header >= description.first_row_line) {
             let remedy = "the header stands above the first row";
             return Err(measurement.refuse("header_line", "the header stands below the first row", remedy));
         }
         Ok(Some(description))
+    }
+
+    /// Whether positions are x and y.
+    pub fn is_plane(&self) -> bool {
+        matches!(self.position.0, PositionColumns::Plane(_))
     }
 }
 
@@ -156,34 +170,49 @@ fn column(columns: Table<'_>, key: &str) -> Result<ColumnName> {
     columns.required_text(key, EXAMPLE).map(ColumnName::Named)
 }
 
-fn dimensioned(columns: Table<'_>, key: &str, dimension: Dimension) -> Result<Spelt> {
-    let example = match dimension {
-        Dimension::Time => "time_unit = \"s\"",
-        Dimension::Force => "force_unit = \"uN\"",
-        Dimension::Length => "position_unit = \"um\"",
-    };
-    let text = columns.required_text(key, example)?;
-    unit(&text).filter(|unit| unit.dimension == dimension).ok_or_else(|| {
-        let known = dimension.accepted_suffixes().replace('_', "");
-        let others = if dimension == Dimension::Time { ", min, h, clock (hh:mm:ss), iso" } else { "" };
-        columns.refuse(key, format!("`{text}` is no unit of this"), format!("write one of {known}{others}"))
-    })
+fn position_columns(columns: Table<'_>) -> Result<PositionColumns> {
+    let is_plane = columns.has("position_x") || columns.has("position_y");
+    if !is_plane {
+        return column(columns, "position").map(PositionColumns::Along);
+    }
+    if columns.has("position") {
+        let remedy = "keep `position`, or `position_x` with `position_y`";
+        return Err(columns.refuse("position", "the position is named twice", remedy));
+    }
+    Ok(PositionColumns::Plane([column(columns, "position_x")?, column(columns, "position_y")?]))
 }
 
-fn zero(measurement: Table<'_>) -> Result<Zero> {
-    if !measurement.has("zero") {
-        return Ok(Zero::AsWritten);
+/// `[measurement.units]`; a column whose name ends in its unit needs none there.
+struct Units<'a> {
+    measurement: Table<'a>,
+    table: Option<Table<'a>>,
+}
+
+impl Units<'_> {
+    fn text(&self, key: &str) -> Result<Option<String>> {
+        self.table.map_or(Ok(None), |table| table.text(key))
     }
-    if measurement.is_number("zero") {
-        return Ok(measurement.number("zero")?.map_or(Zero::AsWritten, Zero::Value));
-    }
-    match measurement.required_text("zero", "zero = \"first\"")?.as_str() {
-        "first" => Ok(Zero::First),
-        "rest" => Ok(Zero::Rest),
-        other => Err(measurement.refuse(
-            "zero",
-            format!("unknown zero `{other}`"),
-            "write \"first\", \"rest\" (the positions before the force acts) or the position itself",
-        )),
+
+    fn of(&self, key: &str, dimension: Dimension, column: &ColumnName) -> Result<Spelt> {
+        let Some((table, text)) = self.table.zip(self.text(key)?) else {
+            let by_name = match column {
+                ColumnName::Named(name) => split_unit(name).1,
+                ColumnName::Number(_) => None,
+            };
+            let example = match dimension {
+                Dimension::Time => "time = \"s\"",
+                Dimension::Force => "force = \"uN\"",
+                Dimension::Length => "position = \"um\"",
+            };
+            return by_name.filter(|unit| unit.dimension == dimension).ok_or_else(|| match self.table {
+                Some(table) => table.missing(key, example),
+                None => self.measurement.missing("units", &format!("[measurement.units]` with `{example}")),
+            });
+        };
+        unit(&text).filter(|unit| unit.dimension == dimension).ok_or_else(|| {
+            let known = dimension.accepted_suffixes().replace('_', "");
+            let others = if dimension == Dimension::Time { ", min, h, clock (hh:mm:ss), iso" } else { "" };
+            table.refuse(key, format!("`{text}` is no unit of this"), format!("write one of {known}{others}"))
+        })
     }
 }

@@ -9,9 +9,9 @@ mod read;
 mod spelling;
 mod text;
 
-pub use description::{ColumnName, TableDescription, TimeFormat, Zero};
+pub use description::{ColumnName, PositionColumns, TableDescription, TimeFormat};
 pub(super) use description::{KEYS, one_of};
-pub use propose::{Given, Proposal, propose};
+pub use propose::{Ask, Given, Proposal, Question, propose};
 pub(super) use read::read_described;
 pub use spelling::{Spelt, unit};
-pub use text::{Decimal, Delimiter, table_text};
+pub use text::{Decimal, Delimiter, Encoding, table_text};

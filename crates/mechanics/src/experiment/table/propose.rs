@@ -3,11 +3,12 @@
 use std::borrow::Cow;
 use std::path::Path;
 
-use super::description::{ColumnName, TableDescription, TimeFormat, Zero};
-use super::read::{read_described, rest_m, settle_zero};
-use super::spelling::{Spelt, clock_s, iso_s, unit};
-use super::text::{Decimal, Delimiter, cells, header_cells, is_aside};
+use super::description::{ColumnName, PositionColumns, TableDescription, TimeFormat};
+use super::read::read_described;
+use super::spelling::{Spelt, clock_s, iso_s, split_unit, unit};
+use super::text::{Decimal, Delimiter, Encoding, cells, comment_sign, header_cells, is_aside, table_text};
 use crate::error::{Error, Place, Result};
+use crate::experiment::frame::{Direction, Frame, Zero, is_clearly_against, rest_m};
 use crate::experiment::trajectory::{Trajectory, is_lost};
 use crate::units::Dimension;
 
@@ -21,17 +22,35 @@ const NEAR_ZERO: f64 = 0.02;
 /// What the user says of a table; whatever is missing is found.
 #[derive(Debug, Clone, Default)]
 pub struct Given {
-    /// Columns, by name or number.
+    /// Columns of time, force, position and cycle, by name or number.
     pub columns: [Option<String>; 4],
+    /// Columns of x and y, where the position is not in one column.
+    pub plane: [Option<String>; 2],
     /// Units of time, force and position.
     pub units: [Option<String>; 3],
 }
+
+/// What a table does not say, for whoever can.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Question {
+    /// What is asked for, without a question mark.
+    pub text: String,
+    /// What may be answered; empty where anything may.
+    pub choices: Vec<String>,
+    /// What is proposed.
+    pub proposal: Option<String>,
+}
+
+/// Gives the answer to a question, or `None` where nobody is there.
+pub type Ask<'a> = &'a mut dyn FnMut(&Question) -> Option<String>;
 
 /// A description, and what speaks for it.
 #[derive(Debug, Clone)]
 pub struct Proposal {
     /// The description.
     pub description: TableDescription,
+    /// Where positions are zero and which way they grow.
+    pub frame: Frame,
     /// Names of all columns, empty where there is no header.
     pub columns: Vec<String>,
     /// In words, one sentence each.
@@ -76,7 +95,20 @@ impl Role {
             Self::Force => "uN",
             Self::Position | Self::Cycle => "um",
         };
-        format!("--{}-unit {unit}", self.name())
+        format!("--unit-{} {unit}", self.name())
+    }
+
+    fn unit_question(self) -> Question {
+        let (choices, proposal) = match self {
+            Self::Time => ("s ms us min h", "s"),
+            Self::Force => ("N mN uN nN pN", "uN"),
+            Self::Position | Self::Cycle => ("m mm um nm", "um"),
+        };
+        Question {
+            text: format!("unit of the {}", self.name()),
+            choices: choices.split(' ').map(String::from).collect(),
+            proposal: Some(proposal.into()),
+        }
     }
 
     fn dimension(self) -> Option<Dimension> {
@@ -93,9 +125,10 @@ impl Role {
         match self {
             Self::Time => (&["t", "time", "zeit", "temps", "timestamp", "elapsed"], &["time", "zeit", "elapsed"]),
             Self::Force => (&["f", "force", "kraft", "fx", "load"], &["force", "kraft"]),
-            Self::Position => {
-                (&["x", "position", "pos", "displacement", "weg"], &["position", "displac", "auslenk", "posx", "xpos"])
-            }
+            Self::Position => (
+                &["x", "position", "pos", "displacement", "weg"],
+                &["position", "displac", "auslenk", "posx", "xpos", "xcoord"],
+            ),
             Self::Cycle => (&["cycle", "zyklus", "cyc"], &["cycle", "zyklus"]),
         }
     }
@@ -130,7 +163,7 @@ fn layout(lines: &[&str]) -> Option<Layout> {
                     best = Some((score, layout));
                 }
             };
-            for (index, line) in lines.iter().enumerate().filter(|(_, line)| !is_aside(line)) {
+            for (index, line) in lines.iter().enumerate().filter(|(_, line)| !is_aside(line, None)) {
                 let cells = cells(line, delimiter);
                 let n_values = cells.iter().filter(|cell| is_value(cell, decimal)).count() as i64;
                 let n_others = cells.iter().filter(|cell| !is_value(cell, decimal) && !is_lost(cell)).count() as i64;
@@ -162,7 +195,8 @@ struct Header {
 
 /// A line's cells as names, if it has as many as the rows have and two of them are words.
 fn names_in(line: &str, layout: &Layout) -> Option<Vec<String>> {
-    let found: Vec<String> = header_cells(line, layout.delimiter).into_iter().map(Cow::into_owned).collect();
+    let found: Vec<String> =
+        header_cells(line, layout.delimiter, None, layout.n_cells).into_iter().map(Cow::into_owned).collect();
     let n_words = found.iter().filter(|cell| !cell.is_empty() && !is_value(cell, layout.decimal)).count();
     (found.len() == layout.n_cells && n_words >= 2).then_some(found)
 }
@@ -185,14 +219,6 @@ fn header(lines: &[&str], layout: &Layout) -> Header {
     Header { line: Some(line), names: nearest, units, foreign: Vec::new() }
 }
 
-/// A name and the unit in it: `x [µm]`, `x (µm)`, `x/µm`, `x_um`, `x in µm`.
-fn split_unit(name: &str) -> (&str, Option<Spelt>) {
-    let bracketed = name.trim_end().strip_suffix([']', ')']).and_then(|open| open.rsplit_once(['[', '(']));
-    let others = ["/", " in ", "_", " "].iter().filter_map(|joint| name.rsplit_once(joint));
-    let found = bracketed.into_iter().chain(others).find_map(|(stem, text)| Some((stem, unit(text)?)));
-    found.map_or((name, None), |(stem, unit)| (stem, Some(unit)))
-}
-
 /// How well a column fits a role; `None` where its unit speaks against it.
 fn fit(role: Role, name: &str, unit: Option<&Spelt>) -> Option<u32> {
     let plain: String = split_unit(name).0.to_lowercase().chars().filter(|c| c.is_alphanumeric()).collect();
@@ -211,11 +237,12 @@ fn fit(role: Role, name: &str, unit: Option<&Spelt>) -> Option<u32> {
     Some(by_name + by_unit)
 }
 
-/// Finds how a table is written; `file` is only named in errors.
+/// Finds how a table is written; `file` is only named in errors. What cannot be told is asked for.
 ///
 /// # Errors
 /// [`Error::Input`] where no block of numbers is found, where a column or a unit cannot be told, and what reading the table so refuses; with the option that helps.
-pub fn propose(file: &Path, text: &str, given: &Given) -> Result<Proposal> {
+pub fn propose(file: &Path, bytes: &[u8], given: &Given, ask: Ask<'_>) -> Result<Proposal> {
+    let text = &*table_text(bytes);
     let lines: Vec<&str> = text.lines().take(LOOKED_AT).collect();
     let layout = layout(&lines).ok_or_else(|| {
         Error::input(
@@ -226,71 +253,91 @@ pub fn propose(file: &Path, text: &str, given: &Given) -> Result<Proposal> {
     })?;
     let header = header(&lines, &layout);
     let mut reasons = vec![said_of(&layout, &header, &lines)];
+    let seen = Seen { file, given, header: &header, layout: &layout };
     let mut columns: [Option<usize>; 4] = [None; 4];
+    let mut y_column = None;
     for role in Role::ALL {
-        columns[role as usize] = column(file, role, given, &header, &layout, &columns)?;
+        let taken: Vec<usize> = columns.into_iter().chain([y_column]).flatten().collect();
+        match seen.column(role, &taken, ask)? {
+            Found::Nowhere => {}
+            Found::Alone(at) => columns[role as usize] = Some(at),
+            Found::Plane([x, y]) => (columns[role as usize], y_column) = (Some(x), Some(y)),
+        }
     }
     let first_row = cells(lines[layout.first], layout.delimiter);
     let cell = |role: Role| columns[role as usize].and_then(|at| first_row.get(at)).map_or("", |cell| cell.as_ref());
     let own_unit = |role: Role| columns[role as usize].and_then(|at| header.units.get(at).cloned().flatten());
-    let told = |role: Role| given.units[role as usize].as_deref();
+    let mut said = given.units.clone();
     let has_form = |role: Role| {
         let cell = cell(role);
         role == Role::Time && (clock_s(cell).is_some() || iso_s(cell).is_some())
     };
-    let missing: Vec<Role> = [Role::Time, Role::Force, Role::Position]
+    let mut missing: Vec<Role> = [Role::Time, Role::Force, Role::Position]
         .into_iter()
-        .filter(|role| told(*role).is_none() && own_unit(*role).is_none() && !has_form(*role))
+        .filter(|role| said[*role as usize].is_none() && own_unit(*role).is_none() && !has_form(*role))
         .collect();
+    missing.retain(|role| {
+        said[*role as usize] = ask(&role.unit_question());
+        said[*role as usize].is_none()
+    });
     if let Some(first) = missing.first() {
         let names: Vec<&str> = missing.iter().map(|role| role.name()).collect();
         let options: Vec<String> = missing.iter().map(|role| role.unit_option()).collect();
         return Err(Error::input(
-            Place::option(format!("--{}-unit", first.name())),
+            Place::option(format!("--unit-{}", first.name())),
             format!("{}: the table does not say the unit of {}", file.display(), names.join(" and ")),
             format!("say it, as in `{}`", options.join(" ")),
         ));
     }
+    let told = |role: Role| said[role as usize].as_deref();
     let unit_of = |role: Role| -> Result<Spelt> {
         let found = told(role).map_or_else(|| own_unit(role), unit);
         found.filter(|unit| Some(unit.dimension) == role.dimension()).ok_or_else(|| {
             let found = format!("`{}` is no unit of a {}", told(role).unwrap_or_default(), role.name());
             let remedy = format!("say it, as in `{}`", role.unit_option());
-            Error::input(Place::option(format!("--{}-unit", role.name())), found, remedy)
+            Error::input(Place::option(format!("--unit-{}", role.name())), found, remedy)
         })
     };
-    let time_format = match given.units[0].as_deref() {
+    let time_format = match told(Role::Time) {
         Some("clock") => TimeFormat::Clock,
         Some("iso") => TimeFormat::Iso,
         None if iso_s(cell(Role::Time)).is_some() => TimeFormat::Iso,
         None if clock_s(cell(Role::Time)).is_some() => TimeFormat::Clock,
         _ => TimeFormat::Unit(unit_of(Role::Time)?),
     };
-    let name = |role: Role| -> Option<ColumnName> {
-        let at = columns[role as usize]?;
-        Some(match header.names.get(at) {
-            Some(name) if header.names.iter().filter(|other| *other == name).count() == 1 && !name.is_empty() => {
-                ColumnName::Named(name.clone())
-            }
-            _ => ColumnName::Number(at + 1),
-        })
+    let name_at = |at: usize| match header.names.get(at) {
+        Some(name) if header.names.iter().filter(|other| *other == name).count() == 1 && !name.is_empty() => {
+            ColumnName::Named(name.clone())
+        }
+        _ => ColumnName::Number(at + 1),
     };
+    let name = |role: Role| columns[role as usize].map(name_at);
     let wanted = |role: Role| name(role).unwrap_or(ColumnName::Number(1));
-    let mut description = TableDescription {
+    let position = match y_column {
+        None => PositionColumns::Along(wanted(Role::Position)),
+        Some(y) => PositionColumns::Plane([wanted(Role::Position), name_at(y)]),
+    };
+    let description = TableDescription {
         delimiter: layout.delimiter,
         decimal: layout.decimal,
+        encoding: Some(Encoding::of(bytes)),
+        comment: lines.iter().find_map(|line| comment_sign(line, None)).map(String::from),
         header_line: header.line.map(|index| index + 1),
         first_row_line: layout.first + 1,
         time: (wanted(Role::Time), time_format),
         force: (wanted(Role::Force), unit_of(Role::Force)?),
-        position: (wanted(Role::Position), unit_of(Role::Position)?),
+        position: (position, unit_of(Role::Position)?),
         cycle: name(Role::Cycle),
-        zero: Zero::AsWritten,
-        is_reversed: false,
     };
     let mut trajectory = read_described(file, text, &description)?;
-    (description.zero, description.is_reversed) = zero_and_direction(&trajectory, &mut reasons);
-    settle_zero(file, &mut trajectory, &description)?;
+    let frame = frame(&trajectory, &mut reasons);
+    if let Some(projection) = frame.settle(file, &mut trajectory)?.projection {
+        reasons.push(format!(
+            "x and y are projected on the line of motion, at {:.1}° from x; across it they scatter by {:.3} µm (root mean square)",
+            projection.degrees,
+            1e6 * projection.across_rms_m
+        ));
+    }
     let ends = |values: &mut dyn Iterator<Item = f64>| {
         values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)])
     };
@@ -303,6 +350,7 @@ pub fn propose(file: &Path, text: &str, given: &Given) -> Result<Proposal> {
         force_n: ends(&mut trajectory.force_n.iter().copied()),
         position_m: ends(&mut trajectory.position_m.iter().flatten().copied()),
         description,
+        frame,
     })
 }
 
@@ -327,87 +375,167 @@ fn said_of(layout: &Layout, header: &Header, lines: &[&str]) -> String {
     format!("{} columns between {between}{decimals}, {named}{above}", layout.n_cells)
 }
 
-/// The column of a role: the one that is given, or the one that fits best.
-fn column(
-    file: &Path,
-    role: Role,
-    given: &Given,
-    header: &Header,
-    layout: &Layout,
-    taken: &[Option<usize>; 4],
-) -> Result<Option<usize>> {
-    let option = || Place::option(format!("--{}", role.name()));
-    let listed = || {
-        if header.names.is_empty() {
-            return format!("columns are counted from 1 to {}", layout.n_cells);
+/// Where a quantity stands.
+enum Found {
+    Nowhere,
+    Alone(usize),
+    Plane([usize; 2]),
+}
+
+/// What is known of a table's columns.
+struct Seen<'a> {
+    file: &'a Path,
+    given: &'a Given,
+    header: &'a Header,
+    layout: &'a Layout,
+}
+
+impl Seen<'_> {
+    fn listed(&self) -> String {
+        if self.header.names.is_empty() {
+            return format!("columns are counted from 1 to {}", self.layout.n_cells);
         }
-        let names: Vec<String> = header.names.iter().map(|name| format!("`{name}`")).collect();
+        let names: Vec<String> = self.header.names.iter().map(|name| format!("`{name}`")).collect();
         format!("the columns are {}", names.join(", "))
-    };
-    if let Some(told) = &given.columns[role as usize] {
-        let by_name = header.names.iter().position(|name| name == told);
-        let by_number = || told.parse::<usize>().ok().filter(|n| (1..=layout.n_cells).contains(n)).map(|n| n - 1);
-        return by_name.or_else(by_number).map(Some).ok_or_else(|| {
-            Error::input(
-                option(),
-                format!("there is no column `{told}`"),
-                format!("{}; give a name or a number", listed()),
-            )
-        });
     }
-    let free = (0..header.names.len()).filter(|at| !taken.contains(&Some(*at)) && !header.foreign.contains(at));
-    let mut fits: Vec<(u32, usize)> =
-        free.filter_map(|at| Some((fit(role, &header.names[at], header.units[at].as_ref())?, at))).collect();
-    fits.retain(|(fit, _)| *fit > u32::from(role == Role::Cycle));
-    fits.sort_by_key(|(fit, at)| (std::cmp::Reverse(*fit), *at));
-    match fits.as_slice() {
-        [] if role == Role::Cycle => Ok(None),
-        [(best, at), rest @ ..] if rest.first().is_none_or(|(second, _)| second < best) => Ok(Some(*at)),
-        [] => Err(Error::input(
-            option(),
-            format!("{}: no column is called as a {} is", file.display(), role.name()),
-            format!("say which it is with `--{} NAME` or its number; {}", role.name(), listed()),
-        )),
-        _ => Err(Error::input(
-            option(),
-            format!("{}: several columns may be the {}", file.display(), role.name()),
-            format!("say which it is with `--{} NAME` or its number; {}", role.name(), listed()),
-        )),
+
+    fn at(&self, told: &str) -> Option<usize> {
+        let by_name = self.header.names.iter().position(|name| name == told);
+        let numbers = 1..=self.layout.n_cells;
+        by_name.or_else(|| told.parse::<usize>().ok().filter(|n| numbers.contains(n)).map(|n| n - 1))
+    }
+
+    fn told(&self, option: &str, told: &str) -> Result<usize> {
+        self.at(told).ok_or_else(|| {
+            let remedy = format!("{}; give a name or a number", self.listed());
+            Error::input(Place::option(option), format!("there is no column `{told}`"), remedy)
+        })
+    }
+
+    /// x and y as they are given.
+    fn given_plane(&self) -> Result<Option<[usize; 2]>> {
+        match (&self.given.plane, &self.given.columns[Role::Position as usize]) {
+            ([None, None], _) => Ok(None),
+            ([Some(x), Some(y)], None) => Ok(Some([self.told("--x", x)?, self.told("--y", y)?])),
+            ([x, _], None) => {
+                let missing = if x.is_none() { "--x" } else { "--y" };
+                let found = "one coordinate is given without the other";
+                Err(Error::input(Place::option(missing), found, "give `--x` and `--y`, or `--position` alone"))
+            }
+            (_, Some(_)) => {
+                let found = "the position is given beside x and y";
+                Err(Error::input(Place::option("--position"), found, "give `--x` and `--y`, or `--position` alone"))
+            }
+        }
+    }
+
+    /// The column that is called as this one with y for an x, with the same unit.
+    fn partner(&self, at: usize, taken: &[usize]) -> Option<usize> {
+        let (names, units) = (&self.header.names, &self.header.units);
+        let name = names.get(at)?;
+        let turned = name.char_indices().filter_map(|(place, letter)| {
+            let y = match letter {
+                'x' => "y",
+                'X' => "Y",
+                _ => return None,
+            };
+            Some(format!("{}{y}{}", &name[..place], &name[place + 1..]))
+        });
+        let free = |other: &usize| *other != at && !taken.contains(other) && !self.header.foreign.contains(other);
+        turned
+            .filter_map(|turned| names.iter().position(|other| *other == turned))
+            .find(|other| free(other) && units.get(*other) == units.get(at))
+    }
+
+    /// Where a role's column is: where it is said, where it fits best, or where the answer to a question says.
+    fn column(&self, role: Role, taken: &[usize], ask: Ask<'_>) -> Result<Found> {
+        if role == Role::Position
+            && let Some(plane) = self.given_plane()?
+        {
+            return Ok(Found::Plane(plane));
+        }
+        let option = format!("--{}", role.name());
+        if let Some(told) = &self.given.columns[role as usize] {
+            return self.told(&option, told).map(Found::Alone);
+        }
+        let header = self.header;
+        let free = (0..header.names.len()).filter(|at| !taken.contains(at) && !header.foreign.contains(at));
+        let mut fits: Vec<(u32, usize)> =
+            free.filter_map(|at| Some((fit(role, &header.names[at], header.units[at].as_ref())?, at))).collect();
+        fits.retain(|(fit, _)| *fit > u32::from(role == Role::Cycle));
+        fits.sort_by_key(|(fit, at)| (std::cmp::Reverse(*fit), *at));
+        let best: Vec<usize> = fits.iter().filter(|(fit, _)| *fit == fits[0].0).map(|(_, at)| *at).collect();
+        if role == Role::Position {
+            let plane = best.iter().find_map(|at| Some([*at, self.partner(*at, taken)?]));
+            if let Some(plane) = plane.filter(|plane| best.iter().all(|at| plane.contains(at))) {
+                return Ok(Found::Plane(plane));
+            }
+        }
+        let found = match best.as_slice() {
+            [] if role == Role::Cycle => return Ok(Found::Nowhere),
+            [at] => return Ok(Found::Alone(*at)),
+            [] => format!("{}: no column is called as a {} is", self.file.display(), role.name()),
+            _ => format!("{}: several columns may be the {}", self.file.display(), role.name()),
+        };
+        // A header may say which columns are left; without one every number may be meant.
+        let left = (0..self.layout.n_cells).filter(|at| !taken.contains(at));
+        let called = |at: usize| header.names.get(at).filter(|name| !name.is_empty()).cloned();
+        let choices: Vec<String> = left.map(|at| called(at).unwrap_or_else(|| (at + 1).to_string())).collect();
+        let proposal = best.first().and_then(|at| called(*at)).or_else(|| choices.first().cloned());
+        let question = Question { text: format!("column of the {}", role.name()), choices, proposal };
+        match ask(&question).map(|told| self.told(&option, &told)) {
+            Some(at) => at.map(Found::Alone),
+            None => {
+                let remedy =
+                    format!("say which it is with `--{0} NAME` or its number; {1}", role.name(), self.listed());
+                Err(Error::input(Place::option(option), found, remedy))
+            }
+        }
     }
 }
 
 /// Where the position is 0 and which way it grows, with the reasons.
-fn zero_and_direction(trajectory: &Trajectory, reasons: &mut Vec<String>) -> (Zero, bool) {
-    let Trajectory { force_n, position_m, .. } = trajectory;
-    let known = || position_m.iter().flatten().copied();
-    let range_m = known().fold(f64::NEG_INFINITY, f64::max) - known().fold(f64::INFINITY, f64::min);
-    let um = |m: f64| format!("{:.3} µm", 1e6 * m);
-    let zero = match (rest_m(trajectory), position_m.first().copied().flatten()) {
-        (Some(rest_m), _) if rest_m.abs() > NEAR_ZERO * range_m => {
+fn frame(trajectory: &Trajectory, reasons: &mut Vec<String>) -> Frame {
+    let Trajectory { force_n, position_m, y_m, .. } = trajectory;
+    let coordinates: Vec<&[Option<f64>]> =
+        [Some(position_m), y_m.as_ref()].into_iter().flatten().map(Vec::as_slice).collect();
+    let range_m = |positions: &[Option<f64>]| {
+        let known = || positions.iter().flatten().copied();
+        known().fold(f64::NEG_INFINITY, f64::max) - known().fold(f64::INFINITY, f64::min)
+    };
+    let range_m = coordinates.iter().map(|positions| range_m(positions)).fold(0.0, f64::max);
+    let is_far = |place: &[f64]| place.iter().any(|x| x.abs() > NEAR_ZERO * range_m);
+    let written = |place: &[f64]| {
+        let um: Vec<String> = place.iter().map(|m| format!("{:.3}", 1e6 * m)).collect();
+        format!("{} µm", um.join(" and "))
+    };
+    let rest: Option<Vec<f64>> = coordinates.iter().map(|positions| rest_m(force_n, positions)).collect();
+    let first: Option<Vec<f64>> = coordinates.iter().map(|positions| positions.first().copied().flatten()).collect();
+    let zero = match (rest, first) {
+        (Some(rest), _) if is_far(&rest) => {
             reasons.push(format!(
                 "the position is {} before the force acts, and counts from there (zero = \"rest\")",
-                um(rest_m)
+                written(&rest)
             ));
             Zero::Rest
         }
-        (None, Some(first_m)) if first_m.abs() > NEAR_ZERO * range_m => {
+        (None, Some(first)) if is_far(&first) => {
             reasons.push(format!(
                 "the first position is {}, and positions count from there (zero = \"first\")",
-                um(first_m)
+                written(&first)
             ));
             Zero::First
         }
         _ => Zero::AsWritten,
     };
-    // Work of the force on the way to the next row: negative throughout if the position grows the other way.
-    let moved = position_m.windows(2).zip(force_n).filter_map(|(pair, force)| Some((pair[1]? - pair[0]?, *force)));
-    let (work, size) =
-        moved.fold((0.0, 0.0), |(work, size), (way, force)| (work + way * force, size + (way * force).abs()));
-    let is_reversed = work < -0.2 * size && work < 0.0;
-    if is_reversed {
-        reasons.push("the position grows against the force, so that its sign is turned (direction = \"-\")".into());
+    if y_m.is_some() {
+        return Frame { zero, direction: Direction::Fit };
     }
-    (zero, is_reversed)
+    if is_clearly_against(force_n, position_m) {
+        reasons.push("the position grows against the force, so that its sign is turned (direction = \"-\")".into());
+        return Frame { zero, direction: Direction::Backward };
+    }
+    Frame { zero, direction: Direction::Forward }
 }
 
 #[cfg(test)]
@@ -415,24 +543,52 @@ mod tests {
     use super::*;
 
     #[test]
-    fn units_stand_in_names_in_many_ways() {
-        for name in ["x [µm]", "x (um)", "x/µm", "x_um", "x in µm", "x µm"] {
-            let (stem, unit) = split_unit(name);
-            assert_eq!((stem.trim(), unit.map(|unit| unit.name)), ("x", Some("um".into())), "{name}");
-        }
-        assert_eq!(split_unit("cycle").1, None);
-        assert_eq!(split_unit("position").1, None);
-    }
-
-    #[test]
     fn what_cannot_be_told_is_asked_for() {
-        let refused = |text: &str| propose(Path::new("t.csv"), text, &Given::default()).unwrap_err().to_string();
+        let refused = |text: &str| {
+            propose(Path::new("t.csv"), text.as_bytes(), &Given::default(), &mut |_| None).unwrap_err().to_string()
+        };
         let rows = "0,1,0\n1,1,2\n2,1,3\n";
         assert!(refused(rows).contains("--time"));
-        assert!(refused(&format!("t,F,x\n{rows}")).contains("--time-unit s --force-unit uN --position-unit um"));
+        assert!(refused(&format!("t,F,x\n{rows}")).contains("--unit-time s --unit-force uN --unit-position um"));
         assert!(refused(&format!("t [s],F [V],x [um]\n{rows}")).contains("--force"));
         let two = refused("t [s],F [uN],position a [um],position b [um]\n0,1,0,0\n1,1,2,2\n");
         assert!(two.contains("several columns may be the position"), "{two}");
         assert!(refused("nothing\nhere\n").contains("no two columns"));
+    }
+
+    #[test]
+    fn questions_that_are_answered_take_the_place_of_options() {
+        let text = "when,a [um],b [um],pull\n0,5,0,1\n1,6,2,1\n2,7,3,1\n";
+        let mut asked = Vec::new();
+        let mut answer = |question: &Question| {
+            asked.push(question.text.clone());
+            Some(match question.text.as_str() {
+                "column of the time" => "when".to_string(),
+                "column of the force" => "4".to_string(),
+                "column of the position" => "b [um]".to_string(),
+                _ => question.proposal.clone()?,
+            })
+        };
+        let proposal = propose(Path::new("t.csv"), text.as_bytes(), &Given::default(), &mut answer).unwrap();
+        assert_eq!(asked.len(), 5, "{asked:?}");
+        assert_eq!(proposal.description.position.0, PositionColumns::Along(ColumnName::Named("b [um]".into())));
+        assert_eq!(proposal.description.force.1.name, "uN");
+        assert_eq!(proposal.position_m, [0.0, 3e-6]);
+    }
+
+    #[test]
+    fn x_with_a_y_beside_it_is_a_plane() {
+        let plane = |header: &str| {
+            let text = format!("{header}\n0,1,0,0\n1,1,3,4\n2,1,6,8\n");
+            propose(Path::new("t.csv"), text.as_bytes(), &Given::default(), &mut |_| None).unwrap()
+        };
+        for header in
+            ["t_s,F_uN,x (um),y (um)", "t_s,F_uN,position_x_um,position_y_um", "t_s,F_uN,Pos X [um],Pos Y [um]"]
+        {
+            let proposal = plane(header);
+            assert!(proposal.description.is_plane(), "{header}");
+            assert!((proposal.position_m[1] - 10e-6).abs() < 1e-12, "{header}: {:?}", proposal.position_m);
+        }
+        assert!(!plane("t_s,F_uN,x (um),y (mm)").description.is_plane());
     }
 }

@@ -3,11 +3,10 @@
 use std::borrow::Cow;
 use std::path::Path;
 
-use super::description::{ColumnName, TableDescription, TimeFormat, Zero};
+use super::description::{ColumnName, PositionColumns, TableDescription, TimeFormat};
 use super::spelling::{clock_s, iso_s};
 use super::text::{cells, header_cells, is_aside};
 use crate::error::{Error, Place, Result};
-use crate::experiment::record::median;
 use crate::experiment::trajectory::{CYCLE, Row, Trajectory, is_lost};
 use crate::files::refuse_long_lines;
 
@@ -18,14 +17,18 @@ const DAY_S: f64 = 86_400.0;
 struct Columns {
     names: [String; 3],
     at: [usize; 3],
+    y: Option<(usize, String)>,
     cycle: Option<(usize, String)>,
 }
 
 impl Columns {
     fn new(file: &Path, text: &str, description: &TableDescription) -> Result<Self> {
         let header: Option<(usize, Vec<Cow<'_, str>>)> = description.header_line.map(|number| {
-            let line = text.lines().nth(number - 1).unwrap_or_default();
-            (number, header_cells(line, description.delimiter))
+            let mut lines = text.lines().skip(number - 1);
+            let line = lines.next().unwrap_or_default();
+            let row = lines.nth((description.first_row_line - number).saturating_sub(1)).unwrap_or_default();
+            let n_cells = cells(row, description.delimiter).len();
+            (number, header_cells(line, description.delimiter, description.comment.as_deref(), n_cells))
         });
         let place_of = |name: &ColumnName| match (name, &header) {
             (ColumnName::Number(number), _) => Ok((*number - 1, format!("column {number}"))),
@@ -45,12 +48,17 @@ impl Columns {
                 "give the column's number in [measurement.columns], or `header_line`",
             )),
         };
-        let columns = [&description.time.0, &description.force.0, &description.position.0].map(place_of);
+        let (x, y) = match &description.position.0 {
+            PositionColumns::Along(column) => (column, None),
+            PositionColumns::Plane([x, y]) => (x, Some(y)),
+        };
+        let columns = [&description.time.0, &description.force.0, x].map(place_of);
         let [time, force, position] = columns;
         let (time, force, position) = (time?, force?, position?);
         Ok(Self {
             at: [time.0, force.0, position.0],
             names: [time.1, force.1, position.1],
+            y: y.map(place_of).transpose()?,
             cycle: description.cycle.as_ref().map(place_of).transpose()?,
         })
     }
@@ -61,7 +69,7 @@ fn quoted(cells: &[Cow<'_, str>]) -> String {
     names.join(", ")
 }
 
-/// Parses a described table; `file` is only named in errors.
+/// Parses a described table, positions as they are written; `file` is only named in errors.
 pub(in crate::experiment) fn read_described(
     file: &Path,
     text: &str,
@@ -70,9 +78,12 @@ pub(in crate::experiment) fn read_described(
     refuse_long_lines(file, text.as_bytes())?;
     let columns = Columns::new(file, text, description)?;
     let mut trajectory = Trajectory::empty(columns.cycle.is_some(), &columns.names[1], &columns.names[2]);
+    trajectory.position_unit_m = description.position.1.to_si(1.0);
+    let mut y_m = columns.y.is_some().then(Vec::new);
+    let comment = description.comment.as_deref();
     let mut clock = Clock::default();
     let rows = text.lines().enumerate().skip(description.first_row_line - 1);
-    for (index, line) in rows.filter(|(_, line)| !is_aside(line)) {
+    for (index, line) in rows.filter(|(_, line)| !is_aside(line, comment)) {
         let place = || Place::file(file).at_line(index + 1);
         let cells = cells(line, description.delimiter);
         let cell = |at: usize, name: &str| match cells.get(at) {
@@ -90,10 +101,10 @@ pub(in crate::experiment) fn read_described(
             _ => place().at_key(columns.names[k.min(2)].as_str()),
         };
         let time_s = clock.seconds(time, &description.time.1, description, &|| at(0))?;
-        let number = |cell: &str, k: usize, remedy: &str| {
+        let number = |cell: &str, at: &dyn Fn() -> Place, remedy: &str| {
             description.decimal.number(cell).ok_or_else(|| {
                 Error::input(
-                    at(k),
+                    at(),
                     format!("`{cell}` is not a number with `{}` before its decimals", description.decimal.name()),
                     remedy,
                 )
@@ -101,21 +112,29 @@ pub(in crate::experiment) fn read_described(
         };
         let force_n = description.force.1.to_si(number(
             force,
-            1,
+            &|| at(1),
             "give the force that was commanded in this row; 0 if none was",
         )?);
-        let position_m = if is_lost(position) {
-            None
-        } else {
+        let coordinate = |cell: &str, at: &dyn Fn() -> Place| {
+            if is_lost(cell) {
+                return Ok(None);
+            }
             let remedy = "correct the position, or leave the cell empty where tracking was lost";
-            Some(description.position.1.to_si(number(position, 2, remedy)?))
+            Ok(Some(description.position.1.to_si(number(cell, at, remedy)?)))
         };
+        let mut position_m = coordinate(position, &|| at(2))?;
+        if let (Some((index, name)), Some(y_m)) = (&columns.y, &mut y_m) {
+            let y = coordinate(cell(*index, name)?, &|| place().at_key(name.as_str()))?;
+            // A point that misses one coordinate is lost.
+            position_m = y.and(position_m);
+            y_m.push(position_m.and(y));
+        }
         let cycle = columns.cycle.as_ref().map(|(index, name)| cell(*index, name)).transpose()?;
         trajectory.note_line(file, index + 1)?;
         trajectory.add(Row { time_s, force_n, position_m, cycle }, &at)?;
     }
     trajectory.check_length(file, description.first_row_line)?;
-    settle_zero(file, &mut trajectory, description)?;
+    trajectory.y_m = y_m;
     Ok(trajectory)
 }
 
@@ -136,11 +155,7 @@ impl Clock {
         place: &dyn Fn() -> Place,
     ) -> Result<f64> {
         let refuse = |what: &str| {
-            Error::input(
-                place(),
-                format!("`{cell}` is {what}"),
-                "correct the time, or `time_unit` in [measurement.columns]",
-            )
+            Error::input(place(), format!("`{cell}` is {what}"), "correct the time, or `time` in [measurement.units]")
         };
         let since = match format {
             TimeFormat::Unit(unit) => {
@@ -162,37 +177,4 @@ impl Clock {
         };
         Ok(since - *self.first_s.get_or_insert(since))
     }
-}
-
-/// Median position (m) before the force first acts, as written; `None` where it acts from the first row on.
-pub(super) fn rest_m(trajectory: &Trajectory) -> Option<f64> {
-    let n_rest = trajectory.force_n.iter().take_while(|force| **force == 0.0).count();
-    // The first row of the force still shows what was before it.
-    let rest = trajectory.position_m.iter().take(n_rest + 1).copied().flatten().collect();
-    median(rest).filter(|_| n_rest > 0)
-}
-
-/// Positions, as written so far, from where they are 0, in the force's direction.
-pub(super) fn settle_zero(file: &Path, trajectory: &mut Trajectory, description: &TableDescription) -> Result<()> {
-    let refuse = |found: &str, remedy: &str| {
-        Err(Error::input(Place::file(file).at_line(description.first_row_line).at_key("zero"), found, remedy))
-    };
-    let zero_m = match description.zero {
-        Zero::AsWritten => 0.0,
-        Zero::Value(value) => description.position.1.to_si(value),
-        Zero::First => match trajectory.position_m.first().copied().flatten() {
-            Some(first_m) => first_m,
-            None => return refuse("the first row has no position", "write `zero = \"rest\"` or the position itself"),
-        },
-        Zero::Rest => match rest_m(trajectory) {
-            Some(rest_m) => rest_m,
-            None => {
-                let remedy = "write `zero = \"first\"` or the position itself";
-                return refuse("there is no row before the force acts", remedy);
-            }
-        },
-    };
-    let sign = if description.is_reversed { -1.0 } else { 1.0 };
-    trajectory.position_m.iter_mut().flatten().for_each(|x| *x = sign * (*x - zero_m));
-    Ok(())
 }

@@ -71,6 +71,14 @@ pub fn unit(text: &str) -> Option<Spelt> {
     Some(Spelt { dimension: *dimension, name: (*name).into(), scale: Scale::Times(*si_units) })
 }
 
+/// A name and the unit in it: `x [µm]`, `x (µm)`, `x/µm`, `x_um`, `x in µm`.
+pub fn split_unit(name: &str) -> (&str, Option<Spelt>) {
+    let bracketed = name.trim_end().strip_suffix([']', ')']).and_then(|open| open.rsplit_once(['[', '(']));
+    let others = ["/", " in ", "_", " "].iter().filter_map(|joint| name.rsplit_once(joint));
+    let found = bracketed.into_iter().chain(others).find_map(|(stem, text)| Some((stem, unit(text)?)));
+    found.map_or((name, None), |(stem, unit)| (stem, Some(unit)))
+}
+
 /// Seconds of a clock's `hh:mm:ss.fff` or `mm:ss.fff`.
 pub fn clock_s(cell: &str) -> Option<f64> {
     let parts: Vec<&str> = cell.split(':').collect();
@@ -137,6 +145,16 @@ mod tests {
         for text in ["", "MN", "Um", "MM", "a.u.", "V", "px"] {
             assert_eq!(unit(text), None, "{text}");
         }
+    }
+
+    #[test]
+    fn units_stand_in_names_in_many_ways() {
+        for name in ["x [µm]", "x (um)", "x/µm", "x_um", "x in µm", "x µm"] {
+            let (stem, unit) = split_unit(name);
+            assert_eq!((stem.trim(), unit.map(|unit| unit.name)), ("x", Some("um".into())), "{name}");
+        }
+        assert_eq!(split_unit("cycle").1, None);
+        assert_eq!(split_unit("position").1, None);
     }
 
     #[test]

@@ -66,37 +66,90 @@ impl Decimal {
     }
 }
 
-/// Text of a table: UTF-8, UTF-16 with its mark or without, or else Latin-1, in which instruments write µ and °.
+/// How letters are written as bytes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Encoding {
+    /// With its mark or without.
+    Utf8,
+    /// The smaller byte first.
+    Utf16Little,
+    /// The larger byte first.
+    Utf16Big,
+    /// A byte a letter, in which instruments write µ and °.
+    Latin1,
+}
+
+impl Encoding {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Utf8, Self::Utf16Little, Self::Utf16Big, Self::Latin1];
+
+    /// Name in `experiment.toml`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Utf8 => "utf-8",
+            Self::Utf16Little => "utf-16-le",
+            Self::Utf16Big => "utf-16-be",
+            Self::Latin1 => "latin-1",
+        }
+    }
+
+    /// That of a table's bytes: by their mark, by the zeros beside the digits of UTF-16, or Latin-1 where they are no UTF-8.
+    pub fn of(bytes: &[u8]) -> Self {
+        match bytes {
+            [0xff, 0xfe, ..] => return Self::Utf16Little,
+            [0xfe, 0xff, ..] => return Self::Utf16Big,
+            _ => {}
+        }
+        let start = &bytes[..bytes.len().min(LOOKED_AT)];
+        let zeros = |first: usize| start.iter().skip(first).step_by(2).filter(|byte| **byte == 0).count();
+        let many = start.len() / 3;
+        if many > 0 && zeros(1) > many {
+            return Self::Utf16Little;
+        }
+        if many > 0 && zeros(0) > many {
+            return Self::Utf16Big;
+        }
+        if std::str::from_utf8(bytes).is_ok() { Self::Utf8 } else { Self::Latin1 }
+    }
+
+    /// Bytes as text, without their mark; `None` where UTF-8 is said and they are none.
+    pub fn text(self, bytes: &[u8]) -> Option<Cow<'_, str>> {
+        let utf16 = |unit: fn([u8; 2]) -> u16| {
+            let units = bytes.chunks_exact(2).map(|pair| unit([pair[0], pair[1]]));
+            let text: String = char::decode_utf16(units).map(|c| c.unwrap_or('\u{fffd}')).collect();
+            Some(Cow::Owned(text.strip_prefix('\u{feff}').map(String::from).unwrap_or(text)))
+        };
+        match self {
+            Self::Utf16Little => utf16(u16::from_le_bytes),
+            Self::Utf16Big => utf16(u16::from_be_bytes),
+            Self::Utf8 => {
+                std::str::from_utf8(bytes).ok().map(|text| text.strip_prefix('\u{feff}').unwrap_or(text).into())
+            }
+            Self::Latin1 => Some(Cow::Owned(bytes.iter().map(|byte| char::from(*byte)).collect())),
+        }
+    }
+}
+
+/// Text of a table in the encoding that its bytes show.
 pub fn table_text(bytes: &[u8]) -> Cow<'_, str> {
-    let utf16 = |bytes: &[u8], unit: fn([u8; 2]) -> u16| {
-        let units = bytes.chunks_exact(2).map(|pair| unit([pair[0], pair[1]]));
-        Cow::Owned(char::decode_utf16(units).map(|c| c.unwrap_or('\u{fffd}')).collect())
-    };
-    match bytes {
-        [0xff, 0xfe, rest @ ..] => return utf16(rest, u16::from_le_bytes),
-        [0xfe, 0xff, rest @ ..] => return utf16(rest, u16::from_be_bytes),
-        _ => {}
-    }
-    // Digits in UTF-16 have a zero byte on one side.
-    let start = &bytes[..bytes.len().min(LOOKED_AT)];
-    let zeros = |first: usize| start.iter().skip(first).step_by(2).filter(|byte| **byte == 0).count();
-    let many = start.len() / 3;
-    if many > 0 && zeros(1) > many {
-        return utf16(bytes, u16::from_le_bytes);
-    }
-    if many > 0 && zeros(0) > many {
-        return utf16(bytes, u16::from_be_bytes);
-    }
-    match std::str::from_utf8(bytes) {
-        Ok(text) => Cow::Borrowed(text.strip_prefix('\u{feff}').unwrap_or(text)),
-        Err(_) => Cow::Owned(bytes.iter().map(|byte| char::from(*byte)).collect()),
+    Encoding::of(bytes).text(bytes).unwrap_or_else(|| String::from_utf8_lossy(bytes))
+}
+
+/// Signs of comments, where none is named.
+const COMMENTS: [&str; 3] = ["#", "%", "//"];
+
+/// The sign that makes a line a comment, if it is one; `comment` is the only sign where it is named.
+pub fn comment_sign<'a>(line: &str, comment: Option<&'a str>) -> Option<&'a str> {
+    let line = line.trim_start();
+    match comment {
+        Some(sign) => line.starts_with(sign).then_some(sign),
+        None => COMMENTS.into_iter().find(|sign| line.starts_with(sign)),
     }
 }
 
 /// Whether a line says nothing of the table: blank, or a comment.
-pub fn is_aside(line: &str) -> bool {
-    let line = line.trim();
-    line.is_empty() || line.starts_with(['#', '%']) || line.starts_with("//")
+pub fn is_aside(line: &str, comment: Option<&str>) -> bool {
+    line.trim().is_empty() || comment_sign(line, comment).is_some()
 }
 
 /// The cells of a line, without blanks around them and without their quotation marks.
@@ -120,9 +173,30 @@ pub fn cells(line: &str, delimiter: Delimiter) -> Vec<Cow<'_, str>> {
     row.iter().map(|cell| Cow::Owned(cell.to_string())).collect()
 }
 
-/// The cells of a header; a comment sign before it is none of them.
-pub fn header_cells(line: &str, delimiter: Delimiter) -> Vec<Cow<'_, str>> {
-    cells(line.trim_start().trim_start_matches(['#', '%', '/']), delimiter)
+/// The cells of a header above rows of `n_cells`; a comment sign before it is none of them.
+///
+/// Names between blanks may hold blanks themselves: then two or more stand between them, or each ends in its unit's bracket.
+pub fn header_cells<'a>(
+    line: &'a str,
+    delimiter: Delimiter,
+    comment: Option<&str>,
+    n_cells: usize,
+) -> Vec<Cow<'a, str>> {
+    let mut line = line.trim_start();
+    while let Some(sign) = comment_sign(line, comment) {
+        line = line[sign.len()..].trim_start();
+    }
+    let by_each_blank = cells(line, delimiter);
+    if delimiter != Delimiter::Spaces || by_each_blank.len() == n_cells {
+        return by_each_blank;
+    }
+    let named = |cells: Vec<&'a str>| -> Vec<Cow<'a, str>> {
+        let cells = cells.into_iter().map(|cell| cell.trim().trim_matches('"'));
+        cells.filter(|cell| !cell.is_empty()).map(Cow::Borrowed).collect()
+    };
+    let by_wide_blanks = named(line.split("  ").flat_map(|part| part.split('\t')).collect());
+    let by_brackets = named(line.split_inclusive([']', ')']).collect());
+    [by_wide_blanks, by_brackets].into_iter().find(|names| names.len() == n_cells).unwrap_or(by_each_blank)
 }
 
 #[cfg(test)]
@@ -145,6 +219,35 @@ mod tests {
         for bytes in all {
             assert_eq!(table_text(&bytes), text, "{bytes:?}");
         }
+    }
+
+    #[test]
+    fn a_said_encoding_is_taken_or_refused() {
+        assert_eq!(Encoding::Latin1.text(b"\xb5m").unwrap(), "µm");
+        assert_eq!(Encoding::Utf8.text(b"\xb5m"), None);
+        assert_eq!(Encoding::Utf16Big.text(b"\0a\0b").unwrap(), "ab");
+    }
+
+    #[test]
+    fn names_between_blanks_may_hold_blanks() {
+        let names = ["Time [s]", "Force [uN]", "Position [um]"];
+        let spaces = |line| header_cells(line, Delimiter::Spaces, None, 3);
+        for line in [
+            "Time [s]  Force [uN]  Position [um]",
+            "# Time [s]   Force [uN] \t Position [um] ",
+            "Time [s] Force [uN] Position [um]",
+        ] {
+            assert_eq!(spaces(line), names, "{line}");
+        }
+        assert_eq!(spaces("t F x"), ["t", "F", "x"]);
+        assert_eq!(spaces("elapsed time  F  x"), ["elapsed time", "F", "x"]);
+        assert_eq!(header_cells("! t x", Delimiter::Spaces, Some("!"), 2), ["t", "x"]);
+    }
+
+    #[test]
+    fn a_named_comment_sign_is_the_only_one() {
+        assert!(is_aside(" # a", None) && is_aside("// a", None) && is_aside(" ", Some("!")));
+        assert!(is_aside("! a", Some("!")) && !is_aside("# a", Some("!")) && !is_aside("! a", None));
     }
 
     #[test]

@@ -1,0 +1,45 @@
+//! Counts what `check` finds in records that contradict their description and in records that do not: the program of `campaigns/contradictions`.
+//!
+//! `cargo run --release --example contradictions -- COUNT SOUND SEED` prints one JSON document: of COUNT records of each kind how many are found, and of SOUND sound
+//! ones how many are called anything.
+
+#[path = "../tests/contradictory/mod.rs"]
+mod contradictory;
+
+use std::collections::BTreeMap;
+
+use contradictory::{KINDS, record};
+use rayon::prelude::*;
+use vitreo_uq::workflow::check::contradictions;
+
+/// Seeds of one kind are so many apart from those of the next.
+const APART: u64 = 1_000_000;
+
+fn called(wrong: Option<&str>, seed: u64) -> Vec<String> {
+    let (experiment, files) = record(wrong, seed);
+    contradictions(&experiment, &files.understood).into_iter().map(|contradiction| contradiction.kind).collect()
+}
+
+fn main() {
+    let argument = |place: usize, default: u64| -> u64 {
+        std::env::args().nth(place).and_then(|text| text.parse().ok()).unwrap_or(default)
+    };
+    let (count, sound, seed) = (argument(1, 100), argument(2, 400), argument(3, 1));
+    let first = |kind: usize| seed + APART * kind as u64;
+    let found: BTreeMap<&str, usize> = KINDS
+        .iter()
+        .enumerate()
+        .map(|(place, kind)| {
+            let seeds = (0..count).into_par_iter().map(|k| first(place + 1) + k);
+            (*kind, seeds.filter(|seed| called(Some(kind), *seed).iter().any(|own| own == kind)).count())
+        })
+        .collect();
+    let of_sound: Vec<Vec<String>> = (0..sound).into_par_iter().map(|k| called(None, first(0) + k)).collect();
+    let mut false_calls: BTreeMap<&str, usize> = BTreeMap::new();
+    of_sound.iter().flatten().for_each(|kind| *false_calls.entry(kind).or_default() += 1);
+    let called = of_sound.iter().filter(|kinds| !kinds.is_empty()).count();
+    let document = serde_json::json!({
+        "records": count, "found": found, "sound_records": sound, "sound_called": called, "sound_called_as": false_calls
+    });
+    println!("{document:#}");
+}

@@ -1,0 +1,99 @@
+//! `check`: what was understood of a record, the record drawn, and what contradicts its description.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::Args;
+use vitreo_uq::documents::check::CheckSummary;
+use vitreo_uq::error::Result;
+use vitreo_uq::experiment::{Experiment, ExperimentFiles};
+use vitreo_uq::report::record::{RawRecord, raw_record};
+use vitreo_uq::report::svg::write_figure;
+use vitreo_uq::study::{Provenance, Study, WithProvenance};
+use vitreo_uq::workflow::{check, replica};
+
+/// Exit code where something is certainly wrong.
+const WRONG: u8 = 2;
+
+/// Arguments of `check`.
+#[derive(Args)]
+pub struct CheckArguments {
+    /// Experiment (directory with experiment.toml, or the TOML), or study; without it the embedded porcine replica
+    #[arg(value_name = "EXPERIMENT|STUDY")]
+    target: Option<PathBuf>,
+    /// Where the figure goes, without extension: FILE.svg and FILE.png are written
+    #[arg(long, value_name = "FILE", default_value = "record")]
+    out: PathBuf,
+    /// Write the result as one JSON document to a file, or alone to standard output with `-`
+    #[arg(long, value_name = "FILE|-")]
+    json: Option<PathBuf>,
+    /// Do not say where the figure went
+    #[arg(long)]
+    quiet: bool,
+}
+
+pub fn run(arguments: &CheckArguments) -> Result<ExitCode> {
+    crate::output::check(arguments.json.as_deref())?;
+    let (experiment, files) = match &arguments.target {
+        Some(path) if Study::is_study(path) => Study::open(path)?.read_experiment()?,
+        Some(path) => Experiment::read(path)?,
+        None => replica::embedded()?,
+    };
+    let summary = check::summary(&experiment, &files);
+    draw(arguments, &experiment, &files)?;
+    let provenance = Provenance::new("check", 1, 0, Study::hashes_of(&files)?);
+    crate::output::show(arguments.json.as_deref(), &WithProvenance { provenance, body: &summary }, &words(&summary))?;
+    if !arguments.quiet {
+        crate::interrupt::say(&format!("Figure: {}.svg and .png", arguments.out.display()));
+    }
+    Ok(ExitCode::from(if summary.is_sound() { 0 } else { WRONG }))
+}
+
+fn draw(arguments: &CheckArguments, experiment: &Experiment, files: &ExperimentFiles) -> Result<()> {
+    let record = &experiment.record;
+    let settled = &files.understood.settled;
+    let mut text = Vec::new();
+    if let Some(projection) = &settled.projection {
+        text.push(format!("x and y are projected on a line at {:.1}° from x.", projection.degrees));
+    }
+    let zero_um = settled.zero_m.map(|zero| 1e6 * zero);
+    if zero_um != [0.0; 2] {
+        text.push(match settled.projection {
+            Some(_) => format!("{:.3} and {:.3} µm were subtracted from them.", zero_um[0], zero_um[1]),
+            None => format!("{:.3} µm were subtracted from the positions.", zero_um[0]),
+        });
+    }
+    if settled.is_reversed {
+        text.push("The positions' sign was turned.".into());
+    }
+    // Rows that stand for the force alone have no coordinates.
+    let across_m = settled.projection.as_ref().map_or(&[][..], |projection| &projection.across_m);
+    let across_m = if across_m.len() == record.n_rows() { across_m } else { &[] };
+    let raw = RawRecord {
+        time_s: &record.time_s,
+        force_n: &record.force_n,
+        is_linear: record.force().is_linear(),
+        position_m: &record.position_m,
+        across_m,
+        cycle: &record.cycle,
+    };
+    let svg = raw_record(&raw, &experiment.specimen_id, &text.join(" ").replace('-', "−"))?;
+    let dir =
+        arguments.out.parent().filter(|dir| !dir.as_os_str().is_empty()).map_or(PathBuf::from("."), PathBuf::from);
+    let stem = arguments.out.file_name().map_or("record".into(), |name| name.to_string_lossy().into_owned());
+    write_figure(&dir, &stem, &svg)
+}
+
+fn words(summary: &CheckSummary) -> String {
+    let mut lines = summary.understood.sentences.clone();
+    lines.push(String::new());
+    if summary.contradictions.is_empty() {
+        lines.push("Nothing contradicts the description.".into());
+    }
+    for contradiction in &summary.contradictions {
+        let sure = if contradiction.certain { "WRONG" } else { "may be wrong" };
+        lines.push(format!("{sure}: {}", contradiction.text));
+        lines.push(format!("  what to do: {}", contradiction.advice));
+    }
+    lines.join("\n") + "\n"
+}

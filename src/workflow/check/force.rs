@@ -1,0 +1,57 @@
+//! What the force does between rows, and whether the answer goes with it.
+
+use super::quick_fit::distance_between_rules_m;
+use super::{Looked, found, um};
+use crate::documents::check::Contradiction;
+use crate::experiment::ForceRule;
+
+/// Share of the rows at which a force changes that is not switched.
+const MOST: f64 = 0.5;
+/// Share of the force's range below which it does not change.
+const NOTHING: f64 = 1e-6;
+/// Share of the noise that the choice may move the positions by.
+const MATTERS: f64 = 1.0 / 3.0;
+/// Share of its size that a fitted motion's work must have against the force, and of the variance that the motion must explain.
+const CLEARLY: f64 = 0.5;
+const EXPLAINED: f64 = 0.3;
+
+/// A force that changes in most rows, where nothing says whether it holds between them.
+pub(super) fn between_rows(looked: &Looked<'_>) -> Option<Contradiction> {
+    let record = looked.record;
+    if looked.understood.force_rule_given || record.force_rule != ForceRule::Hold {
+        return None;
+    }
+    let least_n = NOTHING * record.force_range_n();
+    let n_changes = record.force_n.windows(2).filter(|pair| (pair[1] - pair[0]).abs() > least_n).count();
+    if (n_changes as f64) < MOST * record.n_rows() as f64 {
+        return None;
+    }
+    let fit = looked.fit.as_ref()?;
+    let apart_m = distance_between_rules_m(record, fit);
+    if apart_m <= MATTERS * looked.noise_m.min(fit.left_sd_m.max(0.1 * looked.noise_m)) {
+        return None;
+    }
+    let text = format!(
+        "the force changes at {n_changes} of {} rows; whether it holds between them or goes in lines moves the positions by {} µm (root mean square), at {} µm of noise",
+        record.n_rows(),
+        um(apart_m),
+        um(looked.noise_m)
+    );
+    let advice = "write `force = \"linear\"` in [measurement] if the force is a sampled curve, `force = \"hold\"` if it was switched at every row";
+    Some(found("force_between_rows", true, text, advice))
+}
+
+/// An answer that goes against the force: a passive body takes work up.
+pub(super) fn against(looked: &Looked<'_>) -> Option<Contradiction> {
+    let fit = looked.fit.as_ref().filter(|fit| fit.explained > EXPLAINED)?;
+    let ways = fit.motion_m.windows(2).map(|pair| pair[1] - pair[0]).zip(&looked.record.force_n);
+    let (work, size) = ways.fold((0.0, 0.0), |(work, size), (way, force)| {
+        let part = way * force;
+        (work + part, size + part.abs())
+    });
+    if size == 0.0 || work > -CLEARLY * size {
+        return None;
+    }
+    let text = "the position goes against the force: it would give work instead of taking it up".to_string();
+    Some(found("against_force", true, text, "write `direction = \"-\"` in [measurement], or `direction = \"fit\"`"))
+}

@@ -1,0 +1,87 @@
+//! Whether positions count from where the body rests.
+
+use super::{Looked, found, um};
+use crate::documents::check::Contradiction;
+
+/// First positions that are looked at.
+const FIRST: usize = 5;
+/// Distances from zero in noise, and as a share of the positions' range, that are no slip of a tracker.
+const NOISES: f64 = 6.0;
+const SHARE: f64 = 0.03;
+/// The same where the first row has no position.
+const NOISES_WITHOUT_START: f64 = 12.0;
+const SHARE_WITHOUT_START: f64 = 0.15;
+/// Rows of rest before the force that can show a drift, and a drift's size in noise, as a share of the positions' range, and in its own standard errors.
+const REST_ROWS: usize = 8;
+const DRIFT_NOISES: f64 = 4.0;
+const DRIFT_SHARE: f64 = 0.02;
+const DRIFT_ERRORS: f64 = 8.0;
+
+fn median(mut values: Vec<f64>) -> Option<f64> {
+    let middle = values.len() / 2;
+    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
+}
+
+/// A record that does not start at zero, though no force has acted: camera coordinates.
+pub(super) fn off(looked: &Looked<'_>) -> Option<Contradiction> {
+    let record = looked.record;
+    let fit = looked.fit.as_ref()?;
+    let first: Vec<(usize, f64)> =
+        (0..fit.motion_m.len()).filter_map(|row| Some((row, record.position_m[row]?))).take(FIRST).collect();
+    // The law's own motion is taken off, so that the force may act from the first row on.
+    let shifted_m = median(first.iter().map(|(row, x)| x - fit.motion_m[*row]).collect())?;
+    let n_rest = record.force_n.iter().take_while(|force| **force == 0.0).count();
+    let rest = median(record.position_m.iter().take(n_rest + 1).flatten().copied().collect());
+    let (start_m, noises, share) = match rest {
+        Some(rest_m) => (rest_m, NOISES, SHARE),
+        None => (shifted_m, NOISES_WITHOUT_START, SHARE_WITHOUT_START),
+    };
+    // A single outlier at the start, or a law that fails right after it, is not both.
+    let off_m = if start_m * shifted_m > 0.0 { start_m.abs().min(shifted_m.abs()) } else { 0.0 };
+    if off_m <= (noises * looked.noise_m).max(share * looked.range_m) {
+        return None;
+    }
+    let text = format!(
+        "positions start at {} µm, before the force has moved anything; they range over {} µm with {} µm of noise",
+        um(start_m),
+        um(looked.range_m),
+        um(looked.noise_m)
+    );
+    let advice = if n_rest > 0 {
+        "write `zero = \"rest\"` in [measurement] (the positions before the force acts), or the position itself"
+    } else {
+        "write `zero = \"first\"` in [measurement], or the position itself"
+    };
+    Some(found("zero_off", true, text, advice))
+}
+
+/// A body that moves before any force acts.
+pub(super) fn drifts_at_rest(looked: &Looked<'_>) -> Option<Contradiction> {
+    let record = looked.record;
+    let n_rest = record.force_n.iter().take_while(|force| **force == 0.0).count();
+    let rest: Vec<(f64, f64)> = (0..(n_rest + 1).min(record.n_rows()))
+        .filter_map(|row| Some((record.time_s[row], record.position_m[row]?)))
+        .collect();
+    if rest.len() < REST_ROWS {
+        return None;
+    }
+    let n = rest.len() as f64;
+    let (mean_s, mean_m) = (rest.iter().map(|p| p.0).sum::<f64>() / n, rest.iter().map(|p| p.1).sum::<f64>() / n);
+    let spread: f64 = rest.iter().map(|p| (p.0 - mean_s).powi(2)).sum();
+    let slope = rest.iter().map(|p| (p.0 - mean_s) * (p.1 - mean_m)).sum::<f64>() / spread;
+    let left: f64 = rest.iter().map(|p| (p.1 - mean_m - slope * (p.0 - mean_s)).powi(2)).sum();
+    let error = (left / (n - 2.0) / spread).sqrt();
+    let drift_m = slope * (rest[rest.len() - 1].0 - rest[0].0);
+    if drift_m.abs() <= (DRIFT_NOISES * looked.noise_m).max(DRIFT_SHARE * looked.range_m)
+        || slope.abs() <= DRIFT_ERRORS * error
+    {
+        return None;
+    }
+    let text = format!("the position drifts by {} µm at rest, before any force acts", um(drift_m));
+    Some(found(
+        "drift_at_rest",
+        false,
+        text,
+        "look for a drift of the stage or the camera; `--with drift` may describe it",
+    ))
+}

@@ -1,0 +1,208 @@
+//! Records that contradict their description in one way each, and records that do not: made by a simulator that shares nothing with the models.
+//!
+//! A bead in a gel is a retarded spring and a dashpot, stepped exactly between switches that may lie anywhere; tracker, clock and laboratory are then done to it.
+
+use rand::{Rng, RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use vitreo_uq::experiment::{Experiment, ExperimentFiles};
+
+/// What can be wrong, by the name that `check` has for it.
+pub const KINDS: [&str; 12] = [
+    "force_between_rows",
+    "against_force",
+    "zero_off",
+    "leaves_its_container",
+    "size_of_the_answer",
+    "noise_above_motion",
+    "time_unit",
+    "few_rows_in_a_retardation_time",
+    "drift_at_rest",
+    "clipped_positions",
+    "repeated_positions",
+    "switch_between_rows",
+];
+
+/// Effects that a record may have without contradicting its description.
+const HIDDEN: usize = 8;
+
+struct Bead {
+    /// Displacement per force of the retarded part in µm/µN, its time in s, and the flow in µm/(µN s).
+    retarded: f64,
+    time_s: f64,
+    flow: f64,
+}
+
+impl Bead {
+    fn drawn(rng: &mut impl Rng) -> Self {
+        let spread = |rng: &mut dyn FnMut() -> f64, low: f64, high: f64| low * (high / low).powf(rng());
+        let mut unit = || rng.random::<f64>();
+        Self {
+            retarded: spread(&mut unit, 15.0, 120.0),
+            time_s: spread(&mut unit, 0.2, 1.2),
+            flow: spread(&mut unit, 0.5, 6.0),
+        }
+    }
+}
+
+struct Row {
+    time_s: f64,
+    force_un: f64,
+    position_um: Option<f64>,
+}
+
+/// A drive: force in µN at any time, and when it switches.
+enum Drive {
+    /// Pulls of one length, each way in turn, after a rest.
+    Square { size_un: f64, half_s: f64, rest_s: f64 },
+    /// A sampled curve.
+    Sine { size_un: f64, period_s: f64 },
+}
+
+impl Drive {
+    fn at(&self, t: f64) -> f64 {
+        match self {
+            Self::Square { size_un, half_s, rest_s } => {
+                if t < rest_s - 1e-9 {
+                    return 0.0;
+                }
+                let half = ((t - rest_s) / half_s + 1e-9).floor() as i64;
+                if half % 2 == 0 { *size_un } else { -size_un }
+            }
+            Self::Sine { size_un, period_s } => size_un * (std::f64::consts::TAU * t / period_s).sin(),
+        }
+    }
+}
+
+/// Standard normal, by Box and Muller.
+fn normal(rng: &mut impl Rng) -> f64 {
+    let (u, v): (f64, f64) = (rng.random(), rng.random());
+    (-2.0 * (1.0 - u).ln()).sqrt() * (std::f64::consts::TAU * v).cos()
+}
+
+/// Positions of the bead at the rows' times, by steps of a fiftieth of a row; `early_s`: how long before its row a force acts.
+fn motion(bead: &Bead, drive: &Drive, times: &[f64], early_s: f64, lag_s: f64) -> Vec<f64> {
+    let (mut u, mut w, mut felt, mut positions) = (0.0_f64, 0.0_f64, 0.0_f64, Vec::new());
+    for (row, t) in times.iter().enumerate() {
+        positions.push(u + w);
+        let Some(next) = times.get(row + 1) else { break };
+        const STEPS: usize = 50;
+        let dt = (next - t) / STEPS as f64;
+        for k in 0..STEPS {
+            let force = drive.at(t + (k as f64 + 0.5) * dt + early_s);
+            felt = if lag_s > 0.0 { force + (felt - force) * (-dt / lag_s).exp() } else { force };
+            let goal = bead.retarded * felt;
+            u = goal + (u - goal) * (-dt / bead.time_s).exp();
+            w += bead.flow * felt * dt;
+        }
+    }
+    positions
+}
+
+/// A record; `wrong` is what is wrong with it, if anything. The same seed gives the same record.
+///
+/// # Panics
+/// Where the library refuses to read what was written.
+pub fn record(wrong: Option<&str>, seed: u64) -> (Experiment, ExperimentFiles) {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let rng = &mut rng;
+    let is = |kind: &str| wrong == Some(kind);
+    let between = |rng: &mut ChaCha8Rng, low: f64, high: f64| low + (high - low) * rng.random::<f64>();
+    let bead = Bead::drawn(rng);
+    let mut interval_s = bead.time_s / between(rng, 3.0, 20.0);
+    if is("few_rows_in_a_retardation_time") {
+        interval_s = bead.time_s * between(rng, 1.5, 5.0);
+    }
+    let n_half = rng.random_range(40..120_usize);
+    let n_halves = 2 * rng.random_range(2..5_usize);
+    let n_rest = if is("drift_at_rest") { rng.random_range(15..60) } else { rng.random_range(0..3_usize) * 12 };
+    let size_un = between(rng, 2.0, 8.0);
+    let is_curve = is("force_between_rows") || (wrong.is_none() && rng.random_bool(0.2));
+    let drive = if is_curve {
+        Drive::Sine { size_un, period_s: interval_s * between(rng, 12.0, 60.0) }
+    } else {
+        let half_s = n_half as f64 * interval_s;
+        Drive::Square { size_un, half_s, rest_s: n_rest as f64 * interval_s }
+    };
+    let n_rows = n_rest + n_half * n_halves;
+    let times: Vec<f64> = (0..n_rows).map(|row| row as f64 * interval_s).collect();
+    let hidden = if wrong.is_none() { rng.random_range(0..2 * HIDDEN) } else { HIDDEN };
+    let lag_s = if hidden == 0 { between(rng, 0.5, 2.0) * interval_s } else { 0.0 };
+    let early_s = if is("switch_between_rows") { between(rng, 0.3, 0.9) * interval_s } else { 0.0 };
+    let mut positions = motion(&bead, &drive, &times, early_s, lag_s);
+    let size_um = positions.iter().fold(0.0_f64, |size, x| size.max(x.abs()));
+    let end_um = 0.85 * positions.iter().copied().fold(0.0, f64::max);
+    // What is missed must have been there to see.
+    let seen_um = if is("few_rows_in_a_retardation_time") { bead.retarded * size_un } else { size_um };
+    // Some sound records are simulated ones.
+    let is_exact = wrong.is_none() && rng.random_bool(0.05);
+    let noise_um = if is_exact { 0.0 } else { 1.0 }
+        * seen_um
+        * between(rng, 0.003, if is("switch_between_rows") { 0.006 } else { 0.02 });
+    // What a law may lack, and a laboratory may have.
+    let (part, period) = (between(rng, 0.02, 0.08), n_half as f64);
+    for (row, x) in positions.iter_mut().enumerate() {
+        let share = row as f64 / n_rows as f64;
+        *x += match hidden {
+            1 => part * size_um * share,
+            2 => -part * size_um * share * share,
+            3 => part * *x * (share * n_halves as f64 / 2.0).floor(),
+            4 => part * *x * *x / size_um,
+            5 => -part * *x * (*x / size_um).powi(2),
+            6 => part * size_um * ((std::f64::consts::TAU * row as f64 / period).sin()) * share,
+            7 => part * *x * (1.0 - (-share * 3.0).exp()),
+            _ => 0.0,
+        };
+    }
+    let colour = rng.random_range(0..3_u8);
+    let mut slow = 0.0;
+    let decay = (-1.0 / between(rng, 3.0, 40.0)).exp();
+    for x in &mut positions {
+        slow = decay * slow + (1.0 - decay * decay).sqrt() * normal(rng);
+        *x += noise_um * normal(rng) + if colour == 1 { noise_um * slow } else { 0.0 };
+        if colour == 2 && rng.random_bool(0.03) {
+            *x += 10.0 * noise_um * normal(rng);
+        }
+    }
+    let repeats = rng.random_range(2..4_usize);
+    let offset_um =
+        size_um * 0.2 * (2500.0_f64 / 20.0).powf(rng.random()) * if rng.random_bool(0.5) { 1.0 } else { -1.0 };
+    let drift_um = noise_um * between(rng, 10.0, 50.0);
+    let mut written = positions.clone();
+    for (row, x) in written.iter_mut().enumerate() {
+        *x = match wrong {
+            Some("against_force") => -*x,
+            Some("zero_off") => *x + offset_um,
+            Some("leaves_its_container") => 1e3 * *x,
+            Some("noise_above_motion") => 1e-3 * *x,
+            Some("clipped_positions") => x.min(end_um),
+            Some("repeated_positions") => positions[row - row % repeats],
+            Some("drift_at_rest") => *x + drift_um * row.min(n_rest) as f64 / n_rest as f64,
+            _ => *x,
+        };
+    }
+    let lost = if rng.random_bool(0.3) { 0.05 } else { 0.0 };
+    let rows: Vec<Row> = times
+        .iter()
+        .zip(&written)
+        .map(|(t, x)| Row { time_s: *t, force_un: drive.at(*t), position_um: (!rng.random_bool(lost)).then_some(*x) })
+        .collect();
+    let per_second = match wrong {
+        Some("time_unit") if rng.random_bool(0.5) => 1e3,
+        Some("time_unit") => 1e-3,
+        _ => 1.0,
+    };
+    let per_un = if is("size_of_the_answer") { 1e-7 } else { 1.0 };
+    let states_noise = is("noise_above_motion") || !is_exact && rng.random_bool(0.5);
+    let rule = if is_curve && wrong.is_none() { "force = \"linear\"\n" } else { "" };
+    let noise = if states_noise { format!("noise_um = {noise_um:.6}\n") } else { String::new() };
+    let toml = format!(
+        "[specimen]\nid = \"{}-{seed}\"\n[robot]\nshape = \"sphere\"\ndiameter_mm = 0.55\ndensity_kg_m3 = 7500\n[vitreous]\ndiameter_mm = 20.0\npoisson_ratio = 0.48\ndensity_kg_m3 = 1000\n[measurement]\nfile = \"t.csv\"\nsource = \"simulated\"\n{rule}{noise}",
+        wrong.unwrap_or("sound")
+    );
+    let mut csv = String::from("time_s,force_uN,position_um\n");
+    for Row { time_s, force_un, position_um } in rows {
+        let position = position_um.map_or(String::new(), |x| format!("{x:.6}"));
+        csv += &format!("{:.9},{:.12},{position}\n", per_second * time_s, per_un * force_un);
+    }
+    Experiment::from_texts("experiment.toml", toml, "t.csv", csv).expect("a record that can be read")
+}

@@ -1,0 +1,53 @@
+//! What contradicts a record's description is found, and sound records are left alone: a tenth of campaigns/contradictions.
+//!
+//! Seeds are fixed, so that the counts are. Found in 95 % of all records, a kind is missed four times or more in ten by chance once in 10³; the seeds here leave one miss. A sound record is called in less than 1 %: three of forty by chance once in 10².
+
+#[path = "../contradictory/mod.rs"]
+mod contradictory;
+
+use contradictory::{KINDS, record};
+use vitreo_uq::workflow::Silent;
+use vitreo_uq::workflow::check::{contradictions, refuse_certain, summary};
+use vitreo_uq::workflow::replica;
+
+#[test]
+fn what_contradicts_a_description_is_found() {
+    for (place, kind) in KINDS.iter().enumerate() {
+        let is_found = |seed: &u64| {
+            let (experiment, files) = record(Some(kind), *seed);
+            contradictions(&experiment, &files.understood).iter().any(|contradiction| contradiction.kind == *kind)
+        };
+        let first = 77_000_000 + 1_000 * place as u64;
+        let n_found = (first..first + 10).filter(is_found).count();
+        assert!(n_found >= 9, "{kind}: {n_found} of 10");
+    }
+}
+
+#[test]
+fn sound_records_are_left_alone() {
+    let called: Vec<(u64, Vec<_>)> = (78_000_000..78_000_040)
+        .map(|seed| {
+            let (experiment, files) = record(None, seed);
+            (seed, contradictions(&experiment, &files.understood))
+        })
+        .filter(|(_, called)| !called.is_empty())
+        .collect();
+    assert!(called.len() <= 1, "{called:?}");
+    let (experiment, files) = replica::embedded().unwrap();
+    assert_eq!(summary(&experiment, &files).contradictions, []);
+}
+
+#[test]
+fn what_is_certain_is_refused_with_its_remedy() {
+    let (experiment, files) = record(Some("against_force"), 1);
+    let refused = refuse_certain(&experiment, &files.understood, &Silent).unwrap_err();
+    assert_eq!(refused.exit_code(), 2);
+    assert!(refused.to_string().contains("direction = \"-\""), "{refused}");
+    // The remedy of another kind works: the rule of the force is said.
+    let (experiment, mut files) = record(Some("force_between_rows"), 1);
+    assert!(refuse_certain(&experiment, &files.understood, &Silent).is_err());
+    files.understood.force_rule_given = true;
+    assert!(refuse_certain(&experiment, &files.understood, &Silent).is_ok());
+    let document = summary(&experiment, &files);
+    assert_eq!(document.understood.sentences.len(), 5);
+}
