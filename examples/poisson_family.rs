@@ -28,7 +28,7 @@ fn main() -> vitreo_uq::Result<()> {
                 parameters: &parameters,
                 poisson_ratio,
                 time_s: &time_s,
-                force_n: &force_n,
+                force: (&force_n).into(),
                 tolerance: 1e-5,
             },
         )

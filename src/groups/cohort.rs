@@ -243,7 +243,8 @@ fn measurement(
 
 fn hash_of(files: &ExperimentFiles) -> String {
     let mut hash = Sha256::new();
-    for bytes in [&files.toml_bytes, &files.csv_bytes] {
+    let log = files.log_file.iter().map(|(_, bytes)| bytes);
+    for bytes in [&files.toml_bytes, &files.csv_bytes].into_iter().chain(log) {
         hash.update(bytes.len().to_le_bytes());
         hash.update(bytes);
     }

@@ -295,22 +295,29 @@ pub(crate) fn safe_file_name(id: &str) -> String {
     if safe.is_empty() { "specimen".to_string() } else { safe.to_string() }
 }
 
+/// Names and bytes of the experiment's tables.
+fn tables(files: &ExperimentFiles) -> impl Iterator<Item = (&str, &[u8])> {
+    let log = files.log_file.as_ref().map(|(name, bytes)| (name.as_str(), bytes.as_slice()));
+    std::iter::once((files.csv_name.as_str(), files.csv_bytes.as_slice())).chain(log)
+}
+
 fn hashes_of(files: &ExperimentFiles) -> Result<BTreeMap<String, String>> {
-    let first = Path::new(&files.csv_name).components().next();
-    let first = first.map_or(String::new(), |part| part.as_os_str().to_string_lossy().into_owned());
-    let own = [TOML_NAME, HASHES_NAME, SIMULATION_NAME, FIT_NAME, LADDER_NAME, "ladder.svg", "ladder.png"];
-    let taken = own.contains(&first.as_str());
-    if taken || first.starts_with('.') || revision_number(&first).is_some() {
-        return Err(Error::input(
-            Place::file(&files.toml_name).at_key("measurement.file"),
-            format!("`{}` is a name that a study keeps for itself", files.csv_name),
-            "rename the CSV, for example to trajectory.csv, and change `file` in [measurement]",
-        ));
+    for (name, _) in tables(files) {
+        let first = Path::new(name).components().next();
+        let first = first.map_or(String::new(), |part| part.as_os_str().to_string_lossy().into_owned());
+        let own = [TOML_NAME, HASHES_NAME, SIMULATION_NAME, FIT_NAME, LADDER_NAME, "ladder.svg", "ladder.png"];
+        let taken = own.contains(&first.as_str());
+        if taken || first.starts_with('.') || revision_number(&first).is_some() {
+            return Err(Error::input(
+                Place::file(&files.toml_name).at_key("file"),
+                format!("`{name}` is a name that a study keeps for itself"),
+                "rename the table, for example to trajectory.csv, and change `file` in [measurement] or [actuation]",
+            ));
+        }
     }
-    Ok(BTreeMap::from([
-        (TOML_NAME.to_string(), sha256_hex(&files.toml_bytes)),
-        (files.csv_name.clone(), sha256_hex(&files.csv_bytes)),
-    ]))
+    let mut hashes = BTreeMap::from([(TOML_NAME.to_string(), sha256_hex(&files.toml_bytes))]);
+    hashes.extend(tables(files).map(|(name, bytes)| (name.to_string(), sha256_hex(bytes))));
+    Ok(hashes)
 }
 
 /// Builds the study in a hidden directory and moves it to its place in one step; `replace` allows that a study is there.
@@ -340,7 +347,9 @@ fn write_inputs(folder: &Path, files: &ExperimentFiles, hashes: &BTreeMap<String
         std::fs::write(&path, bytes).map_err(|source| refused("write", &path, source))
     };
     write(TOML_NAME, &files.toml_bytes)?;
-    write(&files.csv_name, &files.csv_bytes)?;
+    for (name, bytes) in tables(files) {
+        write(name, bytes)?;
+    }
     let lines: String = hashes.iter().map(|(name, hash)| format!("{hash}  {name}\n")).collect();
     write(HASHES_NAME, lines.as_bytes())
 }

@@ -8,6 +8,7 @@ fn files(id: &str) -> ExperimentFiles {
         toml_bytes: format!("[specimen]\nid = \"{id}\"\n").into_bytes(),
         csv_name: "data/trajectory.csv".into(),
         csv_bytes: b"time_s,force_N,position_m\r\n".to_vec(),
+        log_file: None,
         notes: vec![],
         understood: crate::experiment::Understood::default(),
     }

@@ -139,17 +139,18 @@ fn columns(proposal: &Proposal) -> Vec<InitColumn> {
         range,
     };
     let micro = |range: [f64; 2]| Some(range.map(|x| 1e6 * x));
-    let mut columns = vec![
-        column("time", &time.0, time_unit(&time.1), Some([0.0, proposal.duration_s])),
-        column("force", &force.0, force.1.name.clone(), micro(proposal.force_n)),
-    ];
-    let unit = || position.1.name.clone();
-    match &position.0 {
-        PositionColumns::Along(name) => columns.push(column("position", name, unit(), micro(proposal.position_m))),
-        PositionColumns::Plane([x, y]) => {
-            columns.push(column("position_x", x, unit(), None));
-            columns.push(column("position_y", y, unit(), None));
+    let mut columns = vec![column("time", &time.0, time_unit(&time.1), Some([0.0, proposal.duration_s]))];
+    columns
+        .extend(force.as_ref().map(|(name, unit)| column("force", name, unit.name.clone(), micro(proposal.force_n))));
+    match position {
+        Some((PositionColumns::Along(name), unit)) => {
+            columns.push(column("position", name, unit.name.clone(), micro(proposal.position_m)));
         }
+        Some((PositionColumns::Plane([x, y]), unit)) => {
+            columns.push(column("position_x", x, unit.name.clone(), None));
+            columns.push(column("position_y", y, unit.name.clone(), None));
+        }
+        None => {}
     }
     columns.extend(cycle.as_ref().map(|cycle| column("cycle", cycle, String::new(), None)));
     columns
@@ -157,7 +158,9 @@ fn columns(proposal: &Proposal) -> Vec<InitColumn> {
 
 fn others(proposal: &Proposal) -> Vec<String> {
     let TableDescription { time, force, position, cycle, .. } = &proposal.description;
-    let used: Vec<&ColumnName> = [&time.0, &force.0].into_iter().chain(position.0.all()).chain(cycle).collect();
+    let positions = position.iter().flat_map(|(columns, _)| columns.all());
+    let force = force.iter().map(|(name, _)| name);
+    let used: Vec<&ColumnName> = std::iter::once(&time.0).chain(force).chain(positions).chain(cycle).collect();
     let is_used = |(at, name): &(usize, &String)| {
         used.iter().any(|column| match column {
             ColumnName::Named(own) => own == *name,
@@ -247,13 +250,16 @@ fn experiment_toml(request: &InitRequest, file: &str, proposal: &Proposal) -> St
     }
     line("# force", text("hold"), "\"hold\" until the next row, or \"linear\" between rows");
     line("\n[measurement.columns]\ntime", column_name(&table.time.0), "name in the header, or number from 1");
-    line("force", column_name(&table.force.0), "the commanded force");
-    match &table.position.0 {
-        PositionColumns::Along(position) => line("position", column_name(position), "along the force"),
-        PositionColumns::Plane([x, y]) => {
+    if let Some((force, _)) = &table.force {
+        line("force", column_name(force), "the commanded force");
+    }
+    match table.position.as_ref().map(|(columns, _)| columns) {
+        Some(PositionColumns::Along(position)) => line("position", column_name(position), "along the force"),
+        Some(PositionColumns::Plane([x, y])) => {
             line("position_x", column_name(x), "projected on the line that `direction` names");
             line("position_y", column_name(y), "with it");
         }
+        None => {}
     }
     if let Some(cycle) = &table.cycle {
         line("cycle", column_name(cycle), "left out, cycles are found from the force");
@@ -263,7 +269,11 @@ fn experiment_toml(request: &InitRequest, file: &str, proposal: &Proposal) -> St
         text(&time_unit(&table.time.1)),
         "s, ms, min, h, \"clock\" (hh:mm:ss) or \"iso\"",
     );
-    line("force", text(&table.force.1.name), "N, mN, uN, nN or pN");
-    line("position", text(&table.position.1.name), "m, mm, um or nm");
+    if let Some((_, unit)) = &table.force {
+        line("force", text(&unit.name), "N, mN, uN, nN or pN");
+    }
+    if let Some((_, unit)) = &table.position {
+        line("position", text(&unit.name), "m, mm, um or nm");
+    }
     lines
 }

@@ -213,7 +213,7 @@ fn reduced_model_follows_the_finite_elements_over_poisson_ratios() {
         parameters: &parameters,
         poisson_ratio: [0.3, 0.499],
         time_s: &time_s,
-        force_n: &force_n,
+        force: (&force_n).into(),
         tolerance: 1e-4,
     };
     let surrogate = Surrogate::train(&stiffness, &training).expect("training succeeds");

@@ -1,7 +1,6 @@
 //! Jobs of the library, from an experiment to a result.
 
 mod cohort_data;
-
 mod contradictions;
 mod drives;
 mod experiment_rejections;

@@ -49,6 +49,7 @@ fn killed_writers_leave_whole_revisions_and_a_usable_study() {
         toml_bytes: b"[specimen]\n".to_vec(),
         csv_name: "trajectory.csv".into(),
         csv_bytes: b"time_s\n".to_vec(),
+        log_file: None,
         notes: vec![],
         understood: vitreo_uq::experiment::Understood::default(),
     };

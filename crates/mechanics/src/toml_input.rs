@@ -250,6 +250,26 @@ impl<'a> Table<'a> {
         ))
     }
 
+    /// A list of finite numbers, if present.
+    pub fn numbers(&self, key: &str) -> Result<Option<Vec<f64>>> {
+        let example = format!("{key} = [0.0, 2.3e-6]");
+        let Some(values) = self.array(key, "a list of numbers", &example)? else { return Ok(None) };
+        let number = |value: &DeValue<'_>| match value {
+            DeValue::Integer(integer) if integer.radix() == 10 => integer.as_str().parse::<f64>().ok(),
+            DeValue::Float(float) => float.as_str().parse::<f64>().ok(),
+            _ => None,
+        };
+        values
+            .iter()
+            .map(|value| {
+                number(value.get_ref())
+                    .filter(|number| number.is_finite())
+                    .ok_or_else(|| self.refuse(key, "an entry is not a finite number", format!("write `{example}`")))
+            })
+            .collect::<Result<_>>()
+            .map(Some)
+    }
+
     /// A list of whole numbers from 1, if present.
     pub fn counts(&self, key: &str) -> Result<Option<Vec<u32>>> {
         let example = format!("{key} = [1, 2]");

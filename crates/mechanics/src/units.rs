@@ -11,6 +11,8 @@ pub enum Dimension {
     Force,
     /// Length, SI unit m.
     Length,
+    /// Electric current, SI unit A.
+    Current,
 }
 
 /// One accepted unit.
@@ -37,6 +39,9 @@ pub const UNITS: &[Unit] = &[
     Unit { suffix: "mm", dimension: Dimension::Length, per_si_unit: 1e3 },
     Unit { suffix: "um", dimension: Dimension::Length, per_si_unit: 1e6 },
     Unit { suffix: "nm", dimension: Dimension::Length, per_si_unit: 1e9 },
+    Unit { suffix: "A", dimension: Dimension::Current, per_si_unit: 1.0 },
+    Unit { suffix: "mA", dimension: Dimension::Current, per_si_unit: 1e3 },
+    Unit { suffix: "uA", dimension: Dimension::Current, per_si_unit: 1e6 },
 ];
 
 impl Unit {

@@ -256,12 +256,13 @@ fn family() -> Compliance {
         let range = |own: &ParameterSpec| TrainedRange { name: own.name.into(), lower: 1.0, upper: 9.0 };
         let parameters: Vec<TrainedRange> = BaseLaw::Lethersich.parameters().iter().map(range).collect();
         let time_s: Vec<f64> = (0..4 * ROWS_A_HOLD).map(|row| INTERVAL_S * row as f64).collect();
+        let force_n = vec![FORCE_N; time_s.len()];
         let training = Training {
             law: BaseLaw::Lethersich,
             parameters: &parameters,
             poisson_ratio: [0.0, 0.499],
             time_s: &time_s,
-            force: (&vec![FORCE_N; time_s.len()]).into(),
+            force: (&force_n).into(),
             tolerance: 1e-6,
         };
         Surrogate::train(surroundings(false).stiffness, &training).unwrap()

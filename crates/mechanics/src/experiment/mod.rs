@@ -2,6 +2,7 @@
 //!
 //! [`Experiment::read`] is the border: behind it everything is SI, checked and complete.
 
+mod actuation;
 mod apparatus;
 mod cycles;
 mod force;

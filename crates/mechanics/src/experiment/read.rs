@@ -3,12 +3,13 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
+use super::actuation::Actuation;
 use super::cycles::find_cycles;
 use super::force::ForceRule;
 use super::frame::{Frame, Settled};
 use super::notes::{Note, UM_PER_M};
 use super::record::Record;
-use super::table::{Encoding, KEYS, TableDescription, one_of, read_described};
+use super::table::{KEYS, TableDescription, one_of, read_described, text_in};
 use super::trajectory::{Trajectory, read_trajectory};
 use super::{Apparatus, Experiment};
 use crate::error::{Error, Place, Result};
@@ -31,6 +32,8 @@ pub struct ExperimentFiles {
     pub csv_name: String,
     /// Its bytes, unchanged.
     pub csv_bytes: Vec<u8>,
+    /// Path and bytes of the force's own log, where there is one and it is another file.
+    pub log_file: Option<(String, Vec<u8>)>,
     /// What a person should know about how the data were understood.
     pub notes: Vec<Note>,
     /// How the description was taken.
@@ -85,6 +88,7 @@ struct Specification {
     region: Option<String>,
     apparatus: Apparatus,
     csv_name: String,
+    actuation: Option<Actuation>,
     /// `None` for a table of the program's own form.
     table: Option<TableDescription>,
     frame: Frame,
@@ -133,7 +137,7 @@ impl Specification {
     fn read(file: &Path, bytes: &[u8]) -> Result<Self> {
         let document = TomlInput::parse(file, text_of(file, bytes)?)?;
         let root = document.root();
-        root.only(&["specimen", "robot", "vitreous", "instrument", "measurement"])?;
+        root.only(&["specimen", "robot", "vitreous", "instrument", "measurement", "actuation"])?;
         let specimen = root.required_table("specimen")?;
         specimen.only(&["id", "species", "region"])?;
         let specimen_id = specimen.required_text("id", "id = \"porcine-01\"")?;
@@ -147,11 +151,18 @@ impl Specification {
             ]
             .concat(),
         )?;
-        let force_rule_given = measurement.has("force");
-        let force_rule = one_of(measurement, "force", &ForceRule::ALL, ForceRule::name)?.unwrap_or_default();
-        let table = TableDescription::read(measurement)?;
+        let log = root.table("actuation")?;
+        let actuation = log.map(|log| Actuation::read(log, |log| plain_path(log, "coil.csv"))).transpose()?;
+        if actuation.is_some() && measurement.has("force") {
+            let remedy = "say what the force does between rows in [actuation]";
+            return Err(measurement.refuse("force", "the force is logged in [actuation]", remedy));
+        }
+        let of_rows = one_of(measurement, "force", &ForceRule::ALL, ForceRule::name)?.unwrap_or_default();
+        let (force_rule, force_rule_given) =
+            actuation.as_ref().map_or((of_rows, measurement.has("force")), |log| (log.rule, log.rule_given));
+        let table = TableDescription::read(measurement, actuation.is_some())?;
         let frame = Frame::read(measurement, table.as_ref().is_some_and(TableDescription::is_plane))?;
-        let csv_name = csv_name_from(measurement)?;
+        let csv_name = plain_path(measurement, "trajectory.csv")?;
         let noise_um = measurement.positive("noise_um", "noise_um = 4.0")?;
         let noise_um =
             noise_um.map(|noise_um| measurement.check_within("noise_um", noise_um, NOISES_UM)).transpose()?;
@@ -162,6 +173,7 @@ impl Specification {
             region,
             apparatus,
             csv_name,
+            actuation,
             table,
             frame,
             force_rule,
@@ -181,23 +193,23 @@ impl Specification {
         csv_bytes: &[u8],
     ) -> Result<(Experiment, ExperimentFiles)> {
         let mut trajectory = match &self.table {
-            None => read_trajectory(csv_place, text_of(csv_place, csv_bytes)?)?,
-            Some(table) => {
-                let encoding = table.encoding.unwrap_or_else(|| Encoding::of(csv_bytes));
-                let text = encoding.text(csv_bytes).ok_or_else(|| {
-                    let found = format!("the table is not written in {}", encoding.name());
-                    let remedy = "correct `encoding` in [measurement], or leave it out so that it is found";
-                    Error::input(Place::file(csv_place), found, remedy)
-                })?;
-                read_described(csv_place, &text, table)?
-            }
+            None => read_trajectory(csv_place, text_of(csv_place, csv_bytes)?, self.actuation.is_some())?,
+            Some(table) => read_described(csv_place, &text_in(csv_place, csv_bytes, table.encoding)?, table)?,
         };
-        check_driven(csv_place, &trajectory)?;
+        let (mut driven_place, mut force_rows, mut log_file) = (csv_place.to_path_buf(), Vec::new(), None);
+        if let Some(actuation) = &self.actuation {
+            driven_place = toml_place.with_file_name(&actuation.file);
+            let remedy = "put the log where `file` in [actuation] says, beside the TOML";
+            let bytes = files::read(&driven_place, Content::Table, remedy)?;
+            (trajectory, force_rows) = actuation.merged(&driven_place, &bytes, trajectory)?;
+            log_file = (actuation.file != self.csv_name).then(|| (actuation.file.clone(), bytes));
+        }
+        check_driven(&driven_place, &trajectory)?;
         let mut notes = Vec::new();
         let settled = self.frame.settle(csv_place, &mut trajectory)?;
         let (lines, position_column) =
             (std::mem::take(&mut trajectory.lines), std::mem::take(&mut trajectory.position_column));
-        let (record, lines) = record_from(trajectory, lines, self.force_rule, &mut notes);
+        let (record, lines) = record_from(trajectory, lines, force_rows, self.force_rule, &mut notes);
         let (calibration_cycles, heldout_cycles) = self.choose_cycles(record.n_cycles())?;
         check_positions(&record, &calibration_cycles, &Place::file(csv_place).at_key(position_column), &lines)?;
         note_data(&record, &heldout_cycles, self.source.is_none(), &mut notes);
@@ -212,6 +224,7 @@ impl Specification {
             toml_bytes: toml_bytes.to_vec(),
             csv_name: self.csv_name,
             csv_bytes: csv_bytes.to_vec(),
+            log_file,
             notes,
             understood: Understood { force_rule_given: self.force_rule_given, settled },
         };
@@ -256,17 +269,17 @@ impl Specification {
     }
 }
 
-/// The CSV's path must stay inside the TOML's directory, because a study copies both files side by side.
-fn csv_name_from(measurement: Table<'_>) -> Result<String> {
-    let name = measurement.required_text("file", "file = \"trajectory.csv\"")?;
+/// A table's path must stay inside the TOML's directory, because a study copies the files side by side.
+fn plain_path(table: Table<'_>, example: &str) -> Result<String> {
+    let name = table.required_text("file", &format!("file = \"{example}\""))?;
     let inside = Path::new(&name).components().all(|part| matches!(part, std::path::Component::Normal(_)));
     if inside && !name.contains(char::is_control) {
         return Ok(name);
     }
-    Err(measurement.refuse(
+    Err(table.refuse(
         "file",
         format!("`{name}` is not a plain path below the directory of the TOML"),
-        "put the CSV beside experiment.toml and give its name, such as `file = \"trajectory.csv\"`",
+        format!("put the table beside experiment.toml and give its name, such as `file = \"{example}\"`"),
     ))
 }
 
@@ -274,13 +287,14 @@ fn csv_name_from(measurement: Table<'_>) -> Result<String> {
 fn record_from(
     trajectory: Trajectory,
     lines: Vec<usize>,
+    force_rows: Vec<usize>,
     force_rule: ForceRule,
     notes: &mut Vec<Note>,
 ) -> (Record, Vec<usize>) {
     let Trajectory { time_s, force_n, position_m, cycle, .. } = trajectory;
     let cycle_given = cycle.is_some();
     let cycle = cycle.unwrap_or_else(|| vec![1; time_s.len()]);
-    let mut record = Record { time_s, force_n, position_m, cycle, force_rule, force_rows: Vec::new() };
+    let mut record = Record { time_s, force_n, position_m, cycle, force_rule, force_rows };
     if !cycle_given {
         let found = find_cycles(&record);
         notes.push(found.note());

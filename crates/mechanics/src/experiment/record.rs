@@ -126,18 +126,21 @@ impl Record {
             return (self, lines);
         }
         let (mut made, mut lines_made) = (Self { force_rule: self.force_rule, ..Self::default() }, Vec::new());
-        for row in 0..self.n_rows() {
-            let mut push = |time_s: f64, force_n: f64, position_m: Option<f64>| {
+        for (row, &line) in lines.iter().enumerate() {
+            let crossing = crossing_s(row).map(|at_s| (at_s, 0.0, None, true));
+            let own = (self.time_s[row], self.force_n[row], self.position_m[row]);
+            let is_added = self.force_rows.binary_search(&row).is_ok();
+            for (time_s, force_n, position_m, is_added) in
+                std::iter::once((own.0, own.1, own.2, is_added)).chain(crossing)
+            {
+                if is_added {
+                    made.force_rows.push(made.time_s.len());
+                }
                 made.time_s.push(time_s);
                 made.force_n.push(force_n);
                 made.position_m.push(position_m);
                 made.cycle.push(self.cycle[row]);
-                lines_made.push(lines[row]);
-            };
-            push(self.time_s[row], self.force_n[row], self.position_m[row]);
-            if let Some(at_s) = crossing_s(row) {
-                push(at_s, 0.0, None);
-                made.force_rows.push(made.time_s.len() - 1);
+                lines_made.push(line);
             }
         }
         (made, lines_made)

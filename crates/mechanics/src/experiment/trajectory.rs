@@ -17,6 +17,8 @@ pub(super) struct Trajectory {
     pub y_m: Option<Vec<Option<f64>>>,
     /// Metres in a unit of the position's column.
     pub position_unit_m: f64,
+    /// What the table's own clock shows at time 0, in s.
+    pub clock_zero_s: f64,
     /// `None` when the file has no `cycle` column.
     pub cycle: Option<Vec<u32>>,
     /// Line of each row in the file, counted from 1.
@@ -67,22 +69,25 @@ pub(super) fn is_lost(cell: &str) -> bool {
 /// Index of each quantity's column, with its unit, and of the cycle column.
 struct Header {
     names: Vec<String>,
-    quantities: [(usize, Unit); 3],
+    time: (usize, Unit),
+    /// `None` where another file has it.
+    force: Option<(usize, Unit)>,
+    position: (usize, Unit),
     cycle: Option<usize>,
 }
 
-/// Parses a trajectory; `file` is only named in errors.
-pub(super) fn read_trajectory(file: &Path, text: &str) -> Result<Trajectory> {
+/// Parses a trajectory; `file` is only named in errors. `is_driven_elsewhere` where another file has the force.
+pub(super) fn read_trajectory(file: &Path, text: &str, is_driven_elsewhere: bool) -> Result<Trajectory> {
     refuse_long_lines(file, text.as_bytes())?;
     let mut rows = Rows::new(file, text);
     let Some(header_line) = rows.next_row()? else {
         return Err(Error::input(Place::file(file).at_line(1), "the file has no header", HEADER_REMEDY));
     };
     let names: Vec<String> = rows.record.iter().map(str::to_string).collect();
-    let header = Header::parse(&Place::file(file).at_line(header_line), &names)?;
-    let column = |which: usize| header.names[header.quantities[which].0].as_str();
-    let mut trajectory = Trajectory::empty(header.cycle.is_some(), column(FORCE), column(POSITION));
-    trajectory.position_unit_m = header.quantities[POSITION].1.to_si(1.0);
+    let header = Header::parse(&Place::file(file).at_line(header_line), &names, is_driven_elsewhere)?;
+    let force_column = header.force.map_or("", |(index, _)| header.names[index].as_str());
+    let mut trajectory = Trajectory::empty(header.cycle.is_some(), force_column, &header.names[header.position.0]);
+    trajectory.position_unit_m = header.position.1.to_si(1.0);
     while let Some(line) = rows.next_row()? {
         trajectory.note_line(file, line)?;
         trajectory.push(&header, &|| Place::file(file).at_line(line), &rows.record)?;
@@ -143,7 +148,7 @@ impl<'a> Rows<'a> {
 }
 
 impl Header {
-    fn parse(place: &Place, cells: &[String]) -> Result<Self> {
+    fn parse(place: &Place, cells: &[String], is_driven_elsewhere: bool) -> Result<Self> {
         if let [only] = cells
             && (only.contains(';') || only.contains('\t'))
         {
@@ -179,8 +184,15 @@ impl Header {
                 )
             })
         };
-        let quantities = [require(TIME)?, require(FORCE)?, require(POSITION)?];
-        Ok(Self { names: cells.to_vec(), quantities, cycle })
+        if let (true, Some((index, _))) = (is_driven_elsewhere, quantities[FORCE]) {
+            return Err(Error::input(
+                place.clone().at_key(cells[index].as_str()),
+                "the force stands here and in [actuation]",
+                "remove one of them",
+            ));
+        }
+        let force = if is_driven_elsewhere { None } else { Some(require(FORCE)?) };
+        Ok(Self { names: cells.to_vec(), time: require(TIME)?, force, position: require(POSITION)?, cycle })
     }
 }
 
@@ -238,16 +250,17 @@ impl Trajectory {
             ));
         }
         let at = |index: usize| place().at_key(header.names[index].as_str());
-        let cell = |which: usize| {
-            let (index, unit) = header.quantities[which];
-            (&cells[index], unit, move || at(index))
-        };
-        let (text, unit, place_of_time) = cell(TIME);
+        let cell = |(index, unit): (usize, Unit)| (&cells[index], unit, move || at(index));
+        let (text, unit, place_of_time) = cell(header.time);
         let time_s = unit.to_si(finite(&place_of_time, text, "correct the time or remove the row")?);
-        let (text, unit, place_of_force) = cell(FORCE);
-        let remedy = "give the force that was commanded in this row; 0 if none was";
-        let force_n = unit.to_si(finite(&place_of_force, text, remedy)?);
-        let (text, unit, place_of_position) = cell(POSITION);
+        let force_n = match header.force.map(cell) {
+            Some((text, unit, place_of_force)) => {
+                let remedy = "give the force that was commanded in this row; 0 if none was";
+                unit.to_si(finite(&place_of_force, text, remedy)?)
+            }
+            None => 0.0,
+        };
+        let (text, unit, place_of_position) = cell(header.position);
         let position_m = if is_lost(text) {
             None
         } else {
@@ -257,7 +270,9 @@ impl Trajectory {
         let cycle = header.cycle.map(|index| &cells[index]);
         self.add(Row { time_s, force_n, position_m, cycle }, &|which| match which {
             CYCLE => at(header.cycle.unwrap_or(0)),
-            _ => at(header.quantities[which].0),
+            TIME => at(header.time.0),
+            FORCE => at(header.force.unwrap_or(header.time).0),
+            _ => at(header.position.0),
         })
     }
 
@@ -269,6 +284,7 @@ impl Trajectory {
             position_m: Vec::new(),
             y_m: None,
             position_unit_m: 1.0,
+            clock_zero_s: 0.0,
             cycle: has_cycles.then(Vec::new),
             lines: Vec::new(),
             force_column: force_column.into(),
@@ -292,6 +308,29 @@ impl Trajectory {
             cycles.push(next_cycle(&|| place(CYCLE), text, cycles.last().copied())?);
         }
         Ok(())
+    }
+
+    /// The same without rows.
+    pub(super) fn emptied(&self) -> Self {
+        let mut emptied = Self::empty(self.cycle.is_some(), &self.force_column, &self.position_column);
+        (emptied.position_unit_m, emptied.clock_zero_s) = (self.position_unit_m, self.clock_zero_s);
+        emptied.y_m = self.y_m.as_ref().map(|_| Vec::new());
+        emptied
+    }
+
+    /// Adds a row of another trajectory at a time (s), with a force (N); without its position where it stands for a change of the force alone.
+    pub(super) fn push_from(&mut self, other: &Self, row: usize, time_s: f64, force_n: f64, is_sample: bool) {
+        let kept = |position: Option<f64>| position.filter(|_| is_sample);
+        self.time_s.push(time_s);
+        self.force_n.push(force_n);
+        self.position_m.push(kept(other.position_m[row]));
+        if let Some((own, theirs)) = self.y_m.as_mut().zip(other.y_m.as_ref()) {
+            own.push(kept(theirs[row]));
+        }
+        if let Some((own, theirs)) = self.cycle.as_mut().zip(other.cycle.as_ref()) {
+            own.push(theirs[row]);
+        }
+        self.lines.push(other.lines[row]);
     }
 
     /// Notes the line of the row that was added last.
@@ -388,7 +427,7 @@ mod tests {
     use super::*;
 
     fn read(text: &str) -> Result<Trajectory> {
-        read_trajectory(Path::new("t.csv"), text)
+        read_trajectory(Path::new("t.csv"), text, false)
     }
 
     #[test]

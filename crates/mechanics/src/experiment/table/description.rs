@@ -62,10 +62,10 @@ pub struct TableDescription {
     pub first_row_line: usize,
     /// Times.
     pub time: (ColumnName, TimeFormat),
-    /// Forces.
-    pub force: (ColumnName, Spelt),
-    /// Positions.
-    pub position: (PositionColumns, Spelt),
+    /// Forces, or currents that make them; `None` in a table whose force is logged in another.
+    pub force: Option<(ColumnName, Spelt)>,
+    /// Positions; `None` in a log of the force.
+    pub position: Option<(PositionColumns, Spelt)>,
     /// Cycles; found from the force where there is no such column.
     pub cycle: Option<ColumnName>,
 }
@@ -77,8 +77,9 @@ pub(in crate::experiment) const KEYS: [&str; 8] =
 const EXAMPLE: &str = "position = \"x [µm]\"";
 
 impl TableDescription {
-    /// What `[measurement]` says; `None` where it has no `[measurement.columns]`: then the table is one of the program's own form.
-    pub(in crate::experiment) fn read(measurement: Table<'_>) -> Result<Option<Self>> {
+    /// What `[measurement]` says; `None` where it has no `[measurement.columns]`: then the table is one of the program's own form. `is_driven_elsewhere` where
+    /// `[actuation]` has the force.
+    pub(in crate::experiment) fn read(measurement: Table<'_>, is_driven_elsewhere: bool) -> Result<Option<Self>> {
         let Some(columns) = measurement.table("columns")? else {
             return match KEYS.iter().find(|key| measurement.has(key)) {
                 None => Ok(None),
@@ -90,10 +91,36 @@ impl TableDescription {
             };
         };
         columns.only(&["time", "force", "position", "position_x", "position_y", "cycle"])?;
-        let units = Units { measurement, table: measurement.table("units")? };
-        if let Some(table) = units.table {
-            table.only(&["time", "force", "position"])?;
+        let units = Units::read(measurement, &["time", "force", "position"])?;
+        if is_driven_elsewhere && columns.has("force") {
+            let remedy = "remove one of them";
+            return Err(columns.refuse("force", "the force stands here and in [actuation]", remedy));
         }
+        let force = if is_driven_elsewhere { None } else { Some(units.column(columns, "force", Dimension::Force)?) };
+        let position = position_columns(columns)?;
+        let position = Some((position.clone(), units.of("position", Dimension::Length, &position.all()[0])?));
+        let cycle = if columns.has("cycle") { Some(column(columns, "cycle")?) } else { None };
+        Ok(Some(Self { force, position, cycle, ..Self::layout(measurement, columns, &units)? }))
+    }
+
+    /// What `[actuation]` says of its log.
+    pub(in crate::experiment) fn read_log(actuation: Table<'_>) -> Result<Self> {
+        let columns = actuation.required_table("columns")?;
+        columns.only(&["time", "force", "current"])?;
+        let units = Units::read(actuation, &["time", "force", "current"])?;
+        let force = if columns.has("current") {
+            if columns.has("force") {
+                return Err(columns.refuse("force", "the log has a force and a current", "name one of them"));
+            }
+            units.column(columns, "current", Dimension::Current)?
+        } else {
+            units.column(columns, "force", Dimension::Force)?
+        };
+        Ok(Self { force: Some(force), ..Self::layout(actuation, columns, &units)? })
+    }
+
+    /// How the table is laid out, with its times alone.
+    fn layout(measurement: Table<'_>, columns: Table<'_>, units: &Units<'_>) -> Result<Self> {
         let delimiter = one_of(measurement, "delimiter", &Delimiter::ALL, Delimiter::name)?.unwrap_or(Delimiter::Comma);
         let decimal = one_of(measurement, "decimal", &Decimal::ALL, Decimal::name)?.unwrap_or(Decimal::Point);
         if delimiter == Delimiter::Comma && decimal == Decimal::Comma {
@@ -103,8 +130,7 @@ impl TableDescription {
         let header_line = line(measurement, "header_line")?;
         let first_row_line = line(measurement, "first_row_line")?;
         let header_line = if header_line.is_none() && first_row_line.is_none() { Some(1) } else { header_line };
-        let (time, force) = (column(columns, "time")?, column(columns, "force")?);
-        let position = position_columns(columns)?;
+        let time = column(columns, "time")?;
         let format = match units.text("time")?.as_deref() {
             Some("clock") => TimeFormat::Clock,
             Some("iso") => TimeFormat::Iso,
@@ -117,21 +143,21 @@ impl TableDescription {
             comment: measurement.text("comment")?,
             header_line,
             first_row_line: first_row_line.unwrap_or(header_line.map_or(1, |line| line + 1)),
-            force: (force.clone(), units.of("force", Dimension::Force, &force)?),
-            position: (position.clone(), units.of("position", Dimension::Length, &position.all()[0])?),
+            force: None,
+            position: None,
             time: (time, format),
-            cycle: if columns.has("cycle") { Some(column(columns, "cycle")?) } else { None },
+            cycle: None,
         };
         if description.header_line.is_some_and(|header| header >= description.first_row_line) {
             let remedy = "the header stands above the first row";
             return Err(measurement.refuse("header_line", "the header stands below the first row", remedy));
         }
-        Ok(Some(description))
+        Ok(description)
     }
 
     /// Whether positions are x and y.
     pub fn is_plane(&self) -> bool {
-        matches!(self.position.0, PositionColumns::Plane(_))
+        matches!(self.position, Some((PositionColumns::Plane(_), _)))
     }
 }
 
@@ -188,7 +214,20 @@ struct Units<'a> {
     table: Option<Table<'a>>,
 }
 
-impl Units<'_> {
+impl<'a> Units<'a> {
+    fn read(measurement: Table<'a>, keys: &[&str]) -> Result<Self> {
+        let table = measurement.table("units")?;
+        table.map_or(Ok(()), |table| table.only(keys))?;
+        Ok(Self { measurement, table })
+    }
+
+    /// A column with its unit.
+    fn column(&self, columns: Table<'_>, key: &str, dimension: Dimension) -> Result<(ColumnName, Spelt)> {
+        let name = column(columns, key)?;
+        let unit = self.of(key, dimension, &name)?;
+        Ok((name, unit))
+    }
+
     fn text(&self, key: &str) -> Result<Option<String>> {
         self.table.map_or(Ok(None), |table| table.text(key))
     }
@@ -203,6 +242,7 @@ impl Units<'_> {
                 Dimension::Time => "time = \"s\"",
                 Dimension::Force => "force = \"uN\"",
                 Dimension::Length => "position = \"um\"",
+                Dimension::Current => "current = \"A\"",
             };
             return by_name.filter(|unit| unit.dimension == dimension).ok_or_else(|| match self.table {
                 Some(table) => table.missing(key, example),

@@ -12,6 +12,6 @@ mod text;
 pub use description::{ColumnName, PositionColumns, TableDescription, TimeFormat};
 pub(super) use description::{KEYS, one_of};
 pub use propose::{Ask, Given, Proposal, Question, propose};
-pub(super) use read::read_described;
+pub(super) use read::{read_described, text_in};
 pub use spelling::{Spelt, unit};
 pub use text::{Decimal, Delimiter, Encoding, table_text};

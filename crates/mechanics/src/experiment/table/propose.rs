@@ -325,8 +325,8 @@ pub fn propose(file: &Path, bytes: &[u8], given: &Given, ask: Ask<'_>) -> Result
         header_line: header.line.map(|index| index + 1),
         first_row_line: layout.first + 1,
         time: (wanted(Role::Time), time_format),
-        force: (wanted(Role::Force), unit_of(Role::Force)?),
-        position: (position, unit_of(Role::Position)?),
+        force: Some((wanted(Role::Force), unit_of(Role::Force)?)),
+        position: Some((position, unit_of(Role::Position)?)),
         cycle: name(Role::Cycle),
     };
     let mut trajectory = read_described(file, text, &description)?;
@@ -571,8 +571,11 @@ mod tests {
         };
         let proposal = propose(Path::new("t.csv"), text.as_bytes(), &Given::default(), &mut answer).unwrap();
         assert_eq!(asked.len(), 5, "{asked:?}");
-        assert_eq!(proposal.description.position.0, PositionColumns::Along(ColumnName::Named("b [um]".into())));
-        assert_eq!(proposal.description.force.1.name, "uN");
+        assert_eq!(
+            proposal.description.position.unwrap().0,
+            PositionColumns::Along(ColumnName::Named("b [um]".into()))
+        );
+        assert_eq!(proposal.description.force.unwrap().1.name, "uN");
         assert_eq!(proposal.position_m, [0.0, 3e-6]);
     }
 

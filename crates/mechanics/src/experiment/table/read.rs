@@ -5,9 +5,9 @@ use std::path::Path;
 
 use super::description::{ColumnName, PositionColumns, TableDescription, TimeFormat};
 use super::spelling::{clock_s, iso_s};
-use super::text::{cells, header_cells, is_aside};
+use super::text::{Encoding, cells, header_cells, is_aside};
 use crate::error::{Error, Place, Result};
-use crate::experiment::trajectory::{CYCLE, Row, Trajectory, is_lost};
+use crate::experiment::trajectory::{Row, Trajectory, is_lost};
 use crate::files::refuse_long_lines;
 
 /// A day; a clock that runs back by more than half of one has passed midnight.
@@ -15,8 +15,9 @@ const DAY_S: f64 = 86_400.0;
 
 /// Where each quantity stands in a row.
 struct Columns {
-    names: [String; 3],
-    at: [usize; 3],
+    time: (usize, String),
+    force: Option<(usize, String)>,
+    position: Option<(usize, String)>,
     y: Option<(usize, String)>,
     cycle: Option<(usize, String)>,
 }
@@ -48,16 +49,15 @@ impl Columns {
                 "give the column's number in [measurement.columns], or `header_line`",
             )),
         };
-        let (x, y) = match &description.position.0 {
-            PositionColumns::Along(column) => (column, None),
-            PositionColumns::Plane([x, y]) => (x, Some(y)),
+        let (x, y) = match description.position.as_ref().map(|(columns, _)| columns) {
+            Some(PositionColumns::Along(column)) => (Some(column), None),
+            Some(PositionColumns::Plane([x, y])) => (Some(x), Some(y)),
+            None => (None, None),
         };
-        let columns = [&description.time.0, &description.force.0, x].map(place_of);
-        let [time, force, position] = columns;
-        let (time, force, position) = (time?, force?, position?);
         Ok(Self {
-            at: [time.0, force.0, position.0],
-            names: [time.1, force.1, position.1],
+            time: place_of(&description.time.0)?,
+            force: description.force.as_ref().map(|(name, _)| place_of(name)).transpose()?,
+            position: x.map(place_of).transpose()?,
             y: y.map(place_of).transpose()?,
             cycle: description.cycle.as_ref().map(place_of).transpose()?,
         })
@@ -69,6 +69,19 @@ fn quoted(cells: &[Cow<'_, str>]) -> String {
     names.join(", ")
 }
 
+/// The text of a table, in its encoding or in the one that its bytes show.
+pub(in crate::experiment) fn text_in<'a>(
+    file: &Path,
+    bytes: &'a [u8],
+    encoding: Option<Encoding>,
+) -> Result<Cow<'a, str>> {
+    let encoding = encoding.unwrap_or_else(|| Encoding::of(bytes));
+    encoding.text(bytes).ok_or_else(|| {
+        let found = format!("the table is not written in {}", encoding.name());
+        Error::input(Place::file(file), found, "correct `encoding`, or leave it out so that it is found")
+    })
+}
+
 /// Parses a described table, positions as they are written; `file` is only named in errors.
 pub(in crate::experiment) fn read_described(
     file: &Path,
@@ -77,8 +90,10 @@ pub(in crate::experiment) fn read_described(
 ) -> Result<Trajectory> {
     refuse_long_lines(file, text.as_bytes())?;
     let columns = Columns::new(file, text, description)?;
-    let mut trajectory = Trajectory::empty(columns.cycle.is_some(), &columns.names[1], &columns.names[2]);
-    trajectory.position_unit_m = description.position.1.to_si(1.0);
+    let name_of = |column: &Option<(usize, String)>| column.as_ref().map_or("", |(_, name)| name.as_str()).to_string();
+    let mut trajectory =
+        Trajectory::empty(columns.cycle.is_some(), &name_of(&columns.force), &name_of(&columns.position));
+    trajectory.position_unit_m = description.position.as_ref().map_or(1.0, |(_, unit)| unit.to_si(1.0));
     let mut y_m = columns.y.is_some().then(Vec::new);
     let comment = description.comment.as_deref();
     let mut clock = Clock::default();
@@ -94,12 +109,12 @@ pub(in crate::experiment) fn read_described(
                 "give every row all of its cells; leave the position empty where tracking was lost",
             )),
         };
-        let [time, force, position] = [0, 1, 2].map(|k| cell(columns.at[k], &columns.names[k]));
-        let (time, force, position) = (time?, force?, position?);
-        let at = |k: usize| match &columns.cycle {
-            Some((_, name)) if k == CYCLE => place().at_key(name.as_str()),
-            _ => place().at_key(columns.names[k.min(2)].as_str()),
+        let quantities = [None, columns.force.as_ref(), columns.position.as_ref(), columns.cycle.as_ref()];
+        let at = |k: usize| {
+            let (_, name) = quantities.get(k).copied().flatten().unwrap_or(&columns.time);
+            place().at_key(name.as_str())
         };
+        let time = cell(columns.time.0, &columns.time.1)?;
         let time_s = clock.seconds(time, &description.time.1, description, &|| at(0))?;
         let number = |cell: &str, at: &dyn Fn() -> Place, remedy: &str| {
             description.decimal.number(cell).ok_or_else(|| {
@@ -110,19 +125,24 @@ pub(in crate::experiment) fn read_described(
                 )
             })
         };
-        let force_n = description.force.1.to_si(number(
-            force,
-            &|| at(1),
-            "give the force that was commanded in this row; 0 if none was",
-        )?);
-        let coordinate = |cell: &str, at: &dyn Fn() -> Place| {
-            if is_lost(cell) {
-                return Ok(None);
+        let force_n = match columns.force.as_ref().zip(description.force.as_ref()) {
+            Some(((index, name), (_, unit))) => {
+                let remedy = "give the force that was commanded in this row; 0 if none was";
+                unit.to_si(number(cell(*index, name)?, &|| at(1), remedy)?)
             }
-            let remedy = "correct the position, or leave the cell empty where tracking was lost";
-            Ok(Some(description.position.1.to_si(number(cell, at, remedy)?)))
+            None => 0.0,
         };
-        let mut position_m = coordinate(position, &|| at(2))?;
+        let coordinate = |cell: &str, at: &dyn Fn() -> Place| match &description.position {
+            Some((_, unit)) if !is_lost(cell) => {
+                let remedy = "correct the position, or leave the cell empty where tracking was lost";
+                Ok(Some(unit.to_si(number(cell, at, remedy)?)))
+            }
+            _ => Ok(None),
+        };
+        let mut position_m = match &columns.position {
+            Some((index, name)) => coordinate(cell(*index, name)?, &|| at(2))?,
+            None => None,
+        };
         if let (Some((index, name)), Some(y_m)) = (&columns.y, &mut y_m) {
             let y = coordinate(cell(*index, name)?, &|| place().at_key(name.as_str()))?;
             // A point that misses one coordinate is lost.
@@ -135,6 +155,7 @@ pub(in crate::experiment) fn read_described(
     }
     trajectory.check_length(file, description.first_row_line)?;
     trajectory.y_m = y_m;
+    trajectory.clock_zero_s = clock.first_s.unwrap_or(0.0);
     Ok(trajectory)
 }
 
