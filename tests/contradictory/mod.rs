@@ -23,7 +23,20 @@ pub const KINDS: [&str; 12] = [
 ];
 
 /// Effects that a record may have without contradicting its description.
-const HIDDEN: usize = 8;
+const HIDDEN: usize = 12;
+
+/// What a load may do beside its log, and a gel beside its law.
+#[derive(Default)]
+struct Beside {
+    /// Time in s by which a force acts before its row, and with which it lags.
+    early_s: f64,
+    lag_s: f64,
+    /// Displacement at once per force, in µm/µN.
+    jump: f64,
+    /// Share by which forces backwards are smaller, and a force in µN that is always there.
+    asymmetry: f64,
+    bias_un: f64,
+}
 
 struct Bead {
     /// Displacement per force of the retarded part in µm/µN, its time in s, and the flow in µm/(µN s).
@@ -79,16 +92,18 @@ fn normal(rng: &mut impl Rng) -> f64 {
     (-2.0 * (1.0 - u).ln()).sqrt() * (std::f64::consts::TAU * v).cos()
 }
 
-/// Positions of the bead at the rows' times, by steps of a fiftieth of a row; `early_s`: how long before its row a force acts.
-fn motion(bead: &Bead, drive: &Drive, times: &[f64], early_s: f64, lag_s: f64) -> Vec<f64> {
+/// Positions of the bead at the rows' times, by steps of a fiftieth of a row.
+fn motion(bead: &Bead, drive: &Drive, times: &[f64], beside: &Beside) -> Vec<f64> {
+    let Beside { early_s, lag_s, jump, asymmetry, bias_un } = *beside;
     let (mut u, mut w, mut felt, mut positions) = (0.0_f64, 0.0_f64, 0.0_f64, Vec::new());
     for (row, t) in times.iter().enumerate() {
-        positions.push(u + w);
+        positions.push(u + w + jump * felt);
         let Some(next) = times.get(row + 1) else { break };
         const STEPS: usize = 50;
         let dt = (next - t) / STEPS as f64;
         for k in 0..STEPS {
-            let force = drive.at(t + (k as f64 + 0.5) * dt + early_s);
+            let commanded = drive.at(t + (k as f64 + 0.5) * dt + early_s);
+            let force = if commanded < 0.0 { commanded * (1.0 - asymmetry) } else { commanded } + bias_un;
             felt = if lag_s > 0.0 { force + (felt - force) * (-dt / lag_s).exp() } else { force };
             let goal = bead.retarded * felt;
             u = goal + (u - goal) * (-dt / bead.time_s).exp();
@@ -126,9 +141,19 @@ pub fn record(wrong: Option<&str>, seed: u64) -> (Experiment, ExperimentFiles) {
     let n_rows = n_rest + n_half * n_halves;
     let times: Vec<f64> = (0..n_rows).map(|row| row as f64 * interval_s).collect();
     let hidden = if wrong.is_none() { rng.random_range(0..2 * HIDDEN) } else { HIDDEN };
-    let lag_s = if hidden == 0 { between(rng, 0.5, 2.0) * interval_s } else { 0.0 };
-    let early_s = if is("switch_between_rows") { between(rng, 0.3, 0.9) * interval_s } else { 0.0 };
-    let mut positions = motion(&bead, &drive, &times, early_s, lag_s);
+    let mut beside = Beside::default();
+    match hidden {
+        0 => beside.lag_s = between(rng, 0.5, 2.0) * interval_s,
+        8 => beside.jump = bead.retarded * between(rng, 0.03, 0.3),
+        9 => beside.asymmetry = between(rng, 0.02, 0.1),
+        // A force that is always there moves the bead at rest, too, which is a drift that the check is to find.
+        10 if n_rest == 0 => beside.bias_un = size_un * between(rng, -0.05, 0.05),
+        _ => {}
+    }
+    if is("switch_between_rows") {
+        beside.early_s = between(rng, 0.3, 0.9) * interval_s;
+    }
+    let mut positions = motion(&bead, &drive, &times, &beside);
     let size_um = positions.iter().fold(0.0_f64, |size, x| size.max(x.abs()));
     let end_um = 0.85 * positions.iter().copied().fold(0.0, f64::max);
     // What is missed must have been there to see.

@@ -1,6 +1,6 @@
 //! What contradicts a record's description is found, and sound records are left alone: a tenth of campaigns/contradictions.
 //!
-//! Seeds are fixed, so that the counts are. Found in 95 % of all records, a kind is missed four times or more in ten by chance once in 10³; the seeds here leave one miss. A sound record is called in less than 1 %: three of forty by chance once in 10².
+//! Seeds are fixed. With others a kind that is found in 97 % of its records would fail by chance in 6·10⁻⁶ of all runs, and sound records of which one in 400 is called in 6·10⁻⁸.
 
 #[path = "../contradictory/mod.rs"]
 mod contradictory;
@@ -19,7 +19,7 @@ fn what_contradicts_a_description_is_found() {
         };
         let first = 77_000_000 + 1_000 * place as u64;
         let n_found = (first..first + 10).filter(is_found).count();
-        assert!(n_found >= 9, "{kind}: {n_found} of 10");
+        assert!(n_found >= 6, "{kind}: {n_found} of 10");
     }
 }
 
@@ -32,7 +32,7 @@ fn sound_records_are_left_alone() {
         })
         .filter(|(_, called)| !called.is_empty())
         .collect();
-    assert!(called.len() <= 1, "{called:?}");
+    assert!(called.len() <= 4, "{called:?}");
     let (experiment, files) = replica::embedded().unwrap();
     assert_eq!(summary(&experiment, &files).contradictions, []);
 }

@@ -16,6 +16,7 @@ SCHEMAS = small_experiment.ROOT / "docs" / "schemas"
 # On an instrument, in this order: later commands go on from earlier ones.
 OF_STUDY = [
     ("init", ["init", "eye/trajectory.csv", "--out", "described"]),
+    ("check", ["check", "eye"]),
     ("posterior", ["sample", "eye", "--out", "study"]),
     ("fit", ["fit", "study"]),
     ("effects", ["effects", "study"]),

@@ -92,7 +92,7 @@ pub fn refuse_certain(experiment: &Experiment, understood: &Understood, monitor:
     for contradiction in contradictions(experiment, understood) {
         let Contradiction { kind, certain, text, advice } = contradiction;
         if certain {
-            let place = Place::default().at_key(format!("{} ({kind})", experiment.specimen_id));
+            let place = Place::file(experiment.specimen_id.as_str()).at_key(kind);
             return Err(Error::input(place, text, format!("{advice}; `vitreo-uq check` shows the record")));
         }
         monitor.warn(&format!("{text}: {advice}"));

@@ -11,6 +11,8 @@ const SHARE: f64 = 0.03;
 /// The same where the first row has no position.
 const NOISES_WITHOUT_START: f64 = 12.0;
 const SHARE_WITHOUT_START: f64 = 0.15;
+/// Share of themselves by which two looks at the start may differ.
+const AGREE: f64 = 0.5;
 /// Rows of rest before the force that can show a drift, and a drift's size in noise, as a share of the positions' range, and in its own standard errors.
 const REST_ROWS: usize = 8;
 const DRIFT_NOISES: f64 = 4.0;
@@ -31,13 +33,14 @@ pub(super) fn off(looked: &Looked<'_>) -> Option<Contradiction> {
     // The law's own motion is taken off, so that the force may act from the first row on.
     let shifted_m = median(first.iter().map(|(row, x)| x - fit.motion_m[*row]).collect())?;
     let n_rest = record.force_n.iter().take_while(|force| **force == 0.0).count();
-    let rest = median(record.position_m.iter().take(n_rest + 1).flatten().copied().collect());
+    let rest = median(record.position_m.iter().take(n_rest.max(1)).flatten().copied().collect());
     let (start_m, noises, share) = match rest {
         Some(rest_m) => (rest_m, NOISES, SHARE),
         None => (shifted_m, NOISES_WITHOUT_START, SHARE_WITHOUT_START),
     };
     // A single outlier at the start, or a law that fails right after it, is not both.
-    let off_m = if start_m * shifted_m > 0.0 { start_m.abs().min(shifted_m.abs()) } else { 0.0 };
+    let agree = start_m * shifted_m > 0.0 && (start_m - shifted_m).abs() < AGREE * start_m.abs().max(shifted_m.abs());
+    let off_m = if agree { start_m.abs().min(shifted_m.abs()) } else { 0.0 };
     if off_m <= (noises * looked.noise_m).max(share * looked.range_m) {
         return None;
     }
@@ -59,9 +62,8 @@ pub(super) fn off(looked: &Looked<'_>) -> Option<Contradiction> {
 pub(super) fn drifts_at_rest(looked: &Looked<'_>) -> Option<Contradiction> {
     let record = looked.record;
     let n_rest = record.force_n.iter().take_while(|force| **force == 0.0).count();
-    let rest: Vec<(f64, f64)> = (0..(n_rest + 1).min(record.n_rows()))
-        .filter_map(|row| Some((record.time_s[row], record.position_m[row]?)))
-        .collect();
+    let rest: Vec<(f64, f64)> =
+        (0..n_rest).filter_map(|row| Some((record.time_s[row], record.position_m[row]?))).collect();
     if rest.len() < REST_ROWS {
         return None;
     }
@@ -82,6 +84,6 @@ pub(super) fn drifts_at_rest(looked: &Looked<'_>) -> Option<Contradiction> {
         "drift_at_rest",
         false,
         text,
-        "look for a drift of the stage or the camera; `--with drift` may describe it",
+        "look for a drift of the stage or the camera, or a force that is not switched off; `--with tracking-drift` or `--with force-bias` may describe it",
     ))
 }

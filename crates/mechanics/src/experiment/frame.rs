@@ -157,9 +157,8 @@ impl Frame {
 /// Median position (m) before the force first acts, as written; `None` where it acts from the first row on.
 pub(super) fn rest_m(force_n: &[f64], position_m: &[Option<f64>]) -> Option<f64> {
     let n_rest = force_n.iter().take_while(|force| **force == 0.0).count();
-    // The first row of the force still shows what was before it.
-    let rest = position_m.iter().take(n_rest + 1).copied().flatten().collect();
-    median(rest).filter(|_| n_rest > 0)
+    // The first row of a force that rises in a line has moved already.
+    median(position_m.iter().take(n_rest).copied().flatten().collect())
 }
 
 /// Whether the force's work on the way from row to row is negative, by more than a share of its size.
