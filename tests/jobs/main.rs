@@ -1,5 +1,6 @@
 //! Jobs of the library, from an experiment to a result.
 
+mod actuation;
 mod cohort_data;
 mod contradictions;
 mod drives;
