@@ -342,47 +342,26 @@ impl<S: Number> Sweep<'_, S> {
         }
         let response =
             known.get_or_insert_with(|| KickResponse::new(self.system, kick.lane, kick.remaining_s, self.is_linear));
-        let (lane, change) = (kick.lane, kick.change_n);
-        let left = response.lag_decay * change;
-        let mut moved = self.system.instantaneous.lane(lane) * (change - left);
-        for (state, &(unit, _)) in self.modes.iter_mut().zip(&response.modes) {
-            moved += unit * change;
-            state.set_lane(lane, state.lane(lane) + unit * change);
+        let (lane, change, bend) = (kick.lane, kick.change_n, kick.bend_n_per_s);
+        // Where forces hold, the bend is 0 and adds nothing, to the last bit.
+        let level = change + (kick.remaining_s - response.late_s) * bend;
+        let left = response.lag_decay * (change - response.late_s * bend);
+        let mut moved = self.system.instantaneous.lane(lane) * (level - left);
+        for (state, &(step, ramp)) in self.modes.iter_mut().zip(&response.modes) {
+            let added = step * change + ramp * bend;
+            moved += added;
+            state.set_lane(lane, state.lane(lane) + added);
         }
-        for (state, &(unit, _)) in self.oscillating.iter_mut().zip(&response.oscillating) {
-            moved += unit.re * change;
-            state.re.set_lane(lane, state.re.lane(lane) + unit.re * change);
-            state.im.set_lane(lane, state.im.lane(lane) + unit.im * change);
-        }
-        self.level_n.set_lane(lane, self.level_n.lane(lane) + change);
-        self.deficit_n.set_lane(lane, self.deficit_n.lane(lane) - left);
-        if self.is_linear {
-            moved += self.bend(kick, response);
-        }
-        position_m.set_lane(lane, position_m.lane(lane) + moved);
-    }
-}
-
-impl<S: Number> Sweep<'_, S> {
-    /// Adds what a switch changes of the slope; by how much the position moves.
-    fn bend(&mut self, kick: &Kick<S::Lane>, response: &KickResponse<S::Lane>) -> S::Lane {
-        let (lane, bend) = (kick.lane, kick.bend_n_per_s);
-        let level = (kick.remaining_s - response.late_s) * bend;
-        let left = response.late_s * response.lag_decay * bend;
-        let mut moved = self.system.instantaneous.lane(lane) * (level + left);
-        for (state, &(_, unit)) in self.modes.iter_mut().zip(&response.modes) {
-            moved += unit * bend;
-            state.set_lane(lane, state.lane(lane) + unit * bend);
-        }
-        for (state, &(_, unit)) in self.oscillating.iter_mut().zip(&response.oscillating) {
-            moved += unit.re * bend;
-            state.re.set_lane(lane, state.re.lane(lane) + unit.re * bend);
-            state.im.set_lane(lane, state.im.lane(lane) + unit.im * bend);
+        for (state, &(step, ramp)) in self.oscillating.iter_mut().zip(&response.oscillating) {
+            let added = step.times(change) + ramp.times(bend);
+            moved += added.re;
+            state.re.set_lane(lane, state.re.lane(lane) + added.re);
+            state.im.set_lane(lane, state.im.lane(lane) + added.im);
         }
         self.level_n.set_lane(lane, self.level_n.lane(lane) + level);
         self.slope_n_per_s.set_lane(lane, self.slope_n_per_s.lane(lane) + bend);
-        self.deficit_n.set_lane(lane, self.deficit_n.lane(lane) + left);
-        moved
+        self.deficit_n.set_lane(lane, self.deficit_n.lane(lane) - left);
+        position_m.set_lane(lane, position_m.lane(lane) + moved);
     }
 }
 

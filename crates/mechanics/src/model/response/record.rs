@@ -4,7 +4,6 @@ use std::collections::HashMap;
 use std::ops::Range;
 
 use super::numbers::Real;
-use super::system::Levels;
 use crate::experiment::Force;
 
 /// Steps whose lengths differ by less than this fraction of the record's length count as equal: decimal times such as 0.05 i are
@@ -16,6 +15,14 @@ const N_SEARCHED: usize = 64;
 
 /// Most commands, zero included, that are few.
 const MOST_FEW_LEVELS: usize = 12;
+
+/// How many commands a record has.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Levels {
+    Few,
+    /// A matrix exponential for each would cost more than a scheme that serves all.
+    Many,
+}
 
 /// Rows and commands; times are from the first row.
 #[derive(Debug, Clone)]

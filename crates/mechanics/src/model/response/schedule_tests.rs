@@ -1,6 +1,7 @@
 use super::super::grading::Grading;
 use super::super::numbers::Number;
-use super::super::system::{Levels, Lowered};
+use super::super::record::Levels;
+use super::super::system::Lowered;
 use super::super::{Lanes, Response};
 use super::*;
 use crate::number::Dual;

@@ -6,7 +6,7 @@
 
 use super::grading::Grading;
 use super::numbers::{N_LANES, Number, Real, gather};
-use super::record::{Line, Record};
+use super::record::{Levels, Line, Record};
 use crate::error::{Error, Result};
 use crate::number::{Complex, Dual};
 use crate::rheology::{Accuracy, RetardationSpectrum, TimeWindow};
@@ -77,14 +77,6 @@ pub(super) struct System<S> {
 /// Shortest time after a switch that matters, as a part of the shortest step, where a switch may fall between rows or the force changes
 /// between them.
 const BETWEEN_ROWS: f64 = 1e-2;
-
-/// How many commands a record has.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Levels {
-    Few,
-    /// A matrix exponential for each would cost more than a scheme that serves all.
-    Many,
-}
 
 impl<T: Real> Lowered<T> {
     /// The numbers of stages, without what a law that is not linear adds. `window` is what the record's rows ask for.

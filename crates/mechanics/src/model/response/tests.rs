@@ -1,7 +1,8 @@
 //! The kernel against closed forms and against Runge–Kutta steps of the equations as physics §5 states them.
 
 use super::numbers::Number;
-use super::system::{Levels, Lowered};
+use super::record::Levels;
+use super::system::Lowered;
 use super::{Lanes, N_LANES, Response};
 use crate::experiment::{Force, ForceRule};
 use crate::model::convolve_m;
