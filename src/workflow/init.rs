@@ -178,6 +178,7 @@ fn experiment_toml(request: &InitRequest, file: &str, table: &TableDescription) 
         Zero::AsWritten => line("# zero", text("first"), "which position is 0: \"first\", \"rest\" or a number"),
         Zero::First => line("zero", text("first"), "the first position is 0"),
         Zero::Rest => line("zero", text("rest"), "the position before the force acts is 0"),
+        Zero::Fit => line("zero", text("fit"), "which position is 0 is fitted"),
         Zero::Value(value) => line("zero", format!("{value:?}"), "this position is 0"),
     }
     let direction = if table.is_reversed { "-" } else { "+" };

@@ -250,6 +250,21 @@ impl<'a> Table<'a> {
         ))
     }
 
+    /// A list of finite numbers, if present.
+    pub fn numbers(&self, key: &str) -> Result<Option<Vec<f64>>> {
+        let example = format!("{key} = [0.0, 5.0]");
+        let Some(values) = self.array(key, "a list of numbers", &example)? else { return Ok(None) };
+        let number = |value: &DeValue<'_>| match value {
+            DeValue::Float(float) => float.as_str().parse::<f64>().ok().filter(|number| number.is_finite()),
+            DeValue::Integer(integer) if integer.radix() == 10 => integer.as_str().parse::<f64>().ok(),
+            _ => None,
+        };
+        let found = values.iter().map(|value| {
+            number(value.get_ref()).ok_or_else(|| self.wrong_type(key, value.get_ref(), "finite numbers", &example))
+        });
+        found.collect::<Result<_>>().map(Some)
+    }
+
     /// A list of whole numbers from 1, if present.
     pub fn counts(&self, key: &str) -> Result<Option<Vec<u32>>> {
         let example = format!("{key} = [1, 2]");

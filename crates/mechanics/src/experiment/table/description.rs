@@ -35,6 +35,8 @@ pub enum Zero {
     First,
     /// The median of those before the force first acts.
     Rest,
+    /// None is known: it is fitted.
+    Fit,
     /// This one, in the column's unit.
     Value(f64),
 }
@@ -74,7 +76,9 @@ impl TableDescription {
     /// What `[measurement]` says; `None` where it has no `[measurement.columns]`: then the table is one of the program's own form.
     pub(in crate::experiment) fn read(measurement: Table<'_>) -> Result<Option<Self>> {
         let Some(columns) = measurement.table("columns")? else {
-            return match KEYS.iter().find(|key| measurement.has(key)) {
+            // An offset that is fitted describes the measurement, not the table.
+            let is_of_table = |key: &&&str| measurement.has(key) && !(**key == "zero" && fits_offset(measurement));
+            return match KEYS.iter().find(is_of_table) {
                 None => Ok(None),
                 Some(key) => Err(measurement.refuse(
                     key,
@@ -170,6 +174,11 @@ fn dimensioned(columns: Table<'_>, key: &str, dimension: Dimension) -> Result<Sp
     })
 }
 
+/// Whether where the position is 0 is to be fitted.
+pub(in crate::experiment) fn fits_offset(measurement: Table<'_>) -> bool {
+    measurement.text("zero").is_ok_and(|zero| zero.as_deref() == Some("fit"))
+}
+
 fn zero(measurement: Table<'_>) -> Result<Zero> {
     if !measurement.has("zero") {
         return Ok(Zero::AsWritten);
@@ -180,10 +189,11 @@ fn zero(measurement: Table<'_>) -> Result<Zero> {
     match measurement.required_text("zero", "zero = \"first\"")?.as_str() {
         "first" => Ok(Zero::First),
         "rest" => Ok(Zero::Rest),
+        "fit" => Ok(Zero::Fit),
         other => Err(measurement.refuse(
             "zero",
             format!("unknown zero `{other}`"),
-            "write \"first\", \"rest\" (the positions before the force acts) or the position itself",
+            "write \"first\", \"rest\" (the positions before the force acts), \"fit\" or the position itself",
         )),
     }
 }

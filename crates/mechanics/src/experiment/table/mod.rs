@@ -10,7 +10,7 @@ mod spelling;
 mod text;
 
 pub use description::{ColumnName, TableDescription, TimeFormat, Zero};
-pub(super) use description::{KEYS, one_of};
+pub(super) use description::{KEYS, fits_offset, one_of};
 pub use propose::{Given, Proposal, propose};
 pub(super) use read::read_described;
 pub use spelling::{Spelt, unit};

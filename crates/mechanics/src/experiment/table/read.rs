@@ -178,7 +178,7 @@ pub(super) fn settle_zero(file: &Path, trajectory: &mut Trajectory, description:
         Err(Error::input(Place::file(file).at_line(description.first_row_line).at_key("zero"), found, remedy))
     };
     let zero_m = match description.zero {
-        Zero::AsWritten => 0.0,
+        Zero::AsWritten | Zero::Fit => 0.0,
         Zero::Value(value) => description.position.1.to_si(value),
         Zero::First => match trajectory.position_m.first().copied().flatten() {
             Some(first_m) => first_m,
