@@ -279,9 +279,9 @@ fn cycles_start_where_they_are_said_to() {
         let message = read(instrument, measurement, csv).expect_err("refused").to_string();
         assert!(words.iter().all(|word| message.contains(word)), "{message}");
     };
-    refused("cycle_starts_s = [0, 3, 1]", &csv, &["line 7", "one after the other"]);
-    refused("cycle_starts_s = []", &csv, &["line 7", "one after the other"]);
-    refused("cycle_starts_s = [0, 9]", &csv, &["line 7", "no row lies in the cycle that starts at 9 s"]);
+    refused("cycle_starts_s = [0, 3, 1]", &csv, &["line 8", "one after the other"]);
+    refused("cycle_starts_s = []", &csv, &["line 8", "one after the other"]);
+    refused("cycle_starts_s = [0, 9]", &csv, &["line 8", "no row lies in the cycle that starts at 9 s"]);
     refused("cycle_starts_s = [0, \"x\"]", &csv, &["cycle_starts_s", "numbers"]);
     let with_cycles = "time_s,force_uN,position_um,cycle\n".to_string()
         + &(0..20).map(|i| format!("{i},1,{i},1\n")).collect::<String>();

@@ -18,6 +18,8 @@ const SURE_OF_CONTACT: f64 = 0.05;
 const FREE_PART: f64 = 0.8;
 /// Rows that a free force is taken from at least.
 const MIN_FREE_ROWS: usize = 16;
+/// Part of what makes sure of contact by which a free force may drift before: one that grows by more is pressing from the first row on.
+const FREE_DRIFT: f64 = 0.3;
 /// Force over the largest below which positions are not compared: how a tip touches is another matter than how it presses.
 const TOUCHING: f64 = 0.02;
 /// The same over the force's scatter.
@@ -126,6 +128,10 @@ fn free_force(time_s: &[f64], force_n: &[f64]) -> Option<Free> {
     let steps = force_n[..n_free].windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect();
     let sd_n = SD_PER_MAD / 2.0_f64.sqrt() * median(steps)?;
     let line = Line::through(&time_s[..n_free], &force_n[..n_free]);
+    let drift_n = line.slope.abs() * (time_s[sure] - time_s[0]);
+    if drift_n > FREE_DRIFT * SURE_OF_CONTACT * (largest_n - first_n) {
+        return None;
+    }
     let mean_error_n = sd_n / (N_MEAN as f64).sqrt();
     // The walk ends inside the free rows at the latest.
     let is_free = |row: &usize| {

@@ -91,6 +91,12 @@ fn a_record_that_begins_in_contact_keeps_its_forces() {
     };
     assert_eq!((n_before, n_after, free_n), (0, 0, None));
     assert_eq!(trajectory.force_n, force_n);
+    // A force that grows evenly from the first row on shows no free tip, however many rows it stays small.
+    let mut ramp = indentation(0.0, 2);
+    keep(&mut ramp, CONTACT..RETRACT);
+    ramp.force_n.iter_mut().enumerate().for_each(|(row, force)| *force = 1e-12 * row as f64);
+    let note = settle(&mut ramp, &INDENTER).unwrap();
+    assert!(matches!(note, Note::Contact { n_before: 0, free_n: None, .. }), "{note}");
 }
 
 #[test]

@@ -378,6 +378,10 @@ fn check_positions(record: &Record, calibration_cycles: &[u32], place: &Place, l
 
 fn note_data(record: &Record, heldout_cycles: &[u32], source_missing: bool, notes: &mut Vec<Note>) {
     let n_missing = record.position_m.iter().filter(|position| position.is_none()).count() - record.force_rows.len();
+    // Positions of a tip that only touches are there, and another note has them.
+    let touches = notes.iter().any(|note| matches!(note, Note::Contact { .. }));
+    let n_touching = record.position_m.iter().take_while(|position| touches && position.is_none()).count();
+    let n_missing = n_missing.saturating_sub(n_touching);
     if n_missing > 0 {
         notes.push(Note::PositionsMissing { n_missing, n_rows: record.n_samples() });
     }
