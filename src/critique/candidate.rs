@@ -55,7 +55,7 @@ pub struct Free {
     pub coordinate: Coordinate,
     /// Ends of the search, as coordinates: the support, and all but 10⁻⁹ of the prior on either side.
     pub ends: [f64; 2],
-    /// Mean and standard deviation of the coordinate under the prior, for the law's parameters. Effects have none: their size is for the data to say.
+    /// Mean and standard deviation of the coordinate under the prior, for the law's parameters and the experiment's nuisances. Effects have none: their size is for the data to say.
     pub prior: Option<(f64, f64)>,
     /// Prior quantiles by which starts are chosen.
     pub distribution: Distribution,
@@ -113,7 +113,7 @@ impl Candidate {
         let (model, fixed) = (problem.model.clone(), &problem.specification.fixed);
         let template: Vec<f64> =
             model.parameters().iter().map(|p| fixed.get(p.name).copied().unwrap_or(f64::NAN)).collect();
-        let n_law = model.base().parameters().len();
+        let n_before = model.n_before_effects();
         // The model has its effects in the library's order, the list may have the base's first.
         let listed = &problem.specification.effects;
         let place = |slug: &str| listed.iter().position(|own| own == slug).unwrap_or(listed.len());
@@ -124,7 +124,7 @@ impl Candidate {
             .collect();
         let free = model.parameters().iter().enumerate().filter_map(|(index, spec)| {
             let prior = problem.priors.get(spec.name)?;
-            let effect = index.checked_sub(n_law).map(|k| of_effects[k]);
+            let effect = index.checked_sub(n_before).map(|k| of_effects[k]);
             let null = effect.and_then(|(_, parameter)| (parameter.null)(model.scales()));
             Some(free(index, spec, prior.distribution, effect.map(|(place, _)| place), null))
         });

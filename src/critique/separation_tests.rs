@@ -46,6 +46,7 @@ pub fn subject_with(cycles: &[&[f64]], library: &Library, effects: &[&str]) -> S
         calibration_cycles: (1..last).collect(),
         heldout_cycles: vec![last],
         noise_sd_m: Some(4e-6),
+        fits_position_offset: false,
         source: "synthetic".into(),
     };
     let effects = effects.iter().map(|slug| slug.to_string()).collect();

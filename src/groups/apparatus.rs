@@ -40,8 +40,10 @@ pub fn compliances(measurements: &[Measurement], monitor: &dyn Monitor) -> Resul
 }
 
 fn compliance(measurement: &Measurement) -> Result<Compliance> {
-    if let Apparatus::Instrument { compliance_per_m } = measurement.experiment.apparatus {
-        return Ok(Compliance::given(compliance_per_m));
+    match &measurement.experiment.apparatus {
+        Apparatus::Instrument { compliance_per_m } => return Ok(Compliance::given(*compliance_per_m)),
+        Apparatus::Indenter(indenter) => return Ok(Compliance::given(indenter.compliance())),
+        Apparatus::Robot { .. } => (),
     }
     let problem = Problem::new(measurement.experiment.clone(), measurement.specification.clone(), None, &Silent)?;
     match problem.finite_elements() {

@@ -6,7 +6,7 @@ use std::path::Path;
 use serde::Serialize;
 
 use crate::documents::posterior::ModelSummary;
-use crate::effects::{Effect, Library};
+use crate::effects::{Effect, Library, NUISANCES};
 use crate::error::{Error, Place, Result};
 use crate::files::{self, Content, write_atomically};
 use crate::inference::noise::NoiseModel;
@@ -234,7 +234,9 @@ impl ModelSpecification {
         check_known(places, "effects", &self.effects, &slugs)?;
         let noise = self.noise_model(&(places.of)("noise"))?;
         let effects = self.effects(library);
-        let of_effects = effects.iter().flat_map(|effect| effect.parameters()).map(|parameter| parameter.spec);
+        // Whether the experiment has them is for the problem to say.
+        let of_effects =
+            effects.iter().chain(NUISANCES).flat_map(|effect| effect.parameters()).map(|parameter| parameter.spec);
         // What is no effect's is a scale that divides somewhere, so the lower end of its support is out, too.
         let scales: Vec<ParameterSpec> = self.base.parameters().iter().copied().chain(noise.parameters()).collect();
         let all: Vec<ParameterSpec> = scales.iter().copied().chain(of_effects).collect();

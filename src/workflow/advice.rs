@@ -101,11 +101,11 @@ pub fn warnings(findings: &Findings) -> Vec<Warning> {
             }
         }
         None => {
-            let text = "the apparatus is an instrument with a given compliance: finite elements, strain and discretisation error are left out".to_string();
+            let text = "the apparatus is an instrument or an indenter, whose compliance is given: finite elements, strain and discretisation error are left out".to_string();
             add(
                 WarningKind::NoFiniteElements,
                 text,
-                "absolute moduli are as good as `compliance_per_m`; the default prior is of porcine vitreous, `--prior generic` is decades wide",
+                "absolute moduli are as good as `compliance_per_m` or the size of the tip; the default prior is of porcine vitreous, `--prior generic` is decades wide",
             );
         }
     }

@@ -124,7 +124,7 @@ fn best_support<'a>(
 
 /// For each effect whose null is an end of its support, and whose parameters are all free: the values that switch it off.
 fn effects_with_null_at_end(problem: &Problem, free: &[usize]) -> Vec<BTreeMap<usize, f64>> {
-    let (scales, mut first) = (problem.model.scales(), problem.model.base().parameters().len());
+    let (scales, mut first) = (problem.model.scales(), problem.model.n_before_effects());
     let mut list = Vec::new();
     for effect in problem.model.effects() {
         let own = effect.parameters();

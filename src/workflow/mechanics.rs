@@ -34,7 +34,7 @@ pub enum Mechanics {
     FiniteElements(Box<FiniteElements>),
     /// Another instrument's compliance, in 1/m.
     Instrument {
-        /// Displacement per force at unit creep compliance, in 1/m.
+        /// Displacement per force at unit creep compliance, in 1/m; of an indenter depth^p, in m^(p−2).
         compliance_per_m: f64,
     },
 }
@@ -204,6 +204,9 @@ impl Mechanics {
         let (robot, vitreous) = match apparatus {
             Apparatus::Instrument { compliance_per_m } => {
                 return Ok(Self::Instrument { compliance_per_m: *compliance_per_m });
+            }
+            Apparatus::Indenter(indenter) => {
+                return Ok(Self::Instrument { compliance_per_m: indenter.compliance() });
             }
             Apparatus::Robot { robot, vitreous } => (robot, vitreous),
         };

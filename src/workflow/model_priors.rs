@@ -1,6 +1,6 @@
 //! Priors of a model's parameters: the prior file's, else what the law, the effect or the noise proposes for the experiment.
 
-use crate::effects::Library;
+use crate::effects::{Library, NUISANCES};
 use crate::error::Result;
 use crate::inference::noise::{NoiseModel, NoiseScales, NoiseTerm};
 use crate::inference::prior::{NOISE, Prior, PriorSet};
@@ -13,7 +13,8 @@ pub(super) fn read_priors(name_or_file: &str, model: &Model, noise: NoiseModel, 
     let scales = model.scales();
     let wanted: Vec<ParameterSpec> = model.parameters().iter().copied().chain(noise.parameters()).collect();
     let of_laws = BaseLaw::NAMED.into_iter().flat_map(BaseLaw::parameters).map(|p| p.name);
-    let of_effects = library.effects().iter().flat_map(|effect| effect.parameters()).map(|p| p.spec.name);
+    let of_effects =
+        library.effects().iter().chain(NUISANCES).flat_map(|effect| effect.parameters()).map(|p| p.spec.name);
     let of_noises = NoiseTerm::ALL.into_iter().flat_map(NoiseTerm::parameters).map(|p| p.name);
     let known = of_laws.chain(of_effects).chain(of_noises);
     let is_wanted = |name: &&str| wanted.iter().any(|spec| spec.name == *name);
@@ -21,7 +22,8 @@ pub(super) fn read_priors(name_or_file: &str, model: &Model, noise: NoiseModel, 
     others.sort_unstable();
     others.dedup();
     let default = |spec: &ParameterSpec, before: &[Prior]| {
-        let own = model.effects().iter().flat_map(|effect| effect.parameters()).find(|p| p.spec == *spec);
+        let all = model.nuisances().iter().chain(model.effects());
+        let own = all.flat_map(|effect| effect.parameters()).find(|p| p.spec == *spec);
         if let Some(parameter) = own {
             return Some(Prior {
                 name: spec.name.into(),

@@ -104,7 +104,7 @@ impl Problem {
 
     /// Whether the model is a law alone that is a finite sum of exponentials: the exponential step is then exact while the force holds.
     pub fn is_exponential(&self) -> bool {
-        self.model.effects().is_empty() && self.model.base().is_exponential()
+        self.model.is_law_alone() && self.model.base().is_exponential()
     }
 
     /// The finite elements, if there are any.

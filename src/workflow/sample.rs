@@ -117,7 +117,7 @@ pub fn sample(
     }
     let mut rng = ChaCha8Rng::seed_from_u64(request.options.seed);
     rng.set_stream(START_STREAM);
-    let is_plain = problem.model.base() == BaseLaw::Lethersich && problem.model.effects().is_empty();
+    let is_plain = problem.model.base() == BaseLaw::Lethersich && problem.model.is_law_alone();
     let n_starts = if is_plain { N_STARTS } else { N_STARTS_OF_LARGER };
     let starts: Vec<Vec<f64>> =
         (0..n_starts).map(|_| problem.priors.to_unconstrained(&problem.priors.draw(&mut rng))).collect();
@@ -161,9 +161,11 @@ fn fingerprint(problem: &Problem, posterior: &ReducedPosterior) -> String {
         calibration_cycles,
         heldout_cycles,
         noise_sd_m,
+        fits_position_offset,
         source,
     } = experiment;
-    let described = (specimen_id, species, region, apparatus, calibration_cycles, heldout_cycles, noise_sd_m, source);
+    let cycles = (calibration_cycles, heldout_cycles);
+    let described = (specimen_id, species, region, apparatus, cycles, noise_sd_m, fits_position_offset, source);
     let rows = record.sha256();
     format!("{version} {described:?} {rows} {specification:?} {priors:?} {:x} {trained:?}", compliance_per_m.to_bits())
 }

@@ -154,9 +154,9 @@ pub fn check_request(problem: &Problem, request: &SimulationRequest, has_mesh_fi
 pub(super) fn finite_elements(problem: &Problem) -> Result<&FiniteElements> {
     problem.finite_elements().ok_or_else(|| {
         Error::input(
-            Place::default().at_key("instrument.compliance_per_m"),
-            "an instrument has no finite elements to simulate",
-            "give an experiment with [robot] and [vitreous]; `sample` and `fit` work for instruments",
+            Place::default().at_key("robot"),
+            "an instrument or an indenter has no finite elements to simulate",
+            "give an experiment with [robot] and [vitreous]; `sample` and `fit` work for instruments and indenters",
         )
     })
 }

@@ -9,6 +9,7 @@ mod examples;
 mod fit_simulate_corner;
 mod groups;
 mod hard_input;
+mod indentation;
 mod ladder;
 #[path = "../mutators/mod.rs"]
 mod mutators;

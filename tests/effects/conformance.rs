@@ -18,6 +18,8 @@ const PORCINE: Scales = Scales {
     poisson_ratio: Some(0.48),
     robot_radius_m: Some(0.275e-3),
     outer_radius_m: Some(10e-3),
+    depth_exponent: None,
+    fits_position_offset: false,
 };
 
 /// Experiments at the edges of what formats §1 accepts: nothing measured, one constant pull, hardly any rows, any Poisson ratio, an
@@ -37,6 +39,8 @@ fn experiments() -> Vec<Scales> {
         poisson_ratio: None,
         robot_radius_m: None,
         outer_radius_m: None,
+        depth_exponent: Some(1.5),
+        fits_position_offset: true,
     };
     let gels = [0.499_999, 0.4999, 0.31, 0.3, 0.2, 0.0, -0.5, -0.999]
         .map(|ratio| Scales { poisson_ratio: Some(ratio), ..PORCINE });

@@ -45,6 +45,8 @@ fn protocol() -> Protocol {
         poisson_ratio: Some(POISSON_RATIO),
         robot_radius_m: Some(0.275e-3),
         outer_radius_m: Some(10e-3),
+        depth_exponent: None,
+        fits_position_offset: false,
     };
     Protocol { time_s, force_n, rule: ForceRule::Hold, scales }
 }

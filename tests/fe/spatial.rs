@@ -296,6 +296,8 @@ const SCALES: Scales = Scales {
     poisson_ratio: Some(0.48),
     robot_radius_m: Some(RADIUS_M),
     outer_radius_m: Some(OUTER_RADIUS_M),
+    depth_exponent: None,
+    fits_position_offset: false,
 };
 
 /// The stages of the law with an effect at parameters inside its prior.

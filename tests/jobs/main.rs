@@ -7,5 +7,6 @@ mod drives;
 mod experiment_rejections;
 mod groups;
 mod groups_walk;
+mod indentation;
 mod laboratory_tables;
 mod main_job;

@@ -183,6 +183,7 @@ fn experiment_toml(apparatus: &Apparatus, commitment: &str, noise_um: Option<f64
         noise_um.map_or(String::new(), |noise_um| format!("noise_um = {:?}\n", (100.0 * noise_um).round() / 100.0));
     let of_apparatus = match apparatus {
         Apparatus::Instrument { compliance_per_m } => format!("[instrument]\ncompliance_per_m = {compliance_per_m}\n"),
+        Apparatus::Indenter(indenter) => indenter.toml(),
         Apparatus::Robot { robot, vitreous } => {
             let diameter_m = match robot.shape {
                 RobotShape::Sphere { diameter_m }

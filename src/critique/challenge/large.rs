@@ -58,7 +58,7 @@ pub(super) fn radius_m(apparatus: &Apparatus) -> Result<f64> {
 pub(super) fn robot_of(apparatus: &Apparatus) -> Result<(&Robot, &Vitreous)> {
     match apparatus {
         Apparatus::Robot { robot, vitreous } => Ok((robot, vitreous)),
-        Apparatus::Instrument { .. } => {
+        Apparatus::Instrument { .. } | Apparatus::Indenter(_) => {
             Err(Error::numerical("the reference apparatus has no robot", "reinstall the program"))
         }
     }

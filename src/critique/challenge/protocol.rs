@@ -89,6 +89,7 @@ impl Protocol {
             calibration_cycles: vec![1],
             heldout_cycles: (2..=N_CYCLES).collect(),
             noise_sd_m,
+            fits_position_offset: false,
             source: "synthetic: full finite elements, with a sealed answer".into(),
         }
     }

@@ -320,8 +320,8 @@ fn parameters_of(
 
 /// The two sides of the first valley in a parameter of an effect, where there is one.
 fn answers(posterior: &CandidatePosterior, seen: &PriorCoordinates, draws: &WeightedDraws) -> Vec<Answer> {
-    let n_law = posterior.problem.model.base().parameters().len();
-    let of_effects = &posterior.problem.model.parameters()[n_law..];
+    let n_before = posterior.problem.model.n_before_effects();
+    let of_effects = &posterior.problem.model.parameters()[n_before..];
     let priors = posterior.priors().priors().iter().enumerate();
     let mut of_effects = priors.filter(|(_, prior)| of_effects.iter().any(|spec| spec.name == prior.name));
     let Some((d, bottom)) = of_effects.find_map(|(d, _)| Some((d, valley(draws, |point| point[d])?))) else {

@@ -56,7 +56,8 @@ pub type Members<'a> = [(&'a Candidate, &'a Fitted)];
 /// # Errors
 /// [`Error::Numerical`] where a model has free columns, which belong to one record, or cannot be fitted to another's data.
 pub fn advise(subject: &Subject, members: &Members, n_repeats: usize, seed: u64) -> Result<Option<Advice>> {
-    if members.len() < 2 {
+    // Changes press and pull, and an indenter's law holds while the contact grows.
+    if members.len() < 2 || subject.experiment().scales().depth_exponent.is_some() {
         return Ok(None);
     }
     if let Some((candidate, _)) = members.iter().find(|(candidate, _)| !candidate.columns.is_empty()) {

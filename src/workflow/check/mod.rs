@@ -79,6 +79,9 @@ pub fn contradictions(experiment: &Experiment, understood: &Understood) -> Vec<C
         positions::repeated,
         switches::between_rows,
     ];
+    // The quick fit takes positions for linear in the force, which an indenter's depth is not, and its contact is found where it is read.
+    let of_indenter = [times::units, positions::clipped, positions::repeated];
+    let looks = if matches!(experiment.apparatus, Apparatus::Indenter(_)) { &of_indenter[..] } else { &looks[..] };
     let mut all: Vec<Contradiction> = looks.iter().filter_map(|look| look(&looked)).collect();
     all.sort_by_key(|contradiction| !contradiction.certain);
     all
@@ -130,6 +133,11 @@ fn sentences(experiment: &Experiment, understood: &Understood) -> [String; 5] {
         Apparatus::Instrument { compliance_per_m } => {
             format!("an instrument with a compliance of {} 1/m", number(*compliance_per_m))
         }
+        Apparatus::Indenter(indenter) => format!(
+            "an indenter, a {} whose depth to the power {} goes with the force",
+            indenter.tip.name(),
+            indenter.exponent()
+        ),
     };
     let rule = match (record.force_rule, understood.force_rule_given) {
         (ForceRule::Hold, true) => "holds until the next row",

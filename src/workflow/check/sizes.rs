@@ -16,6 +16,7 @@ pub(super) fn no_gel(looked: &Looked<'_>) -> Option<Contradiction> {
     }
     let per_pa_m = match &looked.experiment.apparatus {
         Apparatus::Instrument { compliance_per_m } => compliance_per_m * largest_n,
+        Apparatus::Indenter(_) => return None,
         Apparatus::Robot { robot, vitreous } => {
             // A rigid sphere in an unbounded elastic body: F = 24 π μ a (1 − ν)/(5 − 6ν) x. A tenth is enough here.
             let (nu, radius_m) = (vitreous.poisson_ratio, robot.shape.equivalent_radius_m());

@@ -17,7 +17,7 @@ pub(super) fn units(looked: &Looked<'_>) -> Option<Contradiction> {
     let interval_s = looked.record.median_interval_s()?;
     let [shortest_s, longest_s] = match looked.experiment.apparatus {
         Apparatus::Robot { .. } => CAMERA_S,
-        Apparatus::Instrument { .. } => INSTRUMENT_S,
+        Apparatus::Instrument { .. } | Apparatus::Indenter(_) => INSTRUMENT_S,
     };
     if (shortest_s..=longest_s).contains(&interval_s) {
         return None;

@@ -102,7 +102,7 @@ impl<'a> ReducedPosterior<'a> {
             None => Source::Fixed(fixed.get(name).copied().unwrap_or(f64::NAN)),
         };
         let sources = names.map(source).collect();
-        let is_plain = model.base() == BaseLaw::Lethersich && model.effects().is_empty();
+        let is_plain = model.base() == BaseLaw::Lethersich && model.is_law_alone();
         let kernel = if is_plain && noise == NoiseModel::default() && !force.is_linear() {
             Kernel::Squares(SumOfSquares::new(time_s, force.at_rows_n, observed_m).tabulated(ln_rates(&parts)))
         } else {

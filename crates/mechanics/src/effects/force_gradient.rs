@@ -39,6 +39,9 @@ impl Effect for ForceGradient {
     fn parameters(&self) -> &'static [EffectParameter] {
         PARAMETERS
     }
+    fn acts_on_position(&self) -> bool {
+        true
+    }
     fn apply(&self, parameters: &[Dual], _scales: &Scales, stages: &mut Stages) -> Result<()> {
         stages.load.gradient_per_m += parameters[0];
         Ok(())

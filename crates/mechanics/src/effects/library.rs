@@ -2,7 +2,7 @@
 
 use std::sync::{Mutex, PoisonError};
 
-use super::{EFFECTS, Effect, EffectParameter};
+use super::{EFFECTS, Effect, EffectParameter, NUISANCES};
 
 /// Effects that users have added, in any library: their parameters have labels in every figure of the program.
 static ADDED: Mutex<Vec<&'static dyn Effect>> = Mutex::new(Vec::new());
@@ -50,10 +50,10 @@ impl Library {
     }
 }
 
-/// The effect, of the program or added to a library of this run, that has a parameter of this name, and the parameter.
+/// The effect, of the program, an experiment's nuisance, or added to a library of this run, that has a parameter of this name, and the parameter.
 pub fn parameter_named(name: &str) -> Option<(&'static dyn Effect, &'static EffectParameter)> {
     let added = ADDED.lock().unwrap_or_else(PoisonError::into_inner);
-    EFFECTS.iter().chain(added.iter()).find_map(|effect| {
+    EFFECTS.iter().chain(NUISANCES).chain(added.iter()).find_map(|effect| {
         let parameter = effect.parameters().iter().find(|parameter| parameter.spec.name == name)?;
         Some((*effect, parameter))
     })

@@ -20,6 +20,7 @@ mod library;
 mod liquefied_pocket;
 mod outer_wall_compliance;
 mod poroelasticity;
+mod position_offset;
 mod second_retardation;
 mod shear_thinning;
 mod softening;
@@ -62,6 +63,14 @@ pub const EFFECTS: &[&dyn Effect] = &[
     &yield_stress::YieldStress,
     &tracking_drift::TrackingDrift,
 ];
+
+/// Nuisances of an experiment itself, which every model of it has before its effects: they are no claims about the gel, and no one adds them.
+pub const NUISANCES: &[&dyn Effect] = &[&position_offset::PositionOffset];
+
+/// Those that an experiment has.
+pub fn nuisances(scales: &Scales) -> &'static [&'static dyn Effect] {
+    if scales.fits_position_offset { NUISANCES } else { &[] }
+}
 
 /// Range of positions by which default priors are scaled, in m: the measured one, or a millimetre, the largest displacement of the
 /// reference experiment (physics §1), where nothing is measured.
@@ -163,6 +172,10 @@ pub trait Effect: Sync {
     /// what the best of those leaves at this size, and grows with the square of the size.
     fn shows_at(&self, _scales: &Scales) -> Option<f64> {
         None
+    }
+    /// Whether it speaks of the robot's position where it acts, which only a position that answers linearly lets it do.
+    fn acts_on_position(&self) -> bool {
+        false
     }
     /// Whether its law is not linear: beside such an effect only those of load and observation stand.
     fn is_nonlinear(&self) -> bool {

@@ -15,6 +15,8 @@ pub(super) const SCALES: Scales = Scales {
     poisson_ratio: Some(0.48),
     robot_radius_m: Some(0.275e-3),
     outer_radius_m: Some(10e-3),
+    depth_exponent: None,
+    fits_position_offset: false,
 };
 
 /// J(t) in 1/Pa of elements in series, from their spectrum.

@@ -2,6 +2,7 @@
 
 use std::f64::consts::PI;
 
+use super::indenter::Indenter;
 use crate::error::Result;
 use crate::toml_input::Table;
 
@@ -20,6 +21,8 @@ pub enum Apparatus {
         /// Displacement per force, per Pa⁻¹ of creep compliance, in 1/m.
         compliance_per_m: f64,
     },
+    /// A tip that is pressed into a half-space: depth^p = compliance × ∫J dF.
+    Indenter(Indenter),
 }
 
 /// The moving body.
@@ -189,8 +192,18 @@ const COMPLIANCES_PER_M: [f64; 2] = [1e-6, 1e15];
 const LARGEST_RATIO: f64 = 1e4;
 
 impl Apparatus {
-    /// Reads `[robot]` and `[vitreous]`, or `[instrument]`.
+    /// Reads `[robot]` and `[vitreous]`, or `[instrument]`, or `[indenter]`.
     pub(super) fn from_document(root: Table<'_>) -> Result<Self> {
+        if let Some(indenter) = root.table("indenter")? {
+            if let Some(other) = ["robot", "vitreous", "instrument"].into_iter().find(|other| root.has(other)) {
+                return Err(root.refuse(
+                    other,
+                    format!("both [indenter] and [{other}] are given"),
+                    "keep [indenter] alone for a tip that is pressed into a gel, or leave it out",
+                ));
+            }
+            return Ok(Self::Indenter(Indenter::from_table(indenter)?));
+        }
         if let Some(instrument) = root.table("instrument")? {
             for other in ["robot", "vitreous"] {
                 if root.has(other) {
@@ -209,8 +222,8 @@ impl Apparatus {
         if !root.has("robot") && !root.has("vitreous") {
             return Err(root.refuse(
                 "robot",
-                "neither [robot] with [vitreous] nor [instrument] is given",
-                "add `[robot]` and `[vitreous]`, or `[instrument]` with `compliance_per_m = …` for another device",
+                "neither [robot] with [vitreous] nor [instrument] nor [indenter] is given",
+                "add `[robot]` and `[vitreous]`, or `[indenter]` with `exponent = …` for a tip, or `[instrument]` with `compliance_per_m = …` for another device",
             ));
         }
         let robot_table = root.required_table("robot")?;

@@ -17,6 +17,8 @@ pub enum Zero {
     First,
     /// The median of those before the force first acts.
     Rest,
+    /// None is known: positions count from the first, and what is left of their offset is fitted.
+    Fit,
     /// This one, in the column's unit.
     Value(f64),
 }
@@ -135,6 +137,12 @@ impl Frame {
         let y_m = trajectory.y_m.as_deref();
         match self.zero {
             Zero::AsWritten => Ok([0.0; 2]),
+            // Near enough for a prior; what is left is fitted.
+            Zero::Fit => {
+                let first = trajectory.position_m.iter().position(Option::is_some);
+                let at = |rows: &[Option<f64>]| first.and_then(|row| rows[row]).unwrap_or(0.0);
+                Ok([at(&trajectory.position_m), y_m.map_or(0.0, at)])
+            }
             Zero::Value(value) => Ok([trajectory.position_unit_m * value, 0.0]),
             Zero::First => match trajectory.position_m.first().copied().flatten() {
                 Some(first_m) => Ok([first_m, y_m.and_then(|y| y.first().copied().flatten()).unwrap_or(0.0)]),
@@ -203,7 +211,7 @@ fn zero(measurement: Table<'_>, is_plane: bool) -> Result<Zero> {
     }
     if measurement.is_number("zero") {
         if is_plane {
-            let remedy = "write \"first\" or \"rest\" (the positions before the force acts)";
+            let remedy = "write \"first\", \"rest\" (the positions before the force acts) or \"fit\"";
             return Err(measurement.refuse("zero", "one number cannot be the zero of x and y", remedy));
         }
         return Ok(measurement.number("zero")?.map_or(Zero::AsWritten, Zero::Value));
@@ -211,10 +219,11 @@ fn zero(measurement: Table<'_>, is_plane: bool) -> Result<Zero> {
     match measurement.required_text("zero", "zero = \"first\"")?.as_str() {
         "first" => Ok(Zero::First),
         "rest" => Ok(Zero::Rest),
+        "fit" => Ok(Zero::Fit),
         other => Err(measurement.refuse(
             "zero",
             format!("unknown zero `{other}`"),
-            "write \"first\", \"rest\" (the positions before the force acts) or the position itself",
+            "write \"first\", \"rest\" (the positions before the force acts), \"fit\" or the position itself",
         )),
     }
 }

@@ -4,9 +4,11 @@
 
 mod actuation;
 mod apparatus;
+mod contact;
 mod cycles;
 mod force;
 mod frame;
+mod indenter;
 pub mod noise;
 mod notes;
 mod read;
@@ -18,6 +20,7 @@ mod trajectory;
 pub use apparatus::{Apparatus, Offset, OffsetDirection, Orientation, Robot, RobotShape, Vitreous};
 pub use force::{Force, ForceRule};
 pub use frame::{Direction, Frame, Projection, Settled, Zero};
+pub use indenter::{Indenter, Tip};
 pub use noise::{NoiseOrigin, NoiseYardstick};
 pub use notes::Note;
 pub use read::{ExperimentFiles, Understood};
@@ -43,6 +46,9 @@ pub struct Experiment {
     pub heldout_cycles: Vec<u32>,
     /// The tracker's known noise, in m, if stated.
     pub noise_sd_m: Option<f64>,
+    /// Whether the recorded position is off by an amount that no one knows: every model of the experiment then has it as a nuisance parameter. Of an indenter it
+    /// is the contact point.
+    pub fits_position_offset: bool,
     /// Where the data come from; synthetic or measured.
     pub source: String,
 }

@@ -4,9 +4,10 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use super::actuation::Actuation;
+use super::contact::settle_contact;
 use super::cycles::find_cycles;
 use super::force::ForceRule;
-use super::frame::{Frame, Settled};
+use super::frame::{Frame, Settled, Zero};
 use super::notes::{Note, UM_PER_M};
 use super::record::Record;
 use super::table::{KEYS, TableDescription, one_of, read_described, text_in};
@@ -94,6 +95,9 @@ struct Specification {
     frame: Frame,
     force_rule: ForceRule,
     force_rule_given: bool,
+    /// Whether where the position is 0 is fitted.
+    fits_position_offset: bool,
+    cycle_starts: Option<CycleStarts>,
     calibration: CycleList,
     heldout: CycleList,
     noise_sd_m: Option<f64>,
@@ -133,11 +137,51 @@ impl CycleList {
     }
 }
 
+/// When cycles start, in the table's time, and where that is written.
+struct CycleStarts {
+    place: Place,
+    starts_s: Vec<f64>,
+}
+
+impl CycleStarts {
+    fn read(measurement: Table<'_>) -> Result<Option<Self>> {
+        let key = "cycle_starts_s";
+        let Some(starts_s) = measurement.numbers(key)? else { return Ok(None) };
+        if starts_s.is_empty() || starts_s.windows(2).any(|pair| pair[0] >= pair[1]) {
+            let remedy =
+                "give the times in s at which cycles start, one after the other, as in `cycle_starts_s = [0, 5]`";
+            return Err(measurement.refuse(key, "these are no times one after the other", remedy));
+        }
+        Ok(Some(Self { place: measurement.place(key), starts_s }))
+    }
+
+    /// Numbers the cycles of a table that has no such column; what comes before the first start belongs to the first cycle.
+    fn number(&self, trajectory: &mut Trajectory) -> Result<()> {
+        let refuse = |found: String, remedy: &str| Err(Error::input(self.place.clone(), found, remedy));
+        if trajectory.cycle.is_some() {
+            return refuse("the table has a column of cycles, too".into(), "keep one of the two");
+        }
+        let cycle_of = |time_s: &f64| self.starts_s[1..].partition_point(|start_s| start_s <= time_s) as u32 + 1;
+        let cycle: Vec<u32> = trajectory.time_s.iter().map(cycle_of).collect();
+        for number in 1..=self.starts_s.len() as u32 {
+            if !cycle.contains(&number) {
+                let start_s = self.starts_s[number as usize - 1];
+                return refuse(
+                    format!("no row lies in the cycle that starts at {start_s} s"),
+                    "give starts that lie inside the record, in seconds of its time column",
+                );
+            }
+        }
+        trajectory.cycle = Some(cycle);
+        Ok(())
+    }
+}
+
 impl Specification {
     fn read(file: &Path, bytes: &[u8]) -> Result<Self> {
         let document = TomlInput::parse(file, text_of(file, bytes)?)?;
         let root = document.root();
-        root.only(&["specimen", "robot", "vitreous", "instrument", "measurement", "actuation"])?;
+        root.only(&["specimen", "robot", "vitreous", "instrument", "indenter", "measurement", "actuation"])?;
         let specimen = root.required_table("specimen")?;
         specimen.only(&["id", "species", "region"])?;
         let specimen_id = specimen.required_text("id", "id = \"porcine-01\"")?;
@@ -146,7 +190,8 @@ impl Specification {
         let measurement = root.required_table("measurement")?;
         measurement.only(
             &[
-                &["file", "calibration_cycles", "heldout_cycles", "noise_um", "source", "force", "zero", "direction"],
+                &["file", "calibration_cycles", "heldout_cycles", "cycle_starts_s", "noise_um", "source"],
+                &["force", "zero", "direction"][..],
                 &KEYS[..],
             ]
             .concat(),
@@ -163,6 +208,19 @@ impl Specification {
         let table = TableDescription::read(measurement, actuation.is_some())?;
         let frame = Frame::read(measurement, table.as_ref().is_some_and(TableDescription::is_plane))?;
         let csv_name = plain_path(measurement, "trajectory.csv")?;
+        let is_indenter = matches!(apparatus, Apparatus::Indenter(_));
+        if is_indenter && measurement.has("zero") && frame.zero != Zero::Fit {
+            return Err(measurement.refuse(
+                "zero",
+                "an indenter's contact point is not known beforehand",
+                "remove `zero`, or write `zero = \"fit\"`: the height at contact is fitted",
+            ));
+        }
+        if let Some(log) = log.filter(|_| is_indenter) {
+            let remedy = "give the force in the measurement's own table";
+            return Err(log.refuse("file", "an indenter's force is measured with its height", remedy));
+        }
+        let fits_position_offset = is_indenter || frame.zero == Zero::Fit;
         let noise_um = measurement.positive("noise_um", "noise_um = 4.0")?;
         let noise_um =
             noise_um.map(|noise_um| measurement.check_within("noise_um", noise_um, NOISES_UM)).transpose()?;
@@ -178,6 +236,8 @@ impl Specification {
             frame,
             force_rule,
             force_rule_given,
+            fits_position_offset,
+            cycle_starts: CycleStarts::read(measurement)?,
             calibration: CycleList::read(measurement, "calibration_cycles")?,
             heldout: CycleList::read(measurement, "heldout_cycles")?,
             noise_sd_m,
@@ -207,6 +267,16 @@ impl Specification {
         check_driven(&driven_place, &trajectory)?;
         let mut notes = Vec::new();
         let settled = self.frame.settle(csv_place, &mut trajectory)?;
+        if let Some(starts) = &self.cycle_starts {
+            starts.number(&mut trajectory)?;
+        }
+        if let Apparatus::Indenter(indenter) = &self.apparatus {
+            notes.push(settle_contact(csv_place, &mut trajectory, indenter)?);
+            notes.extend(indenter.nominal_size().map(|nominal| Note::TipUnknown { nominal }));
+            check_first_cycle(csv_place, &trajectory)?;
+        } else if self.fits_position_offset {
+            notes.push(Note::PositionOffsetFitted);
+        }
         let (lines, position_column) =
             (std::mem::take(&mut trajectory.lines), std::mem::take(&mut trajectory.position_column));
         let (record, lines) = record_from(trajectory, lines, force_rows, self.force_rule, &mut notes);
@@ -237,6 +307,7 @@ impl Specification {
             calibration_cycles,
             heldout_cycles,
             noise_sd_m: self.noise_sd_m,
+            fits_position_offset: self.fits_position_offset,
             source: self.source.unwrap_or_else(|| "not stated".into()),
         };
         Ok((experiment, files))
@@ -303,6 +374,18 @@ fn record_from(
     record.with_force_rows(lines)
 }
 
+/// A cycle that ends before contact has no row left.
+fn check_first_cycle(csv_place: &Path, trajectory: &Trajectory) -> Result<()> {
+    match trajectory.cycle.as_ref().and_then(|cycle| cycle.first()) {
+        Some(first) if *first != 1 => Err(Error::input(
+            Place::file(csv_place).at_line(trajectory.lines.first().copied().unwrap_or(1)),
+            format!("contact begins in cycle {first}, and rows before contact are left out"),
+            "let the first cycle reach into the contact, as in `cycle_starts_s = [0, 5]` for an approach with the first part of the hold",
+        )),
+        _ => Ok(()),
+    }
+}
+
 /// Without any force nothing can be learnt, and scales taken from the force would be zero.
 fn check_driven(csv_place: &Path, trajectory: &Trajectory) -> Result<()> {
     if trajectory.force_n.iter().any(|force_n| *force_n != 0.0) {
@@ -343,6 +426,10 @@ fn range_m(record: &Record) -> f64 {
 
 fn note_data(record: &Record, heldout_cycles: &[u32], source_missing: bool, notes: &mut Vec<Note>) {
     let n_missing = record.position_m.iter().filter(|position| position.is_none()).count() - record.force_rows.len();
+    // Positions of a tip that only touches are there, and another note has them.
+    let touches = notes.iter().any(|note| matches!(note, Note::Contact { .. }));
+    let n_touching = record.position_m.iter().take_while(|position| touches && position.is_none()).count();
+    let n_missing = n_missing.saturating_sub(n_touching);
     if n_missing > 0 {
         notes.push(Note::PositionsMissing { n_missing, n_rows: record.n_samples() });
     }

@@ -23,6 +23,10 @@ pub struct Scales {
     pub robot_radius_m: Option<f64>,
     /// Radius of the vitreous, in m; `None` for an instrument.
     pub outer_radius_m: Option<f64>,
+    /// p of an indenter, whose depth to the power p answers linearly; `None` where the position itself does.
+    pub depth_exponent: Option<f64>,
+    /// Whether the recorded position is off by an unknown amount.
+    pub fits_position_offset: bool,
 }
 
 impl Experiment {
@@ -38,6 +42,10 @@ impl Experiment {
         };
         let steps_s: Vec<f64> = record.force_step_rows().iter().map(|&row| record.time_s[row]).collect();
         let between_s = steps_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        let body = match &self.apparatus {
+            Apparatus::Robot { robot, vitreous } => Some((robot, vitreous)),
+            Apparatus::Instrument { .. } | Apparatus::Indenter(_) => None,
+        };
         Scales {
             largest_force_n: record.force_n.iter().fold(0.0_f64, |largest, force| largest.max(force.abs())),
             position_range_m: if highest > lowest { highest - lowest } else { 0.0 },
@@ -45,18 +53,14 @@ impl Experiment {
             sample_interval_s: record.median_interval_s().unwrap_or(duration_s),
             cycle_s: duration_s / f64::from(record.n_cycles().max(1)),
             duration_s,
-            poisson_ratio: match &self.apparatus {
-                Apparatus::Robot { vitreous, .. } => Some(vitreous.poisson_ratio),
-                Apparatus::Instrument { .. } => None,
+            poisson_ratio: body.map(|(_, vitreous)| vitreous.poisson_ratio),
+            robot_radius_m: body.map(|(robot, _)| robot.shape.equivalent_radius_m()),
+            outer_radius_m: body.map(|(_, vitreous)| 0.5 * vitreous.diameter_m),
+            depth_exponent: match &self.apparatus {
+                Apparatus::Indenter(indenter) => Some(indenter.exponent()),
+                Apparatus::Robot { .. } | Apparatus::Instrument { .. } => None,
             },
-            robot_radius_m: match &self.apparatus {
-                Apparatus::Robot { robot, .. } => Some(robot.shape.equivalent_radius_m()),
-                Apparatus::Instrument { .. } => None,
-            },
-            outer_radius_m: match &self.apparatus {
-                Apparatus::Robot { vitreous, .. } => Some(0.5 * vitreous.diameter_m),
-                Apparatus::Instrument { .. } => None,
-            },
+            fits_position_offset: self.fits_position_offset,
         }
     }
 }

@@ -1,6 +1,6 @@
 //! A model: base law and effects, allowed to stand together (physics §5).
 
-use crate::effects::{Effect, Field, Stage};
+use crate::effects::{Effect, Field, Stage, nuisances};
 use crate::error::{Error, Place, Result};
 use crate::experiment::Scales;
 use crate::number::Dual;
@@ -8,7 +8,7 @@ use crate::parameter::ParameterSpec;
 use crate::rheology::BaseLaw;
 use crate::stages::Stages;
 
-/// A base law and effects; parameters are the law's, then each effect's.
+/// A base law and effects; parameters are the law's, then the nuisances' of the experiment, then each effect's.
 #[derive(Clone)]
 pub struct Model {
     base: BaseLaw,
@@ -48,6 +48,12 @@ impl Model {
                     "leave it out; load, separable mechanics and observation effects work for instruments",
                 );
             }
+            if effect.acts_on_position() && scales.depth_exponent.is_some_and(|exponent| exponent != 1.0) {
+                return refuse(
+                    format!("`{slug}` acts on a position that answers linearly, and an indenter's depth does not"),
+                    "leave it out; other effects of load, separable mechanics and observation work for indenters",
+                );
+            }
         }
         let fields: Vec<&str> = effects.iter().filter(|e| e.changes_field()).map(|e| e.slug()).collect();
         if fields.len() > 1 {
@@ -75,7 +81,8 @@ impl Model {
                 );
             }
         }
-        let of_effects = effects.iter().flat_map(|effect| effect.parameters()).map(|parameter| parameter.spec);
+        let all = nuisances(&scales).iter().chain(&effects);
+        let of_effects = all.flat_map(|effect| effect.parameters()).map(|parameter| parameter.spec);
         let parameters = base.parameters().iter().copied().chain(of_effects).collect();
         Ok(Self { base, effects, scales, parameters })
     }
@@ -96,6 +103,23 @@ impl Model {
         &self.effects
     }
 
+    /// What no one knows of the experiment itself: nuisances, which come before the effects.
+    pub fn nuisances(&self) -> &'static [&'static dyn Effect] {
+        nuisances(&self.scales)
+    }
+
+    /// Number of parameters before those of the effects: the law's and the nuisances'.
+    pub fn n_before_effects(&self) -> usize {
+        let of_nuisances = self.nuisances().iter().map(|effect| effect.parameters().len());
+        self.base.parameters().len() + of_nuisances.sum::<usize>()
+    }
+
+    /// Whether the position is the law's answer to the force, with nothing before, beside or after it.
+    pub fn is_law_alone(&self) -> bool {
+        let is_linear = self.scales.depth_exponent.is_none_or(|exponent| exponent == 1.0);
+        self.effects.is_empty() && self.nuisances().is_empty() && is_linear
+    }
+
     /// Whether its law is not linear, so that every trajectory takes a thousand times as long.
     pub fn is_nonlinear(&self) -> bool {
         self.effects.iter().any(|effect| effect.is_nonlinear())
@@ -106,7 +130,7 @@ impl Model {
         &self.scales
     }
 
-    /// All parameters: the law's, then each effect's.
+    /// All parameters: the law's, then the nuisances', then each effect's.
     pub fn parameters(&self) -> &[ParameterSpec] {
         &self.parameters
     }
@@ -126,8 +150,9 @@ impl Model {
         }
         let (law, mut rest) = parameters.split_at(self.base.parameters().len());
         let mut stages = Stages::of_law(self.base.elements(law));
+        stages.observation.depth_exponent = self.scales.depth_exponent.unwrap_or(1.0);
         let mut of_field = None;
-        for effect in &self.effects {
+        for effect in self.nuisances().iter().chain(&self.effects) {
             let (own, others) = rest.split_at(effect.parameters().len());
             match effect.field() {
                 Some(_) => of_field = Some((effect, own)),

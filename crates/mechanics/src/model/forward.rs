@@ -80,7 +80,7 @@ impl<'a> FullForward<'a> {
 
     /// Trajectory, and the fields at some rows.
     pub fn run(&self, parameters: &[f64], field_rows: &[usize]) -> Result<FullRun> {
-        let (base, is_exponential) = (self.model.base(), self.model.effects().is_empty());
+        let (base, is_exponential) = (self.model.base(), self.model.is_law_alone());
         if let Some(law) = base.creep_compliance(parameters).filter(|_| is_exponential) {
             let load = self.at_rest.solve_load(self.time_s, self.force);
             let position_m = self.at_rest.trajectory(&load, &law, TimeScheme::Exponential);

@@ -115,11 +115,15 @@ pub struct Load {
     pub gradient_per_m: Dual,
 }
 
-/// From the robot's to the recorded position: scale · x + v t + Σ A (1 − e^{−t/τ}), t from the record's start.
+/// From the robot's to the recorded position: scale · x^{1/p} + b + v t + Σ A (1 − e^{−t/τ}), t from the record's start; where x < 0 an indenter (p ≠ 1) is at 0.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Observation {
     /// Factor of the position.
     pub scale: Dual,
+    /// b in m.
+    pub offset_m: Dual,
+    /// p of an indenter, whose depth in m is x^{1/p}, x in m^p; 1 where the position is x itself.
+    pub depth_exponent: f64,
     /// v in m/s.
     pub velocity_m_per_s: Dual,
     /// Drifts that come to an end.
@@ -155,7 +159,13 @@ impl Stages {
             poisson_ratio: None,
             spatial: None,
             spread: None,
-            observation: Observation { scale: Dual::ONE, velocity_m_per_s: Dual::ZERO, approaches: Vec::new() },
+            observation: Observation {
+                scale: Dual::ONE,
+                offset_m: Dual::ZERO,
+                depth_exponent: 1.0,
+                velocity_m_per_s: Dual::ZERO,
+                approaches: Vec::new(),
+            },
         }
     }
 }

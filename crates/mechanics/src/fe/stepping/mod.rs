@@ -86,7 +86,14 @@ impl FullOrderModel<'_> {
 /// The recorded position (m) for the robot's, `time_s` after the record's start.
 pub(crate) fn observed(observation: &Observation, position_m: f64, time_s: f64) -> f64 {
     let approach = |a: &Approach| -a.amplitude_m.value * (-time_s / a.time_s.value).exp_m1();
-    observation.scale.value * position_m
+    let of_robot_m = match observation.depth_exponent {
+        1.0 => position_m,
+        // Before contact there is no depth.
+        _ if position_m < 0.0 => 0.0,
+        exponent => position_m.powf(exponent.recip()),
+    };
+    observation.scale.value * of_robot_m
+        + observation.offset_m.value
         + observation.velocity_m_per_s.value * time_s
         + observation.approaches.iter().map(approach).sum::<f64>()
 }

@@ -31,7 +31,7 @@ use crate::experiment::{Force, ForceRule};
 use crate::number::{Dual, PointScalar, Scalar};
 use crate::rheology::TimeWindow;
 use crate::stages::{LARGEST_FEEDBACK, Spread, Stages};
-use numbers::{Number, Real};
+use numbers::{Number, Real, gather};
 use record::Record;
 use system::{Lowered, System};
 
@@ -165,6 +165,11 @@ impl Response {
                 position.set_lane(lane, position.lane(lane) + *excess);
             }
         }
+        if system.shape.rooted {
+            for position in position_m.iter_mut() {
+                *position = depth(*position, system.inverse_exponent);
+            }
+        }
         if system.shape.observed {
             observe(&self.record, &system, position_m);
         }
@@ -201,10 +206,18 @@ fn soften<S: Number>(record: &Record, system: &System<S>, position_m: &mut [S]) 
     }
 }
 
+/// x^{1/p}, point by point; none before contact. What is not a number passes.
+fn depth<S: Number>(linear: S, inverse_exponent: S) -> S {
+    gather(|lane| {
+        let (x, inverse) = (linear.lane(lane), inverse_exponent.lane(lane));
+        if x.value() <= 0.0 { S::Lane::constant(0.0) } else { x.pow(inverse) }
+    })
+}
+
 /// From the robot's to the recorded position.
 fn observe<S: Number>(record: &Record, system: &System<S>, position_m: &mut [S]) {
     for (position, &time_s) in position_m.iter_mut().zip(&record.time_s) {
-        *position = system.scale * *position + system.velocity * time_s;
+        *position = system.scale * *position + system.position_offset + system.velocity * time_s;
     }
     for &(amplitude, rate) in &system.approaches {
         let decays: Vec<S> = record.step_s.iter().map(|&step_s| (rate * -step_s).exp()).collect();

@@ -29,6 +29,8 @@ pub(super) struct Shape {
     pub graded: bool,
     /// Whether the recorded position differs from the robot's.
     pub observed: bool,
+    /// Whether it is a root of what answers linearly.
+    pub rooted: bool,
 }
 
 /// One point: its shape, and its numbers in the order in which [`System::gather`] reads them.
@@ -69,6 +71,9 @@ pub(super) struct System<S> {
     pub softening_rate: S,
     pub gradient: S,
     pub scale: S,
+    pub position_offset: S,
+    /// 1/p of an indenter.
+    pub inverse_exponent: S,
     pub velocity: S,
     /// Amplitude in m and rate in 1/s.
     pub approaches: Vec<(S, S)>,
@@ -126,8 +131,10 @@ impl<T: Real> Lowered<T> {
             feedback: !load.gradient_per_m.is_constant(0.0),
             graded: false,
             observed: !(observation.scale.is_constant(1.0)
+                && observation.offset_m.is_constant(0.0)
                 && observation.velocity_m_per_s.is_constant(0.0)
                 && observation.approaches.is_empty()),
+            rooted: observation.depth_exponent != 1.0,
         };
         let is_exact = levels == Levels::Few
             && !shape.lagging
@@ -138,7 +145,7 @@ impl<T: Real> Lowered<T> {
         let lag = shape.lagging.then(|| 1.0 / load.lag_time_s.value);
         let grading = if shape.graded { grading(spectrum, lag) } else { Grading::NONE };
         let lag_rate = if shape.lagging { T::constant(1.0) / T::of(load.lag_time_s) } else { T::constant(0.0) };
-        let mut numbers = Vec::with_capacity(11 + 2 * shape.n_modes + 4 * shape.n_oscillating + 2 * shape.n_approaches);
+        let mut numbers = Vec::with_capacity(13 + 2 * shape.n_modes + 4 * shape.n_oscillating + 2 * shape.n_approaches);
         numbers.extend([
             compliance_per_m * spectrum.instantaneous_per_pa,
             T::of(load.positive_factor),
@@ -149,6 +156,8 @@ impl<T: Real> Lowered<T> {
             T::of(stages.softening_rate_per_s),
             T::of(load.gradient_per_m),
             T::of(observation.scale),
+            T::of(observation.offset_m),
+            T::constant(observation.depth_exponent.recip()),
             T::of(observation.velocity_m_per_s),
         ]);
         push_modes(&mut numbers, spectrum, compliance_per_m, T::of(stages.softening_rate_per_s));
@@ -219,6 +228,8 @@ impl<S: Number> System<S> {
             softening_rate: take(),
             gradient: take(),
             scale: take(),
+            position_offset: take(),
+            inverse_exponent: take(),
             velocity: take(),
             modes: (0..shape.n_modes).map(|_| Mode { gain: take(), rate: take() }).collect(),
             oscillating: (0..shape.n_oscillating)
