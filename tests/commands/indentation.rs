@@ -12,7 +12,7 @@ use vitreo_uq::effects::EFFECTS;
 /// noise made by a fixed recurrence.
 fn write_indentation(dir: &Path) {
     std::fs::create_dir_all(dir).unwrap();
-    let toml = "[specimen]\nid = \"gel\"\n[indenter]\nexponent = 1.5\ntip_radius_um = 5\n[measurement]\nfile = \"clamp.csv\"\ndirection = \"-\"\nnoise_um = 0.005\ncycle_starts_s = [0, 4]\nsource = \"synthetic\"\n[measurement.columns]\ntime = 1\ntime_unit = \"s\"\nforce = 2\nforce_unit = \"nN\"\nposition = 3\nposition_unit = \"um\"\n";
+    let toml = "[specimen]\nid = \"gel\"\n[indenter]\nexponent = 1.5\ntip_radius_um = 5\n[measurement]\nfile = \"clamp.csv\"\ndirection = \"-\"\nnoise_um = 0.005\ncycle_starts_s = [0, 4]\nsource = \"synthetic\"\n[measurement.columns]\ntime = 1\nforce = 2\nposition = 3\n[measurement.units]\ntime = \"s\"\nforce = \"nN\"\nposition = \"um\"\n";
     std::fs::write(dir.join("experiment.toml"), toml).unwrap();
     let mut state = 88_172_645_463_325_252_u64;
     let mut uniform = || {

@@ -67,7 +67,10 @@ fn null_of(effect: &dyn Effect, scales: &Scales) -> Vec<f64> {
 }
 
 fn stages_at(model: &Model, of_effects: &[f64]) -> Result<Stages, Error> {
-    let of_law = vec![Dual::constant(2.5); model.base().parameters().len()];
+    let n_law = model.base().parameters().len();
+    let mut of_law = vec![Dual::constant(2.5); n_law];
+    // What no one knows of the experiment itself is at its null.
+    of_law.resize(model.n_before_effects(), Dual::ZERO);
     let all: Vec<Dual> = of_law.into_iter().chain(of_effects.iter().map(|value| Dual::constant(*value))).collect();
     model.stages(&all)
 }

@@ -97,7 +97,7 @@ fn switches_between_samples_are_exact() {
 /// The same forces as a current with an offset and a square, on a clock that runs from another zero, in a table with semicolons and decimal commas.
 #[test]
 fn a_current_is_calibrated_on_the_cameras_clock() {
-    let calibration = [1e-7, 2e-6, 3e-7];
+    let calibration = [1e-7, 2e-6, 1e-7];
     let current_a = |force_n: f64| {
         let [a0, a1, a2] = calibration;
         ((a1 * a1 - 4.0 * a2 * (a0 - force_n)).sqrt() - a1) / (2.0 * a2)
@@ -107,7 +107,7 @@ fn a_current_is_calibrated_on_the_cameras_clock() {
         format!("{:.6};{:.9}\n", 100.0 + t, 1e3 * current_a(1e-6 * force_un)).replace('.', ",")
     };
     let log = format!("t;I\n{}", rows.map(row).collect::<String>());
-    let actuation = "[actuation]\nfile = \"coil.csv\"\ndelimiter = \";\"\ndecimal = \",\"\nforce = \"hold\"\ncalibration = [1e-7, 2e-6, 3e-7]\n\
+    let actuation = "[actuation]\nfile = \"coil.csv\"\ndelimiter = \";\"\ndecimal = \",\"\nforce = \"hold\"\ncalibration = [1e-7, 2e-6, 1e-7]\n\
                      [actuation.columns]\ntime = \"t\"\ncurrent = \"I\"\n[actuation.units]\ntime = \"s\"\ncurrent = \"mA\"\n";
     let experiment = Files::new(0.0, 1, 100.0, &log, actuation).experiment();
     for ratio in ratios(experiment) {
@@ -147,7 +147,7 @@ fn what_cannot_be_brought_together_is_refused() {
     for (log, actuation, words) in [
         (later, OF_FORCE.to_string(), "one clock"),
         (&log_of_force(), format!("{OF_FORCE}current = 2\n"), "a force and a current"),
-        (&log_of_force(), OF_FORCE.replace("force = \"F_nN\"", "force = \"I\""), "no such column"),
+        (&log_of_force(), OF_FORCE.replace("F_nN", "G_nN"), "no such column"),
         (&log_of_force(), OF_FORCE.replace("F_nN\"\n", "F_nN\"\n[actuation.units]\nforce = \"T\"\n"), "no unit"),
         (&log_of_force(), OF_FORCE.replace("file =", "calibration = [1.0]\nfile ="), "a calibration makes one"),
         (&log_of_force(), OF_FORCE.replace("coil.csv", "../coil.csv"), "plain path"),

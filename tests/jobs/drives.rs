@@ -7,8 +7,9 @@ use std::f64::consts::PI;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
-use vitreo_uq::experiment::Experiment;
+use vitreo_uq::experiment::{Experiment, Understood};
 use vitreo_uq::study::ModelSpecification;
+use vitreo_uq::workflow::check::contradictions;
 use vitreo_uq::workflow::problem::Problem;
 use vitreo_uq::workflow::{Silent, fit};
 
@@ -133,6 +134,31 @@ fn forces_of_any_shape_are_fitted_without_bias() {
 #[ignore = "campaigns/long-tests: 1,000 fits"]
 fn forces_of_any_shape_are_covered_in_200_replicates() {
     assert_unbiased(200, [164, 195], 4.0);
+}
+
+/// Lines between few rows of a sine are said to be too few, and corners of a triangle are no curve.
+#[test]
+fn too_few_rows_of_a_curve_are_said() {
+    for (name, every, is_said) in [("sine", 1, false), ("sine", 4, true), ("triangle", 4, false), ("ramp", 4, false)] {
+        let drive = drives().into_iter().find(|drive| drive.name == name).expect("a drive");
+        let mut experiment = experiment(&drive, "linear", &motion_um(&drive), 3);
+        let record = &mut experiment.record;
+        let keep = |row: &usize| row.is_multiple_of(every);
+        let kept = |values: &[f64]| (0..values.len()).filter(keep).map(|row| values[row]).collect::<Vec<f64>>();
+        if every > 1 {
+            // Rows that were put in where the force crosses zero go with those that are left out.
+            let own: Vec<usize> = (0..record.n_rows()).filter(|row| !record.force_rows.contains(row)).collect();
+            for values in [&mut record.time_s, &mut record.force_n] {
+                *values = kept(&own.iter().map(|&row| values[row]).collect::<Vec<f64>>());
+            }
+            record.position_m = own.iter().map(|&row| record.position_m[row]).step_by(every).collect();
+            record.cycle = own.iter().map(|&row| record.cycle[row]).step_by(every).collect();
+            record.force_rows.clear();
+        }
+        let understood = Understood { force_rule_given: true, ..Understood::default() };
+        let kinds: Vec<String> = contradictions(&experiment, &understood).into_iter().map(|one| one.kind).collect();
+        assert_eq!(kinds.contains(&"curve_between_rows".to_string()), is_said, "{name} {every}: {kinds:?}");
+    }
 }
 
 /// The same records under the other rule are biased by many standard errors, so that the tests above can fail.

@@ -190,7 +190,7 @@ fn indentation(exponent: f64, force_sd_nn: f64, position_sd_um: f64, seed: u64) 
     csv
 }
 
-const COLUMNS: &str = "direction = \"-\"\ncycle_starts_s = [0, 4.5]\n[measurement.columns]\ntime = \"Time [s]\"\ntime_unit = \"s\"\nforce = \"Force [nN]\"\nforce_unit = \"nN\"\nposition = \"Height [um]\"\nposition_unit = \"um\"";
+const COLUMNS: &str = "direction = \"-\"\ncycle_starts_s = [0, 4.5]\n[measurement.columns]\ntime = \"Time [s]\"\nforce = \"Force [nN]\"\nposition = \"Height [um]\"";
 
 /// Twenty-four noisy indentations a tip, fitted over approach and two seconds of the hold: with δ the errors of ln E, ln c₁, ln c₂ and b, Σ δᵀC⁻¹δ is χ² of 96 degrees of freedom; each of its ends
 /// asserted is passed falsely once in a million. A force that is off by what the free tip's scatter leaves open (10⁻⁵ of it) moves no parameter by a tenth of its error.

@@ -252,22 +252,17 @@ impl<'a> Table<'a> {
 
     /// A list of finite numbers, if present.
     pub fn numbers(&self, key: &str) -> Result<Option<Vec<f64>>> {
-        let example = format!("{key} = [0.0, 2.3e-6]");
+        let example = format!("{key} = [0.0, 5.0]");
         let Some(values) = self.array(key, "a list of numbers", &example)? else { return Ok(None) };
         let number = |value: &DeValue<'_>| match value {
+            DeValue::Float(float) => float.as_str().parse::<f64>().ok().filter(|number| number.is_finite()),
             DeValue::Integer(integer) if integer.radix() == 10 => integer.as_str().parse::<f64>().ok(),
-            DeValue::Float(float) => float.as_str().parse::<f64>().ok(),
             _ => None,
         };
-        values
-            .iter()
-            .map(|value| {
-                number(value.get_ref())
-                    .filter(|number| number.is_finite())
-                    .ok_or_else(|| self.refuse(key, "an entry is not a finite number", format!("write `{example}`")))
-            })
-            .collect::<Result<_>>()
-            .map(Some)
+        let found = values.iter().map(|value| {
+            number(value.get_ref()).ok_or_else(|| self.wrong_type(key, value.get_ref(), "finite numbers", &example))
+        });
+        found.collect::<Result<_>>().map(Some)
     }
 
     /// A list of whole numbers from 1, if present.

@@ -14,8 +14,10 @@ use super::truth::joined;
 use super::{ApparatusError, Bench, Hidden, Noise, NoiseKind, Order, OutsideKind, Protocol, Truth, hideable};
 use crate::documents::diagnosis::{Diagnosis, VerdictKind};
 use crate::error::{Error, Place, Result};
+use crate::experiment::Understood;
 use crate::inference::ensemble::RandomStream;
-use crate::workflow::Monitor;
+use crate::workflow::check::refuse_certain;
+use crate::workflow::{Monitor, Silent};
 
 /// What diagnoses a subject, with a seed.
 pub type Diagnose<'a> = dyn Fn(&Subject, u64) -> Result<Diagnosis> + Sync + 'a;
@@ -241,7 +243,9 @@ fn play(bench: &Bench, request: &PlaysRequest, case: Case, diagnose: &Diagnose<'
     let stated_sd_m = truth.is_noise_given.then_some(noise.stated_sd_m);
     let subject = bench.subject_measured(truth.protocol, &noise.measured_m(&position_m), stated_sd_m)?;
     let seed = u64::from(stream.word()) << 32 | u64::from(stream.word());
-    let play = match diagnose(&subject, seed) {
+    // As the command does before it fits: a sound record that is refused is a play that failed.
+    let looked = refuse_certain(subject.experiment(), &Understood::default(), &Silent);
+    let play = match looked.and_then(|()| diagnose(&subject, seed)) {
         Ok(diagnosis) => judged(number, sort, truth, &diagnosis, Some(&noise)),
         Err(error) => failed(number, sort, truth, &error),
     };

@@ -1,6 +1,6 @@
 //! What the force does between rows, and whether the answer goes with it.
 
-use super::quick_fit::distance_between_rules_m;
+use super::quick_fit::{curve_beyond_lines, distance_between_rules_m};
 use super::{Looked, found, um};
 use crate::documents::check::Contradiction;
 use crate::experiment::ForceRule;
@@ -39,6 +39,30 @@ pub(super) fn between_rows(looked: &Looked<'_>) -> Option<Contradiction> {
     );
     let advice = "write `force = \"linear\"` in [measurement] if the force is a sampled curve, `force = \"hold\"` if it was switched at every row";
     Some(found("force_between_rows", true, text, advice))
+}
+
+/// Lines that lie so far inside a curve that a fitted parameter may be off by its own standard error: what all positions share counts more than one's noise.
+pub(super) fn curved(looked: &Looked<'_>) -> Option<Contradiction> {
+    let (record, fit) = (looked.record, looked.fit.as_ref()?);
+    if record.force_rule != ForceRule::Linear || looked.noise_m == 0.0 {
+        return None;
+    }
+    let [beyond_n, moved_m] = curve_beyond_lines(record, fit);
+    let n_positions = record.position_m[..fit.motion_m.len()].iter().flatten().count();
+    if moved_m * (n_positions as f64).sqrt() <= looked.noise_m {
+        return None;
+    }
+    let text = format!(
+        "the force bends between its rows: lines lie inside the curve by {} µN, which moves the positions by {} µm (both root mean squares), enough to bias a fit by its own standard error",
+        um(beyond_n),
+        um(moved_m)
+    );
+    Some(found(
+        "curve_between_rows",
+        false,
+        text,
+        "give the force in more rows than the positions, by a log of its own in [actuation]",
+    ))
 }
 
 /// An answer that goes against the force: a passive body takes work up.

@@ -67,6 +67,7 @@ pub fn contradictions(experiment: &Experiment, understood: &Understood) -> Vec<C
     let looked = Looked::new(experiment, understood);
     let looks = [
         force::between_rows,
+        force::curved,
         force::against,
         zero::off,
         zero::drifts_at_rest,

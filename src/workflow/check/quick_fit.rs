@@ -141,3 +141,41 @@ pub fn distance_between_rules_m(record: &Record, fit: &QuickFit) -> f64 {
     });
     (apart.sum::<f64>() / n_rows as f64).sqrt()
 }
+
+/// By how much a force that is a smooth curve exceeds the lines between its rows, in the mean and for a fitted law's motion, as root mean squares over the rows: N and m.
+pub fn curve_beyond_lines(record: &Record, fit: &QuickFit) -> [f64; 2] {
+    let n_rows = fit.motion_m.len();
+    let force = record.force();
+    let bend = |row: usize| match row {
+        0 => 0.0,
+        _ if row + 1 >= n_rows => 0.0,
+        _ => {
+            let slopes = [row - 1, row].map(|row| force.slope_n_per_s(&record.time_s, row));
+            let length_s = 0.5 * (record.time_s[row + 1] - record.time_s[row - 1]);
+            // A curve lies beyond its chord by f″h²/12 in the mean.
+            -(slopes[1] - slopes[0]) * length_s / 12.0
+        }
+    };
+    let bends: Vec<f64> = (0..n_rows).map(bend).collect();
+    // A corner, or a sensor's noise, is no curve: its neighbours do not bend as it does.
+    let smooth = |row: usize| {
+        let three = &bends[row.saturating_sub(1)..(row + 2).min(n_rows)];
+        let is_curve = three.iter().all(|bend| bend * three[0] > 0.0);
+        if is_curve {
+            three.iter().copied().reduce(|a, b| if a.abs() < b.abs() { a } else { b }).unwrap_or(0.0)
+        } else {
+            0.0
+        }
+    };
+    let beyond_n: Vec<f64> = (0..n_rows).map(smooth).collect();
+    let beyond = Record {
+        time_s: record.time_s[..n_rows].to_vec(),
+        force_n: beyond_n.clone(),
+        force_rule: ForceRule::Linear,
+        ..Record::default()
+    };
+    let moved = parts(&beyond, ForceRule::Linear, fit.rate_per_s, n_rows);
+    let moved_m = moved.iter().map(|part| fit.compliance[0] * part[0] + fit.compliance[1] * part[1]);
+    let rms = |squares: f64| (squares / n_rows as f64).sqrt();
+    [rms(beyond_n.iter().map(|x| x * x).sum()), rms(moved_m.map(|x| x * x).sum())]
+}

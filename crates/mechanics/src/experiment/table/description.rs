@@ -246,7 +246,7 @@ impl<'a> Units<'a> {
             };
             return by_name.filter(|unit| unit.dimension == dimension).ok_or_else(|| match self.table {
                 Some(table) => table.missing(key, example),
-                None => self.measurement.missing("units", &format!("[measurement.units]` with `{example}")),
+                None => self.measurement.missing("units", &format!("units = {{ {example} }}")),
             });
         };
         unit(&text).filter(|unit| unit.dimension == dimension).ok_or_else(|| {
