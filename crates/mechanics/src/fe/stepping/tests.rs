@@ -368,7 +368,17 @@ fn the_error_falls_with_the_fifth_power_of_the_step() {
 #[test]
 fn the_recorded_position_is_scaled_and_drifts() {
     let approaches = vec![Approach { amplitude_m: dual(2.0), time_s: dual(0.5) }];
-    let observation = Observation { scale: dual(1.5), velocity_m_per_s: dual(0.1), approaches };
-    let exact = 1.5 * 4.0 + 0.1 * 3.0 + 2.0 * (1.0 - (-6.0_f64).exp());
-    assert!((observed(&observation, 4.0, 3.0) - exact).abs() < 1e-14);
+    let observation = Observation {
+        scale: dual(1.5),
+        offset_m: dual(-0.7),
+        depth_exponent: 1.0,
+        velocity_m_per_s: dual(0.1),
+        approaches,
+    };
+    let beside = -0.7 + 0.1 * 3.0 + 2.0 * (1.0 - (-6.0_f64).exp());
+    assert!((observed(&observation, 4.0, 3.0) - 1.5 * 4.0 - beside).abs() < 1e-14);
+    // A cone goes half as deep in the logarithm, and a tip that is pulled stays at the surface.
+    let cone = Observation { depth_exponent: 2.0, ..observation };
+    assert!((observed(&cone, 4.0, 3.0) - 1.5 * 2.0 - beside).abs() < 1e-14);
+    assert!((observed(&cone, -4.0, 3.0) - beside).abs() < 1e-14);
 }
