@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Measured force-clamp indentations, where ../shared/data is there: laws fitted to the approach and two seconds of the hold, the last second predicted. The records are read and never
-# copied into the project.
+# Measured force-clamp indentations, where ../shared/data is there: laws fitted to the approach and two seconds of the hold, the last second predicted. The tips' shapes are not known, so that
+# each record is taken as a sphere's and as a cone's. Records are read and never copied into the project.
 source "$(dirname "${BASH_SOURCE[0]}")/../common.sh"
 data=$root/../shared/data/afm-force-clamp
 if [[ ! -d $data ]]; then
@@ -8,19 +8,27 @@ if [[ ! -d $data ]]; then
     exit 0
 fi
 begin indentations
-laws=$root/campaigns/indentations
-for record in brain polymergel; do
-    experiment=$raw/$record
-    mkdir -p "$experiment"
-    cp "$data/$record.csv" "$experiment/force-clamp.csv"
-    sed "s/RECORD/$record/" "$laws/experiment.toml" >"$experiment/experiment.toml"
-    for law in lethersich burgers two-element; do
-        run_in "$record.$law" "$program" sample "$experiment" --base "$law" --prior generic --out "$raw/$record.$law" --json "$raw/$record.$law.json" --quiet
+own=$root/campaigns/indentations
+
+# fitted LABEL EXPERIMENT ARGUMENTS…: a posterior of approach and two seconds of the hold, and how it predicts the last second.
+fitted() {
+    local label=$1 experiment=$2
+    shift 2
+    run_in "$label" "$program" sample "$experiment" "$@" --prior generic --out "$raw/study.$label" --json "$raw/$label.json" --quiet
+}
+
+for record in polymergel brain; do
+    for tip in cone=2 sphere=1.5; do
+        name=$record.${tip%=*}
+        experiment=$raw/experiment.$name
+        mkdir -p "$experiment"
+        install -m 644 "$data/$record.csv" "$experiment/force-clamp.csv"
+        sed "s/RECORD/$record/; s/EXPONENT/${tip#*=}/" "$own/experiment.toml" >"$experiment/experiment.toml"
+        fitted "$name.lethersich" "$experiment"
+        fitted "$name.burgers" "$experiment" --base burgers
+        fitted "$name.springpot" "$experiment" --base "$own/springpot.toml"
+        run_in "$name.diagnose" "$program" diagnose "$raw/study.$name.burgers" --json "$raw/$name.diagnose.json" --quiet
     done
-    for law in springpot springpot-and-spring springpot-and-dashpot; do
-        run_in "$record.$law" "$program" sample "$experiment" --base "$laws/$law.toml" --prior generic --out "$raw/$record.$law" --json "$raw/$record.$law.json" --quiet
-    done
-    run_in "$record.diagnose" "$program" diagnose "$experiment" --base "$laws/springpot.toml" --prior generic --out "$raw/$record.springpot" --json "$raw/$record.diagnose.json" --quiet
 done
-rm -rf "$raw"/*/
+rm -rf "$raw"/study.* "$raw"/experiment.*
 finish

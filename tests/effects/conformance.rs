@@ -40,7 +40,7 @@ fn experiments() -> Vec<Scales> {
         robot_radius_m: None,
         outer_radius_m: None,
         depth_exponent: Some(1.5),
-        fits_position_offset: true,
+        fits_position_offset: false,
     };
     let gels = [0.499_999, 0.4999, 0.31, 0.3, 0.2, 0.0, -0.5, -0.999]
         .map(|ratio| Scales { poisson_ratio: Some(ratio), ..PORCINE });

@@ -28,6 +28,7 @@ const FIELDS: &[Field] = &[
     ("gradient", |p| &mut p.stages.load.gradient_per_m),
     ("softening", |p| &mut p.stages.softening_rate_per_s),
     ("scale", |p| &mut p.stages.observation.scale),
+    ("position offset", |p| &mut p.stages.observation.offset_m),
     ("velocity", |p| &mut p.stages.observation.velocity_m_per_s),
     ("approach's amplitude", |p| &mut p.stages.observation.approaches[0].amplitude_m),
     ("approach's time", |p| &mut p.stages.observation.approaches[0].time_s),
@@ -89,7 +90,7 @@ fn natural_size(name: &str) -> f64 {
         "offset" => 1e-6,
         "gradient" => 100.0,
         "softening" => 0.1,
-        "velocity" | "approach's amplitude" => 1e-4,
+        "velocity" | "approach's amplitude" | "position offset" => 1e-4,
         _ => 0.1,
     }
 }
@@ -133,6 +134,34 @@ fn equal_one_sided_differences_in_every_direction() {
                 assert!((dual.value - plain).abs() <= 1e-8 * largest(&values), "{choice:06b}, {name}");
             }
         }
+    }
+}
+
+/// Of an indenter: x^{1/p}, its derivative by the chain rule, the same bits in every lane, and the surface where the tip is not pressed.
+#[test]
+fn depths_are_roots_of_what_answers_linearly() {
+    let (time_s, _) = record();
+    let pressing_n: Vec<f64> = time_s.iter().map(|t| 1e-6 * (1.0 + t)).collect();
+    let response = Response::new(&time_s, &pressing_n, time_s.len());
+    let law = [3.5, 1.4, 47.0].map(Dual::constant);
+    let linear = Stages::of_law(crate::rheology::BaseLaw::Lethersich.elements(&law));
+    let moving = response.derivative_m(&linear, Dual::variable(549.0)).expect("sound");
+    for exponent in [1.5, 2.0] {
+        let mut stages = linear.clone();
+        (stages.observation.depth_exponent, stages.observation.offset_m) = (exponent, Dual::constant(2e-6));
+        let found = response.derivative_m(&stages, Dual::variable(549.0)).expect("sound");
+        for (row, (found, x)) in found.iter().zip(&moving).enumerate().skip(1) {
+            let (depth_m, slope) = (x.value.powf(1.0 / exponent), x.value.powf(1.0 / exponent - 1.0) / exponent);
+            assert!((found.value - 2e-6 - depth_m).abs() < 1e-14 * depth_m.max(1e-6), "{exponent}, row {row}");
+            assert!((found.derivative / (slope * x.derivative) - 1.0).abs() < 1e-12, "{exponent}, row {row}");
+        }
+        let plain = response.trajectory_m(&stages, 549.0).expect("sound");
+        let (three, mut lanes) = ([stages.clone(), linear.clone(), stages.clone()], Vec::new());
+        assert_eq!(response.trajectories_m(&three, &[549.0; 3], &mut lanes)[..3], [true; 3]);
+        assert!(lanes.iter().zip(&plain).all(|(lanes, x)| [lanes.0[0], lanes.0[2]] == [*x; 2]));
+        let pulling_n: Vec<f64> = pressing_n.iter().map(|force| -force).collect();
+        let pulled = Response::new(&time_s, &pulling_n, time_s.len()).trajectory_m(&stages, 549.0).expect("sound");
+        assert!(pulled.iter().all(|x| *x == 2e-6));
     }
 }
 
