@@ -240,7 +240,7 @@ fn experiment_toml(request: &InitRequest, file: &str, proposal: &Proposal) -> St
         Zero::AsWritten => line("# zero", text("first"), "which position is 0: \"first\", \"rest\" or a number"),
         Zero::First => line("zero", text("first"), "the first position is 0"),
         Zero::Rest => line("zero", text("rest"), "the position before the force acts is 0"),
-        Zero::Fit => line("zero", text("fit"), "which position is 0 is fitted"),
+        Zero::Fit => line("zero", text("fit"), "which position is 0 is fitted; or \"rest\", \"first\" or a number"),
         Zero::Value(value) => line("zero", format!("{value:?}"), "this position is 0"),
     }
     match proposal.frame.direction {

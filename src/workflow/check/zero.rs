@@ -50,11 +50,7 @@ pub(super) fn off(looked: &Looked<'_>) -> Option<Contradiction> {
         um(looked.range_m),
         um(looked.noise_m)
     );
-    let advice = if n_rest > 0 {
-        "write `zero = \"rest\"` in [measurement] (the positions before the force acts), or the position itself"
-    } else {
-        "write `zero = \"first\"` in [measurement], or the position itself"
-    };
+    let advice = "write `zero = \"fit\"` in [measurement], or the position itself";
     Some(found("zero_off", true, text, advice))
 }
 

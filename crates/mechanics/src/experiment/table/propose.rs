@@ -514,17 +514,17 @@ fn frame(trajectory: &Trajectory, reasons: &mut Vec<String>) -> Frame {
     let zero = match (rest, first) {
         (Some(rest), _) if is_far(&rest) => {
             reasons.push(format!(
-                "the position is {} before the force acts, and counts from there (zero = \"rest\")",
+                "the position is {} before the force acts; what counts as 0 is fitted with the rest, for a few rows would leave their noise in it (zero = \"fit\")",
                 written(&rest)
             ));
-            Zero::Rest
+            Zero::Fit
         }
         (None, Some(first)) if is_far(&first) => {
             reasons.push(format!(
-                "the first position is {}, and positions count from there (zero = \"first\")",
+                "the first position is {}; what counts as 0 is fitted with the rest, for one row would leave its noise in it (zero = \"fit\")",
                 written(&first)
             ));
-            Zero::First
+            Zero::Fit
         }
         _ => Zero::AsWritten,
     };
