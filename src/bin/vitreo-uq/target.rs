@@ -29,7 +29,7 @@ pub struct Target {
 /// Where the study is, or will be.
 enum StudyPlace {
     There(Study),
-    New { dir: PathBuf, files: ExperimentFiles, force: bool },
+    New { dir: PathBuf, files: Box<ExperimentFiles>, force: bool },
 }
 
 impl Target {
@@ -133,7 +133,7 @@ fn place_of(dir: PathBuf, files: ExperimentFiles, force: bool) -> Result<StudyPl
         }
     }
     Study::check_place(&dir)?;
-    Ok(StudyPlace::New { dir, files, force })
+    Ok(StudyPlace::New { dir, files: Box::new(files), force })
 }
 
 fn print_notes(files: &ExperimentFiles, monitor: &dyn Monitor) {
