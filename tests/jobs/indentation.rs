@@ -98,15 +98,11 @@ fn a_standard_linear_solid_creeps_as_its_closed_form() {
         };
         let found_m = positions(&problem, &names.iter().map(value).collect::<Vec<f64>>());
         let record = &problem.experiment.record;
-        for row in 1..record.n_rows() {
+        for (row, found_m) in found_m.iter().enumerate().skip(1) {
             let time_s = record.time_s[row] - record.time_s[0];
             let creep = 1.0 / e0 - (-time_s * e / c1).exp_m1() / e;
             let depth_m = (compliance(exponent) * 10e-9 * creep).powf(1.0 / exponent);
-            assert!(
-                ((found_m[row] - 3e-7) / depth_m - 1.0).abs() < 1e-9,
-                "p = {exponent}, row {row}: {}",
-                found_m[row]
-            );
+            assert!(((found_m - 3e-7) / depth_m - 1.0).abs() < 1e-9, "p = {exponent}, row {row}: {found_m}");
         }
     }
 }
@@ -122,15 +118,11 @@ fn a_ramp_is_the_integral_of_the_creep() {
         let problem = problem(experiment, "lethersich");
         let found_m = positions(&problem, &[e, c1, c2, 0.0]);
         let record = &problem.experiment.record;
-        for row in 20..record.n_rows() {
+        for (row, found_m) in found_m.iter().enumerate().skip(20) {
             let (t, tau) = (record.time_s[row], c1 / e);
             let integral = (t + tau * (-t / tau).exp_m1()) / e + 0.5 * t * t / c2;
             let depth_m = (compliance(exponent) * 5e-9 * integral).powf(1.0 / exponent);
-            assert!(
-                (found_m[row] / depth_m - 1.0).abs() < 2e-4,
-                "p = {exponent}, row {row}: {} {depth_m}",
-                found_m[row]
-            );
+            assert!((found_m / depth_m - 1.0).abs() < 2e-4, "p = {exponent}, row {row}: {found_m} {depth_m}");
         }
         // The steps of force themselves, by steps in time.
         let strains = strains(&record.time_s, &record.force_n, LAW);
