@@ -44,7 +44,7 @@ pub struct ExperimentFiles {
 /// How a description was taken, for whoever holds it against the rows.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Understood {
-    /// Whether `force` in [measurement] says what the force does between rows.
+    /// Whether `force` in `[measurement]` says what the force does between rows.
     pub force_rule_given: bool,
     /// What was done to the coordinates.
     pub settled: Settled,
