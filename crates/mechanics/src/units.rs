@@ -103,6 +103,9 @@ mod tests {
             ("mm", 1e3),
             ("um", 1.0),
             ("nm", 1e-3),
+            ("A", 1e6),
+            ("mA", 1e3),
+            ("uA", 1.0),
         ];
         assert_eq!(UNITS.len(), expected.len());
         for (unit, (suffix, si)) in UNITS.iter().zip(expected) {
