@@ -24,6 +24,8 @@ const LAST_WORD: Duration = Duration::from_millis(100);
 const SIGNAL_BASE: usize = 128;
 
 static STOP: AtomicBool = AtomicBool::new(false);
+/// Set before the first file is taken away from a job that goes on.
+static ENDING: AtomicBool = AtomicBool::new(false);
 static BAR: OnceLock<ProgressBar> = OnceLock::new();
 static SIGNAL: OnceLock<Arc<AtomicUsize>> = OnceLock::new();
 
@@ -42,6 +44,7 @@ pub fn watch(how_to_go_on: &'static str) {
         }
         STOP.store(true, Ordering::SeqCst);
         std::thread::sleep(GRACE);
+        ENDING.store(true, Ordering::SeqCst);
         stop_writing(LAST_STEPS);
         // A terminal that is stopped or gone may keep whoever writes to it waiting.
         let (said, heard) = mpsc::channel();
@@ -55,6 +58,13 @@ pub fn watch(how_to_go_on: &'static str) {
         let _ = heard.recv_timeout(LAST_WORD);
         std::process::exit(i32::from(exit_code()));
     });
+}
+
+/// Returns only if nothing is ending the program over its job's head: a job that fails then fails because its files are gone, which is no news.
+pub fn wait_for_an_end_under_way() {
+    while ENDING.load(Ordering::SeqCst) {
+        std::thread::park();
+    }
 }
 
 /// Set when the job should stop.

@@ -106,6 +106,7 @@ fn main() -> ExitCode {
             ExitCode::from(interrupt::exit_code())
         }
         Err(error) => {
+            interrupt::wait_for_an_end_under_way();
             interrupt::say(&format!("error: {error}"));
             ExitCode::from(error.exit_code())
         }
