@@ -14,6 +14,7 @@ use std::ops::Range;
 
 use super::{Fitted, Subject};
 use crate::experiment::Record;
+use crate::experiment::noise::SD_PER_MAD;
 
 /// Rows on either side with which a row is compared, by their median: two bad ones among them do no harm.
 const N_NEIGHBOURS: usize = 5;
@@ -40,8 +41,6 @@ const UNJUDGED_ROWS: usize = 10;
 const SAME_TIME_INTERVALS: f64 = 0.1;
 /// The scale is at least this fraction of the yardstick: positions rounded to pixels may not differ at all.
 const LEAST_SCALE: f64 = 0.25;
-/// Ratio of a Gaussian's standard deviation to its median absolute deviation.
-const SD_PER_MAD: f64 = 1.482_602_218_505_602;
 
 /// Rows of the record, from 0 and in order, that are outliers among the fitted and the scored positions, seen from a fit (of the base model, say).
 pub fn find(subject: &Subject, fitted: &Fitted) -> Vec<usize> {

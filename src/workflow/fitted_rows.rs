@@ -2,7 +2,7 @@
 
 use super::problem::Problem;
 use crate::error::Result;
-use crate::experiment::{Force, ForceRule};
+use crate::experiment::{ForceRule, KeptForce};
 use crate::inference::least_squares::{Fit, Residuals, Tolerances, fit};
 use crate::model::Response;
 
@@ -16,8 +16,7 @@ pub(super) const SAME_MINIMUM: f64 = 1e-6;
 /// Rows up to the last fitted position.
 pub(super) struct FittedRows {
     time_s: Vec<f64>,
-    force_n: Vec<f64>,
-    force_rule: ForceRule,
+    force: KeptForce,
     /// Row and position (m) of what is fitted.
     pub observed: Vec<(usize, f64)>,
 }
@@ -30,8 +29,7 @@ impl FittedRows {
         let observed: Vec<(usize, f64)> =
             positions.iter().enumerate().filter_map(|(row, y)| y.map(|y| (row, y))).collect();
         let n_rows = observed.last().map_or(0, |(row, _)| row + 1);
-        let [time_s, force_n] = [&record.time_s, &record.force_n].map(|rows| rows[..n_rows].to_vec());
-        Self { time_s, force_n, force_rule: record.force_rule, observed }
+        Self { time_s: record.time_s[..n_rows].to_vec(), force: record.force().first(n_rows).into(), observed }
     }
 
     /// At most about `most` of the positions, evenly chosen, and the rows at which the force begins or ends to be another, so that the trajectory at the
@@ -39,20 +37,20 @@ impl FittedRows {
     pub fn thinned(&self, most: usize) -> Self {
         let every = self.observed.len().div_ceil(most).max(1);
         let mut chosen = self.observed.iter().step_by(every).peekable();
-        let (time_s, force_n, observed) = (Vec::new(), Vec::new(), Vec::new());
-        let mut thinned = Self { time_s, force_n, observed, force_rule: self.force_rule };
-        let is_linear = self.force_rule == ForceRule::Linear;
-        for (row, (&time_s, &force_n)) in self.time_s.iter().zip(&self.force_n).enumerate() {
+        let KeptForce { at_rows_n, rule } = &self.force;
+        let empty = KeptForce { at_rows_n: Vec::new(), rule: *rule };
+        let mut thinned = Self { time_s: Vec::new(), force: empty, observed: Vec::new() };
+        for (row, (&time_s, &force_n)) in self.time_s.iter().zip(at_rows_n).enumerate() {
             let fitted = chosen.next_if(|(chosen, _)| *chosen == row);
             if let Some((_, position_m)) = fitted {
                 thinned.observed.push((thinned.time_s.len(), *position_m));
             }
             let changes = row == 0
-                || force_n != self.force_n[row - 1]
-                || (is_linear && self.force_n.get(row + 1).is_some_and(|next| *next != force_n));
+                || force_n != at_rows_n[row - 1]
+                || (*rule == ForceRule::Linear && at_rows_n.get(row + 1).is_some_and(|next| *next != force_n));
             if fitted.is_some() || changes {
                 thinned.time_s.push(time_s);
-                thinned.force_n.push(force_n);
+                thinned.force.at_rows_n.push(force_n);
             }
         }
         thinned
@@ -60,8 +58,7 @@ impl FittedRows {
 
     /// The rows prepared for the reduced model.
     pub fn response(&self) -> Response {
-        let force = Force { at_rows_n: &self.force_n, rule: self.force_rule };
-        Response::new(&self.time_s, force, self.time_s.len())
+        Response::new(&self.time_s, self.force.get(), self.time_s.len())
     }
 }
 
@@ -104,7 +101,7 @@ mod tests {
         let time_s: Vec<f64> = (0..n).map(|i| 0.01 * i as f64 + 0.004 * ((i * 7) % 5) as f64 / 5.0).collect();
         let force_n: Vec<f64> = (0..n).map(|i| 4.6e-6 * f64::from([1, 1, -1, 0][(i / 311) % 4])).collect();
         let observed = (0..n).filter(|i| i % 3 != 1).map(|i| (i, i as f64)).collect();
-        let all = FittedRows { time_s, force_n, force_rule: ForceRule::Hold, observed };
+        let all = FittedRows { time_s, force: KeptForce { at_rows_n: force_n, rule: ForceRule::Hold }, observed };
         let few = all.thinned(50);
         assert_eq!(few.observed.len(), 50);
         assert!(few.time_s.len() <= 50 + 11);

@@ -12,7 +12,7 @@ use super::problem::Problem;
 use super::reduced::field_models;
 use crate::documents::posterior::PosteriorSummary;
 use crate::error::{Error, Place, Result};
-use crate::experiment::{Force, ForceRule, Record};
+use crate::experiment::{KeptForce, Record};
 use crate::fe::stepping::Resolution;
 use crate::fe::strain::largest_principal_strain;
 use crate::fe::time::{FullOrderModel, TimeScheme};
@@ -254,7 +254,7 @@ fn law_alone(
     written_rows: &[usize],
 ) -> Result<Run> {
     let model = FullOrderModel::new(&fe.stiffness, fe.poisson_ratio)?;
-    let load = model.solve_load(&grid.time_s, Force { at_rows_n: &grid.force_n, rule: grid.force_rule });
+    let load = model.solve_load(&grid.time_s, grid.force.get());
     let stepped_m = model.trajectory(&load, law, scheme);
     let position_m: Vec<f64> = grid.place_of_row.iter().map(|&place| stepped_m[place]).collect();
     let (rows, extreme_row) = rows_with_extreme(written_rows, &position_m);
@@ -295,8 +295,7 @@ fn exact_in_time_m(problem: &Problem, fe: &FiniteElements, compliance_per_m: f64
 /// The record's times with steps in between, no longer than asked for.
 struct TimeGrid {
     time_s: Vec<f64>,
-    force_n: Vec<f64>,
-    force_rule: ForceRule,
+    force: KeptForce,
     /// Where each row of the record stands.
     place_of_row: Vec<usize>,
 }
@@ -324,7 +323,7 @@ impl TimeGrid {
                 force_n.push(record.force().at_n(&record.time_s, at_s));
             }
         }
-        Self { time_s, force_n, force_rule: record.force_rule, place_of_row }
+        Self { time_s, force: KeptForce { at_rows_n: force_n, rule: record.force_rule }, place_of_row }
     }
 }
 

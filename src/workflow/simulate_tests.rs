@@ -52,7 +52,7 @@ fn sub_steps_divide_the_rows_and_keep_them() {
     };
     let grid = TimeGrid::new(&record, Some(0.05));
     assert_eq!(grid.place_of_row, [0, 2, 5, 6]);
-    assert_eq!(grid.force_n, [1.0, 1.0, -1.0, -1.0, -1.0, 2.0, 0.0]);
+    assert_eq!(grid.force.at_rows_n, [1.0, 1.0, -1.0, -1.0, -1.0, 2.0, 0.0]);
     for (place, time_s) in grid.place_of_row.iter().zip(&record.time_s) {
         assert_eq!(grid.time_s[*place], *time_s);
     }

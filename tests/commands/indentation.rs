@@ -14,13 +14,7 @@ fn write_indentation(dir: &Path) {
     std::fs::create_dir_all(dir).unwrap();
     let toml = "[specimen]\nid = \"gel\"\n[indenter]\nexponent = 1.5\ntip_radius_um = 5\n[measurement]\nfile = \"clamp.csv\"\ndirection = \"-\"\nnoise_um = 0.005\ncycle_starts_s = [0, 4]\nsource = \"synthetic\"\n[measurement.columns]\ntime = 1\nforce = 2\nposition = 3\n[measurement.units]\ntime = \"s\"\nforce = \"nN\"\nposition = \"um\"\n";
     std::fs::write(dir.join("experiment.toml"), toml).unwrap();
-    let mut state = 88_172_645_463_325_252_u64;
-    let mut uniform = || {
-        state ^= state << 13;
-        state ^= state >> 7;
-        state ^= state << 17;
-        (state >> 11) as f64 / (1_u64 << 53) as f64
-    };
+    let mut normal = program::normals();
     let (e, c1, c2, k) = (400.0, 200.0, 3000.0, 0.75 * 0.75 / f64::sqrt(5e-6));
     let (step_s, n_free, n_growing, n_pressed) = (0.04, 25, 50, 125);
     let decay = f64::exp(-step_s * e / c1);
@@ -34,8 +28,8 @@ fn write_indentation(dir: &Path) {
             _ if row < n_pressed => 1e6 * f64::powf(k * (retarded / e + flow / c2), 1.0 / 1.5),
             _ => depth_um - 0.4,
         };
-        let noise_um = 0.005 * ((0..12).map(|_| uniform()).sum::<f64>() - 6.0);
-        let force_noise_nn = 1e-4 * ((0..12).map(|_| uniform()).sum::<f64>() - 6.0);
+        let noise_um = 0.005 * normal();
+        let force_noise_nn = 1e-4 * normal();
         let height_um = 40.0 - depth_um + noise_um;
         csv += &format!("{:.2},{:.6},{height_um:.6}\n", step_s * f64::from(row), 11.2 + 1e9 * force_n + force_noise_nn);
         retarded = decay * retarded + (1.0 - decay) * force_n;

@@ -25,21 +25,14 @@ fn write_experiment(dir: &Path, robot: &str, compliance_per_m: f64) {
     );
     std::fs::write(dir.join("experiment.toml"), toml).unwrap();
     let [young_modulus_pa, viscosity_1_pa_s, viscosity_2_pa_s] = TRUTH;
-    let mut state = 88_172_645_463_325_252_u64;
-    let mut uniform = || {
-        state ^= state << 13;
-        state ^= state >> 7;
-        state ^= state << 17;
-        (state >> 11) as f64 / (1_u64 << 53) as f64
-    };
+    let mut normal = program::normals();
     let step_s = 0.05;
     let decay = f64::exp(-step_s * young_modulus_pa / viscosity_1_pa_s);
     let (mut retarded_un, mut impulse_un_s) = (0.0, 0.0);
     let mut csv = String::from("time_s,force_uN,position_um,cycle\n");
     for row in 0..600 {
         let force_un = if (row / 100) % 2 == 0 { 4.6 } else { -4.6 };
-        // Twelve uniform numbers add up to a nearly normal one.
-        let noise_um = 4.0 * ((0..12).map(|_| uniform()).sum::<f64>() - 6.0);
+        let noise_um = 4.0 * normal();
         let position_um =
             compliance_per_m * (retarded_un / young_modulus_pa + impulse_un_s / viscosity_2_pa_s) + noise_um;
         csv += &format!("{:.2},{force_un},{position_um:.4},{}\n", step_s * f64::from(row), 1 + row / 200);

@@ -79,6 +79,18 @@ pub fn tree(dir: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     files
 }
 
+/// Nearly normal numbers by a fixed recurrence: twelve uniform ones less six.
+pub fn normals() -> impl FnMut() -> f64 {
+    let mut state = 88_172_645_463_325_252_u64;
+    let mut uniform = move || {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        (state >> 11) as f64 / (1_u64 << 53) as f64
+    };
+    move || (0..12).map(|_| uniform()).sum::<f64>() - 6.0
+}
+
 /// An instrument's experiment in `dir`: two cycles of ±1 µN for 2 s each, E = 3.5 Pa, c₁ = 1.4 Pa·s, c₂ = 47 Pa·s, 0.5 µm of noise that
 /// is made by a fixed recurrence, and `drift_um_per_s` from the second cycle on. The second cycle is held out if `heldout`.
 pub fn write_instrument_experiment(dir: &Path, heldout: bool, drift_um_per_s: f64) {
@@ -94,21 +106,14 @@ pub fn write_instrument_experiment(dir: &Path, heldout: bool, drift_um_per_s: f6
     toml += "noise_um = 0.5\nsource = \"synthetic: closed form\"\n";
     std::fs::write(dir.join("experiment.toml"), toml).unwrap();
     let (young_modulus_pa, viscosity_1_pa_s, viscosity_2_pa_s, compliance_per_m) = (3.5, 1.4, 47.0, 549.0);
-    let mut state = 88_172_645_463_325_252_u64;
-    let mut uniform = || {
-        state ^= state << 13;
-        state ^= state >> 7;
-        state ^= state << 17;
-        (state >> 11) as f64 / (1_u64 << 53) as f64
-    };
+    let mut normal = normals();
     let mut csv = String::from("time_s,force_uN,position_um,cycle\n");
     let (mut retarded_un, mut impulse_un_s) = (0.0, 0.0);
     let step_s = 0.04;
     let decay = f64::exp(-step_s * young_modulus_pa / viscosity_1_pa_s);
     for row in 0..200 {
         let force_un = if (row / 50) % 2 == 0 { 1.0 } else { -1.0 };
-        // Twelve uniform numbers add up to a nearly normal one.
-        let noise_um = 0.5 * ((0..12).map(|_| uniform()).sum::<f64>() - 6.0);
+        let noise_um = 0.5 * normal();
         let exact_um = compliance_per_m * (retarded_un / young_modulus_pa + impulse_un_s / viscosity_2_pa_s);
         let drift_um = drift_um_per_s * step_s * f64::from((row - 100).max(0));
         csv += &format!(

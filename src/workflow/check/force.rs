@@ -3,7 +3,7 @@
 use super::quick_fit::{curve_beyond_lines, distance_between_rules_m};
 use super::{Looked, found, um};
 use crate::documents::check::Contradiction;
-use crate::experiment::ForceRule;
+use crate::experiment::{ForceRule, is_against};
 
 /// Share of the rows at which a force changes that is not switched.
 const MOST: f64 = 0.5;
@@ -68,12 +68,8 @@ pub(super) fn curved(looked: &Looked<'_>) -> Option<Contradiction> {
 /// An answer that goes against the force: a passive body takes work up.
 pub(super) fn against(looked: &Looked<'_>) -> Option<Contradiction> {
     let fit = looked.fit.as_ref().filter(|fit| fit.explained > EXPLAINED)?;
-    let ways = fit.motion_m.windows(2).map(|pair| pair[1] - pair[0]).zip(&looked.record.force_n);
-    let (work, size) = ways.fold((0.0, 0.0), |(work, size), (way, force)| {
-        let part = way * force;
-        (work + part, size + part.abs())
-    });
-    if size == 0.0 || work > -CLEARLY * size {
+    let motion_m: Vec<Option<f64>> = fit.motion_m.iter().copied().map(Some).collect();
+    if !is_against(&looked.record.force_n, &motion_m, CLEARLY) {
         return None;
     }
     let text = "the position goes against the force: it would give work instead of taking it up".to_string();

@@ -52,7 +52,8 @@ fn parts(record: &Record, rule: ForceRule, rate_per_s: f64, n_rows: usize) -> Ve
     parts
 }
 
-fn median(mut values: Vec<f64>) -> Option<f64> {
+/// The middle value, of an even number the larger of two.
+pub(super) fn median(mut values: Vec<f64>) -> Option<f64> {
     let middle = values.len() / 2;
     (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
@@ -146,15 +147,14 @@ pub fn distance_between_rules_m(record: &Record, fit: &QuickFit) -> f64 {
 pub fn curve_beyond_lines(record: &Record, fit: &QuickFit) -> [f64; 2] {
     let n_rows = fit.motion_m.len();
     let force = record.force();
-    let bend = |row: usize| match row {
-        0 => 0.0,
-        _ if row + 1 >= n_rows => 0.0,
-        _ => {
-            let slopes = [row - 1, row].map(|row| force.slope_n_per_s(&record.time_s, row));
-            let length_s = 0.5 * (record.time_s[row + 1] - record.time_s[row - 1]);
-            // A curve lies beyond its chord by f″h²/12 in the mean.
-            -(slopes[1] - slopes[0]) * length_s / 12.0
+    let bend = |row: usize| {
+        if row == 0 || row + 1 >= n_rows {
+            return 0.0;
         }
+        let slopes = [row - 1, row].map(|row| force.slope_n_per_s(&record.time_s, row));
+        let length_s = 0.5 * (record.time_s[row + 1] - record.time_s[row - 1]);
+        // A curve lies beyond its chord by f″h²/12 in the mean.
+        -(slopes[1] - slopes[0]) * length_s / 12.0
     };
     let bends: Vec<f64> = (0..n_rows).map(bend).collect();
     // A corner, or a sensor's noise, is no curve: its neighbours do not bend as it does.

@@ -2,6 +2,7 @@
 
 use super::{Looked, found, um};
 use crate::documents::check::Contradiction;
+use crate::experiment::Line;
 
 /// Positions before a switch that are drawn out to it, after as many that are drawn out to the row before.
 const BEFORE: usize = 4;
@@ -22,11 +23,7 @@ fn excess_m(looked: &Looked<'_>, row: usize) -> Option<f64> {
     if points.len() < BEFORE {
         return None;
     }
-    let n = BEFORE as f64;
-    let (mean_s, mean_m) = (points.iter().map(|p| p.0).sum::<f64>() / n, points.iter().map(|p| p.1).sum::<f64>() / n);
-    let spread: f64 = points.iter().map(|p| (p.0 - mean_s).powi(2)).sum();
-    let slope = points.iter().map(|p| (p.0 - mean_s) * (p.1 - mean_m)).sum::<f64>() / spread;
-    Some(record.position_m[row]? - mean_m - slope * (record.time_s[row] - mean_s))
+    Some(Line::through(points.iter().copied()).excess((record.time_s[row], record.position_m[row]?)))
 }
 
 /// Positions that have moved already at the row in which a switch is stated: a row's position is the limit from the left.

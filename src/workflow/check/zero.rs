@@ -1,7 +1,9 @@
 //! Whether positions count from where the body rests.
 
+use super::quick_fit::median;
 use super::{Looked, found, um};
 use crate::documents::check::Contradiction;
+use crate::experiment::Line;
 
 /// First positions that are looked at.
 const FIRST: usize = 5;
@@ -18,11 +20,6 @@ const REST_ROWS: usize = 8;
 const DRIFT_NOISES: f64 = 4.0;
 const DRIFT_SHARE: f64 = 0.02;
 const DRIFT_ERRORS: f64 = 8.0;
-
-fn median(mut values: Vec<f64>) -> Option<f64> {
-    let middle = values.len() / 2;
-    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
-}
 
 /// A record that does not start at zero, though no force has acted: camera coordinates.
 pub(super) fn off(looked: &Looked<'_>) -> Option<Contradiction> {
@@ -63,12 +60,9 @@ pub(super) fn drifts_at_rest(looked: &Looked<'_>) -> Option<Contradiction> {
     if rest.len() < REST_ROWS {
         return None;
     }
-    let n = rest.len() as f64;
-    let (mean_s, mean_m) = (rest.iter().map(|p| p.0).sum::<f64>() / n, rest.iter().map(|p| p.1).sum::<f64>() / n);
-    let spread: f64 = rest.iter().map(|p| (p.0 - mean_s).powi(2)).sum();
-    let slope = rest.iter().map(|p| (p.0 - mean_s) * (p.1 - mean_m)).sum::<f64>() / spread;
-    let left: f64 = rest.iter().map(|p| (p.1 - mean_m - slope * (p.0 - mean_s)).powi(2)).sum();
-    let error = (left / (n - 2.0) / spread).sqrt();
+    let line = Line::through(rest.iter().copied());
+    let left: f64 = rest.iter().map(|point| line.excess(*point).powi(2)).sum();
+    let (slope, error) = (line.slope_per_s, (left / (rest.len() as f64 - 2.0) / line.spread_s2).sqrt());
     let drift_m = slope * (rest[rest.len() - 1].0 - rest[0].0);
     if drift_m.abs() <= (DRIFT_NOISES * looked.noise_m).max(DRIFT_SHARE * looked.range_m)
         || slope.abs() <= DRIFT_ERRORS * error

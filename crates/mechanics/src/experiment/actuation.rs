@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::force::{Force, ForceRule};
-use super::table::{TableDescription, one_of, read_described, text_in};
+use super::table::{KEYS, TableDescription, one_of, read_described, text_in};
 use super::trajectory::Trajectory;
 use crate::error::{Error, Place, Result};
 use crate::toml_input::Table;
@@ -28,19 +28,7 @@ const SAME_TIME: f64 = 1e-12;
 impl Actuation {
     /// `file` names the key's own check of a path.
     pub(super) fn read(actuation: Table<'_>, file: impl Fn(Table<'_>) -> Result<String>) -> Result<Self> {
-        actuation.only(&[
-            "file",
-            "columns",
-            "units",
-            "delimiter",
-            "decimal",
-            "encoding",
-            "comment",
-            "header_line",
-            "first_row_line",
-            "force",
-            "calibration",
-        ])?;
+        actuation.only(&[&["file", "force", "calibration"], &KEYS[..]].concat())?;
         let description = TableDescription::read_log(actuation)?;
         let calibration = actuation.numbers("calibration")?.unwrap_or_default();
         let is_current = description.force.as_ref().is_some_and(|(_, unit)| unit.dimension == Dimension::Current);

@@ -7,6 +7,8 @@ use std::ops::Range;
 use std::path::Path;
 
 use super::indenter::Indenter;
+use super::line::Line;
+use super::noise::SD_PER_MAD;
 use super::notes::Note;
 use super::record::median;
 use super::trajectory::Trajectory;
@@ -30,8 +32,6 @@ const FREE_SD: f64 = 3.0;
 /// Fall of the depth over its range that ends the record, in this many rows one after the other.
 const FALL: f64 = 0.01;
 const N_FALLING: usize = 5;
-/// Ratio of a Gaussian's standard deviation to its median absolute deviation.
-const SD_PER_MAD: f64 = 1.482_602_218_505_602;
 
 /// The force of a free tip.
 struct Free {
@@ -127,8 +127,8 @@ fn free_force(time_s: &[f64], force_n: &[f64]) -> Option<Free> {
     }
     let steps = force_n[..n_free].windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect();
     let sd_n = SD_PER_MAD / 2.0_f64.sqrt() * median(steps)?;
-    let line = Line::through(&time_s[..n_free], &force_n[..n_free]);
-    let drift_n = line.slope.abs() * (time_s[sure] - time_s[0]);
+    let line = Line::through(time_s.iter().copied().zip(force_n.iter().copied()).take(n_free));
+    let drift_n = line.slope_per_s.abs() * (time_s[sure] - time_s[0]);
     if drift_n > FREE_DRIFT * SURE_OF_CONTACT * (largest_n - first_n) {
         return None;
     }
@@ -144,28 +144,6 @@ fn free_force(time_s: &[f64], force_n: &[f64]) -> Option<Free> {
     let late_n = late.iter().sum::<f64>() / late.len() as f64;
     let at_contact_n = line.at(time_s[last_row]);
     Some(Free { force_n: at_contact_n, error_n: (at_contact_n - late_n).abs(), sd_n, last_row })
-}
-
-/// A straight line, least squares.
-struct Line {
-    mean_s: f64,
-    mean_n: f64,
-    slope: f64,
-}
-
-impl Line {
-    fn through(time_s: &[f64], force_n: &[f64]) -> Self {
-        let n = time_s.len() as f64;
-        let (mean_s, mean_n) = (time_s.iter().sum::<f64>() / n, force_n.iter().sum::<f64>() / n);
-        let pairs = || time_s.iter().zip(force_n);
-        let squares: f64 = pairs().map(|(t, _)| (t - mean_s).powi(2)).sum();
-        let slope = pairs().map(|(t, f)| (t - mean_s) * (f - mean_n)).sum::<f64>() / squares;
-        Self { mean_s, mean_n, slope }
-    }
-
-    fn at(&self, time_s: f64) -> f64 {
-        self.mean_n + self.slope * (time_s - self.mean_s)
-    }
 }
 
 /// One after the last row of growing depth.

@@ -32,6 +32,28 @@ pub struct Force<'a> {
     pub rule: ForceRule,
 }
 
+/// The same, kept.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct KeptForce {
+    /// Force at every row, in N.
+    pub at_rows_n: Vec<f64>,
+    /// What it does between them.
+    pub rule: ForceRule,
+}
+
+impl KeptForce {
+    /// For whoever computes with it.
+    pub fn get(&self) -> Force<'_> {
+        Force { at_rows_n: &self.at_rows_n, rule: self.rule }
+    }
+}
+
+impl From<Force<'_>> for KeptForce {
+    fn from(force: Force<'_>) -> Self {
+        Self { at_rows_n: force.at_rows_n.to_vec(), rule: force.rule }
+    }
+}
+
 impl<'a, T: AsRef<[f64]> + ?Sized> From<&'a T> for Force<'a> {
     fn from(at_rows_n: &'a T) -> Self {
         Self { at_rows_n: at_rows_n.as_ref(), rule: ForceRule::Hold }

@@ -170,7 +170,7 @@ pub(super) fn rest_m(force_n: &[f64], position_m: &[Option<f64>]) -> Option<f64>
 }
 
 /// Whether the force's work on the way from row to row is negative, by more than a share of its size.
-fn is_against(force_n: &[f64], position_m: &[Option<f64>], share: f64) -> bool {
+pub fn is_against(force_n: &[f64], position_m: &[Option<f64>], share: f64) -> bool {
     let moved = position_m.windows(2).zip(force_n).filter_map(|(pair, force)| Some((pair[1]? - pair[0]?, *force)));
     let (work, size) =
         moved.fold((0.0, 0.0), |(work, size), (way, force)| (work + way * force, size + (way * force).abs()));

@@ -1,6 +1,7 @@
 //! The yardstick of a misfit: the tracker's known noise, or what rest and short lags show of it (formats §4).
 
 use super::Experiment;
+use super::line::Line;
 use super::record::{Record, median};
 
 /// Noise against which a misfit is measured.
@@ -166,12 +167,8 @@ fn rest_residuals(record: &Record) -> RestResiduals {
 
 /// Sum of squared residuals about the least-squares line.
 fn squares_about_line(points: &[(f64, f64)]) -> f64 {
-    let n = points.len() as f64;
-    let mean_t = points.iter().map(|(t, _)| t).sum::<f64>() / n;
-    let mean_x = points.iter().map(|(_, x)| x).sum::<f64>() / n;
-    let covariance: f64 = points.iter().map(|(t, x)| (t - mean_t) * (x - mean_x)).sum();
-    let slope = covariance / points.iter().map(|(t, _)| (t - mean_t).powi(2)).sum::<f64>();
-    points.iter().map(|(t, x)| (x - mean_x - slope * (t - mean_t)).powi(2)).sum()
+    let line = Line::through(points.iter().copied());
+    points.iter().map(|point| line.excess(*point).powi(2)).sum()
 }
 
 #[cfg(test)]

@@ -70,7 +70,7 @@ pub struct TableDescription {
     pub cycle: Option<ColumnName>,
 }
 
-/// Keys of `[measurement]` that describe a table of another form than the program's own.
+/// Keys of `[measurement]` and `[actuation]` that describe a table of another form than the program's own.
 pub(in crate::experiment) const KEYS: [&str; 8] =
     ["columns", "units", "delimiter", "decimal", "encoding", "comment", "header_line", "first_row_line"];
 

@@ -35,6 +35,16 @@ impl<N: PointScalar> Switch<N> {
     pub(crate) fn followed_n(&self, time_s: N, lag_time_s: N) -> N {
         self.input_n(time_s) - self.slope_n_per_s * lag_time_s
     }
+
+    /// The force after the lag τ Ḟ = F_in − F at a time since, in N, where it was `lagged_n` at the switch.
+    #[inline(always)]
+    pub(crate) fn after_lag_n(&self, lagged_n: N, lag_time_s: N, time_s: N) -> N {
+        if lag_time_s.value() == 0.0 {
+            return self.input_n(time_s);
+        }
+        let left_n = lagged_n - self.followed_n(self.time_s, lag_time_s);
+        self.followed_n(time_s, lag_time_s) + left_n * (-(time_s - self.time_s) / lag_time_s).exp()
+    }
 }
 
 /// The changes of the force, from the record's start on, after delay, factors and offset; the first is the offset's.
@@ -51,11 +61,7 @@ pub(crate) fn switches<N: PointScalar>(load: &Load, time_s: &[f64], force: Force
             continue;
         }
         slope_before = slope;
-        let factor = match (force.is_linear(), force_n < 0.0) {
-            (true, _) if force.is_positive(row) => load.positive_factor,
-            (false, false) => load.positive_factor,
-            _ => load.negative_factor,
-        };
+        let factor = if force.is_positive(row) { load.positive_factor } else { load.negative_factor };
         switches.push(Switch {
             time_s: N::of(load.delay_s) + N::constant(row_s),
             force_n: N::of(factor) * force_n + offset_n,

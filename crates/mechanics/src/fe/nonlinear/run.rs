@@ -133,14 +133,9 @@ impl<'a> Run<'a> {
         self.known.clear();
     }
 
-    /// The force after the lag: τ Ḟ = F_in − F, F_in a line since the switch.
+    /// The force after the lag.
     fn force_n(&self, time_s: f64) -> f64 {
-        let (input, lag_s) = (&self.input, self.lag_time_s);
-        if lag_s == 0.0 {
-            return input.input_n(time_s);
-        }
-        let left_n = self.lagged_n - input.followed_n(input.time_s, lag_s);
-        input.followed_n(time_s, lag_s) + left_n * (-(time_s - input.time_s) / lag_s).exp()
+        self.input.after_lag_n(self.lagged_n, self.lag_time_s, time_s)
     }
 
     fn advance_to(&mut self, stop_s: f64, rounding_s: f64, at_step: &mut impl FnMut(f64, f64)) -> Result<()> {

@@ -27,7 +27,7 @@ mod transition;
 pub use numbers::{Lanes, N_LANES};
 
 use crate::error::{Error, Result};
-use crate::experiment::{Force, ForceRule};
+use crate::experiment::{Force, KeptForce};
 use crate::number::{Dual, PointScalar, Scalar};
 use crate::rheology::TimeWindow;
 use crate::stages::{LARGEST_FEEDBACK, Spread, Stages};
@@ -41,8 +41,7 @@ pub struct Response {
     record: Record,
     window: TimeWindow,
     time_s: Vec<f64>,
-    force_n: Vec<f64>,
-    force_rule: ForceRule,
+    force: KeptForce,
 }
 
 impl Response {
@@ -57,16 +56,15 @@ impl Response {
             Some(&longest_s) if !record.step_s.is_empty() => TimeWindow { shortest_s, longest_s },
             _ => TimeWindow { shortest_s: 1.0, longest_s: 1.0 },
         };
-        let [time_s, force_n] = [time_s, force.at_rows_n].map(|rows| rows[..record.n_rows].to_vec());
-        Self { record, window, time_s, force_n, force_rule: force.rule }
+        let (time_s, force) = (time_s[..record.n_rows].to_vec(), force.first(record.n_rows).into());
+        Self { record, window, time_s, force }
     }
 
     /// The numbers of stages, with what a law that is not linear adds to the linear one's position.
     fn lowered<T: Real>(&self, stages: &Stages, compliance_per_m: T) -> Result<Lowered<T>> {
         let mut point = Lowered::new(stages, compliance_per_m, self.window, &self.record)?;
         if let Some(Spread::Stepped(stepped)) = &stages.spread {
-            let force = Force { at_rows_n: &self.force_n, rule: self.force_rule };
-            let excess_m = T::excess_m(&*stepped.0, stages, compliance_per_m, &self.time_s, force)?;
+            let excess_m = T::excess_m(&*stepped.0, stages, compliance_per_m, &self.time_s, self.force.get())?;
             point.excess_m = Some(excess_m);
         }
         Ok(point)

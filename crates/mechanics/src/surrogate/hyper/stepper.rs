@@ -213,12 +213,7 @@ impl<'a, B: Block, const M: usize> State<'a, B, M> {
     /// The force after the lag.
     #[inline(always)]
     fn force_n(&self, time_s: B::Scalar) -> B::Scalar {
-        let (input, lag_s) = (&self.input, self.lag_time_s);
-        if lag_s.value() == 0.0 {
-            return input.input_n(time_s);
-        }
-        let left_n = self.lagged_n - input.followed_n(input.time_s, lag_s);
-        input.followed_n(time_s, lag_s) + left_n * (-(time_s - input.time_s) / lag_s).exp()
+        self.input.after_lag_n(self.lagged_n, self.lag_time_s, time_s)
     }
 
     #[inline(always)]

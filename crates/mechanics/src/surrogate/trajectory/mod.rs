@@ -11,7 +11,7 @@ mod polynomial;
 mod tests;
 
 use crate::error::Result;
-use crate::experiment::{Force, ForceRule};
+use crate::experiment::{Force, KeptForce};
 use crate::model::Compliance;
 use crate::number::{Dual, Scalar};
 use crate::stages::{FieldStepper, NonlinearFamily, Spatial, Stages, Stepped};
@@ -41,8 +41,7 @@ type Charts = BTreeMap<(Kind, Vec<i32>), Arc<Chart>>;
 pub struct LocalStepper {
     stepper: Stepped,
     time_s: Vec<f64>,
-    force_n: Vec<f64>,
-    force_rule: ForceRule,
+    force: KeptForce,
     force_and_impulse: [f64; 2],
     charts: RwLock<Charts>,
 }
@@ -59,8 +58,7 @@ impl LocalStepper {
         Self {
             stepper,
             time_s: time_s.to_vec(),
-            force_n: force.at_rows_n.to_vec(),
-            force_rule: force.rule,
+            force: force.into(),
             force_and_impulse: [largest_n, most],
             charts: RwLock::default(),
         }
@@ -78,8 +76,7 @@ impl LocalStepper {
         let n_rows = time_s.len();
         let is_own = n_rows <= MOST_ROWS
             && self.time_s.get(..n_rows) == Some(time_s)
-            && self.force_rule == force.rule
-            && self.force_n.get(..force.at_rows_n.len()) == Some(force.at_rows_n);
+            && self.force.get().first(force.at_rows_n.len()) == force;
         let [largest_n, impulse_n_s] = self.force_and_impulse;
         if !is_own || largest_n == 0.0 {
             return None;
@@ -95,11 +92,10 @@ impl LocalStepper {
         }
         let chart = self.chart(kind.clone(), &values, &widths, ends);
         // Divided by the distance from the linear law, so that what is learnt vanishes there as the excess does.
-        let own = Force { at_rows_n: &self.force_n, rule: self.force_rule };
         let run = |coordinates: &[f64]| {
             let at = stages_at(stages, coordinates, sizes)?;
             let inverse = 1.0 / kind.beyond_null(*coordinates.last()?);
-            let mut excess_m = self.stepper.0.excess_m(&at, compliance_per_m, &self.time_s, own).ok()?;
+            let mut excess_m = self.stepper.0.excess_m(&at, compliance_per_m, &self.time_s, self.force.get()).ok()?;
             excess_m.iter_mut().for_each(|x| *x *= inverse);
             Some((excess_m, inverse * amplitude_m(&at, sizes)))
         };
@@ -159,15 +155,12 @@ fn bases_of(n_coordinates: usize) -> Option<&'static [Basis]> {
 
 /// A compliance whose nonlinear laws remember their trajectories in one record: rows' times (s) and commanded force.
 pub fn local<'f>(compliance: &Compliance, time_s: &[f64], force: impl Into<Force<'f>>) -> Compliance {
-    let force = force.into();
-    let record = Arc::new((time_s.to_vec(), force.at_rows_n.to_vec()));
-    let rule = force.rule;
+    let record = Arc::new((time_s.to_vec(), KeptForce::from(force.into())));
     let steppers: Mutex<BTreeMap<NonlinearFamily, Stepped>> = Mutex::default();
     compliance.clone().with_stepper(move |stages, stepper| {
         let Some(Spatial::Nonlinear(law)) = stages.spatial else { return stepper };
         let mut steppers = steppers.lock().unwrap_or_else(PoisonError::into_inner);
-        let remembering =
-            || Stepped(Arc::new(LocalStepper::new(stepper, &record.0, Force { at_rows_n: &record.1, rule })));
+        let remembering = || Stepped(Arc::new(LocalStepper::new(stepper, &record.0, record.1.get())));
         steppers.entry(law.family()).or_insert_with(remembering).clone()
     })
 }

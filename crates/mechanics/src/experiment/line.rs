@@ -1,0 +1,50 @@
+//! A straight line through points, by least squares.
+
+/// x = mean + slope (t − mean time).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Line {
+    mean_s: f64,
+    mean: f64,
+    /// By how much x rises a second.
+    pub slope_per_s: f64,
+    /// Σ (t − mean time)² in s²: the slope's variance is that of one x over it.
+    pub spread_s2: f64,
+}
+
+impl Line {
+    /// Through times (s) and values of any unit, at least two of different times.
+    pub fn through(points: impl Iterator<Item = (f64, f64)> + Clone) -> Self {
+        let n = points.clone().count() as f64;
+        let mean_s = points.clone().map(|(t, _)| t).sum::<f64>() / n;
+        let mean = points.clone().map(|(_, x)| x).sum::<f64>() / n;
+        let covariance: f64 = points.clone().map(|(t, x)| (t - mean_s) * (x - mean)).sum();
+        let spread_s2: f64 = points.map(|(t, _)| (t - mean_s).powi(2)).sum();
+        Self { mean_s, mean, slope_per_s: covariance / spread_s2, spread_s2 }
+    }
+
+    /// The line at a time (s).
+    pub fn at(&self, time_s: f64) -> f64 {
+        self.mean + self.slope_per_s * (time_s - self.mean_s)
+    }
+
+    /// What a value exceeds it by.
+    pub fn excess(&self, (time_s, value): (f64, f64)) -> f64 {
+        value - self.mean - self.slope_per_s * (time_s - self.mean_s)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Normal equations by hand: t = 0, 1, 3 and x = 1, 2, 6 give x = 5/7 + 12/7 t.
+    #[test]
+    fn the_normal_equations_hold() {
+        let points = [(0.0, 1.0), (1.0, 2.0), (3.0, 6.0)];
+        let line = Line::through(points.into_iter());
+        assert!((line.slope_per_s - 12.0 / 7.0).abs() < 1e-15 && (line.spread_s2 - 14.0 / 3.0).abs() < 1e-14);
+        assert!((line.at(0.0) - 5.0 / 7.0).abs() < 1e-15);
+        let excesses = points.map(|point| line.excess(point));
+        assert!(excesses.iter().sum::<f64>().abs() < 1e-15 && (excesses[0] - 2.0 / 7.0).abs() < 1e-15);
+    }
+}
