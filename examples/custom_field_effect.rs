@@ -22,8 +22,7 @@ use vitreo_uq::workflow::{Silent, problem::Problem, replica};
 struct StiffRim;
 
 const PARAMETERS: &[EffectParameter] = &[EffectParameter {
-    spec: ParameterSpec::new("stiff-rim.excess", "1", Support::POSITIVE),
-    symbol: "a",
+    spec: ParameterSpec::new("stiff-rim.excess", "a", "1", Support::POSITIVE),
     null: |_| Some(0.0),
     prior: |_| Distribution::HalfNormal { sd: 2.0 },
     prior_source: "chosen: up to some times as stiff",

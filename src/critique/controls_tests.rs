@@ -7,6 +7,7 @@ use rayon::prelude::*;
 use super::diagnose::{DiagnosisRequest, diagnose};
 use super::test_subjects::{Protocol, noise_of, subject, truth_of};
 use super::{Search, Subject};
+use crate::critique::NoiseValues;
 use crate::documents::diagnosis::{Diagnosis, VerdictKind};
 use crate::effects::Library;
 use crate::inference::ensemble::RandomStream;
@@ -24,7 +25,7 @@ const FEW: [&str; 3] = ["clock-offset", "force-bias", "instantaneous-elasticity"
 /// What noise a control has: σ, σ_ou (µm), τ (s), s_g, s_o (µm); shares of rows that are off by 12 σ and lost; and whether σ is given.
 #[derive(Clone, Copy)]
 struct Noise {
-    parameters: [f64; 5],
+    parameters: NoiseValues,
     off: f64,
     lost: f64,
     is_given: bool,

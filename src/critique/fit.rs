@@ -11,6 +11,7 @@ use super::derivatives::derivatives_m;
 use super::noise_fit::{self, LogNoise, NoisePrior};
 use super::steps::{Steps, damped_steps, normal_equations};
 use super::{Candidate, Subject};
+use crate::critique::NoiseValues;
 use crate::error::{Error, Result};
 use crate::model::{Lanes, N_LANES};
 
@@ -52,7 +53,7 @@ pub struct Fitted {
     /// Coordinates: free parameters, then amplitudes of columns.
     pub theta: Vec<f64>,
     /// The noise's parameters in their units.
-    pub noise: [f64; 5],
+    pub noise: NoiseValues,
     /// Position (m) at every row of the record.
     pub position_m: Vec<f64>,
     /// Log likelihood of the fitted positions plus log priors of law and noise, in nats, up to constants that all candidates share.
@@ -120,7 +121,7 @@ impl Subject {
     ///
     /// # Errors
     /// [`Error::Numerical`] when the candidate has no model at any start.
-    pub fn fit(&self, candidate: &Candidate, also: &[(Vec<f64>, [f64; 5])], search: Search) -> Result<Fitted> {
+    pub fn fit(&self, candidate: &Candidate, also: &[(Vec<f64>, NoiseValues)], search: Search) -> Result<Fitted> {
         let climber = Climber { subject: self, candidate, noise_prior: self.noise_prior(), search };
         let mut ended: Vec<Point> = Vec::new();
         for start in climber.starts(also) {
@@ -179,7 +180,7 @@ impl Climber<'_> {
     }
 
     /// The best few of many starts, by their objective after the noise is left as it is.
-    fn starts(&self, also: &[(Vec<f64>, [f64; 5])]) -> Vec<Point> {
+    fn starts(&self, also: &[(Vec<f64>, NoiseValues)]) -> Vec<Point> {
         let white = self.noise_prior.white();
         let mut seeds: Vec<(Vec<f64>, LogNoise)> = Vec::new();
         for (theta, noise) in also {

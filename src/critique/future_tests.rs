@@ -131,7 +131,7 @@ fn the_gain_of_a_new_cycle_is_not_known_to_be_nothing() {
     let (base, fitted) = base_fit();
     let score = |gain: f64| {
         let mut noise = WHITE;
-        noise[3] = gain;
+        noise[super::super::noise_fit::GAIN] = gain;
         let fitted = Fitted { noise, ..fitted.clone() };
         future_score(replica(), &base, &fitted).expect("derivatives").expect("a cycle is held out").last
     };

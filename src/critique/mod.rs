@@ -45,5 +45,6 @@ mod weighing;
 
 pub use candidate::{Candidate, Coordinate, Free};
 pub use fit::{Fitted, Search};
+pub use noise_fit::NoiseValues;
 pub use subject::Subject;
 pub use tangent::Tangent;

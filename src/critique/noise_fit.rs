@@ -4,8 +4,19 @@ use crate::inference::ensemble::RandomStream;
 use crate::inference::noise::{NoiseLikelihood, SharedPosition};
 use crate::model::N_LANES;
 
-/// Logarithms of the noise's parameters: σ (µm), σ_ou (µm), τ (s), s_g, s_o (µm).
-pub(super) type LogNoise = [f64; 5];
+/// Number of the parameters of the noise of a diagnosis: white errors, a process, a gain and an offset for each cycle.
+const N_PARAMETERS: usize = 5;
+/// Their places: σ (µm), σ_ou (µm), τ (s), s_g, s_o (µm).
+pub(super) const WHITE: usize = 0;
+pub(super) const PROCESS: usize = 1;
+const TIME: usize = 2;
+pub(super) const GAIN: usize = 3;
+const OFFSET: usize = 4;
+
+/// The noise's parameters in their units, in the order of the noise model.
+pub type NoiseValues = [f64; N_PARAMETERS];
+/// Their logarithms.
+pub(super) type LogNoise = [f64; N_PARAMETERS];
 
 /// What is known of the noise before the data, and where the search ends.
 #[derive(Debug, Clone, PartialEq)]
@@ -21,7 +32,7 @@ pub(super) struct NoisePrior {
 /// Standard deviation of ln σ about the yardstick: known, yet not so well that it could stand in the way of the data.
 const WHITE_LOG_SD: f64 = 0.5;
 /// Median of σ_ou over the yardstick, and standard deviation of its logarithm.
-const PROCESS: (f64, f64) = (0.5, 1.0);
+const PROCESS_SIZE: (f64, f64) = (0.5, 1.0);
 /// The latter where the yardstick is estimated from short lags, which do not show slow noise: at ten times the sample interval it is four times the estimate, at
 /// ten seconds twenty times.
 const PROCESS_LOG_SD_OF_ESTIMATE: f64 = 2.5;
@@ -38,7 +49,7 @@ impl NoisePrior {
         Self {
             ln_white_um: (1e6 * yardstick_m).ln(),
             ln_time_s: [shortest_s.ln(), cycle_s.max(10.0 * shortest_s).ln()],
-            process_log_sd: if is_known { PROCESS.1 } else { PROCESS_LOG_SD_OF_ESTIMATE },
+            process_log_sd: if is_known { PROCESS_SIZE.1 } else { PROCESS_LOG_SD_OF_ESTIMATE },
         }
     }
 
@@ -46,18 +57,18 @@ impl NoisePrior {
     pub fn ln_density(&self, noise: &LogNoise) -> f64 {
         let normal = |x: f64, mean: f64, sd: f64| -0.5 * ((x - mean) / sd).powi(2);
         let offset_sd = OFFSET_SD * self.ln_white_um.exp();
-        normal(noise[0], self.ln_white_um, WHITE_LOG_SD)
-            + normal(noise[1], self.ln_white_um + PROCESS.0.ln(), self.process_log_sd)
-            + normal(noise[3].exp(), 0.0, GAIN_SD)
-            + normal(noise[4].exp(), 0.0, offset_sd)
+        normal(noise[WHITE], self.ln_white_um, WHITE_LOG_SD)
+            + normal(noise[PROCESS], self.ln_white_um + PROCESS_SIZE.0.ln(), self.process_log_sd)
+            + normal(noise[GAIN].exp(), 0.0, GAIN_SD)
+            + normal(noise[OFFSET].exp(), 0.0, offset_sd)
     }
 
     fn ends(&self, index: usize) -> [f64; 2] {
         match index {
-            0 => [self.ln_white_um - 4.0, self.ln_white_um + 8.0],
-            1 => [self.ln_white_um - 7.0, self.ln_white_um + 9.0],
-            2 => self.ln_time_s,
-            3 => [1e-5_f64.ln(), 0.5_f64.ln()],
+            WHITE => [self.ln_white_um - 4.0, self.ln_white_um + 8.0],
+            PROCESS => [self.ln_white_um - 7.0, self.ln_white_um + 9.0],
+            TIME => self.ln_time_s,
+            GAIN => [1e-5_f64.ln(), 0.5_f64.ln()],
             _ => [self.ln_white_um - 7.0, self.ln_white_um + 7.0],
         }
     }
@@ -93,8 +104,8 @@ impl NoisePrior {
     }
 }
 
-/// The noise's parameters in their units, in the order of the noise model.
-pub(super) fn natural(noise: &LogNoise) -> [f64; 5] {
+/// The parameters from their logarithms.
+pub(super) fn natural(noise: &LogNoise) -> NoiseValues {
     noise.map(f64::exp)
 }
 
@@ -174,11 +185,17 @@ pub(super) fn settle(
         values
     };
     let mut points = vec![from];
-    points.extend(neighbours(prior, &from, &[SETTLING_WIDTH; 5]));
+    points.extend(neighbours(prior, &from, &[SETTLING_WIDTH; N_PARAMETERS]));
     let first = objectives(residuals_m, &points);
     let climb = |(residual_m, values): (&&[f64], Vec<f64>)| {
         let evaluate = |points: &[LogNoise]| objectives(&[residual_m], points).concat();
-        let here = Climber { objective: &evaluate, prior, here: from, value: values[0], widths: [SETTLING_WIDTH; 5] };
+        let here = Climber {
+            objective: &evaluate,
+            prior,
+            here: from,
+            value: values[0],
+            widths: [SETTLING_WIDTH; N_PARAMETERS],
+        };
         let mut climber = here;
         let mut gain = climber.step(&points[1..], &values[1..]);
         let mut has_moved = false;
@@ -195,7 +212,7 @@ pub(super) fn settle(
 }
 
 /// Parameters in their units, side by side; the last point stands for lanes without one.
-fn lanes(points: &[LogNoise]) -> [[f64; N_LANES]; 5] {
+fn lanes(points: &[LogNoise]) -> [[f64; N_LANES]; N_PARAMETERS] {
     let value = |index: usize, lane: usize| points[lane.min(points.len() - 1)][index].exp();
     std::array::from_fn(|index| std::array::from_fn(|lane| value(index, lane)))
 }
@@ -207,8 +224,8 @@ fn with_prior(prior: &NoisePrior, noise: &LogNoise, ln_likelihood: f64) -> f64 {
 
 /// Both neighbours along every coordinate.
 fn neighbours(prior: &NoisePrior, here: &LogNoise, widths: &LogNoise) -> Vec<LogNoise> {
-    let mut points = Vec::with_capacity(10);
-    for index in 0..5 {
+    let mut points = Vec::with_capacity(2 * N_PARAMETERS);
+    for index in 0..N_PARAMETERS {
         for sign in [1.0, -1.0] {
             let mut point = *here;
             point[index] += sign * widths[index];
@@ -252,14 +269,19 @@ pub(super) fn draws(
     let objective = Objective::new(likelihood, prior, position_m);
     // Gain and offset have priors of their values, which walks in their logarithms must be weighted for.
     let density = |points: &[LogNoise]| -> Vec<f64> {
-        objective.evaluate(points).iter().zip(points).map(|(value, point)| value + point[3] + point[4]).collect()
+        objective
+            .evaluate(points)
+            .iter()
+            .zip(points)
+            .map(|(value, point)| value + point[GAIN] + point[OFFSET])
+            .collect()
     };
     let mut walkers = vec![prior.clamped(*from); N_LANES];
     let mut values = density(&walkers);
     let mut drawn = Vec::with_capacity(n + N_LANES);
     let mut sweep = 0;
     while drawn.len() < n {
-        for index in 0..5 {
+        for index in 0..N_PARAMETERS {
             let mut moved = |walker: &LogNoise| {
                 let mut moved = *walker;
                 moved[index] += WALK[0] * (WALK[1] / WALK[0]).powf(stream.unit()) * stream.normal();
@@ -318,7 +340,7 @@ impl<'a> Climber<'a> {
     ) -> Self {
         let values = objective(starts);
         let best = (0..starts.len()).max_by(|&a, &b| values[a].total_cmp(&values[b])).unwrap_or(0);
-        Self { objective, prior, here: starts[best], value: values[best], widths: [width; 5] }
+        Self { objective, prior, here: starts[best], value: values[best], widths: [width; N_PARAMETERS] }
     }
 
     /// Gain of a round.

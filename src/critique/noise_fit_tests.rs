@@ -3,6 +3,7 @@
 use super::super::test_subjects::{Protocol, noise_of, random_sizes, subject, truth_of};
 use super::super::{Search, Subject};
 use super::*;
+use crate::critique::NoiseValues;
 use crate::inference::ensemble::RandomStream;
 
 /// The best of many climbs, each by a pattern search that shares nothing with the climb under test.
@@ -45,7 +46,7 @@ fn by_brute_force(objective: &Objective, prior: &NoisePrior, seed: u64) -> (LogN
 }
 
 /// Loss (nats) of the search against brute force, over records of a kind of noise, at the fit of the base.
-fn losses(subject: &Subject, truth_m: impl Fn(u64) -> Vec<f64>, noise: &[f64; 5], n: u64) -> (Vec<f64>, f64) {
+fn losses(subject: &Subject, truth_m: impl Fn(u64) -> Vec<f64>, noise: &NoiseValues, n: u64) -> (Vec<f64>, f64) {
     let mut losses = Vec::new();
     let mut mean_white = 0.0;
     for seed in 0..n {

@@ -3,11 +3,12 @@
 use super::super::test_subjects::{Protocol, noise_of, random_sizes, subject, truth_of};
 use super::super::{Search, Subject};
 use super::find;
+use crate::critique::NoiseValues;
 use crate::inference::ensemble::RandomStream;
 
 const SD_M: f64 = 4e-6;
 /// White noise alone, with a process, with gain and offset.
-const NOISES: [[f64; 5]; 4] = [
+const NOISES: [NoiseValues; 4] = [
     [4.0, 1e-6, 1.0, 1e-9, 1e-6],
     [4.0, 4.0, 1.0, 1e-9, 1e-6],
     [4.0, 4.0, 0.15, 1e-9, 1e-6],
@@ -21,7 +22,7 @@ fn found(data: &Subject) -> Vec<usize> {
 }
 
 /// Positions of a truth with noise.
-fn noisy_m(subject: &Subject, position_m: &[f64], noise: &[f64; 5], seed: u64) -> Vec<f64> {
+fn noisy_m(subject: &Subject, position_m: &[f64], noise: &NoiseValues, seed: u64) -> Vec<f64> {
     let record = &subject.experiment().record;
     let noise_m = noise_of(subject, position_m, noise, seed);
     (0..record.n_rows()).map(|row| position_m[row] + noise_m[row]).collect()

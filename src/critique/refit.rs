@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use super::future::{FutureScore, future_score};
 use super::{Candidate, Fitted, Search, Subject};
+use crate::critique::NoiseValues;
 use crate::error::Result;
 use crate::workflow::{Counter, Monitor};
 
@@ -42,7 +43,7 @@ impl Refitted {
     /// # Errors
     /// [`crate::Error::Numerical`] when it has no model at any start.
     pub fn new(subject: &Subject, candidate: Candidate, contained: &[&Self], search: Search) -> Result<Self> {
-        let starts: Vec<(Vec<f64>, [f64; 5])> = contained
+        let starts: Vec<(Vec<f64>, NoiseValues)> = contained
             .iter()
             .map(|smaller| (candidate.embed(&smaller.candidate, &smaller.fitted.theta), smaller.fitted.noise))
             .collect();

@@ -7,6 +7,7 @@ use super::rank::{Score, pair_score};
 use super::refit::{Gain, Refitted, refit_all};
 use super::screen::Screen;
 use super::{Candidate, Search, Subject};
+use crate::critique::NoiseValues;
 use crate::error::Result;
 use crate::workflow::Monitor;
 
@@ -183,7 +184,7 @@ fn addable(subject: &Subject, slug: &str) -> std::result::Result<Candidate, Stri
 /// A better fit of the base from the noises that larger models were given: the search for a noise must not favour them.
 fn base_from(subject: &Subject, base: &Refitted, larger: &[Option<Refitted>]) -> Option<Refitted> {
     let noises = larger.iter().flatten().map(|model| (base.fitted.theta.clone(), model.fitted.noise));
-    let starts: Vec<(Vec<f64>, [f64; 5])> = noises.collect();
+    let starts: Vec<(Vec<f64>, NoiseValues)> = noises.collect();
     let fitted = subject.fit(&base.candidate, &starts, Search::Local).ok()?;
     if fitted.objective < base.fitted.objective + 1e-3 {
         return None;

@@ -13,6 +13,7 @@ use super::derivatives::columns_m;
 use super::fit::KEPT_PROMISE;
 use super::steps::{Steps, damped_steps, normal_equations};
 use super::{Candidate, Fitted, Subject};
+use crate::critique::NoiseValues;
 use crate::error::{Error, Result};
 use crate::model::N_LANES;
 
@@ -48,7 +49,7 @@ pub(super) struct Truth<'a> {
     /// Its coordinates.
     pub theta: &'a [f64],
     /// The noise's parameters in their units.
-    pub noise: [f64; 5],
+    pub noise: NoiseValues,
     /// Position (m) at every row of the record.
     pub position_m: &'a [f64],
 }
@@ -75,7 +76,7 @@ pub(super) fn closest_without_priors(subject: &Subject, other: &Candidate, truth
 pub(super) struct Imitation<'a> {
     subject: &'a Subject,
     other: &'a Candidate,
-    noise: [f64; 5],
+    noise: NoiseValues,
     truth_m: &'a [f64],
     /// Mean and standard deviation of the law's coordinates.
     priors: Vec<Option<(f64, f64)>>,

@@ -1,6 +1,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::*;
+use crate::critique::NoiseValues;
 use crate::critique::test_subjects::noise_of;
 use crate::effects::Library;
 use crate::experiment::{Apparatus, Experiment, Record};
@@ -9,7 +10,7 @@ use crate::workflow::Silent;
 use crate::workflow::problem::Problem;
 
 /// White 4 µm, a process of 2 µm and 0.8 s, gains of half a per cent, offsets of 1 µm.
-pub const NOISE: [f64; 5] = [4.0, 2.0, 0.8, 0.005, 1.0];
+pub const NOISE: NoiseValues = [4.0, 2.0, 0.8, 0.005, 1.0];
 const INTERVAL_S: f64 = 0.1;
 
 /// An instrument's record: cycles of holds of 5 s at forces in µN.

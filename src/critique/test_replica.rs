@@ -5,6 +5,7 @@ use rand_chacha::ChaCha8Rng;
 use std::sync::OnceLock;
 
 use super::{Candidate, Fitted, Search, Subject};
+use crate::critique::NoiseValues;
 use crate::effects::Library;
 use crate::study::ModelSpecification;
 use crate::workflow::Silent;
@@ -22,7 +23,7 @@ pub fn replica() -> &'static Subject {
 }
 
 /// Noise of 4 µm and hardly anything else.
-pub const WHITE: [f64; 5] = [4.0, 1e-2, 1.0, 1e-5, 1e-2];
+pub const WHITE: NoiseValues = [4.0, 1e-2, 1.0, 1e-5, 1e-2];
 
 /// A fit of the base to the replica.
 pub fn base_fit() -> (Candidate, Fitted) {
@@ -32,7 +33,7 @@ pub fn base_fit() -> (Candidate, Fitted) {
 }
 
 /// The replica's protocol with simulated positions: a candidate at coordinates, and noise.
-pub fn simulated(candidate: &Candidate, theta: &[f64], noise: &[f64; 5], seed: u64) -> Subject {
+pub fn simulated(candidate: &Candidate, theta: &[f64], noise: &NoiseValues, seed: u64) -> Subject {
     let subject = replica();
     let record = &subject.experiment().record;
     let position_m = subject.trajectory_m(candidate, theta).expect("a model");

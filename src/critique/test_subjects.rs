@@ -1,6 +1,7 @@
 //! Subjects and data that the tests of this module share.
 
 use super::Subject;
+use crate::critique::NoiseValues;
 use crate::effects::Library;
 use crate::experiment::Apparatus;
 use crate::inference::ensemble::RandomStream;
@@ -80,7 +81,7 @@ pub fn random_sizes(subject: &Subject, effect: &str, seed: u64) -> Vec<f64> {
 }
 
 /// Noise (m) of the parameters σ (µm), σ_ou (µm), τ (s), s_g, s_o (µm) about positions.
-pub fn noise_of(subject: &Subject, position_m: &[f64], noise: &[f64; 5], seed: u64) -> Vec<f64> {
+pub fn noise_of(subject: &Subject, position_m: &[f64], noise: &NoiseValues, seed: u64) -> Vec<f64> {
     let record = &subject.experiment().record;
     let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
     subject.noise().simulate_m(&record.time_s, &record.cycle, position_m, noise, &mut rng)

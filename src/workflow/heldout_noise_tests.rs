@@ -3,6 +3,7 @@
 use rand_distr::StandardNormal;
 
 use super::*;
+use crate::critique::NoiseValues;
 use crate::experiment::Apparatus;
 use crate::model::convolve_m;
 use crate::rheology::CreepCompliance;
@@ -15,7 +16,7 @@ use crate::workflow::replica::{TABLE_I, embedded};
 
 const COMPLIANCE_PER_M: f64 = 549.0;
 /// σ (µm), σ_ou (µm), τ (s), s_g, s_o (µm).
-const NOISE: [f64; 5] = [4.0, 3.0, 0.7, 0.03, 5.0];
+const NOISE: NoiseValues = [4.0, 3.0, 0.7, 0.03, 5.0];
 
 /// The replica's protocol before an instrument.
 fn problem() -> Problem {

@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use super::*;
+use crate::critique::NoiseValues;
 use crate::error::Place;
 use crate::inference::ensemble::RandomStream;
 use crate::inference::noise::NoiseModel;
@@ -32,12 +33,12 @@ fn record() -> (Record, Vec<f64>) {
 
 /// σ, σ_ou (µm), τ (s), s_g and s_o (µm), with so many of a thousand rows lost and off by 12 σ.
 struct Kind {
-    noise: [f64; 5],
+    noise: NoiseValues,
     lost: f64,
     off: f64,
 }
 
-fn kind(noise: [f64; 5], lost: f64, off: f64) -> Kind {
+fn kind(noise: NoiseValues, lost: f64, off: f64) -> Kind {
     Kind { noise, lost, off }
 }
 

@@ -3,8 +3,9 @@
 use crate::effects::{Library, NUISANCES};
 use crate::error::Result;
 use crate::inference::noise::{NoiseModel, NoiseScales, NoiseTerm};
-use crate::inference::prior::{NOISE, Prior, PriorSet};
+use crate::inference::prior::{Prior, PriorSet};
 use crate::model::Model;
+use crate::parameter::NOISE_SD;
 use crate::parameter::ParameterSpec;
 use crate::rheology::BaseLaw;
 
@@ -42,7 +43,7 @@ pub(super) fn read_priors(name_or_file: &str, model: &Model, noise: NoiseModel, 
             return Some(Prior { name, distribution, unit, source });
         }
         let noise_scales = NoiseScales {
-            noise_sd_um: median_of(NOISE.name),
+            noise_sd_um: median_of(NOISE_SD.name),
             sample_interval_s: scales.sample_interval_s,
             cycle_s: scales.cycle_s,
         };

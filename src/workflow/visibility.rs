@@ -21,8 +21,8 @@ use crate::distribution::Distribution;
 use crate::effects::{Effect, EffectParameter, Library};
 use crate::error::{Error, Result};
 use crate::inference::noise::NoiseLikelihood;
-use crate::inference::prior::NOISE;
 use crate::model::{Forward, ReducedForward};
+use crate::parameter::NOISE_SD;
 use crate::parameter::ParameterSpec;
 
 /// Prior quantiles at which parameters that mean nothing at the null are tried.
@@ -163,7 +163,7 @@ fn with_twins(list: Vec<(EffectEntry, Option<Visible>)>) -> Vec<EffectEntry> {
 fn noise_parameters(problem: &Problem, rmse_um: f64) -> Vec<f64> {
     let known = problem.experiment.noise_yardstick().map_or(rmse_um, |yardstick| 1e6 * yardstick.sd_m);
     let value = |name: &str| problem.range_of(name, 0.5).lower;
-    problem.noise.parameters().iter().map(|p| if p.name == NOISE.name { known } else { value(p.name) }).collect()
+    problem.noise.parameters().iter().map(|p| if p.name == NOISE_SD.name { known } else { value(p.name) }).collect()
 }
 
 /// Standard deviation of a prior where a parameter stands: of its logarithm times the value for scales.
@@ -184,7 +184,7 @@ fn entry(
     let scales = problem.model.scales();
     let parameter = |p: &EffectParameter| ParameterEntry {
         name: p.spec.name.into(),
-        symbol: p.symbol.into(),
+        symbol: p.spec.symbol.into(),
         unit: p.spec.unit.into(),
         support: [p.spec.support.lower, p.spec.support.upper].map(|end| Some(end).filter(|end| end.is_finite())),
         null: (p.null)(scales),

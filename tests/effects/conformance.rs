@@ -141,7 +141,7 @@ fn nothing_that_people_read_is_empty() {
             assert!(text.len() > 5 && text.trim() == text && !text.ends_with('.'), "{}: `{text}`", effect.slug());
         }
         for parameter in effect.parameters() {
-            assert!(!parameter.symbol.is_empty(), "{}", parameter.spec.name);
+            assert!(!parameter.spec.symbol.is_empty(), "{}", parameter.spec.name);
             assert!(parameter.prior_source.starts_with("chosen: "), "{}", parameter.spec.name);
         }
     }

@@ -102,8 +102,10 @@ level = { distribution = "normal", mean = 0.0, sd = 2.0, unit = "1", source = "t
 
 impl Amplitude {
     fn new() -> Self {
-        let specs =
-            [ParameterSpec::new("amplitude", "1", Support::POSITIVE), ParameterSpec::new("level", "1", Support::REAL)];
+        let specs = [
+            ParameterSpec::new("amplitude", "A", "1", Support::POSITIVE),
+            ParameterSpec::new("level", "l", "1", Support::REAL),
+        ];
         let prior = PriorSet::from_text(Path::new("test.toml"), AMPLITUDE_PRIOR.as_bytes(), &specs, &[], &|_, _| None);
         Self { prior: prior.expect("sound") }
     }
@@ -239,7 +241,7 @@ impl LogDensity for Tempered {
 
 #[test]
 fn both_ways_give_the_evidence_of_two_modes_and_do_not_depend_on_threads() {
-    let specs = NAMES.map(|name| ParameterSpec::new(name, "1", Support::REAL));
+    let specs = NAMES.map(|name| ParameterSpec::new(name, "", "1", Support::REAL));
     let table = |name: &&str| {
         format!(
             "{name} = {{ distribution = \"normal\", mean = 0.0, sd = 5.0, unit = \"1\", source = \"this test\" }}\n"

@@ -1,10 +1,12 @@
-//! What a model says about one of its parameters: the only place where its name, unit and support stand.
+//! What a model says about one of its parameters, and the parameters of laws and noise. Effects' stand in the effects' own files.
 
 /// A parameter of a law, an effect or a noise term.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ParameterSpec {
     /// Name that ends in the unit, or `slug.name` for an effect's.
     pub name: &'static str,
+    /// Symbol in equations and figures; empty for those of a network, which figures show by their names.
+    pub symbol: &'static str,
     /// Unit in which priors and results give it.
     pub unit: &'static str,
     /// Where the parameter may lie.
@@ -13,9 +15,58 @@ pub struct ParameterSpec {
 
 impl ParameterSpec {
     /// A parameter.
-    pub const fn new(name: &'static str, unit: &'static str, support: Support) -> Self {
-        Self { name, unit, support }
+    pub const fn new(name: &'static str, symbol: &'static str, unit: &'static str, support: Support) -> Self {
+        Self { name, symbol, unit, support }
     }
+
+    const fn positive(name: &'static str, symbol: &'static str, unit: &'static str) -> Self {
+        Self::new(name, symbol, unit, Support::POSITIVE)
+    }
+}
+
+/// Modulus E of the Kelvin–Voigt body.
+pub const YOUNG_MODULUS: ParameterSpec = ParameterSpec::positive("young_modulus_pa", "E", "Pa");
+/// Its viscosity.
+pub const VISCOSITY_1: ParameterSpec = ParameterSpec::positive("viscosity_1_pa_s", "c₁", "Pa s");
+/// Viscosity of the dashpot in series.
+pub const VISCOSITY_2: ParameterSpec = ParameterSpec::positive("viscosity_2_pa_s", "c₂", "Pa s");
+/// Modulus of the Burgers law's spring in series.
+pub const INSTANTANEOUS_MODULUS: ParameterSpec = ParameterSpec::positive("instantaneous_modulus_pa", "E₀", "Pa");
+/// Modulus of the two-element law's second body.
+pub const SECOND_MODULUS: ParameterSpec = ParameterSpec::positive("second_modulus_pa", "E₂", "Pa");
+/// Its viscosity.
+pub const SECOND_VISCOSITY: ParameterSpec = ParameterSpec::positive("second_viscosity_pa_s", "c₃", "Pa s");
+/// Standard deviation of white noise.
+pub const NOISE_SD: ParameterSpec = ParameterSpec::positive("noise_sd_um", "σ", "um");
+/// Standard deviation of slow noise.
+pub const OU_SD: ParameterSpec = ParameterSpec::positive("ou_sd_um", "σ OU", "um");
+/// Time in which it forgets.
+pub const OU_TIME: ParameterSpec = ParameterSpec::positive("ou_time_s", "τ OU", "s");
+/// Standard deviation of a cycle's gain.
+pub const GAIN_SD: ParameterSpec = ParameterSpec::positive("gain_sd", "sd of gain", "1");
+/// Standard deviation of a cycle's offset.
+pub const OFFSET_SD: ParameterSpec = ParameterSpec::positive("offset_sd_um", "sd of offset", "um");
+/// Degrees of freedom of Student's t; below 2 the errors would have no variance.
+pub const STUDENT_DOF: ParameterSpec =
+    ParameterSpec::new("student_dof", "degrees of freedom", "1", Support { lower: 2.0, upper: f64::INFINITY });
+
+/// Parameters of laws and noise by name.
+pub fn named(name: &str) -> Option<&'static ParameterSpec> {
+    const NAMED: &[ParameterSpec] = &[
+        YOUNG_MODULUS,
+        VISCOSITY_1,
+        VISCOSITY_2,
+        INSTANTANEOUS_MODULUS,
+        SECOND_MODULUS,
+        SECOND_VISCOSITY,
+        NOISE_SD,
+        OU_SD,
+        OU_TIME,
+        GAIN_SD,
+        OFFSET_SD,
+        STUDENT_DOF,
+    ];
+    NAMED.iter().find(|spec| spec.name == name)
 }
 
 /// An interval; infinite ends are open.

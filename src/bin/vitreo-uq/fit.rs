@@ -6,7 +6,7 @@ use vitreo_uq::report::labels::model_title;
 use vitreo_uq::documents::fit::{FitSummary, FittedParameter};
 use vitreo_uq::error::Result;
 use vitreo_uq::files::write_json_atomically;
-use vitreo_uq::inference::prior::NOISE;
+use vitreo_uq::parameter::NOISE_SD;
 use vitreo_uq::report::labels::of_parameter;
 use vitreo_uq::study::{FIT_NAME, WithProvenance};
 use vitreo_uq::workflow::artefacts;
@@ -57,7 +57,7 @@ fn words(summary: &FitSummary) -> String {
         format!("  {:<width$}{:>11}{:>18}", "parameter", "estimate", "standard error"),
     ];
     lines.extend(summary.parameters.iter().map(|parameter| row(parameter, width)));
-    let fixed = summary.fixed.iter().filter(|(name, _)| name.as_str() != NOISE.name);
+    let fixed = summary.fixed.iter().filter(|(name, _)| name.as_str() != NOISE_SD.name);
     lines.extend(
         fixed.map(|(name, value)| format!("  {:<width$}{:>11}{:>18}", axis(name), significant(*value), "held fixed")),
     );

@@ -4,6 +4,7 @@ use super::super::separation::{SEPARATED_SIGMA, Truth as Shown, closest};
 use super::super::{Candidate, Subject};
 use super::strength::scaled_to;
 use super::{Disturbance, HiddenEffect, NamedValue, Truth};
+use crate::critique::NoiseValues;
 use crate::effects::Effect;
 use crate::error::Result;
 use crate::experiment::Record;
@@ -17,7 +18,7 @@ pub(super) struct Motion {
     pub subject: Subject,
     pub base: Candidate,
     pub theta: Vec<f64>,
-    pub noise: [f64; 5],
+    pub noise: NoiseValues,
 }
 
 impl Motion {

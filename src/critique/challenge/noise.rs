@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::protocol::WHITE_M;
+use crate::critique::NoiseValues;
 use crate::experiment::Record;
 use crate::inference::ensemble::RandomStream;
 
@@ -93,7 +94,7 @@ impl NoiseKind {
 
     /// The noise model's parameters (σ and σ_ou in µm, τ in s, s_g, s_o in µm) under which signals are measured, drawn ones at their middle; outliers and
     /// lost rows carry none.
-    pub(super) fn parameters(self) -> [f64; 5] {
+    pub(super) fn parameters(self) -> NoiseValues {
         let middle = |[from, to]: [f64; 2]| (from * to).sqrt();
         let (process_um, time_s) = match self {
             Self::Ou => (1e6 * PROCESS_M, middle(PROCESS_TIME_S)),

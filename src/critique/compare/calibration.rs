@@ -12,6 +12,7 @@ use super::SIGNIFICANT;
 use super::linear::{Linear, LinearFit};
 use super::rows::Columns;
 use super::whiteness::{ljung_box, runs};
+use crate::critique::NoiseValues;
 use crate::critique::Subject;
 use crate::error::Result;
 use crate::inference::ensemble::RandomStream;
@@ -60,7 +61,7 @@ pub fn looks(linear: &Linear, likelihood: &NoiseLikelihood, residual_m: &[f64], 
 fn simulated_noise_m(
     subject: &Subject,
     position_m: &[f64],
-    noise: &[f64; 5],
+    noise: &NoiseValues,
     pool: &[f64],
     stream: &mut RandomStream,
 ) -> Vec<f64> {

@@ -10,6 +10,7 @@ use super::super::noise_fit::{self, LogNoise, NoisePrior};
 use super::super::{Candidate, Fitted, Subject};
 use super::normal::{Normal, Solved};
 use super::rows::{ByCycle, Columns};
+use crate::critique::NoiseValues;
 use crate::error::{Error, Result};
 use crate::inference::ensemble::RandomStream;
 use crate::inference::noise::{Asked, NoiseLikelihood};
@@ -34,7 +35,7 @@ pub struct LinearFit {
     /// A δ + C a (m), one value a row of the record.
     pub correction_m: Vec<f64>,
     /// The noise's parameters in their units.
-    pub noise: [f64; 5],
+    pub noise: NoiseValues,
     log_noise: LogNoise,
 }
 
@@ -284,7 +285,7 @@ impl Linear {
     }
 
     /// Noise's parameters in their units as the record leaves them possible beside the fit of the model alone, `n` draws with a stream of `seed`.
-    pub fn noise_draws(&self, likelihood: &NoiseLikelihood, base: &LinearFit, n: usize, seed: u64) -> Vec<[f64; 5]> {
+    pub fn noise_draws(&self, likelihood: &NoiseLikelihood, base: &LinearFit, n: usize, seed: u64) -> Vec<NoiseValues> {
         let moved_m = self.moved_m(&base.correction_m);
         let mut stream = RandomStream::new(seed, u64::MAX);
         let draws = noise_fit::draws(likelihood, &self.noise_prior, &moved_m, &base.log_noise, n, &mut stream);
@@ -295,7 +296,7 @@ impl Linear {
     ///
     /// # Errors
     /// As [`Linear::fit_base`].
-    pub fn position_sd_m(&self, likelihood: &NoiseLikelihood, noise: &[f64; 5]) -> Result<Vec<f64>> {
+    pub fn position_sd_m(&self, likelihood: &NoiseLikelihood, noise: &NoiseValues) -> Result<Vec<f64>> {
         let nothing_m = vec![0.0; self.position_m.len()];
         let solved = self.mean(likelihood, &nothing_m, &Columns::default(), &noise.map(f64::ln))?.solved;
         let mut slope = DVector::zeros(self.derivatives_m.len());

@@ -13,6 +13,7 @@ pub mod rows;
 mod sentences;
 pub mod whiteness;
 
+use crate::critique::NoiseValues;
 use crate::documents::comparison::{Bar, Comparison, LeftOutEntry, PanelEntry};
 use calibration::{Looks, Significance, looks, significance};
 use echoes::Shown;
@@ -144,7 +145,7 @@ fn residuals_m(observed_m: &[Option<f64>], position_m: &[f64]) -> Vec<f64> {
 }
 
 /// Whitened residuals of fitted and scored rows.
-fn whitened(subject: &Subject, fitted: &Fitted, noise: &[f64; 5]) -> Vec<Option<f64>> {
+fn whitened(subject: &Subject, fitted: &Fitted, noise: &NoiseValues) -> Vec<Option<f64>> {
     let both: Vec<Option<f64>> = subject.fitted_m.iter().zip(&subject.scored_m).map(|(a, b)| a.or(*b)).collect();
     let residual_m = residuals_m(&both, &fitted.position_m);
     let mut white = subject.all.whiten(&[residual_m], &fitted.position_m, noise).concat().into_iter();

@@ -1,6 +1,7 @@
 //! The elimination of cycles against the whole normal equations by dense algebra.
 
 use super::*;
+use crate::critique::NoiseValues;
 use crate::error::Place;
 use crate::inference::noise::{Asked, NoiseLikelihood, NoiseModel};
 
@@ -12,7 +13,7 @@ struct Dense {
     of_cycles: Vec<Vec<f64>>,
 }
 
-fn dense(noise: &[f64; 5]) -> Dense {
+fn dense(noise: &NoiseValues) -> Dense {
     let n = 700;
     let time_s: Vec<f64> = (0..n).map(|row| 0.05 * row as f64 + if row > 300 { 3.0 } else { 0.0 }).collect();
     let cycle: Vec<u32> =

@@ -2,11 +2,13 @@
 
 use super::super::test_subjects::{Protocol, noise_of, subject, truth_of};
 use super::*;
+use crate::critique::NoiseValues;
 use crate::documents::comparison::Finding;
 use crate::inference::ensemble::RandomStream;
 
 /// σ (µm), σ_ou (µm), τ (s), s_g, s_o (µm): white, slow, and a gain that changes by 1 %.
-const NOISES: [[f64; 5]; 3] = [[4.0, 1e-6, 1.0, 1e-9, 1e-6], [4.0, 4.0, 1.0, 1e-9, 1e-6], [4.0, 1e-6, 1.0, 0.01, 1e-6]];
+const NOISES: [NoiseValues; 3] =
+    [[4.0, 1e-6, 1.0, 1e-9, 1e-6], [4.0, 4.0, 1.0, 1e-9, 1e-6], [4.0, 1e-6, 1.0, 0.01, 1e-6]];
 
 /// Positions of a truth with noise of a kind; the fourth kind is white with one row in a hundred moved by 10 to 20 σ.
 fn noisy(subject: &Subject, truth_m: &[f64], kind: usize, seed: u64) -> Subject {

@@ -13,6 +13,7 @@ mod records;
 mod restricted;
 
 use super::{Candidate, Fitted, Subject};
+use crate::critique::NoiseValues;
 use crate::documents::diagnosis::NoiseEstimate;
 use crate::error::Result;
 use crate::experiment::Record;
@@ -52,7 +53,7 @@ pub struct RestrictedSpread {
     /// Of what differs from row to row: white errors and the process together.
     pub row: Spread,
     /// The noise's parameters in their units, in the order of the noise model.
-    pub noise: [f64; 5],
+    pub noise: NoiseValues,
 }
 
 /// The noise, learnt three ways.

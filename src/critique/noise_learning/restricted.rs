@@ -6,8 +6,9 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::{RestrictedSpread, Spread};
+use crate::critique::NoiseValues;
 use crate::critique::derivatives::columns_m;
-use crate::critique::noise_fit::{LogNoise, Objective, climb, natural};
+use crate::critique::noise_fit::{LogNoise, Objective, PROCESS, WHITE, climb, natural};
 use crate::critique::{Candidate, Fitted, Subject};
 use crate::error::Result;
 
@@ -39,7 +40,7 @@ impl<'a> Absorbed<'a> {
     }
 
     /// What integrating over the mean's parameters adds to the log likelihood at the fit, under a noise in its units.
-    pub fn correction(&self, noise: &[f64; 5]) -> f64 {
+    pub fn correction(&self, noise: &NoiseValues) -> f64 {
         let white = self.subject.fitted.whiten(&self.columns_m, self.position_m, noise);
         let Some((residual, columns)) = white.split_last() else { return 0.0 };
         let n = columns.len();
@@ -74,9 +75,9 @@ pub(super) fn learn(subject: &Subject, candidate: &Candidate, fitted: &Fitted) -
     };
     let (log_noise, _) = climb(&objective, &prior, &[fitted.noise.map(f64::ln)], 0.1);
     let noise = natural(&log_noise);
-    let sd_um = noise[0].hypot(noise[1]);
+    let sd_um = noise[WHITE].hypot(noise[PROCESS]);
     // d ln sd of one row, with the process's and the white part's shares of its variance.
-    let slope = [(noise[0] / sd_um).powi(2), (noise[1] / sd_um).powi(2), 0.0];
+    let slope = [(noise[WHITE] / sd_um).powi(2), (noise[PROCESS] / sd_um).powi(2), 0.0];
     let relative_error = relative_error(&objective, &log_noise, slope);
     Ok(RestrictedSpread { row: Spread { sd_m: 1e-6 * sd_um, standard_error_m: 1e-6 * sd_um * relative_error }, noise })
 }

@@ -7,6 +7,7 @@ use super::super::test_subjects::{Protocol, noise_of, subject, truth_of};
 use super::super::{Search, Subject};
 use super::restricted::Absorbed;
 use super::*;
+use crate::critique::NoiseValues;
 use crate::critique::derivatives::columns_m;
 
 fn learnt(data: &Subject) -> LearntNoise {
@@ -17,7 +18,7 @@ fn learnt(data: &Subject) -> LearntNoise {
     learnt
 }
 
-fn noisy(subject: &Subject, truth_m: &[f64], noise: &[f64; 5], seed: u64) -> Subject {
+fn noisy(subject: &Subject, truth_m: &[f64], noise: &NoiseValues, seed: u64) -> Subject {
     let noise_m = noise_of(subject, truth_m, noise, seed);
     subject.with_positions(&truth_m.iter().zip(noise_m).map(|(x, e)| x + e).collect::<Vec<_>>())
 }
@@ -63,7 +64,7 @@ fn white_noise_is_found_every_way() {
 fn only_shifts_of_cycles_are_called_that() {
     let subject = subject(Protocol::Paper);
     let truth_m = truth_of(&subject, &[], &[]);
-    let n_said = |noise: &[f64; 5]| {
+    let n_said = |noise: &NoiseValues| {
         let is_said = |seed: &u64| {
             let learnt = learnt(&noisy(&subject, &truth_m, noise, 350 + seed));
             learnt.disagreements().iter().any(|text| text.contains("shifted against each other"))
@@ -132,7 +133,7 @@ fn the_restricted_likelihood_equals_dense_algebra() {
     let columns = columns_m(&data, &base, &fitted.theta).expect("derivatives");
     let rows: Vec<usize> = (0..800).filter(|row| data.fitted_m[*row].is_some()).collect();
     let time_s = &data.experiment().record.time_s;
-    let dense = |noise: &[f64; 5]| {
+    let dense = |noise: &NoiseValues| {
         let covariance = DMatrix::from_fn(rows.len(), rows.len(), |a, b| {
             let (i, j) = (rows[a], rows[b]);
             let white = if i == j { noise[0] * noise[0] } else { 0.0 };

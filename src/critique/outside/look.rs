@@ -7,6 +7,7 @@ use super::sentence::describe;
 use super::setting::Setting;
 use super::shape::{Shape, families, is_event};
 use super::{Outside, OutsideKind, OutsideRequest};
+use crate::critique::NoiseValues;
 use crate::critique::derivatives::columns_m;
 use crate::critique::noise_fit::natural;
 use crate::critique::{Candidate, Fitted, Search, Subject, Tangent, outliers};
@@ -94,7 +95,7 @@ struct Looking<'a> {
     /// Around that fit.
     own: Tangent,
     /// Noise of the yardstick's size, white but for a small gain.
-    clean: [f64; 5],
+    clean: NoiseValues,
     setting: Setting,
     families: Vec<Vec<Shape>>,
 }
@@ -370,7 +371,7 @@ impl<'a> Looking<'a> {
 }
 
 /// From another fit, with its noise and with one that has not seen the residuals.
-pub(super) fn starts(theta: Vec<f64>, fitted: &Fitted, clean: [f64; 5]) -> [(Vec<f64>, [f64; 5]); 2] {
+pub(super) fn starts(theta: Vec<f64>, fitted: &Fitted, clean: NoiseValues) -> [(Vec<f64>, NoiseValues); 2] {
     [(theta.clone(), fitted.noise), (theta, clean)]
 }
 

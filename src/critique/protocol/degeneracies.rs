@@ -3,6 +3,7 @@
 use nalgebra::DVector;
 use rayon::prelude::*;
 
+use crate::critique::NoiseValues;
 use crate::critique::noise_fit::natural;
 use crate::critique::separation::{Imitation, Truth, closest_without_priors};
 use crate::critique::{Candidate, Subject};
@@ -81,7 +82,7 @@ pub fn exact_degeneracies(subject: &Subject) -> Result<Vec<Degeneracy>> {
 }
 
 /// Groups of effects each of which is the same as one before it.
-fn classes(subject: &Subject, effects: &[Added], noise: [f64; 5]) -> Vec<Degeneracy> {
+fn classes(subject: &Subject, effects: &[Added], noise: NoiseValues) -> Vec<Degeneracy> {
     let pairs: Vec<(usize, usize)> =
         (0..effects.len()).flat_map(|i| (i + 1..effects.len()).map(move |j| (i, j))).collect();
     let is_same = |(i, j): &(usize, usize)| {
@@ -124,7 +125,7 @@ fn added(subject: &Subject, slug: &'static str, candidate: Candidate, base: &Tru
 }
 
 /// Whether a model fits the noise-free data of an effect.
-fn imitates(subject: &Subject, other: &Candidate, truth: &Added, noise: [f64; 5]) -> bool {
+fn imitates(subject: &Subject, other: &Candidate, truth: &Added, noise: NoiseValues) -> bool {
     let theta = truth.at(COMPARED_STEP);
     let Ok(position_m) = subject.trajectory_m(&truth.candidate, &theta) else { return false };
     let truth = Truth { candidate: &truth.candidate, theta: &theta, noise, position_m: &position_m };

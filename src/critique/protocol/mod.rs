@@ -15,6 +15,7 @@ use rayon::prelude::*;
 
 use super::separation::{SEPARATED_SIGMA, Truth, closest};
 use super::{Candidate, Fitted, Search, Subject};
+use crate::critique::NoiseValues;
 use crate::error::{Error, Result};
 use crate::experiment::{Experiment, Record};
 
@@ -189,7 +190,7 @@ struct Repeated {
 
 impl Repeated {
     /// Positions with noise, of one draw.
-    fn with_noise(&self, subject: &Subject, noise: [f64; 5], random: &mut ChaCha8Rng) -> Vec<f64> {
+    fn with_noise(&self, subject: &Subject, noise: NoiseValues, random: &mut ChaCha8Rng) -> Vec<f64> {
         let record = &subject.experiment().record;
         let drawn_m = subject.noise().simulate_m(&record.time_s, &record.cycle, &self.position_m, &noise, random);
         self.position_m.iter().zip(drawn_m).map(|(x, noise)| x + noise).collect()

@@ -1,7 +1,8 @@
-//! Symbols and units of parameters: of effects from their own tables, of all others from their names (formats §5).
+//! Symbols and units of parameters as figures show them: from what models say of them, of networks' parameters from their names (formats §5).
 
 use crate::documents::posterior::ModelSummary;
 use crate::effects::parameter_named;
+use crate::parameter::named;
 use crate::rheology::BaseLaw;
 
 /// Symbol and unit of a parameter as figures show them.
@@ -32,22 +33,6 @@ pub fn axis_label(symbol: &str, unit: &str) -> String {
     format!("{symbol} ({})", if unit.is_empty() { "–" } else { unit })
 }
 
-const SYMBOLS: [(&str, &str); 13] = [
-    ("young_modulus_pa", "E"),
-    ("viscosity_1_pa_s", "c₁"),
-    ("viscosity_2_pa_s", "c₂"),
-    ("instantaneous_modulus_pa", "E₀"),
-    ("second_modulus_pa", "E₂"),
-    ("second_viscosity_pa_s", "c₃"),
-    ("noise_sd_um", "σ"),
-    ("ou_sd_um", "σ OU"),
-    ("ou_time_s", "τ OU"),
-    ("gain_sd", "sd of gain"),
-    ("offset_sd_um", "sd of offset"),
-    ("student_dof", "degrees of freedom"),
-    ("log_density", "log density"),
-];
-
 /// Longer suffixes first, since `_s` ends `_pa_s` too.
 const UNITS: [(&str, &str); 14] = [
     ("_m2_per_pa_s", "m²/(Pa·s)"),
@@ -66,16 +51,23 @@ const UNITS: [(&str, &str); 14] = [
     ("_m", "m"),
 ];
 
-/// Symbol and unit of a parameter by its name; an unknown name without its unit becomes its own symbol.
+/// Symbol and unit of a parameter by its name; what no model knows is shown by its name.
 pub fn of_parameter(name: &str) -> ParameterLabel {
-    of_effect(name).unwrap_or_else(|| of_name(name))
+    if let Some(spec) = named(name) {
+        return ParameterLabel { symbol: spec.symbol.into(), unit: shown_unit(spec.unit) };
+    }
+    // Two effects may use one symbol.
+    parameter_named(name).map_or_else(
+        || of_name(name),
+        |(effect, parameter)| ParameterLabel {
+            symbol: format!("{} {}", effect.slug(), parameter.spec.symbol),
+            unit: shown_unit(parameter.spec.unit),
+        },
+    )
 }
 
-/// Label of an effect's parameter: slug and symbol, since two effects may use one symbol.
-fn of_effect(name: &str) -> Option<ParameterLabel> {
-    let (effect, parameter) = parameter_named(name)?;
-    let unit = if parameter.spec.unit == "1" { "–".into() } else { parameter.spec.unit.replace("Pa s", "Pa·s") };
-    Some(ParameterLabel { symbol: format!("{} {}", effect.slug(), parameter.symbol), unit })
+fn shown_unit(unit: &str) -> String {
+    if unit == "1" { "–".into() } else { unit.replace("Pa s", "Pa·s").replace("um", "µm") }
 }
 
 fn of_name(name: &str) -> ParameterLabel {
@@ -83,11 +75,7 @@ fn of_name(name: &str) -> ParameterLabel {
         .iter()
         .find_map(|(suffix, unit)| name.strip_suffix(suffix).map(|stem| (stem, *unit)))
         .unwrap_or((name, "–"));
-    let symbol = SYMBOLS.iter().find(|(known, _)| *known == name).map(|(_, symbol)| (*symbol).to_owned());
-    ParameterLabel {
-        symbol: symbol.unwrap_or_else(|| stem.replace('_', " ").replace('.', ": ")),
-        unit: unit.to_owned(),
-    }
+    ParameterLabel { symbol: stem.replace('_', " ").replace('.', ": "), unit: unit.to_owned() }
 }
 
 #[cfg(test)]

@@ -7,15 +7,12 @@ use rand::Rng;
 pub use crate::distribution::{Distribution, UnconstrainedDensity};
 use crate::error::{Error, Place, Result};
 use crate::files::{self, Content};
-use crate::parameter::{ParameterSpec, Support};
+use crate::parameter::{NOISE_SD, ParameterSpec};
 use crate::rheology::LETHERSICH;
 use crate::toml_input::{Table, TomlInput, text_of};
 
-/// Standard deviation of white noise.
-pub const NOISE: ParameterSpec = ParameterSpec { name: "noise_sd_um", unit: "um", support: Support::POSITIVE };
-
 /// The base law's parameters (physics §2) and the white noise, in the order used everywhere.
-pub const BASE_PARAMETERS: &[ParameterSpec] = &[LETHERSICH[0], LETHERSICH[1], LETHERSICH[2], NOISE];
+pub const BASE_PARAMETERS: &[ParameterSpec] = &[LETHERSICH[0], LETHERSICH[1], LETHERSICH[2], NOISE_SD];
 
 /// Priors that come with the program: name and text.
 const EMBEDDED: &[(&str, &str)] = &[

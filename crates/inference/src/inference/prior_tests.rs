@@ -16,10 +16,8 @@ unit = \"1\"
 source = \"s\"
 ";
 
-const KNOWN: &[ParameterSpec] = &[
-    ParameterSpec { name: "young_modulus_pa", unit: "Pa", support: Support::POSITIVE },
-    ParameterSpec { name: "fraction", unit: "1", support: Support { lower: 0.0, upper: 1.0 } },
-];
+const KNOWN: &[ParameterSpec] =
+    &[crate::parameter::YOUNG_MODULUS, ParameterSpec::new("fraction", "f", "1", crate::parameter::Support { lower: 0.0, upper: 1.0 })];
 
 fn read(text: &str) -> Result<PriorSet> {
     PriorSet::from_text(Path::new("p.toml"), text.as_bytes(), KNOWN, &[], &no_default)
@@ -116,7 +114,7 @@ fn parameters_that_a_publication_leaves_open_are_the_porcine_prior_s() {
             assert_eq!(prior.distribution, porcine.get(&prior.name).unwrap().distribution, "{name}: {}", prior.name);
         }
         assert!(set.priors().iter().all(|p| p.source.contains("assumed")), "{name}");
-        assert!(set.get(NOISE.name).unwrap().source.contains("not from this publication"), "{name}");
+        assert!(set.get(NOISE_SD.name).unwrap().source.contains("not from this publication"), "{name}");
     }
 }
 

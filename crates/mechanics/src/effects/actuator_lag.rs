@@ -19,8 +19,7 @@ use crate::parameter::{ParameterSpec, Support};
 const STEP: f64 = 0.1;
 
 const PARAMETERS: &[EffectParameter] = &[EffectParameter {
-    spec: ParameterSpec::new("actuator-lag.time_s", "s", Support::POSITIVE),
-    symbol: "τ",
+    spec: ParameterSpec::new("actuator-lag.time_s", "τ", "s", Support::POSITIVE),
     null: |_| Some(0.0),
     prior: |scales| Distribution::HalfNormal { sd: (2.0 * scales.sample_interval_s).max(0.05 * scales.hold_s) },
     prior_source: "chosen: two sample intervals, or a twentieth of a hold if that is more",

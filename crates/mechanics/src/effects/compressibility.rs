@@ -27,8 +27,7 @@ fn prior(scales: &Scales) -> Distribution {
 }
 
 const PARAMETERS: &[EffectParameter] = &[EffectParameter {
-    spec: ParameterSpec::new("compressibility.poisson_ratio", "1", Support { lower: ENDS.0, upper: ENDS.1 }),
-    symbol: "ν",
+    spec: ParameterSpec::new("compressibility.poisson_ratio", "ν", "1", Support { lower: ENDS.0, upper: ENDS.1 }),
     null: |scales| scales.poisson_ratio,
     prior,
     prior_source: "chosen: from a drained gel, 0.3, to a nearly incompressible one, 0.499, and around the experiment's own ratio",

@@ -13,8 +13,7 @@ use crate::number::Dual;
 use crate::parameter::{ParameterSpec, Support};
 
 const PARAMETERS: &[EffectParameter] = &[EffectParameter {
-    spec: ParameterSpec::new("force-asymmetry.fraction", "1", Support { lower: -1.0, upper: f64::INFINITY }),
-    symbol: "a",
+    spec: ParameterSpec::new("force-asymmetry.fraction", "a", "1", Support { lower: -1.0, upper: f64::INFINITY }),
     null: |_| Some(0.0),
     // The standard deviation of a symmetric beta on [−1, 1] is 1/√(2α + 1).
     prior: |_| Distribution::Beta { alpha: 12.0, beta: 12.0, lower: -1.0, upper: 1.0 },

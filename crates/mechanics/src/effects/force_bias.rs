@@ -12,8 +12,7 @@ use crate::number::Dual;
 use crate::parameter::{ParameterSpec, Support};
 
 const PARAMETERS: &[EffectParameter] = &[EffectParameter {
-    spec: ParameterSpec::new("force-bias.fraction", "1", Support::REAL),
-    symbol: "b",
+    spec: ParameterSpec::new("force-bias.fraction", "b", "1", Support::REAL),
     null: |_| Some(0.0),
     prior: |_| Distribution::Normal { mean: 0.0, sd: 0.1 },
     prior_source: "chosen: either way alike, a tenth of the largest commanded force",

@@ -22,8 +22,7 @@ use crate::parameter::{ParameterSpec, Support};
 use crate::rheology::{BaseLaw, Beside};
 
 const PARAMETERS: &[EffectParameter] = &[EffectParameter {
-    spec: ParameterSpec::new("inertia.density_scale", "1", Support::POSITIVE),
-    symbol: "d",
+    spec: ParameterSpec::new("inertia.density_scale", "d", "1", Support::POSITIVE),
     null: |_| Some(0.0),
     prior: |_| Distribution::HalfNormal { sd: 1.0 },
     prior_source: "chosen: the densities of the experiment stand at 1",

@@ -16,8 +16,7 @@ use crate::parameter::{ParameterSpec, Support};
 use crate::rheology::{BaseLaw, Element};
 
 const PARAMETERS: &[EffectParameter] = &[EffectParameter {
-    spec: ParameterSpec::new("instantaneous-elasticity.compliance_ratio", "1", Support::POSITIVE),
-    symbol: "E/E₀",
+    spec: ParameterSpec::new("instantaneous-elasticity.compliance_ratio", "E/E₀", "1", Support::POSITIVE),
     null: |_| Some(0.0),
     prior: |_| Distribution::HalfNormal { sd: 0.2 },
     prior_source: "chosen: the jump is up to some tenths of the elastic displacement that creeps in",

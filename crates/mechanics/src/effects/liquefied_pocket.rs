@@ -31,8 +31,7 @@ const LEAST_SHARE: f64 = 1e-9;
 
 const PARAMETERS: &[EffectParameter] = &[
     EffectParameter {
-        spec: ParameterSpec::new("liquefied-pocket.elastic_loss", "1", Support { lower: 0.0, upper: 1.0 }),
-        symbol: "φ",
+        spec: ParameterSpec::new("liquefied-pocket.elastic_loss", "φ", "1", Support { lower: 0.0, upper: 1.0 }),
         null: |_| Some(0.0),
         prior: |_| Distribution::Uniform { lower: 0.0, upper: 1.0 },
         prior_source: "chosen: any loss",
@@ -41,10 +40,10 @@ const PARAMETERS: &[EffectParameter] = &[
     EffectParameter {
         spec: ParameterSpec::new(
             "liquefied-pocket.radius_ratio",
+            "ρ_p",
             "1",
             Support { lower: RADIUS_RATIOS[0], upper: RADIUS_RATIOS[1] },
         ),
-        symbol: "ρ_p",
         null: |_| None,
         prior: |_| Distribution::LogUniform { lower: RADIUS_RATIOS[0], upper: RADIUS_RATIOS[1] },
         prior_source: "chosen: any radius that is meshed",

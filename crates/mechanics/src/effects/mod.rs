@@ -125,10 +125,8 @@ impl Stage {
 /// One parameter of an effect: the only place where its name, symbol, unit, support, null and default prior stand.
 #[derive(Debug, Clone)]
 pub struct EffectParameter {
-    /// Name `slug.name`, unit, support.
+    /// Name `slug.name`, symbol, unit, support.
     pub spec: ParameterSpec,
-    /// Symbol in equations and figures.
-    pub symbol: &'static str,
     /// Value at which the effect is not there; `None` where the parameter means nothing at the effect's null.
     pub null: fn(&Scales) -> Option<f64>,
     /// Default prior, scaled by the experiment.

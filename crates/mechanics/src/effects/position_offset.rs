@@ -12,8 +12,7 @@ use crate::number::Dual;
 use crate::parameter::{ParameterSpec, Support};
 
 const PARAMETERS: &[EffectParameter] = &[EffectParameter {
-    spec: ParameterSpec::new("position-offset.offset_m", "m", Support::REAL),
-    symbol: "b",
+    spec: ParameterSpec::new("position-offset.offset_m", "b", "m", Support::REAL),
     null: |_| Some(0.0),
     prior: |scales| Distribution::Normal { mean: 0.0, sd: position_range_m(scales) },
     prior_source: "chosen: either way alike, as far as the positions range",

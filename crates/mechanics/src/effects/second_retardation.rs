@@ -21,16 +21,14 @@ fn shortest_time_s(scales: &Scales) -> f64 {
 
 const PARAMETERS: &[EffectParameter] = &[
     EffectParameter {
-        spec: ParameterSpec::new("second-retardation.compliance_ratio", "1", Support::POSITIVE),
-        symbol: "a",
+        spec: ParameterSpec::new("second-retardation.compliance_ratio", "a", "1", Support::POSITIVE),
         null: |_| Some(0.0),
         prior: |_| Distribution::HalfNormal { sd: 0.5 },
         prior_source: "chosen: the second part gives way up to about as much as the first",
         finite_step: None,
     },
     EffectParameter {
-        spec: ParameterSpec::new("second-retardation.time_s", "s", Support::POSITIVE),
-        symbol: "τ₂",
+        spec: ParameterSpec::new("second-retardation.time_s", "τ₂", "s", Support::POSITIVE),
         null: |_| None,
         prior: |scales| {
             let lower = shortest_time_s(scales);

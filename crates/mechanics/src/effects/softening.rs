@@ -13,8 +13,7 @@ use crate::number::Dual;
 use crate::parameter::{ParameterSpec, Support};
 
 const PARAMETERS: &[EffectParameter] = &[EffectParameter {
-    spec: ParameterSpec::new("softening.rate_per_s", "1/s", Support::POSITIVE),
-    symbol: "r",
+    spec: ParameterSpec::new("softening.rate_per_s", "r", "1/s", Support::POSITIVE),
     null: |_| Some(0.0),
     prior: |scales| Distribution::HalfNormal { sd: 0.5 / scales.duration_s },
     prior_source: "chosen: a loss of up to about two thirds of the stiffness over the record",

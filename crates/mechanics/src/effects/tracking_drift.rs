@@ -12,8 +12,7 @@ use crate::number::Dual;
 use crate::parameter::{ParameterSpec, Support};
 
 const PARAMETERS: &[EffectParameter] = &[EffectParameter {
-    spec: ParameterSpec::new("tracking-drift.velocity_m_per_s", "m/s", Support::REAL),
-    symbol: "v",
+    spec: ParameterSpec::new("tracking-drift.velocity_m_per_s", "v", "m/s", Support::REAL),
     null: |_| Some(0.0),
     prior: |scales| Distribution::Normal { mean: 0.0, sd: 0.1 * position_range_m(scales) / scales.duration_s },
     prior_source: "chosen: either way alike, a tenth of the range of positions over the record",

@@ -20,7 +20,9 @@ pub use spread::{Beside, SpreadTerm};
 
 use crate::distribution::Distribution;
 use crate::number::Dual;
-use crate::parameter::{ParameterSpec, Support};
+use crate::parameter::{
+    INSTANTANEOUS_MODULUS, ParameterSpec, SECOND_MODULUS, SECOND_VISCOSITY, VISCOSITY_1, VISCOSITY_2, YOUNG_MODULUS,
+};
 
 /// Creep compliance of a linear law as a sum of branches in series that all carry the stress s:
 /// J(t) = J₀ + Σ aₘ (1 − exp(−t/τₘ)) + φ t.
@@ -80,21 +82,10 @@ pub enum BaseLaw {
     Network(&'static Network),
 }
 
-const YOUNG_MODULUS: ParameterSpec = ParameterSpec::new("young_modulus_pa", "Pa", Support::POSITIVE);
-const VISCOSITY_1: ParameterSpec = ParameterSpec::new("viscosity_1_pa_s", "Pa s", Support::POSITIVE);
-const VISCOSITY_2: ParameterSpec = ParameterSpec::new("viscosity_2_pa_s", "Pa s", Support::POSITIVE);
-
 /// Parameters of [`BaseLaw::Lethersich`].
 pub const LETHERSICH: &[ParameterSpec] = &[YOUNG_MODULUS, VISCOSITY_1, VISCOSITY_2];
-const BURGERS: &[ParameterSpec] =
-    &[YOUNG_MODULUS, VISCOSITY_1, VISCOSITY_2, ParameterSpec::new("instantaneous_modulus_pa", "Pa", Support::POSITIVE)];
-const TWO_ELEMENT: &[ParameterSpec] = &[
-    YOUNG_MODULUS,
-    VISCOSITY_1,
-    VISCOSITY_2,
-    ParameterSpec::new("second_modulus_pa", "Pa", Support::POSITIVE),
-    ParameterSpec::new("second_viscosity_pa_s", "Pa s", Support::POSITIVE),
-];
+const BURGERS: &[ParameterSpec] = &[YOUNG_MODULUS, VISCOSITY_1, VISCOSITY_2, INSTANTANEOUS_MODULUS];
+const TWO_ELEMENT: &[ParameterSpec] = &[YOUNG_MODULUS, VISCOSITY_1, VISCOSITY_2, SECOND_MODULUS, SECOND_VISCOSITY];
 
 impl BaseLaw {
     /// The laws that have a name.

@@ -124,7 +124,7 @@ impl Network {
             return Ok(known);
         }
         let spec = |(name, unit, support): (String, &'static str, Support)| {
-            ParameterSpec::new(Box::leak(name.into_boxed_str()), unit, support)
+            ParameterSpec::new(Box::leak(name.into_boxed_str()), "", unit, support)
         };
         let parameters = reader.parameters.into_iter().map(spec).collect();
         let network: &'static Self = Box::leak(Box::new(Self { root, parameters }));

@@ -2,17 +2,9 @@
 
 use crate::distribution::Distribution;
 use crate::error::{Error, Place, Result};
-use crate::inference::prior::{NOISE, Prior};
-use crate::parameter::{ParameterSpec, Support};
+use crate::inference::prior::Prior;
+use crate::parameter::{GAIN_SD, NOISE_SD, OFFSET_SD, OU_SD, OU_TIME, ParameterSpec, STUDENT_DOF};
 use crate::units::nearest_name;
-
-const OU_SD: ParameterSpec = ParameterSpec { name: "ou_sd_um", unit: "um", support: Support::POSITIVE };
-const OU_TIME: ParameterSpec = ParameterSpec { name: "ou_time_s", unit: "s", support: Support::POSITIVE };
-const GAIN_SD: ParameterSpec = ParameterSpec { name: "gain_sd", unit: "1", support: Support::POSITIVE };
-const OFFSET_SD: ParameterSpec = ParameterSpec { name: "offset_sd_um", unit: "um", support: Support::POSITIVE };
-/// Below 2 the errors would have no variance.
-const STUDENT_DOF: ParameterSpec =
-    ParameterSpec { name: "student_dof", unit: "1", support: Support { lower: 2.0, upper: f64::INFINITY } };
 
 /// A part of the noise; see the [module](super).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -47,7 +39,7 @@ impl NoiseTerm {
     /// Its parameters, in order.
     pub fn parameters(self) -> &'static [ParameterSpec] {
         match self {
-            Self::White => &[NOISE],
+            Self::White => &[NOISE_SD],
             Self::OrnsteinUhlenbeck => &[OU_SD, OU_TIME],
             Self::Gain => &[GAIN_SD, OFFSET_SD],
             Self::Student => &[STUDENT_DOF],
@@ -128,7 +120,7 @@ impl NoiseModel {
 
     /// Default priors of all its parameters but `noise_sd_um`, which prior files give.
     pub fn default_priors(self, scales: &NoiseScales) -> Vec<Prior> {
-        let specs = self.parameters().into_iter().filter(|spec| spec.name != NOISE.name);
+        let specs = self.parameters().into_iter().filter(|spec| spec.name != NOISE_SD.name);
         specs.filter_map(|spec| default_prior(&spec, scales)).collect()
     }
 
