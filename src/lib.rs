@@ -53,6 +53,7 @@
 //! - [`report`]: figures, CSV, NetCDF
 //! - [`study`]: what is kept on disk
 //! - [`workflow`]: the jobs of `sample`, `fit`, `simulate`, `effects`, `extend`, `ladder`
+//! - [`sweep`]: oscillations of a rheometer
 //! - [`critique`]: where a model fails and what it lacks; challenges
 //! - [`shapes`]: the study of robot shapes
 //! - [`groups`]: species and regions compared
@@ -63,6 +64,7 @@ pub mod groups;
 pub mod schemas;
 pub mod shapes;
 pub mod study;
+pub mod sweep;
 pub mod workflow;
 
 pub use vitreo_uq_figures::{documents, report};

@@ -13,7 +13,9 @@ use crate::documents::extension::ExtensionSummary;
 use crate::documents::fit::FitSummary;
 use crate::documents::groups::GroupsSummary;
 use crate::documents::init::InitSummary;
+use crate::documents::joint::JointSummary;
 use crate::documents::ladder::LadderSummary;
+use crate::documents::oscillation::{OscillationDiagnosis, OscillationSummary};
 use crate::documents::posterior::PosteriorSummary;
 use crate::documents::shapes::ShapesSummary;
 use crate::documents::simulation::SimulationSummary;
@@ -58,6 +60,9 @@ pub fn all() -> Vec<DocumentSchema> {
         DocumentSchema::of::<CheckSummary>("check", "check"),
         DocumentSchema::of::<Comparison>("comparison", "compare"),
         DocumentSchema::of::<Diagnosis>("diagnosis", "diagnose"),
+        DocumentSchema::of::<JointSummary>("joint", "sample"),
+        DocumentSchema::of::<OscillationSummary>("oscillation", "sample"),
+        DocumentSchema::of::<OscillationDiagnosis>("oscillation-diagnosis", "diagnose"),
         DocumentSchema::of::<EffectsSummary>("effects", "effects"),
         DocumentSchema::of::<ExtensionSummary>("extension", "extend"),
         DocumentSchema::of::<FitSummary>("fit", "fit"),

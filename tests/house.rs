@@ -20,7 +20,7 @@ const CITING: [&str; 10] = [
 ];
 
 /// Modules of the library in the order in which data flow, as `lib.rs` and ARCHITECTURE.md name them.
-const ORDER: [&str; 25] = [
+const ORDER: [&str; 26] = [
     "error",
     "files",
     "units",
@@ -42,6 +42,7 @@ const ORDER: [&str; 25] = [
     "report",
     "study",
     "workflow",
+    "sweep",
     "critique",
     "shapes",
     "groups",

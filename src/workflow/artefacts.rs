@@ -8,12 +8,14 @@ use super::near_normal::BAND_PROBABILITIES;
 use super::problem::Problem;
 use super::reduced::SURROGATE_NAME;
 use super::sample::SampleResult;
+use crate::documents::posterior::ModelSummary;
 use crate::effects::Library;
 use crate::error::{Error, Result};
 use crate::files::{write_atomically, write_json_atomically};
 use crate::inference::diagnostics::DrawColumn;
 use crate::inference::diagnostics::autocovariance::autocovariance;
 use crate::inference::diagnostics::ensembles::walker_averages;
+use crate::inference::ensemble::SampleOutcome;
 use crate::inference::prior::PriorSet;
 use crate::report::corner::{CornerOptions, ParameterColumn, Posterior, PriorCurve, corner};
 use crate::report::density::Support;
@@ -38,24 +40,28 @@ const PRIOR_POINTS: usize = 400;
 
 /// Writes everything that a revision holds into `dir`. `header` makes the head of a JSON document of a kind.
 pub fn write(dir: &Path, problem: &Problem, result: &SampleResult, header: &dyn Fn(&str) -> Provenance) -> Result<()> {
-    let mut specification = problem.specification.clone();
-    if !PriorSet::embedded_names().any(|name| name == specification.prior) {
-        // A revision stands alone: the file may change or go.
-        write_atomically(&dir.join(PRIOR_COPY), problem.priors.text().as_bytes())?;
-        specification.prior = PRIOR_COPY.into();
-    }
-    specification.write(&dir.join("model.toml"))?;
+    write_model(dir, &problem.specification, &problem.priors)?;
     write_document(&dir.join("posterior.json"), header("posterior"), &result.summary)?;
     if let Some(kept) = result.reduced.to_keep(problem)? {
         write_document(&dir.join(SURROGATE_NAME), header("surrogate"), &Kept::new(kept))?;
     }
-    let table = draw_table(problem, result);
+    let table = draw_table(&problem.priors, &result.outcome, &result.columns);
     write_draws_csv(&dir.join("draws.csv"), &table)?;
     let record = &problem.experiment.record;
     let position_um: Vec<Option<f64>> = record.position_m.iter().map(|x| x.map(|x| 1e6 * x)).collect();
     let groups = record_groups(problem, &result.reduced, &result.outcome.draws, header("posterior").seed);
     write_draws_netcdf(&dir.join("posterior.nc"), &table, &groups)?;
     write_figures(&dir.join("figures"), problem, result, &position_um)
+}
+
+/// Writes `model.toml`, and beside it the prior where it is a file's: a revision stands alone, and the file may change or go.
+pub(crate) fn write_model(dir: &Path, specification: &ModelSpecification, priors: &PriorSet) -> Result<()> {
+    let mut specification = specification.clone();
+    if !PriorSet::embedded_names().any(|name| name == specification.prior) {
+        write_atomically(&dir.join(PRIOR_COPY), priors.text().as_bytes())?;
+        specification.prior = PRIOR_COPY.into();
+    }
+    specification.write(&dir.join("model.toml"))
 }
 
 /// The model of a revision, its prior named so that it is found from anywhere.
@@ -72,13 +78,18 @@ pub fn model_of(revision_dir: &Path, library: &Library) -> Result<ModelSpecifica
 
 /// The header with the inputs that are not the study's: the prior, and an imported mesh.
 pub fn with_inputs(mut header: Provenance, problem: &Problem) -> Provenance {
-    let name = problem.priors.name();
-    let is_embedded = PriorSet::embedded_names().any(|embedded| embedded == name);
-    let name = if is_embedded { format!("prior {name}") } else { PRIOR_COPY.into() };
     if let Some(hash) = problem.finite_elements().and_then(|fe| fe.mesh_file_sha256.clone()) {
         header.inputs_sha256.insert(MESH_INPUT.into(), hash);
     }
-    header.with_input(name, problem.priors.text().as_bytes())
+    with_prior(header, &problem.priors)
+}
+
+/// The header with the prior.
+pub fn with_prior(header: Provenance, priors: &PriorSet) -> Provenance {
+    let name = priors.name();
+    let is_embedded = PriorSet::embedded_names().any(|embedded| embedded == name);
+    let name = if is_embedded { format!("prior {name}") } else { PRIOR_COPY.into() };
+    header.with_input(name, priors.text().as_bytes())
 }
 
 /// Whether an input that a header names is one of the experiment's own files.
@@ -92,25 +103,25 @@ pub fn write_timing(dir: &Path, timing_s: &[(&'static str, f64)], provenance: Pr
     write_document(&dir.join("timing.json"), provenance, &serde_json::json!({ "wall_s": stages }))
 }
 
-fn write_document(path: &Path, provenance: Provenance, body: &impl serde::Serialize) -> Result<()> {
+pub(crate) fn write_document(path: &Path, provenance: Provenance, body: &impl serde::Serialize) -> Result<()> {
     write_json_atomically(path, &WithProvenance { provenance, body })
 }
 
 /// The draws with names and units, in the layout of the exchange formats.
-pub fn draw_table(problem: &Problem, result: &SampleResult) -> DrawTable {
-    let draws = &result.outcome.draws;
-    let mut values = Vec::with_capacity(draws.len() * result.columns.len());
+pub(crate) fn draw_table(priors: &PriorSet, outcome: &SampleOutcome, columns: &[DrawColumn]) -> DrawTable {
+    let draws = &outcome.draws;
+    let mut values = Vec::with_capacity(draws.len() * columns.len());
     let mut log_density = Vec::with_capacity(draws.len());
     for ensemble in 0..draws.n_ensembles {
         for walker in 0..draws.n_walkers {
             for step in 0..draws.n_steps {
                 let index = (ensemble * draws.n_steps + step) * draws.n_walkers + walker;
-                values.extend(result.columns.iter().map(|column| column.values[index]));
+                values.extend(columns.iter().map(|column| column.values[index]));
                 log_density.push(draws.log_density[index]);
             }
         }
     }
-    let names: Vec<String> = problem.priors.names().map(String::from).collect();
+    let names: Vec<String> = priors.names().map(String::from).collect();
     DrawTable {
         units: names.iter().map(|name| of_parameter(name).unit).collect(),
         parameter_names: names,
@@ -126,9 +137,9 @@ fn write_figures(dir: &Path, problem: &Problem, result: &SampleResult, position_
     std::fs::create_dir_all(dir)
         .map_err(|source| Error::at_path("create", dir, source, "make the study directory writable"))?;
     let mut figures = vec![
-        ("corner", corner_figure(problem, result)?),
+        ("corner", corner_of_record(problem, result)?),
         ("predictive", predictive_figure(problem, result, position_um)?),
-        ("trace", trace_figure(problem, result)?),
+        ("trace", trace_figure(&problem.experiment.specimen_id, &problem.priors, &result.outcome, &result.columns)?),
     ];
     if let Some(surrogate) = &result.reduced.surrogate {
         let shown: Vec<f64> = surrogate.singular_values.iter().take(12).copied().collect();
@@ -140,22 +151,28 @@ fn write_figures(dir: &Path, problem: &Problem, result: &SampleResult, position_
     figures.par_iter().map(|(stem, svg): &(&str, Svg)| write_figure(dir, stem, svg)).collect()
 }
 
-fn corner_figure(problem: &Problem, result: &SampleResult) -> Result<Svg> {
+fn corner_of_record(problem: &Problem, result: &SampleResult) -> Result<Svg> {
     let id = &problem.experiment.specimen_id;
     let is_replica = id == "porcine-replica";
     let reference = |name: &str| {
         let place = LETHERSICH.iter().position(|p| p.name == name).filter(|_| is_replica)?;
         TABLE_I.get(place).copied()
     };
-    let curves: Vec<(Vec<f64>, Vec<f64>)> = problem
-        .priors
-        .priors()
-        .iter()
-        .zip(&result.columns)
-        .map(|(prior, column)| prior_curve(prior, &column.values))
-        .collect();
-    let labels: Vec<_> = problem.priors.names().map(of_parameter).collect();
-    let columns = problem.priors.priors().iter().zip(&result.columns).zip(curves.iter().zip(&labels));
+    corner_figure(id, &result.summary.model, &problem.priors, &result.columns, &reference)
+}
+
+/// The corner plot of draws in their own units, with priors, and with references where there are some.
+pub(crate) fn corner_figure(
+    id: &str,
+    model: &ModelSummary,
+    priors: &PriorSet,
+    columns: &[DrawColumn],
+    reference: &dyn Fn(&str) -> Option<f64>,
+) -> Result<Svg> {
+    let curves: Vec<(Vec<f64>, Vec<f64>)> =
+        priors.priors().iter().zip(columns).map(|(prior, column)| prior_curve(prior, &column.values)).collect();
+    let labels: Vec<_> = priors.names().map(of_parameter).collect();
+    let columns = priors.priors().iter().zip(columns).zip(curves.iter().zip(&labels));
     let parameters = columns
         .map(|((prior, column), ((x, density), label))| {
             let (lower, upper) = prior.distribution.support();
@@ -171,7 +188,7 @@ fn corner_figure(problem: &Problem, result: &SampleResult) -> Result<Svg> {
         })
         .collect();
     let posterior = Posterior { label: id, colour: series(0), parameters };
-    let title = format!("{id}: posterior of the {} model", model_title(&result.summary.model));
+    let title = format!("{id}: posterior of the {} model", model_title(model));
     let options = CornerOptions { title: &title, reference_label: "Table I of the paper", ..CornerOptions::default() };
     corner(&[posterior], &options)
 }
@@ -232,15 +249,21 @@ fn predictive_figure(problem: &Problem, result: &SampleResult, position_um: &[Op
     })
 }
 
-fn trace_figure(problem: &Problem, result: &SampleResult) -> Result<Svg> {
-    let table = draw_table(problem, result);
-    let labels: Vec<String> = problem.priors.names().map(|name| of_parameter(name).axis()).collect();
+/// How the draws went.
+pub(crate) fn trace_figure(
+    id: &str,
+    priors: &PriorSet,
+    outcome: &SampleOutcome,
+    columns: &[DrawColumn],
+) -> Result<Svg> {
+    let table = draw_table(priors, outcome, columns);
+    let labels: Vec<String> = priors.names().map(|name| of_parameter(name).axis()).collect();
     let n_ensembles = table.n_ensembles;
     let summaries: Vec<Vec<_>> = (0..labels.len())
         .map(|p| (0..n_ensembles).map(|ensemble| table.walker_summary(ensemble, p)).collect())
         .collect();
-    let autocorrelations: Vec<Vec<Vec<f64>>> = result.columns.iter().map(autocorrelation).collect();
-    let store_every = result.outcome.draws.store_every;
+    let autocorrelations: Vec<Vec<Vec<f64>>> = columns.iter().map(autocorrelation).collect();
+    let store_every = outcome.draws.store_every;
     let parameters: Vec<ParameterTrace> = labels
         .iter()
         .enumerate()
@@ -251,14 +274,13 @@ fn trace_figure(problem: &Problem, result: &SampleResult) -> Result<Svg> {
                 .map(|s| EnsembleTrace { mean: &s.mean, lower: &s.lower, upper: &s.upper, walkers: Vec::new() })
                 .collect(),
             autocorrelation: autocorrelations[p].iter().map(Vec::as_slice).collect(),
-            autocorrelation_time_steps: Some(result.outcome.parameters[p].autocorrelation_time / store_every as f64),
+            autocorrelation_time_steps: Some(outcome.parameters[p].autocorrelation_time / store_every as f64),
         })
         .collect();
     let every = if store_every == 1 { "every step".into() } else { format!("every {store_every}th step") };
-    let sampler = &result.summary.sampler;
     let heading = format!(
-        "{}: {} ensembles of {} walkers after the freeze, {every} kept",
-        problem.experiment.specimen_id, sampler.ensembles, sampler.walkers
+        "{id}: {} ensembles of {} walkers after the freeze, {every} kept",
+        outcome.draws.n_ensembles, outcome.draws.n_walkers
     );
     trace(&parameters, 0, &heading)
 }

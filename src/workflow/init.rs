@@ -3,12 +3,13 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
+use super::init_sweep::described;
 use crate::documents::init::{InitColumn, InitSummary};
 use crate::error::{Error, Place, Result};
 use crate::experiment::table::{
-    Ask, ColumnName, Given, PositionColumns, Proposal, Question, TableDescription, TimeFormat, propose,
+    Ask, ColumnName, Given, PositionColumns, Proposal, Question, TableDescription, TimeFormat, look, propose,
 };
-use crate::experiment::{Direction, Zero};
+use crate::experiment::{Direction, Sweep, Zero, sweep_columns};
 use crate::files::{self, Content, write_together};
 use crate::study::sha256_hex;
 use crate::toml_input::UNKNOWN;
@@ -50,6 +51,9 @@ pub fn run(request: &InitRequest, ask: Ask<'_>) -> Result<(InitSummary, String)>
             "give another directory with `--out`, or `--replace` to write over it",
         ));
     }
+    if let Some(summary) = oscillation(request, &name, &bytes, &out)? {
+        return Ok((summary, sha256_hex(&bytes)));
+    }
     let proposal = propose(&request.file, &bytes, &request.given, ask)?;
     let mut request = request.clone();
     for (size, what) in request.sizes.iter_mut().zip(SIZES) {
@@ -59,9 +63,7 @@ pub fn run(request: &InitRequest, ask: Ask<'_>) -> Result<(InitSummary, String)>
     let unknown = UNKNOWN_KEYS.iter().zip(request.sizes).filter(|(_, size)| size.is_none());
     let unknown = unknown.map(|(key, _)| (*key).to_string()).collect();
     let toml = experiment_toml(request, &name, &proposal);
-    std::fs::create_dir_all(&out)
-        .map_err(|error| Error::at_path("create", &out, error, "give a directory that can be written to"))?;
-    write_together(&[(&out.join(&name), &bytes), (&toml_path, toml.as_bytes())])?;
+    write(&out, &name, &bytes, &toml)?;
     let summary = InitSummary {
         directory: out.display().to_string(),
         file: name,
@@ -73,6 +75,31 @@ pub fn run(request: &InitRequest, ask: Ask<'_>) -> Result<(InitSummary, String)>
         unknown,
     };
     Ok((summary, sha256_hex(&bytes)))
+}
+
+/// The experiment and a copy of its table, both or neither.
+fn write(out: &Path, name: &str, bytes: &[u8], toml: &str) -> Result<()> {
+    std::fs::create_dir_all(out)
+        .map_err(|error| Error::at_path("create", out, error, "give a directory that can be written to"))?;
+    write_together(&[(&out.join(name), bytes), (&out.join("experiment.toml"), toml.as_bytes())])
+}
+
+/// Writes the description of a rheometer's oscillation; `None` where the table is none, or where the user says that it is a record in time.
+fn oscillation(request: &InitRequest, name: &str, bytes: &[u8], out: &Path) -> Result<Option<InitSummary>> {
+    let given = &request.given;
+    if given.columns.iter().chain(&given.plane).any(Option::is_some) {
+        return Ok(None);
+    }
+    let Ok(looked) = look(&request.file, bytes) else { return Ok(None) };
+    let Some(columns) = sweep_columns(&looked) else { return Ok(None) };
+    let (toml, summary) = described(request, name, &looked, &columns)?;
+    write(out, name, bytes, &toml)?;
+    let (sweep, _) = Sweep::read(out)?;
+    Ok(Some(InitSummary {
+        directory: out.display().to_string(),
+        rows: sweep.rows.len() + sweep.n_incomplete,
+        ..summary
+    }))
 }
 
 /// Keys of [`InitRequest::sizes`].
@@ -172,7 +199,7 @@ fn others(proposal: &Proposal) -> Vec<String> {
 }
 
 /// A text as TOML has it.
-fn text(value: &str) -> String {
+pub(super) fn text(value: &str) -> String {
     toml::Value::String(value.into()).to_string()
 }
 
@@ -186,6 +213,7 @@ fn column_name(column: &ColumnName) -> String {
 /// `experiment.toml`, with a comment a line.
 fn experiment_toml(request: &InitRequest, file: &str, proposal: &Proposal) -> String {
     let table = &proposal.description;
+    let layout = &table.layout;
     let stem = Path::new(file).file_stem().map_or("specimen".into(), |stem| stem.to_string_lossy().into_owned());
     let [diameter, density, vitreous, poisson] =
         request.sizes.map(|size| size.map_or_else(|| text(UNKNOWN), |size| format!("{size:?}")));
@@ -223,19 +251,19 @@ fn experiment_toml(request: &InitRequest, file: &str, proposal: &Proposal) -> St
         None => line("# noise_um", "4.0".into(), "known noise of the tracker, if it is known"),
     }
     line("# calibration_cycles", "[1]".into(), "cycles that are fitted; the others are held out");
-    line("delimiter", text(table.delimiter.name()), "between cells");
-    line("decimal", text(table.decimal.name()), "before decimals");
-    if let Some(encoding) = table.encoding {
+    line("delimiter", text(layout.delimiter.name()), "between cells");
+    line("decimal", text(layout.decimal.name()), "before decimals");
+    if let Some(encoding) = layout.encoding {
         line("encoding", text(encoding.name()), "of the letters: utf-8, utf-16-le, utf-16-be or latin-1");
     }
-    match &table.comment {
+    match &layout.comment {
         Some(sign) => line("comment", text(sign), "lines that begin with it are not read"),
         None => line("# comment", text("#"), "lines that begin with it are not read; left out: #, % and //"),
     }
-    if let Some(header) = table.header_line {
+    if let Some(header) = layout.header_line {
         line("header_line", header.to_string(), "line of the columns' names");
     }
-    line("first_row_line", table.first_row_line.to_string(), "line of the first row");
+    line("first_row_line", layout.first_row_line.to_string(), "line of the first row");
     match proposal.frame.zero {
         Zero::AsWritten => line("# zero", text("first"), "which position is 0: \"first\", \"rest\" or a number"),
         Zero::First => line("zero", text("first"), "the first position is 0"),

@@ -5,19 +5,41 @@ use crate::error::Result;
 use crate::inference::noise::{NoiseModel, NoiseScales, NoiseTerm};
 use crate::inference::prior::{Prior, PriorSet};
 use crate::model::Model;
-use crate::parameter::NOISE_SD;
-use crate::parameter::ParameterSpec;
+use crate::parameter::{NOISE_SD, ParameterSpec, RELATIVE_NOISE};
 use crate::rheology::BaseLaw;
 
 /// Priors of all parameters of a model by a prior's name or file.
 pub(super) fn read_priors(name_or_file: &str, model: &Model, noise: NoiseModel, library: &Library) -> Result<PriorSet> {
     let scales = model.scales();
-    let wanted: Vec<ParameterSpec> = model.parameters().iter().copied().chain(noise.parameters()).collect();
+    let of_noise = |spec: &ParameterSpec, median_of: &dyn Fn(&str) -> f64| {
+        let noise_scales = NoiseScales {
+            noise_sd_um: median_of(NOISE_SD.name),
+            sample_interval_s: scales.sample_interval_s,
+            cycle_s: scales.cycle_s,
+        };
+        noise.default_priors(&noise_scales).into_iter().find(|prior| prior.name == spec.name)
+    };
+    read_priors_with(name_or_file, model, &noise.parameters(), &of_noise, library)
+}
+
+/// The default prior of a parameter of the errors, by the medians of the priors before it.
+pub(crate) type ErrorPrior<'a> = &'a dyn Fn(&ParameterSpec, &dyn Fn(&str) -> f64) -> Option<Prior>;
+
+/// The same with errors of another kind than a record's.
+pub(crate) fn read_priors_with(
+    name_or_file: &str,
+    model: &Model,
+    of_errors: &[ParameterSpec],
+    prior_of_error: ErrorPrior<'_>,
+    library: &Library,
+) -> Result<PriorSet> {
+    let scales = model.scales();
+    let wanted: Vec<ParameterSpec> = model.parameters().iter().chain(of_errors).copied().collect();
     let of_laws = BaseLaw::NAMED.into_iter().flat_map(BaseLaw::parameters).map(|p| p.name);
     let of_effects =
         library.effects().iter().chain(NUISANCES).flat_map(|effect| effect.parameters()).map(|p| p.spec.name);
     let of_noises = NoiseTerm::ALL.into_iter().flat_map(NoiseTerm::parameters).map(|p| p.name);
-    let known = of_laws.chain(of_effects).chain(of_noises);
+    let known = of_laws.chain(of_effects).chain(of_noises).chain([RELATIVE_NOISE.name]);
     let is_wanted = |name: &&str| wanted.iter().any(|spec| spec.name == *name);
     let mut others: Vec<&str> = known.filter(|name| !is_wanted(name)).collect();
     others.sort_unstable();
@@ -42,12 +64,7 @@ pub(super) fn read_priors(name_or_file: &str, model: &Model, noise: NoiseModel, 
             let (name, unit, source) = (spec.name.into(), spec.unit.into(), source.into());
             return Some(Prior { name, distribution, unit, source });
         }
-        let noise_scales = NoiseScales {
-            noise_sd_um: median_of(NOISE_SD.name),
-            sample_interval_s: scales.sample_interval_s,
-            cycle_s: scales.cycle_s,
-        };
-        noise.default_priors(&noise_scales).into_iter().find(|prior| prior.name == spec.name)
+        prior_of_error(spec, &median_of)
     };
     PriorSet::read_for(name_or_file, &wanted, &others, &default)
 }

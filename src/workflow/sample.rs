@@ -20,9 +20,10 @@ use crate::experiment::{Experiment, NoiseOrigin, NoiseYardstick};
 use crate::files::write_atomically;
 use crate::inference::checkpoint;
 use crate::inference::diagnostics::ranks::BlomScores;
-use crate::inference::diagnostics::{DrawColumn, diagnose};
+use crate::inference::diagnostics::{DrawColumn, ParameterDiagnostics, diagnose};
 use crate::inference::ensemble::{Checkpointing, Progress, RunControl, SampleOutcome};
 use crate::inference::likelihood::ReducedPosterior;
+use crate::inference::prior::PriorSet;
 use crate::inference::{SamplerOptions, sample as sample_density};
 use crate::rheology::BaseLaw;
 
@@ -84,7 +85,7 @@ pub fn run(problem: &Problem, request: &SampleRequest, monitor: &dyn Monitor) ->
     lap("sampling");
     let has_finite_elements = problem.finite_elements().is_some();
     monitor.stage(if has_finite_elements { "checking by full finite elements" } else { "predicting all cycles" });
-    let columns = natural_columns(problem, &outcome);
+    let columns = natural_columns(&problem.priors, &outcome);
     let spread = outcome.draws.spread(N_CHECK_DRAWS);
     let draws: Vec<NaturalDraw> = spread.iter().map(|point| posterior.natural(point)).collect();
     let check = full_check::check(problem, &reduced, &draws)?;
@@ -171,13 +172,13 @@ fn fingerprint(problem: &Problem, posterior: &ReducedPosterior) -> String {
 }
 
 /// Draws in the parameters' own units.
-fn natural_columns(problem: &Problem, outcome: &SampleOutcome) -> Vec<DrawColumn> {
+pub(crate) fn natural_columns(priors: &PriorSet, outcome: &SampleOutcome) -> Vec<DrawColumn> {
     let column = |(d, prior): (usize, &crate::inference::prior::Prior)| {
         let mut column = outcome.draws.column(d);
         column.values.iter_mut().for_each(|z| *z = prior.distribution.from_unconstrained(*z));
         column
     };
-    problem.priors.priors().iter().enumerate().map(column).collect()
+    priors.priors().iter().enumerate().map(column).collect()
 }
 
 #[expect(clippy::too_many_arguments, reason = "joins everything that the job has found into one document")]
@@ -226,15 +227,7 @@ fn summarise(
         experiment: problem.experiment.specimen_id.clone(),
         model: problem.specification.summary(),
         parameters,
-        sampler: SamplerSummary {
-            walkers: request.options.n_walkers,
-            ensembles: request.options.n_ensembles,
-            steps: outcome.n_steps,
-            acceptance: outcome.acceptance,
-            autocorrelation_time: outcome.autocorrelation_time,
-            likelihood_evaluations: outcome.likelihood_evaluations,
-            walkers_reseeded: outcome.walkers_reseeded,
-        },
+        sampler: sampler_summary(&request.options, outcome),
         surrogate: SurrogateSummary {
             modes: surrogate.map(|s| s.n_modes()),
             max_relative_error: reduced.max_relative_error,
@@ -250,7 +243,7 @@ fn summarise(
         converged: outcome.converged,
         warnings: Vec::new(),
     };
-    let messages = with_names(&outcome.messages, problem);
+    let messages = with_names(&outcome.messages, &problem.priors);
     let misfit = misfit(problem, &mean_m, check, yardstick);
     let impossible_positions = impossible_positions(&problem.experiment);
     let findings =
@@ -293,8 +286,8 @@ fn at_edge_of_range(reduced: &Reduced, problem: &Problem, columns: &[DrawColumn]
 }
 
 /// The sampler numbers its coordinates; people know them by name. Highest number first, since 1 begins 10.
-fn with_names(messages: &[String], problem: &Problem) -> Vec<String> {
-    let names: Vec<&str> = problem.priors.names().collect();
+pub(crate) fn with_names(messages: &[String], priors: &PriorSet) -> Vec<String> {
+    let names: Vec<&str> = priors.names().collect();
     let named = |message: &String| {
         let numbered = names.iter().enumerate().rev();
         numbered.fold(message.clone(), |text, (k, name)| text.replace(&format!("parameter {}", k + 1), name))
@@ -315,6 +308,37 @@ pub(super) fn origin(origin: NoiseOrigin) -> &'static str {
 fn above_rounding(singular_values: &[f64]) -> Vec<f64> {
     let kept = singular_values.iter().take_while(|s| **s > 1e-14).count();
     singular_values[..(kept + 1).min(singular_values.len())].to_vec()
+}
+
+/// What the draws alone say of a parameter.
+pub(crate) fn parameter_summary(name: &str, d: &ParameterDiagnostics) -> ParameterSummary {
+    ParameterSummary {
+        name: name.into(),
+        mean: d.mean,
+        sd: d.sd,
+        q05: d.q05,
+        median: d.median,
+        q95: d.q95,
+        ess_bulk: d.ess_bulk,
+        ess_tail: d.ess_tail,
+        rhat: d.rhat,
+        mcse_mean: d.mcse_mean,
+        surrogate_bias_sd: None,
+        discretisation_bias_sd: None,
+    }
+}
+
+/// How the draws were made.
+pub(crate) fn sampler_summary(options: &SamplerOptions, outcome: &SampleOutcome) -> SamplerSummary {
+    SamplerSummary {
+        walkers: options.n_walkers,
+        ensembles: options.n_ensembles,
+        steps: outcome.n_steps,
+        acceptance: outcome.acceptance,
+        autocorrelation_time: outcome.autocorrelation_time,
+        likelihood_evaluations: outcome.likelihood_evaluations,
+        walkers_reseeded: outcome.walkers_reseeded,
+    }
 }
 
 fn parameter_summaries(
@@ -341,20 +365,7 @@ fn parameter_summaries(
         // Compliance enters as compliance over a modulus or a viscosity: its relative error is theirs. Others have none.
         let is_stress = law.get(place).is_some_and(|spec| spec.unit.starts_with("Pa"));
         let discretisation_bias_sd = relative_mesh_error.map(|e| if is_stress { e * d.mean / d.sd } else { 0.0 });
-        ParameterSummary {
-            name: prior.name.clone(),
-            mean: d.mean,
-            sd: d.sd,
-            q05: d.q05,
-            median: d.median,
-            q95: d.q95,
-            ess_bulk: d.ess_bulk,
-            ess_tail: d.ess_tail,
-            rhat: d.rhat,
-            mcse_mean: d.mcse_mean,
-            surrogate_bias_sd,
-            discretisation_bias_sd,
-        }
+        ParameterSummary { surrogate_bias_sd, discretisation_bias_sd, ..parameter_summary(&prior.name, &d) }
     };
     problem.priors.priors().iter().zip(columns).map(summary).collect()
 }

@@ -13,6 +13,7 @@ mod indentation;
 mod ladder;
 #[path = "../mutators/mod.rs"]
 mod mutators;
+mod oscillation;
 #[path = "../program/mod.rs"]
 mod program;
 mod sample;

@@ -25,6 +25,10 @@ OF_STUDY = [
     ("extension", ["extend", "study", "--with", "clock-offset"]),
     ("ladder", ["ladder", "study"]),
     ("groups", ["groups", "cohort", "--out", "compared"]),
+    ("check", ["check", "sweep"]),
+    ("oscillation", ["sample", "sweep", "--out", "swept"]),
+    ("oscillation-diagnosis", ["diagnose", "swept"]),
+    ("joint", ["sample", "eye", "sweep", "--out", "both"]),
     ("posterior", ["sample", "eye", "--out", "law", "--base", "law.toml", "--noise", "white,ou,gain,student"]),
     ("groups", ["groups", "cohort", "--out", "network", "--base", "law.toml"]),
 ]
@@ -51,6 +55,7 @@ def main():
     found, seen = [], set()
     with tempfile.TemporaryDirectory() as folder:
         small_experiment.write(folder, "eye")
+        small_experiment.write_sweep(folder, "sweep")
         (pathlib.Path(folder) / "law.toml").write_text('[base.network]\nparallel = [{ spring = "gel" }, { springpot = "mesh" }]\n')
         for index, (species, factor) in enumerate([("porcine", 1.0), ("porcine", 1.2), ("bovine", 2.0), ("bovine", 2.3)]):
             small_experiment.write(f"{folder}/cohort", f"{species}-{index}", species, factor, seed=index, cycles=2)

@@ -50,6 +50,9 @@ pub const OFFSET_SD: ParameterSpec = ParameterSpec::positive("offset_sd_um", "sd
 pub const STUDENT_DOF: ParameterSpec =
     ParameterSpec::new("student_dof", "degrees of freedom", "1", Support { lower: 2.0, upper: f64::INFINITY });
 
+/// Standard deviation of both numbers of an oscillation, over |G*|; of a phase in rad.
+pub const RELATIVE_NOISE: ParameterSpec = ParameterSpec::positive("noise_relative", "relative error", "1");
+
 /// Parameters of laws and noise by name.
 pub fn named(name: &str) -> Option<&'static ParameterSpec> {
     const NAMED: &[ParameterSpec] = &[
@@ -65,6 +68,7 @@ pub fn named(name: &str) -> Option<&'static ParameterSpec> {
         GAIN_SD,
         OFFSET_SD,
         STUDENT_DOF,
+        RELATIVE_NOISE,
     ];
     NAMED.iter().find(|spec| spec.name == name)
 }

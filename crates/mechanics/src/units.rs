@@ -13,6 +13,12 @@ pub enum Dimension {
     Length,
     /// Electric current, SI unit A.
     Current,
+    /// Frequency, unit Hz: cycles a second.
+    Frequency,
+    /// Stress or modulus, SI unit Pa.
+    Pressure,
+    /// Angle, SI unit rad.
+    Angle,
 }
 
 /// One accepted unit.
@@ -42,6 +48,10 @@ pub const UNITS: &[Unit] = &[
     Unit { suffix: "A", dimension: Dimension::Current, per_si_unit: 1.0 },
     Unit { suffix: "mA", dimension: Dimension::Current, per_si_unit: 1e3 },
     Unit { suffix: "uA", dimension: Dimension::Current, per_si_unit: 1e6 },
+    Unit { suffix: "Hz", dimension: Dimension::Frequency, per_si_unit: 1.0 },
+    Unit { suffix: "Pa", dimension: Dimension::Pressure, per_si_unit: 1.0 },
+    Unit { suffix: "mPa", dimension: Dimension::Pressure, per_si_unit: 1e3 },
+    Unit { suffix: "rad", dimension: Dimension::Angle, per_si_unit: 1.0 },
 ];
 
 impl Unit {

@@ -34,6 +34,9 @@ pub struct CheckArguments {
 
 pub fn run(arguments: &CheckArguments) -> Result<ExitCode> {
     crate::output::check(arguments.json.as_deref())?;
+    if let Some(path) = arguments.target.as_ref().filter(|path| crate::sweep::is_one(Some(path))) {
+        return crate::sweep::check(path, &arguments.out, arguments.json.as_deref(), arguments.quiet);
+    }
     let (experiment, files) = match &arguments.target {
         Some(path) if Study::is_study(path) => Study::open(path)?.read_experiment()?,
         Some(path) => Experiment::read(path)?,

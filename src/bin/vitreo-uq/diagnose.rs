@@ -24,6 +24,9 @@ const DIAGNOSIS_NAME: &str = "diagnosis.json";
 const DISCREPANCY: &str = "discrepancy";
 
 pub fn run(arguments: &DiagnoseArguments) -> Result<ExitCode> {
+    if crate::sweep::is_one(arguments.common.target.as_ref()) {
+        return crate::sweep::diagnose(arguments);
+    }
     let began = Instant::now();
     let common = &arguments.common;
     let threads = options::use_threads(common.threads)?;

@@ -123,7 +123,8 @@ fn words(summary: &InitSummary) -> String {
     lines.extend(summary.reasons.iter().map(|reason| format!("  {reason}")));
     lines.push(String::new());
     lines.extend(summary.columns.iter().map(column));
-    if summary.columns.iter().all(|column| column.role != "cycle") {
+    let is_record = summary.columns.iter().any(|column| column.role == "time");
+    if is_record && summary.columns.iter().all(|column| column.role != "cycle") {
         lines.push("  cycle      found from the force's repetition".into());
     }
     if !summary.others.is_empty() {
@@ -147,7 +148,8 @@ fn column(column: &InitColumn) -> String {
         // No minus before a zero.
         format!(": {} to {} {shown}", significant(low * per + 0.0), significant(high * per + 0.0))
     });
-    let written = if spelt(unit).is_none() && !unit.is_empty() { format!(" ({unit})") } else { String::new() };
+    let is_said = range.is_empty() && !unit.is_empty();
+    let written = if is_said { format!(" ({unit})") } else { String::new() };
     format!("  {role:<10} `{name}`{written}{range}")
 }
 

@@ -85,6 +85,9 @@ impl Model {
 pub struct SampleArguments {
     #[command(flatten)]
     pub common: Common,
+    /// More records of the same specimen, creep or oscillation: one law is sampled for all
+    #[arg(value_name = "EXPERIMENT")]
+    pub others: Vec<PathBuf>,
     #[command(flatten)]
     pub model: Model,
     /// Walkers of each of the independent ensembles

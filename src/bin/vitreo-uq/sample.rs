@@ -18,6 +18,12 @@ use crate::terminal::Terminal;
 use crate::{options, text};
 
 pub fn run(arguments: &SampleArguments) -> Result<ExitCode> {
+    if !arguments.others.is_empty() {
+        return crate::joint::sample(arguments);
+    }
+    if crate::sweep::is_one(arguments.common.target.as_ref()) {
+        return crate::sweep::sample(arguments);
+    }
     let began = Instant::now();
     let common = &arguments.common;
     let threads = options::use_threads(common.threads)?;

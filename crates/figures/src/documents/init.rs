@@ -11,7 +11,7 @@ pub struct InitSummary {
     pub file: String,
     /// What was understood of the table, one sentence each.
     pub reasons: Vec<String>,
-    /// Columns of time, force, position (or x and y) and, if the table has one, cycle.
+    /// Columns of time, force, position (or x and y) and, if the table has one, cycle; of an oscillation frequency and moduli.
     pub columns: Vec<InitColumn>,
     /// Other columns, which are kept in the file and not read.
     pub others: Vec<String>,
@@ -26,13 +26,13 @@ pub struct InitSummary {
 /// One column.
 #[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct InitColumn {
-    /// time, force, position, position_x, position_y or cycle.
+    /// time, force, position, position_x, position_y or cycle; frequency, storage, loss, modulus or phase.
     pub role: String,
     /// Name in the header, or `column N`.
     pub name: String,
     /// Unit, or how times are written; empty for cycles.
     pub unit: String,
-    /// Smallest and largest value in s, µN and µm; `None` for cycles, and for x and y, which become one position.
+    /// Smallest and largest value in s, µN and µm; `None` for cycles, for x and y, which become one position, and for oscillations.
     pub range: Option<[f64; 2]>,
 }
 

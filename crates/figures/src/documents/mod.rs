@@ -8,7 +8,9 @@ pub mod extension;
 pub mod fit;
 pub mod groups;
 pub mod init;
+pub mod joint;
 pub mod ladder;
+pub mod oscillation;
 pub mod posterior;
 #[cfg(test)]
 pub(crate) mod rung_for_tests;

@@ -5,7 +5,7 @@
 //! document with the embedded font, so that it looks alike on every machine. The same input gives the same bytes.
 //!
 //! [`svg`], [`font`], [`number`], [`palette`] → [`axes`] and [`ticks`], [`legend`], names of lines → [`density`] and [`contour`] → one file
-//! a figure: [`corner`], [`predictive`], [`trace`], [`singular_values`], [`comparison`] with its map and bars, [`discrepancy`]; of groups of
+//! a figure: [`corner`], [`predictive`], [`trace`], [`singular_values`], [`comparison`] with its map and bars, [`discrepancy`], of oscillations [`sweep`]; of groups of
 //! specimens [`forest`], [`contrasts`] and [`creep_bands`]; and of a whole document [`ladder`] and [`diagnosis`]. Draws leave as CSV ([`draws`]) and
 //! NetCDF ([`netcdf`], and over named dimensions [`labelled_netcdf`]).
 
@@ -46,5 +46,6 @@ mod record_netcdf;
 pub mod shapes;
 pub mod singular_values;
 pub mod svg;
+pub mod sweep;
 pub mod ticks;
 pub mod trace;

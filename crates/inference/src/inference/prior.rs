@@ -186,6 +186,14 @@ impl PriorSet {
         left
     }
 
+    /// The set with others after its own.
+    pub fn with(&self, others: &[Prior]) -> Self {
+        let mut all = self.clone();
+        all.priors.extend(others.iter().cloned());
+        all.densities = all.priors.iter().map(|prior| prior.distribution.unconstrained()).collect();
+        all
+    }
+
     /// For each parameter the interval that leaves `tail` on either side.
     pub fn box_quantiles(&self, tail: f64) -> Vec<(f64, f64)> {
         let ends = |prior: &Prior| (prior.distribution.quantile(tail), prior.distribution.quantile(1.0 - tail));

@@ -16,8 +16,10 @@ unit = \"1\"
 source = \"s\"
 ";
 
-const KNOWN: &[ParameterSpec] =
-    &[crate::parameter::YOUNG_MODULUS, ParameterSpec::new("fraction", "f", "1", crate::parameter::Support { lower: 0.0, upper: 1.0 })];
+const KNOWN: &[ParameterSpec] = &[
+    crate::parameter::YOUNG_MODULUS,
+    ParameterSpec::new("fraction", "f", "1", crate::parameter::Support { lower: 0.0, upper: 1.0 }),
+];
 
 fn read(text: &str) -> Result<PriorSet> {
     PriorSet::from_text(Path::new("p.toml"), text.as_bytes(), KNOWN, &[], &no_default)

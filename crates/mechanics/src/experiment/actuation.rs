@@ -86,7 +86,7 @@ impl Actuation {
 
     /// The log's rows: times (s) on the trajectory's clock, forces (N).
     fn log(&self, file: &Path, bytes: &[u8], trajectory: &Trajectory) -> Result<Trajectory> {
-        let text = text_in(file, bytes, self.description.encoding)?;
+        let text = text_in(file, bytes, self.description.layout.encoding)?;
         let mut log = read_described(file, &text, &self.description)?;
         let later_s = log.clock_zero_s - trajectory.clock_zero_s;
         log.time_s.iter_mut().for_each(|time_s| *time_s += later_s);

@@ -15,6 +15,7 @@ mod notes;
 mod read;
 mod record;
 mod scales;
+mod sweep;
 pub mod table;
 mod trajectory;
 
@@ -28,6 +29,7 @@ pub use notes::Note;
 pub use read::{ExperimentFiles, Understood};
 pub use record::Record;
 pub use scales::Scales;
+pub use sweep::{OSCILLATION, Sweep, SweepColumn, SweepForm, SweepRow, sweep_columns};
 
 /// One experiment, validated, in SI units.
 #[derive(Debug, Clone, PartialEq)]

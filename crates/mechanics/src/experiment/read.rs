@@ -10,6 +10,7 @@ use super::force::ForceRule;
 use super::frame::{Frame, Settled, Zero};
 use super::notes::{Note, UM_PER_M};
 use super::record::Record;
+use super::sweep::{is_oscillation, toml_path_of};
 use super::table::{KEYS, TableDescription, one_of, read_described, text_in};
 use super::trajectory::{Trajectory, read_trajectory};
 use super::{Apparatus, Experiment};
@@ -56,7 +57,7 @@ impl Experiment {
     /// # Errors
     /// [`Error::File`] if a file cannot be read, [`Error::Input`] for everything formats §1 refuses.
     pub fn read(path: &Path) -> Result<(Self, ExperimentFiles)> {
-        let toml_path = if path.is_dir() { path.join("experiment.toml") } else { path.to_path_buf() };
+        let toml_path = toml_path_of(path);
         let remedy = "give a directory that holds experiment.toml, or the path of the TOML file";
         let toml_bytes = files::read(&toml_path, Content::Settings, remedy)?;
         let specification = Specification::read(&toml_path, &toml_bytes)?;
@@ -182,16 +183,21 @@ impl Specification {
     fn read(file: &Path, bytes: &[u8]) -> Result<Self> {
         let document = TomlInput::parse(file, text_of(file, bytes)?)?;
         let root = document.root();
-        root.only(&["specimen", "robot", "vitreous", "instrument", "indenter", "measurement", "actuation"])?;
+        root.only(&["kind", "specimen", "robot", "vitreous", "instrument", "indenter", "measurement", "actuation"])?;
         let specimen = root.required_table("specimen")?;
         specimen.only(&["id", "species", "region"])?;
         let specimen_id = specimen.required_text("id", "id = \"porcine-01\"")?;
         let (species, region) = (specimen.text("species")?, specimen.text("region")?);
         let apparatus = Apparatus::from_document(root)?;
         let measurement = root.required_table("measurement")?;
+        if is_oscillation(root, measurement)? {
+            let remedy =
+                "give a record of force and position against time; `check`, `sample` and `diagnose` take oscillations";
+            return Err(measurement.refuse("kind", "this is an oscillation, not a record in time", remedy));
+        }
         measurement.only(
             &[
-                &["file", "calibration_cycles", "heldout_cycles", "cycle_starts_s", "noise_um", "source"],
+                &["kind", "file", "calibration_cycles", "heldout_cycles", "cycle_starts_s", "noise_um", "source"],
                 &["force", "zero", "direction"][..],
                 &KEYS[..],
             ]
@@ -255,7 +261,7 @@ impl Specification {
     ) -> Result<(Experiment, ExperimentFiles)> {
         let mut trajectory = match &self.table {
             None => read_trajectory(csv_place, text_of(csv_place, csv_bytes)?, self.actuation.is_some())?,
-            Some(table) => read_described(csv_place, &text_in(csv_place, csv_bytes, table.encoding)?, table)?,
+            Some(table) => read_described(csv_place, &text_in(csv_place, csv_bytes, table.layout.encoding)?, table)?,
         };
         let (mut driven_place, mut force_rows, mut log_file) = (csv_place.to_path_buf(), Vec::new(), None);
         if let Some(actuation) = &self.actuation {
@@ -342,7 +348,7 @@ impl Specification {
 }
 
 /// A table's path must stay inside the TOML's directory, because a study copies the files side by side.
-fn plain_path(table: Table<'_>, example: &str) -> Result<String> {
+pub(super) fn plain_path(table: Table<'_>, example: &str) -> Result<String> {
     let name = table.required_text("file", &format!("file = \"{example}\""))?;
     let inside = Path::new(&name).components().all(|part| matches!(part, std::path::Component::Normal(_)));
     if inside && !name.contains(char::is_control) {

@@ -8,6 +8,7 @@ mod mass;
 mod mittag_leffler;
 mod network;
 mod of_law;
+mod oscillation;
 mod spectrum;
 mod spread;
 mod stieltjes;
@@ -15,6 +16,7 @@ mod stieltjes;
 pub use element::Element;
 pub use mittag_leffler::mittag_leffler;
 pub use network::Network;
+pub use oscillation::complex_modulus_pa;
 pub use spectrum::{Accuracy, OscillatingMode, RetardationSpectrum, SpectralMode, TimeWindow};
 pub use spread::{Beside, SpreadTerm};
 

@@ -45,9 +45,9 @@ impl PositionColumns {
     }
 }
 
-/// A table of force and position against time.
+/// How the text of a table is laid out.
 #[derive(Debug, Clone, PartialEq)]
-pub struct TableDescription {
+pub struct TableLayout {
     /// Between cells.
     pub delimiter: Delimiter,
     /// Before decimals.
@@ -60,6 +60,13 @@ pub struct TableDescription {
     pub header_line: Option<usize>,
     /// Line of the first row, from 1.
     pub first_row_line: usize,
+}
+
+/// A table of force and position against time.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TableDescription {
+    /// Lines, cells and letters.
+    pub layout: TableLayout,
     /// Times.
     pub time: (ColumnName, TimeFormat),
     /// Forces, or currents that make them; `None` in a table whose force is logged in another.
@@ -100,7 +107,7 @@ impl TableDescription {
         let position = position_columns(columns)?;
         let position = Some((position.clone(), units.of("position", Dimension::Length, &position.all()[0])?));
         let cycle = if columns.has("cycle") { Some(column(columns, "cycle")?) } else { None };
-        Ok(Some(Self { force, position, cycle, ..Self::layout(measurement, columns, &units)? }))
+        Ok(Some(Self { force, position, cycle, ..Self::of_times(measurement, columns, &units)? }))
     }
 
     /// What `[actuation]` says of its log.
@@ -116,11 +123,30 @@ impl TableDescription {
         } else {
             units.column(columns, "force", Dimension::Force)?
         };
-        Ok(Self { force: Some(force), ..Self::layout(actuation, columns, &units)? })
+        Ok(Self { force: Some(force), ..Self::of_times(actuation, columns, &units)? })
     }
 
-    /// How the table is laid out, with its times alone.
-    fn layout(measurement: Table<'_>, columns: Table<'_>, units: &Units<'_>) -> Result<Self> {
+    /// The layout and the times alone.
+    fn of_times(measurement: Table<'_>, columns: Table<'_>, units: &Units<'_>) -> Result<Self> {
+        let time = column(columns, "time")?;
+        let format = match units.text("time")?.as_deref() {
+            Some("clock") => TimeFormat::Clock,
+            Some("iso") => TimeFormat::Iso,
+            _ => TimeFormat::Unit(units.of("time", Dimension::Time, &time)?),
+        };
+        let layout = TableLayout::read(measurement)?;
+        Ok(Self { layout, force: None, position: None, time: (time, format), cycle: None })
+    }
+
+    /// Whether positions are x and y.
+    pub fn is_plane(&self) -> bool {
+        matches!(self.position, Some((PositionColumns::Plane(_), _)))
+    }
+}
+
+impl TableLayout {
+    /// What the keys beside the columns say.
+    pub(in crate::experiment) fn read(measurement: Table<'_>) -> Result<Self> {
         let delimiter = one_of(measurement, "delimiter", &Delimiter::ALL, Delimiter::name)?.unwrap_or(Delimiter::Comma);
         let decimal = one_of(measurement, "decimal", &Decimal::ALL, Decimal::name)?.unwrap_or(Decimal::Point);
         if delimiter == Delimiter::Comma && decimal == Decimal::Comma {
@@ -130,34 +156,19 @@ impl TableDescription {
         let header_line = line(measurement, "header_line")?;
         let first_row_line = line(measurement, "first_row_line")?;
         let header_line = if header_line.is_none() && first_row_line.is_none() { Some(1) } else { header_line };
-        let time = column(columns, "time")?;
-        let format = match units.text("time")?.as_deref() {
-            Some("clock") => TimeFormat::Clock,
-            Some("iso") => TimeFormat::Iso,
-            _ => TimeFormat::Unit(units.of("time", Dimension::Time, &time)?),
-        };
-        let description = Self {
+        let layout = Self {
             delimiter,
             decimal,
             encoding: one_of(measurement, "encoding", &Encoding::ALL, Encoding::name)?,
             comment: measurement.text("comment")?,
             header_line,
             first_row_line: first_row_line.unwrap_or(header_line.map_or(1, |line| line + 1)),
-            force: None,
-            position: None,
-            time: (time, format),
-            cycle: None,
         };
-        if description.header_line.is_some_and(|header| header >= description.first_row_line) {
+        if layout.header_line.is_some_and(|header| header >= layout.first_row_line) {
             let remedy = "the header stands above the first row";
             return Err(measurement.refuse("header_line", "the header stands below the first row", remedy));
         }
-        Ok(description)
-    }
-
-    /// Whether positions are x and y.
-    pub fn is_plane(&self) -> bool {
-        matches!(self.position, Some((PositionColumns::Plane(_), _)))
+        Ok(layout)
     }
 }
 
@@ -186,7 +197,7 @@ fn line(table: Table<'_>, key: &str) -> Result<Option<usize>> {
     Err(table.refuse(key, format!("{number} is no line of a file"), format!("count lines from 1, as in `{key} = 1`")))
 }
 
-fn column(columns: Table<'_>, key: &str) -> Result<ColumnName> {
+pub(in crate::experiment) fn column(columns: Table<'_>, key: &str) -> Result<ColumnName> {
     if !columns.has(key) {
         return Err(columns.missing(key, &EXAMPLE.replace("position", key)));
     }
@@ -209,13 +220,13 @@ fn position_columns(columns: Table<'_>) -> Result<PositionColumns> {
 }
 
 /// `[measurement.units]`; a column whose name ends in its unit needs none there.
-struct Units<'a> {
+pub(in crate::experiment) struct Units<'a> {
     measurement: Table<'a>,
     table: Option<Table<'a>>,
 }
 
 impl<'a> Units<'a> {
-    fn read(measurement: Table<'a>, keys: &[&str]) -> Result<Self> {
+    pub fn read(measurement: Table<'a>, keys: &[&str]) -> Result<Self> {
         let table = measurement.table("units")?;
         table.map_or(Ok(()), |table| table.only(keys))?;
         Ok(Self { measurement, table })
@@ -232,7 +243,7 @@ impl<'a> Units<'a> {
         self.table.map_or(Ok(None), |table| table.text(key))
     }
 
-    fn of(&self, key: &str, dimension: Dimension, column: &ColumnName) -> Result<Spelt> {
+    pub fn of(&self, key: &str, dimension: Dimension, column: &ColumnName) -> Result<Spelt> {
         let Some((table, text)) = self.table.zip(self.text(key)?) else {
             let by_name = match column {
                 ColumnName::Named(name) => split_unit(name).1,
@@ -243,6 +254,9 @@ impl<'a> Units<'a> {
                 Dimension::Force => "force = \"uN\"",
                 Dimension::Length => "position = \"um\"",
                 Dimension::Current => "current = \"A\"",
+                Dimension::Frequency => "frequency = \"Hz\"",
+                Dimension::Pressure => "storage = \"Pa\"",
+                Dimension::Angle => "phase = \"deg\"",
             };
             return by_name.filter(|unit| unit.dimension == dimension).ok_or_else(|| match self.table {
                 Some(table) => table.missing(key, example),
@@ -251,7 +265,13 @@ impl<'a> Units<'a> {
         };
         unit(&text).filter(|unit| unit.dimension == dimension).ok_or_else(|| {
             let known = dimension.accepted_suffixes().replace('_', "");
-            let others = if dimension == Dimension::Time { ", min, h, clock (hh:mm:ss), iso" } else { "" };
+            let others = match dimension {
+                Dimension::Time => ", min, h, clock (hh:mm:ss), iso",
+                Dimension::Frequency => ", rad/s",
+                Dimension::Pressure => ", kPa, MPa",
+                Dimension::Angle => ", deg",
+                _ => "",
+            };
             table.refuse(key, format!("`{text}` is no unit of this"), format!("write one of {known}{others}"))
         })
     }

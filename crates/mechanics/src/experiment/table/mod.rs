@@ -9,9 +9,11 @@ mod read;
 mod spelling;
 mod text;
 
-pub use description::{ColumnName, PositionColumns, TableDescription, TimeFormat};
-pub(super) use description::{KEYS, one_of};
-pub use propose::{Ask, Given, Proposal, Question, propose};
-pub(super) use read::{read_described, text_in};
+pub use description::{ColumnName, PositionColumns, TableDescription, TableLayout, TimeFormat};
+pub(super) use description::{KEYS, Units, column, one_of};
+pub use propose::{Ask, Given, Looked, Proposal, Question, look, propose};
+pub(super) use read::{ColumnNames, read_described, text_in};
+pub(super) use spelling::split_unit;
 pub use spelling::{Spelt, unit};
 pub use text::{Decimal, Delimiter, Encoding, table_text};
+pub(super) use text::{cells, is_aside};

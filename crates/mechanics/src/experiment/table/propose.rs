@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::path::Path;
 
-use super::description::{ColumnName, PositionColumns, TableDescription, TimeFormat};
+use super::description::{ColumnName, PositionColumns, TableDescription, TableLayout, TimeFormat};
 use super::read::read_described;
 use super::spelling::{Spelt, clock_s, iso_s, split_unit, unit};
 use super::text::{Decimal, Delimiter, Encoding, cells, comment_sign, header_cells, is_aside, table_text};
@@ -244,14 +244,7 @@ fn fit(role: Role, name: &str, unit: Option<&Spelt>) -> Option<u32> {
 pub fn propose(file: &Path, bytes: &[u8], given: &Given, ask: Ask<'_>) -> Result<Proposal> {
     let text = &*table_text(bytes);
     let lines: Vec<&str> = text.lines().take(LOOKED_AT).collect();
-    let layout = layout(&lines).ok_or_else(|| {
-        Error::input(
-            Place::file(file),
-            "no two columns of numbers are found",
-            "export the table as text: one sample a line, cells between commas, semicolons, tabulators or blanks",
-        )
-    })?;
-    let header = header(&lines, &layout);
+    let (layout, header) = layout_and_header(file, &lines)?;
     let mut reasons = vec![said_of(&layout, &header, &lines)];
     let seen = Seen { file, given, header: &header, layout: &layout };
     let mut columns: [Option<usize>; 4] = [None; 4];
@@ -318,12 +311,7 @@ pub fn propose(file: &Path, bytes: &[u8], given: &Given, ask: Ask<'_>) -> Result
         Some(y) => PositionColumns::Plane([wanted(Role::Position), name_at(y)]),
     };
     let description = TableDescription {
-        delimiter: layout.delimiter,
-        decimal: layout.decimal,
-        encoding: Some(Encoding::of(bytes)),
-        comment: lines.iter().find_map(|line| comment_sign(line, None)).map(String::from),
-        header_line: header.line.map(|index| index + 1),
-        first_row_line: layout.first + 1,
+        layout: written(bytes, &lines, &layout, &header),
         time: (wanted(Role::Time), time_format),
         force: Some((wanted(Role::Force), unit_of(Role::Force)?)),
         position: Some((position, unit_of(Role::Position)?)),
@@ -352,6 +340,55 @@ pub fn propose(file: &Path, bytes: &[u8], given: &Given, ask: Ask<'_>) -> Result
         description,
         frame,
     })
+}
+
+fn layout_and_header(file: &Path, lines: &[&str]) -> Result<(Layout, Header)> {
+    let layout = layout(lines).ok_or_else(|| {
+        Error::input(
+            Place::file(file),
+            "no two columns of numbers are found",
+            "export the table as text: one sample a line, cells between commas, semicolons, tabulators or blanks",
+        )
+    })?;
+    let header = header(lines, &layout);
+    Ok((layout, header))
+}
+
+/// A table's layout and what its columns are called.
+#[derive(Debug, Clone)]
+pub struct Looked {
+    /// The layout.
+    pub layout: TableLayout,
+    /// Names of the columns; empty where there is no header.
+    pub columns: Vec<String>,
+    /// Their units, where they are said.
+    pub units: Vec<Option<Spelt>>,
+    /// The layout in words.
+    pub said: String,
+}
+
+/// Finds a table's layout and header; `file` is only named in errors.
+///
+/// # Errors
+/// [`Error::Input`] where no block of numbers is found.
+pub fn look(file: &Path, bytes: &[u8]) -> Result<Looked> {
+    let text = &*table_text(bytes);
+    let lines: Vec<&str> = text.lines().take(LOOKED_AT).collect();
+    let (layout, header) = layout_and_header(file, &lines)?;
+    let said = said_of(&layout, &header, &lines);
+    Ok(Looked { layout: written(bytes, &lines, &layout, &header), columns: header.names, units: header.units, said })
+}
+
+/// The layout as it is described.
+fn written(bytes: &[u8], lines: &[&str], layout: &Layout, header: &Header) -> TableLayout {
+    TableLayout {
+        delimiter: layout.delimiter,
+        decimal: layout.decimal,
+        encoding: Some(Encoding::of(bytes)),
+        comment: lines.iter().find_map(|line| comment_sign(line, None)).map(String::from),
+        header_line: header.line.map(|index| index + 1),
+        first_row_line: layout.first + 1,
+    }
 }
 
 fn said_of(layout: &Layout, header: &Header, lines: &[&str]) -> String {

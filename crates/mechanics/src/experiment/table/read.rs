@@ -3,9 +3,9 @@
 use std::borrow::Cow;
 use std::path::Path;
 
-use super::description::{ColumnName, PositionColumns, TableDescription, TimeFormat};
+use super::description::{ColumnName, PositionColumns, TableDescription, TableLayout, TimeFormat};
 use super::spelling::{clock_s, iso_s};
-use super::text::{Encoding, cells, header_cells, is_aside};
+use super::text::{Decimal, Encoding, cells, header_cells, is_aside};
 use crate::error::{Error, Place, Result};
 use crate::experiment::trajectory::{Row, Trajectory, is_lost};
 use crate::files::refuse_long_lines;
@@ -22,21 +22,42 @@ struct Columns {
     cycle: Option<(usize, String)>,
 }
 
-impl Columns {
-    fn new(file: &Path, text: &str, description: &TableDescription) -> Result<Self> {
-        let header: Option<(usize, Vec<Cow<'_, str>>)> = description.header_line.map(|number| {
+/// The columns of a table by their names, where it has a header.
+pub(in crate::experiment) struct ColumnNames<'a> {
+    file: &'a Path,
+    /// The header's line and its cells.
+    header: Option<(usize, Vec<Cow<'a, str>>)>,
+}
+
+impl<'a> ColumnNames<'a> {
+    /// Those of a text; `file` is only named in errors.
+    pub fn new(file: &'a Path, text: &'a str, layout: &TableLayout) -> Self {
+        let header = layout.header_line.map(|number| {
             let mut lines = text.lines().skip(number - 1);
             let line = lines.next().unwrap_or_default();
-            let row = lines.nth((description.first_row_line - number).saturating_sub(1)).unwrap_or_default();
-            let n_cells = cells(row, description.delimiter).len();
-            (number, header_cells(line, description.delimiter, description.comment.as_deref(), n_cells))
+            let row = lines.nth((layout.first_row_line - number).saturating_sub(1)).unwrap_or_default();
+            let n_cells = cells(row, layout.delimiter).len();
+            (number, header_cells(line, layout.delimiter, layout.comment.as_deref(), n_cells))
         });
-        let place_of = |name: &ColumnName| match (name, &header) {
+        Self { file, header }
+    }
+
+    /// The names, empty where there is no header.
+    pub fn all(&self) -> &[Cow<'a, str>] {
+        self.header.as_ref().map_or(&[], |(_, cells)| cells)
+    }
+
+    /// Place of a column from 0, and what messages call it.
+    ///
+    /// # Errors
+    /// [`Error::Input`] where no column has the name.
+    pub fn place(&self, name: &ColumnName) -> Result<(usize, String)> {
+        match (name, &self.header) {
             (ColumnName::Number(number), _) => Ok((*number - 1, format!("column {number}"))),
             (ColumnName::Named(name), Some((line, cells))) => {
                 let at = cells.iter().position(|cell| cell == name).ok_or_else(|| {
                     Error::input(
-                        Place::file(file).at_line(*line).at_key(name.as_str()),
+                        Place::file(self.file).at_line(*line).at_key(name.as_str()),
                         format!("the header has no such column; it has {}", quoted(cells)),
                         "correct the name in [measurement.columns], or give the column's number",
                     )
@@ -44,11 +65,18 @@ impl Columns {
                 Ok((at, name.clone()))
             }
             (ColumnName::Named(name), None) => Err(Error::input(
-                Place::file(file).at_key(name.as_str()),
+                Place::file(self.file).at_key(name.as_str()),
                 "a column is named, and the table has no header",
                 "give the column's number in [measurement.columns], or `header_line`",
             )),
-        };
+        }
+    }
+}
+
+impl Columns {
+    fn new(file: &Path, text: &str, description: &TableDescription) -> Result<Self> {
+        let names = ColumnNames::new(file, text, &description.layout);
+        let place_of = |name: &ColumnName| names.place(name);
         let (x, y) = match description.position.as_ref().map(|(columns, _)| columns) {
             Some(PositionColumns::Along(column)) => (Some(column), None),
             Some(PositionColumns::Plane([x, y])) => (Some(x), Some(y)),
@@ -95,12 +123,13 @@ pub(in crate::experiment) fn read_described(
         Trajectory::empty(columns.cycle.is_some(), &name_of(&columns.force), &name_of(&columns.position));
     trajectory.position_unit_m = description.position.as_ref().map_or(1.0, |(_, unit)| unit.to_si(1.0));
     let mut y_m = columns.y.is_some().then(Vec::new);
-    let comment = description.comment.as_deref();
+    let layout = &description.layout;
+    let comment = layout.comment.as_deref();
     let mut clock = Clock::default();
-    let rows = text.lines().enumerate().skip(description.first_row_line - 1);
+    let rows = text.lines().enumerate().skip(layout.first_row_line - 1);
     for (index, line) in rows.filter(|(_, line)| !is_aside(line, comment)) {
         let place = || Place::file(file).at_line(index + 1);
-        let cells = cells(line, description.delimiter);
+        let cells = cells(line, layout.delimiter);
         let cell = |at: usize, name: &str| match cells.get(at) {
             Some(cell) => Ok(cell.as_ref()),
             None => Err(Error::input(
@@ -115,12 +144,12 @@ pub(in crate::experiment) fn read_described(
             place().at_key(name.as_str())
         };
         let time = cell(columns.time.0, &columns.time.1)?;
-        let time_s = clock.seconds(time, &description.time.1, description, &|| at(0))?;
+        let time_s = clock.seconds(time, &description.time.1, layout.decimal, &|| at(0))?;
         let number = |cell: &str, at: &dyn Fn() -> Place, remedy: &str| {
-            description.decimal.number(cell).ok_or_else(|| {
+            layout.decimal.number(cell).ok_or_else(|| {
                 Error::input(
                     at(),
-                    format!("`{cell}` is not a number with `{}` before its decimals", description.decimal.name()),
+                    format!("`{cell}` is not a number with `{}` before its decimals", layout.decimal.name()),
                     remedy,
                 )
             })
@@ -153,7 +182,7 @@ pub(in crate::experiment) fn read_described(
         trajectory.note_line(file, index + 1)?;
         trajectory.add(Row { time_s, force_n, position_m, cycle }, &at)?;
     }
-    trajectory.check_length(file, description.first_row_line)?;
+    trajectory.check_length(file, layout.first_row_line)?;
     trajectory.y_m = y_m;
     trajectory.clock_zero_s = clock.first_s.unwrap_or(0.0);
     Ok(trajectory)
@@ -168,19 +197,13 @@ struct Clock {
 }
 
 impl Clock {
-    fn seconds(
-        &mut self,
-        cell: &str,
-        format: &TimeFormat,
-        description: &TableDescription,
-        place: &dyn Fn() -> Place,
-    ) -> Result<f64> {
+    fn seconds(&mut self, cell: &str, format: &TimeFormat, decimal: Decimal, place: &dyn Fn() -> Place) -> Result<f64> {
         let refuse = |what: &str| {
             Error::input(place(), format!("`{cell}` is {what}"), "correct the time, or `time` in [measurement.units]")
         };
         let since = match format {
             TimeFormat::Unit(unit) => {
-                let number = description.decimal.number(cell).ok_or_else(|| refuse("not a number"))?;
+                let number = decimal.number(cell).ok_or_else(|| refuse("not a number"))?;
                 let time_s = unit.to_si(number);
                 // A clock that starts before zero is shifted; one that starts later is a record's own affair.
                 let first_s = *self.first_s.get_or_insert(time_s.min(0.0));

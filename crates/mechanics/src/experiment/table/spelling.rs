@@ -3,7 +3,7 @@
 use crate::units::{Dimension, UNITS};
 
 /// Spellings of units that are not suffixes of the program's own, with how many SI units they are.
-const SPELLINGS: [(&str, Dimension, f64); 24] = [
+const SPELLINGS: [(&str, Dimension, f64); 33] = [
     ("sec", Dimension::Time, 1.0),
     ("secs", Dimension::Time, 1.0),
     ("second", Dimension::Time, 1.0),
@@ -28,6 +28,15 @@ const SPELLINGS: [(&str, Dimension, f64); 24] = [
     ("micrometre", Dimension::Length, 1e-6),
     ("cm", Dimension::Length, 1e-2),
     ("pm", Dimension::Length, 1e-12),
+    ("hz", Dimension::Frequency, 1.0),
+    ("rad/s", Dimension::Frequency, 0.5 * std::f64::consts::FRAC_1_PI),
+    ("pa", Dimension::Pressure, 1.0),
+    ("kPa", Dimension::Pressure, 1e3),
+    ("MPa", Dimension::Pressure, 1e6),
+    ("deg", Dimension::Angle, std::f64::consts::PI / 180.0),
+    ("degrees", Dimension::Angle, std::f64::consts::PI / 180.0),
+    ("°", Dimension::Angle, std::f64::consts::PI / 180.0),
+    ("mrad", Dimension::Angle, 1e-3),
 ];
 
 /// A unit that was recognised.
@@ -73,6 +82,12 @@ pub fn unit(text: &str) -> Option<Spelt> {
 
 /// A name and the unit in it: `x [µm]`, `x (µm)`, `x/µm`, `x_um`, `x in µm`.
 pub fn split_unit(name: &str) -> (&str, Option<Spelt>) {
+    // The joint of `rad_s` and the stroke of `rad/s` are the unit's own.
+    for ending in ["_rad_s", "_rad/s", " rad/s"] {
+        if let Some(stem) = name.strip_suffix(ending) {
+            return (stem, unit("rad/s"));
+        }
+    }
     let bracketed = name.trim_end().strip_suffix([']', ')']).and_then(|open| open.rsplit_once(['[', '(']));
     let others = ["/", " in ", "_", " "].iter().filter_map(|joint| name.rsplit_once(joint));
     let found = bracketed.into_iter().chain(others).find_map(|(stem, text)| Some((stem, unit(text)?)));

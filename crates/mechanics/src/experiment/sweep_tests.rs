@@ -1,0 +1,82 @@
+use super::*;
+
+/// A sweep of this table, described by these lines of `[measurement]`.
+fn read(table: &str, measurement: &str) -> Result<Sweep> {
+    let dir = tempfile::tempdir().unwrap();
+    let toml = format!(
+        "[specimen]\nid = \"gel\"\n\n[measurement]\nkind = \"oscillation\"\nfile = \"sweep.csv\"\n{measurement}"
+    );
+    std::fs::write(dir.path().join("experiment.toml"), toml).unwrap();
+    std::fs::write(dir.path().join("sweep.csv"), table).unwrap();
+    assert!(Sweep::is_one(dir.path()));
+    Sweep::read(dir.path()).map(|(sweep, _)| sweep)
+}
+
+const TABLE: &str = "frequency_hz,storage_pa,loss_pa\n10,4,5\n0.1,1,2\n1,2,3\n100,6,7\n";
+
+#[test]
+fn rows_ascend_whatever_the_table_does() {
+    let sweep = read(TABLE, "").unwrap();
+    let frequencies: Vec<f64> = sweep.rows.iter().map(|row| row.frequency_hz).collect();
+    assert_eq!(frequencies, [0.1, 1.0, 10.0, 100.0]);
+    assert_eq!(sweep.rows[0].pair, [1.0, 2.0]);
+    assert_eq!((sweep.poisson_ratio, sweep.form, sweep.has_errors()), (0.5, SweepForm::StorageAndLoss, false));
+    assert!(sweep.rows.iter().all(|row| !row.is_heldout));
+}
+
+#[test]
+fn angles_kilopascals_and_decimal_commas_are_the_same_sweep() {
+    let described = "delimiter = \";\"\ndecimal = \",\"\n[measurement.columns]\nfrequency = \"ω [rad/s]\"\nmodulus = \"|G*| [kPa]\"\nphase = 3\nmodulus_sd = 4\nphase_sd = 5\n\
+        [measurement.units]\nphase = \"deg\"\nmodulus_sd = \"Pa\"\nphase_sd = \"deg\"\n";
+    let mut table = String::from("ω [rad/s];|G*| [kPa];delta;s;d\n");
+    for k in 0..5 {
+        table += &format!("{};0,005;{};0,1;1\n", f64::from(k + 1) * 2.0, 30).replace('.', ",");
+    }
+    let sweep = read(&table, described).unwrap();
+    let row = sweep.rows[0];
+    assert!((row.frequency_hz - 2.0 / std::f64::consts::TAU).abs() < 1e-12);
+    let [storage, loss] = sweep.form.moduli(row.pair);
+    assert!((storage - 5.0 * 30f64.to_radians().cos()).abs() < 1e-12 && (loss - 2.5).abs() < 1e-12);
+    let sd = row.sd.unwrap();
+    assert!((sd[0] - 0.1).abs() < 1e-12 && (sd[1] - 1f64.to_radians()).abs() < 1e-12);
+}
+
+#[test]
+fn every_third_frequency_is_held_out_or_those_that_are_named() {
+    let rows: String = (1..=9).map(|k| format!("{k},1,1\n")).collect();
+    let table = format!("frequency_hz,storage_pa,loss_pa\n{rows}");
+    let heldout = |measurement: &str| -> Vec<f64> {
+        let sweep = read(&table, measurement).unwrap();
+        sweep.rows.iter().filter(|row| row.is_heldout).map(|row| row.frequency_hz).collect()
+    };
+    assert_eq!(heldout(""), [2.0, 5.0, 8.0]);
+    assert_eq!(heldout("heldout_hz = [9, 3]\n"), [3.0, 9.0]);
+    assert_eq!(heldout("heldout_hz = []\n"), [0.0; 0]);
+}
+
+/// Each with the words that a person is to read.
+#[test]
+fn what_is_no_sweep_is_refused_with_its_place() {
+    for (table, measurement, found) in [
+        ("frequency_hz,storage_pa\n1,2\n", "", "line 1: there is no column of the moduli"),
+        ("frequency_hz,storage_pa,loss_pa\n1,x,3\n", "", "line 2, storage_pa: `x` is not a number"),
+        ("frequency_hz,storage_pa,loss_pa\n-1,2,3\n", "", "line 2, frequency_hz: -1 Hz is no frequency"),
+        ("frequency_hz,storage_pa,loss_pa,storage_sd_pa,loss_sd_pa\n1,2,3,0,1\n", "", "storage_sd_pa: an error of 0"),
+        ("frequency_hz,storage_pa,loss_pa\n1,2,3\n2,,3\n", "", "1 frequencies are fitted"),
+        (TABLE, "heldout_hz = [3]\n", "nothing was measured at 3 Hz"),
+        (TABLE, "force = \"hold\"\n", "force"),
+    ] {
+        let error = read(table, measurement).unwrap_err().to_string();
+        assert!(error.contains(found), "{error}");
+    }
+}
+
+#[test]
+fn a_rheometers_own_names_are_known() {
+    let table = "Angular frequency\tStorage modulus\tLoss modulus\tTan(delta)\nrad/s\tPa\tPa\t\n1,0\t2,0\t3,0\t1,5\n2,0\t3,0\t4,0\t1,3\n";
+    let looked = super::super::table::look("a.txt".as_ref(), table.as_bytes()).unwrap();
+    let columns = sweep_columns(&looked).unwrap();
+    assert_eq!(columns, [(SweepColumn::Frequency, 0), (SweepColumn::Storage, 1), (SweepColumn::Loss, 2)]);
+    let creep = super::super::table::look("b.csv".as_ref(), b"time_s,force_uN,position_um\n0,1,2\n1,1,3\n").unwrap();
+    assert_eq!(sweep_columns(&creep), None);
+}
