@@ -8,7 +8,7 @@ use crate::error::{Error, Place, Result};
 use crate::experiment::{Scales, Sweep, SweepForm, SweepRow};
 use crate::inference::LogDensity;
 use crate::inference::ensemble::RandomStream;
-use crate::inference::optimum::find_modes;
+use crate::inference::optimum::{Mode, find_modes};
 use crate::inference::prior::{Distribution, Prior, PriorSet};
 use crate::model::Model;
 use crate::number::Dual;
@@ -122,13 +122,14 @@ impl SweepProblem {
 
     /// Refuses an effect that changes more than the law's relation of stress and strain: an oscillation that goes on for ever shows nothing of it.
     fn refuse_unseen(&self, all: &PriorSet) -> Result<()> {
-        let middle: Vec<Dual> = self
+        // Not at the middle of a prior, which may be an effect's null.
+        let aside: Vec<Dual> = self
             .model
             .parameters()
             .iter()
-            .map(|spec| all.get(spec.name).map_or(f64::NAN, |prior| prior.distribution.quantile(0.5)).into())
+            .map(|spec| all.get(spec.name).map_or(f64::NAN, |prior| prior.distribution.quantile(0.8)).into())
             .collect();
-        let seen = self.model.stages(&middle).is_ok_and(|stages| {
+        let seen = self.model.stages(&aside).is_ok_and(|stages| {
             let law = stages.law.clone();
             stages == Stages::of_law(law)
         });
@@ -227,25 +228,34 @@ impl SweepProblem {
     /// # Errors
     /// Those of [`find_modes`].
     pub fn fit_from(&self, starts: &[Vec<f64>]) -> Result<Option<SweepFit>> {
+        Ok(self.maxima(starts)?.into_iter().next())
+    }
+
+    /// All maxima that these starts lead to, the highest first; one that no climb has reached comes last.
+    ///
+    /// # Errors
+    /// Those of [`find_modes`].
+    pub fn maxima(&self, starts: &[Vec<f64>]) -> Result<Vec<SweepFit>> {
         let modes = find_modes(self, starts)?;
-        let best = modes.iter().max_by(|a, b| {
-            (a.converged, a.log_density).partial_cmp(&(b.converged, b.log_density)).unwrap_or(std::cmp::Ordering::Equal)
-        });
-        Ok(best.map(|mode| {
-            let values = self.values(&mode.location);
-            let n = mode.location.len();
-            let covariance = nalgebra::DMatrix::from_row_slice(n, n, &mode.precision).try_inverse();
-            let sd = (0..n).map(|k| covariance.as_ref().map_or(f64::NAN, |c| c[(k, k)].max(0.0).sqrt())).collect();
-            SweepFit {
-                ln_likelihood: self.ln_likelihood(&values, false),
-                ln_heldout: self.ln_likelihood(&values, true),
-                point: mode.location.clone(),
-                values,
-                ln_posterior: mode.log_density,
-                converged: mode.converged,
-                sd,
-            }
-        }))
+        let mut fits: Vec<SweepFit> = modes.iter().map(|mode| self.fit_of(mode)).collect();
+        fits.sort_by(|a, b| b.converged.cmp(&a.converged).then_with(|| b.ln_posterior.total_cmp(&a.ln_posterior)));
+        Ok(fits)
+    }
+
+    fn fit_of(&self, mode: &Mode) -> SweepFit {
+        let values = self.values(&mode.location);
+        let n = mode.location.len();
+        let covariance = nalgebra::DMatrix::from_row_slice(n, n, &mode.precision).try_inverse();
+        let sd = (0..n).map(|k| covariance.as_ref().map_or(f64::NAN, |c| c[(k, k)].max(0.0).sqrt())).collect();
+        SweepFit {
+            ln_likelihood: self.ln_likelihood(&values, false),
+            ln_heldout: self.ln_likelihood(&values, true),
+            point: mode.location.clone(),
+            values,
+            ln_posterior: mode.log_density,
+            converged: mode.converged,
+            sd,
+        }
     }
 
     /// Rows as they might have been measured, were the model right at these values.

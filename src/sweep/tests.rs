@@ -76,13 +76,14 @@ fn problem(sweep: Sweep) -> SweepProblem {
     SweepProblem::new(sweep, specification, &Library::default()).unwrap()
 }
 
-/// Of 60 sweeps of each form, 90 % intervals by the curvature cover each parameter in 47 to 60: a right one fails in 1.5 of 1,000 (binomial), 6 parameters in 1 of 100 seeds.
+/// Of 150 sweeps of each form, with errors that are known, 90 % intervals by the curvature cover each parameter in 123 or more: a right one fails in 1 of 1,000 (binomial), one of six
+/// in 1 of 150 seeds.
 #[test]
 fn intervals_cover_what_an_independent_formula_was_given() {
     for form in [SweepForm::StorageAndLoss, SweepForm::ModulusAndPhase] {
         let mut n_covered = [0; 3];
-        for seed in 0..60 {
-            let problem = problem(sweep(Beside::Nothing, form, None, seed));
+        for seed in 0..150 {
+            let problem = problem(sweep(Beside::Nothing, form, Some(1.0), seed));
             let fit = problem.fit(1, &[]).unwrap().unwrap();
             assert!(fit.converged);
             for (k, truth) in TRUTH.into_iter().enumerate() {
@@ -90,7 +91,7 @@ fn intervals_cover_what_an_independent_formula_was_given() {
                 n_covered[k] += usize::from((fit.point[k] - z).abs() < 1.6449 * fit.sd[k]);
             }
         }
-        assert!(n_covered.iter().all(|n| *n >= 47), "{form:?}: {n_covered:?}");
+        assert!(n_covered.iter().all(|n| *n >= 123), "{form:?}: {n_covered:?}");
     }
 }
 

@@ -7,7 +7,7 @@ use rand_chacha::ChaCha8Rng;
 use vitreo_uq::experiment::{Experiment, ExperimentFiles};
 
 /// What can be wrong, by the name that `check` has for it.
-pub const KINDS: [&str; 12] = [
+pub const KINDS: [&str; 13] = [
     "force_between_rows",
     "against_force",
     "zero_off",
@@ -20,6 +20,7 @@ pub const KINDS: [&str; 12] = [
     "clipped_positions",
     "repeated_positions",
     "switch_between_rows",
+    "zero_is_a_row",
 ];
 
 /// Effects that a record may have without contradicting its description.
@@ -199,6 +200,7 @@ pub fn record(wrong: Option<&str>, seed: u64) -> (Experiment, ExperimentFiles) {
             Some("zero_off") => *x + offset_um,
             Some("leaves_its_container") => 1e3 * *x,
             Some("noise_above_motion") => 1e-3 * *x,
+            Some("zero_is_a_row") => *x - positions[0],
             Some("clipped_positions") => x.min(end_um),
             Some("repeated_positions") => positions[row - row % repeats],
             Some("drift_at_rest") => *x + drift_um * row.min(n_rest) as f64 / n_rest as f64,
@@ -209,7 +211,10 @@ pub fn record(wrong: Option<&str>, seed: u64) -> (Experiment, ExperimentFiles) {
     let rows: Vec<Row> = times
         .iter()
         .zip(&written)
-        .map(|(t, x)| Row { time_s: *t, force_un: drive.at(*t), position_um: (!rng.random_bool(lost)).then_some(*x) })
+        .map(|(t, x)| {
+            let is_seen = !rng.random_bool(lost) || is("zero_is_a_row") && *t == 0.0;
+            Row { time_s: *t, force_un: drive.at(*t), position_um: is_seen.then_some(*x) }
+        })
         .collect();
     let per_second = match wrong {
         Some("time_unit") if rng.random_bool(0.5) => 1e3,
@@ -217,7 +222,7 @@ pub fn record(wrong: Option<&str>, seed: u64) -> (Experiment, ExperimentFiles) {
         _ => 1.0,
     };
     let per_un = if is("size_of_the_answer") { 1e-7 } else { 1.0 };
-    let states_noise = is("noise_above_motion") || !is_exact && rng.random_bool(0.5);
+    let states_noise = is("noise_above_motion") || is("zero_is_a_row") || !is_exact && rng.random_bool(0.5);
     let rule = if is_curve && wrong.is_none() { "force = \"linear\"\n" } else { "" };
     let noise = if states_noise { format!("noise_um = {noise_um:.6}\n") } else { String::new() };
     let toml = format!(

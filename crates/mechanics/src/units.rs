@@ -116,6 +116,10 @@ mod tests {
             ("A", 1e6),
             ("mA", 1e3),
             ("uA", 1.0),
+            ("Hz", 1e6),
+            ("Pa", 1e6),
+            ("mPa", 1e3),
+            ("rad", 1e6),
         ];
         assert_eq!(UNITS.len(), expected.len());
         for (unit, (suffix, si)) in UNITS.iter().zip(expected) {

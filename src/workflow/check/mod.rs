@@ -70,6 +70,7 @@ pub fn contradictions(experiment: &Experiment, understood: &Understood) -> Vec<C
         force::curved,
         force::against,
         zero::off,
+        zero::is_a_row,
         zero::drifts_at_rest,
         sizes::no_gel,
         sizes::leaves_its_container,

@@ -15,6 +15,8 @@ const NOISES_WITHOUT_START: f64 = 12.0;
 const SHARE_WITHOUT_START: f64 = 0.15;
 /// Share of themselves by which two looks at the start may differ.
 const AGREE: f64 = 0.5;
+/// Smallest differences of positions in one standard deviation of the noise, at which a position is not 0 by chance.
+const DIGITS: f64 = 50.0;
 /// Rows of rest before the force that can show a drift, and a drift's size in noise, as a share of the positions' range, and in its own standard errors.
 const REST_ROWS: usize = 8;
 const DRIFT_NOISES: f64 = 4.0;
@@ -49,6 +51,32 @@ pub(super) fn off(looked: &Looked<'_>) -> Option<Contradiction> {
     );
     let advice = "write `zero = \"fit\"` in [measurement], or the position itself";
     Some(found("zero_off", true, text, advice))
+}
+
+/// A zero that is one row's position, whose noise all others then carry: the first position is nothing to the last digit, where the known noise is many digits wide.
+pub(super) fn is_a_row(looked: &Looked<'_>) -> Option<Contradiction> {
+    let noise_m = looked.experiment.noise_sd_m?;
+    let mut positions: Vec<f64> = looked.record.position_m.iter().flatten().copied().collect();
+    if looked.experiment.fits_position_offset || positions.first() != Some(&0.0) {
+        return None;
+    }
+    positions.sort_unstable_by(f64::total_cmp);
+    let steps = positions.windows(2).map(|pair| pair[1] - pair[0]);
+    let digit_m = steps.filter(|step| *step > 0.0).fold(f64::INFINITY, f64::min);
+    let n_zero = positions.iter().filter(|x| **x == 0.0).count();
+    if n_zero > 1 || digit_m > noise_m / DIGITS {
+        return None;
+    }
+    let text = format!(
+        "the first position is exactly 0, and the noise is {} µm: if that row was subtracted from all, they carry its noise, which shifts what is fitted by many standard errors",
+        um(noise_m)
+    );
+    Some(found(
+        "zero_is_a_row",
+        false,
+        text,
+        "write `zero = \"fit\"` in [measurement], unless 0 is known by other means",
+    ))
 }
 
 /// A body that moves before any force acts.

@@ -183,18 +183,18 @@ impl Specification {
     fn read(file: &Path, bytes: &[u8]) -> Result<Self> {
         let document = TomlInput::parse(file, text_of(file, bytes)?)?;
         let root = document.root();
-        root.only(&["kind", "specimen", "robot", "vitreous", "instrument", "indenter", "measurement", "actuation"])?;
-        let specimen = root.required_table("specimen")?;
-        specimen.only(&["id", "species", "region"])?;
-        let specimen_id = specimen.required_text("id", "id = \"porcine-01\"")?;
-        let (species, region) = (specimen.text("species")?, specimen.text("region")?);
-        let apparatus = Apparatus::from_document(root)?;
         let measurement = root.required_table("measurement")?;
         if is_oscillation(root, measurement)? {
             let remedy =
                 "give a record of force and position against time; `check`, `sample` and `diagnose` take oscillations";
             return Err(measurement.refuse("kind", "this is an oscillation, not a record in time", remedy));
         }
+        root.only(&["kind", "specimen", "robot", "vitreous", "instrument", "indenter", "measurement", "actuation"])?;
+        let specimen = root.required_table("specimen")?;
+        specimen.only(&["id", "species", "region"])?;
+        let specimen_id = specimen.required_text("id", "id = \"porcine-01\"")?;
+        let (species, region) = (specimen.text("species")?, specimen.text("region")?);
+        let apparatus = Apparatus::from_document(root)?;
         measurement.only(
             &[
                 &["kind", "file", "calibration_cycles", "heldout_cycles", "cycle_starts_s", "noise_um", "source"],
