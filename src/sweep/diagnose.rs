@@ -170,7 +170,7 @@ fn candidate(tried: &Tried, base: &SweepFit, chance: &[f64], has_heldout: bool) 
     OscillationCandidate {
         effect: tried.effect.slug().into(),
         gain_nats,
-        heldout_gain_nats: has_heldout.then(|| tried.fit.ln_heldout - base.ln_heldout),
+        heldout_gain_nats: has_heldout.then_some(tried.fit.ln_heldout - base.ln_heldout),
         p_familywise: (1 + n_larger) as f64 / (1 + chance.len()) as f64,
         parameters: tried.effect.parameters().iter().filter_map(|parameter| estimate(parameter.spec.name)).collect(),
     }

@@ -24,6 +24,8 @@ pub const DEFAULT_PRIOR: &str = "generic";
 const NOISE_PRIOR: Distribution = Distribution::LogNormal { median: 0.02, log_sd: 1.2 };
 const NOISE_PRIOR_SOURCE: &str =
     "chosen: rheometers repeat to a few per cent, a factor of three for one standard deviation";
+/// More frequencies than any rheometer's program sweeps.
+const MOST_ROWS: usize = 10_000;
 /// Draws from the prior at which a fit starts.
 const N_STARTS: usize = 24;
 /// Stream of the starts.
@@ -81,6 +83,11 @@ impl SweepProblem {
     /// # Errors
     /// [`Error::Input`] for effects that an oscillation cannot show, terms of noise, parameters that are none, and what priors refuse.
     pub fn new(sweep: Sweep, specification: ModelSpecification, library: &Library) -> Result<Self> {
+        if sweep.rows.len() > MOST_ROWS {
+            let found = format!("{} frequencies are more than {MOST_ROWS}", sweep.rows.len());
+            let remedy = "is this a record in time? else keep fewer frequencies";
+            return Err(Error::input(Place::default().at_key("sweep"), found, remedy));
+        }
         let effects = specification.effects(library);
         let model = Model::new(specification.base, effects, scales(&sweep), &Place::option("--with"))?;
         if specification.noise != ModelSpecification::default().noise {

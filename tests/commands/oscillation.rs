@@ -64,7 +64,7 @@ fn a_table_of_moduli_becomes_a_posterior() {
     assert!(draws("study") == draws("other"), "the bytes depend on the number of threads");
     // Other commands say what they need.
     vitreo(dir, &["fit", "sweep"]).refuses(&["this is an oscillation", "force and position against time"]);
-    vitreo(dir, &["sample", "sweep", "--noise", "ou"]).refuses(&["--noise", "no rows in time"]);
+    vitreo(dir, &["sample", "sweep", "--noise", "white,ou"]).refuses(&["--noise", "no rows in time"]);
 }
 
 /// `sample` and `diagnose` say the same of a law that lacks a spring, and with it nothing is missing.

@@ -29,7 +29,7 @@ const NAME: &str = "joint";
 
 /// A record, ready to be computed.
 enum Record {
-    Creep(Box<Problem>, Reduced),
+    Creep(Box<(Problem, Reduced)>),
     Oscillation(Box<SweepProblem>),
 }
 
@@ -73,7 +73,7 @@ pub fn sample(arguments: &SampleArguments) -> Result<ExitCode> {
             check::refuse_certain(&experiment, &files.understood, &terminal)?;
             let problem = Problem::new(experiment, specification.clone(), None, &terminal)?;
             let reduced = Reduced::new(&problem, None, &terminal)?;
-            records.push(Record::Creep(Box::new(problem), reduced));
+            records.push(Record::Creep(Box::new((problem, reduced))));
             files
         };
         for (name, hash) in Study::hashes_of(&files)? {
@@ -83,7 +83,7 @@ pub fn sample(arguments: &SampleArguments) -> Result<ExitCode> {
     let densities: Vec<_> = records
         .iter()
         .map(|record| match record {
-            Record::Creep(problem, reduced) => Some(problem.posterior(reduced)),
+            Record::Creep(creep) => Some(creep.0.posterior(&creep.1)),
             Record::Oscillation(_) => None,
         })
         .collect();
@@ -116,7 +116,7 @@ pub fn sample(arguments: &SampleArguments) -> Result<ExitCode> {
 
 fn id_of(record: &Record) -> &str {
     match record {
-        Record::Creep(problem, _) => &problem.experiment.specimen_id,
+        Record::Creep(creep) => &creep.0.experiment.specimen_id,
         Record::Oscillation(problem) => &problem.sweep.specimen_id,
     }
 }
@@ -127,9 +127,7 @@ fn member_of<'a>(
 ) -> Option<Member<'a>> {
     let id = id_of(record).to_string();
     match record {
-        Record::Creep(problem, _) => {
-            density.map(|density| Member { id, kind: "creep", density, priors: &problem.priors })
-        }
+        Record::Creep(creep) => density.map(|density| Member { id, kind: "creep", density, priors: &creep.0.priors }),
         Record::Oscillation(problem) => {
             Some(Member { id, kind: "oscillation", density: &**problem, priors: &problem.priors })
         }
