@@ -46,11 +46,12 @@ pub fn make_first_revision(
     Ok((result, written))
 }
 
-/// Refuses a problem with every parameter fixed.
+/// Refuses a problem with every parameter fixed, or with more rows than draws can be predicted at.
 ///
 /// # Errors
 /// [`Error::Input`].
 pub fn refuse_nothing_to_sample(problem: &Problem) -> Result<()> {
+    sample::refuse_too_many_rows(problem.experiment.record.n_rows())?;
     if problem.priors.priors().is_empty() {
         return Err(Error::input(
             Place::option("--set"),

@@ -15,7 +15,7 @@ use super::misfit::{Misfit, Remainder, directions_of_spread};
 use super::problem::Problem;
 use super::reduced::{KeptSurrogate, Reduced};
 use crate::documents::posterior::*;
-use crate::error::{Error, Result};
+use crate::error::{Error, Place, Result};
 use crate::experiment::{Experiment, NoiseOrigin, NoiseYardstick};
 use crate::files::write_atomically;
 use crate::inference::checkpoint;
@@ -33,6 +33,8 @@ const N_STARTS: usize = 16;
 const N_STARTS_OF_LARGER: usize = 96;
 /// Stream of the starts, apart from the sampler's.
 const START_STREAM: u64 = u64::MAX / 2;
+/// Rows that draws are predicted at: 3.4 GB at a million.
+const MOST_ROWS: usize = 1_200_000;
 /// Time between checkpoints.
 const CHECKPOINT_INTERVAL: std::time::Duration = std::time::Duration::from_secs(10);
 
@@ -67,11 +69,28 @@ pub struct SampleResult {
     pub timing_s: Vec<(&'static str, f64)>,
 }
 
+/// Refuses a record whose predictions by every draw would not fit into memory.
+///
+/// # Errors
+/// [`Error::Input`] with the remedy.
+pub fn refuse_too_many_rows(n_rows: usize) -> Result<()> {
+    if n_rows <= MOST_ROWS {
+        return Ok(());
+    }
+    let every = n_rows.div_ceil(MOST_ROWS);
+    Err(Error::input(
+        Place::default().at_key("measurement"),
+        format!("{n_rows} rows are more than {MOST_ROWS}, which posterior draws are predicted at"),
+        format!("average every {every} rows into one, or let `fit` take the record as it is"),
+    ))
+}
+
 /// Runs the job.
 ///
 /// # Errors
 /// [`crate::Error::Interrupted`] when stopped, with the state kept; otherwise whatever its parts refuse.
 pub fn run(problem: &Problem, request: &SampleRequest, monitor: &dyn Monitor) -> Result<SampleResult> {
+    refuse_too_many_rows(problem.experiment.record.n_rows())?;
     let mut timing_s = Vec::new();
     let mut clock = Instant::now();
     let mut lap = |stage: &'static str| {
@@ -408,6 +427,13 @@ mod tests {
     use crate::model::Compliance;
     use crate::study::ModelSpecification;
     use crate::workflow::{Silent, replica};
+
+    #[test]
+    fn long_records_are_refused_with_what_to_do() {
+        assert!(refuse_too_many_rows(1_000_000).is_ok());
+        let error = refuse_too_many_rows(10_000_000).unwrap_err().to_string();
+        assert!(error.contains("10000000 rows") && error.contains("average every 9 rows"), "{error}");
+    }
 
     /// A checkpoint of another mesh's posterior must not be resumed: its mechanics are part of what the sampler hashes.
     #[test]

@@ -9,6 +9,7 @@ use vitreo_uq::documents::diagnosis::{CandidateEntry, Diagnosis, Status, Verdict
 use vitreo_uq::error::{Error, Place, Result};
 use vitreo_uq::files::write_json_atomically;
 use vitreo_uq::report::diagnosis as figure;
+use vitreo_uq::report::number::listed;
 use vitreo_uq::report::svg::{remove_figure, write_figure};
 use vitreo_uq::study::WithProvenance;
 use vitreo_uq::workflow::Monitor;
@@ -78,15 +79,14 @@ fn request(arguments: &DiagnoseArguments) -> Result<DiagnosisRequest> {
 }
 
 fn words(diagnosis: &Diagnosis, revision: &str) -> String {
-    let cycles = |cycles: &[u32]| cycles.iter().map(u32::to_string).collect::<Vec<_>>().join(", ");
     let scored = if diagnosis.heldout_cycles.is_empty() {
         "none held out".to_string()
     } else {
-        format!("scored on {}", cycles(&diagnosis.heldout_cycles))
+        format!("scored on {}", listed(&diagnosis.heldout_cycles))
     };
     let mut lines = vec![
         format!("{} ({revision}): {}", diagnosis.experiment, diagnosis.verdict.sentence),
-        format!("(every model fitted to cycles {}, {scored})", cycles(&diagnosis.fitted_cycles)),
+        format!("(every model fitted to cycles {}, {scored})", listed(&diagnosis.fitted_cycles)),
         String::new(),
         format!(
             "  {:<26}{:>8}{:>11}{:>11}{:>9}{:>10}   {}",

@@ -8,6 +8,7 @@ use vitreo_uq::documents::extension::{ExtensionSummary, Misfit};
 use vitreo_uq::effects::Library;
 use vitreo_uq::error::{Error, Place, Result};
 use vitreo_uq::files::write_json_atomically;
+use vitreo_uq::report::number::listed;
 use vitreo_uq::study::{Study, WithProvenance};
 use vitreo_uq::workflow::extend::{self, Extension, ExtensionRequest};
 use vitreo_uq::workflow::mechanics::MeshFile;
@@ -96,16 +97,15 @@ fn revisions(study: &Study, from: Option<&str>) -> Result<(String, String, usize
 }
 
 fn words(summary: &ExtensionSummary) -> String {
-    let cycles = |cycles: &[u32]| cycles.iter().map(u32::to_string).collect::<Vec<_>>().join(", ");
     let verdict = if summary.converged { "converged" } else { "NOT CONVERGED" };
     let heldout = if summary.heldout_cycles.is_empty() {
         "no cycle held out".to_string()
     } else {
-        format!("scored on cycle {}", cycles(&summary.heldout_cycles))
+        format!("scored on cycle {}", listed(&summary.heldout_cycles))
     };
     let mut lines = vec![
         format!("{}: {} ({}): {verdict}", summary.experiment, model_title(&summary.model), summary.revision),
-        format!("Both models fitted to cycles {}, {heldout}.", cycles(&summary.fitted_cycles)),
+        format!("Both models fitted to cycles {}, {heldout}.", listed(&summary.fitted_cycles)),
         String::new(),
         parameter_table(&summary.parameters),
         String::new(),

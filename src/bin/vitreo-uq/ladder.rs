@@ -9,6 +9,7 @@ use vitreo_uq::error::Result;
 use vitreo_uq::files::{self, Content};
 use vitreo_uq::report;
 use vitreo_uq::report::labels::of_parameter;
+use vitreo_uq::report::number::listed;
 use vitreo_uq::report::svg::figure_files;
 use vitreo_uq::study::{LADDER_NAME, Study, WithProvenance};
 use vitreo_uq::workflow::Monitor;
@@ -90,13 +91,12 @@ fn words(summary: &LadderSummary) -> String {
 }
 
 fn heading(summary: &LadderSummary) -> String {
-    let cycles = |cycles: &[u32]| cycles.iter().map(u32::to_string).collect::<Vec<_>>().join(", ");
     let scored = if summary.heldout_cycles.is_empty() {
         "no cycle is held out".to_string()
     } else {
-        format!("scored on cycle {} only", cycles(&summary.heldout_cycles))
+        format!("scored on cycle {} only", listed(&summary.heldout_cycles))
     };
-    format!("{}: every revision fitted to cycles {}, {scored}.", summary.experiment, cycles(&summary.fitted_cycles))
+    format!("{}: every revision fitted to cycles {}, {scored}.", summary.experiment, listed(&summary.fitted_cycles))
 }
 
 /// Label of a rung: its model for the first, what it adds for the others.

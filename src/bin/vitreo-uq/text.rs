@@ -3,6 +3,7 @@
 use vitreo_uq::documents::posterior::{ParameterSummary, PosteriorSummary, Warning};
 use vitreo_uq::report::labels::model_title;
 use vitreo_uq::report::labels::of_parameter;
+use vitreo_uq::report::number::listed;
 
 /// The summary that `sample` prints.
 pub fn posterior(summary: &PosteriorSummary) -> String {
@@ -78,13 +79,16 @@ fn heldout_lines(summary: &PosteriorSummary, line: &mut impl FnMut(String)) {
     if let (Some(rmse), Some(coverage_50), Some(coverage_90), Some(p)) =
         (heldout.rmse_um, heldout.coverage_50, heldout.coverage_90, heldout.joint_p)
     {
-        let cycles: Vec<String> = heldout.cycles.iter().map(u32::to_string).collect();
         let by = if let Some(runs) = heldout.fe_runs {
             format!("{runs} full finite-element runs")
         } else {
             "the creep law (no finite elements for an instrument)".into()
         };
-        line(format!("Held-out cycles {}, predicted by {by}: misfit {} µm.", cycles.join(", "), significant(rmse)));
+        line(format!(
+            "Held-out cycles {}, predicted by {by}: misfit {} µm.",
+            listed(&heldout.cycles),
+            significant(rmse)
+        ));
         let expected = |range: Option<[f64; 2]>| {
             range.map_or(String::new(), |[a, b]| format!(" (a right model: {:.0}–{:.0} %)", 100.0 * a, 100.0 * b))
         };

@@ -16,6 +16,7 @@ use crate::error::{Error, Place, Result};
 use crate::experiment::{Apparatus, Experiment, ExperimentFiles, ForceRule, Record, Understood};
 
 use super::Monitor;
+use crate::report::number::listed;
 use quick_fit::{QuickFit, quick_fit};
 
 /// An experiment, and what every look shares.
@@ -173,11 +174,11 @@ fn sentences(experiment: &Experiment, understood: &Understood) -> [String; 5] {
         format!("force {} µN, which {rule}", ends(&mut record.force_n.iter().copied())),
         format!("position {} µm{counted}; {noise}", ends(&mut record.position_m.iter().flatten().copied())),
         format!(
-            "{} cycles of {} s: fitted {:?}, held out {:?}",
+            "{} cycles of {} s: fitted [{}], held out [{}]",
             record.n_cycles(),
             number(scales.cycle_s),
-            experiment.calibration_cycles,
-            experiment.heldout_cycles
+            listed(&experiment.calibration_cycles),
+            listed(&experiment.heldout_cycles)
         ),
     ]
 }

@@ -3,7 +3,7 @@
 use super::axes::{Axes, AxisStyle, TICK_SIZE_PX, title_with_text};
 use super::font::{shorten, text_width_px, wrapped};
 use super::legend::{self, Entry, Mark};
-use super::number::{significant, with_decimals};
+use super::number::{listed, significant, with_decimals};
 use super::palette::{AXIS, BLUE, Colour, GREEN, GRID, INK, MUTED, ORANGE, PURPLE, SKY, VERMILLION, WHITE};
 use super::svg::{Anchor, Fill, Rect, Stroke, Style, Svg, TextStyle};
 use super::ticks::Scale;
@@ -374,11 +374,10 @@ fn errors(svg: &mut Svg, diagnosis: &Diagnosis, top: f64) -> f64 {
         rows.push((with, extended.rmse_fitted_um, extended.rmse_heldout_um));
     }
     let noise_um = base.noise_um;
-    let cycles = |cycles: &[u32]| cycles.iter().map(u32::to_string).collect::<Vec<_>>().join(", ");
     let area = |colour| Mark::Area(Fill::new(colour, 1.0).into());
-    let mut entries = vec![Entry::new(area(SKY), format!("fitted cycles {}", cycles(&diagnosis.fitted_cycles)))];
+    let mut entries = vec![Entry::new(area(SKY), format!("fitted cycles {}", listed(&diagnosis.fitted_cycles)))];
     if !diagnosis.heldout_cycles.is_empty() {
-        entries.insert(0, Entry::new(area(BLUE), format!("held-out cycle {}", cycles(&diagnosis.heldout_cycles))));
+        entries.insert(0, Entry::new(area(BLUE), format!("held-out cycle {}", listed(&diagnosis.heldout_cycles))));
     }
     entries.push(Entry::new(Mark::Line(NOISE), format!("noise {} µm", significant(noise_um, 3))));
     let left = MARGIN_PX + BRACKET_PX + LABEL_PX;

@@ -4,7 +4,7 @@ use super::axes::{Axes, AxisStyle, TICK_SIZE_PX, title_with_text};
 use super::font::{shorten, wrapped};
 use super::labels::of_parameter;
 use super::legend::{self, Entry, Mark};
-use super::number::significant;
+use super::number::{listed, significant};
 use super::palette::{BLUE, Colour, GRID, INK, MUTED, SKY, VERMILLION};
 use super::svg::{Anchor, Fill, Path, Rect, Stroke, Style, Svg, TextStyle};
 use super::ticks::Scale;
@@ -59,12 +59,11 @@ pub fn ladder(summary: &LadderSummary) -> Result<Svg> {
 
 fn entries(summary: &LadderSummary) -> Vec<Entry> {
     let area = |colour| Mark::Area(Fill::new(colour, 1.0).into());
-    let cycles = |cycles: &[u32]| cycles.iter().map(u32::to_string).collect::<Vec<_>>().join(", ");
     let mut entries = Vec::new();
     if !summary.heldout_cycles.is_empty() {
-        entries.push(Entry::new(area(HELDOUT), format!("held-out cycle {}", cycles(&summary.heldout_cycles))));
+        entries.push(Entry::new(area(HELDOUT), format!("held-out cycle {}", listed(&summary.heldout_cycles))));
     }
-    entries.push(Entry::new(area(FITTED), format!("fitted cycles {}", cycles(&summary.fitted_cycles))));
+    entries.push(Entry::new(area(FITTED), format!("fitted cycles {}", listed(&summary.fitted_cycles))));
     if summary.revisions.len() > 1 && !summary.heldout_cycles.is_empty() {
         entries.push(Entry::new(Mark::Area(REMOVED.into()), "taken off by the added effect"));
     }

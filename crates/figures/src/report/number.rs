@@ -18,6 +18,18 @@ pub fn superscript(exponent: i32) -> String {
     exponent.to_string().chars().map(digit).collect()
 }
 
+/// Numbers in ascending order, runs of many by their ends: `1, 3–4000`.
+pub fn listed(numbers: &[u32]) -> String {
+    /// A run of fewer is written out.
+    const LONGEST_WRITTEN_OUT: usize = 6;
+    let runs = numbers.chunk_by(|a, b| a + 1 == *b);
+    let shown = runs.map(|run| match run {
+        [first, .., last] if run.len() > LONGEST_WRITTEN_OUT => format!("{first}–{last}"),
+        _ => run.iter().map(u32::to_string).collect::<Vec<_>>().join(", "),
+    });
+    shown.collect::<Vec<_>>().join(", ")
+}
+
 /// `10ⁿ`.
 pub fn power_of_ten(exponent: i32) -> String {
     format!("10{}", superscript(exponent))
@@ -99,6 +111,14 @@ impl ValueWithErrors {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn long_runs_are_shown_by_their_ends() {
+        assert_eq!(listed(&[2, 3, 4]), "2, 3, 4");
+        assert_eq!(listed(&[1, 3, 4, 5, 6, 7, 8, 9, 12]), "1, 3–9, 12");
+        assert_eq!(listed(&(1..=4000).collect::<Vec<_>>()), "1–4000");
+        assert_eq!(listed(&[]), "");
+    }
 
     #[test]
     fn numbers_read_as_written_by_hand() {
