@@ -80,10 +80,11 @@ fn a_missing_spring_is_found_and_added() {
         (&found["verdict"]["kind"], &found["verdict"]["effects"][0]),
         (&"missing".into(), &"instantaneous-elasticity".into())
     );
-    let with = ["--with", "instantaneous-elasticity", "--quiet"];
-    vitreo(dir, &[&["sample", "sweep", "--out", "mended"][..], &with].concat()).exits(0);
-    let found =
-        vitreo(dir, &[&["diagnose", "sweep", "--out", "mended", "--json", "-"][..], &with].concat()).exits(0).json();
+    let with = ["sample", "study", "--with", "instantaneous-elasticity", "--quiet"];
+    vitreo(dir, &with).refuses(&["m0 is of another model", "--force"]);
+    vitreo(dir, &[&with[..], &["--force"]].concat()).exits(0);
+    // The study's own model is the one that is diagnosed now.
+    let found = vitreo(dir, &["diagnose", "study", "--json", "-"]).exits(0).json();
     assert_eq!(found["verdict"]["kind"], "none", "{found}");
 }
 

@@ -63,7 +63,7 @@ pub fn run(arguments: &SampleArguments) -> Result<ExitCode> {
 }
 
 /// A revision of another model is not overwritten unless that is asked for.
-fn refuse_other_model(study: &Study, specification: &ModelSpecification, force: bool) -> Result<()> {
+pub fn refuse_other_model(study: &Study, specification: &ModelSpecification, force: bool) -> Result<()> {
     let Ok(dir) = study.revision_dir(FIRST_REVISION) else { return Ok(()) };
     let path = dir.join("model.toml");
     if force || same_model(&artefacts::model_of(&dir, &Library::default())?, specification)? {

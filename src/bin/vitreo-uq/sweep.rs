@@ -18,9 +18,11 @@ use vitreo_uq::study::{ModelSpecification, Provenance, Study, WithProvenance};
 use vitreo_uq::sweep::problem::{DEFAULT_PRIOR, SweepProblem};
 use vitreo_uq::sweep::{artefacts, diagnose, job};
 use vitreo_uq::workflow::Monitor;
+use vitreo_uq::workflow::artefacts::model_of;
 use vitreo_uq::workflow::first_revision::FIRST_REVISION;
 
 use crate::options::{self, Common, DiagnoseArguments, Model, SampleArguments};
+use crate::sample::refuse_other_model;
 use crate::terminal::Terminal;
 use crate::text::{parameter_table, significant, warning_text};
 
@@ -59,6 +61,20 @@ impl SweepTarget {
         Ok(Self { sweep, files, dir, force: common.force })
     }
 
+    /// The model of the study's posterior, if it has one of this oscillation.
+    fn model(&self) -> Result<ModelSpecification> {
+        let default = ModelSpecification { prior: DEFAULT_PRIOR.into(), ..ModelSpecification::default() };
+        if !Study::is_study(&self.dir) {
+            return Ok(default);
+        }
+        let study = Study::open(&self.dir)?;
+        let is_same = *study.inputs_sha256() == Study::hashes_of(&self.files)?;
+        match study.revision_dir(FIRST_REVISION).ok().filter(|_| is_same) {
+            Some(dir) => model_of(&dir, &Library::default()),
+            None => Ok(default),
+        }
+    }
+
     fn problem(&self, model: &Model) -> Result<SweepProblem> {
         for (option, is_given) in [("--mesh", model.mesh.is_some()), ("--from", model.from.is_some())] {
             if is_given {
@@ -66,8 +82,7 @@ impl SweepTarget {
                 return Err(Error::input(Place::option(option), found, format!("leave {option} away")));
             }
         }
-        let default = ModelSpecification { prior: DEFAULT_PRIOR.into(), ..ModelSpecification::default() };
-        let specification = default.with_options(
+        let specification = self.model()?.with_options(
             model.base.as_deref(),
             &model.with,
             &model.noise,
@@ -98,6 +113,7 @@ pub fn sample(arguments: &SampleArguments) -> Result<ExitCode> {
     }
     options.validate(problem.priors.priors().len())?;
     let study = target.study()?;
+    refuse_other_model(&study, &problem.specification, common.force)?;
     let revision = study.begin_revision(FIRST_REVISION)?;
     let result = job::run(&problem, &options, &terminal)?;
     terminal.stage("writing results and figures");
