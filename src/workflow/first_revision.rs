@@ -7,9 +7,11 @@ use super::problem::Problem;
 use super::reduced::KeptSurrogate;
 use super::sample::{self, SampleRequest, SampleResult};
 use super::{Monitor, artefacts};
+use crate::effects::Library;
 use crate::error::{Error, Place, Result};
 use crate::inference::SamplerOptions;
-use crate::study::Study;
+use crate::inference::prior::PriorSet;
+use crate::study::{ModelSpecification, Study};
 
 /// Its name.
 pub const FIRST_REVISION: &str = "m0";
@@ -65,4 +67,28 @@ pub fn refuse_nothing_to_sample(problem: &Problem) -> Result<()> {
 /// The surrogate of an earlier run, if it can be used; whether it fits is checked by its hash.
 pub fn kept_surrogate(study: &Study, monitor: &dyn Monitor) -> Option<KeptSurrogate> {
     KeptSurrogate::read(&study.revision_dir(FIRST_REVISION).ok()?, monitor)
+}
+
+/// A revision of another model is not overwritten unless that is asked for.
+///
+/// # Errors
+/// [`Error::Input`] where the study has another model in its first revision and `force` is not said.
+pub fn refuse_other_model(study: &Study, specification: &ModelSpecification, force: bool) -> Result<()> {
+    let Ok(dir) = study.revision_dir(FIRST_REVISION) else { return Ok(()) };
+    let path = dir.join("model.toml");
+    if force || same_model(&artefacts::model_of(&dir, &Library::default())?, specification)? {
+        return Ok(());
+    }
+    Err(Error::input(
+        Place::file(path),
+        "the study's m0 is of another model, and `sample` makes m0 only",
+        "choose another directory with `--out`, replace m0 with `--force`, or add effects with `extend`",
+    ))
+}
+
+/// Whether two models are the same, their priors by content and not by name.
+fn same_model(ours: &ModelSpecification, other: &ModelSpecification) -> Result<bool> {
+    let unnamed = |model: &ModelSpecification| ModelSpecification { prior: String::new(), ..model.clone() };
+    let same_prior = || Ok(PriorSet::read(&ours.prior)?.text() == PriorSet::read(&other.prior)?.text());
+    if unnamed(ours) == unnamed(other) { same_prior() } else { Ok(false) }
 }

@@ -12,7 +12,7 @@ use crate::experiment::table::{
 use crate::experiment::{Direction, Sweep, Zero, sweep_columns};
 use crate::files::{self, Content, write_together};
 use crate::study::sha256_hex;
-use crate::toml_input::UNKNOWN;
+use crate::toml_input::{UNKNOWN, quoted};
 
 /// What a caller says.
 #[derive(Debug, Clone, Default)]
@@ -92,7 +92,7 @@ fn oscillation(request: &InitRequest, name: &str, bytes: &[u8], out: &Path) -> R
     }
     let Ok(looked) = look(&request.file, bytes) else { return Ok(None) };
     let Some(columns) = sweep_columns(&looked) else { return Ok(None) };
-    let (toml, summary) = described(request, name, &looked, &columns)?;
+    let (toml, summary) = described(name, request.id.as_deref(), request.sizes[3], &looked, &columns)?;
     write(out, name, bytes, &toml)?;
     let (sweep, _) = Sweep::read(out)?;
     Ok(Some(InitSummary {
@@ -198,14 +198,9 @@ fn others(proposal: &Proposal) -> Vec<String> {
     free.map(|(at, name)| if name.is_empty() { format!("column {}", at + 1) } else { name.clone() }).collect()
 }
 
-/// A text as TOML has it.
-pub(super) fn text(value: &str) -> String {
-    toml::Value::String(value.into()).to_string()
-}
-
 fn column_name(column: &ColumnName) -> String {
     match column {
-        ColumnName::Named(name) => text(name),
+        ColumnName::Named(name) => quoted(name),
         ColumnName::Number(number) => number.to_string(),
     }
 }
@@ -216,7 +211,7 @@ fn experiment_toml(request: &InitRequest, file: &str, proposal: &Proposal) -> St
     let layout = &table.layout;
     let stem = Path::new(file).file_stem().map_or("specimen".into(), |stem| stem.to_string_lossy().into_owned());
     let [diameter, density, vitreous, poisson] =
-        request.sizes.map(|size| size.map_or_else(|| text(UNKNOWN), |size| format!("{size:?}")));
+        request.sizes.map(|size| size.map_or_else(|| quoted(UNKNOWN), |size| format!("{size:?}")));
     let mut lines = String::from("# What was measured. Lines with \"?\" need a number before this can be read.\n");
     // A key after the head of a table stands in its own line.
     let mut line = |key: &str, value: String, comment: &str| {
@@ -226,58 +221,58 @@ fn experiment_toml(request: &InitRequest, file: &str, proposal: &Proposal) -> St
     };
     line(
         "\n[specimen]\nid",
-        text(request.id.as_deref().unwrap_or(&stem)),
+        quoted(request.id.as_deref().unwrap_or(&stem)),
         "its name; repeats of one specimen share it",
     );
     let [species, region] = &request.groups;
     match species {
-        Some(species) => line("species", text(species), "groups are formed by it"),
-        None => line("# species", text("porcine"), "free text; groups are formed by it"),
+        Some(species) => line("species", quoted(species), "groups are formed by it"),
+        None => line("# species", quoted("porcine"), "free text; groups are formed by it"),
     }
     match region {
-        Some(region) => line("region", text(region), "groups are formed by it"),
-        None => line("# region", text("central"), "free text; groups are formed by it"),
+        Some(region) => line("region", quoted(region), "groups are formed by it"),
+        None => line("# region", quoted("central"), "free text; groups are formed by it"),
     }
-    line("\n[robot]\nshape", text("sphere"), "or \"ellipsoid\", \"cylinder\" with `length_mm` and `orientation`");
+    line("\n[robot]\nshape", quoted("sphere"), "or \"ellipsoid\", \"cylinder\" with `length_mm` and `orientation`");
     line("diameter_mm", diameter, "of the moving body");
     line("density_kg_m3", density, "of the moving body");
     line("\n[vitreous]\ndiameter_mm", vitreous, "of the gel around it, whose outer surface is fixed");
     line("poisson_ratio", poisson, "0.48 to 0.499 for a gel that is nearly incompressible");
     line("density_kg_m3", "1000.0".into(), "of water, if nothing better is known");
-    line("\n[measurement]\nfile", text(file), "the table as it was");
-    line("source", text("not stated"), "where it comes from; synthetic or measured");
+    line("\n[measurement]\nfile", quoted(file), "the table as it was");
+    line("source", quoted("not stated"), "where it comes from; synthetic or measured");
     match request.noise_um {
         Some(noise_um) => line("noise_um", format!("{noise_um:?}"), "known noise of the tracker"),
         None => line("# noise_um", "4.0".into(), "known noise of the tracker, if it is known"),
     }
     line("# calibration_cycles", "[1]".into(), "cycles that are fitted; the others are held out");
-    line("delimiter", text(layout.delimiter.name()), "between cells");
-    line("decimal", text(layout.decimal.name()), "before decimals");
+    line("delimiter", quoted(layout.delimiter.name()), "between cells");
+    line("decimal", quoted(layout.decimal.name()), "before decimals");
     if let Some(encoding) = layout.encoding {
-        line("encoding", text(encoding.name()), "of the letters: utf-8, utf-16-le, utf-16-be or latin-1");
+        line("encoding", quoted(encoding.name()), "of the letters: utf-8, utf-16-le, utf-16-be or latin-1");
     }
     match &layout.comment {
-        Some(sign) => line("comment", text(sign), "lines that begin with it are not read"),
-        None => line("# comment", text("#"), "lines that begin with it are not read; left out: #, % and //"),
+        Some(sign) => line("comment", quoted(sign), "lines that begin with it are not read"),
+        None => line("# comment", quoted("#"), "lines that begin with it are not read; left out: #, % and //"),
     }
     if let Some(header) = layout.header_line {
         line("header_line", header.to_string(), "line of the columns' names");
     }
     line("first_row_line", layout.first_row_line.to_string(), "line of the first row");
     match proposal.frame.zero {
-        Zero::AsWritten => line("# zero", text("first"), "which position is 0: \"first\", \"rest\" or a number"),
-        Zero::First => line("zero", text("first"), "the first position is 0"),
-        Zero::Rest => line("zero", text("rest"), "the position before the force acts is 0"),
-        Zero::Fit => line("zero", text("fit"), "which position is 0 is fitted; or \"rest\", \"first\" or a number"),
+        Zero::AsWritten => line("# zero", quoted("first"), "which position is 0: \"first\", \"rest\" or a number"),
+        Zero::First => line("zero", quoted("first"), "the first position is 0"),
+        Zero::Rest => line("zero", quoted("rest"), "the position before the force acts is 0"),
+        Zero::Fit => line("zero", quoted("fit"), "which position is 0 is fitted; or \"rest\", \"first\" or a number"),
         Zero::Value(value) => line("zero", format!("{value:?}"), "this position is 0"),
     }
     match proposal.frame.direction {
-        Direction::Forward => line("direction", text("+"), "\"-\" where the position grows against the force"),
-        Direction::Backward => line("direction", text("-"), "the position grows against the force"),
-        Direction::Fit => line("direction", text("fit"), "the line of motion of x and y, or its degrees from x to y"),
+        Direction::Forward => line("direction", quoted("+"), "\"-\" where the position grows against the force"),
+        Direction::Backward => line("direction", quoted("-"), "the position grows against the force"),
+        Direction::Fit => line("direction", quoted("fit"), "the line of motion of x and y, or its degrees from x to y"),
         Direction::Degrees(degrees) => line("direction", format!("{degrees:?}"), "degrees from x to y"),
     }
-    line("# force", text("hold"), "\"hold\" until the next row, or \"linear\" between rows");
+    line("# force", quoted("hold"), "\"hold\" until the next row, or \"linear\" between rows");
     line("\n[measurement.columns]\ntime", column_name(&table.time.0), "name in the header, or number from 1");
     if let Some((force, _)) = &table.force {
         line("force", column_name(force), "the commanded force");
@@ -295,14 +290,14 @@ fn experiment_toml(request: &InitRequest, file: &str, proposal: &Proposal) -> St
     }
     line(
         "\n[measurement.units]\ntime",
-        text(&time_unit(&table.time.1)),
+        quoted(&time_unit(&table.time.1)),
         "s, ms, min, h, \"clock\" (hh:mm:ss) or \"iso\"",
     );
     if let Some((_, unit)) = &table.force {
-        line("force", text(&unit.name), "N, mN, uN, nN or pN");
+        line("force", quoted(&unit.name), "N, mN, uN, nN or pN");
     }
     if let Some((_, unit)) = &table.position {
-        line("position", text(&unit.name), "m, mm, um or nm");
+        line("position", quoted(&unit.name), "m, mm, um or nm");
     }
     lines
 }

@@ -3,11 +3,11 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use super::init::{InitRequest, text};
 use crate::documents::init::{InitColumn, InitSummary};
 use crate::error::{Error, Place, Result};
 use crate::experiment::table::{Looked, Spelt};
 use crate::experiment::{OSCILLATION, SweepColumn};
+use crate::toml_input::quoted;
 use crate::units::Dimension;
 
 /// The unit of a column: the table's own, or what an angle and a frequency are called by their names.
@@ -30,8 +30,9 @@ fn unit_of(looked: &Looked, column: SweepColumn, place: usize) -> Result<Spelt> 
 
 /// `experiment.toml` of an oscillation, and what was understood.
 pub(super) fn described(
-    request: &InitRequest,
     file: &str,
+    id: Option<&str>,
+    poisson_ratio: Option<f64>,
     looked: &Looked,
     columns: &[(SweepColumn, usize)],
 ) -> Result<(String, InitSummary)> {
@@ -44,18 +45,18 @@ pub(super) fn described(
         let end = if head.is_empty() { "" } else { "\n" };
         let _ = writeln!(lines, "{head}{end}{:<36} # {comment}", format!("{key} = {value}"));
     };
-    line("\n[specimen]\nid", text(request.id.as_deref().unwrap_or(&stem)), "its name");
-    let poisson = request.sizes[3].unwrap_or(0.5);
+    line("\n[specimen]\nid", quoted(id.unwrap_or(&stem)), "its name");
+    let poisson = poisson_ratio.unwrap_or(0.5);
     line("\n[rheometer]\npoisson_ratio", format!("{poisson:?}"), "of the specimen; 0.5 where it is nearly all water");
-    line("\n[measurement]\nkind", text(OSCILLATION), "moduli against frequency");
-    line("file", text(file), "the table as it was");
-    line("source", text("not stated"), "where it comes from; synthetic or measured");
+    line("\n[measurement]\nkind", quoted(OSCILLATION), "moduli against frequency");
+    line("file", quoted(file), "the table as it was");
+    line("source", quoted("not stated"), "where it comes from; synthetic or measured");
     line("# heldout_hz", "[1.0]".into(), "frequencies that are not fitted; left out: every third");
     let layout = &looked.layout;
-    line("delimiter", text(layout.delimiter.name()), "between cells");
-    line("decimal", text(layout.decimal.name()), "before decimals");
+    line("delimiter", quoted(layout.delimiter.name()), "between cells");
+    line("decimal", quoted(layout.decimal.name()), "before decimals");
     if let Some(encoding) = layout.encoding {
-        line("encoding", text(encoding.name()), "of the letters: utf-8, utf-16-le, utf-16-be or latin-1");
+        line("encoding", quoted(encoding.name()), "of the letters: utf-8, utf-16-le, utf-16-be or latin-1");
     }
     if let Some(header) = layout.header_line {
         line("header_line", header.to_string(), "line of the columns' names");
@@ -65,12 +66,12 @@ pub(super) fn described(
         let key = format!("{}{}", if index == 0 { "\n[measurement.columns]\n" } else { "" }, column.key());
         let name = &looked.columns[*place];
         let is_unique = looked.columns.iter().filter(|other| *other == name).count() == 1;
-        let value = if is_unique { text(name) } else { (place + 1).to_string() };
+        let value = if is_unique { quoted(name) } else { (place + 1).to_string() };
         line(&key, value, "name in the header, or number from 1");
     }
     line(
         "# storage_sd",
-        text("…"),
+        quoted("…"),
         "columns of errors, if there are some: storage_sd and loss_sd, or modulus_sd and phase_sd",
     );
     for (index, ((column, _), unit)) in columns.iter().zip(&units).enumerate() {
@@ -80,7 +81,7 @@ pub(super) fn described(
             Dimension::Angle => "deg or rad",
             _ => "Pa, kPa, MPa or mPa",
         };
-        line(&key, text(&unit.name), known);
+        line(&key, quoted(&unit.name), known);
     }
     let shown = |((column, place), unit): (&(SweepColumn, usize), &Spelt)| InitColumn {
         role: column.key().into(),

@@ -8,6 +8,7 @@ use crate::documents::simulation::SimulationSummary;
 use crate::error::{Error, Result};
 use crate::experiment::{Apparatus, Offset, Orientation, Record, RobotShape};
 use crate::mesh::vtu::{PointData, TimeStep, write_pvd, write_vtu};
+use crate::toml_input::quoted;
 
 /// Writes trajectory, experiment and fields into `dir`: the directory is itself an experiment.
 ///
@@ -50,7 +51,6 @@ fn trajectory_csv(record: &Record, position_m: &[f64]) -> String {
 
 fn experiment_toml(problem: &Problem, summary: &SimulationSummary) -> String {
     let experiment = &problem.experiment;
-    let quoted = |text: &str| toml::Value::String(text.into()).to_string();
     let mut lines = vec![
         "# SYNTHETIC. Made by `vitreo-uq simulate`: full finite elements, no noise.".to_string(),
         "[specimen]".into(),

@@ -29,6 +29,11 @@ pub struct Table<'a> {
     line: usize,
 }
 
+/// A text as TOML has it, between its quotation marks.
+pub fn quoted(text: &str) -> String {
+    toml::Value::String(text.into()).to_string()
+}
+
 /// Bytes as text, without a byte-order mark; refuses what is not UTF-8 or empty.
 pub fn text_of<'a>(file: &Path, bytes: &'a [u8]) -> Result<&'a str> {
     let text = std::str::from_utf8(bytes).map_err(|error| {

@@ -3,12 +3,12 @@
 use std::process::ExitCode;
 use std::time::Instant;
 
-use vitreo_uq::effects::Library;
 use vitreo_uq::error::{Error, Place, Result};
 use vitreo_uq::files::{Content, read_if_there};
-use vitreo_uq::inference::prior::PriorSet;
-use vitreo_uq::study::{ModelSpecification, Provenance, Study, WithProvenance};
-use vitreo_uq::workflow::first_revision::{FIRST_REVISION, make_first_revision, refuse_nothing_to_sample};
+use vitreo_uq::study::{Provenance, Study, WithProvenance};
+use vitreo_uq::workflow::first_revision::{
+    FIRST_REVISION, make_first_revision, refuse_nothing_to_sample, refuse_other_model,
+};
 use vitreo_uq::workflow::problem::Problem;
 use vitreo_uq::workflow::{Monitor, artefacts};
 
@@ -62,21 +62,7 @@ pub fn run(arguments: &SampleArguments) -> Result<ExitCode> {
     Ok(ExitCode::from(u8::from(!sound)))
 }
 
-/// A revision of another model is not overwritten unless that is asked for.
-pub fn refuse_other_model(study: &Study, specification: &ModelSpecification, force: bool) -> Result<()> {
-    let Ok(dir) = study.revision_dir(FIRST_REVISION) else { return Ok(()) };
-    let path = dir.join("model.toml");
-    if force || same_model(&artefacts::model_of(&dir, &Library::default())?, specification)? {
-        return Ok(());
-    }
-    Err(Error::input(
-        Place::file(path),
-        "the study's m0 is of another model, and `sample` makes m0 only",
-        "choose another directory with `--out`, replace m0 with `--force`, or add effects with `extend`",
-    ))
-}
-
-/// Nor is one on another mesh.
+/// A revision on another mesh is not overwritten unless that is asked for.
 fn refuse_other_mesh(study: &Study, problem: &Problem, force: bool) -> Result<()> {
     let Ok(dir) = study.revision_dir(FIRST_REVISION) else { return Ok(()) };
     let path = dir.join("posterior.json");
@@ -92,11 +78,4 @@ fn refuse_other_mesh(study: &Study, problem: &Problem, force: bool) -> Result<()
         "the study's m0 is on another mesh",
         "choose another directory with `--out`, or replace m0 with `--force`",
     ))
-}
-
-/// Whether two models are the same, their priors by content and not by name.
-fn same_model(ours: &ModelSpecification, other: &ModelSpecification) -> Result<bool> {
-    let unnamed = |model: &ModelSpecification| ModelSpecification { prior: String::new(), ..model.clone() };
-    let same_prior = || Ok(PriorSet::read(&ours.prior)?.text() == PriorSet::read(&other.prior)?.text());
-    if unnamed(ours) == unnamed(other) { same_prior() } else { Ok(false) }
 }

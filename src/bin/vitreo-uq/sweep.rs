@@ -19,10 +19,9 @@ use vitreo_uq::sweep::problem::{DEFAULT_PRIOR, SweepProblem};
 use vitreo_uq::sweep::{artefacts, diagnose, job};
 use vitreo_uq::workflow::Monitor;
 use vitreo_uq::workflow::artefacts::model_of;
-use vitreo_uq::workflow::first_revision::FIRST_REVISION;
+use vitreo_uq::workflow::first_revision::{FIRST_REVISION, refuse_other_model};
 
 use crate::options::{self, Common, DiagnoseArguments, Model, SampleArguments};
-use crate::sample::refuse_other_model;
 use crate::terminal::Terminal;
 use crate::text::{parameter_table, significant, warning_text};
 

@@ -9,6 +9,7 @@ mod cycles;
 mod force;
 mod frame;
 mod indenter;
+mod inputs;
 mod line;
 pub mod noise;
 mod notes;
@@ -23,13 +24,13 @@ pub use apparatus::{Apparatus, Offset, OffsetDirection, Orientation, Robot, Robo
 pub use force::{Force, ForceRule, KeptForce};
 pub use frame::{Direction, Frame, Projection, Settled, Zero, is_against};
 pub use indenter::{Indenter, Tip};
+pub use inputs::{ExperimentFiles, OSCILLATION, Understood};
 pub use line::Line;
 pub use noise::{NoiseOrigin, NoiseYardstick};
 pub use notes::Note;
-pub use read::{ExperimentFiles, Understood};
 pub use record::Record;
 pub use scales::Scales;
-pub use sweep::{OSCILLATION, Sweep, SweepColumn, SweepForm, SweepRow, sweep_columns};
+pub use sweep::{Sweep, SweepColumn, SweepForm, SweepRow, sweep_columns};
 
 /// One experiment, validated, in SI units.
 #[derive(Debug, Clone, PartialEq)]

@@ -7,10 +7,10 @@ use super::actuation::Actuation;
 use super::contact::settle_contact;
 use super::cycles::find_cycles;
 use super::force::ForceRule;
-use super::frame::{Frame, Settled, Zero};
+use super::frame::{Frame, Zero};
+use super::inputs::{ExperimentFiles, Understood, is_oscillation, plain_path, toml_path_of};
 use super::notes::{Note, UM_PER_M};
 use super::record::Record;
-use super::sweep::{is_oscillation, toml_path_of};
 use super::table::{KEYS, TableDescription, one_of, read_described, text_in};
 use super::trajectory::{Trajectory, read_trajectory};
 use super::{Apparatus, Experiment};
@@ -22,34 +22,6 @@ use crate::toml_input::{Table, TomlInput, text_of};
 const MIN_POSITIONS: usize = 8;
 /// Standard deviations that a tracker's noise can have.
 const NOISES_UM: [f64; 2] = [1e-9, 1e9];
-
-/// The files of an experiment exactly as they were read, and what the reader noticed.
-#[derive(Debug, Clone, PartialEq)]
-pub struct ExperimentFiles {
-    /// File name of the TOML, `experiment.toml` as a rule.
-    pub toml_name: String,
-    /// Its bytes, unchanged.
-    pub toml_bytes: Vec<u8>,
-    /// Path of the CSV relative to the TOML, as it stands in `measurement.file`.
-    pub csv_name: String,
-    /// Its bytes, unchanged.
-    pub csv_bytes: Vec<u8>,
-    /// Path and bytes of the force's own log, where there is one and it is another file.
-    pub log_file: Option<(String, Vec<u8>)>,
-    /// What a person should know about how the data were understood.
-    pub notes: Vec<Note>,
-    /// How the description was taken.
-    pub understood: Understood,
-}
-
-/// How a description was taken, for whoever holds it against the rows.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct Understood {
-    /// Whether `force` in `[measurement]` says what the force does between rows.
-    pub force_rule_given: bool,
-    /// What was done to the coordinates.
-    pub settled: Settled,
-}
 
 impl Experiment {
     /// Reads an experiment: a directory that holds `experiment.toml`, or the path of the TOML itself.
@@ -345,20 +317,6 @@ impl Specification {
         heldout.sort_unstable();
         Ok((calibration, heldout))
     }
-}
-
-/// A table's path must stay inside the TOML's directory, because a study copies the files side by side.
-pub(super) fn plain_path(table: Table<'_>, example: &str) -> Result<String> {
-    let name = table.required_text("file", &format!("file = \"{example}\""))?;
-    let inside = Path::new(&name).components().all(|part| matches!(part, std::path::Component::Normal(_)));
-    if inside && !name.contains(char::is_control) {
-        return Ok(name);
-    }
-    Err(table.refuse(
-        "file",
-        format!("`{name}` is not a plain path below the directory of the TOML"),
-        format!("put the table beside experiment.toml and give its name, such as `file = \"{example}\"`"),
-    ))
 }
 
 /// The record with its cycles, and the line of each row. A force that goes in lines gets rows where it crosses zero: effects may act on one sign of it.

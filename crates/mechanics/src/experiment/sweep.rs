@@ -2,9 +2,9 @@
 //!
 //! [`Sweep::read`] is the border: behind it everything is SI, checked and complete.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use super::read::{ExperimentFiles, Understood, plain_path};
+use super::inputs::{ExperimentFiles, Understood, is_oscillation, plain_path, toml_path_of};
 use super::table::{
     ColumnName, ColumnNames, KEYS, Looked, Spelt, TableLayout, Units, cells, column, is_aside, split_unit, text_in,
 };
@@ -13,10 +13,6 @@ use crate::files::{self, Content, refuse_long_lines};
 use crate::toml_input::{Table, TomlInput, text_of};
 use crate::units::Dimension;
 
-/// Word of `kind` that says that a table is an oscillation.
-pub const OSCILLATION: &str = "oscillation";
-/// The other kinds of `kind`.
-pub(super) const CREEP: &str = "creep";
 /// Rows that are fitted at least.
 const FEWEST_FITTED: usize = 4;
 /// With so many frequencies every third is held out where nothing is said.
@@ -184,27 +180,6 @@ pub fn sweep_columns(looked: &Looked) -> Option<Vec<(SweepColumn, usize)>> {
     let frequency = called(SweepColumn::Frequency)?;
     let pair = pairs.into_iter().find_map(|[a, b]| Some([called(a)?, called(b)?]))?;
     Some(vec![frequency, pair[0], pair[1]])
-}
-
-/// Path of the TOML of an experiment that is named by its directory or by the TOML itself.
-pub(super) fn toml_path_of(path: &Path) -> PathBuf {
-    if path.is_dir() { path.join("experiment.toml") } else { path.to_path_buf() }
-}
-
-/// What `kind` says, under `[measurement]` or by itself; a creep where it is left out.
-pub(super) fn is_oscillation(root: Table<'_>, measurement: Table<'_>) -> Result<bool> {
-    let mut found = false;
-    for table in [root, measurement] {
-        match table.text("kind")?.as_deref() {
-            None | Some(CREEP) => {}
-            Some(OSCILLATION) => found = true,
-            Some(other) => {
-                let remedy = format!("write \"{CREEP}\" or \"{OSCILLATION}\"");
-                return Err(table.refuse("kind", format!("unknown kind `{other}`"), remedy));
-            }
-        }
-    }
-    Ok(found)
 }
 
 impl Sweep {
