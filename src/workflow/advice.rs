@@ -342,6 +342,7 @@ mod tests {
                 monte_carlo: 0.05,
             },
             largest_strain: Some(0.001),
+            large_displacement: None,
             at_edge_of_range: vec![],
             converged: true,
             warnings: vec![],

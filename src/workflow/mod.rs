@@ -16,6 +16,7 @@ pub mod init;
 mod init_sweep;
 mod joint;
 pub mod ladder;
+pub mod large_displacement;
 pub mod log_score;
 pub mod mechanics;
 mod mesh_check;

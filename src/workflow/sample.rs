@@ -10,6 +10,7 @@ use super::Monitor;
 use super::advice::{Findings, impossible_positions, warnings};
 use super::full_check::{self, FullCheck, N_CHECK_DRAWS, NaturalDraw, mean_trajectory};
 use super::heldout::{self, Score};
+use super::large_displacement;
 use super::log_score::log_score;
 use super::misfit::{Misfit, Remainder, directions_of_spread};
 use super::problem::Problem;
@@ -113,8 +114,11 @@ pub fn run(problem: &Problem, request: &SampleRequest, monitor: &dyn Monitor) ->
     let heldout_m = problem.positions_of(&problem.experiment.heldout_cycles);
     let score = heldout::score(&check, &bands_m, &problem.experiment.record, &heldout_m, request.options.seed);
     lap("held-out score");
+    let large_displacement = large_displacement::estimate(problem, &check)?;
+    lap("large displacements");
     let yardstick = problem.experiment.noise_yardstick();
-    let summary = summarise(problem, request, &reduced, &outcome, &columns, &check, score, yardstick);
+    let summary =
+        summarise(problem, request, &reduced, &outcome, &columns, &check, score, large_displacement, yardstick);
     lap("summary");
     Ok(SampleResult { summary, reduced, outcome, columns, bands_m, yardstick, timing_s })
 }
@@ -209,6 +213,7 @@ fn summarise(
     columns: &[DrawColumn],
     check: &FullCheck,
     score: Option<Score>,
+    large_displacement: Option<LargeDisplacement>,
     yardstick: Option<NoiseYardstick>,
 ) -> PosteriorSummary {
     let parameters = parameter_summaries(problem, reduced, columns, check);
@@ -258,6 +263,7 @@ fn summarise(
         heldout,
         error_budget_um: budget,
         largest_strain: check.largest_strain,
+        large_displacement,
         at_edge_of_range: at_edge_of_range(reduced, problem, columns),
         converged: outcome.converged,
         warnings: Vec::new(),
@@ -268,6 +274,9 @@ fn summarise(
     let findings =
         Findings { summary: &summary, misfit: misfit.as_ref(), sampler_messages: &messages, impossible_positions };
     summary.warnings = warnings(&findings);
+    let large = summary.large_displacement.as_ref();
+    let large = large.and_then(|large| large_displacement::warning(large, summary.heldout.noise_um));
+    summary.warnings.extend(large);
     summary.warnings.extend(check.n_refused.map(refused_warning));
     summary.warnings.extend(problem.finite_elements().into_iter().flat_map(|fe| fe.mesh_warnings.clone()));
     summary

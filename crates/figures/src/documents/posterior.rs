@@ -21,12 +21,36 @@ pub struct PosteriorSummary {
     pub error_budget_um: ErrorBudget,
     /// Largest absolute principal strain at the largest displacement.
     pub largest_strain: Option<f64>,
+    /// What large displacements would do to it; `null` where nothing was run.
+    pub large_displacement: Option<LargeDisplacement>,
     /// Parameters whose draws crowd at an end of the surrogate's trained range, that is of the prior.
     pub at_edge_of_range: Vec<String>,
     /// Whether the draws have converged.
     pub converged: bool,
     /// What the user should know.
     pub warnings: Vec<Warning>,
+}
+
+/// What a gel of the posterior's law does whose strains may be large, beside the linear model (physics §7.6).
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+pub struct LargeDisplacement {
+    /// Farthest that the robot comes from its start in the fitted cycles, in its radii.
+    pub farthest_radii: f64,
+    /// Root mean square of the deviation over the fitted rows, in µm; `null` where the robot comes too far to be followed.
+    pub deviation_rms_um: Option<f64>,
+    /// Its largest size, in µm.
+    pub deviation_most_um: Option<f64>,
+    /// By how much the deviation moves the means of the law's parameters, to first order, where the noise is white.
+    pub shifts: Vec<ParameterShift>,
+}
+
+/// A parameter that is found away from the gel's own.
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+pub struct ParameterShift {
+    /// Name, with unit.
+    pub name: String,
+    /// What is found less the gel's own, over what is found.
+    pub relative: f64,
 }
 
 /// The model that was fitted.
@@ -194,6 +218,8 @@ pub enum WarningKind {
     LearntNoiseAboveKnown,
     /// Strains are beyond the proven linear range.
     LargeStrain,
+    /// Displacements are so large that a gel of the law would deviate from the linear model.
+    LargeDisplacement,
     /// The mesh's error exceeds the noise.
     MeshInaccurate,
     /// The tracker's noise is not known.

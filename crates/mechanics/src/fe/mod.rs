@@ -8,6 +8,7 @@ pub mod factorisation;
 pub mod large;
 pub mod meridional;
 pub mod nonlinear;
+pub mod oldroyd;
 pub mod ordering;
 pub mod poroelastic;
 mod quadrature;

@@ -1,7 +1,7 @@
 //! Polynomials on [−1, 1]: Gauss rules, Lagrange functions at the Gauss–Lobatto nodes, Legendre polynomials.
 
 /// Legendre polynomial of this degree and its derivative.
-pub(super) fn legendre(degree: usize, x: f64) -> (f64, f64) {
+pub(in crate::fe) fn legendre(degree: usize, x: f64) -> (f64, f64) {
     let (mut before, mut now, mut slope_before, mut slope) = (0.0, 1.0, 0.0, 0.0);
     for k in 0..degree {
         let k = k as f64;
@@ -26,7 +26,7 @@ fn root(mut x: f64, step: impl Fn(f64) -> f64) -> f64 {
 }
 
 /// Points and weights of the Gauss–Legendre rule, exact to degree 2n − 1.
-pub(super) fn gauss_legendre(n: usize) -> Vec<(f64, f64)> {
+pub(in crate::fe) fn gauss_legendre(n: usize) -> Vec<(f64, f64)> {
     let point = |i: usize| {
         let guess = -(std::f64::consts::PI * (i as f64 + 0.75) / (n as f64 + 0.5)).cos();
         let x = root(guess, |x| {
@@ -40,7 +40,7 @@ pub(super) fn gauss_legendre(n: usize) -> Vec<(f64, f64)> {
 }
 
 /// The order + 1 Gauss–Lobatto nodes: the ends and the extrema of the Legendre polynomial.
-pub(super) fn gauss_lobatto(order: usize) -> Vec<f64> {
+pub(in crate::fe) fn gauss_lobatto(order: usize) -> Vec<f64> {
     let n = order as f64;
     let node = |i: usize| match i {
         0 => -1.0,
@@ -55,7 +55,7 @@ pub(super) fn gauss_lobatto(order: usize) -> Vec<f64> {
 }
 
 /// Value and derivative at x of every Lagrange function of the nodes. Products, not quotients: x may be a node.
-pub(super) fn lagrange(nodes: &[f64], x: f64) -> Vec<(f64, f64)> {
+pub(in crate::fe) fn lagrange(nodes: &[f64], x: f64) -> Vec<(f64, f64)> {
     let others =
         |skip: &[usize]| -> f64 { (0..nodes.len()).filter(|m| !skip.contains(m)).map(|m| x - nodes[m]).product() };
     (0..nodes.len())

@@ -1,11 +1,11 @@
 //! Curves of the half meridian and the cells ruled between them.
 
 /// A point of the half meridian (r, z) in m, and its like.
-pub(super) type Point = [f64; 2];
+pub(in crate::fe) type Point = [f64; 2];
 
 /// A smooth curve over t in [0, 1].
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Curve {
+pub(in crate::fe) enum Curve {
     /// Straight, or a single point where both ends agree.
     Segment { from: Point, to: Point },
     /// Arc of an ellipse: centre + (semi_axes[0] cos φ, semi_axes[1] sin φ).
@@ -14,7 +14,7 @@ pub(super) enum Curve {
 
 impl Curve {
     /// Point and its derivative by t.
-    pub(super) fn at(&self, t: f64) -> (Point, Point) {
+    pub(in crate::fe) fn at(&self, t: f64) -> (Point, Point) {
         match *self {
             Self::Segment { from, to } => {
                 let along = [to[0] - from[0], to[1] - from[1]];
@@ -37,15 +37,15 @@ impl Curve {
 ///
 /// It is exact on curved bodies: nothing of the geometry is interpolated.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Ruled {
-    pub(super) inner: Curve,
-    pub(super) outer: Curve,
-    pub(super) across: [f64; 2],
+pub(in crate::fe) struct Ruled {
+    pub(in crate::fe) inner: Curve,
+    pub(in crate::fe) outer: Curve,
+    pub(in crate::fe) across: [f64; 2],
 }
 
 impl Ruled {
     /// (r, z) at (ξ, η) with its derivatives by ξ and by η.
-    pub(super) fn at(&self, xi: f64, eta: f64) -> (Point, Point, Point) {
+    pub(in crate::fe) fn at(&self, xi: f64, eta: f64) -> (Point, Point, Point) {
         let half = 0.5 * (self.across[1] - self.across[0]);
         let (t, s) = (0.5 * (1.0 + xi), self.across[0] + (1.0 + eta) * half);
         let ((inner, d_inner), (outer, d_outer)) = (self.inner.at(t), self.outer.at(t));

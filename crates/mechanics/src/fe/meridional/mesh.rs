@@ -4,20 +4,20 @@ use super::geometry::{Curve, Point, Ruled};
 
 /// Which parts of the boundary a vertex lies on; an edge lies where both its ends do.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub(super) struct Boundary {
-    pub(super) body: bool,
-    pub(super) outer: bool,
+pub(in crate::fe) struct Boundary {
+    pub(in crate::fe) body: bool,
+    pub(in crate::fe) outer: bool,
     /// r = 0.
-    pub(super) axis: bool,
+    pub(in crate::fe) axis: bool,
     /// The plane of symmetry, z = 0.
-    pub(super) equator: bool,
+    pub(in crate::fe) equator: bool,
 }
 
 impl Boundary {
-    pub(super) const INSIDE: Self = Self { body: false, outer: false, axis: false, equator: false };
+    pub(in crate::fe) const INSIDE: Self = Self { body: false, outer: false, axis: false, equator: false };
 
     /// What both have in common.
-    pub(super) fn and(self, other: Self) -> Self {
+    pub(in crate::fe) fn and(self, other: Self) -> Self {
         Self {
             body: self.body && other.body,
             outer: self.outer && other.outer,
@@ -29,45 +29,51 @@ impl Boundary {
 
 /// A cell: its vertices (inner from, inner to, outer from, outer to; two may be one) and its map.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Cell {
-    pub(super) vertices: [usize; 4],
-    pub(super) map: Ruled,
+pub(in crate::fe) struct Cell {
+    pub(in crate::fe) vertices: [usize; 4],
+    pub(in crate::fe) map: Ruled,
 }
 
 /// Vertices known by what they touch, and cells between them.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Mesh {
-    pub(super) points: Vec<Point>,
-    pub(super) boundaries: Vec<Boundary>,
-    pub(super) cells: Vec<Cell>,
+pub(in crate::fe) struct Mesh {
+    pub(in crate::fe) points: Vec<Point>,
+    pub(in crate::fe) boundaries: Vec<Boundary>,
+    pub(in crate::fe) cells: Vec<Cell>,
     /// Both halves are meshed, without symmetry about z = 0.
-    pub(super) is_whole: bool,
+    pub(in crate::fe) is_whole: bool,
 }
 
 /// A chain of curves from vertex to vertex, from the axis towards the equator.
 #[derive(Debug, Clone)]
-pub(super) struct Chain {
-    pub(super) vertices: Vec<usize>,
-    pub(super) curves: Vec<Curve>,
+pub(in crate::fe) struct Chain {
+    pub(in crate::fe) vertices: Vec<usize>,
+    pub(in crate::fe) curves: Vec<Curve>,
 }
 
 impl Mesh {
     /// Adds a vertex. Points with r = 0 or z = 0, exactly, are on the axis or the equator.
-    pub(super) fn vertex(&mut self, point: Point, surface: Boundary) -> usize {
+    pub(in crate::fe) fn vertex(&mut self, point: Point, surface: Boundary) -> usize {
         self.points.push(point);
         self.boundaries.push(Boundary { axis: point[0] == 0.0, equator: point[1] == 0.0 && !self.is_whole, ..surface });
         self.points.len() - 1
     }
 
     /// Straight lines through these vertices.
-    pub(super) fn polyline(&self, vertices: &[usize]) -> Chain {
+    pub(in crate::fe) fn polyline(&self, vertices: &[usize]) -> Chain {
         let segment = |pair: &[usize]| Curve::Segment { from: self.points[pair[0]], to: self.points[pair[1]] };
         Chain { vertices: vertices.to_vec(), curves: vertices.windows(2).map(segment).collect() }
     }
 
     /// New vertices on an ellipse around `centre` at these angles (from the equator, rad), joined by its arcs. Angles 0 and ±π/2 around the
     /// origin give points exactly on the equator and the axis.
-    pub(super) fn arcs(&mut self, centre: Point, semi_axes: Point, angles_rad: &[f64], surface: Boundary) -> Chain {
+    pub(in crate::fe) fn arcs(
+        &mut self,
+        centre: Point,
+        semi_axes: Point,
+        angles_rad: &[f64],
+        surface: Boundary,
+    ) -> Chain {
         let arc = |pair: &[f64]| Curve::Arc { centre, semi_axes, from_rad: pair[0], to_rad: pair[1] };
         let curves: Vec<_> = angles_rad.windows(2).map(arc).collect();
         let vertices = angles_rad
@@ -81,12 +87,12 @@ impl Mesh {
     }
 
     /// One cell for each pair of curves of two chains.
-    pub(super) fn rule(&mut self, inner: &Chain, outer: &Chain) {
+    pub(in crate::fe) fn rule(&mut self, inner: &Chain, outer: &Chain) {
         self.rule_layers(inner, outer, &[0.0, 1.0]);
     }
 
     /// Layers of cells between two chains, cut at these fractions of the way, from 0 to 1.
-    pub(super) fn rule_layers(&mut self, inner: &Chain, outer: &Chain, fractions: &[f64]) {
+    pub(in crate::fe) fn rule_layers(&mut self, inner: &Chain, outer: &Chain, fractions: &[f64]) {
         let mut from = inner.vertices.clone();
         for across in fractions.windows(2) {
             let to = if across[1] == 1.0 { outer.vertices.clone() } else { self.between(inner, outer, across[1]) };
@@ -111,7 +117,7 @@ impl Mesh {
 }
 
 /// Distances 0 = x₀ < … < xₙ = `length`, the first step about `first` and each at most `ratio` times as far as the one before.
-pub(super) fn graded(first: f64, ratio: f64, length: f64) -> Vec<f64> {
+pub(in crate::fe) fn graded(first: f64, ratio: f64, length: f64) -> Vec<f64> {
     if first >= length {
         return vec![0.0, length];
     }

@@ -10,16 +10,16 @@
 //!
 //! Nothing is shared with the three-dimensional elements but the dense and sparse Cholesky kernels of `faer`.
 
-mod basis;
+pub(super) mod basis;
 mod cylinder;
 mod eccentric;
 mod elastic;
 mod element;
-mod geometry;
-mod mesh;
+pub(super) mod geometry;
+pub(super) mod mesh;
 #[cfg(test)]
 mod patch_tests;
-mod solver;
+pub(super) mod solver;
 mod spheroid;
 
 use std::f64::consts::PI;

@@ -31,15 +31,15 @@ pub(super) struct Discrete {
 }
 
 /// Nodes on the edges of the cells.
-pub(super) struct Skeleton {
+pub(in crate::fe) struct Skeleton {
     order: usize,
-    pub(super) boundaries: Vec<Boundary>,
+    pub(in crate::fe) boundaries: Vec<Boundary>,
     /// First of the inner nodes of each edge, which run from the vertex of the lower index.
     edges: HashMap<[usize; 2], usize>,
 }
 
 impl Skeleton {
-    pub(super) fn new(mesh: &Mesh, order: usize) -> Self {
+    pub(in crate::fe) fn new(mesh: &Mesh, order: usize) -> Self {
         let (mut boundaries, mut edges) = (mesh.boundaries.clone(), HashMap::new());
         for cell in &mesh.cells {
             for [a, b] in edges_of(cell) {
@@ -68,7 +68,7 @@ impl Skeleton {
     }
 
     /// Node of each function of a cell, or `None` for its interior.
-    pub(super) fn nodes(&self, cell: &Cell) -> Vec<Option<usize>> {
+    pub(in crate::fe) fn nodes(&self, cell: &Cell) -> Vec<Option<usize>> {
         let [bottom, top, left, right] = edges_of(cell);
         let last = self.order;
         let node = |i: usize, j: usize| match (i, j) {

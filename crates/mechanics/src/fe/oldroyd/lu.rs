@@ -1,0 +1,98 @@
+//! Factors L U with partial pivoting, dense and sparse; one thread each, so that results are the same bytes for any number.
+
+use std::sync::Arc;
+
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::linalg::lu::partial_pivoting::{factor, solve};
+use faer::perm::PermRef;
+use faer::sparse::linalg::lu::{LuRef, NumericLu, SymbolicLu, factorize_symbolic_lu};
+use faer::sparse::{SparseColMat, Triplet};
+use faer::{Conj, Mat, MatMut, Par};
+
+use crate::error::{Error, Result};
+
+/// A factorised dense matrix.
+pub(super) struct DenseLu {
+    factors: Mat<f64>,
+    rows: [Vec<u32>; 2],
+}
+
+impl DenseLu {
+    pub(super) fn new(mut matrix: Mat<f64>) -> Self {
+        let n = matrix.nrows();
+        let mut rows = [vec![0_u32; n], vec![0_u32; n]];
+        let scratch = factor::lu_in_place_scratch::<u32, f64>(n, n, Par::Seq, Default::default());
+        let [forward, backward] = &mut rows;
+        factor::lu_in_place(
+            matrix.as_mut(),
+            forward,
+            backward,
+            Par::Seq,
+            MemStack::new(&mut MemBuffer::new(scratch)),
+            Default::default(),
+        );
+        Self { factors: matrix, rows }
+    }
+
+    /// Solves for every column, in place.
+    pub(super) fn solve(&self, right: MatMut<'_, f64>) {
+        let (n, n_right) = (self.factors.nrows(), right.ncols());
+        let scratch = solve::solve_in_place_scratch::<u32, f64>(n, n_right, Par::Seq);
+        solve::solve_in_place(
+            self.factors.as_ref(),
+            self.factors.as_ref(),
+            PermRef::new_checked(&self.rows[0], &self.rows[1], n),
+            right,
+            Par::Seq,
+            MemStack::new(&mut MemBuffer::new(scratch)),
+        );
+    }
+}
+
+/// A factorised sparse matrix.
+pub(super) struct SparseLu {
+    symbolic: Arc<SymbolicLu<u32>>,
+    numeric: NumericLu<u32, f64>,
+}
+
+impl SparseLu {
+    /// Of a square matrix of `n` columns, given by its entries; one with entries in the same places lends its ordering.
+    pub(super) fn new(n: usize, entries: &[Triplet<u32, u32, f64>], like: Option<&Self>) -> Result<Self> {
+        let singular = |why: String| {
+            let remedy = "use a smaller force, a stiffer gel or a finer mesh";
+            Error::numerical(format!("the gel's matrix of {n} unknowns has no factors: {why}"), remedy)
+        };
+        let matrix = SparseColMat::<u32, f64>::try_new_from_triplets(n, n, entries);
+        let matrix = matrix.map_err(|error| singular(format!("{error:?}")))?;
+        let symbolic = match like {
+            Some(like) => like.symbolic.clone(),
+            None => {
+                let symbolic = factorize_symbolic_lu(matrix.symbolic(), Default::default());
+                Arc::new(symbolic.map_err(|error| singular(format!("{error:?}")))?)
+            }
+        };
+        let scratch = symbolic.factorize_numeric_lu_scratch::<f64>(Par::Seq, Default::default());
+        let mut numeric = NumericLu::new();
+        let factors = symbolic.factorize_numeric_lu(
+            &mut numeric,
+            matrix.as_ref(),
+            Par::Seq,
+            MemStack::new(&mut MemBuffer::new(scratch)),
+            Default::default(),
+        );
+        factors.map_err(|error| singular(format!("{error:?}")))?;
+        Ok(Self { symbolic, numeric })
+    }
+
+    /// Solves in place.
+    pub(super) fn solve(&self, right: &mut [f64]) {
+        let n = right.len();
+        let scratch = self.symbolic.solve_in_place_scratch::<f64>(1, Par::Seq);
+        LuRef::new_unchecked(&self.symbolic, &self.numeric).solve_in_place_with_conj(
+            Conj::No,
+            MatMut::from_column_major_slice_mut(right, n, 1),
+            Par::Seq,
+            MemStack::new(&mut MemBuffer::new(scratch)),
+        );
+    }
+}
