@@ -20,6 +20,9 @@ const MOST_SWITCHES: usize = 16;
 /// Root mean square of the deviation over the noise from which it is warned of.
 const WORTH_SAYING: f64 = 0.1;
 
+/// Share of a parameter below which a shift is left out of the sentence.
+const LEAST_SHIFT: f64 = 1e-3;
+
 /// What a gel of large strains with the posterior's mean law would do in this record; `None` where the model is more than a law around a sphere at the centre, the law is no sum of exponentials, the robot hardly
 /// moves, or its force changes too often for a run in passing.
 ///
@@ -124,7 +127,8 @@ pub fn warning(found: &LargeDisplacement, noise_um: Option<f64>) -> Option<Warni
         let side = if shift.relative > 0.0 { "above" } else { "below" };
         format!("{} {} % {side}", label.symbol, digits(100.0 * shift.relative.abs()))
     };
-    let shifts: Vec<String> = found.shifts.iter().map(shift).collect();
+    let worth = found.shifts.iter().filter(|shift| shift.relative.abs() >= LEAST_SHIFT);
+    let shifts: Vec<String> = worth.map(shift).collect();
     if !shifts.is_empty() {
         text += &format!("; a fit that leaves this out finds {} the gel's own", shifts.join(", "));
     }
