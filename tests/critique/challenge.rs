@@ -192,7 +192,7 @@ fn large_displacements_leave_the_signal_that_is_asked_for() {
     let truth = bench.draw(&order, &mut RandomStream::new(3, 4)).expect("in reach");
     let radii = truth.outside.as_ref().expect("it is there").size;
     println!("{radii} radii, {:?}, looks like {:?}", truth.outside_sigma, truth.ideal_class);
-    assert!((1.5..4.0).contains(&radii), "{radii}");
+    assert!((1.5..3.6).contains(&radii), "{radii}");
     let position_m = full_order::trajectories_m(bench, &[truth], None, &Silent).expect("carried").remove(0);
     let farthest_m = position_m.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
     assert!(farthest_m > radii * 0.275e-3 && farthest_m < 1.1 * radii * 0.275e-3, "{farthest_m}");

@@ -14,8 +14,8 @@ use crate::number::Dual;
 use crate::rheology::{BaseLaw, CreepCompliance};
 use crate::workflow::mechanics::robot_mesh;
 
-/// Farthest that the robot comes from its start, in its radii, were the gel linear: a little beyond the paper's.
-pub(super) const FARTHEST_RADII: f64 = 4.0;
+/// Farthest that the robot comes from its start, in its radii, were the gel linear: as far as in the paper.
+pub(super) const FARTHEST_RADII: f64 = 3.6;
 
 /// How finely a gel is cut.
 pub(super) struct Cut {
