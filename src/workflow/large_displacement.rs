@@ -2,16 +2,20 @@
 //!
 //! The law's small strains do not say what it does at large ones. So this is an estimate of what is at stake, not a correction: it is said beside the posterior and changes nothing in it.
 
+use nalgebra::{DMatrix, DVector};
+
 use crate::documents::posterior::{LargeDisplacement, ParameterShift, Warning, WarningKind};
 use crate::error::Result;
 use crate::experiment::{Apparatus, Robot, RobotShape, Vitreous};
 use crate::fe::oldroyd::{Fineness, FiniteGel, FiniteLaw, FiniteRun};
+use crate::model::Forward;
 use crate::report::labels::of_parameter;
 use crate::report::number::significant;
 use crate::stages::Stages;
 
 use super::full_check::{FullCheck, mean_trajectory};
 use super::problem::Problem;
+use super::reduced::Reduced;
 
 /// Radii below which nothing is run: what is left out goes with the third power, and is a ten-thousandth of the displacement there.
 const LEAST_RADII: f64 = 0.2;
@@ -20,6 +24,8 @@ const MOST_SWITCHES: usize = 16;
 /// Root mean square of the deviation over the noise from which it is warned of.
 const WORTH_SAYING: f64 = 0.1;
 
+/// Share of a parameter by which it is moved for derivatives.
+const SMALL_SHARE: f64 = 1e-4;
 /// Share of a parameter below which a shift is left out of the sentence.
 const LEAST_SHIFT: f64 = 1e-3;
 
@@ -28,7 +34,7 @@ const LEAST_SHIFT: f64 = 1e-3;
 ///
 /// # Errors
 /// Never where the run fails: the deviation is `None` then, and how far the robot comes says why.
-pub fn estimate(problem: &Problem, check: &FullCheck) -> Result<Option<LargeDisplacement>> {
+pub fn estimate(problem: &Problem, reduced: &Reduced, check: &FullCheck) -> Result<Option<LargeDisplacement>> {
     let Some((radius_m, outer_radius_m)) = sphere(&problem.experiment.apparatus) else { return Ok(None) };
     let model = &problem.model;
     if !model.is_law_alone() {
@@ -37,8 +43,8 @@ pub fn estimate(problem: &Problem, check: &FullCheck) -> Result<Option<LargeDisp
     let n_law = model.base().parameters().len();
     let n_draws = check.draws.len().max(1) as f64;
     let mean = |k: usize| check.draws.iter().map(|draw| draw[k]).sum::<f64>() / n_draws;
-    let law: Vec<f64> = (0..n_law).map(mean).collect();
-    let Some(compliance) = model.base().creep_compliance(&law) else { return Ok(None) };
+    let mean: Vec<f64> = (0..model.parameters().len()).map(mean).collect();
+    let Some(compliance) = model.base().creep_compliance(&mean[..n_law]) else { return Ok(None) };
     let record = &problem.experiment.record;
     let fitted = problem.positions_of(&problem.experiment.calibration_cycles);
     let n_rows = fitted.iter().rposition(Option::is_some).map_or(0, |last| last + 1);
@@ -64,31 +70,41 @@ pub fn estimate(problem: &Problem, check: &FullCheck) -> Result<Option<LargeDisp
     found.deviation_rms_um = Some(1e6 * (squares / is_fitted.len().max(1) as f64).sqrt());
     found.deviation_most_um = Some(1e6 * run.deviation_m.iter().fold(0.0_f64, |most, x| most.max(x.abs())));
     if problem.specification.noise == ["white"] {
-        found.shifts = shifts(problem, check, &run.deviation_m, &is_fitted);
+        found.shifts = shifts(problem, reduced, &mean, n_law, &run.deviation_m, &is_fitted)?;
     }
     Ok(Some(found))
 }
 
-/// By how much the deviation moves the posterior's means.
-///
-/// Near the posterior a model is linear, x = A θ, and the posterior normal with covariance C, so that Cov(θ, x) = C Aᵀ over its draws. Positions that hold a deviation d move the mean by C Aᵀ d/σ², which is the
-/// covariance of θ with x · d/σ².
-fn shifts(problem: &Problem, check: &FullCheck, deviation_m: &[f64], rows: &[usize]) -> Vec<ParameterShift> {
-    let n = check.draws.len() as f64;
-    let of_draws = |row: usize| check.noise.sd_m.iter().map(|sd_m| sd_m[row]).sum::<f64>() / n;
-    let weights: Vec<f64> = rows.iter().map(|row| deviation_m[*row] / of_draws(*row).powi(2)).collect();
-    let sum = |x_m: &Vec<f64>| rows.iter().zip(&weights).map(|(row, weight)| x_m[*row] * weight).sum::<f64>();
-    let along: Vec<f64> = check.trajectories_m.iter().map(sum).collect();
-    let mean = |values: &mut dyn Iterator<Item = f64>| values.sum::<f64>() / n;
-    let along_mean = mean(&mut along.iter().copied());
-    let of_law = problem.model.base().parameters().iter().enumerate();
-    let shift = |(k, spec): (usize, &crate::parameter::ParameterSpec)| {
-        let own_mean = mean(&mut check.draws.iter().map(|draw| draw[k]));
-        let products = check.draws.iter().zip(&along).map(|(draw, along)| (draw[k] - own_mean) * (along - along_mean));
-        let shift = products.sum::<f64>() / (n - 1.0);
-        (shift != 0.0).then(|| ParameterShift { name: spec.name.into(), relative: shift / own_mean })
+/// By how much the deviation moves the law's parameters, to first order: least squares of the deviation by the linear model's derivatives, (AᵀA)⁻¹Aᵀd. White noise of one size weighs all rows alike, and
+/// where displacements are large the prior has next to no weight.
+fn shifts(
+    problem: &Problem,
+    reduced: &Reduced,
+    mean: &[f64],
+    n_law: usize,
+    deviation_m: &[f64],
+    rows: &[usize],
+) -> Result<Vec<ParameterShift>> {
+    let forward = problem.reduced_forward(reduced);
+    let moved = |k: usize, share: f64| {
+        let mut moved = mean.to_vec();
+        moved[k] *= 1.0 + share;
+        forward.trajectory_m(&moved)
     };
-    of_law.filter_map(shift).collect()
+    let names: Vec<&str> = problem.model.base().parameters().iter().map(|spec| spec.name).collect();
+    let is_free = |k: &usize| problem.priors.names().any(|name| name == names[*k]);
+    let free: Vec<usize> = (0..n_law).filter(is_free).collect();
+    // Derivatives by the logarithms.
+    let mut columns = Vec::with_capacity(free.len());
+    for &k in &free {
+        let (up, down) = (moved(k, SMALL_SHARE)?, moved(k, -SMALL_SHARE)?);
+        columns.push(rows.iter().map(|row| (up[*row] - down[*row]) / (2.0 * SMALL_SHARE)).collect::<Vec<f64>>());
+    }
+    let a = DMatrix::from_fn(rows.len(), free.len(), |row, k| columns[k][row]);
+    let d = DVector::from_iterator(rows.len(), rows.iter().map(|row| deviation_m[*row]));
+    let Ok(found) = a.svd(true, true).solve(&d, 1e-12) else { return Ok(Vec::new()) };
+    let shift = |(k, relative): (&usize, &f64)| ParameterShift { name: names[*k].into(), relative: *relative };
+    Ok(free.iter().zip(found.iter()).map(shift).collect())
 }
 
 fn sphere(apparatus: &Apparatus) -> Option<(f64, f64)> {

@@ -114,7 +114,7 @@ pub fn run(problem: &Problem, request: &SampleRequest, monitor: &dyn Monitor) ->
     let heldout_m = problem.positions_of(&problem.experiment.heldout_cycles);
     let score = heldout::score(&check, &bands_m, &problem.experiment.record, &heldout_m, request.options.seed);
     lap("held-out score");
-    let large_displacement = large_displacement::estimate(problem, &check)?;
+    let large_displacement = large_displacement::estimate(problem, &reduced, &check)?;
     lap("large displacements");
     let yardstick = problem.experiment.noise_yardstick();
     let summary =

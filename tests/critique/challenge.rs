@@ -183,19 +183,21 @@ fn a_bench_for_one_effect_draws_what_the_whole_one_draws() {
     assert!(refusal.contains("wormhole"), "{refusal}");
 }
 
-/// Large displacements: sized by an estimate, made on finer meshes and steps. 20 standard deviations of 4 µm over 600 rows are a root mean square of 3.3 µm. The base law's best
-/// fit to noise-free data leaves no less than that, and more as it weighs rows by a noise that is correlated; a robot that moves as in a linear gel leaves a tenth. It goes farther than in a linear gel.
+/// Large displacements: sized on a mesh of level 1, made on one of level 2. 20 standard deviations of 4 µm over 600 rows are a root mean square of 3.3 µm. The base law's best
+/// fit to noise-free data leaves no less than that, and more as it weighs rows by a noise that is correlated (5.3 µm were measured); a robot that moves as in a linear gel leaves
+/// a tenth. It comes about its own radius far. The full model of large displacements takes minutes; fe_large.rs asks it for less.
 #[test]
+#[ignore = "campaigns/long-tests"]
 fn large_displacements_leave_the_signal_that_is_asked_for() {
     let bench = &*BENCH;
     let order = order(Hidden::Outside(OutsideKind::LargeDisplacement), Protocol::Paper, 20.0);
     let truth = bench.draw(&order, &mut RandomStream::new(3, 4)).expect("in reach");
     let radii = truth.outside.as_ref().expect("it is there").size;
     println!("{radii} radii, {:?}, looks like {:?}", truth.outside_sigma, truth.ideal_class);
-    assert!((1.5..3.6).contains(&radii), "{radii}");
+    assert!((0.5..1.6).contains(&radii), "{radii}");
     let position_m = full_order::trajectories_m(bench, &[truth], None, &Silent).expect("carried").remove(0);
     let farthest_m = position_m.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
-    assert!(farthest_m > radii * 0.275e-3 && farthest_m < 1.1 * radii * 0.275e-3, "{farthest_m}");
+    assert!(farthest_m < radii * 0.275e-3 && farthest_m > 0.85 * radii * 0.275e-3, "{farthest_m}");
     let subject = bench.subject_of(Protocol::Paper, &position_m).expect("an experiment");
     let fitted = subject.fit(&subject.base(), &[], Search::Wide).expect("fits");
     let rest_m = fitted.rmse_m(&position_m.iter().copied().map(Some).collect::<Vec<_>>()).expect("rows");

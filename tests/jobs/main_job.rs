@@ -158,7 +158,7 @@ fn a_wrong_surrogate_is_measured_by_the_full_model() {
 }
 
 /// Data from the gel as an Oldroyd-B fluid on a finer mesh and finer steps, 4 µm of noise: the fitted cycle gives E, c₁ and c₂ away from the gel's, and the posterior says by how much. A program of others
-/// found E = 3.497 and c₂ = 44.2 for 3.527 and 47.37 in one such cycle. The shifts are of first order and from 128 draws: a quarter of them, and four standard deviations of the posterior, are allowed;
+/// found E = 3.497 and c₂ = 44.2 for 3.527 and 47.37 in one such cycle. The shifts are of first order, and of the law that was found and not of the gel's: a quarter of them, and four standard deviations of the posterior, are allowed;
 /// normal errors are beyond that once in 5,000.
 #[test]
 fn what_large_displacements_cost_is_said() {

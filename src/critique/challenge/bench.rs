@@ -175,7 +175,7 @@ impl Bench {
         let (candidate, theta) = motion.with_hidden_effects(truth)?;
         let position_m = match &truth.outside {
             Some(outside) if outside.kind == OutsideKind::LargeDisplacement => {
-                LargeGel::new(self.apparatus(), &large::SIZING)?.position_m(truth.law, motion.record())?
+                LargeGel::new(self.apparatus(), large::SIZING_LEVEL)?.position_m(truth.law, motion.record())?
             }
             Some(outside) => motion.disturbed_m(outside)?,
             None => motion.subject.trajectory_m(&candidate, &theta)?,
@@ -298,10 +298,10 @@ impl Bench {
         Ok(Some(truth))
     }
 
-    /// A gel so much stiffer or softer than the drawn law that large displacements show as strongly as is asked.
+    /// A gel so much stiffer than the drawn law that large displacements show as strongly as is asked.
     fn with_large(&self, order: &Order, motion: &Motion, law: [f64; 3]) -> Result<Truth> {
         let asked_sigma = order.strength_sigma.unwrap_or(OUTSIDE_SIGMA);
-        let gel = LargeGel::new(self.apparatus(), &large::SIZING)?;
+        let gel = LargeGel::new(self.apparatus(), large::SIZING_LEVEL)?;
         let farthest_m = motion.farthest_m()?;
         let radius_m = large::radius_m(self.apparatus())?;
         let law_at = |radii: f64| law.map(|value| value * farthest_m / (radii * radius_m));

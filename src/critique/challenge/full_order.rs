@@ -71,7 +71,7 @@ pub fn trajectories_m(
             .collect::<Result<_>>()?;
         let compute = |truth: &Truth| -> Result<Vec<f64>> {
             if truth.outside.as_ref().is_some_and(|outside| outside.kind == OutsideKind::LargeDisplacement) {
-                let gel = LargeGel::new(bench.apparatus(), &large::DATA)?;
+                let gel = LargeGel::new(bench.apparatus(), large::DATA_LEVEL)?;
                 return gel.position_m(truth.law, &truth.protocol.record());
             }
             let own = models.iter().find(|(error, _)| truth.apparatus == Some(*error));
