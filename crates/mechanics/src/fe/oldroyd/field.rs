@@ -72,7 +72,7 @@ impl FieldMesh {
         for ((cell, shape), mean) in mesh.cells.iter().zip(shapes).zip(means) {
             let (mut interior, mut edge, mut unknown) = (Vec::new(), Vec::new(), Vec::new());
             let nodes = skeleton.nodes(cell);
-            for component in 0..2 {
+            for component in [0, 1] {
                 for (a, node) in nodes.iter().enumerate() {
                     if node.is_some() { &mut edge } else { &mut interior }.push(component * n + a);
                     unknown.push(node.map_or_else(|| add(false), |node| freedoms[node][component]));
@@ -137,6 +137,12 @@ impl Stage<'_> {
         };
         start.iter().zip(configurations).map(of).collect()
     }
+}
+
+/// What is out of balance in a cell: inside, and on its edges after the inside is condensed.
+struct CellForces {
+    interior: Vec<f64>,
+    edge: Vec<f64>,
 }
 
 /// The factorised matrix of some stage, which serves others for a while.
@@ -214,31 +220,29 @@ impl<'a> Solver<'a> {
             let interior: Vec<f64> = cell.interior.iter().map(|i| all[*i]).collect();
             let mut edge: Vec<f64> = cell.edge.iter().map(|i| all[*i]).collect();
             condensed.reduce(&interior, &mut edge);
-            (interior, edge)
+            CellForces { interior, edge }
         };
-        let forces: Vec<(Vec<f64>, Vec<f64>)> =
-            mesh.cells.par_iter().zip(held).zip(&factorised.cells).map(of_cell).collect();
+        let forces: Vec<CellForces> = mesh.cells.par_iter().zip(held).zip(&factorised.cells).map(of_cell).collect();
         let mut changes = vec![0.0; mesh.n_global];
         changes[BODY] = stage.force_pa;
-        for (cell, (_, edge)) in mesh.cells.iter().zip(&forces) {
-            for (place, force) in cell.edge.iter().zip(edge) {
+        for (cell, forces) in mesh.cells.iter().zip(&forces) {
+            for (place, force) in cell.edge.iter().zip(&forces.edge) {
                 if let Some(unknown) = cell.unknown[*place] {
                     changes[unknown] -= force;
                 }
             }
         }
         factorised.lu.solve(&mut changes);
-        let inside = |((cell, (interior, _)), condensed): ((&FieldCell, &(Vec<f64>, Vec<f64>)), &Condensed)| {
+        let inside = |((cell, forces), condensed): ((&FieldCell, &CellForces), &Condensed)| {
             let on_edge = cell.edge.iter().map(|place| cell.unknown[*place].map_or(0.0, |u| changes[u]));
-            condensed.interior(interior, &on_edge.collect::<Vec<f64>>())
+            condensed.interior(&forces.interior, &on_edge.collect::<Vec<f64>>())
         };
         let insides: Vec<Vec<f64>> = mesh.cells.par_iter().zip(&forces).zip(&factorised.cells).map(inside).collect();
         let mut largest = 0.0_f64;
         let mut change = |unknown: usize, by: f64| {
             x[unknown] += by;
-            // What is not a number stays the largest.
-            if !mesh.is_pressure[unknown] && !(by.abs() <= largest) {
-                largest = by.abs();
+            if !mesh.is_pressure[unknown] {
+                largest = if by.is_finite() { largest.max(by.abs()) } else { f64::INFINITY };
             }
         };
         changes.iter().enumerate().for_each(|(unknown, by)| change(unknown, *by));
