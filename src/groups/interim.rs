@@ -21,11 +21,11 @@ use crate::inference::{LogDensity, SamplerOptions};
 use crate::model::{Compliance, Forward};
 use crate::study::{Kept, Provenance, WithProvenance};
 use crate::surrogate::FieldModels;
-use crate::workflow::full_check::mean_trajectory;
+use crate::workflow::full_check::{mean_trajectory, rmse_m};
 use crate::workflow::mechanics::Mechanics;
 use crate::workflow::problem::Problem;
 use crate::workflow::reduced::Reduced;
-use crate::workflow::sample::{SampleRequest, rmse_m, sample};
+use crate::workflow::sample::{SampleRequest, sample};
 use crate::workflow::{Monitor, Silent};
 
 /// Draws that are kept of each experiment.

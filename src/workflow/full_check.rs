@@ -225,6 +225,12 @@ pub fn mean_trajectory(trajectories_m: &[Vec<f64>], weights: Option<&[f64]>) -> 
     mean
 }
 
+/// Root mean square distance from the positions that are there.
+pub fn rmse_m(model_m: &[f64], observed_m: &[Option<f64>]) -> f64 {
+    let squares: Vec<f64> = model_m.iter().zip(observed_m).filter_map(|(x, y)| y.map(|y| (y - x).powi(2))).collect();
+    (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
+}
+
 #[cfg(test)]
 mod tests {
     use statrs::distribution::StudentsT;

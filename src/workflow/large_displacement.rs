@@ -8,14 +8,14 @@ use crate::documents::posterior::{LargeDisplacement, ParameterShift, Warning, Wa
 use crate::error::Result;
 use crate::experiment::{Apparatus, Robot, RobotShape, Vitreous};
 use crate::fe::oldroyd::{Fineness, FiniteGel, FiniteLaw, FiniteRun};
-use crate::model::Forward;
+use crate::inference::diagnostics::DrawColumn;
+use crate::number::Dual;
 use crate::report::labels::of_parameter;
 use crate::report::number::significant;
 use crate::stages::Stages;
 
-use super::full_check::{FullCheck, mean_trajectory};
+use super::full_check::{FullCheck, mean_trajectory, rmse_m};
 use super::problem::Problem;
-use super::reduced::Reduced;
 
 /// Radii below which nothing is run: what is left out goes with the third power, and is a ten-thousandth of the displacement there.
 const LEAST_RADII: f64 = 0.2;
@@ -23,18 +23,15 @@ const LEAST_RADII: f64 = 0.2;
 const MOST_SWITCHES: usize = 16;
 /// Root mean square of the deviation over the noise from which it is warned of.
 const WORTH_SAYING: f64 = 0.1;
-
-/// Share of a parameter by which it is moved for derivatives.
-const SMALL_SHARE: f64 = 1e-4;
-/// Share of a parameter below which a shift is left out of the sentence.
-const LEAST_SHIFT: f64 = 1e-3;
+/// Share of a parameter's mean that its standard deviation may be for a shift of first order to mean something.
+const WELL_KNOWN: f64 = 0.1;
 
 /// What a gel of large strains with the posterior's mean law would do in this record; `None` where the model is more than a law around a sphere at the centre, the law is no sum of exponentials, the robot hardly
 /// moves, or its force changes too often for a run in passing.
 ///
 /// # Errors
-/// Never where the run fails: the deviation is `None` then, and how far the robot comes says why.
-pub fn estimate(problem: &Problem, reduced: &Reduced, check: &FullCheck) -> Result<Option<LargeDisplacement>> {
+/// Where no mesh fits. A run that fails is none: the deviation is `None` then.
+pub fn estimate(problem: &Problem, columns: &[DrawColumn], check: &FullCheck) -> Result<Option<LargeDisplacement>> {
     let Some((radius_m, outer_radius_m)) = sphere(&problem.experiment.apparatus) else { return Ok(None) };
     let model = &problem.model;
     if !model.is_law_alone() {
@@ -44,7 +41,8 @@ pub fn estimate(problem: &Problem, reduced: &Reduced, check: &FullCheck) -> Resu
     let n_draws = check.draws.len().max(1) as f64;
     let mean = |k: usize| check.draws.iter().map(|draw| draw[k]).sum::<f64>() / n_draws;
     let mean: Vec<f64> = (0..model.parameters().len()).map(mean).collect();
-    let Some(compliance) = model.base().creep_compliance(&mean[..n_law]) else { return Ok(None) };
+    let elements = model.base().elements(&mean[..n_law].iter().copied().map(Dual::constant).collect::<Vec<Dual>>());
+    let Some(law) = FiniteLaw::new(&elements, 0.0) else { return Ok(None) };
     let record = &problem.experiment.record;
     let fitted = problem.positions_of(&problem.experiment.calibration_cycles);
     let n_rows = fitted.iter().rposition(Option::is_some).map_or(0, |last| last + 1);
@@ -61,50 +59,60 @@ pub fn estimate(problem: &Problem, reduced: &Reduced, check: &FullCheck) -> Resu
         shifts: Vec::new(),
     };
     let gel = FiniteGel::around_sphere(radius_m, outer_radius_m, Fineness::ESTIMATE)?;
-    let (law, load) = (FiniteLaw::new(&compliance, 0.0), Stages::of_law(Vec::new()).load);
+    let load = Stages::of_law(Vec::new()).load;
     let what =
         FiniteRun { law: &law, load: &load, time_s: &record.time_s[..n_rows], force: record.force().first(n_rows) };
     let Ok(run) = gel.run(&what) else { return Ok(Some(found)) };
-    let is_fitted: Vec<usize> = (0..n_rows).filter(|row| fitted[*row].is_some()).collect();
-    let squares: f64 = is_fitted.iter().map(|row| run.deviation_m[*row].powi(2)).sum();
-    found.deviation_rms_um = Some(1e6 * (squares / is_fitted.len().max(1) as f64).sqrt());
+    let nothing: Vec<Option<f64>> = fitted[..n_rows].iter().map(|position| position.map(|_| 0.0)).collect();
+    found.deviation_rms_um = Some(1e6 * rmse_m(&run.deviation_m, &nothing));
     found.deviation_most_um = Some(1e6 * run.deviation_m.iter().fold(0.0_f64, |most, x| most.max(x.abs())));
     if problem.specification.noise == ["white"] {
-        found.shifts = shifts(problem, reduced, &mean, n_law, &run.deviation_m, &is_fitted)?;
+        found.shifts = shifts(problem, columns, check, &run.deviation_m, &nothing);
     }
     Ok(Some(found))
 }
 
-/// By how much the deviation moves the law's parameters, to first order: least squares of the deviation by the linear model's derivatives, (AᵀA)⁻¹Aᵀd. White noise of one size weighs all rows alike, and
-/// where displacements are large the prior has next to no weight.
+/// By how much the deviation d moves the law's parameters, to first order: C Aᵀd/σ², with the posterior's covariance C, the linear model's derivatives A, and white noise σ. Aᵀd is the slope of x·d by the
+/// parameters, found by least squares over the draws that were run in full. Parameters that the data leave open are left out.
 fn shifts(
     problem: &Problem,
-    reduced: &Reduced,
-    mean: &[f64],
-    n_law: usize,
+    columns: &[DrawColumn],
+    check: &FullCheck,
     deviation_m: &[f64],
-    rows: &[usize],
-) -> Result<Vec<ParameterShift>> {
-    let forward = problem.reduced_forward(reduced);
-    let moved = |k: usize, share: f64| {
-        let mut moved = mean.to_vec();
-        moved[k] *= 1.0 + share;
-        forward.trajectory_m(&moved)
-    };
+    fitted: &[Option<f64>],
+) -> Vec<ParameterShift> {
     let names: Vec<&str> = problem.model.base().parameters().iter().map(|spec| spec.name).collect();
-    let is_free = |k: &usize| problem.priors.names().any(|name| name == names[*k]);
-    let free: Vec<usize> = (0..n_law).filter(is_free).collect();
-    // Derivatives by the logarithms.
-    let mut columns = Vec::with_capacity(free.len());
-    for &k in &free {
-        let (up, down) = (moved(k, SMALL_SHARE)?, moved(k, -SMALL_SHARE)?);
-        columns.push(rows.iter().map(|row| (up[*row] - down[*row]) / (2.0 * SMALL_SHARE)).collect::<Vec<f64>>());
-    }
-    let a = DMatrix::from_fn(rows.len(), free.len(), |row, k| columns[k][row]);
-    let d = DVector::from_iterator(rows.len(), rows.iter().map(|row| deviation_m[*row]));
-    let Ok(found) = a.svd(true, true).solve(&d, 1e-12) else { return Ok(Vec::new()) };
-    let shift = |(k, relative): (&usize, &f64)| ParameterShift { name: names[*k].into(), relative: *relative };
-    Ok(free.iter().zip(found.iter()).map(shift).collect())
+    // Places among the law's parameters, and among those that are free.
+    let place = |(k, name): (usize, &&str)| Some((k, problem.priors.names().position(|other| other == *name)?));
+    let free: Vec<(usize, usize)> = names.iter().enumerate().filter_map(place).collect();
+    let n_draws = columns[0].values.len() as f64;
+    let mean_of = |column: &DrawColumn| column.values.iter().sum::<f64>() / n_draws;
+    let means: Vec<f64> = free.iter().map(|(_, column)| mean_of(&columns[*column])).collect();
+    let covariance = DMatrix::from_fn(free.len(), free.len(), |a, b| {
+        let (of_a, of_b) = (&columns[free[a].1].values, &columns[free[b].1].values);
+        of_a.iter().zip(of_b).map(|(x, y)| (x - means[a]) * (y - means[b])).sum::<f64>() / n_draws
+    });
+    let sd = |a: usize| covariance[(a, a)].sqrt();
+    let rows: Vec<usize> = (0..fitted.len()).filter(|row| fitted[*row].is_some()).collect();
+    let variance_m2 = |sd_m: &Vec<f64>| rows.iter().map(|row| sd_m[*row].powi(2)).sum::<f64>() / rows.len() as f64;
+    let n_checked = check.draws.len();
+    let variance_m2 = check.noise.sd_m.iter().map(variance_m2).sum::<f64>() / n_checked as f64;
+    let overlap = |x: &Vec<f64>| rows.iter().map(|row| x[*row] * deviation_m[*row]).sum::<f64>() / variance_m2;
+    let overlaps = DVector::from_iterator(n_checked, check.trajectories_m.iter().map(overlap));
+    // In standard deviations from the mean, beside a constant.
+    let design = DMatrix::from_fn(n_checked, free.len() + 1, |draw, a| match a.checked_sub(1) {
+        None => 1.0,
+        Some(a) => (check.draws[draw][free[a].0] - means[a]) / sd(a),
+    });
+    let Ok(slopes) = design.svd(true, true).solve(&overlaps, 1e-9) else { return Vec::new() };
+    let slopes = DVector::from_fn(free.len(), |a, _| slopes[a + 1] / sd(a));
+    let moved = covariance.clone() * slopes;
+    let shift = |a: usize| ParameterShift {
+        name: names[free[a].0].into(),
+        relative: moved[a] / means[a],
+        standard_deviations: moved[a] / sd(a),
+    };
+    (0..free.len()).filter(|a| sd(*a) < WELL_KNOWN * means[*a]).map(shift).collect()
 }
 
 fn sphere(apparatus: &Apparatus) -> Option<(f64, f64)> {
@@ -126,7 +134,9 @@ pub fn warning(found: &LargeDisplacement, noise_um: Option<f64>) -> Option<Warni
     let advice = "read the law's parameters as effective values at this amplitude, or repeat with a smaller force; other gels with the same small strains (Giesekus's) deviate otherwise, so this is what is at stake and no correction".into();
     let radii = digits(found.farthest_radii);
     let (Some(rms_um), Some(most_um)) = (found.deviation_rms_um, found.deviation_most_um) else {
-        let text = format!("the robot moves by {radii} of its radii, farther than large displacements can be computed");
+        let text = format!(
+            "the robot moves by {radii} of its radii; what large displacements make of it could not be computed"
+        );
         return Some(Warning { kind, text, advice });
     };
     if noise_um.is_some_and(|noise_um| rms_um < WORTH_SAYING * noise_um) {
@@ -143,7 +153,7 @@ pub fn warning(found: &LargeDisplacement, noise_um: Option<f64>) -> Option<Warni
         let side = if shift.relative > 0.0 { "above" } else { "below" };
         format!("{} {} % {side}", label.symbol, digits(100.0 * shift.relative.abs()))
     };
-    let worth = found.shifts.iter().filter(|shift| shift.relative.abs() >= LEAST_SHIFT);
+    let worth = found.shifts.iter().filter(|shift| shift.standard_deviations.abs() >= 1.0);
     let shifts: Vec<String> = worth.map(shift).collect();
     if !shifts.is_empty() {
         text += &format!("; a fit that leaves this out finds {} the gel's own", shifts.join(", "));

@@ -8,7 +8,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::Monitor;
 use super::advice::{Findings, impossible_positions, warnings};
-use super::full_check::{self, FullCheck, N_CHECK_DRAWS, NaturalDraw, mean_trajectory};
+use super::full_check::{self, FullCheck, N_CHECK_DRAWS, NaturalDraw, mean_trajectory, rmse_m};
 use super::heldout::{self, Score};
 use super::large_displacement;
 use super::log_score::log_score;
@@ -114,7 +114,7 @@ pub fn run(problem: &Problem, request: &SampleRequest, monitor: &dyn Monitor) ->
     let heldout_m = problem.positions_of(&problem.experiment.heldout_cycles);
     let score = heldout::score(&check, &bands_m, &problem.experiment.record, &heldout_m, request.options.seed);
     lap("held-out score");
-    let large_displacement = large_displacement::estimate(problem, &reduced, &check)?;
+    let large_displacement = large_displacement::estimate(problem, &columns, &check)?;
     lap("large displacements");
     let yardstick = problem.experiment.noise_yardstick();
     let summary =
@@ -396,12 +396,6 @@ fn parameter_summaries(
         ParameterSummary { surrogate_bias_sd, discretisation_bias_sd, ..parameter_summary(&prior.name, &d) }
     };
     problem.priors.priors().iter().zip(columns).map(summary).collect()
-}
-
-/// Root mean square distance from the positions that are there.
-pub fn rmse_m(model_m: &[f64], observed_m: &[Option<f64>]) -> f64 {
-    let squares: Vec<f64> = model_m.iter().zip(observed_m).filter_map(|(x, y)| y.map(|y| (y - x).powi(2))).collect();
-    (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
 }
 
 /// Draws that fit, and have no model on other rows.

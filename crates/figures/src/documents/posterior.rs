@@ -36,11 +36,11 @@ pub struct PosteriorSummary {
 pub struct LargeDisplacement {
     /// Farthest that the robot comes from its start in the fitted cycles, in its radii.
     pub farthest_radii: f64,
-    /// Root mean square of the deviation over the fitted rows, in µm; `null` where the robot comes too far to be followed.
+    /// Root mean square of the deviation over the fitted rows, in µm; `null` where it could not be computed.
     pub deviation_rms_um: Option<f64>,
     /// Its largest size, in µm.
     pub deviation_most_um: Option<f64>,
-    /// By how much the deviation moves the means of the law's parameters, to first order, where the noise is white.
+    /// By how much the deviation moves the means of the law's parameters, to first order: those known to a tenth, where the noise is white.
     pub shifts: Vec<ParameterShift>,
 }
 
@@ -51,6 +51,8 @@ pub struct ParameterShift {
     pub name: String,
     /// What is found less the gel's own, over what is found.
     pub relative: f64,
+    /// The same over the posterior's standard deviation.
+    pub standard_deviations: f64,
 }
 
 /// The model that was fitted.

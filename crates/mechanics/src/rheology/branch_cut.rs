@@ -152,8 +152,11 @@ fn zeros_of_modulus(element: &Element, reach: [f64; 2]) -> Vec<nalgebra::Complex
 fn poles_of_modulus(element: &Element, reach: [f64; 2]) -> Vec<nalgebra::Complex<f64>> {
     match element {
         Element::Parallel(elements) => elements.iter().flat_map(|part| poles_of_modulus(part, reach)).collect(),
-        Element::Series(_) => match stieltjes::relaxation_rates_per_s(element) {
-            Some(rates) => rates.into_iter().map(|rate| nalgebra::Complex::new(rate.ln(), 0.0)).collect(),
+        Element::Series(_) => match stieltjes::relaxation_of(element) {
+            Some(exact) => {
+                let rates = exact.modes.iter().map(|[_, rate]| *rate).filter(|rate| *rate > 0.0);
+                rates.map(|rate| nalgebra::Complex::new(rate.ln(), 0.0)).collect()
+            }
             None => zeros(element, -1.0, &zeros_of_modulus(element, reach), reach),
         },
         _ => Vec::new(),

@@ -11,7 +11,7 @@ mod of_law;
 mod oscillation;
 mod spectrum;
 mod spread;
-mod stieltjes;
+pub(crate) mod stieltjes;
 
 pub use element::Element;
 pub use mittag_leffler::mittag_leffler;

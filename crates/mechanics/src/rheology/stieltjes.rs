@@ -29,7 +29,7 @@ struct Pole {
 }
 
 /// The spectrum of a network; `None` where it has a springpot.
-pub(super) fn spectrum_of(element: &Element) -> Option<RetardationSpectrum> {
+pub(crate) fn spectrum_of(element: &Element) -> Option<RetardationSpectrum> {
     let compliance = compliance_of(element)?;
     let (flow, modes): (Vec<Pole>, Vec<Pole>) = compliance.poles.iter().partition(|pole| pole.at.value == 0.0);
     Some(RetardationSpectrum {
@@ -43,10 +43,20 @@ pub(super) fn spectrum_of(element: &Element) -> Option<RetardationSpectrum> {
     })
 }
 
-/// The rates at which a network's modulus is infinite, above 0; `None` where it has a springpot.
-pub(super) fn relaxation_rates_per_s(element: &Element) -> Option<Vec<f64>> {
+/// What a network's modulus is made of: G*(s) = η s + Σ G s/(s + p).
+#[derive(Debug, Clone)]
+pub(crate) struct RelaxationSpectrum {
+    /// η in Pa·s.
+    pub(crate) viscosity_pa_s: f64,
+    /// G (Pa) and p (1/s) of every mode, slowest first; p = 0 does not relax.
+    pub(crate) modes: Vec<[f64; 2]>,
+}
+
+/// The modulus of a network; `None` where it has a springpot.
+pub(crate) fn relaxation_of(element: &Element) -> Option<RelaxationSpectrum> {
     let modulus = compliance_of(element)?.reciprocal();
-    Some(modulus.poles.iter().map(|pole| pole.at.value).filter(|rate| *rate > 0.0).collect())
+    let modes = modulus.poles.iter().map(|pole| [pole.weight.value, pole.at.value]).collect();
+    Some(RelaxationSpectrum { viscosity_pa_s: modulus.constant.value, modes })
 }
 
 /// The spectrum of a network with a mass beside it; `None` where it has a springpot, or no mass.

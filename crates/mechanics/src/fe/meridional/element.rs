@@ -186,14 +186,7 @@ impl Table {
         let n = self.n_functions();
         let (mut factors, mut roots) = (Vec::with_capacity(self.points.len()), Vec::with_capacity(self.points.len()));
         for &([xi, eta], weight) in &self.points {
-            let (at, along, across) = map.at(xi, eta);
-            let jacobian = along[0] * across[1] - along[1] * across[0];
-            if !(jacobian > 0.0 && at[0] > 0.0) {
-                return Err(Error::numerical(
-                    format!("a cell near r = {:.3e}, z = {:.3e} is inverted (Jacobian {jacobian:.3e})", at[0], at[1]),
-                    "give a body that lies well inside the outer sphere",
-                ));
-            }
+            let (at, along, across, jacobian) = map.upright_at(xi, eta)?;
             let root = (weight * jacobian * at[0]).sqrt();
             roots.push(root);
             let by = root / jacobian;

@@ -1,5 +1,7 @@
 //! Curves of the half meridian and the cells ruled between them.
 
+use crate::error::{Error, Result};
+
 /// A point of the half meridian (r, z) in m, and its like.
 pub(in crate::fe) type Point = [f64; 2];
 
@@ -52,5 +54,21 @@ impl Ruled {
         let blend = |a: Point, b: Point| [(1.0 - s) * a[0] + s * b[0], (1.0 - s) * a[1] + s * b[1]];
         let along = blend(d_inner, d_outer).map(|d| 0.5 * d);
         (blend(inner, outer), along, [half * (outer[0] - inner[0]), half * (outer[1] - inner[1])])
+    }
+
+    /// The same with the Jacobian.
+    ///
+    /// # Errors
+    /// [`Error::Numerical`] where the cell is inverted or leaves the half meridian.
+    pub(in crate::fe) fn upright_at(&self, xi: f64, eta: f64) -> Result<(Point, Point, Point, f64)> {
+        let (at, along, across) = self.at(xi, eta);
+        let jacobian = along[0] * across[1] - along[1] * across[0];
+        if jacobian > 0.0 && at[0] > 0.0 {
+            return Ok((at, along, across, jacobian));
+        }
+        Err(Error::numerical(
+            format!("a cell near r = {:.3e}, z = {:.3e} is inverted (Jacobian {jacobian:.3e})", at[0], at[1]),
+            "give a body that lies well inside the outer sphere",
+        ))
     }
 }

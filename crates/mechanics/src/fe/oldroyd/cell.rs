@@ -6,8 +6,8 @@ use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, Par};
 
 use super::lu::DenseLu;
-use super::point::{self, Gradient, Held, IDENTITY, N_GRADIENT};
-use crate::error::{Error, Result};
+use super::point::{self, Gradient, Held, IDENTITY};
+use crate::error::Result;
 use crate::fe::meridional::basis::{gauss_legendre, gauss_lobatto, lagrange, legendre};
 use crate::fe::meridional::geometry::Ruled;
 
@@ -94,17 +94,7 @@ impl CellShape {
         let (mut weights, mut factors, mut over_r) = (Vec::new(), Vec::new(), Vec::new());
         for &(eta, weight_eta) in line {
             for &(xi, weight_xi) in line {
-                let (at, along, across) = map.at(xi, eta);
-                let jacobian = along[0] * across[1] - along[1] * across[0];
-                if !(jacobian > 0.0 && at[0] > 0.0) {
-                    return Err(Error::numerical(
-                        format!(
-                            "a cell near r = {:.3e}, z = {:.3e} is inverted (Jacobian {jacobian:.3e})",
-                            at[0], at[1]
-                        ),
-                        "give a body that lies well inside the outer sphere",
-                    ));
-                }
+                let (at, along, across, jacobian) = map.upright_at(xi, eta)?;
                 weights.push(2.0 * PI * weight_xi * weight_eta * jacobian * at[0]);
                 factors.push([across[1], -along[1], -across[0], along[0]].map(|x| x / jacobian));
                 over_r.push(1.0 / at[0]);
@@ -197,6 +187,7 @@ impl CellShape {
         let (n, n_points) = (reference.n_functions(), f.len());
         let pressure_at = reference.pressures_at(pressures);
         let tangents: Vec<_> = (0..n_points).map(|q| point::tangent(&held[q], &f[q], pressure_at[q])).collect();
+        let cofactors: Vec<Gradient> = f.iter().map(point::cofactor).collect();
         let mut matrix = Mat::zeros(2 * n + pressures.len(), 2 * n + pressures.len());
         // Components of F in the order of their operators, for displacements along r and along z.
         const OF: [&[usize]; 2] = [&[0, 1, 4], &[2, 3]];
@@ -219,7 +210,6 @@ impl CellShape {
                 matmul(block, Accum::Replace, left.transpose(), weighted.as_ref(), 1.0, Par::Seq);
             }
             let mut volume = Mat::<f64>::zeros(n_points, n);
-            let cofactors: Vec<Gradient> = f.iter().map(point::cofactor).collect();
             for a in 0..n {
                 let (operators, out) = (self.operators.col_as_slice(a), volume.col_as_slice_mut(a));
                 for q in 0..n_points {
@@ -239,8 +229,6 @@ impl CellShape {
         matrix
     }
 }
-
-const _: () = assert!(N_GRADIENT == 5);
 
 /// A cell's matrix with its interior eliminated.
 pub(super) struct Condensed {

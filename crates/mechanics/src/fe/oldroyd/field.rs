@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use super::cell::{CellShape, Condensed, Reference};
 use super::lu::SparseLu;
-use super::point::{self, Gradient, Held, Symmetric};
+use super::point::{self, Gradient, Held, StageLaw, Symmetric};
 use crate::error::{Error, Result};
 use crate::fe::meridional::mesh::Mesh;
 use crate::fe::meridional::solver::Skeleton;
@@ -108,14 +108,8 @@ impl FieldMesh {
 pub(super) struct Stage<'a> {
     /// Force on the body over its radius squared, in Pa.
     pub(super) force_pa: f64,
-    /// 1/(γh) in 1/s.
-    pub(super) rate_per_s: f64,
-    /// η_s in Pa·s.
-    pub(super) solvent_pa_s: f64,
-    /// α.
-    pub(super) mobility: f64,
-    /// Modulus (Pa) and γh/λ of every mode.
-    pub(super) modes: &'a [(f64, f64)],
+    /// The law.
+    pub(super) law: StageLaw<'a>,
     /// Unknowns where the stage starts.
     pub(super) start: &'a [f64],
     /// S* by cell, point and mode.
@@ -124,15 +118,12 @@ pub(super) struct Stage<'a> {
 
 impl Stage<'_> {
     fn held<'a>(&'a self, cell: usize, start: &[Gradient]) -> Vec<Held<'a>> {
-        let configurations = self.configurations[cell].chunks_exact(self.modes.len().max(1));
+        let configurations = self.configurations[cell].chunks_exact(self.law.modes.len().max(1));
         let empty: &[Symmetric] = &[];
         let configurations = configurations.chain(std::iter::repeat(empty));
         let of = |(start, configurations): (&Gradient, &'a [Symmetric])| Held {
+            law: self.law,
             start: *start,
-            rate_per_s: self.rate_per_s,
-            solvent_pa_s: self.solvent_pa_s,
-            mobility: self.mobility,
-            modes: self.modes,
             configurations,
         };
         start.iter().zip(configurations).map(of).collect()
@@ -172,7 +163,7 @@ impl<'a> Solver<'a> {
         let starts: Vec<Vec<Gradient>> = mesh.cells.par_iter().map(|cell| mesh.gradients(cell, stage.start)).collect();
         let held: Vec<Vec<Held>> = starts.iter().enumerate().map(|(cell, start)| stage.held(cell, start)).collect();
         let mut x = guess;
-        let rate = stage.rate_per_s;
+        let rate = stage.law.rate_per_s;
         // Steps of other lengths have other matrices; those that grow slowly are near enough.
         let mut factorised = match self.factorised.take() {
             Some(kept) if (kept.rate_per_s / rate).ln().abs() < 0.5 => kept,
@@ -205,7 +196,7 @@ impl<'a> Solver<'a> {
         let mut x = vec![0.0; mesh.n_unknowns];
         let starts: Vec<Vec<Gradient>> = mesh.cells.iter().map(|cell| mesh.gradients(cell, stage.start)).collect();
         let held: Vec<Vec<Held>> = starts.iter().enumerate().map(|(cell, start)| stage.held(cell, start)).collect();
-        let factorised = self.factorise(&held, &x, stage.rate_per_s, None)?;
+        let factorised = self.factorise(&held, &x, stage.law.rate_per_s, None)?;
         self.iterate(stage, &held, &factorised, &mut x);
         Ok(x)
     }

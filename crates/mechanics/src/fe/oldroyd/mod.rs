@@ -12,7 +12,7 @@
 //! Newton's method with a matrix that is kept while it serves. Beside every run a twin of small strains takes the same steps, and what is reported is the deviation from it: errors of mesh and steps that both have
 //! cancel. What is added to the twin's place is the linear model's answer, at its own Poisson ratio.
 //!
-//! **Limits.** The gel is incompressible, and bonded: it neither tears nor slides. In front of the body cells are pressed flat; the run ends with an error where a volume that should stay is a twentieth of itself at a point, or twenty times as large.
+//! **Limits.** The gel is incompressible, and bonded: it neither tears nor slides. In front of the body cells are pressed flat; the run ends with an error where a volume that should stay is a fifth of itself at a point, or five times as large.
 
 mod cell;
 mod field;
@@ -28,11 +28,13 @@ pub use law::{FiniteLaw, RelaxationMode};
 use std::f64::consts::FRAC_PI_2;
 
 use super::clock::switches;
+use super::meridional::basis::lagrange;
 use super::meridional::mesh::{Boundary, Mesh};
 use crate::error::{Error, Result};
 use crate::experiment::Force;
 use crate::stages::Load;
 use field::{BODY, FieldMesh, Solver, Stage};
+use point::{AT_REST, StageLaw};
 use run::{Moment, Pull, walk};
 
 /// How finely space and time are cut.
@@ -49,12 +51,12 @@ pub struct Fineness {
 }
 
 impl Fineness {
-    /// For an estimate: 0.5 µm over the paper's first cycle, four times as fast as the default.
+    /// For an estimate: 0.3 µm over the paper's four cycles, four times as fast as the default.
     pub const ESTIMATE: Self = Self { order: 5, n_angles: 4, layer_ratio: 2.0, steps_per_doubling: 3 };
 }
 
 impl Default for Fineness {
-    /// 0.1 µm over the paper's first cycle, where the body moves by 3.6 radii.
+    /// 0.1 µm over the paper's four cycles, where the body moves by 3.6 radii.
     fn default() -> Self {
         Self { order: 5, n_angles: 6, layer_ratio: 2.0, steps_per_doubling: 6 }
     }
@@ -128,7 +130,7 @@ impl FiniteGel {
     /// Runs a law through a record.
     ///
     /// # Errors
-    /// [`Error::Numerical`] for a load that depends on the position, and where the mesh follows the body no farther; that says how far it came.
+    /// [`Error::Numerical`] for a load that depends on the position, and where the mesh follows the body no farther or no balance is found; that says when, and how far it came.
     pub fn run(&self, what: &FiniteRun) -> Result<FiniteResult> {
         let FiniteRun { law, load, time_s, force } = *what;
         if load.gradient_per_m.value != 0.0 {
@@ -189,14 +191,10 @@ fn concentric(outer_radius: f64, fineness: Fineness) -> Mesh {
 /// Force on the body for unit displacement and shear modulus, strains being small.
 fn stiffness(mesh: &FieldMesh) -> Result<f64> {
     let start = vec![0.0; mesh.n_unknowns];
-    let configurations: Vec<_> =
-        mesh.cells.iter().map(|cell| vec![[1.0, 0.0, 1.0, 1.0]; cell.shape.weights.len()]).collect();
+    let configurations: Vec<_> = mesh.cells.iter().map(|cell| vec![AT_REST; cell.shape.weights.len()]).collect();
     let stage = Stage {
         force_pa: 1.0,
-        rate_per_s: 1.0,
-        solvent_pa_s: 0.0,
-        mobility: 0.0,
-        modes: &[(1.0, 0.0)],
+        law: StageLaw { rate_per_s: 1.0, solvent_pa_s: 0.0, mobility: 0.0, modes: &[(1.0, 0.0)] },
         start: &start,
         configurations: &configurations,
     };
@@ -218,12 +216,9 @@ fn at_rows(legs: &[Vec<Moment>], time_s: &[f64], length_m: f64, of: impl Fn(&Mom
         }
         let first = after.saturating_sub(N_NEAREST / 2).min(leg.len().saturating_sub(N_NEAREST));
         let near = &leg[first..leg.len().min(first + N_NEAREST)];
-        let weighed = |(k, own): (usize, &Moment)| {
-            let others = near.iter().enumerate().filter(|(other, _)| *other != k);
-            let weight = others.map(|(_, other)| (row_s - other.time_s) / (own.time_s - other.time_s));
-            weight.product::<f64>() * of(own)
-        };
-        length_m * near.iter().enumerate().map(weighed).sum::<f64>()
+        let times_s: Vec<f64> = near.iter().map(|moment| moment.time_s).collect();
+        let weighed = lagrange(&times_s, row_s).into_iter().zip(near).map(|((weight, _), moment)| weight * of(moment));
+        length_m * weighed.sum::<f64>()
     };
     time_s.iter().map(at).collect()
 }

@@ -2,7 +2,8 @@
 
 use super::*;
 use crate::experiment::ForceRule;
-use crate::rheology::CreepCompliance;
+use crate::number::Dual;
+use crate::rheology::{BaseLaw, CreepCompliance};
 use crate::stages::Stages;
 
 const RADIUS_M: f64 = 0.275e-3;
@@ -25,7 +26,19 @@ fn record(share: f64, n_holds: usize) -> (Vec<f64>, Vec<f64>) {
 }
 
 fn run(fineness: Fineness, mobility: f64, time_s: &[f64], force: Force) -> Result<FiniteResult> {
-    let law = FiniteLaw::new(&CreepCompliance::lethersich(&LAW), mobility);
+    run_law(BaseLaw::Lethersich, &LAW, fineness, mobility, time_s, force)
+}
+
+fn run_law(
+    law: BaseLaw,
+    parameters: &[f64],
+    fineness: Fineness,
+    mobility: f64,
+    time_s: &[f64],
+    force: Force,
+) -> Result<FiniteResult> {
+    let elements = law.elements(&parameters.iter().copied().map(Dual::constant).collect::<Vec<Dual>>());
+    let law = FiniteLaw::new(&elements, mobility).expect("no springpot");
     let load = Stages::of_law(Vec::new()).load;
     FiniteGel::around_sphere(RADIUS_M, OUTER_M, fineness)?.run(&FiniteRun { law: &law, load: &load, time_s, force })
 }
@@ -101,24 +114,26 @@ fn the_papers_pull_goes_27_um_farther() {
     assert!((found.farthest_m / RADIUS_M - 3.63).abs() < 0.01);
     let finer = Fineness { order: 6, n_angles: 8, ..Fineness::default() };
     let halved = Fineness { steps_per_doubling: 12, ..Fineness::default() };
-    for (other, bound_um) in [(finer, 0.05), (halved, 0.1), (Fineness::ESTIMATE, 0.5)] {
+    for (other, bound_um) in [(finer, 0.02), (halved, 0.1), (Fineness::ESTIMATE, 0.3)] {
         let apart_um = farthest_apart_um(&found, &holds(other, 0.0, 1.0, 2));
         println!("{other:?}: {apart_um:.4} µm");
         assert!(apart_um < bound_um, "{other:?}: {apart_um}");
     }
 }
 
-/// The whole protocol of the paper, four cycles: a mesh of twice the unknowns and half the steps change nothing by more than 0.25 µm.
+/// The whole protocol of the paper, four cycles: a mesh of twice the unknowns and half the steps change nothing by more than 0.1 µm.
 #[test]
 #[ignore = "campaigns/long-tests"]
 fn the_papers_protocol_has_converged() {
     let found = holds(Fineness::default(), 0.0, 1.0, 8);
+    println!("det F {:?}", found.volume_ratios);
     let finer = Fineness { order: 7, n_angles: 8, ..Fineness::default() };
     let halved = Fineness { steps_per_doubling: 12, ..Fineness::default() };
-    for other in [finer, halved] {
-        let apart_um = farthest_apart_um(&found, &holds(other, 0.0, 1.0, 8));
-        println!("{other:?}: {apart_um:.3} µm");
-        assert!(apart_um < 0.25, "{other:?}: {apart_um}");
+    for (other, bound_um) in [(finer, 0.1), (halved, 0.1), (Fineness::ESTIMATE, 0.3)] {
+        let other_result = holds(other, 0.0, 1.0, 8);
+        let apart_um = farthest_apart_um(&found, &other_result);
+        println!("{other:?}: {apart_um:.3} µm, det F {:?}", other_result.volume_ratios);
+        assert!(apart_um < bound_um, "{other:?}: {apart_um}");
     }
 }
 
@@ -130,6 +145,29 @@ fn a_mobility_changes_large_strains_alone() {
     assert!(farthest_apart_um(&none, &some) > 40.0);
     let [none, some] = [0.0, 0.1].map(|mobility| holds(coarse(), mobility, 0.01, 1));
     assert!(farthest_apart_um(&none, &some) < 1e-3);
+}
+
+/// A spring in series answers at once, so that the body jumps with the force: beside the deviation its place is the closed form's, on two meshes. A stiff spring changes nothing.
+#[test]
+fn a_spring_in_series_jumps_and_a_stiff_one_is_none() {
+    let (time_s, force_n) = record(1.0, 2);
+    let burgers = |spring_pa: f64, fineness: Fineness| {
+        let law = [&LAW[..], &[spring_pa]].concat();
+        run_law(BaseLaw::Burgers, &law, fineness, 0.0, &time_s, Force::from(&force_n)).expect("a run")
+    };
+    let apart_um = farthest_apart_um(&holds(coarse(), 0.0, 1.0, 2), &burgers(1000.0, coarse()));
+    assert!(apart_um < 0.5, "{apart_um}");
+    let found = burgers(20.0, coarse());
+    let creep = BaseLaw::Burgers.creep_compliance(&[LAW[0], LAW[1], LAW[2], 20.0]).expect("exponentials");
+    let held = |t: f64| if t > 0.0 { creep.at(t) } else { 0.0 };
+    for (k, t) in time_s.iter().enumerate() {
+        let linear_m = FORCE_N * (held(*t) - 2.0 * held(t - HOLD_S)) * 3.0 / stiffness_m();
+        let apart_m = found.displacement_m[k] - found.deviation_m[k] - linear_m;
+        assert!(apart_m.abs() < 1e-3 * found.farthest_m, "{t} s: {apart_m}");
+    }
+    let apart_um = farthest_apart_um(&found, &burgers(20.0, Fineness { order: 5, n_angles: 6, ..coarse() }));
+    println!("{apart_um:.3} µm, {:.1} µm", 1e6 * found.farthest_m);
+    assert!(apart_um < 0.5, "{apart_um}");
 }
 
 /// A pull that no mesh follows ends with how far it came.
