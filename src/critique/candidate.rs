@@ -16,6 +16,11 @@ pub enum Coordinate {
         /// The spread, in the parameter's unit.
         scale: f64,
     },
+    /// By its square, in units of that of the spread.
+    Square {
+        /// The spread, in the parameter's unit.
+        scale: f64,
+    },
 }
 
 impl Coordinate {
@@ -24,6 +29,7 @@ impl Coordinate {
         match self {
             Self::Logarithm => theta.exp(),
             Self::Linear { scale } => scale * theta,
+            Self::Square { scale } => scale * theta.max(0.0).sqrt(),
         }
     }
 
@@ -32,14 +38,15 @@ impl Coordinate {
         match self {
             Self::Logarithm => value.ln(),
             Self::Linear { scale } => value / scale,
+            Self::Square { scale } => (value / scale).powi(2),
         }
     }
 
-    /// Derivative of the parameter with respect to its coordinate.
-    pub fn slope(self, theta: f64) -> f64 {
+    /// Change of the parameter for a unit of its coordinate: the derivative, and of a square the root's at one unit.
+    pub fn unit(self, theta: f64) -> f64 {
         match self {
             Self::Logarithm => theta.exp(),
-            Self::Linear { scale } => scale,
+            Self::Linear { scale } | Self::Square { scale } => scale,
         }
     }
 }
@@ -203,8 +210,12 @@ fn free(
             null.is_none() && matches!(distribution, Distribution::LogUniform { .. } | Distribution::LogNormal { .. })
         }
     };
-    let coordinate =
-        if is_logarithmic { Coordinate::Logarithm } else { Coordinate::Linear { scale: quantiles[1] - quantiles[0] } };
+    let scale = quantiles[1] - quantiles[0];
+    let coordinate = match (is_logarithmic, spec.is_squared) {
+        (true, _) => Coordinate::Logarithm,
+        (false, true) => Coordinate::Square { scale },
+        (false, false) => Coordinate::Linear { scale },
+    };
     let mut ends = [TAIL_MASS, 1.0 - TAIL_MASS].map(|p| distribution.quantile(p));
     if let Some(null) = null {
         // Priors of one sign leave a sliver at the null, which belongs to the search.

@@ -1,5 +1,7 @@
 //! A diagnosis in its document: what stands beside the claim, and the words for it.
 
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+
 use super::class::Equivalent;
 use super::detectable::{Detectable, smallest_detectable};
 use super::leftover::{Leftover, event_remark};
@@ -17,12 +19,14 @@ use crate::documents::diagnosis::{
 use crate::error::Result;
 use crate::report::number::significant;
 use crate::workflow::Monitor;
-use crate::workflow::misfit::Misfit;
+use crate::workflow::misfit::{FALSE_ALARM, Misfit};
 
 /// Visible shares below this are blind spots.
 const LEAST_VISIBLE: f64 = 1e-3;
 /// Simulated repeats by which a change of the protocol is confirmed.
 const N_REPEATS: usize = 40;
+/// Times the given noise beyond which an error is not said to look like noise, where white errors of that noise are beyond it once in a thousand times at most.
+const LARGEST_SILENT_FACTOR: f64 = 1.3;
 /// Pairs that are reported.
 const N_PAIRS: usize = 5;
 
@@ -361,11 +365,22 @@ impl Report<'_> {
             format!(" Suggestive at most: {}.", listed(&suggestive, "and"))
         };
         let errors = self.errors(&self.found.base);
-        let is_heldout = errors.rmse_heldout_um.is_some();
+        let rows = if errors.rmse_heldout_um.is_some() { "held-out cycle" } else { "fitted cycles" };
+        let rmse_um = errors.rmse_heldout_um.unwrap_or(errors.rmse_fitted_um);
+        let over = rmse_um * 1e-6 / self.subject.yardstick_m();
+        let positions = if errors.rmse_heldout_um.is_some() { &self.subject.scored_m } else { &self.subject.fitted_m };
+        let n = positions.iter().flatten().count() as f64;
+        let by_chance = ChiSquared::new(n).map_or(1.0, |chi| chi.sf(n * over * over));
+        if self.subject.is_noise_known() && over > LARGEST_SILENT_FACTOR && by_chance < FALSE_ALARM {
+            return format!(
+                "Something may be missing: the model's error is {} µm on the {rows}, {} times the given noise. No effect of the library explains it, and slow noise beside the given one would look the same.{hint}",
+                short(rmse_um),
+                short(over),
+            );
+        }
         format!(
-            "Nothing is missing that this experiment could show: the model's error is {} µm on the {} (noise {}), and what it leaves looks like noise.{hint}",
-            short(errors.rmse_heldout_um.unwrap_or(errors.rmse_fitted_um)),
-            if is_heldout { "held-out cycle" } else { "fitted cycles" },
+            "Nothing is missing that this experiment could show: the model's error is {} µm on the {rows} (noise {}), and what it leaves looks like noise.{hint}",
+            short(rmse_um),
             self.noise_words(),
         )
     }

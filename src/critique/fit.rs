@@ -7,6 +7,7 @@
 //! once) and the noise. Each is the other's nuisance: in a Gaussian model their Fisher information has no cross terms, so few rounds do. Where every trajectory
 //! takes long, derivatives follow the steps by Broyden's rule, and are computed anew where these do not keep their promise and before a search ends.
 
+use super::candidate::Coordinate;
 use super::derivatives::derivatives_m;
 use super::noise_fit::{self, LogNoise, NoisePrior};
 use super::steps::{Steps, damped_steps, normal_equations};
@@ -23,6 +24,8 @@ const N_BY_GUESS: usize = 2;
 /// by more than [`HIGHER_NATS`].
 const SAME_PLACE: f64 = 0.1;
 const HIGHER_NATS: f64 = 0.01;
+/// Sizes of effects that begin with their square from which they are tried beside the null.
+const FULL_SIZES: [f64; 2] = [1.0, 0.5];
 const MOST_STEPS: usize = 60;
 const MOST_ROUNDS: usize = 12;
 
@@ -189,9 +192,12 @@ impl Climber<'_> {
                 seeds.push((embedded, log_noise));
             }
         }
+        let far: Vec<(Vec<f64>, LogNoise)> =
+            also.iter().flat_map(|(theta, _)| self.at_full_size(theta)).map(|theta| (theta, white)).collect();
+        let far = self.points(&far);
         let mut points = self.points(&seeds);
         if self.search == Search::Local && !points.is_empty() {
-            return best_of(points, 2);
+            return best_of(points, 2).into_iter().chain(far).collect();
         }
         // From the priors, weighted alike.
         let mut wide: Vec<(Vec<f64>, LogNoise)> =
@@ -202,7 +208,23 @@ impl Climber<'_> {
         let wide = best_of(self.points(&wide), 4);
         points = best_of(points, 4);
         points.extend(wide);
+        points.extend(far);
         points
+    }
+
+    /// Starts for an effect that makes next to nothing near its null, and there not what it makes at its full size: at sizes from which the law can follow, however much worse they are before it has.
+    fn at_full_size(&self, theta: &[f64]) -> Vec<Vec<f64>> {
+        let mut list = Vec::new();
+        for (k, free) in self.candidate.free.iter().enumerate() {
+            if matches!(free.coordinate, Coordinate::Square { .. }) && free.null == Some(theta[k]) {
+                list.extend(FULL_SIZES.iter().map(|size| {
+                    let mut start = theta.to_vec();
+                    start[k] = free.clamped(free.coordinate.theta(*size));
+                    start
+                }));
+            }
+        }
+        list
     }
 
     fn points(&self, seeds: &[(Vec<f64>, LogNoise)]) -> Vec<Point> {

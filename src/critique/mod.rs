@@ -20,6 +20,7 @@ mod document;
 pub mod evidence;
 mod fit;
 pub mod future;
+mod large;
 pub mod leftover;
 mod noise_fit;
 pub mod noise_learning;

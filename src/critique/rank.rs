@@ -8,6 +8,7 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
+use super::candidate::Coordinate;
 use super::derivatives::column_m;
 use super::separation::{Truth, closest};
 use super::{Candidate, Fitted, Subject, Tangent};
@@ -88,18 +89,20 @@ pub fn scores(
         let fraction = |point: usize| safe_ratio(visible[point].norm_squared(), whole[point].norm_squared());
         let best = (0..columns.len()).max_by(|&a, &b| height(mean(a)).total_cmp(&height(mean(b)))).unwrap_or(0);
         let (z, free) = (mean(best), first_free(base, candidates[number]));
-        let unit = free.map_or(1.0, |free| free.coordinate.slope(free.null.unwrap_or(0.0)));
-        let null = free.and_then(|free| Some(free.coordinate.value(free.null?))).unwrap_or(0.0);
+        let unit = free.map_or(1.0, |free| free.coordinate.unit(free.null.unwrap_or(0.0)));
         let norm = visible[best].norm();
-        // A finite signature grows with the square of the size.
+        // A finite signature grows with the square of the size, which may be the coordinate.
+        let is_squared = free.is_some_and(|free| matches!(free.coordinate, Coordinate::Square { .. }));
         let expected = match finite {
-            None => safe_ratio(z, norm),
-            Some(finite) => finite.step * safe_ratio(oriented(z).max(0.0), norm * finite.step.abs()).sqrt(),
+            Some(finite) if !is_squared => {
+                finite.step * safe_ratio(oriented(z).max(0.0), norm * finite.step.abs()).sqrt()
+            }
+            _ => safe_ratio(z, norm),
         };
         let visible_fraction = (0..columns.len()).map(fraction).fold(0.0, f64::max);
         Score {
             z: oriented(z),
-            expected_parameter: null + expected * unit,
+            expected_parameter: expected_parameter(free, expected),
             visible_fraction,
             signature_per_unit: norm / unit,
             direction: (fraction(best) > LEAST_VISIBLE).then(|| visible[best].normalize()),
@@ -120,6 +123,14 @@ impl Score {
             is_one_sided,
         }
     }
+}
+
+/// The first parameter at a step of its coordinate from the null.
+fn expected_parameter(free: Option<&super::Free>, step: f64) -> f64 {
+    free.map_or(step, |free| match free.null {
+        Some(null) => free.coordinate.value(null + step),
+        None => step * free.coordinate.unit(0.0),
+    })
 }
 
 fn safe_ratio(a: f64, b: f64) -> f64 {

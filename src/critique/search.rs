@@ -6,7 +6,7 @@ use super::bootstrap::{Bootstrap, Simulations};
 use super::rank::{Score, pair_score};
 use super::refit::{Gain, Refitted, refit_all};
 use super::screen::Screen;
-use super::{Candidate, Search, Subject};
+use super::{Candidate, Search, Subject, large};
 use crate::critique::NoiseValues;
 use crate::error::Result;
 use crate::workflow::Monitor;
@@ -129,8 +129,10 @@ impl Effort {
 /// # Errors
 /// Whatever fitting the base refuses.
 pub fn search(subject: &Subject, bars: &Bars, effort: &Effort, monitor: &dyn Monitor) -> Result<Found> {
-    monitor.stage("fitting the model with every effect");
+    monitor.stage("fitting the model");
     let mut base = Refitted::new(subject, subject.base(), &[], Search::Wide)?;
+    large::prepare(subject, &base, monitor);
+    monitor.stage("fitting the model with every effect");
     let slugs: Vec<&'static str> = subject.library().effects().iter().map(|effect| effect.slug()).collect();
     let candidates: Vec<_> = slugs.iter().map(|slug| addable(subject, slug)).collect();
     let models: Vec<Candidate> = candidates.iter().flatten().cloned().collect();

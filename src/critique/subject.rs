@@ -1,14 +1,15 @@
 //! One experiment, prepared for the fits of many models.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use super::Candidate;
-use crate::effects::{Effect, Library};
+use crate::effects::{Effect, Field, Library};
 use crate::error::{Error, Place, Result};
 use crate::experiment::Experiment;
 use crate::inference::noise::{NoiseLikelihood, NoiseModel};
 use crate::model::{Compliance, Lanes, N_LANES, Response};
 use crate::number::Dual;
+use crate::stages::Stepped;
 use crate::study::ModelSpecification;
 use crate::surrogate::trajectory;
 use crate::workflow::problem::Problem;
@@ -51,7 +52,12 @@ pub(super) struct Shared {
     /// The same with laws that are not linear remembering their trajectories.
     pub local: Compliance,
     pub response: Response,
+    /// What answers for large displacements, once a search has looked whether it is worth learning; or why nothing does.
+    pub large: Large,
 }
+
+/// What answers for large displacements, or why nothing does.
+pub(super) type Large = Arc<OnceLock<std::result::Result<Stepped, String>>>;
 
 impl Subject {
     /// Prepares the problem of a base model; its experiment is split into fitted and scored cycles here.
@@ -89,9 +95,16 @@ impl Subject {
             (base.positions_of(&experiment.calibration_cycles), base.positions_of(&experiment.heldout_cycles));
         let noise = base.noise;
         let library = library.clone();
+        let large = Large::default();
+        let slot = large.clone();
+        let compliance = match problem.model.field() {
+            // Learnt with the model.
+            Some((_, Field::Large)) => compliance,
+            _ => compliance.with_large(move || slot.get().and_then(|found| found.clone().ok())),
+        };
         let local = trajectory::local(&compliance, &experiment.record.time_s, experiment.record.force());
         let shared =
-            Shared { experiment, specification, base, library, noise, yardstick_m, compliance, local, response };
+            Shared { experiment, specification, base, library, noise, yardstick_m, compliance, local, response, large };
         Ok(Self::of(Arc::new(shared), fitted_m, scored_m))
     }
 
@@ -176,7 +189,26 @@ impl Subject {
             specification.effects.push(slug.to_string());
         }
         let problem = self.shared.base.with_model(specification, &self.shared.library)?;
+        let is_new = |effect: &&&'static dyn Effect| effects.contains(&effect.slug());
+        if let Some(effect) =
+            problem.model.effects().iter().filter(is_new).find(|effect| matches!(effect.field(), Some(Field::Large)))
+        {
+            let reason = match self.shared.large.get() {
+                Some(Ok(_)) => None,
+                Some(Err(reason)) => Some(reason.clone()),
+                None => Some("no search has learnt large displacements for this record".into()),
+            };
+            if let Some(reason) = reason {
+                let remedy = "leave it out";
+                return Err(Error::input(Place::option("--with"), format!("`{}`: {reason}", effect.slug()), remedy));
+            }
+        }
         Ok(Candidate::new(&problem))
+    }
+
+    /// Where what answers for large displacements is put by the search that learns it.
+    pub(super) fn large(&self) -> &Large {
+        &self.shared.large
     }
 
     /// The noise model.

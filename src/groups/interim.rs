@@ -82,6 +82,7 @@ impl Specimen {
                 compliance,
                 trained,
                 max_relative_error: None,
+                learnt_error: None,
             },
         })
     }

@@ -18,9 +18,9 @@ use super::full_check::{FullCheck, mean_trajectory, rmse_m};
 use super::problem::Problem;
 
 /// Radii below which nothing is run: what is left out goes with the third power, and is a ten-thousandth of the displacement there.
-const LEAST_RADII: f64 = 0.2;
+pub(crate) const LEAST_RADII: f64 = 0.2;
 /// Changes of the force up to the last fitted row beyond which nothing is run: each takes a fraction of a second.
-const MOST_SWITCHES: usize = 16;
+pub(crate) const MOST_SWITCHES: usize = 16;
 /// Root mean square of the deviation over the noise from which it is warned of.
 const WORTH_SAYING: f64 = 0.1;
 /// Share of a parameter's mean that its standard deviation may be for a shift of first order to mean something.
@@ -48,8 +48,7 @@ pub fn estimate(problem: &Problem, columns: &[DrawColumn], check: &FullCheck) ->
     let n_rows = fitted.iter().rposition(Option::is_some).map_or(0, |last| last + 1);
     let mean_m = mean_trajectory(&check.trajectories_m, None);
     let farthest_m = mean_m[..n_rows].iter().fold(0.0_f64, |most, x| most.max(x.abs()));
-    let n_switches = record.force_n[..n_rows].windows(2).filter(|pair| pair[0] != pair[1]).count();
-    if farthest_m < LEAST_RADII * radius_m || n_switches >= MOST_SWITCHES {
+    if farthest_m < LEAST_RADII * radius_m || n_switches(&record.force_n[..n_rows]) > MOST_SWITCHES {
         return Ok(None);
     }
     let mut found = LargeDisplacement {
@@ -113,6 +112,11 @@ fn shifts(
         standard_deviations: moved[a] / sd(a),
     };
     (0..free.len()).filter(|a| sd(*a) < WELL_KNOWN * means[*a]).map(shift).collect()
+}
+
+/// How often a force (N, at every row) changes.
+pub(crate) fn n_switches(force_n: &[f64]) -> usize {
+    force_n.windows(2).filter(|pair| pair[0] != pair[1]).count()
 }
 
 fn sphere(apparatus: &Apparatus) -> Option<(f64, f64)> {

@@ -17,6 +17,7 @@ mod init_sweep;
 mod joint;
 pub mod ladder;
 pub mod large_displacement;
+pub mod learnt_displacement;
 pub mod log_score;
 pub mod mechanics;
 mod mesh_check;

@@ -7,10 +7,11 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
+use super::learnt_displacement::{learnt, nearest_law};
 use super::mechanics::{FiniteElements, Mechanics};
 use super::problem::{Problem, TAIL_MASS};
 use super::{Counter, Monitor, cache};
-use crate::effects::Effect;
+use crate::effects::{Effect, Field};
 use crate::error::Result;
 use crate::experiment::{Experiment, Force, Record};
 use crate::files::{Content, read_if_there};
@@ -47,6 +48,8 @@ pub struct Reduced {
     pub trained: Vec<TrainedRange>,
     /// Largest distance from full-order trajectories on runs that did not train it, relative to their amplitude; `None` for an instrument.
     pub max_relative_error: Option<f64>,
+    /// The same of large displacements that were learnt for the record; `None` without them.
+    pub learnt_error: Option<f64>,
 }
 
 /// A surrogate as it is kept on disk, with what it was built from.
@@ -93,7 +96,8 @@ impl Reduced {
     pub fn new(problem: &Problem, kept: Option<KeptSurrogate>, monitor: &dyn Monitor) -> Result<Self> {
         let mut reduced = Self::unverified(problem, kept, monitor)?;
         if let (Some(fe), false) = (problem.finite_elements(), problem.is_exponential()) {
-            let of_field = problem.model.field().and_then(|(slug, _)| reduced.fields.verified(slug));
+            let of_field =
+                problem.model.field().and_then(|(slug, _)| reduced.fields.verified(slug)).or(reduced.learnt_error);
             let found = match of_field {
                 Some(found) => found,
                 None => {
@@ -112,7 +116,14 @@ impl Reduced {
             Mechanics::Instrument { compliance_per_m } => {
                 let compliance = Compliance::given(*compliance_per_m);
                 let fields = FieldModels::default();
-                return Ok(Self { surrogate: None, fields, compliance, trained: Vec::new(), max_relative_error: None });
+                return Ok(Self {
+                    surrogate: None,
+                    fields,
+                    compliance,
+                    trained: Vec::new(),
+                    max_relative_error: None,
+                    learnt_error: None,
+                });
             }
             Mechanics::FiniteElements(fe) => fe,
         };
@@ -134,8 +145,17 @@ impl Reduced {
                 trained
             }
         };
+        let mut compliance = with_fields(surrogate.compliance(fe.poisson_ratio)?, &fields);
+        let mut learnt_error = None;
+        if let Some((_, Field::Large)) = problem.model.field() {
+            let law = nearest_law(problem, &compliance)?;
+            let (stepper, error) = learnt(problem, &law, monitor)?;
+            compliance = compliance.with_large(move || Some(stepper.clone()));
+            learnt_error = Some(error);
+        }
         Ok(Self {
-            compliance: with_fields(surrogate.compliance(fe.poisson_ratio)?, &fields),
+            compliance,
+            learnt_error,
             fields,
             trained: problem.training_ranges(),
             max_relative_error: Some(surrogate.max_relative_error),
@@ -165,7 +185,8 @@ pub(crate) fn field_models(
     let mut fields = kept.map_or_else(FieldModels::default, |kept| kept.fields.clone());
     for effect in effects {
         let slug = effect.slug();
-        let Some(field) = effect.field().filter(|_| !fields.has(slug)) else { continue };
+        let asked = effect.field().filter(|field| !fields.has(slug) && !matches!(field, Field::Large));
+        let Some(field) = asked else { continue };
         let hash = hash_of(fe, &format!("{} {slug}", weighed(fe)));
         fields = match cache::read::<FieldModels>(&hash).filter(|cached| cached.has(slug)) {
             Some(cached) => fields.or(cached),

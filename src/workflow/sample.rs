@@ -452,6 +452,7 @@ mod tests {
                 compliance,
                 trained,
                 max_relative_error: None,
+                learnt_error: None,
             };
             fingerprint(&problem, &problem.posterior(&reduced))
         };

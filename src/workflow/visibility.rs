@@ -14,16 +14,18 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::fit;
+use super::learnt_displacement::deviation_m;
 use super::problem::Problem;
 use super::reduced::{KeptSurrogate, Reduced};
 use super::{Monitor, Silent};
 use crate::distribution::Distribution;
-use crate::effects::{Effect, EffectParameter, Library};
+use crate::effects::{Effect, EffectParameter, Field, Library};
 use crate::error::{Error, Result};
 use crate::inference::noise::NoiseLikelihood;
 use crate::model::{Forward, ReducedForward};
 use crate::parameter::NOISE_SD;
 use crate::parameter::ParameterSpec;
+use crate::report::number::significant;
 
 /// Prior quantiles at which parameters that mean nothing at the null are tried.
 const GRID: [f64; 9] = [0.02, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.98];
@@ -215,6 +217,24 @@ fn entry(
         }
         Err(other) => return Err(other),
     };
+    if matches!(effect.field(), Some(Field::Large)) {
+        let law = &base.parameters[..problem.model.base().parameters().len()];
+        let deviation_m = match deviation_m(problem, law) {
+            Ok(deviation_m) => deviation_m,
+            Err(Error::Numerical { what, .. }) => {
+                entry.refused = Some(what);
+                return Ok((entry, None));
+            }
+            Err(other) => return Err(other),
+        };
+        let most_um = deviation_m.iter().fold(0.0_f64, |most, x| most.max(1e6 * x.abs()));
+        entry.summary = format!("{}: up to {} µm here", entry.summary, significant(most_um, 2));
+        // It grows with the square: at 1 the derivative is twice what it makes.
+        let visible = base.visible(Signature::derivative(deviation_m.iter().map(|x| 2.0 * x).collect()));
+        entry.visible_fraction = Some(visible.fraction);
+        entry.standard_error = Some(visible.standard_error).filter(|error| error.is_finite());
+        return Ok((entry, Some(visible)));
+    }
     let reduced = Reduced::unverified(&extended, base.kept.clone(), &Silent)?;
     let forward = ReducedForward { trained: &[], ..extended.reduced_forward(&reduced) };
     let seen = signatures(effect, &forward, base)?.into_iter().map(|signature| base.visible(signature));

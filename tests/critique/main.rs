@@ -2,4 +2,5 @@
 
 mod challenge;
 mod evidence;
+mod large;
 mod outside;

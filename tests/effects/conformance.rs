@@ -48,8 +48,9 @@ fn experiments() -> Vec<Scales> {
     [PORCINE, one_pull, three_rows, two_rows, fast_switching, indenter, unmeasured].into_iter().chain(gels).collect()
 }
 
-/// Effects whose law is not linear: beside them only load and observation.
-const NONLINEAR: [&str; 3] = ["strain-stiffening", "shear-thinning", "yield-stress"];
+/// Effects whose law is not linear: beside them only load and observation, and beside large displacements observation alone.
+const LARGE: &str = "large-displacement";
+const NONLINEAR: [&str; 4] = ["strain-stiffening", "shear-thinning", "yield-stress", LARGE];
 
 fn parameters() -> impl Iterator<Item = &'static EffectParameter> {
     EFFECTS.iter().copied().flat_map(|effect| effect.parameters())
@@ -309,7 +310,11 @@ fn every_pair_of_effects_stands_together_and_takes_its_parameters_in_order() {
             let both_change_the_field = first.changes_field() && second.changes_field();
             let both_mechanics = first.stage() == Stage::Mechanics && second.stage() == Stage::Mechanics;
             let one_is_nonlinear = NONLINEAR.contains(&slugs.0) || NONLINEAR.contains(&slugs.1);
-            let must_be_refused = both_change_the_field || (both_mechanics && one_is_nonlinear);
+            let is_beside_large = |other: &dyn Effect| other.stage() == Stage::Load;
+            let large_under_another_load =
+                (slugs.0 == LARGE && is_beside_large(*second)) || (slugs.1 == LARGE && is_beside_large(*first));
+            let must_be_refused =
+                both_change_the_field || (both_mechanics && one_is_nonlinear) || large_under_another_load;
             if must_be_refused || barred(slugs.0, *second) || barred(slugs.1, *first) {
                 let text = model(BaseLaw::Lethersich, &[*first, *second], PORCINE).unwrap_err().to_string();
                 assert!(text.contains(slugs.0) && text.contains(slugs.1), "{slugs:?}: {text}");
@@ -366,7 +371,7 @@ fn nonlinear_laws_refuse_networks_that_they_cannot_take_apart() {
         format!(r#"series = [{body}, {{ dashpot = "flow" }}, {{ dashpot = "other" }}]"#),
     ]
     .map(|text| read(&text));
-    for slug in NONLINEAR {
+    for slug in NONLINEAR.into_iter().filter(|slug| *slug != LARGE) {
         let effect = EFFECTS.iter().copied().find(|effect| effect.slug() == slug).unwrap();
         assert!(model(taken, &[effect], PORCINE).is_ok(), "{slug}");
         for law in refused {

@@ -11,12 +11,19 @@ pub struct ParameterSpec {
     pub unit: &'static str,
     /// Where the parameter may lie.
     pub support: Support,
+    /// Whether what it makes begins with its square, so that searches move in that.
+    pub is_squared: bool,
 }
 
 impl ParameterSpec {
     /// A parameter.
     pub const fn new(name: &'static str, symbol: &'static str, unit: &'static str, support: Support) -> Self {
-        Self { name, symbol, unit, support }
+        Self { name, symbol, unit, support, is_squared: false }
+    }
+
+    /// The same where what it makes begins with its square.
+    pub const fn squared(self) -> Self {
+        Self { is_squared: true, ..self }
     }
 
     const fn positive(name: &'static str, symbol: &'static str, unit: &'static str) -> Self {

@@ -9,7 +9,7 @@ use super::motion::Motion;
 use super::protocol::WHITE_M;
 use super::strength::scaled_to;
 use super::{Disturbance, Hidden, NamedValue, NoiseKind, OutsideKind, Protocol, Truth};
-use crate::effects::{Effect, Library};
+use crate::effects::{Effect, Field, Library};
 use crate::error::{Error, Place, Result};
 use crate::experiment::{Apparatus, Experiment};
 use crate::inference::ensemble::RandomStream;
@@ -334,13 +334,20 @@ impl Bench {
         truth.outside = Some(Disturbance { kind: OutsideKind::LargeDisplacement, size: radii, shape: Vec::new() });
         truth.outside_sigma = Some(sigma[0]);
         truth.ideal_class = motion.ideal_class(&motion.shown(&position_m), &[], &self.served);
+        // By another law, and the same geometry.
+        truth.ideal_class.push("large-displacement".into());
         Ok(truth)
     }
 }
 
-/// Effects that can be hidden: all but those that only rescale the law in a creep test of one body, of which no signal can be asked for.
+/// Effects that can be hidden: all but those that only rescale the law in a creep test of one body, of which no signal can be asked for; and large displacements, which are hidden as physics outside the library, by
+/// another law.
 pub fn hideable(library: &Library) -> Vec<String> {
-    let shows = |effect: &&&dyn Effect| !effect.changes_field() || effect.field().is_some();
+    let shows = |effect: &&&dyn Effect| match effect.field() {
+        Some(Field::Large) => false,
+        Some(_) => true,
+        None => !effect.changes_field(),
+    };
     library.effects().iter().filter(shows).map(|effect| effect.slug().to_string()).collect()
 }
 

@@ -1,6 +1,6 @@
 //! How an effect changes the displacement field: what it brings to the full model, and how that is reduced.
 //!
-//! There are three kinds, by their mathematics and not by their physics. An effect of the first kind brings its matrices; all else follows from them
+//! There are four kinds, by their mathematics and not by their physics. An effect of the first kind brings its matrices; all else follows from them
 //! ([`crate::fe::spatial`] steps them, `surrogate` reduces them to terms, `rheology::Beside` turns the terms into creep).
 
 use crate::error::{Error, Result};
@@ -19,6 +19,8 @@ pub enum Field {
     Pores(fn(f64) -> [f64; 2]),
     /// A law that is not linear.
     Nonlinear(NonlinearFamily),
+    /// Strains may be large.
+    Large,
 }
 
 /// The matrices of one shape of the field.
@@ -72,6 +74,7 @@ impl Field {
             Self::Nonlinear(NonlinearFamily::StrainStiffening) => "a spring that stiffens",
             Self::Nonlinear(NonlinearFamily::ShearThinning) => "a dashpot that thins",
             Self::Nonlinear(NonlinearFamily::YieldStress) => "a dashpot that yields",
+            Self::Large => "large displacements",
         }
     }
 
@@ -81,6 +84,9 @@ impl Field {
             Self::Pair(pair) => pair.lacks(surroundings),
             Self::Pores(_) if surroundings.mesh.element_kind == ElementKind::Tetrahedron4 => {
                 Some("pore flow needs quadratic elements")
+            }
+            Self::Large if surroundings.sizes.ball.is_none() => {
+                Some("large displacements are run around a sphere at the centre, on a mesh of the program's own")
             }
             _ => None,
         }
@@ -107,7 +113,7 @@ impl Field {
             }
             _ => Err(Error::numerical(
                 format!("`{}` has no matrices of its own", field.effect),
-                "run it by the balance of `fe::nonlinear`",
+                "run it by the balance of `fe::nonlinear`, or by `fe::oldroyd`",
             )),
         }
     }

@@ -16,6 +16,7 @@ mod fractional_damping;
 mod inertia;
 mod instantaneous_elasticity;
 mod interface_slip;
+mod large_displacement;
 mod library;
 mod liquefied_pocket;
 mod outer_wall_compliance;
@@ -61,6 +62,7 @@ pub const EFFECTS: &[&dyn Effect] = &[
     &strain_stiffening::StrainStiffening,
     &shear_thinning::ShearThinning,
     &yield_stress::YieldStress,
+    &large_displacement::LargeDisplacement,
     &tracking_drift::TrackingDrift,
 ];
 
@@ -177,7 +179,7 @@ pub trait Effect: Sync {
     }
     /// Whether its law is not linear: beside such an effect only those of load and observation stand.
     fn is_nonlinear(&self) -> bool {
-        matches!(self.field(), Some(Field::Nonlinear(_)))
+        matches!(self.field(), Some(Field::Nonlinear(_) | Field::Large))
     }
     /// Why it cannot be added to this base law, if it cannot.
     fn conflict(&self, _base: &BaseLaw) -> Option<&'static str> {

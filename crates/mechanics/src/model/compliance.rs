@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::error::{Error, Result};
 use crate::number::Dual;
-use crate::stages::{Spread, Stages, Stepped};
+use crate::stages::{Spatial, Spread, Stages, Stepped};
 
 /// Compliance (1/m) as a function of the Poisson ratio.
 type OfPoissonRatio = dyn Fn(Dual) -> Result<Dual> + Send + Sync;
@@ -50,18 +50,23 @@ impl Compliance {
         })
     }
 
+    /// The same with what answers for large displacements, which may come later.
+    pub fn with_large(self, stepper: impl Fn() -> Option<Stepped> + Send + Sync + 'static) -> Self {
+        let others = self.spread.clone();
+        self.with_spread(move |stages| match (&stages.spatial, stepper(), &others) {
+            (Some(Spatial::Large(_)), Some(stepper), _) => Ok(Some(Spread::Stepped(stepper))),
+            (_, _, Some(others)) => others(stages),
+            (_, _, None) => Err(no_field()),
+        })
+    }
+
     /// Completes stages by the terms of their field, and gives the compliance (1/m) that goes with them.
     ///
     /// # Errors
     /// Those of [`Self::per_m`], and [`Error::Numerical`] where there is no model of the stages' field.
     pub fn resolve(&self, stages: &mut Stages) -> Result<Dual> {
         if stages.spatial.is_some() {
-            let of_stages = self.spread.as_ref().ok_or_else(|| {
-                Error::numerical(
-                    "there is no reduced model of this effect's field",
-                    "give an experiment with [robot] and [vitreous]",
-                )
-            })?;
+            let of_stages = self.spread.as_ref().ok_or_else(no_field)?;
             stages.spread = of_stages(stages)?;
         }
         self.per_m(stages.poisson_ratio)
@@ -86,4 +91,11 @@ impl Compliance {
             )),
         }
     }
+}
+
+fn no_field() -> Error {
+    Error::numerical(
+        "there is no reduced model of this effect's field",
+        "give an experiment with [robot] and [vitreous]",
+    )
 }

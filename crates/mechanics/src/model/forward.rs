@@ -4,13 +4,14 @@ use super::{Compliance, Model, Response};
 use crate::error::{Error, Result};
 use crate::experiment::Force;
 use crate::fe::nonlinear::{self, NonlinearModel};
+use crate::fe::oldroyd::{self, FiniteGel, FiniteLaw, FiniteRun};
 use crate::fe::spatial::{SpatialJob, SpatialRun, Surroundings};
 use crate::fe::stepping::Resolution;
 use crate::fe::time::{FullOrderModel, TimeScheme};
 use crate::fe::{Stiffness, transient};
 use crate::mesh::Mesh;
 use crate::number::Dual;
-use crate::stages::{Nonlinearity, Spatial, Stages};
+use crate::stages::{Load, Nonlinearity, Spatial, Stages};
 use std::sync::OnceLock;
 
 /// Parameters → trajectory.
@@ -93,8 +94,12 @@ impl<'a> FullForward<'a> {
             let surroundings = self.surroundings.as_ref().ok_or_else(|| {
                 Error::numerical("the full model has no mesh to solve this effect on", "give it its surroundings")
             })?;
-            let (Spatial::Linear(linear), Some((_, field))) = (spatial, self.model.field()) else {
-                return self.run_nonlinear(surroundings, &stages, field_rows);
+            let (linear, field) = match (spatial, self.model.field()) {
+                (Spatial::Linear(linear), Some((_, field))) => (linear, field),
+                (Spatial::Large(amplitude), _) => {
+                    return self.run_large(surroundings, &stages, amplitude.value, field_rows);
+                }
+                _ => return self.run_nonlinear(surroundings, &stages, field_rows),
             };
             let (time_s, force, resolution) = (self.time_s, self.force, spatial_resolution(self.resolution));
             let job = SpatialJob { stages: &stages, time_s, force, rows: field_rows, resolution };
@@ -108,6 +113,38 @@ impl<'a> FullForward<'a> {
         let stepped = full.step(&stages, self.time_s, self.force, self.resolution)?;
         let fields = self.nodal(full.fields_of(&stepped, field_rows));
         Ok(FullRun { position_m: stepped.position_m, fields, mesh: None, compliance_per_m: full.compliance_per_m() })
+    }
+
+    /// The linear model's run with the deviation of x(gF)/g; fields are the linear model's.
+    fn run_large(
+        &self,
+        surroundings: &Surroundings<'a>,
+        stages: &Stages,
+        amplitude: f64,
+        rows: &[usize],
+    ) -> Result<FullRun> {
+        let linear = Stages { spatial: None, ..stages.clone() };
+        let mut stepped = self.at_rest.step(&linear, self.time_s, self.force, self.resolution)?;
+        let fields = self.nodal(self.at_rest.fields_of(&stepped, rows));
+        let own = oldroyd::Fineness::default();
+        let steps_per_doubling = scaled(own.steps_per_doubling, self.resolution);
+        let fineness = oldroyd::Fineness { steps_per_doubling, ..own };
+        let mobility = 0.0;
+        let (Some(ball), Some(law)) = (surroundings.sizes.ball, FiniteLaw::new(&stages.law, mobility)) else {
+            return Err(Error::numerical(
+                "large displacements are run around a sphere at the centre, in a gel without springpots",
+                "leave `large-displacement` out",
+            ));
+        };
+        let gel = FiniteGel::around_sphere(ball.robot_radius_m, ball.outer_radius_m, fineness)?;
+        let larger_n: Vec<f64> = self.force.at_rows_n.iter().map(|force_n| amplitude * force_n).collect();
+        let force = Force { at_rows_n: &larger_n, ..self.force };
+        let load = Load { offset_n: stages.load.offset_n * amplitude, ..stages.load.clone() };
+        let run = gel.run(&FiniteRun { law: &law, load: &load, time_s: self.time_s, force })?;
+        let scale = stages.observation.scale.value / amplitude;
+        stepped.position_m.iter_mut().zip(&run.deviation_m).for_each(|(x, deviation)| *x += scale * deviation);
+        let (position_m, compliance_per_m) = (stepped.position_m, self.compliance_per_m());
+        Ok(FullRun { position_m, fields, mesh: None, compliance_per_m })
     }
 
     fn run_nonlinear(&self, surroundings: &Surroundings<'a>, stages: &Stages, rows: &[usize]) -> Result<FullRun> {

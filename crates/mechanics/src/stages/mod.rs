@@ -39,6 +39,8 @@ pub enum Spatial {
     Linear(LinearField),
     /// One body of the law is not linear.
     Nonlinear(Nonlinearity<Dual>),
+    /// Strains may be large: the response is x(gF)/g of the fluid that the law linearises (physics §7.6), g > 0.
+    Large(Dual),
 }
 
 /// What stands beside the law, and where.

@@ -40,7 +40,7 @@ pub struct FieldModels(BTreeMap<String, FieldModel>);
 /// Pieces of work that building the model of an effect takes.
 pub fn n_pieces(effect: &dyn Effect) -> usize {
     match effect.field() {
-        None => 0,
+        None | Some(Field::Large) => 0,
         Some(Field::Pair(pair)) if pair.shape().is_some() => N_SHAPES,
         Some(Field::Pair(_) | Field::Pores(_)) => 1,
         Some(Field::Nonlinear(family)) => HyperSettings::of(family).n_runs(),
@@ -56,6 +56,8 @@ impl FieldModel {
     ) -> Result<Option<Self>> {
         let Some(field) = effect.field() else { return Ok(None) };
         Ok(Some(match field {
+            // Learnt for one record, not for a gel (`surrogate::trajectory`).
+            Field::Large => return Ok(None),
             Field::Pair(pair) => match pair.shape() {
                 Some(shape) => Self::ThreeTerms(ThreeTerms::new(pair, shape, surroundings, TOLERANCE, piece_done)?),
                 None => {
@@ -135,6 +137,7 @@ impl FieldModels {
         };
         match &stages.spatial {
             None => Ok(None),
+            Some(Spatial::Large(_)) => Err(missing()),
             Some(Spatial::Linear(field)) => {
                 let model = self.0.get(field.effect).ok_or_else(missing)?;
                 let terms = model.terms(field)?.ok_or_else(missing)?;

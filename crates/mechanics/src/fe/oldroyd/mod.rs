@@ -12,7 +12,7 @@
 //! Newton's method with a matrix that is kept while it serves. Beside every run a twin of small strains takes the same steps, and what is reported is the deviation from it: errors of mesh and steps that both have
 //! cancel. What is added to the twin's place is the linear model's answer, at its own Poisson ratio.
 //!
-//! **Limits.** The gel is incompressible, and bonded: it neither tears nor slides. In front of the body cells are pressed flat; the run ends with an error where a volume that should stay is a fifth of itself at a point, or five times as large.
+//! **Limits.** The gel is incompressible, and bonded: it neither tears nor slides. In front of the body cells are pressed flat; the run ends with an error where a volume that should stay is a tenth of itself at a point, or ten times as large.
 
 mod cell;
 mod field;

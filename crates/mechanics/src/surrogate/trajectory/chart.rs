@@ -2,6 +2,7 @@
 
 use super::polynomial::Basis;
 use crate::number::Scalar;
+use serde::{Deserialize, Serialize};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
@@ -17,7 +18,7 @@ const FARTHEST: f64 = 12.0;
 /// What runs the stepper at coordinates: the excess (m) at every row at unit modulus, and the displacement (m) that errors are measured by; both by any one
 /// factor.
 pub(super) type Run<'a> = dyn Fn(&[f64]) -> Option<Trained> + Sync + 'a;
-type Trained = (Vec<f64>, f64);
+pub(super) type Trained = (Vec<f64>, f64);
 
 /// A box.
 #[derive(Debug)]
@@ -51,7 +52,7 @@ enum Made {
 }
 
 /// Time modes and their amplitudes.
-#[derive(Debug)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct Surface {
     /// Which of the polynomials, by their degree.
     level: usize,
@@ -153,27 +154,8 @@ impl Chart {
 
     /// What comes of polynomials of one degree; `None` where those of the next are to be tried.
     fn make(&self, bases: &[Basis], level: usize, tolerance: f64, runs: &[Option<&Trained>]) -> Option<Made> {
-        let basis = &bases[level];
         let Some(runs) = runs.iter().copied().collect::<Option<Vec<_>>>() else { return Some(Made::Rough) };
-        let (checks, design) = runs.split_at(basis.checks.len());
-        // Displacements differ within a box: everything is seen relative to them.
-        let scaled: Vec<Vec<f64>> =
-            design.iter().map(|(excess_m, amplitude_m)| excess_m.iter().map(|x| x / amplitude_m).collect()).collect();
-        let modes = modes(scaled, SHARE_OF_MODES * tolerance);
-        let coefficients: Vec<Vec<f64>> = modes
-            .iter()
-            .map(|mode| {
-                let amplitudes = design.iter().map(|(excess_m, _)| dot(mode, excess_m));
-                let amplitudes = nalgebra::DVector::from_iterator(design.len(), amplitudes);
-                (&basis.fit * amplitudes).iter().copied().collect()
-            })
-            .collect();
-        let mut surface = Surface { level, modes, coefficients, certified: 0.0 };
-        for (point, (excess_m, amplitude_m)) in basis.checks.iter().zip(checks) {
-            let found = surface.excess_m(bases, point, 1.0, excess_m.len());
-            let error = found.iter().zip(excess_m).fold(0.0_f64, |worst, (a, b)| worst.max((a - b).abs()));
-            surface.certified = surface.certified.max(error / amplitude_m);
-        }
+        let surface = Surface::new(bases, level, tolerance, &runs);
         if surface.certified <= tolerance {
             return Some(Made::Smooth(surface));
         }
@@ -183,10 +165,10 @@ impl Chart {
         if self.n_halvings >= MOST_HALVINGS || surface.certified.is_nan() || surface.certified > FARTHEST * tolerance {
             return Some(Made::Rough);
         }
-        let squares: Vec<f64> = (0..basis.n_polynomials())
+        let squares: Vec<f64> = (0..bases[level].n_polynomials())
             .map(|k| surface.coefficients.iter().map(|of_mode| of_mode[k] * of_mode[k]).sum())
             .collect();
-        let tails = basis.tails(&squares);
+        let tails = bases[level].tails(&squares);
         let coordinate = (0..tails.len()).max_by(|a, b| tails[*a].total_cmp(&tails[*b])).unwrap_or(0);
         let at = 0.5 * (self.lower[coordinate] + self.upper[coordinate]);
         let (mut below, mut above) = (self.upper.clone(), self.lower.clone());
@@ -202,6 +184,31 @@ impl Chart {
 }
 
 impl Surface {
+    /// Of polynomials of one degree, from runs at the checks and then at the design; modes leave a tenth of the tolerance.
+    pub fn new(bases: &[Basis], level: usize, tolerance: f64, runs: &[&Trained]) -> Self {
+        let basis = &bases[level];
+        let (checks, design) = runs.split_at(basis.checks.len());
+        // Displacements differ within a box: everything is seen relative to them.
+        let scaled: Vec<Vec<f64>> =
+            design.iter().map(|(excess_m, amplitude_m)| excess_m.iter().map(|x| x / amplitude_m).collect()).collect();
+        let modes = modes(scaled, SHARE_OF_MODES * tolerance);
+        let coefficients: Vec<Vec<f64>> = modes
+            .iter()
+            .map(|mode| {
+                let amplitudes = design.iter().map(|(excess_m, _)| dot(mode, excess_m));
+                let amplitudes = nalgebra::DVector::from_iterator(design.len(), amplitudes);
+                (&basis.fit * amplitudes).iter().copied().collect()
+            })
+            .collect();
+        let mut surface = Self { level, modes, coefficients, certified: 0.0 };
+        for (point, (excess_m, amplitude_m)) in basis.checks.iter().zip(checks) {
+            let found = surface.excess_m(bases, point, 1.0, excess_m.len());
+            let error = found.iter().zip(excess_m).fold(0.0_f64, |worst, (a, b)| worst.max((a - b).abs()));
+            surface.certified = surface.certified.max(error / amplitude_m);
+        }
+        surface
+    }
+
     /// The excess (m) at the first rows, at a place in the box.
     pub fn excess_m<N: Scalar>(&self, bases: &[Basis], place: &[N], factor: N, n_rows: usize) -> Vec<N> {
         let polynomials = bases[self.level].values(place);

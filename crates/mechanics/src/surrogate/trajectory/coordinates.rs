@@ -34,7 +34,7 @@ impl Kind {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-enum Tag {
+pub(super) enum Tag {
     Spring,
     Dashpot,
     Series,
@@ -195,7 +195,7 @@ pub(super) fn amplitude_m(stages: &Stages, sizes: Sizes) -> f64 {
     sizes.compliance_per_m * stages.law.iter().map(of).sum::<f64>()
 }
 
-fn read(elements: &[Element], shape: &mut Vec<Tag>, numbers: &mut Vec<Dual>) -> Option<()> {
+pub(super) fn read(elements: &[Element], shape: &mut Vec<Tag>, numbers: &mut Vec<Dual>) -> Option<()> {
     for element in elements {
         match element {
             Element::Spring { modulus_pa } => {
@@ -218,7 +218,7 @@ fn read(elements: &[Element], shape: &mut Vec<Tag>, numbers: &mut Vec<Dual>) -> 
 }
 
 /// Place among the numbers of the first spring inside a body.
-fn first_body(shape: &[Tag]) -> Option<usize> {
+pub(super) fn first_body(shape: &[Tag]) -> Option<usize> {
     let (mut number, mut is_inside) = (0, false);
     for tag in shape {
         match tag {
@@ -231,7 +231,7 @@ fn first_body(shape: &[Tag]) -> Option<usize> {
     None
 }
 
-fn with_numbers(elements: &[Element], values: &mut impl Iterator<Item = f64>) -> Option<Vec<Element>> {
+pub(super) fn with_numbers(elements: &[Element], values: &mut impl Iterator<Item = f64>) -> Option<Vec<Element>> {
     let mut made = Vec::with_capacity(elements.len());
     for element in elements {
         made.push(match element {

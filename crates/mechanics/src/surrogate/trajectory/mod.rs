@@ -6,9 +6,12 @@
 
 mod chart;
 mod coordinates;
+mod large;
 mod polynomial;
 #[cfg(test)]
 mod tests;
+
+pub use large::{LargeStepper, LargeSurface};
 
 use crate::error::Result;
 use crate::experiment::{Force, KeptForce};

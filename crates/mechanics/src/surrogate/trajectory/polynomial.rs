@@ -25,17 +25,24 @@ pub(super) struct Basis {
 }
 
 impl Basis {
-    /// `None` where the polynomials cannot be told apart on the design, which no number of coordinates has led to.
+    /// Of a total degree. `None` where the polynomials cannot be told apart on the design, which no number of coordinates has led to.
     pub fn new(n_coordinates: usize, degree: usize, n_checks: u32) -> Option<Self> {
+        Self::weighted(&vec![1.0; n_coordinates], degree as f64, OVERSAMPLING, n_checks)
+    }
+
+    /// The same where a degree in some coordinates counts as more than one, with a share of points over polynomials.
+    pub fn weighted(weights: &[f64], degree: f64, oversampling: f64, n_checks: u32) -> Option<Self> {
+        let n_coordinates = weights.len();
         let mut degrees = vec![Vec::new()];
-        for _ in 0..n_coordinates {
+        for weight in weights {
             let extended = |own: &Vec<usize>| -> Vec<Vec<usize>> {
-                let left = degree - own.iter().sum::<usize>();
+                let used: f64 = own.iter().zip(weights).map(|(degree, weight)| *degree as f64 * weight).sum();
+                let left = ((degree - used) / weight).floor() as usize;
                 (0..=left).map(|next| [own.as_slice(), &[next]].concat()).collect()
             };
             degrees = degrees.iter().flat_map(extended).collect();
         }
-        let n_points = (OVERSAMPLING * degrees.len() as f64).ceil() as u32;
+        let n_points = (oversampling * degrees.len() as f64).ceil() as u32;
         let uniform = |index: u32, d: usize, seed: u32| f64::from(sobol_burley::sample(index, d as u32, seed));
         let towards_faces = |index: u32, seed: u32| -> Vec<f64> {
             (0..n_coordinates).map(|d| (PI * uniform(index, d, seed)).cos()).collect()
@@ -48,6 +55,7 @@ impl Basis {
             if index.is_multiple_of(2) { evenly(index, CHECK_SEED) } else { towards_faces(index, CHECK_SEED) }
         };
         let checks = (0..n_checks).map(check).collect();
+        let degree = degree.floor() as usize;
         let mut basis = Self { degrees, degree, design, checks, fit: DMatrix::zeros(0, 0) };
         let rows: Vec<Vec<f64>> = basis.design.iter().map(|point| basis.values(point)).collect();
         let matrix = DMatrix::from_fn(rows.len(), basis.degrees.len(), |i, j| rows[i][j]);

@@ -1,0 +1,76 @@
+//! `large-displacement`: the robot moves so far that strains are not small.
+//!
+//! The gel is the Oldroyd-B fluid whose linear limit the law is (physics §7.6), and the response is x(gF)/g: g = 1 is the geometry as it is, so a fitted g says whether it is the geometry that is missing. Null: g = 0,
+//! small strains. The deviation grows with g². Valid for a sphere at the centre that stays within a few radii; other gels with the same small strains deviate otherwise.
+
+use super::beside_fields::law_conflict;
+use super::{Effect, EffectParameter, Field, Spatial, Stage, Stages};
+use crate::distribution::Distribution;
+use crate::error::Result;
+use crate::experiment::Scales;
+use crate::number::Dual;
+use crate::parameter::{ParameterSpec, Support};
+use crate::rheology::BaseLaw;
+
+const PARAMETERS: &[EffectParameter] = &[EffectParameter {
+    spec: ParameterSpec::new("large-displacement.amplitude", "g", "1", Support::POSITIVE).squared(),
+    null: |_| Some(0.0),
+    prior: |_| Distribution::HalfNormal { sd: 1.0 },
+    prior_source: "chosen: the geometry as it is, 1, is one standard deviation",
+    finite_step: None,
+}];
+
+/// The effect.
+pub struct LargeDisplacement;
+
+impl Effect for LargeDisplacement {
+    fn slug(&self) -> &'static str {
+        "large-displacement"
+    }
+    fn stage(&self) -> Stage {
+        Stage::Mechanics
+    }
+    fn summary(&self) -> &'static str {
+        "the robot moves so far that strains are large"
+    }
+    fn equation(&self) -> &'static str {
+        "x(gF)/g of the Oldroyd-B fluid that the law linearises"
+    }
+    fn parameters(&self) -> &'static [EffectParameter] {
+        PARAMETERS
+    }
+    fn field(&self) -> Option<Field> {
+        Some(Field::Large)
+    }
+    fn shows_at(&self, _scales: &Scales) -> Option<f64> {
+        Some(1.0)
+    }
+    fn conflict(&self, base: &BaseLaw) -> Option<&'static str> {
+        law_conflict(base)
+    }
+    fn apply(&self, parameters: &[Dual], _scales: &Scales, stages: &mut Stages) -> Result<()> {
+        let amplitude = parameters[0];
+        if !amplitude.is_constant(0.0) {
+            stages.spatial = Some(Spatial::Large(amplitude));
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effects::test_scales::SCALES;
+
+    #[test]
+    fn the_null_leaves_the_base_and_any_other_amplitude_is_written() {
+        let written = |amplitude: Dual| {
+            let mut stages = Stages::of_law(Vec::new());
+            LargeDisplacement.apply(&[amplitude], &SCALES, &mut stages).unwrap();
+            stages.spatial
+        };
+        assert_eq!(written(0.0.into()), None);
+        assert_eq!(written(0.7.into()), Some(Spatial::Large(0.7.into())));
+        assert!(written(Dual::variable(0.0)).is_some());
+    }
+}

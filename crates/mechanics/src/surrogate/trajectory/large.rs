@@ -1,0 +1,290 @@
+//! Large displacements in one record: what full runs of a gel near to the record's own make of it, as few time modes with polynomials for amplitudes.
+//!
+//! A full run takes seconds, so that there is one box, about the law that fits the record with small strains. By similarity the deviation from the linear model depends on the ratios of the law's numbers and on the force
+//! over a modulus; its third power is taken out, so that the polynomials are of its square. Outside the box's ratios those at its faces serve: the data that lead there are far from the record.
+
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::chart::{Surface, Trained};
+use super::coordinates::{first_body, read, with_numbers};
+use super::polynomial::Basis;
+use crate::error::{Error, Result};
+use crate::experiment::{Force, KeptForce};
+use crate::fe::oldroyd::{Fineness, FiniteGel, FiniteLaw, FiniteRun};
+use crate::model::Response;
+use crate::number::{Dual, Scalar};
+use crate::rheology::Element;
+use crate::stages::{FieldStepper, Spatial, Stages};
+
+/// Half the box's width in the logarithm of a ratio.
+const HALF_WIDTH: f64 = 0.2;
+/// Ratios of the centre are rounded to this share of their logarithm, so that fits that differ by little are served by the same runs.
+const CENTRE_STEP: f64 = 0.05;
+/// Radii that the centre's law moves the robot by with the largest force, linearly.
+const FARTHEST_RADII: f64 = 4.6;
+/// Least square of the force over the largest: below it the deviation is next to nothing, and errors of runs are not.
+const LEAST_SQUARE: f64 = 0.02;
+/// Degree of the polynomials; a degree in a ratio counts as more than one in the square of the force: cubes of the square, squares of ratios, and products of a ratio with the square's squares.
+const DEGREE: f64 = 3.4;
+const RATIO_WEIGHT: f64 = 1.3;
+/// Points over polynomials, and runs that check them.
+const OVERSAMPLING: f64 = 1.15;
+const N_CHECKS: u32 = 3;
+/// What modes leave, and what the whole may leave, of the displacement.
+const TOLERANCE: f64 = 2e-4;
+const LARGEST_ERROR: f64 = 1e-3;
+
+/// What was learnt for one record.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct LargeSurface {
+    /// Logarithms of the law's other numbers over its modulus, at the box's middle.
+    centre: Vec<f64>,
+    /// Square (1/Pa²) of the amplitude over the modulus, at the box's end.
+    largest_per_pa2: f64,
+    surface: Surface,
+}
+
+/// A law's numbers over its modulus.
+struct Ratios {
+    modulus_pa: Dual,
+    ln: Vec<Dual>,
+    first: usize,
+}
+
+impl Ratios {
+    fn of(law: &[Element]) -> Option<Self> {
+        let (mut shape, mut numbers) = (Vec::new(), Vec::new());
+        read(law, &mut shape, &mut numbers)?;
+        let first = first_body(&shape).unwrap_or(0);
+        let modulus_pa = *numbers.get(first)?;
+        let others = numbers.iter().enumerate().filter(|(k, _)| *k != first);
+        Some(Self { modulus_pa, ln: others.map(|(_, number)| (*number / modulus_pa).ln()).collect(), first })
+    }
+
+    /// The law of the same shape with unit modulus.
+    fn law(&self, like: &[Element], ln: &[f64]) -> Option<Vec<Element>> {
+        let mut values: Vec<f64> = ln.iter().map(|x| x.exp()).collect();
+        values.insert(self.first, 1.0);
+        with_numbers(like, &mut values.into_iter())
+    }
+}
+
+fn basis(n_ratios: usize) -> Option<Basis> {
+    let mut weights = vec![RATIO_WEIGHT; n_ratios];
+    weights.push(1.0);
+    Basis::weighted(&weights, DEGREE, OVERSAMPLING, N_CHECKS)
+}
+
+fn no_law() -> Error {
+    Error::numerical(
+        "large displacements are not run for a law of such elements",
+        "use springs and dashpots, in series and in parallel",
+    )
+}
+
+impl LargeSurface {
+    /// Full runs that learning takes for a law.
+    pub fn n_runs(law: &[Element]) -> usize {
+        let basis = Ratios::of(law).and_then(|ratios| basis(ratios.ln.len()));
+        basis.map_or(0, |basis| basis.checks.len() + basis.design.len())
+    }
+
+    /// Where the box of a law would be: laws of the same box share what is learnt.
+    ///
+    /// # Errors
+    /// [`Error::Numerical`] for springpots.
+    pub fn centre(law: &[Element]) -> Result<Vec<f64>> {
+        let ratios = Ratios::of(law).ok_or_else(no_law)?;
+        Ok(ratios.ln.iter().map(|ln| (ln.value / CENTRE_STEP).round() * CENTRE_STEP).collect())
+    }
+
+    /// Learns about a law, the radii of robot and container in m, and a record; `piece_done` is called, from any thread, after every run.
+    ///
+    /// # Errors
+    /// [`Error::Numerical`] where the robot moves farther than is followed, a run fails, or the polynomials do not come near enough to runs that trained nothing.
+    pub fn learn(
+        [radius_m, outer_radius_m]: [f64; 2],
+        law: &[Element],
+        time_s: &[f64],
+        force: Force<'_>,
+        piece_done: &(dyn Fn() + Sync),
+    ) -> Result<Self> {
+        let ratios = Ratios::of(law).ok_or_else(no_law)?;
+        let centre = Self::centre(law)?;
+        let basis = basis(centre.len()).ok_or_else(no_law)?;
+        let gel = FiniteGel::around_sphere(radius_m, outer_radius_m, Fineness::ESTIMATE)?;
+        let at_centre = Stages::of_law(ratios.law(law, &centre).ok_or_else(no_law)?);
+        let linear_m = Response::new(time_s, force, time_s.len()).trajectory_m(&at_centre, 3.0 / gel.stiffness_m())?;
+        let amplitude_m = linear_m.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+        let largest_per_pa2 = (FARTHEST_RADII * radius_m / amplitude_m).powi(2);
+        let own_radii = amplitude_m / (radius_m * ratios.modulus_pa.value);
+        if !(own_radii < FARTHEST_RADII) {
+            return Err(Error::numerical(
+                format!(
+                    "the robot moves by {own_radii:.1} of its radii, and large displacements are followed to {FARTHEST_RADII}"
+                ),
+                "leave `large-displacement` out, or use a smaller force",
+            ));
+        }
+        let run = |point: &Vec<f64>| -> Result<Trained> {
+            let (square, ln) = point.split_last().ok_or_else(no_law)?;
+            let ln: Vec<f64> = ln.iter().zip(&centre).map(|(x, middle)| middle + HALF_WIDTH * x).collect();
+            let share = LEAST_SQUARE + (1.0 - LEAST_SQUARE) * 0.5 * (1.0 + square);
+            let scale = (share * largest_per_pa2).sqrt();
+            let elements = ratios.law(law, &ln).ok_or_else(no_law)?;
+            let law = FiniteLaw::new(&elements, 0.0).ok_or_else(no_law)?;
+            let load = Stages::of_law(Vec::new()).load;
+            let scaled_n: Vec<f64> = force.at_rows_n.iter().map(|force_n| scale * force_n).collect();
+            let force = Force { at_rows_n: &scaled_n, ..force };
+            let run = gel.run(&FiniteRun { law: &law, load: &load, time_s, force })?;
+            piece_done();
+            let cubed = scale.powi(3);
+            Ok((run.deviation_m.iter().map(|x| x / cubed).collect(), amplitude_m / scale.powi(2)))
+        };
+        let points: Vec<&Vec<f64>> = basis.checks.iter().chain(&basis.design).collect();
+        let runs: Vec<Trained> = points.into_par_iter().map(run).collect::<Result<_>>()?;
+        let surface = Surface::new(&[basis], 0, TOLERANCE, &runs.iter().collect::<Vec<_>>());
+        if !(surface.certified < LARGEST_ERROR) {
+            return Err(Error::numerical(
+                format!(
+                    "what was learnt of large displacements misses full runs by {:.1e} of the displacement",
+                    surface.certified
+                ),
+                "leave `large-displacement` out, or use a smaller force",
+            ));
+        }
+        Ok(Self { centre, largest_per_pa2, surface })
+    }
+
+    /// Largest distance from full runs that trained nothing, relative to the displacement.
+    pub fn certified(&self) -> f64 {
+        self.surface.certified
+    }
+}
+
+/// Answers from what was learnt.
+#[derive(Debug)]
+pub struct LargeStepper {
+    learnt: LargeSurface,
+    bases: [Basis; 1],
+    time_s: Vec<f64>,
+    force: KeptForce,
+}
+
+impl LargeStepper {
+    /// For the record that it was learnt for.
+    ///
+    /// # Errors
+    /// [`Error::Numerical`] for what was not learnt by this program.
+    pub fn new(learnt: LargeSurface, time_s: &[f64], force: Force<'_>) -> Result<Self> {
+        let bases = [basis(learnt.centre.len()).ok_or_else(no_law)?];
+        Ok(Self { learnt, bases, time_s: time_s.to_vec(), force: force.into() })
+    }
+
+    fn excess<N: Scalar>(
+        &self,
+        stages: &Stages,
+        time_s: &[f64],
+        force: Force<'_>,
+        of: impl Fn(Dual) -> N,
+    ) -> Result<Vec<N>> {
+        let n_rows = time_s.len();
+        let is_own = self.time_s.get(..n_rows) == Some(time_s)
+            && self.force.get().first(force.at_rows_n.len()) == force
+            && stages.load == Stages::of_law(Vec::new()).load;
+        let (Some(Spatial::Large(amplitude)), true) = (&stages.spatial, is_own) else {
+            return Err(Error::numerical(
+                "large displacements were learnt for another record, or for the force as it is commanded",
+                "learn them for this one",
+            ));
+        };
+        let LargeSurface { centre, largest_per_pa2, surface } = &self.learnt;
+        let ratios = Ratios::of(&stages.law).filter(|own| own.ln.len() == centre.len()).ok_or_else(no_law)?;
+        let scale = *amplitude / ratios.modulus_pa;
+        let square = scale * scale;
+        if !(square.value <= *largest_per_pa2) {
+            return Err(Error::numerical(
+                format!("large displacements of {FARTHEST_RADII} radii and more are not followed"),
+                "stay at smaller amplitudes, or stiffer gels",
+            ));
+        }
+        let inside = |x: Dual| if x.value.abs() <= 1.0 { x } else { Dual::constant(x.value.clamp(-1.0, 1.0)) };
+        let ln = ratios.ln.iter().zip(centre).map(|(x, middle)| (*x - Dual::constant(*middle)) * (1.0 / HALF_WIDTH));
+        let share = square * (1.0 / largest_per_pa2);
+        let square_place = (share - Dual::constant(LEAST_SQUARE)) * (2.0 / (1.0 - LEAST_SQUARE)) - Dual::ONE;
+        let place: Vec<N> = ln.chain([square_place]).map(|x| of(inside(x))).collect();
+        Ok(surface.excess_m(&self.bases, &place, of(square / ratios.modulus_pa), n_rows))
+    }
+}
+
+impl FieldStepper for LargeStepper {
+    fn excess_m(&self, stages: &Stages, _compliance_per_m: f64, time_s: &[f64], force: Force<'_>) -> Result<Vec<f64>> {
+        self.excess(stages, time_s, force, |x| x.value)
+    }
+
+    fn excess_dual_m(
+        &self,
+        stages: &Stages,
+        _compliance_per_m: f64,
+        time_s: &[f64],
+        force: Force<'_>,
+    ) -> Result<Vec<Dual>> {
+        self.excess(stages, time_s, force, |x| x)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rheology::BaseLaw;
+
+    /// The paper's bead over one cycle: laws and amplitudes that trained nothing, among them the paper's own, against full runs on a finer mesh with finer steps; and the derivatives against differences.
+    #[test]
+    fn what_is_learnt_is_what_full_runs_find() {
+        const RADII_M: [f64; 2] = [0.275e-3, 10e-3];
+        let time_s: Vec<f64> = (0..=40).map(|row| 0.25 * f64::from(row)).collect();
+        let force_n: Vec<f64> = (0..=40).map(|row| if row < 20 { 4.6e-6 } else { -4.6e-6 }).collect();
+        let force = Force::from(&force_n);
+        let law = |p: [f64; 3]| BaseLaw::Lethersich.elements(&p.map(Dual::constant));
+        let own = [3.527, 1.402, 47.370];
+        let learnt = LargeSurface::learn(RADII_M, &law(own), &time_s, force, &|| ()).expect("learns");
+        println!("{} runs, certified {:.1e}", LargeSurface::n_runs(&law(own)), learnt.certified());
+        assert!(learnt.certified() < LARGEST_ERROR);
+        let stepper = LargeStepper::new(learnt, &time_s, force).expect("a basis");
+        let gel = FiniteGel::around_sphere(RADII_M[0], RADII_M[1], Fineness::default()).expect("a mesh");
+        let stages = |p: [Dual; 3], amplitude: Dual| {
+            let mut stages = Stages::of_law(BaseLaw::Lethersich.elements(&p));
+            stages.spatial = Some(Spatial::Large(amplitude));
+            stages
+        };
+        for (p, amplitude) in [(own, 1.0), ([3.6, 1.25, 52.0], 0.8), ([3.3, 1.5, 41.0], 0.5)] {
+            let found = stepper
+                .excess_m(&stages(p.map(Dual::constant), amplitude.into()), 1.0, &time_s, force)
+                .expect("learnt");
+            let larger_n: Vec<f64> = force_n.iter().map(|f| amplitude * f).collect();
+            let finite = FiniteLaw::new(&law(p), 0.0).expect("no springpot");
+            let load = Stages::of_law(Vec::new()).load;
+            let what = FiniteRun { law: &finite, load: &load, time_s: &time_s, force: Force::from(&larger_n) };
+            let exact = gel.run(&what).expect("a run").deviation_m;
+            let apart_um = found.iter().zip(&exact).fold(0.0_f64, |m, (a, b)| m.max(1e6 * (a - b / amplitude).abs()));
+            println!("{p:?} at {amplitude}: {apart_um:.3} µm");
+            assert!(apart_um < 0.4, "{p:?} at {amplitude}: {apart_um}");
+        }
+        for seeded in 0..4 {
+            let at = |step: f64| {
+                let mut values = [own[0], own[1], own[2], 0.9];
+                values[seeded] *= 1.0 + step;
+                let dual = |k: usize| if k == seeded { Dual::variable(values[k]) } else { Dual::constant(values[k]) };
+                let stages = stages([dual(0), dual(1), dual(2)], dual(3));
+                (values[seeded], stepper.excess_dual_m(&stages, 1.0, &time_s, force).expect("learnt"))
+            };
+            let ((up, above), (down, below), (_, here)) = (at(1e-5), at(-1e-5), at(0.0));
+            let largest = here.iter().fold(0.0_f64, |most, x| most.max(x.derivative.abs()));
+            for k in 0..time_s.len() {
+                let slope = (above[k].value - below[k].value) / (up - down);
+                assert!((slope - here[k].derivative).abs() < 1e-6 * largest, "{seeded} {k}: {slope} {:?}", here[k]);
+            }
+        }
+    }
+}

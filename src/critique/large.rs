@@ -1,0 +1,76 @@
+//! Whether large displacements are worth learning for a record: one full run at the base's fit says what they would do to it.
+
+use crate::effects::Field;
+use crate::error::Result;
+use crate::report::number::significant;
+use crate::stages::Stepped;
+use crate::workflow::Monitor;
+use crate::workflow::large_displacement::{LEAST_RADII, MOST_SWITCHES, n_switches};
+use crate::workflow::learnt_displacement::{deviation_m, learnt};
+
+use super::refit::Refitted;
+use super::{Subject, Tangent};
+
+/// Nats that the effect has to promise: less cannot be claimed, and learning takes a minute.
+const LEAST_NATS: f64 = 4.0;
+/// What it may gain over its first-order value: as in `screen`.
+const FACTOR: f64 = 1.5;
+const NATS: f64 = 1.0;
+
+/// Looks whether large displacements are worth learning for a record, at a fit of the base, and learns them.
+pub(super) fn prepare(subject: &Subject, base: &Refitted, monitor: &dyn Monitor) {
+    let wanted = subject.library().effects().iter().any(|effect| matches!(effect.field(), Some(Field::Large)));
+    if wanted && subject.problem().model.field().is_none() && subject.large().get().is_none() {
+        // Not within the cell's own initialisation: threads that wait there would take up other work of this search.
+        let found = learn(subject, base, monitor);
+        let _ = subject.large().set(found);
+    }
+}
+
+/// What answers for large displacements in this record, learnt about the base's fit; or why nothing does.
+fn learn(subject: &Subject, base: &Refitted, monitor: &dyn Monitor) -> std::result::Result<Stepped, String> {
+    let said = |error: crate::Error| error.to_string().lines().next().unwrap_or_default().to_string();
+    let problem = subject.problem();
+    let ball = problem.finite_elements().and_then(|fe| fe.sizes.ball);
+    let ball = ball.ok_or("large displacements are run around a sphere at the centre")?;
+    let record = &problem.experiment.record;
+    let switches = n_switches(record.force().at_rows_n);
+    if switches > MOST_SWITCHES {
+        return Err(format!("the force changes {switches} times: large displacements are learnt for {MOST_SWITCHES}"));
+    }
+    let position_m = &base.fitted.position_m;
+    let radii = position_m.iter().fold(0.0_f64, |most, x| most.max(x.abs())) / ball.robot_radius_m;
+    if radii < LEAST_RADII {
+        return Err(format!(
+            "the robot moves by {} of its radii: large displacements are next to nothing there",
+            significant(radii, 2)
+        ));
+    }
+    let parameters = base.candidate.parameters(&base.fitted.theta);
+    let n_law = base.candidate.model.base().parameters().len();
+    let law = &parameters[..n_law];
+    let promised = promised(subject, base, law).map_err(said)?;
+    if promised.nats < LEAST_NATS {
+        return Err(format!(
+            "they would move the robot by {} µm beside what the law takes up, and gain {} nats at most",
+            significant(promised.most_um, 2),
+            significant(promised.nats, 2)
+        ));
+    }
+    learnt(problem, law, monitor).map(|(stepper, _)| stepper).map_err(said)
+}
+
+struct Promised {
+    nats: f64,
+    most_um: f64,
+}
+
+/// What the deviation at the base's law gains to first order, whatever else the law takes up.
+fn promised(subject: &Subject, base: &Refitted, law: &[f64]) -> Result<Promised> {
+    let deviation_m = deviation_m(subject.problem(), law)?;
+    let tangent = Tangent::new(subject, &base.candidate, &base.fitted)?;
+    let left = tangent.project(tangent.whiten(&[deviation_m.clone()]).swap_remove(0));
+    let z = left.dot(&tangent.projected_residual()) / left.norm().max(f64::MIN_POSITIVE);
+    let most_m = deviation_m.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+    Ok(Promised { nats: FACTOR * 0.5 * z.max(0.0).powi(2) + NATS, most_um: 1e6 * most_m })
+}
