@@ -16,9 +16,11 @@ use crate::documents::diagnosis::{
     Answer, BaseErrors, CandidateEntry, Diagnosis, Errors, PairEntry, Refit, RefitParameter, SmallestDetectable,
     Status, UnexplainedEntry, Verdict, VerdictKind,
 };
+use crate::effects::AMPLITUDE;
 use crate::error::Result;
 use crate::report::number::significant;
 use crate::workflow::Monitor;
+use crate::workflow::large_displacement::interpretation;
 use crate::workflow::misfit::{FALSE_ALARM, Misfit};
 
 /// Visible shares below this are blind spots.
@@ -69,6 +71,10 @@ impl Report<'_> {
         let learnt = noise_learning::learn(subject, &found.base.candidate, &found.base.fitted)?;
         let mut remarks = self.remarks(&scores, &cosines);
         remarks.extend(self.event.map(|event| event_remark(subject, event)));
+        let amplitudes = candidates.iter().filter(|entry| entry.status == Status::Claimed);
+        let amplitudes = amplitudes.filter_map(|entry| entry.refit.as_ref()).flat_map(|refit| &refit.parameters);
+        let amplitude = amplitudes.filter(|found| found.name == AMPLITUDE).map(|p| [p.mean, p.q05, p.q95]);
+        remarks.extend(amplitude.map(interpretation));
         remarks.extend(learnt.disagreements());
         remarks.extend(weighing.remarks.iter().cloned());
         if self.request.in_full {

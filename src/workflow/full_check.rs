@@ -5,6 +5,7 @@ use statrs::distribution::{ContinuousCDF, Gamma};
 
 use super::problem::Problem;
 use super::reduced::Reduced;
+use crate::effects::Field;
 use crate::error::Result;
 use crate::fe::strain::largest_principal_strain;
 use crate::inference::noise::NoiseModel;
@@ -137,6 +138,8 @@ pub fn check(problem: &Problem, reduced: &Reduced, draws: &[NaturalDraw]) -> Res
     let surrogate_vs_full_max_m = compared.iter().zip(&beside_m).map(distance).fold(0.0, f64::max);
     let ln_weights = (!is_slow).then(|| ln_weights(problem, &draws, &trajectories_m, &beside_m));
     let comparison = problem.finite_elements().and_then(|fe| fe.comparison);
+    // Fields are those of small strains.
+    let is_large = matches!(problem.model.field(), Some((_, Field::Large)));
     let relative_error = comparison.map(|other| other.relative_error(full.compliance_per_m()).abs());
     Ok(FullCheck {
         noise,
@@ -147,7 +150,7 @@ pub fn check(problem: &Problem, reduced: &Reduced, draws: &[NaturalDraw]) -> Res
         surrogate_vs_full_max_m: Some(surrogate_vs_full_max_m),
         pareto_k: ln_weights.as_deref().map(pareto_k),
         weights: ln_weights.as_deref().map(normalised),
-        largest_strain,
+        largest_strain: largest_strain.filter(|_| !is_large),
         discretisation_m: relative_error.map(|error| amplitude_m * error),
     })
 }

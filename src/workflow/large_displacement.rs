@@ -164,3 +164,22 @@ pub fn warning(found: &LargeDisplacement, noise_um: Option<f64>) -> Option<Warni
     }
     Some(Warning { kind, text, advice })
 }
+
+/// What a fitted amplitude says: with 1 the geometry as it is, in the one fluid that was asked.
+pub fn interpretation([mean, q05, q95]: [f64; 3]) -> String {
+    let digits = |x: f64| significant(x, 3);
+    let found = format!(
+        "the amplitude of large displacements is {} ({} to {} at 90 %)",
+        digits(mean),
+        digits(q05),
+        digits(q95)
+    );
+    if (q05..=q95).contains(&1.0) {
+        return format!(
+            "{found}: 1 is the geometry as it is, in a gel whose strains may be large as an Oldroyd-B fluid's; other gels with the same small strains (Giesekus's) deviate otherwise"
+        );
+    }
+    format!(
+        "{found}, and 1 is the geometry as it is in an Oldroyd-B fluid: the geometry of that fluid alone does not explain it, so another gel of the same small strains (Giesekus's), or another effect, is at work"
+    )
+}

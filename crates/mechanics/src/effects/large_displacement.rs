@@ -12,8 +12,11 @@ use crate::number::Dual;
 use crate::parameter::{ParameterSpec, Support};
 use crate::rheology::BaseLaw;
 
+/// Name of the effect's parameter.
+pub const AMPLITUDE: &str = "large-displacement.amplitude";
+
 const PARAMETERS: &[EffectParameter] = &[EffectParameter {
-    spec: ParameterSpec::new("large-displacement.amplitude", "g", "1", Support::POSITIVE).squared(),
+    spec: ParameterSpec::new(AMPLITUDE, "g", "1", Support::POSITIVE).squared(),
     null: |_| Some(0.0),
     prior: |_| Distribution::HalfNormal { sd: 1.0 },
     prior_source: "chosen: the geometry as it is, 1, is one standard deviation",
