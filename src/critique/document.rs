@@ -373,14 +373,15 @@ impl Report<'_> {
         let errors = self.errors(&self.found.base);
         let rows = if errors.rmse_heldout_um.is_some() { "held-out cycle" } else { "fitted cycles" };
         let rmse_um = errors.rmse_heldout_um.unwrap_or(errors.rmse_fitted_um);
-        let over = rmse_um * 1e-6 / self.subject.yardstick_m();
+        let left = self.left.heldout.unwrap_or(self.left.fitted).rms_m;
+        let over = left / self.left.noise_m;
         let positions = if errors.rmse_heldout_um.is_some() { &self.subject.scored_m } else { &self.subject.fitted_m };
         let n = positions.iter().flatten().count() as f64;
         let by_chance = ChiSquared::new(n).map_or(1.0, |chi| chi.sf(n * over * over));
-        if self.subject.is_noise_known() && over > LARGEST_SILENT_FACTOR && by_chance < FALSE_ALARM {
+        if self.left.is_known && over > LARGEST_SILENT_FACTOR && by_chance < FALSE_ALARM {
             return format!(
-                "Something may be missing: the model's error is {} µm on the {rows}, {} times the given noise. No effect of the library explains it, and slow noise beside the given one would look the same.{hint}",
-                short(rmse_um),
+                "Something may be missing: the model leaves {} µm on the {rows}, {} times the given noise. No effect of the library explains it, and slow noise beside the given one would look the same.{hint}",
+                short(1e6 * left),
                 short(over),
             );
         }

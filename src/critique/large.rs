@@ -5,7 +5,7 @@ use crate::error::Result;
 use crate::report::number::significant;
 use crate::stages::Stepped;
 use crate::workflow::Monitor;
-use crate::workflow::large_displacement::{LEAST_RADII, MOST_SWITCHES, n_switches};
+use crate::workflow::large_displacement::LEAST_RADII;
 use crate::workflow::learnt_displacement::{deviation_m, learnt};
 
 use super::refit::Refitted;
@@ -33,11 +33,6 @@ fn learn(subject: &Subject, base: &Refitted, monitor: &dyn Monitor) -> std::resu
     let problem = subject.problem();
     let ball = problem.finite_elements().and_then(|fe| fe.sizes.ball);
     let ball = ball.ok_or("large displacements are run around a sphere at the centre")?;
-    let record = &problem.experiment.record;
-    let switches = n_switches(record.force().at_rows_n);
-    if switches > MOST_SWITCHES {
-        return Err(format!("the force changes {switches} times: large displacements are learnt for {MOST_SWITCHES}"));
-    }
     let position_m = &base.fitted.position_m;
     let radii = position_m.iter().fold(0.0_f64, |most, x| most.max(x.abs())) / ball.robot_radius_m;
     if radii < LEAST_RADII {
@@ -52,7 +47,7 @@ fn learn(subject: &Subject, base: &Refitted, monitor: &dyn Monitor) -> std::resu
     let promised = promised(subject, base, law).map_err(said)?;
     if promised.nats < LEAST_NATS {
         return Err(format!(
-            "they would move the robot by {} µm beside what the law takes up, and gain {} nats at most",
+            "large displacements make up to {} µm here, and gain {} nats at most beside what the law takes up of that",
             significant(promised.most_um, 2),
             significant(promised.nats, 2)
         ));

@@ -15,12 +15,11 @@ use crate::report::number::significant;
 use crate::stages::Stages;
 
 use super::full_check::{FullCheck, mean_trajectory, rmse_m};
+use super::learnt_displacement::{MOST_SWITCHES, n_switches};
 use super::problem::Problem;
 
 /// Radii below which nothing is run: what is left out goes with the third power, and is a ten-thousandth of the displacement there.
 pub(crate) const LEAST_RADII: f64 = 0.2;
-/// Changes of the force up to the last fitted row beyond which nothing is run: each takes a fraction of a second.
-pub(crate) const MOST_SWITCHES: usize = 16;
 /// Root mean square of the deviation over the noise from which it is warned of.
 const WORTH_SAYING: f64 = 0.1;
 /// Share of a parameter's mean that its standard deviation may be for a shift of first order to mean something.
@@ -112,11 +111,6 @@ fn shifts(
         standard_deviations: moved[a] / sd(a),
     };
     (0..free.len()).filter(|a| sd(*a) < WELL_KNOWN * means[*a]).map(shift).collect()
-}
-
-/// How often a force (N, at every row) changes.
-pub(crate) fn n_switches(force_n: &[f64]) -> usize {
-    force_n.windows(2).filter(|pair| pair[0] != pair[1]).count()
 }
 
 fn sphere(apparatus: &Apparatus) -> Option<(f64, f64)> {

@@ -20,12 +20,30 @@ use crate::stages::{Stages, Stepped};
 use crate::study::ModelSpecification;
 use crate::surrogate::trajectory::{LargeStepper, LargeSurface};
 
+/// Changes of the force beyond which nothing is run: each takes a fraction of a second, and a force that goes in lines changes at every row.
+pub(crate) const MOST_SWITCHES: usize = 16;
 /// Starts at quantiles of the prior, besides its medians.
 const N_STARTS: u32 = 7;
 /// Seed of their scrambled Sobol sequence: the starts are part of the method.
 const START_SEED: u32 = 7;
 /// Quantiles of the starts lie between this and one minus this.
 const START_TAIL: f64 = 0.1;
+
+/// How often a force (N, at every row) changes.
+pub(crate) fn n_switches(force_n: &[f64]) -> usize {
+    force_n.windows(2).filter(|pair| pair[0] != pair[1]).count()
+}
+
+fn refuse_many_switches(record: &Record) -> Result<()> {
+    let n = n_switches(&record.force_n);
+    if n <= MOST_SWITCHES {
+        return Ok(());
+    }
+    Err(Error::numerical(
+        format!("the force changes {n} times, and large displacements are run for {MOST_SWITCHES} changes at most"),
+        "leave `large-displacement` out, or hold the force for longer",
+    ))
+}
 
 /// What answers for large displacements in a record, about a law (SI, in the order of the base's parameters), and its largest error relative to the displacement.
 ///
@@ -35,6 +53,7 @@ pub fn learnt(problem: &Problem, law: &[f64], monitor: &dyn Monitor) -> Result<(
     let Some(ball) = problem.finite_elements().and_then(|fe| fe.sizes.ball) else { return Err(no_sphere()) };
     let elements = problem.model.base().elements(&law.iter().copied().map(Dual::constant).collect::<Vec<Dual>>());
     let record = &problem.experiment.record;
+    refuse_many_switches(record)?;
     let radii_m = [ball.robot_radius_m, ball.outer_radius_m];
     let hash = built_from(radii_m, &elements, record)?;
     let surface = match cache::read::<LargeSurface>(&hash) {
@@ -60,6 +79,7 @@ pub fn learnt(problem: &Problem, law: &[f64], monitor: &dyn Monitor) -> Result<(
 pub fn deviation_m(problem: &Problem, law: &[f64]) -> Result<Vec<f64>> {
     let Some(ball) = problem.finite_elements().and_then(|fe| fe.sizes.ball) else { return Err(no_sphere()) };
     let elements = problem.model.base().elements(&law.iter().copied().map(Dual::constant).collect::<Vec<Dual>>());
+    refuse_many_switches(&problem.experiment.record)?;
     let mobility = 0.0;
     let law = FiniteLaw::new(&elements, mobility).ok_or_else(|| {
         Error::numerical("large displacements are not run for springpots", "leave `large-displacement` out")

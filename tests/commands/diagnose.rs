@@ -88,6 +88,11 @@ fn a_sealed_case_is_diagnosed_and_written_down() {
         let status = candidate["status"].as_str().unwrap();
         assert!(["claimed", "equivalent", "suggestive", "unsupported", "invisible"].contains(&status), "{status}");
         let refit = &candidate["refit"];
+        // A record without large displacements does not have them learnt, and the document says why.
+        if candidate["effect"] == "large-displacement" {
+            assert!(refit.is_null() && candidate["refused"].as_str().unwrap().contains("nats at most"), "{candidate}");
+            continue;
+        }
         has(refit, &["gain_nats", "heldout_gain_nats", "rmse_heldout_um", "log_bayes_factor", "parameters"]);
         refit["parameters"].as_array().unwrap().iter().for_each(|p| has(p, &["name", "mean", "q05", "q95"]));
     }
