@@ -4,6 +4,7 @@ use crate::effects::Field;
 use crate::error::Result;
 use crate::report::number::significant;
 use crate::stages::Stepped;
+use crate::surrogate::trajectory::FARTHEST_RADII;
 use crate::workflow::Monitor;
 use crate::workflow::large_displacement::LEAST_RADII;
 use crate::workflow::learnt_displacement::{deviation_m, learnt};
@@ -41,6 +42,12 @@ fn learn(subject: &Subject, base: &Refitted, monitor: &dyn Monitor) -> std::resu
             significant(radii, 2)
         ));
     }
+    if radii >= FARTHEST_RADII {
+        return Err(format!(
+            "the robot moves by {} of its radii, and large displacements are followed to {FARTHEST_RADII}",
+            significant(radii, 2)
+        ));
+    }
     let parameters = base.candidate.parameters(&base.fitted.theta);
     let n_law = base.candidate.model.base().parameters().len();
     let law = &parameters[..n_law];
@@ -64,7 +71,7 @@ struct Promised {
 fn promised(subject: &Subject, base: &Refitted, law: &[f64]) -> Result<Promised> {
     let deviation_m = deviation_m(subject.problem(), law)?;
     let tangent = Tangent::new(subject, &base.candidate, &base.fitted)?;
-    let left = tangent.project(tangent.whiten(&[deviation_m.clone()]).swap_remove(0));
+    let left = tangent.project(tangent.whiten(std::slice::from_ref(&deviation_m)).swap_remove(0));
     let z = left.dot(&tangent.projected_residual()) / left.norm().max(f64::MIN_POSITIVE);
     let most_m = deviation_m.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
     Ok(Promised { nats: FACTOR * 0.5 * z.max(0.0).powi(2) + NATS, most_um: 1e6 * most_m })

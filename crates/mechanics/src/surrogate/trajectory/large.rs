@@ -22,7 +22,7 @@ const HALF_WIDTH: f64 = 0.2;
 /// Ratios of the centre are rounded to this share of their logarithm, so that fits that differ by little are served by the same runs.
 const CENTRE_STEP: f64 = 0.05;
 /// Radii that the centre's law moves the robot by with the largest force, linearly.
-const FARTHEST_RADII: f64 = 4.6;
+pub const FARTHEST_RADII: f64 = 4.6;
 /// Least square of the force over the largest: below it the deviation is next to nothing, and errors of runs are not.
 const LEAST_SQUARE: f64 = 0.02;
 /// Degree of the polynomials; a degree in a ratio counts as more than one in the square of the force: cubes of the square, squares of ratios, and products of a ratio with the square's squares.
@@ -119,7 +119,7 @@ impl LargeSurface {
         let amplitude_m = linear_m.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
         let largest_per_pa2 = (FARTHEST_RADII * radius_m / amplitude_m).powi(2);
         let own_radii = amplitude_m / (radius_m * ratios.modulus_pa.value);
-        if !(own_radii < FARTHEST_RADII) {
+        if own_radii.is_nan() || own_radii >= FARTHEST_RADII {
             return Err(Error::numerical(
                 format!(
                     "the robot moves by {own_radii:.1} of its radii, and large displacements are followed to {FARTHEST_RADII}"
@@ -145,7 +145,7 @@ impl LargeSurface {
         let points: Vec<&Vec<f64>> = basis.checks.iter().chain(&basis.design).collect();
         let runs: Vec<Trained> = points.into_par_iter().map(run).collect::<Result<_>>()?;
         let surface = Surface::new(&[basis], 0, TOLERANCE, &runs.iter().collect::<Vec<_>>());
-        if !(surface.certified < LARGEST_ERROR) {
+        if surface.certified.is_nan() || surface.certified >= LARGEST_ERROR {
             return Err(Error::numerical(
                 format!(
                     "what was learnt of large displacements misses full runs by {:.1e} of the displacement",
@@ -203,7 +203,7 @@ impl LargeStepper {
         let ratios = Ratios::of(&stages.law).filter(|own| own.ln.len() == centre.len()).ok_or_else(no_law)?;
         let scale = *amplitude / ratios.modulus_pa;
         let square = scale * scale;
-        if !(square.value <= *largest_per_pa2) {
+        if square.value.is_nan() || square.value > *largest_per_pa2 {
             return Err(Error::numerical(
                 format!("large displacements of {FARTHEST_RADII} radii and more are not followed"),
                 "stay at smaller amplitudes, or stiffer gels",
