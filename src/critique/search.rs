@@ -152,6 +152,7 @@ pub fn search(subject: &Subject, bars: &Bars, effort: &Effort, monitor: &dyn Mon
         .map(|(slug, candidate)| {
             let result = candidate.as_ref().ok().and_then(|_| results.next());
             let (refitted, score) = result.map_or((None, None), |(refitted, score)| (refitted, Some(score)));
+            let score = score.or_else(|| large::score_where_not_learnt(subject, slug));
             let gain = refitted.as_ref().map(|refitted| refitted.gain_over(&base, subject));
             Single { slug, refused: candidate.err(), refitted, gain, score }
         })

@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, OnceLock};
 
-use super::Candidate;
+use super::{Candidate, rank::Score};
 use crate::effects::{Effect, Field, Library};
 use crate::error::{Error, Place, Result};
 use crate::experiment::Experiment;
@@ -57,7 +57,22 @@ pub(super) struct Shared {
 }
 
 /// What answers for large displacements, or why nothing does.
-pub(super) type Large = Arc<OnceLock<std::result::Result<Stepped, String>>>;
+pub(super) type Large = Arc<OnceLock<std::result::Result<Stepped, NotLearnt>>>;
+
+/// Why nothing was learnt of large displacements.
+#[derive(Debug, Clone)]
+pub(super) struct NotLearnt {
+    /// In words.
+    pub why: String,
+    /// What a record shows of the effect, where a full run said it.
+    pub score: Option<Score>,
+}
+
+impl NotLearnt {
+    pub(super) fn of(why: impl Into<String>) -> Self {
+        Self { why: why.into(), score: None }
+    }
+}
 
 impl Subject {
     /// Prepares the problem of a base model; its experiment is split into fitted and scored cycles here.
@@ -190,17 +205,15 @@ impl Subject {
         }
         let problem = self.shared.base.with_model(specification, &self.shared.library)?;
         let is_new = |effect: &&&'static dyn Effect| effects.contains(&effect.slug());
-        if let Some(effect) =
-            problem.model.effects().iter().filter(is_new).find(|effect| matches!(effect.field(), Some(Field::Large)))
-        {
+        if problem.model.effects().iter().filter(is_new).any(|effect| matches!(effect.field(), Some(Field::Large))) {
             let reason = match self.shared.large.get() {
                 Some(Ok(_)) => None,
-                Some(Err(reason)) => Some(reason.clone()),
+                Some(Err(not_learnt)) => Some(not_learnt.why.clone()),
                 None => Some("no search has learnt large displacements for this record".into()),
             };
             if let Some(reason) = reason {
-                let remedy = "leave it out";
-                return Err(Error::input(Place::option("--with"), format!("`{}`: {reason}", effect.slug()), remedy));
+                let remedy = "leave `large-displacement` out";
+                return Err(Error::input(Place::option("--with"), reason, remedy));
             }
         }
         Ok(Candidate::new(&problem))

@@ -21,7 +21,7 @@ use crate::study::ModelSpecification;
 use crate::surrogate::trajectory::{LargeStepper, LargeSurface};
 
 /// Changes of the force beyond which nothing is run: each takes a fraction of a second, and a force that goes in lines changes at every row.
-pub(crate) const MOST_SWITCHES: usize = 16;
+pub(crate) const MOST_SWITCHES: usize = 64;
 /// Starts at quantiles of the prior, besides its medians.
 const N_STARTS: u32 = 7;
 /// Seed of their scrambled Sobol sequence: the starts are part of the method.

@@ -4,7 +4,6 @@
 mod closed_forms;
 mod exact;
 mod gmsh_import;
-mod large;
 mod manufactured;
 mod meridional;
 mod mesh_shapes;

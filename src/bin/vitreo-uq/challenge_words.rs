@@ -97,7 +97,12 @@ fn error_of(play: &Play) -> Option<String> {
 fn size_of(outside: &Disturbance) -> String {
     match outside.kind {
         OutsideKind::LargeDisplacement => {
-            format!("; if the gel were linear, the robot would come {} of its radii away", significant(outside.size))
+            let mobility = outside.shape.first().copied().unwrap_or(0.0);
+            format!(
+                "; the gel is Giesekus's fluid of mobility {}, and the robot would come {} of its radii away, if the gel were linear",
+                significant(mobility),
+                significant(outside.size)
+            )
         }
         _ => String::new(),
     }

@@ -7,9 +7,8 @@ use super::super::subject::compliance_of;
 use super::large::{self, LargeGel};
 use super::motion::Motion;
 use super::protocol::WHITE_M;
-use super::strength::scaled_to;
-use super::{Disturbance, Hidden, NamedValue, NoiseKind, OutsideKind, Protocol, Truth};
-use crate::effects::{Effect, Field, Library};
+use super::{Disturbance, Hidden, HiddenEffect, NamedValue, NoiseKind, OutsideKind, Protocol, Truth};
+use crate::effects::{AMPLITUDE, Effect, Field, Library};
 use crate::error::{Error, Place, Result};
 use crate::experiment::{Apparatus, Experiment};
 use crate::inference::ensemble::RandomStream;
@@ -50,6 +49,8 @@ const LONGEST_FACTOR: f64 = 3.0;
 const MOST_DRAWS: usize = 40;
 /// Signal of what is outside the library where none is asked for: it has no prior.
 const OUTSIDE_SIGMA: f64 = 20.0;
+/// Corrections of a size that grows with nearly the third power of what is known.
+const SIZING_ROUNDS: usize = 2;
 /// Rounds in which sizes and the range of positions that their priors are scaled by come to agree.
 const PRIOR_ROUNDS: usize = 4;
 
@@ -172,16 +173,19 @@ impl Bench {
         }
         let motion = self.motion(truth.protocol, truth.noise, truth.law)?;
         let hidden: Vec<String> = truth.effects.iter().map(|effect| effect.slug.clone()).collect();
-        let (candidate, theta) = motion.with_hidden_effects(truth)?;
-        let position_m = match &truth.outside {
-            Some(outside) if outside.kind == OutsideKind::LargeDisplacement => {
-                LargeGel::new(self.apparatus(), large::SIZING_LEVEL)?.position_m(truth.law, motion.record())?
-            }
-            Some(outside) => motion.disturbed_m(outside)?,
-            None => motion.subject.trajectory_m(&candidate, &theta)?,
+        let found = if let Some(mobility) = self.mobility_of(truth) {
+            let gel = LargeGel::new(self.apparatus(), &large::SIZING)?;
+            let position_m = gel.position_m(truth.law, mobility, motion.record())?;
+            motion.ideal_class(&motion.shown(&position_m), &[], &late)
+        } else {
+            let (candidate, theta) = motion.with_hidden_effects(truth)?;
+            let position_m = match &truth.outside {
+                Some(outside) => motion.disturbed_m(outside)?,
+                None => motion.subject.trajectory_m(&candidate, &theta)?,
+            };
+            let shown = Shown { candidate: &candidate, theta: &theta, noise: motion.noise, position_m: &position_m };
+            motion.ideal_class(&shown, &hidden, &late)
         };
-        let shown = Shown { candidate: &candidate, theta: &theta, noise: motion.noise, position_m: &position_m };
-        let found = motion.ideal_class(&shown, &hidden, &late);
         let is_in = |slug: &str| truth.ideal_class.iter().chain(&found).any(|known| known == slug);
         let all = self.library.effects().iter().map(|effect| effect.slug());
         whole.ideal_class = all.filter(|slug| is_in(slug)).map(String::from).collect();
@@ -274,6 +278,16 @@ impl Bench {
         match &order.hidden {
             Hidden::Nothing => {}
             Hidden::Apparatus(error) => truth.apparatus = Some(*error),
+            Hidden::Effects(slugs) if slugs.iter().any(|slug| self.is_large(slug)) => {
+                let [slug] = &slugs[..] else { return Err(not_beside()) };
+                let effect = |signal_sigma: f64| HiddenEffect {
+                    slug: slug.clone(),
+                    parameters: vec![NamedValue { name: AMPLITUDE.into(), value: 1.0 }],
+                    signal_sigma,
+                };
+                let (large, _, sigma) = self.with_large(order, motion, law, 0.0)?;
+                return Ok(Some(Truth { effects: vec![effect(sigma)], ..large }));
+            }
             Hidden::Effects(slugs) => {
                 let Some((effects, class)) = motion.with_effects(slugs, order.strength_sigma, &self.served, stream)?
                 else {
@@ -282,7 +296,12 @@ impl Bench {
                 truth.ideal_class = class;
                 truth.effects = effects;
             }
-            Hidden::Outside(OutsideKind::LargeDisplacement) => return self.with_large(order, motion, law).map(Some),
+            Hidden::Outside(kind @ OutsideKind::LargeDisplacement) => {
+                let mobility = large::mobility(stream.unit());
+                let (large, size, sigma) = self.with_large(order, motion, law, mobility)?;
+                let outside = Some(Disturbance { kind: *kind, size, shape: vec![mobility] });
+                return Ok(Some(Truth { outside, outside_sigma: Some(sigma), ..large }));
+            }
             Hidden::Outside(kind) => {
                 let asked_sigma = order.strength_sigma.unwrap_or(OUTSIDE_SIGMA);
                 let drawn = Disturbance::draw(*kind, stream);
@@ -298,50 +317,47 @@ impl Bench {
         Ok(Some(truth))
     }
 
-    /// A gel so much stiffer than the drawn law that large displacements show as strongly as is asked.
-    fn with_large(&self, order: &Order, motion: &Motion, law: [f64; 3]) -> Result<Truth> {
+    /// Whether this is the slug of large displacements.
+    fn is_large(&self, slug: &str) -> bool {
+        self.library.get(slug).is_some_and(large::is_large)
+    }
+
+    /// The mobility of a truth's gel where that has large displacements.
+    pub(super) fn mobility_of(&self, truth: &Truth) -> Option<f64> {
+        large::mobility_of(truth, |slug| self.is_large(slug))
+    }
+
+    /// A gel so much stiffer or softer than the drawn law that large displacements show as strongly as is asked, as nearly as its radii allow; those radii, and the signal in σ.
+    fn with_large(&self, order: &Order, motion: &Motion, law: [f64; 3], mobility: f64) -> Result<(Truth, f64, f64)> {
         let asked_sigma = order.strength_sigma.unwrap_or(OUTSIDE_SIGMA);
-        let gel = LargeGel::new(self.apparatus(), large::SIZING_LEVEL)?;
-        let farthest_m = motion.farthest_m()?;
-        let radius_m = large::radius_m(self.apparatus())?;
-        let law_at = |radii: f64| law.map(|value| value * farthest_m / (radii * radius_m));
-        let at = |radii: f64| -> Result<(Motion, Vec<f64>)> {
-            let motion = self.motion(order.protocol, order.noise, law_at(radii))?;
-            let position_m = gel.position_m(law_at(radii), motion.record())?;
-            Ok((motion, position_m))
-        };
-        let sigma_at = |radii: f64| {
-            let (motion, position_m) = at(radii).ok()?;
-            motion.distance_sigma(&motion.shown(&position_m), &motion.base)
-        };
-        // A gel does not know left from right: what is not linear in it goes with the third power.
-        let signals = |cubes: &[f64]| sigma_at(cubes[0].cbrt()).map(|sigma| vec![sigma]);
-        let most = large::FARTHEST_RADII.powi(3);
-        let Some((cubes, sigma)) = scaled_to(asked_sigma, vec![0.5 * most], &[most], signals) else {
-            let farthest = sigma_at(large::FARTHEST_RADII).map_or("unknown".into(), |sigma| format!("{sigma:.1} σ"));
-            return Err(Error::input(
-                Place::option("--strength"),
-                format!(
-                    "{asked_sigma} σ are out of reach: the mesh carries {} radii, where the signal is {farthest}",
-                    large::FARTHEST_RADII
-                ),
-                "ask for a smaller `--strength`",
-            ));
-        };
-        let radii = cubes[0].cbrt();
-        let (motion, position_m) = at(radii)?;
-        let mut truth = Truth::of_nothing(order.protocol, order.noise, law_at(radii));
-        truth.outside = Some(Disturbance { kind: OutsideKind::LargeDisplacement, size: radii, shape: Vec::new() });
-        truth.outside_sigma = Some(sigma[0]);
-        truth.ideal_class = motion.ideal_class(&motion.shown(&position_m), &[], &self.served);
-        // By another law, and the same geometry.
-        truth.ideal_class.push("large-displacement".into());
-        Ok(truth)
+        let gel = LargeGel::new(self.apparatus(), &large::SIZING)?;
+        let (farthest_m, radius_m) = (motion.farthest_m()?, large::radius_m(self.apparatus())?);
+        let [least, most] = large::RADII;
+        let mut radii = most;
+        for round in 0..=SIZING_ROUNDS {
+            let law = law.map(|value| value * farthest_m / (radii * radius_m));
+            let motion = self.motion(order.protocol, order.noise, law)?;
+            let position_m = gel.position_m(law, mobility, motion.record())?;
+            let shown = motion.shown(&position_m);
+            let sigma = motion.distance_sigma(&shown, &motion.base).ok_or_else(|| out_of_reach(order))?;
+            // A gel does not know left from right: what is not linear in it goes with the third power.
+            let better = (radii * (asked_sigma / sigma).cbrt()).clamp(least, most);
+            if round < SIZING_ROUNDS && better != radii {
+                radii = better;
+                continue;
+            }
+            let mut truth = Truth::of_nothing(order.protocol, order.noise, law);
+            truth.ideal_class = motion.ideal_class(&shown, &[], &self.served);
+            let slugs = self.library.effects().iter().filter(|effect| large::is_large(**effect));
+            truth.ideal_class.extend(slugs.map(|effect| effect.slug().to_string()));
+            return Ok((truth, radii, sigma));
+        }
+        Err(out_of_reach(order))
     }
 }
 
-/// Effects that can be hidden: all but those that only rescale the law in a creep test of one body, of which no signal can be asked for; and large displacements, which are hidden as physics outside the library, by
-/// another law.
+/// Effects that are hidden unless one is named: all but those that only rescale the law in a creep test of one body, of which no signal can be asked for; and large displacements, which are learnt anew for every record,
+/// and whose signal is bounded.
 pub fn hideable(library: &Library) -> Vec<String> {
     let shows = |effect: &&&dyn Effect| match effect.field() {
         Some(Field::Large) => false,
@@ -349,6 +365,14 @@ pub fn hideable(library: &Library) -> Vec<String> {
         None => !effect.changes_field(),
     };
     library.effects().iter().filter(shows).map(|effect| effect.slug().to_string()).collect()
+}
+
+fn not_beside() -> Error {
+    Error::input(
+        Place::option("--pair"),
+        "large displacements are hidden alone",
+        "ask for `--effect large-displacement`",
+    )
 }
 
 fn refuse_unknown(library: &Library, slugs: &[String]) -> Result<()> {

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 
 use super::large::{self, LargeGel, robot_of};
-use super::{ApparatusError, Bench, OutsideKind, Truth};
+use super::{ApparatusError, Bench, Truth};
 use crate::error::{Error, Result};
 use crate::experiment::Force;
 use crate::fe::Stiffness;
@@ -70,9 +70,9 @@ pub fn trajectories_m(
             .map(|(error, stiffness)| Ok((*error, FullOrderModel::new(stiffness, workshop.poisson_ratio)?)))
             .collect::<Result<_>>()?;
         let compute = |truth: &Truth| -> Result<Vec<f64>> {
-            if truth.outside.as_ref().is_some_and(|outside| outside.kind == OutsideKind::LargeDisplacement) {
-                let gel = LargeGel::new(bench.apparatus(), large::DATA_LEVEL)?;
-                return gel.position_m(truth.law, &truth.protocol.record());
+            if let Some(mobility) = bench.mobility_of(truth) {
+                let gel = LargeGel::new(bench.apparatus(), &large::DATA)?;
+                return gel.position_m(truth.law, mobility, &truth.protocol.record());
             }
             let own = models.iter().find(|(error, _)| truth.apparatus == Some(*error));
             let full = own.map_or(&full, |(_, model)| model);

@@ -1,45 +1,80 @@
-//! A gel in which the robot moves by about its own size: data by full finite elements with strains of any size ([`crate::fe::large`]).
+//! A gel in which the robot moves by several of its radii: the fluid that its law linearises ([`crate::fe::oldroyd`]), Oldroyd-B where the effect is hidden, and Giesekus's as another law of the same small strains.
 //!
-//! At the paper's 3.6 radii no mesh follows, so the drawn law is made stiffer, all three numbers by one factor: its times stay, its displacements shrink.
+//! What the robot does is the linear model's answer in full finite elements and the fluid's deviation from it. The drawn law is made stiffer or softer, all three numbers by one factor: its times stay.
 
-use crate::effects::Stages;
+use super::{Disturbance, OutsideKind, Truth};
+use crate::effects::{Effect, Field, Stages};
 use crate::error::{Error, Result};
 use crate::experiment::{Apparatus, Record, Robot, RobotShape, Vitreous};
 use crate::fe::Stiffness;
-use crate::fe::large::{LargeModel, LargeRun};
-use crate::fe::nonlinear::Options;
-use crate::mesh::Mesh;
+use crate::fe::oldroyd::{Fineness, FiniteGel, FiniteLaw, FiniteRun};
+use crate::fe::stepping::Resolution;
+use crate::fe::time::FullOrderModel;
+use crate::number::Dual;
 use crate::rheology::BaseLaw;
 use crate::workflow::mechanics::robot_mesh;
 
-/// Farthest that the robot would come from its start, in its radii, if the gel were linear. The gel gives 13 % less there, and its mesh carries a little more.
-pub(super) const FARTHEST_RADII: f64 = 1.6;
-/// Mesh levels on which signals are sized and data made.
-pub(super) const SIZING_LEVEL: usize = 1;
-pub(super) const DATA_LEVEL: usize = 2;
+/// Farthest that the robot may come from its start, in its radii, if the gel were linear; and least, where next to nothing shows.
+pub(super) const RADII: [f64; 2] = [1.0, 4.0];
+/// Mobilities of Giesekus's fluid.
+const MOBILITIES: [f64; 2] = [0.005, 0.05];
+
+/// How finely a gel is cut.
+pub(super) struct Cut {
+    /// Level of the linear model's mesh.
+    level: usize,
+    fineness: Fineness,
+}
+
+/// For sizing signals.
+pub(super) const SIZING: Cut = Cut { level: 1, fineness: Fineness::ESTIMATE };
+/// For data: finer than what is learnt from.
+pub(super) const DATA: Cut =
+    Cut { level: 2, fineness: Fineness { order: 6, n_angles: 6, layer_ratio: 2.0, steps_per_doubling: 6 } };
+
+/// Whether an effect is that of large displacements.
+pub(super) fn is_large(effect: &dyn Effect) -> bool {
+    matches!(effect.field(), Some(Field::Large))
+}
+
+/// The mobility of a truth's gel where that has large displacements; Oldroyd-B has none.
+pub(super) fn mobility_of(truth: &Truth, is_large: impl Fn(&str) -> bool) -> Option<f64> {
+    match &truth.outside {
+        Some(Disturbance { kind: OutsideKind::LargeDisplacement, shape, .. }) => shape.first().copied(),
+        _ => truth.effects.iter().any(|effect| is_large(&effect.slug)).then_some(0.0),
+    }
+}
+
+/// A mobility from a number between 0 and 1, evenly in its logarithm.
+pub(super) fn mobility(uniform: f64) -> f64 {
+    MOBILITIES[0] * (MOBILITIES[1] / MOBILITIES[0]).powf(uniform)
+}
 
 /// The reference apparatus meshed for large displacements.
 pub(super) struct LargeGel {
-    mesh: Mesh,
     stiffness: Stiffness,
     poisson_ratio: f64,
+    gel: FiniteGel,
 }
 
 impl LargeGel {
-    pub(super) fn new(apparatus: &Apparatus, level: usize) -> Result<Self> {
+    pub(super) fn new(apparatus: &Apparatus, cut: &Cut) -> Result<Self> {
         let (robot, vitreous) = robot_of(apparatus)?;
-        let mesh = robot_mesh(robot, vitreous, level)?;
-        let stiffness = Stiffness::new(&mesh)?;
-        Ok(Self { mesh, stiffness, poisson_ratio: vitreous.poisson_ratio })
+        let stiffness = Stiffness::new(&robot_mesh(robot, vitreous, cut.level)?)?;
+        let gel = FiniteGel::around_sphere(radius_m(apparatus)?, 0.5 * vitreous.diameter_m, cut.fineness)?;
+        Ok(Self { stiffness, poisson_ratio: vitreous.poisson_ratio, gel })
     }
 
-    /// Position (m) at every row for E (Pa), c₁ and c₂ (Pa·s).
-    pub(super) fn position_m(&self, law: [f64; 3], record: &Record) -> Result<Vec<f64>> {
-        let model = LargeModel::new(&self.mesh, &self.stiffness, self.poisson_ratio)?;
-        let load = Stages::of_law(Vec::new()).load;
+    /// Position (m) at every row for E (Pa), c₁ and c₂ (Pa·s) and Giesekus's mobility.
+    pub(super) fn position_m(&self, law: [f64; 3], mobility: f64, record: &Record) -> Result<Vec<f64>> {
         let (time_s, force) = (&record.time_s, record.force());
-        let run = LargeRun { law: BaseLaw::Lethersich, parameters: &law, load: &load, time_s, force };
-        Ok(model.run(&run, Options::default())?.displacement_m)
+        let stages = Stages::of_law(BaseLaw::Lethersich.elements(&law.map(Dual::constant)));
+        let linear = FullOrderModel::new(&self.stiffness, self.poisson_ratio)?;
+        let linear_m = linear.step(&stages, time_s, force, Resolution::default())?.position_m;
+        let law = FiniteLaw::new(&stages.law, mobility)
+            .ok_or_else(|| Error::numerical("the base law has a springpot", "reinstall the program"))?;
+        let found = self.gel.run(&FiniteRun { law: &law, load: &stages.load, time_s, force })?;
+        Ok(linear_m.iter().zip(&found.deviation_m).map(|(x, deviation)| x + deviation).collect())
     }
 }
 

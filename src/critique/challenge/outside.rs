@@ -32,12 +32,12 @@ pub enum OutsideKind {
     Backlash,
     /// The force is not proportional to its command: F (1 + s (|F|/F_max − 1)). With one force level that is a scale.
     ForceLevel,
-    /// The robot moves by about its own size, so that the gel's geometry is not linear. Its size is in robot radii.
+    /// The robot moves by several radii in a gel whose large-strain law is not the library's (Giesekus's fluid). Its size is in robot radii.
     LargeDisplacement,
 }
 
 impl OutsideKind {
-    /// Those that may be drawn; data with large displacements take minutes, and are made where they are asked for by name.
+    /// Those that may be drawn; data with large displacements take a minute, and are made where they are asked for by name.
     pub const DRAWN: [Self; 10] = [
         Self::Vibration,
         Self::CycleVibration,

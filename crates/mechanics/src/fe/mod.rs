@@ -5,7 +5,6 @@ pub mod clock;
 pub mod element;
 pub mod exact;
 pub mod factorisation;
-pub mod large;
 pub mod meridional;
 pub mod nonlinear;
 pub mod oldroyd;

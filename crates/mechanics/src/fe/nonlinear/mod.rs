@@ -30,7 +30,6 @@ use crate::number::Dual;
 use crate::rheology::Element;
 use crate::stages::{Load, Nonlinearity};
 use points::IntegrationPoints;
-use stage::Kinematics;
 
 /// How fine a run is.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -97,7 +96,6 @@ pub struct NonlinearModel<'a> {
     points: IntegrationPoints,
     robot: usize,
     share: f64,
-    kinematics: Kinematics,
 }
 
 impl<'a> NonlinearModel<'a> {
@@ -115,12 +113,7 @@ impl<'a> NonlinearModel<'a> {
         }
         let factor = stiffness.factor(poisson_ratio)?;
         let points = IntegrationPoints::new(mesh, unknowns, poisson_ratio)?;
-        Ok(Self { factor, points, robot: unknowns.robot(), share: unknowns.share(), kinematics: Kinematics::Small })
-    }
-
-    /// The same with strains of any size.
-    pub(crate) fn with_finite_strains(self) -> Self {
-        Self { kinematics: Kinematics::Finite, ..self }
+        Ok(Self { factor, points, robot: unknowns.robot(), share: unknowns.share() })
     }
 
     /// Number of integration points.
@@ -163,8 +156,8 @@ impl<'a> NonlinearModel<'a> {
     }
 
     fn balance(&self) -> stage::Balance<'_> {
-        let Self { points, factor, robot, share, kinematics } = self;
-        stage::Balance { points, factor, robot: *robot, share: *share, kinematics: *kinematics }
+        let Self { points, factor, robot, share } = self;
+        stage::Balance { points, factor, robot: *robot, share: *share }
     }
 
     pub(crate) fn points(&self) -> &IntegrationPoints {

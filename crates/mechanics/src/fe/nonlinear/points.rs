@@ -149,50 +149,6 @@ impl IntegrationPoints {
         self.summed(&chunks)
     }
 
-    /// Displacement gradients ∂uᵢ/∂xⱼ at all points.
-    pub(crate) fn gradients(&self, displacement: &[f64]) -> Vec<Matrix3<f64>> {
-        let mut gradients = vec![Matrix3::zeros(); self.count()];
-        gradients.par_chunks_mut(CHUNK * self.n_points).enumerate().for_each(|(chunk, gradients)| {
-            let n_elements = gradients.len() / self.n_points;
-            let first = chunk * CHUNK;
-            let reference = self.reference_gradients(displacement, first, n_elements);
-            for (e, gradients) in gradients.chunks_exact_mut(self.n_points).enumerate() {
-                let derivative = self.derivatives(&reference, first, e);
-                for (q, gradient) in gradients.iter_mut().enumerate() {
-                    *gradient = Matrix3::from_fn(|i, j| derivative(q, i, j));
-                }
-            }
-        });
-        gradients
-    }
-
-    /// Nodal forces (N) of stresses P (Pa) that do the work P : ∇δu, summed on the unknowns; the transpose of [`Self::gradients`] with volumes.
-    pub(crate) fn gradient_forces(&self, stresses: &[Matrix3<f64>]) -> Vec<f64> {
-        let chunks: Vec<Mat<f64>> = stresses
-            .par_chunks(CHUNK * self.n_points)
-            .enumerate()
-            .map(|(chunk, stresses)| {
-                let first = chunk * CHUNK;
-                self.element_forces(first, stresses.len() / self.n_points, |e, conjugate| {
-                    let places = (first + e) * self.n_points..;
-                    let given = stresses[e * self.n_points..].iter().zip(&self.volume_m3[places]);
-                    for ((stress, volume), conjugate) in given.zip(conjugate) {
-                        *conjugate = [0, 1, 2].map(|i| [0, 1, 2].map(|j| volume * stress[(i, j)]));
-                    }
-                })
-            })
-            .collect();
-        self.summed(&chunks)
-    }
-
-    /// Projects the traces of all points on the pressures of their elements.
-    pub(crate) fn project_all(&self, tensors: &mut [Tensor<f64>]) {
-        tensors
-            .par_chunks_exact_mut(self.n_points)
-            .enumerate()
-            .for_each(|(element, tensors)| self.project(element, tensors));
-    }
-
     fn summed(&self, chunks: &[Mat<f64>]) -> Vec<f64> {
         let mut force = vec![0.0; self.n_unknowns];
         let mut unknowns = self.unknowns.chunks_exact(3 * self.n_nodes);

@@ -8,7 +8,6 @@ use super::point::{Moduli, StageLaw, Tensor, deviator_norm};
 use super::points::IntegrationPoints;
 use crate::error::{Error, Result};
 use crate::fe::factorisation::Factor;
-use crate::fe::large::Deformation;
 use rayon::prelude::*;
 
 /// Most steps of Newton's method before the time step is halved.
@@ -40,15 +39,6 @@ struct Tangent {
     direction: [f64; 5],
 }
 
-/// How displacements strain the gel.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Kinematics {
-    /// To first order.
-    Small,
-    /// Whatever their size ([`crate::fe::large`]).
-    Finite,
-}
-
 /// The balance of a mesh.
 pub(super) struct Balance<'a> {
     pub points: &'a IntegrationPoints,
@@ -56,7 +46,6 @@ pub(super) struct Balance<'a> {
     pub robot: usize,
     /// Share of the force that the model carries.
     pub share: f64,
-    pub kinematics: Kinematics,
 }
 
 /// One stage: the law, the histories of all points (`n_histories` each, one point after the other) and the push.
@@ -69,8 +58,6 @@ pub(super) struct Stage<'a> {
 
 /// Where a residual stands.
 struct Evaluated {
-    /// Where strains are finite.
-    deformation: Option<Deformation>,
     strains: Vec<Tensor<f64>>,
     stresses: Vec<Tensor<f64>>,
     tangents: Vec<Tangent>,
@@ -79,21 +66,6 @@ struct Evaluated {
     preconditioned: Vec<f64>,
     /// √(rᵀK̂⁻¹r).
     norm: f64,
-}
-
-impl Evaluated {
-    /// Of displacements that no gel can have.
-    fn impossible() -> Self {
-        Self {
-            deformation: None,
-            strains: Vec::new(),
-            stresses: Vec::new(),
-            tangents: Vec::new(),
-            residual: Vec::new(),
-            preconditioned: Vec::new(),
-            norm: f64::INFINITY,
-        }
-    }
 }
 
 /// A solved stage.
@@ -115,12 +87,6 @@ impl Balance<'_> {
     /// [`Error::Numerical`] where Newton's method does not converge.
     pub(super) fn solve(&self, stage: &Stage, displacement: &mut [f64], tolerance: f64) -> Result<Solved> {
         let mut now = self.evaluate(stage, displacement);
-        if !now.norm.is_finite() {
-            return Err(Error::numerical(
-                "an element of the gel is turned inside out",
-                "ask for smaller displacements",
-            ));
-        }
         let (mut n_evaluations, mut n_gradients, mut norms) = (1, 0, vec![now.norm]);
         for _ in 0..MOST_STEPS {
             if now.norm <= tolerance {
@@ -156,13 +122,7 @@ impl Balance<'_> {
     }
 
     fn evaluate(&self, stage: &Stage, displacement: &[f64]) -> Evaluated {
-        let (strains, deformation) = match self.kinematics {
-            Kinematics::Small => (self.points.strains(displacement), None),
-            Kinematics::Finite => match Deformation::new(self.points, displacement) {
-                Some((deformation, strains)) => (strains, Some(deformation)),
-                None => return Evaluated::impossible(),
-            },
-        };
+        let strains = self.points.strains(displacement);
         let mut stresses = vec![[0.0; 6]; strains.len()];
         let still = Tangent { secant: 0.0, along: 0.0, volumetric: 0.0, coupling: 0.0, direction: [0.0; 5] };
         let mut tangents = vec![still; strains.len()];
@@ -175,25 +135,19 @@ impl Balance<'_> {
                 (*stress, *tangent) = respond(stage.law, strain, histories);
             }
         });
-        let mut residual = match &deformation {
-            None => self.points.forces(&stresses),
-            Some(deformation) => deformation.forces(self.points, &stresses),
-        };
+        let mut residual = self.points.forces(&stresses);
         residual.iter_mut().for_each(|f| *f = -*f);
         residual[self.robot] += stage.push.force_n + stage.push.slope_n_per_m * displacement[self.robot];
         let mut preconditioned = residual.clone();
         self.factor.solve_in_place(&mut preconditioned);
         let norm = dot(&residual, &preconditioned).max(0.0).sqrt();
-        Evaluated { deformation, strains, stresses, tangents, residual, preconditioned, norm }
+        Evaluated { strains, stresses, tangents, residual, preconditioned, norm }
     }
 
     /// Tangent times a displacement.
     fn apply(&self, stage: &Stage, at: &Evaluated, displacement: &[f64], symmetric: bool) -> Vec<f64> {
         let tangents = &at.tangents;
-        let (mut tensors, gradients) = match &at.deformation {
-            None => (self.points.strains(displacement), Vec::new()),
-            Some(deformation) => deformation.increments(self.points, displacement),
-        };
+        let mut tensors = self.points.strains(displacement);
         tensors.par_chunks_mut(CHUNK).zip(tangents.par_chunks(CHUNK)).for_each(|(tensors, tangents)| {
             for (tensor, tangent) in tensors.iter_mut().zip(tangents) {
                 let along: f64 = tensor.iter().zip(&tangent.direction).map(|(e, n)| e * n).sum();
@@ -204,10 +158,7 @@ impl Balance<'_> {
                 tensor[5] = tangent.volumetric * tensor[5] + coupling * along;
             }
         });
-        let mut product = match &at.deformation {
-            None => self.points.forces(&tensors),
-            Some(deformation) => deformation.changed_forces(self.points, &at.stresses, &gradients, &tensors),
-        };
+        let mut product = self.points.forces(&tensors);
         product[self.robot] -= stage.push.slope_n_per_m * displacement[self.robot];
         product
     }

@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use faer::linalg::matmul::matmul;
-use faer::{Accum, Mat, Par};
+use faer::{Accum, Mat, MatRef, Par};
 
 use super::lu::DenseLu;
 use super::point::{self, Gradient, Held, IDENTITY};
@@ -57,33 +57,24 @@ impl Reference {
     }
 }
 
-/// out[j, k] = Σᵢ table[j, i] in[k, i]: a line's table applied to the fast index, which becomes the slow one.
-fn along(table: &[f64], n_in: usize, input: &[f64], out: &mut [f64]) {
-    let n_rest = input.len() / n_in;
-    for (row, out) in table.chunks_exact(n_in).zip(out.chunks_exact_mut(n_rest)) {
-        for (values, out) in input.chunks_exact(n_in).zip(out) {
-            *out = row.iter().zip(values).map(|(t, v)| t * v).sum();
-        }
-    }
+/// left · right.
+fn product(left: MatRef<'_, f64>, right: MatRef<'_, f64>) -> Mat<f64> {
+    let mut found = Mat::zeros(left.nrows(), right.ncols());
+    matmul(found.as_mut(), Accum::Replace, left, right, 1.0, Par::Seq);
+    found
 }
 
-/// The transpose: out[k, i] += Σⱼ table[j, i] in[j, k].
-fn along_transposed(table: &[f64], n_out: usize, input: &[f64], out: &mut [f64]) {
-    let n_rest = out.len() / n_out;
-    for (row, input) in table.chunks_exact(n_out).zip(input.chunks_exact(n_rest)) {
-        for (value, out) in input.iter().zip(out.chunks_exact_mut(n_out)) {
-            out.iter_mut().zip(row).for_each(|(out, t)| *out += t * value);
-        }
-    }
+fn column(values: &[f64]) -> MatRef<'_, f64> {
+    MatRef::from_column_major_slice(values, values.len(), 1)
 }
+
+/// Components of F in the order of their operators, for displacements along r and along z.
+const OF: [&[usize]; 2] = [&[0, 1, 4], &[2, 3]];
 
 /// A cell of the unmoved mesh.
 pub(super) struct CellShape {
     /// 2π r times the area that each point stands for.
     pub(super) weights: Vec<f64>,
-    /// By r and by z of ξ and of η at each point: [ξ by r, η by r, ξ by z, η by z].
-    factors: Vec<[f64; 4]>,
-    over_r: Vec<f64>,
     /// Derivatives by r, by z and values over r of every function (columns), one under the other.
     operators: Mat<f64>,
 }
@@ -111,33 +102,17 @@ impl CellShape {
                 _ => over_r[q] * reference.value[x] * reference.value[y],
             }
         });
-        Ok(Self { weights, factors, over_r, operators })
+        Ok(Self { weights, operators })
     }
 
     /// F at every point; displacements component by component, ξ running fastest.
-    pub(super) fn gradients(&self, reference: &Reference, displacement: &[f64]) -> Vec<Gradient> {
-        let (n_side, n_line, n) = (reference.order + 1, reference.line.len(), reference.n_functions());
-        let mut found = vec![IDENTITY; self.weights.len()];
-        let mut half = vec![0.0; n_line * n_side];
-        let mut at = vec![0.0; n_line * n_line];
-        let (value, slope) = (&reference.value, &reference.slope);
-        for (component, u) in displacement.chunks_exact(n).take(2).enumerate() {
-            // After both passes the slow index is η's point again.
-            for (first, second, place) in [(slope, value, 0), (value, slope, 1), (value, value, 2)] {
-                if place == 2 && component == 1 {
-                    continue;
-                }
-                along(first, n_side, u, &mut half);
-                along(second, n_side, &half, &mut at);
-                for (q, value) in at.iter().enumerate() {
-                    let (f, factors) = (&mut found[q], &self.factors[q]);
-                    if place == 2 {
-                        f[4] += value * self.over_r[q];
-                    } else {
-                        f[2 * component] += factors[place] * value;
-                        f[2 * component + 1] += factors[2 + place] * value;
-                    }
-                }
+    pub(super) fn gradients(&self, displacement: &[f64]) -> Vec<Gradient> {
+        let (n_points, n) = (self.weights.len(), self.operators.ncols());
+        let mut found = vec![IDENTITY; n_points];
+        let at = product(self.operators.as_ref(), MatRef::from_column_major_slice(displacement, n, OF.len()));
+        for (component, components) in OF.iter().enumerate() {
+            for (values, c) in at.col_as_slice(component).chunks_exact(n_points).zip(*components) {
+                found.iter_mut().zip(values).for_each(|(f, value)| f[*c] += value);
             }
         }
         found
@@ -145,40 +120,24 @@ impl CellShape {
 
     /// Forces on the displacements, component by component, and −∫ ψ (det F − 1) for every pressure ψ, behind each other.
     pub(super) fn forces(&self, reference: &Reference, held: &[Held], f: &[Gradient], pressures: &[f64]) -> Vec<f64> {
-        let (n_side, n_line, n) = (reference.order + 1, reference.line.len(), reference.n_functions());
         let pressure_at = reference.pressures_at(pressures);
         let n_points = f.len();
-        let (mut nominal, mut volume) = (Vec::with_capacity(n_points), Vec::with_capacity(n_points));
+        let mut nominal = Mat::<f64>::zeros(self.operators.nrows(), OF.len());
+        let mut volume = vec![0.0; n_points];
         for q in 0..n_points {
-            let (stress, cofactor) = (point::stress(&held[q], &f[q]), point::cofactor(&f[q]));
-            let whole: Gradient = std::array::from_fn(|c| self.weights[q] * (stress[c] - pressure_at[q] * cofactor[c]));
-            nominal.push(whole);
-            volume.push(-self.weights[q] * (point::determinant(&f[q]) - 1.0));
-        }
-        let mut out = vec![0.0; 2 * n];
-        let mut at = vec![0.0; n_line * n_line];
-        let mut half = vec![0.0; n_line * n_side];
-        let (value, slope) = (&reference.value, &reference.slope);
-        for (component, out) in out.chunks_exact_mut(n).enumerate() {
-            for (first, second, place) in [(slope, value, 0), (value, slope, 1), (value, value, 2)] {
-                if place == 2 && component == 1 {
-                    continue;
+            let (stress, cofactor, weight) = (point::stress(&held[q], &f[q]), point::cofactor(&f[q]), self.weights[q]);
+            for (component, components) in OF.iter().enumerate() {
+                for (k, c) in components.iter().enumerate() {
+                    nominal[(k * n_points + q, component)] = weight * (stress[*c] - pressure_at[q] * cofactor[*c]);
                 }
-                for (q, at) in at.iter_mut().enumerate() {
-                    let (p, factors) = (&nominal[q], &self.factors[q]);
-                    *at = if place == 2 {
-                        self.over_r[q] * p[4]
-                    } else {
-                        factors[place] * p[2 * component] + factors[2 + place] * p[2 * component + 1]
-                    };
-                }
-                half.fill(0.0);
-                along_transposed(second, n_side, &at, &mut half);
-                along_transposed(first, n_side, &half, out);
             }
+            volume[q] = -weight * (point::determinant(&f[q]) - 1.0);
         }
-        let constraint = |k: usize| reference.pressure.col_as_slice(k).iter().zip(&volume).map(|(p, v)| p * v).sum();
-        out.extend((0..pressures.len()).map(constraint).collect::<Vec<f64>>());
+        let forces = product(self.operators.transpose(), nominal.as_ref());
+        let constraints = product(reference.pressure.transpose().subrows(0, pressures.len()), column(&volume));
+        let mut out = Vec::with_capacity(2 * forces.nrows() + pressures.len());
+        (0..OF.len()).for_each(|component| out.extend_from_slice(forces.col_as_slice(component)));
+        out.extend_from_slice(constraints.col_as_slice(0));
         out
     }
 
@@ -188,35 +147,36 @@ impl CellShape {
         let pressure_at = reference.pressures_at(pressures);
         let tangents: Vec<_> = (0..n_points).map(|q| point::tangent(&held[q], &f[q], pressure_at[q])).collect();
         let cofactors: Vec<Gradient> = f.iter().map(point::cofactor).collect();
+        let weighed = |of: &dyn Fn(usize) -> f64| -> Vec<f64> {
+            self.weights.iter().enumerate().map(|(q, weight)| weight * of(q)).collect()
+        };
+        // out[q] += factor[q] operator[q]
+        let add = |out: &mut [f64], factors: &[f64], operator: &[f64]| {
+            out.iter_mut().zip(factors).zip(operator).for_each(|((out, factor), value)| *out += factor * value);
+        };
         let mut matrix = Mat::zeros(2 * n + pressures.len(), 2 * n + pressures.len());
-        // Components of F in the order of their operators, for displacements along r and along z.
-        const OF: [&[usize]; 2] = [&[0, 1, 4], &[2, 3]];
         for (column_component, columns) in OF.iter().enumerate() {
             for (row_component, rows) in OF.iter().enumerate() {
+                let factors: Vec<Vec<Vec<f64>>> = rows
+                    .iter()
+                    .map(|row| columns.iter().map(|column| weighed(&|q| tangents[q][*row][*column])).collect())
+                    .collect();
                 let mut weighted = Mat::<f64>::zeros(rows.len() * n_points, n);
                 for a in 0..n {
                     let (operators, out) = (self.operators.col_as_slice(a), weighted.col_as_slice_mut(a));
-                    for (i, row) in rows.iter().enumerate() {
-                        for q in 0..n_points {
-                            let terms = columns.iter().enumerate();
-                            let sum: f64 =
-                                terms.map(|(j, column)| tangents[q][*row][*column] * operators[j * n_points + q]).sum();
-                            out[i * n_points + q] = self.weights[q] * sum;
-                        }
+                    for (out, factors) in out.chunks_exact_mut(n_points).zip(&factors) {
+                        factors.iter().zip(operators.chunks_exact(n_points)).for_each(|(f, o)| add(out, f, o));
                     }
                 }
                 let left = self.operators.as_ref().submatrix(0, 0, rows.len() * n_points, n);
                 let block = matrix.as_mut().submatrix_mut(row_component * n, column_component * n, n, n);
                 matmul(block, Accum::Replace, left.transpose(), weighted.as_ref(), 1.0, Par::Seq);
             }
+            let factors: Vec<Vec<f64>> = columns.iter().map(|column| weighed(&|q| cofactors[q][*column])).collect();
             let mut volume = Mat::<f64>::zeros(n_points, n);
             for a in 0..n {
                 let (operators, out) = (self.operators.col_as_slice(a), volume.col_as_slice_mut(a));
-                for q in 0..n_points {
-                    let terms = columns.iter().enumerate();
-                    let sum: f64 = terms.map(|(j, column)| cofactors[q][*column] * operators[j * n_points + q]).sum();
-                    out[q] = self.weights[q] * sum;
-                }
+                factors.iter().zip(operators.chunks_exact(n_points)).for_each(|(f, o)| add(out, f, o));
             }
             let block = matrix.as_mut().submatrix_mut(2 * n, column_component * n, pressures.len(), n);
             matmul(block, Accum::Replace, reference.pressure.transpose(), volume.as_ref(), -1.0, Par::Seq);
@@ -232,9 +192,10 @@ impl CellShape {
 
 /// A cell's matrix with its interior eliminated.
 pub(super) struct Condensed {
-    interior: DenseLu,
-    interior_by_edge: Mat<f64>,
-    edge_by_interior: Mat<f64>,
+    /// K_II⁻¹, K_EI K_II⁻¹ and K_II⁻¹ K_IE: a kept matrix serves many iterations.
+    inverse: Mat<f64>,
+    edge_by_inverse: Mat<f64>,
+    inverse_by_edge: Mat<f64>,
     /// Between what lies on the edges.
     pub(super) matrix: Mat<f64>,
 }
@@ -244,32 +205,25 @@ impl Condensed {
         let part = |rows: &[usize], columns: &[usize]| {
             Mat::from_fn(rows.len(), columns.len(), |a, b| matrix[(rows[a], columns[b])])
         };
-        let (interior_by_edge, edge_by_interior) = (part(interior, edge), part(edge, interior));
-        let factor = DenseLu::new(part(interior, interior));
-        let mut condensed = part(edge, edge);
-        let mut solved = interior_by_edge.clone();
-        factor.solve(solved.as_mut());
-        matmul(condensed.as_mut(), Accum::Add, edge_by_interior.as_ref(), solved.as_ref(), -1.0, Par::Seq);
-        Self { interior: factor, interior_by_edge, edge_by_interior, matrix: condensed }
+        let mut inverse = Mat::identity(interior.len(), interior.len());
+        DenseLu::new(part(interior, interior)).solve(inverse.as_mut());
+        let edge_by_inverse = product(part(edge, interior).as_ref(), inverse.as_ref());
+        let interior_by_edge = part(interior, edge);
+        let inverse_by_edge = product(inverse.as_ref(), interior_by_edge.as_ref());
+        let matrix = part(edge, edge) - product(edge_by_inverse.as_ref(), interior_by_edge.as_ref());
+        Self { inverse, edge_by_inverse, inverse_by_edge, matrix }
     }
 
     /// What the interior's forces leave on the edges: those less K_EI K_II⁻¹ of the interior's.
     pub(super) fn reduce(&self, interior: &[f64], edge: &mut [f64]) {
-        let mut solved = Mat::from_fn(interior.len(), 1, |a, _| interior[a]);
-        self.interior.solve(solved.as_mut());
-        for (a, value) in solved.col_as_slice(0).iter().enumerate() {
-            edge.iter_mut().zip(self.edge_by_interior.col_as_slice(a)).for_each(|(r, k)| *r -= k * value);
-        }
+        let moved = product(self.edge_by_inverse.as_ref(), column(interior));
+        edge.iter_mut().zip(moved.col_as_slice(0)).for_each(|(force, moved)| *force -= moved);
     }
 
     /// Changes of the interior where the edges change: K_II⁻¹ (−forces − K_IE changes).
     pub(super) fn interior(&self, forces: &[f64], changes: &[f64]) -> Vec<f64> {
-        let mut right = Mat::from_fn(forces.len(), 1, |a, _| -forces[a]);
-        for (b, change) in changes.iter().enumerate() {
-            let entries = right.col_as_slice_mut(0).iter_mut();
-            entries.zip(self.interior_by_edge.col_as_slice(b)).for_each(|(r, k)| *r -= k * change);
-        }
-        self.interior.solve(right.as_mut());
-        right.col_as_slice(0).to_vec()
+        let mut found = product(self.inverse.as_ref(), column(forces));
+        matmul(found.as_mut(), Accum::Add, self.inverse_by_edge.as_ref(), column(changes), 1.0, Par::Seq);
+        found.col_as_slice(0).iter().map(|x| -x).collect()
     }
 }

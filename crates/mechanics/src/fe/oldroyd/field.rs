@@ -3,11 +3,10 @@
 //! Unknowns are displacements in body radii and pressures in Pa. Those inside a cell, with all its pressures but the mean one, are condensed; one unknown is the body's displacement. The
 //! last cell's mean pressure is 0: a pressure that is the same everywhere does nothing in a gel that is held all around.
 
-use faer::sparse::Triplet;
 use rayon::prelude::*;
 
 use super::cell::{CellShape, Condensed, Reference};
-use super::lu::SparseLu;
+use super::lu::{Pattern, SparseLu};
 use super::point::{self, Gradient, Held, StageLaw, Symmetric};
 use crate::error::{Error, Result};
 use crate::fe::meridional::mesh::Mesh;
@@ -16,7 +15,7 @@ use crate::fe::meridional::solver::Skeleton;
 /// Place of the body's displacement among the unknowns.
 pub(super) const BODY: usize = 0;
 /// Largest change of a displacement, in body radii, that is left to Newton's method.
-const TOLERANCE: f64 = 1e-7;
+const TOLERANCE: f64 = 1e-6;
 /// Share of a change that the next may have before the matrix is made anew.
 const SLOW: f64 = 0.2;
 const MOST_ITERATIONS: usize = 40;
@@ -30,6 +29,8 @@ pub(super) struct FieldMesh {
     pub(super) n_unknowns: usize,
     /// Whether an unknown is a pressure.
     is_pressure: Vec<bool>,
+    /// Places of the cells' entries in the matrix of what is not condensed.
+    pattern: Pattern,
 }
 
 /// A cell and the places of its numbers, displacements component by component and then pressures.
@@ -38,6 +39,15 @@ pub(super) struct FieldCell {
     interior: Vec<usize>,
     edge: Vec<usize>,
     unknown: Vec<Option<usize>>,
+}
+
+impl FieldCell {
+    /// Row and column of every entry between what lies on the edges, and their unknowns; only where both are unknown.
+    fn places(&self) -> impl Iterator<Item = (usize, usize, [usize; 2])> {
+        let known = |place: &usize| self.unknown[*place];
+        let pairs = (0..self.edge.len()).flat_map(|b| (0..self.edge.len()).map(move |a| (a, b)));
+        pairs.filter_map(move |(a, b)| Some((a, b, [known(&self.edge[a])?, known(&self.edge[b])?])))
+    }
 }
 
 impl FieldMesh {
@@ -84,7 +94,9 @@ impl FieldMesh {
             unknown.extend((1..n_pressures).map(|_| add(true)));
             cells.push(FieldCell { shape, interior, edge, unknown });
         }
-        Ok(Self { reference, cells, n_global, n_unknowns: is_pressure.len(), is_pressure })
+        let places = cells.iter().flat_map(FieldCell::places).map(|(_, _, place)| place);
+        let pattern = Pattern::new(n_global, places)?;
+        Ok(Self { reference, cells, n_global, n_unknowns: is_pressure.len(), is_pressure, pattern })
     }
 
     pub(super) fn is_pressure(&self, unknown: usize) -> bool {
@@ -100,7 +112,7 @@ impl FieldMesh {
 
     /// F at every point of a cell.
     pub(super) fn gradients(&self, cell: &FieldCell, x: &[f64]) -> Vec<Gradient> {
-        cell.shape.gradients(&self.reference, &self.local(cell, x).0)
+        cell.shape.gradients(&self.local(cell, x).0)
     }
 }
 
@@ -206,7 +218,7 @@ impl<'a> Solver<'a> {
         let mesh = self.mesh;
         let of_cell = |((cell, held), condensed): ((&FieldCell, &Vec<Held>), &Condensed)| {
             let (displacement, pressures) = mesh.local(cell, x);
-            let f = cell.shape.gradients(&mesh.reference, &displacement);
+            let f = cell.shape.gradients(&displacement);
             let all = cell.shape.forces(&mesh.reference, held, &f, &pressures);
             let interior: Vec<f64> = cell.interior.iter().map(|i| all[*i]).collect();
             let mut edge: Vec<f64> = cell.edge.iter().map(|i| all[*i]).collect();
@@ -258,22 +270,18 @@ impl<'a> Solver<'a> {
         self.factorisations += 1;
         let condensed = |(cell, held): (&FieldCell, &Vec<Held>)| {
             let (displacement, pressures) = mesh.local(cell, x);
-            let f = cell.shape.gradients(&mesh.reference, &displacement);
+            let f = cell.shape.gradients(&displacement);
             let matrix = cell.shape.matrix(&mesh.reference, held, &f, &pressures);
             Condensed::new(&matrix, &cell.interior, &cell.edge)
         };
         let cells: Vec<Condensed> = mesh.cells.par_iter().zip(held).map(condensed).collect();
-        let mut triplets = Vec::new();
-        for (cell, condensed) in mesh.cells.iter().zip(&cells) {
-            for (b, column) in cell.edge.iter().enumerate() {
-                let Some(j) = cell.unknown[*column] else { continue };
-                for (row, entry) in cell.edge.iter().zip(condensed.matrix.col_as_slice(b)) {
-                    let Some(i) = cell.unknown[*row] else { continue };
-                    triplets.push(Triplet::new(i as u32, j as u32, *entry));
-                }
-            }
-        }
-        let lu = SparseLu::new(mesh.n_global, &triplets, like.map(|like| &like.lu))?;
+        let entries: Vec<f64> = mesh
+            .cells
+            .iter()
+            .zip(&cells)
+            .flat_map(|(cell, condensed)| cell.places().map(|(a, b, _)| condensed.matrix[(a, b)]))
+            .collect();
+        let lu = SparseLu::new(&mesh.pattern, &entries, like.map(|like| &like.lu))?;
         Ok(Factorised { cells, lu, rate_per_s })
     }
 

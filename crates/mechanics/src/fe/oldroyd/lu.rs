@@ -6,7 +6,7 @@ use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::lu::partial_pivoting::{factor, solve};
 use faer::perm::PermRef;
 use faer::sparse::linalg::lu::{LuRef, NumericLu, SymbolicLu, factorize_symbolic_lu};
-use faer::sparse::{SparseColMat, Triplet};
+use faer::sparse::{Argsort, Pair, SparseColMat, SymbolicSparseColMat};
 use faer::{Conj, Mat, MatMut, Par};
 
 use crate::error::{Error, Result};
@@ -49,6 +49,27 @@ impl DenseLu {
     }
 }
 
+/// Places of a square sparse matrix's entries; those of the same place are summed.
+pub(super) struct Pattern {
+    symbolic: SymbolicSparseColMat<u32>,
+    order: Argsort<u32>,
+}
+
+impl Pattern {
+    /// Of a matrix with so many columns, by row and column of its entries.
+    pub(super) fn new(n: usize, places: impl Iterator<Item = [usize; 2]>) -> Result<Self> {
+        let places: Vec<Pair<u32, u32>> = places.map(|[row, column]| Pair::new(row as u32, column as u32)).collect();
+        let made = SymbolicSparseColMat::try_new_from_indices(n, n, &places);
+        let (symbolic, order) = made.map_err(|error| singular(n, &format!("{error:?}")))?;
+        Ok(Self { symbolic, order })
+    }
+}
+
+fn singular(n: usize, why: &str) -> Error {
+    let remedy = "use a smaller force, a stiffer gel or a finer mesh";
+    Error::numerical(format!("the gel's matrix of {n} unknowns has no factors: {why}"), remedy)
+}
+
 /// A factorised sparse matrix.
 pub(super) struct SparseLu {
     symbolic: Arc<SymbolicLu<u32>>,
@@ -56,19 +77,16 @@ pub(super) struct SparseLu {
 }
 
 impl SparseLu {
-    /// Of a square matrix of `n` columns, given by its entries; one with entries in the same places lends its ordering.
-    pub(super) fn new(n: usize, entries: &[Triplet<u32, u32, f64>], like: Option<&Self>) -> Result<Self> {
-        let singular = |why: String| {
-            let remedy = "use a smaller force, a stiffer gel or a finer mesh";
-            Error::numerical(format!("the gel's matrix of {n} unknowns has no factors: {why}"), remedy)
-        };
-        let matrix = SparseColMat::<u32, f64>::try_new_from_triplets(n, n, entries);
-        let matrix = matrix.map_err(|error| singular(format!("{error:?}")))?;
+    /// Of the matrix with these entries; one of the same pattern lends its ordering.
+    pub(super) fn new(pattern: &Pattern, entries: &[f64], like: Option<&Self>) -> Result<Self> {
+        let n = pattern.symbolic.ncols();
+        let matrix = SparseColMat::new_from_argsort(pattern.symbolic.clone(), &pattern.order, entries);
+        let matrix = matrix.map_err(|error| singular(n, &format!("{error:?}")))?;
         let symbolic = match like {
             Some(like) => like.symbolic.clone(),
             None => {
                 let symbolic = factorize_symbolic_lu(matrix.symbolic(), Default::default());
-                Arc::new(symbolic.map_err(|error| singular(format!("{error:?}")))?)
+                Arc::new(symbolic.map_err(|error| singular(n, &format!("{error:?}")))?)
             }
         };
         let scratch = symbolic.factorize_numeric_lu_scratch::<f64>(Par::Seq, Default::default());
@@ -80,7 +98,7 @@ impl SparseLu {
             MemStack::new(&mut MemBuffer::new(scratch)),
             Default::default(),
         );
-        factors.map_err(|error| singular(format!("{error:?}")))?;
+        factors.map_err(|error| singular(n, &format!("{error:?}")))?;
         Ok(Self { symbolic, numeric })
     }
 
