@@ -74,7 +74,7 @@ impl Report<'_> {
         let amplitudes = candidates.iter().filter(|entry| entry.status == Status::Claimed);
         let amplitudes = amplitudes.filter_map(|entry| entry.refit.as_ref()).flat_map(|refit| &refit.parameters);
         let amplitude = amplitudes.filter(|found| found.name == AMPLITUDE).map(|p| [p.mean, p.q05, p.q95]);
-        remarks.extend(amplitude.map(interpretation));
+        remarks.extend(amplitude.map(|amplitude| interpretation(amplitude, false)));
         remarks.extend(learnt.disagreements());
         remarks.extend(weighing.remarks.iter().cloned());
         if self.request.in_full {

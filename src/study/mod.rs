@@ -20,7 +20,7 @@ mod revision;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-pub use model_specification::ModelSpecification;
+pub use model_specification::{Assignments, ModelSpecification};
 pub use provenance::{Kept, Provenance, WithProvenance, sha256_hex};
 pub use revision::RevisionWriter;
 

@@ -8,6 +8,7 @@ use serde::Serialize;
 use crate::documents::posterior::ModelSummary;
 use crate::effects::{Effect, Library, NUISANCES};
 use crate::error::{Error, Place, Result};
+use crate::experiment::Scales;
 use crate::files::{self, Content, write_atomically};
 use crate::inference::noise::NoiseModel;
 use crate::inference::prior::PriorSet;
@@ -29,7 +30,12 @@ pub struct ModelSpecification {
     pub prior: String,
     /// Parameters held at a value, in their own units.
     pub fixed: BTreeMap<String, f64>,
+    /// Parameters that would be held at their null, and are not.
+    pub freed: Vec<String>,
 }
+
+/// Values by parameter; none where it is freed.
+pub type Assignments = BTreeMap<String, Option<f64>>;
 
 impl ModelSpecification {
     /// As documents show it.
@@ -46,6 +52,7 @@ impl Default for ModelSpecification {
             noise: vec!["white".into()],
             prior: PriorSet::embedded_names().next().unwrap_or("porcine").into(),
             fixed: BTreeMap::new(),
+            freed: Vec::new(),
         }
     }
 }
@@ -58,6 +65,8 @@ struct Written<'a> {
     effects: &'a [String],
     noise: &'a [String],
     prior: &'a str,
+    #[serde(skip_serializing_if = "<[String]>::is_empty")]
+    free: &'a [String],
     #[serde(rename = "base", skip_serializing_if = "Option::is_none")]
     network: Option<BTreeMap<&'a str, toml::Value>>,
     fixed: &'a BTreeMap<String, f64>,
@@ -85,7 +94,7 @@ impl ModelSpecification {
     pub fn from_text(file: &Path, bytes: &[u8], library: &Library) -> Result<Self> {
         let document = TomlInput::parse(file, text_of(file, bytes)?)?;
         let root = document.root();
-        root.only(&["base", "effects", "fixed", "noise", "prior"])?;
+        root.only(&["base", "effects", "fixed", "free", "noise", "prior"])?;
         let default = Self::default();
         let fixed_table = root.table("fixed")?;
         let mut fixed = BTreeMap::new();
@@ -114,6 +123,7 @@ impl ModelSpecification {
             noise: root.texts("noise")?.unwrap_or(default.noise),
             prior: root.text("prior")?.unwrap_or(default.prior),
             fixed,
+            freed: root.texts("free")?.unwrap_or_default(),
         };
         let place = |key: &str| match key.strip_prefix("fixed.") {
             Some(name) => fixed_table.map_or(root.place("fixed"), |table| table.place(name)),
@@ -171,7 +181,7 @@ impl ModelSpecification {
         if let Some(prior) = prior {
             specification.prior = prior.into();
         }
-        specification.fixed.extend(assignments(set)?);
+        specification.set(&assignments(set)?);
         let place = |key: &str| {
             Place::option(match key {
                 "base" => "--base",
@@ -185,14 +195,42 @@ impl ModelSpecification {
         Ok(specification)
     }
 
-    /// Values of this model's parameters from options `--set NAME=VALUE`.
+    /// Values of this model's parameters from options `--set NAME=VALUE`; none of those that are freed.
     ///
     /// # Errors
     /// [`Error::Input`] for a name that is no parameter of the model, or a value outside its support.
-    pub fn values_from_options(&self, set: &[String], library: &Library) -> Result<BTreeMap<String, f64>> {
-        let model = Self { fixed: assignments(set)?, ..self.clone() };
+    pub fn values_from_options(&self, set: &[String], library: &Library) -> Result<Assignments> {
+        let assignments = assignments(set)?;
+        let mut model = Self { fixed: BTreeMap::new(), ..self.clone() };
+        model.set(&assignments);
         model.check(&Places { of: &|_| Place::option("--set") }, library)?;
-        Ok(model.fixed)
+        Ok(assignments)
+    }
+
+    /// Holds parameters at values, or frees those that have none.
+    pub fn set(&mut self, assignments: &Assignments) {
+        for (name, value) in assignments {
+            self.freed.retain(|freed| freed != name);
+            self.fixed.remove(name);
+            match value {
+                Some(value) => drop(self.fixed.insert(name.clone(), *value)),
+                None => self.freed.push(name.clone()),
+            }
+        }
+    }
+
+    /// The same with what is neither set nor freed, and is held at its null, among what is fixed.
+    pub fn with_nulls(mut self, scales: &Scales, library: &Library) -> Self {
+        for parameter in self.effects(library).iter().flat_map(|effect| effect.parameters()) {
+            let name = parameter.spec.name;
+            if let Some(null) = (parameter.null)(scales)
+                && parameter.spec.is_optional
+                && !self.freed.iter().any(|freed| freed == name)
+            {
+                self.fixed.entry(name.into()).or_insert(null);
+            }
+        }
+        self
     }
 
     /// Writes `model.toml`, whole or not at all.
@@ -200,12 +238,12 @@ impl ModelSpecification {
     /// # Errors
     /// [`Error::File`] if the operating system refuses.
     pub fn write(&self, path: &Path) -> Result<()> {
-        let Self { base, effects, noise, prior, fixed } = self;
+        let Self { base, effects, noise, prior, fixed, freed } = self;
         let (name, network) = match base {
             BaseLaw::Network(network) => (None, Some(BTreeMap::from([("network", network.to_toml_value())]))),
             named => (Some(named.name()), None),
         };
-        let written = Written { base: name, effects, noise, prior, network, fixed };
+        let written = Written { base: name, effects, noise, prior, free: freed, network, fixed };
         let text = toml::to_string(&written).map_err(|error| {
             Error::numerical(
                 format!("the model cannot be written as TOML: {error}"),
@@ -240,6 +278,16 @@ impl ModelSpecification {
         // What is no effect's is a scale that divides somewhere, so the lower end of its support is out, too.
         let scales: Vec<ParameterSpec> = self.base.parameters().iter().copied().chain(noise.parameters()).collect();
         let all: Vec<ParameterSpec> = scales.iter().copied().chain(of_effects).collect();
+        for name in &self.freed {
+            if !all.iter().any(|spec| spec.name == name && spec.is_optional) {
+                let optional: Vec<&str> = all.iter().filter(|spec| spec.is_optional).map(|spec| spec.name).collect();
+                let remedy = match optional[..] {
+                    [] => "leave it away: parameters of this model are free unless they are set".to_string(),
+                    _ => format!("free {}; others are free unless they are set", optional.join(", ")),
+                };
+                return Err(Error::input((places.of)("free"), format!("`{name}` is not held"), remedy));
+            }
+        }
         for (name, value) in &self.fixed {
             let place = (places.of)(&format!("fixed.{name}"));
             let Some(spec) = all.iter().find(|spec| spec.name == name) else {
@@ -323,7 +371,8 @@ fn check_known(places: &Places<'_>, key: &str, names: &[String], known: &[&str])
     Ok(())
 }
 
-fn assignments(set: &[String]) -> Result<BTreeMap<String, f64>> {
+/// Values by name; none where `free` stands.
+fn assignments(set: &[String]) -> Result<Assignments> {
     let mut values = BTreeMap::new();
     for assignment in set {
         let (name, value) = assignment_from(assignment)?;
@@ -335,13 +384,16 @@ fn assignments(set: &[String]) -> Result<BTreeMap<String, f64>> {
     Ok(values)
 }
 
-fn assignment_from(text: &str) -> Result<(String, f64)> {
+fn assignment_from(text: &str) -> Result<(String, Option<f64>)> {
     let refuse = |found: String| {
         Error::input(Place::option("--set"), found, "write NAME=VALUE, as in `--set young_modulus_pa=3.5`")
     };
     let (name, value) = text.split_once('=').ok_or_else(|| refuse(format!("`{text}` has no `=`")))?;
+    if value.trim() == "free" {
+        return Ok((name.trim().to_string(), None));
+    }
     let number = value.trim().parse::<f64>().map_err(|_| refuse(format!("`{value}` is not a number")))?;
-    Ok((name.trim().to_string(), number))
+    Ok((name.trim().to_string(), Some(number)))
 }
 
 #[cfg(test)]

@@ -122,3 +122,29 @@ fn options_are_refused_by_their_names() {
     let specification = ModelSpecification::from_options(None, &[], &[], Some("generic"), &set).unwrap();
     assert_eq!((specification.fixed["young_modulus_pa"], specification.prior.as_str()), (3.5, "generic"));
 }
+
+/// A mobility is held at 0 unless it is set or freed; what is free anyway cannot be freed, and a file keeps what was.
+#[test]
+fn an_optional_parameter_is_held_at_its_null_until_it_is_freed() {
+    use crate::effects::MOBILITY;
+    let library = Library::default();
+    let held = |set: &[&str]| {
+        let set: Vec<String> = set.iter().map(|text| text.to_string()).collect();
+        let made = ModelSpecification::from_options(None, &["large-displacement".into()], &[], None, &set)?;
+        Ok::<_, Error>(made)
+    };
+    let scales = crate::workflow::replica::embedded().unwrap().0.scales();
+    let value = |made: ModelSpecification| made.with_nulls(&scales, &library).fixed.get(MOBILITY).copied();
+    assert_eq!(value(held(&[]).unwrap()), Some(0.0));
+    assert_eq!(value(held(&["large-displacement.mobility=0.02"]).unwrap()), Some(0.02));
+    let freed = held(&["large-displacement.mobility=free"]).unwrap();
+    assert_eq!(value(freed.clone()), None);
+    for set in ["large-displacement.amplitude=free", "young_modulus_pa=free"] {
+        let refusal = held(&[set]).unwrap_err().to_string();
+        assert!(refusal.contains("is not held") && refusal.contains(MOBILITY), "{refusal}");
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("model.toml");
+    freed.write(&path).unwrap();
+    assert_eq!(ModelSpecification::read(&path, &library).unwrap(), freed);
+}

@@ -1,7 +1,5 @@
 //! The next revision of a study: an effect added, both models refitted on all cycles but the last, the last one scored (formats §4).
 
-use std::collections::BTreeMap;
-
 use super::Monitor;
 use super::problem::Problem;
 use super::sample::{self, SampleRequest, SampleResult};
@@ -13,7 +11,7 @@ use crate::inference::SamplerOptions;
 use crate::inference::diagnostics::DrawColumn;
 use crate::inference::evidence::{WeightedDraws, normal_of, valley};
 use crate::report::number::significant;
-use crate::study::ModelSpecification;
+use crate::study::{Assignments, ModelSpecification};
 
 /// What a caller decides.
 pub struct ExtensionRequest<'a> {
@@ -23,8 +21,8 @@ pub struct ExtensionRequest<'a> {
     pub revision: &'a str,
     /// Slugs to add.
     pub effects: &'a [String],
-    /// Parameters to hold at a value: of both models where they have them.
-    pub values: BTreeMap<String, f64>,
+    /// Parameters to hold at a value or to free: of both models where they have them.
+    pub values: Assignments,
     /// Extensions that the same cycle has judged before.
     pub earlier: usize,
     /// The sampler's settings.
@@ -34,7 +32,7 @@ pub struct ExtensionRequest<'a> {
 impl Default for ExtensionRequest<'_> {
     /// From m0 to m1, with no effect yet.
     fn default() -> Self {
-        let (values, options) = (BTreeMap::new(), SamplerOptions::default());
+        let (values, options) = (Assignments::new(), SamplerOptions::default());
         Self { from: "m0", revision: "m1", effects: &[], values, earlier: 0, options }
     }
 }
@@ -97,10 +95,11 @@ pub struct Pair {
 pub fn compared(before: &Problem, request: &ExtensionRequest, library: &Library) -> Result<Pair> {
     let mut specification = before.specification.clone();
     let own = before.parameters();
-    let is_own = |(name, _): &(&String, &f64)| own.iter().any(|spec| spec.name == name.as_str());
-    specification.fixed.extend(request.values.iter().filter(is_own).map(|(name, value)| (name.clone(), *value)));
+    let mut of_both = request.values.clone();
+    of_both.retain(|name, _| own.iter().any(|spec| spec.name == name));
+    specification.set(&of_both);
     let mut larger = extended(&specification, request.effects, library)?;
-    larger.fixed.extend(request.values.clone());
+    larger.set(&request.values);
     let experiment = before.experiment.for_comparison();
     Ok(Pair {
         before: before.with(experiment.clone(), specification, library)?,

@@ -5,6 +5,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::documents::posterior::{LargeDisplacement, ParameterShift, Warning, WarningKind};
+use crate::effects::MOBILITY;
 use crate::error::Result;
 use crate::experiment::{Apparatus, Robot, RobotShape, Vitreous};
 use crate::fe::oldroyd::{Fineness, FiniteGel, FiniteLaw, FiniteRun};
@@ -159,8 +160,8 @@ pub fn warning(found: &LargeDisplacement, noise_um: Option<f64>) -> Option<Warni
     Some(Warning { kind, text, advice })
 }
 
-/// What a fitted amplitude says: with 1 the geometry as it is, in the one fluid that was asked.
-pub fn interpretation([mean, q05, q95]: [f64; 3]) -> String {
+/// What a fitted amplitude says: with 1 the geometry as it is, in an Oldroyd-B fluid or in one whose mobility was fitted, too.
+pub fn interpretation([mean, q05, q95]: [f64; 3], has_mobility: bool) -> String {
     let digits = |x: f64| significant(x, 3);
     let found = format!(
         "the amplitude of large displacements is {} ({} to {} at 90 %)",
@@ -168,12 +169,17 @@ pub fn interpretation([mean, q05, q95]: [f64; 3]) -> String {
         digits(q05),
         digits(q95)
     );
+    if has_mobility {
+        let verdict =
+            if (q05..=q95).contains(&1.0) { "" } else { "; this is not, so yet another gel or effect is at work" };
+        return format!("{found}, and 1 is the geometry as it is in a Giesekus fluid of the fitted mobility{verdict}");
+    }
     if (q05..=q95).contains(&1.0) {
         return format!(
             "{found}: 1 is the geometry as it is, in a gel whose strains may be large as an Oldroyd-B fluid's; other gels with the same small strains (Giesekus's) deviate otherwise"
         );
     }
     format!(
-        "{found}, and 1 is the geometry as it is in an Oldroyd-B fluid: the geometry of that fluid alone does not explain it, so another gel of the same small strains (Giesekus's), or another effect, is at work"
+        "{found}, and 1 is the geometry as it is in an Oldroyd-B fluid: the geometry of that fluid alone does not explain it, so another gel of the same small strains or another effect is at work; `extend --with large-displacement --set {MOBILITY}=free` tries Giesekus's"
     )
 }

@@ -8,7 +8,7 @@ use sha2::{Digest, Sha256};
 
 use super::problem::Problem;
 use super::{Counter, Monitor, cache};
-use crate::effects::Library;
+use crate::effects::{Library, MOBILITY};
 use crate::error::{Error, Result};
 use crate::experiment::Record;
 use crate::fe::oldroyd::{Fineness, FiniteGel, FiniteLaw, FiniteRun};
@@ -18,7 +18,7 @@ use crate::number::Dual;
 use crate::rheology::Element;
 use crate::stages::{Stages, Stepped};
 use crate::study::ModelSpecification;
-use crate::surrogate::trajectory::{LargeStepper, LargeSurface};
+use crate::surrogate::trajectory::{LargeStepper, LargeSurface, Mobilities};
 
 /// Changes of the force beyond which nothing is run: each takes a fraction of a second, and a force that goes in lines changes at every row.
 pub(crate) const MOST_SWITCHES: usize = 64;
@@ -55,14 +55,18 @@ pub fn learnt(problem: &Problem, law: &[f64], monitor: &dyn Monitor) -> Result<(
     let record = &problem.experiment.record;
     refuse_many_switches(record)?;
     let radii_m = [ball.robot_radius_m, ball.outer_radius_m];
-    let hash = built_from(radii_m, &elements, record)?;
+    let mobilities = match problem.specification.fixed.get(MOBILITY) {
+        Some(mobility) => Mobilities::Held(*mobility),
+        None => Mobilities::Free,
+    };
+    let hash = built_from(radii_m, (&elements, mobilities), record)?;
     let surface = match cache::read::<LargeSurface>(&hash) {
         Some(kept) => kept,
         None => {
             monitor.stage("learning large displacements from full runs of this record");
-            let counter = Counter::new(monitor, LargeSurface::n_runs(&elements));
+            let counter = Counter::new(monitor, LargeSurface::n_runs(&elements, mobilities));
             let done = || counter.add_one();
-            let learnt = LargeSurface::learn(radii_m, &elements, &record.time_s, record.force(), &done)?;
+            let learnt = LargeSurface::learn(radii_m, (&elements, mobilities), &record.time_s, record.force(), &done)?;
             cache::write(&hash, &learnt);
             learnt
         }
@@ -94,11 +98,15 @@ fn no_sphere() -> Error {
     Error::numerical("large displacements are run around a sphere at the centre", "leave `large-displacement` out")
 }
 
-fn built_from(radii_m: [f64; 2], law: &[Element], record: &Record) -> Result<String> {
+fn built_from(radii_m: [f64; 2], (law, mobilities): (&[Element], Mobilities), record: &Record) -> Result<String> {
     let mut hash = Sha256::new();
     hash.update(env!("CARGO_PKG_VERSION"));
     let force = record.force();
-    hash.update(format!("large {radii_m:?} {:?} {:?}", LargeSurface::centre(law)?, force.rule));
+    hash.update(format!(
+        "large {radii_m:?} {:?} {mobilities:?} {:?}",
+        LargeSurface::place(law, mobilities)?,
+        force.rule
+    ));
     record.time_s.iter().chain(force.at_rows_n).for_each(|x| hash.update(x.to_le_bytes()));
     Ok(hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
 }

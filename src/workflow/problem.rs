@@ -53,7 +53,7 @@ impl Problem {
         mesh_file: Option<&MeshFile>,
         monitor: &dyn Monitor,
     ) -> Result<Self> {
-        let checked = check(&experiment, &specification, library)?;
+        let checked = check(&experiment, specification, library)?;
         if matches!(experiment.apparatus, Apparatus::Robot { .. }) {
             monitor.stage("meshing and assembling the finite elements");
         }
@@ -61,7 +61,7 @@ impl Problem {
         if let Mechanics::FiniteElements(fe) = &mechanics {
             fe.mesh_warnings.iter().for_each(|w| monitor.warn(&format!("{}; {}", w.text, w.advice)));
         }
-        let Checked { model, noise, priors } = checked;
+        let Checked { specification, model, noise, priors } = checked;
         refuse_without_mesh(&model, &mechanics)?;
         Ok(Self { experiment, specification, model, noise, priors, mechanics: Arc::new(mechanics) })
     }
@@ -76,7 +76,7 @@ impl Problem {
         library: &Library,
         mechanics: Arc<Mechanics>,
     ) -> Result<Self> {
-        let Checked { model, noise, priors } = check(&experiment, &specification, library)?;
+        let Checked { specification, model, noise, priors } = check(&experiment, specification, library)?;
         refuse_without_mesh(&model, &mechanics)?;
         Ok(Self { experiment, specification, model, noise, priors, mechanics })
     }
@@ -209,14 +209,16 @@ fn refuse_fixed_without_model(specification: &ModelSpecification, model: &Model,
 
 /// A model that can be one of the experiment.
 struct Checked {
+    specification: ModelSpecification,
     model: Model,
     noise: NoiseModel,
     priors: PriorSet,
 }
 
 /// Law, effects, noise and priors of a model of an experiment; what cannot be is refused.
-fn check(experiment: &Experiment, specification: &ModelSpecification, library: &Library) -> Result<Checked> {
+fn check(experiment: &Experiment, specification: ModelSpecification, library: &Library) -> Result<Checked> {
     let scales = experiment.scales();
+    let specification = specification.with_nulls(&scales, library);
     let effects = specification.effects(library);
     if let Some(unknown) = specification.effects.iter().find(|slug| library.get(slug).is_none()) {
         return Err(Error::input(
@@ -239,7 +241,8 @@ fn check(experiment: &Experiment, specification: &ModelSpecification, library: &
             ));
         }
     }
-    refuse_fixed_without_model(specification, &model, &all_priors)?;
+    refuse_fixed_without_model(&specification, &model, &all_priors)?;
     let fixed: Vec<&str> = specification.fixed.keys().map(String::as_str).collect();
-    Ok(Checked { model, noise, priors: all_priors.without(&fixed) })
+    let priors = all_priors.without(&fixed);
+    Ok(Checked { specification, model, noise, priors })
 }

@@ -16,7 +16,7 @@ use super::misfit::{Misfit, Remainder, directions_of_spread};
 use super::problem::Problem;
 use super::reduced::{KeptSurrogate, Reduced};
 use crate::documents::posterior::*;
-use crate::effects::AMPLITUDE;
+use crate::effects::{AMPLITUDE, MOBILITY};
 use crate::error::{Error, Place, Result};
 use crate::experiment::{Experiment, NoiseOrigin, NoiseYardstick};
 use crate::files::write_atomically;
@@ -279,9 +279,10 @@ fn summarise(
     let large = large.and_then(|large| large_displacement::warning(large, summary.heldout.noise_um));
     summary.warnings.extend(large);
     let amplitude = summary.parameters.iter().find(|parameter| parameter.name == AMPLITUDE);
+    let has_mobility = summary.parameters.iter().any(|parameter| parameter.name == MOBILITY);
     let interpreted = amplitude.map(|found| Warning {
         kind: WarningKind::LargeDisplacement,
-        text: large_displacement::interpretation([found.mean, found.q05, found.q95]),
+        text: large_displacement::interpretation([found.mean, found.q05, found.q95], has_mobility),
         advice: "read E, c₁ and c₂ as the gel's own where the amplitude is 1, and as effective values elsewhere".into(),
     });
     summary.warnings.extend(interpreted);

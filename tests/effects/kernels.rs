@@ -14,7 +14,7 @@ use vitreo_uq::model::{Compliance, Forward, FullForward, Model, ReducedForward, 
 use vitreo_uq::number::Dual;
 use vitreo_uq::rheology::{BaseLaw, CreepCompliance};
 use vitreo_uq::stages::Stepped;
-use vitreo_uq::surrogate::trajectory::{LargeStepper, LargeSurface};
+use vitreo_uq::surrogate::trajectory::{LargeStepper, LargeSurface, Mobilities};
 use vitreo_uq::surrogate::{FieldModels, Surrogate, Training};
 
 const POISSON_RATIO: f64 = 0.48;
@@ -131,7 +131,9 @@ fn large_stepper() -> Stepped {
         let protocol = protocol();
         let law = BaseLaw::Lethersich.elements(&LETHERSICH.map(Dual::constant));
         let radii_m = [BALL.robot_radius_m, BALL.outer_radius_m];
-        let learnt = LargeSurface::learn(radii_m, &law, &protocol.time_s, protocol.force(), &|| ()).expect("learns");
+        let learnt =
+            LargeSurface::learn(radii_m, (&law, Mobilities::Held(0.0)), &protocol.time_s, protocol.force(), &|| ())
+                .expect("learns");
         Stepped(Arc::new(LargeStepper::new(learnt, &protocol.time_s, protocol.force()).expect("a basis")))
     };
     LEARNT.get_or_init(learn).clone()

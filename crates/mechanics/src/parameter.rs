@@ -13,17 +13,24 @@ pub struct ParameterSpec {
     pub support: Support,
     /// Whether what it makes begins with its square, so that searches move in that.
     pub is_squared: bool,
+    /// Whether it is held at its null unless it is asked for.
+    pub is_optional: bool,
 }
 
 impl ParameterSpec {
     /// A parameter.
     pub const fn new(name: &'static str, symbol: &'static str, unit: &'static str, support: Support) -> Self {
-        Self { name, symbol, unit, support, is_squared: false }
+        Self { name, symbol, unit, support, is_squared: false, is_optional: false }
     }
 
     /// The same where what it makes begins with its square.
     pub const fn squared(self) -> Self {
         Self { is_squared: true, ..self }
+    }
+
+    /// The same held at its null unless it is asked for.
+    pub const fn optional(self) -> Self {
+        Self { is_optional: true, ..self }
     }
 
     const fn positive(name: &'static str, symbol: &'static str, unit: &'static str) -> Self {

@@ -47,7 +47,7 @@ pub struct Model {
     pub noise: Vec<String>,
     #[arg(long, value_name = "NAME|FILE", help = prior_help())]
     pub prior: Option<String>,
-    /// Fix a parameter (in `simulate`: give its value); may be repeated
+    /// Fix a parameter (in `simulate`: give its value), or free one that is held, by NAME=free; may be repeated
     #[arg(long, value_name = "NAME=VALUE")]
     pub set: Vec<String>,
     /// Take the model of this revision of a study [default: the last]

@@ -30,6 +30,15 @@ pub fn run(arguments: &SimulateArguments) -> Result<ExitCode> {
     let model = options::Model { set: Vec::new(), ..arguments.model.clone() };
     let target = Target::open(common, &model, &terminal)?;
     let set = target.specification.values_from_options(&arguments.model.set, &Library::default())?;
+    let value = |(name, value): (String, Option<f64>)| match value {
+        Some(value) => Ok((name, value)),
+        None => Err(Error::input(
+            Place::option("--set"),
+            format!("{name} is to be free"),
+            format!("a simulation needs a value, as in `--set {name}=0.01`"),
+        )),
+    };
+    let set = set.into_iter().map(value).collect::<Result<BTreeMap<String, f64>>>()?;
     let problem = target.problem(&model, &terminal)?;
     let posterior = match target.existing_study() {
         Some(study) => posterior(study, model.from.as_deref(), &target.specification)?,

@@ -1,6 +1,7 @@
 //! What shapes are made of: times, forces and positions of a record, seen from a fit.
 
 use crate::critique::{Candidate, Fitted, Subject};
+use crate::effects::AMPLITUDE;
 use crate::error::Result;
 
 /// Times, forces and positions, one value a row of the record.
@@ -71,7 +72,12 @@ fn position_of_squares_m(subject: &Subject, candidate: &Candidate, fitted: &Fitt
     force_n.iter_mut().for_each(|force| *force *= force.abs() / largest_n);
     let acting = subject.problem().with(experiment, subject.specification().clone(), subject.library())?;
     let acting = Subject::with_compliance(&acting, subject.library(), subject.compliance().clone())?;
-    acting.trajectory_m(candidate, &fitted.theta)
+    // Large displacements were learnt for the record's own force: a shape to first order does without them.
+    let mut theta = fitted.theta.clone();
+    for (free, theta) in candidate.free.iter().zip(&mut theta).filter(|(free, _)| free.name == AMPLITUDE) {
+        *theta = free.coordinate.theta(0.0);
+    }
+    acting.trajectory_m(candidate, &theta)
 }
 
 fn phases(time_s: &[f64], cycle: &[u32], cycle_s: f64) -> Vec<f64> {

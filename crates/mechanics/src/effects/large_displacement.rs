@@ -1,7 +1,7 @@
 //! `large-displacement`: the robot moves so far that strains are not small.
 //!
 //! The gel is the Oldroyd-B fluid whose linear limit the law is (physics §7.6), and the response is x(gF)/g: g = 1 is the geometry as it is, so a fitted g says whether it is the geometry that is missing. Null: g = 0,
-//! small strains. The deviation grows with g². Valid for a sphere at the centre that stays within a few radii; other gels with the same small strains deviate otherwise.
+//! small strains. The deviation grows with g². Valid for a sphere at the centre that stays within a few radii; other gels with the same small strains deviate otherwise: with a mobility α > 0 it is Giesekus's.
 
 use super::beside_fields::law_conflict;
 use super::{Effect, EffectParameter, Field, Spatial, Stage, Stages};
@@ -12,16 +12,27 @@ use crate::number::Dual;
 use crate::parameter::{ParameterSpec, Support};
 use crate::rheology::BaseLaw;
 
-/// Name of the effect's parameter.
+/// Name of the amplitude.
 pub const AMPLITUDE: &str = "large-displacement.amplitude";
+/// Name of the mobility.
+pub const MOBILITY: &str = "large-displacement.mobility";
 
-const PARAMETERS: &[EffectParameter] = &[EffectParameter {
-    spec: ParameterSpec::new(AMPLITUDE, "g", "1", Support::POSITIVE).squared(),
-    null: |_| Some(0.0),
-    prior: |_| Distribution::HalfNormal { sd: 1.0 },
-    prior_source: "chosen: the geometry as it is, 1, is one standard deviation",
-    finite_step: None,
-}];
+const PARAMETERS: &[EffectParameter] = &[
+    EffectParameter {
+        spec: ParameterSpec::new(AMPLITUDE, "g", "1", Support::POSITIVE).squared(),
+        null: |_| Some(0.0),
+        prior: |_| Distribution::HalfNormal { sd: 1.0 },
+        prior_source: "chosen: the geometry as it is, 1, is one standard deviation",
+        finite_step: None,
+    },
+    EffectParameter {
+        spec: ParameterSpec::new(MOBILITY, "α", "1", Support { lower: 0.0, upper: 0.5 }).optional(),
+        null: |_| Some(0.0),
+        prior: |_| Distribution::HalfNormal { sd: 0.05 },
+        prior_source: "chosen: small, as of a polymer in much solvent",
+        finite_step: None,
+    },
+];
 
 /// The effect.
 pub struct LargeDisplacement;
@@ -52,9 +63,9 @@ impl Effect for LargeDisplacement {
         law_conflict(base)
     }
     fn apply(&self, parameters: &[Dual], _scales: &Scales, stages: &mut Stages) -> Result<()> {
-        let amplitude = parameters[0];
+        let (amplitude, mobility) = (parameters[0], parameters[1]);
         if !amplitude.is_constant(0.0) {
-            stages.spatial = Some(Spatial::Large(amplitude));
+            stages.spatial = Some(Spatial::Large { amplitude, mobility });
         }
         Ok(())
     }
@@ -69,11 +80,11 @@ mod tests {
     fn the_null_leaves_the_base_and_any_other_amplitude_is_written() {
         let written = |amplitude: Dual| {
             let mut stages = Stages::of_law(Vec::new());
-            LargeDisplacement.apply(&[amplitude], &SCALES, &mut stages).unwrap();
+            LargeDisplacement.apply(&[amplitude, 0.01.into()], &SCALES, &mut stages).unwrap();
             stages.spatial
         };
         assert_eq!(written(0.0.into()), None);
-        assert_eq!(written(0.7.into()), Some(Spatial::Large(0.7.into())));
+        assert_eq!(written(0.7.into()), Some(Spatial::Large { amplitude: 0.7.into(), mobility: 0.01.into() }));
         assert!(written(Dual::variable(0.0)).is_some());
     }
 }

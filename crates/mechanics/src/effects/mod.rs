@@ -33,7 +33,7 @@ mod yield_stress;
 
 pub use crate::stages::{Approach, LinearField, Load, Observation, Spatial, Stages};
 pub use field::{Field, FieldSystem, MatrixPair, ShapeParameter};
-pub use large_displacement::AMPLITUDE;
+pub use large_displacement::{AMPLITUDE, MOBILITY};
 pub use library::{Library, parameter_named};
 
 use crate::distribution::Distribution;

@@ -54,7 +54,7 @@ impl Compliance {
     pub fn with_large(self, stepper: impl Fn() -> Option<Stepped> + Send + Sync + 'static) -> Self {
         let others = self.spread.clone();
         self.with_spread(move |stages| match (&stages.spatial, stepper(), &others) {
-            (Some(Spatial::Large(_)), Some(stepper), _) => Ok(Some(Spread::Stepped(stepper))),
+            (Some(Spatial::Large { .. }), Some(stepper), _) => Ok(Some(Spread::Stepped(stepper))),
             (_, _, Some(others)) => others(stages),
             (_, _, None) => Err(no_field()),
         })

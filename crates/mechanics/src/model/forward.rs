@@ -96,8 +96,8 @@ impl<'a> FullForward<'a> {
             })?;
             let (linear, field) = match (spatial, self.model.field()) {
                 (Spatial::Linear(linear), Some((_, field))) => (linear, field),
-                (Spatial::Large(amplitude), _) => {
-                    return self.run_large(surroundings, &stages, amplitude.value, field_rows);
+                (Spatial::Large { amplitude, mobility }, _) => {
+                    return self.run_large(surroundings, &stages, [amplitude.value, mobility.value], field_rows);
                 }
                 _ => return self.run_nonlinear(surroundings, &stages, field_rows),
             };
@@ -120,7 +120,7 @@ impl<'a> FullForward<'a> {
         &self,
         surroundings: &Surroundings<'a>,
         stages: &Stages,
-        amplitude: f64,
+        [amplitude, mobility]: [f64; 2],
         rows: &[usize],
     ) -> Result<FullRun> {
         let linear = Stages { spatial: None, ..stages.clone() };
@@ -129,7 +129,6 @@ impl<'a> FullForward<'a> {
         let own = oldroyd::Fineness::default();
         let steps_per_doubling = scaled(own.steps_per_doubling, self.resolution);
         let fineness = oldroyd::Fineness { steps_per_doubling, ..own };
-        let mobility = 0.0;
         let (Some(ball), Some(law)) = (surroundings.sizes.ball, FiniteLaw::new(&stages.law, mobility)) else {
             return Err(Error::numerical(
                 "large displacements are run around a sphere at the centre, in a gel without springpots",

@@ -39,8 +39,13 @@ pub enum Spatial {
     Linear(LinearField),
     /// One body of the law is not linear.
     Nonlinear(Nonlinearity<Dual>),
-    /// Strains may be large: the response is x(gF)/g of the fluid that the law linearises (physics §7.6), g > 0.
-    Large(Dual),
+    /// Strains may be large: the response is x(gF)/g of a fluid that the law linearises (physics §7.6).
+    Large {
+        /// g > 0.
+        amplitude: Dual,
+        /// Giesekus's α; 0 is Oldroyd-B.
+        mobility: Dual,
+    },
 }
 
 /// What stands beside the law, and where.

@@ -99,7 +99,7 @@ impl<T: Real> Lowered<T> {
             (Some(Spread::Terms { beside, terms }), _) if stages.softening_rate_per_s.is_constant(0.0) => {
                 RetardationSpectrum::spread(&stages.law, beside, terms, window, Accuracy::Fast)?
             }
-            (Some(Spread::Stepped(_)), Some(Spatial::Nonlinear(_) | Spatial::Large(_)))
+            (Some(Spread::Stepped(_)), Some(Spatial::Nonlinear(_) | Spatial::Large { .. }))
                 if stages.softening_rate_per_s.is_constant(0.0) =>
             {
                 RetardationSpectrum::with_accuracy(&stages.law, window, Accuracy::Fast)?

@@ -1,7 +1,7 @@
 //! Large displacements in one record: what full runs of a gel near to the record's own make of it, as few time modes with polynomials for amplitudes.
 //!
 //! A full run takes seconds, so that there is one box, about the law that fits the record with small strains. By similarity the deviation from the linear model depends on the ratios of the law's numbers and on the force
-//! over a modulus; its third power is taken out, so that the polynomials are of its square. Outside the box's ratios those at its faces serve: the data that lead there are far from the record.
+//! over a modulus; its third power is taken out, so that the polynomials are of its square. A mobility that is free is one more coordinate. Outside the box's ratios those at its faces serve: the data that lead there are far from the record.
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -21,19 +21,37 @@ use crate::stages::{FieldStepper, Spatial, Stages};
 const HALF_WIDTH: f64 = 0.2;
 /// Ratios of the centre are rounded to this share of their logarithm, so that fits that differ by little are served by the same runs.
 const CENTRE_STEP: f64 = 0.05;
-/// Radii that the centre's law moves the robot by with the largest force, linearly.
+/// Radii that the centre's law moves the robot by with the largest force, linearly, in an Oldroyd-B fluid.
 pub const FARTHEST_RADII: f64 = 4.6;
+/// The same over those of the law itself in other fluids, which go farther than they would linearly.
+const BEYOND_OWN: f64 = 1.2;
+/// Largest mobility that a free one may have: where it is larger, the mesh follows no farther than the paper's robot goes.
+pub const MOST_MOBILITY: f64 = 0.03;
 /// Least square of the force over the largest: below it the deviation is next to nothing, and errors of runs are not.
 const LEAST_SQUARE: f64 = 0.02;
 /// Degree of the polynomials; a degree in a ratio counts as more than one in the square of the force: cubes of the square, squares of ratios, and products of a ratio with the square's squares.
 const DEGREE: f64 = 3.4;
 const RATIO_WEIGHT: f64 = 1.3;
+const MOBILITY_WEIGHT: f64 = 1.2;
 /// Points over polynomials, and runs that check them.
 const OVERSAMPLING: f64 = 1.15;
 const N_CHECKS: u32 = 3;
 /// What modes leave, and what the whole may leave, of the displacement.
 const TOLERANCE: f64 = 2e-4;
 const LARGEST_ERROR: f64 = 1e-3;
+
+/// Mobilities that are learnt.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub enum Mobilities {
+    /// One.
+    Held(f64),
+    /// From 0 to [`MOST_MOBILITY`].
+    Free,
+}
+
+impl Mobilities {
+    const OLDROYD_B: Self = Self::Held(0.0);
+}
 
 /// What was learnt for one record.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -42,6 +60,8 @@ pub struct LargeSurface {
     centre: Vec<f64>,
     /// Square (1/Pa²) of the amplitude over the modulus, at the box's end.
     largest_per_pa2: f64,
+    farthest_radii: f64,
+    mobilities: Mobilities,
     surface: Surface,
 }
 
@@ -62,6 +82,11 @@ impl Ratios {
         Some(Self { modulus_pa, ln: others.map(|(_, number)| (*number / modulus_pa).ln()).collect(), first })
     }
 
+    /// Logarithms at the middle of the box.
+    fn centre(&self) -> Vec<f64> {
+        self.ln.iter().map(|ln| (ln.value / CENTRE_STEP).round() * CENTRE_STEP).collect()
+    }
+
     /// The law of the same shape with unit modulus.
     fn law(&self, like: &[Element], ln: &[f64]) -> Option<Vec<Element>> {
         let mut values: Vec<f64> = ln.iter().map(|x| x.exp()).collect();
@@ -70,8 +95,11 @@ impl Ratios {
     }
 }
 
-fn basis(n_ratios: usize) -> Option<Basis> {
+fn basis(n_ratios: usize, mobilities: Mobilities) -> Option<Basis> {
     let mut weights = vec![RATIO_WEIGHT; n_ratios];
+    if mobilities == Mobilities::Free {
+        weights.push(MOBILITY_WEIGHT);
+    }
     weights.push(1.0);
     Basis::weighted(&weights, DEGREE, OVERSAMPLING, N_CHECKS)
 }
@@ -85,8 +113,8 @@ fn no_law() -> Error {
 
 impl LargeSurface {
     /// Full runs that learning takes for a law.
-    pub fn n_runs(law: &[Element]) -> usize {
-        let basis = Ratios::of(law).and_then(|ratios| basis(ratios.ln.len()));
+    pub fn n_runs(law: &[Element], mobilities: Mobilities) -> usize {
+        let basis = Ratios::of(law).and_then(|ratios| basis(ratios.ln.len(), mobilities));
         basis.map_or(0, |basis| basis.checks.len() + basis.design.len())
     }
 
@@ -94,9 +122,13 @@ impl LargeSurface {
     ///
     /// # Errors
     /// [`Error::Numerical`] for springpots.
-    pub fn centre(law: &[Element]) -> Result<Vec<f64>> {
+    pub fn place(law: &[Element], mobilities: Mobilities) -> Result<Vec<f64>> {
         let ratios = Ratios::of(law).ok_or_else(no_law)?;
-        Ok(ratios.ln.iter().map(|ln| (ln.value / CENTRE_STEP).round() * CENTRE_STEP).collect())
+        let mut place = ratios.centre();
+        if mobilities != Mobilities::OLDROYD_B {
+            place.push(ratios.modulus_pa.value);
+        }
+        Ok(place)
     }
 
     /// Learns about a law, the radii of robot and container in m, and a record; `piece_done` is called, from any thread, after every run.
@@ -105,20 +137,24 @@ impl LargeSurface {
     /// [`Error::Numerical`] where the robot moves farther than is followed, a run fails, or the polynomials do not come near enough to runs that trained nothing.
     pub fn learn(
         [radius_m, outer_radius_m]: [f64; 2],
-        law: &[Element],
+        (law, mobilities): (&[Element], Mobilities),
         time_s: &[f64],
         force: Force<'_>,
         piece_done: &(dyn Fn() + Sync),
     ) -> Result<Self> {
         let ratios = Ratios::of(law).ok_or_else(no_law)?;
-        let centre = Self::centre(law)?;
-        let basis = basis(centre.len()).ok_or_else(no_law)?;
+        let centre = ratios.centre();
+        let basis = basis(centre.len(), mobilities).ok_or_else(no_law)?;
         let gel = FiniteGel::around_sphere(radius_m, outer_radius_m, Fineness::ESTIMATE)?;
         let at_centre = Stages::of_law(ratios.law(law, &centre).ok_or_else(no_law)?);
         let linear_m = Response::new(time_s, force, time_s.len()).trajectory_m(&at_centre, 3.0 / gel.stiffness_m())?;
         let amplitude_m = linear_m.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
-        let largest_per_pa2 = (FARTHEST_RADII * radius_m / amplitude_m).powi(2);
         let own_radii = amplitude_m / (radius_m * ratios.modulus_pa.value);
+        let farthest_radii = match mobilities {
+            Mobilities::OLDROYD_B => FARTHEST_RADII,
+            _ => FARTHEST_RADII.min(BEYOND_OWN * own_radii),
+        };
+        let largest_per_pa2 = (farthest_radii * radius_m / amplitude_m).powi(2);
         if own_radii.is_nan() || own_radii >= FARTHEST_RADII {
             return Err(Error::numerical(
                 format!(
@@ -129,11 +165,15 @@ impl LargeSurface {
         }
         let run = |point: &Vec<f64>| -> Result<Trained> {
             let (square, ln) = point.split_last().ok_or_else(no_law)?;
+            let mobility = match mobilities {
+                Mobilities::Held(mobility) => mobility,
+                Mobilities::Free => 0.5 * MOST_MOBILITY * (1.0 + ln[centre.len()]),
+            };
             let ln: Vec<f64> = ln.iter().zip(&centre).map(|(x, middle)| middle + HALF_WIDTH * x).collect();
             let share = LEAST_SQUARE + (1.0 - LEAST_SQUARE) * 0.5 * (1.0 + square);
             let scale = (share * largest_per_pa2).sqrt();
             let elements = ratios.law(law, &ln).ok_or_else(no_law)?;
-            let law = FiniteLaw::new(&elements, 0.0).ok_or_else(no_law)?;
+            let law = FiniteLaw::new(&elements, mobility).ok_or_else(no_law)?;
             let load = Stages::of_law(Vec::new()).load;
             let scaled_n: Vec<f64> = force.at_rows_n.iter().map(|force_n| scale * force_n).collect();
             let force = Force { at_rows_n: &scaled_n, ..force };
@@ -154,7 +194,7 @@ impl LargeSurface {
                 "leave `large-displacement` out, or use a smaller force",
             ));
         }
-        Ok(Self { centre, largest_per_pa2, surface })
+        Ok(Self { centre, largest_per_pa2, farthest_radii, mobilities, surface })
     }
 
     /// Largest distance from full runs that trained nothing, relative to the displacement.
@@ -178,7 +218,7 @@ impl LargeStepper {
     /// # Errors
     /// [`Error::Numerical`] for what was not learnt by this program.
     pub fn new(learnt: LargeSurface, time_s: &[f64], force: Force<'_>) -> Result<Self> {
-        let bases = [basis(learnt.centre.len()).ok_or_else(no_law)?];
+        let bases = [basis(learnt.centre.len(), learnt.mobilities).ok_or_else(no_law)?];
         Ok(Self { learnt, bases, time_s: time_s.to_vec(), force: force.into() })
     }
 
@@ -193,19 +233,29 @@ impl LargeStepper {
         let is_own = self.time_s.get(..n_rows) == Some(time_s)
             && self.force.get().first(force.at_rows_n.len()) == force
             && stages.load == Stages::of_law(Vec::new()).load;
-        let (Some(Spatial::Large(amplitude)), true) = (&stages.spatial, is_own) else {
+        let (Some(Spatial::Large { amplitude, mobility }), true) = (&stages.spatial, is_own) else {
             return Err(Error::numerical(
                 "large displacements were learnt for another record, or for the force as it is commanded",
                 "learn them for this one",
             ));
         };
-        let LargeSurface { centre, largest_per_pa2, surface } = &self.learnt;
+        let LargeSurface { centre, largest_per_pa2, farthest_radii, mobilities, surface } = &self.learnt;
+        let is_learnt = match mobilities {
+            Mobilities::Held(held) => mobility.is_constant(*held),
+            Mobilities::Free => mobility.value <= MOST_MOBILITY,
+        };
+        if !is_learnt {
+            return Err(Error::numerical(
+                format!("a mobility of {} was not learnt", mobility.value),
+                format!("hold it at a value, or stay below {MOST_MOBILITY}"),
+            ));
+        }
         let ratios = Ratios::of(&stages.law).filter(|own| own.ln.len() == centre.len()).ok_or_else(no_law)?;
         let scale = *amplitude / ratios.modulus_pa;
         let square = scale * scale;
         if square.value.is_nan() || square.value > *largest_per_pa2 {
             return Err(Error::numerical(
-                format!("large displacements of {FARTHEST_RADII} radii and more are not followed"),
+                format!("large displacements of {farthest_radii:.1} radii and more are not followed"),
                 "stay at smaller amplitudes, or stiffer gels",
             ));
         }
@@ -213,7 +263,9 @@ impl LargeStepper {
         let ln = ratios.ln.iter().zip(centre).map(|(x, middle)| (*x - Dual::constant(*middle)) * (1.0 / HALF_WIDTH));
         let share = square * (1.0 / largest_per_pa2);
         let square_place = (share - Dual::constant(LEAST_SQUARE)) * (2.0 / (1.0 - LEAST_SQUARE)) - Dual::ONE;
-        let place: Vec<N> = ln.chain([square_place]).map(|x| of(inside(x))).collect();
+        let is_free = *mobilities == Mobilities::Free;
+        let mobility_place = is_free.then(|| *mobility * (2.0 / MOST_MOBILITY) - Dual::ONE);
+        let place: Vec<N> = ln.chain(mobility_place).chain([square_place]).map(|x| of(inside(x))).collect();
         Ok(surface.excess_m(&self.bases, &place, of(square / ratios.modulus_pa), n_rows))
     }
 }
@@ -248,14 +300,19 @@ mod tests {
         let force = Force::from(&force_n);
         let law = |p: [f64; 3]| BaseLaw::Lethersich.elements(&p.map(Dual::constant));
         let own = [3.527, 1.402, 47.370];
-        let learnt = LargeSurface::learn(RADII_M, &law(own), &time_s, force, &|| ()).expect("learns");
-        println!("{} runs, certified {:.1e}", LargeSurface::n_runs(&law(own)), learnt.certified());
+        let learnt = LargeSurface::learn(RADII_M, (&law(own), Mobilities::OLDROYD_B), &time_s, force, &|| ());
+        let learnt = learnt.expect("learns");
+        println!(
+            "{} runs, certified {:.1e}",
+            LargeSurface::n_runs(&law(own), Mobilities::OLDROYD_B),
+            learnt.certified()
+        );
         assert!(learnt.certified() < LARGEST_ERROR);
         let stepper = LargeStepper::new(learnt, &time_s, force).expect("a basis");
         let gel = FiniteGel::around_sphere(RADII_M[0], RADII_M[1], Fineness::default()).expect("a mesh");
         let stages = |p: [Dual; 3], amplitude: Dual| {
             let mut stages = Stages::of_law(BaseLaw::Lethersich.elements(&p));
-            stages.spatial = Some(Spatial::Large(amplitude));
+            stages.spatial = Some(Spatial::Large { amplitude, mobility: Dual::ZERO });
             stages
         };
         for (p, amplitude) in [(own, 1.0), ([3.6, 1.25, 52.0], 0.8), ([3.3, 1.5, 41.0], 0.5)] {
@@ -286,5 +343,42 @@ mod tests {
                 assert!((slope - here[k].derivative).abs() < 1e-6 * largest, "{seeded} {k}: {slope} {:?}", here[k]);
             }
         }
+    }
+
+    /// Mobilities between those that were learnt from, at two amplitudes, against full runs on a finer mesh with finer steps.
+    #[test]
+    fn free_mobilities_are_what_full_runs_find() {
+        const RADII_M: [f64; 2] = [0.275e-3, 10e-3];
+        let time_s: Vec<f64> = (0..=40).map(|row| 0.25 * f64::from(row)).collect();
+        let force_n: Vec<f64> = (0..=40).map(|row| if row < 20 { 3.5e-6 } else { -3.5e-6 }).collect();
+        let force = Force::from(&force_n);
+        let law = BaseLaw::Lethersich.elements(&[3.527, 1.402, 47.370].map(Dual::constant));
+        let learnt = LargeSurface::learn(RADII_M, (&law, Mobilities::Free), &time_s, force, &|| ()).expect("learns");
+        println!("{} runs, certified {:.1e}", LargeSurface::n_runs(&law, Mobilities::Free), learnt.certified());
+        let stepper = LargeStepper::new(learnt, &time_s, force).expect("a basis");
+        let gel = FiniteGel::around_sphere(RADII_M[0], RADII_M[1], Fineness::default()).expect("a mesh");
+        let excess_m = |amplitude: f64, mobility: Dual| {
+            let mut stages = Stages::of_law(law.clone());
+            stages.spatial = Some(Spatial::Large { amplitude: amplitude.into(), mobility });
+            stepper.excess_dual_m(&stages, 1.0, &time_s, force)
+        };
+        for (amplitude, mobility) in [(1.0, 0.0), (1.0, 0.011), (0.9, 0.027)] {
+            let found = excess_m(amplitude, Dual::variable(mobility)).expect("learnt");
+            let larger_n: Vec<f64> = force_n.iter().map(|f| amplitude * f).collect();
+            let finite = FiniteLaw::new(&law, mobility).expect("no springpot");
+            let load = Stages::of_law(Vec::new()).load;
+            let what = FiniteRun { law: &finite, load: &load, time_s: &time_s, force: Force::from(&larger_n) };
+            let exact = gel.run(&what).expect("a run").deviation_m;
+            let apart = |(found, exact): (&Dual, &f64)| 1e6 * (found.value - exact / amplitude).abs();
+            let apart_um = found.iter().zip(&exact).map(apart).fold(0.0, f64::max);
+            println!("{amplitude}, {mobility}: {apart_um:.3} µm");
+            assert!(apart_um < 0.4, "{amplitude}, {mobility}: {apart_um}");
+        }
+        let (up, down) = (excess_m(1.0, 0.0111.into()).expect("learnt"), excess_m(1.0, 0.0109.into()).expect("learnt"));
+        for ((up, down), here) in up.iter().zip(&down).zip(excess_m(1.0, Dual::variable(0.011)).expect("learnt")) {
+            let slope = (up.value - down.value) / 2e-4;
+            assert!((slope - here.derivative).abs() < 1e-6, "{slope} {here:?}");
+        }
+        assert!(excess_m(1.0, 0.04.into()).is_err());
     }
 }
