@@ -219,15 +219,19 @@ impl ModelSpecification {
         }
     }
 
-    /// The same with what is neither set nor freed, and is held at its null, among what is fixed.
+    /// The same with what is neither set nor freed, and is held at its null, among what is fixed; without what effects held that are no longer there.
     pub fn with_nulls(mut self, scales: &Scales, library: &Library) -> Self {
-        for parameter in self.effects(library).iter().flat_map(|effect| effect.parameters()) {
-            let name = parameter.spec.name;
-            if let Some(null) = (parameter.null)(scales)
-                && parameter.spec.is_optional
-                && !self.freed.iter().any(|freed| freed == name)
-            {
-                self.fixed.entry(name.into()).or_insert(null);
+        for effect in library.effects() {
+            let is_there = self.effects.iter().any(|slug| slug == effect.slug());
+            for parameter in effect.parameters().iter().filter(|parameter| parameter.spec.is_optional) {
+                let name = parameter.spec.name;
+                if !is_there {
+                    self.fixed.remove(name);
+                } else if let Some(null) = (parameter.null)(scales)
+                    && !self.freed.iter().any(|freed| freed == name)
+                {
+                    self.fixed.entry(name.into()).or_insert(null);
+                }
             }
         }
         self

@@ -137,6 +137,9 @@ fn an_optional_parameter_is_held_at_its_null_until_it_is_freed() {
     let value = |made: ModelSpecification| made.with_nulls(&scales, &library).fixed.get(MOBILITY).copied();
     assert_eq!(value(held(&[]).unwrap()), Some(0.0));
     assert_eq!(value(held(&["large-displacement.mobility=0.02"]).unwrap()), Some(0.02));
+    let whole = held(&[]).unwrap().with_nulls(&scales, &library);
+    let without = ModelSpecification { effects: Vec::new(), ..whole }.with_nulls(&scales, &library);
+    assert!(without.fixed.is_empty(), "{:?}", without.fixed);
     let freed = held(&["large-displacement.mobility=free"]).unwrap();
     assert_eq!(value(freed.clone()), None);
     for set in ["large-displacement.amplitude=free", "young_modulus_pa=free"] {

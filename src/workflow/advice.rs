@@ -94,20 +94,16 @@ pub fn warnings(findings: &Findings) -> Vec<Warning> {
         let text = "no cycle is held out, so nothing is known about how the model predicts".to_string();
         add(WarningKind::NothingHeldOut, text, "hold a cycle out in [measurement], or record another one");
     }
-    match summary.largest_strain {
-        Some(strain) => {
-            if let Some(warning) = strain_warning(strain) {
-                add(warning.kind, warning.text, &warning.advice);
-            }
-        }
-        None => {
-            let text = "the apparatus is an instrument or an indenter, whose compliance is given: finite elements, strain and discretisation error are left out".to_string();
-            add(
-                WarningKind::NoFiniteElements,
-                text,
-                "absolute moduli are as good as `compliance_per_m` or the size of the tip; the default prior is of porcine vitreous, `--prior generic` is decades wide",
-            );
-        }
+    if let Some(warning) = summary.largest_strain.and_then(strain_warning) {
+        add(warning.kind, warning.text, &warning.advice);
+    }
+    if summary.surrogate.fe_unknowns.is_none() {
+        let text = "the apparatus is an instrument or an indenter, whose compliance is given: finite elements, strain and discretisation error are left out".to_string();
+        add(
+            WarningKind::NoFiniteElements,
+            text,
+            "absolute moduli are as good as `compliance_per_m` or the size of the tip; the default prior is of porcine vitreous, `--prior generic` is decades wide",
+        );
     }
     list
 }
@@ -401,6 +397,9 @@ mod tests {
         assert_eq!(after(|s| s.error_budget_um.fe_discretisation = None), (vec![MeshTooCoarse], true));
         assert_eq!(after(|s| s.converged = false), (vec![NotConverged], false));
         assert_eq!(after(|s| s.largest_strain = Some(0.02)), (vec![LargeStrain], true));
+        // With large displacements no strain is given, and there are finite elements all the same.
+        assert_eq!(after(|s| s.largest_strain = None), none);
+        assert_eq!(after(|s| s.surrogate.fe_unknowns = None), (vec![NoFiniteElements], true));
         assert_eq!(after(|s| s.at_edge_of_range = vec!["young_modulus_pa".into()]), (vec![EdgeOfRange], false));
         assert_eq!(after(|s| s.heldout.noise_um = None), (vec![NoiseUnknown], true));
         // Without a yardstick the model's own errors are still judged, against the learnt noise.
