@@ -65,14 +65,17 @@ fn learn(subject: &Subject, base: &Refitted, monitor: &dyn Monitor) -> std::resu
     let promised = promised(subject, base, law).map_err(said)?;
     if promised.nats < LEAST_NATS {
         let (most_um, nats) = (significant(promised.most_um, 2), significant(promised.nats, 2));
+        let gained = if promised.score.z > 0.0 {
+            format!("gain {nats} nats at most beside what the law takes up of that")
+        } else {
+            "nothing like that is left beside the law".into()
+        };
         return Err(NotLearnt {
-            why: format!(
-                "large displacements would make up to {most_um} µm, and gain {nats} nats at most beside what the law takes up of that"
-            ),
+            why: format!("large displacements would make up to {most_um} µm, and {gained}"),
             score: Some(promised.score),
         });
     }
-    learnt(problem, law, monitor).map(|(stepper, _)| stepper).map_err(said)
+    learnt(problem, law, true, monitor).map(|(stepper, _)| stepper).map_err(said)
 }
 
 struct Promised {

@@ -18,7 +18,7 @@ use crate::number::Dual;
 use crate::rheology::Element;
 use crate::stages::{Stages, Stepped};
 use crate::study::ModelSpecification;
-use crate::surrogate::trajectory::{LargeStepper, LargeSurface, Mobilities};
+use crate::surrogate::trajectory::{LargeScope, LargeStepper, LargeSurface, Mobilities};
 
 /// Changes of the force beyond which nothing is run: each takes a fraction of a second, and a force that goes in lines changes at every row.
 pub(crate) const MOST_SWITCHES: usize = 64;
@@ -45,11 +45,12 @@ fn refuse_many_switches(record: &Record) -> Result<()> {
     ))
 }
 
-/// What answers for large displacements in a record, about a law (SI, in the order of the base's parameters), and its largest error relative to the displacement.
+/// What answers for large displacements in a record, about a law (SI, in the order of the base's parameters), and its largest error relative to the displacement; `with_load` where the force may be another than is
+/// commanded.
 ///
 /// # Errors
 /// [`Error::Numerical`] where there is no sphere at the centre, or where [`LargeSurface::learn`] refuses.
-pub fn learnt(problem: &Problem, law: &[f64], monitor: &dyn Monitor) -> Result<(Stepped, f64)> {
+pub fn learnt(problem: &Problem, law: &[f64], with_load: bool, monitor: &dyn Monitor) -> Result<(Stepped, f64)> {
     let Some(ball) = problem.finite_elements().and_then(|fe| fe.sizes.ball) else { return Err(no_sphere()) };
     let elements = problem.model.base().elements(&law.iter().copied().map(Dual::constant).collect::<Vec<Dual>>());
     let record = &problem.experiment.record;
@@ -59,15 +60,20 @@ pub fn learnt(problem: &Problem, law: &[f64], monitor: &dyn Monitor) -> Result<(
         Some(mobility) => Mobilities::Held(*mobility),
         None => Mobilities::Free,
     };
-    let hash = built_from(radii_m, (&elements, mobilities), record)?;
-    let surface = match cache::read::<LargeSurface>(&hash) {
+    // What was learnt with loads serves without them.
+    let scopes = [true, false].map(|with_load| LargeScope { mobilities, with_load });
+    let suited = scopes.into_iter().filter(|scope| scope.with_load || !with_load);
+    let hash_of = |scope| built_from(radii_m, (&elements, scope), record);
+    let kept = suited.map(|scope| Ok(cache::read::<LargeSurface>(&hash_of(scope)?)));
+    let surface = match kept.collect::<Result<Vec<_>>>()?.into_iter().flatten().next() {
         Some(kept) => kept,
         None => {
             monitor.stage("learning large displacements from full runs of this record");
-            let counter = Counter::new(monitor, LargeSurface::n_runs(&elements, mobilities));
+            let scope = LargeScope { mobilities, with_load };
+            let counter = Counter::new(monitor, LargeSurface::n_runs(&elements, scope));
             let done = || counter.add_one();
-            let learnt = LargeSurface::learn(radii_m, (&elements, mobilities), &record.time_s, record.force(), &done)?;
-            cache::write(&hash, &learnt);
+            let learnt = LargeSurface::learn(radii_m, (&elements, scope), &record.time_s, record.force(), &done)?;
+            cache::write(&hash_of(scope)?, &learnt);
             learnt
         }
     };
@@ -98,15 +104,11 @@ fn no_sphere() -> Error {
     Error::numerical("large displacements are run around a sphere at the centre", "leave `large-displacement` out")
 }
 
-fn built_from(radii_m: [f64; 2], (law, mobilities): (&[Element], Mobilities), record: &Record) -> Result<String> {
+fn built_from(radii_m: [f64; 2], (law, scope): (&[Element], LargeScope), record: &Record) -> Result<String> {
     let mut hash = Sha256::new();
     hash.update(env!("CARGO_PKG_VERSION"));
     let force = record.force();
-    hash.update(format!(
-        "large {radii_m:?} {:?} {mobilities:?} {:?}",
-        LargeSurface::place(law, mobilities)?,
-        force.rule
-    ));
+    hash.update(format!("large {radii_m:?} {:?} {scope:?} {:?}", LargeSurface::place(law, scope)?, force.rule));
     record.time_s.iter().chain(force.at_rows_n).for_each(|x| hash.update(x.to_le_bytes()));
     Ok(hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
 }

@@ -11,7 +11,7 @@ use super::learnt_displacement::{learnt, nearest_law};
 use super::mechanics::{FiniteElements, Mechanics};
 use super::problem::{Problem, TAIL_MASS};
 use super::{Counter, Monitor, cache};
-use crate::effects::{Effect, Field};
+use crate::effects::{Effect, Field, Stage};
 use crate::error::Result;
 use crate::experiment::{Experiment, Force, Record};
 use crate::files::{Content, read_if_there};
@@ -149,7 +149,8 @@ impl Reduced {
         let mut learnt_error = None;
         if let Some((_, Field::Large)) = problem.model.field() {
             let law = nearest_law(problem, &compliance)?;
-            let (stepper, error) = learnt(problem, &law, monitor)?;
+            let with_load = problem.model.effects().iter().any(|effect| effect.stage() == Stage::Load);
+            let (stepper, error) = learnt(problem, &law, with_load, monitor)?;
             compliance = compliance.with_large(move || Some(stepper.clone()));
             learnt_error = Some(error);
         }

@@ -48,7 +48,7 @@ fn experiments() -> Vec<Scales> {
     [PORCINE, one_pull, three_rows, two_rows, fast_switching, indenter, unmeasured].into_iter().chain(gels).collect()
 }
 
-/// Effects whose law is not linear: beside them only load and observation, and beside large displacements observation alone.
+/// Effects whose law is not linear: beside them only load and observation, and beside large displacements no force that depends on the position.
 const LARGE: &str = "large-displacement";
 const NONLINEAR: [&str; 4] = ["strain-stiffening", "shear-thinning", "yield-stress", LARGE];
 
@@ -310,7 +310,7 @@ fn every_pair_of_effects_stands_together_and_takes_its_parameters_in_order() {
             let both_change_the_field = first.changes_field() && second.changes_field();
             let both_mechanics = first.stage() == Stage::Mechanics && second.stage() == Stage::Mechanics;
             let one_is_nonlinear = NONLINEAR.contains(&slugs.0) || NONLINEAR.contains(&slugs.1);
-            let is_beside_large = |other: &dyn Effect| other.stage() == Stage::Load;
+            let is_beside_large = |other: &dyn Effect| other.acts_on_position();
             let large_under_another_load =
                 (slugs.0 == LARGE && is_beside_large(*second)) || (slugs.1 == LARGE && is_beside_large(*first));
             let must_be_refused =

@@ -3,7 +3,7 @@
 
 use std::sync::{Arc, OnceLock};
 
-use vitreo_uq::effects::{EFFECTS, Effect, Field, Stage};
+use vitreo_uq::effects::{EFFECTS, Effect, EffectParameter, Field, Stage};
 use vitreo_uq::error::{Error, Place};
 use vitreo_uq::experiment::{Force, ForceRule, Scales};
 use vitreo_uq::fe::Stiffness;
@@ -14,7 +14,7 @@ use vitreo_uq::model::{Compliance, Forward, FullForward, Model, ReducedForward, 
 use vitreo_uq::number::Dual;
 use vitreo_uq::rheology::{BaseLaw, CreepCompliance};
 use vitreo_uq::stages::Stepped;
-use vitreo_uq::surrogate::trajectory::{LargeStepper, LargeSurface, Mobilities};
+use vitreo_uq::surrogate::trajectory::{LargeScope, LargeStepper, LargeSurface};
 use vitreo_uq::surrogate::{FieldModels, Surrogate, Training};
 
 const POISSON_RATIO: f64 = 0.48;
@@ -131,9 +131,14 @@ fn large_stepper() -> Stepped {
         let protocol = protocol();
         let law = BaseLaw::Lethersich.elements(&LETHERSICH.map(Dual::constant));
         let radii_m = [BALL.robot_radius_m, BALL.outer_radius_m];
-        let learnt =
-            LargeSurface::learn(radii_m, (&law, Mobilities::Held(0.0)), &protocol.time_s, protocol.force(), &|| ())
-                .expect("learns");
+        let learnt = LargeSurface::learn(
+            radii_m,
+            (&law, LargeScope { with_load: true, ..LargeScope::COMMANDED }),
+            &protocol.time_s,
+            protocol.force(),
+            &|| (),
+        )
+        .expect("learns");
         Stepped(Arc::new(LargeStepper::new(learnt, &protocol.time_s, protocol.force()).expect("a basis")))
     };
     LEARNT.get_or_init(learn).clone()
@@ -189,10 +194,13 @@ fn full<'a>(model: &'a Model, protocol: &'a Protocol) -> FullForward<'a> {
         .in_surroundings(surroundings)
 }
 
-/// The law's parameters, then each effect's at a quantile of its prior.
+/// The law's parameters, then each effect's at a quantile of its prior; those that are held unless they are asked for, at their null.
 fn parameters_at(model: &Model, probability: impl Fn(usize) -> f64) -> Vec<f64> {
     let of_effects = model.effects().iter().flat_map(|effect| effect.parameters());
-    let values = of_effects.enumerate().map(|(i, p)| (p.prior)(model.scales()).quantile(probability(i)));
+    let held = |p: &EffectParameter| (p.null)(model.scales()).filter(|_| p.spec.is_optional);
+    let values = of_effects
+        .enumerate()
+        .map(|(i, p)| held(p).unwrap_or_else(|| (p.prior)(model.scales()).quantile(probability(i))));
     LETHERSICH.into_iter().chain(values).collect()
 }
 
@@ -228,12 +236,11 @@ fn at_the_null_the_base_returns() {
     let law = CreepCompliance::lethersich(&LETHERSICH);
     let models = models(protocol.scales);
     // All may stand alone. Of pairs, two that change the field are refused; of the effects whose fields are solved for each beside `softening` and
-    // `fractional-damping`, mass beside `instantaneous-elasticity`, laws that are not linear beside that and `second-retardation`, and large displacements beside effects of load.
+    // `fractional-damping`, mass beside `instantaneous-elasticity`, laws that are not linear beside that and `second-retardation`, and large displacements beside the force's gradient.
     let n_fields = EFFECTS.iter().copied().filter(|effect| effect.changes_field()).count();
     let n_solved = EFFECTS.iter().copied().filter(|effect| effect.field().is_some()).count();
     let n_nonlinear = EFFECTS.iter().copied().filter(|effect| effect.is_nonlinear()).count();
-    let n_of_load = EFFECTS.iter().copied().filter(|effect| effect.stage() == Stage::Load).count();
-    let n_refused = n_fields * (n_fields - 1) / 2 + 2 * n_solved + 1 + 2 * n_nonlinear + n_of_load;
+    let n_refused = n_fields * (n_fields - 1) / 2 + 2 * n_solved + 1 + 2 * n_nonlinear + 1;
     assert_eq!(models.len(), EFFECTS.len() * (EFFECTS.len() + 1) / 2 - n_refused);
     for model in &models {
         let compliance_per_m = compliance(model, &protocol).given_per_m();
@@ -278,8 +285,12 @@ fn assert_agreement(protocol: &Protocol) {
 }
 
 /// What the reduced model may be off, as a share of the amplitude: fields are reduced to 1e-4; pockets are meshed in another way than the base, and pore flow has an
-/// undrained limit of its own, which on this coarse mesh make 4e-4 and 8e-4. Laws that are not linear are reduced to 1e-3.
+/// undrained limit of its own, which on this coarse mesh make 4e-4 and 8e-4. Laws that are not linear are reduced to 1e-3; what a load does to large displacements, to
+/// first order in it.
 fn tolerance(model: &Model, of_time: f64) -> f64 {
+    if is_large(model) && model.effects().iter().any(|effect| effect.stage() == Stage::Load) {
+        return 3e-3;
+    }
     if is_nonlinear(model) {
         return 1e-3;
     }
@@ -329,6 +340,9 @@ fn sensitivities_agree_with_finite_differences() {
         let n_law = LETHERSICH.len();
         for index in 0..model.parameters().len() {
             let own = index.checked_sub(n_law).map(|i| &effect.parameters()[i]);
+            if own.is_some_and(|own| own.spec.is_optional) {
+                continue;
+            }
             let spread = own.map_or(0.1 * LETHERSICH[index.min(2)], |p| {
                 let prior = (p.prior)(&protocol.scales);
                 prior.quantile(0.75) - prior.quantile(0.25)

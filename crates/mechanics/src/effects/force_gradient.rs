@@ -4,7 +4,7 @@
 //! so that g = ±4/d and the next term is (5/8)(g x)². Refused where |g x| reaches one half. Force calibrations over distance: Gosse &
 //! Croquette 2002, Biophys. J. 82:3314.
 
-use super::{Effect, EffectParameter, Stage, Stages, position_range_m};
+use super::{Effect, EffectParameter, Field, Stage, Stages, position_range_m};
 use crate::distribution::Distribution;
 use crate::error::Result;
 use crate::experiment::Scales;
@@ -40,6 +40,10 @@ impl Effect for ForceGradient {
     }
     fn acts_on_position(&self) -> bool {
         true
+    }
+    fn barred_beside(&self, field: Field) -> Option<&'static str> {
+        matches!(field, Field::Large)
+            .then_some("a force that depends on the position is not run with large displacements")
     }
     fn apply(&self, parameters: &[Dual], _scales: &Scales, stages: &mut Stages) -> Result<()> {
         stages.load.gradient_per_m += parameters[0];

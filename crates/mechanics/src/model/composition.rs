@@ -71,13 +71,6 @@ impl Model {
                 );
             }
         }
-        let is_large = effects.iter().any(|effect| matches!(effect.field(), Some(Field::Large)));
-        if let Some(load) = effects.iter().find(|effect| is_large && effect.stage() == Stage::Load) {
-            return refuse(
-                format!("`{}` and `large-displacement` cannot stand together", load.slug()),
-                "leave one out: large displacements are learnt for the force as it is commanded",
-            );
-        }
         if let Some(nonlinear) = effects.iter().find(|effect| effect.is_nonlinear()) {
             let is_other =
                 |effect: &&&dyn Effect| effect.stage() == Stage::Mechanics && effect.slug() != nonlinear.slug();

@@ -15,7 +15,7 @@ use crate::fe::meridional::solver::Skeleton;
 /// Place of the body's displacement among the unknowns.
 pub(super) const BODY: usize = 0;
 /// Largest change of a displacement, in body radii, that is left to Newton's method.
-const TOLERANCE: f64 = 1e-6;
+const TOLERANCE: f64 = 1e-7;
 /// Share of a change that the next may have before the matrix is made anew.
 const SLOW: f64 = 0.2;
 const MOST_ITERATIONS: usize = 40;

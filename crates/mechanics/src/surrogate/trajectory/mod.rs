@@ -11,7 +11,7 @@ mod polynomial;
 #[cfg(test)]
 mod tests;
 
-pub use large::{FARTHEST_RADII, LargeStepper, LargeSurface, MOST_MOBILITY, Mobilities};
+pub use large::{FARTHEST_RADII, LargeScope, LargeStepper, LargeSurface, MOST_MOBILITY, Mobilities};
 
 use crate::error::Result;
 use crate::experiment::{Force, KeptForce};
