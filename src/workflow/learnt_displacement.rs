@@ -56,9 +56,12 @@ pub fn learnt(problem: &Problem, law: &[f64], with_load: bool, monitor: &dyn Mon
     let record = &problem.experiment.record;
     refuse_many_switches(record)?;
     let radii_m = [ball.robot_radius_m, ball.outer_radius_m];
+    // For a model that is yet to have the effect, its mobility is held at its null.
+    let is_free = problem.specification.freed.iter().any(|name| name == MOBILITY);
     let mobilities = match problem.specification.fixed.get(MOBILITY) {
         Some(mobility) => Mobilities::Held(*mobility),
-        None => Mobilities::Free,
+        None if is_free => Mobilities::Free,
+        None => Mobilities::OLDROYD_B,
     };
     // What was learnt with loads serves without them.
     let scopes = [true, false].map(|with_load| LargeScope { mobilities, with_load });

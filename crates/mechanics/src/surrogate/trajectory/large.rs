@@ -52,7 +52,8 @@ pub enum Mobilities {
 }
 
 impl Mobilities {
-    const OLDROYD_B: Self = Self::Held(0.0);
+    /// That of Oldroyd-B's fluid.
+    pub const OLDROYD_B: Self = Self::Held(0.0);
 }
 
 /// A number of the load that the deviation is followed in to first order.
