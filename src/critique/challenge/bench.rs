@@ -1,5 +1,7 @@
 //! Where truths are drawn.
 
+use rayon::prelude::*;
+
 use super::super::Candidate;
 use super::super::Subject;
 use super::super::separation::{Truth as Shown, closest};
@@ -49,8 +51,6 @@ const LONGEST_FACTOR: f64 = 3.0;
 const MOST_DRAWS: usize = 40;
 /// Signal of what is outside the library where none is asked for: it has no prior.
 const OUTSIDE_SIGMA: f64 = 20.0;
-/// Corrections of a size that grows with nearly the third power of what is known.
-const SIZING_ROUNDS: usize = 2;
 /// Rounds in which sizes and the range of positions that their priors are scaled by come to agree.
 const PRIOR_ROUNDS: usize = 4;
 
@@ -327,32 +327,29 @@ impl Bench {
         large::mobility_of(truth, |slug| self.is_large(slug))
     }
 
-    /// A gel so much stiffer or softer than the drawn law that large displacements show as strongly as is asked, as nearly as its radii allow; those radii, and the signal in σ.
+    /// A gel so much stiffer or softer than the drawn law that large displacements show as strongly as is asked, as nearly as some radii between 1 and 4 do: the law takes up so much of the deviation
+    /// that the signal need not grow with them. With those radii, and the signal in σ.
     fn with_large(&self, order: &Order, motion: &Motion, law: [f64; 3], mobility: f64) -> Result<(Truth, f64, f64)> {
         let asked_sigma = order.strength_sigma.unwrap_or(OUTSIDE_SIGMA);
         let gel = LargeGel::new(self.apparatus(), &large::SIZING)?;
         let (farthest_m, radius_m) = (motion.farthest_m()?, large::radius_m(self.apparatus())?);
-        let [least, most] = large::RADII;
-        let mut radii = most;
-        for round in 0..=SIZING_ROUNDS {
+        let at = |radii: &f64| -> Result<(f64, f64, Motion, Vec<f64>)> {
             let law = law.map(|value| value * farthest_m / (radii * radius_m));
             let motion = self.motion(order.protocol, order.noise, law)?;
             let position_m = gel.position_m(law, mobility, motion.record())?;
-            let shown = motion.shown(&position_m);
-            let sigma = motion.distance_sigma(&shown, &motion.base).ok_or_else(|| out_of_reach(order))?;
-            // A gel does not know left from right: what is not linear in it goes with the third power.
-            let better = (radii * (asked_sigma / sigma).cbrt()).clamp(least, most);
-            if round < SIZING_ROUNDS && better != radii {
-                radii = better;
-                continue;
-            }
-            let mut truth = Truth::of_nothing(order.protocol, order.noise, law);
-            truth.ideal_class = motion.ideal_class(&shown, &[], &self.served);
-            let slugs = self.library.effects().iter().filter(|effect| large::is_large(**effect));
-            truth.ideal_class.extend(slugs.map(|effect| effect.slug().to_string()));
-            return Ok((truth, radii, sigma));
-        }
-        Err(out_of_reach(order))
+            let sigma = motion.distance_sigma(&motion.shown(&position_m), &motion.base);
+            Ok((*radii, sigma.ok_or_else(|| out_of_reach(order))?, motion, position_m))
+        };
+        let tried: Vec<_> = large::RADII.par_iter().map(at).collect::<Result<_>>()?;
+        let off = |sigma: f64| (sigma / asked_sigma).ln().abs();
+        let nearest = tried.into_iter().min_by(|a, b| off(a.1).total_cmp(&off(b.1)));
+        let (radii, sigma, motion, position_m) = nearest.ok_or_else(|| out_of_reach(order))?;
+        let law = law.map(|value| value * farthest_m / (radii * radius_m));
+        let mut truth = Truth::of_nothing(order.protocol, order.noise, law);
+        truth.ideal_class = motion.ideal_class(&motion.shown(&position_m), &[], &self.served);
+        let slugs = self.library.effects().iter().filter(|effect| large::is_large(**effect));
+        truth.ideal_class.extend(slugs.map(|effect| effect.slug().to_string()));
+        Ok((truth, radii, sigma))
     }
 }
 

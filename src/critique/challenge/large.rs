@@ -14,8 +14,8 @@ use crate::number::Dual;
 use crate::rheology::BaseLaw;
 use crate::workflow::mechanics::robot_mesh;
 
-/// Farthest that the robot may come from its start, in its radii, if the gel were linear; and least, where next to nothing shows.
-pub(super) const RADII: [f64; 2] = [1.0, 4.0];
+/// How far the robot may come from its start, in its radii, if the gel were linear.
+pub(super) const RADII: [f64; 7] = [1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0];
 /// Mobilities of Giesekus's fluid.
 const MOBILITIES: [f64; 2] = [0.005, 0.05];
 
