@@ -28,8 +28,8 @@ const PARAMETERS: &[EffectParameter] = &[
     EffectParameter {
         spec: ParameterSpec::new(MOBILITY, "α", "1", Support { lower: 0.0, upper: 0.5 }).optional(),
         null: |_| Some(0.0),
-        prior: |_| Distribution::HalfNormal { sd: 0.05 },
-        prior_source: "chosen: small, as of a polymer in much solvent",
+        prior: |_| Distribution::Beta { alpha: 1.0, beta: 9.0, lower: 0.0, upper: 0.5 },
+        prior_source: "chosen: most likely none, 0.05 in the mean",
         finite_step: None,
     },
 ];
