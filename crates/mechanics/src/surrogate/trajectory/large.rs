@@ -376,7 +376,7 @@ impl LargeStepper {
             let by = number.of(&stages.load) * factor;
             if !by.is_constant(0.0) {
                 let by = of(by);
-                excess_m.iter_mut().zip(slope).for_each(|(x, slope)| *x = *x + by * *slope);
+                excess_m.iter_mut().zip(slope).for_each(|(x, slope)| *x += by * *slope);
             }
         }
         Ok(excess_m)
