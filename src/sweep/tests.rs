@@ -76,13 +76,11 @@ fn problem(sweep: Sweep) -> SweepProblem {
     SweepProblem::new(sweep, specification, &Library::default()).unwrap()
 }
 
-/// Of 150 sweeps of each form, with errors that are known, 90 % intervals by the curvature cover each parameter in 123 or more: a right one fails in 1 of 1,000 (binomial), one of six
-/// in 1 of 150 seeds.
-#[test]
-fn intervals_cover_what_an_independent_formula_was_given() {
+/// Of sweeps of each form, with errors that are known, 90 % intervals by the curvature cover each parameter in so many or more.
+fn assert_covered(n_sweeps: u64, fewest: usize) {
     for form in [SweepForm::StorageAndLoss, SweepForm::ModulusAndPhase] {
         let mut n_covered = [0; 3];
-        for seed in 0..150 {
+        for seed in 0..n_sweeps {
             let problem = problem(sweep(Beside::Nothing, form, Some(1.0), seed));
             let fit = problem.fit(1, &[]).unwrap().unwrap();
             assert!(fit.converged);
@@ -91,11 +89,24 @@ fn intervals_cover_what_an_independent_formula_was_given() {
                 n_covered[k] += usize::from((fit.point[k] - z).abs() < 1.6449 * fit.sd[k]);
             }
         }
-        assert!(n_covered.iter().all(|n| *n >= 123), "{form:?}: {n_covered:?}");
+        assert!(n_covered.iter().all(|n| *n >= fewest), "{form:?}: {n_covered:?}");
     }
 }
 
-/// Right models are called noise: at one per cent each, more than 3 of 40 fail in 7 of 10,000 seeds. Errors said half as large as they are, and a rheometer's inertia, are not.
+/// A right interval fails in 1 of 1,000 (binomial), one of six in 1 of 170 seeds.
+#[test]
+fn intervals_cover_what_an_independent_formula_was_given() {
+    assert_covered(50, 38);
+}
+
+/// As often false, and intervals that cover 80 % fail here with a probability of 0.7 each.
+#[test]
+#[ignore = "campaigns/long-tests"]
+fn intervals_of_many_sweeps_cover_their_truth() {
+    assert_covered(150, 123);
+}
+
+/// Right models are called noise: at one per cent each, more than 2 of 16 fail in 5 of 10,000 seeds. Errors said half as large as they are, and a rheometer's inertia, are not.
 #[test]
 fn noise_is_told_from_what_is_none() {
     let p = |beside, said, seed| {
@@ -103,9 +114,9 @@ fn noise_is_told_from_what_is_none() {
         let fit = problem.fit(1, &[]).unwrap().unwrap();
         noise_like(&problem, &fit, seed).unwrap().unwrap()
     };
-    let n_called = (0..20).flat_map(|seed| [p(Beside::Nothing, None, seed), p(Beside::Nothing, Some(1.0), seed)]);
-    assert!(n_called.filter(|left| !left.is_noise()).count() <= 3);
-    for seed in 0..3 {
+    let n_called = (0..8).flat_map(|seed| [p(Beside::Nothing, None, seed), p(Beside::Nothing, Some(1.0), seed)]);
+    assert!(n_called.filter(|left| !left.is_noise()).count() <= 2);
+    for seed in 0..2 {
         assert!(p(Beside::Nothing, Some(0.5), seed).p_size.unwrap() < 0.01);
         let inertia = p(Beside::Inertia, None, seed);
         assert!(inertia.p_neighbours < 0.01 && !inertia.is_noise(), "{inertia:?}");

@@ -2,7 +2,7 @@
 
 use crate::effects::{Library, NUISANCES};
 use crate::error::Result;
-use crate::inference::noise::{NoiseModel, NoiseScales, NoiseTerm};
+use crate::inference::noise::{NoiseModel, NoiseScales};
 use crate::inference::prior::{Prior, PriorSet};
 use crate::model::Model;
 use crate::parameter::{NOISE_SD, ParameterSpec, RELATIVE_NOISE};
@@ -38,7 +38,7 @@ pub(crate) fn read_priors_with(
     let of_laws = BaseLaw::NAMED.into_iter().flat_map(BaseLaw::parameters).map(|p| p.name);
     let of_effects =
         library.effects().iter().chain(NUISANCES).flat_map(|effect| effect.parameters()).map(|p| p.spec.name);
-    let of_noises = NoiseTerm::ALL.into_iter().flat_map(NoiseTerm::parameters).map(|p| p.name);
+    let of_noises = NoiseModel::known_parameters().map(|p| p.name);
     let known = of_laws.chain(of_effects).chain(of_noises).chain([RELATIVE_NOISE.name]);
     let is_wanted = |name: &&str| wanted.iter().any(|spec| spec.name == *name);
     let mut others: Vec<&str> = known.filter(|name| !is_wanted(name)).collect();

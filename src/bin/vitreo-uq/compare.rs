@@ -25,20 +25,23 @@ pub fn run(arguments: &CompareArguments) -> Result<ExitCode> {
     let common = &arguments.common;
     let threads = options::use_threads(common.threads)?;
     crate::output::check(common.json.as_deref())?;
-    if arguments.simulations < FEWEST_SIMULATIONS {
-        return Err(Error::input(
-            Place::option("--simulations"),
-            format!("{} simulated records cannot show a probability of 5 %", arguments.simulations),
-            format!("ask for {FEWEST_SIMULATIONS} at least"),
-        ));
+    if let Some(simulations) = arguments.simulations {
+        if simulations < FEWEST_SIMULATIONS {
+            return Err(Error::input(
+                Place::option("--simulations"),
+                format!("{simulations} simulated records cannot show a probability of 5 %"),
+                format!("ask for {FEWEST_SIMULATIONS} at least"),
+            ));
+        }
+        options::check_simulations(simulations)?;
     }
-    options::check_simulations(arguments.simulations)?;
     let terminal = Terminal::new(common.quiet);
     let sampler = options::default_sampler(common.seed, threads);
     let examined = Examined::open(common, &arguments.model, sampler, &terminal)?;
     terminal.stage("looking where the model fails");
     let subject = examined.subject(&terminal)?;
-    let outcome = compare::run(&subject, &subject.base(), arguments.simulations, common.seed)?;
+    let simulations = arguments.simulations.unwrap_or_else(|| compare::default_simulations(subject.n_fitted()));
+    let outcome = compare::run(&subject, &subject.base(), simulations, common.seed)?;
     terminal.stage("writing results and figures");
     let document =
         WithProvenance { provenance: examined.provenance("comparison", common.seed), body: &outcome.comparison };

@@ -26,8 +26,15 @@ use crate::error::Result;
 
 /// Family-wise probability below which a look is a finding.
 pub const SIGNIFICANT: f64 = 0.05;
-/// Simulated records.
-pub const N_SIMULATIONS: usize = 199;
+/// Simulated records, and the fewest for long ones: a p of all looks comes in steps of a sixtieth then.
+const N_SIMULATIONS: (usize, usize) = (199, 59);
+/// Fitted rows of all simulated records together beyond which there are fewer of them.
+const SIMULATED_ROWS: usize = 3_000_000;
+
+/// Simulated records by which looks at so many fitted rows are judged.
+pub fn default_simulations(n_fitted: usize) -> usize {
+    (SIMULATED_ROWS / n_fitted.max(1)).clamp(N_SIMULATIONS.1, N_SIMULATIONS.0)
+}
 
 /// What was found, with what figures need.
 pub struct Outcome {

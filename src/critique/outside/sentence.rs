@@ -98,10 +98,15 @@ pub(super) fn describe(
             );
             event(text, centre_s)
         }
-        Shape::Backlash { half_width_m } => plain(format!(
-            "Readings lag behind reversals as with backlash of {} µm to either side (unexplained: {size} µm).",
-            number(1e6 * half_width_m)
-        )),
+        Shape::Backlash { half_width_m } => {
+            // The width says how far the robot goes back before the sides have changed, the amplitude by how much readings are off: in a worn drive one is twice the other.
+            let side = if amplitude > 0.0 { "lag behind" } else { "run ahead of" };
+            plain(format!(
+                "Readings {side} the motion by {} µm, and change sides within {} µm of a reversal, as with backlash (unexplained: {size} µm).",
+                with_sd(amplitude.abs(), sd),
+                number(2e6 * half_width_m)
+            ))
+        }
         Shape::CycleLocked { n_harmonics } => Words {
             sentence: format!(
                 "{size} µm repeat with the cycle, in its first {n_harmonics} harmonics, and follow no effect of the library."

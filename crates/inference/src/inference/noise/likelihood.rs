@@ -4,11 +4,12 @@ use std::borrow::Borrow;
 
 use pulp::{Arch, Scalar, Simd, WithSimd};
 
+use super::NoiseModel;
 use super::filter::{Covariance, Mean, PriorVariances};
 use super::lanes::{LANES, Product, Products, Register};
 use super::rows::Rows;
 use super::scales::Scales;
-use super::{NoiseModel, NoiseTerm};
+use super::terms::{Equations, MOST_PARAMETERS};
 
 /// A record prepared for the likelihood of its observed positions under a noise model.
 #[derive(Debug, Clone)]
@@ -73,7 +74,7 @@ impl NoiseLikelihood {
 
     pub(super) fn scales(&self, parameters: &[[f64; LANES]]) -> [Option<Scales>; LANES] {
         std::array::from_fn(|lane| {
-            let mut values = [0.0; NoiseTerm::MOST_PARAMETERS];
+            let mut values = [0.0; MOST_PARAMETERS];
             for (value, lanes) in values.iter_mut().zip(parameters) {
                 *value = lanes[lane];
             }
@@ -89,7 +90,8 @@ impl NoiseLikelihood {
         out: &mut [f64; W],
     ) {
         let inside = scales.map(|scales| scales.unwrap_or(Scales::UNIT));
-        let sums = match (self.model.ou, self.model.gain, self.model.student) {
+        let Equations { process, cycles, heavy_tails } = self.model.equations();
+        let sums = match (process, cycles, heavy_tails) {
             (false, false, false) => self.pass::<M, R, W, false, false, false>(machine, position_m, &inside),
             (false, false, true) => self.pass::<M, R, W, false, false, true>(machine, position_m, &inside),
             (false, true, false) => self.pass::<M, R, W, false, true, false>(machine, position_m, &inside),

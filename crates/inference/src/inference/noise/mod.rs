@@ -42,6 +42,7 @@ mod pointwise;
 mod residuals;
 mod rows;
 mod scales;
+mod terms;
 mod whitening;
 
 #[cfg(test)]
@@ -49,6 +50,6 @@ mod dense;
 
 pub use lanes::LANES;
 pub use likelihood::{NoiseLikelihood, SharedPosition};
-pub use model::{NoiseModel, NoiseScales, NoiseTerm};
+pub use model::{NoiseModel, NoiseScales};
 pub use pointwise::Conditional;
 pub use whitening::{Asked, CycleProducts};

@@ -60,7 +60,7 @@ impl NoiseModel {
             return vec![f64::NAN; position_m.len()];
         };
         let prior = |x: f64| scales.ou + scales.gain_per_m2 * x * x + scales.offset;
-        if !self.student {
+        if !self.equations().heavy_tails {
             return position_m.iter().map(|x| scales.noise_sd_m * (1.0 + prior(*x)).sqrt()).collect();
         }
         let rows = all_rows(time_s, cycle);
@@ -93,12 +93,13 @@ impl NoiseModel {
         let rows = all_rows(time_s, cycle);
         let mut walk = Walk::new(&scales, &rows.step_s);
         let mut mean = Mean::<Scalar, true, true>::zero(Scalar);
+        let heavy_tails = self.equations().heavy_tails;
         let mut draw_m = |row: &Row| {
             let x = position_m[row.index];
             let (decay, gain) = walk.observe(row, x);
             advance(&mut mean, row, decay);
             let predicted_m = -mean.innovation(number(0.0), number(x)).number();
-            let (standard, weight) = if self.student {
+            let (standard, weight) = if heavy_tails {
                 let t = student_t(scales.dof, rng);
                 (t, (scales.dof + 1.0) / (scales.dof + t * t))
             } else {

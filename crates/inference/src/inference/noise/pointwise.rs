@@ -11,6 +11,7 @@ use nalgebra::{Matrix3, Vector3};
 use super::NoiseLikelihood;
 use super::likelihood::ln_student_constant;
 use super::scales::Scales;
+use super::terms::Equations;
 
 /// What a position's log-likelihood is conditional on, beside the parameters.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -36,7 +37,8 @@ struct Visit {
 impl NoiseLikelihood {
     /// What [`NoiseLikelihood::ln_pointwise`] is conditional on.
     pub fn conditional(&self) -> Conditional {
-        match (self.model.ou || self.model.gain, self.model.student) {
+        let Equations { process, cycles, heavy_tails } = self.model.equations();
+        match (process || cycles, heavy_tails) {
             (false, _) => Conditional::Nothing,
             (true, false) => Conditional::AllOthers,
             (true, true) => Conditional::AllBefore,
@@ -89,7 +91,8 @@ impl NoiseLikelihood {
     /// The filter's way through the record, forwards.
     fn visits(&self, position_m: &[f64], scales: &Scales) -> Vec<Visit> {
         let has = |is_there: bool| f64::from(u8::from(is_there));
-        let (ou, gains) = (has(self.model.ou), has(self.model.gain));
+        let Equations { process, cycles, .. } = self.model.equations();
+        let (ou, gains) = (has(process), has(cycles));
         let mut mean: Vector3<f64> = Vector3::zeros();
         let mut covariance: Matrix3<f64> = Matrix3::zeros();
         let steps: Vec<(f64, f64)> = self.rows.step_s.iter().map(|step_s| scales.step(*step_s)).collect();

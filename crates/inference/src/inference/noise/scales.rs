@@ -1,6 +1,7 @@
 //! A point's noise parameters in the form that the filter takes.
 
 use super::NoiseModel;
+use crate::parameter::ParameterSpec;
 
 /// Ratios of variances above this are refused: their products would leave the range of numbers.
 const LARGEST_RATIO: f64 = 1e100;
@@ -29,25 +30,24 @@ impl Scales {
 
     /// From parameters in the model's order and units; `None` outside their support.
     pub fn new(model: NoiseModel, parameters: &[f64]) -> Option<Self> {
-        let mut left = parameters.iter().copied();
-        let mut next = || left.next().filter(|value| value.is_finite() && *value >= 0.0);
-        let noise_sd_m = 1e-6 * next()?;
-        let ratio = |sd: f64| (sd / noise_sd_m).powi(2);
-        let mut scales = Self { noise_sd_m, ..Self::UNIT };
-        if model.ou {
-            scales.ou = ratio(1e-6 * next()?);
-            scales.ou_time_s = next()?;
-        }
-        if model.gain {
-            scales.gain_per_m2 = ratio(next()?);
-            scales.offset = ratio(1e-6 * next()?);
-        }
-        if model.student {
-            scales.dof = next()?;
+        let (mut scales, mut left) = (Self::UNIT, parameters);
+        for term in model.terms() {
+            let (own, others) = left.split_at_checked(term.parameters().len())?;
+            let is_inside = |(spec, value): (&ParameterSpec, &f64)| value.is_finite() && spec.support.contains(*value);
+            if !term.parameters().iter().zip(own).all(is_inside) {
+                return None;
+            }
+            term.write(own, &mut scales);
+            left = others;
         }
         let small = |ratio: f64| ratio <= LARGEST_RATIO;
-        let inside = noise_sd_m > 0.0 && scales.dof >= 2.0;
+        let inside = scales.noise_sd_m > 0.0;
         (inside && small(scales.ou) && small(scales.gain_per_m2) && small(scales.offset)).then_some(scales)
+    }
+
+    /// The variance of a standard deviation in m (or of a number, in 1/m²) over the white noise's.
+    pub fn ratio(&self, sd: f64) -> f64 {
+        (sd / self.noise_sd_m).powi(2)
     }
 
     /// Variance of a standardised error: 1, or ν/(ν − 2) for a t, which is infinite at ν = 2.
