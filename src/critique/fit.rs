@@ -14,6 +14,7 @@ use super::steps::{Steps, damped_steps, normal_equations};
 use super::{Candidate, Subject};
 use crate::critique::NoiseValues;
 use crate::error::{Error, Result};
+use crate::inference::noise::NoiseScales;
 use crate::model::{Lanes, N_LANES};
 
 /// Steps that gain more than this share of what was promised are followed by no others.
@@ -144,7 +145,12 @@ impl Subject {
 
     pub(super) fn noise_prior(&self) -> NoisePrior {
         let scales = self.experiment().scales();
-        NoisePrior::new(self.yardstick_m(), self.is_noise_known(), scales.sample_interval_s, scales.cycle_s)
+        let scales = NoiseScales {
+            noise_sd_um: 1e6 * self.yardstick_m(),
+            sample_interval_s: scales.sample_interval_s,
+            cycle_s: scales.cycle_s,
+        };
+        NoisePrior::new(self.noise(), &scales, self.is_noise_known())
     }
 }
 

@@ -1,7 +1,10 @@
 //! The noise's parameters at a given position.
 
+use std::cell::OnceCell;
+
+use crate::distribution::Distribution;
 use crate::inference::ensemble::RandomStream;
-use crate::inference::noise::{NoiseLikelihood, SharedPosition};
+use crate::inference::noise::{NoiseLikelihood, NoiseModel, NoiseScales, SharedPosition};
 use crate::model::N_LANES;
 
 /// Number of the parameters of the noise of a diagnosis: white errors, a process, a gain and an offset for each cycle.
@@ -25,42 +28,48 @@ pub(super) struct NoisePrior {
     ln_white_um: f64,
     /// ln of the shortest and longest correlation time in s.
     ln_time_s: [f64; 2],
-    /// Standard deviation of ln σ_ou.
-    process_log_sd: f64,
+    /// Of σ_ou (µm), s_g and s_o (µm).
+    process: Distribution,
+    gain: Distribution,
+    offset: Distribution,
 }
 
 /// Standard deviation of ln σ about the yardstick: known, yet not so well that it could stand in the way of the data.
 const WHITE_LOG_SD: f64 = 0.5;
-/// Median of σ_ou over the yardstick, and standard deviation of its logarithm.
-const PROCESS_SIZE: (f64, f64) = (0.5, 1.0);
-/// The latter where the yardstick is estimated from short lags, which do not show slow noise: at ten times the sample interval it is four times the estimate, at
-/// ten seconds twenty times.
+/// Standard deviation of ln σ_ou where the yardstick is estimated from short lags, which do not show slow noise: at ten times the sample interval it is four
+/// times the estimate, at ten seconds twenty times.
 const PROCESS_LOG_SD_OF_ESTIMATE: f64 = 2.5;
-/// Standard deviations of a cycle's gain, and of its offset over the yardstick.
-const GAIN_SD: f64 = 0.03;
-const OFFSET_SD: f64 = 1.0;
 /// A gain that a few cycles show to be smaller is not known to be: what scores of future cycles, which compare models, take for the least. It is no part of
 /// any noise that is reported, nor of what an error is measured against.
 pub(super) const GAIN_FLOOR: f64 = 0.01;
 
 impl NoisePrior {
-    pub fn new(yardstick_m: f64, is_known: bool, sample_interval_s: f64, cycle_s: f64) -> Self {
-        let shortest_s = 2.0 * sample_interval_s;
+    /// The priors that `sample` has, but for white errors, whose yardstick is known better than any prior, and for a process that an estimated one does not show.
+    pub fn new(model: NoiseModel, scales: &NoiseScales, is_known: bool) -> Self {
+        let priors = model.default_priors(scales);
+        // White errors have none, and stand first.
+        let of = |place: usize| priors[place - 1].distribution;
+        let process = match of(PROCESS) {
+            Distribution::LogNormal { median, .. } if !is_known => {
+                Distribution::LogNormal { median, log_sd: PROCESS_LOG_SD_OF_ESTIMATE }
+            }
+            known => known,
+        };
+        let (shortest_s, longest_s) = of(TIME).support();
         Self {
-            ln_white_um: (1e6 * yardstick_m).ln(),
-            ln_time_s: [shortest_s.ln(), cycle_s.max(10.0 * shortest_s).ln()],
-            process_log_sd: if is_known { PROCESS_SIZE.1 } else { PROCESS_LOG_SD_OF_ESTIMATE },
+            ln_white_um: scales.noise_sd_um.ln(),
+            ln_time_s: [shortest_s.ln(), longest_s.ln()],
+            process,
+            gain: of(GAIN),
+            offset: of(OFFSET),
         }
     }
 
     /// Log density up to a constant; of the logarithms for σ, σ_ou and τ, of the values for s_g and s_o, so that these may be nothing.
     pub fn ln_density(&self, noise: &LogNoise) -> f64 {
-        let normal = |x: f64, mean: f64, sd: f64| -0.5 * ((x - mean) / sd).powi(2);
-        let offset_sd = OFFSET_SD * self.ln_white_um.exp();
-        normal(noise[WHITE], self.ln_white_um, WHITE_LOG_SD)
-            + normal(noise[PROCESS], self.ln_white_um + PROCESS_SIZE.0.ln(), self.process_log_sd)
-            + normal(noise[GAIN].exp(), 0.0, GAIN_SD)
-            + normal(noise[OFFSET].exp(), 0.0, offset_sd)
+        let white = -0.5 * ((noise[WHITE] - self.ln_white_um) / WHITE_LOG_SD).powi(2);
+        let process = self.process.ln_pdf(noise[PROCESS].exp()) + noise[PROCESS];
+        white + process + self.gain.ln_pdf(noise[GAIN].exp()) + self.offset.ln_pdf(noise[OFFSET].exp())
     }
 
     fn ends(&self, index: usize) -> [f64; 2] {
@@ -118,18 +127,35 @@ pub(super) struct Objective<'a> {
 
 impl<'a> Objective<'a> {
     pub fn new(likelihood: &'a NoiseLikelihood, prior: &'a NoisePrior, position_m: &[f64]) -> Self {
-        Self { likelihood, prior, position_m: position_m.iter().copied().map(SharedPosition).collect() }
+        Self { likelihood, prior, position_m: shared(position_m) }
     }
 
     pub fn evaluate(&self, points: &[LogNoise]) -> Vec<f64> {
-        let mut values = Vec::with_capacity(points.len());
-        for chunk in points.chunks(N_LANES) {
-            let mut out = [0.0; N_LANES];
-            self.likelihood.ln_likelihood_shared(&self.position_m, &lanes(chunk), &mut out);
-            values.extend(chunk.iter().zip(out).map(|(noise, value)| with_prior(self.prior, noise, value)));
-        }
-        values
+        evaluate_at(self.likelihood, self.prior, &self.position_m, points)
     }
+}
+
+fn shared(position_m: &[f64]) -> Vec<SharedPosition> {
+    position_m.iter().copied().map(SharedPosition).collect()
+}
+
+/// A pass over the rows carries the neighbours of a point in hardly more time than eight points, and few trials in less.
+fn evaluate_at(
+    likelihood: &NoiseLikelihood,
+    prior: &NoisePrior,
+    position_m: &[SharedPosition],
+    points: &[LogNoise],
+) -> Vec<f64> {
+    let mut values = Vec::with_capacity(points.len());
+    for chunk in points.chunks(2 * N_LANES) {
+        let mut out = [0.0; 2 * N_LANES];
+        match out.first_chunk_mut::<N_LANES>() {
+            Some(few) if chunk.len() <= N_LANES => likelihood.ln_likelihood_shared(position_m, &lanes(chunk), few),
+            _ => likelihood.ln_likelihood_shared(position_m, &lanes(chunk), &mut out),
+        }
+        values.extend(chunk.iter().zip(out).map(|(noise, value)| with_prior(prior, noise, value)));
+    }
+    values
 }
 
 /// Starts of a wide search that share the length of their process.
@@ -187,8 +213,17 @@ pub(super) fn settle(
     let mut points = vec![from];
     points.extend(neighbours(prior, &from, &[SETTLING_WIDTH; N_PARAMETERS]));
     let first = objectives(residuals_m, &points);
+    let shared_m = shared(position_m);
     let climb = |(residual_m, values): (&&[f64], Vec<f64>)| {
-        let evaluate = |points: &[LogNoise]| objectives(&[residual_m], points).concat();
+        // Most climbs end with their first trials, which need no record of their own.
+        let own = OnceCell::new();
+        let record = || likelihood.with_observed(&sums(residual_m, position_m));
+        let evaluate = |points: &[LogNoise]| {
+            if points.len() <= N_LANES {
+                return objectives(&[residual_m], points).concat();
+            }
+            evaluate_at(own.get_or_init(record), prior, &shared_m, points)
+        };
         let here = Climber {
             objective: &evaluate,
             prior,
@@ -211,8 +246,13 @@ pub(super) fn settle(
     residuals_m.iter().zip(first).map(climb).collect()
 }
 
+/// Observed positions (m) of some residuals about a position.
+fn sums(residual_m: &[f64], position_m: &[f64]) -> Vec<Option<f64>> {
+    residual_m.iter().zip(position_m).map(|(residual_m, position_m)| Some(residual_m + position_m)).collect()
+}
+
 /// Parameters in their units, side by side; the last point stands for lanes without one.
-fn lanes(points: &[LogNoise]) -> [[f64; N_LANES]; N_PARAMETERS] {
+fn lanes<const W: usize>(points: &[LogNoise]) -> [[f64; W]; N_PARAMETERS] {
     let value = |index: usize, lane: usize| points[lane.min(points.len() - 1)][index].exp();
     std::array::from_fn(|index| std::array::from_fn(|lane| value(index, lane)))
 }

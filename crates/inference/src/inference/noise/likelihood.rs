@@ -51,12 +51,12 @@ impl NoiseLikelihood {
         out[0]
     }
 
-    /// The same of several points that share their position: `parameters[parameter][lane]`.
-    pub fn ln_likelihood_shared(
+    /// The same of several points that share their position: `parameters[parameter][lane]`, any multiple of [`LANES`] at once.
+    pub fn ln_likelihood_shared<const W: usize>(
         &self,
         position_m: &[SharedPosition],
-        parameters: &[[f64; LANES]],
-        out: &mut [f64; LANES],
+        parameters: &[[f64; W]],
+        out: &mut [f64; W],
     ) {
         self.evaluate(Vectors, position_m, &self.scales(parameters), out);
     }
@@ -72,7 +72,7 @@ impl NoiseLikelihood {
         self.evaluate(Vectors, position_m, &self.scales(parameters), out);
     }
 
-    pub(super) fn scales(&self, parameters: &[[f64; LANES]]) -> [Option<Scales>; LANES] {
+    pub(super) fn scales<const W: usize>(&self, parameters: &[[f64; W]]) -> [Option<Scales>; W] {
         std::array::from_fn(|lane| {
             let mut values = [0.0; MOST_PARAMETERS];
             for (value, lanes) in values.iter_mut().zip(parameters) {
@@ -259,7 +259,8 @@ impl<R: PositionRow<W>, const W: usize, const OU: bool, const GAIN: bool, const 
         if OU {
             steps.resize(self.record.rows.step_s.len(), Step::NONE);
         }
-        for register in 0..W / S::F64_LANES {
+        let n_registers = W / S::F64_LANES;
+        for register in 0..n_registers {
             for (step, length_s) in steps.iter_mut().zip(&self.record.rows.step_s) {
                 if W == 1 {
                     // One number at a time, the standard library's exponential is the faster one.
@@ -268,56 +269,81 @@ impl<R: PositionRow<W>, const W: usize, const OU: bool, const GAIN: bool, const 
                     step.fill(simd, register, *length_s, &self.ou, &self.ou_time_s);
                 }
             }
-            let prior = PriorVariances {
-                gain: Register::load(simd, &self.gain_per_m2, register),
-                offset: Register::load(simd, &self.offset, register),
-            };
-            let tail_per_m2 = Register::load(simd, &self.tail_per_m2, register);
-            let tail_weight = Register::load(simd, &self.tail_weight, register);
-            let one = Register::splat(simd, 1.0);
-            let mut covariance = Covariance::<S, OU, GAIN>::zero(simd);
-            let mut mean = Mean::<S, OU, GAIN>::zero(simd);
-            let mut quadratic = Register::splat(simd, 0.0);
-            let (mut variance, mut tail) = (Product::one(simd), Product::one(simd));
-            for (row, &observed_m) in self.record.rows.rows.iter().zip(&self.record.observed_m) {
+        }
+        // A row waits for its division: two registers a turn take hardly longer than one.
+        for register in (0..n_registers - n_registers % 2).step_by(2) {
+            self.run::<S, 2>(simd, register, &steps, &mut sums);
+        }
+        if n_registers % 2 == 1 {
+            self.run::<S, 1>(simd, n_registers - 1, &steps, &mut sums);
+        }
+        sums
+    }
+}
+
+impl<R: PositionRow<W>, const W: usize, const OU: bool, const GAIN: bool, const STUDENT: bool>
+    Pass<'_, R, W, OU, GAIN, STUDENT>
+{
+    /// The record under the points of `K` registers, from register `first` on.
+    #[inline(always)]
+    fn run<S: Simd, const K: usize>(&self, simd: S, first: usize, steps: &[Step<W>], sums: &mut Sums<W>) {
+        let load = |lanes: &[f64; W]| -> [Register<S>; K] {
+            std::array::from_fn(
+                #[inline(always)]
+                |k| Register::load(simd, lanes, first + k),
+            )
+        };
+        let (prior_gain, prior_offset) = (load(&self.gain_per_m2), load(&self.offset));
+        let (tail_per_m2, tail_weight) = (load(&self.tail_per_m2), load(&self.tail_weight));
+        let one = Register::splat(simd, 1.0);
+        let mut covariance = [Covariance::<S, OU, GAIN>::zero(simd); K];
+        let mut mean = [Mean::<S, OU, GAIN>::zero(simd); K];
+        let mut quadratic = [one.zero(); K];
+        let (mut variance, mut tail) = ([Product::one(simd); K], [Product::one(simd); K]);
+        for (row, &observed_m) in self.record.rows.rows.iter().zip(&self.record.observed_m) {
+            let position = &self.position_m[row.index];
+            let observed = Register::splat(simd, observed_m);
+            for k in 0..K {
+                let (covariance, mean) = (&mut covariance[k], &mut mean[k]);
                 if OU {
                     let step: &Step<W> = &steps[row.step];
-                    let decay = Register::load(simd, &step.decay, register);
-                    covariance.advance(decay, Register::load(simd, &step.gained, register));
+                    let decay = Register::load(simd, &step.decay, first + k);
+                    covariance.advance(decay, Register::load(simd, &step.gained, first + k));
                     mean.advance(decay);
                 }
                 if GAIN && row.new_cycle {
-                    covariance.renew(prior);
+                    covariance.renew(PriorVariances { gain: prior_gain[k], offset: prior_offset[k] });
                     mean.renew();
                 }
-                let x = self.position_m[row.index].register(simd, register);
-                let innovation = mean.innovation(Register::splat(simd, observed_m) - x, x);
+                let x = position.register(simd, first + k);
+                let innovation = mean.innovation(observed - x, x);
                 if !OU && !GAIN {
                     let square = innovation * innovation;
                     if STUDENT {
-                        tail.grow(square * tail_per_m2);
+                        tail[k].grow(square * tail_per_m2[k]);
                     } else {
-                        quadratic = quadratic + square;
+                        quadratic[k] = quadratic[k] + square;
                     }
                     continue;
                 }
                 let gain = covariance.observe(x);
-                variance.grow(gain.excess);
+                variance[k].grow(gain.excess);
                 let scaled = innovation * gain.precision;
                 if STUDENT {
-                    let u = innovation * scaled * tail_per_m2;
-                    tail.grow(u);
-                    mean.correct(&gain, scaled * (tail_weight / (one + u)));
+                    let u = innovation * scaled * tail_per_m2[k];
+                    tail[k].grow(u);
+                    mean.correct(&gain, scaled * (tail_weight[k] / (one + u)));
                 } else {
-                    quadratic = innovation.mul_add(scaled, quadratic);
+                    quadratic[k] = innovation.mul_add(scaled, quadratic[k]);
                     mean.correct(&gain, scaled);
                 }
             }
-            quadratic.store(&mut sums.quadratic_m2, register);
-            variance.store(&mut sums.variance, register);
-            tail.store(&mut sums.tail, register);
         }
-        sums
+        for k in 0..K {
+            quadratic[k].store(&mut sums.quadratic_m2, first + k);
+            variance[k].store(&mut sums.variance, first + k);
+            tail[k].store(&mut sums.tail, first + k);
+        }
     }
 }
 

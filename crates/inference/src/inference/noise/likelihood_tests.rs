@@ -185,6 +185,34 @@ fn lanes_are_independent_points() {
     }
 }
 
+/// Points that share their position have the bits of points with eight equal ones, eight or sixteen at once.
+#[test]
+fn wide_passes_have_the_bits_of_narrow_ones() {
+    let record = TestRecord::irregular(150);
+    let shared: Vec<SharedPosition> = record.position_m.iter().copied().map(SharedPosition).collect();
+    let lanes_m: Vec<[f64; LANES]> = record.position_m.iter().map(|x| [*x; LANES]).collect();
+    for model in every_model() {
+        let likelihood = likelihood(model, &record);
+        let point = |k: usize| parameters(model, POINTS[k % POINTS.len()]);
+        let points: Vec<Vec<f64>> =
+            (0..2 * LANES).map(|k| point(k).iter().map(|value| value * (1.0 + 0.01 * k as f64)).collect()).collect();
+        let wide: Vec<[f64; 2 * LANES]> =
+            (0..points[0].len()).map(|p| std::array::from_fn(|lane| points[lane][p])).collect();
+        let mut of_wide = [0.0; 2 * LANES];
+        likelihood.ln_likelihood_shared(&shared, &wide, &mut of_wide);
+        for (half, of_wide) in of_wide.chunks(LANES).enumerate() {
+            let narrow: Vec<[f64; LANES]> =
+                wide.iter().map(|all| std::array::from_fn(|lane| all[half * LANES + lane])).collect();
+            let (mut of_shared, mut of_lanes) = ([0.0; LANES], [0.0; LANES]);
+            likelihood.ln_likelihood_shared(&shared, &narrow, &mut of_shared);
+            likelihood.ln_likelihood_lanes(&lanes_m, &narrow, &mut of_lanes);
+            let bits = |values: &[f64]| values.iter().map(|value| value.to_bits()).collect::<Vec<u64>>();
+            assert_eq!(bits(of_wide), bits(&of_shared), "{:?}", model.names());
+            assert_eq!(bits(of_wide), bits(&of_lanes), "{:?}", model.names());
+        }
+    }
+}
+
 #[test]
 fn outside_the_support_is_minus_infinity_and_lost_positions_are_nan() {
     let record = TestRecord::irregular(40);
