@@ -4,16 +4,14 @@ use nalgebra::{DMatrix, DVector};
 
 use super::derivatives::columns_m;
 use super::{Candidate, Fitted, Subject};
-use crate::error::Result;
-use crate::inference::noise::NoiseLikelihood;
+use crate::error::{Error, Result};
+use crate::inference::noise::Whitening;
 
 /// Whitened residuals of the fitted rows and the tangent space of a model at a fit.
 ///
 /// With whitening L⁻¹ of the noise: r = L⁻¹(y − f), A = L⁻¹∂f/∂θ with a row a prior, P = I − AA⁺.
 pub struct Tangent {
-    likelihood: NoiseLikelihood,
-    position_m: Vec<f64>,
-    noise: Vec<f64>,
+    whitening: Whitening,
     observed_rows: Vec<usize>,
     /// Orthonormal basis of the columns of A, prior rows last; one column a free coordinate.
     absorbed: DMatrix<f64>,
@@ -40,8 +38,10 @@ impl Tangent {
             .enumerate()
             .filter_map(|(k, free)| free.prior.map(|(mean, sd)| (k, 1.0 / sd, (mean - fitted.theta[k]) / sd)))
             .collect();
-        let noise = fitted.noise.to_vec();
-        let white = likelihood.whiten(&columns, &fitted.position_m, &noise);
+        let whitening = likelihood.whitening(&fitted.position_m, &fitted.noise).ok_or_else(|| {
+            Error::numerical("the noise's parameters are outside their support", "look at the noise of the fit")
+        })?;
+        let white = whitening.whiten(&columns);
         let (n, n_columns) = (likelihood.n_observed(), columns.len());
         let jacobian = DMatrix::from_fn(n + prior_rows.len(), n_columns, |i, j| match i.checked_sub(n) {
             None => white[j][i],
@@ -58,21 +58,11 @@ impl Tangent {
         let (absorbed, triangle) =
             if n_columns == 0 { (DMatrix::zeros(n, 0), DMatrix::zeros(0, 0)) } else { scaled.qr().unpack() };
         let mut residual = DVector::zeros(n + prior_rows.len());
-        let white_residual = likelihood.whiten(&[residual_m], &fitted.position_m, &noise);
+        let white_residual = whitening.whiten(&[residual_m]);
         residual.iter_mut().zip(&white_residual[0]).for_each(|(r, w)| *r = *w);
         prior_rows.iter().enumerate().for_each(|(row, (_, _, value))| residual[n + row] = *value);
         let observed_rows = (0..observed_m.len()).filter(|row| observed_m[*row].is_some()).collect();
-        let position_m = fitted.position_m.clone();
-        Ok(Self {
-            likelihood: likelihood.clone(),
-            position_m,
-            noise,
-            observed_rows,
-            absorbed,
-            triangle,
-            norms,
-            residual,
-        })
+        Ok(Self { whitening, observed_rows, absorbed, triangle, norms, residual })
     }
 
     /// Rows of the record that are observed, in the order of whitened vectors.
@@ -97,13 +87,23 @@ impl Tangent {
 
     /// L⁻¹ of columns (m, one value a row of the record), with zeros in the prior rows.
     pub fn whiten(&self, columns_m: &[Vec<f64>]) -> Vec<DVector<f64>> {
-        let white = self.likelihood.whiten(columns_m, &self.position_m, &self.noise);
+        let white = self.whitening.whiten(columns_m);
         let padded = |column: &Vec<f64>| {
             let mut padded = DVector::zeros(self.residual.len());
             padded.iter_mut().zip(column).for_each(|(p, w)| *p = *w);
             padded
         };
         white.iter().map(padded).collect()
+    }
+
+    /// L⁻¹ of columns (m) that begin at a row of the record and are 0 elsewhere: as [`Whitening::whiten_from`].
+    pub fn whiten_from(&self, columns_m: &[Vec<f64>], first_row: usize) -> (usize, Vec<Vec<f64>>) {
+        self.whitening.whiten_from(columns_m, first_row)
+    }
+
+    /// Orthonormal basis of what the model's parameters absorb, prior rows last; one column a free coordinate.
+    pub fn absorbed(&self) -> &DMatrix<f64> {
+        &self.absorbed
     }
 
     /// P of a whitened vector.

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::screen::{Scored, Screened, basis, screen};
+use super::screen::{Scored, Screened, kept, screen};
 use super::sentence::describe;
 use super::setting::Setting;
 use super::shape::{Shape, families, is_event};
@@ -238,7 +238,7 @@ impl<'a> Looking<'a> {
     /// The model with a shape, refitted; `None` for a shape of which the model leaves nothing.
     fn refit(&self, family: usize, shape: Shape) -> Result<Option<Refit>> {
         let columns = shape.columns_m(&self.setting);
-        let (_, kept) = basis(&self.own, self.own.whiten(&columns));
+        let kept = kept(&self.own, &columns);
         if kept.is_empty() {
             return Ok(None);
         }

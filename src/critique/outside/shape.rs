@@ -1,6 +1,7 @@
 //! Shapes that no effect of the library makes, and the grids on which they are searched.
 
 use std::f64::consts::PI;
+use std::ops::Range;
 
 use super::OutsideKind;
 use super::setting::Setting;
@@ -57,6 +58,8 @@ pub(super) enum Side {
 const LEVEL_TOLERANCE: f64 = 0.05;
 /// More levels than these are described by powers of the force.
 const MOST_LEVELS: usize = 8;
+/// A bell is nothing so many widths from its centre: e⁻³² of its height.
+const WIDEST: f64 = 8.0;
 /// An event needs this many rows on either side: fewer are outliers.
 const LEAST_ROWS: usize = 4;
 const MOST_FREQUENCIES: usize = 1200;
@@ -100,7 +103,9 @@ impl Shape {
                 vec![setting.column(|row| if row >= from { setting.position_m[row] / largest_m } else { 0.0 })]
             }
             Self::Bump { centre_s, width_s } => {
-                vec![setting.column(|row| (-0.5 * ((time(row) - centre_s) / width_s).powi(2)).exp())]
+                let mut column = vec![0.0; setting.time_s.len()];
+                self.rows(setting).for_each(|row| column[row] = bell(time(row), centre_s, width_s));
+                vec![column]
             }
             Self::Backlash { half_width_m } => vec![play_less_position(&setting.position_m, half_width_m)],
             Self::CycleLocked { n_harmonics } => harmonics(setting, n_harmonics),
@@ -133,6 +138,27 @@ impl Shape {
         };
         columns.iter_mut().flatten().for_each(|value| *value *= UNIT_M);
         columns
+    }
+
+    /// Rows in which it differs from 0, but for rounding.
+    pub fn rows(self, setting: &Setting) -> Range<usize> {
+        match self {
+            Self::Bump { centre_s, width_s } => {
+                let before = |time_s: f64| setting.time_s.partition_point(|other| *other < time_s);
+                before(centre_s - WIDEST * width_s)..before(centre_s + WIDEST * width_s)
+            }
+            _ => 0..setting.time_s.len(),
+        }
+    }
+
+    /// Its columns in some rows that hold [`Shape::rows`].
+    pub fn columns_in_m(self, setting: &Setting, rows: Range<usize>) -> Vec<Vec<f64>> {
+        match self {
+            Self::Bump { centre_s, width_s } => {
+                vec![rows.map(|row| UNIT_M * bell(setting.time_s[row], centre_s, width_s)).collect()]
+            }
+            _ => self.columns_m(setting),
+        }
     }
 
     /// Shapes next to it, on a finer grid, itself included; none for those that have no place on a grid.
@@ -172,6 +198,12 @@ impl Shape {
             _ => Vec::new(),
         }
     }
+}
+
+/// A bell of height 1; 0 beyond [`WIDEST`].
+fn bell(time_s: f64, centre_s: f64, width_s: f64) -> f64 {
+    let widths = (time_s - centre_s) / width_s;
+    if widths.abs() > WIDEST { 0.0 } else { (-0.5 * widths * widths).exp() }
 }
 
 /// Fitted rows near a row at which an event may begin.

@@ -52,4 +52,4 @@ pub use lanes::LANES;
 pub use likelihood::{NoiseLikelihood, SharedPosition};
 pub use model::{NoiseModel, NoiseScales};
 pub use pointwise::Conditional;
-pub use whitening::{Asked, CycleProducts};
+pub use whitening::{Asked, CycleProducts, Whitening, dot};

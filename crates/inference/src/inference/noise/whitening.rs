@@ -18,6 +18,8 @@ use super::scales::Scales;
 
 /// Rows of a block: few enough that its columns stay in the nearest cache.
 const BLOCK: usize = 256;
+/// Rows after which a column that has ended is asked whether it is forgotten.
+const SHORT_BLOCK: usize = 64;
 
 /// The filter at a row.
 #[derive(Clone, Copy)]
@@ -29,6 +31,18 @@ struct RowGain {
     gain: GainNumbers,
     /// σ²/S under a root.
     root_precision: f64,
+    /// S/σ² − 1.
+    excess: f64,
+}
+
+impl RowGain {
+    fn of(walk: &mut Walk, row: &Row, position_m: &[f64]) -> Self {
+        let x = position_m[row.index];
+        let (decay, gain) = walk.observe(row, x);
+        let numbers = gain.numbers();
+        let root_precision = numbers.precision.sqrt();
+        Self { row: *row, x, decay: decay.number(), gain: numbers, root_precision, excess: gain.excess.number() }
+    }
 }
 
 /// Some successive rows with their whitened columns.
@@ -96,17 +110,19 @@ impl NoiseLikelihood {
     ///
     /// L is that of the Gaussian terms; with `student` it is multiplied by √(ν/(ν − 2)). All NaN for parameters outside their support.
     pub fn whiten(&self, columns: &[Vec<f64>], position_m: &[f64], parameters: &[f64]) -> Vec<Vec<f64>> {
-        let Some(scales) = Scales::new(self.model, parameters) else {
-            return vec![vec![f64::NAN; self.n_observed()]; columns.len()];
-        };
-        let mut white = vec![Vec::with_capacity(self.n_observed()); columns.len()];
-        let columns: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
-        self.each_block(&scales, &columns, position_m, |block| {
-            for (column, white) in white.iter_mut().enumerate() {
-                white.extend_from_slice(block.column(column));
-            }
-        });
-        white
+        match self.whitening(position_m, parameters) {
+            Some(whitening) => whitening.whiten(columns),
+            None => vec![vec![f64::NAN; self.n_observed()]; columns.len()],
+        }
+    }
+
+    /// L⁻¹ at a point, for any number of columns; `None` for parameters outside their support.
+    pub fn whitening(&self, position_m: &[f64], parameters: &[f64]) -> Option<Whitening> {
+        let scales = Scales::new(self.model, parameters)?;
+        let mut walk = Walk::new(&scales, &self.rows.step_s);
+        let rows: Vec<RowGain> = self.rows.rows.iter().map(|row| RowGain::of(&mut walk, row, position_m)).collect();
+        let largest_m = rows.iter().fold(0.0, |largest: f64, row| largest.max(row.x.abs()));
+        Some(Whitening { rows, inverse_sd: inverse_sd(&scales), largest_m })
     }
 
     /// Inner products of whitened columns, in one pass and without keeping them; `None` for parameters outside their support.
@@ -152,22 +168,73 @@ impl NoiseLikelihood {
         for rows in self.rows.rows.chunks(BLOCK) {
             gains.clear();
             for row in rows {
-                let x = position_m[row.index];
-                let (decay, gain) = walk.observe(row, x);
-                determinant.grow(gain.excess);
-                let numbers = gain.numbers();
-                let root_precision = numbers.precision.sqrt();
-                gains.push(RowGain { row: *row, x, decay: decay.number(), gain: numbers, root_precision });
+                let gain = RowGain::of(&mut walk, row, position_m);
+                determinant.grow(number(gain.excess));
+                gains.push(gain);
             }
-            let groups = columns.chunks(LANES).zip(white.chunks_mut(LANES)).zip(&mut means);
-            for ((columns, white), means) in groups {
-                Arch::new().dispatch(Sweep { rows: &gains, columns, white, means, inverse_sd: inverse_sd(scales) });
-            }
+            let inverse_sd = inverse_sd(scales);
+            sweep(&gains, columns, 0, (&mut white, &mut means), inverse_sd);
             visit(&Block { rows: &gains, white: &white });
         }
         let mut product = Determinant::<1>::ONE;
         determinant.store(&mut product, 0);
         product.ln(0)
+    }
+}
+
+/// L⁻¹ at a point: the filter at every observed row.
+pub struct Whitening {
+    rows: Vec<RowGain>,
+    inverse_sd: f64,
+    /// Size (m) of the largest position.
+    largest_m: f64,
+}
+
+/// Part of a column's size below which what the filter remembers of it is nothing.
+const FORGOTTEN: f64 = 1e-14;
+
+impl Whitening {
+    /// L⁻¹ times each column: as [`NoiseLikelihood::whiten`].
+    pub fn whiten(&self, columns: &[Vec<f64>]) -> Vec<Vec<f64>> {
+        self.whiten_from(columns, 0).1
+    }
+
+    /// The same of columns that begin at a row of the record and are 0 before it and after their end: the first observed row at which they may differ from 0,
+    /// counted among the observed ones, and their values from there on until they are 0 to rounding.
+    pub fn whiten_from(&self, columns: &[Vec<f64>], first_row: usize) -> (usize, Vec<Vec<f64>>) {
+        let slices: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
+        let end_row = first_row + slices.iter().map(|column| column.len()).max().unwrap_or(0);
+        let first = self.rows.partition_point(|row| row.row.index < first_row);
+        let sizes = slices.iter().flat_map(|column| column.iter()).fold(0.0, |largest: f64, x| largest.max(x.abs()));
+        let mut whitened = vec![Vec::new(); columns.len()];
+        let mut means = vec![[[0.0; LANES]; 3]; columns.len().div_ceil(LANES)];
+        let mut white = vec![[0.0; BLOCK]; columns.len()];
+        for rows in self.rows[first..].chunks(SHORT_BLOCK) {
+            sweep(rows, &slices, first_row, (&mut white, &mut means), self.inverse_sd);
+            whitened.iter_mut().zip(&white).for_each(|(all, block)| all.extend_from_slice(&block[..rows.len()]));
+            let is_past = rows.last().is_some_and(|last| last.row.index + 1 >= end_row);
+            let remembered = |[process, gain, offset]: &[[f64; LANES]; 3]| {
+                let lane = |k: usize| process[k].abs() + self.largest_m * gain[k].abs() + offset[k].abs();
+                (0..LANES).map(lane).fold(0.0, f64::max)
+            };
+            if is_past && means.iter().all(|mean| remembered(mean) <= FORGOTTEN * sizes) {
+                break;
+            }
+        }
+        (first, whitened)
+    }
+}
+
+/// Takes columns that begin at a row of the record through successive observed rows, eight at a time.
+fn sweep(
+    rows: &[RowGain],
+    columns: &[&[f64]],
+    first_row: usize,
+    (white, means): (&mut [[f64; BLOCK]], &mut [[[f64; LANES]; 3]]),
+    inverse_sd: f64,
+) {
+    for ((columns, white), means) in columns.chunks(LANES).zip(white.chunks_mut(LANES)).zip(means) {
+        Arch::new().dispatch(Sweep { rows, columns, first_row, white, means, inverse_sd });
     }
 }
 
@@ -180,6 +247,8 @@ fn inverse_sd(scales: &Scales) -> f64 {
 struct Sweep<'a> {
     rows: &'a [RowGain],
     columns: &'a [&'a [f64]],
+    /// Row of the record at which the columns begin.
+    first_row: usize,
     white: &'a mut [[f64; BLOCK]],
     means: &'a mut [[f64; LANES]; 3],
     inverse_sd: f64,
@@ -200,7 +269,7 @@ impl WithSimd for Sweep<'_> {
             let mut mean = Mean::<S, true, true>::load(simd, self.means, register);
             for (place, row) in self.rows.iter().enumerate() {
                 for (lane, column) in self.columns.iter().enumerate() {
-                    lanes[lane] = column[row.row.index];
+                    lanes[lane] = column.get(row.row.index - self.first_row).copied().unwrap_or(0.0);
                 }
                 mean.advance(Register::splat(simd, row.decay));
                 if row.row.new_cycle {
@@ -254,9 +323,9 @@ impl WithSimd for Gram<'_> {
     }
 }
 
-/// Eight sums side by side, so that the compiler may use vector registers, whatever their width: the sum does not depend on it.
+/// Inner product of two slices of one length: eight sums side by side, so that the compiler may use vector registers, whatever their width: the sum does not depend on it.
 #[inline(always)]
-fn dot(a: &[f64], b: &[f64]) -> f64 {
+pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<LANES>(), b.as_chunks::<LANES>());
     let mut sums = [0.0; LANES];
     for (a, b) in a.iter().zip(b) {

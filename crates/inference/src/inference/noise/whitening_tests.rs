@@ -111,3 +111,32 @@ fn products_are_those_of_whitened_columns() {
         }
     }
 }
+
+/// Columns that are 0 but in some rows, whitened from their first row on until they are forgotten, against the whole columns; gaps of the record and columns that end
+/// beyond it among them.
+#[test]
+fn columns_of_some_rows_are_whitened_as_whole_ones() {
+    let record = TestRecord::irregular(900);
+    for model in gaussian_models() {
+        for point in POINTS {
+            let parameters = parameters(model, point);
+            let likelihood = NoiseLikelihood::new(model, &record.time_s, &record.cycle, &record.observed_m);
+            let whitening = likelihood.whitening(&record.position_m, &parameters).expect("in support");
+            for (first, end) in [(0, 7), (3, 90), (440, 441), (700, 900), (899, 900)] {
+                let parts: Vec<Vec<f64>> = (0..11)
+                    .map(|k| (first..end).map(|row| 1e-6 * (1.0 + 0.1 * (k * row) as f64).sin()).collect())
+                    .collect();
+                let whole = |part: &Vec<f64>| [vec![0.0; first], part.clone(), vec![0.0; 900 - end]].concat();
+                let wholes: Vec<Vec<f64>> = parts.iter().map(whole).collect();
+                let exact = likelihood.whiten(&wholes, &record.position_m, &parameters);
+                let (from, found) = whitening.whiten_from(&parts, first);
+                for (found, exact) in found.iter().zip(&exact) {
+                    let largest = exact.iter().fold(0.0, |a: f64, x| a.max(x.abs()));
+                    let at = |row: usize| row.checked_sub(from).and_then(|row| found.get(row)).copied().unwrap_or(0.0);
+                    let error = (0..exact.len()).map(|row| (at(row) - exact[row]).abs()).fold(0.0, f64::max);
+                    assert!(error <= 1e-12 * largest, "{first} {end} {error} {largest}");
+                }
+            }
+        }
+    }
+}
