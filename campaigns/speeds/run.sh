@@ -32,7 +32,10 @@ for effect in none $effects; do
         rm -rf "$place" "$raw/studies/$effect-$strength" "$raw/$label.seconds"
         started=$(date +%s)
         mkdir -p "$raw/records"
-        "$program" challenge new --out "$place" "${hide[@]}" --seed 5 --quiet >"$raw/make.txt"
+        # Some effects cannot be made as strong as that.
+        if ! "$program" challenge new --out "$place" "${hide[@]}" --seed 5 --quiet >"$raw/make.txt" 2>&1; then
+            continue
+        fi
         "$program" compare "$place" --out "$raw/studies/$effect-$strength" --quiet >"$raw/make.txt"
         (cd "$raw" && run_timed "$label" "${diagnose[@]}")
         note "$label" "$started" "${diagnose[@]}"
