@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
+use super::init_creep::RheometerCreep;
 use super::init_sweep::described;
 use crate::documents::init::{InitColumn, InitSummary};
 use crate::error::{Error, Place, Result};
@@ -54,15 +55,23 @@ pub fn run(request: &InitRequest, ask: Ask<'_>) -> Result<(InitSummary, String)>
     if let Some(summary) = oscillation(request, &name, &bytes, &out)? {
         return Ok((summary, sha256_hex(&bytes)));
     }
-    let proposal = propose(&request.file, &bytes, &request.given, ask)?;
-    let mut request = request.clone();
-    for (size, what) in request.sizes.iter_mut().zip(SIZES) {
-        *size = size.or_else(|| asked_size(what, ask));
+    let looked = look(&request.file, &bytes).ok();
+    let creep = looked.and_then(|looked| RheometerCreep::of(&looked, &request.given, request.sizes[3]));
+    let given = creep.as_ref().map_or(&request.given, |creep| &creep.given);
+    let mut proposal = propose(&request.file, &bytes, given, ask)?;
+    if let Some(creep) = &creep {
+        proposal.reasons.push(creep.reason());
+        proposal.reasons.extend(sizes_are_idle(request));
     }
-    let request = &request;
-    let unknown = UNKNOWN_KEYS.iter().zip(request.sizes).filter(|(_, size)| size.is_none());
-    let unknown = unknown.map(|(key, _)| (*key).to_string()).collect();
-    let toml = experiment_toml(request, &name, &proposal);
+    let mut request = request.clone();
+    let mut unknown = Vec::new();
+    if creep.is_none() {
+        for (size, (key, what)) in request.sizes.iter_mut().zip(SIZES) {
+            *size = size.or_else(|| asked_size(what, ask));
+            unknown.extend(size.is_none().then(|| key.to_string()));
+        }
+    }
+    let toml = experiment_toml(&request, &name, &proposal, creep.as_ref());
     write(&out, &name, &bytes, &toml)?;
     let summary = InitSummary {
         directory: out.display().to_string(),
@@ -92,7 +101,8 @@ fn oscillation(request: &InitRequest, name: &str, bytes: &[u8], out: &Path) -> R
     }
     let Ok(looked) = look(&request.file, bytes) else { return Ok(None) };
     let Some(columns) = sweep_columns(&looked) else { return Ok(None) };
-    let (toml, summary) = described(name, request.id.as_deref(), request.sizes[3], &looked, &columns)?;
+    let (toml, mut summary) = described(name, request.id.as_deref(), request.sizes[3], &looked, &columns)?;
+    summary.reasons.extend(sizes_are_idle(request));
     write(out, name, bytes, &toml)?;
     let (sweep, _) = Sweep::read(out)?;
     Ok(Some(InitSummary {
@@ -102,16 +112,18 @@ fn oscillation(request: &InitRequest, name: &str, bytes: &[u8], out: &Path) -> R
     }))
 }
 
-/// Keys of [`InitRequest::sizes`].
-const UNKNOWN_KEYS: [&str; 4] =
-    ["robot.diameter_mm", "robot.density_kg_m3", "vitreous.diameter_mm", "vitreous.poisson_ratio"];
+/// Said where sizes are given that a rheometer does not have.
+fn sizes_are_idle(request: &InitRequest) -> Option<String> {
+    let is_given = request.sizes[..3].iter().any(Option::is_some);
+    is_given.then(|| "the sizes of robot and vitreous are not used: a rheometer has none of them".into())
+}
 
-/// The same in words.
-const SIZES: [&str; 4] = [
-    "diameter of the robot, a sphere, in mm",
-    "density of the robot in kg/m³",
-    "diameter of the vitreous in mm",
-    "Poisson ratio of the vitreous (0.48 to 0.499 for a gel that is nearly incompressible)",
+/// Keys of [`InitRequest::sizes`], and what they are.
+const SIZES: [(&str, &str); 4] = [
+    ("robot.diameter_mm", "diameter of the robot, a sphere, in mm"),
+    ("robot.density_kg_m3", "density of the robot in kg/m³"),
+    ("vitreous.diameter_mm", "diameter of the vitreous in mm"),
+    ("vitreous.poisson_ratio", "Poisson ratio of the vitreous (0.48 to 0.499 for a gel that is nearly incompressible)"),
 ];
 /// Answers that are no numbers before a question is given up.
 const TRIES: usize = 3;
@@ -206,7 +218,7 @@ fn column_name(column: &ColumnName) -> String {
 }
 
 /// `experiment.toml`, with a comment a line.
-fn experiment_toml(request: &InitRequest, file: &str, proposal: &Proposal) -> String {
+fn experiment_toml(request: &InitRequest, file: &str, proposal: &Proposal, creep: Option<&RheometerCreep>) -> String {
     let table = &proposal.description;
     let layout = &table.layout;
     let stem = Path::new(file).file_stem().map_or("specimen".into(), |stem| stem.to_string_lossy().into_owned());
@@ -233,12 +245,17 @@ fn experiment_toml(request: &InitRequest, file: &str, proposal: &Proposal) -> St
         Some(region) => line("region", quoted(region), "groups are formed by it"),
         None => line("# region", quoted("central"), "free text; groups are formed by it"),
     }
-    line("\n[robot]\nshape", quoted("sphere"), "or \"ellipsoid\", \"cylinder\" with `length_mm` and `orientation`");
-    line("diameter_mm", diameter, "of the moving body");
-    line("density_kg_m3", density, "of the moving body");
-    line("\n[vitreous]\ndiameter_mm", vitreous, "of the gel around it, whose outer surface is fixed");
-    line("poisson_ratio", poisson, "0.48 to 0.499 for a gel that is nearly incompressible");
-    line("density_kg_m3", "1000.0".into(), "of water, if nothing better is known");
+    if let Some(RheometerCreep { compliance, .. }) = creep {
+        let value = format!("{compliance:?}");
+        line("\n[instrument]\ncompliance_per_m", value, "2 + 2ν: shear strain over shear stress of a law in E");
+    } else {
+        line("\n[robot]\nshape", quoted("sphere"), "or \"ellipsoid\", \"cylinder\" with `length_mm` and `orientation`");
+        line("diameter_mm", diameter, "of the moving body");
+        line("density_kg_m3", density, "of the moving body");
+        line("\n[vitreous]\ndiameter_mm", vitreous, "of the gel around it, whose outer surface is fixed");
+        line("poisson_ratio", poisson, "0.48 to 0.499 for a gel that is nearly incompressible");
+        line("density_kg_m3", "1000.0".into(), "of water, if nothing better is known");
+    }
     line("\n[measurement]\nfile", quoted(file), "the table as it was");
     line("source", quoted("not stated"), "where it comes from; synthetic or measured");
     match request.noise_um {
@@ -294,10 +311,15 @@ fn experiment_toml(request: &InitRequest, file: &str, proposal: &Proposal) -> St
         "s, ms, min, h, \"clock\" (hh:mm:ss) or \"iso\"",
     );
     if let Some((_, unit)) = &table.force {
-        line("force", quoted(&unit.name), "N, mN, uN, nN or pN");
+        let units = if creep.is_some() { "a pascal stands for a newton" } else { "N, mN, uN, nN or pN" };
+        line("force", quoted(&unit.name), units);
     }
     if let Some((_, unit)) = &table.position {
-        line("position", quoted(&unit.name), "m, mm, um or nm");
+        let units = match creep {
+            Some(_) => "a strain of 1 stands for a metre",
+            None => "m, mm, um or nm, or so many of one: \"0.65 um\" a pixel",
+        };
+        line("position", quoted(&unit.name), units);
     }
     lines
 }

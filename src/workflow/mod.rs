@@ -13,6 +13,7 @@ mod fitted_rows;
 pub mod full_check;
 pub mod heldout;
 pub mod init;
+mod init_creep;
 mod init_sweep;
 mod joint;
 pub mod ladder;

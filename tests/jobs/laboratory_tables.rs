@@ -309,3 +309,40 @@ fn sizes_that_are_not_known_are_marked() {
     let toml = std::fs::read_to_string(out.join("experiment.toml")).unwrap();
     assert!(toml.lines().filter(|line| line.contains(" = ")).all(|line| line.contains(" # ")), "{toml}");
 }
+
+/// A rheometer's creep in three layouts: pascals as newtons, strains as metres, 2 + 2ν as the compliance; sizes that it does not have are said to be idle.
+#[test]
+fn a_rheometers_creep_is_a_record_in_time() {
+    let folder = tempfile::tempdir().unwrap();
+    let strain = |t: f64| 0.3 * (1.0 - (-t / 2.0_f64).exp()) + 0.01 * t;
+    let stress = |t: f64| if t < 20.0 { 1.5 } else { 0.0 };
+    let rows = |line: &dyn Fn(usize, f64) -> String| -> String { (0..400).map(|i| line(i, 0.1 * i as f64)).collect() };
+    let percent = rows(&|i, t| format!("{}\t{t:.1}\t{:.4}\t{:.6}\n", i + 1, stress(t), 100.0 * strain(t)));
+    let kilopascal = rows(&|_, t| format!("{t:.1};{:.6};{:.6}\n", 1e-3 * stress(t), strain(t)).replace('.', ","));
+    let pascal = rows(&|_, t| format!("{:.7},{t:.1},{:.3},0.01\n", strain(t), stress(t)));
+    let tables = [
+        format!("Meas. Pts.\tTime\tShear Stress\tShear Strain\n\t[s]\t[Pa]\t[%]\n{percent}"),
+        format!("Zeit [s];Schubspannung [kPa];Dehnung\n{kilopascal}"),
+        format!("Strain (-),Time (s),Stress (Pa),Strain rate (1/s)\n{pascal}"),
+    ];
+    for (number, table) in tables.iter().enumerate() {
+        let (file, out) = (folder.path().join("creep.txt"), folder.path().join(format!("creep-{number}")));
+        std::fs::write(&file, table).unwrap();
+        let request = InitRequest { file, out: Some(out.clone()), sizes: SIZES, ..InitRequest::default() };
+        let (summary, _) = run(&request, &mut |_| None).unwrap();
+        assert!(
+            summary.is_complete() && summary.reasons.iter().any(|reason| reason.contains("not used")),
+            "{summary:?}"
+        );
+        let (experiment, _) = Experiment::read(&out).unwrap();
+        let toml = std::fs::read_to_string(out.join("experiment.toml")).unwrap();
+        assert!(toml.contains("[instrument]\ncompliance_per_m = 2.96 "), "{toml}");
+        let record = &experiment.record;
+        assert_eq!(record.n_rows(), 400);
+        for (row, position_m) in record.position_m.iter().enumerate() {
+            let t = 0.1 * row as f64;
+            assert!((record.time_s[row] - t).abs() < 1e-9 && (record.force_n[row] - stress(t)).abs() < 1e-9);
+            assert!((position_m.unwrap() - strain(t)).abs() < 1e-6, "{number} {row}");
+        }
+    }
+}

@@ -19,6 +19,8 @@ pub enum Dimension {
     Pressure,
     /// Angle, SI unit rad.
     Angle,
+    /// A ratio, such as a strain; 1.
+    Ratio,
 }
 
 /// One accepted unit.

@@ -41,13 +41,13 @@ pub struct InitArguments {
     /// Column of the cycle
     #[arg(long, value_name = "COLUMN")]
     cycle: Option<String>,
-    /// Unit of the time: s, ms, min, h, clock (hh:mm:ss) or iso
+    /// Unit of the time: s, ms, min, h, clock (hh:mm:ss) or iso, or so many of one, as "0.05 s" a frame
     #[arg(long, value_name = "UNIT")]
     unit_time: Option<String>,
     /// Unit of the force: N, mN, uN, nN or pN
     #[arg(long, value_name = "UNIT")]
     unit_force: Option<String>,
-    /// Unit of the position: m, mm, um or nm
+    /// Unit of the position: m, mm, um or nm, or so many of one, as "0.65 um" a pixel
     #[arg(long, value_name = "UNIT")]
     unit_position: Option<String>,
     /// Name of the specimen [default: the table's name]
@@ -140,8 +140,10 @@ fn column(column: &InitColumn) -> String {
     let InitColumn { role, name, unit, range } = column;
     // The document has SI and micro-units; people see the table's own.
     let in_document = if role == "time" { 1.0 } else { 1e-6 };
-    let (per, shown) = match spelt(unit) {
-        Some(own) => (in_document / own.to_si(1.0), unit.as_str()),
+    // Counts, each so much of a unit, are seen in that unit.
+    let seen_in = unit.split_once(' ').map_or(unit.as_str(), |(_, of)| of);
+    let (per, shown) = match spelt(seen_in) {
+        Some(own) => (in_document / own.to_si(1.0), seen_in),
         None => (1.0, "s"),
     };
     let range = range.map_or(String::new(), |[low, high]| {

@@ -59,7 +59,7 @@ pub(super) const CYCLE: usize = 3;
 const MOST_ROWS: usize = 20_000_000;
 
 /// Words that stand for a lost position beside the empty cell.
-const LOST: [&str; 3] = ["nan", "na", "null"];
+const LOST: [&str; 9] = ["nan", "na", "null", "n/a", "#n/a", "none", "missing", "-", "--"];
 
 /// Whether a cell says that its position was lost.
 pub(super) fn is_lost(cell: &str) -> bool {

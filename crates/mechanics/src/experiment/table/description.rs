@@ -257,6 +257,7 @@ impl<'a> Units<'a> {
                 Dimension::Frequency => "frequency = \"Hz\"",
                 Dimension::Pressure => "storage = \"Pa\"",
                 Dimension::Angle => "phase = \"deg\"",
+                Dimension::Ratio => "strain = \"%\"",
             };
             return by_name.filter(|unit| unit.dimension == dimension).ok_or_else(|| match self.table {
                 Some(table) => table.missing(key, example),

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::description::{ColumnName, PositionColumns, TableDescription, TableLayout, TimeFormat};
 use super::read::read_described;
-use super::spelling::{Spelt, clock_s, iso_s, split_unit, unit};
+use super::spelling::{Spelt, clock_s, counted, iso_s, split_unit, unit};
 use super::text::{Decimal, Delimiter, Encoding, cells, comment_sign, header_cells, is_aside, table_text};
 use crate::error::{Error, Place, Result};
 use crate::experiment::frame::{Direction, Frame, Zero, is_clearly_against, rest_m};
@@ -16,11 +16,13 @@ use crate::units::Dimension;
 const LOOKED_AT: usize = 5_000;
 /// Letters of a cell in a line of units.
 const LONGEST_UNIT: usize = 8;
+/// Names of columns of remarks.
+const REMARKS: [&str; 6] = ["", "comment", "comments", "note", "notes", "remarks"];
 /// Share of the positions' range by which a record that starts at 0 may miss it.
 const NEAR_ZERO: f64 = 0.02;
 
 /// What the user says of a table; whatever is missing is found.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Given {
     /// Columns of time, force, position and cycle, by name or number.
     pub columns: [Option<String>; 4],
@@ -88,12 +90,14 @@ impl Role {
         }
     }
 
-    /// An example of the option that says its unit.
-    fn unit_option(self) -> String {
-        let unit = match self {
-            Self::Time => "s",
-            Self::Force => "uN",
-            Self::Position | Self::Cycle => "um",
+    /// An example of the option that says its unit, of a column of that name.
+    fn unit_option(self, column: &str) -> String {
+        let unit = match (self, counted(column)) {
+            (Self::Time, None) => "s",
+            (Self::Time, Some(_)) => "\"0.05 s\"",
+            (Self::Force, _) => "uN",
+            (Self::Position | Self::Cycle, None) => "um",
+            (Self::Position | Self::Cycle, Some(_)) => "\"0.65 um\"",
         };
         format!("--unit-{} {unit}", self.name())
     }
@@ -123,7 +127,10 @@ impl Role {
     /// Names that are this and nothing else, and parts of names that suggest it.
     fn words(self) -> (&'static [&'static str], &'static [&'static str]) {
         match self {
-            Self::Time => (&["t", "time", "zeit", "temps", "timestamp", "elapsed"], &["time", "zeit", "elapsed"]),
+            Self::Time => (
+                &["t", "time", "zeit", "temps", "timestamp", "elapsed", "xvalue"],
+                &["time", "zeit", "elapsed", "frame"],
+            ),
             Self::Force => (&["f", "force", "kraft", "fx", "load"], &["force", "kraft"]),
             Self::Position => (
                 &["x", "position", "pos", "displacement", "weg"],
@@ -195,8 +202,14 @@ struct Header {
 
 /// A line's cells as names, if it has as many as the rows have and two of them are words.
 fn names_in(line: &str, layout: &Layout) -> Option<Vec<String>> {
-    let found: Vec<String> =
+    let mut found: Vec<String> =
         header_cells(line, layout.delimiter, None, layout.n_cells).into_iter().map(Cow::into_owned).collect();
+    // A column of remarks may have a name and no cells.
+    while found.len() > layout.n_cells
+        && found.last().is_some_and(|last| REMARKS.contains(&last.to_lowercase().as_str()))
+    {
+        found.pop();
+    }
     let n_words = found.iter().filter(|cell| !cell.is_empty() && !is_value(cell, layout.decimal)).count();
     (found.len() == layout.n_cells && n_words >= 2).then_some(found)
 }
@@ -221,7 +234,8 @@ fn header(lines: &[&str], layout: &Layout) -> Header {
 
 /// How well a column fits a role; `None` where its unit speaks against it.
 fn fit(role: Role, name: &str, unit: Option<&Spelt>) -> Option<u32> {
-    let plain: String = split_unit(name).0.to_lowercase().chars().filter(|c| c.is_alphanumeric()).collect();
+    let stem = counted(name).map_or_else(|| split_unit(name).0, |(stem, _)| stem);
+    let plain: String = stem.to_lowercase().chars().filter(|c| c.is_alphanumeric()).collect();
     let (exact, parts) = role.words();
     let by_name = match plain.as_str() {
         plain if exact.contains(&plain) => 4,
@@ -265,6 +279,7 @@ pub fn propose(file: &Path, bytes: &[u8], given: &Given, ask: Ask<'_>) -> Result
         let cell = cell(role);
         role == Role::Time && (clock_s(cell).is_some() || iso_s(cell).is_some())
     };
+    let called = |role: Role| columns[role as usize].and_then(|at| header.names.get(at)).map_or("", String::as_str);
     let mut missing: Vec<Role> = [Role::Time, Role::Force, Role::Position]
         .into_iter()
         .filter(|role| said[*role as usize].is_none() && own_unit(*role).is_none() && !has_form(*role))
@@ -275,11 +290,13 @@ pub fn propose(file: &Path, bytes: &[u8], given: &Given, ask: Ask<'_>) -> Result
     });
     if let Some(first) = missing.first() {
         let names: Vec<&str> = missing.iter().map(|role| role.name()).collect();
-        let options: Vec<String> = missing.iter().map(|role| role.unit_option()).collect();
+        let options: Vec<String> = missing.iter().map(|role| role.unit_option(called(*role))).collect();
+        let counts: Vec<&str> = missing.iter().filter_map(|role| Some(counted(called(*role))?.1)).collect();
+        let of_counts = counts.first().map_or(String::new(), |what| format!(" where a {what} is as long as that"));
         return Err(Error::input(
             Place::option(format!("--unit-{}", first.name())),
             format!("{}: the table does not say the unit of {}", file.display(), names.join(" and ")),
-            format!("say it, as in `{}`", options.join(" ")),
+            format!("say it, as in `{}`{of_counts}", options.join(" ")),
         ));
     }
     let told = |role: Role| said[role as usize].as_deref();
@@ -287,7 +304,7 @@ pub fn propose(file: &Path, bytes: &[u8], given: &Given, ask: Ask<'_>) -> Result
         let found = told(role).map_or_else(|| own_unit(role), unit);
         found.filter(|unit| Some(unit.dimension) == role.dimension()).ok_or_else(|| {
             let found = format!("`{}` is no unit of a {}", told(role).unwrap_or_default(), role.name());
-            let remedy = format!("say it, as in `{}`", role.unit_option());
+            let remedy = format!("say it, as in `{}`", role.unit_option(called(role)));
             Error::input(Place::option(format!("--unit-{}", role.name())), found, remedy)
         })
     };
@@ -523,8 +540,18 @@ impl Seen<'_> {
         match ask(&question).map(|told| self.told(&option, &told)) {
             Some(at) => at.map(Found::Alone),
             None => {
-                let remedy =
-                    format!("say which it is with `--{0} NAME` or its number; {1}", role.name(), self.listed());
+                let is_current =
+                    |unit: &Option<Spelt>| unit.as_ref().is_some_and(|unit| unit.dimension == Dimension::Current);
+                let of_current = if role == Role::Force && header.units.iter().any(is_current) {
+                    "; a coil's current becomes a force in [actuation], which docs/experiment.md describes"
+                } else {
+                    ""
+                };
+                let remedy = format!(
+                    "say which it is with `--{0} NAME` or its number; {1}{of_current}",
+                    role.name(),
+                    self.listed()
+                );
                 Err(Error::input(Place::option(option), found, remedy))
             }
         }
@@ -590,6 +617,10 @@ mod tests {
         assert!(refused(&format!("t [s],F [V],x [um]\n{rows}")).contains("--force"));
         let two = refused("t [s],F [uN],position a [um],position b [um]\n0,1,0,0\n1,1,2,2\n");
         assert!(two.contains("several columns may be the position"), "{two}");
+        let counts = refused("frame,F [uN],x (px)\n0,1,0\n1,1,2\n");
+        assert!(counts.contains("--unit-time \"0.05 s\" --unit-position \"0.65 um\"` where a frame"), "{counts}");
+        let current = refused("t [s],coil [A],x [um]\n0,1,0\n1,1,2\n");
+        assert!(current.contains("[actuation]"), "{current}");
         assert!(refused("nothing\nhere\n").contains("no two columns"));
     }
 
@@ -614,6 +645,17 @@ mod tests {
         );
         assert_eq!(proposal.description.force.unwrap().1.name, "uN");
         assert_eq!(proposal.position_m, [0.0, 3e-6]);
+    }
+
+    /// A column of remarks without cells, as LabVIEW writes it, and a camera's counts whose sizes are said.
+    #[test]
+    fn remarks_are_no_column_and_counts_have_sizes() {
+        let given = Given { units: ["0.05 s", "uN", "0.65 um"].map(|unit| Some(unit.into())), ..Given::default() };
+        let text = "X_Value\tForce\tx_px\tComment\n0\t1\t0\n1\t1\t2\n2\t1\t4\n";
+        let proposal = propose(Path::new("t.lvm"), text.as_bytes(), &given, &mut |_| None).unwrap();
+        assert_eq!(proposal.columns, ["X_Value", "Force", "x_px"]);
+        assert!((proposal.duration_s - 0.1).abs() < 1e-12 && (proposal.position_m[1] - 2.6e-6).abs() < 1e-15);
+        assert_eq!(proposal.description.position.unwrap().1.name, "0.65 um");
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use crate::units::{Dimension, UNITS};
 
 /// Spellings of units that are not suffixes of the program's own, with how many SI units they are.
-const SPELLINGS: [(&str, Dimension, f64); 33] = [
+const SPELLINGS: [(&str, Dimension, f64); 34] = [
     ("sec", Dimension::Time, 1.0),
     ("secs", Dimension::Time, 1.0),
     ("second", Dimension::Time, 1.0),
@@ -37,6 +37,7 @@ const SPELLINGS: [(&str, Dimension, f64); 33] = [
     ("degrees", Dimension::Angle, std::f64::consts::PI / 180.0),
     ("°", Dimension::Angle, std::f64::consts::PI / 180.0),
     ("mrad", Dimension::Angle, 1e-3),
+    ("%", Dimension::Ratio, 1e-2),
 ];
 
 /// A unit that was recognised.
@@ -66,8 +67,21 @@ impl Spelt {
     }
 }
 
-/// The unit of a text such as `µm`, `[uN]` or `(s)`, if it is one. The program's own suffixes keep their case (`mN` is no `MN`); words do not.
+/// The unit of a text such as `µm`, `[uN]` or `(s)`, if it is one; also so many of one, as a camera's pixel is `0.65 um` and its frame `0.05 s`. The program's
+/// own suffixes keep their case (`mN` is no `MN`); words do not.
 pub fn unit(text: &str) -> Option<Spelt> {
+    let many = text.trim().split_once(' ').and_then(|(many, of)| Some((many.parse::<f64>().ok()?, one_unit(of)?)));
+    match many {
+        Some((many, of)) => (many > 0.0 && many.is_finite()).then(|| Spelt {
+            dimension: of.dimension,
+            name: format!("{many} {}", of.name),
+            scale: Scale::Times(of.to_si(many)),
+        }),
+        None => one_unit(text),
+    }
+}
+
+fn one_unit(text: &str) -> Option<Spelt> {
     let plain = text.trim().trim_matches(['[', ']', '(', ')', '"', '.', ' ']);
     let plain = plain.replace(['µ', 'μ'], "u");
     let own = UNITS.iter().find(|unit| unit.suffix == plain);
@@ -94,8 +108,37 @@ pub fn split_unit(name: &str) -> (&str, Option<Spelt>) {
     found.map_or((name, None), |(stem, unit)| (stem, Some(unit)))
 }
 
-/// Seconds of a clock's `hh:mm:ss.fff` or `mm:ss.fff`.
+/// What is counted in a column such as `x (px)` or `frame`, and the rest of its name.
+pub fn counted(name: &str) -> Option<(&str, &'static str)> {
+    const COUNTS: [(&str, &str); 6] = [
+        ("px", "pixel"),
+        ("pixel", "pixel"),
+        ("pixels", "pixel"),
+        ("frame", "frame"),
+        ("frames", "frame"),
+        ("frm", "frame"),
+    ];
+    let of = |text: &str| {
+        let plain = text.trim_matches(['[', ']', '(', ')', ' ']);
+        COUNTS.iter().find(|(known, _)| known.eq_ignore_ascii_case(plain)).map(|(_, what)| *what)
+    };
+    let parts = ["[", "(", "/", "_", " "].iter().filter_map(|joint| name.rsplit_once(joint));
+    parts.chain([(name, name)]).find_map(|(stem, text)| Some((stem.trim(), of(text)?)))
+}
+
+/// Seconds of a clock's `hh:mm:ss.fff` or `mm:ss.fff`, or of `hh:mm:ss AM`.
 pub fn clock_s(cell: &str) -> Option<f64> {
+    let half = cell.trim_end().get(cell.trim_end().len().saturating_sub(3)..).unwrap_or("");
+    let later_h = match half.to_ascii_uppercase().as_str() {
+        " AM" => Some(0.0),
+        " PM" => Some(12.0),
+        _ => None,
+    };
+    if let Some(later_h) = later_h {
+        let of_half =
+            clock_s(cell.trim_end().get(..cell.trim_end().len() - 3)?).filter(|s| (3600.0..46_800.0).contains(s))?;
+        return Some(of_half.rem_euclid(43_200.0) + 3600.0 * later_h);
+    }
     let parts: Vec<&str> = cell.split(':').collect();
     let (seconds, larger) = parts.split_last()?;
     if larger.is_empty() || larger.len() > 2 {
@@ -157,7 +200,10 @@ mod tests {
             let found = unit(text).unwrap_or_else(|| panic!("{text}"));
             assert_eq!((found.name.as_str(), found.to_si(1.0)), (name, value), "{text}");
         }
-        for text in ["", "MN", "Um", "MM", "a.u.", "V", "px"] {
+        let pixel = unit("0.65 µm").expect("so many of a unit");
+        assert_eq!((pixel.name.as_str(), pixel.dimension), ("0.65 um", Dimension::Length));
+        assert!((pixel.to_si(2.0) - 1.3e-6).abs() < 1e-20);
+        for text in ["", "MN", "Um", "MM", "a.u.", "V", "px", "-1 um", "0 um", "inf um", "0.65 px", "um 2"] {
             assert_eq!(unit(text), None, "{text}");
         }
     }
@@ -173,13 +219,30 @@ mod tests {
     }
 
     #[test]
+    fn pixels_and_frames_are_counts() {
+        for (name, found) in [
+            ("x (px)", Some(("x", "pixel"))),
+            ("X_pixels", Some(("X", "pixel"))),
+            ("frame", Some(("frame", "frame"))),
+            ("t [frames]", Some(("t", "frame"))),
+            ("x (um)", None),
+            ("framework", None),
+        ] {
+            assert_eq!(counted(name), found, "{name}");
+        }
+    }
+
+    #[test]
     fn times_of_day_and_dates_are_seconds() {
         assert_eq!(clock_s("01:02:03.5"), Some(3723.5));
         assert_eq!(clock_s("02:03,5"), Some(123.5));
+        assert_eq!(clock_s("12:00:01.5 AM"), Some(1.5));
+        assert_eq!(clock_s("12:00:01 pm"), Some(43_201.0));
+        assert_eq!(clock_s("1:00:00 PM"), Some(46_800.0));
         assert_eq!(iso_s("1970-01-02T00:00:01Z"), Some(86_401.0));
         assert_eq!(iso_s("2000-03-01 12:00:00"), Some(951_912_000.0));
         assert_eq!(iso_s("2024-02-29T01:00:00.25+01:00"), Some(1_709_164_800.25));
-        for text in ["12", "1:2:3:4", "a:b", "12:99"] {
+        for text in ["12", "1:2:3:4", "a:b", "12:99", "13:00:00 PM", "0:10:00 AM", " AM"] {
             assert_eq!(clock_s(text), None, "{text}");
         }
         for text in ["2024-13-01T00:00:00", "2024-02-29", "yesterday 10:00"] {

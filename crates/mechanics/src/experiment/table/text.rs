@@ -57,13 +57,26 @@ impl Decimal {
     /// The number that a cell holds, if it is one; not finite ones are none.
     pub fn number(self, cell: &str) -> Option<f64> {
         let plain = match self {
+            Self::Point if cell.contains(',') => Cow::Owned(without_groups(cell, ',', '.')?),
             Self::Point => Cow::Borrowed(cell),
-            Self::Comma if cell.contains('.') => return None,
+            Self::Comma if cell.contains('.') => Cow::Owned(without_groups(cell, '.', ',')?.replacen(',', ".", 1)),
             Self::Comma => Cow::Owned(cell.replacen(',', ".", 1)),
         };
         let is_written_out = plain.chars().all(|c| c.is_ascii_digit() || "+-.eE".contains(c));
         plain.parse().ok().filter(|number: &f64| is_written_out && number.is_finite())
     }
+}
+
+/// A number such as `1,234.5` without the signs between its thousands. Decimals must follow: `1,234` alone may be another number with a decimal comma.
+fn without_groups(cell: &str, between: char, before_decimals: char) -> Option<String> {
+    let (whole, decimals) = cell.split_once(before_decimals)?;
+    let mut groups = whole.trim_start_matches(['+', '-']).split(between);
+    let first = groups.next()?;
+    let are_digits = |text: &str| text.bytes().all(|byte| byte.is_ascii_digit());
+    let is_first = (1..=3).contains(&first.len()) && are_digits(first) && !first.starts_with('0');
+    let are_thousands = is_first && groups.all(|group| group.len() == 3 && are_digits(group));
+    (are_thousands && !decimals.contains(between))
+        .then(|| format!("{}{before_decimals}{decimals}", whole.replace(between, "")))
 }
 
 /// How letters are written as bytes.
@@ -177,14 +190,21 @@ pub fn cells(line: &str, delimiter: Delimiter) -> Vec<Cow<'_, str>> {
 ///
 /// Names between blanks may hold blanks themselves: then two or more stand between them, or each ends in its unit's bracket.
 pub fn header_cells<'a>(
-    line: &'a str,
+    whole: &'a str,
     delimiter: Delimiter,
     comment: Option<&str>,
     n_cells: usize,
 ) -> Vec<Cow<'a, str>> {
-    let mut line = line.trim_start();
+    let mut line = whole.trim_start();
     while let Some(sign) = comment_sign(line, comment) {
         line = line[sign.len()..].trim_start();
+    }
+    if comment_sign(whole, comment).is_none() {
+        // The first column may have no name, so that its line begins with a tabulator.
+        let with_empty = cells(whole, delimiter);
+        if with_empty.len() == n_cells {
+            return with_empty;
+        }
     }
     let by_each_blank = cells(line, delimiter);
     if delimiter != Delimiter::Spaces || by_each_blank.len() == n_cells {
@@ -242,6 +262,7 @@ mod tests {
         assert_eq!(spaces("t F x"), ["t", "F", "x"]);
         assert_eq!(spaces("elapsed time  F  x"), ["elapsed time", "F", "x"]);
         assert_eq!(header_cells("! t x", Delimiter::Spaces, Some("!"), 2), ["t", "x"]);
+        assert_eq!(header_cells("\t[s]\t[Pa]", Delimiter::Tab, None, 3), ["", "[s]", "[Pa]"]);
     }
 
     #[test]
@@ -254,9 +275,16 @@ mod tests {
     fn numbers_are_those_of_their_decimal_sign() {
         assert_eq!(Decimal::Comma.number("-1,5e-3"), Some(-1.5e-3));
         assert_eq!(Decimal::Point.number("1.5"), Some(1.5));
+        assert_eq!(Decimal::Point.number("-4,600.25"), Some(-4600.25));
+        assert_eq!(Decimal::Comma.number("1.234.567,5"), Some(1_234_567.5));
         for (decimal, cell) in [
             (Decimal::Comma, "1.5"),
+            (Decimal::Comma, "1.234"),
             (Decimal::Point, "1,5"),
+            (Decimal::Point, "1,234"),
+            (Decimal::Point, "0,123.5"),
+            (Decimal::Point, "1,23.5"),
+            (Decimal::Point, "1.5,000"),
             (Decimal::Comma, "1,234,5"),
             (Decimal::Point, "inf"),
             (Decimal::Point, "nan"),
