@@ -82,18 +82,34 @@ impl std::fmt::Display for NoiseYardstick {
 fn estimate(record: &Record) -> Option<NoiseYardstick> {
     let differences = second_differences(record);
     let n_differences = differences.len();
+    // Rounded positions of a smooth motion may lie on lines to the last digit: their errors are those of the rounding all the same.
+    let rounding_sd_m = written_step_m(record).map_or(0.0, |step_m| step_m / 12_f64.sqrt());
     let short_lag_sd_m = (n_differences >= MIN_DIFFERENCES)
         .then(|| median(differences.iter().map(|difference| difference.abs()).collect()))
         .flatten()
         .map(|mad| SD_PER_MAD * mad)
-        .filter(|sd_m| *sd_m > 0.0);
+        .filter(|sd_m| *sd_m > 0.0)
+        .map(|sd_m| sd_m.max(rounding_sd_m));
     let rest = rest_residuals(record);
     if rest.n_positions >= MIN_REST_POSITIONS && rest.sum_of_squares > 0.0 {
-        let sd_m = (rest.sum_of_squares / rest.degrees_of_freedom as f64).sqrt();
+        let sd_m = (rest.sum_of_squares / rest.degrees_of_freedom as f64).sqrt().max(rounding_sd_m);
         let origin = NoiseOrigin::Rest { n_positions: rest.n_positions, n_windows: rest.n_windows, short_lag_sd_m };
         return Some(NoiseYardstick { sd_m, origin });
     }
     short_lag_sd_m.map(|sd_m| NoiseYardstick { sd_m, origin: NoiseOrigin::ShortLag { n_differences } })
+}
+
+/// The last decimal (m) with which positions are written: the largest power of ten of which all their differences are multiples; `None` where there is none.
+fn written_step_m(record: &Record) -> Option<f64> {
+    let mut positions = record.position_m.iter().flatten();
+    let first = *positions.next()?;
+    // Down to 10⁻¹⁴ m: there a millimetre's own rounding begins.
+    (3..=14).map(|decimals| 10_f64.powi(-decimals)).find(|step_m| {
+        positions.clone().all(|x| {
+            let steps = (x - first) / step_m;
+            (steps - steps.round()).abs() < 1e-3
+        })
+    })
 }
 
 /// Row ranges between force steps.
@@ -230,6 +246,30 @@ mod tests {
         let found = estimate(&noisy(&[(5.0, 1.0), (20.0, 0.0)].repeat(3), 13)).unwrap();
         assert!(matches!(found.origin, NoiseOrigin::Rest { n_windows: 3, .. }), "{found:?}");
         assert!((found.sd_m / NOISE_M - 1.0).abs() < 0.25, "{found}");
+    }
+
+    /// A motion without noise whose positions are written to 0.1 µm, from a zero that is none of them: the rounding's deviation is the noise. Where positions
+    /// are written to more digits than the noise, or to all, nothing changes.
+    #[test]
+    fn rounding_is_noise() {
+        let smooth = |written: &dyn Fn(f64) -> f64| {
+            let mut record = noisy(&[(5.0, 1.0), (5.0, -1.0)].repeat(2), 15);
+            for (t_s, position) in record.time_s.iter().zip(&mut record.position_m) {
+                *position = Some(written(1e-4 * t_s));
+            }
+            record
+        };
+        let to_a_tenth = |x: f64| (1e7 * x).round() / 1e7 + 0.123_456_789e-3;
+        let record = smooth(&to_a_tenth);
+        assert_eq!(written_step_m(&record), Some(1e-7));
+        let found = estimate(&record).expect("an estimate");
+        assert!(found.sd_m >= 1e-7 / 12_f64.sqrt() && found.sd_m < 1.5e-7, "{found}");
+        assert_eq!(written_step_m(&smooth(&|x| x.sqrt())), None);
+        let mut fine = noisy(&[(5.0, 1.0), (5.0, -1.0)].repeat(4), 11);
+        let before = estimate(&fine).expect("an estimate");
+        fine.position_m.iter_mut().flatten().for_each(|x| *x = (1e10 * *x).round() / 1e10);
+        let after = estimate(&fine).expect("an estimate");
+        assert!((after.sd_m / before.sd_m - 1.0).abs() < 1e-2, "{before} {after}");
     }
 
     #[test]
