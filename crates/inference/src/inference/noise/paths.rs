@@ -90,6 +90,11 @@ impl NoiseModel {
         let Some(scales) = Scales::new(self, parameters) else {
             return vec![f64::NAN; position_m.len()];
         };
+        if self == Self::default() {
+            // White noise predicts nothing: the filter would draw the same numbers.
+            let draw_m = |_: &f64| scales.noise_sd_m * rng.sample::<f64, _>(StandardNormal);
+            return position_m.iter().map(draw_m).collect();
+        }
         let rows = all_rows(time_s, cycle);
         let mut walk = Walk::new(&scales, &rows.step_s);
         let mut mean = Mean::<Scalar, true, true>::zero(Scalar);
