@@ -210,28 +210,37 @@ fn long_computations_stop_soon() {
 #[test]
 fn a_run_whose_terminal_hangs_up_is_resumed() {
     let place = tempfile::tempdir().unwrap();
-    prepared(place.path());
-    let arguments = ["sample", "gel", "--steps", "20000", "--out", "whole"];
+    // A second and more of finite elements, so that there is a run to stop.
+    drifting_replica(place.path());
+    let arguments = ["sample", "drifting", "--steps", "20000", "--out", "whole"];
     let whole = vitreo(place.path(), &arguments);
     let mut arguments = arguments.map(String::from).to_vec();
     arguments[5] = "stopped".into();
     arguments.push("--resume".into());
     let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
-    let mut n_stopped = 0;
-    for milliseconds in [200, 400, 600] {
+    // The first signal is sent when the run has made its place, which is after it watches for signals and long before its end, however fast the machine;
+    // the others find it at work on what the first has left.
+    for milliseconds in [0, 100, 200] {
         let mut child = start(place.path(), &arguments);
         // From now on every word on standard error is refused.
         drop(child.stderr.take());
+        while !place.path().join("stopped/.m0.checkpoint").exists() {
+            assert!(child.try_wait().unwrap().is_none(), "the run ended before it made a place for what it would keep");
+            std::thread::sleep(Duration::from_millis(1));
+        }
         std::thread::sleep(Duration::from_millis(milliseconds));
         send("HUP", &child);
         let began = Instant::now();
         let code = child.wait().unwrap().code();
         assert!(began.elapsed() < SOON);
-        assert!(is_ignored("HUP") || matches!(code, Some(0 | 1 | 129) | None), "{code:?}");
-        n_stopped += usize::from(code == Some(129));
+        // Later ones may come before the program watches for signals, or after its end.
+        let may_be = if milliseconds == 0 { [Some(129); 3] } else { [Some(129), Some(whole.code), None] };
+        assert!(is_ignored("HUP") || may_be.contains(&code), "{code:?}");
         nothing_is_half_written(place.path());
+        if code == Some(whole.code) {
+            break;
+        }
     }
-    assert!(is_ignored("HUP") || n_stopped > 0, "the run was never stopped");
     vitreo(place.path(), &arguments).exits(whole.code);
     assert!(results(&place.path().join("stopped")) == results(&place.path().join("whole")));
 }
