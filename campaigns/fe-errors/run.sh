@@ -3,7 +3,7 @@
 source "$(dirname "${BASH_SOURCE[0]}")/../common.sh"
 begin fe-errors
 for test in fe::exact fe::shapes fe::time fe::spatial fe::poroelastic effects::kernels; do
-    binary=${test%%::*} name=${test##*::}
-    run_in "${binary}_$name" cargo test --release --quiet --locked --test "$binary" -- "$name::" --nocapture --test-threads 1
+    binary=${test%%::*} module=${test##*::}
+    run_in "${binary}_$module" cargo test --release --quiet --locked --test "$binary" -- "$module::" --nocapture --test-threads 1
 done
 finish
