@@ -51,8 +51,9 @@
 //! - [`inference`]: priors, likelihood, noise, ensembles, evidence
 //! - [`documents`]: what commands write: plain types
 //! - [`report`]: figures, CSV, NetCDF
+//! - [`page`]: pages for a browser
 //! - [`study`]: what is kept on disk
-//! - [`workflow`]: the jobs of `sample`, `fit`, `simulate`, `effects`, `extend`, `ladder`
+//! - [`workflow`]: the jobs of `sample`, `fit`, `simulate`, `effects`, `extend`, `ladder`, `report`
 //! - [`sweep`]: oscillations of a rheometer
 //! - [`critique`]: where a model fails and what it lacks; challenges
 //! - [`shapes`]: the study of robot shapes
@@ -67,7 +68,7 @@ pub mod study;
 pub mod sweep;
 pub mod workflow;
 
-pub use vitreo_uq_figures::{documents, report};
+pub use vitreo_uq_figures::{documents, page, report};
 pub use vitreo_uq_inference::inference;
 use vitreo_uq_mechanics::toml_input;
 pub use vitreo_uq_mechanics::{

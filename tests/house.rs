@@ -20,7 +20,7 @@ const CITING: [&str; 10] = [
 ];
 
 /// Modules of the library in the order in which data flow, as `lib.rs` and ARCHITECTURE.md name them.
-const ORDER: [&str; 26] = [
+const ORDER: [&str; 27] = [
     "error",
     "files",
     "units",
@@ -40,6 +40,7 @@ const ORDER: [&str; 26] = [
     "inference",
     "documents",
     "report",
+    "page",
     "study",
     "workflow",
     "sweep",

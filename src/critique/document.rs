@@ -29,6 +29,8 @@ const LEAST_VISIBLE: f64 = 1e-3;
 const N_REPEATS: usize = 40;
 /// Times the given noise beyond which an error is not said to look like noise, where white errors of that noise are beyond it once in a thousand times at most.
 const LARGEST_SILENT_FACTOR: f64 = 1.3;
+/// An error so many times what is left without the cycles' own gains and offsets needs a word on them.
+const WORTH_SAYING: f64 = 1.1;
 /// Pairs that are reported.
 const N_PAIRS: usize = 5;
 
@@ -386,11 +388,21 @@ impl Report<'_> {
             );
         }
         format!(
-            "Nothing is missing that this experiment could show: the model's error is {} µm on the {rows} (noise {}), and what it leaves looks like noise.{hint}",
+            "Nothing is missing that this experiment could show: the model's error is {} µm on the {rows}{} (noise {}), and what it leaves looks like noise.{hint}",
             short(rmse_um),
+            without_the_cycles_own(rmse_um, 1e6 * left),
             self.noise_words(),
         )
     }
+}
+
+/// What is left of an error (µm) once a gain and an offset of each cycle are taken out, where they make up much of it: they are noise, and nothing else says
+/// why an error far above the noise is none.
+fn without_the_cycles_own(rmse_um: f64, left_um: f64) -> String {
+    if rmse_um < WORTH_SAYING * left_um {
+        return String::new();
+    }
+    format!(", {} µm of it when a gain and an offset of the cycle are taken out, which the noise has", short(left_um))
 }
 
 fn entry(outside: &Outside) -> UnexplainedEntry {

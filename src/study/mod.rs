@@ -7,6 +7,7 @@
 //!   m0/ m1/ …                        revisions, each written whole or not at all
 //!   fit.json                         the last point estimate
 //!   ladder.json ladder.svg ladder.png  all revisions compared
+//!   report.html                      all of it for a browser
 //!   simulation/                      the last simulation, written whole or not at all
 //!   .m0.checkpoint/                  what an interrupted run of m0 resumes from
 //! ```
@@ -37,6 +38,16 @@ pub const SIMULATION_NAME: &str = "simulation";
 pub const FIT_NAME: &str = "fit.json";
 /// The file of a study that compares its revisions; its figures stand beside it, as `ladder.svg` and `ladder.png`.
 pub const LADDER_NAME: &str = "ladder.json";
+/// The file of a study that shows all of it to a browser.
+pub const PAGE_NAME: &str = "report.html";
+/// The file of a revision with its posterior.
+pub const POSTERIOR_NAME: &str = "posterior.json";
+/// The file of a revision that says where it fails.
+pub const COMPARISON_NAME: &str = "comparison.json";
+/// The file of a revision, or of the study of an oscillation, that says what it lacks.
+pub const DIAGNOSIS_NAME: &str = "diagnosis.json";
+/// The file of a revision that says what extending led to.
+pub const EXTENSION_NAME: &str = "extension.json";
 const OUT_REMEDY: &str = "choose a writable place with `--out`";
 const INCOMPLETE_REMEDY: &str = "check that the study is complete and readable";
 const LONGEST_NAME_BYTES: usize = 80;
@@ -305,7 +316,8 @@ fn hashes_of(files: &ExperimentFiles) -> Result<BTreeMap<String, String>> {
     for (name, _) in tables(files) {
         let first = Path::new(name).components().next();
         let first = first.map_or(String::new(), |part| part.as_os_str().to_string_lossy().into_owned());
-        let own = [TOML_NAME, HASHES_NAME, SIMULATION_NAME, FIT_NAME, LADDER_NAME, "ladder.svg", "ladder.png"];
+        let own =
+            [TOML_NAME, HASHES_NAME, SIMULATION_NAME, FIT_NAME, LADDER_NAME, PAGE_NAME, "ladder.svg", "ladder.png"];
         let taken = own.contains(&first.as_str());
         if taken || first.starts_with('.') || revision_number(&first).is_some() {
             return Err(Error::input(

@@ -11,7 +11,7 @@ use crate::inference::prior::PriorSet;
 use crate::report::draws::write_draws_csv;
 use crate::report::svg::{Svg, write_figure};
 use crate::report::sweep::{SweepFigure, sweep as sweep_figure};
-use crate::study::Provenance;
+use crate::study::{POSTERIOR_NAME, Provenance};
 use crate::workflow::artefacts::{corner_figure, draw_table, trace_figure, write_document, write_model};
 
 /// Points of the prediction's curves.
@@ -30,7 +30,7 @@ pub fn write(
     header: &dyn Fn(&str) -> Provenance,
 ) -> Result<()> {
     write_model(dir, &problem.specification, &problem.priors)?;
-    write_document(&dir.join("posterior.json"), header("oscillation"), &result.summary)?;
+    write_document(&dir.join(POSTERIOR_NAME), header("oscillation"), &result.summary)?;
     let table = draw_table(&problem.priors, &result.outcome, &result.columns);
     write_draws_csv(&dir.join("draws.csv"), &table)?;
     let figures = dir.join("figures");

@@ -28,7 +28,7 @@ use crate::report::singular_values::{Family, singular_values};
 use crate::report::svg::{Svg, write_figure};
 use crate::report::trace::{EnsembleTrace, ParameterTrace, trace};
 use crate::rheology::LETHERSICH;
-use crate::study::{Kept, ModelSpecification, Provenance, WithProvenance};
+use crate::study::{Kept, ModelSpecification, POSTERIOR_NAME, Provenance, WithProvenance};
 use crate::workflow::replica::TABLE_I;
 
 /// A prior file's copy in a revision.
@@ -41,7 +41,7 @@ const PRIOR_POINTS: usize = 400;
 /// Writes everything that a revision holds into `dir`. `header` makes the head of a JSON document of a kind.
 pub fn write(dir: &Path, problem: &Problem, result: &SampleResult, header: &dyn Fn(&str) -> Provenance) -> Result<()> {
     write_model(dir, &problem.specification, &problem.priors)?;
-    write_document(&dir.join("posterior.json"), header("posterior"), &result.summary)?;
+    write_document(&dir.join(POSTERIOR_NAME), header("posterior"), &result.summary)?;
     if let Some(kept) = result.reduced.to_keep(problem)? {
         write_document(&dir.join(SURROGATE_NAME), header("surrogate"), &Kept::new(kept))?;
     }

@@ -17,7 +17,7 @@ use crate::error::{Error, Place, Result};
 use crate::files::{Content, read_if_there};
 use crate::inference::SamplerOptions;
 use crate::rheology::BaseLaw;
-use crate::study::{LADDER_NAME, Provenance, Study, WithProvenance, sha256_hex};
+use crate::study::{EXTENSION_NAME, LADDER_NAME, POSTERIOR_NAME, Provenance, Study, WithProvenance, sha256_hex};
 
 /// What a caller decides.
 pub struct LadderRequest<'a> {
@@ -107,12 +107,12 @@ impl Revision {
         let dir = study.revision_dir(name)?;
         let problem = first.with(first.experiment.for_comparison(), model_of(&dir, library)?, library)?;
         let inputs = with_inputs(study.provenance("posterior", 1, 0), &problem).inputs_sha256;
-        let document = read_document::<PosteriorSummary>(&dir.join("posterior.json"));
+        let document = read_document::<PosteriorSummary>(&dir.join(POSTERIOR_NAME));
         let mesh_of =
             |inputs: &std::collections::BTreeMap<String, String>| inputs.get(super::artefacts::MESH_INPUT).cloned();
         if document.as_ref().is_some_and(|document| mesh_of(&document.provenance.inputs_sha256) != mesh_of(&inputs)) {
             return Err(Error::input(
-                Place::file(dir.join("posterior.json")),
+                Place::file(dir.join(POSTERIOR_NAME)),
                 "this revision is on another mesh",
                 "name the mesh that its study was made with (`--mesh`, `--mesh-unit`)",
             ));
@@ -128,7 +128,7 @@ impl Revision {
                 && (heldout.log_score_nats.is_some() || heldout.rmse_um.is_none())
                 && document.body.converged
         });
-        let extension = read_document::<ExtensionSummary>(&dir.join("extension.json"));
+        let extension = read_document::<ExtensionSummary>(&dir.join(EXTENSION_NAME));
         let (from, stored) = (extension.map(|e| e.body.from), stored.map(|document| document.body));
         Ok(Self { name: name.into(), from, problem, stored })
     }

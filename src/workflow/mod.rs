@@ -32,6 +32,7 @@ pub mod replica;
 pub mod sample;
 pub mod simulate;
 pub mod simulation_files;
+pub mod study_page;
 pub mod visibility;
 
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};

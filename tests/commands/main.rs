@@ -16,6 +16,7 @@ mod mutators;
 mod oscillation;
 #[path = "../program/mod.rs"]
 mod program;
+mod report;
 mod sample;
 mod shape_study;
 mod shapes;

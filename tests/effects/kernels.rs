@@ -254,16 +254,16 @@ fn at_the_null_the_base_returns() {
 /// alone. Errors of the step: 1e-7, with springpots 1e-6; of the modes over Poisson ratios: 1e-7.
 #[test]
 fn the_reduced_model_agrees_with_full_finite_elements() {
-    assert_agreement(&protocol());
+    assert_agreement(&protocol(), &[0.15, 0.4, 0.8]);
 }
 
-/// The same under a force that goes in lines between rows: a sine sampled far too seldom to be held.
+/// The same under a force that goes in lines between rows, a sine sampled far too seldom to be held; at one point of the prior, since what is new is the force.
 #[test]
 fn the_reduced_model_agrees_with_full_finite_elements_under_lines() {
-    assert_agreement(&lines());
+    assert_agreement(&lines(), &[0.4]);
 }
 
-fn assert_agreement(protocol: &Protocol) {
+fn assert_agreement(protocol: &Protocol, probabilities: &[f64]) {
     for &effect in EFFECTS {
         let model = model(&[effect], protocol.scales).expect("an effect alone is a model");
         if is_large(&model) && protocol.rule == ForceRule::Linear {
@@ -271,7 +271,7 @@ fn assert_agreement(protocol: &Protocol) {
         }
         let (reduced, full) = (reduced(&model, protocol), full(&model, protocol));
         let mut largest = 0.0_f64;
-        for probability in [0.15, 0.4, 0.8] {
+        for &probability in probabilities {
             let parameters = parameters_at(&model, |i| if i % 2 == 0 { probability } else { 1.0 - probability });
             let full_m = full.trajectory_m(&parameters).expect("a model");
             largest = largest.max(distance(&reduced.trajectory_m(&parameters).expect("a model"), &full_m));
@@ -317,10 +317,10 @@ fn assert_same_in_both_models(is_asked: fn(usize) -> bool) {
     }
 }
 
-/// Every seventh: effects by themselves are asked above, and the order in which stages are applied is the same for all pairs (effects_conformance.rs).
+/// Every twentieth: effects by themselves are asked above, and the order in which stages are applied is the same for all pairs (effects_conformance.rs).
 #[test]
 fn pairs_are_finite_and_the_same_in_both_models() {
-    assert_same_in_both_models(|number| number.is_multiple_of(7));
+    assert_same_in_both_models(|number| number.is_multiple_of(20));
 }
 
 #[test]

@@ -18,7 +18,7 @@ use vitreo_uq::effects::Library;
 use vitreo_uq::error::{Error, Place, Result};
 use vitreo_uq::files::{Content, read_if_there};
 use vitreo_uq::inference::ensemble::RandomStream;
-use vitreo_uq::study::{Provenance, Study, WithProvenance};
+use vitreo_uq::study::{DIAGNOSIS_NAME, Provenance, Study, WithProvenance};
 use vitreo_uq::workflow::{Monitor, Silent, cache_directory};
 
 use crate::challenge_words::{words_of_plays, words_of_truth};
@@ -317,7 +317,7 @@ fn diagnosis_of(opened: &Opened, study: Option<&Path>) -> Result<Option<Diagnosi
         ));
     }
     for revision in study.revisions()? {
-        let path = study.revision_dir(&revision)?.join("diagnosis.json");
+        let path = study.revision_dir(&revision)?.join(DIAGNOSIS_NAME);
         let Some(bytes) = read_if_there(&path, Content::Document) else { continue };
         let read = serde_json::from_slice::<WithProvenance<Diagnosis>>(&bytes);
         return read.map(|document| Some(document.body)).map_err(|error| {

@@ -7,7 +7,7 @@ use vitreo_uq::critique::compare::{self, SIGNIFICANT, figures};
 use vitreo_uq::documents::comparison::{Comparison, Finding, PanelEntry};
 use vitreo_uq::error::{Error, Place, Result};
 use vitreo_uq::files::write_json_atomically;
-use vitreo_uq::study::WithProvenance;
+use vitreo_uq::study::{COMPARISON_NAME, WithProvenance};
 use vitreo_uq::workflow::Monitor;
 
 use crate::examine::Examined;
@@ -15,8 +15,6 @@ use crate::options::{self, CompareArguments};
 use crate::terminal::Terminal;
 use crate::text::{outliers_left_out, significant};
 
-/// The file of a revision that says where it fails.
-const COMPARISON_NAME: &str = "comparison.json";
 /// Family-wise probabilities of 5 % cannot be resolved with fewer simulated records.
 const FEWEST_SIMULATIONS: usize = 39;
 
@@ -58,6 +56,7 @@ pub fn run(arguments: &CompareArguments) -> Result<ExitCode> {
             began.elapsed().as_secs_f64()
         ));
     }
+    crate::report::refresh(&examined.study, &arguments.page, common.quiet);
     Ok(ExitCode::SUCCESS)
 }
 

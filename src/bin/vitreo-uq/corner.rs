@@ -13,7 +13,7 @@ use vitreo_uq::report::draws::read_draws_csv;
 use vitreo_uq::report::labels::{ParameterLabel, of_parameter};
 use vitreo_uq::report::palette::series;
 use vitreo_uq::report::svg::write_figure;
-use vitreo_uq::study::Study;
+use vitreo_uq::study::{POSTERIOR_NAME, Study};
 use vitreo_uq::workflow::{Monitor, artefacts, replica};
 
 use crate::corner_data::{FittedData, differences};
@@ -143,7 +143,7 @@ fn load(path: &Path) -> Result<Loaded> {
     let label = path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
     // Draws inside a revision are that revision's.
     match path.parent() {
-        Some(dir) if dir.join("posterior.json").is_file() && path.file_name().is_some_and(|n| n == "draws.csv") => {
+        Some(dir) if dir.join(POSTERIOR_NAME).is_file() && path.file_name().is_some_and(|n| n == "draws.csv") => {
             load_revision(dir)
         }
         _ => load_csv(path, label, None),

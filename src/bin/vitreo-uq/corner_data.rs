@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
-use vitreo_uq::study::{Provenance, WithProvenance};
+use vitreo_uq::study::{POSTERIOR_NAME, Provenance, WithProvenance};
 use vitreo_uq::workflow::artefacts::of_measurement;
 
 /// The data of a posterior.
@@ -30,7 +30,7 @@ struct OfHeldout {
 impl FittedData {
     /// Of a revision; `None` where its document does not say.
     pub fn of_revision(dir: &Path) -> Option<Self> {
-        let bytes = std::fs::read(dir.join("posterior.json")).ok()?;
+        let bytes = std::fs::read(dir.join(POSTERIOR_NAME)).ok()?;
         let document: WithProvenance<OfPosterior> = serde_json::from_slice(&bytes).ok()?;
         let Provenance { inputs_sha256, .. } = document.provenance;
         Some(Self {

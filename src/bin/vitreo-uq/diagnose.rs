@@ -11,7 +11,7 @@ use vitreo_uq::files::write_json_atomically;
 use vitreo_uq::report::diagnosis as figure;
 use vitreo_uq::report::number::listed;
 use vitreo_uq::report::svg::{remove_figure, write_figure};
-use vitreo_uq::study::WithProvenance;
+use vitreo_uq::study::{DIAGNOSIS_NAME, WithProvenance};
 use vitreo_uq::workflow::Monitor;
 
 use crate::examine::Examined;
@@ -19,8 +19,6 @@ use crate::options::{self, DiagnoseArguments};
 use crate::terminal::Terminal;
 use crate::text::{outliers_left_out, significant};
 
-/// The file of a revision that says what was found.
-const DIAGNOSIS_NAME: &str = "diagnosis.json";
 /// The figure of what is unexplained.
 const DISCREPANCY: &str = "discrepancy";
 
@@ -58,6 +56,7 @@ pub fn run(arguments: &DiagnoseArguments) -> Result<ExitCode> {
             began.elapsed().as_secs_f64()
         ));
     }
+    crate::report::refresh(&examined.study, &arguments.page, common.quiet);
     Ok(ExitCode::SUCCESS)
 }
 

@@ -9,7 +9,7 @@ use vitreo_uq::effects::Library;
 use vitreo_uq::error::{Error, Place, Result};
 use vitreo_uq::files::write_json_atomically;
 use vitreo_uq::report::number::listed;
-use vitreo_uq::study::{Study, WithProvenance};
+use vitreo_uq::study::{EXTENSION_NAME, Study, WithProvenance};
 use vitreo_uq::workflow::extend::{self, Extension, ExtensionRequest};
 use vitreo_uq::workflow::mechanics::MeshFile;
 use vitreo_uq::workflow::problem::Problem;
@@ -20,9 +20,6 @@ use crate::target::Target;
 use crate::terminal::Terminal;
 use crate::text::{parameter_table, significant, warning_text};
 use vitreo_uq::workflow::first_revision::{make_first_revision, refuse_nothing_to_sample};
-
-/// The file of a revision that says what extending led to.
-const EXTENSION_NAME: &str = "extension.json";
 
 pub fn run(arguments: &ExtendArguments) -> Result<ExitCode> {
     let began = Instant::now();
@@ -85,6 +82,7 @@ pub fn run(arguments: &ExtendArguments) -> Result<ExitCode> {
             began.elapsed().as_secs_f64()
         ));
     }
+    crate::report::refresh(study, &arguments.page, common.quiet);
     Ok(ExitCode::from(u8::from(!summary.is_sound())))
 }
 

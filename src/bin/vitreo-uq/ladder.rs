@@ -11,7 +11,7 @@ use vitreo_uq::report;
 use vitreo_uq::report::labels::of_parameter;
 use vitreo_uq::report::number::listed;
 use vitreo_uq::report::svg::figure_files;
-use vitreo_uq::study::{LADDER_NAME, Study, WithProvenance};
+use vitreo_uq::study::{LADDER_NAME, POSTERIOR_NAME, Study, WithProvenance};
 use vitreo_uq::workflow::Monitor;
 use vitreo_uq::workflow::ladder::{self, LadderRequest};
 
@@ -49,6 +49,7 @@ pub fn run(arguments: &LadderArguments) -> Result<ExitCode> {
         let (figure, seconds) = (study.dir().join("ladder.svg"), began.elapsed().as_secs_f64());
         crate::interrupt::say(&format!("Figure: {} ({seconds:.1} s)", figure.display()));
     }
+    crate::report::refresh(study, &arguments.page, common.quiet);
     Ok(ExitCode::from(u8::from(!summary.is_sound())))
 }
 
@@ -57,7 +58,7 @@ fn provenance(study: &Study, summary: &LadderSummary, seed: u64) -> Result<vitre
     let mut provenance = study.provenance("ladder", 1, seed);
     for rung in &summary.revisions {
         let dir = study.revision_dir(&rung.revision)?;
-        for name in ["model.toml", "posterior.json"] {
+        for name in ["model.toml", POSTERIOR_NAME] {
             let bytes =
                 files::read(&dir.join(name), Content::Document, "check that the study is complete and readable")?;
             provenance = provenance.with_input(format!("{}/{name}", rung.revision), &bytes);

@@ -20,6 +20,7 @@ mod ladder;
 mod options;
 mod output;
 mod questions;
+mod report;
 mod sample;
 mod shapes;
 mod shapes_words;
@@ -73,6 +74,8 @@ enum Command {
     Extend(ExtendArguments),
     /// All revisions of a study on the same footing: how the error fell
     Ladder(LadderArguments),
+    /// A study as one page for a browser: offline, in one file
+    Report(report::ReportArguments),
     /// Data with a sealed hidden effect: make some, open the seal, play many
     Challenge(challenge::ChallengeArguments),
     /// Species or regions compared: how groups of specimens differ, and how sure that is
@@ -97,6 +100,7 @@ fn main() -> ExitCode {
         Command::Diagnose(arguments) => diagnose::run(arguments),
         Command::Extend(arguments) => extend::run(arguments),
         Command::Ladder(arguments) => ladder::run(arguments),
+        Command::Report(arguments) => report::run(arguments),
         Command::Groups(arguments) => groups::run(arguments),
         Command::Shapes(arguments) => shapes::run(arguments),
         Command::Challenge(arguments) => challenge::run(arguments),

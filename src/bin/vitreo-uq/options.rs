@@ -7,6 +7,8 @@ use vitreo_uq::error::{Error, Place};
 use vitreo_uq::inference::SamplerOptions;
 use vitreo_uq::inference::prior::PriorSet;
 
+use crate::report::PageArguments;
+
 /// What every command takes.
 #[derive(Args)]
 pub struct Common {
@@ -90,6 +92,8 @@ pub struct SampleArguments {
     pub others: Vec<PathBuf>,
     #[command(flatten)]
     pub model: Model,
+    #[command(flatten)]
+    pub page: PageArguments,
     /// Walkers of each of the independent ensembles
     #[arg(long, value_name = "N", default_value_t = SamplerOptions::default().n_walkers, allow_negative_numbers = true)]
     pub chains: usize,
@@ -155,6 +159,8 @@ pub struct CompareArguments {
     pub common: Common,
     #[command(flatten)]
     pub model: Model,
+    #[command(flatten)]
+    pub page: PageArguments,
     /// Simulated records by which the looks are corrected together [default: 199; beyond 15,000 fitted rows fewer, 59 at least]
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub simulations: Option<usize>,
@@ -167,6 +173,8 @@ pub struct DiagnoseArguments {
     pub common: Common,
     #[command(flatten)]
     pub model: Model,
+    #[command(flatten)]
+    pub page: PageArguments,
     /// Smallest change of a predicted position that is worth a claim, in noise standard deviations
     #[arg(long, value_name = "SIZE", default_value_t = 0.25, allow_negative_numbers = true)]
     pub smallest: f64,
@@ -182,6 +190,8 @@ pub struct ExtendArguments {
     pub common: Common,
     #[command(flatten)]
     pub model: Model,
+    #[command(flatten)]
+    pub page: PageArguments,
     /// Walkers of each of the independent ensembles
     #[arg(long, value_name = "N", default_value_t = SamplerOptions::default().n_walkers, allow_negative_numbers = true)]
     pub chains: usize,
@@ -197,6 +207,8 @@ pub struct LadderArguments {
     pub common: Common,
     #[command(flatten)]
     pub model: Model,
+    #[command(flatten)]
+    pub page: PageArguments,
     /// Walkers of each of the independent ensembles
     #[arg(long, value_name = "N", default_value_t = SamplerOptions::default().n_walkers, allow_negative_numbers = true)]
     pub chains: usize,

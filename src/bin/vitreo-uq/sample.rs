@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use vitreo_uq::error::{Error, Place, Result};
 use vitreo_uq::files::{Content, read_if_there};
-use vitreo_uq::study::{Provenance, Study, WithProvenance};
+use vitreo_uq::study::{POSTERIOR_NAME, Provenance, Study, WithProvenance};
 use vitreo_uq::workflow::first_revision::{
     FIRST_REVISION, make_first_revision, refuse_nothing_to_sample, refuse_other_model,
 };
@@ -59,13 +59,14 @@ pub fn run(arguments: &SampleArguments) -> Result<ExitCode> {
             began.elapsed().as_secs_f64()
         ));
     }
+    crate::report::refresh(study, &arguments.page, common.quiet);
     Ok(ExitCode::from(u8::from(!sound)))
 }
 
 /// A revision on another mesh is not overwritten unless that is asked for.
 fn refuse_other_mesh(study: &Study, problem: &Problem, force: bool) -> Result<()> {
     let Ok(dir) = study.revision_dir(FIRST_REVISION) else { return Ok(()) };
-    let path = dir.join("posterior.json");
+    let path = dir.join(POSTERIOR_NAME);
     let Some(bytes) = read_if_there(&path, Content::Document) else { return Ok(()) };
     let before: Option<Provenance> = serde_json::from_slice(&bytes).ok();
     let mesh_of = |provenance: &Provenance| provenance.inputs_sha256.get(artefacts::MESH_INPUT).cloned();

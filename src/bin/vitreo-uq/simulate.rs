@@ -10,7 +10,7 @@ use vitreo_uq::effects::Library;
 use vitreo_uq::error::{Error, Place, Result};
 use vitreo_uq::fe::time::TimeScheme;
 use vitreo_uq::files::{self, Content, write_json_atomically};
-use vitreo_uq::study::{ModelSpecification, Study, WithProvenance};
+use vitreo_uq::study::{ModelSpecification, POSTERIOR_NAME, Study, WithProvenance};
 use vitreo_uq::workflow::Monitor;
 use vitreo_uq::workflow::problem::Problem;
 use vitreo_uq::workflow::simulate::{self, SimulationRequest};
@@ -102,7 +102,7 @@ fn posterior(
     if its_model.base != specification.base || its_model.effects != specification.effects {
         return Ok(None);
     }
-    let path = dir.join("posterior.json");
+    let path = dir.join(POSTERIOR_NAME);
     let remedy = "run `sample` again, or give every parameter with `--set`";
     let bytes = files::read(&path, Content::Document, remedy)?;
     let document: WithProvenance<PosteriorSummary> = serde_json::from_slice(&bytes).map_err(|error| {

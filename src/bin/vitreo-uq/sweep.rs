@@ -14,7 +14,7 @@ use vitreo_uq::experiment::{ExperimentFiles, Sweep, SweepForm};
 use vitreo_uq::files::write_json_atomically;
 use vitreo_uq::report::labels::{model_title, of_parameter};
 use vitreo_uq::report::svg::write_figure;
-use vitreo_uq::study::{ModelSpecification, Provenance, Study, WithProvenance};
+use vitreo_uq::study::{DIAGNOSIS_NAME, ModelSpecification, Provenance, Study, WithProvenance};
 use vitreo_uq::sweep::problem::{DEFAULT_PRIOR, SweepProblem};
 use vitreo_uq::sweep::{artefacts, diagnose, job};
 use vitreo_uq::workflow::Monitor;
@@ -24,9 +24,6 @@ use vitreo_uq::workflow::first_revision::{FIRST_REVISION, refuse_other_model};
 use crate::options::{self, Common, DiagnoseArguments, Model, SampleArguments};
 use crate::terminal::Terminal;
 use crate::text::{parameter_table, significant, warning_text};
-
-/// The file of a study that says what an oscillation lacks.
-const DIAGNOSIS_NAME: &str = "diagnosis.json";
 
 /// Whether a command is to work on an oscillation.
 pub fn is_one(target: Option<&PathBuf>) -> bool {

@@ -1,0 +1,125 @@
+//! Pages for a browser: one file that fetches nothing, reads without a script and prints on A4. They show documents and figures; nothing is computed here.
+
+mod study;
+
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+
+pub use study::{LadderPage, RevisionPage, StudyPage, study};
+
+/// A page keeps below so many bytes, so that it can be sent by mail.
+const MOST_BYTES: usize = 3_000_000;
+/// What text and tables take of that at most.
+const TEXT_BYTES: usize = 400_000;
+
+const STYLE: &str = include_str!("style.css");
+
+/// A figure on a page.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Figure {
+    /// The file in the study that holds the same, for readers who want it alone.
+    pub file: String,
+    /// The drawing; `None` where it was left out to keep the page small.
+    pub svg: Option<String>,
+}
+
+/// How good news is: shown by a mark and by a word, and only then by a colour.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Tone {
+    Sound,
+    Doubtful,
+    Wrong,
+}
+
+impl Tone {
+    fn class(self) -> &'static str {
+        match self {
+            Self::Sound => "sound",
+            Self::Doubtful => "doubtful",
+            Self::Wrong => "wrong",
+        }
+    }
+
+    fn mark(self) -> &'static str {
+        match self {
+            Self::Sound => "✓",
+            Self::Doubtful => "?",
+            Self::Wrong => "✗",
+        }
+    }
+}
+
+/// Leaves out the largest figures until the rest fits into a page.
+fn fit<'a>(figures: impl Iterator<Item = &'a mut Figure>) {
+    let mut figures: Vec<&mut Figure> = figures.collect();
+    let size = |figure: &Figure| figure.svg.as_ref().map_or(0, String::len);
+    let mut total: usize = figures.iter().map(|figure| size(figure)).sum();
+    figures.sort_by_key(|figure| std::cmp::Reverse(size(figure)));
+    for figure in figures {
+        if total <= MOST_BYTES - TEXT_BYTES {
+            break;
+        }
+        total -= size(figure);
+        figure.svg = None;
+    }
+}
+
+/// The whole page around its body.
+fn page(title: &str, body: &Markup) -> String {
+    let shell = html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                title { (title) }
+                style { (PreEscaped(STYLE)) }
+            }
+            body { main { (body) } }
+        }
+    };
+    shell.into_string()
+}
+
+/// A section with a heading that the page's contents lead to.
+fn section(id: &str, heading: &str, body: &Markup) -> Markup {
+    html! { section id=(id) { h2 { (heading) } (body) } }
+}
+
+/// A drawing with what it shows. The drawing is the program's own, so it is set as it is.
+fn figure(figure: &Figure, caption: &str) -> Markup {
+    html! {
+        figure {
+            @match &figure.svg {
+                Some(svg) => (PreEscaped(svg)),
+                None => p.left-out { "This figure is left out to keep the page below 3 MB." },
+            }
+            figcaption { (caption) " (" code { (figure.file) } ")" }
+        }
+    }
+}
+
+/// The same, folded away until a reader asks for it.
+fn folded(drawing: &Figure, caption: &str) -> Markup {
+    html! { details { summary { (caption) } (figure(drawing, caption)) } }
+}
+
+/// A table; the first cell of a row is its heading, the others are numbers or words.
+fn table(caption: &str, heads: &[&str], rows: &[Vec<String>]) -> Markup {
+    html! {
+        div.scroll {
+            table {
+                caption { (caption) }
+                thead { tr { @for head in heads { th scope="col" { (head) } } } }
+                tbody {
+                    @for row in rows {
+                        tr {
+                            @for (index, cell) in row.iter().enumerate() {
+                                @if index == 0 { th scope="row" { (cell) } } @else { td { (cell) } }
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,419 @@
+//! The page of a study: what was measured, what the gel is and how sure that is, where the model fails, what it lacks, and how the error fell.
+
+use std::collections::BTreeMap;
+
+use maud::{Markup, html};
+
+use super::{Figure, Tone, figure, fit, folded, page, section, table};
+use crate::documents::check::CheckSummary;
+use crate::documents::comparison::Comparison;
+use crate::documents::diagnosis::{CandidateEntry, Diagnosis, VerdictKind};
+use crate::documents::extension::ExtensionSummary;
+use crate::documents::ladder::LadderSummary;
+use crate::documents::posterior::{PosteriorSummary, Warning};
+use crate::report::labels::{model_title, of_parameter};
+use crate::report::number::{listed, significant, with_decimals};
+
+/// All that a study holds, as it stands on disk.
+#[derive(Debug)]
+pub struct StudyPage {
+    /// What was measured, and what contradicts its description.
+    pub record: CheckSummary,
+    /// The revisions, in their order; at least one.
+    pub revisions: Vec<RevisionPage>,
+    /// All of them on the same footing, where that was asked for.
+    pub ladder: Option<LadderPage>,
+    /// The program's version.
+    pub version: String,
+    /// SHA-256 of all that went in, by name.
+    pub inputs_sha256: BTreeMap<String, String>,
+    /// Command lines that make it again.
+    pub commands: Vec<String>,
+}
+
+/// One revision.
+#[derive(Debug)]
+pub struct RevisionPage {
+    /// Its name, `m0`, `m1`, ….
+    pub name: String,
+    /// Its posterior.
+    pub posterior: PosteriorSummary,
+    /// Where it fails, if that was asked.
+    pub comparison: Option<Comparison>,
+    /// What it lacks, if that was asked.
+    pub diagnosis: Option<Diagnosis>,
+    /// What it changed, if it extends another.
+    pub extension: Option<ExtensionSummary>,
+    /// Its figures, by the stems of their names.
+    pub figures: BTreeMap<String, Figure>,
+}
+
+/// The comparison of all revisions.
+#[derive(Debug)]
+pub struct LadderPage {
+    /// Its document.
+    pub summary: LadderSummary,
+    /// Its figure.
+    pub figure: Figure,
+}
+
+impl RevisionPage {
+    fn warnings(&self) -> impl Iterator<Item = &Warning> {
+        let of_extension = self.extension.iter().flat_map(|extension| &extension.warnings);
+        self.posterior.warnings.iter().chain(of_extension.filter(|own| !self.posterior.warnings.contains(own)))
+    }
+
+    fn is_sound(&self) -> bool {
+        self.posterior.is_sound() && self.extension.as_ref().is_none_or(ExtensionSummary::is_sound)
+    }
+
+    fn shown(&self, stem: &str, caption: &str) -> Markup {
+        html! { @if let Some(drawing) = self.figures.get(stem) { (figure(drawing, caption)) } }
+    }
+
+    fn folded(&self, stem: &str, caption: &str) -> Markup {
+        html! { @if let Some(drawing) = self.figures.get(stem) { (folded(drawing, caption)) } }
+    }
+}
+
+/// The page; the same documents give the same bytes.
+pub fn study(mut content: StudyPage) -> String {
+    let ladder = content.ladder.iter_mut().map(|ladder| &mut ladder.figure);
+    fit(content.revisions.iter_mut().flat_map(|revision| revision.figures.values_mut()).chain(ladder));
+    let content = &content;
+    let name = &content.record.experiment;
+    let sections = [
+        ("measured", "What was measured", measured(content)),
+        ("fit", "Model against measurement", against_measurement(content)),
+        ("fails", "Where the model fails", failures(content)),
+        ("missing", "What is missing", missing(content)),
+        ("ladder", "How the error fell", ladder_section(content)),
+        ("posterior", "How sure that is", posterior(content)),
+        ("errors", "Where the uncertainty comes from", errors(content)),
+        ("warned", "Everything that was warned of", warned(content)),
+        ("origin", "Where this page comes from", origin(content)),
+    ];
+    let body = html! {
+        h1 { (name) }
+        @if let Some(last) = content.revisions.last() {
+            p.lead { (model_title(&last.posterior.model)) " model, revision " (last.name) }
+            (verdict(content, last))
+            (parameters(last))
+        }
+        nav aria-label="Contents" { @for (id, heading, _) in &sections { a href={ "#" (id) } { (heading) } } }
+        @for (id, heading, body) in &sections { (section(id, heading, body)) }
+    };
+    page(&format!("{name} – vitreo-uq"), &body)
+}
+
+/// Whether to believe the last revision, in plain words.
+fn verdict(content: &StudyPage, last: &RevisionPage) -> Markup {
+    let fatal: Vec<&Warning> = last.warnings().filter(|warning| warning.kind.is_fatal()).collect();
+    let diagnosed = last.diagnosis.as_ref().map(|diagnosis| &diagnosis.verdict);
+    let is_lacking = diagnosed.is_some_and(|verdict| verdict.kind != VerdictKind::None);
+    let fails = last.comparison.as_ref().filter(|comparison| !comparison.findings.is_empty());
+    let heldout = &last.posterior.heldout;
+    let (tone, heading) = if !last.is_sound() {
+        (Tone::Wrong, "Not to be trusted as it stands")
+    } else if is_lacking {
+        (Tone::Doubtful, "The model lacks something")
+    } else if fails.is_some() {
+        (Tone::Doubtful, "The model fails in places")
+    } else if heldout.rmse_um.is_none() {
+        (Tone::Doubtful, "Nothing tests this result")
+    } else {
+        (Tone::Sound, "Sound, as far as these data can tell")
+    };
+    let extended = last.extension.as_ref().map(|extension| extension.sentence.as_str());
+    let misfit = heldout.rmse_um.map(|rmse| {
+        let noise = heldout
+            .noise_um
+            .map_or("unknown".into(), |noise| format!("{} µm, {}", significant(noise, 3), heldout.noise_origin));
+        format!(
+            "It predicts cycles {}, which it was not fitted to, to {} µm; the noise is {noise}.",
+            listed(&heldout.cycles),
+            significant(rmse, 3)
+        )
+    });
+    html! {
+        div class={ "verdict " (tone.class()) } role="status" {
+            h2 { span aria-hidden="true" { (tone.mark()) " " } (heading) }
+            @if let Some(sentence) = extended { p { (sentence) } }
+            @if let Some(verdict) = diagnosed { p { (verdict.sentence) } }
+            @else if let Some(comparison) = fails { p { (comparison.sentence) } }
+            @if let Some(misfit) = misfit { p { (misfit) } }
+            @if heldout.rmse_um.is_none() { p { "No cycle was held out, so no prediction was tested." } }
+            @for warning in &fatal { p { span.fatal { (warning.text) "." } " What to do: " (warning.advice) "." } }
+            @if diagnosed.is_none() {
+                p { "Whether a physical effect is missing has not been asked of " (last.name) ": " code { "vitreo-uq diagnose STUDY" } " does." }
+            }
+            p.lead { "Exit code " (u8::from(!last.is_sound())) ". " (content.record.understood.positions) " positions were measured; "
+                (heldout.fitted_cycles.len()) " of " (content.record.understood.cycles) " cycles were fitted." }
+        }
+    }
+}
+
+/// The law and what was added to it.
+fn parameters(last: &RevisionPage) -> Markup {
+    let rows = last.posterior.parameters.iter().map(|p| {
+        let label = of_parameter(&p.name);
+        vec![label.symbol, significant(p.median, 4), interval(p.q05, p.q95), label.unit]
+    });
+    table("What the gel is", &["parameter", "median", "90 % interval", "unit"], &rows.collect::<Vec<_>>())
+}
+
+fn interval(low: f64, high: f64) -> String {
+    format!("{} to {}", significant(low, 4), significant(high, 4))
+}
+
+fn optional(value: Option<f64>, digits: usize) -> String {
+    value.map_or("–".into(), |value| significant(value, digits))
+}
+
+fn measured(content: &StudyPage) -> Markup {
+    html! { ul { @for sentence in &content.record.understood.sentences { li { (sentence) } } } }
+}
+
+fn against_measurement(content: &StudyPage) -> Markup {
+    let captions = "Measured positions over the bands of the prediction, residuals and force below";
+    html! {
+        @if let Some((last, earlier)) = content.revisions.split_last() {
+            h3 { (last.name) ": " (model_title(&last.posterior.model)) }
+            (last.shown("predictive", captions))
+            (heldout_table(last))
+            @for revision in earlier {
+                (revision.folded("predictive", &format!("{}: {}", revision.name, model_title(&revision.posterior.model))))
+            }
+        }
+    }
+}
+
+/// How the posterior predicts what it has not seen.
+fn heldout_table(last: &RevisionPage) -> Markup {
+    let heldout = &last.posterior.heldout;
+    let percent = |value: Option<f64>| value.map_or("–".into(), |value| format!("{:.0} %", 100.0 * value));
+    let expected = |range: Option<[f64; 2]>| {
+        range.map_or("–".into(), |[low, high]| format!("{:.0} to {:.0} %", 100.0 * low, 100.0 * high))
+    };
+    let row = |name: &str, value: String, right: String| vec![name.to_string(), value, right];
+    let noise = optional(heldout.noise_um, 3);
+    let rows = [
+        row("misfit of the fitted cycles (µm)", significant(heldout.rmse_fitted_um, 3), noise.clone()),
+        row("misfit of the held-out cycles (µm)", optional(heldout.rmse_um, 3), noise),
+        row("positions inside the 50 % band", percent(heldout.coverage_50), expected(heldout.coverage_50_expected)),
+        row("positions inside the 90 % band", percent(heldout.coverage_90), expected(heldout.coverage_90_expected)),
+        row("probability of a misfit this large", optional(heldout.joint_p, 2), "above 0.001".into()),
+        row("score ln p of the held-out positions (nats)", optional(heldout.log_score_nats, 4), "–".into()),
+    ];
+    let by = heldout.fe_runs.map_or("the creep law".into(), |runs| format!("{runs} full finite-element runs"));
+    table(&format!("The held-out check, by {by}"), &["", "found", "a right model"], &rows)
+}
+
+fn failures(content: &StudyPage) -> Markup {
+    let compared: Vec<&RevisionPage> = content.revisions.iter().filter(|r| r.comparison.is_some()).collect();
+    html! {
+        @if compared.is_empty() { p { "Not asked: " code { "vitreo-uq compare STUDY" } " looks where the model fails." } }
+        @for revision in compared {
+            @if let Some(comparison) = &revision.comparison {
+                h3 { (revision.name) }
+                p { (comparison.sentence) }
+                ul {
+                    @for finding in comparison.findings.iter().filter(|finding| finding.echo_of.is_none()) {
+                        li { strong { (finding.place.replace('_', " ")) } ": " (finding.sentence) }
+                    }
+                }
+                (revision.shown("comparison_map", "Failure map: cycle against time since the last force step"))
+                (revision.folded("comparison", "Measurement against model, what is left, and the same whitened"))
+                (revision.folded("comparison_bias", "Every look: bias of the measurement against the model"))
+            }
+        }
+    }
+}
+
+fn missing(content: &StudyPage) -> Markup {
+    let diagnosed: Vec<&RevisionPage> = content.revisions.iter().filter(|r| r.diagnosis.is_some()).collect();
+    html! {
+        @if diagnosed.is_empty() { p { "Not asked: " code { "vitreo-uq diagnose STUDY" } " names the effect that is missing." } }
+        @for revision in diagnosed {
+            @if let Some(diagnosis) = &revision.diagnosis {
+                h3 { (revision.name) }
+                p { strong { (diagnosis.verdict.sentence) } }
+                (suspects(diagnosis))
+                (revision.shown("diagnosis", "Every effect refitted: its gain, and its fingerprint over what the model leaves"))
+                @for entry in &diagnosis.unexplained { p { (entry.sentence) } }
+                @if let Some(discrepancy) = &diagnosis.discrepancy { p { (discrepancy.sentence) } }
+                (revision.shown("discrepancy", "What no effect of the library explains"))
+                @if !diagnosis.separating_protocol.is_empty() { p { "To tell them apart: " (diagnosis.separating_protocol) } }
+                @if !diagnosis.blind_spots.is_empty() {
+                    p { "This experiment cannot show " (diagnosis.blind_spots.join(", ")) "." }
+                }
+                h3 { "Noise of one position" }
+                ul { @for estimate in &diagnosis.noise { li { (estimate.text) } } }
+            }
+        }
+    }
+}
+
+/// Every effect of the library, in the document's order, which is that of their gains.
+fn suspects(diagnosis: &Diagnosis) -> Markup {
+    let smallest = |slug: &str| {
+        let entry = diagnosis.smallest_detectable.iter().find(|entry| entry.effect == slug);
+        optional(entry.and_then(|entry| entry.parameter), 2)
+    };
+    let row = |candidate: &CandidateEntry| {
+        let refit = candidate.refit.as_ref();
+        let chance = refit.map_or("–".into(), |_| with_decimals(candidate.p_familywise, 3));
+        let refused = candidate.refused.as_ref().map(|why| format!("not here: {why}"));
+        vec![
+            candidate.effect.clone(),
+            refit.map_or("–".into(), |refit| with_decimals(refit.gain_nats, 1)),
+            refit.and_then(|refit| refit.heldout_gain_nats).map_or("–".into(), |gain| with_decimals(gain, 1)),
+            chance,
+            smallest(&candidate.effect),
+            candidate.twins.join(", "),
+            refused.unwrap_or_else(|| diagnosis.standing(candidate).into()),
+        ]
+    };
+    let rows: Vec<Vec<String>> = diagnosis.candidates.iter().map(row).collect();
+    let heads =
+        ["effect", "gain (nats)", "held-out gain (nats)", "p of the search", "smallest seen", "looks like", "standing"];
+    table("Suspects: what a refit with each effect gains", &heads, &rows)
+}
+
+fn ladder_section(content: &StudyPage) -> Markup {
+    let Some(LadderPage { summary, figure: drawing }) = &content.ladder else {
+        return html! { p { "Not asked: " code { "vitreo-uq ladder STUDY" } " sets all revisions on the same footing." } };
+    };
+    let names = |last: bool| {
+        let rung = if last { summary.revisions.last() } else { summary.revisions.first() };
+        rung.map_or(String::new(), |rung| rung.revision.clone())
+    };
+    let (before, after) = (names(false), names(true));
+    let shifts = summary.shifts.iter().map(|shift| {
+        let shown = |p: &crate::documents::ladder::RungParameter| {
+            format!("{} ({})", significant(p.median, 4), interval(p.q05, p.q95))
+        };
+        vec![
+            of_parameter(&shift.name).axis(),
+            shown(&shift.before),
+            shown(&shift.after),
+            format!("{} %", with_decimals(100.0 * shift.relative, 1)),
+            with_decimals(shift.in_sd_before, 1),
+        ]
+    });
+    let shifts: Vec<Vec<String>> = shifts.collect();
+    html! {
+        p { (summary.sentence) }
+        (figure(drawing, "The error on the cycle that no fit has seen, revision by revision, down to the noise"))
+        @if !shifts.is_empty() {
+            (table("What was missing had bent the law: median and 90 % interval", &["parameter", &before, &after, "shift", "in sd"], &shifts))
+        }
+    }
+}
+
+fn posterior(content: &StudyPage) -> Markup {
+    html! {
+        @if let Some((last, earlier)) = content.revisions.split_last() {
+            (last.shown("corner", "The posterior, with the priors"))
+            (sampling_table(last))
+            (last.folded("trace", "How the draws went, and how long they remember"))
+            (last.folded("singular_values", "Singular values of the snapshots that the reduced model is made of"))
+            @for revision in earlier {
+                (revision.folded("corner", &format!("The posterior of {}", revision.name)))
+            }
+        }
+    }
+}
+
+fn sampling_table(last: &RevisionPage) -> Markup {
+    let posterior = &last.posterior;
+    let sampler = &posterior.sampler;
+    let caption = format!(
+        "{} ensembles of {} walkers, {} steps: {}",
+        sampler.ensembles,
+        sampler.walkers,
+        sampler.steps,
+        if posterior.converged { "converged" } else { "NOT CONVERGED" }
+    );
+    let rows = posterior.parameters.iter().map(|p| {
+        vec![
+            of_parameter(&p.name).axis(),
+            significant(p.mean, 4),
+            significant(p.sd, 2),
+            with_decimals(p.ess_bulk, 0),
+            with_decimals(p.ess_tail, 0),
+            with_decimals(p.rhat, 3),
+            optional(p.surrogate_bias_sd, 1),
+            optional(p.discretisation_bias_sd, 1),
+        ]
+    });
+    let heads = ["parameter", "mean", "sd", "ESS bulk", "ESS tail", "R̂", "reduced model (sd)", "mesh (sd)"];
+    table(&caption, &heads, &rows.collect::<Vec<_>>())
+}
+
+fn errors(content: &StudyPage) -> Markup {
+    let Some(last) = content.revisions.last() else { return html! {} };
+    let (budget, surrogate) = (&last.posterior.error_budget_um, &last.posterior.surrogate);
+    let row = |name: &str, value: String| vec![name.to_string(), value];
+    let rows = [
+        row("noise from row to row, learnt", significant(budget.noise, 3)),
+        row("mesh", optional(budget.fe_discretisation, 2)),
+        row("reduced model", optional(budget.surrogate, 2)),
+        row("Monte Carlo", significant(budget.monte_carlo, 2)),
+    ];
+    html! {
+        (table("Parts of the uncertainty of a predicted position, in µm", &["", "µm"], &rows))
+        @if let (Some(modes), Some(unknowns), Some(runs)) = (surrogate.modes, surrogate.fe_unknowns, surrogate.snapshot_runs) {
+            p { "The reduced model has " (modes) @if modes == 1 { " mode" } @else { " modes" } " from " (runs) " runs of " (unknowns) " unknowns; on parameters that trained nothing it errs by "
+                (optional(surrogate.max_relative_error, 1)) " of the amplitude." }
+        }
+        @if let Some(strain) = last.posterior.largest_strain { p { "The largest strain is " (significant(strain, 3)) "." } }
+        @if let Some(large) = &last.posterior.large_displacement {
+            p { "The robot moves by " (significant(large.farthest_radii, 2)) " of its radii. A gel of this law whose strains may be large would deviate by "
+                (optional(large.deviation_most_um, 2)) " µm at most." }
+        }
+    }
+}
+
+/// Warnings of all revisions, each once, with the revisions that have it.
+fn warned(content: &StudyPage) -> Markup {
+    let mut all: Vec<(&Warning, Vec<&str>)> = Vec::new();
+    for revision in &content.revisions {
+        for warning in revision.warnings() {
+            match all.iter_mut().find(|(known, _)| *known == warning) {
+                Some((_, names)) => names.push(&revision.name),
+                None => all.push((warning, vec![&revision.name])),
+            }
+        }
+    }
+    let remarks: Vec<(&str, &String)> = content
+        .revisions
+        .iter()
+        .flat_map(|revision| revision.diagnosis.iter().map(|diagnosis| (revision.name.as_str(), diagnosis)))
+        .flat_map(|(name, diagnosis)| diagnosis.remarks.iter().map(move |remark| (name, remark)))
+        .collect();
+    let contradictions = &content.record.contradictions;
+    html! {
+        @if all.is_empty() && contradictions.is_empty() && remarks.is_empty() { p { "Nothing." } }
+        ul {
+            @for contradiction in contradictions { li { "The record: " (contradiction.text) ". What to do: " (contradiction.advice) "." } }
+            @for (warning, names) in &all {
+                li {
+                    @if warning.kind.is_fatal() { span.fatal { "Not to be trusted as it stands. " } }
+                    (names.join(", ")) ": " (warning.text) ". What to do: " (warning.advice) "."
+                }
+            }
+            @for (name, remark) in &remarks { li { (name) ", diagnosis: " (remark) "." } }
+        }
+    }
+}
+
+fn origin(content: &StudyPage) -> Markup {
+    let rows: Vec<Vec<String>> =
+        content.inputs_sha256.iter().map(|(name, hash)| vec![name.clone(), hash.clone()]).collect();
+    html! {
+        p { "Written by vitreo-uq " (content.version) ". These commands make the study again, to the last byte with the same inputs and the same version:" }
+        pre { @for command in &content.commands { (command) "\n" } }
+        (table("SHA-256 of the inputs", &["input", "SHA-256"], &rows))
+    }
+}

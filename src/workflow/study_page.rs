@@ -1,0 +1,215 @@
+//! The page of a study: its documents and figures, gathered.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use serde::de::DeserializeOwned;
+
+use super::artefacts::MESH_INPUT;
+use super::check;
+use crate::documents::posterior::PosteriorSummary;
+use crate::effects::Library;
+use crate::error::{Error, Place, Result};
+use crate::files::{Content, read_if_there, write_atomically};
+use crate::page::{self, Figure, LadderPage, RevisionPage, StudyPage};
+use crate::rheology::BaseLaw;
+use crate::study::{
+    COMPARISON_NAME, DIAGNOSIS_NAME, EXTENSION_NAME, LADDER_NAME, ModelSpecification, PAGE_NAME, POSTERIOR_NAME, Study,
+    WithProvenance, sha256_hex,
+};
+
+const AGAIN: &str = "run the command that wrote it again";
+
+/// Writes the page of a study to `out`, or into the study; returns where it stands.
+///
+/// # Errors
+/// [`Error::Input`] where the study has no revision, or a document of it cannot be read; [`Error::File`] if the operating system refuses.
+pub fn write(study: &Study, out: Option<&Path>) -> Result<PathBuf> {
+    let place = out.map_or_else(|| study.dir().join(PAGE_NAME), Path::to_path_buf);
+    write_atomically(&place, page::study(content(study)?).as_bytes())?;
+    Ok(place)
+}
+
+/// What stands in a study.
+fn content(study: &Study) -> Result<StudyPage> {
+    let (experiment, files) = study.read_experiment()?;
+    let names = study.revisions()?;
+    let mut content = StudyPage {
+        record: check::summary(&experiment, &files),
+        revisions: Vec::new(),
+        ladder: None,
+        version: String::new(),
+        inputs_sha256: study.inputs_sha256().clone(),
+        commands: Vec::new(),
+    };
+    let mut posteriors_sha256 = BTreeMap::new();
+    for name in &names {
+        let revision = Kept::read(study, name)?;
+        let posterior = &revision.posterior.provenance;
+        content.version.clone_from(&posterior.version);
+        content.inputs_sha256.extend(posterior.inputs_sha256.clone());
+        content.commands.extend(revision.commands(study, name)?);
+        posteriors_sha256.insert(format!("{name}/{POSTERIOR_NAME}"), revision.posterior_sha256.clone());
+        content.revisions.push(revision.into_page(name)?);
+    }
+    if content.revisions.is_empty() {
+        return Err(Error::input(
+            Place::file(study.dir()),
+            "the study has no revision yet",
+            "run `vitreo-uq sample` on it first",
+        ));
+    }
+    // A ladder of other revisions than these is older than the last one.
+    let ladder = read::<crate::documents::ladder::LadderSummary>(&study.dir().join(LADDER_NAME))?;
+    let is_of_these = |(name, hash): (&String, &String)| {
+        ladder.as_ref().is_some_and(|ladder| ladder.provenance.inputs_sha256.get(name) == Some(hash))
+    };
+    if posteriors_sha256.iter().all(is_of_these)
+        && let Some(WithProvenance { provenance, body: summary }) = ladder
+        && let Some(figure) = drawing(study.dir(), "ladder.svg")?
+    {
+        content.commands.push(format!("vitreo-uq ladder STUDY --seed {}", provenance.seed));
+        content.ladder = Some(LadderPage { summary, figure });
+    }
+    Ok(content)
+}
+
+/// A revision as it stands on disk.
+struct Kept {
+    dir: PathBuf,
+    posterior: WithProvenance<PosteriorSummary>,
+    posterior_sha256: String,
+    comparison: Option<WithProvenance<crate::documents::comparison::Comparison>>,
+    diagnosis: Option<WithProvenance<crate::documents::diagnosis::Diagnosis>>,
+    extension: Option<WithProvenance<crate::documents::extension::ExtensionSummary>>,
+}
+
+impl Kept {
+    fn read(study: &Study, name: &str) -> Result<Self> {
+        let dir = study.revision_dir(name)?;
+        let path = dir.join(POSTERIOR_NAME);
+        let bytes = crate::files::read(&path, Content::Document, "check that the study is complete and readable")?;
+        Ok(Self {
+            posterior: parsed(&path, &bytes)?,
+            posterior_sha256: sha256_hex(&bytes),
+            comparison: read(&dir.join(COMPARISON_NAME))?,
+            diagnosis: read(&dir.join(DIAGNOSIS_NAME))?,
+            extension: read(&dir.join(EXTENSION_NAME))?,
+            dir,
+        })
+    }
+
+    /// What makes it again, and what was asked of it.
+    fn commands(&self, study: &Study, name: &str) -> Result<Vec<String>> {
+        let Self { posterior, comparison, diagnosis, extension, .. } = self;
+        let library = Library::default();
+        let model = |revision: &str| -> Result<ModelSpecification> {
+            ModelSpecification::read(&study.revision_dir(revision)?.join("model.toml"), &library)
+        };
+        let mut settings = format!(" --seed {} --chains {}", posterior.provenance.seed, posterior.body.sampler.walkers);
+        if posterior.provenance.inputs_sha256.contains_key(MESH_INPUT) {
+            settings += " --mesh MESH";
+        }
+        let made = match extension {
+            None => {
+                let (before, now) = (ModelSpecification::default(), model(name)?);
+                let with = option("--with", &now.effects.join(","));
+                format!("vitreo-uq sample EXPERIMENT --out STUDY{with}{}{settings}", options(&before, &now, name))
+            }
+            Some(WithProvenance { body, .. }) => {
+                let (before, now) = (model(&body.from)?, model(name)?);
+                let with = option("--with", &body.effects.join(","));
+                format!("vitreo-uq extend STUDY --from {}{with}{}{settings}", body.from, options(&before, &now, name))
+            }
+        };
+        let asked = |command: &str, seed: u64| format!("vitreo-uq {command} STUDY --from {name} --seed {seed}");
+        let compared = comparison.as_ref().map(|document| asked("compare", document.provenance.seed));
+        let diagnosed = diagnosis.as_ref().map(|document| asked("diagnose", document.provenance.seed));
+        Ok(std::iter::once(made).chain(compared).chain(diagnosed).collect())
+    }
+
+    fn into_page(self, name: &str) -> Result<RevisionPage> {
+        let stems = [
+            "predictive",
+            "comparison",
+            "comparison_map",
+            "comparison_bias",
+            "diagnosis",
+            "discrepancy",
+            "corner",
+            "trace",
+            "singular_values",
+        ];
+        let mut figures = BTreeMap::new();
+        for stem in stems {
+            if let Some(drawing) = drawing(&self.dir, &format!("figures/{stem}.svg"))? {
+                figures.insert(stem.into(), Figure { file: format!("{name}/{}", drawing.file), ..drawing });
+            }
+        }
+        Ok(RevisionPage {
+            name: name.into(),
+            posterior: self.posterior.body,
+            comparison: self.comparison.map(|document| document.body),
+            diagnosis: self.diagnosis.map(|document| document.body),
+            extension: self.extension.map(|document| document.body),
+            figures,
+        })
+    }
+}
+
+/// Options that lead from one model to another, effects left out.
+fn options(before: &ModelSpecification, now: &ModelSpecification, name: &str) -> String {
+    let mut text = String::new();
+    if now.base != before.base {
+        let base = match &now.base {
+            BaseLaw::Network(_) => format!("{name}/model.toml"),
+            named => named.name().into(),
+        };
+        text += &option("--base", &base);
+    }
+    if now.noise != before.noise {
+        text += &option("--noise", &now.noise.join(","));
+    }
+    if now.prior != before.prior {
+        let is_file = now.prior.ends_with(".toml");
+        text += &option("--prior", &if is_file { format!("{name}/{}", now.prior) } else { now.prior.clone() });
+    }
+    let is_new = |name: &String| !before.freed.contains(name);
+    now.freed.iter().filter(|name| is_new(name)).for_each(|name| text += &option("--set", &format!("{name}=free")));
+    for (name, value) in now.fixed.iter().filter(|(name, value)| before.fixed.get(*name) != Some(*value)) {
+        text += &option("--set", &format!("{name}={value}"));
+    }
+    text
+}
+
+fn option(name: &str, value: &str) -> String {
+    if value.is_empty() { String::new() } else { format!(" {name} {value}") }
+}
+
+/// A document, if it is there.
+fn read<T: DeserializeOwned>(path: &Path) -> Result<Option<WithProvenance<T>>> {
+    if !path.exists() {
+        return Ok(None);
+    }
+    parsed(path, &crate::files::read(path, Content::Document, AGAIN)?).map(Some)
+}
+
+fn parsed<T: DeserializeOwned>(path: &Path, bytes: &[u8]) -> Result<T> {
+    serde_json::from_slice(bytes).map_err(|error| {
+        let place = Place::file(path).at_line(error.line());
+        Error::input(place, format!("a report cannot show this document: {error}"), AGAIN)
+    })
+}
+
+/// A figure, if it is there and is a drawing.
+fn drawing(dir: &Path, file: &str) -> Result<Option<Figure>> {
+    let path = dir.join(file);
+    let Some(bytes) = read_if_there(&path, Content::Document) else { return Ok(None) };
+    let refused = || Error::input(Place::file(&path), "this is no figure of this program", AGAIN);
+    let svg = String::from_utf8(bytes).map_err(|_| refused())?;
+    // A drawing goes into the page as it is, so nothing but a drawing may stand in it.
+    if !svg.starts_with("<svg ") || svg.contains("<script") || svg.contains("<foreignObject") || svg.contains("href=") {
+        return Err(refused());
+    }
+    Ok(Some(Figure { file: file.into(), svg: Some(svg) }))
+}
