@@ -26,13 +26,13 @@ pub mod misfit;
 mod mixture;
 pub(crate) mod model_priors;
 mod near_normal;
+pub mod pages;
 pub mod problem;
 pub mod reduced;
 pub mod replica;
 pub mod sample;
 pub mod simulate;
 pub mod simulation_files;
-pub mod study_page;
 pub mod visibility;
 
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};

@@ -1,4 +1,4 @@
-//! `report`: a study as one page for a browser.
+//! `report`: a study, or what `groups` or `shapes` wrote, as one page for a browser.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -6,15 +6,15 @@ use std::process::ExitCode;
 use clap::Args;
 use vitreo_uq::error::Result;
 use vitreo_uq::study::Study;
-use vitreo_uq::workflow::study_page;
+use vitreo_uq::workflow::pages;
 
 /// Arguments of `report`.
 #[derive(Args)]
 pub struct ReportArguments {
-    /// The study
+    /// The study, or the directory that `groups` or `shapes` wrote
     #[arg(value_name = "STUDY")]
     pub study: PathBuf,
-    /// The page [default: report.html in the study]
+    /// The page [default: report.html in the study or directory]
     #[arg(long, value_name = "FILE.html")]
     pub out: Option<PathBuf>,
     /// Do not say where the page went
@@ -31,7 +31,7 @@ pub struct PageArguments {
 }
 
 pub fn run(arguments: &ReportArguments) -> Result<ExitCode> {
-    let page = study_page::write(&Study::open(&arguments.study)?, arguments.out.as_deref())?;
+    let page = pages::write(&arguments.study, arguments.out.as_deref())?;
     if !arguments.quiet {
         crate::interrupt::say(&format!("Report: {}", page.display()));
     }
@@ -43,7 +43,7 @@ pub fn refresh(study: &Study, arguments: &PageArguments, quiet: bool) {
     if arguments.no_report {
         return;
     }
-    match study_page::write(study, None) {
+    match pages::write(study.dir(), None) {
         Ok(page) if quiet => drop(page),
         Ok(page) => crate::interrupt::say(&format!("Report: {}", page.display())),
         Err(error) => crate::interrupt::say(&format!("no report: {error}")),

@@ -1,9 +1,15 @@
 //! Pages for a browser: one file that fetches nothing, reads without a script and prints on A4. They show documents and figures; nothing is computed here.
 
+mod sheets;
 mod study;
+
+use std::collections::BTreeMap;
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
+use crate::report::number::significant;
+
+pub use sheets::{Origin, groups, shapes};
 pub use study::{LadderPage, RevisionPage, StudyPage, study};
 
 /// A page keeps below so many bytes, so that it can be sent by mail.
@@ -93,7 +99,7 @@ fn figure(figure: &Figure, caption: &str) -> Markup {
                 Some(svg) => (PreEscaped(svg)),
                 None => p.left-out { "This figure is left out to keep the page below 3 MB." },
             }
-            figcaption { (caption) " (" code { (figure.file) } ")" }
+            figcaption { (caption) @if !caption.is_empty() { " " } "(" code { (figure.file) } ")" }
         }
     }
 }
@@ -103,11 +109,20 @@ fn folded(drawing: &Figure, caption: &str) -> Markup {
     html! { details { summary { (caption) } (figure(drawing, caption)) } }
 }
 
-/// A table; the first cell of a row is its heading, the others are numbers or words.
+/// A table of numbers; the first cell of a row is its heading.
 fn table(caption: &str, heads: &[&str], rows: &[Vec<String>]) -> Markup {
+    table_of("", caption, heads, rows)
+}
+
+/// The same, whose last two columns are words.
+fn table_that_ends_in_words(caption: &str, heads: &[&str], rows: &[Vec<String>]) -> Markup {
+    table_of("ends-in-words", caption, heads, rows)
+}
+
+fn table_of(class: &str, caption: &str, heads: &[&str], rows: &[Vec<String>]) -> Markup {
     html! {
         div.scroll {
-            table {
+            table class=[(!class.is_empty()).then_some(class)] {
                 caption { (caption) }
                 thead { tr { @for head in heads { th scope="col" { (head) } } } }
                 tbody {
@@ -122,4 +137,15 @@ fn table(caption: &str, heads: &[&str], rows: &[Vec<String>]) -> Markup {
             }
         }
     }
+}
+
+/// Two ends of an interval.
+fn interval(low: f64, high: f64) -> String {
+    format!("{} to {}", significant(low, 4), significant(high, 4))
+}
+
+/// What went in.
+fn hashes(inputs_sha256: &BTreeMap<String, String>) -> Markup {
+    let rows: Vec<Vec<String>> = inputs_sha256.iter().map(|(name, hash)| vec![name.clone(), hash.clone()]).collect();
+    table("SHA-256 of the inputs", &["input", "SHA-256"], &rows)
 }

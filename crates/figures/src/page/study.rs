@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use maud::{Markup, html};
 
-use super::{Figure, Tone, figure, fit, folded, page, section, table};
+use super::{Figure, Tone, figure, fit, folded, hashes, interval, page, section, table, table_that_ends_in_words};
 use crate::documents::check::CheckSummary;
 use crate::documents::comparison::Comparison;
 use crate::documents::diagnosis::{CandidateEntry, Diagnosis, VerdictKind};
@@ -130,7 +130,8 @@ fn verdict(content: &StudyPage, last: &RevisionPage) -> Markup {
             .noise_um
             .map_or("unknown".into(), |noise| format!("{} µm, {}", significant(noise, 3), heldout.noise_origin));
         format!(
-            "It predicts cycles {}, which it was not fitted to, to {} µm; the noise is {noise}.",
+            "It predicts {} {}, to which it was not fitted, to {} µm; the noise is {noise}.",
+            if heldout.cycles.len() == 1 { "cycle" } else { "cycles" },
             listed(&heldout.cycles),
             significant(rmse, 3)
         )
@@ -160,10 +161,6 @@ fn parameters(last: &RevisionPage) -> Markup {
         vec![label.symbol, significant(p.median, 4), interval(p.q05, p.q95), label.unit]
     });
     table("What the gel is", &["parameter", "median", "90 % interval", "unit"], &rows.collect::<Vec<_>>())
-}
-
-fn interval(low: f64, high: f64) -> String {
-    format!("{} to {}", significant(low, 4), significant(high, 4))
 }
 
 fn optional(value: Option<f64>, digits: usize) -> String {
@@ -239,7 +236,7 @@ fn missing(content: &StudyPage) -> Markup {
                 h3 { (revision.name) }
                 p { strong { (diagnosis.verdict.sentence) } }
                 (suspects(diagnosis))
-                (revision.shown("diagnosis", "Every effect refitted: its gain, and its fingerprint over what the model leaves"))
+                (revision.shown("diagnosis", "Every effect refitted: what it gains in the fit and on held-out cycles, and the error before and after"))
                 @for entry in &diagnosis.unexplained { p { (entry.sentence) } }
                 @if let Some(discrepancy) = &diagnosis.discrepancy { p { (discrepancy.sentence) } }
                 (revision.shown("discrepancy", "What no effect of the library explains"))
@@ -254,7 +251,7 @@ fn missing(content: &StudyPage) -> Markup {
     }
 }
 
-/// Every effect of the library, in the document's order, which is that of their gains.
+/// Every effect of the library, what gains most first.
 fn suspects(diagnosis: &Diagnosis) -> Markup {
     let smallest = |slug: &str| {
         let entry = diagnosis.smallest_detectable.iter().find(|entry| entry.effect == slug);
@@ -274,10 +271,14 @@ fn suspects(diagnosis: &Diagnosis) -> Markup {
             refused.unwrap_or_else(|| diagnosis.standing(candidate).into()),
         ]
     };
-    let rows: Vec<Vec<String>> = diagnosis.candidates.iter().map(row).collect();
+    let gain =
+        |candidate: &&CandidateEntry| candidate.refit.as_ref().map_or(f64::NEG_INFINITY, |refit| refit.gain_nats);
+    let mut candidates: Vec<&CandidateEntry> = diagnosis.candidates.iter().collect();
+    candidates.sort_by(|a, b| gain(b).total_cmp(&gain(a)));
+    let rows: Vec<Vec<String>> = candidates.into_iter().map(row).collect();
     let heads =
         ["effect", "gain (nats)", "held-out gain (nats)", "p of the search", "smallest seen", "looks like", "standing"];
-    table("Suspects: what a refit with each effect gains", &heads, &rows)
+    table_that_ends_in_words("Suspects: what a refit with each effect gains", &heads, &rows)
 }
 
 fn ladder_section(content: &StudyPage) -> Markup {
@@ -409,11 +410,9 @@ fn warned(content: &StudyPage) -> Markup {
 }
 
 fn origin(content: &StudyPage) -> Markup {
-    let rows: Vec<Vec<String>> =
-        content.inputs_sha256.iter().map(|(name, hash)| vec![name.clone(), hash.clone()]).collect();
     html! {
         p { "Written by vitreo-uq " (content.version) ". These commands make the study again, to the last byte with the same inputs and the same version:" }
         pre { @for command in &content.commands { (command) "\n" } }
-        (table("SHA-256 of the inputs", &["input", "SHA-256"], &rows))
+        (hashes(&content.inputs_sha256))
     }
 }

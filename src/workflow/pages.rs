@@ -1,4 +1,4 @@
-//! The page of a study: its documents and figures, gathered.
+//! Pages for a browser: documents and figures, gathered from where commands wrote them.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -7,27 +7,55 @@ use serde::de::DeserializeOwned;
 
 use super::artefacts::MESH_INPUT;
 use super::check;
+use crate::documents::groups::GroupsSummary;
 use crate::documents::posterior::PosteriorSummary;
+use crate::documents::shapes::ShapesSummary;
 use crate::effects::Library;
 use crate::error::{Error, Place, Result};
 use crate::files::{Content, read_if_there, write_atomically};
-use crate::page::{self, Figure, LadderPage, RevisionPage, StudyPage};
+use crate::page::{self, Figure, LadderPage, Origin, RevisionPage, StudyPage};
 use crate::rheology::BaseLaw;
 use crate::study::{
-    COMPARISON_NAME, DIAGNOSIS_NAME, EXTENSION_NAME, LADDER_NAME, ModelSpecification, PAGE_NAME, POSTERIOR_NAME, Study,
-    WithProvenance, sha256_hex,
+    COMPARISON_NAME, DIAGNOSIS_NAME, EXTENSION_NAME, LADDER_NAME, ModelSpecification, PAGE_NAME, POSTERIOR_NAME,
+    Provenance, Study, WithProvenance, sha256_hex,
 };
 
 const AGAIN: &str = "run the command that wrote it again";
 
-/// Writes the page of a study to `out`, or into the study; returns where it stands.
+/// Writes the page of a study, or of what `groups` or `shapes` wrote, to `out`, or beside it; returns where it stands.
 ///
 /// # Errors
-/// [`Error::Input`] where the study has no revision, or a document of it cannot be read; [`Error::File`] if the operating system refuses.
-pub fn write(study: &Study, out: Option<&Path>) -> Result<PathBuf> {
-    let place = out.map_or_else(|| study.dir().join(PAGE_NAME), Path::to_path_buf);
-    write_atomically(&place, page::study(content(study)?).as_bytes())?;
+/// [`Error::Input`] where there is nothing to show, or a document cannot be read; [`Error::File`] if the operating system refuses.
+pub fn write(dir: &Path, out: Option<&Path>) -> Result<PathBuf> {
+    let html = if let Some(document) = read::<GroupsSummary>(&dir.join("groups.json"))? {
+        page::groups(&document.body, drawings(dir)?, &origin(document.provenance))
+    } else if let Some(document) = read::<ShapesSummary>(&dir.join("shapes.json"))? {
+        page::shapes(&document.body, drawings(dir)?, &origin(document.provenance))
+    } else {
+        page::study(content(&Study::open(dir)?)?)
+    };
+    let place = out.map_or_else(|| dir.join(PAGE_NAME), Path::to_path_buf);
+    write_atomically(&place, html.as_bytes())?;
     Ok(place)
+}
+
+fn origin(provenance: Provenance) -> Origin {
+    let Provenance { version, seed, inputs_sha256, .. } = provenance;
+    Origin { version, seed, inputs_sha256 }
+}
+
+/// All figures of a result, in the order of their names: they stand beside its document, or in a folder of their own.
+fn drawings(dir: &Path) -> Result<Vec<Figure>> {
+    let folder = if dir.join("figures").is_dir() { "figures/" } else { "" };
+    let place = dir.join(folder);
+    let refused = |source| Error::at_path("read", &place, source, "make the directory readable");
+    let mut names = Vec::new();
+    for entry in std::fs::read_dir(&place).map_err(refused)? {
+        let name = entry.map_err(refused)?.file_name();
+        names.extend(name.to_str().filter(|name| name.ends_with(".svg")).map(|name| format!("{folder}{name}")));
+    }
+    names.sort();
+    names.iter().filter_map(|name| drawing(dir, name).transpose()).collect()
 }
 
 /// What stands in a study.
