@@ -360,7 +360,7 @@ fn lag_and_gradient_are_those_of_the_other_stepper() {
     let mut stages = Stages::of_law(elements(BaseLaw::Burgers));
     stages.load.delay_s = Dual::constant(0.0137);
     stages.load.lag_time_s = Dual::constant(0.2);
-    for gradient_per_m in [0.0, 200.0, -200.0] {
+    for gradient_per_m in [0.0, 200.0, -200.0, -600.0] {
         stages.load.gradient_per_m = Dual::constant(gradient_per_m);
         let exact = model.step(&stages, &time_s, &force_n, stepping::Resolution::default()).expect("a sound model");
         let mut load = Load { lag_time_s: 0.2, gradient_per_m, ..Load::commanded(&time_s, &force_n) };
@@ -369,11 +369,11 @@ fn lag_and_gradient_are_those_of_the_other_stepper() {
         let found = run(&system, &law, &load, &time_s, &[], Resolution::default()).expect("a sound model");
         let error = distance(&found.position_m, &exact.displacement_m);
         println!("gradient {gradient_per_m}: {error:e}");
-        assert!(error < 2e-6, "{gradient_per_m}: {error:e}");
+        assert!(error < if gradient_per_m < -200.0 { 5e-6 } else { 2e-6 }, "{gradient_per_m}: {error:e}");
     }
-    let load = Load { gradient_per_m: 2000.0, ..Load::commanded(&time_s, &force_n) };
+    let load = Load { gradient_per_m: 4000.0, ..Load::commanded(&time_s, &force_n) };
     let refused = run(&system, &[chain(BaseLaw::Burgers)], &load, &time_s, &[], Resolution::default());
-    assert!(refused.is_err_and(|e| e.to_string().contains(&LARGEST.to_string())));
+    assert!(refused.is_err_and(|e| e.to_string().contains("pulls the robot away")));
 }
 
 /// A springpot's chain holds for the window's times.
@@ -404,8 +404,6 @@ fn springpots_are_those_of_the_other_stepper() {
         assert!(error < 1e-6, "{n_turning}: {error:e}");
     }
 }
-
-const LARGEST: f64 = crate::stages::LARGEST_FEEDBACK;
 
 #[test]
 fn laws_that_do_not_fit_are_refused() {
