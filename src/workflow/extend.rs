@@ -279,10 +279,11 @@ mod tests {
     #[test]
     fn two_heaps_of_draws_are_two_answers() {
         let (experiment, _) = crate::workflow::replica::embedded().expect("embedded");
-        let effects = ["softening".to_string()];
+        let effects = ["instantaneous-elasticity".to_string()];
         let specification = ModelSpecification { effects: effects.to_vec(), ..ModelSpecification::default() };
         let problem = Problem::new(experiment, specification, None, &super::super::Silent).expect("sound");
-        let place = problem.priors.names().position(|name| name.starts_with("softening.")).expect("sampled");
+        let place =
+            problem.priors.names().position(|name| name.starts_with("instantaneous-elasticity.")).expect("sampled");
         let prior = problem.priors.priors()[place].distribution;
         let columns = |heap: &dyn Fn(usize) -> f64| -> Vec<DrawColumn> {
             let of = |d: usize| {
@@ -298,7 +299,7 @@ mod tests {
         assert_eq!(two.len(), 2);
         // 2,000 of the draws have an error of 0.01 in a share; five are allowed.
         assert!((two[0].probability - 0.7).abs() < 0.05 && two[0].q95 < two[1].q05, "{two:?}");
-        assert!(in_words(&two).contains(", or softening."), "{}", in_words(&two));
+        assert!(in_words(&two).contains(", or instantaneous-elasticity."), "{}", in_words(&two));
         assert!(answers(&problem, &effects, &columns(&|_| 0.4)).is_empty());
         assert_eq!(in_words(&[]), "");
     }

@@ -48,6 +48,23 @@ fn experiments() -> Vec<Scales> {
     [PORCINE, one_pull, three_rows, two_rows, fast_switching, indenter, unmeasured].into_iter().chain(gels).collect()
 }
 
+/// Laws that are no series of Kelvin–Voigt bodies and a dashpot: a springpot, one beside a spring, Maxwell's fluid, and a network of all there is.
+const SPRINGPOT: &str = r#"springpot = "mesh""#;
+const SPRINGPOT_BESIDE_SPRING: &str = r#"parallel = [{ spring = "gel" }, { springpot = "mesh" }]"#;
+const MAXWELL: &str = r#"series = [{ spring = "gel" }, { dashpot = "flow" }]"#;
+const GENERALISED: &str = r#"series = [
+    { parallel = [{ spring = "gel" }, { series = [{ spring = "arm" }, { dashpot = "slow" }] }, { dashpot = "fast" }] },
+    { springpot = "flow" },
+]"#;
+
+fn network(text: &str) -> BaseLaw {
+    BaseLaw::Network(vitreo_uq::rheology::Network::from_text("network.toml".as_ref(), text).unwrap())
+}
+
+fn networks() -> [BaseLaw; 4] {
+    [SPRINGPOT, SPRINGPOT_BESIDE_SPRING, MAXWELL, GENERALISED].map(network)
+}
+
 /// Effects whose law is not linear: beside them only load and observation, and beside large displacements no force that depends on the position.
 const LARGE: &str = "large-displacement";
 const NONLINEAR: [&str; 4] = ["strain-stiffening", "shear-thinning", "yield-stress", LARGE];
@@ -69,7 +86,8 @@ fn null_of(effect: &dyn Effect, scales: &Scales) -> Vec<f64> {
 
 fn stages_at(model: &Model, of_effects: &[f64]) -> Result<Stages, Error> {
     let n_law = model.base().parameters().len();
-    let mut of_law = vec![Dual::constant(2.5); n_law];
+    let at = |spec: &vitreo_uq::parameter::ParameterSpec| if spec.support.contains(2.5) { 2.5 } else { 0.6 };
+    let mut of_law: Vec<Dual> = model.base().parameters()[..n_law].iter().map(|spec| at(spec).into()).collect();
     // What no one knows of the experiment itself is at its null.
     of_law.resize(model.n_before_effects(), Dual::ZERO);
     let all: Vec<Dual> = of_law.into_iter().chain(of_effects.iter().map(|value| Dual::constant(*value))).collect();
@@ -204,7 +222,7 @@ fn nulls_lie_where_the_prior_has_mass_nearby() {
 #[test]
 fn at_its_null_every_effect_leaves_the_stages_as_they_are() {
     for scales in experiments() {
-        for base in BaseLaw::NAMED {
+        for base in BaseLaw::NAMED.into_iter().chain(networks()) {
             let bare = stages_at(&model(base, &[], scales).unwrap(), &[]).unwrap();
             for &effect in EFFECTS {
                 let Ok(model) = model(base, &[effect], scales) else { continue };
@@ -296,6 +314,35 @@ fn laws_and_effects_are_refused_exactly_where_physics_says() {
     }
 }
 
+/// What every law of springs, dashpots and springpots takes, and what it lacks where it does not: each refusal names what the effect needs.
+#[test]
+fn any_law_takes_what_it_has_the_elements_for() {
+    let (twice, dashpot, memory, body) =
+        ("the same thing twice", "no dashpot", "springpot", "Kelvin–Voigt bodies, springs and one dashpot in series");
+    let of_nonlinear = |slug: &str| NONLINEAR.contains(&slug) && slug != LARGE;
+    let reason = |text: &str, slug: &str| match (text, slug) {
+        (MAXWELL, "instantaneous-elasticity") => Some(twice),
+        (SPRINGPOT | SPRINGPOT_BESIDE_SPRING, "fractional-damping") => Some(dashpot),
+        (MAXWELL, "inertia") => Some("waves"),
+        (MAXWELL, LARGE) => None,
+        (SPRINGPOT | SPRINGPOT_BESIDE_SPRING | GENERALISED, "inertia" | LARGE) => Some(memory),
+        (_, slug) if of_nonlinear(slug) => Some(body),
+        _ => None,
+    };
+    for text in [SPRINGPOT, SPRINGPOT_BESIDE_SPRING, MAXWELL, GENERALISED] {
+        for &effect in EFFECTS {
+            let outcome = model(network(text), &[effect], PORCINE).map(|_| ()).map_err(|error| error.to_string());
+            match (reason(text, effect.slug()), outcome) {
+                (None, outcome) => assert_eq!(outcome, Ok(()), "{} on {text}", effect.slug()),
+                (Some(reason), Err(error)) => {
+                    assert!(error.contains(effect.slug()) && error.contains(reason), "{error}");
+                }
+                (Some(_), Ok(())) => panic!("{} on {text} is taken", effect.slug()),
+            }
+        }
+    }
+}
+
 /// Every pair stands together but two that change the field; those whose field is solved for fixed coefficients beside `softening` and springpots; mass beside a
 /// spring in series; and a law that is not linear beside any other mechanics.
 #[test]
@@ -380,6 +427,36 @@ fn nonlinear_laws_refuse_networks_that_they_cannot_take_apart() {
             assert!(text.contains(slug) && text.contains("one dashpot in series"), "{text}");
         }
     }
+}
+
+/// The order in which effects are written means nothing to what they refer to, in laws that have no Kelvin–Voigt body as in those that have.
+#[test]
+fn effects_of_the_law_mean_the_same_in_any_order() {
+    let slugs = ["instantaneous-elasticity", "second-retardation", "fractional-damping"];
+    let own = [vec![0.3], vec![0.4, 6.0], vec![0.6]];
+    let laws = [
+        BaseLaw::Lethersich,
+        network(SPRINGPOT_BESIDE_SPRING),
+        network(SPRINGPOT),
+        network(MAXWELL),
+        network(GENERALISED),
+    ];
+    let mut n_compared = 0;
+    for base in laws {
+        for [i, j] in [[0, 1], [0, 2], [1, 2]] {
+            let written = |order: [usize; 2]| {
+                let model = model(base, &order.map(|k| effect(slugs[k])), PORCINE).ok()?;
+                let stages = stages_at(&model, &order.map(|k| own[k].clone()).concat()).unwrap();
+                let mut law: Vec<String> = stages.law.iter().map(|element| format!("{element:?}")).collect();
+                law.sort();
+                Some(law)
+            };
+            let (one, other) = (written([i, j]), written([j, i]));
+            assert_eq!(one, other, "{base:?}");
+            n_compared += usize::from(one.is_some());
+        }
+    }
+    assert_eq!(n_compared, 3 + 1 + 1 + 1 + 3);
 }
 
 /// E in the effects' equations is the first Kelvin–Voigt spring of the law, whatever stands beside it.

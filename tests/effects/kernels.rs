@@ -12,7 +12,7 @@ use vitreo_uq::fe::time::FullOrderModel;
 use vitreo_uq::mesh::{Mesh, QuarterBall};
 use vitreo_uq::model::{Compliance, Forward, FullForward, Model, ReducedForward, Response, TrainedRange, convolve_m};
 use vitreo_uq::number::Dual;
-use vitreo_uq::rheology::{BaseLaw, CreepCompliance};
+use vitreo_uq::rheology::{BaseLaw, CreepCompliance, Network};
 use vitreo_uq::stages::Stepped;
 use vitreo_uq::surrogate::trajectory::{LargeScope, LargeStepper, LargeSurface};
 use vitreo_uq::surrogate::{FieldModels, Surrogate, Training};
@@ -432,5 +432,161 @@ fn larger_laws_are_smaller_laws_with_an_effect() {
         assert!(distance(&a, &b) < 1e-12, "{slug}: {:e}", distance(&a, &b));
         let full_m = full(&larger, &protocol).trajectory_m(&of(&added)).expect("a model");
         assert!(distance(&a, &full_m) < 1e-9, "{slug} in full: {:e}", distance(&a, &full_m));
+    }
+}
+
+/// Laws of all kinds with their parameters: a springpot, one beside a spring, Maxwell's fluid, and a network of springs, dashpots and a springpot.
+fn networks() -> [(BaseLaw, Vec<f64>); 4] {
+    let network = |text: &str| BaseLaw::Network(Network::from_text("network.toml".as_ref(), text).expect("a network"));
+    let generalised = r#"series = [
+        { parallel = [{ spring = "gel" }, { series = [{ spring = "arm" }, { dashpot = "slow" }] }, { dashpot = "fast" }] },
+        { springpot = "flow" },
+    ]"#;
+    [
+        (network(r#"springpot = "mesh""#), vec![3.0, 0.35]),
+        (network(r#"parallel = [{ spring = "gel" }, { springpot = "mesh" }]"#), vec![3.5, 2.0, 0.5]),
+        (network(r#"series = [{ spring = "gel" }, { dashpot = "flow" }]"#), vec![3.5, 20.0]),
+        (network(generalised), vec![2.0, 3.0, 6.0, 1.0, 20.0, 0.8]),
+    ]
+}
+
+fn of_effects(model: &Model, probability: f64) -> Vec<f64> {
+    let own = model.effects().iter().flat_map(|effect| effect.parameters()).enumerate();
+    own.map(|(i, p)| (p.prior)(model.scales()).quantile(if i % 2 == 0 { probability } else { 1.0 - probability }))
+        .collect()
+}
+
+/// Every effect that a network takes, alone: the reduced model by the network's retardation spectrum, the full one by stepping its elements and, where the field
+/// changes, the bodies of the law's own spectrum. At the null the network returns. A gel that changes while a springpot remembers is stepped to 4e-6. Fields are asked
+/// for on the network with a springpot beside a spring: the hundred bodies of a spectrum, each a field, take some seconds to step.
+#[test]
+fn effects_of_networks_agree_with_full_finite_elements() {
+    let protocol = protocol();
+    let mut n_found = [0; 4];
+    for ((law, of_law), n_found) in networks().into_iter().zip(&mut n_found) {
+        let alone = Model::new(law, vec![], protocol.scales, &Place::default()).expect("a law alone");
+        let base_m = reduced(&alone, &protocol).trajectory_m(&of_law).expect("a model");
+        for &effect in EFFECTS {
+            let Ok(model) = Model::new(law, vec![effect], protocol.scales, &Place::default()) else { continue };
+            *n_found += 1;
+            let has_field = model.field().is_some();
+            if has_field && of_law.len() != 3 {
+                continue;
+            }
+            let at = |own: Vec<f64>| [of_law.clone(), own].concat();
+            let null = effect
+                .parameters()
+                .iter()
+                .map(|p| (p.null)(&protocol.scales).unwrap_or_else(|| (p.prior)(&protocol.scales).quantile(0.5)));
+            let (reduced, full) = (reduced(&model, &protocol), full(&model, &protocol));
+            let null_m = reduced.trajectory_m(&at(null.collect())).expect("the law is a model");
+            assert!(distance(&null_m, &base_m) < 1e-9, "{}: {:e}", effect.slug(), distance(&null_m, &base_m));
+            let mut largest = 0.0_f64;
+            for probability in if has_field { &[0.6][..] } else { &[0.2, 0.7] } {
+                let parameters = at(of_effects(&model, *probability));
+                let full_m = full.trajectory_m(&parameters).expect("a model");
+                let reduced_m = reduced.trajectory_m(&parameters).expect("a model");
+                largest = largest.max(distance(&reduced_m, &full_m));
+                assert!(distance(&full_m, &base_m) > 1e-5, "{}: {:e}", effect.slug(), distance(&full_m, &base_m));
+            }
+            println!("{:<26} on {of_law:?}: {largest:.1e} of the amplitude", effect.slug());
+            let of_time = if effect.slug() == "softening" { 5e-6 } else { 2e-6 };
+            assert!(largest < tolerance(&model, of_time), "{} on {of_law:?}: {largest:e}", effect.slug());
+        }
+    }
+    // Load and observation are six, softening and compressibility two, fields four. Of the law a springpot takes two, beside a spring or not; Maxwell's fluid two
+    // and large displacements; the last network three.
+    assert_eq!(n_found, [14, 14, 15, 15]);
+}
+
+/// What effects make of a network is the network with that element written into it.
+#[test]
+fn effects_of_networks_are_larger_networks() {
+    let protocol = protocol();
+    let hold_s = protocol.scales.hold_s;
+    let network = |text: &str| BaseLaw::Network(Network::from_text("network.toml".as_ref(), text).expect("a network"));
+    let mesh_pa = 3.0 * (1.0 / hold_s).powf(0.35);
+    let beside = r#"{ parallel = [{ spring = "gel" }, { springpot = "mesh" }] }"#;
+    let [(springpot, of_springpot), (solid, of_solid), (maxwell, of_maxwell), _] = networks();
+    let cases = [
+        (
+            (springpot, of_springpot.clone(), "instantaneous-elasticity", vec![0.2]),
+            (r#"series = [{ springpot = "mesh" }, { spring = "glass" }]"#.to_string(), vec![3.0, 0.35, mesh_pa / 0.2]),
+        ),
+        (
+            (springpot, of_springpot, "second-retardation", vec![0.3, 2.0]),
+            (
+                r#"series = [{ springpot = "mesh" }, { parallel = [{ spring = "second" }, { dashpot = "late" }] }]"#
+                    .into(),
+                vec![3.0, 0.35, mesh_pa / 0.3, 2.0 * mesh_pa / 0.3],
+            ),
+        ),
+        (
+            (solid, of_solid.clone(), "instantaneous-elasticity", vec![0.2]),
+            (format!(r#"series = [{beside}, {{ spring = "glass" }}]"#), [of_solid, vec![3.5 / 0.2]].concat()),
+        ),
+        (
+            (maxwell, of_maxwell, "fractional-damping", vec![0.6]),
+            (
+                r#"series = [{ spring = "gel" }, { springpot = "flow" }]"#.into(),
+                vec![3.5, 20.0 / hold_s * hold_s.powf(0.6), 0.6],
+            ),
+        ),
+    ];
+    for ((law, of_law, slug, own), (text, of_larger)) in cases {
+        let named = EFFECTS.iter().copied().find(|effect| effect.slug() == slug).expect("in the library");
+        let smaller = Model::new(law, vec![named], protocol.scales, &Place::default()).expect("a model");
+        let larger = Model::new(network(&text), vec![], protocol.scales, &Place::default()).expect("a law alone");
+        let a = reduced(&smaller, &protocol).trajectory_m(&[of_law, own].concat()).expect("a model");
+        let b = full(&larger, &protocol).trajectory_m(&of_larger).expect("a model");
+        assert!(distance(&a, &b) < 1e-6, "{slug} on {law:?}: {:e}", distance(&a, &b));
+        let b = reduced(&larger, &protocol).trajectory_m(&of_larger).expect("a model");
+        assert!(distance(&a, &b) < 1e-8, "{slug} on {law:?}: {:e}", distance(&a, &b));
+    }
+}
+
+/// Derivatives by the parameters of networks and of the effects on the law itself, against central differences.
+#[test]
+fn sensitivities_of_networks_agree_with_finite_differences() {
+    let protocol = protocol();
+    for (law, of_law) in networks() {
+        for slug in
+            ["instantaneous-elasticity", "second-retardation", "fractional-damping", "softening", "force-gradient"]
+        {
+            let effect = EFFECTS.iter().copied().find(|effect| effect.slug() == slug).expect("in the library");
+            let Ok(model) = Model::new(law, vec![effect], protocol.scales, &Place::default()) else { continue };
+            let forward = reduced(&model, &protocol);
+            let inside = [of_law.clone(), of_effects(&model, 0.4)].concat();
+            for index in 0..inside.len() {
+                let h = 1e-4 * if inside[index] == 0.0 { 1.0 } else { inside[index].abs() };
+                let shifted = |by: f64| {
+                    let mut parameters = inside.clone();
+                    parameters[index] += by;
+                    forward.trajectory_m(&parameters).expect("a model")
+                };
+                let (above, below) = (shifted(h), shifted(-h));
+                let central: Vec<f64> = above.iter().zip(&below).map(|(a, b)| (a - b) / (2.0 * h)).collect();
+                let exact = forward.derivative_m(&inside, index).expect("differentiable inside");
+                let name = model.parameters()[index].name;
+                assert!(distance(&exact, &central) < 2e-5, "{slug}, {name}: {:e}", distance(&exact, &central));
+            }
+        }
+    }
+}
+
+/// By an order of 1, where the springpot is still a dashpot among others: against one-sided differences of the full model, with Richardson's extrapolation.
+#[test]
+fn a_springpot_for_a_dashpot_has_a_derivative_where_it_is_one() {
+    let protocol = protocol();
+    let named = EFFECTS.iter().copied().find(|effect| effect.slug() == "fractional-damping").expect("in the library");
+    for (law, of_law) in networks().into_iter().skip(2) {
+        let model = Model::new(law, vec![named], protocol.scales, &Place::default()).expect("a dashpot is there");
+        let (reduced, full) = (reduced(&model, &protocol), full(&model, &protocol));
+        let at = |order: f64| full.trajectory_m(&[of_law.clone(), vec![order]].concat()).expect("a model");
+        let (here, near, far) = (at(1.0), at(1.0 - 2e-3), at(1.0 - 4e-3));
+        let one_sided: Vec<f64> = (0..here.len()).map(|i| (4.0 * near[i] - far[i] - 3.0 * here[i]) / -4e-3).collect();
+        let found = reduced.derivative_m(&[of_law, vec![1.0]].concat(), model.parameters().len() - 1);
+        let found = found.expect("differentiable at the null");
+        assert!(distance(&found, &one_sided) < 3e-3, "{law:?}: {:e}", distance(&found, &one_sided));
     }
 }

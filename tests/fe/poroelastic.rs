@@ -459,7 +459,8 @@ fn the_reduced_creep_is_the_stepped_one() {
             let creep = RetardationSpectrum::of(&elements, window).expect("springs and dashpots");
             let reduced: Vec<f64> =
                 (0..time_s.len()).map(|row| undrained * exact_at(row, &|t| creep.creep_compliance_per_pa(t))).collect();
-            let base: Vec<f64> = (0..time_s.len()).map(|row| undrained * exact_at(row, &|t| chain[0].at(t))).collect();
+            let base: Vec<f64> =
+                (0..time_s.len()).map(|row| undrained * exact_at(row, &|t| chain[0].bodies.at(t))).collect();
             let (error, effect) = (distance(&reduced, &stepped.position_m), distance(&base, &stepped.position_m));
             println!(
                 "ν_d = {drained}, k = {mobility:e}: {error:e}, the effect {effect:e}, {} steps, {} factors",

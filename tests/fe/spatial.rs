@@ -327,7 +327,8 @@ fn creep_by_terms_agrees_with_time_stepping() {
         let time_s: Vec<f64> = (0..=250).map(|i| 0.02 * f64::from(i)).collect();
         let force_n = vec![4.6e-6; time_s.len()];
         let (stepped, laws) = SteppedSystem::new(&system, &law(), &field.beside);
-        let chains: Vec<CreepCompliance> = laws.iter().map(|law| transient::chain_of(law, window).unwrap()).collect();
+        let chains: Vec<transient::ChainLaw> =
+            laws.iter().map(|law| transient::chain_of(law, window).unwrap()).collect();
         let run =
             transient::run(&stepped, &chains, &Load::commanded(&time_s, &force_n), &time_s, &[], Resolution::default())
                 .unwrap();

@@ -5,14 +5,17 @@ use crate::rheology::{BaseLaw, Element, RetardationSpectrum, TimeWindow};
 
 /// Coefficients that change with time.
 pub(super) const AGEING: &str = "the field is solved for a gel that stays what it is";
-/// Springpots.
-pub(super) const MEMORY: &str = "the memory of a springpot is not solved for beside a field that changes shape";
+/// Springpots that stand for a dashpot.
+pub(super) const MEMORY: &str =
+    "a springpot is not looked for beside a field that changes shape; write it into the law (--base)";
+/// Springpots of a law.
+const SPRINGPOTS: &str = "neither mass nor large displacements are solved for beside the memory of its springpot";
 /// Springs in series.
 pub(super) const WAVES: &str = "with mass, a spring in series lets waves through, which are not resolved";
 
-/// Why a linear effect that changes the field cannot be added to a base law, if it cannot.
-pub(super) fn law_conflict(base: &BaseLaw) -> Option<&'static str> {
-    elements_of(base).iter().any(has_springpot).then_some(MEMORY)
+/// Why mass or large displacements cannot be added to a base law with springpots, if they cannot.
+pub(super) fn memory(base: &BaseLaw) -> Option<&'static str> {
+    elements_of(base).iter().any(has_springpot).then_some(SPRINGPOTS)
 }
 
 /// Why mass cannot be added to a base law beside that, if it cannot.
@@ -59,7 +62,7 @@ mod tests {
         for (base, lets_waves_through) in
             [(BaseLaw::Lethersich, false), (BaseLaw::TwoElement, false), (BaseLaw::Burgers, true)]
         {
-            assert_eq!(law_conflict(&base), None);
+            assert_eq!(memory(&base), None);
             assert_eq!(waves(&base), lets_waves_through.then_some(WAVES), "{base:?}");
         }
     }

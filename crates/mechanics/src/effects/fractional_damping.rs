@@ -3,9 +3,14 @@
 //! A springpot stands for the dashpot of the law's first Kelvin–Voigt body: s = E ε_k + E (c₁/E)^α D^α ε_k, Caputo's derivative from t = 0, so
 //! that J_k(t) = (1/E)(1 − E_α(−(t E/c₁)^α)) with the Mittag-Leffler function E_α. Null: α = 1, the dashpot itself. Valid for α in (0.3, 1];
 //! below, damper and spring are hardly told apart. Mainardi & Spada 2011, doi:10.1140/epjst/e2011-01387-1, the fractional Kelvin–Voigt body.
+//!
+//! A law whose Kelvin–Voigt bodies in series, if it has any, have no dashpot has a springpot in the place of its first dashpot, in the order in which the law is
+//! written: s = (c/T)(T D)^α ε with T the time of a hold, so that c is still the viscosity at that time, whatever the order. A law without a dashpot has nothing to
+//! replace.
 
 use super::beside_fields::MEMORY;
-use super::first_body::{NO_BODY, body, elements_of, first_body_mut, in_series};
+use super::first_body::{body, elements_of, first_body_mut, first_element_mut, is_dashpot};
+use super::hold_s;
 use super::{Effect, EffectParameter, Field, Stage, Stages};
 use crate::distribution::Distribution;
 use crate::error::Result;
@@ -44,25 +49,29 @@ impl Effect for FractionalDamping {
         PARAMETERS
     }
     fn conflict(&self, base: &BaseLaw) -> Option<&'static str> {
-        let law = elements_of(base);
-        match in_series(&law).into_iter().find_map(body) {
-            Some((_, Element::Dashpot { .. })) => None,
-            Some(_) => Some("its first Kelvin–Voigt body has a springpot already, and that is the same thing twice"),
-            None => Some(NO_BODY),
-        }
+        let has_dashpot = first_element_mut(&mut elements_of(base), is_dashpot).is_some();
+        (!has_dashpot).then_some("it has no dashpot that a springpot could stand for")
     }
     fn barred_beside(&self, _field: Field) -> Option<&'static str> {
         Some(MEMORY)
     }
-    fn apply(&self, parameters: &[Dual], _scales: &Scales, stages: &mut Stages) -> Result<()> {
+    fn apply(&self, parameters: &[Dual], scales: &Scales, stages: &mut Stages) -> Result<()> {
         let order = parameters[0];
         if order.is_constant(1.0) {
             return Ok(());
         }
-        let first = first_body_mut(&mut stages.law)?;
-        if let Some((modulus_pa, Element::Dashpot { viscosity_pa_s })) = body(first) {
-            let springpot = Element::Springpot { modulus_pa, time_s: *viscosity_pa_s / modulus_pa, order };
-            *first = Element::Parallel(vec![Element::Spring { modulus_pa }, springpot]);
+        if let Some(first) = first_body_mut(&mut stages.law, is_dashpot) {
+            if let Some((modulus_pa, Element::Dashpot { viscosity_pa_s })) = body(first) {
+                let springpot = Element::Springpot { modulus_pa, time_s: *viscosity_pa_s / modulus_pa, order };
+                *first = Element::Parallel(vec![Element::Spring { modulus_pa }, springpot]);
+            }
+            return Ok(());
+        }
+        if let Some(first) = first_element_mut(&mut stages.law, is_dashpot)
+            && let Element::Dashpot { viscosity_pa_s } = first
+        {
+            let time_s = Dual::constant(hold_s(scales));
+            *first = Element::Springpot { modulus_pa: *viscosity_pa_s / time_s, time_s, order };
         }
         Ok(())
     }
@@ -78,16 +87,6 @@ mod tests {
         let mut stages = Stages::of_law(BaseLaw::TwoElement.elements(&[3.5, 1.4, 47.0, 9.0, 70.0].map(Dual::constant)));
         FractionalDamping.apply(&[order], &SCALES, &mut stages).unwrap();
         stages.law
-    }
-
-    /// s/ε of an element for ε ∝ e^{pt}, p > 0.
-    fn operator_pa(element: &Element, p: f64) -> f64 {
-        match element {
-            Element::Spring { modulus_pa } => modulus_pa.value,
-            Element::Springpot { modulus_pa, time_s, order } => modulus_pa.value * (p * time_s.value).powf(order.value),
-            Element::Parallel(parts) => parts.iter().map(|part| operator_pa(part, p)).sum(),
-            other => panic!("{other:?}"),
-        }
     }
 
     /// At α = ½ the Mittag-Leffler function is E_½(−x) = e^{x²} erfc x: its J_k, transformed numerically, is 1/operator of the element written.
@@ -108,7 +107,7 @@ mod tests {
                 .sum::<f64>()
                 * h
                 / 3.0;
-            let found = 1.0 / operator_pa(&law(0.5.into())[0], p);
+            let found = 1.0 / law(0.5.into())[0].operator_pa(1.0 / p).value;
             assert!((integral / found - 1.0).abs() < 1e-9, "p = {p}: {integral} {found}");
         }
     }

@@ -7,7 +7,7 @@
 
 use nalgebra::DMatrix;
 
-use super::beside_fields::{law_conflict, waves};
+use super::beside_fields::{memory, waves};
 use super::{Effect, EffectParameter, Field, FieldSystem, LinearField, MatrixPair, Spatial, Stage, Stages};
 use crate::distribution::Distribution;
 use crate::error::Result;
@@ -52,7 +52,7 @@ impl Effect for Inertia {
         Some(Field::Pair(&Inertia))
     }
     fn conflict(&self, base: &BaseLaw) -> Option<&'static str> {
-        law_conflict(base).or_else(|| waves(base))
+        memory(base).or_else(|| waves(base))
     }
     fn apply(&self, parameters: &[Dual], _scales: &Scales, stages: &mut Stages) -> Result<()> {
         let density_scale = parameters[0];

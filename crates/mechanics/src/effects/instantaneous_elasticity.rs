@@ -1,12 +1,12 @@
 //! `instantaneous-elasticity`: the gel gives way at once, before it creeps.
 //!
-//! A spring in series, J(t) += (E/E₀)/E, with E the first Kelvin–Voigt spring of the law. The parameter is the ratio E/E₀. Null: 0, a rigid
-//! spring. Valid for any ratio ≥ 0 below the speed of shear waves. Tracked beads show it as the first of three phases of creep (Bausch et
+//! A spring in series, J(t) += (E/E₀)/E, with E the first Kelvin–Voigt spring of the law, or what a law without one is at the time of a hold
+//! ([`super::first_body`]). The parameter is the ratio E/E₀. Null: 0, a rigid spring. Valid for any ratio ≥ 0 below the speed of shear waves. Tracked beads show it as the first of three phases of creep (Bausch et
 //! al. 1998, doi:10.1016/S0006-3495(98)77646-5). To first order it is what `actuator-lag` and `clock-offset` are with the sign turned, and
-//! what `second-retardation` is for a short time (physics §5). Burgers' law has it already.
+//! what `second-retardation` is for a short time (physics §5). Any law takes it that has no spring in series already, as Burgers' has.
 
 use super::beside_fields::WAVES;
-use super::first_body::{NO_BODY, elements_of, in_series, young_modulus_pa};
+use super::first_body::{elements_of, in_series, reference_modulus_pa};
 use super::{Effect, EffectParameter, Field, Stage, Stages};
 use crate::distribution::Distribution;
 use crate::error::Result;
@@ -44,18 +44,16 @@ impl Effect for InstantaneousElasticity {
     }
     fn conflict(&self, base: &BaseLaw) -> Option<&'static str> {
         let law = elements_of(base);
-        if in_series(&law).iter().any(|element| matches!(element, Element::Spring { .. })) {
-            return Some("it has a spring in series already, and a second one is the same thing twice");
-        }
-        young_modulus_pa(&law).err().map(|_| NO_BODY)
+        let has_spring = in_series(&law).iter().any(|element| matches!(element, Element::Spring { .. }));
+        has_spring.then_some("it has a spring in series already, and a second one is the same thing twice")
     }
     fn barred_beside(&self, field: Field) -> Option<&'static str> {
         field.has_mass().then_some(WAVES)
     }
-    fn apply(&self, parameters: &[Dual], _scales: &Scales, stages: &mut Stages) -> Result<()> {
+    fn apply(&self, parameters: &[Dual], scales: &Scales, stages: &mut Stages) -> Result<()> {
         let ratio = parameters[0];
         if !ratio.is_constant(0.0) {
-            let compliance_per_pa = ratio / young_modulus_pa(&stages.law)?;
+            let compliance_per_pa = ratio / reference_modulus_pa(&stages.law, scales);
             stages.law.push(Element::Compliance { compliance_per_pa });
         }
         Ok(())

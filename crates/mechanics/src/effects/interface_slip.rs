@@ -8,7 +8,6 @@
 use faer::sparse::Triplet;
 use nalgebra::Vector3;
 
-use super::beside_fields::law_conflict;
 use super::{
     Effect, EffectParameter, Field, FieldSystem, LinearField, MatrixPair, Spatial, Stage, Stages,
     apparent_viscosity_pa_s, robot_radius_m,
@@ -23,7 +22,7 @@ use crate::fe::surface::for_each_surface_point;
 use crate::mesh::Mesh;
 use crate::number::Dual;
 use crate::parameter::{ParameterSpec, Support};
-use crate::rheology::{BaseLaw, Beside};
+use crate::rheology::Beside;
 
 /// Factor of the friction times the robot's radius above which a slipping surface sticks.
 const STUCK: f64 = 1e9;
@@ -65,9 +64,6 @@ impl Effect for InterfaceSlip {
     }
     fn shows_at(&self, scales: &Scales) -> Option<f64> {
         Some(0.03 * scale_m_per_pa_s(scales))
-    }
-    fn conflict(&self, base: &BaseLaw) -> Option<&'static str> {
-        law_conflict(base)
     }
     fn apply(&self, parameters: &[Dual], _scales: &Scales, stages: &mut Stages) -> Result<()> {
         let compliance_m_per_pa_s = parameters[0];

@@ -3,7 +3,7 @@
 //! The gel is the Oldroyd-B fluid whose linear limit the law is (physics §7.6), and the response is x(gF)/g: g = 1 is the geometry as it is, so a fitted g says whether it is the geometry that is missing. Null: g = 0,
 //! small strains. The deviation grows with g². Valid for a sphere at the centre that stays within a few radii; other gels with the same small strains deviate otherwise: with a mobility α > 0 it is Giesekus's.
 
-use super::beside_fields::law_conflict;
+use super::beside_fields::memory;
 use super::{Effect, EffectParameter, Field, Spatial, Stage, Stages};
 use crate::distribution::Distribution;
 use crate::error::Result;
@@ -60,7 +60,7 @@ impl Effect for LargeDisplacement {
         Some(1.0)
     }
     fn conflict(&self, base: &BaseLaw) -> Option<&'static str> {
-        law_conflict(base)
+        memory(base)
     }
     fn apply(&self, parameters: &[Dual], _scales: &Scales, stages: &mut Stages) -> Result<()> {
         let (amplitude, mobility) = (parameters[0], parameters[1]);

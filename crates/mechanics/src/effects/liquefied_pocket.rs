@@ -1,14 +1,14 @@
 //! `liquefied-pocket`: around the robot the gel has lost elasticity.
 //!
-//! E → (1 − φ) E within ρ_p robot radii of the initial centre, the viscosities stay. Null: φ = 0, where ρ_p means nothing. Valid for a concentric pocket around a sphere
+//! E → (1 − φ) E within ρ_p robot radii of the initial centre, the viscosities stay; E is the first Kelvin–Voigt spring of the law, else its first spring, else the modulus of
+//! its first springpot. Null: φ = 0, where ρ_p means nothing. Valid for a concentric pocket around a sphere
 //! that moves much less than the pocket is wide; any ρ_p between 1.5 and 5 is meshed with element faces at the pocket's edge. The reduced model is a sum over common
 //! eigenvectors of the pocket's and the rest's stiffness, each the two laws beside each other. Closed form: two concentric layers, each with the four modes of physics §4.2.
 //! Liquefied lacunae are common in aged vitreous (Sebag 1987, Graefe's Arch. Clin. Exp. Ophthalmol. 225:89, doi:10.1007/BF02160337).
 
 use nalgebra::Vector3;
 
-use super::beside_fields::law_conflict;
-use super::first_body::{NO_BODY, body, elements_of, first_body_mut, in_series};
+use super::first_body::{body, elements_of, first_body_mut, first_element_mut, in_series};
 use super::{
     Effect, EffectParameter, Field, FieldSystem, LinearField, MatrixPair, ShapeParameter, Spatial, Stage, Stages,
 };
@@ -28,6 +28,8 @@ const LAYERS_INSIDE: usize = 4;
 const MORE_LAYERS: usize = 1;
 /// Share of E that stays at the least: at none the pocket would flow forever as a whole, which this does within 10⁹ retardation times.
 const LEAST_SHARE: f64 = 1e-9;
+
+const NO_ELASTICITY: &str = "it has no spring and no springpot, whose elasticity a pocket could lose";
 
 const PARAMETERS: &[EffectParameter] = &[
     EffectParameter {
@@ -74,9 +76,8 @@ impl Effect for LiquefiedPocket {
         Some(Field::Pair(&LiquefiedPocket))
     }
     fn conflict(&self, base: &BaseLaw) -> Option<&'static str> {
-        let law = elements_of(base);
-        let is_without_body = in_series(&law).into_iter().find_map(body).is_none();
-        is_without_body.then_some(NO_BODY).or_else(|| law_conflict(base))
+        let has_elasticity = elastic_mut(&mut elements_of(base)).is_some();
+        (!has_elasticity).then_some(NO_ELASTICITY)
     }
     fn shows_at(&self, _scales: &Scales) -> Option<f64> {
         Some(0.5)
@@ -104,19 +105,28 @@ impl Effect for LiquefiedPocket {
 /// The law inside the pocket, for the law outside.
 ///
 /// # Errors
-/// [`Error::Numerical`] for a law without a Kelvin–Voigt body in series.
+/// [`Error::Numerical`] for a law of dashpots alone.
 fn pocket_law(law: &[Element], elastic_loss: Dual) -> Result<Vec<Element>> {
     let mut inside = law.to_vec();
-    if let Element::Parallel(parts) = first_body_mut(&mut inside)? {
-        let share = Dual::ONE - elastic_loss;
-        let share = if share.value < LEAST_SHARE { Dual { value: LEAST_SHARE, ..share } } else { share };
-        for part in parts {
-            if let Element::Spring { modulus_pa } = part {
-                *modulus_pa = *modulus_pa * share;
-            }
-        }
+    let share = Dual::ONE - elastic_loss;
+    let share = if share.value < LEAST_SHARE { Dual { value: LEAST_SHARE, ..share } } else { share };
+    match elastic_mut(&mut inside) {
+        Some(elastic) => *elastic = elastic.scaled(share),
+        None => return Err(Error::numerical(format!("the law has a pocket, but {NO_ELASTICITY}"), "leave it out")),
     }
     Ok(inside)
+}
+
+/// What a pocket loses: the spring of the first Kelvin–Voigt body in series, else the first spring, else the first springpot, in the order in which the law is written.
+fn elastic_mut(law: &mut [Element]) -> Option<&mut Element> {
+    let is_spring = |element: &Element| matches!(element, Element::Spring { .. });
+    let is_springpot = |element: &Element| matches!(element, Element::Springpot { .. });
+    if in_series(law).into_iter().any(|element| body(element).is_some()) {
+        let first = first_body_mut(law, |_| true)?;
+        return first_element_mut(std::slice::from_mut(first), is_spring);
+    }
+    let has_spring = first_element_mut(law, is_spring).is_some();
+    first_element_mut(law, if has_spring { is_spring } else { is_springpot })
 }
 
 impl MatrixPair for LiquefiedPocket {

@@ -94,8 +94,12 @@ fn largest_force_n(scales: &Scales) -> f64 {
 /// The viscosity (Pa·s) at which the largest force would move the robot through the range of positions in one hold, by Stokes' law.
 fn apparent_viscosity_pa_s(scales: &Scales) -> f64 {
     let force_n = largest_force_n(scales);
-    let hold_s = if scales.hold_s > 0.0 { scales.hold_s } else { 1.0 };
-    force_n * hold_s / (6.0 * std::f64::consts::PI * robot_radius_m(scales) * position_range_m(scales))
+    force_n * hold_s(scales) / (6.0 * std::f64::consts::PI * robot_radius_m(scales) * position_range_m(scales))
+}
+
+/// Time in s between force steps by which laws and priors are scaled; a second where there is none.
+fn hold_s(scales: &Scales) -> f64 {
+    if scales.hold_s > 0.0 { scales.hold_s } else { 1.0 }
 }
 
 /// s₀ = F_max/(4πR²) in Pa: the largest force over the robot's surface.

@@ -7,7 +7,6 @@
 
 use faer::sparse::Triplet;
 
-use super::beside_fields::law_conflict;
 use super::{
     Effect, EffectParameter, Field, FieldSystem, LinearField, MatrixPair, Spatial, Stage, Stages, largest_force_n,
     position_range_m, robot_radius_m,
@@ -22,7 +21,7 @@ use crate::fe::surface::for_each_surface_point;
 use crate::mesh::Mesh;
 use crate::number::Dual;
 use crate::parameter::{ParameterSpec, Support};
-use crate::rheology::{BaseLaw, Beside};
+use crate::rheology::Beside;
 
 /// Factor of the springs, in units of E/R_o, above which the surface is fixed.
 const FIXED: f64 = 1e9;
@@ -62,9 +61,6 @@ impl Effect for OuterWallCompliance {
     }
     fn field(&self) -> Option<Field> {
         Some(Field::Pair(&OuterWallCompliance))
-    }
-    fn conflict(&self, base: &BaseLaw) -> Option<&'static str> {
-        law_conflict(base)
     }
     fn apply(&self, parameters: &[Dual], scales: &Scales, stages: &mut Stages) -> Result<()> {
         let compliance_m_per_pa = parameters[0];

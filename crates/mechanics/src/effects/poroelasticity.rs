@@ -5,7 +5,6 @@
 //! reduced model is a sum over common eigenvectors of storage and flow, each the law with a dashpot beside it. In an unbounded medium with ν = ½: physics §4.9 (Detournay & Cheng
 //! 1993, Comprehensive Rock Engineering 2:113; the paper names solid–fluid models as its future work).
 
-use super::beside_fields::law_conflict;
 use super::{
     Effect, EffectParameter, Field, LinearField, Spatial, Stage, Stages, apparent_viscosity_pa_s, robot_radius_m,
 };
@@ -14,7 +13,7 @@ use crate::error::{Error, Result};
 use crate::experiment::Scales;
 use crate::number::Dual;
 use crate::parameter::{ParameterSpec, Support};
-use crate::rheology::{BaseLaw, Beside};
+use crate::rheology::Beside;
 
 const HIGHEST_DRAINED: f64 = 0.45;
 
@@ -82,9 +81,6 @@ impl Effect for Poroelasticity {
     }
     fn shows_at(&self, scales: &Scales) -> Option<f64> {
         Some(0.03 * scale_m2_per_pa_s(scales))
-    }
-    fn conflict(&self, base: &BaseLaw) -> Option<&'static str> {
-        law_conflict(base)
     }
     fn apply(&self, parameters: &[Dual], scales: &Scales, stages: &mut Stages) -> Result<()> {
         let (mobility_m2_per_pa_s, drained_poisson_ratio) = (parameters[0], parameters[1]);

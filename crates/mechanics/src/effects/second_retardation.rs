@@ -1,11 +1,11 @@
 //! `second-retardation`: a second part of the gel follows with a time of its own.
 //!
-//! A Kelvin–Voigt body in series, J(t) += (a/E)(1 − exp(−t/τ₂)), with E the first Kelvin–Voigt spring of the law. Null: a = 0, where τ₂ means
-//! nothing. Valid for a ≥ 0 and τ₂ of at least two sample intervals: a shorter one is not seen as creep, and `instantaneous-elasticity` says
+//! A Kelvin–Voigt body in series, J(t) += (a/E)(1 − exp(−t/τ₂)), with E the first Kelvin–Voigt spring of the law, or what a law without one is at the
+//! time of a hold ([`super::first_body`]). Null: a = 0, where τ₂ means nothing. Valid for a ≥ 0 and τ₂ of at least two sample intervals: a shorter one is not seen as creep, and `instantaneous-elasticity` says
 //! the same with one parameter less. Collagen and hyaluronan are the two networks of the vitreous, and retardation spectra with a time each
-//! have been fitted to it (Sharif-Kashani et al. 2011, J. Biomech. 44:419). The two-element law has it already.
+//! have been fitted to it (Sharif-Kashani et al. 2011, J. Biomech. 44:419). Any law takes it but the two-element one, which is the base law with this effect.
 
-use super::first_body::{NO_BODY, body, elements_of, in_series, young_modulus_pa};
+use super::first_body::reference_modulus_pa;
 use super::{Effect, EffectParameter, Stage, Stages};
 use crate::distribution::Distribution;
 use crate::error::{Error, Result};
@@ -59,12 +59,9 @@ impl Effect for SecondRetardation {
         PARAMETERS
     }
     fn conflict(&self, base: &BaseLaw) -> Option<&'static str> {
-        let law = elements_of(base);
-        match in_series(&law).into_iter().filter_map(body).count() {
-            0 => Some(NO_BODY),
-            1 => None,
-            _ => Some("it has a second Kelvin–Voigt body already, and a third one is the same thing twice"),
-        }
+        (*base == BaseLaw::TwoElement).then_some(
+            "it is the Lethersich law with this effect, the same thing twice; a network with two bodies takes a third",
+        )
     }
     fn apply(&self, parameters: &[Dual], scales: &Scales, stages: &mut Stages) -> Result<()> {
         let (ratio, time_s) = (parameters[0], parameters[1]);
@@ -76,7 +73,7 @@ impl Effect for SecondRetardation {
             ));
         }
         if !ratio.is_constant(0.0) {
-            let compliance_per_pa = ratio / young_modulus_pa(&stages.law)?;
+            let compliance_per_pa = ratio / reference_modulus_pa(&stages.law, scales);
             stages.law.push(Element::Retarded { compliance_per_pa, time_s });
         }
         Ok(())

@@ -1,8 +1,9 @@
-//! `softening`: the gel grows softer while it is measured.
+//! `softening`: the gel grows softer, or sets, while it is measured.
 //!
 //! s = e^{−rt} · (law of the strains), in all branches, t from the record's start; with quasi-static linear laws that is the response to the
-//! force F e^{rt}. Null: r = 0. Valid for r ≥ 0 while the whole gel softens alike. Excised vitreous lost four fifths of its modulus in
+//! force F e^{rt}. Null: r = 0; r < 0 is a gel that grows stiffer. Valid while the whole gel changes alike. Excised vitreous lost four fifths of its modulus in
 //! its first hour (Nickerson et al. 2008, J. Biomech. 41:1840), r of about 4·10⁻⁴ 1/s; the robot itself may break the network faster.
+//! A gel that is poured before it is measured sets instead.
 
 use super::beside_fields::AGEING;
 use super::{Effect, EffectParameter, Field, Stage, Stages};
@@ -13,10 +14,10 @@ use crate::number::Dual;
 use crate::parameter::{ParameterSpec, Support};
 
 const PARAMETERS: &[EffectParameter] = &[EffectParameter {
-    spec: ParameterSpec::new("softening.rate_per_s", "r", "1/s", Support::POSITIVE),
+    spec: ParameterSpec::new("softening.rate_per_s", "r", "1/s", Support::REAL),
     null: |_| Some(0.0),
-    prior: |scales| Distribution::HalfNormal { sd: 0.5 / scales.duration_s },
-    prior_source: "chosen: a loss of up to about two thirds of the stiffness over the record",
+    prior: |scales| Distribution::Normal { mean: 0.0, sd: 0.5 / scales.duration_s },
+    prior_source: "chosen: either way alike, up to about two thirds of the stiffness lost over the record, or a stiffness threefold",
     finite_step: None,
 }];
 
@@ -31,7 +32,7 @@ impl Effect for Softening {
         Stage::Mechanics
     }
     fn summary(&self) -> &'static str {
-        "the gel grows softer while it is measured"
+        "the gel grows softer, or sets, while it is measured"
     }
     fn equation(&self) -> &'static str {
         "s = e^{−rt} · (law of the strains)"
@@ -65,9 +66,11 @@ mod tests {
     }
 
     #[test]
-    fn the_prior_allows_the_loss_that_its_source_names() {
-        let upper = (PARAMETERS[0].prior)(&SCALES).quantile(0.95);
+    fn the_prior_allows_the_loss_and_the_gain_that_its_source_names() {
+        let [lower, upper] = [0.025, 0.975].map(|p| (PARAMETERS[0].prior)(&SCALES).quantile(p));
+        assert!((lower + upper).abs() < 1e-12 * upper);
         let loss = 1.0 - (-upper * SCALES.duration_s).exp();
         assert!((loss - 2.0 / 3.0).abs() < 0.05, "{loss}");
+        assert!(((upper * SCALES.duration_s).exp() - 3.0).abs() < 0.4);
     }
 }

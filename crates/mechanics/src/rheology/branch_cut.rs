@@ -4,6 +4,8 @@
 //! in parallel with anything keeps the poles of the rest off the axis; beyond the cut they come as near to it as orders are to 1. A zero of
 //! G*(eᵛ) at v = u₀ + iπ, 0 < Im u₀ < π/2, makes the midpoint rule wrong by what is then added as an oscillating mode of rate e^{u₀} and
 //! compliance −2/(dG*/dv · (1 + e^{−2πiu₀/h})). Zeros that were missed would show when the step is refined.
+//!
+//! At an order of 1 the density is a dashpot's, none, and yet J(t) has a derivative by the order there: it is taken from networks with orders a little below.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -26,6 +28,8 @@ const REFINEMENT: f64 = 0.75;
 const MAX_NEWTON_STEPS: u32 = 20;
 /// Distance in u between the starts of Newton's method; zeros far from every start are found from the poles beside them.
 const START_SPACING: f64 = 2.0;
+/// How far below 1 the orders are by which the derivative at 1 is taken: its error is some times the square of this, and that of J over it.
+const BELOW_ONE: f64 = 3e-3;
 /// How far in u beyond the window's rates zeros and weights still count: a retardation e²⁰ times faster or slower than the window is flow or a spring
 /// to 2e-9.
 const REACH: f64 = 20.0;
@@ -33,9 +37,14 @@ const REACH: f64 = 20.0;
 /// The spectrum of a network over a window.
 ///
 /// # Errors
-/// [`Error::Numerical`] where an order is outside (0, 1], where the derivative by an order of 1 is asked for (the density vanishes there), and
+/// [`Error::Numerical`] where an order is outside (0, 1], where the derivative by one of several orders of 1 is asked for, and
 /// where the density is too sharp for the finest step.
 pub(super) fn spectrum_of(network: &Element, window: TimeWindow) -> Result<RetardationSpectrum> {
+    let mut leaving_one = Vec::new();
+    for_each_leaving_one(&mut network.clone(), &mut |springpot| leaving_one.push(springpot.clone()));
+    if let [Element::Springpot { modulus_pa, time_s, order }] = leaving_one[..] {
+        return derivative_at_one(network, [modulus_pa, time_s, order], window);
+    }
     check_orders(network)?;
     let zeros = zeros_beyond_the_cut(network, window);
     let mut coarse = spectrum_at(network, FINE.step, &zeros, window);
@@ -54,6 +63,41 @@ pub(super) fn spectrum_of(network: &Element, window: TimeWindow) -> Result<Retar
         ),
         "keep orders away from 1 or write a dashpot for order 1, and join springs and dashpots of nearly the same times",
     ))
+}
+
+/// The spectrum of a network with one springpot whose order moves away from 1: J(t) is a parabola in the order through those at 1, 1 − h and 1 − 2h, of which the value and
+/// the derivative at 1 are taken.
+fn derivative_at_one(
+    network: &Element,
+    [modulus_pa, time_s, order]: [Dual; 3],
+    window: TimeWindow,
+) -> Result<RetardationSpectrum> {
+    let with = |other: Element| {
+        let mut changed = network.clone();
+        for_each_leaving_one(&mut changed, &mut |springpot| *springpot = other.clone());
+        match stieltjes::spectrum_of(&changed) {
+            Some(exact) => Ok(exact),
+            None => spectrum_of(&changed, window),
+        }
+    };
+    let below = |n: f64| with(Element::Springpot { modulus_pa, time_s, order: (1.0 - n * BELOW_ONE).into() });
+    let from_one = (Dual::ONE - order) * BELOW_ONE.recip();
+    let mut spectrum = RetardationSpectrum::empty();
+    spectrum.add_scaled(&with(Element::Dashpot { viscosity_pa_s: modulus_pa * time_s })?, from_one * -1.5 + 1.0)?;
+    spectrum.add_scaled(&below(1.0)?, from_one * 2.0)?;
+    spectrum.add_scaled(&below(2.0)?, from_one * -0.5)?;
+    Ok(spectrum)
+}
+
+/// Every springpot of a network whose order is 1 and moves.
+fn for_each_leaving_one(element: &mut Element, each: &mut dyn FnMut(&mut Element)) {
+    match element {
+        Element::Springpot { order, .. } if order.value == 1.0 && order.derivative != 0.0 => each(element),
+        Element::Series(elements) | Element::Parallel(elements) => {
+            elements.iter_mut().for_each(|part| for_each_leaving_one(part, each));
+        }
+        _ => {}
+    }
 }
 
 fn check_orders(element: &Element) -> Result<()> {

@@ -48,6 +48,25 @@ impl Element {
         Self::Parallel(vec![Self::Spring { modulus_pa }, Self::Dashpot { viscosity_pa_s }])
     }
 
+    /// s/ε in Pa for a strain that grows as e^{t/T}, T > 0 in s: what the element is at that time, by Laplace's transform at 1/T.
+    pub fn operator_pa(&self, time_scale_s: f64) -> Dual {
+        let time_scale_s = Dual::constant(time_scale_s);
+        match self {
+            Self::Spring { modulus_pa } => *modulus_pa,
+            Self::Dashpot { viscosity_pa_s } => *viscosity_pa_s / time_scale_s,
+            Self::Springpot { modulus_pa, time_s, order } => *modulus_pa * (*time_s / time_scale_s).pow(*order),
+            Self::Compliance { compliance_per_pa } => Dual::ONE / *compliance_per_pa,
+            Self::Retarded { compliance_per_pa, time_s } => (*time_s / time_scale_s + 1.0) / *compliance_per_pa,
+            Self::Series(elements) => {
+                let compliance = |sum: Dual, part: &Self| sum + Dual::ONE / part.operator_pa(time_scale_s.value);
+                Dual::ONE / elements.iter().fold(Dual::ZERO, compliance)
+            }
+            Self::Parallel(elements) => {
+                elements.iter().fold(Dual::ZERO, |sum, part| sum + part.operator_pa(time_scale_s.value))
+            }
+        }
+    }
+
     /// The same with every stress `factor` times as large.
     pub fn scaled(&self, factor: Dual) -> Self {
         let all = |elements: &[Self]| elements.iter().map(|element| element.scaled(factor)).collect();

@@ -205,10 +205,39 @@ fn derivatives_of_networks_equal_central_differences() {
     }
 }
 
-/// Outside (0, 1] there is no springpot. In parallel with other elements, the derivative by an order of exactly 1 is not there: refused with a remedy, not computed wrongly.
+/// The derivative by an order of exactly 1, where the springpot is a dashpot among others, against one-sided differences of the Talbot transform; the value there is the
+/// network's with a dashpot.
+#[test]
+fn the_derivative_by_an_order_of_one_is_the_limit_from_below() {
+    let arms = |of_flow: Element, of_arm: Element| {
+        Element::Series(vec![
+            Parallel(vec![spring(2.0.into()), Element::Series(vec![spring(3.0.into()), of_arm]), dashpot(0.5.into())]),
+            of_flow,
+        ])
+    };
+    let law = |order: Dual| arms(dashpot(20.0.into()), springpot(6.0.into(), order));
+    let modulus = |order: f64, s: nalgebra::Complex<f64>| {
+        let arm = (s.powf(order) * 6.0).inv() + 1.0 / 3.0;
+        ((arm.inv() + s * 0.5 + 2.0).inv() + (s * 20.0).inv()).inv()
+    };
+    let spectrum = RetardationSpectrum::of(&[law(Dual::variable(1.0))], WINDOW).unwrap();
+    let with_dashpot = RetardationSpectrum::of(&[arms(dashpot(20.0.into()), dashpot(6.0.into()))], WINDOW).unwrap();
+    let at = |order: f64, t: f64| talbot(&|s| modulus(order, s), t);
+    let (size, h) = (at(1.0, WINDOW.longest_s), 1e-3);
+    for t in times(WINDOW).into_iter().step_by(6) {
+        let difference = (3.0 * at(1.0, t) - 4.0 * at(1.0 - h, t) + at(1.0 - 2.0 * h, t)) / (2.0 * h);
+        let found = dual_compliance(&spectrum, t);
+        assert!((found.derivative - difference).abs() < 1e-5 * size, "{t}: {} {difference}", found.derivative);
+        assert!(t > 1.0 || found.derivative.abs() > 1e-9 * size);
+        assert!((found.value - with_dashpot.creep_compliance_per_pa(t)).abs() < 1e-14 * size, "{t}");
+    }
+}
+
+/// Outside (0, 1] there is no springpot. In parallel with other elements, the derivative by two orders of exactly 1 is not there: refused with a remedy, not computed wrongly.
 #[test]
 fn orders_without_a_spectrum_are_refused() {
-    let network = Parallel(vec![spring(3.0.into()), dashpot(1.0.into()), springpot(2.0.into(), Dual::variable(1.0))]);
+    let two = [2.0, 3.0].map(|modulus_pa| springpot(modulus_pa.into(), Dual::variable(1.0))).to_vec();
+    let network = Parallel([vec![spring(3.0.into()), dashpot(1.0.into())], two].concat());
     let error = RetardationSpectrum::of(&[network], WINDOW).unwrap_err().to_string();
     assert!(error.contains("below 1"), "{error}");
     for order in [0.0, 1.1, -0.5, f64::NAN] {

@@ -262,7 +262,8 @@ impl<T: PointScalar> RetardationSpectrum<T> {
         self.add_scaled(&spectrum, T::of(weight))
     }
 
-    fn add_scaled(&mut self, other: &Self, weight: T) -> Result<()> {
+    /// Adds another spectrum, `weight` times.
+    pub(super) fn add_scaled(&mut self, other: &Self, weight: T) -> Result<()> {
         self.instantaneous_per_pa += other.instantaneous_per_pa * weight;
         self.fluidity_per_pa_s += other.fluidity_per_pa_s * weight;
         self.modes.extend(other.modes.iter().map(|mode| SpectralMode {

@@ -118,7 +118,7 @@ pub struct Load {
     pub offset_n: Dual,
     /// τ ≥ 0 in s of τ Ḟ = F_in − F, F = 0 at the record's start; 0 is no lag.
     pub lag_time_s: Dual,
-    /// g in 1/m of F = F_in (1 + g x), x the robot's position; refused where |g x| reaches one half.
+    /// g in 1/m of F = F_in e^{gx}, x the robot's position; refused where the force runs away with the robot.
     pub gradient_per_m: Dual,
 }
 
@@ -146,8 +146,8 @@ pub struct Approach {
     pub time_s: Dual,
 }
 
-/// |g x| at which a force gradient is refused (physics §5).
-pub const LARGEST_FEEDBACK: f64 = 0.5;
+/// |g x| from which on a force gradient is refused: the force is then 10⁸ times as large as it was or as small, and what runs away passes it (physics §5).
+pub const LARGEST_EXPONENT: f64 = 20.0;
 
 impl Stages {
     /// The law alone: the force acts as commanded, and the position is recorded as it is.

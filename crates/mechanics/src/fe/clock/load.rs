@@ -3,7 +3,7 @@
 use crate::error::{Error, Result};
 use crate::experiment::Force;
 use crate::number::PointScalar;
-use crate::stages::{LARGEST_FEEDBACK, Load};
+use crate::stages::{LARGEST_EXPONENT, Load};
 
 /// A change of the force that enters the lag: from then on it is a straight line.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -72,20 +72,34 @@ pub(crate) fn switches<N: PointScalar>(load: &Load, time_s: &[f64], force: Force
     switches
 }
 
-/// Refuses positions (m) at which the gradient is too strong for what the model says of it.
+/// Refuses positions (m) at which a force F_in e^{gx} has run away with the robot.
 pub(crate) fn check_feedback(gradient_per_m: f64, position_m: &[f64], time_s: f64) -> Result<()> {
     if gradient_per_m == 0.0 {
         return Ok(());
     }
-    // What is not a number is too strong as well.
-    let shares = position_m.iter().map(|x| (gradient_per_m * x).abs());
-    let Some(feedback) = shares.filter(|share| share.is_nan() || *share >= LARGEST_FEEDBACK).reduce(f64::max) else {
+    // What is not a number has no balance.
+    if position_m.iter().all(|x| (gradient_per_m * x).abs() < LARGEST_EXPONENT) {
         return Ok(());
-    };
+    }
     Err(Error::numerical(
-        format!(
-            "the force's gradient changes the force by a share of {feedback:.3} at {time_s} s; {LARGEST_FEEDBACK} and more is refused"
-        ),
-        "use a smaller gradient, or a stiffer gel",
+        format!("the force's gradient pulls the robot away at {time_s} s: it grows faster than the gel holds"),
+        "take a gradient nearer to 0, or a stiffer gel",
     ))
+}
+
+/// Most steps of Newton's method for a force that depends on the position.
+pub(crate) const MOST_NEWTON_STEPS: usize = 60;
+
+/// y = a + b e^y, the solution that b = 0 leads to, found from its side; not a number where there is none, since the force runs away.
+pub(crate) fn balanced_exponent(a: f64, b: f64) -> f64 {
+    let mut y = a;
+    for _ in 0..MOST_NEWTON_STEPS {
+        let grown = b * y.exp();
+        let step = (a + grown - y) / (1.0 - grown);
+        y += step;
+        if step.abs() <= 1e-15 * (1.0 + y.abs()) {
+            return if grown < 1.0 { y } else { f64::NAN };
+        }
+    }
+    f64::NAN
 }

@@ -5,7 +5,7 @@ mod steps;
 mod tableau;
 
 pub use load::Switch;
-pub(crate) use load::{check_feedback, switches};
+pub(crate) use load::{MOST_NEWTON_STEPS, balanced_exponent, check_feedback, switches};
 pub(crate) use steps::{Grading, StepRule, ending_well, share_of_gap};
 pub use tableau::Scheme;
 pub(crate) use tableau::{FOURTH, Tableau};

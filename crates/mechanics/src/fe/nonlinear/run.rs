@@ -159,8 +159,13 @@ impl<'a> Run<'a> {
         if retries == 0 {
             return Err(Error::numerical(
                 format!(
-                    "the nonlinear balance is not found at {start_s} s with a step of {:.1e} s: {}",
+                    "the nonlinear balance is not found at {start_s} s with a step of {:.1e} s{}: {}",
                     end_s - start_s,
+                    if self.gradient_per_m == 0.0 {
+                        String::new()
+                    } else {
+                        format!(" under a force gradient of {} per m", self.gradient_per_m)
+                    },
                     words(&reason)
                 ),
                 "give parameters of moderate size: a smaller coefficient, a larger index, or a stiffer gel",
@@ -187,7 +192,7 @@ impl<'a> Run<'a> {
             let mut histories = started(&self.histories, &rates, weights, step_s);
             let input_n = self.force_n(time_s);
             let force_n = self.balance.share * input_n;
-            let push = Push { force_n, slope_n_per_m: force_n * self.gradient_per_m };
+            let push = Push { force_n, gradient_per_m: self.gradient_per_m };
             let mut displacement = self.extrapolated(stage, time_s);
             let problem = Stage { law: &law, histories: &histories, n_histories: n, push };
             let solved = self.balance.solve(&problem, &mut displacement, self.tolerance)?;

@@ -22,11 +22,11 @@ const FORCING: f64 = 0.05;
 /// Integration points handled together.
 const CHUNK: usize = 512;
 
-/// What pushes the robot: (force + slope x) in N on the unknowns, x the robot's displacement in m.
+/// What pushes the robot: F e^{gx} in N on the unknowns, x the robot's displacement in m.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Push {
     pub force_n: f64,
-    pub slope_n_per_m: f64,
+    pub gradient_per_m: f64,
 }
 
 /// Tangent at one point: ds = secant dε + along n (n·dε) for the deviator, volumetric dε (+ coupling n·dε) for the trace.
@@ -62,6 +62,8 @@ struct Evaluated {
     stresses: Vec<Tensor<f64>>,
     tangents: Vec<Tangent>,
     residual: Vec<f64>,
+    /// By how much the push grows with x, in N/m.
+    slope_n_per_m: f64,
     /// K̂⁻¹ times the residual.
     preconditioned: Vec<f64>,
     /// √(rᵀK̂⁻¹r).
@@ -94,7 +96,7 @@ impl Balance<'_> {
                 return Ok(Solved { strains, stresses, n_evaluations, n_gradients, norms });
             }
             let goal = (FORCING * now.norm).min((now.norm * now.norm / norms[0]).max(0.3 * tolerance));
-            let (step, n) = self.conjugate_gradients(stage, &now, goal.max(0.1 * tolerance));
+            let (step, n) = self.conjugate_gradients(&now, goal.max(0.1 * tolerance));
             n_gradients += n;
             let before = displacement.to_vec();
             let mut share = 1.0;
@@ -137,15 +139,17 @@ impl Balance<'_> {
         });
         let mut residual = self.points.forces(&stresses);
         residual.iter_mut().for_each(|f| *f = -*f);
-        residual[self.robot] += stage.push.force_n + stage.push.slope_n_per_m * displacement[self.robot];
+        let push_n = stage.push.force_n * (stage.push.gradient_per_m * displacement[self.robot]).exp();
+        residual[self.robot] += push_n;
         let mut preconditioned = residual.clone();
         self.factor.solve_in_place(&mut preconditioned);
         let norm = dot(&residual, &preconditioned).max(0.0).sqrt();
-        Evaluated { strains, stresses, tangents, residual, preconditioned, norm }
+        let slope_n_per_m = push_n * stage.push.gradient_per_m;
+        Evaluated { strains, stresses, tangents, residual, slope_n_per_m, preconditioned, norm }
     }
 
     /// Tangent times a displacement.
-    fn apply(&self, stage: &Stage, at: &Evaluated, displacement: &[f64], symmetric: bool) -> Vec<f64> {
+    fn apply(&self, at: &Evaluated, displacement: &[f64], symmetric: bool) -> Vec<f64> {
         let tangents = &at.tangents;
         let mut tensors = self.points.strains(displacement);
         tensors.par_chunks_mut(CHUNK).zip(tangents.par_chunks(CHUNK)).for_each(|(tensors, tangents)| {
@@ -159,12 +163,12 @@ impl Balance<'_> {
             }
         });
         let mut product = self.points.forces(&tensors);
-        product[self.robot] -= stage.push.slope_n_per_m * displacement[self.robot];
+        product[self.robot] -= at.slope_n_per_m * displacement[self.robot];
         product
     }
 
     /// Solves tangent × step = residual until what is left is below `goal`; the number of gradients is counted.
-    fn conjugate_gradients(&self, stage: &Stage, now: &Evaluated, goal: f64) -> (Vec<f64>, usize) {
+    fn conjugate_gradients(&self, now: &Evaluated, goal: f64) -> (Vec<f64>, usize) {
         let mut step = vec![0.0; now.residual.len()];
         let (mut rest, mut preconditioned) = (now.residual.clone(), now.preconditioned.clone());
         let mut direction = preconditioned.clone();
@@ -173,7 +177,7 @@ impl Balance<'_> {
             if squared.max(0.0).sqrt() <= goal {
                 return (step, n);
             }
-            let image = self.apply(stage, now, &direction, true);
+            let image = self.apply(now, &direction, true);
             let curvature = dot(&direction, &image);
             if curvature <= 0.0 {
                 // A gradient of the force beyond what the gel can hold: the step so far is as good as any.

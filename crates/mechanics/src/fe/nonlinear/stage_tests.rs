@@ -39,7 +39,7 @@ fn with_stage(nonlinearity: Nonlinearity, check: impl Fn(&Balance, &Stage, Vec<f
     let strains = points.strains(&field);
     let histories: Vec<Tensor<f64>> = strains.iter().flat_map(|e| [e.map(|e| 0.3 * e), e.map(|e| -0.2 * e)]).collect();
     let force_n = unknowns.share() * FORCE_N;
-    let push = Push { force_n, slope_n_per_m: force_n * 200.0 };
+    let push = Push { force_n, gradient_per_m: 200.0 };
     let stage = Stage { law: &law, histories: &histories, n_histories: 2, push };
     let wavy = field.iter().enumerate().map(|(i, u)| u * (1.0 + 0.1 * (i as f64).sin())).collect();
     check(&balance, &stage, wavy);
@@ -53,7 +53,7 @@ fn dense_tangent(balance: &Balance, stage: &Stage, displacement: &[f64]) -> DMat
         .map(|i| {
             let mut unit = vec![0.0; n];
             unit[i] = 1.0;
-            DVector::from_vec(balance.apply(stage, &now, &unit, false))
+            DVector::from_vec(balance.apply(&now, &unit, false))
         })
         .collect();
     DMatrix::from_columns(&columns)

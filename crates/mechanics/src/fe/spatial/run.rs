@@ -6,9 +6,9 @@ use crate::experiment::Force;
 use crate::fe::clock::{CLOCK_ROUNDING, Switch};
 use crate::fe::poroelastic::{CondensedPores, PoreModel};
 use crate::fe::stepping::observed;
-use crate::fe::transient::{self, Load, Resolution, TransientSystem};
+use crate::fe::transient::{self, ChainLaw, Load, Resolution, TransientSystem};
 use crate::mesh::Mesh;
-use crate::rheology::{Beside, CreepCompliance, Element, TimeWindow};
+use crate::rheology::{Beside, Element, TimeWindow};
 use crate::stages::Stages;
 
 /// What a run gives.
@@ -40,7 +40,7 @@ pub struct SpatialJob<'a> {
 /// once through the record's length, give the answer to any.
 fn superposed(
     system: &dyn TransientSystem,
-    chains: &[CreepCompliance],
+    chains: &[ChainLaw],
     load: &Load,
     time_s: &[f64],
     resolution: Resolution,
@@ -117,8 +117,7 @@ impl SpatialJob<'_> {
         }
         let load = Load::of(&self.stages.load, self.time_s, self.force);
         let window = self.window();
-        let chains: Vec<CreepCompliance> =
-            laws.iter().map(|law| transient::chain_of(law, window)).collect::<Result<_>>()?;
+        let chains: Vec<ChainLaw> = laws.iter().map(|law| transient::chain_of(law, window)).collect::<Result<_>>()?;
         let start_s = self.time_s.first().copied().unwrap_or(0.0);
         let observe = |(x, t): (&f64, &f64)| observed(&self.stages.observation, *x, t - start_s);
         if self.rows.is_empty() && load.gradient_per_m == 0.0 {

@@ -1,5 +1,6 @@
 //! What a force that depends on the position does within a step (physics §5).
 
+use crate::fe::clock::MOST_NEWTON_STEPS;
 use nalgebra::{Matrix3, Vector3};
 
 /// What answers the force within a step: x = compliance (M F + h).
@@ -12,14 +13,27 @@ pub(crate) struct Mechanics {
     pub history: Vector3<f64>,
 }
 
-/// F = F_in (1 + g x) at the stages, `mechanics` telling x.
-pub(crate) fn with_gradient(gradient_per_m: f64, force_n: Vector3<f64>, mechanics: &Mechanics) -> Vector3<f64> {
+/// F = F_in e^{gx} at the stages, `mechanics` telling x, by Newton's method for g x from where the step begins; not a number where no balance is found.
+pub(crate) fn with_gradient(
+    gradient_per_m: f64,
+    start_m: f64,
+    force_n: Vector3<f64>,
+    mechanics: &Mechanics,
+) -> Vector3<f64> {
     if gradient_per_m == 0.0 {
         return force_n;
     }
     let strength = gradient_per_m * mechanics.compliance_per_m;
-    let feedback = Matrix3::from_diagonal(&(force_n * strength)) * mechanics.response;
-    let given = force_n.component_mul(&(mechanics.history * strength).add_scalar(1.0));
-    let solved = (Matrix3::identity() - feedback).lu().solve(&given);
-    solved.unwrap_or_else(|| Vector3::repeat(f64::INFINITY))
+    let mut exponent = Vector3::repeat(gradient_per_m * start_m);
+    for _ in 0..MOST_NEWTON_STEPS {
+        let grown_n = force_n.component_mul(&exponent.map(f64::exp));
+        let rest = (mechanics.response * grown_n + mechanics.history) * strength - exponent;
+        let tangent = Matrix3::identity() - mechanics.response * Matrix3::from_diagonal(&grown_n) * strength;
+        let Some(step) = tangent.lu().solve(&rest) else { break };
+        exponent += step;
+        if step.amax() <= 1e-14 * (1.0 + exponent.amax()) {
+            return force_n.component_mul(&exponent.map(f64::exp));
+        }
+    }
+    Vector3::repeat(f64::NAN)
 }

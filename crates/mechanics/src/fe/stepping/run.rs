@@ -61,6 +61,11 @@ struct Prepared {
     lag_left: Vector3<f64>,
 }
 
+/// Most that g x may change between a step's first stage and its end, so that Radau's method follows the force to 10⁻⁸.
+const MOST_CHANGE: f64 = 0.15;
+/// Most halvings of a step for that: what still changes more runs away.
+const MOST_HALVINGS: u32 = 20;
+
 /// Step lengths kept at once; only records without any regularity need more.
 const MOST_LENGTHS: usize = 4096;
 
@@ -130,15 +135,19 @@ impl<'a> Run<'a> {
     fn advance_to(&mut self, stop_s: f64) -> Result<()> {
         while stop_s - self.now_s > self.rounding_s {
             let left_s = stop_s - self.now_s;
-            let step_s = self.rule.step_s(self.grading, self.now_s, left_s);
-            self.step(step_s)?;
+            let mut step_s = self.rule.step_s(self.grading, self.now_s, left_s);
+            let mut n_halvings = 0;
+            while !self.step(step_s, n_halvings < MOST_HALVINGS)? {
+                (step_s, n_halvings) = (0.5 * step_s, n_halvings + 1);
+            }
             // The last step is `left_s` but for rounding.
             self.now_s = if step_s > 0.75 * left_s { stop_s } else { self.now_s + step_s };
         }
         Ok(())
     }
 
-    fn step(&mut self, step_s: f64) -> Result<()> {
+    /// Takes a step, if the force does not change too much in it to be followed or `is_optional` is false; whether it did.
+    fn step(&mut self, step_s: f64, is_optional: bool) -> Result<bool> {
         if self.prepared.len() >= MOST_LENGTHS {
             self.prepared.clear();
         }
@@ -163,12 +172,19 @@ impl<'a> Run<'a> {
         let gradient_per_m = self.stages.load.gradient_per_m.value;
         let response = prepared.network.compliance * Matrix3::from_diagonal(&amplified);
         let mechanics = Mechanics { compliance_per_m: self.compliance_per_m, response, history };
-        let force_n = gradient::with_gradient(gradient_per_m, lagged_n, &mechanics);
+        let start_m = self.compliance_per_m * self.strain_n_per_pa;
+        let force_n = gradient::with_gradient(gradient_per_m, start_m, lagged_n, &mechanics);
         let strain = mechanics.response * force_n + mechanics.history;
+        let exponent = strain * (self.compliance_per_m * gradient_per_m);
+        let change = (exponent[2] - exponent[0]).abs();
+        // What is not a number has changed too much as well.
+        if is_optional && gradient_per_m != 0.0 && (change.is_nan() || change >= MOST_CHANGE) {
+            return Ok(false);
+        }
         check_feedback(gradient_per_m, (strain * self.compliance_per_m).as_slice(), self.now_s)?;
         network.end(&prepared.network, &force_n.component_mul(&amplified));
         self.lagged_n = lagged_n[2];
         self.strain_n_per_pa = strain[2];
-        Ok(())
+        Ok(true)
     }
 }

@@ -2,9 +2,10 @@
 
 use super::run::strains;
 use super::{Observation, Resolution, observed};
+use crate::fe::clock::balanced_exponent;
 use crate::number::Dual;
 use crate::rheology::{BaseLaw, Element};
-use crate::stages::{Approach, LARGEST_FEEDBACK, Stages};
+use crate::stages::{Approach, Stages};
 use statrs::function::erf::erfc;
 use statrs::function::gamma::gamma;
 
@@ -148,7 +149,7 @@ fn lag_is_the_closed_form() {
 fn softening_is_the_integral_over_the_amplified_force() {
     let (time_s, force_n) = record();
     let creep = BaseLaw::Burgers.creep_compliance(&PARAMETERS[..4]).unwrap();
-    for rate in [1e-3, 0.2, 1.5] {
+    for rate in [1e-3, 0.2, 1.5, -1e-3, -0.2, -1.5] {
         let mut stages = Stages::of_law(law(BaseLaw::Burgers));
         stages.softening_rate_per_s = dual(rate);
         let amplified = |s: f64| (rate * (s - time_s[0])).exp();
@@ -254,7 +255,7 @@ impl AllAtOnce<'_> {
         let lagged_n = if self.stages.load.lag_time_s.value > 0.0 { y[0] } else { input_n };
         let g = self.stages.load.gradient_per_m.value;
         let spring = (self.stages.softening_rate_per_s.value * (t - self.start_s)).exp() / PARAMETERS[3];
-        let force_n = lagged_n * (1.0 + g * (y[1] + y[2])) / (1.0 - g * lagged_n * spring);
+        let force_n = lagged_n * balanced_exponent(g * (y[1] + y[2]), g * lagged_n * spring).exp();
         (force_n, y[1] + y[2] + force_n * spring)
     }
 
@@ -328,17 +329,43 @@ fn gradient_alone_and_everything_at_once_are_small_explicit_steps() {
     }
 }
 
+/// F = 1 e^{gx} on a spring, x = F/2: a balance up to g = 2/e, whatever the size below 0, and none beyond.
 #[test]
-fn a_strong_gradient_is_refused() {
+fn a_gradient_is_refused_where_no_balance_is_left_and_only_there() {
     let (time_s, force_n) = ([0.0, 1.0, 2.0], [1.0; 3]);
     let mut stages = Stages::of_law(vec![spring(2.0)]);
-    // F = 1 (1 + g x), x = F/2: g x = (g/2) / (1 − g/2), a half at g = 2/3.
-    for (gradient, accepted) in [(0.66, true), (0.67, false), (2.0, false), (-5.0, false)] {
+    let largest = 2.0 / std::f64::consts::E;
+    for (gradient, accepted) in
+        [(0.999 * largest, true), (1.001 * largest, false), (2.0, false), (-5.0, true), (-80.0, true)]
+    {
         stages.load.gradient_per_m = dual(gradient);
         let run = strains(1.0, &stages, &time_s, (&force_n).into(), Resolution::default());
         assert_eq!(run.is_ok(), accepted, "{gradient}");
-        assert!(accepted || run.is_err_and(|e| e.to_string().contains(&LARGEST_FEEDBACK.to_string())));
+        match run {
+            Ok(found) => {
+                let x = found[2];
+                assert!((x - 0.5 * (gradient * x).exp()).abs() < 1e-13, "{gradient}: {x}");
+                assert!(gradient * x < 1.0, "the balance that a small gradient leads to, not the one beyond");
+            }
+            Err(error) => assert!(error.to_string().contains("pulls the robot away"), "{error}"),
+        }
     }
+}
+
+/// A dashpot's closed form, e^{−gx} = 1 − g F t/c, far beyond small gradients.
+#[test]
+fn a_dashpot_under_a_strong_gradient_is_a_closed_form() {
+    let time_s: Vec<f64> = (0..40).map(|i| 0.2 * f64::from(i)).collect();
+    let mut stages = Stages::of_law(vec![dashpot(2.0)]);
+    for gradient in [-60.0, -2.0, 0.2, 0.254] {
+        stages.load.gradient_per_m = dual(gradient);
+        let found = strains(1.0, &stages, &time_s, (&[1.0; 40]).into(), Resolution::default()).unwrap();
+        let exact: Vec<f64> = time_s.iter().map(|t| -(-gradient * t / 2.0).ln_1p() / gradient).collect();
+        let error = distance(&found, &exact);
+        assert!(error < 1e-7, "{gradient}: {error:e}");
+    }
+    stages.load.gradient_per_m = dual(0.26);
+    assert!(strains(1.0, &stages, &time_s, (&[1.0; 40]).into(), Resolution::default()).is_err());
 }
 
 /// Few rows, so that the rule and not the rows set the steps: fifth order, and small errors.

@@ -1,15 +1,32 @@
 //! The fields that a law's bodies keep, and what they say of the stage under way.
 
+use nalgebra::Complex;
+
+use super::ChainLaw;
 use super::stages::{DIAGONAL, N_STAGES, predict};
-use crate::rheology::CreepCompliance;
 
 /// A chain of bodies that all carry the stress w; their strains (fields in m, w in Pa·m) add up to z.
 pub(super) struct Chain {
     bodies: Vec<Body>,
+    turning: Vec<Turning>,
 }
 
 struct Body {
     kind: Kind,
+    history: History,
+}
+
+/// y' = λ (a w − y), complex, of which the real part is a strain.
+struct Turning {
+    /// a in 1/Pa.
+    compliance_per_pa: Complex<f64>,
+    /// λ in 1/s.
+    rate_per_s: Complex<f64>,
+    /// Of the real and of the imaginary part.
+    histories: [History; 2],
+}
+
+struct History {
     /// Strain at the step's start, in m.
     strain_m: Vec<f64>,
     /// Rates at the stages, in m/s.
@@ -42,6 +59,37 @@ impl Kind {
     }
 }
 
+impl History {
+    fn new(n_unknowns: usize) -> Self {
+        Self {
+            strain_m: vec![0.0; n_unknowns],
+            rates_m_per_s: vec![vec![0.0; n_unknowns]; N_STAGES],
+            predicted_m: vec![0.0; n_unknowns],
+        }
+    }
+
+    fn predict(&mut self, stage: usize, step_s: f64) {
+        predict(stage, step_s, &self.strain_m, &self.rates_m_per_s, &mut self.predicted_m);
+    }
+
+    /// Takes the strain at the last stage for that at the next step's start.
+    fn end(&mut self, stage: usize, implicit_s: f64) {
+        if stage + 1 == N_STAGES {
+            let rates = &self.rates_m_per_s[stage];
+            for ((strain, rate), predicted) in self.strain_m.iter_mut().zip(rates).zip(&self.predicted_m) {
+                *strain = predicted + implicit_s * rate;
+            }
+        }
+    }
+}
+
+impl Turning {
+    /// λ/(1 + γΔt λ): at a stage y' is this times (a w − the predicted y).
+    fn stiff_rate(&self, implicit_s: f64) -> Complex<f64> {
+        self.rate_per_s / (self.rate_per_s * implicit_s + 1.0)
+    }
+}
+
 /// c and j = γΔt c of a chain: rate and strain at a stage per unit stress.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Response {
@@ -64,7 +112,8 @@ impl Free {
 
 impl Chain {
     /// The chain of a law, at rest.
-    pub(super) fn new(law: &CreepCompliance, n_unknowns: usize) -> Self {
+    pub(super) fn new(law: &ChainLaw, n_unknowns: usize) -> Self {
+        let ChainLaw { bodies: law, turning } = law;
         let retarded = law
             .retarded
             .iter()
@@ -74,19 +123,22 @@ impl Chain {
         let kinds = retarded
             .chain(flow.map(|fluidity_per_pa_s| Kind::Flow { fluidity_per_pa_s }))
             .chain(spring.map(|compliance_per_pa| Kind::Spring { compliance_per_pa }));
-        let body = |kind| Body {
-            kind,
-            strain_m: vec![0.0; n_unknowns],
-            rates_m_per_s: vec![vec![0.0; n_unknowns]; N_STAGES],
-            predicted_m: vec![0.0; n_unknowns],
-        };
-        Self { bodies: kinds.map(body).collect() }
+        let body = |kind| Body { kind, history: History::new(n_unknowns) };
+        let complex = |[re, im]: [f64; 2]| Complex::new(re, im);
+        let turning = turning.iter().map(|mode| Turning {
+            compliance_per_pa: complex(mode.compliance_per_pa),
+            rate_per_s: complex(mode.rate_per_s),
+            histories: [History::new(n_unknowns), History::new(n_unknowns)],
+        });
+        Self { bodies: kinds.map(body).collect(), turning: turning.collect() }
     }
 
     /// Response at the stages of a step; all stages have the same.
     pub(super) fn response(&self, step_s: f64) -> Response {
         let implicit_s = DIAGONAL * step_s;
-        let rate_per_pa_s: f64 = self.bodies.iter().map(|body| body.kind.rate(implicit_s)[0]).sum();
+        let of_bodies: f64 = self.bodies.iter().map(|body| body.kind.rate(implicit_s)[0]).sum();
+        let turning = self.turning.iter().map(|body| (body.stiff_rate(implicit_s) * body.compliance_per_pa).re);
+        let rate_per_pa_s = of_bodies + turning.sum::<f64>();
         Response { rate_per_pa_s, compliance_per_pa: implicit_s * rate_per_pa_s }
     }
 
@@ -96,7 +148,7 @@ impl Chain {
         free.strain_m.fill(0.0);
         free.rate_m_per_s.fill(0.0);
         for body in &mut self.bodies {
-            predict(stage, step_s, &body.strain_m, &body.rates_m_per_s, &mut body.predicted_m);
+            body.history.predict(stage, step_s);
             let [_, back] = body.kind.rate(implicit_s);
             // 1 − back · γΔt without cancellation.
             let kept = match body.kind {
@@ -105,10 +157,21 @@ impl Chain {
                 Kind::Spring { .. } => 0.0,
             };
             for ((strain, rate), predicted) in
-                free.strain_m.iter_mut().zip(&mut free.rate_m_per_s).zip(&body.predicted_m)
+                free.strain_m.iter_mut().zip(&mut free.rate_m_per_s).zip(&body.history.predicted_m)
             {
                 *strain += kept * predicted;
                 *rate -= back * predicted;
+            }
+        }
+        for body in &mut self.turning {
+            let back = body.stiff_rate(implicit_s);
+            let kept = back / body.rate_per_s;
+            body.histories.iter_mut().for_each(|history| history.predict(stage, step_s));
+            let [re, im] = &body.histories;
+            let places = free.strain_m.iter_mut().zip(&mut free.rate_m_per_s);
+            for ((strain, rate), (re, im)) in places.zip(re.predicted_m.iter().zip(&im.predicted_m)) {
+                *strain += kept.re * re - kept.im * im;
+                *rate -= back.re * re - back.im * im;
             }
         }
     }
@@ -118,15 +181,25 @@ impl Chain {
         let implicit_s = DIAGONAL * step_s;
         for body in &mut self.bodies {
             let [response, back] = body.kind.rate(implicit_s);
-            let rates = &mut body.rates_m_per_s[stage];
-            for ((rate, w), predicted) in rates.iter_mut().zip(stress_pa_m).zip(&body.predicted_m) {
+            let history = &mut body.history;
+            let rates = history.rates_m_per_s[stage].iter_mut();
+            for ((rate, w), predicted) in rates.zip(stress_pa_m).zip(&history.predicted_m) {
                 *rate = response * w - back * predicted;
             }
-            if stage + 1 == N_STAGES {
-                for ((strain, rate), predicted) in body.strain_m.iter_mut().zip(&*rates).zip(&body.predicted_m) {
-                    *strain = predicted + implicit_s * rate;
-                }
+            history.end(stage, implicit_s);
+        }
+        for body in &mut self.turning {
+            let back = body.stiff_rate(implicit_s);
+            let response = back * body.compliance_per_pa;
+            let [re, im] = &mut body.histories;
+            let rates = re.rates_m_per_s[stage].iter_mut().zip(&mut im.rates_m_per_s[stage]);
+            let predicted = re.predicted_m.iter().zip(&im.predicted_m);
+            for (((rate_re, rate_im), w), (p_re, p_im)) in rates.zip(stress_pa_m).zip(predicted) {
+                *rate_re = response.re * w - (back.re * p_re - back.im * p_im);
+                *rate_im = response.im * w - (back.re * p_im + back.im * p_re);
             }
+            re.end(stage, implicit_s);
+            im.end(stage, implicit_s);
         }
     }
 }

@@ -11,7 +11,7 @@ pub struct Load {
     pub switches: Vec<Switch>,
     /// τ ≥ 0 in s of τ Ḟ = F_in − F; 0 is no lag.
     pub lag_time_s: f64,
-    /// g in 1/m of F (1 + g x), x the robot's position.
+    /// g in 1/m of F e^{gx}, x the robot's position.
     pub gradient_per_m: f64,
 }
 

@@ -24,8 +24,10 @@ mod steps;
 pub use load::Load;
 pub use run::{Resolution, TransientRun, run};
 
-use crate::error::{Error, Result};
-use crate::rheology::{CreepCompliance, Element, RetardationSpectrum, RetardedMode, TimeWindow};
+use crate::error::Result;
+use crate::rheology::{
+    CreepCompliance, Element, OscillatingMode, RetardationSpectrum, RetardedMode, SpectralMode, TimeWindow,
+};
 
 /// A matrix of a system.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -63,7 +65,7 @@ pub trait TransientSystem {
     /// Factorises Σᵢ stiffnessᵢ Kᵢ + damping D + mass M.
     ///
     /// # Errors
-    /// [`Error::Numerical`] where the matrix is singular.
+    /// [`crate::Error::Numerical`] where the matrix is singular.
     fn factor(&self, weights: &StageWeights) -> Result<StageSolve<'_>>;
     /// `result` += the part times `x`; nothing for parts that the system does not have.
     fn add_product(&self, part: Part, x: &[f64], result: &mut [f64]);
@@ -73,27 +75,42 @@ pub trait TransientSystem {
     fn position_m(&self, unknowns: &[f64]) -> f64;
 }
 
-/// A law as a chain of springs, dashpots and Kelvin–Voigt bodies. Networks of springs and dashpots are exact; a springpot in series is right for the times of the
-/// window.
+/// A law as a chain of bodies that all carry the stress.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ChainLaw {
+    /// Springs, dashpots and Kelvin–Voigt bodies.
+    pub bodies: CreepCompliance,
+    /// Bodies whose rate and compliance are complex, λ and a of Re a (1 − e^{−λt}), as a springpot beside a spring has them: y' = λ (a w − y), of which the real part counts.
+    pub turning: Vec<OscillatingMode<f64>>,
+}
+
+impl From<CreepCompliance> for ChainLaw {
+    fn from(bodies: CreepCompliance) -> Self {
+        Self { bodies, turning: Vec::new() }
+    }
+}
+
+/// A law as a chain of bodies. Networks of springs and dashpots are exact; springpots are right for the times of the window.
 ///
 /// # Errors
-/// [`Error::Numerical`] for a law whose spectrum has complex rates, as a springpot beside a spring has, and those of [`RetardationSpectrum::of`].
-pub fn chain_of(law: &[Element], window: TimeWindow) -> Result<CreepCompliance> {
+/// Those of [`RetardationSpectrum::of`].
+pub fn chain_of(law: &[Element], window: TimeWindow) -> Result<ChainLaw> {
     let spectrum = RetardationSpectrum::of(law, window)?;
-    if !spectrum.oscillating.is_empty() {
-        return Err(Error::numerical(
-            "the law's creep is no sum of Kelvin–Voigt bodies: a springpot in parallel with something has complex rates",
-            "use a law of springs and dashpots here, with springpots in series only",
-        ));
-    }
-    let body = |mode: &crate::rheology::SpectralMode| RetardedMode {
+    let body = |mode: &SpectralMode| RetardedMode {
         compliance_per_pa: mode.compliance_per_pa.value,
         time_s: mode.rate_per_s.value.recip(),
     };
-    Ok(CreepCompliance {
-        instantaneous_per_pa: spectrum.instantaneous_per_pa.value,
-        retarded: spectrum.modes.iter().map(body).collect(),
-        fluidity_per_pa_s: spectrum.fluidity_per_pa_s.value,
+    let turning = |mode: &OscillatingMode| OscillatingMode {
+        compliance_per_pa: mode.compliance_per_pa.map(|part| part.value),
+        rate_per_s: mode.rate_per_s.map(|part| part.value),
+    };
+    Ok(ChainLaw {
+        bodies: CreepCompliance {
+            instantaneous_per_pa: spectrum.instantaneous_per_pa.value,
+            retarded: spectrum.modes.iter().map(body).collect(),
+            fluidity_per_pa_s: spectrum.fluidity_per_pa_s.value,
+        },
+        turning: spectrum.oscillating.iter().map(turning).collect(),
     })
 }
 

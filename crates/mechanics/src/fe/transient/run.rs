@@ -8,10 +8,9 @@ use super::load::Load;
 use super::output::{Output, State};
 use super::stages::{DIAGONAL, N_STAGES, predict};
 use super::steps::Grading;
-use super::{Part, StageSolve, StageWeights, TransientSystem};
+use super::{ChainLaw, Part, StageSolve, StageWeights, TransientSystem};
 use crate::error::{Error, Result};
-use crate::fe::clock::{CLOCK_ROUNDING, FOURTH, Switch, check_feedback};
-use crate::rheology::CreepCompliance;
+use crate::fe::clock::{CLOCK_ROUNDING, FOURTH, Switch, balanced_exponent, check_feedback};
 
 /// How fine the steps are.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -49,10 +48,10 @@ const MOST_FACTORS: usize = 48;
 /// all unknowns are given.
 ///
 /// # Errors
-/// [`Error::Numerical`] where the number of laws is not the system's, a law is rigid, the force gradient is too strong, or a position is not finite.
-pub fn run(
+/// [`Error::Numerical`] where the number of laws is not the system's, a law is rigid, the force gradient pulls the robot away, or a position is not finite.
+pub fn run<L: Clone + Into<ChainLaw>>(
     system: &dyn TransientSystem,
-    laws: &[CreepCompliance],
+    laws: &[L],
     load: &Load,
     time_s: &[f64],
     rows_of_fields: &[usize],
@@ -63,7 +62,8 @@ pub fn run(
     };
     let start_s = load.switches.first().map_or(first_s, |switch| switch.time_s.min(first_s));
     let rounding_s = CLOCK_ROUNDING * (last_s - start_s).max(f64::MIN_POSITIVE);
-    let mut run = Run::new(system, laws, load, start_s)?;
+    let laws: Vec<ChainLaw> = laws.iter().cloned().map(Into::into).collect();
+    let mut run = Run::new(system, &laws, load, start_s)?;
     let mut output = Output {
         time_s,
         rows_of_fields,
@@ -130,7 +130,7 @@ struct Run<'a> {
 }
 
 impl<'a> Run<'a> {
-    fn new(system: &'a dyn TransientSystem, laws: &[CreepCompliance], load: &'a Load, start_s: f64) -> Result<Self> {
+    fn new(system: &'a dyn TransientSystem, laws: &[ChainLaw], load: &'a Load, start_s: f64) -> Result<Self> {
         if laws.len() != system.n_laws() || laws.is_empty() {
             return Err(Error::numerical(
                 format!("the system has {} laws and {} are given", system.n_laws(), laws.len()),
@@ -251,9 +251,10 @@ impl<'a> Run<'a> {
                     let position_m = |stress: &[f64]| response.compliance_per_pa * self.system.position_m(stress);
                     let g = self.load.gradient_per_m;
                     let history_m = position_m(&stress) + self.system.position_m(&free.strain_m);
-                    let feedback = g * force_n * position_m(stress_per_n);
-                    let force_n = force_n * (1.0 + g * history_m) / (1.0 - feedback);
-                    check_feedback(g, &[history_m + force_n * position_m(stress_per_n)], self.now.time_s)?;
+                    let per_n = position_m(stress_per_n);
+                    let exponent = balanced_exponent(g * history_m, g * force_n * per_n);
+                    let force_n = force_n * exponent.exp();
+                    check_feedback(g, &[history_m + force_n * per_n], self.now.time_s)?;
                     stress.iter_mut().zip(stress_per_n).for_each(|(w, per_n)| *w += force_n * per_n);
                 }
             }

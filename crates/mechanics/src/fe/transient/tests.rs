@@ -20,7 +20,7 @@ fn elements(law: BaseLaw) -> Vec<Element> {
 }
 
 fn chain(law: BaseLaw) -> CreepCompliance {
-    chain_of(&elements(law), WINDOW).expect("springs and dashpots")
+    chain_of(&elements(law), WINDOW).expect("springs and dashpots").bodies
 }
 
 /// Irregular times (s) from 3 s on, with a gap and rows 1 ms apart, and forces (N): holds of both signs, a rest, a force that changes at every row.
@@ -308,7 +308,7 @@ fn two_laws_are_the_sum_of_their_modes() {
         (0..time_s.len()).map(at).collect()
     });
     let system = Dense { stiffness: vec![first, second], ..base() };
-    let laws = [chain(BaseLaw::Lethersich), chain_of(&other, WINDOW).expect("springs and dashpots")];
+    let laws = [chain(BaseLaw::Lethersich), chain_of(&other, WINDOW).expect("springs and dashpots").bodies];
     let found = stepped(&system, &laws, Resolution::default());
     let without = stepped(&whole, &laws[..1], Resolution::default());
     println!("two laws: error {:e}, effect {:e}", distance(&found, &exact), distance(&without, &exact));
@@ -360,7 +360,7 @@ fn lag_and_gradient_are_those_of_the_other_stepper() {
     let mut stages = Stages::of_law(elements(BaseLaw::Burgers));
     stages.load.delay_s = Dual::constant(0.0137);
     stages.load.lag_time_s = Dual::constant(0.2);
-    for gradient_per_m in [0.0, 200.0, -200.0] {
+    for gradient_per_m in [0.0, 200.0, -200.0, -600.0] {
         stages.load.gradient_per_m = Dual::constant(gradient_per_m);
         let exact = model.step(&stages, &time_s, &force_n, stepping::Resolution::default()).expect("a sound model");
         let mut load = Load { lag_time_s: 0.2, gradient_per_m, ..Load::commanded(&time_s, &force_n) };
@@ -369,11 +369,11 @@ fn lag_and_gradient_are_those_of_the_other_stepper() {
         let found = run(&system, &law, &load, &time_s, &[], Resolution::default()).expect("a sound model");
         let error = distance(&found.position_m, &exact.displacement_m);
         println!("gradient {gradient_per_m}: {error:e}");
-        assert!(error < 2e-6, "{gradient_per_m}: {error:e}");
+        assert!(error < if gradient_per_m < -200.0 { 5e-6 } else { 2e-6 }, "{gradient_per_m}: {error:e}");
     }
-    let load = Load { gradient_per_m: 2000.0, ..Load::commanded(&time_s, &force_n) };
+    let load = Load { gradient_per_m: 4000.0, ..Load::commanded(&time_s, &force_n) };
     let refused = run(&system, &[chain(BaseLaw::Burgers)], &load, &time_s, &[], Resolution::default());
-    assert!(refused.is_err_and(|e| e.to_string().contains(&LARGEST.to_string())));
+    assert!(refused.is_err_and(|e| e.to_string().contains("pulls the robot away")));
 }
 
 /// A springpot's chain holds for the window's times.
@@ -386,19 +386,24 @@ fn springpots_are_those_of_the_other_stepper() {
     let order = Dual::constant(0.7);
     let springpot = Element::Springpot { modulus_pa: e, time_s: c1 / e, order };
     let beside = Element::Parallel(vec![Element::Spring { modulus_pa: e }, springpot.clone()]);
-    assert!(chain_of(&[beside], WINDOW).is_err_and(|error| error.to_string().contains("in series only")));
-    let law = vec![Element::kelvin_voigt(e, c1), springpot, Element::Dashpot { viscosity_pa_s: c2 }];
-    let chain = chain_of(&law, WINDOW).expect("no complex rates");
-    let exact =
-        model.step(&Stages::of_law(law), &time_s, &force_n, stepping::Resolution::default()).expect("a sound model");
-    let load = Load::commanded(&time_s, &force_n);
-    let found = run(&base(), &[chain], &load, &time_s, &[], Resolution::default()).expect("a sound model");
-    let error = distance(&found.position_m, &exact.displacement_m);
-    println!("springpot: {error:e}");
-    assert!(error < 1e-6, "{error:e}");
+    let flow = Element::Dashpot { viscosity_pa_s: c2 };
+    // A springpot beside a spring has complex rates, one in series has none.
+    for (law, n_turning) in [
+        (vec![Element::kelvin_voigt(e, c1), springpot, flow.clone()], 0),
+        (vec![beside.clone(), flow], 1),
+        (vec![beside], 1),
+    ] {
+        let chain = chain_of(&law, WINDOW).expect("a law");
+        assert_eq!(chain.turning.len(), n_turning);
+        let stages = Stages::of_law(law);
+        let exact = model.step(&stages, &time_s, &force_n, stepping::Resolution::default()).expect("a sound model");
+        let load = Load::commanded(&time_s, &force_n);
+        let found = run(&base(), &[chain], &load, &time_s, &[], Resolution::default()).expect("a sound model");
+        let error = distance(&found.position_m, &exact.displacement_m);
+        println!("springpot, {n_turning} complex: {error:e}");
+        assert!(error < 1e-6, "{n_turning}: {error:e}");
+    }
 }
-
-const LARGEST: f64 = crate::stages::LARGEST_FEEDBACK;
 
 #[test]
 fn laws_that_do_not_fit_are_refused() {

@@ -1,8 +1,9 @@
-//! Steps under a force that grows with the position, while the force lags, the gel softens or the law has many modes.
+//! Steps under a force that depends on the position.
 //!
-//! The force is F_in + R with F_in = L + D e^{−λt} and R = g F_in x. What F_in does to a mode is known exactly; R, smooth away from switches, is
-//! a quartic through five nodes, integrated exactly against e^{−ρ(h−s)} however fast the mode. R at the nodes solves five linear equations, since
-//! x there depends on R linearly.
+//! The force is F_in + R with F_in = L + D e^{−λt} and R = F_in (e^{gx} − 1). What F_in does to a mode is known exactly; R, smooth away from switches, is
+//! a quartic through five nodes, integrated exactly against e^{−ρ(h−s)} however fast the mode. x at the nodes depends on R there linearly, so that g x solves
+//! five equations, by Newton's method. A point whose equations have no solution near where the step begins has no position from there on: the force runs
+//! away with the robot, or by more in one step than a quartic follows.
 
 use std::ops::{Add, Mul};
 
@@ -12,7 +13,7 @@ use super::linear::{Row, oscillating_row, row};
 use super::moments::{N_FUNCTIONS, entire_functions, entire_functions_of_decay};
 use super::numbers::{ComplexLanes, Number};
 use super::system::{Mode, System};
-use crate::number::Complex;
+use crate::number::{Complex, PointScalar};
 
 const N_NODES: usize = N_FUNCTIONS;
 
@@ -23,6 +24,13 @@ const NODES: [f64; N_NODES] =
 
 /// The node at the end.
 const END: usize = N_NODES - 1;
+
+/// Most steps of Newton's method; few serve, since a step of time begins where the last one ended.
+const MOST_NEWTON_STEPS: usize = 12;
+/// A step of Newton's method of this squared size is the last: what it leaves is of the size of its square.
+const LAST_STEP_SQUARED: f64 = 1e-14;
+/// Most that g x may change between a step's first node and its end.
+const MOST_CHANGE: f64 = 1.5;
 
 /// What a step does to one mode.
 #[derive(Clone, Copy)]
@@ -58,6 +66,10 @@ pub(super) struct State<S> {
     pub level_n: S,
     pub slope_n_per_s: S,
     pub deficit_n: S,
+    /// R at the end of the last step, in N.
+    feedback_n: S,
+    /// g x there.
+    exponent: S,
     /// e^{rt}.
     growth: S,
 }
@@ -72,6 +84,8 @@ impl<S: Number> State<S> {
             level_n: zero,
             slope_n_per_s: zero,
             deficit_n: zero,
+            feedback_n: zero,
+            exponent: zero,
             growth: S::constant(1.0),
         }
     }
@@ -260,7 +274,8 @@ fn set_parts<T, U>(target: &mut ModeStep<T>, source: &ModeStep<U>, mut set: impl
 /// Moves the state by one step.
 #[inline(always)]
 pub(super) fn advance<S: Number>(system: &System<S>, step: &CollocationStep<S>, state: &mut State<S>) {
-    let feedback = feedback_at_nodes(system, step, state);
+    let (feedback, exponent) = feedback_at_nodes(system, step, state);
+    (state.feedback_n, state.exponent) = (feedback[END], exponent);
     let (level_n, slope, deficit_n) = (state.level_n, state.slope_n_per_s, state.deficit_n);
     for (y, mode) in state.modes.iter_mut().zip(&step.modes) {
         let mut next = mode.whole.gain.mul_add(level_n, mode.whole.lag_gain * deficit_n);
@@ -290,11 +305,10 @@ pub(super) fn advance<S: Number>(system: &System<S>, step: &CollocationStep<S>, 
     }
 }
 
-/// R at the nodes.
+/// R at the nodes, and g x at the end.
 #[inline(always)]
-fn feedback_at_nodes<S: Number>(system: &System<S>, step: &CollocationStep<S>, state: &State<S>) -> [S; N_NODES] {
-    let zero = S::constant(0.0);
-    let (mut matrix, mut right) = ([[zero; N_NODES]; N_NODES], [zero; N_NODES]);
+fn feedback_at_nodes<S: Number>(system: &System<S>, step: &CollocationStep<S>, state: &State<S>) -> ([S; N_NODES], S) {
+    let (zero, one) = (S::constant(0.0), S::constant(1.0));
     // Σ Y at the nodes without R: all nodes of a mode together, so that no sum waits for itself.
     let mut known = [zero; N_NODES];
     for i in 0..N_NODES {
@@ -313,23 +327,63 @@ fn feedback_at_nodes<S: Number>(system: &System<S>, step: &CollocationStep<S>, s
             known[i] += (mode.node_decay[i] * y).re;
         }
     }
+    let mut force_n = [zero; N_NODES];
     for i in 0..N_NODES {
-        let mut force_n = state.deficit_n.mul_add(step.lag_decay[i], state.level_n);
+        force_n[i] = state.deficit_n.mul_add(step.lag_decay[i], state.level_n);
         if step.rises {
-            force_n = (state.slope_n_per_s * NODES[i]).mul_add(step.length_s, force_n);
+            force_n[i] = (state.slope_n_per_s * NODES[i]).mul_add(step.length_s, force_n[i]);
         }
-        let known = system.instantaneous.mul_add(force_n, known[i]);
-        let strength = system.gradient * force_n * state.growth * step.growth[i];
-        right[i] = strength * known;
-        for j in 0..N_NODES {
-            matrix[i][j] = -(strength * step.by_feedback[i][j]);
-        }
-        matrix[i][i] = matrix[i][i] + S::constant(1.0) - strength * system.instantaneous;
     }
-    solve(matrix, right)
+    // g x = known + Σ by_force (e^{gx} − 1) at the nodes.
+    let mut by_force = [[zero; N_NODES]; N_NODES];
+    for i in 0..N_NODES {
+        let strength = system.gradient * state.growth * step.growth[i];
+        known[i] = strength * system.instantaneous.mul_add(force_n[i], known[i]);
+        for j in 0..N_NODES {
+            by_force[i][j] = strength * step.by_feedback[i][j] * force_n[j];
+        }
+        by_force[i][i] += strength * system.instantaneous * force_n[i];
+    }
+    let mut exponent = [state.exponent; N_NODES];
+    // Squared size of each point's last step of Newton's method: what a point does is not to depend on its neighbours.
+    let mut size = one;
+    for _ in 0..MOST_NEWTON_STEPS {
+        let (mut matrix, mut right) = (by_force, known);
+        for j in 0..N_NODES {
+            let (grown, mean) = (-exponent[j]).decay();
+            let change = mean * exponent[j];
+            for i in 0..N_NODES {
+                right[i] = by_force[i][j].mul_add(change, right[i]);
+                matrix[i][j] = -(matrix[i][j] * grown);
+            }
+            right[j] = right[j] - exponent[j];
+            matrix[j][j] += one;
+        }
+        let moved = solve(matrix, right);
+        let mut squared = zero;
+        for k in 0..N_NODES {
+            squared = moved[k].mul_add(moved[k], squared);
+            exponent[k] = size.choose(LAST_STEP_SQUARED, exponent[k], exponent[k] + moved[k]);
+        }
+        size = size.choose(LAST_STEP_SQUARED, size, squared);
+        let mut are_done = true;
+        for lane in 0..S::N_POINTS {
+            are_done &= size.lane(lane).value() < LAST_STEP_SQUARED;
+        }
+        if are_done {
+            break;
+        }
+    }
+    let (none, change) = (S::constant(f64::NAN), exponent[END] - exponent[0]);
+    let mut feedback = [zero; N_NODES];
+    for k in 0..N_NODES {
+        let found = (-exponent[k]).decay().1 * exponent[k] * force_n[k];
+        feedback[k] = size.choose(LAST_STEP_SQUARED, change.choose(MOST_CHANGE, found, none), none);
+    }
+    (feedback, exponent[END])
 }
 
-/// By elimination without pivots: the matrix is the identity and a feedback of less than one half.
+/// By elimination without pivots: the matrix is the identity and a feedback, which takes a pivot away only where the force runs away.
 #[inline(always)]
 fn solve<S: Number>(mut matrix: [[S; N_NODES]; N_NODES], mut right: [S; N_NODES]) -> [S; N_NODES] {
     for k in 0..N_NODES {
@@ -354,19 +408,18 @@ fn solve<S: Number>(mut matrix: [[S; N_NODES]; N_NODES], mut right: [S; N_NODES]
     right
 }
 
-/// Position (m) of the robot.
+/// Position (m) of the robot at the end of a step.
 #[inline(always)]
 pub(super) fn position_m<S: Number>(system: &System<S>, state: &State<S>) -> S {
-    let force_n = state.level_n + state.deficit_n;
-    let jump_m = system.instantaneous * force_n * state.growth;
-    let mut sum = S::constant(0.0);
+    let force_n = state.level_n + state.deficit_n + state.feedback_n;
+    let mut sum = system.instantaneous * force_n;
     for &y in &state.modes {
         sum += y;
     }
     for y in &state.oscillating {
         sum += y.re;
     }
-    sum.mul_add(state.growth, jump_m) / (S::constant(1.0) - system.gradient * jump_m)
+    sum * state.growth
 }
 
 #[cfg(test)]

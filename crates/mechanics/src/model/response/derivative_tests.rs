@@ -5,7 +5,7 @@ use super::numbers::Number;
 use super::tests::{largest, record, respond_with, rich_law, spectrum};
 use crate::experiment::ForceRule;
 use crate::number::Dual;
-use crate::rheology::{RetardationSpectrum, SpectralMode};
+use crate::rheology::RetardationSpectrum;
 use crate::stages::{Approach, Stages};
 
 /// Everything that a model may move: the stages' numbers, the spectrum's, and the compliance.
@@ -64,12 +64,7 @@ fn point(choice: usize) -> Point {
     stages.load.offset_n = on(4, 3e-7);
     let amplitude_m = on(4, 1e-4);
     stages.observation.approaches.push(Approach { amplitude_m, time_s: Dual::constant(0.8) });
-    let mut spectrum = spectrum(&stages, choice & 32 != 0);
-    if choice & 64 != 0 {
-        // Nothing in the answer, but too many modes for exact steps: the scheme is then the same at the null of softening and beside it.
-        let empty = SpectralMode { compliance_per_pa: Dual::ZERO, rate_per_s: Dual::ONE };
-        spectrum.modes.extend([empty; 2]);
-    }
+    let spectrum = spectrum(&stages, choice & 32 != 0);
     Point { stages, spectrum, compliance_per_m: Dual::constant(549.0), rule: ForceRule::Hold }
 }
 
@@ -99,15 +94,14 @@ fn natural_size(name: &str) -> f64 {
 /// 1e-6 of the largest derivative; a lag at its null is refused elsewhere.
 #[test]
 fn equal_one_sided_differences_in_every_direction() {
-    let held = [0, 1, 2, 4, 8, 16, 9, 12, 32, 63, 72, 127].map(|choice| (choice, ForceRule::Hold));
-    let linear = [0, 1, 2, 4, 8, 16, 9, 32, 63, 127].map(|choice| (choice, ForceRule::Linear));
+    let held = [0, 1, 2, 4, 8, 16, 9, 12, 32, 63].map(|choice| (choice, ForceRule::Hold));
+    let linear = [0, 1, 2, 4, 8, 16, 9, 32, 63].map(|choice| (choice, ForceRule::Linear));
     for (choice, rule) in held.into_iter().chain(linear) {
         let base = Point { rule, ..point(choice) };
         let oscillating: &[Field] = if choice & 32 != 0 { OF_OSCILLATING_MODE } else { &[] };
         for (name, field) in FIELDS.iter().chain(oscillating) {
             let value = field(&mut base.clone()).value;
-            let exact_at_null_only = *name == "softening" && matches!(choice, 8 | 9) && rule == ForceRule::Hold;
-            if (*name == "lag" || exact_at_null_only) && value == 0.0 {
+            if *name == "lag" && value == 0.0 {
                 continue;
             }
             let mut moving = base.clone();

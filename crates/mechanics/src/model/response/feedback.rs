@@ -1,118 +1,47 @@
-//! The robot's position where the force depends on it: F = F_in (1 + g x).
-//!
-//! While F_in is constant and the gel does not soften, the few modes of a law form a linear system with constant coefficients: steps are exact, by
-//! a matrix exponential a level and distinct step ([`super::transition`]). Otherwise [`super::collocation`] is used, on the steps that
-//! [`super::schedule`] grades after switches.
+//! The robot's position where the force depends on it, F = F_in e^{gx}: [`super::collocation`] on the steps that [`super::schedule`] grades after switches.
 
 use pulp::{Arch, Simd, WithSimd};
 
 use super::collocation::{self, CollocationStep};
 use super::numbers::{N_LANES, Number};
 use super::record::Record;
-use super::schedule::{Piece, Schedule};
-use super::system::LARGEST_STATE;
+use super::schedule::Schedule;
 use super::system::System;
-use super::transition::Transition;
 use crate::number::PointScalar;
-use crate::stages::LARGEST_FEEDBACK;
+use crate::stages::LARGEST_EXPONENT;
 
 /// Position (m) of the robot at every row.
 pub(super) fn run<S: Number>(record: &Record, system: &System<S>, position_m: &mut [S]) {
     let schedule = Schedule::new(record, system);
-    if !system.shape.graded {
-        debug_assert!(system.modes.len() <= LARGEST_STATE);
-        let (transitions, order) = Transition::all(system, &schedule);
-        Arch::new().dispatch(ExactRun {
-            system,
-            pieces: &schedule.pieces,
-            transitions: &transitions,
-            order,
-            position_m,
-        });
-    } else {
-        let steps: Vec<CollocationStep<S>> = schedule
-            .length_s
-            .iter()
-            .map(|&length_s| CollocationStep::new(system, length_s, record.is_linear))
-            .collect();
-        Arch::new().dispatch(CollocationRun { system, schedule: &schedule, steps: &steps, position_m });
-    }
+    let steps: Vec<CollocationStep<S>> =
+        schedule.length_s.iter().map(|&length_s| CollocationStep::new(system, length_s, record.is_linear)).collect();
+    Arch::new().dispatch(CollocationRun { system, schedule: &schedule, steps: &steps, position_m });
 }
 
 /// Which points' |g x| stay below the limit at every row. What is not a number passes here, and is found at the last row.
-pub(super) fn are_small<S: Number>(system: &System<S>, position_m: &[S]) -> [bool; N_LANES] {
-    Arch::new().dispatch(LargestFeedback { system, position_m }).map(|largest| largest < LARGEST_FEEDBACK)
+pub(super) fn are_held<S: Number>(system: &System<S>, position_m: &[S]) -> [bool; N_LANES] {
+    Arch::new().dispatch(LargestExponent { system, position_m }).map(|largest| largest < LARGEST_EXPONENT)
 }
 
-struct LargestFeedback<'a, S> {
+struct LargestExponent<'a, S> {
     system: &'a System<S>,
     position_m: &'a [S],
 }
 
-impl<S: Number> WithSimd for LargestFeedback<'_, S> {
+impl<S: Number> WithSimd for LargestExponent<'_, S> {
     type Output = [f64; N_LANES];
 
     #[inline(always)]
     fn with_simd<V: Simd>(self, _simd: V) -> [f64; N_LANES] {
         let mut largest = [0.0; N_LANES];
         for &position in self.position_m {
-            let strength = self.system.gradient * position;
+            let exponent = self.system.gradient * position;
             for lane in 0..S::N_POINTS {
-                let size = strength.lane(lane).value().abs();
+                let size = exponent.lane(lane).value().abs();
                 largest[lane] = if size > largest[lane] { size } else { largest[lane] };
             }
         }
         largest
-    }
-}
-
-struct ExactRun<'a, S> {
-    system: &'a System<S>,
-    pieces: &'a [Piece],
-    transitions: &'a [Transition<S>],
-    /// Index of each piece's transition.
-    order: Vec<usize>,
-    position_m: &'a mut [S],
-}
-
-impl<S: Number> WithSimd for ExactRun<'_, S> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<V: Simd>(self, _simd: V) {
-        match self.system.modes.len() {
-            1 => exact_rows::<S, 1>(self),
-            2 => exact_rows::<S, 2>(self),
-            3 => exact_rows::<S, 3>(self),
-            _ => exact_rows::<S, LARGEST_STATE>(self),
-        }
-    }
-}
-
-/// Steps with `B` modes.
-#[inline(always)]
-fn exact_rows<S: Number, const B: usize>(run: ExactRun<S>) {
-    let mut state = [S::constant(0.0); B];
-    for (piece, &index) in run.pieces.iter().zip(&run.order) {
-        let transition = &run.transitions[index];
-        for step in 0..piece.n_steps() {
-            let mut next = [S::constant(0.0); B];
-            for i in 0..B {
-                let mut sum = transition.matrix[i][B];
-                for j in 0..B {
-                    sum = transition.matrix[i][j].mul_add(state[j], sum);
-                }
-                next[i] = sum;
-            }
-            state = next;
-            if let Some(row) = piece.end_row(step) {
-                let mut sum = transition.offset;
-                for y in state {
-                    sum = y.mul_add(transition.output, sum);
-                }
-                run.position_m[row] = sum;
-            }
-        }
     }
 }
 

@@ -2,7 +2,8 @@
 //!
 //! After a switch the position moves as fast as the law's fastest modes do and as the lag does. Collocation loses of a mode of rate ρ and of the
 //! share w of the compliance, over a step h from the switch on, d w η(ρh) ΔJ(h)/J of the position, d the size of the switch over the largest
-//! force and η the error of Radau's quadrature. [`Grading`] says how long a step may be for switches of some sizes: a small switch, slow modes or
+//! force and η the error of Radau's quadrature. Where the force follows the position by e^{gx}, g x is
+//! like a rate times the step: with E what it would be at the step's end if the force stayed, η(2E) E is lost as well. [`Grading`] says how long a step may be for switches of some sizes: a small switch, slow modes or
 //! fast ones of little share need no short steps. Later steps are as long as a share of the time since the switch.
 
 /// Classes of switches by their size over the largest force: from the largest down, each up to an eighth of the one before.
@@ -31,8 +32,8 @@ impl Grading {
     /// The coarsest that keeps to the tolerance.
     ///
     /// `rough` are the shares w and rates ρ of what moves after a switch; `modes` κ and ρ of what force moves, over the compliance. Modes that do not
-    /// decay have ρ = 0.
-    pub fn new(rough: &[(f64, f64)], modes: &[(f64, f64)]) -> Self {
+    /// decay have ρ = 0. `strength` turns κ into that of g x.
+    pub fn new(rough: &[(f64, f64)], modes: &[(f64, f64)], strength: f64) -> Self {
         let mut exponents = [EXPONENTS[0]; N_SIZES];
         // From the finest on, as long as all shorter steps keep to the tolerance too; it is exceeded for large switches first.
         let mut first_class = 0;
@@ -40,7 +41,8 @@ impl Grading {
             let length_s = length_s(exponent);
             let moved: f64 = modes.iter().map(|(gain, rate)| gain * (1.0 / rate).min(length_s)).sum();
             let lost: f64 = rough.iter().map(|(share, rate)| share * quadrature_error(rate * length_s)).sum();
-            let loss = lost * moved.min(1.0);
+            let change = strength * moved;
+            let loss = lost * moved.min(1.0) + quadrature_error(2.0 * change) * change.min(1.0);
             while first_class < N_SIZES && loss > TOLERANCE * SIZE_RATIO.powi(first_class as i32) {
                 first_class += 1;
             }

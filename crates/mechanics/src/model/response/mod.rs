@@ -22,7 +22,6 @@ mod schedule;
 mod system;
 #[cfg(test)]
 mod tests;
-mod transition;
 
 pub use numbers::{Lanes, N_LANES};
 
@@ -30,7 +29,7 @@ use crate::error::{Error, Result};
 use crate::experiment::{Force, KeptForce};
 use crate::number::{Dual, PointScalar, Scalar};
 use crate::rheology::TimeWindow;
-use crate::stages::{LARGEST_FEEDBACK, Spread, Stages};
+use crate::stages::{Spread, Stages};
 use numbers::{Number, Real, gather};
 use record::Record;
 use system::{Lowered, System};
@@ -73,7 +72,7 @@ impl Response {
     /// Recorded position (m) at every row, the limit from the left. `compliance_per_m` is the displacement per force at unit creep compliance.
     ///
     /// # Errors
-    /// [`Error::Numerical`] where the law has no spectrum, a force gradient feeds back too strongly or the position is not finite.
+    /// [`Error::Numerical`] where the law has no spectrum, a force gradient pulls the robot away or the position is not finite.
     pub fn trajectory_m(&self, stages: &Stages, compliance_per_m: f64) -> Result<Vec<f64>> {
         let point = self.lowered(stages, compliance_per_m)?;
         let mut position_m = Vec::new();
@@ -148,9 +147,9 @@ impl Response {
         sound[points.len()..].fill(false);
         if system.shape.feedback {
             feedback::run(&self.record, &system, position_m);
-            let small = feedback::are_small(&system, position_m);
-            for (sound, small) in sound.iter_mut().zip(small) {
-                *sound &= small;
+            let held = feedback::are_held(&system, position_m);
+            for (sound, held) in sound.iter_mut().zip(held) {
+                *sound &= held;
             }
         } else {
             linear::run(&self.record, &system, position_m);
@@ -187,8 +186,8 @@ fn refusal(stages: &Stages) -> Error {
         return Error::numerical("the position is not finite", "keep rates and times within the record's scales");
     }
     Error::numerical(
-        format!("a force gradient of {gradient:e} per m changes the force by {LARGEST_FEEDBACK} of itself or more"),
-        "take a smaller gradient; the model holds for small ones",
+        format!("a force gradient of {gradient:e} per m pulls the robot away: it grows faster than the gel holds"),
+        "take a gradient nearer to 0, or a stiffer gel",
     )
 }
 

@@ -33,7 +33,7 @@ pub(super) trait Number: Scalar {
     fn lane(self, lane: usize) -> Self::Lane;
     /// Replaces one point's number.
     fn set_lane(&mut self, lane: usize, value: Self::Lane);
-    /// e⁻ᶻ and its mean over [0, z], (1 − e⁻ᶻ)/z, for z ≥ 0.
+    /// e⁻ᶻ and its mean over [0, z], (1 − e⁻ᶻ)/z; z < 0 grows.
     fn decay(self) -> (Self, Self);
     /// ∫₀¹ e^{−a(1−s)} e^{−bs} ds, without overflow and accurate where a and b are equal.
     fn overlap(self, other: Self) -> Self;
@@ -106,7 +106,7 @@ impl Number for f64 {
     }
 }
 
-/// e⁻ᶻ and (1 − e⁻ᶻ)/z for z ≥ 0, within a few roundings, without branches: a loop over lanes becomes vector instructions.
+/// e⁻ᶻ and (1 − e⁻ᶻ)/z, within a few roundings, without branches: a loop over lanes becomes vector instructions.
 ///
 /// −z = k ln 2 + r, e⁻ᶻ − 1 = 2ᵏ (eʳ − 1) + (2ᵏ − 1). Without fused operations, so that the bits are the same wherever it is compiled.
 #[inline(always)]
@@ -118,8 +118,9 @@ fn plain_decay(z: f64) -> (f64, f64) {
     const LN_2_LOW: f64 = 1.908_214_929_270_587_7e-10;
     const EXPONENT_BIAS: u64 = 1023;
     const MANTISSA_BITS: u32 = 52;
-    // Below, e⁻ᶻ is not a normal number. What is not a number passes.
+    // Below, e⁻ᶻ is not a normal number, and above it is too large for one. What is not a number passes.
     let x = if z > 708.0 { -708.0 } else { -z };
+    let x = if x > 709.0 { 709.0 } else { x };
     let rounded = x * std::f64::consts::LOG2_E + ROUNDING;
     let k = rounded - ROUNDING;
     let r = (x - k * LN_2_HIGH) - k * LN_2_LOW;
@@ -190,7 +191,7 @@ impl Number for Dual {
     fn decay(self) -> (Self, Self) {
         let z = self.value;
         let (left, mean) = z.decay();
-        let slope = if z < SERIES_BELOW {
+        let slope = if z.abs() < SERIES_BELOW {
             // −Σ (k+1)(−z)ᵏ/(k+2)!, by Horner from the end; the first term left out is below 1e-17.
             let (mut sum, mut factorial) = (0.0, 1_307_674_368_000.0);
             for k in (0..14).rev() {
@@ -407,6 +408,16 @@ mod tests {
             assert!((mean * z / -(-z).exp_m1() - 1.0).abs() < 1e-15, "{z}: {mean}");
         }
         assert_eq!(0.0.decay(), (1.0, 1.0));
+        for z in [-1e-9, -0.3, -0.6, -2.0, -40.0, -700.0] {
+            let (grown, mean) = z.decay();
+            assert!((grown / (-z).exp() - 1.0).abs() < 1e-13 && (mean * z / -(-z).exp_m1() - 1.0).abs() < 1e-13, "{z}");
+            // d/dz of the mean, by a central difference whose own error is below 1e-9.
+            let h = 1e-6 * z.abs().min(40.0);
+            let difference = ((z + h).decay().1 - (z - h).decay().1) / (2.0 * h);
+            let found = Dual::variable(z).decay().1.derivative;
+            assert!(z > -1e-3 || (found / difference - 1.0).abs() < 1e-8, "{z}: {found} {difference}");
+        }
+        assert!((-1e9).decay().0 > 1e300);
         let (left, mean) = 1e9.decay();
         assert!(left < 1e-300 && (mean * 1e9 - 1.0).abs() < 1e-15);
         assert!(f64::NAN.decay().1.is_nan());

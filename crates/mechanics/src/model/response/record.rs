@@ -13,17 +13,6 @@ const EQUAL_STEP_TOLERANCE: f64 = 1e-13;
 /// How many distinct steps are looked through for an equal one: a record with more has no equal ones worth looking for.
 const N_SEARCHED: usize = 64;
 
-/// Most commands, zero included, that are few.
-const MOST_FEW_LEVELS: usize = 12;
-
-/// How many commands a record has.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Levels {
-    Few,
-    /// A matrix exponential for each would cost more than a scheme that serves all.
-    Many,
-}
-
 /// Rows and commands; times are from the first row.
 #[derive(Debug, Clone)]
 pub(super) struct Record {
@@ -38,6 +27,8 @@ pub(super) struct Record {
     pub commands: Vec<Line>,
     /// Whether commands change between rows.
     pub is_linear: bool,
+    /// Largest size of a command in N.
+    pub largest_n: f64,
     /// Lengths closer than this are equal, in s.
     pub tolerance_s: f64,
 }
@@ -131,11 +122,7 @@ impl Record {
             }
             before = line;
         }
-        Self { n_rows, time_s, step_s, holds, switches, commands, is_linear, tolerance_s }
-    }
-
-    pub fn levels(&self) -> Levels {
-        if self.is_linear || self.commands.len() > MOST_FEW_LEVELS { Levels::Many } else { Levels::Few }
+        Self { n_rows, time_s, step_s, holds, switches, commands, is_linear, largest_n, tolerance_s }
     }
 }
 

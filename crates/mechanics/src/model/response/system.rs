@@ -6,14 +6,11 @@
 
 use super::grading::Grading;
 use super::numbers::{N_LANES, Number, Real, gather};
-use super::record::{Levels, Line, Record};
+use super::record::{Line, Record};
 use crate::error::{Error, Result};
 use crate::number::{Complex, Dual};
 use crate::rheology::{Accuracy, RetardationSpectrum, TimeWindow};
 use crate::stages::{Spatial, Spread, Stages};
-
-/// Most modes that are stepped exactly: beyond, the matrix costs more than a scheme.
-pub(super) const LARGEST_STATE: usize = 4;
 
 /// Which parts a model has. Points of one shape are computed together: what a point's arithmetic is depends on nothing else.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -25,8 +22,6 @@ pub(super) struct Shape {
     pub lagging: bool,
     pub softening: bool,
     pub feedback: bool,
-    /// Whether steps under a feedback are graded, and not exact.
-    pub graded: bool,
     /// Whether the recorded position differs from the robot's.
     pub observed: bool,
     /// Whether it is a root of what answers linearly.
@@ -112,18 +107,18 @@ impl<T: Real> Lowered<T> {
                 ));
             }
         };
-        Ok(Self::with_spectrum(stages, &spectrum, compliance_per_m, record.levels()))
+        Ok(Self::with_spectrum(stages, &spectrum, compliance_per_m, record.largest_n))
     }
 
-    /// The same with the law's spectrum as it is given.
+    /// The same with the law's spectrum as it is given, for commands of a largest size (N).
     pub fn with_spectrum(
         stages: &Stages,
         spectrum: &RetardationSpectrum<T>,
         compliance_per_m: T,
-        levels: Levels,
+        largest_n: f64,
     ) -> Self {
         let (load, observation) = (&stages.load, &stages.observation);
-        let mut shape = Shape {
+        let shape = Shape {
             n_modes: spectrum.modes.len() + 1,
             n_oscillating: spectrum.oscillating.len(),
             n_approaches: observation.approaches.len(),
@@ -131,21 +126,17 @@ impl<T: Real> Lowered<T> {
             lagging: load.lag_time_s.value > 0.0,
             softening: !stages.softening_rate_per_s.is_constant(0.0),
             feedback: !load.gradient_per_m.is_constant(0.0),
-            graded: false,
             observed: !(observation.scale.is_constant(1.0)
                 && observation.offset_m.is_constant(0.0)
                 && observation.velocity_m_per_s.is_constant(0.0)
                 && observation.approaches.is_empty()),
             rooted: observation.depth_exponent != 1.0,
         };
-        let is_exact = levels == Levels::Few
-            && !shape.lagging
-            && !shape.softening
-            && shape.n_oscillating == 0
-            && shape.n_modes <= LARGEST_STATE;
-        shape.graded = shape.feedback && !is_exact;
         let lag = shape.lagging.then(|| 1.0 / load.lag_time_s.value);
-        let grading = if shape.graded { grading(spectrum, lag) } else { Grading::NONE };
+        let factor = load.positive_factor.value.abs().max(load.negative_factor.value.abs());
+        let pull_n = largest_n * factor + load.offset_n.value.abs();
+        let strength_pa = (load.gradient_per_m.value * compliance_per_m.value()).abs() * pull_n;
+        let grading = if shape.feedback { grading(spectrum, lag, strength_pa) } else { Grading::NONE };
         let lag_rate = if shape.lagging { T::constant(1.0) / T::of(load.lag_time_s) } else { T::constant(0.0) };
         let mut numbers = Vec::with_capacity(13 + 2 * shape.n_modes + 4 * shape.n_oscillating + 2 * shape.n_approaches);
         numbers.extend([
@@ -170,8 +161,8 @@ impl<T: Real> Lowered<T> {
     }
 }
 
-/// How steps of a law are graded behind a lag of some rate (1/s).
-fn grading<T: Real>(spectrum: &RetardationSpectrum<T>, lag_rate: Option<f64>) -> Grading {
+/// How steps of a law are graded behind a lag of some rate (1/s), under a gradient whose exponent is `strength_pa` times the creep compliance.
+fn grading<T: Real>(spectrum: &RetardationSpectrum<T>, lag_rate: Option<f64>, strength_pa: f64) -> Grading {
     let real = spectrum.modes.iter().map(|mode| (mode.compliance_per_pa.value(), mode.rate_per_s.value()));
     let size = |[re, im]: [T; 2]| re.value().hypot(im.value());
     let complex = spectrum.oscillating.iter().map(|mode| (size(mode.compliance_per_pa), size(mode.rate_per_s)));
@@ -180,12 +171,13 @@ fn grading<T: Real>(spectrum: &RetardationSpectrum<T>, lag_rate: Option<f64>) ->
     let total = spectrum.instantaneous_per_pa.value()
         + rough.iter().map(|(compliance, _)| compliance).sum::<f64>()
         + lag_rate.map_or(0.0, |rate| fluidity / rate);
-    let inverse = if total > 0.0 { 1.0 / total } else { 0.0 };
+    // Of what does not decay no share is lost; its scale is any.
+    let inverse = if total > 0.0 { 1.0 / total } else { 1.0 };
     rough.iter_mut().for_each(|(share, _)| *share *= inverse);
     let mut modes: Vec<(f64, f64)> = rough.iter().map(|&(share, rate)| (share * rate, rate)).collect();
     modes.push((fluidity * inverse, 0.0));
     rough.extend(lag_rate.map(|rate| (1.0, rate)));
-    Grading::new(&rough, &modes)
+    Grading::new(&rough, &modes, strength_pa / inverse)
 }
 
 fn push_modes<T: Real>(numbers: &mut Vec<T>, spectrum: &RetardationSpectrum<T>, compliance_per_m: T, softening: T) {

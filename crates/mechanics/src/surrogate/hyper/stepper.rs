@@ -352,7 +352,7 @@ impl<'a, B: Block, const M: usize> State<'a, B, M> {
             *plain = given.values();
         }
         let input_n = self.force_n(time_s);
-        let (force_n, slope) = (share * input_n.value(), share * input_n.value() * self.gradient_per_m.value());
+        let (force_n, gradient_per_m) = (share * input_n.value(), self.gradient_per_m.value());
         let mut z = guess;
         let mut tangent;
         let mut is_near = false;
@@ -365,9 +365,11 @@ impl<'a, B: Block, const M: usize> State<'a, B, M> {
             let (given, at) = (&self.plain_given[..], &mut self.at);
             (force, tangent) = simd.vectorize(ForcesAndTangent { points, law: plain_law, given, coordinates: &z, at });
             let x: f64 = robot.iter().zip(&z).map(|(r, z)| r * z).sum();
+            let push_n = force_n * (gradient_per_m * x).exp();
+            let slope = push_n * gradient_per_m;
             let mut step = [0.0; M];
             for i in 0..M {
-                step[i] = robot[i] * (force_n + slope * x) - force[i];
+                step[i] = robot[i] * push_n - force[i];
                 for j in 0..M {
                     tangent[i][j] -= slope * robot[i] * robot[j];
                 }
@@ -381,7 +383,7 @@ impl<'a, B: Block, const M: usize> State<'a, B, M> {
                 let force = simd.vectorize(Forces { points, law, given: &self.given, coordinates: &at });
                 let mut x = B::Scalar::constant(0.0);
                 robot.iter().zip(&at).for_each(|(r, z)| x += *z * *r);
-                let push = input_n * (self.gradient_per_m * x + B::Scalar::constant(1.0)) * share;
+                let push = input_n * (self.gradient_per_m * x).exp() * share;
                 let mut rest = std::array::from_fn(|i| push * robot[i] - force[i]);
                 substitute(&tangent, &mut rest);
                 self.coordinates = std::array::from_fn(|i| at[i] + rest[i]);
@@ -391,8 +393,8 @@ impl<'a, B: Block, const M: usize> State<'a, B, M> {
             z.iter_mut().zip(&step).for_each(|(z, s)| *z += s);
             self.largest = z.iter().fold(self.largest, |most, z| most.max(z.abs()));
             size = step.iter().fold(0.0_f64, |most, s| most.max(s.abs()));
-            // A linear balance is exact after one step.
-            is_near = size <= NEARLY * self.largest || plain_law.is_linear();
+            // A linear balance under a force that is given is exact after one step.
+            is_near = size <= NEARLY * self.largest || (plain_law.is_linear() && gradient_per_m == 0.0);
         }
         if !is_near {
             return Err(diverged(time_s.value(), size / self.largest));
