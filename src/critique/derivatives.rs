@@ -97,7 +97,7 @@ mod tests {
     use super::*;
     use crate::critique::test_replica::{base_fit, replica};
 
-    /// Next to the largest force gradient that has a model there is a derivative, from below; and it is that of a little less, to the curvature there.
+    /// Next to the largest force gradient that has a model there is a derivative: the difference quotient of a step back.
     #[test]
     fn where_a_model_ends_the_other_side_serves() {
         let (base, fitted) = base_fit();
@@ -122,17 +122,12 @@ mod tests {
         let columns = columns_m(replica(), &candidate, &at(last)).expect("derivatives");
         let known_m = replica().trajectory_m(&candidate, &at(last)).expect("a model");
         let alone = column_m(replica(), &candidate, &at(last), place, &known_m).expect("a derivative");
-        let away = last - 10.0 * DIFFERENCE;
-        let beside = columns_m(replica(), &candidate, &at(away)).expect("derivatives");
+        let before_m = replica().trajectory_m(&candidate, &at(last - DIFFERENCE)).expect("a model");
+        let difference: Vec<f64> = known_m.iter().zip(&before_m).map(|(x, before)| (x - before) / DIFFERENCE).collect();
         let largest = |column: &[f64]| column.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
         for column in [&columns[place], &alone] {
-            let apart: Vec<f64> = column.iter().zip(&beside[place]).map(|(a, b)| a - b).collect();
-            assert!(
-                largest(&apart) < 0.05 * largest(&beside[place]),
-                "{} {}",
-                largest(&apart),
-                largest(&beside[place])
-            );
+            let apart: Vec<f64> = column.iter().zip(&difference).map(|(a, b)| a - b).collect();
+            assert!(largest(&apart) < 1e-9 * largest(&difference), "{} {}", largest(&apart), largest(&difference));
         }
     }
 }

@@ -66,10 +66,6 @@ pub(super) struct State<S> {
     pub level_n: S,
     pub slope_n_per_s: S,
     pub deficit_n: S,
-    /// R at the end of the last step, in N.
-    feedback_n: S,
-    /// g x there.
-    exponent: S,
     /// e^{rt}.
     growth: S,
 }
@@ -84,8 +80,6 @@ impl<S: Number> State<S> {
             level_n: zero,
             slope_n_per_s: zero,
             deficit_n: zero,
-            feedback_n: zero,
-            exponent: zero,
             growth: S::constant(1.0),
         }
     }
@@ -274,8 +268,7 @@ fn set_parts<T, U>(target: &mut ModeStep<T>, source: &ModeStep<U>, mut set: impl
 /// Moves the state by one step.
 #[inline(always)]
 pub(super) fn advance<S: Number>(system: &System<S>, step: &CollocationStep<S>, state: &mut State<S>) {
-    let (feedback, exponent) = feedback_at_nodes(system, step, state);
-    (state.feedback_n, state.exponent) = (feedback[END], exponent);
+    let feedback = feedback_at_nodes(system, step, state);
     let (level_n, slope, deficit_n) = (state.level_n, state.slope_n_per_s, state.deficit_n);
     for (y, mode) in state.modes.iter_mut().zip(&step.modes) {
         let mut next = mode.whole.gain.mul_add(level_n, mode.whole.lag_gain * deficit_n);
@@ -305,9 +298,9 @@ pub(super) fn advance<S: Number>(system: &System<S>, step: &CollocationStep<S>, 
     }
 }
 
-/// R at the nodes, and g x at the end.
+/// R at the nodes.
 #[inline(always)]
-fn feedback_at_nodes<S: Number>(system: &System<S>, step: &CollocationStep<S>, state: &State<S>) -> ([S; N_NODES], S) {
+fn feedback_at_nodes<S: Number>(system: &System<S>, step: &CollocationStep<S>, state: &State<S>) -> [S; N_NODES] {
     let (zero, one) = (S::constant(0.0), S::constant(1.0));
     // Σ Y at the nodes without R: all nodes of a mode together, so that no sum waits for itself.
     let mut known = [zero; N_NODES];
@@ -344,7 +337,10 @@ fn feedback_at_nodes<S: Number>(system: &System<S>, step: &CollocationStep<S>, s
         }
         by_force[i][i] += strength * system.instantaneous * force_n[i];
     }
-    let mut exponent = [state.exponent; N_NODES];
+    // From what the state alone says of where the step begins: a point that waits for others is to end where it was, to the bit.
+    let (flowed, start_n) = (flowed_m_per_growth(state), state.level_n + state.deficit_n);
+    let start = system.gradient * state.growth * system.instantaneous.mul_add(start_n, flowed);
+    let mut exponent = [start; N_NODES];
     // Squared size of each point's last step of Newton's method: what a point does is not to depend on its neighbours.
     let mut size = one;
     for _ in 0..MOST_NEWTON_STEPS {
@@ -380,7 +376,7 @@ fn feedback_at_nodes<S: Number>(system: &System<S>, step: &CollocationStep<S>, s
         let found = (-exponent[k]).decay().1 * exponent[k] * force_n[k];
         feedback[k] = size.choose(LAST_STEP_SQUARED, change.choose(MOST_CHANGE, found, none), none);
     }
-    (feedback, exponent[END])
+    feedback
 }
 
 /// By elimination without pivots: the matrix is the identity and a feedback, which takes a pivot away only where the force runs away.
@@ -408,18 +404,44 @@ fn solve<S: Number>(mut matrix: [[S; N_NODES]; N_NODES], mut right: [S; N_NODES]
     right
 }
 
-/// Position (m) of the robot at the end of a step.
+/// Σ Y.
 #[inline(always)]
-pub(super) fn position_m<S: Number>(system: &System<S>, state: &State<S>) -> S {
-    let force_n = state.level_n + state.deficit_n + state.feedback_n;
-    let mut sum = system.instantaneous * force_n;
+fn flowed_m_per_growth<S: Number>(state: &State<S>) -> S {
+    let mut sum = S::constant(0.0);
     for &y in &state.modes {
         sum += y;
     }
     for y in &state.oscillating {
         sum += y.re;
     }
-    sum * state.growth
+    sum
+}
+
+/// Position (m) of the robot: x = e^{rt} (Σ Y + C J₀ F_in e^{gx}), by Newton's method for g x.
+#[inline(always)]
+pub(super) fn position_m<S: Number>(system: &System<S>, state: &State<S>) -> S {
+    let one = S::constant(1.0);
+    let flowed_m = state.growth * flowed_m_per_growth(state);
+    let jump_m = state.growth * system.instantaneous * (state.level_n + state.deficit_n);
+    let known = system.gradient * flowed_m;
+    let by_force = system.gradient * jump_m;
+    let mut exponent = known;
+    let mut size = one;
+    for _ in 0..MOST_NEWTON_STEPS {
+        let grown = by_force * (-exponent).decay().0;
+        let moved = (known + grown - exponent) / (one - grown);
+        exponent = size.choose(LAST_STEP_SQUARED, exponent, exponent + moved);
+        size = size.choose(LAST_STEP_SQUARED, size, moved * moved);
+        let mut are_done = true;
+        for lane in 0..S::N_POINTS {
+            are_done &= size.lane(lane).value() < LAST_STEP_SQUARED;
+        }
+        if are_done {
+            break;
+        }
+    }
+    let found = jump_m.mul_add((-exponent).decay().0, flowed_m);
+    size.choose(LAST_STEP_SQUARED, found, S::constant(f64::NAN))
 }
 
 #[cfg(test)]
