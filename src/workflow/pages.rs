@@ -135,6 +135,10 @@ impl Kept {
             ModelSpecification::read(&study.revision_dir(revision)?.join("model.toml"), &library)
         };
         let mut settings = format!(" --seed {} --chains {}", posterior.provenance.seed, posterior.body.sampler.walkers);
+        // A run that did not converge ended where its steps did.
+        if !posterior.body.converged {
+            settings += &format!(" --steps {}", posterior.body.sampler.steps);
+        }
         if posterior.provenance.inputs_sha256.contains_key(MESH_INPUT) {
             settings += " --mesh MESH";
         }
@@ -151,7 +155,10 @@ impl Kept {
             }
         };
         let asked = |command: &str, seed: u64| format!("vitreo-uq {command} STUDY --from {name} --seed {seed}");
-        let compared = comparison.as_ref().map(|document| asked("compare", document.provenance.seed));
+        let compared = comparison.as_ref().map(|document| {
+            let asked = asked("compare", document.provenance.seed);
+            format!("{asked} --simulations {}", document.body.simulated_records)
+        });
         let diagnosed = diagnosis.as_ref().map(|document| asked("diagnose", document.provenance.seed));
         Ok(std::iter::once(made).chain(compared).chain(diagnosed).collect())
     }

@@ -370,8 +370,10 @@ fn errors(content: &StudyPage) -> Markup {
         }
         @if let Some(strain) = last.posterior.largest_strain { p { "The largest strain is " (significant(strain, 3)) "." } }
         @if let Some(large) = &last.posterior.large_displacement {
-            p { "The robot moves by " (significant(large.farthest_radii, 2)) " of its radii. A gel of this law whose strains may be large would deviate by "
-                (optional(large.deviation_most_um, 2)) " µm at most." }
+            p { "The robot moves by " (significant(large.farthest_radii, 2)) " of its radii."
+                @if let Some(most_um) = large.deviation_most_um {
+                    " A gel of this law whose strains may be large would deviate by " (significant(most_um, 2)) " µm at most."
+                } }
         }
     }
 }
@@ -411,7 +413,9 @@ fn warned(content: &StudyPage) -> Markup {
 
 fn origin(content: &StudyPage) -> Markup {
     html! {
-        p { "Written by vitreo-uq " (content.version) ". These commands make the study again, to the last byte with the same inputs and the same version:" }
+        p { "Written by vitreo-uq " (content.version) ". These commands make the study again, to the last byte with the same inputs and the same version"
+            @if content.revisions.iter().any(|revision| revision.diagnosis.is_some()) { " (but for " code { "--smallest" } " and " code { "--simulations" } " of a diagnosis, which it does not keep)" }
+            ":" }
         pre { @for command in &content.commands { (command) "\n" } }
         (hashes(&content.inputs_sha256))
     }
