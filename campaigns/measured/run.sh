@@ -10,5 +10,9 @@ begin measured
 for command in sample diagnose; do
     run_in "$command" "$program" "$command" "$data/keizer-2022-cycles" --out "$raw/keizer" --json "$raw/$command.json" --quiet
 done
-rm -rf "$raw/keizer"
+# Its authors take the chromatin for a Rouse polymer: a springpot of the order one half, which is left free here.
+rouse=("$data/keizer-2022-cycles" --base "$root/campaigns/measured/rouse.toml" --prior generic --out "$raw/rouse" --quiet)
+run_in rouse.diagnose "$program" diagnose "${rouse[@]}" --json "$raw/rouse.diagnose.json"
+run_in rouse.extend "$program" extend "$raw/rouse" --with softening --json "$raw/rouse.extend.json" --quiet
+rm -rf "$raw/keizer" "$raw/rouse"
 finish
