@@ -23,8 +23,8 @@ struct StiffRim;
 
 const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     spec: ParameterSpec::new("stiff-rim.excess", "a", "1", Support::POSITIVE),
-    null: |_| Some(0.0),
-    prior: |_| Distribution::HalfNormal { sd: 2.0 },
+    null: &|_| Some(0.0),
+    prior: &|_| Distribution::HalfNormal { sd: 2.0 },
     prior_source: "chosen: up to some times as stiff",
     finite_step: None,
 }];

@@ -56,12 +56,14 @@
 //! - [`workflow`]: the jobs of `sample`, `fit`, `simulate`, `effects`, `extend`, `ladder`, `report`
 //! - [`sweep`]: oscillations of a rheometer
 //! - [`critique`]: where a model fails and what it lacks; challenges
+//! - [`learn`]: which quantity depends on which state, as the data have it
 //! - [`shapes`]: the study of robot shapes
 //! - [`groups`]: species and regions compared
 //! - [`schemas`]: JSON Schemas of the documents
 
 pub mod critique;
 pub mod groups;
+pub mod learn;
 pub mod schemas;
 pub mod shapes;
 pub mod study;

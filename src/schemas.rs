@@ -15,6 +15,7 @@ use crate::documents::groups::GroupsSummary;
 use crate::documents::init::InitSummary;
 use crate::documents::joint::JointSummary;
 use crate::documents::ladder::LadderSummary;
+use crate::documents::learned::Learned;
 use crate::documents::oscillation::{OscillationDiagnosis, OscillationSummary};
 use crate::documents::posterior::PosteriorSummary;
 use crate::documents::shapes::ShapesSummary;
@@ -69,6 +70,7 @@ pub fn all() -> Vec<DocumentSchema> {
         DocumentSchema::of::<GroupsSummary>("groups", "groups"),
         DocumentSchema::of::<InitSummary>("init", "init"),
         DocumentSchema::of::<LadderSummary>("ladder", "ladder"),
+        DocumentSchema::of::<Learned>("learned", "learn"),
         DocumentSchema::of::<PosteriorSummary>("posterior", "sample"),
         DocumentSchema::of::<ShapesSummary>("shapes", "shapes"),
         DocumentSchema::of::<SimulationSummary>("simulation", "simulate"),

@@ -20,7 +20,7 @@ const CITING: [&str; 10] = [
 ];
 
 /// Modules of the library in the order in which data flow, as `lib.rs` and ARCHITECTURE.md name them.
-const ORDER: [&str; 27] = [
+const ORDER: [&str; 28] = [
     "error",
     "files",
     "units",
@@ -45,6 +45,7 @@ const ORDER: [&str; 27] = [
     "workflow",
     "sweep",
     "critique",
+    "learn",
     "shapes",
     "groups",
     "schemas",

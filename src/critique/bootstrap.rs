@@ -67,7 +67,7 @@ impl Bootstrap {
     }
 
     /// The same for any search that gives the largest gain of simulation `number`.
-    pub(super) fn of(gain: f64, simulations: Simulations, search: impl Fn(usize) -> f64 + Sync) -> Self {
+    pub fn of(gain: f64, simulations: Simulations, search: impl Fn(usize) -> f64 + Sync) -> Self {
         let mut largest: Vec<f64> = Vec::new();
         while !simulations.are_enough(&largest, gain) {
             let end = (largest.len() + BATCH).min(simulations.most);
@@ -114,7 +114,7 @@ impl Bootstrap {
 }
 
 /// The experiment with positions simulated from a model and its noise.
-pub(super) fn simulated(subject: &Subject, reference: &Refitted, seed: u64, number: usize) -> Subject {
+pub fn simulated(subject: &Subject, reference: &Refitted, seed: u64, number: usize) -> Subject {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     rng.set_stream(number as u64);
     let record = &subject.experiment().record;

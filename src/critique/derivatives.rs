@@ -8,7 +8,7 @@ use crate::model::{Lanes, N_LANES};
 const DIFFERENCE: f64 = 1e-4;
 
 /// Derivatives (m a unit of the coordinate, one value a row of the record) of a candidate's position.
-pub(super) fn columns_m(subject: &Subject, candidate: &Candidate, theta: &[f64]) -> Result<Vec<Vec<f64>>> {
+pub fn columns_m(subject: &Subject, candidate: &Candidate, theta: &[f64]) -> Result<Vec<Vec<f64>>> {
     let none = || {
         Error::numerical(
             format!("the model with {} has no derivatives at its fit", candidate.effects.join(", ")),

@@ -27,7 +27,7 @@ const LARGEST_P: f64 = 0.05;
 ///
 /// # Errors
 /// [`crate::Error::Numerical`] where the model has no derivatives at its fit.
-pub(super) fn misfit(subject: &Subject, model: &Refitted, unexplained: &[Outside]) -> Result<Misfit> {
+pub fn misfit(subject: &Subject, model: &Refitted, unexplained: &[Outside]) -> Result<Misfit> {
     let shape = unexplained.first().filter(|outside| outside.kind.is_apart_from_law());
     let (candidate, fitted) = with_shape(model, shape);
     let left = |positions_m: &[Option<f64>]| -> Vec<Option<f64>> {

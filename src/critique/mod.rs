@@ -13,7 +13,7 @@ mod class;
 pub mod compare;
 #[cfg(test)]
 mod controls_tests;
-mod derivatives;
+pub mod derivatives;
 pub mod detectable;
 pub mod diagnose;
 mod document;

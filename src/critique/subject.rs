@@ -123,6 +123,28 @@ impl Subject {
         Ok(Self::of(Arc::new(shared), fitted_m, scored_m))
     }
 
+    /// The same with another library, whose effects the compliance serves already.
+    ///
+    /// # Errors
+    /// As [`Self::with_compliance`].
+    pub fn with_library(&self, library: &Library) -> Result<Self> {
+        let shared = &self.shared;
+        let base = shared.base.with(shared.experiment.clone(), shared.specification.clone(), library)?;
+        let own = Shared {
+            experiment: shared.experiment.clone(),
+            specification: shared.specification.clone(),
+            base,
+            library: library.clone(),
+            noise: shared.noise,
+            yardstick_m: shared.yardstick_m,
+            compliance: shared.compliance.clone(),
+            local: shared.local.clone(),
+            response: shared.response.clone(),
+            large: shared.large.clone(),
+        };
+        Ok(Self { shared: Arc::new(own), ..self.clone() })
+    }
+
     fn of(shared: Arc<Shared>, fitted_m: Vec<Option<f64>>, scored_m: Vec<Option<f64>>) -> Self {
         let record = &shared.experiment.record;
         let likelihood =

@@ -130,6 +130,14 @@ impl Tangent {
             + self.norms.iter().map(|norm| norm.ln()).sum::<f64>())
     }
 
+    /// Covariance of the candidate's coordinates; `None` where data and priors do not determine them.
+    pub fn covariance(&self) -> Option<DMatrix<f64>> {
+        let n = self.norms.len();
+        let inverse = self.triangle.solve_upper_triangular(&DMatrix::identity(n, n))?;
+        let scaled = DMatrix::from_fn(n, n, |i, j| inverse[(i, j)] / self.norms[i]);
+        Some(&scaled * scaled.transpose())
+    }
+
     /// Standard deviation of each of the candidate's coordinates; infinite where nothing determines it.
     pub fn standard_deviations(&self) -> Vec<f64> {
         let n = self.norms.len();

@@ -14,6 +14,7 @@
 //! Hidden names with `.partial-` or `.replaced` are left by a killed program and removed by the next one that opens the study.
 
 mod atomic;
+pub mod effect_file;
 mod model_specification;
 mod provenance;
 mod revision;
@@ -21,7 +22,7 @@ mod revision;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-pub use model_specification::{Assignments, ModelSpecification};
+pub use model_specification::{Assignments, ModelSpecification, named_effects};
 pub use provenance::{Kept, Provenance, WithProvenance, sha256_hex};
 pub use revision::RevisionWriter;
 
@@ -44,6 +45,8 @@ pub const PAGE_NAME: &str = "report.html";
 pub const POSTERIOR_NAME: &str = "posterior.json";
 /// The file of a revision that says where it fails.
 pub const COMPARISON_NAME: &str = "comparison.json";
+/// What `learn` writes into a revision; its figure stands in `figures/learned`.
+pub const LEARNED_NAME: &str = "learned.json";
 /// The file of a revision, or of the study of an oscillation, that says what it lacks.
 pub const DIAGNOSIS_NAME: &str = "diagnosis.json";
 /// The file of a revision that says what extending led to.

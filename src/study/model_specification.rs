@@ -5,6 +5,7 @@ use std::path::Path;
 
 use serde::Serialize;
 
+use super::effect_file;
 use crate::documents::posterior::ModelSummary;
 use crate::effects::{Effect, Library, NUISANCES};
 use crate::error::{Error, Place, Result};
@@ -14,7 +15,7 @@ use crate::inference::noise::NoiseModel;
 use crate::inference::prior::PriorSet;
 use crate::parameter::ParameterSpec;
 use crate::rheology::{BaseLaw, Network};
-use crate::toml_input::{TomlInput, text_of};
+use crate::toml_input::{Table, TomlInput, text_of};
 use crate::units::nearest_name;
 
 /// A model: base law, effects, noise, priors, and parameters that are not inferred.
@@ -70,6 +71,9 @@ struct Written<'a> {
     #[serde(rename = "base", skip_serializing_if = "Option::is_none")]
     network: Option<BTreeMap<&'a str, toml::Value>>,
     fixed: &'a BTreeMap<String, f64>,
+    /// Definitions of effects that are not of the program.
+    #[serde(skip_serializing_if = "<[toml::Table]>::is_empty")]
+    effect: &'a [toml::Table],
 }
 
 /// Where each part of a specification stands, for messages.
@@ -92,9 +96,13 @@ impl ModelSpecification {
     /// # Errors
     /// As [`ModelSpecification::read`].
     pub fn from_text(file: &Path, bytes: &[u8], library: &Library) -> Result<Self> {
-        let document = TomlInput::parse(file, text_of(file, bytes)?)?;
+        let text = text_of(file, bytes)?;
+        let document = TomlInput::parse(file, text)?;
         let root = document.root();
-        root.only(&["base", "effects", "fixed", "free", "noise", "prior"])?;
+        root.only(&["base", "effect", "effects", "fixed", "free", "noise", "prior"])?;
+        if root.has("effect") {
+            define_effects(&root, text)?;
+        }
         let default = Self::default();
         let fixed_table = root.table("fixed")?;
         let mut fixed = BTreeMap::new();
@@ -165,7 +173,7 @@ impl ModelSpecification {
         if let Some(twice) = effects.iter().enumerate().find(|(i, slug)| effects[..*i].contains(slug)) {
             return Err(Error::input(Place::option("--with"), format!("`{}` is named twice", twice.1), "name it once"));
         }
-        for slug in effects {
+        for slug in named_effects(&effects)? {
             if !specification.effects.contains(&slug) {
                 specification.effects.push(slug);
             }
@@ -247,7 +255,8 @@ impl ModelSpecification {
             BaseLaw::Network(network) => (None, Some(BTreeMap::from([("network", network.to_toml_value())]))),
             named => (Some(named.name()), None),
         };
-        let written = Written { base: name, effects, noise, prior, free: freed, network, fixed };
+        let definitions: Vec<toml::Table> = effects.iter().filter_map(|slug| effect_file::definition(slug)).collect();
+        let written = Written { base: name, effects, noise, prior, free: freed, network, fixed, effect: &definitions };
         let text = toml::to_string(&written).map_err(|error| {
             Error::numerical(
                 format!("the model cannot be written as TOML: {error}"),
@@ -257,10 +266,13 @@ impl ModelSpecification {
         write_atomically(path, text.as_bytes())
     }
 
-    /// The effects, in the order of the library, which is that of their application.
+    /// The effects, in the order of the library, which is that of their application; those that files have defined come last.
     pub fn effects(&self, library: &Library) -> Vec<&'static dyn Effect> {
         let is_named = |effect: &&&dyn Effect| self.effects.iter().any(|slug| slug == effect.slug());
-        library.effects().iter().filter(is_named).copied().collect()
+        let of_library = library.effects();
+        let is_defined = |slug: &&String| of_library.iter().all(|effect| effect.slug() != **slug);
+        let defined = self.effects.iter().filter(is_defined).filter_map(|slug| library.get(slug));
+        of_library.iter().filter(is_named).copied().chain(defined).collect()
     }
 
     /// The noise model.
@@ -272,7 +284,9 @@ impl ModelSpecification {
     }
 
     fn check(&self, places: &Places<'_>, library: &Library) -> Result<()> {
-        let slugs: Vec<&str> = library.effects().iter().map(|effect| effect.slug()).collect();
+        let of_library = library.effects().iter().map(|effect| effect.slug());
+        let defined = self.effects.iter().map(String::as_str).filter(|slug| library.get(slug).is_some());
+        let slugs: Vec<&str> = of_library.chain(defined).collect();
         check_known(places, "effects", &self.effects, &slugs)?;
         let noise = self.noise_model(&(places.of)("noise"))?;
         let effects = self.effects(library);
@@ -317,6 +331,30 @@ impl ModelSpecification {
         }
         Ok(())
     }
+}
+
+/// Slugs of effects, of which some are named by the files that define them.
+///
+/// # Errors
+/// As [`effect_file::read`].
+pub fn named_effects(names: &[String]) -> Result<Vec<String>> {
+    let slug = |name: &String| match effect_file::is_file(name) {
+        true => effect_file::read(Path::new(name)).map(String::from),
+        false => Ok(name.clone()),
+    };
+    names.iter().map(slug).collect()
+}
+
+/// Effects that a `model.toml` defines, which may then be named.
+fn define_effects(root: &Table<'_>, text: &str) -> Result<()> {
+    let whole: toml::Table = text
+        .parse()
+        .map_err(|error| root.refuse("effect", format!("not valid TOML: {error}"), "correct the syntax"))?;
+    let definitions = whole.get("effect").and_then(toml::Value::as_array).cloned().unwrap_or_default();
+    for (table, definition) in root.tables("effect", "[[effect]]")?.iter().zip(definitions) {
+        effect_file::from_table(table, definition.as_table().cloned().unwrap_or_default())?;
+    }
+    Ok(())
 }
 
 /// Names without the blanks around them; empty ones are left out.

@@ -140,7 +140,7 @@ impl<'a> Table<'a> {
     }
 
     /// Refuses the table as a whole.
-    pub(crate) fn refuse_whole(&self, found: impl Into<String>, remedy: impl Into<String>) -> Error {
+    pub fn refuse_whole(&self, found: impl Into<String>, remedy: impl Into<String>) -> Error {
         Error::input(Place::file(&self.document.file).at_line(self.line).at_key(self.path()), found, remedy)
     }
 

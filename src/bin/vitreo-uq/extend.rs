@@ -9,7 +9,7 @@ use vitreo_uq::effects::Library;
 use vitreo_uq::error::{Error, Place, Result};
 use vitreo_uq::files::write_json_atomically;
 use vitreo_uq::report::number::listed;
-use vitreo_uq::study::{EXTENSION_NAME, Study, WithProvenance};
+use vitreo_uq::study::{EXTENSION_NAME, Study, WithProvenance, named_effects};
 use vitreo_uq::workflow::extend::{self, Extension, ExtensionRequest};
 use vitreo_uq::workflow::mechanics::MeshFile;
 use vitreo_uq::workflow::problem::Problem;
@@ -29,7 +29,7 @@ pub fn run(arguments: &ExtendArguments) -> Result<ExitCode> {
     let options = options::sampler(arguments.chains, arguments.steps, common.seed, threads);
     let terminal = Terminal::new(common.quiet);
     let library = Library::default();
-    let effects = &arguments.model.with;
+    let effects = &named_effects(&arguments.model.with)?;
     // Effects and values are of the model that is made; all else changes the model that is extended, too.
     let model = Model { with: Vec::new(), set: Vec::new(), ..arguments.model.clone() };
     let target = Target::open(common, &model, &terminal)?;

@@ -17,6 +17,7 @@ mod init;
 mod interrupt;
 mod joint;
 mod ladder;
+mod learn;
 mod options;
 mod output;
 mod questions;
@@ -36,7 +37,7 @@ use clap::{Parser, Subcommand};
 
 use options::{
     CompareArguments, CornerArguments, DiagnoseArguments, EffectsArguments, ExtendArguments, FitArguments,
-    LadderArguments, SampleArguments, SimulateArguments,
+    LadderArguments, LearnArguments, SampleArguments, SimulateArguments,
 };
 use vitreo_uq::Error;
 
@@ -70,6 +71,8 @@ enum Command {
     Compare(CompareArguments),
     /// Which physical effect is missing: every effect refitted, the claim judged on a cycle that no fit has seen
     Diagnose(DiagnoseArguments),
+    /// The law that nobody wrote down: which quantity depends on which state, as the data have it, and the formula for it
+    Learn(LearnArguments),
     /// The next revision of a study: an effect added, refitted, with the error before and after
     Extend(ExtendArguments),
     /// All revisions of a study on the same footing: how the error fell
@@ -98,6 +101,7 @@ fn main() -> ExitCode {
         Command::Effects(arguments) => effects::run(arguments),
         Command::Compare(arguments) => compare::run(arguments),
         Command::Diagnose(arguments) => diagnose::run(arguments),
+        Command::Learn(arguments) => learn::run(arguments),
         Command::Extend(arguments) => extend::run(arguments),
         Command::Ladder(arguments) => ladder::run(arguments),
         Command::Report(arguments) => report::run(arguments),

@@ -41,8 +41,8 @@ pub struct Model {
     /// Base law: lethersich, burgers, two-element, or a TOML file with a [base.network]
     #[arg(long, value_name = "LAW|FILE.toml")]
     pub base: Option<String>,
-    /// Effects to add, separated by commas
-    #[arg(long, value_name = "SLUG", value_delimiter = ',')]
+    /// Effects to add, separated by commas: names that `effects` lists, or files that define one
+    #[arg(long, value_name = "SLUG|FILE.toml", value_delimiter = ',')]
     pub with: Vec<String>,
     /// Noise terms, separated by commas: white, ou, gain, student
     #[arg(long, value_name = "TERM", value_delimiter = ',')]
@@ -178,6 +178,20 @@ pub struct DiagnoseArguments {
     /// Smallest change of a predicted position that is worth a claim, in noise standard deviations
     #[arg(long, value_name = "SIZE", default_value_t = 0.25, allow_negative_numbers = true)]
     pub smallest: f64,
+    /// Most simulated searches by which a gain is judged
+    #[arg(long, value_name = "N", default_value_t = 99)]
+    pub simulations: usize,
+}
+
+/// Arguments of `learn`.
+#[derive(Args)]
+pub struct LearnArguments {
+    #[command(flatten)]
+    pub common: Common,
+    #[command(flatten)]
+    pub model: Model,
+    #[command(flatten)]
+    pub page: PageArguments,
     /// Most simulated searches by which a gain is judged
     #[arg(long, value_name = "N", default_value_t = 99)]
     pub simulations: usize,

@@ -10,6 +10,7 @@ pub mod groups;
 pub mod init;
 pub mod joint;
 pub mod ladder;
+pub mod learned;
 pub mod oscillation;
 pub mod posterior;
 #[cfg(test)]

@@ -35,6 +35,7 @@ pub mod labels;
 pub mod ladder;
 #[cfg(test)]
 mod layout_tests;
+pub mod learned;
 pub mod legend;
 pub mod netcdf;
 mod netcdf_file;

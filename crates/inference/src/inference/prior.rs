@@ -242,9 +242,7 @@ fn unknown_name(name: &str) -> Error {
 const DISTRIBUTIONS: [&str; 6] = ["log_normal", "normal", "half_normal", "uniform", "log_uniform", "beta"];
 
 fn prior_from(table: Table<'_>, spec: &ParameterSpec) -> Result<Prior> {
-    let kind = table.required_text("distribution", "distribution = \"log_normal\"")?;
-    let distribution = distribution_from(table, &kind)?;
-    refuse_absurd(table)?;
+    let distribution = distribution_of(table)?;
     let unit = table.required_text("unit", &format!("unit = \"{}\"", spec.unit))?;
     if unit != spec.unit {
         return Err(table.refuse(
@@ -257,7 +255,7 @@ fn prior_from(table: Table<'_>, spec: &ParameterSpec) -> Result<Prior> {
     if lower < spec.support.lower || upper > spec.support.upper {
         return Err(table.refuse(
             "distribution",
-            format!("`{kind}` reaches [{lower}, {upper}], but {} lies in {}", spec.name, spec.support),
+            format!("the prior reaches [{lower}, {upper}], but {} lies in {}", spec.name, spec.support),
             if spec.support.upper.is_infinite() {
                 "use `log_normal`, `half_normal` or `log_uniform`, which stay positive, or narrow the ends"
             } else {
@@ -267,6 +265,17 @@ fn prior_from(table: Table<'_>, spec: &ParameterSpec) -> Result<Prior> {
     }
     let source = table.required_text("source", "source = \"where the numbers come from\"")?;
     Ok(Prior { name: spec.name.to_string(), distribution, unit, source })
+}
+
+/// The distribution of a table with `distribution` and its numbers; `unit` and `source` may stand beside them.
+///
+/// # Errors
+/// [`Error::Input`] with file, line, key and remedy.
+pub fn distribution_of(table: Table<'_>) -> Result<Distribution> {
+    let kind = table.required_text("distribution", "distribution = \"log_normal\"")?;
+    let distribution = distribution_from(table, &kind)?;
+    refuse_absurd(table)?;
+    Ok(distribution)
 }
 
 fn distribution_from(table: Table<'_>, kind: &str) -> Result<Distribution> {

@@ -20,10 +20,10 @@ const STEP: f64 = 0.1;
 
 const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     spec: ParameterSpec::new("actuator-lag.time_s", "τ", "s", Support::POSITIVE),
-    null: |_| Some(0.0),
-    prior: |scales| Distribution::HalfNormal { sd: (2.0 * scales.sample_interval_s).max(0.05 * scales.hold_s) },
+    null: &|_| Some(0.0),
+    prior: &|scales| Distribution::HalfNormal { sd: (2.0 * scales.sample_interval_s).max(0.05 * scales.hold_s) },
     prior_source: "chosen: two sample intervals, or a twentieth of a hold if that is more",
-    finite_step: Some(|scales| STEP * scales.sample_interval_s),
+    finite_step: Some(&|scales| STEP * scales.sample_interval_s),
 }];
 
 /// The effect.

@@ -12,8 +12,8 @@ use crate::parameter::{ParameterSpec, Support};
 
 const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     spec: ParameterSpec::new("clock-offset.delay_s", "δ", "s", Support::POSITIVE),
-    null: |_| Some(0.0),
-    prior: |scales| Distribution::HalfNormal { sd: (2.0 * scales.sample_interval_s).max(0.05 * scales.hold_s) },
+    null: &|_| Some(0.0),
+    prior: &|scales| Distribution::HalfNormal { sd: (2.0 * scales.sample_interval_s).max(0.05 * scales.hold_s) },
     prior_source: "chosen: two sample intervals, or a twentieth of a hold if that is more",
     finite_step: None,
 }];

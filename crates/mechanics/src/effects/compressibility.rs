@@ -28,8 +28,8 @@ fn prior(scales: &Scales) -> Distribution {
 
 const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     spec: ParameterSpec::new("compressibility.poisson_ratio", "ν", "1", Support { lower: ENDS.0, upper: ENDS.1 }),
-    null: |scales| scales.poisson_ratio,
-    prior,
+    null: &|scales| scales.poisson_ratio,
+    prior: &prior,
     prior_source: "chosen: from a drained gel, 0.3, to a nearly incompressible one, 0.499, and around the experiment's own ratio",
     finite_step: None,
 }];

@@ -14,9 +14,9 @@ use crate::parameter::{ParameterSpec, Support};
 
 const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     spec: ParameterSpec::new("force-asymmetry.fraction", "a", "1", Support { lower: -1.0, upper: f64::INFINITY }),
-    null: |_| Some(0.0),
+    null: &|_| Some(0.0),
     // The standard deviation of a symmetric beta on [−1, 1] is 1/√(2α + 1).
-    prior: |_| Distribution::Beta { alpha: 12.0, beta: 12.0, lower: -1.0, upper: 1.0 },
+    prior: &|_| Distribution::Beta { alpha: 12.0, beta: 12.0, lower: -1.0, upper: 1.0 },
     prior_source: "chosen: either way alike, standard deviation one fifth; coils calibrated against each other agree within some per cent",
     finite_step: None,
 }];

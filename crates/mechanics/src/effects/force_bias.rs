@@ -13,8 +13,8 @@ use crate::parameter::{ParameterSpec, Support};
 
 const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     spec: ParameterSpec::new("force-bias.fraction", "b", "1", Support::REAL),
-    null: |_| Some(0.0),
-    prior: |_| Distribution::Normal { mean: 0.0, sd: 0.1 },
+    null: &|_| Some(0.0),
+    prior: &|_| Distribution::Normal { mean: 0.0, sd: 0.1 },
     prior_source: "chosen: either way alike, a tenth of the largest commanded force",
     finite_step: None,
 }];

@@ -13,8 +13,8 @@ use crate::parameter::{ParameterSpec, Support};
 
 const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     spec: ParameterSpec::new("force-gradient.gradient_per_m", "g", "1/m", Support::REAL),
-    null: |_| Some(0.0),
-    prior: |scales| Distribution::Normal { mean: 0.0, sd: 0.1 / position_range_m(scales) },
+    null: &|_| Some(0.0),
+    prior: &|scales| Distribution::Normal { mean: 0.0, sd: 0.1 / position_range_m(scales) },
     prior_source: "chosen: either way alike, a change of the force by a tenth over the range of positions",
     finite_step: None,
 }];

@@ -23,8 +23,8 @@ const SMALLEST_ORDER: f64 = 0.3;
 
 const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     spec: ParameterSpec::new("fractional-damping.order", "α", "1", Support { lower: SMALLEST_ORDER, upper: 1.0 }),
-    null: |_| Some(1.0),
-    prior: |_| Distribution::Beta { alpha: 2.0, beta: 1.0, lower: SMALLEST_ORDER, upper: 1.0 },
+    null: &|_| Some(1.0),
+    prior: &|_| Distribution::Beta { alpha: 2.0, beta: 1.0, lower: SMALLEST_ORDER, upper: 1.0 },
     prior_source: "chosen: density rising in proportion from the smallest order to the dashpot",
     finite_step: None,
 }];

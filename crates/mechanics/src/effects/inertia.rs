@@ -23,8 +23,8 @@ use crate::rheology::{BaseLaw, Beside};
 
 const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     spec: ParameterSpec::new("inertia.density_scale", "d", "1", Support::POSITIVE),
-    null: |_| Some(0.0),
-    prior: |_| Distribution::HalfNormal { sd: 1.0 },
+    null: &|_| Some(0.0),
+    prior: &|_| Distribution::HalfNormal { sd: 1.0 },
     prior_source: "chosen: the densities of the experiment stand at 1",
     finite_step: None,
 }];

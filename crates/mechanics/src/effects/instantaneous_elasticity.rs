@@ -17,8 +17,8 @@ use crate::rheology::{BaseLaw, Element};
 
 const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     spec: ParameterSpec::new("instantaneous-elasticity.compliance_ratio", "E/E₀", "1", Support::POSITIVE),
-    null: |_| Some(0.0),
-    prior: |_| Distribution::HalfNormal { sd: 0.2 },
+    null: &|_| Some(0.0),
+    prior: &|_| Distribution::HalfNormal { sd: 0.2 },
     prior_source: "chosen: the jump is up to some tenths of the elastic displacement that creeps in",
     finite_step: None,
 }];

@@ -34,8 +34,8 @@ fn scale_m_per_pa_s(scales: &Scales) -> f64 {
 
 const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     spec: ParameterSpec::new("interface-slip.slip_compliance_m_per_pa_s", "1/β", "m/(Pa s)", Support::POSITIVE),
-    null: |_| Some(0.0),
-    prior: |scales| Distribution::HalfNormal { sd: 2.0 * scale_m_per_pa_s(scales) },
+    null: &|_| Some(0.0),
+    prior: &|scales| Distribution::HalfNormal { sd: 2.0 * scale_m_per_pa_s(scales) },
     prior_source: "chosen: slip lengths up to a few radii, at the viscosity that the largest force and the way in a hold suggest",
     finite_step: None,
 }];

@@ -20,15 +20,15 @@ pub const MOBILITY: &str = "large-displacement.mobility";
 const PARAMETERS: &[EffectParameter] = &[
     EffectParameter {
         spec: ParameterSpec::new(AMPLITUDE, "g", "1", Support::POSITIVE).squared(),
-        null: |_| Some(0.0),
-        prior: |_| Distribution::HalfNormal { sd: 1.0 },
+        null: &|_| Some(0.0),
+        prior: &|_| Distribution::HalfNormal { sd: 1.0 },
         prior_source: "chosen: the geometry as it is, 1, is one standard deviation",
         finite_step: None,
     },
     EffectParameter {
         spec: ParameterSpec::new(MOBILITY, "α", "1", Support { lower: 0.0, upper: 0.5 }).optional(),
-        null: |_| Some(0.0),
-        prior: |_| Distribution::Beta { alpha: 1.0, beta: 9.0, lower: 0.0, upper: 0.5 },
+        null: &|_| Some(0.0),
+        prior: &|_| Distribution::Beta { alpha: 1.0, beta: 9.0, lower: 0.0, upper: 0.5 },
         prior_source: "chosen: most likely none, 0.05 in the mean",
         finite_step: None,
     },

@@ -2,7 +2,7 @@
 
 use std::sync::{Mutex, PoisonError};
 
-use super::{EFFECTS, Effect, EffectParameter, NUISANCES};
+use super::{EFFECTS, Effect, EffectParameter, NUISANCES, state_effect};
 
 /// Effects that users have added, in any library: their parameters have labels in every figure of the program.
 static ADDED: Mutex<Vec<&'static dyn Effect>> = Mutex::new(Vec::new());
@@ -24,6 +24,12 @@ impl Library {
         Self(EFFECTS.iter().copied().filter(|effect| slugs.contains(&effect.slug())).collect())
     }
 
+    /// The library with more effects, applied after the others, for this library alone.
+    pub fn beside(mut self, effects: impl IntoIterator<Item = &'static dyn Effect>) -> Self {
+        self.0.extend(effects);
+        self
+    }
+
     /// The library with one more effect, applied after the others.
     pub fn with(mut self, effect: &'static dyn Effect) -> Self {
         let mut added = ADDED.lock().unwrap_or_else(PoisonError::into_inner);
@@ -39,9 +45,10 @@ impl Library {
         &self.0
     }
 
-    /// The effect of a slug.
+    /// The effect of a slug, of the library or defined in a file.
     pub fn get(&self, slug: &str) -> Option<&'static dyn Effect> {
-        self.0.iter().copied().find(|effect| effect.slug() == slug)
+        let own = self.0.iter().copied().find(|effect| effect.slug() == slug);
+        own.or_else(|| state_effect::defined(slug).map(|(effect, _)| effect as &dyn Effect))
     }
 
     /// Whether one of these effects has a law that is not linear.
@@ -50,8 +57,11 @@ impl Library {
     }
 }
 
-/// The effect, of the program, an experiment's nuisance, or added to a library of this run, that has a parameter of this name, and the parameter.
+/// The effect, of the program, an experiment's nuisance, of a file, or added to a library of this run, that has a parameter of this name, and the parameter.
 pub fn parameter_named(name: &str) -> Option<(&'static dyn Effect, &'static EffectParameter)> {
+    if let Some(found) = state_effect::with_parameter(name) {
+        return Some(found);
+    }
     let added = ADDED.lock().unwrap_or_else(PoisonError::into_inner);
     EFFECTS.iter().chain(NUISANCES).chain(added.iter()).find_map(|effect| {
         let parameter = effect.parameters().iter().find(|parameter| parameter.spec.name == name)?;

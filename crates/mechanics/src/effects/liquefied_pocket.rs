@@ -34,8 +34,8 @@ const NO_ELASTICITY: &str = "it has no spring and no springpot, whose elasticity
 const PARAMETERS: &[EffectParameter] = &[
     EffectParameter {
         spec: ParameterSpec::new("liquefied-pocket.elastic_loss", "φ", "1", Support { lower: 0.0, upper: 1.0 }),
-        null: |_| Some(0.0),
-        prior: |_| Distribution::Uniform { lower: 0.0, upper: 1.0 },
+        null: &|_| Some(0.0),
+        prior: &|_| Distribution::Uniform { lower: 0.0, upper: 1.0 },
         prior_source: "chosen: any loss",
         finite_step: None,
     },
@@ -46,8 +46,8 @@ const PARAMETERS: &[EffectParameter] = &[
             "1",
             Support { lower: RADIUS_RATIOS[0], upper: RADIUS_RATIOS[1] },
         ),
-        null: |_| None,
-        prior: |_| Distribution::LogUniform { lower: RADIUS_RATIOS[0], upper: RADIUS_RATIOS[1] },
+        null: &|_| None,
+        prior: &|_| Distribution::LogUniform { lower: RADIUS_RATIOS[0], upper: RADIUS_RATIOS[1] },
         prior_source: "chosen: any radius that is meshed",
         finite_step: None,
     },

@@ -12,6 +12,7 @@ mod first_body;
 mod force_asymmetry;
 mod force_bias;
 mod force_gradient;
+mod formula;
 mod fractional_damping;
 mod inertia;
 mod instantaneous_elasticity;
@@ -25,6 +26,7 @@ mod position_offset;
 mod second_retardation;
 mod shear_thinning;
 mod softening;
+mod state_effect;
 mod strain_stiffening;
 #[cfg(test)]
 mod test_scales;
@@ -33,8 +35,10 @@ mod yield_stress;
 
 pub use crate::stages::{Approach, LinearField, Load, Observation, Spatial, Stages};
 pub use field::{Field, FieldSystem, MatrixPair, ShapeParameter};
+pub use formula::{Formula, Mistake};
 pub use large_displacement::{AMPLITUDE, MOBILITY};
 pub use library::{Library, parameter_named};
+pub use state_effect::{QuantityName, StateEffect, define, defined};
 
 use crate::distribution::Distribution;
 use crate::error::Result;
@@ -129,20 +133,29 @@ impl Stage {
     }
 }
 
+/// What the sizes of an experiment make of something.
+pub type OfScales<T> = dyn Fn(&Scales) -> T + Send + Sync;
+
 /// One parameter of an effect: the only place where its name, symbol, unit, support, null and default prior stand.
-#[derive(Debug, Clone)]
+#[derive(Clone, Copy)]
 pub struct EffectParameter {
     /// Name `slug.name`, symbol, unit, support.
     pub spec: ParameterSpec,
     /// Value at which the effect is not there; `None` where the parameter means nothing at the effect's null.
-    pub null: fn(&Scales) -> Option<f64>,
+    pub null: &'static OfScales<Option<f64>>,
     /// Default prior, scaled by the experiment.
-    pub prior: fn(&Scales) -> Distribution,
+    pub prior: &'static OfScales<Distribution>,
     /// Where the prior's numbers come from.
     pub prior_source: &'static str,
     /// Step from the null by which a signature is taken where the derivative at the null vanishes, jumps or cannot be computed; `None` where the
     /// derivative serves.
-    pub finite_step: Option<fn(&Scales) -> f64>,
+    pub finite_step: Option<&'static OfScales<f64>>,
+}
+
+impl std::fmt::Debug for EffectParameter {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("EffectParameter").field("spec", &self.spec).finish_non_exhaustive()
+    }
 }
 
 /// A physical effect that a base model may lack.
@@ -180,6 +193,10 @@ pub trait Effect: Sync {
     }
     /// Whether it speaks of the robot's position where it acts, which only a position that answers linearly lets it do.
     fn acts_on_position(&self) -> bool {
+        false
+    }
+    /// Whether by it a quantity depends on a state; one such effect a model, and none beside it that speaks of the position itself.
+    fn depends_on_state(&self) -> bool {
         false
     }
     /// Whether its law is not linear: beside such an effect only those of load and observation stand.

@@ -34,8 +34,8 @@ fn scale_m_per_pa(scales: &Scales) -> f64 {
 
 const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     spec: ParameterSpec::new("outer-wall-compliance.compliance_m_per_pa", "1/k", "m/Pa", Support::POSITIVE),
-    null: |_| Some(0.0),
-    prior: |scales| Distribution::HalfNormal { sd: 0.1 * scale_m_per_pa(scales) },
+    null: &|_| Some(0.0),
+    prior: &|scales| Distribution::HalfNormal { sd: 0.1 * scale_m_per_pa(scales) },
     prior_source: "chosen: the largest force moves the whole gel by up to two tenths of the robot's way",
     finite_step: None,
 }];

@@ -35,8 +35,8 @@ fn scale_m2_per_pa_s(scales: &Scales) -> f64 {
 const PARAMETERS: &[EffectParameter] = &[
     EffectParameter {
         spec: ParameterSpec::new("poroelasticity.mobility_m2_per_pa_s", "k", "m²/(Pa s)", Support::POSITIVE),
-        null: |_| Some(0.0),
-        prior: |scales| Distribution::HalfNormal { sd: 2.0 * scale_m2_per_pa_s(scales) },
+        null: &|_| Some(0.0),
+        prior: &|scales| Distribution::HalfNormal { sd: 2.0 * scale_m2_per_pa_s(scales) },
         prior_source: "chosen: pressure spreads over up to a few radii in a hold",
         finite_step: None,
     },
@@ -47,8 +47,8 @@ const PARAMETERS: &[EffectParameter] = &[
             "1",
             Support { lower: -1.0, upper: 0.5 },
         ),
-        null: |_| None,
-        prior: |scales| {
+        null: &|_| None,
+        prior: &|scales| {
             let [lower, upper] = drained_range(scales.poisson_ratio.unwrap_or(0.48));
             Distribution::Uniform { lower, upper }
         },

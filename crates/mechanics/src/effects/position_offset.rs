@@ -13,8 +13,8 @@ use crate::parameter::{ParameterSpec, Support};
 
 const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     spec: ParameterSpec::new("position-offset.offset_m", "b", "m", Support::REAL),
-    null: |_| Some(0.0),
-    prior: |scales| Distribution::Normal { mean: 0.0, sd: position_range_m(scales) },
+    null: &|_| Some(0.0),
+    prior: &|scales| Distribution::Normal { mean: 0.0, sd: position_range_m(scales) },
     prior_source: "chosen: either way alike, as far as the positions range",
     finite_step: None,
 }];

@@ -22,15 +22,15 @@ fn shortest_time_s(scales: &Scales) -> f64 {
 const PARAMETERS: &[EffectParameter] = &[
     EffectParameter {
         spec: ParameterSpec::new("second-retardation.compliance_ratio", "a", "1", Support::POSITIVE),
-        null: |_| Some(0.0),
-        prior: |_| Distribution::HalfNormal { sd: 0.5 },
+        null: &|_| Some(0.0),
+        prior: &|_| Distribution::HalfNormal { sd: 0.5 },
         prior_source: "chosen: the second part gives way up to about as much as the first",
         finite_step: None,
     },
     EffectParameter {
         spec: ParameterSpec::new("second-retardation.time_s", "τ₂", "s", Support::POSITIVE),
-        null: |_| None,
-        prior: |scales| {
+        null: &|_| None,
+        prior: &|scales| {
             let lower = shortest_time_s(scales);
             Distribution::LogUniform { lower, upper: scales.duration_s.max(2.0 * lower) }
         },

@@ -19,8 +19,8 @@ const SMALLEST_INDEX: f64 = 0.3;
 
 const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     spec: ParameterSpec::new("shear-thinning.index", "n", "1", Support { lower: SMALLEST_INDEX, upper: 1.0 }),
-    null: |_| Some(1.0),
-    prior: |_| Distribution::Uniform { lower: SMALLEST_INDEX, upper: 1.0 },
+    null: &|_| Some(1.0),
+    prior: &|_| Distribution::Uniform { lower: SMALLEST_INDEX, upper: 1.0 },
     prior_source: "chosen: from the linear fluid to one that flows more than twice as fast when pushed 1.3 times as hard",
     finite_step: None,
 }];

@@ -15,8 +15,8 @@ use crate::parameter::{ParameterSpec, Support};
 
 const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     spec: ParameterSpec::new("softening.rate_per_s", "r", "1/s", Support::REAL),
-    null: |_| Some(0.0),
-    prior: |scales| Distribution::Normal { mean: 0.0, sd: 0.5 / scales.duration_s },
+    null: &|_| Some(0.0),
+    prior: &|scales| Distribution::Normal { mean: 0.0, sd: 0.5 / scales.duration_s },
     prior_source: "chosen: either way alike, up to about two thirds of the stiffness lost over the record, or a stiffness threefold",
     finite_step: None,
 }];

@@ -22,8 +22,8 @@ fn typical_strain(scales: &Scales) -> f64 {
 
 const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     spec: ParameterSpec::new("strain-stiffening.coefficient", "β", "1", Support::POSITIVE),
-    null: |_| Some(0.0),
-    prior: |scales| Distribution::HalfNormal { sd: typical_strain(scales).powi(-2) },
+    null: &|_| Some(0.0),
+    prior: &|scales| Distribution::HalfNormal { sd: typical_strain(scales).powi(-2) },
     prior_source: "chosen: twice as stiff at a strain of half the range of positions over the robot's radius",
     finite_step: None,
 }];

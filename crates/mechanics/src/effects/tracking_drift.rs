@@ -13,8 +13,8 @@ use crate::parameter::{ParameterSpec, Support};
 
 const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     spec: ParameterSpec::new("tracking-drift.velocity_m_per_s", "v", "m/s", Support::REAL),
-    null: |_| Some(0.0),
-    prior: |scales| Distribution::Normal { mean: 0.0, sd: 0.1 * position_range_m(scales) / scales.duration_s },
+    null: &|_| Some(0.0),
+    prior: &|scales| Distribution::Normal { mean: 0.0, sd: 0.1 * position_range_m(scales) / scales.duration_s },
     prior_source: "chosen: either way alike, a tenth of the range of positions over the record",
     finite_step: None,
 }];

@@ -20,10 +20,10 @@ const FINITE_STEP: f64 = 1e-4;
 
 const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     spec: ParameterSpec::new("yield-stress.stress_pa", "s_y", "Pa", Support::POSITIVE),
-    null: |_| Some(0.0),
-    prior: |scales| Distribution::HalfNormal { sd: 0.5 * reference_stress_pa(scales) },
+    null: &|_| Some(0.0),
+    prior: &|scales| Distribution::HalfNormal { sd: 0.5 * reference_stress_pa(scales) },
     prior_source: "chosen: half of the largest force over the robot's surface",
-    finite_step: Some(|scales| FINITE_STEP * reference_stress_pa(scales)),
+    finite_step: Some(&|scales| FINITE_STEP * reference_stress_pa(scales)),
 }];
 
 /// The effect.

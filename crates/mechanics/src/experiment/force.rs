@@ -1,5 +1,8 @@
 //! The commanded force between the rows at which it is given.
 
+/// Share of the force's range above which a change is a step (formats §1).
+const STEP_FRACTION: f64 = 0.2;
+
 /// What the force does between rows (formats §1).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum ForceRule {
@@ -86,6 +89,22 @@ impl<'a> Force<'a> {
             (ForceRule::Linear, Some(next_n)) => here_n + next_n > 0.0,
             _ => here_n > 0.0,
         }
+    }
+
+    /// Largest less smallest force in N; the force's size where it is constant.
+    pub fn range_n(self) -> f64 {
+        let largest = self.at_rows_n.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let smallest = self.at_rows_n.iter().copied().fold(f64::INFINITY, f64::min);
+        if largest > smallest { largest - smallest } else { self.at_rows_n.first().map_or(0.0, |force| force.abs()) }
+    }
+
+    /// Indices of the rows at which a force step begins: the force differs from the row before by more than 20 % of the force's range (formats §1). Before the first
+    /// row the force is zero, so row 0 may be one.
+    pub fn step_rows(self) -> Vec<usize> {
+        let threshold_n = STEP_FRACTION * self.range_n();
+        let before = std::iter::once(&0.0).chain(self.at_rows_n);
+        let steps = before.zip(self.at_rows_n).enumerate();
+        steps.filter(|(_, (before, after))| (*after - *before).abs() > threshold_n).map(|(row, _)| row).collect()
     }
 
     /// The force at a time, in N: from the right where it jumps; zero before the first row.

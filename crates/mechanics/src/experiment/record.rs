@@ -20,9 +20,6 @@ pub struct Record {
     pub force_rows: Vec<usize>,
 }
 
-/// A change of force above this fraction of the force's range is a force step (formats §1).
-const STEP_FRACTION: f64 = 0.2;
-
 impl Record {
     /// Number of rows.
     pub fn n_rows(&self) -> usize {
@@ -96,22 +93,12 @@ impl Record {
 
     /// Largest minus smallest force in N; for a force that never changes, its size.
     pub fn force_range_n(&self) -> f64 {
-        let largest = self.force_n.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        let smallest = self.force_n.iter().copied().fold(f64::INFINITY, f64::min);
-        if largest > smallest { largest - smallest } else { self.force_n.first().map_or(0.0, |force| force.abs()) }
+        self.force().range_n()
     }
 
-    /// Indices of the rows at which a force step begins: the force differs from the row before by more than 20 % of
-    /// the force's range (formats §1). Before the first row the force is zero, so row 0 may be one.
+    /// Indices of the rows at which a force step begins (formats §1).
     pub fn force_step_rows(&self) -> Vec<usize> {
-        let threshold_n = STEP_FRACTION * self.force_range_n();
-        let before = std::iter::once(0.0).chain(self.force_n.iter().copied());
-        before
-            .zip(&self.force_n)
-            .enumerate()
-            .filter(|(_, (before, after))| (*after - before).abs() > threshold_n)
-            .map(|(row, _)| row)
-            .collect()
+        self.force().step_rows()
     }
 
     /// The same with a row, and no position in it, wherever a force that goes in lines crosses zero; `lines` are the rows' own, and become those of all rows.

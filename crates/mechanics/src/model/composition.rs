@@ -62,6 +62,17 @@ impl Model {
                 "keep one of them: a model has at most one effect that changes the field",
             );
         }
+        if let Some(own) = effects.iter().find(|effect| effect.depends_on_state()) {
+            let is_other = |other: &&&dyn Effect| {
+                other.slug() != own.slug() && (other.depends_on_state() || other.acts_on_position())
+            };
+            if let Some(other) = effects.iter().find(is_other) {
+                return refuse(
+                    format!("`{}` and `{}` both make a quantity depend on a state", own.slug(), other.slug()),
+                    "keep one of them, or write both into one formula",
+                );
+            }
+        }
         if let Some((field, model)) = effects.iter().find_map(|e| Some((e, e.field()?))) {
             let barred = effects.iter().find_map(|other| Some((other, other.barred_beside(model)?)));
             if let Some((other, reason)) = barred {
@@ -150,6 +161,7 @@ impl Model {
         }
         let (law, mut rest) = parameters.split_at(self.base.parameters().len());
         let mut stages = Stages::of_law(self.base.elements(law));
+        stages.base = Some(self.base);
         stages.observation.depth_exponent = self.scales.depth_exponent.unwrap_or(1.0);
         let mut of_field = None;
         for effect in self.nuisances().iter().chain(&self.effects) {

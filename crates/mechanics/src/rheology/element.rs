@@ -2,6 +2,15 @@
 
 use crate::number::Dual;
 
+/// Where an element stands in a law whose bodies are in series.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Leaf {
+    /// The body.
+    pub body: usize,
+    /// Its place among the parts of a body of parts in parallel; `None` where it is the body.
+    pub part: Option<usize>,
+}
+
 /// An element or a network of elements: a scalar relation between stress s (Pa) and strain ε (physics §2).
 #[derive(Debug, Clone, PartialEq)]
 pub enum Element {

@@ -13,7 +13,7 @@ mod spectrum;
 mod spread;
 pub(crate) mod stieltjes;
 
-pub use element::Element;
+pub use element::{Element, Leaf};
 pub use mittag_leffler::mittag_leffler;
 pub use network::Network;
 pub use oscillation::complex_modulus_pa;
@@ -141,6 +141,22 @@ impl BaseLaw {
         }
     }
 
+    /// Where the element stands whose modulus or viscosity a parameter is: a body in series, or a part of one of parts in parallel. `None` for orders, and for elements that
+    /// stand elsewhere or twice.
+    pub fn leaf(self, name: &str) -> Option<Leaf> {
+        let at = |body: usize, part: Option<usize>| Some(Leaf { body, part });
+        match (self, name) {
+            (Self::Network(network), _) => network.leaf(name),
+            (_, "young_modulus_pa") => at(0, Some(0)),
+            (_, "viscosity_1_pa_s") => at(0, Some(1)),
+            (_, "viscosity_2_pa_s") => at(1, None),
+            (Self::Burgers, "instantaneous_modulus_pa") => at(2, None),
+            (Self::TwoElement, "second_modulus_pa") => at(2, Some(0)),
+            (Self::TwoElement, "second_viscosity_pa_s") => at(2, Some(1)),
+            _ => None,
+        }
+    }
+
     /// Creep compliance at `parameters` (SI, the order of [`Self::parameters`]; all positive).
     ///
     /// `None` for laws that are no finite sum of exponentials.
@@ -224,6 +240,35 @@ mod tests {
             for t in [0.1, 1.0, 30.0] {
                 assert!((spectrum.creep_compliance_per_pa(t) / exact.at(t) - 1.0).abs() < 1e-14);
             }
+        }
+    }
+
+    /// Where a parameter is said to stand, its number stands, in named laws and in a network.
+    #[test]
+    fn leaves_are_where_their_parameters_are() {
+        let text = "parallel = [{ spring = \"gel\" }, { springpot = \"mesh\" }]";
+        let network = BaseLaw::Network(Network::from_text("law.toml".as_ref(), text).unwrap());
+        for law in BaseLaw::NAMED.into_iter().chain([network]) {
+            let values: Vec<Dual> = (0..law.parameters().len()).map(|k| Dual::constant(0.1 + 0.1 * k as f64)).collect();
+            let elements = law.elements(&values);
+            let mut n_found = 0;
+            for (spec, value) in law.parameters().iter().zip(&values) {
+                let Some(leaf) = law.leaf(spec.name) else { continue };
+                n_found += 1;
+                let own = match (&elements[leaf.body], leaf.part) {
+                    (Element::Parallel(parts), Some(part)) => &parts[part],
+                    (own, None) => own,
+                    other => panic!("{other:?}"),
+                };
+                let number = match own {
+                    Element::Spring { modulus_pa } | Element::Springpot { modulus_pa, .. } => *modulus_pa,
+                    Element::Dashpot { viscosity_pa_s } => *viscosity_pa_s,
+                    other => panic!("{other:?}"),
+                };
+                assert_eq!(number, *value, "{}", spec.name);
+            }
+            let n_orders = law.parameters().iter().filter(|spec| spec.name.ends_with("_order")).count();
+            assert_eq!(n_found, law.parameters().len() - n_orders);
         }
     }
 

@@ -16,7 +16,7 @@
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 
-use super::Element;
+use super::{Element, Leaf};
 use crate::distribution::Distribution;
 use crate::error::Result;
 use crate::number::Dual;
@@ -142,6 +142,32 @@ impl Network {
         &self.parameters
     }
 
+    /// As [`super::BaseLaw::leaf`].
+    pub(super) fn leaf(&self, name: &str) -> Option<Leaf> {
+        let is_it = |node: &Node| match node {
+            Node::Leaf { kind, name: own, .. } => name == format!("{own}_{}", kind.parameters()[0].0),
+            Node::Series(_) | Node::Parallel(_) => false,
+        };
+        let bodies = match &self.root {
+            Node::Series(nodes) => &nodes[..],
+            node => std::slice::from_ref(node),
+        };
+        let places = |(body, node): (usize, &Node)| -> Vec<Leaf> {
+            match node {
+                Node::Parallel(parts) => {
+                    let own = parts.iter().enumerate().filter(|(_, part)| is_it(part));
+                    own.map(|(part, _)| Leaf { body, part: Some(part) }).collect()
+                }
+                node => is_it(node).then_some(Leaf { body, part: None }).into_iter().collect(),
+            }
+        };
+        let found: Vec<Leaf> = bodies.iter().enumerate().flat_map(places).collect();
+        match (&found[..], self.root.count(&is_it)) {
+            ([leaf], 1) => Some(*leaf),
+            _ => None,
+        }
+    }
+
     /// The elements in series at `parameters` (SI, the order of [`Self::parameters`]).
     pub fn elements(&self, parameters: &[Dual]) -> Vec<Element> {
         match &self.root {
@@ -242,6 +268,14 @@ fn is_identifier(name: &str) -> bool {
 }
 
 impl Node {
+    /// How many leaves are so.
+    fn count(&self, is_so: &dyn Fn(&Self) -> bool) -> usize {
+        match self {
+            Self::Leaf { .. } => usize::from(is_so(self)),
+            Self::Series(nodes) | Self::Parallel(nodes) => nodes.iter().map(|node| node.count(is_so)).sum(),
+        }
+    }
+
     fn element(&self, parameters: &[Dual]) -> Element {
         let all = |nodes: &[Node]| nodes.iter().map(|node| node.element(parameters)).collect();
         match self {

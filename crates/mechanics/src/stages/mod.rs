@@ -4,13 +4,16 @@
 //! own time stepping. Stages say which equations hold, never how they are solved.
 
 mod nonlinearity;
+mod state_law;
 
 pub use nonlinearity::{NonlinearFamily, Nonlinearity, YIELD_SMOOTHING};
+pub use state_law::{Function, Operation, Quantity, State, StateFunction, StateLaw};
 
 use crate::error::Result;
 use crate::experiment::Force;
 use crate::number::Dual;
-use crate::rheology::{Beside, Element, SpreadTerm};
+pub use crate::rheology::Leaf;
+use crate::rheology::{BaseLaw, Beside, Element, SpreadTerm};
 use std::sync::Arc;
 
 /// One model at one point of its parameters.
@@ -18,6 +21,8 @@ use std::sync::Arc;
 pub struct Stages {
     /// From the commanded to the acting force.
     pub load: Load,
+    /// The base law, whose parameters have names; `None` where there is only [`Self::law`].
+    pub base: Option<BaseLaw>,
     /// The law: elements in series, which all carry the stress.
     pub law: Vec<Element>,
     /// r in 1/s: the gel's stress is e^{−rt} times the law's, t from the record's start.
@@ -28,6 +33,8 @@ pub struct Stages {
     pub spatial: Option<Spatial>,
     /// What a reduced model makes of it; empty until one has.
     pub spread: Option<Spread>,
+    /// A quantity that depends on a state; beside nothing that changes the field, and no force gradient.
+    pub state_law: Option<StateLaw>,
     /// From the robot's to the recorded position.
     pub observation: Observation,
 }
@@ -161,11 +168,13 @@ impl Stages {
                 lag_time_s: Dual::ZERO,
                 gradient_per_m: Dual::ZERO,
             },
+            base: None,
             law,
             softening_rate_per_s: Dual::ZERO,
             poisson_ratio: None,
             spatial: None,
             spread: None,
+            state_law: None,
             observation: Observation {
                 scale: Dual::ONE,
                 offset_m: Dual::ZERO,

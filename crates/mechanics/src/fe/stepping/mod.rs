@@ -15,6 +15,7 @@ mod network;
 mod radau;
 pub(crate) mod run;
 mod springpot;
+mod state_law;
 
 use super::time::FullOrderModel;
 use crate::error::{Error, Result};
@@ -61,11 +62,12 @@ impl FullOrderModel<'_> {
         resolution: Resolution,
     ) -> Result<Stepped> {
         let compliance_per_m = self.compliance_per_m();
-        let strain_n_per_pa = run::strains(compliance_per_m, stages, time_s, force.into(), resolution)?;
+        let answers = run::answers(compliance_per_m, stages, time_s, force.into(), resolution)?;
+        let strain_n_per_pa: Vec<f64> = answers.iter().map(|answer| answer[0]).collect();
         let displacement_m: Vec<f64> = strain_n_per_pa.iter().map(|q| compliance_per_m * q).collect();
         let start_s = time_s.first().copied().unwrap_or(0.0);
-        let observe = |(x, t): (&f64, &f64)| observed(&stages.observation, *x, t - start_s);
-        let position_m: Vec<f64> = displacement_m.iter().zip(time_s).map(observe).collect();
+        let observe = |(answer, t): (&[f64; 2], &f64)| observed(&stages.observation, answer[1], t - start_s);
+        let position_m: Vec<f64> = answers.iter().zip(time_s).map(observe).collect();
         if let Some(row) = position_m.iter().position(|x| !x.is_finite()) {
             return Err(Error::numerical(
                 format!("the position at {} s is {}", time_s[row], position_m[row]),

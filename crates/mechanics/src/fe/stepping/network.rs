@@ -11,6 +11,7 @@ use super::springpot::{ArmsStep, RateRange, Springpot};
 use crate::error::{Error, Result};
 use crate::number::Dual;
 use crate::rheology::Element;
+use crate::stages::Leaf;
 use nalgebra::{Matrix3, Vector3};
 
 /// What a body is given.
@@ -35,6 +36,15 @@ impl Given {
 #[derive(Debug, Clone)]
 pub(super) struct Network {
     bodies: Vec<Body>,
+    /// Place of the body whose element depends on a state, and of the part of it that does.
+    depending: Option<(usize, Option<usize>)>,
+}
+
+/// Factors of an element's stress at the stages: of a body, or of one of its parts.
+#[derive(Debug, Clone, Copy)]
+struct Factors {
+    part: Option<usize>,
+    at_stages: Vector3<f64>,
 }
 
 #[derive(Debug, Clone)]
@@ -65,6 +75,8 @@ struct BodyStep {
     /// J or G, whichever the body is asked for.
     response: Matrix3<f64>,
     parts: Parts,
+    /// Of its stress at the stages.
+    factors: Vector3<f64>,
 }
 
 #[derive(Debug, Clone)]
@@ -83,7 +95,32 @@ impl Network {
         let bodies = bodies(law, Given::Stress, range).ok_or_else(|| {
             Error::numerical("an element of the law has no stiffness, so it flows without end", "give it a modulus")
         })?;
-        Ok(Self { bodies })
+        Ok(Self { bodies, depending: None })
+    }
+
+    /// The same with an element whose stress is multiplied by factors at the stages.
+    ///
+    /// # Errors
+    /// As [`Self::new`], and where the element is none with a strain of its own.
+    pub(super) fn with_depending(law: &[Element], leaf: Leaf, range: RateRange) -> Result<Self> {
+        let n_before = |elements: &[Element], place: usize, given: Given| -> Option<usize> {
+            let own = elements.get(place..=place)?;
+            let is_one = bodies(own, given, range)?.len() == 1;
+            is_one.then(|| bodies(&elements[..place], given, range).map(|before| before.len())).flatten()
+        };
+        let body = n_before(law, leaf.body, Given::Stress);
+        let part = match (leaf.part, law.get(leaf.body)) {
+            (None, _) => Some(None),
+            (Some(part), Some(Element::Parallel(parts))) => n_before(parts, part, Given::Strain).map(Some),
+            _ => None,
+        };
+        let depending = body.zip(part).ok_or_else(|| {
+            Error::numerical(
+                "an element that depends on a state has no strain of its own",
+                "let another element depend",
+            )
+        })?;
+        Ok(Self { depending: Some(depending), ..Self::new(law, range)? })
     }
 
     /// About the fastest rate (1/s) at which the network answers a change of the stress; 0 where it has none.
@@ -98,8 +135,24 @@ impl Network {
     }
 
     pub(super) fn prepare(&self, radau: &Radau, step_s: f64) -> NetworkStep {
-        let bodies: Vec<BodyStep> = self.bodies.iter().map(|body| body.prepare(radau, step_s, Given::Stress)).collect();
+        self.prepare_with(radau, step_s, Vector3::repeat(1.0))
+    }
+
+    /// The same where the stress of the element that depends is multiplied by factors at the stages.
+    pub(super) fn prepare_with(&self, radau: &Radau, step_s: f64, at_stages: Vector3<f64>) -> NetworkStep {
+        let of = |(place, body): (usize, &Body)| {
+            let own = self.depending.filter(|(depending, _)| *depending == place);
+            body.prepare(radau, step_s, Given::Stress, own.map(|(_, part)| Factors { part, at_stages }))
+        };
+        let bodies: Vec<BodyStep> = self.bodies.iter().enumerate().map(of).collect();
         NetworkStep { compliance: bodies.iter().map(|body| body.response).sum(), bodies }
+    }
+
+    /// Strain at the stages of the body whose element depends, given the stress there, after [`Self::begin`]; of the whole where none does.
+    pub(super) fn strain_of_depending(&self, step: &NetworkStep, stress: &Vector3<f64>) -> Vector3<f64> {
+        let all = self.bodies.iter().zip(&step.bodies).enumerate();
+        let is_meant = |place: usize| self.depending.is_none_or(|(depending, _)| depending == place);
+        all.filter(|(place, _)| is_meant(*place)).map(|(_, (body, step))| step.response * stress + body.history).sum()
     }
 
     /// Strain at the stages if the stress were zero.
@@ -217,23 +270,37 @@ impl Body {
         }
     }
 
-    fn prepare(&self, radau: &Radau, step_s: f64, given: Given) -> BodyStep {
-        let alone = |response| BodyStep { response, parts: Parts::None };
+    fn prepare(&self, radau: &Radau, step_s: f64, given: Given, factors: Option<Factors>) -> BodyStep {
+        let factors_of = |part: Option<usize>| {
+            factors.filter(|own| own.part == part).map_or(Vector3::repeat(1.0), |own| own.at_stages)
+        };
+        let factors_here = factors_of(None);
+        let [by_factor, over_factor] =
+            [factors_here, factors_here.map(f64::recip)].map(|diagonal| Matrix3::from_diagonal(&diagonal));
+        let alone = |response| BodyStep { response, parts: Parts::None, factors: factors_here };
         match (&self.kind, given) {
-            (Kind::Spring { modulus_pa }, Given::Stress) => alone(Matrix3::identity() / *modulus_pa),
-            (Kind::Spring { modulus_pa }, Given::Strain) => alone(Matrix3::identity() * *modulus_pa),
-            (Kind::Dashpot { viscosity_pa_s, .. }, Given::Stress) => alone(radau.matrix * (step_s / viscosity_pa_s)),
-            (Kind::Dashpot { viscosity_pa_s, .. }, Given::Strain) => alone(radau.inverse * (viscosity_pa_s / step_s)),
+            (Kind::Spring { modulus_pa }, Given::Stress) => alone(over_factor / *modulus_pa),
+            (Kind::Spring { modulus_pa }, Given::Strain) => alone(by_factor * *modulus_pa),
+            (Kind::Dashpot { viscosity_pa_s, .. }, Given::Stress) => {
+                alone(radau.matrix * over_factor * (step_s / viscosity_pa_s))
+            }
+            (Kind::Dashpot { viscosity_pa_s, .. }, Given::Strain) => {
+                alone(by_factor * radau.inverse * (viscosity_pa_s / step_s))
+            }
             (Kind::Springpot(springpot), _) => {
                 let arms = springpot.prepare(radau, step_s);
-                let response = if given == Given::Stress { inverted(arms.stiffness) } else { arms.stiffness };
-                BodyStep { response, parts: Parts::Arms(arms) }
+                let stiffness = by_factor * arms.stiffness;
+                let response = if given == Given::Stress { inverted(stiffness) } else { stiffness };
+                BodyStep { response, parts: Parts::Arms(arms), factors: factors_here }
             }
             (Kind::Group(bodies), _) => {
-                let steps: Vec<BodyStep> =
-                    bodies.iter().map(|body| body.prepare(radau, step_s, given.other())).collect();
+                let of = |(place, body): (usize, &Body)| {
+                    let own = factors.filter(|own| own.part == Some(place)).map(|own| Factors { part: None, ..own });
+                    body.prepare(radau, step_s, given.other(), own)
+                };
+                let steps: Vec<BodyStep> = bodies.iter().enumerate().map(of).collect();
                 let response = inverted(steps.iter().map(|step| step.response).sum());
-                BodyStep { response, parts: Parts::Group(steps) }
+                BodyStep { response, parts: Parts::Group(steps), factors: factors_here }
             }
         }
     }
@@ -245,7 +312,7 @@ impl Body {
                 Given::Strain => step.response * Vector3::repeat(-*strain),
             },
             (Kind::Springpot(springpot), Parts::Arms(arms)) => {
-                let stress = springpot.history_pa(arms);
+                let stress = springpot.history_pa(arms).component_mul(&step.factors);
                 if given == Given::Stress { -(step.response * stress) } else { stress }
             }
             (Kind::Group(bodies), Parts::Group(steps)) => {

@@ -5,10 +5,11 @@ use super::gradient::{self, Mechanics};
 use super::network::{Network, NetworkStep};
 use super::radau::Radau;
 use super::springpot::RateRange;
-use crate::error::Result;
+use super::state_law::{Followed, Stage};
+use crate::error::{Error, Result};
 use crate::experiment::Force;
 use crate::fe::clock::{CLOCK_ROUNDING, Grading, StepRule, Switch, check_feedback, switches};
-use crate::stages::Stages;
+use crate::stages::{Quantity, Stages};
 use nalgebra::{Matrix3, Vector3};
 use std::collections::HashMap;
 
@@ -20,10 +21,26 @@ pub(crate) fn strains(
     force: Force<'_>,
     resolution: Resolution,
 ) -> Result<Vec<f64>> {
+    Ok(answers(compliance_per_m, stages, time_s, force, resolution)?.into_iter().map(|answer| answer[0]).collect())
+}
+
+/// q (N/Pa) at every row, and the position (m) that is observed there.
+pub(crate) fn answers(
+    compliance_per_m: f64,
+    stages: &Stages,
+    time_s: &[f64],
+    force: Force<'_>,
+    resolution: Resolution,
+) -> Result<Vec<[f64; 2]>> {
     let switches = switches(&stages.load, time_s, force);
     let mut run = Run::new(compliance_per_m, stages, time_s, &switches, resolution)?;
+    if let Some(law) = &stages.state_law {
+        let delay_s = stages.load.delay_s.value;
+        let steps_s = force.step_rows().iter().map(|&row| time_s[row] + delay_s).collect();
+        run.state = Some(Followed::new(law, steps_s, &stages.law));
+    }
     let mut coming = switches.iter().copied().enumerate().peekable();
-    let mut strains = Vec::with_capacity(time_s.len());
+    let mut answers = Vec::with_capacity(time_s.len());
     for &row_s in time_s {
         // A switch at a row comes after it: positions are limits from the left.
         while let Some((i, switch)) = coming.next_if(|(_, switch)| switch.time_s < row_s - run.rounding_s) {
@@ -31,9 +48,9 @@ pub(crate) fn strains(
             run.switch(switch, gap_s(time_s, &switches, i, run.rounding_s));
         }
         run.advance_to(row_s)?;
-        strains.push(run.strain_n_per_pa);
+        answers.push([run.strain_n_per_pa, run.observed_m()]);
     }
-    Ok(strains)
+    Ok(answers)
 }
 
 /// Time from switch `i` to the next row or switch that is later by more than rounding; infinite if there is none.
@@ -66,6 +83,10 @@ const MOST_CHANGE: f64 = 0.15;
 /// Most halvings of a step for that: what still changes more runs away.
 const MOST_HALVINGS: u32 = 20;
 
+/// Turns in which a quantity and its state are brought to agree, and the first of them, which take what is found as it is.
+const MOST_PICARD_STEPS: usize = 200;
+const SIMPLE_PICARD_STEPS: usize = 60;
+
 /// Step lengths kept at once; only records without any regularity need more.
 const MOST_LENGTHS: usize = 4096;
 
@@ -86,6 +107,8 @@ struct Run<'a> {
     input: Switch,
     lagged_n: f64,
     strain_n_per_pa: f64,
+    /// What a quantity that depends on a state follows, if there is one.
+    state: Option<Followed<'a>>,
 }
 
 impl<'a> Run<'a> {
@@ -101,11 +124,14 @@ impl<'a> Run<'a> {
         let rounding_s = CLOCK_ROUNDING * length_s;
         let shortest_s = shortest_gap_s(time_s, switches, length_s, rounding_s);
         let range = RateRange::between(shortest_s, length_s);
-        let network = Network::new(&stages.law, range)?;
+        let network = match stages.state_law.as_ref().map(|law| law.quantity) {
+            Some(Quantity::Element(leaf)) => Network::with_depending(&stages.law, leaf, range)?,
+            _ => Network::new(&stages.law, range)?,
+        };
         let lag_s = stages.load.lag_time_s.value;
         let slowest = if lag_s > 0.0 { lag_s } else { f64::INFINITY };
         let fastest_s = network.fastest_rate_per_s(range).recip().min(slowest);
-        let feeds_back = stages.load.gradient_per_m.value != 0.0;
+        let feeds_back = stages.load.gradient_per_m.value != 0.0 || stages.state_law.is_some();
         let rule =
             StepRule::new(resolution.steps_per_doubling, fastest_s, feeds_back, stages.softening_rate_per_s.value);
         Ok(Self {
@@ -122,6 +148,7 @@ impl<'a> Run<'a> {
             input: Switch::to(start_s, 0.0),
             lagged_n: 0.0,
             strain_n_per_pa: 0.0,
+            state: None,
         })
     }
 
@@ -146,8 +173,72 @@ impl<'a> Run<'a> {
         Ok(())
     }
 
+    /// The position (m) that is observed, before offset, scale and drift.
+    fn observed_m(&self) -> f64 {
+        let position_m = self.compliance_per_m * self.strain_n_per_pa;
+        self.state
+            .as_ref()
+            .map_or(position_m, |state| state.observed_m(position_m, [self.start_s, self.now_s], self.lagged_n))
+    }
+
+    /// [`Self::step`] where a quantity depends on a state: stages are solved with its factors until these agree with the states that they lead to.
+    fn step_with_state(&mut self, step_s: f64, is_optional: bool) -> Result<bool> {
+        let Some(mut followed) = self.state.take() else { return Ok(true) };
+        let lag_s = self.stages.load.lag_time_s.value;
+        let (start_s, since_s) = (self.now_s, self.now_s - self.start_s);
+        let at_nodes_s = self.radau.nodes.map(|node| start_s + node * step_s);
+        let followed_n = at_nodes_s.map(|t| self.input.followed_n(t, lag_s));
+        let left =
+            if lag_s > 0.0 { self.radau.resolvent(step_s / lag_s) * Vector3::repeat(1.0) } else { Vector3::zeros() };
+        let lagged_n = left * (self.lagged_n - self.input.followed_n(start_s, lag_s)) + followed_n;
+        let rate = self.stages.softening_rate_per_s.value;
+        let amplified = self.radau.nodes.map(|node| (rate * (since_s + node * step_s)).exp());
+        let stage = Stage {
+            step_s,
+            time_s: at_nodes_s.map(|t| t - self.start_s),
+            absolute_s: at_nodes_s,
+            force_n: lagged_n,
+            inverse: self.radau.inverse,
+            begin_m: self.compliance_per_m * self.strain_n_per_pa,
+        };
+        let mut values = followed.guess();
+        let solved = (0..MOST_PICARD_STEPS).find_map(|turn| {
+            let step = self.network.prepare_with(&self.radau, step_s, followed.element_factors(&values));
+            let history = self.network.begin(&step);
+            let stress = followed.force_n(&lagged_n, &values).component_mul(&amplified);
+            let strain = step.compliance * stress + history;
+            let own = self.network.strain_of_depending(&step, &stress);
+            let found = followed.values(&stage, &(strain * self.compliance_per_m), &(own * self.compliance_per_m));
+            let distance = (found - values).amax() / (1.0 + found.amax());
+            // Where values swing, their mean is nearer.
+            values = if turn < SIMPLE_PICARD_STEPS { found } else { (found + values) * 0.5 };
+            (distance < 1e-13).then_some((step, stress, strain))
+        });
+        let change = (values[2] - values[0]).abs() / values.amax().max(f64::MIN_POSITIVE);
+        let is_followed = solved.is_some() && change < MOST_CHANGE;
+        if !is_followed && is_optional {
+            self.state = Some(followed);
+            return Ok(false);
+        }
+        let Some((step, stress, strain)) = solved else {
+            return Err(Error::numerical(
+                format!("no state and quantity that agree are found at {start_s} s"),
+                "take parameters nearer to their nulls",
+            ));
+        };
+        followed.take(&stage, &(strain * self.compliance_per_m), &values);
+        self.network.end(&step, &stress);
+        self.lagged_n = lagged_n[2];
+        self.strain_n_per_pa = strain[2];
+        self.state = Some(followed);
+        Ok(true)
+    }
+
     /// Takes a step, if the force does not change too much in it to be followed or `is_optional` is false; whether it did.
     fn step(&mut self, step_s: f64, is_optional: bool) -> Result<bool> {
+        if self.state.is_some() {
+            return self.step_with_state(step_s, is_optional);
+        }
         if self.prepared.len() >= MOST_LENGTHS {
             self.prepared.clear();
         }

@@ -15,15 +15,15 @@ use super::numbers::{ComplexLanes, Number};
 use super::system::{Mode, System};
 use crate::number::{Complex, PointScalar};
 
-const N_NODES: usize = N_FUNCTIONS;
+pub(super) const N_NODES: usize = N_FUNCTIONS;
 
 /// Radau's nodes on [0, 1]. The last is the end: fast modes follow R there, so that a quartic that is wrong there would be wrong for them by its
 /// full error, not by that of its integral.
-const NODES: [f64; N_NODES] =
+pub(super) const NODES: [f64; N_NODES] =
     [0.057_104_196_114_517_68, 0.276_843_013_638_123_8, 0.583_590_432_368_916_8, 0.860_240_135_656_219_5, 1.0];
 
 /// The node at the end.
-const END: usize = N_NODES - 1;
+pub(super) const END: usize = N_NODES - 1;
 
 /// Most steps of Newton's method; few serve, since a step of time begins where the last one ended.
 const MOST_NEWTON_STEPS: usize = 12;
@@ -34,12 +34,12 @@ const MOST_CHANGE: f64 = 1.5;
 
 /// What a step does to one mode.
 #[derive(Clone, Copy)]
-struct ModeStep<T> {
+pub(super) struct ModeStep<T> {
     /// e^{−ρ c h} at the nodes c.
-    node_decay: [T; N_NODES],
-    whole: Row<T>,
+    pub node_decay: [T; N_NODES],
+    pub whole: Row<T>,
     /// What R at the nodes adds.
-    weights: [T; N_NODES],
+    pub weights: [T; N_NODES],
 }
 
 /// A step of one length.
@@ -86,17 +86,17 @@ impl<S: Number> State<S> {
 }
 
 /// One mode: its step, and Σ Y at the nodes by L, what it rises, D and R.
-struct OfMode<T> {
-    step: ModeStep<T>,
-    by_level: [T; N_NODES],
-    by_slope: [T; N_NODES],
-    by_deficit: [T; N_NODES],
-    by_feedback: [[T; N_NODES]; N_NODES],
+pub(super) struct OfMode<T> {
+    pub step: ModeStep<T>,
+    pub by_level: [T; N_NODES],
+    pub by_slope: [T; N_NODES],
+    pub by_deficit: [T; N_NODES],
+    pub by_feedback: [[T; N_NODES]; N_NODES],
 }
 
 /// `rows` are those over the nodes' parts of the step and `functions` φₖ(−ρ c h) there; `gain` is κ h.
 #[inline(always)]
-fn of_mode<T: Copy + Add<Output = T> + Mul<Output = T> + Mul<f64, Output = T>>(
+pub(super) fn of_mode<T: Copy + Add<Output = T> + Mul<Output = T> + Mul<f64, Output = T>>(
     gain: T,
     rows: [Row<T>; N_NODES],
     functions: [[T; N_FUNCTIONS]; N_NODES],
@@ -140,7 +140,7 @@ fn weights<T: Copy + Add<Output = T> + Mul<Output = T> + Mul<f64, Output = T>>(
 }
 
 /// Coefficients of 1, s, … s⁴ in ℓⱼ.
-fn lagrange(j: usize) -> [f64; N_NODES] {
+pub(super) fn lagrange(j: usize) -> [f64; N_NODES] {
     let mut polynomial = [0.0; N_NODES];
     polynomial[0] = 1.0;
     for (_, node) in NODES.iter().enumerate().filter(|(k, _)| *k != j) {
@@ -381,7 +381,7 @@ fn feedback_at_nodes<S: Number>(system: &System<S>, step: &CollocationStep<S>, s
 
 /// By elimination without pivots: the matrix is the identity and a feedback, which takes a pivot away only where the force runs away.
 #[inline(always)]
-fn solve<S: Number>(mut matrix: [[S; N_NODES]; N_NODES], mut right: [S; N_NODES]) -> [S; N_NODES] {
+pub(super) fn solve<S: Number>(mut matrix: [[S; N_NODES]; N_NODES], mut right: [S; N_NODES]) -> [S; N_NODES] {
     for k in 0..N_NODES {
         let inverse = S::constant(1.0) / matrix[k][k];
         for j in k + 1..N_NODES {

@@ -1,8 +1,8 @@
 //! The reduced model of any stages: command → load → mechanics → observation in closed form (physics §5).
 //!
 //! Written once for numbers, numbers with a derivative and eight points at once. [`system`] turns stages into rates and gains, [`linear`] moves
-//! the robot where the force does not depend on its position, [`feedback`] where it does, in steps that [`schedule`] chooses, and what is common
-//! stands here.
+//! the robot where the force does not depend on its position, [`feedback`] where it does, in steps that [`schedule`] chooses, [`state_law`] adds what a quantity
+//! that depends on a state makes of it, and what is common stands here.
 
 // Indices as in the formulas; iterators' closures are compiled apart, without the vector instructions of the kernels.
 #![allow(clippy::needless_range_loop)]
@@ -19,6 +19,9 @@ mod moments;
 mod numbers;
 mod record;
 mod schedule;
+mod state_law;
+#[cfg(test)]
+mod state_law_tests;
 mod system;
 #[cfg(test)]
 mod tests;
@@ -65,6 +68,9 @@ impl Response {
         if let Some(Spread::Stepped(stepped)) = &stages.spread {
             let excess_m = T::excess_m(&*stepped.0, stages, compliance_per_m, &self.time_s, self.force.get())?;
             point.excess_m = Some(excess_m);
+        }
+        if let Some(law) = &stages.state_law {
+            point.excess_m = Some(state_law::excess_m(self, stages, law, compliance_per_m)?);
         }
         Ok(point)
     }

@@ -45,6 +45,10 @@ pub(super) trait Number: Scalar {
 pub(super) trait Real: PointScalar + Number<Lane = Self> + Field {
     /// Whether the other may stand for this: nearly the same value, and the same derivative.
     fn is_close(self, other: Self, tolerance: f64) -> bool;
+    /// Whether it carries a derivative.
+    const CARRIES: bool;
+    /// The number with the derivative that it carries.
+    fn carried(self) -> Dual;
     /// What a law that is not linear adds at every row, in m.
     fn excess_m(
         stepper: &dyn FieldStepper,
@@ -140,8 +144,12 @@ fn plain_decay(z: f64) -> (f64, f64) {
 }
 
 impl Real for f64 {
+    const CARRIES: bool = false;
     fn is_close(self, other: Self, tolerance: f64) -> bool {
         (self - other).abs() <= tolerance
+    }
+    fn carried(self) -> Dual {
+        Dual::constant(self)
     }
     fn excess_m(
         stepper: &dyn FieldStepper,
@@ -221,8 +229,12 @@ impl Number for Dual {
 const SERIES_BELOW: f64 = 0.5;
 
 impl Real for Dual {
+    const CARRIES: bool = true;
     fn is_close(self, other: Self, tolerance: f64) -> bool {
         (self.value - other.value).abs() <= tolerance && self.derivative == other.derivative
+    }
+    fn carried(self) -> Dual {
+        self
     }
     fn excess_m(
         stepper: &dyn FieldStepper,

@@ -76,7 +76,7 @@ pub(super) struct System<S> {
 
 /// Shortest time after a switch that matters, as a part of the shortest step, where a switch may fall between rows or the force changes
 /// between them.
-const BETWEEN_ROWS: f64 = 1e-2;
+pub(super) const BETWEEN_ROWS: f64 = 1e-2;
 
 impl<T: Real> Lowered<T> {
     /// The numbers of stages, without what a law that is not linear adds. `window` is what the record's rows ask for.
@@ -84,6 +84,14 @@ impl<T: Real> Lowered<T> {
         let load = &stages.load;
         check(load.delay_s.value >= 0.0, "the force's delay", load.delay_s, "s")?;
         check(load.lag_time_s.value >= 0.0, "the force's lag", load.lag_time_s, "s")?;
+        if stages.spread.is_some() && stages.state_law.is_some()
+            || stages.state_law.is_some() && !load.gradient_per_m.is_constant(0.0)
+        {
+            return Err(Error::numerical(
+                "a quantity that depends on a state stands beside a force gradient or a field that is solved for",
+                "leave one of them out",
+            ));
+        }
         let at_rows = !record.is_linear
             && load.delay_s.is_constant(0.0)
             && load.lag_time_s.value == 0.0
@@ -162,7 +170,7 @@ impl<T: Real> Lowered<T> {
 }
 
 /// How steps of a law are graded behind a lag of some rate (1/s), under a gradient whose exponent is `strength_pa` times the creep compliance.
-fn grading<T: Real>(spectrum: &RetardationSpectrum<T>, lag_rate: Option<f64>, strength_pa: f64) -> Grading {
+pub(super) fn grading<T: Real>(spectrum: &RetardationSpectrum<T>, lag_rate: Option<f64>, strength_pa: f64) -> Grading {
     let real = spectrum.modes.iter().map(|mode| (mode.compliance_per_pa.value(), mode.rate_per_s.value()));
     let size = |[re, im]: [T; 2]| re.value().hypot(im.value());
     let complex = spectrum.oscillating.iter().map(|mode| (size(mode.compliance_per_pa), size(mode.rate_per_s)));

@@ -1,0 +1,159 @@
+//! The document of `learn` (formats §7, `vitreo-uq/learned/1`).
+
+use serde::{Deserialize, Serialize};
+
+/// Body of `vitreo-uq/learned/1`.
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+pub struct Learned {
+    /// Specimen identifier.
+    pub experiment: String,
+    /// What is concluded.
+    pub verdict: LearnedVerdict,
+    /// Cycles that every model was fitted to.
+    pub fitted_cycles: Vec<u32>,
+    /// The cycle that was scored, if there is one.
+    pub heldout_cycles: Vec<u32>,
+    /// The function; `None` where nothing was learnt, or a memory.
+    pub function: Option<LearnedFunction>,
+    /// The formula that says the same; `None` where none does.
+    pub formula: Option<LearnedFormula>,
+    /// The retardations that were learnt; empty where a function was.
+    pub memory: Vec<Retardation>,
+    /// Errors of the model without it.
+    pub base: LearnedErrors,
+    /// Errors with it; `None` where nothing was learnt.
+    pub learned: Option<LearnedErrors>,
+    /// Errors with the formula; `None` where there is none.
+    pub with_formula: Option<LearnedErrors>,
+    /// The known or estimated noise of one position.
+    pub noise_um: f64,
+    /// p of the leading pair's gain, corrected for the whole search.
+    pub p_familywise: f64,
+    /// Share of the squared error on the held-out cycle that goes, the noise's taken off; of the fitted ones where none is held out.
+    pub explained_fraction: Option<f64>,
+    /// Every pair that was looked at, best first.
+    pub pairs: Vec<LearnedPair>,
+}
+
+/// The conclusion.
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+pub struct LearnedVerdict {
+    /// Whether anything was learnt.
+    pub kind: LearnedKind,
+    /// What depends; empty where nothing was learnt.
+    pub quantity: String,
+    /// On what.
+    pub state: String,
+    /// Pairs that this experiment cannot tell from it.
+    pub equivalent: Vec<EquivalentPair>,
+    /// Effects of the library that do as well, and are to be preferred.
+    pub library: Vec<String>,
+    /// In words.
+    pub sentence: String,
+}
+
+/// Whether anything was learnt.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, schemars::JsonSchema, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum LearnedKind {
+    /// Something was.
+    Learned,
+    /// Nothing was.
+    Nothing,
+}
+
+/// A pair of a quantity and a state.
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+pub struct EquivalentPair {
+    /// What depends.
+    pub quantity: String,
+    /// On what.
+    pub state: String,
+}
+
+/// A learnt function.
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+pub struct LearnedFunction {
+    /// Unit of the state.
+    pub state_unit: String,
+    /// Lowest and highest state that fitted rows visited.
+    pub visited: [f64; 2],
+    /// Its values.
+    pub points: Vec<LearnedPoint>,
+}
+
+/// A value of the function: what the quantity is multiplied by.
+#[derive(Debug, Clone, Copy, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+pub struct LearnedPoint {
+    /// State.
+    pub state: f64,
+    /// Factor of the quantity.
+    pub factor: f64,
+    /// 5 % quantile.
+    pub q05: f64,
+    /// 95 % quantile.
+    pub q95: f64,
+}
+
+/// A formula.
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+pub struct LearnedFormula {
+    /// The formula, of the state and the parameters.
+    pub text: String,
+    /// Its parameters.
+    pub parameters: Vec<FormulaParameter>,
+    /// The file beside this document that `extend --with` takes.
+    pub file: String,
+    /// Factors at the states of the function's points.
+    pub factors: Vec<f64>,
+}
+
+/// A parameter of a formula.
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+pub struct FormulaParameter {
+    /// Name.
+    pub name: String,
+    /// Unit.
+    pub unit: String,
+    /// Value at the fit.
+    pub value: f64,
+    /// 5 % quantile.
+    pub q05: f64,
+    /// 95 % quantile.
+    pub q95: f64,
+}
+
+/// A retardation beside the law.
+#[derive(Debug, Clone, Copy, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+pub struct Retardation {
+    /// Its time in s.
+    pub time_s: f64,
+    /// Its compliance over what the law's is at the time of a hold.
+    pub share: f64,
+}
+
+/// Errors of one model.
+#[derive(Debug, Clone, Copy, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+pub struct LearnedErrors {
+    /// Root mean square over the fitted cycles.
+    pub rmse_fitted_um: f64,
+    /// The same over the scored cycle.
+    pub rmse_heldout_um: Option<f64>,
+}
+
+/// A pair that was looked at.
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+pub struct LearnedPair {
+    /// What depends.
+    pub quantity: String,
+    /// On what.
+    pub state: String,
+    /// Gain in ln evidence over the model without it.
+    pub evidence_nats: f64,
+    /// Gain in the log score of cycles given those before them.
+    pub heldout_gain_nats: Option<f64>,
+    /// The part of it that the last cycle gives.
+    pub last_cycle_gain_nats: Option<f64>,
+    /// Error on the scored cycle.
+    pub rmse_heldout_um: Option<f64>,
+}

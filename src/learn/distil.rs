@@ -1,0 +1,108 @@
+//! A learnt function as a formula, chosen by how it predicts cycles that it has not seen.
+
+use rayon::prelude::*;
+
+use super::fit::Learnt;
+use super::formulas::{Written, formulas};
+use super::pairs::{Kind, Pair};
+use crate::critique::refit::Refitted;
+use crate::critique::{Search, Subject, Tangent};
+use crate::documents::learned::{FormulaParameter, LearnedFormula};
+use crate::effects::{Effect, StateEffect};
+use crate::number::Dual;
+use crate::study::effect_file;
+
+/// What a formula's parameter beyond the first has to be worth, in nats of the log score of unseen cycles.
+const NATS_PER_PARAMETER: f64 = 1.0;
+/// What a formula may lose of the function's own score: nats, and a share of what that gains.
+const LARGEST_LOSS_NATS: f64 = 3.0;
+const LARGEST_LOSS: f64 = 0.05;
+
+/// The name of the file with a formula.
+pub const FILE_NAME: &str = "learned-effect.toml";
+
+/// A formula at its fit.
+pub struct Distilled {
+    /// For the document.
+    pub formula: LearnedFormula,
+    /// The model with it.
+    pub refitted: Refitted,
+    /// The effect's file.
+    pub file: String,
+}
+
+/// The formula that predicts best what was not seen; `None` where none does nearly as well as the function.
+pub fn distil(subject: &Subject, base: &Refitted, learnt: &Learnt, pair: &Pair, states: &[f64]) -> Option<Distilled> {
+    let Kind::Function { state, visited, .. } = &pair.kind else { return None };
+    let size = visited.iter().fold(0.0_f64, |size, s| size.max(s.abs()));
+    let slug = format!("learned-{}-by-{}", pair.quantity, pair.state).replace('_', "-");
+    let summary = format!("{} depends on {}", pair.quantity, pair.state.replace('_', " "));
+    let written = formulas(*state, size);
+    let fitted = |written: &Written| -> Option<(String, Refitted, &'static StateEffect)> {
+        let text = written.file(&slug, pair.quantity, pair.state, &summary);
+        let effect: &'static StateEffect = Box::leak(Box::new(effect_file::parsed(FILE_NAME.as_ref(), &text).ok()?));
+        let own = beside(subject, effect)?;
+        let candidate = own.extended(&[effect.slug]).ok()?;
+        Some((text, Refitted::new(&own, candidate, &[base], Search::Wide).ok()?, effect))
+    };
+    let all: Vec<_> = written.par_iter().map(|written| (written, fitted(written))).collect();
+    let score = |refitted: &Refitted| -> f64 {
+        let n = refitted.candidate.free.len() - base.candidate.free.len();
+        let future = refitted.future.map_or(refitted.fitted.objective, |future| future.all);
+        future - NATS_PER_PARAMETER * n.saturating_sub(1) as f64
+    };
+    let found = all.into_iter().filter_map(|(written, fitted)| Some((written, fitted?)));
+    let (written, (file, refitted, effect)) =
+        found.max_by(|(_, (_, a, _)), (_, (_, b, _))| score(a).total_cmp(&score(b)))?;
+    let of_base = base.future.map_or(base.fitted.objective, |future| future.all);
+    let of_function = learnt.future.map_or(of_base + learnt.evidence_nats, |future| future.all);
+    let gain = of_function - of_base;
+    if score(&refitted) < of_function - LARGEST_LOSS_NATS - LARGEST_LOSS * gain.max(0.0) {
+        return None;
+    }
+    let formula = LearnedFormula {
+        text: written.text.clone(),
+        parameters: parameters(&beside(subject, effect)?, &refitted, written, effect)?,
+        file: FILE_NAME.into(),
+        factors: factors(&refitted, effect, states),
+    };
+    Some(Distilled { formula, refitted, file })
+}
+
+/// Values and intervals of a formula's parameters: normal in the coordinates of the search.
+fn parameters(
+    subject: &Subject,
+    refitted: &Refitted,
+    written: &Written,
+    effect: &StateEffect,
+) -> Option<Vec<FormulaParameter>> {
+    let tangent = Tangent::new(subject, &refitted.candidate, &refitted.fitted).ok()?;
+    let sds = tangent.standard_deviations();
+    let of = |spec: &crate::parameter::ParameterSpec| {
+        let name = spec.name.rsplit('.').next().unwrap_or(spec.name);
+        let place = refitted.candidate.free.iter().position(|free| free.name == spec.name)?;
+        let (free, theta) = (&refitted.candidate.free[place], refitted.fitted.theta[place]);
+        let at = |z: f64| free.coordinate.value(free.clamped(theta + z * sds[place].min(1e6)));
+        let unit = written.parameters.iter().find(|own| own.name == name)?.unit.clone();
+        Some(FormulaParameter { name: name.into(), unit, value: at(0.0), q05: at(-NORMAL_90), q95: at(NORMAL_90) })
+    };
+    effect.parameters.iter().map(|parameter| of(&parameter.spec)).collect()
+}
+
+/// Standard deviations of a 90 % interval.
+pub const NORMAL_90: f64 = 1.645;
+
+/// Factors at states.
+fn factors(refitted: &Refitted, effect: &StateEffect, states: &[f64]) -> Vec<f64> {
+    let all = refitted.candidate.parameters(&refitted.fitted.theta);
+    let named = refitted.candidate.model.parameters();
+    let value = |name: &str| named.iter().position(|spec| spec.name == name).map_or(f64::NAN, |place| all[place]);
+    let own: Vec<Dual> = effect.parameters.iter().map(|p| Dual::constant(value(p.spec.name))).collect();
+    states.iter().map(|state| effect.function.value(Dual::constant(*state), &own).value).collect()
+}
+
+/// A subject beside one more effect; `None` where the experiment cannot have it.
+fn beside(subject: &Subject, effect: &'static StateEffect) -> Option<Subject> {
+    let library = subject.library().clone().beside([effect as &dyn Effect]);
+    subject.with_library(&library).ok()
+}

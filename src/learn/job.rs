@@ -1,0 +1,358 @@
+//! What the data write: every pair fitted, the leading one judged, drawn and written as a formula.
+
+use super::distil::{Distilled, NORMAL_90, distil};
+use super::fit::{Base, Learnt, Screen, curve, fit_all, largest_gain};
+use super::pairs::{Kind, Pair, pairs};
+use crate::critique::bootstrap::{Bootstrap, Simulations, simulated};
+use crate::critique::leftover::misfit;
+use crate::critique::outliers;
+use crate::critique::refit::{Refitted, refit_all};
+use crate::critique::{Candidate, Fitted, Search, Subject};
+use crate::documents::learned::{
+    EquivalentPair, Learned, LearnedErrors, LearnedFunction, LearnedKind, LearnedPair, LearnedPoint, LearnedVerdict,
+    Retardation,
+};
+use crate::error::Result;
+use crate::report::number::significant;
+use crate::workflow::Monitor;
+
+/// What a caller decides.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Request {
+    /// Most simulated searches.
+    pub n_simulations: usize,
+    /// Seed of all random numbers.
+    pub seed: u64,
+}
+
+impl Default for Request {
+    fn default() -> Self {
+        Self { n_simulations: 99, seed: 1 }
+    }
+}
+
+/// What was learnt, with the file of its formula.
+pub struct Outcome {
+    /// The document.
+    pub learned: Learned,
+    /// The effect's file; `None` where there is no formula.
+    pub file: Option<String>,
+}
+
+/// Largest p, least gain (nats) in the log score of unseen cycles, most that the last of them may lose, and the least change of a position over the noise.
+const LARGEST_P: f64 = 0.02;
+const LEAST_FUTURE_NATS: f64 = 3.0;
+const LARGEST_LOSS_NATS: f64 = 0.1;
+const SMALLEST_CHANGE: f64 = 0.25;
+/// Pairs whose evidence is nearer to the leading one's are its equals: e⁶ is 400 to 1.
+const EQUAL_NATS: f64 = 6.0;
+/// What an effect of the library may lack of the function's log score of unseen cycles to be preferred: nats, and a share of what that gains. A formula has a few parameters, and the function eight.
+const LIBRARY_NATS: f64 = 4.0;
+const LIBRARY_SHARE: f64 = 0.02;
+/// Points of a function, and by how much it is drawn beyond what was visited.
+const N_POINTS: usize = 61;
+
+/// A search among pairs.
+struct Found {
+    subject: Subject,
+    pairs: Vec<Pair>,
+    candidates: Vec<Option<Candidate>>,
+    base: Refitted,
+    /// Best first.
+    learnt: Vec<Learnt>,
+}
+
+fn search(subject: &Subject, monitor: &dyn Monitor) -> Result<Found> {
+    monitor.stage("fitting the model");
+    let first = subject.fit(&subject.base(), &[], Search::Wide)?;
+    let outlier_rows = outliers::find(subject, &first);
+    let subject = if outlier_rows.is_empty() { subject.clone() } else { subject.without_rows(&outlier_rows) };
+    let base = Refitted::new(&subject, subject.base(), &[], Search::Wide)?;
+    let pairs = pairs(&subject, &base)?;
+    let library = subject.library().clone().beside(pairs.iter().map(|pair| pair.effect));
+    let subject = subject.with_library(&library)?;
+    let candidates: Vec<Option<Candidate>> =
+        pairs.iter().map(|pair| subject.extended(&[pair.effect.slug()]).ok()).collect();
+    monitor.stage("fitting every quantity as a function of every state");
+    let mut learnt = fit_all(&subject, &Base::new(&subject, &base)?, &pairs, &candidates);
+    learnt.sort_by(|a, b| b.evidence_nats.total_cmp(&a.evidence_nats));
+    Ok(Found { subject, pairs, candidates, base, learnt })
+}
+
+/// Learns.
+///
+/// # Errors
+/// Whatever fitting the base model refuses.
+pub fn learn(subject: &Subject, request: &Request, monitor: &dyn Monitor) -> Result<Outcome> {
+    let found = search(subject, monitor)?;
+    let Some(leading) = found.learnt.first() else { return Ok(found.nothing(1.0, "no pair has a model here")) };
+    monitor.stage("simulating searches where nothing is to be learnt");
+    let p = found.p(leading.evidence_nats, request, monitor)?;
+    let Some(chosen) = found.chosen(p) else {
+        let why = if p > LARGEST_P { "no more than chance gives" } else { "nothing that predicts unseen cycles" };
+        return Ok(found.nothing(p, why));
+    };
+    monitor.stage("comparing with the library");
+    let preferred = found.preferred(chosen, monitor);
+    monitor.stage("writing it as a formula");
+    found.learned(chosen, p, preferred)
+}
+
+/// What `learn` would give for what a model leaves, in words, without the simulated searches that would confirm it; `None` where nothing helps.
+///
+/// # Errors
+/// As [`learn`].
+pub fn first_look(subject: &Subject, monitor: &dyn Monitor) -> Result<Option<String>> {
+    let found = search(subject, monitor)?;
+    let Some(chosen) = found.chosen(0.0) else { return Ok(None) };
+    let pair = &found.pairs[chosen.pair];
+    let share = found.explained(&chosen.fitted).filter(|share| *share > 0.0);
+    Ok(share.map(|share| {
+        format!(
+            "{} explains {:.0} % of what is left; `vitreo-uq learn STUDY` writes it",
+            found.words(chosen, pair),
+            100.0 * share
+        )
+    }))
+}
+
+impl Found {
+    /// p of a gain, by searches in data that were simulated from the base.
+    fn p(&self, gain: f64, request: &Request, _monitor: &dyn Monitor) -> Result<f64> {
+        let screen = Screen::new(&self.subject, &self.base, &self.candidates)?;
+        let simulations = Simulations { most: request.n_simulations, only_for: Some(LARGEST_P) };
+        let largest = |number: usize| {
+            let data = simulated(&self.subject, &self.base, request.seed ^ 0x1ea4, number);
+            largest_gain(&data, &self.base, &screen, &self.candidates)
+        };
+        Ok(Bootstrap::of(gain, simulations, largest).p(gain))
+    }
+
+    /// The leading pair that predicts what was not seen.
+    fn chosen(&self, p: f64) -> Option<&Learnt> {
+        let predicts = |learnt: &&Learnt| match learnt.future.zip(self.base.future) {
+            Some((own, base)) => own.all - base.all > LEAST_FUTURE_NATS && own.last - base.last > -LARGEST_LOSS_NATS,
+            None => false,
+        };
+        let shows = |learnt: &&Learnt| {
+            let changes = learnt.fitted.position_m.iter().zip(&self.base.fitted.position_m);
+            let largest_m = changes.fold(0.0_f64, |largest, (a, b)| largest.max((a - b).abs()));
+            largest_m >= SMALLEST_CHANGE * self.subject.yardstick_m()
+        };
+        let chosen = self.learnt.iter().filter(predicts).find(shows)?;
+        let is_near = self.learnt[0].evidence_nats - chosen.evidence_nats <= EQUAL_NATS;
+        (p <= LARGEST_P && is_near && chosen.evidence_nats > 0.0).then_some(chosen)
+    }
+
+    /// Effects of the library that predict what was not seen as well as the function.
+    fn preferred(&self, chosen: &Learnt, monitor: &dyn Monitor) -> Vec<String> {
+        let own: Vec<&str> = self.pairs.iter().map(|pair| pair.effect.slug()).collect();
+        let others = self.subject.library().effects().iter().filter(|effect| !own.contains(&effect.slug()));
+        let candidates: Vec<Candidate> =
+            others.filter_map(|effect| self.subject.extended(&[effect.slug()]).ok()).collect();
+        let refitted = refit_all(&self.subject, &candidates, &[&self.base], Search::Wide, monitor);
+        let Some((learnt, base)) = chosen.future.zip(self.base.future) else { return Vec::new() };
+        let allowed = LIBRARY_NATS + LIBRARY_SHARE * (learnt.all - base.all).max(0.0);
+        let mut good: Vec<(f64, String)> = refitted
+            .into_iter()
+            .flatten()
+            .filter_map(|own| Some((own.future?.all, own.candidate.effects.last()?.clone())))
+            .filter(|(score, _)| *score >= learnt.all - allowed)
+            .collect();
+        good.sort_by(|a, b| b.0.total_cmp(&a.0));
+        good.into_iter().map(|(_, slug)| slug).collect()
+    }
+
+    /// Share of the squared error that goes, the noise's taken off.
+    fn explained(&self, fitted: &Fitted) -> Option<f64> {
+        let is_scored = self.subject.scored_m.iter().any(Option::is_some);
+        let rows = if is_scored { &self.subject.scored_m } else { &self.subject.fitted_m };
+        let noise = self.subject.yardstick_m().powi(2);
+        let [before, after] =
+            [&self.base.fitted, fitted].map(|own| own.rmse_m(rows).map(|rmse| (rmse * rmse - noise).max(0.0)));
+        let (before, after) = (before?, after?);
+        (before > 0.0).then(|| (1.0 - after / before).clamp(-1.0, 1.0))
+    }
+
+    fn errors(&self, fitted: &Fitted) -> LearnedErrors {
+        LearnedErrors {
+            rmse_fitted_um: 1e6 * fitted.rmse_m(&self.subject.fitted_m).unwrap_or(f64::NAN),
+            rmse_heldout_um: fitted.rmse_m(&self.subject.scored_m).map(|rmse| 1e6 * rmse),
+        }
+    }
+
+    /// What depends on what, and which way.
+    fn words(&self, chosen: &Learnt, pair: &Pair) -> String {
+        let Kind::Function { visited, .. } = &pair.kind else {
+            return "a memory at more times than the law has".into();
+        };
+        let quantity = match pair.quantity {
+            "force" => "the force".to_string(),
+            "position" => "the observed position".to_string(),
+            name => format!("`{name}`"),
+        };
+        let ends = visited.iter().fold([0.0_f64; 2], |[low, high], s| [low.min(*s), high.max(*s)]);
+        let far = if ends[1] >= -ends[0] { ends[1] } else { ends[0] };
+        let change = curve(&self.subject, chosen, pair, &[far]).ok().and_then(|curve| curve.first().map(|own| own[0]));
+        let way = match change {
+            Some(change) if change > 0.0 => "rising",
+            Some(_) => "falling",
+            None => "changing",
+        };
+        format!("{quantity} {way} with the {}", pair.state.replace('_', " "))
+    }
+
+    fn document(&self, p: f64, verdict: LearnedVerdict) -> Learned {
+        let experiment = self.subject.experiment();
+        let of_base = self.base.future;
+        let entry = |learnt: &Learnt| {
+            let pair = &self.pairs[learnt.pair];
+            let future = learnt.future.zip(of_base);
+            LearnedPair {
+                quantity: pair.quantity.into(),
+                state: pair.state.into(),
+                evidence_nats: learnt.evidence_nats,
+                heldout_gain_nats: future.map(|(own, base)| own.all - base.all),
+                last_cycle_gain_nats: future.map(|(own, base)| own.last - base.last),
+                rmse_heldout_um: self.errors(&learnt.fitted).rmse_heldout_um,
+            }
+        };
+        Learned {
+            experiment: experiment.specimen_id.clone(),
+            verdict,
+            fitted_cycles: experiment.calibration_cycles.clone(),
+            heldout_cycles: experiment.heldout_cycles.clone(),
+            function: None,
+            formula: None,
+            memory: Vec::new(),
+            base: self.errors(&self.base.fitted),
+            learned: None,
+            with_formula: None,
+            noise_um: 1e6 * self.subject.yardstick_m(),
+            p_familywise: p,
+            explained_fraction: None,
+            pairs: self.learnt.iter().map(entry).collect(),
+        }
+    }
+
+    fn nothing(&self, p: f64, why: &str) -> Outcome {
+        let sentence = format!(
+            "Nothing was learnt: no quantity that depends on a state explains more than the model does ({why})."
+        );
+        let verdict = LearnedVerdict {
+            kind: LearnedKind::Nothing,
+            quantity: String::new(),
+            state: String::new(),
+            equivalent: Vec::new(),
+            library: Vec::new(),
+            sentence,
+        };
+        Outcome { learned: self.document(p, verdict), file: None }
+    }
+
+    fn learned(&self, chosen: &Learnt, p: f64, library: Vec<String>) -> Result<Outcome> {
+        let pair = &self.pairs[chosen.pair];
+        let states = states_of(pair);
+        let distilled = distil(&self.subject, &self.base, chosen, pair, &states);
+        let is_equal =
+            |other: &&Learnt| other.pair != chosen.pair && other.evidence_nats >= chosen.evidence_nats - EQUAL_NATS;
+        let equal = self.learnt.iter().filter(is_equal).map(|other| {
+            let pair = &self.pairs[other.pair];
+            EquivalentPair { quantity: pair.quantity.into(), state: pair.state.into() }
+        });
+        let equivalent: Vec<EquivalentPair> = equal.collect();
+        let sentence = self.sentence(chosen, &equivalent, &library, distilled.as_ref())?;
+        let verdict = LearnedVerdict {
+            kind: LearnedKind::Learned,
+            quantity: pair.quantity.into(),
+            state: pair.state.into(),
+            equivalent,
+            library,
+            sentence,
+        };
+        let mut learned = self.document(p, verdict);
+        learned.learned = Some(self.errors(&chosen.fitted));
+        learned.explained_fraction = self.explained(&chosen.fitted);
+        if let Kind::Function { state, visited, .. } = &pair.kind {
+            let curve = curve(&self.subject, chosen, pair, &states)?;
+            let point = |(state, [mean, sd]): (&f64, &[f64; 2])| LearnedPoint {
+                state: *state,
+                factor: mean.exp(),
+                q05: (mean - NORMAL_90 * sd).exp(),
+                q95: (mean + NORMAL_90 * sd).exp(),
+            };
+            let rows = (0..visited.len()).filter(|row| self.subject.fitted_m[*row].is_some());
+            let seen = rows.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], row| {
+                [low.min(visited[row]), high.max(visited[row])]
+            });
+            let points = states.iter().zip(&curve).map(point).collect();
+            learned.function = Some(LearnedFunction { state_unit: state.unit().into(), visited: seen, points });
+        }
+        if let Kind::Memory(creep) = &pair.kind {
+            let shares = chosen.candidate.parameters(&chosen.fitted.theta);
+            let first = shares.len() - creep.times_s.len();
+            let all = creep.times_s.iter().zip(&shares[first..]);
+            learned.memory = all.map(|(time_s, share)| Retardation { time_s: *time_s, share: *share }).collect();
+        }
+        let Some(Distilled { formula, refitted, file }) = distilled else {
+            return Ok(Outcome { learned, file: None });
+        };
+        learned.with_formula = Some(self.errors(&refitted.fitted));
+        learned.formula = Some(formula);
+        Ok(Outcome { learned, file: Some(file) })
+    }
+
+    fn sentence(
+        &self,
+        chosen: &Learnt,
+        equivalent: &[EquivalentPair],
+        library: &[String],
+        distilled: Option<&Distilled>,
+    ) -> Result<String> {
+        let pair = &self.pairs[chosen.pair];
+        let [before, after] = [&self.base.fitted, &chosen.fitted].map(|own| self.errors(own));
+        let error = |own: LearnedErrors| own.rmse_heldout_um.unwrap_or(own.rmse_fitted_um);
+        let cycle = if after.rmse_heldout_um.is_some() { "held-out cycle" } else { "fitted cycles" };
+        let words = self.words(chosen, pair);
+        let first = words.chars().next().map_or(String::new(), |c| c.to_uppercase().to_string());
+        let mut sentence = format!(
+            "{first}{} brings the error on the {cycle} from {} to {} µm (noise {} µm).",
+            words.chars().skip(1).collect::<String>(),
+            significant(error(before), 3),
+            significant(error(after), 3),
+            significant(1e6 * self.subject.yardstick_m(), 3)
+        );
+        match distilled {
+            Some(own) => sentence += &format!(" As a formula: {} × ({}).", pair.quantity, own.formula.text),
+            None if matches!(pair.kind, Kind::Function { .. }) => {
+                sentence += " No short formula predicts unseen cycles as well.";
+            }
+            None => {}
+        }
+        if !library.is_empty() {
+            sentence += &format!(" The library's {} does as well and is to be preferred.", quoted(library));
+        }
+        if !equivalent.is_empty() {
+            let names: Vec<String> =
+                equivalent.iter().map(|own| format!("{} by {}", own.quantity, own.state.replace('_', " "))).collect();
+            sentence += &format!(" This experiment cannot tell it from {}.", names.join(", "));
+        }
+        let model =
+            Refitted { candidate: chosen.candidate.clone(), fitted: chosen.fitted.clone(), future: chosen.future };
+        if misfit(&self.subject, &model, &[])?.is_too_large() {
+            sentence += " What it leaves is still more than noise.";
+        }
+        Ok(sentence)
+    }
+}
+
+fn quoted(slugs: &[String]) -> String {
+    slugs.iter().map(|slug| format!("`{slug}`")).collect::<Vec<_>>().join(" or ")
+}
+
+/// States at which a function is written, over all that the record visits.
+fn states_of(pair: &Pair) -> Vec<f64> {
+    let Kind::Function { visited, .. } = &pair.kind else { return Vec::new() };
+    let [low, high] = visited.iter().fold([0.0_f64; 2], |[low, high], s| [low.min(*s), high.max(*s)]);
+    (0..N_POINTS).map(|k| low + (high - low) * k as f64 / (N_POINTS - 1) as f64).collect()
+}
