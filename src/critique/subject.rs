@@ -128,12 +128,15 @@ impl Subject {
     /// # Errors
     /// As [`Self::with_compliance`].
     pub fn with_library(&self, library: &Library) -> Result<Self> {
+        self.with_experiment(self.shared.experiment.clone(), library)
+    }
+
+    fn with_experiment(&self, experiment: Experiment, library: &Library) -> Result<Self> {
         let shared = &self.shared;
-        let base = shared.base.with(shared.experiment.clone(), shared.specification.clone(), library)?;
         let own = Shared {
-            experiment: shared.experiment.clone(),
+            base: shared.base.with(experiment.clone(), shared.specification.clone(), library)?,
+            experiment,
             specification: shared.specification.clone(),
-            base,
             library: library.clone(),
             noise: shared.noise,
             yardstick_m: shared.yardstick_m,
@@ -143,6 +146,18 @@ impl Subject {
             large: shared.large.clone(),
         };
         Ok(Self { shared: Arc::new(own), ..self.clone() })
+    }
+
+    /// The same with other cycles fitted and scored.
+    ///
+    /// # Errors
+    /// As [`Self::with_compliance`].
+    pub fn with_cycles(&self, fitted: &[u32], scored: &[u32]) -> Result<Self> {
+        let mut experiment = self.shared.experiment.clone();
+        (experiment.calibration_cycles, experiment.heldout_cycles) = (fitted.to_vec(), scored.to_vec());
+        let own = self.with_experiment(experiment, &self.shared.library)?;
+        let (fitted_m, scored_m) = (own.shared.base.positions_of(fitted), own.shared.base.positions_of(scored));
+        Ok(Self::of(own.shared, fitted_m, scored_m))
     }
 
     fn of(shared: Arc<Shared>, fitted_m: Vec<Option<f64>>, scored_m: Vec<Option<f64>>) -> Self {

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::fit::Learnt;
-use super::formulas::{Written, formulas};
+use super::formulas::{Parameter, Written, formulas};
 use super::pairs::{Kind, Pair};
 use crate::critique::refit::Refitted;
 use crate::critique::{Search, Subject, Tangent};
@@ -52,8 +52,18 @@ pub fn distil(subject: &Subject, base: &Refitted, learnt: &Learnt, pair: &Pair, 
         future - NATS_PER_PARAMETER * n.saturating_sub(1) as f64
     };
     let found = all.into_iter().filter_map(|(written, fitted)| Some((written, fitted?)));
-    let (written, (file, refitted, effect)) =
-        found.max_by(|(_, (_, a, _)), (_, (_, b, _))| score(a).total_cmp(&score(b)))?;
+    let mut found: Vec<_> = found.collect();
+    found.sort_by(|(_, (_, a, _)), (_, (_, b, _))| score(b).total_cmp(&score(a)));
+    // A formula whose parameters the data do not determine says less than it seems to.
+    let (written, file, refitted, effect, own) = found.into_iter().find_map(|(written, (file, refitted, effect))| {
+        let own = parameters(&beside(subject, effect)?, &refitted, written, effect)?;
+        let in_order = written.parameters.iter().filter_map(|p| Some((p, own.iter().find(|own| own.name == p.name)?)));
+        let is_told = |(parameter, own): (&Parameter, &FormulaParameter)| {
+            !parameter.has_null || own.q05 > 0.0 || own.q95 < 0.0
+        };
+        let are_told = in_order.into_iter().all(is_told);
+        are_told.then_some((written, file, refitted, effect, own))
+    })?;
     let of_base = base.future.map_or(base.fitted.objective, |future| future.all);
     let of_function = learnt.future.map_or(of_base + learnt.evidence_nats, |future| future.all);
     let gain = of_function - of_base;
@@ -62,7 +72,7 @@ pub fn distil(subject: &Subject, base: &Refitted, learnt: &Learnt, pair: &Pair, 
     }
     let formula = LearnedFormula {
         text: written.text.clone(),
-        parameters: parameters(&beside(subject, effect)?, &refitted, written, effect)?,
+        parameters: own,
         file: FILE_NAME.into(),
         factors: factors(&refitted, effect, states),
     };

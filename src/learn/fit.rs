@@ -15,7 +15,7 @@ use crate::critique::{Candidate, Fitted, NoiseValues, Search, Subject, Tangent};
 use crate::error::Result;
 
 /// Standard deviations τ of weights that are tried, in order: a weight of 1 changes its quantity by a factor of e over the range of states.
-const SPREADS: [f64; 3] = [0.3, 1.0, 0.08];
+const SPREADS: [f64; 4] = [0.3, 1.0, 3.0, 0.08];
 
 /// A pair at its fit.
 pub struct Learnt {

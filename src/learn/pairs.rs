@@ -30,9 +30,7 @@ pub enum Kind {
     Function {
         /// The function.
         smooth: Smooth,
-        /// What depends.
-        quantity: QuantityName,
-        /// On what.
+        /// The state.
         state: State,
         /// States at the rows.
         visited: Vec<f64>,
@@ -112,7 +110,7 @@ fn pair(quantity: QuantityName, state: State, visited: Vec<f64>) -> Option<Pair>
         function: Box::leak(Box::new(smooth)),
         parameters: Box::leak((0..N_WEIGHTS).map(parameter).collect::<Vec<_>>().into_boxed_slice()),
     }));
-    let kind = Kind::Function { smooth, quantity, state, visited };
+    let kind = Kind::Function { smooth, state, visited };
     Some(Pair { quantity: quantity.name(), state: state.name(), effect, kind })
 }
 

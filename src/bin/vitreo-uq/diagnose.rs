@@ -8,6 +8,7 @@ use vitreo_uq::critique::search::Bars;
 use vitreo_uq::documents::diagnosis::{CandidateEntry, Diagnosis, Status, VerdictKind};
 use vitreo_uq::error::{Error, Place, Result};
 use vitreo_uq::files::write_json_atomically;
+use vitreo_uq::learn::first_look;
 use vitreo_uq::report::diagnosis as figure;
 use vitreo_uq::report::number::listed;
 use vitreo_uq::report::svg::{remove_figure, write_figure};
@@ -34,7 +35,11 @@ pub fn run(arguments: &DiagnoseArguments) -> Result<ExitCode> {
     let terminal = Terminal::new(common.quiet);
     let sampler = options::default_sampler(common.seed, threads);
     let examined = Examined::open(common, &arguments.model, sampler, &terminal)?;
-    let outcome = diagnose(&examined.subject_for_effects(&terminal)?, &request, &terminal)?;
+    let mut outcome = diagnose(&examined.subject_for_effects(&terminal)?, &request, &terminal)?;
+    if outcome.diagnosis.verdict.kind == VerdictKind::Unexplained {
+        // What no effect explains may be a law that no one wrote down.
+        outcome.diagnosis.remarks.extend(first_look(&outcome.subject, &terminal)?);
+    }
     let diagnosis = &outcome.diagnosis;
     terminal.stage("writing results and figures");
     let document = WithProvenance { provenance: examined.provenance("diagnosis", common.seed), body: diagnosis };

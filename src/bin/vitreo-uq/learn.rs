@@ -3,8 +3,9 @@
 use std::process::ExitCode;
 use std::time::Instant;
 
+use vitreo_uq::critique::Subject;
 use vitreo_uq::documents::learned::{Learned, LearnedErrors, LearnedKind, LearnedPair};
-use vitreo_uq::error::Result;
+use vitreo_uq::error::{Error, Place, Result};
 use vitreo_uq::files::{write_atomically, write_json_atomically};
 use vitreo_uq::learn::{Request, learn};
 use vitreo_uq::report::learned as figure;
@@ -33,7 +34,8 @@ pub fn run(arguments: &LearnArguments) -> Result<ExitCode> {
     let sampler = options::default_sampler(common.seed, threads);
     let examined = Examined::open(common, &arguments.model, sampler, &terminal)?;
     let request = Request { n_simulations: arguments.simulations, seed: common.seed };
-    let outcome = learn(&examined.subject_for_effects(&terminal)?, &request, &terminal)?;
+    let subject = of_first_cycles(examined.subject_for_effects(&terminal)?, arguments.first_cycles)?;
+    let outcome = learn(&subject, &request, &terminal)?;
     terminal.stage("writing results and figures");
     let learned = &outcome.learned;
     let document = WithProvenance { provenance: examined.provenance("learned", common.seed), body: learned };
@@ -59,6 +61,24 @@ pub fn run(arguments: &LearnArguments) -> Result<ExitCode> {
     }
     crate::report::refresh(&examined.study, &arguments.page, common.quiet);
     Ok(ExitCode::SUCCESS)
+}
+
+/// The subject whose first cycles are fitted and whose later ones are scored, where that is asked for.
+fn of_first_cycles(subject: Subject, first: Option<u32>) -> Result<Subject> {
+    let Some(first) = first else { return Ok(subject) };
+    let experiment = subject.experiment();
+    let mut cycles = [&experiment.calibration_cycles[..], &experiment.heldout_cycles].concat();
+    cycles.sort_unstable();
+    let (fitted, scored): (Vec<u32>, Vec<u32>) = cycles.into_iter().partition(|cycle| *cycle <= first);
+    if fitted.is_empty() || scored.is_empty() {
+        let remedy = "give a number that leaves cycles on both sides";
+        return Err(Error::input(
+            Place::option("--first-cycles"),
+            format!("{first} leaves nothing to fit or to score"),
+            remedy,
+        ));
+    }
+    subject.with_cycles(&fitted, &scored)
 }
 
 fn words(learned: &Learned, revision: &str) -> String {

@@ -195,6 +195,9 @@ pub struct LearnArguments {
     /// Most simulated searches by which a gain is judged
     #[arg(long, value_name = "N", default_value_t = 99)]
     pub simulations: usize,
+    /// Learn from the first N cycles and score all later ones [default: all but the last held-out one, which is scored]
+    #[arg(long, value_name = "N")]
+    pub first_cycles: Option<u32>,
 }
 
 /// Arguments of `extend`.

@@ -21,6 +21,10 @@ use crate::stages::{Leaf, Operation, Quantity, Stages, State, StateLaw};
 const MOST_NEWTON_STEPS: usize = 40;
 /// A step of Newton's method that changes no node by more than this share of the largest force is the last but one: the one after it brings the derivative.
 const LAST_STEP: f64 = 1e-12;
+/// Shortest time after a switch that matters to R where switches fall on rows, as a part of the shortest step.
+const WITHIN_ROWS: f64 = 0.2;
+/// By how much a quantity is taken to change over the range of what moves it, for the lengths of steps.
+const STRENGTH: f64 = 0.1;
 /// Least share of a step of Newton's method that is tried.
 const LEAST_SHARE: f64 = 1e-3;
 /// Times nearer than this share of themselves are the same.
@@ -126,7 +130,9 @@ pub(super) fn excess_m<T: Real>(
     compliance_per_m: T,
 ) -> Result<Vec<T>> {
     let TimeWindow { shortest_s, longest_s } = response.window;
-    let window = TimeWindow { shortest_s: BETWEEN_ROWS * shortest_s, longest_s };
+    let at_rows =
+        !response.record.is_linear && stages.load.delay_s.is_constant(0.0) && stages.load.lag_time_s.value == 0.0;
+    let window = TimeWindow { shortest_s: shortest_s * if at_rows { WITHIN_ROWS } else { BETWEEN_ROWS }, longest_s };
     let spectrum = |law: &[Element]| RetardationSpectrum::<T>::with_accuracy(law, window, Accuracy::Fast);
     let (own, others): (&[Element], Vec<Element>) = match law.quantity {
         Quantity::Element(leaf) => {
@@ -145,12 +151,11 @@ pub(super) fn excess_m<T: Real>(
     whole.fluidity_per_pa_s += of_others.fluidity_per_pa_s;
     let record = &response.record;
     let mut lowered = Lowered::with_spectrum(stages, &whole, compliance_per_m, record.largest_n);
-    // A quantity that changes by its own size over the range of what moves it.
     let lag_rate = (stages.load.lag_time_s.value > 0.0).then(|| 1.0 / stages.load.lag_time_s.value);
     let total = whole.instantaneous_per_pa.value()
         + whole.modes.iter().map(|mode| mode.compliance_per_pa.value()).sum::<f64>()
         + whole.fluidity_per_pa_s.value() * longest_s;
-    lowered.grading = grading(&whole, lag_rate, 1.0 / total.max(f64::MIN_POSITIVE));
+    lowered.grading = grading(&whole, lag_rate, STRENGTH / total.max(f64::MIN_POSITIVE));
     let system = System::<T>::gather(&[&lowered]);
     let schedule = Schedule::new(record, &system);
     let (source, quantity) = source(law, &stages.law, compliance_per_m)?;
