@@ -92,8 +92,6 @@ fn shape(name: &str, random: &mut Random) -> Box<Shape> {
 }
 
 struct Hidden<'a> {
-    quantity: &'a str,
-    state: &'a str,
     /// Size of ln factor.
     strength: f64,
     shape: &'a Shape,
@@ -259,7 +257,7 @@ fn main() {
             let mut found = None;
             for _ in 0..12 {
                 let trial = if found.is_some() { 0.5 * (low + high) } else { high };
-                let hidden = Hidden { quantity, state, strength: sign * trial, shape: &*shape, size };
+                let hidden = Hidden { strength: sign * trial, shape: &*shape, size };
                 let (x, s) = run(LAW, drive, largest_n, Some(&hidden), state, quantity);
                 let z = left_by_base(drive, largest_n, &x) / sigma_m;
                 let is_sound = x.iter().all(|x| x.abs() < 2e-3);

@@ -27,23 +27,32 @@ pub struct Distilled {
     pub formula: LearnedFormula,
     /// The model with it.
     pub refitted: Refitted,
+    /// Its log score of unseen cycles less what its parameters have to be worth, in nats.
+    pub score: f64,
     /// The effect's file.
     pub file: String,
 }
 
-/// The formula that predicts best what was not seen; `None` where none does nearly as well as the function.
-pub fn distil(subject: &Subject, base: &Refitted, learnt: &Learnt, pair: &Pair, states: &[f64]) -> Option<Distilled> {
+/// The formula that predicts best what was not seen, of at most so many parameters; `None` where none does nearly as well as the function.
+pub fn distil(
+    subject: &Subject,
+    base: &Refitted,
+    (learnt, pair): (&Learnt, &Pair),
+    states: &[f64],
+    most_parameters: usize,
+) -> Option<Distilled> {
     let Kind::Function { state, visited, .. } = &pair.kind else { return None };
     let size = visited.iter().fold(0.0_f64, |size, s| size.max(s.abs()));
     let slug = format!("learned-{}-by-{}", pair.quantity, pair.state).replace('_', "-");
     let summary = format!("{} depends on {}", pair.quantity, pair.state.replace('_', " "));
-    let written = formulas(*state, size);
+    let mut written = formulas(*state, size);
+    written.retain(|written| written.parameters.len() <= most_parameters);
     let fitted = |written: &Written| -> Option<(String, Refitted, &'static StateEffect)> {
         let text = written.file(&slug, pair.quantity, pair.state, &summary);
         let effect: &'static StateEffect = Box::leak(Box::new(effect_file::parsed(FILE_NAME.as_ref(), &text).ok()?));
         let own = beside(subject, effect)?;
         let candidate = own.extended(&[effect.slug]).ok()?;
-        Some((text, Refitted::new(&own, candidate, &[base], Search::Wide).ok()?, effect))
+        Some((text, Refitted::new(&own, candidate, &[base], Search::Local).ok()?, effect))
     };
     let all: Vec<_> = written.par_iter().map(|written| (written, fitted(written))).collect();
     let score = |refitted: &Refitted| -> f64 {
@@ -55,15 +64,17 @@ pub fn distil(subject: &Subject, base: &Refitted, learnt: &Learnt, pair: &Pair, 
     let mut found: Vec<_> = found.collect();
     found.sort_by(|(_, (_, a, _)), (_, (_, b, _))| score(b).total_cmp(&score(a)));
     // A formula whose parameters the data do not determine says less than it seems to.
-    let (written, file, refitted, effect, own) = found.into_iter().find_map(|(written, (file, refitted, effect))| {
-        let own = parameters(&beside(subject, effect)?, &refitted, written, effect)?;
-        let in_order = written.parameters.iter().filter_map(|p| Some((p, own.iter().find(|own| own.name == p.name)?)));
-        let is_told = |(parameter, own): (&Parameter, &FormulaParameter)| {
-            !parameter.has_null || own.q05 > 0.0 || own.q95 < 0.0
-        };
-        let are_told = in_order.into_iter().all(is_told);
-        are_told.then_some((written, file, refitted, effect, own))
-    })?;
+    let (written, file, refitted, effect, own) =
+        found.into_iter().find_map(|(written, (file, refitted, effect))| {
+            let own = parameters(&beside(subject, effect)?, &refitted, written, effect)?;
+            let in_order =
+                written.parameters.iter().filter_map(|p| Some((p, own.iter().find(|own| own.name == p.name)?)));
+            let is_told = |(parameter, own): (&Parameter, &FormulaParameter)| {
+                !parameter.has_null || own.q05 > 0.0 || own.q95 < 0.0
+            };
+            let are_told = in_order.into_iter().all(is_told);
+            are_told.then_some((written, file, refitted, effect, own))
+        })?;
     let of_base = base.future.map_or(base.fitted.objective, |future| future.all);
     let of_function = learnt.future.map_or(of_base + learnt.evidence_nats, |future| future.all);
     let gain = of_function - of_base;
@@ -76,7 +87,7 @@ pub fn distil(subject: &Subject, base: &Refitted, learnt: &Learnt, pair: &Pair, 
         file: FILE_NAME.into(),
         factors: factors(&refitted, effect, states),
     };
-    Some(Distilled { formula, refitted, file })
+    Some(Distilled { formula, score: score(&refitted), refitted, file })
 }
 
 /// Values and intervals of a formula's parameters: normal in the coordinates of the search.

@@ -46,6 +46,8 @@ const LARGEST_LOSS_NATS: f64 = 0.1;
 const SMALLEST_CHANGE: f64 = 0.25;
 /// Pairs whose evidence is nearer to the leading one's are its equals: e⁶ is 400 to 1.
 const EQUAL_NATS: f64 = 6.0;
+/// Pairs whose evidence is this near to the leading one's may have a simpler formula that predicts better.
+const SIMPLER_WITHIN_NATS: f64 = 40.0;
 /// What an effect of the library may lack of the function's log score of unseen cycles to be preferred: nats, and a share of what that gains. A formula has a few parameters, and the function eight.
 const LIBRARY_NATS: f64 = 4.0;
 const LIBRARY_SHARE: f64 = 0.02;
@@ -95,7 +97,8 @@ pub fn learn(subject: &Subject, request: &Request, monitor: &dyn Monitor) -> Res
     monitor.stage("comparing with the library");
     let preferred = found.preferred(chosen, monitor);
     monitor.stage("writing it as a formula");
-    found.learned(chosen, p, preferred)
+    let (chosen, distilled) = found.written(chosen);
+    found.learned(chosen, distilled, p, preferred)
 }
 
 /// What `learn` would give for what a model leaves, in words, without the simulated searches that would confirm it; `None` where nothing helps.
@@ -250,10 +253,29 @@ impl Found {
         Outcome { learned: self.document(p, verdict), file: None }
     }
 
-    fn learned(&self, chosen: &Learnt, p: f64, library: Vec<String>) -> Result<Outcome> {
+    /// The formula of the leading pair, or a simpler one of another pair that predicts unseen cycles better: eight weights are not at their best where a line would do, beyond what was
+    /// fitted above all.
+    fn written<'a>(&'a self, chosen: &'a Learnt) -> (&'a Learnt, Option<Distilled>) {
+        let of = |learnt: &Learnt, most: usize| {
+            let pair = &self.pairs[learnt.pair];
+            distil(&self.subject, &self.base, (learnt, pair), &states_of(pair), most)
+        };
+        let own = of(chosen, usize::MAX);
+        let own_score = own.as_ref().map(|own| own.score).or(chosen.future.map(|future| future.all));
+        let is_other = |other: &&Learnt| {
+            other.pair != chosen.pair && other.evidence_nats > chosen.evidence_nats - SIMPLER_WITHIN_NATS
+        };
+        let others = self.learnt.iter().filter(is_other).filter_map(|other| Some((other, of(other, 1)?)));
+        let best = others.max_by(|(_, a), (_, b)| a.score.total_cmp(&b.score));
+        match best {
+            Some((other, simpler)) if own_score.is_none_or(|own| simpler.score > own) => (other, Some(simpler)),
+            _ => (chosen, own),
+        }
+    }
+
+    fn learned(&self, chosen: &Learnt, distilled: Option<Distilled>, p: f64, library: Vec<String>) -> Result<Outcome> {
         let pair = &self.pairs[chosen.pair];
         let states = states_of(pair);
-        let distilled = distil(&self.subject, &self.base, chosen, pair, &states);
         let is_equal =
             |other: &&Learnt| other.pair != chosen.pair && other.evidence_nats >= chosen.evidence_nats - EQUAL_NATS;
         let equal = self.learnt.iter().filter(is_equal).map(|other| {
@@ -294,7 +316,7 @@ impl Found {
             let all = creep.times_s.iter().zip(&shares[first..]);
             learned.memory = all.map(|(time_s, share)| Retardation { time_s: *time_s, share: *share }).collect();
         }
-        let Some(Distilled { formula, refitted, file }) = distilled else {
+        let Some(Distilled { formula, refitted, file, .. }) = distilled else {
             return Ok(Outcome { learned, file: None });
         };
         learned.with_formula = Some(self.errors(&refitted.fitted));
