@@ -11,6 +11,7 @@ mod groups;
 mod hard_input;
 mod indentation;
 mod ladder;
+mod learn;
 #[path = "../mutators/mod.rs"]
 mod mutators;
 mod oscillation;

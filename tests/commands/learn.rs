@@ -1,0 +1,100 @@
+//! `learn` as a user meets it: a law that no list holds, found, read, added; a record without one; files that define effects.
+
+use crate::program;
+
+use std::path::{Path, PathBuf};
+
+use program::{normals, vitreo};
+use serde_json::Value;
+
+const COMPLIANCE_PER_M: f64 = 550.0;
+const VISCOSITY_PA_S: f64 = 40.0;
+const NOISE_M: f64 = 1e-6;
+const ROW_S: f64 = 0.1;
+const ROWS_OF_CYCLE: usize = 80;
+
+/// An instrument's record of a dashpot whose viscosity grows as e^{bP} with the path P, in closed form: under the force F the path goes on by ln(1 + b C |F| t e^{−bP₀}/c)/b. Two sizes of
+/// forces, so that path and time are not one.
+fn write_record(dir: &Path, growth_per_m: f64) -> PathBuf {
+    let experiment = dir.join("hardening");
+    std::fs::create_dir_all(&experiment).unwrap();
+    let (mut csv, mut path_m, mut position_m) = (String::from("time_s,force_uN,position_um,cycle\n"), 0.0_f64, 0.0);
+    let mut normal = normals();
+    for row in 0..4 * ROWS_OF_CYCLE {
+        let levels = [4.0, -1.5, 1.0, -3.5];
+        let force_un: f64 = levels[4 * (row % ROWS_OF_CYCLE) / ROWS_OF_CYCLE];
+        let error_m = NOISE_M * normal();
+        let seen_um = 1e6 * (position_m + if row == 0 { 0.0 } else { error_m });
+        csv += &format!("{:.2},{force_un},{seen_um:.4},{}\n", ROW_S * row as f64, row / ROWS_OF_CYCLE + 1);
+        let moved = COMPLIANCE_PER_M * 1e-6 * force_un.abs() * ROW_S / VISCOSITY_PA_S;
+        let step_m = match growth_per_m {
+            0.0 => moved,
+            b => (b * moved * (-b * path_m).exp()).ln_1p() / b,
+        };
+        path_m += step_m;
+        position_m += step_m * force_un.signum();
+    }
+    std::fs::write(experiment.join("trajectory.csv"), csv).unwrap();
+    let toml = format!(
+        "[specimen]\nid = \"hardening\"\n[instrument]\ncompliance_per_m = {COMPLIANCE_PER_M}\n[measurement]\nfile = \"trajectory.csv\"\nnoise_um = 1.0\nsource = \"synthetic\"\n"
+    );
+    std::fs::write(experiment.join("experiment.toml"), toml).unwrap();
+    std::fs::write(dir.join("dashpot.toml"), "[base.network]\nseries = [{ dashpot = \"flow\" }, { spring = \"cell\" }]\n").unwrap();
+    experiment
+}
+
+fn learned(dir: &Path, growth_per_m: f64) -> Value {
+    let experiment = write_record(dir, growth_per_m);
+    let options = ["--base", "dashpot.toml", "--prior", "generic", "--out", "study", "--json", "-", "--quiet"];
+    let run = vitreo(dir, &[&["learn", experiment.to_str().unwrap()], &options[..]].concat());
+    assert_eq!(run.code, 0, "{}", run.stderr);
+    serde_json::from_str(&run.stdout).unwrap()
+}
+
+/// The pair is in the class, the error falls to the noise by the function and by its formula, and the file that was written is an effect that `extend` adds.
+#[test]
+fn a_law_that_no_list_holds_is_found_and_added() {
+    let dir = tempfile::tempdir().unwrap();
+    let document = learned(dir.path(), 8e3);
+    let verdict = &document["verdict"];
+    assert_eq!(verdict["kind"], "learned", "{verdict}");
+    let is_it = |own: &Value| own["quantity"] == "flow_viscosity_pa_s" && own["state"] == "path";
+    let is_force = |own: &Value| own["quantity"] == "force" && own["state"] == "path";
+    let all: Vec<&Value> = verdict["equivalent"].as_array().unwrap().iter().chain([verdict]).collect();
+    assert!(all.iter().any(|own| is_it(own) || is_force(own)), "{verdict}");
+    let error = |which: &str| document[which]["rmse_heldout_um"].as_f64().unwrap();
+    assert!(error("base") > 5.0, "{}", error("base"));
+    // 80 errors of 1 µm: their root mean square is 1 ± 0.08, passed by five standard deviations once in 10⁶.
+    assert!(error("learned") < 1.4 && error("with_formula") < 1.4, "{document}");
+    let file = dir.path().join("study/m0/learned-effect.toml");
+    let text = std::fs::read_to_string(&file).unwrap();
+    assert!(text.contains("factor = "), "{text}");
+    let run = vitreo(dir.path(), &["extend", "study", "--with", file.to_str().unwrap(), "--json", "-", "--quiet"]);
+    let extension: Value = serde_json::from_str(&run.stdout).unwrap_or_else(|_| panic!("{}", run.stderr));
+    assert!(extension["after"]["rmse_heldout_um"].as_f64().unwrap() < 1.4, "{extension}");
+    // The revision carries its effect: another command reads it.
+    let run = vitreo(dir.path(), &["ladder", "study", "--quiet"]);
+    assert!(run.code < 2, "{}", run.stderr);
+}
+
+/// Where nothing depends on anything, nothing is learnt.
+#[test]
+fn nothing_is_learnt_where_there_is_nothing() {
+    let dir = tempfile::tempdir().unwrap();
+    let document = learned(dir.path(), 0.0);
+    assert_eq!(document["verdict"]["kind"], "nothing", "{}", document["verdict"]);
+    assert!(document["function"].is_null() && !dir.path().join("study/m0/learned-effect.toml").exists());
+}
+
+/// A mistake in an effect's file is named with file, line and column, and nothing is written.
+#[test]
+fn a_mistake_in_a_file_is_named() {
+    let dir = tempfile::tempdir().unwrap();
+    let text = "name = \"mine\"\nquantity = \"young_modulus_pa\"\nstate = \"path\"\nfactor = \"1 + rate*pth\"\n[parameters.rate]\nunit = \"1/m\"\nnull = 0.0\nprior = { distribution = \"normal\", mean = 0.0, sd = 1.0 }\n";
+    std::fs::write(dir.path().join("mine.toml"), text).unwrap();
+    let run = vitreo(dir.path(), &["sample", "--with", "mine.toml", "--out", "study", "--quiet"]);
+    let message = run.stderr;
+    assert_eq!(run.code, 2, "{message}");
+    assert!(message.contains("mine.toml, line 4") && message.contains("column 10") && message.contains("did you mean `path`"), "{message}");
+    assert!(!dir.path().join("study").exists());
+}
