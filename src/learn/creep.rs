@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::pairs::leaked;
+use super::smooth::leaked;
 use crate::critique::Subject;
 use crate::distribution::Distribution;
 use crate::effects::{Effect, EffectParameter, Field, Stage, Stages};

@@ -39,8 +39,9 @@ pub struct Outcome {
     pub file: Option<String>,
 }
 
-/// Largest p, least gain (nats) in the log score of unseen cycles, most that the last of them may lose, and the least change of a position over the noise.
+/// Largest p, least evidence (nats; e⁵ is 150 to 1), least gain (nats) in the log score of unseen cycles, most that the last of them may lose, and the least change of a position over the noise.
 const LARGEST_P: f64 = 0.02;
+const LEAST_EVIDENCE_NATS: f64 = 5.0;
 const LEAST_FUTURE_NATS: f64 = 3.0;
 const LARGEST_LOSS_NATS: f64 = 0.1;
 const SMALLEST_CHANGE: f64 = 0.25;
@@ -51,7 +52,7 @@ const SIMPLER_WITHIN_NATS: f64 = 40.0;
 /// What an effect of the library may lack of the function's log score of unseen cycles to be preferred: nats, and a share of what that gains. A formula has a few parameters, and the function eight.
 const LIBRARY_NATS: f64 = 4.0;
 const LIBRARY_SHARE: f64 = 0.02;
-/// Points of a function, and by how much it is drawn beyond what was visited.
+/// Points of a function.
 const N_POINTS: usize = 61;
 
 /// A search among pairs.
@@ -144,7 +145,7 @@ impl Found {
         };
         let chosen = self.learnt.iter().filter(predicts).find(shows)?;
         let is_near = self.learnt[0].evidence_nats - chosen.evidence_nats <= EQUAL_NATS;
-        (p <= LARGEST_P && is_near && chosen.evidence_nats > 0.0).then_some(chosen)
+        (p <= LARGEST_P && is_near && chosen.evidence_nats >= LEAST_EVIDENCE_NATS).then_some(chosen)
     }
 
     /// Effects of the library that predict what was not seen as well as the function.
@@ -258,7 +259,7 @@ impl Found {
     fn written<'a>(&'a self, chosen: &'a Learnt) -> (&'a Learnt, Option<Distilled>) {
         let of = |learnt: &Learnt, most: usize| {
             let pair = &self.pairs[learnt.pair];
-            distil(&self.subject, &self.base, (learnt, pair), &states_of(pair), most)
+            distil(&self.subject, &self.base, (learnt, pair), &states_of(&self.subject, pair), most)
         };
         let own = of(chosen, usize::MAX);
         let own_score = own.as_ref().map(|own| own.score).or(chosen.future.map(|future| future.all));
@@ -275,7 +276,7 @@ impl Found {
 
     fn learned(&self, chosen: &Learnt, distilled: Option<Distilled>, p: f64, library: Vec<String>) -> Result<Outcome> {
         let pair = &self.pairs[chosen.pair];
-        let states = states_of(pair);
+        let states = states_of(&self.subject, pair);
         let is_equal =
             |other: &&Learnt| other.pair != chosen.pair && other.evidence_nats >= chosen.evidence_nats - EQUAL_NATS;
         let equal = self.learnt.iter().filter(is_equal).map(|other| {
@@ -372,9 +373,17 @@ fn quoted(slugs: &[String]) -> String {
     slugs.iter().map(|slug| format!("`{slug}`")).collect::<Vec<_>>().join(" or ")
 }
 
-/// States at which a function is written, over all that the record visits.
-fn states_of(pair: &Pair) -> Vec<f64> {
+/// By how much a function is written beyond what fitted rows visit, as a share of that, where the record goes there.
+const BEYOND: f64 = 0.15;
+
+/// States at which a function is written: those that fitted rows visit, and a little more.
+fn states_of(subject: &Subject, pair: &Pair) -> Vec<f64> {
     let Kind::Function { visited, .. } = &pair.kind else { return Vec::new() };
-    let [low, high] = visited.iter().fold([0.0_f64; 2], |[low, high], s| [low.min(*s), high.max(*s)]);
+    let over =
+        |rows: &mut dyn Iterator<Item = f64>| rows.fold([0.0_f64; 2], |[low, high], s| [low.min(s), high.max(s)]);
+    let fitted = visited.iter().zip(&subject.fitted_m).filter(|(_, y)| y.is_some()).map(|(s, _)| *s);
+    let (all, seen) = (over(&mut visited.iter().copied()), over(&mut { fitted }));
+    let more = BEYOND * (seen[1] - seen[0]);
+    let (low, high) = (all[0].max(seen[0] - more), all[1].min(seen[1] + more));
     (0..N_POINTS).map(|k| low + (high - low) * k as f64 / (N_POINTS - 1) as f64).collect()
 }

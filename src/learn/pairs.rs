@@ -1,7 +1,7 @@
 //! Pairs of a quantity and a state, as effects.
 
 use super::creep::{Creep, creep};
-use super::smooth::{N_WEIGHTS, Smooth};
+use super::smooth::{N_WEIGHTS, Smooth, leaked};
 use crate::critique::Subject;
 use crate::critique::refit::Refitted;
 use crate::distribution::Distribution;
@@ -112,10 +112,6 @@ fn pair(quantity: QuantityName, state: State, visited: Vec<f64>) -> Option<Pair>
     }));
     let kind = Kind::Function { smooth, state, visited };
     Some(Pair { quantity: quantity.name(), state: state.name(), effect, kind })
-}
-
-pub(super) fn leaked(text: String) -> &'static str {
-    Box::leak(text.into_boxed_str())
 }
 
 /// States at the rows of a record under a model.

@@ -1,4 +1,4 @@
-//! The document of `learn` (formats §7, `vitreo-uq/learned/1`).
+//! The document of `learn` (formats §5, `vitreo-uq/learned/1`).
 
 use serde::{Deserialize, Serialize};
 

@@ -1,6 +1,7 @@
 //! A learnt function with its band over the states that were visited, and the formula that says the same.
 
 use super::axes::{Axes, AxisStyle, title_with_text};
+use super::labels::of_parameter;
 use super::legend::{self, Entry, Mark};
 use super::palette::{BLUE, GRID, MUTED, VERMILLION};
 use super::svg::{Fill, Rect, Stroke, Svg};
@@ -85,7 +86,7 @@ fn plot(svg: &mut Svg, document: &Learned, function: &LearnedFunction, frame: Re
     let is_visited = |state: f64| (visited[0]..=visited[1]).contains(&state);
     let seen = states.iter().zip(points).filter(|(state, _)| is_visited(**state));
     let formula = document.formula.as_ref().map(|formula| formula.factors.clone()).unwrap_or_default();
-    let values = seen.flat_map(|(_, point)| [point.q05, point.q95]).chain([1.0]).chain(formula.iter().copied());
+    let values = seen.flat_map(|(_, point)| [point.q05, point.q95]).chain([1.0]);
     let axes = Axes { frame, x: Scale::over(states.iter().copied(), 0.0), y: Scale::over(values, 0.06) };
     for [from, to] in [[states[0], visited[0]], [visited[1], states[states.len() - 1]]] {
         if to > from {
@@ -93,7 +94,7 @@ fn plot(svg: &mut Svg, document: &Learned, function: &LearnedFunction, frame: Re
             svg.rect(Rect { x: left, y: frame.y, width: right - left, height: frame.height }, UNVISITED);
         }
     }
-    let quantity = format!("{} over its own at 0", document.verdict.quantity.replace('_', " "));
+    let quantity = format!("{}, over its own at 0", of_parameter(&document.verdict.quantity).symbol);
     axes.y_axis(svg, AxisStyle::new(Some(&quantity), 7, 66.0).grid());
     axes.x_axis(svg, AxisStyle::new(Some(&format!("{} ({unit})", document.verdict.state.replace('_', " "))), 8, 38.0));
     svg.clipped(frame, |svg| {

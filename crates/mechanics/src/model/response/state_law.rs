@@ -22,7 +22,7 @@ const MOST_NEWTON_STEPS: usize = 40;
 /// A step of Newton's method that changes no node by more than this share of the largest force is the last but one: the one after it brings the derivative.
 const LAST_STEP: f64 = 1e-12;
 /// Shortest time after a switch that matters to R where switches fall on rows, as a part of the shortest step.
-const WITHIN_ROWS: f64 = 0.2;
+const WITHIN_ROWS: f64 = 0.04;
 /// By how much a quantity is taken to change over the range of what moves it, for the lengths of steps.
 const STRENGTH: f64 = 0.1;
 /// Least share of a step of Newton's method that is tried.

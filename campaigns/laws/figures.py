@@ -1,0 +1,76 @@
+import json
+
+
+def read(raw, kind):
+    """Documents of a kind, each with its truth."""
+    pairs = []
+    for path in sorted(raw.glob(f"{kind}-*.truth.json")):
+        document = json.loads(path.with_name(path.name.replace(".truth", "")).read_text(encoding="utf-8"))
+        pairs.append((document, json.loads(path.read_text(encoding="utf-8"))))
+    return pairs
+
+
+def of(part, whole):
+    return f"{part:,} of {whole:,}"
+
+
+def is_learned(document):
+    return document["verdict"]["kind"] == "learned"
+
+
+def in_class(document, truth):
+    verdict = document["verdict"]
+    named = [verdict, *verdict["equivalent"]]
+    return is_learned(document) and (truth["quantity"], truth["state"]) in [(own["quantity"], own["state"]) for own in named]
+
+
+def between(points, state, key):
+    """A column of the function's points at a state, by lines."""
+    for one, other in zip(points, points[1:]):
+        if one["state"] <= state <= other["state"]:
+            share = (state - one["state"]) / (other["state"] - one["state"])
+            return one[key] * (1 - share) + other[key] * share
+    return None
+
+
+def held(document, truth):
+    """What the function errs by over the range of its factors, and the share of states whose factor the band holds; None where the pair is another."""
+    verdict, function = document["verdict"], document["function"]
+    if function is None or (verdict["quantity"], verdict["state"]) != (truth["quantity"], truth["state"]):
+        return None
+    low, high = function["visited"]
+    seen = [(state, factor) for state, factor in truth["factors"] if low <= state <= high]
+    factors = [factor for _, factor in seen]
+    points = function["points"]
+    errors = sorted(abs(between(points, state, "factor") - factor) for state, factor in seen)
+    # Nine states of ten: at the ends a state is visited by a row or two.
+    error = errors[len(errors) * 9 // 10] / (max(factors) - min(factors))
+    inside = sum(between(points, s, "q05") <= factor <= between(points, s, "q95") for s, factor in seen) / len(seen)
+    return error, inside
+
+
+def figures(raw):
+    hidden, none = read(raw, "hidden"), read(raw, "none")
+    strong = [(document, truth) for document, truth in hidden if truth["signal_sigma"] >= 20]
+    named = [own for own in strong if in_class(*own)]
+    functions = [own for own in (held(*own) for own in strong) if own is not None]
+    learned = [(document, truth) for document, truth in hidden if is_learned(document)]
+
+    def over_noise(document, truth, which):
+        errors = document[which]
+        return errors is not None and errors["rmse_heldout_um"] <= 1.15 * truth["true_noise_um"]
+
+    return {
+        "in class at 20 σ and more": of(len(named), len(strong)),
+        "learnt at all": of(len(learned), len(hidden)),
+        "function within 10 % of its range, where the pair is right": of(sum(error <= 0.1 for error, _ in functions), len(functions)),
+        "states whose factor the 90 % band holds": f"{100 * sum(inside for _, inside in functions) / max(1, len(functions)):.0f} %",
+        "held-out error at most 1.15 × the true noise, of those learnt": of(sum(over_noise(*own, "learned") for own in learned), len(learned)),
+        "the same by the formula, where there is one": of(
+            sum(over_noise(*own, "with_formula") for own in learned), sum(document["with_formula"] is not None for document, _ in learned)
+        ),
+        "anything learnt where nothing is hidden": of(sum(is_learned(document) for document, _ in none), len(none)),
+    }, {
+        f"{truth['quantity']} by {truth['state']}, {truth['shape']}, {truth['noise']}, {truth['signal_sigma']:.0f} σ": document["verdict"]["sentence"]
+        for document, truth in hidden
+    }

@@ -1,0 +1,22 @@
+#!/usr/bin/env bash
+# Laws that no list holds: records of gels one of whose quantities depends on a state, drawn and stepped by a program of its own (examples/hidden_laws.rs), learnt by `learn`; and records where
+# nothing depends on anything.
+source "$(dirname "${BASH_SOURCE[0]}")/../common.sh"
+begin laws
+count=${COUNT:-200}
+controls=${CONTROLS:-$((2 * count))}
+# Learns from every record of a kind, which is drawn if it is not there; documents and truths in KIND-NUMBER.json and .truth.json.
+learn_all() {
+    local kind=$1 number=$2 record
+    shift 2
+    run_in "$kind" "$root/target/release/examples/hidden_laws" "$raw/$kind" "$number" "$@"
+    for record in "$raw/$kind"/law-*; do
+        local label=$kind-${record##*-}
+        run_in "$label" "$program" learn "$record" --out "$raw/study" --json "$raw/$label.json" --quiet --no-report --force
+        cp "$record/truth.json" "$raw/$label.truth.json"
+        rm -rf "$raw/study"
+    done
+}
+learn_all hidden "$count" 4001
+learn_all none "$controls" 4002 none
+finish
