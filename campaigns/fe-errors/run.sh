@@ -4,6 +4,6 @@ source "$(dirname "${BASH_SOURCE[0]}")/../common.sh"
 begin fe-errors
 for test in fe::exact fe::shapes fe::time fe::spatial fe::poroelastic effects::kernels; do
     binary=${test%%::*} module=${test##*::}
-    run_in "${binary}_$module" cargo test --release --quiet --locked --test "$binary" -- "$module::" --nocapture --test-threads 1
+    run_in "${binary}_$module" cargo test --release --quiet --locked --test "$binary" -- "$module::" --include-ignored --nocapture --test-threads 1
 done
 finish

@@ -82,8 +82,8 @@ fn orthants_have_their_closed_forms() {
 /// Equal positive correlations are a common part and parts of their own, so that one integral is the probability: ∫φ(t) P(…| t)ⁿ dt.
 #[test]
 fn boxes_far_away_have_the_probability_of_a_single_integral() {
-    for n in 1..=5 {
-        for rho in [0.1, 0.5, 0.98] {
+    for n in [1, 3, 5] {
+        for rho in [0.1, 0.98] {
             for (lower, upper) in
                 [(-1.0, 0.5), (5.0, f64::INFINITY), (15.0, 15.5), (15.0, f64::INFINITY), (-300.0, -200.0)]
             {

@@ -71,6 +71,17 @@ fn losses(subject: &Subject, truth_m: impl Fn(u64) -> Vec<f64>, noise: &NoiseVal
 /// Brute force finds nothing that is more than 0.1 nat better, on correct models and on such as lack an effect.
 #[test]
 fn no_search_finds_a_better_noise() {
+    assert_nothing_better(2, &["clock-offset"]);
+}
+
+#[test]
+#[ignore = "campaigns/long-tests"]
+fn no_search_finds_a_better_noise_of_many_records() {
+    assert_nothing_better(6, &["clock-offset", "softening", "fractional-damping", "tracking-drift"]);
+}
+
+/// Over so many records of every kind of noise, and of every effect that the model lacks.
+fn assert_nothing_better(n: u64, lacking: &[&str]) {
     let subject = subject(Protocol::Paper);
     let plain = truth_of(&subject, &[], &[]);
     let kinds = [
@@ -80,7 +91,6 @@ fn no_search_finds_a_better_noise() {
         ("gain", [4.0, 1e-6, 1.0, 0.01, 2.0]),
     ];
     let mut worst = 0.0_f64;
-    let n = 6;
     for (name, noise) in &kinds {
         let (losses, white_um) = losses(&subject, |_| plain.clone(), noise, n);
         println!(
@@ -91,7 +101,7 @@ fn no_search_finds_a_better_noise() {
         );
         worst = worst.max(losses[n as usize - 1]);
     }
-    for slug in ["clock-offset", "softening", "fractional-damping", "tracking-drift"] {
+    for slug in lacking {
         let truth = |seed: u64| truth_of(&subject, &[slug], &random_sizes(&subject, slug, seed));
         let (losses, _) = losses(&subject, truth, &kinds[0].1, n);
         println!("lacking {slug}: median loss {:.4}, largest {:.4}", losses[n as usize / 2], losses[n as usize - 1]);

@@ -123,8 +123,10 @@ fn noise_is_told_from_what_is_none() {
     }
 }
 
-/// The effect that is hidden is named with its size, nothing where nothing is hidden, and what no effect has is left unexplained.
+/// The effect that is hidden is named with its size, nothing where nothing is hidden, and what no effect has is left unexplained. tests/commands/oscillation.rs asks a
+/// spring of the command.
 #[test]
+#[ignore = "campaigns/long-tests"]
 fn what_is_hidden_is_named() {
     let found = |beside, seed| {
         let problem = problem(sweep(beside, SweepForm::StorageAndLoss, None, seed));

@@ -4,7 +4,7 @@ use crate::program;
 
 use std::path::Path;
 
-use program::{DRIFT_UM_PER_S, drifting_replica, tree, vitreo, write_instrument_experiment};
+use program::{DRIFT_UM_PER_S, drifting_replica, put_extended_replica, tree, vitreo, write_instrument_experiment};
 use serde_json::Value;
 use vitreo_uq::effects::EFFECTS;
 
@@ -24,8 +24,7 @@ fn a_missing_drift_is_added_and_the_error_falls() {
     let dir = place();
     let experiment = drifting_replica(dir.path());
     let path = experiment.to_str().unwrap();
-    let run = vitreo(dir.path(), &["extend", path, "--with", "tracking-drift", "--json", "-", "--out", "a"]).exits(0);
-    let document = run.json();
+    let document = put_extended_replica(&dir.path().join("a"));
     assert_eq!(document["schema"], "vitreo-uq/extension/1");
     assert_eq!((&document["revision"], &document["from"]), (&Value::from("m1"), &Value::from("m0")));
     assert_eq!(document["effects"], serde_json::json!(["tracking-drift"]));
@@ -35,7 +34,7 @@ fn a_missing_drift_is_added_and_the_error_falls() {
     let heldout = |which: &str| document[which]["rmse_heldout_um"].as_f64().unwrap();
     // 200 positions: noise within 25 % of 4 µm but for one time in 10⁶.
     assert!(heldout("before") > 6.0 && heldout("after") < 5.0, "{document}");
-    let drift = parameter(&document, "tracking-drift.velocity_m_per_s");
+    let drift = parameter(document, "tracking-drift.velocity_m_per_s");
     let (mean, sd) = (drift["mean"].as_f64().unwrap(), drift["sd"].as_f64().unwrap());
     assert!((mean - 1e-6 * DRIFT_UM_PER_S).abs() < 5.0 * sd && sd < 1e-7, "{drift}");
     for key in ["q05", "median", "q95", "ess_bulk", "ess_tail", "rhat", "mcse_mean"] {
@@ -50,7 +49,7 @@ fn a_missing_drift_is_added_and_the_error_falls() {
     let model = String::from_utf8(files[Path::new("m1/model.toml")].clone()).unwrap();
     assert!(model.contains("effects = [\"tracking-drift\"]"), "{model}");
     let kept: Value = serde_json::from_slice(&files[Path::new("m1/extension.json")]).unwrap();
-    assert_eq!(kept, document);
+    assert_eq!(&kept, document);
 
     let again = ["extend", path, "--with", "tracking-drift", "--out", "b", "--threads", "1", "--quiet"];
     let words = vitreo(dir.path(), &again).exits(0);

@@ -4,7 +4,7 @@ use crate::program;
 
 use std::path::Path;
 
-use program::{drifting_replica, tree, vitreo, write_instrument_experiment};
+use program::{put_extended_replica, tree, vitreo, write_instrument_experiment};
 use serde_json::Value;
 
 fn number(value: &Value) -> f64 {
@@ -16,10 +16,7 @@ fn number(value: &Value) -> f64 {
 #[test]
 fn the_error_falls_to_the_noise_and_nothing_is_fitted_twice() {
     let dir = tempfile::tempdir().unwrap();
-    let experiment = drifting_replica(dir.path());
-    let path = experiment.to_str().unwrap();
-    let extended = ["extend", path, "--with", "tracking-drift", "--json", "-", "--quiet", "--out", "a"];
-    let extension = vitreo(dir.path(), &extended).exits(0).json();
+    let extension = put_extended_replica(&dir.path().join("a"));
     let run = vitreo(dir.path(), &["ladder", "a", "--json", "-"]).exits(0);
     assert!(
         run.stderr.contains("m0, fitted to all cycles but the last") && !run.stderr.contains("m1, fitted"),

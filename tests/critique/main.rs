@@ -4,3 +4,4 @@ mod challenge;
 mod evidence;
 mod large;
 mod outside;
+mod thresholds;

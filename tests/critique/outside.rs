@@ -2,6 +2,8 @@
 //!
 //! Data are made by full finite elements on a finer mesh and finer steps than the fitted model's.
 
+use std::sync::LazyLock;
+
 use rayon::prelude::*;
 use vitreo_uq::critique::outside::{
     Outside, OutsideKind, OutsideRequest, discrepancies, events_over_all_cycles, search,
@@ -20,6 +22,8 @@ use vitreo_uq::workflow::problem::Problem;
 use vitreo_uq::workflow::replica::{TABLE_I, embedded};
 
 const NOISE_M: f64 = 4e-6;
+
+static BENCH: LazyLock<Bench> = LazyLock::new(Bench::new);
 
 /// The replica's experiment, and its positions (m) without noise.
 struct Bench {
@@ -143,12 +147,24 @@ fn structure(kind: OutsideKind, bench: &Bench, seed: u64) -> Vec<f64> {
     }
 }
 
-/// Correct models under four kinds of noise, six data sets each. At a rate of 1 % four or more findings in 24 come once in ten thousand times.
+/// Correct models under four kinds of noise. At a rate of 1 % two or more findings in four come once in 1,700 times; the seeds are fixed.
 #[test]
 fn correct_models_have_next_to_no_findings() {
-    let bench = Bench::new();
+    assert_hardly_found(1, 2);
+}
+
+/// At a rate of 1 % four or more findings in 24 come once in ten thousand times.
+#[test]
+#[ignore = "campaigns/long-tests"]
+fn many_correct_models_have_next_to_no_findings() {
+    assert_hardly_found(6, 4);
+}
+
+fn assert_hardly_found(n_each: u64, too_many: usize) {
+    let bench = &*BENCH;
     let noises = [Noise::White, Noise::Correlated, Noise::Gain, Noise::Outliers];
-    let sets: Vec<(Noise, u64)> = noises.into_iter().flat_map(|noise| (0..6).map(move |seed| (noise, seed))).collect();
+    let sets: Vec<(Noise, u64)> =
+        noises.into_iter().flat_map(|noise| (0..n_each).map(move |seed| (noise, seed))).collect();
     let found: Vec<String> = sets
         .par_iter()
         .flat_map_iter(|(noise, seed)| {
@@ -157,20 +173,15 @@ fn correct_models_have_next_to_no_findings() {
             found.into_iter().map(move |outside| format!("{noise:?}: {}", outside.sentence))
         })
         .collect();
-    assert!(found.len() < 4, "{found:#?}");
+    assert!(found.len() < too_many, "{found:#?}");
 }
 
 /// Signals of 30 standard deviations of the white noise. Much of what is slow is left to the correlated noise, which is estimated anew for either fit.
 #[test]
 fn what_is_there_is_called_by_its_name() {
-    let bench = Bench::new();
-    let kinds = [
-        OutsideKind::Vibration,
-        OutsideKind::Slip,
-        OutsideKind::Ramp,
-        OutsideKind::GainChange,
-        OutsideKind::Disturbance,
-    ];
+    let bench = &*BENCH;
+    // A slip is dated below, a vibration bends no parameter.
+    let kinds = [OutsideKind::Ramp, OutsideKind::GainChange, OutsideKind::Disturbance];
     kinds.into_par_iter().for_each(|kind| {
         let data = bench.with_structure(kind, 30.0, Noise::White, 5);
         let found = bench.searched(&data, 150);
@@ -182,7 +193,7 @@ fn what_is_there_is_called_by_its_name() {
 /// A jump of 40 µm, ten times the noise: its moment is known to a row but for one time in a million, its size to five standard deviations.
 #[test]
 fn a_slip_is_dated_and_sized() {
-    let bench = Bench::new();
+    let bench = &*BENCH;
     let moment_s = 13.0;
     let time_s = &bench.experiment.record.time_s;
     let slipped: Vec<f64> =
@@ -199,7 +210,7 @@ fn a_slip_is_dated_and_sized() {
 /// The scored cycle is not seen by the search, but by the one that says so.
 #[test]
 fn an_event_in_the_scored_cycle_is_found_over_all_cycles_only() {
-    let bench = Bench::new();
+    let bench = &*BENCH;
     let time_s = &bench.experiment.record.time_s;
     let slipped: Vec<f64> =
         time_s.iter().zip(&bench.truth_m).map(|(t, x)| x + if *t >= 33.0 { 60e-6 } else { 0.0 }).collect();
@@ -217,7 +228,7 @@ fn an_event_in_the_scored_cycle_is_found_over_all_cycles_only() {
 /// numbers of a sensible size.
 #[test]
 fn a_discrepancy_bends_no_parameter() {
-    let bench = Bench::new();
+    let bench = &*BENCH;
     let data = bench.with_structure(OutsideKind::Vibration, 20.0, Noise::White, 3);
     let base = data.base();
     let fitted = data.fit(&base, &[], Search::Wide).expect("fits");
@@ -237,7 +248,7 @@ fn a_discrepancy_bends_no_parameter() {
 /// Rows far off are named, and only those.
 #[test]
 fn single_rows_far_off_are_outliers() {
-    let bench = Bench::new();
+    let bench = &*BENCH;
     let mut position_m = bench.truth_m.clone();
     for row in [57, 310, 488] {
         position_m[row] += 80e-6;
@@ -247,13 +258,25 @@ fn single_rows_far_off_are_outliers() {
     assert_eq!(outliers::find(&data, &fitted), [57, 310, 488]);
 }
 
-/// The same four kinds of noise, three data sets each, events over all cycles: of 320 controls three had one that gains 7 nats at p ≤ 1 %, so that
-/// three or more in 12 come less than once in five thousand times.
+/// The same four kinds of noise, events over all cycles: of 320 controls three had one that gains 7 nats at p ≤ 1 %, so that two or more in four come less than
+/// once in 1,900 times.
 #[test]
 fn correct_models_have_next_to_no_events() {
-    let bench = Bench::new();
+    assert_hardly_any_event(1, 2);
+}
+
+/// Three or more in 12 come less than once in five thousand times.
+#[test]
+#[ignore = "campaigns/long-tests"]
+fn many_correct_models_have_next_to_no_events() {
+    assert_hardly_any_event(3, 3);
+}
+
+fn assert_hardly_any_event(n_each: u64, too_many: usize) {
+    let bench = &*BENCH;
     let noises = [Noise::White, Noise::Correlated, Noise::Gain, Noise::Outliers];
-    let sets: Vec<(Noise, u64)> = noises.into_iter().flat_map(|noise| (0..3).map(move |seed| (noise, seed))).collect();
+    let sets: Vec<(Noise, u64)> =
+        noises.into_iter().flat_map(|noise| (0..n_each).map(move |seed| (noise, seed))).collect();
     let found: Vec<String> = sets
         .par_iter()
         .filter_map(|(noise, seed)| {
@@ -266,5 +289,5 @@ fn correct_models_have_next_to_no_events() {
             alarm.map(|event| format!("{noise:?}: {}", event.sentence))
         })
         .collect();
-    assert!(found.len() < 3, "{found:#?}");
+    assert!(found.len() < too_many, "{found:#?}");
 }

@@ -65,9 +65,8 @@ fn networks() -> [BaseLaw; 4] {
     [SPRINGPOT, SPRINGPOT_BESIDE_SPRING, MAXWELL, GENERALISED].map(network)
 }
 
-/// Effects whose law is not linear: beside them only load and observation, and beside large displacements no force that depends on the position.
+/// Beside it no force that depends on the position.
 const LARGE: &str = "large-displacement";
-const NONLINEAR: [&str; 4] = ["strain-stiffening", "shear-thinning", "yield-stress", LARGE];
 
 fn parameters() -> impl Iterator<Item = &'static EffectParameter> {
     EFFECTS.iter().copied().flat_map(|effect| effect.parameters())
@@ -319,7 +318,7 @@ fn laws_and_effects_are_refused_exactly_where_physics_says() {
 fn any_law_takes_what_it_has_the_elements_for() {
     let (twice, dashpot, memory, body) =
         ("the same thing twice", "no dashpot", "springpot", "Kelvin–Voigt bodies, springs and one dashpot in series");
-    let of_nonlinear = |slug: &str| NONLINEAR.contains(&slug) && slug != LARGE;
+    let of_nonlinear = |slug: &str| effect(slug).is_nonlinear() && slug != LARGE;
     let reason = |text: &str, slug: &str| match (text, slug) {
         (MAXWELL, "instantaneous-elasticity") => Some(twice),
         (SPRINGPOT | SPRINGPOT_BESIDE_SPRING, "fractional-damping") => Some(dashpot),
@@ -357,7 +356,7 @@ fn every_pair_of_effects_stands_together_and_takes_its_parameters_in_order() {
             let slugs = (first.slug(), second.slug());
             let both_change_the_field = first.changes_field() && second.changes_field();
             let both_mechanics = first.stage() == Stage::Mechanics && second.stage() == Stage::Mechanics;
-            let one_is_nonlinear = NONLINEAR.contains(&slugs.0) || NONLINEAR.contains(&slugs.1);
+            let one_is_nonlinear = first.is_nonlinear() || second.is_nonlinear();
             let is_beside_large = |other: &dyn Effect| other.acts_on_position();
             let large_under_another_load =
                 (slugs.0 == LARGE && is_beside_large(*second)) || (slugs.1 == LARGE && is_beside_large(*first));
@@ -389,17 +388,13 @@ fn every_pair_of_effects_stands_together_and_takes_its_parameters_in_order() {
 #[test]
 fn instruments_take_all_but_what_needs_finite_elements() {
     let instrument = Scales { poisson_ratio: None, ..PORCINE };
+    let bare = stages_at(&model(BaseLaw::Lethersich, &[], PORCINE).unwrap(), &[]).unwrap();
     for &effect in EFFECTS {
         let outcome = model(BaseLaw::Lethersich, &[effect], instrument);
-        let linear = [
-            "compressibility",
-            "inertia",
-            "interface-slip",
-            "liquefied-pocket",
-            "outer-wall-compliance",
-            "poroelasticity",
-        ];
-        let needs_a_field = linear.contains(&effect.slug()) || NONLINEAR.contains(&effect.slug());
+        // What stands beside the law in space, or changes how the gel yields in it, shows in the stages.
+        let away: Vec<f64> = effect.parameters().iter().map(|p| (p.prior)(&PORCINE).quantile(0.8)).collect();
+        let found = stages_at(&model(BaseLaw::Lethersich, &[effect], PORCINE).unwrap(), &away).unwrap();
+        let needs_a_field = found.spatial != bare.spatial || found.poisson_ratio != bare.poisson_ratio;
         assert_eq!(outcome.is_err(), needs_a_field, "{}", effect.slug());
     }
 }
@@ -419,8 +414,8 @@ fn nonlinear_laws_refuse_networks_that_they_cannot_take_apart() {
         format!(r#"series = [{body}, {{ dashpot = "flow" }}, {{ dashpot = "other" }}]"#),
     ]
     .map(|text| read(&text));
-    for slug in NONLINEAR.into_iter().filter(|slug| *slug != LARGE) {
-        let effect = EFFECTS.iter().copied().find(|effect| effect.slug() == slug).unwrap();
+    for &effect in EFFECTS.iter().filter(|effect| effect.is_nonlinear() && effect.slug() != LARGE) {
+        let slug = effect.slug();
         assert!(model(taken, &[effect], PORCINE).is_ok(), "{slug}");
         for law in refused {
             let text = model(law, &[effect], PORCINE).unwrap_err().to_string();

@@ -6,7 +6,7 @@ use creep_posterior::{CreepPosterior, Exact, over_cores};
 use vitreo_uq::inference::ensemble::RandomStream;
 use vitreo_uq::inference::{SamplerOptions, sample};
 
-const N_RUNS: u64 = 40;
+const N_RUNS: u64 = 12;
 const N_LONG_RUNS: u64 = 400;
 /// The default of a run.
 const JUMP_FRACTION: f64 = 0.8;

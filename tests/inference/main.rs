@@ -1,6 +1,7 @@
 //! Ensembles, evidence and noise against known densities.
 
 mod creep_posterior;
+mod diagnostics;
 mod ensemble_truth;
 mod evidence;
 mod move_harness;

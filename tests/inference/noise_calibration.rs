@@ -1,10 +1,13 @@
-//! All noise terms at once are sampled as they should be: truths drawn from the priors, data from the model, ranks of the truths uniform.
+//! All noise terms at once: data simulated from them have the density that the likelihood gives them, and truths drawn from the priors rank uniformly in their
+//! posteriors (long test).
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
+use vitreo_uq::error::Place;
 use vitreo_uq::experiment::{Apparatus, Experiment};
 use vitreo_uq::inference::ensemble::RunControl;
+use vitreo_uq::inference::noise::{NoiseLikelihood, NoiseModel};
 use vitreo_uq::inference::{SamplerOptions, sample};
 use vitreo_uq::model::Forward;
 use vitreo_uq::study::ModelSpecification;
@@ -110,13 +113,60 @@ fn assert_uniform(n_replicates: u64) {
     }
 }
 
+/// Noise of all terms, each as large as the others over a few rows: σ, σ_ou (µm), τ (s), s_g, s_o (µm), ν.
+const ALL_TERMS: [f64; 6] = [4.0, 3.0, 0.7, 0.03, 5.0, 4.0];
+const N_SIMULATED: usize = 1_500;
+
+/// Where data have the likelihood's own density p(y; η), its score s = ∂ ln p/∂η has mean 0 and s² + ∂² ln p/∂η² has mean 0, for every parameter and for the size of
+/// the motion. Both means of 1,500 records lie within 6 of their standard errors: false failures below 1e-6 for all fourteen together, skewness included. A density
+/// whose parameter is off by a sixth of what one record of 200 rows tells of it is found.
 #[test]
-fn truths_rank_uniformly_among_the_draws() {
-    assert_uniform(24);
+fn simulated_noise_has_the_density_of_the_likelihood() {
+    let experiment = experiment();
+    let record = &experiment.record;
+    let noise =
+        NoiseModel::named(&["white", "ou", "gain", "student"].map(String::from), &Place::default()).expect("known");
+    let position_m = |size: f64| -> Vec<f64> { record.time_s.iter().map(|t| size * 4e-4 * (0.9 * t).sin()).collect() };
+    let truth: Vec<f64> = ALL_TERMS.into_iter().chain([1.0]).collect();
+    let scores = |number: usize| -> Vec<[f64; 2]> {
+        let mut rng = ChaCha8Rng::seed_from_u64(number as u64);
+        let truth_m = position_m(1.0);
+        let noise_m = noise.simulate_m(&record.time_s, &record.cycle, &truth_m, &ALL_TERMS, &mut rng);
+        let observed_m: Vec<Option<f64>> = truth_m.iter().zip(noise_m).map(|(x, e)| Some(x + e)).collect();
+        let likelihood = NoiseLikelihood::new(noise, &record.time_s, &record.cycle, &observed_m);
+        let at = |parameters: &[f64]| {
+            let (of_noise, size) = parameters.split_at(ALL_TERMS.len());
+            likelihood.ln_likelihood(&position_m(size[0]), of_noise)
+        };
+        let middle = at(&truth);
+        let of = |k: usize| {
+            let h = 1e-3 * truth[k];
+            let shifted = |by: f64| {
+                let mut moved = truth.clone();
+                moved[k] += by;
+                at(&moved)
+            };
+            let (above, below) = (shifted(h), shifted(-h));
+            let score = (above - below) / (2.0 * h);
+            [score, score * score + (above - 2.0 * middle + below) / (h * h)]
+        };
+        (0..truth.len()).map(of).collect()
+    };
+    let all: Vec<Vec<[f64; 2]>> = (0..N_SIMULATED).into_par_iter().map(scores).collect();
+    let n = N_SIMULATED as f64;
+    for k in 0..truth.len() {
+        for (which, name) in ["score", "information"].into_iter().enumerate() {
+            let mean = all.iter().map(|own| own[k][which]).sum::<f64>() / n;
+            let variance = all.iter().map(|own| (own[k][which] - mean).powi(2)).sum::<f64>() / (n - 1.0);
+            let z = mean / (variance / n).sqrt();
+            println!("parameter {k}: {name} {z:>5.2}");
+            assert!(z.abs() < 6.0, "parameter {k}: {name} {z}");
+        }
+    }
 }
 
 #[test]
 #[ignore = "campaigns/long-tests"]
-fn many_truths_rank_uniformly_among_the_draws() {
+fn truths_rank_uniformly_among_the_draws() {
     assert_uniform(96);
 }

@@ -131,6 +131,18 @@ fn reweighted_draws_agree_with_likelihoods() {
             assert!(distance < 0.54 * (upper - lower) / 3.29 + 0.01, "{a:?} {b:?}");
         }
     }
+    // Probabilities beyond the margin either way are shares of the draws: 1 + m above, 1/(1 + m) below.
+    let margin = by_draws.margin.ln_1p();
+    for (own, said) in drawn.contrasts.iter().zip(&by_draws.contrasts) {
+        let share = |sign: f64| {
+            let n_beyond = own.log_ratio.iter().filter(|ratio| sign * **ratio > margin).count();
+            n_beyond as f64 / own.log_ratio.len() as f64
+        };
+        assert!((share(1.0) - said.probability_beyond_margin).abs() < 1e-9, "{said:?}");
+        assert!((share(-1.0) - said.probability_below_margin).abs() < 1e-9, "{said:?}");
+    }
+    // Of a viscosity in which groups do not differ it is neither nothing nor all.
+    assert!(by_draws.contrasts.iter().any(|said| (0.001..0.999).contains(&said.probability_below_margin)));
     let population = &drawn.population;
     assert!(population.has_converged, "{} {} {:?}", population.rhat, population.ess, drawn.entries);
 }

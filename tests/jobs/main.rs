@@ -3,7 +3,9 @@
 mod actuation;
 mod cohort_data;
 mod contradictions;
+mod draw_tables;
 mod drives;
+mod experiment_reading;
 mod experiment_rejections;
 mod groups;
 mod groups_walk;

@@ -128,6 +128,25 @@ pub fn write_instrument_experiment(dir: &Path, heldout: bool, drift_um_per_s: f6
     std::fs::write(dir.join("trajectory.csv"), csv).unwrap();
 }
 
+/// Puts a study of [`drifting_replica`] with m0, and m1 with the drift, into a directory; and gives what `extend` said. Made once for all tests of a program.
+pub fn put_extended_replica(study: &Path) -> &'static Value {
+    static MADE: std::sync::OnceLock<(BTreeMap<PathBuf, Vec<u8>>, Value)> = std::sync::OnceLock::new();
+    let (files, said) = MADE.get_or_init(|| {
+        let place = tempfile::tempdir().unwrap();
+        let experiment = drifting_replica(place.path());
+        let path = experiment.to_str().unwrap();
+        let run = vitreo(place.path(), &["extend", path, "--with", "tracking-drift", "--json", "-", "--out", "a"]);
+        let said = run.exits(0).json();
+        (tree(&place.path().join("a")), said)
+    });
+    for (name, bytes) in files {
+        let path = study.join(name);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(path, bytes).unwrap();
+    }
+    said
+}
+
 /// Velocity of the drift of [`drifting_replica`].
 pub const DRIFT_UM_PER_S: f64 = 1.0;
 

@@ -144,7 +144,7 @@ mod tests {
         let Some(Field::Pair(pair)) = field else { panic!("no effect has a shape") };
         let shape = pair.shape().unwrap();
         let pocket = ThreeTerms::new(pair, shape, &surroundings, 1e-6, &|| ()).unwrap();
-        for ratio in [1.5, 1.7, 2.0, 2.5, 3.0, 4.0, 5.0] {
+        for ratio in [1.5, 1.7, 3.0, 5.0] {
             let FieldSystem { system, .. } = pair.system(&surroundings, Some(ratio)).unwrap();
             let modes = SpreadModes::new(&system, &pair.splitting(&surroundings.sizes), 1e-6).unwrap();
             let terms = pocket.terms(ratio.into()).unwrap();

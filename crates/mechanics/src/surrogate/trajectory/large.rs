@@ -460,6 +460,7 @@ mod tests {
 
     /// Mobilities between those that were learnt from, at two amplitudes, against full runs on a finer mesh with finer steps.
     #[test]
+    #[ignore = "campaigns/long-tests"]
     fn free_mobilities_are_what_full_runs_find() {
         const RADII_M: [f64; 2] = [0.275e-3, 10e-3];
         let time_s: Vec<f64> = (0..=40).map(|row| 0.25 * f64::from(row)).collect();
