@@ -34,6 +34,19 @@ impl Curve {
     }
 }
 
+impl Curve {
+    /// Its mirror image across z = 0, run the other way.
+    fn mirrored(&self) -> Self {
+        let image = |[r, z]: Point| [r, -z];
+        match *self {
+            Self::Segment { from, to } => Self::Segment { from: image(to), to: image(from) },
+            Self::Arc { centre, semi_axes, from_rad, to_rad } => {
+                Self::Arc { centre: image(centre), semi_axes, from_rad: -to_rad, to_rad: -from_rad }
+            }
+        }
+    }
+}
+
 /// The map (1 − s) inner(t) + s outer(t) of the square [−1, 1]²: t = (1 + ξ)/2 along both curves, and across them s from `across[0]` at
 /// η = −1 to `across[1]` at η = 1.
 ///
@@ -46,6 +59,11 @@ pub(in crate::fe) struct Ruled {
 }
 
 impl Ruled {
+    /// Its mirror image across z = 0, run the other way along both curves.
+    pub(in crate::fe) fn mirrored(&self) -> Self {
+        Self { inner: self.inner.mirrored(), outer: self.outer.mirrored(), ..*self }
+    }
+
     /// (r, z) at (ξ, η) with its derivatives by ξ and by η.
     pub(in crate::fe) fn at(&self, xi: f64, eta: f64) -> (Point, Point, Point) {
         let half = 0.5 * (self.across[1] - self.across[0]);

@@ -106,6 +106,24 @@ impl Mesh {
         }
     }
 
+    /// Both halves of a mesh of the upper one.
+    pub(in crate::fe) fn whole(&self) -> Self {
+        let mut whole = Self { is_whole: true, cells: self.cells.clone(), ..Self::default() };
+        for (point, boundary) in self.points.iter().zip(&self.boundaries) {
+            whole.vertex(*point, *boundary);
+        }
+        let image = |vertex: usize| {
+            let ([r, z], boundary) = (self.points[vertex], self.boundaries[vertex]);
+            if boundary.equator { vertex } else { whole.vertex([r, -z], boundary) }
+        };
+        let images: Vec<usize> = (0..self.points.len()).map(image).collect();
+        for cell in &self.cells {
+            let [a, b, c, d] = cell.vertices.map(|vertex| images[vertex]);
+            whole.cells.push(Cell { vertices: [b, a, d, c], map: cell.map.mirrored() });
+        }
+        whole
+    }
+
     /// New vertices a fraction of the way from one chain's to another's.
     fn between(&mut self, inner: &Chain, outer: &Chain, fraction: f64) -> Vec<usize> {
         let pairs = inner.vertices.iter().zip(&outer.vertices);

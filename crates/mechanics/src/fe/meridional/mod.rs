@@ -94,7 +94,7 @@ impl BodyOfRevolution {
     }
 
     /// Half extents across and along the axis, and the radius of the smallest sphere around the body.
-    fn extents_m(&self) -> [f64; 3] {
+    pub(in crate::fe) fn extents_m(&self) -> [f64; 3] {
         match *self {
             Self::Spheroid { semi_axis_along_m: a, semi_axis_across_m: b } => [b, a, a.max(b)],
             Self::Cylinder { length_m, diameter_m } => {
@@ -103,7 +103,7 @@ impl BodyOfRevolution {
         }
     }
 
-    fn mesh(&self, outer_radius_m: f64, rim_layers: usize) -> Mesh {
+    pub(in crate::fe) fn mesh(&self, outer_radius_m: f64, rim_layers: usize) -> Mesh {
         let [across_m, along_m, _] = self.extents_m();
         match self {
             Self::Spheroid { .. } => spheroid::mesh(along_m, across_m, outer_radius_m),

@@ -118,7 +118,7 @@ impl CellShape {
         found
     }
 
-    /// Forces on the displacements, component by component, and −∫ ψ (det F − 1) for every pressure ψ, behind each other.
+    /// Forces on the displacements, component by component, and −∫ ψ (det F − 1) for every pressure ψ, less what the volume gives, behind each other.
     pub(super) fn forces(&self, reference: &Reference, held: &[Held], f: &[Gradient], pressures: &[f64]) -> Vec<f64> {
         let pressure_at = reference.pressures_at(pressures);
         let n_points = f.len();
@@ -131,7 +131,8 @@ impl CellShape {
                     nominal[(k * n_points + q, component)] = weight * (stress[*c] - pressure_at[q] * cofactor[*c]);
                 }
             }
-            volume[q] = -weight * (point::determinant(&f[q]) - 1.0);
+            let given = held[q].rest - held[q].law.give_per_pa * pressure_at[q];
+            volume[q] = -weight * (point::determinant(&f[q]) - 1.0 - given);
         }
         let forces = product(self.operators.transpose(), nominal.as_ref());
         let constraints = product(reference.pressure.transpose().subrows(0, pressures.len()), column(&volume));
@@ -185,6 +186,13 @@ impl CellShape {
             for a in 0..2 * n {
                 matrix[(a, k)] = matrix[(k, a)];
             }
+        }
+        let give_per_pa = held.first().map_or(0.0, |held| held.law.give_per_pa);
+        if give_per_pa > 0.0 {
+            let values = &reference.pressure;
+            let weighted = Mat::from_fn(n_points, pressures.len(), |q, k| self.weights[q] * values[(q, k)]);
+            let block = matrix.as_mut().submatrix_mut(2 * n, 2 * n, pressures.len(), pressures.len());
+            matmul(block, Accum::Replace, values.transpose(), weighted.as_ref(), -give_per_pa, Par::Seq);
         }
         matrix
     }

@@ -1,7 +1,7 @@
 //! The gel's field: unknowns, balance and its solution.
 //!
 //! Unknowns are displacements in body radii and pressures in Pa. Those inside a cell, with all its pressures but the mean one, are condensed; one unknown is the body's displacement. The
-//! last cell's mean pressure is 0: a pressure that is the same everywhere does nothing in a gel that is held all around.
+//! last cell's mean pressure is 0 where the gel keeps its volume: a pressure that is the same everywhere does nothing then in a gel that is held all around.
 
 use rayon::prelude::*;
 
@@ -20,6 +20,15 @@ const TOLERANCE: f64 = 1e-7;
 const SLOW: f64 = 0.2;
 const MOST_ITERATIONS: usize = 40;
 
+/// How a gel resists changes of volume.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct GivingVolume {
+    /// The modulus of what depends on the volume alone, over the shear modulus.
+    pub(super) modulus_ratio: f64,
+    /// Whether the conformation resists changes of shape only.
+    pub(super) is_apart: bool,
+}
+
 /// A mesh with its unknowns numbered.
 pub(super) struct FieldMesh {
     pub(super) reference: Reference,
@@ -27,6 +36,8 @@ pub(super) struct FieldMesh {
     /// Unknowns that are not condensed.
     n_global: usize,
     pub(super) n_unknowns: usize,
+    /// `None` where the gel keeps its volume.
+    pub(super) volume: Option<GivingVolume>,
     /// Whether an unknown is a pressure.
     is_pressure: Vec<bool>,
     /// Places of the cells' entries in the matrix of what is not condensed.
@@ -52,7 +63,7 @@ impl FieldCell {
 
 impl FieldMesh {
     /// Of a mesh of both halves of the meridian, in body radii.
-    pub(super) fn new(mesh: &Mesh, order: usize) -> Result<Self> {
+    pub(super) fn new(mesh: &Mesh, order: usize, volume: Option<GivingVolume>) -> Result<Self> {
         let reference = Reference::new(order);
         let skeleton = Skeleton::new(mesh, order);
         let mut is_pressure = vec![false];
@@ -72,7 +83,8 @@ impl FieldMesh {
             });
         }
         let n_cells = mesh.cells.len();
-        let means: Vec<Option<usize>> = (0..n_cells).map(|k| if k + 1 < n_cells { add(true) } else { None }).collect();
+        let has_mean = |k: usize| k + 1 < n_cells || volume.is_some();
+        let means: Vec<Option<usize>> = (0..n_cells).map(|k| if has_mean(k) { add(true) } else { None }).collect();
         let in_gel = freedoms.iter().flatten().filter(|unknown| unknown.is_some_and(|u| u != BODY)).count();
         let n_global = 1 + in_gel + means.iter().flatten().count();
         let (n, n_pressures) = (reference.n_functions(), reference.n_pressures());
@@ -96,7 +108,7 @@ impl FieldMesh {
         }
         let places = cells.iter().flat_map(FieldCell::places).map(|(_, _, place)| place);
         let pattern = Pattern::new(n_global, places)?;
-        Ok(Self { reference, cells, n_global, n_unknowns: is_pressure.len(), is_pressure, pattern })
+        Ok(Self { reference, cells, n_global, n_unknowns: is_pressure.len(), volume, is_pressure, pattern })
     }
 
     pub(super) fn is_pressure(&self, unknown: usize) -> bool {
@@ -126,6 +138,8 @@ pub(super) struct Stage<'a> {
     pub(super) start: &'a [f64],
     /// S* by cell, point and mode.
     pub(super) configurations: &'a [Vec<Symmetric>],
+    /// det F − 1 at which no pressure is left, by cell and point; none where the gel keeps its volume.
+    pub(super) rests: &'a [Vec<f64>],
 }
 
 impl Stage<'_> {
@@ -133,12 +147,14 @@ impl Stage<'_> {
         let configurations = self.configurations[cell].chunks_exact(self.law.modes.len().max(1));
         let empty: &[Symmetric] = &[];
         let configurations = configurations.chain(std::iter::repeat(empty));
-        let of = |(start, configurations): (&Gradient, &'a [Symmetric])| Held {
+        let rests = self.rests.get(cell).map_or(&[][..], |rests| rests);
+        let of = |(q, (start, configurations)): (usize, (&Gradient, &'a [Symmetric]))| Held {
             law: self.law,
             start: *start,
             configurations,
+            rest: rests.get(q).copied().unwrap_or(0.0),
         };
-        start.iter().zip(configurations).map(of).collect()
+        start.iter().zip(configurations).enumerate().map(of).collect()
     }
 }
 

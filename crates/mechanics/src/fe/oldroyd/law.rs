@@ -45,6 +45,15 @@ impl FiniteLaw {
     }
 }
 
+impl FiniteLaw {
+    /// The gel of the same creep compliance under a pull, whose Poisson ratio is not ½.
+    pub(super) fn of_poisson_ratio(&self, poisson_ratio: f64) -> Self {
+        let by = 1.5 / (1.0 + poisson_ratio);
+        let mode = |mode: &RelaxationMode| RelaxationMode { shear_modulus_pa: by * mode.shear_modulus_pa, ..*mode };
+        Self { solvent_pa_s: by * self.solvent_pa_s, modes: self.modes.iter().map(mode).collect(), ..self.clone() }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

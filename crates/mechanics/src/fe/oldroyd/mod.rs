@@ -12,10 +12,14 @@
 //! Newton's method with a matrix that is kept while it serves. Beside every run a twin of small strains takes the same steps, and what is reported is the deviation from it: errors of mesh and steps that both have
 //! cancel. What is added to the twin's place is the linear model's answer, at its own Poisson ratio.
 //!
-//! **Limits.** The gel is incompressible, and bonded: it neither tears nor slides. In front of the body cells are pressed flat; the run ends with an error where a volume that should stay is a tenth of itself at a point, or ten times as large.
+//! **Limits.** The gel is bonded: it neither tears nor slides. It is incompressible unless [`Volume`] says otherwise: what a Poisson ratio below ½ does beyond small strains is not that ratio's to say, and is left to studies. In front of the body cells are pressed flat; the run ends with an error where a volume that should stay is a tenth of itself at a point, or ten times as large.
 
 mod cell;
+#[cfg(test)]
+mod eulerian;
 mod field;
+#[cfg(test)]
+mod independent_tests;
 mod law;
 mod lu;
 mod point;
@@ -28,12 +32,13 @@ pub use law::{FiniteLaw, RelaxationMode};
 use std::f64::consts::FRAC_PI_2;
 
 use super::clock::switches;
+use super::meridional::BodyOfRevolution;
 use super::meridional::basis::lagrange;
 use super::meridional::mesh::{Boundary, Mesh};
 use crate::error::{Error, Result};
 use crate::experiment::Force;
 use crate::stages::Load;
-use field::{BODY, FieldMesh, Solver, Stage};
+use field::{BODY, FieldMesh, GivingVolume, Solver, Stage};
 use point::{AT_REST, StageLaw};
 use run::{Moment, Pull, walk};
 
@@ -42,7 +47,7 @@ use run::{Moment, Pull, walk};
 pub struct Fineness {
     /// Polynomial order of the displacements, 3 to 10.
     pub order: usize,
-    /// Cells from pole to pole.
+    /// Cells from pole to pole of a sphere; spheroids and cylinders have their own.
     pub n_angles: usize,
     /// Mean ratio of neighbouring layers' radii; near the body layers are thinner, far away thicker.
     pub layer_ratio: f64,
@@ -62,13 +67,54 @@ impl Default for Fineness {
     }
 }
 
+/// What a gel's volume does. Small strains say one number of it, the Poisson ratio; large ones take a rule, and there are two that are common.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Volume {
+    /// It stays: a Poisson ratio of ½.
+    Kept,
+    /// As in a network of rubber (Lamé's moduli): where the conformation is stretched it pulls the volume together, and Λ (det F − 1), relaxing likewise, resists.
+    Network {
+        /// Poisson ratio of small strains, below ½.
+        poisson_ratio: f64,
+    },
+    /// Shape and volume resist apart: the conformation knows nothing of the volume, which has the bulk modulus for itself.
+    Apart {
+        /// Poisson ratio of small strains, below ½.
+        poisson_ratio: f64,
+    },
+}
+
+impl Volume {
+    fn poisson_ratio(self) -> f64 {
+        match self {
+            Self::Kept => 0.5,
+            Self::Network { poisson_ratio } | Self::Apart { poisson_ratio } => poisson_ratio,
+        }
+    }
+
+    fn giving(self) -> Result<Option<GivingVolume>> {
+        let poisson_ratio = self.poisson_ratio();
+        let lame_ratio = 2.0 * poisson_ratio / (1.0 - 2.0 * poisson_ratio);
+        match self {
+            Self::Kept => Ok(None),
+            _ if !(poisson_ratio > 0.0 && poisson_ratio < 0.5) => Err(Error::numerical(
+                format!("the Poisson ratio of a gel that gives in volume is {poisson_ratio}"),
+                "give one between 0 and 0.5, both excluded",
+            )),
+            Self::Network { .. } => Ok(Some(GivingVolume { modulus_ratio: lame_ratio, is_apart: false })),
+            Self::Apart { .. } => Ok(Some(GivingVolume { modulus_ratio: lame_ratio + 2.0 / 3.0, is_apart: true })),
+        }
+    }
+}
+
 /// The gel around a body, meshed.
 pub struct FiniteGel {
     mesh: FieldMesh,
-    /// Body's unit of length in m.
+    /// The body's radius across its axis, in m: the unit of length.
     radius_m: f64,
     /// Force over shear modulus and displacement of small strains, in units of the radius.
     stiffness: f64,
+    volume: Volume,
     fineness: Fineness,
 }
 
@@ -106,15 +152,29 @@ impl FiniteGel {
     /// # Errors
     /// [`Error::Numerical`] where one does not lie inside the other.
     pub fn around_sphere(radius_m: f64, outer_radius_m: f64, fineness: Fineness) -> Result<Self> {
-        if !(radius_m > 0.0 && outer_radius_m > radius_m && outer_radius_m.is_finite()) {
+        Self::new(BodyOfRevolution::sphere(radius_m), outer_radius_m, Volume::Kept, fineness)
+    }
+
+    /// Meshes the gel between a body, which is pulled along its axis, and the fixed sphere around it.
+    ///
+    /// # Errors
+    /// [`Error::Numerical`] where one does not lie inside the other, and for a Poisson ratio outside (0, ½).
+    pub fn new(body: BodyOfRevolution, outer_radius_m: f64, volume: Volume, fineness: Fineness) -> Result<Self> {
+        let [across_m, along_m, around_m] = body.extents_m();
+        if !(across_m > 0.0 && along_m > 0.0 && outer_radius_m > around_m && outer_radius_m.is_finite()) {
             return Err(Error::numerical(
-                format!("no mesh fits between spheres of radius {radius_m} m and {outer_radius_m} m"),
+                format!("no mesh fits between {body:?} and a sphere of radius {outer_radius_m} m"),
                 "give a robot that lies inside the vitreous",
             ));
         }
-        let mesh = FieldMesh::new(&concentric(outer_radius_m / radius_m, fineness), fineness.order)?;
+        let outer = outer_radius_m / across_m;
+        let mesh = match body {
+            BodyOfRevolution::Spheroid { .. } if across_m == along_m => concentric(outer, fineness),
+            _ => body.scaled(1.0 / across_m).mesh(outer, RIM_LAYERS).whole(),
+        };
+        let mesh = FieldMesh::new(&mesh, fineness.order, volume.giving()?)?;
         let stiffness = stiffness(&mesh)?;
-        Ok(Self { mesh, radius_m, stiffness, fineness })
+        Ok(Self { mesh, radius_m: across_m, stiffness, volume, fineness })
     }
 
     /// Displacements and pressures.
@@ -154,7 +214,8 @@ impl FiniteGel {
             newtons_per_pa: self.radius_m * self.radius_m,
             end_s,
         };
-        let walked = walk(&self.mesh, law, self.stiffness, &pull, self.fineness.steps_per_doubling)?;
+        let law = law.of_poisson_ratio(self.volume.poisson_ratio());
+        let walked = walk(&self.mesh, &law, self.stiffness, &pull, self.fineness.steps_per_doubling)?;
         Ok(FiniteResult {
             displacement_m: at_rows(&walked.legs, time_s, self.radius_m, |moment| moment.place),
             deviation_m: at_rows(&walked.legs, time_s, self.radius_m, |moment| moment.place - moment.twin),
@@ -165,6 +226,8 @@ impl FiniteGel {
     }
 }
 
+/// Layers of cells around the rim of a cylinder.
+const RIM_LAYERS: usize = 2;
 /// Layers are at equal distances in this root of ln r: strains are large near the body.
 const GRADING: f64 = 1.5;
 
@@ -194,9 +257,18 @@ fn stiffness(mesh: &FieldMesh) -> Result<f64> {
     let configurations: Vec<_> = mesh.cells.iter().map(|cell| vec![AT_REST; cell.shape.weights.len()]).collect();
     let stage = Stage {
         force_pa: 1.0,
-        law: StageLaw { rate_per_s: 1.0, solvent_pa_s: 0.0, mobility: 0.0, modes: &[(1.0, 0.0)] },
+        law: StageLaw {
+            rate_per_s: 1.0,
+            solvent_pa_s: 0.0,
+            mobility: 0.0,
+            modes: &[(1.0, 0.0)],
+            give_per_pa: mesh.volume.map_or(0.0, |volume| 1.0 / volume.modulus_ratio),
+            bulk_pa_s: 0.0,
+            is_apart: mesh.volume.is_some_and(|volume| volume.is_apart),
+        },
         start: &start,
         configurations: &configurations,
+        rests: &[],
     };
     Ok(1.0 / Solver::new(mesh).linear(&stage)?[BODY])
 }

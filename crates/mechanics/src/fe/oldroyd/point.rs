@@ -27,6 +27,11 @@ pub(super) struct StageLaw<'a> {
     pub(super) mobility: f64,
     /// Modulus (Pa) and z of every mode.
     pub(super) modes: &'a [(f64, f64)],
+    /// By how much det F gives to a pressure, in 1/Pa, and the solvent's part of what resists that, in Pa·s; both 0 where the gel keeps its volume.
+    pub(super) give_per_pa: f64,
+    pub(super) bulk_pa_s: f64,
+    /// Whether a change of volume leaves the conformation alone, which then resists changes of shape only.
+    pub(super) is_apart: bool,
 }
 
 /// What a stage of a step holds fixed at a point.
@@ -38,6 +43,8 @@ pub(super) struct Held<'a> {
     pub(super) start: Gradient,
     /// S* of every mode.
     pub(super) configurations: &'a [Symmetric],
+    /// det F − 1 that no pressure is left at.
+    pub(super) rest: f64,
 }
 
 /// det F.
@@ -107,6 +114,16 @@ fn relaxed<N: PointScalar>(start: &Symmetric<N>, z: f64, mobility: f64) -> Symme
     [found[0] * 2.0, found[1] * 2.0, found[3] * 2.0, hoop * 2.0]
 }
 
+/// What of F changes the conformation: all, or what is left without its change of volume.
+fn shape<N: PointScalar>(f: &Gradient<N>, is_apart: bool) -> Gradient<N> {
+    if !is_apart {
+        return *f;
+    }
+    let determinant = (f[0] * f[3] - f[1] * f[2]) * f[4];
+    let by = determinant.pow(N::constant(-1.0 / 3.0));
+    f.map(|x| x * by)
+}
+
 /// First Piola–Kirchhoff stress P in Pa, without the pressure's part.
 ///
 /// Each mode adds G (A − 1). G A alone differs from it by a pressure while det F = 1; where a mesh meets that in its mean only, the relaxed part of G A pulls volumes apart, and a mode as stiff as a spring in series
@@ -118,19 +135,26 @@ pub(super) fn stress<N: PointScalar>(held: &Held, f: &Gradient<N>) -> Gradient<N
     let rate = symmetric(&product(&moved, &m));
     let hoop_rate = (f[4] - N::constant(held.start[4])) * law.rate_per_s / f[4];
     let two_eta = 2.0 * law.solvent_pa_s;
-    let mut cauchy = [rate[0] * two_eta, rate[1] * two_eta, rate[3] * two_eta, hoop_rate * two_eta];
+    let swelling = (rate[0] + rate[3] + hoop_rate) * law.bulk_pa_s;
+    let mut cauchy =
+        [rate[0] * two_eta + swelling, rate[1] * two_eta, rate[3] * two_eta + swelling, hoop_rate * two_eta + swelling];
     for ((modulus_pa, z), start) in law.modes.iter().zip(held.configurations) {
-        let pushed = pushed(f, &start.map(N::constant));
+        let pushed = pushed(&shape(f, law.is_apart), &start.map(N::constant));
         let found = relaxed(&pushed, *z, law.mobility);
         let strains = found.into_iter().zip(AT_REST);
         cauchy.iter_mut().zip(strains).for_each(|(sum, (a, rest))| *sum += (a - N::constant(rest)) * *modulus_pa);
+    }
+    if law.is_apart {
+        let mean = (cauchy[0] + cauchy[2] + cauchy[3]) * (1.0 / 3.0) - swelling;
+        cauchy = [cauchy[0] - mean, cauchy[1], cauchy[2] - mean, cauchy[3] - mean];
     }
     let nominal = product(&[cauchy[0], cauchy[1], cauchy[1], cauchy[2]], &transposed(&m));
     [nominal[0], nominal[1], nominal[2], nominal[3], cauchy[3] / f[4]]
 }
 
 /// S of a mode at the end of a stage.
-pub(super) fn configuration(f: &Gradient, start: &Symmetric, z: f64, mobility: f64) -> Symmetric {
+pub(super) fn configuration(f: &Gradient, start: &Symmetric, z: f64, mobility: f64, is_apart: bool) -> Symmetric {
+    let f = &shape(f, is_apart);
     let a = relaxed(&pushed(f, start), z, mobility);
     let m = inverse(&plane(f));
     let back = [m[0], m[1], m[2], m[3], 1.0 / f[4]];
@@ -161,9 +185,18 @@ mod tests {
 
     fn held(mobility: f64) -> Held<'static> {
         Held {
-            law: StageLaw { rate_per_s: 3.0, solvent_pa_s: 0.45, mobility, modes: &MODES },
+            law: StageLaw {
+                rate_per_s: 3.0,
+                solvent_pa_s: 0.45,
+                mobility,
+                modes: &MODES,
+                give_per_pa: 0.1,
+                bulk_pa_s: 0.8,
+                is_apart: false,
+            },
             start: [1.1, -0.2, 0.4, 1.0, 0.9],
             configurations: &STARTS,
+            rest: 0.0,
         }
     }
 
@@ -173,7 +206,7 @@ mod tests {
         for mobility in [0.0, 1e-9, 0.1, 0.5] {
             for (start, (_, z)) in STARTS.iter().zip(MODES) {
                 let pushed_start = pushed(&F, start);
-                let a = pushed(&F, &configuration(&F, start, z, mobility));
+                let a = pushed(&F, &configuration(&F, start, z, mobility, false));
                 let b = [a[0] - 1.0, a[1], a[2] - 1.0, a[3] - 1.0];
                 let square = [b[0] * b[0] + b[1] * b[1], b[1] * (b[0] + b[2]), b[1] * b[1] + b[2] * b[2], b[3] * b[3]];
                 for k in 0..N_SYMMETRIC {
@@ -188,7 +221,7 @@ mod tests {
     #[test]
     fn what_does_not_relax_is_a_rubber() {
         let law = StageLaw { modes: &[(2.0, 0.0)], ..held(0.0).law };
-        let still = Held { law, start: F, configurations: &[AT_REST] };
+        let still = Held { law, start: F, configurations: &[AT_REST], rest: 0.0 };
         let determinant = determinant(&F);
         for ((found, f), cofactor) in stress(&still, &F).into_iter().zip(F).zip(cofactor(&F)) {
             let exact = 2.0 * (f - cofactor / determinant);
@@ -200,8 +233,9 @@ mod tests {
     #[test]
     fn the_tangent_is_the_derivative() {
         let (h, pressure_pa) = (1e-6, 0.7);
-        for mobility in [0.0, 0.3] {
-            let held = held(mobility);
+        for (mobility, is_apart) in [(0.0, false), (0.3, false), (0.0, true)] {
+            let mut held = held(mobility);
+            held.law.is_apart = is_apart;
             let found = tangent(&held, &F, pressure_pa);
             for column in 0..N_GRADIENT {
                 let at = |step: f64| {

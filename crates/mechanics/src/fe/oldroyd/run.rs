@@ -59,6 +59,8 @@ struct Walker<'a> {
     x: Vec<f64>,
     /// S by cell, point and mode.
     configurations: Vec<Vec<Symmetric>>,
+    /// What is relaxed of det F − 1, likewise; none where the gel keeps its volume.
+    swellings: Vec<Vec<f64>>,
     twin: Twin,
     /// Times (s) and unknowns that the next are guessed from; none from before a jump.
     past: Vec<(f64, Vec<f64>)>,
@@ -68,6 +70,7 @@ struct Walker<'a> {
 struct Rates {
     x: Vec<f64>,
     configurations: Vec<Vec<Symmetric>>,
+    swellings: Vec<Vec<f64>>,
     twin: Twin,
 }
 
@@ -151,6 +154,10 @@ impl<'a> Walker<'a> {
             solver: Solver::new(mesh),
             x: vec![0.0; mesh.n_unknowns],
             configurations: mesh.cells.iter().map(at_rest).collect(),
+            swellings: match mesh.volume {
+                Some(_) => mesh.cells.iter().map(|cell| vec![0.0; cell.shape.weights.len() * n_modes]).collect(),
+                None => Vec::new(),
+            },
             twin: Twin { displacement: 0.0, elastic: vec![0.0; n_modes] },
             past: Vec::new(),
         }
@@ -182,18 +189,22 @@ impl<'a> Walker<'a> {
         let stage_s = FOURTH.diagonal * step_s;
         let modes: Vec<(f64, f64)> =
             self.law.modes.iter().map(|mode| (mode.shear_modulus_pa, stage_s / mode.time_s)).collect();
+        let volume = self.mesh.volume;
         let law = StageLaw {
             rate_per_s: 1.0 / stage_s,
             solvent_pa_s: self.law.solvent_pa_s,
             mobility: self.law.mobility,
             modes: &modes,
+            give_per_pa: volume.map_or(0.0, |volume| 1.0 / (volume.modulus_ratio * stiff_pa(&modes))),
+            bulk_pa_s: volume.map_or(0.0, |volume| volume.modulus_ratio * self.law.solvent_pa_s),
+            is_apart: volume.is_some_and(|volume| volume.is_apart),
         };
         let mut all: Vec<Rates> = Vec::with_capacity(FOURTH.nodes.len());
         let mut past = self.past.clone();
         let mut last = None;
         for (node, row) in FOURTH.nodes.iter().zip(FOURTH.matrix) {
-            let (mut start, mut configurations, mut twin) =
-                (self.x.clone(), self.configurations.clone(), self.twin.clone());
+            let (mut start, mut configurations, mut swellings, mut twin) =
+                (self.x.clone(), self.configurations.clone(), self.swellings.clone(), self.twin.clone());
             for (factor, rates) in row.iter().zip(&all) {
                 let by = step_s * factor;
                 add(&mut start, by, &rates.x);
@@ -201,32 +212,36 @@ impl<'a> Walker<'a> {
                 cells.for_each(|(to, rate)| {
                     to.iter_mut().zip(rate).for_each(|(to, rate)| add(to, by, rate));
                 });
+                swellings.iter_mut().zip(&rates.swellings).for_each(|(to, rate)| add(to, by, rate));
                 twin.displacement += by * rates.twin.displacement;
                 add(&mut twin.elastic, by, &rates.twin.elastic);
             }
             let time_s = now_s + node * step_s;
             let force_pa = force_pa(time_s);
-            let stage = Stage { force_pa, law, start: &start, configurations: &configurations };
+            let rests: Vec<Vec<f64>> = swellings.iter().map(|cell| rests(&modes, cell)).collect();
+            let stage = Stage { force_pa, law, start: &start, configurations: &configurations, rests: &rests };
             let x = self.solver.solve(&stage, guess(&past, time_s).unwrap_or_else(|| self.x.clone()))?;
             if past.len() == N_GUESS {
                 past.remove(0);
             }
             past.push((time_s, x.clone()));
             let (ended, rates) = self.ended(&stage, &x, &configurations);
+            let (swollen, swelling_rates) = self.swollen(&stage, &x, &swellings);
             let twin_ended = self.twin_ended(&stage, &twin);
             let rate = |to: f64, from: f64| (to - from) / stage_s;
             all.push(Rates {
                 x: (0..x.len()).map(|k| if self.mesh.is_pressure(k) { 0.0 } else { rate(x[k], start[k]) }).collect(),
                 configurations: rates,
+                swellings: swelling_rates,
                 twin: Twin {
                     displacement: rate(twin_ended.displacement, twin.displacement),
                     elastic: twin_ended.elastic.iter().zip(&twin.elastic).map(|(to, from)| rate(*to, *from)).collect(),
                 },
             });
-            last = Some((x, ended, twin_ended));
+            last = Some((x, ended, swollen, twin_ended));
         }
         if let Some(last) = last {
-            (self.x, self.configurations, self.twin) = last;
+            (self.x, self.configurations, self.swellings, self.twin) = last;
         }
         past.retain(|(time_s, _)| *time_s <= now_s || *time_s == now_s + step_s);
         if past.len() == N_GUESS {
@@ -243,7 +258,8 @@ impl<'a> Walker<'a> {
         let of_cell = |(cell, starts): (&FieldCell, &Vec<Symmetric>)| {
             let f = self.mesh.gradients(cell, x);
             let each = starts.iter().enumerate().map(|(k, start)| {
-                let ended = point::configuration(&f[k / n_modes], start, law.modes[k % n_modes].1, law.mobility);
+                let ended =
+                    point::configuration(&f[k / n_modes], start, law.modes[k % n_modes].1, law.mobility, law.is_apart);
                 let rate: Symmetric = std::array::from_fn(|c| (ended[c] - start[c]) * law.rate_per_s);
                 (ended, rate)
             });
@@ -252,16 +268,43 @@ impl<'a> Walker<'a> {
         self.mesh.cells.par_iter().zip(starts).map(of_cell).unzip()
     }
 
+    /// What is relaxed of det F − 1 at a stage's end, and its rate.
+    fn swollen(&self, stage: &Stage, x: &[f64], starts: &[Vec<f64>]) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
+        let modes = stage.law.modes;
+        let of_cell = |(cell, starts): (&FieldCell, &Vec<f64>)| {
+            let f = self.mesh.gradients(cell, x);
+            let each = starts.iter().enumerate().map(|(k, start)| {
+                let z = modes[k % modes.len()].1;
+                let ended = (start + z * (point::determinant(&f[k / modes.len()]) - 1.0)) / (1.0 + z);
+                (ended, (ended - start) * stage.law.rate_per_s)
+            });
+            each.unzip()
+        };
+        self.mesh.cells.iter().zip(starts).map(of_cell).unzip()
+    }
+
     fn twin_ended(&self, stage: &Stage, start: &Twin) -> Twin {
         let elastic = stage.law.modes.iter().zip(&start.elastic);
         let carried: f64 = elastic.clone().map(|((modulus_pa, z), e)| modulus_pa * e / (1.0 + z)).sum();
-        let stiff: f64 = stage.law.modes.iter().map(|(modulus_pa, z)| modulus_pa / (1.0 + z)).sum();
-        let by = (stage.force_pa / self.stiffness - carried) / (stage.law.solvent_pa_s * stage.law.rate_per_s + stiff);
+        let stiff_pa = stage.law.solvent_pa_s * stage.law.rate_per_s + stiff_pa(stage.law.modes);
+        let by = (stage.force_pa / self.stiffness - carried) / stiff_pa;
         Twin {
             displacement: start.displacement + by,
             elastic: elastic.map(|((_, z), e)| (e + by) / (1.0 + z)).collect(),
         }
     }
+}
+
+/// Σ G/(1 + z) of the modes over a stage.
+fn stiff_pa(modes: &[(f64, f64)]) -> f64 {
+    modes.iter().map(|(modulus_pa, z)| modulus_pa / (1.0 + z)).sum()
+}
+
+/// det F − 1 at every point of a cell at which no pressure is left, from what is relaxed of it by point and mode.
+fn rests(modes: &[(f64, f64)], swellings: &[f64]) -> Vec<f64> {
+    let weighed = |own: &[f64]| modes.iter().zip(own).map(|((modulus_pa, z), x)| modulus_pa / (1.0 + z) * x).sum();
+    let stiff_pa = stiff_pa(modes);
+    swellings.chunks_exact(modes.len().max(1)).map(|own| -> f64 { weighed(own) }).map(|sum| sum / stiff_pa).collect()
 }
 
 fn add(to: &mut [f64], by: f64, from: &[f64]) {
@@ -330,7 +373,7 @@ mod tests {
     #[test]
     fn work_is_stored_or_lost() {
         let fineness = Fineness { order: 4, n_angles: 4, ..Fineness::default() };
-        let mesh = FieldMesh::new(&concentric(10.0 / 0.275, fineness), fineness.order).expect("a mesh");
+        let mesh = FieldMesh::new(&concentric(10.0 / 0.275, fineness), fineness.order, None).expect("a mesh");
         let elements = BaseLaw::Lethersich.elements(&[3.527, 1.402, 47.370].map(Dual::constant));
         let law = FiniteLaw::new(&elements, 0.0).expect("no springpot");
         let mut walker = Walker::new(&mesh, &law, stiffness(&mesh).expect("a solution"));

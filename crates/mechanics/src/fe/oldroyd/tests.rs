@@ -6,19 +6,19 @@ use crate::number::Dual;
 use crate::rheology::{BaseLaw, CreepCompliance};
 use crate::stages::Stages;
 
-const RADIUS_M: f64 = 0.275e-3;
-const OUTER_M: f64 = 10e-3;
-const FORCE_N: f64 = 4.6e-6;
-const LAW: [f64; 3] = [3.527, 1.402, 47.370];
-const HOLD_S: f64 = 5.0;
-const ROWS_A_HOLD: usize = 20;
+pub(super) const RADIUS_M: f64 = 0.275e-3;
+pub(super) const OUTER_M: f64 = 10e-3;
+pub(super) const FORCE_N: f64 = 4.6e-6;
+pub(super) const LAW: [f64; 3] = [3.527, 1.402, 47.370];
+pub(super) const HOLD_S: f64 = 5.0;
+pub(super) const ROWS_A_HOLD: usize = 20;
 
-fn coarse() -> Fineness {
+pub(super) fn coarse() -> Fineness {
     Fineness { order: 4, n_angles: 4, steps_per_doubling: 3, ..Fineness::default() }
 }
 
 /// Rows of holds to either side, the first row of each at its beginning.
-fn record(share: f64, n_holds: usize) -> (Vec<f64>, Vec<f64>) {
+pub(super) fn record(share: f64, n_holds: usize) -> (Vec<f64>, Vec<f64>) {
     let rows = 0..=ROWS_A_HOLD * n_holds;
     let time_s = rows.clone().map(|row| HOLD_S * row as f64 / ROWS_A_HOLD as f64).collect();
     let sign = |row: usize| if (row / ROWS_A_HOLD).is_multiple_of(2) { 1.0 } else { -1.0 };
@@ -43,12 +43,12 @@ fn run_law(
     FiniteGel::around_sphere(RADIUS_M, OUTER_M, fineness)?.run(&FiniteRun { law: &law, load: &load, time_s, force })
 }
 
-fn holds(fineness: Fineness, mobility: f64, share: f64, n_holds: usize) -> FiniteResult {
+pub(super) fn holds(fineness: Fineness, mobility: f64, share: f64, n_holds: usize) -> FiniteResult {
     let (time_s, force_n) = record(share, n_holds);
     run(fineness, mobility, &time_s, Force::from(&force_n)).expect("the mesh carries it")
 }
 
-fn farthest_apart_um(a: &FiniteResult, b: &FiniteResult) -> f64 {
+pub(super) fn farthest_apart_um(a: &FiniteResult, b: &FiniteResult) -> f64 {
     a.deviation_m.iter().zip(&b.deviation_m).fold(0.0, |most, (a, b)| most.max(1e6 * (a - b).abs()))
 }
 
