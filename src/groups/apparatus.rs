@@ -1,11 +1,12 @@
 //! Displacement per force of every apparatus, each computed once: for quasi-static linear laws it depends on sizes and the Poisson ratio
-//! alone (physics §3.3), and not on what a specimen is made of.
+//! alone (physics §3.3), and not on what a specimen is made of. Effects that change the field bring their reduced models with it; large displacements are learnt for every record.
 
 use std::collections::BTreeMap;
 
 use rayon::prelude::*;
 
 use super::cohort::Measurement;
+use crate::effects::{Field, Library};
 use crate::error::Result;
 use crate::experiment::Apparatus;
 use crate::fe::time::FullOrderModel;
@@ -19,11 +20,15 @@ use crate::workflow::{Counter, Monitor, Silent};
 /// # Errors
 /// What meshing, assembly or the model refuse.
 pub fn compliances(measurements: &[Measurement], monitor: &dyn Monitor) -> Result<Vec<Compliance>> {
+    let library = Library::default();
     let key = |own: &Measurement| {
         // Effects may ask for other Poisson ratios, in the range that their priors give them.
         let model =
             if own.specification.effects.is_empty() { String::new() } else { format!("{:?}", own.specification) };
-        format!("{:?} {model}", own.experiment.apparatus)
+        let effects = own.specification.effects.iter().filter_map(|slug| library.get(slug));
+        let is_large = effects.into_iter().any(|effect| matches!(effect.field(), Some(Field::Large)));
+        let record = if is_large { own.inputs_sha256.as_str() } else { "" };
+        format!("{:?} {model} {record}", own.experiment.apparatus)
     };
     let mut first: BTreeMap<String, &Measurement> = BTreeMap::new();
     for own in measurements {
@@ -47,7 +52,7 @@ fn compliance(measurement: &Measurement) -> Result<Compliance> {
     }
     let problem = Problem::new(measurement.experiment.clone(), measurement.specification.clone(), None, &Silent)?;
     match problem.finite_elements() {
-        Some(fe) if problem.poisson_ratios(fe)? == [fe.poisson_ratio; 2] => {
+        Some(fe) if problem.model.field().is_none() && problem.poisson_ratios(fe)? == [fe.poisson_ratio; 2] => {
             Ok(Compliance::given(FullOrderModel::new(&fe.stiffness, fe.poisson_ratio)?.compliance_per_m()))
         }
         _ => Ok(Reduced::unverified(&problem, None, &Silent)?.compliance),

@@ -130,7 +130,7 @@ fn sphere(apparatus: &Apparatus) -> Option<(f64, f64)> {
 pub fn warning(found: &LargeDisplacement, noise_um: Option<f64>) -> Option<Warning> {
     let digits = |x: f64| significant(x, 2);
     let kind = WarningKind::LargeDisplacement;
-    let advice = "read the law's parameters as effective values at this amplitude, or repeat with a smaller force; other gels with the same small strains (Giesekus's) deviate otherwise, so this is what is at stake and no correction".into();
+    let advice = "read the law's parameters as effective values at this amplitude, or repeat with a smaller force; other gels with the same small strains (Giesekus's, or one whose volume gives) deviate otherwise, so this is what is at stake and no correction".into();
     let radii = digits(found.farthest_radii);
     let (Some(rms_um), Some(most_um)) = (found.deviation_rms_um, found.deviation_most_um) else {
         let text = format!(

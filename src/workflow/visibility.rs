@@ -227,8 +227,18 @@ fn entry(
             }
             Err(other) => return Err(other),
         };
-        let most_um = deviation_m.iter().fold(0.0_f64, |most, x| most.max(1e6 * x.abs()));
-        entry.summary = format!("{}: up to {} µm here", entry.summary, significant(most_um, 2));
+        let largest = |values: &[f64]| values.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+        let most_um = 1e6 * largest(&deviation_m);
+        let ball = problem.finite_elements().and_then(|fe| fe.sizes.ball);
+        let at = ball.map_or(String::new(), |ball| {
+            format!("at {} radii ", significant(largest(&base.position_m) / ball.robot_radius_m, 2))
+        });
+        entry.summary = format!(
+            "{}: {at}up to {} µm here, {} × the noise",
+            entry.summary,
+            significant(most_um, 2),
+            significant(most_um / base.noise_parameters[0], 2)
+        );
         // It grows with the square: at 1 the derivative is twice what it makes.
         let visible = base.visible(Signature::derivative(deviation_m.iter().map(|x| 2.0 * x).collect()));
         entry.visible_fraction = Some(visible.fraction);

@@ -225,3 +225,21 @@ fn visible_shares_and_errors_are_those_of_generalised_least_squares() {
         }
     }
 }
+
+/// Before anything is fitted with it, the library says how far large displacements would move the record at its amplitude: 27 µm where the replica's bead goes 3.5 radii under its first pull, over a noise of 4 µm.
+#[test]
+fn what_large_displacements_would_move_is_said() {
+    let (experiment, _) = embedded().expect("the replica");
+    let problem = Problem::new(experiment, ModelSpecification::default(), None, &Silent).expect("a problem");
+    let summary = visibility::run(&problem, &Library::default(), None, &Silent).expect("it runs");
+    let entry = summary.effects.iter().find(|entry| entry.slug == "large-displacement").expect("in the library");
+    println!("{}", entry.summary);
+    let number = |before: &str, after: &str| -> f64 {
+        let from = entry.summary.find(before).expect(before) + before.len();
+        let length = entry.summary[from..].find(after).expect(after);
+        entry.summary[from..from + length].parse().expect("a number")
+    };
+    assert!((number("at ", " radii") - 3.5).abs() < 0.15, "{}", entry.summary);
+    assert!((number("up to ", " µm here") - 27.0).abs() < 1.5, "{}", entry.summary);
+    assert!((number("here, ", " × the noise") - 27.0 / 4.0).abs() < 0.5, "{}", entry.summary);
+}
