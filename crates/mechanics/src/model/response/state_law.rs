@@ -529,7 +529,7 @@ impl<T: Real> Run<'_, T> {
             let size = left.iter().fold(0.0_f64, |most, left| most.max(left.value().abs()));
             // A step that leads away was too long. What is not a number leads away.
             if let Some((step, share)) =
-                last_step.filter(|(_, share)| !(size <= before) && *share > LEAST_SHARE && !is_last)
+                last_step.filter(|(_, share)| (size.is_nan() || size > before) && *share > LEAST_SHARE && !is_last)
             {
                 feedback = std::array::from_fn(|i| feedback[i] + step[i] * (-0.5 * share));
                 last_step = Some((step, 0.5 * share));
