@@ -239,7 +239,7 @@ fn what_large_displacements_would_move_is_said() {
         let length = entry.summary[from..].find(after).expect(after);
         entry.summary[from..from + length].parse().expect("a number")
     };
-    assert!((number("at ", " radii") - 3.5).abs() < 0.15, "{}", entry.summary);
+    assert!((number(": at ", " radii") - 3.5).abs() < 0.15, "{}", entry.summary);
     assert!((number("up to ", " µm here") - 27.0).abs() < 1.5, "{}", entry.summary);
     assert!((number("here, ", " × the noise") - 27.0 / 4.0).abs() < 0.5, "{}", entry.summary);
 }
