@@ -137,8 +137,7 @@ impl SweepProblem {
             .map(|spec| all.get(spec.name).map_or(f64::NAN, |prior| prior.distribution.quantile(0.8)).into())
             .collect();
         let seen = self.model.stages(&aside).is_ok_and(|stages| {
-            let law = stages.law.clone();
-            stages == Stages::of_law(law)
+            stages == Stages { base: stages.base.clone(), ..Stages::of_law(stages.law.clone()) }
         });
         if seen || self.model.effects().is_empty() {
             return Ok(());
