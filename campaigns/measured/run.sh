@@ -14,5 +14,10 @@ done
 rouse=("$data/keizer-2022-cycles" --base "$root/campaigns/measured/rouse.toml" --prior generic --out "$raw/rouse" --quiet)
 run_in rouse.diagnose "$program" diagnose "${rouse[@]}" --json "$raw/rouse.diagnose.json"
 run_in rouse.extend "$program" extend "$raw/rouse" --with softening --json "$raw/rouse.extend.json" --quiet
+# What the data write by themselves: from the first nine cycles, and from the first five.
+learn=(learn "$raw/rouse" --from m0 --quiet)
+run_in rouse.learn "$program" "${learn[@]}" --json "$raw/rouse.learn.json"
+run_in rouse.learnt "$program" extend "$raw/rouse" --from m0 --with "$raw/rouse/m0/learned-effect.toml" --json "$raw/rouse.learnt.json" --quiet
+run_in rouse.learn-of-five "$program" "${learn[@]}" --first-cycles 5 --json "$raw/rouse.learn-of-five.json"
 rm -rf "$raw/keizer" "$raw/rouse"
 finish

@@ -14,7 +14,7 @@ use crate::documents::learned::{
 };
 use crate::error::Result;
 use crate::report::number::significant;
-use crate::workflow::Monitor;
+use crate::workflow::{Counter, Monitor};
 
 /// What a caller decides.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -52,6 +52,8 @@ const SIMPLER_WITHIN_NATS: f64 = 40.0;
 /// What an effect of the library may lack of the function's log score of unseen cycles to be preferred: nats, and a share of what that gains. A formula has a few parameters, and the function eight.
 const LIBRARY_NATS: f64 = 4.0;
 const LIBRARY_SHARE: f64 = 0.02;
+/// Streams of the simulated searches, apart from others of the seed.
+const STREAM: u64 = 0x1ea4;
 /// Points of a function.
 const N_POINTS: usize = 61;
 
@@ -65,21 +67,19 @@ struct Found {
     learnt: Vec<Learnt>,
 }
 
-fn search(subject: &Subject, monitor: &dyn Monitor) -> Result<Found> {
-    monitor.stage("fitting the model");
-    let first = subject.fit(&subject.base(), &[], Search::Wide)?;
-    let outlier_rows = outliers::find(subject, &first);
-    let subject = if outlier_rows.is_empty() { subject.clone() } else { subject.without_rows(&outlier_rows) };
-    let base = Refitted::new(&subject, subject.base(), &[], Search::Wide)?;
-    let pairs = pairs(&subject, &base)?;
-    let library = subject.library().clone().beside(pairs.iter().map(|pair| pair.effect));
-    let subject = subject.with_library(&library)?;
-    let candidates: Vec<Option<Candidate>> =
-        pairs.iter().map(|pair| subject.extended(&[pair.effect.slug()]).ok()).collect();
-    monitor.stage("fitting every quantity as a function of every state");
-    let mut learnt = fit_all(&subject, &Base::new(&subject, &base)?, &pairs, &candidates);
-    learnt.sort_by(|a, b| b.evidence_nats.total_cmp(&a.evidence_nats));
-    Ok(Found { subject, pairs, candidates, base, learnt })
+impl Found {
+    /// Every pair fitted beside a base model.
+    fn new(subject: &Subject, base: Refitted, monitor: &dyn Monitor) -> Result<Self> {
+        let pairs = pairs(subject, &base)?;
+        let library = subject.library().clone().beside(pairs.iter().map(|pair| pair.effect));
+        let subject = subject.with_library(&library)?;
+        let candidates: Vec<Option<Candidate>> =
+            pairs.iter().map(|pair| subject.extended(&[pair.effect.slug()]).ok()).collect();
+        monitor.stage("fitting every quantity as a function of every state");
+        let mut learnt = fit_all(&subject, &Base::new(&subject, &base)?, &pairs, &candidates);
+        learnt.sort_by(|a, b| b.evidence_nats.total_cmp(&a.evidence_nats));
+        Ok(Self { subject, pairs, candidates, base, learnt })
+    }
 }
 
 /// Learns.
@@ -87,7 +87,12 @@ fn search(subject: &Subject, monitor: &dyn Monitor) -> Result<Found> {
 /// # Errors
 /// Whatever fitting the base model refuses.
 pub fn learn(subject: &Subject, request: &Request, monitor: &dyn Monitor) -> Result<Outcome> {
-    let found = search(subject, monitor)?;
+    monitor.stage("fitting the model");
+    let first = subject.fit(&subject.base(), &[], Search::Wide)?;
+    let outlier_rows = outliers::find(subject, &first);
+    let subject = if outlier_rows.is_empty() { subject.clone() } else { subject.without_rows(&outlier_rows) };
+    let base = Refitted::new(&subject, subject.base(), &[], Search::Wide)?;
+    let found = Found::new(&subject, base, monitor)?;
     let Some(leading) = found.learnt.first() else { return Ok(found.nothing(1.0, "no pair has a model here")) };
     monitor.stage("simulating searches where nothing is to be learnt");
     let p = found.p(leading.evidence_nats, request, monitor)?;
@@ -102,12 +107,12 @@ pub fn learn(subject: &Subject, request: &Request, monitor: &dyn Monitor) -> Res
     found.learned(chosen, distilled, p, preferred)
 }
 
-/// What `learn` would give for what a model leaves, in words, without the simulated searches that would confirm it; `None` where nothing helps.
+/// What `learn` would give for what a model at its fit leaves, outliers left out, in words, without the simulated searches that would confirm it; `None` where nothing helps.
 ///
 /// # Errors
 /// As [`learn`].
-pub fn first_look(subject: &Subject, monitor: &dyn Monitor) -> Result<Option<String>> {
-    let found = search(subject, monitor)?;
+pub fn first_look(subject: &Subject, base: &Refitted, monitor: &dyn Monitor) -> Result<Option<String>> {
+    let found = Found::new(subject, base.clone(), monitor)?;
     let Some(chosen) = found.chosen(0.0) else { return Ok(None) };
     let pair = &found.pairs[chosen.pair];
     let share = found.explained(&chosen.fitted).filter(|share| *share > 0.0);
@@ -122,12 +127,15 @@ pub fn first_look(subject: &Subject, monitor: &dyn Monitor) -> Result<Option<Str
 
 impl Found {
     /// p of a gain, by searches in data that were simulated from the base.
-    fn p(&self, gain: f64, request: &Request, _monitor: &dyn Monitor) -> Result<f64> {
+    fn p(&self, gain: f64, request: &Request, monitor: &dyn Monitor) -> Result<f64> {
         let screen = Screen::new(&self.subject, &self.base, &self.candidates)?;
         let simulations = Simulations { most: request.n_simulations, only_for: Some(LARGEST_P) };
+        let counter = Counter::new(monitor, request.n_simulations);
         let largest = |number: usize| {
-            let data = simulated(&self.subject, &self.base, request.seed ^ 0x1ea4, number);
-            largest_gain(&data, &self.base, &screen, &self.candidates)
+            let data = simulated(&self.subject, &self.base, request.seed ^ STREAM, number);
+            let gain = largest_gain(&data, &self.base, &screen, &self.candidates);
+            counter.add_one();
+            gain
         };
         Ok(Bootstrap::of(gain, simulations, largest).p(gain))
     }

@@ -13,4 +13,5 @@ mod job;
 mod pairs;
 mod smooth;
 
+pub use distil::FILE_NAME;
 pub use job::{Outcome, Request, first_look, learn};

@@ -136,9 +136,10 @@ impl SweepProblem {
             .iter()
             .map(|spec| all.get(spec.name).map_or(f64::NAN, |prior| prior.distribution.quantile(0.8)).into())
             .collect();
-        let seen = self.model.stages(&aside).is_ok_and(|stages| {
-            stages == Stages { base: stages.base.clone(), ..Stages::of_law(stages.law.clone()) }
-        });
+        let seen = self
+            .model
+            .stages(&aside)
+            .is_ok_and(|stages| stages == Stages { base: stages.base.clone(), ..Stages::of_law(stages.law.clone()) });
         if seen || self.model.effects().is_empty() {
             return Ok(());
         }

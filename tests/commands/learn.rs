@@ -77,13 +77,19 @@ fn a_law_that_no_list_holds_is_found_and_added() {
     assert!(run.code < 2, "{}", run.stderr);
 }
 
-/// Where nothing depends on anything, nothing is learnt.
+/// Where nothing depends on anything, nothing is learnt, and what an earlier run wrote does not stay beside that.
 #[test]
 fn nothing_is_learnt_where_there_is_nothing() {
     let dir = tempfile::tempdir().unwrap();
     let document = learned(dir.path(), 0.0);
     assert_eq!(document["verdict"]["kind"], "nothing", "{}", document["verdict"]);
-    assert!(document["function"].is_null() && !dir.path().join("study/m0/learned-effect.toml").exists());
+    assert!(document["function"].is_null());
+    let file = dir.path().join("study/m0/learned-effect.toml");
+    assert!(!file.exists());
+    std::fs::write(&file, "of an earlier run").unwrap();
+    let run = vitreo(dir.path(), &["learn", "study", "--quiet"]);
+    assert!(run.code == 0 && run.stdout.contains("Nothing was learnt"), "{}", run.stderr);
+    assert!(!file.exists());
 }
 
 /// A mistake in an effect's file is named with file, line and column, and nothing is written.

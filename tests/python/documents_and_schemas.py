@@ -22,6 +22,7 @@ OF_STUDY = [
     ("effects", ["effects", "study"]),
     ("comparison", ["compare", "study"]),
     ("diagnosis", ["diagnose", "study"]),
+    ("learned", ["learn", "study"]),
     ("extension", ["extend", "study", "--with", "clock-offset"]),
     ("ladder", ["ladder", "study"]),
     ("groups", ["groups", "cohort", "--out", "compared"]),

@@ -178,8 +178,9 @@ fn long_computations_stop_soon() {
     let place = tempfile::tempdir().unwrap();
     let dir = place.path();
     drifting_replica(dir);
-    let commands: [&[&str]; 5] = [
+    let commands: [&[&str]; 6] = [
         &["diagnose", "drifting", "--out", "study"],
+        &["learn", "drifting", "--out", "study"],
         &["simulate", "drifting", "--out", "study", "--refine", "3"],
         &["shapes", "--out", "shapes"],
         &["challenge", "new", "--out", "sealed", "--seed", "13"],

@@ -10,7 +10,7 @@ use vitreo_uq::files::write_json_atomically;
 use vitreo_uq::study::{COMPARISON_NAME, WithProvenance};
 use vitreo_uq::workflow::Monitor;
 
-use crate::examine::Examined;
+use crate::examine::{Begun, Examined};
 use crate::options::{self, CompareArguments};
 use crate::terminal::Terminal;
 use crate::text::{outliers_left_out, significant};
@@ -19,7 +19,7 @@ use crate::text::{outliers_left_out, significant};
 const FEWEST_SIMULATIONS: usize = 39;
 
 pub fn run(arguments: &CompareArguments) -> Result<ExitCode> {
-    let began = Instant::now();
+    let at = Instant::now();
     let common = &arguments.common;
     let threads = options::use_threads(common.threads)?;
     crate::output::check(common.json.as_deref())?;
@@ -34,6 +34,7 @@ pub fn run(arguments: &CompareArguments) -> Result<ExitCode> {
         options::check_simulations(simulations)?;
     }
     let terminal = Terminal::new(common.quiet);
+    let begun = Begun { at, common, page: &arguments.page, terminal: &terminal };
     let sampler = options::default_sampler(common.seed, threads);
     let examined = Examined::open(common, &arguments.model, sampler, &terminal)?;
     terminal.stage("looking where the model fails");
@@ -46,18 +47,7 @@ pub fn run(arguments: &CompareArguments) -> Result<ExitCode> {
     let writer = examined.study.amend_revision(&examined.revision)?;
     write_json_atomically(&writer.path().join(COMPARISON_NAME), &document)?;
     figures::write(&writer.path().join("figures"), &outcome)?;
-    let written = writer.commit()?;
-    terminal.finish();
-    crate::output::show(common.json.as_deref(), &document, &words(&outcome.comparison, &examined.revision))?;
-    if !common.quiet {
-        crate::interrupt::say(&format!(
-            "Results and figures: {} ({:.1} s)",
-            written.display(),
-            began.elapsed().as_secs_f64()
-        ));
-    }
-    crate::report::refresh(&examined.study, &arguments.page, common.quiet);
-    Ok(ExitCode::SUCCESS)
+    begun.end(&examined.study, writer, &document, &words(&outcome.comparison, &examined.revision))
 }
 
 /// Findings that are told in full; the document has all of them.

@@ -15,7 +15,7 @@ use vitreo_uq::report::svg::{remove_figure, write_figure};
 use vitreo_uq::study::{DIAGNOSIS_NAME, WithProvenance};
 use vitreo_uq::workflow::Monitor;
 
-use crate::examine::Examined;
+use crate::examine::{Begun, Examined};
 use crate::options::{self, DiagnoseArguments};
 use crate::terminal::Terminal;
 use crate::text::{outliers_left_out, significant};
@@ -27,18 +27,19 @@ pub fn run(arguments: &DiagnoseArguments) -> Result<ExitCode> {
     if crate::sweep::is_one(arguments.common.target.as_ref()) {
         return crate::sweep::diagnose(arguments);
     }
-    let began = Instant::now();
+    let at = Instant::now();
     let common = &arguments.common;
     let threads = options::use_threads(common.threads)?;
     crate::output::check(common.json.as_deref())?;
     let request = request(arguments)?;
     let terminal = Terminal::new(common.quiet);
+    let begun = Begun { at, common, page: &arguments.page, terminal: &terminal };
     let sampler = options::default_sampler(common.seed, threads);
     let examined = Examined::open(common, &arguments.model, sampler, &terminal)?;
     let mut outcome = diagnose(&examined.subject_for_effects(&terminal)?, &request, &terminal)?;
     if outcome.diagnosis.verdict.kind == VerdictKind::Unexplained {
         // What no effect explains may be a law that no one wrote down.
-        outcome.diagnosis.remarks.extend(first_look(&outcome.subject, &terminal)?);
+        outcome.diagnosis.remarks.extend(first_look(&outcome.subject, &outcome.found.base, &terminal)?);
     }
     let diagnosis = &outcome.diagnosis;
     terminal.stage("writing results and figures");
@@ -51,18 +52,7 @@ pub fn run(arguments: &DiagnoseArguments) -> Result<ExitCode> {
         Some(leftover) => write_figure(&figures, DISCREPANCY, &leftover.figure(&diagnosis.experiment)?)?,
         None => remove_figure(&figures, DISCREPANCY)?,
     }
-    let written = writer.commit()?;
-    terminal.finish();
-    crate::output::show(common.json.as_deref(), &document, &words(diagnosis, &examined.revision))?;
-    if !common.quiet {
-        crate::interrupt::say(&format!(
-            "Results and figures: {} ({:.1} s)",
-            written.display(),
-            began.elapsed().as_secs_f64()
-        ));
-    }
-    crate::report::refresh(&examined.study, &arguments.page, common.quiet);
-    Ok(ExitCode::SUCCESS)
+    begun.end(&examined.study, writer, &document, &words(diagnosis, &examined.revision))
 }
 
 fn request(arguments: &DiagnoseArguments) -> Result<DiagnosisRequest> {

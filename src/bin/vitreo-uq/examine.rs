@@ -1,15 +1,20 @@
 //! What `compare`, `diagnose` and `ladder` look at: a study with its revisions, the first of which is made where there is none.
 
+use std::process::ExitCode;
+use std::time::Instant;
+
+use serde::Serialize;
 use vitreo_uq::critique::Subject;
 use vitreo_uq::effects::Library;
 use vitreo_uq::error::{Error, Place, Result};
 use vitreo_uq::inference::SamplerOptions;
-use vitreo_uq::study::{Provenance, Study};
+use vitreo_uq::study::{Provenance, RevisionWriter, Study};
 use vitreo_uq::workflow::problem::Problem;
 use vitreo_uq::workflow::reduced::Reduced;
 use vitreo_uq::workflow::{Monitor, artefacts};
 
 use crate::options::{Common, Model};
+use crate::report::PageArguments;
 use crate::target::Target;
 use crate::terminal::Terminal;
 use vitreo_uq::workflow::first_revision::{kept_surrogate, make_first_revision, refuse_nothing_to_sample};
@@ -63,6 +68,37 @@ impl Examined {
     /// The header of a document about it.
     pub fn provenance(&self, kind: &str, seed: u64) -> Provenance {
         artefacts::with_inputs(self.study.provenance(kind, 1, seed), &self.problem)
+    }
+}
+
+/// How a command began, for its end.
+pub struct Begun<'a> {
+    /// When.
+    pub at: Instant,
+    /// Its options.
+    pub common: &'a Common,
+    pub page: &'a PageArguments,
+    pub terminal: &'a Terminal,
+}
+
+impl Begun<'_> {
+    /// Makes visible what the command wrote beside the revision, shows it, says where it is, and writes the study's page anew.
+    pub fn end(
+        &self,
+        study: &Study,
+        writer: RevisionWriter,
+        document: &impl Serialize,
+        words: &str,
+    ) -> Result<ExitCode> {
+        let written = writer.commit()?;
+        self.terminal.finish();
+        crate::output::show(self.common.json.as_deref(), document, words)?;
+        if !self.common.quiet {
+            let seconds = self.at.elapsed().as_secs_f64();
+            crate::interrupt::say(&format!("Results and figures: {} ({seconds:.1} s)", written.display()));
+        }
+        crate::report::refresh(study, self.page, self.common.quiet);
+        Ok(ExitCode::SUCCESS)
     }
 }
 

@@ -6,15 +6,15 @@ use std::time::Instant;
 use vitreo_uq::critique::Subject;
 use vitreo_uq::documents::learned::{Learned, LearnedErrors, LearnedKind, LearnedPair};
 use vitreo_uq::error::{Error, Place, Result};
-use vitreo_uq::files::{write_atomically, write_json_atomically};
-use vitreo_uq::learn::{Request, learn};
+use vitreo_uq::files::{remove_if_there, write_atomically, write_json_atomically};
+use vitreo_uq::learn::{FILE_NAME, Request, learn};
 use vitreo_uq::report::learned as figure;
 use vitreo_uq::report::number::listed;
 use vitreo_uq::report::svg::{remove_figure, write_figure};
 use vitreo_uq::study::{LEARNED_NAME, WithProvenance};
 use vitreo_uq::workflow::Monitor;
 
-use crate::examine::Examined;
+use crate::examine::{Begun, Examined};
 use crate::options::{self, LearnArguments};
 use crate::terminal::Terminal;
 use crate::text::significant;
@@ -25,12 +25,13 @@ const FIGURE: &str = "learned";
 const N_SHOWN: usize = 12;
 
 pub fn run(arguments: &LearnArguments) -> Result<ExitCode> {
-    let began = Instant::now();
+    let at = Instant::now();
     let common = &arguments.common;
     let threads = options::use_threads(common.threads)?;
     crate::output::check(common.json.as_deref())?;
     options::check_simulations(arguments.simulations)?;
     let terminal = Terminal::new(common.quiet);
+    let begun = Begun { at, common, page: &arguments.page, terminal: &terminal };
     let sampler = options::default_sampler(common.seed, threads);
     let examined = Examined::open(common, &arguments.model, sampler, &terminal)?;
     let request = Request { n_simulations: arguments.simulations, seed: common.seed };
@@ -41,26 +42,17 @@ pub fn run(arguments: &LearnArguments) -> Result<ExitCode> {
     let document = WithProvenance { provenance: examined.provenance("learned", common.seed), body: learned };
     let writer = examined.study.amend_revision(&examined.revision)?;
     write_json_atomically(&writer.path().join(LEARNED_NAME), &document)?;
-    if let (Some(file), Some(formula)) = (&outcome.file, &learned.formula) {
-        write_atomically(&writer.path().join(&formula.file), file.as_bytes())?;
+    let file = writer.path().join(FILE_NAME);
+    match &outcome.file {
+        Some(text) => write_atomically(&file, text.as_bytes())?,
+        None => remove_if_there(&file)?,
     }
     let figures = writer.path().join("figures");
     match learned.function {
         Some(_) => write_figure(&figures, FIGURE, &figure::learned(learned)?)?,
         None => remove_figure(&figures, FIGURE)?,
     }
-    let written = writer.commit()?;
-    terminal.finish();
-    crate::output::show(common.json.as_deref(), &document, &words(learned, &examined.revision))?;
-    if !common.quiet {
-        crate::interrupt::say(&format!(
-            "Results and figures: {} ({:.1} s)",
-            written.display(),
-            began.elapsed().as_secs_f64()
-        ));
-    }
-    crate::report::refresh(&examined.study, &arguments.page, common.quiet);
-    Ok(ExitCode::SUCCESS)
+    begun.end(&examined.study, writer, &document, &words(learned, &examined.revision))
 }
 
 /// The subject whose first cycles are fitted and whose later ones are scored, where that is asked for.

@@ -7,7 +7,7 @@ use resvg::{tiny_skia, usvg};
 
 use super::font;
 use super::palette::{Colour, INK, WHITE};
-use crate::files::{write_together, xml_text};
+use crate::files::{remove_if_there, write_together, xml_text};
 use crate::{Error, Result};
 
 /// PNG pixels per SVG unit.
@@ -324,15 +324,8 @@ pub fn figure_files(dir: &FilePath, stem: &str, svg: &Svg) -> Result<[(PathBuf, 
 /// # Errors
 /// [`Error::File`] where the directory cannot be written.
 pub fn remove_figure(dir: &FilePath, stem: &str) -> Result<()> {
-    for path in [dir.join(format!("{stem}.svg")), dir.join(format!("{stem}.png"))] {
-        match std::fs::remove_file(&path) {
-            Err(source) if source.kind() != std::io::ErrorKind::NotFound => {
-                return Err(Error::at_path("remove", path, source, "check that the directory can be written"));
-            }
-            _ => {}
-        }
-    }
-    Ok(())
+    remove_if_there(&dir.join(format!("{stem}.svg")))?;
+    remove_if_there(&dir.join(format!("{stem}.png")))
 }
 
 /// A coordinate with at most two decimals.

@@ -41,6 +41,17 @@ pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
     stream_atomically(path, |file| file.write_all(bytes))
 }
 
+/// Removes a file of a former run, if there is one.
+///
+/// # Errors
+/// [`Error::File`] if the operating system refuses.
+pub fn remove_if_there(path: &Path) -> Result<()> {
+    match std::fs::remove_file(path) {
+        Err(source) if source.kind() != std::io::ErrorKind::NotFound => Err(refused("remove", path)(source)),
+        _ => Ok(()),
+    }
+}
+
 /// Like [`write_atomically`], for content too large to be held as a whole.
 ///
 /// # Errors

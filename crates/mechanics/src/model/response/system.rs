@@ -161,7 +161,9 @@ impl<T: Real> Lowered<T> {
             T::constant(observation.depth_exponent.recip()),
             T::of(observation.velocity_m_per_s),
         ]);
-        push_modes(&mut numbers, spectrum, compliance_per_m, T::of(stages.softening_rate_per_s));
+        let (real, oscillating) = modes_of(spectrum, compliance_per_m, T::of(stages.softening_rate_per_s));
+        numbers.extend(real.flat_map(|mode| [mode.gain, mode.rate]));
+        numbers.extend(oscillating.flat_map(|mode| [mode.gain.re, mode.gain.im, mode.rate.re, mode.rate.im]));
         for approach in &observation.approaches {
             numbers.extend([T::of(approach.amplitude_m), T::constant(1.0) / T::of(approach.time_s)]);
         }
@@ -188,18 +190,24 @@ pub(super) fn grading<T: Real>(spectrum: &RetardationSpectrum<T>, lag_rate: Opti
     Grading::new(&rough, &modes, strength_pa / inverse)
 }
 
-fn push_modes<T: Real>(numbers: &mut Vec<T>, spectrum: &RetardationSpectrum<T>, compliance_per_m: T, softening: T) {
-    for mode in &spectrum.modes {
-        let gain = compliance_per_m * mode.compliance_per_pa * mode.rate_per_s;
-        numbers.extend([gain, mode.rate_per_s + softening]);
-    }
-    numbers.extend([compliance_per_m * spectrum.fluidity_per_pa_s, softening]);
-    for mode in &spectrum.oscillating {
+/// Modes that answer a force under a compliance in 1/m: those of the law, the one that flows last, and those that oscillate.
+pub(super) fn modes_of<T: Real>(
+    spectrum: &RetardationSpectrum<T>,
+    compliance_per_m: T,
+    softening: T,
+) -> (impl Iterator<Item = Mode<T>>, impl Iterator<Item = Mode<Complex<T>>>) {
+    let real = spectrum.modes.iter().map(move |mode| Mode {
+        gain: compliance_per_m * mode.compliance_per_pa * mode.rate_per_s,
+        rate: mode.rate_per_s + softening,
+    });
+    let flowing = Mode { gain: compliance_per_m * spectrum.fluidity_per_pa_s, rate: softening };
+    let oscillating = spectrum.oscillating.iter().map(move |mode| {
         let complex = |[re, im]: [T; 2]| Complex { re, im };
         let rate = complex(mode.rate_per_s);
         let gain = (complex(mode.compliance_per_pa) * rate).times(compliance_per_m);
-        numbers.extend([gain.re, gain.im, rate.re + softening, rate.im]);
-    }
+        Mode { gain, rate: Complex { re: rate.re + softening, im: rate.im } }
+    });
+    (real.chain([flowing]), oscillating)
 }
 
 fn check(holds: bool, what: &str, number: Dual, unit: &str) -> Result<()> {
