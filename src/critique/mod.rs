@@ -41,7 +41,7 @@ mod tangent;
 #[cfg(test)]
 mod test_replica;
 #[cfg(test)]
-mod test_subjects;
+pub(crate) mod test_subjects;
 mod weighing;
 
 pub use candidate::{Candidate, Coordinate, Free};

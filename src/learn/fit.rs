@@ -218,3 +218,7 @@ pub fn curve(subject: &Subject, learnt: &Learnt, pair: &Pair, states: &[f64]) ->
     };
     Ok(states.iter().map(at).collect())
 }
+
+#[cfg(test)]
+#[path = "fit_tests.rs"]
+mod tests;

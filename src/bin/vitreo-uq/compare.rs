@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use vitreo_uq::critique::compare::{self, SIGNIFICANT, figures};
 use vitreo_uq::documents::comparison::{Comparison, Finding, PanelEntry};
-use vitreo_uq::error::{Error, Place, Result};
+use vitreo_uq::error::Result;
 use vitreo_uq::files::write_json_atomically;
 use vitreo_uq::study::{COMPARISON_NAME, WithProvenance};
 use vitreo_uq::workflow::Monitor;
@@ -24,14 +24,7 @@ pub fn run(arguments: &CompareArguments) -> Result<ExitCode> {
     let threads = options::use_threads(common.threads)?;
     crate::output::check(common.json.as_deref())?;
     if let Some(simulations) = arguments.simulations {
-        if simulations < FEWEST_SIMULATIONS {
-            return Err(Error::input(
-                Place::option("--simulations"),
-                format!("{simulations} simulated records cannot show a probability of 5 %"),
-                format!("ask for {FEWEST_SIMULATIONS} at least"),
-            ));
-        }
-        options::check_simulations(simulations)?;
+        options::check_simulations(simulations, FEWEST_SIMULATIONS)?;
     }
     let terminal = Terminal::new(common.quiet);
     let begun = Begun { at, common, page: &arguments.page, terminal: &terminal };

@@ -20,6 +20,8 @@ use crate::options::{self, DiagnoseArguments};
 use crate::terminal::Terminal;
 use crate::text::{outliers_left_out, significant};
 
+/// p < 0.05 is asked for in the first round, and half of it in each further one.
+const FEWEST_SIMULATIONS: usize = 99;
 /// The figure of what is unexplained.
 const DISCREPANCY: &str = "discrepancy";
 
@@ -62,12 +64,7 @@ fn request(arguments: &DiagnoseArguments) -> Result<DiagnosisRequest> {
         let remedy = "give a number of noise standard deviations, as in `--smallest 0.25`";
         return Err(Error::input(Place::option("--smallest"), format!("{smallest} is no size"), remedy));
     }
-    // p < 0.05 in the first round and half of it in each further one.
-    if simulations < 99 {
-        let remedy = "give at least 99: fewer cannot show a p as small as the later rounds ask for";
-        return Err(Error::input(Place::option("--simulations"), format!("{simulations} simulated searches"), remedy));
-    }
-    options::check_simulations(simulations)?;
+    options::check_simulations(simulations, FEWEST_SIMULATIONS)?;
     let bars = Bars { smallest_change: smallest, ..default.bars };
     Ok(DiagnosisRequest { bars, n_simulations: simulations, seed: arguments.common.seed, ..default })
 }

@@ -19,6 +19,8 @@ use crate::options::{self, LearnArguments};
 use crate::terminal::Terminal;
 use crate::text::significant;
 
+/// p of at most 0.02 is asked for.
+const FEWEST_SIMULATIONS: usize = 49;
 /// Stem of the figure.
 const FIGURE: &str = "learned";
 /// Pairs that are shown.
@@ -29,7 +31,7 @@ pub fn run(arguments: &LearnArguments) -> Result<ExitCode> {
     let common = &arguments.common;
     let threads = options::use_threads(common.threads)?;
     crate::output::check(common.json.as_deref())?;
-    options::check_simulations(arguments.simulations)?;
+    options::check_simulations(arguments.simulations, FEWEST_SIMULATIONS)?;
     let terminal = Terminal::new(common.quiet);
     let begun = Begun { at, common, page: &arguments.page, terminal: &terminal };
     let sampler = options::default_sampler(common.seed, threads);

@@ -268,17 +268,19 @@ pub fn default_sampler(seed: u64, threads: usize) -> SamplerOptions {
 /// Most simulations: a probability of a thousandth is known to a tenth of itself by them.
 const MOST_SIMULATIONS: usize = 100_000;
 
-/// Refuses more simulations than any question needs.
-pub fn check_simulations(simulations: usize) -> vitreo_uq::Result<()> {
-    if simulations <= MOST_SIMULATIONS {
+/// Refuses fewer simulations than can show the smallest p that a command asks for, and more than any question needs.
+pub fn check_simulations(simulations: usize, fewest: usize) -> vitreo_uq::Result<()> {
+    let (found, remedy) = if simulations < fewest {
+        (
+            format!("{simulations} simulations cannot show a p as small as is asked for"),
+            format!("give at least {fewest}"),
+        )
+    } else if simulations > MOST_SIMULATIONS {
+        (format!("{simulations} simulations"), format!("give at most {MOST_SIMULATIONS}; hundreds are usual"))
+    } else {
         return Ok(());
-    }
-    let found = format!("{simulations} simulations");
-    Err(Error::input(
-        Place::option("--simulations"),
-        found,
-        format!("give at most {MOST_SIMULATIONS}; hundreds are usual"),
-    ))
+    };
+    Err(Error::input(Place::option("--simulations"), found, remedy))
 }
 
 /// Where the number of threads stands if no option gives it.
