@@ -2,7 +2,6 @@
 
 use rayon::prelude::*;
 
-use super::fit::Learnt;
 use super::formulas::{Parameter, Written, formulas};
 use super::pairs::{Kind, Pair};
 use crate::critique::refit::Refitted;
@@ -14,10 +13,6 @@ use crate::study::effect_file;
 
 /// What a formula's parameter beyond the first has to be worth, in nats of the log score of unseen cycles.
 const NATS_PER_PARAMETER: f64 = 1.0;
-/// What a formula may lose of the function's own score: nats, and a share of what that gains.
-const LARGEST_LOSS_NATS: f64 = 3.0;
-const LARGEST_LOSS: f64 = 0.05;
-
 /// The name of the file with a formula.
 pub const FILE_NAME: &str = "learned-effect.toml";
 
@@ -33,13 +28,13 @@ pub struct Distilled {
     pub file: String,
 }
 
-/// The formula that predicts best what was not seen, of at most so many parameters; `None` where none does nearly as well as the function.
+/// The formula with the fewest parameters, at most so many, that predicts unseen cycles with a log score of at least `least_score` nats; of several the one that predicts them best. `None` where none does.
 pub fn distil(
     subject: &Subject,
     base: &Refitted,
-    (learnt, pair): (&Learnt, &Pair),
+    pair: &Pair,
     states: &[f64],
-    most_parameters: usize,
+    (least_score, most_parameters): (f64, usize),
 ) -> Option<Distilled> {
     let Kind::Function { state, visited, .. } = &pair.kind else { return None };
     let size = visited.iter().fold(0.0_f64, |size, s| size.max(s.abs()));
@@ -61,8 +56,10 @@ pub fn distil(
         future - NATS_PER_PARAMETER * n.saturating_sub(1) as f64
     };
     let found = all.into_iter().filter_map(|(written, fitted)| Some((written, fitted?)));
-    let mut found: Vec<_> = found.collect();
-    found.sort_by(|(_, (_, a, _)), (_, (_, b, _))| score(b).total_cmp(&score(a)));
+    let mut found: Vec<_> = found.filter(|(_, (_, refitted, _))| score(refitted) >= least_score).collect();
+    found.sort_by(|(own, (_, a, _)), (other, (_, b, _))| {
+        own.parameters.len().cmp(&other.parameters.len()).then(score(b).total_cmp(&score(a)))
+    });
     // A formula whose parameters the data do not determine says less than it seems to.
     let (written, file, refitted, effect, own) =
         found.into_iter().find_map(|(written, (file, refitted, effect))| {
@@ -75,12 +72,6 @@ pub fn distil(
             let are_told = in_order.into_iter().all(is_told);
             are_told.then_some((written, file, refitted, effect, own))
         })?;
-    let of_base = base.future.map_or(base.fitted.objective, |future| future.all);
-    let of_function = learnt.future.map_or(of_base + learnt.evidence_nats, |future| future.all);
-    let gain = of_function - of_base;
-    if score(&refitted) < of_function - LARGEST_LOSS_NATS - LARGEST_LOSS * gain.max(0.0) {
-        return None;
-    }
     let formula = LearnedFormula {
         text: written.text.clone(),
         parameters: own,

@@ -47,7 +47,10 @@ const LARGEST_LOSS_NATS: f64 = 0.1;
 const SMALLEST_CHANGE: f64 = 0.25;
 /// Pairs whose evidence is nearer to the leading one's are its equals: e⁶ is 400 to 1.
 const EQUAL_NATS: f64 = 6.0;
-/// Pairs whose evidence is this near to the leading one's may have a simpler formula that predicts better.
+/// What a formula may lose of the function's own log score of unseen cycles: nats, and a share of what that gains.
+const FORMULA_LOSS_NATS: f64 = 3.0;
+const FORMULA_LOSS: f64 = 0.05;
+/// Pairs whose evidence is this near to the leading one's may have a simpler formula that predicts as well.
 const SIMPLER_WITHIN_NATS: f64 = 40.0;
 /// What an effect of the library may lack of the function's log score of unseen cycles to be preferred: nats, and a share of what that gains. A formula has a few parameters, and the function eight.
 const LIBRARY_NATS: f64 = 4.0;
@@ -262,24 +265,23 @@ impl Found {
         Outcome { learned: self.document(p, verdict), file: None }
     }
 
-    /// The formula of the leading pair, or a simpler one of another pair that predicts unseen cycles better: eight weights are not at their best where a line would do, beyond what was
-    /// fitted above all.
+    /// The simplest formula that predicts unseen cycles nearly as well as the function: of the leading pair, or with one parameter of another pair that is within reach. Eight weights may hide
+    /// that a line of something else does as well.
     fn written<'a>(&'a self, chosen: &'a Learnt) -> (&'a Learnt, Option<Distilled>) {
-        let of = |learnt: &Learnt, most: usize| {
-            let pair = &self.pairs[learnt.pair];
-            distil(&self.subject, &self.base, (learnt, pair), &states_of(&self.subject, pair), most)
-        };
-        let own = of(chosen, usize::MAX);
-        let own_score = own.as_ref().map(|own| own.score).or(chosen.future.map(|future| future.all));
-        let is_other = |other: &&Learnt| {
-            other.pair != chosen.pair && other.evidence_nats > chosen.evidence_nats - SIMPLER_WITHIN_NATS
-        };
-        let others = self.learnt.iter().filter(is_other).filter_map(|other| Some((other, of(other, 1)?)));
-        let best = others.max_by(|(_, a), (_, b)| a.score.total_cmp(&b.score));
-        match best {
-            Some((other, simpler)) if own_score.is_none_or(|own| simpler.score > own) => (other, Some(simpler)),
-            _ => (chosen, own),
-        }
+        let Some((of_function, of_base)) = chosen.future.zip(self.base.future) else { return (chosen, None) };
+        let gain = of_function.all - of_base.all;
+        let least = of_function.all - FORMULA_LOSS_NATS - FORMULA_LOSS * gain;
+        let is_within = |other: &&Learnt| other.evidence_nats > chosen.evidence_nats - SIMPLER_WITHIN_NATS;
+        let formulas = self.learnt.iter().filter(is_within).filter_map(|own| {
+            let (pair, most) = (&self.pairs[own.pair], if own.pair == chosen.pair { usize::MAX } else { 1 });
+            let states = states_of(&self.subject, pair);
+            Some((own, distil(&self.subject, &self.base, pair, &states, (least, most))?))
+        });
+        let simplest = formulas.min_by(|(_, a), (_, b)| {
+            let n = |own: &Distilled| own.formula.parameters.len();
+            n(a).cmp(&n(b)).then(b.score.total_cmp(&a.score))
+        });
+        simplest.map_or((chosen, None), |(own, formula)| (own, Some(formula)))
     }
 
     fn learned(&self, chosen: &Learnt, distilled: Option<Distilled>, p: f64, library: Vec<String>) -> Result<Outcome> {
