@@ -1,6 +1,9 @@
 #!/usr/bin/env bash
-# Tests that `cargo test` leaves out because they take minutes: many more runs of what it asks in few, and the largest full models.
+# Tests that `cargo test` leaves out because they take minutes: many more runs of what it asks in few, and the largest full models. A part of the tests at a time, so that RESUME=1 goes on.
 source "$(dirname "${BASH_SOURCE[0]}")/../common.sh"
 begin long-tests
-run_in tests cargo test --locked --no-fail-fast -- --ignored
+run_in library cargo test --locked --lib --no-fail-fast -- --ignored
+for binary in commands critique effects fe inference jobs; do
+    run_in "$binary" cargo test --locked --test "$binary" --no-fail-fast -- --ignored
+done
 finish

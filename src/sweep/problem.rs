@@ -139,7 +139,7 @@ impl SweepProblem {
         let seen = self
             .model
             .stages(&aside)
-            .is_ok_and(|stages| stages == Stages { base: stages.base.clone(), ..Stages::of_law(stages.law.clone()) });
+            .is_ok_and(|stages| stages == Stages { base: stages.base, ..Stages::of_law(stages.law.clone()) });
         if seen || self.model.effects().is_empty() {
             return Ok(());
         }
