@@ -8,7 +8,7 @@ export VITREO_UQ_CACHE=${VITREO_UQ_CACHE:-$root/target/cache}
 program=$root/target/release/vitreo-uq
 python=${PYTHON:-python3}
 
-# begin NAME: builds the program, clears the raw output. With RESUME=1 the output is kept, and commands that came to their end are not run again.
+# begin NAME [none]: builds the program, unless the campaign needs none, and clears the raw output. With RESUME=1 the output is kept, and commands that came to their end are not run again.
 begin() {
     name=$1
     raw=$root/target/campaigns/$name
@@ -16,7 +16,9 @@ begin() {
         rm -rf "$raw"
     fi
     mkdir -p "$raw"
-    cargo build --release --quiet --locked --bins --examples
+    if [[ ${2:-} != none ]]; then
+        cargo build --release --quiet --locked --bins --examples
+    fi
 }
 
 # shown PROGRAM ARGUMENTS…: a command line as results quote it.
