@@ -12,14 +12,8 @@ def figures(raw):
     each = documents(raw)
     found, counts = {}, {}
     for label, document in each.items():
-        if label.endswith("diagnose"):
-            base, extended = document["base"], document["extended"] or {}
-            found[f"{label}: before"] = nm(base["rmse_heldout_um"])
-            found[f"{label}: with what helps"] = nm(extended.get("rmse_heldout_um"))
-            counts[label] = document["verdict"]
-        else:
-            heldout = document["heldout"]
-            found[f"{label}: fitted"] = nm(heldout["rmse_fitted_um"])
-            found[f"{label}: last second"] = nm(heldout["rmse_um"])
-            counts[label] = {own["name"]: own["median"] for own in document["parameters"]} | {"converged": document["converged"]}
+        heldout = document["heldout"]
+        found[f"{label}: fitted"] = nm(heldout["rmse_fitted_um"])
+        found[f"{label}: last second"] = nm(heldout["rmse_um"])
+        counts[label] = {own["name"]: own["median"] for own in document["parameters"]} | {"converged": document["converged"]}
     return found, counts

@@ -27,7 +27,6 @@ for record in polymergel brain; do
         fitted "$name.lethersich" "$experiment"
         fitted "$name.burgers" "$experiment" --base burgers
         fitted "$name.springpot" "$experiment" --base "$own/springpot.toml"
-        run_in "$name.diagnose" "$program" diagnose "$raw/study.$name.burgers" --json "$raw/$name.diagnose.json" --quiet
     done
 done
 rm -rf "$raw"/study.* "$raw"/experiment.*
