@@ -19,14 +19,14 @@ fitted() {
 
 for record in polymergel brain; do
     for tip in cone=2 sphere=1.5; do
-        name=$record.${tip%=*}
-        experiment=$raw/experiment.$name
+        label=$record.${tip%=*}
+        experiment=$raw/experiment.$label
         mkdir -p "$experiment"
         install -m 644 "$data/$record.csv" "$experiment/force-clamp.csv"
         sed "s/RECORD/$record/; s/EXPONENT/${tip#*=}/" "$own/experiment.toml" >"$experiment/experiment.toml"
-        fitted "$name.lethersich" "$experiment"
-        fitted "$name.burgers" "$experiment" --base burgers
-        fitted "$name.springpot" "$experiment" --base "$own/springpot.toml"
+        fitted "$label.lethersich" "$experiment"
+        fitted "$label.burgers" "$experiment" --base burgers
+        fitted "$label.springpot" "$experiment" --base "$own/springpot.toml"
     done
 done
 rm -rf "$raw"/study.* "$raw"/experiment.*
