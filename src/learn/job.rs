@@ -294,7 +294,7 @@ impl Found {
             EquivalentPair { quantity: pair.quantity.into(), state: pair.state.into() }
         });
         let equivalent: Vec<EquivalentPair> = equal.collect();
-        let sentence = self.sentence(chosen, &equivalent, &library, distilled.as_ref())?;
+        let sentence = self.sentence(chosen, &library, distilled.as_ref())?;
         let verdict = LearnedVerdict {
             kind: LearnedKind::Learned,
             quantity: pair.quantity.into(),
@@ -338,7 +338,6 @@ impl Found {
     fn sentence(
         &self,
         chosen: &Learnt,
-        equivalent: &[EquivalentPair],
         library: &[String],
         distilled: Option<&Distilled>,
     ) -> Result<String> {
@@ -365,10 +364,24 @@ impl Found {
         if !library.is_empty() {
             sentence += &format!(" The library's {} does as well and is to be preferred.", quoted(library));
         }
-        if !equivalent.is_empty() {
-            let names: Vec<String> =
-                equivalent.iter().map(|own| format!("{} by {}", own.quantity, own.state.replace('_', " "))).collect();
-            sentence += &format!(" This experiment cannot tell it from {}.", names.join(", "));
+        let is_near = |other: &&Learnt| {
+            other.pair != chosen.pair && (other.evidence_nats - chosen.evidence_nats).abs() <= EQUAL_NATS
+        };
+        let named = |other: &Learnt| {
+            let pair = &self.pairs[other.pair];
+            format!("{} by {}", pair.quantity, pair.state.replace('_', " "))
+        };
+        let leading = &self.learnt[0];
+        let ahead_nats = leading.evidence_nats - chosen.evidence_nats;
+        if ahead_nats > EQUAL_NATS {
+            sentence += &format!(
+                " Evidence alone prefers {}, by {ahead_nats:.0} nats, for which no formula as short predicts better.",
+                named(leading)
+            );
+        }
+        let near: Vec<String> = self.learnt.iter().filter(is_near).map(named).collect();
+        if !near.is_empty() {
+            sentence += &format!(" This experiment cannot tell it from {}.", near.join(", "));
         }
         let model =
             Refitted { candidate: chosen.candidate.clone(), fitted: chosen.fitted.clone(), future: chosen.future };
