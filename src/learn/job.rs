@@ -335,12 +335,7 @@ impl Found {
         Ok(Outcome { learned, file: Some(file) })
     }
 
-    fn sentence(
-        &self,
-        chosen: &Learnt,
-        library: &[String],
-        distilled: Option<&Distilled>,
-    ) -> Result<String> {
+    fn sentence(&self, chosen: &Learnt, library: &[String], distilled: Option<&Distilled>) -> Result<String> {
         let pair = &self.pairs[chosen.pair];
         let [before, after] = [&self.base.fitted, &chosen.fitted].map(|own| self.errors(own));
         let error = |own: LearnedErrors| own.rmse_heldout_um.unwrap_or(own.rmse_fitted_um);
