@@ -12,7 +12,8 @@
 
 use std::ops::Range;
 
-use super::{Fitted, Subject};
+use super::{Candidate, Fitted, Search, Subject};
+use crate::error::Result;
 use crate::experiment::Record;
 use crate::experiment::noise::SD_PER_MAD;
 
@@ -41,6 +42,21 @@ const UNJUDGED_ROWS: usize = 10;
 const SAME_TIME_INTERVALS: f64 = 0.1;
 /// The scale is at least this fraction of the yardstick: positions rounded to pixels may not differ at all.
 const LEAST_SCALE: f64 = 0.25;
+
+/// An experiment without its outliers, the fit of a model to it, and the rows that were left out.
+///
+/// # Errors
+/// Where the model has no fit.
+pub fn without(subject: &Subject, candidate: &Candidate) -> Result<(Subject, Fitted, Vec<usize>)> {
+    let first = subject.fit(candidate, &[], Search::Wide)?;
+    let rows = find(subject, &first);
+    if rows.is_empty() {
+        return Ok((subject.clone(), first, rows));
+    }
+    let subject = subject.without_rows(&rows);
+    let fitted = subject.fit(candidate, &[(first.theta, first.noise)], Search::Wide)?;
+    Ok((subject, fitted, rows))
+}
 
 /// Rows of the record, from 0 and in order, that are outliers among the fitted and the scored positions, seen from a fit (of the base model, say).
 pub fn find(subject: &Subject, fitted: &Fitted) -> Vec<usize> {

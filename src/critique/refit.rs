@@ -52,6 +52,14 @@ impl Refitted {
             contained.iter().all(|smaller| fitted.objective >= smaller.fitted.objective - 1e-6),
             "a model fits no worse than one that it contains"
         );
+        Self::at(subject, candidate, fitted)
+    }
+
+    /// A model at a fit that is there.
+    ///
+    /// # Errors
+    /// Where future cycles cannot be scored.
+    pub fn at(subject: &Subject, candidate: Candidate, fitted: Fitted) -> Result<Self> {
         let future = future_score(subject, &candidate, &fitted)?;
         Ok(Self { candidate, fitted, future })
     }

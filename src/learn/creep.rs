@@ -2,7 +2,6 @@
 
 use std::sync::Arc;
 
-use super::smooth::leaked;
 use crate::critique::Subject;
 use crate::distribution::Distribution;
 use crate::effects::{Effect, EffectParameter, Field, Stage, Stages};
@@ -11,6 +10,7 @@ use crate::experiment::Scales;
 use crate::number::Dual;
 use crate::parameter::{ParameterSpec, Support};
 use crate::rheology::Element;
+use crate::study::effect_file::leaked;
 
 /// Times a decade, and most of them.
 const TIMES_PER_DECADE: f64 = 1.5;

@@ -37,17 +37,18 @@ pub fn distil(
     (least_score, most_parameters): (f64, usize),
 ) -> Option<Distilled> {
     let Kind::Function { state, visited, .. } = &pair.kind else { return None };
-    let size = visited.iter().fold(0.0_f64, |size, s| size.max(s.abs()));
+    let [low, high] = visited.iter().fold([0.0_f64; 2], |[low, high], s| [low.min(*s), high.max(*s)]);
     let slug = format!("learned-{}-by-{}", pair.quantity, pair.state).replace('_', "-");
     let summary = format!("{} depends on {}", pair.quantity, pair.state.replace('_', " "));
-    let mut written = formulas(*state, size);
+    let mut written = formulas(*state, [low, high]);
     written.retain(|written| written.parameters.len() <= most_parameters);
-    let fitted = |written: &Written| -> Option<(String, Refitted, &'static StateEffect)> {
+    let fitted = |written: &Written| -> Option<(String, Subject, Refitted, &'static StateEffect)> {
         let text = written.file(&slug, pair.quantity, pair.state, &summary);
         let effect: &'static StateEffect = Box::leak(Box::new(effect_file::parsed(FILE_NAME.as_ref(), &text).ok()?));
         let own = beside(subject, effect)?;
         let candidate = own.extended(&[effect.slug]).ok()?;
-        Some((text, Refitted::new(&own, candidate, &[base], Search::Local).ok()?, effect))
+        let refitted = Refitted::new(&own, candidate, &[base], Search::Local).ok()?;
+        Some((text, own, refitted, effect))
     };
     let all: Vec<_> = written.par_iter().map(|written| (written, fitted(written))).collect();
     let score = |refitted: &Refitted| -> f64 {
@@ -56,14 +57,14 @@ pub fn distil(
         future - NATS_PER_PARAMETER * n.saturating_sub(1) as f64
     };
     let found = all.into_iter().filter_map(|(written, fitted)| Some((written, fitted?)));
-    let mut found: Vec<_> = found.filter(|(_, (_, refitted, _))| score(refitted) >= least_score).collect();
-    found.sort_by(|(own, (_, a, _)), (other, (_, b, _))| {
+    let mut found: Vec<_> = found.filter(|(_, (_, _, refitted, _))| score(refitted) >= least_score).collect();
+    found.sort_by(|(own, (_, _, a, _)), (other, (_, _, b, _))| {
         own.parameters.len().cmp(&other.parameters.len()).then(score(b).total_cmp(&score(a)))
     });
     // A formula whose parameters the data do not determine says less than it seems to.
     let (written, file, refitted, effect, own) =
-        found.into_iter().find_map(|(written, (file, refitted, effect))| {
-            let own = parameters(&beside(subject, effect)?, &refitted, written, effect)?;
+        found.into_iter().find_map(|(written, (file, subject, refitted, effect))| {
+            let own = parameters(&subject, &refitted, written, effect)?;
             let in_order =
                 written.parameters.iter().filter_map(|p| Some((p, own.iter().find(|own| own.name == p.name)?)));
             let is_told = |(parameter, own): (&Parameter, &FormulaParameter)| {

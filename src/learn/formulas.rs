@@ -24,11 +24,12 @@ pub struct Parameter {
     pub is_positive: bool,
 }
 
-/// All formulas for a state whose largest size is `size`: linear, exponential, quadratic, power, saturating, threshold, two states, sum of two.
-pub fn formulas(state: State, size: f64) -> Vec<Written> {
-    let s = state.name();
-    let has_signs = matches!(state, State::Position | State::Velocity | State::Force | State::Strain);
-    let sizes = if has_signs { vec![s.to_string(), format!("abs({s})")] } else { vec![s.to_string()] };
+/// All formulas for a state that goes from `low`, at most 0, to `high`, at least 0: linear, exponential, quadratic, power, saturating, threshold, two states, sum of two.
+pub fn formulas(state: State, [low, high]: [f64; 2]) -> Vec<Written> {
+    let (s, size) = (state.name(), high.max(-low));
+    let of_size = if state.has_sign() { format!("abs({s})") } else { s.to_string() };
+    // Where no sign but the positive one was seen, a function of the size is the same function.
+    let states = if low < 0.0 { vec![s.to_string(), of_size.clone()] } else { vec![s.to_string()] };
     let unit = state.unit();
     let (per, square) = (inverse(unit), inverse(&square(unit)));
     let normal = |sd: f64| format!("{{ distribution = \"normal\", mean = 0.0, sd = {} }}", number(sd));
@@ -57,7 +58,7 @@ pub fn formulas(state: State, size: f64) -> Vec<Written> {
     let gain = || free("gain", "1", 1.0);
     let mut list = Vec::new();
     let mut add = |text: String, parameters: Vec<Parameter>| list.push(Written { text, parameters });
-    for x in &sizes {
+    for x in &states {
         add(format!("1 + rate*{x}"), vec![rate()]);
         add(format!("exp(rate*{x})"), vec![rate()]);
         add(
@@ -72,9 +73,8 @@ pub fn formulas(state: State, size: f64) -> Vec<Written> {
     }
     add(format!("1 + curvature*{s}^2"), vec![free("curvature", &square, 1.0 / (size * size))]);
     add(format!("exp(rate*{s} + bend*{s}^2)"), vec![rate(), free("bend", &square, 1.0 / (size * size))]);
-    let x = &sizes[sizes.len() - 1];
-    add(format!("(1 + {x}/scale)^power"), vec![free("power", "1", 1.0), length("scale", 0.1 * size, 1.5)]);
-    if has_signs {
+    add(format!("(1 + {of_size}/scale)^power"), vec![free("power", "1", 1.0), length("scale", 0.1 * size, 1.5)]);
+    if state.has_sign() {
         add(format!("exp(gain*tanh({s}/scale))"), vec![gain(), length("scale", 0.3 * size, 1.0)]);
     }
     list
@@ -128,7 +128,7 @@ mod tests {
     #[test]
     fn every_formula_is_an_effect() {
         for (state, name) in State::ALL {
-            let all = formulas(state, 2e-3);
+            let all = formulas(state, [if state.has_sign() { -2e-3 } else { 0.0 }, 2e-3]);
             assert!(all.len() >= 9);
             for (number, written) in all.iter().enumerate() {
                 let slug = format!("formula-{}-{number}", name.replace('_', "-"));

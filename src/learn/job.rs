@@ -91,10 +91,8 @@ impl Found {
 /// Whatever fitting the base model refuses.
 pub fn learn(subject: &Subject, request: &Request, monitor: &dyn Monitor) -> Result<Outcome> {
     monitor.stage("fitting the model");
-    let first = subject.fit(&subject.base(), &[], Search::Wide)?;
-    let outlier_rows = outliers::find(subject, &first);
-    let subject = if outlier_rows.is_empty() { subject.clone() } else { subject.without_rows(&outlier_rows) };
-    let base = Refitted::new(&subject, subject.base(), &[], Search::Wide)?;
+    let (subject, fitted, _) = outliers::without(subject, &subject.base())?;
+    let base = Refitted::at(&subject, subject.base(), fitted)?;
     let found = Found::new(&subject, base, monitor)?;
     let Some(leading) = found.learnt.first() else { return Ok(found.nothing(1.0, "no pair has a model here")) };
     monitor.stage("simulating searches where nothing is to be learnt");

@@ -1,7 +1,7 @@
 //! Pairs of a quantity and a state, as effects.
 
 use super::creep::{Creep, creep};
-use super::smooth::{N_WEIGHTS, Smooth, leaked};
+use super::smooth::{N_WEIGHTS, Smooth};
 use crate::critique::Subject;
 use crate::critique::refit::Refitted;
 use crate::distribution::Distribution;
@@ -11,6 +11,7 @@ use crate::model::Response;
 use crate::number::Dual;
 use crate::parameter::{ParameterSpec, Support};
 use crate::stages::{Operation, Stages, State};
+use crate::study::effect_file::leaked;
 
 /// What may be learnt.
 pub struct Pair {

@@ -8,11 +8,6 @@ pub const N_WEIGHTS: usize = 8;
 /// Cosine k has the standard deviation k^−p of the first: a prior of functions that bend, and have no kinks.
 const ROUGHNESS: f64 = 1.5;
 
-/// Names of effects are static everywhere; a command looks at some dozens.
-pub(super) fn leaked(text: String) -> &'static str {
-    Box::leak(text.into_boxed_str())
-}
-
 /// e^{g(s)} with g(s) = w₀ u + Σ wₖ cos(πku)/k^p, less the same at the state 0, so that the quantity is what it is there; u goes from 0 to 1 over the range of states, linearly
 /// or as arsinh(s/s₀). Beyond the range only the trend goes on.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -126,7 +126,7 @@ pub fn definition(slug: &str) -> Option<toml::Table> {
 }
 
 /// Names and texts are static everywhere, and few files are read.
-fn leaked(text: String) -> &'static str {
+pub(crate) fn leaked(text: String) -> &'static str {
     Box::leak(text.into_boxed_str())
 }
 
@@ -289,8 +289,7 @@ fn nulls_leave_the_base(
             )
         };
         let values: Vec<Dual> = parameters.iter().map(at).collect();
-        let has_signs = matches!(state, State::Position | State::Velocity | State::Force | State::Strain);
-        for size in [-1e-3, -1e-6, 0.0, 1e-7, 1e-4, 3.0].into_iter().filter(|size| has_signs || *size >= 0.0) {
+        for size in [-1e-3, -1e-6, 0.0, 1e-7, 1e-4, 3.0].into_iter().filter(|size| state.has_sign() || *size >= 0.0) {
             let found = function.value(Dual::constant(size), &values).value;
             if found.is_nan() || (found - neutral).abs() > 1e-12 {
                 return Err(table.refuse_whole(

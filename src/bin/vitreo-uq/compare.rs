@@ -40,7 +40,8 @@ pub fn run(arguments: &CompareArguments) -> Result<ExitCode> {
     let writer = examined.study.amend_revision(&examined.revision)?;
     write_json_atomically(&writer.path().join(COMPARISON_NAME), &document)?;
     figures::write(&writer.path().join("figures"), &outcome)?;
-    begun.end(&examined.study, writer, &document, &words(&outcome.comparison, &examined.revision))
+    begun.end(&examined.study, writer, &document, &words(&outcome.comparison, &examined.revision))?;
+    Ok(ExitCode::SUCCESS)
 }
 
 /// Findings that are told in full; the document has all of them.

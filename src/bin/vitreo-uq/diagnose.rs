@@ -54,7 +54,8 @@ pub fn run(arguments: &DiagnoseArguments) -> Result<ExitCode> {
         Some(leftover) => write_figure(&figures, DISCREPANCY, &leftover.figure(&diagnosis.experiment)?)?,
         None => remove_figure(&figures, DISCREPANCY)?,
     }
-    begun.end(&examined.study, writer, &document, &words(diagnosis, &examined.revision))
+    begun.end(&examined.study, writer, &document, &words(diagnosis, &examined.revision))?;
+    Ok(ExitCode::SUCCESS)
 }
 
 fn request(arguments: &DiagnoseArguments) -> Result<DiagnosisRequest> {

@@ -1,6 +1,5 @@
 //! What `compare`, `diagnose` and `ladder` look at: a study with its revisions, the first of which is made where there is none.
 
-use std::process::ExitCode;
 use std::time::Instant;
 
 use serde::Serialize;
@@ -83,22 +82,13 @@ pub struct Begun<'a> {
 
 impl Begun<'_> {
     /// Makes visible what the command wrote beside the revision, shows it, says where it is, and writes the study's page anew.
-    pub fn end(
-        &self,
-        study: &Study,
-        writer: RevisionWriter,
-        document: &impl Serialize,
-        words: &str,
-    ) -> Result<ExitCode> {
+    pub fn end(&self, study: &Study, writer: RevisionWriter, document: &impl Serialize, words: &str) -> Result<()> {
         let written = writer.commit()?;
         self.terminal.finish();
         crate::output::show(self.common.json.as_deref(), document, words)?;
-        if !self.common.quiet {
-            let seconds = self.at.elapsed().as_secs_f64();
-            crate::interrupt::say(&format!("Results and figures: {} ({seconds:.1} s)", written.display()));
-        }
+        crate::output::say_where(self.common.quiet, &written, self.at);
         crate::report::refresh(study, self.page, self.common.quiet);
-        Ok(ExitCode::SUCCESS)
+        Ok(())
     }
 }
 

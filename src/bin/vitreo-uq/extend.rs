@@ -15,6 +15,7 @@ use vitreo_uq::workflow::mechanics::MeshFile;
 use vitreo_uq::workflow::problem::Problem;
 use vitreo_uq::workflow::{Monitor, artefacts};
 
+use crate::examine::Begun;
 use crate::options::{self, ExtendArguments, Model};
 use crate::target::Target;
 use crate::terminal::Terminal;
@@ -22,12 +23,13 @@ use crate::text::{parameter_table, significant, warning_text};
 use vitreo_uq::workflow::first_revision::{make_first_revision, refuse_nothing_to_sample};
 
 pub fn run(arguments: &ExtendArguments) -> Result<ExitCode> {
-    let began = Instant::now();
+    let at = Instant::now();
     let common = &arguments.common;
     let threads = options::use_threads(common.threads)?;
     crate::output::check(common.json.as_deref())?;
     let options = options::sampler(arguments.chains, arguments.steps, common.seed, threads);
     let terminal = Terminal::new(common.quiet);
+    let begun = Begun { at, common, page: &arguments.page, terminal: &terminal };
     let library = Library::default();
     let effects = &named_effects(&arguments.model.with)?;
     // Effects and values are of the model that is made; all else changes the model that is extended, too.
@@ -72,17 +74,7 @@ pub fn run(arguments: &ExtendArguments) -> Result<ExitCode> {
     let document = WithProvenance { provenance: header("extension"), body: summary };
     write_json_atomically(&writer.path().join(EXTENSION_NAME), &document)?;
     artefacts::write_timing(writer.path(), &after.timing_s, header("timing"))?;
-    let written = writer.commit()?;
-    terminal.finish();
-    crate::output::show(common.json.as_deref(), &document, &words(summary))?;
-    if !common.quiet {
-        crate::interrupt::say(&format!(
-            "Results and figures: {} ({:.1} s)",
-            written.display(),
-            began.elapsed().as_secs_f64()
-        ));
-    }
-    crate::report::refresh(study, &arguments.page, common.quiet);
+    begun.end(study, writer, &document, &words(summary))?;
     Ok(ExitCode::from(u8::from(!summary.is_sound())))
 }
 

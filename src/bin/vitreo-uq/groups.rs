@@ -124,13 +124,7 @@ pub fn run(arguments: &GroupsArguments) -> Result<ExitCode> {
     terminal.finish();
     let document = WithProvenance { provenance, body: &summary };
     crate::output::show(arguments.json.as_deref(), &document, &words(&summary))?;
-    if !arguments.quiet {
-        crate::interrupt::say(&format!(
-            "Results and figures: {} ({:.1} s)",
-            written.display(),
-            began.elapsed().as_secs_f64()
-        ));
-    }
+    crate::output::say_where(arguments.quiet, &written, began);
     Ok(ExitCode::from(u8::from(!summary.is_sound())))
 }
 

@@ -54,7 +54,8 @@ pub fn run(arguments: &LearnArguments) -> Result<ExitCode> {
         Some(_) => write_figure(&figures, FIGURE, &figure::learned(learned)?)?,
         None => remove_figure(&figures, FIGURE)?,
     }
-    begun.end(&examined.study, writer, &document, &words(learned, &examined.revision))
+    begun.end(&examined.study, writer, &document, &words(learned, &examined.revision))?;
+    Ok(ExitCode::SUCCESS)
 }
 
 /// The subject whose first cycles are fitted and whose later ones are scored, where that is asked for.

@@ -2,6 +2,7 @@
 
 use std::io::Write;
 use std::path::Path;
+use std::time::Instant;
 
 use serde::Serialize;
 use vitreo_uq::error::{Error, Place, Result};
@@ -57,5 +58,13 @@ pub fn show(json: Option<&Path>, document: &impl Serialize, words: &str) -> Resu
             Err(Error::at_path("write", "standard output", error, "send the output elsewhere"))
         }
         _ => Ok(()),
+    }
+}
+
+/// Says where results went, and how long they took.
+pub fn say_where(quiet: bool, place: &Path, began: Instant) {
+    if !quiet {
+        let seconds = began.elapsed().as_secs_f64();
+        crate::interrupt::say(&format!("Results and figures: {} ({seconds:.1} s)", place.display()));
     }
 }

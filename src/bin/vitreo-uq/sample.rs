@@ -52,13 +52,7 @@ pub fn run(arguments: &SampleArguments) -> Result<ExitCode> {
     let document = WithProvenance::<_> { provenance, body: &result.summary };
     let words = text::posterior(&result.summary);
     crate::output::show(common.json.as_deref(), &document, &words)?;
-    if !common.quiet {
-        crate::interrupt::say(&format!(
-            "Results and figures: {} ({:.1} s)",
-            written.display(),
-            began.elapsed().as_secs_f64()
-        ));
-    }
+    crate::output::say_where(common.quiet, &written, began);
     crate::report::refresh(study, &arguments.page, common.quiet);
     Ok(ExitCode::from(u8::from(!sound)))
 }

@@ -113,13 +113,7 @@ pub fn run(arguments: &ShapesArguments) -> Result<ExitCode> {
         &WithProvenance { provenance, body: &summary },
         &shapes_words::words(&summary),
     )?;
-    if !common.quiet {
-        crate::interrupt::say(&format!(
-            "Results and figures: {} ({:.1} s)",
-            written.display(),
-            began.elapsed().as_secs_f64()
-        ));
-    }
+    crate::output::say_where(common.quiet, &written, began);
     Ok(ExitCode::SUCCESS)
 }
 

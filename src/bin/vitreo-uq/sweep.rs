@@ -119,10 +119,7 @@ pub fn sample(arguments: &SampleArguments) -> Result<ExitCode> {
     terminal.finish();
     let document = WithProvenance { provenance: header("oscillation"), body: &result.summary };
     crate::output::show(common.json.as_deref(), &document, &posterior_words(&result.summary))?;
-    if !common.quiet {
-        let seconds = began.elapsed().as_secs_f64();
-        crate::interrupt::say(&format!("Results and figures: {} ({seconds:.1} s)", written.display()));
-    }
+    crate::output::say_where(common.quiet, &written, began);
     Ok(ExitCode::from(u8::from(!result.summary.is_sound())))
 }
 

@@ -21,7 +21,7 @@ use linear::Linear;
 use panels::Panel;
 use rows::{Column, Columns, Rows};
 
-use super::{Candidate, Fitted, Search, Subject, outliers};
+use super::{Candidate, Fitted, Subject, outliers};
 use crate::error::Result;
 
 /// Family-wise probability below which a look is a finding.
@@ -60,7 +60,7 @@ pub struct Outcome {
 /// # Errors
 /// [`crate::Error::Numerical`] when it cannot be fitted or has no derivatives.
 pub fn run(subject: &Subject, candidate: &Candidate, n_simulations: usize, seed: u64) -> Result<Outcome> {
-    let (subject, fitted, outlier_rows) = without_outliers(subject, candidate)?;
+    let (subject, fitted, outlier_rows) = outliers::without(subject, candidate)?;
     let subject = &subject;
     let linear = Linear::new(subject, candidate, &fitted)?;
     let record = &subject.experiment().record;
@@ -124,18 +124,6 @@ pub fn run(subject: &Subject, candidate: &Candidate, n_simulations: usize, seed:
         subject: subject.clone(),
         fitted,
     })
-}
-
-/// An experiment without its outliers, the fit to it, and the rows that were left out.
-fn without_outliers(subject: &Subject, candidate: &Candidate) -> Result<(Subject, Fitted, Vec<usize>)> {
-    let first = subject.fit(candidate, &[], Search::Wide)?;
-    let rows = outliers::find(subject, &first);
-    if rows.is_empty() {
-        return Ok((subject.clone(), first, rows));
-    }
-    let subject = subject.without_rows(&rows);
-    let fitted = subject.fit(candidate, &[(first.theta, first.noise)], Search::Wide)?;
-    Ok((subject, fitted, rows))
 }
 
 /// Root mean square over the fitted rows.

@@ -53,6 +53,11 @@ impl State {
         Self::ALL.iter().find(|(state, _)| *state == self).map_or("", |(_, name)| name)
     }
 
+    /// Whether it may be below 0.
+    pub fn has_sign(self) -> bool {
+        matches!(self, Self::Position | Self::Velocity | Self::Force | Self::Strain)
+    }
+
     /// The state of a name.
     pub fn named(name: &str) -> Option<Self> {
         Self::ALL.iter().find(|(_, own)| *own == name).map(|(state, _)| *state)
