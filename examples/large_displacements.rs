@@ -10,6 +10,7 @@ use serde_json::{Value, json};
 use vitreo_uq::critique::Subject;
 use vitreo_uq::critique::challenge::Protocol;
 use vitreo_uq::critique::diagnose::{DiagnosisRequest, diagnose};
+use vitreo_uq::documents::posterior::{ParameterSummary, PosteriorSummary};
 use vitreo_uq::effects::{Library, Stages};
 use vitreo_uq::error::Result;
 use vitreo_uq::experiment::{Apparatus, Experiment};
@@ -92,23 +93,24 @@ fn counted(number: usize, seed: u64, apparatus: &Apparatus) -> Result<Value> {
     let diagnosis = diagnose(&subject, &DiagnosisRequest::default(), &Silent)?.diagnosis;
     let entry = diagnosis.candidates.iter().find(|candidate| candidate.effect == "large-displacement");
     let refit = entry.and_then(|entry| entry.refit.as_ref());
-    let options = SamplerOptions::default();
-    let request = SampleRequest { options, kept_surrogate: None, checkpoint: None, resume: false };
-    let posterior = run(&problem(&experiment, &["large-displacement"])?, &request, &Silent)?.summary;
-    let truth = hidden.law.into_iter().chain([1.0]);
-    let parameters: Vec<Value> = posterior
-        .parameters
-        .iter()
-        .zip(truth)
-        .map(|(p, truth)| json!({"name": p.name, "truth": truth, "mean": p.mean, "sd": p.sd, "q05": p.q05, "q95": p.q95}))
-        .collect();
+    let posterior = |effects: &[&str]| {
+        let options = SamplerOptions::default();
+        let request = SampleRequest { options, kept_surrogate: None, checkpoint: None, resume: false };
+        run(&problem(&experiment, effects)?, &request, &Silent).map(|outcome| outcome.summary)
+    };
+    let parameters = |posterior: &PosteriorSummary| -> Vec<Value> {
+        let truth = hidden.law.into_iter().chain([1.0]);
+        let told = |(p, truth): (&ParameterSummary, f64)| json!({"name": p.name, "truth": truth, "mean": p.mean, "sd": p.sd, "q05": p.q05, "q95": p.q95});
+        posterior.parameters.iter().zip(truth).map(told).collect()
+    };
+    let (linear, posterior) = (posterior(&[])?, posterior(&["large-displacement"])?);
     Ok(json!({
         "number": number, "protocol": hidden.protocol.name(), "radii": hidden.radii, "noise_um": 1e6 * hidden.noise_m, "law": hidden.law,
         "kind": diagnosis.verdict.kind, "effects": diagnosis.verdict.effects, "equivalent": diagnosis.verdict.equivalent, "sentence": diagnosis.verdict.sentence,
         "z": entry.map(|entry| entry.z), "why_not": entry.and_then(|entry| entry.refused.clone()),
         "gain_nats": refit.map(|refit| refit.gain_nats), "heldout_gain_nats": refit.and_then(|refit| refit.heldout_gain_nats),
         "rmse_heldout_um": refit.and_then(|refit| refit.rmse_heldout_um), "refit": refit.map(|refit| &refit.parameters),
-        "converged": posterior.converged, "parameters": parameters,
+        "converged": posterior.converged, "parameters": parameters(&posterior), "linear": parameters(&linear),
     }))
 }
 

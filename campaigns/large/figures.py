@@ -1,6 +1,7 @@
 """What was said of robots that move by several radii: by how strong the signal was, as the gain of the effect says."""
 
 import json
+import statistics
 
 from plays import of
 
@@ -11,6 +12,12 @@ def covered(records, name):
     """How often a parameter's 90 % interval holds the truth."""
     own = [p for record in records for p in record["parameters"] if p["name"] == name]
     return of(sum(p["q05"] <= p["truth"] <= p["q95"] for p in own), len(own))
+
+
+def bias(records, key, name):
+    """The median of what a posterior's mean is away from the truth by, in per cent of it, with the middle 80 %."""
+    own = sorted(100 * (p["mean"] / p["truth"] - 1) for record in records for p in record[key] if p["name"] == name)
+    return f"{statistics.median(own):+.2f} % ({own[len(own) // 10]:+.2f} to {own[-1 - len(own) // 10]:+.2f})" if own else "none"
 
 
 def figures(raw):
@@ -32,6 +39,9 @@ def figures(raw):
     }
     names = [p["name"] for p in records[0]["parameters"][:3]] + [f"{SLUG}.amplitude"]
     told |= {f"90 % interval of {name}": covered(records, name) for name in names}
+    far = [record for record in records if record["radii"] == 3.6]
+    told |= {f"{name} away from the gel's at 3.6 radii, small strains": bias(far, "linear", name) for name in names[:3]}
+    told |= {f"{name} away from the gel's at 3.6 radii, with the effect": bias(far, "parameters", name) for name in names}
     counts = {}
     for record in records:
         key = f"{record['protocol']}, {record['radii']} radii, {record['noise_um']:g} µm"

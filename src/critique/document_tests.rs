@@ -7,7 +7,7 @@ use crate::critique::derivatives::columns_m;
 use crate::critique::outside::OutsideKind;
 use crate::critique::search::tests::{BIAS, DRIFT_M_PER_S, found, found_beside, refitted, small};
 use crate::critique::separation::tests::measured;
-use crate::critique::test_replica::replica;
+use crate::critique::test_replica::replica_with;
 use crate::workflow::Silent;
 use crate::workflow::misfit::Size;
 
@@ -271,11 +271,13 @@ fn what_cannot_come_near_the_claim_gets_a_bound() {
 /// However near it comes: a law that is not linear gets a bound beside a claim, and is named.
 #[test]
 fn a_law_that_is_not_linear_is_not_weighed_beside_a_claim() {
-    let mut found = found_beside(replica(), &["force-bias", "strain-stiffening"]);
+    const SLUGS: [&str; 2] = ["force-bias", "strain-stiffening"];
+    let data = replica_with(&Library::only(&SLUGS));
+    let mut found = found_beside(&data, &SLUGS);
     let near = Gain { fitted: 1e3, future: None, last: None, largest_change: 1.0, rank: 1e3 };
     found.singles.iter_mut().for_each(|single| single.gain = Some(near));
     found.claimed = found.singles[0].refitted.clone();
-    let weighing = Weighing::new(replica(), &found, (true, 1), &Silent).expect("weighed");
+    let weighing = Weighing::new(&data, &found, (true, 1), &Silent).expect("weighed");
     assert!(matches!(weighing.factor("force-bias"), Factor::Known(_)));
     assert_eq!(weighing.factor("strain-stiffening"), Factor::AtMost(1005.0));
     let [remark] = &weighing.remarks[..] else { panic!("{:?}", weighing.remarks) };

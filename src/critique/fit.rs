@@ -150,7 +150,11 @@ impl Subject {
             sample_interval_s: scales.sample_interval_s,
             cycle_s: scales.cycle_s,
         };
-        NoisePrior::new(self.noise(), &scales, self.is_noise_known())
+        let all = NoisePrior::new(self.noise(), &scales, self.is_noise_known());
+        match self.own_noise() {
+            Some(terms) => all.only(terms),
+            None => all,
+        }
     }
 }
 
@@ -193,7 +197,7 @@ impl Climber<'_> {
         let white = self.noise_prior.white();
         let mut seeds: Vec<(Vec<f64>, LogNoise)> = Vec::new();
         for (theta, noise) in also {
-            let log_noise = noise.map(f64::ln);
+            let log_noise = self.noise_prior.clamped(noise.map(f64::ln));
             for embedded in self.over_grid(theta) {
                 seeds.push((embedded, log_noise));
             }

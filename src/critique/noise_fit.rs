@@ -32,6 +32,8 @@ pub(super) struct NoisePrior {
     process: Distribution,
     gain: Distribution,
     offset: Distribution,
+    /// Parameters of terms that a model goes without: they stay at the least that a search allows.
+    is_absent: [bool; N_PARAMETERS],
 }
 
 /// Standard deviation of ln σ about the yardstick: known, yet not so well that it could stand in the way of the data.
@@ -62,7 +64,15 @@ impl NoisePrior {
             process,
             gain: of(GAIN),
             offset: of(OFFSET),
+            is_absent: [false; N_PARAMETERS],
         }
+    }
+
+    /// The same for a model whose noise has the terms of these names and no others.
+    pub fn only(self, terms: &[String]) -> Self {
+        let is_absent = |name: &str| !terms.iter().any(|term| term == name);
+        let [process, gain] = ["ou", "gain"].map(is_absent);
+        Self { is_absent: [false, process, process, gain, gain], ..self }
     }
 
     /// Log density up to a constant; of the logarithms for σ, σ_ou and τ, of the values for s_g and s_o, so that these may be nothing.
@@ -73,16 +83,18 @@ impl NoisePrior {
     }
 
     fn ends(&self, index: usize) -> [f64; 2] {
-        match index {
+        let [lower, upper] = match index {
             WHITE => [self.ln_white_um - 4.0, self.ln_white_um + 8.0],
             PROCESS => [self.ln_white_um - 7.0, self.ln_white_um + 9.0],
             TIME => self.ln_time_s,
             GAIN => [1e-5_f64.ln(), 0.5_f64.ln()],
             _ => [self.ln_white_um - 7.0, self.ln_white_um + 7.0],
-        }
+        };
+        [lower, if self.is_absent[index] { lower } else { upper }]
     }
 
-    fn clamped(&self, mut noise: LogNoise) -> LogNoise {
+    /// The nearest noise that a search allows.
+    pub fn clamped(&self, mut noise: LogNoise) -> LogNoise {
         for (index, value) in noise.iter_mut().enumerate() {
             let [lower, upper] = self.ends(index);
             *value = value.clamp(lower, upper);

@@ -29,6 +29,8 @@ pub struct Subject {
     shared: Arc<Shared>,
     /// Whether trajectories of laws that are not linear are those that are remembered.
     is_local: bool,
+    /// Whether the noise has the terms of the model as it is written, and no others.
+    has_own_noise: bool,
     /// Positions (m) of the fitted cycles, `None` elsewhere; one entry a row of the record.
     pub fitted_m: Vec<Option<f64>>,
     /// Positions (m) of the scored cycle, `None` elsewhere.
@@ -47,6 +49,8 @@ pub(super) struct Shared {
     pub base: Problem,
     pub library: Library,
     pub noise: NoiseModel,
+    /// Names of the noise terms of the model as it is written.
+    pub own_noise: Vec<String>,
     pub yardstick_m: f64,
     pub compliance: Compliance,
     /// The same with laws that are not linear remembering their trajectories.
@@ -97,7 +101,7 @@ impl Subject {
     pub fn with_compliance(problem: &Problem, library: &Library, compliance: Compliance) -> Result<Self> {
         let experiment = problem.experiment.for_comparison();
         let mut specification = problem.specification.clone();
-        specification.noise = NOISE_TERMS.map(String::from).to_vec();
+        let own_noise = std::mem::replace(&mut specification.noise, NOISE_TERMS.map(String::from).to_vec());
         specification.fixed.retain(|name, _| problem.model.parameters().iter().any(|p| p.name == name));
         let base = problem.with(experiment.clone(), specification.clone(), library)?;
         let record = &experiment.record;
@@ -118,8 +122,19 @@ impl Subject {
             _ => compliance.with_large(move || slot.get().and_then(|found| found.clone().ok())),
         };
         let local = trajectory::local(&compliance, &experiment.record.time_s, experiment.record.force());
-        let shared =
-            Shared { experiment, specification, base, library, noise, yardstick_m, compliance, local, response, large };
+        let shared = Shared {
+            experiment,
+            specification,
+            base,
+            library,
+            noise,
+            own_noise,
+            yardstick_m,
+            compliance,
+            local,
+            response,
+            large,
+        };
         Ok(Self::of(Arc::new(shared), fitted_m, scored_m))
     }
 
@@ -139,6 +154,7 @@ impl Subject {
             specification: shared.specification.clone(),
             library: library.clone(),
             noise: shared.noise,
+            own_noise: shared.own_noise.clone(),
             yardstick_m: shared.yardstick_m,
             compliance: shared.compliance.clone(),
             local: shared.local.clone(),
@@ -166,7 +182,7 @@ impl Subject {
             |positions: &[Option<f64>]| NoiseLikelihood::new(shared.noise, &record.time_s, &record.cycle, positions);
         let both: Vec<Option<f64>> = fitted_m.iter().zip(&scored_m).map(|(a, b)| a.or(*b)).collect();
         let (fitted, all) = (likelihood(&fitted_m), likelihood(&both));
-        Self { shared, is_local: false, fitted_m, scored_m, fitted, all }
+        Self { shared, is_local: false, has_own_noise: false, fitted_m, scored_m, fitted, all }
     }
 
     /// The same experiment with other positions (m), one a row; rows without a position stay without.
@@ -176,7 +192,7 @@ impl Subject {
             (replaced(&self.fitted_m), replaced(&self.scored_m));
         let both: Vec<Option<f64>> = fitted_m.iter().zip(&scored_m).map(|(a, b)| a.or(*b)).collect();
         let (fitted, all) = (self.fitted.with_observed(&fitted_m), self.all.with_observed(&both));
-        Self { shared: self.shared.clone(), is_local: self.is_local, fitted_m, scored_m, fitted, all }
+        Self { fitted_m, scored_m, fitted, all, ..self.clone() }
     }
 
     /// The same without the positions of some rows.
@@ -191,7 +207,12 @@ impl Subject {
             left
         };
         let other = Self::of(self.shared.clone(), left(&self.fitted_m), left(&self.scored_m));
-        Self { is_local: self.is_local, ..other }
+        Self { is_local: self.is_local, has_own_noise: self.has_own_noise, ..other }
+    }
+
+    /// The same where a model's noise has the terms that it is written with, and no others: what a fit of that model by `sample` or `extend` is given.
+    pub fn with_own_noise(self) -> Self {
+        Self { has_own_noise: true, ..self }
     }
 
     /// The same where many models of one law that is not linear are asked for, near to each other: its trajectories are learnt once, and then remembered.
@@ -264,6 +285,11 @@ impl Subject {
     /// The noise model.
     pub fn noise(&self) -> NoiseModel {
         self.shared.noise
+    }
+
+    /// Names of the noise terms of the model as it is written, where fits here have those alone.
+    pub(super) fn own_noise(&self) -> Option<&[String]> {
+        self.has_own_noise.then_some(&self.shared.own_noise[..])
     }
 
     /// The known or estimated noise (m) that misfits are measured against.

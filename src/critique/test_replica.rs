@@ -6,20 +6,26 @@ use std::sync::OnceLock;
 
 use super::{Candidate, Fitted, Search, Subject};
 use crate::critique::NoiseValues;
-use crate::effects::Library;
+use crate::effects::{EFFECTS, Library};
 use crate::study::ModelSpecification;
 use crate::workflow::Silent;
 use crate::workflow::problem::Problem;
 use crate::workflow::replica::embedded;
 
-/// The replica, prepared once.
+/// The replica with every effect but the laws that are not linear, whose reduced models take longer to train than most tests; prepared once.
 pub fn replica() -> &'static Subject {
     static SUBJECT: OnceLock<Subject> = OnceLock::new();
     SUBJECT.get_or_init(|| {
-        let (experiment, _) = embedded().expect("embedded");
-        let problem = Problem::new(experiment, ModelSpecification::default(), None, &Silent).expect("sound");
-        Subject::new(&problem, &Library::default(), None, &Silent).expect("sound")
+        let linear = EFFECTS.iter().filter(|effect| !effect.is_nonlinear()).map(|effect| effect.slug());
+        replica_with(&Library::only(&linear.collect::<Vec<_>>()))
     })
+}
+
+/// The replica with effects of one's own choice.
+pub fn replica_with(library: &Library) -> Subject {
+    let (experiment, _) = embedded().expect("embedded");
+    let problem = Problem::new(experiment, ModelSpecification::default(), None, &Silent).expect("sound");
+    Subject::new(&problem, library, None, &Silent).expect("sound")
 }
 
 /// Noise of 4 µm and hardly anything else.
@@ -34,7 +40,17 @@ pub fn base_fit() -> (Candidate, Fitted) {
 
 /// The replica's protocol with simulated positions: a candidate at coordinates, and noise.
 pub fn simulated(candidate: &Candidate, theta: &[f64], noise: &NoiseValues, seed: u64) -> Subject {
-    let subject = replica();
+    simulated_in(replica(), candidate, theta, noise, seed)
+}
+
+/// The same with another subject's effects.
+pub fn simulated_in(
+    subject: &Subject,
+    candidate: &Candidate,
+    theta: &[f64],
+    noise: &NoiseValues,
+    seed: u64,
+) -> Subject {
     let record = &subject.experiment().record;
     let position_m = subject.trajectory_m(candidate, theta).expect("a model");
     let mut rng = ChaCha8Rng::seed_from_u64(seed);

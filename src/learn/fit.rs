@@ -117,6 +117,14 @@ pub fn fit_all(subject: &Subject, base: &Base<'_>, pairs: &[Pair], candidates: &
     (0..pairs.len()).into_par_iter().filter_map(of).collect()
 }
 
+/// A pair's fit with the noise of another subject, and its log scores there; `None` where it has no fit or no cycle is held out.
+pub fn fit_under(subject: &Subject, learnt: &Learnt) -> Option<(Fitted, FutureScore)> {
+    let start = (learnt.fitted.theta.clone(), learnt.fitted.noise);
+    let fitted = subject.fit(&learnt.candidate, &[start], Search::Local).ok()?;
+    let future = future(subject, &learnt.candidate, &fitted).ok()??;
+    Some((fitted, future))
+}
+
 /// The log scores of a model whose weights have the prior of its fit, and no other.
 fn future(subject: &Subject, candidate: &Candidate, fitted: &Fitted) -> Result<Option<FutureScore>> {
     let mut own = candidate.clone();

@@ -1,7 +1,7 @@
 //! What the data write: every pair fitted, the leading one judged, drawn and written as a formula.
 
 use super::distil::{Distilled, NORMAL_90, distil};
-use super::fit::{Base, Learnt, Screen, curve, fit_all, largest_gain};
+use super::fit::{Base, Learnt, Screen, curve, fit_all, fit_under, largest_gain};
 use super::pairs::{Kind, Pair, pairs};
 use crate::critique::bootstrap::{Bootstrap, Simulations, simulated};
 use crate::critique::leftover::misfit;
@@ -201,7 +201,7 @@ impl Found {
         };
         let quantity = match pair.quantity {
             "force" => "the force".to_string(),
-            "position" => "the observed position".to_string(),
+            "position" => "the scale of the observed position".to_string(),
             name => format!("`{name}`"),
         };
         let ends = visited.iter().fold([0.0_f64; 2], |[low, high], s| [low.min(*s), high.max(*s)]);
@@ -264,16 +264,24 @@ impl Found {
     }
 
     /// The simplest formula that predicts unseen cycles nearly as well as the function: of the leading pair, or with one parameter of another pair that is within reach. Eight weights may hide
-    /// that a line of something else does as well.
+    /// that a line of something else does as well. All of it beside the noise that the model is written with, since that is what a formula is added to: slow noise that only a search allows
+    /// takes up levels, and leaves a formula to follow increments alone.
     fn written<'a>(&'a self, chosen: &'a Learnt) -> (&'a Learnt, Option<Distilled>) {
-        let Some((of_function, of_base)) = chosen.future.zip(self.base.future) else { return (chosen, None) };
+        let subject = self.subject.clone().with_own_noise();
+        let base = Refitted::new(&subject, self.base.candidate.clone(), &[&self.base], Search::Local).ok();
+        let Some(base) = base else { return (chosen, None) };
+        let Some(((function, of_function), of_base)) = fit_under(&subject, chosen).zip(base.future) else {
+            return (chosen, None);
+        };
+        // What even the function leaves beyond the noise is the model's error, whose rows are not independent: nats weigh as much less.
+        let left = (1e-6 * function.noise[0] / subject.yardstick_m()).powi(2).max(1.0);
         let gain = of_function.all - of_base.all;
-        let least = of_function.all - FORMULA_LOSS_NATS - FORMULA_LOSS * gain;
+        let least = of_function.all - FORMULA_LOSS_NATS * left - FORMULA_LOSS * gain;
         let is_within = |other: &&Learnt| other.evidence_nats > chosen.evidence_nats - SIMPLER_WITHIN_NATS;
         let formulas = self.learnt.iter().filter(is_within).filter_map(|own| {
             let (pair, most) = (&self.pairs[own.pair], if own.pair == chosen.pair { usize::MAX } else { 1 });
-            let states = states_of(&self.subject, pair);
-            Some((own, distil(&self.subject, &self.base, pair, &states, (least, most))?))
+            let states = states_of(&subject, pair);
+            Some((own, distil(&subject, &base, pair, &states, (least, most))?))
         });
         let simplest = formulas.min_by(|(_, a), (_, b)| {
             let n = |own: &Distilled| own.formula.parameters.len();
@@ -348,7 +356,11 @@ impl Found {
             significant(1e6 * self.subject.yardstick_m(), 3)
         );
         match distilled {
-            Some(own) => sentence += &format!(" As a formula: {} × ({}).", pair.quantity, own.formula.text),
+            Some(own) => {
+                let left = error(self.errors(&own.refitted.fitted));
+                sentence +=
+                    &format!(" As a formula: {}, {} µm.", own.formula.product(pair.quantity), significant(left, 3));
+            }
             None if matches!(pair.kind, Kind::Function { .. }) => {
                 sentence += " No short formula predicts unseen cycles as well.";
             }

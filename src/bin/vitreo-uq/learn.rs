@@ -107,7 +107,7 @@ fn words(learned: &Learned, revision: &str) -> String {
     lines.push(format!("  {:<24}{:>18}", "noise", significant(learned.noise_um)));
     if let Some(formula) = &learned.formula {
         lines.push(String::new());
-        lines.push(format!("Formula: {} × ({})", learned.verdict.quantity, formula.text));
+        lines.push(format!("Formula: {}", formula.product(&learned.verdict.quantity)));
         lines.extend(formula.parameters.iter().map(|own| {
             let [value, q05, q95] = [own.value, own.q05, own.q95].map(significant);
             format!("  {:<12} {value} ({q05} to {q95}) {}", own.name, own.unit)

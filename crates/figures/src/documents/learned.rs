@@ -108,6 +108,22 @@ pub struct LearnedFormula {
     pub factors: Vec<f64>,
 }
 
+impl LearnedFormula {
+    /// What becomes of a quantity: a product, with parentheses only about sums.
+    pub fn product(&self, quantity: &str) -> String {
+        let mut depth = 0;
+        let is_sum = self.text.chars().any(|c| {
+            depth += match c {
+                '(' => 1,
+                ')' => -1,
+                _ => 0,
+            };
+            depth == 0 && (c == '+' || c == '-')
+        });
+        if is_sum { format!("{quantity} × ({})", self.text) } else { format!("{quantity} × {}", self.text) }
+    }
+}
+
 /// A parameter of a formula.
 #[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct FormulaParameter {
@@ -156,4 +172,21 @@ pub struct LearnedPair {
     pub last_cycle_gain_nats: Option<f64>,
     /// Error on the scored cycle.
     pub rmse_heldout_um: Option<f64>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::LearnedFormula;
+
+    #[test]
+    fn sums_have_parentheses() {
+        let product = |text: &str| {
+            let formula =
+                LearnedFormula { text: text.into(), parameters: Vec::new(), file: String::new(), factors: Vec::new() };
+            formula.product("force")
+        };
+        assert_eq!(product("1 + rate*time"), "force × (1 + rate*time)");
+        assert_eq!(product("exp(rate*(time - limit))"), "force × exp(rate*(time - limit))");
+        assert_eq!(product("(1 + abs(position)/scale)^power"), "force × (1 + abs(position)/scale)^power");
+    }
 }
