@@ -8,6 +8,7 @@ use crate::critique::outside::OutsideKind;
 use crate::critique::search::tests::{BIAS, DRIFT_M_PER_S, found, found_beside, refitted, small};
 use crate::critique::separation::tests::measured;
 use crate::critique::test_replica::replica_with;
+use crate::effects::Library;
 use crate::workflow::Silent;
 use crate::workflow::misfit::Size;
 

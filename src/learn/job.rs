@@ -268,8 +268,11 @@ impl Found {
     /// takes up levels, and leaves a formula to follow increments alone.
     fn written<'a>(&'a self, chosen: &'a Learnt) -> (&'a Learnt, Option<Distilled>) {
         let subject = self.subject.clone().with_own_noise();
-        let base = Refitted::new(&subject, self.base.candidate.clone(), &[&self.base], Search::Local).ok();
-        let Some(base) = base else { return (chosen, None) };
+        let Refitted { candidate, fitted, .. } = &self.base;
+        let fitted = subject.fit(candidate, &[(fitted.theta.clone(), fitted.noise)], Search::Local);
+        let Some(base) = fitted.and_then(|fitted| Refitted::at(&subject, candidate.clone(), fitted)).ok() else {
+            return (chosen, None);
+        };
         let Some(((function, of_function), of_base)) = fit_under(&subject, chosen).zip(base.future) else {
             return (chosen, None);
         };

@@ -10,8 +10,8 @@ use crate::stages::{Leaf, Operation, Quantity, State, StateLaw};
 
 /// Most steps of Newton's method at one step in time.
 const MOST_NEWTON_STEPS: usize = 40;
-/// A step of Newton's method that changes no node by more than this share of the largest force is the last but one: the one after it brings the derivative.
-const LAST_STEP: f64 = 1e-12;
+/// A step of Newton's method that changes no node by more than this share of the largest force leaves its square, which is below rounding. Where numbers carry a derivative, one more step brings that.
+const LAST_STEP: f64 = 1e-8;
 /// Least share of a step of Newton's method that is tried.
 const LEAST_SHARE: f64 = 1e-3;
 
@@ -43,7 +43,7 @@ impl<T: Real, const N: usize> Nodes<T, N> {
     /// The position, or the body's share of it, at the nodes under R.
     fn answers(&self, which: usize, feedback: &[T; N]) -> [T; N] {
         std::array::from_fn(|i| {
-            let answered = (0..N).fold(self.known[which][i], |sum, j| self.by_feedback[i][j].mul_add(feedback[j], sum));
+            let answered = (0..N).fold(self.known[which][i], |sum, j| sum + self.by_feedback[i][j] * feedback[j]);
             self.growth[i] * answered
         })
     }
@@ -92,12 +92,13 @@ pub fn no_element() -> Error {
 }
 
 impl<T: Real> Run<'_, T> {
-    /// R and the positions at the nodes, and the velocity at the last, by Newton's method with the derivatives of values.
+    /// R and the positions at the nodes, and the velocity at the last, by Newton's method from a guess, with the derivatives of values.
     pub fn balance<const N: usize>(
         &self,
         nodes: &Nodes<T, N>,
         now: &Carried<T>,
         length_s: Option<T>,
+        guess: [T; N],
     ) -> Result<([T; N], [T; N], T)> {
         let ended = |feedback: [T; N]| {
             let position_m = nodes.answers(0, &feedback);
@@ -107,7 +108,7 @@ impl<T: Real> Run<'_, T> {
         if matches!(self.source, Source::Position) {
             return ended([T::constant(0.0); N]);
         }
-        let mut feedback = [now.feedback_n; N];
+        let mut feedback = guess;
         let mut before = f64::INFINITY;
         let mut last_step: Option<([T; N], f64)> = None;
         let mut is_last = false;
@@ -127,10 +128,11 @@ impl<T: Real> Run<'_, T> {
             }
             let step = solved(matrix, left).ok_or_else(|| no_balance(now.now_s.value()))?;
             feedback = std::array::from_fn(|i| feedback[i] + step[i]);
-            if is_last {
+            let is_small = step.iter().all(|step| step.value().abs() <= LAST_STEP * self.largest_n);
+            if is_last || (is_small && !T::CARRIES) {
                 return ended(feedback);
             }
-            is_last = step.iter().all(|step| step.value().abs() <= LAST_STEP * self.largest_n);
+            is_last = is_small;
             (before, last_step) = (size, Some((step, 1.0)));
         }
         Err(no_balance(now.now_s.value()))
@@ -195,9 +197,13 @@ impl<T: Real> Run<'_, T> {
     }
 
     fn velocity_at(&self, node: usize, now: &Carried<T>, position_m: &[T], length_s: T) -> T {
+        self.slope_at(node, now.position_m, position_m, length_s)
+    }
+
+    /// Derivative at a node of what has these values at a step's begin and nodes.
+    pub fn slope_at(&self, node: usize, begin: T, at_nodes: &[T], length_s: T) -> T {
         let slopes = &self.slopes[node];
-        let begin = now.position_m * slopes[0];
-        position_m.iter().zip(&slopes[1..]).fold(begin, |sum, (x, slope)| sum + *x * *slope) / length_s
+        at_nodes.iter().zip(&slopes[1..]).fold(begin * slopes[0], |sum, (x, slope)| sum + *x * *slope) / length_s
     }
 
     /// States at the nodes, and their derivatives by the positions there.

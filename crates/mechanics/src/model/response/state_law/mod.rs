@@ -38,6 +38,8 @@ struct Carried<T> {
     deficit_n: T,
     growth: T,
     feedback_n: T,
+    /// Derivative of R by time, where the next step's R is looked for.
+    feedback_slope: T,
     position_m: T,
     path_m: T,
     largest_m: T,
@@ -138,6 +140,7 @@ impl<T: Real> Run<'_, T> {
             deficit_n: zero,
             growth: T::constant(1.0),
             feedback_n: zero,
+            feedback_slope: zero,
             position_m: zero,
             path_m: zero,
             largest_m: zero,
@@ -160,6 +163,7 @@ impl<T: Real> Run<'_, T> {
             }
             now.level_n = level_n;
             if (now.level_n + now.deficit_n).value() != before_n.value() {
+                now.feedback_slope = zero;
                 self.jump(&mut now)?;
             }
             for step in 0..piece.n_steps() {
@@ -182,7 +186,7 @@ impl<T: Real> Run<'_, T> {
                 let value = T::of(self.law.value(state.carried()));
                 if self.law.operation == Operation::Add { value } else { position_m * (value - one) }
             }
-            _ => now.growth * self.modes.instantaneous[1].mul_add(now.feedback_n, sum(&now.by_feedback)),
+            _ => now.growth * (self.modes.instantaneous[1] * now.feedback_n + sum(&now.by_feedback)),
         }
     }
 
@@ -218,10 +222,10 @@ impl<T: Real> Run<'_, T> {
             force_n: [force_n],
             growth: [now.growth],
             time_s: [now.now_s],
-            known: [[whole.mul_add(force_n, split[0])], [own.mul_add(force_n, split[1])]],
+            known: [[whole * force_n + split[0]], [own * force_n + split[1]]],
             by_feedback: [[own]],
         };
-        let (feedback, position, _) = self.balance(&nodes, now, None)?;
+        let (feedback, position, _) = self.balance(&nodes, now, None, [now.feedback_n])?;
         now.feedback_n = feedback[0];
         self.moved(now, &position);
         Ok(())
@@ -252,14 +256,14 @@ impl<T: Real> Run<'_, T> {
         let mut known = [[zero; N_NODES]; 2];
         let mut force_n = [zero; N_NODES];
         for i in 0..N_NODES {
-            force_n[i] = now.deficit_n.mul_add(step.lag_decay[i], now.level_n);
+            force_n[i] = now.deficit_n * step.lag_decay[i] + now.level_n;
             if self.rises {
                 force_n[i] += now.slope_n_per_s * step.length_s * NODES[i];
             }
             for (known, by) in known.iter_mut().zip(&step.by_force) {
-                known[i] = by[0][i].mul_add(now.level_n, by[2][i] * now.deficit_n);
+                known[i] = by[0][i] * now.level_n + by[2][i] * now.deficit_n;
                 if self.rises {
-                    known[i] = by[1][i].mul_add(now.slope_n_per_s, known[i]);
+                    known[i] = by[1][i] * now.slope_n_per_s + known[i];
                 }
             }
         }
@@ -281,22 +285,24 @@ impl<T: Real> Run<'_, T> {
         }
         let mut by_feedback = step.by_feedback;
         for i in 0..N_NODES {
-            known[0][i] = whole.mul_add(force_n[i], known[0][i]);
-            known[1][i] = own.mul_add(force_n[i], known[1][i]);
+            known[0][i] = whole * force_n[i] + known[0][i];
+            known[1][i] = own * force_n[i] + known[1][i];
             by_feedback[i][i] += own;
         }
         let growth = step.growth.map(|growth| now.growth * growth);
         let time_s = NODES.map(|part| now.now_s + step.length_s * part);
         let nodes = Nodes { force_n, growth, time_s, known, by_feedback };
-        let (feedback, position_m, velocity) = self.balance(&nodes, now, Some(step.length_s))?;
+        let guess = NODES.map(|part| now.feedback_n + now.feedback_slope * step.length_s * part);
+        let (feedback, position_m, velocity) = self.balance(&nodes, now, Some(step.length_s), guess)?;
+        now.feedback_slope = self.slope_at(END, now.feedback_n, &feedback, step.length_s);
         for (place, (step, y)) in step.real.iter().zip(&mut now.by_force.0).enumerate() {
-            let mut next = step.whole.gain.mul_add(now.level_n, step.whole.lag_gain * now.deficit_n);
+            let mut next = step.whole.gain * now.level_n + step.whole.lag_gain * now.deficit_n;
             if self.rises {
-                next = step.whole.ramp_gain.mul_add(now.slope_n_per_s, next);
+                next = step.whole.ramp_gain * now.slope_n_per_s + next;
             }
-            *y = step.whole.decay.mul_add(*y, next);
+            *y = step.whole.decay * *y + next;
             if let Some(own) = now.by_feedback.0.get_mut(place) {
-                *own = (0..N_NODES).fold(step.whole.decay * *own, |sum, k| step.weights[k].mul_add(feedback[k], sum));
+                *own = (0..N_NODES).fold(step.whole.decay * *own, |sum, k| sum + step.weights[k] * feedback[k]);
             }
         }
         for (place, (step, y)) in step.oscillating.iter().zip(&mut now.by_force.1).enumerate() {
