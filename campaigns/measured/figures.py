@@ -15,6 +15,9 @@ def figures(raw):
 
     whole, of_five, learnt = (each[name] for name in ("rouse.learn", "rouse.learn-of-five", "rouse.learnt"))
 
+    def rate(learned):
+        return learned["formula"]["parameters"][0] if learned["formula"] else dict.fromkeys(("value", "q05", "q95"), 0.0)
+
     def interval(name, scale=1):
         own = named[name]
         return " ".join(f"{scale * own[key]:.3g}" for key in ("median", "q05", "q95"))
@@ -28,6 +31,7 @@ def figures(raw):
             f"{rouse[which]['rmse_heldout_um']:.2f} µm" for which in ("before", "after")
         ),
         "springpot: learnt": f"{whole['verdict']['quantity']} by {whole['verdict']['state']}, {whole['formula']['text'] if whole['formula'] else 'no formula'}",
+        "springpot: the formula's first rate, per µm": " ".join(f"{1e-6 * rate(whole)[key]:.3g}" for key in ("value", "q05", "q95")),
         "springpot: held-out error without, as learnt, by the formula": errors(whole),
         "springpot: the formula added by extend": " ".join(
             f"{learnt[which]['rmse_heldout_um']:.3g} µm" for which in ("before", "after")

@@ -264,33 +264,43 @@ fn unknown_bump(seed: u64, gap: f64, max_steps: u64, stop_when_converged: bool) 
     sample(&target, &[vec![-0.5, 0.5]], &options, &RunControl::default()).unwrap()
 }
 
-/// A quarter of 400 steps is past at the first judgement, which finds walkers in a bump that none began from: there is no time to
-/// burn in again, and demands that are met otherwise do not make the run a converged one. With more steps there is time.
+/// A quarter of 400 steps is past at the first judgement. Where that finds walkers in a bump that none began from, there is no time to burn in again, and demands that are met otherwise do not make the run
+/// a converged one; where it finds none, nothing is said. With more steps there is time. Seeds are taken as they come, and the bump is found with some of them.
 #[test]
 fn walkers_left_behind_to_the_end_are_said_and_not_called_converged() {
-    for seed in [1, 2, 4] {
+    let mut n_found = 0;
+    for seed in 1..=8 {
         let short = unknown_bump(seed, 14.0, 400, true);
-        assert_eq!(short.modes.len(), 2);
-        assert!(!short.converged);
+        if short.modes.len() == 1 {
+            assert!(short.messages.iter().all(|message| !message.contains("left behind")), "{:?}", short.messages);
+            continue;
+        }
+        n_found += 1;
+        assert!(!short.converged, "seed {seed}");
         assert!(short.messages.iter().all(|message| message.contains("left behind")), "{:?}", short.messages);
         assert_eq!(short.messages.len(), 1);
         let long = unknown_bump(seed, 14.0, 20_000, true);
         assert!(long.converged && long.messages.is_empty(), "{:?}", long.messages);
     }
+    assert!(n_found > 0);
 }
 
-/// The other bump is come upon when burning in again is out of the question, and before the end. That is said; but walkers drawn
-/// anew would break the chains whose draws are kept: more than half of the 128 would change bumps at once, where the moves take a
-/// dozen or two. The seeds are some with which the bump is found that late.
+/// Where the other bump is come upon when burning in again is out of the question, and before the end, that is said; but walkers drawn anew would break the chains whose draws are kept: more than half of
+/// the 128 would change bumps at once, where the moves take a dozen or two. Seeds are taken as they come: no run moves many at once, and in some the bump is found that late.
 #[test]
 fn a_mode_found_after_the_last_freeze_moves_nobody() {
-    for seed in [5, 15, 17] {
+    let mut n_late = 0;
+    for seed in 1..=18 {
         let outcome = unknown_bump(seed, 16.0, 3_000, false);
-        assert_eq!(outcome.modes.len(), 2);
-        assert!(outcome.messages.iter().any(|message| message.contains("left behind")), "{:?}", outcome.messages);
         let most = most_walkers_that_leap(&outcome);
-        assert!(most > 0 && most < 48, "{most} walkers changed bumps at once");
+        assert!(most < 48, "seed {seed}: {most} walkers changed bumps at once");
+        let is_said = outcome.messages.iter().any(|message| message.contains("left behind"));
+        if is_said {
+            assert!(outcome.modes.len() == 2 && most > 0, "seed {seed}: {:?}", outcome.messages);
+            n_late += 1;
+        }
     }
+    assert!(n_late > 0);
 }
 
 /// Most walkers of all ensembles that change bumps in one kept step.
