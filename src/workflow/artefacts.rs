@@ -28,7 +28,7 @@ use crate::report::singular_values::{Family, singular_values};
 use crate::report::svg::{Svg, write_figure};
 use crate::report::trace::{EnsembleTrace, ParameterTrace, trace};
 use crate::rheology::LETHERSICH;
-use crate::study::{Kept, ModelSpecification, POSTERIOR_NAME, Provenance, WithProvenance};
+use crate::study::{Kept, ModelSpecification, POSTERIOR_NAME, Provenance, WithProvenance, effect_file};
 use crate::workflow::replica::TABLE_I;
 
 /// A prior file's copy in a revision.
@@ -54,12 +54,17 @@ pub fn write(dir: &Path, problem: &Problem, result: &SampleResult, header: &dyn 
     write_figures(&dir.join("figures"), problem, result, &position_um)
 }
 
-/// Writes `model.toml`, and beside it the prior where it is a file's: a revision stands alone, and the file may change or go.
+/// Writes `model.toml`, and beside it the prior and the effects where they are files': a revision stands alone, and the files may change or go.
 pub(crate) fn write_model(dir: &Path, specification: &ModelSpecification, priors: &PriorSet) -> Result<()> {
     let mut specification = specification.clone();
     if !PriorSet::embedded_names().any(|name| name == specification.prior) {
         write_atomically(&dir.join(PRIOR_COPY), priors.text().as_bytes())?;
         specification.prior = PRIOR_COPY.into();
+    }
+    for slug in &specification.effects {
+        if let Some(definition) = effect_file::definition(slug) {
+            write_atomically(&dir.join(format!("{slug}.toml")), definition.to_string().as_bytes())?;
+        }
     }
     specification.write(&dir.join("model.toml"))
 }

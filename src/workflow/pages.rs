@@ -12,12 +12,13 @@ use crate::documents::posterior::PosteriorSummary;
 use crate::documents::shapes::ShapesSummary;
 use crate::effects::Library;
 use crate::error::{Error, Place, Result};
+use crate::experiment::Experiment;
 use crate::files::{Content, read_if_there, write_atomically};
 use crate::page::{self, Figure, LadderPage, Origin, RevisionPage, StudyPage};
 use crate::rheology::BaseLaw;
 use crate::study::{
-    COMPARISON_NAME, DIAGNOSIS_NAME, EXTENSION_NAME, LADDER_NAME, ModelSpecification, PAGE_NAME, POSTERIOR_NAME,
-    Provenance, Study, WithProvenance, sha256_hex,
+    COMPARISON_NAME, DIAGNOSIS_NAME, EXTENSION_NAME, LADDER_NAME, LEARNED_NAME, ModelSpecification, PAGE_NAME,
+    POSTERIOR_NAME, Provenance, Study, WithProvenance, effect_file, sha256_hex,
 };
 
 const AGAIN: &str = "run the command that wrote it again";
@@ -76,7 +77,7 @@ fn content(study: &Study) -> Result<StudyPage> {
         let posterior = &revision.posterior.provenance;
         content.version.clone_from(&posterior.version);
         content.inputs_sha256.extend(posterior.inputs_sha256.clone());
-        content.commands.extend(revision.commands(study, name)?);
+        content.commands.extend(revision.commands(study, name, &experiment)?);
         posteriors_sha256.insert(format!("{name}/{POSTERIOR_NAME}"), revision.posterior_sha256.clone());
         content.revisions.push(revision.into_page(name)?);
     }
@@ -109,6 +110,7 @@ struct Kept {
     posterior_sha256: String,
     comparison: Option<WithProvenance<crate::documents::comparison::Comparison>>,
     diagnosis: Option<WithProvenance<crate::documents::diagnosis::Diagnosis>>,
+    learned: Option<WithProvenance<crate::documents::learned::Learned>>,
     extension: Option<WithProvenance<crate::documents::extension::ExtensionSummary>>,
 }
 
@@ -122,14 +124,15 @@ impl Kept {
             posterior_sha256: sha256_hex(&bytes),
             comparison: read(&dir.join(COMPARISON_NAME))?,
             diagnosis: read(&dir.join(DIAGNOSIS_NAME))?,
+            learned: read(&dir.join(LEARNED_NAME))?,
             extension: read(&dir.join(EXTENSION_NAME))?,
             dir,
         })
     }
 
     /// What makes it again, and what was asked of it.
-    fn commands(&self, study: &Study, name: &str) -> Result<Vec<String>> {
-        let Self { posterior, comparison, diagnosis, extension, .. } = self;
+    fn commands(&self, study: &Study, name: &str, experiment: &Experiment) -> Result<Vec<String>> {
+        let Self { posterior, comparison, diagnosis, learned, extension, .. } = self;
         let library = Library::default();
         let model = |revision: &str| -> Result<ModelSpecification> {
             ModelSpecification::read(&study.revision_dir(revision)?.join("model.toml"), &library)
@@ -145,12 +148,12 @@ impl Kept {
         let made = match extension {
             None => {
                 let (before, now) = (ModelSpecification::default(), model(name)?);
-                let with = option("--with", &now.effects.join(","));
+                let with = option("--with", &named(&now.effects, name));
                 format!("vitreo-uq sample EXPERIMENT --out STUDY{with}{}{settings}", options(&before, &now, name))
             }
             Some(WithProvenance { body, .. }) => {
                 let (before, now) = (model(&body.from)?, model(name)?);
-                let with = option("--with", &body.effects.join(","));
+                let with = option("--with", &named(&body.effects, name));
                 format!("vitreo-uq extend STUDY --from {}{with}{}{settings}", body.from, options(&before, &now, name))
             }
         };
@@ -160,7 +163,13 @@ impl Kept {
             format!("{asked} --simulations {}", document.body.simulated_records)
         });
         let diagnosed = diagnosis.as_ref().map(|document| asked("diagnose", document.provenance.seed));
-        Ok(std::iter::once(made).chain(compared).chain(diagnosed).collect())
+        let learned = learned.as_ref().map(|document| {
+            let asked = asked("learn", document.provenance.seed);
+            let (fitted, scored) = (&document.body.fitted_cycles, &document.body.heldout_cycles);
+            let last = fitted.last().filter(|_| *scored != experiment.for_comparison().heldout_cycles);
+            last.map_or(asked.clone(), |last| format!("{asked} --first-cycles {last}"))
+        });
+        Ok(std::iter::once(made).chain(compared).chain(diagnosed).chain(learned).collect())
     }
 
     fn into_page(self, name: &str) -> Result<RevisionPage> {
@@ -171,6 +180,7 @@ impl Kept {
             "comparison_bias",
             "diagnosis",
             "discrepancy",
+            "learned",
             "corner",
             "trace",
             "singular_values",
@@ -186,10 +196,20 @@ impl Kept {
             posterior: self.posterior.body,
             comparison: self.comparison.map(|document| document.body),
             diagnosis: self.diagnosis.map(|document| document.body),
+            learned: self.learned.map(|document| document.body),
             extension: self.extension.map(|document| document.body),
             figures,
         })
     }
+}
+
+/// Effects as `--with` takes them: those that a file has defined by the copy in their revision.
+fn named(effects: &[String], revision: &str) -> String {
+    let name = |slug: &String| match effect_file::definition(slug) {
+        Some(_) => format!("{revision}/{slug}.toml"),
+        None => slug.clone(),
+    };
+    effects.iter().map(name).collect::<Vec<_>>().join(",")
 }
 
 /// Options that lead from one model to another, effects left out.

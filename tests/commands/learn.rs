@@ -75,6 +75,22 @@ fn a_law_that_no_list_holds_is_found_and_added() {
     // The revision carries its effect: another command reads it.
     let run = vitreo(dir.path(), &["ladder", "study", "--quiet"]);
     assert!(run.code < 2, "{}", run.stderr);
+    // The page shows what was learnt, and its commands name a file that is there: extended by that, the same comes again.
+    let page = std::fs::read_to_string(dir.path().join("study/report.html")).unwrap();
+    for words in [
+        "what the data write by themselves",
+        "vitreo-uq learn STUDY --from m0 --seed 1",
+        "(<code>m0/figures/learned.svg</code>)",
+    ] {
+        assert!(page.contains(words), "{words}");
+    }
+    let effect = extension["effects"][0].as_str().unwrap();
+    let copy = format!("m1/{effect}.toml");
+    assert!(page.contains(&format!("vitreo-uq extend STUDY --from m0 --with {copy} ")), "{copy}");
+    let copy = dir.path().join("study").join(copy);
+    let again = ["extend", "study", "--from", "m0", "--with", copy.to_str().unwrap(), "--json", "-", "--quiet"];
+    let again: Value = serde_json::from_str(&vitreo(dir.path(), &again).stdout).unwrap();
+    assert_eq!(again["after"], extension["after"]);
 }
 
 /// Where nothing depends on anything, nothing is learnt, and what an earlier run wrote does not stay beside that.

@@ -10,6 +10,7 @@ use crate::documents::comparison::Comparison;
 use crate::documents::diagnosis::{CandidateEntry, Diagnosis, VerdictKind};
 use crate::documents::extension::ExtensionSummary;
 use crate::documents::ladder::LadderSummary;
+use crate::documents::learned::{FormulaParameter, Learned, LearnedPair};
 use crate::documents::posterior::{PosteriorSummary, Warning};
 use crate::report::labels::{model_title, of_parameter};
 use crate::report::number::{listed, significant, with_decimals};
@@ -42,6 +43,8 @@ pub struct RevisionPage {
     pub comparison: Option<Comparison>,
     /// What it lacks, if that was asked.
     pub diagnosis: Option<Diagnosis>,
+    /// The law that the data write by themselves, if that was asked.
+    pub learned: Option<Learned>,
     /// What it changed, if it extends another.
     pub extension: Option<ExtensionSummary>,
     /// Its figures, by the stems of their names.
@@ -229,6 +232,7 @@ fn failures(content: &StudyPage) -> Markup {
 
 fn missing(content: &StudyPage) -> Markup {
     let diagnosed: Vec<&RevisionPage> = content.revisions.iter().filter(|r| r.diagnosis.is_some()).collect();
+    let written = content.revisions.iter().filter_map(|revision| Some((revision, revision.learned.as_ref()?)));
     html! {
         @if diagnosed.is_empty() { p { "Not asked: " code { "vitreo-uq diagnose STUDY" } " names the effect that is missing." } }
         @for revision in diagnosed {
@@ -248,6 +252,37 @@ fn missing(content: &StudyPage) -> Markup {
                 ul { @for estimate in &diagnosis.noise { li { (estimate.text) } } }
             }
         }
+        @for (revision, learned) in written {
+            h3 { (revision.name) ": what the data write by themselves" }
+            p { (learned.verdict.sentence) }
+            (revision.shown("learned", "The learned function with its 90 % band and its formula; grey where no fitted row was"))
+            (learnt(learned))
+        }
+    }
+}
+
+/// The formula's parameters, and all pairs that were looked at.
+fn learnt(learned: &Learned) -> Markup {
+    let formula = learned.formula.as_ref().map(|formula| {
+        let row = |p: &FormulaParameter| {
+            vec![p.name.clone(), significant(p.value, 4), interval(p.q05, p.q95), p.unit.clone()]
+        };
+        let rows: Vec<Vec<String>> = formula.parameters.iter().map(row).collect();
+        table(&formula.product(&learned.verdict.quantity), &["parameter", "value", "90 % interval", "unit"], &rows)
+    });
+    let row = |pair: &LearnedPair| {
+        vec![
+            format!("{} by {}", pair.quantity, pair.state.replace('_', " ")),
+            with_decimals(pair.evidence_nats, 1),
+            pair.heldout_gain_nats.map_or("–".into(), |gain| with_decimals(gain, 1)),
+            optional(pair.rmse_heldout_um, 3),
+        ]
+    };
+    let rows: Vec<Vec<String>> = learned.pairs.iter().map(row).collect();
+    let heads = ["quantity and state", "evidence (nats)", "held-out gain (nats)", "held-out error (µm)"];
+    html! {
+        @if let Some(formula) = formula { (formula) }
+        details { summary { "Every pair that was looked at" } (table("Gains over the model without", &heads, &rows)) }
     }
 }
 
