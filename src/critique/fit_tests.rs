@@ -167,3 +167,17 @@ fn guessed_derivatives_agree_with_the_last_move() {
     fast.move_to(&to, position(&to), 1.0, 0);
     assert!(fast.columns_m.is_none() && !fast.is_guessed);
 }
+
+/// A fit with the noise terms that the model is written with has no others, wherever it starts: slow noise of twice the white goes into the white.
+#[test]
+fn a_fit_with_the_models_own_noise_has_no_other() {
+    let (base, fitted) = base_fit();
+    assert_eq!(replica().specification().noise.len(), 3);
+    let data = simulated(&base, &fitted.theta, &[4.0, 8.0, 1.0, 0.01, 1.0], 12);
+    let every = data.fit(&base, &[], Search::Wide).expect("fits");
+    assert!(every.noise[1] > 4.0, "{:?}", every.noise);
+    let found = data.with_own_noise().fit(&base, &[(every.theta, every.noise)], Search::Local).expect("fits");
+    let [white, process, _, gain, offset] = found.noise;
+    assert!(white > 6.0 && process < 0.01 && gain < 1e-4 && offset < 0.01, "{:?}", found.noise);
+    assert!(found.objective < every.objective);
+}
