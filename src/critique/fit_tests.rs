@@ -82,9 +82,9 @@ fn effects_are_found_again() {
 
 #[test]
 #[ignore = "campaigns/long-tests"]
-fn laws_that_are_not_linear_are_found_again() {
+fn effects_that_change_the_field_are_found_again() {
     let data = replica_with(&Library::default());
-    assert_found_again(&data, |effect| effect.is_nonlinear() && effect.slug() != "large-displacement");
+    assert_found_again(&data, |effect| effect.field().is_some() && effect.slug() != "large-displacement");
 }
 
 fn assert_found_again(subject: &Subject, is_asked: fn(&dyn Effect) -> bool) {

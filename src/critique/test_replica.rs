@@ -12,12 +12,12 @@ use crate::workflow::Silent;
 use crate::workflow::problem::Problem;
 use crate::workflow::replica::embedded;
 
-/// The replica with every effect but the laws that are not linear, whose reduced models take longer to train than most tests; prepared once.
+/// The replica with every effect but those that change the displacement field, whose reduced models take longer to train than all tests that would use them; prepared once.
 pub fn replica() -> &'static Subject {
     static SUBJECT: OnceLock<Subject> = OnceLock::new();
     SUBJECT.get_or_init(|| {
-        let linear = EFFECTS.iter().filter(|effect| !effect.is_nonlinear()).map(|effect| effect.slug());
-        replica_with(&Library::only(&linear.collect::<Vec<_>>()))
+        let quick = EFFECTS.iter().filter(|effect| effect.field().is_none()).map(|effect| effect.slug());
+        replica_with(&Library::only(&quick.collect::<Vec<_>>()))
     })
 }
 
