@@ -110,7 +110,7 @@ fn counted(number: usize, seed: u64, apparatus: &Apparatus) -> Result<Value> {
         "z": entry.map(|entry| entry.z), "why_not": entry.and_then(|entry| entry.refused.clone()),
         "gain_nats": refit.map(|refit| refit.gain_nats), "heldout_gain_nats": refit.and_then(|refit| refit.heldout_gain_nats),
         "rmse_heldout_um": refit.and_then(|refit| refit.rmse_heldout_um), "refit": refit.map(|refit| &refit.parameters),
-        "converged": posterior.converged, "parameters": parameters(&posterior), "linear": parameters(&linear),
+        "converged": posterior.converged, "parameters": parameters(&posterior), "linear": parameters(&linear)[..hidden.law.len()],
     }))
 }
 
