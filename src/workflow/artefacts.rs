@@ -33,6 +33,14 @@ use crate::workflow::replica::TABLE_I;
 
 /// A prior file's copy in a revision.
 const PRIOR_COPY: &str = "prior.toml";
+
+/// Copies in a revision of effects that files have defined: in a folder of their own, since an effect may be called `prior`.
+const EFFECT_COPIES: &str = "effects";
+
+/// Where the copy of an effect stands in a revision.
+pub(super) fn effect_copy(slug: &str) -> String {
+    format!("{EFFECT_COPIES}/{slug}.toml")
+}
 /// What headers call an imported mesh, its file and unit.
 pub const MESH_INPUT: &str = "mesh";
 /// Points of a prior's curve.
@@ -63,7 +71,8 @@ pub(crate) fn write_model(dir: &Path, specification: &ModelSpecification, priors
     }
     for slug in &specification.effects {
         if let Some(definition) = effect_file::definition(slug) {
-            write_atomically(&dir.join(format!("{slug}.toml")), definition.to_string().as_bytes())?;
+            make_folder(&dir.join(EFFECT_COPIES))?;
+            write_atomically(&dir.join(effect_copy(slug)), definition.to_string().as_bytes())?;
         }
     }
     specification.write(&dir.join("model.toml"))
@@ -138,9 +147,13 @@ pub(crate) fn draw_table(priors: &PriorSet, outcome: &SampleOutcome, columns: &[
     }
 }
 
-fn write_figures(dir: &Path, problem: &Problem, result: &SampleResult, position_um: &[Option<f64>]) -> Result<()> {
+fn make_folder(dir: &Path) -> Result<()> {
     std::fs::create_dir_all(dir)
-        .map_err(|source| Error::at_path("create", dir, source, "make the study directory writable"))?;
+        .map_err(|source| Error::at_path("create", dir, source, "make the study directory writable"))
+}
+
+fn write_figures(dir: &Path, problem: &Problem, result: &SampleResult, position_um: &[Option<f64>]) -> Result<()> {
+    make_folder(dir)?;
     let mut figures = vec![
         ("corner", corner_of_record(problem, result)?),
         ("predictive", predictive_figure(problem, result, position_um)?),

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use serde::de::DeserializeOwned;
 
-use super::artefacts::MESH_INPUT;
+use super::artefacts::{MESH_INPUT, effect_copy};
 use super::check;
 use crate::documents::groups::GroupsSummary;
 use crate::documents::posterior::PosteriorSummary;
@@ -206,7 +206,7 @@ impl Kept {
 /// Effects as `--with` takes them: those that a file has defined by the copy in their revision.
 fn named(effects: &[String], revision: &str) -> String {
     let name = |slug: &String| match effect_file::definition(slug) {
-        Some(_) => format!("{revision}/{slug}.toml"),
+        Some(_) => format!("{revision}/{}", effect_copy(slug)),
         None => slug.clone(),
     };
     effects.iter().map(name).collect::<Vec<_>>().join(",")

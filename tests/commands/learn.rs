@@ -85,7 +85,7 @@ fn a_law_that_no_list_holds_is_found_and_added() {
         assert!(page.contains(words), "{words}");
     }
     let effect = extension["effects"][0].as_str().unwrap();
-    let copy = format!("m1/{effect}.toml");
+    let copy = format!("m1/effects/{effect}.toml");
     assert!(page.contains(&format!("vitreo-uq extend STUDY --from m0 --with {copy} ")), "{copy}");
     let copy = dir.path().join("study").join(copy);
     let again = ["extend", "study", "--from", "m0", "--with", copy.to_str().unwrap(), "--json", "-", "--quiet"];
