@@ -303,7 +303,8 @@ impl Found {
             EquivalentPair { quantity: pair.quantity.into(), state: pair.state.into() }
         });
         let equivalent: Vec<EquivalentPair> = equal.collect();
-        let sentence = self.sentence(chosen, &library, distilled.as_ref())?;
+        let curve = curve(&self.subject, chosen, pair, &states)?;
+        let sentence = self.sentence(chosen, &library, distilled.as_ref(), &curve)?;
         let verdict = LearnedVerdict {
             kind: LearnedKind::Learned,
             quantity: pair.quantity.into(),
@@ -316,19 +317,15 @@ impl Found {
         learned.learned = Some(self.errors(&chosen.fitted));
         learned.explained_fraction = self.explained(&chosen.fitted);
         if let Kind::Function { state, visited, .. } = &pair.kind {
-            let curve = curve(&self.subject, chosen, pair, &states)?;
             let point = |(state, [mean, sd]): (&f64, &[f64; 2])| LearnedPoint {
                 state: *state,
                 factor: mean.exp(),
                 q05: (mean - NORMAL_90 * sd).exp(),
                 q95: (mean + NORMAL_90 * sd).exp(),
             };
-            let rows = (0..visited.len()).filter(|row| self.subject.fitted_m[*row].is_some());
-            let seen = rows.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], row| {
-                [low.min(visited[row]), high.max(visited[row])]
-            });
             let points = states.iter().zip(&curve).map(point).collect();
-            learned.function = Some(LearnedFunction { state_unit: state.unit().into(), visited: seen, points });
+            let visited = seen(&self.subject, visited);
+            learned.function = Some(LearnedFunction { state_unit: state.unit().into(), visited, points });
         }
         if let Kind::Memory(creep) = &pair.kind {
             let shares = chosen.candidate.parameters(&chosen.fitted.theta);
@@ -344,7 +341,13 @@ impl Found {
         Ok(Outcome { learned, file: Some(file) })
     }
 
-    fn sentence(&self, chosen: &Learnt, library: &[String], distilled: Option<&Distilled>) -> Result<String> {
+    fn sentence(
+        &self,
+        chosen: &Learnt,
+        library: &[String],
+        distilled: Option<&Distilled>,
+        curve: &[[f64; 2]],
+    ) -> Result<String> {
         let pair = &self.pairs[chosen.pair];
         let [before, after] = [&self.base.fitted, &chosen.fitted].map(|own| self.errors(own));
         let error = |own: LearnedErrors| own.rmse_heldout_um.unwrap_or(own.rmse_fitted_um);
@@ -363,11 +366,24 @@ impl Found {
                 let left = error(self.errors(&own.refitted.fitted));
                 sentence +=
                     &format!(" As a formula: {}, {} µm.", own.formula.product(pair.quantity), significant(left, 3));
+                if leaves_band(&own.formula.factors, curve) {
+                    sentence += " It leaves the function's band: the formula is fitted with the noise of the study's model, the function beside every kind of noise.";
+                }
             }
             None if matches!(pair.kind, Kind::Function { .. }) => {
                 sentence += " No short formula predicts unseen cycles as well.";
             }
             None => {}
+        }
+        if let Kind::Function { visited, .. } = &pair.kind {
+            let beyond = share_beyond(&self.subject, visited);
+            if beyond > MOST_BEYOND {
+                sentence += &format!(
+                    " In {:.0} % of the held-out rows the {} lies beyond what fitted rows visit: there the data say nothing, and the prediction goes on by itself.",
+                    100.0 * beyond,
+                    pair.state.replace('_', " ")
+                );
+            }
         }
         if !library.is_empty() {
             sentence += &format!(" The library's {} does as well and is to be preferred.", quoted(library));
@@ -407,13 +423,41 @@ fn quoted(slugs: &[String]) -> String {
 /// By how much a function is written beyond what fitted rows visit, as a share of that, where the record goes there.
 const BEYOND: f64 = 0.15;
 
+/// Share of held-out rows beyond the fitted states that a verdict speaks of.
+const MOST_BEYOND: f64 = 0.1;
+/// Share of states at which a formula may lie outside the function's 90 % band.
+const MOST_OUTSIDE: f64 = 0.3;
+
+/// Whether a formula's factors lie outside the band of ln factors (mean, sd) at more states than chance puts there.
+fn leaves_band(factors: &[f64], curve: &[[f64; 2]]) -> bool {
+    let is_inside = |(factor, [mean, sd]): &(&f64, &[f64; 2])| (factor.ln() - mean).abs() <= NORMAL_90 * sd;
+    let n_inside = factors.iter().zip(curve).filter(is_inside).count();
+    ((factors.len() - n_inside) as f64) > MOST_OUTSIDE * factors.len() as f64
+}
+
+/// The least and the largest state of rows that are fitted.
+fn seen(subject: &Subject, visited: &[f64]) -> [f64; 2] {
+    let fitted = visited.iter().zip(&subject.fitted_m).filter(|(_, y)| y.is_some()).map(|(s, _)| *s);
+    fitted.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], s| [low.min(s), high.max(s)])
+}
+
+/// Share of the held-out rows whose state lies beyond those of fitted rows; 0 where none is held out.
+fn share_beyond(subject: &Subject, visited: &[f64]) -> f64 {
+    let [low, high] = seen(subject, visited);
+    let margin = 0.02 * (high - low);
+    let scored = visited.iter().zip(&subject.scored_m).filter(|(_, y)| y.is_some()).map(|(s, _)| *s);
+    let (n, n_beyond) = scored.fold((0_usize, 0_usize), |(n, beyond), s| {
+        (n + 1, beyond + usize::from(!(low - margin..=high + margin).contains(&s)))
+    });
+    if n == 0 { 0.0 } else { n_beyond as f64 / n as f64 }
+}
+
 /// States at which a function is written: those that fitted rows visit, and a little more.
 fn states_of(subject: &Subject, pair: &Pair) -> Vec<f64> {
     let Kind::Function { visited, .. } = &pair.kind else { return Vec::new() };
-    let over =
-        |rows: &mut dyn Iterator<Item = f64>| rows.fold([0.0_f64; 2], |[low, high], s| [low.min(s), high.max(s)]);
-    let fitted = visited.iter().zip(&subject.fitted_m).filter(|(_, y)| y.is_some()).map(|(s, _)| *s);
-    let (all, seen) = (over(&mut visited.iter().copied()), over(&mut { fitted }));
+    let all = visited.iter().fold([0.0_f64; 2], |[low, high], s| [low.min(*s), high.max(*s)]);
+    let [low, high] = seen(subject, visited);
+    let seen = [low.min(0.0), high.max(0.0)];
     let more = BEYOND * (seen[1] - seen[0]);
     let (low, high) = (all[0].max(seen[0] - more), all[1].min(seen[1] + more));
     (0..N_POINTS).map(|k| low + (high - low) * k as f64 / (N_POINTS - 1) as f64).collect()

@@ -43,6 +43,8 @@ pub const LADDER_NAME: &str = "ladder.json";
 pub const PAGE_NAME: &str = "report.html";
 /// The file of a revision with its posterior.
 pub const POSTERIOR_NAME: &str = "posterior.json";
+/// The file of a revision with what it predicts of every row.
+pub const PREDICTIONS_NAME: &str = "predictions.csv";
 /// The file of a revision that says where it fails.
 pub const COMPARISON_NAME: &str = "comparison.json";
 /// What `learn` writes into a revision; its figure stands in `figures/learned`.

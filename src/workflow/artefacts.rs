@@ -23,12 +23,13 @@ use crate::report::draws::{DrawTable, write_draws_csv};
 use crate::report::labels::of_parameter;
 use crate::report::netcdf::write_draws_netcdf;
 use crate::report::palette::series;
+use crate::report::predictions::{Predictions, write_predictions};
 use crate::report::predictive::{Band, CycleKind, CycleSpan, PredictiveData, predictive};
 use crate::report::singular_values::{Family, singular_values};
 use crate::report::svg::{Svg, write_figure};
 use crate::report::trace::{EnsembleTrace, ParameterTrace, trace};
 use crate::rheology::LETHERSICH;
-use crate::study::{Kept, ModelSpecification, POSTERIOR_NAME, Provenance, WithProvenance, effect_file};
+use crate::study::{Kept, ModelSpecification, POSTERIOR_NAME, PREDICTIONS_NAME, Provenance, WithProvenance, effect_file};
 use crate::workflow::replica::TABLE_I;
 
 /// A prior file's copy in a revision.
@@ -59,7 +60,9 @@ pub fn write(dir: &Path, problem: &Problem, result: &SampleResult, header: &dyn 
     let position_um: Vec<Option<f64>> = record.position_m.iter().map(|x| x.map(|x| 1e6 * x)).collect();
     let groups = record_groups(problem, &result.reduced, &result.outcome.draws, header("posterior").seed);
     write_draws_netcdf(&dir.join("posterior.nc"), &table, &groups)?;
-    write_figures(&dir.join("figures"), problem, result, &position_um)
+    let predictions = predictions(&record.time_s, result);
+    write_predictions(&dir.join(PREDICTIONS_NAME), &predictions)?;
+    write_figures(&dir.join("figures"), problem, result, &position_um, &predictions)
 }
 
 /// Writes `model.toml`, and beside it the prior and the effects where they are files': a revision stands alone, and the files may change or go.
@@ -152,11 +155,24 @@ fn make_folder(dir: &Path) -> Result<()> {
         .map_err(|source| Error::at_path("create", dir, source, "make the study directory writable"))
 }
 
-fn write_figures(dir: &Path, problem: &Problem, result: &SampleResult, position_um: &[Option<f64>]) -> Result<()> {
+/// What is predicted of every row, noise included.
+fn predictions(time_s: &[f64], result: &SampleResult) -> Predictions {
+    let quantile = |k: usize| result.bands_m.iter().map(|row| 1e6 * row[k]).collect::<Vec<f64>>();
+    let quantiles_um = std::array::from_fn::<_, { BAND_PROBABILITIES.len() }, _>(quantile);
+    Predictions { time_s: time_s.to_vec(), quantiles_um }
+}
+
+fn write_figures(
+    dir: &Path,
+    problem: &Problem,
+    result: &SampleResult,
+    position_um: &[Option<f64>],
+    predictions: &Predictions,
+) -> Result<()> {
     make_folder(dir)?;
     let mut figures = vec![
         ("corner", corner_of_record(problem, result)?),
-        ("predictive", predictive_figure(problem, result, position_um)?),
+        ("predictive", predictive_figure(problem, result, position_um, predictions)?),
         ("trace", trace_figure(&problem.experiment.specimen_id, &problem.priors, &result.outcome, &result.columns)?),
     ];
     if let Some(surrogate) = &result.reduced.surrogate {
@@ -245,11 +261,14 @@ fn cycle_spans(problem: &Problem) -> Vec<CycleSpan> {
     spans
 }
 
-fn predictive_figure(problem: &Problem, result: &SampleResult, position_um: &[Option<f64>]) -> Result<Svg> {
+fn predictive_figure(
+    problem: &Problem,
+    result: &SampleResult,
+    position_um: &[Option<f64>],
+    predictions: &Predictions,
+) -> Result<Svg> {
     let record = &problem.experiment.record;
-    let quantile = |k: usize| result.bands_m.iter().map(|row| 1e6 * row[k]).collect::<Vec<f64>>();
-    let [lower_90, lower_50, median, upper_50, upper_90] =
-        std::array::from_fn::<_, { BAND_PROBABILITIES.len() }, _>(quantile);
+    let [lower_90, lower_50, median, upper_50, upper_90] = &predictions.quantiles_um;
     let force_un: Vec<f64> = record.force_n.iter().map(|f| 1e6 * f).collect();
     let noise = &result.summary.heldout.noise_origin;
     let noise_name = format!("{noise} noise");
@@ -259,9 +278,9 @@ fn predictive_figure(problem: &Problem, result: &SampleResult, position_um: &[Op
         time_s: &record.time_s,
         position_um,
         force_un: &force_un,
-        median_um: &median,
-        band_50_um: Band { lower: &lower_50, upper: &upper_50 },
-        band_90_um: Band { lower: &lower_90, upper: &upper_90 },
+        median_um: median,
+        band_50_um: Band { lower: lower_50, upper: upper_50 },
+        band_90_um: Band { lower: lower_90, upper: upper_90 },
         cycles: &cycle_spans(problem),
         noise: result.yardstick.map(|y| (1e6 * y.sd_m, noise_name.as_str())),
     })

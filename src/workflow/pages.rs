@@ -40,6 +40,18 @@ pub fn write(dir: &Path, out: Option<&Path>) -> Result<PathBuf> {
     Ok(place)
 }
 
+/// Parts of a study's page with their names, each as HTML, as the study stood at a revision.
+///
+/// # Errors
+/// As [`write()`].
+pub fn parts(dir: &Path, revision: &str) -> Result<Vec<(&'static str, String)>> {
+    let mut content = content(&Study::open(dir)?)?;
+    if let Some(place) = content.revisions.iter().position(|own| own.name == revision) {
+        content.revisions.truncate(place + 1);
+    }
+    Ok(page::study_parts(&content))
+}
+
 fn origin(provenance: Provenance) -> Origin {
     let Provenance { version, seed, inputs_sha256, .. } = provenance;
     Origin { version, seed, inputs_sha256 }

@@ -30,6 +30,7 @@ mod sweep;
 mod target;
 mod terminal;
 mod text;
+mod workbench;
 
 use std::process::ExitCode;
 
@@ -79,6 +80,8 @@ enum Command {
     Ladder(LadderArguments),
     /// A study as one page for a browser: offline, in one file
     Report(report::ReportArguments),
+    /// A local page: drop a table on it, see where the model fails, add what is missing, watch the error fall
+    Workbench(workbench::WorkbenchArguments),
     /// Data with a sealed hidden effect: make some, open the seal, play many
     Challenge(challenge::ChallengeArguments),
     /// Species or regions compared: how groups of specimens differ, and how sure that is
@@ -105,6 +108,7 @@ fn main() -> ExitCode {
         Command::Extend(arguments) => extend::run(arguments),
         Command::Ladder(arguments) => ladder::run(arguments),
         Command::Report(arguments) => report::run(arguments),
+        Command::Workbench(arguments) => workbench::run(arguments),
         Command::Groups(arguments) => groups::run(arguments),
         Command::Shapes(arguments) => shapes::run(arguments),
         Command::Challenge(arguments) => challenge::run(arguments),
@@ -129,6 +133,7 @@ fn how_to_go_on(command: &Command) -> &'static str {
         Command::Sample(_) => {
             "run the same command with `--resume`, which goes on from the sampler's last saved state, if there is one"
         }
+        Command::Workbench(_) => "run the same command again: what was finished is on disk",
         Command::Groups(_) => "run the same command again: experiments that were sampled are not sampled again",
         Command::Challenge(_) => "run the same command again: trajectories in the cache are not computed again",
         _ => "run the same command again",

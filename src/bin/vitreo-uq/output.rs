@@ -52,7 +52,13 @@ pub fn show(json: Option<&Path>, document: &impl Serialize, words: &str) -> Resu
         }
         None => words.into(),
     };
-    match std::io::stdout().lock().write_all(text.as_bytes()) {
+    print(&text)
+}
+
+/// Writes to standard output.
+pub fn print(text: &str) -> Result<()> {
+    let mut out = std::io::stdout().lock();
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
         // A reader such as `head` may close the pipe early.
         Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
             Err(Error::at_path("write", "standard output", error, "send the output elsewhere"))

@@ -16,9 +16,17 @@ const LINE_INTERVAL_S: f64 = 5.0;
 /// Time between two pictures of the bar, so that its clock runs where a stage has nothing to count.
 const TICK: Duration = Duration::from_millis(120);
 
+/// Set to [`PROGRESS_IN_LINES`] by a program that reads this one's words: what a bar would show is then said in lines that begin with [`PROGRESS`].
+pub const PROGRESS_VARIABLE: &str = "VITREO_UQ_PROGRESS";
+pub const PROGRESS_IN_LINES: &str = "lines";
+pub const PROGRESS: &str = "progress: ";
+/// Time between two such lines.
+const PROGRESS_INTERVAL_S: f64 = 0.2;
+
 /// The user's terminal.
 pub struct Terminal {
     quiet: bool,
+    in_lines: bool,
     bar: Option<ProgressBar>,
     /// The stage, as long as nothing else is said of it.
     stage: Mutex<String>,
@@ -36,7 +44,8 @@ impl Terminal {
             bar
         });
         bar.iter().for_each(interrupt::clear_at_end);
-        Self { quiet, bar, stage: Mutex::default(), last_line: Mutex::new(Instant::now()) }
+        let in_lines = std::env::var_os(PROGRESS_VARIABLE).is_some_and(|value| value == PROGRESS_IN_LINES);
+        Self { quiet, in_lines, bar, stage: Mutex::default(), last_line: Mutex::new(Instant::now()) }
     }
 
     /// Ends the bar.
@@ -44,6 +53,24 @@ impl Terminal {
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();
         }
+    }
+}
+
+impl Terminal {
+    fn say_progress(&self, done: u64, most: u64) {
+        if self.may_speak(PROGRESS_INTERVAL_S) {
+            say(&format!("{PROGRESS}{done} of {most}"));
+        }
+    }
+
+    /// Whether a line may be said that comes again and again.
+    fn may_speak(&self, interval_s: f64) -> bool {
+        let Ok(mut last) = self.last_line.lock() else { return false };
+        let is_due = !self.quiet && last.elapsed().as_secs_f64() > interval_s;
+        if is_due {
+            *last = Instant::now();
+        }
+        is_due
     }
 }
 
@@ -74,11 +101,9 @@ impl Monitor for Terminal {
             bar.set_length(progress.next_judgement.max(1));
             bar.set_position(progress.steps);
             bar.set_message(text);
-        } else if !self.quiet
-            && let Ok(mut last) = self.last_line.lock()
-            && last.elapsed().as_secs_f64() > LINE_INTERVAL_S
-        {
-            *last = Instant::now();
+        } else if self.in_lines {
+            self.say_progress(progress.steps, progress.next_judgement);
+        } else if self.may_speak(LINE_INTERVAL_S) {
             say(&text);
         }
     }
@@ -88,6 +113,8 @@ impl Monitor for Terminal {
             bar.set_length(most.max(1) as u64);
             bar.set_position(done as u64);
             bar.set_message(format!("{stage}: {done} of {most}"));
+        } else if self.in_lines {
+            self.say_progress(done as u64, most as u64);
         }
     }
 

@@ -10,14 +10,15 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 use crate::report::number::significant;
 
 pub use sheets::{Origin, groups, shapes};
-pub use study::{LadderPage, RevisionPage, StudyPage, study};
+pub use study::{LadderPage, RevisionPage, StudyPage, study, study_parts};
 
 /// A page keeps below so many bytes, so that it can be sent by mail.
 const MOST_BYTES: usize = 3_000_000;
 /// What text and tables take of that at most.
 const TEXT_BYTES: usize = 400_000;
 
-const STYLE: &str = include_str!("style.css");
+/// How the page and its parts look.
+pub const STYLE: &str = include_str!("style.css");
 
 /// A figure on a page.
 #[derive(Debug, Clone, PartialEq, Eq)]

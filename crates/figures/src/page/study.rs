@@ -85,17 +85,7 @@ pub fn study(mut content: StudyPage) -> String {
     fit(content.revisions.iter_mut().flat_map(|revision| revision.figures.values_mut()).chain(ladder));
     let content = &content;
     let name = &content.record.experiment;
-    let sections = [
-        ("measured", "What was measured", measured(content)),
-        ("fit", "Model against measurement", against_measurement(content)),
-        ("fails", "Where the model fails", failures(content)),
-        ("missing", "What is missing", missing(content)),
-        ("ladder", "How the error fell", ladder_section(content)),
-        ("posterior", "How sure that is", posterior(content)),
-        ("errors", "Where the uncertainty comes from", errors(content)),
-        ("warned", "Everything that was warned of", warned(content)),
-        ("origin", "Where this page comes from", origin(content)),
-    ];
+    let sections = sections(content);
     let body = html! {
         h1 { (name) }
         @if let Some(last) = content.revisions.last() {
@@ -107,6 +97,32 @@ pub fn study(mut content: StudyPage) -> String {
         @for (id, heading, body) in &sections { (section(id, heading, body)) }
     };
     page(&format!("{name} – vitreo-uq"), &body)
+}
+
+/// Parts of the page with their names, each as HTML, for a page that shows other things between them; `suspects` are those of the last revision.
+pub fn study_parts(content: &StudyPage) -> Vec<(&'static str, String)> {
+    let last = content.revisions.last();
+    let head = last.map(|last| {
+        let suspects = last.diagnosis.as_ref().map(suspects).unwrap_or_default();
+        [("verdict", verdict(content, last)), ("parameters", parameters(last)), ("suspects", suspects)]
+    });
+    let sections = sections(content).into_iter().map(|(id, _, body)| (id, body));
+    head.into_iter().flatten().chain(sections).map(|(id, body)| (id, body.into_string())).collect()
+}
+
+/// Sections in their order: a name for links, a heading, and what stands there.
+fn sections(content: &StudyPage) -> [(&'static str, &'static str, Markup); 9] {
+    [
+        ("measured", "What was measured", measured(content)),
+        ("fit", "Model against measurement", against_measurement(content)),
+        ("fails", "Where the model fails", failures(content)),
+        ("missing", "What is missing", missing(content)),
+        ("ladder", "How the error fell", ladder_section(content)),
+        ("posterior", "How sure that is", posterior(content)),
+        ("errors", "Where the uncertainty comes from", errors(content)),
+        ("warned", "Everything that was warned of", warned(content)),
+        ("origin", "Where this page comes from", origin(content)),
+    ]
 }
 
 /// Whether to believe the last revision, in plain words.

@@ -41,6 +41,7 @@ pub mod netcdf;
 mod netcdf_file;
 pub mod number;
 pub mod palette;
+pub mod predictions;
 pub mod predictive;
 pub mod record;
 mod record_netcdf;

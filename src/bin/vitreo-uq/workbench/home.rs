@@ -1,0 +1,263 @@
+//! The folder of a workbench: which experiments and studies stand in it, and what may be read of them.
+
+use std::path::{Component, Path, PathBuf};
+
+use serde::Serialize;
+use vitreo_uq::error::{Error, Place, Result};
+use vitreo_uq::study::Study;
+
+/// Where the workbench keeps its own: uploads, and what it runs.
+const OWN: &str = ".vitreo-uq-workbench";
+const DESCRIPTION: &str = "experiment.toml";
+/// The folder in which commands put studies when none is named.
+const STUDIES: &str = "vitreo-uq-out";
+/// Files of a study that the page may show or hand out.
+const SHOWN: [&str; 7] = ["svg", "png", "html", "csv", "json", "toml", "nc"];
+/// Entries of a folder that are looked at.
+const MOST_ENTRIES: usize = 5000;
+
+/// A folder of experiments and studies.
+#[derive(Debug, Clone)]
+pub struct Home {
+    dir: PathBuf,
+}
+
+/// An experiment, a study, or both.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Item {
+    /// Its path in the folder, which names it.
+    pub name: String,
+    /// The experiment's folder, in the home.
+    pub experiment: Option<PathBuf>,
+    /// The study's folder, in the home, whether or not it is there yet.
+    pub study: PathBuf,
+    /// Finished revisions.
+    pub revisions: Vec<String>,
+}
+
+impl Home {
+    /// The folder that a user means, and the item in it.
+    pub fn of(target: &Path) -> Result<(Self, Option<String>)> {
+        let whole = std::fs::canonicalize(target).map_err(|error| {
+            Error::at_path("open", target, error, "give an experiment, a study, or a folder of them")
+        })?;
+        let whole = match whole.file_name() {
+            Some(name) if name == DESCRIPTION => whole.parent().map_or(whole.clone(), Path::to_path_buf),
+            _ => whole,
+        };
+        if !whole.is_dir() {
+            return Err(Error::input(
+                Place::file(target),
+                "this is no folder",
+                "give an experiment, a study, or a folder of them; a table is dropped on the page",
+            ));
+        }
+        if !(Study::is_study(&whole) || whole.join(DESCRIPTION).is_file()) {
+            return Ok((Self { dir: whole }, None));
+        }
+        let parent = whole.parent().unwrap_or(&whole);
+        let dir = match parent.file_name() {
+            Some(name) if name == STUDIES => parent.parent().unwrap_or(parent),
+            _ => parent,
+        };
+        let home = Self { dir: dir.to_path_buf() };
+        let inside = whole.strip_prefix(dir).unwrap_or(&whole).to_path_buf();
+        let of = |item: &Item| item.experiment.as_ref() == Some(&inside) || item.study == inside;
+        let name = home.items().into_iter().find(of).map(|item| item.name);
+        Ok((home, name))
+    }
+
+    /// The folder.
+    pub fn dir(&self) -> &Path {
+        &self.dir
+    }
+
+    /// Where the workbench keeps its own.
+    pub fn own(&self) -> PathBuf {
+        self.dir.join(OWN)
+    }
+
+    /// What stands in it: experiments with the studies that belong to them, then studies alone.
+    pub fn items(&self) -> Vec<Item> {
+        let mut items = Vec::new();
+        for name in folders(&self.dir) {
+            let inside = PathBuf::from(&name);
+            if Study::is_study(&self.dir.join(&inside)) {
+                items.push(self.item(name, None, inside));
+            } else if self.dir.join(&inside).join(DESCRIPTION).is_file() {
+                let id = specimen_id(&self.dir.join(&inside)).unwrap_or_else(|| name.clone());
+                items.push(self.item(name, Some(inside), Study::default_dir(&id)));
+            }
+        }
+        for name in folders(&self.dir.join(STUDIES)) {
+            let inside = Path::new(STUDIES).join(&name);
+            let is_known = items.iter().any(|item| item.study == inside);
+            if !is_known && Study::is_study(&self.dir.join(&inside)) {
+                items.push(self.item(format!("{STUDIES}/{name}"), None, inside));
+            }
+        }
+        items
+    }
+
+    fn item(&self, name: String, experiment: Option<PathBuf>, study: PathBuf) -> Item {
+        let mut revisions: Vec<(u32, String)> = folders(&self.dir.join(&study))
+            .into_iter()
+            .filter_map(|name| Some((name.strip_prefix('m')?.parse::<u32>().ok()?, name)))
+            .collect();
+        revisions.sort();
+        Item { name, experiment, study, revisions: revisions.into_iter().map(|(_, name)| name).collect() }
+    }
+
+    /// The item of a name; no other path is ever opened.
+    pub fn find(&self, name: &str) -> Result<Item> {
+        self.items().into_iter().find(|item| item.name == name).ok_or_else(|| {
+            Error::input(
+                Place::file(&self.dir),
+                format!("there is no experiment or study `{name}` here"),
+                "choose one of the list, or drop a table",
+            )
+        })
+    }
+
+    /// A file of a study: of a kind that is shown, and in the study itself, links followed.
+    pub fn file(&self, item: &Item, path: &str) -> Result<PathBuf> {
+        let refused = || {
+            Error::input(Place::file(path), "this is no file of the study", "follow the links on the page")
+        };
+        let study = std::fs::canonicalize(self.dir.join(&item.study)).map_err(|_| refused())?;
+        let inside = Path::new(path);
+        let is_plain = |part: Component<'_>| match part {
+            Component::Normal(name) => !name.to_string_lossy().starts_with('.'),
+            _ => false,
+        };
+        let is_shown = inside.extension().and_then(|own| own.to_str()).is_some_and(|own| SHOWN.contains(&own));
+        if !(is_shown && inside.components().all(is_plain)) {
+            return Err(refused());
+        }
+        let whole = std::fs::canonicalize(study.join(inside)).map_err(|_| refused())?;
+        if whole.starts_with(&study) && whole.is_file() { Ok(whole) } else { Err(refused()) }
+    }
+
+    /// A folder for a new experiment, after the table's name: one that is not there.
+    pub fn new_experiment(&self, table: &str) -> String {
+        let stem = Path::new(table).file_stem().map_or(String::new(), |stem| stem.to_string_lossy().into_owned());
+        let default = Study::default_dir(&stem);
+        let safe = default.file_name().map_or("record".into(), |name| name.to_string_lossy().into_owned());
+        let numbered = (2..).map(|number| format!("{safe}-{number}"));
+        let mut names = std::iter::once(safe.clone()).chain(numbered);
+        names.find(|name| name != STUDIES && !self.dir.join(name).exists()).unwrap_or(safe)
+    }
+
+    /// What changes when anything of the items does.
+    pub fn state(&self) -> u64 {
+        use std::hash::{DefaultHasher, Hash, Hasher};
+        let mut hasher = DefaultHasher::new();
+        for item in self.items() {
+            let study = self.dir.join(&item.study);
+            let revisions = item.revisions.iter().map(|name| study.join(name));
+            let description = item.experiment.iter().map(|inside| self.dir.join(inside).join(DESCRIPTION));
+            for path in revisions.chain(description).chain([study.join("ladder.json"), study.join("report.html")]) {
+                std::fs::metadata(path).and_then(|metadata| metadata.modified()).ok().hash(&mut hasher);
+            }
+            item.name.hash(&mut hasher);
+            item.revisions.hash(&mut hasher);
+        }
+        hasher.finish()
+    }
+}
+
+/// Names of the folders in a folder, hidden ones left out, in their order.
+fn folders(dir: &Path) -> Vec<String> {
+    let Ok(entries) = std::fs::read_dir(dir) else { return Vec::new() };
+    let names = entries.take(MOST_ENTRIES).filter_map(|entry| {
+        let entry = entry.ok()?;
+        let name = entry.file_name().into_string().ok()?;
+        (!name.starts_with('.') && entry.path().is_dir()).then_some(name)
+    });
+    let mut names: Vec<String> = names.collect();
+    names.sort();
+    names
+}
+
+/// What a description calls its specimen.
+fn specimen_id(dir: &Path) -> Option<String> {
+    let bytes = vitreo_uq::files::read_if_there(&dir.join(DESCRIPTION), vitreo_uq::files::Content::Settings)?;
+    let table: toml::Table = toml::from_str(std::str::from_utf8(&bytes).ok()?).ok()?;
+    Some(table.get("specimen")?.get("id")?.as_str()?.to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A study with a revision, an experiment beside it, and a secret outside.
+    fn place() -> (tempfile::TempDir, Home) {
+        let place = tempfile::tempdir().unwrap();
+        let put = |path: &str, text: &str| {
+            let path = place.path().join(path);
+            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+            std::fs::write(path, text).unwrap();
+        };
+        put("secret.json", "{}");
+        put("home/eye/experiment.toml", "[specimen]\nid = \"left eye\"\n");
+        put("home/vitreo-uq-out/left-eye/inputs.sha256", "");
+        put("home/vitreo-uq-out/left-eye/m0/posterior.json", "{}");
+        put("home/vitreo-uq-out/left-eye/m10/posterior.json", "{}");
+        put("home/vitreo-uq-out/left-eye/m2/posterior.json", "{}");
+        put("home/vitreo-uq-out/left-eye/.hidden.json", "{}");
+        put("home/vitreo-uq-out/other/inputs.sha256", "");
+        let home = Home { dir: place.path().join("home") };
+        (place, home)
+    }
+
+    #[test]
+    fn an_experiment_and_its_study_are_one_item() {
+        let (_place, home) = place();
+        let items = home.items();
+        let names: Vec<&str> = items.iter().map(|item| item.name.as_str()).collect();
+        assert_eq!(names, ["eye", "vitreo-uq-out/other"]);
+        assert_eq!(items[0].study, Path::new("vitreo-uq-out/left-eye"));
+        assert_eq!(items[0].revisions, ["m0", "m2", "m10"]);
+        assert!(home.find("../secret").is_err() && home.find("vitreo-uq-out/../..").is_err());
+        let (found, name) = Home::of(&home.dir.join("vitreo-uq-out/left-eye")).unwrap();
+        assert_eq!(name.as_deref(), Some("eye"));
+        assert_eq!(found.dir(), std::fs::canonicalize(&home.dir).unwrap());
+    }
+
+    #[test]
+    fn nothing_outside_a_study_is_read() {
+        let (place, home) = place();
+        let item = home.find("eye").unwrap();
+        assert!(home.file(&item, "m0/posterior.json").is_ok());
+        let whole = place.path().join("secret.json");
+        for path in [
+            "../secret.json",
+            "../../../secret.json",
+            "m0/../../../../secret.json",
+            whole.to_str().unwrap(),
+            ".hidden.json",
+            "inputs.sha256",
+            "m0",
+            "m0/none.json",
+            "",
+            "m0/posterior.json\0",
+        ] {
+            assert!(home.file(&item, path).is_err(), "{path}");
+        }
+        #[cfg(unix)]
+        {
+            let link = home.dir.join(&item.study).join("m0/link.json");
+            std::os::unix::fs::symlink(&whole, link).unwrap();
+            assert!(home.file(&item, "m0/link.json").is_err());
+        }
+    }
+
+    #[test]
+    fn a_new_experiment_writes_over_nothing() {
+        let (_place, home) = place();
+        assert_eq!(home.new_experiment("眼睛 1.csv"), "眼睛-1");
+        assert_eq!(home.new_experiment("eye.csv"), "eye-2");
+        assert_eq!(home.new_experiment("../../x.csv"), "x");
+        assert_eq!(home.new_experiment("vitreo-uq-out.csv"), "vitreo-uq-out-2");
+    }
+}

@@ -1,0 +1,452 @@
+//! What the page starts: the program's own commands, one after the other, each a process of its own.
+//!
+//! A command that a terminal would run is the same command here, with the same results on disk. It outlives a workbench that is killed, and a workbench that is started again
+//! looks after it.
+
+use std::fs::File;
+use std::io::{Read, Seek, SeekFrom};
+use std::path::PathBuf;
+use std::process::{Child, Command, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+use serde::{Deserialize, Serialize};
+use tokio::sync::watch;
+use vitreo_uq::error::{Error, Place, Result};
+use vitreo_uq::files::{self, Content};
+
+use super::home::{Home, Item};
+
+/// Time between two looks at a command's words.
+const LOOK: Duration = Duration::from_millis(150);
+/// Of a command's words, the last so many bytes are looked at.
+const TAIL_BYTES: u64 = 16_384;
+/// Exit code of a result that is not to be trusted: the command came to its end all the same.
+const DOUBTFUL: i32 = 1;
+
+/// What a page asks for.
+#[derive(Debug, Clone, Deserialize)]
+pub struct Wish {
+    /// The item.
+    pub item: String,
+    /// What to do with it.
+    pub kind: Kind,
+    /// The revision to look at or to extend; the last where none is named.
+    pub revision: Option<String>,
+    /// Effects to add.
+    #[serde(default)]
+    pub with: Vec<String>,
+}
+
+/// What a page may start.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Kind {
+    /// The first model, and where it fails.
+    Sample,
+    /// Where a revision fails.
+    Compare,
+    /// What it lacks.
+    Diagnose,
+    /// What the data write by themselves.
+    Learn,
+    /// The next revision, where that fails, and how the error fell.
+    Extend,
+    /// The formula that `learn` wrote, added.
+    Adopt,
+}
+
+/// How a job stands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Standing {
+    /// It runs.
+    Running,
+    /// It came to its end.
+    Done,
+    /// It was refused, or failed.
+    Failed,
+    /// The user stopped it.
+    Stopped,
+    /// The workbench ended while it ran; what it had finished is kept.
+    Broken,
+}
+
+/// A job.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Job {
+    /// The item.
+    pub item: String,
+    /// What is done.
+    pub kind: Kind,
+    /// Arguments of the commands.
+    pub commands: Vec<Vec<String>>,
+    /// The command that runs.
+    pub at: usize,
+    /// Its process.
+    pub process: u32,
+    /// Seconds since 1970 at which the job began.
+    pub began_s: u64,
+    /// How it stands.
+    pub standing: Standing,
+    /// What it says of itself, or why it failed.
+    pub words: String,
+    /// What is done of the present stage, and all there is to do.
+    pub progress: Option<[u64; 2]>,
+}
+
+/// The one job at a time: commands use all cores.
+pub struct Jobs {
+    home: Home,
+    program: PathBuf,
+    present: Mutex<Option<Job>>,
+    is_stopped: AtomicBool,
+    news: watch::Sender<u64>,
+}
+
+impl Jobs {
+    /// Takes up the job that an earlier workbench left.
+    pub fn new(home: Home, news: watch::Sender<u64>) -> Result<Arc<Self>> {
+        let program = std::env::current_exe()
+            .map_err(|error| Error::at_path("find", "the program", error, "start it by its whole path"))?;
+        let left: Option<Job> = files::read_if_there(&home.own().join("job.json"), Content::Document)
+            .and_then(|bytes| serde_json::from_slice(&bytes).ok());
+        let jobs = Arc::new(Self { home, program, present: Mutex::new(left), is_stopped: AtomicBool::new(false), news });
+        if jobs.present().is_some_and(|job| job.standing == Standing::Running) {
+            let own = Arc::clone(&jobs);
+            std::thread::spawn(move || own.look_after_left());
+        }
+        Ok(jobs)
+    }
+
+    /// The job that runs, or the last one.
+    pub fn present(&self) -> Option<Job> {
+        self.present.lock().ok()?.clone()
+    }
+
+    /// Starts what a page asks for.
+    pub fn start(self: &Arc<Self>, wish: &Wish) -> Result<Job> {
+        let item = self.home.find(&wish.item)?;
+        let commands = commands(wish, &item)?;
+        let began_s = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
+        let job = Job {
+            item: item.name,
+            kind: wish.kind,
+            commands,
+            at: 0,
+            process: 0,
+            began_s,
+            standing: Standing::Running,
+            words: "starting".into(),
+            progress: None,
+        };
+        {
+            let mut present = self.present.lock().map_err(|_| broken())?;
+            if let Some(other) = present.as_ref().filter(|other| other.standing == Standing::Running) {
+                return Err(Error::input(
+                    Place::file(&other.item),
+                    "something else is under way",
+                    "wait for its end, or stop it",
+                ));
+            }
+            *present = Some(job.clone());
+        }
+        self.is_stopped.store(false, Ordering::SeqCst);
+        let own = Arc::clone(self);
+        std::thread::spawn(move || own.run(job.commands.len()));
+        self.present().ok_or_else(broken)
+    }
+
+    /// Stops the job: its process has a second to leave nothing half-written.
+    pub fn stop(&self) {
+        self.is_stopped.store(true, Ordering::SeqCst);
+        if let Some(job) = self.present().filter(|job| job.standing == Standing::Running && job.process > 0) {
+            terminate(job.process);
+        }
+    }
+
+    fn change(&self, how: impl FnOnce(&mut Job)) {
+        let Ok(mut present) = self.present.lock() else { return };
+        let Some(job) = present.as_mut() else { return };
+        let before = job.clone();
+        how(job);
+        if *job == before {
+            return;
+        }
+        let is_kept = job.standing != before.standing || job.process != before.process;
+        let after = job.clone();
+        drop(present);
+        if is_kept {
+            // What cannot be kept is lost to the next workbench only.
+            let _ = std::fs::create_dir_all(self.home.own());
+            let _ = files::write_json_atomically(&self.home.own().join("job.json"), &after);
+        }
+        self.news.send_modify(|number| *number += 1);
+    }
+
+    fn end(&self, standing: Standing, words: String) {
+        self.change(|job| {
+            job.standing = standing;
+            job.words = words;
+            job.progress = None;
+            job.process = 0;
+        });
+    }
+
+    fn run(&self, n_commands: usize) {
+        for at in 0..n_commands {
+            self.change(|job| job.at = at);
+            let arguments = self.present().map_or(Vec::new(), |job| job.commands[at].clone());
+            let code = self.spawn(&arguments).and_then(|mut child| {
+                self.change(|job| job.process = child.id());
+                self.watch(&mut child)
+            });
+            if self.is_stopped.load(Ordering::SeqCst) {
+                let words = "stopped; nothing is half-written, and what was finished is kept";
+                return self.end(Standing::Stopped, words.into());
+            }
+            match code {
+                Ok(Some(0 | DOUBTFUL)) => {}
+                Ok(_) => return self.end(Standing::Failed, error_in(&self.tail())),
+                Err(error) => return self.end(Standing::Failed, error.to_string()),
+            }
+        }
+        self.end(Standing::Done, String::new());
+    }
+
+    fn spawn(&self, arguments: &[String]) -> Result<Child> {
+        let own = self.home.own();
+        let refused = |error| Error::at_path("write", &own, error, "make the folder writable");
+        std::fs::create_dir_all(&own).map_err(refused)?;
+        // Files, not pipes: the command goes on when the workbench is killed.
+        let [out, log] = ["job.out", "job.log"].map(|name| File::create(own.join(name)).map_err(refused));
+        Command::new(&self.program)
+            .args(arguments)
+            .current_dir(self.home.dir())
+            .env(crate::terminal::PROGRESS_VARIABLE, crate::terminal::PROGRESS_IN_LINES)
+            .stdin(Stdio::null())
+            .stdout(out?)
+            .stderr(log?)
+            .spawn()
+            .map_err(|error| Error::at_path("start", &self.program, error, "install the program anew"))
+    }
+
+    /// Waits for a command, and passes its words on; its exit code, if it ended by itself.
+    fn watch(&self, child: &mut Child) -> Result<Option<i32>> {
+        loop {
+            let ended = child.try_wait().map_err(|error| {
+                Error::at_path("wait for", &self.program, error, "start the workbench again")
+            })?;
+            if let Some(status) = ended {
+                return Ok(status.code());
+            }
+            self.pass_on();
+            std::thread::sleep(LOOK);
+        }
+    }
+
+    fn pass_on(&self) {
+        let (words, progress) = told(&self.tail());
+        self.change(|job| {
+            if let Some(words) = words {
+                job.words = words;
+            }
+            job.progress = progress;
+        });
+    }
+
+    /// Waits for the command of an earlier workbench. What was to come after it is left to the user.
+    fn look_after_left(&self) {
+        let Some(job) = self.present() else { return };
+        if !runs(job.process) {
+            let words = "the workbench ended while this ran: start it again; what was finished is kept";
+            return self.end(Standing::Broken, words.into());
+        }
+        while runs(job.process) {
+            self.pass_on();
+            std::thread::sleep(LOOK);
+        }
+        let tail = self.tail();
+        let stopped = self.is_stopped.load(Ordering::SeqCst);
+        match tail.lines().any(|line| line.starts_with("error: ")) {
+            _ if stopped => self.end(Standing::Stopped, "stopped; nothing is half-written".into()),
+            true => self.end(Standing::Failed, error_in(&tail)),
+            false => self.end(Standing::Done, String::new()),
+        }
+    }
+
+    /// The last words of the command.
+    fn tail(&self) -> String {
+        let read = || -> std::io::Result<String> {
+            let mut file = File::open(self.home.own().join("job.log"))?;
+            let length = file.metadata()?.len();
+            file.seek(SeekFrom::Start(length.saturating_sub(TAIL_BYTES)))?;
+            let mut bytes = Vec::new();
+            file.take(TAIL_BYTES).read_to_end(&mut bytes)?;
+            Ok(String::from_utf8_lossy(&bytes).into_owned())
+        };
+        read().unwrap_or_default()
+    }
+}
+
+fn broken() -> Error {
+    Error::numerical("the workbench has lost its jobs", "start it again")
+}
+
+/// The commands that a wish comes to.
+fn commands(wish: &Wish, item: &Item) -> Result<Vec<Vec<String>>> {
+    let study = item.study.display().to_string();
+    let words = |words: &[&str]| words.iter().map(|word| (*word).to_string()).collect::<Vec<String>>();
+    let last = item.revisions.last();
+    let of_revision = |command: &str| -> Result<Vec<String>> {
+        let revision = wish.revision.as_ref().or(last);
+        let is_there = revision.is_some_and(|name| item.revisions.contains(name));
+        match revision.filter(|_| is_there) {
+            Some(name) => Ok(words(&[command, &study, "--from", name])),
+            None => Err(Error::input(
+                Place::file(&item.study),
+                "there is no such revision",
+                "fit the first model to the record before anything else",
+            )),
+        }
+    };
+    let extended = |with: &str| -> Result<Vec<Vec<String>>> {
+        let mut extend = of_revision("extend")?;
+        extend.extend(words(&["--with", with]));
+        Ok(vec![extend, words(&["compare", &study]), words(&["ladder", &study])])
+    };
+    match wish.kind {
+        Kind::Sample => {
+            let sample = match &item.experiment {
+                Some(experiment) => words(&["sample", &experiment.display().to_string(), "--out", &study]),
+                None => words(&["sample", &study]),
+            };
+            Ok(vec![sample, words(&["compare", &study, "--from", "m0"])])
+        }
+        Kind::Compare => Ok(vec![of_revision("compare")?]),
+        Kind::Diagnose => Ok(vec![of_revision("diagnose")?]),
+        Kind::Learn => Ok(vec![of_revision("learn")?]),
+        Kind::Extend => {
+            let is_slug = |slug: &&String| slug.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-');
+            if wish.with.is_empty() || !wish.with.iter().all(|slug| is_slug(&slug)) {
+                let remedy = "choose effects of the list";
+                return Err(Error::input(Place::option("--with"), "these are no effects' names", remedy));
+            }
+            extended(&wish.with.join(","))
+        }
+        Kind::Adopt => {
+            let revision = wish.revision.as_ref().or(last).filter(|name| item.revisions.contains(name));
+            let name = revision.map_or("m0", String::as_str);
+            let file = item.study.join(name).join(vitreo_uq::learn::FILE_NAME);
+            extended(&file.display().to_string())
+        }
+    }
+}
+
+/// What a command says last, and how far it is.
+fn told(tail: &str) -> (Option<String>, Option<[u64; 2]>) {
+    let mut lines = tail.lines().rev().filter(|line| !line.trim().is_empty());
+    let Some(last) = lines.next() else { return (None, None) };
+    let Some(progress) = last.strip_prefix(crate::terminal::PROGRESS) else { return (Some(last.into()), None) };
+    let numbers = progress.split_once(" of ").and_then(|(a, b)| Some([a.parse().ok()?, b.parse().ok()?]));
+    (lines.find(|line| !line.starts_with(crate::terminal::PROGRESS)).map(String::from), numbers)
+}
+
+/// Why a command failed, in its own words.
+fn error_in(tail: &str) -> String {
+    match tail.rfind("error: ") {
+        Some(at) => tail[at + "error: ".len()..].trim_end().to_string(),
+        None => tail.lines().last().unwrap_or("it ended without a word").to_string(),
+    }
+}
+
+#[cfg(unix)]
+fn terminate(process: u32) {
+    use rustix::process::{Pid, Signal, kill_process};
+    if let Some(pid) = i32::try_from(process).ok().and_then(Pid::from_raw) {
+        let _ = kill_process(pid, Signal::TERM);
+    }
+}
+
+#[cfg(not(unix))]
+fn terminate(process: u32) {
+    let _ = Command::new("taskkill").args(["/F", "/PID", &process.to_string()]).status();
+}
+
+/// Whether a process runs that is one of this program's.
+#[cfg(unix)]
+fn runs(process: u32) -> bool {
+    use rustix::process::{Pid, test_kill_process};
+    let pid = i32::try_from(process).ok().and_then(Pid::from_raw);
+    let is_ours = match std::fs::read(format!("/proc/{process}/cmdline")) {
+        Ok(line) => String::from_utf8_lossy(&line).contains("vitreo-uq"),
+        // Where there is no such file, as elsewhere than on Linux.
+        Err(_) => !std::path::Path::new("/proc/self").exists(),
+    };
+    is_ours && pid.is_some_and(|pid| test_kill_process(pid).is_ok())
+}
+
+#[cfg(not(unix))]
+fn runs(_: u32) -> bool {
+    false
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn item(revisions: &[&str]) -> Item {
+        Item {
+            name: "eye".into(),
+            experiment: Some("eye".into()),
+            study: "vitreo-uq-out/eye".into(),
+            revisions: revisions.iter().map(|name| (*name).into()).collect(),
+        }
+    }
+
+    fn wish(kind: Kind, revision: Option<&str>, with: &[&str]) -> Wish {
+        let with = with.iter().map(|slug| (*slug).to_string()).collect();
+        Wish { item: "eye".into(), kind, revision: revision.map(String::from), with }
+    }
+
+    #[test]
+    fn wishes_are_commands_of_a_terminal() {
+        let lines = |wish: &Wish, item: &Item| -> Vec<String> {
+            commands(wish, item).unwrap().iter().map(|words| words.join(" ")).collect()
+        };
+        assert_eq!(
+            lines(&wish(Kind::Sample, None, &[]), &item(&[])),
+            ["sample eye --out vitreo-uq-out/eye", "compare vitreo-uq-out/eye --from m0"]
+        );
+        assert_eq!(lines(&wish(Kind::Diagnose, None, &[]), &item(&["m0", "m1"])), ["diagnose vitreo-uq-out/eye --from m1"]);
+        assert_eq!(
+            lines(&wish(Kind::Extend, Some("m0"), &["wall-slip", "drift"]), &item(&["m0"]))[0],
+            "extend vitreo-uq-out/eye --from m0 --with wall-slip,drift"
+        );
+        assert_eq!(
+            lines(&wish(Kind::Adopt, None, &[]), &item(&["m0"]))[0],
+            "extend vitreo-uq-out/eye --from m0 --with vitreo-uq-out/eye/m0/learned-effect.toml"
+        );
+    }
+
+    #[test]
+    fn no_word_of_a_wish_becomes_another_option() {
+        for with in [&["--force"][..], &["../x.toml"], &["a b"], &[]] {
+            assert!(commands(&wish(Kind::Extend, None, with), &item(&["m0"])).is_err(), "{with:?}");
+        }
+        for revision in ["--out", "m7", ""] {
+            assert!(commands(&wish(Kind::Diagnose, Some(revision), &[]), &item(&["m0"])).is_err(), "{revision}");
+        }
+        assert!(commands(&wish(Kind::Compare, None, &[]), &item(&[])).is_err());
+    }
+
+    #[test]
+    fn words_and_progress_are_read_from_a_log() {
+        let log = "fitting …\nrefitting every effect …\nprogress: 3 of 18\nprogress: 7 of 18\n";
+        assert_eq!(told(log), (Some("refitting every effect …".into()), Some([7, 18])));
+        assert_eq!(told("fitting …\n"), (Some("fitting …".into()), None));
+        assert_eq!(told(""), (None, None));
+        assert_eq!(error_in("fitting …\nerror: a.csv:3: no number\n  what to do: mend it\n"), "a.csv:3: no number\n  what to do: mend it");
+    }
+}

@@ -1,0 +1,83 @@
+//! `workbench`: a local page on which a record becomes a model, with the same commands as in a terminal.
+//!
+//! What is on disk is the state: experiments and studies in one folder, its *home*. The page starts the program's own commands, each a process of its own, and shows the documents that they write.
+
+mod guard;
+mod home;
+mod jobs;
+mod rows;
+mod server;
+mod tables;
+mod trial;
+
+use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use clap::Args;
+use vitreo_uq::error::{Error, Place, Result};
+
+use crate::interrupt::say;
+use home::Home;
+
+/// Arguments of `workbench`.
+#[derive(Args)]
+pub struct WorkbenchArguments {
+    /// Experiment or study to open, or a folder of them [default: this folder]
+    #[arg(value_name = "EXPERIMENT|STUDY|FOLDER")]
+    target: Option<PathBuf>,
+    /// Port; 0 for any that is free
+    #[arg(long, value_name = "N", default_value_t = 8421)]
+    port: u16,
+    /// Address to listen on, where others than this machine shall reach the page: whoever has its link may run commands here
+    #[arg(long, value_name = "ADDRESS", default_value_t = IpAddr::V4(Ipv4Addr::LOCALHOST))]
+    listen: IpAddr,
+    /// Say the link alone on standard output
+    #[arg(long)]
+    quiet: bool,
+}
+
+pub fn run(arguments: &WorkbenchArguments) -> Result<ExitCode> {
+    let (home, item) = Home::of(arguments.target.as_deref().unwrap_or(Path::new(".")))?;
+    let listener = listen(arguments)?;
+    let address = listener.local_addr().map_err(|error| refused(arguments, error))?;
+    let token = token()?;
+    let link = format!("http://{address}/{token}/{}", item.map_or(String::new(), |item| format!("#{item}")));
+    if !arguments.quiet {
+        say(&format!("Workbench of {}; Ctrl-C ends it, and what it had started.", home.dir().display()));
+        if !address.ip().is_loopback() {
+            say("note: other machines reach this page; whoever has its link may run commands here");
+        }
+        say("Open this link in a browser:");
+    }
+    crate::output::print(&format!("{link}\n"))?;
+    server::run(listener, home, token)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+fn listen(arguments: &WorkbenchArguments) -> Result<TcpListener> {
+    let at = |port| TcpListener::bind(SocketAddr::new(arguments.listen, port));
+    match at(arguments.port) {
+        // Another workbench has the usual port.
+        Err(error) if error.kind() == std::io::ErrorKind::AddrInUse && arguments.port == 8421 => at(0),
+        bound => bound,
+    }
+    .map_err(|error| refused(arguments, error))
+}
+
+fn refused(arguments: &WorkbenchArguments, error: std::io::Error) -> Error {
+    Error::input(
+        Place::option("--port"),
+        format!("{}:{} cannot be listened on: {error}", arguments.listen, arguments.port),
+        "give another port, or `--port 0` for any that is free",
+    )
+}
+
+/// 128 bits that nobody guesses, in hexadecimal.
+fn token() -> Result<String> {
+    let mut bytes = [0_u8; 16];
+    getrandom::fill(&mut bytes).map_err(|error| {
+        Error::numerical(format!("the system gives no random numbers: {error}"), "look after the system")
+    })?;
+    Ok(bytes.iter().map(|byte| format!("{byte:02x}")).collect())
+}

@@ -1,0 +1,504 @@
+// @ts-check
+// The workbench: shows the documents that commands write, and starts commands. Nothing is computed here but what is drawn.
+import { Plots } from "./plots.js";
+
+/** @typedef {{name: string, experiment: string|null, study: string, revisions: string[]}} Item */
+/** @typedef {{item: string, kind: string, standing: string, words: string, at: number, commands: string[][], began_s: number, progress: [number, number]|null}} Job */
+/** @typedef {{name: string, posterior: any, comparison: any, diagnosis: any, learned: any, extension: any}} Revision */
+/** @typedef {{item: Item, record: any, noise_um: number|null, cycles: {cycle: number, from_s: number, to_s: number, serves: string}[], steps_s: number[],
+ *   revisions: Revision[], ladder: any, parts: Record<string, string>}} Study */
+/** @typedef {{name: string, symbol: string, unit: string, value: number, low: number, high: number, is_logarithmic: boolean}} Knob */
+
+/** @template {HTMLElement} T @param {string} id @returns {T} */
+const at = (id) => /** @type {T} */ (document.getElementById(id));
+/** @param {string} tag @param {Record<string, any>} [properties] @param {(Node|string)[]} [children] */
+const make = (tag, properties = {}, children = []) => {
+  const element = Object.assign(document.createElement(tag), properties);
+  element.append(...children);
+  return element;
+};
+/** @param {number|null|undefined} value @param {number} [digits] */
+const shown = (value, digits = 3) => (value === null || value === undefined ? "–" : String(Number(value.toPrecision(digits))));
+
+const state = {
+  /** @type {Item[]} */ items: [],
+  /** @type {string|null} */ item: null,
+  /** @type {string|null} */ revision: null,
+  /** @type {Study|null} */ study: null,
+  /** @type {[number, number]|null} */ window: null,
+  /** @type {Job|null} */ job: null,
+  /** @type {Knob[]} */ knobs: [],
+  /** @type {string} */ effect: "",
+  /** @type {Record<string, number>} */ values: {},
+  folder: "",
+};
+
+// ---- Asking the server ----
+
+/** @param {string} path @param {RequestInit} [options] @returns {Promise<any>} */
+async function ask(path, options) {
+  let response;
+  try {
+    response = await fetch(path, options);
+  } catch {
+    throw new Error("The workbench does not answer: it has ended. Start `vitreo-uq workbench` again, and open the link that it says.");
+  }
+  if (!response.ok) {
+    const text = await response.text();
+    let words = text;
+    try {
+      words = JSON.parse(text).error ?? text;
+    } catch {
+      // Words that are no document are shown as they are.
+    }
+    throw new Error(words);
+  }
+  return response.json();
+}
+
+/** @param {string} path @param {unknown} body */
+const send = (path, body) => ask(path, { method: "POST", headers: { "content-type": "application/json" }, body: JSON.stringify(body) });
+/** @param {Record<string, string|number|null|undefined>} values */
+const query = (values) => new URLSearchParams(Object.entries(values).flatMap(([key, value]) => (value === null || value === undefined ? [] : [[key, String(value)]])));
+
+/** @param {unknown} error */
+function fault(error) {
+  at("fault-words").textContent = error instanceof Error ? error.message : String(error);
+  at("fault").hidden = false;
+}
+/** Runs what a person has asked for; what goes wrong is shown. @param {() => Promise<void>} work */
+const attempt = (work) => {
+  at("fault").hidden = true;
+  work().catch(fault);
+};
+
+// ---- Tables that are dropped ----
+
+/** @param {File} file */
+async function upload(file) {
+  const { upload } = await ask(`api/table?${query({ name: file.name })}`, { method: "POST", body: file });
+  await describe({ upload, file: file.name, answers: {} });
+}
+
+/** @param {{upload: string, file: string, answers: Record<string, string>}} described */
+async function describe(described) {
+  const found = await send("api/init", described);
+  if (!found.questions) {
+    at("questions").hidden = true;
+    await refreshItems();
+    return open(found.item);
+  }
+  const form = at("answers");
+  form.replaceChildren(
+    make("p", { textContent: `${described.file}: the rest was read from the table itself.` }),
+    ...found.questions.map((/** @type {any} */ question, /** @type {number} */ place) => {
+      const field = question.choices.length > 0
+        ? make("select", { name: String(place) }, question.choices.map((/** @type {string} */ choice) => make("option", { value: choice, textContent: choice, selected: choice === question.proposal })))
+        : make("input", { name: String(place), value: question.proposal ?? "", required: true, autocomplete: "off" });
+      return make("label", {}, [question.text[0].toUpperCase() + question.text.slice(1), field]);
+    }),
+    make("p", {}, [make("button", { className: "main", textContent: "Go on" })]),
+  );
+  form.onsubmit = (event) => {
+    event.preventDefault();
+    const answers = { ...described.answers };
+    found.questions.forEach((/** @type {any} */ question, /** @type {number} */ place) => {
+      answers[question.text] = /** @type {HTMLInputElement} */ (form.querySelector(`[name="${place}"]`)).value;
+    });
+    attempt(() => describe({ ...described, answers }));
+  };
+  at("questions").hidden = false;
+  at("start").hidden = true;
+  /** @type {HTMLElement|null} */ (form.querySelector("select, input"))?.focus();
+}
+
+// ---- Items ----
+
+async function refreshItems() {
+  const { home, items } = await ask("api/items");
+  state.items = items;
+  at("home").textContent = home;
+  const list = at("items");
+  list.replaceChildren(make("option", { value: "", textContent: "choose …" }), ...items.map((/** @type {Item} */ item) =>
+    make("option", { value: item.name, textContent: item.revisions.length > 0 ? `${item.name} (${item.revisions.length} ${item.revisions.length === 1 ? "model" : "models"})` : item.name, selected: item.name === state.item })));
+}
+
+/** @param {string|null} name */
+async function open(name) {
+  state.item = name;
+  state.revision = null;
+  state.window = null;
+  state.effect = "";
+  history.replaceState(null, "", name ? `#${encodeURIComponent(name)}` : location.pathname);
+  at("start").hidden = name !== null;
+  at("item").hidden = true;
+  plots.mark([]);
+  if (name !== null) await refresh();
+  await refreshItems();
+}
+
+let asked = 0;
+async function refresh() {
+  const [item, number] = [state.item, ++asked];
+  if (item === null) return;
+  const study = await ask(`api/study?${query({ item, revision: state.revision })}`);
+  if (number !== asked) return;
+  state.study = study;
+  const names = study.item.revisions;
+  if (state.revision === null || !names.includes(state.revision)) state.revision = names[names.length - 1] ?? null;
+  at("item").hidden = false;
+  showStudy(study);
+  await Promise.all([refreshRows(), refreshKnobs()]);
+}
+
+let askedRows = 0;
+async function refreshRows() {
+  const [number, window] = [++askedRows, state.window];
+  const points = Math.min(4000, 3 * plots.width());
+  const rows = await ask(`api/rows?${query({ item: state.item, revision: state.revision, from_s: window?.[0], to_s: window?.[1], points })}`);
+  if (number !== askedRows) return;
+  const [all, inside] = rows.rows;
+  at("decimated").textContent = rows.time_s.length < inside
+    ? `${rows.time_s.length} of ${inside} rows are drawn, of every column of pixels the lowest and the highest${inside < all ? `; the record has ${all}` : ""}`
+    : "";
+  plots.show(rows, window);
+  if (Object.keys(state.values).length > 0 || state.effect) tryNow();
+}
+
+// ---- Views ----
+
+/** @param {Study} study */
+function showStudy(study) {
+  const { revisions, record } = study;
+  const revision = revisions.find((own) => own.name === state.revision);
+  at("item-heading").textContent = record.experiment;
+  at("revision").replaceChildren(...(revisions.length > 0 ? revisions : [{ name: "none yet" }]).map(({ name }) =>
+    make("option", { value: name, textContent: titleOf(study, name), selected: name === state.revision })));
+  at("window").replaceChildren(make("option", { value: "", textContent: "the whole record" }), ...study.cycles.slice(0, 200).map(({ cycle, from_s, to_s, serves }) =>
+    make("option", { value: `${from_s} ${to_s}`, textContent: `cycle ${cycle} (${serves})`, selected: state.window?.[0] === from_s && state.window?.[1] === to_s })));
+  at("verdict").innerHTML = study.parts.verdict ?? "";
+  at("parameters").innerHTML = study.parts.parameters ?? "";
+  showNext(study, revision);
+  showLadder(study);
+  showMap(study, revision);
+  showSuspects(study, revision);
+  const parts = /** @type {[string, string][]} */ ([["posterior", "How sure that is"], ["errors", "Where the uncertainty comes from"], ["fails", "Where the model fails: every look"], ["missing", "What is missing: figures and noise"], ["measured", "What was measured"], ["warned", "Everything that was warned of"], ["origin", "Commands that make it again"]]);
+  const opened = new Set([...at("parts").querySelectorAll("details[open]")].map((own) => /** @type {HTMLElement} */ (own).dataset.part));
+  at("parts").replaceChildren(...parts.filter(([id]) => study.parts[id]).map(([id, heading]) => {
+    const details = make("details", { open: opened.has(id) }, [make("summary", { textContent: heading })]);
+    details.dataset.part = id;
+    details.insertAdjacentHTML("beforeend", study.parts[id]);
+    return details;
+  }));
+  if (revisions.length === 0) {
+    at("parts").replaceChildren(make("section", {}, [make("h2", { textContent: "What was understood" }), make("ul", {}, record.understood.sentences.map((/** @type {string} */ text) => make("li", { textContent: text }))),
+      ...record.contradictions.map((/** @type {any} */ own) => make("p", { className: "fatal", textContent: `${own.text}. What to do: ${own.advice}.` }))]));
+  }
+  showFiles(study);
+}
+
+/** @param {Study} study @param {string} name */
+function titleOf(study, name) {
+  const model = study.revisions.find((own) => own.name === name)?.posterior?.model;
+  return model ? [`${name}: ${model.base}`, ...model.effects].join(" + ") : name;
+}
+
+/** @param {string} text @param {any} wish @param {boolean} [isMain] */
+const action = (text, wish, isMain = false) => {
+  const button = make("button", { type: "button", textContent: text, className: isMain ? "main" : "", disabled: state.job?.standing === "running" });
+  button.dataset.action = wish.kind;
+  button.addEventListener("click", () => attempt(async () => showJob(await send("api/job", { item: state.item, revision: state.revision, ...wish }))));
+  return button;
+};
+
+/** What a person would do next. @param {Study} study @param {Revision|undefined} revision */
+function showNext(study, revision) {
+  const lines = [];
+  const paragraph = (/** @type {(Node|string)[]} */ ...children) => lines.push(make("p", {}, children));
+  if (!revision) {
+    paragraph("Fit the first model to the record, check it by full finite elements, and see where it fails.");
+    paragraph(action("Fit the model", { kind: "sample" }, true));
+  } else {
+    const { diagnosis, learned } = revision;
+    const effects = diagnosis?.verdict.effects ?? [];
+    if (!diagnosis) {
+      paragraph("Ask which physical effect is missing: each is refitted, and judged on a cycle that no fit has seen.");
+      paragraph(action("What is missing?", { kind: "diagnose" }, true));
+    } else if (effects.length > 0) {
+      paragraph(diagnosis.verdict.sentence);
+      paragraph(action(`Add ${effects.join(" and ")}`, { kind: "extend", with: effects }, true));
+    } else if (diagnosis.verdict.kind === "unexplained" && !learned) {
+      paragraph("No effect of the library explains what is left. Let the data write the law that is missing.");
+      paragraph(action("Learn from the data", { kind: "learn" }, true));
+    } else if (learned?.formula) {
+      paragraph(learned.verdict.sentence);
+      paragraph(action("Add the learned formula", { kind: "adopt" }, true));
+    } else {
+      paragraph(diagnosis.verdict.sentence);
+    }
+    const others = [];
+    if (diagnosis) others.push(action("Ask again", { kind: "diagnose" }));
+    if (!learned && diagnosis && (effects.length > 0 || diagnosis.verdict.kind !== "unexplained")) others.push(action("Learn from the data", { kind: "learn" }));
+    if (!revision.comparison) others.push(action("Where does it fail?", { kind: "compare" }));
+    if (others.length > 0) lines.push(make("p", { className: "tools" }, others));
+  }
+  at("next").replaceChildren(...lines);
+}
+
+/** How the error falls: of the ladder where it is of these revisions, else of each posterior. @param {Study} study */
+function showLadder(study) {
+  const isWhole = study.ladder?.revisions.length === study.revisions.length;
+  const rungs = study.revisions.map((revision, place) => {
+    const own = isWhole ? study.ladder.revisions[place] : { ...revision.posterior.heldout, rmse_heldout_um: revision.posterior.heldout.rmse_um };
+    return { name: titleOf(study, revision.name), error: own.rmse_heldout_um ?? own.rmse_fitted_um };
+  });
+  at("rungs").hidden = rungs.length === 0;
+  if (rungs.length === 0) return;
+  const largest = Math.max(...rungs.map((rung) => rung.error), study.noise_um ?? 0);
+  const line = (/** @type {string} */ name, /** @type {number} */ error, /** @type {string} */ kind) => {
+    const bar = make("div", { className: `bar ${kind}` });
+    bar.style.width = `${(100 * error) / largest}%`;
+    return make("div", { className: "rung" }, [make("span", { textContent: name }), make("div", {}, [bar]), make("span", { className: "number", textContent: `${shown(error)} µm` })]);
+  };
+  at("ladder").replaceChildren(
+    ...rungs.map(({ name, error }) => line(name, error, "")),
+    ...(study.noise_um ? [line("noise", study.noise_um, "noise")] : []),
+    make("p", { className: "lead", textContent: isWhole ? study.ladder.sentence : "Root mean square on the held-out cycles." }),
+  );
+}
+
+/** @param {Study} study @param {Revision|undefined} revision */
+function showMap(study, revision) {
+  const comparison = revision?.comparison;
+  at("fails").hidden = !comparison;
+  if (!comparison) return;
+  at("fails-sentence").textContent = comparison.sentence;
+  const tint = (/** @type {number} */ z) => {
+    const share = Math.min(1, Math.abs(z) / 6);
+    return z < 0 ? `color-mix(in srgb, #4b9cd3 ${100 * share}%, #eef1f4)` : `color-mix(in srgb, #f08a4b ${100 * share}%, #eef1f4)`;
+  };
+  const body = comparison.panels.map((/** @type {any} */ panel) => make("tr", {}, [
+    make("th", { scope: "row", textContent: panel.title }),
+    ...panel.bars.map((/** @type {any} */ bar) => {
+      const z = bar.bias_um / bar.sd_um;
+      const isScore = panel.where === "runs" || panel.where === "autocorrelation";
+      const words = `${isScore ? `${shown(bar.bias_um)} ± ${shown(bar.sd_um)}` : `${shown(bar.bias_um)} ± ${shown(bar.sd_um)} µm`} ${bar.phrase}`;
+      const button = make("button", { type: "button", textContent: bar.label, title: words });
+      button.setAttribute("aria-label", `${panel.title} ${bar.label}: ${words}`);
+      button.style.background = tint(z);
+      button.addEventListener("click", () => attempt(() => goTo(study, panel, bar)));
+      return make("td", {}, [button]);
+    }),
+  ]));
+  at("map").replaceChildren(make("table", { className: "map" }, [make("tbody", {}, body)]));
+}
+
+/** Shows in the plots where a cell of the map looks. @param {Study} study @param {any} panel @param {any} bar */
+async function goTo(study, panel, bar) {
+  const cycle = panel.where === "cycle" && study.cycles.find((own) => String(own.cycle) === bar.label);
+  if (cycle) {
+    plots.mark([{ from: cycle.from_s, to: cycle.to_s }]);
+    return setWindow(null);
+  }
+  if (!bar.lag_s) {
+    plots.mark([]);
+    return;
+  }
+  const [low, high] = bar.lag_s;
+  plots.mark(study.steps_s.map((step) => ({ from: step + low, to: step + high })));
+  const last = study.cycles.filter((own) => own.serves === "held out").pop() ?? study.cycles[study.cycles.length - 1];
+  await setWindow([last.from_s, last.to_s]);
+  at("item-heading").scrollIntoView({ behavior: "smooth" });
+}
+
+/** @param {Study} study @param {Revision|undefined} revision */
+function showSuspects(study, revision) {
+  const { diagnosis, learned } = revision ?? {};
+  at("missing").hidden = !(diagnosis || learned);
+  at("missing-sentence").textContent = diagnosis?.verdict.sentence ?? "";
+  at("suspects").innerHTML = study.parts.suspects ?? "";
+  const refused = new Set((diagnosis?.candidates ?? []).filter((/** @type {any} */ own) => own.refused).map((/** @type {any} */ own) => own.effect));
+  at("suspects").querySelectorAll("tbody tr").forEach((row) => {
+    const slug = row.querySelector("th")?.textContent ?? "";
+    row.append(make("td", {}, refused.has(slug) ? [] : [action(`Add ${slug}`, { kind: "extend", with: [slug] })]));
+  });
+  at("suspects").querySelector("thead tr")?.append(make("th", { scope: "col", textContent: "to the model" }));
+  const parts = [];
+  if (learned) {
+    parts.push(make("h3", { textContent: "What the data write by themselves" }), make("p", { textContent: learned.verdict.sentence }));
+    if (learned.function) parts.push(make("p", {}, [make("img", { src: fileOf(study, `${revision?.name}/figures/learned.svg`), alt: `The learned function of ${learned.verdict.quantity} by ${learned.verdict.state}, with its 90 per cent band` })]));
+    if (learned.formula) parts.push(make("p", {}, [action("Add the learned formula", { kind: "adopt" })]));
+  }
+  at("learned").replaceChildren(...parts);
+}
+
+/** @param {Study} study @param {string} path */
+const fileOf = (study, path) => `file?${query({ item: study.item.name, path, of: state.folder })}`;
+
+/** @param {Study} study */
+function showFiles(study) {
+  const name = state.revision;
+  at("export").hidden = name === null;
+  if (name === null) return;
+  const list = [["report.html", "the whole study as one page, for a colleague"], [`${name}/figures/predictive.svg`, "model against measurement"], [`${name}/figures/corner.svg`, "the posterior"], [`${name}/figures/comparison_map.svg`, "the failure map"],
+    [`${name}/figures/diagnosis.svg`, "every suspect"], ["ladder.svg", "how the error fell"], [`${name}/predictions.csv`, "predictions of every row"], [`${name}/draws.csv`, "draws of the posterior"], [`${name}/posterior.nc`, "the same for ArviZ"]];
+  const revision = study.revisions.find((own) => own.name === name);
+  const isThere = (/** @type {string} */ path) => !(path.includes("comparison") && !revision?.comparison) && !(path.includes("diagnosis") && !revision?.diagnosis) && !(path.startsWith("ladder") && !study.ladder);
+  at("files").replaceChildren(...list.filter(([path]) => isThere(path)).map(([path, words]) => make("li", {}, [make("a", { href: fileOf(study, path), textContent: path, download: path.endsWith("html") ? "" : path.split("/").pop(), target: "_blank" }), `: ${words}`])));
+}
+
+// ---- Trying by hand ----
+
+async function refreshKnobs() {
+  at("by-hand").hidden = state.revision === null;
+  if (state.revision === null) return;
+  const [item, revision, effect] = [state.item, state.revision, state.effect];
+  const { knobs, effects } = await send("api/knobs", { item, revision, effects: effect ? [effect] : [] });
+  if (item !== state.item || revision !== state.revision || effect !== state.effect) return;
+  state.knobs = knobs;
+  state.values = {};
+  plots.showTried(null);
+  at("tried").textContent = "";
+  at("try-effect").replaceChildren(make("option", { value: "", textContent: "nothing" }), ...(effect ? [make("option", { value: effect, textContent: effect, selected: true })] : []),
+    ...effects.map((/** @type {any} */ own) => make("option", { value: own.slug, textContent: own.slug, title: own.summary })));
+  at("sliders").replaceChildren(...knobs.map(slider));
+  if (effect) tryNow();
+}
+
+/** @param {Knob} knob */
+function slider(knob) {
+  const [from, to] = knob.is_logarithmic ? [Math.log(knob.low), Math.log(knob.high)] : [knob.low, knob.high];
+  const value = (/** @type {number} */ place) => (knob.is_logarithmic ? Math.exp(from + ((to - from) * place) / 1000) : from + ((to - from) * place) / 1000);
+  const place = (1000 * ((knob.is_logarithmic ? Math.log(knob.value) : knob.value) - from)) / (to - from);
+  const words = (/** @type {number} */ own) => `${shown(own, 4)} ${knob.unit}`;
+  const output = make("output", { textContent: words(knob.value) });
+  const input = make("input", { type: "range", min: "0", max: "1000", step: "1", value: String(place) });
+  input.setAttribute("aria-label", `${knob.symbol} in ${knob.unit || "no unit"}`);
+  input.addEventListener("input", () => {
+    const own = value(Number(/** @type {HTMLInputElement} */ (input).value));
+    output.textContent = words(own);
+    state.values[knob.name] = own;
+    tryNow();
+  });
+  return make("label", { className: "slider" }, [make("span", { textContent: knob.symbol }), input, output]);
+}
+
+let isTrying = false, isStale = false;
+/** One question at a time; the last position of a slider is always asked for. */
+function tryNow() {
+  if (isTrying) {
+    isStale = true;
+    return;
+  }
+  isTrying = true;
+  const [from_s, to_s] = state.window ?? [null, null];
+  const points = Math.min(4000, 3 * plots.width());
+  send("api/try", { item: state.item, revision: state.revision, effects: state.effect ? [state.effect] : [], parameters: state.values, from_s, to_s, points })
+    .then((curve) => {
+      plots.showTried(curve);
+      const noise = state.study?.noise_um;
+      at("tried").textContent = `By hand: ${shown(curve.rmse_fitted_um)} µm on fitted cycles${curve.rmse_heldout_um === null ? "" : `, ${shown(curve.rmse_heldout_um)} µm on held-out cycles`}${noise ? `; noise ${shown(noise)} µm` : ""}`;
+    })
+    .catch(fault)
+    .finally(() => {
+      isTrying = false;
+      if (isStale) {
+        isStale = false;
+        tryNow();
+      }
+    });
+}
+
+// ---- Windows of time ----
+
+/** @param {[number, number]|null} window */
+async function setWindow(window) {
+  state.window = window;
+  await refreshRows();
+  if (state.study) at("window").querySelectorAll("option").forEach((own) => (own.selected = own.value === (window ? `${window[0]} ${window[1]}` : "")));
+}
+const plots = new Plots((from, to) => attempt(() => setWindow(from === null || to === null ? null : [from, to])));
+
+// ---- Jobs and news ----
+
+/** @type {Record<string, string>} */
+const KINDS = { sample: "Fitting the model", compare: "Looking where it fails", diagnose: "Asking what is missing", learn: "Learning from the data", extend: "Adding to the model", adopt: "Adding the learned formula" };
+
+/** @param {Job|null} job */
+function showJob(job) {
+  const before = state.job;
+  state.job = job;
+  const runs = job?.standing === "running";
+  at("job").hidden = !runs;
+  if (job && runs) {
+    at("job-words").textContent = `${KINDS[job.kind]} of ${job.item}: ${job.words}`;
+    const bar = /** @type {HTMLProgressElement} */ (at("job-progress"));
+    if (job.progress) [bar.max, bar.value] = [job.progress[1], job.progress[0]];
+    else bar.removeAttribute("value");
+  }
+  document.querySelectorAll("[data-action]").forEach((button) => (/** @type {HTMLButtonElement} */ (button).disabled = runs));
+  const hasEnded = job && before?.standing === "running" && !runs;
+  if (job && hasEnded && job.standing !== "done") fault(new Error(`${KINDS[job.kind]}: ${job.words}`));
+  if (job && hasEnded && job.item === state.item) {
+    if (job.kind === "extend" || job.kind === "adopt" || job.kind === "sample") state.revision = null;
+    refresh().catch(fault);
+  }
+}
+
+function listen() {
+  const events = new EventSource("api/events");
+  events.onmessage = (message) => {
+    const news = JSON.parse(message.data);
+    showJob(news.job);
+    if (news.state !== state.folder && state.folder) {
+      refreshItems().catch(fault);
+      if (state.item !== null && !(news.job?.standing === "running" && news.job.item === state.item)) refresh().catch(fault);
+    }
+    state.folder = news.state;
+  };
+}
+
+// ---- Begin ----
+
+at("items").addEventListener("change", (event) => attempt(() => open(/** @type {HTMLSelectElement} */ (event.target).value || null)));
+at("revision").addEventListener("change", (event) => attempt(() => {
+  state.revision = /** @type {HTMLSelectElement} */ (event.target).value;
+  return refresh();
+}));
+at("window").addEventListener("change", (event) => attempt(() => {
+  const [from, to] = /** @type {HTMLSelectElement} */ (event.target).value.split(" ").map(Number);
+  return setWindow(to === undefined ? null : [from, to]);
+}));
+at("try-effect").addEventListener("change", (event) => attempt(() => {
+  state.effect = /** @type {HTMLSelectElement} */ (event.target).value;
+  return refreshKnobs();
+}));
+at("try-reset").addEventListener("click", () => attempt(() => {
+  state.effect = "";
+  return refreshKnobs();
+}));
+at("job-stop").addEventListener("click", () => attempt(async () => void (await ask("api/job", { method: "DELETE" }))));
+at("fault-close").addEventListener("click", () => (at("fault").hidden = true));
+at("table").addEventListener("change", (event) => {
+  const input = /** @type {HTMLInputElement} */ (event.target);
+  const file = input.files?.[0];
+  if (file) attempt(() => upload(file));
+  input.value = "";
+});
+addEventListener("dragover", (event) => {
+  event.preventDefault();
+  document.body.classList.add("dropping");
+});
+addEventListener("dragleave", () => document.body.classList.remove("dropping"));
+addEventListener("drop", (event) => {
+  event.preventDefault();
+  document.body.classList.remove("dropping");
+  const file = event.dataTransfer?.files[0];
+  if (file) attempt(() => upload(file));
+});
+attempt(async () => {
+  listen();
+  const name = decodeURIComponent(location.hash.slice(1));
+  await refreshItems();
+  await open(state.items.some((item) => item.name === name) ? name : null);
+});

@@ -1,0 +1,156 @@
+// @ts-check
+// Three plots over one time: positions, what is left of them, and the force.
+
+/** @typedef {{time_s: number[], force_un: number[], position_um: (number|null)[], rows: [number, number],
+ *   predicted?: {median_um: number[], q05_um: number[], q95_um: number[], residual_um: (number|null)[]}}} Rows */
+/** @typedef {{time_s: number[], tried_um: number[], rmse_fitted_um: number|null, rmse_heldout_um: number|null}} Tried */
+
+/** @type {any} */
+const uPlot = /** @type {any} */ (globalThis).uPlot;
+const GROUP = "time";
+
+/** @param {string} name */
+const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+
+export class Plots {
+  /** @param {(from: number|null, to: number|null) => void} onWindow called with the stretch of time that a person chooses */
+  constructor(onWindow) {
+    this.onWindow = onWindow;
+    /** @type {Rows|null} */ this.rows = null;
+    /** @type {Tried|null} */ this.tried = null;
+    /** @type {{from: number, to: number}[]} */ this.marks = [];
+    /** @type {[number, number]|null} */ this.window = null;
+    /** @type {any[]} */ this.plots = [];
+    /** @type {string} */ this.kind = "";
+    addEventListener("resize", () => this.resize());
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.rebuild());
+  }
+
+  /** @param {Rows} rows @param {[number, number]|null} window */
+  show(rows, window) {
+    this.rows = rows;
+    this.window = window;
+    const kind = rows.predicted ? "predicted" : "record";
+    if (kind !== this.kind || this.plots.length === 0) {
+      this.kind = kind;
+      this.rebuild();
+    } else {
+      this.refill();
+    }
+  }
+
+  /** @param {Tried|null} tried */
+  showTried(tried) {
+    this.tried = tried;
+    if (this.plots.length > 0) this.plots[0].setData(this.positions(), false), this.rescale(this.plots[0]);
+  }
+
+  /** @param {{from: number, to: number}[]} marks stretches of time that are shaded */
+  mark(marks) {
+    this.marks = marks;
+    this.plots.forEach((plot) => plot.redraw(false));
+  }
+
+  positions() {
+    const rows = /** @type {Rows} */ (this.rows);
+    const own = rows.predicted;
+    const none = rows.time_s.map(() => null);
+    // A trial may have been asked for another stretch of time.
+    const fits = this.tried && this.tried.time_s.length === rows.time_s.length && this.tried.time_s[0] === rows.time_s[0];
+    const tried = fits ? /** @type {Tried} */ (this.tried).tried_um : none;
+    return own
+      ? [rows.time_s, own.q95_um, own.q05_um, own.median_um, rows.position_um, tried]
+      : [rows.time_s, none, none, none, rows.position_um, tried];
+  }
+
+  refill() {
+    const rows = /** @type {Rows} */ (this.rows);
+    const data = [
+      this.positions(),
+      [rows.time_s, rows.predicted ? rows.predicted.residual_um : rows.time_s.map(() => null)],
+      [rows.time_s, rows.force_un],
+    ];
+    this.plots.forEach((plot, place) => {
+      plot.setData(data[place], false);
+      this.rescale(plot);
+    });
+  }
+
+  /** @param {any} plot */
+  rescale(plot) {
+    const times = /** @type {Rows} */ (this.rows).time_s;
+    const [min, max] = this.window ?? [times[0], times[times.length - 1]];
+    plot.batch(() => {
+      plot.setScale("x", { min, max });
+    });
+  }
+
+  width() {
+    return /** @type {HTMLElement} */ (document.getElementById("plot-position")).clientWidth || 600;
+  }
+
+  resize() {
+    this.plots.forEach((plot) => plot.setSize({ width: this.width(), height: plot.height }));
+  }
+
+  rebuild() {
+    this.plots.forEach((plot) => plot.destroy());
+    this.plots = [];
+    if (!this.rows) return;
+    const [ink, line, blue, orange, green] = ["--ink", "--line", "--link", "--wrong", "--sound"].map(colour);
+    const axis = { stroke: ink, grid: { stroke: line, width: 1 }, ticks: { stroke: line, width: 1 } };
+    const number = (/** @type {any} */ _, /** @type {number|null} */ value) => (value === null || value === undefined ? "–" : String(Number(value.toPrecision(5))));
+    const options = (/** @type {number} */ height, /** @type {string} */ label, /** @type {any[]} */ series, /** @type {any[]} */ bands) => ({
+      width: this.width(),
+      height,
+      cursor: { sync: { key: GROUP, setSeries: false }, drag: { x: true, y: false, setScale: false }, bind: { dblclick: () => () => this.onWindow(null, null) } },
+      scales: { x: { time: false } },
+      axes: [{ ...axis, label: height > 200 ? undefined : "time (s)", size: 40 }, { ...axis, label, size: 70, labelSize: 20 }],
+      series: [{ label: "time (s)", value: number }, ...series.map((own) => ({ value: number, spanGaps: false, ...own }))],
+      bands,
+      hooks: {
+        setSelect: [(/** @type {any} */ plot) => {
+          if (plot.select.width < 4) return;
+          const from = plot.posToVal(plot.select.left, "x"), to = plot.posToVal(plot.select.left + plot.select.width, "x");
+          plot.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
+          this.onWindow(from, to);
+        }],
+        drawClear: [(/** @type {any} */ plot) => this.shade(plot)],
+      },
+    });
+    const shown = this.kind === "predicted";
+    const points = { show: true, size: 3, fill: ink };
+    const put = (/** @type {string} */ id, /** @type {any} */ own, /** @type {string} */ words) => {
+      const place = /** @type {HTMLElement} */ (document.getElementById(id));
+      place.setAttribute("role", "img");
+      place.setAttribute("aria-label", words);
+      this.plots.push(new uPlot(own, [[0], ...own.series.slice(1).map(() => [0])], place));
+    };
+    put("plot-position", options(340, "position (µm)", [
+      { label: "95 %", show: shown, stroke: blue, width: 0.5 },
+      { label: "5 %", show: shown, stroke: blue, width: 0.5 },
+      { label: "model", show: shown, stroke: blue, width: 2 },
+      { label: "measured", stroke: ink, width: 0, points, paths: () => null },
+      { label: "by hand", stroke: orange, width: 2, dash: [6, 4] },
+    ], [{ series: [1, 2], fill: blue + "33" }]), "Measured position in micrometres against time, over the model's median and its band from 5 to 95 per cent");
+    put("plot-residual", options(170, "left (µm)", [{ label: "measured less model", stroke: orange, width: 0, points: { show: true, size: 3, fill: orange }, paths: () => null }], []),
+      "What the model leaves of the position, in micrometres against time");
+    put("plot-force", options(140, "force (µN)", [{ label: "force", stroke: green, width: 1.5, paths: uPlot.paths.stepped({ align: 1 }) }], []), "Commanded force in micronewtons against time");
+    this.refill();
+  }
+
+  /** @param {any} plot */
+  shade(plot) {
+    const { ctx, bbox } = plot;
+    ctx.save();
+    ctx.beginPath();
+    ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
+    ctx.clip();
+    ctx.fillStyle = colour("--doubtful") + "33";
+    for (const { from, to } of this.marks) {
+      const left = plot.valToPos(from, "x", true), right = plot.valToPos(to, "x", true);
+      ctx.fillRect(left, bbox.top, Math.max(2, right - left), bbox.height);
+    }
+    ctx.restore();
+  }
+}

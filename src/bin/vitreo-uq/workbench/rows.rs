@@ -1,0 +1,202 @@
+//! Rows for the page's plots: a record, with what a revision predicts of it.
+
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex};
+use std::time::SystemTime;
+
+use serde::Serialize;
+use vitreo_uq::documents::check::CheckSummary;
+use vitreo_uq::error::Result;
+use vitreo_uq::experiment::Experiment;
+use vitreo_uq::report::predictions::{Predictions, read_predictions};
+use vitreo_uq::study::PREDICTIONS_NAME;
+use vitreo_uq::workflow::check;
+
+/// Points of a plot at least and at most.
+const POINTS: [usize; 2] = [50, 4000];
+/// Experiments and predictions that are kept in memory.
+const KEPT: usize = 4;
+
+/// A record as it was read.
+pub struct Read {
+    /// The experiment.
+    pub experiment: Experiment,
+    /// What was understood, and what contradicts it.
+    pub summary: CheckSummary,
+}
+
+/// What was read of files, as long as they stay as they are.
+pub struct Memory<T> {
+    kept: Mutex<Vec<(PathBuf, Vec<Option<SystemTime>>, Arc<T>)>>,
+}
+
+impl<T> Default for Memory<T> {
+    fn default() -> Self {
+        Self { kept: Mutex::default() }
+    }
+}
+
+impl<T> Memory<T> {
+    /// What a path holds, read again where one of the files has changed.
+    pub fn get(&self, path: &Path, files: &[PathBuf], read: impl FnOnce() -> Result<T>) -> Result<Arc<T>> {
+        let changed = |path: &PathBuf| std::fs::metadata(path).and_then(|metadata| metadata.modified()).ok();
+        let times: Vec<_> = files.iter().map(changed).collect();
+        let mut kept = self.kept.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        if let Some((.., found)) = kept.iter().find(|(own, at, _)| own == path && *at == times) {
+            return Ok(Arc::clone(found));
+        }
+        let found = Arc::new(read()?);
+        kept.retain(|(own, ..)| own != path);
+        kept.insert(0, (path.to_path_buf(), times, Arc::clone(&found)));
+        kept.truncate(KEPT);
+        Ok(found)
+    }
+}
+
+/// The record that a folder describes.
+pub fn read_record(memory: &Memory<Read>, dir: &Path) -> Result<Arc<Read>> {
+    let entries = std::fs::read_dir(dir).into_iter().flatten().flatten();
+    let mut files: Vec<PathBuf> = entries.map(|entry| entry.path()).filter(|path| path.is_file()).collect();
+    files.sort();
+    memory.get(dir, &files, || {
+        let (experiment, files) = Experiment::read(dir)?;
+        let summary = check::summary(&experiment, &files);
+        Ok(Read { experiment, summary })
+    })
+}
+
+/// What a revision predicts; `None` where it was written by a version that did not say.
+pub fn read_revision(memory: &Memory<Predictions>, dir: &Path) -> Result<Option<Arc<Predictions>>> {
+    let path = dir.join(PREDICTIONS_NAME);
+    if !path.is_file() {
+        return Ok(None);
+    }
+    memory.get(&path, &[path.clone()], || read_predictions(&path)).map(Some)
+}
+
+/// A stretch of time, and how many points show it.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Deserialize)]
+pub struct Window {
+    /// Its begin in s; the record's where none is said.
+    pub from_s: Option<f64>,
+    /// Its end in s.
+    pub to_s: Option<f64>,
+    /// Columns of pixels.
+    pub points: Option<usize>,
+}
+
+/// Rows that are shown.
+#[derive(Debug, Serialize)]
+pub struct Shown {
+    /// Rows of the record, and of the window.
+    pub rows: [usize; 2],
+    /// Indices of the rows that are shown: of every column of pixels those with the lowest and highest values.
+    #[serde(skip)]
+    pub chosen: Vec<usize>,
+    time_s: Vec<f64>,
+    force_un: Vec<f64>,
+    position_um: Vec<Option<f64>>,
+    cycle: Vec<u32>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    predicted: Option<ShownPredictions>,
+}
+
+/// What is predicted of rows that are shown.
+#[derive(Debug, Serialize)]
+struct ShownPredictions {
+    median_um: Vec<f64>,
+    q05_um: Vec<f64>,
+    q95_um: Vec<f64>,
+    residual_um: Vec<Option<f64>>,
+}
+
+/// A window of a record, with what is predicted of it.
+pub fn shown(experiment: &Experiment, predictions: Option<&Predictions>, window: Window) -> Shown {
+    let record = &experiment.record;
+    let predictions = predictions.filter(|own| own.time_s.len() == record.n_rows());
+    let position_um: Vec<Option<f64>> = record.position_m.iter().map(|x| x.map(|x| 1e6 * x)).collect();
+    let residual_um = |row: usize| {
+        let own = predictions?;
+        Some(position_um[row]? - own.quantiles_um[2][row])
+    };
+    let force = |row: usize| Some(record.force_n[row]);
+    let looks: [&dyn Fn(usize) -> Option<f64>; 3] = [&|row| position_um[row], &residual_um, &force];
+    let range = rows_of(&record.time_s, window);
+    let n_points = window.points.unwrap_or(POINTS[1]).clamp(POINTS[0], POINTS[1]);
+    let chosen = decimated(range.clone(), n_points, &looks);
+    let of = |values: &[f64]| chosen.iter().map(|row| values[*row]).collect::<Vec<f64>>();
+    let predicted = predictions.map(|own| ShownPredictions {
+        median_um: of(&own.quantiles_um[2]),
+        q05_um: of(&own.quantiles_um[0]),
+        q95_um: of(&own.quantiles_um[4]),
+        residual_um: chosen.iter().map(|row| residual_um(*row)).collect(),
+    });
+    Shown {
+        rows: [record.n_rows(), range.len()],
+        time_s: of(&record.time_s),
+        force_un: chosen.iter().map(|row| 1e6 * record.force_n[*row]).collect(),
+        position_um: chosen.iter().map(|row| position_um[*row]).collect(),
+        cycle: chosen.iter().map(|row| record.cycle[*row]).collect(),
+        predicted,
+        chosen,
+    }
+}
+
+/// Rows of a window, one more on either side.
+fn rows_of(time_s: &[f64], window: Window) -> std::ops::Range<usize> {
+    let from = window.from_s.map_or(0, |from_s| time_s.partition_point(|t| *t < from_s).saturating_sub(1));
+    let to = window.to_s.map_or(time_s.len(), |to_s| (time_s.partition_point(|t| *t <= to_s) + 1).min(time_s.len()));
+    from.min(to)..to
+}
+
+/// Of every column of rows the first, and those with the lowest and highest value of each look.
+fn decimated(rows: std::ops::Range<usize>, n_points: usize, looks: &[&dyn Fn(usize) -> Option<f64>]) -> Vec<usize> {
+    if rows.len() <= n_points {
+        return rows.collect();
+    }
+    let n_columns = n_points / (1 + 2 * looks.len()) + 1;
+    let edge = |column: usize| rows.start + rows.len() * column / n_columns;
+    let mut chosen = Vec::with_capacity(n_points);
+    for column in 0..n_columns {
+        let own = edge(column)..edge(column + 1);
+        let mut of_column = vec![own.start];
+        for look in looks {
+            let valued = || own.clone().filter_map(|row| Some((row, look(row)?)));
+            of_column.extend(valued().min_by(|a, b| a.1.total_cmp(&b.1)).map(|(row, _)| row));
+            of_column.extend(valued().max_by(|a, b| a.1.total_cmp(&b.1)).map(|(row, _)| row));
+        }
+        of_column.sort_unstable();
+        of_column.dedup();
+        chosen.extend(of_column);
+    }
+    chosen.extend(rows.last().filter(|last| chosen.last() != Some(last)));
+    chosen
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A single row far away is never lost, rows stay in order, and no more are shown than was asked for, but for a few.
+    #[test]
+    fn what_stands_out_is_shown() {
+        let value = |row: usize| Some(if row == 54_321 { 9.0 } else { (row as f64 * 0.01).sin() });
+        let other = |row: usize| (row != 7).then_some(-(row as f64));
+        let chosen = decimated(0..100_000, 1000, &[&value, &other]);
+        assert!(chosen.contains(&54_321) && chosen.contains(&99_999) && chosen.contains(&0));
+        assert!(chosen.windows(2).all(|pair| pair[0] < pair[1]));
+        assert!((500..=1010).contains(&chosen.len()), "{}", chosen.len());
+        assert_eq!(decimated(3..10, 50, &[&value]), (3..10).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn a_window_reaches_one_row_beyond_its_ends() {
+        let time_s: Vec<f64> = (0..100).map(f64::from).collect();
+        let window = |from_s, to_s| Window { from_s, to_s, points: None };
+        assert_eq!(rows_of(&time_s, window(Some(10.0), Some(20.0))), 9..22);
+        assert_eq!(rows_of(&time_s, window(None, None)), 0..100);
+        assert_eq!(rows_of(&time_s, window(Some(500.0), Some(600.0))), 99..100);
+        assert_eq!(rows_of(&time_s, window(Some(20.0), Some(-5.0))), 1..1);
+        assert_eq!(rows_of(&time_s, window(Some(f64::NAN), Some(f64::NAN))).len(), 1);
+    }
+}

@@ -1,0 +1,401 @@
+//! The server: what a page may ask, and what it gets.
+
+use std::net::TcpListener;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
+
+use axum::Router;
+use axum::body::{Body, to_bytes};
+use axum::extract::{DefaultBodyLimit, Json, Query, State};
+use axum::http::{StatusCode, header};
+use axum::middleware;
+use axum::response::sse::{Event, KeepAlive, Sse};
+use axum::response::{IntoResponse, Response};
+use axum::routing::{get, post};
+use hyper_util::rt::{TokioIo, TokioTimer};
+use hyper_util::service::TowerToHyperService;
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value, json};
+use tokio::sync::{Semaphore, watch};
+use tokio_stream::StreamExt;
+use tokio_stream::wrappers::WatchStream;
+use vitreo_uq::error::{Error, Result};
+use vitreo_uq::experiment::{Experiment, Record};
+use vitreo_uq::files::{self, Content};
+use vitreo_uq::study::{
+    COMPARISON_NAME, DIAGNOSIS_NAME, EXTENSION_NAME, LADDER_NAME, LEARNED_NAME, POSTERIOR_NAME, Study,
+};
+use vitreo_uq::workflow::pages;
+
+use super::guard::{Guard, guard};
+use super::home::{Home, Item};
+use super::jobs::{Jobs, Wish};
+use super::rows::{Memory, Read, Window, read_record, read_revision, shown};
+use super::tables::{self, Described};
+use super::trial::{Trial, Tried, trial};
+use vitreo_uq::report::predictions::Predictions;
+
+/// Connections at once; headers of a request have so long to come, and a table that is sent so long.
+const MOST_CONNECTIONS: usize = 64;
+const HEADERS: Duration = Duration::from_secs(10);
+const UPLOAD: Duration = Duration::from_secs(120);
+/// Bytes of a request that is no table.
+const MOST_BYTES: usize = 1 << 16;
+/// Bytes of a request's head.
+const MOST_HEAD_BYTES: usize = 1 << 15;
+/// Time between two looks whether a terminal has changed something.
+const LOOK: Duration = Duration::from_secs(2);
+
+/// The page's own files.
+const FILES: [(&str, &str, &str); 7] = [
+    ("", "text/html; charset=utf-8", include_str!("page/index.html")),
+    ("app.js", "text/javascript; charset=utf-8", include_str!("page/app.js")),
+    ("plots.js", "text/javascript; charset=utf-8", include_str!("page/plots.js")),
+    ("style.css", "text/css; charset=utf-8", include_str!("page/style.css")),
+    ("report.css", "text/css; charset=utf-8", vitreo_uq::page::STYLE),
+    ("uPlot.js", "text/javascript; charset=utf-8", include_str!("page/vendor/uPlot.iife.min.js")),
+    ("uPlot.css", "text/css; charset=utf-8", include_str!("page/vendor/uPlot.min.css")),
+];
+
+struct Bench {
+    home: Home,
+    jobs: Arc<Jobs>,
+    records: Memory<Read>,
+    predictions: Memory<Predictions>,
+    trials: Memory<Trial>,
+    news: watch::Sender<u64>,
+    uploads: AtomicU64,
+}
+
+type Shared = Arc<Bench>;
+
+/// Serves until the program is ended.
+pub fn run(listener: TcpListener, home: Home, token: String) -> Result<()> {
+    let refused = |error| Error::at_path("serve", home.dir(), error, "start the workbench again");
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_io().enable_time().build().map_err(refused)?;
+    tables::forget(&home);
+    let news = watch::Sender::new(0);
+    let jobs = Jobs::new(home.clone(), news.clone())?;
+    let address = listener.local_addr().map_err(refused)?;
+    let hosts = if address.ip().is_loopback() {
+        [address.to_string(), format!("localhost:{}", address.port())].to_vec()
+    } else {
+        Vec::new()
+    };
+    let bench = Arc::new(Bench {
+        home: home.clone(),
+        jobs,
+        records: Memory::default(),
+        predictions: Memory::default(),
+        trials: Memory::default(),
+        news,
+        uploads: AtomicU64::new(0),
+    });
+    listener.set_nonblocking(true).map_err(refused)?;
+    runtime.block_on(async move {
+        let listener = tokio::net::TcpListener::from_std(listener).map_err(refused)?;
+        tokio::spawn(watch_folder(Arc::clone(&bench)));
+        serve(listener, router(bench, &token, Guard { hosts })).await;
+        Ok(())
+    })
+}
+
+/// Connections, so many at once, none of which may hold back its headers.
+async fn serve(listener: tokio::net::TcpListener, app: Router) {
+    let free = Arc::new(Semaphore::new(MOST_CONNECTIONS));
+    loop {
+        let Ok(place) = Arc::clone(&free).acquire_owned().await else { return };
+        let Ok((stream, _)) = listener.accept().await else {
+            // Out of file handles, or a peer that was gone at once.
+            tokio::time::sleep(Duration::from_millis(50)).await;
+            continue;
+        };
+        let service = TowerToHyperService::new(app.clone());
+        tokio::spawn(async move {
+            let mut builder = hyper::server::conn::http1::Builder::new();
+            builder.timer(TokioTimer::new()).header_read_timeout(HEADERS).max_buf_size(MOST_HEAD_BYTES);
+            // A peer that breaks off is its own affair.
+            let _ = builder.serve_connection(TokioIo::new(stream), service).await;
+            drop(place);
+        });
+    }
+}
+
+fn router(bench: Shared, token: &str, own: Guard) -> Router {
+    let at = |path: &str| format!("/{token}/{path}");
+    let mut router = Router::new()
+        .route(&at("api/items"), get(items))
+        .route(&at("api/study"), get(study))
+        .route(&at("api/rows"), get(rows))
+        .route(&at("api/knobs"), post(knobs))
+        .route(&at("api/try"), post(try_model))
+        .route(&at("api/init"), post(init))
+        .route(&at("api/job"), post(start).delete(stop))
+        .route(&at("api/events"), get(events))
+        .route(&at("file"), get(file))
+        .layer(DefaultBodyLimit::max(MOST_BYTES))
+        .route(&at("api/table"), post(table));
+    for (name, kind, text) in FILES {
+        router = router.route(&at(name), get(move || async move { ([(header::CONTENT_TYPE, kind)], text) }));
+    }
+    let nothing = || async { (StatusCode::NOT_FOUND, "There is nothing here. Open the link that `vitreo-uq workbench` said.\n") };
+    router.fallback(nothing).layer(middleware::from_fn_with_state(own, guard)).with_state(bench)
+}
+
+/// Looks whether something was changed from elsewhere, as long as a page listens.
+async fn watch_folder(bench: Shared) {
+    let mut before = 0;
+    loop {
+        tokio::time::sleep(LOOK).await;
+        if bench.news.receiver_count() == 0 {
+            continue;
+        }
+        let own = Arc::clone(&bench);
+        let Ok(now) = tokio::task::spawn_blocking(move || own.home.state()).await else { continue };
+        if now != before {
+            before = now;
+            bench.news.send_modify(|number| *number += 1);
+        }
+    }
+}
+
+/// Runs what may take a while beside the server, and answers with its document, or with words for people.
+async fn answer<T: Serialize + Send + 'static>(work: impl FnOnce() -> Result<T> + Send + 'static) -> Response {
+    let refused = |status: StatusCode, words: String| (status, Json(json!({ "error": words }))).into_response();
+    match tokio::task::spawn_blocking(work).await {
+        Ok(Ok(document)) => Json(document).into_response(),
+        Ok(Err(error)) => refused(StatusCode::UNPROCESSABLE_ENTITY, error.to_string()),
+        Err(_) => refused(StatusCode::INTERNAL_SERVER_ERROR, "this broke the workbench's work; its log says why".into()),
+    }
+}
+
+/// An item by its name, and the revision that is looked at.
+#[derive(Deserialize)]
+struct Named {
+    item: String,
+    revision: Option<String>,
+}
+
+async fn items(State(bench): State<Shared>) -> Response {
+    answer(move || Ok(json!({ "home": bench.home.dir().display().to_string(), "items": bench.home.items() }))).await
+}
+
+async fn study(State(bench): State<Shared>, Query(named): Query<Named>) -> Response {
+    answer(move || study_of(&bench, &bench.home.find(&named.item)?, named.revision)).await
+}
+
+impl Bench {
+    /// The folder whose record an item shows: the study's, once it is there.
+    fn record_dir(&self, item: &Item) -> PathBuf {
+        let study = self.home.dir().join(&item.study);
+        match &item.experiment {
+            Some(experiment) if !Study::is_study(&study) => self.home.dir().join(experiment),
+            _ => study,
+        }
+    }
+}
+
+/// All documents of an item, and the parts of its report.
+fn study_of(bench: &Bench, item: &Item, revision: Option<String>) -> Result<Value> {
+    let dir = bench.home.dir().join(&item.study);
+    let read = read_record(&bench.records, &bench.record_dir(item))?;
+    let experiment = &read.experiment;
+    let mut revisions = Vec::new();
+    for name in &item.revisions {
+        let mut documents = Map::from_iter([("name".to_string(), json!(name))]);
+        for (key, file) in [
+            ("posterior", POSTERIOR_NAME),
+            ("comparison", COMPARISON_NAME),
+            ("diagnosis", DIAGNOSIS_NAME),
+            ("learned", LEARNED_NAME),
+            ("extension", EXTENSION_NAME),
+        ] {
+            documents.insert(key.into(), document(&dir.join(name).join(file)));
+        }
+        revisions.push(Value::Object(documents));
+    }
+    let asked = revision.filter(|name| item.revisions.contains(name));
+    let parts = match asked.or_else(|| item.revisions.last().cloned()) {
+        Some(name) => pages::parts(&dir, &name)?,
+        None => Vec::new(),
+    };
+    Ok(json!({
+        "item": item,
+        "record": read.summary,
+        "noise_um": experiment.noise_yardstick().map(|yardstick| 1e6 * yardstick.sd_m),
+        "cycles": cycles(experiment),
+        "steps_s": steps_s(&experiment.record),
+        "revisions": revisions,
+        "ladder": document(&dir.join(LADDER_NAME)),
+        "parts": parts.into_iter().collect::<std::collections::BTreeMap<_, _>>(),
+    }))
+}
+
+/// Where each cycle begins and ends, and what it serves for.
+fn cycles(experiment: &Experiment) -> Vec<Value> {
+    let record = &experiment.record;
+    let spans = record.cycle.chunk_by(|a, b| a == b).scan(0, |row, own| {
+        let first = *row;
+        *row += own.len();
+        // A cycle lasts until the next begins.
+        let end = (*row).min(record.n_rows() - 1);
+        Some((own[0], record.time_s[first], record.time_s[end]))
+    });
+    let serves = |cycle: &u32| match cycle {
+        own if experiment.calibration_cycles.contains(own) => "fitted",
+        own if experiment.heldout_cycles.contains(own) => "held out",
+        _ => "unused",
+    };
+    let shown = |(cycle, from_s, to_s)| json!({ "cycle": cycle, "from_s": from_s, "to_s": to_s, "serves": serves(&cycle) });
+    spans.map(shown).collect()
+}
+
+/// Changes of the force that the page marks at most.
+const MOST_STEPS: usize = 500;
+
+fn steps_s(record: &Record) -> Vec<f64> {
+    record.force_step_rows().into_iter().take(MOST_STEPS).map(|row| record.time_s[row]).collect()
+}
+
+/// A document as it stands; nothing where there is none.
+fn document(path: &std::path::Path) -> Value {
+    let bytes = files::read_if_there(path, Content::Document);
+    bytes.and_then(|bytes| serde_json::from_slice(&bytes).ok()).unwrap_or(Value::Null)
+}
+
+#[derive(Deserialize)]
+struct AskedRows {
+    item: String,
+    revision: Option<String>,
+    #[serde(flatten)]
+    window: WindowOfQuery,
+}
+
+/// A window in a query, whose numbers are words.
+#[derive(Deserialize)]
+struct WindowOfQuery {
+    from_s: Option<String>,
+    to_s: Option<String>,
+    points: Option<String>,
+}
+
+impl WindowOfQuery {
+    fn window(&self) -> Window {
+        fn number<T: std::str::FromStr>(text: Option<&String>) -> Option<T> {
+            text.and_then(|text| text.parse().ok())
+        }
+        Window {
+            from_s: number(self.from_s.as_ref()),
+            to_s: number(self.to_s.as_ref()),
+            points: number(self.points.as_ref()),
+        }
+    }
+}
+
+async fn rows(State(bench): State<Shared>, Query(asked): Query<AskedRows>) -> Response {
+    answer(move || {
+        let item = bench.home.find(&asked.item)?;
+        let read = read_record(&bench.records, &bench.record_dir(&item))?;
+        let revision = asked.revision.filter(|name| item.revisions.contains(name));
+        let predictions = match revision {
+            Some(name) => read_revision(&bench.predictions, &bench.home.dir().join(&item.study).join(name))?,
+            None => None,
+        };
+        Ok(shown(&read.experiment, predictions.as_deref(), asked.window.window()))
+    })
+    .await
+}
+
+async fn knobs(State(bench): State<Shared>, Json(tried): Json<Tried>) -> Response {
+    answer(move || {
+        let trial = bench.trial(&tried)?;
+        serde_json::to_value(trial.knobs())
+            .map_err(|error| Error::numerical(error.to_string(), "report what was tried"))
+    })
+    .await
+}
+
+async fn try_model(State(bench): State<Shared>, Json(tried): Json<Tried>) -> Response {
+    answer(move || bench.trial(&tried)?.curve(&tried)).await
+}
+
+impl Bench {
+    fn trial(&self, tried: &Tried) -> Result<Arc<Trial>> {
+        let item = self.home.find(&tried.item)?;
+        trial(&self.trials, &self.home.dir().join(&item.study), tried)
+    }
+}
+
+#[derive(Deserialize)]
+struct Upload {
+    name: String,
+}
+
+async fn table(State(bench): State<Shared>, Query(upload): Query<Upload>, body: Body) -> Response {
+    let most = usize::try_from(Content::Table.most_bytes()).unwrap_or(usize::MAX);
+    let refused = |words: &str| (StatusCode::UNPROCESSABLE_ENTITY, Json(json!({ "error": words }))).into_response();
+    let bytes = match tokio::time::timeout(UPLOAD, to_bytes(body, most)).await {
+        Ok(Ok(bytes)) => bytes,
+        Ok(Err(_)) => return refused("the table did not come whole, or is larger than this program reads"),
+        Err(_) => return refused("the table did not come within two minutes"),
+    };
+    let number = bench.uploads.fetch_add(1, Ordering::Relaxed);
+    answer(move || Ok(json!({ "upload": tables::keep(&bench.home, &upload.name, number, &bytes)? }))).await
+}
+
+async fn init(State(bench): State<Shared>, Json(described): Json<Described>) -> Response {
+    answer(move || tables::describe(&bench.home, &described)).await
+}
+
+async fn start(State(bench): State<Shared>, Json(wish): Json<Wish>) -> Response {
+    answer(move || bench.jobs.start(&wish)).await
+}
+
+async fn stop(State(bench): State<Shared>) -> Response {
+    answer(move || {
+        bench.jobs.stop();
+        Ok(json!({}))
+    })
+    .await
+}
+
+/// News: the present job, and a number that changes with the folder.
+async fn events(State(bench): State<Shared>) -> impl IntoResponse {
+    let stream = WatchStream::new(bench.news.subscribe()).map(move |_| {
+        let news = json!({ "state": bench.home.state().to_string(), "job": bench.jobs.present() });
+        Ok::<Event, std::convert::Infallible>(Event::default().data(news.to_string()))
+    });
+    Sse::new(stream).keep_alive(KeepAlive::default())
+}
+
+#[derive(Deserialize)]
+struct AskedFile {
+    item: String,
+    path: String,
+}
+
+async fn file(State(bench): State<Shared>, Query(asked): Query<AskedFile>) -> Response {
+    let read = move || {
+        let path = bench.home.file(&bench.home.find(&asked.item)?, &asked.path)?;
+        let bytes = files::read(&path, Content::Document, "make the study anew")?;
+        Ok((path, bytes))
+    };
+    match tokio::task::spawn_blocking(read).await {
+        Ok(Ok((path, bytes))) => {
+            let kind = match path.extension().and_then(|own| own.to_str()) {
+                Some("svg") => "image/svg+xml",
+                Some("png") => "image/png",
+                Some("html") => "text/html; charset=utf-8",
+                Some("json") => "application/json",
+                Some("csv") => "text/csv; charset=utf-8",
+                Some("toml") => "text/plain; charset=utf-8",
+                _ => "application/octet-stream",
+            };
+            ([(header::CONTENT_TYPE, kind)], bytes).into_response()
+        }
+        Ok(Err(Error::Input { .. })) => StatusCode::NOT_FOUND.into_response(),
+        _ => StatusCode::INTERNAL_SERVER_ERROR.into_response(),
+    }
+}

@@ -1,0 +1,131 @@
+//! Tables that a browser sends, and what `init` has to ask of them.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+use vitreo_uq::documents::init::InitSummary;
+use vitreo_uq::error::{Error, Place, Result};
+use vitreo_uq::experiment::table::{Given, Question};
+use vitreo_uq::files;
+use vitreo_uq::workflow::init::{self, InitRequest};
+
+use super::home::Home;
+
+/// What a page knows of a table.
+#[derive(Debug, Clone, Default, Deserialize)]
+pub struct Described {
+    /// What the upload was called when it came.
+    pub upload: String,
+    /// The table's own name.
+    pub file: String,
+    /// Answers by the texts of their questions.
+    #[serde(default)]
+    pub answers: BTreeMap<String, String>,
+    /// Columns of time, force, position and cycle, where the user says so.
+    #[serde(default)]
+    pub columns: [Option<String>; 4],
+    /// Units of time, force and position.
+    #[serde(default)]
+    pub units: [Option<String>; 3],
+    /// Known noise of the tracker in µm.
+    pub noise_um: Option<f64>,
+}
+
+/// A question for the page.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Asked {
+    text: String,
+    choices: Vec<String>,
+    proposal: Option<String>,
+}
+
+/// What became of a table.
+#[derive(Debug, Serialize)]
+#[serde(untagged)]
+pub enum Answered {
+    /// More has to be known.
+    Questions {
+        /// What.
+        questions: Vec<Asked>,
+    },
+    /// The experiment is written.
+    Written {
+        /// Its name among the items.
+        item: String,
+        /// What was understood.
+        summary: Box<InitSummary>,
+    },
+}
+
+/// Keeps a table that came; gives the name under which it is asked for.
+pub fn keep(home: &Home, name: &str, number: u64, bytes: &[u8]) -> Result<String> {
+    let is_plain = !name.is_empty()
+        && name.len() <= 200
+        && !name.starts_with('.')
+        && !name.contains(|c: char| c.is_control() || matches!(c, '/' | '\\'));
+    if !is_plain {
+        let remedy = "rename the table to letters, digits and dots";
+        return Err(Error::input(Place::file(name), "this is no plain name of a file", remedy));
+    }
+    let upload = format!("upload-{number}");
+    let folder = home.own().join(&upload);
+    std::fs::create_dir_all(&folder)
+        .map_err(|error| Error::at_path("create", &folder, error, "make the folder writable"))?;
+    files::write_atomically(&folder.join(name), bytes)?;
+    Ok(upload)
+}
+
+/// Removes what earlier workbenches kept.
+pub fn forget(home: &Home) {
+    let Ok(entries) = std::fs::read_dir(home.own()) else { return };
+    for entry in entries.flatten().filter(|entry| entry.file_name().to_string_lossy().starts_with("upload-")) {
+        let _ = std::fs::remove_dir_all(entry.path());
+    }
+}
+
+/// Writes the experiment of a table, or says what has to be known first: nothing is written before every question has an answer.
+pub fn describe(home: &Home, described: &Described) -> Result<Answered> {
+    let file = kept(home, described)?;
+    let given = Given { columns: described.columns.clone(), plane: [None, None], units: described.units.clone() };
+    let request = |out: PathBuf| InitRequest {
+        file: file.clone(),
+        out: Some(out),
+        given: given.clone(),
+        noise_um: described.noise_um,
+        ..InitRequest::default()
+    };
+    let mut questions: Vec<Asked> = Vec::new();
+    let mut answer = |question: &Question| {
+        let known = described.answers.get(&question.text).filter(|answer| !answer.trim().is_empty());
+        if known.is_none() && questions.iter().all(|asked| asked.text != question.text) {
+            let Question { text, choices, proposal } = question.clone();
+            questions.push(Asked { text, choices, proposal: proposal.filter(|proposal| proposal != "?") });
+        }
+        known.map(|answer| answer.trim().to_string())
+    };
+    let trial = tempfile::tempdir_in(home.own())
+        .map_err(|error| Error::at_path("create", home.own(), error, "make the folder writable"))?;
+    let tried = init::run(&request(trial.path().join("trial")), &mut answer);
+    if !questions.is_empty() {
+        return Ok(Answered::Questions { questions });
+    }
+    tried?;
+    let item = home.new_experiment(&described.file);
+    let out = home.dir().join(&item);
+    let (mut summary, _) = init::run(&request(out), &mut |question| described.answers.get(&question.text).cloned())?;
+    summary.directory.clone_from(&item);
+    Ok(Answered::Written { item, summary: Box::new(summary) })
+}
+
+/// The table of an upload.
+fn kept(home: &Home, described: &Described) -> Result<PathBuf> {
+    let is_number = |name: &str| !name.is_empty() && name.chars().all(|c| c.is_ascii_digit());
+    let is_upload = described.upload.strip_prefix("upload-").is_some_and(is_number);
+    let is_plain = !described.file.is_empty() && !described.file.contains(['/', '\\']) && !described.file.starts_with('.');
+    let path = home.own().join(&described.upload).join(&described.file);
+    if is_upload && is_plain && path.is_file() {
+        return Ok(path);
+    }
+    Err(Error::input(Place::file(&described.file), "this table is not here any more", "drop it on the page again"))
+}

@@ -1,0 +1,175 @@
+//! A model tried by hand: its curve for parameters that a person chooses.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+use vitreo_uq::documents::posterior::PosteriorSummary;
+use vitreo_uq::effects::Library;
+use vitreo_uq::error::{Error, Place, Result};
+use vitreo_uq::files::{self, Content};
+use vitreo_uq::model::Forward;
+use vitreo_uq::report::labels::of_parameter;
+use vitreo_uq::study::{POSTERIOR_NAME, Study, WithProvenance};
+use vitreo_uq::workflow::problem::Problem;
+use vitreo_uq::workflow::reduced::Reduced;
+use vitreo_uq::workflow::first_revision::kept_surrogate;
+use vitreo_uq::workflow::{Silent, artefacts};
+
+use super::rows::{Memory, Shown, Window, shown};
+
+/// Prior quantiles between which an effect's parameter is tried.
+const TAIL: f64 = 0.02;
+/// By how much a parameter of the law that the data have told is tried.
+const SPREAD: f64 = 3.0;
+
+/// A model that is tried.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+pub struct Tried {
+    /// The item.
+    pub item: String,
+    /// The revision.
+    pub revision: String,
+    /// Effects beside those of the revision.
+    #[serde(default)]
+    pub effects: Vec<String>,
+    /// Values of parameters; those that are not named stay at the revision's.
+    #[serde(default)]
+    pub parameters: BTreeMap<String, f64>,
+    /// What is shown.
+    #[serde(flatten)]
+    pub window: Window,
+}
+
+/// A model and its reduced form.
+pub struct Trial {
+    problem: Problem,
+    reduced: Reduced,
+    knobs: Vec<Knob>,
+}
+
+/// A parameter for a slider.
+#[derive(Debug, Clone, Serialize)]
+pub struct Knob {
+    name: String,
+    symbol: String,
+    unit: String,
+    value: f64,
+    low: f64,
+    high: f64,
+    is_logarithmic: bool,
+}
+
+/// An effect that may be tried.
+#[derive(Debug, Serialize)]
+pub struct Offered {
+    slug: &'static str,
+    summary: &'static str,
+}
+
+/// What a person may turn, and what may be added.
+#[derive(Debug, Serialize)]
+pub struct Knobs<'a> {
+    knobs: &'a [Knob],
+    effects: Vec<Offered>,
+}
+
+/// The curve of a trial, and how far it is from the measurement.
+#[derive(Debug, Serialize)]
+pub struct Curve {
+    #[serde(flatten)]
+    rows: Shown,
+    tried_um: Vec<f64>,
+    rmse_fitted_um: Option<f64>,
+    rmse_heldout_um: Option<f64>,
+}
+
+/// The model of a trial, made once.
+pub fn trial(memory: &Memory<Trial>, study: &Path, tried: &Tried) -> Result<Arc<Trial>> {
+    let Tried { revision, effects, .. } = tried;
+    let key = study.join(revision).join(effects.join(","));
+    let posterior = study.join(revision).join(POSTERIOR_NAME);
+    memory.get(&key, &[posterior], || Trial::new(study, revision, effects))
+}
+
+impl Trial {
+    fn new(study: &Path, revision: &str, effects: &[String]) -> Result<Self> {
+        let study = Study::open(study)?;
+        let dir = study.revision_dir(revision)?;
+        let (experiment, _) = study.read_experiment()?;
+        let mut specification = artefacts::model_of(&dir, &Library::default())?;
+        specification.effects.extend(effects.iter().cloned());
+        let problem = Problem::new(experiment, specification, None, &Silent)?;
+        let reduced = Reduced::unverified(&problem, kept_surrogate(&study, &Silent), &Silent)?;
+        let path = dir.join(POSTERIOR_NAME);
+        let bytes = files::read(&path, Content::Document, "make the study anew")?;
+        let posterior: WithProvenance<PosteriorSummary> = serde_json::from_slice(&bytes).map_err(|error| {
+            Error::input(Place::file(&path).at_line(error.line()), error.to_string(), "make the study anew")
+        })?;
+        let knobs = knobs(&problem, &posterior.body);
+        Ok(Self { problem, reduced, knobs })
+    }
+
+    /// What may be turned and added.
+    pub fn knobs(&self) -> Knobs<'_> {
+        let own = &self.problem.specification.effects;
+        let library = Library::default();
+        let others = library.effects().iter().filter(|effect| !own.iter().any(|slug| slug == effect.slug()));
+        let effects = others.map(|effect| Offered { slug: effect.slug(), summary: effect.summary() }).collect();
+        Knobs { knobs: &self.knobs, effects }
+    }
+
+    /// The curve of a model at values of its parameters.
+    pub fn curve(&self, tried: &Tried) -> Result<Curve> {
+        let problem = &self.problem;
+        let value = |name: &str| {
+            let own = self.knobs.iter().find(|knob| knob.name == name);
+            let asked = tried.parameters.get(name).copied().filter(|value| value.is_finite());
+            asked
+                .and_then(|value| own.map(|knob| value.clamp(knob.low, knob.high)))
+                .or(own.map(|knob| knob.value))
+                .or_else(|| problem.specification.fixed.get(name).copied())
+                .unwrap_or(f64::NAN)
+        };
+        let parameters: Vec<f64> = problem.model.parameters().iter().map(|spec| value(spec.name)).collect();
+        let position_m = problem.reduced_forward(&self.reduced).trajectory_m(&parameters)?;
+        let experiment = &problem.experiment;
+        let rmse_um = |cycles: &[u32]| {
+            let observed = problem.positions_of(cycles);
+            let errors = observed.iter().zip(&position_m).filter_map(|(y, x)| Some((1e6 * ((*y)? - x)).powi(2)));
+            let (n, sum) = errors.fold((0_usize, 0.0), |(n, sum), square| (n + 1, sum + square));
+            (n > 0).then(|| (sum / n as f64).sqrt())
+        };
+        let rows = shown(experiment, None, tried.window);
+        Ok(Curve {
+            tried_um: rows.chosen.iter().map(|row| 1e6 * position_m[*row]).collect(),
+            rmse_fitted_um: rmse_um(&experiment.calibration_cycles),
+            rmse_heldout_um: rmse_um(&experiment.heldout_cycles),
+            rows,
+        })
+    }
+}
+
+/// Parameters of a model: where the revision has them, or where their effects are not there.
+fn knobs(problem: &Problem, posterior: &PosteriorSummary) -> Vec<Knob> {
+    let model = &problem.model;
+    let n_before = model.n_before_effects();
+    let of_effects: Vec<_> = model.effects().iter().flat_map(|effect| effect.parameters()).collect();
+    let knob = |(place, spec): (usize, &vitreo_uq::parameter::ParameterSpec)| {
+        let prior = problem.priors.get(spec.name)?.distribution;
+        let told = posterior.parameters.iter().find(|own| own.name == spec.name).map(|own| own.median);
+        let null = place.checked_sub(n_before).and_then(|k| (of_effects[k].null)(model.scales()));
+        let [mut low, mut high] = [prior.quantile(TAIL), prior.quantile(1.0 - TAIL)];
+        let value = told.or(null).unwrap_or_else(|| prior.quantile(0.5));
+        let is_logarithmic = null.is_none() && low > 0.0;
+        if is_logarithmic && told.is_some() {
+            (low, high) = (low.max(value / SPREAD), high.min(value * SPREAD));
+        }
+        (low, high) = (low.min(value), high.max(value));
+        let label = of_parameter(spec.name);
+        let unit = if label.unit == "–" { String::new() } else { label.unit };
+        Some(Knob { name: spec.name.into(), symbol: label.symbol, unit, value, low, high, is_logarithmic })
+    };
+    model.parameters().iter().enumerate().filter_map(knob).collect()
+}
