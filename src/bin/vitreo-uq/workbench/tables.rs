@@ -1,7 +1,7 @@
 //! Tables that a browser sends, and what `init` has to ask of them.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 use vitreo_uq::documents::init::InitSummary;
@@ -87,9 +87,14 @@ pub fn forget(home: &Home) {
 /// Writes the experiment of a table, or says what has to be known first: nothing is written before every question has an answer.
 pub fn describe(home: &Home, described: &Described) -> Result<Answered> {
     let file = kept(home, described)?;
+    written(home, &file, described).map_err(|error| named_alone(error, &file))
+}
+
+/// The same of a table that is here.
+fn written(home: &Home, file: &Path, described: &Described) -> Result<Answered> {
     let given = Given { columns: described.columns.clone(), plane: [None, None], units: described.units.clone() };
     let request = |out: PathBuf| InitRequest {
-        file: file.clone(),
+        file: file.to_path_buf(),
         out: Some(out),
         given: given.clone(),
         noise_um: described.noise_um,
@@ -116,6 +121,19 @@ pub fn describe(home: &Home, described: &Described) -> Result<Answered> {
     let (mut summary, _) = init::run(&request(out), &mut |question| described.answers.get(&question.text).cloned())?;
     summary.directory.clone_from(&item);
     Ok(Answered::Written { item, summary: Box::new(summary) })
+}
+
+/// An error with the table's own name: where the workbench keeps it is nobody's concern.
+fn named_alone(error: Error, file: &Path) -> Error {
+    match error {
+        Error::Input { mut place, found, remedy } => {
+            if let (true, Some(name)) = (place.file.as_deref() == Some(file), file.file_name()) {
+                place.file = Some(name.into());
+            }
+            Error::Input { place, found, remedy }
+        }
+        other => other,
+    }
 }
 
 /// The table of an upload.

@@ -141,12 +141,14 @@ let asked = 0;
 async function refresh() {
   const [item, number] = [state.item, ++asked];
   if (item === null) return;
+  /** @type {Study} */
   const study = await ask(`api/study?${query({ item, revision: state.revision })}`);
   if (number !== asked) return;
   state.study = study;
   const names = study.item.revisions;
   if (state.revision === null || !names.includes(state.revision)) state.revision = names[names.length - 1] ?? null;
   at("item").hidden = false;
+  plots.setHeldOut(study.cycles.filter((own) => own.serves === "held out").map(({ from_s, to_s }) => ({ from: from_s, to: to_s })));
   showStudy(study);
   await Promise.all([refreshRows(), refreshKnobs()]);
 }

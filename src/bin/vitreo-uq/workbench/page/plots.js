@@ -19,11 +19,17 @@ export class Plots {
     /** @type {Rows|null} */ this.rows = null;
     /** @type {Tried|null} */ this.tried = null;
     /** @type {{from: number, to: number}[]} */ this.marks = [];
+    /** @type {{from: number, to: number}[]} */ this.heldOut = [];
     /** @type {[number, number]|null} */ this.window = null;
     /** @type {any[]} */ this.plots = [];
     /** @type {string} */ this.kind = "";
     addEventListener("resize", () => this.resize());
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.rebuild());
+  }
+
+  /** @param {{from: number, to: number}[]} heldOut stretches of time that no fit has seen */
+  setHeldOut(heldOut) {
+    this.heldOut = heldOut;
   }
 
   /** @param {Rows} rows @param {[number, number]|null} window */
@@ -100,12 +106,13 @@ export class Plots {
     const [ink, line, blue, orange, green] = ["--ink", "--line", "--link", "--wrong", "--sound"].map(colour);
     const axis = { stroke: ink, grid: { stroke: line, width: 1 }, ticks: { stroke: line, width: 1 } };
     const number = (/** @type {any} */ _, /** @type {number|null} */ value) => (value === null || value === undefined ? "–" : String(Number(value.toPrecision(5))));
-    const options = (/** @type {number} */ height, /** @type {string} */ label, /** @type {any[]} */ series, /** @type {any[]} */ bands) => ({
+    const options = (/** @type {number} */ height, /** @type {string} */ label, /** @type {any[]} */ series, /** @type {any[]} */ bands, /** @type {boolean} */ isLast) => ({
       width: this.width(),
       height,
       cursor: { sync: { key: GROUP, setSeries: false }, drag: { x: true, y: false, setScale: false }, bind: { dblclick: () => () => this.onWindow(null, null) } },
       scales: { x: { time: false } },
-      axes: [{ ...axis, label: height > 200 ? undefined : "time (s)", size: 40 }, { ...axis, label, size: 70, labelSize: 20 }],
+      legend: { show: bands.length > 0 },
+      axes: [{ ...axis, label: isLast ? "time (s)" : undefined, size: 34, labelSize: 20 }, { ...axis, label, size: 70, labelSize: 20, space: 22 }],
       series: [{ label: "time (s)", value: number }, ...series.map((own) => ({ value: number, spanGaps: false, ...own }))],
       bands,
       hooks: {
@@ -132,10 +139,10 @@ export class Plots {
       { label: "model", show: shown, stroke: blue, width: 2 },
       { label: "measured", stroke: ink, width: 0, points, paths: () => null },
       { label: "by hand", stroke: orange, width: 2, dash: [6, 4] },
-    ], [{ series: [1, 2], fill: blue + "33" }]), "Measured position in micrometres against time, over the model's median and its band from 5 to 95 per cent");
-    put("plot-residual", options(170, "left (µm)", [{ label: "measured less model", stroke: orange, width: 0, points: { show: true, size: 3, fill: orange }, paths: () => null }], []),
+    ], [{ series: [1, 2], fill: blue + "33" }], false), "Measured position in micrometres against time, over the model's median and its band from 5 to 95 per cent");
+    put("plot-residual", options(160, "left (µm)", [{ label: "measured less model", stroke: orange, width: 0, points: { show: true, size: 3, fill: orange }, paths: () => null }], [], false),
       "What the model leaves of the position, in micrometres against time");
-    put("plot-force", options(140, "force (µN)", [{ label: "force", stroke: green, width: 1.5, paths: uPlot.paths.stepped({ align: 1 }) }], []), "Commanded force in micronewtons against time");
+    put("plot-force", options(150, "force (µN)", [{ label: "force", stroke: green, width: 1.5, paths: uPlot.paths.stepped({ align: 1 }) }], [], true), "Commanded force in micronewtons against time");
     this.refill();
   }
 
@@ -146,11 +153,15 @@ export class Plots {
     ctx.beginPath();
     ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
     ctx.clip();
-    ctx.fillStyle = colour("--doubtful") + "33";
-    for (const { from, to } of this.marks) {
-      const left = plot.valToPos(from, "x", true), right = plot.valToPos(to, "x", true);
-      ctx.fillRect(left, bbox.top, Math.max(2, right - left), bbox.height);
-    }
+    const fill = (/** @type {{from: number, to: number}[]} */ stretches, /** @type {string} */ tint) => {
+      ctx.fillStyle = tint;
+      for (const { from, to } of stretches) {
+        const left = plot.valToPos(from, "x", true), right = plot.valToPos(to, "x", true);
+        ctx.fillRect(left, bbox.top, Math.max(2, right - left), bbox.height);
+      }
+    };
+    fill(this.heldOut, colour("--muted") + "1c");
+    fill(this.marks, colour("--doubtful") + "40");
     ctx.restore();
   }
 }
