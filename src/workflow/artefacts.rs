@@ -29,7 +29,9 @@ use crate::report::singular_values::{Family, singular_values};
 use crate::report::svg::{Svg, write_figure};
 use crate::report::trace::{EnsembleTrace, ParameterTrace, trace};
 use crate::rheology::LETHERSICH;
-use crate::study::{Kept, ModelSpecification, POSTERIOR_NAME, PREDICTIONS_NAME, Provenance, WithProvenance, effect_file};
+use crate::study::{
+    Kept, ModelSpecification, POSTERIOR_NAME, PREDICTIONS_NAME, Provenance, WithProvenance, effect_file,
+};
 use crate::workflow::replica::TABLE_I;
 
 /// A prior file's copy in a revision.

@@ -21,3 +21,4 @@ mod report;
 mod sample;
 mod shape_study;
 mod shapes;
+mod workbench;

@@ -121,9 +121,8 @@ impl Home {
 
     /// A file of a study: of a kind that is shown, and in the study itself, links followed.
     pub fn file(&self, item: &Item, path: &str) -> Result<PathBuf> {
-        let refused = || {
-            Error::input(Place::file(path), "this is no file of the study", "follow the links on the page")
-        };
+        let refused =
+            || Error::input(Place::file(path), "this is no file of the study", "follow the links on the page");
         let study = std::fs::canonicalize(self.dir.join(&item.study)).map_err(|_| refused())?;
         let inside = Path::new(path);
         let is_plain = |part: Component<'_>| match part {

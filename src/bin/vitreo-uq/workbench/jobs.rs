@@ -112,7 +112,8 @@ impl Jobs {
             .map_err(|error| Error::at_path("find", "the program", error, "start it by its whole path"))?;
         let left: Option<Job> = files::read_if_there(&home.own().join("job.json"), Content::Document)
             .and_then(|bytes| serde_json::from_slice(&bytes).ok());
-        let jobs = Arc::new(Self { home, program, present: Mutex::new(left), is_stopped: AtomicBool::new(false), news });
+        let jobs =
+            Arc::new(Self { home, program, present: Mutex::new(left), is_stopped: AtomicBool::new(false), news });
         if jobs.present().is_some_and(|job| job.standing == Standing::Running) {
             let own = Arc::clone(&jobs);
             std::thread::spawn(move || own.look_after_left());
@@ -235,9 +236,9 @@ impl Jobs {
     /// Waits for a command, and passes its words on; its exit code, if it ended by itself.
     fn watch(&self, child: &mut Child) -> Result<Option<i32>> {
         loop {
-            let ended = child.try_wait().map_err(|error| {
-                Error::at_path("wait for", &self.program, error, "start the workbench again")
-            })?;
+            let ended = child
+                .try_wait()
+                .map_err(|error| Error::at_path("wait for", &self.program, error, "start the workbench again"))?;
             if let Some(status) = ended {
                 return Ok(status.code());
             }
@@ -328,8 +329,9 @@ fn commands(wish: &Wish, item: &Item) -> Result<Vec<Vec<String>>> {
         Kind::Diagnose => Ok(vec![of_revision("diagnose")?]),
         Kind::Learn => Ok(vec![of_revision("learn")?]),
         Kind::Extend => {
-            let is_slug = |slug: &&String| slug.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-');
-            if wish.with.is_empty() || !wish.with.iter().all(|slug| is_slug(&slug)) {
+            let is_letter = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
+            let is_slug = |slug: &String| !slug.is_empty() && !slug.starts_with('-') && slug.chars().all(is_letter);
+            if wish.with.is_empty() || !wish.with.iter().all(is_slug) {
                 let remedy = "choose effects of the list";
                 return Err(Error::input(Place::option("--with"), "these are no effects' names", remedy));
             }
@@ -419,7 +421,10 @@ mod tests {
             lines(&wish(Kind::Sample, None, &[]), &item(&[])),
             ["sample eye --out vitreo-uq-out/eye", "compare vitreo-uq-out/eye --from m0"]
         );
-        assert_eq!(lines(&wish(Kind::Diagnose, None, &[]), &item(&["m0", "m1"])), ["diagnose vitreo-uq-out/eye --from m1"]);
+        assert_eq!(
+            lines(&wish(Kind::Diagnose, None, &[]), &item(&["m0", "m1"])),
+            ["diagnose vitreo-uq-out/eye --from m1"]
+        );
         assert_eq!(
             lines(&wish(Kind::Extend, Some("m0"), &["wall-slip", "drift"]), &item(&["m0"]))[0],
             "extend vitreo-uq-out/eye --from m0 --with wall-slip,drift"
@@ -447,6 +452,9 @@ mod tests {
         assert_eq!(told(log), (Some("refitting every effect …".into()), Some([7, 18])));
         assert_eq!(told("fitting …\n"), (Some("fitting …".into()), None));
         assert_eq!(told(""), (None, None));
-        assert_eq!(error_in("fitting …\nerror: a.csv:3: no number\n  what to do: mend it\n"), "a.csv:3: no number\n  what to do: mend it");
+        assert_eq!(
+            error_in("fitting …\nerror: a.csv:3: no number\n  what to do: mend it\n"),
+            "a.csv:3: no number\n  what to do: mend it"
+        );
     }
 }

@@ -140,7 +140,8 @@ fn router(bench: Shared, token: &str, own: Guard) -> Router {
     for (name, kind, text) in FILES {
         router = router.route(&at(name), get(move || async move { ([(header::CONTENT_TYPE, kind)], text) }));
     }
-    let nothing = || async { (StatusCode::NOT_FOUND, "There is nothing here. Open the link that `vitreo-uq workbench` said.\n") };
+    let nothing =
+        || async { (StatusCode::NOT_FOUND, "There is nothing here. Open the link that `vitreo-uq workbench` said.\n") };
     router.fallback(nothing).layer(middleware::from_fn_with_state(own, guard)).with_state(bench)
 }
 
@@ -167,7 +168,9 @@ async fn answer<T: Serialize + Send + 'static>(work: impl FnOnce() -> Result<T> 
     match tokio::task::spawn_blocking(work).await {
         Ok(Ok(document)) => Json(document).into_response(),
         Ok(Err(error)) => refused(StatusCode::UNPROCESSABLE_ENTITY, error.to_string()),
-        Err(_) => refused(StatusCode::INTERNAL_SERVER_ERROR, "this broke the workbench's work; its log says why".into()),
+        Err(_) => {
+            refused(StatusCode::INTERNAL_SERVER_ERROR, "this broke the workbench's work; its log says why".into())
+        }
     }
 }
 
@@ -248,7 +251,8 @@ fn cycles(experiment: &Experiment) -> Vec<Value> {
         own if experiment.heldout_cycles.contains(own) => "held out",
         _ => "unused",
     };
-    let shown = |(cycle, from_s, to_s)| json!({ "cycle": cycle, "from_s": from_s, "to_s": to_s, "serves": serves(&cycle) });
+    let shown =
+        |(cycle, from_s, to_s)| json!({ "cycle": cycle, "from_s": from_s, "to_s": to_s, "serves": serves(&cycle) });
     spans.map(shown).collect()
 }
 

@@ -140,7 +140,8 @@ fn named_alone(error: Error, file: &Path) -> Error {
 fn kept(home: &Home, described: &Described) -> Result<PathBuf> {
     let is_number = |name: &str| !name.is_empty() && name.chars().all(|c| c.is_ascii_digit());
     let is_upload = described.upload.strip_prefix("upload-").is_some_and(is_number);
-    let is_plain = !described.file.is_empty() && !described.file.contains(['/', '\\']) && !described.file.starts_with('.');
+    let is_plain =
+        !described.file.is_empty() && !described.file.contains(['/', '\\']) && !described.file.starts_with('.');
     let path = home.own().join(&described.upload).join(&described.file);
     if is_upload && is_plain && path.is_file() {
         return Ok(path);

@@ -12,9 +12,9 @@ use vitreo_uq::files::{self, Content};
 use vitreo_uq::model::Forward;
 use vitreo_uq::report::labels::of_parameter;
 use vitreo_uq::study::{POSTERIOR_NAME, Study, WithProvenance};
+use vitreo_uq::workflow::first_revision::kept_surrogate;
 use vitreo_uq::workflow::problem::Problem;
 use vitreo_uq::workflow::reduced::Reduced;
-use vitreo_uq::workflow::first_revision::kept_surrogate;
 use vitreo_uq::workflow::{Silent, artefacts};
 
 use super::rows::{Memory, Shown, Window, shown};
@@ -58,6 +58,8 @@ pub struct Knob {
     value: f64,
     low: f64,
     high: f64,
+    /// Where the effect is not there.
+    null_value: Option<f64>,
     is_logarithmic: bool,
 }
 
@@ -169,7 +171,16 @@ fn knobs(problem: &Problem, posterior: &PosteriorSummary) -> Vec<Knob> {
         (low, high) = (low.min(value), high.max(value));
         let label = of_parameter(spec.name);
         let unit = if label.unit == "–" { String::new() } else { label.unit };
-        Some(Knob { name: spec.name.into(), symbol: label.symbol, unit, value, low, high, is_logarithmic })
+        Some(Knob {
+            name: spec.name.into(),
+            symbol: label.symbol,
+            unit,
+            value,
+            low,
+            high,
+            null_value: null,
+            is_logarithmic,
+        })
     };
     model.parameters().iter().enumerate().filter_map(knob).collect()
 }

@@ -7,7 +7,7 @@ import { Plots } from "./plots.js";
 /** @typedef {{name: string, posterior: any, comparison: any, diagnosis: any, learned: any, extension: any}} Revision */
 /** @typedef {{item: Item, record: any, noise_um: number|null, cycles: {cycle: number, from_s: number, to_s: number, serves: string}[], steps_s: number[],
  *   revisions: Revision[], ladder: any, parts: Record<string, string>}} Study */
-/** @typedef {{name: string, symbol: string, unit: string, value: number, low: number, high: number, is_logarithmic: boolean}} Knob */
+/** @typedef {{name: string, symbol: string, unit: string, value: number, low: number, high: number, null_value: number|null, is_logarithmic: boolean}} Knob */
 
 /** @template {HTMLElement} T @param {string} id @returns {T} */
 const at = (id) => /** @type {T} */ (document.getElementById(id));
@@ -227,7 +227,7 @@ function showNext(study, revision) {
       paragraph("Ask which physical effect is missing: each is refitted, and judged on a cycle that no fit has seen.");
       paragraph(action("What is missing?", { kind: "diagnose" }, true));
     } else if (effects.length > 0) {
-      paragraph(diagnosis.verdict.sentence);
+      paragraph("Add it, fit again, and watch the error on the cycles that no fit has seen.");
       paragraph(action(`Add ${effects.join(" and ")}`, { kind: "extend", with: effects }, true));
     } else if (diagnosis.verdict.kind === "unexplained" && !learned) {
       paragraph("No effect of the library explains what is left. Let the data write the law that is missing.");
@@ -322,7 +322,9 @@ function showSuspects(study, revision) {
   const refused = new Set((diagnosis?.candidates ?? []).filter((/** @type {any} */ own) => own.refused).map((/** @type {any} */ own) => own.effect));
   at("suspects").querySelectorAll("tbody tr").forEach((row) => {
     const slug = row.querySelector("th")?.textContent ?? "";
-    row.append(make("td", {}, refused.has(slug) ? [] : [action(`Add ${slug}`, { kind: "extend", with: [slug] })]));
+    const button = action("Add", { kind: "extend", with: [slug] });
+    button.setAttribute("aria-label", `Add ${slug}`);
+    row.append(make("td", {}, refused.has(slug) ? [] : [button]));
   });
   at("suspects").querySelector("thead tr")?.append(make("th", { scope: "col", textContent: "to the model" }));
   const parts = [];
@@ -369,9 +371,13 @@ async function refreshKnobs() {
 
 /** @param {Knob} knob */
 function slider(knob) {
-  const [from, to] = knob.is_logarithmic ? [Math.log(knob.low), Math.log(knob.high)] : [knob.low, knob.high];
-  const value = (/** @type {number} */ place) => (knob.is_logarithmic ? Math.exp(from + ((to - from) * place) / 1000) : from + ((to - from) * place) / 1000);
-  const place = (1000 * ((knob.is_logarithmic ? Math.log(knob.value) : knob.value) - from)) / (to - from);
+  // A parameter of the law goes by its logarithm; one of an effect by its cube root about none, since what shows is often small.
+  const none = knob.null_value ?? 0;
+  const bent = knob.is_logarithmic ? Math.log : knob.null_value === null ? (/** @type {number} */ own) => own : (/** @type {number} */ own) => Math.cbrt(own - none);
+  const straight = knob.is_logarithmic ? Math.exp : knob.null_value === null ? (/** @type {number} */ own) => own : (/** @type {number} */ own) => none + own ** 3;
+  const [from, to] = [bent(knob.low), bent(knob.high)];
+  const value = (/** @type {number} */ place) => straight(from + ((to - from) * place) / 1000);
+  const place = (1000 * (bent(knob.value) - from)) / (to - from);
   const words = (/** @type {number} */ own) => `${shown(own, 4)} ${knob.unit}`;
   const output = make("output", { textContent: words(knob.value) });
   const input = make("input", { type: "range", min: "0", max: "1000", step: "1", value: String(place) });
