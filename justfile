@@ -14,6 +14,10 @@ check:
 python-checks:
     scripts/python-checks.sh
 
+# The workbench in a real browser, and its page's types.
+browser-checks:
+    scripts/browser-checks.sh
+
 # JSON Schemas of the documents, made anew from their types.
 schemas:
     cargo run --example write_schemas
