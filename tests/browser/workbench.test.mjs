@@ -152,6 +152,8 @@ test("what is missing is named, added, and the error falls to the noise", async 
   assert.deepEqual(await page.locator("#revision option").allTextContents().then((all) => all.length), 2);
   await hasNoSeriousFaults("ladder");
   await picture("9-the-error-falls");
+  await page.evaluate(() => scrollTo(0, 0));
+  await page.screenshot({ path: join(pictures, "workbench.png") });
 });
 
 test("a workbench that is killed in the middle of a job loses nothing", async () => {

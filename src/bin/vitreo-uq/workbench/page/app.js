@@ -147,6 +147,9 @@ async function refresh() {
   state.study = study;
   const names = study.item.revisions;
   if (state.revision === null || !names.includes(state.revision)) state.revision = names[names.length - 1] ?? null;
+  // A later model is fitted to more cycles than the first.
+  const heldout = study.revisions.find((own) => own.name === state.revision)?.posterior?.heldout;
+  if (heldout) study.cycles.forEach((own) => (own.serves = heldout.cycles.includes(own.cycle) ? "held out" : heldout.fitted_cycles.includes(own.cycle) ? "fitted" : "unused"));
   at("item").hidden = false;
   plots.setHeldOut(study.cycles.filter((own) => own.serves === "held out").map(({ from_s, to_s }) => ({ from: from_s, to: to_s })));
   showStudy(study);
@@ -475,6 +478,7 @@ at("revision").addEventListener("change", (event) => attempt(() => {
 }));
 at("window").addEventListener("change", (event) => attempt(() => {
   const [from, to] = /** @type {HTMLSelectElement} */ (event.target).value.split(" ").map(Number);
+  plots.mark([]);
   return setWindow(to === undefined ? null : [from, to]);
 }));
 at("try-effect").addEventListener("change", (event) => attempt(() => {
