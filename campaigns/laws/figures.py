@@ -69,6 +69,9 @@ def figures(raw):
         "the same by the formula, where there is one": of(
             sum(over_noise(*own, "with_formula") for own in learned), sum(document["with_formula"] is not None for document, _ in learned)
         ),
+        "held-out error at most 1.15 × the true noise of what is written, the formula or else the function": of(
+            sum(over_noise(*own, "with_formula" if own[0]["with_formula"] else "learned") for own in learned), len(learned)
+        ),
         "anything learnt where nothing is hidden": of(sum(is_learned(document) for document, _ in none), len(none)),
     }, {
         f"{truth['quantity']} by {truth['state']}, {truth['shape']}, {truth['noise']}, {truth['signal_sigma']:.0f} σ": document["verdict"]["sentence"]
