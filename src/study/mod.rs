@@ -49,6 +49,8 @@ pub const PREDICTIONS_NAME: &str = "predictions.csv";
 pub const COMPARISON_NAME: &str = "comparison.json";
 /// What `learn` writes into a revision; its figure stands in `figures/learned`.
 pub const LEARNED_NAME: &str = "learned.json";
+/// The table of a revision with what every effect would explain.
+pub const FINGERPRINTS_NAME: &str = "fingerprints.csv";
 /// The file of a revision, or of the study of an oscillation, that says what it lacks.
 pub const DIAGNOSIS_NAME: &str = "diagnosis.json";
 /// The file of a revision that says what extending led to.

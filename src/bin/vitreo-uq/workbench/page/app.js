@@ -329,6 +329,7 @@ function showSuspects(study, revision) {
     button.setAttribute("aria-label", `Add ${slug}`);
     row.append(make("td", {}, refused.has(slug) ? [] : [button]));
   });
+  if (diagnosis && revision) showFingerprints(study, revision.name).catch(fault);
   at("suspects").querySelector("thead tr")?.append(make("th", { scope: "col", textContent: "to the model" }));
   const parts = [];
   if (learned) {
@@ -337,6 +338,27 @@ function showSuspects(study, revision) {
     if (learned.formula) parts.push(make("p", {}, [action("Add the learned formula", { kind: "adopt" })]));
   }
   at("learned").replaceChildren(...parts);
+}
+
+/** A suspect that is pointed at draws what it would explain over what the model leaves. @param {Study} study @param {string} name */
+async function showFingerprints(study, name) {
+  const response = await fetch(fileOf(study, `${name}/fingerprints.csv`));
+  // Diagnoses of earlier versions have none.
+  if (!response.ok) return;
+  const [head, ...rows] = (await response.text()).trim().split("\n").map((line) => line.split(","));
+  const column = (/** @type {number} */ place) => rows.map((row) => Number(row[place]));
+  const [time_s, left_um] = [column(0), rows.map((row) => (row[1] === "" ? null : Number(row[1])))];
+  at("suspects").querySelectorAll("tbody tr").forEach((row) => {
+    const place = head.indexOf(row.querySelector("th")?.textContent ?? "");
+    if (place < 2) return;
+    const own = { time_s, left_um, change_um: column(place) };
+    const show = () => {
+      at("fingerprint-of").textContent = `Points: what the model leaves. Line: what ${head[place]} would explain.`;
+      plots.showFingerprint(own);
+    };
+    for (const kind of ["mouseenter", "focusin"]) row.addEventListener(kind, show);
+    if (row === row.parentElement?.firstElementChild) show();
+  });
 }
 
 /** @param {Study} study @param {string} path */
