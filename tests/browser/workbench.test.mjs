@@ -108,6 +108,22 @@ test("a table with semicolons and decimal commas becomes an experiment", async (
   await picture("4-record");
 });
 
+test("a stretch of time is dragged out and left out", async () => {
+  const plot = await page.locator("#plot-position .u-over").boundingBox();
+  await page.mouse.move(plot.x + 0.52 * plot.width, plot.y + 50);
+  await page.mouse.down();
+  await page.mouse.move(plot.x + 0.54 * plot.width, plot.y + 80, { steps: 5 });
+  await page.mouse.up();
+  await page.locator("#choice summary").click();
+  await page.click("text=Leave out what the plots show now");
+  await page.waitForSelector("#choices li");
+  await picture("4b-rows");
+  await page.click("text=Use these rows");
+  await page.waitForFunction(() => document.getElementById("parts").textContent.includes("left out"));
+  const [, from, to] = readFileSync(join(home, ITEM, "experiment.toml"), "utf8").match(/^left_out_s = \[\[([\d.]+), ([\d.]+)\]\]$/m).map(Number);
+  assert.ok(from > 20 && to < 22.5 && to > from, `${from} ${to}`);
+});
+
 test("the model is fitted, and fails", async () => {
   await run("sample");
   await page.waitForSelector("#fails:visible");
@@ -178,6 +194,22 @@ test("a job that is stopped leaves nothing half-written", async () => {
   assert.ok(Date.now() - began < 3000, "a second for the command, and the way there and back");
   await page.waitForSelector("#fault:visible");
   assert.match(await page.locator("#fault-words").textContent(), /stopped/);
+  await page.click("#fault-close");
+});
+
+test("models of other rows do not stand for these", async () => {
+  await page.locator("#choice summary").click();
+  await page.locator("#choices select").nth(1).selectOption("unused");
+  await page.click("text=Use these rows");
+  await page.waitForFunction(() => document.getElementById("next").textContent.includes("record has changed"));
+  assert.ok(await page.locator("#fails").isHidden());
+  await page.locator("#choice summary").click();
+  await page.locator("#choices select").nth(1).selectOption("held out");
+  await page.locator("#choices select").first().selectOption("unused");
+  await page.locator("#choices select").nth(1).selectOption("unused");
+  await page.click("text=Use these rows");
+  await page.waitForSelector("#fault:visible");
+  assert.match(await page.locator("#fault-words").textContent(), /no cycle calibrates/);
   await page.click("#fault-close");
 });
 

@@ -126,13 +126,12 @@ impl Jobs {
         self.present.lock().ok()?.clone()
     }
 
-    /// Starts what a page asks for.
-    pub fn start(self: &Arc<Self>, wish: &Wish) -> Result<Job> {
-        let item = self.home.find(&wish.item)?;
-        let commands = commands(wish, &item)?;
+    /// Starts what a page asks for; a study of another record is replaced by the first model of this one.
+    pub fn start(self: &Arc<Self>, wish: &Wish, item: &Item, is_replaced: bool) -> Result<Job> {
+        let commands = commands(wish, item, is_replaced)?;
         let began_s = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
         let job = Job {
-            item: item.name,
+            item: item.name.clone(),
             kind: wish.kind,
             commands,
             at: 0,
@@ -296,7 +295,7 @@ fn broken() -> Error {
 }
 
 /// The commands that a wish comes to.
-fn commands(wish: &Wish, item: &Item) -> Result<Vec<Vec<String>>> {
+fn commands(wish: &Wish, item: &Item, is_replaced: bool) -> Result<Vec<Vec<String>>> {
     let study = item.study.display().to_string();
     let words = |words: &[&str]| words.iter().map(|word| (*word).to_string()).collect::<Vec<String>>();
     let last = item.revisions.last();
@@ -319,10 +318,11 @@ fn commands(wish: &Wish, item: &Item) -> Result<Vec<Vec<String>>> {
     };
     match wish.kind {
         Kind::Sample => {
-            let sample = match &item.experiment {
+            let mut sample = match &item.experiment {
                 Some(experiment) => words(&["sample", &experiment.display().to_string(), "--out", &study]),
                 None => words(&["sample", &study]),
             };
+            sample.extend(is_replaced.then(|| "--force".to_string()));
             Ok(vec![sample, words(&["compare", &study, "--from", "m0"])])
         }
         Kind::Compare => Ok(vec![of_revision("compare")?]),
@@ -415,7 +415,7 @@ mod tests {
     #[test]
     fn wishes_are_commands_of_a_terminal() {
         let lines = |wish: &Wish, item: &Item| -> Vec<String> {
-            commands(wish, item).unwrap().iter().map(|words| words.join(" ")).collect()
+            commands(wish, item, false).unwrap().iter().map(|words| words.join(" ")).collect()
         };
         assert_eq!(
             lines(&wish(Kind::Sample, None, &[]), &item(&[])),
@@ -438,12 +438,12 @@ mod tests {
     #[test]
     fn no_word_of_a_wish_becomes_another_option() {
         for with in [&["--force"][..], &["../x.toml"], &["a b"], &[]] {
-            assert!(commands(&wish(Kind::Extend, None, with), &item(&["m0"])).is_err(), "{with:?}");
+            assert!(commands(&wish(Kind::Extend, None, with), &item(&["m0"]), false).is_err(), "{with:?}");
         }
         for revision in ["--out", "m7", ""] {
-            assert!(commands(&wish(Kind::Diagnose, Some(revision), &[]), &item(&["m0"])).is_err(), "{revision}");
+            assert!(commands(&wish(Kind::Diagnose, Some(revision), &[]), &item(&["m0"]), false).is_err(), "{revision}");
         }
-        assert!(commands(&wish(Kind::Compare, None, &[]), &item(&[])).is_err());
+        assert!(commands(&wish(Kind::Compare, None, &[]), &item(&[]), false).is_err());
     }
 
     #[test]

@@ -5,8 +5,8 @@ import { Plots } from "./plots.js";
 /** @typedef {{name: string, experiment: string|null, study: string, revisions: string[]}} Item */
 /** @typedef {{item: string, kind: string, standing: string, words: string, at: number, commands: string[][], began_s: number, progress: [number, number]|null}} Job */
 /** @typedef {{name: string, posterior: any, comparison: any, diagnosis: any, learned: any, extension: any}} Revision */
-/** @typedef {{item: Item, record: any, noise_um: number|null, cycles: {cycle: number, from_s: number, to_s: number, serves: string}[], steps_s: number[],
- *   revisions: Revision[], ladder: any, parts: Record<string, string>}} Study */
+/** @typedef {{item: Item, record: any, noise_um: number|null, cycles: {cycle: number, from_s: number, to_s: number, serves: string, chosen: string}[], steps_s: number[],
+ *   left_out_s: [number, number][], is_changed: boolean, revisions: Revision[], ladder: any, parts: Record<string, string>}} Study */
 /** @typedef {{name: string, symbol: string, unit: string, value: number, low: number, high: number, null_value: number|null, is_logarithmic: boolean}} Knob */
 
 /** @template {HTMLElement} T @param {string} id @returns {T} */
@@ -147,7 +147,8 @@ async function refresh() {
   state.study = study;
   const names = study.item.revisions;
   if (state.revision === null || !names.includes(state.revision)) state.revision = names[names.length - 1] ?? null;
-  // A later model is fitted to more cycles than the first.
+  // A later model is fitted to more cycles than the first, for which they were chosen.
+  study.cycles.forEach((own) => (own.chosen = own.serves));
   const heldout = study.revisions.find((own) => own.name === state.revision)?.posterior?.heldout;
   if (heldout) study.cycles.forEach((own) => (own.serves = heldout.cycles.includes(own.cycle) ? "held out" : heldout.fitted_cycles.includes(own.cycle) ? "fitted" : "unused"));
   at("item").hidden = false;
@@ -200,6 +201,52 @@ function showStudy(study) {
       ...record.contradictions.map((/** @type {any} */ own) => make("p", { className: "fatal", textContent: `${own.text}. What to do: ${own.advice}.` }))]));
   }
   showFiles(study);
+  showChoice(study);
+}
+
+/** Cycles that are fitted and held out, and what is left out. @param {Study} study */
+function showChoice(study) {
+  at("choice").hidden = study.item.experiment === null;
+  /** @type {[number, number][]} */
+  const leftOut = [...study.left_out_s];
+  const serves = study.cycles.map((own) => {
+    const select = make("select", {}, ["fitted", "held out", "unused"].map((word) => make("option", { value: word, textContent: word, selected: word === own.chosen })));
+    return { cycle: own.cycle, select: /** @type {HTMLSelectElement} */ (select), label: make("label", {}, [`cycle ${own.cycle} `, select]) };
+  });
+  const list = make("ul");
+  const showList = () => list.replaceChildren(...leftOut.map((own, place) => {
+    const button = make("button", { type: "button", textContent: "take in again" });
+    button.addEventListener("click", () => {
+      leftOut.splice(place, 1);
+      showList();
+    });
+    return make("li", {}, [`left out: ${shown(own[0], 5)} to ${shown(own[1], 5)} s `, button]);
+  }));
+  const leave = make("button", { type: "button", textContent: "Leave out what the plots show now" });
+  leave.addEventListener("click", () => {
+    if (state.window) leftOut.push(/** @type {[number, number]} */ (state.window.map((time) => Number(time.toPrecision(7)))));
+    else fault(new Error("Drag over a plot first: the stretch of time that it then shows can be left out."));
+    showList();
+  });
+  showList();
+  const apply = make("button", { className: "main", textContent: "Use these rows" });
+  const form = at("choices");
+  form.replaceChildren(
+    make("p", { className: "tools" }, serves.slice(0, 60).map((own) => own.label)),
+    list,
+    make("p", { className: "tools" }, [leave, apply]),
+    make("p", { className: "lead", textContent: study.item.revisions.length > 0 ? "Models that were fitted to other rows do not stand for these: the next fit replaces them." : "" }),
+  );
+  form.onsubmit = (event) => {
+    event.preventDefault();
+    const those = (/** @type {string} */ word) => serves.filter((own) => own.select.value === word).map((own) => own.cycle);
+    attempt(async () => {
+      await send("api/choice", { item: study.item.name, fitted: those("fitted"), heldout: those("held out"), left_out_s: leftOut });
+      state.revision = null;
+      state.window = null;
+      await refresh();
+    });
+  };
 }
 
 /** @param {Study} study @param {string} name */
@@ -221,6 +268,7 @@ function showNext(study, revision) {
   const lines = [];
   const paragraph = (/** @type {(Node|string)[]} */ ...children) => lines.push(make("p", {}, children));
   if (!revision) {
+    if (study.is_changed) paragraph("The record has changed since its models were fitted. A new fit replaces them.");
     paragraph("Fit the first model to the record, check it by full finite elements, and see where it fails.");
     paragraph(action("Fit the model", { kind: "sample" }, true));
   } else {
