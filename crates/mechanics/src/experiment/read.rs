@@ -321,7 +321,7 @@ impl Specification {
             csv_bytes: csv_bytes.to_vec(),
             log_file,
             notes,
-            understood: Understood { force_rule_given: self.force_rule_given, settled },
+            understood: Understood { force_rule_given: self.force_rule_given, settled, n_left_out },
         };
         let experiment = Experiment {
             specimen_id: self.specimen_id,
