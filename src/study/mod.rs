@@ -323,8 +323,18 @@ fn hashes_of(files: &ExperimentFiles) -> Result<BTreeMap<String, String>> {
     for (name, _) in tables(files) {
         let first = Path::new(name).components().next();
         let first = first.map_or(String::new(), |part| part.as_os_str().to_string_lossy().into_owned());
-        let own =
-            [TOML_NAME, HASHES_NAME, SIMULATION_NAME, FIT_NAME, LADDER_NAME, PAGE_NAME, "ladder.svg", "ladder.png"];
+        let own = [
+            TOML_NAME,
+            HASHES_NAME,
+            SIMULATION_NAME,
+            FIT_NAME,
+            LADDER_NAME,
+            PAGE_NAME,
+            "ladder.svg",
+            "ladder.png",
+            "corner.svg",
+            "corner.png",
+        ];
         let taken = own.contains(&first.as_str());
         if taken || first.starts_with('.') || revision_number(&first).is_some() {
             return Err(Error::input(

@@ -22,6 +22,9 @@ use super::home::{Home, Item};
 const LOOK: Duration = Duration::from_millis(150);
 /// Of a command's words, the last so many bytes are looked at.
 const TAIL_BYTES: u64 = 16_384;
+/// Posteriors of so many revisions are laid over each other at most, in this figure of the study.
+const MOST_OVERLAID: usize = 4;
+pub const OVERLAY: &str = "corner.svg";
 /// Exit code of a result that is not to be trusted: the command came to its end all the same.
 const DOUBTFUL: i32 = 1;
 
@@ -314,7 +317,7 @@ fn commands(wish: &Wish, item: &Item, is_replaced: bool) -> Result<Vec<Vec<Strin
     let extended = |with: &str| -> Result<Vec<Vec<String>>> {
         let mut extend = of_revision("extend")?;
         extend.extend(words(&["--with", with]));
-        Ok(vec![extend, words(&["compare", &study]), words(&["ladder", &study])])
+        Ok(vec![extend, words(&["compare", &study]), words(&["ladder", &study]), overlaid(item)])
     };
     match wish.kind {
         Kind::Sample => {
@@ -344,6 +347,17 @@ fn commands(wish: &Wish, item: &Item, is_replaced: bool) -> Result<Vec<Vec<Strin
             extended(&file.display().to_string())
         }
     }
+}
+
+/// The command that lays the posteriors of the latest revisions over each other, the next one among them.
+fn overlaid(item: &Item) -> Vec<String> {
+    let last = item.revisions.last().and_then(|name| name.strip_prefix('m')?.parse::<u32>().ok());
+    let next = last.map(|number| format!("m{}", number + 1));
+    let first = item.revisions.len().saturating_sub(MOST_OVERLAID - 1);
+    let revisions = item.revisions[first..].iter().chain(&next);
+    let paths = revisions.map(|name| item.study.join(name).display().to_string());
+    let out = item.study.join(OVERLAY).with_extension("").display().to_string();
+    std::iter::once("corner".to_string()).chain(paths).chain(["--out".to_string(), out]).collect()
 }
 
 /// What a command says last, and how far it is.
@@ -428,6 +442,10 @@ mod tests {
         assert_eq!(
             lines(&wish(Kind::Extend, Some("m0"), &["wall-slip", "drift"]), &item(&["m0"]))[0],
             "extend vitreo-uq-out/eye --from m0 --with wall-slip,drift"
+        );
+        assert_eq!(
+            lines(&wish(Kind::Extend, Some("m0"), &["drift"]), &item(&["m0", "m1"]))[3],
+            "corner vitreo-uq-out/eye/m0 vitreo-uq-out/eye/m1 vitreo-uq-out/eye/m2 --out vitreo-uq-out/eye/corner"
         );
         assert_eq!(
             lines(&wish(Kind::Adopt, None, &[]), &item(&["m0"]))[0],

@@ -31,7 +31,7 @@ use vitreo_uq::workflow::pages;
 use super::choice::{Choice, choose};
 use super::guard::{Guard, guard};
 use super::home::{Home, Item};
-use super::jobs::{Jobs, Wish};
+use super::jobs::{Jobs, OVERLAY, Wish};
 use super::rows::{Memory, Read, Window, read_record, read_revision, shown};
 use super::tables::{self, Described};
 use super::trial::{Trial, Tried, trial};
@@ -264,6 +264,7 @@ fn study_of(bench: &Bench, name: &str, revision: Option<String>) -> Result<Value
         "revisions": revisions,
         "ladder": if item.revisions.is_empty() { Value::Null } else { document(&dir.join(LADDER_NAME)) },
         "item": item,
+        "overlay": dir.join(OVERLAY).is_file().then_some(OVERLAY),
         "parts": parts.into_iter().collect::<std::collections::BTreeMap<_, _>>(),
     }))
 }

@@ -6,7 +6,7 @@ import { Plots } from "./plots.js";
 /** @typedef {{item: string, kind: string, standing: string, words: string, at: number, commands: string[][], began_s: number, progress: [number, number]|null}} Job */
 /** @typedef {{name: string, posterior: any, comparison: any, diagnosis: any, learned: any, extension: any}} Revision */
 /** @typedef {{item: Item, record: any, noise_um: number|null, cycles: {cycle: number, from_s: number, to_s: number, serves: string, chosen: string}[], steps_s: number[],
- *   left_out_s: [number, number][], is_changed: boolean, revisions: Revision[], ladder: any, parts: Record<string, string>}} Study */
+ *   left_out_s: [number, number][], is_changed: boolean, revisions: Revision[], ladder: any, overlay: string|null, parts: Record<string, string>}} Study */
 /** @typedef {{name: string, symbol: string, unit: string, value: number, low: number, high: number, null_value: number|null, is_logarithmic: boolean}} Knob */
 
 /** @template {HTMLElement} T @param {string} id @returns {T} */
@@ -193,6 +193,7 @@ function showStudy(study) {
   at("parts").replaceChildren(...parts.filter(([id]) => study.parts[id]).map(([id, heading]) => {
     const details = make("details", { open: opened.has(id) }, [make("summary", { textContent: heading })]);
     details.dataset.part = id;
+    if (id === "posterior" && study.overlay && revisions.length > 1) details.append(make("p", {}, [make("img", { src: fileOf(study, study.overlay), loading: "lazy", alt: "Posteriors of the latest models over each other" })]));
     details.insertAdjacentHTML("beforeend", study.parts[id]);
     return details;
   }));
