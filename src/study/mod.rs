@@ -39,6 +39,8 @@ pub const SIMULATION_NAME: &str = "simulation";
 pub const FIT_NAME: &str = "fit.json";
 /// The file of a study that compares its revisions; its figures stand beside it, as `ladder.svg` and `ladder.png`.
 pub const LADDER_NAME: &str = "ladder.json";
+/// The figure of a study that lays posteriors of its revisions over each other, where one was asked for; `corner.png` beside it.
+pub const CORNER_NAME: &str = "corner.svg";
 /// The file of a study that shows all of it to a browser.
 pub const PAGE_NAME: &str = "report.html";
 /// The file of a revision with its posterior.

@@ -15,6 +15,7 @@ use serde::{Deserialize, Serialize};
 use tokio::sync::watch;
 use vitreo_uq::error::{Error, Place, Result};
 use vitreo_uq::files::{self, Content};
+use vitreo_uq::study::CORNER_NAME;
 
 use super::home::{Home, Item};
 
@@ -22,9 +23,8 @@ use super::home::{Home, Item};
 const LOOK: Duration = Duration::from_millis(150);
 /// Of a command's words, the last so many bytes are looked at.
 const TAIL_BYTES: u64 = 16_384;
-/// Posteriors of so many revisions are laid over each other at most, in this figure of the study.
+/// Posteriors of so many revisions are laid over each other at most.
 const MOST_OVERLAID: usize = 4;
-pub const OVERLAY: &str = "corner.svg";
 /// Exit code of a result that is not to be trusted: the command came to its end all the same.
 const DOUBTFUL: i32 = 1;
 
@@ -356,7 +356,7 @@ fn overlaid(item: &Item) -> Vec<String> {
     let first = item.revisions.len().saturating_sub(MOST_OVERLAID - 1);
     let revisions = item.revisions[first..].iter().chain(&next);
     let paths = revisions.map(|name| item.study.join(name).display().to_string());
-    let out = item.study.join(OVERLAY).with_extension("").display().to_string();
+    let out = item.study.join(CORNER_NAME).with_extension("").display().to_string();
     std::iter::once("corner".to_string()).chain(paths).chain(["--out".to_string(), out]).collect()
 }
 

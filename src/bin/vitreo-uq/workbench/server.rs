@@ -24,14 +24,14 @@ use vitreo_uq::error::{Error, Place, Result};
 use vitreo_uq::experiment::{Experiment, Record};
 use vitreo_uq::files::{self, Content};
 use vitreo_uq::study::{
-    COMPARISON_NAME, DIAGNOSIS_NAME, EXTENSION_NAME, LADDER_NAME, LEARNED_NAME, POSTERIOR_NAME, Study,
+    COMPARISON_NAME, CORNER_NAME, DIAGNOSIS_NAME, EXTENSION_NAME, LADDER_NAME, LEARNED_NAME, POSTERIOR_NAME, Study,
 };
 use vitreo_uq::workflow::pages;
 
 use super::choice::{Choice, choose};
 use super::guard::{Guard, guard};
 use super::home::{Home, Item};
-use super::jobs::{Jobs, OVERLAY, Wish};
+use super::jobs::{Jobs, Wish};
 use super::rows::{Memory, Read, Window, read_record, read_revision, shown};
 use super::tables::{self, Described};
 use super::trial::{Trial, Tried, trial};
@@ -264,7 +264,7 @@ fn study_of(bench: &Bench, name: &str, revision: Option<String>) -> Result<Value
         "revisions": revisions,
         "ladder": if item.revisions.is_empty() { Value::Null } else { document(&dir.join(LADDER_NAME)) },
         "item": item,
-        "overlay": dir.join(OVERLAY).is_file().then_some(OVERLAY),
+        "overlay": dir.join(CORNER_NAME).is_file().then_some(CORNER_NAME),
         "parts": parts.into_iter().collect::<std::collections::BTreeMap<_, _>>(),
     }))
 }
