@@ -1,7 +1,7 @@
 // The workbench in a real browser, on hidden data: from a table as laboratories write it to an error at the noise. Pictures of every view go to $PICTURES.
 import assert from "node:assert/strict";
 import { execFileSync, spawn } from "node:child_process";
-import { existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
+import { cpSync, existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
 import { createRequire } from "node:module";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
@@ -10,6 +10,7 @@ import { chromium } from "playwright-core";
 
 const program = process.env.VITREO_UQ;
 const pictures = process.env.PICTURES ?? mkdtempSync(join(tmpdir(), "pictures-"));
+const cohort = process.env.COHORT;
 const axe = createRequire(import.meta.url).resolve("axe-core/axe.min.js");
 /** Name of the table: German and Chinese letters. */
 const TABLE = "Glaskörper 眼睛.csv";
@@ -221,6 +222,24 @@ test("the page stands in the dark and on a narrow screen", async () => {
   await picture("11-narrow");
   const isTooWide = await page.evaluate(() => document.documentElement.scrollWidth > innerWidth + 1);
   assert.ok(!isTooWide, "nothing sticks out sideways");
+});
+
+test("groups are compared", async () => {
+  await page.setViewportSize({ width: 1440, height: 900 });
+  await page.emulateMedia({ colorScheme: "light" });
+  for (const name of ["bovine-01-anterior", "bovine-02-anterior", "porcine-01-anterior", "porcine-02-anterior"]) cpSync(join(cohort, name), join(home, name), { recursive: true });
+  await page.goto("about:blank");
+  await page.goto(link);
+  await page.waitForSelector("#compare:visible");
+  await picture("12-compare");
+  await page.click("#compare-start");
+  await page.waitForSelector("#job:not([hidden])");
+  await isIdle();
+  await page.waitForSelector("#sheet:visible");
+  assert.ok((await page.locator("#sheet img").count()) > 1);
+  await page.waitForFunction(() => [...document.querySelectorAll("#sheet img")].slice(0, 1).every((own) => own.complete && own.naturalWidth > 0));
+  await hasNoSeriousFaults("groups");
+  await picture("13-groups");
 });
 
 test("the page has said no error of its own", () => {

@@ -8,6 +8,8 @@ use vitreo_uq::study::Study;
 
 /// Where the workbench keeps its own: uploads, and what it runs.
 const OWN: &str = ".vitreo-uq-workbench";
+/// Where `groups` writes when no directory is named.
+pub const GROUPS: &str = "vitreo-uq-out/groups";
 const DESCRIPTION: &str = "experiment.toml";
 /// The folder in which commands put studies when none is named.
 const STUDIES: &str = "vitreo-uq-out";
@@ -22,7 +24,7 @@ pub struct Home {
     dir: PathBuf,
 }
 
-/// An experiment, a study, or both.
+/// An experiment, a study, or both; or what `groups` or `shapes` wrote.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Item {
     /// Its path in the folder, which names it.
@@ -33,6 +35,8 @@ pub struct Item {
     pub study: PathBuf,
     /// Finished revisions.
     pub revisions: Vec<String>,
+    /// Figures of what `groups` or `shapes` wrote; none of a study.
+    pub figures: Vec<String>,
 }
 
 impl Home {
@@ -91,12 +95,23 @@ impl Home {
         }
         for name in folders(&self.dir.join(STUDIES)) {
             let inside = Path::new(STUDIES).join(&name);
+            let whole = self.dir.join(&inside);
             let is_known = items.iter().any(|item| item.study == inside);
-            if !is_known && Study::is_study(&self.dir.join(&inside)) {
-                items.push(self.item(format!("{STUDIES}/{name}"), None, inside));
+            let is_sheet = ["groups.json", "shapes.json"].iter().any(|document| whole.join(document).is_file());
+            if !is_known && (is_sheet || Study::is_study(&whole)) {
+                let mut item = self.item(format!("{STUDIES}/{name}"), None, inside);
+                if is_sheet {
+                    item.figures = drawings(&whole);
+                }
+                items.push(item);
             }
         }
         items
+    }
+
+    /// Where groups of the folder are compared.
+    pub fn groups(&self) -> Item {
+        self.item(GROUPS.into(), None, GROUPS.into())
     }
 
     fn item(&self, name: String, experiment: Option<PathBuf>, study: PathBuf) -> Item {
@@ -105,7 +120,8 @@ impl Home {
             .filter_map(|name| Some((name.strip_prefix('m')?.parse::<u32>().ok()?, name)))
             .collect();
         revisions.sort();
-        Item { name, experiment, study, revisions: revisions.into_iter().map(|(_, name)| name).collect() }
+        let revisions = revisions.into_iter().map(|(_, name)| name).collect();
+        Item { name, experiment, study, revisions, figures: Vec::new() }
     }
 
     /// The item of a name; no other path is ever opened.
@@ -176,6 +192,18 @@ fn folders(dir: &Path) -> Vec<String> {
     let mut names: Vec<String> = names.collect();
     names.sort();
     names
+}
+
+/// Names of the drawings in a folder, and in its folder of figures.
+fn drawings(dir: &Path) -> Vec<String> {
+    let of = |folder: &str| {
+        let entries = std::fs::read_dir(dir.join(folder)).into_iter().flatten().flatten();
+        let names = entries.filter_map(|entry| entry.file_name().into_string().ok());
+        names.filter(|name| name.ends_with(".svg")).map(|name| format!("{folder}{name}")).collect::<Vec<String>>()
+    };
+    let mut all = [of(""), of("figures/")].concat();
+    all.sort();
+    all
 }
 
 /// What a description calls its specimen.

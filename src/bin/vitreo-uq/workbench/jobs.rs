@@ -17,7 +17,7 @@ use vitreo_uq::error::{Error, Place, Result};
 use vitreo_uq::files::{self, Content};
 use vitreo_uq::study::CORNER_NAME;
 
-use super::home::{Home, Item};
+use super::home::{GROUPS, Home, Item};
 
 /// Time between two looks at a command's words.
 const LOOK: Duration = Duration::from_millis(150);
@@ -31,13 +31,13 @@ const DOUBTFUL: i32 = 1;
 /// What a page asks for.
 #[derive(Debug, Clone, Deserialize)]
 pub struct Wish {
-    /// The item.
+    /// The item; of a comparison of groups the folder that it is written to.
     pub item: String,
     /// What to do with it.
     pub kind: Kind,
     /// The revision to look at or to extend; the last where none is named.
     pub revision: Option<String>,
-    /// Effects to add.
+    /// Effects to add; of a comparison what groups are formed by.
     #[serde(default)]
     pub with: Vec<String>,
 }
@@ -58,6 +58,8 @@ pub enum Kind {
     Extend,
     /// The formula that `learn` wrote, added.
     Adopt,
+    /// The folder's experiments compared by species or region.
+    Groups,
 }
 
 /// How a job stands.
@@ -340,6 +342,13 @@ fn commands(wish: &Wish, item: &Item, is_replaced: bool) -> Result<Vec<Vec<Strin
             }
             extended(&wish.with.join(","))
         }
+        Kind::Groups => {
+            if wish.with.is_empty() || !wish.with.iter().all(|key| key == "species" || key == "region") {
+                let remedy = "choose species, region, or both";
+                return Err(Error::input(Place::option("--by"), "groups are not formed by that", remedy));
+            }
+            Ok(vec![words(&["groups", ".", "--by", &wish.with.join(","), "--out", GROUPS]), words(&["report", GROUPS])])
+        }
         Kind::Adopt => {
             let revision = wish.revision.as_ref().or(last).filter(|name| item.revisions.contains(name));
             let name = revision.map_or("m0", String::as_str);
@@ -418,6 +427,7 @@ mod tests {
             experiment: Some("eye".into()),
             study: "vitreo-uq-out/eye".into(),
             revisions: revisions.iter().map(|name| (*name).into()).collect(),
+            figures: Vec::new(),
         }
     }
 
@@ -458,6 +468,7 @@ mod tests {
         for with in [&["--force"][..], &["../x.toml"], &["a b"], &[]] {
             assert!(commands(&wish(Kind::Extend, None, with), &item(&["m0"]), false).is_err(), "{with:?}");
         }
+        assert!(commands(&wish(Kind::Groups, None, &["--force"]), &item(&[]), false).is_err());
         for revision in ["--out", "m7", ""] {
             assert!(commands(&wish(Kind::Diagnose, Some(revision), &[]), &item(&["m0"]), false).is_err(), "{revision}");
         }

@@ -31,7 +31,7 @@ use vitreo_uq::workflow::pages;
 use super::choice::{Choice, choose};
 use super::guard::{Guard, guard};
 use super::home::{Home, Item};
-use super::jobs::{Jobs, Wish};
+use super::jobs::{Jobs, Kind, Wish};
 use super::rows::{Memory, Read, Window, read_record, read_revision, shown};
 use super::tables::{self, Described};
 use super::trial::{Trial, Tried, trial};
@@ -232,6 +232,9 @@ async fn choice(State(bench): State<Shared>, Json(choice): Json<Choice>) -> Resp
 /// All documents of an item, and the parts of its report.
 fn study_of(bench: &Bench, name: &str, revision: Option<String>) -> Result<Value> {
     let (item, is_changed) = bench.current(name)?;
+    if !item.figures.is_empty() {
+        return Ok(json!({ "item": item }));
+    }
     let dir = bench.home.dir().join(&item.study);
     let read = bench.record(&item)?;
     let experiment = &read.experiment;
@@ -399,7 +402,10 @@ async fn init(State(bench): State<Shared>, Json(described): Json<Described>) -> 
 
 async fn start(State(bench): State<Shared>, Json(wish): Json<Wish>) -> Response {
     answer(move || {
-        let (item, is_changed) = bench.current(&wish.item)?;
+        let (item, is_changed) = match wish.kind {
+            Kind::Groups => (bench.home.groups(), false),
+            _ => bench.current(&wish.item)?,
+        };
         bench.jobs.start(&wish, &item, is_changed)
     })
     .await

@@ -30,6 +30,9 @@ pub struct Described {
     pub units: [Option<String>; 3],
     /// Known noise of the tracker in µm.
     pub noise_um: Option<f64>,
+    /// Species and region of the eye, by which groups are formed.
+    #[serde(default)]
+    pub groups: [Option<String>; 2],
 }
 
 /// A question for the page.
@@ -98,6 +101,7 @@ fn written(home: &Home, file: &Path, described: &Described) -> Result<Answered> 
         out: Some(out),
         given: given.clone(),
         noise_um: described.noise_um,
+        groups: described.groups.clone(),
         ..InitRequest::default()
     };
     let mut questions: Vec<Asked> = Vec::new();

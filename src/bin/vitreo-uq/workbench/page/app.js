@@ -2,7 +2,7 @@
 // The workbench: shows the documents that commands write, and starts commands. Nothing is computed here but what is drawn.
 import { Plots } from "./plots.js";
 
-/** @typedef {{name: string, experiment: string|null, study: string, revisions: string[]}} Item */
+/** @typedef {{name: string, experiment: string|null, study: string, revisions: string[], figures: string[]}} Item */
 /** @typedef {{item: string, kind: string, standing: string, words: string, at: number, commands: string[][], began_s: number, progress: [number, number]|null}} Job */
 /** @typedef {{name: string, posterior: any, comparison: any, diagnosis: any, learned: any, extension: any}} Revision */
 /** @typedef {{item: Item, record: any, noise_um: number|null, cycles: {cycle: number, from_s: number, to_s: number, serves: string, chosen: string}[], steps_s: number[],
@@ -80,7 +80,10 @@ async function upload(file) {
   await describe({ upload, file: file.name, answers: {} });
 }
 
-/** @param {{upload: string, file: string, answers: Record<string, string>}} described */
+/** What may be known, and need not. */
+const OPTIONAL = [["noise", "Known noise of the tracker in µm, if it is known"], ["species", "Species, if groups are to be compared"], ["region", "Region of the eye, if groups are to be compared"]];
+
+/** @param {{upload: string, file: string, answers: Record<string, string>, noise_um?: number|null, groups?: (string|null)[]}} described */
 async function describe(described) {
   const found = await send("api/init", described);
   if (!found.questions) {
@@ -97,6 +100,7 @@ async function describe(described) {
         : make("input", { name: String(place), value: question.proposal ?? "", required: true, autocomplete: "off" });
       return make("label", {}, [question.text[0].toUpperCase() + question.text.slice(1), field]);
     }),
+    ...OPTIONAL.map(([name, words]) => make("label", {}, [words, make("input", { name, autocomplete: "off" })])),
     make("p", {}, [make("button", { className: "main", textContent: "Go on" })]),
   );
   form.onsubmit = (event) => {
@@ -105,7 +109,10 @@ async function describe(described) {
     found.questions.forEach((/** @type {any} */ question, /** @type {number} */ place) => {
       answers[question.text] = /** @type {HTMLInputElement} */ (form.querySelector(`[name="${place}"]`)).value;
     });
-    attempt(() => describe({ ...described, answers }));
+    const [noise, species, region] = OPTIONAL.map(([name]) => /** @type {HTMLInputElement} */ (form.querySelector(`[name="${name}"]`)).value.trim());
+    const noise_um = noise ? Number(noise.replace(",", ".")) : null;
+    if (Number.isNaN(noise_um)) return fault(new Error(`\`${noise}\` is no number of micrometres.`));
+    attempt(() => describe({ ...described, answers, noise_um, groups: [species || null, region || null] }));
   };
   at("questions").hidden = false;
   at("start").hidden = true;
@@ -131,7 +138,10 @@ async function open(name) {
   state.effect = "";
   history.replaceState(null, "", name ? `#${encodeURIComponent(name)}` : location.pathname);
   at("start").hidden = name !== null;
+  at("compare").hidden = name !== null || state.items.filter((item) => item.experiment !== null).length < 2;
   at("item").hidden = true;
+  at("sheet").hidden = true;
+  at("questions").hidden = true;
   plots.mark([]);
   if (name !== null) await refresh();
   await refreshItems();
@@ -144,6 +154,7 @@ async function refresh() {
   /** @type {Study} */
   const study = await ask(`api/study?${query({ item, revision: state.revision })}`);
   if (number !== asked) return;
+  if (study.item.figures.length > 0) return showSheet(study.item);
   state.study = study;
   const names = study.item.revisions;
   if (state.revision === null || !names.includes(state.revision)) state.revision = names[names.length - 1] ?? null;
@@ -155,6 +166,17 @@ async function refresh() {
   plots.setHeldOut(study.cycles.filter((own) => own.serves === "held out").map(({ from_s, to_s }) => ({ from: from_s, to: to_s })));
   showStudy(study);
   await Promise.all([refreshRows(), refreshKnobs()]);
+}
+
+/** What `groups` or `shapes` wrote. @param {Item} item */
+function showSheet(item) {
+  at("sheet").hidden = false;
+  at("sheet-heading").textContent = item.name;
+  const path = (/** @type {string} */ path) => `file?${query({ item: item.name, path, of: state.folder })}`;
+  at("sheet-body").replaceChildren(
+    make("p", {}, [make("a", { href: path("report.html"), textContent: "All of it as one page", target: "_blank" })]),
+    ...item.figures.map((name) => make("p", {}, [make("img", { src: path(name), loading: "lazy", alt: name })])),
+  );
 }
 
 let askedRows = 0;
@@ -504,7 +526,7 @@ const plots = new Plots((from, to) => attempt(() => setWindow(from === null || t
 // ---- Jobs and news ----
 
 /** @type {Record<string, string>} */
-const KINDS = { sample: "Fitting the model", compare: "Looking where it fails", diagnose: "Asking what is missing", learn: "Learning from the data", extend: "Adding to the model", adopt: "Adding the learned formula" };
+const KINDS = { sample: "Fitting the model", compare: "Looking where it fails", diagnose: "Asking what is missing", learn: "Learning from the data", extend: "Adding to the model", adopt: "Adding the learned formula", groups: "Comparing groups" };
 
 /** @param {Job|null} job */
 function showJob(job) {
@@ -521,7 +543,8 @@ function showJob(job) {
   document.querySelectorAll("[data-action]").forEach((button) => (/** @type {HTMLButtonElement} */ (button).disabled = runs));
   const hasEnded = job && before?.standing === "running" && !runs;
   if (job && hasEnded && job.standing !== "done") fault(new Error(`${KINDS[job.kind]}: ${job.words}`));
-  if (job && hasEnded && job.item === state.item) {
+  if (job && hasEnded && job.kind === "groups" && job.standing === "done") attempt(() => refreshItems().then(() => open(job.item)));
+  else if (job && hasEnded && job.item === state.item) {
     if (job.kind === "extend" || job.kind === "adopt" || job.kind === "sample") state.revision = null;
     refresh().catch(fault);
   }
@@ -560,6 +583,7 @@ at("try-reset").addEventListener("click", () => attempt(() => {
   state.effect = "";
   return refreshKnobs();
 }));
+at("compare-start").addEventListener("click", () => attempt(async () => showJob(await send("api/job", { item: "", kind: "groups", with: /** @type {HTMLSelectElement} */ (at("by")).value.split(",") }))));
 at("job-stop").addEventListener("click", () => attempt(async () => void (await ask("api/job", { method: "DELETE" }))));
 at("fault-close").addEventListener("click", () => (at("fault").hidden = true));
 at("table").addEventListener("change", (event) => {
