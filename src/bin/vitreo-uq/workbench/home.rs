@@ -89,7 +89,7 @@ impl Home {
             if Study::is_study(&self.dir.join(&inside)) {
                 items.push(self.item(name, None, inside));
             } else if self.dir.join(&inside).join(DESCRIPTION).is_file() {
-                let id = specimen_id(&self.dir.join(&inside)).unwrap_or_else(|| name.clone());
+                let id = of_specimen(&self.dir.join(&inside), "id").unwrap_or_else(|| name.clone());
                 items.push(self.item(name, Some(inside), Study::default_dir(&id)));
             }
         }
@@ -112,6 +112,12 @@ impl Home {
     /// Where groups of the folder are compared.
     pub fn groups(&self) -> Item {
         self.item(GROUPS.into(), None, GROUPS.into())
+    }
+
+    /// Experiments whose descriptions have all of some keys of the specimen.
+    pub fn labelled(&self, keys: &[String]) -> Vec<PathBuf> {
+        let has_all = |inside: &PathBuf| keys.iter().all(|key| of_specimen(&self.dir.join(inside), key).is_some());
+        self.items().into_iter().filter_map(|item| item.experiment).filter(has_all).collect()
     }
 
     fn item(&self, name: String, experiment: Option<PathBuf>, study: PathBuf) -> Item {
@@ -206,11 +212,11 @@ fn drawings(dir: &Path) -> Vec<String> {
     all
 }
 
-/// What a description calls its specimen.
-fn specimen_id(dir: &Path) -> Option<String> {
+/// What a description says of its specimen.
+fn of_specimen(dir: &Path, key: &str) -> Option<String> {
     let bytes = vitreo_uq::files::read_if_there(&dir.join(DESCRIPTION), vitreo_uq::files::Content::Settings)?;
     let table: toml::Table = toml::from_str(std::str::from_utf8(&bytes).ok()?).ok()?;
-    Some(table.get("specimen")?.get("id")?.as_str()?.to_string())
+    Some(table.get("specimen")?.get(key)?.as_str()?.to_string())
 }
 
 #[cfg(test)]

@@ -133,7 +133,8 @@ impl Jobs {
 
     /// Starts what a page asks for; a study of another record is replaced by the first model of this one.
     pub fn start(self: &Arc<Self>, wish: &Wish, item: &Item, is_replaced: bool) -> Result<Job> {
-        let commands = commands(wish, item, is_replaced)?;
+        let members = if wish.kind == Kind::Groups { self.home.labelled(&wish.with) } else { Vec::new() };
+        let commands = commands(wish, item, is_replaced, &members)?;
         let began_s = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
         let job = Job {
             item: item.name.clone(),
@@ -299,8 +300,8 @@ fn broken() -> Error {
     Error::numerical("the workbench has lost its jobs", "start it again")
 }
 
-/// The commands that a wish comes to.
-fn commands(wish: &Wish, item: &Item, is_replaced: bool) -> Result<Vec<Vec<String>>> {
+/// The commands that a wish comes to; `members` are the experiments that groups are made of.
+fn commands(wish: &Wish, item: &Item, is_replaced: bool, members: &[PathBuf]) -> Result<Vec<Vec<String>>> {
     let study = item.study.display().to_string();
     let words = |words: &[&str]| words.iter().map(|word| (*word).to_string()).collect::<Vec<String>>();
     let last = item.revisions.last();
@@ -347,7 +348,10 @@ fn commands(wish: &Wish, item: &Item, is_replaced: bool) -> Result<Vec<Vec<Strin
                 let remedy = "choose species, region, or both";
                 return Err(Error::input(Place::option("--by"), "groups are not formed by that", remedy));
             }
-            Ok(vec![words(&["groups", ".", "--by", &wish.with.join(","), "--out", GROUPS]), words(&["report", GROUPS])])
+            let mut groups = words(&["groups"]);
+            groups.extend(members.iter().map(|member| member.display().to_string()));
+            groups.extend(words(&["--by", &wish.with.join(","), "--out", GROUPS]));
+            Ok(vec![groups, words(&["report", GROUPS])])
         }
         Kind::Adopt => {
             let revision = wish.revision.as_ref().or(last).filter(|name| item.revisions.contains(name));
@@ -439,7 +443,7 @@ mod tests {
     #[test]
     fn wishes_are_commands_of_a_terminal() {
         let lines = |wish: &Wish, item: &Item| -> Vec<String> {
-            commands(wish, item, false).unwrap().iter().map(|words| words.join(" ")).collect()
+            commands(wish, item, false, &[]).unwrap().iter().map(|words| words.join(" ")).collect()
         };
         assert_eq!(
             lines(&wish(Kind::Sample, None, &[]), &item(&[])),
@@ -466,13 +470,16 @@ mod tests {
     #[test]
     fn no_word_of_a_wish_becomes_another_option() {
         for with in [&["--force"][..], &["../x.toml"], &["a b"], &[]] {
-            assert!(commands(&wish(Kind::Extend, None, with), &item(&["m0"]), false).is_err(), "{with:?}");
+            assert!(commands(&wish(Kind::Extend, None, with), &item(&["m0"]), false, &[]).is_err(), "{with:?}");
         }
-        assert!(commands(&wish(Kind::Groups, None, &["--force"]), &item(&[]), false).is_err());
+        assert!(commands(&wish(Kind::Groups, None, &["--force"]), &item(&[]), false, &[]).is_err());
         for revision in ["--out", "m7", ""] {
-            assert!(commands(&wish(Kind::Diagnose, Some(revision), &[]), &item(&["m0"]), false).is_err(), "{revision}");
+            assert!(
+                commands(&wish(Kind::Diagnose, Some(revision), &[]), &item(&["m0"]), false, &[]).is_err(),
+                "{revision}"
+            );
         }
-        assert!(commands(&wish(Kind::Compare, None, &[]), &item(&[]), false).is_err());
+        assert!(commands(&wish(Kind::Compare, None, &[]), &item(&[]), false, &[]).is_err());
     }
 
     #[test]
