@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use vitreo_uq::documents::init::InitSummary;
 use vitreo_uq::error::{Error, Place, Result};
-use vitreo_uq::experiment::table::{Given, Question};
+use vitreo_uq::experiment::table::Question;
 use vitreo_uq::files;
 use vitreo_uq::workflow::init::{self, InitRequest};
 
@@ -22,12 +22,6 @@ pub struct Described {
     /// Answers by the texts of their questions.
     #[serde(default)]
     pub answers: BTreeMap<String, String>,
-    /// Columns of time, force, position and cycle, where the user says so.
-    #[serde(default)]
-    pub columns: [Option<String>; 4],
-    /// Units of time, force and position.
-    #[serde(default)]
-    pub units: [Option<String>; 3],
     /// Known noise of the tracker in µm.
     pub noise_um: Option<f64>,
     /// Species and region of the eye, by which groups are formed.
@@ -95,11 +89,9 @@ pub fn describe(home: &Home, described: &Described) -> Result<Answered> {
 
 /// The same of a table that is here.
 fn written(home: &Home, file: &Path, described: &Described) -> Result<Answered> {
-    let given = Given { columns: described.columns.clone(), plane: [None, None], units: described.units.clone() };
     let request = |out: PathBuf| InitRequest {
         file: file.to_path_buf(),
         out: Some(out),
-        given: given.clone(),
         noise_um: described.noise_um,
         groups: described.groups.clone(),
         ..InitRequest::default()
