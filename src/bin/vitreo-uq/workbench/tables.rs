@@ -97,13 +97,17 @@ fn written(home: &Home, file: &Path, described: &Described) -> Result<Answered> 
         ..InitRequest::default()
     };
     let mut questions: Vec<Asked> = Vec::new();
+    let known = |question: &Question| {
+        let answer = described.answers.get(&question.text).map(|answer| answer.trim().to_string());
+        answer.filter(|answer| !answer.is_empty())
+    };
     let mut answer = |question: &Question| {
-        let known = described.answers.get(&question.text).filter(|answer| !answer.trim().is_empty());
+        let known = known(question);
         if known.is_none() && questions.iter().all(|asked| asked.text != question.text) {
             let Question { text, choices, proposal } = question.clone();
             questions.push(Asked { text, choices, proposal: proposal.filter(|proposal| proposal != "?") });
         }
-        known.map(|answer| answer.trim().to_string())
+        known
     };
     let trial = tempfile::tempdir_in(home.own())
         .map_err(|error| Error::at_path("create", home.own(), error, "make the folder writable"))?;
@@ -114,7 +118,7 @@ fn written(home: &Home, file: &Path, described: &Described) -> Result<Answered> 
     tried?;
     let item = home.new_experiment(&described.file);
     let out = home.dir().join(&item);
-    let (mut summary, _) = init::run(&request(out), &mut |question| described.answers.get(&question.text).cloned())?;
+    let (mut summary, _) = init::run(&request(out), &mut |question| known(question))?;
     summary.directory.clone_from(&item);
     Ok(Answered::Written { item, summary: Box::new(summary) })
 }
