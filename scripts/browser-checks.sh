@@ -33,4 +33,4 @@ cp tests/browser/workbench.test.mjs tests/browser/tsconfig.json "$place/"
 "$place/node_modules/.bin/tsc" --project "$place/tsconfig.json"
 
 cargo build --quiet --bins
-VITREO_UQ=$PWD/target/debug/vitreo-uq PICTURES=$PWD/$place/pictures node --test "$place/workbench.test.mjs"
+COHORT=$PWD/data/cohort VITREO_UQ=$PWD/target/debug/vitreo-uq PICTURES=$PWD/$place/pictures node --test "$place/workbench.test.mjs"

@@ -18,6 +18,7 @@ pub mod detectable;
 pub mod diagnose;
 mod document;
 pub mod evidence;
+pub mod fingerprints;
 mod fit;
 pub mod future;
 mod large;

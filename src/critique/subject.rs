@@ -173,7 +173,8 @@ impl Subject {
         (experiment.calibration_cycles, experiment.heldout_cycles) = (fitted.to_vec(), scored.to_vec());
         let own = self.with_experiment(experiment, &self.shared.library)?;
         let (fitted_m, scored_m) = (own.shared.base.positions_of(fitted), own.shared.base.positions_of(scored));
-        Ok(Self::of(own.shared, fitted_m, scored_m))
+        let other = Self::of(own.shared, fitted_m, scored_m);
+        Ok(Self { is_local: self.is_local, has_own_noise: self.has_own_noise, ..other })
     }
 
     fn of(shared: Arc<Shared>, fitted_m: Vec<Option<f64>>, scored_m: Vec<Option<f64>>) -> Self {

@@ -39,6 +39,8 @@ pub const SIMULATION_NAME: &str = "simulation";
 pub const FIT_NAME: &str = "fit.json";
 /// The file of a study that compares its revisions; its figures stand beside it, as `ladder.svg` and `ladder.png`.
 pub const LADDER_NAME: &str = "ladder.json";
+/// The figure of a study that lays posteriors of its revisions over each other, where one was asked for; `corner.png` beside it.
+pub const CORNER_NAME: &str = "corner.svg";
 /// The file of a study that shows all of it to a browser.
 pub const PAGE_NAME: &str = "report.html";
 /// The file of a revision with its posterior.
@@ -49,6 +51,8 @@ pub const PREDICTIONS_NAME: &str = "predictions.csv";
 pub const COMPARISON_NAME: &str = "comparison.json";
 /// What `learn` writes into a revision; its figure stands in `figures/learned`.
 pub const LEARNED_NAME: &str = "learned.json";
+/// The table of a revision with what every effect would explain.
+pub const FINGERPRINTS_NAME: &str = "fingerprints.csv";
 /// The file of a revision, or of the study of an oscillation, that says what it lacks.
 pub const DIAGNOSIS_NAME: &str = "diagnosis.json";
 /// The file of a revision that says what extending led to.
@@ -321,8 +325,18 @@ fn hashes_of(files: &ExperimentFiles) -> Result<BTreeMap<String, String>> {
     for (name, _) in tables(files) {
         let first = Path::new(name).components().next();
         let first = first.map_or(String::new(), |part| part.as_os_str().to_string_lossy().into_owned());
-        let own =
-            [TOML_NAME, HASHES_NAME, SIMULATION_NAME, FIT_NAME, LADDER_NAME, PAGE_NAME, "ladder.svg", "ladder.png"];
+        let own = [
+            TOML_NAME,
+            HASHES_NAME,
+            SIMULATION_NAME,
+            FIT_NAME,
+            LADDER_NAME,
+            PAGE_NAME,
+            "ladder.svg",
+            "ladder.png",
+            "corner.svg",
+            "corner.png",
+        ];
         let taken = own.contains(&first.as_str());
         if taken || first.starts_with('.') || revision_number(&first).is_some() {
             return Err(Error::input(

@@ -191,6 +191,7 @@ impl Kept {
             "comparison_map",
             "comparison_bias",
             "diagnosis",
+            "fingerprints",
             "discrepancy",
             "learned",
             "corner",

@@ -1,7 +1,7 @@
 // The workbench in a real browser, on hidden data: from a table as laboratories write it to an error at the noise. Pictures of every view go to $PICTURES.
 import assert from "node:assert/strict";
 import { execFileSync, spawn } from "node:child_process";
-import { existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
+import { cpSync, existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
 import { createRequire } from "node:module";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
@@ -10,6 +10,7 @@ import { chromium } from "playwright-core";
 
 const program = process.env.VITREO_UQ;
 const pictures = process.env.PICTURES ?? mkdtempSync(join(tmpdir(), "pictures-"));
+const cohort = process.env.COHORT;
 const axe = createRequire(import.meta.url).resolve("axe-core/axe.min.js");
 /** Name of the table: German and Chinese letters. */
 const TABLE = "Glaskörper 眼睛.csv";
@@ -108,6 +109,22 @@ test("a table with semicolons and decimal commas becomes an experiment", async (
   await picture("4-record");
 });
 
+test("a stretch of time is dragged out and left out", async () => {
+  const plot = await page.locator("#plot-position .u-over").boundingBox();
+  await page.mouse.move(plot.x + 0.52 * plot.width, plot.y + 50);
+  await page.mouse.down();
+  await page.mouse.move(plot.x + 0.54 * plot.width, plot.y + 80, { steps: 5 });
+  await page.mouse.up();
+  await page.locator("#choice summary").click();
+  await page.click("text=Leave out what the plots show now");
+  await page.waitForSelector("#choices li");
+  await picture("4b-rows");
+  await page.click("text=Use these rows");
+  await page.waitForFunction(() => document.getElementById("parts").textContent.includes("left out"));
+  const [, from, to] = readFileSync(join(home, ITEM, "experiment.toml"), "utf8").match(/^left_out_s = \[\[([\d.]+), ([\d.]+)\]\]$/m).map(Number);
+  assert.ok(from > 20 && to < 22.5 && to > from, `${from} ${to}`);
+});
+
 test("the model is fitted, and fails", async () => {
   await run("sample");
   await page.waitForSelector("#fails:visible");
@@ -181,6 +198,22 @@ test("a job that is stopped leaves nothing half-written", async () => {
   await page.click("#fault-close");
 });
 
+test("models of other rows do not stand for these", async () => {
+  await page.locator("#choice summary").click();
+  await page.locator("#choices select").nth(1).selectOption("unused");
+  await page.click("text=Use these rows");
+  await page.waitForFunction(() => document.getElementById("next").textContent.includes("record has changed"));
+  assert.ok(await page.locator("#fails").isHidden());
+  await page.locator("#choice summary").click();
+  await page.locator("#choices select").nth(1).selectOption("held out");
+  await page.locator("#choices select").first().selectOption("unused");
+  await page.locator("#choices select").nth(1).selectOption("unused");
+  await page.click("text=Use these rows");
+  await page.waitForSelector("#fault:visible");
+  assert.match(await page.locator("#fault-words").textContent(), /no cycle calibrates/);
+  await page.click("#fault-close");
+});
+
 test("the page stands in the dark and on a narrow screen", async () => {
   await page.emulateMedia({ colorScheme: "dark" });
   await hasNoSeriousFaults("dark");
@@ -189,6 +222,24 @@ test("the page stands in the dark and on a narrow screen", async () => {
   await picture("11-narrow");
   const isTooWide = await page.evaluate(() => document.documentElement.scrollWidth > innerWidth + 1);
   assert.ok(!isTooWide, "nothing sticks out sideways");
+});
+
+test("groups are compared", async () => {
+  await page.setViewportSize({ width: 1440, height: 900 });
+  await page.emulateMedia({ colorScheme: "light" });
+  for (const name of ["bovine-01-anterior", "bovine-02-anterior", "porcine-01-anterior", "porcine-02-anterior"]) cpSync(join(cohort, name), join(home, name), { recursive: true });
+  await page.goto("about:blank");
+  await page.goto(link);
+  await page.waitForSelector("#compare:visible");
+  await picture("12-compare");
+  await page.click("#compare-start");
+  await page.waitForSelector("#job:not([hidden])");
+  await isIdle();
+  await page.waitForSelector("#sheet:visible");
+  assert.ok((await page.locator("#sheet img").count()) > 1);
+  await page.waitForFunction(() => [...document.querySelectorAll("#sheet img")].slice(0, 1).every((own) => own.complete && own.naturalWidth > 0));
+  await hasNoSeriousFaults("groups");
+  await picture("13-groups");
 });
 
 test("the page has said no error of its own", () => {

@@ -152,3 +152,18 @@ fn what_cannot_be_shown_is_refused_and_what_is_not_wanted_is_not_written() {
     vitreo(at, &["report", "a"]).refuses(&["posterior.json", "cannot show this document", "again"]);
     assert!(!at.join("a/report.html").exists());
 }
+
+/// What `challenge run` wrote is a page, too; a document of something else is refused with its line.
+#[test]
+fn played_challenges_are_a_page() {
+    let place = tempfile::tempdir().unwrap();
+    let play = ["challenge", "run", "--count", "1", "--only", "none", "--json", "plays.json", "--quiet"];
+    vitreo(place.path(), &play).exits(0);
+    vitreo(place.path(), &["report", "plays.json", "--out", "plays.html", "--quiet"]).exits(0);
+    let page = std::fs::read_to_string(place.path().join("plays.html")).unwrap();
+    assert_self_contained(&page);
+    assert!(page.contains("nothing hidden: an effect claimed") && page.contains("1 record"));
+    std::fs::write(place.path().join("other.json"), "{\"played\": 3}").unwrap();
+    let refused = vitreo(place.path(), &["report", "other.json"]).exits(2);
+    assert!(refused.stderr.contains("challenge run --json") && !place.path().join("report.html").exists());
+}

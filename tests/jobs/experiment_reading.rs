@@ -113,3 +113,22 @@ fn a_force_before_the_camera_moves_the_clock() {
         assert!((found - expected).abs() < 1e-12, "{found} {expected}");
     }
 }
+
+/// Positions of an interval are lost, with those at its ends; times, forces and cycles stay as they are.
+#[test]
+fn positions_that_are_left_out_are_lost() {
+    let rows: String = (0..40)
+        .map(|row| format!("{},{},{row},{}\n", row, if row % 10 < 5 { 4.6 } else { -4.6 }, 1 + row / 10))
+        .collect();
+    let csv = format!("time_s,force_uN,position_um,cycle\n{rows}");
+    let (whole, left) = (read(&csv, &[], ""), read(&csv, &[], "left_out_s = [[11, 13.5], [25.0, 25.0]]\n"));
+    let lost: Vec<usize> = (0..40).filter(|row| left.record.position_m[*row].is_none()).collect();
+    assert_eq!(lost, [11, 12, 13, 25]);
+    assert_eq!((&left.record.time_s, &left.record.force_n), (&whole.record.time_s, &whole.record.force_n));
+    assert_eq!(left.record.cycle, whole.record.cycle);
+    assert!(
+        (0..40)
+            .filter(|row| !lost.contains(row))
+            .all(|row| left.record.position_m[row] == whole.record.position_m[row])
+    );
+}

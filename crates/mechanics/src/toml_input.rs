@@ -259,13 +259,25 @@ impl<'a> Table<'a> {
     pub fn numbers(&self, key: &str) -> Result<Option<Vec<f64>>> {
         let example = format!("{key} = [0.0, 5.0]");
         let Some(values) = self.array(key, "a list of numbers", &example)? else { return Ok(None) };
-        let number = |value: &DeValue<'_>| match value {
-            DeValue::Float(float) => float.as_str().parse::<f64>().ok().filter(|number| number.is_finite()),
-            DeValue::Integer(integer) if integer.radix() == 10 => integer.as_str().parse::<f64>().ok(),
-            _ => None,
+        let found = values.iter().map(|value| {
+            finite(value.get_ref()).ok_or_else(|| self.wrong_type(key, value.get_ref(), "finite numbers", &example))
+        });
+        found.collect::<Result<_>>().map(Some)
+    }
+
+    /// A list of intervals, each with its begin before its end, if present.
+    pub fn intervals(&self, key: &str) -> Result<Option<Vec<[f64; 2]>>> {
+        let example = format!("{key} = [[1.0, 2.5], [30.0, 31.0]]");
+        let Some(values) = self.array(key, "a list of pairs of numbers", &example)? else { return Ok(None) };
+        let interval = |value: &DeValue<'_>| {
+            let DeValue::Array(ends) = value else { return None };
+            let ends: Vec<f64> = ends.iter().map(|end| finite(end.get_ref())).collect::<Option<_>>()?;
+            <[f64; 2]>::try_from(ends).ok().filter(|[from, to]| from <= to)
         };
         let found = values.iter().map(|value| {
-            number(value.get_ref()).ok_or_else(|| self.wrong_type(key, value.get_ref(), "finite numbers", &example))
+            interval(value.get_ref()).ok_or_else(|| {
+                self.refuse(key, "an entry is no pair of numbers, the smaller first", format!("write `{example}`"))
+            })
         });
         found.collect::<Result<_>>().map(Some)
     }
@@ -341,5 +353,13 @@ impl<'a> Table<'a> {
     /// A table in this one that must be there.
     pub fn required_table(&self, key: &str) -> Result<Table<'a>> {
         self.table(key)?.ok_or_else(|| self.missing(key, &format!("[{}]", self.full_key(key))))
+    }
+}
+/// A finite number, written with or without a point.
+fn finite(value: &DeValue<'_>) -> Option<f64> {
+    match value {
+        DeValue::Float(float) => float.as_str().parse::<f64>().ok().filter(|number| number.is_finite()),
+        DeValue::Integer(integer) if integer.radix() == 10 => integer.as_str().parse::<f64>().ok(),
+        _ => None,
     }
 }

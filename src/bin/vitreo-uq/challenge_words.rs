@@ -5,9 +5,10 @@ use std::path::Path;
 
 use vitreo_uq::critique::challenge::files::Opened;
 use vitreo_uq::critique::challenge::play::Play;
-use vitreo_uq::critique::challenge::tally::Tally;
+use vitreo_uq::critique::challenge::tally::{Group, Tally};
 use vitreo_uq::critique::challenge::{Disturbance, OutsideKind};
 use vitreo_uq::documents::diagnosis::Diagnosis;
+use vitreo_uq::page::PlaysPage;
 
 use crate::text::significant;
 
@@ -108,21 +109,23 @@ fn size_of(outside: &Disturbance) -> String {
     }
 }
 
-/// What many plays came to.
-pub fn words_of_plays(tally: &Tally) -> String {
-    let mut lines = vec![format!("{} challenges were played.", tally.played), String::new()];
+/// What was said of every truth, and how often.
+fn said_of(tally: &Tally) -> Vec<(&str, usize, String)> {
     let mut rows: BTreeMap<&str, Vec<(&str, usize)>> = BTreeMap::new();
     for entry in &tally.confusion {
         rows.entry(&entry.truth).or_default().push((&entry.said, entry.count));
     }
-    lines.push(format!("  {:<44}{:>6}   said", "hidden", "played"));
-    for (truth, mut said) in rows {
+    let row = |(truth, mut said): (_, Vec<(&str, usize)>)| {
         said.sort_by(|a, b| b.1.cmp(&a.1).then(a.0.cmp(b.0)));
-        let total: usize = said.iter().map(|(_, count)| count).sum();
+        let total = said.iter().map(|(_, count)| count).sum();
         let said: Vec<String> = said.iter().map(|(what, count)| format!("{what} {count}")).collect();
-        lines.push(format!("  {truth:<44}{total:>6}   {}", said.join(", ")));
-    }
-    lines.push(String::new());
+        (truth, total, said.join(", "))
+    };
+    rows.into_iter().map(row).collect()
+}
+
+/// Rates of what was played.
+fn rates(tally: &Tally) -> Vec<(&'static str, String)> {
     let percent = |value: f64| format!("{:.1} %", 100.0 * value);
     let rates = [
         ("one hidden effect: in the reported class", tally.class_coverage),
@@ -136,30 +139,61 @@ pub fn words_of_plays(tally: &Tally) -> String {
         ("outside the library: called unexplained", tally.unexplained_called),
         ("outside the library: silently called an effect", tally.misattributed),
     ];
-    lines.extend(rates.iter().filter_map(|(what, rate)| Some(format!("  {what:<64}{:>8}", percent((*rate)?)))));
+    let mut rates: Vec<_> = rates.into_iter().filter_map(|(what, rate)| Some((what, percent(rate?)))).collect();
     if let (Some(size), Some(ideal)) = (tally.mean_class_size, tally.ideal_class_size) {
-        lines.push(format!("  {:<64}{size:>8.2}", "mean size of the class"));
-        lines.push(format!("  {:<64}{ideal:>8.2}", "  as large as this experiment makes it"));
+        rates.push(("mean size of the class", format!("{size:.2}")));
+        rates.push(("  as large as this experiment makes it", format!("{ideal:.2}")));
     }
+    rates
+}
+
+const GROUP_HEADS: [&str; 7] = ["sort", "protocol", "noise", "signal", "played", "right", "claimed"];
+
+/// A row a group: its sort, protocol, noise and signal, and how many were played, right and claimed.
+fn groups(tally: &Tally) -> Vec<[String; 7]> {
+    let row = |group: &Group| {
+        [
+            group.sort.name().into(),
+            group.protocol.name().into(),
+            group.noise.name().into(),
+            group.signal_sigma.map_or("–".into(), |sigma| sigma.to_string()),
+            group.played.to_string(),
+            group.right.to_string(),
+            group.claimed.to_string(),
+        ]
+    };
+    tally.groups.iter().map(row).collect()
+}
+
+/// What many plays came to.
+pub fn words_of_plays(tally: &Tally) -> String {
+    let mut lines = vec![format!("{} challenges were played.", tally.played), String::new()];
+    lines.push(format!("  {:<44}{:>6}   said", "hidden", "played"));
+    lines.extend(said_of(tally).iter().map(|(truth, total, said)| format!("  {truth:<44}{total:>6}   {said}")));
+    lines.push(String::new());
+    lines.extend(rates(tally).iter().map(|(what, rate)| format!("  {what:<64}{rate:>8}")));
     if tally.failed > 0 {
         lines.push(format!("  {} diagnoses failed; `--json` says why.", tally.failed));
     }
     lines.push(String::new());
-    lines.push(format!(
-        "  {:<11}{:<9}{:<10}{:>8}{:>8}{:>8}{:>9}",
-        "sort", "protocol", "noise", "signal", "played", "right", "claimed"
-    ));
-    lines.extend(tally.groups.iter().map(|group| {
-        let signal = group.signal_sigma.map_or("–".into(), |sigma| sigma.to_string());
-        format!(
-            "  {:<11}{:<9}{:<10}{signal:>8}{:>8}{:>8}{:>9}",
-            group.sort.name(),
-            group.protocol.name(),
-            group.noise.name(),
-            group.played,
-            group.right,
-            group.claimed
-        )
-    }));
+    let line = |[sort, protocol, noise, signal, played, right, claimed]: &[String; 7]| {
+        format!("  {sort:<11}{protocol:<9}{noise:<10}{signal:>8}{played:>8}{right:>8}{claimed:>9}")
+    };
+    lines.push(line(&GROUP_HEADS.map(String::from)));
+    lines.extend(groups(tally).iter().map(line));
     lines.join("\n") + "\n"
+}
+
+/// The same as tables of a page.
+pub fn page_of_plays(tally: &Tally) -> PlaysPage {
+    let hidden = said_of(tally).into_iter().map(|(truth, total, said)| vec![truth.into(), total.to_string(), said]);
+    let rates = rates(tally).into_iter().map(|(what, rate)| vec![what.trim().into(), rate]);
+    PlaysPage {
+        played: tally.played,
+        failed: tally.failed,
+        said: hidden.collect(),
+        rates: rates.collect(),
+        group_heads: GROUP_HEADS.to_vec(),
+        groups: groups(tally).into_iter().map(Vec::from).collect(),
+    }
 }

@@ -4,15 +4,17 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use vitreo_uq::critique::diagnose::{DiagnosisRequest, diagnose};
+use vitreo_uq::critique::fingerprints::fingerprints;
 use vitreo_uq::critique::search::Bars;
 use vitreo_uq::documents::diagnosis::{CandidateEntry, Diagnosis, Status, VerdictKind};
 use vitreo_uq::error::{Error, Place, Result};
 use vitreo_uq::files::write_json_atomically;
 use vitreo_uq::learn::first_look;
 use vitreo_uq::report::diagnosis as figure;
+use vitreo_uq::report::fingerprints::{fingerprints as fingerprints_figure, write_fingerprints};
 use vitreo_uq::report::number::listed;
 use vitreo_uq::report::svg::{remove_figure, write_figure};
-use vitreo_uq::study::{DIAGNOSIS_NAME, WithProvenance};
+use vitreo_uq::study::{DIAGNOSIS_NAME, FINGERPRINTS_NAME, WithProvenance};
 use vitreo_uq::workflow::Monitor;
 
 use crate::examine::{Begun, Examined};
@@ -50,6 +52,11 @@ pub fn run(arguments: &DiagnoseArguments) -> Result<ExitCode> {
     write_json_atomically(&writer.path().join(DIAGNOSIS_NAME), &document)?;
     let figures = writer.path().join("figures");
     write_figure(&figures, "diagnosis", &figure::diagnosis(diagnosis)?)?;
+    let of_effects = fingerprints(&outcome.subject, &outcome.found);
+    write_fingerprints(&writer.path().join(FINGERPRINTS_NAME), &of_effects)?;
+    if !of_effects.effects.is_empty() {
+        write_figure(&figures, "fingerprints", &fingerprints_figure(&of_effects, &diagnosis.experiment)?)?;
+    }
     match &outcome.leftover {
         Some(leftover) => write_figure(&figures, DISCREPANCY, &leftover.figure(&diagnosis.experiment)?)?,
         None => remove_figure(&figures, DISCREPANCY)?,

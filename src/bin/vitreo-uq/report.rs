@@ -1,20 +1,25 @@
-//! `report`: a study, or what `groups` or `shapes` wrote, as one page for a browser.
+//! `report`: a study, or what `groups`, `shapes` or `challenge run` wrote, as one page for a browser.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::Args;
-use vitreo_uq::error::Result;
-use vitreo_uq::study::Study;
+use vitreo_uq::critique::challenge::plays::Plays;
+use vitreo_uq::error::{Error, Place, Result};
+use vitreo_uq::files::{self, Content};
+use vitreo_uq::page::{self, Origin};
+use vitreo_uq::study::{PAGE_NAME, Provenance, Study, WithProvenance};
 use vitreo_uq::workflow::pages;
+
+use crate::challenge_words::page_of_plays;
 
 /// Arguments of `report`.
 #[derive(Args)]
 pub struct ReportArguments {
-    /// The study, or the directory that `groups` or `shapes` wrote
+    /// The study, the directory that `groups` or `shapes` wrote, or the document of `challenge run`
     #[arg(value_name = "STUDY")]
     pub study: PathBuf,
-    /// The page [default: report.html in the study or directory]
+    /// The page [default: report.html in the study or directory, or beside the document]
     #[arg(long, value_name = "FILE.html")]
     pub out: Option<PathBuf>,
     /// Do not say where the page went
@@ -31,11 +36,28 @@ pub struct PageArguments {
 }
 
 pub fn run(arguments: &ReportArguments) -> Result<ExitCode> {
-    let page = pages::write(&arguments.study, arguments.out.as_deref())?;
+    let page = match arguments.study.is_file() {
+        true => of_plays(&arguments.study, arguments.out.as_deref())?,
+        false => pages::write(&arguments.study, arguments.out.as_deref())?,
+    };
     if !arguments.quiet {
         crate::interrupt::say(&format!("Report: {}", page.display()));
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// The page of what `challenge run` wrote.
+fn of_plays(document: &Path, out: Option<&Path>) -> Result<PathBuf> {
+    let bytes = files::read(document, Content::Document, "give a study, or what `challenge run --json FILE` wrote")?;
+    let plays: WithProvenance<Plays> = serde_json::from_slice(&bytes).map_err(|error| {
+        let remedy = "give a study, or what `challenge run --json FILE` wrote";
+        Error::input(Place::file(document).at_line(error.line()), format!("this is no such document: {error}"), remedy)
+    })?;
+    let Provenance { version, seed, inputs_sha256, .. } = plays.provenance;
+    let html = page::plays(&page_of_plays(&plays.body.tally), &Origin { version, seed, inputs_sha256 });
+    let place = out.map_or_else(|| document.with_file_name(PAGE_NAME), Path::to_path_buf);
+    files::write_atomically(&place, html.as_bytes())?;
+    Ok(place)
 }
 
 /// Writes the page of a study that has just been changed. The results are there already, so that a page that cannot be written is said and no more.

@@ -162,11 +162,15 @@ fn sentences(experiment: &Experiment, understood: &Understood) -> [String; 5] {
         (None, false, true) => format!(", from {} µm", um(settled.zero_m[0])),
         (None, false, false) => String::new(),
     };
+    let left_out = match understood.n_left_out {
+        0 => String::new(),
+        n => format!(", {n} left out"),
+    };
     let noise = experiment.noise_yardstick().map_or("noise unknown".into(), |yardstick| yardstick.to_string());
     [
         format!("{}: {apparatus}", experiment.specimen_id),
         format!(
-            "{} rows over {} s, {} s apart, {n_positions} with a position",
+            "{} rows over {} s, {} s apart, {n_positions} with a position{left_out}",
             record.n_samples(),
             number(scales.duration_s),
             number(scales.sample_interval_s)

@@ -9,7 +9,7 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use crate::report::number::significant;
 
-pub use sheets::{Origin, groups, shapes};
+pub use sheets::{Origin, PlaysPage, groups, plays, shapes};
 pub use study::{LadderPage, RevisionPage, StudyPage, study, study_parts};
 
 /// A page keeps below so many bytes, so that it can be sent by mail.

@@ -123,6 +123,33 @@ pub fn shapes(summary: &ShapesSummary, figures: Vec<Figure>, origin: &Origin) ->
     sheet("Which robot moves easiest", &body, figures, &summary.warnings, origin)
 }
 
+/// What many challenges came to, as tables of words.
+#[derive(Debug)]
+pub struct PlaysPage {
+    /// How many were played, and in how many the diagnosis failed.
+    pub played: usize,
+    pub failed: usize,
+    /// What was hidden, how often, and what was said of it.
+    pub said: Vec<Vec<String>>,
+    /// Rates.
+    pub rates: Vec<Vec<String>>,
+    /// Heads and rows of the same by sort, protocol, noise and signal.
+    pub group_heads: Vec<&'static str>,
+    pub groups: Vec<Vec<String>>,
+}
+
+/// The page of `challenge run`.
+pub fn plays(content: &PlaysPage, origin: &Origin) -> String {
+    let body = html! {
+        p.lead { (content.played) @if content.played == 1 { " record" } @else { " records" } " with something hidden, or nothing: diagnosed, and held against the truth."
+            @if content.failed > 0 { " In " (content.failed) " the diagnosis failed." } }
+        (table("How often it was right", &["", "share"], &content.rates))
+        (table_that_ends_in_words("What was said", &["hidden", "played", "said"], &content.said))
+        (table("By what was hidden, under which protocol and noise, and how strong it was (σ)", &content.group_heads, &content.groups))
+    };
+    sheet("Challenges played", &body, Vec::new(), &[], origin)
+}
+
 /// The page around what is particular to a document.
 fn sheet(title: &str, body: &Markup, mut figures: Vec<Figure>, warnings: &[Warning], origin: &Origin) -> String {
     fit(figures.iter_mut());

@@ -257,6 +257,7 @@ fn missing(content: &StudyPage) -> Markup {
                 p { strong { (diagnosis.verdict.sentence) } }
                 (suspects(diagnosis))
                 (revision.shown("diagnosis", "Every effect refitted: what it gains in the fit and on held-out cycles, and the error before and after"))
+                (revision.folded("fingerprints", "Fingerprints: what a refit with each of the leading suspects would explain of what the model leaves"))
                 @for entry in &diagnosis.unexplained { p { (entry.sentence) } }
                 @if let Some(discrepancy) = &diagnosis.discrepancy { p { (discrepancy.sentence) } }
                 (revision.shown("discrepancy", "What no effect of the library explains"))

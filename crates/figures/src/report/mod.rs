@@ -25,6 +25,7 @@ pub mod discrepancy;
 #[cfg(test)]
 mod document_tests;
 pub mod draws;
+pub mod fingerprints;
 mod flags;
 pub mod font;
 pub mod forest;

@@ -38,6 +38,8 @@ pub struct Understood {
     pub force_rule_given: bool,
     /// What was done to the coordinates.
     pub settled: Settled,
+    /// Positions that `left_out_s` leaves out.
+    pub n_left_out: usize,
 }
 
 /// Path of the TOML of an experiment that is named by its directory or by the TOML itself.

@@ -23,6 +23,13 @@ pub enum Note {
         /// Of how many rows.
         n_rows: usize,
     },
+    /// Positions that the description leaves out.
+    PositionsLeftOut {
+        /// How many.
+        n_left_out: usize,
+        /// Of how many rows.
+        n_rows: usize,
+    },
     /// A held-out cycle holds no position at all, so it cannot be scored.
     HeldOutCycleEmpty {
         /// The cycle.
@@ -75,6 +82,10 @@ impl std::fmt::Display for Note {
             Self::PositionsMissing { n_missing, n_rows } => {
                 write!(f, "{n_missing} of {n_rows} rows have no position; they load the model but are not compared")
             }
+            Self::PositionsLeftOut { n_left_out, n_rows } => write!(
+                f,
+                "{n_left_out} of {n_rows} positions are left out, as `left_out_s` says; their rows load the model but are not compared"
+            ),
             Self::HeldOutCycleEmpty { cycle } => write!(f, "held-out cycle {cycle} has no positions and is not scored"),
             Self::FirstPositionNotZero { position_m } => write!(
                 f,

@@ -73,6 +73,7 @@ struct Specification {
     cycle_starts: Option<CycleStarts>,
     calibration: CycleList,
     heldout: CycleList,
+    left_out: LeftOut,
     noise_sd_m: Option<f64>,
     source: Option<String>,
 }
@@ -107,6 +108,39 @@ impl CycleList {
                 format!("name cycles from 1 to {n_cycles}"),
             )),
         }
+    }
+}
+
+/// Times between which positions are not compared, and where that is written.
+struct LeftOut {
+    place: Place,
+    /// From and to, in s of the record, both included.
+    intervals_s: Vec<[f64; 2]>,
+}
+
+impl LeftOut {
+    fn read(measurement: Table<'_>) -> Result<Self> {
+        let key = "left_out_s";
+        Ok(Self { place: measurement.place(key), intervals_s: measurement.intervals(key)?.unwrap_or_default() })
+    }
+
+    /// Takes the positions away; gives how many.
+    fn leave_out(&self, record: &mut Record) -> Result<usize> {
+        let mut n_left_out = 0;
+        for [from_s, to_s] in &self.intervals_s {
+            let rows = record.time_s.partition_point(|time_s| time_s < from_s)
+                ..record.time_s.partition_point(|time_s| time_s <= to_s);
+            let taken = record.position_m[rows].iter_mut().filter_map(Option::take).count();
+            if taken == 0 {
+                return Err(Error::input(
+                    self.place.clone(),
+                    format!("no position lies between {from_s} and {to_s} s that is not left out already"),
+                    "give times of the record in seconds, as figures show them",
+                ));
+            }
+            n_left_out += taken;
+        }
+        Ok(n_left_out)
     }
 }
 
@@ -169,7 +203,16 @@ impl Specification {
         let apparatus = Apparatus::from_document(root)?;
         measurement.only(
             &[
-                &["kind", "file", "calibration_cycles", "heldout_cycles", "cycle_starts_s", "noise_um", "source"],
+                &[
+                    "kind",
+                    "file",
+                    "calibration_cycles",
+                    "heldout_cycles",
+                    "cycle_starts_s",
+                    "left_out_s",
+                    "noise_um",
+                    "source",
+                ],
                 &["force", "zero", "direction"][..],
                 &KEYS[..],
             ]
@@ -219,6 +262,7 @@ impl Specification {
             cycle_starts: CycleStarts::read(measurement)?,
             calibration: CycleList::read(measurement, "calibration_cycles")?,
             heldout: CycleList::read(measurement, "heldout_cycles")?,
+            left_out: LeftOut::read(measurement)?,
             noise_sd_m,
             source: measurement.text("source")?,
         })
@@ -258,7 +302,9 @@ impl Specification {
         }
         let (lines, position_column) =
             (std::mem::take(&mut trajectory.lines), std::mem::take(&mut trajectory.position_column));
-        let (record, lines) = record_from(trajectory, lines, force_rows, self.force_rule, &mut notes);
+        let (mut record, lines) = record_from(trajectory, lines, force_rows, self.force_rule, &mut notes);
+        let n_left_out = self.left_out.leave_out(&mut record)?;
+        notes.extend((n_left_out > 0).then_some(Note::PositionsLeftOut { n_left_out, n_rows: record.n_samples() }));
         let (calibration_cycles, heldout_cycles) = self.choose_cycles(record.n_cycles())?;
         check_positions(&record, &calibration_cycles, &Place::file(csv_place).at_key(position_column), &lines)?;
         note_data(&record, &heldout_cycles, self.source.is_none(), &mut notes);
@@ -275,7 +321,7 @@ impl Specification {
             csv_bytes: csv_bytes.to_vec(),
             log_file,
             notes,
-            understood: Understood { force_rule_given: self.force_rule_given, settled },
+            understood: Understood { force_rule_given: self.force_rule_given, settled, n_left_out },
         };
         let experiment = Experiment {
             specimen_id: self.specimen_id,
@@ -394,7 +440,9 @@ fn note_data(record: &Record, heldout_cycles: &[u32], source_missing: bool, note
     // Positions of a tip that only touches are there, and another note has them.
     let touches = notes.iter().any(|note| matches!(note, Note::Contact { .. }));
     let n_touching = record.position_m.iter().take_while(|position| touches && position.is_none()).count();
-    let n_missing = n_missing.saturating_sub(n_touching);
+    let left_out =
+        notes.iter().map(|note| if let Note::PositionsLeftOut { n_left_out, .. } = note { *n_left_out } else { 0 });
+    let n_missing = n_missing.saturating_sub(n_touching + left_out.sum::<usize>());
     if n_missing > 0 {
         notes.push(Note::PositionsMissing { n_missing, n_rows: record.n_samples() });
     }

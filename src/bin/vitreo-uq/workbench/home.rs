@@ -8,6 +8,8 @@ use vitreo_uq::study::Study;
 
 /// Where the workbench keeps its own: uploads, and what it runs.
 const OWN: &str = ".vitreo-uq-workbench";
+/// Where `groups` writes when no directory is named.
+pub const GROUPS: &str = "vitreo-uq-out/groups";
 const DESCRIPTION: &str = "experiment.toml";
 /// The folder in which commands put studies when none is named.
 const STUDIES: &str = "vitreo-uq-out";
@@ -22,7 +24,7 @@ pub struct Home {
     dir: PathBuf,
 }
 
-/// An experiment, a study, or both.
+/// An experiment, a study, or both; or what `groups` or `shapes` wrote.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Item {
     /// Its path in the folder, which names it.
@@ -33,6 +35,8 @@ pub struct Item {
     pub study: PathBuf,
     /// Finished revisions.
     pub revisions: Vec<String>,
+    /// Figures of what `groups` or `shapes` wrote; none of a study.
+    pub figures: Vec<String>,
 }
 
 impl Home {
@@ -85,18 +89,35 @@ impl Home {
             if Study::is_study(&self.dir.join(&inside)) {
                 items.push(self.item(name, None, inside));
             } else if self.dir.join(&inside).join(DESCRIPTION).is_file() {
-                let id = specimen_id(&self.dir.join(&inside)).unwrap_or_else(|| name.clone());
+                let id = of_specimen(&self.dir.join(&inside), "id").unwrap_or_else(|| name.clone());
                 items.push(self.item(name, Some(inside), Study::default_dir(&id)));
             }
         }
         for name in folders(&self.dir.join(STUDIES)) {
             let inside = Path::new(STUDIES).join(&name);
+            let whole = self.dir.join(&inside);
             let is_known = items.iter().any(|item| item.study == inside);
-            if !is_known && Study::is_study(&self.dir.join(&inside)) {
-                items.push(self.item(format!("{STUDIES}/{name}"), None, inside));
+            let is_sheet = ["groups.json", "shapes.json"].iter().any(|document| whole.join(document).is_file());
+            if !is_known && (is_sheet || Study::is_study(&whole)) {
+                let mut item = self.item(format!("{STUDIES}/{name}"), None, inside);
+                if is_sheet {
+                    item.figures = drawings(&whole);
+                }
+                items.push(item);
             }
         }
         items
+    }
+
+    /// Where groups of the folder are compared.
+    pub fn groups(&self) -> Item {
+        self.item(GROUPS.into(), None, GROUPS.into())
+    }
+
+    /// Experiments whose descriptions have all of some keys of the specimen.
+    pub fn labelled(&self, keys: &[String]) -> Vec<PathBuf> {
+        let has_all = |inside: &PathBuf| keys.iter().all(|key| of_specimen(&self.dir.join(inside), key).is_some());
+        self.items().into_iter().filter_map(|item| item.experiment).filter(has_all).collect()
     }
 
     fn item(&self, name: String, experiment: Option<PathBuf>, study: PathBuf) -> Item {
@@ -105,7 +126,8 @@ impl Home {
             .filter_map(|name| Some((name.strip_prefix('m')?.parse::<u32>().ok()?, name)))
             .collect();
         revisions.sort();
-        Item { name, experiment, study, revisions: revisions.into_iter().map(|(_, name)| name).collect() }
+        let revisions = revisions.into_iter().map(|(_, name)| name).collect();
+        Item { name, experiment, study, revisions, figures: Vec::new() }
     }
 
     /// The item of a name; no other path is ever opened.
@@ -178,11 +200,23 @@ fn folders(dir: &Path) -> Vec<String> {
     names
 }
 
-/// What a description calls its specimen.
-fn specimen_id(dir: &Path) -> Option<String> {
+/// Names of the drawings in a folder, and in its folder of figures.
+fn drawings(dir: &Path) -> Vec<String> {
+    let of = |folder: &str| {
+        let entries = std::fs::read_dir(dir.join(folder)).into_iter().flatten().flatten();
+        let names = entries.filter_map(|entry| entry.file_name().into_string().ok());
+        names.filter(|name| name.ends_with(".svg")).map(|name| format!("{folder}{name}")).collect::<Vec<String>>()
+    };
+    let mut all = [of(""), of("figures/")].concat();
+    all.sort();
+    all
+}
+
+/// What a description says of its specimen.
+fn of_specimen(dir: &Path, key: &str) -> Option<String> {
     let bytes = vitreo_uq::files::read_if_there(&dir.join(DESCRIPTION), vitreo_uq::files::Content::Settings)?;
     let table: toml::Table = toml::from_str(std::str::from_utf8(&bytes).ok()?).ok()?;
-    Some(table.get("specimen")?.get("id")?.as_str()?.to_string())
+    Some(table.get("specimen")?.get(key)?.as_str()?.to_string())
 }
 
 #[cfg(test)]

@@ -15,26 +15,29 @@ use serde::{Deserialize, Serialize};
 use tokio::sync::watch;
 use vitreo_uq::error::{Error, Place, Result};
 use vitreo_uq::files::{self, Content};
+use vitreo_uq::study::CORNER_NAME;
 
-use super::home::{Home, Item};
+use super::home::{GROUPS, Home, Item};
 
 /// Time between two looks at a command's words.
 const LOOK: Duration = Duration::from_millis(150);
 /// Of a command's words, the last so many bytes are looked at.
 const TAIL_BYTES: u64 = 16_384;
+/// Posteriors of so many revisions are laid over each other at most.
+const MOST_OVERLAID: usize = 4;
 /// Exit code of a result that is not to be trusted: the command came to its end all the same.
 const DOUBTFUL: i32 = 1;
 
 /// What a page asks for.
 #[derive(Debug, Clone, Deserialize)]
 pub struct Wish {
-    /// The item.
+    /// The item; of a comparison of groups the folder that it is written to.
     pub item: String,
     /// What to do with it.
     pub kind: Kind,
     /// The revision to look at or to extend; the last where none is named.
     pub revision: Option<String>,
-    /// Effects to add.
+    /// Effects to add; of a comparison what groups are formed by.
     #[serde(default)]
     pub with: Vec<String>,
 }
@@ -55,6 +58,8 @@ pub enum Kind {
     Extend,
     /// The formula that `learn` wrote, added.
     Adopt,
+    /// The folder's experiments compared by species or region.
+    Groups,
 }
 
 /// How a job stands.
@@ -126,13 +131,13 @@ impl Jobs {
         self.present.lock().ok()?.clone()
     }
 
-    /// Starts what a page asks for.
-    pub fn start(self: &Arc<Self>, wish: &Wish) -> Result<Job> {
-        let item = self.home.find(&wish.item)?;
-        let commands = commands(wish, &item)?;
+    /// Starts what a page asks for; a study of another record is replaced by the first model of this one.
+    pub fn start(self: &Arc<Self>, wish: &Wish, item: &Item, is_replaced: bool) -> Result<Job> {
+        let members = if wish.kind == Kind::Groups { self.home.labelled(&wish.with) } else { Vec::new() };
+        let commands = commands(wish, item, is_replaced, &members)?;
         let began_s = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
         let job = Job {
-            item: item.name,
+            item: item.name.clone(),
             kind: wish.kind,
             commands,
             at: 0,
@@ -295,8 +300,8 @@ fn broken() -> Error {
     Error::numerical("the workbench has lost its jobs", "start it again")
 }
 
-/// The commands that a wish comes to.
-fn commands(wish: &Wish, item: &Item) -> Result<Vec<Vec<String>>> {
+/// The commands that a wish comes to; `members` are the experiments that groups are made of.
+fn commands(wish: &Wish, item: &Item, is_replaced: bool, members: &[PathBuf]) -> Result<Vec<Vec<String>>> {
     let study = item.study.display().to_string();
     let words = |words: &[&str]| words.iter().map(|word| (*word).to_string()).collect::<Vec<String>>();
     let last = item.revisions.last();
@@ -315,14 +320,15 @@ fn commands(wish: &Wish, item: &Item) -> Result<Vec<Vec<String>>> {
     let extended = |with: &str| -> Result<Vec<Vec<String>>> {
         let mut extend = of_revision("extend")?;
         extend.extend(words(&["--with", with]));
-        Ok(vec![extend, words(&["compare", &study]), words(&["ladder", &study])])
+        Ok(vec![extend, words(&["compare", &study]), words(&["ladder", &study]), overlaid(item)])
     };
     match wish.kind {
         Kind::Sample => {
-            let sample = match &item.experiment {
+            let mut sample = match &item.experiment {
                 Some(experiment) => words(&["sample", &experiment.display().to_string(), "--out", &study]),
                 None => words(&["sample", &study]),
             };
+            sample.extend(is_replaced.then(|| "--force".to_string()));
             Ok(vec![sample, words(&["compare", &study, "--from", "m0"])])
         }
         Kind::Compare => Ok(vec![of_revision("compare")?]),
@@ -337,6 +343,16 @@ fn commands(wish: &Wish, item: &Item) -> Result<Vec<Vec<String>>> {
             }
             extended(&wish.with.join(","))
         }
+        Kind::Groups => {
+            if wish.with.is_empty() || !wish.with.iter().all(|key| key == "species" || key == "region") {
+                let remedy = "choose species, region, or both";
+                return Err(Error::input(Place::option("--by"), "groups are not formed by that", remedy));
+            }
+            let mut groups = words(&["groups"]);
+            groups.extend(members.iter().map(|member| member.display().to_string()));
+            groups.extend(words(&["--by", &wish.with.join(","), "--out", GROUPS]));
+            Ok(vec![groups, words(&["report", GROUPS])])
+        }
         Kind::Adopt => {
             let revision = wish.revision.as_ref().or(last).filter(|name| item.revisions.contains(name));
             let name = revision.map_or("m0", String::as_str);
@@ -344,6 +360,17 @@ fn commands(wish: &Wish, item: &Item) -> Result<Vec<Vec<String>>> {
             extended(&file.display().to_string())
         }
     }
+}
+
+/// The command that lays the posteriors of the latest revisions over each other, the next one among them.
+fn overlaid(item: &Item) -> Vec<String> {
+    let last = item.revisions.last().and_then(|name| name.strip_prefix('m')?.parse::<u32>().ok());
+    let next = last.map(|number| format!("m{}", number + 1));
+    let first = item.revisions.len().saturating_sub(MOST_OVERLAID - 1);
+    let revisions = item.revisions[first..].iter().chain(&next);
+    let paths = revisions.map(|name| item.study.join(name).display().to_string());
+    let out = item.study.join(CORNER_NAME).with_extension("").display().to_string();
+    std::iter::once("corner".to_string()).chain(paths).chain(["--out".to_string(), out]).collect()
 }
 
 /// What a command says last, and how far it is.
@@ -404,6 +431,7 @@ mod tests {
             experiment: Some("eye".into()),
             study: "vitreo-uq-out/eye".into(),
             revisions: revisions.iter().map(|name| (*name).into()).collect(),
+            figures: Vec::new(),
         }
     }
 
@@ -415,7 +443,7 @@ mod tests {
     #[test]
     fn wishes_are_commands_of_a_terminal() {
         let lines = |wish: &Wish, item: &Item| -> Vec<String> {
-            commands(wish, item).unwrap().iter().map(|words| words.join(" ")).collect()
+            commands(wish, item, false, &[]).unwrap().iter().map(|words| words.join(" ")).collect()
         };
         assert_eq!(
             lines(&wish(Kind::Sample, None, &[]), &item(&[])),
@@ -430,6 +458,10 @@ mod tests {
             "extend vitreo-uq-out/eye --from m0 --with wall-slip,drift"
         );
         assert_eq!(
+            lines(&wish(Kind::Extend, Some("m0"), &["drift"]), &item(&["m0", "m1"]))[3],
+            "corner vitreo-uq-out/eye/m0 vitreo-uq-out/eye/m1 vitreo-uq-out/eye/m2 --out vitreo-uq-out/eye/corner"
+        );
+        assert_eq!(
             lines(&wish(Kind::Adopt, None, &[]), &item(&["m0"]))[0],
             "extend vitreo-uq-out/eye --from m0 --with vitreo-uq-out/eye/m0/learned-effect.toml"
         );
@@ -438,12 +470,16 @@ mod tests {
     #[test]
     fn no_word_of_a_wish_becomes_another_option() {
         for with in [&["--force"][..], &["../x.toml"], &["a b"], &[]] {
-            assert!(commands(&wish(Kind::Extend, None, with), &item(&["m0"])).is_err(), "{with:?}");
+            assert!(commands(&wish(Kind::Extend, None, with), &item(&["m0"]), false, &[]).is_err(), "{with:?}");
         }
+        assert!(commands(&wish(Kind::Groups, None, &["--force"]), &item(&[]), false, &[]).is_err());
         for revision in ["--out", "m7", ""] {
-            assert!(commands(&wish(Kind::Diagnose, Some(revision), &[]), &item(&["m0"])).is_err(), "{revision}");
+            assert!(
+                commands(&wish(Kind::Diagnose, Some(revision), &[]), &item(&["m0"]), false, &[]).is_err(),
+                "{revision}"
+            );
         }
-        assert!(commands(&wish(Kind::Compare, None, &[]), &item(&[])).is_err());
+        assert!(commands(&wish(Kind::Compare, None, &[]), &item(&[]), false, &[]).is_err());
     }
 
     #[test]

@@ -2,6 +2,7 @@
 //!
 //! What is on disk is the state: experiments and studies in one folder, its *home*. The page starts the program's own commands, each a process of its own, and shows the documents that they write.
 
+mod choice;
 mod guard;
 mod home;
 mod jobs;

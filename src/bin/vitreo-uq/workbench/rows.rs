@@ -1,5 +1,6 @@
 //! Rows for the page's plots: a record, with what a revision predicts of it.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 use std::time::SystemTime;
@@ -9,7 +10,7 @@ use vitreo_uq::documents::check::CheckSummary;
 use vitreo_uq::error::Result;
 use vitreo_uq::experiment::Experiment;
 use vitreo_uq::report::predictions::{Predictions, read_predictions};
-use vitreo_uq::study::PREDICTIONS_NAME;
+use vitreo_uq::study::{PREDICTIONS_NAME, Study};
 use vitreo_uq::workflow::check;
 
 /// Points of a plot at least and at most.
@@ -23,6 +24,8 @@ pub struct Read {
     pub experiment: Experiment,
     /// What was understood, and what contradicts it.
     pub summary: CheckSummary,
+    /// Hashes of its files, as a study of it would keep them.
+    pub sha256: BTreeMap<String, String>,
 }
 
 /// What was read of files, as long as they stay as they are.
@@ -61,7 +64,7 @@ pub fn read_record(memory: &Memory<Read>, dir: &Path) -> Result<Arc<Read>> {
     memory.get(dir, &files, || {
         let (experiment, files) = Experiment::read(dir)?;
         let summary = check::summary(&experiment, &files);
-        Ok(Read { experiment, summary })
+        Ok(Read { experiment, summary, sha256: Study::hashes_of(&files)? })
     })
 }
 

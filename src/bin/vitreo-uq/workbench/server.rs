@@ -1,7 +1,6 @@
 //! The server: what a page may ask, and what it gets.
 
 use std::net::TcpListener;
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
@@ -21,17 +20,18 @@ use serde_json::{Map, Value, json};
 use tokio::sync::{Semaphore, watch};
 use tokio_stream::StreamExt;
 use tokio_stream::wrappers::WatchStream;
-use vitreo_uq::error::{Error, Result};
+use vitreo_uq::error::{Error, Place, Result};
 use vitreo_uq::experiment::{Experiment, Record};
 use vitreo_uq::files::{self, Content};
 use vitreo_uq::study::{
-    COMPARISON_NAME, DIAGNOSIS_NAME, EXTENSION_NAME, LADDER_NAME, LEARNED_NAME, POSTERIOR_NAME, Study,
+    COMPARISON_NAME, CORNER_NAME, DIAGNOSIS_NAME, EXTENSION_NAME, LADDER_NAME, LEARNED_NAME, POSTERIOR_NAME, Study,
 };
 use vitreo_uq::workflow::pages;
 
+use super::choice::{Choice, choose};
 use super::guard::{Guard, guard};
 use super::home::{Home, Item};
-use super::jobs::{Jobs, Wish};
+use super::jobs::{Jobs, Kind, Wish};
 use super::rows::{Memory, Read, Window, read_record, read_revision, shown};
 use super::tables::{self, Described};
 use super::trial::{Trial, Tried, trial};
@@ -132,6 +132,7 @@ fn router(bench: Shared, token: &str, own: Guard) -> Router {
         .route(&at("api/knobs"), post(knobs))
         .route(&at("api/try"), post(try_model))
         .route(&at("api/init"), post(init))
+        .route(&at("api/choice"), post(choice))
         .route(&at("api/job"), post(start).delete(stop))
         .route(&at("api/events"), get(events))
         .route(&at("file"), get(file))
@@ -186,24 +187,56 @@ async fn items(State(bench): State<Shared>) -> Response {
 }
 
 async fn study(State(bench): State<Shared>, Query(named): Query<Named>) -> Response {
-    answer(move || study_of(&bench, &bench.home.find(&named.item)?, named.revision)).await
+    answer(move || study_of(&bench, &named.item, named.revision)).await
 }
 
 impl Bench {
-    /// The folder whose record an item shows: the study's, once it is there.
-    fn record_dir(&self, item: &Item) -> PathBuf {
+    /// The record that an item shows: the experiment's own, or the study's where that stands alone.
+    fn record(&self, item: &Item) -> Result<Arc<Read>> {
+        let inside = item.experiment.as_ref().unwrap_or(&item.study);
+        read_record(&self.records, &self.home.dir().join(inside))
+    }
+
+    /// An item whose study is of another record than the experiment has now, without that study's revisions: they say nothing of this record.
+    fn current(&self, name: &str) -> Result<(Item, bool)> {
+        let mut item = self.home.find(name)?;
         let study = self.home.dir().join(&item.study);
-        match &item.experiment {
-            Some(experiment) if !Study::is_study(&study) => self.home.dir().join(experiment),
-            _ => study,
+        let is_other = item.experiment.is_some()
+            && Study::is_study(&study)
+            && Study::open(&study)
+                .is_ok_and(|study| self.record(&item).is_ok_and(|own| own.sha256 != *study.inputs_sha256()));
+        if is_other {
+            item.revisions.clear();
         }
+        Ok((item, is_other))
     }
 }
 
+async fn choice(State(bench): State<Shared>, Json(choice): Json<Choice>) -> Response {
+    answer(move || {
+        let item = bench.home.find(&choice.item)?;
+        let Some(experiment) = &item.experiment else {
+            return Err(Error::input(
+                Place::file(&item.study),
+                "this is a study alone, whose record stays as it is",
+                "open the experiment that it was made from",
+            ));
+        };
+        choose(&bench.home.dir().join(experiment), &choice)?;
+        bench.news.send_modify(|number| *number += 1);
+        Ok(json!({}))
+    })
+    .await
+}
+
 /// All documents of an item, and the parts of its report.
-fn study_of(bench: &Bench, item: &Item, revision: Option<String>) -> Result<Value> {
+fn study_of(bench: &Bench, name: &str, revision: Option<String>) -> Result<Value> {
+    let (item, is_changed) = bench.current(name)?;
+    if !item.figures.is_empty() {
+        return Ok(json!({ "item": item }));
+    }
     let dir = bench.home.dir().join(&item.study);
-    let read = read_record(&bench.records, &bench.record_dir(item))?;
+    let read = bench.record(&item)?;
     let experiment = &read.experiment;
     let mut revisions = Vec::new();
     for name in &item.revisions {
@@ -225,15 +258,29 @@ fn study_of(bench: &Bench, item: &Item, revision: Option<String>) -> Result<Valu
         None => Vec::new(),
     };
     Ok(json!({
-        "item": item,
+        "is_changed": is_changed,
         "record": read.summary,
+        "left_out_s": left_out_s(bench, &item),
         "noise_um": experiment.noise_yardstick().map(|yardstick| 1e6 * yardstick.sd_m),
         "cycles": cycles(experiment),
         "steps_s": steps_s(&experiment.record),
         "revisions": revisions,
-        "ladder": document(&dir.join(LADDER_NAME)),
+        "ladder": if item.revisions.is_empty() { Value::Null } else { document(&dir.join(LADDER_NAME)) },
+        "item": item,
+        "overlay": dir.join(CORNER_NAME).is_file().then_some(CORNER_NAME),
         "parts": parts.into_iter().collect::<std::collections::BTreeMap<_, _>>(),
     }))
+}
+
+/// Intervals that a description leaves out, as they stand there.
+fn left_out_s(bench: &Bench, item: &Item) -> Value {
+    let read = || -> Option<Value> {
+        let path = bench.home.dir().join(item.experiment.as_ref()?).join("experiment.toml");
+        let bytes = files::read_if_there(&path, Content::Settings)?;
+        let table: toml::Table = toml::from_str(std::str::from_utf8(&bytes).ok()?).ok()?;
+        serde_json::to_value(table.get("measurement")?.get("left_out_s")?).ok()
+    };
+    read().unwrap_or_else(|| json!([]))
 }
 
 /// Where each cycle begins and ends, and what it serves for.
@@ -300,8 +347,8 @@ impl WindowOfQuery {
 
 async fn rows(State(bench): State<Shared>, Query(asked): Query<AskedRows>) -> Response {
     answer(move || {
-        let item = bench.home.find(&asked.item)?;
-        let read = read_record(&bench.records, &bench.record_dir(&item))?;
+        let (item, _) = bench.current(&asked.item)?;
+        let read = bench.record(&item)?;
         let revision = asked.revision.filter(|name| item.revisions.contains(name));
         let predictions = match revision {
             Some(name) => read_revision(&bench.predictions, &bench.home.dir().join(&item.study).join(name))?,
@@ -354,7 +401,14 @@ async fn init(State(bench): State<Shared>, Json(described): Json<Described>) -> 
 }
 
 async fn start(State(bench): State<Shared>, Json(wish): Json<Wish>) -> Response {
-    answer(move || bench.jobs.start(&wish)).await
+    answer(move || {
+        let (item, is_changed) = match wish.kind {
+            Kind::Groups => (bench.home.groups(), false),
+            _ => bench.current(&wish.item)?,
+        };
+        bench.jobs.start(&wish, &item, is_changed)
+    })
+    .await
 }
 
 async fn stop(State(bench): State<Shared>) -> Response {

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use vitreo_uq::documents::init::InitSummary;
 use vitreo_uq::error::{Error, Place, Result};
-use vitreo_uq::experiment::table::{Given, Question};
+use vitreo_uq::experiment::table::Question;
 use vitreo_uq::files;
 use vitreo_uq::workflow::init::{self, InitRequest};
 
@@ -22,14 +22,11 @@ pub struct Described {
     /// Answers by the texts of their questions.
     #[serde(default)]
     pub answers: BTreeMap<String, String>,
-    /// Columns of time, force, position and cycle, where the user says so.
-    #[serde(default)]
-    pub columns: [Option<String>; 4],
-    /// Units of time, force and position.
-    #[serde(default)]
-    pub units: [Option<String>; 3],
     /// Known noise of the tracker in µm.
     pub noise_um: Option<f64>,
+    /// Species and region of the eye, by which groups are formed.
+    #[serde(default)]
+    pub groups: [Option<String>; 2],
 }
 
 /// A question for the page.
@@ -92,22 +89,25 @@ pub fn describe(home: &Home, described: &Described) -> Result<Answered> {
 
 /// The same of a table that is here.
 fn written(home: &Home, file: &Path, described: &Described) -> Result<Answered> {
-    let given = Given { columns: described.columns.clone(), plane: [None, None], units: described.units.clone() };
     let request = |out: PathBuf| InitRequest {
         file: file.to_path_buf(),
         out: Some(out),
-        given: given.clone(),
         noise_um: described.noise_um,
+        groups: described.groups.clone(),
         ..InitRequest::default()
     };
     let mut questions: Vec<Asked> = Vec::new();
+    let known = |question: &Question| {
+        let answer = described.answers.get(&question.text).map(|answer| answer.trim().to_string());
+        answer.filter(|answer| !answer.is_empty())
+    };
     let mut answer = |question: &Question| {
-        let known = described.answers.get(&question.text).filter(|answer| !answer.trim().is_empty());
+        let known = known(question);
         if known.is_none() && questions.iter().all(|asked| asked.text != question.text) {
             let Question { text, choices, proposal } = question.clone();
             questions.push(Asked { text, choices, proposal: proposal.filter(|proposal| proposal != "?") });
         }
-        known.map(|answer| answer.trim().to_string())
+        known
     };
     let trial = tempfile::tempdir_in(home.own())
         .map_err(|error| Error::at_path("create", home.own(), error, "make the folder writable"))?;
@@ -118,7 +118,7 @@ fn written(home: &Home, file: &Path, described: &Described) -> Result<Answered> 
     tried?;
     let item = home.new_experiment(&described.file);
     let out = home.dir().join(&item);
-    let (mut summary, _) = init::run(&request(out), &mut |question| described.answers.get(&question.text).cloned())?;
+    let (mut summary, _) = init::run(&request(out), &mut |question| known(question))?;
     summary.directory.clone_from(&item);
     Ok(Answered::Written { item, summary: Box::new(summary) })
 }

@@ -2,11 +2,11 @@
 // The workbench: shows the documents that commands write, and starts commands. Nothing is computed here but what is drawn.
 import { Plots } from "./plots.js";
 
-/** @typedef {{name: string, experiment: string|null, study: string, revisions: string[]}} Item */
+/** @typedef {{name: string, experiment: string|null, study: string, revisions: string[], figures: string[]}} Item */
 /** @typedef {{item: string, kind: string, standing: string, words: string, at: number, commands: string[][], began_s: number, progress: [number, number]|null}} Job */
 /** @typedef {{name: string, posterior: any, comparison: any, diagnosis: any, learned: any, extension: any}} Revision */
-/** @typedef {{item: Item, record: any, noise_um: number|null, cycles: {cycle: number, from_s: number, to_s: number, serves: string}[], steps_s: number[],
- *   revisions: Revision[], ladder: any, parts: Record<string, string>}} Study */
+/** @typedef {{item: Item, record: any, noise_um: number|null, cycles: {cycle: number, from_s: number, to_s: number, serves: string, chosen: string}[], steps_s: number[],
+ *   left_out_s: [number, number][], is_changed: boolean, revisions: Revision[], ladder: any, overlay: string|null, parts: Record<string, string>}} Study */
 /** @typedef {{name: string, symbol: string, unit: string, value: number, low: number, high: number, null_value: number|null, is_logarithmic: boolean}} Knob */
 
 /** @template {HTMLElement} T @param {string} id @returns {T} */
@@ -80,7 +80,10 @@ async function upload(file) {
   await describe({ upload, file: file.name, answers: {} });
 }
 
-/** @param {{upload: string, file: string, answers: Record<string, string>}} described */
+/** What may be known, and need not. */
+const OPTIONAL = [["noise", "Known noise of the tracker in µm, if it is known"], ["species", "Species, if groups are to be compared"], ["region", "Region of the eye, if groups are to be compared"]];
+
+/** @param {{upload: string, file: string, answers: Record<string, string>, noise_um?: number|null, groups?: (string|null)[]}} described */
 async function describe(described) {
   const found = await send("api/init", described);
   if (!found.questions) {
@@ -97,6 +100,7 @@ async function describe(described) {
         : make("input", { name: String(place), value: question.proposal ?? "", required: true, autocomplete: "off" });
       return make("label", {}, [question.text[0].toUpperCase() + question.text.slice(1), field]);
     }),
+    ...OPTIONAL.map(([name, words]) => make("label", {}, [words, make("input", { name, autocomplete: "off" })])),
     make("p", {}, [make("button", { className: "main", textContent: "Go on" })]),
   );
   form.onsubmit = (event) => {
@@ -105,7 +109,10 @@ async function describe(described) {
     found.questions.forEach((/** @type {any} */ question, /** @type {number} */ place) => {
       answers[question.text] = /** @type {HTMLInputElement} */ (form.querySelector(`[name="${place}"]`)).value;
     });
-    attempt(() => describe({ ...described, answers }));
+    const [noise, species, region] = OPTIONAL.map(([name]) => /** @type {HTMLInputElement} */ (form.querySelector(`[name="${name}"]`)).value.trim());
+    const noise_um = noise ? Number(noise.replace(",", ".")) : null;
+    if (Number.isNaN(noise_um)) return fault(new Error(`\`${noise}\` is no number of micrometres.`));
+    attempt(() => describe({ ...described, answers, noise_um, groups: [species || null, region || null] }));
   };
   at("questions").hidden = false;
   at("start").hidden = true;
@@ -131,7 +138,10 @@ async function open(name) {
   state.effect = "";
   history.replaceState(null, "", name ? `#${encodeURIComponent(name)}` : location.pathname);
   at("start").hidden = name !== null;
+  at("compare").hidden = name !== null || state.items.filter((item) => item.experiment !== null).length < 2;
   at("item").hidden = true;
+  at("sheet").hidden = true;
+  at("questions").hidden = true;
   plots.mark([]);
   if (name !== null) await refresh();
   await refreshItems();
@@ -144,16 +154,29 @@ async function refresh() {
   /** @type {Study} */
   const study = await ask(`api/study?${query({ item, revision: state.revision })}`);
   if (number !== asked) return;
+  if (study.item.figures.length > 0) return showSheet(study.item);
   state.study = study;
   const names = study.item.revisions;
   if (state.revision === null || !names.includes(state.revision)) state.revision = names[names.length - 1] ?? null;
-  // A later model is fitted to more cycles than the first.
+  // A later model is fitted to more cycles than the first, for which they were chosen.
+  study.cycles.forEach((own) => (own.chosen = own.serves));
   const heldout = study.revisions.find((own) => own.name === state.revision)?.posterior?.heldout;
   if (heldout) study.cycles.forEach((own) => (own.serves = heldout.cycles.includes(own.cycle) ? "held out" : heldout.fitted_cycles.includes(own.cycle) ? "fitted" : "unused"));
   at("item").hidden = false;
   plots.setHeldOut(study.cycles.filter((own) => own.serves === "held out").map(({ from_s, to_s }) => ({ from: from_s, to: to_s })));
   showStudy(study);
   await Promise.all([refreshRows(), refreshKnobs()]);
+}
+
+/** What `groups` or `shapes` wrote. @param {Item} item */
+function showSheet(item) {
+  at("sheet").hidden = false;
+  at("sheet-heading").textContent = item.name;
+  const path = (/** @type {string} */ path) => `file?${query({ item: item.name, path, of: state.folder })}`;
+  at("sheet-body").replaceChildren(
+    make("p", {}, [make("a", { href: path("report.html"), textContent: "All of it as one page", target: "_blank" })]),
+    ...item.figures.map((name) => make("p", {}, [make("img", { src: path(name), loading: "lazy", alt: name })])),
+  );
 }
 
 let askedRows = 0;
@@ -192,6 +215,7 @@ function showStudy(study) {
   at("parts").replaceChildren(...parts.filter(([id]) => study.parts[id]).map(([id, heading]) => {
     const details = make("details", { open: opened.has(id) }, [make("summary", { textContent: heading })]);
     details.dataset.part = id;
+    if (id === "posterior" && study.overlay && revisions.length > 1) details.append(make("p", {}, [make("img", { src: fileOf(study, study.overlay), loading: "lazy", alt: "Posteriors of the latest models over each other" })]));
     details.insertAdjacentHTML("beforeend", study.parts[id]);
     return details;
   }));
@@ -200,6 +224,52 @@ function showStudy(study) {
       ...record.contradictions.map((/** @type {any} */ own) => make("p", { className: "fatal", textContent: `${own.text}. What to do: ${own.advice}.` }))]));
   }
   showFiles(study);
+  showChoice(study);
+}
+
+/** Cycles that are fitted and held out, and what is left out. @param {Study} study */
+function showChoice(study) {
+  at("choice").hidden = study.item.experiment === null;
+  /** @type {[number, number][]} */
+  const leftOut = [...study.left_out_s];
+  const serves = study.cycles.map((own) => {
+    const select = make("select", {}, ["fitted", "held out", "unused"].map((word) => make("option", { value: word, textContent: word, selected: word === own.chosen })));
+    return { cycle: own.cycle, select: /** @type {HTMLSelectElement} */ (select), label: make("label", {}, [`cycle ${own.cycle} `, select]) };
+  });
+  const list = make("ul");
+  const showList = () => list.replaceChildren(...leftOut.map((own, place) => {
+    const button = make("button", { type: "button", textContent: "take in again" });
+    button.addEventListener("click", () => {
+      leftOut.splice(place, 1);
+      showList();
+    });
+    return make("li", {}, [`left out: ${shown(own[0], 5)} to ${shown(own[1], 5)} s `, button]);
+  }));
+  const leave = make("button", { type: "button", textContent: "Leave out what the plots show now" });
+  leave.addEventListener("click", () => {
+    if (state.window) leftOut.push(/** @type {[number, number]} */ (state.window.map((time) => Number(time.toPrecision(7)))));
+    else fault(new Error("Drag over a plot first: the stretch of time that it then shows can be left out."));
+    showList();
+  });
+  showList();
+  const apply = make("button", { className: "main", textContent: "Use these rows" });
+  const form = at("choices");
+  form.replaceChildren(
+    make("p", { className: "tools" }, serves.slice(0, 60).map((own) => own.label)),
+    list,
+    make("p", { className: "tools" }, [leave, apply]),
+    make("p", { className: "lead", textContent: study.item.revisions.length > 0 ? "Models that were fitted to other rows do not stand for these: the next fit replaces them." : "" }),
+  );
+  form.onsubmit = (event) => {
+    event.preventDefault();
+    const those = (/** @type {string} */ word) => serves.filter((own) => own.select.value === word).map((own) => own.cycle);
+    attempt(async () => {
+      await send("api/choice", { item: study.item.name, fitted: those("fitted"), heldout: those("held out"), left_out_s: leftOut });
+      state.revision = null;
+      state.window = null;
+      await refresh();
+    });
+  };
 }
 
 /** @param {Study} study @param {string} name */
@@ -221,6 +291,7 @@ function showNext(study, revision) {
   const lines = [];
   const paragraph = (/** @type {(Node|string)[]} */ ...children) => lines.push(make("p", {}, children));
   if (!revision) {
+    if (study.is_changed) paragraph("The record has changed since its models were fitted. A new fit replaces them.");
     paragraph("Fit the first model to the record, check it by full finite elements, and see where it fails.");
     paragraph(action("Fit the model", { kind: "sample" }, true));
   } else {
@@ -329,6 +400,7 @@ function showSuspects(study, revision) {
     button.setAttribute("aria-label", `Add ${slug}`);
     row.append(make("td", {}, refused.has(slug) ? [] : [button]));
   });
+  if (diagnosis && revision) showFingerprints(study, revision.name).catch(fault);
   at("suspects").querySelector("thead tr")?.append(make("th", { scope: "col", textContent: "to the model" }));
   const parts = [];
   if (learned) {
@@ -337,6 +409,27 @@ function showSuspects(study, revision) {
     if (learned.formula) parts.push(make("p", {}, [action("Add the learned formula", { kind: "adopt" })]));
   }
   at("learned").replaceChildren(...parts);
+}
+
+/** A suspect that is pointed at draws what it would explain over what the model leaves. @param {Study} study @param {string} name */
+async function showFingerprints(study, name) {
+  const response = await fetch(fileOf(study, `${name}/fingerprints.csv`));
+  // Diagnoses of earlier versions have none.
+  if (!response.ok) return;
+  const [head, ...rows] = (await response.text()).trim().split("\n").map((line) => line.split(","));
+  const column = (/** @type {number} */ place) => rows.map((row) => Number(row[place]));
+  const [time_s, left_um] = [column(0), rows.map((row) => (row[1] === "" ? null : Number(row[1])))];
+  at("suspects").querySelectorAll("tbody tr").forEach((row) => {
+    const place = head.indexOf(row.querySelector("th")?.textContent ?? "");
+    if (place < 2) return;
+    const own = { time_s, left_um, change_um: column(place) };
+    const show = () => {
+      at("fingerprint-of").textContent = `Points: what the model leaves. Line: what ${head[place]} would explain.`;
+      plots.showFingerprint(own);
+    };
+    for (const kind of ["mouseenter", "focusin"]) row.addEventListener(kind, show);
+    if (row === row.parentElement?.firstElementChild) show();
+  });
 }
 
 /** @param {Study} study @param {string} path */
@@ -433,7 +526,7 @@ const plots = new Plots((from, to) => attempt(() => setWindow(from === null || t
 // ---- Jobs and news ----
 
 /** @type {Record<string, string>} */
-const KINDS = { sample: "Fitting the model", compare: "Looking where it fails", diagnose: "Asking what is missing", learn: "Learning from the data", extend: "Adding to the model", adopt: "Adding the learned formula" };
+const KINDS = { sample: "Fitting the model", compare: "Looking where it fails", diagnose: "Asking what is missing", learn: "Learning from the data", extend: "Adding to the model", adopt: "Adding the learned formula", groups: "Comparing groups" };
 
 /** @param {Job|null} job */
 function showJob(job) {
@@ -450,7 +543,8 @@ function showJob(job) {
   document.querySelectorAll("[data-action]").forEach((button) => (/** @type {HTMLButtonElement} */ (button).disabled = runs));
   const hasEnded = job && before?.standing === "running" && !runs;
   if (job && hasEnded && job.standing !== "done") fault(new Error(`${KINDS[job.kind]}: ${job.words}`));
-  if (job && hasEnded && job.item === state.item) {
+  if (job && hasEnded && job.kind === "groups" && job.standing === "done") attempt(() => refreshItems().then(() => open(job.item)));
+  else if (job && hasEnded && job.item === state.item) {
     if (job.kind === "extend" || job.kind === "adopt" || job.kind === "sample") state.revision = null;
     refresh().catch(fault);
   }
@@ -489,6 +583,7 @@ at("try-reset").addEventListener("click", () => attempt(() => {
   state.effect = "";
   return refreshKnobs();
 }));
+at("compare-start").addEventListener("click", () => attempt(async () => showJob(await send("api/job", { item: "", kind: "groups", with: /** @type {HTMLSelectElement} */ (at("by")).value.split(",") }))));
 at("job-stop").addEventListener("click", () => attempt(async () => void (await ask("api/job", { method: "DELETE" }))));
 at("fault-close").addEventListener("click", () => (at("fault").hidden = true));
 at("table").addEventListener("change", (event) => {

@@ -22,6 +22,7 @@ export class Plots {
     /** @type {{from: number, to: number}[]} */ this.heldOut = [];
     /** @type {[number, number]|null} */ this.window = null;
     /** @type {any[]} */ this.plots = [];
+    /** @type {{time_s: number[], left_um: (number|null)[], change_um: (number|null)[]}|null} */ this.fingerprint = null;
     /** @type {string} */ this.kind = "";
     addEventListener("resize", () => this.resize());
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.rebuild());
@@ -43,6 +44,13 @@ export class Plots {
     } else {
       this.refill();
     }
+  }
+
+  /** What an effect would explain, over what the model leaves. @param {{time_s: number[], left_um: (number|null)[], change_um: (number|null)[]}} own */
+  showFingerprint(own) {
+    this.fingerprint = own;
+    const plot = this.plots[3];
+    if (plot) plot.setData([own.time_s, own.left_um, own.change_um], false), this.rescale(plot);
   }
 
   /** @param {Tried|null} tried */
@@ -77,7 +85,7 @@ export class Plots {
       [rows.time_s, rows.force_un],
     ];
     this.plots.forEach((plot, place) => {
-      plot.setData(data[place], false);
+      if (data[place]) plot.setData(data[place], false);
       this.rescale(plot);
     });
   }
@@ -143,6 +151,8 @@ export class Plots {
     put("plot-residual", options(160, "left (µm)", [{ label: "measured less model", stroke: orange, width: 0, points: { show: true, size: 3, fill: orange }, paths: () => null }], [], false),
       "What the model leaves of the position, in micrometres against time");
     put("plot-force", options(150, "force (µN)", [{ label: "force", stroke: green, width: 1.5, paths: uPlot.paths.stepped({ align: 1 }) }], [], true), "Commanded force in micronewtons against time");
+    put("plot-fingerprint", options(170, "left (µm)", [{ label: "left", stroke: ink, width: 0, points, paths: () => null }, { label: "with the effect", stroke: orange, width: 2.5 }], [], true), "What the model leaves, and what the suspect that is pointed at would explain of it, in micrometres against time");
+    if (this.fingerprint) this.showFingerprint(this.fingerprint);
     this.refill();
   }
 

@@ -1,0 +1,109 @@
+//! Which rows of a record serve for what: cycles that are fitted and held out, and stretches of time that are left out, written into its description.
+
+use std::path::Path;
+
+use serde::Deserialize;
+use vitreo_uq::error::{Error, Place, Result};
+use vitreo_uq::experiment::Experiment;
+use vitreo_uq::files::{self, Content};
+
+/// What a page chooses.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+pub struct Choice {
+    /// The item.
+    pub item: String,
+    /// Cycles that are fitted.
+    pub fitted: Vec<u32>,
+    /// Cycles that are held out.
+    pub heldout: Vec<u32>,
+    /// Intervals in s whose positions are not compared.
+    pub left_out_s: Vec<[f64; 2]>,
+}
+
+/// Writes a choice into the description in a folder, after the reader has taken it.
+pub fn choose(dir: &Path, choice: &Choice) -> Result<()> {
+    let path = dir.join("experiment.toml");
+    let bytes = files::read(&path, Content::Settings, "put the description there again")?;
+    let by_hand = |found: &str| {
+        Error::input(Place::file(&path).at_key("measurement"), found, "change the description in an editor")
+    };
+    let text = String::from_utf8(bytes).map_err(|_| by_hand("this is no text"))?;
+    let list = |numbers: &[u32]| format!("{numbers:?}");
+    let intervals: Vec<String> = choice.left_out_s.iter().map(|[from, to]| format!("[{from:?}, {to:?}]")).collect();
+    let keys = [
+        ("calibration_cycles", Some(list(&choice.fitted))),
+        ("heldout_cycles", Some(list(&choice.heldout))),
+        ("left_out_s", (!intervals.is_empty()).then(|| format!("[{}]", intervals.join(", ")))),
+    ];
+    let changed = with_keys(&text, &keys).ok_or_else(|| by_hand("its lines are not as this page can change them"))?;
+    // Read as a study would read it, beside its own tables, before anything is written over.
+    let trial = tempfile::Builder::new().prefix(".trial-").suffix(".toml").tempfile_in(dir);
+    let trial = trial.map_err(|error| Error::at_path("write", dir, error, "make the folder writable"))?;
+    std::fs::write(trial.path(), &changed)
+        .map_err(|error| Error::at_path("write", trial.path(), error, "make the folder writable"))?;
+    Experiment::read(trial.path()).map_err(|error| match error {
+        Error::Input { mut place, found, remedy } => {
+            if place.file.as_deref() == Some(trial.path()) {
+                place.file = Some(path.clone());
+            }
+            Error::Input { place, found, remedy }
+        }
+        other => other,
+    })?;
+    files::write_atomically(&path, changed.as_bytes())
+}
+
+/// A description with keys of `[measurement]` set, or taken away where they have no value; `None` where that would change anything else.
+fn with_keys(text: &str, keys: &[(&str, Option<String>)]) -> Option<String> {
+    const HEAD: &str = "[measurement]";
+    let mut lines: Vec<String> = text.lines().map(String::from).collect();
+    let is_head = |line: &String| line.split('#').next().is_some_and(|line| line.trim() == HEAD);
+    let head = lines.iter().position(is_head)?;
+    for (key, value) in keys {
+        let end = lines[head + 1..].iter().position(|line| line.trim_start().starts_with('['));
+        let end = end.map_or(lines.len(), |place| head + 1 + place);
+        let is_key = |line: &String| line.split_once('=').is_some_and(|(own, _)| own.trim() == *key);
+        let there = lines[head + 1..end].iter().position(is_key).map(|place| head + 1 + place);
+        match (there, value) {
+            (Some(place), Some(value)) => lines[place] = format!("{key} = {value}"),
+            (Some(place), None) => drop(lines.remove(place)),
+            (None, Some(value)) => lines.insert(head + 1, format!("{key} = {value}")),
+            (None, None) => {}
+        }
+    }
+    let changed = lines.join("\n") + "\n";
+    let without = |text: &str| -> Option<toml::Table> {
+        let mut table: toml::Table = toml::from_str(text).ok()?;
+        let measurement = table.get_mut("measurement")?.as_table_mut()?;
+        keys.iter().for_each(|(key, _)| drop(measurement.remove(*key)));
+        Some(table)
+    };
+    (without(text)? == without(&changed)?).then_some(changed)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TEXT: &str = "[specimen]\nid = \"eye\"\n[measurement] # how\nfile = \"t.csv\"\nheldout_cycles = [2] # the last\n[measurement.columns]\ntime = 1\n";
+
+    #[test]
+    fn keys_are_set_and_all_else_stays() {
+        let keys = [("heldout_cycles", Some("[3]".to_string())), ("left_out_s", Some("[[1.0, 2.0]]".to_string()))];
+        let changed = with_keys(TEXT, &keys).unwrap();
+        assert_eq!(
+            changed,
+            "[specimen]\nid = \"eye\"\n[measurement] # how\nleft_out_s = [[1.0, 2.0]]\nfile = \"t.csv\"\nheldout_cycles = [3]\n[measurement.columns]\ntime = 1\n"
+        );
+        let back = with_keys(&changed, &[("left_out_s", None), ("heldout_cycles", None)]).unwrap();
+        assert!(!back.contains("left_out_s") && !back.contains("heldout") && back.contains("t.csv"));
+    }
+
+    #[test]
+    fn what_cannot_be_changed_line_by_line_is_left_alone() {
+        let spread = TEXT.replace("[2] # the last", "[\n2,\n3]");
+        let keys = [("heldout_cycles", Some("[4]".to_string()))];
+        assert_eq!(with_keys(&spread, &keys), None);
+        assert_eq!(with_keys("measurement = { file = \"t.csv\" }\n", &keys), None);
+    }
+}
