@@ -3,8 +3,8 @@
 # nothing depends on anything.
 source "$(dirname "${BASH_SOURCE[0]}")/../common.sh"
 begin laws
-count=${COUNT:-200}
-controls=${CONTROLS:-$((2 * count))}
+count=${COUNT:-40}
+controls=${CONTROLS:-$count}
 # Learns from every record of a kind, which is drawn if it is not there; documents and truths in KIND-NUMBER.json and .truth.json.
 learn_all() {
     local kind=$1 number=$2 record

@@ -125,7 +125,7 @@ mod tests {
         let lines: Vec<&str> = text.lines().collect();
         assert_eq!((lines.len(), lines[0]), (51, "time_s,left_um,softening,inertia"));
         assert!(lines[11].starts_with("1.0,,"), "{}", lines[11]);
-        let svg = fingerprints(&example(), "eye").unwrap().finish();
+        let svg = fingerprints(&example(), "eye").unwrap().document();
         assert!(svg.contains("softening") && svg.contains("inertia"));
         let nothing = Fingerprints { effects: Vec::new(), ..example() };
         assert!(fingerprints(&nothing, "eye").is_err());

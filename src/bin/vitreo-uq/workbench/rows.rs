@@ -30,7 +30,14 @@ pub struct Read {
 
 /// What was read of files, as long as they stay as they are.
 pub struct Memory<T> {
-    kept: Mutex<Vec<(PathBuf, Vec<Option<SystemTime>>, Arc<T>)>>,
+    kept: Mutex<Vec<Remembered<T>>>,
+}
+
+/// What was read of a path, and when its files were last changed.
+struct Remembered<T> {
+    path: PathBuf,
+    changed: Vec<Option<SystemTime>>,
+    found: Arc<T>,
 }
 
 impl<T> Default for Memory<T> {
@@ -43,14 +50,14 @@ impl<T> Memory<T> {
     /// What a path holds, read again where one of the files has changed.
     pub fn get(&self, path: &Path, files: &[PathBuf], read: impl FnOnce() -> Result<T>) -> Result<Arc<T>> {
         let changed = |path: &PathBuf| std::fs::metadata(path).and_then(|metadata| metadata.modified()).ok();
-        let times: Vec<_> = files.iter().map(changed).collect();
+        let changed: Vec<_> = files.iter().map(changed).collect();
         let mut kept = self.kept.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-        if let Some((.., found)) = kept.iter().find(|(own, at, _)| own == path && *at == times) {
-            return Ok(Arc::clone(found));
+        if let Some(own) = kept.iter().find(|own| own.path == path && own.changed == changed) {
+            return Ok(Arc::clone(&own.found));
         }
         let found = Arc::new(read()?);
-        kept.retain(|(own, ..)| own != path);
-        kept.insert(0, (path.to_path_buf(), times, Arc::clone(&found)));
+        kept.retain(|own| own.path != path);
+        kept.insert(0, Remembered { path: path.to_path_buf(), changed, found: Arc::clone(&found) });
         kept.truncate(KEPT);
         Ok(found)
     }
@@ -74,7 +81,7 @@ pub fn read_revision(memory: &Memory<Predictions>, dir: &Path) -> Result<Option<
     if !path.is_file() {
         return Ok(None);
     }
-    memory.get(&path, &[path.clone()], || read_predictions(&path)).map(Some)
+    memory.get(&path, std::slice::from_ref(&path), || read_predictions(&path)).map(Some)
 }
 
 /// A stretch of time, and how many points show it.
