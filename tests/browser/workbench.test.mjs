@@ -204,7 +204,6 @@ test("models of other rows do not stand for these", async () => {
   await page.click("text=Use these rows");
   await page.waitForFunction(() => document.getElementById("next").textContent.includes("record has changed"));
   assert.ok(await page.locator("#fails").isHidden());
-  await page.locator("#choice summary").click();
   await page.locator("#choices select").nth(1).selectOption("held out");
   await page.locator("#choices select").first().selectOption("unused");
   await page.locator("#choices select").nth(1).selectOption("unused");
@@ -235,6 +234,7 @@ test("groups are compared", async () => {
   await page.click("#compare-start");
   await page.waitForSelector("#job:not([hidden])");
   await isIdle();
+  assert.ok(await page.locator("#fault").isHidden(), await page.locator("#fault-words").textContent());
   await page.waitForSelector("#sheet:visible");
   assert.ok((await page.locator("#sheet img").count()) > 1);
   await page.waitForFunction(() => [...document.querySelectorAll("#sheet img")].slice(0, 1).every((own) => own.complete && own.naturalWidth > 0));

@@ -93,13 +93,15 @@ impl Home {
                 items.push(self.item(name, Some(inside), Study::default_dir(&id)));
             }
         }
-        for name in folders(&self.dir.join(STUDIES)) {
-            let inside = Path::new(STUDIES).join(&name);
+        let within = |folder: &'static str| {
+            folders(&self.dir.join(folder)).into_iter().map(move |name| Path::new(folder).join(name))
+        };
+        for inside in within(STUDIES).chain(within(GROUPS)).collect::<Vec<PathBuf>>() {
             let whole = self.dir.join(&inside);
             let is_known = items.iter().any(|item| item.study == inside);
             let is_sheet = ["groups.json", "shapes.json"].iter().any(|document| whole.join(document).is_file());
             if !is_known && (is_sheet || Study::is_study(&whole)) {
-                let mut item = self.item(format!("{STUDIES}/{name}"), None, inside);
+                let mut item = self.item(inside.display().to_string(), None, inside);
                 if is_sheet {
                     item.figures = drawings(&whole);
                 }
@@ -109,9 +111,10 @@ impl Home {
         items
     }
 
-    /// Where groups of the folder are compared.
-    pub fn groups(&self) -> Item {
-        self.item(GROUPS.into(), None, GROUPS.into())
+    /// Where groups of the folder are compared, formed by some keys.
+    pub fn groups(&self, keys: &[String]) -> Item {
+        let study = Path::new(GROUPS).join(keys.join("-"));
+        Item { name: study.display().to_string(), experiment: None, study, revisions: Vec::new(), figures: Vec::new() }
     }
 
     /// Experiments whose descriptions have all of some keys of the specimen.

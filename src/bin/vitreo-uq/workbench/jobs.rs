@@ -351,7 +351,7 @@ fn commands(wish: &Wish, item: &Item, is_replaced: bool, members: &[PathBuf]) ->
             let mut groups = words(&["groups"]);
             groups.extend(members.iter().map(|member| member.display().to_string()));
             groups.extend(words(&["--by", &wish.with.join(","), "--out", GROUPS]));
-            Ok(vec![groups, words(&["report", GROUPS])])
+            Ok(vec![groups, words(&["report", &study])])
         }
         Kind::Adopt => {
             let revision = wish.revision.as_ref().or(last).filter(|name| item.revisions.contains(name));

@@ -403,7 +403,7 @@ async fn init(State(bench): State<Shared>, Json(described): Json<Described>) -> 
 async fn start(State(bench): State<Shared>, Json(wish): Json<Wish>) -> Response {
     answer(move || {
         let (item, is_changed) = match wish.kind {
-            Kind::Groups => (bench.home.groups(), false),
+            Kind::Groups => (bench.home.groups(&wish.with), false),
             _ => bench.current(&wish.item)?,
         };
         bench.jobs.start(&wish, &item, is_changed)
