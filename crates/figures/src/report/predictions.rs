@@ -67,6 +67,6 @@ mod tests {
         write_predictions(&path, &written).unwrap();
         assert_eq!(read_predictions(&path).unwrap(), written);
         std::fs::write(&path, "time_s,q05_um\n0,1\n").unwrap();
-        assert!(read_predictions(&path).unwrap_err().to_string().contains(":2"));
+        assert!(read_predictions(&path).unwrap_err().to_string().contains("line 2"));
     }
 }

@@ -38,6 +38,8 @@ export class Plots {
     this.rows = rows;
     this.window = window;
     const kind = rows.predicted ? "predicted" : "record";
+    // Without a model nothing is left of it.
+    /** @type {HTMLElement} */ (document.getElementById("plot-residual")).hidden = !rows.predicted;
     if (kind !== this.kind || this.plots.length === 0) {
       this.kind = kind;
       this.rebuild();
