@@ -11,6 +11,7 @@ use super::sample::SampleResult;
 use crate::documents::posterior::ModelSummary;
 use crate::effects::Library;
 use crate::error::{Error, Result};
+use crate::experiment::Experiment;
 use crate::files::{write_atomically, write_json_atomically};
 use crate::inference::diagnostics::DrawColumn;
 use crate::inference::diagnostics::autocovariance::autocovariance;
@@ -239,9 +240,8 @@ pub fn prior_curve(prior: &crate::inference::prior::Prior, draws: &[f64]) -> (Ve
     (x, density)
 }
 
-/// Where each cycle begins and ends, and what it served for.
-fn cycle_spans(problem: &Problem) -> Vec<CycleSpan> {
-    let experiment = &problem.experiment;
+/// Where each cycle begins and ends, and what it serves for.
+pub fn cycle_spans(experiment: &Experiment) -> Vec<CycleSpan> {
     let record = &experiment.record;
     let mut spans: Vec<CycleSpan> = Vec::new();
     for (time_s, cycle) in record.time_s.iter().zip(&record.cycle) {
@@ -283,7 +283,7 @@ fn predictive_figure(
         median_um: median,
         band_50_um: Band { lower: lower_50, upper: upper_50 },
         band_90_um: Band { lower: lower_90, upper: upper_90 },
-        cycles: &cycle_spans(problem),
+        cycles: &cycle_spans(&problem.experiment),
         noise: result.yardstick.map(|y| (1e6 * y.sd_m, noise_name.as_str())),
     })
 }

@@ -304,19 +304,14 @@ fn broken() -> Error {
 fn commands(wish: &Wish, item: &Item, is_replaced: bool, members: &[PathBuf]) -> Result<Vec<Vec<String>>> {
     let study = item.study.display().to_string();
     let words = |words: &[&str]| words.iter().map(|word| (*word).to_string()).collect::<Vec<String>>();
-    let last = item.revisions.last();
-    let of_revision = |command: &str| -> Result<Vec<String>> {
-        let revision = wish.revision.as_ref().or(last);
-        let is_there = revision.is_some_and(|name| item.revisions.contains(name));
-        match revision.filter(|_| is_there) {
-            Some(name) => Ok(words(&[command, &study, "--from", name])),
-            None => Err(Error::input(
-                Place::file(&item.study),
-                "there is no such revision",
-                "fit the first model to the record before anything else",
-            )),
-        }
+    let named = || -> Result<&String> {
+        let revision = wish.revision.as_ref().or(item.revisions.last());
+        revision.filter(|name| item.revisions.contains(name)).ok_or_else(|| {
+            let remedy = "fit the first model to the record before anything else";
+            Error::input(Place::file(&item.study), "there is no such revision", remedy)
+        })
     };
+    let of_revision = |command: &str| -> Result<Vec<String>> { Ok(words(&[command, &study, "--from", named()?])) };
     let extended = |with: &str| -> Result<Vec<Vec<String>>> {
         let mut extend = of_revision("extend")?;
         extend.extend(words(&["--with", with]));
@@ -354,9 +349,7 @@ fn commands(wish: &Wish, item: &Item, is_replaced: bool, members: &[PathBuf]) ->
             Ok(vec![groups, words(&["report", &study])])
         }
         Kind::Adopt => {
-            let revision = wish.revision.as_ref().or(last).filter(|name| item.revisions.contains(name));
-            let name = revision.map_or("m0", String::as_str);
-            let file = item.study.join(name).join(vitreo_uq::learn::FILE_NAME);
+            let file = item.study.join(named()?).join(vitreo_uq::learn::FILE_NAME);
             extended(&file.display().to_string())
         }
     }
@@ -390,7 +383,7 @@ fn error_in(tail: &str) -> String {
     }
 }
 
-#[cfg(unix)]
+#[cfg(any(target_os = "linux", target_vendor = "apple"))]
 fn terminate(process: u32) {
     use rustix::process::{Pid, Signal, kill_process};
     if let Some(pid) = i32::try_from(process).ok().and_then(Pid::from_raw) {
@@ -398,13 +391,13 @@ fn terminate(process: u32) {
     }
 }
 
-#[cfg(not(unix))]
+#[cfg(not(any(target_os = "linux", target_vendor = "apple")))]
 fn terminate(process: u32) {
     let _ = Command::new("taskkill").args(["/F", "/PID", &process.to_string()]).status();
 }
 
 /// Whether a process runs that is one of this program's.
-#[cfg(unix)]
+#[cfg(any(target_os = "linux", target_vendor = "apple"))]
 fn runs(process: u32) -> bool {
     use rustix::process::{Pid, test_kill_process};
     let pid = i32::try_from(process).ok().and_then(Pid::from_raw);
@@ -416,7 +409,7 @@ fn runs(process: u32) -> bool {
     is_ours && pid.is_some_and(|pid| test_kill_process(pid).is_ok())
 }
 
-#[cfg(not(unix))]
+#[cfg(not(any(target_os = "linux", target_vendor = "apple")))]
 fn runs(_: u32) -> bool {
     false
 }

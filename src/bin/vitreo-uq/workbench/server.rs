@@ -23,10 +23,11 @@ use tokio_stream::wrappers::WatchStream;
 use vitreo_uq::error::{Error, Place, Result};
 use vitreo_uq::experiment::{Experiment, Record};
 use vitreo_uq::files::{self, Content};
+use vitreo_uq::report::predictive::{CycleKind, CycleSpan};
 use vitreo_uq::study::{
     COMPARISON_NAME, CORNER_NAME, DIAGNOSIS_NAME, EXTENSION_NAME, LADDER_NAME, LEARNED_NAME, POSTERIOR_NAME, Study,
 };
-use vitreo_uq::workflow::pages;
+use vitreo_uq::workflow::{artefacts, pages};
 
 use super::choice::{Choice, choose};
 use super::guard::{Guard, guard};
@@ -285,22 +286,15 @@ fn left_out_s(bench: &Bench, item: &Item) -> Value {
 
 /// Where each cycle begins and ends, and what it serves for.
 fn cycles(experiment: &Experiment) -> Vec<Value> {
-    let record = &experiment.record;
-    let spans = record.cycle.chunk_by(|a, b| a == b).scan(0, |row, own| {
-        let first = *row;
-        *row += own.len();
-        // A cycle lasts until the next begins.
-        let end = (*row).min(record.n_rows() - 1);
-        Some((own[0], record.time_s[first], record.time_s[end]))
-    });
-    let serves = |cycle: &u32| match cycle {
-        own if experiment.calibration_cycles.contains(own) => "fitted",
-        own if experiment.heldout_cycles.contains(own) => "held out",
-        _ => "unused",
+    let shown = |CycleSpan { cycle, start_s, end_s, kind }| {
+        let serves = match kind {
+            CycleKind::Calibration => "fitted",
+            CycleKind::HeldOut => "held out",
+            CycleKind::Unused => "unused",
+        };
+        json!({ "cycle": cycle, "from_s": start_s, "to_s": end_s, "serves": serves })
     };
-    let shown =
-        |(cycle, from_s, to_s)| json!({ "cycle": cycle, "from_s": from_s, "to_s": to_s, "serves": serves(&cycle) });
-    spans.map(shown).collect()
+    artefacts::cycle_spans(experiment).into_iter().map(shown).collect()
 }
 
 /// Changes of the force that the page marks at most.
