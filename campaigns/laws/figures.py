@@ -33,13 +33,24 @@ def between(points, state, key):
     return None
 
 
+def nearest(factors, state):
+    """The true factor at a state, by lines between those that are listed."""
+    return between([{"state": s, "factor": f} for s, f in sorted(dict(factors).items())], state, "factor")
+
+
 def held(document, truth):
-    """What the function errs by over the range of its factors, and the share of states whose factor the band holds; None where the pair is another."""
+    """What the function errs by over the range of its factors, and the share of states whose factor the band holds; None where the pair is another.
+
+    Both are over their values at the function's reference state: a factor that all states share is a change of the quantity itself."""
     verdict, function = document["verdict"], document["function"]
     if function is None or (verdict["quantity"], verdict["state"]) != (truth["quantity"], truth["state"]):
         return None
     low, high = function["visited"]
     seen = [(state, factor) for state, factor in truth["factors"] if low <= state <= high]
+    at_reference = nearest(truth["factors"], function["reference_state"])
+    if not seen or at_reference is None:
+        return None
+    seen = [(state, factor / at_reference) for state, factor in seen]
     factors = [factor for _, factor in seen]
     points = function["points"]
     errors = sorted(abs(between(points, state, "factor") - factor) for state, factor in seen)

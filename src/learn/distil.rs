@@ -33,7 +33,7 @@ pub fn distil(
     subject: &Subject,
     base: &Refitted,
     pair: &Pair,
-    states: &[f64],
+    (states, reference): (&[f64], f64),
     (least_score, most_parameters): (f64, usize),
 ) -> Option<Distilled> {
     let Kind::Function { state, visited, .. } = &pair.kind else { return None };
@@ -77,7 +77,7 @@ pub fn distil(
         text: written.text.clone(),
         parameters: own,
         file: FILE_NAME.into(),
-        factors: factors(&refitted, effect, states),
+        factors: factors(&refitted, effect, states, reference),
     };
     Some(Distilled { formula, score: score(&refitted), refitted, file })
 }
@@ -105,13 +105,14 @@ fn parameters(
 /// Standard deviations of a 90 % interval.
 pub const NORMAL_90: f64 = 1.645;
 
-/// Factors at states.
-fn factors(refitted: &Refitted, effect: &StateEffect, states: &[f64]) -> Vec<f64> {
+/// Factors at states, over that at the reference.
+fn factors(refitted: &Refitted, effect: &StateEffect, states: &[f64], reference: f64) -> Vec<f64> {
     let all = refitted.candidate.parameters(&refitted.fitted.theta);
     let named = refitted.candidate.model.parameters();
     let value = |name: &str| named.iter().position(|spec| spec.name == name).map_or(f64::NAN, |place| all[place]);
     let own: Vec<Dual> = effect.parameters.iter().map(|p| Dual::constant(value(p.spec.name))).collect();
-    states.iter().map(|state| effect.function.value(Dual::constant(*state), &own).value).collect()
+    let at = |state: f64| effect.function.value(Dual::constant(state), &own).value;
+    states.iter().map(|state| at(*state) / at(reference)).collect()
 }
 
 /// A subject beside one more effect; `None` where the experiment cannot have it.

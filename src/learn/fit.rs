@@ -7,12 +7,13 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::pairs::{Kind, Pair};
-use super::smooth::N_WEIGHTS;
+use super::smooth::Smooth;
 use crate::critique::derivatives::columns_m;
 use crate::critique::future::{FutureScore, future_score};
 use crate::critique::refit::Refitted;
-use crate::critique::{Candidate, Fitted, NoiseValues, Search, Subject, Tangent};
+use crate::critique::{Candidate, Coordinate, Fitted, Free, NoiseValues, Search, Subject, Tangent};
 use crate::error::Result;
+use crate::number::Dual;
 
 /// Standard deviations τ of weights that are tried, in order: a weight of 1 changes its quantity by a factor of e over the range of states.
 const SPREADS: [f64; 4] = [0.3, 1.0, 3.0, 0.08];
@@ -207,24 +208,56 @@ pub fn largest_gain(data: &Subject, base: &Refitted, screen: &Screen, candidates
     found.fold(0.0, f64::max)
 }
 
-/// The function that was learnt at some states: ln factor and its standard deviation.
-pub fn curve(subject: &Subject, learnt: &Learnt, pair: &Pair, states: &[f64]) -> Result<Vec<[f64; 2]>> {
+/// The function that was learnt at some states, over its value at `reference`: ln factor and its standard deviation.
+///
+/// A factor that all states share is a change of the quantity itself, so only ratios say something of the function. The data tell those to a state in the midst of the ones that they visit, and hardly
+/// those to a state that they touch: the reference decides how wide the band is.
+pub fn curve(
+    subject: &Subject,
+    learnt: &Learnt,
+    pair: &Pair,
+    states: &[f64],
+    reference: f64,
+) -> Result<Vec<[f64; 2]>> {
     let Kind::Function { smooth, .. } = &pair.kind else { return Ok(Vec::new()) };
-    let tangent = Tangent::new(subject, &learnt.candidate, &learnt.fitted)?;
-    let places = learnt.weights();
-    let covariance = tangent.covariance();
-    let unit: Vec<f64> = places.iter().map(|k| learnt.candidate.free[*k].coordinate.unit(0.0)).collect();
+    let covariance = Tangent::new(subject, &learnt.candidate, &learnt.fitted)?.covariance();
+    let at_reference = slopes(learnt, smooth, reference);
     let at = |state: &f64| {
-        let functions = smooth.functions((*state).into());
-        let own: [f64; N_WEIGHTS] = std::array::from_fn(|i| functions[i].value * unit.get(i).copied().unwrap_or(0.0));
-        let mean: f64 = places.iter().zip(own).map(|(k, own)| learnt.fitted.theta[*k] * own).sum();
-        let variance: f64 = covariance.as_ref().map_or(f64::INFINITY, |covariance| {
-            let pair = |(i, j): (usize, usize)| own[i] * own[j] * covariance[(places[i], places[j])];
-            (0..places.len()).flat_map(|i| (0..places.len()).map(move |j| (i, j))).map(pair).sum()
-        });
-        [mean, variance.max(0.0).sqrt()]
+        let apart = slopes(learnt, smooth, *state).into_iter().zip(&at_reference);
+        let apart: Vec<(usize, f64)> = apart.map(|((k, own), (_, other))| (k, own - other)).collect();
+        [along(learnt, &apart), spread(covariance.as_ref(), &apart)]
     };
     Ok(states.iter().map(at).collect())
+}
+
+/// The quantity that depends, at a state: its logarithm and that one's standard deviation; `None` where it is no free parameter of the law (force, observed position).
+pub fn ln_quantity(subject: &Subject, learnt: &Learnt, pair: &Pair, state: f64) -> Result<Option<[f64; 2]>> {
+    let Kind::Function { smooth, .. } = &pair.kind else { return Ok(None) };
+    let is_quantity = |free: &Free| free.name == pair.quantity && matches!(free.coordinate, Coordinate::Logarithm);
+    let Some(own) = learnt.candidate.free.iter().position(is_quantity) else { return Ok(None) };
+    let covariance = Tangent::new(subject, &learnt.candidate, &learnt.fitted)?.covariance();
+    let mut all = slopes(learnt, smooth, state);
+    all.push((own, 1.0));
+    Ok(Some([along(learnt, &all), spread(covariance.as_ref(), &all)]))
+}
+
+/// Derivatives of ln factor at a state by the weights' coordinates, with their places.
+fn slopes(learnt: &Learnt, smooth: &Smooth, state: f64) -> Vec<(usize, f64)> {
+    let functions = smooth.functions(state.into());
+    let slope = |(k, function): (usize, &Dual)| (k, function.value * learnt.candidate.free[k].coordinate.unit(0.0));
+    learnt.weights().into_iter().zip(&functions).map(slope).collect()
+}
+
+/// A sum of coordinates at the fit.
+fn along(learnt: &Learnt, sum: &[(usize, f64)]) -> f64 {
+    sum.iter().map(|(k, slope)| learnt.fitted.theta[*k] * slope).sum()
+}
+
+/// Standard deviation of a sum of coordinates.
+fn spread(covariance: Option<&DMatrix<f64>>, sum: &[(usize, f64)]) -> f64 {
+    let Some(covariance) = covariance else { return f64::INFINITY };
+    let of = |(i, a): &(usize, f64)| -> f64 { sum.iter().map(|(j, b)| a * b * covariance[(*i, *j)]).sum() };
+    sum.iter().map(of).sum::<f64>().max(0.0).sqrt()
 }
 
 #[cfg(test)]

@@ -3,6 +3,7 @@
 use super::*;
 use crate::critique::test_subjects::{Protocol, noise_of, subject, truth_of};
 use crate::learn::pairs::pairs;
+use crate::learn::smooth::N_WEIGHTS;
 
 /// Records.
 const N_RECORDS: u64 = 48;
@@ -25,10 +26,13 @@ fn bands_are_as_wide_as_what_is_learnt_scatters() {
     let Kind::Function { smooth, visited, .. } = &pair.kind else { panic!("a function") };
     let far = visited.iter().fold(0.0_f64, |far, s| far.max(*s));
     let states = [0.3, 0.6].map(|part| part * far);
-    let truths = states.map(|state| {
+    let ln_factor = |state: f64| {
         let functions = smooth.functions(state.into());
         WEIGHTS.iter().zip(functions).map(|(weight, function)| weight * function.value).sum::<f64>()
-    });
+    };
+    // Over the value at the state 0, and over that in the midst of the states.
+    let settings = [0.0, 0.45].map(|part| part * far).map(|reference| states.map(|state| (state, reference)));
+    let settings = settings.concat();
     let noise: NoiseValues = [4.0, 0.0, 1.0, 0.0, 0.0];
     let curves = (0..N_RECORDS).into_par_iter().map(|seed| {
         let noise_m = noise_of(&subject, &truth_m, &noise, 900 + seed);
@@ -37,10 +41,12 @@ fn bands_are_as_wide_as_what_is_learnt_scatters() {
         let (candidate, fitted, evidence_nats) =
             fit(&data, (&start, 0.0), &base.candidate, &candidate, &SPREADS[1..2]).unwrap();
         let learnt = Learnt { pair: 0, candidate, fitted, evidence_nats, future: None };
-        curve(&data, &learnt, pair, &states).unwrap()
+        let of = |(state, reference): &(f64, f64)| curve(&data, &learnt, pair, &[*state], *reference).unwrap()[0];
+        settings.iter().map(of).collect()
     });
     let curves: Vec<Vec<[f64; 2]>> = curves.collect();
-    for (k, truth) in truths.into_iter().enumerate() {
+    for (k, (state, reference)) in settings.iter().enumerate() {
+        let truth = ln_factor(*state) - ln_factor(*reference);
         let n = curves.len() as f64;
         let mean = curves.iter().map(|curve| curve[k][0]).sum::<f64>() / n;
         let scatter = (curves.iter().map(|curve| (curve[k][0] - mean).powi(2)).sum::<f64>() / (n - 1.0)).sqrt();

@@ -1,7 +1,7 @@
 //! What the data write: every pair fitted, the leading one judged, drawn and written as a formula.
 
 use super::distil::{Distilled, NORMAL_90, distil};
-use super::fit::{Base, Learnt, Screen, curve, fit_all, fit_under, largest_gain};
+use super::fit::{Base, Learnt, Screen, curve, fit_all, fit_under, largest_gain, ln_quantity};
 use super::pairs::{Kind, Pair, pairs};
 use crate::critique::bootstrap::{Bootstrap, Simulations, simulated};
 use crate::critique::leftover::misfit;
@@ -10,7 +10,7 @@ use crate::critique::refit::{Refitted, refit_all};
 use crate::critique::{Candidate, Fitted, Search, Subject};
 use crate::documents::learned::{
     EquivalentPair, Learned, LearnedErrors, LearnedFunction, LearnedKind, LearnedPair, LearnedPoint, LearnedVerdict,
-    Retardation,
+    QuantityAtReference, Retardation,
 };
 use crate::error::Result;
 use crate::report::number::significant;
@@ -206,7 +206,7 @@ impl Found {
         };
         let ends = visited.iter().fold([0.0_f64; 2], |[low, high], s| [low.min(*s), high.max(*s)]);
         let far = if ends[1] >= -ends[0] { ends[1] } else { ends[0] };
-        let change = curve(&self.subject, chosen, pair, &[far]).ok().and_then(|curve| curve.first().map(|own| own[0]));
+        let change = curve(&self.subject, chosen, pair, &[far], 0.0).ok().and_then(|curve| curve.first().map(|own| own[0]));
         let way = match change {
             Some(change) if change > 0.0 => "rising",
             Some(_) => "falling",
@@ -283,8 +283,8 @@ impl Found {
         let is_within = |other: &&Learnt| other.evidence_nats > chosen.evidence_nats - SIMPLER_WITHIN_NATS;
         let formulas = self.learnt.iter().filter(is_within).filter_map(|own| {
             let (pair, most) = (&self.pairs[own.pair], if own.pair == chosen.pair { usize::MAX } else { 1 });
-            let states = states_of(&subject, pair);
-            Some((own, distil(&subject, &base, pair, &states, (least, most))?))
+            let states = (&states_of(&subject, pair)[..], reference_of(&subject, pair));
+            Some((own, distil(&subject, &base, pair, states, (least, most))?))
         });
         let simplest = formulas.min_by(|(_, a), (_, b)| {
             let n = |own: &Distilled| own.formula.parameters.len();
@@ -295,7 +295,7 @@ impl Found {
 
     fn learned(&self, chosen: &Learnt, distilled: Option<Distilled>, p: f64, library: Vec<String>) -> Result<Outcome> {
         let pair = &self.pairs[chosen.pair];
-        let states = states_of(&self.subject, pair);
+        let (states, reference_state) = (states_of(&self.subject, pair), reference_of(&self.subject, pair));
         let is_equal =
             |other: &&Learnt| other.pair != chosen.pair && other.evidence_nats >= chosen.evidence_nats - EQUAL_NATS;
         let equal = self.learnt.iter().filter(is_equal).map(|other| {
@@ -303,7 +303,7 @@ impl Found {
             EquivalentPair { quantity: pair.quantity.into(), state: pair.state.into() }
         });
         let equivalent: Vec<EquivalentPair> = equal.collect();
-        let curve = curve(&self.subject, chosen, pair, &states)?;
+        let curve = curve(&self.subject, chosen, pair, &states, reference_state)?;
         let sentence = self.sentence(chosen, &library, distilled.as_ref(), &curve)?;
         let verdict = LearnedVerdict {
             kind: LearnedKind::Learned,
@@ -317,15 +317,22 @@ impl Found {
         learned.learned = Some(self.errors(&chosen.fitted));
         learned.explained_fraction = self.explained(&chosen.fitted);
         if let Kind::Function { state, visited, .. } = &pair.kind {
-            let point = |(state, [mean, sd]): (&f64, &[f64; 2])| LearnedPoint {
-                state: *state,
-                factor: mean.exp(),
-                q05: (mean - NORMAL_90 * sd).exp(),
-                q95: (mean + NORMAL_90 * sd).exp(),
+            let quantiles = |[mean, sd]: [f64; 2]| [0.0, -NORMAL_90, NORMAL_90].map(|z| (mean + z * sd).exp());
+            let point = |(state, ln_factor): (&f64, &[f64; 2])| {
+                let [factor, q05, q95] = quantiles(*ln_factor);
+                LearnedPoint { state: *state, factor, q05, q95 }
             };
-            let points = states.iter().zip(&curve).map(point).collect();
-            let visited = seen(&self.subject, visited);
-            learned.function = Some(LearnedFunction { state_unit: state.unit().into(), visited, points });
+            let at_reference = ln_quantity(&self.subject, chosen, pair, reference_state)?.map(|own| {
+                let [value, q05, q95] = quantiles(own);
+                QuantityAtReference { value, q05, q95 }
+            });
+            learned.function = Some(LearnedFunction {
+                state_unit: state.unit().into(),
+                visited: seen(&self.subject, visited),
+                reference_state,
+                at_reference,
+                points: states.iter().zip(&curve).map(point).collect(),
+            });
         }
         if let Kind::Memory(creep) = &pair.kind {
             let shares = chosen.candidate.parameters(&chosen.fitted.theta);
@@ -450,6 +457,15 @@ fn share_beyond(subject: &Subject, visited: &[f64]) -> f64 {
         (n + 1, beyond + usize::from(!(low - margin..=high + margin).contains(&s)))
     });
     if n == 0 { 0.0 } else { n_beyond as f64 / n as f64 }
+}
+
+/// State of a pair's function at which its factor is 1: the median of the fitted rows, which is one of theirs; 0 for a free memory.
+fn reference_of(subject: &Subject, pair: &Pair) -> f64 {
+    let Kind::Function { visited, .. } = &pair.kind else { return 0.0 };
+    let is_fitted = |(_, y): &(&f64, &Option<f64>)| y.is_some();
+    let mut states: Vec<f64> = visited.iter().zip(&subject.fitted_m).filter(is_fitted).map(|(s, _)| *s).collect();
+    states.sort_by(f64::total_cmp);
+    states.get(states.len() / 2).copied().unwrap_or(0.0)
 }
 
 /// States at which a function is written: those that fitted rows visit, and a little more.

@@ -26,9 +26,7 @@ pub struct Measured {
 impl Measured {
     /// Probability that this body moves easier than another; relative errors are taken as standard deviations.
     fn easier_than(&self, other: &Self) -> f64 {
-        let distance = (other.stiffness_m / self.stiffness_m).ln();
-        let sd = self.relative_error.hypot(other.relative_error).max(f64::EPSILON);
-        Normal::standard().cdf(distance / sd)
+        easier(-self.stiffness_m.ln(), -other.stiffness_m.ln(), self.relative_error.hypot(other.relative_error))
     }
 }
 
@@ -84,12 +82,21 @@ pub fn claims(all: &[Measured]) -> Vec<Claim> {
 }
 
 fn claim(claim: String, probability: f64, numbers: String) -> Claim {
-    let verdict = match probability {
+    Claim { claim, verdict: verdict_of(probability), probability, numbers }
+}
+
+/// Probability that the first of two numbers is the larger, their difference having this standard deviation.
+pub(super) fn easier(first: f64, second: f64, sd: f64) -> f64 {
+    Normal::standard().cdf((first - second) / sd.max(f64::EPSILON))
+}
+
+/// What is to be said of a claim with this probability.
+pub(super) fn verdict_of(probability: f64) -> ClaimVerdict {
+    match probability {
         p if p >= SURE => ClaimVerdict::Holds,
         p if p <= 1.0 - SURE => ClaimVerdict::DoesNotHold,
         _ => ClaimVerdict::TooClose,
-    };
-    Claim { claim, verdict, probability, numbers }
+    }
 }
 
 /// "The viscoelastic force is approximately proportional to the surface area of the robot."

@@ -6,8 +6,10 @@ use rayon::prelude::*;
 use super::bodies::{Body, bodies};
 use super::claims::{Measured, claims};
 use super::design::{StiffnessSurrogate, longest};
+use super::large;
 use super::predictors::compare_predictors;
 use crate::documents::shapes::Claim;
+use crate::documents::shapes::LargeStrains;
 use crate::documents::shapes::LongestRobot;
 use crate::documents::shapes::PredictorRecord;
 use crate::documents::shapes::Shape;
@@ -15,6 +17,7 @@ use crate::error::Result;
 use crate::experiment::{Orientation, Vitreous};
 use crate::fe::Stiffness;
 use crate::fe::meridional::{ElasticRobot, Formulation, Resolution, solve, solve_elastic};
+use crate::fe::oldroyd::FiniteLaw;
 use crate::fe::quality::MeshQuality;
 use crate::fe::surface::RobotSize;
 use crate::fe::time::FullOrderModel;
@@ -26,7 +29,7 @@ use crate::workflow::mechanics::{MODEL_LEVEL, robot_mesh};
 use crate::workflow::{Counter, Monitor};
 
 /// Times a hold of the cycle in trajectories.
-const ROWS_A_HOLD: usize = 100;
+pub(super) const ROWS_A_HOLD: usize = 100;
 
 /// What a caller decides.
 pub struct ShapesRequest {
@@ -46,6 +49,8 @@ pub struct ShapesRequest {
     pub distance_m: f64,
     /// Posterior draws of the gel.
     pub laws: Vec<CreepCompliance>,
+    /// The law at the posterior's mean as a fluid whose strains may be large; `None` where it has no such form.
+    pub finite_law: Option<FiniteLaw>,
     /// Mesh of a body of the user's, to be set beside the others.
     pub own_mesh: Option<Mesh>,
 }
@@ -122,6 +127,8 @@ pub struct ShapesResult {
     pub predictors: Vec<PredictorRecord>,
     /// The longest robots.
     pub longest: Vec<LongestRobot>,
+    /// Bodies along the force with large strains.
+    pub large_strains: Option<LargeStrains>,
 }
 
 /// Moduli that are tried; a metal's is about 10¹⁰ times the gel's, where rounding hides the difference.
@@ -260,6 +267,14 @@ pub fn run(request: &ShapesRequest, monitor: &dyn Monitor) -> Result<ShapesResul
             found.push(longest(&surrogate, *sphere_diameter_m, poisson_ratio, &ends, *distance_m));
         }
     }
+    let large_strains = match &request.finite_law {
+        Some(law) => {
+            monitor.stage("following bodies along the force through large strains");
+            let median: Vec<f64> = force_per_pa[..=ROWS_A_HOLD].iter().map(|row| row[1]).collect();
+            Some(large::run(request, law, &time_s[..=ROWS_A_HOLD], &median, monitor)?)
+        }
+        None => None,
+    };
     Ok(ShapesResult {
         studied,
         fields,
@@ -270,5 +285,6 @@ pub fn run(request: &ShapesRequest, monitor: &dyn Monitor) -> Result<ShapesResul
         elastic,
         predictors,
         longest: found,
+        large_strains,
     })
 }

@@ -6,5 +6,6 @@ pub mod claims;
 pub mod design;
 mod figures;
 pub mod job;
+pub mod large;
 pub mod predictors;
 pub mod summary;

@@ -4,7 +4,7 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use vitreo_uq::critique::Subject;
-use vitreo_uq::documents::learned::{Learned, LearnedErrors, LearnedKind, LearnedPair};
+use vitreo_uq::documents::learned::{Learned, LearnedErrors, LearnedKind, LearnedPair, LearnedVerdict};
 use vitreo_uq::error::{Error, Place, Result};
 use vitreo_uq::files::{remove_if_there, write_atomically, write_json_atomically};
 use vitreo_uq::learn::{FILE_NAME, Request, learn};
@@ -105,6 +105,7 @@ fn words(learned: &Learned, revision: &str) -> String {
     lines.extend(learned.learned.as_ref().map(|own| errors("as learnt", own)));
     lines.extend(learned.with_formula.as_ref().map(|own| errors("by the formula", own)));
     lines.push(format!("  {:<24}{:>18}", "noise", significant(learned.noise_um)));
+    lines.extend(at_reference(learned));
     if let Some(formula) = &learned.formula {
         lines.push(String::new());
         lines.push(format!("Formula: {}", formula.product(&learned.verdict.quantity)));
@@ -119,6 +120,24 @@ fn words(learned: &Learned, revision: &str) -> String {
     lines.push(String::new());
     lines.extend(advice(learned, revision));
     lines.join("\n") + "\n"
+}
+
+/// The quantity in the midst of the states that were visited, where it is a parameter of the law.
+fn at_reference(learned: &Learned) -> Vec<String> {
+    let Some((function, own)) = learned.function.as_ref().and_then(|own| Some((own, own.at_reference?))) else {
+        return Vec::new();
+    };
+    let [value, q05, q95] = [own.value, own.q05, own.q95].map(significant);
+    let LearnedVerdict { quantity, state, .. } = &learned.verdict;
+    vec![
+        String::new(),
+        format!(
+            "`{quantity}` is {value} ({q05} to {q95}) at a {} of {} {}, the median of the fitted rows",
+            state.replace('_', " "),
+            significant(function.reference_state),
+            function.state_unit
+        ),
+    ]
 }
 
 /// What to do next.

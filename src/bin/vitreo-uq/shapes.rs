@@ -9,6 +9,8 @@ use vitreo_uq::documents::posterior::Warning;
 use vitreo_uq::documents::shapes::ShapesSummary;
 use vitreo_uq::error::{Error, Place, Result};
 use vitreo_uq::experiment::{Apparatus, RobotShape, Vitreous};
+use vitreo_uq::fe::oldroyd::FiniteLaw;
+use vitreo_uq::number::Dual;
 use vitreo_uq::report::draws::read_draws_csv;
 use vitreo_uq::rheology::CreepCompliance;
 use vitreo_uq::shapes::artefacts;
@@ -161,6 +163,7 @@ fn request(arguments: &ShapesArguments, examined: &Examined) -> Result<(ShapesRe
         None => (None, Vec::new()),
     };
     let amplitude = experiment.record.force_n.iter().fold(0.0_f64, |most, force| most.max(force.abs()));
+    let (laws, mean) = laws(examined)?;
     let request = ShapesRequest {
         sphere_diameter_m,
         vitreous: *vitreous,
@@ -169,7 +172,8 @@ fn request(arguments: &ShapesArguments, examined: &Examined) -> Result<(ShapesRe
         force_n: arguments.force_un.first().map_or(amplitude, |force| 1e-6 * force),
         hold_s: HOLD_S,
         distance_m: 1e-3 * arguments.distance,
-        laws: laws(examined)?,
+        laws,
+        finite_law: mean.and_then(|mean| FiniteLaw::new(&examined.problem.model.base().elements(&mean), 0.0)),
         own_mesh,
     };
     Ok((request, warnings))
@@ -183,8 +187,8 @@ fn forces_n(arguments: &ShapesArguments, request: &ShapesRequest) -> Vec<f64> {
     }
 }
 
-/// Posterior draws of the revision, as creep compliances.
-fn laws(examined: &Examined) -> Result<Vec<CreepCompliance>> {
+/// Posterior draws of the revision as creep compliances, and the law's parameters at their mean; none without draws.
+fn laws(examined: &Examined) -> Result<(Vec<CreepCompliance>, Option<Vec<Dual>>)> {
     let model = &examined.problem.model;
     if !model.effects().is_empty() || !model.base().is_exponential() {
         return Err(Error::input(
@@ -208,5 +212,10 @@ fn laws(examined: &Examined) -> Result<Vec<CreepCompliance>> {
             columns.iter().map(|(values, fixed)| values.as_ref().map_or(*fixed, |values| values[draw])).collect();
         model.base().creep_compliance(&parameters)
     };
-    Ok((0..n).step_by(n.div_ceil(N_DRAWS).max(1)).filter_map(law).collect())
+    let mean = |(values, fixed): &(Option<Vec<f64>>, f64)| {
+        let mean = values.as_ref().map_or(*fixed, |values| values.iter().sum::<f64>() / n as f64);
+        Dual::constant(mean)
+    };
+    let mean = (n > 0).then(|| columns.iter().map(mean).collect());
+    Ok(((0..n).step_by(n.div_ceil(N_DRAWS).max(1)).filter_map(law).collect(), mean))
 }

@@ -2,8 +2,9 @@
 
 use std::collections::BTreeSet;
 
-use vitreo_uq::documents::shapes::Claim;
-use vitreo_uq::documents::shapes::{BodySummary, Displacement, OwnBody, ShapesSummary, SweepSummary};
+use vitreo_uq::documents::shapes::{
+    BodySummary, Claim, Displacement, LargeStrains, OwnBody, ShapesSummary, SweepSummary,
+};
 
 /// The study in words and tables.
 pub fn words(summary: &ShapesSummary) -> String {
@@ -23,6 +24,10 @@ pub fn words(summary: &ShapesSummary) -> String {
     lines.push("The paper says that:".into());
     lines.extend(summary.claims.iter().map(claim));
     lines.extend(changing_claims(&summary.sweep));
+    if let Some(large) = &summary.large_strains {
+        lines.push(String::new());
+        lines.extend(large_strains(large, summary.hold_s));
+    }
     lines.push(String::new());
     lines.extend(elastic(summary));
     lines.push(String::new());
@@ -173,6 +178,51 @@ fn changing_claims(all: &[SweepSummary]) -> Vec<String> {
             lines.push(format!("  elsewhere, {}: {}", own.claim, others.join("; ")));
         }
     }
+    lines
+}
+
+fn large_strains(large: &LargeStrains, hold_s: f64) -> Vec<String> {
+    let mut lines = vec![
+        "The same bodies along the force with strains of any size, as far as a mesh that is bonded to them follows:"
+            .into(),
+        format!(
+            "  {:<22}{:>8}{:>11}{:>14}{:>14}{:>8}{:>20}{:>8}{:>10}",
+            "body",
+            "aspect",
+            "followed",
+            "small strains",
+            "Oldroyd-B",
+            "error",
+            format!("with mobility {}", large.other_mobility),
+            "radii",
+            "lengths"
+        ),
+    ];
+    let mut rule = None;
+    for own in &large.bodies {
+        if rule != Some(own.size_rule) {
+            lines.push(format!("  at {}", own.size_rule.title()));
+            rule = Some(own.size_rule);
+        }
+        lines.push(format!(
+            "    {:<20}{:>8.2}{:>9.2} s{:>11.1} µm{:>+11.1} µm{:>8.1}{:>+17.1} µm{:>8.1}{:>10.2}",
+            own.shape.name(),
+            own.aspect,
+            own.followed_s,
+            own.small_strains_um,
+            own.deviation_um,
+            own.error_um,
+            own.deviation_with_mobility_um,
+            own.radii_moved,
+            own.lengths_moved
+        ));
+    }
+    if large.bodies.iter().any(|own| !own.is_whole) {
+        lines.push(format!(
+            "  Before a slender tip and at a sharp rim a bonded gel is strained most, and there its mesh follows no farther: bodies are compared up to that time, not to {hold_s} s"
+        ));
+    }
+    lines.extend(large.claims.iter().map(claim));
     lines
 }
 

@@ -78,11 +78,26 @@ pub struct LearnedFunction {
     pub state_unit: String,
     /// Lowest and highest state that fitted rows visited.
     pub visited: [f64; 2],
+    /// State at which the factors are 1: the median of the fitted rows.
+    pub reference_state: f64,
+    /// The quantity at the reference state; absent where it is no parameter of the law.
+    pub at_reference: Option<QuantityAtReference>,
     /// Its values.
     pub points: Vec<LearnedPoint>,
 }
 
-/// A value of the function: what the quantity is multiplied by.
+/// The quantity that depends, at the reference state, in its parameter's unit.
+#[derive(Debug, Clone, Copy, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+pub struct QuantityAtReference {
+    /// Median.
+    pub value: f64,
+    /// 5 % quantile.
+    pub q05: f64,
+    /// 95 % quantile.
+    pub q95: f64,
+}
+
+/// A value of the function: the quantity over what it is at the reference state.
 #[derive(Debug, Clone, Copy, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct LearnedPoint {
     /// State.
@@ -104,7 +119,7 @@ pub struct LearnedFormula {
     pub parameters: Vec<FormulaParameter>,
     /// The file beside this document that `extend --with` takes.
     pub file: String,
-    /// Factors at the states of the function's points.
+    /// Factors at the states of the function's points, over that at the reference state.
     pub factors: Vec<f64>,
 }
 

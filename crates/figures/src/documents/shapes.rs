@@ -34,6 +34,8 @@ pub struct ShapesSummary {
     pub wanted_displacement_mm: f64,
     /// The longest robots that do with 95 %, at the sphere's volume.
     pub longest: Vec<LongestRobot>,
+    /// Bodies along the force in a gel whose strains may be large; absent where the law has no such form.
+    pub large_strains: Option<LargeStrains>,
     /// What is doubtful about the user's mesh.
     pub warnings: Vec<Warning>,
 }
@@ -216,6 +218,44 @@ pub struct LongestRobot {
     pub is_limit_of_range: bool,
     /// Largest relative error of the surrogate at points between those that made it.
     pub surrogate_relative_error: f64,
+}
+
+/// Bodies along the force over one hold, in fluids of the law whose strains may be large: Oldroyd-B, and Giesekus's of a mobility.
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+pub struct LargeStrains {
+    /// Mobility of the other fluid.
+    pub other_mobility: f64,
+    /// Sphere, ellipsoids and cylinder, under each rule.
+    pub bodies: Vec<LargeShape>,
+    /// Orderings that small strains give, asked again.
+    pub claims: Vec<Claim>,
+}
+
+/// A body along the force, as far as the mesh follows it.
+#[derive(Debug, Clone, Copy, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+pub struct LargeShape {
+    /// What it is.
+    pub shape: Shape,
+    /// How large it is.
+    pub size_rule: SizeRule,
+    /// Length to diameter.
+    pub aspect: f64,
+    /// Time to which the mesh follows it, in s.
+    pub followed_s: f64,
+    /// Whether that is the end of the hold.
+    pub is_whole: bool,
+    /// Displacement of small strains then, in µm, by the median of the posterior.
+    pub small_strains_um: f64,
+    /// By how much it is farther in Oldroyd-B's fluid then, in µm.
+    pub deviation_um: f64,
+    /// Difference of that from a coarser mesh's, in µm.
+    pub error_um: f64,
+    /// By how much it is farther in the fluid of the other mobility then, in µm.
+    pub deviation_with_mobility_um: f64,
+    /// Displacement in Oldroyd-B's fluid over the radius across the force.
+    pub radii_moved: f64,
+    /// The same over the body's length.
+    pub lengths_moved: f64,
 }
 
 /// Elastic robots of one modulus.

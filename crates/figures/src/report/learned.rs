@@ -3,6 +3,7 @@
 use super::axes::{Axes, AxisStyle, title_with_text};
 use super::labels::of_parameter;
 use super::legend::{self, Entry, Mark};
+use super::number::significant;
 use super::palette::{BLUE, GRID, MUTED, VERMILLION};
 use super::svg::{Fill, Rect, Stroke, Svg};
 use super::ticks::Scale;
@@ -94,7 +95,11 @@ fn plot(svg: &mut Svg, document: &Learned, function: &LearnedFunction, frame: Re
             svg.rect(Rect { x: left, y: frame.y, width: right - left, height: frame.height }, UNVISITED);
         }
     }
-    let quantity = format!("{}, over its own at 0", of_parameter(&document.verdict.quantity).symbol);
+    let quantity = format!(
+        "{}, over its own at {} {unit}",
+        of_parameter(&document.verdict.quantity).symbol,
+        significant(factor * function.reference_state, 3)
+    );
     axes.y_axis(svg, AxisStyle::new(Some(&quantity), 7, 66.0).grid());
     axes.x_axis(svg, AxisStyle::new(Some(&format!("{} ({unit})", document.verdict.state.replace('_', " "))), 8, 38.0));
     svg.clipped(frame, |svg| {
@@ -133,7 +138,7 @@ mod tests {
             },
             fitted_cycles: vec![1, 2],
             heldout_cycles: vec![3],
-            function: Some(LearnedFunction { state_unit: "m".into(), visited: [0.0, 1.5e-3], points }),
+            function: Some(LearnedFunction { state_unit: "m".into(), visited: [0.0, 1.5e-3], reference_state: 0.0, at_reference: None, points }),
             formula: Some(LearnedFormula {
                 text: "1 + rate*path".into(),
                 parameters: vec![],

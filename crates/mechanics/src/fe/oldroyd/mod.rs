@@ -192,6 +192,15 @@ impl FiniteGel {
     /// # Errors
     /// [`Error::Numerical`] for a load that depends on the position, and where the mesh follows the body no farther or no balance is found; that says when, and how far it came.
     pub fn run(&self, what: &FiniteRun) -> Result<FiniteResult> {
+        let (result, stopped) = self.follow(what)?;
+        stopped.map_or(Ok(result), Err)
+    }
+
+    /// Runs a law through as much of a record as the mesh follows: rows up to there, and what stopped it.
+    ///
+    /// # Errors
+    /// [`Error::Numerical`] for a load that depends on the position.
+    pub fn follow(&self, what: &FiniteRun) -> Result<(FiniteResult, Option<Error>)> {
         let FiniteRun { law, load, time_s, force } = *what;
         if load.gradient_per_m.value != 0.0 {
             return Err(Error::numerical(
@@ -200,13 +209,14 @@ impl FiniteGel {
             ));
         }
         let Some(&end_s) = time_s.last() else {
-            return Ok(FiniteResult {
+            let nothing = FiniteResult {
                 displacement_m: Vec::new(),
                 deviation_m: Vec::new(),
                 farthest_m: 0.0,
                 volume_ratios: [1.0; 2],
                 cost: [0; 3],
-            });
+            };
+            return Ok((nothing, None));
         };
         let pull = Pull {
             switches: &switches::<f64>(load, time_s, force),
@@ -215,14 +225,20 @@ impl FiniteGel {
             end_s,
         };
         let law = law.of_poisson_ratio(self.volume.poisson_ratio());
-        let walked = walk(&self.mesh, &law, self.stiffness, &pull, self.fineness.steps_per_doubling)?;
-        Ok(FiniteResult {
+        let walked = walk(&self.mesh, &law, self.stiffness, &pull, self.fineness.steps_per_doubling);
+        let reached_s = match &walked.stopped {
+            None => f64::INFINITY,
+            Some(_) => walked.legs.last().and_then(|leg| leg.last()).map_or(f64::NEG_INFINITY, |last| last.time_s),
+        };
+        let time_s = &time_s[..time_s.partition_point(|row_s| *row_s <= reached_s)];
+        let result = FiniteResult {
             displacement_m: at_rows(&walked.legs, time_s, self.radius_m, |moment| moment.place),
             deviation_m: at_rows(&walked.legs, time_s, self.radius_m, |moment| moment.place - moment.twin),
             farthest_m: walked.farthest * self.radius_m,
             volume_ratios: walked.volume_ratios,
             cost: [walked.legs.iter().map(|leg| leg.len() - 1).sum(), walked.iterations, walked.factorisations],
-        })
+        };
+        Ok((result, walked.stopped))
     }
 }
 

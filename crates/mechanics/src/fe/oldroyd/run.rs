@@ -31,6 +31,8 @@ pub(super) struct Walked {
     pub(super) volume_ratios: [f64; 2],
     pub(super) iterations: usize,
     pub(super) factorisations: usize,
+    /// Why the run ended before the pull did.
+    pub(super) stopped: Option<Error>,
 }
 
 /// The body's place and its twin's at a time (s).
@@ -84,20 +86,26 @@ pub(super) struct Pull<'a> {
     pub(super) end_s: f64,
 }
 
-/// Runs a law up to the end of the pull.
+/// Runs a law up to the end of the pull, or as far as the mesh follows.
 pub(super) fn walk(
     mesh: &FieldMesh,
     law: &FiniteLaw,
     stiffness: f64,
     pull: &Pull,
     steps_per_doubling: u32,
-) -> Result<Walked> {
+) -> Walked {
     let Pull { switches, lag_time_s, newtons_per_pa, end_s } = *pull;
     let mut walker = Walker::new(mesh, law, stiffness);
     let fastest_s = if lag_time_s > 0.0 { law.fastest_s.min(lag_time_s) } else { law.fastest_s };
     let rule = StepRule::new(steps_per_doubling, RESOLVED * fastest_s, false, 0.0);
-    let mut walked =
-        Walked { legs: Vec::new(), farthest: 0.0, volume_ratios: [1.0; 2], iterations: 0, factorisations: 0 };
+    let mut walked = Walked {
+        legs: Vec::new(),
+        farthest: 0.0,
+        volume_ratios: [1.0; 2],
+        iterations: 0,
+        factorisations: 0,
+        stopped: None,
+    };
     let mut lagged_n = 0.0;
     for (number, switch) in switches.iter().enumerate() {
         let stop_s = switches.get(number + 1).map_or(end_s, |next| next.time_s).min(end_s);
@@ -118,29 +126,39 @@ pub(super) fn walk(
             if now_s == switch.time_s && switch.jumps {
                 step_s = step_s.min(FIRST_STEP * fastest_s);
             }
-            let taken_s = walker.step_halving(now_s, step_s, &force_pa)?;
+            let taken_s = match walker.step_halving(now_s, step_s, &force_pa) {
+                Ok(taken_s) => taken_s,
+                Err(error) => {
+                    walked.stopped = Some(error);
+                    break;
+                }
+            };
             // The last step ends on the stop, whatever rounding its length had.
             let next_s = if taken_s > (1.0 - LENGTH_ROUNDING) * left_s { stop_s } else { now_s + taken_s };
-            leg.push(walker.moment(next_s));
             let [low, high] = walker.solver.volume_ratios(&walker.x);
             walked.volume_ratios = [walked.volume_ratios[0].min(low), walked.volume_ratios[1].max(high)];
             walked.farthest = walked.farthest.max(walker.x[BODY].abs());
             if !(low > VOLUME_RATIOS[0] && high < VOLUME_RATIOS[1]) {
-                return Err(Error::numerical(
+                walked.stopped = Some(Error::numerical(
                     format!(
                         "at {next_s:.3} s, {:.2} of its radii from its start, the mesh follows the body no farther: a volume that stays became {low:.2} to {high:.2} times itself",
                         walker.x[BODY]
                     ),
                     "use a smaller force, a stiffer gel or a finer mesh",
                 ));
+                break;
             }
+            leg.push(walker.moment(next_s));
             now_s = next_s;
         }
         walked.legs.push(leg);
+        if walked.stopped.is_some() {
+            break;
+        }
         lagged_n = switch.after_lag_n(lagged_n, lag_time_s, stop_s);
     }
     (walked.iterations, walked.factorisations) = (walker.solver.iterations, walker.solver.factorisations);
-    Ok(walked)
+    walked
 }
 
 impl<'a> Walker<'a> {

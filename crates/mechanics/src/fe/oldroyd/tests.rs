@@ -170,11 +170,23 @@ fn a_spring_in_series_jumps_and_a_stiff_one_is_none() {
     assert!(apart_um < 0.5, "{apart_um}");
 }
 
-/// A pull that no mesh follows ends with how far it came.
+/// A pull that no mesh follows ends with how far it came; rows up to there are those of a record that ends there.
 #[test]
 fn what_goes_too_far_is_refused() {
     let (time_s, force_n) = record(4.0, 1);
     let error = run(coarse(), 0.0, &time_s, Force::from(&force_n)).expect_err("14 radii").to_string();
     assert!(error.contains("of its radii") && error.contains("what to do"), "{error}");
+    let gel = FiniteGel::around_sphere(RADIUS_M, OUTER_M, coarse()).expect("a mesh");
+    let law = FiniteLaw::new(&BaseLaw::Lethersich.elements(&LAW.map(Dual::constant)), 0.0).expect("no springpot");
+    let load = Stages::of_law(Vec::new()).load;
+    let what = FiniteRun { law: &law, load: &load, time_s: &time_s, force: Force::from(&force_n) };
+    let (found, stopped) = gel.follow(&what).expect("a load that is run");
+    let n = found.displacement_m.len();
+    assert_eq!(stopped.map(|own| own.to_string()), Some(error));
+    assert!(n > 1 && n < time_s.len() && found.deviation_m.len() == n, "{n}");
+    let shorter = FiniteRun { time_s: &time_s[..n], force: Force::from(&force_n[..n]), ..what };
+    let whole = gel.run(&shorter).expect("a mesh that follows");
+    let apart_m = (found.displacement_m[n - 1] - whole.displacement_m[n - 1]).abs();
+    assert!(apart_m < 1e-3 * whole.farthest_m, "{apart_m} of {}", whole.farthest_m);
     assert!(FiniteGel::around_sphere(OUTER_M, RADIUS_M, coarse()).is_err());
 }

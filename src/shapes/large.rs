@@ -1,0 +1,208 @@
+//! Bodies along the force in a gel whose strains may be large (physics §7.6): do the paper's orderings last when the bodies move by their own lengths?
+//!
+//! Only bodies that move along their axis of revolution are meshed for large strains. The gel is bonded to them, so strains before a slender tip or at a sharp rim are far larger than around a sphere: the
+//! mesh follows such bodies only so far, and they are compared as far as it does. Beside Oldroyd-B the same is run with a mobility, since the small strains do not say which fluid it is.
+
+use rayon::prelude::*;
+
+use super::bodies::{Body, sized};
+use super::claims::{easier, verdict_of};
+use super::job::{ROWS_A_HOLD, ShapesRequest};
+use crate::documents::shapes::{Claim, ClaimVerdict, LargeShape, LargeStrains, Shape, SizeRule};
+use crate::error::Result;
+use crate::experiment::{Force, Orientation};
+use crate::fe::meridional::{Resolution, solve};
+use crate::fe::oldroyd::{Fineness, FiniteGel, FiniteLaw, FiniteRun, Volume};
+use crate::stages::Stages;
+use crate::workflow::{Counter, Monitor};
+
+/// Ellipsoids beside the study's own: bodies that a mesh follows far.
+const ASPECTS: [f64; 3] = [1.5, 2.0, 3.0];
+/// Mobility of the other fluid.
+pub const OTHER_MOBILITY: f64 = 0.1;
+
+/// A body's way through the hold.
+struct Followed {
+    body: Body,
+    aspect: f64,
+    /// Displacement of small strains (m) at every row of the hold.
+    small_m: Vec<f64>,
+    /// By how much it is farther in Oldroyd-B's fluid and in Giesekus's, in m, at the rows to which it was followed.
+    deviation_m: [Vec<f64>; 2],
+    /// Error of the first from row to row, in m.
+    error_m: Vec<f64>,
+}
+
+impl Followed {
+    /// Rows to which it was followed in both fluids and at both finenesses.
+    fn n_rows(&self) -> usize {
+        self.deviation_m[0].len().min(self.deviation_m[1].len()).min(self.error_m.len())
+    }
+
+    fn is_whole(&self) -> bool {
+        self.n_rows() == self.small_m.len()
+    }
+
+    /// Displacement (m) at a row in one of the fluids.
+    fn at_m(&self, row: usize, fluid: usize) -> f64 {
+        self.small_m[row] + self.deviation_m[fluid][row]
+    }
+
+    fn summary(&self, time_s: &[f64]) -> Option<LargeShape> {
+        let last = self.n_rows().checked_sub(1)?;
+        let [length_m, diameter_m] = self.body.sizes_m();
+        let um = |x: f64| 1e6 * x;
+        Some(LargeShape {
+            shape: self.body.shape,
+            size_rule: self.body.rule,
+            aspect: self.aspect,
+            followed_s: time_s[last],
+            is_whole: self.is_whole(),
+            small_strains_um: um(self.small_m[last]),
+            deviation_um: um(self.deviation_m[0][last]),
+            error_um: um(self.error_m[last]),
+            deviation_with_mobility_um: um(self.deviation_m[1][last]),
+            radii_moved: self.at_m(last, 0) / (0.5 * diameter_m),
+            lengths_moved: self.at_m(last, 0) / length_m,
+        })
+    }
+}
+
+/// Two finenesses of a body's mesh: what is reported, and what it is compared with.
+fn finenesses(shape: Shape) -> [Fineness; 2] {
+    let of_order = |order| Fineness { order, ..Fineness::ESTIMATE };
+    match shape {
+        Shape::Cylinder => [of_order(4), of_order(3)],
+        _ => [of_order(6), of_order(5)],
+    }
+}
+
+fn follow(
+    request: &ShapesRequest,
+    laws: &[FiniteLaw; 2],
+    rows: (&[f64], &[f64]),
+    (body, aspect): (Body, f64),
+    force_per_pa: &[f64],
+) -> Result<Followed> {
+    let outer_radius_m = 0.5 * request.vitreous.diameter_m;
+    let (time_s, force_n) = rows;
+    let load = Stages::of_law(Vec::new()).load;
+    let deviation_m = |fineness: Fineness, law: &FiniteLaw| -> Result<Vec<f64>> {
+        let gel = FiniteGel::new(body.revolution, outer_radius_m, Volume::Kept, fineness)?;
+        let (run, _) = gel.follow(&FiniteRun { law, load: &load, time_s, force: Force::from(force_n) })?;
+        Ok(run.deviation_m)
+    };
+    let [fine, coarse] = finenesses(body.shape);
+    let [own, coarser, other] =
+        [(fine, &laws[0]), (coarse, &laws[0]), (coarse, &laws[1])].map(|(fineness, law)| deviation_m(fineness, law));
+    let (own, coarser) = (own?, coarser?);
+    let poisson_ratio = request.poisson_ratios[0];
+    let resolution = Resolution::default();
+    let stiffness_m = solve(body.revolution, outer_radius_m, poisson_ratio, body.direction(), resolution)?.stiffness_m;
+    Ok(Followed {
+        body,
+        aspect,
+        small_m: force_per_pa.iter().map(|x| x / stiffness_m).collect(),
+        error_m: own.iter().zip(&coarser).map(|(a, b)| (a - b).abs()).collect(),
+        deviation_m: [own, other?],
+    })
+}
+
+/// Runs the bodies through one hold. `time_s` are the hold's rows, `force_per_pa` is position times stiffness (N/Pa) of small strains at each of them.
+///
+/// # Errors
+/// Those of meshes. A mesh that follows a body no farther is none.
+pub fn run(
+    request: &ShapesRequest,
+    law: &FiniteLaw,
+    time_s: &[f64],
+    force_per_pa: &[f64],
+    monitor: &dyn Monitor,
+) -> Result<LargeStrains> {
+    let laws = [FiniteLaw { mobility: 0.0, ..law.clone() }, FiniteLaw { mobility: OTHER_MOBILITY, ..law.clone() }];
+    let force_n = vec![request.force_n; time_s.len()];
+    let own = request.aspects[0];
+    let mut aspects: Vec<f64> = ASPECTS.into_iter().filter(|aspect| *aspect != own).chain([own]).collect();
+    aspects.sort_by(f64::total_cmp);
+    let body = |shape: Shape, rule: SizeRule, aspect: f64| {
+        let revolution = sized(shape, aspect, rule, request.sphere_diameter_m);
+        (Body { shape, orientation: Orientation::Horizontal, rule, revolution }, aspect)
+    };
+    let mut all = Vec::new();
+    for rule in SizeRule::ALL {
+        all.push(body(Shape::Sphere, rule, 1.0));
+        all.extend(aspects.iter().map(|aspect| body(Shape::Ellipsoid, rule, *aspect)));
+        all.push(body(Shape::Cylinder, rule, own));
+    }
+    let counter = Counter::new(monitor, all.len());
+    let one = |own: &(Body, f64)| {
+        let followed = follow(request, &laws, (time_s, &force_n), *own, force_per_pa)?;
+        counter.add_one();
+        Ok(followed)
+    };
+    let followed: Vec<Followed> = all.par_iter().map(one).collect::<Result<_>>()?;
+    let mut claims = Vec::new();
+    for rule in SizeRule::ALL {
+        let of_rule: Vec<&Followed> = followed.iter().filter(|own| own.body.rule == rule).collect();
+        claims.extend(sphere_is_easiest(rule, &of_rule));
+        claims.extend(ellipsoid_before_cylinder(rule, &of_rule, own, time_s));
+    }
+    Ok(LargeStrains {
+        other_mobility: OTHER_MOBILITY,
+        bodies: followed.iter().filter_map(|own| own.summary(time_s)).collect(),
+        claims,
+    })
+}
+
+/// Whether the first goes farther than the others at a row: a claim that holds in one fluid alone is too close.
+fn judge(claim: String, first: &Followed, others: &[&Followed], row: usize, numbers: String) -> Claim {
+    let probability = |fluid: usize| -> f64 {
+        let one = |other: &&Followed| {
+            let sd = first.error_m[row].hypot(other.error_m[row]);
+            easier(first.at_m(row, fluid), other.at_m(row, fluid), sd)
+        };
+        others.iter().map(one).product()
+    };
+    let [probability, other] = [0, 1].map(probability);
+    let (own, in_other) = (verdict_of(probability), verdict_of(other));
+    if own == in_other {
+        return Claim { claim, verdict: own, probability, numbers };
+    }
+    let numbers = format!("{numbers}; the two fluids do not agree");
+    Claim { claim, verdict: ClaimVerdict::TooClose, probability, numbers }
+}
+
+/// Among ellipsoids that were followed to the end of the hold.
+fn sphere_is_easiest(rule: SizeRule, all: &[&Followed]) -> Option<Claim> {
+    let sphere = all.iter().find(|own| own.body.shape == Shape::Sphere && own.is_whole())?;
+    let others: Vec<&Followed> =
+        all.iter().filter(|own| own.body.shape == Shape::Ellipsoid && own.is_whole()).copied().collect();
+    let row = sphere.small_m.len() - 1;
+    if others.is_empty() {
+        return None;
+    }
+    let ratios = |own: &&Followed| {
+        let small = own.small_m[row] / sphere.small_m[row];
+        let [large, other] = [0, 1].map(|fluid| own.at_m(row, fluid) / sphere.at_m(row, fluid));
+        format!("{:.2}: {large:.4} (small strains {small:.4}, with mobility {other:.4})", own.aspect)
+    };
+    let numbers: Vec<String> = others.iter().map(ratios).collect();
+    let numbers = format!("way over the sphere's, by aspect ratio: {}", numbers.join("; "));
+    let claim = format!("at {}, the sphere moves easiest of the ellipsoids along the force", rule.title());
+    Some(judge(claim, sphere, &others, row, numbers))
+}
+
+/// At the last moment to which both were followed.
+fn ellipsoid_before_cylinder(rule: SizeRule, all: &[&Followed], aspect: f64, time_s: &[f64]) -> Option<Claim> {
+    let find = |shape: Shape| all.iter().find(|own| own.body.shape == shape && own.aspect == aspect).copied();
+    let (ellipsoid, cylinder) = (find(Shape::Ellipsoid)?, find(Shape::Cylinder)?);
+    let row = ellipsoid.n_rows().min(cylinder.n_rows()).checked_sub(1).filter(|row| *row > 0)?;
+    let way = |own: &Followed| format!("{:.1} µm (small strains {:.1})", 1e6 * own.at_m(row, 0), 1e6 * own.small_m[row]);
+    let claim = format!(
+        "at {}, the horizontal ellipsoid moves easier than the horizontal cylinder, up to {:.2} s",
+        rule.title(),
+        time_s[row]
+    );
+    let numbers = format!("{} against {}", way(ellipsoid), way(cylinder));
+    Some(judge(claim, ellipsoid, &[cylinder], row, numbers))
+}
