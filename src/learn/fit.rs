@@ -212,13 +212,7 @@ pub fn largest_gain(data: &Subject, base: &Refitted, screen: &Screen, candidates
 ///
 /// A factor that all states share is a change of the quantity itself, so only ratios say something of the function. The data tell those to a state in the midst of the ones that they visit, and hardly
 /// those to a state that they touch: the reference decides how wide the band is.
-pub fn curve(
-    subject: &Subject,
-    learnt: &Learnt,
-    pair: &Pair,
-    states: &[f64],
-    reference: f64,
-) -> Result<Vec<[f64; 2]>> {
+pub fn curve(subject: &Subject, learnt: &Learnt, pair: &Pair, states: &[f64], reference: f64) -> Result<Vec<[f64; 2]>> {
     let Kind::Function { smooth, .. } = &pair.kind else { return Ok(Vec::new()) };
     let covariance = Tangent::new(subject, &learnt.candidate, &learnt.fitted)?.covariance();
     let at_reference = slopes(learnt, smooth, reference);

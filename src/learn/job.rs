@@ -206,7 +206,8 @@ impl Found {
         };
         let ends = visited.iter().fold([0.0_f64; 2], |[low, high], s| [low.min(*s), high.max(*s)]);
         let far = if ends[1] >= -ends[0] { ends[1] } else { ends[0] };
-        let change = curve(&self.subject, chosen, pair, &[far], 0.0).ok().and_then(|curve| curve.first().map(|own| own[0]));
+        let change =
+            curve(&self.subject, chosen, pair, &[far], 0.0).ok().and_then(|curve| curve.first().map(|own| own[0]));
         let way = match change {
             Some(change) if change > 0.0 => "rising",
             Some(_) => "falling",

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::bodies::{Body, sized};
 use super::claims::{easier, verdict_of};
-use super::job::{ROWS_A_HOLD, ShapesRequest};
+use super::job::ShapesRequest;
 use crate::documents::shapes::{Claim, ClaimVerdict, LargeShape, LargeStrains, Shape, SizeRule};
 use crate::error::Result;
 use crate::experiment::{Force, Orientation};
@@ -17,7 +17,7 @@ use crate::stages::Stages;
 use crate::workflow::{Counter, Monitor};
 
 /// Ellipsoids beside the study's own: bodies that a mesh follows far.
-const ASPECTS: [f64; 3] = [1.5, 2.0, 3.0];
+const ASPECTS: [f64; 2] = [1.5, 2.0];
 /// Mobility of the other fluid.
 pub const OTHER_MOBILITY: f64 = 0.1;
 
@@ -27,25 +27,32 @@ struct Followed {
     aspect: f64,
     /// Displacement of small strains (m) at every row of the hold.
     small_m: Vec<f64>,
-    /// By how much it is farther in Oldroyd-B's fluid and in Giesekus's, in m, at the rows to which it was followed.
-    deviation_m: [Vec<f64>; 2],
-    /// Error of the first from row to row, in m.
+    /// By how much it is farther in Oldroyd-B's fluid, in m, at the rows to which it was followed.
+    deviation_m: Vec<f64>,
+    /// Its error from row to row, in m.
     error_m: Vec<f64>,
+    /// The same as the deviation in Giesekus's fluid; `None` where not even the first was followed to the end.
+    other_deviation_m: Option<Vec<f64>>,
 }
 
 impl Followed {
-    /// Rows to which it was followed in both fluids and at both finenesses.
+    /// Rows to which it was followed at both finenesses.
     fn n_rows(&self) -> usize {
-        self.deviation_m[0].len().min(self.deviation_m[1].len()).min(self.error_m.len())
+        self.error_m.len()
     }
 
     fn is_whole(&self) -> bool {
         self.n_rows() == self.small_m.len()
     }
 
-    /// Displacement (m) at a row in one of the fluids.
-    fn at_m(&self, row: usize, fluid: usize) -> f64 {
-        self.small_m[row] + self.deviation_m[fluid][row]
+    /// Displacement (m) at a row in Oldroyd-B's fluid.
+    fn at_m(&self, row: usize) -> f64 {
+        self.small_m[row] + self.deviation_m[row]
+    }
+
+    /// The same in Giesekus's, where it was followed there.
+    fn other_m(&self, row: usize) -> Option<f64> {
+        Some(self.small_m[row] + self.other_deviation_m.as_ref()?.get(row)?)
     }
 
     fn summary(&self, time_s: &[f64]) -> Option<LargeShape> {
@@ -59,11 +66,11 @@ impl Followed {
             followed_s: time_s[last],
             is_whole: self.is_whole(),
             small_strains_um: um(self.small_m[last]),
-            deviation_um: um(self.deviation_m[0][last]),
+            deviation_um: um(self.deviation_m[last]),
             error_um: um(self.error_m[last]),
-            deviation_with_mobility_um: um(self.deviation_m[1][last]),
-            radii_moved: self.at_m(last, 0) / (0.5 * diameter_m),
-            lengths_moved: self.at_m(last, 0) / length_m,
+            deviation_with_mobility_um: self.other_m(last).map(|x| um(x - self.small_m[last])),
+            radii_moved: self.at_m(last) / (0.5 * diameter_m),
+            lengths_moved: self.at_m(last) / length_m,
         })
     }
 }
@@ -93,9 +100,8 @@ fn follow(
         Ok(run.deviation_m)
     };
     let [fine, coarse] = finenesses(body.shape);
-    let [own, coarser, other] =
-        [(fine, &laws[0]), (coarse, &laws[0]), (coarse, &laws[1])].map(|(fineness, law)| deviation_m(fineness, law));
-    let (own, coarser) = (own?, coarser?);
+    let (own, coarser) = (deviation_m(fine, &laws[0])?, deviation_m(coarse, &laws[0])?);
+    let is_whole = own.len().min(coarser.len()) == time_s.len();
     let poisson_ratio = request.poisson_ratios[0];
     let resolution = Resolution::default();
     let stiffness_m = solve(body.revolution, outer_radius_m, poisson_ratio, body.direction(), resolution)?.stiffness_m;
@@ -104,7 +110,8 @@ fn follow(
         aspect,
         small_m: force_per_pa.iter().map(|x| x / stiffness_m).collect(),
         error_m: own.iter().zip(&coarser).map(|(a, b)| (a - b).abs()).collect(),
-        deviation_m: [own, other?],
+        deviation_m: own,
+        other_deviation_m: if is_whole { Some(deviation_m(coarse, &laws[1])?) } else { None },
     })
 }
 
@@ -119,7 +126,8 @@ pub fn run(
     force_per_pa: &[f64],
     monitor: &dyn Monitor,
 ) -> Result<LargeStrains> {
-    let laws = [FiniteLaw { mobility: 0.0, ..law.clone() }, FiniteLaw { mobility: OTHER_MOBILITY, ..law.clone() }];
+    let mut laws = [law.clone(), law.clone()];
+    laws[1].mobility = OTHER_MOBILITY;
     let force_n = vec![request.force_n; time_s.len()];
     let own = request.aspects[0];
     let mut aspects: Vec<f64> = ASPECTS.into_iter().filter(|aspect| *aspect != own).chain([own]).collect();
@@ -128,9 +136,9 @@ pub fn run(
         let revolution = sized(shape, aspect, rule, request.sphere_diameter_m);
         (Body { shape, orientation: Orientation::Horizontal, rule, revolution }, aspect)
     };
-    let mut all = Vec::new();
+    // A sphere is as large under either rule.
+    let mut all = vec![body(Shape::Sphere, SizeRule::EqualVolume, 1.0)];
     for rule in SizeRule::ALL {
-        all.push(body(Shape::Sphere, rule, 1.0));
         all.extend(aspects.iter().map(|aspect| body(Shape::Ellipsoid, rule, *aspect)));
         all.push(body(Shape::Cylinder, rule, own));
     }
@@ -143,7 +151,8 @@ pub fn run(
     let followed: Vec<Followed> = all.par_iter().map(one).collect::<Result<_>>()?;
     let mut claims = Vec::new();
     for rule in SizeRule::ALL {
-        let of_rule: Vec<&Followed> = followed.iter().filter(|own| own.body.rule == rule).collect();
+        let is_of_rule = |own: &&Followed| own.body.rule == rule || own.body.shape == Shape::Sphere;
+        let of_rule: Vec<&Followed> = followed.iter().filter(is_of_rule).collect();
         claims.extend(sphere_is_easiest(rule, &of_rule));
         claims.extend(ellipsoid_before_cylinder(rule, &of_rule, own, time_s));
     }
@@ -156,20 +165,17 @@ pub fn run(
 
 /// Whether the first goes farther than the others at a row: a claim that holds in one fluid alone is too close.
 fn judge(claim: String, first: &Followed, others: &[&Followed], row: usize, numbers: String) -> Claim {
-    let probability = |fluid: usize| -> f64 {
-        let one = |other: &&Followed| {
-            let sd = first.error_m[row].hypot(other.error_m[row]);
-            easier(first.at_m(row, fluid), other.at_m(row, fluid), sd)
-        };
-        others.iter().map(one).product()
-    };
-    let [probability, other] = [0, 1].map(probability);
-    let (own, in_other) = (verdict_of(probability), verdict_of(other));
-    if own == in_other {
-        return Claim { claim, verdict: own, probability, numbers };
+    let sd = |other: &Followed| first.error_m[row].hypot(other.error_m[row]);
+    let probability: f64 = others.iter().map(|other| easier(first.at_m(row), other.at_m(row), sd(other))).product();
+    let in_other = others.iter().map(|other| Some(easier(first.other_m(row)?, other.other_m(row)?, sd(other))));
+    let verdict = verdict_of(probability);
+    match in_other.product::<Option<f64>>() {
+        Some(other) if verdict_of(other) != verdict => {
+            let numbers = format!("{numbers}; the two fluids do not agree");
+            Claim { claim, verdict: ClaimVerdict::TooClose, probability, numbers }
+        }
+        _ => Claim { claim, verdict, probability, numbers },
     }
-    let numbers = format!("{numbers}; the two fluids do not agree");
-    Claim { claim, verdict: ClaimVerdict::TooClose, probability, numbers }
 }
 
 /// Among ellipsoids that were followed to the end of the hold.
@@ -183,11 +189,13 @@ fn sphere_is_easiest(rule: SizeRule, all: &[&Followed]) -> Option<Claim> {
     }
     let ratios = |own: &&Followed| {
         let small = own.small_m[row] / sphere.small_m[row];
-        let [large, other] = [0, 1].map(|fluid| own.at_m(row, fluid) / sphere.at_m(row, fluid));
-        format!("{:.2}: {large:.4} (small strains {small:.4}, with mobility {other:.4})", own.aspect)
+        let large = own.at_m(row) / sphere.at_m(row);
+        let other = own.other_m(row).zip(sphere.other_m(row)).map(|(own, sphere)| own / sphere);
+        let other = other.map_or(String::new(), |other| format!(", with mobility {other:.4}"));
+        format!("{:.2}: {large:.4} (small strains {small:.4}{other})", own.aspect)
     };
     let numbers: Vec<String> = others.iter().map(ratios).collect();
-    let numbers = format!("way over the sphere's, by aspect ratio: {}", numbers.join("; "));
+    let numbers = format!("displacement over the sphere's, by aspect ratio: {}", numbers.join("; "));
     let claim = format!("at {}, the sphere moves easiest of the ellipsoids along the force", rule.title());
     Some(judge(claim, sphere, &others, row, numbers))
 }
@@ -197,7 +205,7 @@ fn ellipsoid_before_cylinder(rule: SizeRule, all: &[&Followed], aspect: f64, tim
     let find = |shape: Shape| all.iter().find(|own| own.body.shape == shape && own.aspect == aspect).copied();
     let (ellipsoid, cylinder) = (find(Shape::Ellipsoid)?, find(Shape::Cylinder)?);
     let row = ellipsoid.n_rows().min(cylinder.n_rows()).checked_sub(1).filter(|row| *row > 0)?;
-    let way = |own: &Followed| format!("{:.1} µm (small strains {:.1})", 1e6 * own.at_m(row, 0), 1e6 * own.small_m[row]);
+    let way = |own: &Followed| format!("{:.1} µm (small strains {:.1})", 1e6 * own.at_m(row), 1e6 * own.small_m[row]);
     let claim = format!(
         "at {}, the horizontal ellipsoid moves easier than the horizontal cylinder, up to {:.2} s",
         rule.title(),

@@ -72,9 +72,54 @@ fn the_papers_claims_are_judged() {
         .map(|body| format!("{body}.vtu"));
     assert_eq!(names[..4], expected);
     assert_eq!(names[4..], ["shapes.json", "shapes.png", "shapes.svg", "sphere.vtu"]);
+    assert_large_strains(&document);
     let longest = document["longest"].as_array().unwrap();
     assert_eq!(longest.len(), 4);
     assert!(longest.iter().all(|own| own["surrogate_relative_error"].as_f64().unwrap() < 1e-3), "{longest:?}");
+}
+
+/// Bodies along the force with strains of any size. Of the sphere another program found 27 µm at the end of the first pull, with laws that are 1 % apart from this posterior's. Blunt bodies deviate most, and what a mesh
+/// does not follow to the end says so.
+fn assert_large_strains(document: &Value) {
+    let large = &document["large_strains"];
+    let all = large["bodies"].as_array().unwrap();
+    let number = |own: &Value, key: &str| own[key].as_f64().unwrap_or_else(|| panic!("{key} in {own}"));
+    let find = |shape: &str, rule: &str, aspect: f64| {
+        let is_wanted = |own: &&Value| {
+            own["shape"] == shape && own["size_rule"] == rule && (number(own, "aspect") - aspect).abs() < 1e-9
+        };
+        all.iter().find(is_wanted).unwrap_or_else(|| panic!("{shape} {aspect}"))
+    };
+    let sphere = find("sphere", "equal_volume", 1.0);
+    assert!((number(sphere, "deviation_um") - 27.0).abs() < 1.0, "{sphere}");
+    assert!(number(sphere, "lengths_moved") > 1.5 && number(sphere, "error_um") < 0.3, "{sphere}");
+    assert!((number(sphere, "deviation_with_mobility_um") - 82.0).abs() < 4.0, "{sphere}");
+    let blunt = find("ellipsoid", "equal_volume", 2.0);
+    let small = |own: &Value| number(own, "small_strains_um");
+    let large_um = |own: &Value| small(own) + number(own, "deviation_um");
+    assert!((small(blunt) / small(sphere) - 1.044).abs() < 1e-3, "{blunt}");
+    assert!((large_um(blunt) / large_um(sphere) - 1.019).abs() < 1e-3, "{blunt}");
+    let median_um = &body(document, "sphere", None, "equal_volume")["displacement_5s_um"]["median"];
+    assert!((number(sphere, "small_strains_um") / median_um.as_f64().unwrap() - 1.0).abs() < 1e-12);
+    for rule in ["equal_volume", "equal_surface"] {
+        let deviations = [sphere, find("ellipsoid", rule, 1.5), find("ellipsoid", rule, 2.0)];
+        assert!(deviations.iter().all(|own| own["is_whole"] == true && own["followed_s"] == 5.0), "{deviations:?}");
+        let um = deviations.map(|own| number(own, "deviation_um"));
+        assert!(um[0] > um[1] && um[1] > um[2] && um[2] > 0.0, "{um:?}");
+        let slender = [find("ellipsoid", rule, 68.0 / 7.0), find("cylinder", rule, 68.0 / 7.0)];
+        for own in slender {
+            assert!(own["is_whole"] == false && own["deviation_with_mobility_um"].is_null(), "{own}");
+            assert!(number(own, "followed_s") < 1.0 && number(own, "radii_moved") > 1.0, "{own}");
+            assert!(number(own, "deviation_um").abs() < 0.01 * number(own, "small_strains_um"), "{own}");
+        }
+        let claim = |part: &str| {
+            let claims = large["claims"].as_array().unwrap();
+            let title = format!("at {}, the {part}", rule.replace('_', " "));
+            claims.iter().find(|own| own["claim"].as_str().unwrap().starts_with(&title)).unwrap()["verdict"].clone()
+        };
+        assert_eq!(claim("sphere moves easiest of the ellipsoids"), "does not hold");
+        assert_eq!(claim("horizontal ellipsoid moves easier"), "holds");
+    }
 }
 
 /// Sweeps over Poisson ratios: the errors' bars at each, and the axial ellipsoid of equal surface against the closed form at every one. Which side of the

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use vitreo_uq::documents::shapes::{
-    BodySummary, Claim, Displacement, LargeStrains, OwnBody, ShapesSummary, SweepSummary,
+    BodySummary, Claim, Displacement, LargeStrains, OwnBody, Shape, ShapesSummary, SweepSummary,
 };
 
 /// The study in words and tables.
@@ -200,19 +200,19 @@ fn large_strains(large: &LargeStrains, hold_s: f64) -> Vec<String> {
     ];
     let mut rule = None;
     for own in &large.bodies {
-        if rule != Some(own.size_rule) {
+        if rule != Some(own.size_rule) && own.shape != Shape::Sphere {
             lines.push(format!("  at {}", own.size_rule.title()));
             rule = Some(own.size_rule);
         }
         lines.push(format!(
-            "    {:<20}{:>8.2}{:>9.2} s{:>11.1} µm{:>+11.1} µm{:>8.1}{:>+17.1} µm{:>8.1}{:>10.2}",
+            "    {:<20}{:>8.2}{:>9.2} s{:>11.1} µm{:>+11.1} µm{:>8.1}{:>20}{:>8.1}{:>10.2}",
             own.shape.name(),
             own.aspect,
             own.followed_s,
             own.small_strains_um,
             own.deviation_um,
             own.error_um,
-            own.deviation_with_mobility_um,
+            own.deviation_with_mobility_um.map_or("–".into(), |um| format!("{um:+.1} µm")),
             own.radii_moved,
             own.lengths_moved
         ));

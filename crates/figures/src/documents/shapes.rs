@@ -225,7 +225,7 @@ pub struct LongestRobot {
 pub struct LargeStrains {
     /// Mobility of the other fluid.
     pub other_mobility: f64,
-    /// Sphere, ellipsoids and cylinder, under each rule.
+    /// The sphere, then ellipsoids and cylinder under each rule.
     pub bodies: Vec<LargeShape>,
     /// Orderings that small strains give, asked again.
     pub claims: Vec<Claim>,
@@ -250,8 +250,8 @@ pub struct LargeShape {
     pub deviation_um: f64,
     /// Difference of that from a coarser mesh's, in µm.
     pub error_um: f64,
-    /// By how much it is farther in the fluid of the other mobility then, in µm.
-    pub deviation_with_mobility_um: f64,
+    /// By how much it is farther in the fluid of the other mobility then, in µm; absent where a body was not followed to the end of the hold.
+    pub deviation_with_mobility_um: Option<f64>,
     /// Displacement in Oldroyd-B's fluid over the radius across the force.
     pub radii_moved: f64,
     /// The same over the body's length.

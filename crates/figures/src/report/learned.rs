@@ -138,7 +138,13 @@ mod tests {
             },
             fitted_cycles: vec![1, 2],
             heldout_cycles: vec![3],
-            function: Some(LearnedFunction { state_unit: "m".into(), visited: [0.0, 1.5e-3], reference_state: 0.0, at_reference: None, points }),
+            function: Some(LearnedFunction {
+                state_unit: "m".into(),
+                visited: [0.0, 1.5e-3],
+                reference_state: 0.0,
+                at_reference: None,
+                points,
+            }),
             formula: Some(LearnedFormula {
                 text: "1 + rate*path".into(),
                 parameters: vec![],

@@ -87,13 +87,7 @@ pub(super) struct Pull<'a> {
 }
 
 /// Runs a law up to the end of the pull, or as far as the mesh follows.
-pub(super) fn walk(
-    mesh: &FieldMesh,
-    law: &FiniteLaw,
-    stiffness: f64,
-    pull: &Pull,
-    steps_per_doubling: u32,
-) -> Walked {
+pub(super) fn walk(mesh: &FieldMesh, law: &FiniteLaw, stiffness: f64, pull: &Pull, steps_per_doubling: u32) -> Walked {
     let Pull { switches, lag_time_s, newtons_per_pa, end_s } = *pull;
     let mut walker = Walker::new(mesh, law, stiffness);
     let fastest_s = if lag_time_s > 0.0 { law.fastest_s.min(lag_time_s) } else { law.fastest_s };
