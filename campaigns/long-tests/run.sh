@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Tests that `cargo test` leaves out because they take minutes: many more runs of what it asks in few, and the largest full models. A part of the tests at a time, so that RESUME=1 goes on.
+# All tests that `cargo test` leaves out, those included that take minutes each: many more runs of what it asks in few, and the largest full models. A part of the tests at a time, so that RESUME=1 goes on.
 source "$(dirname "${BASH_SOURCE[0]}")/../common.sh"
 begin long-tests none
 run_in library cargo test --locked --lib --no-fail-fast -- --ignored
