@@ -161,6 +161,7 @@ mod tests {
 
     /// The mean p of 24 correct models is 0.5 ± 0.059, asserted at four standard deviations (false failures below 1e-4).
     #[test]
+    #[ignore = "thorough"]
     fn p_of_correct_models_is_about_a_half() {
         let p = p_of_correct_models(24, 40);
         let mean = p.iter().sum::<f64>() / 24.0;
@@ -247,6 +248,7 @@ mod tests {
     /// The largest gain of a simulation is that of the widest fits of its data, noise estimated anew for every model: it is not that of one candidate, nor of
     /// a noise that is held.
     #[test]
+    #[ignore = "thorough"]
     fn a_simulated_search_fits_mean_and_noise_of_every_model() {
         let (candidate, fitted) = base_fit();
         let noise = [4.0, 3.0, 1.0, 0.01, 1.0];

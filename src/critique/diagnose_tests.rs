@@ -34,6 +34,7 @@ fn a_class_is_within_reach_and_not_separated_from_the_claim() {
 
 /// A slip of 15 σ explains what a drift was claimed for.
 #[test]
+#[ignore = "thorough"]
 fn structure_takes_the_place_of_a_claim_that_it_explains_better() {
     let request = DiagnosisRequest { in_full: false, ..DiagnosisRequest::default() };
     let still = measured(&small(), &[], &[], 42);
@@ -85,6 +86,7 @@ fn p_of_finding(gain: f64) -> Vec<f64> {
 /// Three rows 25 σ off are left out of everything, and the effect, some 20 σ, is found beside them. Chance rejects one of the other 397 rows with a
 /// probability below 4 × 10⁻⁴; the seed is fixed.
 #[test]
+#[ignore = "thorough"]
 fn outliers_are_left_out_and_the_effect_is_found() {
     let data = measured(&small(), &["force-bias"], &[BIAS], 44);
     let rows = [40, 133, 287];

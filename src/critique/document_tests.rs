@@ -101,6 +101,7 @@ fn the_verdict_follows_claim_structure_and_noise() {
 }
 
 #[test]
+#[ignore = "thorough"]
 fn a_standing_is_that_of_gain_visibility_and_class() {
     let data = measured(&small(), &["force-bias"], &[BIAS], 32);
     let mut found = found(&data, &[1.0; 99]);
@@ -188,6 +189,7 @@ fn errors_and_predictive_noise_are_those_of_dense_algebra() {
 /// A pair is claimed: sizes are those beside each other, a Bayes factor speaks for the effect alone and falls short of its gain by what its prior costs, p
 /// counts simulated searches.
 #[test]
+#[ignore = "thorough"]
 fn a_document_holds_the_claim_with_sizes_of_the_whole_model() {
     let data = measured(&small(), &["force-bias", "tracking-drift"], &[BIAS, DRIFT_M_PER_S], 35);
     let mut found = found(&data, &[1.0, 1e9, 2.0, 1e9]);
@@ -237,6 +239,7 @@ fn a_document_holds_the_claim_with_sizes_of_the_whole_model() {
 /// A claim is weighed, what cannot come near it gets a bound instead of an evidence and is named, and the bound holds: evidences stay below gains and what the
 /// posterior may widen by.
 #[test]
+#[ignore = "thorough"]
 fn what_cannot_come_near_the_claim_gets_a_bound() {
     let data = measured(&small(), &["force-bias"], &[BIAS], 36);
     let mut found = found(&data, &[1.0; 99]);
@@ -271,6 +274,7 @@ fn what_cannot_come_near_the_claim_gets_a_bound() {
 
 /// However near it comes: a law that is not linear gets a bound beside a claim, and is named.
 #[test]
+#[ignore = "thorough"]
 fn a_law_that_is_not_linear_is_not_weighed_beside_a_claim() {
     const SLUGS: [&str; 2] = ["force-bias", "strain-stiffening"];
     let data = replica_with(&Library::only(&SLUGS));

@@ -76,6 +76,7 @@ fn assert_no_worse(is_whole: bool) {
 
 /// Each effect, at the middle of its prior and simulated by the reduced model, is found again: the algorithm, not the physics.
 #[test]
+#[ignore = "thorough"]
 fn effects_are_found_again() {
     assert_found_again(replica(), |_| true);
 }

@@ -47,6 +47,7 @@ fn outliers_at_the_ends_are_found() {
 /// 60 clean records of 800 and 1,000 rows: a Gaussian stands out by five of its standard deviations on both sides once in more than 10⁶ rows, so that
 /// in their 60,000 rows three or more false rejections come up with a probability below 4 × 10⁻⁵.
 #[test]
+#[ignore = "thorough"]
 fn clean_records_lose_no_rows() {
     let mut n_rejected = 0;
     for protocol in [Protocol::Paper, Protocol::Levels] {
@@ -66,6 +67,7 @@ fn clean_records_lose_no_rows() {
 /// One row in a hundred moved by 10 to 20 σ, and two rows just after force steps. These seeds miss none of 701; were one in 1,000 missed, the bar of 5 %
 /// would fail falsely below 10⁻⁷ and that of 10 % next to steps, where one of 17 may be missed, about once in 10⁴ for each of eight kinds of record.
 #[test]
+#[ignore = "thorough"]
 fn outliers_are_found_next_to_force_steps_and_elsewhere() {
     for protocol in [Protocol::Paper, Protocol::Levels] {
         let subject = subject(protocol);
@@ -123,6 +125,7 @@ fn bursts_of_two_and_three_are_found() {
 /// Every effect that the base lacks, at sizes up to those that show by 50 σ and beyond, and delays of whole sample intervals. Chance rejects a row in 10⁶:
 /// forty of 40,000 are out of its reach. Each effect on one protocol, by turns.
 #[test]
+#[ignore = "thorough"]
 fn missing_effects_are_no_outliers() {
     assert_no_outliers(1, true);
 }

@@ -283,6 +283,7 @@ fn one_key() -> Design {
 }
 
 #[test]
+#[ignore = "thorough"]
 fn one_key_is_calibrated() {
     assert_calibrated(&one_key(), None, &SHORT, 11);
 }
@@ -309,6 +310,7 @@ fn two_keys() -> Design {
 }
 
 #[test]
+#[ignore = "thorough"]
 fn two_keys_with_repeats_and_student_t_specimens_are_calibrated() {
     assert_calibrated(&two_keys(), Some(4.0), &SHORT, 12);
 }

@@ -75,6 +75,7 @@ mod tests {
 
     /// The committed file is what the code makes, to the digit that is printed (one unit of it where rounding falls otherwise).
     #[test]
+    #[ignore = "thorough"]
     fn committed_data_are_what_the_command_makes() {
         let made = trajectory_csv().expect("the model runs");
         assert_eq!(made.lines().count(), CSV.lines().count());

@@ -32,6 +32,7 @@ fn late_replica(dir: &Path) -> PathBuf {
 /// The delay is found by the primary look, soon after steps; on a study that is there the revision gains the comparison and loses nothing; the same
 /// bytes with another number of threads.
 #[test]
+#[ignore = "thorough"]
 fn a_delay_is_found_where_it_is() {
     let dir = tempfile::tempdir().unwrap();
     let experiment = late_replica(dir.path());
@@ -64,6 +65,7 @@ fn a_delay_is_found_where_it_is() {
 
 /// The replica's model is right: nothing is found (a seed that finds something would be one in twenty). What cannot be is refused.
 #[test]
+#[ignore = "thorough"]
 fn a_right_model_is_left_alone() {
     let dir = tempfile::tempdir().unwrap();
     let run = vitreo(dir.path(), &["compare", "--out", "study", "--json", "-", "--simulations", "99"]).exits(0);

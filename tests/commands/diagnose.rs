@@ -43,6 +43,7 @@ fn jumping(dir: &Path, from_row: usize, jump_um: f64) -> PathBuf {
 
 /// A sealed challenge: all keys of the document, all files, nothing else of the study touched, and no control characters where there is no terminal.
 #[test]
+#[ignore = "thorough"]
 fn a_sealed_case_is_diagnosed_and_written_down() {
     let dir = tempfile::tempdir().unwrap();
     let case = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/hidden/paper-1");
@@ -129,6 +130,7 @@ fn a_sealed_case_is_diagnosed_and_written_down() {
 
 /// A jump in a fitted cycle is no effect: it is described, drawn, and widens predictions by its size; the same bytes with one thread.
 #[test]
+#[ignore = "thorough"]
 fn what_is_not_of_the_library_is_named_and_drawn() {
     let dir = tempfile::tempdir().unwrap();
     let experiment = jumping(dir.path(), 60, 8.0);
@@ -187,6 +189,7 @@ fn what_cannot_be_asked_is_refused() {
 /// A shape of 1.2 µm, in its own phase in every cycle alike, beside the known 0.5 µm: `sample` does not trust its posterior for the misfit, and `diagnose` does not say that
 /// nothing is missing; without the shape neither complains.
 #[test]
+#[ignore = "thorough"]
 fn sample_and_diagnose_agree_on_what_the_known_noise_allows() {
     let dir = tempfile::tempdir().unwrap();
     for (name, size_um, is_misfit) in [("bent", 1.2, true), ("plain", 0.0, false)] {

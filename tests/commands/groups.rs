@@ -46,6 +46,7 @@ fn has(value: &Value, keys: &[&str]) {
 
 /// The document has the keys that others rely on, every file is there, one thread and two write the same bytes, and what was kept is used again.
 #[test]
+#[ignore = "thorough"]
 fn a_cohort_is_compared_and_written_down() {
     let dir = tempfile::tempdir().unwrap();
     copied(dir.path(), &SOME);
@@ -83,6 +84,7 @@ fn a_cohort_is_compared_and_written_down() {
 
 /// A study is taken with its last revision's model.
 #[test]
+#[ignore = "thorough"]
 fn studies_bring_their_models() {
     let dir = tempfile::tempdir().unwrap();
     copied(dir.path(), &SOME[..4]);

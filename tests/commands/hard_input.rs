@@ -235,6 +235,7 @@ fn more_threads_than_cores_are_not_made() {
 
 /// Fifteen hundred mutated files, the same in every run. The campaign `campaigns/hard-input` plays a hundred thousand.
 #[test]
+#[ignore = "thorough"]
 fn mutated_files_never_panic() {
     let folder = tempfile::tempdir().unwrap();
     let (place, readers) = (Place::new(folder.path()), readers());

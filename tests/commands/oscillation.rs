@@ -69,6 +69,7 @@ fn a_table_of_moduli_becomes_a_posterior() {
 
 /// `sample` and `diagnose` say the same of a law that lacks a spring, and with it nothing is missing.
 #[test]
+#[ignore = "thorough"]
 fn a_missing_spring_is_found_and_added() {
     let place = tempfile::tempdir().unwrap();
     let dir = place.path();

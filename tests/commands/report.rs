@@ -60,6 +60,7 @@ fn assert_self_contained(page: &str) {
 
 /// The drift makes m0 fail, and the page says so; with the effect it is sound. A ladder of a posterior that is no longer there is not shown.
 #[test]
+#[ignore = "thorough"]
 fn a_study_is_one_page_whose_commands_make_it_again() {
     let dir = tempfile::tempdir().unwrap();
     let (at, study) = (dir.path(), dir.path().join("a"));
@@ -96,6 +97,7 @@ fn a_study_is_one_page_whose_commands_make_it_again() {
 
 /// Options of the model come back as they were given; a name that looks like markup stays a name.
 #[test]
+#[ignore = "thorough"]
 fn commands_have_the_models_options_and_names_are_only_names() {
     let dir = tempfile::tempdir().unwrap();
     let at = dir.path();
@@ -155,6 +157,7 @@ fn what_cannot_be_shown_is_refused_and_what_is_not_wanted_is_not_written() {
 
 /// What `challenge run` wrote is a page, too; a document of something else is refused with its line.
 #[test]
+#[ignore = "thorough"]
 fn played_challenges_are_a_page() {
     let place = tempfile::tempdir().unwrap();
     let play = ["challenge", "run", "--count", "1", "--only", "none", "--json", "plays.json", "--quiet"];

@@ -28,6 +28,7 @@ fn exact_m(document: &Value, poisson_ratio: f64) -> f64 {
 /// The paper's study: every key of the contract, two solvers that agree, a closed form, and what holds. The axial ellipsoid of equal surface
 /// moves easier than the sphere at this Poisson ratio, whatever the paper says.
 #[test]
+#[ignore = "thorough"]
 fn the_papers_claims_are_judged() {
     let dir = tempfile::tempdir().unwrap();
     let run = vitreo(dir.path(), &["shapes", "--json", "-", "--quiet", "--out", "study"]).exits(0);
@@ -125,6 +126,7 @@ fn assert_large_strains(document: &Value) {
 /// Sweeps over Poisson ratios: the errors' bars at each, and the axial ellipsoid of equal surface against the closed form at every one. Which side of the
 /// sphere it is on depends on the Poisson ratio, and the words say so.
 #[test]
+#[ignore = "thorough"]
 fn sweeps_keep_to_the_bars_and_say_which_claims_they_change() {
     assert_swept("0.48,0.3", 4);
 }
@@ -172,6 +174,7 @@ fn assert_swept(poisson_ratios: &str, n_settings: usize) {
 
 /// The user's own mesh beside the five bodies: of the sphere that the experiment has, so that everything about it is known.
 #[test]
+#[ignore = "thorough"]
 fn the_users_mesh_is_set_beside_the_bodies() {
     let dir = tempfile::tempdir().unwrap();
     let mesh = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/gmsh/quarter_sphere_tet10.msh");

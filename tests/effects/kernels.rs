@@ -261,6 +261,7 @@ fn the_reduced_model_agrees_with_full_finite_elements() {
 
 /// The same under a force that goes in lines between rows, a sine sampled far too seldom to be held; at one point of the prior, since what is new is the force.
 #[test]
+#[ignore = "thorough"]
 fn the_reduced_model_agrees_with_full_finite_elements_under_lines() {
     assert_agreement(&lines(), &[0.4], |model| !is_nonlinear(model));
 }
@@ -330,6 +331,7 @@ fn assert_same_in_both_models(is_asked: fn(usize, &Model) -> bool) {
 
 /// Every twentieth with linear laws: effects by themselves are asked above, and the order in which stages are applied is the same for all pairs (conformance.rs).
 #[test]
+#[ignore = "thorough"]
 fn pairs_are_finite_and_the_same_in_both_models() {
     assert_same_in_both_models(|number, model| number.is_multiple_of(20) && !is_nonlinear(model));
 }
@@ -399,6 +401,7 @@ fn sensitivities_agree_with_finite_differences() {
 
 /// The documented step from a null without derivative gives a signature that is near the limit of ever smaller ones.
 #[test]
+#[ignore = "thorough"]
 fn finite_steps_are_near_their_limit() {
     let protocol = protocol();
     for &effect in EFFECTS {

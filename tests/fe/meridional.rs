@@ -104,6 +104,7 @@ fn error_falls_exponentially_without_locking() {
 
 /// Physics §4.8 holds to the fifth power of the size over the container; the elements find that power, and where it is negligible they find §4.3 to ten digits.
 #[test]
+#[ignore = "thorough"]
 fn spheroid_is_the_closed_form_up_to_its_own_error() {
     let body = of_equal_volume(spheroid(ASPECT));
     let BodyOfRevolution::Spheroid { semi_axis_along_m: a, semi_axis_across_m: b } = body else {
@@ -127,6 +128,7 @@ fn spheroid_is_the_closed_form_up_to_its_own_error() {
 
 /// The ends of the range of aspects, prolate and oblate, in a container far away.
 #[test]
+#[ignore = "thorough"]
 fn slender_and_flat_spheroids_are_the_closed_form() {
     for aspect in [0.1, 0.5, 0.99, 1.01, 3.0, 20.0_f64] {
         for poisson_ratio in [0.3, 0.499] {
@@ -145,6 +147,7 @@ fn slender_and_flat_spheroids_are_the_closed_form() {
 
 /// Orders, layers and both formulations agree: displacements alone give the stiffness from above. Estimates cover the errors.
 #[test]
+#[ignore = "thorough"]
 fn cylinder_converges_to_one_value() {
     assert_cylinders_converge(&[(0.1, Direction::Transverse), (ASPECT, Direction::Axial)]);
 }
@@ -175,6 +178,7 @@ fn assert_cylinders_converge(cases: &[(f64, Direction)]) {
 
 /// A container close to the body costs accuracy, and the estimate says so.
 #[test]
+#[ignore = "thorough"]
 fn estimates_hold_in_close_containers() {
     for (aspect, ratio, ceiling) in
         [(20.0, 1.5, 1e-8), (0.1, 1.5, 1e-8), (1.0, 1.1, 1e-8), (0.1, 1.1, 1e-4), (20.0, 1.1, 1e-4)]
@@ -196,6 +200,7 @@ fn estimates_hold_in_close_containers() {
 /// Between clamped faces that meet at an outer angle of 270° the field goes like ρ^α, (3 − 4ν) sin(3πα/2) = α (M. L. Williams, J. Appl. Mech. 19, 526, 1952), so each
 /// layer of cells lowers the error of the energy by 0.15^2α. Across the axis the hoop displacement adds a part like ρ^⅔. The elements know nothing of either.
 #[test]
+#[ignore = "thorough"]
 fn layers_around_the_rim_act_as_the_singularity_says() {
     let body = of_equal_volume(cylinder(1.0));
     for poisson_ratio in [0.3, 0.48, 0.4999] {
@@ -291,6 +296,7 @@ const EQUAL_AREA: [Row; 5] = [
 
 /// Reference values of the paper's bodies, right to the last digit but one.
 #[test]
+#[ignore = "thorough"]
 fn the_papers_bodies_have_their_reference_values() {
     for (size, rows) in [(of_equal_volume as fn(_) -> _, EQUAL_VOLUME), (of_equal_area, EQUAL_AREA)] {
         for (shape, direction, expected_mm) in rows {

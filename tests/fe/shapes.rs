@@ -114,6 +114,7 @@ fn cylinder_by_second_solver_m(orientation: Orientation) -> [f64; 3] {
 
 /// Errors fall with one sign, and what two levels differ by, from which the program judges the finer one, is more than that one's error.
 #[test]
+#[ignore = "thorough"]
 fn cylinders_converge() {
     for orientation in ORIENTATIONS {
         let limits_m = cylinder_by_second_solver_m(orientation);
@@ -181,6 +182,7 @@ fn turned_about_the_force(mesh: &Mesh) -> Mesh {
 /// A body that is turned about the force, its long axis from y to z when it stands across, feels the same, and so does a mesh that is not the same
 /// to turned eyes: to rounding, since nodes and factor come in another order.
 #[test]
+#[ignore = "thorough"]
 fn turning_the_body_about_the_force_changes_nothing() {
     for orientation in ORIENTATIONS {
         for mesh in [cylinder(orientation, 2), spheroid(spheroid_semi_axes_m(ASPECT), orientation, 2)] {

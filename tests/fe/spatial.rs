@@ -153,6 +153,7 @@ fn the_closed_form_of_the_wall_has_the_known_limits() {
 }
 
 #[test]
+#[ignore = "thorough"]
 fn the_wall_meets_the_closed_form_and_converges() {
     for nu in [0.3, 0.48, 0.499] {
         let mut errors: Vec<Vec<f64>> = Vec::new();
@@ -186,6 +187,7 @@ fn the_closed_form_of_slip_has_the_known_limits() {
 }
 
 #[test]
+#[ignore = "thorough"]
 fn slip_meets_the_closed_form_and_converges() {
     for nu in [0.3, 0.48, 0.499] {
         let mut errors: Vec<Vec<f64>> = Vec::new();
@@ -205,6 +207,7 @@ fn slip_meets_the_closed_form_and_converges() {
 }
 
 #[test]
+#[ignore = "thorough"]
 fn the_pocket_meets_the_two_layer_solution() {
     for (nu, ratio) in [(0.3, 1.5), (0.48, 2.0), (0.48, 5.0), (0.499, 3.0)] {
         let system = system(3, nu, pair("liquefied-pocket"), Some(ratio));
@@ -236,6 +239,7 @@ fn inertia_meets_basset_boussinesq() {
 /// Between the snapshots: the error is below 1e-6 of the compliance at rest. With few modes it is seen, and the indicator is above it: by Galerkin's
 /// orthogonality it is the error in the energy norm of x = 0, which every other is a part of.
 #[test]
+#[ignore = "thorough"]
 fn reduced_terms_agree_with_the_full_model_between_snapshots() {
     for (effect, pair) in pairs() {
         let slug = effect.slug();
@@ -314,6 +318,7 @@ fn stages(effect: &dyn Effect) -> (Stages, LinearField) {
 
 /// Creep after one step by the terms' spectrum against time stepping of the full model, which shares no more than the matrices.
 #[test]
+#[ignore = "thorough"]
 fn creep_by_terms_agrees_with_time_stepping() {
     let window = TimeWindow { shortest_s: 0.02, longest_s: 5.0 };
     for (effect, pair) in pairs() {
@@ -349,6 +354,7 @@ fn creep_by_terms_agrees_with_time_stepping() {
 /// Positions by superposition of one step's answer against steps through every change of the force, which is what a run with fields takes: delay, lag, factors,
 /// an offset from the start, changes that fall between rows, and rows at which the force changes.
 #[test]
+#[ignore = "thorough"]
 fn superposed_positions_are_those_of_steps_through_every_switch() {
     let time_s: Vec<f64> = (0..60).map(|row| 3.0 + 0.1 * f64::from(row)).collect();
     let force_n: Vec<f64> = (0..60).map(|row| [4e-6, -4e-6, 0.0, 2e-6][row / 15]).collect();

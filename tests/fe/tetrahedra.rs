@@ -102,6 +102,7 @@ fn meshes_from_gmsh_solve() {
 
 /// On the same 15,480 unknowns: hexahedra do not lock, 10-node tetrahedra do a little above ν = 0.49, 4-node ones badly.
 #[test]
+#[ignore = "thorough"]
 fn tetrahedra_lock_where_the_warnings_say() {
     let mesh = ball(3, 12);
     let poisson_ratios = [0.0, 0.48, 0.499];

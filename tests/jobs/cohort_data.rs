@@ -43,6 +43,7 @@ fn the_truth_and_every_description_are_what_the_code_makes() {
 
 /// All of them; and the time steps' error stays below a fiftieth of the noise in every experiment, by the exact step.
 #[test]
+#[ignore = "thorough"]
 fn trajectories_are_what_full_finite_elements_make() {
     let experiments = cohort::experiments();
     for species in &cohort::SPECIES {

@@ -164,6 +164,7 @@ fn a_wrong_surrogate_is_measured_by_the_full_model() {
 /// found E = 3.497 and c₂ = 44.2 for 3.527 and 47.37 in one such cycle. The shifts are of first order, and of the law that was found and not of the gel's: a quarter of them, and four standard deviations of the posterior, are allowed;
 /// normal errors are beyond that once in 5,000.
 #[test]
+#[ignore = "thorough"]
 fn what_large_displacements_cost_is_said() {
     let (mut experiment, _) = replica::embedded().unwrap();
     let law = FiniteLaw::new(&BaseLaw::Lethersich.elements(&replica::TABLE_I.map(Dual::constant)), 0.0).unwrap();
@@ -196,6 +197,7 @@ fn what_large_displacements_cost_is_said() {
 /// A parameter that is held, and laws of which one cycle leaves some parameters open: what is said stays with those that are free and known, and is no more than the tenth that bounds what large
 /// displacements do here.
 #[test]
+#[ignore = "thorough"]
 fn shifts_are_of_parameters_that_are_free_and_known() {
     let held = BTreeMap::from([("viscosity_1_pa_s".to_owned(), replica::TABLE_I[1])]);
     let lethersich = ModelSpecification { fixed: held, ..ModelSpecification::default() };

@@ -110,6 +110,7 @@ fn prepared(place: &Path) {
 /// Commands on an instrument's experiment, which take a second: stopped at three moments, by each signal; then run to the end. Forty runs of the program, and
 /// a few where a moment was missed, take a minute.
 #[test]
+#[ignore = "thorough"]
 fn every_command_stops_soon_and_runs_again() {
     let place = tempfile::tempdir().unwrap();
     let template = place.path().join("template");
@@ -174,6 +175,7 @@ fn every_command_stops_soon_and_runs_again() {
 
 /// Commands that solve finite elements and search, for a minute and more: stopped while they do.
 #[test]
+#[ignore = "thorough"]
 fn long_computations_stop_soon() {
     let place = tempfile::tempdir().unwrap();
     let dir = place.path();
@@ -209,6 +211,7 @@ fn long_computations_stop_soon() {
 
 /// The terminal hangs up: what is said goes nowhere, the state is kept, and the run goes on from it to the same bytes.
 #[test]
+#[ignore = "thorough"]
 fn a_run_whose_terminal_hangs_up_is_resumed() {
     let place = tempfile::tempdir().unwrap();
     // A second and more of finite elements, so that there is a run to stop.

@@ -122,6 +122,7 @@ mod tests {
 
     /// At radii between those that were solved, and those at the ends, against modes of a mesh for each.
     #[test]
+    #[ignore = "thorough"]
     fn three_terms_serve_pockets_of_any_radius() {
         let (robot_radius_m, outer_radius_m) = (0.275e-3, 10e-3);
         let ball = QuarterBall { robot_radius_m, outer_radius_m, n_per_edge: 2, n_layers: 8 };

@@ -25,6 +25,7 @@ fn pulled(gel: &FiniteGel, n_holds: usize) -> FiniteResult {
 /// The first pull, 3.8 radii in a container of 100, by conformations that are carried along with the flow on a mesh that moves with the sphere: two codes that share no discretisation of space or time agree to 0.1 µm of the 27 µm
 /// by which the sphere goes farther. The wall, which moves with the sphere there, is so far away that its place does not matter.
 #[test]
+#[ignore = "thorough"]
 fn a_mesh_that_moves_with_the_sphere_finds_the_same_pull() {
     const OUTER_RADII: f64 = 100.0;
     let law = FiniteLaw::new(&BaseLaw::Lethersich.elements(&LAW.map(Dual::constant)), 0.0).expect("no springpot");
@@ -140,6 +141,7 @@ fn drag_in_a_tube_falls_with_elasticity() {
 /// Gels whose Poisson ratio is 0.48 and 0.49 and small strains the closed form's, by two rules for their volume: how far each deviates is another matter than where the volume stays, by up to 5 and 11 µm after the first pull
 /// and by 16 µm to either side after the second, of the 27 and −2 µm of a gel that keeps its volume. So the deviation that stands in for theirs is one of three; towards ½ they come together.
 #[test]
+#[ignore = "thorough"]
 fn volumes_that_give_deviate_otherwise() {
     let kept = holds(coarse(), 0.0, 1.0, 2);
     let ends = [ROWS_A_HOLD, 2 * ROWS_A_HOLD];
@@ -178,6 +180,7 @@ fn volumes_that_give_deviate_otherwise() {
 
 /// Spheroids along the force: a nearly spherical one deviates as the sphere does, on another mesh; one of twice the length of its diameter far less; and small strains are the meridional solver's.
 #[test]
+#[ignore = "thorough"]
 fn spheroids_are_meshed_too() {
     let spheroid = |aspect: f64| {
         let unit = BodyOfRevolution::Spheroid { semi_axis_along_m: aspect, semi_axis_across_m: 1.0 };

@@ -69,6 +69,7 @@ fn the_stiffness_is_stokes_drag() {
 
 /// At a hundredth of the force the place is the closed form's, ∫J dF over the stiffness, to 10⁻⁴ of the amplitude: holds, and lines between rows.
 #[test]
+#[ignore = "thorough"]
 fn small_displacements_are_the_linear_models() {
     let j = CreepCompliance::lethersich(&LAW);
     let (time_s, force_n) = record(0.01, 2);
@@ -106,6 +107,7 @@ fn the_deviation_goes_with_the_third_power() {
 
 /// The paper's first pull and the way back, 3.6 radii. A program of others that solves the same equations found 27 µm (2.8 %) at the end of the first pull.
 #[test]
+#[ignore = "thorough"]
 fn the_papers_pull_goes_27_um_farther() {
     let found = holds(Fineness::default(), 0.0, 1.0, 2);
     let end_um = 1e6 * found.deviation_m[ROWS_A_HOLD];
@@ -149,6 +151,7 @@ fn a_mobility_changes_large_strains_alone() {
 
 /// A spring in series answers at once, so that the body jumps with the force: beside the deviation its place is the closed form's, on two meshes. A stiff spring changes nothing.
 #[test]
+#[ignore = "thorough"]
 fn a_spring_in_series_jumps_and_a_stiff_one_is_none() {
     let (time_s, force_n) = record(1.0, 2);
     let burgers = |spring_pa: f64, fineness: Fineness| {

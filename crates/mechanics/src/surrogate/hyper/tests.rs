@@ -120,6 +120,7 @@ fn a_few_modes_and_points_are_right_to_a_thousandth() {
 
 /// Every base law with a record and a load that no surrogate was trained on: rests, smaller forces, and every effect of the load.
 #[test]
+#[ignore = "thorough"]
 fn other_laws_records_and_loads_are_right() {
     let time_s: Vec<f64> = (0..16).map(|i| 2.0 + 0.4 * f64::from(i)).collect();
     let force_n: Vec<f64> = (0..16).map(|i| [1.0, -0.8, 0.0, 0.5][i / 4] * FORCE_N).collect();
@@ -220,6 +221,7 @@ fn sensitivities_are_finite_differences() {
 
 /// Eight points at once are eight points alone, bit for bit; one that has no position does not touch the others.
 #[test]
+#[ignore = "thorough"]
 fn a_batch_gives_every_point_its_own_bits() {
     let (time_s, force_n) = record(120);
     let response = Response::new(&time_s, &force_n, time_s.len());

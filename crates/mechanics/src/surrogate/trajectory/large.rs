@@ -406,6 +406,7 @@ mod tests {
 
     /// The paper's bead over one cycle: laws and amplitudes that trained nothing, among them the paper's own, against full runs on a finer mesh with finer steps; and the derivatives against differences.
     #[test]
+    #[ignore = "thorough"]
     fn what_is_learnt_is_what_full_runs_find() {
         const RADII_M: [f64; 2] = [0.275e-3, 10e-3];
         let time_s: Vec<f64> = (0..=40).map(|row| 0.25 * f64::from(row)).collect();
@@ -499,6 +500,7 @@ mod tests {
 
     /// Loads of a few hundredths and hundredths of a second, one at a time and together, against full runs on a finer mesh: what they change of the deviation, of 12 µm, is right to a tenth of a µm or two.
     #[test]
+    #[ignore = "thorough"]
     fn loads_are_followed_to_first_order() {
         const RADII_M: [f64; 2] = [0.275e-3, 10e-3];
         let time_s: Vec<f64> = (0..=40).map(|row| 0.25 * f64::from(row)).collect();
