@@ -24,8 +24,7 @@ pub fn ask(
     body: &[u8],
     patience: Duration,
 ) -> (u16, String) {
-    let host =
-        if headers.to_lowercase().contains("host:") { String::new() } else { format!("Host: {address}\r\n") };
+    let host = if headers.to_lowercase().contains("host:") { String::new() } else { format!("Host: {address}\r\n") };
     let head = format!(
         "{method} {path} HTTP/1.1\r\n{host}{headers}Connection: close\r\nContent-Length: {}\r\n\r\n",
         body.len()

@@ -140,7 +140,10 @@ fn close(own: &[f64], expected: &[f64], part: f64) {
 #[test]
 fn the_trajectory_is_the_closed_form_and_its_derivatives_are_differences() {
     let server = Server::of_instrument(&["--quiet"]);
-    assert_eq!(server.answers("Info", json!({})), json!({ "protocolVersion": 1.0, "models": ["trajectory", "posterior"] }));
+    assert_eq!(
+        server.answers("Info", json!({})),
+        json!({ "protocolVersion": 1.0, "models": ["trajectory", "posterior"] })
+    );
     for (name, sizes) in [("trajectory", [3, 200]), ("posterior", [4, 1])] {
         let own = json!({ "name": name });
         assert_eq!(server.answers("InputSizes", own.clone()), json!({ "inputSizes": [sizes[0]] }));
@@ -249,9 +252,7 @@ fn what_is_wrong_is_refused_by_the_protocols_objects() {
     server.refuses("Evaluate", at(json!([POINT])), "InvalidInput", "4 numbers, but the model takes 3");
     server.refuses("Evaluate", at(json!([law, law])), "InvalidInput", "2 vectors");
     server.refuses("Evaluate", at(json!([[-3.3, 1.5, 44.0]])), "InvalidInput", "young_modulus_pa = -3.3 Pa");
-    let gradient = |out: i32, sens: &[f64]| {
-        json!({ "name": "trajectory", "input": [law], "outWrt": out, "inWrt": 0, "sens": sens })
-    };
+    let gradient = |out: i32, sens: &[f64]| json!({ "name": "trajectory", "input": [law], "outWrt": out, "inWrt": 0, "sens": sens });
     server.refuses("Gradient", gradient(1, &[0.0; 200]), "InvalidInput", "`outWrt` is 1");
     server.refuses("Gradient", gradient(0, &[0.0; 199]), "InvalidInput", "199 numbers");
     let config = |name: &str, config: Value| json!({ "name": name, "input": [law], "config": config });
@@ -325,7 +326,8 @@ fn full_and_reduced_agree_within_what_the_reduced_model_states() {
     let _ = server.child.kill();
     let mut words = String::new();
     server.words.read_to_string(&mut words).unwrap();
-    for part in ["porcine-replica: Lethersich", "young_modulus_pa", "Pa s", "noise_sd_um", "800 positions in um", "−∞"] {
+    for part in ["porcine-replica: Lethersich", "young_modulus_pa", "Pa s", "noise_sd_um", "800 positions in um", "−∞"]
+    {
         assert!(words.contains(part), "`{part}` is missing in {words}");
     }
 }

@@ -23,9 +23,13 @@ fn commands(dir: &std::path::Path) -> Vec<String> {
 fn every_command_is_completed_and_bash_reads_it() {
     let place = tempfile::tempdir().unwrap();
     let names = commands(place.path());
-    for (shell, mark) in
-        [("bash", "complete -F"), ("zsh", "#compdef vitreo-uq"), ("fish", "complete -c vitreo-uq"), ("elvish", "edit:completion"), ("powershell", "Register-ArgumentCompleter")]
-    {
+    for (shell, mark) in [
+        ("bash", "complete -F"),
+        ("zsh", "#compdef vitreo-uq"),
+        ("fish", "complete -c vitreo-uq"),
+        ("elvish", "edit:completion"),
+        ("powershell", "Register-ArgumentCompleter"),
+    ] {
         let script = vitreo(place.path(), &["completions", shell]).exits(0).stdout;
         assert!(script.contains(mark), "{shell}");
         for name in &names {
@@ -34,10 +38,15 @@ fn every_command_is_completed_and_bash_reads_it() {
         if shell == "bash" {
             // Every command leads to a case of its own.
             for name in &names {
-                assert!(script.contains(&format!("vitreo__uq__{name})")) || script.contains(&format!("vitreo__uq__subcmd__{name})")), "{name}");
+                assert!(
+                    script.contains(&format!("vitreo__uq__{name})"))
+                        || script.contains(&format!("vitreo__uq__subcmd__{name})")),
+                    "{name}"
+                );
             }
             std::fs::write(place.path().join("completion.bash"), &script).unwrap();
-            if let Ok(status) = Command::new("bash").args(["-n", "completion.bash"]).current_dir(place.path()).status() {
+            if let Ok(status) = Command::new("bash").args(["-n", "completion.bash"]).current_dir(place.path()).status()
+            {
                 assert!(status.success());
             }
         }

@@ -376,7 +376,10 @@ mod tests {
                 let h = 1e-5 * (distribution.quantile(0.75) - distribution.quantile(0.25));
                 let difference = (distribution.ln_pdf(x + h) - distribution.ln_pdf(x - h)) / (2.0 * h);
                 let slope = distribution.ln_pdf_slope(x);
-                assert!((slope - difference).abs() < 1e-6 * (1.0 + slope.abs()), "{distribution}: {slope} {difference}");
+                assert!(
+                    (slope - difference).abs() < 1e-6 * (1.0 + slope.abs()),
+                    "{distribution}: {slope} {difference}"
+                );
             }
         }
         assert_eq!(HalfNormal { sd: 0.7 }.ln_pdf_slope(-1.0), 0.0);

@@ -72,7 +72,8 @@ pub fn run(arguments: &ServeArguments) -> Result<ExitCode> {
     let kept = target.existing_study().and_then(|study| kept_surrogate(study, &terminal));
     let reduced = Reduced::new(&problem, kept, &terminal)?;
     // They are served until the program ends, by tasks of which none ends before.
-    let (problem, reduced): (&'static Problem, &'static Reduced) = (Box::leak(Box::new(problem)), Box::leak(Box::new(reduced)));
+    let (problem, reduced): (&'static Problem, &'static Reduced) =
+        (Box::leak(Box::new(problem)), Box::leak(Box::new(reduced)));
     let models = Arc::new(Models::new(problem, reduced)?);
     terminal.finish();
     output::print(&format!("http://{address}\n"))?;
@@ -168,10 +169,16 @@ fn words(problem: &Problem, reduced: &Reduced, models: &Models) -> String {
         models.n_rows()
     ));
     if let Some(error) = reduced.max_relative_error {
-        lines.push("  config {\"model\": \"reduced\"} (unless said), or {\"model\": \"full\"} for full finite elements;".into());
+        lines.push(
+            "  config {\"model\": \"reduced\"} (unless said), or {\"model\": \"full\"} for full finite elements;"
+                .into(),
+        );
         lines.push(format!("  the two differ by {error:.0e} of the amplitude on parameters outside the training set."));
     }
-    lines.push(format!("posterior: [[inputs 1 to {}]] → [[ln(prior × likelihood), over the inputs as they are]]", inputs.len()));
+    lines.push(format!(
+        "posterior: [[inputs 1 to {}]] → [[ln(prior × likelihood), over the inputs as they are]]",
+        inputs.len()
+    ));
     lines.push(format!("  config {{\"points\": N}} for N points one after another, {MOST_POINTS} at most;"));
     lines.push(format!("  {OUTSIDE:e} stands for −∞: outside from … to, and where an effect has no model."));
     lines.push("Gradient and ApplyJacobian are there for both, by the reduced model; ApplyHessian is not.".into());

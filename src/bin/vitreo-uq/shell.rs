@@ -52,21 +52,20 @@ pub fn man(arguments: &ManArguments, program: Command) -> Result<ExitCode> {
 }
 
 /// Names and texts of the pages, of commands within commands, too.
-fn pages(mut program: Command) -> Result<Vec<(String, Vec<u8>)>> {
-    // What `--help` would show: names of commands with those before them, and arguments that commands share.
+fn pages(program: Command) -> Result<Vec<(String, Vec<u8>)>> {
+    let mut program = program.disable_help_subcommand(true);
+    // Names of commands with those before them, and options that the program has for all.
     program.build();
     let mut left = vec![program];
     let mut pages = Vec::new();
     while let Some(command) = left.pop() {
-        let inner = command.get_subcommands().filter(|own| own.get_name() != "help" && !own.is_hide_set());
-        left.extend(inner.cloned());
-        let name = command.get_display_name().unwrap_or(command.get_name()).to_string();
-        let mut page = Vec::new();
-        let man = clap_mangen::Man::new(command.name(name.clone()));
+        left.extend(command.get_subcommands().filter(|own| !own.is_hide_set()).cloned());
+        let man = clap_mangen::Man::new(command);
+        let (name, mut page) = (man.get_filename(), Vec::new());
         man.render(&mut page).map_err(|error| {
-            Error::numerical(format!("the page of {name} cannot be written: {error}"), "report the command that was run")
+            Error::numerical(format!("{name} cannot be written: {error}"), "report the command that was run")
         })?;
-        pages.push((format!("{name}.1"), page));
+        pages.push((name, page));
     }
     pages.sort();
     Ok(pages)

@@ -80,8 +80,11 @@ impl<'a> Posterior<'a> {
     /// Gradients of points that stand one after another. Where the density is 0 the slope is 0, as that of the number that stands for −∞.
     fn gradients(&self, points: &[f64]) -> Outcome<Vec<Vec<f64>>> {
         let densities = self.log_densities(points)?;
-        let gradient = |(point, density): (&[f64], &f64)| {
-            if *density == f64::NEG_INFINITY { Ok(vec![0.0; point.len()]) } else { Ok(self.gradient.gradient(point)?) }
+        let gradient = |(point, density): (&[f64], &f64)| -> Outcome<Vec<f64>> {
+            if *density == f64::NEG_INFINITY {
+                return Ok(vec![0.0; point.len()]);
+            }
+            Ok(self.gradient.gradient(point)?)
         };
         points.chunks_exact(self.n_inputs()).zip(&densities).map(gradient).collect()
     }
@@ -111,7 +114,7 @@ impl Served for Posterior<'_> {
 
     fn apply_jacobian(&self, _config: &Value, points: &[f64], direction: &[f64]) -> Outcome<Vec<f64>> {
         let directions = direction.chunks_exact(self.n_inputs());
-        let along = |(own, direction): (&Vec<f64>, &[f64])| own.iter().zip(direction).map(|(a, b)| a * b).sum();
+        let along = |(own, direction): (&Vec<f64>, &[f64])| own.iter().zip(direction).map(|(a, b)| a * b).sum::<f64>();
         Ok(self.gradients(points)?.iter().zip(directions).map(along).collect())
     }
 }

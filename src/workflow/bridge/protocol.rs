@@ -161,9 +161,9 @@ fn respond(models: &[&dyn Served], endpoint: Endpoint, body: &[u8]) -> Outcome<V
         } })),
         Endpoint::InputSizes => Ok(json!({ "inputSizes": [model.sizes(config)?.inputs] })),
         Endpoint::OutputSizes => Ok(json!({ "outputSizes": [model.sizes(config)?.outputs] })),
-        Endpoint::ApplyHessian => {
-            Err(Refusal::UnsupportedFeature("second derivatives are not to be had; Gradient and ApplyJacobian are".into()))
-        }
+        Endpoint::ApplyHessian => Err(Refusal::UnsupportedFeature(
+            "second derivatives are not to be had; Gradient and ApplyJacobian are".into(),
+        )),
         Endpoint::Evaluate => {
             let point = point(&request, model.sizes(config)?)?;
             Ok(json!({ "output": [finite(model.evaluate(config, &point)?)?] }))
@@ -189,7 +189,9 @@ fn point(request: &Map<String, Value>, sizes: Sizes) -> Outcome<Vec<f64>> {
         match request.get(key) {
             None => {}
             Some(index) if index.as_u64() == Some(0) => {}
-            Some(index) => return Err(Refusal::input(format!("`{key}` is {index}, but there is one vector, number 0"))),
+            Some(index) => {
+                return Err(Refusal::input(format!("`{key}` is {index}, but there is one vector, number 0")));
+            }
         }
     }
     match request.get("input") {

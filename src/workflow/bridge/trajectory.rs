@@ -125,7 +125,7 @@ impl Served for Trajectory<'_> {
         Self::refuse_full(config)?;
         let parameters = self.parameters(point)?;
         let sampled = self.sources.iter().enumerate().filter(|(_, source)| matches!(source, Source::Sampled(_)));
-        let slope = |(place, _): (usize, &Source)| {
+        let slope = |(place, _): (usize, &Source)| -> Outcome<f64> {
             let derivative_m = self.reduced.derivative_m(&parameters, place)?;
             Ok(UM_PER_M * derivative_m.iter().zip(sensitivity).map(|(d, s)| d * s).sum::<f64>())
         };

@@ -135,20 +135,19 @@ impl<'a> ReducedPosterior<'a> {
         if n == 0 {
             return;
         }
-        self.fill(log_density, |index, out| out.copy_from_slice(&points[index * n..(index + 1) * n]), |log_density| {
-            for (prior, values) in self.parts.priors.priors().iter().zip(points.chunks_exact(n)) {
-                log_density.iter_mut().zip(values).for_each(|(out, x)| *out += prior.distribution.ln_pdf(*x));
-            }
-        });
+        self.fill(
+            log_density,
+            |index, out| out.copy_from_slice(&points[index * n..(index + 1) * n]),
+            |log_density| {
+                for (prior, values) in self.parts.priors.priors().iter().zip(points.chunks_exact(n)) {
+                    log_density.iter_mut().zip(values).for_each(|(out, x)| *out += prior.distribution.ln_pdf(*x));
+                }
+            },
+        );
     }
 
     /// Trained ranges, prior and likelihood of a batch; `natural` writes the values of a sampled parameter, `add_prior` adds the prior's log-density.
-    fn fill(
-        &self,
-        log_density: &mut [f64],
-        natural: impl Fn(usize, &mut [f64]),
-        add_prior: impl FnOnce(&mut [f64]),
-    ) {
+    fn fill(&self, log_density: &mut [f64], natural: impl Fn(usize, &mut [f64]), add_prior: impl FnOnce(&mut [f64])) {
         let n = log_density.len();
         let mut values = vec![0.0; self.sources.len() * n];
         for (source, out) in self.sources.iter().zip(values.chunks_exact_mut(n)) {
