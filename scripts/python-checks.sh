@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Runs every tests/python/*.py against the Python tools that users have (ArviZ, VTK, corner, emcee), in an environment of its own
+# Runs every tests/python/*.py against the Python tools that users have (ArviZ, VTK, corner, emcee, UM-Bridge), in an environment of its own
 # under target/. Needs Python 3.9 or newer (another one than python3: PYTHON=…), cargo and, the first time, the network.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."

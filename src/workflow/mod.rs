@@ -2,6 +2,7 @@
 
 pub mod advice;
 pub mod artefacts;
+pub mod bridge;
 mod cache;
 pub mod check;
 pub mod convergence;

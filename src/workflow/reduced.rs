@@ -232,6 +232,15 @@ impl Problem {
         self.reduced_forward_over(reduced, Response::new(&record.time_s, record.force(), record.n_rows()))
     }
 
+    /// The same over the first rows, by the compliance that the posterior takes.
+    pub(super) fn reduced_forward_up_to<'a>(&'a self, reduced: &'a Reduced, n_rows: usize) -> ReducedForward<'a> {
+        let record = &self.experiment.record;
+        let (time_s, force) = (&record.time_s, record.force());
+        let compliance = trajectory::local(&reduced.compliance, time_s, force);
+        let response = Response::new(time_s, force, n_rows);
+        ReducedForward { model: &self.model, compliance, response, trained: &reduced.trained }
+    }
+
     /// The same over the rows of a response.
     pub(super) fn reduced_forward_over<'a>(&'a self, reduced: &'a Reduced, response: Response) -> ReducedForward<'a> {
         ReducedForward {

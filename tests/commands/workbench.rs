@@ -1,10 +1,12 @@
 //! The workbench's server: who may ask, what is never read or written, and that nothing a client sends brings it down. The page itself is tested in a browser (tests/browser).
 
-use std::io::{BufRead, BufReader, Read, Write};
+use std::io::{BufRead, BufReader, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
+
+use crate::http;
 
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -44,32 +46,13 @@ impl Bench {
         Self { child, address, token, _outside: outside, home }
     }
 
-    /// Sends bytes as they are; gives what comes back before the server closes or nothing more comes for so long.
     fn send(&self, bytes: &[u8], patience: Duration) -> Vec<u8> {
-        let mut stream = TcpStream::connect(self.address).unwrap();
-        stream.set_read_timeout(Some(patience)).unwrap();
-        // The server may close on what it refuses before all is sent.
-        let _ = stream.write_all(bytes);
-        let mut answer = Vec::new();
-        let _ = stream.read_to_end(&mut answer);
-        answer
+        http::send(self.address, bytes, patience)
     }
 
     /// Status and body of a request with headers of the page's own, or others.
     fn ask(&self, method: &str, path: &str, headers: &str, body: &[u8]) -> (u16, String) {
-        let host = if headers.to_lowercase().contains("host:") {
-            String::new()
-        } else {
-            format!("Host: {}\r\n", self.address)
-        };
-        let head = format!(
-            "{method} {path} HTTP/1.1\r\n{host}{headers}Connection: close\r\nContent-Length: {}\r\n\r\n",
-            body.len()
-        );
-        let answer = self.send(&[head.as_bytes(), body].concat(), Duration::from_secs(5));
-        let text = String::from_utf8_lossy(&answer).into_owned();
-        let status = text.split(' ').nth(1).and_then(|status| status.parse().ok()).unwrap_or(0);
-        (status, text.split_once("\r\n\r\n").map_or(String::new(), |(_, body)| body.to_string()))
+        http::ask(self.address, method, path, headers, body, Duration::from_secs(5))
     }
 
     fn get(&self, path: &str) -> (u16, String) {

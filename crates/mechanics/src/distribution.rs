@@ -129,6 +129,25 @@ impl Distribution {
         }
     }
 
+    /// Derivative of [`Distribution::ln_pdf`] with respect to x; 0 outside the support, where the log-density is −∞ throughout.
+    pub fn ln_pdf_slope(&self, x: f64) -> f64 {
+        if self.ln_pdf(x) == f64::NEG_INFINITY {
+            return 0.0;
+        }
+        match *self {
+            Normal { mean, sd } => (mean - x) / (sd * sd),
+            LogNormal { median, log_sd } => -((x / median).ln() / (log_sd * log_sd) + 1.0) / x,
+            HalfNormal { sd } => -x / (sd * sd),
+            Uniform { .. } => 0.0,
+            LogUniform { .. } => -1.0 / x,
+            Beta { alpha, beta, lower, upper } => {
+                // 0/0 is 0 here: at α = 1 the density has no slope at the end.
+                let power = |exponent: f64, base: f64| if exponent == 0.0 { 0.0 } else { exponent / base };
+                power(alpha - 1.0, x - lower) - power(beta - 1.0, upper - x)
+            }
+        }
+    }
+
     /// Probability of a value of at most x.
     pub fn cdf(&self, x: f64) -> f64 {
         let (lower, upper) = self.support();
@@ -347,6 +366,23 @@ mod tests {
             Beta { alpha: 2.5, beta: 1.2, lower: 0.3, upper: 1.0 },
             Beta { alpha: 1.0, beta: 4.0, lower: 0.0, upper: 1.0 },
         ]
+    }
+
+    #[test]
+    fn the_slope_of_the_log_density_is_its_difference() {
+        for distribution in examples() {
+            for p in [0.03, 0.4, 0.9] {
+                let x = distribution.quantile(p);
+                let h = 1e-5 * (distribution.quantile(0.75) - distribution.quantile(0.25));
+                let difference = (distribution.ln_pdf(x + h) - distribution.ln_pdf(x - h)) / (2.0 * h);
+                let slope = distribution.ln_pdf_slope(x);
+                assert!(
+                    (slope - difference).abs() < 1e-6 * (1.0 + slope.abs()),
+                    "{distribution}: {slope} {difference}"
+                );
+            }
+        }
+        assert_eq!(HalfNormal { sd: 0.7 }.ln_pdf_slope(-1.0), 0.0);
     }
 
     /// Composite Simpson rule.

@@ -13,6 +13,8 @@ mod examine;
 mod extend;
 mod fit;
 mod groups;
+mod guard;
+mod http;
 mod init;
 mod interrupt;
 mod joint;
@@ -23,8 +25,10 @@ mod output;
 mod questions;
 mod report;
 mod sample;
+mod serve;
 mod shapes;
 mod shapes_words;
+mod shell;
 mod simulate;
 mod sweep;
 mod target;
@@ -34,7 +38,7 @@ mod workbench;
 
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 
 use options::{
     CompareArguments, CornerArguments, DiagnoseArguments, EffectsArguments, ExtendArguments, FitArguments,
@@ -82,12 +86,18 @@ enum Command {
     Report(report::ReportArguments),
     /// A local page: drop a table on it, see where the model fails, add what is missing, watch the error fall
     Workbench(workbench::WorkbenchArguments),
+    /// Trajectory and posterior for other programs (PyMC, emcee, …), by the protocol of UM-Bridge
+    Serve(serve::ServeArguments),
     /// Data with a sealed hidden effect: make some, open the seal, play many
     Challenge(challenge::ChallengeArguments),
     /// Species or regions compared: how groups of specimens differ, and how sure that is
     Groups(groups::GroupsArguments),
     /// The paper's study of robot shapes, with posterior uncertainty: which claims hold, and the longest robot that still moves far enough
     Shapes(shapes::ShapesArguments),
+    /// What a shell completes of this program, on standard output
+    Completions(shell::CompletionsArguments),
+    /// Manual pages of the program and of every command
+    Man(shell::ManArguments),
 }
 
 fn main() -> ExitCode {
@@ -109,9 +119,12 @@ fn main() -> ExitCode {
         Command::Ladder(arguments) => ladder::run(arguments),
         Command::Report(arguments) => report::run(arguments),
         Command::Workbench(arguments) => workbench::run(arguments),
+        Command::Serve(arguments) => serve::run(arguments),
         Command::Groups(arguments) => groups::run(arguments),
         Command::Shapes(arguments) => shapes::run(arguments),
         Command::Challenge(arguments) => challenge::run(arguments),
+        Command::Completions(arguments) => shell::completions(arguments, Program::command()),
+        Command::Man(arguments) => shell::man(arguments, Program::command()),
     };
     match outcome {
         Ok(code) => code,
@@ -133,6 +146,7 @@ fn how_to_go_on(command: &Command) -> &'static str {
         Command::Sample(_) => {
             "run the same command with `--resume`, which goes on from the sampler's last saved state, if there is one"
         }
+        Command::Serve(_) => "run the same command again: clients find the models as they were",
         Command::Workbench(_) => "run the same command again: what was finished is on disk",
         Command::Groups(_) => "run the same command again: experiments that were sampled are not sampled again",
         Command::Challenge(_) => "run the same command again: trajectories in the cache are not computed again",

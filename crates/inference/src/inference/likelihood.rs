@@ -25,6 +25,16 @@ pub enum Source {
     Fixed(f64),
 }
 
+/// Where the values of all parameters come from: the model's in order, then the noise's.
+pub fn sources(model: &Model, noise: NoiseModel, priors: &PriorSet, fixed: &BTreeMap<String, f64>) -> Vec<Source> {
+    let of_noise = noise.parameters();
+    let source = |name: &str| match priors.names().position(|own| own == name) {
+        Some(index) => Source::Sampled(index),
+        None => Source::Fixed(fixed.get(name).copied().unwrap_or(f64::NAN)),
+    };
+    model.parameters().iter().chain(&of_noise).map(|spec| source(spec.name)).collect()
+}
+
 /// What a posterior is made of.
 pub struct PosteriorParts<'a> {
     /// Law and effects.
@@ -95,13 +105,7 @@ impl<'a> ReducedPosterior<'a> {
     pub fn new(parts: PosteriorParts<'a>, record: FittedRecord<'_>) -> Self {
         let PosteriorParts { model, noise, priors, fixed, .. } = parts;
         let FittedRecord { time_s, force, cycle, observed_m } = record;
-        let of_noise = noise.parameters();
-        let names = model.parameters().iter().chain(&of_noise).map(|p| p.name);
-        let source = |name: &str| match priors.names().position(|n| n == name) {
-            Some(index) => Source::Sampled(index),
-            None => Source::Fixed(fixed.get(name).copied().unwrap_or(f64::NAN)),
-        };
-        let sources = names.map(source).collect();
+        let sources = sources(model, noise, priors, fixed);
         let is_plain = model.base() == BaseLaw::Lethersich && model.is_law_alone();
         let kernel = if is_plain && noise == NoiseModel::default() && !force.is_linear() {
             Kernel::Squares(SumOfSquares::new(time_s, force.at_rows_n, observed_m).tabulated(ln_rates(&parts)))
@@ -122,6 +126,46 @@ impl<'a> ReducedPosterior<'a> {
             Source::Fixed(value) => value,
         };
         self.sources.iter().map(value).collect()
+    }
+
+    /// Log-density of natural values, over these values themselves: that of [`LogDensity::log_density`] is over the sampler's coordinates, and differs
+    /// by their Jacobian. Value d of point i stands at `points[d * n + i]`, n = `log_density.len()`, in the units and the order of the priors.
+    pub fn log_density_natural(&self, points: &[f64], log_density: &mut [f64]) {
+        let n = log_density.len();
+        if n == 0 {
+            return;
+        }
+        self.fill(
+            log_density,
+            |index, out| out.copy_from_slice(&points[index * n..(index + 1) * n]),
+            |log_density| {
+                for (prior, values) in self.parts.priors.priors().iter().zip(points.chunks_exact(n)) {
+                    log_density.iter_mut().zip(values).for_each(|(out, x)| *out += prior.distribution.ln_pdf(*x));
+                }
+            },
+        );
+    }
+
+    /// Trained ranges, prior and likelihood of a batch; `natural` writes the values of a sampled parameter, `add_prior` adds the prior's log-density.
+    fn fill(&self, log_density: &mut [f64], natural: impl Fn(usize, &mut [f64]), add_prior: impl FnOnce(&mut [f64])) {
+        let n = log_density.len();
+        let mut values = vec![0.0; self.sources.len() * n];
+        for (source, out) in self.sources.iter().zip(values.chunks_exact_mut(n)) {
+            match *source {
+                Source::Sampled(index) => natural(index, out),
+                Source::Fixed(value) => out.fill(value),
+            }
+        }
+        log_density.fill(0.0);
+        for (range, values) in self.parts.trained.iter().zip(values.chunks_exact(n)) {
+            for (density, value) in log_density.iter_mut().zip(values) {
+                if !range.contains(*value) {
+                    *density = f64::NEG_INFINITY;
+                }
+            }
+        }
+        add_prior(log_density);
+        self.add_ln_likelihood(&mut values, log_density);
     }
 
     /// Displacement per force at unit creep compliance and the experiment's Poisson ratio (1/m), and the ranges in which the reduced model may
@@ -312,27 +356,13 @@ impl LogDensity for ReducedPosterior<'_> {
         if n == 0 {
             return;
         }
-        let column = |source: &Source, out: &mut [f64]| match *source {
-            Source::Sampled(index) => {
-                let distribution = &self.parts.priors.priors()[index].distribution;
-                distribution.fill_from_unconstrained(&points[index * n..(index + 1) * n], out);
-            }
-            Source::Fixed(value) => out.fill(value),
+        let natural = |index: usize, out: &mut [f64]| {
+            let distribution = &self.parts.priors.priors()[index].distribution;
+            distribution.fill_from_unconstrained(&points[index * n..(index + 1) * n], out);
         };
-        let mut values = vec![0.0; self.sources.len() * n];
-        for (source, out) in self.sources.iter().zip(values.chunks_exact_mut(n)) {
-            column(source, out);
-        }
-        log_density.fill(0.0);
-        for (range, values) in self.parts.trained.iter().zip(values.chunks_exact(n)) {
-            for (density, value) in log_density.iter_mut().zip(values) {
-                if !range.contains(*value) {
-                    *density = f64::NEG_INFINITY;
-                }
-            }
-        }
-        self.parts.priors.add_ln_pdf_unconstrained(points, log_density);
-        self.add_ln_likelihood(&mut values, log_density);
+        self.fill(log_density, natural, |log_density| {
+            self.parts.priors.add_ln_pdf_unconstrained(points, log_density);
+        });
     }
 }
 

@@ -4,6 +4,7 @@ pub mod checkpoint;
 pub mod diagnostics;
 pub mod ensemble;
 pub mod evidence;
+pub mod gradient;
 pub mod least_squares;
 pub mod likelihood;
 pub mod noise;

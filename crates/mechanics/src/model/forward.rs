@@ -258,11 +258,20 @@ impl ReducedForward<'_> {
     /// parameter stands at an end of its support.
     ///
     /// # Errors
-    /// As [`Forward::trajectory_m`]; [`Error::Numerical`] where there is no derivative, such as with respect to a lag of zero.
+    /// As [`Self::derivative_along_m`].
     pub fn derivative_m(&self, parameters: &[f64], index: usize) -> Result<Vec<f64>> {
+        let direction: Vec<f64> = (0..parameters.len()).map(|i| f64::from(u8::from(i == index))).collect();
+        self.derivative_along_m(parameters, &direction)
+    }
+
+    /// Derivative (m) of the trajectory along a direction in the parameters' units: exact, and one-sided at ends of supports.
+    ///
+    /// # Errors
+    /// As [`Forward::trajectory_m`]; [`Error::Numerical`] where there is no derivative, such as with respect to a lag of zero.
+    pub fn derivative_along_m(&self, parameters: &[f64], direction: &[f64]) -> Result<Vec<f64>> {
         self.in_trained_range(parameters)?;
-        let seeded = |(i, value): (usize, &f64)| Dual { value: *value, derivative: f64::from(u8::from(i == index)) };
-        let parameters: Vec<Dual> = parameters.iter().enumerate().map(seeded).collect();
+        let carried = |(value, derivative): (&f64, &f64)| Dual { value: *value, derivative: *derivative };
+        let parameters: Vec<Dual> = parameters.iter().zip(direction).map(carried).collect();
         let mut stages = self.model.stages(&parameters)?;
         let compliance_per_m = self.compliance.resolve(&mut stages)?;
         let positions = self.response.derivative_m(&stages, compliance_per_m)?;
@@ -270,9 +279,10 @@ impl ReducedForward<'_> {
         if derivative.iter().all(|slope| slope.is_finite()) {
             return Ok(derivative);
         }
-        let name = self.model.parameters().get(index).map_or("", |spec| spec.name);
+        let moved = self.model.parameters().iter().zip(direction).filter(|(_, part)| **part != 0.0);
+        let names: Vec<&str> = moved.map(|(spec, _)| spec.name).collect();
         Err(Error::numerical(
-            format!("the trajectory has no derivative with respect to {name} here"),
+            format!("the trajectory has no derivative with respect to {} here", names.join(", ")),
             "take a finite difference with the step that the effect documents",
         ))
     }

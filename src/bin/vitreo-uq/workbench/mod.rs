@@ -3,7 +3,6 @@
 //! What is on disk is the state: experiments and studies in one folder, its *home*. The page starts the program's own commands, each a process of its own, and shows the documents that they write.
 
 mod choice;
-mod guard;
 mod home;
 mod jobs;
 mod rows;
@@ -11,15 +10,17 @@ mod server;
 mod tables;
 mod trial;
 
-use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener};
+use std::net::{IpAddr, Ipv4Addr};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::Args;
-use vitreo_uq::error::{Error, Place, Result};
+use vitreo_uq::error::{Error, Result};
 
 use crate::interrupt::say;
 use home::Home;
+
+const USUAL_PORT: u16 = 8421;
 
 /// Arguments of `workbench`.
 #[derive(Args)]
@@ -28,7 +29,7 @@ pub struct WorkbenchArguments {
     #[arg(value_name = "EXPERIMENT|STUDY|FOLDER")]
     target: Option<PathBuf>,
     /// Port; 0 for any that is free
-    #[arg(long, value_name = "N", default_value_t = 8421)]
+    #[arg(long, value_name = "N", default_value_t = USUAL_PORT)]
     port: u16,
     /// Address to listen on, where others than this machine shall reach the page: whoever has its link may run commands here
     #[arg(long, value_name = "ADDRESS", default_value_t = IpAddr::V4(Ipv4Addr::LOCALHOST))]
@@ -40,8 +41,9 @@ pub struct WorkbenchArguments {
 
 pub fn run(arguments: &WorkbenchArguments) -> Result<ExitCode> {
     let (home, item) = Home::of(arguments.target.as_deref().unwrap_or(Path::new(".")))?;
-    let listener = listen(arguments)?;
-    let address = listener.local_addr().map_err(|error| refused(arguments, error))?;
+    // Another workbench may have the usual port.
+    let ports = if arguments.port == USUAL_PORT { vec![USUAL_PORT, 0] } else { vec![arguments.port] };
+    let (listener, address) = crate::http::listen(arguments.listen, &ports)?;
     let token = token()?;
     let link = format!("http://{address}/{token}/{}", item.map_or(String::new(), |item| format!("#{item}")));
     if !arguments.quiet {
@@ -54,24 +56,6 @@ pub fn run(arguments: &WorkbenchArguments) -> Result<ExitCode> {
     crate::output::print(&format!("{link}\n"))?;
     server::run(listener, home, token)?;
     Ok(ExitCode::SUCCESS)
-}
-
-fn listen(arguments: &WorkbenchArguments) -> Result<TcpListener> {
-    let at = |port| TcpListener::bind(SocketAddr::new(arguments.listen, port));
-    match at(arguments.port) {
-        // Another workbench has the usual port.
-        Err(error) if error.kind() == std::io::ErrorKind::AddrInUse && arguments.port == 8421 => at(0),
-        bound => bound,
-    }
-    .map_err(|error| refused(arguments, error))
-}
-
-fn refused(arguments: &WorkbenchArguments, error: std::io::Error) -> Error {
-    Error::input(
-        Place::option("--port"),
-        format!("{}:{} cannot be listened on: {error}", arguments.listen, arguments.port),
-        "give another port, or `--port 0` for any that is free",
-    )
 }
 
 /// 128 bits that nobody guesses, in hexadecimal.

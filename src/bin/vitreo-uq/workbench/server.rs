@@ -13,11 +13,9 @@ use axum::middleware;
 use axum::response::sse::{Event, KeepAlive, Sse};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
-use hyper_util::rt::{TokioIo, TokioTimer};
-use hyper_util::service::TowerToHyperService;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
-use tokio::sync::{Semaphore, watch};
+use tokio::sync::watch;
 use tokio_stream::StreamExt;
 use tokio_stream::wrappers::WatchStream;
 use vitreo_uq::error::{Error, Place, Result};
@@ -30,22 +28,19 @@ use vitreo_uq::study::{
 use vitreo_uq::workflow::{artefacts, pages};
 
 use super::choice::{Choice, choose};
-use super::guard::{Guard, guard};
 use super::home::{Home, Item};
 use super::jobs::{Jobs, Kind, Wish};
 use super::rows::{Memory, Read, Window, read_record, read_revision, shown};
 use super::tables::{self, Described};
 use super::trial::{Trial, Tried, trial};
+use crate::guard::{Guard, guard};
+use crate::http;
 use vitreo_uq::report::predictions::Predictions;
 
-/// Connections at once; headers of a request have so long to come, and a table that is sent so long.
-const MOST_CONNECTIONS: usize = 64;
-const HEADERS: Duration = Duration::from_secs(10);
+/// A table that is sent has so long to come.
 const UPLOAD: Duration = Duration::from_secs(120);
 /// Bytes of a request that is no table.
 const MOST_BYTES: usize = 1 << 16;
-/// Bytes of a request's head.
-const MOST_HEAD_BYTES: usize = 1 << 15;
 /// Time between two looks whether a terminal has changed something.
 const LOOK: Duration = Duration::from_secs(2);
 
@@ -75,16 +70,10 @@ type Shared = Arc<Bench>;
 /// Serves until the program is ended.
 pub fn run(listener: TcpListener, home: Home, token: String) -> Result<()> {
     let refused = |error| Error::at_path("serve", home.dir(), error, "start the workbench again");
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_io().enable_time().build().map_err(refused)?;
     tables::forget(&home);
     let news = watch::Sender::new(0);
     let jobs = Jobs::new(home.clone(), news.clone())?;
-    let address = listener.local_addr().map_err(refused)?;
-    let hosts = if address.ip().is_loopback() {
-        [address.to_string(), format!("localhost:{}", address.port())].to_vec()
-    } else {
-        Vec::new()
-    };
+    let guard = Guard::of(listener.local_addr().map_err(refused)?);
     let bench = Arc::new(Bench {
         home: home.clone(),
         jobs,
@@ -94,34 +83,11 @@ pub fn run(listener: TcpListener, home: Home, token: String) -> Result<()> {
         news,
         uploads: AtomicU64::new(0),
     });
-    listener.set_nonblocking(true).map_err(refused)?;
-    runtime.block_on(async move {
-        let listener = tokio::net::TcpListener::from_std(listener).map_err(refused)?;
+    let app = move || {
         tokio::spawn(watch_folder(Arc::clone(&bench)));
-        serve(listener, router(bench, &token, Guard { hosts })).await;
-        Ok(())
-    })
-}
-
-/// Connections, so many at once, none of which may hold back its headers.
-async fn serve(listener: tokio::net::TcpListener, app: Router) {
-    let free = Arc::new(Semaphore::new(MOST_CONNECTIONS));
-    loop {
-        let Ok(place) = Arc::clone(&free).acquire_owned().await else { return };
-        let Ok((stream, _)) = listener.accept().await else {
-            // Out of file handles, or a peer that was gone at once.
-            tokio::time::sleep(Duration::from_millis(50)).await;
-            continue;
-        };
-        let service = TowerToHyperService::new(app.clone());
-        tokio::spawn(async move {
-            let mut builder = hyper::server::conn::http1::Builder::new();
-            builder.timer(TokioTimer::new()).header_read_timeout(HEADERS).max_buf_size(MOST_HEAD_BYTES);
-            // A peer that breaks off is its own affair.
-            let _ = builder.serve_connection(TokioIo::new(stream), service).await;
-            drop(place);
-        });
-    }
+        router(bench, &token, guard)
+    };
+    http::serve(listener, app).map_err(refused)
 }
 
 fn router(bench: Shared, token: &str, own: Guard) -> Router {

@@ -37,6 +37,11 @@ impl NoiseLikelihood {
         Self { model: self.model, rows: self.rows.clone(), observed_m }
     }
 
+    /// The noise.
+    pub fn model(&self) -> NoiseModel {
+        self.model
+    }
+
     /// Number of positions that are compared.
     pub fn n_observed(&self) -> usize {
         self.observed_m.len()

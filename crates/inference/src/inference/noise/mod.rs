@@ -42,6 +42,7 @@ mod pointwise;
 mod residuals;
 mod rows;
 mod scales;
+mod slopes;
 mod terms;
 mod whitening;
 

@@ -1,4 +1,6 @@
-//! Who may ask: requests with the token in their path, from the page itself.
+//! Who may ask a local server: programs, and its own page, under names that are its own.
+
+use std::net::SocketAddr;
 
 use axum::extract::{Request, State};
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
@@ -12,10 +14,16 @@ const POLICY: &str = "default-src 'self'; img-src 'self' data:; style-src 'self'
 #[derive(Debug, Clone)]
 pub struct Guard {
     /// `host:port`; empty where other machines may reach it, under names that it does not know.
-    pub hosts: Vec<String>,
+    hosts: Vec<String>,
 }
 
 impl Guard {
+    /// Of a server at this address.
+    pub fn of(address: SocketAddr) -> Self {
+        let names = [address.to_string(), format!("localhost:{}", address.port())];
+        Self { hosts: if address.ip().is_loopback() { names.to_vec() } else { Vec::new() } }
+    }
+
     /// Whether headers are those of a page of this server: a name that another site has turned to this address (DNS rebinding) is not, nor is a request that another site's script makes.
     fn admits(&self, headers: &HeaderMap) -> bool {
         let text = |name| headers.get(name).and_then(|value| value.to_str().ok());
@@ -29,7 +37,7 @@ impl Guard {
 /// Lets requests of the page through, and tells browsers what the page may do.
 pub async fn guard(State(guard): State<Guard>, request: Request, next: Next) -> Response {
     if !guard.admits(request.headers()) {
-        return (StatusCode::FORBIDDEN, "This page is asked for under another name than its own.\n").into_response();
+        return (StatusCode::FORBIDDEN, "This server is asked under another name than its own.\n").into_response();
     }
     let mut response = next.run(request).await;
     let headers = response.headers_mut();
@@ -50,7 +58,7 @@ mod tests {
 
     #[test]
     fn other_names_and_other_sites_are_refused() {
-        let guard = Guard { hosts: vec!["127.0.0.1:8421".into(), "localhost:8421".into()] };
+        let guard = Guard::of(SocketAddr::from(([127, 0, 0, 1], 8421)));
         let admits = |pairs: &[(header::HeaderName, &'static str)]| {
             let own = pairs.iter().map(|(name, value)| (name.clone(), HeaderValue::from_static(value)));
             guard.admits(&own.collect())

@@ -1,0 +1,186 @@
+//! `serve`: the models of a study for other programs, by the protocol of UM-Bridge.
+
+use std::net::{IpAddr, Ipv4Addr, SocketAddr};
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::Arc;
+
+use axum::body::Bytes;
+use axum::extract::{DefaultBodyLimit, Json};
+use axum::http::StatusCode;
+use axum::response::{IntoResponse, Response};
+use axum::routing::{MethodRouter, get, post};
+use axum::{Router, middleware};
+use clap::Args;
+use serde_json::json;
+use tokio::sync::Semaphore;
+use vitreo_uq::error::{Error, Result};
+use vitreo_uq::report::labels::model_title;
+use vitreo_uq::report::number::listed;
+use vitreo_uq::workflow::bridge::{Endpoint, MOST_POINTS, Models, OUTSIDE};
+use vitreo_uq::workflow::first_revision::{FIRST_REVISION, kept_surrogate};
+use vitreo_uq::workflow::problem::Problem;
+use vitreo_uq::workflow::reduced::Reduced;
+
+use crate::guard::{Guard, guard};
+use crate::interrupt::say;
+use crate::options::{self, Common, Model};
+use crate::target::Target;
+use crate::terminal::Terminal;
+use crate::text::significant;
+use crate::{http, output};
+
+/// Arguments of `serve`.
+#[derive(Args)]
+pub struct ServeArguments {
+    /// Experiment (directory with experiment.toml, or the TOML), or study, whose last revision is served; without it the embedded porcine replica
+    #[arg(value_name = "EXPERIMENT|STUDY")]
+    target: Option<PathBuf>,
+    /// Port; 0 for any that is free
+    #[arg(long, value_name = "N", default_value_t = 4242)]
+    port: u16,
+    /// Address to listen on, where others than this machine shall reach the models: the protocol knows no password
+    #[arg(long, value_name = "ADDRESS", default_value_t = IpAddr::V4(Ipv4Addr::LOCALHOST))]
+    host: IpAddr,
+    /// Requests that are answered at once; 0 for as many as there are cores
+    #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
+    threads: usize,
+    /// No progress on standard error, and the link alone on standard output
+    #[arg(long)]
+    quiet: bool,
+    #[command(flatten)]
+    model: Model,
+}
+
+pub fn run(arguments: &ServeArguments) -> Result<ExitCode> {
+    let threads = options::use_threads(arguments.threads)?;
+    let (listener, address) = http::listen(arguments.host, &[arguments.port])?;
+    let terminal = Terminal::new(arguments.quiet);
+    let (target, quiet) = (arguments.target.clone(), arguments.quiet);
+    let common = Common { target, out: None, json: None, seed: 1, threads, quiet, force: false };
+    let mut target = Target::open(&common, &arguments.model, &terminal)?;
+    target.check(&terminal)?;
+    let revision = match (&arguments.model.from, target.existing_study()) {
+        (None, Some(study)) => study.revisions()?.pop(),
+        (from, _) => from.clone(),
+    };
+    // Later revisions are fitted as `extend` fits them.
+    if revision.is_some_and(|name| name != FIRST_REVISION) {
+        target.experiment = target.experiment.for_comparison();
+    }
+    let problem = target.problem(&arguments.model, &terminal)?;
+    let kept = target.existing_study().and_then(|study| kept_surrogate(study, &terminal));
+    let reduced = Reduced::new(&problem, kept, &terminal)?;
+    // They are served until the program ends, by tasks of which none ends before.
+    let (problem, reduced): (&'static Problem, &'static Reduced) =
+        (Box::leak(Box::new(problem)), Box::leak(Box::new(reduced)));
+    let models = Arc::new(Models::new(problem, reduced)?);
+    terminal.finish();
+    output::print(&format!("http://{address}\n"))?;
+    if !quiet {
+        output::print(&words(problem, reduced, &models))?;
+        if !address.ip().is_loopback() {
+            say("note: other machines reach these models, and whoever does may have this one compute");
+        }
+        say("Serving; Ctrl-C ends it.");
+    }
+    let refused = |error| Error::at_path("serve", address.to_string(), error, "start the command again");
+    http::serve(listener, || router(models, threads, address)).map_err(refused)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// What an endpoint needs.
+#[derive(Clone)]
+struct Shared {
+    models: Arc<Models<'static>>,
+    /// As many as are answered at once.
+    free: Arc<Semaphore>,
+}
+
+fn router(models: Arc<Models<'static>>, threads: usize, address: SocketAddr) -> Router {
+    let most_bytes = models.most_bytes();
+    let shared = Shared { models, free: Arc::new(Semaphore::new(threads)) };
+    let endpoint = |endpoint: Endpoint| -> MethodRouter {
+        let shared = shared.clone();
+        let answer = move |body: Bytes| answer(shared, endpoint, body);
+        if endpoint == Endpoint::Info { get(answer) } else { post(answer) }
+    };
+    let nothing = || async { (StatusCode::NOT_FOUND, "This is a server of UM-Bridge models: ask for /Info.\n") };
+    let routes = Endpoint::ALL.into_iter();
+    let router = routes.fold(Router::new(), |router, own| router.route(own.path(), endpoint(own)));
+    let guarded = middleware::from_fn_with_state(Guard::of(address), guard);
+    router.layer(DefaultBodyLimit::max(most_bytes)).fallback(nothing).layer(guarded)
+}
+
+/// Answers beside the server: what takes long keeps nobody from being heard.
+async fn answer(shared: Shared, endpoint: Endpoint, body: Bytes) -> Response {
+    let Shared { models, free } = shared;
+    // The semaphore is never closed.
+    let Ok(place) = free.acquire_owned().await else { return StatusCode::SERVICE_UNAVAILABLE.into_response() };
+    let work = move || {
+        let answer = models.answer(endpoint, &body);
+        drop(place);
+        answer
+    };
+    match tokio::task::spawn_blocking(work).await {
+        Ok(answer) => {
+            let status = StatusCode::from_u16(answer.status).unwrap_or(StatusCode::INTERNAL_SERVER_ERROR);
+            (status, Json(answer.body)).into_response()
+        }
+        Err(_) => {
+            let error = json!({ "error": { "type": "InvalidOutput", "message": "this broke the model; the server's log says why" } });
+            (StatusCode::INTERNAL_SERVER_ERROR, Json(error)).into_response()
+        }
+    }
+}
+
+fn words(problem: &Problem, reduced: &Reduced, models: &Models) -> String {
+    let experiment = &problem.experiment;
+    let (inputs, n) = (models.inputs(), models.n_of_trajectory());
+    let cycles = &experiment.calibration_cycles;
+    let mut lines = vec![
+        format!(
+            "{}: {} model, {} noise; fitted: cycle{} {}",
+            experiment.specimen_id,
+            model_title(&problem.specification.summary()),
+            problem.noise.names().join(" + "),
+            if cycles.len() == 1 { "" } else { "s" },
+            listed(cycles)
+        ),
+        String::new(),
+    ];
+    let width = inputs.iter().map(|input| input.prior.name.len()).max().unwrap_or(0).max("input".len());
+    lines.push(format!("  {:>3}  {:<width$}  {:<8}{:>11}{:>11}  prior", "", "input", "unit", "from", "to"));
+    for (place, input) in inputs.iter().enumerate() {
+        let (prior, (lower, upper)) = (&input.prior, input.ends);
+        let end = |value: f64| if value.is_finite() { significant(value) } else { "–".into() };
+        let (name, unit) = (&prior.name, &prior.unit);
+        lines.push(format!(
+            "  {:>3}  {name:<width$}  {unit:<8}{:>11}{:>11}  {}",
+            place + 1,
+            end(lower),
+            end(upper),
+            prior.distribution
+        ));
+    }
+    lines.push(String::new());
+    lines.push(format!(
+        "trajectory: [[inputs 1 to {n}]] → [[{} positions in um, one a row of the record]]",
+        models.n_rows()
+    ));
+    if let Some(error) = reduced.max_relative_error {
+        lines.push(
+            "  config {\"model\": \"reduced\"} (unless said), or {\"model\": \"full\"} for full finite elements;"
+                .into(),
+        );
+        lines.push(format!("  the two differ by {error:.0e} of the amplitude on parameters outside the training set."));
+    }
+    lines.push(format!(
+        "posterior: [[inputs 1 to {}]] → [[ln(prior × likelihood), over the inputs as they are]]",
+        inputs.len()
+    ));
+    lines.push(format!("  config {{\"points\": N}} for N points one after another, {MOST_POINTS} at most;"));
+    lines.push(format!("  {OUTSIDE:e} stands for −∞: outside from … to, and where an effect has no model."));
+    lines.push("Gradient and ApplyJacobian are there for both, by the reduced model; ApplyHessian is not.".into());
+    lines.join("\n") + "\n"
+}

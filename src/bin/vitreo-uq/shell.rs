@@ -1,0 +1,72 @@
+//! `completions` and `man`: what shells and `man` know of this program, made from the parser.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::{Args, Command};
+use clap_complete::Shell;
+use vitreo_uq::error::{Error, Result};
+use vitreo_uq::files::write_atomically;
+
+/// Arguments of `completions`.
+#[derive(Args)]
+pub struct CompletionsArguments {
+    /// The shell
+    #[arg(value_name = "SHELL", value_enum)]
+    shell: Shell,
+}
+
+/// Arguments of `man`.
+#[derive(Args)]
+pub struct ManArguments {
+    /// Directory of the pages: one of the program, and one of every command
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Do not say where the pages went
+    #[arg(long)]
+    quiet: bool,
+}
+
+/// Prints the completions; `program` is the parser.
+pub fn completions(arguments: &CompletionsArguments, mut program: Command) -> Result<ExitCode> {
+    let name = program.get_name().to_string();
+    let mut script = Vec::new();
+    clap_complete::generate(arguments.shell, &mut program, name, &mut script);
+    crate::output::print(&String::from_utf8_lossy(&script))?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Writes a page for the program and for every command of it.
+pub fn man(arguments: &ManArguments, program: Command) -> Result<ExitCode> {
+    let out = &arguments.out;
+    std::fs::create_dir_all(out)
+        .map_err(|error| Error::at_path("create", out, error, "give a directory that can be written"))?;
+    let pages = pages(program)?;
+    for (name, page) in &pages {
+        write_atomically(&out.join(name), page)?;
+    }
+    if !arguments.quiet {
+        crate::interrupt::say(&format!("{} pages: {}", pages.len(), out.display()));
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Names and texts of the pages, of commands within commands, too.
+fn pages(program: Command) -> Result<Vec<(String, Vec<u8>)>> {
+    let mut program = program.disable_help_subcommand(true);
+    // Names of commands with those before them, and options that the program has for all.
+    program.build();
+    let mut left = vec![program];
+    let mut pages = Vec::new();
+    while let Some(command) = left.pop() {
+        left.extend(command.get_subcommands().filter(|own| !own.is_hide_set()).cloned());
+        let man = clap_mangen::Man::new(command);
+        let (name, mut page) = (man.get_filename(), Vec::new());
+        man.render(&mut page).map_err(|error| {
+            Error::numerical(format!("{name} cannot be written: {error}"), "report the command that was run")
+        })?;
+        pages.push((name, page));
+    }
+    pages.sort();
+    Ok(pages)
+}

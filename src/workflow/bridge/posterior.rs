@@ -1,0 +1,120 @@
+//! `posterior`: parameters of model and noise → logarithm of prior × likelihood, over the parameters as they are.
+
+use serde::Deserialize;
+use serde_json::Value;
+
+use super::Input;
+use super::protocol::{OUTSIDE, Outcome, Refusal, Served, Sizes, config_of};
+use crate::inference::gradient::PosteriorGradient;
+use crate::inference::likelihood::ReducedPosterior;
+use crate::model::TrainedRange;
+use crate::workflow::problem::Problem;
+use crate::workflow::reduced::Reduced;
+
+/// Points that one request may ask for.
+pub const MOST_POINTS: usize = 10_000;
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Config {
+    /// Points of one request, one after another in its vector.
+    #[serde(default = "one")]
+    points: usize,
+}
+
+fn one() -> usize {
+    1
+}
+
+impl Default for Config {
+    fn default() -> Self {
+        Self { points: one() }
+    }
+}
+
+/// The posterior of the fitted cycles, and its gradient.
+pub struct Posterior<'a> {
+    problem: &'a Problem,
+    trained: &'a [TrainedRange],
+    density: ReducedPosterior<'a>,
+    gradient: PosteriorGradient<'a>,
+}
+
+impl<'a> Posterior<'a> {
+    /// Prepares the reduced model for the fitted cycles.
+    pub fn new(problem: &'a Problem, reduced: &'a Reduced) -> Self {
+        let noise = problem.noise_likelihood(&problem.experiment.calibration_cycles);
+        let n_rows = noise.observed_rows().last().map_or(0, |last| last + 1);
+        let forward = problem.reduced_forward_up_to(reduced, n_rows);
+        let gradient = PosteriorGradient::new(forward, noise, &problem.priors, &problem.specification.fixed);
+        Self { problem, trained: &reduced.trained, density: problem.posterior(reduced), gradient }
+    }
+
+    pub(super) fn inputs(&self) -> Vec<Input> {
+        let input = |prior: &crate::inference::prior::Prior| {
+            let (lower, upper) = prior.distribution.support();
+            let trained = self.trained.iter().find(|range| range.name == prior.name);
+            let ends = trained.map_or((lower, upper), |range| (range.lower.max(lower), range.upper.min(upper)));
+            Input { prior: prior.clone(), ends }
+        };
+        self.problem.priors.priors().iter().map(input).collect()
+    }
+
+    fn n_inputs(&self) -> usize {
+        self.problem.priors.priors().len()
+    }
+
+    /// Log-densities of points that stand one after another; −∞ where there is none.
+    fn log_densities(&self, points: &[f64]) -> Outcome<Vec<f64>> {
+        let n = points.len() / self.n_inputs();
+        let columns: Vec<f64> =
+            (0..self.n_inputs()).flat_map(|d| points.iter().skip(d).step_by(self.n_inputs()).copied()).collect();
+        let mut log_density = vec![0.0; n];
+        self.density.log_density_natural(&columns, &mut log_density);
+        match log_density.iter().position(|value| value.is_nan()) {
+            None => Ok(log_density),
+            Some(point) => Err(Refusal::InvalidOutput(format!("the log-density of point {point} is not a number"))),
+        }
+    }
+
+    /// Gradients of points that stand one after another. Where the density is 0 the slope is 0, as that of the number that stands for −∞.
+    fn gradients(&self, points: &[f64]) -> Outcome<Vec<Vec<f64>>> {
+        let densities = self.log_densities(points)?;
+        let gradient = |(point, density): (&[f64], &f64)| -> Outcome<Vec<f64>> {
+            if *density == f64::NEG_INFINITY {
+                return Ok(vec![0.0; point.len()]);
+            }
+            Ok(self.gradient.gradient(point)?)
+        };
+        points.chunks_exact(self.n_inputs()).zip(&densities).map(gradient).collect()
+    }
+}
+
+impl Served for Posterior<'_> {
+    fn name(&self) -> &'static str {
+        "posterior"
+    }
+
+    fn sizes(&self, config: &Value) -> Outcome<Sizes> {
+        let Config { points } = config_of(config)?;
+        if !(1..=MOST_POINTS).contains(&points) {
+            return Err(Refusal::input(format!("`points` is {points}; ask for 1 to {MOST_POINTS} in one request")));
+        }
+        Ok(Sizes { inputs: points * self.n_inputs(), outputs: points })
+    }
+
+    fn evaluate(&self, _config: &Value, points: &[f64]) -> Outcome<Vec<f64>> {
+        Ok(self.log_densities(points)?.into_iter().map(|value| value.max(OUTSIDE)).collect())
+    }
+
+    fn gradient(&self, _config: &Value, points: &[f64], sensitivity: &[f64]) -> Outcome<Vec<f64>> {
+        let gradients = self.gradients(points)?;
+        Ok(gradients.iter().zip(sensitivity).flat_map(|(own, s)| own.iter().map(move |slope| s * slope)).collect())
+    }
+
+    fn apply_jacobian(&self, _config: &Value, points: &[f64], direction: &[f64]) -> Outcome<Vec<f64>> {
+        let directions = direction.chunks_exact(self.n_inputs());
+        let along = |(own, direction): (&Vec<f64>, &[f64])| own.iter().zip(direction).map(|(a, b)| a * b).sum::<f64>();
+        Ok(self.gradients(points)?.iter().zip(directions).map(along).collect())
+    }
+}
