@@ -21,4 +21,5 @@ mod report;
 mod sample;
 mod shape_study;
 mod shapes;
+mod tasks;
 mod workbench;

@@ -12,6 +12,7 @@ mod effects;
 mod examine;
 mod extend;
 mod fit;
+mod gather;
 mod groups;
 mod init;
 mod interrupt;
@@ -28,6 +29,7 @@ mod shapes_words;
 mod simulate;
 mod sweep;
 mod target;
+mod tasks;
 mod terminal;
 mod text;
 mod workbench;
@@ -86,6 +88,10 @@ enum Command {
     Challenge(challenge::ChallengeArguments),
     /// Species or regions compared: how groups of specimens differ, and how sure that is
     Groups(groups::GroupsArguments),
+    /// Independent commands for many machines: written as a list, run here, by HyperQueue or by Slurm
+    Tasks(tasks::TasksArguments),
+    /// The results of a list of tasks joined: the same bytes as on one machine, and what is missing by name
+    Gather(gather::GatherArguments),
     /// The paper's study of robot shapes, with posterior uncertainty: which claims hold, and the longest robot that still moves far enough
     Shapes(shapes::ShapesArguments),
 }
@@ -110,6 +116,8 @@ fn main() -> ExitCode {
         Command::Report(arguments) => report::run(arguments),
         Command::Workbench(arguments) => workbench::run(arguments),
         Command::Groups(arguments) => groups::run(arguments),
+        Command::Tasks(arguments) => tasks::run(arguments),
+        Command::Gather(arguments) => gather::run(arguments),
         Command::Shapes(arguments) => shapes::run(arguments),
         Command::Challenge(arguments) => challenge::run(arguments),
     };
@@ -135,6 +143,7 @@ fn how_to_go_on(command: &Command) -> &'static str {
         }
         Command::Workbench(_) => "run the same command again: what was finished is on disk",
         Command::Groups(_) => "run the same command again: experiments that were sampled are not sampled again",
+        Command::Tasks(_) => "run the same command again: tasks whose results are there are not run again",
         Command::Challenge(_) => "run the same command again: trajectories in the cache are not computed again",
         _ => "run the same command again",
     }
