@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::list::{List, PROGRAM, Task, not_json};
 use crate::documents::tasks::Fault;
 use crate::error::Result;
-use crate::files::{Content, read_if_there, stream_atomically};
+use crate::files::{Content, read_if_there, write_atomically};
 use crate::study::sha256_hex;
 
 /// The first line.
@@ -23,11 +23,11 @@ struct Head {
 
 const SCHEMA: &str = "vitreo-uq/task-result/1";
 
-/// Writes a result, whole or not at all.
+/// The file of a result: its head and its body.
 ///
 /// # Errors
-/// [`crate::Error::File`] where the file system refuses: the disk is full, say. What was there before is then untouched.
-pub fn write(list: &List, task: &Task, body: &[u8]) -> Result<()> {
+/// [`crate::Error::Numerical`] where the head cannot be written as JSON.
+pub fn bytes(task: &Task, body: &[u8]) -> Result<Vec<u8>> {
     let head = Head {
         schema: SCHEMA.into(),
         id: task.id.clone(),
@@ -36,12 +36,18 @@ pub fn write(list: &List, task: &Task, body: &[u8]) -> Result<()> {
         body_bytes: body.len(),
         body_sha256: sha256_hex(body),
     };
-    let mut line = serde_json::to_vec(&head).map_err(|error| not_json(&error))?;
-    line.push(b'\n');
-    stream_atomically(&list.result_path(task), |file| {
-        file.write_all(&line)?;
-        file.write_all(body)
-    })
+    let mut bytes = serde_json::to_vec(&head).map_err(|error| not_json(&error))?;
+    bytes.push(b'\n');
+    bytes.extend_from_slice(body);
+    Ok(bytes)
+}
+
+/// Writes a result, whole or not at all.
+///
+/// # Errors
+/// [`crate::Error::File`] where the file system refuses: the disk is full, say. What was there before is then untouched.
+pub fn write(list: &List, task: &Task, body: &[u8]) -> Result<()> {
+    write_atomically(&list.result_path(task), &bytes(task, body)?)
 }
 
 /// The body of a task's result, or why there is none that can be taken.
