@@ -130,7 +130,8 @@ impl List {
             let results = dir.join(RESULTS);
             std::fs::create_dir_all(&results).map_err(files::refused("create", &results))?;
             let (head, lines) = (dir.join(HEAD), dir.join(LINES));
-            write_together(&[(&lines, &list.text), (&head, &to_json(&head, &list.head)?)])?;
+            let document = to_json(&head, &list.head)?;
+            write_together(&[(lines.as_path(), list.text.as_slice()), (head.as_path(), document.as_slice())])?;
         }
         Ok((list, making))
     }

@@ -63,7 +63,7 @@ pub fn run(
         // Whoever waits for an answer hears nothing but its process's end.
         while ended.load(Ordering::SeqCst) < jobs {
             if shared.is_stopped() {
-                shared.processes.iter().for_each(|slot| kill(slot));
+                shared.processes.iter().for_each(kill);
             }
             std::thread::sleep(LOOK);
         }

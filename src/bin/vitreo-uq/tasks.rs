@@ -239,6 +239,9 @@ fn run_here(arguments: &RunTasks, list: &List, terminal: &Terminal) -> Result<Ex
     let worker = || {
         let mut command = Command::new(&program);
         command.args(["tasks", "run"]).arg(list.dir()).args(["--serve", "--quiet", "--threads", &threads]);
+        // A group of its own: Ctrl-C is for this process, which ends its workers.
+        #[cfg(unix)]
+        std::os::unix::process::CommandExt::process_group(&mut command, 0);
         command
     };
     terminal.stage(&format!("running {} tasks in {} workers", missing.len(), jobs.min(missing.len())));
