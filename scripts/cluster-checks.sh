@@ -55,17 +55,17 @@ wait_for() {
     done
 }
 
-# The release build is taken where there is one: these checks are of engines, and the numbers are the same.
-program=${VITREO_UQ:-$root/target/release/vitreo-uq}
-if [[ ! -x $program ]]; then
-    cargo build --quiet --bins
-    program=$root/target/debug/vitreo-uq
+# Another build than the one that tests use: VITREO_UQ=…
+if [[ -z ${VITREO_UQ:-} ]]; then
+    cargo build --quiet --examples --bins
 fi
+program=${VITREO_UQ:-$root/target/debug/vitreo-uq}
+export VITREO_UQ_CACHE=${VITREO_UQ_CACHE:-$root/target/cache}
 cd "$place"
 # Eight eyes whose apparatus is known, and what one machine makes of them.
 cohort=()
-for eye in bovine-01-central bovine-02-central bovine-03-central human-01-central human-01-peripheral human-02-anterior porcine-01-central porcine-02-central; do
-    [[ -d $root/data/cohort/$eye ]] && cohort+=("$root/data/cohort/$eye")
+for eye in bovine-01-central bovine-02-central bovine-03-central human-01-central human-02-anterior porcine-01-central porcine-01-central-repeat porcine-02-central; do
+    cohort+=("$root/data/cohort/$eye")
 done
 "$program" groups "${cohort[@]}" --out one --quiet >one.txt || (($? == 1))
 
@@ -135,7 +135,8 @@ else
     else
         new_list hq
         "$program" tasks run hq --engine hq --parts 4 --memory-mib 500 --minutes 5 >/dev/null
-        "$environment/bin/python" "$root/tests/python/cluster/hyperqueue_on_loopback.py" "$place/hq" "$place/hq-server"
+        "$environment/bin/python" "$root/tests/python/cluster/hyperqueue_on_loopback.py" "$place/hq" "$place/hq-server" >hq.txt 2>&1 ||
+            { cat hq.txt >&2; fail 'HyperQueue did not run the list'; }
         gathered hq HyperQueue
         pass HyperQueue
     fi
