@@ -137,3 +137,7 @@ fn stopped(monitor: &dyn Monitor) -> Result<()> {
     }
     Ok(())
 }
+
+#[cfg(test)]
+#[path = "gather_tests.rs"]
+mod tests;
