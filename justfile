@@ -18,6 +18,10 @@ python-checks:
 browser-checks:
     scripts/browser-checks.sh
 
+# Lists of tasks under HyperQueue and Slurm, on this machine.
+cluster-checks:
+    scripts/cluster-checks.sh
+
 # JSON Schemas of the documents, made anew from their types.
 schemas:
     cargo run --example write_schemas

@@ -59,6 +59,7 @@
 //! - [`learn`]: which quantity depends on which state, as the data have it
 //! - [`shapes`]: the study of robot shapes
 //! - [`groups`]: species and regions compared
+//! - [`tasks`]: lists of tasks for many machines, and their results joined
 //! - [`schemas`]: JSON Schemas of the documents
 
 pub mod critique;
@@ -68,6 +69,7 @@ pub mod schemas;
 pub mod shapes;
 pub mod study;
 pub mod sweep;
+pub mod tasks;
 pub mod workflow;
 
 pub use vitreo_uq_figures::{documents, page, report};

@@ -20,6 +20,7 @@ use crate::documents::oscillation::{OscillationDiagnosis, OscillationSummary};
 use crate::documents::posterior::PosteriorSummary;
 use crate::documents::shapes::ShapesSummary;
 use crate::documents::simulation::SimulationSummary;
+use crate::documents::tasks::{Gathered, TaskList};
 use crate::study::WithProvenance;
 
 /// The schema of one kind of documents.
@@ -67,6 +68,7 @@ pub fn all() -> Vec<DocumentSchema> {
         DocumentSchema::of::<EffectsSummary>("effects", "effects"),
         DocumentSchema::of::<ExtensionSummary>("extension", "extend"),
         DocumentSchema::of::<FitSummary>("fit", "fit"),
+        DocumentSchema::of::<Gathered>("gathered", "gather"),
         DocumentSchema::of::<GroupsSummary>("groups", "groups"),
         DocumentSchema::of::<InitSummary>("init", "init"),
         DocumentSchema::of::<LadderSummary>("ladder", "ladder"),
@@ -74,6 +76,7 @@ pub fn all() -> Vec<DocumentSchema> {
         DocumentSchema::of::<PosteriorSummary>("posterior", "sample"),
         DocumentSchema::of::<ShapesSummary>("shapes", "shapes"),
         DocumentSchema::of::<SimulationSummary>("simulation", "simulate"),
+        DocumentSchema::of::<TaskList>("tasks", "tasks"),
     ]
 }
 

@@ -20,7 +20,7 @@ const CITING: [&str; 10] = [
 ];
 
 /// Modules of the library in the order in which data flow, as `lib.rs` and ARCHITECTURE.md name them.
-const ORDER: [&str; 28] = [
+const ORDER: [&str; 29] = [
     "error",
     "files",
     "units",
@@ -48,6 +48,7 @@ const ORDER: [&str; 28] = [
     "learn",
     "shapes",
     "groups",
+    "tasks",
     "schemas",
 ];
 

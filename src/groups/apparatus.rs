@@ -1,9 +1,10 @@
 //! Displacement per force of every apparatus, each computed once: for quasi-static linear laws it depends on sizes and the Poisson ratio
 //! alone (physics §3.3), and not on what a specimen is made of. Effects that change the field bring their reduced models with it; large displacements are learnt for every record.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use super::cohort::Measurement;
 use crate::effects::{Field, Library};
@@ -11,15 +12,20 @@ use crate::error::Result;
 use crate::experiment::Apparatus;
 use crate::fe::time::FullOrderModel;
 use crate::model::Compliance;
+use crate::study::sha256_hex;
+use crate::workflow::mechanics::MODEL_LEVEL;
 use crate::workflow::problem::Problem;
 use crate::workflow::reduced::Reduced;
-use crate::workflow::{Counter, Monitor, Silent};
+use crate::workflow::{Counter, Monitor, Silent, cache};
 
-/// The compliance of every measurement.
-///
-/// # Errors
-/// What meshing, assembly or the model refuse.
-pub fn compliances(measurements: &[Measurement], monitor: &dyn Monitor) -> Result<Vec<Compliance>> {
+/// A compliance, between commands: it depends on the apparatus alone.
+#[derive(Serialize, Deserialize)]
+struct KeptCompliance {
+    compliance_per_m: f64,
+}
+
+/// For every measurement the index of the first whose apparatus, and what else the compliance depends on, is the same: that one's is taken.
+pub fn first_alike(measurements: &[Measurement]) -> Vec<usize> {
     let library = Library::default();
     let key = |own: &Measurement| {
         // Effects may ask for other Poisson ratios, in the range that their priors give them.
@@ -30,30 +36,51 @@ pub fn compliances(measurements: &[Measurement], monitor: &dyn Monitor) -> Resul
         let record = if is_large { own.inputs_sha256.as_str() } else { "" };
         format!("{:?} {model} {record}", own.experiment.apparatus)
     };
-    let mut first: BTreeMap<String, &Measurement> = BTreeMap::new();
-    for own in measurements {
-        first.entry(key(own)).or_insert(own);
-    }
-    let counter = Counter::new(monitor, first.len());
-    let of_apparatus = |(key, own): (&String, &&Measurement)| {
-        let compliance = compliance(own).map_err(|error| own.named(error))?;
-        counter.add_one();
-        Ok((key.clone(), compliance))
-    };
-    let found: BTreeMap<String, Compliance> = first.par_iter().map(of_apparatus).collect::<Result<_>>()?;
-    Ok(measurements.iter().map(|own| found[&key(own)].clone()).collect())
+    let mut first: BTreeMap<String, usize> = BTreeMap::new();
+    measurements.iter().enumerate().map(|(index, own)| *first.entry(key(own)).or_insert(index)).collect()
 }
 
-fn compliance(measurement: &Measurement) -> Result<Compliance> {
-    match &measurement.experiment.apparatus {
+/// The compliance of every measurement.
+///
+/// # Errors
+/// What meshing, assembly or the model refuse.
+pub fn compliances(measurements: &[Measurement], monitor: &dyn Monitor) -> Result<Vec<Compliance>> {
+    let first = first_alike(measurements);
+    let needed: BTreeSet<usize> = first.iter().copied().collect();
+    let counter = Counter::new(monitor, needed.len());
+    let of_apparatus = |index: &usize| {
+        let own = &measurements[*index];
+        let compliance = compliance(own).map_err(|error| own.named(error))?;
+        counter.add_one();
+        Ok((*index, compliance))
+    };
+    let found: BTreeMap<usize, Compliance> = needed.par_iter().map(of_apparatus).collect::<Result<_>>()?;
+    Ok(first.iter().map(|index| found[index].clone()).collect())
+}
+
+/// The compliance of one measurement.
+///
+/// # Errors
+/// As [`compliances`].
+pub fn compliance(measurement: &Measurement) -> Result<Compliance> {
+    let apparatus = &measurement.experiment.apparatus;
+    match apparatus {
         Apparatus::Instrument { compliance_per_m } => return Ok(Compliance::given(*compliance_per_m)),
         Apparatus::Indenter(indenter) => return Ok(Compliance::given(indenter.compliance())),
         Apparatus::Robot { .. } => (),
     }
+    let hash = sha256_hex(format!("compliance {MODEL_LEVEL} {apparatus:?}").as_bytes());
+    if measurement.specification.effects.is_empty()
+        && let Some(kept) = cache::read::<KeptCompliance>(&hash)
+    {
+        return Ok(Compliance::given(kept.compliance_per_m));
+    }
     let problem = Problem::new(measurement.experiment.clone(), measurement.specification.clone(), None, &Silent)?;
     match problem.finite_elements() {
         Some(fe) if problem.model.field().is_none() && problem.poisson_ratios(fe)? == [fe.poisson_ratio; 2] => {
-            Ok(Compliance::given(FullOrderModel::new(&fe.stiffness, fe.poisson_ratio)?.compliance_per_m()))
+            let compliance_per_m = FullOrderModel::new(&fe.stiffness, fe.poisson_ratio)?.compliance_per_m();
+            cache::write(&hash, &KeptCompliance { compliance_per_m });
+            Ok(Compliance::given(compliance_per_m))
         }
         _ => Ok(Reduced::unverified(&problem, None, &Silent)?.compliance),
     }

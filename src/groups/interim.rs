@@ -1,6 +1,6 @@
 //! One experiment on its own: draws of its parameters under an interim prior, kept by the hash of what they came from.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
@@ -12,7 +12,7 @@ use super::hierarchy::{ExperimentDensity, InterimDraws};
 use super::scale::Scale;
 use crate::effects::Library;
 use crate::error::Result;
-use crate::files::{Content, read_if_there, write_json_atomically};
+use crate::files::{Content, read_if_there, to_json, write_atomically};
 use crate::inference::diagnostics::diagnose;
 use crate::inference::diagnostics::ranks::BlomScores;
 use crate::inference::likelihood::ReducedPosterior;
@@ -21,12 +21,12 @@ use crate::inference::{LogDensity, SamplerOptions};
 use crate::model::{Compliance, Forward};
 use crate::study::{Kept, Provenance, WithProvenance};
 use crate::surrogate::FieldModels;
+use crate::workflow::Stoppable;
 use crate::workflow::full_check::{mean_trajectory, rmse_m};
 use crate::workflow::mechanics::Mechanics;
 use crate::workflow::problem::Problem;
 use crate::workflow::reduced::Reduced;
 use crate::workflow::sample::{SampleRequest, sample};
-use crate::workflow::{Monitor, Silent};
 
 /// Draws that are kept of each experiment.
 const N_DRAWS: usize = 1_000;
@@ -103,8 +103,8 @@ impl Specimen {
         self.pooled_parameters().into_iter().map(|own| own.scale).collect()
     }
 
-    /// What the draws depend on.
-    fn built_from(&self, inputs_sha256: &str, options: &SamplerOptions) -> String {
+    /// Hash of what the draws depend on.
+    pub fn built_from(&self, inputs_sha256: &str, options: &SamplerOptions) -> String {
         let Problem { specification, priors, .. } = &self.problem;
         let compliance = self.reduced.compliance.given_per_m().to_bits();
         let SamplerOptions { n_walkers, max_steps, seed, .. } = options;
@@ -128,15 +128,29 @@ impl Specimen {
         stop: Option<&AtomicBool>,
     ) -> Result<Interim> {
         let built_from_sha256 = self.built_from(&measurement.inputs_sha256, options);
-        let file = file_of(folder, &measurement.name(), &built_from_sha256);
+        let file = folder.join(file_name(&measurement.name(), &built_from_sha256));
         if let Some(kept) = self.read_kept(&file, &built_from_sha256) {
             return Ok(kept);
         }
         let interim = self.sample(options, built_from_sha256, stop)?;
-        let inputs = [(measurement.name(), measurement.inputs_sha256.clone())].into();
-        let provenance = Provenance::new("specimen", 1, options.seed, inputs);
-        write_json_atomically(&file, &WithProvenance { provenance, body: Kept::new(&interim) })?;
+        write_atomically(&file, &to_keep(measurement, options, &interim)?)?;
         Ok(interim)
+    }
+
+    /// Samples the experiment, and gives the file that [`Specimen::interim`] would keep: its name, and its bytes.
+    ///
+    /// # Errors
+    /// As [`Specimen::interim`].
+    pub fn interim_file(
+        &self,
+        measurement: &Measurement,
+        options: &SamplerOptions,
+        stop: Option<&AtomicBool>,
+    ) -> Result<(String, Vec<u8>)> {
+        let built_from_sha256 = self.built_from(&measurement.inputs_sha256, options);
+        let name = file_name(&measurement.name(), &built_from_sha256);
+        let interim = self.sample(options, built_from_sha256, stop)?;
+        Ok((name, to_keep(measurement, options, &interim)?))
     }
 
     /// A kept file that cannot be read, was changed or is of another input is made anew.
@@ -302,28 +316,13 @@ impl ExperimentDensity for SpecimenDensity<'_> {
     }
 }
 
-/// Nobody watches one specimen of hundreds, but the whole can be stopped.
-struct Stoppable<'a>(Option<&'a AtomicBool>);
-
-impl Monitor for Stoppable<'_> {
-    fn stage(&self, text: &str) {
-        Silent.stage(text);
-    }
-    fn sampling(&self, progress: &crate::inference::ensemble::Progress) {
-        Silent.sampling(progress);
-    }
-    fn progress(&self, done: usize, most: usize) {
-        Silent.progress(done, most);
-    }
-    fn warn(&self, text: &str) {
-        Silent.warn(text);
-    }
-    fn stop(&self) -> Option<&AtomicBool> {
-        self.0
-    }
+fn file_name(name: &str, hash: &str) -> String {
+    let short = &hash[..12.min(hash.len())];
+    format!("{}-{short}.json", crate::study::safe_file_name(name))
 }
 
-fn file_of(folder: &Path, name: &str, hash: &str) -> PathBuf {
-    let short = &hash[..12.min(hash.len())];
-    folder.join(format!("{}-{short}.json", crate::study::safe_file_name(name)))
+fn to_keep(measurement: &Measurement, options: &SamplerOptions, interim: &Interim) -> Result<Vec<u8>> {
+    let inputs = [(measurement.name(), measurement.inputs_sha256.clone())].into();
+    let provenance = Provenance::new("specimen", 1, options.seed, inputs);
+    to_json(Path::new(&measurement.name()), &WithProvenance { provenance, body: Kept::new(interim) })
 }

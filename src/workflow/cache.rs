@@ -18,13 +18,13 @@ use crate::study::Kept;
 const PLACE: &str = "VITREO_UQ_CACHE";
 
 /// The model that is kept under a hash; `None` where there is none that can be read, or where it was changed.
-pub(super) fn read<T: Serialize + DeserializeOwned>(hash: &str) -> Option<T> {
+pub(crate) fn read<T: Serialize + DeserializeOwned>(hash: &str) -> Option<T> {
     let bytes = read_if_there(&path(hash)?, Content::Document)?;
     serde_json::from_slice::<Kept<T>>(&bytes).ok()?.unchanged()
 }
 
 /// Keeps a model.
-pub(super) fn write(hash: &str, model: &impl Serialize) {
+pub(crate) fn write(hash: &str, model: &impl Serialize) {
     let Some(path) = path(hash) else { return };
     let is_there = path.parent().is_some_and(|folder| std::fs::create_dir_all(folder).is_ok());
     if is_there {

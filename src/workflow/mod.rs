@@ -3,7 +3,7 @@
 pub mod advice;
 pub mod artefacts;
 pub mod bridge;
-mod cache;
+pub(crate) mod cache;
 pub mod check;
 pub mod convergence;
 mod exchange;
@@ -67,6 +67,19 @@ impl Monitor for Silent {
     fn warn(&self, _text: &str) {}
     fn stop(&self) -> Option<&AtomicBool> {
         None
+    }
+}
+
+/// Nobody watches one piece of many, but it can be stopped.
+pub struct Stoppable<'a>(pub Option<&'a AtomicBool>);
+
+impl Monitor for Stoppable<'_> {
+    fn stage(&self, _text: &str) {}
+    fn sampling(&self, _progress: &Progress) {}
+    fn progress(&self, _done: usize, _most: usize) {}
+    fn warn(&self, _text: &str) {}
+    fn stop(&self) -> Option<&AtomicBool> {
+        self.0
     }
 }
 

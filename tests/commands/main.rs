@@ -24,4 +24,5 @@ mod serve;
 mod shape_study;
 mod shapes;
 mod shell;
+mod tasks;
 mod workbench;

@@ -26,6 +26,8 @@ OF_STUDY = [
     ("extension", ["extend", "study", "--with", "clock-offset"]),
     ("ladder", ["ladder", "study"]),
     ("groups", ["groups", "cohort", "--out", "compared"]),
+    ("tasks", ["tasks", "sample", "cohort", "--out", "listed"]),
+    ("gathered", ["gather", "listed"]),
     ("check", ["check", "sweep"]),
     ("oscillation", ["sample", "sweep", "--out", "swept"]),
     ("oscillation-diagnosis", ["diagnose", "swept"]),

@@ -7,19 +7,17 @@ use std::process::ExitCode;
 
 use clap::builder::BoolishValueParser;
 use clap::{ArgAction, Args, Subcommand, ValueEnum};
-use vitreo_uq::critique::Subject;
 use vitreo_uq::critique::challenge::files::{self, Opened};
 use vitreo_uq::critique::challenge::play::Sort;
 use vitreo_uq::critique::challenge::plays::{self, PlaysRequest};
 use vitreo_uq::critique::challenge::{Bench, Hidden, NoiseKind, Order, OutsideKind, Protocol, hideable};
-use vitreo_uq::critique::diagnose::{DiagnosisRequest, diagnose};
 use vitreo_uq::documents::diagnosis::Diagnosis;
 use vitreo_uq::effects::Library;
 use vitreo_uq::error::{Error, Place, Result};
 use vitreo_uq::files::{Content, read_if_there};
 use vitreo_uq::inference::ensemble::RandomStream;
 use vitreo_uq::study::{DIAGNOSIS_NAME, Provenance, Study, WithProvenance};
-use vitreo_uq::workflow::{Monitor, Silent, cache_directory};
+use vitreo_uq::workflow::{Monitor, cache_directory};
 
 use crate::challenge_words::{words_of_plays, words_of_truth};
 use crate::options::use_threads;
@@ -97,6 +95,25 @@ struct RevealArguments {
 
 #[derive(Args)]
 struct RunArguments {
+    #[command(flatten)]
+    plays: PlaysArguments,
+    /// Where full finite-element trajectories are kept [default: VITREO_UQ_CACHE, or else the user's cache directory]
+    #[arg(long, value_name = "DIR")]
+    cache: Option<PathBuf>,
+    /// Write the result as one JSON document to a file, or alone to standard output with `-`
+    #[arg(long, value_name = "FILE|-")]
+    json: Option<PathBuf>,
+    /// Threads; 0 for as many as there are cores
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    threads: usize,
+    /// No progress on standard error
+    #[arg(long)]
+    quiet: bool,
+}
+
+/// What is played, here or as tasks.
+#[derive(Args)]
+pub struct PlaysArguments {
     /// How many to play
     #[arg(long, value_name = "N", default_value_t = 100)]
     count: usize,
@@ -121,21 +138,9 @@ struct RunArguments {
     /// Whether the experiments state their noise; `no` leaves it to be estimated
     #[arg(long, value_name = "yes|no", default_value = "yes", action = ArgAction::Set, value_parser = BoolishValueParser::new())]
     noise_known: bool,
-    /// Where full finite-element trajectories are kept [default: VITREO_UQ_CACHE, or else the user's cache directory]
-    #[arg(long, value_name = "DIR")]
-    cache: Option<PathBuf>,
-    /// Write the result as one JSON document to a file, or alone to standard output with `-`
-    #[arg(long, value_name = "FILE|-")]
-    json: Option<PathBuf>,
     /// Seed of all random numbers
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// Threads; 0 for as many as there are cores
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    threads: usize,
-    /// No progress on standard error
-    #[arg(long)]
-    quiet: bool,
 }
 
 /// Sorts of hidden things.
@@ -331,44 +336,46 @@ fn diagnosis_of(opened: &Opened, study: Option<&Path>) -> Result<Option<Diagnosi
     Ok(None)
 }
 
+impl PlaysArguments {
+    /// The request, checked as far as it can be without preparing anything.
+    pub fn request(&self) -> Result<PlaysRequest> {
+        if self.count > MOST_PLAYS {
+            let found = format!("{} challenges", self.count);
+            return Err(Error::input(Place::option("--count"), found, format!("play at most {MOST_PLAYS} at a time")));
+        }
+        if self.first > MOST_PLAYS {
+            let found = format!("number {}", self.first);
+            return Err(Error::input(Place::option("--first"), found, format!("begin at {MOST_PLAYS} at most")));
+        }
+        let many = |texts: &[String], all: Vec<String>| if texts.is_empty() { all } else { texts.to_vec() };
+        let protocols = many(&self.protocol, Protocol::ALL.map(|p| p.name().to_string()).to_vec());
+        let noises = many(&self.noise_kind, NoiseKind::USUAL.map(|n| n.name().to_string()).to_vec());
+        let protocol = |text: &String| named("--protocol", text, &Protocol::ALL, Protocol::name);
+        let noise = |text: &String| named("--noise-kind", text, &NoiseKind::ALL, NoiseKind::name);
+        Ok(PlaysRequest {
+            count: self.count,
+            first: self.first,
+            signals_sigma: self.signal.clone(),
+            only: self.only.map(OnlySort::sort),
+            effects: self.effect.clone(),
+            protocols: protocols.iter().map(protocol).collect::<Result<_>>()?,
+            noises: noises.iter().map(noise).collect::<Result<_>>()?,
+            is_noise_given: self.noise_known,
+            seed: self.seed,
+        })
+    }
+}
+
 fn play(arguments: &RunArguments) -> Result<ExitCode> {
     use_threads(arguments.threads)?;
     crate::output::check(arguments.json.as_deref())?;
-    if arguments.count > MOST_PLAYS {
-        let found = format!("{} challenges", arguments.count);
-        return Err(Error::input(Place::option("--count"), found, format!("play at most {MOST_PLAYS} at a time")));
-    }
-    if arguments.first > MOST_PLAYS {
-        let found = format!("number {}", arguments.first);
-        return Err(Error::input(Place::option("--first"), found, format!("begin at {MOST_PLAYS} at most")));
-    }
-    let many = |texts: &[String], all: Vec<String>| if texts.is_empty() { all } else { texts.to_vec() };
-    let protocols = many(&arguments.protocol, Protocol::ALL.map(|p| p.name().to_string()).to_vec());
-    let noises = many(&arguments.noise_kind, NoiseKind::USUAL.map(|n| n.name().to_string()).to_vec());
-    let protocol = |text: &String| named("--protocol", text, &Protocol::ALL, Protocol::name);
-    let noise = |text: &String| named("--noise-kind", text, &NoiseKind::ALL, NoiseKind::name);
-    let request = PlaysRequest {
-        count: arguments.count,
-        first: arguments.first,
-        signals_sigma: arguments.signal.clone(),
-        only: arguments.only.map(OnlySort::sort),
-        effects: arguments.effect.clone(),
-        protocols: protocols.iter().map(protocol).collect::<Result<_>>()?,
-        noises: noises.iter().map(noise).collect::<Result<_>>()?,
-        is_noise_given: arguments.noise_known,
-        seed: arguments.seed,
-    };
+    let request = arguments.plays.request()?;
     let terminal = Terminal::new(arguments.quiet);
     let bench = Bench::new(&terminal)?;
     let cache = arguments.cache.clone().or_else(|| Some(cache_directory()?.join("challenge")));
-    let said = |subject: &Subject, seed: u64| {
-        let request = DiagnosisRequest { seed, in_full: false, ..DiagnosisRequest::default() };
-        Ok(diagnose(subject, &request, &Silent)?.diagnosis)
-    };
-    let plays = plays::run(&bench, &request, cache.as_deref(), &said, &terminal)?;
+    let plays = plays::run(&bench, &request, cache.as_deref(), &plays::in_brief, &terminal)?;
     terminal.finish();
-    let provenance = Provenance::new("challenge", 1, arguments.seed, BTreeMap::new());
     let words = words_of_plays(&plays.tally);
-    crate::output::show(arguments.json.as_deref(), &WithProvenance { provenance, body: &plays }, &words)?;
+    crate::output::show(arguments.json.as_deref(), &plays.document(request.seed), &words)?;
     Ok(ExitCode::SUCCESS)
 }

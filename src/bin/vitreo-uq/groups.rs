@@ -7,13 +7,14 @@ use std::time::Instant;
 use clap::Args;
 use vitreo_uq::documents::groups::{ContrastSummary, GroupSummary, GroupsSummary, RatioVerdict, ScaleName};
 use vitreo_uq::error::{Error, Place, Result};
-use vitreo_uq::groups::cohort::{self, Key};
+use vitreo_uq::groups::cohort::{self, Key, Measurement};
 use vitreo_uq::groups::job::{self, GroupsRequest};
 use vitreo_uq::groups::summary;
 use vitreo_uq::groups::{artefacts, wording};
 use vitreo_uq::inference::SamplerOptions;
 use vitreo_uq::report::labels::of_parameter;
-use vitreo_uq::study::{ModelSpecification, WithProvenance};
+use vitreo_uq::study::WithProvenance;
+use vitreo_uq::tasks::sample::Sampling;
 use vitreo_uq::workflow::Monitor;
 
 use crate::options;
@@ -23,9 +24,8 @@ use crate::text::{significant, warning_text};
 /// Arguments of `groups`.
 #[derive(Args)]
 pub struct GroupsArguments {
-    /// Experiments or studies (their last revision's model is taken), or directories that hold some
-    #[arg(value_name = "DIR", required = true)]
-    paths: Vec<PathBuf>,
+    #[command(flatten)]
+    cohort: CohortArguments,
     /// What groups are formed by: species, region, or both
     #[arg(long, value_name = "KEYS", value_delimiter = ',', default_value = "species")]
     by: Vec<String>,
@@ -35,15 +35,38 @@ pub struct GroupsArguments {
     /// Let specimens scatter by a Student-t, so that an outlying one does not widen its group
     #[arg(long)]
     heavy_tails: bool,
-    /// Leave out an experiment (its directory or the directory's name) or a specimen (its id); may be repeated
-    #[arg(long, value_name = "NAME")]
-    leave_out: Vec<String>,
     /// Directory of the comparison and of the draws that it keeps
     #[arg(long, value_name = "DIR", default_value = "vitreo-uq-out/groups")]
     out: PathBuf,
     /// Write the result as one JSON document to a file, or alone to standard output with `-`
     #[arg(long, value_name = "FILE|-")]
     json: Option<PathBuf>,
+    /// Most sweeps of each of the four chains that sample the population; fewer where the draws converge before
+    #[arg(long, value_name = "N", default_value_t = 128_000)]
+    sweeps: usize,
+    /// Take the likelihood of every experiment instead of its re-weighted draws: the slower reference
+    #[arg(long)]
+    exact: bool,
+    /// Threads; 0 for as many as there are cores
+    #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
+    threads: usize,
+    /// No progress on standard error
+    #[arg(long)]
+    quiet: bool,
+    /// Replace a comparison of other experiments
+    #[arg(long)]
+    force: bool,
+}
+
+/// Which experiments, and how each is sampled on its own, here or as tasks.
+#[derive(Args)]
+pub struct CohortArguments {
+    /// Experiments or studies (their last revision's model is taken), or directories that hold some
+    #[arg(value_name = "DIR", required = true)]
+    paths: Vec<PathBuf>,
+    /// Leave out an experiment (its directory or the directory's name) or a specimen (its id); may be repeated
+    #[arg(long, value_name = "NAME")]
+    leave_out: Vec<String>,
     /// Base law of every experiment: lethersich, burgers, two-element, or a TOML file with a [base.network]
     #[arg(long, value_name = "LAW|FILE.toml")]
     base: Option<String>,
@@ -65,24 +88,31 @@ pub struct GroupsArguments {
     /// Steps of each walker after which an experiment's run ends, converged or not
     #[arg(long, value_name = "N", default_value_t = SamplerOptions::default().max_steps, allow_negative_numbers = true)]
     steps: u64,
-    /// Most sweeps of each of the four chains that sample the population; fewer where the draws converge before
-    #[arg(long, value_name = "N", default_value_t = 128_000)]
-    sweeps: usize,
-    /// Take the likelihood of every experiment instead of its re-weighted draws: the slower reference
-    #[arg(long)]
-    exact: bool,
     /// Seed of all random numbers
     #[arg(long, value_name = "N", default_value_t = 1, allow_negative_numbers = true)]
     seed: u64,
-    /// Threads; 0 for as many as there are cores
-    #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
-    threads: usize,
-    /// No progress on standard error
-    #[arg(long)]
-    quiet: bool,
-    /// Replace a comparison of other experiments
-    #[arg(long)]
-    force: bool,
+}
+
+impl CohortArguments {
+    /// How experiments are sampled.
+    pub fn sampling(&self) -> Sampling {
+        Sampling {
+            base: self.base.clone(),
+            with: self.with.clone(),
+            noise: self.noise.clone(),
+            prior: self.prior.clone(),
+            set: self.set.clone(),
+            n_walkers: self.chains,
+            max_steps: self.steps,
+            seed: self.seed,
+        }
+    }
+
+    /// The experiments with their models.
+    pub fn read(&self, terminal: &Terminal) -> Result<Vec<Measurement>> {
+        let sampling = self.sampling();
+        cohort::read(&self.paths, &self.leave_out, &|own| sampling.model(own), terminal)
+    }
 }
 
 /// Chains of the population's sampler.
@@ -98,14 +128,11 @@ pub fn run(arguments: &GroupsArguments) -> Result<ExitCode> {
     check(arguments)?;
     let threads = options::use_threads(arguments.threads)?;
     crate::output::check(arguments.json.as_deref())?;
-    let sampler = options::sampler(arguments.chains, arguments.steps, arguments.seed, threads);
+    let CohortArguments { chains, steps, seed, .. } = arguments.cohort;
+    let sampler = options::sampler(chains, steps, seed, threads);
     let terminal = Terminal::new(arguments.quiet);
-    let model = |own: ModelSpecification| {
-        let GroupsArguments { base, with, noise, prior, set, .. } = arguments;
-        own.with_options(base.as_deref(), with, noise, prior.as_deref(), set)
-    };
-    let measurements = cohort::read(&arguments.paths, &arguments.leave_out, &model, &terminal)?;
-    let provenance = artefacts::provenance(&measurements, arguments.seed);
+    let measurements = arguments.cohort.read(&terminal)?;
+    let provenance = artefacts::provenance(&measurements, seed);
     artefacts::check_place(&arguments.out, &keys, &provenance, arguments.force)?;
     let request = GroupsRequest {
         keys: &keys,

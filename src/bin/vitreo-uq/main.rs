@@ -12,6 +12,7 @@ mod effects;
 mod examine;
 mod extend;
 mod fit;
+mod gather;
 mod groups;
 mod guard;
 mod http;
@@ -32,6 +33,7 @@ mod shell;
 mod simulate;
 mod sweep;
 mod target;
+mod tasks;
 mod terminal;
 mod text;
 mod workbench;
@@ -92,6 +94,10 @@ enum Command {
     Challenge(challenge::ChallengeArguments),
     /// Species or regions compared: how groups of specimens differ, and how sure that is
     Groups(groups::GroupsArguments),
+    /// Independent commands for many machines: written as a list, run here, by HyperQueue or by Slurm
+    Tasks(tasks::TasksArguments),
+    /// The results of a list of tasks joined: the same bytes as on one machine, and what is missing by name
+    Gather(gather::GatherArguments),
     /// The paper's study of robot shapes, with posterior uncertainty: which claims hold, and the longest robot that still moves far enough
     Shapes(shapes::ShapesArguments),
     /// What a shell completes of this program, on standard output
@@ -121,6 +127,8 @@ fn main() -> ExitCode {
         Command::Workbench(arguments) => workbench::run(arguments),
         Command::Serve(arguments) => serve::run(arguments),
         Command::Groups(arguments) => groups::run(arguments),
+        Command::Tasks(arguments) => tasks::run(arguments),
+        Command::Gather(arguments) => gather::run(arguments),
         Command::Shapes(arguments) => shapes::run(arguments),
         Command::Challenge(arguments) => challenge::run(arguments),
         Command::Completions(arguments) => shell::completions(arguments, Program::command()),
@@ -149,6 +157,7 @@ fn how_to_go_on(command: &Command) -> &'static str {
         Command::Serve(_) => "run the same command again: clients find the models as they were",
         Command::Workbench(_) => "run the same command again: what was finished is on disk",
         Command::Groups(_) => "run the same command again: experiments that were sampled are not sampled again",
+        Command::Tasks(_) => "run the same command again: tasks whose results are there are not run again",
         Command::Challenge(_) => "run the same command again: trajectories in the cache are not computed again",
         _ => "run the same command again",
     }

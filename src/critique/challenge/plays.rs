@@ -1,5 +1,6 @@
 //! Many challenges, each diagnosed.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -7,23 +8,35 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::super::Subject;
+use super::super::diagnose::{DiagnosisRequest, diagnose};
 use super::full_order::trajectories_m;
 use super::play::{NamedSize, Play, Sort};
 use super::tally::{Tally, tally};
 use super::truth::joined;
 use super::{ApparatusError, Bench, Hidden, Noise, NoiseKind, Order, OutsideKind, Protocol, Truth, hideable};
 use crate::documents::diagnosis::{Diagnosis, VerdictKind};
+use crate::effects::Library;
 use crate::error::{Error, Place, Result};
 use crate::experiment::Understood;
 use crate::inference::ensemble::RandomStream;
+use crate::study::{Provenance, WithProvenance};
 use crate::workflow::check::refuse_certain;
 use crate::workflow::{Monitor, Silent};
 
 /// What diagnoses a subject, with a seed.
 pub type Diagnose<'a> = dyn Fn(&Subject, u64) -> Result<Diagnosis> + Sync + 'a;
 
+/// Diagnoses as `challenge run` does: without what only a person reads.
+///
+/// # Errors
+/// As [`diagnose`].
+pub fn in_brief(subject: &Subject, seed: u64) -> Result<Diagnosis> {
+    let request = DiagnosisRequest { seed, in_full: false, ..DiagnosisRequest::default() };
+    Ok(diagnose(subject, &request, &Silent)?.diagnosis)
+}
+
 /// Which challenges are played.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PlaysRequest {
     /// How many.
     pub count: usize,
@@ -94,6 +107,18 @@ pub struct Plays {
     pub plays: Vec<Play>,
 }
 
+impl Plays {
+    /// Counts what was played, whether at once or in parts.
+    pub fn of(plays: Vec<Play>) -> Self {
+        Self { tally: tally(&plays), plays }
+    }
+
+    /// The document of a run with a seed.
+    pub fn document(&self, seed: u64) -> WithProvenance<&Self> {
+        WithProvenance { provenance: Provenance::new("challenge", 1, seed, BTreeMap::new()), body: self }
+    }
+}
+
 /// Plays challenges: draws truths, makes their data, has each diagnosed. `diagnose` gets a seed of its own for every play.
 ///
 /// # Errors
@@ -105,7 +130,7 @@ pub fn run(
     diagnose: &Diagnose<'_>,
     monitor: &dyn Monitor,
 ) -> Result<Plays> {
-    check(bench, request)?;
+    check(bench.library(), request)?;
     monitor.stage(&format!("drawing {} hidden things and sizing their signals", request.count));
     let drawn: Vec<(Sort, Truth)> = (request.first..request.first + request.count)
         .into_par_iter()
@@ -136,10 +161,14 @@ pub fn run(
             Ok(play)
         })
         .collect::<Result<Vec<Play>>>()?;
-    Ok(Plays { tally: tally(&plays), plays })
+    Ok(Plays::of(plays))
 }
 
-fn check(bench: &Bench, request: &PlaysRequest) -> Result<()> {
+/// Refuses what cannot be played, before anything is computed.
+///
+/// # Errors
+/// [`Error::Input`] with the option and what to give.
+pub fn check(library: &Library, request: &PlaysRequest) -> Result<()> {
     let refuse = |option: &str, found: String, remedy: &str| Err(Error::input(Place::option(option), found, remedy));
     if request.count == 0 {
         return refuse("--count", "nothing to play".into(), "give a positive number");
@@ -148,7 +177,7 @@ fn check(bench: &Bench, request: &PlaysRequest) -> Result<()> {
     if request.signals_sigma.is_empty() || !request.signals_sigma.iter().all(is_signal) {
         return refuse("--signal", format!("{:?}", request.signals_sigma), "give numbers from 0.5 to 1000");
     }
-    if let Some(unknown) = request.effects.iter().find(|slug| bench.library().get(slug).is_none()) {
+    if let Some(unknown) = request.effects.iter().find(|slug| library.get(slug).is_none()) {
         return refuse(
             "--effect",
             format!("there is no effect `{unknown}`"),

@@ -17,3 +17,4 @@ pub mod posterior;
 pub(crate) mod rung_for_tests;
 pub mod shapes;
 pub mod simulation;
+pub mod tasks;

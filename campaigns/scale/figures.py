@@ -1,0 +1,38 @@
+"""What work on many machines costs."""
+
+import json
+import math
+
+
+def figures(raw):
+    def read(label):
+        return json.loads((raw / f"{label}.txt").read_text(encoding="utf-8"))
+
+    n = len((raw / "tasks-1/tasks.jsonl").read_text(encoding="utf-8").splitlines())
+    n_eyes = len((raw / "eyes/tasks.jsonl").read_text(encoding="utf-8").splitlines())
+    n_cases = sum(json.loads(line)["arguments"]["count"] for line in open(raw / "challenges/tasks.jsonl", encoding="utf-8"))
+    one, two, block = read("one-worker"), read("two-workers"), read("in-one-task")
+    many, eyes, cases = read("gather-many"), read("eyes"), read("challenge-tasks")
+    overhead_s = (one["wall_s"] - block["wall_s"]) / (n - 1)
+    levels = sorted((json.loads(path.read_text(encoding="utf-8")) for path in raw.glob("level-*.txt")), key=lambda own: own["level"])
+    first, last = levels[0], levels[-1]
+    growth = lambda key: math.log(last[key] / first[key]) / math.log(last["unknowns"] / first["unknowns"])
+    told = {
+        "specimens": f"{n:,}",
+        "a specimen": f"{1e3 * one['processor_s'] / n:.0f} ms of processor",
+        "one worker": f"{one['wall_s']:.0f} s",
+        "two workers": f"{two['wall_s']:.0f} s",
+        "two workers over one": f"{one['wall_s'] / two['wall_s']:.2f} ×",
+        "overhead of a task in a worker": f"{1e3 * overhead_s:.1f} ms",
+        "overhead of a task in a process of its own": f"{1e3 * read('there-already')['wall_s']:.0f} ms",
+        "an eye with a robot": f"{1e3 * eyes['processor_s'] / n_eyes:.0f} ms of processor",
+        "a case": f"{cases['processor_s'] / n_cases:.1f} s of processor",
+        "parts against one machine": "the same bytes" if (raw / "same.txt").exists() else "other bytes",
+        "gathering 100,000 results": f"{many['wall_s']:.1f} s, {many['peak_mib'] / 1024:.2f} GB",
+    }
+    for own in levels:
+        total = own["assembly_and_analysis_s"] + own["factorisation_s"]
+        told[f"direct solver, {own['unknowns']:,} unknowns"] = f"{total:.1f} s, {own['peak_mib'] / 1024:.2f} GB, a solve {own['solve_s']:.2f} s"
+    told["growth of the factorisation's time"] = f"unknowns to the power {growth('factorisation_s'):.2f}"
+    told["growth of its memory"] = f"unknowns to the power {growth('peak_mib'):.2f}"
+    return told, {"levels": levels, "list": read("list"), "gather_specimens": read("gather-specimens"), "challenges_at_once": read("challenges")}

@@ -1,0 +1,45 @@
+#!/usr/bin/env bash
+# What work on many machines costs: a thousand specimens as tasks, by one worker and by two; the overhead of a task; a hundred thousand results gathered; challenges
+# in parts against one machine, byte for byte; and where the direct solver ends, up to 10 GiB. `COUNT=100 LEVELS='3 4'` for a look.
+source "$(dirname "${BASH_SOURCE[0]}")/../common.sh"
+begin scale
+here=$root/campaigns/scale
+count=${COUNT:-1000}
+measured=("$python" "$here/measure.py")
+cd "$raw"
+
+# A thousand records of an instrument, and the list of them: one experiment a task, and all in one.
+"$python" "$here/specimens.py" "$count" cohort
+run_in "list" "${measured[@]}" "$program" tasks sample cohort --out tasks-1 --quiet
+"$program" tasks sample cohort --out tasks-2 --quiet >/dev/null
+"$program" tasks sample cohort --out tasks-block --block "$count" --quiet >/dev/null
+run_in "one-worker" "${measured[@]}" "$program" tasks run tasks-1 --jobs 1 --quiet
+run_in "two-workers" "${measured[@]}" "$program" tasks run tasks-2 --jobs 2 --quiet
+run_in "in-one-task" "${measured[@]}" "$program" tasks run tasks-block --jobs 1 --quiet
+run_in "there-already" "${measured[@]}" --times 20 "$program" tasks run tasks-1 --task 7 --quiet
+run_in "gather-specimens" "${measured[@]}" "$program" gather tasks-1 --quiet
+
+# The synthetic cohort's eyes, whose apparatus is solved for by finite elements and then known.
+"$program" tasks sample "$root/data/cohort" --out eyes --quiet >/dev/null
+run_in "eyes" "${measured[@]}" "$program" tasks run eyes --jobs 1 --quiet
+
+# Challenges: in parts, and at once.
+cases=${CASES:-12}
+play=(challenge run --count "$cases" --only single --signal 10 --seed 24)
+run_in "challenges" "${measured[@]}" "$program" "${play[@]}" --threads 1 --json one.json --quiet
+"$program" tasks challenge --count "$cases" --only single --signal 10 --seed 24 --out challenges --block 2 --quiet >/dev/null
+run_in "challenge-tasks" "${measured[@]}" "$program" tasks run challenges --jobs 1 --quiet
+"$program" gather challenges --quiet >/dev/null
+cmp one.json challenges/gathered/challenge.json && printf '{"same": true}\n' >same.txt
+
+# A hundred thousand results.
+results=${RESULTS:-100000}
+"$root/target/release/examples/many_results" many "$results" one.json
+run_in "gather-many" "${measured[@]}" "$program" gather many --quiet
+
+# The direct solver, one mesh a process.
+for level in ${LEVELS:-3 4 5 6 7 8}; do
+    run_in "level-$level" "$root/target/release/examples/factorisations" "$level"
+done
+rm -rf many cohort
+finish

@@ -1,0 +1,38 @@
+//! Writes a list of challenges with a sound result for each, made from plays that were played once: to measure what gathering costs.
+//!
+//! `cargo run --release --example many_results -- DIR COUNT PLAYS.json`, where `challenge run --json PLAYS.json` wrote the plays.
+
+use std::path::PathBuf;
+
+use vitreo_uq::critique::challenge::play::Play;
+use vitreo_uq::critique::challenge::plays::{Plays, PlaysRequest};
+use vitreo_uq::documents::tasks::TaskKind;
+use vitreo_uq::error::{Error, Place, Result};
+use vitreo_uq::files::{Content, read, refused};
+use vitreo_uq::study::WithProvenance;
+use vitreo_uq::tasks::list::List;
+use vitreo_uq::tasks::{challenge, result};
+
+fn main() -> Result<()> {
+    let usage = || Error::input(Place::default(), "wrong arguments", "give DIR COUNT PLAYS.json");
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let [dir, count, plays] = arguments.as_slice() else { return Err(usage()) };
+    let (dir, plays) = (PathBuf::from(dir), PathBuf::from(plays));
+    let count: usize = count.parse().map_err(|_| usage())?;
+    let bytes = read(&plays, Content::Document, "give what `challenge run --json` wrote")?;
+    let played: WithProvenance<Plays> = serde_json::from_slice(&bytes)
+        .map_err(|error| Error::input(Place::file(&plays).at_line(error.line()), error.to_string(), "give plays"))?;
+    let played = played.body.plays;
+    let request = PlaysRequest { count, ..PlaysRequest::default() };
+    let (list, _) = List::make(&dir, TaskKind::Challenge, request.seed, challenge::work(&request, 1)?, false)?;
+    for number in 0..count {
+        let task = list.task(number)?;
+        let play = Play { number, ..played[number % played.len()].clone() };
+        let body = serde_json::to_vec(&[play]).map_err(|error| Error::numerical(error.to_string(), "report this"))?;
+        // Not flushed one by one, as a worker does: what is measured is how they are read.
+        let path = list.result_path(&task);
+        std::fs::write(&path, result::bytes(&task, &body)?).map_err(refused("write", &path))?;
+    }
+    println!("{count} results in {}", dir.display());
+    Ok(())
+}

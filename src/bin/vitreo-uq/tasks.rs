@@ -1,0 +1,326 @@
+//! `tasks`: independent commands for many machines, written as a list and run.
+
+use std::fmt::Write;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitCode};
+
+use clap::{Args, Subcommand, ValueEnum};
+use vitreo_uq::documents::tasks::TaskKind;
+use vitreo_uq::error::{Error, Place, Result};
+use vitreo_uq::tasks::list::{List, Making, Work, absolute};
+use vitreo_uq::tasks::submit::{self, Engine, Resources};
+use vitreo_uq::tasks::worker::{Ran, Worker, serve};
+use vitreo_uq::tasks::{challenge, gather, local, sample};
+use vitreo_uq::workflow::{Monitor, Stoppable};
+
+use crate::challenge::PlaysArguments;
+use crate::groups::CohortArguments;
+use crate::options::use_threads;
+use crate::terminal::Terminal;
+
+/// Arguments of `tasks`.
+#[derive(Args)]
+pub struct TasksArguments {
+    #[command(subcommand)]
+    action: Action,
+}
+
+#[derive(Subcommand)]
+enum Action {
+    /// A list that samples every experiment of a cohort on its own, as `groups` does before it compares them
+    Sample(SampleTasks),
+    /// A list that plays the challenges of `challenge run`
+    Challenge(ChallengeTasks),
+    /// Run the tasks of a list whose results are not there, or write the script that hands them to an engine
+    Run(RunTasks),
+}
+
+#[derive(Args)]
+struct SampleTasks {
+    #[command(flatten)]
+    cohort: CohortArguments,
+    #[command(flatten)]
+    list: ListArguments,
+}
+
+#[derive(Args)]
+struct ChallengeTasks {
+    #[command(flatten)]
+    plays: PlaysArguments,
+    #[command(flatten)]
+    list: ListArguments,
+}
+
+/// What every kind of list takes.
+#[derive(Args)]
+struct ListArguments {
+    /// Directory of the list and of its results; on a cluster one that all machines see
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Experiments or cases a task
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    block: usize,
+    /// Replace a list of other tasks; results that are there are kept, and those of the same tasks used
+    #[arg(long)]
+    force: bool,
+    /// Write the list's head as one JSON document to a file, or alone to standard output with `-`
+    #[arg(long, value_name = "FILE|-")]
+    json: Option<PathBuf>,
+    /// No progress on standard error
+    #[arg(long)]
+    quiet: bool,
+}
+
+#[derive(Args)]
+struct RunTasks {
+    /// Directory that `tasks KIND --out DIR` made
+    #[arg(value_name = "DIR")]
+    dir: PathBuf,
+    /// Run one task, in this process
+    #[arg(long, value_name = "N", conflicts_with_all = ["part", "engine", "jobs", "serve"])]
+    task: Option<usize>,
+    /// Run one part of the list, counted from 0: `3/100`
+    #[arg(long, value_name = "I/N", conflicts_with = "serve")]
+    part: Option<String>,
+    /// Who starts the workers: local runs them now, the others get a script to submit
+    #[arg(long, value_name = "ENGINE", value_enum, default_value = "local")]
+    engine: EngineName,
+    /// local: worker processes [default: as many as there are cores]
+    #[arg(long, value_name = "J")]
+    jobs: Option<usize>,
+    /// Threads of each worker; 0 for as many as there are cores [default: 1, and 0 with `--task`]
+    #[arg(long, value_name = "N")]
+    threads: Option<usize>,
+    /// hq, slurm: parts that the list is handed over in [default: one a task, 1000 at most]
+    #[arg(long, value_name = "N", conflicts_with = "part")]
+    parts: Option<usize>,
+    /// hq, slurm: cores of a part, each with a worker of its own
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    cores: usize,
+    /// hq, slurm: most minutes of a part
+    #[arg(long, value_name = "MINUTES", default_value_t = 240)]
+    minutes: u64,
+    /// hq, slurm: memory of a part, in MiB
+    #[arg(long, value_name = "MIB", default_value_t = 2_000)]
+    memory_mib: u64,
+    /// Run the tasks whose numbers come on standard input
+    #[arg(long, hide = true)]
+    serve: bool,
+    /// No progress on standard error
+    #[arg(long)]
+    quiet: bool,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum EngineName {
+    /// Processes on this machine
+    Local,
+    /// HyperQueue
+    Hq,
+    /// Slurm's job arrays
+    Slurm,
+}
+
+/// Failures that are said; `gather --json` has all.
+const MOST_SAID: usize = 10;
+
+pub fn run(arguments: &TasksArguments) -> Result<ExitCode> {
+    match &arguments.action {
+        Action::Sample(arguments) => {
+            let terminal = begin(&arguments.list)?;
+            let sampling = arguments.cohort.sampling();
+            let work = sample::work(&arguments.cohort.read(&terminal)?, &sampling, arguments.list.block)?;
+            make(&arguments.list, TaskKind::Sample, sampling.seed, work, &terminal)
+        }
+        Action::Challenge(arguments) => {
+            let terminal = begin(&arguments.list)?;
+            let request = arguments.plays.request()?;
+            let work = challenge::work(&request, arguments.list.block)?;
+            make(&arguments.list, TaskKind::Challenge, request.seed, work, &terminal)
+        }
+        Action::Run(arguments) => run_tasks(arguments),
+    }
+}
+
+fn begin(arguments: &ListArguments) -> Result<Terminal> {
+    crate::output::check(arguments.json.as_deref())?;
+    if arguments.block == 0 {
+        return Err(Error::input(Place::option("--block"), "nothing a task", "give a positive number"));
+    }
+    Ok(Terminal::new(arguments.quiet))
+}
+
+fn make(
+    arguments: &ListArguments,
+    kind: TaskKind,
+    seed: u64,
+    work: Vec<Work>,
+    terminal: &Terminal,
+) -> Result<ExitCode> {
+    let (list, making) = List::make(&arguments.out, kind, seed, work, arguments.force)?;
+    terminal.finish();
+    let (n, dir) = (list.n_tasks(), arguments.out.display());
+    let how = match making {
+        Making::Made => "is in",
+        Making::WasThere => "was there already, in",
+        Making::Replaced => "took the place of another in",
+    };
+    let words = format!(
+        "A list of {n} tasks {how} {dir}.\n\
+         Here:          vitreo-uq tasks run {dir}\n\
+         On a cluster:  vitreo-uq tasks run {dir} --engine slurm   (or hq), and submit the script\n\
+         Afterwards:    vitreo-uq gather {dir}\n"
+    );
+    crate::output::show(arguments.json.as_deref(), list.document(), &words)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+fn run_tasks(arguments: &RunTasks) -> Result<ExitCode> {
+    let list = List::open(&absolute(&arguments.dir)?)?.of_this_program()?;
+    match arguments.engine {
+        EngineName::Hq => return submit(arguments, &list, Engine::HyperQueue),
+        EngineName::Slurm => return submit(arguments, &list, Engine::Slurm),
+        EngineName::Local => {}
+    }
+    if arguments.serve {
+        go_to(&list)?;
+        use_threads(arguments.threads.unwrap_or(1))?;
+        serve(&list, std::io::stdin().lock(), std::io::stdout().lock(), &Stoppable(Some(crate::interrupt::flag())))?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    let terminal = Terminal::new(arguments.quiet);
+    if let Some(number) = arguments.task {
+        go_to(&list)?;
+        use_threads(arguments.threads.unwrap_or(0))?;
+        let ran = Worker::new(&list, &terminal).run(number)?;
+        terminal.finish();
+        let words = match ran {
+            Ran::Now => format!("Task {number} is done.\n"),
+            Ran::Before => format!("The result of task {number} was there.\n"),
+        };
+        crate::output::print(&words)?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    run_here(arguments, &list, &terminal)
+}
+
+/// Paths that are not absolute begin where the list was made.
+fn go_to(list: &List) -> Result<()> {
+    let directory = Path::new(&list.head().directory);
+    if list.head().kind != TaskKind::Sample {
+        return Ok(());
+    }
+    std::env::set_current_dir(directory).map_err(|source| {
+        Error::at_path(
+            "go to",
+            directory,
+            source,
+            "run the list where the directory in which it was made can be seen; or make the list again here with `--force`",
+        )
+    })
+}
+
+/// Workers on this machine.
+fn run_here(arguments: &RunTasks, list: &List, terminal: &Terminal) -> Result<ExitCode> {
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let jobs = match arguments.jobs {
+        Some(0) => return Err(Error::input(Place::option("--jobs"), "no workers", "give a positive number")),
+        jobs => jobs.unwrap_or(cores),
+    };
+    let range = part(arguments, list)?;
+    use_threads(0)?;
+    terminal.stage("looking which results are there");
+    let n_asked_for = range.len();
+    let missing = gather::missing(list, range, &Stoppable(terminal.stop()))?;
+    let n_before = n_asked_for - missing.len();
+    let program = this_program()?;
+    let threads = arguments.threads.unwrap_or(1).to_string();
+    let worker = || {
+        let mut command = Command::new(&program);
+        command.args(["tasks", "run"]).arg(list.dir()).args(["--serve", "--quiet", "--threads", &threads]);
+        // A group of its own: Ctrl-C is for this process, which ends its workers.
+        #[cfg(unix)]
+        std::os::unix::process::CommandExt::process_group(&mut command, 0);
+        command
+    };
+    terminal.stage(&format!("running {} tasks in {} workers", missing.len(), jobs.min(missing.len())));
+    let outcome = local::run(&missing, jobs, &worker, terminal)?;
+    terminal.finish();
+    crate::output::print(&words(&outcome, n_before, list.dir()))?;
+    Ok(ExitCode::from(u8::from(!(outcome.failed.is_empty() && outcome.left.is_empty()))))
+}
+
+/// The tasks that are asked for.
+fn part(arguments: &RunTasks, list: &List) -> Result<Range<usize>> {
+    let Some(text) = &arguments.part else { return Ok(0..list.n_tasks()) };
+    let numbers = text.split_once('/').and_then(|(part, parts)| Some((part.parse().ok()?, parts.parse().ok()?)));
+    match numbers {
+        Some((part, parts)) if parts <= 1_000_000 => submit::tasks_of_part(list.n_tasks(), part, parts),
+        _ => {
+            let remedy = "give the number of a part, from 0, and how many there are: `3/100`";
+            Err(Error::input(Place::option("--part"), format!("`{text}`"), remedy))
+        }
+    }
+}
+
+fn this_program() -> Result<PathBuf> {
+    std::env::current_exe()
+        .map_err(|source| Error::at_path("find", "the program itself", source, "call it by its full path"))
+}
+
+fn words(outcome: &local::Outcome, n_before: usize, dir: &Path) -> String {
+    let n = |count: usize| if count == 1 { "1 task".to_string() } else { format!("{count} tasks") };
+    let mut text = format!("{} run; {} had their results.\n", n(outcome.done), n(n_before + outcome.before));
+    if outcome.deaths > 0 {
+        let _ = writeln!(text, "Workers died {} times; their tasks were tried again.", outcome.deaths);
+    }
+    for (task, why) in outcome.failed.iter().take(MOST_SAID) {
+        let _ = writeln!(text, "Task {task} failed: {why}");
+    }
+    if outcome.failed.len() > MOST_SAID {
+        let _ = writeln!(text, "… and {} more.", outcome.failed.len() - MOST_SAID);
+    }
+    if let Some(first) = outcome.left.first() {
+        let _ = writeln!(
+            text,
+            "{} (from {first} on) were not begun, because too many before them failed one after another.",
+            n(outcome.left.len())
+        );
+    }
+    let next = if outcome.failed.is_empty() && outcome.left.is_empty() {
+        format!("Next:  vitreo-uq gather {}\n", dir.display())
+    } else {
+        "Mend what failed and run the same command again: it runs what is missing.\n".into()
+    };
+    text + &next
+}
+
+/// The script for an engine.
+fn submit(arguments: &RunTasks, list: &List, engine: Engine) -> Result<ExitCode> {
+    if let Some(option) = [("--part", arguments.part.is_some()), ("--jobs", arguments.jobs.is_some())]
+        .iter()
+        .find_map(|(option, is_given)| is_given.then_some(*option))
+    {
+        return Err(Error::input(
+            Place::option(option),
+            "this is for workers on this machine",
+            "leave it out; `--parts` and `--cores` say how an engine divides the list",
+        ));
+    }
+    let RunTasks { cores, minutes, memory_mib, .. } = *arguments;
+    let parts = submit::n_parts(list.n_tasks(), arguments.parts)?;
+    let resources = Resources { cores, minutes, memory_mib };
+    let path = submit::write(list, &this_program()?, engine, resources, parts)?;
+    let how = match engine {
+        Engine::HyperQueue => path.display().to_string(),
+        Engine::Slurm => format!("sbatch {}", path.display()),
+    };
+    crate::output::print(&format!(
+        "{parts} parts of {} tasks, each with {cores} cores, {memory_mib} MiB and {minutes} minutes at most.\n\
+         Submit:      {how}\nAfterwards:  vitreo-uq gather {}\n",
+        list.n_tasks(),
+        list.dir().display()
+    ))?;
+    Ok(ExitCode::SUCCESS)
+}

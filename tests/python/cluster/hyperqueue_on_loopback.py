@@ -1,0 +1,100 @@
+"""Submits submit-hq.sh of a list to HyperQueue's server with two workers on loopback, and has one worker's task killed on the way.
+
+PyPI's package holds the engine and no program `hq`. So the script finds an `hq` here that understands `hq submit` with the options which the script has, refuses
+others, and hands the array to the real server.
+"""
+
+import argparse
+import os
+import pathlib
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+from hyperqueue import Job, LocalCluster
+from hyperqueue.cluster import WorkerConfig
+from hyperqueue.ffi.protocol import ResourceRequest
+
+
+def submitted(arguments, client):
+    """What `hq submit` would do with these arguments."""
+    parser = argparse.ArgumentParser(prog="hq submit")
+    parser.add_argument("--name", required=True)
+    parser.add_argument("--array", required=True)
+    parser.add_argument("--cpus", required=True)
+    parser.add_argument("--resource", action="append", default=[])
+    parser.add_argument("--time-limit", required=True)
+    parser.add_argument("--crash-limit", type=int, required=True)
+    parser.add_argument("--stdout", required=True)
+    parser.add_argument("--stderr", required=True)
+    own, command = arguments[: arguments.index("--")], arguments[arguments.index("--") + 1 :]
+    asked = parser.parse_args(own)
+    assert asked.time_limit.endswith("m") and asked.resource[0].startswith("mem="), asked
+    first, last = map(int, asked.array.split("-"))
+    job = Job(name=asked.name, max_fails=None)
+    for task in range(first, last + 1):
+        log = asked.stdout.replace("%{TASK_ID}", str(task))
+        job.program(
+            command,
+            # A job of one program a task numbers its tasks itself; an array of `hq submit` has these numbers.
+            env={"HQ_TASK_ID": str(task)},
+            stdout=log,
+            stderr=log + ".err",
+            resources=ResourceRequest(cpus=asked.cpus),
+            crash_limit=asked.crash_limit,
+        )
+    return client.submit(job)
+
+
+def arguments_of(script):
+    """The words with which a script calls `hq`."""
+    folder = script.parent / "hq-words"
+    folder.mkdir()
+    stand_in = folder / "hq"
+    stand_in.write_text('#!/usr/bin/env bash\nprintf "%s\\0" "$@"\n', encoding="utf-8")
+    stand_in.chmod(0o755)
+    environment = {**os.environ, "PATH": f"{folder}:{os.environ['PATH']}"}
+    said = subprocess.run([script], env=environment, stdout=subprocess.PIPE, check=True).stdout
+    words = said.decode().split("\0")[:-1]
+    assert words[0] == "submit", words
+    return words[1:]
+
+
+def kill_one_worker(directory, killed):
+    """Ends the first worker process that runs tasks of the list, by its number."""
+    end = time.monotonic() + 20
+    while time.monotonic() < end and not killed:
+        for process in pathlib.Path("/proc").iterdir():
+            if not process.name.isdigit():
+                continue
+            try:
+                words = (process / "cmdline").read_bytes().split(b"\0")
+            except OSError:
+                continue
+            if b"--serve" in words and str(directory).encode() in words:
+                os.kill(int(process.name), signal.SIGKILL)
+                killed.append(int(process.name))
+                break
+        time.sleep(0.005)
+
+
+def main():
+    directory, server = map(pathlib.Path, sys.argv[1:])
+    words = arguments_of(directory / "submit-hq.sh")
+    killed = []
+    watcher = threading.Thread(target=kill_one_worker, args=(directory, killed))
+    watcher.start()
+    with LocalCluster(server_dir=server) as cluster:
+        for _ in range(2):
+            cluster.start_worker(WorkerConfig(cores=1))
+        client = cluster.client()
+        assert client.wait_for_jobs([submitted(words, client)]), "a task failed"
+        # The same again: everything is there.
+        assert client.wait_for_jobs([submitted(words, client)]), "a task failed the second time"
+    watcher.join()
+    assert killed, "no worker was seen"
+
+
+main()
