@@ -51,8 +51,9 @@ pub struct Asked {
     pub is_downwards: bool,
 }
 
-/// What one record says of every effect.
-pub struct Sketch {
+/// What one record says of every effect: all that the judgement of a cohort needs.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Said {
     /// Every effect of the library, in its order.
     pub effects: Vec<Asked>,
     /// From the fitted cycles.
@@ -64,77 +65,68 @@ pub struct Sketch {
     pub simulated: Vec<Vec<Reading>>,
     /// Cosines of visible signatures.
     pub cosines: DMatrix<f64>,
+}
+
+/// A record's base model at its fit.
+pub struct Based {
+    /// The model and its fit.
+    pub base: Refitted,
     /// Rows that were left out as outliers of the tracker.
     pub outlier_rows: Vec<usize>,
     /// Whether the base leaves more than the noise allows.
     pub leaves_too_much: bool,
-    /// The base at its fit.
-    pub base: Refitted,
     /// Root mean square error (µm) of the base on the scored cycle and the positions there; `None` where no cycle is held out.
     pub rmse_heldout: Option<(f64, usize)>,
 }
 
-impl Sketch {
-    /// Reads a record: the base fitted, every effect's signature at that fit, and as many simulated records.
-    ///
-    /// # Errors
-    /// Whatever fitting the base refuses.
-    pub fn new(subject: &Subject, n_simulations: usize, seed: u64) -> Result<Self> {
-        let (subject, fitted, outlier_rows) = outliers::without(subject, &subject.base())?;
-        let base = Refitted { candidate: subject.base(), fitted, future: None };
-        let of = |effect: &&'static dyn crate::effects::Effect| asked(&subject, &base, effect.slug());
-        let found: Vec<(Asked, Vec<Vec<f64>>)> =
-            subject.library().effects().par_iter().map(of).collect::<Result<_>>()?;
-        let (mut effects, mut columns_m) = (Vec::new(), Vec::new());
-        for (asked, columns) in found {
-            let first = columns_m.len();
-            columns_m.extend(columns);
-            effects.push(Asked { readings: first..columns_m.len(), ..asked });
-        }
-        let (fitted, directions) = read(&subject, &base.candidate, &base.fitted, &columns_m)?;
-        let before_and_after = if subject.scored_m.iter().any(Option::is_some) {
-            let mut noise = base.fitted.noise;
-            noise[GAIN] = noise[GAIN].max(GAIN_FLOOR);
-            let wary = Fitted { noise, ..base.fitted.clone() };
-            let of = |subject: &Subject| read(subject, &base.candidate, &wary, &columns_m).map(|(readings, _)| readings);
-            Some([of(&subject)?, of(&whole(&subject)?)?])
-        } else {
-            None
-        };
-        let cosine = |i: usize, j: usize| match (&directions[i], &directions[j]) {
-            (Some(a), Some(b)) => a.dot(b),
-            _ => 0.0,
-        };
-        let cosines = DMatrix::from_fn(columns_m.len(), columns_m.len(), cosine);
-        let chance = |number: usize| -> Result<Vec<Reading>> {
-            let data = simulated(&subject, &base, seed, number);
-            let start = (base.fitted.theta.clone(), base.fitted.noise);
-            let fitted = data.fit(&base.candidate, &[start], Search::Local)?;
-            Ok(read(&data, &base.candidate, &fitted, &columns_m)?.0)
-        };
-        let simulated = (0..n_simulations).into_par_iter().map(chance).collect::<Result<_>>()?;
-        let leaves_too_much = misfit(&subject, &base, &[])?.is_too_large();
-        let n_scored = subject.scored_m.iter().flatten().count();
-        let rmse_heldout = base.fitted.rmse_m(&subject.scored_m).map(|rmse_m| (1e6 * rmse_m, n_scored));
-        Ok(Self {
-            effects,
-            fitted,
-            before_and_after,
-            simulated,
-            cosines,
-            outlier_rows,
-            leaves_too_much,
-            base,
-            rmse_heldout,
-        })
+/// Reads a record: the base fitted, every effect's signature at that fit, and as many simulated records.
+///
+/// # Errors
+/// Whatever fitting the base refuses.
+pub fn sketch(subject: &Subject, n_simulations: usize, seed: u64) -> Result<(Said, Based)> {
+    let (subject, fitted, outlier_rows) = outliers::without(subject, &subject.base())?;
+    let base = Refitted { candidate: subject.base(), fitted, future: None };
+    let of = |effect: &&'static dyn crate::effects::Effect| asked(&subject, &base, effect.slug());
+    let found: Vec<(Asked, Vec<Vec<f64>>)> = subject.library().effects().par_iter().map(of).collect::<Result<_>>()?;
+    let (mut effects, mut columns_m) = (Vec::new(), Vec::new());
+    for (asked, columns) in found {
+        let first = columns_m.len();
+        columns_m.extend(columns);
+        effects.push(Asked { readings: first..columns_m.len(), ..asked });
     }
+    let (fitted, directions) = read(&subject, &base.candidate, &base.fitted, &columns_m)?;
+    let before_and_after = if subject.scored_m.iter().any(Option::is_some) {
+        let mut noise = base.fitted.noise;
+        noise[GAIN] = noise[GAIN].max(GAIN_FLOOR);
+        let wary = Fitted { noise, ..base.fitted.clone() };
+        let of = |subject: &Subject| read(subject, &base.candidate, &wary, &columns_m).map(|(readings, _)| readings);
+        Some([of(&subject)?, of(&whole(&subject)?)?])
+    } else {
+        None
+    };
+    let cosine = |i: usize, j: usize| match (&directions[i], &directions[j]) {
+        (Some(a), Some(b)) => a.dot(b),
+        _ => 0.0,
+    };
+    let cosines = DMatrix::from_fn(columns_m.len(), columns_m.len(), cosine);
+    let chance = |number: usize| -> Result<Vec<Reading>> {
+        let data = simulated(&subject, &base, seed, number);
+        let start = (base.fitted.theta.clone(), base.fitted.noise);
+        let fitted = data.fit(&base.candidate, &[start], Search::Local)?;
+        Ok(read(&data, &base.candidate, &fitted, &columns_m)?.0)
+    };
+    let simulated = (0..n_simulations).into_par_iter().map(chance).collect::<Result<_>>()?;
+    let leaves_too_much = misfit(&subject, &base, &[])?.is_too_large();
+    let n_scored = subject.scored_m.iter().flatten().count();
+    let rmse_heldout = base.fitted.rmse_m(&subject.scored_m).map(|rmse_m| (1e6 * rmse_m, n_scored));
+    let said = Said { effects, fitted, before_and_after, simulated, cosines };
+    Ok((said, Based { base, outlier_rows, leaves_too_much, rmse_heldout }))
 }
 
 /// The same experiment with the scored cycles among the fitted ones; outliers stay out.
 fn whole(subject: &Subject) -> Result<Subject> {
     let experiment = subject.experiment();
-    let cycles: Vec<u32> =
-        experiment.calibration_cycles.iter().chain(&experiment.heldout_cycles).copied().collect();
+    let cycles: Vec<u32> = experiment.calibration_cycles.iter().chain(&experiment.heldout_cycles).copied().collect();
     let left_out: Vec<usize> = (0..subject.fitted_m.len())
         .filter(|row| subject.fitted_m[*row].is_none() && subject.scored_m[*row].is_none())
         .collect();

@@ -55,6 +55,8 @@ pub fn check_place(out: &Path, provenance: &Provenance, force: bool) -> Result<(
 /// # Errors
 /// [`Error::File`] where the file system refuses, and what figures refuse.
 pub fn write(out: &Path, diagnosis: &CohortDiagnosis, provenance: Provenance) -> Result<PathBuf> {
+    std::fs::create_dir_all(out)
+        .map_err(|source| Error::at_path("create", out, source, "choose a writable place with `--out`"))?;
     let writer = RevisionWriter::begin(out, FOLDER)?;
     let dir = writer.path();
     write_json_atomically(&dir.join(DOCUMENT), &WithProvenance { provenance, body: diagnosis })?;
@@ -67,7 +69,9 @@ pub fn write(out: &Path, diagnosis: &CohortDiagnosis, provenance: Provenance) ->
 fn gains_csv(diagnosis: &CohortDiagnosis) -> Result<Vec<u8>> {
     let refused = |error: csv::Error| Error::numerical(format!("a table cannot be written: {error}"), "use the JSON");
     let mut writer = csv::Writer::from_writer(Vec::new());
-    writer.write_record(["specimen", "experiment", "group", "effect", "gain_nats", "own_gain_nats"]).map_err(refused)?;
+    writer
+        .write_record(["specimen", "experiment", "group", "effect", "gain_nats", "own_gain_nats"])
+        .map_err(refused)?;
     for own in &diagnosis.specimens {
         for gain in &own.gains {
             let numbers = [gain.gain_nats, gain.own_gain_nats].map(|x| x.to_string());

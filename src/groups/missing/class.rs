@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::judge::Gained;
 use super::law::Ratios;
 use super::scan::{Scan, Shape};
-use crate::critique::sketch::{Reading, Sketch};
+use crate::critique::sketch::{Reading, Said};
 use crate::inference::ensemble::RandomStream;
 
 /// Simulated cohorts a rival.
@@ -20,11 +20,10 @@ const LEAST_SHARE: f64 = 0.2;
 const RIVAL_STREAMS: u64 = 0xc1a55;
 
 /// Places in `gained` of the effects that the cohort cannot tell from the one at place `claimed`.
-pub fn class_of(records: &[Sketch], gained: &[Gained], claimed: usize, seed: u64) -> Vec<usize> {
+pub fn class_of(records: &[Said], gained: &[Gained], claimed: usize, seed: u64) -> Vec<usize> {
     let claim = &gained[claimed];
-    let rivals: Vec<usize> = (0..gained.len())
-        .filter(|k| *k != claimed && gained[*k].gain_nats > LEAST_SHARE * claim.gain_nats)
-        .collect();
+    let rivals: Vec<usize> =
+        (0..gained.len()).filter(|k| *k != claimed && gained[*k].gain_nats > LEAST_SHARE * claim.gain_nats).collect();
     let is_in_class = |rival: &usize| {
         let lead = claim.gain_nats - gained[*rival].gain_nats;
         p_of_lead(records, claim, &gained[*rival], lead, seed).is_some_and(|p| p > LEAST_P)
@@ -33,7 +32,7 @@ pub fn class_of(records: &[Sketch], gained: &[Gained], claimed: usize, seed: u64
 }
 
 /// How often the claim leads by so many nats where the rival is the truth.
-fn p_of_lead(records: &[Sketch], claim: &Gained, rival: &Gained, lead: f64, seed: u64) -> Option<f64> {
+fn p_of_lead(records: &[Said], claim: &Gained, rival: &Gained, lead: f64, seed: u64) -> Option<f64> {
     if lead <= 0.0 {
         return Some(1.0);
     }
@@ -52,11 +51,8 @@ fn p_of_lead(records: &[Sketch], claim: &Gained, rival: &Gained, lead: f64, seed
 /// What a cohort of readings gains at best over all shapes and laws.
 fn best(scan: &Scan, cohort: &[Vec<Reading>]) -> f64 {
     let of = |shape: Shape| {
-        let ratios: Vec<Ratios> = cohort
-            .iter()
-            .enumerate()
-            .map(|(k, readings)| scan.laws.ratios(&scan.nodes(k, readings, shape)))
-            .collect();
+        let ratios: Vec<Ratios> =
+            cohort.iter().enumerate().map(|(k, readings)| scan.laws.ratios(&scan.nodes(k, readings, shape))).collect();
         scan.laws.best(&ratios.iter().collect::<Vec<_>>()).0
     };
     scan.shapes().map(of).fold(0.0, f64::max)
@@ -70,7 +66,7 @@ struct Carrier {
 }
 
 impl Carrier {
-    fn of(record: &Sketch, scan: &Scan, rival: &Gained, place: usize) -> Self {
+    fn of(record: &Said, scan: &Scan, rival: &Gained, place: usize) -> Self {
         let asked = scan.asked(place);
         let points: Vec<usize> = match rival.shape {
             Some(point) => vec![point],
@@ -98,7 +94,7 @@ impl Carrier {
     }
 
     /// Readings of a simulated record, with the rival or without.
-    fn draw(&self, record: &Sketch, stream: &mut RandomStream) -> Vec<Reading> {
+    fn draw(&self, record: &Said, stream: &mut RandomStream) -> Vec<Reading> {
         let mut readings = record.simulated[stream.below(record.simulated.len())].clone();
         let (whether, which) = (stream.unit(), stream.unit());
         let whole: f64 = self.ways.iter().map(|(.., weight)| weight).sum();

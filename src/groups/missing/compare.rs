@@ -58,7 +58,8 @@ impl Ratio {
     /// Whether a difference is stated: its sign, or that it exceeds the margin.
     pub fn is_declared(&self) -> bool {
         let [greater, ..] = self.probabilities;
-        greater.max(1.0 - greater) >= SURE_OF_SIGNS || matches!(self.verdict(), RatioVerdict::Greater | RatioVerdict::Less)
+        greater.max(1.0 - greater) >= SURE_OF_SIGNS
+            || matches!(self.verdict(), RatioVerdict::Greater | RatioVerdict::Less)
     }
 }
 
@@ -155,9 +156,10 @@ pub fn compared(laws: &Laws, groups: &[Vec<&Nodes>], margin: f64) -> Compared {
         weights
     };
     let sizes = |group: usize| summarised(laws, &shared(group), of[group].1);
-    let (low, high) = all.iter().map(|law| law.mean_size().ln()).fold((f64::INFINITY, f64::NEG_INFINITY), |ends, x| {
-        (ends.0.min(x), ends.1.max(x))
-    });
+    let (low, high) = all
+        .iter()
+        .map(|law| law.mean_size().ln())
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |ends, x| (ends.0.min(x), ends.1.max(x)));
     let n_cells = ((high - low) / CELL).ceil() as usize + 1;
     let cell = |law: &super::law::Law| (((law.mean_size().ln() - low) / CELL).round() as usize).min(n_cells - 1);
     let histogram = |group: usize, places: &[usize]| -> Vec<f64> {

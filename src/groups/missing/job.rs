@@ -12,7 +12,7 @@ use super::refit::{Predicted, Sized, law_of, predicted, sized};
 use super::scan::Scan;
 use super::wording;
 use crate::critique::Subject;
-use crate::critique::sketch::Sketch;
+use crate::critique::sketch::{Based, Said, sketch};
 use crate::documents::cohort::{
     CohortContrast, CohortDiagnosis, CohortEffect, CohortErrors, CohortGain, CohortGroup, CohortLaw, CohortSimulations,
     CohortSizes, CohortSpecimen, CohortVerdict, SidesName,
@@ -65,14 +65,15 @@ pub fn run(measurements: &[Measurement], request: &CohortRequest, monitor: &dyn 
     monitor.stage("preparing the models of every apparatus");
     let apparatuses = Apparatuses::of(measurements, monitor)?;
     monitor.stage("reading what every record says of every effect");
-    let records = read(measurements, &apparatuses, request, monitor)?;
+    let (said, based) = read(measurements, &apparatuses, request, monitor)?;
     monitor.stage("simulating cohorts where nothing is missing");
-    let judged = judge(&records, request.seed, monitor);
-    let mut found = Found { measurements, labels: &labels, request, records: &records, judged: &judged, claim: None };
+    let judged = judge(&said, request.seed, monitor);
+    let mut found =
+        Found { measurements, labels: &labels, request, said: &said, based: &based, judged: &judged, claim: None };
     if let Some(claimed) = found.claimed() {
         stopped(monitor)?;
         monitor.stage("comparing the claim with its rivals");
-        let class = class_of(&records, &judged.effects, claimed, request.seed);
+        let class = class_of(&said, &judged.effects, claimed, request.seed);
         monitor.stage("fitting what is claimed to every record");
         found.claim = Some(Claim::new(&found, &apparatuses, (claimed, class), monitor)?);
     }
@@ -81,9 +82,7 @@ pub fn run(measurements: &[Measurement], request: &CohortRequest, monitor: &dyn 
 
 fn stopped(monitor: &dyn Monitor) -> Result<()> {
     match monitor.stop() {
-        Some(stop) if stop.load(std::sync::atomic::Ordering::Relaxed) => {
-            Err(Error::Interrupted { kept: KEPT.into() })
-        }
+        Some(stop) if stop.load(std::sync::atomic::Ordering::Relaxed) => Err(Error::Interrupted { kept: KEPT.into() }),
         _ => Ok(()),
     }
 }
@@ -94,16 +93,17 @@ fn read(
     apparatuses: &Apparatuses,
     request: &CohortRequest,
     monitor: &dyn Monitor,
-) -> Result<Vec<Sketch>> {
+) -> Result<(Vec<Said>, Vec<Based>)> {
     let counter = Counter::new(monitor, measurements.len());
     let of = |(number, own): (usize, &Measurement)| {
         stopped(monitor)?;
         let seed = request.seed ^ RECORD_STREAMS ^ ((number as u64) << STREAM_OF_RECORD);
-        let read = apparatuses.subject(own).and_then(|subject| Sketch::new(&subject, request.n_simulations, seed));
+        let read = apparatuses.subject(own).and_then(|subject| sketch(&subject, request.n_simulations, seed));
         counter.add_one();
         read.map_err(|error| own.named(error))
     };
-    measurements.iter().enumerate().map(of).collect()
+    let read: Vec<(Said, Based)> = measurements.iter().enumerate().map(of).collect::<Result<_>>()?;
+    Ok(read.into_iter().unzip())
 }
 
 /// Everything that was found.
@@ -111,7 +111,8 @@ struct Found<'a> {
     measurements: &'a [Measurement],
     labels: &'a [Labels],
     request: &'a CohortRequest,
-    records: &'a [Sketch],
+    said: &'a [Said],
+    based: &'a [Based],
     judged: &'a Judged,
     claim: Option<Claim>,
 }
@@ -137,31 +138,31 @@ impl Claim {
         (claimed, class): (usize, Vec<usize>),
         monitor: &dyn Monitor,
     ) -> Result<Self> {
-        let records = found.records;
+        let (said, based) = (found.said, found.based);
         let gained = &found.judged.effects[claimed];
-        let scan = Scan::new(records, gained.effect).ok_or_else(|| nothing_shows(found, gained))?;
-        let counter = Counter::new(monitor, 2 * records.len());
+        let scan = Scan::new(said, gained.effect).ok_or_else(|| nothing_shows(found, gained))?;
+        let counter = Counter::new(monitor, 2 * said.len());
         let subject = |number: usize| -> Result<Subject> {
             let subject = apparatuses.subject(&found.measurements[number])?;
-            let rows = &records[number].outlier_rows;
+            let rows = &based[number].outlier_rows;
             Ok(if rows.is_empty() { subject } else { subject.without_rows(rows) })
         };
-        let asked = |number: usize| &records[number].effects[gained.effect];
+        let asked = |number: usize| &said[number].effects[gained.effect];
         let fit = |number: usize| -> Result<Sized> {
             stopped(monitor)?;
-            let sized = sized(&subject(number)?, &records[number], asked(number));
+            let sized = sized(&subject(number)?, &based[number], asked(number));
             counter.add_one();
             sized.map_err(|error| found.measurements[number].named(error))
         };
-        let fits: Vec<Sized> = (0..records.len()).into_par_iter().map(fit).collect::<Result<_>>()?;
+        let fits: Vec<Sized> = (0..said.len()).into_par_iter().map(fit).collect::<Result<_>>()?;
         // Points of the grid that stand for what a record says by first order: those of the shape that was found.
         let points = |number: usize| -> Vec<Likelihood> {
             let n = asked(number).readings.len();
             let points = gained.shape.map_or(0..n, |point| point..(point + 1).min(n));
-            points.map(|point| scan.likelihood(number, &records[number].fitted, point)).collect()
+            points.map(|point| scan.likelihood(number, &said[number].fitted, point)).collect()
         };
         let told = |number: usize| fits[number].likelihood.map_or_else(|| points(number), |own| vec![own]);
-        let each: Vec<Vec<Likelihood>> = (0..records.len()).map(told).collect();
+        let each: Vec<Vec<Likelihood>> = (0..said.len()).map(told).collect();
         let laws = fine_laws(&each.concat()).ok_or_else(|| nothing_shows(found, gained))?;
         let nodes: Vec<Nodes> = each.iter().map(|own| nodes_of(&laws, own)).collect();
         let ratios: Vec<Ratios> = nodes.iter().map(|nodes| laws.ratios(nodes)).collect();
@@ -169,11 +170,11 @@ impl Claim {
         let predict = |number: usize| -> Result<Predicted> {
             stopped(monitor)?;
             let of = (asked(number), &fits[number]);
-            let predicted = predicted(&subject(number)?, &records[number], of, (&laws, &nodes[number], place));
+            let predicted = predicted(&subject(number)?, &based[number], of, (&laws, &nodes[number], place));
             counter.add_one();
             predicted.map_err(|error| found.measurements[number].named(error))
         };
-        let predicted = (0..records.len()).into_par_iter().map(predict).collect::<Result<_>>()?;
+        let predicted = (0..said.len()).into_par_iter().map(predict).collect::<Result<_>>()?;
         let groups = found.groups();
         let of_group = |(_, members): &(String, Vec<usize>)| members.iter().map(|number| &nodes[*number]).collect();
         let each_group: Vec<Vec<&Nodes>> = groups.iter().map(of_group).collect();
@@ -200,11 +201,11 @@ fn nodes_of(laws: &Laws, likelihoods: &[Likelihood]) -> Nodes {
 
 impl Found<'_> {
     fn slug(&self, gained: &Gained) -> &'static str {
-        self.records[0].effects[gained.effect].slug
+        self.said[0].effects[gained.effect].slug
     }
 
     fn parameter(&self, effect: usize) -> &'static str {
-        let names = self.records.iter().map(|record| record.effects[effect].parameter);
+        let names = self.said.iter().map(|said| said.effects[effect].parameter);
         names.into_iter().find(|name| !name.is_empty()).unwrap_or("")
     }
 
@@ -254,17 +255,17 @@ impl Found<'_> {
     fn effect(&self, effect: usize) -> CohortEffect {
         let place = self.judged.effects.iter().position(|gained| gained.effect == effect);
         let gained = place.map(|place| &self.judged.effects[place]);
-        let asked = |record: &Sketch| record.effects[effect].clone();
-        let can = self.records.iter().filter(|record| asked(record).refused.is_none()).count();
+        let asked = |said: &Said| said.effects[effect].clone();
+        let can = self.said.iter().filter(|said| asked(said).refused.is_none()).count();
         let law = gained.filter(|gained| gained.gain_nats > 0.0).map(|gained| CohortSizes {
             median: gained.law.ln_median.exp(),
             between_specimen_log_sd: gained.law.log_sd,
             share: gained.law.share,
             sides: side_name(gained.law.sides),
         });
-        let refused = (can == 0).then(|| self.records.iter().find_map(|record| asked(record).refused)).flatten();
+        let refused = (can == 0).then(|| self.said.iter().find_map(|said| asked(said).refused)).flatten();
         CohortEffect {
-            effect: self.records[0].effects[effect].slug.into(),
+            effect: self.said[0].effects[effect].slug.into(),
             parameter: Some(self.parameter(effect)).filter(|name| !name.is_empty()).map(String::from),
             status: place.map_or(Status::Invisible, |place| self.status(place)),
             gain_nats: gained.map_or(0.0, |gained| gained.gain_nats),
@@ -277,7 +278,7 @@ impl Found<'_> {
     }
 
     fn specimen(&self, number: usize) -> CohortSpecimen {
-        let (own, record) = (&self.measurements[number], &self.records[number]);
+        let (own, based) = (&self.measurements[number], &self.based[number]);
         let gain = |gained: &Gained| CohortGain {
             effect: self.slug(gained).into(),
             gain_nats: gained.of_records[number],
@@ -292,8 +293,8 @@ impl Found<'_> {
             gains: self.judged.effects.iter().map(gain).collect(),
             probability: predicted.map(|predicted| predicted.has),
             value: predicted.map(|predicted| predicted.value),
-            leaves_too_much: record.leaves_too_much,
-            outliers: record.outlier_rows.len(),
+            leaves_too_much: based.leaves_too_much,
+            outliers: based.outlier_rows.len(),
         }
     }
 
@@ -348,12 +349,12 @@ impl Found<'_> {
 
     /// Geometric means of the law's parameters, before and after, in every group; in all records where there are none.
     fn law(&self, claim: &Claim, groups: &[(String, Vec<usize>)]) -> Vec<CohortLaw> {
-        let base = self.records[0].base.candidate.model.base().clone();
-        let is_same = |record: &Sketch| *record.base.candidate.model.base() == base;
-        if !self.records.iter().all(is_same) {
+        let base = self.based[0].base.candidate.model.base();
+        let is_same = |own: &Based| own.base.candidate.model.base() == base;
+        if !self.based.iter().all(is_same) {
             return Vec::new();
         }
-        let everyone = [("all".to_string(), (0..self.records.len()).collect::<Vec<_>>())];
+        let everyone = [("all".to_string(), (0..self.said.len()).collect::<Vec<_>>())];
         let groups = if groups.is_empty() { &everyone[..] } else { groups };
         let mean = |members: &[usize], of: &dyn Fn(usize) -> f64| {
             (members.iter().map(|number| of(*number).ln()).sum::<f64>() / members.len() as f64).exp()
@@ -363,8 +364,8 @@ impl Found<'_> {
                 group: name.clone(),
                 parameter: spec.name.into(),
                 before: mean(members, &|number| {
-                    let record = &self.records[number];
-                    law_of(record, &record.base.fitted.theta)[k]
+                    let own = &self.based[number];
+                    law_of(own, &own.base.fitted.theta)[k]
                 }),
                 after: mean(members, &|number| claim.predicted[number].law[k]),
             };
@@ -374,7 +375,7 @@ impl Found<'_> {
     }
 
     fn document(&self) -> CohortDiagnosis {
-        let n_effects = self.records[0].effects.len();
+        let n_effects = self.said[0].effects.len();
         let effects: Vec<CohortEffect> = (0..n_effects).map(|effect| self.effect(effect)).collect();
         let named = self.groups();
         let groups: Vec<CohortGroup> = match &self.claim {
@@ -386,7 +387,7 @@ impl Found<'_> {
                 }
                 None => {
                     let name = named.first().map_or("all", |(name, _)| name.as_str());
-                    vec![self.group(claim, (name, self.records.len()), &claim.all)]
+                    vec![self.group(claim, (name, self.said.len()), &claim.all)]
                 }
             },
         };
@@ -396,12 +397,13 @@ impl Found<'_> {
             }
             None => Vec::new(),
         };
-        let specimens: Vec<CohortSpecimen> = (0..self.records.len()).map(|number| self.specimen(number)).collect();
+        let specimens: Vec<CohortSpecimen> = (0..self.said.len()).map(|number| self.specimen(number)).collect();
         let verdict = self.verdict(&effects, &specimens, &groups);
-        let extended = self.claim.as_ref().map(|claim| {
-            root_mean_square(claim.predicted.iter().map(|predicted| predicted.heldout))
-        });
-        let base = root_mean_square(self.records.iter().map(|record| record.rmse_heldout));
+        let extended = self
+            .claim
+            .as_ref()
+            .map(|claim| root_mean_square(claim.predicted.iter().map(|predicted| predicted.heldout)));
+        let base = root_mean_square(self.based.iter().map(|own| own.rmse_heldout));
         let threshold = self.judged.threshold();
         CohortDiagnosis {
             remarks: wording::remarks(&effects, &specimens, verdict.kind),
@@ -423,12 +425,7 @@ impl Found<'_> {
         }
     }
 
-    fn verdict(
-        &self,
-        effects: &[CohortEffect],
-        specimens: &[CohortSpecimen],
-        groups: &[CohortGroup],
-    ) -> CohortVerdict {
+    fn verdict(&self, effects: &[CohortEffect], specimens: &[CohortSpecimen], groups: &[CohortGroup]) -> CohortVerdict {
         let slugs = |places: &[usize]| -> Vec<String> {
             places.iter().map(|place| self.slug(&self.judged.effects[*place]).to_string()).collect()
         };
@@ -440,7 +437,7 @@ impl Found<'_> {
             None => (VerdictKind::None, Vec::new(), Vec::new()),
         };
         let leading = self.leading().map(|place| &effects[self.judged.effects[place].effect]);
-        let pooled = self.claim.as_ref().map(|claim| self.group(claim, ("all", self.records.len()), &claim.all));
+        let pooled = self.claim.as_ref().map(|claim| self.group(claim, ("all", self.said.len()), &claim.all));
         let sentence = wording::verdict(kind, leading, &equivalent, pooled.as_ref(), groups, specimens);
         CohortVerdict { kind, effects: named, equivalent, sentence }
     }

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::law::{Law, Place, Ratios};
 use super::scan::{Scan, Shape};
-use crate::critique::sketch::{Reading, Sketch};
+use crate::critique::sketch::{Reading, Said};
 use crate::inference::ensemble::RandomStream;
 use crate::workflow::{Counter, Monitor};
 
@@ -54,7 +54,7 @@ impl Judged {
 }
 
 /// Searches.
-pub fn judge(records: &[Sketch], seed: u64, monitor: &dyn Monitor) -> Judged {
+pub fn judge(records: &[Said], seed: u64, monitor: &dyn Monitor) -> Judged {
     let n_effects = records.first().map_or(0, |record| record.effects.len());
     let scans: Vec<(usize, Scan)> =
         (0..n_effects).filter_map(|effect| Some((effect, Scan::new(records, effect)?))).collect();
@@ -98,7 +98,7 @@ pub fn judge(records: &[Sketch], seed: u64, monitor: &dyn Monitor) -> Judged {
 }
 
 /// Which simulated record stands for each record in each simulated cohort.
-fn picks(records: &[Sketch], seed: u64) -> Vec<Vec<usize>> {
+fn picks(records: &[Said], seed: u64) -> Vec<Vec<usize>> {
     let cohort = |number: usize| {
         let mut stream = RandomStream::new(seed ^ COHORT_STREAMS, number as u64);
         records.iter().map(|record| stream.below(record.simulated.len().max(1))).collect()
@@ -115,7 +115,7 @@ struct OfShape {
     by_chance: Vec<f64>,
 }
 
-fn of_shape(records: &[Sketch], scan: &Scan, shape: Shape, picks: &[Vec<usize>]) -> OfShape {
+fn of_shape(records: &[Said], scan: &Scan, shape: Shape, picks: &[Vec<usize>]) -> OfShape {
     let ratios = |record: usize, readings: &[Reading]| scan.laws.ratios(&scan.nodes(record, readings, shape));
     let own: Vec<Ratios> = records.iter().enumerate().map(|(k, record)| ratios(k, &record.fitted)).collect();
     let own: Vec<&Ratios> = own.iter().collect();
@@ -135,8 +135,8 @@ fn of_shape(records: &[Sketch], scan: &Scan, shape: Shape, picks: &[Vec<usize>])
 
 /// The gain in the log score of the last cycles, each given those before it in its record, under the law that the fitted cycles of all records led to:
 /// ln[1 − π + π r(all)] − ln[1 − π + π r(fitted)], summed.
-fn heldout(records: &[Sketch], scan: &Scan, shape: Shape, place: Place) -> Option<f64> {
-    let of = |(k, record): (usize, &Sketch)| {
+fn heldout(records: &[Said], scan: &Scan, shape: Shape, place: Place) -> Option<f64> {
+    let of = |(k, record): (usize, &Said)| {
         let [before, after] = record.before_and_after.as_ref()?;
         let ln = |readings: &[Reading]| {
             let ratios = scan.laws.ratios(&scan.nodes(k, readings, shape));

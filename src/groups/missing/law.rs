@@ -244,9 +244,10 @@ impl Laws {
         ] {
             if part {
                 let half = if law.sides == Sides::Either { 0.5 } else { 1.0 };
-                let own = weights.iter().enumerate().map(|(k, weight)| {
-                    (sign * self.node(from + k).exp(), half * weight * of[from + k])
-                });
+                let own = weights
+                    .iter()
+                    .enumerate()
+                    .map(|(k, weight)| (sign * self.node(from + k).exp(), half * weight * of[from + k]));
                 sizes.extend(own);
             }
         }
@@ -368,9 +369,9 @@ mod tests {
     fn specimens_are_drawn_to_the_law() {
         let specimens = [told(6.0, 1.0, [0.0, 1e9]), told(0.0, 1.0, [0.0, 1e9])];
         let laws = Laws::new(&specimens, FINE).expect("they show something");
-        let index = laws.all().position(|law| {
-            (law.ln_median - 4.0_f64.ln()).abs() < 0.06 && law.log_sd == 0.4 && law.share == 0.5
-        });
+        let index = laws
+            .all()
+            .position(|law| (law.ln_median - 4.0_f64.ln()).abs() < 0.06 && law.log_sd == 0.4 && law.share == 0.5);
         let index = index.expect("on the grid");
         let place = (index / laws.shares.len(), index % laws.shares.len());
         let nodes = laws.nodes(&specimens[0]);

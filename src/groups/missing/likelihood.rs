@@ -107,7 +107,8 @@ mod tests {
     /// Against sums over 20,000 points, on both sides, for amplitudes that grow with the size and with its square, near the peak and 30 standard deviations from it.
     #[test]
     fn means_over_cells_are_those_of_sums() {
-        for (z, norm, power) in [(2.0, 3.0, 1.0), (-1.5, 0.7, 1.0), (25.0, 4.0, 2.0), (0.0, 1.0, 2.0), (30.0, 1.0, 1.0)] {
+        for (z, norm, power) in [(2.0, 3.0, 1.0), (-1.5, 0.7, 1.0), (25.0, 4.0, 2.0), (0.0, 1.0, 2.0), (30.0, 1.0, 1.0)]
+        {
             let own = Likelihood { height: 0.5 * z * z, z, norm, unit: 0.8, power, reach: [1e9, 1e9] };
             for side in [Side::Below, Side::Above] {
                 for cell in [[1e-3, 1.2e-3], [0.5, 0.7], [1.0, 3.0], [4.0, 5.5]] {
@@ -120,7 +121,10 @@ mod tests {
                     let sum: f64 = (0..n).map(|k| (log(at(k)) - largest).exp()).sum();
                     let exact = (largest + (sum / n as f64).ln()).min(MOST_NATS);
                     let found = own.ln_mean(side, cell);
-                    assert!((found - exact).abs() < 0.02 * (1.0 + 0.01 * exact.abs()), "{z} {side:?} {cell:?}: {found} {exact}");
+                    assert!(
+                        (found - exact).abs() < 0.02 * (1.0 + 0.01 * exact.abs()),
+                        "{z} {side:?} {cell:?}: {found} {exact}"
+                    );
                 }
             }
         }

@@ -8,6 +8,8 @@
 mod apparatus;
 pub mod artefacts;
 pub mod class;
+#[cfg(test)]
+mod cohort_tests;
 pub mod compare;
 pub mod job;
 pub mod judge;

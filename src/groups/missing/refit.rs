@@ -2,7 +2,7 @@
 
 use super::law::{Laws, Nodes, Place};
 use super::likelihood::Likelihood;
-use crate::critique::sketch::{Asked, Sketch};
+use crate::critique::sketch::{Asked, Based};
 use crate::critique::{Fitted, Search, Subject, Tangent};
 use crate::error::Result;
 
@@ -21,7 +21,7 @@ pub struct Sized {
 ///
 /// # Errors
 /// Whatever building its model refuses, but for an effect that cannot be added.
-pub fn sized(subject: &Subject, record: &Sketch, asked: &Asked) -> Result<Sized> {
+pub fn sized(subject: &Subject, record: &Based, asked: &Asked) -> Result<Sized> {
     let none = Sized { likelihood: None, start: None };
     if asked.refused.is_some() {
         return Ok(none);
@@ -66,7 +66,7 @@ pub struct Predicted {
 /// Whatever building its model refuses.
 pub fn predicted(
     subject: &Subject,
-    record: &Sketch,
+    record: &Based,
     (asked, sized): (&Asked, &Sized),
     (laws, nodes, place): (&Laws, &Nodes, Place),
 ) -> Result<Predicted> {
@@ -95,7 +95,7 @@ pub fn predicted(
 }
 
 /// The law's parameters of a record's base.
-pub fn law_of(record: &Sketch, theta: &[f64]) -> Vec<f64> {
+pub fn law_of(record: &Based, theta: &[f64]) -> Vec<f64> {
     let candidate = &record.base.candidate;
     candidate.parameters(theta)[..candidate.model.base().parameters().len()].to_vec()
 }

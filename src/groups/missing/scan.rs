@@ -2,11 +2,11 @@
 
 use super::law::{COARSE, Laws, Nodes, averaged};
 use super::likelihood::Likelihood;
-use crate::critique::sketch::{Asked, Reading, Sketch};
+use crate::critique::sketch::{Asked, Reading, Said};
 
 /// An effect, the laws of its sizes that are looked at, and the records.
 pub struct Scan<'a> {
-    records: &'a [Sketch],
+    records: &'a [Said],
     effect: usize,
     /// The grid of laws.
     pub laws: Laws,
@@ -18,10 +18,10 @@ pub type Shape = Option<usize>;
 
 impl<'a> Scan<'a> {
     /// Of the effect at a place of the library; `None` where no record can show it.
-    pub fn new(records: &'a [Sketch], effect: usize) -> Option<Self> {
-        let of = |record: &Sketch| record.effects[effect].readings.len();
+    pub fn new(records: &'a [Said], effect: usize) -> Option<Self> {
+        let of = |record: &Said| record.effects[effect].readings.len();
         let n_points = records.iter().map(of).max()?;
-        let all = |record: &'a Sketch| {
+        let all = |record: &'a Said| {
             (0..n_points).map(move |point| likelihood(&record.effects[effect], &record.fitted, point))
         };
         let told: Vec<Likelihood> = records.iter().flat_map(all).collect();

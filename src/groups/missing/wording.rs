@@ -111,7 +111,8 @@ pub fn contrast(own: &CohortContrast, [a, b]: [&CohortGroup; 2], margin: f64) ->
     if has_none(less) && own.is_declared {
         return format!("{} has {effect}, {} shows none of it", more.name, less.name);
     }
-    let times = format!("{} × ({} to {})", significant(ratio[0], 2), significant(ratio[1], 2), significant(ratio[2], 2));
+    let times =
+        format!("{} × ({} to {})", significant(ratio[0], 2), significant(ratio[1], 2), significant(ratio[2], 2));
     match own.verdict {
         RatioVerdict::Greater | RatioVerdict::Less => format!(
             "{} has more {effect} than {}, by more than {} ({times} on average)",
@@ -132,8 +133,7 @@ pub fn contrast(own: &CohortContrast, [a, b]: [&CohortGroup; 2], margin: f64) ->
 /// What a reader should know.
 pub fn remarks(effects: &[CohortEffect], specimens: &[CohortSpecimen], kind: VerdictKind) -> Vec<String> {
     let mut remarks = Vec::new();
-    let not: Vec<&str> =
-        effects.iter().filter(|own| own.refused.is_some()).map(|own| own.effect.as_str()).collect();
+    let not: Vec<&str> = effects.iter().filter(|own| own.refused.is_some()).map(|own| own.effect.as_str()).collect();
     if !not.is_empty() {
         let why = effects.iter().find_map(|own| own.refused.as_deref()).unwrap_or("");
         remarks.push(format!("{} cannot be looked for in any record ({why})", listed(&not)));

@@ -85,7 +85,8 @@ impl<'a> Map<'a> {
 
     /// Draws all from `top` downwards; returns where it ends.
     fn draw(&self, svg: &mut Svg, top: f64) -> f64 {
-        let header = self.effects.iter().map(|own| text_width_px(&own.effect, TICK_SIZE_PX)).fold(40.0, f64::max) + 10.0;
+        let header =
+            self.effects.iter().map(|own| text_width_px(&own.effect, TICK_SIZE_PX)).fold(40.0, f64::max) + 10.0;
         let n_groups = self.records.chunk_by(|a, b| a.group == b.group).count();
         let height = self.row_px * self.records.len() as f64 + GAP_PX * n_groups.saturating_sub(1) as f64;
         let left = MARGIN_PX + LABEL_PX;
@@ -101,7 +102,8 @@ impl<'a> Map<'a> {
                 self.draw_row(svg, record, Rect { y, height: self.row_px, ..frame }, column);
                 y += self.row_px;
             }
-            let rows = Rect { y: y - self.row_px * group.len() as f64, height: self.row_px * group.len() as f64, ..frame };
+            let rows =
+                Rect { y: y - self.row_px * group.len() as f64, height: self.row_px * group.len() as f64, ..frame };
             if !self.is_named() {
                 let name = group[0].group.clone().unwrap_or_else(|| format!("{} records", group.len()));
                 let at = (frame.x - 8.0, rows.y + 0.5 * rows.height + 0.36 * TICK_SIZE_PX);
@@ -157,7 +159,8 @@ impl<'a> Map<'a> {
                 svg.text(&text, (frame.x + (k as f64 + 0.5) * column, y), style);
             }
         }
-        let words = "green: claimed; blue: cannot be told from it; orange: suggestive; !: the model leaves more than noise";
+        let words =
+            "green: claimed; blue: cannot be told from it; orange: suggestive; !: the model leaves more than noise";
         svg.text(words, (frame.x, y + SUM_PX), TextStyle::new(TICK_SIZE_PX, Anchor::Start).colour(MUTED));
         y + SUM_PX + 6.0
     }
