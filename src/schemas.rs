@@ -6,6 +6,7 @@ use serde_json::{Value, json};
 
 use crate::critique::challenge::plays::Plays;
 use crate::documents::check::CheckSummary;
+use crate::documents::cohort::CohortDiagnosis;
 use crate::documents::comparison::Comparison;
 use crate::documents::diagnosis::Diagnosis;
 use crate::documents::effects::EffectsSummary;
@@ -60,6 +61,7 @@ pub fn all() -> Vec<DocumentSchema> {
     vec![
         DocumentSchema::of::<Plays>("challenge", "challenge run"),
         DocumentSchema::of::<CheckSummary>("check", "check"),
+        DocumentSchema::of::<CohortDiagnosis>("cohort-diagnosis", "diagnose"),
         DocumentSchema::of::<Comparison>("comparison", "compare"),
         DocumentSchema::of::<Diagnosis>("diagnosis", "diagnose"),
         DocumentSchema::of::<JointSummary>("joint", "sample"),

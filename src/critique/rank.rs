@@ -164,6 +164,57 @@ pub(super) fn directions(
     Ok((seen.collect(), sign_of_support(base, candidate)))
 }
 
+/// What an effect makes, and the base's parameters cannot, as long as it is small: columns times an amplitude, which is a power of its size.
+pub(super) struct Signature {
+    /// In m a unit of amplitude, one value a row of the record; one column a point of the grid of what means nothing at the null. For an effect of one sign in the
+    /// direction of its support.
+    pub columns_m: Vec<Vec<f64>>,
+    /// Name of the parameter that is its size.
+    pub parameter: &'static str,
+    /// The amplitude is (size/unit)^power, with the size counted from the null in the parameter's unit.
+    pub unit: f64,
+    /// 1, or 2 for an effect that begins with its square.
+    pub power: f64,
+    /// Largest size below and above the null; 0 on the side that the support leaves out.
+    pub reach: [f64; 2],
+    /// The parameter at its null.
+    pub null: f64,
+    /// Whether sizes count downwards from the null: the support lies below it.
+    pub is_downwards: bool,
+}
+
+/// The signature of the effect that a candidate adds to a base at its fit; `None` where its size is fixed.
+///
+/// # Errors
+/// [`crate::Error::Numerical`] where there is no model with it.
+pub(super) fn signature(
+    subject: &Subject,
+    (base, fitted): (&Candidate, &Fitted),
+    candidate: &Candidate,
+) -> Result<Option<Signature>> {
+    let Some(free) = first_free(base, candidate) else { return Ok(None) };
+    let Some(null) = free.null else { return Ok(None) };
+    let finite = Finite::new(subject, base, fitted, candidate)?;
+    let is_squared = matches!(free.coordinate, Coordinate::Square { .. });
+    let value = |theta: f64| free.coordinate.value(theta);
+    let at_null = value(null);
+    // A finite signature grows with the square of the step, unless that is the coordinate.
+    let (unit, power) = match &finite {
+        Some(finite) if !is_squared => ((value(null + finite.step.abs().sqrt()) - at_null).abs(), 2.0),
+        _ => ((value(null + 1.0) - at_null).abs(), if is_squared { 2.0 } else { 1.0 }),
+    };
+    let mut columns_m = signatures(subject, base, fitted, &[candidate], &[finite])?.swap_remove(0);
+    let mut reach = [at_null - value(free.ends[0]), value(free.ends[1]) - at_null].map(|size| size.max(0.0));
+    let is_downwards = sign_of_support(base, candidate) == Some(-1.0);
+    if is_downwards {
+        columns_m.iter_mut().flatten().for_each(|x| *x = -*x);
+        reach = [0.0, reach[0]];
+    } else if power > 1.0 {
+        reach[0] = 0.0;
+    }
+    Ok(Some(Signature { columns_m, parameter: free.name, unit, power, reach, null: at_null, is_downwards }))
+}
+
 /// Columns of each candidate's first new parameter at the null, one a point of the grid; or those of its finite size.
 fn signatures(
     subject: &Subject,

@@ -379,7 +379,7 @@ impl Subject {
 ///
 /// # Errors
 /// Whatever building these models refuses.
-pub(super) fn compliance_of(
+pub(crate) fn compliance_of(
     problem: &Problem,
     library: &Library,
     effects: &[&'static dyn Effect],

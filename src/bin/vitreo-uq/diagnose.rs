@@ -28,6 +28,9 @@ const FEWEST_SIMULATIONS: usize = 99;
 const DISCREPANCY: &str = "discrepancy";
 
 pub fn run(arguments: &DiagnoseArguments) -> Result<ExitCode> {
+    if crate::cohort::is_cohort(arguments.common.target.as_ref(), &arguments.others) {
+        return crate::cohort::diagnose(arguments);
+    }
     if crate::sweep::is_one(arguments.common.target.as_ref()) {
         return crate::sweep::diagnose(arguments);
     }

@@ -9,14 +9,14 @@ use vitreo_uq::effects::Library;
 use vitreo_uq::error::{Error, Place, Result};
 use vitreo_uq::files::write_json_atomically;
 use vitreo_uq::report::number::listed;
-use vitreo_uq::study::{EXTENSION_NAME, Study, WithProvenance, named_effects};
+use vitreo_uq::study::{EXTENSION_NAME, RevisionWriter, Study, WithProvenance, named_effects};
 use vitreo_uq::workflow::extend::{self, Extension, ExtensionRequest};
 use vitreo_uq::workflow::mechanics::MeshFile;
 use vitreo_uq::workflow::problem::Problem;
 use vitreo_uq::workflow::{Monitor, artefacts};
 
 use crate::examine::Begun;
-use crate::options::{self, ExtendArguments, Model};
+use crate::options::{self, Common, ExtendArguments, Model};
 use crate::target::Target;
 use crate::terminal::Terminal;
 use crate::text::{parameter_table, significant, warning_text};
@@ -27,15 +27,32 @@ pub fn run(arguments: &ExtendArguments) -> Result<ExitCode> {
     let common = &arguments.common;
     let threads = options::use_threads(common.threads)?;
     crate::output::check(common.json.as_deref())?;
-    let options = options::sampler(arguments.chains, arguments.steps, common.seed, threads);
     let terminal = Terminal::new(common.quiet);
     let begun = Begun { at, common, page: &arguments.page, terminal: &terminal };
+    let Extended { study, writer, document } = extended(common, arguments, threads, &terminal)?;
+    begun.end(&study, writer, &document, &words(&document.body))?;
+    Ok(ExitCode::from(u8::from(!document.body.is_sound())))
+}
+
+/// A revision that was extended, before it is made visible.
+pub struct Extended {
+    /// Its study.
+    pub study: Study,
+    /// The revision.
+    pub writer: RevisionWriter,
+    /// What came of it.
+    pub document: WithProvenance<ExtensionSummary>,
+}
+
+/// Extends what `common` names; all else is in the arguments.
+pub fn extended(common: &Common, arguments: &ExtendArguments, threads: usize, terminal: &Terminal) -> Result<Extended> {
+    let options = options::sampler(arguments.chains, arguments.steps, common.seed, threads);
     let library = Library::default();
     let effects = &named_effects(&arguments.model.with)?;
     // Effects and values are of the model that is made; all else changes the model that is extended, too.
     let model = Model { with: Vec::new(), set: Vec::new(), ..arguments.model.clone() };
-    let target = Target::open(common, &model, &terminal)?;
-    target.check(&terminal)?;
+    let target = Target::open(common, &model, terminal)?;
+    target.check(terminal)?;
     if let (Some(_), Some(study)) = (&model.base, target.existing_study())
         && !study.revisions()?.is_empty()
     {
@@ -48,7 +65,7 @@ pub fn run(arguments: &ExtendArguments) -> Result<ExitCode> {
     let specification = extend::extended(&target.specification, effects, &library)?;
     let values = specification.values_from_options(&arguments.model.set, &library)?;
     let mesh = model.mesh.clone().map(|path| MeshFile { path, metres_per_unit: model.mesh_unit });
-    let before = Problem::new(target.experiment.clone(), target.specification.clone(), mesh.as_ref(), &terminal)?;
+    let before = Problem::new(target.experiment.clone(), target.specification.clone(), mesh.as_ref(), terminal)?;
     let (from, revision, earlier) = match target.existing_study() {
         Some(study) => revisions(study, model.from.as_deref())?,
         None => ("m0".into(), "m1".into(), 0),
@@ -60,22 +77,20 @@ pub fn run(arguments: &ExtendArguments) -> Result<ExitCode> {
         refuse_nothing_to_sample(problem)?;
         request.options.validate(problem.priors.priors().len())?;
     }
-    let study = &target.make_study()?;
+    let study = target.make_study()?;
     if study.revisions()?.is_empty() {
         terminal.stage("m0, the model to extend, on the calibration cycles");
-        make_first_revision(study, &before, request.options.clone(), false, &terminal)?;
+        make_first_revision(&study, &before, request.options.clone(), false, terminal)?;
     }
     let writer = study.begin_revision(&revision)?;
-    let extension = extend::run(pair, &request, &terminal)?;
-    let Extension { summary, problem, after } = &extension;
+    let Extension { summary, problem, after } = extend::run(pair, &request, terminal)?;
     terminal.stage("writing results and figures");
-    let header = |kind: &str| artefacts::with_inputs(study.provenance(kind, 1, common.seed), problem);
-    artefacts::write(writer.path(), problem, after, &header)?;
+    let header = |kind: &str| artefacts::with_inputs(study.provenance(kind, 1, common.seed), &problem);
+    artefacts::write(writer.path(), &problem, &after, &header)?;
     let document = WithProvenance { provenance: header("extension"), body: summary };
     write_json_atomically(&writer.path().join(EXTENSION_NAME), &document)?;
     artefacts::write_timing(writer.path(), &after.timing_s, header("timing"))?;
-    begun.end(study, writer, &document, &words(summary))?;
-    Ok(ExitCode::from(u8::from(!summary.is_sound())))
+    Ok(Extended { study, writer, document })
 }
 
 /// The revision to extend, the one to make, and how many extensions there are already.

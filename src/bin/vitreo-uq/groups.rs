@@ -155,7 +155,8 @@ pub fn run(arguments: &GroupsArguments) -> Result<ExitCode> {
     Ok(ExitCode::from(u8::from(!summary.is_sound())))
 }
 
-fn keys(names: &[String]) -> Result<Vec<Key>> {
+/// The keys of their names.
+pub fn keys(names: &[String]) -> Result<Vec<Key>> {
     let refuse = |found: String| {
         Err(Error::input(Place::option("--by"), found, "group by `species`, `region` or `species,region`"))
     };

@@ -4,6 +4,7 @@
 mod challenge;
 mod challenge_words;
 mod check;
+mod cohort;
 mod compare;
 mod corner;
 mod corner_data;
@@ -11,6 +12,7 @@ mod diagnose;
 mod effects;
 mod examine;
 mod extend;
+mod extend_cohort;
 mod fit;
 mod gather;
 mod groups;
@@ -76,7 +78,7 @@ enum Command {
     Effects(EffectsArguments),
     /// Model against measurement: where it fails
     Compare(CompareArguments),
-    /// Which physical effect is missing: every effect refitted, the claim judged on a cycle that no fit has seen
+    /// Which physical effect is missing: every effect refitted, the claim judged on a cycle that no fit has seen; of several records, what they lack together
     Diagnose(DiagnoseArguments),
     /// The law that nobody wrote down: which quantity depends on which state, as the data have it, and the formula for it
     Learn(LearnArguments),
@@ -121,7 +123,7 @@ fn main() -> ExitCode {
         Command::Compare(arguments) => compare::run(arguments),
         Command::Diagnose(arguments) => diagnose::run(arguments),
         Command::Learn(arguments) => learn::run(arguments),
-        Command::Extend(arguments) => extend::run(arguments),
+        Command::Extend(arguments) => extend_cohort::run(arguments),
         Command::Ladder(arguments) => ladder::run(arguments),
         Command::Report(arguments) => report::run(arguments),
         Command::Workbench(arguments) => workbench::run(arguments),

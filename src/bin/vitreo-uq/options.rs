@@ -10,7 +10,7 @@ use vitreo_uq::inference::prior::PriorSet;
 use crate::report::PageArguments;
 
 /// What every command takes.
-#[derive(Args)]
+#[derive(Args, Clone)]
 pub struct Common {
     /// Experiment (directory with experiment.toml, or the TOML), or study; without it the embedded porcine replica
     #[arg(value_name = "EXPERIMENT|STUDY")]
@@ -171,6 +171,9 @@ pub struct CompareArguments {
 pub struct DiagnoseArguments {
     #[command(flatten)]
     pub common: Common,
+    /// More experiments or studies, or a directory of them in the first one's place: what do these specimens lack together?
+    #[arg(value_name = "DIR")]
+    pub others: Vec<PathBuf>,
     #[command(flatten)]
     pub model: Model,
     #[command(flatten)]
@@ -178,9 +181,18 @@ pub struct DiagnoseArguments {
     /// Smallest change of a predicted position that is worth a claim, in noise standard deviations
     #[arg(long, value_name = "SIZE", default_value_t = 0.25, allow_negative_numbers = true)]
     pub smallest: f64,
-    /// Most simulated searches by which a gain is judged
+    /// Most simulated searches by which a gain is judged; of a cohort, simulated records of each record
     #[arg(long, value_name = "N", default_value_t = 99)]
     pub simulations: usize,
+    /// Of a cohort: what groups are formed by: species, region, or both [default: species, where there are several]
+    #[arg(long, value_name = "KEYS", value_delimiter = ',')]
+    pub by: Vec<String>,
+    /// Of a cohort: ratios of sizes within 1 + MARGIN of 1 are no difference in practice
+    #[arg(long, value_name = "MARGIN", default_value_t = 0.2, allow_negative_numbers = true)]
+    pub margin: f64,
+    /// Of a cohort: leave out a record (its directory or the directory's name) or a specimen (its id); may be repeated
+    #[arg(long, value_name = "NAME")]
+    pub leave_out: Vec<String>,
 }
 
 /// Arguments of `learn`.
@@ -205,6 +217,9 @@ pub struct LearnArguments {
 pub struct ExtendArguments {
     #[command(flatten)]
     pub common: Common,
+    /// More experiments or studies, or a directory of them in the first one's place: each is extended alike
+    #[arg(value_name = "DIR")]
+    pub others: Vec<PathBuf>,
     #[command(flatten)]
     pub model: Model,
     #[command(flatten)]

@@ -10,6 +10,7 @@
 //! NetCDF ([`netcdf`], and over named dimensions [`labelled_netcdf`]).
 
 pub mod axes;
+pub mod cohort;
 pub mod comparison;
 pub mod comparison_bars;
 pub mod comparison_map;

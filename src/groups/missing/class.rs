@@ -1,0 +1,116 @@
+//! What a cohort cannot tell from a claim.
+//!
+//! A rival is believed for a moment: cohorts are simulated in which records have it as its own law and each record's own data say, with the noise of a
+//! simulated record. Where the claim leads the rival there as often as in the data, the rival may be the truth (Cox, J. R. Stat. Soc. B 24:406, 1962).
+
+use rayon::prelude::*;
+
+use super::judge::Gained;
+use super::law::Ratios;
+use super::scan::{Scan, Shape};
+use crate::critique::sketch::{Reading, Said};
+use crate::inference::ensemble::RandomStream;
+
+/// Simulated cohorts a rival.
+const N_COHORTS: usize = 199;
+/// A rival whose lead is seen in fewer of them is told from the claim.
+const LEAST_P: f64 = 0.02;
+/// A rival that gains less than this share of the claim's is not looked at closer: no twin does.
+const LEAST_SHARE: f64 = 0.2;
+const RIVAL_STREAMS: u64 = 0xc1a55;
+
+/// Places in `gained` of the effects that the cohort cannot tell from the one at place `claimed`.
+pub fn class_of(records: &[Said], gained: &[Gained], claimed: usize, seed: u64) -> Vec<usize> {
+    let claim = &gained[claimed];
+    let rivals: Vec<usize> =
+        (0..gained.len()).filter(|k| *k != claimed && gained[*k].gain_nats > LEAST_SHARE * claim.gain_nats).collect();
+    let is_in_class = |rival: &usize| {
+        let lead = claim.gain_nats - gained[*rival].gain_nats;
+        p_of_lead(records, claim, &gained[*rival], lead, seed).is_some_and(|p| p > LEAST_P)
+    };
+    rivals.into_par_iter().filter(is_in_class).collect()
+}
+
+/// How often the claim leads by so many nats where the rival is the truth.
+fn p_of_lead(records: &[Said], claim: &Gained, rival: &Gained, lead: f64, seed: u64) -> Option<f64> {
+    if lead <= 0.0 {
+        return Some(1.0);
+    }
+    let (of_claim, of_rival) = (Scan::new(records, claim.effect)?, Scan::new(records, rival.effect)?);
+    let carriers: Vec<Carrier> = (0..records.len()).map(|k| Carrier::of(&records[k], &of_rival, rival, k)).collect();
+    let leads = |number: usize| {
+        let mut stream = RandomStream::new(seed ^ RIVAL_STREAMS ^ ((rival.effect as u64) << 32), number as u64);
+        let cohort: Vec<Vec<Reading>> =
+            records.iter().zip(&carriers).map(|(record, carrier)| carrier.draw(record, &mut stream)).collect();
+        best(&of_claim, &cohort) - best(&of_rival, &cohort) >= lead
+    };
+    let reached = (0..N_COHORTS).into_par_iter().filter(|number| leads(*number)).count();
+    Some((1 + reached) as f64 / (1 + N_COHORTS) as f64)
+}
+
+/// What a cohort of readings gains at best over all shapes and laws.
+fn best(scan: &Scan, cohort: &[Vec<Reading>]) -> f64 {
+    let of = |shape: Shape| {
+        let ratios: Vec<Ratios> =
+            cohort.iter().enumerate().map(|(k, readings)| scan.laws.ratios(&scan.nodes(k, readings, shape))).collect();
+        scan.laws.best(&ratios.iter().collect::<Vec<_>>()).0
+    };
+    scan.shapes().map(of).fold(0.0, f64::max)
+}
+
+/// How a record has the rival: with what probability, at which point of its grid, how much.
+struct Carrier {
+    has: f64,
+    /// Place of the reading, its amplitude in standard deviations, and the probability of both.
+    ways: Vec<(usize, f64, f64)>,
+}
+
+impl Carrier {
+    fn of(record: &Said, scan: &Scan, rival: &Gained, place: usize) -> Self {
+        let asked = scan.asked(place);
+        let points: Vec<usize> = match rival.shape {
+            Some(point) => vec![point],
+            None => (0..asked.readings.len()).collect(),
+        };
+        let (mut ways, mut odds) = (Vec::new(), 0.0);
+        for point in points.iter().copied().filter(|point| *point < asked.readings.len()) {
+            let nodes = scan.nodes(place, &record.fitted, Some(point));
+            let (has, sizes) = scan.laws.of_specimen(&nodes, rival.place);
+            let ratio = scan.laws.ratios(&nodes)[rival.place.0] / points.len() as f64;
+            odds += ratio;
+            let reading = asked.readings.start + point;
+            let norm = record.fitted[reading].norm;
+            let way = |(size, weight): (f64, f64)| {
+                let amplitude = size.signum() * (size.abs() / asked.unit).powf(asked.power);
+                (reading, amplitude * norm, weight * ratio)
+            };
+            if has > 0.0 {
+                ways.extend(sizes.into_iter().map(way));
+            }
+        }
+        let share = rival.law.share;
+        let has = share * odds / (1.0 - share + share * odds);
+        Self { has: if has.is_finite() { has } else { 0.0 }, ways }
+    }
+
+    /// Readings of a simulated record, with the rival or without.
+    fn draw(&self, record: &Said, stream: &mut RandomStream) -> Vec<Reading> {
+        let mut readings = record.simulated[stream.below(record.simulated.len())].clone();
+        let (whether, which) = (stream.unit(), stream.unit());
+        let whole: f64 = self.ways.iter().map(|(.., weight)| weight).sum();
+        if whether >= self.has || whole <= 0.0 {
+            return readings;
+        }
+        let mut left = which * whole;
+        let is_it = |(.., weight): &&(usize, f64, f64)| {
+            left -= weight;
+            left <= 0.0
+        };
+        if let Some((reading, amplitude, _)) = self.ways.iter().find(is_it).or(self.ways.last()) {
+            for (other, own) in readings.iter_mut().enumerate() {
+                own.z += amplitude * record.cosines[(*reading, other)];
+            }
+        }
+        readings
+    }
+}

@@ -1,0 +1,160 @@
+//! The judgement of cohorts, on readings drawn from normals: no gel, no record.
+
+use nalgebra::DMatrix;
+use rayon::prelude::*;
+
+use super::class::class_of;
+use super::compare::{compared, fine_laws};
+use super::judge::{Judged, judge};
+use super::law::Nodes;
+use super::likelihood::Likelihood;
+use crate::critique::sketch::{Asked, Reading, Said};
+use crate::documents::groups::RatioVerdict;
+use crate::inference::ensemble::RandomStream;
+use crate::workflow::Silent;
+
+/// Effects of the library that these tests make up: with so many points of a grid each, and whether they have either sign.
+const EFFECTS: [(&str, usize, bool); 4] =
+    [("one", 1, false), ("two", 3, false), ("three", 1, true), ("twin of one", 1, false)];
+const N_READINGS: usize = 6;
+/// Standard deviation of an amplitude is a half.
+const NORM: f64 = 2.0;
+
+/// Cosines: points of a grid are alike, and the twin is like the first by so much.
+fn cosines(twin: f64) -> DMatrix<f64> {
+    DMatrix::from_fn(N_READINGS, N_READINGS, |i, j| match (i.min(j), i.max(j)) {
+        (a, b) if a == b => 1.0,
+        (1..=3, 1..=3) => 0.8,
+        (0, 5) => twin,
+        _ => 0.1 * (1.0 - twin),
+    })
+}
+
+/// Readings with these shifts of the first and the third effect.
+fn readings(root: &DMatrix<f64>, cosines: &DMatrix<f64>, shifts: [f64; 2], stream: &mut RandomStream) -> Vec<Reading> {
+    let white = nalgebra::DVector::from_fn(N_READINGS, |_, _| stream.normal());
+    let z = root * white;
+    let shifted = |k: usize| z[k] + shifts[0] * cosines[(0, k)] + shifts[1] * cosines[(4, k)];
+    (0..N_READINGS).map(|k| Reading { z: shifted(k), norm: NORM }).collect()
+}
+
+/// A cohort whose records have these shifts, with so many simulated records each.
+fn cohort(shifts: &[[f64; 2]], twin: f64, n_simulations: usize, seed: u64) -> Vec<Said> {
+    let cosines = cosines(twin);
+    let root = cosines.clone().cholesky().expect("positive definite").l();
+    let mut first = 0;
+    let asked: Vec<Asked> = EFFECTS
+        .iter()
+        .map(|(slug, n, has_both)| {
+            let readings = first..first + n;
+            first += n;
+            let reach = [if *has_both { 1e9 } else { 0.0 }, 1e9];
+            let (unit, power, null) = (1.0, 1.0, 0.0);
+            Asked { slug, parameter: "x", refused: None, readings, unit, power, reach, null, is_downwards: false }
+        })
+        .collect();
+    let record = |(number, shifts): (usize, &[f64; 2])| {
+        let mut stream = RandomStream::new(seed, number as u64);
+        let fitted = readings(&root, &cosines, *shifts, &mut stream);
+        // Cycles that are added tell a third more.
+        let more = readings(&root, &cosines, shifts.map(|shift| shift / 3.0_f64.sqrt()), &mut stream);
+        let all = fitted.iter().zip(&more).map(|(a, b)| Reading {
+            z: (a.z + b.z / 3.0_f64.sqrt()) / (4.0_f64 / 3.0).sqrt(),
+            norm: a.norm * (4.0_f64 / 3.0).sqrt(),
+        });
+        let before_and_after = Some([fitted.clone(), all.collect()]);
+        let simulated = (0..n_simulations).map(|_| readings(&root, &cosines, [0.0; 2], &mut stream)).collect();
+        Said { effects: asked.clone(), fitted, before_and_after, simulated, cosines: cosines.clone() }
+    };
+    shifts.iter().enumerate().map(record).collect()
+}
+
+fn leading(judged: &Judged) -> usize {
+    let gain = |k: usize| judged.effects[k].gain_nats;
+    (0..judged.effects.len()).max_by(|a, b| gain(*a).total_cmp(&gain(*b))).expect("effects")
+}
+
+/// On 60 cohorts of eight records without any effect p of the largest gain is uniform: its mean is 0.5 ± 0.037, asserted at five standard deviations (false
+/// failures below 1e-6); 20 or more of them at 0.1 or below have a binomial probability of 2e-6, and so have 9 or more at 0.02 or below.
+#[test]
+fn p_is_uniform_where_nothing_is_missing() {
+    let p_of = |seed: u64| {
+        let judged = judge(&cohort(&[[0.0; 2]; 8], 0.3, 60, 100 + seed), seed, &Silent);
+        let least = judged.effects.iter().map(|own| own.p_familywise).fold(1.0, f64::min);
+        (least, judged.effects[leading(&judged)].heldout_gain_nats.expect("held out"))
+    };
+    let found: Vec<(f64, f64)> = (0..60).into_par_iter().map(p_of).collect();
+    let mean = found.iter().map(|(p, _)| p).sum::<f64>() / 60.0;
+    let at_most = |bar: f64| found.iter().filter(|(p, _)| *p <= bar).count();
+    // Gains of exactly nothing have p = 1.
+    assert!((mean - 0.5).abs() < 5.0 * 0.037 + 0.02, "{mean}");
+    assert!(at_most(0.1) < 20 && at_most(0.02) < 9, "{} {}", at_most(0.1), at_most(0.02));
+    assert!(found.iter().any(|(p, _)| *p < 0.3) && found.iter().any(|(p, _)| *p > 0.7));
+    // What is fitted by chance does not hold on other cycles.
+    assert!(found.iter().map(|(_, heldout)| heldout).sum::<f64>() < 0.0);
+}
+
+/// Two standard deviations in each of 20 records: the sum of squares over two is 40 nats ± 9, less what the law's parameters cost. Each record by itself gains 2 nats ± 2,
+/// which no search calls anything. Held-out cycles that tell a third as much gain a third. The twin at cosine 0.99 stays, the other effects go.
+#[test]
+fn weak_effects_add_up_and_twins_stay() {
+    for seed in 0..4 {
+        let said = cohort(&[[2.0, 0.0]; 20], 0.99, 60, 7 + seed);
+        let judged = judge(&said, seed, &Silent);
+        let best = leading(&judged);
+        let own = &judged.effects[best];
+        assert!(["one", "twin of one"].contains(&said[0].effects[own.effect].slug));
+        assert!((10.0..80.0).contains(&own.gain_nats) && own.p_familywise <= 0.001, "{own:?}");
+        assert!(own.heldout_gain_nats.is_some_and(|gain| gain > 2.0), "{own:?}");
+        let sum: f64 = own.of_records.iter().sum();
+        assert!((sum - own.gain_nats).abs() < 1e-9);
+        let class = class_of(&said, &judged.effects, best, seed);
+        let slugs: Vec<&str> = class.iter().map(|k| said[0].effects[judged.effects[*k].effect].slug).collect();
+        let twin = if said[0].effects[own.effect].slug == "one" { "twin of one" } else { "one" };
+        assert_eq!(slugs, [twin]);
+    }
+}
+
+/// Signs that differ from record to record add up as well, and say so.
+#[test]
+fn either_sign_is_found() {
+    let shifts: Vec<[f64; 2]> = (0..20).map(|k| [0.0, if k % 2 == 0 { 2.5 } else { -2.5 }]).collect();
+    let said = cohort(&shifts, 0.3, 60, 31);
+    let judged = judge(&said, 1, &Silent);
+    let own = &judged.effects[leading(&judged)];
+    assert_eq!(said[0].effects[own.effect].slug, "three");
+    assert!(own.p_familywise <= 0.001 && own.law.sides == super::law::Sides::Either, "{own:?}");
+}
+
+/// Sizes (means and standard deviations of ten records a group) that differ by a factor of two are stated, equal ones are not, and a group without any shows none.
+#[test]
+fn groups_are_compared() {
+    let mut stream = RandomStream::new(11, 0);
+    let mut group = |mean: f64| -> Vec<Likelihood> {
+        let mut own = || {
+            let z = mean + stream.normal();
+            Likelihood { height: 0.5 * z * z, z, norm: 1.0, unit: 1.0, power: 1.0, reach: [0.0, 1e9] }
+        };
+        (0..10).map(|_| own()).collect()
+    };
+    let (mut n_stated, mut n_false) = (0, 0);
+    for _ in 0..10 {
+        let groups = [group(6.0), group(3.0), group(3.0), group(0.0)];
+        let laws = fine_laws(&groups.concat()).expect("they show something");
+        let nodes: Vec<Vec<Nodes>> =
+            groups.iter().map(|own| own.iter().map(|likelihood| laws.nodes(likelihood)).collect()).collect();
+        let pair = |a: usize, b: usize| {
+            let of = |k: usize| nodes[k].iter().collect::<Vec<_>>();
+            compared(&laws, &[of(a), of(b)], 0.2)
+        };
+        let twice = pair(0, 1);
+        n_stated += usize::from(twice.ratios[0].1.verdict() == RatioVerdict::Greater);
+        let [low, _, high] = twice.ratios[0].1.ratio;
+        assert!(low < 3.2 && high > 1.3, "{low} {high}");
+        n_false += usize::from(pair(1, 2).ratios[0].1.is_declared());
+        let none = pair(0, 3);
+        assert!(none.ratios[0].1.is_declared() && none.groups[1].share[1] < 0.35 && none.groups[1].gain_nats < 4.0);
+        assert!(none.groups[0].share[1] > 0.8, "{:?}", none.groups[0]);
+    }
+    assert!(n_stated >= 8 && n_false <= 1, "{n_stated} {n_false}");
+}
