@@ -19,6 +19,9 @@ use crate::error::{Error, Result};
 /// Visible shares (of a norm) below this are rounding and curvature, whose directions mean nothing.
 const LEAST_VISIBLE: f64 = 1e-6;
 
+/// Visible signatures, whitened and of norm 1; `None` where nothing is visible.
+type Visible = Vec<Option<DVector<f64>>>;
+
 /// What a record says of one signature.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reading {
@@ -174,7 +177,7 @@ fn read(
     candidate: &Candidate,
     fitted: &Fitted,
     columns_m: &[Vec<f64>],
-) -> Result<(Vec<Reading>, Vec<Option<DVector<f64>>>)> {
+) -> Result<(Vec<Reading>, Visible)> {
     let tangent = Tangent::new(subject, candidate, fitted)?;
     let residual = tangent.projected_residual();
     let of = |white: DVector<f64>| {

@@ -60,7 +60,7 @@ fn parts_in_any_order_are_the_whole_byte_for_byte() {
     let outcome = gather(&list, &out, &Silent).unwrap();
     assert!(outcome.gathered.is_whole() && outcome.gathered.foreign.is_empty());
     assert!(std::fs::read(out.join(CHALLENGE)).unwrap() == whole, "other bytes than on one machine");
-    assert_eq!(missing(&list, 0..4, &Silent).unwrap(), []);
+    assert_eq!(missing(&list, 0..4, &Silent).unwrap(), Vec::<usize>::new());
 }
 
 #[test]

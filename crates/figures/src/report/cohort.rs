@@ -143,7 +143,8 @@ impl<'a> Map<'a> {
 
     /// Below the map: what all records gain together, on held-out cycles, and p. Returns where they end.
     fn sums(&self, svg: &mut Svg, frame: Rect, column: f64) -> f64 {
-        let rows: [(&str, &dyn Fn(&CohortEffect) -> String); 3] = [
+        type Text<'a> = &'a dyn Fn(&CohortEffect) -> String;
+        let rows: [(&str, Text); 3] = [
             ("all records (nats)", &|own| rounded(own.gain_nats)),
             ("held-out cycles (nats)", &|own| own.heldout_gain_nats.map_or("–".into(), rounded)),
             ("p of the search", &|own| short_p(own.p_familywise)),
@@ -236,7 +237,7 @@ mod tests {
             gains: slugs.clone().enumerate().map(|(k, slug)| gain(record, k, slug)).collect(),
             probability: None,
             value: None,
-            leaves_too_much: record % 5 == 0,
+            leaves_too_much: record.is_multiple_of(5),
             outliers: 0,
         };
         CohortDiagnosis {

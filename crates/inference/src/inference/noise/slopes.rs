@@ -76,7 +76,7 @@ mod tests {
         let sd_um = 3.0;
         let residuals_m = |row: usize| observed_m[row].map(|y| (y - position_m[row], direction_m[row]));
         let rows: Vec<(f64, f64)> = (0..60).filter_map(residuals_m).collect();
-        let along = rows.iter().map(|(r, d)| r * d).sum::<f64>() / (1e-6 * sd_um).powi(2);
+        let along = rows.iter().map(|(r, d)| r * d).sum::<f64>() / (1e-6_f64 * sd_um).powi(2);
         let squares = rows.iter().map(|(r, _)| (1e6 * r).powi(2)).sum::<f64>();
         let in_sd = -(rows.len() as f64) / sd_um + squares / sd_um.powi(3);
         let own = likelihood.slope_along(&position_m, &direction_m, &[sd_um]);
