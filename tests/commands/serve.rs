@@ -23,7 +23,7 @@ struct Server {
     address: SocketAddr,
     /// Its words after the link.
     words: BufReader<ChildStdout>,
-    _place: tempfile::TempDir,
+    place: tempfile::TempDir,
 }
 
 impl Drop for Server {
@@ -51,7 +51,7 @@ impl Server {
         let mut link = String::new();
         words.read_line(&mut link).unwrap();
         let address = link.trim().trim_start_matches("http://").parse().unwrap();
-        Self { child, address, words, _place: place }
+        Self { child, address, words, place }
     }
 
     /// Of the instrument's experiment, whose trajectory is a closed form.
@@ -128,7 +128,7 @@ fn closed_form_um([young_pa, viscosity_1_pa_s, viscosity_2_pa_s]: [f64; 3]) -> V
 
 const POINT: [f64; 4] = [3.3, 1.5, 44.0, 0.7];
 
-/// Σ of central differences' errors is below this part of the largest slope.
+/// Whether numbers differ by this part of the largest one at most.
 fn close(own: &[f64], expected: &[f64], part: f64) {
     assert_eq!(own.len(), expected.len());
     let largest = expected.iter().fold(0.0_f64, |largest, x| largest.max(x.abs()));
@@ -153,7 +153,7 @@ fn the_trajectory_is_the_closed_form_and_its_derivatives_are_differences() {
     }
     let law = [POINT[0], POINT[1], POINT[2]];
     let position_um = server.evaluate("trajectory", &law, Value::Null);
-    close(&position_um, &closed_form_um(law), 1e-12);
+    close(&position_um, &closed_form_um(law), 1e-11);
     assert_eq!(position_um, server.evaluate("trajectory", &law, json!({ "model": "reduced" })));
     // Against differences of the closed form.
     let direction = [0.3, -0.2, 5.0];
@@ -174,7 +174,7 @@ fn the_trajectory_is_the_closed_form_and_its_derivatives_are_differences() {
 #[test]
 fn the_posterior_is_the_formula_and_its_gradient_a_difference() {
     let server = Server::of_instrument(&["--quiet"]);
-    let csv = std::fs::read_to_string(server._place.path().join("gel/trajectory.csv")).unwrap();
+    let csv = std::fs::read_to_string(server.place.path().join("gel/trajectory.csv")).unwrap();
     let observed_um: Vec<f64> =
         csv.lines().skip(1).take(100).map(|line| line.split(',').nth(2).unwrap().parse().unwrap()).collect();
     let priors = PriorSet::named("porcine").unwrap();
@@ -190,7 +190,7 @@ fn the_posterior_is_the_formula_and_its_gradient_a_difference() {
         likelihood + prior
     };
     let own = server.evaluate("posterior", &POINT, Value::Null)[0];
-    assert!((own / expected(POINT) - 1.0).abs() < 1e-11, "{own} {}", expected(POINT));
+    assert!((own / expected(POINT) - 1.0).abs() < 1e-9, "{own} {}", expected(POINT));
     let slope = |d: usize| {
         let at = |step: f64| {
             let mut moved = POINT;
@@ -226,7 +226,7 @@ fn fixed_parameters_are_no_inputs_and_other_noise_has_its_own() {
     let own = json!({ "name": "trajectory" });
     assert_eq!(server.answers("InputSizes", own), json!({ "inputSizes": [2] }));
     let position_um = server.evaluate("trajectory", &[3.3, 44.0], Value::Null);
-    close(&position_um, &closed_form_um([3.3, 1.5, 44.0]), 1e-12);
+    close(&position_um, &closed_form_um([3.3, 1.5, 44.0]), 1e-11);
     let point = [3.3, 44.0, 0.7, 0.4, 0.5];
     let gradient = server.gradient("posterior", &point, &[1.0]);
     for (d, own) in gradient.iter().enumerate() {
@@ -265,7 +265,8 @@ fn what_is_wrong_is_refused_by_the_protocols_objects() {
     let ask = |headers: &str, body: &[u8]| http::ask(server.address, "POST", "/Evaluate", headers, body, patience);
     assert_eq!(ask("", b"{").0, 400);
     assert_eq!(ask("Host: evil.example\r\n", b"{}").0, 403);
-    assert_eq!(ask("", &vec![b' '; 4 << 20]).0, 413);
+    // One byte more than 10,000 points and the record's rows take.
+    assert_eq!(ask("", &vec![b' '; (1 << 16) + 32 * (200 + 4 + 10_000 * 5) + 1]).0, 413);
     assert_eq!(server.evaluate("trajectory", &law, Value::Null).len(), 200);
 }
 
