@@ -14,8 +14,7 @@ fn main() -> Result<()> {
     let level = std::env::args().nth(1).and_then(|text| text.parse().ok()).filter(|level| (1..=40).contains(level));
     let level: usize =
         level.ok_or_else(|| Error::input(Place::default(), "no level", "give a level of the mesh, from 1 to 40"))?;
-    let ball =
-        QuarterBall { robot_radius_m: 0.275e-3, outer_radius_m: 10e-3, n_per_edge: level, n_layers: 4 * level };
+    let ball = QuarterBall { robot_radius_m: 0.275e-3, outer_radius_m: 10e-3, n_per_edge: level, n_layers: 4 * level };
     let began = Instant::now();
     let mesh = ball.mesh()?;
     let stiffness = Stiffness::new(&mesh)?;

@@ -131,7 +131,8 @@ fn dying_workers_and_full_disks_lose_nothing() {
     let dir = tempfile::tempdir().unwrap();
     make_list(dir.path());
     // A file beyond the limit ends the process by a signal, and is an error where that signal is ignored.
-    for (limit, words) in [("ulimit -f 8", "its worker died (signal"), ("trap '' XFSZ; ulimit -f 8", "File too large")] {
+    for (limit, words) in [("ulimit -f 8", "its worker died (signal"), ("trap '' XFSZ; ulimit -f 8", "File too large")]
+    {
         let line = format!("{limit}; \"$VITREO\" tasks run list --jobs 2 --quiet");
         let run = shell(dir.path(), &line).exits(1);
         says(&run, &["0 tasks run", "Task 0 failed", words, "run the same command again"]);
@@ -167,14 +168,18 @@ fn scripts_hand_over_every_task_once() {
     vitreo(dir.path(), &["tasks", "sample", "cohort", "--out", "my list", "--quiet"]).exits(0);
     for (engine, script) in [("slurm", "submit-slurm.sh"), ("hq", "submit-hq.sh")] {
         let options = ["--parts", "3", "--cores", "2", "--minutes", "90", "--memory-mib", "700"];
-        let run = vitreo(dir.path(), &[&["tasks", "run", "my list", "--engine", engine][..], &options].concat()).exits(0);
+        let run =
+            vitreo(dir.path(), &[&["tasks", "run", "my list", "--engine", engine][..], &options].concat()).exits(0);
         says(&run, &["3 parts of 4 tasks", script]);
     }
     let slurm = std::fs::read_to_string(dir.path().join("my list/submit-slurm.sh")).unwrap();
     for line in ["--array=0-2", "--cpus-per-task=2", "--mem=700M", "--time=90", "--requeue"] {
         assert!(slurm.contains(&format!("#SBATCH {line}\n")), "{line} in {slurm}");
     }
-    let run = shell(Path::new("/"), &format!("SLURM_ARRAY_TASK_ID=1 '{}'", dir.path().join("my list/submit-slurm.sh").display()));
+    let run = shell(
+        Path::new("/"),
+        &format!("SLURM_ARRAY_TASK_ID=1 '{}'", dir.path().join("my list/submit-slurm.sh").display()),
+    );
     says(&run.exits(0), &["1 task run"]);
     // Stands in for HyperQueue: runs the command that follows `--` for every number of the array.
     let engine = r#"#!/usr/bin/env bash
@@ -184,7 +189,8 @@ for id in 0 1 2; do HQ_TASK_ID=$id "$@" || exit; done
 "#;
     std::fs::create_dir(dir.path().join("bin")).unwrap();
     std::fs::write(dir.path().join("bin/hq"), engine).unwrap();
-    let run = shell(dir.path(), "chmod +x bin/hq; PATH=$PWD/bin:$PATH; cd /; \"$OLDPWD/my list/submit-hq.sh\"").exits(0);
+    let run =
+        shell(dir.path(), "chmod +x bin/hq; PATH=$PWD/bin:$PATH; cd /; \"$OLDPWD/my list/submit-hq.sh\"").exits(0);
     says(&run, &["0 tasks run; 1 task had", "1 task run; 0 tasks had", "2 tasks run; 0 tasks had"]);
     vitreo(dir.path(), &["gather", "my list", "--quiet"]).exits(0);
 }
@@ -221,7 +227,8 @@ fn what_is_no_list_is_refused() {
 #[test]
 fn challenges_come_in_blocks() {
     let dir = tempfile::tempdir().unwrap();
-    let arguments = ["tasks", "challenge", "--count", "7", "--first", "10", "--block", "3", "--out", "list", "--json", "-"];
+    let arguments =
+        ["tasks", "challenge", "--count", "7", "--first", "10", "--block", "3", "--out", "list", "--json", "-"];
     let head = vitreo(dir.path(), &arguments).exits(0).json();
     assert_eq!((&head["kind"], &head["tasks"], &head["seed"]), (&"challenge".into(), &3.into(), &1.into()));
     let text = std::fs::read_to_string(dir.path().join("list/tasks.jsonl")).unwrap();
