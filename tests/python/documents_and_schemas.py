@@ -26,6 +26,7 @@ OF_STUDY = [
     ("extension", ["extend", "study", "--with", "clock-offset"]),
     ("ladder", ["ladder", "study"]),
     ("groups", ["groups", "cohort", "--out", "compared"]),
+    ("cohort-diagnosis", ["diagnose", "cohort", "--out", "together", "--simulations", "19"]),
     ("check", ["check", "sweep"]),
     ("oscillation", ["sample", "sweep", "--out", "swept"]),
     ("oscillation-diagnosis", ["diagnose", "swept"]),
