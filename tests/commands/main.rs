@@ -2,6 +2,7 @@
 
 #[path = "../closed_forms/mod.rs"]
 mod closed_forms;
+mod cohort;
 mod compare;
 mod diagnose;
 mod effects_extend;

@@ -55,13 +55,18 @@ pub fn check_place(out: &Path, provenance: &Provenance, force: bool) -> Result<(
 /// # Errors
 /// [`Error::File`] where the file system refuses, and what figures refuse.
 pub fn write(out: &Path, diagnosis: &CohortDiagnosis, provenance: Provenance) -> Result<PathBuf> {
-    std::fs::create_dir_all(out)
-        .map_err(|source| Error::at_path("create", out, source, "choose a writable place with `--out`"))?;
+    let make = |dir: &Path| {
+        let remedy = "choose a writable place with `--out`";
+        std::fs::create_dir_all(dir).map_err(|source| Error::at_path("create", dir, source, remedy))
+    };
+    make(out)?;
     let writer = RevisionWriter::begin(out, FOLDER)?;
     let dir = writer.path();
     write_json_atomically(&dir.join(DOCUMENT), &WithProvenance { provenance, body: diagnosis })?;
     write_atomically(&dir.join(TABLE), &gains_csv(diagnosis)?)?;
-    write_figure(&dir.join("figures"), FIGURE, &cohort(diagnosis)?)?;
+    let figures = dir.join("figures");
+    make(&figures)?;
+    write_figure(&figures, FIGURE, &cohort(diagnosis)?)?;
     writer.commit()
 }
 
