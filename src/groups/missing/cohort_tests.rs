@@ -50,7 +50,7 @@ fn cohort(shifts: &[[f64; 2]], twin: f64, n_simulations: usize, seed: u64) -> Ve
             first += n;
             let reach = [if *has_both { 1e9 } else { 0.0 }, 1e9];
             let (unit, power, null) = (1.0, 1.0, 0.0);
-            Asked { slug: *slug, parameter: "x", refused: None, readings, unit, power, reach, null, is_downwards: false }
+            Asked { slug, parameter: "x", refused: None, readings, unit, power, reach, null, is_downwards: false }
         })
         .collect();
     let record = |(number, shifts): (usize, &[f64; 2])| {
