@@ -86,7 +86,7 @@ def main():
     killed = []
     watcher = threading.Thread(target=kill_one_worker, args=(directory, killed))
     watcher.start()
-    with LocalCluster(server_dir=server) as cluster:
+    with LocalCluster(server_dir=str(server)) as cluster:
         for _ in range(2):
             cluster.start_worker(WorkerConfig(cores=1))
         client = cluster.client()
