@@ -29,7 +29,7 @@ use crate::workflow::mechanics::{MODEL_LEVEL, robot_mesh};
 use crate::workflow::{Counter, Monitor};
 
 /// Times a hold of the cycle in trajectories.
-pub(super) const ROWS_A_HOLD: usize = 100;
+const ROWS_A_HOLD: usize = 100;
 
 /// What a caller decides.
 pub struct ShapesRequest {
@@ -271,7 +271,14 @@ pub fn run(request: &ShapesRequest, monitor: &dyn Monitor) -> Result<ShapesResul
         Some(law) => {
             monitor.stage("following bodies along the force through large strains");
             let median: Vec<f64> = force_per_pa[..=ROWS_A_HOLD].iter().map(|row| row[1]).collect();
-            Some(large::run(request, law, &time_s[..=ROWS_A_HOLD], &median, monitor)?)
+            let setting = large::Setting {
+                sphere_diameter_m: *sphere_diameter_m,
+                outer_radius_m,
+                poisson_ratio,
+                aspect,
+                force_n: request.force_n,
+            };
+            Some(large::run(&setting, law, &time_s[..=ROWS_A_HOLD], &median, monitor)?)
         }
         None => None,
     };

@@ -7,7 +7,6 @@ use rayon::prelude::*;
 
 use super::bodies::{Body, sized};
 use super::claims::{easier, verdict_of};
-use super::job::ShapesRequest;
 use crate::documents::shapes::{Claim, ClaimVerdict, LargeShape, LargeStrains, Shape, SizeRule};
 use crate::error::Result;
 use crate::experiment::{Force, Orientation};
@@ -20,6 +19,21 @@ use crate::workflow::{Counter, Monitor};
 const ASPECTS: [f64; 2] = [1.5, 2.0];
 /// Mobility of the other fluid.
 pub const OTHER_MOBILITY: f64 = 0.1;
+
+/// The bodies' surroundings and what pulls them.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Setting {
+    /// The sphere whose volume or surface the others have, in m.
+    pub sphere_diameter_m: f64,
+    /// Radius of the gel around them, in m.
+    pub outer_radius_m: f64,
+    /// Its Poisson ratio, for the small strains.
+    pub poisson_ratio: f64,
+    /// Length to diameter of the study's bodies.
+    pub aspect: f64,
+    /// Force in N.
+    pub force_n: f64,
+}
 
 /// A body's way through the hold.
 struct Followed {
@@ -85,13 +99,13 @@ fn finenesses(shape: Shape) -> [Fineness; 2] {
 }
 
 fn follow(
-    request: &ShapesRequest,
+    setting: &Setting,
     laws: &[FiniteLaw; 2],
     rows: (&[f64], &[f64]),
     (body, aspect): (Body, f64),
     force_per_pa: &[f64],
 ) -> Result<Followed> {
-    let outer_radius_m = 0.5 * request.vitreous.diameter_m;
+    let Setting { outer_radius_m, poisson_ratio, .. } = *setting;
     let (time_s, force_n) = rows;
     let load = Stages::of_law(Vec::new()).load;
     let deviation_m = |fineness: Fineness, law: &FiniteLaw| -> Result<Vec<f64>> {
@@ -102,7 +116,6 @@ fn follow(
     let [fine, coarse] = finenesses(body.shape);
     let (own, coarser) = (deviation_m(fine, &laws[0])?, deviation_m(coarse, &laws[0])?);
     let is_whole = own.len().min(coarser.len()) == time_s.len();
-    let poisson_ratio = request.poisson_ratios[0];
     let resolution = Resolution::default();
     let stiffness_m = solve(body.revolution, outer_radius_m, poisson_ratio, body.direction(), resolution)?.stiffness_m;
     Ok(Followed {
@@ -120,7 +133,7 @@ fn follow(
 /// # Errors
 /// Those of meshes. A mesh that follows a body no farther is none.
 pub fn run(
-    request: &ShapesRequest,
+    setting: &Setting,
     law: &FiniteLaw,
     time_s: &[f64],
     force_per_pa: &[f64],
@@ -128,12 +141,12 @@ pub fn run(
 ) -> Result<LargeStrains> {
     let mut laws = [law.clone(), law.clone()];
     laws[1].mobility = OTHER_MOBILITY;
-    let force_n = vec![request.force_n; time_s.len()];
-    let own = request.aspects[0];
+    let Setting { sphere_diameter_m, aspect: own, force_n, .. } = *setting;
+    let force_n = vec![force_n; time_s.len()];
     let mut aspects: Vec<f64> = ASPECTS.into_iter().filter(|aspect| *aspect != own).chain([own]).collect();
     aspects.sort_by(f64::total_cmp);
     let body = |shape: Shape, rule: SizeRule, aspect: f64| {
-        let revolution = sized(shape, aspect, rule, request.sphere_diameter_m);
+        let revolution = sized(shape, aspect, rule, sphere_diameter_m);
         (Body { shape, orientation: Orientation::Horizontal, rule, revolution }, aspect)
     };
     // A sphere is as large under either rule.
@@ -144,7 +157,7 @@ pub fn run(
     }
     let counter = Counter::new(monitor, all.len());
     let one = |own: &(Body, f64)| {
-        let followed = follow(request, &laws, (time_s, &force_n), *own, force_per_pa)?;
+        let followed = follow(setting, &laws, (time_s, &force_n), *own, force_per_pa)?;
         counter.add_one();
         Ok(followed)
     };

@@ -38,7 +38,7 @@ fn every_command_is_completed_and_bash_reads_it() {
         if shell == "bash" {
             // Every command leads to a case of its own.
             for name in &names {
-                assert!(script.contains(&format!("vitreo__uq,{name})")), "{name}");
+                assert!(script.contains(&format!("vitreo__uq,{name})\n")), "{name}");
             }
             std::fs::write(place.path().join("completion.bash"), &script).unwrap();
             if let Ok(status) = Command::new("bash").args(["-n", "completion.bash"]).current_dir(place.path()).status()

@@ -373,7 +373,8 @@ mod tests {
         for distribution in examples() {
             for p in [0.03, 0.4, 0.9] {
                 let x = distribution.quantile(p);
-                let h = 1e-5 * (distribution.quantile(0.75) - distribution.quantile(0.25));
+                // A density may change fast near an end of its support: the step is a small part of what lies near.
+                let h = 1e-4 * (distribution.quantile(p + 0.02) - distribution.quantile(p - 0.02));
                 let difference = (distribution.ln_pdf(x + h) - distribution.ln_pdf(x - h)) / (2.0 * h);
                 let slope = distribution.ln_pdf_slope(x);
                 assert!(

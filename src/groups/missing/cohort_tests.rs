@@ -95,10 +95,13 @@ fn p_is_uniform_where_nothing_is_missing() {
 }
 
 /// Two standard deviations in each of 20 records: the sum of squares over two is 40 nats ± 9, less what the law's parameters cost. Each record by itself gains 2 nats ± 2,
-/// which no search calls anything. Held-out cycles that tell a third as much gain a third. The twin at cosine 0.99 stays, the other effects go.
+/// which no search calls anything. Held-out cycles that tell a third as much gain a third. The other effects are told apart. The twin at cosine 0.99 leads by 0.8 ± 1.3 nats less where the first is the
+/// truth, and by that more where it is the truth itself, so that a lead of 1.8 nats excludes it: in one cohort of five. Of 16 cohorts fewer than 4 keep it in 4 of 10⁷ runs. The truth is excluded in
+/// at most 2 of 100, in more than 5 of 16 in 5 of 10⁷.
 #[test]
 fn weak_effects_add_up_and_twins_stay() {
-    for seed in 0..4 {
+    let (mut n_twins, mut n_true) = (0, 0);
+    for seed in 0..16 {
         let said = cohort(&[[2.0, 0.0]; 20], 0.99, 60, 7 + seed);
         let judged = judge(&said, seed, &Silent);
         let best = leading(&judged);
@@ -110,9 +113,13 @@ fn weak_effects_add_up_and_twins_stay() {
         assert!((sum - own.gain_nats).abs() < 1e-9);
         let class = class_of(&said, &judged.effects, best, seed);
         let slugs: Vec<&str> = class.iter().map(|k| said[0].effects[judged.effects[*k].effect].slug).collect();
-        let twin = if said[0].effects[own.effect].slug == "one" { "twin of one" } else { "one" };
-        assert_eq!(slugs, [twin]);
+        let is_true = said[0].effects[own.effect].slug == "one";
+        let twin = if is_true { "twin of one" } else { "one" };
+        assert!(slugs.iter().all(|slug| *slug == twin), "{slugs:?}");
+        n_twins += slugs.len();
+        n_true += usize::from(is_true || !slugs.is_empty());
     }
+    assert!(n_twins >= 4 && n_true >= 11, "{n_twins} {n_true}");
 }
 
 /// Signs that differ from record to record add up as well, and say so.
@@ -153,7 +160,8 @@ fn groups_are_compared() {
         assert!(low < 3.2 && high > 1.3, "{low} {high}");
         n_false += usize::from(pair(1, 2).ratios[0].1.is_declared());
         let none = pair(0, 3);
-        assert!(none.ratios[0].1.is_declared() && none.groups[1].share[1] < 0.35 && none.groups[1].gain_nats < 4.0);
+        let found = (none.ratios[0].1.is_declared(), &none.groups[1]);
+        assert!(found.0 && found.1.share[1] < 0.35 && found.1.gain_nats < 4.0, "{found:?}");
         assert!(none.groups[0].share[1] > 0.8, "{:?}", none.groups[0]);
     }
     assert!(n_stated >= 8 && n_false <= 1, "{n_stated} {n_false}");

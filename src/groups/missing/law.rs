@@ -328,8 +328,8 @@ mod tests {
                 (1.0 - law.share + law.share * sum / whole).ln()
             };
             let exact: f64 = specimens.iter().map(of).sum();
-            // Cells of a tenth in ln size.
-            assert!((lns[index] - exact).abs() < 0.03 + 0.02 * exact.abs(), "{law:?}: {} {exact}", lns[index]);
+            // Cells of a tenth in ln size, and a truncated end of the law that may fall within one where a specimen's likelihood is large: a hundredth or so a specimen.
+            assert!((lns[index] - exact).abs() < 0.05 + 0.02 * exact.abs(), "{law:?}: {} {exact}", lns[index]);
         }
         assert!(n_compared > 10, "{n_compared}");
         let (gain, place) = laws.best(&ratios.iter().collect::<Vec<_>>());
