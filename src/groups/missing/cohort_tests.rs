@@ -100,7 +100,7 @@ fn p_is_uniform_where_nothing_is_missing() {
 /// at most 2 of 100, in more than 5 of 16 in 5 of 10⁷.
 #[test]
 fn weak_effects_add_up_and_twins_stay() {
-    let (mut n_twins, mut n_true) = (0, 0);
+    let (mut n_twins, mut n_true, mut heldout_nats) = (0, 0, 0.0);
     for seed in 0..16 {
         let said = cohort(&[[2.0, 0.0]; 20], 0.99, 60, 7 + seed);
         let judged = judge(&said, seed, &Silent);
@@ -108,7 +108,7 @@ fn weak_effects_add_up_and_twins_stay() {
         let own = &judged.effects[best];
         assert!(["one", "twin of one"].contains(&said[0].effects[own.effect].slug));
         assert!((10.0..80.0).contains(&own.gain_nats) && own.p_familywise <= 0.001, "{own:?}");
-        assert!(own.heldout_gain_nats.is_some_and(|gain| gain > 2.0), "{own:?}");
+        heldout_nats += own.heldout_gain_nats.expect("cycles are held out") / 16.0;
         let sum: f64 = own.of_records.iter().sum();
         assert!((sum - own.gain_nats).abs() < 1e-9);
         let class = class_of(&said, &judged.effects, best, seed);
@@ -120,6 +120,8 @@ fn weak_effects_add_up_and_twins_stay() {
         n_true += usize::from(is_true || !slugs.is_empty());
     }
     assert!(n_twins >= 4 && n_true >= 11, "{n_twins} {n_true}");
+    // 13 nats ± 6 a cohort.
+    assert!((heldout_nats - 13.0).abs() < 5.0 * 6.0 / 4.0, "{heldout_nats}");
 }
 
 /// Signs that differ from record to record add up as well, and say so.
@@ -133,7 +135,8 @@ fn either_sign_is_found() {
     assert!(own.p_familywise <= 0.001 && own.law.sides == super::law::Sides::Either, "{own:?}");
 }
 
-/// Sizes (means and standard deviations of ten records a group) that differ by a factor of two are stated, equal ones are not, and a group without any shows none.
+/// Sizes (means and standard deviations of ten records a group) that differ by a factor of two are stated, equal ones are not, and a group without any gains 4 nats by chance in one of
+/// a hundred cohorts: in four of ten in 2 of 10⁶ runs. Its share is not asked: sizes that no record shows may be in all.
 #[test]
 fn groups_are_compared() {
     let mut stream = RandomStream::new(11, 0);
@@ -144,7 +147,7 @@ fn groups_are_compared() {
         };
         (0..10).map(|_| own()).collect()
     };
-    let (mut n_stated, mut n_false) = (0, 0);
+    let (mut n_stated, mut n_false, mut n_loud) = (0, 0, 0);
     for _ in 0..10 {
         let groups = [group(6.0), group(3.0), group(3.0), group(0.0)];
         let laws = fine_laws(&groups.concat()).expect("they show something");
@@ -160,9 +163,9 @@ fn groups_are_compared() {
         assert!(low < 3.2 && high > 1.3, "{low} {high}");
         n_false += usize::from(pair(1, 2).ratios[0].1.is_declared());
         let none = pair(0, 3);
-        let found = (none.ratios[0].1.is_declared(), &none.groups[1]);
-        assert!(found.0 && found.1.share[1] < 0.35 && found.1.gain_nats < 4.0, "{found:?}");
+        assert!(none.ratios[0].1.is_declared(), "{:?}", none.groups[1]);
+        n_loud += usize::from(none.groups[1].gain_nats >= 4.0);
         assert!(none.groups[0].share[1] > 0.8, "{:?}", none.groups[0]);
     }
-    assert!(n_stated >= 8 && n_false <= 1, "{n_stated} {n_false}");
+    assert!(n_stated >= 8 && n_false <= 1 && n_loud <= 3, "{n_stated} {n_false} {n_loud}");
 }
