@@ -27,17 +27,18 @@ struct KeptCompliance {
 /// For every measurement the index of the first whose apparatus, and what else the compliance depends on, is the same: that one's is taken.
 pub fn first_alike(measurements: &[Measurement]) -> Vec<usize> {
     let library = Library::default();
-    let key = |own: &Measurement| {
-        // Effects may ask for other Poisson ratios, in the range that their priors give them.
-        let model =
-            if own.specification.effects.is_empty() { String::new() } else { format!("{:?}", own.specification) };
-        let effects = own.specification.effects.iter().filter_map(|slug| library.get(slug));
-        let is_large = effects.into_iter().any(|effect| matches!(effect.field(), Some(Field::Large)));
-        let record = if is_large { own.inputs_sha256.as_str() } else { "" };
-        format!("{:?} {model} {record}", own.experiment.apparatus)
-    };
     let mut first: BTreeMap<String, usize> = BTreeMap::new();
-    measurements.iter().enumerate().map(|(index, own)| *first.entry(key(own)).or_insert(index)).collect()
+    measurements.iter().enumerate().map(|(index, own)| *first.entry(key(own, &library)).or_insert(index)).collect()
+}
+
+/// What the models of a measurement's apparatus depend on: sizes, what the effects of its model ask for, and, of large displacements, the record.
+pub(super) fn key(own: &Measurement, library: &Library) -> String {
+    // Effects may ask for other Poisson ratios, in the range that their priors give them.
+    let model = if own.specification.effects.is_empty() { String::new() } else { format!("{:?}", own.specification) };
+    let effects = own.specification.effects.iter().filter_map(|slug| library.get(slug));
+    let is_large = effects.into_iter().any(|effect| matches!(effect.field(), Some(Field::Large)));
+    let record = if is_large { own.inputs_sha256.as_str() } else { "" };
+    format!("{:?} {model} {record}", own.experiment.apparatus)
 }
 
 /// The compliance of every measurement.

@@ -23,9 +23,14 @@ pub fn folder_name(keys: &[Key]) -> String {
 
 /// The document's head: the hash of every experiment.
 pub fn provenance(measurements: &[Measurement], seed: u64) -> Provenance {
+    provenance_of("groups", measurements, seed)
+}
+
+/// The head of a document of this kind about many experiments.
+pub(super) fn provenance_of(kind: &str, measurements: &[Measurement], seed: u64) -> Provenance {
     let inputs: BTreeMap<String, String> =
         measurements.iter().map(|own| (own.path.display().to_string(), own.inputs_sha256.clone())).collect();
-    Provenance::new("groups", 1, seed, inputs)
+    Provenance::new(kind, 1, seed, inputs)
 }
 
 /// Refuses a place that holds a comparison of other experiments, or something else.
@@ -34,14 +39,7 @@ pub fn provenance(measurements: &[Measurement], seed: u64) -> Provenance {
 /// [`Error::Input`] unless `force` is set.
 pub fn check_place(out: &Path, keys: &[Key], provenance: &Provenance, force: bool) -> Result<()> {
     let file = out.join(folder_name(keys)).join(DOCUMENT);
-    let Some(bytes) = read_if_there(&file, Content::Document) else { return Ok(()) };
-    let before: Option<Provenance> = serde_json::from_slice(&bytes).ok();
-    let hashes = |own: &Provenance| {
-        let mut all: Vec<String> = own.inputs_sha256.values().cloned().collect();
-        all.sort();
-        all
-    };
-    if force || before.is_some_and(|before| hashes(&before) == hashes(provenance)) {
+    if force || is_free(&file, provenance) {
         return Ok(());
     }
     Err(Error::input(
@@ -49,6 +47,18 @@ pub fn check_place(out: &Path, keys: &[Key], provenance: &Provenance, force: boo
         "this is a comparison of other experiments",
         "choose another directory with `--out`, or replace the comparison with `--force` (experiments that were sampled are kept and used)",
     ))
+}
+
+/// Whether no document is there, or one of the same experiments, wherever they stand.
+pub(super) fn is_free(file: &Path, provenance: &Provenance) -> bool {
+    let Some(bytes) = read_if_there(file, Content::Document) else { return true };
+    let before: Option<Provenance> = serde_json::from_slice(&bytes).ok();
+    let hashes = |own: &Provenance| {
+        let mut all: Vec<String> = own.inputs_sha256.values().cloned().collect();
+        all.sort();
+        all
+    };
+    before.is_some_and(|before| hashes(&before) == hashes(provenance))
 }
 
 /// Writes the comparison. Returns its folder.

@@ -443,9 +443,14 @@ fn leaves_band(factors: &[f64], curve: &[[f64; 2]]) -> bool {
     ((factors.len() - n_inside) as f64) > MOST_OUTSIDE * factors.len() as f64
 }
 
+/// States of rows that are fitted.
+fn of_fitted_rows(subject: &Subject, visited: &[f64]) -> impl Iterator<Item = f64> {
+    visited.iter().zip(&subject.fitted_m).filter(|(_, y)| y.is_some()).map(|(s, _)| *s)
+}
+
 /// The least and the largest state of rows that are fitted.
 fn seen(subject: &Subject, visited: &[f64]) -> [f64; 2] {
-    let fitted = visited.iter().zip(&subject.fitted_m).filter(|(_, y)| y.is_some()).map(|(s, _)| *s);
+    let fitted = of_fitted_rows(subject, visited);
     fitted.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], s| [low.min(s), high.max(s)])
 }
 
@@ -463,8 +468,7 @@ fn share_beyond(subject: &Subject, visited: &[f64]) -> f64 {
 /// State of a pair's function at which its factor is 1: the median of the fitted rows, which is one of theirs; 0 for a free memory.
 fn reference_of(subject: &Subject, pair: &Pair) -> f64 {
     let Kind::Function { visited, .. } = &pair.kind else { return 0.0 };
-    let is_fitted = |(_, y): &(&f64, &Option<f64>)| y.is_some();
-    let mut states: Vec<f64> = visited.iter().zip(&subject.fitted_m).filter(is_fitted).map(|(s, _)| *s).collect();
+    let mut states: Vec<f64> = of_fitted_rows(subject, visited).collect();
     states.sort_by(f64::total_cmp);
     states.get(states.len() / 2).copied().unwrap_or(0.0)
 }

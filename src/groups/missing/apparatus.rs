@@ -4,8 +4,9 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use crate::critique::{Subject, compliance_of};
-use crate::effects::{Field, Library};
+use crate::effects::Library;
 use crate::error::Result;
+use crate::groups::apparatus::key;
 use crate::groups::cohort::Measurement;
 use crate::model::Compliance;
 use crate::workflow::mechanics::Mechanics;
@@ -53,13 +54,4 @@ impl Apparatuses {
         let problem = Problem::with_mechanics(experiment, specification, &self.library, mechanics.clone())?;
         Subject::with_compliance(&problem, &self.library, compliance.clone())
     }
-}
-
-/// What the models depend on: sizes, what effects of the model ask for, and, of large displacements, the record.
-fn key(own: &Measurement, library: &Library) -> String {
-    let effects = &own.specification.effects;
-    let model = if effects.is_empty() { String::new() } else { format!("{:?}", own.specification) };
-    let is_large = |slug: &String| library.get(slug).is_some_and(|own| matches!(own.field(), Some(Field::Large)));
-    let record = if effects.iter().any(is_large) { own.inputs_sha256.as_str() } else { "" };
-    format!("{:?} {model} {record}", own.experiment.apparatus)
 }

@@ -1,11 +1,11 @@
 //! The files of a cohort's diagnosis, written whole or not at all.
 
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use crate::documents::cohort::CohortDiagnosis;
 use crate::error::{Error, Place, Result};
-use crate::files::{Content, read_if_there, write_atomically, write_json_atomically};
+use crate::files::{write_atomically, write_json_atomically};
+use crate::groups::artefacts::{is_free, provenance_of};
 use crate::groups::cohort::Measurement;
 use crate::report::cohort::cohort;
 use crate::report::svg::write_figure;
@@ -22,9 +22,7 @@ const FIGURE: &str = "cohort";
 
 /// The document's head: the hash of every record.
 pub fn provenance(measurements: &[Measurement], seed: u64) -> Provenance {
-    let inputs: BTreeMap<String, String> =
-        measurements.iter().map(|own| (own.path.display().to_string(), own.inputs_sha256.clone())).collect();
-    Provenance::new("cohort-diagnosis", 1, seed, inputs)
+    provenance_of("cohort-diagnosis", measurements, seed)
 }
 
 /// Refuses a place that holds a diagnosis of other records.
@@ -33,14 +31,7 @@ pub fn provenance(measurements: &[Measurement], seed: u64) -> Provenance {
 /// [`Error::Input`] unless `force` is set.
 pub fn check_place(out: &Path, provenance: &Provenance, force: bool) -> Result<()> {
     let file = out.join(FOLDER).join(DOCUMENT);
-    let Some(bytes) = read_if_there(&file, Content::Document) else { return Ok(()) };
-    let before: Option<Provenance> = serde_json::from_slice(&bytes).ok();
-    let hashes = |own: &Provenance| {
-        let mut all: Vec<String> = own.inputs_sha256.values().cloned().collect();
-        all.sort();
-        all
-    };
-    if force || before.is_some_and(|before| hashes(&before) == hashes(provenance)) {
+    if force || is_free(&file, provenance) {
         return Ok(());
     }
     Err(Error::input(
