@@ -20,12 +20,10 @@ import umbridge
 import small_experiment
 
 # Seeds of `sample` whose posteriors are pooled, so that their own Monte-Carlo error is small beside the tolerance.
-SEEDS = range(1, 7)
-WALKERS, BURN_IN, STEPS = 600, 150, 900
+SEEDS = range(1, 13)
+WALKERS, BURN_IN, STEPS = 600, 150, 1700
 # Of a standard deviation. The check also says how large the Monte-Carlo error of the comparison is, and fails where the tolerance is not four of them.
-TOLERANCE = 0.03
-# Of spreads: the modulus of this short record has a long tail, whose weight chains of this length know to a few per cent.
-SPREAD_TOLERANCE = 0.05
+TOLERANCE = 0.02
 LAW = [3.4, 1.5, 45.0]
 POINT = [*LAW, 4.2]
 
@@ -113,10 +111,7 @@ def check_models(link):
 
 
 def sampled_here(folder):
-    """Means and standard deviations of logarithms by the draws of `sample`, pooled over seeds, with the standard errors of the means in standard deviations.
-
-    Of logarithms, since a parameter that the data leave open to one side has a tail whose square no chain knows to 2 %.
-    """
+    """Means and standard deviations of logarithms by the draws of `sample`, pooled over seeds, with the standard errors of the means in standard deviations."""
     runs = []
     for seed in SEEDS:
         small_experiment.run(folder, "sample", "eye", "--out", f"study-{seed}", "--seed", seed, "--quiet", "--no-report")
@@ -145,7 +140,8 @@ def sampled_outside(posterior, start_at, spread):
 
     rng = np.random.default_rng(4242)
     first = start_at + 0.3 * spread * rng.standard_normal((WALKERS, len(start_at)))
-    moves = [(emcee.moves.DEMove(), 0.8), (emcee.moves.DESnookerMove(), 0.1), (emcee.moves.StretchMove(), 0.1)]
+    # Not emcee's snooker: its factor has half of the exponent d - 1, and with a tenth of such moves every spread comes out 3 % too small.
+    moves = [(emcee.moves.DEMove(), 0.9), (emcee.moves.StretchMove(), 0.1)]
     sampler = emcee.EnsembleSampler(WALKERS, len(start_at), ln_posterior, vectorize=True, moves=moves)
     sampler.random_state = np.random.RandomState(4242).get_state()
     state = sampler.run_mcmc(first, BURN_IN)
@@ -171,7 +167,7 @@ def main():
         error = np.sqrt(own_error**2 + outside_error**2)
         of_mean, of_sd = np.abs(outside_mean - mean) / sd, np.abs(outside_sd / sd - 1)
         for row in zip(names, of_mean, of_sd, error):
-            assert row[1] < TOLERANCE and row[2] < SPREAD_TOLERANCE and 4 * row[3] < TOLERANCE, row
+            assert row[1] < TOLERANCE and row[2] < TOLERANCE and 4 * row[3] < TOLERANCE, row
         print(
             f"umbridge and emcee {emcee.__version__}: gradients within {worst:.0e} of differences; {WALKERS * STEPS} draws over HTTP (autocorrelation "
             f"{time.max():.0f} steps) and `sample` agree in means to {of_mean.max():.2%} and in spreads to {of_sd.max():.2%} of sd "
