@@ -26,6 +26,8 @@ cleanup() {
     for pid in "${pids[@]}"; do
         kill "$pid" 2>/dev/null || true
     done
+    # They write into their directory until they have ended.
+    wait "${pids[@]}" 2>/dev/null || true
     if [[ -d $place/small ]] && mountpoint -q "$place/small"; then
         umount "$place/small"
     fi
@@ -144,10 +146,18 @@ else
 fi
 
 ## Slurm: one node, whose cores are said to be two, so that two parts run at once.
-missing=
-for tool in munged slurmctld slurmd sbatch squeue scancel; do
-    command -v "$tool" >/dev/null || missing+=" $tool"
-done
+# As root on Debian and Ubuntu, what is missing is installed; services are not started by that.
+missing() {
+    local tool
+    for tool in munged slurmctld slurmd sbatch squeue scancel; do
+        command -v "$tool" >/dev/null || printf ' %s' "$tool"
+    done
+}
+if [[ -n $(missing) ]] && ((EUID == 0)) && command -v apt-get >/dev/null; then
+    { apt-get update -qq && RUNLEVEL=1 DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends slurmctld slurmd slurm-client munge; } >/dev/null 2>apt.txt ||
+        cat apt.txt >&2
+fi
+missing=$(missing)
 if [[ -n $missing ]]; then
     skip Slurm "not installed:$missing (on Debian and Ubuntu, as root: apt-get install slurmctld slurmd slurm-client munge)"
 elif ((EUID != 0)); then

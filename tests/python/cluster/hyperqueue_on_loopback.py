@@ -7,19 +7,19 @@ others, and hands the array to the real server.
 import argparse
 import os
 import pathlib
-import signal
 import subprocess
 import sys
-import threading
-import time
 
 from hyperqueue import Job, LocalCluster
 from hyperqueue.cluster import WorkerConfig
 from hyperqueue.ffi.protocol import ResourceRequest
 
 
-def submitted(arguments, client):
-    """What `hq submit` would do with these arguments."""
+KILLER = pathlib.Path(__file__).with_name("with_a_worker_killed.py")
+
+
+def submitted(arguments, client, killed=None):
+    """What `hq submit` would do with these arguments. With `killed`, the first task loses its first worker process, whose number is written there."""
     parser = argparse.ArgumentParser(prog="hq submit")
     parser.add_argument("--name", required=True)
     parser.add_argument("--array", required=True)
@@ -36,8 +36,9 @@ def submitted(arguments, client):
     job = Job(name=asked.name, max_fails=None)
     for task in range(first, last + 1):
         log = asked.stdout.replace("%{TASK_ID}", str(task))
+        is_disturbed = killed is not None and task == first
         job.program(
-            command,
+            [sys.executable, str(KILLER), str(killed), *command] if is_disturbed else command,
             # A job of one program a task numbers its tasks itself; an array of `hq submit` has these numbers.
             env={"HQ_TASK_ID": str(task)},
             stdout=log,
@@ -62,39 +63,18 @@ def arguments_of(script):
     return words[1:]
 
 
-def kill_one_worker(directory, killed):
-    """Ends the first worker process that runs tasks of the list, by its number."""
-    end = time.monotonic() + 20
-    while time.monotonic() < end and not killed:
-        for process in pathlib.Path("/proc").iterdir():
-            if not process.name.isdigit():
-                continue
-            try:
-                words = (process / "cmdline").read_bytes().split(b"\0")
-            except OSError:
-                continue
-            if b"--serve" in words and str(directory).encode() in words:
-                os.kill(int(process.name), signal.SIGKILL)
-                killed.append(int(process.name))
-                break
-        time.sleep(0.005)
-
-
 def main():
     directory, server = map(pathlib.Path, sys.argv[1:])
     words = arguments_of(directory / "submit-hq.sh")
-    killed = []
-    watcher = threading.Thread(target=kill_one_worker, args=(directory, killed))
-    watcher.start()
+    killed = directory / "killed"
     with LocalCluster(server_dir=str(server)) as cluster:
         for _ in range(2):
             cluster.start_worker(WorkerConfig(cores=1))
         client = cluster.client()
-        assert client.wait_for_jobs([submitted(words, client)]), "a task failed"
+        assert client.wait_for_jobs([submitted(words, client, killed)]), "a task failed"
+        assert killed.exists(), "no worker was killed"
         # The same again: everything is there.
         assert client.wait_for_jobs([submitted(words, client)]), "a task failed the second time"
-    watcher.join()
-    assert killed, "no worker was seen"
 
 
 main()
