@@ -115,6 +115,13 @@ def _options(**options: object) -> list[str]:
     return words
 
 
+def _listed(argument: str, names: Sequence[str]) -> list[str]:
+    """A list of names; one name alone would be taken for a list of letters."""
+    if isinstance(names, str):
+        raise InputError(f"`{argument}`: {names!r} is one text\n  what to do: give a list, as in [{names!r}]")
+    return list(names)
+
+
 def sample(
     target: Target | None = None,
     *,
@@ -140,7 +147,7 @@ def sample(
     be had by `read_study`.
     """
     options = _options(
-        out=out, base=base, with_=list(effects), noise=list(noise), prior=prior, set_=fixed, chains=chains, steps=steps, seed=seed, threads=threads,
+        out=out, base=base, with_=_listed("effects", effects), noise=_listed("noise", noise), prior=prior, set_=fixed, chains=chains, steps=steps, seed=seed, threads=threads,
         resume=resume, force=force, no_report=not report,
     )
     return run("sample", *_words(target), *options, progress=progress)
