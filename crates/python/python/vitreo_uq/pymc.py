@@ -22,7 +22,7 @@ class _Gradient(Op):  # type: ignore[misc, unused-ignore]
     def __init__(self, model: ReducedModel) -> None:
         self.model = model
 
-    def perform(self, node: Apply, inputs: Any, outputs: Any) -> None:
+    def perform(self, node: "Apply[Any]", inputs: Any, outputs: Any) -> None:
         outputs[0][0] = self.model.log_density_gradient(inputs[0])
 
 
@@ -34,7 +34,7 @@ class _LogDensity(Op):  # type: ignore[misc, unused-ignore]
         self.model = model
         self.gradient = _Gradient(model)
 
-    def perform(self, node: Apply, inputs: Any, outputs: Any) -> None:
+    def perform(self, node: "Apply[Any]", inputs: Any, outputs: Any) -> None:
         outputs[0][0] = np.asarray(self.model.log_density(inputs[0]))
 
     def grad(self, inputs: Any, output_gradients: Any) -> list[Any]:

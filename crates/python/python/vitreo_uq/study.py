@@ -37,7 +37,7 @@ def read_study(path: str | os.PathLike[str], revision: str | None = None) -> "ar
     except ImportError:
         raise Error("ArviZ is not installed\n  what to do: pip install 'vitreo-uq[arviz]'") from None
     # ArviZ 0.x gives InferenceData, 1.x a tree of the same groups.
-    data: Any = arviz.from_netcdf(str(file))
+    data: Any = arviz.from_netcdf(str(file))  # type: ignore[no-untyped-call, unused-ignore]
     missing = [group for group in GROUPS if not hasattr(data, group)]
     if missing:
         raise InputError(f"{file}: the groups {', '.join(missing)} are missing\n  what to do: sample again with this version")
