@@ -149,7 +149,7 @@ def main():
     draws_are_those_of_the_table(Path("study"))
     of_study = vu.ReducedModel("study")
     assert np.array_equal(of_study.log_density(points), model.log_density(points))
-    diagnosis = vu.diagnose("study", simulations=19)
+    diagnosis = vu.diagnose("study", simulations=99)
     assert diagnosis["schema"] == "vitreo-uq/diagnosis/1" and diagnosis["verdict"]["kind"] in ("none", "missing", "unexplained")
     print(f"{len(points)} trajectories, densities and gradients equal those of `serve` to the last bit; draws equal the table's")
 
