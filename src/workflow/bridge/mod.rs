@@ -48,6 +48,16 @@ impl<'a> Models<'a> {
         Ok(Self { trajectory: Trajectory::new(problem, reduced), posterior: Posterior::new(problem, reduced) })
     }
 
+    /// `trajectory`.
+    pub fn trajectory(&self) -> &Trajectory<'a> {
+        &self.trajectory
+    }
+
+    /// `posterior`.
+    pub fn posterior(&self) -> &Posterior<'a> {
+        &self.posterior
+    }
+
     /// Answers a request; `body` is what the client sent.
     pub fn answer(&self, endpoint: Endpoint, body: &[u8]) -> Answer {
         protocol::answer(&[&self.trajectory as &dyn Served, &self.posterior], endpoint, body)

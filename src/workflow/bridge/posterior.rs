@@ -5,6 +5,7 @@ use serde_json::Value;
 
 use super::Input;
 use super::protocol::{OUTSIDE, Outcome, Refusal, Served, Sizes, config_of};
+use crate::error::{Error, Result};
 use crate::inference::gradient::PosteriorGradient;
 use crate::inference::likelihood::ReducedPosterior;
 use crate::model::TrainedRange;
@@ -50,7 +51,8 @@ impl<'a> Posterior<'a> {
         Self { problem, trained: &reduced.trained, density: problem.posterior(reduced), gradient }
     }
 
-    pub(super) fn inputs(&self) -> Vec<Input> {
+    /// The sampled parameters, in order.
+    pub fn inputs(&self) -> Vec<Input> {
         let input = |prior: &crate::inference::prior::Prior| {
             let (lower, upper) = prior.distribution.support();
             let trained = self.trained.iter().find(|range| range.name == prior.name);
@@ -60,12 +62,16 @@ impl<'a> Posterior<'a> {
         self.problem.priors.priors().iter().map(input).collect()
     }
 
-    fn n_inputs(&self) -> usize {
+    /// Number of parameters that are not fixed.
+    pub fn n_inputs(&self) -> usize {
         self.problem.priors.priors().len()
     }
 
     /// Log-densities of points that stand one after another; −∞ where there is none.
-    fn log_densities(&self, points: &[f64]) -> Outcome<Vec<f64>> {
+    ///
+    /// # Errors
+    /// [`Error::Numerical`] where one is not a number, which is the model's fault.
+    pub fn log_densities(&self, points: &[f64]) -> Result<Vec<f64>> {
         let n = points.len() / self.n_inputs();
         let columns: Vec<f64> =
             (0..self.n_inputs()).flat_map(|d| points.iter().skip(d).step_by(self.n_inputs()).copied()).collect();
@@ -73,20 +79,33 @@ impl<'a> Posterior<'a> {
         self.density.log_density_natural(&columns, &mut log_density);
         match log_density.iter().position(|value| value.is_nan()) {
             None => Ok(log_density),
-            Some(point) => Err(Refusal::InvalidOutput(format!("the log-density of point {point} is not a number"))),
+            Some(point) => {
+                let what = format!("the log-density of point {point} is not a number");
+                Err(Error::numerical(what, "move the point away from the ends of the supports"))
+            }
         }
     }
 
-    /// Gradients of points that stand one after another. Where the density is 0 the slope is 0, as that of the number that stands for −∞.
+    /// The gradient at a point. Where the density is 0 the slope is 0, as that of the number that stands for −∞.
+    ///
+    /// # Errors
+    /// Those of [`Posterior::log_densities`], and [`Error::Numerical`] where a parameter has no derivative.
+    pub fn gradient_at(&self, point: &[f64]) -> Result<Vec<f64>> {
+        if self.log_densities(point)? == [f64::NEG_INFINITY] {
+            return Ok(vec![0.0; point.len()]);
+        }
+        self.gradient.gradient(point)
+    }
+
+    /// Log-densities for the protocol: one that is not a number is the model's fault.
+    fn answered(&self, points: &[f64]) -> Outcome<Vec<f64>> {
+        self.log_densities(points).map_err(|error| Refusal::InvalidOutput(error.to_string()))
+    }
+
+    /// Gradients of points that stand one after another.
     fn gradients(&self, points: &[f64]) -> Outcome<Vec<Vec<f64>>> {
-        let densities = self.log_densities(points)?;
-        let gradient = |(point, density): (&[f64], &f64)| -> Outcome<Vec<f64>> {
-            if *density == f64::NEG_INFINITY {
-                return Ok(vec![0.0; point.len()]);
-            }
-            Ok(self.gradient.gradient(point)?)
-        };
-        points.chunks_exact(self.n_inputs()).zip(&densities).map(gradient).collect()
+        self.answered(points)?;
+        points.chunks_exact(self.n_inputs()).map(|point| Ok(self.gradient_at(point)?)).collect()
     }
 }
 
@@ -104,7 +123,7 @@ impl Served for Posterior<'_> {
     }
 
     fn evaluate(&self, _config: &Value, points: &[f64]) -> Outcome<Vec<f64>> {
-        Ok(self.log_densities(points)?.into_iter().map(|value| value.max(OUTSIDE)).collect())
+        Ok(self.answered(points)?.into_iter().map(|value| value.max(OUTSIDE)).collect())
     }
 
     fn gradient(&self, _config: &Value, points: &[f64], sensitivity: &[f64]) -> Outcome<Vec<f64>> {

@@ -6,7 +6,7 @@ use serde::Deserialize;
 use serde_json::Value;
 
 use super::protocol::{Outcome, Refusal, Served, Sizes, config_of};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::inference::likelihood::{Source, sources};
 use crate::model::{Forward, FullForward, ReducedForward};
 use crate::workflow::problem::Problem;
@@ -70,7 +70,7 @@ impl<'a> Trajectory<'a> {
     }
 
     /// The model's parameters, fixed ones among them, at a point; refused outside their supports.
-    fn parameters(&self, point: &[f64]) -> Outcome<Vec<f64>> {
+    fn parameters(&self, point: &[f64]) -> Result<Vec<f64>> {
         let value = |source: &Source| match *source {
             // The model's parameters come before the noise's, so that a prior's place is the input's.
             Source::Sampled(index) => point[index],
@@ -81,9 +81,27 @@ impl<'a> Trajectory<'a> {
         match specs.iter().zip(&parameters).find(|(spec, value)| !spec.support.contains(**value)) {
             None => Ok(parameters),
             Some((spec, value)) => {
-                Err(Refusal::input(format!("{} = {value} {} lies outside {}", spec.name, spec.unit, spec.support)))
+                let what = format!("{} = {value} {} lies outside {}", spec.name, spec.unit, spec.support);
+                Err(Error::numerical(what, "give a value inside"))
             }
         }
+    }
+
+    /// Positions in µm at all rows by the reduced model, at a point of [`Trajectory::n_inputs`] numbers.
+    ///
+    /// # Errors
+    /// [`Error::Numerical`] or [`Error::OutsideTrainedRange`] where the point has no trajectory.
+    pub fn reduced_um(&self, point: &[f64]) -> Result<Vec<f64>> {
+        self.positions_um(&self.reduced, point)
+    }
+
+    fn positions_um(&self, forward: &dyn Forward, point: &[f64]) -> Result<Vec<f64>> {
+        let position_m = forward.trajectory_m(&self.parameters(point)?)?;
+        if position_m.iter().any(|x| !x.is_finite()) {
+            let what = format!("the position is not finite at {point:?}");
+            return Err(Error::numerical(what, "move the point away from the ends of the supports"));
+        }
+        Ok(position_m.into_iter().map(|x| UM_PER_M * x).collect())
     }
 
     /// Derivatives are the reduced model's.
@@ -114,11 +132,7 @@ impl Served for Trajectory<'_> {
                 Refusal::input("an instrument's compliance is given, so that it has no full model: leave `config` out")
             })?,
         };
-        let position_m = forward.trajectory_m(&self.parameters(point)?)?;
-        if position_m.iter().any(|x| !x.is_finite()) {
-            return Err(Refusal::input(format!("the position is not finite at {point:?}")));
-        }
-        Ok(position_m.into_iter().map(|x| UM_PER_M * x).collect())
+        Ok(self.positions_um(forward, point)?)
     }
 
     fn gradient(&self, config: &Value, point: &[f64], sensitivity: &[f64]) -> Outcome<Vec<f64>> {

@@ -1,0 +1,102 @@
+import os
+from collections.abc import Mapping, Sequence
+from typing import TypedDict
+
+import numpy as np
+import numpy.typing as npt
+
+__version__: str
+
+class Parameter(TypedDict):
+    """A sampled parameter; the density is 0 outside `lower` to `upper`, in `unit`."""
+
+    name: str
+    unit: str
+    prior: str
+    lower: float
+    upper: float
+
+class Experiment:
+    """What was measured, in SI units. Arrays have one entry a row; each access makes a new one."""
+
+    @staticmethod
+    def read(path: str | os.PathLike[str]) -> Experiment:
+        """Reads a directory with `experiment.toml`, the path of the TOML, or a study. Raises `InputError`."""
+    @staticmethod
+    def replica() -> Experiment:
+        """The synthetic experiment that is in the program."""
+    @property
+    def path(self) -> str | os.PathLike[str] | None:
+        """Where it was read; None for the replica."""
+    @property
+    def label(self) -> str:
+        """The specimen's identifier."""
+    @property
+    def species(self) -> str | None: ...
+    @property
+    def region(self) -> str | None: ...
+    @property
+    def source(self) -> str:
+        """Where the data come from."""
+    @property
+    def time_s(self) -> npt.NDArray[np.float64]:
+        """Times in s, shape (rows,)."""
+    @property
+    def force_n(self) -> npt.NDArray[np.float64]:
+        """Commanded force in N, shape (rows,)."""
+    @property
+    def position_m(self) -> npt.NDArray[np.float64]:
+        """Position in m, shape (rows,); NaN where there is none."""
+    @property
+    def cycle(self) -> npt.NDArray[np.uint32]:
+        """Cycle of each row, from 1, shape (rows,)."""
+    @property
+    def calibration_cycles(self) -> list[int]:
+        """Cycles that the base model is fitted to."""
+    @property
+    def heldout_cycles(self) -> list[int]:
+        """Cycles that no fit of the base model sees."""
+    @property
+    def noise_um(self) -> float | None:
+        """The tracker's known noise in µm, if it is stated."""
+    def __len__(self) -> int: ...
+
+class ReducedModel:
+    """The reduced model of an experiment, or of a study's revision (the last unless said).
+
+    `base`, `effects`, `noise`, `prior` and `fixed` are the program's `--base`, `--with`, `--noise`, `--prior` and `--set`; a value None in
+    `fixed` frees a parameter that is held. `fixed` values are in the parameter's unit.
+    """
+
+    def __init__(
+        self,
+        target: Experiment | str | os.PathLike[str],
+        *,
+        base: str | None = None,
+        effects: Sequence[str] = (),
+        noise: Sequence[str] = (),
+        prior: str | os.PathLike[str] | None = None,
+        fixed: Mapping[str, float | None] = ...,
+        revision: str | None = None,
+    ) -> None: ...
+    @property
+    def parameters(self) -> list[Parameter]:
+        """The sampled parameters, in order: the model's, then the noise's, without those that are fixed."""
+    @property
+    def names(self) -> list[str]:
+        """Their names."""
+    @property
+    def prior_median(self) -> npt.NDArray[np.float64]:
+        """Medians of the priors, shape (parameters,): a start inside the range."""
+    @property
+    def n_trajectory_parameters(self) -> int:
+        """How many `trajectory` takes: the first of `names`, without the noise's."""
+    @property
+    def max_relative_error(self) -> float | None:
+        """Largest distance from full finite elements, as a share of the amplitude; None for an instrument."""
+    def trajectory(self, points: npt.ArrayLike) -> npt.NDArray[np.float64]:
+        """Positions in µm at the record's rows: (n, d) gives (n, rows), (d,) gives (rows,). Raises `InputError` outside a parameter's range."""
+    def log_density(self, points: npt.ArrayLike) -> npt.NDArray[np.float64]:
+        """ln(prior × likelihood) over the parameters as they are: (n, d) gives (n,), (d,) gives (); −inf outside."""
+    def log_density_gradient(self, points: npt.ArrayLike) -> npt.NDArray[np.float64]:
+        """Its gradient, per unit of each parameter: (n, d) gives (n, d), (d,) gives (d,); 0 where the density is 0."""

@@ -1,0 +1,118 @@
+//! `Experiment`: what was measured, as arrays.
+
+use std::path::PathBuf;
+
+use numpy::{IntoPyArray, PyArray1};
+use pyo3::prelude::*;
+use vitreo_uq::experiment::{self, Understood};
+use vitreo_uq::workflow::replica;
+
+use crate::errors::raised;
+
+/// What was measured: force and position against time, and which cycles are fitted. Arrays have one entry a row, in SI units; each access makes a new one.
+#[pyclass(frozen, module = "vitreo_uq")]
+pub struct Experiment {
+    pub experiment: experiment::Experiment,
+    pub understood: Understood,
+    /// `None` for the embedded replica.
+    path: Option<PathBuf>,
+}
+
+#[pymethods]
+impl Experiment {
+    /// Reads an experiment: a directory with `experiment.toml`, the path of the TOML, or a study. Raises `InputError` with file, line and remedy.
+    #[staticmethod]
+    fn read(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
+        let (experiment, files) = py.detach(|| experiment::Experiment::read(&path)).map_err(raised)?;
+        Ok(Self { experiment, understood: files.understood, path: Some(path) })
+    }
+
+    /// The synthetic experiment that is in the program.
+    #[staticmethod]
+    fn replica() -> PyResult<Self> {
+        let (experiment, files) = replica::embedded().map_err(raised)?;
+        Ok(Self { experiment, understood: files.understood, path: None })
+    }
+
+    /// Where it was read; None for the replica.
+    #[getter]
+    fn path(&self) -> Option<PathBuf> {
+        self.path.clone()
+    }
+
+    /// The specimen's identifier.
+    #[getter]
+    fn label(&self) -> &str {
+        &self.experiment.specimen_id
+    }
+
+    /// Species, if it is given.
+    #[getter]
+    fn species(&self) -> Option<&str> {
+        self.experiment.species.as_deref()
+    }
+
+    /// Region of the eye, if it is given.
+    #[getter]
+    fn region(&self) -> Option<&str> {
+        self.experiment.region.as_deref()
+    }
+
+    /// Where the data come from.
+    #[getter]
+    fn source(&self) -> &str {
+        &self.experiment.source
+    }
+
+    /// Times in s, shape (rows,).
+    #[getter]
+    fn time_s<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.experiment.record.time_s.clone().into_pyarray(py)
+    }
+
+    /// Commanded force in N, shape (rows,).
+    #[getter]
+    fn force_n<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.experiment.record.force_n.clone().into_pyarray(py)
+    }
+
+    /// Position in m, shape (rows,); NaN where there is none.
+    #[getter]
+    fn position_m<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        let positions = self.experiment.record.position_m.iter().map(|position| position.unwrap_or(f64::NAN));
+        positions.collect::<Vec<f64>>().into_pyarray(py)
+    }
+
+    /// Cycle of each row, from 1, shape (rows,).
+    #[getter]
+    fn cycle<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
+        self.experiment.record.cycle.clone().into_pyarray(py)
+    }
+
+    /// Cycles that the base model is fitted to.
+    #[getter]
+    fn calibration_cycles(&self) -> Vec<u32> {
+        self.experiment.calibration_cycles.clone()
+    }
+
+    /// Cycles that no fit of the base model sees.
+    #[getter]
+    fn heldout_cycles(&self) -> Vec<u32> {
+        self.experiment.heldout_cycles.clone()
+    }
+
+    /// The tracker's known noise in µm, if it is stated.
+    #[getter]
+    fn noise_um(&self) -> Option<f64> {
+        self.experiment.noise_sd_m.map(|sd_m| 1e6 * sd_m)
+    }
+
+    fn __len__(&self) -> usize {
+        self.experiment.record.n_rows()
+    }
+
+    fn __repr__(&self) -> String {
+        let record = &self.experiment.record;
+        format!("Experiment({:?}, {} rows, {} cycles)", self.experiment.specimen_id, record.n_rows(), record.n_cycles())
+    }
+}

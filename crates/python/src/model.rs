@@ -1,0 +1,383 @@
+//! `ReducedModel`: the trajectory and the posterior that `serve` answers with, for arrays of points.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use numpy::{IntoPyArray, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
+use pyo3::exceptions::PyUserWarning;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use rayon::prelude::*;
+use self_cell::self_cell;
+use vitreo_uq::effects::Library;
+use vitreo_uq::error::{Error, Result};
+use vitreo_uq::experiment::{self, Understood};
+use vitreo_uq::inference::ensemble::Progress;
+use vitreo_uq::study::{ModelSpecification, Study};
+use vitreo_uq::workflow::bridge::{Input, Models};
+use vitreo_uq::workflow::first_revision::{FIRST_REVISION, kept_surrogate};
+use vitreo_uq::workflow::problem::Problem;
+use vitreo_uq::workflow::reduced::Reduced;
+use vitreo_uq::workflow::{Monitor, artefacts, check};
+
+use crate::errors::{at_point, raised, refused};
+use crate::experiment::Experiment;
+
+/// Points between two looks at Ctrl-C.
+const BLOCK: usize = 256;
+/// Points of one piece of work of a core: vector registers take eight.
+const PIECE: usize = 16;
+/// Time between two looks at Ctrl-C while a model is built.
+const LOOK: Duration = Duration::from_millis(50);
+
+type Built = (Problem, Reduced);
+
+// The models borrow the problem that they are of.
+self_cell!(
+    struct Owned {
+        owner: Built,
+        #[not_covariant]
+        dependent: Models,
+    }
+);
+
+/// Keeps warnings for Python, and stops where Python is interrupted.
+#[derive(Default)]
+struct Watcher {
+    warnings: Mutex<Vec<String>>,
+    stop: AtomicBool,
+}
+
+impl Monitor for Watcher {
+    fn stage(&self, _text: &str) {}
+    fn sampling(&self, _progress: &Progress) {}
+    fn progress(&self, _done: usize, _most: usize) {}
+    fn warn(&self, text: &str) {
+        if let Ok(mut warnings) = self.warnings.lock() {
+            warnings.push(text.to_string());
+        }
+    }
+    fn stop(&self) -> Option<&AtomicBool> {
+        Some(&self.stop)
+    }
+}
+
+/// What the models are of.
+#[derive(FromPyObject)]
+enum Target<'py> {
+    Experiment(Bound<'py, Experiment>),
+    Path(PathBuf),
+}
+
+/// The same, read.
+struct Subject {
+    experiment: experiment::Experiment,
+    understood: Understood,
+    study: Option<Study>,
+}
+
+impl Subject {
+    fn of(target: &Target<'_>) -> Result<Self> {
+        Ok(match target {
+            Target::Experiment(own) => {
+                let Experiment { experiment, understood, .. } = own.get();
+                Self { experiment: experiment.clone(), understood: understood.clone(), study: None }
+            }
+            Target::Path(path) => {
+                let study = if Study::is_study(path) { Some(Study::open(path)?) } else { None };
+                let read = |study: &Study| study.read_experiment();
+                let (experiment, files) = study.as_ref().map_or_else(|| experiment::Experiment::read(path), read)?;
+                Self { experiment, understood: files.understood, study }
+            }
+        })
+    }
+
+    /// The model of a revision, and its fitted cycles: as `serve` takes them.
+    fn specification(&mut self, revision: Option<String>) -> Result<ModelSpecification> {
+        let Some(study) = &self.study else { return Ok(ModelSpecification::default()) };
+        let revision = match revision {
+            Some(name) => Some(name),
+            None => study.revisions()?.pop(),
+        };
+        let Some(name) = revision else { return Ok(ModelSpecification::default()) };
+        let specification = artefacts::model_of(&study.revision_dir(&name)?, &Library::default())?;
+        // Later revisions are fitted as `extend` fits them.
+        if name != FIRST_REVISION {
+            self.experiment = self.experiment.for_comparison();
+        }
+        Ok(specification)
+    }
+}
+
+/// What `ReducedModel` is asked for, as the program's options.
+struct Asked {
+    base: Option<String>,
+    effects: Vec<String>,
+    noise: Vec<String>,
+    prior: Option<String>,
+    set: Vec<String>,
+    revision: Option<String>,
+}
+
+fn built(mut subject: Subject, asked: Asked, watcher: &Watcher) -> Result<Owned> {
+    check::refuse_certain(&subject.experiment, &subject.understood, watcher)?;
+    let Asked { base, effects, noise, prior, set, revision } = asked;
+    let start = subject.specification(revision)?;
+    let specification = start.with_options(base.as_deref(), &effects, &noise, prior.as_deref(), &set)?;
+    let kept = subject.study.as_ref().and_then(|study| kept_surrogate(study, watcher));
+    let problem = Problem::new(subject.experiment, specification, None, watcher)?;
+    let reduced = Reduced::new(&problem, kept, watcher)?;
+    Owned::try_new((problem, reduced), |(problem, reduced)| Models::new(problem, reduced))
+}
+
+/// The reduced model of an experiment, or of a study's revision: trajectories, log-densities and their gradients at arrays of points, on all cores.
+///
+/// Parameters are those of the documents, in their order and units: the model's, then the noise's, without those that are fixed.
+#[pyclass(frozen, module = "vitreo_uq")]
+pub struct ReducedModel {
+    owned: Owned,
+    max_relative_error: Option<f64>,
+}
+
+#[pymethods]
+impl ReducedModel {
+    #[new]
+    #[pyo3(signature = (target, *, base=None, effects=Vec::new(), noise=Vec::new(), prior=None, fixed=BTreeMap::new(), revision=None))]
+    #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
+    fn new(
+        py: Python<'_>,
+        target: Target<'_>,
+        base: Option<String>,
+        effects: Vec<String>,
+        noise: Vec<String>,
+        prior: Option<PathBuf>,
+        fixed: BTreeMap<String, Option<f64>>,
+        revision: Option<String>,
+    ) -> PyResult<Self> {
+        let assigned = |(name, value): (String, Option<f64>)| match value {
+            // Written so that the same number is read.
+            Some(value) => format!("{name}={value:?}"),
+            None => format!("{name}=free"),
+        };
+        let set = fixed.into_iter().map(assigned).collect();
+        let prior = prior.map(|path| path.display().to_string());
+        let asked = Asked { base, effects, noise, prior, set, revision };
+        let subject = Subject::of(&target).map_err(raised)?;
+        if subject.study.is_none() && asked.revision.is_some() {
+            return Err(refused("revision", "an experiment has no revisions", "leave it out, or give a study"));
+        }
+        let watcher = Watcher::default();
+        let owned = std::thread::scope(|scope| {
+            let work = scope.spawn(|| built(subject, asked, &watcher));
+            while !work.is_finished() {
+                py.detach(|| std::thread::sleep(LOOK));
+                if let Err(interrupt) = py.check_signals() {
+                    watcher.stop.store(true, Ordering::Relaxed);
+                    let _ = py.detach(|| work.join());
+                    return Err(interrupt);
+                }
+            }
+            work.join().map_err(|_| raised(broken()))?.map_err(raised)
+        })?;
+        for warning in watcher.warnings.into_inner().unwrap_or_default() {
+            let text = std::ffi::CString::new(warning).unwrap_or_default();
+            PyErr::warn(py, &py.get_type::<PyUserWarning>(), &text, 1)?;
+        }
+        let max_relative_error = owned.borrow_owner().1.max_relative_error;
+        Ok(Self { owned, max_relative_error })
+    }
+
+    /// The sampled parameters, in order: dictionaries with `name`, `unit`, `prior` (in words), `lower` and `upper` (where the density is not 0).
+    #[getter]
+    fn parameters<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
+        let inputs = self.with_models(|models| models.inputs());
+        let shown = |Input { prior, ends }: &Input| {
+            let dictionary = PyDict::new(py);
+            dictionary.set_item("name", &prior.name)?;
+            dictionary.set_item("unit", &prior.unit)?;
+            dictionary.set_item("prior", prior.distribution.to_string())?;
+            dictionary.set_item("lower", ends.0)?;
+            dictionary.set_item("upper", ends.1)?;
+            Ok(dictionary)
+        };
+        inputs.iter().map(shown).collect()
+    }
+
+    /// Names of the sampled parameters, in order.
+    #[getter]
+    fn names(&self) -> Vec<String> {
+        self.with_models(|models| models.inputs()).into_iter().map(|input| input.prior.name).collect()
+    }
+
+    /// Medians of the priors, shape (parameters,): a start inside the range.
+    #[getter]
+    fn prior_median<'py>(&self, py: Python<'py>) -> Bound<'py, numpy::PyArray1<f64>> {
+        let inputs = self.with_models(|models| models.inputs());
+        inputs.iter().map(|input| input.prior.distribution.quantile(0.5)).collect::<Vec<f64>>().into_pyarray(py)
+    }
+
+    /// Number of parameters that `trajectory` takes: the first of `names`, without the noise's.
+    #[getter]
+    fn n_trajectory_parameters(&self) -> usize {
+        self.with_models(|models| models.n_of_trajectory())
+    }
+
+    /// Largest distance from full finite elements on runs that did not train the model, as a share of the amplitude; None for an instrument.
+    #[getter]
+    fn max_relative_error(&self) -> Option<f64> {
+        self.max_relative_error
+    }
+
+    /// Positions in µm at the rows of the record: points of shape (n, d) give (n, rows), one of shape (d,) gives (rows,). `d` is the number of the
+    /// model's parameters, without the noise's. Raises `InputError` where a point lies outside a parameter's range.
+    fn trajectory<'py>(&self, py: Python<'py>, points: Points<'py>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        let n_rows = self.with_models(|models| models.n_rows());
+        let points = points.of_length(self.n_trajectory_parameters())?;
+        let values = self.of_each(py, &points, |models, pieces| {
+            pieces.chunks_exact(points.length).map(|point| models.trajectory().reduced_um(point)).collect()
+        })?;
+        points.shaped(py, values.concat(), Some(n_rows))
+    }
+
+    /// ln(prior × likelihood) of the fitted cycles, over the parameters as they are: points of shape (n, d) give (n,), one of shape (d,) gives a number
+    /// of shape (). It is −inf outside a parameter's range and where an effect has no model; a point with NaN is refused.
+    fn log_density<'py>(&self, py: Python<'py>, points: Points<'py>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        let points = points.of_length(self.with_models(|models| models.inputs()).len())?;
+        let values = self.of_each(py, &points, |models, pieces| match models.posterior().log_densities(pieces) {
+            Ok(densities) => densities.into_iter().map(Ok).collect(),
+            Err(error) => vec![Err(error)],
+        })?;
+        points.shaped(py, values, None)
+    }
+
+    /// The gradient of `log_density`, one number a parameter, per its unit: points of shape (n, d) give (n, d), one of shape (d,) gives (d,). It is 0
+    /// where the density is 0. Raises `InputError` where a parameter has no derivative.
+    fn log_density_gradient<'py>(&self, py: Python<'py>, points: Points<'py>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        let points = points.of_length(self.with_models(|models| models.inputs()).len())?;
+        let values = self.of_each(py, &points, |models, pieces| {
+            pieces.chunks_exact(points.length).map(|point| models.posterior().gradient_at(point)).collect()
+        })?;
+        points.shaped(py, values.concat(), Some(points.length))
+    }
+
+    fn __repr__(&self) -> String {
+        let (problem, _) = self.owned.borrow_owner();
+        let effects = &problem.specification.effects;
+        format!(
+            "ReducedModel({:?}, base={:?}, effects={effects:?}, parameters={:?})",
+            problem.experiment.specimen_id,
+            problem.specification.base.name(),
+            self.names()
+        )
+    }
+}
+
+/// A panic of a thread, which is a fault of this program.
+fn broken() -> Error {
+    Error::numerical("the model broke", "report this with what was asked")
+}
+
+impl ReducedModel {
+    fn with_models<T>(&self, ask: impl FnOnce(&Models<'_>) -> T) -> T {
+        self.owned.with_dependent(|_, models| ask(models))
+    }
+
+    /// One result a point, of pieces of points on all cores, without Python's lock; Ctrl-C is heard between blocks.
+    fn of_each<T: Send>(
+        &self,
+        py: Python<'_>,
+        points: &Flat,
+        ask: impl Fn(&Models<'_>, &[f64]) -> Vec<Result<T>> + Sync,
+    ) -> PyResult<Vec<T>> {
+        let mut values = Vec::with_capacity(points.n_points());
+        for block in points.values.chunks(BLOCK * points.length) {
+            py.check_signals()?;
+            let of_block: Vec<Vec<Result<T>>> = py.detach(|| {
+                self.with_models(|models| {
+                    block.par_chunks(PIECE * points.length).map(|piece| ask(models, piece)).collect()
+                })
+            });
+            for result in of_block.into_iter().flatten() {
+                let point = values.len();
+                values.push(result.map_err(|error| at_point("points", point, &error))?);
+            }
+        }
+        Ok(values)
+    }
+}
+
+/// An argument of points: whatever NumPy makes an array of numbers of.
+struct Points<'py>(PyReadonlyArrayDyn<'py, f64>);
+
+impl<'py> FromPyObject<'_, 'py> for Points<'py> {
+    type Error = PyErr;
+
+    fn extract(object: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
+        let py = object.py();
+        let numpy = py.import("numpy")?;
+        let refused = |error: PyErr| {
+            refused(
+                "points",
+                format!("not an array of numbers ({})", error.value(py)),
+                "give floats of shape (n, d) or (d,)",
+            )
+        };
+        let array = numpy.call_method1("asarray", (object,)).map_err(refused)?;
+        let kind: String = array.getattr("dtype")?.getattr("kind")?.extract()?;
+        if !"fiu".contains(&kind) {
+            let found = format!("an array of {}", array.getattr("dtype")?);
+            return Err(crate::errors::refused("points", found, "give floats of shape (n, d) or (d,)"));
+        }
+        let array = numpy
+            .call_method1("ascontiguousarray", (array.clone(), "float64"))?
+            .call_method1("reshape", (array.getattr("shape")?,))?;
+        Ok(Self(array.cast_into::<PyArrayDyn<f64>>().map_err(PyErr::from)?.try_readonly()?))
+    }
+}
+
+impl Points<'_> {
+    /// Points of so many numbers, one after another.
+    fn of_length(&self, length: usize) -> PyResult<Flat> {
+        let shape = self.0.shape();
+        let is_one = match *shape {
+            [d] if d == length => true,
+            [_, d] if d == length => false,
+            _ => {
+                let remedy = format!("give (n, {length}) or ({length},): the parameters in the order of `names`");
+                return Err(refused("points", format!("an array of shape {shape:?}"), remedy));
+            }
+        };
+        let values = self.0.as_slice().map_err(|error| refused("points", error, "give a contiguous array"))?.to_vec();
+        if let Some(at) = values.iter().position(|value| value.is_nan()) {
+            let found = format!("number {} of point {} is NaN", at % length, at / length);
+            return Err(refused("points", found, "give numbers"));
+        }
+        Ok(Flat { values, length, is_one })
+    }
+}
+
+struct Flat {
+    values: Vec<f64>,
+    length: usize,
+    is_one: bool,
+}
+
+impl Flat {
+    fn n_points(&self) -> usize {
+        self.values.len() / self.length
+    }
+
+    /// Values of all points as an array: (points, width) or (points,), without the first axis where one point was asked for.
+    fn shaped<'py>(
+        &self,
+        py: Python<'py>,
+        values: Vec<f64>,
+        width: Option<usize>,
+    ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        let shape: Vec<usize> = (!self.is_one).then_some(self.n_points()).into_iter().chain(width).collect();
+        values.into_pyarray(py).reshape(shape)
+    }
+}

@@ -1,0 +1,23 @@
+#!/usr/bin/env bash
+# Builds the wheel (without optimisation for release), installs it with pip into an environment of its own under target/, and runs tests/python/wheel/*.py
+# there, outside the source tree. Needs Python 3.10 or newer (PYTHON=…), cargo and the network. VITREO_UQ=path takes a program that is built.
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+
+root=$PWD
+environment=$root/target/wheel-checks-venv
+rm -rf target/wheels "$environment"
+scripts/wheel.sh --debug
+"${PYTHON:-python3}" -m venv "$environment"
+# A user has this and nothing else: the module must do without ArviZ and PyTensor.
+"$environment/bin/python" -m pip install --quiet --disable-pip-version-check target/wheels/vitreo_uq-*.whl
+cd "$(mktemp -d)"
+trap 'rm -rf "$PWD"' EXIT
+export MPLBACKEND=Agg PYTHONDONTWRITEBYTECODE=1 VITREO_UQ_SOURCE=$root PATH=$environment/bin:$PATH
+python "$root/tests/python/wheel/clean_installation.py"
+python -m pip install --quiet --disable-pip-version-check --requirement "$root/tests/python/wheel/requirements.txt"
+for script in module_and_program notebook; do
+    printf '%s: ' "$script"
+    python "$root/tests/python/wheel/$script.py" </dev/null
+done
+mypy --strict --no-error-summary --ignore-missing-imports --package vitreo_uq
