@@ -210,18 +210,38 @@ pub fn largest_gain(data: &Subject, base: &Refitted, screen: &Screen, candidates
 
 /// The function that was learnt at some states, over its value at `reference`: ln factor and its standard deviation.
 ///
-/// A factor that all states share is a change of the quantity itself, so only ratios say something of the function. The data tell those to a state in the midst of the ones that they visit, and hardly
-/// those to a state that they touch: the reference decides how wide the band is.
+/// A factor that all states share is a change of the quantity itself, so only ratios say something of the function; [`best_known`] says over which state they are told best.
 pub fn curve(subject: &Subject, learnt: &Learnt, pair: &Pair, states: &[f64], reference: f64) -> Result<Vec<[f64; 2]>> {
     let Kind::Function { smooth, .. } = &pair.kind else { return Ok(Vec::new()) };
     let covariance = Tangent::new(subject, &learnt.candidate, &learnt.fitted)?.covariance();
+    Ok(ratios(learnt, smooth, covariance.as_ref(), states, reference))
+}
+
+/// The one of some states over whose value the function is known best at all of them: of the least mean variance. Where the quantity does nothing, as a factor of a force of 0, the data tell no value.
+pub fn best_known(subject: &Subject, learnt: &Learnt, pair: &Pair, states: &[f64]) -> Result<Option<f64>> {
+    let Kind::Function { smooth, .. } = &pair.kind else { return Ok(None) };
+    let covariance = Tangent::new(subject, &learnt.candidate, &learnt.fitted)?.covariance();
+    let variance = |reference: f64| -> f64 {
+        ratios(learnt, smooth, covariance.as_ref(), states, reference).iter().map(|[_, sd]| sd * sd).sum()
+    };
+    Ok(states.iter().copied().min_by(|a, b| variance(*a).total_cmp(&variance(*b))))
+}
+
+/// Logarithms of the function over its value at a reference, and their standard deviations.
+fn ratios(
+    learnt: &Learnt,
+    smooth: &Smooth,
+    covariance: Option<&DMatrix<f64>>,
+    states: &[f64],
+    reference: f64,
+) -> Vec<[f64; 2]> {
     let at_reference = slopes(learnt, smooth, reference);
     let at = |state: &f64| {
         let apart = slopes(learnt, smooth, *state).into_iter().zip(&at_reference);
         let apart: Vec<(usize, f64)> = apart.map(|((k, own), (_, other))| (k, own - other)).collect();
-        [along(learnt, &apart), spread(covariance.as_ref(), &apart)]
+        [along(learnt, &apart), spread(covariance, &apart)]
     };
-    Ok(states.iter().map(at).collect())
+    states.iter().map(at).collect()
 }
 
 /// The quantity that depends, at a state: its logarithm and that one's standard deviation; `None` where it is no free parameter of the law (force, observed position).

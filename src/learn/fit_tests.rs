@@ -42,6 +42,12 @@ fn bands_are_as_wide_as_what_is_learnt_scatters() {
         let (candidate, fitted, evidence_nats) =
             fit(&data, (&start, 0.0), &base.candidate, &candidate, &SPREADS[1..2]).unwrap();
         let learnt = Learnt { pair: 0, candidate, fitted, evidence_nats, future: None };
+        let visited = [0.0, 0.15, 0.3, 0.45, 0.6].map(|part| part * far);
+        let best = best_known(&data, &learnt, pair, &visited).unwrap().unwrap();
+        let variance = |reference: f64| -> f64 {
+            curve(&data, &learnt, pair, &visited, reference).unwrap().iter().map(|[_, sd]| sd * sd).sum()
+        };
+        assert!(best > 0.0 && visited.iter().all(|state| variance(best) <= variance(*state)), "{best}");
         let of = |(state, reference): &(f64, f64)| curve(&data, &learnt, pair, &[*state], *reference).unwrap()[0];
         settings.iter().map(of).collect()
     });

@@ -1,7 +1,7 @@
 //! What the data write: every pair fitted, the leading one judged, drawn and written as a formula.
 
 use super::distil::{Distilled, NORMAL_90, distil};
-use super::fit::{Base, Learnt, Screen, curve, fit_all, fit_under, largest_gain, ln_quantity};
+use super::fit::{Base, Learnt, Screen, best_known, curve, fit_all, fit_under, largest_gain, ln_quantity};
 use super::pairs::{Kind, Pair, pairs};
 use crate::critique::bootstrap::{Bootstrap, Simulations, simulated};
 use crate::critique::leftover::misfit;
@@ -284,7 +284,7 @@ impl Found {
         let is_within = |other: &&Learnt| other.evidence_nats > chosen.evidence_nats - SIMPLER_WITHIN_NATS;
         let formulas = self.learnt.iter().filter(is_within).filter_map(|own| {
             let (pair, most) = (&self.pairs[own.pair], if own.pair == chosen.pair { usize::MAX } else { 1 });
-            let states = (&states_of(&subject, pair)[..], reference_of(&subject, pair));
+            let states = (&states_of(&subject, pair)[..], reference_of(&self.subject, own, pair).ok()?);
             Some((own, distil(&subject, &base, pair, states, (least, most))?))
         });
         let simplest = formulas.min_by(|(_, a), (_, b)| {
@@ -296,7 +296,7 @@ impl Found {
 
     fn learned(&self, chosen: &Learnt, distilled: Option<Distilled>, p: f64, library: Vec<String>) -> Result<Outcome> {
         let pair = &self.pairs[chosen.pair];
-        let (states, reference_state) = (states_of(&self.subject, pair), reference_of(&self.subject, pair));
+        let (states, reference_state) = (states_of(&self.subject, pair), reference_of(&self.subject, chosen, pair)?);
         let is_equal =
             |other: &&Learnt| other.pair != chosen.pair && other.evidence_nats >= chosen.evidence_nats - EQUAL_NATS;
         let equal = self.learnt.iter().filter(is_equal).map(|other| {
@@ -431,6 +431,8 @@ fn quoted(slugs: &[String]) -> String {
 /// By how much a function is written beyond what fitted rows visit, as a share of that, where the record goes there.
 const BEYOND: f64 = 0.15;
 
+/// Quantiles of the fitted states among which the reference is looked for.
+const N_QUANTILES: usize = 21;
 /// Share of held-out rows beyond the fitted states that a verdict speaks of.
 const MOST_BEYOND: f64 = 0.1;
 /// Share of states at which a formula may lie outside the function's 90 % band.
@@ -465,12 +467,15 @@ fn share_beyond(subject: &Subject, visited: &[f64]) -> f64 {
     if n == 0 { 0.0 } else { n_beyond as f64 / n as f64 }
 }
 
-/// State of a pair's function at which its factor is 1: the median of the fitted rows, which is one of theirs; 0 for a free memory.
-fn reference_of(subject: &Subject, pair: &Pair) -> f64 {
-    let Kind::Function { visited, .. } = &pair.kind else { return 0.0 };
+/// State of a pair's function at which its factor is 1: of the quantiles of the fitted rows the one over which the function is known best; 0 for a free memory.
+fn reference_of(subject: &Subject, learnt: &Learnt, pair: &Pair) -> Result<f64> {
+    let Kind::Function { visited, .. } = &pair.kind else { return Ok(0.0) };
     let mut states: Vec<f64> = of_fitted_rows(subject, visited).collect();
     states.sort_by(f64::total_cmp);
-    states.get(states.len() / 2).copied().unwrap_or(0.0)
+    let Some(last) = states.len().checked_sub(1) else { return Ok(0.0) };
+    let mut quantiles: Vec<f64> = (0..N_QUANTILES).map(|k| states[k * last / (N_QUANTILES - 1)]).collect();
+    quantiles.dedup();
+    Ok(best_known(subject, learnt, pair, &quantiles)?.unwrap_or(0.0))
 }
 
 /// States at which a function is written: those that fitted rows visit, and a little more.

@@ -122,7 +122,7 @@ fn words(learned: &Learned, revision: &str) -> String {
     lines.join("\n") + "\n"
 }
 
-/// The quantity in the midst of the states that were visited, where it is a parameter of the law.
+/// The quantity at the reference state, where it is a parameter of the law.
 fn at_reference(learned: &Learned) -> Vec<String> {
     let Some((function, own)) = learned.function.as_ref().and_then(|own| Some((own, own.at_reference?))) else {
         return Vec::new();
@@ -132,7 +132,7 @@ fn at_reference(learned: &Learned) -> Vec<String> {
     vec![
         String::new(),
         format!(
-            "`{quantity}` is {value} ({q05} to {q95}) at a {} of {} {}, the median of the fitted rows",
+            "`{quantity}` is {value} ({q05} to {q95}) at a {} of {} {}; the function is given over its value there",
             state.replace('_', " "),
             significant(function.reference_state),
             function.state_unit

@@ -78,7 +78,7 @@ pub struct LearnedFunction {
     pub state_unit: String,
     /// Lowest and highest state that fitted rows visited.
     pub visited: [f64; 2],
-    /// State at which the factors are 1: the median of the fitted rows.
+    /// State at which the factors are 1: of those that fitted rows visit, the one over which the function is known best.
     pub reference_state: f64,
     /// The quantity at the reference state; absent where it is no parameter of the law.
     pub at_reference: Option<QuantityAtReference>,
