@@ -35,4 +35,17 @@ def figures(raw):
         told[f"direct solver, {own['unknowns']:,} unknowns"] = f"{total:.1f} s, {own['peak_mib'] / 1024:.2f} GB, a solve {own['solve_s']:.2f} s"
     told["growth of the factorisation's time"] = f"unknowns to the power {growth('factorisation_s'):.2f}"
     told["growth of its memory"] = f"unknowns to the power {growth('peak_mib'):.2f}"
-    return told, {"levels": levels, "list": read("list"), "gather_specimens": read("gather-specimens"), "challenges_at_once": read("challenges")}
+    iterative = sorted((json.loads(path.read_text(encoding="utf-8")) for path in raw.glob("iterative-*.txt")), key=lambda own: own["level"])
+    for own in iterative:
+        told[f"iterative solver, {own['unknowns']:,} unknowns"] = (
+            f"{own['assembly_s'] + own['coarse_grid_s']:.1f} s, {own['peak_mib'] / 1024:.2f} GB, a solve {own['solve_s']:.1f} s in {own['iterations']} iterations"
+        )
+    both = [(direct, own) for direct in levels for own in iterative if direct["level"] == own["level"]]
+    apart = max(abs(own["robot_m"] / direct["robot_m"] - 1) for direct, own in both)
+    told["largest distance of the two solvers' displacements of the robot"] = f"{apart:.0e}"
+    ahead = [own["unknowns"] for direct, own in both if direct["factorisation_s"] > own["coarse_grid_s"] + own["solve_s"]]
+    told["smallest mesh at which one iterative solve is faster than a factorisation"] = f"{min(ahead):,} unknowns" if ahead else "none"
+    last_both = both[-1]
+    solves = (last_both[0]["factorisation_s"] - last_both[1]["coarse_grid_s"]) / (last_both[1]["solve_s"] - last_both[0]["solve_s"])
+    told[f"solves from which the direct solver pays at {last_both[0]['unknowns']:,} unknowns"] = f"{math.ceil(solves)}"
+    return told, {"levels": levels, "iterative": iterative, "list": read("list"), "gather_specimens": read("gather-specimens"), "challenges_at_once": read("challenges")}

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # What work on many machines costs: a thousand specimens as tasks, by one worker and by two; the overhead of a task; a hundred thousand results gathered; challenges
-# in parts against one machine, byte for byte; and where the direct solver ends, up to 10 GiB. `COUNT=100 LEVELS='3 4'` for a look.
+# in parts against one machine, byte for byte; and where the direct solver ends against an iterative one, to a million unknowns. `COUNT=100 LEVELS='3 4' ITERATIVE='3 4'` for a look.
 source "$(dirname "${BASH_SOURCE[0]}")/../common.sh"
 begin scale
 here=$root/campaigns/scale
@@ -37,9 +37,12 @@ results=${RESULTS:-100000}
 "$root/target/release/examples/many_results" many "$results" one.json
 run_in "gather-many" "${measured[@]}" "$program" gather many --quiet
 
-# The direct solver, one mesh a process.
+# The direct solver, then the iterative one: one mesh a process.
 for level in ${LEVELS:-3 4 5 6 7 8}; do
     run_in "level-$level" "$root/target/release/examples/factorisations" "$level"
+done
+for level in ${ITERATIVE:-3 4 6 8 10 12}; do
+    run_in "iterative-$level" "$root/target/release/examples/iterative_solver" "$level"
 done
 rm -rf many cohort
 finish
