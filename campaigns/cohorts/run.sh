@@ -7,6 +7,7 @@ count=${COUNT:-10}
 records=${RECORDS:-20}
 effects=(instantaneous-elasticity tracking-drift force-bias softening)
 noises=(white ou gain outliers)
+makers=$(nproc)
 
 # cohort PLACE SEED SPECIES STRENGTH NUMBER…: records with these numbers; a strength of 0 hides nothing.
 cohort() {
@@ -19,10 +20,15 @@ cohort() {
         if [[ $strength == 0 ]]; then
             hidden=(--none)
         fi
-        "$program" challenge new --out "$dir" "${hidden[@]}" --noise-kind "$noise" --seed $((1000 * seed + number)) --quiet >>"$raw/made.log" 2>&1
-        # The seal holds the data and the hash; whose eye it is stands in no seal.
-        sed -i "s/^id = .*/id = \"$species-$number\"/; s/^species = .*/species = \"$species\"/" "$dir/experiment.toml"
+        while (($(jobs -rp | wc -l) >= makers)); do wait -n; done
+        {
+            "$program" challenge new --out "$dir" "${hidden[@]}" --noise-kind "$noise" --seed $((1000 * seed + number)) --quiet >>"$raw/made.log" 2>&1 || touch "$raw/broken"
+            # The seal holds the data and the hash; whose eye it is stands in no seal.
+            sed -i "s/^id = .*/id = \"$species-$number\"/; s/^species = .*/species = \"$species\"/" "$dir/experiment.toml"
+        } &
     done
+    wait
+    [[ ! -e $raw/broken ]]
 }
 
 # diagnosed LABEL PLACE: the diagnosis, with what was hidden beside it.
