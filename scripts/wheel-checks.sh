@@ -16,7 +16,7 @@ trap 'rm -rf "$PWD"' EXIT
 export MPLBACKEND=Agg PYTHONDONTWRITEBYTECODE=1 VITREO_UQ_SOURCE=$root PATH=$environment/bin:$PATH
 python "$root/tests/python/wheel/clean_installation.py"
 python -m pip install --quiet --disable-pip-version-check --requirement "$root/tests/python/wheel/requirements.txt"
-for script in module_and_program notebook; do
+for script in module_and_program notebook pymc_ten_lines; do
     printf '%s: ' "$script"
     python "$root/tests/python/wheel/$script.py" </dev/null
 done

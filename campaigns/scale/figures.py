@@ -2,6 +2,12 @@
 
 import json
 import math
+import statistics
+
+
+def median(runs):
+    """Of each figure the middle one."""
+    return {key: statistics.median(run[key] for run in runs) for key in runs[0]}
 
 
 def figures(raw):
@@ -11,7 +17,7 @@ def figures(raw):
     n = len((raw / "tasks-1/tasks.jsonl").read_text(encoding="utf-8").splitlines())
     n_eyes = len((raw / "eyes/tasks.jsonl").read_text(encoding="utf-8").splitlines())
     n_cases = sum(json.loads(line)["arguments"]["count"] for line in open(raw / "challenges/tasks.jsonl", encoding="utf-8"))
-    one, two, block = read("one-worker"), read("two-workers"), read("in-one-task")
+    one, two, block = (median([read(f"{label}-{k}") for k in (1, 2, 3)]) for label in ("one-worker", "two-workers", "in-one-task"))
     many, eyes, cases = read("gather-many"), read("eyes"), read("challenge-tasks")
     overhead_s = (one["wall_s"] - block["wall_s"]) / (n - 1)
     levels = sorted((json.loads(path.read_text(encoding="utf-8")) for path in raw.glob("level-*.txt")), key=lambda own: own["level"])

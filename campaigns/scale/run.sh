@@ -8,23 +8,26 @@ count=${COUNT:-1000}
 measured=("$python" "$here/measure.py")
 cd "$raw"
 
-# A thousand records of an instrument, and the list of them: one experiment a task, and all in one.
+# A thousand records of an instrument, and lists of them, three times by one worker, by two and all in one task: clocks of a shared machine wander.
 "$python" "$here/specimens.py" "$count" cohort
 run_in "list" "${measured[@]}" "$program" tasks sample cohort --out tasks-1 --quiet
-"$program" tasks sample cohort --out tasks-2 --quiet >/dev/null
-"$program" tasks sample cohort --out tasks-block --block "$count" --quiet >/dev/null
-run_in "one-worker" "${measured[@]}" "$program" tasks run tasks-1 --jobs 1 --quiet
-run_in "two-workers" "${measured[@]}" "$program" tasks run tasks-2 --jobs 2 --quiet
-run_in "in-one-task" "${measured[@]}" "$program" tasks run tasks-block --jobs 1 --quiet
-run_in "there-already" "${measured[@]}" --times 20 "$program" tasks run tasks-1 --task 7 --quiet
-run_in "gather-specimens" "${measured[@]}" "$program" gather tasks-1 --quiet
+for k in 1 2 3; do
+    "$program" tasks sample cohort --out "tasks-1-$k" --quiet >/dev/null
+    "$program" tasks sample cohort --out "tasks-2-$k" --quiet >/dev/null
+    "$program" tasks sample cohort --out "tasks-block-$k" --block "$count" --quiet >/dev/null
+    run_in "one-worker-$k" "${measured[@]}" "$program" tasks run "tasks-1-$k" --jobs 1 --quiet
+    run_in "two-workers-$k" "${measured[@]}" "$program" tasks run "tasks-2-$k" --jobs 2 --quiet
+    run_in "in-one-task-$k" "${measured[@]}" "$program" tasks run "tasks-block-$k" --jobs 1 --quiet
+done
+run_in "there-already" "${measured[@]}" --times 20 "$program" tasks run tasks-1-1 --task 7 --quiet
+run_in "gather-specimens" "${measured[@]}" "$program" gather tasks-1-1 --quiet
 
 # The synthetic cohort's eyes, whose apparatus is solved for by finite elements and then known.
 "$program" tasks sample "$root/data/cohort" --out eyes --quiet >/dev/null
 run_in "eyes" "${measured[@]}" "$program" tasks run eyes --jobs 1 --quiet
 
 # Challenges: in parts, and at once.
-cases=${CASES:-12}
+cases=${CASES:-4}
 play=(challenge run --count "$cases" --only single --signal 10 --seed 24)
 run_in "challenges" "${measured[@]}" "$program" "${play[@]}" --threads 1 --json one.json --quiet
 "$program" tasks challenge --count "$cases" --only single --signal 10 --seed 24 --out challenges --block 2 --quiet >/dev/null
