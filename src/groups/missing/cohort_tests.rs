@@ -124,6 +124,26 @@ fn weak_effects_add_up_and_twins_stay() {
     assert!((heldout_nats - 13.0).abs() < 5.0 * 6.0 / 4.0, "{heldout_nats}");
 }
 
+/// Two effects of one signature are not told apart by which of their sizes is the more alike in all specimens: here the twin's is the same in all, the first's 16 times as large in every other record.
+#[test]
+fn like_sizes_are_no_proof() {
+    let mut said = cohort(&[[4.0, 0.0]; 20], 0.999_999, 60, 57);
+    for (k, record) in said.iter_mut().enumerate() {
+        let norm = if k % 2 == 0 { 0.5 } else { 8.0 };
+        let [before, after] = record.before_and_after.as_mut().expect("held out");
+        [&mut record.fitted, before, after].into_iter().for_each(|readings| readings[0].norm = norm);
+        record.simulated.iter_mut().for_each(|readings| readings[0].norm = norm);
+    }
+    let judged = judge(&said, 3, &Silent);
+    let best = leading(&judged);
+    let slug = |k: usize| said[0].effects[judged.effects[k].effect].slug;
+    assert_eq!(slug(best), "twin of one");
+    let first = judged.effects.iter().find(|own| said[0].effects[own.effect].slug == "one").expect("searched");
+    assert!(judged.effects[best].gain_nats > first.gain_nats + 5.0, "{first:?}");
+    let class: Vec<&str> = class_of(&said, &judged.effects, best, 3).into_iter().map(slug).collect();
+    assert_eq!(class, ["one"]);
+}
+
 /// Signs that differ from record to record add up as well, and say so.
 #[test]
 fn either_sign_is_found() {

@@ -90,7 +90,7 @@ pub fn judge(records: &[Said], seed: u64, monitor: &dyn Monitor) -> Judged {
             place: best.place,
             shape: *shape,
             of_records: best.of_records.clone(),
-            by_itself: (0..records.len()).map(|record| scan.own_gain(record)).collect(),
+            by_itself: records.iter().enumerate().map(|(k, record)| scan.own_gain(k, &record.fitted)).collect(),
         })
     };
     let effects = scans.iter().filter_map(gained).collect();

@@ -53,11 +53,11 @@ impl<'a> Scan<'a> {
         }
     }
 
-    /// What a record gains (nats) from the effect by itself, at whatever size and shape suits it best.
-    pub fn own_gain(&self, record: usize) -> f64 {
+    /// What readings of a record gain (nats) from the effect by itself, at whatever size and shape suits them best.
+    pub fn own_gain(&self, record: usize, readings: &[Reading]) -> f64 {
         let asked = self.asked(record);
         let gain = |place: usize| {
-            let z = self.records[record].fitted[place].z;
+            let z = readings[place].z;
             let is_inside = if z > 0.0 { asked.reach[1] > 0.0 } else { asked.reach[0] > 0.0 };
             if is_inside { 0.5 * z * z } else { 0.0 }
         };
