@@ -6,6 +6,11 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
 root=$PWD
 environment=$root/target/wheel-checks-venv
+# As the other checks build it: the program alone would compile dependencies once more, with fewer features.
+if [[ -z ${VITREO_UQ:-} ]]; then
+    cargo build --quiet --examples --bins
+    export VITREO_UQ=$root/target/debug/vitreo-uq
+fi
 rm -rf target/wheels "$environment"
 scripts/wheel.sh --debug
 "${PYTHON:-python3}" -m venv "$environment"
