@@ -19,10 +19,15 @@ scripts/wheel.sh --debug
 cd "$(mktemp -d)"
 trap 'rm -rf "$PWD"' EXIT
 export MPLBACKEND=Agg PYTHONDONTWRITEBYTECODE=1 VITREO_UQ_SOURCE=$root PATH=$environment/bin:$PATH
-python "$root/tests/python/wheel/clean_installation.py"
+# Each in a directory of its own.
+run() {
+    mkdir "$1"
+    printf '%s: ' "$1"
+    (cd "$1" && python "$root/tests/python/wheel/$1.py" </dev/null)
+}
+run clean_installation
 python -m pip install --quiet --disable-pip-version-check --requirement "$root/tests/python/wheel/requirements.txt"
 for script in module_and_program notebook pymc_ten_lines; do
-    printf '%s: ' "$script"
-    python "$root/tests/python/wheel/$script.py" </dev/null
+    run "$script"
 done
 mypy --strict --no-error-summary --ignore-missing-imports --package vitreo_uq
