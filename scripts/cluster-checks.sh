@@ -208,7 +208,7 @@ CONF
     slurmd -D >slurm/slurmd.txt 2>&1 &
     pids+=($!)
     is_idle() { [[ $(sinfo --noheader --format %t) == idle* ]]; }
-    wait_for 30 'an idle node of Slurm' is_idle
+    wait_for 60 'an idle node of Slurm' is_idle
     new_list slurm-list
     "$program" tasks run slurm-list --engine slurm --parts 4 --memory-mib 500 --minutes 5 >/dev/null
     has_ended() { [[ -z $(squeue --noheader --jobs "$1" 2>/dev/null) ]]; }
