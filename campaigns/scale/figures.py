@@ -18,12 +18,12 @@ def figures(raw):
     n_eyes = len((raw / "eyes/tasks.jsonl").read_text(encoding="utf-8").splitlines())
     n_cases = sum(json.loads(line)["arguments"]["count"] for line in open(raw / "challenges/tasks.jsonl", encoding="utf-8"))
     runs = {label: [read(f"{label}-{k}") for k in (1, 2, 3)] for label in ("one-worker", "two-workers", "in-one-task")}
-    one, two, block = (median(own) for own in runs.values())
+    one, two = (median(runs[label]) for label in ("one-worker", "two-workers"))
     # Runs that followed each other are compared: the machine's clock wanders more than what is measured.
     gains = sorted(alone["wall_s"] / both["wall_s"] for alone, both in zip(runs["one-worker"], runs["two-workers"]))
     many, eyes, cases = read("gather-many"), read("eyes"), read("challenge-tasks")
-    apart = (alone["wall_s"] - whole["wall_s"] for alone, whole in zip(runs["one-worker"], runs["in-one-task"]))
-    overheads_ms = sorted(1e3 * own / (n - 1) for own in apart)
+    overheads_s = (alone["wall_s"] - whole["wall_s"] for alone, whole in zip(runs["one-worker"], runs["in-one-task"]))
+    overheads_ms = sorted(1e3 * own / (n - 1) for own in overheads_s)
     levels = sorted((json.loads(path.read_text(encoding="utf-8")) for path in raw.glob("level-*.txt")), key=lambda own: own["level"])
     first, last = levels[0], levels[-1]
     growth = lambda key: math.log(last[key] / first[key]) / math.log(last["unknowns"] / first["unknowns"])

@@ -1,0 +1,23 @@
+//! The meshes on which solvers are measured, and what a process takes.
+
+use vitreo_uq::error::{Error, Place, Result};
+use vitreo_uq::mesh::QuarterBall;
+
+/// Of the gel.
+pub const POISSON_RATIO: f64 = 0.48;
+
+/// The level that the program's argument names, and its mesh around a sphere.
+pub fn asked_for() -> Result<(usize, QuarterBall)> {
+    let level = std::env::args().nth(1).and_then(|text| text.parse().ok()).filter(|level| (1..=40).contains(level));
+    let level: usize =
+        level.ok_or_else(|| Error::input(Place::default(), "no level", "give a level of the mesh, from 1 to 40"))?;
+    let ball = QuarterBall { robot_radius_m: 0.275e-3, outer_radius_m: 10e-3, n_per_edge: level, n_layers: 4 * level };
+    Ok((level, ball))
+}
+
+/// The most memory that this process has held, as Linux tells.
+pub fn peak_mib() -> Option<f64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find(|line| line.starts_with("VmHWM"))?;
+    line.split_whitespace().nth(1)?.parse::<f64>().ok().map(|kib| kib / 1024.0)
+}
