@@ -8,9 +8,8 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.."
 root=$PWD
 
 python=${PYTHON:-python3}
-requirements=tests/python/cluster-requirements.txt
-environment=target/cluster-checks-venv
-stamp=$environment/installed
+requirements=$root/tests/python/cluster-requirements.txt
+environment=$root/target/cluster-checks-venv
 place=$(mktemp -d "${TMPDIR:-/tmp}/vitreo-uq-cluster.XXXXXX")
 pids=()
 passed=0 skipped=0
@@ -19,6 +18,8 @@ fail() {
     printf 'cluster-checks: %s\n' "$1" >&2
     exit 1
 }
+
+source scripts/environment.sh
 
 # Ends what was started here and nothing else.
 cleanup() {
@@ -123,17 +124,7 @@ fi
 if ! "$python" -c 'import sys; sys.exit(sys.version_info < (3, 9))'; then
     skip HyperQueue 'Python 3.9 or newer is not installed; set PYTHON'
 else
-    environment=$root/$environment stamp=$root/$stamp
-    wanted=$("$python" --version; cat "$root/$requirements")
-    if [[ ! -f $stamp || $(<"$stamp") != "$wanted" ]]; then
-        rm -rf "$environment"
-        mkdir -p "$root/target"
-        "$python" -m venv "$environment" || fail 'cannot make a virtual environment; on Debian and Ubuntu: apt-get install python3-venv'
-        if "$environment/bin/python" -m pip install --quiet --disable-pip-version-check --requirement "$root/$requirements"; then
-            printf '%s\n' "$wanted" >"$stamp"
-        fi
-    fi
-    if [[ ! -f $stamp ]]; then
+    if ! python_environment "$environment" "$requirements"; then
         skip HyperQueue "cannot install $requirements; the network is needed the first time"
     else
         new_list hq

@@ -7,27 +7,18 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.."
 python=${PYTHON:-python3}
 requirements=tests/python/requirements.txt
 environment=target/python-checks-venv
-stamp=$environment/installed
 
 fail() {
     printf 'python-checks: %s\n' "$1" >&2
     exit 1
 }
 
+source scripts/environment.sh
+
 command -v "$python" >/dev/null || fail "$python is not installed; install Python 3.9 or newer, or set PYTHON"
 "$python" -c 'import sys; sys.exit(sys.version_info < (3, 9))' || fail "$("$python" --version) is too old; set PYTHON to 3.9 or newer"
 
-# The environment is current when it was made from the same requirements by the same Python; the stamp is written last.
-wanted=$("$python" --version; cat "$requirements")
-if [[ ! -f $stamp || $(<"$stamp") != "$wanted" ]]; then
-    printf 'making %s (some minutes the first time)\n' "$environment"
-    rm -rf "$environment"
-    mkdir -p target
-    "$python" -m venv "$environment" || fail "cannot make a virtual environment; on Debian and Ubuntu: apt-get install python3-venv"
-    "$environment/bin/python" -m pip install --quiet --disable-pip-version-check --requirement "$requirements" ||
-        fail "cannot install $requirements; the network is needed the first time"
-    printf '%s\n' "$wanted" >"$stamp"
-fi
+python_environment "$environment" "$requirements" || fail "cannot install $requirements; the network is needed the first time"
 
 # No window system is needed to draw, and no byte code is left in the source tree.
 export MPLBACKEND=Agg PYTHONDONTWRITEBYTECODE=1

@@ -9,6 +9,8 @@ fail() {
     exit 1
 }
 
+source scripts/environment.sh
+
 profile=(--release) directory=release
 case ${1:-} in
 "") ;;
@@ -20,16 +22,7 @@ python=${PYTHON:-python3}
 environment=target/wheel-venv
 requirements=crates/python/build-requirements.txt
 "$python" -c 'import sys; sys.exit(sys.version_info < (3, 10))' || fail "Python 3.10 or newer is needed; set PYTHON"
-# The environment is current when it was made from the same requirements by the same Python; the stamp is written last.
-wanted=$("$python" --version; cat "$requirements")
-if [[ ! -f $environment/installed || $(<"$environment/installed") != "$wanted" ]]; then
-    rm -rf "$environment"
-    mkdir -p target
-    "$python" -m venv "$environment" || fail "cannot make a virtual environment; on Debian and Ubuntu: apt-get install python3-venv"
-    "$environment/bin/python" -m pip install --quiet --disable-pip-version-check --requirement "$requirements" ||
-        fail "cannot install $requirements; the network is needed the first time"
-    printf '%s\n' "$wanted" >"$environment/installed"
-fi
+python_environment "$environment" "$requirements" || fail "cannot install $requirements; the network is needed the first time"
 
 if [[ -z ${VITREO_UQ:-} ]]; then
     cargo build --quiet --locked "${profile[@]}" --package vitreo-uq --bin vitreo-uq
