@@ -221,10 +221,11 @@ pub fn curve(subject: &Subject, learnt: &Learnt, pair: &Pair, states: &[f64], re
 pub fn best_known(subject: &Subject, learnt: &Learnt, pair: &Pair, states: &[f64]) -> Result<Option<f64>> {
     let Kind::Function { smooth, .. } = &pair.kind else { return Ok(None) };
     let covariance = Tangent::new(subject, &learnt.candidate, &learnt.fitted)?.covariance();
-    let variance = |reference: f64| -> f64 {
-        ratios(learnt, smooth, covariance.as_ref(), states, reference).iter().map(|[_, sd]| sd * sd).sum()
+    let with_variance = |reference: &f64| {
+        let ratios = ratios(learnt, smooth, covariance.as_ref(), states, *reference);
+        (ratios.iter().map(|[_, sd]| sd * sd).sum::<f64>(), *reference)
     };
-    Ok(states.iter().copied().min_by(|a, b| variance(*a).total_cmp(&variance(*b))))
+    Ok(states.iter().map(with_variance).min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, reference)| reference))
 }
 
 /// Logarithms of the function over its value at a reference, and their standard deviations.

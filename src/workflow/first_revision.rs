@@ -9,6 +9,7 @@ use super::sample::{self, SampleRequest, SampleResult};
 use super::{Monitor, artefacts};
 use crate::effects::Library;
 use crate::error::{Error, Place, Result};
+use crate::experiment::Experiment;
 use crate::inference::SamplerOptions;
 use crate::inference::prior::PriorSet;
 use crate::study::{ModelSpecification, Study};
@@ -46,6 +47,11 @@ pub fn make_first_revision(
     let written = revision.commit()?;
     study.discard_checkpoint(FIRST_REVISION)?;
     Ok((result, written))
+}
+
+/// The experiment as a revision is fitted to it: the first, or none, to the calibration cycles, later ones to all but the last held-out one, as `extend` fits them.
+pub fn as_fitted(experiment: Experiment, revision: Option<&str>) -> Experiment {
+    if revision.is_none_or(|name| name == FIRST_REVISION) { experiment } else { experiment.for_comparison() }
 }
 
 /// Refuses a problem with every parameter fixed, or with more rows than draws can be predicted at.

@@ -18,7 +18,7 @@ use vitreo_uq::experiment::{self, Understood};
 use vitreo_uq::inference::ensemble::Progress;
 use vitreo_uq::study::{ModelSpecification, Study};
 use vitreo_uq::workflow::bridge::{Input, Models};
-use vitreo_uq::workflow::first_revision::{FIRST_REVISION, kept_surrogate};
+use vitreo_uq::workflow::first_revision::{as_fitted, kept_surrogate};
 use vitreo_uq::workflow::problem::Problem;
 use vitreo_uq::workflow::reduced::Reduced;
 use vitreo_uq::workflow::{Monitor, artefacts, check};
@@ -95,20 +95,20 @@ impl Subject {
         })
     }
 
-    /// The model of a revision, and its fitted cycles: as `serve` takes them.
-    fn specification(&mut self, revision: Option<String>) -> Result<ModelSpecification> {
-        let Some(study) = &self.study else { return Ok(ModelSpecification::default()) };
-        let revision = match revision {
-            Some(name) => Some(name),
-            None => study.revisions()?.pop(),
-        };
-        let Some(name) = revision else { return Ok(ModelSpecification::default()) };
-        let specification = artefacts::model_of(&study.revision_dir(&name)?, &Library::default())?;
-        // Later revisions are fitted as `extend` fits them.
-        if name != FIRST_REVISION {
-            self.experiment = self.experiment.for_comparison();
+    /// The named revision, or the last.
+    fn revision(&self, named: Option<String>) -> Result<Option<String>> {
+        match (named, &self.study) {
+            (None, Some(study)) => Ok(study.revisions()?.pop()),
+            (named, _) => Ok(named),
         }
-        Ok(specification)
+    }
+
+    /// The model of a revision.
+    fn specification(&self, revision: Option<&str>) -> Result<ModelSpecification> {
+        match (&self.study, revision) {
+            (Some(study), Some(name)) => artefacts::model_of(&study.revision_dir(name)?, &Library::default()),
+            _ => Ok(ModelSpecification::default()),
+        }
     }
 }
 
@@ -122,13 +122,15 @@ struct Asked {
     revision: Option<String>,
 }
 
-fn built(mut subject: Subject, asked: Asked, watcher: &Watcher) -> Result<Owned> {
+fn built(subject: Subject, asked: Asked, watcher: &Watcher) -> Result<Owned> {
     check::refuse_certain(&subject.experiment, &subject.understood, watcher)?;
     let Asked { base, effects, noise, prior, set, revision } = asked;
-    let start = subject.specification(revision)?;
+    let revision = subject.revision(revision)?;
+    let start = subject.specification(revision.as_deref())?;
     let specification = start.with_options(base.as_deref(), &effects, &noise, prior.as_deref(), &set)?;
     let kept = subject.study.as_ref().and_then(|study| kept_surrogate(study, watcher));
-    let problem = Problem::new(subject.experiment, specification, None, watcher)?;
+    let experiment = as_fitted(subject.experiment, revision.as_deref());
+    let problem = Problem::new(experiment, specification, None, watcher)?;
     let reduced = Reduced::new(&problem, kept, watcher)?;
     Owned::try_new((problem, reduced), |(problem, reduced)| Models::new(problem, reduced))
 }

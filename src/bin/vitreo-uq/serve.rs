@@ -18,7 +18,7 @@ use vitreo_uq::error::{Error, Result};
 use vitreo_uq::report::labels::model_title;
 use vitreo_uq::report::number::listed;
 use vitreo_uq::workflow::bridge::{Endpoint, MOST_POINTS, Models, OUTSIDE};
-use vitreo_uq::workflow::first_revision::{FIRST_REVISION, kept_surrogate};
+use vitreo_uq::workflow::first_revision::{as_fitted, kept_surrogate};
 use vitreo_uq::workflow::problem::Problem;
 use vitreo_uq::workflow::reduced::Reduced;
 
@@ -64,10 +64,7 @@ pub fn run(arguments: &ServeArguments) -> Result<ExitCode> {
         (None, Some(study)) => study.revisions()?.pop(),
         (from, _) => from.clone(),
     };
-    // Later revisions are fitted as `extend` fits them.
-    if revision.is_some_and(|name| name != FIRST_REVISION) {
-        target.experiment = target.experiment.for_comparison();
-    }
+    target.experiment = as_fitted(target.experiment, revision.as_deref());
     let problem = target.problem(&arguments.model, &terminal)?;
     let kept = target.existing_study().and_then(|study| kept_surrogate(study, &terminal));
     let reduced = Reduced::new(&problem, kept, &terminal)?;
