@@ -6,7 +6,7 @@ use super::formulas::{Parameter, Written, formulas};
 use super::pairs::{Kind, Pair};
 use crate::critique::refit::Refitted;
 use crate::critique::{Search, Subject, Tangent};
-use crate::documents::learned::{FormulaParameter, LearnedFormula};
+use crate::documents::learned::{FormulaParameter, LearnedFormula, LearnedFunction};
 use crate::effects::{Effect, StateEffect};
 use crate::number::Dual;
 use crate::study::effect_file;
@@ -18,14 +18,30 @@ pub const FILE_NAME: &str = "learned-effect.toml";
 
 /// A formula at its fit.
 pub struct Distilled {
-    /// For the document.
-    pub formula: LearnedFormula,
+    /// The formula in words of its file.
+    pub text: String,
+    /// Its parameters.
+    pub parameters: Vec<FormulaParameter>,
     /// The model with it.
     pub refitted: Refitted,
     /// Its log score of unseen cycles less what its parameters have to be worth, in nats.
     pub score: f64,
     /// The effect's file.
     pub file: String,
+    effect: &'static StateEffect,
+}
+
+impl Distilled {
+    /// For the document: with its factors at the states of a function, over that at the function's reference.
+    pub fn document(&self, function: &LearnedFunction) -> LearnedFormula {
+        let states: Vec<f64> = function.points.iter().map(|point| point.state).collect();
+        LearnedFormula {
+            text: self.text.clone(),
+            parameters: self.parameters.clone(),
+            file: FILE_NAME.into(),
+            factors: factors(&self.refitted, self.effect, &states, function.reference_state),
+        }
+    }
 }
 
 /// The formula with the fewest parameters, at most so many, that predicts unseen cycles with a log score of at least `least_score` nats; of several the one that predicts them best. `None` where none does.
@@ -33,7 +49,6 @@ pub fn distil(
     subject: &Subject,
     base: &Refitted,
     pair: &Pair,
-    (states, reference): (&[f64], f64),
     (least_score, most_parameters): (f64, usize),
 ) -> Option<Distilled> {
     let Kind::Function { state, visited, .. } = &pair.kind else { return None };
@@ -73,13 +88,7 @@ pub fn distil(
             let are_told = in_order.into_iter().all(is_told);
             are_told.then_some((written, file, refitted, effect, own))
         })?;
-    let formula = LearnedFormula {
-        text: written.text.clone(),
-        parameters: own,
-        file: FILE_NAME.into(),
-        factors: factors(&refitted, effect, states, reference),
-    };
-    Some(Distilled { formula, score: score(&refitted), refitted, file })
+    Some(Distilled { text: written.text.clone(), parameters: own, score: score(&refitted), refitted, file, effect })
 }
 
 /// Values and intervals of a formula's parameters: normal in the coordinates of the search.

@@ -7,13 +7,11 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::pairs::{Kind, Pair};
-use super::smooth::Smooth;
 use crate::critique::derivatives::columns_m;
 use crate::critique::future::{FutureScore, future_score};
 use crate::critique::refit::Refitted;
-use crate::critique::{Candidate, Coordinate, Fitted, Free, NoiseValues, Search, Subject, Tangent};
+use crate::critique::{Candidate, Fitted, NoiseValues, Search, Subject, Tangent};
 use crate::error::Result;
-use crate::number::Dual;
 
 /// Standard deviations τ of weights that are tried, in order: a weight of 1 changes its quantity by a factor of e over the range of states.
 const SPREADS: [f64; 4] = [0.3, 1.0, 3.0, 0.08];
@@ -32,17 +30,23 @@ pub struct Learnt {
     pub future: Option<FutureScore>,
 }
 
-impl Learnt {
-    /// Places of the weights among the coordinates.
-    pub fn weights(&self) -> Vec<usize> {
-        weights(&self.candidate)
-    }
-}
-
 /// Places of a pair's weights among the coordinates: those of the last effect.
-fn weights(candidate: &Candidate) -> Vec<usize> {
+pub fn weights(candidate: &Candidate) -> Vec<usize> {
     let last = candidate.effects.len().checked_sub(1);
     (0..candidate.free.len()).filter(|k| candidate.free[*k].effect == last && last.is_some()).collect()
+}
+
+/// A model whose weights have one spread at its fit from a start, and its ln evidence up to what all models share; `None` where it has none.
+pub fn fit_spread(
+    subject: &Subject,
+    candidate: &Candidate,
+    spread: f64,
+    start: (Vec<f64>, NoiseValues),
+) -> Option<(Candidate, Fitted, f64)> {
+    let own = with_spread(candidate, spread);
+    let fitted = subject.fit(&own, &[start], Search::Local).ok()?;
+    let ln_evidence = ln_evidence(subject, &own, &fitted).ok()?;
+    Some((own, fitted, ln_evidence))
 }
 
 /// The same model where every weight has a normal prior of standard deviation τ about 0.
@@ -89,13 +93,11 @@ fn fit(
 ) -> Option<(Candidate, Fitted, f64)> {
     let mut best: Option<(Candidate, Fitted, f64)> = None;
     for spread in spreads {
-        let own = with_spread(candidate, *spread);
         let start = best.as_ref().map_or_else(
-            || (own.embed(smaller, &base.0), base.1),
+            || (candidate.embed(smaller, &base.0), base.1),
             |(_, fitted, _)| (fitted.theta.clone(), fitted.noise),
         );
-        let Ok(fitted) = subject.fit(&own, &[start], Search::Local) else { continue };
-        let Ok(ln_evidence) = ln_evidence(subject, &own, &fitted) else { continue };
+        let Some((own, fitted, ln_evidence)) = fit_spread(subject, candidate, *spread, start) else { continue };
         let gain = ln_evidence - ln_evidence_of_base;
         if best.as_ref().is_none_or(|(_, _, before)| gain > *before) {
             best = Some((own, fitted, gain));
@@ -207,74 +209,3 @@ pub fn largest_gain(data: &Subject, base: &Refitted, screen: &Screen, candidates
     });
     found.fold(0.0, f64::max)
 }
-
-/// The function that was learnt at some states, over its value at `reference`: ln factor and its standard deviation.
-///
-/// A factor that all states share is a change of the quantity itself, so only ratios say something of the function; [`best_known`] says over which state they are told best.
-pub fn curve(subject: &Subject, learnt: &Learnt, pair: &Pair, states: &[f64], reference: f64) -> Result<Vec<[f64; 2]>> {
-    let Kind::Function { smooth, .. } = &pair.kind else { return Ok(Vec::new()) };
-    let covariance = Tangent::new(subject, &learnt.candidate, &learnt.fitted)?.covariance();
-    Ok(ratios(learnt, smooth, covariance.as_ref(), states, reference))
-}
-
-/// The one of some states over whose value the function is known best at all of them: of the least mean variance. Where the quantity does nothing, as a factor of a force of 0, the data tell no value.
-pub fn best_known(subject: &Subject, learnt: &Learnt, pair: &Pair, states: &[f64]) -> Result<Option<f64>> {
-    let Kind::Function { smooth, .. } = &pair.kind else { return Ok(None) };
-    let covariance = Tangent::new(subject, &learnt.candidate, &learnt.fitted)?.covariance();
-    let with_variance = |reference: &f64| {
-        let ratios = ratios(learnt, smooth, covariance.as_ref(), states, *reference);
-        (ratios.iter().map(|[_, sd]| sd * sd).sum::<f64>(), *reference)
-    };
-    Ok(states.iter().map(with_variance).min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, reference)| reference))
-}
-
-/// Logarithms of the function over its value at a reference, and their standard deviations.
-fn ratios(
-    learnt: &Learnt,
-    smooth: &Smooth,
-    covariance: Option<&DMatrix<f64>>,
-    states: &[f64],
-    reference: f64,
-) -> Vec<[f64; 2]> {
-    let at_reference = slopes(learnt, smooth, reference);
-    let at = |state: &f64| {
-        let apart = slopes(learnt, smooth, *state).into_iter().zip(&at_reference);
-        let apart: Vec<(usize, f64)> = apart.map(|((k, own), (_, other))| (k, own - other)).collect();
-        [along(learnt, &apart), spread(covariance, &apart)]
-    };
-    states.iter().map(at).collect()
-}
-
-/// The quantity that depends, at a state: its logarithm and that one's standard deviation; `None` where it is no free parameter of the law (force, observed position).
-pub fn ln_quantity(subject: &Subject, learnt: &Learnt, pair: &Pair, state: f64) -> Result<Option<[f64; 2]>> {
-    let Kind::Function { smooth, .. } = &pair.kind else { return Ok(None) };
-    let is_quantity = |free: &Free| free.name == pair.quantity && matches!(free.coordinate, Coordinate::Logarithm);
-    let Some(own) = learnt.candidate.free.iter().position(is_quantity) else { return Ok(None) };
-    let covariance = Tangent::new(subject, &learnt.candidate, &learnt.fitted)?.covariance();
-    let mut all = slopes(learnt, smooth, state);
-    all.push((own, 1.0));
-    Ok(Some([along(learnt, &all), spread(covariance.as_ref(), &all)]))
-}
-
-/// Derivatives of ln factor at a state by the weights' coordinates, with their places.
-fn slopes(learnt: &Learnt, smooth: &Smooth, state: f64) -> Vec<(usize, f64)> {
-    let functions = smooth.functions(state.into());
-    let slope = |(k, function): (usize, &Dual)| (k, function.value * learnt.candidate.free[k].coordinate.unit(0.0));
-    learnt.weights().into_iter().zip(&functions).map(slope).collect()
-}
-
-/// A sum of coordinates at the fit.
-fn along(learnt: &Learnt, sum: &[(usize, f64)]) -> f64 {
-    sum.iter().map(|(k, slope)| learnt.fitted.theta[*k] * slope).sum()
-}
-
-/// Standard deviation of a sum of coordinates.
-fn spread(covariance: Option<&DMatrix<f64>>, sum: &[(usize, f64)]) -> f64 {
-    let Some(covariance) = covariance else { return f64::INFINITY };
-    let of = |(i, a): &(usize, f64)| -> f64 { sum.iter().map(|(j, b)| a * b * covariance[(*i, *j)]).sum() };
-    sum.iter().map(of).sum::<f64>().max(0.0).sqrt()
-}
-
-#[cfg(test)]
-#[path = "fit_tests.rs"]
-mod tests;

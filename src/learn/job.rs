@@ -1,7 +1,8 @@
 //! What the data write: every pair fitted, the leading one judged, drawn and written as a formula.
 
 use super::distil::{Distilled, NORMAL_90, distil};
-use super::fit::{Base, Learnt, Screen, best_known, curve, fit_all, fit_under, largest_gain, ln_quantity};
+use super::fit::{Base, Learnt, Screen, fit_all, fit_under, largest_gain};
+use super::function::Function;
 use super::pairs::{Kind, Pair, pairs};
 use crate::critique::bootstrap::{Bootstrap, Simulations, simulated};
 use crate::critique::leftover::misfit;
@@ -9,8 +10,8 @@ use crate::critique::outliers;
 use crate::critique::refit::{Refitted, refit_all};
 use crate::critique::{Candidate, Fitted, Search, Subject};
 use crate::documents::learned::{
-    EquivalentPair, Learned, LearnedErrors, LearnedFunction, LearnedKind, LearnedPair, LearnedPoint, LearnedVerdict,
-    QuantityAtReference, Retardation,
+    EquivalentPair, Learned, LearnedErrors, LearnedFormula, LearnedFunction, LearnedKind, LearnedPair, LearnedPoint,
+    LearnedVerdict, QuantityAtReference, Retardation,
 };
 use crate::error::Result;
 use crate::report::number::significant;
@@ -105,7 +106,9 @@ pub fn learn(subject: &Subject, request: &Request, monitor: &dyn Monitor) -> Res
     let preferred = found.preferred(chosen, monitor);
     monitor.stage("writing it as a formula");
     let (chosen, distilled) = found.written(chosen);
-    found.learned(chosen, distilled, p, preferred)
+    monitor.stage("averaging it over priors");
+    let function = Function::averaged(&found.subject, chosen, &found.pairs[chosen.pair])?;
+    found.learned(chosen, distilled, function.as_ref(), (p, preferred))
 }
 
 /// What `learn` would give for what a model at its fit leaves, outliers left out, in words, without the simulated searches that would confirm it; `None` where nothing helps.
@@ -116,14 +119,14 @@ pub fn first_look(subject: &Subject, base: &Refitted, monitor: &dyn Monitor) -> 
     let found = Found::new(subject, base.clone(), monitor)?;
     let Some(chosen) = found.chosen(0.0) else { return Ok(None) };
     let pair = &found.pairs[chosen.pair];
-    let share = found.explained(&chosen.fitted).filter(|share| *share > 0.0);
-    Ok(share.map(|share| {
-        format!(
-            "{} explains {:.0} % of what is left; `vitreo-uq learn STUDY` writes it",
-            found.words(chosen, pair),
-            100.0 * share
-        )
-    }))
+    let Some(share) = found.explained(&chosen.fitted).filter(|share| *share > 0.0) else { return Ok(None) };
+    let function = Function::of_search(&found.subject, chosen, pair)?;
+    let rises = function.and_then(|own| drawn(&found.subject, &own, pair)).map(|own| rises(&own));
+    Ok(Some(format!(
+        "{} explains {:.0} % of what is left; `vitreo-uq learn STUDY` writes it",
+        words(pair, rises),
+        100.0 * share
+    )))
 }
 
 impl Found {
@@ -194,28 +197,6 @@ impl Found {
         }
     }
 
-    /// What depends on what, and which way.
-    fn words(&self, chosen: &Learnt, pair: &Pair) -> String {
-        let Kind::Function { visited, .. } = &pair.kind else {
-            return "a memory at more times than the law has".into();
-        };
-        let quantity = match pair.quantity {
-            "force" => "the force".to_string(),
-            "position" => "the scale of the observed position".to_string(),
-            name => format!("`{name}`"),
-        };
-        let ends = visited.iter().fold([0.0_f64; 2], |[low, high], s| [low.min(*s), high.max(*s)]);
-        let far = if ends[1] >= -ends[0] { ends[1] } else { ends[0] };
-        let change =
-            curve(&self.subject, chosen, pair, &[far], 0.0).ok().and_then(|curve| curve.first().map(|own| own[0]));
-        let way = match change {
-            Some(change) if change > 0.0 => "rising",
-            Some(_) => "falling",
-            None => "changing",
-        };
-        format!("{quantity} {way} with the {}", pair.state.replace('_', " "))
-    }
-
     fn document(&self, p: f64, verdict: LearnedVerdict) -> Learned {
         let experiment = self.subject.experiment();
         let of_base = self.base.future;
@@ -284,19 +265,27 @@ impl Found {
         let is_within = |other: &&Learnt| other.evidence_nats > chosen.evidence_nats - SIMPLER_WITHIN_NATS;
         let formulas = self.learnt.iter().filter(is_within).filter_map(|own| {
             let (pair, most) = (&self.pairs[own.pair], if own.pair == chosen.pair { usize::MAX } else { 1 });
-            let states = (&states_of(&subject, pair)[..], reference_of(&self.subject, own, pair).ok()?);
-            Some((own, distil(&subject, &base, pair, states, (least, most))?))
+            Some((own, distil(&subject, &base, pair, (least, most))?))
         });
         let simplest = formulas.min_by(|(_, a), (_, b)| {
-            let n = |own: &Distilled| own.formula.parameters.len();
+            let n = |own: &Distilled| own.parameters.len();
             n(a).cmp(&n(b)).then(b.score.total_cmp(&a.score))
         });
         simplest.map_or((chosen, None), |(own, formula)| (own, Some(formula)))
     }
 
-    fn learned(&self, chosen: &Learnt, distilled: Option<Distilled>, p: f64, library: Vec<String>) -> Result<Outcome> {
+    fn learned(
+        &self,
+        chosen: &Learnt,
+        distilled: Option<Distilled>,
+        function: Option<&Function>,
+        (p, library): (f64, Vec<String>),
+    ) -> Result<Outcome> {
         let pair = &self.pairs[chosen.pair];
-        let (states, reference_state) = (states_of(&self.subject, pair), reference_of(&self.subject, chosen, pair)?);
+        let (candidate, fitted) = function.map_or((&chosen.candidate, &chosen.fitted), Function::best);
+        let model = Refitted { candidate: candidate.clone(), fitted: fitted.clone(), future: chosen.future };
+        let drawn = function.and_then(|own| drawn(&self.subject, own, pair));
+        let formula = distilled.as_ref().zip(drawn.as_ref()).map(|(own, drawn)| own.document(drawn));
         let is_equal =
             |other: &&Learnt| other.pair != chosen.pair && other.evidence_nats >= chosen.evidence_nats - EQUAL_NATS;
         let equal = self.learnt.iter().filter(is_equal).map(|other| {
@@ -304,8 +293,9 @@ impl Found {
             EquivalentPair { quantity: pair.quantity.into(), state: pair.state.into() }
         });
         let equivalent: Vec<EquivalentPair> = equal.collect();
-        let curve = curve(&self.subject, chosen, pair, &states, reference_state)?;
-        let sentence = self.sentence(chosen, &library, distilled.as_ref(), &curve)?;
+        let mut sentence = self.gain_in_words(pair, &model, drawn.as_ref());
+        sentence += &self.formula_in_words(pair, distilled.as_ref(), formula.as_ref().zip(drawn.as_ref()));
+        sentence += &self.limits_in_words(chosen, &model, &library)?;
         let verdict = LearnedVerdict {
             kind: LearnedKind::Learned,
             quantity: pair.quantity.into(),
@@ -315,66 +305,49 @@ impl Found {
             sentence,
         };
         let mut learned = self.document(p, verdict);
-        learned.learned = Some(self.errors(&chosen.fitted));
-        learned.explained_fraction = self.explained(&chosen.fitted);
-        if let Kind::Function { state, visited, .. } = &pair.kind {
-            let quantiles = |[mean, sd]: [f64; 2]| [0.0, -NORMAL_90, NORMAL_90].map(|z| (mean + z * sd).exp());
-            let point = |(state, ln_factor): (&f64, &[f64; 2])| {
-                let [factor, q05, q95] = quantiles(*ln_factor);
-                LearnedPoint { state: *state, factor, q05, q95 }
-            };
-            let at_reference = ln_quantity(&self.subject, chosen, pair, reference_state)?.map(|own| {
-                let [value, q05, q95] = quantiles(own);
-                QuantityAtReference { value, q05, q95 }
-            });
-            learned.function = Some(LearnedFunction {
-                state_unit: state.unit().into(),
-                visited: seen(&self.subject, visited),
-                reference_state,
-                at_reference,
-                points: states.iter().zip(&curve).map(point).collect(),
-            });
-        }
+        learned.learned = Some(self.errors(&model.fitted));
+        learned.explained_fraction = self.explained(&model.fitted);
+        learned.function = drawn;
         if let Kind::Memory(creep) = &pair.kind {
             let shares = chosen.candidate.parameters(&chosen.fitted.theta);
             let first = shares.len() - creep.times_s.len();
             let all = creep.times_s.iter().zip(&shares[first..]);
             learned.memory = all.map(|(time_s, share)| Retardation { time_s: *time_s, share: *share }).collect();
         }
-        let Some(Distilled { formula, refitted, file, .. }) = distilled else {
-            return Ok(Outcome { learned, file: None });
-        };
-        learned.with_formula = Some(self.errors(&refitted.fitted));
-        learned.formula = Some(formula);
-        Ok(Outcome { learned, file: Some(file) })
+        learned.with_formula = distilled.as_ref().map(|own| self.errors(&own.refitted.fitted));
+        learned.formula = formula;
+        Ok(Outcome { learned, file: distilled.map(|own| own.file) })
     }
 
-    fn sentence(
-        &self,
-        chosen: &Learnt,
-        library: &[String],
-        distilled: Option<&Distilled>,
-        curve: &[[f64; 2]],
-    ) -> Result<String> {
-        let pair = &self.pairs[chosen.pair];
-        let [before, after] = [&self.base.fitted, &chosen.fitted].map(|own| self.errors(own));
+    /// What depends on what, and what that gains.
+    fn gain_in_words(&self, pair: &Pair, model: &Refitted, drawn: Option<&LearnedFunction>) -> String {
+        let [before, after] = [&self.base.fitted, &model.fitted].map(|own| self.errors(own));
         let error = |own: LearnedErrors| own.rmse_heldout_um.unwrap_or(own.rmse_fitted_um);
         let cycle = if after.rmse_heldout_um.is_some() { "held-out cycle" } else { "fitted cycles" };
-        let words = self.words(chosen, pair);
+        let words = words(pair, drawn.map(rises));
         let first = words.chars().next().map_or(String::new(), |c| c.to_uppercase().to_string());
-        let mut sentence = format!(
+        format!(
             "{first}{} brings the error on the {cycle} from {} to {} µm (noise {} µm).",
             words.chars().skip(1).collect::<String>(),
             significant(error(before), 3),
             significant(error(after), 3),
             significant(1e6 * self.subject.yardstick_m(), 3)
-        );
-        match distilled {
-            Some(own) => {
-                let left = error(self.errors(&own.refitted.fitted));
-                sentence +=
-                    &format!(" As a formula: {}, {} µm.", own.formula.product(pair.quantity), significant(left, 3));
-                if leaves_band(&own.formula.factors, curve) {
+        )
+    }
+
+    fn formula_in_words(
+        &self,
+        pair: &Pair,
+        distilled: Option<&Distilled>,
+        written: Option<(&LearnedFormula, &LearnedFunction)>,
+    ) -> String {
+        let mut sentence = String::new();
+        match distilled.zip(written) {
+            Some((own, (formula, drawn))) => {
+                let errors = self.errors(&own.refitted.fitted);
+                let left = errors.rmse_heldout_um.unwrap_or(errors.rmse_fitted_um);
+                sentence += &format!(" As a formula: {}, {} µm.", formula.product(pair.quantity), significant(left, 3));
+                if leaves_band(&formula.factors, &drawn.points) {
                     sentence += " It leaves the function's band: the formula is fitted with the noise of the study's model, the function beside every kind of noise.";
                 }
             }
@@ -393,6 +366,12 @@ impl Found {
                 );
             }
         }
+        sentence
+    }
+
+    /// What else would do, and what is left.
+    fn limits_in_words(&self, chosen: &Learnt, model: &Refitted, library: &[String]) -> Result<String> {
+        let mut sentence = String::new();
         if !library.is_empty() {
             sentence += &format!(" The library's {} does as well and is to be preferred.", quoted(library));
         }
@@ -415,13 +394,34 @@ impl Found {
         if !near.is_empty() {
             sentence += &format!(" This experiment cannot tell it from {}.", near.join(", "));
         }
-        let model =
-            Refitted { candidate: chosen.candidate.clone(), fitted: chosen.fitted.clone(), future: chosen.future };
-        if misfit(&self.subject, &model, &[])?.is_too_large() {
+        if misfit(&self.subject, model, &[])?.is_too_large() {
             sentence += " What it leaves is still more than noise.";
         }
         Ok(sentence)
     }
+}
+
+/// What depends on what, and which way.
+fn words(pair: &Pair, rises: Option<bool>) -> String {
+    let quantity = match pair.quantity {
+        "creep" => return "a memory at more times than the law has".into(),
+        "force" => "the force".to_string(),
+        "position" => "the scale of the observed position".to_string(),
+        name => format!("`{name}`"),
+    };
+    let way = match rises {
+        Some(true) => "rising",
+        Some(false) => "falling",
+        None => "changing",
+    };
+    format!("{quantity} {way} with the {}", pair.state.replace('_', " "))
+}
+
+/// Whether a function rises from the state that is nearest to 0 to the one that is farthest from it.
+fn rises(function: &LearnedFunction) -> bool {
+    let by_size = |a: &&LearnedPoint, b: &&LearnedPoint| a.state.abs().total_cmp(&b.state.abs());
+    let [near, far] = [function.points.iter().min_by(by_size), function.points.iter().max_by(by_size)];
+    near.zip(far).is_some_and(|(near, far)| far.factor > near.factor)
 }
 
 fn quoted(slugs: &[String]) -> String {
@@ -438,10 +438,10 @@ const MOST_BEYOND: f64 = 0.1;
 /// Share of states at which a formula may lie outside the function's 90 % band.
 const MOST_OUTSIDE: f64 = 0.3;
 
-/// Whether a formula's factors lie outside the band of ln factors (mean, sd) at more states than chance puts there.
-fn leaves_band(factors: &[f64], curve: &[[f64; 2]]) -> bool {
-    let is_inside = |(factor, [mean, sd]): &(&f64, &[f64; 2])| (factor.ln() - mean).abs() <= NORMAL_90 * sd;
-    let n_inside = factors.iter().zip(curve).filter(is_inside).count();
+/// Whether a formula's factors lie outside the function's 90 % band at more states than chance puts there.
+fn leaves_band(factors: &[f64], points: &[LearnedPoint]) -> bool {
+    let is_inside = |(factor, point): &(&f64, &LearnedPoint)| (point.q05..=point.q95).contains(*factor);
+    let n_inside = factors.iter().zip(points).filter(is_inside).count();
     ((factors.len() - n_inside) as f64) > MOST_OUTSIDE * factors.len() as f64
 }
 
@@ -467,20 +467,41 @@ fn share_beyond(subject: &Subject, visited: &[f64]) -> f64 {
     if n == 0 { 0.0 } else { n_beyond as f64 / n as f64 }
 }
 
-/// State of a pair's function at which its factor is 1: of the quantiles of the fitted rows the one over which the function is known best; 0 for a free memory.
-fn reference_of(subject: &Subject, learnt: &Learnt, pair: &Pair) -> Result<f64> {
-    let Kind::Function { visited, .. } = &pair.kind else { return Ok(0.0) };
+/// A function with its band over the states that the record visits; `None` where no row is fitted.
+fn drawn(subject: &Subject, function: &Function, pair: &Pair) -> Option<LearnedFunction> {
+    let Kind::Function { state, visited, .. } = &pair.kind else { return None };
+    let reference_state = function.best_known(&quantiles_of(subject, visited))?;
+    let quantiles = |[mean, sd]: [f64; 2]| [0.0, -NORMAL_90, NORMAL_90].map(|z| (mean + z * sd).exp());
+    let point = |(state, ln_factor): (&f64, &[f64; 2])| {
+        let [factor, q05, q95] = quantiles(*ln_factor);
+        LearnedPoint { state: *state, factor, q05, q95 }
+    };
+    let states = states_of(subject, visited);
+    let at_reference = function.ln_quantity(reference_state).map(|own| {
+        let [value, q05, q95] = quantiles(own);
+        QuantityAtReference { value, q05, q95 }
+    });
+    Some(LearnedFunction {
+        state_unit: state.unit().into(),
+        visited: seen(subject, visited),
+        reference_state,
+        at_reference,
+        points: states.iter().zip(&function.curve(&states, reference_state)).map(point).collect(),
+    })
+}
+
+/// States of the fitted rows, thinned: among them the state is looked for at which the factor is 1.
+fn quantiles_of(subject: &Subject, visited: &[f64]) -> Vec<f64> {
     let mut states: Vec<f64> = of_fitted_rows(subject, visited).collect();
     states.sort_by(f64::total_cmp);
-    let Some(last) = states.len().checked_sub(1) else { return Ok(0.0) };
+    let Some(last) = states.len().checked_sub(1) else { return states };
     let mut quantiles: Vec<f64> = (0..N_QUANTILES).map(|k| states[k * last / (N_QUANTILES - 1)]).collect();
     quantiles.dedup();
-    Ok(best_known(subject, learnt, pair, &quantiles)?.unwrap_or(0.0))
+    quantiles
 }
 
 /// States at which a function is written: those that fitted rows visit, and a little more.
-fn states_of(subject: &Subject, pair: &Pair) -> Vec<f64> {
-    let Kind::Function { visited, .. } = &pair.kind else { return Vec::new() };
+fn states_of(subject: &Subject, visited: &[f64]) -> Vec<f64> {
     let all = visited.iter().fold([0.0_f64; 2], |[low, high], s| [low.min(*s), high.max(*s)]);
     let [low, high] = seen(subject, visited);
     let seen = [low.min(0.0), high.max(0.0)];

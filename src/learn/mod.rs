@@ -9,6 +9,7 @@ mod creep;
 mod distil;
 mod fit;
 mod formulas;
+mod function;
 mod job;
 mod pairs;
 mod smooth;

@@ -1,7 +1,7 @@
 //! Pairs of a quantity and a state, as effects.
 
 use super::creep::{Creep, creep};
-use super::smooth::{N_WEIGHTS, Smooth};
+use super::smooth::{DECAY, MOST_WEIGHTS, N_WEIGHTS, Smooth};
 use crate::critique::Subject;
 use crate::critique::refit::Refitted;
 use crate::distribution::Distribution;
@@ -31,6 +31,8 @@ pub enum Kind {
     Function {
         /// The function.
         smooth: Smooth,
+        /// The quantity.
+        quantity: QuantityName,
         /// The state.
         state: State,
         /// States at the rows.
@@ -91,8 +93,21 @@ fn pair(quantity: QuantityName, state: State, visited: Vec<f64>) -> Option<Pair>
         return None;
     }
     let is_bent = matches!(state, State::Velocity | State::TimeSinceStep);
-    let smooth = Smooth::over(range, is_bent.then(|| BENT_AT * (range[1] - range[0])));
+    let smooth = Smooth::over(range, is_bent.then(|| BENT_AT * (range[1] - range[0])), DECAY);
     let slug = format!("{}-by-{}", quantity.name(), state.name()).replace('_', "-");
+    let effect = effect(slug, quantity, state, smooth, N_WEIGHTS);
+    let kind = Kind::Function { smooth, quantity, state, visited };
+    Some(Pair { quantity: quantity.name(), state: state.name(), effect, kind })
+}
+
+/// The effect of a function with all its weights and another decay; `None` for a free memory.
+pub fn finer(pair: &Pair, decay: f64) -> Option<(&'static dyn Effect, Smooth)> {
+    let Kind::Function { smooth, quantity, state, .. } = &pair.kind else { return None };
+    let (slug, smooth) = (format!("{}-{decay}", pair.effect.slug()), smooth.with_decay(decay));
+    Some((effect(slug, *quantity, *state, smooth, MOST_WEIGHTS), smooth))
+}
+
+fn effect(slug: String, quantity: QuantityName, state: State, smooth: Smooth, n_weights: usize) -> &'static dyn Effect {
     let parameter = |k: usize| EffectParameter {
         spec: ParameterSpec::new(leaked(format!("{slug}.weight_{k}")), "w", "1", Support::REAL),
         null: &|_| Some(0.0),
@@ -101,7 +116,7 @@ fn pair(quantity: QuantityName, state: State, visited: Vec<f64>) -> Option<Pair>
         finite_step: None,
     };
     // Effects' names are static everywhere; a command looks at some dozens.
-    let effect: &'static StateEffect = Box::leak(Box::new(StateEffect {
+    Box::leak(Box::new(StateEffect {
         slug: leaked(slug.clone()),
         summary: leaked(format!("{} depends on {}", quantity.name(), state.name())),
         equation: leaked(format!("{} × exp(g({}))", quantity.name(), state.name())),
@@ -109,10 +124,8 @@ fn pair(quantity: QuantityName, state: State, visited: Vec<f64>) -> Option<Pair>
         state,
         operation: Operation::Multiply,
         function: Box::leak(Box::new(smooth)),
-        parameters: Box::leak((0..N_WEIGHTS).map(parameter).collect::<Vec<_>>().into_boxed_slice()),
-    }));
-    let kind = Kind::Function { smooth, state, visited };
-    Some(Pair { quantity: quantity.name(), state: state.name(), effect, kind })
+        parameters: Box::leak((0..n_weights).map(parameter).collect::<Vec<_>>().into_boxed_slice()),
+    }))
 }
 
 /// States at the rows of a record under a model.

@@ -31,6 +31,8 @@ pub struct Outcome {
     pub failed: Vec<(usize, String)>,
     /// Tasks that were not begun, or not again, because too many had failed one after another.
     pub left: Vec<usize>,
+    /// What the last failure said; none after the last success.
+    pub last_failure: Option<String>,
 }
 
 /// Runs tasks in `jobs` processes that `worker` makes; each serves tasks on its standard input ([`super::worker::serve`]).
@@ -121,7 +123,10 @@ impl Shared<'_> {
     }
 
     fn succeeded(&self, count: impl Fn(&mut Outcome)) {
-        count(&mut locked(&self.outcome));
+        let mut outcome = locked(&self.outcome);
+        count(&mut outcome);
+        outcome.last_failure = None;
+        drop(outcome);
         let mut queue = locked(&self.queue);
         queue.under_way -= 1;
         queue.in_a_row = 0;
@@ -136,6 +141,7 @@ impl Shared<'_> {
         let mut queue = locked(&self.queue);
         queue.under_way -= 1;
         queue.in_a_row += usize::from(may_go_better);
+        locked(&self.outcome).last_failure = Some(why.clone());
         if may_go_better && attempts + 1 < MOST_ATTEMPTS {
             self.monitor.warn(&format!("task {task} is tried again: {why}"));
             queue.waiting.push_back((task, attempts + 1));

@@ -284,8 +284,9 @@ fn words(outcome: &local::Outcome, n_before: usize, dir: &Path) -> String {
     if let Some(first) = outcome.left.first() {
         let _ = writeln!(
             text,
-            "{} (from {first} on) were not begun, because too many before them failed one after another.",
-            n(outcome.left.len())
+            "{} (from {first} on) were not finished, because too many failed one after another; the last one: {}",
+            n(outcome.left.len()),
+            outcome.last_failure.as_deref().unwrap_or("no reason was given")
         );
     }
     let next = if outcome.failed.is_empty() && outcome.left.is_empty() {

@@ -1,7 +1,9 @@
 //! Bands of what is learnt, against the scatter of what is learnt from many records of one truth.
 
 use super::*;
+use crate::critique::refit::Refitted;
 use crate::critique::test_subjects::{Protocol, noise_of, subject, truth_of};
+use crate::critique::{NoiseValues, Search};
 use crate::learn::pairs::pairs;
 use crate::learn::smooth::N_WEIGHTS;
 
@@ -39,16 +41,16 @@ fn bands_are_as_wide_as_what_is_learnt_scatters() {
         let noise_m = noise_of(&subject, &truth_m, &noise, 900 + seed);
         let data = subject.with_positions(&truth_m.iter().zip(noise_m).map(|(x, e)| x + e).collect::<Vec<_>>());
         let start = (base.fitted.theta.clone(), base.fitted.noise);
-        let (candidate, fitted, evidence_nats) =
-            fit(&data, (&start, 0.0), &base.candidate, &candidate, &SPREADS[1..2]).unwrap();
+        let start = (candidate.embed(&base.candidate, &start.0), start.1);
+        let (candidate, fitted, evidence_nats) = fit_spread(&data, &candidate, 1.0, start).unwrap();
         let learnt = Learnt { pair: 0, candidate, fitted, evidence_nats, future: None };
+        let function = Function::of_search(&data, &learnt, pair).unwrap().unwrap();
         let visited = [0.0, 0.15, 0.3, 0.45, 0.6].map(|part| part * far);
-        let best = best_known(&data, &learnt, pair, &visited).unwrap().unwrap();
-        let variance = |reference: f64| -> f64 {
-            curve(&data, &learnt, pair, &visited, reference).unwrap().iter().map(|[_, sd]| sd * sd).sum()
-        };
+        let best = function.best_known(&visited).unwrap();
+        let variance =
+            |reference: f64| -> f64 { function.curve(&visited, reference).iter().map(|[_, sd]| sd * sd).sum() };
         assert!(best > 0.0 && visited.iter().all(|state| variance(best) <= variance(*state)), "{best}");
-        let of = |(state, reference): &(f64, f64)| curve(&data, &learnt, pair, &[*state], *reference).unwrap()[0];
+        let of = |(state, reference): &(f64, f64)| function.curve(&[*state], *reference)[0];
         settings.iter().map(of).collect()
     });
     let curves: Vec<Vec<[f64; 2]>> = curves.collect();

@@ -1,0 +1,177 @@
+//! A learnt function with its band, averaged over the priors that the evidence allows.
+//!
+//! A search fits each pair with one decay of the cosines and the likeliest spread of the weights, which is enough to compare pairs. A band that rests on one prior is too
+//! narrow, and a kink is not seen by eight cosines. So the pair that is written is fitted with twice as many under several decays and spreads, and each
+//! of them counts by its evidence.
+
+use nalgebra::DMatrix;
+use rayon::prelude::*;
+
+use super::fit::{Learnt, fit_spread, weights};
+use super::pairs::{Kind, Pair, finer};
+use super::smooth::Smooth;
+use crate::critique::{Candidate, Coordinate, Fitted, Free, Subject, Tangent};
+use crate::error::Result;
+use crate::number::Dual;
+
+/// Decays of the cosines: 1 is a path that may kink and all but jump, 2 one that bends.
+const DECAYS: [f64; 3] = [1.0, 1.5, 2.0];
+/// Spreads of the weights, in the order in which they are fitted.
+const SPREADS: [f64; 5] = [0.3, 1.0, 3.0, 0.1, 0.03];
+/// Priors whose evidence is this far below the best, in nats, do not count.
+const LEAST_SHARE_NATS: f64 = 7.0;
+
+/// A function under one prior at its fit.
+struct Member {
+    share: f64,
+    smooth: Smooth,
+    candidate: Candidate,
+    fitted: Fitted,
+    covariance: Option<DMatrix<f64>>,
+}
+
+/// A function of a state with its band.
+pub struct Function {
+    quantity: &'static str,
+    /// Best first.
+    members: Vec<Member>,
+}
+
+impl Function {
+    /// The function of a pair as the search has it; `None` for a free memory.
+    ///
+    /// # Errors
+    /// Where the model has no derivatives at its fit.
+    pub fn of_search(subject: &Subject, learnt: &Learnt, pair: &Pair) -> Result<Option<Self>> {
+        let Kind::Function { smooth, .. } = &pair.kind else { return Ok(None) };
+        let (candidate, fitted) = (learnt.candidate.clone(), learnt.fitted.clone());
+        let covariance = Tangent::new(subject, &candidate, &fitted)?.covariance();
+        let only = Member { share: 1.0, smooth: *smooth, candidate, fitted, covariance };
+        Ok(Some(Self { quantity: pair.quantity, members: vec![only] }))
+    }
+
+    /// The function of a pair with all cosines, averaged over priors; as the search has it where no other can be fitted, `None` for a free memory.
+    ///
+    /// # Errors
+    /// Where the model has no derivatives at its fit.
+    pub fn averaged(subject: &Subject, learnt: &Learnt, pair: &Pair) -> Result<Option<Self>> {
+        let finer: Vec<_> = DECAYS.iter().filter_map(|decay| finer(pair, *decay)).collect();
+        let library = subject.library().clone().beside(finer.iter().map(|(effect, _)| *effect));
+        let subject = subject.with_library(&library)?;
+        let of_decay = |(effect, smooth): &(&'static dyn crate::effects::Effect, Smooth)| {
+            let candidate = subject.extended(&[effect.slug()]).ok()?;
+            Some(members(&subject, learnt, pair, &candidate, *smooth))
+        };
+        let mut members: Vec<(Member, f64)> = finer.par_iter().filter_map(of_decay).flatten().collect();
+        members.sort_by(|a, b| b.1.total_cmp(&a.1));
+        let Some(best) = members.first().map(|(_, ln_evidence)| *ln_evidence) else {
+            return Self::of_search(&subject, learnt, pair);
+        };
+        members.retain(|(_, ln_evidence)| best - ln_evidence < LEAST_SHARE_NATS);
+        let whole: f64 = members.iter().map(|(_, ln_evidence)| (ln_evidence - best).exp()).sum();
+        let members = members.into_iter().map(|(member, ln_evidence)| {
+            let share = (ln_evidence - best).exp() / whole;
+            Member { share, ..member }
+        });
+        Ok(Some(Self { quantity: pair.quantity, members: members.collect() }))
+    }
+
+    /// The model with the function under the likeliest prior.
+    pub fn best(&self) -> (&Candidate, &Fitted) {
+        (&self.members[0].candidate, &self.members[0].fitted)
+    }
+
+    /// The function at some states, over its value at `reference`: ln factor and its standard deviation.
+    ///
+    /// A factor that all states share is a change of the quantity itself, so only ratios say something of the function; [`Self::best_known`] says over which state they are told best.
+    pub fn curve(&self, states: &[f64], reference: f64) -> Vec<[f64; 2]> {
+        let of = |member: &Member| {
+            let at_reference = member.slopes(reference);
+            let at = |state: &f64| {
+                let apart = member.slopes(*state).into_iter().zip(&at_reference);
+                member.sum(&apart.map(|((k, own), (_, other))| (k, own - other)).collect::<Vec<_>>())
+            };
+            states.iter().map(at).collect::<Vec<_>>()
+        };
+        let curves: Vec<Vec<[f64; 2]>> = self.members.iter().map(of).collect();
+        (0..states.len()).map(|place| self.mixed(curves.iter().map(|curve| curve[place]))).collect()
+    }
+
+    /// The one of some states over whose value the function is known best at all of them: of the least mean variance. Where the quantity does nothing, as a factor of a force of 0, the data tell no value.
+    pub fn best_known(&self, states: &[f64]) -> Option<f64> {
+        let with_variance =
+            |reference: &f64| (self.curve(states, *reference).iter().map(|[_, sd]| sd * sd).sum::<f64>(), *reference);
+        states.iter().map(with_variance).min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, reference)| reference)
+    }
+
+    /// The quantity that depends, at a state: its logarithm and that one's standard deviation; `None` where it is no free parameter of the law (force, observed position).
+    pub fn ln_quantity(&self, state: f64) -> Option<[f64; 2]> {
+        let is_quantity = |free: &Free| free.name == self.quantity && matches!(free.coordinate, Coordinate::Logarithm);
+        let of = |member: &Member| {
+            let mut all = member.slopes(state);
+            all.push((member.candidate.free.iter().position(is_quantity)?, 1.0));
+            Some(member.sum(&all))
+        };
+        let all: Option<Vec<[f64; 2]>> = self.members.iter().map(of).collect();
+        all.map(|all| self.mixed(all.into_iter()))
+    }
+
+    /// Mean and standard deviation over all priors.
+    fn mixed(&self, of_members: impl Iterator<Item = [f64; 2]>) -> [f64; 2] {
+        let [mut mean, mut square] = [0.0; 2];
+        for (member, [own, sd]) in self.members.iter().zip(of_members) {
+            mean += member.share * own;
+            square += member.share * (own * own + sd * sd);
+        }
+        [mean, (square - mean * mean).max(0.0).sqrt()]
+    }
+}
+
+/// A function of one decay under every spread at its fit, with the ln evidence, from what the search found.
+fn members(
+    subject: &Subject,
+    learnt: &Learnt,
+    pair: &Pair,
+    candidate: &Candidate,
+    smooth: Smooth,
+) -> Vec<(Member, f64)> {
+    let Kind::Function { smooth: of_search, .. } = &pair.kind else { return Vec::new() };
+    let mut theta = candidate.embed(&learnt.candidate, &learnt.fitted.theta);
+    for (k, (to, from)) in weights(candidate).into_iter().zip(weights(&learnt.candidate)).enumerate() {
+        let weight = learnt.candidate.free[from].coordinate.value(learnt.fitted.theta[from]);
+        theta[to] = candidate.free[to].coordinate.theta(of_search.converted(weight, k, &smooth));
+    }
+    let mut start = (theta, learnt.fitted.noise);
+    let mut all = Vec::new();
+    for spread in SPREADS {
+        let Some((candidate, fitted, ln_evidence)) = fit_spread(subject, candidate, spread, start.clone()) else {
+            continue;
+        };
+        start = (fitted.theta.clone(), fitted.noise);
+        let Ok(tangent) = Tangent::new(subject, &candidate, &fitted) else { continue };
+        let member = Member { share: 0.0, smooth, covariance: tangent.covariance(), candidate, fitted };
+        all.push((member, ln_evidence));
+    }
+    all
+}
+
+impl Member {
+    /// Derivatives of ln factor at a state by the weights' coordinates, with their places.
+    fn slopes(&self, state: f64) -> Vec<(usize, f64)> {
+        let functions = self.smooth.functions(state.into());
+        let slope = |(k, function): (usize, &Dual)| (k, function.value * self.candidate.free[k].coordinate.unit(0.0));
+        weights(&self.candidate).into_iter().zip(&functions).map(slope).collect()
+    }
+
+    /// A sum of coordinates at the fit, and its standard deviation.
+    fn sum(&self, parts: &[(usize, f64)]) -> [f64; 2] {
+        let mean = parts.iter().map(|(k, slope)| self.fitted.theta[*k] * slope).sum();
+        let Some(covariance) = &self.covariance else { return [mean, f64::INFINITY] };
+        let of = |(i, a): &(usize, f64)| -> f64 { parts.iter().map(|(j, b)| a * b * covariance[(*i, *j)]).sum() };
+        [mean, parts.iter().map(of).sum::<f64>().max(0.0).sqrt()]
+    }
+}
+
+#[cfg(test)]
+#[path = "function_tests.rs"]
+mod tests;
