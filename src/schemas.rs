@@ -17,6 +17,7 @@ use crate::documents::init::InitSummary;
 use crate::documents::joint::JointSummary;
 use crate::documents::ladder::LadderSummary;
 use crate::documents::learned::Learned;
+use crate::documents::learned_cohort::LearnedCohort;
 use crate::documents::oscillation::{OscillationDiagnosis, OscillationSummary};
 use crate::documents::posterior::PosteriorSummary;
 use crate::documents::shapes::ShapesSummary;
@@ -75,6 +76,7 @@ pub fn all() -> Vec<DocumentSchema> {
         DocumentSchema::of::<InitSummary>("init", "init"),
         DocumentSchema::of::<LadderSummary>("ladder", "ladder"),
         DocumentSchema::of::<Learned>("learned", "learn"),
+        DocumentSchema::of::<LearnedCohort>("learned-cohort", "learn"),
         DocumentSchema::of::<PosteriorSummary>("posterior", "sample"),
         DocumentSchema::of::<ShapesSummary>("shapes", "shapes"),
         DocumentSchema::of::<SimulationSummary>("simulation", "simulate"),

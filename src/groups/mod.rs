@@ -14,6 +14,7 @@ pub mod hierarchy;
 mod hierarchy_tests;
 pub mod interim;
 pub mod job;
+pub mod learnt;
 pub mod missing;
 pub mod plan;
 pub mod predict;

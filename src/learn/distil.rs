@@ -53,16 +53,11 @@ pub fn distil(
 ) -> Option<Distilled> {
     let Kind::Function { state, visited, .. } = &pair.kind else { return None };
     let [low, high] = visited.iter().fold([0.0_f64; 2], |[low, high], s| [low.min(*s), high.max(*s)]);
-    let slug = format!("learned-{}-by-{}", pair.quantity, pair.state).replace('_', "-");
-    let summary = format!("{} depends on {}", pair.quantity, pair.state.replace('_', " "));
     let mut written = formulas(*state, [low, high]);
     written.retain(|written| written.parameters.len() <= most_parameters);
-    let fitted = |written: &Written| -> Option<(String, Subject, Refitted, &'static StateEffect)> {
-        let text = written.file(&slug, pair.quantity, pair.state, &summary);
-        let effect: &'static StateEffect = Box::leak(Box::new(effect_file::parsed(FILE_NAME.as_ref(), &text).ok()?));
-        let own = beside(subject, effect)?;
-        let candidate = own.extended(&[effect.slug]).ok()?;
-        let refitted = Refitted::new(&own, candidate, &[base], Search::Local).ok()?;
+    let fitted = |written: &Written| {
+        let (text, effect) = as_effect(written, pair)?;
+        let (own, refitted) = fitted(subject, base, effect)?;
         Some((text, own, refitted, effect))
     };
     let all: Vec<_> = written.par_iter().map(|written| (written, fitted(written))).collect();
@@ -89,6 +84,24 @@ pub fn distil(
             are_told.then_some((written, file, refitted, effect, own))
         })?;
     Some(Distilled { text: written.text.clone(), parameters: own, score: score(&refitted), refitted, file, effect })
+}
+
+/// A formula of a pair as an effect, with its file.
+pub fn as_effect(written: &Written, pair: &Pair) -> Option<(String, &'static StateEffect)> {
+    let slug = format!("learned-{}-by-{}", pair.quantity, pair.state).replace('_', "-");
+    let summary = format!("{} depends on {}", pair.quantity, pair.state.replace('_', " "));
+    let text = written.file(&slug, pair.quantity, pair.state, &summary);
+    // Effects are static everywhere; a command looks at some dozens of formulas.
+    let effect: &'static StateEffect = Box::leak(Box::new(effect_file::parsed(FILE_NAME.as_ref(), &text).ok()?));
+    Some((text, effect))
+}
+
+/// A model with one more effect at its fit, and the subject that has it; `None` where the experiment cannot have it.
+pub fn fitted(subject: &Subject, base: &Refitted, effect: &'static StateEffect) -> Option<(Subject, Refitted)> {
+    let own = beside(subject, effect)?;
+    let candidate = own.extended(&[effect.slug]).ok()?;
+    let refitted = Refitted::new(&own, candidate, &[base], Search::Local).ok()?;
+    Some((own, refitted))
 }
 
 /// Values and intervals of a formula's parameters: normal in the coordinates of the search.

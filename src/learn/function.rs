@@ -9,13 +9,12 @@ use rayon::prelude::*;
 
 use super::fit::{Learnt, fit_spread, weights};
 use super::pairs::{Kind, Pair, finer};
-use super::smooth::Smooth;
+use super::smooth::{Basis, Smooth};
+use super::truncated;
 use crate::critique::{Candidate, Coordinate, Fitted, Free, Subject, Tangent};
 use crate::error::Result;
 use crate::number::Dual;
 
-/// Decays of the cosines: 1 is a path that may kink and all but jump, 2 one that bends.
-const DECAYS: [f64; 3] = [1.0, 1.5, 2.0];
 /// Spreads of the weights, in the order in which they are fitted.
 const SPREADS: [f64; 5] = [0.3, 1.0, 3.0, 0.1, 0.03];
 /// Priors whose evidence is this far below the best, in nats, do not count.
@@ -27,7 +26,8 @@ struct Member {
     smooth: Smooth,
     candidate: Candidate,
     fitted: Fitted,
-    covariance: Option<DMatrix<f64>>,
+    /// Mean and covariance of the coordinates; `None` where the data do not determine them.
+    moments: Option<(Vec<f64>, DMatrix<f64>)>,
 }
 
 /// A function of a state with its band.
@@ -44,9 +44,7 @@ impl Function {
     /// Where the model has no derivatives at its fit.
     pub fn of_search(subject: &Subject, learnt: &Learnt, pair: &Pair) -> Result<Option<Self>> {
         let Kind::Function { smooth, .. } = &pair.kind else { return Ok(None) };
-        let (candidate, fitted) = (learnt.candidate.clone(), learnt.fitted.clone());
-        let covariance = Tangent::new(subject, &candidate, &fitted)?.covariance();
-        let only = Member { share: 1.0, smooth: *smooth, candidate, fitted, covariance };
+        let only = Member::at(subject, *smooth, learnt.candidate.clone(), learnt.fitted.clone())?;
         Ok(Some(Self { quantity: pair.quantity, members: vec![only] }))
     }
 
@@ -55,14 +53,14 @@ impl Function {
     /// # Errors
     /// Where the model has no derivatives at its fit.
     pub fn averaged(subject: &Subject, learnt: &Learnt, pair: &Pair) -> Result<Option<Self>> {
-        let finer: Vec<_> = DECAYS.iter().filter_map(|decay| finer(pair, *decay)).collect();
+        let finer = finer(pair);
         let library = subject.library().clone().beside(finer.iter().map(|(effect, _)| *effect));
         let subject = subject.with_library(&library)?;
-        let of_decay = |(effect, smooth): &(&'static dyn crate::effects::Effect, Smooth)| {
+        let of_basis = |(effect, smooth): &(&'static dyn crate::effects::Effect, Smooth)| {
             let candidate = subject.extended(&[effect.slug()]).ok()?;
-            Some(members(&subject, learnt, pair, &candidate, *smooth))
+            Some(members(&subject, learnt, &candidate, *smooth))
         };
-        let mut members: Vec<(Member, f64)> = finer.par_iter().filter_map(of_decay).flatten().collect();
+        let mut members: Vec<(Member, f64)> = finer.par_iter().filter_map(of_basis).flatten().collect();
         members.sort_by(|a, b| b.1.total_cmp(&a.1));
         let Some(best) = members.first().map(|(_, ln_evidence)| *ln_evidence) else {
             return Self::of_search(&subject, learnt, pair);
@@ -127,35 +125,31 @@ impl Function {
     }
 }
 
-/// A function of one decay under every spread at its fit, with the ln evidence, from what the search found.
-fn members(
-    subject: &Subject,
-    learnt: &Learnt,
-    pair: &Pair,
-    candidate: &Candidate,
-    smooth: Smooth,
-) -> Vec<(Member, f64)> {
-    let Kind::Function { smooth: of_search, .. } = &pair.kind else { return Vec::new() };
-    let mut theta = candidate.embed(&learnt.candidate, &learnt.fitted.theta);
-    for (k, (to, from)) in weights(candidate).into_iter().zip(weights(&learnt.candidate)).enumerate() {
-        let weight = learnt.candidate.free[from].coordinate.value(learnt.fitted.theta[from]);
-        theta[to] = candidate.free[to].coordinate.theta(of_search.converted(weight, k, &smooth));
-    }
-    let mut start = (theta, learnt.fitted.noise);
+/// A sum of functions under every spread of its weights at its fit, with the ln evidence, from the law and the noise that the search found.
+fn members(subject: &Subject, learnt: &Learnt, candidate: &Candidate, smooth: Smooth) -> Vec<(Member, f64)> {
+    let mut start = (candidate.embed(&learnt.candidate, &learnt.fitted.theta), learnt.fitted.noise);
     let mut all = Vec::new();
     for spread in SPREADS {
         let Some((candidate, fitted, ln_evidence)) = fit_spread(subject, candidate, spread, start.clone()) else {
             continue;
         };
         start = (fitted.theta.clone(), fitted.noise);
-        let Ok(tangent) = Tangent::new(subject, &candidate, &fitted) else { continue };
-        let member = Member { share: 0.0, smooth, covariance: tangent.covariance(), candidate, fitted };
+        let Ok(member) = Member::at(subject, smooth, candidate, fitted) else { continue };
         all.push((member, ln_evidence));
     }
     all
 }
 
 impl Member {
+    fn at(subject: &Subject, smooth: Smooth, candidate: Candidate, fitted: Fitted) -> Result<Self> {
+        let tangent = Tangent::new(subject, &candidate, &fitted)?;
+        let moments = match smooth.basis() {
+            Basis::Cosines { .. } => tangent.covariance().map(|covariance| (fitted.theta.clone(), covariance)),
+            Basis::Ramps { .. } => above_zero(&tangent, &candidate, &fitted),
+        };
+        Ok(Self { share: 1.0, smooth, candidate, fitted, moments })
+    }
+
     /// Derivatives of ln factor at a state by the weights' coordinates, with their places.
     fn slopes(&self, state: f64) -> Vec<(usize, f64)> {
         let functions = self.smooth.functions(state.into());
@@ -163,13 +157,24 @@ impl Member {
         weights(&self.candidate).into_iter().zip(&functions).map(slope).collect()
     }
 
-    /// A sum of coordinates at the fit, and its standard deviation.
+    /// Mean of a sum of coordinates, and its standard deviation.
     fn sum(&self, parts: &[(usize, f64)]) -> [f64; 2] {
-        let mean = parts.iter().map(|(k, slope)| self.fitted.theta[*k] * slope).sum();
-        let Some(covariance) = &self.covariance else { return [mean, f64::INFINITY] };
+        let Some((mean, covariance)) = &self.moments else {
+            return [parts.iter().map(|(k, slope)| self.fitted.theta[*k] * slope).sum(), f64::INFINITY];
+        };
         let of = |(i, a): &(usize, f64)| -> f64 { parts.iter().map(|(j, b)| a * b * covariance[(*i, *j)]).sum() };
-        [mean, parts.iter().map(of).sum::<f64>().max(0.0).sqrt()]
+        let variance = parts.iter().map(of).sum::<f64>();
+        [parts.iter().map(|(k, slope)| mean[*k] * slope).sum(), variance.max(0.0).sqrt()]
     }
+}
+
+/// Moments of the coordinates where no weight is negative: of the normal about the step that takes up what is left, cut off at 0.
+fn above_zero(tangent: &Tangent, candidate: &Candidate, fitted: &Fitted) -> Option<(Vec<f64>, DMatrix<f64>)> {
+    let step = tangent.absorbing_step(tangent.residual())?;
+    let centre: Vec<f64> = fitted.theta.iter().zip(step).map(|(theta, step)| theta + step).collect();
+    let mut least = vec![f64::NEG_INFINITY; centre.len()];
+    weights(candidate).into_iter().for_each(|k| least[k] = 0.0);
+    truncated::moments(&centre, &tangent.covariance()?, &least)
 }
 
 #[cfg(test)]

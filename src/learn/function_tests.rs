@@ -20,7 +20,7 @@ fn bands_are_as_wide_as_what_is_learnt_scatters() {
     let subject = subject(Protocol::Levels).with_cycles(&[1, 2, 3, 4], &[5]).unwrap();
     let start = subject.fit(&subject.base(), &[], Search::Wide).unwrap();
     let base = Refitted { candidate: subject.base(), fitted: start, future: None };
-    let pairs = pairs(&subject, &base).unwrap();
+    let pairs = pairs(&subject, &base, false).unwrap();
     let pair = pairs.iter().find(|pair| (pair.quantity, pair.state) == ("viscosity_2_pa_s", "path")).unwrap();
     let library = subject.library().clone().beside([pair.effect]);
     let subject = subject.with_library(&library).unwrap();

@@ -7,12 +7,18 @@
 
 mod creep;
 mod distil;
+mod drawn;
 mod fit;
 mod formulas;
 mod function;
 mod job;
 mod pairs;
+pub mod record;
+mod search;
 mod smooth;
+mod truncated;
+mod words;
 
 pub use distil::FILE_NAME;
 pub use job::{Outcome, Request, first_look, learn};
+pub use search::{EQUAL_NATS, FORMULA_LOSS, FORMULA_LOSS_NATS, LARGEST_P, LEAST_EVIDENCE_NATS, LEAST_FUTURE_NATS};

@@ -1,7 +1,7 @@
 //! Pairs of a quantity and a state, as effects.
 
 use super::creep::{Creep, creep};
-use super::smooth::{DECAY, MOST_WEIGHTS, N_WEIGHTS, Smooth};
+use super::smooth::{Basis, MOST_WEIGHTS, N_WEIGHTS, Smooth};
 use crate::critique::Subject;
 use crate::critique::refit::Refitted;
 use crate::distribution::Distribution;
@@ -47,11 +47,17 @@ const LEAST_DISTINCT: usize = 3;
 /// Where velocities and times since a step bend, as a share of their range: most of what happens happens near 0.
 const BENT_AT: f64 = 0.03;
 
-/// All pairs that make sense for a model.
+/// Functions of a search that may bend either way.
+const FREE: [Basis; 1] = [Basis::COSINES];
+/// Functions of a search that go one way.
+const MONOTONE: [Basis; 2] = [Basis::Ramps { n: N_WEIGHTS, falls: false }, Basis::Ramps { n: N_WEIGHTS, falls: true }];
+
+/// All pairs that make sense for a model; with functions that go one way each pair is there twice, rising and falling.
 ///
 /// # Errors
 /// Where the model has no stages at its fit.
-pub fn pairs(subject: &Subject, base: &Refitted) -> Result<Vec<Pair>> {
+pub fn pairs(subject: &Subject, base: &Refitted, is_monotone: bool) -> Result<Vec<Pair>> {
+    let bases: &[Basis] = if is_monotone { &MONOTONE } else { &FREE };
     let law = subject.problem().model.base();
     let elements = law.parameters().iter().filter(|spec| law.leaf(spec.name).is_some());
     let elements: Vec<QuantityName> = elements.map(|spec| QuantityName::Element(spec.name)).collect();
@@ -59,9 +65,7 @@ pub fn pairs(subject: &Subject, base: &Refitted) -> Result<Vec<Pair>> {
     let mut pairs = Vec::new();
     let mut add = |quantity: QuantityName, state: State| {
         let visited = states.at_rows(quantity, state);
-        if let Some(pair) = pair(quantity, state, visited) {
-            pairs.push(pair);
-        }
+        pairs.extend(bases.iter().filter_map(|basis| pair(quantity, state, visited.clone(), *basis)));
     };
     // One element that bears all the force: what the force does, the element does.
     let is_alone = law.parameters().len() == 1 || (elements.len() == 1 && law.parameters().len() == 2);
@@ -84,7 +88,7 @@ pub fn pairs(subject: &Subject, base: &Refitted) -> Result<Vec<Pair>> {
     Ok(pairs)
 }
 
-fn pair(quantity: QuantityName, state: State, visited: Vec<f64>) -> Option<Pair> {
+fn pair(quantity: QuantityName, state: State, visited: Vec<f64>, basis: Basis) -> Option<Pair> {
     let range = visited.iter().fold([0.0_f64; 2], |[low, high], s| [low.min(*s), high.max(*s)]);
     let mut distinct = visited.clone();
     distinct.sort_by(f64::total_cmp);
@@ -93,25 +97,47 @@ fn pair(quantity: QuantityName, state: State, visited: Vec<f64>) -> Option<Pair>
         return None;
     }
     let is_bent = matches!(state, State::Velocity | State::TimeSinceStep);
-    let smooth = Smooth::over(range, is_bent.then(|| BENT_AT * (range[1] - range[0])), DECAY);
-    let slug = format!("{}-by-{}", quantity.name(), state.name()).replace('_', "-");
+    let smooth = Smooth::over(range, is_bent.then(|| BENT_AT * (range[1] - range[0])), basis);
+    let way = match basis {
+        Basis::Cosines { .. } => "",
+        Basis::Ramps { falls: false, .. } => "-rising",
+        Basis::Ramps { falls: true, .. } => "-falling",
+    };
+    let slug = format!("{}-by-{}{way}", quantity.name(), state.name()).replace('_', "-");
     let effect = effect(slug, quantity, state, smooth, N_WEIGHTS);
     let kind = Kind::Function { smooth, quantity, state, visited };
     Some(Pair { quantity: quantity.name(), state: state.name(), effect, kind })
 }
 
-/// The effect of a function with all its weights and another decay; `None` for a free memory.
-pub fn finer(pair: &Pair, decay: f64) -> Option<(&'static dyn Effect, Smooth)> {
-    let Kind::Function { smooth, quantity, state, .. } = &pair.kind else { return None };
-    let (slug, smooth) = (format!("{}-{decay}", pair.effect.slug()), smooth.with_decay(decay));
-    Some((effect(slug, *quantity, *state, smooth, MOST_WEIGHTS), smooth))
+/// Decays of cosines that a function is averaged over: 1 is a path that may kink and all but jump, 2 one that bends.
+const DECAYS: [f64; 3] = [1.0, 1.5, 2.0];
+
+/// The functions with all their weights that may be meant by a pair; none for a free memory.
+pub fn finer(pair: &Pair) -> Vec<(&'static dyn Effect, Smooth)> {
+    let Kind::Function { smooth, quantity, state, .. } = &pair.kind else { return Vec::new() };
+    let bases = match smooth.basis() {
+        Basis::Cosines { .. } => DECAYS.map(|decay| Basis::Cosines { decay }).to_vec(),
+        Basis::Ramps { falls, .. } => vec![Basis::Ramps { n: MOST_WEIGHTS, falls }],
+    };
+    let of = |(number, basis): (usize, &Basis)| {
+        let (slug, smooth) = (format!("{}-finer-{number}", pair.effect.slug()), smooth.with(*basis));
+        (effect(slug, *quantity, *state, smooth, MOST_WEIGHTS), smooth)
+    };
+    bases.iter().enumerate().map(of).collect()
 }
 
 fn effect(slug: String, quantity: QuantityName, state: State, smooth: Smooth, n_weights: usize) -> &'static dyn Effect {
+    let is_monotone = matches!(smooth.basis(), Basis::Ramps { .. });
+    let support = if is_monotone { Support { lower: 0.0, upper: f64::INFINITY } } else { Support::REAL };
+    let prior: &'static (dyn Fn(&crate::experiment::Scales) -> Distribution + Send + Sync) = if is_monotone {
+        &|_| Distribution::HalfNormal { sd: 1.0 }
+    } else {
+        &|_| Distribution::Normal { mean: 0.0, sd: 1.0 }
+    };
     let parameter = |k: usize| EffectParameter {
-        spec: ParameterSpec::new(leaked(format!("{slug}.weight_{k}")), "w", "1", Support::REAL),
+        spec: ParameterSpec::new(leaked(format!("{slug}.weight_{k}")), "w", "1", support),
         null: &|_| Some(0.0),
-        prior: &|_| Distribution::Normal { mean: 0.0, sd: 1.0 },
+        prior,
         prior_source: "smooth functions about none",
         finite_step: None,
     };

@@ -3,19 +3,80 @@
 use crate::number::{Dual, Scalar as _};
 use crate::stages::StateFunction;
 
-/// Weights of a function in a search: a trend, and cosines over the range of states.
+/// Weights of a function in a search.
 pub const N_WEIGHTS: usize = 8;
 /// Most weights of a function.
 pub const MOST_WEIGHTS: usize = 16;
-/// Cosine k has the standard deviation k^−p of the first. In a search p is this: a prior of functions that bend, and have no kinks.
-pub const DECAY: f64 = 1.5;
 
-/// e^{g(s)} with g(s) = w₀ u + Σ wₖ cos(πku)/k^p, less the same at the state 0, so that the quantity is what it is there; u goes from 0 to 1 over the range of states, linearly
-/// or as arsinh(s/s₀). Beyond the range only the trend goes on. As many functions are used as there are weights.
+/// The functions whose weighted sum is g, over u from 0 to 1.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Basis {
+    /// A trend u, and cosines cos(πku)/k^p whose prior bends them less the larger the decay p is.
+    Cosines {
+        /// p.
+        decay: f64,
+    },
+    /// Functions that rise from 0 to 1, each where its hat stands, for weights that are not negative: a sum of integrals of n hats side by side.
+    Ramps {
+        /// Hats, at most [`MOST_WEIGHTS`].
+        n: usize,
+        /// Whether g falls.
+        falls: bool,
+    },
+}
+
+impl Basis {
+    /// Of a search: functions that bend, and have no kinks.
+    pub const COSINES: Self = Self::Cosines { decay: 1.5 };
+
+    fn at(self, u: Dual) -> [Dual; MOST_WEIGHTS] {
+        let inside = if (0.0..=1.0).contains(&u.value) { u } else { Dual::constant(u.value.clamp(0.0, 1.0)) };
+        match self {
+            Self::Cosines { decay } => {
+                let cosine = (inside * std::f64::consts::PI).cos();
+                // cos(k x) = 2 cos x cos((k − 1)x) − cos((k − 2)x).
+                let (mut before, mut now) = (Dual::ONE, cosine);
+                std::array::from_fn(|k| {
+                    if k == 0 {
+                        return u;
+                    }
+                    let own = now * (k as f64).powf(-decay);
+                    (before, now) = (now, cosine * now * 2.0 - before);
+                    own
+                })
+            }
+            Self::Ramps { n, falls } => {
+                let last = (n - 1) as f64;
+                // Together n ramps of unit weights rise by √n, as n independent changes do.
+                let size = (n as f64).sqrt().recip() * if falls { -1.0 } else { 1.0 };
+                std::array::from_fn(|k| {
+                    if k >= n {
+                        return Dual::ZERO;
+                    }
+                    // A hat from −1 to 1; the first and the last are halves.
+                    let (x, from) = (inside * last + -(k as f64), if k == 0 { 0.5 } else { 0.0 });
+                    let whole = if k == 0 || k + 1 == n { 0.5 } else { 1.0 };
+                    let risen = if x.value <= -1.0 {
+                        Dual::ZERO
+                    } else if x.value <= 0.0 {
+                        (x + 1.0) * (x + 1.0) * 0.5
+                    } else if x.value <= 1.0 {
+                        Dual::ONE + -((Dual::ONE + -x) * (Dual::ONE + -x) * 0.5)
+                    } else {
+                        Dual::ONE
+                    };
+                    (risen + -from) * (size / whole)
+                })
+            }
+        }
+    }
+}
+
+/// e^{g(s)} with g a weighted sum of functions of u, less the same at the state 0, so that the quantity is what it is there; u goes from 0 to 1 over the range of states, linearly
+/// or as arsinh(s/s₀). Beyond the range only a trend goes on. As many functions are used as there are weights.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Smooth {
-    /// p.
-    decay: f64,
+    basis: Basis,
     /// u at the state s is (w(s) − `from`)/`width`.
     from: f64,
     width: f64,
@@ -26,23 +87,23 @@ pub struct Smooth {
 }
 
 impl Smooth {
-    /// Over a range of states that is not empty, with the decay p.
-    pub fn over(range: [f64; 2], bent_at: Option<f64>, decay: f64) -> Self {
+    /// Over a range of states that is not empty.
+    pub fn over(range: [f64; 2], bent_at: Option<f64>, basis: Basis) -> Self {
         let warp = |s: f64| bent_at.map_or(s, |own| (s / own).asinh());
         let [from, to] = range.map(warp);
-        Self { decay, from, width: to - from, bent_at, at_zero: [0.0; MOST_WEIGHTS] }.with_decay(decay)
+        Self { basis, from, width: to - from, bent_at, at_zero: [0.0; MOST_WEIGHTS] }.with(basis)
     }
 
-    /// The same range with another decay p.
-    pub fn with_decay(self, decay: f64) -> Self {
-        let mut own = Self { decay, at_zero: [0.0; MOST_WEIGHTS], ..self };
+    /// What g is a sum of.
+    pub fn basis(&self) -> Basis {
+        self.basis
+    }
+
+    /// Over the same range a sum of other functions.
+    pub fn with(self, basis: Basis) -> Self {
+        let mut own = Self { basis, at_zero: [0.0; MOST_WEIGHTS], ..self };
         own.at_zero = own.functions(Dual::ZERO).map(|function| function.value);
         own
-    }
-
-    /// What the weight of function k becomes under the decay of another.
-    pub fn converted(&self, weight: f64, k: usize, other: &Self) -> f64 {
-        if k == 0 { weight } else { weight * (k as f64).powf(other.decay - self.decay) }
     }
 
     /// The functions whose weighted sum is g, less what they are at 0.
@@ -54,19 +115,9 @@ impl Smooth {
             }
             None => state,
         };
-        let u = (warped - self.from) * self.width.recip();
-        let inside = if (0.0..=1.0).contains(&u.value) { u } else { Dual::constant(u.value.clamp(0.0, 1.0)) };
-        let cosine = (inside * std::f64::consts::PI).cos();
-        // cos(k x) = 2 cos x cos((k − 1)x) − cos((k − 2)x).
-        let (mut before, mut now) = (Dual::ONE, cosine);
-        std::array::from_fn(|k| {
-            if k == 0 {
-                return u - self.at_zero[0];
-            }
-            let own = now * (k as f64).powf(-self.decay);
-            (before, now) = (now, cosine * now * 2.0 - before);
-            own - self.at_zero[k]
-        })
+        let mut functions = self.basis.at((warped - self.from) * self.width.recip());
+        functions.iter_mut().zip(self.at_zero).for_each(|(function, at_zero)| *function = *function - at_zero);
+        functions
     }
 }
 
@@ -85,14 +136,14 @@ mod tests {
     #[test]
     fn functions_are_what_they_are_called() {
         for bent_at in [None, Some(3e-5)] {
-            let smooth = Smooth::over([-2e-4, 6e-4], bent_at, DECAY);
+            let smooth = Smooth::over([-2e-4, 6e-4], bent_at, Basis::COSINES);
             assert!(smooth.functions(Dual::ZERO).iter().all(|function| function.value == 0.0));
             for state in [-1.5e-4, 1e-5, 4e-4] {
                 let found = smooth.functions(Dual::variable(state));
                 let warp = |s: f64| bent_at.map_or(s, |own: f64| (s / own).asinh());
                 let u = |s: f64| (warp(s) - warp(-2e-4)) / (warp(6e-4) - warp(-2e-4));
                 for (k, found) in found.iter().enumerate().skip(1) {
-                    let cosine = |s: f64| (std::f64::consts::PI * k as f64 * u(s)).cos() * (k as f64).powf(-DECAY);
+                    let cosine = |s: f64| (std::f64::consts::PI * k as f64 * u(s)).cos() * (k as f64).powf(-1.5);
                     assert!((found.value - (cosine(state) - cosine(0.0))).abs() < 1e-12);
                     let h = 1e-9;
                     let slope = (cosine(state + h) - cosine(state - h)) / (2.0 * h);
@@ -100,6 +151,34 @@ mod tests {
                 }
             }
             assert_eq!(smooth.value(Dual::constant(3e-4), &[Dual::ZERO; MOST_WEIGHTS]), Dual::ONE);
+        }
+    }
+    /// Ramps never fall where they rise and never rise where they fall, together they rise by √n, derivatives are differences, and a ramp rises where its hat stands and nowhere else.
+    #[test]
+    fn ramps_go_one_way() {
+        for (n, falls) in [(2, false), (8, true), (MOST_WEIGHTS, false)] {
+            let smooth = Smooth::over([0.0, 2.0], None, Basis::Ramps { n, falls });
+            let sign = if falls { -1.0 } else { 1.0 };
+            let at = |state: f64| smooth.functions(Dual::variable(state));
+            for k in 0..n {
+                let mut before = 0.0;
+                for step in 0..=400 {
+                    let (state, h) = (step as f64 / 200.0, 1e-6);
+                    let own = at(state)[k];
+                    assert!(sign * own.value >= before - 1e-15, "{n} {k} {state}");
+                    before = sign * own.value;
+                    if step > 0 && step < 400 {
+                        let slope = (at(state + h)[k].value - at(state - h)[k].value) / (2.0 * h);
+                        assert!((own.derivative - slope).abs() < 1e-4, "{n} {k} {state}: {slope} {own:?}");
+                    }
+                    let hat = 2.0 * k as f64 / (n - 1) as f64;
+                    if (state - hat).abs() > 2.0 / (n - 1) as f64 {
+                        assert_eq!(own.derivative, 0.0);
+                    }
+                }
+                assert!((before - (n as f64).sqrt().recip()).abs() < 1e-12);
+            }
+            assert!(at(1.0)[n..].iter().all(|own| own.value == 0.0));
         }
     }
 }

@@ -16,10 +16,18 @@ const ROWS_OF_CYCLE: usize = 80;
 /// An instrument's record of a dashpot whose viscosity grows as e^{bP} with the path P, in closed form: under the force F the path goes on by ln(1 + b C |F| t e^{−bP₀}/c)/b. Two sizes of
 /// forces, so that path and time are not one.
 fn write_record(dir: &Path, growth_per_m: f64) -> PathBuf {
-    let experiment = dir.join("hardening");
+    write_numbered(dir, "hardening", 0, growth_per_m)
+}
+
+/// One of several records, each with errors of its own.
+fn write_numbered(dir: &Path, name: &str, number: usize, growth_per_m: f64) -> PathBuf {
+    let experiment = dir.join(name);
     std::fs::create_dir_all(&experiment).unwrap();
     let (mut csv, mut path_m, mut position_m) = (String::from("time_s,force_uN,position_um,cycle\n"), 0.0_f64, 0.0);
     let mut normal = normals();
+    (0..number * 4 * ROWS_OF_CYCLE).for_each(|_| {
+        normal();
+    });
     for row in 0..4 * ROWS_OF_CYCLE {
         let levels = [4.0, -1.5, 1.0, -3.5];
         let force_un: f64 = levels[4 * (row % ROWS_OF_CYCLE) / ROWS_OF_CYCLE];
@@ -36,7 +44,7 @@ fn write_record(dir: &Path, growth_per_m: f64) -> PathBuf {
     }
     std::fs::write(experiment.join("trajectory.csv"), csv).unwrap();
     let toml = format!(
-        "[specimen]\nid = \"hardening\"\n[instrument]\ncompliance_per_m = {COMPLIANCE_PER_M}\n[measurement]\nfile = \"trajectory.csv\"\nnoise_um = 1.0\nsource = \"synthetic\"\n"
+        "[specimen]\nid = \"{name}\"\n[instrument]\ncompliance_per_m = {COMPLIANCE_PER_M}\n[measurement]\nfile = \"trajectory.csv\"\nnoise_um = 1.0\nsource = \"synthetic\"\n"
     );
     std::fs::write(experiment.join("experiment.toml"), toml).unwrap();
     std::fs::write(dir.join("dashpot.toml"), "[base.network]\nseries = [{ dashpot = \"flow\" }]\n").unwrap();
@@ -125,4 +133,60 @@ fn a_mistake_in_a_file_is_named() {
         "{message}"
     );
     assert!(!dir.path().join("study").exists());
+}
+
+/// Functions that go one way find the same law, and go one way.
+#[test]
+#[ignore = "thorough"]
+fn a_function_that_may_only_rise_or_fall_does() {
+    let dir = tempfile::tempdir().unwrap();
+    let experiment = write_record(dir.path(), 8e3);
+    let options =
+        ["--base", "dashpot.toml", "--prior", "generic", "--out", "study", "--json", "-", "--quiet", "--monotone"];
+    let run = vitreo(dir.path(), &[&["learn", experiment.to_str().unwrap()], &options[..]].concat());
+    let document: Value = serde_json::from_str(&run.stdout).unwrap_or_else(|_| panic!("{}", run.stderr));
+    assert_eq!(document["verdict"]["kind"], "learned", "{}", document["verdict"]);
+    assert!(document["learned"]["rmse_heldout_um"].as_f64().unwrap() < 1.4, "{document}");
+    let points = document["function"]["points"].as_array().unwrap();
+    let factors: Vec<f64> = points.iter().map(|point| point["factor"].as_f64().unwrap()).collect();
+    let (first, last) = (factors[0], factors[factors.len() - 1]);
+    assert!((last / first).ln().abs() > 0.1, "{first} {last}");
+    let goes_on = |pair: &[f64]| (pair[1] - pair[0]) * (last - first) >= -1e-9;
+    assert!(factors.windows(2).all(goes_on), "{factors:?}");
+}
+
+/// Six dashpots, each hardening at a rate of its own: the law is learnt from three of them and confirmed on the other three. Without hardening nothing is confirmed.
+#[test]
+#[ignore = "thorough"]
+fn half_of_a_cohort_confirms_what_the_other_half_wrote() {
+    for hardens in [true, false] {
+        let dir = tempfile::tempdir().unwrap();
+        for number in 0..6 {
+            let growth_per_m = if hardens { 4e3 + 1e3 * number as f64 } else { 0.0 };
+            write_numbered(&dir.path().join("eyes"), &format!("eye-{number}"), number, growth_per_m);
+        }
+        let options =
+            ["--base", "eyes/dashpot.toml", "--prior", "generic", "--out", "cohort", "--json", "-", "--quiet"];
+        let run = vitreo(dir.path(), &[&["learn", "eyes"], &options[..]].concat());
+        let document: Value = serde_json::from_str(&run.stdout).unwrap_or_else(|_| panic!("{}", run.stderr));
+        let verdict = &document["verdict"];
+        if !hardens {
+            assert_ne!(verdict["kind"], "confirmed", "{verdict}");
+            continue;
+        }
+        assert_eq!(verdict["kind"], "confirmed", "{verdict}");
+        assert_eq!(document["state"], "path", "{verdict}");
+        let confirmed = document["confirmed_on"].as_array().unwrap();
+        let names: Vec<&str> = confirmed.iter().map(|own| own["experiment"].as_str().unwrap()).collect();
+        assert_eq!(names, ["eye-1", "eye-3", "eye-5"]);
+        for own in confirmed {
+            // 80 errors of 1 µm, as above.
+            assert!(own["rmse_after_um"].as_f64().unwrap() < 1.4, "{own}");
+        }
+        let extended =
+            ["extend", "eyes", "--with", "cohort/learned/learned-effect.toml", "--base", "eyes/dashpot.toml"];
+        let run = vitreo(dir.path(), &[&extended[..], &["--prior", "generic", "--out", "studies", "--quiet"]].concat());
+        assert!(run.code < 2, "{}", run.stderr);
+        assert!(dir.path().join("studies/eye-5/m0").is_dir());
+    }
 }

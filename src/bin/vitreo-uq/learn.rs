@@ -29,6 +29,9 @@ const N_SHOWN: usize = 12;
 pub fn run(arguments: &LearnArguments) -> Result<ExitCode> {
     let at = Instant::now();
     let common = &arguments.common;
+    if crate::cohort::is_cohort(common.target.as_ref(), &arguments.others) {
+        return crate::learn_cohort::run(arguments);
+    }
     let threads = options::use_threads(common.threads)?;
     crate::output::check(common.json.as_deref())?;
     options::check_simulations(arguments.simulations, FEWEST_SIMULATIONS)?;
@@ -36,7 +39,7 @@ pub fn run(arguments: &LearnArguments) -> Result<ExitCode> {
     let begun = Begun { at, common, page: &arguments.page, terminal: &terminal };
     let sampler = options::default_sampler(common.seed, threads);
     let examined = Examined::open(common, &arguments.model, sampler, &terminal)?;
-    let request = Request { n_simulations: arguments.simulations, seed: common.seed };
+    let request = Request { n_simulations: arguments.simulations, seed: common.seed, is_monotone: arguments.monotone };
     let subject = of_first_cycles(examined.subject_for_effects(&terminal)?, arguments.first_cycles)?;
     let outcome = learn(&subject, &request, &terminal)?;
     terminal.stage("writing results and figures");

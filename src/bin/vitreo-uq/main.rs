@@ -23,6 +23,7 @@ mod interrupt;
 mod joint;
 mod ladder;
 mod learn;
+mod learn_cohort;
 mod options;
 mod output;
 mod questions;

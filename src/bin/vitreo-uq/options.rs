@@ -200,6 +200,9 @@ pub struct DiagnoseArguments {
 pub struct LearnArguments {
     #[command(flatten)]
     pub common: Common,
+    /// More experiments or studies, or a directory of them in the first one's place: learnt from half of them, confirmed on the others
+    #[arg(value_name = "DIR")]
+    pub others: Vec<PathBuf>,
     #[command(flatten)]
     pub model: Model,
     #[command(flatten)]
@@ -210,6 +213,9 @@ pub struct LearnArguments {
     /// Learn from the first N cycles and score all later ones [default: all but the last held-out one, which is scored]
     #[arg(long, value_name = "N")]
     pub first_cycles: Option<u32>,
+    /// Functions of a state may only rise or only fall, as damage or hardening does
+    #[arg(long)]
+    pub monotone: bool,
 }
 
 /// Arguments of `extend`.

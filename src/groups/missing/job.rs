@@ -45,7 +45,8 @@ const SUGGESTIVE_P: f64 = 0.05;
 /// Streams of simulated records lie so far apart.
 const RECORD_STREAMS: u64 = 0x5eed_c040;
 const STREAM_OF_RECORD: u32 = 24;
-const FEWEST_RECORDS: usize = 2;
+/// Records of a cohort.
+pub const FEWEST_RECORDS: usize = 2;
 const KEPT: &str = "nothing was written; models of apparatus that were built are kept";
 
 /// Diagnoses a cohort.
@@ -80,7 +81,9 @@ pub fn run(measurements: &[Measurement], request: &CohortRequest, monitor: &dyn 
     Ok(found.document())
 }
 
-fn stopped(monitor: &dyn Monitor) -> Result<()> {
+/// # Errors
+/// [`Error::Interrupted`] when stopped.
+pub fn stopped(monitor: &dyn Monitor) -> Result<()> {
     match monitor.stop() {
         Some(stop) if stop.load(std::sync::atomic::Ordering::Relaxed) => Err(Error::Interrupted { kept: KEPT.into() }),
         _ => Ok(()),

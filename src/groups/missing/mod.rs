@@ -5,7 +5,7 @@
 //! [`likelihood`] → [`law`] (a common law of sizes) → [`scan`] (one effect over the cohort) → [`judge`] (gains, and p by simulated cohorts) → [`class`] (what looks alike) → [`refit`] (the
 //! claim fitted to every record) → [`compare`] (its sizes in groups) → [`job`].
 
-mod apparatus;
+pub mod apparatus;
 pub mod artefacts;
 pub mod class;
 #[cfg(test)]

@@ -12,6 +12,7 @@ pub mod init;
 pub mod joint;
 pub mod ladder;
 pub mod learned;
+pub mod learned_cohort;
 pub mod oscillation;
 pub mod posterior;
 #[cfg(test)]
