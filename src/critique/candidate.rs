@@ -92,6 +92,12 @@ impl Free {
     pub fn quantile(&self, probability: f64) -> f64 {
         self.clamped(self.coordinate.theta(self.distribution.quantile(probability)))
     }
+
+    /// Mean and standard deviation of the coordinate under its distribution, as a normal.
+    pub fn as_normal(&self) -> (f64, f64) {
+        let [lower, median, upper] = [ONE_SD, 0.5, 1.0 - ONE_SD].map(|p| self.quantile(p));
+        (median, 0.5 * (upper - lower))
+    }
 }
 
 /// A law with effects, and columns of free amplitude.

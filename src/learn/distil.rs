@@ -138,7 +138,7 @@ fn factors(refitted: &Refitted, effect: &StateEffect, states: &[f64], reference:
 }
 
 /// A subject beside one more effect; `None` where the experiment cannot have it.
-fn beside(subject: &Subject, effect: &'static StateEffect) -> Option<Subject> {
+pub fn beside(subject: &Subject, effect: &'static StateEffect) -> Option<Subject> {
     let library = subject.library().clone().beside([effect as &dyn Effect]);
     subject.with_library(&library).ok()
 }

@@ -36,6 +36,19 @@ pub fn weights(candidate: &Candidate) -> Vec<usize> {
     (0..candidate.free.len()).filter(|k| candidate.free[*k].effect == last && last.is_some()).collect()
 }
 
+/// A model whose effect has the priors of its parameters at its fit from a start, and its ln evidence up to what all models share; `None` where it has none.
+pub fn fit_own_priors(
+    subject: &Subject,
+    candidate: &Candidate,
+    start: (Vec<f64>, NoiseValues),
+) -> Option<(Candidate, Fitted, f64)> {
+    let mut own = candidate.clone();
+    for k in weights(candidate) {
+        own.free[k].prior = Some(own.free[k].as_normal());
+    }
+    fit_with_evidence(subject, own, start)
+}
+
 /// A model whose weights have one spread at its fit from a start, and its ln evidence up to what all models share; `None` where it has none.
 pub fn fit_spread(
     subject: &Subject,
@@ -43,7 +56,14 @@ pub fn fit_spread(
     spread: f64,
     start: (Vec<f64>, NoiseValues),
 ) -> Option<(Candidate, Fitted, f64)> {
-    let own = with_spread(candidate, spread);
+    fit_with_evidence(subject, with_spread(candidate, spread), start)
+}
+
+fn fit_with_evidence(
+    subject: &Subject,
+    own: Candidate,
+    start: (Vec<f64>, NoiseValues),
+) -> Option<(Candidate, Fitted, f64)> {
     let fitted = subject.fit(&own, &[start], Search::Local).ok()?;
     let ln_evidence = ln_evidence(subject, &own, &fitted).ok()?;
     Some((own, fitted, ln_evidence))

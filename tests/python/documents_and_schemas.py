@@ -28,6 +28,7 @@ OF_STUDY = [
     ("groups", ["groups", "cohort", "--out", "compared"]),
     ("tasks", ["tasks", "sample", "cohort", "--out", "listed"]),
     ("gathered", ["gather", "listed"]),
+    ("learned-cohort", ["learn", "cohort", "--out", "learnt"]),
     ("cohort-diagnosis", ["diagnose", "cohort", "--out", "together", "--simulations", "19"]),
     ("check", ["check", "sweep"]),
     ("oscillation", ["sample", "sweep", "--out", "swept"]),
