@@ -39,7 +39,7 @@ def nearest(factors, state):
 
 
 def held(document, truth):
-    """What the function errs by over the range of its factors, and the share of states whose factor the band holds; None where the pair is another.
+    """What the function errs by over the range of its factors, the share of states whose factor the band holds, and what the formula errs by, where there is one; None where the pair is another.
 
     Both are over their values at the function's reference state: a factor that all states share is a change of the quantity itself."""
     verdict, function = document["verdict"], document["function"]
@@ -53,19 +53,38 @@ def held(document, truth):
     seen = [(state, factor / at_reference) for state, factor in seen]
     factors = [factor for _, factor in seen]
     points = function["points"]
-    errors = sorted(abs(between(points, state, "factor") - factor) for state, factor in seen)
-    # Nine states of ten: at the ends a state is visited by a row or two.
-    error = errors[len(errors) * 9 // 10] / (max(factors) - min(factors))
+
+    def error(key):
+        # Nine states of ten: at the ends a state is visited by a row or two.
+        errors = sorted(abs(between(points, state, key) - factor) for state, factor in seen)
+        return errors[len(errors) * 9 // 10] / (max(factors) - min(factors))
+
+    if document["formula"] is not None:
+        points = [{**point, "formula": factor} for point, factor in zip(points, document["formula"]["factors"])]
     inside = sum(between(points, s, "q05") <= factor <= between(points, s, "q95") for s, factor in seen) / len(seen)
-    return error, inside
+    return error("factor"), inside, error("formula") if document["formula"] is not None else None
+
+
+def preferred(raw):
+    """Of records with one effect of the library hidden: what was learnt, with whether the library's effect, or one that the experiment cannot tell from it, is preferred."""
+    told = []
+    for path in sorted(raw.glob("library-*.answer.json")):
+        document = json.loads(path.with_name(path.name.replace(".answer", "")).read_text(encoding="utf-8"))
+        truth = json.loads(path.read_text(encoding="utf-8"))["truth"]
+        if is_learned(document):
+            same = {own["slug"] for own in truth["effects"]} | set(truth["ideal_class"])
+            told.append(bool(same & set(document["verdict"]["library"])))
+    return told
 
 
 def figures(raw):
     hidden, none = read(raw, "hidden"), read(raw, "none")
     strong = [(document, truth) for document, truth in hidden if truth["signal_sigma"] >= 20]
     named = [own for own in strong if in_class(*own)]
-    functions = [own for own in (held(*own) for own in strong) if own is not None]
+    functions = [own[:2] for own in (held(*own) for own in strong) if own is not None]
+    formulas = [own[2] for own in (held(*own) for own in strong) if own is not None and own[2] is not None]
     learned = [(document, truth) for document, truth in hidden if is_learned(document)]
+    told = preferred(raw)
 
     def over_noise(document, truth, which):
         errors = document[which]
@@ -75,6 +94,7 @@ def figures(raw):
         "in class at 20 σ and more": of(len(named), len(strong)),
         "learnt at all": of(len(learned), len(hidden)),
         "function within 10 % of its range, where the pair is right": of(sum(error <= 0.1 for error, _ in functions), len(functions)),
+        "the formula, where there is one, within 10 % of the function's range": of(sum(error <= 0.1 for error in formulas), len(formulas)),
         "states whose factor the 90 % band holds": f"{100 * sum(inside for _, inside in functions) / max(1, len(functions)):.0f} %",
         "held-out error at most 1.15 × the true noise, of those learnt": of(sum(over_noise(*own, "learned") for own in learned), len(learned)),
         "the same by the formula, where there is one": of(
@@ -83,6 +103,8 @@ def figures(raw):
         "held-out error at most 1.15 × the true noise of what is written, the formula or else the function": of(
             sum(over_noise(*own, "with_formula" if own[0]["with_formula"] else "learned") for own in learned), len(learned)
         ),
+        "library effect hidden and something learnt: that effect preferred": of(sum(told), len(told)),
+        "library effects hidden": f"{len(list(raw.glob('library-*.answer.json'))):,}",
         "anything learnt where nothing is hidden": of(sum(is_learned(document) for document, _ in none), len(none)),
     }, {
         f"{truth['quantity']} by {truth['state']}, {truth['shape']}, {truth['noise']}, {truth['signal_sigma']:.0f} σ": document["verdict"]["sentence"]

@@ -19,4 +19,13 @@ learn_all() {
 }
 learn_all hidden "$count" 4001
 learn_all none "$controls" 4002 none
+# Effects of the library, hidden one at a time by full finite elements: does `learn` prefer the library's?
+library=${LIBRARY:-$((count / 2))}
+for ((number = 0; number < library; number++)); do
+    label=library-$number
+    place=$raw/library/$number
+    run_in "$label.new" "$program" challenge new --out "$place" --seed $((4100 + number)) --quiet
+    run_in "$label" "$program" learn "$place" --out "$raw/library-study/$number" --json "$raw/$label.json" --quiet --no-report --force
+    run_in "$label.answer" "$program" challenge reveal "$place" --study "$raw/library-study/$number" --json "$raw/$label.answer.json" --quiet
+done
 finish

@@ -5,7 +5,7 @@ use super::drawn::drawn;
 use super::fit::Learnt;
 use super::function::Function;
 use super::pairs::Kind;
-use super::search::{EQUAL_NATS, Found, LARGEST_P};
+use super::search::{EQUAL_NATS, Found};
 use super::words::{rises, words};
 use crate::critique::Subject;
 use crate::critique::outliers;
@@ -48,12 +48,12 @@ pub fn learn(subject: &Subject, request: &Request, monitor: &dyn Monitor) -> Res
     let (subject, fitted, _) = outliers::without(subject, &subject.base())?;
     let base = Refitted::at(&subject, subject.base(), fitted)?;
     let found = Found::new(&subject, base, request.is_monotone, monitor)?;
-    let Some(leading) = found.learnt.first() else { return Ok(found.nothing(1.0, "no pair has a model here")) };
+    let gain = found.learnt.first().map_or(0.0, |leading| leading.evidence_nats);
     monitor.stage("simulating searches where nothing is to be learnt");
-    let p = found.p(leading.evidence_nats, request, monitor)?;
-    let Some(chosen) = found.chosen(p) else {
-        let why = if p > LARGEST_P { "no more than chance gives" } else { "nothing that predicts unseen cycles" };
-        return Ok(found.nothing(p, why));
+    let p = found.p(gain, request, monitor)?;
+    let chosen = match found.chosen(p) {
+        Ok(chosen) => chosen,
+        Err(why) => return Ok(found.nothing(p, &why)),
     };
     monitor.stage("comparing with the library");
     let preferred = found.preferred(chosen, monitor);
@@ -70,7 +70,7 @@ pub fn learn(subject: &Subject, request: &Request, monitor: &dyn Monitor) -> Res
 /// As [`learn`].
 pub fn first_look(subject: &Subject, base: &Refitted, monitor: &dyn Monitor) -> Result<Option<String>> {
     let found = Found::new(subject, base.clone(), false, monitor)?;
-    let Some(chosen) = found.chosen(0.0) else { return Ok(None) };
+    let Ok(chosen) = found.chosen(0.0) else { return Ok(None) };
     let pair = &found.pairs[chosen.pair];
     let Some(share) = found.explained(&chosen.fitted).filter(|share| *share > 0.0) else { return Ok(None) };
     let function = Function::of_search(&found.subject, chosen, pair)?;

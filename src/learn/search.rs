@@ -77,8 +77,11 @@ impl Found {
         Ok(Bootstrap::of(gain, simulations, largest).p(gain))
     }
 
-    /// The leading pair that predicts what was not seen.
-    pub fn chosen(&self, p: f64) -> Option<&Learnt> {
+    /// The leading pair that predicts what was not seen; or why there is none, in words.
+    ///
+    /// # Errors
+    /// The words.
+    pub fn chosen(&self, p: f64) -> std::result::Result<&Learnt, String> {
         let predicts = |learnt: &&Learnt| match learnt.future.zip(self.base.future) {
             Some((own, base)) => own.all - base.all > LEAST_FUTURE_NATS && own.last - base.last > -LARGEST_LOSS_NATS,
             None => false,
@@ -88,9 +91,21 @@ impl Found {
             let largest_m = changes.fold(0.0_f64, |largest, (a, b)| largest.max((a - b).abs()));
             largest_m >= SMALLEST_CHANGE * self.subject.yardstick_m()
         };
-        let chosen = self.learnt.iter().filter(predicts).find(shows)?;
-        let is_near = self.learnt[0].evidence_nats - chosen.evidence_nats <= EQUAL_NATS;
-        (p <= LARGEST_P && is_near && chosen.evidence_nats >= LEAST_EVIDENCE_NATS).then_some(chosen)
+        let Some(leading) = self.learnt.first() else { return Err("no pair has a model here".into()) };
+        if p > LARGEST_P {
+            return Err("no more than chance gives".into());
+        }
+        let is_near = |own: &&Learnt| leading.evidence_nats - own.evidence_nats <= EQUAL_NATS;
+        let Some(chosen) = self.learnt.iter().filter(is_near).filter(predicts).find(shows) else {
+            return Err("nothing that predicts unseen cycles".into());
+        };
+        if chosen.evidence_nats < LEAST_EVIDENCE_NATS {
+            return Err(format!(
+                "{:.1} nats of evidence, where {LEAST_EVIDENCE_NATS:.0} are asked for",
+                chosen.evidence_nats
+            ));
+        }
+        Ok(chosen)
     }
 
     /// Effects of the library that predict what was not seen as well as the function.
