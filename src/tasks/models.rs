@@ -89,6 +89,13 @@ pub fn work(
             work.push((piece, Work { arguments, paths: vec![path] }));
         }
     }
+    if work.is_empty() {
+        return Err(Error::input(
+            Place::default(),
+            "none of these experiments needs a reduced model: instruments and indenters have closed forms",
+            "give experiments with a [robot]",
+        ));
+    }
     // The longest first: of fields.
     work.sort_by_key(|(piece, _)| !matches!(piece, Piece::Field(_)));
     Ok((work.into_iter().map(|(_, work)| work).collect(), n_without))
