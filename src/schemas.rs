@@ -5,6 +5,7 @@ use schemars::generate::SchemaSettings;
 use serde_json::{Value, json};
 
 use crate::critique::challenge::plays::Plays;
+use crate::documents::calibration::Calibration;
 use crate::documents::check::CheckSummary;
 use crate::documents::cohort::CohortDiagnosis;
 use crate::documents::comparison::Comparison;
@@ -60,6 +61,7 @@ impl DocumentSchema {
 /// The schema of every document of a command.
 pub fn all() -> Vec<DocumentSchema> {
     vec![
+        DocumentSchema::of::<Calibration>("calibration", "gather"),
         DocumentSchema::of::<Plays>("challenge", "challenge run"),
         DocumentSchema::of::<CheckSummary>("check", "check"),
         DocumentSchema::of::<CohortDiagnosis>("cohort-diagnosis", "diagnose"),

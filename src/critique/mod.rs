@@ -38,7 +38,7 @@ pub mod search;
 pub mod separation;
 pub mod sketch;
 mod steps;
-mod subject;
+pub(crate) mod subject;
 mod tangent;
 #[cfg(test)]
 mod test_replica;

@@ -12,6 +12,7 @@ use crate::number::Dual;
 use crate::stages::Stepped;
 use crate::study::ModelSpecification;
 use crate::surrogate::trajectory;
+use crate::workflow::mechanics::FiniteElements;
 use crate::workflow::problem::Problem;
 use crate::workflow::reduced::{KeptSurrogate, Reduced, field_models, with_fields};
 use crate::workflow::{Monitor, Silent};
@@ -388,6 +389,22 @@ pub(crate) fn compliance_of(
 ) -> Result<Compliance> {
     let of_model = |problem: &Problem| Reduced::unverified(problem, kept.clone(), &Silent).map(|own| own.compliance);
     let Some(fe) = problem.finite_elements() else { return of_model(problem) };
+    let (widest, wanted) = asked_for(problem, fe, library, effects)?;
+    let fields = field_models(fe, kept.as_ref(), &wanted, monitor)?;
+    Ok(with_fields(of_model(widest.as_ref().unwrap_or(problem))?, &fields))
+}
+
+/// What a library's effects ask for beside a problem: the problem with the widest range of Poisson ratios, where one of them asks for more than the problem itself; and all whose fields are
+/// modelled, its own first.
+///
+/// # Errors
+/// Whatever the stages of a model refuse.
+pub(crate) fn asked_for(
+    problem: &Problem,
+    fe: &FiniteElements,
+    library: &Library,
+    effects: &[&'static dyn Effect],
+) -> Result<(Option<Problem>, Vec<&'static dyn Effect>)> {
     let own = problem.poisson_ratios(fe)?;
     let (mut widest, mut wanted) = (None, problem.model.effects().to_vec());
     for effect in effects {
@@ -404,6 +421,5 @@ pub(crate) fn compliance_of(
             widest = Some(extended);
         }
     }
-    let fields = field_models(fe, kept.as_ref(), &wanted, monitor)?;
-    Ok(with_fields(of_model(widest.as_ref().unwrap_or(problem))?, &fields))
+    Ok((widest, wanted))
 }

@@ -70,7 +70,7 @@ pub fn compliance(measurement: &Measurement) -> Result<Compliance> {
         Apparatus::Indenter(indenter) => return Ok(Compliance::given(indenter.compliance())),
         Apparatus::Robot { .. } => (),
     }
-    let hash = sha256_hex(format!("compliance {MODEL_LEVEL} {apparatus:?}").as_bytes());
+    let hash = compliance_hash(apparatus);
     if measurement.specification.effects.is_empty()
         && let Some(kept) = cache::read::<KeptCompliance>(&hash)
     {
@@ -85,4 +85,25 @@ pub fn compliance(measurement: &Measurement) -> Result<Compliance> {
         }
         _ => Ok(Reduced::unverified(&problem, None, &Silent)?.compliance),
     }
+}
+
+/// The hash under which the compliance of an apparatus is kept.
+fn compliance_hash(apparatus: &Apparatus) -> String {
+    sha256_hex(format!("compliance {MODEL_LEVEL} {apparatus:?}").as_bytes())
+}
+
+/// The name of the file that keeps the compliance of a measurement's apparatus; `None` where none is kept: of instruments, and of models with effects.
+pub fn kept_name(own: &Measurement) -> Option<String> {
+    let apparatus = &own.experiment.apparatus;
+    let is_kept = matches!(apparatus, Apparatus::Robot { .. }) && own.specification.effects.is_empty();
+    is_kept.then(|| cache::file_name(&compliance_hash(apparatus)))
+}
+
+/// That file: its name and its bytes.
+///
+/// # Errors
+/// As [`compliances`].
+pub fn kept_file(own: &Measurement) -> Result<(String, Vec<u8>)> {
+    let compliance_per_m = compliance(own)?.given_per_m();
+    cache::file_of(&compliance_hash(&own.experiment.apparatus), &KeptCompliance { compliance_per_m })
 }

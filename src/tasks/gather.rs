@@ -2,19 +2,21 @@
 
 use std::collections::BTreeSet;
 use std::path::Path;
-use std::sync::atomic::Ordering;
 
 use rayon::prelude::*;
 
 use super::list::{List, PROGRAM, Task};
-use super::{challenge, result, sample};
+use super::{calibration, challenge, models, result, sample};
 use crate::critique::challenge::play::Play;
 use crate::critique::challenge::plays::Plays;
+use crate::documents::calibration::Calibration;
 use crate::documents::tasks::{Fault, Gathered, MissingResult, TaskKind};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::files::{Content, read_if_there, refused, stream_atomically, write_atomically};
 use crate::groups::artefacts::EXPERIMENTS;
-use crate::workflow::{Counter, Monitor};
+use crate::workflow::{Counter, Monitor, refuse_if_stopped};
+
+pub use super::calibration::{DOCUMENT as CALIBRATION, FIGURES};
 
 /// The document of challenges in the folder of what was gathered.
 pub const CHALLENGE: &str = "challenge.json";
@@ -26,10 +28,14 @@ pub struct Outcome {
     pub gathered: Gathered,
     /// All plays that are there, in their order; `None` for other kinds, or where there is none.
     pub plays: Option<Plays>,
+    /// What the ranks of a calibration that are there come to; `None` for other kinds, or where there is none.
+    pub calibration: Option<Calibration>,
+    /// Models that were put into the cache now, of those that are there; `None` for other kinds.
+    pub n_adopted: Option<usize>,
 }
 
 /// Reads every result and writes what is there into the folder `out`: for challenges the document of `challenge run`, for a cohort the files that `groups`
-/// keeps. What is missing is named and left out.
+/// keeps, for a calibration its document and figure. Models go into the cache. What is missing is named and left out.
 ///
 /// # Errors
 /// [`Error::File`] where the file system refuses, [`Error::Interrupted`] when stopped.
@@ -40,13 +46,25 @@ pub fn gather(list: &List, out: &Path, monitor: &dyn Monitor) -> Result<Outcome>
             let parts = over_tasks(list, monitor, |_, body| Ok(challenge::read(&body)))?;
             let faults = faults(&parts);
             let plays: Vec<Play> = parts.into_iter().filter_map(|part| part.ok()).flatten().collect();
-            Found { faults, plays: Some(plays).filter(|plays| !plays.is_empty()).map(Plays::of) }
+            let plays = Some(plays).filter(|plays| !plays.is_empty()).map(Plays::of);
+            Found { plays, ..Found::of(faults) }
         }
         TaskKind::Sample => {
             let folder = out.join(EXPERIMENTS);
             std::fs::create_dir_all(&folder).map_err(refused("create", &folder))?;
             let parts = over_tasks(list, monitor, |_, body| keep(&folder, &body))?;
-            Found { faults: faults(&parts), plays: None }
+            Found::of(faults(&parts))
+        }
+        TaskKind::Calibration => {
+            let parts = over_tasks(list, monitor, |_, body| Ok(calibration::read(&body)))?;
+            let faults = faults(&parts);
+            let calibration = calibration::joined(parts.into_iter().filter_map(|part| part.ok()).collect());
+            Found { calibration, ..Found::of(faults) }
+        }
+        TaskKind::Models => {
+            let parts = over_tasks(list, monitor, |_, body| models::adopt(&body))?;
+            let n_adopted = parts.iter().filter(|part| matches!(part, Ok(true))).count();
+            Found { n_adopted: Some(n_adopted), ..Found::of(faults(&parts)) }
         }
     };
     monitor.stage("writing what was gathered");
@@ -59,6 +77,9 @@ pub fn gather(list: &List, out: &Path, monitor: &dyn Monitor) -> Result<Outcome>
             file.write_all(b"\n")
         })?;
     }
+    if let Some(found) = &found.calibration {
+        calibration::write(list, found, out)?;
+    }
     let gathered = Gathered {
         kind: list.head().kind,
         program: PROGRAM.into(),
@@ -67,7 +88,8 @@ pub fn gather(list: &List, out: &Path, monitor: &dyn Monitor) -> Result<Outcome>
         missing: found.faults,
         foreign: foreign(list)?,
     };
-    Ok(Outcome { gathered, plays: found.plays })
+    let Found { plays, calibration, n_adopted, .. } = found;
+    Ok(Outcome { gathered, plays, calibration, n_adopted })
 }
 
 /// Tasks without a sound result, among those of some numbers.
@@ -76,7 +98,7 @@ pub fn gather(list: &List, out: &Path, monitor: &dyn Monitor) -> Result<Outcome>
 /// [`Error::Input`] where the list is damaged, [`Error::Interrupted`] when stopped.
 pub fn missing(list: &List, numbers: std::ops::Range<usize>, monitor: &dyn Monitor) -> Result<Vec<usize>> {
     let is_missing = |number: usize| {
-        stopped(monitor)?;
+        refuse_if_stopped(monitor, "results are kept")?;
         let task = list.task(number)?;
         Ok(result::read(list, &task).is_err().then_some(number))
     };
@@ -87,6 +109,14 @@ pub fn missing(list: &List, numbers: std::ops::Range<usize>, monitor: &dyn Monit
 struct Found {
     faults: Vec<MissingResult>,
     plays: Option<Plays>,
+    calibration: Option<Calibration>,
+    n_adopted: Option<usize>,
+}
+
+impl Found {
+    fn of(faults: Vec<MissingResult>) -> Self {
+        Self { faults, plays: None, calibration: None, n_adopted: None }
+    }
 }
 
 /// What `use_body` makes of the body of every task's result, in their order. A body that means nothing to it is damaged.
@@ -97,7 +127,7 @@ fn over_tasks<T: Send>(
 ) -> Result<Vec<std::result::Result<T, MissingResult>>> {
     let counter = Counter::new(monitor, list.n_tasks());
     let one = |number: usize| {
-        stopped(monitor)?;
+        refuse_if_stopped(monitor, "results are kept")?;
         let task = list.task(number)?;
         let found = match result::read(list, &task) {
             Ok(body) => use_body(&task, body)?.ok_or(Fault::Damaged),
@@ -129,13 +159,6 @@ fn keep(folder: &Path, body: &[u8]) -> Result<Option<()>> {
 fn foreign(list: &List) -> Result<Vec<String>> {
     let own = (0..list.n_tasks()).map(|number| Ok(list.task(number)?.result)).collect::<Result<BTreeSet<_>>>()?;
     Ok(list.result_names()?.into_iter().filter(|name| !own.contains(name)).collect())
-}
-
-fn stopped(monitor: &dyn Monitor) -> Result<()> {
-    if monitor.stop().is_some_and(|stop| stop.load(Ordering::Relaxed)) {
-        return Err(Error::Interrupted { kept: "results are kept".into() });
-    }
-    Ok(())
 }
 
 #[cfg(test)]

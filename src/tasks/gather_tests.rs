@@ -1,10 +1,13 @@
 //! Plays written by hand, in parts: what is made of them must be what one machine makes.
 
+use serde_json::json;
+
 use super::super::list::Work;
 use super::*;
 use crate::critique::challenge::play::Sort;
 use crate::critique::challenge::plays::PlaysRequest;
 use crate::critique::challenge::{NoiseKind, Protocol, Truth};
+use crate::documents::calibration::CalibrationKind;
 use crate::files::to_json;
 use crate::workflow::Silent;
 
@@ -103,4 +106,47 @@ fn no_changed_byte_goes_unnoticed() {
     }
     std::fs::write(&path, [sound.as_slice(), b"1"].concat()).unwrap();
     assert_eq!(result::read(&list, &task), Err(Fault::Damaged));
+}
+
+/// A calibration of two tasks with ranks made by hand.
+fn calibration(dir: &Path, rank: impl Fn(usize) -> usize) -> List {
+    let sampling = json!({ "with": [], "noise": [], "set": [], "n_walkers": 32, "max_steps": 100, "seed": 3 });
+    let part = |first: usize| {
+        let arguments = json!({ "sampling": sampling, "name": "eye", "inputs_sha256": "0a", "content_sha256": "0b", "first": first, "count": 100 });
+        Work { arguments, paths: vec!["eye".into()] }
+    };
+    let (list, _) = List::make(dir, TaskKind::Calibration, 3, vec![part(0), part(100)], false).unwrap();
+    let subject = json!({ "experiment": "eye", "model": { "base": "lethersich", "effects": [], "noise": ["white"] },
+        "parameters": ["young_modulus_pa"], "simulated_by": "closed-form" });
+    for number in 0..2 {
+        let line = |k: usize| {
+            let ranked = json!({ "ranks": [rank(k), k % 100], "z": [0.5], "converged": true });
+            json!({ "number": k, "truth": [1.0], "redrawn": 0, "ranked": ranked, "failure": null }).to_string() + "\n"
+        };
+        let body = format!("{subject}\n") + &(100 * number..100 * (number + 1)).map(line).collect::<String>();
+        result::write(&list, &list.task(number).unwrap(), body.as_bytes()).unwrap();
+    }
+    list
+}
+
+/// Ranks that are each there as often as the others pass, and those of posteriors that lie too high do not; a result that lacks a rank is damaged.
+#[test]
+fn ranks_of_all_tasks_make_one_verdict() {
+    let dir = tempfile::tempdir().unwrap();
+    let right = gather(&calibration(&dir.path().join("right"), |k| k % 100), &dir.path().join("a"), &Silent).unwrap();
+    let found = right.calibration.unwrap();
+    assert_eq!((found.verdict.kind, found.replicates), (CalibrationKind::Calibrated, 200));
+    assert_eq!(found.quantities[0].counts, [10; 20]);
+    let wrong = calibration(&dir.path().join("wrong"), |k| k % 100 / 2);
+    let found = gather(&wrong, &dir.path().join("b"), &Silent).unwrap().calibration.unwrap();
+    assert_eq!(found.verdict.kind, CalibrationKind::Miscalibrated);
+    assert!(found.verdict.sentence.contains("young_modulus_pa is too high"), "{}", found.verdict.sentence);
+    let document: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(dir.path().join("b").join(CALIBRATION)).unwrap()).unwrap();
+    assert_eq!((&document["seed"], &document["inputs_sha256"]), (&3.into(), &json!({ "eye": "0a" })));
+    let task = wrong.task(1).unwrap();
+    let body = String::from_utf8(result::read(&wrong, &task).unwrap()).unwrap();
+    result::write(&wrong, &task, body.replacen("\"ranks\":[0,0]", "\"ranks\":[0]", 1).as_bytes()).unwrap();
+    let partial = gather(&wrong, &dir.path().join("b"), &Silent).unwrap();
+    assert_eq!((partial.gathered.missing[0].fault, partial.calibration.unwrap().replicates), (Fault::Damaged, 100));
 }

@@ -10,10 +10,12 @@
 //! A task's id is the hash of what it computes: input by content, arguments, and the program by its sources. So a result is known to be of this task, this input
 //! and this program, wherever and however often it was computed; what is not is named and computed again. Tasks may be killed, run twice, and run in any order.
 
+pub mod calibration;
 pub mod challenge;
 pub mod gather;
 pub mod list;
 pub mod local;
+pub mod models;
 pub mod result;
 pub mod sample;
 pub mod submit;

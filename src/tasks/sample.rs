@@ -46,7 +46,8 @@ impl Sampling {
         own.with_options(self.base.as_deref(), &self.with, &self.noise, self.prior.as_deref(), &self.set)
     }
 
-    fn options(&self) -> SamplerOptions {
+    /// The sampler's settings.
+    pub(super) fn options(&self) -> SamplerOptions {
         let Self { n_walkers, max_steps, seed, .. } = *self;
         SamplerOptions { n_walkers, max_steps, seed, threads: 1, ..SamplerOptions::default() }
     }
@@ -130,7 +131,7 @@ impl Laboratory {
         }
         let mut files = Vec::new();
         for (wanted, [own, stands_for_its]) in experiments.iter().zip(pairs) {
-            let own = read(Path::new(own), &sampling)?;
+            let own = read(Path::new(own), &sampling, &Silent)?;
             let (found, compliance) = self.compliance(Path::new(stands_for_its), &sampling)?;
             let specimen = Specimen::new(&own, compliance).map_err(|error| own.named(error))?;
             let now = Specimen::new(&own, Compliance::given(1.0)).map_err(|error| own.named(error))?;
@@ -155,22 +156,26 @@ impl Laboratory {
         if let Some(known) = self.compliances.get(path) {
             return Ok(known.clone());
         }
-        let own = read(path, sampling)?;
+        let own = read(path, sampling, &Silent)?;
         let found = (own.inputs_sha256.clone(), compliance(&own).map_err(|error| own.named(error))?);
         self.compliances.insert(path.to_path_buf(), found.clone());
         Ok(found)
     }
 }
 
-fn read(path: &Path, sampling: &Sampling) -> Result<Measurement> {
+/// One experiment as it is now, with its model.
+///
+/// # Errors
+/// As [`cohort::read`]; [`Error::Input`] where there is not one.
+pub fn read(path: &Path, sampling: &Sampling, monitor: &dyn Monitor) -> Result<Measurement> {
     let paths = [path.to_path_buf()];
-    let mut found = cohort::read(&paths, &[], &|own| sampling.model(own), &Silent)?;
+    let mut found = cohort::read(&paths, &[], &|own| sampling.model(own), monitor)?;
     match (found.pop(), found.is_empty()) {
         (Some(own), true) => Ok(own),
         _ => Err(Error::input(
             Place::file(path),
-            "this is no longer one experiment",
-            "make the list again with the same command and `--force`",
+            "this is not one experiment",
+            "give one experiment; a list of tasks is made again with the same command and `--force`",
         )),
     }
 }

@@ -4,7 +4,7 @@ use std::io::{BufRead, Write};
 
 use super::list::List;
 use super::sample::Laboratory;
-use super::{challenge, result};
+use super::{calibration, challenge, models, result};
 use crate::critique::challenge::Bench;
 use crate::documents::tasks::TaskKind;
 use crate::error::{Error, Result};
@@ -24,13 +24,14 @@ pub struct Worker<'a> {
     list: &'a List,
     bench: Option<Bench>,
     laboratory: Laboratory,
+    simulator: calibration::Simulator,
     monitor: &'a dyn Monitor,
 }
 
 impl<'a> Worker<'a> {
     /// Nothing is prepared before the first task that needs it.
     pub fn new(list: &'a List, monitor: &'a dyn Monitor) -> Self {
-        Self { list, bench: None, laboratory: Laboratory::default(), monitor }
+        Self { list, bench: None, laboratory: Laboratory::default(), simulator: Default::default(), monitor }
     }
 
     /// Runs a task unless its result is there.
@@ -52,6 +53,8 @@ impl<'a> Worker<'a> {
                 challenge::run(&task, self.bench.insert(bench), &quiet)?
             }
             TaskKind::Sample => self.laboratory.run(&task, &quiet)?,
+            TaskKind::Calibration => self.simulator.run(&task, self.monitor)?,
+            TaskKind::Models => models::run(&task, self.monitor)?,
         };
         result::write(self.list, &task, &body)?;
         Ok(Ran::Now)

@@ -5,17 +5,20 @@
 //! written is not kept.
 
 use std::ffi::OsString;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use etcetera::base_strategy::{BaseStrategy, choose_native_strategy};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use crate::files::{Content, read_if_there, write_json_atomically};
+use crate::error::{Error, Place, Result};
+use crate::files::{Content, folder_of, read_if_there, refused, to_json, write_atomically, write_json_atomically};
 use crate::study::Kept;
 
 /// Where models are kept, instead of the user's directory for caches; empty for nowhere.
 const PLACE: &str = "VITREO_UQ_CACHE";
+/// The folder of this program's models there.
+const FOLDER: &str = env!("VITREO_UQ_MECHANICS");
 
 /// The model that is kept under a hash; `None` where there is none that can be read, or where it was changed.
 pub(crate) fn read<T: Serialize + DeserializeOwned>(hash: &str) -> Option<T> {
@@ -33,9 +36,53 @@ pub(crate) fn write(hash: &str, model: &impl Serialize) {
     }
 }
 
+/// A model as it is kept: the name of its file below the cache's directory, and its bytes.
+///
+/// # Errors
+/// [`crate::Error::Numerical`] where it cannot be written as JSON.
+pub(crate) fn file_of(hash: &str, model: &impl Serialize) -> Result<(String, Vec<u8>)> {
+    let name = file_name(hash);
+    let bytes = to_json(Path::new(&name), &Kept::new(model))?;
+    Ok((name, bytes))
+}
+
+/// Puts a file from another cache into this one, whole or not at all; one that is there already with these bytes is left alone. Whether it was put there now.
+///
+/// # Errors
+/// [`crate::Error::Input`] where nothing is to be kept; [`crate::Error::File`] where the file system refuses.
+pub(crate) fn adopt(name: &str, bytes: &[u8]) -> Result<bool> {
+    let Some(directory) = cache_directory() else {
+        return Err(Error::input(
+            Place::option(PLACE),
+            "no models are kept here: the variable is empty, or the system has no directory for caches",
+            format!("name a directory for them: {PLACE}=DIR"),
+        ));
+    };
+    let path = directory.join(name);
+    if read_if_there(&path, Content::Document).is_some_and(|there| there == bytes) {
+        return Ok(false);
+    }
+    let folder = folder_of(&path);
+    std::fs::create_dir_all(folder).map_err(refused("create", folder))?;
+    write_atomically(&path, bytes)?;
+    Ok(true)
+}
+
+/// Whether a name is one that [`file_of`] gives: nothing else is ever put into the cache.
+pub(crate) fn is_file_name(name: &str) -> bool {
+    let hash =
+        name.strip_prefix(FOLDER).and_then(|rest| rest.strip_prefix('/')).and_then(|own| own.strip_suffix(".json"));
+    hash.is_some_and(|hash| hash.len() == 64 && hash.bytes().all(|byte| byte.is_ascii_hexdigit()))
+}
+
+/// Name of a model's file below the cache's directory.
+pub(crate) fn file_name(hash: &str) -> String {
+    format!("{FOLDER}/{hash}.json")
+}
+
 /// The hash is that of content; that of the sources of mechanics keeps programs apart that would build another model from it.
 fn path(hash: &str) -> Option<PathBuf> {
-    Some(cache_directory()?.join(env!("VITREO_UQ_MECHANICS")).join(format!("{hash}.json")))
+    Some(cache_directory()?.join(file_name(hash)))
 }
 
 /// The directory for all that is kept between commands and belongs to no study: the one in `VITREO_UQ_CACHE`, or else the system's for users' caches; `None` where

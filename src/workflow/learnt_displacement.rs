@@ -51,6 +51,22 @@ fn refuse_many_switches(record: &Record) -> Result<()> {
 /// # Errors
 /// [`Error::Numerical`] where there is no sphere at the centre, or where [`LargeSurface::learn`] refuses.
 pub fn learnt(problem: &Problem, law: &[f64], with_load: bool, monitor: &dyn Monitor) -> Result<(Stepped, f64)> {
+    let (_, surface) = surface(problem, law, with_load, monitor)?;
+    let (record, error) = (&problem.experiment.record, surface.certified());
+    let stepper = LargeStepper::new(surface, &record.time_s, record.force())?;
+    Ok((Stepped(Arc::new(stepper)), error))
+}
+
+/// What [`learnt`] is made of, with its hash: kept, or learnt now.
+///
+/// # Errors
+/// As [`learnt`].
+pub(crate) fn surface(
+    problem: &Problem,
+    law: &[f64],
+    with_load: bool,
+    monitor: &dyn Monitor,
+) -> Result<(String, LargeSurface)> {
     let Some(ball) = problem.finite_elements().and_then(|fe| fe.sizes.ball) else { return Err(no_sphere()) };
     let elements = problem.model.base().elements(&law.iter().copied().map(Dual::constant).collect::<Vec<Dual>>());
     let record = &problem.experiment.record;
@@ -67,22 +83,20 @@ pub fn learnt(problem: &Problem, law: &[f64], with_load: bool, monitor: &dyn Mon
     let scopes = [true, false].map(|with_load| LargeScope { mobilities, with_load });
     let suited = scopes.into_iter().filter(|scope| scope.with_load || !with_load);
     let hash_of = |scope| built_from(radii_m, (&elements, scope), record);
-    let kept = suited.map(|scope| Ok(cache::read::<LargeSurface>(&hash_of(scope)?)));
-    let surface = match kept.collect::<Result<Vec<_>>>()?.into_iter().flatten().next() {
-        Some(kept) => kept,
-        None => {
-            monitor.stage("learning large displacements from full runs of this record");
-            let scope = LargeScope { mobilities, with_load };
-            let counter = Counter::new(monitor, LargeSurface::n_runs(&elements, scope));
-            let done = || counter.add_one();
-            let learnt = LargeSurface::learn(radii_m, (&elements, scope), &record.time_s, record.force(), &done)?;
-            cache::write(&hash_of(scope)?, &learnt);
-            learnt
+    for scope in suited {
+        let hash = hash_of(scope)?;
+        if let Some(kept) = cache::read::<LargeSurface>(&hash) {
+            return Ok((hash, kept));
         }
-    };
-    let error = surface.certified();
-    let stepper = LargeStepper::new(surface, &record.time_s, record.force())?;
-    Ok((Stepped(Arc::new(stepper)), error))
+    }
+    monitor.stage("learning large displacements from full runs of this record");
+    let scope = LargeScope { mobilities, with_load };
+    let counter = Counter::new(monitor, LargeSurface::n_runs(&elements, scope));
+    let done = || counter.add_one();
+    let learnt = LargeSurface::learn(radii_m, (&elements, scope), &record.time_s, record.force(), &done)?;
+    let hash = hash_of(scope)?;
+    cache::write(&hash, &learnt);
+    Ok((hash, learnt))
 }
 
 /// By how much (m, at every row) the robot would be farther than with small strains in a gel of the base law at these parameters, by one full run of some seconds.

@@ -4,6 +4,7 @@ pub mod advice;
 pub mod artefacts;
 pub mod bridge;
 pub(crate) mod cache;
+pub mod calibration;
 pub mod check;
 pub mod convergence;
 mod exchange;
@@ -40,6 +41,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 pub use cache::cache_directory;
 
+use crate::error::{Error, Result};
 use crate::inference::ensemble::Progress;
 
 /// Who watches a job: the terminal, or nobody.
@@ -68,6 +70,14 @@ impl Monitor for Silent {
     fn stop(&self) -> Option<&AtomicBool> {
         None
     }
+}
+
+/// Ends a job that was asked to stop; `kept` says what stays of it.
+pub(crate) fn refuse_if_stopped(monitor: &dyn Monitor, kept: &str) -> Result<()> {
+    if monitor.stop().is_some_and(|stop| stop.load(Ordering::Relaxed)) {
+        return Err(Error::Interrupted { kept: kept.into() });
+    }
+    Ok(())
 }
 
 /// Nobody watches one piece of many, but it can be stopped.

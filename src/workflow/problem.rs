@@ -97,6 +97,20 @@ impl Problem {
         Self::with_mechanics(experiment, specification, library, self.mechanics.clone())
     }
 
+    /// The same model under the same priors with other positions (m) at the record's rows. What a prior takes from the range of positions stays that of the record that it was made for.
+    pub fn with_positions(&self, position_m: Vec<Option<f64>>) -> Self {
+        let mut experiment = self.experiment.clone();
+        experiment.record.position_m = position_m;
+        Self {
+            experiment,
+            specification: self.specification.clone(),
+            model: self.model.clone(),
+            noise: self.noise,
+            priors: self.priors.clone(),
+            mechanics: self.mechanics.clone(),
+        }
+    }
+
     /// The model's parameters, then the noise's.
     pub fn parameters(&self) -> Vec<ParameterSpec> {
         self.model.parameters().iter().copied().chain(self.noise.parameters()).collect()

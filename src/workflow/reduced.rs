@@ -127,24 +127,8 @@ impl Reduced {
             }
             Mechanics::FiniteElements(fe) => fe,
         };
-        let (law, parameters) = training_law(problem)?;
-        let training = training(problem, fe, law, &parameters)?;
         let fields = field_models(fe, kept.as_ref(), problem.model.effects(), monitor)?;
-        let hash = built_from(fe, &training);
-        let kept = kept.filter(|kept| kept.built_from_sha256 == hash).map(|kept| kept.surrogate);
-        let cached = || cache::read::<Surrogate>(&hash).filter(Surrogate::is_whole);
-        let surrogate = match kept.or_else(cached) {
-            Some(kept) => {
-                monitor.stage("taking the surrogate that is there");
-                kept
-            }
-            None => {
-                monitor.stage("training the surrogate on full finite-element runs");
-                let trained = Surrogate::train(&fe.stiffness, &training)?;
-                cache::write(&hash, &trained);
-                trained
-            }
-        };
+        let (_, surrogate) = surrogate(problem, fe, kept, monitor)?;
         let mut compliance = with_fields(surrogate.compliance(fe.poisson_ratio)?, &fields);
         let mut learnt_error = None;
         if let Some((_, Field::Large)) = problem.model.field() {
@@ -167,12 +151,43 @@ impl Reduced {
     /// The surrogate with the hash of what it was built from.
     pub fn to_keep(&self, problem: &Problem) -> Result<Option<KeptSurrogate>> {
         let (Some(fe), Some(surrogate)) = (problem.finite_elements(), self.surrogate.clone()) else { return Ok(None) };
-        let (law, parameters) = training_law(problem)?;
-        let training = training(problem, fe, law, &parameters)?;
         let fields_built_from_sha256 = fields_built_from(fe);
-        let (built_from_sha256, fields) = (built_from(fe, &training), self.fields.clone());
+        let (built_from_sha256, fields) = (surrogate_hash(problem, fe)?, self.fields.clone());
         Ok(Some(KeptSurrogate { built_from_sha256, fields_built_from_sha256, fields, surrogate }))
     }
+}
+
+/// The law's surrogate with its hash: a kept one where it was built from the same, in the study or in the cache, else a new one.
+pub(crate) fn surrogate(
+    problem: &Problem,
+    fe: &FiniteElements,
+    kept: Option<KeptSurrogate>,
+    monitor: &dyn Monitor,
+) -> Result<(String, Surrogate)> {
+    let (law, parameters) = training_law(problem)?;
+    let training = training(problem, fe, law, &parameters)?;
+    let hash = built_from(fe, &training);
+    let kept = kept.filter(|kept| kept.built_from_sha256 == hash).map(|kept| kept.surrogate);
+    let cached = || cache::read::<Surrogate>(&hash).filter(Surrogate::is_whole);
+    let surrogate = match kept.or_else(cached) {
+        Some(kept) => {
+            monitor.stage("taking the surrogate that is there");
+            kept
+        }
+        None => {
+            monitor.stage("training the surrogate on full finite-element runs");
+            let trained = Surrogate::train(&fe.stiffness, &training)?;
+            cache::write(&hash, &trained);
+            trained
+        }
+    };
+    Ok((hash, surrogate))
+}
+
+/// The hash of the surrogate that a problem takes.
+pub(crate) fn surrogate_hash(problem: &Problem, fe: &FiniteElements) -> Result<String> {
+    let (law, parameters) = training_law(problem)?;
+    Ok(built_from(fe, &training(problem, fe, law, &parameters)?))
 }
 
 /// The models of fields that effects ask for: kept ones where they were built from the same, in the study or in the cache, else new ones.
@@ -186,21 +201,35 @@ pub(crate) fn field_models(
     let mut fields = kept.map_or_else(FieldModels::default, |kept| kept.fields.clone());
     for effect in effects {
         let slug = effect.slug();
-        let asked = effect.field().filter(|field| !fields.has(slug) && !matches!(field, Field::Large));
-        let Some(field) = asked else { continue };
-        let hash = hash_of(fe, &format!("{} {slug}", weighed(fe)));
-        fields = match cache::read::<FieldModels>(&hash).filter(|cached| cached.has(slug)) {
-            Some(cached) => fields.or(cached),
-            None => {
-                monitor.stage(&format!("reducing full finite elements with {}", field.words()));
-                let counter = Counter::new(monitor, n_pieces(*effect));
-                let built = FieldModels::build(*effect, &fe.surroundings(), &|| counter.add_one())?;
-                cache::write(&hash, &built);
-                fields.or(built)
-            }
-        };
+        let is_asked = effect.field().is_some_and(|field| !fields.has(slug) && !matches!(field, Field::Large));
+        if is_asked {
+            fields = fields.or(field_model(fe, *effect, monitor)?);
+        }
     }
     Ok(fields)
+}
+
+/// The model of the field that one effect asks for: a kept one where it was built from the same, else a new one.
+pub(crate) fn field_model(
+    fe: &FiniteElements,
+    effect: &'static dyn Effect,
+    monitor: &dyn Monitor,
+) -> Result<FieldModels> {
+    let hash = field_hash(fe, effect.slug());
+    if let Some(cached) = cache::read::<FieldModels>(&hash).filter(|cached| cached.has(effect.slug())) {
+        return Ok(cached);
+    }
+    let words = effect.field().map_or("an effect", Field::words);
+    monitor.stage(&format!("reducing full finite elements with {words}"));
+    let counter = Counter::new(monitor, n_pieces(effect));
+    let built = FieldModels::build(effect, &fe.surroundings(), &|| counter.add_one())?;
+    cache::write(&hash, &built);
+    Ok(built)
+}
+
+/// The hash of the model of an effect's field: of the apparatus alone.
+pub(crate) fn field_hash(fe: &FiniteElements, slug: &str) -> String {
+    hash_of(fe, &format!("{} {slug}", weighed(fe)))
 }
 
 /// The compliance with the terms of fields.
@@ -279,7 +308,7 @@ fn training<'a>(
 }
 
 /// Times and forces up to the last calibration row.
-fn training_load(problem: &Problem) -> (&[f64], Force<'_>) {
+pub(super) fn training_load(problem: &Problem) -> (&[f64], Force<'_>) {
     let Experiment { record, calibration_cycles, .. } = &problem.experiment;
     let n_rows = record.cycle.iter().rposition(|cycle| calibration_cycles.contains(cycle)).map_or(0, |last| last + 1);
     (&record.time_s[..n_rows], record.force().first(n_rows))

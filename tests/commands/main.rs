@@ -26,4 +26,5 @@ mod shape_study;
 mod shapes;
 mod shell;
 mod tasks;
+mod tasks_models;
 mod workbench;

@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 use std::sync::OnceLock;
 
 use statrs::distribution::{ChiSquared, ContinuousCDF, Normal};
+use vitreo_uq::inference::calibration::{Ranks, apart, chi_square, rank};
 use vitreo_uq::inference::ensemble::{RandomStream, RunControl};
 use vitreo_uq::inference::likelihood::{FittedRecord, PosteriorParts, ReducedPosterior};
 use vitreo_uq::inference::noise::NoiseModel;
@@ -38,15 +39,14 @@ struct Problem<Draw, Build> {
     build: Build,
 }
 
-struct Ranks {
+struct Replicates {
     /// For every replicate the rank of each coordinate, last that of the log density.
     ranks: Vec<Vec<usize>>,
     n_unconverged: usize,
 }
 
-/// Ranks of all replicates. The draws are those of all walkers at one step: walkers are independent of each other at any
-/// step of a stationary ensemble, so no thinning has to be guessed.
-fn calibrate<D, Draw, Build>(problem: &Problem<Draw, Build>, n_replicates: u64) -> Ranks
+/// Ranks of all replicates.
+fn calibrate<D, Draw, Build>(problem: &Problem<Draw, Build>, n_replicates: u64) -> Replicates
 where
     D: LogDensity,
     Draw: Fn(&mut RandomStream) -> Vec<f64> + Sync,
@@ -61,57 +61,47 @@ where
         let outcome = sample(&density, &starts, &options, &RunControl::default()).unwrap();
         let mut at_truth = [0.0];
         density.log_density(&truth, &mut at_truth);
-        let (draws, last) = (&outcome.draws, outcome.draws.n_steps - 1);
-        let rank = |value: f64, of: &dyn Fn(usize, usize) -> f64| {
-            let walkers = (0..draws.n_ensembles).flat_map(|e| (0..draws.n_walkers).map(move |w| (e, w)));
-            walkers.take(N_DRAWS).filter(|&(e, w)| of(e, w) < value).count()
+        let draws = &outcome.draws;
+        let places = apart(draws, N_DRAWS);
+        let of = |value: &dyn Fn(usize, usize, usize) -> f64| {
+            places.iter().map(|&[e, step, w]| value(e, step, w)).collect::<Vec<f64>>()
         };
-        let log_density = |e: usize, w: usize| draws.log_density[(e * draws.n_steps + last) * draws.n_walkers + w];
+        let log_density =
+            |e: usize, step: usize, w: usize| draws.log_density[(e * draws.n_steps + step) * draws.n_walkers + w];
         let mut ranks: Vec<usize> =
-            truth.iter().enumerate().map(|(d, &x)| rank(x, &|e, w| draws.value(e, last, w, d))).collect();
-        ranks.push(rank(at_truth[0], &log_density));
+            truth.iter().enumerate().map(|(d, &x)| rank(x, of(&|e, step, w| draws.value(e, step, w, d)))).collect();
+        ranks.push(rank(at_truth[0], of(&log_density)));
         (ranks, outcome.converged)
     };
     let results = over_cores(n_replicates, replicate);
     let n_unconverged = results.iter().filter(|(_, converged)| !converged).count();
-    Ranks { ranks: results.into_iter().map(|(ranks, _)| ranks).collect(), n_unconverged }
+    Replicates { ranks: results.into_iter().map(|(ranks, _)| ranks).collect(), n_unconverged }
+}
+
+impl Replicates {
+    /// The ranks of each quantity.
+    fn quantities(&self) -> Vec<Ranks> {
+        let of = |q: usize| Ranks { ranks: self.ranks.iter().map(|row| row[q]).collect(), n_draws: N_DRAWS };
+        (0..self.ranks[0].len()).map(of).collect()
+    }
 }
 
 /// χ² of the rank histogram of each quantity: N_BINS − 1 degrees of freedom if ranks are uniform.
-fn chi_squares(ranks: &Ranks) -> Vec<f64> {
-    let expected = ranks.ranks.len() as f64 / N_BINS as f64;
-    let of_quantity = |q: usize| {
-        let mut counts = [0.0; N_BINS];
-        ranks.ranks.iter().for_each(|row| counts[row[q] * N_BINS / (N_DRAWS + 1)] += 1.0);
+fn chi_squares(replicates: &Replicates) -> Vec<f64> {
+    let of_quantity = |ranks: &Ranks| {
+        let counts = ranks.counts(N_BINS);
         println!("{counts:?}");
-        counts.iter().map(|count| (count - expected).powi(2) / expected).sum()
+        chi_square(&counts)
     };
-    (0..ranks.ranks[0].len()).map(of_quantity).collect()
+    replicates.quantities().iter().map(of_quantity).collect()
 }
 
-/// Two statistics of one quantity's ranks, standard normal if ranks are uniform.
-#[derive(Debug)]
-struct Scores {
-    /// Of the mean rank: a biased posterior shows here.
-    place: f64,
-    /// Of the mean squared distance of ranks from the middle: positive for a posterior too narrow, negative for one too wide.
-    spread: f64,
-}
-
-/// Ranks as u = (rank + ½)/(N_DRAWS + 1): mean ½ and variance 1/12; (u − ½)² has mean 1/12 and variance 1/180 (but for 1/N_DRAWS²).
+/// Place and spread of each quantity's ranks, standard normal if ranks are uniform.
+///
 /// For a Gaussian posterior whose sd is wrong by a factor f, u = Φ(z/f): with the long test's 512 replicates the expected spread reaches the limit at
 /// f = 0.83 or 1.22, that is, half of such mistakes are caught; the χ² of 16 bins needs 0.80 or 1.31. With 192 replicates the spread reaches it at 0.72 or 1.4.
-fn scores(ranks: &Ranks) -> Vec<Scores> {
-    let n = ranks.ranks.len() as f64;
-    let of_quantity = |q: usize| {
-        let offsets = ranks.ranks.iter().map(|row| (row[q] as f64 + 0.5) / (N_DRAWS as f64 + 1.0) - 0.5);
-        let (sum, squares) = offsets.fold((0.0, 0.0), |(sum, squares), u| (sum + u, squares + u * u));
-        Scores {
-            place: sum / n / (1.0 / 12.0 / n).sqrt(),
-            spread: (squares / n - 1.0 / 12.0) / (1.0 / 180.0 / n).sqrt(),
-        }
-    };
-    (0..ranks.ranks[0].len()).map(of_quantity).collect()
+fn scores(replicates: &Replicates) -> Vec<[f64; 2]> {
+    replicates.quantities().iter().map(|ranks| [ranks.place(), ranks.spread()]).collect()
 }
 
 /// Statistics asserted of a right program: χ², place and spread of five quantities.
@@ -170,7 +160,7 @@ fn reduced_posterior(truth: &[f64], stream: &mut RandomStream, noise_factor: f64
 }
 
 /// Ranks of `n_replicates` truths from the porcine prior.
-fn reduced_ranks(n_replicates: u64, noise_factor: f64) -> Ranks {
+fn reduced_ranks(n_replicates: u64, noise_factor: f64) -> Replicates {
     let draw_prior = |stream: &mut RandomStream| {
         let draw = priors().priors().iter().map(|prior| prior.distribution.quantile(stream.unit()));
         priors().to_unconstrained(&draw.collect::<Vec<f64>>())
@@ -197,7 +187,7 @@ fn assert_uniform(n_replicates: u64) {
     println!("χ² {chi2:?}, limit {:.1}, unconverged {}", chi_square_limit(), ranks.n_unconverged);
     println!("{scores:?}, limit {:.2}", score_limit());
     assert!(chi2.iter().all(|&value| value < chi_square_limit()), "{chi2:?}");
-    assert!(scores.iter().all(|s| s.place.abs() < score_limit() && s.spread.abs() < score_limit()), "{scores:?}");
+    assert!(scores.as_flattened().iter().all(|score| score.abs() < score_limit()), "{scores:?}");
     let n = n_replicates as f64;
     let most = n * RIDGE_SHARE + 4.9 * (n * RIDGE_SHARE * (1.0 - RIDGE_SHARE)).sqrt();
     assert!((ranks.n_unconverged as f64) < most, "{} unconverged, at most {most:.0}", ranks.n_unconverged);
@@ -208,5 +198,5 @@ fn assert_uniform(n_replicates: u64) {
 fn a_wrong_likelihood_is_caught() {
     let scores = scores(&reduced_ranks(N_REPLICATES_WRONG, 1.3));
     println!("{scores:?}, limit {:.2}", score_limit());
-    assert!(scores[3].place.abs() > score_limit(), "{scores:?}");
+    assert!(scores[3][0].abs() > score_limit(), "{scores:?}");
 }

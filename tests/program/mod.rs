@@ -50,11 +50,17 @@ impl std::fmt::Display for Run {
 
 /// Runs the program in a directory.
 pub fn vitreo(dir: &Path, arguments: &[&str]) -> Run {
-    let output: Output = Command::new(env!("CARGO_BIN_EXE_vitreo-uq"))
-        .current_dir(dir)
-        .args(arguments)
-        .output()
-        .expect("the program was built for this test");
+    run(Command::new(env!("CARGO_BIN_EXE_vitreo-uq")).current_dir(dir).args(arguments))
+}
+
+/// The same with models kept in another place than usual, below the directory; nowhere if it is empty.
+pub fn vitreo_with_cache(dir: &Path, cache: &str, arguments: &[&str]) -> Run {
+    let program = env!("CARGO_BIN_EXE_vitreo-uq");
+    run(Command::new(program).current_dir(dir).args(arguments).env("VITREO_UQ_CACHE", cache))
+}
+
+fn run(command: &mut Command) -> Run {
+    let output: Output = command.output().expect("the program was built for this test");
     Run {
         code: output.status.code().unwrap_or(-1),
         stdout: String::from_utf8(output.stdout).expect("output is UTF-8"),
@@ -149,6 +155,16 @@ pub fn put_extended_replica(study: &Path) -> &'static Value {
 
 /// Velocity of the drift of [`drifting_replica`].
 pub const DRIFT_UM_PER_S: f64 = 1.0;
+
+/// The replica as the experiment of another specimen, in `experiment`.
+pub fn replica_with_id(experiment: &Path, id: &str) {
+    let replica = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/porcine-replica");
+    std::fs::create_dir_all(experiment).unwrap();
+    let toml = std::fs::read_to_string(replica.join("experiment.toml")).unwrap();
+    let toml = toml.replace("id = \"porcine-replica\"", &format!("id = \"{id}\""));
+    std::fs::write(experiment.join("experiment.toml"), toml).unwrap();
+    std::fs::copy(replica.join("trajectory.csv"), experiment.join("trajectory.csv")).unwrap();
+}
 
 /// The replica with a drift of 1 µm/s added to its positions, in `dir`.
 pub fn drifting_replica(dir: &Path) -> PathBuf {

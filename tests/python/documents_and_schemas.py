@@ -28,6 +28,8 @@ OF_STUDY = [
     ("groups", ["groups", "cohort", "--out", "compared"]),
     ("tasks", ["tasks", "sample", "cohort", "--out", "listed"]),
     ("gathered", ["gather", "listed"]),
+    ("tasks", ["tasks", "calibration", "eye", "--count", "20", "--out", "calibrated"]),
+    ("gathered", ["gather", "calibrated"]),
     ("learned-cohort", ["learn", "cohort", "--out", "learnt"]),
     ("cohort-diagnosis", ["diagnose", "cohort", "--out", "together", "--simulations", "19"]),
     ("check", ["check", "sweep"]),
@@ -65,6 +67,8 @@ def main():
         for index, (species, factor) in enumerate([("porcine", 1.0), ("porcine", 1.2), ("bovine", 2.0), ("bovine", 2.3)]):
             small_experiment.write(f"{folder}/cohort", f"{species}-{index}", species, factor, seed=index, cycles=2)
         for kind, arguments in commands:
+            if arguments == ["gather", "calibrated"]:
+                small_experiment.run(folder, "tasks", "run", "calibrated", "--quiet")
             document = json.loads(small_experiment.run(folder, *arguments, "--json", "-", "--quiet"))
             found += problems(kind, document)
             seen.add(kind)
@@ -76,7 +80,9 @@ def main():
             document = json.loads(written.read_text())
             kind = document.get("schema", "").split("/")[1]
             if (SCHEMAS / f"{kind}-1.json").exists():
+                seen.add(kind)
                 found += [f"{written.name}: {text}" for text in problems(kind, document)]
+    assert "calibration" in seen, "no calibration was gathered"
     if found:
         print("\n".join(found))
         sys.exit(1)

@@ -6,12 +6,15 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::Args;
+use vitreo_uq::documents::calibration::CalibrationKind;
 use vitreo_uq::documents::tasks::{Gathered, TaskKind};
 use vitreo_uq::error::Result;
 use vitreo_uq::study::{Provenance, WithProvenance};
-use vitreo_uq::tasks::gather::{self, CHALLENGE};
+use vitreo_uq::tasks::gather::{self, CALIBRATION, CHALLENGE};
 use vitreo_uq::tasks::list::List;
+use vitreo_uq::workflow::cache_directory;
 
+use crate::calibration_words::words_of_calibration;
 use crate::challenge_words::words_of_plays;
 use crate::options::use_threads;
 use crate::terminal::Terminal;
@@ -49,10 +52,16 @@ pub fn run(arguments: &GatherArguments) -> Result<ExitCode> {
     terminal.finish();
     let gathered = &outcome.gathered;
     let mut words = outcome.plays.as_ref().map_or_else(String::new, |plays| words_of_plays(&plays.tally));
+    words += &outcome.calibration.as_ref().map_or_else(String::new, words_of_calibration);
     words += &words_of_results(gathered, &out);
+    if let (Some(now), Some(cache)) = (outcome.n_adopted, cache_directory()) {
+        let before = gathered.results - now;
+        let _ = writeln!(words, "{now} models were put into {}; {before} were there.", cache.display());
+    }
     let provenance = Provenance::new("gathered", 1, list.seed(), BTreeMap::new());
     crate::output::show(arguments.json.as_deref(), &WithProvenance { provenance, body: gathered }, &words)?;
-    Ok(ExitCode::from(u8::from(!gathered.is_whole())))
+    let is_sound = outcome.calibration.is_none_or(|found| found.verdict.kind != CalibrationKind::Miscalibrated);
+    Ok(ExitCode::from(u8::from(!(gathered.is_whole() && is_sound))))
 }
 
 fn words_of_results(gathered: &Gathered, out: &Path) -> String {
@@ -73,6 +82,7 @@ fn words_of_results(gathered: &Gathered, out: &Path) -> String {
     }
     let _ = match kind {
         TaskKind::Challenge if *results > 0 => writeln!(text, "Joined:  {}", out.join(CHALLENGE).display()),
+        TaskKind::Calibration if *results > 0 => writeln!(text, "Joined:  {}", out.join(CALIBRATION).display()),
         TaskKind::Sample if *results > 0 => {
             writeln!(text, "Joined for:  vitreo-uq groups … --out {}   (with the options of the list)", out.display())
         }

@@ -67,6 +67,13 @@ pub struct CohortArguments {
     /// Leave out an experiment (its directory or the directory's name) or a specimen (its id); may be repeated
     #[arg(long, value_name = "NAME")]
     leave_out: Vec<String>,
+    #[command(flatten)]
+    sampling: SamplingArguments,
+}
+
+/// How every experiment is modelled.
+#[derive(Args)]
+pub struct ModelArguments {
     /// Base law of every experiment: lethersich, burgers, two-element, or a TOML file with a [base.network]
     #[arg(long, value_name = "LAW|FILE.toml")]
     base: Option<String>,
@@ -82,6 +89,30 @@ pub struct CohortArguments {
     /// Fix a parameter in every model; may be repeated
     #[arg(long, value_name = "NAME=VALUE")]
     set: Vec<String>,
+}
+
+impl ModelArguments {
+    /// With how experiments are sampled where nothing else is said.
+    pub fn sampling(&self) -> Sampling {
+        let SamplerOptions { n_walkers, max_steps, seed, .. } = SamplerOptions::default();
+        Sampling {
+            base: self.base.clone(),
+            with: self.with.clone(),
+            noise: self.noise.clone(),
+            prior: self.prior.clone(),
+            set: self.set.clone(),
+            n_walkers,
+            max_steps,
+            seed,
+        }
+    }
+}
+
+/// How every experiment is modelled and sampled on its own.
+#[derive(Args)]
+pub struct SamplingArguments {
+    #[command(flatten)]
+    model: ModelArguments,
     /// Walkers of each of the ensembles that sample an experiment
     #[arg(long, value_name = "N", default_value_t = SamplerOptions::default().n_walkers, allow_negative_numbers = true)]
     chains: usize,
@@ -93,19 +124,17 @@ pub struct CohortArguments {
     seed: u64,
 }
 
+impl SamplingArguments {
+    /// How experiments are sampled.
+    pub fn sampling(&self) -> Sampling {
+        Sampling { n_walkers: self.chains, max_steps: self.steps, seed: self.seed, ..self.model.sampling() }
+    }
+}
+
 impl CohortArguments {
     /// How experiments are sampled.
     pub fn sampling(&self) -> Sampling {
-        Sampling {
-            base: self.base.clone(),
-            with: self.with.clone(),
-            noise: self.noise.clone(),
-            prior: self.prior.clone(),
-            set: self.set.clone(),
-            n_walkers: self.chains,
-            max_steps: self.steps,
-            seed: self.seed,
-        }
+        self.sampling.sampling()
     }
 
     /// The experiments with their models.
@@ -128,7 +157,7 @@ pub fn run(arguments: &GroupsArguments) -> Result<ExitCode> {
     check(arguments)?;
     let threads = options::use_threads(arguments.threads)?;
     crate::output::check(arguments.json.as_deref())?;
-    let CohortArguments { chains, steps, seed, .. } = arguments.cohort;
+    let SamplingArguments { chains, steps, seed, .. } = arguments.cohort.sampling;
     let sampler = options::sampler(chains, steps, seed, threads);
     let terminal = Terminal::new(arguments.quiet);
     let measurements = arguments.cohort.read(&terminal)?;

@@ -1,6 +1,7 @@
 //! The program: arguments in, exit code out.
 #![deny(clippy::print_stderr, clippy::print_stdout)]
 
+mod calibration_words;
 mod challenge;
 mod challenge_words;
 mod check;

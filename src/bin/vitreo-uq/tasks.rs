@@ -8,14 +8,15 @@ use std::process::{Command, ExitCode};
 use clap::{Args, Subcommand, ValueEnum};
 use vitreo_uq::documents::tasks::TaskKind;
 use vitreo_uq::error::{Error, Place, Result};
+use vitreo_uq::groups::cohort;
 use vitreo_uq::tasks::list::{List, Making, Work, absolute};
 use vitreo_uq::tasks::submit::{self, Engine, Resources};
 use vitreo_uq::tasks::worker::{Ran, Worker, serve};
-use vitreo_uq::tasks::{challenge, gather, local, sample};
+use vitreo_uq::tasks::{calibration, challenge, gather, local, models, sample};
 use vitreo_uq::workflow::{Monitor, Stoppable};
 
 use crate::challenge::PlaysArguments;
-use crate::groups::CohortArguments;
+use crate::groups::{CohortArguments, ModelArguments, SamplingArguments};
 use crate::options::use_threads;
 use crate::terminal::Terminal;
 
@@ -32,6 +33,10 @@ enum Action {
     Sample(SampleTasks),
     /// A list that plays the challenges of `challenge run`
     Challenge(ChallengeTasks),
+    /// A list that simulates records of an experiment from its prior, by full finite elements, samples each as `sample` does, and ranks the truths: are the posteriors calibrated?
+    Calibration(CalibrationTasks),
+    /// A list that trains the reduced models that experiments need, each once; `gather` puts them into the cache
+    Models(ModelsTasks),
     /// Run the tasks of a list whose results are not there, or write the script that hands them to an engine
     Run(RunTasks),
 }
@@ -52,15 +57,50 @@ struct ChallengeTasks {
     list: ListArguments,
 }
 
-/// What every kind of list takes.
+#[derive(Args)]
+struct CalibrationTasks {
+    /// Experiment or study (its last revision's model is taken)
+    #[arg(value_name = "EXPERIMENT|STUDY")]
+    target: PathBuf,
+    /// Simulated records
+    #[arg(long, value_name = "N", default_value_t = 200)]
+    count: usize,
+    #[command(flatten)]
+    sampling: SamplingArguments,
+    #[command(flatten)]
+    list: ListArguments,
+}
+
+#[derive(Args)]
+struct ModelsTasks {
+    /// Experiments or studies (their last revision's model is taken), or directories that hold some
+    #[arg(value_name = "DIR", required = true)]
+    paths: Vec<PathBuf>,
+    /// Also the models of every effect that changes the displacement field, which `diagnose` asks for
+    #[arg(long)]
+    every_effect: bool,
+    #[command(flatten)]
+    model: ModelArguments,
+    #[command(flatten)]
+    list: PlaceArguments,
+}
+
+/// What lists take whose tasks are as large as is asked for.
 #[derive(Args)]
 struct ListArguments {
+    /// Experiments, cases or simulated records a task
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    block: usize,
+    #[command(flatten)]
+    place: PlaceArguments,
+}
+
+/// What every kind of list takes.
+#[derive(Args)]
+struct PlaceArguments {
     /// Directory of the list and of its results; on a cluster one that all machines see
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Experiments or cases a task
-    #[arg(long, value_name = "N", default_value_t = 1)]
-    block: usize,
     /// Replace a list of other tasks; results that are there are kept, and those of the same tasks used
     #[arg(long)]
     force: bool,
@@ -131,28 +171,49 @@ pub fn run(arguments: &TasksArguments) -> Result<ExitCode> {
             let terminal = begin(&arguments.list)?;
             let sampling = arguments.cohort.sampling();
             let work = sample::work(&arguments.cohort.read(&terminal)?, &sampling, arguments.list.block)?;
-            make(&arguments.list, TaskKind::Sample, sampling.seed, work, &terminal)
+            make(&arguments.list.place, TaskKind::Sample, sampling.seed, work, &terminal)
         }
         Action::Challenge(arguments) => {
             let terminal = begin(&arguments.list)?;
             let request = arguments.plays.request()?;
             let work = challenge::work(&request, arguments.list.block)?;
-            make(&arguments.list, TaskKind::Challenge, request.seed, work, &terminal)
+            make(&arguments.list.place, TaskKind::Challenge, request.seed, work, &terminal)
+        }
+        Action::Calibration(arguments) => {
+            let terminal = begin(&arguments.list)?;
+            let sampling = arguments.sampling.sampling();
+            let own = sample::read(&arguments.target, &sampling, &terminal)?;
+            let work = calibration::work(&own, &sampling, arguments.count, arguments.list.block)?;
+            make(&arguments.list.place, TaskKind::Calibration, sampling.seed, work, &terminal)
+        }
+        Action::Models(arguments) => {
+            let terminal = begin_at(&arguments.list)?;
+            let sampling = arguments.model.sampling();
+            let measurements = cohort::read(&arguments.paths, &[], &|own| sampling.model(own), &terminal)?;
+            let (work, n_without) = models::work(&measurements, &sampling, arguments.every_effect, &terminal)?;
+            if n_without > 0 {
+                terminal.warn(&format!("{n_without} of {} experiments need no model", measurements.len()));
+            }
+            make(&arguments.list, TaskKind::Models, sampling.seed, work, &terminal)
         }
         Action::Run(arguments) => run_tasks(arguments),
     }
 }
 
 fn begin(arguments: &ListArguments) -> Result<Terminal> {
-    crate::output::check(arguments.json.as_deref())?;
     if arguments.block == 0 {
         return Err(Error::input(Place::option("--block"), "nothing a task", "give a positive number"));
     }
+    begin_at(&arguments.place)
+}
+
+fn begin_at(arguments: &PlaceArguments) -> Result<Terminal> {
+    crate::output::check(arguments.json.as_deref())?;
     Ok(Terminal::new(arguments.quiet))
 }
 
 fn make(
-    arguments: &ListArguments,
+    arguments: &PlaceArguments,
     kind: TaskKind,
     seed: u64,
     work: Vec<Work>,
@@ -208,7 +269,7 @@ fn run_tasks(arguments: &RunTasks) -> Result<ExitCode> {
 /// Paths that are not absolute begin where the list was made.
 fn go_to(list: &List) -> Result<()> {
     let directory = Path::new(&list.head().directory);
-    if list.head().kind != TaskKind::Sample {
+    if list.head().kind == TaskKind::Challenge {
         return Ok(());
     }
     std::env::set_current_dir(directory).map_err(|source| {

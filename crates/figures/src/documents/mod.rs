@@ -1,5 +1,6 @@
 //! The documents that commands write (formats §5): plain types, with no more in them than what a reader of one may ask of it. Jobs make them, figures and the terminal show them.
 
+pub mod calibration;
 pub mod check;
 pub mod cohort;
 pub mod comparison;

@@ -10,6 +10,10 @@ pub enum TaskKind {
     Sample,
     /// Challenges, played as `challenge run` plays them.
     Challenge,
+    /// Records simulated from the prior of one experiment's model, each sampled as `sample` does.
+    Calibration,
+    /// Reduced models that experiments need, trained on full finite elements.
+    Models,
 }
 
 impl TaskKind {
@@ -18,6 +22,8 @@ impl TaskKind {
         match self {
             Self::Sample => "sample",
             Self::Challenge => "challenge",
+            Self::Calibration => "calibration",
+            Self::Models => "models",
         }
     }
 }

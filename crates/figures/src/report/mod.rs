@@ -6,10 +6,11 @@
 //!
 //! [`svg`], [`font`], [`number`], [`palette`] → [`axes`] and [`ticks`], [`legend`], names of lines → [`density`] and [`contour`] → one file
 //! a figure: [`corner`], [`predictive`], [`trace`], [`singular_values`], [`comparison`] with its map and bars, [`discrepancy`], of oscillations [`sweep`]; of groups of
-//! specimens [`forest`], [`contrasts`] and [`creep_bands`]; and of a whole document [`ladder`] and [`diagnosis`]. Draws leave as CSV ([`draws`]) and
+//! specimens [`forest`], [`contrasts`] and [`creep_bands`]; and of a whole document [`ladder`], [`diagnosis`] and [`calibration`]. Draws leave as CSV ([`draws`]) and
 //! NetCDF ([`netcdf`], and over named dimensions [`labelled_netcdf`]).
 
 pub mod axes;
+pub mod calibration;
 pub mod cohort;
 pub mod comparison;
 pub mod comparison_bars;

@@ -1,5 +1,6 @@
 //! Priors, likelihood, ensemble sampler, convergence diagnostics, point estimates.
 
+pub mod calibration;
 pub mod checkpoint;
 pub mod diagnostics;
 pub mod ensemble;

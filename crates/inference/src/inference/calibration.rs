@@ -1,0 +1,205 @@
+//! Ranks of truths among posterior draws: simulation-based calibration (Talts et al. 2018, arXiv:1804.06788).
+//!
+//! Parameters are drawn from the prior, data are simulated from them, the posterior of the data is sampled. Where all three belong together, the rank of any quantity
+//! at the truth among n independent draws is uniform over 0 … n. What is drawn, simulated and sampled is the caller's affair; here stand the ranks and what is made of them.
+
+use statrs::distribution::{Binomial, ChiSquared, ContinuousCDF, DiscreteCDF, Normal};
+
+use super::ensemble::Draws;
+
+/// Ensemble, kept step and walker of `n` draws that are as good as independent; fewer where fewer were kept.
+///
+/// Walkers of a stationary ensemble are independent of each other at any one step, so those of the last step serve without any thinning that would have to be
+/// guessed. Where there are too few, more steps are taken, as far apart as the kept ones allow.
+pub fn apart(draws: &Draws, n: usize) -> Vec<[usize; 3]> {
+    let n_of_step = draws.n_ensembles * draws.n_walkers;
+    let n_steps = n.div_ceil(n_of_step.max(1)).min(draws.n_steps);
+    let step = |k: usize| draws.n_steps - 1 - k * draws.n_steps / n_steps;
+    let of_step = |k: usize| {
+        let (step, n_walkers) = (step(k), draws.n_walkers);
+        (0..draws.n_ensembles).flat_map(move |e| (0..n_walkers).map(move |w| [e, step, w]))
+    };
+    (0..n_steps).flat_map(of_step).take(n).collect()
+}
+
+/// How many draws lie below a value.
+pub fn rank(value: f64, draws: impl IntoIterator<Item = f64>) -> usize {
+    draws.into_iter().filter(|draw| *draw < value).count()
+}
+
+/// Ranks of one quantity, one a replicate, each from 0 to `n_draws`.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Ranks {
+    /// The ranks.
+    pub ranks: Vec<usize>,
+    /// Draws that each truth was ranked among.
+    pub n_draws: usize,
+}
+
+impl Ranks {
+    /// How many ranks fall into each of `n_bins` bins, which are equally wide where they divide `n_draws` + 1.
+    pub fn counts(&self, n_bins: usize) -> Vec<usize> {
+        let mut counts = vec![0; n_bins];
+        self.ranks.iter().for_each(|rank| counts[rank.min(&self.n_draws) * n_bins / (self.n_draws + 1)] += 1);
+        counts
+    }
+
+    /// Ranks as u = (rank + ½)/(n + 1) − ½: mean 0 and variance 1/12 (but for 1/n²) where they are uniform.
+    fn offsets(&self) -> impl Iterator<Item = f64> {
+        let scale = 1.0 / (self.n_draws as f64 + 1.0);
+        self.ranks.iter().map(move |rank| scale * (*rank as f64 + 0.5) - 0.5)
+    }
+
+    /// Mean rank, standard normal where ranks are uniform: negative for a posterior that lies too high, positive for one too low.
+    pub fn place(&self) -> f64 {
+        let n = self.ranks.len() as f64;
+        self.offsets().sum::<f64>() / n / (1.0 / 12.0 / n).sqrt()
+    }
+
+    /// Mean squared distance of ranks from the middle, standard normal where they are uniform: positive for a posterior too narrow, negative for one too wide.
+    ///
+    /// u² has mean 1/12 and variance 1/180.
+    pub fn spread(&self) -> f64 {
+        let n = self.ranks.len() as f64;
+        (self.offsets().map(|u| u * u).sum::<f64>() / n - 1.0 / 12.0) / (1.0 / 180.0 / n).sqrt()
+    }
+
+    /// How many truths lie inside the central interval that holds `share` of the posterior, as nearly as the draws divide it.
+    pub fn n_inside(&self, share: f64) -> usize {
+        let left_out = 0.5 * (1.0 - share) * (self.n_draws as f64 + 1.0);
+        let lowest = (left_out + 1e-9).floor() as usize;
+        self.ranks.iter().filter(|rank| (lowest..=self.n_draws - lowest).contains(*rank)).count()
+    }
+}
+
+/// χ² of a histogram against equally full bins: as many degrees of freedom as bins, less one, where ranks are uniform.
+pub fn chi_square(counts: &[usize]) -> f64 {
+    let expected = counts.iter().sum::<usize>() as f64 / counts.len() as f64;
+    counts.iter().map(|count| (*count as f64 - expected).powi(2) / expected).sum()
+}
+
+/// Probability of a larger χ² with `n_bins` bins; 1 for a single bin.
+pub fn p_of_chi_square(chi_square: f64, n_bins: usize) -> f64 {
+    ChiSquared::new(n_bins as f64 - 1.0).map_or(1.0, |distribution| distribution.sf(chi_square))
+}
+
+/// Probability of a standard normal farther from 0, on either side.
+pub fn p_of_score(score: f64) -> f64 {
+    2.0 * Normal::standard().sf(score.abs())
+}
+
+/// p-values corrected for their number by Holm's step-down rule (1979), in their order: the chance that any of them is below a level where nothing is wrong is at most that level, however they depend on
+/// each other.
+pub fn holm(p: &[f64]) -> Vec<f64> {
+    let mut order: Vec<usize> = (0..p.len()).collect();
+    order.sort_by(|a, b| p[*a].total_cmp(&p[*b]));
+    let mut corrected = vec![1.0; p.len()];
+    let mut largest = 0.0_f64;
+    for (place, index) in order.into_iter().enumerate() {
+        largest = largest.max(((p.len() - place) as f64 * p[index]).min(1.0));
+        corrected[index] = largest;
+    }
+    corrected
+}
+
+/// Central interval of a binomial count: beyond either end lies at most (1 − `level`)/2.
+pub fn count_interval(n: usize, probability: f64, level: f64) -> [usize; 2] {
+    let Ok(binomial) = Binomial::new(probability, n as u64) else { return [0, n] };
+    let tail = 0.5 * (1.0 - level);
+    [binomial.inverse_cdf(tail), binomial.inverse_cdf(1.0 - tail)].map(|count| (count as usize).min(n))
+}
+
+/// Clopper and Pearson's interval (1934) of a binomial probability of which `count` of `n` were seen.
+pub fn probability_interval(count: usize, n: usize, level: f64) -> [f64; 2] {
+    let tail = 0.5 * (1.0 - level);
+    let at_least = |probability: f64| match (count, Binomial::new(probability, n as u64)) {
+        (0, _) | (_, Err(_)) => 1.0,
+        (count, Ok(binomial)) => binomial.sf(count as u64 - 1),
+    };
+    let at_most = |probability: f64| Binomial::new(probability, n as u64).map_or(1.0, |own| own.cdf(count as u64));
+    let lower = if count == 0 { 0.0 } else { bisect(|probability| at_least(probability) < tail) };
+    let upper = if count >= n { 1.0 } else { bisect(|probability| at_most(probability) > tail) };
+    [lower, upper]
+}
+
+/// Where a condition that holds from 0 on ceases to, in [0, 1].
+fn bisect(holds: impl Fn(f64) -> bool) -> f64 {
+    let (mut lower, mut upper) = (0.0, 1.0);
+    for _ in 0..60 {
+        let middle = 0.5 * (lower + upper);
+        *(if holds(middle) { &mut lower } else { &mut upper }) = middle;
+    }
+    0.5 * (lower + upper)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::ensemble::RandomStream;
+    use super::*;
+
+    fn draws(n_steps: usize) -> Draws {
+        let n = 4 * n_steps * 8;
+        let (positions, log_density) = (vec![0.0; n], vec![0.0; n]);
+        Draws { n_ensembles: 4, n_steps, n_walkers: 8, dimension: 1, store_every: 1, positions, log_density }
+    }
+
+    #[test]
+    fn draws_are_of_the_last_step_or_of_steps_far_apart() {
+        let places = apart(&draws(100), 31);
+        assert!(places.len() == 31 && places.iter().all(|[_, step, _]| *step == 99));
+        let places = apart(&draws(100), 99);
+        let mut steps: Vec<usize> = places.iter().map(|[_, step, _]| *step).collect();
+        steps.dedup();
+        assert_eq!((places.len(), steps), (99, vec![99, 74, 49, 24]));
+        let mut distinct = places.clone();
+        distinct.sort_unstable();
+        distinct.dedup();
+        assert_eq!(distinct.len(), 99);
+        assert_eq!(apart(&draws(2), 99).len(), 64);
+        assert!(apart(&draws(0), 99).is_empty());
+    }
+
+    /// Known answers: Holm's of four p, by hand; Clopper and Pearson's 95 % interval of 8 in 10 from tables (0.4439 to 0.9748); binomial counts.
+    #[test]
+    fn corrections_and_intervals_are_those_of_tables() {
+        let found = holm(&[0.01, 0.04, 0.03, 0.005]);
+        for (found, wanted) in found.iter().zip([0.03, 0.06, 0.06, 0.02]) {
+            assert!((found - wanted).abs() < 1e-12, "{found}");
+        }
+        let found = probability_interval(8, 10, 0.95);
+        assert!((found[0] - 0.4439).abs() < 5e-5 && (found[1] - 0.9748).abs() < 5e-5, "{found:?}");
+        assert_eq!(probability_interval(0, 10, 0.9)[0], 0.0);
+        assert_eq!(probability_interval(10, 10, 0.9)[1], 1.0);
+        let [lower, upper] = count_interval(100, 0.1, 0.99);
+        let own = Binomial::new(0.1, 100).unwrap();
+        assert!(own.cdf(upper as u64) >= 0.995 && own.cdf(upper as u64 - 1) < 0.995, "{upper}");
+        assert!(own.cdf(lower as u64) >= 0.005 && own.cdf(lower as u64 - 1) < 0.005, "{lower}");
+        assert!((p_of_chi_square(16.919, 10) - 0.05).abs() < 1e-4 && (p_of_score(-1.959_964) - 0.05).abs() < 1e-6);
+    }
+
+    /// The bins of 20, and intervals of 50 % and 90 %, divide 100 ranks without a rest: each rank once gives exactly their share.
+    #[test]
+    fn shares_of_uniform_ranks_are_exact() {
+        let ranks = Ranks { ranks: (0..100).collect(), n_draws: 99 };
+        assert_eq!(ranks.counts(20), vec![5; 20]);
+        assert_eq!((ranks.n_inside(0.5), ranks.n_inside(0.9)), (50, 90));
+        assert!(ranks.place().abs() < 1e-9 && ranks.spread().abs() < 0.01 && chi_square(&ranks.counts(20)) == 0.0);
+    }
+
+    /// Posteriors that are right, too high, too narrow and too wide by known factors, of 2,000 replicates: the scores are what they say. The right one's are
+    /// beyond 5.2 once in 5·10⁶; the others' expectations are beyond 20.
+    #[test]
+    fn scores_say_what_is_wrong() {
+        let normal = Normal::standard();
+        let ranks = |shift: f64, width: f64| {
+            let mut stream = RandomStream::new(3, 0);
+            let of = |z: f64| ((100.0 * normal.cdf((z - shift) / width)) as usize).min(99);
+            Ranks { ranks: (0..2_000).map(|_| of(stream.normal())).collect(), n_draws: 99 }
+        };
+        let right = ranks(0.0, 1.0);
+        assert!(right.place().abs() < 5.2 && right.spread().abs() < 5.2);
+        assert!(p_of_chi_square(chi_square(&right.counts(20)), 20) > 1e-7);
+        assert!(ranks(1.0, 1.0).place() < -20.0 && ranks(-1.0, 1.0).place() > 20.0);
+        assert!(ranks(0.0, 0.5).spread() > 20.0 && ranks(0.0, 2.0).spread() < -20.0);
+    }
+}
