@@ -9,6 +9,7 @@ use crate::experiment::Experiment;
 use crate::inference::noise::{NoiseLikelihood, NoiseModel};
 use crate::model::{Compliance, Lanes, N_LANES, Response};
 use crate::number::Dual;
+use crate::parameter::ParameterSpec;
 use crate::stages::Stepped;
 use crate::study::ModelSpecification;
 use crate::surrogate::trajectory;
@@ -18,6 +19,8 @@ use crate::workflow::{Monitor, Silent};
 
 /// Names of the noise terms that every model is given here.
 pub const NOISE_TERMS: [&str; 3] = ["white", "ou", "gain"];
+/// Quantile of the priors at which an effect does something.
+const OFF_NULL: f64 = 0.7;
 /// The noise is taken as this where nothing is known and nothing can be estimated, relative to the range of positions.
 const UNKNOWN_NOISE: f64 = 0.005;
 
@@ -275,7 +278,23 @@ impl Subject {
                 return Err(Error::input(Place::option("--with"), reason, remedy));
             }
         }
+        if problem.model.base().outside().is_some() {
+            self.refuse_not_followed(&problem)?;
+        }
         Ok(Candidate::new(&problem))
+    }
+
+    /// Refuses loads that cannot be followed beside a law that another program computes.
+    fn refuse_not_followed(&self, problem: &Problem) -> Result<()> {
+        let middle = |spec: &ParameterSpec| {
+            let median = || problem.priors.get(spec.name).map_or(f64::NAN, |prior| prior.distribution.quantile(OFF_NULL));
+            problem.specification.fixed.get(spec.name).copied().unwrap_or_else(median).into()
+        };
+        let parameters: Vec<Dual> = problem.model.parameters().iter().map(middle).collect();
+        match self.shared.compliance.resolve(&mut problem.model.stages(&parameters)?) {
+            Err(Error::Numerical { what, remedy }) => Err(Error::input(Place::option("--with"), what, remedy)),
+            other => other.map(|_| ()),
+        }
     }
 
     /// Where what answers for large displacements is put by the search that learns it.
@@ -387,7 +406,9 @@ pub(crate) fn compliance_of(
     monitor: &dyn Monitor,
 ) -> Result<Compliance> {
     let of_model = |problem: &Problem| Reduced::unverified(problem, kept.clone(), &Silent).map(|own| own.compliance);
-    let Some(fe) = problem.finite_elements() else { return of_model(problem) };
+    let Some(fe) = problem.finite_elements() else {
+        return Reduced::unverified(problem, kept.clone(), monitor).map(|own| own.compliance);
+    };
     let own = problem.poisson_ratios(fe)?;
     let (mut widest, mut wanted) = (None, problem.model.effects().to_vec());
     for effect in effects {

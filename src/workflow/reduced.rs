@@ -10,9 +10,9 @@ use sha2::{Digest, Sha256};
 use super::learnt_displacement::{learnt, nearest_law};
 use super::mechanics::{FiniteElements, Mechanics};
 use super::problem::{Problem, TAIL_MASS};
-use super::{Counter, Monitor, cache};
+use super::{Counter, Monitor, cache, outside};
 use crate::effects::{Effect, Field, Stage};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::experiment::{Experiment, Force, Record};
 use crate::files::{Content, read_if_there};
 use crate::inference::likelihood::{FittedRecord, PosteriorParts, ReducedPosterior};
@@ -126,6 +126,10 @@ impl Reduced {
                 });
             }
             Mechanics::FiniteElements(fe) => fe,
+            Mechanics::Outside => {
+                let law = problem.model.base().outside().ok_or_else(no_law)?;
+                return outside::reduced(problem, law, monitor);
+            }
         };
         let (law, parameters) = training_law(problem)?;
         let training = training(problem, fe, law, &parameters)?;
@@ -173,6 +177,10 @@ impl Reduced {
         let (built_from_sha256, fields) = (built_from(fe, &training), self.fields.clone());
         Ok(Some(KeptSurrogate { built_from_sha256, fields_built_from_sha256, fields, surrogate }))
     }
+}
+
+fn no_law() -> Error {
+    Error::numerical("another program was to answer, and the model does not name one", "give `--base` and `--forward`")
 }
 
 /// The models of fields that effects ask for: kept ones where they were built from the same, in the study or in the cache, else new ones.

@@ -229,7 +229,7 @@ fn summarise(
     let heldout = HeldoutSummary {
         fitted_cycles: problem.experiment.calibration_cycles.clone(),
         cycles: problem.experiment.heldout_cycles.clone(),
-        fe_runs: problem.finite_elements().map(|_| check.fe_runs),
+        fe_runs: check.surrogate_vs_full_max_m.map(|_| check.fe_runs),
         rmse_um: score.as_ref().map(|s| 1e6 * s.rmse_m),
         rmse_fitted_um: 1e6 * rmse_m(&mean_m, &fitted),
         noise_um: yardstick.map(|y| 1e6 * y.sd_m),
@@ -325,6 +325,9 @@ fn misfit(problem: &Problem, mean_m: &[f64], check: &FullCheck, yardstick: Optio
 fn at_edge_of_range(reduced: &Reduced, problem: &Problem, columns: &[DrawColumn]) -> Vec<String> {
     let crowds = |(name, column): (&str, &DrawColumn)| {
         let range = reduced.trained.iter().find(|range| range.name == name)?;
+        if range.lower <= 0.0 {
+            return None;
+        }
         let margin = 1e-3 * (range.upper / range.lower).ln();
         let is_outermost = |x: &&f64| (**x / range.lower).ln() < margin || (range.upper / **x).ln() < margin;
         let n_outermost = column.values.iter().filter(is_outermost).count();
