@@ -9,18 +9,15 @@ use crate::experiment::Experiment;
 use crate::inference::noise::{NoiseLikelihood, NoiseModel};
 use crate::model::{Compliance, Lanes, N_LANES, Response};
 use crate::number::Dual;
-use crate::parameter::ParameterSpec;
 use crate::stages::Stepped;
 use crate::study::ModelSpecification;
 use crate::surrogate::trajectory;
 use crate::workflow::problem::Problem;
 use crate::workflow::reduced::{KeptSurrogate, Reduced, field_models, with_fields};
-use crate::workflow::{Monitor, Silent};
+use crate::workflow::{Monitor, Silent, outside};
 
 /// Names of the noise terms that every model is given here.
 pub const NOISE_TERMS: [&str; 3] = ["white", "ou", "gain"];
-/// Quantile of the priors at which an effect does something.
-const OFF_NULL: f64 = 0.7;
 /// The noise is taken as this where nothing is known and nothing can be estimated, relative to the range of positions.
 const UNKNOWN_NOISE: f64 = 0.005;
 
@@ -279,22 +276,9 @@ impl Subject {
             }
         }
         if problem.model.base().outside().is_some() {
-            self.refuse_not_followed(&problem)?;
+            outside::refuse_not_followed(&problem, &self.shared.compliance)?;
         }
         Ok(Candidate::new(&problem))
-    }
-
-    /// Refuses loads that cannot be followed beside a law that another program computes.
-    fn refuse_not_followed(&self, problem: &Problem) -> Result<()> {
-        let middle = |spec: &ParameterSpec| {
-            let median = || problem.priors.get(spec.name).map_or(f64::NAN, |prior| prior.distribution.quantile(OFF_NULL));
-            problem.specification.fixed.get(spec.name).copied().unwrap_or_else(median).into()
-        };
-        let parameters: Vec<Dual> = problem.model.parameters().iter().map(middle).collect();
-        match self.shared.compliance.resolve(&mut problem.model.stages(&parameters)?) {
-            Err(Error::Numerical { what, remedy }) => Err(Error::input(Place::option("--with"), what, remedy)),
-            other => other.map(|_| ()),
-        }
     }
 
     /// Where what answers for large displacements is put by the search that learns it.

@@ -27,7 +27,7 @@ pub mod misfit;
 mod mixture;
 pub(crate) mod model_priors;
 mod near_normal;
-mod outside;
+pub(crate) mod outside;
 pub mod pages;
 pub mod problem;
 pub mod reduced;

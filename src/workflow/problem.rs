@@ -5,7 +5,6 @@ use std::sync::Arc;
 use super::Monitor;
 use super::mechanics::{FiniteElements, Mechanics, MeshFile};
 use super::model_priors::read_priors;
-use super::outside::OUTSIDE_TAIL;
 use crate::effects::Library;
 use crate::error::{Error, Place, Result};
 use crate::experiment::{Apparatus, Experiment};
@@ -18,6 +17,9 @@ use crate::study::ModelSpecification;
 
 /// Prior mass beyond either end of the surrogate's trained range; the prior is truncated there.
 pub(crate) const TAIL_MASS: f64 = 1e-9;
+
+/// The same of a law that another program computes: what is learnt of it costs calls.
+pub(crate) const OUTSIDE_TAIL: f64 = 1e-3;
 
 /// An experiment, a model of it, and the mechanics made computable.
 pub struct Problem {

@@ -128,7 +128,15 @@ impl Reduced {
             Mechanics::FiniteElements(fe) => fe,
             Mechanics::Outside => {
                 let law = problem.model.base().outside().ok_or_else(no_law)?;
-                return outside::reduced(problem, law, monitor);
+                let own = outside::reduced(problem, law, monitor)?;
+                return Ok(Self {
+                    surrogate: None,
+                    fields: FieldModels::default(),
+                    compliance: own.compliance,
+                    trained: own.trained,
+                    max_relative_error: own.relative_error,
+                    learnt_error: None,
+                });
             }
         };
         let (law, parameters) = training_law(problem)?;

@@ -8,31 +8,40 @@ use std::sync::Arc;
 use sha2::{Digest, Sha256};
 
 use super::problem::Problem;
-use super::reduced::Reduced;
 use super::{Monitor, cache};
 use crate::error::{Error, Place, Result};
-use crate::model::{Compliance, Forward, Response};
+use crate::model::{Compliance, Forward, Response, TrainedRange};
 use crate::number::Dual;
+use crate::parameter::ParameterSpec;
 use crate::rheology::OutsideLaw;
 use crate::stages::{Learnt, LearntRecord, Load, Spread, Stages};
-use crate::surrogate::FieldModels;
 use crate::surrogate::trajectory::{Drive, OutsideModel, OutsideRecord, OutsideSurface};
 use client::Client;
 
-/// Prior mass beyond either end of the box that is learnt; the prior is truncated there.
-pub(crate) const OUTSIDE_TAIL: f64 = 1e-3;
 /// Share of the noise that the error may have.
 const SHARE_OF_NOISE: f64 = 0.1;
 /// The noise is taken as this where nothing is known and nothing can be estimated, relative to the range of positions.
 const UNKNOWN_NOISE: f64 = 0.005;
+/// Quantile of the priors at which an effect does something.
+const OFF_NULL: f64 = 0.7;
 /// Learning aims at this share of what is accepted, so that what is kept serves a record whose noise is estimated a little lower.
 const AIM: f64 = 0.8;
+
+/// What stands for a law that another program computes.
+pub(super) struct OutsideReduced {
+    /// Completes stages by what was learnt.
+    pub compliance: Compliance,
+    /// Ranges over which it was.
+    pub trained: Vec<TrainedRange>,
+    /// Its root mean square error over the range of positions.
+    pub relative_error: Option<f64>,
+}
 
 /// The reduced model of a problem whose law another program computes: kept, or learnt now.
 ///
 /// # Errors
 /// [`Error::Input`] where no URL is given; what asking the program, and learning, refuse.
-pub(super) fn reduced(problem: &Problem, law: &OutsideLaw, monitor: &dyn Monitor) -> Result<Reduced> {
+pub(super) fn reduced(problem: &Problem, law: &OutsideLaw, monitor: &dyn Monitor) -> Result<OutsideReduced> {
     let record = &problem.experiment.record;
     let (time_s, force) = (&record.time_s[..], record.force());
     let ranges = problem.training_ranges();
@@ -68,11 +77,27 @@ pub(super) fn reduced(problem: &Problem, law: &OutsideLaw, monitor: &dyn Monitor
         }
     };
     monitor.stage(&said(&surface));
-    let max_relative_error = (scales.position_range_m > 0.0).then(|| surface.error_m / scales.position_range_m);
+    let relative_error = (scales.position_range_m > 0.0).then(|| surface.error_m / scales.position_range_m);
     let model = Arc::new(OutsideModel::new(surface, time_s, force)?);
     let compliance = Compliance::given(1.0).with_spread(move |stages| model.spread(stages));
-    let fields = FieldModels::default();
-    Ok(Reduced { surrogate: None, fields, compliance, trained: ranges, max_relative_error, learnt_error: None })
+    refuse_not_followed(problem, &compliance)?;
+    Ok(OutsideReduced { compliance, trained: ranges, relative_error })
+}
+
+/// Refuses effects of load that cannot be followed beside a law that another program computes.
+///
+/// # Errors
+/// [`Error::Input`] with the reason.
+pub(crate) fn refuse_not_followed(problem: &Problem, compliance: &Compliance) -> Result<()> {
+    let value = |spec: &ParameterSpec| {
+        let prior = || problem.priors.get(spec.name).map_or(f64::NAN, |prior| prior.distribution.quantile(OFF_NULL));
+        problem.specification.fixed.get(spec.name).copied().unwrap_or_else(prior).into()
+    };
+    let parameters: Vec<Dual> = problem.model.parameters().iter().map(value).collect();
+    match compliance.resolve(&mut problem.model.stages(&parameters)?) {
+        Err(Error::Numerical { what, remedy }) => Err(Error::input(Place::option("--with"), what, remedy)),
+        other => other.map(|_| ()),
+    }
 }
 
 fn said(surface: &OutsideSurface) -> String {
@@ -125,6 +150,7 @@ impl Forward for OutsideForward<'_> {
         // Only what comes after the law is left to do: its answer stands for it, under no load.
         let answer = LearntRecord {
             time_s: record.time_s.clone(),
+            force: record.force().into(),
             rates_per_s: Vec::new(),
             laws: vec![vec![0.0; 2]],
             left_m: vec![position_m],

@@ -6,6 +6,7 @@
 use std::sync::Arc;
 
 use crate::error::{Error, Result};
+use crate::experiment::{Force, KeptForce};
 use crate::number::{Dual, PointScalar};
 use crate::rheology::{RetardationSpectrum, SpectralMode};
 
@@ -14,6 +15,8 @@ use crate::rheology::{RetardationSpectrum, SpectralMode};
 pub struct LearntRecord {
     /// Times of all rows, in s.
     pub time_s: Vec<f64>,
+    /// The commanded force at them.
+    pub force: KeptForce,
     /// Rates rₘ in 1/s.
     pub rates_per_s: Vec<f64>,
     /// Of every time mode what it is as a linear law, in m/N for a unit of the mode: the spring's compliance, those of the rates, the dashpot's fluidity (1/s).
@@ -60,17 +63,20 @@ impl Learnt {
     /// What the linear law leaves, in m at rows of the record that was learnt.
     ///
     /// # Errors
-    /// [`Error::Numerical`] for times that are no rows of it.
-    pub fn left_m<T: PointScalar>(&self, time_s: &[f64]) -> Result<Vec<T>> {
-        let own_s = &self.record.time_s;
-        let is_first = own_s.get(..time_s.len()) == Some(time_s);
+    /// [`Error::Numerical`] for times that are no rows of it, and for another force.
+    pub fn left_m<T: PointScalar>(&self, time_s: &[f64], force: Force<'_>) -> Result<Vec<T>> {
+        let (own_s, own) = (&self.record.time_s, &self.record.force);
+        let is_first = own_s.get(..time_s.len()) == Some(time_s) && own.get().first(time_s.len()) == force;
         let rows: Vec<usize> = if is_first {
             Vec::new()
         } else {
-            let row = |at_s: &f64| own_s.binary_search_by(|own| own.total_cmp(at_s)).ok();
-            time_s.iter().map(row).collect::<Option<_>>().ok_or_else(|| {
+            let row = |(at_s, force_n): (&f64, &f64)| {
+                let row = own_s.binary_search_by(|own| own.total_cmp(at_s)).ok();
+                row.filter(|row| own.at_rows_n[*row] == *force_n && own.rule == force.rule)
+            };
+            time_s.iter().zip(force.at_rows_n).map(row).collect::<Option<_>>().ok_or_else(|| {
                 Error::numerical(
-                    "the trajectories of somebody else's law were learnt for another record",
+                    "the trajectories of somebody else's law were learnt for another record, or another force",
                     "learn them for this one",
                 )
             })?

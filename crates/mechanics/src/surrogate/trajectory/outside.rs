@@ -355,6 +355,7 @@ fn split(modes: &[Vec<f64>], time_s: &[f64], force: Force<'_>) -> Result<LearntR
         let unit = (0..n_numbers).map(|k| f64::from(u8::from(k == place))).collect();
         let record = LearntRecord {
             time_s: time_s.to_vec(),
+            force: force.into(),
             rates_per_s: rates_per_s.clone(),
             laws: vec![unit],
             left_m: vec![vec![0.0; time_s.len()]],
@@ -379,5 +380,5 @@ fn split(modes: &[Vec<f64>], time_s: &[f64], force: Force<'_>) -> Result<LearntR
         laws.push(numbers.iter().zip(&sizes).map(|(number, size)| number / size).collect());
         left_m.push(left.iter().copied().collect());
     }
-    Ok(LearntRecord { time_s: time_s.to_vec(), rates_per_s, laws, left_m })
+    Ok(LearntRecord { time_s: time_s.to_vec(), force: force.into(), rates_per_s, laws, left_m })
 }
