@@ -113,6 +113,9 @@ pub fn run(problem: &Problem, request: &SampleRequest, monitor: &dyn Monitor) ->
     let spread = outcome.draws.spread(N_CHECK_DRAWS);
     let draws: Vec<NaturalDraw> = spread.iter().map(|point| posterior.natural(point)).collect();
     let check = full_check::check(problem, &reduced, &draws)?;
+    if problem.model.base().outside().is_some() && check.fe_runs == 0 {
+        monitor.warn("somebody else's model does not answer, so that what was learnt of it is not checked at these draws");
+    }
     lap("full finite elements");
     let bands_m = heldout::bands_m(&check);
     let heldout_m = problem.positions_of(&problem.experiment.heldout_cycles);

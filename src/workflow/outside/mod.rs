@@ -5,6 +5,7 @@ mod http;
 
 use std::sync::Arc;
 
+use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use super::problem::Problem;
@@ -115,6 +116,12 @@ fn hash_of(law: &OutsideLaw, rest: &str, drive: &Drive) -> String {
     hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
+/// An answer as it is kept: positions (m) at every row.
+#[derive(Serialize, Deserialize)]
+struct Answered {
+    position_m: Vec<f64>,
+}
+
 /// The program itself as a forward model of a problem; answers are kept.
 pub(super) struct OutsideForward<'a> {
     problem: &'a Problem,
@@ -139,12 +146,13 @@ impl Forward for OutsideForward<'_> {
         let drive = Drive::behind(&stages.load, &record.time_s, record.force());
         let own = &parameters[..self.law.parameters().len()];
         let hash = hash_of(self.law, &format!("at {own:?}"), &drive);
-        let position_m = match cache::read::<Vec<f64>>(&hash).filter(|kept| kept.len() == record.n_rows()) {
-            Some(kept) => kept,
+        let position_m = match cache::read::<Answered>(&hash).filter(|kept| kept.position_m.len() == record.n_rows()) {
+            Some(kept) => kept.position_m,
             None => {
-                let asked = Client::new(self.law, None).evaluate(own, &drive)?;
-                cache::write(&hash, &asked);
-                asked
+                let position_m = Client::new(self.law, None).evaluate(own, &drive)?;
+                let answered = Answered { position_m };
+                cache::write(&hash, &answered);
+                answered.position_m
             }
         };
         // Only what comes after the law is left to do: its answer stands for it, under no load.
