@@ -35,7 +35,9 @@ pub const URL_EXAMPLE: &str = "write it as `http://127.0.0.1:4242`";
 /// The reason.
 pub fn check_url(url: &str) -> std::result::Result<(), String> {
     if url.starts_with("https:") {
-        return Err(format!("`{url}` is encrypted, and this program speaks plain HTTP only, to a model on this machine or through a tunnel"));
+        return Err(format!(
+            "`{url}` is encrypted, and this program speaks plain HTTP only, to a model on this machine or through a tunnel"
+        ));
     }
     let rest = url.strip_prefix("http://").ok_or_else(|| format!("`{url}` does not begin with `http://`"))?;
     let host = rest.split('/').next().unwrap_or_default();
@@ -91,7 +93,13 @@ fn declared(parameters: &Table<'_>, name: &str) -> Result<Declared> {
     let support = match own.numbers("support")?.as_deref() {
         None => Support { lower, upper },
         Some(&[from, to]) if from < to => Support { lower: from, upper: to },
-        Some(_) => return Err(own.refuse("support", "these are no two ends, the lower first", "write `support = [0.0, 10.0]`")),
+        Some(_) => {
+            return Err(own.refuse(
+                "support",
+                "these are no two ends, the lower first",
+                "write `support = [0.0, 10.0]`",
+            ));
+        }
     };
     if lower < support.lower || upper > support.upper {
         return Err(own.refuse(

@@ -226,7 +226,9 @@ impl ModelSpecification {
         let (Some(url), Some(law)) = (url, self.base.outside()) else {
             return match url {
                 None => Ok(self),
-                Some(_) => Err(Error::input(option(), "nothing says which parameters that model has", forward_file::EXAMPLE)),
+                Some(_) => {
+                    Err(Error::input(option(), "nothing says which parameters that model has", forward_file::EXAMPLE))
+                }
             };
         };
         forward_file::check_url(url).map_err(|found| Error::input(option(), found, forward_file::URL_EXAMPLE))?;

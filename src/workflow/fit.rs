@@ -217,7 +217,10 @@ impl<'a> CreepResiduals<'a> {
             forward: problem.reduced_forward_over(reduced, rows.response()),
             template,
             free: free.iter().copied().map(coordinate).collect(),
-            ranges: (0..).zip(specs).map(|(k, p)| problem.range_of(p.name, if k < n_law { problem.law_tail() } else { TAIL_MASS })).collect(),
+            ranges: (0..)
+                .zip(specs)
+                .map(|(k, p)| problem.range_of(p.name, if k < n_law { problem.law_tail() } else { TAIL_MASS }))
+                .collect(),
             observed: rows.observed.clone(),
         }
     }

@@ -114,7 +114,8 @@ pub fn run(problem: &Problem, request: &SampleRequest, monitor: &dyn Monitor) ->
     let draws: Vec<NaturalDraw> = spread.iter().map(|point| posterior.natural(point)).collect();
     let check = full_check::check(problem, &reduced, &draws)?;
     if problem.model.base().outside().is_some() && check.fe_runs == 0 {
-        monitor.warn("somebody else's model does not answer, so that what was learnt of it is not checked at these draws");
+        monitor
+            .warn("somebody else's model does not answer, so that what was learnt of it is not checked at these draws");
     }
     lap("full finite elements");
     let bands_m = heldout::bands_m(&check);

@@ -99,14 +99,18 @@ fn answer(mut stream: TcpStream, calls: &AtomicUsize, hears: bool) {
         }
     };
     let request: Value = serde_json::from_str(&body).unwrap_or_default();
-    let numbers = |value: &Value| -> Vec<f64> { value.as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect() };
+    let numbers =
+        |value: &Value| -> Vec<f64> { value.as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect() };
     let said = match path.as_str() {
         "/Info" => json!({ "protocolVersion": 1.0, "models": ["forward"] }),
         "/InputSizes" => json!({ "inputSizes": [3] }),
         "/OutputSizes" => json!({ "outputSizes": [request["config"]["time_s"].as_array().unwrap().len()] }),
         "/Evaluate" => {
             calls.fetch_add(1, Ordering::SeqCst);
-            assert_eq!(request["config"]["parameters"], json!(["young_modulus_pa", "viscosity_1_pa_s", "viscosity_2_pa_s"]));
+            assert_eq!(
+                request["config"]["parameters"],
+                json!(["young_modulus_pa", "viscosity_1_pa_s", "viscosity_2_pa_s"])
+            );
             let point: [f64; 3] = numbers(&request["input"][0]).try_into().unwrap();
             let (time_s, mut force_n) = (numbers(&request["config"]["time_s"]), numbers(&request["config"]["force_n"]));
             if !hears {
@@ -189,11 +193,14 @@ fn a_posterior_is_that_of_the_same_physics_and_needs_no_server_twice() {
     let dir = place.path();
     write_experiment(&dir.join("gel"), 0.0);
     write_priors(dir);
-    let own = vitreo(dir, &["sample", "gel", "--prior", "prior.toml", "--out", "own", "--json", "-", "--quiet"]).exits(0).json();
+    let own = vitreo(dir, &["sample", "gel", "--prior", "prior.toml", "--out", "own", "--json", "-", "--quiet"])
+        .exits(0)
+        .json();
     let server = Server::start(true);
     let url = server.url.clone();
     let model = ["--base", "outside.toml", "--forward", &url, "--prior", "prior.toml"];
-    let sample = |out: &str| vitreo(dir, &[&["sample", "gel"][..], &model, &["--out", out, "--json", "-", "--quiet"]].concat());
+    let sample =
+        |out: &str| vitreo(dir, &[&["sample", "gel"][..], &model, &["--out", out, "--json", "-", "--quiet"]].concat());
     let outside = sample("outside").exits(0).json();
     for name in ["young_modulus_pa", "viscosity_1_pa_s", "viscosity_2_pa_s", "noise_sd_um"] {
         let ([mean, sd], [own_mean, own_sd]) = (found(&outside, name), found(&own, name));
@@ -212,7 +219,8 @@ fn a_posterior_is_that_of_the_same_physics_and_needs_no_server_twice() {
     assert_eq!(again["heldout"], outside["heldout"]);
     // The study knows where the model was, and what it takes in which order.
     let model = std::fs::read_to_string(dir.join("outside/m0/model.toml")).unwrap();
-    let places = ["url = ", "parameters.young", "parameters.viscosity_1", "parameters.viscosity_2"].map(|word| model.find(word));
+    let places =
+        ["url = ", "parameters.young", "parameters.viscosity_1", "parameters.viscosity_2"].map(|word| model.find(word));
     assert!(places.is_sorted() && places[0].is_some(), "{model}");
     vitreo(dir, &["fit", "outside", "--quiet"]).exits(0);
     std::fs::remove_dir_all(dir.join("cache")).unwrap();
@@ -246,7 +254,22 @@ fn a_server_that_ignores_the_force_has_no_load_effects() {
     write_priors(dir);
     let server = Server::start(false);
     let fit = |effect: &str| {
-        vitreo(dir, &["fit", "gel", "--base", "outside.toml", "--forward", &server.url, "--with", effect, "--out", effect, "--quiet"])
+        vitreo(
+            dir,
+            &[
+                "fit",
+                "gel",
+                "--base",
+                "outside.toml",
+                "--forward",
+                &server.url,
+                "--with",
+                effect,
+                "--out",
+                effect,
+                "--quiet",
+            ],
+        )
     };
     fit("tracking-drift").exits(0);
     fit("force-bias").refuses(&["same answer for two different forces", "leave this effect of the load out"]);
@@ -260,11 +283,13 @@ fn mistakes_are_refused_with_their_remedy() {
     let dir = place.path();
     write_experiment(&dir.join("gel"), 0.0);
     write_priors(dir);
-    vitreo(dir, &["fit", "gel", "--forward", "http://127.0.0.1:9"]).refuses(&["`--forward`", "[base.forward.parameters"]);
+    vitreo(dir, &["fit", "gel", "--forward", "http://127.0.0.1:9"])
+        .refuses(&["`--forward`", "[base.forward.parameters"]);
     let with = |url: &str| vitreo(dir, &["fit", "gel", "--base", "outside.toml", "--forward", url]);
     with("https://gel.org").refuses(&["plain HTTP", "http://127.0.0.1:4242"]);
     with("gel.org").refuses(&["does not begin with `http://`"]);
-    vitreo(dir, &["fit", "gel", "--base", "outside.toml"]).refuses(&["where somebody else's model answers", "--forward"]);
+    vitreo(dir, &["fit", "gel", "--base", "outside.toml"])
+        .refuses(&["where somebody else's model answers", "--forward"]);
     let text = std::fs::read_to_string(dir.join("outside.toml")).unwrap();
     for (old, new, words) in [
         ("unit = \"Pa\"\n", "", &["line 3", "unit = \"N/m\""][..]),

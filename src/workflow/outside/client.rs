@@ -52,7 +52,12 @@ impl<'a> Client<'a> {
         let models: Vec<&str> = info["models"].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
         if !models.contains(&self.law.model()) {
             return Err(Error::numerical(
-                format!("the server at {} has no model `{}`; it has {}", self.law.url(), self.law.model(), models.join(", ")),
+                format!(
+                    "the server at {} has no model `{}`; it has {}",
+                    self.law.url(),
+                    self.law.model(),
+                    models.join(", ")
+                ),
                 "name one of its models, as `model` in [base.forward]",
             ));
         }
@@ -64,7 +69,10 @@ impl<'a> Client<'a> {
         let n_parameters = self.law.parameters().len();
         if inputs != [n_parameters as u64] {
             return Err(Error::numerical(
-                format!("the model `{}` takes vectors of {inputs:?} numbers, and {n_parameters} parameters are declared", self.law.model()),
+                format!(
+                    "the model `{}` takes vectors of {inputs:?} numbers, and {n_parameters} parameters are declared",
+                    self.law.model()
+                ),
                 "declare in [base.forward.parameters] what the model takes: one vector, in its order",
             ));
         }
@@ -90,7 +98,9 @@ impl<'a> Client<'a> {
         let body = json!({ "name": self.law.model(), "input": [parameters], "config": self.config(drive) });
         let answer = self.ask("/Evaluate", Some(&body))?;
         let output = answer["output"].as_array().and_then(|vectors| vectors.first()?.as_array());
-        let output = output.ok_or_else(|| self.refuse("answers without a vector in `output`".into(), "let it answer `{\"output\": [[…]]}`"))?;
+        let output = output.ok_or_else(|| {
+            self.refuse("answers without a vector in `output`".into(), "let it answer `{\"output\": [[…]]}`")
+        })?;
         if output.len() != drive.time_s.len() {
             return Err(self.refuse(
                 format!("answers {} numbers for {} times", output.len(), drive.time_s.len()),
@@ -108,7 +118,8 @@ impl<'a> Client<'a> {
     }
 
     fn point(&self, parameters: &[f64]) -> String {
-        let named = self.law.parameters().iter().zip(parameters).map(|(spec, value)| format!("{} = {value:.6e}", spec.name));
+        let named =
+            self.law.parameters().iter().zip(parameters).map(|(spec, value)| format!("{} = {value:.6e}", spec.name));
         named.collect::<Vec<_>>().join(", ")
     }
 
@@ -118,8 +129,8 @@ impl<'a> Client<'a> {
 
     fn ask(&self, path: &str, body: Option<&Value>) -> Result<Value> {
         let text = body.map(Value::to_string);
-        let Answer { status, body } =
-            request(&self.address, path, text.as_deref(), self.patience, self.stop).map_err(|failure| self.failed(&failure))?;
+        let Answer { status, body } = request(&self.address, path, text.as_deref(), self.patience, self.stop)
+            .map_err(|failure| self.failed(&failure))?;
         let answer: Option<Value> = serde_json::from_str(&body).ok();
         let said = answer.as_ref().and_then(|answer| answer["error"]["message"].as_str()).map(String::from);
         if status != 200 || said.is_some() {
@@ -137,15 +148,15 @@ impl<'a> Client<'a> {
 
     fn failed(&self, failure: &Failure) -> Error {
         match failure {
-            Failure::Unreachable(why) => self.refuse(
-                format!("cannot be reached: {why}"),
-                "start it, and give its address by `--forward http://…`",
-            ),
+            Failure::Unreachable(why) => self
+                .refuse(format!("cannot be reached: {why}"), "start it, and give its address by `--forward http://…`"),
             Failure::TimeOut => self.refuse(
                 format!("has not answered for {} s", self.patience.as_secs_f64()),
                 "use a faster model, or fewer rows",
             ),
-            Failure::NotHttp(why) => self.refuse(format!("does not speak HTTP: {why}"), "give the address of a server of UM-Bridge 1.0"),
+            Failure::NotHttp(why) => {
+                self.refuse(format!("does not speak HTTP: {why}"), "give the address of a server of UM-Bridge 1.0")
+            }
             Failure::Stopped => Error::Interrupted { kept: "nothing was learnt of somebody else's model".into() },
         }
     }

@@ -55,7 +55,10 @@ fn answers_are_metres_and_mistakes_are_named_with_their_remedy() {
         (http!("200 OK", "{\"output\": [[0, NaN]]}"), &["no JSON", "what to do"]),
         (http!("200 OK", "{\"output\": [[0, null]]}"), &["answers null at 1 s for stiffness = 2", "narrow"]),
         (http!("200 OK", "{\"outputs\": 3}"), &["without a vector in `output`"]),
-        (http!("400 Bad Request", "{\"error\": {\"type\": \"InvalidInput\", \"message\": \"too stiff\"}}"), &["status 400", "too stiff"]),
+        (
+            http!("400 Bad Request", "{\"error\": {\"type\": \"InvalidInput\", \"message\": \"too stiff\"}}"),
+            &["status 400", "too stiff"],
+        ),
         (http!("500 Internal", "Traceback: division"), &["status 500", "Traceback: division"]),
         ("SSH-2.0-OpenSSH_9.0\r\n\r\n", &["does not speak HTTP", "UM-Bridge"]),
         ("", &["has not answered for 0.4 s", "what to do"]),

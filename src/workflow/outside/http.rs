@@ -87,7 +87,10 @@ pub(super) fn request(
             return Err(Failure::Stopped);
         }
         match stream.read(&mut buffer) {
-            Ok(0) => return parsed(&received, true).unwrap_or_else(|| Err(Failure::NotHttp("the answer ends early".into()))),
+            Ok(0) => {
+                return parsed(&received, true)
+                    .unwrap_or_else(|| Err(Failure::NotHttp("the answer ends early".into())));
+            }
             Ok(n) => received.extend_from_slice(&buffer[..n]),
             Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {
                 if began.elapsed() > patience {
@@ -126,7 +129,10 @@ fn parsed(received: &[u8], is_end: bool) -> Option<Result<Answer, Failure>> {
     let status_line = lines.next().unwrap_or_default();
     let status = status_line.strip_prefix("HTTP/1.").and_then(|rest| rest.split(' ').nth(1)?.parse::<u16>().ok());
     let Some(status) = status else {
-        return Some(Err(Failure::NotHttp(format!("it begins with `{}`", status_line.chars().take(60).collect::<String>()))));
+        return Some(Err(Failure::NotHttp(format!(
+            "it begins with `{}`",
+            status_line.chars().take(60).collect::<String>()
+        ))));
     };
     let header = |name: &str| {
         head.split("\r\n").skip(1).find_map(|line| {

@@ -102,7 +102,8 @@ pub(crate) fn refuse_not_followed(problem: &Problem, compliance: &Compliance) ->
 }
 
 fn said(surface: &OutsideSurface) -> String {
-    let loads = surface.load_error_m().map_or(String::new(), |error_m| format!(", under loads {:.3} µm", 1e6 * error_m));
+    let loads =
+        surface.load_error_m().map_or(String::new(), |error_m| format!(", under loads {:.3} µm", 1e6 * error_m));
     format!("somebody else's model is learnt from {} calls to {:.3} µm{loads}", surface.n_calls, 1e6 * surface.error_m)
 }
 

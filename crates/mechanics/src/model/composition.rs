@@ -42,10 +42,13 @@ impl Model {
                     "use another base law (--base), or leave the effect out",
                 );
             }
-            let reads_law = effect.stage() == Stage::Mechanics || effect.depends_on_state() || effect.acts_on_position();
+            let reads_law =
+                effect.stage() == Stage::Mechanics || effect.depends_on_state() || effect.acts_on_position();
             if base.outside().is_some() && reads_law {
                 return refuse(
-                    format!("`{slug}` cannot be added: the law is somebody else's, and its equations are not known here"),
+                    format!(
+                        "`{slug}` cannot be added: the law is somebody else's, and its equations are not known here"
+                    ),
                     "leave it out; effects of load and observation work with any law",
                 );
             }
@@ -140,7 +143,8 @@ impl Model {
 
     /// Whether the position is the law's answer to the force, with nothing before, beside or after it.
     pub fn is_law_alone(&self) -> bool {
-        let is_linear = self.scales.depth_exponent.is_none_or(|exponent| exponent == 1.0) && self.base.outside().is_none();
+        let is_linear =
+            self.scales.depth_exponent.is_none_or(|exponent| exponent == 1.0) && self.base.outside().is_none();
         self.effects.is_empty() && self.nuisances().is_empty() && is_linear
     }
 

@@ -49,6 +49,12 @@ impl OutsideLaw {
         law
     }
 
+    /// The parameter of a name that a law has declared, if one has.
+    pub fn parameter_named(name: &str) -> Option<ParameterSpec> {
+        let laws = LAWS.lock().unwrap_or_else(PoisonError::into_inner);
+        laws.iter().flat_map(|law| &law.parameters).find(|spec| spec.name == name).copied()
+    }
+
     /// The same law where its model answers at another URL.
     pub fn at(&self, url: &str) -> &'static Self {
         Self::new(url, &self.model, &self.declared)

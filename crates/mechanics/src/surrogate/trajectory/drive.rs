@@ -49,7 +49,10 @@ impl Drive {
         let is_change = |row: &usize| match force.rule {
             ForceRule::Hold => *row == 0 || at_rows_n[*row] != before(*row),
             ForceRule::Linear => {
-                *row == 0 || at_rows_n.get(row + 1).is_none_or(|next| next - at_rows_n[*row] != at_rows_n[*row] - before(*row))
+                *row == 0
+                    || at_rows_n
+                        .get(row + 1)
+                        .is_none_or(|next| next - at_rows_n[*row] != at_rows_n[*row] - before(*row))
             }
         };
         let changes_s: Vec<f64> = (0..at_rows_n.len()).filter(is_change).map(|row| shifted_s[row]).collect();
@@ -89,7 +92,8 @@ fn lagging(time_s: &[f64], command_n: &[f64], rule: ForceRule, lag_s: f64) -> Ve
             }
             ForceRule::Linear => {
                 lagging.push(now_n);
-                let slope = if step_s > 0.0 { (command_n.get(k + 1).unwrap_or(&from_n) - from_n) / step_s } else { 0.0 };
+                let slope =
+                    if step_s > 0.0 { (command_n.get(k + 1).unwrap_or(&from_n) - from_n) / step_s } else { 0.0 };
                 now_n = from_n + slope * (step_s - lag_s) + (now_n - from_n + slope * lag_s) * kept;
             }
         }

@@ -71,7 +71,8 @@ const FACTOR_STEP: f64 = 0.03;
 const TIME_STEP_S: f64 = 0.03;
 
 impl LoadNumber {
-    pub(super) const ALL: [Self; 5] = [Self::PositiveFactor, Self::NegativeFactor, Self::Offset, Self::Delay, Self::Lag];
+    pub(super) const ALL: [Self; 5] =
+        [Self::PositiveFactor, Self::NegativeFactor, Self::Offset, Self::Delay, Self::Lag];
 
     /// How far a load is from doing nothing.
     pub(super) fn of(self, load: &Load) -> Dual {

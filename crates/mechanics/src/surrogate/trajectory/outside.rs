@@ -292,7 +292,9 @@ impl OutsideModel {
     pub fn spread(&self, stages: &Stages) -> Result<Option<Spread>> {
         let Some(Spatial::Outside(parameters)) = &stages.spatial else { return Ok(None) };
         if !stages.load.gradient_per_m.is_constant(0.0) {
-            return Err(not_followed("a force that depends on the position is not followed beside somebody else's law"));
+            return Err(not_followed(
+                "a force that depends on the position is not followed beside somebody else's law",
+            ));
         }
         for FollowedLoad { number, refusal, .. } in &self.surface.loads {
             if let Some(refusal) = refusal.as_ref().filter(|_| !number.of(&stages.load).is_constant(0.0)) {
@@ -374,7 +376,10 @@ fn split(modes: &[Vec<f64>], time_s: &[f64], force: Force<'_>) -> Result<LearntR
     for mode in modes {
         let wanted = DVector::from_column_slice(mode);
         let numbers = svd.solve(&wanted, smallest).map_err(|_| {
-            Error::numerical("a linear law cannot be fitted to what was learnt", "give a record with a force that moves")
+            Error::numerical(
+                "a linear law cannot be fitted to what was learnt",
+                "give a record with a force that moves",
+            )
         })?;
         let left = &wanted - &design * &numbers;
         laws.push(numbers.iter().zip(&sizes).map(|(number, size)| number / size).collect());
