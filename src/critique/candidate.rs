@@ -126,7 +126,7 @@ impl Candidate {
         let (model, fixed) = (problem.model.clone(), &problem.specification.fixed);
         let template: Vec<f64> =
             model.parameters().iter().map(|p| fixed.get(p.name).copied().unwrap_or(f64::NAN)).collect();
-        let n_before = model.n_before_effects();
+        let (n_before, n_law) = (model.n_before_effects(), model.base().parameters().len());
         // The model has its effects in the library's order, the list may have the base's first.
         let listed = &problem.specification.effects;
         let place = |slug: &str| listed.iter().position(|own| own == slug).unwrap_or(listed.len());
@@ -139,7 +139,8 @@ impl Candidate {
             let prior = problem.priors.get(spec.name)?;
             let effect = index.checked_sub(n_before).map(|k| of_effects[k]);
             let null = effect.and_then(|(_, parameter)| (parameter.null)(model.scales()));
-            Some(free(index, spec, prior.distribution, effect.map(|(place, _)| place), null))
+            let tail = if index < n_law { problem.law_tail() } else { TAIL_MASS };
+            Some(free(index, spec, (prior.distribution, tail), effect.map(|(place, _)| place), null))
         });
         let free = free.collect();
         Self { effects: problem.specification.effects.clone(), free, template, columns: Vec::new(), model }
@@ -205,7 +206,7 @@ impl Candidate {
 fn free(
     index: usize,
     spec: &ParameterSpec,
-    distribution: Distribution,
+    (distribution, tail): (Distribution, f64),
     effect: Option<usize>,
     null: Option<f64>,
 ) -> Free {
@@ -222,7 +223,7 @@ fn free(
         (false, true) => Coordinate::Square { scale },
         (false, false) => Coordinate::Linear { scale },
     };
-    let mut ends = [TAIL_MASS, 1.0 - TAIL_MASS].map(|p| distribution.quantile(p));
+    let mut ends = [tail, 1.0 - tail].map(|p| distribution.quantile(p));
     if let Some(null) = null {
         // Priors of one sign leave a sliver at the null, which belongs to the search.
         ends = [ends[0].min(null), ends[1].max(null)];

@@ -15,7 +15,7 @@ use crate::surrogate::trajectory;
 use crate::workflow::mechanics::FiniteElements;
 use crate::workflow::problem::Problem;
 use crate::workflow::reduced::{KeptSurrogate, Reduced, field_models, with_fields};
-use crate::workflow::{Monitor, Silent};
+use crate::workflow::{Monitor, Silent, outside};
 
 /// Names of the noise terms that every model is given here.
 pub const NOISE_TERMS: [&str; 3] = ["white", "ou", "gain"];
@@ -276,6 +276,9 @@ impl Subject {
                 return Err(Error::input(Place::option("--with"), reason, remedy));
             }
         }
+        if problem.model.base().outside().is_some() {
+            outside::refuse_not_followed(&problem, &self.shared.compliance)?;
+        }
         Ok(Candidate::new(&problem))
     }
 
@@ -388,7 +391,9 @@ pub(crate) fn compliance_of(
     monitor: &dyn Monitor,
 ) -> Result<Compliance> {
     let of_model = |problem: &Problem| Reduced::unverified(problem, kept.clone(), &Silent).map(|own| own.compliance);
-    let Some(fe) = problem.finite_elements() else { return of_model(problem) };
+    let Some(fe) = problem.finite_elements() else {
+        return Reduced::unverified(problem, kept.clone(), monitor).map(|own| own.compliance);
+    };
     let (widest, wanted) = asked_for(problem, fe, library, effects)?;
     let fields = field_models(fe, kept.as_ref(), &wanted, monitor)?;
     Ok(with_fields(of_model(widest.as_ref().unwrap_or(problem))?, &fields))

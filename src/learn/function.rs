@@ -27,7 +27,7 @@ const LEAST_SHARE_NATS: f64 = 7.0;
 #[derive(Clone, Copy)]
 enum Shape {
     /// A sum of smooth functions.
-    Smooth(Smooth),
+    Smooth(&'static Smooth),
     /// A formula.
     Formula(&'static StateEffect),
 }
@@ -56,7 +56,7 @@ impl Function {
     /// Where the model has no derivatives at its fit.
     pub fn of_search(subject: &Subject, learnt: &Learnt, pair: &Pair) -> Result<Option<Self>> {
         let Kind::Function { smooth, .. } = &pair.kind else { return Ok(None) };
-        let only = Member::at(subject, Shape::Smooth(*smooth), learnt.candidate.clone(), learnt.fitted.clone())?;
+        let only = Member::at(subject, Shape::Smooth(smooth), learnt.candidate.clone(), learnt.fitted.clone())?;
         Ok(Some(Self { quantity: pair.quantity, members: vec![only] }))
     }
 
@@ -68,9 +68,9 @@ impl Function {
         let finer = finer(pair);
         let library = subject.library().clone().beside(finer.iter().map(|(effect, _)| *effect));
         let subject = subject.with_library(&library)?;
-        let of_basis = |(effect, smooth): &(&'static dyn crate::effects::Effect, Smooth)| {
+        let of_basis = |(effect, smooth): &(&'static dyn crate::effects::Effect, &'static Smooth)| {
             let candidate = subject.extended(&[effect.slug()]).ok()?;
-            Some(members(&subject, learnt, &candidate, *smooth))
+            Some(members(&subject, learnt, &candidate, smooth))
         };
         let mut members: Vec<(Member, f64)> = finer.par_iter().filter_map(of_basis).flatten().collect();
         members.extend(by_formulas(&subject, learnt, pair));
@@ -141,7 +141,7 @@ impl Function {
 }
 
 /// A sum of functions under every spread of its weights at its fit, with the ln evidence, from the law and the noise that the search found.
-fn members(subject: &Subject, learnt: &Learnt, candidate: &Candidate, smooth: Smooth) -> Vec<(Member, f64)> {
+fn members(subject: &Subject, learnt: &Learnt, candidate: &Candidate, smooth: &'static Smooth) -> Vec<(Member, f64)> {
     let mut start = (candidate.embed(&learnt.candidate, &learnt.fitted.theta), learnt.fitted.noise);
     let mut all = Vec::new();
     for spread in SPREADS {

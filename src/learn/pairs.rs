@@ -30,7 +30,7 @@ pub enum Kind {
     /// A function of a state, and the states of all rows under the model without it.
     Function {
         /// The function.
-        smooth: Smooth,
+        smooth: &'static Smooth,
         /// The quantity.
         quantity: QuantityName,
         /// The state.
@@ -97,7 +97,7 @@ fn pair(quantity: QuantityName, state: State, visited: Vec<f64>, basis: Basis) -
         return None;
     }
     let is_bent = matches!(state, State::Velocity | State::TimeSinceStep);
-    let smooth = Smooth::over(range, is_bent.then(|| BENT_AT * (range[1] - range[0])), basis);
+    let smooth = lasting(Smooth::over(range, is_bent.then(|| BENT_AT * (range[1] - range[0])), basis));
     let way = match basis {
         Basis::Cosines { .. } => "",
         Basis::Ramps { falls: false, .. } => "-rising",
@@ -113,20 +113,31 @@ fn pair(quantity: QuantityName, state: State, visited: Vec<f64>, basis: Basis) -
 const DECAYS: [f64; 3] = [1.0, 1.5, 2.0];
 
 /// The functions with all their weights that may be meant by a pair; none for a free memory.
-pub fn finer(pair: &Pair) -> Vec<(&'static dyn Effect, Smooth)> {
+pub fn finer(pair: &Pair) -> Vec<(&'static dyn Effect, &'static Smooth)> {
     let Kind::Function { smooth, quantity, state, .. } = &pair.kind else { return Vec::new() };
     let bases = match smooth.basis() {
         Basis::Cosines { .. } => DECAYS.map(|decay| Basis::Cosines { decay }).to_vec(),
         Basis::Ramps { falls, .. } => vec![Basis::Ramps { n: MOST_WEIGHTS, falls }],
     };
     let of = |(number, basis): (usize, &Basis)| {
-        let (slug, smooth) = (format!("{}-finer-{number}", pair.effect.slug()), smooth.with(*basis));
+        let (slug, smooth) = (format!("{}-finer-{number}", pair.effect.slug()), lasting(smooth.with(*basis)));
         (effect(slug, *quantity, *state, smooth, MOST_WEIGHTS), smooth)
     };
     bases.iter().enumerate().map(of).collect()
 }
 
-fn effect(slug: String, quantity: QuantityName, state: State, smooth: Smooth, n_weights: usize) -> &'static dyn Effect {
+/// Functions of effects are static everywhere.
+fn lasting(smooth: Smooth) -> &'static Smooth {
+    Box::leak(Box::new(smooth))
+}
+
+fn effect(
+    slug: String,
+    quantity: QuantityName,
+    state: State,
+    smooth: &'static Smooth,
+    n_weights: usize,
+) -> &'static dyn Effect {
     let is_monotone = matches!(smooth.basis(), Basis::Ramps { .. });
     let support = if is_monotone { Support { lower: 0.0, upper: f64::INFINITY } } else { Support::REAL };
     let prior: &'static (dyn Fn(&crate::experiment::Scales) -> Distribution + Send + Sync) = if is_monotone {
@@ -149,7 +160,7 @@ fn effect(slug: String, quantity: QuantityName, state: State, smooth: Smooth, n_
         quantity,
         state,
         operation: Operation::Multiply,
-        function: Box::leak(Box::new(smooth)),
+        function: smooth,
         parameters: Box::leak((0..n_weights).map(parameter).collect::<Vec<_>>().into_boxed_slice()),
     }))
 }

@@ -15,6 +15,7 @@
 
 mod atomic;
 pub mod effect_file;
+pub mod forward_file;
 mod model_specification;
 mod provenance;
 mod revision;

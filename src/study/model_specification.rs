@@ -5,7 +5,7 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use super::effect_file;
+use super::{effect_file, forward_file};
 use crate::documents::posterior::ModelSummary;
 use crate::effects::{Effect, Library, NUISANCES};
 use crate::error::{Error, Place, Result};
@@ -69,11 +69,19 @@ struct Written<'a> {
     #[serde(skip_serializing_if = "<[String]>::is_empty")]
     free: &'a [String],
     #[serde(rename = "base", skip_serializing_if = "Option::is_none")]
-    network: Option<BTreeMap<&'a str, toml::Value>>,
+    table: Option<WrittenBase<'a>>,
     fixed: &'a BTreeMap<String, f64>,
     /// Definitions of effects that are not of the program.
     #[serde(skip_serializing_if = "<[toml::Table]>::is_empty")]
     effect: &'a [toml::Table],
+}
+
+/// A base law that has no name.
+#[derive(Serialize)]
+#[serde(rename_all = "lowercase")]
+enum WrittenBase<'a> {
+    Network(toml::Value),
+    Forward(forward_file::Written<'a>),
 }
 
 /// Where each part of a specification stands, for messages.
@@ -117,8 +125,14 @@ impl ModelSpecification {
         }
         let base = match root.table("base") {
             Ok(Some(table)) => {
-                table.only(&["network"])?;
-                BaseLaw::Network(Network::from_toml(&table.required_table("network")?)?)
+                table.only(&["forward", "network"])?;
+                match table.table("forward")? {
+                    Some(_) if table.has("network") => {
+                        return Err(table.refuse("forward", "there is a network beside it", "keep one of them"));
+                    }
+                    Some(forward) => BaseLaw::Outside(forward_file::from_toml(&forward)?),
+                    None => BaseLaw::Network(Network::from_toml(&table.required_table("network")?)?),
+                }
             }
             _ => {
                 let name = root.required_text("base", "base = \"lethersich\"")?;
@@ -203,6 +217,24 @@ impl ModelSpecification {
         Ok(specification)
     }
 
+    /// The same with the model of its law at another URL, from the option `--forward`.
+    ///
+    /// # Errors
+    /// [`Error::Input`] where its base law declares no parameters of such a model, or the URL is none.
+    pub fn with_forward(self, url: Option<&str>) -> Result<Self> {
+        let option = || Place::option("--forward");
+        let (Some(url), Some(law)) = (url, self.base.outside()) else {
+            return match url {
+                None => Ok(self),
+                Some(_) => {
+                    Err(Error::input(option(), "nothing says which parameters that model has", forward_file::EXAMPLE))
+                }
+            };
+        };
+        forward_file::check_url(url).map_err(|found| Error::input(option(), found, forward_file::URL_EXAMPLE))?;
+        Ok(Self { base: BaseLaw::Outside(law.at(url)), ..self })
+    }
+
     /// Values of this model's parameters from options `--set NAME=VALUE`; none of those that are freed.
     ///
     /// # Errors
@@ -251,12 +283,13 @@ impl ModelSpecification {
     /// [`Error::File`] if the operating system refuses.
     pub fn write(&self, path: &Path) -> Result<()> {
         let Self { base, effects, noise, prior, fixed, freed } = self;
-        let (name, network) = match base {
-            BaseLaw::Network(network) => (None, Some(BTreeMap::from([("network", network.to_toml_value())]))),
+        let (name, table) = match base {
+            BaseLaw::Network(network) => (None, Some(WrittenBase::Network(network.to_toml_value()))),
+            BaseLaw::Outside(law) => (None, Some(WrittenBase::Forward(forward_file::Written(law)))),
             named => (Some(named.name()), None),
         };
         let definitions: Vec<toml::Table> = effects.iter().filter_map(|slug| effect_file::definition(slug)).collect();
-        let written = Written { base: name, effects, noise, prior, free: freed, network, fixed, effect: &definitions };
+        let written = Written { base: name, effects, noise, prior, free: freed, table, fixed, effect: &definitions };
         let text = toml::to_string(&written).map_err(|error| {
             Error::numerical(
                 format!("the model cannot be written as TOML: {error}"),
@@ -385,7 +418,7 @@ fn base_named(name: &str, place: Place) -> Result<BaseLaw> {
         Error::input(
             place,
             format!("`{name}` is not available"),
-            format!("{hint}{}; or a .toml file with a [base.network]", available(&known)),
+            format!("{hint}{}; or a .toml file with a [base.network] or a [base.forward]", available(&known)),
         )
     })
 }

@@ -89,6 +89,13 @@ impl SweepProblem {
             return Err(Error::input(Place::default().at_key("sweep"), found, remedy));
         }
         let effects = specification.effects(library);
+        if specification.base.outside().is_some() {
+            return Err(Error::input(
+                Place::option("--base"),
+                "somebody else's model answers to forces in time, and not to an oscillation",
+                "use one of the program's own laws, or a network",
+            ));
+        }
         let model = Model::new(specification.base, effects, scales(&sweep), &Place::option("--with"))?;
         if specification.noise != ModelSpecification::default().noise {
             return Err(Error::input(

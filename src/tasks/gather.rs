@@ -38,7 +38,7 @@ pub struct Outcome {
 /// keeps, for a calibration its document and figure. Models go into the cache. What is missing is named and left out.
 ///
 /// # Errors
-/// [`Error::File`] where the file system refuses, [`Error::Interrupted`] when stopped.
+/// [`crate::Error::File`] where the file system refuses, [`crate::Error::Interrupted`] when stopped.
 pub fn gather(list: &List, out: &Path, monitor: &dyn Monitor) -> Result<Outcome> {
     monitor.stage(&format!("reading the results of {} tasks", list.n_tasks()));
     let found = match list.head().kind {
@@ -95,7 +95,7 @@ pub fn gather(list: &List, out: &Path, monitor: &dyn Monitor) -> Result<Outcome>
 /// Tasks without a sound result, among those of some numbers.
 ///
 /// # Errors
-/// [`Error::Input`] where the list is damaged, [`Error::Interrupted`] when stopped.
+/// [`crate::Error::Input`] where the list is damaged, [`crate::Error::Interrupted`] when stopped.
 pub fn missing(list: &List, numbers: std::ops::Range<usize>, monitor: &dyn Monitor) -> Result<Vec<usize>> {
     let is_missing = |number: usize| {
         refuse_if_stopped(monitor, "results are kept")?;

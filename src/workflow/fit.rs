@@ -202,7 +202,7 @@ impl<'a> CreepResiduals<'a> {
         let template = specs.iter().map(|p| p.name).enumerate().map(value).collect();
         let n_law = problem.model.base().parameters().len();
         let coordinate = |j: usize| {
-            let is_scale = j < n_law && specs[j].support.upper.is_infinite();
+            let is_scale = j < n_law && specs[j].support.lower >= 0.0 && specs[j].support.upper.is_infinite();
             let spread = problem.range_of(specs[j].name, SPREAD_TAIL);
             (
                 j,
@@ -217,7 +217,10 @@ impl<'a> CreepResiduals<'a> {
             forward: problem.reduced_forward_over(reduced, rows.response()),
             template,
             free: free.iter().copied().map(coordinate).collect(),
-            ranges: specs.iter().map(|p| problem.range_of(p.name, TAIL_MASS)).collect(),
+            ranges: (0..)
+                .zip(specs)
+                .map(|(k, p)| problem.range_of(p.name, if k < n_law { problem.law_tail() } else { TAIL_MASS }))
+                .collect(),
             observed: rows.observed.clone(),
         }
     }

@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, Gamma};
 
+use super::outside::OutsideForward;
 use super::problem::Problem;
 use super::reduced::Reduced;
 use crate::effects::Field;
@@ -16,6 +17,8 @@ use crate::model::{Forward, FullRun};
 pub const N_CHECK_DRAWS: usize = 128;
 /// Draws run in full where that takes minutes each.
 const N_SLOW_DRAWS: usize = 2;
+/// Draws that somebody else's model is asked for.
+const N_OUTSIDE_DRAWS: usize = 16;
 /// Draws that may have no model on the whole record, of every hundred, before the user is told.
 const LARGEST_REFUSED_PERCENT: usize = 5;
 /// Normal components that stand for a Student-t.
@@ -97,15 +100,25 @@ pub fn check(problem: &Problem, reduced: &Reduced, draws: &[NaturalDraw]) -> Res
     let Runs { draws, trajectories_m, n_refused } = run_all(predicting, draws, n_model)?;
     let noise = DrawnNoise::new(problem, &draws, &trajectories_m);
     let Some(full) = full else {
+        let asked = OutsideForward::new(problem).map(|outside| {
+            let asked = draws.iter().zip(&trajectories_m).take(N_OUTSIDE_DRAWS);
+            let distance = |(draw, trajectory_m): (&NaturalDraw, &Vec<f64>)| -> Result<f64> {
+                let asked_m = outside.trajectory_m(&draw[..n_model])?;
+                Ok(asked_m.iter().zip(trajectory_m).fold(0.0_f64, |d, (x, y)| d.max((x - y).abs())))
+            };
+            asked.map(distance).collect::<Result<Vec<f64>>>()
+        });
+        // Somebody else's model that does not answer any more is no reason to lose a posterior: what was checked stands there, or that nothing was.
+        let distances_m = asked.and_then(|asked| asked.ok()).unwrap_or_default();
         return Ok(FullCheck {
             n_refused,
             noise,
             draws,
             trajectories_m,
-            surrogate_vs_full_max_m: None,
+            surrogate_vs_full_max_m: distances_m.iter().copied().reduce(f64::max),
             pareto_k: None,
             weights: None,
-            fe_runs: 0,
+            fe_runs: distances_m.len(),
             largest_strain: None,
             discretisation_m: None,
         });

@@ -37,6 +37,8 @@ pub enum Mechanics {
         /// Displacement per force at unit creep compliance, in 1/m; of an indenter depth^p, in m^(p−2).
         compliance_per_m: f64,
     },
+    /// Another program answers from force to position.
+    Outside,
 }
 
 /// A compliance (1/m) beside the mesh's own, by which its error is measured.

@@ -34,7 +34,9 @@ pub(crate) fn read_priors_with(
     library: &Library,
 ) -> Result<PriorSet> {
     let scales = model.scales();
-    let wanted: Vec<ParameterSpec> = model.parameters().iter().chain(of_errors).copied().collect();
+    // What is declared with a law is not the prior file's to change, whatever it is called.
+    let n_declared = model.base().outside().map_or(0, |law| law.parameters().len());
+    let wanted: Vec<ParameterSpec> = model.parameters()[n_declared..].iter().chain(of_errors).copied().collect();
     let of_laws = BaseLaw::NAMED.into_iter().flat_map(BaseLaw::parameters).map(|p| p.name);
     let of_effects =
         library.effects().iter().chain(NUISANCES).flat_map(|effect| effect.parameters()).map(|p| p.spec.name);
@@ -66,7 +68,13 @@ pub(crate) fn read_priors_with(
         }
         prior_of_error(spec, &median_of)
     };
-    PriorSet::read_for(name_or_file, &wanted, &others, &default)
+    let rest = PriorSet::read_for(name_or_file, &wanted, &others, &default)?;
+    let declared: Vec<Prior> = model.parameters()[..n_declared].iter().filter_map(|spec| default(spec, &[])).collect();
+    if declared.is_empty() {
+        return Ok(rest);
+    }
+    let names: Vec<&str> = rest.names().collect();
+    Ok(rest.without(&names).with(&declared).with(rest.priors()))
 }
 
 #[cfg(test)]

@@ -18,6 +18,9 @@ use crate::study::ModelSpecification;
 /// Prior mass beyond either end of the surrogate's trained range; the prior is truncated there.
 pub(crate) const TAIL_MASS: f64 = 1e-9;
 
+/// The same of a law that another program computes: what is learnt of it costs calls.
+pub(crate) const OUTSIDE_TAIL: f64 = 1e-3;
+
 /// An experiment, a model of it, and the mechanics made computable.
 pub struct Problem {
     /// What was measured.
@@ -54,10 +57,20 @@ impl Problem {
         monitor: &dyn Monitor,
     ) -> Result<Self> {
         let checked = check(&experiment, specification, library)?;
-        if matches!(experiment.apparatus, Apparatus::Robot { .. }) {
+        if matches!(experiment.apparatus, Apparatus::Robot { .. }) && checked.model.base().outside().is_none() {
             monitor.stage("meshing and assembling the finite elements");
         }
-        let mechanics = Mechanics::new(&experiment.apparatus, mesh_file)?;
+        let mechanics = match checked.model.base().outside() {
+            Some(_) if mesh_file.is_some() => {
+                return Err(Error::input(
+                    Place::option("--mesh"),
+                    "somebody else's model has no mesh of this program",
+                    "leave `--mesh` out",
+                ));
+            }
+            Some(_) => Mechanics::Outside,
+            None => Mechanics::new(&experiment.apparatus, mesh_file)?,
+        };
         if let Mechanics::FiniteElements(fe) = &mechanics {
             fe.mesh_warnings.iter().for_each(|w| monitor.warn(&format!("{}; {}", w.text, w.advice)));
         }
@@ -77,6 +90,12 @@ impl Problem {
         mechanics: Arc<Mechanics>,
     ) -> Result<Self> {
         let Checked { specification, model, noise, priors } = check(&experiment, specification, library)?;
+        let mechanics = match (model.base().outside(), &*mechanics) {
+            (Some(_), Mechanics::Outside) => mechanics,
+            (Some(_), _) => Arc::new(Mechanics::Outside),
+            (None, Mechanics::Outside) => Arc::new(Mechanics::new(&experiment.apparatus, None)?),
+            (None, _) => mechanics,
+        };
         refuse_without_mesh(&model, &mechanics)?;
         Ok(Self { experiment, specification, model, noise, priors, mechanics })
     }
@@ -125,7 +144,7 @@ impl Problem {
     pub fn finite_elements(&self) -> Option<&FiniteElements> {
         match &*self.mechanics {
             Mechanics::FiniteElements(fe) => Some(fe),
-            Mechanics::Instrument { .. } => None,
+            Mechanics::Instrument { .. } | Mechanics::Outside => None,
         }
     }
 
@@ -141,9 +160,14 @@ impl Problem {
         TrainedRange { name: name.to_string(), lower, upper }
     }
 
+    /// Prior mass beyond either end of the ranges of the law's parameters.
+    pub(crate) fn law_tail(&self) -> f64 {
+        if self.model.base().outside().is_some() { OUTSIDE_TAIL } else { TAIL_MASS }
+    }
+
     /// Ranges of the law's parameters on which a surrogate is trained: the prior's box, or a fixed value.
     pub fn training_ranges(&self) -> Vec<TrainedRange> {
-        self.model.base().parameters().iter().map(|p| self.range_of(p.name, TAIL_MASS)).collect()
+        self.model.base().parameters().iter().map(|p| self.range_of(p.name, self.law_tail())).collect()
     }
 
     /// The Poisson ratios that the model asks for, from its stages at both ends of every effect's prior.

@@ -10,9 +10,9 @@ use sha2::{Digest, Sha256};
 use super::learnt_displacement::{learnt, nearest_law};
 use super::mechanics::{FiniteElements, Mechanics};
 use super::problem::{Problem, TAIL_MASS};
-use super::{Counter, Monitor, cache};
+use super::{Counter, Monitor, cache, outside};
 use crate::effects::{Effect, Field, Stage};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::experiment::{Experiment, Force, Record};
 use crate::files::{Content, read_if_there};
 use crate::inference::likelihood::{FittedRecord, PosteriorParts, ReducedPosterior};
@@ -126,6 +126,18 @@ impl Reduced {
                 });
             }
             Mechanics::FiniteElements(fe) => fe,
+            Mechanics::Outside => {
+                let law = problem.model.base().outside().ok_or_else(no_law)?;
+                let own = outside::reduced(problem, law, monitor)?;
+                return Ok(Self {
+                    surrogate: None,
+                    fields: FieldModels::default(),
+                    compliance: own.compliance,
+                    trained: own.trained,
+                    max_relative_error: own.relative_error,
+                    learnt_error: None,
+                });
+            }
         };
         let fields = field_models(fe, kept.as_ref(), problem.model.effects(), monitor)?;
         let (_, surrogate) = surrogate(problem, fe, kept, monitor)?;
@@ -155,6 +167,10 @@ impl Reduced {
         let (built_from_sha256, fields) = (surrogate_hash(problem, fe)?, self.fields.clone());
         Ok(Some(KeptSurrogate { built_from_sha256, fields_built_from_sha256, fields, surrogate }))
     }
+}
+
+fn no_law() -> Error {
+    Error::numerical("another program was to answer, and the model does not name one", "give `--base` and `--forward`")
 }
 
 /// The law's surrogate with its hash: a kept one where it was built from the same, in the study or in the cache, else a new one.

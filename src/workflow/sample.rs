@@ -113,6 +113,10 @@ pub fn run(problem: &Problem, request: &SampleRequest, monitor: &dyn Monitor) ->
     let spread = outcome.draws.spread(N_CHECK_DRAWS);
     let draws: Vec<NaturalDraw> = spread.iter().map(|point| posterior.natural(point)).collect();
     let check = full_check::check(problem, &reduced, &draws)?;
+    if problem.model.base().outside().is_some() && check.fe_runs == 0 {
+        monitor
+            .warn("somebody else's model does not answer, so that what was learnt of it is not checked at these draws");
+    }
     lap("full finite elements");
     let bands_m = heldout::bands_m(&check);
     let heldout_m = problem.positions_of(&problem.experiment.heldout_cycles);
@@ -229,7 +233,7 @@ fn summarise(
     let heldout = HeldoutSummary {
         fitted_cycles: problem.experiment.calibration_cycles.clone(),
         cycles: problem.experiment.heldout_cycles.clone(),
-        fe_runs: problem.finite_elements().map(|_| check.fe_runs),
+        fe_runs: check.surrogate_vs_full_max_m.map(|_| check.fe_runs),
         rmse_um: score.as_ref().map(|s| 1e6 * s.rmse_m),
         rmse_fitted_um: 1e6 * rmse_m(&mean_m, &fitted),
         noise_um: yardstick.map(|y| 1e6 * y.sd_m),
@@ -325,6 +329,9 @@ fn misfit(problem: &Problem, mean_m: &[f64], check: &FullCheck, yardstick: Optio
 fn at_edge_of_range(reduced: &Reduced, problem: &Problem, columns: &[DrawColumn]) -> Vec<String> {
     let crowds = |(name, column): (&str, &DrawColumn)| {
         let range = reduced.trained.iter().find(|range| range.name == name)?;
+        if range.lower <= 0.0 {
+            return None;
+        }
         let margin = 1e-3 * (range.upper / range.lower).ln();
         let is_outermost = |x: &&f64| (**x / range.lower).ln() < margin || (range.upper / **x).ln() < margin;
         let n_outermost = column.values.iter().filter(is_outermost).count();

@@ -8,6 +8,7 @@ mod diagnose;
 mod effects_extend;
 mod examples;
 mod fit_simulate_corner;
+mod forward;
 mod groups;
 mod hard_input;
 mod http;

@@ -38,9 +38,12 @@ pub struct Common {
 /// What is modelled, and how.
 #[derive(Args, Clone)]
 pub struct Model {
-    /// Base law: lethersich, burgers, two-element, or a TOML file with a [base.network]
+    /// Base law: lethersich, burgers, two-element, or a TOML file with a [base.network] or a [base.forward]
     #[arg(long, value_name = "LAW|FILE.toml")]
     pub base: Option<String>,
+    /// Somebody else's model in place of ours: where it answers by UM-Bridge 1.0 [default: `url` in the base's file]
+    #[arg(long, value_name = "http://HOST:PORT")]
+    pub forward: Option<String>,
     /// Effects to add, separated by commas: names that `effects` lists, or files that define one
     #[arg(long, value_name = "SLUG|FILE.toml", value_delimiter = ',')]
     pub with: Vec<String>,
@@ -73,6 +76,7 @@ impl Model {
     pub fn changing_option(&self) -> Option<&'static str> {
         let given = [
             ("--base", self.base.is_some()),
+            ("--forward", self.forward.is_some()),
             ("--with", !self.with.is_empty()),
             ("--noise", !self.noise.is_empty()),
             ("--prior", self.prior.is_some()),

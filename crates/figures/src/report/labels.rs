@@ -3,7 +3,7 @@
 use crate::documents::posterior::ModelSummary;
 use crate::effects::parameter_named;
 use crate::parameter::named;
-use crate::rheology::BaseLaw;
+use crate::rheology::{BaseLaw, OutsideLaw};
 
 /// Symbol and unit of a parameter as figures show them.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -55,6 +55,9 @@ const UNITS: [(&str, &str); 14] = [
 pub fn of_parameter(name: &str) -> ParameterLabel {
     if let Some(spec) = named(name) {
         return ParameterLabel { symbol: spec.symbol.into(), unit: shown_unit(spec.unit) };
+    }
+    if let Some(spec) = OutsideLaw::parameter_named(name) {
+        return ParameterLabel { symbol: name.into(), unit: shown_unit(spec.unit) };
     }
     // Two effects may use one symbol.
     parameter_named(name).map_or_else(

@@ -6,7 +6,7 @@ use crate::experiment::Scales;
 use crate::number::Dual;
 use crate::parameter::ParameterSpec;
 use crate::rheology::BaseLaw;
-use crate::stages::Stages;
+use crate::stages::{Spatial, Stages};
 
 /// A base law and effects; parameters are the law's, then the nuisances' of the experiment, then each effect's.
 #[derive(Clone)]
@@ -42,6 +42,16 @@ impl Model {
                     "use another base law (--base), or leave the effect out",
                 );
             }
+            let reads_law =
+                effect.stage() == Stage::Mechanics || effect.depends_on_state() || effect.acts_on_position();
+            if base.outside().is_some() && reads_law {
+                return refuse(
+                    format!(
+                        "`{slug}` cannot be added: the law is somebody else's, and its equations are not known here"
+                    ),
+                    "leave it out; effects of load and observation work with any law",
+                );
+            }
             if effect.needs_finite_elements() && scales.poisson_ratio.is_none() {
                 return refuse(
                     format!("`{slug}` needs finite elements, and an instrument has none"),
@@ -54,6 +64,12 @@ impl Model {
                     "leave it out; other effects of load, separable mechanics and observation work for indenters",
                 );
             }
+        }
+        if base.outside().is_some() && scales.depth_exponent.is_some() {
+            return refuse(
+                "an indenter's depth is the root of what a law answers, which a law that another program computes does not know".into(),
+                "use one of the program's own laws (--base), or give the record of a robot or of an instrument",
+            );
         }
         let fields: Vec<&str> = effects.iter().filter(|e| e.changes_field()).map(|e| e.slug()).collect();
         if fields.len() > 1 {
@@ -127,7 +143,8 @@ impl Model {
 
     /// Whether the position is the law's answer to the force, with nothing before, beside or after it.
     pub fn is_law_alone(&self) -> bool {
-        let is_linear = self.scales.depth_exponent.is_none_or(|exponent| exponent == 1.0);
+        let is_linear =
+            self.scales.depth_exponent.is_none_or(|exponent| exponent == 1.0) && self.base.outside().is_none();
         self.effects.is_empty() && self.nuisances().is_empty() && is_linear
     }
 
@@ -162,6 +179,9 @@ impl Model {
         let (law, mut rest) = parameters.split_at(self.base.parameters().len());
         let mut stages = Stages::of_law(self.base.elements(law));
         stages.base = Some(self.base);
+        if self.base.outside().is_some() {
+            stages.spatial = Some(Spatial::Outside(law.to_vec()));
+        }
         stages.observation.depth_exponent = self.scales.depth_exponent.unwrap_or(1.0);
         let mut of_field = None;
         for effect in self.nuisances().iter().chain(&self.effects) {

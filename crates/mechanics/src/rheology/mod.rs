@@ -9,6 +9,7 @@ mod mittag_leffler;
 mod network;
 mod of_law;
 mod oscillation;
+mod outside;
 mod spectrum;
 mod spread;
 pub(crate) mod stieltjes;
@@ -17,6 +18,7 @@ pub use element::{Element, Leaf};
 pub use mittag_leffler::mittag_leffler;
 pub use network::Network;
 pub use oscillation::complex_modulus_pa;
+pub use outside::{Declared, OutsideLaw};
 pub use spectrum::{Accuracy, OscillatingMode, RetardationSpectrum, SpectralMode, TimeWindow};
 pub use spread::{Beside, SpreadTerm};
 
@@ -82,6 +84,8 @@ pub enum BaseLaw {
     TwoElement,
     /// A network from `model.toml`, with parameters of its own.
     Network(&'static Network),
+    /// A law that another program computes, with parameters of its own.
+    Outside(&'static OutsideLaw),
 }
 
 /// Parameters of [`BaseLaw::Lethersich`].
@@ -105,6 +109,7 @@ impl BaseLaw {
             Self::Burgers => "Burgers",
             Self::TwoElement => "two-element",
             Self::Network(_) => "network",
+            Self::Outside(_) => "forward",
         }
     }
 
@@ -115,6 +120,7 @@ impl BaseLaw {
             Self::Burgers => "burgers",
             Self::TwoElement => "two-element",
             Self::Network(_) => "network",
+            Self::Outside(_) => "forward",
         }
     }
 
@@ -125,10 +131,11 @@ impl BaseLaw {
             Self::Burgers => BURGERS,
             Self::TwoElement => TWO_ELEMENT,
             Self::Network(network) => network.parameters(),
+            Self::Outside(law) => law.parameters(),
         }
     }
 
-    /// The law's elements in series at `parameters` (SI, the order of [`Self::parameters`]; all positive).
+    /// The law's elements in series at `parameters` (SI, the order of [`Self::parameters`]; all positive); none of a law that another program computes.
     pub fn elements(self, parameters: &[Dual]) -> Vec<Element> {
         let p = parameters;
         let lethersich = || vec![Element::kelvin_voigt(p[0], p[1]), Element::Dashpot { viscosity_pa_s: p[2] }];
@@ -138,6 +145,7 @@ impl BaseLaw {
             Self::Burgers => with(Element::Spring { modulus_pa: p[3] }),
             Self::TwoElement => with(Element::kelvin_voigt(p[3], p[4])),
             Self::Network(network) => network.elements(p),
+            Self::Outside(_) => Vec::new(),
         }
     }
 
@@ -147,6 +155,7 @@ impl BaseLaw {
         let at = |body: usize, part: Option<usize>| Some(Leaf { body, part });
         match (self, name) {
             (Self::Network(network), _) => network.leaf(name),
+            (Self::Outside(_), _) => None,
             (_, "young_modulus_pa") => at(0, Some(0)),
             (_, "viscosity_1_pa_s") => at(0, Some(1)),
             (_, "viscosity_2_pa_s") => at(1, None),
@@ -171,7 +180,7 @@ impl BaseLaw {
                 law.retarded.push(RetardedMode::kelvin_voigt(p[3], p[4]));
                 Some(law)
             }
-            Self::Network(_) => None,
+            Self::Network(_) | Self::Outside(_) => None,
         }
     }
 
@@ -193,6 +202,7 @@ impl BaseLaw {
                 "chosen: ten times the prior's viscosity_1_pa_s, a factor of 4.5 for one standard deviation",
             )),
             (Self::Network(network), name) => network.default_prior(name),
+            (Self::Outside(law), name) => law.default_prior(name),
             _ => None,
         }
     }
@@ -201,7 +211,15 @@ impl BaseLaw {
     pub fn is_exponential(self) -> bool {
         match self {
             Self::Lethersich | Self::Burgers | Self::TwoElement => true,
-            Self::Network(_) => false,
+            Self::Network(_) | Self::Outside(_) => false,
+        }
+    }
+
+    /// The law that another program computes, if it is one.
+    pub fn outside(self) -> Option<&'static OutsideLaw> {
+        match self {
+            Self::Outside(law) => Some(law),
+            _ => None,
         }
     }
 }

@@ -3,9 +3,11 @@
 //! A base law and effects write themselves into [`Stages`]; the reduced model evaluates them in closed form and the full-order model by its
 //! own time stepping. Stages say which equations hold, never how they are solved.
 
+mod learnt;
 mod nonlinearity;
 mod state_law;
 
+pub use learnt::{Learnt, LearntRecord};
 pub use nonlinearity::{NonlinearFamily, Nonlinearity, YIELD_SMOOTHING};
 pub use state_law::{Function, Operation, Quantity, State, StateFunction, StateLaw};
 
@@ -53,6 +55,8 @@ pub enum Spatial {
         /// Giesekus's α; 0 is Oldroyd-B.
         mobility: Dual,
     },
+    /// Another program computes the law, at these parameters.
+    Outside(Vec<Dual>),
 }
 
 /// What stands beside the law, and where.
@@ -78,6 +82,8 @@ pub enum Spread {
     },
     /// A law that is not linear, at few points.
     Stepped(Stepped),
+    /// What was learnt of a law that another program computes.
+    Learnt(Learnt),
 }
 
 /// A reduced model of a law that is not linear, which is stepped through a record.

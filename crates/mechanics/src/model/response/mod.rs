@@ -69,6 +69,9 @@ impl Response {
             let excess_m = T::excess_m(&*stepped.0, stages, compliance_per_m, &self.time_s, self.force.get())?;
             point.excess_m = Some(excess_m);
         }
+        if let Some(Spread::Learnt(learnt)) = &stages.spread {
+            point.excess_m = Some(learnt.left_m(&self.time_s, self.force.get())?);
+        }
         if let Some(law) = &stages.state_law {
             point.excess_m = Some(state_law::excess_m(self, stages, law, compliance_per_m)?);
         }

@@ -107,6 +107,11 @@ impl<T: Real> Lowered<T> {
             {
                 RetardationSpectrum::with_accuracy(&stages.law, window, Accuracy::Fast)?
             }
+            (Some(Spread::Learnt(learnt)), Some(Spatial::Outside(_)))
+                if stages.softening_rate_per_s.is_constant(0.0) =>
+            {
+                learnt.spectrum()
+            }
             (None, None) => RetardationSpectrum::with_accuracy(&stages.law, window, Accuracy::Fast)?,
             _ => {
                 return Err(Error::numerical(

@@ -223,7 +223,7 @@ impl Surface {
 }
 
 /// Orthonormal modes that leave no trajectory more than `tolerance` at any row: every time the one that is left the largest.
-fn modes(mut trajectories: Vec<Vec<f64>>, tolerance: f64) -> Vec<Vec<f64>> {
+pub(super) fn modes(mut trajectories: Vec<Vec<f64>>, tolerance: f64) -> Vec<Vec<f64>> {
     let mut modes: Vec<Vec<f64>> = Vec::new();
     while modes.len() < MOST_MODES {
         let largest = |trajectory: &Vec<f64>| trajectory.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
@@ -251,6 +251,6 @@ fn subtract(from: &mut [f64], mode: &[f64]) {
     from.iter_mut().zip(mode).for_each(|(x, m)| *x -= share * m);
 }
 
-fn dot(a: &[f64], b: &[f64]) -> f64 {
+pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(x, y)| x * y).sum()
 }

@@ -58,7 +58,7 @@ impl Mobilities {
 
 /// A number of the load that the deviation is followed in to first order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-enum LoadNumber {
+pub(super) enum LoadNumber {
     PositiveFactor,
     NegativeFactor,
     Offset,
@@ -71,10 +71,11 @@ const FACTOR_STEP: f64 = 0.03;
 const TIME_STEP_S: f64 = 0.03;
 
 impl LoadNumber {
-    const ALL: [Self; 5] = [Self::PositiveFactor, Self::NegativeFactor, Self::Offset, Self::Delay, Self::Lag];
+    pub(super) const ALL: [Self; 5] =
+        [Self::PositiveFactor, Self::NegativeFactor, Self::Offset, Self::Delay, Self::Lag];
 
     /// How far a load is from doing nothing.
-    fn of(self, load: &Load) -> Dual {
+    pub(super) fn of(self, load: &Load) -> Dual {
         match self {
             Self::PositiveFactor => load.positive_factor - Dual::ONE,
             Self::NegativeFactor => load.negative_factor - Dual::ONE,
@@ -85,7 +86,7 @@ impl LoadNumber {
     }
 
     /// A load that does this alone.
-    fn alone(self, size: f64) -> Load {
+    pub(super) fn alone(self, size: f64) -> Load {
         let mut load = Stages::of_law(Vec::new()).load;
         match self {
             Self::PositiveFactor => load.positive_factor = (1.0 + size).into(),

@@ -6,12 +6,17 @@
 
 mod chart;
 mod coordinates;
+mod drive;
 mod large;
+mod outside;
 mod polynomial;
 #[cfg(test)]
 mod tests;
 
 pub use large::{FARTHEST_RADII, LargeScope, LargeStepper, LargeSurface, MOST_MOBILITY, Mobilities};
+
+pub use drive::Drive;
+pub use outside::{OutsideModel, OutsideRecord, OutsideSurface};
 
 use crate::error::Result;
 use crate::experiment::{Force, KeptForce};

@@ -30,18 +30,23 @@ impl Basis {
         Self::weighted(&vec![1.0; n_coordinates], degree as f64, OVERSAMPLING, n_checks)
     }
 
+    /// The polynomials of [`Self::new`] alone, to be evaluated.
+    pub fn of_degree(n_coordinates: usize, degree: usize) -> Self {
+        let degrees = degrees(&vec![1.0; n_coordinates], degree as f64);
+        Self { degrees, degree, design: Vec::new(), checks: Vec::new(), fit: DMatrix::zeros(0, 0) }
+    }
+
+    /// Points that a design of [`Self::new`] has.
+    pub fn n_points(n_coordinates: usize, degree: usize) -> usize {
+        // Binomial coefficient of coordinates and degree over coordinates.
+        let n_polynomials = (1..=n_coordinates).fold(1.0, |n, k| n * (degree + k) as f64 / k as f64);
+        (OVERSAMPLING * n_polynomials.round()).ceil() as usize
+    }
+
     /// The same where a degree in some coordinates counts as more than one, with a share of points over polynomials.
     pub fn weighted(weights: &[f64], degree: f64, oversampling: f64, n_checks: u32) -> Option<Self> {
         let n_coordinates = weights.len();
-        let mut degrees = vec![Vec::new()];
-        for weight in weights {
-            let extended = |own: &Vec<usize>| -> Vec<Vec<usize>> {
-                let used: f64 = own.iter().zip(weights).map(|(degree, weight)| *degree as f64 * weight).sum();
-                let left = ((degree - used) / weight).floor() as usize;
-                (0..=left).map(|next| [own.as_slice(), &[next]].concat()).collect()
-            };
-            degrees = degrees.iter().flat_map(extended).collect();
-        }
+        let degrees = degrees(weights, degree);
         let n_points = (oversampling * degrees.len() as f64).ceil() as u32;
         let uniform = |index: u32, d: usize, seed: u32| f64::from(sobol_burley::sample(index, d as u32, seed));
         let towards_faces = |index: u32, seed: u32| -> Vec<f64> {
@@ -99,4 +104,18 @@ impl Basis {
         };
         (0..n_coordinates).map(tail).collect()
     }
+}
+
+/// Degrees in every coordinate of all polynomials up to a total degree.
+fn degrees(weights: &[f64], degree: f64) -> Vec<Vec<usize>> {
+    let mut degrees = vec![Vec::new()];
+    for weight in weights {
+        let extended = |own: &Vec<usize>| -> Vec<Vec<usize>> {
+            let used: f64 = own.iter().zip(weights).map(|(degree, weight)| *degree as f64 * weight).sum();
+            let left = ((degree - used) / weight).floor() as usize;
+            (0..=left).map(|next| [own.as_slice(), &[next]].concat()).collect()
+        };
+        degrees = degrees.iter().flat_map(extended).collect();
+    }
+    degrees
 }
