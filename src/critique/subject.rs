@@ -387,6 +387,10 @@ pub(crate) fn compliance_of(
     monitor: &dyn Monitor,
 ) -> Result<Compliance> {
     let of_model = |problem: &Problem| Reduced::unverified(problem, kept.clone(), &Silent).map(|own| own.compliance);
+    if let Some(outside) = problem.outside() {
+        let all = [problem.model.effects(), effects].concat();
+        return Reduced::of_outside(problem, outside, &all, monitor).map(|own| own.compliance);
+    }
     let Some(fe) = problem.finite_elements() else { return of_model(problem) };
     let own = problem.poisson_ratios(fe)?;
     let (mut widest, mut wanted) = (None, problem.model.effects().to_vec());

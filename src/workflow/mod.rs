@@ -27,6 +27,7 @@ pub mod misfit;
 mod mixture;
 pub(crate) mod model_priors;
 mod near_normal;
+pub mod outside;
 pub mod pages;
 pub mod problem;
 pub mod reduced;

@@ -9,8 +9,9 @@ use sha2::{Digest, Sha256};
 
 use super::learnt_displacement::{learnt, nearest_law};
 use super::mechanics::{FiniteElements, Mechanics};
+use super::outside::{Learnt, Outside};
 use super::problem::{Problem, TAIL_MASS};
-use super::{Counter, Monitor, cache};
+use super::{Counter, Monitor, cache, outside};
 use crate::effects::{Effect, Field, Stage};
 use crate::error::Result;
 use crate::experiment::{Experiment, Force, Record};
@@ -20,6 +21,7 @@ use crate::inference::prior::PriorSet;
 use crate::mesh::Mesh;
 use crate::model::{Compliance, Forward, FullForward, ReducedForward, Response, TrainedRange};
 use crate::rheology::BaseLaw;
+use crate::stages::{Spread, Stages};
 use crate::study::{Kept, WithProvenance};
 use crate::surrogate::{FieldModels, Surrogate, Training, n_pieces, trajectory};
 
@@ -48,7 +50,7 @@ pub struct Reduced {
     pub trained: Vec<TrainedRange>,
     /// Largest distance from full-order trajectories on runs that did not train it, relative to their amplitude; `None` for an instrument.
     pub max_relative_error: Option<f64>,
-    /// The same of large displacements that were learnt for the record; `None` without them.
+    /// The same of large displacements that were learnt for the record, or, over the noise, of another program; `None` without them.
     pub learnt_error: Option<f64>,
 }
 
@@ -125,6 +127,7 @@ impl Reduced {
                     learnt_error: None,
                 });
             }
+            Mechanics::Outside(own) => return Self::of_outside(problem, own, problem.model.effects(), monitor),
             Mechanics::FiniteElements(fe) => fe,
         };
         let (law, parameters) = training_law(problem)?;
@@ -161,6 +164,27 @@ impl Reduced {
             trained: problem.training_ranges(),
             max_relative_error: Some(surrogate.max_relative_error),
             surrogate: Some(surrogate),
+        })
+    }
+
+    /// What stands for another program, for models with any of some effects.
+    pub(crate) fn of_outside(
+        problem: &Problem,
+        own: &Outside,
+        effects: &[&'static dyn Effect],
+        monitor: &dyn Monitor,
+    ) -> Result<Self> {
+        let is_load = |effect: &&'static dyn Effect| effect.stage() == Stage::Load;
+        let with_load = effects.iter().any(is_load) && own.answers_own_force_alone().is_none();
+        let Learnt { stepper, trained, over_noise } = outside::learnt(problem, own, with_load, monitor)?;
+        let answers = move |_: &Stages| Ok(Some(Spread::Stepped(stepper.clone())));
+        Ok(Self {
+            surrogate: None,
+            fields: FieldModels::default(),
+            compliance: Compliance::given(1.0).with_spread(answers),
+            trained,
+            max_relative_error: None,
+            learnt_error: Some(over_noise),
         })
     }
 

@@ -1,0 +1,123 @@
+//! What stands for another program in one record: its trajectories about where the data lead, to a share of the noise.
+
+use std::sync::Arc;
+
+use super::Outside;
+use super::nearest::nearest;
+use crate::error::{Error, Result};
+use crate::experiment::Force;
+use crate::model::TrainedRange;
+use crate::stages::Stepped;
+use crate::surrogate::trajectory::{Clock, OUTSIDE_MOST_POINTS, OUTSIDE_TOLERANCE, OutsideLesson, OutsideStepper, OutsideSurface};
+use crate::workflow::problem::{Problem, TAIL_MASS};
+use crate::workflow::{Counter, Monitor};
+
+/// Half the box's width in standard deviations of a logarithm: effects that are added move parameters by several. Where polynomials do not do, the next one is tried.
+const WIDTHS: [f64; 3] = [16.0, 10.0, 6.0];
+/// Half widths are rounded up to powers of this, and middles to shares of the width, so that fits that differ by little are served by the same answers.
+const WIDTH_STEP: f64 = 2.0;
+const CENTRE_SHARE: f64 = 0.25;
+/// Narrowest half width, in standard deviations of the prior.
+const NARROWEST: f64 = 0.05;
+/// Errors over the noise beyond which nothing is concluded.
+const LARGEST_ERROR: f64 = 0.5;
+/// Noise that is assumed where none is known, over the range of positions.
+const UNKNOWN_NOISE: f64 = 1e-3;
+
+/// What was learnt.
+pub struct Learnt {
+    /// Answers in place of the program.
+    pub stepper: Stepped,
+    /// The box.
+    pub trained: Vec<TrainedRange>,
+    /// Largest error at points that trained nothing, over the noise.
+    pub over_noise: f64,
+}
+
+/// Learns the program about where the calibration cycles lead; `with_load` where the force may be another than is commanded.
+///
+/// # Errors
+/// [`Error::Numerical`] with the server's words, or where polynomials miss it by more than half of the noise.
+pub fn learnt(problem: &Problem, outside: &Outside, with_load: bool, monitor: &dyn Monitor) -> Result<Learnt> {
+    let record = &problem.experiment.record;
+    let specs = problem.model.base().parameters();
+    let ranges: Vec<TrainedRange> = specs.iter().map(|spec| problem.range_of(spec.name, TAIL_MASS)).collect();
+    let free: Vec<usize> = (0..ranges.len()).filter(|k| ranges[*k].lower < ranges[*k].upper).collect();
+    let template: Vec<f64> = ranges.iter().map(|range| range.lower).collect();
+    let yardstick = problem.experiment.noise_yardstick().map(|yardstick| yardstick.sd_m);
+    let noise_m = yardstick.unwrap_or(UNKNOWN_NOISE * problem.experiment.scales().position_range_m);
+    monitor.stage(&format!("asking {} where the data lead", outside.title()));
+    let found = match free[..] {
+        [] => None,
+        _ => Some(nearest(problem, outside, &template, &free, noise_m)?),
+    };
+    let (time_s, force) = (&record.time_s[..], record.force());
+    let clock = if with_load { Clock::finer(time_s, force) } else { Clock::of_rows(time_s) };
+    let ask = |parameters: &[f64], force_n: &[f64]| {
+        outside.position_m(parameters, &clock.time_s, Force { at_rows_n: force_n, ..force })
+    };
+    let mut best: Option<(OutsideSurface, Vec<TrainedRange>)> = None;
+    for n_sd in WIDTHS {
+        let mut trained = ranges.clone();
+        for (place, k) in free.iter().enumerate() {
+            let Some(found) = &found else { break };
+            let middle = problem.range_of(specs[*k].name, 0.1587);
+            let prior_sd = 0.5 * (middle.upper / middle.lower).ln();
+            trained[*k] = about(&ranges[*k], found.ln[place], (n_sd * found.ln_sd[place]).max(NARROWEST * prior_sd));
+        }
+        let ends: Vec<(f64, f64)> = trained.iter().map(|range| (range.lower, range.upper)).collect();
+        monitor.stage(&format!("learning {}", outside.title()));
+        let counter = Counter::new(monitor, OUTSIDE_MOST_POINTS);
+        let lesson = OutsideLesson { ends: &ends, clock: &clock, time_s, force, noise_m, with_load };
+        let surface = OutsideSurface::learn(&lesson, &ask, &|| counter.add_one())?;
+        let is_better = best.as_ref().is_none_or(|(other, _)| surface.certified() < other.certified());
+        let is_done = surface.certified() <= OUTSIDE_TOLERANCE || free.is_empty();
+        if is_better {
+            best = Some((surface, trained));
+        }
+        if is_done {
+            break;
+        }
+    }
+    let Some((surface, trained)) = best else {
+        return Err(Error::numerical("nothing was learnt", "give a prior of every parameter"));
+    };
+    let over_noise = surface.certified();
+    if over_noise.is_nan() || over_noise > LARGEST_ERROR {
+        return Err(Error::numerical(
+            format!(
+                "what was learnt of {} from {} answers misses others by {over_noise:.2} of the noise, and {LARGEST_ERROR} is the most that anything is concluded from",
+                outside.title(),
+                surface.n_points()
+            ),
+            "narrow the prior (--prior), hold parameters that the data do not determine (--set), or smooth what is rough in the model",
+        ));
+    }
+    if over_noise > OUTSIDE_TOLERANCE {
+        monitor.warn(&format!(
+            "what was learnt of {} misses answers that trained nothing by up to {over_noise:.2} of the noise, more than {OUTSIDE_TOLERANCE}: narrow the prior, or hold a parameter, for a closer one",
+            outside.title()
+        ));
+    }
+    let ends: Vec<(f64, f64)> = trained.iter().map(|range| (range.lower, range.upper)).collect();
+    let lesson = OutsideLesson { ends: &ends, clock: &clock, time_s, force, noise_m, with_load };
+    let stepper = Stepped(Arc::new(OutsideStepper::new(surface, &lesson)));
+    Ok(Learnt { stepper, trained, over_noise })
+}
+
+/// The part of a range about a logarithm, of at least so much to either side, where the range goes on.
+fn about(range: &TrainedRange, ln: f64, half: f64) -> TrainedRange {
+    let (lower, upper) = (range.lower.ln(), range.upper.ln());
+    if half.is_nan() || half >= 0.5 * (upper - lower) {
+        return range.clone();
+    }
+    let half = WIDTH_STEP.powf(half.log(WIDTH_STEP).ceil());
+    let step = CENTRE_SHARE * half;
+    let middle = (ln / step).round() * step;
+    let inside = |end: f64, prior: f64, is_beyond: bool| if is_beyond { prior } else { end.exp() };
+    TrainedRange {
+        name: range.name.clone(),
+        lower: inside(middle - half, range.lower, middle - half <= lower),
+        upper: inside(middle + half, range.upper, middle + half >= upper),
+    }
+}
