@@ -394,13 +394,16 @@ fn base_at(address: &str, prior: &str) -> Result<BaseLaw> {
     let parameters: Vec<_> = PriorSet::listed(prior)?.into_iter().filter(|(name, _)| is_own(name)).collect();
     let refuse = |found: String, remedy: String| Err(Error::input(Place::option("--prior"), found, remedy));
     for (k, (name, _)) in parameters.iter().enumerate() {
-        if let Some((found, remedy)) = OutsideLaw::mistake(name, parameters[..k].iter().map(|(name, _)| name.as_str())) {
+        if let Some((found, remedy)) = OutsideLaw::mistake(name, parameters[..k].iter().map(|(name, _)| name.as_str()))
+        {
             return refuse(found, remedy);
         }
     }
     if parameters.is_empty() || parameters.len() > MOST_PARAMETERS {
         let found = format!("`{prior}` names {} parameters for the model at {url}", parameters.len());
-        let remedy = format!("give a prior file with one to {MOST_PARAMETERS} of them, in the order of the model's input, and the noise");
+        let remedy = format!(
+            "give a prior file with one to {MOST_PARAMETERS} of them, in the order of the model's input, and the noise"
+        );
         return refuse(found, remedy);
     }
     Ok(BaseLaw::Outside(OutsideLaw::new(url, name, &parameters)))

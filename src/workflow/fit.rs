@@ -334,8 +334,7 @@ struct FullRun {
 /// One full-order run; `None` without finite elements.
 fn full_run(problem: &Problem, reduced: &Reduced, model_parameters: &[f64]) -> Result<Option<FullRun>> {
     let reduced_m = problem.reduced_forward(reduced).trajectory_m(model_parameters)?;
-    let distance_m =
-        |full_m: &[f64]| full_m.iter().zip(&reduced_m).fold(0.0, |d: f64, (x, y)| d.max((x - y).abs()));
+    let distance_m = |full_m: &[f64]| full_m.iter().zip(&reduced_m).fold(0.0, |d: f64, (x, y)| d.max((x - y).abs()));
     if let Some(outside) = problem.outside_forward() {
         let distance_m = distance_m(&outside.trajectory_m(model_parameters)?);
         return Ok(Some(FullRun { distance_m, discretisation_m: None }));

@@ -20,6 +20,7 @@ mod joint;
 pub mod ladder;
 pub mod large_displacement;
 pub mod learnt_displacement;
+pub mod learnt_outside;
 pub mod log_score;
 pub mod mechanics;
 mod mesh_check;

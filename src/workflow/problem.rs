@@ -226,7 +226,10 @@ fn refuse_loads_unheeded(model: &Model, outside: &Outside) -> Result<()> {
     match (load, outside.answers_own_force_alone()) {
         (Some(effect), Some(reason)) => Err(Error::input(
             Place::option("--with"),
-            format!("`{}` changes the force, and the other program answers the record's own alone: {reason}", effect.slug()),
+            format!(
+                "`{}` changes the force, and the other program answers the record's own alone: {reason}",
+                effect.slug()
+            ),
             "leave it out; effects of observation work",
         )),
         _ => Ok(()),

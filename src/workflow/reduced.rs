@@ -8,10 +8,11 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use super::learnt_displacement::{learnt, nearest_law};
+use super::learnt_outside::{self, Learnt};
 use super::mechanics::{FiniteElements, Mechanics};
-use super::outside::{Learnt, Outside};
+use super::outside::Outside;
 use super::problem::{Problem, TAIL_MASS};
-use super::{Counter, Monitor, cache, outside};
+use super::{Counter, Monitor, cache};
 use crate::effects::{Effect, Field, Stage};
 use crate::error::Result;
 use crate::experiment::{Experiment, Force, Record};
@@ -176,7 +177,7 @@ impl Reduced {
     ) -> Result<Self> {
         let is_load = |effect: &&'static dyn Effect| effect.stage() == Stage::Load;
         let with_load = effects.iter().any(is_load) && own.answers_own_force_alone().is_none();
-        let Learnt { stepper, trained, over_noise } = outside::learnt(problem, own, with_load, monitor)?;
+        let Learnt { stepper, trained, over_noise } = learnt_outside::learnt(problem, own, with_load, monitor)?;
         let answers = move |_: &Stages| Ok(Some(Spread::Stepped(stepper.clone())));
         Ok(Self {
             surrogate: None,

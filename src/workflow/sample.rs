@@ -348,9 +348,9 @@ fn at_edge_of_box(reduced: &Reduced, problem: &Problem, columns: &[DrawColumn]) 
             range.lower > prior.lower && (**x / range.lower).ln() < margin
                 || range.upper < prior.upper && (range.upper / **x).ln() < margin
         };
-        (100 * column.values.iter().filter(is_outermost).count() > column.values.len()).then_some(name)
+        (100 * column.values.iter().filter(is_outermost).count() > column.values.len()).then(|| name.to_string())
     };
-    let names: Vec<&str> = problem.priors.names().zip(columns).filter_map(crowds).collect();
+    let names: Vec<String> = problem.priors.names().zip(columns).filter_map(crowds).collect();
     (!names.is_empty()).then(|| Warning {
         kind: WarningKind::EdgeOfRange,
         text: format!(

@@ -5,16 +5,20 @@ use crate::program;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
 
-use program::{normals, tree, vitreo};
+use program::{Run, normals, tree};
 use serde_json::{Value, json};
 
 const COMPLIANCE_PER_M: f64 = 549.0;
 /// E (Pa), c₁ and c₂ (Pa s).
 const LAW: [f64; 3] = [3.5, 1.4, 47.0];
 const NOISE_UM: f64 = 0.5;
+/// Longer than any test waits.
+const PATIENCE: Duration = Duration::from_secs(120);
 /// Longest step of the server's integrator, in s.
 const STEP_S: f64 = 0.004;
 
@@ -45,6 +49,14 @@ fn stepped_um([young, viscosity_1, viscosity_2]: [f64; 3], time_s: &[f64], force
     position_um
 }
 
+/// Runs the program, its cache beside the experiment: answers of a server that is gone are of no use to anyone.
+fn vitreo(dir: &Path, arguments: &[&str]) -> Run {
+    let cache = dir.join("cache");
+    program::run(
+        Command::new(env!("CARGO_BIN_EXE_vitreo-uq")).current_dir(dir).args(arguments).env("VITREO_UQ_CACHE", cache),
+    )
+}
+
 /// What a server does otherwise than docs/serve.md says.
 #[derive(Clone, Copy, PartialEq)]
 enum Kind {
@@ -57,6 +69,8 @@ enum Kind {
     Broken,
     /// The record's own force whatever is asked.
     Deaf,
+    /// No answer.
+    Silent,
 }
 
 struct Server {
@@ -111,6 +125,9 @@ fn answer(mut stream: TcpStream, kind: Kind, counted: &AtomicUsize) -> Option<()
         "/OutputSizes" => json!({ "outputSizes": [n_times(&request)] }).to_string(),
         _ => {
             counted.fetch_add(1, Ordering::SeqCst);
+            if kind == Kind::Silent {
+                std::thread::sleep(PATIENCE);
+            }
             evaluated(&request, kind)
         }
     };
@@ -169,7 +186,11 @@ fn lagging(dir: &Path, lag_s: f64) -> PathBuf {
     let mut lagged_n = 0.0;
     for t in &fine_s {
         let command_n = commanded_n(*t);
-        let next_n = if lag_s > 0.0 { command_n + (lagged_n - command_n) * f64::exp(-step_s / n_between as f64 / lag_s) } else { command_n };
+        let next_n = if lag_s > 0.0 {
+            command_n + (lagged_n - command_n) * f64::exp(-step_s / n_between as f64 / lag_s)
+        } else {
+            command_n
+        };
         acting_n.push(if lag_s > 0.0 { 0.5 * (lagged_n + next_n) } else { command_n });
         lagged_n = next_n;
     }
@@ -250,14 +271,19 @@ fn a_hidden_lag_is_diagnosed_with_an_outside_model() {
     };
     let refusal = |document: &Value, slug: &str| {
         let candidates = document["candidates"].as_array().unwrap().iter();
-        let own = candidates.clone().find(|own| own["effect"] == slug).unwrap_or_else(|| panic!("{slug} in {document}"));
+        let own =
+            candidates.clone().find(|own| own["effect"] == slug).unwrap_or_else(|| panic!("{slug} in {document}"));
         own["refused"].as_str().map(String::from)
     };
     let document = diagnosed(&Server::start(Kind::Sound), "study");
     let verdict = &document["verdict"];
     assert_eq!((&verdict["kind"], &verdict["effects"]), (&json!("missing"), &json!(["actuator-lag"])), "{verdict}");
     let parameters = document["candidates"].as_array().unwrap().iter().find(|own| own["effect"] == "actuator-lag");
-    let lag_s = parameters.unwrap()["refit"]["parameters"].as_array().unwrap().iter().find(|p| p["name"] == "actuator-lag.time_s");
+    let lag_s = parameters.unwrap()["refit"]["parameters"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .find(|p| p["name"] == "actuator-lag.time_s");
     let lag_s = lag_s.unwrap()["mean"].as_f64().unwrap();
     assert!((lag_s - 0.1).abs() < 0.01, "{lag_s}");
     assert_eq!(refusal(&document, "actuator-lag"), None);
@@ -303,4 +329,39 @@ fn servers_that_do_not_do_are_refused_in_words() {
     for words in ["inputs of sizes [3]", "names 1 parameters (young_modulus_pa)", "in the model's order"] {
         assert!(refused.code != 0 && refused.stderr.contains(words), "`{words}` is missing in {refused}");
     }
+}
+
+/// Ctrl-C ends a program that waits for an answer as it ends any other: within a second, and here within three, since other tests run beside.
+#[cfg(unix)]
+#[test]
+fn waiting_for_a_server_can_be_interrupted() {
+    let dir = tempfile::tempdir().unwrap();
+    lagging(dir.path(), 0.0);
+    let server = Server::start(Kind::Silent);
+    let mut child = Command::new(env!("CARGO_BIN_EXE_vitreo-uq"))
+        .args(["fit", "gel", "--prior", "prior.toml", "--forward", &server.url, "--quiet"])
+        .current_dir(dir.path())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let began = Instant::now();
+    while server.n_evaluations() == 0 {
+        assert!(began.elapsed() < PATIENCE && child.try_wait().unwrap().is_none(), "the server was not asked");
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+    let interrupted = Instant::now();
+    let status = loop {
+        match child.try_wait().unwrap() {
+            Some(status) => break status,
+            None if interrupted.elapsed() > PATIENCE => {
+                let _ = child.kill();
+                panic!("the program goes on");
+            }
+            None => std::thread::sleep(Duration::from_millis(10)),
+        }
+    };
+    assert_eq!(status.code(), Some(130));
+    assert!(interrupted.elapsed() < Duration::from_secs(3), "{:?}", interrupted.elapsed());
 }

@@ -50,11 +50,12 @@ impl std::fmt::Display for Run {
 
 /// Runs the program in a directory.
 pub fn vitreo(dir: &Path, arguments: &[&str]) -> Run {
-    let output: Output = Command::new(env!("CARGO_BIN_EXE_vitreo-uq"))
-        .current_dir(dir)
-        .args(arguments)
-        .output()
-        .expect("the program was built for this test");
+    run(Command::new(env!("CARGO_BIN_EXE_vitreo-uq")).current_dir(dir).args(arguments))
+}
+
+/// Runs a command of the program.
+pub fn run(command: &mut Command) -> Run {
+    let output: Output = command.output().expect("the program was built for this test");
     Run {
         code: output.status.code().unwrap_or(-1),
         stdout: String::from_utf8(output.stdout).expect("output is UTF-8"),

@@ -131,7 +131,9 @@ impl Served for Trajectory<'_> {
             Which::Full => self.full()?.ok_or_else(|| {
                 Refusal::input(match self.problem.outside() {
                     Some(outside) => format!("the full model is {}: ask it there", outside.title()),
-                    None => "an instrument's compliance is given, so that it has no full model: leave `config` out".into(),
+                    None => {
+                        "an instrument's compliance is given, so that it has no full model: leave `config` out".into()
+                    }
                 })
             })?,
         };

@@ -1,14 +1,9 @@
-//! Somebody else's model in place of the base law: asked by UM-Bridge, learnt over a box, checked by asking again (docs/serve.md).
-//!
-//! `client` speaks HTTP, this file the protocol; `nearest` finds where the data lead, `learnt` the surrogate there, and `full` is the model itself.
+//! Somebody else's model in place of the base law, asked by UM-Bridge (docs/serve.md): `client` speaks HTTP, this file the protocol, and `full` is the model as a forward model.
 
 pub mod client;
 mod full;
-mod learnt;
-mod nearest;
 
 pub use full::OutsideForward;
-pub use learnt::{Learnt, learnt};
 
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
@@ -130,7 +125,8 @@ impl Outside {
             Some([own]) if *own == n as u64 => false,
             Some([own, of_force]) if *own == n as u64 && *of_force == n_times as u64 => true,
             _ => {
-                let wanted = format!("the prior names {n} parameters ({}) and there are {n_times} times", names.join(", "));
+                let wanted =
+                    format!("the prior names {n} parameters ({}) and there are {n_times} times", names.join(", "));
                 let remedy = "let inputs be [parameters], or [parameters, forces at config's time_s]; name the parameters in the prior file, in the model's order";
                 return refuse("inputs", inputs.get("inputSizes").unwrap_or(&inputs), wanted, remedy);
             }
@@ -162,7 +158,12 @@ impl Outside {
         };
         if position_um.len() != time_s.len() {
             return Err(Error::numerical(
-                format!("{} answers with {} positions where {} times were given", self.title(), position_um.len(), time_s.len()),
+                format!(
+                    "{} answers with {} positions where {} times were given",
+                    self.title(),
+                    position_um.len(),
+                    time_s.len()
+                ),
                 "let the output be the position in micrometres at each of config's time_s",
             ));
         }
@@ -191,9 +192,10 @@ impl Outside {
 /// The model's name: the one that is asked for, or the usual one, or the only one.
 fn name_of(client: &Client, wanted: Option<&str>) -> Result<String> {
     let info = client.ask(Endpoint::Info, &Value::Null)?;
-    let models: Vec<&str> = info.get("models").and_then(Value::as_array).map_or(Vec::new(), |models| {
-        models.iter().filter_map(Value::as_str).collect()
-    });
+    let models: Vec<&str> = info
+        .get("models")
+        .and_then(Value::as_array)
+        .map_or(Vec::new(), |models| models.iter().filter_map(Value::as_str).collect());
     let is_there = |name: &str| models.contains(&name);
     match (wanted, &models[..]) {
         (Some(wanted), _) if is_there(wanted) => Ok(wanted.into()),

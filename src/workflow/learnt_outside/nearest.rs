@@ -5,10 +5,10 @@ use std::sync::{Mutex, PoisonError};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::Outside;
 use crate::error::{Error, Result};
 use crate::inference::least_squares::{Fit, Residuals, Tolerances, fit};
-use crate::workflow::problem::Problem;
+use crate::workflow::outside::Outside;
+use crate::workflow::problem::{Problem, TAIL_MASS};
 
 /// Quantiles between which starts are looked for.
 const START_TAIL: f64 = 0.05;
@@ -43,8 +43,10 @@ pub(super) fn nearest(
     let observed: Vec<(usize, f64)> = observed.iter().enumerate().filter_map(|(row, y)| Some((row, (*y)?))).collect();
     let names: Vec<&str> = problem.model.base().parameters().iter().map(|spec| spec.name).collect();
     let quantile = |k: usize, p: f64| problem.range_of(names[k], p).lower.ln();
-    let priors = free.iter().map(|k| (quantile(*k, 0.5), 0.5 * (quantile(*k, 0.8413) - quantile(*k, 0.1587)))).collect();
-    let distances = Distances { problem, outside, template, free, noise_m, observed, priors, refusal: Mutex::default() };
+    let priors =
+        free.iter().map(|k| (quantile(*k, 0.5), 0.5 * (quantile(*k, 0.8413) - quantile(*k, 0.1587)))).collect();
+    let distances =
+        Distances { problem, outside, template, free, noise_m, observed, priors, refusal: Mutex::default() };
     let sobol = |index: u32| -> Vec<f64> {
         let of = |(d, k): (u32, &usize)| {
             let coordinate = f64::from(sobol_burley::sample(index, d, START_SEED));
@@ -60,7 +62,9 @@ pub(super) fn nearest(
     let best = sums.iter().zip(&starts).filter_map(|(sum, start)| Some((sum.filter(|sum| sum.is_finite())?, start)));
     let Some((_, start)) = best.min_by(|a, b| a.0.total_cmp(&b.0)) else {
         let refusal = distances.refusal.into_inner().unwrap_or_else(PoisonError::into_inner);
-        return Err(refusal.unwrap_or_else(|| Error::numerical("the model has no answer at any start", "give another prior")));
+        return Err(
+            refusal.unwrap_or_else(|| Error::numerical("the model has no answer at any start", "give another prior"))
+        );
     };
     let Fit { theta, standard_errors, objective, .. } = fit(&distances, start, &TOLERANCES)?;
     let n = distances.observed.len();
@@ -90,7 +94,7 @@ impl Residuals for Distances<'_> {
         self.free.iter().zip(theta).for_each(|(k, ln)| parameters[*k] = ln.exp());
         let names = self.problem.model.base().parameters();
         let is_inside = |k: &usize| {
-            let range = self.problem.range_of(names[*k].name, crate::workflow::problem::TAIL_MASS);
+            let range = self.problem.range_of(names[*k].name, TAIL_MASS);
             range.contains(parameters[*k])
         };
         if !self.free.iter().all(is_inside) {

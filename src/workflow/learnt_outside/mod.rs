@@ -1,16 +1,20 @@
 //! What stands for another program in one record: its trajectories about where the data lead, to a share of the noise.
 
+mod nearest;
+
 use std::sync::Arc;
 
-use super::Outside;
-use super::nearest::nearest;
+use super::outside::Outside;
+use super::problem::{Problem, TAIL_MASS};
+use super::{Counter, Monitor};
 use crate::error::{Error, Result};
 use crate::experiment::Force;
 use crate::model::TrainedRange;
 use crate::stages::Stepped;
-use crate::surrogate::trajectory::{Clock, OUTSIDE_MOST_POINTS, OUTSIDE_TOLERANCE, OutsideLesson, OutsideStepper, OutsideSurface};
-use crate::workflow::problem::{Problem, TAIL_MASS};
-use crate::workflow::{Counter, Monitor};
+use crate::surrogate::trajectory::{
+    Clock, OUTSIDE_MOST_POINTS, OUTSIDE_TOLERANCE, OutsideLesson, OutsideStepper, OutsideSurface,
+};
+use nearest::nearest;
 
 /// Half the box's width in standard deviations of a logarithm: effects that are added move parameters by several. Where polynomials do not do, the next one is tried.
 const WIDTHS: [f64; 3] = [16.0, 10.0, 6.0];
