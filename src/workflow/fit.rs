@@ -249,7 +249,7 @@ impl<'a> CreepResiduals<'a> {
     fn starts(&self, problem: &Problem) -> Vec<Vec<f64>> {
         let quantile = |(j, coordinate): (usize, Coordinate), probability: f64| {
             let name = problem.model.parameters()[j].name;
-            let value = problem.priors.get(name).map_or(1.0, |prior| prior.distribution.quantile(probability));
+            let value = problem.starts_of(name).map_or(1.0, |own| own.quantile(probability));
             coordinate.theta(value)
         };
         let medians = self.free.iter().map(|&free| quantile(free, 0.5)).collect();

@@ -6,6 +6,7 @@ use super::Monitor;
 use super::mechanics::{FiniteElements, Mechanics, MeshFile};
 use super::model_priors::read_priors;
 use super::outside::{Outside, OutsideForward};
+use crate::distribution::Distribution;
 use crate::effects::{Library, Stage};
 use crate::error::{Error, Place, Result};
 use crate::experiment::{Apparatus, Experiment};
@@ -150,6 +151,19 @@ impl Problem {
             }
         };
         TrainedRange { name: name.to_string(), lower, upper }
+    }
+
+    /// The range of a parameter of another program that was learnt, once it is.
+    pub(crate) fn learnt_range(&self, name: &str) -> Option<&TrainedRange> {
+        let trained = self.outside()?.learnt_in()?;
+        trained.iter().find(|range| range.name == name && range.lower < range.upper)
+    }
+
+    /// By what starts of a parameter are chosen: its prior, or the range that another program was learnt in.
+    pub(crate) fn starts_of(&self, name: &str) -> Option<Distribution> {
+        let prior = self.priors.get(name)?.distribution;
+        let learnt = self.learnt_range(name);
+        Some(learnt.map_or(prior, |range| Distribution::LogUniform { lower: range.lower, upper: range.upper }))
     }
 
     /// Ranges of the law's parameters on which a surrogate is trained: the prior's box, or a fixed value.

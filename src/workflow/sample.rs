@@ -15,6 +15,7 @@ use super::log_score::log_score;
 use super::misfit::{Misfit, Remainder, directions_of_spread};
 use super::problem::{Problem, TAIL_MASS};
 use super::reduced::{KeptSurrogate, Reduced};
+use crate::distribution::Distribution;
 use crate::documents::posterior::*;
 use crate::effects::{AMPLITUDE, MOBILITY};
 use crate::error::{Error, Place, Result};
@@ -150,8 +151,10 @@ pub fn sample(
     rng.set_stream(START_STREAM);
     let is_plain = problem.model.base() == BaseLaw::Lethersich && problem.model.is_law_alone();
     let n_starts = if is_plain { N_STARTS } else { N_STARTS_OF_LARGER };
-    let starts: Vec<Vec<f64>> =
-        (0..n_starts).map(|_| problem.priors.to_unconstrained(&problem.priors.draw(&mut rng))).collect();
+    let names: Vec<&str> = problem.priors.names().collect();
+    let from: Vec<Distribution> = names.iter().filter_map(|name| problem.starts_of(name)).collect();
+    let mut start = || -> Vec<f64> { from.iter().map(|own| own.draw(&mut rng)).collect() };
+    let starts: Vec<Vec<f64>> = (0..n_starts).map(|_| problem.priors.to_unconstrained(&start())).collect();
     let resumed = match request.checkpoint {
         Some(path) if request.resume => checkpoint::read(path)?,
         _ => None,

@@ -65,7 +65,7 @@ enum Kind {
     TakesForce,
     /// One position too few.
     Short,
-    /// Not a number where E is above its prior's median.
+    /// Not a number where E is above 3.9 Pa: at its prior's median.
     Broken,
     /// The record's own force whatever is asked.
     Deaf,
@@ -157,7 +157,7 @@ fn evaluated(request: &Value, kind: Kind) -> String {
     if kind == Kind::Short {
         position_um.pop();
     }
-    if kind == Kind::Broken && law[0] > 4.0 {
+    if kind == Kind::Broken && law[0] > 3.9 {
         return "{\"output\": [[NaN]]}".into();
     }
     json!({ "output": [position_um] }).to_string()
@@ -331,7 +331,7 @@ fn servers_that_do_not_do_are_refused_in_words() {
     }
 }
 
-/// Ctrl-C ends a program that waits for an answer as it ends any other: within a second, and here within three, since other tests run beside.
+/// Ctrl-C ends a program that waits for an answer as it ends any other: within a second; the rest is for a machine that is busy with other tests.
 #[cfg(unix)]
 #[test]
 fn waiting_for_a_server_can_be_interrupted() {
@@ -363,5 +363,5 @@ fn waiting_for_a_server_can_be_interrupted() {
         }
     };
     assert_eq!(status.code(), Some(130));
-    assert!(interrupted.elapsed() < Duration::from_secs(3), "{:?}", interrupted.elapsed());
+    assert!(interrupted.elapsed() < Duration::from_secs(1 + 4), "{:?}", interrupted.elapsed());
 }

@@ -14,7 +14,7 @@ use crate::stages::Stepped;
 use crate::surrogate::trajectory::{
     Clock, OUTSIDE_MOST_POINTS, OUTSIDE_TOLERANCE, OutsideLesson, OutsideStepper, OutsideSurface,
 };
-use nearest::nearest;
+use nearest::{Nearest, nearest};
 
 /// Half the box's width in standard deviations of a logarithm: effects that are added move parameters by several. Where polynomials do not do, the next one is tried.
 const WIDTHS: [f64; 3] = [16.0, 10.0, 6.0];
@@ -23,6 +23,8 @@ const WIDTH_STEP: f64 = 2.0;
 const CENTRE_SHARE: f64 = 0.25;
 /// Narrowest half width, in standard deviations of the prior.
 const NARROWEST: f64 = 0.05;
+/// Prior mass on either side of one standard deviation.
+const ONE_SD: f64 = 0.1587;
 /// Errors over the noise beyond which nothing is concluded.
 const LARGEST_ERROR: f64 = 0.5;
 /// Noise that is assumed where none is known, over the range of positions.
@@ -50,10 +52,15 @@ pub fn learnt(problem: &Problem, outside: &Outside, with_load: bool, monitor: &d
     let template: Vec<f64> = ranges.iter().map(|range| range.lower).collect();
     let yardstick = problem.experiment.noise_yardstick().map(|yardstick| yardstick.sd_m);
     let noise_m = yardstick.unwrap_or(UNKNOWN_NOISE * problem.experiment.scales().position_range_m);
-    monitor.stage(&format!("asking {} where the data lead", outside.title()));
-    let found = match free[..] {
-        [] => None,
-        _ => Some(nearest(problem, outside, &template, &free, noise_m)?),
+    // A box that serves one model of the experiment serves all.
+    let boxes: Vec<Vec<TrainedRange>> = match (outside.learnt_in(), &free[..]) {
+        (Some(kept), _) => vec![ranges.iter().zip(kept).map(|(own, kept)| within(own, kept)).collect()],
+        (None, []) => vec![ranges.clone()],
+        (None, _) => {
+            monitor.stage(&format!("asking {} where the data lead", outside.title()));
+            let found = nearest(problem, outside, &template, &free, noise_m)?;
+            WIDTHS.iter().map(|n_sd| box_about(problem, &ranges, &free, &found, *n_sd)).collect()
+        }
     };
     let (time_s, force) = (&record.time_s[..], record.force());
     let clock = if with_load { Clock::finer(time_s, force) } else { Clock::of_rows(time_s) };
@@ -61,14 +68,7 @@ pub fn learnt(problem: &Problem, outside: &Outside, with_load: bool, monitor: &d
         outside.position_m(parameters, &clock.time_s, Force { at_rows_n: force_n, ..force })
     };
     let mut best: Option<(OutsideSurface, Vec<TrainedRange>)> = None;
-    for n_sd in WIDTHS {
-        let mut trained = ranges.clone();
-        for (place, k) in free.iter().enumerate() {
-            let Some(found) = &found else { break };
-            let middle = problem.range_of(specs[*k].name, 0.1587);
-            let prior_sd = 0.5 * (middle.upper / middle.lower).ln();
-            trained[*k] = about(&ranges[*k], found.ln[place], (n_sd * found.ln_sd[place]).max(NARROWEST * prior_sd));
-        }
+    for trained in boxes {
         let ends: Vec<(f64, f64)> = trained.iter().map(|range| (range.lower, range.upper)).collect();
         monitor.stage(&format!("learning {}", outside.title()));
         let counter = Counter::new(monitor, OUTSIDE_MOST_POINTS);
@@ -106,7 +106,30 @@ pub fn learnt(problem: &Problem, outside: &Outside, with_load: bool, monitor: &d
     let ends: Vec<(f64, f64)> = trained.iter().map(|range| (range.lower, range.upper)).collect();
     let lesson = OutsideLesson { ends: &ends, clock: &clock, time_s, force, noise_m, with_load };
     let stepper = Stepped(Arc::new(OutsideStepper::new(surface, &lesson)));
+    outside.keep_box(&trained);
     Ok(Learnt { stepper, trained, over_noise })
+}
+
+/// What a model asks for of a box: the value that it holds, or the box's range.
+fn within(own: &TrainedRange, kept: &TrainedRange) -> TrainedRange {
+    if own.lower == own.upper || kept.lower == kept.upper { own.clone() } else { kept.clone() }
+}
+
+/// The box of so many standard deviations about where the data lead.
+fn box_about(
+    problem: &Problem,
+    ranges: &[TrainedRange],
+    free: &[usize],
+    found: &Nearest,
+    n_sd: f64,
+) -> Vec<TrainedRange> {
+    let mut trained = ranges.to_vec();
+    for (place, k) in free.iter().enumerate() {
+        let of_prior = problem.range_of(&ranges[*k].name, ONE_SD);
+        let prior_sd = 0.5 * (of_prior.upper / of_prior.lower).ln();
+        trained[*k] = about(&ranges[*k], found.ln[place], (n_sd * found.ln_sd[place]).max(NARROWEST * prior_sd));
+    }
+    trained
 }
 
 /// The part of a range about a logarithm, of at least so much to either side, where the range goes on.

@@ -5,6 +5,8 @@ mod full;
 
 pub use full::OutsideForward;
 
+use std::sync::OnceLock;
+
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 
@@ -12,6 +14,7 @@ use super::bridge::Endpoint;
 use super::cache;
 use crate::error::{Error, Result};
 use crate::experiment::{Force, Record};
+use crate::model::TrainedRange;
 use crate::rheology::OutsideLaw;
 use crate::surrogate::trajectory::Clock;
 use client::Client;
@@ -35,6 +38,8 @@ pub struct Outside {
     at_medians_um: Vec<f64>,
     /// Why it answers the record's own force alone, if it does.
     own_force_alone: Option<String>,
+    /// The box that it was learnt in: one for all models of the experiment, so that they are compared on the same ground.
+    learnt_in: OnceLock<Vec<TrainedRange>>,
 }
 
 impl Outside {
@@ -52,7 +57,15 @@ impl Outside {
                 "name another model with --forward-model",
             ));
         }
-        let mut own = Self { client, name, law, takes_force: false, at_medians_um: Vec::new(), own_force_alone: None };
+        let mut own = Self {
+            client,
+            name,
+            law,
+            takes_force: false,
+            at_medians_um: Vec::new(),
+            own_force_alone: None,
+            learnt_in: OnceLock::new(),
+        };
         let (time_s, force) = (&record.time_s[..], record.force());
         own.takes_force = own.check_sizes(time_s, force)?;
         own.at_medians_um = own.fresh_um(medians, time_s, force)?;
@@ -71,6 +84,16 @@ impl Outside {
     /// Why it answers the record's own force alone, if it does: effects of load then have no model.
     pub fn answers_own_force_alone(&self) -> Option<&str> {
         self.own_force_alone.as_deref()
+    }
+
+    /// The box that it was learnt in, once it is.
+    pub fn learnt_in(&self) -> Option<&[TrainedRange]> {
+        self.learnt_in.get().map(Vec::as_slice)
+    }
+
+    /// Keeps the box that it was learnt in first.
+    pub(super) fn keep_box(&self, trained: &[TrainedRange]) {
+        self.learnt_in.get_or_init(|| trained.to_vec());
     }
 
     /// Position (m) at times (s) under a force that holds, or goes in lines, between them; kept, so that the same is asked once.
