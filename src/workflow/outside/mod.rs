@@ -7,6 +7,7 @@ pub use full::OutsideForward;
 
 use std::sync::OnceLock;
 
+use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 
@@ -25,6 +26,12 @@ const USUAL_NAME: &str = "forward";
 const OTHER_FORCE: f64 = 1.25;
 /// Change of the positions, over the largest, that is more than rounding.
 const LEAST_CHANGE: f64 = 1e-9;
+
+/// An answer as it is kept.
+#[derive(Serialize, Deserialize)]
+struct KeptAnswer {
+    position_um: Vec<f64>,
+}
 
 /// A server's model, and how it behaves.
 #[derive(Debug)]
@@ -102,15 +109,16 @@ impl Outside {
     /// [`Error::Numerical`] with the server's words, or for an answer that is none.
     pub fn position_m(&self, parameters: &[f64], time_s: &[f64], force: Force<'_>) -> Result<Vec<f64>> {
         let hash = self.hash(parameters, time_s, force);
-        let position_um = match cache::read::<Vec<f64>>(&hash).filter(|kept| kept.len() == time_s.len()) {
+        let kept = cache::read::<KeptAnswer>(&hash).filter(|kept| kept.position_um.len() == time_s.len());
+        let answer = match kept {
             Some(kept) => kept,
             None => {
-                let fresh = self.fresh_um(parameters, time_s, force)?;
+                let fresh = KeptAnswer { position_um: self.fresh_um(parameters, time_s, force)? };
                 cache::write(&hash, &fresh);
                 fresh
             }
         };
-        Ok(position_um.iter().map(|x| 1e-6 * x).collect())
+        Ok(answer.position_um.iter().map(|x| 1e-6 * x).collect())
     }
 
     /// Everything that an answer depends on.

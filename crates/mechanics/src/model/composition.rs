@@ -36,7 +36,7 @@ impl Model {
             if effects[..place_in_list].iter().any(|other| other.slug() == slug) {
                 return refuse(format!("`{slug}` is named twice"), "name it once");
             }
-            if let Some(reason) = effect.conflict(&base).or_else(|| barred_outside(*effect, &base)) {
+            if let Some(reason) = barred_outside(*effect, &base).or_else(|| effect.conflict(&base)) {
                 return refuse(
                     format!("`{slug}` cannot be added to the {} law: {reason}", base.title()),
                     "use another base law (--base), or leave the effect out",

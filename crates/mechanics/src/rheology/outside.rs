@@ -73,7 +73,8 @@ impl OutsideLaw {
         }
         if parameters.is_empty() || parameters.len() > MOST_PARAMETERS {
             let found = format!("{} parameters", parameters.len());
-            let remedy = format!("give one to {MOST_PARAMETERS}, as in `{PARAMETERS}`, in the order of the model's input");
+            let remedy =
+                format!("give one to {MOST_PARAMETERS}, as in `{PARAMETERS}`, in the order of the model's input");
             return Err(table.refuse("parameters", found, remedy));
         }
         Ok(Self::new(&url, model.as_deref(), &parameters))
@@ -85,7 +86,9 @@ impl OutsideLaw {
             let found = format!("`{name}` cannot be the name of a parameter");
             return Some((found, "use lower-case letters, digits and underscores, a letter first".into()));
         }
-        before.any(|other| other == name).then(|| (format!("`{name}` is there twice"), "name each parameter once".into()))
+        before
+            .any(|other| other == name)
+            .then(|| (format!("`{name}` is there twice"), "name each parameter once".into()))
     }
 
     /// The table under `forward`, as it is read.

@@ -72,7 +72,8 @@ impl Clock {
             let Some(before) = time_s.partition_point(|point| *point < t.value()).checked_sub(1) else { return x[0] };
             let begin = self.breaks.iter().rev().find(|place| **place <= before).copied().unwrap_or(0);
             let end = self.breaks.iter().find(|place| **place > before).copied().unwrap_or(x.len()).min(x.len() - 1);
-            let first = (before + 1).saturating_sub(STENCIL / 2).clamp(begin, end.saturating_sub(STENCIL - 1).max(begin));
+            let first =
+                (before + 1).saturating_sub(STENCIL / 2).clamp(begin, end.saturating_sub(STENCIL - 1).max(begin));
             let nodes = first..(first + STENCIL).min(end + 1);
             let weight = |own: usize| {
                 let others = nodes.clone().filter(|other| *other != own);
@@ -127,7 +128,8 @@ impl Clock {
             }
             let (rate, begin_n) = (step_s / lag_s, lagged_n);
             lagged_n = entering_n + (begin_n - entering_n) * (-rate).exp();
-            let mean_n = if rate == 0.0 { begin_n } else { entering_n + (begin_n - entering_n) * -(-rate).exp_m1() / rate };
+            let mean_n =
+                if rate == 0.0 { begin_n } else { entering_n + (begin_n - entering_n) * -(-rate).exp_m1() / rate };
             acting_n.push(if holds { mean_n } else { begin_n });
         }
         (times, acting_n, rows)
@@ -174,8 +176,16 @@ mod tests {
         let (delay_s, lag_s, step_s) = (0.2, 0.1, 1e-5);
         let lagging = |delay_s: Dual, lag_s: Dual| clock.lagging(&clock.delayed(&constants, delay_s), lag_s);
         let slopes = [
-            (lagging(Dual::variable(delay_s), lag_s.into()), found(delay_s + step_s, lag_s), found(delay_s - step_s, lag_s)),
-            (lagging(delay_s.into(), Dual::variable(lag_s)), found(delay_s, lag_s + step_s), found(delay_s, lag_s - step_s)),
+            (
+                lagging(Dual::variable(delay_s), lag_s.into()),
+                found(delay_s + step_s, lag_s),
+                found(delay_s - step_s, lag_s),
+            ),
+            (
+                lagging(delay_s.into(), Dual::variable(lag_s)),
+                found(delay_s, lag_s + step_s),
+                found(delay_s, lag_s - step_s),
+            ),
         ];
         for (exact, above, below) in slopes {
             for (row, place) in clock.rows.iter().enumerate() {
@@ -203,7 +213,8 @@ mod tests {
             stages.load.lag_time_s = lag_s.into();
             let exact = Response::new(&time_s, force, time_s.len()).trajectory_m(&stages, 549.0).expect("a trajectory");
             let (asked_s, asked_n, rows) = clock.acting(&time_s, force, &stages.load);
-            let x = Response::new(&asked_s, &asked_n, asked_s.len()).trajectory_m(&commanded, 549.0).expect("a trajectory");
+            let x =
+                Response::new(&asked_s, &asked_n, asked_s.len()).trajectory_m(&commanded, 549.0).expect("a trajectory");
             let most = exact.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
             let worst = rows.iter().zip(&exact).fold(0.0_f64, |worst, (row, exact)| worst.max((x[*row] - exact).abs()));
             assert!(worst < 2e-4 * most, "{lag_s}: {:e}", worst / most);
