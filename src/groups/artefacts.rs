@@ -38,19 +38,26 @@ pub(super) fn provenance_of(kind: &str, measurements: &[Measurement], seed: u64)
 /// # Errors
 /// [`Error::Input`] unless `force` is set.
 pub fn check_place(out: &Path, keys: &[Key], provenance: &Provenance, force: bool) -> Result<()> {
-    let file = out.join(folder_name(keys)).join(DOCUMENT);
-    if force || is_free(&file, provenance) {
-        return Ok(());
-    }
-    Err(Error::input(
-        Place::file(file),
-        "this is a comparison of other experiments",
-        "choose another directory with `--out`, or replace the comparison with `--force` (experiments that were sampled are kept and used)",
-    ))
+    let found = "this is a comparison of other experiments";
+    let remedy = "choose another directory with `--out`, or replace the comparison with `--force` (experiments that were sampled are kept and used)";
+    refuse_other(out.join(folder_name(keys)).join(DOCUMENT), provenance, force, (found, remedy))
+}
+
+/// Refuses a place whose document is of other experiments, in the caller's words: what was found, and what to do.
+///
+/// # Errors
+/// [`Error::Input`] unless `force` is set.
+pub(super) fn refuse_other(
+    file: PathBuf,
+    provenance: &Provenance,
+    force: bool,
+    (found, remedy): (&str, &str),
+) -> Result<()> {
+    if force || is_free(&file, provenance) { Ok(()) } else { Err(Error::input(Place::file(file), found, remedy)) }
 }
 
 /// Whether no document is there, or one of the same experiments, wherever they stand.
-pub(super) fn is_free(file: &Path, provenance: &Provenance) -> bool {
+fn is_free(file: &Path, provenance: &Provenance) -> bool {
     let Some(bytes) = read_if_there(file, Content::Document) else { return true };
     let before: Option<Provenance> = serde_json::from_slice(&bytes).ok();
     let hashes = |own: &Provenance| {

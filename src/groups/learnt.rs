@@ -6,7 +6,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::artefacts::{is_free, provenance_of};
+use super::artefacts::{provenance_of, refuse_other};
 use super::cohort::Measurement;
 use super::missing::apparatus::Apparatuses;
 use super::missing::job::{FEWEST_RECORDS, stopped};
@@ -264,15 +264,9 @@ pub fn provenance(measurements: &[Measurement], seed: u64) -> Provenance {
 /// # Errors
 /// [`Error::Input`] unless `force` is set.
 pub fn check_place(out: &Path, provenance: &Provenance, force: bool) -> Result<()> {
-    let file = out.join(FOLDER).join(DOCUMENT);
-    if force || is_free(&file, provenance) {
-        return Ok(());
-    }
-    Err(Error::input(
-        Place::file(file),
-        "this was learnt from other records",
-        "choose another directory with `--out`, or replace it with `--force`",
-    ))
+    let words =
+        ("this was learnt from other records", "choose another directory with `--out`, or replace it with `--force`");
+    refuse_other(out.join(FOLDER).join(DOCUMENT), provenance, force, words)
 }
 
 /// Writes the document and the formula's file, whole or not at all. Returns their folder.

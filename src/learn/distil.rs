@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::formulas::{Parameter, Written, formulas};
-use super::pairs::{Kind, Pair};
+use super::pairs::{Kind, Pair, reach};
 use crate::critique::refit::Refitted;
 use crate::critique::{Search, Subject, Tangent};
 use crate::documents::learned::{FormulaParameter, LearnedFormula, LearnedFunction};
@@ -52,7 +52,7 @@ pub fn distil(
     (least_score, most_parameters): (f64, usize),
 ) -> Option<Distilled> {
     let Kind::Function { state, visited, .. } = &pair.kind else { return None };
-    let [low, high] = visited.iter().fold([0.0_f64; 2], |[low, high], s| [low.min(*s), high.max(*s)]);
+    let [low, high] = reach(visited);
     let mut written = formulas(*state, [low, high]);
     written.retain(|written| written.parameters.len() <= most_parameters);
     let fitted = |written: &Written| {

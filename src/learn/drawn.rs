@@ -2,7 +2,7 @@
 
 use super::distil::NORMAL_90;
 use super::function::Function;
-use super::pairs::{Kind, Pair};
+use super::pairs::{Kind, Pair, reach};
 use crate::critique::Subject;
 use crate::documents::learned::{LearnedFunction, LearnedPoint, QuantityAtReference};
 
@@ -80,7 +80,7 @@ fn quantiles_of(subject: &Subject, visited: &[f64]) -> Vec<f64> {
 
 /// States at which a function is written: those that fitted rows visit, and a little more.
 fn states_of(subject: &Subject, visited: &[f64]) -> Vec<f64> {
-    let all = visited.iter().fold([0.0_f64; 2], |[low, high], s| [low.min(*s), high.max(*s)]);
+    let all = reach(visited);
     let [low, high] = seen(subject, visited);
     let seen = [low.min(0.0), high.max(0.0)];
     let more = BEYOND * (seen[1] - seen[0]);

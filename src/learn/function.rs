@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use super::distil::{as_effect, beside};
 use super::fit::{Learnt, fit_own_priors, fit_spread, weights};
 use super::formulas::{Written, formulas};
-use super::pairs::{Kind, Pair, finer};
+use super::pairs::{Kind, Pair, finer, reach};
 use super::smooth::{Basis, Smooth};
 use super::truncated;
 use crate::critique::{Candidate, Coordinate, Fitted, Free, Subject, Tangent};
@@ -161,7 +161,7 @@ fn by_formulas(subject: &Subject, learnt: &Learnt, pair: &Pair) -> Vec<(Member, 
     if matches!(smooth.basis(), Basis::Ramps { .. }) {
         return Vec::new();
     }
-    let range = visited.iter().fold([0.0_f64; 2], |[low, high], s| [low.min(*s), high.max(*s)]);
+    let range = reach(visited);
     let of = |written: &Written| {
         let (_, effect) = as_effect(written, pair)?;
         let subject = beside(subject, effect)?;

@@ -5,10 +5,9 @@ use super::drawn::drawn;
 use super::fit::Learnt;
 use super::function::Function;
 use super::pairs::Kind;
-use super::search::{EQUAL_NATS, Found};
+use super::search::{EQUAL_NATS, Found, fitted_base};
 use super::words::{rises, words};
 use crate::critique::Subject;
-use crate::critique::outliers;
 use crate::critique::refit::Refitted;
 use crate::documents::learned::{EquivalentPair, Learned, LearnedKind, LearnedPair, LearnedVerdict, Retardation};
 use crate::error::Result;
@@ -45,8 +44,7 @@ pub struct Outcome {
 /// Whatever fitting the base model refuses.
 pub fn learn(subject: &Subject, request: &Request, monitor: &dyn Monitor) -> Result<Outcome> {
     monitor.stage("fitting the model");
-    let (subject, fitted, _) = outliers::without(subject, &subject.base())?;
-    let base = Refitted::at(&subject, subject.base(), fitted)?;
+    let (subject, base) = fitted_base(subject)?;
     let found = Found::new(&subject, base, request.is_monotone, monitor)?;
     let gain = found.learnt.first().map_or(0.0, |leading| leading.evidence_nats);
     monitor.stage("simulating searches where nothing is to be learnt");

@@ -89,7 +89,7 @@ pub fn pairs(subject: &Subject, base: &Refitted, is_monotone: bool) -> Result<Ve
 }
 
 fn pair(quantity: QuantityName, state: State, visited: Vec<f64>, basis: Basis) -> Option<Pair> {
-    let range = visited.iter().fold([0.0_f64; 2], |[low, high], s| [low.min(*s), high.max(*s)]);
+    let range = reach(&visited);
     let mut distinct = visited.clone();
     distinct.sort_by(f64::total_cmp);
     distinct.dedup_by(|a, b| (*a - *b).abs() <= 1e-6 * (range[1] - range[0]));
@@ -107,6 +107,11 @@ fn pair(quantity: QuantityName, state: State, visited: Vec<f64>, basis: Basis) -
     let effect = effect(slug, quantity, state, smooth, N_WEIGHTS);
     let kind = Kind::Function { smooth, quantity, state, visited };
     Some(Pair { quantity: quantity.name(), state: state.name(), effect, kind })
+}
+
+/// From the least to the largest state of a record, 0 within.
+pub fn reach(visited: &[f64]) -> [f64; 2] {
+    visited.iter().fold([0.0_f64; 2], |[low, high], s| [low.min(*s), high.max(*s)])
 }
 
 /// Decays of cosines that a function is averaged over: 1 is a path that may kink and all but jump, 2 one that bends.

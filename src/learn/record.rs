@@ -5,10 +5,9 @@ use rayon::prelude::*;
 use super::distil::{as_effect, fitted};
 use super::fit::fit_under;
 use super::formulas::{Written, formulas};
-use super::pairs::Kind;
-use super::search::{Found, with_own_noise};
+use super::pairs::{Kind, reach};
+use super::search::{Found, fitted_base, with_own_noise};
 use crate::critique::Subject;
-use crate::critique::outliers;
 use crate::critique::refit::Refitted;
 use crate::effects::StateEffect;
 use crate::error::Result;
@@ -63,8 +62,7 @@ impl Record {
     /// # Errors
     /// Whatever fitting the model refuses.
     pub fn new(subject: &Subject, is_monotone: bool, monitor: &dyn Monitor) -> Result<Self> {
-        let (subject, fitted, _) = outliers::without(subject, &subject.base())?;
-        let base = Refitted::at(&subject, subject.base(), fitted)?;
+        let (subject, base) = fitted_base(subject)?;
         let found = Found::new(&subject, base, is_monotone, monitor)?;
         let (subject, base) = with_own_noise(&found.subject, &found.base)?;
         Ok(Self { found, subject, base })
@@ -90,7 +88,7 @@ impl Record {
     pub fn range(&self, slug: &str) -> Option<(State, [f64; 2])> {
         let pair = self.found.pairs.iter().find(|pair| pair.effect.slug() == slug)?;
         let Kind::Function { state, visited, .. } = &pair.kind else { return None };
-        Some((*state, visited.iter().fold([0.0_f64; 2], |[low, high], s| [low.min(*s), high.max(*s)])))
+        Some((*state, reach(visited)))
     }
 
     /// What a pair's function gains in the log score of unseen cycles with the noise that the model is written with, in nats.
@@ -125,8 +123,7 @@ impl Record {
 /// # Errors
 /// Whatever fitting the model refuses.
 pub fn tried(subject: &Subject, formula: &Formula) -> Result<Option<Tried>> {
-    let (subject, fit, _) = outliers::without(subject, &subject.base())?;
-    let base = Refitted::at(&subject, subject.base(), fit)?;
+    let (subject, base) = fitted_base(subject)?;
     let (subject, base) = with_own_noise(&subject, &base)?;
     let Some((own, refitted)) = fitted(&subject, &base, formula.effect) else { return Ok(None) };
     let Some((after, before)) = refitted.future.zip(base.future) else { return Ok(None) };

@@ -4,6 +4,7 @@ use super::distil::{Distilled, distil};
 use super::fit::{Base, Learnt, Screen, fit_all, fit_under, largest_gain};
 use super::pairs::{Pair, pairs};
 use crate::critique::bootstrap::{Bootstrap, Simulations, simulated};
+use crate::critique::outliers;
 use crate::critique::refit::{Refitted, refit_all};
 use crate::critique::{Candidate, Fitted, Search, Subject};
 use crate::documents::learned::LearnedErrors;
@@ -174,6 +175,16 @@ impl Found {
         let own = &self.pairs[other.pair];
         (own.quantity, own.state) != (pair.quantity, pair.state)
     }
+}
+
+/// A record without its outliers, and its model at the fit.
+///
+/// # Errors
+/// Where it has no fit.
+pub fn fitted_base(subject: &Subject) -> Result<(Subject, Refitted)> {
+    let (subject, fitted, _) = outliers::without(subject, &subject.base())?;
+    let base = Refitted::at(&subject, subject.base(), fitted)?;
+    Ok((subject, base))
 }
 
 /// A record and its model at the fit with the noise terms that the model is written with, and no others.

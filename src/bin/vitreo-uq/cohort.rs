@@ -39,7 +39,8 @@ pub fn is_cohort(target: Option<&PathBuf>, others: &[PathBuf]) -> bool {
 pub fn diagnose(arguments: &DiagnoseArguments) -> Result<ExitCode> {
     let began = Instant::now();
     let common = &arguments.common;
-    refuse_what_is_of_one_record(arguments)?;
+    let of_one = [("--from", arguments.model.from.is_some()), ("--mesh", arguments.model.mesh.is_some())];
+    refuse_what_is_of_one_record(&of_one, "diagnose")?;
     options::check_simulations(arguments.simulations, FEWEST_SIMULATIONS)?;
     if !(arguments.margin >= 0.0 && arguments.margin.is_finite()) {
         let found = format!("a margin of {}", arguments.margin);
@@ -74,19 +75,15 @@ pub fn diagnose(arguments: &DiagnoseArguments) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-fn refuse_what_is_of_one_record(arguments: &DiagnoseArguments) -> Result<()> {
-    let model = &arguments.model;
-    for (option, is_given) in [("--from", model.from.is_some()), ("--mesh", model.mesh.is_some())] {
-        if is_given {
-            let found = "of several records each has its own";
-            return Err(Error::input(
-                Place::option(option),
-                found,
-                format!("leave {option} away, or diagnose one record"),
-            ));
+/// Refuses options, each with whether it is given, that only one record can have; `instead` is the command for one.
+pub fn refuse_what_is_of_one_record(options: &[(&'static str, bool)], instead: &str) -> Result<()> {
+    match options.iter().find(|(_, is_given)| *is_given) {
+        Some((option, _)) => {
+            let remedy = format!("leave {option} away, or {instead} one record");
+            Err(Error::input(Place::option(*option), "of several records each has its own", remedy))
         }
+        None => Ok(()),
     }
-    Ok(())
 }
 
 /// What groups are formed by: what the user names; else species, where every record says its own and there are two at least.

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use vitreo_uq::documents::learned_cohort::{CohortPair, ConfirmedOn, LearnedCohort, LearnedCohortKind};
-use vitreo_uq::error::{Error, Place, Result};
+use vitreo_uq::error::Result;
 use vitreo_uq::groups::learnt;
 use vitreo_uq::study::{ModelSpecification, WithProvenance};
 use vitreo_uq::workflow::Monitor;
@@ -27,10 +27,7 @@ pub fn run(arguments: &LearnArguments) -> Result<ExitCode> {
         ("--mesh", model.mesh.is_some()),
         ("--first-cycles", arguments.first_cycles.is_some()),
     ];
-    if let Some((option, _)) = of_one.iter().find(|(_, is_given)| *is_given) {
-        let remedy = format!("leave {option} away, or learn from one record");
-        return Err(Error::input(Place::option(*option), "of several records each has its own", remedy));
-    }
+    crate::cohort::refuse_what_is_of_one_record(&of_one, "learn from")?;
     options::use_threads(common.threads)?;
     crate::output::check(common.json.as_deref())?;
     let terminal = Terminal::new(common.quiet);

@@ -3,9 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use crate::documents::cohort::CohortDiagnosis;
-use crate::error::{Error, Place, Result};
+use crate::error::{Error, Result};
 use crate::files::{write_atomically, write_json_atomically};
-use crate::groups::artefacts::{is_free, provenance_of};
+use crate::groups::artefacts::{provenance_of, refuse_other};
 use crate::groups::cohort::Measurement;
 use crate::report::cohort::cohort;
 use crate::report::svg::write_figure;
@@ -30,15 +30,11 @@ pub fn provenance(measurements: &[Measurement], seed: u64) -> Provenance {
 /// # Errors
 /// [`Error::Input`] unless `force` is set.
 pub fn check_place(out: &Path, provenance: &Provenance, force: bool) -> Result<()> {
-    let file = out.join(FOLDER).join(DOCUMENT);
-    if force || is_free(&file, provenance) {
-        return Ok(());
-    }
-    Err(Error::input(
-        Place::file(file),
+    let words = (
         "this is a diagnosis of other records",
         "choose another directory with `--out`, or replace the diagnosis with `--force`",
-    ))
+    );
+    refuse_other(out.join(FOLDER).join(DOCUMENT), provenance, force, words)
 }
 
 /// Writes the diagnosis. Returns its folder.
