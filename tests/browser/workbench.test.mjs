@@ -1,7 +1,7 @@
 // The workbench in a real browser, on hidden data: from a table as laboratories write it to an error at the noise. Pictures of every view go to $PICTURES.
 import assert from "node:assert/strict";
 import { execFileSync, spawn } from "node:child_process";
-import { cpSync, existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
+import { cpSync, existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync, utimesSync, writeFileSync } from "node:fs";
 import { createRequire } from "node:module";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
@@ -118,6 +118,11 @@ test("a stretch of time is dragged out and left out", async () => {
   await page.locator("#choice summary").click();
   await page.click("text=Leave out what the plots show now");
   await page.waitForSelector("#choices li");
+  // News of the folder shows the record anew, and keeps what was chosen and not used yet.
+  const shownAnew = page.waitForResponse((response) => response.url().includes("/api/study")).then(() => page.waitForResponse((response) => response.url().includes("/api/rows")));
+  utimesSync(join(home, ITEM, "experiment.toml"), 1, 1);
+  await shownAnew;
+  assert.equal(await page.locator("#choices li").count(), 1);
   await picture("4b-rows");
   await page.click("text=Use these rows");
   await page.waitForFunction(() => document.getElementById("parts").textContent.includes("left out"));

@@ -7,6 +7,7 @@ import { Plots } from "./plots.js";
 /** @typedef {{name: string, posterior: any, comparison: any, diagnosis: any, learned: any, extension: any}} Revision */
 /** @typedef {{item: Item, record: any, noise_um: number|null, cycles: {cycle: number, from_s: number, to_s: number, serves: string, chosen: string}[], steps_s: number[],
  *   left_out_s: [number, number][], is_changed: boolean, revisions: Revision[], ladder: any, overlay: string|null, parts: Record<string, string>}} Study */
+/** @typedef {{leftOut: [number, number][], serves: string[]}} Draft */
 /** @typedef {{name: string, symbol: string, unit: string, value: number, low: number, high: number, null_value: number|null, is_logarithmic: boolean}} Knob */
 
 /** @template {HTMLElement} T @param {string} id @returns {T} */
@@ -30,6 +31,7 @@ const state = {
   /** @type {Knob[]} */ knobs: [],
   /** @type {string} */ effect: "",
   /** @type {Record<string, number>} */ values: {},
+  /** Rows that are chosen and not used yet; news of the folder must not undo them. @type {Draft|null} */ draft: null,
   folder: "",
 };
 
@@ -135,6 +137,7 @@ async function open(name) {
   state.item = name;
   state.revision = null;
   state.window = null;
+  state.draft = null;
   state.effect = "";
   history.replaceState(null, "", name ? `#${encodeURIComponent(name)}` : location.pathname);
   at("start").hidden = name !== null;
@@ -230,25 +233,33 @@ function showStudy(study) {
 /** Cycles that are fitted and held out, and what is left out. @param {Study} study */
 function showChoice(study) {
   at("choice").hidden = study.item.experiment === null;
-  /** @type {[number, number][]} */
-  const leftOut = [...study.left_out_s];
-  const serves = study.cycles.map((own) => {
-    const select = make("select", {}, ["fitted", "held out", "unused"].map((word) => make("option", { value: word, textContent: word, selected: word === own.chosen })));
-    return { cycle: own.cycle, select: /** @type {HTMLSelectElement} */ (select), label: make("label", {}, [`cycle ${own.cycle} `, select]) };
+  /** @type {Draft} */
+  const draft = state.draft?.serves.length === study.cycles.length ? state.draft : { leftOut: [...study.left_out_s], serves: study.cycles.map((own) => own.chosen) };
+  const { leftOut } = draft;
+  const keep = () => (state.draft = draft);
+  const serves = study.cycles.map((own, place) => {
+    const select = make("select", {}, ["fitted", "held out", "unused"].map((word) => make("option", { value: word, textContent: word, selected: word === draft.serves[place] })));
+    select.addEventListener("change", () => {
+      draft.serves[place] = /** @type {HTMLSelectElement} */ (select).value;
+      keep();
+    });
+    return { cycle: own.cycle, label: make("label", {}, [`cycle ${own.cycle} `, select]) };
   });
   const list = make("ul");
   const showList = () => list.replaceChildren(...leftOut.map((own, place) => {
     const button = make("button", { type: "button", textContent: "take in again" });
     button.addEventListener("click", () => {
       leftOut.splice(place, 1);
+      keep();
       showList();
     });
     return make("li", {}, [`left out: ${shown(own[0], 5)} to ${shown(own[1], 5)} s `, button]);
   }));
   const leave = make("button", { type: "button", textContent: "Leave out what the plots show now" });
   leave.addEventListener("click", () => {
-    if (state.window) leftOut.push(/** @type {[number, number]} */ (state.window.map((time) => Number(time.toPrecision(7)))));
-    else fault(new Error("Drag over a plot first: the stretch of time that it then shows can be left out."));
+    if (!state.window) return fault(new Error("Drag over a plot first: the stretch of time that it then shows can be left out."));
+    leftOut.push(/** @type {[number, number]} */ (state.window.map((time) => Number(time.toPrecision(7)))));
+    keep();
     showList();
   });
   showList();
@@ -262,9 +273,10 @@ function showChoice(study) {
   );
   form.onsubmit = (event) => {
     event.preventDefault();
-    const those = (/** @type {string} */ word) => serves.filter((own) => own.select.value === word).map((own) => own.cycle);
+    const those = (/** @type {string} */ word) => serves.filter((_, place) => draft.serves[place] === word).map((own) => own.cycle);
     attempt(async () => {
       await send("api/choice", { item: study.item.name, fitted: those("fitted"), heldout: those("held out"), left_out_s: leftOut });
+      state.draft = null;
       state.revision = null;
       state.window = null;
       await refresh();
