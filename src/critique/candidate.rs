@@ -139,7 +139,12 @@ impl Candidate {
             let prior = problem.priors.get(spec.name)?;
             let effect = index.checked_sub(n_before).map(|k| of_effects[k]);
             let null = effect.and_then(|(_, parameter)| (parameter.null)(model.scales()));
-            Some(free(index, spec, prior.distribution, effect.map(|(place, _)| place), null))
+            let mut own = free(index, spec, prior.distribution, effect.map(|(place, _)| place), null);
+            if let (Some(range), Some(starts)) = (problem.learnt_range(spec.name), problem.starts_of(spec.name)) {
+                own.ends = [range.lower, range.upper].map(|end| own.coordinate.theta(end));
+                own.distribution = starts;
+            }
+            Some(own)
         });
         let free = free.collect();
         Self { effects: problem.specification.effects.clone(), free, template, columns: Vec::new(), model }

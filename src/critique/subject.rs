@@ -388,6 +388,10 @@ pub(crate) fn compliance_of(
     monitor: &dyn Monitor,
 ) -> Result<Compliance> {
     let of_model = |problem: &Problem| Reduced::unverified(problem, kept.clone(), &Silent).map(|own| own.compliance);
+    if let Some(outside) = problem.outside() {
+        let all = [problem.model.effects(), effects].concat();
+        return Reduced::of_outside(problem, outside, &all, monitor).map(|own| own.compliance);
+    }
     let Some(fe) = problem.finite_elements() else { return of_model(problem) };
     let (widest, wanted) = asked_for(problem, fe, library, effects)?;
     let fields = field_models(fe, kept.as_ref(), &wanted, monitor)?;

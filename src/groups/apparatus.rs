@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::cohort::Measurement;
 use crate::effects::{Field, Library};
-use crate::error::Result;
+use crate::error::{Error, Place, Result};
 use crate::experiment::Apparatus;
 use crate::fe::time::FullOrderModel;
 use crate::model::Compliance;
@@ -64,6 +64,13 @@ pub fn compliances(measurements: &[Measurement], monitor: &dyn Monitor) -> Resul
 /// # Errors
 /// As [`compliances`].
 pub fn compliance(measurement: &Measurement) -> Result<Compliance> {
+    if let Some(law) = measurement.specification.base.outside() {
+        return Err(Error::input(
+            Place::option("--base"),
+            format!("{} answers for one record at a time, and groups compare laws of this program", law.url()),
+            "sample each experiment with --forward, or group them by another law",
+        ));
+    }
     let apparatus = &measurement.experiment.apparatus;
     match apparatus {
         Apparatus::Instrument { compliance_per_m } => return Ok(Compliance::given(*compliance_per_m)),

@@ -13,8 +13,8 @@ use crate::experiment::Scales;
 use crate::files::{self, Content, write_atomically};
 use crate::inference::noise::NoiseModel;
 use crate::inference::prior::PriorSet;
-use crate::parameter::ParameterSpec;
-use crate::rheology::{BaseLaw, Network};
+use crate::parameter::{ParameterSpec, RELATIVE_NOISE};
+use crate::rheology::{BaseLaw, MOST_PARAMETERS, Network, OutsideLaw};
 use crate::toml_input::{Table, TomlInput, text_of};
 use crate::units::nearest_name;
 
@@ -117,8 +117,11 @@ impl ModelSpecification {
         }
         let base = match root.table("base") {
             Ok(Some(table)) => {
-                table.only(&["network"])?;
-                BaseLaw::Network(Network::from_toml(&table.required_table("network")?)?)
+                table.only(&["network", "forward"])?;
+                match table.table("forward")? {
+                    Some(forward) => BaseLaw::Outside(OutsideLaw::from_toml(&forward)?),
+                    None => BaseLaw::Network(Network::from_toml(&table.required_table("network")?)?),
+                }
             }
             _ => {
                 let name = root.required_text("base", "base = \"lethersich\"")?;
@@ -142,7 +145,8 @@ impl ModelSpecification {
     }
 
     /// From the options `--base`, `--with`, `--noise`, `--prior` and `--set NAME=VALUE`; what is absent keeps its default. A base may be a
-    /// TOML file whose base it is, such as a network.
+    /// TOML file whose base it is, such as a network, or the address of a server, followed by `#` and its model's name if that is given: its
+    /// parameters are then those that the prior names.
     ///
     /// # Errors
     /// [`Error::Input`] that names the option.
@@ -180,8 +184,13 @@ impl ModelSpecification {
         }
         if let Some(base) = base {
             let is_file = Path::new(base).extension().is_some_and(|extension| extension == "toml");
-            specification.base =
-                if is_file { base_of_file(Path::new(base))? } else { base_named(base, Place::option("--base"))? };
+            specification.base = if is_file {
+                base_of_file(Path::new(base))?
+            } else if base.contains("://") {
+                base_at(base, prior.unwrap_or(&specification.prior))?
+            } else {
+                base_named(base, Place::option("--base"))?
+            };
         }
         if !noise.is_empty() {
             specification.noise = noise;
@@ -253,6 +262,7 @@ impl ModelSpecification {
         let Self { base, effects, noise, prior, fixed, freed } = self;
         let (name, network) = match base {
             BaseLaw::Network(network) => (None, Some(BTreeMap::from([("network", network.to_toml_value())]))),
+            BaseLaw::Outside(law) => (None, Some(BTreeMap::from([("forward", law.to_toml_value())]))),
             named => (Some(named.name()), None),
         };
         let definitions: Vec<toml::Table> = effects.iter().filter_map(|slug| effect_file::definition(slug)).collect();
@@ -374,6 +384,29 @@ fn base_of_file(file: &Path) -> Result<BaseLaw> {
         ));
     }
     Ok(base)
+}
+
+/// The law of a server's model, at an address with `#` and the model's name if that is given; its parameters are those that the prior names, but for those of effects and noise.
+fn base_at(address: &str, prior: &str) -> Result<BaseLaw> {
+    let (url, name) = address.split_once('#').map_or((address, None), |(url, name)| (url, Some(name)));
+    let of_noise: Vec<&str> = NoiseModel::known_parameters().map(|spec| spec.name).collect();
+    let is_own = |name: &str| !name.contains('.') && !of_noise.contains(&name) && name != RELATIVE_NOISE.name;
+    let parameters: Vec<_> = PriorSet::listed(prior)?.into_iter().filter(|(name, _)| is_own(name)).collect();
+    let refuse = |found: String, remedy: String| Err(Error::input(Place::option("--prior"), found, remedy));
+    for (k, (name, _)) in parameters.iter().enumerate() {
+        if let Some((found, remedy)) = OutsideLaw::mistake(name, parameters[..k].iter().map(|(name, _)| name.as_str()))
+        {
+            return refuse(found, remedy);
+        }
+    }
+    if parameters.is_empty() || parameters.len() > MOST_PARAMETERS {
+        let found = format!("`{prior}` names {} parameters for the model at {url}", parameters.len());
+        let remedy = format!(
+            "give a prior file with one to {MOST_PARAMETERS} of them, in the order of the model's input, and the noise"
+        );
+        return refuse(found, remedy);
+    }
+    Ok(BaseLaw::Outside(OutsideLaw::new(url, name, &parameters)))
 }
 
 /// The base law of a name that stands at `place`.

@@ -90,6 +90,13 @@ impl SweepProblem {
         }
         let effects = specification.effects(library);
         let model = Model::new(specification.base, effects, scales(&sweep), &Place::option("--with"))?;
+        if let Some(law) = specification.base.outside() {
+            return Err(Error::input(
+                Place::option("--forward"),
+                format!("{} answers with positions in time, and this is an oscillation", law.url()),
+                "leave it away: oscillations take laws of springs, dashpots and springpots",
+            ));
+        }
         if specification.noise != ModelSpecification::default().noise {
             return Err(Error::input(
                 Place::option("--noise"),

@@ -2,7 +2,7 @@
 
 use super::misfit::Misfit;
 pub use super::misfit::NOISE_FACTOR;
-use crate::documents::posterior::{PosteriorSummary, Warning, WarningKind};
+use crate::documents::posterior::{ModelSummary, PosteriorSummary, Warning, WarningKind};
 use crate::effects::Library;
 use crate::experiment::{Apparatus, Experiment};
 
@@ -97,7 +97,7 @@ pub fn warnings(findings: &Findings) -> Vec<Warning> {
     if let Some(warning) = summary.largest_strain.and_then(strain_warning) {
         add(warning.kind, warning.text, &warning.advice);
     }
-    if summary.surrogate.fe_unknowns.is_none() {
+    if summary.surrogate.fe_unknowns.is_none() && !summary.model.is_outside() {
         let text = "the apparatus is an instrument or an indenter, whose compliance is given: finite elements, strain and discretisation error are left out".to_string();
         add(
             WarningKind::NoFiniteElements,
@@ -129,25 +129,28 @@ fn missed(misses_um: &[(&str, f64)], noise_um: f64) -> Option<Warning> {
     })
 }
 
-/// A reduced model with these effects that is too far (µm) from full finite elements, or whose importance weights cannot be trusted.
+/// A reduced model that is too far (µm) from the full one, or whose importance weights cannot be trusted.
 pub fn surrogate_warning(
     distance_um: f64,
     pareto_k: Option<f64>,
     noise_um: f64,
-    effects: &[String],
+    model: &ModelSummary,
 ) -> Option<Warning> {
     let is_inaccurate = distance_um > SURROGATE_SHARE * noise_um || pareto_k.is_some_and(|k| k > PARETO_LIMIT);
     let weights = pareto_k.map_or(String::new(), |k| format!(", Pareto k {k:.2}"));
     // Modes and points of a law that is not linear are as many as they are, whatever the prior.
-    let advice = if Library::default().any_nonlinear(effects.iter().map(String::as_str)) {
+    let advice = if Library::default().any_nonlinear(model.effects.iter().map(String::as_str)) {
         "the reduced model of a law that is not linear is right to a thousandth of the amplitude: the parameters may err by more than their intervals say; measure at a smaller amplitude"
+    } else if model.is_outside() {
+        "narrow the prior, or hold a parameter that the data do not determine: what is learnt of the other program is then closer"
     } else {
         "delete the kept surrogate and narrow the prior"
     };
     is_inaccurate.then(|| Warning {
         kind: WarningKind::SurrogateInaccurate,
         text: format!(
-            "the reduced model differs from full finite elements by up to {distance_um:.3} µm (noise {noise_um:.3} µm{weights})"
+            "the reduced model differs from {} by up to {distance_um:.3} µm (noise {noise_um:.3} µm{weights})",
+            model.full_model()
         ),
         advice: advice.into(),
     })
@@ -228,10 +231,11 @@ fn model_error(
 ) {
     let heldout = &summary.heldout;
     let distance_um = heldout.surrogate_vs_fe_max_um.unwrap_or(0.0);
-    if let Some(warning) = surrogate_warning(distance_um, heldout.pareto_k, noise, &summary.model.effects) {
+    if let Some(warning) = surrogate_warning(distance_um, heldout.pareto_k, noise, &summary.model) {
         add(warning.kind, warning.text, &warning.advice);
     }
     if heldout.fe_runs.is_some()
+        && !summary.model.is_outside()
         && let Some(warning) = mesh_warning(summary.error_budget_um.fe_discretisation, noise, units_first)
     {
         add(warning.kind, warning.text, &warning.advice);
@@ -458,7 +462,8 @@ mod tests {
 
     #[test]
     fn a_law_that_is_not_linear_is_not_mended_by_its_prior() {
-        let advice = |slug: &str| surrogate_warning(1.0, None, 4.0, &[slug.to_string()]).map(|warning| warning.advice);
+        let of = |slug: &str| ModelSummary { base: "lethersich".into(), effects: vec![slug.into()], noise: Vec::new() };
+        let advice = |slug: &str| surrogate_warning(1.0, None, 4.0, &of(slug)).map(|warning| warning.advice);
         assert!(advice("shear-thinning").is_some_and(|advice| advice.contains("smaller amplitude")));
         assert!(advice("poroelasticity").is_some_and(|advice| advice.contains("narrow the prior")));
     }

@@ -274,7 +274,8 @@ fn predictive_figure(
     let force_un: Vec<f64> = record.force_n.iter().map(|f| 1e6 * f).collect();
     let noise = &result.summary.heldout.noise_origin;
     let noise_name = format!("{noise} noise");
-    let by = if result.summary.heldout.fe_runs.is_some() { "full finite elements" } else { "the creep law" };
+    let summary = &result.summary;
+    let by = if summary.heldout.fe_runs.is_some() { summary.model.full_model() } else { "the creep law" };
     predictive(&PredictiveData {
         title: &format!("{}: measured position and prediction by {by}", problem.experiment.specimen_id),
         time_s: &record.time_s,

@@ -95,6 +95,6 @@ pub fn refuse_other_model(study: &Study, specification: &ModelSpecification, for
 /// Whether two models are the same, their priors by content and not by name.
 fn same_model(ours: &ModelSpecification, other: &ModelSpecification) -> Result<bool> {
     let unnamed = |model: &ModelSpecification| ModelSpecification { prior: String::new(), ..model.clone() };
-    let same_prior = || Ok(PriorSet::read(&ours.prior)?.text() == PriorSet::read(&other.prior)?.text());
+    let same_prior = || Ok(PriorSet::text_named(&ours.prior)?.1 == PriorSet::text_named(&other.prior)?.1);
     if unnamed(ours) == unnamed(other) { same_prior() } else { Ok(false) }
 }

@@ -70,7 +70,9 @@ pub fn run(problem: &Problem, kept_surrogate: Option<KeptSurrogate>, monitor: &d
     let (searches, best) = (&data.searches, best_of(&data.searches));
     let data = &data.residuals;
     let model_parameters = data.model_parameters(&best.theta);
-    if problem.finite_elements().is_some() {
+    if let Some(outside) = problem.outside() {
+        monitor.stage(&format!("checking by {}", outside.title()));
+    } else if problem.finite_elements().is_some() {
         monitor.stage("checking by full finite elements");
     }
     let surrogate_vs_fe_max_m = full_run(problem, &reduced, &model_parameters)?;
@@ -217,7 +219,7 @@ impl<'a> CreepResiduals<'a> {
             forward: problem.reduced_forward_over(reduced, rows.response()),
             template,
             free: free.iter().copied().map(coordinate).collect(),
-            ranges: specs.iter().map(|p| problem.range_of(p.name, TAIL_MASS)).collect(),
+            ranges: specs.iter().map(|p| range_of(problem, reduced, p.name)).collect(),
             observed: rows.observed.clone(),
         }
     }
@@ -247,7 +249,7 @@ impl<'a> CreepResiduals<'a> {
     fn starts(&self, problem: &Problem) -> Vec<Vec<f64>> {
         let quantile = |(j, coordinate): (usize, Coordinate), probability: f64| {
             let name = problem.model.parameters()[j].name;
-            let value = problem.priors.get(name).map_or(1.0, |prior| prior.distribution.quantile(probability));
+            let value = problem.starts_of(name).map_or(1.0, |own| own.quantile(probability));
             coordinate.theta(value)
         };
         let medians = self.free.iter().map(|&free| quantile(free, 0.5)).collect();
@@ -315,6 +317,12 @@ fn best_of(searches: &[Fit]) -> &Fit {
     searches.iter().fold(&searches[0], |best, next| if lower(next, best) { next } else { best })
 }
 
+/// Where the search for a parameter goes: its prior's range, or the box that another program was learnt in.
+fn range_of(problem: &Problem, reduced: &Reduced, name: &str) -> TrainedRange {
+    let learnt = reduced.trained.iter().find(|range| range.name == name && problem.outside().is_some());
+    learnt.cloned().unwrap_or_else(|| problem.range_of(name, TAIL_MASS))
+}
+
 /// What a full-order run at the estimate says, over the whole record.
 struct FullRun {
     /// Largest distance of the reduced from the full-order trajectory, in m.
@@ -325,10 +333,15 @@ struct FullRun {
 
 /// One full-order run; `None` without finite elements.
 fn full_run(problem: &Problem, reduced: &Reduced, model_parameters: &[f64]) -> Result<Option<FullRun>> {
+    let reduced_m = problem.reduced_forward(reduced).trajectory_m(model_parameters)?;
+    let distance_m = |full_m: &[f64]| full_m.iter().zip(&reduced_m).fold(0.0, |d: f64, (x, y)| d.max((x - y).abs()));
+    if let Some(outside) = problem.outside_forward() {
+        let distance_m = distance_m(&outside.trajectory_m(model_parameters)?);
+        return Ok(Some(FullRun { distance_m, discretisation_m: None }));
+    }
     let Some(full) = problem.full_forward()? else { return Ok(None) };
     let full_m = full.trajectory_m(model_parameters)?;
-    let reduced_m = problem.reduced_forward(reduced).trajectory_m(model_parameters)?;
-    let distance_m = full_m.iter().zip(&reduced_m).fold(0.0, |d: f64, (x, y)| d.max((x - y).abs()));
+    let distance_m = distance_m(&full_m);
     let amplitude_m = full_m.iter().fold(0.0, |a: f64, x| a.max(x.abs()));
     let comparison = problem.finite_elements().and_then(|fe| fe.comparison);
     let relative = comparison.map(|other| other.relative_error(full.compliance_per_m()).abs());
@@ -437,8 +450,8 @@ fn warnings(
     if let Some(noise_um) = summary.noise_um {
         list.extend(misfit_warning(&[("fitted", Some(summary.rmse_um))], noise_um));
         let distance_um = summary.surrogate_vs_fe_max_um.unwrap_or(0.0);
-        list.extend(surrogate_warning(distance_um, None, noise_um, &summary.model.effects));
-        if summary.surrogate_vs_fe_max_um.is_some() {
+        list.extend(surrogate_warning(distance_um, None, noise_um, &summary.model));
+        if summary.surrogate_vs_fe_max_um.is_some() && !summary.model.is_outside() {
             list.extend(mesh_warning(summary.fe_discretisation_um, noise_um, units_first));
         }
     }

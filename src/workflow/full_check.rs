@@ -30,7 +30,7 @@ pub struct FullCheck {
     pub draws: Vec<NaturalDraw>,
     /// Draws that have no model on the whole record, if they are too many to be left out in silence.
     pub n_refused: Option<usize>,
-    /// Full trajectory of each draw, in m; the reduced one for an instrument.
+    /// Full trajectory of each draw, in m; the reduced one for an instrument, another program's own where it is the law.
     pub trajectories_m: Vec<Vec<f64>>,
     /// The noise of each draw.
     pub noise: DrawnNoise,
@@ -40,7 +40,7 @@ pub struct FullCheck {
     pub pareto_k: Option<f64>,
     /// Normalised importance weights.
     pub weights: Option<Vec<f64>>,
-    /// Full runs that were made.
+    /// Full runs that were made, or answers of another program.
     pub fe_runs: usize,
     /// Largest absolute principal strain at the largest mean displacement.
     pub largest_strain: Option<f64>,
@@ -90,22 +90,28 @@ pub fn check(problem: &Problem, reduced: &Reduced, draws: &[NaturalDraw]) -> Res
     let (reduced_forward, full) = (problem.reduced_forward(reduced), problem.full_forward()?);
     let n_model = problem.model.parameters().len();
     let is_slow = problem.model.field().is_some();
-    let predicting: &dyn Forward = match &full {
-        Some(full) if !is_slow => full,
+    let outside = problem.outside_forward();
+    let predicting: &dyn Forward = match (&outside, &full) {
+        (Some(outside), _) => outside,
+        (None, Some(full)) if !is_slow => full,
         _ => &reduced_forward,
     };
     let Runs { draws, trajectories_m, n_refused } = run_all(predicting, draws, n_model)?;
     let noise = DrawnNoise::new(problem, &draws, &trajectories_m);
     let Some(full) = full else {
+        let by_surrogate = |draw: &NaturalDraw| reduced_forward.trajectory_m(&draw[..n_model]);
+        let beside: Option<Result<Vec<Vec<f64>>>> = outside.map(|_| draws.par_iter().map(by_surrogate).collect());
+        let beside_m = beside.transpose()?;
+        let ln_weights = beside_m.as_deref().map(|beside_m| ln_weights(problem, &draws, &trajectories_m, beside_m));
         return Ok(FullCheck {
             n_refused,
+            surrogate_vs_full_max_m: beside_m.as_deref().map(|beside_m| largest_distance_m(&trajectories_m, beside_m)),
+            pareto_k: ln_weights.as_deref().map(pareto_k),
+            weights: ln_weights.as_deref().map(normalised),
+            fe_runs: beside_m.map_or(0, |beside_m| beside_m.len()),
             noise,
             draws,
             trajectories_m,
-            surrogate_vs_full_max_m: None,
-            pareto_k: None,
-            weights: None,
-            fe_runs: 0,
             largest_strain: None,
             discretisation_m: None,
         });
@@ -183,6 +189,11 @@ fn run_all(forward: &dyn Forward, draws: &[NaturalDraw], n_model: usize) -> Resu
         }
     }
     Ok(kept)
+}
+
+fn largest_distance_m(some_m: &[Vec<f64>], others_m: &[Vec<f64>]) -> f64 {
+    let pairs = some_m.iter().zip(others_m).flat_map(|(some, others)| some.iter().zip(others));
+    pairs.fold(0.0, |most, (x, y)| most.max((x - y).abs()))
 }
 
 /// The draw whose position at a row is the median.

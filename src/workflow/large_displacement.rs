@@ -34,7 +34,7 @@ const WELL_KNOWN: f64 = 0.1;
 pub fn estimate(problem: &Problem, columns: &[DrawColumn], check: &FullCheck) -> Result<Option<LargeDisplacement>> {
     let Some((radius_m, outer_radius_m)) = sphere(&problem.experiment.apparatus) else { return Ok(None) };
     let model = &problem.model;
-    if !model.is_law_alone() {
+    if !model.is_law_alone() || problem.outside().is_some() {
         return Ok(None);
     }
     let n_law = model.base().parameters().len();

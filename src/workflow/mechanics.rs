@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use super::mesh_check;
+use super::outside::Outside;
 use crate::documents::posterior::Warning;
 use crate::error::{Error, Place, Result};
 use crate::experiment::{Apparatus, Offset, OffsetDirection, Robot, RobotShape, Vitreous};
@@ -37,6 +38,8 @@ pub enum Mechanics {
         /// Displacement per force at unit creep compliance, in 1/m; of an indenter depth^p, in m^(p−2).
         compliance_per_m: f64,
     },
+    /// Another program, which is asked.
+    Outside(Box<Outside>),
 }
 
 /// A compliance (1/m) beside the mesh's own, by which its error is measured.

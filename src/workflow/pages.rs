@@ -230,7 +230,7 @@ fn options(before: &ModelSpecification, now: &ModelSpecification, name: &str) ->
     let mut text = String::new();
     if now.base != before.base {
         let base = match &now.base {
-            BaseLaw::Network(_) => format!("{name}/model.toml"),
+            BaseLaw::Network(_) | BaseLaw::Outside(_) => format!("{name}/model.toml"),
             named => named.name().into(),
         };
         text += &option("--base", &base);

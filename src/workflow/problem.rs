@@ -5,7 +5,9 @@ use std::sync::Arc;
 use super::Monitor;
 use super::mechanics::{FiniteElements, Mechanics, MeshFile};
 use super::model_priors::read_priors;
-use crate::effects::Library;
+use super::outside::{Outside, OutsideForward};
+use crate::distribution::Distribution;
+use crate::effects::{Library, Stage};
 use crate::error::{Error, Place, Result};
 use crate::experiment::{Apparatus, Experiment};
 use crate::inference::noise::{NoiseLikelihood, NoiseModel};
@@ -54,10 +56,20 @@ impl Problem {
         monitor: &dyn Monitor,
     ) -> Result<Self> {
         let checked = check(&experiment, specification, library)?;
-        if matches!(experiment.apparatus, Apparatus::Robot { .. }) {
-            monitor.stage("meshing and assembling the finite elements");
-        }
-        let mechanics = Mechanics::new(&experiment.apparatus, mesh_file)?;
+        let mechanics = match checked.model.base().outside() {
+            Some(law) => {
+                refuse_mesh_outside(mesh_file)?;
+                monitor.stage(&format!("asking {}", law.url()));
+                let medians = checked.medians(law.parameters());
+                Mechanics::Outside(Box::new(Outside::connect(law, &experiment.record, &medians)?))
+            }
+            None => {
+                if matches!(experiment.apparatus, Apparatus::Robot { .. }) {
+                    monitor.stage("meshing and assembling the finite elements");
+                }
+                Mechanics::new(&experiment.apparatus, mesh_file)?
+            }
+        };
         if let Mechanics::FiniteElements(fe) = &mechanics {
             fe.mesh_warnings.iter().for_each(|w| monitor.warn(&format!("{}; {}", w.text, w.advice)));
         }
@@ -125,8 +137,22 @@ impl Problem {
     pub fn finite_elements(&self) -> Option<&FiniteElements> {
         match &*self.mechanics {
             Mechanics::FiniteElements(fe) => Some(fe),
-            Mechanics::Instrument { .. } => None,
+            Mechanics::Instrument { .. } | Mechanics::Outside(_) => None,
         }
+    }
+
+    /// The other program, if the law is one.
+    pub fn outside(&self) -> Option<&Outside> {
+        match &*self.mechanics {
+            Mechanics::Outside(outside) => Some(outside),
+            Mechanics::FiniteElements(_) | Mechanics::Instrument { .. } => None,
+        }
+    }
+
+    /// It as a forward model over the whole record.
+    pub fn outside_forward(&self) -> Option<OutsideForward<'_>> {
+        let record = &self.experiment.record;
+        self.outside().map(|own| OutsideForward::new(own, &self.model, &record.time_s, record.force()))
     }
 
     /// The range that the prior gives a parameter but for `tail` on either side, or its fixed value.
@@ -139,6 +165,19 @@ impl Problem {
             }
         };
         TrainedRange { name: name.to_string(), lower, upper }
+    }
+
+    /// The range of a parameter of another program that was learnt, once it is.
+    pub(crate) fn learnt_range(&self, name: &str) -> Option<&TrainedRange> {
+        let trained = &self.outside()?.learnt_in()?.trained;
+        trained.iter().find(|range| range.name == name && range.lower < range.upper)
+    }
+
+    /// By what starts of a parameter are chosen: its prior, or the range that another program was learnt in.
+    pub(crate) fn starts_of(&self, name: &str) -> Option<Distribution> {
+        let prior = self.priors.get(name)?.distribution;
+        let learnt = self.learnt_range(name);
+        Some(learnt.map_or(prior, |range| Distribution::LogUniform { lower: range.lower, upper: range.upper }))
     }
 
     /// Ranges of the law's parameters on which a surrogate is trained: the prior's box, or a fixed value.
@@ -194,7 +233,11 @@ impl Problem {
 
 /// Some effects need more of a mesh than others.
 fn refuse_without_mesh(model: &Model, mechanics: &Mechanics) -> Result<()> {
-    let Mechanics::FiniteElements(fe) = mechanics else { return Ok(()) };
+    let fe = match mechanics {
+        Mechanics::FiniteElements(fe) => fe,
+        Mechanics::Instrument { .. } => return Ok(()),
+        Mechanics::Outside(outside) => return refuse_loads_unheeded(model, outside),
+    };
     match model.field().and_then(|(slug, field)| Some((slug, field.lacks(&fe.surroundings())?))) {
         None => Ok(()),
         Some((slug, reason)) => Err(Error::input(
@@ -203,6 +246,29 @@ fn refuse_without_mesh(model: &Model, mechanics: &Mechanics) -> Result<()> {
             "leave it out, or use another mesh",
         )),
     }
+}
+
+/// Effects of load need a program that heeds the force.
+fn refuse_loads_unheeded(model: &Model, outside: &Outside) -> Result<()> {
+    let load = model.effects().iter().find(|effect| effect.stage() == Stage::Load);
+    match (load, outside.answers_own_force_alone()) {
+        (Some(effect), Some(reason)) => Err(Error::input(
+            Place::option("--with"),
+            format!(
+                "`{}` changes the force, and the other program answers the record's own alone: {reason}",
+                effect.slug()
+            ),
+            "leave it out; effects of observation work",
+        )),
+        _ => Ok(()),
+    }
+}
+
+fn refuse_mesh_outside(mesh_file: Option<&MeshFile>) -> Result<()> {
+    mesh_file.map_or(Ok(()), |_| {
+        let found = "the law is another program's, which has no mesh here";
+        Err(Error::input(Place::option("--mesh"), found, "leave it out"))
+    })
 }
 
 /// A fixed value inside its support may still be one at which this experiment has no model.
@@ -227,6 +293,15 @@ struct Checked {
     model: Model,
     noise: NoiseModel,
     priors: PriorSet,
+}
+
+impl Checked {
+    /// Fixed values, or the priors' medians.
+    fn medians(&self, specs: &[ParameterSpec]) -> Vec<f64> {
+        let median = |name: &str| self.priors.get(name).map(|prior| prior.distribution.quantile(0.5));
+        let value = |name: &str| self.specification.fixed.get(name).copied().or_else(|| median(name));
+        specs.iter().map(|spec| value(spec.name).unwrap_or(f64::NAN)).collect()
+    }
 }
 
 /// Law, effects, noise and priors of a model of an experiment; what cannot be is refused.

@@ -8,7 +8,9 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use super::learnt_displacement::{learnt, nearest_law};
+use super::learnt_outside::{self, Learnt};
 use super::mechanics::{FiniteElements, Mechanics};
+use super::outside::Outside;
 use super::problem::{Problem, TAIL_MASS};
 use super::{Counter, Monitor, cache};
 use crate::effects::{Effect, Field, Stage};
@@ -20,6 +22,7 @@ use crate::inference::prior::PriorSet;
 use crate::mesh::Mesh;
 use crate::model::{Compliance, Forward, FullForward, ReducedForward, Response, TrainedRange};
 use crate::rheology::BaseLaw;
+use crate::stages::{Spread, Stages};
 use crate::study::{Kept, WithProvenance};
 use crate::surrogate::{FieldModels, Surrogate, Training, n_pieces, trajectory};
 
@@ -48,7 +51,7 @@ pub struct Reduced {
     pub trained: Vec<TrainedRange>,
     /// Largest distance from full-order trajectories on runs that did not train it, relative to their amplitude; `None` for an instrument.
     pub max_relative_error: Option<f64>,
-    /// The same of large displacements that were learnt for the record; `None` without them.
+    /// The same of large displacements that were learnt for the record, or, over the noise, of another program; `None` without them.
     pub learnt_error: Option<f64>,
 }
 
@@ -125,6 +128,7 @@ impl Reduced {
                     learnt_error: None,
                 });
             }
+            Mechanics::Outside(own) => return Self::of_outside(problem, own, problem.model.effects(), monitor),
             Mechanics::FiniteElements(fe) => fe,
         };
         let fields = field_models(fe, kept.as_ref(), problem.model.effects(), monitor)?;
@@ -145,6 +149,27 @@ impl Reduced {
             trained: problem.training_ranges(),
             max_relative_error: Some(surrogate.max_relative_error),
             surrogate: Some(surrogate),
+        })
+    }
+
+    /// What stands for another program, for models with any of some effects.
+    pub(crate) fn of_outside(
+        problem: &Problem,
+        own: &Outside,
+        effects: &[&'static dyn Effect],
+        monitor: &dyn Monitor,
+    ) -> Result<Self> {
+        let is_load = |effect: &&'static dyn Effect| effect.stage() == Stage::Load;
+        let with_load = effects.iter().any(is_load) && own.answers_own_force_alone().is_none();
+        let Learnt { stepper, trained, over_noise } = learnt_outside::learnt(problem, own, with_load, monitor)?;
+        let answers = move |_: &Stages| Ok(Some(Spread::Stepped(stepper.clone())));
+        Ok(Self {
+            surrogate: None,
+            fields: FieldModels::default(),
+            compliance: Compliance::given(1.0).with_spread(answers),
+            trained,
+            max_relative_error: None,
+            learnt_error: Some(over_noise),
         })
     }
 

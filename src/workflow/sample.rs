@@ -13,8 +13,9 @@ use super::heldout::{self, Score};
 use super::large_displacement;
 use super::log_score::log_score;
 use super::misfit::{Misfit, Remainder, directions_of_spread};
-use super::problem::Problem;
+use super::problem::{Problem, TAIL_MASS};
 use super::reduced::{KeptSurrogate, Reduced};
+use crate::distribution::Distribution;
 use crate::documents::posterior::*;
 use crate::effects::{AMPLITUDE, MOBILITY};
 use crate::error::{Error, Place, Result};
@@ -107,8 +108,11 @@ pub fn run(problem: &Problem, request: &SampleRequest, monitor: &dyn Monitor) ->
     let posterior = problem.posterior(&reduced);
     let outcome = sample(problem, &posterior, request, monitor)?;
     lap("sampling");
-    let has_finite_elements = problem.finite_elements().is_some();
-    monitor.stage(if has_finite_elements { "checking by full finite elements" } else { "predicting all cycles" });
+    monitor.stage(&match (problem.outside(), problem.finite_elements()) {
+        (Some(outside), _) => format!("checking by {}", outside.title()),
+        (None, Some(_)) => "checking by full finite elements".into(),
+        (None, None) => "predicting all cycles".into(),
+    });
     let columns = natural_columns(&problem.priors, &outcome);
     let spread = outcome.draws.spread(N_CHECK_DRAWS);
     let draws: Vec<NaturalDraw> = spread.iter().map(|point| posterior.natural(point)).collect();
@@ -147,8 +151,10 @@ pub fn sample(
     rng.set_stream(START_STREAM);
     let is_plain = problem.model.base() == BaseLaw::Lethersich && problem.model.is_law_alone();
     let n_starts = if is_plain { N_STARTS } else { N_STARTS_OF_LARGER };
-    let starts: Vec<Vec<f64>> =
-        (0..n_starts).map(|_| problem.priors.to_unconstrained(&problem.priors.draw(&mut rng))).collect();
+    let names: Vec<&str> = problem.priors.names().collect();
+    let from: Vec<Distribution> = names.iter().filter_map(|name| problem.starts_of(name)).collect();
+    let mut start = || -> Vec<f64> { from.iter().map(|own| own.draw(&mut rng)).collect() };
+    let starts: Vec<Vec<f64>> = (0..n_starts).map(|_| problem.priors.to_unconstrained(&start())).collect();
     let resumed = match request.checkpoint {
         Some(path) if request.resume => checkpoint::read(path)?,
         _ => None,
@@ -229,7 +235,7 @@ fn summarise(
     let heldout = HeldoutSummary {
         fitted_cycles: problem.experiment.calibration_cycles.clone(),
         cycles: problem.experiment.heldout_cycles.clone(),
-        fe_runs: problem.finite_elements().map(|_| check.fe_runs),
+        fe_runs: (problem.finite_elements().is_some() || problem.outside().is_some()).then_some(check.fe_runs),
         rmse_um: score.as_ref().map(|s| 1e6 * s.rmse_m),
         rmse_fitted_um: 1e6 * rmse_m(&mean_m, &fitted),
         noise_um: yardstick.map(|y| 1e6 * y.sd_m),
@@ -298,6 +304,7 @@ fn summarise(
     summary.warnings.extend(interpreted);
     summary.warnings.extend(at_end);
     summary.warnings.extend(check.n_refused.map(refused_warning));
+    summary.warnings.extend(at_edge_of_box(reduced, problem, columns));
     summary.warnings.extend(problem.finite_elements().into_iter().flat_map(|fe| fe.mesh_warnings.clone()));
     summary
 }
@@ -331,6 +338,31 @@ fn at_edge_of_range(reduced: &Reduced, problem: &Problem, columns: &[DrawColumn]
         (20 * n_outermost > column.values.len()).then(|| name.to_string())
     };
     problem.priors.names().zip(columns).filter_map(crowds).collect()
+}
+
+/// Parameters of another program of which a hundredth of the draws lie in the outermost twentieth of the box that it was learnt in, where the box ends and not the prior.
+fn at_edge_of_box(reduced: &Reduced, problem: &Problem, columns: &[DrawColumn]) -> Option<Warning> {
+    let outside = problem.outside()?;
+    let crowds = |(name, column): (&str, &DrawColumn)| {
+        let range = reduced.trained.iter().find(|range| range.name == name)?;
+        let prior = problem.range_of(name, TAIL_MASS);
+        let margin = 0.05 * (range.upper / range.lower).ln();
+        let is_outermost = |x: &&f64| {
+            range.lower > prior.lower && (**x / range.lower).ln() < margin
+                || range.upper < prior.upper && (range.upper / **x).ln() < margin
+        };
+        (100 * column.values.iter().filter(is_outermost).count() > column.values.len()).then(|| name.to_string())
+    };
+    let names: Vec<String> = problem.priors.names().zip(columns).filter_map(crowds).collect();
+    (!names.is_empty()).then(|| Warning {
+        kind: WarningKind::EdgeOfRange,
+        text: format!(
+            "the posterior of {} reaches the end of the box that {} was learnt in: its interval is cut off",
+            names.join(", "),
+            outside.title()
+        ),
+        advice: "the base law alone leads elsewhere than the model with its effects: give a prior whose medians lie nearer to this posterior (--prior), or a known noise (noise_um)".into(),
+    })
 }
 
 /// The sampler numbers its coordinates; people know them by name. Highest number first, since 1 begins 10.

@@ -152,6 +152,13 @@ pub fn check_request(problem: &Problem, request: &SimulationRequest, has_mesh_fi
 }
 
 pub(super) fn finite_elements(problem: &Problem) -> Result<&FiniteElements> {
+    if let Some(outside) = problem.outside() {
+        return Err(Error::input(
+            Place::option("--forward"),
+            format!("{} is no model of this program's to simulate", outside.title()),
+            "ask its server, or leave --forward away",
+        ));
+    }
     problem.finite_elements().ok_or_else(|| {
         Error::input(
             Place::default().at_key("robot"),

@@ -17,6 +17,7 @@ mod learn;
 #[path = "../mutators/mod.rs"]
 mod mutators;
 mod oscillation;
+mod outside;
 #[path = "../program/mod.rs"]
 mod program;
 mod report;

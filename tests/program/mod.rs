@@ -59,7 +59,8 @@ pub fn vitreo_with_cache(dir: &Path, cache: &str, arguments: &[&str]) -> Run {
     run(Command::new(program).current_dir(dir).args(arguments).env("VITREO_UQ_CACHE", cache))
 }
 
-fn run(command: &mut Command) -> Run {
+/// Runs a command of the program.
+pub fn run(command: &mut Command) -> Run {
     let output: Output = command.output().expect("the program was built for this test");
     Run {
         code: output.status.code().unwrap_or(-1),

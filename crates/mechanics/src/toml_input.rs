@@ -123,6 +123,14 @@ impl<'a> Table<'a> {
         self.table.keys().map(|key| key.get_ref().as_ref())
     }
 
+    /// Keys in the order in which they stand.
+    pub fn keys_in_order(&self) -> Vec<&'a str> {
+        let mut keys: Vec<(usize, &'a str)> =
+            self.table.iter().map(|(key, _)| (key.span().start, key.get_ref().as_ref())).collect();
+        keys.sort_unstable();
+        keys.into_iter().map(|(_, key)| key).collect()
+    }
+
     /// Whether the key is there.
     pub fn has(&self, key: &str) -> bool {
         self.entry(key).is_some()

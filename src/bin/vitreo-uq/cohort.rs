@@ -56,7 +56,7 @@ pub fn diagnose(arguments: &DiagnoseArguments) -> Result<ExitCode> {
     }
     let model = |own: ModelSpecification| {
         let model = &arguments.model;
-        own.with_options(model.base.as_deref(), &model.with, &model.noise, model.prior.as_deref(), &model.set)
+        own.with_options(model.law().as_deref(), &model.with, &model.noise, model.prior.as_deref(), &model.set)
     };
     let measurements = cohort::read(&paths, &arguments.leave_out, &model, &terminal)?;
     let keys = keys(&arguments.by, &measurements)?;

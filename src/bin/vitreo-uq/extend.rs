@@ -53,13 +53,13 @@ pub fn extended(common: &Common, arguments: &ExtendArguments, threads: usize, te
     let model = Model { with: Vec::new(), set: Vec::new(), ..arguments.model.clone() };
     let target = Target::open(common, &model, terminal)?;
     target.check(terminal)?;
-    if let (Some(_), Some(study)) = (&model.base, target.existing_study())
+    if let (Some(_), Some(study)) = (model.law(), target.existing_study())
         && !study.revisions()?.is_empty()
     {
         return Err(Error::input(
             Place::option("--base"),
             "the study has a base law already",
-            "leave --base away, or make a study of another law with `sample --base … --out DIR`",
+            "leave --base (or --forward) away, or make a study of another law with `sample --base … --out DIR`",
         ));
     }
     let specification = extend::extended(&target.specification, effects, &library)?;

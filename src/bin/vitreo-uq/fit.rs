@@ -70,7 +70,8 @@ fn words(summary: &FitSummary) -> String {
     ));
     if let Some(distance) = summary.surrogate_vs_fe_max_um {
         lines.push(format!(
-            "Full finite elements at the estimate differ from the reduced model by {} µm at most.",
+            "At the estimate the reduced model differs from {} by {} µm at most.",
+            summary.model.full_model(),
             significant(distance)
         ));
     }

@@ -58,7 +58,7 @@ pub fn sample(arguments: &SampleArguments) -> Result<ExitCode> {
         }
     }
     let default = ModelSpecification { prior: DEFAULT_PRIOR.into(), ..ModelSpecification::default() };
-    let specification = default.with_options(model.base.as_deref(), &[], &[], model.prior.as_deref(), &model.set)?;
+    let specification = default.with_options(model.law().as_deref(), &[], &[], model.prior.as_deref(), &model.set)?;
     let paths: Vec<&PathBuf> = common.target.iter().chain(&arguments.others).collect();
     let mut header = Provenance::new(NAME, 1, common.seed, std::collections::BTreeMap::new());
     let mut records = Vec::new();

@@ -154,9 +154,10 @@ fn table(summary: &LadderSummary) -> Vec<String> {
             significant(rung.learnt_noise_um)
         )
     }));
-    let by = match summary.revisions.iter().map(|rung| rung.fe_runs).collect::<Option<Vec<usize>>>() {
-        Some(runs) => format!("{} full finite-element runs", runs.iter().sum::<usize>()),
-        None => "the creep law (an instrument has no finite elements)".into(),
+    let runs = summary.revisions.iter().map(|rung| rung.fe_runs).sum::<Option<usize>>();
+    let by = match (summary.revisions.first(), runs) {
+        (Some(rung), Some(runs)) => rung.model.full_runs(runs),
+        _ => "the creep law (an instrument has no finite elements)".into(),
     };
     lines.push(format!("  Errors in µm, log score in nats; predicted by {by}."));
     lines

@@ -41,6 +41,12 @@ pub struct Model {
     /// Base law: lethersich, burgers, two-element, or a TOML file with a [base.network]
     #[arg(long, value_name = "LAW|FILE.toml")]
     pub base: Option<String>,
+    /// Take another program's model in place of ours: a server of UM-Bridge, whose parameters the prior names
+    #[arg(long, value_name = "http://HOST:PORT", conflicts_with = "base")]
+    pub forward: Option<String>,
+    /// The server's model [default: `forward`, or the only one]
+    #[arg(long, value_name = "NAME", requires = "forward")]
+    pub forward_model: Option<String>,
     /// Effects to add, separated by commas: names that `effects` lists, or files that define one
     #[arg(long, value_name = "SLUG|FILE.toml", value_delimiter = ',')]
     pub with: Vec<String>,
@@ -69,10 +75,17 @@ fn prior_help() -> String {
 }
 
 impl Model {
+    /// The base law as it was asked for: its name or file, or the address of another program's, with `#` and its model's name.
+    pub fn law(&self) -> Option<String> {
+        let model = self.forward_model.as_ref().map_or(String::new(), |name| format!("#{name}"));
+        self.forward.as_ref().map(|url| format!("{url}{model}")).or_else(|| self.base.clone())
+    }
+
     /// The first option given that says what the model is, and not which revision or mesh is meant.
     pub fn changing_option(&self) -> Option<&'static str> {
         let given = [
             ("--base", self.base.is_some()),
+            ("--forward", self.forward.is_some()),
             ("--with", !self.with.is_empty()),
             ("--noise", !self.noise.is_empty()),
             ("--prior", self.prior.is_some()),

@@ -79,7 +79,7 @@ impl SweepTarget {
             }
         }
         let specification = self.model()?.with_options(
-            model.base.as_deref(),
+            model.law().as_deref(),
             &model.with,
             &model.noise,
             model.prior.as_deref(),

@@ -162,5 +162,5 @@ fn specification(study: Option<&Study>, model: &Model, default_revision: Option<
         Some((study, name)) => artefacts::model_of(&study.revision_dir(&name)?, &Library::default())?,
         None => ModelSpecification::default(),
     };
-    start.with_options(model.base.as_deref(), &model.with, &model.noise, model.prior.as_deref(), &model.set)
+    start.with_options(model.law().as_deref(), &model.with, &model.noise, model.prior.as_deref(), &model.set)
 }

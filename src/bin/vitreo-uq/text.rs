@@ -80,7 +80,7 @@ fn heldout_lines(summary: &PosteriorSummary, line: &mut impl FnMut(String)) {
         (heldout.rmse_um, heldout.coverage_50, heldout.coverage_90, heldout.joint_p)
     {
         let by = if let Some(runs) = heldout.fe_runs {
-            format!("{runs} full finite-element runs")
+            summary.model.full_runs(runs)
         } else {
             "the creep law (no finite elements for an instrument)".into()
         };

@@ -129,7 +129,12 @@ impl Served for Trajectory<'_> {
         let forward: &dyn Forward = match config_of::<Config>(config)?.model {
             Which::Reduced => &self.reduced,
             Which::Full => self.full()?.ok_or_else(|| {
-                Refusal::input("an instrument's compliance is given, so that it has no full model: leave `config` out")
+                Refusal::input(match self.problem.outside() {
+                    Some(outside) => format!("the full model is {}: ask it there", outside.title()),
+                    None => {
+                        "an instrument's compliance is given, so that it has no full model: leave `config` out".into()
+                    }
+                })
             })?,
         };
         Ok(self.positions_um(forward, point)?)

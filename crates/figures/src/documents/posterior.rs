@@ -1,5 +1,6 @@
 //! The document of `sample` (formats §5, `vitreo-uq/posterior/1`), and what others share with it.
 
+use crate::rheology::OUTSIDE;
 use serde::{Deserialize, Serialize};
 
 /// Body of `vitreo-uq/posterior/1`. Figures that do not apply (an instrument has no finite elements) are `null`.
@@ -64,6 +65,27 @@ pub struct ModelSummary {
     pub effects: Vec<String>,
     /// Noise terms.
     pub noise: Vec<String>,
+}
+
+impl ModelSummary {
+    /// Whether the law is another program's.
+    pub fn is_outside(&self) -> bool {
+        self.base == OUTSIDE
+    }
+
+    /// What the reduced model stands for, and is checked by.
+    pub fn full_model(&self) -> &'static str {
+        if self.is_outside() { "the other program itself" } else { "full finite elements" }
+    }
+
+    /// So many runs of it.
+    pub fn full_runs(&self, n: usize) -> String {
+        if self.is_outside() {
+            format!("{n} answers of the other program")
+        } else {
+            format!("{n} full finite-element runs")
+        }
+    }
 }
 
 /// Posterior of one parameter, in the unit of its name.

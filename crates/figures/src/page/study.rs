@@ -221,7 +221,7 @@ fn heldout_table(last: &RevisionPage) -> Markup {
         row("probability of a misfit this large", optional(heldout.joint_p, 2), "above 0.001".into()),
         row("score ln p of the held-out positions (nats)", optional(heldout.log_score_nats, 4), "–".into()),
     ];
-    let by = heldout.fe_runs.map_or("the creep law".into(), |runs| format!("{runs} full finite-element runs"));
+    let by = heldout.fe_runs.map_or("the creep law".into(), |runs| last.posterior.model.full_runs(runs));
     table(&format!("The held-out check, by {by}"), &["", "found", "a right model"], &rows)
 }
 

@@ -3,7 +3,7 @@
 use crate::documents::posterior::ModelSummary;
 use crate::effects::parameter_named;
 use crate::parameter::named;
-use crate::rheology::BaseLaw;
+use crate::rheology::{BaseLaw, OutsideLaw};
 
 /// Symbol and unit of a parameter as figures show them.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -56,6 +56,9 @@ pub fn of_parameter(name: &str) -> ParameterLabel {
     if let Some(spec) = named(name) {
         return ParameterLabel { symbol: spec.symbol.into(), unit: shown_unit(spec.unit) };
     }
+    if let Some(spec) = OutsideLaw::parameter_named(name) {
+        return declared(name, spec.unit);
+    }
     // Two effects may use one symbol.
     parameter_named(name).map_or_else(
         || of_name(name),
@@ -68,6 +71,13 @@ pub fn of_parameter(name: &str) -> ParameterLabel {
 
 fn shown_unit(unit: &str) -> String {
     if unit == "1" { "–".into() } else { unit.replace("Pa s", "Pa·s").replace("um", "µm") }
+}
+
+/// Of a parameter of another program, whose name ends in its unit, or does not.
+fn declared(name: &str, unit: &str) -> ParameterLabel {
+    let ending = format!("_{}", unit.to_lowercase().replace('/', "_per_").replace(' ', "_"));
+    let stem = name.strip_suffix(&ending).unwrap_or(name);
+    ParameterLabel { symbol: stem.replace('_', " "), unit: shown_unit(unit).replace("m2", "m²").replace("m3", "m³") }
 }
 
 fn of_name(name: &str) -> ParameterLabel {
@@ -96,6 +106,17 @@ mod tests {
         assert_eq!(of_parameter("fractional-damping.order").axis(), "fractional-damping α (–)");
         assert_eq!(of_parameter("tracking-drift.velocity_m_per_s").axis(), "tracking-drift v (m/s)");
         assert_eq!(of_parameter("force-gradient.gradient_per_m").axis(), "force-gradient g (1/m)");
+    }
+
+    #[test]
+    fn parameters_of_another_program_have_the_units_that_are_declared() {
+        OutsideLaw::new(
+            "http://labels",
+            None,
+            &[("cubic_pa_per_mm2".into(), "Pa/mm2".into()), ("rate".into(), "1/s".into())],
+        );
+        assert_eq!(of_parameter("cubic_pa_per_mm2").axis(), "cubic (Pa/mm²)");
+        assert_eq!(of_parameter("rate").axis(), "rate (1/s)");
     }
 
     #[test]

@@ -105,6 +105,37 @@ impl PriorSet {
         Ok(set)
     }
 
+    /// Names and units of the parameters that a prior's name or file has priors of, in the order in which they stand there.
+    ///
+    /// # Errors
+    /// As [`PriorSet::read`].
+    pub fn listed(name_or_file: &str) -> Result<Vec<(String, String)>> {
+        let (path, text) = Self::text_named(name_or_file)?;
+        let document = TomlInput::parse(&path, &text)?;
+        let root = document.root();
+        let entry = |name: &str| {
+            let unit = root.required_table(name)?.required_text("unit", "unit = \"Pa\"")?;
+            Ok((name.to_string(), unit))
+        };
+        root.keys_in_order().into_iter().map(entry).collect()
+    }
+
+    /// The TOML text of a prior's name or file, and where it stands.
+    ///
+    /// # Errors
+    /// As [`PriorSet::read`].
+    pub fn text_named(name_or_file: &str) -> Result<(PathBuf, String)> {
+        if let Some((name, text)) = EMBEDDED.iter().find(|(name, _)| *name == name_or_file) {
+            return Ok((PathBuf::from(format!("priors/{name}.toml")), (*text).to_string()));
+        }
+        let path = Path::new(name_or_file);
+        if !path.exists() {
+            return Err(unknown_name(name_or_file));
+        }
+        let bytes = files::read(path, Content::Settings, "give a readable prior file, or a prior's name")?;
+        Ok((path.to_path_buf(), text_of(path, &bytes)?.to_string()))
+    }
+
     fn from_embedded(
         name: &str,
         text: &str,

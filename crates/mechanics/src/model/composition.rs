@@ -6,7 +6,7 @@ use crate::experiment::Scales;
 use crate::number::Dual;
 use crate::parameter::ParameterSpec;
 use crate::rheology::BaseLaw;
-use crate::stages::Stages;
+use crate::stages::{Spatial, Stages};
 
 /// A base law and effects; parameters are the law's, then the nuisances' of the experiment, then each effect's.
 #[derive(Clone)]
@@ -36,7 +36,7 @@ impl Model {
             if effects[..place_in_list].iter().any(|other| other.slug() == slug) {
                 return refuse(format!("`{slug}` is named twice"), "name it once");
             }
-            if let Some(reason) = effect.conflict(&base) {
+            if let Some(reason) = barred_outside(*effect, &base).or_else(|| effect.conflict(&base)) {
                 return refuse(
                     format!("`{slug}` cannot be added to the {} law: {reason}", base.title()),
                     "use another base law (--base), or leave the effect out",
@@ -163,6 +163,11 @@ impl Model {
         let mut stages = Stages::of_law(self.base.elements(law));
         stages.base = Some(self.base);
         stages.observation.depth_exponent = self.scales.depth_exponent.unwrap_or(1.0);
+        if self.base.outside().is_some() {
+            // Its answer is the position itself.
+            stages.observation.depth_exponent = 1.0;
+            stages.spatial = Some(Spatial::Outside(law.to_vec()));
+        }
         let mut of_field = None;
         for effect in self.nuisances().iter().chain(&self.effects) {
             let (own, others) = rest.split_at(effect.parameters().len());
@@ -182,4 +187,13 @@ impl Model {
     pub fn field(&self) -> Option<(&'static str, Field)> {
         self.effects.iter().find_map(|effect| Some((effect.slug(), effect.field()?)))
     }
+}
+
+/// Why an effect cannot be added to another program's law, if it cannot: only what acts before or after the law is known here.
+fn barred_outside(effect: &dyn Effect, base: &BaseLaw) -> Option<&'static str> {
+    base.outside()?;
+    if effect.depends_on_state() || effect.stage() == Stage::Mechanics {
+        return Some("it changes the law or the gel, which the other program computes");
+    }
+    effect.acts_on_position().then_some("a force that depends on the position acts within the other program's model")
 }

@@ -9,6 +9,7 @@ mod mittag_leffler;
 mod network;
 mod of_law;
 mod oscillation;
+mod outside;
 mod spectrum;
 mod spread;
 pub(crate) mod stieltjes;
@@ -17,6 +18,7 @@ pub use element::{Element, Leaf};
 pub use mittag_leffler::mittag_leffler;
 pub use network::Network;
 pub use oscillation::complex_modulus_pa;
+pub use outside::{MOST_PARAMETERS, OutsideLaw};
 pub use spectrum::{Accuracy, OscillatingMode, RetardationSpectrum, SpectralMode, TimeWindow};
 pub use spread::{Beside, SpreadTerm};
 
@@ -82,7 +84,12 @@ pub enum BaseLaw {
     TwoElement,
     /// A network from `model.toml`, with parameters of its own.
     Network(&'static Network),
+    /// Another program's model, which is asked for trajectories.
+    Outside(&'static OutsideLaw),
 }
+
+/// Name of a law that another program computes.
+pub const OUTSIDE: &str = "outside";
 
 /// Parameters of [`BaseLaw::Lethersich`].
 pub const LETHERSICH: &[ParameterSpec] = &[YOUNG_MODULUS, VISCOSITY_1, VISCOSITY_2];
@@ -105,6 +112,7 @@ impl BaseLaw {
             Self::Burgers => "Burgers",
             Self::TwoElement => "two-element",
             Self::Network(_) => "network",
+            Self::Outside(_) => OUTSIDE,
         }
     }
 
@@ -115,6 +123,7 @@ impl BaseLaw {
             Self::Burgers => "burgers",
             Self::TwoElement => "two-element",
             Self::Network(_) => "network",
+            Self::Outside(_) => OUTSIDE,
         }
     }
 
@@ -125,10 +134,11 @@ impl BaseLaw {
             Self::Burgers => BURGERS,
             Self::TwoElement => TWO_ELEMENT,
             Self::Network(network) => network.parameters(),
+            Self::Outside(law) => law.parameters(),
         }
     }
 
-    /// The law's elements in series at `parameters` (SI, the order of [`Self::parameters`]; all positive).
+    /// The law's elements in series at `parameters` (SI, the order of [`Self::parameters`]; all positive). None are known of an outside law.
     pub fn elements(self, parameters: &[Dual]) -> Vec<Element> {
         let p = parameters;
         let lethersich = || vec![Element::kelvin_voigt(p[0], p[1]), Element::Dashpot { viscosity_pa_s: p[2] }];
@@ -138,6 +148,7 @@ impl BaseLaw {
             Self::Burgers => with(Element::Spring { modulus_pa: p[3] }),
             Self::TwoElement => with(Element::kelvin_voigt(p[3], p[4])),
             Self::Network(network) => network.elements(p),
+            Self::Outside(_) => Vec::new(),
         }
     }
 
@@ -147,6 +158,7 @@ impl BaseLaw {
         let at = |body: usize, part: Option<usize>| Some(Leaf { body, part });
         match (self, name) {
             (Self::Network(network), _) => network.leaf(name),
+            (Self::Outside(_), _) => None,
             (_, "young_modulus_pa") => at(0, Some(0)),
             (_, "viscosity_1_pa_s") => at(0, Some(1)),
             (_, "viscosity_2_pa_s") => at(1, None),
@@ -171,7 +183,7 @@ impl BaseLaw {
                 law.retarded.push(RetardedMode::kelvin_voigt(p[3], p[4]));
                 Some(law)
             }
-            Self::Network(_) => None,
+            Self::Network(_) | Self::Outside(_) => None,
         }
     }
 
@@ -201,7 +213,15 @@ impl BaseLaw {
     pub fn is_exponential(self) -> bool {
         match self {
             Self::Lethersich | Self::Burgers | Self::TwoElement => true,
-            Self::Network(_) => false,
+            Self::Network(_) | Self::Outside(_) => false,
+        }
+    }
+
+    /// The other program's model, if it is one.
+    pub fn outside(self) -> Option<&'static OutsideLaw> {
+        match self {
+            Self::Outside(law) => Some(law),
+            _ => None,
         }
     }
 }

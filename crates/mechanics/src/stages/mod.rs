@@ -53,6 +53,8 @@ pub enum Spatial {
         /// Giesekus's α; 0 is Oldroyd-B.
         mobility: Dual,
     },
+    /// Another program's law, at its parameters: all of the robot's displacement is its own.
+    Outside(Vec<Dual>),
 }
 
 /// What stands beside the law, and where.

@@ -137,7 +137,7 @@ impl FieldModels {
         };
         match &stages.spatial {
             None => Ok(None),
-            Some(Spatial::Large { .. }) => Err(missing()),
+            Some(Spatial::Large { .. } | Spatial::Outside(_)) => Err(missing()),
             Some(Spatial::Linear(field)) => {
                 let model = self.0.get(field.effect).ok_or_else(missing)?;
                 let terms = model.terms(field)?.ok_or_else(missing)?;

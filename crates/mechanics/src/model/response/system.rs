@@ -102,7 +102,7 @@ impl<T: Real> Lowered<T> {
             (Some(Spread::Terms { beside, terms }), _) if stages.softening_rate_per_s.is_constant(0.0) => {
                 RetardationSpectrum::spread(&stages.law, beside, terms, window, Accuracy::Fast)?
             }
-            (Some(Spread::Stepped(_)), Some(Spatial::Nonlinear(_) | Spatial::Large { .. }))
+            (Some(Spread::Stepped(_)), Some(Spatial::Nonlinear(_) | Spatial::Large { .. } | Spatial::Outside(_)))
                 if stages.softening_rate_per_s.is_constant(0.0) =>
             {
                 RetardationSpectrum::with_accuracy(&stages.law, window, Accuracy::Fast)?

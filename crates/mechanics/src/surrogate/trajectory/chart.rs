@@ -209,6 +209,12 @@ impl Surface {
         surface
     }
 
+    /// The same at some of its rows.
+    pub fn at(&self, rows: &[usize]) -> Self {
+        let modes = self.modes.iter().map(|mode| rows.iter().map(|row| mode[*row]).collect()).collect();
+        Self { modes, ..self.clone() }
+    }
+
     /// The excess (m) at the first rows, at a place in the box.
     pub fn excess_m<N: Scalar>(&self, bases: &[Basis], place: &[N], factor: N, n_rows: usize) -> Vec<N> {
         let polynomials = bases[self.level].values(place);

@@ -5,13 +5,17 @@
 //! halved, or left to the stepper. What a box answers depends on the box alone: not on who asked first, nor on what else was asked.
 
 mod chart;
+mod clocked;
 mod coordinates;
 mod large;
+mod outside;
 mod polynomial;
 #[cfg(test)]
 mod tests;
 
+pub use clocked::Clock;
 pub use large::{FARTHEST_RADII, LargeScope, LargeStepper, LargeSurface, MOST_MOBILITY, Mobilities};
+pub use outside::{Ask, OUTSIDE_MOST_POINTS, OUTSIDE_TOLERANCE, OutsideLesson, OutsideStepper, OutsideSurface};
 
 use crate::error::Result;
 use crate::experiment::{Force, KeptForce};

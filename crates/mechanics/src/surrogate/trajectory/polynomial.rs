@@ -11,7 +11,7 @@ const DESIGN_SEED: u32 = 17;
 const CHECK_SEED: u32 = 29;
 
 /// Polynomials on [−1, 1]ᵈ, a design of points, and what fits the ones to values at the others.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(super) struct Basis {
     /// Degree in every coordinate, polynomial by polynomial.
     degrees: Vec<Vec<usize>>,
