@@ -16,8 +16,8 @@ use crate::surrogate::trajectory::{
 };
 use nearest::nearest;
 
-/// Half the box's width in standard deviations of a logarithm: effects that are added move parameters by several. Where polynomials do not do, the next one is tried.
-const WIDTHS: [f64; 3] = [16.0, 10.0, 6.0];
+/// Half the box's width in standard deviations of a logarithm: effects that are added move parameters by several, and by twenty where the base misses the data by far. Where polynomials do not do, the next one is tried.
+const WIDTHS: [f64; 4] = [32.0, 16.0, 10.0, 6.0];
 /// Half widths are rounded up to powers of this, and middles to shares of the width, so that fits that differ by little are served by the same answers.
 const WIDTH_STEP: f64 = std::f64::consts::SQRT_2;
 const CENTRE_SHARE: f64 = 0.25;
