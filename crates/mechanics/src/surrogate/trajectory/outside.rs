@@ -19,6 +19,10 @@ pub const OUTSIDE_TOLERANCE: f64 = 0.03;
 const DEGREES: [usize; 8] = [2, 3, 4, 6, 8, 10, 14, 20];
 /// Most points that a box is learnt from, but for those that check it.
 pub const OUTSIDE_MOST_POINTS: usize = 700;
+/// Errors over the noise of which more than this would be left by the highest degree end the search in a box: nothing is concluded from such a surface.
+const HOPELESS: f64 = 0.5;
+/// Lowest degree at which a box is given up.
+const LEAST_TRIED: usize = 6;
 /// Points that check it.
 const N_CHECKS: u32 = 24;
 /// Sizes at which slopes are taken: of factors, and of the offset over the largest force.
@@ -87,11 +91,11 @@ impl OutsideSurface {
         };
         let mut asked: [Vec<Vec<f64>>; 2] = [Vec::new(), Vec::new()];
         let mut best: Option<(Basis, Surface)> = None;
-        for degree in DEGREES {
+        let is_affordable = |degree: &usize| Basis::n_points(free.len(), *degree) <= OUTSIDE_MOST_POINTS;
+        let degrees = [&DEGREES[..1], &DEGREES[1..].iter().copied().filter(is_affordable).collect::<Vec<_>>()].concat();
+        let mut before: Option<(usize, f64)> = None;
+        for &degree in &degrees {
             let Some(basis) = Basis::new(free.len(), degree, N_CHECKS) else { continue };
-            if best.is_some() && basis.design.len() > OUTSIDE_MOST_POINTS {
-                break;
-            }
             for (known, points) in asked.iter_mut().zip([&basis.checks, &basis.design]) {
                 known.extend(answers(&points[known.len()..], &commanded_n)?);
             }
@@ -99,10 +103,16 @@ impl OutsideSurface {
             let surface = surface(&basis, &runs);
             let is_better = best.as_ref().is_none_or(|(_, other)| surface.certified < other.certified);
             let is_done = surface.certified <= OUTSIDE_TOLERANCE;
+            // As fast as from the degree before to this one.
+            let is_hopeless = before.is_some_and(|(other, error)| {
+                let left = (degrees[degrees.len() - 1] - degree) as f64 / (degree - other) as f64;
+                degree >= LEAST_TRIED && surface.certified * (surface.certified / error).powf(left) > HOPELESS
+            });
+            before = Some((degree, surface.certified));
             if is_better {
                 best = Some((basis, surface));
             }
-            if is_done || free.is_empty() {
+            if is_done || is_hopeless || free.is_empty() {
                 break;
             }
         }

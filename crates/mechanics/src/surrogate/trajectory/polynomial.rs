@@ -30,6 +30,12 @@ impl Basis {
         Self::weighted(&vec![1.0; n_coordinates], degree as f64, OVERSAMPLING, n_checks)
     }
 
+    /// Points of the design of a total degree.
+    pub fn n_points(n_coordinates: usize, degree: usize) -> usize {
+        let n_polynomials = (1..=n_coordinates).fold(1.0, |product, k| product * (degree + k) as f64 / k as f64);
+        (OVERSAMPLING * n_polynomials.round()).ceil() as usize
+    }
+
     /// The same where a degree in some coordinates counts as more than one, with a share of points over polynomials.
     pub fn weighted(weights: &[f64], degree: f64, oversampling: f64, n_checks: u32) -> Option<Self> {
         let n_coordinates = weights.len();
