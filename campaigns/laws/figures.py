@@ -84,6 +84,7 @@ def figures(raw):
     functions = [own[:2] for own in (held(*own) for own in strong) if own is not None]
     formulas = [own[2] for own in (held(*own) for own in strong) if own is not None and own[2] is not None]
     learned = [(document, truth) for document, truth in hidden if is_learned(document)]
+    returning = [own for own in learned if own[1]["state"] not in ("path", "time")]
     told = preferred(raw)
 
     def over_noise(document, truth, which):
@@ -102,6 +103,9 @@ def figures(raw):
         ),
         "held-out error at most 1.15 × the true noise of what is written, the formula or else the function": of(
             sum(over_noise(*own, "with_formula" if own[0]["with_formula"] else "learned") for own in learned), len(learned)
+        ),
+        "the same, where the state comes back in the held-out cycle, as path and time do not": of(
+            sum(over_noise(*own, "with_formula" if own[0]["with_formula"] else "learned") for own in returning), len(returning)
         ),
         "library effect hidden and something learnt: that effect preferred": of(sum(told), len(told)),
         "library effects hidden": f"{len(list(raw.glob('library-*.answer.json'))):,}",

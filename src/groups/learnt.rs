@@ -19,6 +19,7 @@ use crate::files::{remove_if_there, write_atomically, write_json_atomically};
 use crate::learn::record::{Formula, Record, Told, tried};
 use crate::learn::{
     EQUAL_NATS, FILE_NAME, FORMULA_LOSS, FORMULA_LOSS_NATS, LARGEST_P, LEAST_EVIDENCE_NATS, LEAST_FUTURE_NATS,
+    quantity_words,
 };
 use crate::report::number::significant;
 use crate::study::{Provenance, RevisionWriter, WithProvenance};
@@ -202,12 +203,12 @@ impl<'a> Half<'a> {
                 heldout_gain_nats: told.heldout_gain_nats.unwrap_or(0.0),
             })
         });
-        let product = if pair.quantity == "force" { "the force" } else { &pair.quantity };
         let n_better = on.iter().filter(|own| own.last_cycle_gain_nats > 0.0).count();
         let mut sentence = format!(
-            "{product} depends on the {}: learnt from {} records ({} nats on their unseen cycles), as a formula {} × ({}).",
-            pair.state.replace('_', " "),
+            "Learnt from {} records: {} changes with the {} ({} nats on their unseen cycles). As a formula: {} × ({}).",
             self.records.len(),
+            quantity_words(&pair.quantity),
+            pair.state.replace('_', " "),
             significant(pair.heldout_gain_nats, 3),
             pair.quantity,
             formula.written.text,

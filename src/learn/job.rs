@@ -101,6 +101,7 @@ impl Found {
             verdict,
             fitted_cycles: experiment.calibration_cycles.clone(),
             heldout_cycles: experiment.heldout_cycles.clone(),
+            monotone: self.is_monotone,
             function: None,
             formula: None,
             memory: Vec::new(),

@@ -37,6 +37,8 @@ pub struct Found {
     pub subject: Subject,
     /// What was looked at.
     pub pairs: Vec<Pair>,
+    /// Whether functions were to rise or fall throughout.
+    pub is_monotone: bool,
     /// Each pair's model; `None` where it has none.
     candidates: Vec<Option<Candidate>>,
     /// The model without any.
@@ -59,7 +61,7 @@ impl Found {
         monitor.stage("fitting every quantity as a function of every state");
         let mut learnt = fit_all(&subject, &Base::new(&subject, &base)?, &pairs, &candidates);
         learnt.sort_by(|a, b| b.evidence_nats.total_cmp(&a.evidence_nats));
-        Ok(Self { subject, pairs, candidates, base, learnt })
+        Ok(Self { subject, pairs, is_monotone, candidates, base, learnt })
     }
 }
 

@@ -98,14 +98,21 @@ impl Found {
     }
 }
 
+/// A quantity in a sentence.
+pub fn quantity_words(quantity: &str) -> String {
+    match quantity {
+        "force" => "the force".into(),
+        "position" => "the scale of the observed position".into(),
+        name => format!("`{name}`"),
+    }
+}
+
 /// What depends on what, and which way.
 pub fn words(pair: &Pair, rises: Option<bool>) -> String {
-    let quantity = match pair.quantity {
-        "creep" => return "a memory at more times than the law has".into(),
-        "force" => "the force".to_string(),
-        "position" => "the scale of the observed position".to_string(),
-        name => format!("`{name}`"),
-    };
+    if pair.quantity == "creep" {
+        return "a memory at more times than the law has".into();
+    }
+    let quantity = quantity_words(pair.quantity);
     let way = match rises {
         Some(true) => "rising",
         Some(false) => "falling",

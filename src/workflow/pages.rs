@@ -176,7 +176,8 @@ impl Kept {
         });
         let diagnosed = diagnosis.as_ref().map(|document| asked("diagnose", document.provenance.seed));
         let learned = learned.as_ref().map(|document| {
-            let asked = asked("learn", document.provenance.seed);
+            let monotone = if document.body.monotone { " --monotone" } else { "" };
+            let asked = format!("{}{monotone}", asked("learn", document.provenance.seed));
             let (fitted, scored) = (&document.body.fitted_cycles, &document.body.heldout_cycles);
             let last = fitted.last().filter(|_| *scored != experiment.for_comparison().heldout_cycles);
             last.map_or(asked.clone(), |last| format!("{asked} --first-cycles {last}"))

@@ -13,6 +13,9 @@ pub struct Learned {
     pub fitted_cycles: Vec<u32>,
     /// The cycle that was scored, if there is one.
     pub heldout_cycles: Vec<u32>,
+    /// Whether functions were to rise or fall throughout.
+    #[serde(default)]
+    pub monotone: bool,
     /// The function; `None` where nothing was learnt, or a memory.
     pub function: Option<LearnedFunction>,
     /// The formula that says the same; `None` where none does.

@@ -138,6 +138,7 @@ mod tests {
             },
             fitted_cycles: vec![1, 2],
             heldout_cycles: vec![3],
+            monotone: false,
             function: Some(LearnedFunction {
                 state_unit: "m".into(),
                 visited: [0.0, 1.5e-3],
