@@ -6,13 +6,16 @@ use std::sync::LazyLock;
 use rayon::prelude::*;
 use vitreo_uq::critique::challenge::play::Sort;
 use vitreo_uq::critique::challenge::plays::{PlaysRequest, judged, run};
-use vitreo_uq::critique::challenge::{Bench, Hidden, NoiseKind, Order, OutsideKind, Protocol, files, full_order};
+use vitreo_uq::critique::challenge::{
+    Bench, Hidden, NoiseKind, Order, OutsideKind, Protocol, draw_pair, files, full_order, hideable,
+};
 use vitreo_uq::critique::diagnose::{DiagnosisRequest, diagnose};
 use vitreo_uq::critique::future::future_score;
 use vitreo_uq::critique::{Candidate, Fitted, Search, Subject};
 use vitreo_uq::documents::diagnosis::{
     BaseErrors, CandidateEntry, Diagnosis, Errors, Refit, Status, Verdict, VerdictKind,
 };
+use vitreo_uq::effects::Library;
 use vitreo_uq::error::Result;
 use vitreo_uq::experiment::Experiment;
 use vitreo_uq::inference::ensemble::RandomStream;
@@ -348,6 +351,22 @@ fn committed_challenges_are_rightly_diagnosed() {
     for play in plays.iter().filter(|play| matches!(play.sort, Sort::None | Sort::Single)) {
         assert!(play.is_right(), "{}: {}", play.label, play.said);
     }
+}
+
+/// A pair that no model can have is drawn anew: of 200 first draws some are such pairs, of the pairs none.
+#[test]
+fn pairs_that_are_drawn_can_stand_together() {
+    let library = Library::default();
+    let slugs = hideable(&library);
+    let changes_field = |slug: &String| library.get(slug).expect("an effect").changes_field();
+    let (mut drawn_anew, stream) = (0, |seed| RandomStream::new(seed, 0));
+    for seed in 0..200 {
+        let (a, b) = stream(seed).distinct_pair(slugs.len());
+        drawn_anew += usize::from(changes_field(&slugs[a]) && changes_field(&slugs[b]));
+        let pair = draw_pair(&library, &slugs, &mut stream(seed)).expect("a pair");
+        assert!(pair[0] != pair[1] && !pair.iter().all(changes_field), "{seed}: {pair:?}");
+    }
+    assert!(drawn_anew > 0, "the test has drawn no pair that is refused");
 }
 
 #[test]

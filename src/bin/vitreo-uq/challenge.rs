@@ -10,7 +10,7 @@ use clap::{ArgAction, Args, Subcommand, ValueEnum};
 use vitreo_uq::critique::challenge::files::{self, Opened};
 use vitreo_uq::critique::challenge::play::Sort;
 use vitreo_uq::critique::challenge::plays::{self, PlaysRequest};
-use vitreo_uq::critique::challenge::{Bench, Hidden, NoiseKind, Order, OutsideKind, Protocol, hideable};
+use vitreo_uq::critique::challenge::{Bench, Hidden, NoiseKind, Order, OutsideKind, Protocol, draw_pair, hideable};
 use vitreo_uq::documents::diagnosis::Diagnosis;
 use vitreo_uq::effects::Library;
 use vitreo_uq::error::{Error, Place, Result};
@@ -242,7 +242,8 @@ fn strength(text: Option<&str>, stream: &mut RandomStream) -> Result<Option<f64>
 
 fn hidden(arguments: &NewArguments, protocol: Protocol, stream: &mut RandomStream) -> Result<Hidden> {
     let suited: Vec<OutsideKind> = OutsideKind::DRAWN.into_iter().filter(|kind| kind.suits(protocol)).collect();
-    let slugs = hideable(&Library::default());
+    let library = Library::default();
+    let slugs = hideable(&library);
     if let Some(slug) = &arguments.effect {
         return Ok(Hidden::Effects(vec![slug.clone()]));
     }
@@ -266,9 +267,12 @@ fn hidden(arguments: &NewArguments, protocol: Protocol, stream: &mut RandomStrea
     if arguments.outside.is_some() || choice < 0.3 {
         return Ok(Hidden::Outside(suited[stream.below(suited.len())]));
     }
-    let (a, b) = stream.distinct_pair(slugs.len());
-    let chosen = if choice < 0.45 { vec![slugs[a].clone(), slugs[b].clone()] } else { vec![slugs[a].clone()] };
-    Ok(Hidden::Effects(chosen))
+    if choice < 0.45 {
+        return draw_pair(&library, &slugs, stream).map(|pair| Hidden::Effects(pair.to_vec()));
+    }
+    // The second word of a pair is drawn and left, so that seeds keep their meaning.
+    let (single, _) = stream.distinct_pair(slugs.len());
+    Ok(Hidden::Effects(vec![slugs[single].clone()]))
 }
 
 fn reveal(arguments: &RevealArguments) -> Result<ExitCode> {

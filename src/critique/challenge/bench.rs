@@ -14,11 +14,15 @@ use crate::effects::{AMPLITUDE, Effect, Field, Library};
 use crate::error::{Error, Place, Result};
 use crate::experiment::{Apparatus, Experiment};
 use crate::inference::ensemble::RandomStream;
-use crate::model::Compliance;
+use crate::model::{Compliance, Model};
+use crate::rheology::BaseLaw;
 use crate::study::ModelSpecification;
 use crate::workflow::Monitor;
 use crate::workflow::problem::Problem;
 use crate::workflow::replica::{TABLE_I, embedded};
+
+/// Pairs that are drawn at most until two effects can stand together.
+const MOST_PAIRS: usize = 1000;
 
 /// What to hide, in which experiment.
 #[derive(Debug, Clone, PartialEq)]
@@ -362,6 +366,22 @@ pub fn hideable(library: &Library) -> Vec<String> {
         None => !effect.changes_field(),
     };
     library.effects().iter().filter(shows).map(|effect| effect.slug().to_string()).collect()
+}
+
+/// Two effects that one model can have, drawn from some.
+///
+/// # Errors
+/// Whatever reading the reference experiment refuses; [`Error::Input`] where no two can stand together.
+pub fn draw_pair(library: &Library, slugs: &[String], stream: &mut RandomStream) -> Result<[String; 2]> {
+    let (replica, _) = embedded()?;
+    for _ in 0..MOST_PAIRS {
+        let (a, b) = stream.distinct_pair(slugs.len());
+        let effects = [a, b].iter().filter_map(|k| library.get(&slugs[*k])).collect();
+        if Model::new(BaseLaw::Lethersich, effects, replica.scales(), &Place::default()).is_ok() {
+            return Ok([slugs[a].clone(), slugs[b].clone()]);
+        }
+    }
+    Err(Error::input(Place::option("--pair"), "no two of these effects can stand together", "name other effects"))
 }
 
 fn not_beside() -> Error {
