@@ -29,7 +29,7 @@ impl<'a> OutsideForward<'a> {
 
     /// Before the observation, at every row.
     fn robot_m(&self, law: &[f64], load: &Load) -> Result<Vec<f64>> {
-        if *load == Stages::of_law(Vec::new()).load {
+        if load.is_commanded() {
             return self.outside.position_m(law, self.time_s, self.force);
         }
         let (times_s, acting_n, rows) = self.clock.acting(self.time_s, self.force, load);

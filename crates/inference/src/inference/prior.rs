@@ -67,10 +67,7 @@ impl PriorSet {
     /// # Errors
     /// [`Error::Input`] if no embedded prior has this name.
     pub fn named(name: &str) -> Result<Self> {
-        match EMBEDDED.iter().find(|(known, _)| *known == name) {
-            Some((known, text)) => Self::from_embedded(known, text, BASE_PARAMETERS, &[], &no_default),
-            None => Err(unknown_name(name)),
-        }
+        if Self::embedded_names().any(|known| known == name) { Self::read(name) } else { Err(unknown_name(name)) }
     }
 
     /// Priors of the base law from an embedded name or a file.
@@ -92,15 +89,8 @@ impl PriorSet {
         others: &[&str],
         default: &DefaultPrior<'_>,
     ) -> Result<Self> {
-        if let Some((name, text)) = EMBEDDED.iter().find(|(name, _)| *name == name_or_file) {
-            return Self::from_embedded(name, text, wanted, others, default);
-        }
-        let path = Path::new(name_or_file);
-        if !path.exists() {
-            return Err(unknown_name(name_or_file));
-        }
-        let bytes = files::read(path, Content::Settings, "give a readable prior file, or a prior's name")?;
-        let mut set = Self::from_text(path, &bytes, wanted, others, default)?;
+        let (file, text) = Self::text_named(name_or_file)?;
+        let mut set = Self::from_text(&file, text.as_bytes(), wanted, others, default)?;
         set.name = name_or_file.to_string();
         Ok(set)
     }
@@ -134,19 +124,6 @@ impl PriorSet {
         }
         let bytes = files::read(path, Content::Settings, "give a readable prior file, or a prior's name")?;
         Ok((path.to_path_buf(), text_of(path, &bytes)?.to_string()))
-    }
-
-    fn from_embedded(
-        name: &str,
-        text: &str,
-        wanted: &[ParameterSpec],
-        others: &[&str],
-        default: &DefaultPrior<'_>,
-    ) -> Result<Self> {
-        let file = PathBuf::from(format!("priors/{name}.toml"));
-        let mut set = Self::from_text(&file, text.as_bytes(), wanted, others, default)?;
-        set.name = name.to_string();
-        Ok(set)
     }
 
     /// Priors from TOML in memory; `file` is only named in errors.

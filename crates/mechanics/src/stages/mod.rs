@@ -131,6 +131,16 @@ pub struct Load {
     pub gradient_per_m: Dual,
 }
 
+impl Load {
+    /// Whether the force acts as it is commanded, and that does not change.
+    pub fn is_commanded(&self) -> bool {
+        let Self { delay_s, positive_factor, negative_factor, offset_n, lag_time_s, gradient_per_m } = self;
+        let is_null = |numbers: &[&Dual], null: f64| numbers.iter().all(|number| number.is_constant(null));
+        is_null(&[delay_s, offset_n, lag_time_s, gradient_per_m], 0.0)
+            && is_null(&[positive_factor, negative_factor], 1.0)
+    }
+}
+
 /// From the robot's to the recorded position: scale · x^{1/p} + b + v t + Σ A (1 − e^{−t/τ}), t from the record's start; where x < 0 an indenter (p ≠ 1) is at 0.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Observation {

@@ -147,13 +147,6 @@ impl Clock {
     }
 }
 
-/// Whether a load does nothing.
-pub(super) fn is_commanded(load: &Load) -> bool {
-    let Load { delay_s, positive_factor, negative_factor, offset_n, lag_time_s, gradient_per_m } = load;
-    let is_null = |numbers: &[&Dual], null: f64| numbers.iter().all(|number| number.is_constant(null));
-    is_null(&[delay_s, offset_n, lag_time_s, gradient_per_m], 0.0) && is_null(&[positive_factor, negative_factor], 1.0)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -6,7 +6,7 @@
 use rayon::prelude::*;
 
 use super::chart::{Surface, Trained};
-use super::clocked::{Clock, is_commanded};
+use super::clocked::Clock;
 use super::polynomial::Basis;
 use crate::error::{Error, Result};
 use crate::experiment::{Force, KeptForce};
@@ -91,8 +91,9 @@ impl OutsideSurface {
         };
         let mut asked: [Vec<Vec<f64>>; 2] = [Vec::new(), Vec::new()];
         let mut best: Option<(Basis, Surface)> = None;
-        let is_affordable = |degree: &usize| Basis::n_points(free.len(), *degree) <= OUTSIDE_MOST_POINTS;
-        let degrees = [&DEGREES[..1], &DEGREES[1..].iter().copied().filter(is_affordable).collect::<Vec<_>>()].concat();
+        let is_affordable =
+            |degree: &usize| *degree == DEGREES[0] || Basis::n_points(free.len(), *degree) <= OUTSIDE_MOST_POINTS;
+        let degrees: Vec<usize> = DEGREES.into_iter().filter(is_affordable).collect();
         let mut before: Option<(usize, f64)> = None;
         for &degree in &degrees {
             let Some(basis) = Basis::new(free.len(), degree, N_CHECKS) else { continue };
@@ -208,7 +209,7 @@ impl OutsideStepper {
             }
         }
         let one = N::constant(1.0);
-        if is_commanded(&stages.load) {
+        if stages.load.is_commanded() {
             return Ok(at_rows.excess_m(bases, &place, one, n_rows));
         }
         let [of_positive, of_negative, of_offset] = &by_load[..] else {
