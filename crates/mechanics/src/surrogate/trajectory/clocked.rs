@@ -154,7 +154,7 @@ mod tests {
     use crate::rheology::BaseLaw;
     use crate::stages::Stages;
 
-    /// Delay and lag of a linear law's trajectory on the clock, against the closed form of the delayed and lagging force: 1.2e-4, a quarter of what twice the step leaves. And the derivatives against differences.
+    /// Delay and lag of a linear law's trajectory on the clock, against the closed form of the delayed and lagging force: 1.2e-4, a quarter of what twice the step leaves, whether a delay ends on the clock's points or between. And the derivatives against differences.
     #[test]
     fn a_later_force_moves_later() {
         let time_s: Vec<f64> = (0..=160).map(|row| 0.25 * f64::from(row)).collect();
@@ -169,7 +169,9 @@ mod tests {
             let later = clock.later(x.clone(), delay_s.into(), lag_s.into());
             clock.rows.iter().map(|row| later[*row]).collect()
         };
-        for (delay_s, lag_s) in [(0.0, 0.0), (0.031, 0.0), (0.62, 0.0), (0.0, 0.02), (0.0, 0.5), (0.2, 0.1)] {
+        for (delay_s, lag_s) in
+            [(0.0, 0.0), (0.031, 0.0), (0.62, 0.0), (0.0, 0.02), (0.0, 0.5), (0.2, 0.1), (0.19, 0.1)]
+        {
             (stages.load.delay_s, stages.load.lag_time_s) = (delay_s.into(), lag_s.into());
             let exact = Response::new(&time_s, force, time_s.len()).trajectory_m(&stages, 549.0).expect("a trajectory");
             let worst = exact.iter().zip(found(delay_s, lag_s)).fold(0.0_f64, |w, (a, b)| w.max((a - b).abs()));
