@@ -71,7 +71,9 @@ pub fn formulas(state: State, [low, high]: [f64; 2]) -> Vec<Written> {
         let bump = format!("exp(-(({x} - limit)/width)^2)");
         add(format!("exp(gain*{bump})"), vec![gain(), between("limit"), length("width", 0.2 * size, 1.0)]);
     }
-    add(format!("1 + curvature*{s}^2"), vec![free("curvature", &square, 1.0 / (size * size))]);
+    for text in [format!("1 + curvature*{s}^2"), format!("exp(curvature*{s}^2)")] {
+        add(text, vec![free("curvature", &square, 1.0 / (size * size))]);
+    }
     add(format!("exp(rate*{s} + bend*{s}^2)"), vec![rate(), free("bend", &square, 1.0 / (size * size))]);
     add(format!("(1 + {of_size}/scale)^power"), vec![free("power", "1", 1.0), length("scale", 0.1 * size, 1.5)]);
     if state.has_sign() {

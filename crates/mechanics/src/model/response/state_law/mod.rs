@@ -9,7 +9,7 @@ mod balance;
 mod modes;
 
 use self::balance::{Nodes, Source, no_element, source};
-use self::modes::{Modes, Step, slopes};
+use self::modes::{Modes, Step, next, slopes};
 use super::Response;
 use super::collocation::{END, N_NODES, NODES};
 use super::numbers::Real;
@@ -24,6 +24,8 @@ use crate::stages::{Operation, Quantity, Stages, State, StateLaw};
 const WITHIN_ROWS: f64 = 0.04;
 /// By how much a quantity is taken to change over the range of what moves it, for the lengths of steps.
 const STRENGTH: f64 = 0.1;
+/// Longest step over the one before into which that one's polynomial is drawn on.
+const MOST_AHEAD: f64 = 2.5;
 /// Times nearer than this share of themselves are the same.
 const CLOCK_ROUNDING: f64 = 1e-12;
 
@@ -38,8 +40,8 @@ struct Carried<T> {
     deficit_n: T,
     growth: T,
     feedback_n: T,
-    /// Derivative of R by time, where the next step's R is looked for.
-    feedback_slope: T,
+    /// R at the last step's begin and nodes, and the step's length: where the next step's R is looked for. `None` after a jump.
+    before: Option<([T; N_NODES + 1], f64)>,
     position_m: T,
     path_m: T,
     largest_m: T,
@@ -61,6 +63,8 @@ struct Run<'a, T> {
     largest_n: f64,
     /// Derivatives at the nodes of the polynomial through the step's begin and the nodes.
     slopes: [[f64; N_NODES + 1]; N_NODES],
+    /// What the values there weigh at the nodes of a next step as long as this one.
+    next: [[f64; N_NODES + 1]; N_NODES],
 }
 
 /// What the stages' state law adds to the linear law's position at every row, in m.
@@ -113,6 +117,7 @@ pub(super) fn excess_m<T: Real>(
         steps_s: steps.iter().map(|&row| delay_s + T::constant(response.time_s[row] - start_s)).collect(),
         largest_n: record.largest_n.max(stages.load.offset_n.value.abs()).max(f64::MIN_POSITIVE),
         slopes: slopes(),
+        next: next(1.0),
     };
     let steps: Vec<Step<T>> =
         schedule.length_s.iter().map(|&length_s| Step::new(&run.modes, &system, length_s, run.rises)).collect();
@@ -140,7 +145,7 @@ impl<T: Real> Run<'_, T> {
             deficit_n: zero,
             growth: T::constant(1.0),
             feedback_n: zero,
-            feedback_slope: zero,
+            before: None,
             position_m: zero,
             path_m: zero,
             largest_m: zero,
@@ -163,7 +168,7 @@ impl<T: Real> Run<'_, T> {
             }
             now.level_n = level_n;
             if (now.level_n + now.deficit_n).value() != before_n.value() {
-                now.feedback_slope = zero;
+                now.before = None;
                 self.jump(&mut now)?;
             }
             for step in 0..piece.n_steps() {
@@ -250,6 +255,23 @@ impl<T: Real> Run<'_, T> {
         }
     }
 
+    /// R at the nodes of a step if it goes on as in the step before: by the polynomial through that, or by its tangent where they part, as after a kink.
+    fn ahead(&self, now: &Carried<T>, length_s: f64) -> [T; N_NODES] {
+        let Some((at, before_s)) = &now.before else { return [now.feedback_n; N_NODES] };
+        let (ratio, zero) = (length_s / before_s, T::constant(0.0));
+        let sum = |weights: &[f64; N_NODES + 1]| at.iter().zip(weights).fold(zero, |sum, (r, weight)| sum + *r * *weight);
+        let slope = sum(&self.slopes[END]);
+        let tangent = NODES.map(|part| now.feedback_n + slope * (ratio * part));
+        if ratio > MOST_AHEAD {
+            return tangent;
+        }
+        let polynomial =
+            if ratio == 1.0 { self.next.map(|weights| sum(&weights)) } else { next(ratio).map(|weights| sum(&weights)) };
+        let changed = (now.feedback_n - at[0]).value().abs();
+        let parts = (polynomial[END] - tangent[END]).value().abs() > changed;
+        if parts { tangent } else { polynomial }
+    }
+
     fn advance(&self, step: &Step<T>, now: &mut Carried<T>) -> Result<()> {
         let zero = T::constant(0.0);
         let [whole, own] = self.modes.instantaneous;
@@ -292,9 +314,11 @@ impl<T: Real> Run<'_, T> {
         let growth = step.growth.map(|growth| now.growth * growth);
         let time_s = NODES.map(|part| now.now_s + step.length_s * part);
         let nodes = Nodes { force_n, growth, time_s, known, by_feedback };
-        let guess = NODES.map(|part| now.feedback_n + now.feedback_slope * step.length_s * part);
+        let guess = self.ahead(now, step.length_s.value());
         let (feedback, position_m, velocity) = self.balance(&nodes, now, Some(step.length_s), guess)?;
-        now.feedback_slope = self.slope_at(END, now.feedback_n, &feedback, step.length_s);
+        let mut at = [now.feedback_n; N_NODES + 1];
+        at[1..].copy_from_slice(&feedback);
+        now.before = Some((at, step.length_s.value()));
         for (place, (step, y)) in step.real.iter().zip(&mut now.by_force.0).enumerate() {
             let mut next = step.whole.gain * now.level_n + step.whole.lag_gain * now.deficit_n;
             if self.rises {

@@ -97,10 +97,25 @@ impl<T: Real> Step<T> {
     }
 }
 
-/// Derivatives at the nodes of the polynomial through the begin of a step of length 1 and its nodes, by the values there.
-pub fn slopes() -> [[f64; N_NODES + 1]; N_NODES] {
+/// What the values at a step's begin and nodes weigh in the polynomial through them, drawn on to the nodes of the next step, which is so many times as long.
+pub fn next(ratio: f64) -> [[f64; N_NODES + 1]; N_NODES] {
+    let places = places();
+    let weight = |x: f64, j: usize| -> f64 {
+        (0..=N_NODES).filter(|m| *m != j).map(|m| (x - places[m]) / (places[j] - places[m])).product()
+    };
+    NODES.map(|part| std::array::from_fn(|j| weight(1.0 + ratio * part, j)))
+}
+
+/// The begin of a step of length 1 and its nodes.
+fn places() -> [f64; N_NODES + 1] {
     let mut places = [0.0; N_NODES + 1];
     places[1..].copy_from_slice(&NODES);
+    places
+}
+
+/// Derivatives at the nodes of the polynomial through the begin of a step of length 1 and its nodes, by the values there.
+pub fn slopes() -> [[f64; N_NODES + 1]; N_NODES] {
+    let places = places();
     // ℓⱼ'(x) = Σ_k 1/(xⱼ − x_k) Π_{m≠j,k} (x − x_m)/(xⱼ − x_m).
     let slope = |j: usize, x: f64| -> f64 {
         let others = |k: usize| (0..=N_NODES).filter(move |m| *m != j && *m != k);
