@@ -211,7 +211,10 @@ mod tests {
                     let g = each.fold(Dual::ZERO, |sum, (weight, function)| sum + *weight * function);
                     let found = smooth.sum_of_cosines(state, &weights);
                     assert!((found.value - g.value).abs() < 1e-12, "{n_weights} {state:?}: {found:?} {g:?}");
-                    assert!((found.derivative - g.derivative).abs() < 1e-12 * 1e6, "{n_weights} {state:?}: {found:?} {g:?}");
+                    assert!(
+                        (found.derivative - g.derivative).abs() < 1e-12 * 1e6,
+                        "{n_weights} {state:?}: {found:?} {g:?}"
+                    );
                 }
             }
         }

@@ -259,14 +259,18 @@ impl<T: Real> Run<'_, T> {
     fn ahead(&self, now: &Carried<T>, length_s: f64) -> [T; N_NODES] {
         let Some((at, before_s)) = &now.before else { return [now.feedback_n; N_NODES] };
         let (ratio, zero) = (length_s / before_s, T::constant(0.0));
-        let sum = |weights: &[f64; N_NODES + 1]| at.iter().zip(weights).fold(zero, |sum, (r, weight)| sum + *r * *weight);
+        let sum =
+            |weights: &[f64; N_NODES + 1]| at.iter().zip(weights).fold(zero, |sum, (r, weight)| sum + *r * *weight);
         let slope = sum(&self.slopes[END]);
         let tangent = NODES.map(|part| now.feedback_n + slope * (ratio * part));
         if ratio > MOST_AHEAD {
             return tangent;
         }
-        let polynomial =
-            if ratio == 1.0 { self.next.map(|weights| sum(&weights)) } else { next(ratio).map(|weights| sum(&weights)) };
+        let polynomial = if ratio == 1.0 {
+            self.next.map(|weights| sum(&weights))
+        } else {
+            next(ratio).map(|weights| sum(&weights))
+        };
         let changed = (now.feedback_n - at[0]).value().abs();
         let parts = (polynomial[END] - tangent[END]).value().abs() > changed;
         if parts { tangent } else { polynomial }
