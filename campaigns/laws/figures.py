@@ -46,7 +46,9 @@ def held(document, truth):
     if function is None or (verdict["quantity"], verdict["state"]) != (truth["quantity"], truth["state"]):
         return None
     low, high = function["visited"]
-    seen = [(state, factor) for state, factor in truth["factors"] if low <= state <= high]
+    # A record's file has ten digits, the truth has more: the two ends of what was visited are ends in both.
+    rounding = 1e-9 * max(abs(low), abs(high))
+    seen = [(min(max(state, low), high), factor) for state, factor in truth["factors"] if low - rounding <= state <= high + rounding]
     at_reference = nearest(truth["factors"], function["reference_state"])
     if not seen or at_reference is None:
         return None
