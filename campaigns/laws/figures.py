@@ -68,15 +68,17 @@ def held(document, truth):
 
 
 def preferred(raw):
-    """Of records with one effect of the library hidden: what was learnt, with whether the library's effect, or one that the experiment cannot tell from it, is preferred."""
-    told = []
+    """Of records with one effect of the library hidden and something learnt: whether the library's effect, or one that the experiment cannot tell from it, is preferred; and how many such records there are."""
+    told, hides = [], []
     for path in sorted(raw.glob("library-*.answer.json")):
         document = json.loads(path.with_name(path.name.replace(".answer", "")).read_text(encoding="utf-8"))
         truth = json.loads(path.read_text(encoding="utf-8"))["truth"]
-        if is_learned(document):
+        hides.append(bool(truth["effects"]))
+        # `challenge new` also draws records with nothing hidden, and with effects that the library has not.
+        if is_learned(document) and truth["effects"]:
             same = {own["slug"] for own in truth["effects"]} | set(truth["ideal_class"])
             told.append(bool(same & set(document["verdict"]["library"])))
-    return told
+    return told, sum(hides)
 
 
 def figures(raw):
@@ -87,7 +89,7 @@ def figures(raw):
     formulas = [own[2] for own in (held(*own) for own in strong) if own is not None and own[2] is not None]
     learned = [(document, truth) for document, truth in hidden if is_learned(document)]
     returning = [own for own in learned if own[1]["state"] not in ("path", "time")]
-    told = preferred(raw)
+    told, hiding = preferred(raw)
 
     def over_noise(document, truth, which):
         errors = document[which]
@@ -110,7 +112,7 @@ def figures(raw):
             sum(over_noise(*own, "with_formula" if own[0]["with_formula"] else "learned") for own in returning), len(returning)
         ),
         "library effect hidden and something learnt: that effect preferred": of(sum(told), len(told)),
-        "library effects hidden": f"{len(list(raw.glob('library-*.answer.json'))):,}",
+        "library effects hidden": f"{hiding:,}",
         "anything learnt where nothing is hidden": of(sum(is_learned(document) for document, _ in none), len(none)),
     }, {
         f"{truth['quantity']} by {truth['state']}, {truth['shape']}, {truth['noise']}, {truth['signal_sigma']:.0f} σ": document["verdict"]["sentence"]

@@ -8,6 +8,7 @@ use super::pairs::Kind;
 use super::search::{EQUAL_NATS, Found, fitted_base};
 use super::words::{rises, words};
 use crate::critique::Subject;
+use crate::critique::leftover::misfit;
 use crate::critique::refit::Refitted;
 use crate::documents::learned::{EquivalentPair, Learned, LearnedKind, LearnedPair, LearnedVerdict, Retardation};
 use crate::error::Result;
@@ -51,7 +52,7 @@ pub fn learn(subject: &Subject, request: &Request, monitor: &dyn Monitor) -> Res
     let p = found.p(gain, request, monitor)?;
     let chosen = match found.chosen(p) {
         Ok(chosen) => chosen,
-        Err(why) => return Ok(found.nothing(p, &why)),
+        Err(why) => return found.nothing(p, &why),
     };
     monitor.stage("comparing with the library");
     let preferred = found.preferred(chosen, monitor);
@@ -115,10 +116,13 @@ impl Found {
         }
     }
 
-    fn nothing(&self, p: f64, why: &str) -> Outcome {
-        let sentence = format!(
+    fn nothing(&self, p: f64, why: &str) -> Result<Outcome> {
+        let mut sentence = format!(
             "Nothing was learnt: no quantity that depends on a state explains more than the model does ({why})."
         );
+        if misfit(&self.subject, &self.base, &[])?.is_too_large() {
+            sentence += " The model still leaves more than noise: `vitreo-uq diagnose` tells whether an effect of the library explains it.";
+        }
         let verdict = LearnedVerdict {
             kind: LearnedKind::Nothing,
             quantity: String::new(),
@@ -127,7 +131,7 @@ impl Found {
             library: Vec::new(),
             sentence,
         };
-        Outcome { learned: self.document(p, verdict), file: None }
+        Ok(Outcome { learned: self.document(p, verdict), file: None })
     }
 
     fn learned(
