@@ -240,7 +240,8 @@ impl<'a> CreepResiduals<'a> {
     fn model_parameters(&self, theta: &[f64]) -> Vec<f64> {
         let mut parameters = self.template.clone();
         for (&(j, coordinate), theta) in self.free.iter().zip(theta) {
-            parameters[j] = coordinate.value(*theta);
+            // Rounding may leave a bound's logarithm a little beyond the bound.
+            parameters[j] = coordinate.value(*theta).max(self.ranges[j].lower).min(self.ranges[j].upper);
         }
         parameters
     }
@@ -267,10 +268,12 @@ impl<'a> CreepResiduals<'a> {
         if let Ok(column) = self.forward.derivative_m(parameters, j) {
             return Some(column.iter().map(|x| slope * x).collect());
         }
+        let is_at_upper_end = !self.ranges[j].contains(parameters[j] + FINITE_STEP * slope);
+        let step = if is_at_upper_end { -FINITE_STEP } else { FINITE_STEP };
         let mut stepped = parameters.to_vec();
-        stepped[j] += FINITE_STEP * slope;
+        stepped[j] += step * slope;
         let (here, there) = (self.forward.trajectory_m(parameters).ok()?, self.forward.trajectory_m(&stepped).ok()?);
-        Some(here.iter().zip(&there).map(|(a, b)| (b - a) / FINITE_STEP).collect())
+        Some(here.iter().zip(&there).map(|(a, b)| (b - a) / step).collect())
     }
 
     /// Fits from every start; a start at which the model cannot be evaluated is left out unless there is no other.
@@ -294,9 +297,6 @@ impl<'a> CreepResiduals<'a> {
 impl Residuals for CreepResiduals<'_> {
     fn residuals(&self, theta: &[f64]) -> Option<DVector<f64>> {
         let parameters = self.model_parameters(theta);
-        if self.free.iter().any(|&(j, _)| !self.ranges[j].contains(parameters[j])) {
-            return None;
-        }
         let position_m = self.forward.trajectory_m(&parameters).ok()?;
         Some(DVector::from_iterator(self.observed.len(), self.observed.iter().map(|&(row, y)| position_m[row] - y)))
     }
@@ -306,6 +306,11 @@ impl Residuals for CreepResiduals<'_> {
         let columns: Option<Vec<Vec<f64>>> = self.free.iter().map(|&free| self.column_m(&parameters, free)).collect();
         let columns = columns?;
         Some(DMatrix::from_fn(self.observed.len(), self.free.len(), |i, k| columns[k][self.observed[i].0]))
+    }
+
+    fn bounds(&self, coordinate: usize) -> (f64, f64) {
+        let (j, coordinate) = self.free[coordinate];
+        (coordinate.theta(self.ranges[j].lower), coordinate.theta(self.ranges[j].upper))
     }
 }
 

@@ -171,6 +171,18 @@ fn effects_that_are_not_there_are_estimated_at_their_null() {
     }
 }
 
+/// The replica has one retarded body. The time of a second one drifts to an end of its range, and a search that stopped there would leave the other parameters where they were: one start of 16
+/// found the minimum along that end, where nine do.
+#[test]
+fn a_parameter_at_the_end_of_its_range_does_not_stop_the_others() {
+    let base = problem(embedded().unwrap().0, &[]);
+    let effects = vec!["second-retardation".into()];
+    let specification = ModelSpecification { effects, ..base.specification.clone() };
+    let with = base.with_model(specification, &crate::effects::Library::default()).unwrap();
+    let found = run(&with, None, &Silent).unwrap().summary;
+    assert!(found.starts == 16 && found.starts_agreeing >= 6, "{found:?}");
+}
+
 /// A lag of 50 ms in closed-form data (F = L (1 − e^{−t/τ}) is a second mode): found within five standard errors, one failure in 10⁶.
 #[test]
 fn an_effect_that_is_there_is_found() {

@@ -6,7 +6,7 @@ use std::time::Instant;
 use vitreo_uq::critique::diagnose::{DiagnosisRequest, diagnose};
 use vitreo_uq::critique::fingerprints::fingerprints;
 use vitreo_uq::critique::search::Bars;
-use vitreo_uq::documents::diagnosis::{CandidateEntry, Diagnosis, Status, VerdictKind};
+use vitreo_uq::documents::diagnosis::{CandidateEntry, Diagnosis, Status, VerdictKind, by_reason};
 use vitreo_uq::error::{Error, Place, Result};
 use vitreo_uq::files::write_json_atomically;
 use vitreo_uq::learn::first_look;
@@ -97,8 +97,12 @@ fn words(diagnosis: &Diagnosis, revision: &str) -> String {
     ];
     let mut candidates: Vec<&CandidateEntry> = diagnosis.candidates.iter().collect();
     candidates.sort_by(|a, b| gain(b).total_cmp(&gain(a)));
-    lines.extend(candidates.iter().map(|candidate| row(diagnosis, candidate)));
+    let (refused, tried): (Vec<&CandidateEntry>, Vec<&CandidateEntry>) =
+        candidates.into_iter().partition(|own| own.refused.is_some());
+    lines.extend(tried.iter().map(|candidate| row(diagnosis, candidate)));
     lines.push("  (gains in nats over the model without the effect; p for the whole search)".into());
+    let reasons = by_reason(refused.iter().filter_map(|own| Some((own.effect.as_str(), own.refused.as_deref()?))));
+    lines.extend(reasons.iter().map(|(reason, effects)| format!("  not here: {}: {reason}", effects.join(", "))));
     if let Some(pair) = diagnosis.pairs.first() {
         lines.push(format!("  best pair: {} with {:.1} nats", pair.effects.join(" + "), pair.gain_nats));
     }
@@ -158,11 +162,7 @@ fn gain(candidate: &CandidateEntry) -> f64 {
 fn row(diagnosis: &Diagnosis, candidate: &CandidateEntry) -> String {
     let number = |value: Option<f64>| value.map_or("–".into(), |value| format!("{value:.1}"));
     let refit = candidate.refit.as_ref();
-    let standing = match (candidate.status, &candidate.refused) {
-        (_, Some(reason)) => format!("not here: {reason}"),
-        (Status::Claimed, _) => "CLAIMED".into(),
-        _ => diagnosis.standing(candidate).into(),
-    };
+    let standing = if candidate.status == Status::Claimed { "CLAIMED" } else { diagnosis.standing(candidate) };
     let ln_bayes = match refit.and_then(|refit| refit.log_bayes_factor_at_most) {
         Some(bound) => format!("< {bound:.0}"),
         None => number(refit.and_then(|refit| refit.log_bayes_factor)),

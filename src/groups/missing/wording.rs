@@ -1,7 +1,7 @@
 //! What a cohort's diagnosis says, in words.
 
 use crate::documents::cohort::{CohortContrast, CohortEffect, CohortGroup, CohortSpecimen, SidesName};
-use crate::documents::diagnosis::{Status, VerdictKind};
+use crate::documents::diagnosis::{Status, VerdictKind, by_reason};
 use crate::documents::groups::RatioVerdict;
 use crate::report::labels::of_parameter;
 use crate::report::number::significant;
@@ -133,11 +133,10 @@ pub fn contrast(own: &CohortContrast, [a, b]: [&CohortGroup; 2], margin: f64) ->
 /// What a reader should know.
 pub fn remarks(effects: &[CohortEffect], specimens: &[CohortSpecimen], kind: VerdictKind) -> Vec<String> {
     let mut remarks = Vec::new();
-    let not: Vec<&str> = effects.iter().filter(|own| own.refused.is_some()).map(|own| own.effect.as_str()).collect();
-    if !not.is_empty() {
-        let why = effects.iter().find_map(|own| own.refused.as_deref()).unwrap_or("");
-        remarks.push(format!("{} cannot be looked for in any record ({why})", listed(&not)));
-    }
+    let refused = effects.iter().filter_map(|own| Some((own.effect.as_str(), own.refused.as_deref()?)));
+    let not =
+        |(why, effects): (&str, Vec<&str>)| format!("{} cannot be looked for in any record ({why})", listed(&effects));
+    remarks.extend(by_reason(refused).into_iter().map(not));
     let left = too_much(specimens);
     if !left.is_empty() && kind == VerdictKind::Missing {
         remarks.push(format!(

@@ -61,6 +61,18 @@ impl Diagnosis {
     }
 }
 
+/// Effects that cannot be looked for, each reason once, in the order in which reasons come.
+pub fn by_reason<'a>(refused: impl Iterator<Item = (&'a str, &'a str)>) -> Vec<(&'a str, Vec<&'a str>)> {
+    let mut reasons: Vec<(&str, Vec<&str>)> = Vec::new();
+    for (effect, reason) in refused {
+        match reasons.iter_mut().find(|(own, _)| *own == reason) {
+            Some((_, effects)) => effects.push(effect),
+            None => reasons.push((reason, vec![effect])),
+        }
+    }
+    reasons
+}
+
 /// The conclusion.
 #[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct Verdict {

@@ -3,6 +3,9 @@
 //! Minimises S(θ) = Σ rᵢ(θ)². Each iteration solves (JᵀJ + λ diag JᵀJ) δ = −Jᵀr (Marquardt 1963, doi:10.1137/0111030), with the gain-ratio
 //! control of λ by Nielsen (1999). Ends when an accepted step changes S by less than 10⁻⁹ of it and no
 //! coordinate by more than 10⁻⁶ (the paper's tolerances).
+//!
+//! Where coordinates have bounds, steps are projected onto them (Kanzow, Yamashita & Fukushima 2004, doi:10.1016/j.cam.2004.02.013): a coordinate at its bound that S would push
+//! farther stays there while the others go on.
 
 use crate::{Error, Result};
 use nalgebra::{DMatrix, DVector};
@@ -31,6 +34,11 @@ pub trait Residuals {
 
     /// ∂rᵢ/∂θⱼ (one row a residual); `None` to have central differences taken.
     fn jacobian(&self, theta: &[f64]) -> Option<DMatrix<f64>>;
+
+    /// Bounds of a coordinate, both of which may be reached; none unless it is said.
+    fn bounds(&self, _coordinate: usize) -> (f64, f64) {
+        (f64::NEG_INFINITY, f64::INFINITY)
+    }
 }
 
 /// A least-squares estimate.
@@ -57,7 +65,8 @@ pub struct Fit {
 /// # Errors
 /// [`Error::Numerical`] when the residuals or their derivatives at the start are not finite, or there are none.
 pub fn fit(problem: &dyn Residuals, start: &[f64], tolerances: &Tolerances) -> Result<Fit> {
-    let mut point = Point::at(problem, start.to_vec()).ok_or_else(|| {
+    let bounds: Vec<(f64, f64)> = (0..start.len()).map(|j| problem.bounds(j)).collect();
+    let mut point = Point::at(problem, within(&bounds, start.to_vec())).ok_or_else(|| {
         Error::numerical(
             format!("the residuals cannot be computed at the start {start:?}"),
             "start from parameters at which the model can be evaluated",
@@ -68,13 +77,14 @@ pub fn fit(problem: &dyn Residuals, start: &[f64], tolerances: &Tolerances) -> R
     let mut converged = false;
     while !converged && iterations < tolerances.max_iterations {
         iterations += 1;
-        let Some(step) = point.step(damping.lambda) else {
+        let Some(step) = point.step(damping.lambda, &bounds) else {
             if !damping.refuse() {
                 break;
             }
             continue;
         };
-        let theta: Vec<f64> = point.theta.iter().zip(step.iter()).map(|(t, s)| t + s).collect();
+        let theta = within(&bounds, point.theta.iter().zip(step.iter()).map(|(t, s)| t + s).collect());
+        let step = DVector::from_iterator(theta.len(), theta.iter().zip(&point.theta).map(|(new, old)| new - old));
         let small = step.iter().zip(&point.theta).all(|(s, t)| s.abs() <= tolerances.parameters * (1.0 + t.abs()));
         let promised = point.promised(&step);
         // At the limit of rounding no step lowers S any more: a promise that small ends the search, too.
@@ -94,6 +104,14 @@ pub fn fit(problem: &dyn Residuals, start: &[f64], tolerances: &Tolerances) -> R
         }
     }
     Ok(point.finish(iterations, converged))
+}
+
+/// Every coordinate that is beyond a bound goes to it.
+fn within(bounds: &[(f64, f64)], mut theta: Vec<f64>) -> Vec<f64> {
+    for (t, (lower, upper)) in theta.iter_mut().zip(bounds) {
+        *t = t.max(*lower).min(*upper);
+    }
+    theta
 }
 
 /// Damping λ by Nielsen's rule.
@@ -147,12 +165,25 @@ impl Point {
         Some(Self { theta, residuals, normal, jacobian, objective })
     }
 
+    /// Coordinates at a bound beyond which S would fall.
+    fn held(&self, bounds: &[(f64, f64)]) -> Vec<usize> {
+        let downhill = -self.jacobian.tr_mul(&self.residuals);
+        let is_held = |&j: &usize| {
+            let (lower, upper) = bounds[j];
+            (self.theta[j] <= lower && downhill[j] < 0.0) || (self.theta[j] >= upper && downhill[j] > 0.0)
+        };
+        (0..self.theta.len()).filter(is_held).collect()
+    }
+
     /// Solves with the QR factors of J stacked on √(λ diag JᵀJ), which squares no condition number.
-    fn step(&self, lambda: f64) -> Option<DVector<f64>> {
+    fn step(&self, lambda: f64, bounds: &[(f64, f64)]) -> Option<DVector<f64>> {
         let (n, p) = self.jacobian.shape();
         let largest = (0..p).map(|j| self.normal[(j, j)]).fold(0.0, f64::max);
         let mut stacked = DMatrix::zeros(n + p, p);
         stacked.rows_mut(0, n).copy_from(&self.jacobian);
+        for j in self.held(bounds) {
+            stacked.column_mut(j).fill(0.0);
+        }
         for j in 0..p {
             // A parameter without influence still gets damping: it stays where it is.
             stacked[(n + j, j)] = (lambda * self.normal[(j, j)].max(1e-12 * largest)).sqrt();
@@ -299,6 +330,48 @@ mod tests {
         let found = fit(&Model { data, f }, &[0.0, 0.0, 0.0], &Tolerances::default()).unwrap();
         assert!(found.converged);
         assert!(found.theta.iter().zip(truth).all(|(a, b)| (a - b).abs() < 1e-6), "{:?}", found.theta);
+    }
+
+    /// The sum of two exponentials from a start whose first steps lead beyond the bound of a rate: the search goes along the bound and comes back from it to the truth; where the truth is beyond
+    /// the bound, it ends on it, at the best of all others there.
+    #[test]
+    fn bounds_do_not_stop_the_other_coordinates() {
+        struct Bounded<F>(Model<F>, Vec<(f64, f64)>);
+        impl<F: Fn(f64, &[f64]) -> f64> Residuals for Bounded<F> {
+            fn residuals(&self, theta: &[f64]) -> Option<DVector<f64>> {
+                let is_within = theta.iter().zip(&self.1).all(|(t, (lower, upper))| t >= lower && t <= upper);
+                assert!(is_within, "{theta:?} is beyond its bounds");
+                self.0.residuals(theta)
+            }
+            fn jacobian(&self, theta: &[f64]) -> Option<DMatrix<f64>> {
+                let step = 1e-6;
+                let change = |j: usize| {
+                    let shifted = |by: f64| {
+                        theta.iter().enumerate().map(|(i, t)| if i == j { t + by } else { *t }).collect::<Vec<_>>()
+                    };
+                    (self.0.residuals(&shifted(step)).unwrap() - self.0.residuals(&shifted(-step)).unwrap())
+                        / (2.0 * step)
+                };
+                Some(DMatrix::from_columns(&(0..theta.len()).map(change).collect::<Vec<_>>()))
+            }
+            fn bounds(&self, coordinate: usize) -> (f64, f64) {
+                self.1[coordinate]
+            }
+        }
+        let f = |x: f64, t: &[f64]| t[0] * (-t[1].exp() * x).exp() + t[2];
+        let truth = [2.0, 0.5_f64, 0.3];
+        let data: Vec<(f64, f64)> = (0..50).map(|i| 0.1 * f64::from(i)).map(|x| (x, f(x, &truth))).collect();
+        let none = (f64::NEG_INFINITY, f64::INFINITY);
+        let start = [-1.0, -1.9, 4.0];
+        let wide = Bounded(Model { data: data.clone(), f }, vec![none, (-2.0, 2.0), (-5.0, 5.0)]);
+        let found = fit(&wide, &start, &Tolerances::default()).unwrap();
+        assert!(found.converged && found.theta.iter().zip(truth).all(|(a, b)| (a - b).abs() < 1e-6), "{found:?}");
+        let narrow = Bounded(Model { data: data.clone(), f }, vec![none, (-2.0, 0.2), (-5.0, 5.0)]);
+        let found = fit(&narrow, &start, &Tolerances::default()).unwrap();
+        let given = Model { data, f: |x: f64, t: &[f64]| f(x, &[t[0], 0.2, t[1]]) };
+        let best = fit(&given, &[1.0, 0.0], &Tolerances::default()).unwrap();
+        assert!(found.converged && found.theta[1] == 0.2, "{found:?}");
+        assert!((found.objective / best.objective - 1.0).abs() < 1e-6, "{} {}", found.objective, best.objective);
     }
 
     #[test]
