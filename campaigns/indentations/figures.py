@@ -12,8 +12,11 @@ def figures(raw):
     each = documents(raw)
     found, counts = {}, {}
     for label, document in each.items():
-        heldout = document["heldout"]
-        found[f"{label}: fitted"] = nm(heldout["rmse_fitted_um"])
-        found[f"{label}: last second"] = nm(heldout["rmse_um"])
-        counts[label] = {own["name"]: own["median"] for own in document["parameters"]} | {"converged": document["converged"]}
+        # A posterior's document, or that of a fit.
+        heldout = document.get("heldout")
+        fitted, last = (heldout["rmse_fitted_um"], heldout["rmse_um"]) if heldout else (document["rmse_um"], document["rmse_heldout_um"])
+        found[f"{label}: fitted"] = nm(fitted)
+        found[f"{label}: last second"] = nm(last)
+        values = {own["name"]: own["median"] if heldout else own["value"] for own in document["parameters"]}
+        counts[label] = values | {"converged": document["converged"]}
     return found, counts

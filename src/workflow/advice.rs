@@ -5,6 +5,7 @@ pub use super::misfit::NOISE_FACTOR;
 use crate::documents::posterior::{ModelSummary, PosteriorSummary, Warning, WarningKind};
 use crate::effects::Library;
 use crate::experiment::{Apparatus, Experiment};
+use crate::report::number::significant;
 
 /// Learnt noise so many times below the known one is not the tracker's.
 const LOW_NOISE_FACTOR: f64 = 3.0;
@@ -118,7 +119,9 @@ pub fn misfit_warning(misfits_um: &[(&str, Option<f64>)], noise_um: f64) -> Opti
 /// What is said of cycles that are missed by so much (µm); `None` where none is.
 fn missed(misses_um: &[(&str, f64)], noise_um: f64) -> Option<Warning> {
     let miss = |(which, rmse): &(&str, f64)| {
-        format!("the {which} cycles by {rmse:.3} µm ({:.1} × the noise of {noise_um:.3} µm)", rmse / noise_um)
+        let over_noise = rmse / noise_um;
+        let [rmse_um, noise_um] = [*rmse, noise_um].map(|um| significant(um, 3));
+        format!("the {which} cycles by {rmse_um} µm ({over_noise:.1} × the noise of {noise_um} µm)")
     };
     let misses: Vec<String> = misses_um.iter().map(miss).collect();
     (!misses.is_empty()).then(|| Warning {
@@ -149,8 +152,10 @@ pub fn surrogate_warning(
     is_inaccurate.then(|| Warning {
         kind: WarningKind::SurrogateInaccurate,
         text: format!(
-            "the reduced model differs from {} by up to {distance_um:.3} µm (noise {noise_um:.3} µm{weights})",
-            model.full_model()
+            "the reduced model differs from {} by up to {} µm (noise {} µm{weights})",
+            model.full_model(),
+            significant(distance_um, 3),
+            significant(noise_um, 3)
         ),
         advice: advice.into(),
     })
@@ -181,7 +186,7 @@ fn misfit(summary: &PosteriorSummary, left: &Misfit, add: &mut impl FnMut(Warnin
     let misses: Vec<(&str, f64)> = too_large.map(|(which, size)| (which, 1e6 * size.rms_m)).collect();
     if let Some(mut warning) = missed(&misses, noise) {
         if let Some(returning_m) = left.returning_m {
-            warning.text += &format!(", and {:.3} µm of it come again in every cycle", 1e6 * returning_m);
+            warning.text += &format!(", and {} µm of it come again in every cycle", significant(1e6 * returning_m, 3));
         }
         // Where the noise is as it should be, and not of another kind in each cycle, only the parameters' spread is left to cover a misfit.
         let is_small = !is_learnt_too_large && !summary.model.noise.iter().any(|n| n == "gain");
@@ -195,8 +200,10 @@ fn misfit(summary: &PosteriorSummary, left: &Misfit, add: &mut impl FnMut(Warnin
     if is_learnt_too_large {
         let origin = if left.is_known { "known" } else { "estimated" };
         let text = format!(
-            "the learnt noise, {learnt:.3} µm, is {:.1} × the {origin} noise of {noise:.3} µm: it has swallowed a misfit",
-            learnt / noise
+            "the learnt noise, {} µm, is {:.1} × the {origin} noise of {} µm: it has swallowed a misfit",
+            significant(learnt, 3),
+            learnt / noise,
+            significant(noise, 3)
         );
         add(
             WarningKind::LearntNoiseAboveKnown,
@@ -211,8 +218,9 @@ fn noise_below(summary: &PosteriorSummary, noise: f64, add: &mut impl FnMut(Warn
     let learnt = summary.error_budget_um.noise;
     if learnt * LOW_NOISE_FACTOR < noise {
         let text = format!(
-            "the learnt noise, {learnt:.2e} µm, is far below the {} noise of {noise:.3} µm",
-            summary.heldout.noise_origin
+            "the learnt noise, {learnt:.2e} µm, is far below the {} noise of {} µm",
+            summary.heldout.noise_origin,
+            significant(noise, 3)
         );
         add(
             WarningKind::LearntNoiseBelowKnown,
@@ -265,13 +273,19 @@ pub fn mesh_warning(error_um: Option<f64>, noise_um: f64, units_first: bool) -> 
         Some(error) if error > noise_um => (
             WarningKind::MeshInaccurate,
             format!(
-                "the mesh misplaces the robot by {error:.3} µm, more than the noise of {noise_um:.3} µm: E, c₁ and c₂ have absorbed it"
+                "the mesh misplaces the robot by {} µm, more than the noise of {} µm: E, c₁ and c₂ have absorbed it",
+                significant(error, 3),
+                significant(noise_um, 3)
             ),
             "bring a finer mesh, of 10-node tetrahedra (--mesh), or use the built-in one",
         ),
         Some(error) if error > MESH_SHARE * noise_um => (
             WarningKind::MeshTooCoarse,
-            format!("the mesh's error is {error:.3} µm against a noise of {noise_um:.3} µm"),
+            format!(
+                "the mesh's error is {} µm against a noise of {} µm",
+                significant(error, 3),
+                significant(noise_um, 3)
+            ),
             "bring a finer mesh (--mesh)",
         ),
         Some(_) => return None,

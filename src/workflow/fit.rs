@@ -12,6 +12,7 @@ use rayon::prelude::*;
 use super::Monitor;
 use super::advice::{impossible_positions, mesh_warning, misfit_warning, surrogate_warning};
 use super::fitted_rows::{FittedRows, MOST_SEARCHED, SAME_MINIMUM, finished, is_same_minimum};
+use super::full_check::rmse_m;
 use super::problem::{Problem, TAIL_MASS};
 use super::reduced::{KeptSurrogate, Reduced};
 use crate::documents::posterior::{Warning, WarningKind};
@@ -75,8 +76,11 @@ pub fn run(problem: &Problem, kept_surrogate: Option<KeptSurrogate>, monitor: &d
     } else if problem.finite_elements().is_some() {
         monitor.stage("checking by full finite elements");
     }
-    let surrogate_vs_fe_max_m = full_run(problem, &reduced, &model_parameters)?;
-    let summary = summarise(problem, data, &free, searches, best, surrogate_vs_fe_max_m);
+    let reduced_m = problem.reduced_forward(&reduced).trajectory_m(&model_parameters)?;
+    let full = full_run(problem, &reduced_m, &model_parameters)?;
+    let mut summary = summarise(problem, data, &free, searches, best, full);
+    let heldout_m = problem.positions_of(&problem.experiment.heldout_cycles);
+    summary.rmse_heldout_um = heldout_m.iter().any(Option::is_some).then(|| 1e6 * rmse_m(&reduced_m, &heldout_m));
     let covariance = best.covariance.clone();
     Ok(FitResult { summary, model_parameters, covariance, reduced })
 }
@@ -337,9 +341,8 @@ struct FullRun {
 }
 
 /// One full-order run; `None` without finite elements.
-fn full_run(problem: &Problem, reduced: &Reduced, model_parameters: &[f64]) -> Result<Option<FullRun>> {
-    let reduced_m = problem.reduced_forward(reduced).trajectory_m(model_parameters)?;
-    let distance_m = |full_m: &[f64]| full_m.iter().zip(&reduced_m).fold(0.0, |d: f64, (x, y)| d.max((x - y).abs()));
+fn full_run(problem: &Problem, reduced_m: &[f64], model_parameters: &[f64]) -> Result<Option<FullRun>> {
+    let distance_m = |full_m: &[f64]| full_m.iter().zip(reduced_m).fold(0.0, |d: f64, (x, y)| d.max((x - y).abs()));
     if let Some(outside) = problem.outside_forward() {
         let distance_m = distance_m(&outside.trajectory_m(model_parameters)?);
         return Ok(Some(FullRun { distance_m, discretisation_m: None }));
@@ -387,6 +390,7 @@ fn summarise(
         parameters: free.iter().map(estimate).collect(),
         objective_m2: best.objective,
         rmse_um: 1e6 * (best.objective / n as f64).sqrt(),
+        rmse_heldout_um: None,
         fitted_positions: n,
         noise_um: yardstick.map(|y| 1e6 * y.sd_m),
         iterations: best.iterations,

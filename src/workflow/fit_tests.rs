@@ -72,6 +72,8 @@ fn table_i_lies_within_the_joint_error_on_the_replica() {
     assert_eq!(summary.fitted_positions, 200);
     assert!((summary.rmse_um / 4.0 - 1.0).abs() < 0.25, "{summary:?}");
     assert!((summary.rmse_um - 1e6 * (summary.objective_m2 / 200.0).sqrt()).abs() < 1e-12);
+    // As many positions or more in cycles that were not fitted.
+    assert!((summary.rmse_heldout_um.unwrap() / 4.0 - 1.0).abs() < 0.25, "{summary:?}");
 }
 
 /// 400 noisy replicates of closed-form data: the squared z-scores of each parameter, and the squared joint distances, add up to χ²

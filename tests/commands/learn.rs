@@ -109,8 +109,23 @@ fn nothing_is_learnt_where_there_is_nothing() {
     let document = learned(dir.path(), 0.0);
     assert_eq!(document["verdict"]["kind"], "nothing", "{}", document["verdict"]);
     assert!(document["function"].is_null());
+    let sentence = |document: &Value| document["verdict"]["sentence"].as_str().unwrap().to_string();
+    assert!(!sentence(&document).contains("more than noise"), "{}", sentence(&document));
     let file = dir.path().join("study/m0/learned-effect.toml");
     assert!(!file.exists());
+    // The same errors, said to be a third as large: no law explains them, and it is said that they are left.
+    let described = dir.path().join("hardening/experiment.toml");
+    let toml = std::fs::read_to_string(&described).unwrap().replace("noise_um = 1.0", "noise_um = 0.3");
+    std::fs::create_dir(dir.path().join("quiet")).unwrap();
+    std::fs::write(dir.path().join("quiet/experiment.toml"), toml).unwrap();
+    std::fs::copy(described.with_file_name("trajectory.csv"), dir.path().join("quiet/trajectory.csv")).unwrap();
+    let run = vitreo(
+        dir.path(),
+        &["learn", "quiet", "--base", "dashpot.toml", "--prior", "generic", "--out", "other", "--json", "-", "--quiet"],
+    );
+    let document: Value = serde_json::from_str(&run.stdout).unwrap_or_else(|_| panic!("{}", run.stderr));
+    assert_eq!(document["verdict"]["kind"], "nothing", "{}", document["verdict"]);
+    assert!(sentence(&document).contains("leaves more than noise"), "{}", sentence(&document));
     std::fs::write(&file, "of an earlier run").unwrap();
     let run = vitreo(dir.path(), &["learn", "study", "--quiet"]);
     assert!(run.code == 0 && run.stdout.contains("Nothing was learnt"), "{}", run.stderr);

@@ -64,6 +64,9 @@ fn words(summary: &FitSummary) -> String {
     let noise = summary.noise_um.map_or("unknown".into(), |noise| format!("{} µm", significant(noise)));
     lines.push(String::new());
     lines.push(format!("Residuals: {} µm root mean square (noise {noise}).", significant(summary.rmse_um)));
+    if let Some(rmse_um) = summary.rmse_heldout_um {
+        lines.push(format!("Held-out cycles, which no fit has seen: {} µm.", significant(rmse_um)));
+    }
     lines.push(format!(
         "Starts: {} of {} lead to this minimum, no other is lower.",
         summary.starts_agreeing, summary.starts

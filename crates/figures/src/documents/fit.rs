@@ -21,6 +21,9 @@ pub struct FitSummary {
     pub objective_m2: f64,
     /// Root mean square residual of the fitted positions, in µm: the estimate of the noise.
     pub rmse_um: f64,
+    /// Root mean square misfit of the held-out cycles, predicted by the estimate, in µm; `None` where no cycle is held out.
+    #[serde(default)]
+    pub rmse_heldout_um: Option<f64>,
     /// Positions that were fitted.
     pub fitted_positions: usize,
     /// The noise that the misfit is measured against, in µm.

@@ -332,7 +332,7 @@ mod tests {
         assert!(found.theta.iter().zip(truth).all(|(a, b)| (a - b).abs() < 1e-6), "{:?}", found.theta);
     }
 
-    /// The sum of two exponentials from a start whose first steps lead beyond the bound of a rate: the search goes along the bound and comes back from it to the truth; where the truth is beyond
+    /// An exponential above a constant, from a start whose first steps lead beyond the bound of a rate: the search goes along the bound and comes back from it to the truth; where the truth is beyond
     /// the bound, it ends on it, at the best of all others there.
     #[test]
     fn bounds_do_not_stop_the_other_coordinates() {
