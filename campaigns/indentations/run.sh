@@ -10,18 +10,11 @@ fi
 begin indentations
 own=$root/campaigns/indentations
 
-# fitted LABEL EXPERIMENT ARGUMENTS…: a posterior of approach and two seconds of the hold, and how it predicts the last second.
+# fitted COMMAND LABEL EXPERIMENT ARGUMENTS…: a posterior (`sample`) or a point estimate (`fit`), and how it predicts the last second.
 fitted() {
-    local label=$1 experiment=$2
-    shift 2
-    run_in "$label" "$program" sample "$experiment" "$@" --prior generic --out "$raw/study.$label" --json "$raw/$label.json" --quiet
-}
-
-# held LABEL EXPERIMENT ARGUMENTS…: the point estimate of the first two seconds of the hold, and how it predicts the last.
-held() {
-    local label=$1 experiment=$2
-    shift 2
-    run_in "$label" "$program" fit "$experiment" "$@" --prior generic --out "$raw/study.$label" --json "$raw/$label.json" --quiet
+    local command=$1 label=$2 experiment=$3
+    shift 3
+    run_in "$label" "$program" "$command" "$experiment" "$@" --prior generic --out "$raw/study.$label" --json "$raw/$label.json" --quiet
 }
 
 for record in polymergel brain; do
@@ -31,17 +24,17 @@ for record in polymergel brain; do
         mkdir -p "$experiment"
         install -m 644 "$data/$record.csv" "$experiment/force-clamp.csv"
         sed "s/RECORD/$record/; s/EXPONENT/${tip#*=}/" "$own/experiment.toml" >"$experiment/experiment.toml"
-        fitted "$label.lethersich" "$experiment"
-        fitted "$label.burgers" "$experiment" --base burgers
-        fitted "$label.springpot" "$experiment" --base "$own/springpot.toml"
+        fitted sample "$label.lethersich" "$experiment"
+        fitted sample "$label.burgers" "$experiment" --base burgers
+        fitted sample "$label.springpot" "$experiment" --base "$own/springpot.toml"
         hold=$raw/experiment.$label.hold
         mkdir -p "$hold"
         install -m 644 "$data/$record.csv" "$hold/force-clamp.csv"
         # The approach loads the gel, and is neither fitted nor predicted.
         sed 's/^cycle_starts_s = .*/cycle_starts_s = [0, 3, 5]\ncalibration_cycles = [2]\nheldout_cycles = [3]/' "$experiment/experiment.toml" >"$hold/experiment.toml"
-        held "$label.hold.burgers" "$hold" --base burgers
-        held "$label.hold.springpot" "$hold" --base "$own/springpot.toml"
-        held "$label.hold.second-retardation" "$hold" --base burgers --with second-retardation
+        fitted fit "$label.hold.burgers" "$hold" --base burgers
+        fitted fit "$label.hold.springpot" "$hold" --base "$own/springpot.toml"
+        fitted fit "$label.hold.second-retardation" "$hold" --base burgers --with second-retardation
     done
 done
 rm -rf "$raw"/study.* "$raw"/experiment.*

@@ -69,24 +69,25 @@ def held(document, truth):
 
 def preferred(raw):
     """Of records with one effect of the library hidden and something learnt: whether the library's effect, or one that the experiment cannot tell from it, is preferred; and how many such records there are."""
-    told, hides = [], []
+    told, hiding = [], 0
     for path in sorted(raw.glob("library-*.answer.json")):
         document = json.loads(path.with_name(path.name.replace(".answer", "")).read_text(encoding="utf-8"))
         truth = json.loads(path.read_text(encoding="utf-8"))["truth"]
-        hides.append(bool(truth["effects"]))
         # `challenge new` also draws records with nothing hidden, and with effects that the library has not.
+        hiding += bool(truth["effects"])
         if is_learned(document) and truth["effects"]:
             same = {own["slug"] for own in truth["effects"]} | set(truth["ideal_class"])
             told.append(bool(same & set(document["verdict"]["library"])))
-    return told, sum(hides)
+    return told, hiding
 
 
 def figures(raw):
     hidden, none = read(raw, "hidden"), read(raw, "none")
     strong = [(document, truth) for document, truth in hidden if truth["signal_sigma"] >= 20]
     named = [own for own in strong if in_class(*own)]
-    functions = [own[:2] for own in (held(*own) for own in strong) if own is not None]
-    formulas = [own[2] for own in (held(*own) for own in strong) if own is not None and own[2] is not None]
+    found = [own for own in (held(*own) for own in strong) if own is not None]
+    functions = [own[:2] for own in found]
+    formulas = [own[2] for own in found if own[2] is not None]
     learned = [(document, truth) for document, truth in hidden if is_learned(document)]
     returning = [own for own in learned if own[1]["state"] not in ("path", "time")]
     told, hiding = preferred(raw)
