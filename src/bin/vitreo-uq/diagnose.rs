@@ -97,11 +97,9 @@ fn words(diagnosis: &Diagnosis, revision: &str) -> String {
     ];
     let mut candidates: Vec<&CandidateEntry> = diagnosis.candidates.iter().collect();
     candidates.sort_by(|a, b| gain(b).total_cmp(&gain(a)));
-    let (refused, tried): (Vec<&CandidateEntry>, Vec<&CandidateEntry>) =
-        candidates.into_iter().partition(|own| own.refused.is_some());
-    lines.extend(tried.iter().map(|candidate| row(diagnosis, candidate)));
+    lines.extend(candidates.iter().filter(|own| own.refused.is_none()).map(|candidate| row(diagnosis, candidate)));
     lines.push("  (gains in nats over the model without the effect; p for the whole search)".into());
-    let reasons = by_reason(refused.iter().filter_map(|own| Some((own.effect.as_str(), own.refused.as_deref()?))));
+    let reasons = by_reason(candidates.iter().map(|own| (own.effect.as_str(), own.refused.as_deref())));
     lines.extend(reasons.iter().map(|(reason, effects)| format!("  not here: {}: {reason}", effects.join(", "))));
     if let Some(pair) = diagnosis.pairs.first() {
         lines.push(format!("  best pair: {} with {:.1} nats", pair.effects.join(" + "), pair.gain_nats));

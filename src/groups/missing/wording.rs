@@ -133,7 +133,7 @@ pub fn contrast(own: &CohortContrast, [a, b]: [&CohortGroup; 2], margin: f64) ->
 /// What a reader should know.
 pub fn remarks(effects: &[CohortEffect], specimens: &[CohortSpecimen], kind: VerdictKind) -> Vec<String> {
     let mut remarks = Vec::new();
-    let refused = effects.iter().filter_map(|own| Some((own.effect.as_str(), own.refused.as_deref()?)));
+    let refused = effects.iter().map(|own| (own.effect.as_str(), own.refused.as_deref()));
     let not =
         |(why, effects): (&str, Vec<&str>)| format!("{} cannot be looked for in any record ({why})", listed(&effects));
     remarks.extend(by_reason(refused).into_iter().map(not));

@@ -62,9 +62,10 @@ impl Diagnosis {
 }
 
 /// Effects that cannot be looked for, each reason once, in the order in which reasons come.
-pub fn by_reason<'a>(refused: impl Iterator<Item = (&'a str, &'a str)>) -> Vec<(&'a str, Vec<&'a str>)> {
+pub fn by_reason<'a>(effects: impl Iterator<Item = (&'a str, Option<&'a str>)>) -> Vec<(&'a str, Vec<&'a str>)> {
     let mut reasons: Vec<(&str, Vec<&str>)> = Vec::new();
-    for (effect, reason) in refused {
+    for (effect, refused) in effects {
+        let Some(reason) = refused else { continue };
         match reasons.iter_mut().find(|(own, _)| *own == reason) {
             Some((_, effects)) => effects.push(effect),
             None => reasons.push((reason, vec![effect])),
@@ -271,4 +272,15 @@ pub struct DiscrepancyEntry {
     pub predictive_noise_um: f64,
     /// The same when it may come again, at any phase and with either sign.
     pub predictive_noise_with_discrepancy_um: f64,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_reason_is_named_once_with_all_its_effects() {
+        let effects = [("a", Some("no gel")), ("b", None), ("c", Some("no force")), ("d", Some("no gel"))];
+        assert_eq!(by_reason(effects.into_iter()), [("no gel", vec!["a", "d"]), ("no force", vec!["c"])]);
+    }
 }
