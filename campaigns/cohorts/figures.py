@@ -1,6 +1,7 @@
 """What was said of hidden cohorts. Their documents are LABEL.NUMBER.json, what was hidden in each record LABEL.NUMBER.truth."""
 
 import json
+from statistics import median
 
 from plays import count, of
 
@@ -26,6 +27,18 @@ def in_class(cohort):
     return bool(hidden(truths)) and hidden(truths) <= set(verdict["effects"]) | set(verdict["equivalent"])
 
 
+def is_itself(cohort):
+    """Whether what is hidden is claimed by its own name."""
+    document, truths = cohort
+    return hidden(truths) == set(document["verdict"]["effects"])
+
+
+def n_in_class(cohort):
+    """Effects that are claimed or called equivalent to the claim."""
+    verdict = cohort[0]["verdict"]
+    return len(verdict["effects"]) + len(verdict["equivalent"])
+
+
 def is_claim(cohort):
     """Whether an effect was claimed."""
     return cohort[0]["verdict"]["kind"] == "missing"
@@ -46,8 +59,12 @@ def figures(raw):
     """Figures and counts of the campaign."""
     each, half, twice, alike, none = (cohorts(raw, label) for label in ("each", "half", "twice", "alike", "none"))
     found = [cohort for cohort in half if in_class(cohort)]
+    with_class = [cohort for cohort in each if in_class(cohort)]
     words = {
         "2 σ in each of 20 records: in class": count(each, in_class),
+        "and claimed by its own name": count(each, is_itself),
+        "effects of such a class, the median": f"{median(n_in_class(cohort) for cohort in with_class):.0f}",
+        "in class, without softening": count([cohort for cohort in each if hidden(cohort[1]) != {"softening"}], in_class),
         "4 σ in half of them: in class": count(half, in_class),
         "share within 0.2 where it was found": count(found, share_is_near),
         "twice as large in one species: stated": count(twice, is_stated),

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use vitreo_uq::critique::challenge::play::Sort;
 use vitreo_uq::critique::challenge::plays::{PlaysRequest, judged, run};
 use vitreo_uq::critique::challenge::{
-    Bench, Hidden, NoiseKind, Order, OutsideKind, Protocol, draw_pair, files, full_order, hideable,
+    Bench, Hidden, NoiseKind, Order, OutsideKind, Protocol, draw_pair, files, files::Case, full_order, hideable,
 };
 use vitreo_uq::critique::diagnose::{DiagnosisRequest, diagnose};
 use vitreo_uq::critique::future::future_score;
@@ -273,7 +273,16 @@ fn a_sealed_challenge_is_an_experiment_that_does_not_tell_its_answer() {
     let folder = tempfile::tempdir().expect("a temporary directory");
     let dir = folder.path().join("case");
     let order = order(Hidden::Effects(vec!["softening".into()]), Protocol::Paper, 20.0);
-    let commitment = files::make(&dir, bench, &order, 11, &Silent).expect("made");
+    let case = |name: &str, seed: u64| Case { dir: folder.path().join(name), order: order.clone(), seed };
+    let commitment = files::make(&[case("case", 11)], bench, &Silent).expect("made").remove(0);
+    // Beside others it is the same, to the byte.
+    let beside = files::make(&[case("1", 10), case("2", 11)], bench, &Silent).expect("made");
+    assert!(beside[1] == commitment && beside[0] != commitment);
+    for entry in std::fs::read_dir(&dir).expect("readable") {
+        let (path, bytes) = entry.map(|own| (own.path(), std::fs::read(own.path()).expect("bytes"))).expect("an entry");
+        let twin = folder.path().join("2").join(path.file_name().expect("a name"));
+        assert_eq!(std::fs::read(twin).expect("bytes"), bytes, "{}", path.display());
+    }
     let (experiment, read) = Experiment::read(&dir).expect("an experiment");
     assert!(read.notes.is_empty(), "{:?}", read.notes);
     assert_eq!((experiment.record.n_rows(), experiment.noise_sd_m), (800, Some(4e-6)));
@@ -287,7 +296,8 @@ fn a_sealed_challenge_is_an_experiment_that_does_not_tell_its_answer() {
     let noise_um = 1e6 * opened.noise.and_then(|noise| noise.rms_m(|row| row >= 600)).expect("sealed");
     assert!((3.0..5.0).contains(&noise_um), "{noise_um}");
     // A second challenge does not replace the first, and changed data are told.
-    assert_eq!(files::make(&dir, bench, &order, 12, &Silent).expect_err("in use").exit_code(), 2);
+    assert_eq!(files::make(&[case("new", 12), case("case", 12)], bench, &Silent).expect_err("in use").exit_code(), 2);
+    assert!(!folder.path().join("new").exists(), "half a cohort");
     let csv = dir.join("trajectory.csv");
     let changed = std::fs::read_to_string(&csv).expect("text") + "40.00,4.60,1.0,4\n";
     std::fs::write(&csv, changed).expect("writable");

@@ -5,9 +5,9 @@ use std::hash::{BuildHasher, Hasher, RandomState};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use clap::builder::BoolishValueParser;
+use clap::builder::{BoolishValueParser, RangedU64ValueParser};
 use clap::{ArgAction, Args, Subcommand, ValueEnum};
-use vitreo_uq::critique::challenge::files::{self, Opened};
+use vitreo_uq::critique::challenge::files::{self, Case, Opened};
 use vitreo_uq::critique::challenge::play::Sort;
 use vitreo_uq::critique::challenge::plays::{self, PlaysRequest};
 use vitreo_uq::critique::challenge::{Bench, Hidden, NoiseKind, Order, OutsideKind, Protocol, draw_pair, hideable};
@@ -19,7 +19,7 @@ use vitreo_uq::inference::ensemble::RandomStream;
 use vitreo_uq::study::{DIAGNOSIS_NAME, Provenance, Study, WithProvenance};
 use vitreo_uq::workflow::{Monitor, cache_directory};
 
-use crate::challenge_words::{words_of_plays, words_of_truth};
+use crate::challenge_words::{words_of_made, words_of_plays, words_of_truth};
 use crate::options::use_threads;
 use crate::terminal::Terminal;
 
@@ -45,6 +45,9 @@ struct NewArguments {
     /// Directory to make
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
+    /// How many to make, each in a directory of its own below DIR; their seeds follow one another
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = RangedU64ValueParser::<usize>::new().range(1..=MOST_CASES))]
+    count: usize,
     /// Hide this effect [default: something at random]
     #[arg(long, value_name = "SLUG", conflicts_with_all = ["pair", "none", "outside"])]
     effect: Option<String>,
@@ -170,6 +173,8 @@ impl OnlySort {
     }
 }
 
+/// Most challenges that are made at once: all are kept in memory until the last is solved for.
+const MOST_CASES: u64 = 10_000;
 /// Most challenges of one run: weeks.
 const MOST_PLAYS: usize = 1_000_000;
 
@@ -185,27 +190,44 @@ fn make(arguments: &NewArguments) -> Result<ExitCode> {
     files::check_place(&arguments.out)?;
     use_threads(0)?;
     let seed = arguments.seed.unwrap_or_else(seed_of_the_system);
+    let orders: Vec<Order> =
+        (0..arguments.count).map(|number| order(arguments, seed_of(seed, number))).collect::<Result<_>>()?;
+    let needed = orders.iter().flat_map(|order| match &order.hidden {
+        Hidden::Effects(slugs) => &slugs[..],
+        _ => &[],
+    });
+    let needed: Vec<String> = needed.cloned().collect();
+    let terminal = Terminal::new(arguments.quiet);
+    let bench = Bench::serving(&needed, &terminal)?;
+    let width = arguments.count.to_string().len();
+    let cases = orders.into_iter().enumerate().map(|(number, order)| Case {
+        dir: match arguments.count {
+            1 => arguments.out.clone(),
+            _ => arguments.out.join(format!("{:0width$}", number + 1)),
+        },
+        order,
+        seed: seed_of(seed, number),
+    });
+    let commitments = files::make(&cases.collect::<Vec<_>>(), &bench, &terminal)?;
+    terminal.finish();
+    crate::output::show(None, &(), &words_of_made(&arguments.out, &commitments))?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Seed of one of several challenges, with which it can be made alone.
+fn seed_of(seed: u64, number: usize) -> u64 {
+    seed.wrapping_add(number as u64)
+}
+
+/// What a seed hides under the arguments.
+fn order(arguments: &NewArguments, seed: u64) -> Result<Order> {
     let protocol = named("--protocol", &arguments.protocol, &Protocol::ALL, Protocol::name)?;
     let noise = named("--noise-kind", &arguments.noise_kind, &NoiseKind::ALL, NoiseKind::name)?;
     // Streams 0 to 2 make the data.
     let mut stream = RandomStream::new(seed, 3);
     let strength_sigma = strength(arguments.strength.as_deref(), &mut stream)?;
-    let terminal = Terminal::new(arguments.quiet);
     let hidden = hidden(arguments, protocol, &mut stream)?;
-    let needed: &[String] = if let Hidden::Effects(slugs) = &hidden { slugs } else { &[] };
-    let bench = Bench::serving(needed, &terminal)?;
-    let order = Order { hidden, protocol, noise, is_noise_given: arguments.noise_known, strength_sigma };
-    let commitment = files::make(&arguments.out, &bench, &order, seed, &terminal)?;
-    terminal.finish();
-    let dir = arguments.out.display();
-    let words = format!(
-        "A challenge is in {dir}; its answer is sealed (SHA-256 {commitment}).\n\
-         Where does the model fail?   vitreo-uq compare {dir}\n\
-         What is missing?             vitreo-uq diagnose {dir}\n\
-         Was that right?              vitreo-uq challenge reveal {dir}\n"
-    );
-    crate::output::show(None, &(), &words)?;
-    Ok(ExitCode::SUCCESS)
+    Ok(Order { hidden, protocol, noise, is_noise_given: arguments.noise_known, strength_sigma })
 }
 
 /// A seed that nobody knows: hash maps get their keys from the operating system.

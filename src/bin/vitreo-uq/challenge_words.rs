@@ -12,6 +12,27 @@ use vitreo_uq::page::PlaysPage;
 
 use crate::text::significant;
 
+/// What was made in a directory, of which nothing but hashes may be told, and what can be done with it.
+pub fn words_of_made(out: &Path, commitments: &[String]) -> String {
+    let dir = out.display();
+    if let [commitment] = commitments {
+        return format!(
+            "A challenge is in {dir}; its answer is sealed (SHA-256 {commitment}).\n\
+             Where does the model fail?   vitreo-uq compare {dir}\n\
+             What is missing?             vitreo-uq diagnose {dir}\n\
+             Was that right?              vitreo-uq challenge reveal {dir}\n"
+        );
+    }
+    let n = commitments.len();
+    format!(
+        "{n} challenges are in {dir}, each in a directory of its own; their answers are sealed (SHA-256 in `commitment.sha256`).\n\
+         What do they lack together?  vitreo-uq diagnose {dir}\n\
+         What was hidden in one?      vitreo-uq challenge reveal {dir}/{:0width$}\n",
+        1,
+        width = n.to_string().len()
+    )
+}
+
 /// The answer of one challenge, and what a diagnosis said of it, which was looked for in a study.
 pub fn words_of_truth(
     opened: &Opened,

@@ -1,7 +1,8 @@
 //! The directory of a sealed challenge: an experiment, the sealed answer, and the hash that was written before either.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::full_order::trajectories_m;
@@ -59,24 +60,41 @@ pub struct Opened {
     pub commitment_sha256: String,
 }
 
-/// Makes a challenge in a directory that does not exist or is empty: draws the truth, runs full finite elements, adds noise, seals the answer. The random
-/// numbers are those of `seed`. Returns the hash; nothing of the answer.
+/// A challenge to be made.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Case {
+    /// Directory that does not exist or is empty.
+    pub dir: PathBuf,
+    /// What to hide in it.
+    pub order: Order,
+    /// Seed of all its random numbers: the same order and seed give the same files, whatever is made beside them.
+    pub seed: u64,
+}
+
+/// Makes challenges: draws every truth, runs full finite elements for all of them at once, adds noise, seals the answers. Returns the hashes; nothing of the answers.
 ///
 /// # Errors
-/// [`Error::Input`] where the directory is in use or the order cannot be met; [`Error::File`] where it cannot be written.
-pub fn make(dir: &Path, bench: &Bench, order: &Order, seed: u64, monitor: &dyn Monitor) -> Result<String> {
-    check_place(dir)?;
+/// [`Error::Input`] where a directory is in use or an order cannot be met; [`Error::File`] where one cannot be written.
+pub fn make(cases: &[Case], bench: &Bench, monitor: &dyn Monitor) -> Result<Vec<String>> {
+    cases.iter().try_for_each(|case| check_place(&case.dir))?;
     monitor.stage("drawing what is hidden and sizing its signal");
-    let truth = bench.draw(order, &mut RandomStream::new(seed, 0))?;
+    let draw = |case: &Case| bench.draw(&case.order, &mut RandomStream::new(case.seed, 0));
+    let truths: Vec<Truth> = cases.par_iter().map(draw).collect::<Result<_>>()?;
+    let trajectories_m = trajectories_m(bench, &truths, None, monitor)?;
+    let made = cases.iter().zip(truths).zip(trajectories_m);
+    made.map(|((case, truth), position_m)| make_one(case, bench, truth, &position_m)).collect()
+}
+
+/// `position_m` without noise.
+fn make_one(case: &Case, bench: &Bench, truth: Truth, position_m: &[f64]) -> Result<String> {
     let record = truth.protocol.record();
-    let position_m = trajectories_m(bench, std::slice::from_ref(&truth), None, monitor)?.remove(0);
-    let noise = truth.noise.draw(&record, &position_m, &mut RandomStream::new(seed, 1));
-    let csv = trajectory_csv(&record, &noise.measured_m(&position_m));
+    let noise = truth.noise.draw(&record, position_m, &mut RandomStream::new(case.seed, 1));
+    let csv = trajectory_csv(&record, &noise.measured_m(position_m));
     let stated_um = truth.is_noise_given.then_some(1e6 * noise.stated_sd_m);
     // As many digits as it takes to tell the noise to a thousandth of what it is.
     let noise_free_um = position_m.iter().map(|x| (1e10 * x).round() / 1e4).collect();
     let mut salt = [0; SALT_BYTES];
-    let mut stream = RandomStream::new(seed, 2);
+    let mut stream = RandomStream::new(case.seed, 2);
     salt.chunks_mut(4).for_each(|part| part.copy_from_slice(&stream.word().to_le_bytes()));
     let answer = Answer { truth, trajectory_sha256: sha256_hex(csv.as_bytes()), noise_free_um };
     let bytes = serde_json::to_vec(&answer).map_err(|error| {
@@ -84,7 +102,7 @@ pub fn make(dir: &Path, bench: &Bench, order: &Order, seed: u64, monitor: &dyn M
     })?;
     let sealed = seal(&salt, &bytes);
     let toml = experiment_toml(bench.apparatus(), &sealed.commitment_sha256, stated_um);
-    write(dir, &sealed, &csv, &toml)?;
+    write(&case.dir, &sealed, &csv, &toml)?;
     Ok(sealed.commitment_sha256)
 }
 
