@@ -49,8 +49,8 @@ pub(super) fn between_rows(looked: &Looked<'_>) -> Option<Contradiction> {
     // The median is not moved by an outlier or by a single switch that came in time.
     let middle_m = sorted[(sorted.len() - 1) / 2];
     let noise_m = looked.noise_m;
-    // The excess of a line through four, less that of the row before: 1.9 standard deviations of a position; the median of n of them, 1.25/√n of that.
-    let error_m = 1.25 * 1.9 * noise_m / (excesses.len() as f64).sqrt();
+    // The excess of a line through four, less that of the row before, weighs six positions by 1, −2, ½, ½, ½ and −½: √6 standard deviations of one; the median of n of them, 1.25/√n of that.
+    let error_m = 1.25 * 6.0_f64.sqrt() * noise_m / (excesses.len() as f64).sqrt();
     if middle_m <= (ERRORS * error_m).max(NOISES * noise_m) || middle_m <= 1e-3 * looked.range_m {
         return None;
     }
