@@ -3,10 +3,10 @@
 # say of the cohort? COUNT cohorts of each sort, NONE without anything; effects and noises take turns. Effects that change the displacement field are not hidden, since a record of theirs takes a minute; they are searched.
 source "$(dirname "${BASH_SOURCE[0]}")/../common.sh"
 begin cohorts
-count=${COUNT:-44}
+count=${COUNT:-40}
 nones=${NONE:-200}
 records=20
-effects=(instantaneous-elasticity tracking-drift force-bias softening force-asymmetry second-retardation clock-offset fractional-damping inertia force-gradient actuator-lag)
+effects=(instantaneous-elasticity tracking-drift force-bias softening force-asymmetry second-retardation clock-offset fractional-damping force-gradient actuator-lag)
 noises=(white ou gain outliers)
 
 # cohort PLACE SEED SPECIES STRENGTH COUNT: so many records below PLACE; a strength of 0 hides nothing.
@@ -49,7 +49,7 @@ half=$((records / 2))
 place=$raw/made
 for ((k = 0; k < count; k++)); do
     effect=${effects[k % ${#effects[@]}]}
-    noise=${noises[k % ${#noises[@]}]}
+    noise=${noises[(k + k / ${#effects[@]}) % ${#noises[@]}]}
     cohort "$place/each-$k" $((1000 + k)) porcine 2 "$records"
     diagnosed "each.$k" "$place/each-$k"
     cohort "$place/half-$k" $((2000 + k)) porcine 4 "$half"
