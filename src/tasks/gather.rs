@@ -6,7 +6,7 @@ use std::path::Path;
 use rayon::prelude::*;
 
 use super::list::{List, PROGRAM, Task};
-use super::{calibration, challenge, models, result, sample};
+use super::{calibration, challenge, commands, models, result, sample};
 use crate::critique::challenge::play::Play;
 use crate::critique::challenge::plays::Plays;
 use crate::documents::calibration::Calibration;
@@ -17,6 +17,7 @@ use crate::groups::artefacts::EXPERIMENTS;
 use crate::workflow::{Counter, Monitor, refuse_if_stopped};
 
 pub use super::calibration::{DOCUMENT as CALIBRATION, FIGURES};
+pub use super::commands::TABLE as COMMANDS;
 
 /// The document of challenges in the folder of what was gathered.
 pub const CHALLENGE: &str = "challenge.json";
@@ -35,7 +36,7 @@ pub struct Outcome {
 }
 
 /// Reads every result and writes what is there into the folder `out`: for challenges the document of `challenge run`, for a cohort the files that `groups`
-/// keeps, for a calibration its document and figure. Models go into the cache. What is missing is named and left out.
+/// keeps, for a calibration its document and figure, for commands the files of each and a table of them. Models go into the cache. What is missing is named and left out.
 ///
 /// # Errors
 /// [`crate::Error::File`] where the file system refuses, [`crate::Error::Interrupted`] when stopped.
@@ -65,6 +66,14 @@ pub fn gather(list: &List, out: &Path, monitor: &dyn Monitor) -> Result<Outcome>
             let parts = over_tasks(list, monitor, |_, body| models::adopt(&body))?;
             let n_adopted = parts.iter().filter(|part| matches!(part, Ok(true))).count();
             Found { n_adopted: Some(n_adopted), ..Found::of(faults(&parts)) }
+        }
+        TaskKind::Commands => {
+            let folder = |task: &Task| out.join(commands::folder_name(task, list.n_tasks()));
+            let parts = over_tasks(list, monitor, |task, body| commands::keep(&folder(task), &body))?;
+            let codes: Vec<Option<i32>> = parts.iter().map(|part| part.as_ref().ok().copied()).collect();
+            std::fs::create_dir_all(out).map_err(refused("create", out))?;
+            write_atomically(&out.join(COMMANDS), &commands::table(list, &codes)?)?;
+            Found::of(faults(&parts))
         }
     };
     monitor.stage("writing what was gathered");

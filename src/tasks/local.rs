@@ -204,6 +204,11 @@ fn start(slot: &Slot, worker: &(dyn Fn() -> Command + Sync)) -> std::io::Result<
 
 fn kill(slot: &Slot) {
     if let Some(child) = locked(slot).as_mut() {
+        // A worker is the first of its group, in which the commands are that it runs.
+        #[cfg(any(target_os = "linux", target_vendor = "apple"))]
+        if let Some(group) = i32::try_from(child.id()).ok().and_then(rustix::process::Pid::from_raw) {
+            let _ = rustix::process::kill_process_group(group, rustix::process::Signal::KILL);
+        }
         // One that has ended is no longer there to be killed.
         let _ = child.kill();
     }

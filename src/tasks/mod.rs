@@ -12,6 +12,7 @@
 
 pub mod calibration;
 pub mod challenge;
+pub mod commands;
 pub mod gather;
 pub mod list;
 pub mod local;

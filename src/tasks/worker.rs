@@ -4,7 +4,7 @@ use std::io::{BufRead, Write};
 
 use super::list::List;
 use super::sample::Laboratory;
-use super::{calibration, challenge, models, result};
+use super::{calibration, challenge, commands, models, result};
 use crate::critique::challenge::Bench;
 use crate::documents::tasks::TaskKind;
 use crate::error::{Error, Result};
@@ -55,6 +55,7 @@ impl<'a> Worker<'a> {
             TaskKind::Sample => self.laboratory.run(&task, &quiet)?,
             TaskKind::Calibration => self.simulator.run(&task, self.monitor)?,
             TaskKind::Models => models::run(&task, self.monitor)?,
+            TaskKind::Commands => commands::run(&task, &quiet)?,
         };
         result::write(self.list, &task, &body)?;
         Ok(Ran::Now)

@@ -74,6 +74,9 @@ impl Monitor for Silent {
     }
 }
 
+/// Where the number of threads stands if no option gives it.
+pub const THREADS_VARIABLE: &str = "RAYON_NUM_THREADS";
+
 /// Ends a job that was asked to stop; `kept` says what stays of it.
 pub(crate) fn refuse_if_stopped(monitor: &dyn Monitor, kept: &str) -> Result<()> {
     if monitor.stop().is_some_and(|stop| stop.load(Ordering::Relaxed)) {

@@ -27,5 +27,6 @@ mod shape_study;
 mod shapes;
 mod shell;
 mod tasks;
+mod tasks_commands;
 mod tasks_models;
 mod workbench;

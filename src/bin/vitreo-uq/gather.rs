@@ -10,7 +10,7 @@ use vitreo_uq::documents::calibration::CalibrationKind;
 use vitreo_uq::documents::tasks::{Gathered, TaskKind};
 use vitreo_uq::error::Result;
 use vitreo_uq::study::{Provenance, WithProvenance};
-use vitreo_uq::tasks::gather::{self, CALIBRATION, CHALLENGE};
+use vitreo_uq::tasks::gather::{self, CALIBRATION, CHALLENGE, COMMANDS};
 use vitreo_uq::tasks::list::List;
 use vitreo_uq::workflow::cache_directory;
 
@@ -83,6 +83,9 @@ fn words_of_results(gathered: &Gathered, out: &Path) -> String {
     let _ = match kind {
         TaskKind::Challenge if *results > 0 => writeln!(text, "Joined:  {}", out.join(CHALLENGE).display()),
         TaskKind::Calibration if *results > 0 => writeln!(text, "Joined:  {}", out.join(CALIBRATION).display()),
+        TaskKind::Commands if *results > 0 => {
+            writeln!(text, "Joined:  {}, and the files of each in a folder beside it", out.join(COMMANDS).display())
+        }
         TaskKind::Sample if *results > 0 => {
             writeln!(text, "Joined for:  vitreo-uq groups … --out {}   (with the options of the list)", out.display())
         }

@@ -42,6 +42,7 @@ mod terminal;
 mod text;
 mod workbench;
 
+use std::path::Path;
 use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser, Subcommand};
@@ -51,6 +52,8 @@ use options::{
     LadderArguments, LearnArguments, SampleArguments, SimulateArguments,
 };
 use vitreo_uq::Error;
+use vitreo_uq::error::Place;
+use vitreo_uq::tasks::commands::Line;
 
 /// Bayesian uncertainty quantification for creep experiments in soft gels.
 #[derive(Parser)]
@@ -148,6 +151,25 @@ fn main() -> ExitCode {
             interrupt::wait_for_an_end_under_way();
             interrupt::say(&format!("error: {error}"));
             ExitCode::from(error.exit_code())
+        }
+    }
+}
+
+/// Refuses a line of a list that is no command of this program, or none that ends by itself.
+fn refuse_as_task(file: &Path, line: &Line) -> vitreo_uq::Result<()> {
+    let refuse = |found: String, remedy: &str| Err(Error::input(Place::file(file).at_line(line.number), found, remedy));
+    let words = ["vitreo-uq"].into_iter().chain(line.words.iter().map(String::as_str));
+    match Program::try_parse_from(words).map(|program| program.command) {
+        Ok(Command::Tasks(_) | Command::Gather(_)) => refuse("a list of lists".into(), "write the commands themselves"),
+        Ok(Command::Serve(_) | Command::Workbench(_)) => {
+            refuse("this command does not end by itself".into(), "leave it out")
+        }
+        Ok(_) => Ok(()),
+        Err(error) => {
+            let text = error.to_string();
+            let first = text.lines().next().unwrap_or_default();
+            let found = first.strip_prefix("error: ").unwrap_or(first).to_string();
+            refuse(found, "write a command of this program, as `vitreo-uq --help` lists them")
         }
     }
 }

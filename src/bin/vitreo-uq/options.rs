@@ -317,15 +317,15 @@ pub fn check_simulations(simulations: usize, fewest: usize) -> vitreo_uq::Result
     Err(Error::input(Place::option("--simulations"), found, remedy))
 }
 
-/// Where the number of threads stands if no option gives it.
-const THREADS_VARIABLE: &str = "RAYON_NUM_THREADS";
-
 /// Uses so many threads everywhere (0: as many as the environment says, or as there are cores), at most one a core: more would only get in each
 /// other's way. Returns how many.
 pub fn use_threads(threads: usize) -> vitreo_uq::Result<usize> {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let asked = match threads {
-        0 => std::env::var(THREADS_VARIABLE).ok().and_then(|text| text.parse().ok()).filter(|threads| *threads > 0),
+        0 => std::env::var(vitreo_uq::workflow::THREADS_VARIABLE)
+            .ok()
+            .and_then(|text| text.parse().ok())
+            .filter(|threads| *threads > 0),
         threads => Some(threads),
     };
     let threads = asked.map_or(cores, |asked| asked.min(cores));

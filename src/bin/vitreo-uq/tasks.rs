@@ -12,7 +12,7 @@ use vitreo_uq::groups::cohort;
 use vitreo_uq::tasks::list::{List, Making, Work, absolute};
 use vitreo_uq::tasks::submit::{self, Engine, Resources};
 use vitreo_uq::tasks::worker::{Ran, Worker, serve};
-use vitreo_uq::tasks::{calibration, challenge, gather, local, models, sample};
+use vitreo_uq::tasks::{calibration, challenge, commands, gather, local, models, sample};
 use vitreo_uq::workflow::{Monitor, Stoppable};
 
 use crate::challenge::PlaysArguments;
@@ -37,6 +37,8 @@ enum Action {
     Calibration(CalibrationTasks),
     /// A list that trains the reduced models that experiments need, each once; `gather` puts them into the cache
     Models(ModelsTasks),
+    /// A list of any commands of this program, one a line of a text; what each writes below `{out}` is kept
+    Commands(CommandsTasks),
     /// Run the tasks of a list whose results are not there, or write the script that hands them to an engine
     Run(RunTasks),
 }
@@ -81,6 +83,15 @@ struct ModelsTasks {
     every_effect: bool,
     #[command(flatten)]
     model: ModelArguments,
+    #[command(flatten)]
+    list: PlaceArguments,
+}
+
+#[derive(Args)]
+struct CommandsTasks {
+    /// Text with a command a line, words as a shell splits them; `{out}` stands for a directory of the command's own
+    #[arg(value_name = "FILE")]
+    file: PathBuf,
     #[command(flatten)]
     list: PlaceArguments,
 }
@@ -195,6 +206,12 @@ pub fn run(arguments: &TasksArguments) -> Result<ExitCode> {
                 terminal.warn(&format!("{n_without} of {} experiments need no model", measurements.len()));
             }
             make(&arguments.list, TaskKind::Models, sampling.seed, work, &terminal)
+        }
+        Action::Commands(arguments) => {
+            let terminal = begin_at(&arguments.list)?;
+            let lines = commands::read(&arguments.file)?;
+            lines.iter().try_for_each(|line| crate::refuse_as_task(&arguments.file, line))?;
+            make(&arguments.list, TaskKind::Commands, 0, commands::work(&lines)?, &terminal)
         }
         Action::Run(arguments) => run_tasks(arguments),
     }

@@ -14,6 +14,8 @@ pub enum TaskKind {
     Calibration,
     /// Reduced models that experiments need, trained on full finite elements.
     Models,
+    /// Commands of a text, of which what they write is kept.
+    Commands,
 }
 
 impl TaskKind {
@@ -24,6 +26,7 @@ impl TaskKind {
             Self::Challenge => "challenge",
             Self::Calibration => "calibration",
             Self::Models => "models",
+            Self::Commands => "commands",
         }
     }
 }
