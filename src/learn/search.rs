@@ -94,7 +94,11 @@ impl Found {
             let largest_m = changes.fold(0.0_f64, |largest, (a, b)| largest.max((a - b).abs()));
             largest_m >= SMALLEST_CHANGE * self.subject.yardstick_m()
         };
-        let Some(leading) = self.learnt.first() else { return Err("no pair has a model here".into()) };
+        let Some(leading) = self.learnt.first() else {
+            let is_outside = self.subject.problem().outside().is_some();
+            let why = if is_outside { "another program computes the law" } else { "no pair has a model here" };
+            return Err(why.into());
+        };
         if p > LARGEST_P {
             return Err("no more than chance gives".into());
         }

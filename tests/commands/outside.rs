@@ -290,6 +290,11 @@ fn a_hidden_lag_is_diagnosed_with_an_outside_model() {
     for slug in ["second-retardation", "strain-stiffening", "softening", "compressibility"] {
         assert!(refusal(&document, slug).is_some_and(|why| why.contains("the other program computes")), "{slug}");
     }
+    let server = Server::start(Kind::Sound);
+    let arguments = ["learn", "gel", "--prior", "prior.toml", "--forward", &server.url, "--out", "learnt"];
+    let learnt = vitreo(dir.path(), &[&arguments[..], &["--json", "-", "--quiet"]].concat()).exits(0).json();
+    let sentence = learnt["verdict"]["sentence"].as_str().unwrap();
+    assert!(sentence.contains("another program computes the law") && sentence.contains("diagnose"), "{sentence}");
     let deaf = diagnosed(&Server::start(Kind::Deaf), "deaf");
     assert_ne!(deaf["verdict"]["effects"], json!(["actuator-lag"]));
     assert!(refusal(&deaf, "actuator-lag").is_some_and(|why| why.contains("does not heed the forces")), "{deaf}");

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use numpy::{IntoPyArray, PyArray1};
 use pyo3::prelude::*;
-use vitreo_uq::experiment::{self, Understood};
+use vitreo_uq::experiment::{self, ExperimentFiles, Understood};
 use vitreo_uq::workflow::replica;
 
 use crate::errors::raised;
@@ -14,8 +14,17 @@ use crate::errors::raised;
 pub struct Experiment {
     pub experiment: experiment::Experiment,
     pub understood: Understood,
+    /// What the reader noticed, in words.
+    notes: Vec<String>,
     /// `None` for the embedded replica.
     path: Option<PathBuf>,
+}
+
+impl Experiment {
+    fn new(experiment: experiment::Experiment, files: ExperimentFiles, path: Option<PathBuf>) -> Self {
+        let notes = files.notes.iter().map(ToString::to_string).collect();
+        Self { experiment, understood: files.understood, notes, path }
+    }
 }
 
 #[pymethods]
@@ -24,14 +33,14 @@ impl Experiment {
     #[staticmethod]
     fn read(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
         let (experiment, files) = py.detach(|| experiment::Experiment::read(&path)).map_err(raised)?;
-        Ok(Self { experiment, understood: files.understood, path: Some(path) })
+        Ok(Self::new(experiment, files, Some(path)))
     }
 
     /// The synthetic experiment that is in the program.
     #[staticmethod]
     fn replica() -> PyResult<Self> {
         let (experiment, files) = replica::embedded().map_err(raised)?;
-        Ok(Self { experiment, understood: files.understood, path: None })
+        Ok(Self::new(experiment, files, None))
     }
 
     /// Where it was read; None for the replica.
@@ -105,6 +114,12 @@ impl Experiment {
     #[getter]
     fn noise_um(&self) -> Option<f64> {
         self.experiment.noise_sd_m.map(|sd_m| 1e6 * sd_m)
+    }
+
+    /// What the reader noticed and a person should know: how cycles were found, positions that are missing, and the like.
+    #[getter]
+    fn notes(&self) -> Vec<String> {
+        self.notes.clone()
     }
 
     fn __len__(&self) -> usize {

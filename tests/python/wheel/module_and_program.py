@@ -128,6 +128,12 @@ def main():
     assert np.array_equal(eye.time_s, table["time_s"]) and np.array_equal(eye.cycle, table["cycle"])
     assert np.allclose(1e6 * eye.position_m, table["position_um"], rtol=1e-12) and np.allclose(1e6 * eye.force_n, table["force_uN"])
     assert (eye.label, eye.noise_um, eye.calibration_cycles, eye.heldout_cycles) == ("eye", 4.0, [1], [2, 3, 4])
+    lossy = small_experiment.write(".", "lossy") / "trajectory.csv"
+    rows = lossy.read_text(encoding="utf-8").splitlines()
+    fields = rows[5].split(",")
+    fields[rows[0].split(",").index("position_um")] = ""
+    lossy.write_text("\n".join([*rows[:5], ",".join(fields), *rows[6:]]) + "\n", encoding="utf-8")
+    assert eye.notes == [] and ["1 of" in note for note in vu.Experiment.read(lossy.parent).notes] == [True]
     model = vu.ReducedModel(eye)
     assert model.names == ["young_modulus_pa", "viscosity_1_pa_s", "viscosity_2_pa_s", "noise_sd_um"]
     assert [own["unit"] for own in model.parameters] == ["Pa", "Pa s", "Pa s", "um"], model.parameters

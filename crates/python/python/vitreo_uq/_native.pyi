@@ -59,6 +59,9 @@ class Experiment:
     @property
     def noise_um(self) -> float | None:
         """The tracker's known noise in µm, if it is stated."""
+    @property
+    def notes(self) -> list[str]:
+        """What the reader noticed: how cycles were found, positions that are missing, and the like."""
     def __len__(self) -> int: ...
 
 class ReducedModel:
