@@ -115,13 +115,17 @@ impl Bootstrap {
 
 /// The experiment with positions simulated from a model and its noise.
 pub fn simulated(subject: &Subject, reference: &Refitted, seed: u64, number: usize) -> Subject {
+    subject.with_positions(&simulated_m(subject, reference, seed, number))
+}
+
+/// Positions (m), one a row, simulated from a model and its noise.
+pub fn simulated_m(subject: &Subject, reference: &Refitted, seed: u64, number: usize) -> Vec<f64> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     rng.set_stream(number as u64);
     let record = &subject.experiment().record;
     let Fitted { position_m, noise, .. } = &reference.fitted;
     let noise_m = subject.noise().simulate_m(&record.time_s, &record.cycle, position_m, noise, &mut rng);
-    let noisy: Vec<f64> = position_m.iter().zip(&noise_m).map(|(x, e)| x + e).collect();
-    subject.with_positions(&noisy)
+    position_m.iter().zip(&noise_m).map(|(x, e)| x + e).collect()
 }
 
 fn largest_gain(

@@ -8,16 +8,19 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::bootstrap::simulated;
+use super::bootstrap::simulated_m;
 use super::leftover::misfit;
 use super::noise_fit::{GAIN, GAIN_FLOOR};
 use super::rank::{Signature, signature};
 use super::refit::Refitted;
 use super::{Candidate, Fitted, Search, Subject, Tangent, outliers};
 use crate::error::{Error, Result};
+use crate::inference::ensemble::RandomStream;
 
 /// Visible shares (of a norm) below this are rounding and curvature, whose directions mean nothing.
 const LEAST_VISIBLE: f64 = 1e-6;
+/// Streams of the gains of simulated future cycles, apart from those of their noise.
+const GAIN_STREAMS: u64 = 0x6a_11;
 
 /// Visible signatures, whitened and of norm 1; `None` where nothing is visible.
 type Visible = Vec<Option<DVector<f64>>>;
@@ -54,20 +57,41 @@ pub struct Asked {
     pub is_downwards: bool,
 }
 
-/// What one record says of every effect: all that the judgement of a cohort needs.
+/// What positions say of every signature.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Said {
-    /// Every effect of the library, in its order.
-    pub effects: Vec<Asked>,
+pub struct Told {
     /// From the fitted cycles.
     pub fitted: Vec<Reading>,
     /// From the fitted cycles and from all, under the law and the noise of the fitted ones, its gain no less than future cycles are scored by; `None` where no
     /// cycle is held out.
     pub before_and_after: Option<[Vec<Reading>; 2]>,
-    /// From the fitted cycles of every simulated record without any effect.
-    pub simulated: Vec<Vec<Reading>>,
-    /// Cosines of visible signatures.
-    pub cosines: DMatrix<f64>,
+}
+
+impl Told {
+    /// From all cycles.
+    pub fn all(&self) -> &[Reading] {
+        self.before_and_after.as_ref().map_or(&self.fitted, |[_, after]| after)
+    }
+
+    /// The sets of readings, in the order of [`Said::cosines`].
+    pub fn sets_mut(&mut self) -> impl Iterator<Item = &mut Vec<Reading>> {
+        std::iter::once(&mut self.fitted).chain(self.before_and_after.iter_mut().flatten())
+    }
+}
+
+/// What one record says of every effect: all that the judgement of a cohort needs.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Said {
+    /// Every effect of the library, in its order.
+    pub effects: Vec<Asked>,
+    /// The measured positions.
+    pub told: Told,
+    /// All of them, under the law and the noise of the fitted ones: what sizes are taken from. Those of the fitted cycles where no cycle is held out.
+    pub whole: Vec<Reading>,
+    /// Of every simulated record without any effect.
+    pub simulated: Vec<Told>,
+    /// Cosines of visible signatures, of each set of readings.
+    pub cosines: Vec<DMatrix<f64>>,
 }
 
 /// A record's base model at its fit.
@@ -97,37 +121,74 @@ pub fn sketch(subject: &Subject, n_simulations: usize, seed: u64) -> Result<(Sai
         columns_m.extend(columns);
         effects.push(Asked { readings: first..columns_m.len(), ..asked });
     }
-    let (fitted, directions) = read(&subject, &base.candidate, &base.fitted, &columns_m)?;
-    let before_and_after = if subject.scored_m.iter().any(Option::is_some) {
-        let mut noise = base.fitted.noise;
-        noise[GAIN] = noise[GAIN].max(GAIN_FLOOR);
-        let wary = Fitted { noise, ..base.fitted.clone() };
-        let of = |subject: &Subject| read(subject, &base.candidate, &wary, &columns_m).map(|(readings, _)| readings);
-        Some([of(&subject)?, of(&whole(&subject)?)?])
-    } else {
-        None
+    let is_scored = subject.scored_m.iter().any(Option::is_some);
+    let whole = is_scored.then(|| whole(&subject)).transpose()?;
+    let (told, directions) = told(&subject, whole.as_ref(), (&base.candidate, &base.fitted), &columns_m)?;
+    let of_whole = match &whole {
+        Some(whole) => read(whole, &base.candidate, &base.fitted, &columns_m)?.0,
+        None => told.fitted.clone(),
     };
-    let cosine = |i: usize, j: usize| match (&directions[i], &directions[j]) {
-        (Some(a), Some(b)) => a.dot(b),
-        _ => 0.0,
-    };
-    let cosines = DMatrix::from_fn(columns_m.len(), columns_m.len(), cosine);
-    let chance = |number: usize| -> Result<Vec<Reading>> {
-        let data = simulated(&subject, &base, seed, number);
+    let cosines = directions.iter().map(cosines).collect();
+    let chance = |number: usize| -> Result<Told> {
+        let position_m = with_gains_of_future_cycles(&subject, &base, (seed, number));
+        let data = subject.with_positions(&position_m);
+        let whole = whole.as_ref().map(|own| own.with_positions(&position_m));
         let start = (base.fitted.theta.clone(), base.fitted.noise);
         let fitted = data.fit(&base.candidate, &[start], Search::Local)?;
-        Ok(read(&data, &base.candidate, &fitted, &columns_m)?.0)
+        Ok(self::told(&data, whole.as_ref(), (&base.candidate, &fitted), &columns_m)?.0)
     };
     let simulated = (0..n_simulations).into_par_iter().map(chance).collect::<Result<_>>()?;
     let leaves_too_much = misfit(&subject, &base, &[])?.is_too_large();
     let n_scored = subject.scored_m.iter().flatten().count();
     let rmse_heldout = base.fitted.rmse_m(&subject.scored_m).map(|rmse_m| (1e6 * rmse_m, n_scored));
-    let said = Said { effects, fitted, before_and_after, simulated, cosines };
+    let said = Said { effects, told, whole: of_whole, simulated, cosines };
     Ok((said, Based { base, outlier_rows, leaves_too_much, rmse_heldout }))
 }
 
+/// What positions say of columns (m, one value a row of the record) beside a fit, and the directions of each set of readings. `whole` has the scored cycles among the fitted ones.
+fn told(
+    subject: &Subject,
+    whole: Option<&Subject>,
+    (candidate, fitted): (&Candidate, &Fitted),
+    columns_m: &[Vec<f64>],
+) -> Result<(Told, Vec<Visible>)> {
+    let (readings, directions) = read(subject, candidate, fitted, columns_m)?;
+    let Some(whole) = whole else {
+        return Ok((Told { fitted: readings, before_and_after: None }, vec![directions]));
+    };
+    let mut noise = fitted.noise;
+    noise[GAIN] = noise[GAIN].max(GAIN_FLOOR);
+    let wary = Fitted { noise, ..fitted.clone() };
+    let (before, of_before) = read(subject, candidate, &wary, columns_m)?;
+    let (after, of_after) = read(whole, candidate, &wary, columns_m)?;
+    let told = Told { fitted: readings, before_and_after: Some([before, after]) };
+    Ok((told, vec![directions, of_before, of_after]))
+}
+
+/// Positions (m) simulated from the base and its noise. A cycle that no fit has seen has a gain of its own: as large as they are scored by, also where few fitted cycles show none.
+fn with_gains_of_future_cycles(subject: &Subject, base: &Refitted, (seed, number): (u64, usize)) -> Vec<f64> {
+    let mut position_m = simulated_m(subject, base, seed, number);
+    let gain_sd = (GAIN_FLOOR.powi(2) - base.fitted.noise[GAIN].powi(2)).max(0.0).sqrt();
+    let mut stream = RandomStream::new(seed ^ GAIN_STREAMS, number as u64);
+    let experiment = subject.experiment();
+    for cycle in &experiment.heldout_cycles {
+        let gain = gain_sd * stream.normal();
+        let rows = experiment.record.cycle.iter().zip(&base.fitted.position_m).zip(&mut position_m);
+        rows.filter(|((own, _), _)| *own == cycle).for_each(|((_, x), position_m)| *position_m += gain * x);
+    }
+    position_m
+}
+
+fn cosines(directions: &Visible) -> DMatrix<f64> {
+    let cosine = |i: usize, j: usize| match (&directions[i], &directions[j]) {
+        (Some(a), Some(b)) => a.dot(b),
+        _ => 0.0,
+    };
+    DMatrix::from_fn(directions.len(), directions.len(), cosine)
+}
+
 /// The same experiment with the scored cycles among the fitted ones; outliers stay out.
-fn whole(subject: &Subject) -> Result<Subject> {
+pub fn whole(subject: &Subject) -> Result<Subject> {
     let experiment = subject.experiment();
     let cycles: Vec<u32> = experiment.calibration_cycles.iter().chain(&experiment.heldout_cycles).copied().collect();
     let left_out: Vec<usize> = (0..subject.fitted_m.len())

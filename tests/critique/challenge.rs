@@ -7,7 +7,8 @@ use rayon::prelude::*;
 use vitreo_uq::critique::challenge::play::Sort;
 use vitreo_uq::critique::challenge::plays::{PlaysRequest, judged, run};
 use vitreo_uq::critique::challenge::{
-    Bench, Hidden, NoiseKind, Order, OutsideKind, Protocol, draw_pair, files, files::Case, full_order, hideable,
+    Bench, Hidden, NoiseKind, Order, OutsideKind, Protocol, Strength, draw_pair, files, files::Case, full_order,
+    hideable,
 };
 use vitreo_uq::critique::diagnose::{DiagnosisRequest, diagnose};
 use vitreo_uq::critique::future::future_score;
@@ -113,7 +114,7 @@ fn best_of<'a>(subject: &Subject, slugs: impl Iterator<Item = &'a str>) -> Resul
 }
 
 fn order(hidden: Hidden, protocol: Protocol, strength_sigma: f64) -> Order {
-    Order { hidden, protocol, noise: NoiseKind::White, is_noise_given: true, strength_sigma: Some(strength_sigma) }
+    Order { hidden, protocol, noise: NoiseKind::White, is_noise_given: true, strength: Strength::Sigma(strength_sigma) }
 }
 
 /// An effect of each stage, a pair and physics outside the library, singles on one protocol or the other by turns: the signal is the one that was asked for, and full finite elements agree with the reduced model by which it was

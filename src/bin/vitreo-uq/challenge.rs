@@ -10,7 +10,9 @@ use clap::{ArgAction, Args, Subcommand, ValueEnum};
 use vitreo_uq::critique::challenge::files::{self, Case, Opened};
 use vitreo_uq::critique::challenge::play::Sort;
 use vitreo_uq::critique::challenge::plays::{self, PlaysRequest};
-use vitreo_uq::critique::challenge::{Bench, Hidden, NoiseKind, Order, OutsideKind, Protocol, draw_pair, hideable};
+use vitreo_uq::critique::challenge::{
+    Bench, Hidden, NoiseKind, Order, OutsideKind, Protocol, Strength, draw_pair, hideable,
+};
 use vitreo_uq::documents::diagnosis::Diagnosis;
 use vitreo_uq::effects::Library;
 use vitreo_uq::error::{Error, Place, Result};
@@ -63,6 +65,9 @@ struct NewArguments {
     /// Signal in standard deviations of the noise, or `prior` for a size from the effect's prior [default: something from 10 to 40]
     #[arg(long, value_name = "SIGMA|prior")]
     strength: Option<String>,
+    /// Size of the hidden effect instead: how far its first parameter is from its null, in the unit that `effects` lists
+    #[arg(long, value_name = "VALUE", requires = "effect", conflicts_with = "strength", allow_negative_numbers = true)]
+    size: Option<f64>,
     /// Protocol: paper (±F, 5 s each) or levels (three force levels and rests)
     #[arg(long, value_name = "NAME", default_value = "paper")]
     protocol: String,
@@ -225,9 +230,12 @@ fn order(arguments: &NewArguments, seed: u64) -> Result<Order> {
     let noise = named("--noise-kind", &arguments.noise_kind, &NoiseKind::ALL, NoiseKind::name)?;
     // Streams 0 to 2 make the data.
     let mut stream = RandomStream::new(seed, 3);
-    let strength_sigma = strength(arguments.strength.as_deref(), &mut stream)?;
+    let strength = match arguments.size {
+        Some(size) => Strength::Size(size),
+        None => strength(arguments.strength.as_deref(), &mut stream)?,
+    };
     let hidden = hidden(arguments, protocol, &mut stream)?;
-    Ok(Order { hidden, protocol, noise, is_noise_given: arguments.noise_known, strength_sigma })
+    Ok(Order { hidden, protocol, noise, is_noise_given: arguments.noise_known, strength })
 }
 
 /// A seed that nobody knows: hash maps get their keys from the operating system.
@@ -247,12 +255,12 @@ fn named<T: Copy>(option: &str, text: &str, all: &[T], name: impl Fn(T) -> &'sta
     })
 }
 
-fn strength(text: Option<&str>, stream: &mut RandomStream) -> Result<Option<f64>> {
+fn strength(text: Option<&str>, stream: &mut RandomStream) -> Result<Strength> {
     match text {
-        None => Ok(Some(10.0 * 4_f64.powf(stream.unit()))),
-        Some("prior") => Ok(None),
+        None => Ok(Strength::Sigma(10.0 * 4_f64.powf(stream.unit()))),
+        Some("prior") => Ok(Strength::Prior),
         Some(text) => match text.parse::<f64>() {
-            Ok(sigma) if (0.5..=1e3).contains(&sigma) => Ok(Some(sigma)),
+            Ok(sigma) if (0.5..=1e3).contains(&sigma) => Ok(Strength::Sigma(sigma)),
             _ => Err(Error::input(
                 Place::option("--strength"),
                 format!("`{text}`"),

@@ -35,8 +35,29 @@ pub struct Order {
     pub noise: NoiseKind,
     /// Whether the experiment states the noise.
     pub is_noise_given: bool,
-    /// Signal in standard deviations that each hidden thing shall have; `None` for a size from the effect's prior.
-    pub strength_sigma: Option<f64>,
+    /// How much of it.
+    pub strength: Strength,
+}
+
+/// How much of something is hidden.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Strength {
+    /// So much that each hidden thing has this signal, in standard deviations.
+    Sigma(f64),
+    /// A size from the effect's prior.
+    Prior,
+    /// The one effect's first parameter so far from its null, in its unit; downwards where it can only lie below.
+    Size(f64),
+}
+
+impl Strength {
+    /// The signal that is asked for, in standard deviations; `otherwise` where a size is: what is outside the library, and large displacements, have no such parameter.
+    fn sigma_or(self, otherwise: f64) -> f64 {
+        match self {
+            Self::Sigma(sigma) => sigma,
+            Self::Prior | Self::Size(_) => otherwise,
+        }
+    }
 }
 
 /// The reference apparatus with its reduced model, on which truths are drawn and sized.
@@ -293,8 +314,7 @@ impl Bench {
                 return Ok(Some(Truth { effects: vec![effect(sigma)], ..large }));
             }
             Hidden::Effects(slugs) => {
-                let Some((effects, class)) = motion.with_effects(slugs, order.strength_sigma, &self.served, stream)?
-                else {
+                let Some((effects, class)) = motion.with_effects(slugs, order.strength, &self.served, stream)? else {
                     return Ok(None);
                 };
                 truth.ideal_class = class;
@@ -307,7 +327,7 @@ impl Bench {
                 return Ok(Some(Truth { outside, outside_sigma: Some(sigma), ..large }));
             }
             Hidden::Outside(kind) => {
-                let asked_sigma = order.strength_sigma.unwrap_or(OUTSIDE_SIGMA);
+                let asked_sigma = order.strength.sigma_or(OUTSIDE_SIGMA);
                 let drawn = Disturbance::draw(*kind, stream);
                 let Some((disturbance, sigma)) = motion.with_outside(&drawn, asked_sigma)? else { return Ok(None) };
                 let position_m = motion.disturbed_m(&disturbance)?;
@@ -334,7 +354,7 @@ impl Bench {
     /// A gel so much stiffer or softer than the drawn law that large displacements show as strongly as is asked, as nearly as some radii between 1 and 4 do: the law takes up so much of the deviation
     /// that the signal need not grow with them. With those radii, and the signal in σ.
     fn with_large(&self, order: &Order, motion: &Motion, law: [f64; 3], mobility: f64) -> Result<(Truth, f64, f64)> {
-        let asked_sigma = order.strength_sigma.unwrap_or(OUTSIDE_SIGMA);
+        let asked_sigma = order.strength.sigma_or(OUTSIDE_SIGMA);
         let gel = LargeGel::new(self.apparatus(), &large::SIZING)?;
         let (farthest_m, radius_m) = (motion.farthest_m()?, large::radius_m(self.apparatus())?);
         let at = |radii: &f64| -> Result<(f64, f64, Motion, Vec<f64>)> {
@@ -420,9 +440,13 @@ fn out_of_reach(order: &Order) -> Error {
         Hidden::Outside(kind) => kind.name().into(),
         _ => "this".into(),
     };
-    let strength = order.strength_sigma.map_or(String::new(), |sigma| format!(" by {sigma} standard deviations"));
+    let (option, strength) = match order.strength {
+        Strength::Sigma(sigma) => ("--strength", format!(" by {sigma} standard deviations")),
+        Strength::Prior => ("--strength", String::new()),
+        Strength::Size(size) => ("--size", format!(" at a size of {size}")),
+    };
     Error::input(
-        Place::option("--strength"),
+        Place::option(option),
         format!("{what} cannot be made to show{strength} under the {} protocol", order.protocol.name()),
         "ask for less, for another effect, or for the other protocol; `vitreo-uq effects` says what an experiment can see",
     )

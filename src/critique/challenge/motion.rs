@@ -3,7 +3,7 @@
 use super::super::separation::{SEPARATED_SIGMA, Truth as Shown, closest};
 use super::super::{Candidate, Subject};
 use super::strength::scaled_to;
-use super::{Disturbance, HiddenEffect, NamedValue, Truth};
+use super::{Disturbance, HiddenEffect, NamedValue, Strength, Truth};
 use crate::critique::NoiseValues;
 use crate::effects::Effect;
 use crate::error::Result;
@@ -42,11 +42,11 @@ impl Motion {
         closest(&self.subject, candidate, shown).ok().map(|closest| closest.distance)
     }
 
-    /// Effects at sizes of the signal asked for, each given the others, and those that cannot be told from them; `None` where that is out of reach.
+    /// Effects of the strength asked for, each given the others, and those that cannot be told from them; `None` where that is out of reach.
     pub fn with_effects(
         &self,
         slugs: &[String],
-        asked_sigma: Option<f64>,
+        strength: Strength,
         compared: &[&'static dyn Effect],
         stream: &mut RandomStream,
     ) -> Result<Option<(Vec<HiddenEffect>, Vec<String>)>> {
@@ -78,12 +78,23 @@ impl Motion {
             let shown = Shown { candidate: &candidate, theta, noise: self.noise, position_m: &position_m };
             others.iter().map(|other| self.distance_sigma(&shown, other)).collect()
         };
-        let (theta, signals_sigma) = match asked_sigma {
-            None => {
+        let (theta, signals_sigma) = match strength {
+            Strength::Prior => {
                 let Some(found) = signals(&theta) else { return Ok(None) };
                 (theta, found)
             }
-            Some(asked_sigma) => {
+            Strength::Size(size) => {
+                let [(first, null, reach), ..] = sizes[..] else { return Ok(None) };
+                let free = &candidate.free[first];
+                let sign = if free.is_one_sided() { reach.signum() } else { 1.0 };
+                theta[first] = free.coordinate.theta(free.coordinate.value(null) + sign * size);
+                let is_reached = free.clamped(theta[first]) == theta[first];
+                match signals(&theta).filter(|_| is_reached) {
+                    Some(found) => (theta, found),
+                    None => return Ok(None),
+                }
+            }
+            Strength::Sigma(asked_sigma) => {
                 let at = |reach: &[f64]| {
                     let mut theta = theta.clone();
                     for ((k, null, whole), share) in sizes.iter().zip(reach) {
@@ -189,7 +200,12 @@ mod tests {
             let (base, fitted) = at(&subject, &[], &[]);
             let motion = Motion { subject, base, theta: fitted.theta, noise: NOISE };
             let slugs: Vec<String> = hidden.iter().map(|slug| slug.to_string()).collect();
-            let drawn = motion.with_effects(&slugs, Some(asked_sigma), library.effects(), &mut RandomStream::new(5, 0));
+            let drawn = motion.with_effects(
+                &slugs,
+                Strength::Sigma(asked_sigma),
+                library.effects(),
+                &mut RandomStream::new(5, 0),
+            );
             let (effects, class) = drawn.expect("models").expect("in reach");
             assert!(effects.iter().all(|effect| (effect.signal_sigma / asked_sigma - 1.0).abs() < 0.02), "{effects:?}");
             class

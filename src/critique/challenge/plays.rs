@@ -13,7 +13,7 @@ use super::full_order::trajectories_m;
 use super::play::{NamedSize, Play, Sort};
 use super::tally::{Tally, tally};
 use super::truth::joined;
-use super::{ApparatusError, Bench, Hidden, Noise, NoiseKind, Order, OutsideKind, Protocol, Truth, hideable};
+use super::{ApparatusError, Bench, Hidden, Noise, NoiseKind, Order, OutsideKind, Protocol, Strength, Truth, hideable};
 use crate::documents::diagnosis::{Diagnosis, VerdictKind};
 use crate::effects::Library;
 use crate::error::{Error, Place, Result};
@@ -207,9 +207,12 @@ fn draw(bench: &Bench, request: &PlaysRequest, sort: Sort, number: usize) -> Res
     let noise = noises[place / protocols.len() % noises.len()];
     let signal_sigma = signals[place / (protocols.len() * noises.len()) % signals.len()];
     let is_noise_given = request.is_noise_given;
-    let order = |hidden: Hidden, signal_sigma: f64| {
-        let strength_sigma = Some(signal_sigma);
-        Order { hidden, protocol, noise, is_noise_given, strength_sigma }
+    let order = |hidden: Hidden, signal_sigma: f64| Order {
+        hidden,
+        protocol,
+        noise,
+        is_noise_given,
+        strength: Strength::Sigma(signal_sigma),
     };
     let stream_number = match sort {
         // The same laws for all noises.

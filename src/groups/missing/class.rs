@@ -9,9 +9,8 @@
 use rayon::prelude::*;
 
 use super::judge::Gained;
-use super::law::Ratios;
-use super::scan::{Scan, Shape};
-use crate::critique::sketch::{Reading, Said};
+use super::scan::{Best, Scan, Weighed};
+use crate::critique::sketch::{Said, Told};
 use crate::inference::ensemble::RandomStream;
 
 /// Simulated cohorts a rival.
@@ -25,27 +24,32 @@ const RIVAL_STREAMS: u64 = 0xc1a55;
 /// Places in `gained` of the effects that the cohort cannot tell from the one at place `claimed`.
 pub fn class_of(records: &[Said], gained: &[Gained], claimed: usize, seed: u64) -> Vec<usize> {
     let claim = &gained[claimed];
+    let least = LEAST_SHARE * claim.best.rank_nats();
     let rivals: Vec<usize> =
-        (0..gained.len()).filter(|k| *k != claimed && gained[*k].gain_nats > LEAST_SHARE * claim.gain_nats).collect();
+        (0..gained.len()).filter(|k| *k != claimed && gained[*k].best.rank_nats() > least).collect();
     let is_in_class = |rival: &usize| is_equivalent(records, claim, &gained[*rival], seed).unwrap_or(false);
     rivals.into_par_iter().filter(is_in_class).collect()
 }
 
 /// Whether the claim leads by as much, under common laws or record by record, in more than a few cohorts in which the rival is the truth.
 fn is_equivalent(records: &[Said], claim: &Gained, rival: &Gained, seed: u64) -> Option<bool> {
-    let by_itself = |own: &Gained| own.by_itself.iter().sum::<f64>();
-    let leads = [claim.gain_nats - rival.gain_nats, by_itself(claim) - by_itself(rival)];
+    let (of_claim, of_rival) = (Scan::new(records, claim.effect)?, Scan::new(records, rival.effect)?);
+    let by_itself = |scan: &Scan, cohort: &[&Told]| -> f64 {
+        cohort.iter().enumerate().map(|(k, told)| scan.own_gain(k, told.all())).sum()
+    };
+    let lead_by_itself = |cohort: &[&Told]| by_itself(&of_claim, cohort) - by_itself(&of_rival, cohort);
+    let measured: Vec<&Told> = records.iter().map(|record| &record.told).collect();
+    let leads = [claim.best.rank_nats() - rival.best.rank_nats(), lead_by_itself(&measured)];
     if leads.iter().any(|lead| *lead <= 0.0) {
         return Some(true);
     }
-    let (of_claim, of_rival) = (Scan::new(records, claim.effect)?, Scan::new(records, rival.effect)?);
     let carriers: Vec<Carrier> = (0..records.len()).map(|k| Carrier::of(&records[k], &of_rival, rival, k)).collect();
     let simulated_leads = |number: usize| {
         let mut stream = RandomStream::new(seed ^ RIVAL_STREAMS ^ ((rival.effect as u64) << 32), number as u64);
-        let cohort: Vec<Vec<Reading>> =
+        let cohort: Vec<Told> =
             records.iter().zip(&carriers).map(|(record, carrier)| carrier.draw(record, &mut stream)).collect();
-        let by_itself = |scan: &Scan| cohort.iter().enumerate().map(|(k, own)| scan.own_gain(k, own)).sum::<f64>();
-        [best(&of_claim, &cohort) - best(&of_rival, &cohort), by_itself(&of_claim) - by_itself(&of_rival)]
+        let cohort: Vec<&Told> = cohort.iter().collect();
+        [rank_nats(&of_claim, &cohort) - rank_nats(&of_rival, &cohort), lead_by_itself(&cohort)]
     };
     let simulated: Vec<[f64; 2]> = (0..N_COHORTS).into_par_iter().map(simulated_leads).collect();
     let is_chance = |which: usize| {
@@ -55,20 +59,19 @@ fn is_equivalent(records: &[Said], claim: &Gained, rival: &Gained, seed: u64) ->
     Some(is_chance(0) || is_chance(1))
 }
 
-/// What a cohort of readings gains at best over all shapes and laws.
-fn best(scan: &Scan, cohort: &[Vec<Reading>]) -> f64 {
-    let of = |shape: Shape| {
-        let ratios: Vec<Ratios> =
-            cohort.iter().enumerate().map(|(k, readings)| scan.laws.ratios(&scan.nodes(k, readings, shape))).collect();
-        scan.laws.best(&ratios.iter().collect::<Vec<_>>()).0
+/// What a cohort gains on fitted and last cycles together, at the shape and the law that suit the fitted ones best.
+fn rank_nats(scan: &Scan, cohort: &[&Told]) -> f64 {
+    let of = |shape| {
+        let weighed: Vec<Weighed> = cohort.iter().enumerate().map(|(k, told)| scan.weighed(k, told, shape)).collect();
+        scan.best(&weighed.iter().collect::<Vec<_>>())
     };
-    scan.shapes().map(of).fold(0.0, f64::max)
+    scan.shapes().map(of).reduce(Best::larger).map_or(0.0, |best| best.rank_nats())
 }
 
 /// How a record has the rival: with what probability, at which point of its grid, how much.
 struct Carrier {
     has: f64,
-    /// Place of the reading, its amplitude in standard deviations, and the probability of both.
+    /// Place of the reading, its amplitude in units of its size, and the probability of both.
     ways: Vec<(usize, f64, f64)>,
 }
 
@@ -81,15 +84,14 @@ impl Carrier {
         };
         let (mut ways, mut odds) = (Vec::new(), 0.0);
         for point in points.iter().copied().filter(|point| *point < asked.readings.len()) {
-            let nodes = scan.nodes(place, &record.fitted, Some(point));
-            let (has, sizes) = scan.laws.of_specimen(&nodes, rival.place);
-            let ratio = scan.laws.ratios(&nodes)[rival.place.0] / points.len() as f64;
+            let nodes = scan.nodes(place, &record.told.fitted, Some(point));
+            let (has, sizes) = scan.laws.of_specimen(&nodes, rival.best.place);
+            let ratio = scan.laws.ratios(&nodes)[rival.best.place.0] / points.len() as f64;
             odds += ratio;
             let reading = asked.readings.start + point;
-            let norm = record.fitted[reading].norm;
             let way = |(size, weight): (f64, f64)| {
                 let amplitude = size.signum() * (size.abs() / asked.unit).powf(asked.power);
-                (reading, amplitude * norm, weight * ratio)
+                (reading, amplitude, weight * ratio)
             };
             if has > 0.0 {
                 ways.extend(sizes.into_iter().map(way));
@@ -100,13 +102,13 @@ impl Carrier {
         Self { has: if has.is_finite() { has } else { 0.0 }, ways }
     }
 
-    /// Readings of a simulated record, with the rival or without.
-    fn draw(&self, record: &Said, stream: &mut RandomStream) -> Vec<Reading> {
-        let mut readings = record.simulated[stream.below(record.simulated.len())].clone();
+    /// What a simulated record says, with the rival or without.
+    fn draw(&self, record: &Said, stream: &mut RandomStream) -> Told {
+        let mut told = record.simulated[stream.below(record.simulated.len())].clone();
         let (whether, which) = (stream.unit(), stream.unit());
         let whole: f64 = self.ways.iter().map(|(.., weight)| weight).sum();
         if whether >= self.has || whole <= 0.0 {
-            return readings;
+            return told;
         }
         let mut left = which * whole;
         let is_it = |(.., weight): &&(usize, f64, f64)| {
@@ -114,10 +116,11 @@ impl Carrier {
             left <= 0.0
         };
         if let Some((reading, amplitude, _)) = self.ways.iter().find(is_it).or(self.ways.last()) {
-            for (other, own) in readings.iter_mut().enumerate() {
-                own.z += amplitude * record.cosines[(*reading, other)];
+            for (readings, cosines) in told.sets_mut().zip(&record.cosines) {
+                let shift = amplitude * readings[*reading].norm;
+                readings.iter_mut().enumerate().for_each(|(other, own)| own.z += shift * cosines[(*reading, other)]);
             }
         }
-        readings
+        told
     }
 }

@@ -8,7 +8,7 @@ use super::compare::{compared, fine_laws};
 use super::judge::{Judged, judge};
 use super::law::Nodes;
 use super::likelihood::Likelihood;
-use crate::critique::sketch::{Asked, Reading, Said};
+use crate::critique::sketch::{Asked, Reading, Said, Told};
 use crate::documents::groups::RatioVerdict;
 use crate::inference::ensemble::RandomStream;
 use crate::workflow::Silent;
@@ -55,22 +55,27 @@ fn cohort(shifts: &[[f64; 2]], twin: f64, n_simulations: usize, seed: u64) -> Ve
         .collect();
     let record = |(number, shifts): (usize, &[f64; 2])| {
         let mut stream = RandomStream::new(seed, number as u64);
-        let fitted = readings(&root, &cosines, *shifts, &mut stream);
-        // Cycles that are added tell a third more.
-        let more = readings(&root, &cosines, shifts.map(|shift| shift / 3.0_f64.sqrt()), &mut stream);
-        let all = fitted.iter().zip(&more).map(|(a, b)| Reading {
-            z: (a.z + b.z / 3.0_f64.sqrt()) / (4.0_f64 / 3.0).sqrt(),
-            norm: a.norm * (4.0_f64 / 3.0).sqrt(),
-        });
-        let before_and_after = Some([fitted.clone(), all.collect()]);
-        let simulated = (0..n_simulations).map(|_| readings(&root, &cosines, [0.0; 2], &mut stream)).collect();
-        Said { effects: asked.clone(), fitted, before_and_after, simulated, cosines: cosines.clone() }
+        let mut told = |shifts: [f64; 2]| {
+            let fitted = readings(&root, &cosines, shifts, &mut stream);
+            // Cycles that are added tell a third more.
+            let more = readings(&root, &cosines, shifts.map(|shift| shift / 3.0_f64.sqrt()), &mut stream);
+            let all = fitted.iter().zip(&more).map(|(a, b)| Reading {
+                z: (a.z + b.z / 3.0_f64.sqrt()) / (4.0_f64 / 3.0).sqrt(),
+                norm: a.norm * (4.0_f64 / 3.0).sqrt(),
+            });
+            let before_and_after = Some([fitted.clone(), all.collect()]);
+            Told { fitted, before_and_after }
+        };
+        let own = told(*shifts);
+        let simulated = (0..n_simulations).map(|_| told([0.0; 2])).collect();
+        let whole = own.all().to_vec();
+        Said { effects: asked.clone(), told: own, whole, simulated, cosines: vec![cosines.clone(); 3] }
     };
     shifts.iter().enumerate().map(record).collect()
 }
 
 fn leading(judged: &Judged) -> usize {
-    let gain = |k: usize| judged.effects[k].gain_nats;
+    let gain = |k: usize| judged.effects[k].best.gain_nats;
     (0..judged.effects.len()).max_by(|a, b| gain(*a).total_cmp(&gain(*b))).expect("effects")
 }
 
@@ -81,7 +86,7 @@ fn p_is_uniform_where_nothing_is_missing() {
     let p_of = |seed: u64| {
         let judged = judge(&cohort(&[[0.0; 2]; 8], 0.3, 60, 100 + seed), seed, &Silent);
         let least = judged.effects.iter().map(|own| own.p_familywise).fold(1.0, f64::min);
-        (least, judged.effects[leading(&judged)].heldout_gain_nats.expect("held out"))
+        (least, judged.effects[leading(&judged)].best.heldout_nats.expect("held out"))
     };
     let found: Vec<(f64, f64)> = (0..60).into_par_iter().map(p_of).collect();
     let mean = found.iter().map(|(p, _)| p).sum::<f64>() / 60.0;
@@ -107,10 +112,10 @@ fn weak_effects_add_up_and_twins_stay() {
         let best = leading(&judged);
         let own = &judged.effects[best];
         assert!(["one", "twin of one"].contains(&said[0].effects[own.effect].slug));
-        assert!((10.0..80.0).contains(&own.gain_nats) && own.p_familywise <= 0.001, "{own:?}");
-        heldout_nats += own.heldout_gain_nats.expect("cycles are held out") / 16.0;
+        assert!((10.0..80.0).contains(&own.best.gain_nats) && own.p_familywise <= 0.001, "{own:?}");
+        heldout_nats += own.best.heldout_nats.expect("cycles are held out") / 16.0;
         let sum: f64 = own.of_records.iter().sum();
-        assert!((sum - own.gain_nats).abs() < 1e-9);
+        assert!((sum - own.best.gain_nats).abs() < 1e-9);
         let class = class_of(&said, &judged.effects, best, seed);
         let slugs: Vec<&str> = class.iter().map(|k| said[0].effects[judged.effects[*k].effect].slug).collect();
         let is_true = said[0].effects[own.effect].slug == "one";
@@ -130,16 +135,15 @@ fn like_sizes_are_no_proof() {
     let mut said = cohort(&[[4.0, 0.0]; 20], 0.999_999, 60, 57);
     for (k, record) in said.iter_mut().enumerate() {
         let norm = if k % 2 == 0 { 0.5 } else { 8.0 };
-        let [before, after] = record.before_and_after.as_mut().expect("held out");
-        [&mut record.fitted, before, after].into_iter().for_each(|readings| readings[0].norm = norm);
-        record.simulated.iter_mut().for_each(|readings| readings[0].norm = norm);
+        let all = std::iter::once(&mut record.told).chain(&mut record.simulated);
+        all.flat_map(Told::sets_mut).for_each(|readings| readings[0].norm = norm);
     }
     let judged = judge(&said, 3, &Silent);
     let best = leading(&judged);
     let slug = |k: usize| said[0].effects[judged.effects[k].effect].slug;
     assert_eq!(slug(best), "twin of one");
     let first = judged.effects.iter().find(|own| said[0].effects[own.effect].slug == "one").expect("searched");
-    assert!(judged.effects[best].gain_nats > first.gain_nats + 5.0, "{first:?}");
+    assert!(judged.effects[best].best.gain_nats > first.best.gain_nats + 5.0, "{first:?}");
     let class: Vec<&str> = class_of(&said, &judged.effects, best, 3).into_iter().map(slug).collect();
     assert_eq!(class, ["one"]);
 }

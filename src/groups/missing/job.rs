@@ -12,7 +12,7 @@ use super::refit::{Predicted, Sized, law_of, predicted, sized};
 use super::scan::Scan;
 use super::wording;
 use crate::critique::Subject;
-use crate::critique::sketch::{Based, Said, sketch};
+use crate::critique::sketch::{Based, Reading, Said, sketch, whole};
 use crate::documents::cohort::{
     CohortContrast, CohortDiagnosis, CohortEffect, CohortErrors, CohortGain, CohortGroup, CohortLaw, CohortSimulations,
     CohortSizes, CohortSpecimen, CohortVerdict, SidesName,
@@ -37,7 +37,7 @@ pub struct CohortRequest {
 }
 
 /// Largest p over the whole search of a claim.
-const LARGEST_P: f64 = 0.02;
+const LARGEST_P: f64 = 0.01;
 /// Least gain (nats) of a claim on the cycles that no fit has seen, over all records.
 const LEAST_HELDOUT_NATS: f64 = 2.0;
 /// p of what is called suggestive.
@@ -143,47 +143,72 @@ impl Claim {
     ) -> Result<Self> {
         let (said, based) = (found.said, found.based);
         let gained = &found.judged.effects[claimed];
-        let scan = Scan::new(said, gained.effect).ok_or_else(|| nothing_shows(found, gained))?;
-        let counter = Counter::new(monitor, 2 * said.len());
+        let counter = Counter::new(monitor, 3 * said.len());
         let subject = |number: usize| -> Result<Subject> {
+            stopped(monitor)?;
+            counter.add_one();
             let subject = apparatuses.subject(&found.measurements[number])?;
             let rows = &based[number].outlier_rows;
             Ok(if rows.is_empty() { subject } else { subject.without_rows(rows) })
         };
+        // Of the last cycle nothing is known yet when it is predicted; sizes are what all cycles say.
+        let fitted = Fits::new(found, gained, &subject, |said| &said.told.fitted)?;
+        let (_, place) = fitted.laws.best(&fitted.ratios().iter().collect::<Vec<_>>());
+        let predict = |number: usize| -> Result<Predicted> {
+            let of = (&said[number].effects[gained.effect], &fitted.sized[number]);
+            let at = (&fitted.laws, &fitted.nodes[number], place);
+            let predicted = predicted(&subject(number)?, &based[number], of, at);
+            predicted.map_err(|error| found.measurements[number].named(error))
+        };
+        let predicted = (0..said.len()).into_par_iter().map(predict).collect::<Result<_>>()?;
+        let all = Fits::new(found, gained, &|number| whole(&subject(number)?), |said| &said.whole)?;
+        let groups = found.groups();
+        let of_group = |(_, members): &(String, Vec<usize>)| members.iter().map(|number| &all.nodes[*number]).collect();
+        let each_group: Vec<Vec<&Nodes>> = groups.iter().map(of_group).collect();
+        let compared = (groups.len() > 1).then(|| compared(&all.laws, &each_group, found.request.margin));
+        let all = sizes(&all.laws, &all.nodes.iter().collect::<Vec<_>>());
+        Ok(Self { claimed, class, predicted, all, compared })
+    }
+}
+
+/// What some cycles of every record say of the size of what is claimed.
+struct Fits {
+    sized: Vec<Sized>,
+    laws: Laws,
+    nodes: Vec<Nodes>,
+}
+
+impl Fits {
+    /// Of the cycles that `subject` has among the fitted ones and `readings` are of.
+    fn new(
+        found: &Found,
+        gained: &Gained,
+        subject: &(dyn Fn(usize) -> Result<Subject> + Sync),
+        readings: fn(&Said) -> &Vec<Reading>,
+    ) -> Result<Self> {
+        let (said, based) = (found.said, found.based);
+        let scan = Scan::new(said, gained.effect).ok_or_else(|| nothing_shows(found, gained))?;
         let asked = |number: usize| &said[number].effects[gained.effect];
         let fit = |number: usize| -> Result<Sized> {
-            stopped(monitor)?;
             let sized = sized(&subject(number)?, &based[number], asked(number));
-            counter.add_one();
             sized.map_err(|error| found.measurements[number].named(error))
         };
-        let fits: Vec<Sized> = (0..said.len()).into_par_iter().map(fit).collect::<Result<_>>()?;
+        let sized: Vec<Sized> = (0..said.len()).into_par_iter().map(fit).collect::<Result<_>>()?;
         // Points of the grid that stand for what a record says by first order: those of the shape that was found.
         let points = |number: usize| -> Vec<Likelihood> {
             let n = asked(number).readings.len();
             let points = gained.shape.map_or(0..n, |point| point..(point + 1).min(n));
-            points.map(|point| scan.likelihood(number, &said[number].fitted, point)).collect()
+            points.map(|point| scan.likelihood(number, readings(&said[number]), point)).collect()
         };
-        let told = |number: usize| fits[number].likelihood.map_or_else(|| points(number), |own| vec![own]);
+        let told = |number: usize| sized[number].likelihood.map_or_else(|| points(number), |own| vec![own]);
         let each: Vec<Vec<Likelihood>> = (0..said.len()).map(told).collect();
         let laws = fine_laws(&each.concat()).ok_or_else(|| nothing_shows(found, gained))?;
-        let nodes: Vec<Nodes> = each.iter().map(|own| nodes_of(&laws, own)).collect();
-        let ratios: Vec<Ratios> = nodes.iter().map(|nodes| laws.ratios(nodes)).collect();
-        let (_, place) = laws.best(&ratios.iter().collect::<Vec<_>>());
-        let predict = |number: usize| -> Result<Predicted> {
-            stopped(monitor)?;
-            let of = (asked(number), &fits[number]);
-            let predicted = predicted(&subject(number)?, &based[number], of, (&laws, &nodes[number], place));
-            counter.add_one();
-            predicted.map_err(|error| found.measurements[number].named(error))
-        };
-        let predicted = (0..said.len()).into_par_iter().map(predict).collect::<Result<_>>()?;
-        let groups = found.groups();
-        let of_group = |(_, members): &(String, Vec<usize>)| members.iter().map(|number| &nodes[*number]).collect();
-        let each_group: Vec<Vec<&Nodes>> = groups.iter().map(of_group).collect();
-        let compared = (groups.len() > 1).then(|| compared(&laws, &each_group, found.request.margin));
-        let all = sizes(&laws, &nodes.iter().collect::<Vec<_>>());
-        Ok(Self { claimed, class, predicted, all, compared })
+        let nodes = each.iter().map(|own| nodes_of(&laws, own)).collect();
+        Ok(Self { sized, laws, nodes })
+    }
+
+    fn ratios(&self) -> Vec<Ratios> {
+        self.nodes.iter().map(|nodes| self.laws.ratios(nodes)).collect()
     }
 }
 
@@ -214,17 +239,17 @@ impl Found<'_> {
 
     /// Place of the effect that ranks first, by what it gains on fitted and held-out cycles.
     fn leading(&self) -> Option<usize> {
-        let rank = |gained: &Gained| gained.gain_nats + gained.heldout_gain_nats.unwrap_or(0.0);
+        let rank = |k: usize| self.judged.effects[k].best.rank_nats();
         let effects = &self.judged.effects;
-        let of = |best: usize, other: usize| if rank(&effects[other]) > rank(&effects[best]) { other } else { best };
-        (0..effects.len()).filter(|k| effects[*k].gain_nats > 0.0).reduce(of)
+        let of = |best: usize, other: usize| if rank(other) > rank(best) { other } else { best };
+        (0..effects.len()).filter(|k| effects[*k].best.gain_nats > 0.0).reduce(of)
     }
 
     /// The leading effect, if it passes the bars.
     fn claimed(&self) -> Option<usize> {
         self.leading().filter(|k| {
             let gained = &self.judged.effects[*k];
-            gained.p_familywise <= LARGEST_P && gained.heldout_gain_nats.is_some_and(|gain| gain > LEAST_HELDOUT_NATS)
+            gained.p_familywise <= LARGEST_P && gained.best.heldout_nats.is_some_and(|gain| gain > LEAST_HELDOUT_NATS)
         })
     }
 
@@ -260,7 +285,7 @@ impl Found<'_> {
         let gained = place.map(|place| &self.judged.effects[place]);
         let asked = |said: &Said| said.effects[effect].clone();
         let can = self.said.iter().filter(|said| asked(said).refused.is_none()).count();
-        let law = gained.filter(|gained| gained.gain_nats > 0.0).map(|gained| CohortSizes {
+        let law = gained.filter(|gained| gained.best.gain_nats > 0.0).map(|gained| CohortSizes {
             median: gained.law.ln_median.exp(),
             between_specimen_log_sd: gained.law.log_sd,
             share: gained.law.share,
@@ -271,9 +296,9 @@ impl Found<'_> {
             effect: self.said[0].effects[effect].slug.into(),
             parameter: Some(self.parameter(effect)).filter(|name| !name.is_empty()).map(String::from),
             status: place.map_or(Status::Invisible, |place| self.status(place)),
-            gain_nats: gained.map_or(0.0, |gained| gained.gain_nats),
+            gain_nats: gained.map_or(0.0, |gained| gained.best.gain_nats),
             p_familywise: gained.map_or(1.0, |gained| gained.p_familywise),
-            heldout_gain_nats: gained.and_then(|gained| gained.heldout_gain_nats),
+            heldout_gain_nats: gained.and_then(|gained| gained.best.heldout_nats),
             law,
             records: can,
             refused,

@@ -4,9 +4,9 @@
 
 use rayon::prelude::*;
 
-use super::law::{Law, Place, Ratios};
-use super::scan::{Scan, Shape};
-use crate::critique::sketch::{Reading, Said};
+use super::law::Law;
+use super::scan::{Best, Scan, Shape, Weighed};
+use crate::critique::sketch::Said;
 use crate::inference::ensemble::RandomStream;
 use crate::workflow::{Counter, Monitor};
 
@@ -20,16 +20,12 @@ const COHORT_STREAMS: u64 = 0xc0_5075;
 pub struct Gained {
     /// Place in the library.
     pub effect: usize,
-    /// In log likelihood (nats) under the law that fits best.
-    pub gain_nats: f64,
-    /// p over the whole search.
+    /// What it gains under the law that fits best.
+    pub best: Best,
+    /// p of its rank over the whole search.
     pub p_familywise: f64,
-    /// The same of the last, held-out cycles under that law; `None` where no record has one.
-    pub heldout_gain_nats: Option<f64>,
     /// The law.
     pub law: Law,
-    /// Its place in the grid.
-    pub place: Place,
     /// The shape at which it was found.
     pub shape: Shape,
     /// What each record gains under it (nats), in the records' order.
@@ -42,12 +38,12 @@ pub struct Gained {
 pub struct Judged {
     /// Effects that some record can show, in the library's order.
     pub effects: Vec<Gained>,
-    /// Largest gains of simulated cohorts, ascending.
+    /// Largest ranks of simulated cohorts (nats), ascending.
     pub largest_by_chance: Vec<f64>,
 }
 
 impl Judged {
-    /// The gain that 95 of 100 simulated cohorts stay below.
+    /// The rank that 95 of 100 simulated cohorts stay below.
     pub fn threshold(&self) -> f64 {
         self.largest_by_chance.get(self.largest_by_chance.len() * 95 / 100).copied().unwrap_or(f64::INFINITY)
     }
@@ -69,28 +65,31 @@ pub fn judge(records: &[Said], seed: u64, monitor: &dyn Monitor) -> Judged {
     };
     let found: Vec<(usize, Shape, OfShape)> = jobs.par_iter().map(of_job).collect();
     let mut largest = vec![0.0_f64; picks.len()];
-    for (_, _, own) in &found {
-        largest.iter_mut().zip(&own.by_chance).for_each(|(largest, gain)| *largest = largest.max(*gain));
+    for (effect, _) in &scans {
+        let of_effect: Vec<&OfShape> = found.iter().filter(|(of, ..)| of == effect).map(|(.., own)| own).collect();
+        for (cohort, largest) in largest.iter_mut().enumerate() {
+            let best = of_effect.iter().map(|own| own.by_chance[cohort]).reduce(Best::larger);
+            *largest = best.map_or(0.0, |best| best.rank_nats()).max(*largest);
+        }
     }
     largest.sort_by(f64::total_cmp);
-    let p = |gain: f64| {
-        let reached = largest.len() - largest.partition_point(|own| *own < gain);
+    let p = |rank: f64| {
+        let reached = largest.len() - largest.partition_point(|own| *own < rank);
         (1 + reached) as f64 / (1 + largest.len()) as f64
     };
     let gained = |(effect, scan): &(usize, Scan)| {
         let own = found.iter().filter(|(of, ..)| of == effect);
         // Of equals the first.
-        let (_, shape, best) = own.reduce(|best, other| if other.2.gain > best.2.gain { other } else { best })?;
+        let (_, shape, best) =
+            own.reduce(|one, other| if other.2.best.gain_nats > one.2.best.gain_nats { other } else { one })?;
         Some(Gained {
             effect: *effect,
-            gain_nats: best.gain,
-            p_familywise: p(best.gain),
-            heldout_gain_nats: heldout(records, scan, *shape, best.place),
-            law: scan.laws.law(best.place),
-            place: best.place,
+            best: best.best,
+            p_familywise: p(best.best.rank_nats()),
+            law: scan.laws.law(best.best.place),
             shape: *shape,
             of_records: best.of_records.clone(),
-            by_itself: records.iter().enumerate().map(|(k, record)| scan.own_gain(k, &record.fitted)).collect(),
+            by_itself: records.iter().enumerate().map(|(k, record)| scan.own_gain(k, &record.told.fitted)).collect(),
         })
     };
     let effects = scans.iter().filter_map(gained).collect();
@@ -109,41 +108,25 @@ fn picks(records: &[Said], seed: u64) -> Vec<Vec<usize>> {
 
 /// One effect at one shape.
 struct OfShape {
-    gain: f64,
-    place: Place,
+    best: Best,
     of_records: Vec<f64>,
-    by_chance: Vec<f64>,
+    by_chance: Vec<Best>,
 }
 
 fn of_shape(records: &[Said], scan: &Scan, shape: Shape, picks: &[Vec<usize>]) -> OfShape {
-    let ratios = |record: usize, readings: &[Reading]| scan.laws.ratios(&scan.nodes(record, readings, shape));
-    let own: Vec<Ratios> = records.iter().enumerate().map(|(k, record)| ratios(k, &record.fitted)).collect();
-    let own: Vec<&Ratios> = own.iter().collect();
-    let (gain, place) = scan.laws.best(&own);
-    let of_records = if gain > 0.0 { scan.laws.gains(&own, place) } else { vec![0.0; records.len()] };
-    let by_chance: Vec<Vec<Ratios>> = records
+    let own: Vec<Weighed> =
+        records.iter().enumerate().map(|(k, record)| scan.weighed(k, &record.told, shape)).collect();
+    let best = scan.best(&own.iter().collect::<Vec<_>>());
+    let gain = |own: &Weighed| if best.gain_nats > 0.0 { scan.laws.gain(&own.fitted, best.place) } else { 0.0 };
+    let of_records = own.iter().map(gain).collect();
+    let by_chance: Vec<Vec<Weighed>> = records
         .par_iter()
         .enumerate()
-        .map(|(k, record)| record.simulated.iter().map(|readings| ratios(k, readings)).collect())
+        .map(|(k, record)| record.simulated.iter().map(|told| scan.weighed(k, told, shape)).collect())
         .collect();
     let cohort = |picks: &Vec<usize>| {
-        let taken: Vec<&Ratios> = picks.iter().zip(&by_chance).map(|(pick, own)| &own[*pick]).collect();
-        scan.laws.best(&taken).0
+        let taken: Vec<&Weighed> = picks.iter().zip(&by_chance).map(|(pick, own)| &own[*pick]).collect();
+        scan.best(&taken)
     };
-    OfShape { gain, place, of_records, by_chance: picks.par_iter().map(cohort).collect() }
-}
-
-/// The gain in the log score of the last cycles, each given those before it in its record, under the law that the fitted cycles of all records led to:
-/// ln[1 − π + π r(all)] − ln[1 − π + π r(fitted)], summed.
-fn heldout(records: &[Said], scan: &Scan, shape: Shape, place: Place) -> Option<f64> {
-    let of = |(k, record): (usize, &Said)| {
-        let [before, after] = record.before_and_after.as_ref()?;
-        let ln = |readings: &[Reading]| {
-            let ratios = scan.laws.ratios(&scan.nodes(k, readings, shape));
-            scan.laws.gains(&[&ratios], place)[0]
-        };
-        Some(ln(after) - ln(before))
-    };
-    let each: Vec<f64> = records.iter().enumerate().filter_map(of).collect();
-    (!each.is_empty()).then(|| each.iter().sum())
+    OfShape { best, of_records, by_chance: picks.par_iter().map(cohort).collect() }
 }

@@ -214,10 +214,10 @@ impl Laws {
         best
     }
 
-    /// What each specimen gains under a law (nats; negative where it speaks against the law).
-    pub fn gains(&self, specimens: &[&Ratios], (law, share): Place) -> Vec<f64> {
+    /// What a specimen gains under a law (nats; negative where it speaks against the law).
+    pub fn gain(&self, ratios: &Ratios, (law, share): Place) -> f64 {
         let share = self.shares[share];
-        specimens.iter().map(|ratios| (1.0 - share + share * ratios[law]).ln()).collect()
+        (1.0 - share + share * ratios[law]).ln()
     }
 
     /// ln of the likelihood of every law over that of none: laws in their order, the shares of each side by side.
@@ -335,7 +335,7 @@ mod tests {
         let (gain, place) = laws.best(&ratios.iter().collect::<Vec<_>>());
         let largest = lns.iter().copied().fold(0.0, f64::max);
         assert!((gain - largest).abs() < 1e-9 && gain > 3.0);
-        let sum: f64 = laws.gains(&ratios.iter().collect::<Vec<_>>(), place).iter().sum();
+        let sum: f64 = ratios.iter().map(|ratios| laws.gain(ratios, place)).sum();
         assert!((sum - gain).abs() < 1e-9);
     }
 

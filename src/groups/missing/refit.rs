@@ -17,7 +17,7 @@ pub struct Sized {
     start: Option<Fitted>,
 }
 
-/// Fits the effect to a record.
+/// Fits the effect to the cycles of a record that a subject has among the fitted ones.
 ///
 /// # Errors
 /// Whatever building its model refuses, but for an effect that cannot be added.
@@ -28,11 +28,13 @@ pub fn sized(subject: &Subject, record: &Based, asked: &Asked) -> Result<Sized> 
     }
     let candidate = subject.extended(&[asked.slug])?;
     let Some(place) = candidate.free.iter().position(|free| free.name == asked.parameter) else { return Ok(none) };
-    let base = &record.base;
-    let start = (candidate.embed(&base.candidate, &base.fitted.theta), base.fitted.noise);
+    let base = &record.base.candidate;
+    let start = (record.base.fitted.theta.clone(), record.base.fitted.noise);
     // A model that cannot be evaluated anywhere says nothing.
+    let Ok(without) = subject.fit(base, &[start], Search::Local) else { return Ok(none) };
+    let start = (candidate.embed(base, &without.theta), without.noise);
     let Ok(fitted) = subject.fit(&candidate, &[start], Search::Local) else { return Ok(none) };
-    let gain = fitted.objective - base.fitted.objective;
+    let gain = fitted.objective - without.objective;
     let likelihood = if gain > LEAST_NATS {
         let sd = Tangent::new(subject, &candidate, &fitted)?.standard_deviations()[place];
         let (free, theta) = (&candidate.free[place], fitted.theta[place]);
