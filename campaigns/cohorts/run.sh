@@ -1,22 +1,24 @@
 #!/usr/bin/env bash
-# Hidden cohorts of 20 by finer finite elements: an effect at 2 σ in every record, at 4 σ in half of them, twice as large in one of two species, as large in both, and in none. What does `diagnose`
+# Hidden cohorts of 20 by finer finite elements: an effect at 2 σ in every record, at 4 σ in half of them, twice as large in one of two species (at 4 σ typically in the other), as large in both, and in none. What does `diagnose`
 # say of the cohort? COUNT cohorts of each sort, NONE without anything; effects and noises take turns. Effects that change the displacement field are not hidden, since a record of theirs takes a minute; they are searched.
 source "$(dirname "${BASH_SOURCE[0]}")/../common.sh"
 begin cohorts
 count=${COUNT:-40}
 nones=${NONE:-200}
+first=${FIRST:-10000}
 records=20
 effects=(instantaneous-elasticity tracking-drift force-bias softening force-asymmetry second-retardation clock-offset fractional-damping force-gradient actuator-lag)
 noises=(white ou gain outliers)
 
-# cohort PLACE SEED SPECIES STRENGTH COUNT: so many records below PLACE; a strength of 0 hides nothing.
+# cohort PLACE SEED SPECIES STRENGTH COUNT: so many records below PLACE, of a signal (`4σ`) or a size; 0 hides nothing.
 cohort() {
     local place=$1 seed=$2 species=$3 strength=$4 number=$5 hidden dir
     [[ -e $place/$species-$strength.made ]] && return
-    hidden=(--effect "$effect" --strength "$strength")
-    if [[ $strength == 0 ]]; then
-        hidden=(--none)
-    fi
+    case $strength in
+    0) hidden=(--none) ;;
+    *σ) hidden=(--effect "$effect" --strength "${strength%σ}") ;;
+    *) hidden=(--effect "$effect" --size "$strength") ;;
+    esac
     rm -rf "$place/new" "$place/$species-$strength"-*
     "$program" challenge new --out "$place/new" --count "$number" "${hidden[@]}" --noise-kind "$noise" --seed "$((1000 * seed))" --quiet >>"$raw/made.log"
     for dir in "$place"/new/*/; do
@@ -45,26 +47,40 @@ while text[at:].strip():
 json.dump(found, sys.stdout)' >"$raw/$label.truth"
 }
 
+# typical SEED: the size at which a record of the effect typically shows by 4 σ: the median of ten.
+typical() {
+    local place=$raw/made/typical-$k
+    if [[ ! -e $place.size ]]; then
+        rm -rf "$place"
+        "$program" challenge new --out "$place" --count 10 --effect "$effect" --strength 4 --seed "$1" --quiet >>"$raw/made.log"
+        for dir in "$place"/*/; do
+            "$program" challenge reveal "$dir" --json - --quiet 2>/dev/null
+        done | "$python" "$root/campaigns/cohorts/typical.py" >"$place.size"
+    fi
+    cat "$place.size"
+}
+
 half=$((records / 2))
 place=$raw/made
 for ((k = 0; k < count; k++)); do
     effect=${effects[k % ${#effects[@]}]}
     noise=${noises[(k + k / ${#effects[@]}) % ${#noises[@]}]}
-    cohort "$place/each-$k" $((1000 + k)) porcine 2 "$records"
+    cohort "$place/each-$k" $((first + 1000 + k)) porcine 2σ "$records"
     diagnosed "each.$k" "$place/each-$k"
-    cohort "$place/half-$k" $((2000 + k)) porcine 4 "$half"
-    cohort "$place/half-$k" $((3000 + k)) porcine 0 $((records - half))
+    cohort "$place/half-$k" $((first + 2000 + k)) porcine 4σ "$half"
+    cohort "$place/half-$k" $((first + 3000 + k)) porcine 0 $((records - half))
     diagnosed "half.$k" "$place/half-$k"
-    cohort "$place/twice-$k" $((4000 + k)) bovine 8 "$half"
-    cohort "$place/twice-$k" $((5000 + k)) human 4 $((records - half))
+    size=$(typical $((1000 * (first + k))))
+    cohort "$place/twice-$k" $((first + 4000 + k)) bovine "$("$python" -c "print(2 * $size)")" "$half"
+    cohort "$place/twice-$k" $((first + 5000 + k)) human "$size" $((records - half))
     diagnosed "twice.$k" "$place/twice-$k"
-    cohort "$place/alike-$k" $((6000 + k)) bovine 4 "$half"
-    cohort "$place/alike-$k" $((7000 + k)) human 4 $((records - half))
+    cohort "$place/alike-$k" $((first + 6000 + k)) bovine "$size" "$half"
+    cohort "$place/alike-$k" $((first + 7000 + k)) human "$size" $((records - half))
     diagnosed "alike.$k" "$place/alike-$k"
 done
 for ((k = 0; k < nones; k++)); do
     noise=${noises[k % ${#noises[@]}]}
-    cohort "$place/none-$k" $((8000 + k)) porcine 0 "$records"
+    cohort "$place/none-$k" $((first + 8000 + k)) porcine 0 "$records"
     diagnosed "none.$k" "$place/none-$k"
 done
 finish

@@ -100,8 +100,8 @@ fn p_is_uniform_where_nothing_is_missing() {
 }
 
 /// Two standard deviations in each of 20 records: the sum of squares over two is 40 nats ± 9, less what the law's parameters cost. Each record by itself gains 2 nats ± 2,
-/// which no search calls anything. Held-out cycles that tell a third as much gain a third. The other effects are told apart. The twin at cosine 0.99 leads by 0.8 ± 1.3 nats less where the first is the
-/// truth, and by that more where it is the truth itself, so that a lead of 1.8 nats excludes it: in one cohort of five. Of 16 cohorts fewer than 4 keep it in 4 of 10⁷ runs. The truth is excluded in
+/// which no search calls anything. Held-out cycles that tell a third as much gain a third. The other effects are told apart. On fitted and last cycles together the twin at cosine 0.99 leads by 1.1 ± 1.5 nats less where the first is the
+/// truth, and by that more where it is the truth itself, so that a lead of 2 nats excludes it: in one cohort of four. Of 16 cohorts fewer than 4 keep it in 1 of 10⁵ runs. The truth is excluded in
 /// at most 2 of 100, in more than 5 of 16 in 5 of 10⁷.
 #[test]
 fn weak_effects_add_up_and_twins_stay() {

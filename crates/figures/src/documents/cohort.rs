@@ -59,7 +59,7 @@ pub struct CohortEffect {
     pub status: Status,
     /// What records gain together under the common law that fits best.
     pub gain_nats: f64,
-    /// p of that over the whole search, by simulated cohorts.
+    /// p of the gain on fitted and last cycles together over the whole search, by simulated cohorts.
     pub p_familywise: f64,
     /// The gain in the log score of the last cycles under that law; `None` where none is held out.
     pub heldout_gain_nats: Option<f64>,
@@ -219,6 +219,6 @@ pub struct CohortSimulations {
     pub of_each_record: usize,
     /// Cohorts that were made of them.
     pub cohorts: usize,
-    /// The gain (nats) that 95 of 100 of them stay below; `None` without any.
+    /// The gain on fitted and last cycles together (nats) that 95 of 100 of them stay below; `None` without any.
     pub threshold_nats: Option<f64>,
 }
