@@ -77,7 +77,7 @@ fn broken_commands_are_named() {
     for (line, words) in [
         ("fit gel-b --cains 3 --out {out}", "--cains"),
         ("fti gel-b --out {out}", "fti"),
-        ("serve gel-b --quiet --out {out}", "does not end by itself"),
+        ("serve {out} --quiet", "does not end by itself"),
         ("gather gel-b --out {out}", "a list of lists"),
         ("fit gel-b --out study", "{out}"),
     ] {
