@@ -58,6 +58,7 @@ def is_stated(cohort):
 def figures(raw):
     """Figures and counts of the campaign."""
     each, half, twice, alike, none = (cohorts(raw, label) for label in ("each", "half", "twice", "alike", "none"))
+    field = cohorts(raw, "field")
     found = [cohort for cohort in half if in_class(cohort)]
     with_class = [cohort for cohort in each if in_class(cohort)]
     words = {
@@ -70,9 +71,11 @@ def figures(raw):
         "twice as large in one species: stated": count(twice, is_stated),
         "as large in both: stated": count(alike, is_stated),
         "nothing hidden: claims": count(none, is_claim),
+        "an effect that changes the field, 4 σ in one of two species: in class": count(field, in_class),
+        "and the species said to differ": count(field, is_stated),
     }
     said = {}
-    for label, list_of in (("each", each), ("half", half), ("twice", twice), ("alike", alike), ("none", none)):
+    for label, list_of in (("each", each), ("half", half), ("twice", twice), ("alike", alike), ("none", none), ("field", field)):
         for document, truths in list_of:
             key = f"{label}: {'+'.join(sorted(hidden(truths))) or 'none'} -> {'+'.join(document['verdict']['effects']) or document['verdict']['kind']}"
             said[key] = said.get(key, 0) + 1

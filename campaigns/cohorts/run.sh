@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Hidden cohorts of 20 by finer finite elements: an effect at 2 σ in every record, at 4 σ in half of them, twice as large in one of two species (at 4 σ typically in the other), as large in both, and in none. What does `diagnose`
-# say of the cohort? COUNT cohorts of each sort, NONE without anything; effects and noises take turns. Effects that change the displacement field are not hidden, since a record of theirs takes a minute; they are searched.
+# say of the cohort? COUNT cohorts of each sort, NONE without anything; effects and noises take turns. Effects that change the displacement field, of which a record takes a minute, are hidden once each: in one species, and not in the other.
 source "$(dirname "${BASH_SOURCE[0]}")/../common.sh"
 begin cohorts
 count=${COUNT:-40}
@@ -8,6 +8,7 @@ nones=${NONE:-200}
 first=${FIRST:-10000}
 records=20
 effects=(instantaneous-elasticity tracking-drift force-bias softening force-asymmetry second-retardation clock-offset fractional-damping force-gradient actuator-lag)
+fields=(interface-slip poroelasticity outer-wall-compliance liquefied-pocket strain-stiffening inertia)
 noises=(white ou gain outliers)
 
 # cohort PLACE SEED SPECIES STRENGTH COUNT: so many records below PLACE, of a signal (`4σ`) or a size; 0 hides nothing.
@@ -82,5 +83,12 @@ for ((k = 0; k < nones; k++)); do
     noise=${noises[k % ${#noises[@]}]}
     cohort "$place/none-$k" $((first + 8000 + k)) porcine 0 "$records"
     diagnosed "none.$k" "$place/none-$k"
+done
+for ((k = 0; k < ${#fields[@]}; k++)); do
+    effect=${fields[k]}
+    noise=${noises[k % ${#noises[@]}]}
+    cohort "$place/field-$k" $((first + 9000 + k)) bovine 4σ "$half"
+    cohort "$place/field-$k" $((first + 9500 + k)) human 0 $((records - half))
+    diagnosed "field.$k" "$place/field-$k"
 done
 finish
