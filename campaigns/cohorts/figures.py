@@ -57,8 +57,8 @@ def is_stated(cohort):
 
 def figures(raw):
     """Figures and counts of the campaign."""
-    each, half, twice, alike, none = (cohorts(raw, label) for label in ("each", "half", "twice", "alike", "none"))
-    field = cohorts(raw, "field")
+    sorts = {label: cohorts(raw, label) for label in ("each", "half", "twice", "alike", "none", "field")}
+    each, half, twice, alike, none, field = sorts.values()
     found = [cohort for cohort in half if in_class(cohort)]
     with_class = [cohort for cohort in each if in_class(cohort)]
     words = {
@@ -75,8 +75,8 @@ def figures(raw):
         "and the species said to differ": count(field, is_stated),
     }
     said = {}
-    for label, list_of in (("each", each), ("half", half), ("twice", twice), ("alike", alike), ("none", none), ("field", field)):
-        for document, truths in list_of:
+    for label, found_of in sorts.items():
+        for document, truths in found_of:
             key = f"{label}: {'+'.join(sorted(hidden(truths))) or 'none'} -> {'+'.join(document['verdict']['effects']) or document['verdict']['kind']}"
             said[key] = said.get(key, 0) + 1
     return words, dict(sorted(said.items())) | {"cohorts": of(len(each), len(each))}
