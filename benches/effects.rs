@@ -6,15 +6,15 @@ use std::collections::BTreeMap;
 use std::hint::black_box;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use vitreo_uq::effects::Library;
-use vitreo_uq::experiment::Experiment;
-use vitreo_uq::inference::LogDensity;
-use vitreo_uq::inference::ensemble::RandomStream;
-use vitreo_uq::study::ModelSpecification;
-use vitreo_uq::workflow::Silent;
-use vitreo_uq::workflow::problem::Problem;
-use vitreo_uq::workflow::reduced::Reduced;
-use vitreo_uq::workflow::replica::{TABLE_I, embedded};
+use vitreo_uq::models::effects::Library;
+use vitreo_uq::posterior::monitor::Silent;
+use vitreo_uq::posterior::problem::Problem;
+use vitreo_uq::posterior::reduced::Reduced;
+use vitreo_uq::posterior::replica::{TABLE_I, embedded};
+use vitreo_uq::posterior::study::ModelSpecification;
+use vitreo_uq::record::Experiment;
+use vitreo_uq::sampling::LogDensity;
+use vitreo_uq::sampling::ensemble::RandomStream;
 
 const N_POINTS: usize = 32;
 

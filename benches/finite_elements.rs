@@ -6,10 +6,10 @@ use std::hint::black_box;
 use std::time::Duration;
 
 use criterion::Criterion;
-use vitreo_uq::fe::time::{FullOrderModel, TimeScheme};
-use vitreo_uq::fe::{Assembly, Stiffness};
-use vitreo_uq::mesh::{Mesh, QuarterBall};
-use vitreo_uq::rheology::CreepCompliance;
+use vitreo_uq::elements::fe::time::{FullOrderModel, TimeScheme};
+use vitreo_uq::elements::fe::{Assembly, Stiffness};
+use vitreo_uq::elements::mesh::{Mesh, QuarterBall};
+use vitreo_uq::laws::rheology::CreepCompliance;
 
 const POISSON_RATIO: f64 = 0.48;
 

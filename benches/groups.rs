@@ -1,9 +1,9 @@
 //! Sweeps of the population's sampler: 200 specimens in four groups, three parameters, draws and likelihoods.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use vitreo_uq::groups::hierarchy::{ExperimentDensity, HierarchyOptions, InterimDraws, Member, sample_population};
-use vitreo_uq::groups::{Design, Labels};
-use vitreo_uq::workflow::Silent;
+use vitreo_uq::cohorts::hierarchy::{ExperimentDensity, HierarchyOptions, InterimDraws, Member, sample_population};
+use vitreo_uq::cohorts::{Design, Labels};
+use vitreo_uq::posterior::monitor::Silent;
 
 const N_SPECIMENS: usize = 200;
 const N_DRAWS: usize = 1_000;

@@ -10,9 +10,9 @@ use std::time::Instant;
 
 use creep::Creep;
 use criterion::{BatchSize, Criterion, Throughput};
-use vitreo_uq::inference::ensemble::moves::default_move;
-use vitreo_uq::inference::ensemble::{Ensemble, Kernel};
-use vitreo_uq::inference::{LogDensity, SamplerOptions, sample};
+use vitreo_uq::sampling::ensemble::moves::default_move;
+use vitreo_uq::sampling::ensemble::{Ensemble, Kernel};
+use vitreo_uq::sampling::{LogDensity, SamplerOptions, sample};
 
 fn batches(criterion: &mut Criterion, creep: &Creep) {
     let posterior = creep.posterior();

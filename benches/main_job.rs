@@ -3,11 +3,13 @@
 //! Bar: 5 s on two cores.
 
 use criterion::Criterion;
-use vitreo_uq::inference::SamplerOptions;
-use vitreo_uq::study::{ModelSpecification, Provenance};
-use vitreo_uq::workflow::problem::Problem;
-use vitreo_uq::workflow::sample::{SampleRequest, run};
-use vitreo_uq::workflow::{Silent, artefacts, replica};
+use vitreo_uq::jobs::artefacts;
+use vitreo_uq::posterior::monitor::Silent;
+use vitreo_uq::posterior::problem::Problem;
+use vitreo_uq::posterior::replica;
+use vitreo_uq::posterior::sample::{SampleRequest, run};
+use vitreo_uq::posterior::study::{ModelSpecification, Provenance};
+use vitreo_uq::sampling::SamplerOptions;
 
 fn main_job() {
     let (experiment, _) = replica::embedded().expect("the replica is sound");

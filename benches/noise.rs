@@ -5,8 +5,8 @@
 use std::hint::black_box;
 
 use criterion::{Criterion, Throughput};
-use vitreo_uq::error::Place;
-use vitreo_uq::inference::noise::{LANES, NoiseLikelihood, NoiseModel};
+use vitreo_uq::base::error::Place;
+use vitreo_uq::posterior::noise::{LANES, NoiseLikelihood, NoiseModel};
 
 const N_ROWS: usize = 800;
 

@@ -6,10 +6,10 @@
 use std::hint::black_box;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use vitreo_uq::effects::Stages;
-use vitreo_uq::model::{N_LANES, Response};
-use vitreo_uq::number::Dual;
-use vitreo_uq::rheology::{BaseLaw, Element};
+use vitreo_uq::base::number::Dual;
+use vitreo_uq::laws::rheology::{BaseLaw, Element};
+use vitreo_uq::models::effects::Stages;
+use vitreo_uq::models::model::{N_LANES, Response};
 
 const N_ROWS: usize = 800;
 const COMPLIANCE_PER_M: f64 = 549.0;

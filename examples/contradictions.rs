@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 
 use contradictory::{KINDS, record};
 use rayon::prelude::*;
-use vitreo_uq::workflow::check::contradictions;
+use vitreo_uq::posterior::check::contradictions;
 
 /// Seeds of one kind are so many apart from those of the next.
 const APART: u64 = 1_000_000;

@@ -2,12 +2,12 @@
 
 use std::path::PathBuf;
 
-use vitreo_uq::report::corner::{CornerOptions, ParameterColumn, Posterior, corner};
-use vitreo_uq::report::density::{guessed_support, sorted};
-use vitreo_uq::report::draws::{DrawTable, read_draws_csv};
-use vitreo_uq::report::labels::{ParameterLabel, of_parameter};
-use vitreo_uq::report::palette::series;
-use vitreo_uq::report::svg::write_figure;
+use vitreo_uq::figures::corner::{CornerOptions, ParameterColumn, Posterior, corner};
+use vitreo_uq::figures::density::{guessed_support, sorted};
+use vitreo_uq::figures::draws::{DrawTable, read_draws_csv};
+use vitreo_uq::figures::labels::{ParameterLabel, of_parameter};
+use vitreo_uq::figures::palette::series;
+use vitreo_uq::figures::svg::write_figure;
 
 struct Loaded {
     label: String,

@@ -3,15 +3,17 @@
 //! `thermal-drift`: the stage warms up and carries the camera along, x_obs = x + A (1 − e^{−t/τ}). Null: A = 0, where τ means nothing.
 
 use vitreo_uq::Result;
-use vitreo_uq::distribution::Distribution;
-use vitreo_uq::effects::{Approach, Effect, EffectParameter, Library, Stage, Stages};
-use vitreo_uq::experiment::Scales;
-use vitreo_uq::number::Dual;
-use vitreo_uq::parameter::{ParameterSpec, Support};
-use vitreo_uq::report::labels;
-use vitreo_uq::study::ModelSpecification;
-use vitreo_uq::workflow::extend::{self, ExtensionRequest};
-use vitreo_uq::workflow::{Silent, problem::Problem, replica};
+use vitreo_uq::base::distribution::Distribution;
+use vitreo_uq::base::number::Dual;
+use vitreo_uq::base::parameter::{ParameterSpec, Support};
+use vitreo_uq::figures::labels;
+use vitreo_uq::jobs::extend::{self, ExtensionRequest};
+use vitreo_uq::models::effects::{Approach, Effect, EffectParameter, Library, Stage, Stages};
+use vitreo_uq::posterior::monitor::Silent;
+use vitreo_uq::posterior::problem::Problem;
+use vitreo_uq::posterior::replica;
+use vitreo_uq::posterior::study::ModelSpecification;
+use vitreo_uq::record::Scales;
 
 struct ThermalDrift;
 

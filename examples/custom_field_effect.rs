@@ -5,19 +5,21 @@
 
 use nalgebra::Vector3;
 use vitreo_uq::Result;
-use vitreo_uq::distribution::Distribution;
-use vitreo_uq::effects::{
+use vitreo_uq::base::distribution::Distribution;
+use vitreo_uq::base::number::Dual;
+use vitreo_uq::base::parameter::{ParameterSpec, Support};
+use vitreo_uq::elements::fe::spatial::{Freedoms, Sizes, SpatialSystem, Splitting, Surroundings, decades, stiffness};
+use vitreo_uq::laws::rheology::{Beside, Element};
+use vitreo_uq::models::effects::{
     Effect, EffectParameter, Field, FieldSystem, Library, LinearField, MatrixPair, Spatial, Stage, Stages,
 };
-use vitreo_uq::experiment::Scales;
-use vitreo_uq::fe::spatial::{Freedoms, Sizes, SpatialSystem, Splitting, Surroundings, decades, stiffness};
-use vitreo_uq::model::Forward;
-use vitreo_uq::number::Dual;
-use vitreo_uq::parameter::{ParameterSpec, Support};
-use vitreo_uq::rheology::{Beside, Element};
-use vitreo_uq::study::ModelSpecification;
-use vitreo_uq::workflow::reduced::Reduced;
-use vitreo_uq::workflow::{Silent, problem::Problem, replica};
+use vitreo_uq::models::model::Forward;
+use vitreo_uq::posterior::monitor::Silent;
+use vitreo_uq::posterior::problem::Problem;
+use vitreo_uq::posterior::reduced::Reduced;
+use vitreo_uq::posterior::replica;
+use vitreo_uq::posterior::study::ModelSpecification;
+use vitreo_uq::record::Scales;
 
 struct StiffRim;
 

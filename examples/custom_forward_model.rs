@@ -4,8 +4,8 @@
 //! ln a and ln τ with flat priors. Two parameters can be integrated by brute force, which is printed beside it.
 
 use vitreo_uq::Result;
-use vitreo_uq::inference::ensemble::RunControl;
-use vitreo_uq::inference::{LogDensity, SamplerOptions, sample};
+use vitreo_uq::sampling::ensemble::RunControl;
+use vitreo_uq::sampling::{LogDensity, SamplerOptions, sample};
 
 const TIME_MIN: [f64; 8] = [0.0, 5.0, 10.0, 15.0, 20.0, 30.0, 40.0, 60.0];
 const EXCESS_K: [f64; 8] = [60.4, 46.3, 36.8, 27.7, 22.5, 13.0, 8.6, 2.4];

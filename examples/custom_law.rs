@@ -4,10 +4,10 @@
 //! In `model.toml` the same text stands under `[base.network]`.
 
 use vitreo_uq::Result;
-use vitreo_uq::error::Place;
-use vitreo_uq::experiment::Scales;
-use vitreo_uq::model::{Compliance, Forward, Model, ReducedForward, Response};
-use vitreo_uq::rheology::{BaseLaw, Network};
+use vitreo_uq::base::error::Place;
+use vitreo_uq::laws::rheology::{BaseLaw, Network};
+use vitreo_uq::models::model::{Compliance, Forward, Model, ReducedForward, Response};
+use vitreo_uq::record::Scales;
 
 const NETWORK: &str = r#"series = [{ spring = "gel" }, { parallel = [{ spring = "mesh" }, { dashpot = "water" }] }]"#;
 

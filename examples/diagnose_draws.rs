@@ -3,8 +3,8 @@
 //! `cargo run --example diagnose_draws -- draws.csv`
 
 use std::collections::BTreeMap;
-use vitreo_uq::error::Place;
-use vitreo_uq::inference::diagnostics::{Chains, convergence, ess_bulk, ess_mean, ess_tail, mcse_mean, rhat};
+use vitreo_uq::base::error::Place;
+use vitreo_uq::sampling::diagnostics::{Chains, convergence, ess_bulk, ess_mean, ess_tail, mcse_mean, rhat};
 use vitreo_uq::{Error, Result};
 
 fn read(path: &str) -> Result<Chains> {

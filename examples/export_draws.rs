@@ -6,9 +6,9 @@ use std::path::PathBuf;
 
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
-use vitreo_uq::report::draws::{DrawTable, write_draws_csv};
-use vitreo_uq::report::labelled_netcdf::{Dimension, Variable, write_labelled_netcdf};
-use vitreo_uq::report::netcdf::{RecordGroups, RowColumn, write_draws_netcdf};
+use vitreo_uq::figures::draws::{DrawTable, write_draws_csv};
+use vitreo_uq::figures::labelled_netcdf::{Dimension, Variable, write_labelled_netcdf};
+use vitreo_uq::figures::netcdf::{RecordGroups, RowColumn, write_draws_netcdf};
 
 fn main() -> vitreo_uq::Result<()> {
     let dir = std::env::args_os().nth(1).map_or_else(std::env::temp_dir, PathBuf::from);

@@ -5,8 +5,8 @@
 
 use std::time::Instant;
 
-use vitreo_uq::error::Result;
-use vitreo_uq::fe::Stiffness;
+use vitreo_uq::base::error::Result;
+use vitreo_uq::elements::fe::Stiffness;
 
 #[path = "shared/solver_mesh.rs"]
 mod solver_mesh;

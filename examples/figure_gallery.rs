@@ -6,13 +6,13 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use vitreo_uq::Result;
-use vitreo_uq::report::corner::{CornerOptions, ParameterColumn, Posterior, PriorCurve, corner};
-use vitreo_uq::report::density::Support;
-use vitreo_uq::report::palette::series;
-use vitreo_uq::report::predictive::{Band, CycleKind, CycleSpan, PredictiveData, predictive};
-use vitreo_uq::report::singular_values::{Family, singular_values};
-use vitreo_uq::report::svg::write_figure;
-use vitreo_uq::report::trace::{EnsembleTrace, ParameterTrace, trace};
+use vitreo_uq::figures::corner::{CornerOptions, ParameterColumn, Posterior, PriorCurve, corner};
+use vitreo_uq::figures::density::Support;
+use vitreo_uq::figures::palette::series;
+use vitreo_uq::figures::predictive::{Band, CycleKind, CycleSpan, PredictiveData, predictive};
+use vitreo_uq::figures::singular_values::{Family, singular_values};
+use vitreo_uq::figures::svg::write_figure;
+use vitreo_uq::figures::trace::{EnsembleTrace, ParameterTrace, trace};
 
 fn main() -> Result<()> {
     let dir = std::env::args_os().nth(1).map_or_else(std::env::temp_dir, PathBuf::from);

@@ -5,11 +5,11 @@
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-use vitreo_uq::critique::challenge::Bench;
-use vitreo_uq::critique::challenge::coverage::{CoverageRequest, count};
-use vitreo_uq::error::{Error, Place, Result};
-use vitreo_uq::files::write_json_atomically;
-use vitreo_uq::workflow::Silent;
+use vitreo_uq::base::error::{Error, Place, Result};
+use vitreo_uq::base::files::write_json_atomically;
+use vitreo_uq::posterior::monitor::Silent;
+use vitreo_uq::validation::challenge::Bench;
+use vitreo_uq::validation::challenge::coverage::{CoverageRequest, count};
 
 /// Effects whose posteriors are the hardest: two answers, ridges, parameters that mean nothing at the null.
 const EFFECTS: [&str; 4] = ["interface-slip", "poroelasticity", "liquefied-pocket", "second-retardation"];

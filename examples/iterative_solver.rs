@@ -11,9 +11,9 @@ use faer::linalg::solvers::SolveCore;
 use faer::prelude::*;
 use faer::sparse::linalg::solvers::{Llt, SymbolicLlt};
 use faer::sparse::{SparseColMat, SparseColMatRef, SymbolicSparseColMat, Triplet};
-use vitreo_uq::error::{Error, Result};
-use vitreo_uq::fe::Assembly;
-use vitreo_uq::mesh::{ElementKind, HEXAHEDRON27_REFERENCE_NODES, Mesh};
+use vitreo_uq::base::error::{Error, Result};
+use vitreo_uq::elements::fe::Assembly;
+use vitreo_uq::elements::mesh::{ElementKind, HEXAHEDRON27_REFERENCE_NODES, Mesh};
 
 #[path = "shared/solver_mesh.rs"]
 mod solver_mesh;

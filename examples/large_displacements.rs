@@ -7,25 +7,25 @@
 
 use rayon::prelude::*;
 use serde_json::{Value, json};
-use vitreo_uq::critique::Subject;
-use vitreo_uq::critique::challenge::Protocol;
-use vitreo_uq::critique::diagnose::{DiagnosisRequest, diagnose};
+use vitreo_uq::base::error::Result;
+use vitreo_uq::base::number::Dual;
+use vitreo_uq::criticism::Subject;
+use vitreo_uq::criticism::diagnose::{DiagnosisRequest, diagnose};
 use vitreo_uq::documents::posterior::{ParameterSummary, PosteriorSummary};
-use vitreo_uq::effects::{Library, Stages};
-use vitreo_uq::error::Result;
-use vitreo_uq::experiment::{Apparatus, Experiment};
-use vitreo_uq::fe::exact::SphereInContainer;
-use vitreo_uq::fe::oldroyd::{Fineness, FiniteGel, FiniteLaw, FiniteRun};
-use vitreo_uq::inference::SamplerOptions;
-use vitreo_uq::inference::ensemble::RandomStream;
-use vitreo_uq::model::Response;
-use vitreo_uq::number::Dual;
-use vitreo_uq::rheology::BaseLaw;
-use vitreo_uq::study::ModelSpecification;
-use vitreo_uq::workflow::Silent;
-use vitreo_uq::workflow::problem::Problem;
-use vitreo_uq::workflow::replica::{TABLE_I, embedded};
-use vitreo_uq::workflow::sample::{SampleRequest, run};
+use vitreo_uq::elements::fe::exact::SphereInContainer;
+use vitreo_uq::elements::fe::oldroyd::{Fineness, FiniteGel, FiniteLaw, FiniteRun};
+use vitreo_uq::laws::rheology::BaseLaw;
+use vitreo_uq::models::effects::{Library, Stages};
+use vitreo_uq::models::model::Response;
+use vitreo_uq::posterior::monitor::Silent;
+use vitreo_uq::posterior::problem::Problem;
+use vitreo_uq::posterior::replica::{TABLE_I, embedded};
+use vitreo_uq::posterior::sample::{SampleRequest, run};
+use vitreo_uq::posterior::study::ModelSpecification;
+use vitreo_uq::record::{Apparatus, Experiment};
+use vitreo_uq::sampling::SamplerOptions;
+use vitreo_uq::sampling::ensemble::RandomStream;
+use vitreo_uq::validation::challenge::Protocol;
 
 /// Farthest that the robot would come from its start in a linear gel, in its radii.
 const RADII: [f64; 3] = [2.0, 3.0, 3.6];

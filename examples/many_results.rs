@@ -4,14 +4,14 @@
 
 use std::path::PathBuf;
 
-use vitreo_uq::critique::challenge::play::Play;
-use vitreo_uq::critique::challenge::plays::{Plays, PlaysRequest};
+use vitreo_uq::base::error::{Error, Place, Result};
+use vitreo_uq::base::files::{Content, read, refused};
 use vitreo_uq::documents::tasks::TaskKind;
-use vitreo_uq::error::{Error, Place, Result};
-use vitreo_uq::files::{Content, read, refused};
-use vitreo_uq::study::WithProvenance;
-use vitreo_uq::tasks::list::List;
-use vitreo_uq::tasks::{challenge, result};
+use vitreo_uq::jobs::tasks::list::List;
+use vitreo_uq::jobs::tasks::{challenge, result};
+use vitreo_uq::posterior::study::WithProvenance;
+use vitreo_uq::validation::challenge::play::Play;
+use vitreo_uq::validation::challenge::plays::{Plays, PlaysRequest};
 
 fn main() -> Result<()> {
     let usage = || Error::input(Place::default(), "wrong arguments", "give DIR COUNT PLAYS.json");
@@ -24,14 +24,15 @@ fn main() -> Result<()> {
         .map_err(|error| Error::input(Place::file(&plays).at_line(error.line()), error.to_string(), "give plays"))?;
     let played = played.body.plays;
     let request = PlaysRequest { count, ..PlaysRequest::default() };
-    let (list, _) = List::make(&dir, TaskKind::Challenge, request.seed, challenge::work(&request, 1)?, false)?;
+    let (list, _) =
+        List::make(&dir, TaskKind::Challenge, vitreo_uq::PROGRAM, request.seed, challenge::work(&request, 1)?, false)?;
     for number in 0..count {
         let task = list.task(number)?;
         let play = Play { number, ..played[number % played.len()].clone() };
         let body = serde_json::to_vec(&[play]).map_err(|error| Error::numerical(error.to_string(), "report this"))?;
         // Not flushed one by one, as a worker does: what is measured is how they are read.
         let path = list.result_path(&task);
-        std::fs::write(&path, result::bytes(&task, &body)?).map_err(refused("write", &path))?;
+        std::fs::write(&path, result::bytes(vitreo_uq::PROGRAM, &task, &body)?).map_err(refused("write", &path))?;
     }
     println!("{count} results in {}", dir.display());
     Ok(())

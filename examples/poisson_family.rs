@@ -1,12 +1,12 @@
 //! One mode at one Poisson ratio, three over a range: `cargo run --release --example poisson_family -- [DIR for the figure]`.
 
-use vitreo_uq::fe::Stiffness;
-use vitreo_uq::mesh::QuarterBall;
-use vitreo_uq::model::TrainedRange;
-use vitreo_uq::report::singular_values::{Family, singular_values};
-use vitreo_uq::report::svg::write_figure;
-use vitreo_uq::rheology::BaseLaw;
-use vitreo_uq::surrogate::{Surrogate, Training};
+use vitreo_uq::elements::fe::Stiffness;
+use vitreo_uq::elements::mesh::QuarterBall;
+use vitreo_uq::figures::singular_values::{Family, singular_values};
+use vitreo_uq::figures::svg::write_figure;
+use vitreo_uq::laws::rheology::BaseLaw;
+use vitreo_uq::models::model::TrainedRange;
+use vitreo_uq::models::surrogate::{Surrogate, Training};
 
 fn main() -> vitreo_uq::Result<()> {
     let ball = QuarterBall { robot_radius_m: 0.275e-3, outer_radius_m: 10e-3, n_per_edge: 3, n_layers: 12 };

@@ -2,12 +2,12 @@
 
 use std::path::PathBuf;
 
-use vitreo_uq::files::write_atomically;
+use vitreo_uq::base::files::write_atomically;
 
 fn main() -> vitreo_uq::Result<()> {
     let default = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("docs/schemas");
     let dir = std::env::args_os().nth(1).map_or(default, PathBuf::from);
-    let schemas = vitreo_uq::schemas::all();
+    let schemas = vitreo_uq::jobs::schemas::all();
     for own in &schemas {
         write_atomically(&dir.join(own.file_name()), own.text().as_bytes())?;
     }

@@ -2,10 +2,10 @@
 
 use std::path::PathBuf;
 
-use vitreo_uq::mesh::gmsh::read_gmsh;
-use vitreo_uq::mesh::hexahedron27_nodes::HEXAHEDRON27_REFERENCE_NODES;
-use vitreo_uq::mesh::vtu::{PointData, TimeStep, write_pvd, write_vtu};
-use vitreo_uq::mesh::{ElementKind, Mesh};
+use vitreo_uq::elements::mesh::gmsh::read_gmsh;
+use vitreo_uq::elements::mesh::hexahedron27_nodes::HEXAHEDRON27_REFERENCE_NODES;
+use vitreo_uq::elements::mesh::vtu::{PointData, TimeStep, write_pvd, write_vtu};
+use vitreo_uq::elements::mesh::{ElementKind, Mesh};
 
 /// A single brick of 2 × 4 × 6 m.
 fn brick() -> Mesh {

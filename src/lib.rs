@@ -3,9 +3,10 @@
 //! # Quick start
 //!
 //! ```
-//! use vitreo_uq::study::ModelSpecification;
-//! use vitreo_uq::workflow::problem::Problem;
-//! use vitreo_uq::workflow::{Silent, fit, replica};
+//! use vitreo_uq::posterior::study::ModelSpecification;
+//! use vitreo_uq::posterior::problem::Problem;
+//! use vitreo_uq::posterior::monitor::Silent;
+//! use vitreo_uq::posterior::{fit, replica};
 //!
 //! // `Experiment::read("my-experiment".as_ref())` reads your own.
 //! let (experiment, _) = replica::embedded()?;
@@ -19,7 +20,7 @@
 //! # Ok::<(), vitreo_uq::Error>(())
 //! ```
 //!
-//! [`workflow::sample`] samples the posterior, [`critique`] says where the model fails and what it lacks, [`workflow::extend`] adds it.
+//! [`posterior::sample`] samples the posterior, [`criticism`] says where the model fails and what it lacks, [`jobs::extend`] adds it.
 //!
 //! | to bring your own | see |
 //! |---|---|
@@ -30,52 +31,37 @@
 //!
 //! # Map
 //!
-//! Modules stand in the order in which data flow; each uses only those before it.
+//! Every crate uses only those before it.
 //!
-//! - [`error`]: one error type, with file, line and remedy
-//! - [`files`]: all reading and writing of files
-//! - [`units`]: unit suffixes
-//! - [`parameter`]: what a parameter is
-//! - `elementary`: exponentials and logarithms of many numbers at once
-//! - [`number`]: dual numbers, and what kernels compute with
-//! - [`distribution`]: distributions of priors
-//! - `toml_input`: TOML whose every value knows its line
-//! - [`experiment`]: what was measured: apparatus, force, positions, cycles
-//! - [`rheology`]: laws of springs, dashpots and springpots, as spectra
-//! - [`stages`]: what a model computes from command to camera, as numbers
-//! - [`mesh`]: meshes of the gel
-//! - [`fe`]: full finite elements
-//! - [`effects`]: physical effects, one file each
-//! - [`model`]: law, effects and apparatus: parameters to trajectory
-//! - [`surrogate`]: what stands for a full model, certified
-//! - [`inference`]: priors, likelihood, noise, ensembles, evidence
-//! - [`documents`]: what commands write: plain types
-//! - [`report`]: figures, CSV, NetCDF
-//! - [`page`]: pages for a browser
-//! - [`study`]: what is kept on disk
-//! - [`workflow`]: the jobs of `sample`, `fit`, `simulate`, `effects`, `extend`, `ladder`, `report`
-//! - [`sweep`]: oscillations of a rheometer
-//! - [`critique`]: where a model fails and what it lacks; challenges
-//! - [`learn`]: which quantity depends on which state, as the data have it
-//! - [`shapes`]: the study of robot shapes
-//! - [`groups`]: species and regions compared
-//! - [`tasks`]: lists of tasks for many machines, and their results joined
-//! - [`schemas`]: JSON Schemas of the documents
+//! - [`base`]: errors, files, units, parameters, distributions
+//! - [`record`]: experiments and tables: what was measured
+//! - [`laws`]: viscoelastic laws, and the stages of a model
+//! - [`elements`]: meshes and full finite elements
+//! - [`models`]: physical effects, full and reduced models
+//! - [`sampling`]: ensembles, diagnostics, evidence, optimisation; knows no gel
+//! - [`documents`]: plain types of everything that is written
+//! - [`figures`]: drawings and pages; reads documents
+//! - [`posterior`]: priors, noise, likelihood, the prepared model, its posterior
+//! - [`criticism`]: where a model fails and which effect it lacks
+//! - [`cohorts`]: groups of specimens, and what a cohort lacks
+//! - [`validation`]: challenges, calibration, the study of robot shapes
+//! - [`jobs`]: the function behind every command
 
-pub mod critique;
-pub mod groups;
-pub mod learn;
-pub mod schemas;
-pub mod shapes;
-pub mod study;
-pub mod sweep;
-pub mod tasks;
-pub mod workflow;
+pub use base;
+pub use cohorts;
+pub use criticism;
+pub use documents;
+pub use elements;
+pub use figures;
+pub use jobs;
+pub use laws;
+pub use models;
+pub use posterior;
+pub use record;
+pub use sampling;
+pub use validation;
 
-pub use vitreo_uq_figures::{documents, page, report};
-pub use vitreo_uq_inference::inference;
-use vitreo_uq_mechanics::toml_input;
-pub use vitreo_uq_mechanics::{
-    Error, Result, distribution, effects, error, experiment, fe, files, mesh, model, number, parameter, rheology,
-    stages, surrogate, units,
-};
+pub use base::{Error, Result};
+
+/// The program's version and the hash of its sources: results of tasks are joined only if they are of one program.
+pub const PROGRAM: &str = concat!(env!("CARGO_PKG_VERSION"), "+", env!("VITREO_UQ_PROGRAM"));

@@ -4,12 +4,12 @@
 
 use std::collections::BTreeMap;
 
-use vitreo_uq::inference::ensemble::RandomStream;
-use vitreo_uq::inference::likelihood::{FittedRecord, PosteriorParts, ReducedPosterior};
-use vitreo_uq::inference::noise::NoiseModel;
-use vitreo_uq::inference::prior::PriorSet;
-use vitreo_uq::model::{Compliance, Model, TrainedRange, convolve_m};
-use vitreo_uq::rheology::CreepCompliance;
+use vitreo_uq::laws::rheology::CreepCompliance;
+use vitreo_uq::models::model::{Compliance, Model, TrainedRange, convolve_m};
+use vitreo_uq::posterior::likelihood::{FittedRecord, PosteriorParts, ReducedPosterior};
+use vitreo_uq::posterior::noise::NoiseModel;
+use vitreo_uq::posterior::prior::PriorSet;
+use vitreo_uq::sampling::ensemble::RandomStream;
 
 /// 1/k of physics §4.10.
 pub const COMPLIANCE_PER_M: f64 = 1.0 / 1.820902396e-3;

@@ -7,12 +7,12 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use vitreo_uq::Result;
-use vitreo_uq::experiment::{Robot, RobotShape, Vitreous};
-use vitreo_uq::fe::Stiffness;
-use vitreo_uq::fe::time::{FullOrderModel, TimeScheme};
-use vitreo_uq::rheology::CreepCompliance;
-use vitreo_uq::workflow::mechanics::robot_mesh;
-use vitreo_uq::workflow::replica::TABLE_I;
+use vitreo_uq::elements::fe::Stiffness;
+use vitreo_uq::elements::fe::time::{FullOrderModel, TimeScheme};
+use vitreo_uq::laws::rheology::CreepCompliance;
+use vitreo_uq::posterior::mechanics::robot_mesh;
+use vitreo_uq::posterior::replica::TABLE_I;
+use vitreo_uq::record::{Robot, RobotShape, Vitreous};
 
 const SEED: u64 = 20080917;
 

@@ -4,7 +4,7 @@ mod cohort;
 
 use std::path::Path;
 
-use vitreo_uq::files::write_atomically;
+use vitreo_uq::base::files::write_atomically;
 
 fn main() -> vitreo_uq::Result<()> {
     let root = Path::new("data/cohort");

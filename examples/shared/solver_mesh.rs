@@ -1,7 +1,7 @@
 //! The meshes on which solvers are measured, and what a process takes.
 
-use vitreo_uq::error::{Error, Place, Result};
-use vitreo_uq::mesh::QuarterBall;
+use vitreo_uq::base::error::{Error, Place, Result};
+use vitreo_uq::elements::mesh::QuarterBall;
 
 /// Of the gel.
 pub const POISSON_RATIO: f64 = 0.48;

@@ -81,7 +81,7 @@ fn a_sealed_case_is_diagnosed_and_written_down() {
     assert!(named.into_iter().flatten().any(|effect| effect == "instantaneous-elasticity"), "{verdict}");
     assert!(document["extended"].is_object(), "{document}");
     let candidates = document["candidates"].as_array().unwrap();
-    assert_eq!(candidates.len(), vitreo_uq::effects::EFFECTS.len());
+    assert_eq!(candidates.len(), vitreo_uq::models::effects::EFFECTS.len());
     for candidate in candidates {
         let wanted =
             ["effect", "status", "z", "p_familywise", "visible_fraction", "expected_parameter", "refit", "twins"];

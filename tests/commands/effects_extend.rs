@@ -6,7 +6,7 @@ use std::path::Path;
 
 use program::{DRIFT_UM_PER_S, drifting_replica, put_extended_replica, tree, vitreo, write_instrument_experiment};
 use serde_json::Value;
-use vitreo_uq::effects::EFFECTS;
+use vitreo_uq::models::effects::EFFECTS;
 
 fn place() -> tempfile::TempDir {
     tempfile::tempdir().unwrap()

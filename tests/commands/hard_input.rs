@@ -9,8 +9,8 @@ use std::time::{Duration, Instant};
 
 use mutators::{Outcome, Place, input, readers};
 use program::{Run, tree, vitreo, write_instrument_experiment};
-use vitreo_uq::workflow::reduced::KeptSurrogate;
-use vitreo_uq::workflow::{Monitor, Silent};
+use vitreo_uq::posterior::monitor::{Monitor, Silent};
+use vitreo_uq::posterior::reduced::KeptSurrogate;
 
 /// A refusal takes less on a quiet machine; a test machine may be loaded. What the program did before took minutes or gigabytes.
 const SOON: Duration = Duration::from_secs(20);
@@ -93,7 +93,7 @@ struct Heard(std::sync::Mutex<Vec<String>>);
 
 impl Monitor for Heard {
     fn stage(&self, _text: &str) {}
-    fn sampling(&self, _progress: &vitreo_uq::inference::ensemble::Progress) {}
+    fn sampling(&self, _progress: &vitreo_uq::sampling::ensemble::Progress) {}
     fn progress(&self, _done: usize, _most: usize) {}
     fn warn(&self, text: &str) {
         self.0.lock().unwrap().push(text.into());

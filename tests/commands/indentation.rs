@@ -6,7 +6,7 @@ use std::path::Path;
 
 use program::vitreo;
 use serde_json::Value;
-use vitreo_uq::effects::EFFECTS;
+use vitreo_uq::models::effects::EFFECTS;
 
 /// E = 400 Pa, c₁ = 200 Pa·s, c₂ = 3,000 Pa·s under a sphere of 5 µm: 1 s free, 1 s in which the force grows to 10 nN, 3 s of hold, 0.6 s drawn back, at 25 Hz, with 11.2 nN on the free tip and 5 nm of
 /// noise made by a fixed recurrence.

@@ -9,13 +9,13 @@ use std::process::{Child, ChildStdout, Command, Stdio};
 use std::time::Duration;
 
 use serde_json::{Value, json};
-use vitreo_uq::experiment::Experiment;
-use vitreo_uq::inference::prior::PriorSet;
-use vitreo_uq::model::Forward;
-use vitreo_uq::study::ModelSpecification;
-use vitreo_uq::workflow::Silent;
-use vitreo_uq::workflow::problem::Problem;
-use vitreo_uq::workflow::reduced::Reduced;
+use vitreo_uq::models::model::Forward;
+use vitreo_uq::posterior::monitor::Silent;
+use vitreo_uq::posterior::prior::PriorSet;
+use vitreo_uq::posterior::problem::Problem;
+use vitreo_uq::posterior::reduced::Reduced;
+use vitreo_uq::posterior::study::ModelSpecification;
+use vitreo_uq::record::Experiment;
 
 /// A server, ended with the test.
 struct Server {

@@ -7,7 +7,7 @@ use std::path::Path;
 
 use program::vitreo;
 use serde_json::Value;
-use vitreo_uq::fe::meridional::{self, BodyOfRevolution, Direction, Resolution};
+use vitreo_uq::elements::fe::meridional::{self, BodyOfRevolution, Direction, Resolution};
 
 /// E (Pa), c₁, c₂ (Pa·s) of the made data.
 const TRUTH: [f64; 3] = [3.527, 1.402, 47.37];

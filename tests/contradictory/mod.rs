@@ -4,7 +4,7 @@
 
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use vitreo_uq::experiment::{Experiment, ExperimentFiles};
+use vitreo_uq::record::{Experiment, ExperimentFiles};
 
 /// What can be wrong, by the name that `check` has for it.
 pub const KINDS: [&str; 13] = [

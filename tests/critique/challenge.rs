@@ -4,23 +4,23 @@ use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
 use rayon::prelude::*;
-use vitreo_uq::critique::challenge::play::Sort;
-use vitreo_uq::critique::challenge::plays::{PlaysRequest, judged, run};
-use vitreo_uq::critique::challenge::{
-    Bench, Hidden, NoiseKind, Order, OutsideKind, Protocol, Strength, draw_pair, files, files::Case, full_order,
-    hideable,
-};
-use vitreo_uq::critique::diagnose::{DiagnosisRequest, diagnose};
-use vitreo_uq::critique::future::future_score;
-use vitreo_uq::critique::{Candidate, Fitted, Search, Subject};
+use vitreo_uq::base::error::Result;
+use vitreo_uq::criticism::diagnose::{DiagnosisRequest, diagnose};
+use vitreo_uq::criticism::future::future_score;
+use vitreo_uq::criticism::{Candidate, Fitted, Search, Subject};
 use vitreo_uq::documents::diagnosis::{
     BaseErrors, CandidateEntry, Diagnosis, Errors, Refit, Status, Verdict, VerdictKind,
 };
-use vitreo_uq::effects::Library;
-use vitreo_uq::error::Result;
-use vitreo_uq::experiment::Experiment;
-use vitreo_uq::inference::ensemble::RandomStream;
-use vitreo_uq::workflow::Silent;
+use vitreo_uq::models::effects::Library;
+use vitreo_uq::posterior::monitor::Silent;
+use vitreo_uq::record::Experiment;
+use vitreo_uq::sampling::ensemble::RandomStream;
+use vitreo_uq::validation::challenge::files::Case;
+use vitreo_uq::validation::challenge::play::Sort;
+use vitreo_uq::validation::challenge::plays::{PlaysRequest, judged, run};
+use vitreo_uq::validation::challenge::{
+    Bench, Hidden, NoiseKind, Order, OutsideKind, Protocol, Strength, draw_pair, files, full_order, hideable,
+};
 
 /// The reference apparatus, meshed once.
 static BENCH: LazyLock<Bench> = LazyLock::new(|| Bench::new(&Silent).expect("the reference apparatus"));

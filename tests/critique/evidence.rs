@@ -2,18 +2,18 @@
 
 use std::sync::OnceLock;
 
-use vitreo_uq::critique::evidence::{CandidatePosterior, EvidenceMethod, bayes_factor_at_null, evidence, evidence_by};
-use vitreo_uq::critique::{Candidate, Fitted, Search, Subject};
-use vitreo_uq::effects::Library;
-use vitreo_uq::inference::diagnostics::ensembles::ess;
-use vitreo_uq::inference::ensemble::RunControl;
-use vitreo_uq::inference::evidence::importance::{self, ImportanceOptions};
-use vitreo_uq::inference::evidence::{PriorCoordinates, SavageDickey};
-use vitreo_uq::inference::{SamplerOptions, sample};
-use vitreo_uq::study::ModelSpecification;
-use vitreo_uq::workflow::Silent;
-use vitreo_uq::workflow::problem::Problem;
-use vitreo_uq::workflow::replica::embedded;
+use vitreo_uq::criticism::evidence::{CandidatePosterior, EvidenceMethod, bayes_factor_at_null, evidence, evidence_by};
+use vitreo_uq::criticism::{Candidate, Fitted, Search, Subject};
+use vitreo_uq::models::effects::Library;
+use vitreo_uq::posterior::monitor::Silent;
+use vitreo_uq::posterior::problem::Problem;
+use vitreo_uq::posterior::replica::embedded;
+use vitreo_uq::posterior::study::ModelSpecification;
+use vitreo_uq::sampling::diagnostics::ensembles::ess;
+use vitreo_uq::sampling::ensemble::RunControl;
+use vitreo_uq::sampling::evidence::importance::{self, ImportanceOptions};
+use vitreo_uq::sampling::evidence::{PriorCoordinates, SavageDickey};
+use vitreo_uq::sampling::{SamplerOptions, sample};
 
 /// The drift (m/s) that is added: about three of its posterior standard deviations, so that the null is still within reach of draws.
 const DRIFT_M_PER_S: f64 = 1.5e-7;
@@ -104,7 +104,7 @@ fn the_evidence_of_a_second_retardation_holds_its_error() {
     let posterior = CandidatePosterior::new(subject(), &candidate).expect("sound");
     let modes = posterior.modes(&candidate, &fit).expect("finite");
     let density = posterior.density();
-    let seen = PriorCoordinates::new(&density, posterior.priors());
+    let seen = PriorCoordinates::new(&density, posterior.priors().distributions());
     let many = ImportanceOptions { n_adapting: 4_000, n_rounds: 8, n_draws: 20_000, n_attempts: 1, seed: 11 };
     let long = importance::evidence(&seen, &modes, &many).expect("has a mode");
     assert!(long.standard_error < 0.5, "{}", long.standard_error);

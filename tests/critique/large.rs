@@ -2,22 +2,23 @@
 
 use std::time::Instant;
 
-use vitreo_uq::critique::Subject;
-use vitreo_uq::critique::challenge::Protocol;
-use vitreo_uq::critique::diagnose::{DiagnosisRequest, diagnose};
-use vitreo_uq::effects::{Library, Stages};
-use vitreo_uq::experiment::{Experiment, Record};
-use vitreo_uq::fe::exact::SphereInContainer;
-use vitreo_uq::fe::oldroyd::{Fineness, FiniteGel, FiniteLaw, FiniteRun};
-use vitreo_uq::inference::SamplerOptions;
-use vitreo_uq::inference::ensemble::RandomStream;
-use vitreo_uq::model::Response;
-use vitreo_uq::number::Dual;
-use vitreo_uq::rheology::BaseLaw;
-use vitreo_uq::study::ModelSpecification;
-use vitreo_uq::workflow::problem::Problem;
-use vitreo_uq::workflow::sample::{SampleRequest, run};
-use vitreo_uq::workflow::{Silent, replica};
+use vitreo_uq::base::number::Dual;
+use vitreo_uq::criticism::Subject;
+use vitreo_uq::criticism::diagnose::{DiagnosisRequest, diagnose};
+use vitreo_uq::elements::fe::exact::SphereInContainer;
+use vitreo_uq::elements::fe::oldroyd::{Fineness, FiniteGel, FiniteLaw, FiniteRun};
+use vitreo_uq::laws::rheology::BaseLaw;
+use vitreo_uq::models::effects::{Library, Stages};
+use vitreo_uq::models::model::Response;
+use vitreo_uq::posterior::monitor::Silent;
+use vitreo_uq::posterior::problem::Problem;
+use vitreo_uq::posterior::replica;
+use vitreo_uq::posterior::sample::{SampleRequest, run};
+use vitreo_uq::posterior::study::ModelSpecification;
+use vitreo_uq::record::{Experiment, Record};
+use vitreo_uq::sampling::SamplerOptions;
+use vitreo_uq::sampling::ensemble::RandomStream;
+use vitreo_uq::validation::challenge::Protocol;
 
 /// Keeps the first two cycles of a record.
 fn keep_two_cycles(record: &mut Record) {

@@ -5,21 +5,21 @@
 use std::sync::LazyLock;
 
 use rayon::prelude::*;
-use vitreo_uq::critique::outside::{
+use vitreo_uq::criticism::outside::{
     Outside, OutsideKind, OutsideRequest, discrepancies, events_over_all_cycles, search,
 };
-use vitreo_uq::critique::{Fitted, Search, Subject, Tangent, outliers};
-use vitreo_uq::effects::Library;
-use vitreo_uq::experiment::{Apparatus, Experiment};
-use vitreo_uq::fe::Stiffness;
-use vitreo_uq::fe::stepping::Resolution;
-use vitreo_uq::inference::ensemble::RandomStream;
-use vitreo_uq::model::{Forward, FullForward};
-use vitreo_uq::study::ModelSpecification;
-use vitreo_uq::workflow::Silent;
-use vitreo_uq::workflow::mechanics::{MODEL_LEVEL, robot_mesh};
-use vitreo_uq::workflow::problem::Problem;
-use vitreo_uq::workflow::replica::{TABLE_I, embedded};
+use vitreo_uq::criticism::{Fitted, Search, Subject, Tangent, outliers};
+use vitreo_uq::elements::fe::Stiffness;
+use vitreo_uq::elements::fe::stepping::Resolution;
+use vitreo_uq::models::effects::Library;
+use vitreo_uq::models::model::{Forward, FullForward};
+use vitreo_uq::posterior::mechanics::{MODEL_LEVEL, robot_mesh};
+use vitreo_uq::posterior::monitor::Silent;
+use vitreo_uq::posterior::problem::Problem;
+use vitreo_uq::posterior::replica::{TABLE_I, embedded};
+use vitreo_uq::posterior::study::ModelSpecification;
+use vitreo_uq::record::{Apparatus, Experiment};
+use vitreo_uq::sampling::ensemble::RandomStream;
 
 const NOISE_M: f64 = 4e-6;
 

@@ -1,7 +1,7 @@
 //! How large a score may be by chance.
 
 use nalgebra::{DMatrix, DVector};
-use vitreo_uq::critique::rank::{Score, largest_score_threshold};
+use vitreo_uq::criticism::rank::{Score, largest_score_threshold};
 
 fn score(is_one_sided: bool) -> Score {
     Score {

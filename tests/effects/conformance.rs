@@ -1,12 +1,12 @@
 //! What every effect of the library must keep (physics §5), as far as it can be seen without solving a model.
 
-use vitreo_uq::distribution::Distribution;
-use vitreo_uq::effects::{EFFECTS, Effect, EffectParameter, Stage, Stages};
-use vitreo_uq::error::{Error, Place};
-use vitreo_uq::experiment::Scales;
-use vitreo_uq::model::Model;
-use vitreo_uq::number::Dual;
-use vitreo_uq::rheology::BaseLaw;
+use vitreo_uq::base::distribution::Distribution;
+use vitreo_uq::base::error::{Error, Place};
+use vitreo_uq::base::number::Dual;
+use vitreo_uq::laws::rheology::BaseLaw;
+use vitreo_uq::models::effects::{EFFECTS, Effect, EffectParameter, Stage, Stages};
+use vitreo_uq::models::model::Model;
+use vitreo_uq::record::Scales;
 
 const PORCINE: Scales = Scales {
     largest_force_n: 4.6e-6,
@@ -58,7 +58,7 @@ const GENERALISED: &str = r#"series = [
 ]"#;
 
 fn network(text: &str) -> BaseLaw {
-    BaseLaw::Network(vitreo_uq::rheology::Network::from_text("network.toml".as_ref(), text).unwrap())
+    BaseLaw::Network(vitreo_uq::laws::rheology::Network::from_text("network.toml".as_ref(), text).unwrap())
 }
 
 fn networks() -> [BaseLaw; 4] {
@@ -85,7 +85,7 @@ fn null_of(effect: &dyn Effect, scales: &Scales) -> Vec<f64> {
 
 fn stages_at(model: &Model, of_effects: &[f64]) -> Result<Stages, Error> {
     let n_law = model.base().parameters().len();
-    let at = |spec: &vitreo_uq::parameter::ParameterSpec| if spec.support.contains(2.5) { 2.5 } else { 0.6 };
+    let at = |spec: &vitreo_uq::base::parameter::ParameterSpec| if spec.support.contains(2.5) { 2.5 } else { 0.6 };
     let mut of_law: Vec<Dual> = model.base().parameters()[..n_law].iter().map(|spec| at(spec).into()).collect();
     // What no one knows of the experiment itself is at its null.
     of_law.resize(model.n_before_effects(), Dual::ZERO);
@@ -402,8 +402,9 @@ fn instruments_take_all_but_what_needs_finite_elements() {
 /// Only series of Kelvin–Voigt bodies, springs and one dashpot can have a body that is not linear; the message says which law cannot.
 #[test]
 fn nonlinear_laws_refuse_networks_that_they_cannot_take_apart() {
-    let read =
-        |text: &str| BaseLaw::Network(vitreo_uq::rheology::Network::from_text("network.toml".as_ref(), text).unwrap());
+    let read = |text: &str| {
+        BaseLaw::Network(vitreo_uq::laws::rheology::Network::from_text("network.toml".as_ref(), text).unwrap())
+    };
     let body = r#"{ parallel = [{ dashpot = "soft" }, { spring = "gel" }] }"#;
     let fractional = r#"{ parallel = [{ spring = "gel" }, { springpot = "mesh" }] }"#;
     let taken = read(&format!(r#"series = [{{ dashpot = "flow" }}, {body}, {{ spring = "glass" }}]"#));

@@ -3,19 +3,21 @@
 
 use std::sync::{Arc, OnceLock};
 
-use vitreo_uq::effects::{EFFECTS, Effect, EffectParameter, Field, Stage};
-use vitreo_uq::error::{Error, Place};
-use vitreo_uq::experiment::{Force, ForceRule, Scales};
-use vitreo_uq::fe::Stiffness;
-use vitreo_uq::fe::spatial::{Sizes, Surroundings};
-use vitreo_uq::fe::time::FullOrderModel;
-use vitreo_uq::mesh::{Mesh, QuarterBall};
-use vitreo_uq::model::{Compliance, Forward, FullForward, Model, ReducedForward, Response, TrainedRange, convolve_m};
-use vitreo_uq::number::Dual;
-use vitreo_uq::rheology::{BaseLaw, CreepCompliance, Element, Network, complex_modulus_pa};
-use vitreo_uq::stages::Stepped;
-use vitreo_uq::surrogate::trajectory::{LargeScope, LargeStepper, LargeSurface};
-use vitreo_uq::surrogate::{FieldModels, Surrogate, Training};
+use vitreo_uq::base::error::{Error, Place};
+use vitreo_uq::base::number::Dual;
+use vitreo_uq::elements::fe::Stiffness;
+use vitreo_uq::elements::fe::spatial::{Sizes, Surroundings};
+use vitreo_uq::elements::fe::time::FullOrderModel;
+use vitreo_uq::elements::mesh::{Mesh, QuarterBall};
+use vitreo_uq::laws::rheology::{BaseLaw, CreepCompliance, Element, Network, complex_modulus_pa};
+use vitreo_uq::laws::stages::Stepped;
+use vitreo_uq::models::effects::{EFFECTS, Effect, EffectParameter, Field, Stage};
+use vitreo_uq::models::model::{
+    Compliance, Forward, FullForward, Model, ReducedForward, Response, TrainedRange, convolve_m,
+};
+use vitreo_uq::models::surrogate::trajectory::{LargeScope, LargeStepper, LargeSurface};
+use vitreo_uq::models::surrogate::{FieldModels, Surrogate, Training};
+use vitreo_uq::record::{Force, ForceRule, Scales};
 
 const POISSON_RATIO: f64 = 0.48;
 /// E, c₁, c₂, then what Burgers and the two-element law add.
@@ -161,8 +163,11 @@ fn compliance(model: &Model, protocol: &Protocol) -> Compliance {
     }
     static SURROGATE: OnceLock<Surrogate> = OnceLock::new();
     let surrogate = SURROGATE.get_or_init(|| {
-        let range =
-            |p: &vitreo_uq::parameter::ParameterSpec| TrainedRange { name: p.name.into(), lower: 1.0, upper: 9.0 };
+        let range = |p: &vitreo_uq::base::parameter::ParameterSpec| TrainedRange {
+            name: p.name.into(),
+            lower: 1.0,
+            upper: 9.0,
+        };
         let parameters: Vec<TrainedRange> = BaseLaw::Lethersich.parameters().iter().map(range).collect();
         let training = Training {
             law: BaseLaw::Lethersich,

@@ -5,20 +5,20 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
-use vitreo_uq::effects::{EFFECTS, Effect, Library};
-use vitreo_uq::experiment::{Apparatus, Experiment};
-use vitreo_uq::fe::Stiffness;
-use vitreo_uq::fe::stepping::Resolution;
-use vitreo_uq::inference::ensemble::RunControl;
-use vitreo_uq::inference::{SamplerOptions, sample};
-use vitreo_uq::model::{Forward, FullForward};
-use vitreo_uq::study::ModelSpecification;
-use vitreo_uq::workflow::Silent;
-use vitreo_uq::workflow::extend::{ExtensionRequest, compared, run};
-use vitreo_uq::workflow::mechanics::{MODEL_LEVEL, robot_mesh};
-use vitreo_uq::workflow::problem::Problem;
-use vitreo_uq::workflow::reduced::Reduced;
-use vitreo_uq::workflow::replica::{TABLE_I, embedded};
+use vitreo_uq::elements::fe::Stiffness;
+use vitreo_uq::elements::fe::stepping::Resolution;
+use vitreo_uq::jobs::extend::{ExtensionRequest, compared, run};
+use vitreo_uq::models::effects::{EFFECTS, Effect, Library};
+use vitreo_uq::models::model::{Forward, FullForward};
+use vitreo_uq::posterior::mechanics::{MODEL_LEVEL, robot_mesh};
+use vitreo_uq::posterior::monitor::Silent;
+use vitreo_uq::posterior::problem::Problem;
+use vitreo_uq::posterior::reduced::Reduced;
+use vitreo_uq::posterior::replica::{TABLE_I, embedded};
+use vitreo_uq::posterior::study::ModelSpecification;
+use vitreo_uq::record::{Apparatus, Experiment};
+use vitreo_uq::sampling::ensemble::RunControl;
+use vitreo_uq::sampling::{SamplerOptions, sample};
 
 const NOISE_SD_M: f64 = 4e-6;
 /// Prior of the law, from which truths are drawn: near Table I, so that positions are those of an experiment.
@@ -159,7 +159,7 @@ fn assert_error_falls(is_asked: fn(&dyn Effect) -> bool) {
     for (number, effect) in (0_u64..).zip(by_factor()).filter(|(_, effect)| is_asked(*effect)) {
         let problem = problem_of(&base, effect);
         // Well inside the prior, away from the null.
-        let value = |p: &vitreo_uq::effects::EffectParameter| {
+        let value = |p: &vitreo_uq::models::effects::EffectParameter| {
             let (low, high) =
                 ((p.prior)(problem.model.scales()).quantile(0.2), (p.prior)(problem.model.scales()).quantile(0.8));
             let null = (p.null)(problem.model.scales());

@@ -2,16 +2,17 @@
 //! signatures by finite differences, the base absorbed by its normal equations.
 
 use nalgebra::{DMatrix, DVector};
-use vitreo_uq::distribution::Distribution;
+use vitreo_uq::base::distribution::Distribution;
 use vitreo_uq::documents::effects::EffectsSummary;
-use vitreo_uq::effects::Library;
-use vitreo_uq::model::{Forward, ReducedForward};
-use vitreo_uq::study::ModelSpecification;
-use vitreo_uq::workflow::problem::Problem;
-use vitreo_uq::workflow::reduced::{KeptSurrogate, Reduced};
-use vitreo_uq::workflow::replica::embedded;
-use vitreo_uq::workflow::visibility;
-use vitreo_uq::workflow::{Silent, fit};
+use vitreo_uq::jobs::visibility;
+use vitreo_uq::models::effects::Library;
+use vitreo_uq::models::model::{Forward, ReducedForward};
+use vitreo_uq::posterior::fit;
+use vitreo_uq::posterior::monitor::Silent;
+use vitreo_uq::posterior::problem::Problem;
+use vitreo_uq::posterior::reduced::{KeptSurrogate, Reduced};
+use vitreo_uq::posterior::replica::embedded;
+use vitreo_uq::posterior::study::ModelSpecification;
 
 /// So narrow that they count beside the data: the replica alone knows the parameters to about a per cent.
 const PRIORS: &str = r#"

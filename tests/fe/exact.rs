@@ -1,16 +1,16 @@
 //! Finite elements against the exact sphere in a container (physics §4.1, §4.2): stiffness, field, strain, energy.
 
 use nalgebra::{Matrix3, Vector3};
-use vitreo_uq::fe::Stiffness;
-use vitreo_uq::fe::element::TabulatedElement;
-use vitreo_uq::fe::exact::{SphereInContainer, sphere_in_infinite_medium_n_per_m};
-use vitreo_uq::fe::factorisation::add_symmetric_product;
-use vitreo_uq::fe::strain::largest_principal_strain;
-use vitreo_uq::fe::time::FullOrderModel;
-use vitreo_uq::mesh::{Mesh, QuarterBall};
-use vitreo_uq::model::TrainedRange;
-use vitreo_uq::rheology::BaseLaw;
-use vitreo_uq::surrogate::{Surrogate, Training};
+use vitreo_uq::elements::fe::Stiffness;
+use vitreo_uq::elements::fe::element::TabulatedElement;
+use vitreo_uq::elements::fe::exact::{SphereInContainer, sphere_in_infinite_medium_n_per_m};
+use vitreo_uq::elements::fe::factorisation::add_symmetric_product;
+use vitreo_uq::elements::fe::strain::largest_principal_strain;
+use vitreo_uq::elements::fe::time::FullOrderModel;
+use vitreo_uq::elements::mesh::{Mesh, QuarterBall};
+use vitreo_uq::laws::rheology::BaseLaw;
+use vitreo_uq::models::model::TrainedRange;
+use vitreo_uq::models::surrogate::{Surrogate, Training};
 
 const ROBOT_RADIUS_M: f64 = 0.275e-3;
 const OUTER_RADIUS_M: f64 = 10e-3;

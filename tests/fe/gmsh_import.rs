@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use vitreo_uq::Error;
-use vitreo_uq::mesh::gmsh::{GmshMesh, GmshWarning, read_gmsh};
-use vitreo_uq::mesh::{ElementKind, Mesh};
+use vitreo_uq::elements::mesh::gmsh::{GmshMesh, GmshWarning, read_gmsh};
+use vitreo_uq::elements::mesh::{ElementKind, Mesh};
 
 const ROBOT_RADIUS_M: f64 = 0.275e-3;
 const OUTER_RADIUS_M: f64 = 10e-3;

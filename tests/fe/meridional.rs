@@ -2,8 +2,10 @@
 
 use std::f64::consts::PI;
 
-use vitreo_uq::fe::exact::{AxialAndTransverse, SphereInContainer, spheroid_in_container};
-use vitreo_uq::fe::meridional::{BodyOfRevolution, Direction, Formulation, MeridionalSolution, Resolution, solve};
+use vitreo_uq::elements::fe::exact::{AxialAndTransverse, SphereInContainer, spheroid_in_container};
+use vitreo_uq::elements::fe::meridional::{
+    BodyOfRevolution, Direction, Formulation, MeridionalSolution, Resolution, solve,
+};
 
 const RADIUS_M: f64 = 0.275e-3;
 const OUTER_RADIUS_M: f64 = 10e-3;

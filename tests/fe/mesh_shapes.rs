@@ -1,9 +1,9 @@
 //! Built-in meshes of spheroids and cylinders: every element sound over the whole range, nodes where they belong, refusals beyond.
 
-use vitreo_uq::experiment::{Orientation, Robot, RobotShape, Vitreous};
-use vitreo_uq::fe::quality::MeshQuality;
-use vitreo_uq::mesh::{Cylinder, Mesh, Spheroid};
-use vitreo_uq::workflow::mechanics::robot_mesh;
+use vitreo_uq::elements::fe::quality::MeshQuality;
+use vitreo_uq::elements::mesh::{Cylinder, Mesh, Spheroid};
+use vitreo_uq::posterior::mechanics::robot_mesh;
+use vitreo_uq::record::{Orientation, Robot, RobotShape, Vitreous};
 
 const ORIENTATIONS: [Orientation; 2] = [Orientation::Horizontal, Orientation::Vertical];
 

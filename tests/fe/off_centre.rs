@@ -2,17 +2,17 @@
 
 use std::f64::consts::PI;
 
-use vitreo_uq::effects::{EFFECTS, Field};
-use vitreo_uq::experiment::{Offset, OffsetDirection, Orientation, Robot, RobotShape, Vitreous};
-use vitreo_uq::fe::Stiffness;
-use vitreo_uq::fe::exact::SphereInContainer;
-use vitreo_uq::fe::meridional::{Direction, EccentricSphere, EccentricStiffness, Formulation, Resolution};
-use vitreo_uq::fe::quality::MeshQuality;
-use vitreo_uq::fe::spatial::Surroundings;
-use vitreo_uq::fe::surface::RobotSize;
-use vitreo_uq::fe::time::FullOrderModel;
-use vitreo_uq::mesh::Mesh;
-use vitreo_uq::workflow::mechanics::{robot_mesh, sizes_of};
+use vitreo_uq::elements::fe::Stiffness;
+use vitreo_uq::elements::fe::exact::SphereInContainer;
+use vitreo_uq::elements::fe::meridional::{Direction, EccentricSphere, EccentricStiffness, Formulation, Resolution};
+use vitreo_uq::elements::fe::quality::MeshQuality;
+use vitreo_uq::elements::fe::spatial::Surroundings;
+use vitreo_uq::elements::fe::surface::RobotSize;
+use vitreo_uq::elements::fe::time::FullOrderModel;
+use vitreo_uq::elements::mesh::Mesh;
+use vitreo_uq::models::effects::{EFFECTS, Field};
+use vitreo_uq::posterior::mechanics::{robot_mesh, sizes_of};
+use vitreo_uq::record::{Offset, OffsetDirection, Orientation, Robot, RobotShape, Vitreous};
 
 const RADIUS_M: f64 = 0.275e-3;
 const OUTER_M: f64 = 10e-3;

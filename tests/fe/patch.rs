@@ -5,11 +5,11 @@ use std::path::Path;
 use nalgebra::{Matrix3, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use vitreo_uq::fe::Assembly;
-use vitreo_uq::fe::assembly::unit_moduli;
-use vitreo_uq::fe::factorisation::add_symmetric_product;
-use vitreo_uq::mesh::gmsh::read_gmsh;
-use vitreo_uq::mesh::{ElementKind, HEXAHEDRON27_REFERENCE_NODES, Mesh};
+use vitreo_uq::elements::fe::Assembly;
+use vitreo_uq::elements::fe::assembly::unit_moduli;
+use vitreo_uq::elements::fe::factorisation::add_symmetric_product;
+use vitreo_uq::elements::mesh::gmsh::read_gmsh;
+use vitreo_uq::elements::mesh::{ElementKind, HEXAHEDRON27_REFERENCE_NODES, Mesh};
 
 const POISSON_RATIOS: [f64; 3] = [0.0, 0.3, 0.499];
 

@@ -5,16 +5,16 @@ use std::path::Path;
 
 use nalgebra::{DMatrix, DVector};
 use vitreo_uq::Result;
-use vitreo_uq::experiment::Orientation;
-use vitreo_uq::fe::Stiffness;
-use vitreo_uq::fe::exact::SphereInContainer;
-use vitreo_uq::fe::poroelastic::{CondensedPores, PoreModel, PoreSpectrum, PressureSpace, SpectrumSettings};
-use vitreo_uq::fe::time::FullOrderModel;
-use vitreo_uq::fe::transient::{self, Load, Part, Resolution, StageSolve, StageWeights, TransientSystem};
-use vitreo_uq::mesh::gmsh::read_gmsh;
-use vitreo_uq::mesh::{Cylinder, ElementKind, HEXAHEDRON27_REFERENCE_NODES, Mesh, QuarterBall, Spheroid};
-use vitreo_uq::number::{Dual, Scalar};
-use vitreo_uq::rheology::{BaseLaw, CreepCompliance, RetardationSpectrum, TimeWindow};
+use vitreo_uq::base::number::{Dual, Scalar};
+use vitreo_uq::elements::fe::Stiffness;
+use vitreo_uq::elements::fe::exact::SphereInContainer;
+use vitreo_uq::elements::fe::poroelastic::{CondensedPores, PoreModel, PoreSpectrum, PressureSpace, SpectrumSettings};
+use vitreo_uq::elements::fe::time::FullOrderModel;
+use vitreo_uq::elements::fe::transient::{self, Load, Part, Resolution, StageSolve, StageWeights, TransientSystem};
+use vitreo_uq::elements::mesh::gmsh::read_gmsh;
+use vitreo_uq::elements::mesh::{Cylinder, ElementKind, HEXAHEDRON27_REFERENCE_NODES, Mesh, QuarterBall, Spheroid};
+use vitreo_uq::laws::rheology::{BaseLaw, CreepCompliance, RetardationSpectrum, TimeWindow};
+use vitreo_uq::record::Orientation;
 
 /// Of the quarter model.
 const QUARTER: f64 = 0.25;
@@ -125,7 +125,7 @@ fn record() -> (Vec<f64>, Vec<f64>) {
     (time_s, force_n)
 }
 
-fn lethersich() -> (Vec<vitreo_uq::rheology::Element>, TimeWindow) {
+fn lethersich() -> (Vec<vitreo_uq::laws::rheology::Element>, TimeWindow) {
     let elements = BaseLaw::Lethersich.elements(&[3.527, 1.402, 47.370].map(Dual::constant));
     (elements, TimeWindow { shortest_s: 0.01, longest_s: 40.0 })
 }

@@ -5,15 +5,15 @@ use crate::closed_forms;
 use std::f64::consts::PI;
 
 use nalgebra::DVector;
-use vitreo_uq::experiment::Orientation;
-use vitreo_uq::fe::Stiffness;
-use vitreo_uq::fe::assembly::unit_moduli;
-use vitreo_uq::fe::element::TabulatedElement;
-use vitreo_uq::fe::exact::SphereInContainer;
-use vitreo_uq::fe::factorisation::add_symmetric_product;
-use vitreo_uq::fe::meridional::{self, BodyOfRevolution, Direction, Resolution};
-use vitreo_uq::fe::time::FullOrderModel;
-use vitreo_uq::mesh::{Cylinder, HEXAHEDRON27_REFERENCE_NODES, Mesh, Spheroid};
+use vitreo_uq::elements::fe::Stiffness;
+use vitreo_uq::elements::fe::assembly::unit_moduli;
+use vitreo_uq::elements::fe::element::TabulatedElement;
+use vitreo_uq::elements::fe::exact::SphereInContainer;
+use vitreo_uq::elements::fe::factorisation::add_symmetric_product;
+use vitreo_uq::elements::fe::meridional::{self, BodyOfRevolution, Direction, Resolution};
+use vitreo_uq::elements::fe::time::FullOrderModel;
+use vitreo_uq::elements::mesh::{Cylinder, HEXAHEDRON27_REFERENCE_NODES, Mesh, Spheroid};
+use vitreo_uq::record::Orientation;
 
 const SPHERE_RADIUS_M: f64 = 0.275e-3;
 const OUTER_RADIUS_M: f64 = 10e-3;

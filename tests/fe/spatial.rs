@@ -3,15 +3,17 @@
 use std::f64::consts::PI;
 
 use nalgebra::{DMatrix, DVector};
-use vitreo_uq::effects::{EFFECTS, Effect, Field, LinearField, MatrixPair, Spatial, Stages};
-use vitreo_uq::experiment::Scales;
-use vitreo_uq::fe::Stiffness;
-use vitreo_uq::fe::spatial::{Sizes, SpatialJob, SpatialSystem, SteppedSystem, Surroundings};
-use vitreo_uq::fe::transient::{self, Load, Resolution};
-use vitreo_uq::mesh::QuarterBall;
-use vitreo_uq::number::Dual;
-use vitreo_uq::rheology::{Accuracy, BaseLaw, CreepCompliance, Element, RetardationSpectrum, SpreadTerm, TimeWindow};
-use vitreo_uq::surrogate::spread::SpreadModes;
+use vitreo_uq::base::number::Dual;
+use vitreo_uq::elements::fe::Stiffness;
+use vitreo_uq::elements::fe::spatial::{Sizes, SpatialJob, SpatialSystem, SteppedSystem, Surroundings};
+use vitreo_uq::elements::fe::transient::{self, Load, Resolution};
+use vitreo_uq::elements::mesh::QuarterBall;
+use vitreo_uq::laws::rheology::{
+    Accuracy, BaseLaw, CreepCompliance, Element, RetardationSpectrum, SpreadTerm, TimeWindow,
+};
+use vitreo_uq::models::effects::{EFFECTS, Effect, Field, LinearField, MatrixPair, Spatial, Stages};
+use vitreo_uq::models::surrogate::spread::SpreadModes;
+use vitreo_uq::record::Scales;
 
 const RADIUS_M: f64 = 0.275e-3;
 const OUTER_RADIUS_M: f64 = 10e-3;
@@ -306,7 +308,8 @@ const SCALES: Scales = Scales {
 
 /// The stages of the law with an effect at parameters inside its prior.
 fn stages(effect: &dyn Effect) -> (Stages, LinearField) {
-    let value = |parameter: &vitreo_uq::effects::EffectParameter| (parameter.prior)(&SCALES).quantile(0.6).into();
+    let value =
+        |parameter: &vitreo_uq::models::effects::EffectParameter| (parameter.prior)(&SCALES).quantile(0.6).into();
     let values: Vec<Dual> = effect.parameters().iter().map(value).collect();
     let mut stages = Stages::of_law(law());
     effect.apply(&values, &SCALES, &mut stages).unwrap();

@@ -1,12 +1,12 @@
 //! The full-order model's general time stepping on a mesh, against its exact scheme for the base law.
 
-use vitreo_uq::effects::{Approach, Stages};
-use vitreo_uq::fe::Stiffness;
-use vitreo_uq::fe::stepping::Resolution;
-use vitreo_uq::fe::time::{FullOrderModel, TimeScheme};
-use vitreo_uq::mesh::QuarterBall;
-use vitreo_uq::number::Dual;
-use vitreo_uq::rheology::BaseLaw;
+use vitreo_uq::base::number::Dual;
+use vitreo_uq::elements::fe::Stiffness;
+use vitreo_uq::elements::fe::stepping::Resolution;
+use vitreo_uq::elements::fe::time::{FullOrderModel, TimeScheme};
+use vitreo_uq::elements::mesh::QuarterBall;
+use vitreo_uq::laws::rheology::BaseLaw;
+use vitreo_uq::models::effects::{Approach, Stages};
 
 /// Largest difference over the largest value of `exact`.
 fn distance(found: &[f64], exact: &[f64]) -> f64 {

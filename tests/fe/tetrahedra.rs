@@ -3,11 +3,11 @@
 use std::path::Path;
 
 use nalgebra::{Matrix3, Vector3};
-use vitreo_uq::fe::Stiffness;
-use vitreo_uq::fe::exact::SphereInContainer;
-use vitreo_uq::fe::time::FullOrderModel;
-use vitreo_uq::mesh::gmsh::read_gmsh;
-use vitreo_uq::mesh::{ElementKind, HEXAHEDRON27_REFERENCE_NODES, Mesh, QuarterBall};
+use vitreo_uq::elements::fe::Stiffness;
+use vitreo_uq::elements::fe::exact::SphereInContainer;
+use vitreo_uq::elements::fe::time::FullOrderModel;
+use vitreo_uq::elements::mesh::gmsh::read_gmsh;
+use vitreo_uq::elements::mesh::{ElementKind, HEXAHEDRON27_REFERENCE_NODES, Mesh, QuarterBall};
 
 const ROBOT_RADIUS_M: f64 = 0.275e-3;
 const OUTER_RADIUS_M: f64 = 10e-3;

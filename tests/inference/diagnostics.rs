@@ -1,7 +1,7 @@
 //! What convergence diagnostics must see, on draws made for it.
 
-use vitreo_uq::inference::diagnostics::{Chains, rhat};
-use vitreo_uq::inference::ensemble::RandomStream;
+use vitreo_uq::sampling::diagnostics::{Chains, rhat};
+use vitreo_uq::sampling::ensemble::RandomStream;
 
 /// Four chains of 1,000 normal draws that drift alike, by three standard deviations each: at every step they agree, and only their halves differ. With d the drift, halves' means
 /// lie d/4 from the whole's, and within a half the variance is 1 + d²/48: R̂ = √(1 + (8/7)(d/4)²/(1 + d²/48)) = 1.24. Without the drift it is below 1.01.

@@ -3,8 +3,8 @@
 use crate::creep_posterior;
 
 use creep_posterior::{CreepPosterior, Exact, over_cores};
-use vitreo_uq::inference::ensemble::RandomStream;
-use vitreo_uq::inference::{SamplerOptions, sample};
+use vitreo_uq::sampling::ensemble::RandomStream;
+use vitreo_uq::sampling::{SamplerOptions, sample};
 
 const N_RUNS: u64 = 12;
 const N_LONG_RUNS: u64 = 400;

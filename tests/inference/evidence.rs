@@ -7,17 +7,17 @@ use std::path::Path;
 
 use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ContinuousCDF, Normal};
-use vitreo_uq::distribution::Distribution;
-use vitreo_uq::inference::LogDensity;
-use vitreo_uq::inference::ensemble::RandomStream;
-use vitreo_uq::inference::evidence::importance::{self, ImportanceOptions, LARGEST_PARETO_K};
-use vitreo_uq::inference::evidence::tempering::{self, TemperingOptions};
-use vitreo_uq::inference::evidence::{Estimate, PriorCoordinates, SavageDickey, WeightedDraws, savage_dickey};
-use vitreo_uq::inference::optimum::{Modes, find_modes};
-use vitreo_uq::inference::prior::PriorSet;
-use vitreo_uq::parameter::{ParameterSpec, Support};
+use vitreo_uq::base::distribution::Distribution;
+use vitreo_uq::base::parameter::{ParameterSpec, Support};
+use vitreo_uq::posterior::prior::PriorSet;
+use vitreo_uq::sampling::LogDensity;
+use vitreo_uq::sampling::ensemble::RandomStream;
+use vitreo_uq::sampling::evidence::importance::{self, ImportanceOptions, LARGEST_PARETO_K};
+use vitreo_uq::sampling::evidence::tempering::{self, TemperingOptions};
+use vitreo_uq::sampling::evidence::{Estimate, PriorCoordinates, SavageDickey, WeightedDraws, savage_dickey};
+use vitreo_uq::sampling::optimum::{Modes, find_modes};
 
-#[path = "../../crates/inference/src/inference/test_densities.rs"]
+#[path = "../../crates/sampling/src/test_densities.rs"]
 mod test_densities;
 use test_densities::{Banana, Correlated, TwoBumps};
 
@@ -150,7 +150,7 @@ impl LogDensity for Amplitude {
 #[test]
 fn all_three_ways_agree_with_quadrature_where_an_amplitude_is_next_to_nothing() {
     let target = Amplitude::new();
-    let seen = PriorCoordinates::new(&target, &target.prior);
+    let seen = PriorCoordinates::new(&target, target.prior.distributions());
     let exact = Amplitude::ln_evidence(None);
     let start = |amplitude: f64, level: f64| vec![seen.of_natural(0, amplitude), seen.of_natural(1, level)];
     let weighted = by_importance(&seen, &[start(0.1, 0.2), start(0.003, 0.0)]);
@@ -250,7 +250,7 @@ fn both_ways_give_the_evidence_of_two_modes_and_do_not_depend_on_threads() {
     let text: String = NAMES.iter().map(table).collect();
     let prior = PriorSet::from_text(Path::new("test.toml"), text.as_bytes(), &specs, &[], &|_, _| None);
     let target = Tempered { prior: prior.expect("sound") };
-    let seen = PriorCoordinates::new(&target, &target.prior);
+    let seen = PriorCoordinates::new(&target, target.prior.distributions());
     let options = TemperingOptions { n_particles: 500, ..TemperingOptions::default() };
     let found = tempering::evidence(&seen, &Modes::default(), &options).expect("finite");
     let variance: f64 = 25.01;

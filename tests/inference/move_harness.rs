@@ -6,12 +6,12 @@
 
 use statrs::distribution::{ContinuousCDF, StudentsT};
 use std::sync::Arc;
-use vitreo_uq::inference::LogDensity;
-use vitreo_uq::inference::ensemble::moves::{
+use vitreo_uq::sampling::LogDensity;
+use vitreo_uq::sampling::ensemble::moves::{
     DifferentialEvolution, Independence, Mixture, Move, Points, Snooker, Stretch, default_move,
 };
-use vitreo_uq::inference::ensemble::{Ensemble, Kernel, RandomStream};
-use vitreo_uq::inference::optimum::{Modes, Optimum};
+use vitreo_uq::sampling::ensemble::{Ensemble, Kernel, RandomStream};
+use vitreo_uq::sampling::optimum::{Modes, Optimum};
 
 const N_ENSEMBLES: usize = 64;
 const N_WALKERS: usize = 16;

@@ -4,17 +4,17 @@
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
-use vitreo_uq::error::Place;
-use vitreo_uq::experiment::{Apparatus, Experiment};
-use vitreo_uq::inference::ensemble::RunControl;
-use vitreo_uq::inference::noise::{NoiseLikelihood, NoiseModel};
-use vitreo_uq::inference::{SamplerOptions, sample};
-use vitreo_uq::model::Forward;
-use vitreo_uq::study::ModelSpecification;
-use vitreo_uq::workflow::Silent;
-use vitreo_uq::workflow::problem::Problem;
-use vitreo_uq::workflow::reduced::Reduced;
-use vitreo_uq::workflow::replica::embedded;
+use vitreo_uq::base::error::Place;
+use vitreo_uq::models::model::Forward;
+use vitreo_uq::posterior::monitor::Silent;
+use vitreo_uq::posterior::noise::{NoiseLikelihood, NoiseModel};
+use vitreo_uq::posterior::problem::Problem;
+use vitreo_uq::posterior::reduced::Reduced;
+use vitreo_uq::posterior::replica::embedded;
+use vitreo_uq::posterior::study::ModelSpecification;
+use vitreo_uq::record::{Apparatus, Experiment};
+use vitreo_uq::sampling::ensemble::RunControl;
+use vitreo_uq::sampling::{SamplerOptions, sample};
 
 /// Priors as narrow as positions of an experiment ask for; those of the noise terms are the program's own.
 const PRIOR: &str = r#"

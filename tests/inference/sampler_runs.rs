@@ -4,9 +4,9 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
 use vitreo_uq::Error;
-use vitreo_uq::inference::LogDensity;
-use vitreo_uq::inference::ensemble::{Batches, Checkpointing, Demands, RunControl, SampleOutcome};
-use vitreo_uq::inference::{SamplerOptions, sample};
+use vitreo_uq::sampling::LogDensity;
+use vitreo_uq::sampling::ensemble::{Batches, Checkpointing, Demands, RunControl, SampleOutcome};
+use vitreo_uq::sampling::{SamplerOptions, sample};
 
 /// A curved ridge, x₀ ~ N(0, 1), x₁ | x₀ ~ N(x₀², 1), x₂ ~ N(0, 1). Counts its points and sets a flag at one of them.
 struct Banana {

@@ -8,14 +8,14 @@ use std::collections::BTreeMap;
 use std::sync::OnceLock;
 
 use statrs::distribution::{ChiSquared, ContinuousCDF, Normal};
-use vitreo_uq::inference::calibration::{Ranks, apart, chi_square, rank};
-use vitreo_uq::inference::ensemble::{RandomStream, RunControl};
-use vitreo_uq::inference::likelihood::{FittedRecord, PosteriorParts, ReducedPosterior};
-use vitreo_uq::inference::noise::NoiseModel;
-use vitreo_uq::inference::prior::PriorSet;
-use vitreo_uq::inference::{LogDensity, SamplerOptions, sample};
-use vitreo_uq::model::{Compliance, Model, TrainedRange, convolve_m};
-use vitreo_uq::rheology::CreepCompliance;
+use vitreo_uq::laws::rheology::CreepCompliance;
+use vitreo_uq::models::model::{Compliance, Model, TrainedRange, convolve_m};
+use vitreo_uq::posterior::likelihood::{FittedRecord, PosteriorParts, ReducedPosterior};
+use vitreo_uq::posterior::noise::NoiseModel;
+use vitreo_uq::posterior::prior::PriorSet;
+use vitreo_uq::sampling::calibration::{Ranks, apart, chi_square, rank};
+use vitreo_uq::sampling::ensemble::{RandomStream, RunControl};
+use vitreo_uq::sampling::{LogDensity, SamplerOptions, sample};
 
 const N_REPLICATES: u64 = 192;
 const N_LONG_REPLICATES: u64 = 512;

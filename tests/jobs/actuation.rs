@@ -5,10 +5,11 @@ use std::path::{Path, PathBuf};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
-use vitreo_uq::experiment::Experiment;
-use vitreo_uq::study::ModelSpecification;
-use vitreo_uq::workflow::problem::Problem;
-use vitreo_uq::workflow::{Silent, fit};
+use vitreo_uq::posterior::fit;
+use vitreo_uq::posterior::monitor::Silent;
+use vitreo_uq::posterior::problem::Problem;
+use vitreo_uq::posterior::study::ModelSpecification;
+use vitreo_uq::record::Experiment;
 
 const TRUTH: [f64; 3] = [3.5, 1.4, 47.0];
 const COMPLIANCE_PER_M: f64 = 549.0;

@@ -6,8 +6,8 @@ mod cohort;
 use std::path::{Path, PathBuf};
 
 use rand::SeedableRng;
-use vitreo_uq::experiment::Apparatus;
-use vitreo_uq::fe::time::TimeScheme;
+use vitreo_uq::elements::fe::time::TimeScheme;
+use vitreo_uq::record::Apparatus;
 
 fn directory() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("data/cohort")
@@ -64,7 +64,7 @@ fn trajectories_are_what_full_finite_elements_make() {
 #[test]
 fn every_experiment_is_read_and_says_that_it_is_synthetic() {
     for own in cohort::experiments() {
-        let (read, files) = vitreo_uq::experiment::Experiment::read(&directory().join(&own.name)).unwrap();
+        let (read, files) = vitreo_uq::record::Experiment::read(&directory().join(&own.name)).unwrap();
         assert!(files.toml_bytes.starts_with(b"# SYNTHETIC") && read.source.starts_with("SYNTHETIC"));
         assert_eq!((&read.specimen_id, read.species.as_deref()), (&own.specimen, Some(own.species.name)));
         assert_eq!(read.region.as_deref(), Some(own.region));
@@ -113,7 +113,7 @@ fn the_readme_states_the_numbers_that_made_the_cohort() {
                 .any(|l| l.starts_with(&format!("| {} |", species.name)) && l.ends_with(&format!("| {own} |")))
         );
         let median: [f64; 3] =
-            std::array::from_fn(|i| vitreo_uq::workflow::replica::TABLE_I[i] * species.ratio_to_porcine[i]);
+            std::array::from_fn(|i| vitreo_uq::posterior::replica::TABLE_I[i] * species.ratio_to_porcine[i]);
         says(format!("| {} | {:.3} | {:.3} | {:.3} |", species.name, median[0], median[1], median[2]));
         says(format!("| {} {:.1} mm |", species.name, species.vitreous_diameter_mm));
     }

@@ -6,10 +6,10 @@
 mod contradictory;
 
 use contradictory::{KINDS, record};
-use vitreo_uq::experiment::ForceRule;
-use vitreo_uq::workflow::Silent;
-use vitreo_uq::workflow::check::{contradictions, refuse_certain, summary};
-use vitreo_uq::workflow::replica;
+use vitreo_uq::posterior::check::{contradictions, refuse_certain, summary};
+use vitreo_uq::posterior::monitor::Silent;
+use vitreo_uq::posterior::replica;
+use vitreo_uq::record::ForceRule;
 
 #[test]
 fn what_contradicts_a_description_is_found() {

@@ -1,6 +1,6 @@
 //! The table of draws: its two ways of reading one shape.
 
-use vitreo_uq::report::draws::DrawTable;
+use vitreo_uq::figures::draws::DrawTable;
 
 /// Numbers that say where they stand, in a table whose sides all differ: a place and a column are the same place.
 #[test]

@@ -7,11 +7,12 @@ use std::f64::consts::PI;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
-use vitreo_uq::experiment::{Experiment, Understood};
-use vitreo_uq::study::ModelSpecification;
-use vitreo_uq::workflow::check::contradictions;
-use vitreo_uq::workflow::problem::Problem;
-use vitreo_uq::workflow::{Silent, fit};
+use vitreo_uq::posterior::check::contradictions;
+use vitreo_uq::posterior::fit;
+use vitreo_uq::posterior::monitor::Silent;
+use vitreo_uq::posterior::problem::Problem;
+use vitreo_uq::posterior::study::ModelSpecification;
+use vitreo_uq::record::{Experiment, Understood};
 
 /// E (Pa), c₁, c₂ (Pa·s).
 const TRUTH: [f64; 3] = [3.5, 1.4, 47.0];

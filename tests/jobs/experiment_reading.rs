@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use vitreo_uq::experiment::{Experiment, NoiseOrigin};
+use vitreo_uq::record::{Experiment, NoiseOrigin};
 
 /// An instrument's experiment of these rows (a header and lines) with more lines of TOML, read.
 fn read(csv: &str, more: &[(&str, &str)], toml: &str) -> Experiment {

@@ -1,7 +1,7 @@
 //! Every rejection of formats §1: file, line, column or key, and a remedy that says what to do here.
 
 use rand::{RngExt, SeedableRng};
-use vitreo_uq::experiment::{Experiment, ExperimentFiles};
+use vitreo_uq::record::{Experiment, ExperimentFiles};
 use vitreo_uq::{Error, Result};
 
 const TOML: &str = r#"[specimen]

@@ -5,13 +5,13 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
 use rayon::prelude::*;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
-use vitreo_uq::experiment::{Experiment, ExperimentFiles, Note};
-use vitreo_uq::model::Forward;
-use vitreo_uq::study::ModelSpecification;
-use vitreo_uq::workflow::Silent;
-use vitreo_uq::workflow::fit;
-use vitreo_uq::workflow::problem::Problem;
-use vitreo_uq::workflow::reduced::Reduced;
+use vitreo_uq::models::model::Forward;
+use vitreo_uq::posterior::fit;
+use vitreo_uq::posterior::monitor::Silent;
+use vitreo_uq::posterior::problem::Problem;
+use vitreo_uq::posterior::reduced::Reduced;
+use vitreo_uq::posterior::study::ModelSpecification;
+use vitreo_uq::record::{Experiment, ExperimentFiles, Note};
 
 /// E in Pa, c₁ and c₂ in Pa·s.
 const LAW: [f64; 3] = [400.0, 200.0, 3000.0];
@@ -38,7 +38,11 @@ fn strains(time_s: &[f64], force_n: &[f64], [e, c1, c2]: [f64; 3]) -> Vec<f64> {
     strains
 }
 
-fn read(apparatus: &str, measurement: &str, csv: &str) -> vitreo_uq::error::Result<(Experiment, ExperimentFiles)> {
+fn read(
+    apparatus: &str,
+    measurement: &str,
+    csv: &str,
+) -> vitreo_uq::base::error::Result<(Experiment, ExperimentFiles)> {
     let toml = format!(
         "[specimen]\nid = \"gel\"\n{apparatus}\n[measurement]\nfile = \"t.csv\"\nsource = \"synthetic\"\n{measurement}\n"
     );

@@ -3,9 +3,9 @@
 
 use std::path::Path;
 
-use vitreo_uq::experiment::Experiment;
-use vitreo_uq::experiment::table::Given;
-use vitreo_uq::workflow::init::{InitRequest, run};
+use vitreo_uq::jobs::init::{InitRequest, run};
+use vitreo_uq::record::Experiment;
+use vitreo_uq::record::table::Given;
 
 const INTERVAL_S: f64 = 0.1;
 const N_ROWS: usize = 200;

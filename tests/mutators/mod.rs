@@ -12,26 +12,27 @@ use std::time::Duration;
 use sha2::{Digest, Sha256};
 
 use vitreo_uq::Result;
-use vitreo_uq::critique::challenge::files::reveal;
 use vitreo_uq::documents::ladder::LadderSummary;
-use vitreo_uq::effects::Library;
-use vitreo_uq::experiment::Experiment;
-use vitreo_uq::inference::ensemble::{Checkpointing, Progress, RunControl};
-use vitreo_uq::inference::prior::PriorSet;
-use vitreo_uq::inference::{LogDensity, SamplerOptions, sample};
-use vitreo_uq::mesh::gmsh::read_gmsh;
-use vitreo_uq::report;
-use vitreo_uq::report::corner::{CornerOptions, ParameterColumn, Posterior, corner};
-use vitreo_uq::report::density::{guessed_support, sorted};
-use vitreo_uq::report::draws::read_draws_csv;
-use vitreo_uq::report::palette::series;
-use vitreo_uq::rheology::Network;
-use vitreo_uq::study::{Kept, ModelSpecification, Study, WithProvenance};
-use vitreo_uq::surrogate::{ReducedOperators, Surrogate};
-use vitreo_uq::workflow::mechanics::Mechanics;
-use vitreo_uq::workflow::problem::Problem;
-use vitreo_uq::workflow::reduced::{KeptSurrogate, Reduced};
-use vitreo_uq::workflow::{Silent, replica};
+use vitreo_uq::elements::mesh::gmsh::read_gmsh;
+use vitreo_uq::figures;
+use vitreo_uq::figures::corner::{CornerOptions, ParameterColumn, Posterior, corner};
+use vitreo_uq::figures::density::{guessed_support, sorted};
+use vitreo_uq::figures::draws::read_draws_csv;
+use vitreo_uq::figures::palette::series;
+use vitreo_uq::laws::rheology::Network;
+use vitreo_uq::models::effects::Library;
+use vitreo_uq::models::surrogate::{ReducedOperators, Surrogate};
+use vitreo_uq::posterior::mechanics::Mechanics;
+use vitreo_uq::posterior::monitor::Silent;
+use vitreo_uq::posterior::prior::PriorSet;
+use vitreo_uq::posterior::problem::Problem;
+use vitreo_uq::posterior::reduced::{KeptSurrogate, Reduced};
+use vitreo_uq::posterior::replica;
+use vitreo_uq::posterior::study::{Kept, ModelSpecification, Study, WithProvenance};
+use vitreo_uq::record::Experiment;
+use vitreo_uq::sampling::ensemble::{Checkpointing, Progress, RunControl};
+use vitreo_uq::sampling::{LogDensity, SamplerOptions, sample};
+use vitreo_uq::validation::challenge::files::reveal;
 
 /// Numbers by a fixed recurrence (xorshift64*), the same everywhere.
 pub struct Dice(u64);
@@ -283,7 +284,7 @@ fn draws_csv() -> Vec<Vec<u8>> {
 
 /// A surrogate of one mode, as `surrogate.json` holds it.
 pub fn surrogate_json() -> Vec<u8> {
-    let range = |name: &str, lower, upper| vitreo_uq::model::TrainedRange { name: name.into(), lower, upper };
+    let range = |name: &str, lower, upper| vitreo_uq::models::model::TrainedRange { name: name.into(), lower, upper };
     let operators = ReducedOperators {
         n_modes: 1,
         deviatoric: vec![2.0],
@@ -305,7 +306,7 @@ pub fn surrogate_json() -> Vec<u8> {
     };
     let (built_from_sha256, fields_built_from_sha256) = ("00".repeat(32), "11".repeat(32));
     let body = KeptSurrogate { built_from_sha256, fields_built_from_sha256, fields: Default::default(), surrogate };
-    let provenance = vitreo_uq::study::Provenance::new("surrogate", 1, 1, Default::default());
+    let provenance = vitreo_uq::posterior::study::Provenance::new("surrogate", 1, 1, Default::default());
     serde_json::to_vec_pretty(&WithProvenance { provenance, body: Kept::new(body) }).expect("JSON")
 }
 
@@ -401,7 +402,7 @@ fn read_draws(place: &Place, bytes: &[u8]) -> Result<()> {
 fn read_ladder(_: &Place, bytes: &[u8]) -> Result<()> {
     // As the command reads it: what is no ladder is made anew.
     let Ok(document) = serde_json::from_slice::<WithProvenance<LadderSummary>>(bytes) else { return Ok(()) };
-    report::ladder::ladder(&document.body)?.png().map(drop)
+    figures::ladder::ladder(&document.body)?.png().map(drop)
 }
 
 fn read_mesh(place: &Place, bytes: &[u8]) -> Result<()> {

@@ -7,13 +7,13 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use program::write_instrument_experiment;
 use vitreo_uq::Error;
-use vitreo_uq::experiment::Experiment;
-use vitreo_uq::inference::SamplerOptions;
-use vitreo_uq::inference::ensemble::Progress;
-use vitreo_uq::study::ModelSpecification;
-use vitreo_uq::workflow::problem::Problem;
-use vitreo_uq::workflow::sample::{SampleRequest, SampleResult, run};
-use vitreo_uq::workflow::{Monitor, Silent};
+use vitreo_uq::posterior::monitor::{Monitor, Silent};
+use vitreo_uq::posterior::problem::Problem;
+use vitreo_uq::posterior::sample::{SampleRequest, SampleResult, run};
+use vitreo_uq::posterior::study::ModelSpecification;
+use vitreo_uq::record::Experiment;
+use vitreo_uq::sampling::SamplerOptions;
+use vitreo_uq::sampling::ensemble::Progress;
 
 /// Presses Ctrl-C when the sampler has reported a number of times; 0 for as soon as it begins.
 struct Impatient {

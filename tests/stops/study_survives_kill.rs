@@ -4,9 +4,9 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
-use vitreo_uq::experiment::ExperimentFiles;
-use vitreo_uq::files::write_atomically;
-use vitreo_uq::study::Study;
+use vitreo_uq::base::files::write_atomically;
+use vitreo_uq::posterior::study::Study;
+use vitreo_uq::record::ExperimentFiles;
 
 /// Set in the process that is to be killed; names the study.
 const VICTIM_DIR: &str = "VITREO_UQ_TEST_VICTIM_DIR";
@@ -51,7 +51,7 @@ fn killed_writers_leave_whole_revisions_and_a_usable_study() {
         csv_bytes: b"time_s\n".to_vec(),
         log_file: None,
         notes: vec![],
-        understood: vitreo_uq::experiment::Understood::default(),
+        understood: vitreo_uq::record::Understood::default(),
     };
     let study = Study::open_or_create(&dir, &files, false).unwrap();
     let mut n_killed_at_work = 0;

@@ -1,4 +1,4 @@
-//! emcee, hammer-and-sample and vitreo-uq on one posterior, one thread each; every effective sample size by `vitreo_uq::inference::diagnostics`.
+//! emcee, hammer-and-sample and vitreo-uq on one posterior, one thread each; every effective sample size by `vitreo_uq::sampling::diagnostics`.
 //!
 //! `peers prepare DIR` writes the record, the starts and log-densities to check against; `peers compare DIR` reads what emcee made of them,
 //! runs the other two and prints the table. `compare.sh` does all of it.
@@ -12,9 +12,10 @@ use std::path::Path;
 use std::time::Instant;
 
 use creep::{COMPLIANCE_PER_M, Creep};
-use vitreo_uq::inference::diagnostics::{DrawColumn, diagnose, ranks::BlomScores};
-use vitreo_uq::inference::prior::Distribution;
-use vitreo_uq::inference::{LogDensity, SamplerOptions, sample};
+use vitreo_uq::sampling::diagnostics::{DrawColumn, diagnose};
+use vitreo_uq::sampling::diagnostics::ranks::BlomScores;
+use vitreo_uq::posterior::prior::Distribution;
+use vitreo_uq::sampling::{LogDensity, SamplerOptions, sample};
 
 const N_WALKERS: usize = 32;
 const N_STEPS: usize = 5_000;

@@ -1,7 +1,7 @@
 //! The program's errors as exceptions of Python; the classes stand in `python/vitreo_uq/errors.py`.
 
 use pyo3::{PyErr, import_exception};
-use vitreo_uq::error::{Error, Place};
+use vitreo_uq::base::error::{Error, Place};
 
 import_exception!(vitreo_uq.errors, InputError);
 

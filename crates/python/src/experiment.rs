@@ -4,15 +4,15 @@ use std::path::PathBuf;
 
 use numpy::{IntoPyArray, PyArray1};
 use pyo3::prelude::*;
-use vitreo_uq::experiment::{self, ExperimentFiles, Understood};
-use vitreo_uq::workflow::replica;
+use vitreo_uq::posterior::replica;
+use vitreo_uq::record::{self, ExperimentFiles, Understood};
 
 use crate::errors::raised;
 
 /// What was measured: force and position against time, and which cycles are fitted. Arrays have one entry a row, in SI units; each access makes a new one.
 #[pyclass(frozen, module = "vitreo_uq")]
 pub struct Experiment {
-    pub experiment: experiment::Experiment,
+    pub experiment: record::Experiment,
     pub understood: Understood,
     /// What the reader noticed, in words.
     notes: Vec<String>,
@@ -21,7 +21,7 @@ pub struct Experiment {
 }
 
 impl Experiment {
-    fn new(experiment: experiment::Experiment, files: ExperimentFiles, path: Option<PathBuf>) -> Self {
+    fn new(experiment: record::Experiment, files: ExperimentFiles, path: Option<PathBuf>) -> Self {
         let notes = files.notes.iter().map(ToString::to_string).collect();
         Self { experiment, understood: files.understood, notes, path }
     }
@@ -32,7 +32,7 @@ impl Experiment {
     /// Reads an experiment: a directory with `experiment.toml`, the path of the TOML, or a study. Raises `InputError` with file, line and remedy.
     #[staticmethod]
     fn read(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
-        let (experiment, files) = py.detach(|| experiment::Experiment::read(&path)).map_err(raised)?;
+        let (experiment, files) = py.detach(|| record::Experiment::read(&path)).map_err(raised)?;
         Ok(Self::new(experiment, files, Some(path)))
     }
 

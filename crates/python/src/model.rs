@@ -12,16 +12,17 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use rayon::prelude::*;
 use self_cell::self_cell;
-use vitreo_uq::effects::Library;
-use vitreo_uq::error::{Error, Result};
-use vitreo_uq::experiment::{self, Understood};
-use vitreo_uq::inference::ensemble::Progress;
-use vitreo_uq::study::{ModelSpecification, Study};
-use vitreo_uq::workflow::bridge::{Input, Models};
-use vitreo_uq::workflow::first_revision::{as_fitted, kept_surrogate};
-use vitreo_uq::workflow::problem::Problem;
-use vitreo_uq::workflow::reduced::Reduced;
-use vitreo_uq::workflow::{Monitor, artefacts, check};
+use vitreo_uq::base::error::{Error, Result};
+use vitreo_uq::jobs::bridge::{Input, Models};
+use vitreo_uq::jobs::first_revision::{as_fitted, kept_surrogate};
+use vitreo_uq::models::effects::Library;
+use vitreo_uq::posterior::check;
+use vitreo_uq::posterior::monitor::Monitor;
+use vitreo_uq::posterior::problem::Problem;
+use vitreo_uq::posterior::reduced::Reduced;
+use vitreo_uq::posterior::study::{ModelSpecification, Study};
+use vitreo_uq::record::{self, Understood};
+use vitreo_uq::sampling::ensemble::Progress;
 
 use crate::errors::{at_point, raised, refused};
 use crate::experiment::Experiment;
@@ -74,7 +75,7 @@ enum Target<'py> {
 
 /// The same, read.
 struct Subject {
-    experiment: experiment::Experiment,
+    experiment: record::Experiment,
     understood: Understood,
     study: Option<Study>,
 }
@@ -89,7 +90,7 @@ impl Subject {
             Target::Path(path) => {
                 let study = if Study::is_study(path) { Some(Study::open(path)?) } else { None };
                 let read = |study: &Study| study.read_experiment();
-                let (experiment, files) = study.as_ref().map_or_else(|| experiment::Experiment::read(path), read)?;
+                let (experiment, files) = study.as_ref().map_or_else(|| record::Experiment::read(path), read)?;
                 Self { experiment, understood: files.understood, study }
             }
         })
@@ -106,7 +107,9 @@ impl Subject {
     /// The model of a revision.
     fn specification(&self, revision: Option<&str>) -> Result<ModelSpecification> {
         match (&self.study, revision) {
-            (Some(study), Some(name)) => artefacts::model_of(&study.revision_dir(name)?, &Library::default()),
+            (Some(study), Some(name)) => {
+                ModelSpecification::of_revision(&study.revision_dir(name)?, &Library::default())
+            }
             _ => Ok(ModelSpecification::default()),
         }
     }

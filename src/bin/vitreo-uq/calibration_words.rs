@@ -1,7 +1,7 @@
 //! A calibration in words: the verdict, and a line a quantity.
 
 use vitreo_uq::documents::calibration::{CalibratedQuantity, Calibration, Coverage};
-use vitreo_uq::report::number::significant;
+use vitreo_uq::figures::number::significant;
 
 /// The verdict, and what stands behind it.
 pub fn words_of_calibration(found: &Calibration) -> String {

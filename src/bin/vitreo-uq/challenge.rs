@@ -7,19 +7,20 @@ use std::process::ExitCode;
 
 use clap::builder::{BoolishValueParser, RangedU64ValueParser};
 use clap::{ArgAction, Args, Subcommand, ValueEnum};
-use vitreo_uq::critique::challenge::files::{self, Case, Opened};
-use vitreo_uq::critique::challenge::play::Sort;
-use vitreo_uq::critique::challenge::plays::{self, PlaysRequest};
-use vitreo_uq::critique::challenge::{
+use vitreo_uq::base::error::{Error, Place, Result};
+use vitreo_uq::base::files::{Content, read_if_there};
+use vitreo_uq::documents::diagnosis::Diagnosis;
+use vitreo_uq::models::effects::Library;
+use vitreo_uq::posterior::cache::cache_directory;
+use vitreo_uq::posterior::monitor::Monitor;
+use vitreo_uq::posterior::study::{DIAGNOSIS_NAME, Provenance, Study, WithProvenance};
+use vitreo_uq::sampling::ensemble::RandomStream;
+use vitreo_uq::validation::challenge::files::{self, Case, Opened};
+use vitreo_uq::validation::challenge::play::Sort;
+use vitreo_uq::validation::challenge::plays::{self, PlaysRequest};
+use vitreo_uq::validation::challenge::{
     Bench, Hidden, NoiseKind, Order, OutsideKind, Protocol, Strength, draw_pair, hideable,
 };
-use vitreo_uq::documents::diagnosis::Diagnosis;
-use vitreo_uq::effects::Library;
-use vitreo_uq::error::{Error, Place, Result};
-use vitreo_uq::files::{Content, read_if_there};
-use vitreo_uq::inference::ensemble::RandomStream;
-use vitreo_uq::study::{DIAGNOSIS_NAME, Provenance, Study, WithProvenance};
-use vitreo_uq::workflow::{Monitor, cache_directory};
 
 use crate::challenge_words::{words_of_made, words_of_plays, words_of_truth};
 use crate::options::use_threads;

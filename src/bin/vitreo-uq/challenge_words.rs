@@ -3,12 +3,12 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use vitreo_uq::critique::challenge::files::Opened;
-use vitreo_uq::critique::challenge::play::Play;
-use vitreo_uq::critique::challenge::tally::{Group, Tally};
-use vitreo_uq::critique::challenge::{Disturbance, OutsideKind};
 use vitreo_uq::documents::diagnosis::Diagnosis;
-use vitreo_uq::page::PlaysPage;
+use vitreo_uq::figures::page::PlaysPage;
+use vitreo_uq::validation::challenge::files::Opened;
+use vitreo_uq::validation::challenge::play::Play;
+use vitreo_uq::validation::challenge::tally::{Group, Tally};
+use vitreo_uq::validation::challenge::{Disturbance, OutsideKind};
 
 use crate::text::significant;
 

@@ -4,13 +4,13 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Args;
+use vitreo_uq::base::error::Result;
 use vitreo_uq::documents::check::CheckSummary;
-use vitreo_uq::error::Result;
-use vitreo_uq::experiment::{Experiment, ExperimentFiles};
-use vitreo_uq::report::record::{RawRecord, raw_record};
-use vitreo_uq::report::svg::write_figure;
-use vitreo_uq::study::{Provenance, Study, WithProvenance};
-use vitreo_uq::workflow::{check, replica};
+use vitreo_uq::figures::record::{RawRecord, raw_record};
+use vitreo_uq::figures::svg::write_figure;
+use vitreo_uq::posterior::study::{Provenance, Study, WithProvenance};
+use vitreo_uq::posterior::{check, replica};
+use vitreo_uq::record::{Experiment, ExperimentFiles};
 
 /// Exit code where something is certainly wrong.
 const WRONG: u8 = 2;

@@ -4,16 +4,16 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 
+use vitreo_uq::base::error::{Error, Place, Result};
+use vitreo_uq::cohorts::cohort::{self, Key, Measurement};
+use vitreo_uq::cohorts::missing::artefacts;
+use vitreo_uq::cohorts::missing::job::{self, CohortRequest};
 use vitreo_uq::documents::cohort::{CohortDiagnosis, CohortEffect, CohortSizes, SidesName};
 use vitreo_uq::documents::diagnosis::{Status, VerdictKind};
-use vitreo_uq::error::{Error, Place, Result};
-use vitreo_uq::experiment::Sweep;
-use vitreo_uq::groups::cohort::{self, Key, Measurement};
-use vitreo_uq::groups::missing::artefacts;
-use vitreo_uq::groups::missing::job::{self, CohortRequest};
-use vitreo_uq::report::labels::of_parameter;
-use vitreo_uq::study::{ModelSpecification, Study, WithProvenance};
-use vitreo_uq::workflow::Monitor;
+use vitreo_uq::figures::labels::of_parameter;
+use vitreo_uq::posterior::monitor::Monitor;
+use vitreo_uq::posterior::study::{ModelSpecification, Study, WithProvenance};
+use vitreo_uq::record::Sweep;
 
 use crate::options::{self, DiagnoseArguments};
 use crate::terminal::Terminal;

@@ -3,12 +3,12 @@
 use std::process::ExitCode;
 use std::time::Instant;
 
-use vitreo_uq::critique::compare::{self, SIGNIFICANT, figures};
+use vitreo_uq::base::error::Result;
+use vitreo_uq::base::files::write_json_atomically;
+use vitreo_uq::criticism::compare::{self, SIGNIFICANT, figures};
 use vitreo_uq::documents::comparison::{Comparison, Finding, PanelEntry};
-use vitreo_uq::error::Result;
-use vitreo_uq::files::write_json_atomically;
-use vitreo_uq::study::{COMPARISON_NAME, WithProvenance};
-use vitreo_uq::workflow::Monitor;
+use vitreo_uq::posterior::monitor::Monitor;
+use vitreo_uq::posterior::study::{COMPARISON_NAME, WithProvenance};
 
 use crate::examine::{Begun, Examined};
 use crate::options::{self, CompareArguments};

@@ -3,18 +3,21 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use vitreo_uq::posterior::study::ModelSpecification;
 
-use vitreo_uq::effects::Library;
-use vitreo_uq::error::{Error, Place, Result};
-use vitreo_uq::inference::prior::{Prior, PriorSet};
-use vitreo_uq::report::corner::{CornerOptions, ParameterColumn, Posterior, PriorCurve, corner};
-use vitreo_uq::report::density::{Support, guessed_support, sorted};
-use vitreo_uq::report::draws::read_draws_csv;
-use vitreo_uq::report::labels::{ParameterLabel, of_parameter};
-use vitreo_uq::report::palette::series;
-use vitreo_uq::report::svg::write_figure;
-use vitreo_uq::study::{POSTERIOR_NAME, Study};
-use vitreo_uq::workflow::{Monitor, artefacts, replica};
+use vitreo_uq::base::error::{Error, Place, Result};
+use vitreo_uq::figures::corner::{CornerOptions, ParameterColumn, Posterior, PriorCurve, corner};
+use vitreo_uq::figures::density::{Support, guessed_support, sorted};
+use vitreo_uq::figures::draws::read_draws_csv;
+use vitreo_uq::figures::labels::{ParameterLabel, of_parameter};
+use vitreo_uq::figures::palette::series;
+use vitreo_uq::figures::svg::write_figure;
+use vitreo_uq::jobs::artefacts;
+use vitreo_uq::models::effects::Library;
+use vitreo_uq::posterior::monitor::Monitor;
+use vitreo_uq::posterior::prior::{Prior, PriorSet};
+use vitreo_uq::posterior::replica;
+use vitreo_uq::posterior::study::{POSTERIOR_NAME, Study};
 
 use crate::corner_data::{FittedData, differences};
 use crate::options::{self, CornerArguments};
@@ -160,7 +163,8 @@ fn load_revision(dir: &Path) -> Result<Loaded> {
     let study = full.parent().and_then(name);
     let label = [study, name(&full)].into_iter().flatten().collect::<Vec<_>>().join(" ");
     // Hard limits come from the priors; where their file has moved away they are guessed from the draws.
-    let priors = artefacts::model_of(dir, &Library::default()).and_then(|model| PriorSet::read(&model.prior)).ok();
+    let priors =
+        ModelSpecification::of_revision(dir, &Library::default()).and_then(|model| PriorSet::read(&model.prior)).ok();
     Ok(Loaded { data: FittedData::of_revision(dir), ..load_csv(&draws, label, priors.as_ref())? })
 }
 

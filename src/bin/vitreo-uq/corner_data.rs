@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
-use vitreo_uq::study::{POSTERIOR_NAME, Provenance, WithProvenance};
-use vitreo_uq::workflow::artefacts::of_measurement;
+use vitreo_uq::jobs::artefacts::of_measurement;
+use vitreo_uq::posterior::study::{POSTERIOR_NAME, Provenance, WithProvenance};
 
 /// The data of a posterior.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]

@@ -3,19 +3,19 @@
 use std::process::ExitCode;
 use std::time::Instant;
 
-use vitreo_uq::critique::diagnose::{DiagnosisRequest, diagnose};
-use vitreo_uq::critique::fingerprints::fingerprints;
-use vitreo_uq::critique::search::Bars;
+use vitreo_uq::base::error::{Error, Place, Result};
+use vitreo_uq::base::files::write_json_atomically;
+use vitreo_uq::criticism::diagnose::{DiagnosisRequest, diagnose};
+use vitreo_uq::criticism::fingerprints::fingerprints;
+use vitreo_uq::criticism::learn::first_look;
+use vitreo_uq::criticism::search::Bars;
 use vitreo_uq::documents::diagnosis::{CandidateEntry, Diagnosis, Status, VerdictKind, by_reason};
-use vitreo_uq::error::{Error, Place, Result};
-use vitreo_uq::files::write_json_atomically;
-use vitreo_uq::learn::first_look;
-use vitreo_uq::report::diagnosis as figure;
-use vitreo_uq::report::fingerprints::{fingerprints as fingerprints_figure, write_fingerprints};
-use vitreo_uq::report::number::listed;
-use vitreo_uq::report::svg::{remove_figure, write_figure};
-use vitreo_uq::study::{DIAGNOSIS_NAME, FINGERPRINTS_NAME, WithProvenance};
-use vitreo_uq::workflow::Monitor;
+use vitreo_uq::figures::diagnosis as figure;
+use vitreo_uq::figures::fingerprints::{fingerprints as fingerprints_figure, write_fingerprints};
+use vitreo_uq::figures::number::listed;
+use vitreo_uq::figures::svg::{remove_figure, write_figure};
+use vitreo_uq::posterior::monitor::Monitor;
+use vitreo_uq::posterior::study::{DIAGNOSIS_NAME, FINGERPRINTS_NAME, WithProvenance};
 
 use crate::examine::{Begun, Examined};
 use crate::options::{self, DiagnoseArguments};

@@ -1,20 +1,20 @@
 //! `effects`: the library, and what an experiment can see of it.
 
 use std::process::ExitCode;
-use vitreo_uq::report::labels::model_title;
+use vitreo_uq::figures::labels::model_title;
 
+use vitreo_uq::base::error::Result;
 use vitreo_uq::documents::effects::{EffectEntry, EffectsSummary, ParameterEntry};
-use vitreo_uq::effects::Library;
-use vitreo_uq::error::Result;
-use vitreo_uq::study::WithProvenance;
-use vitreo_uq::workflow::artefacts;
-use vitreo_uq::workflow::visibility;
+use vitreo_uq::jobs::artefacts;
+use vitreo_uq::jobs::visibility;
+use vitreo_uq::models::effects::Library;
+use vitreo_uq::posterior::study::WithProvenance;
 
 use crate::options::{self, EffectsArguments};
 use crate::target::Target;
 use crate::terminal::Terminal;
 use crate::text::significant;
-use vitreo_uq::workflow::first_revision::kept_surrogate;
+use vitreo_uq::jobs::first_revision::kept_surrogate;
 
 pub fn run(arguments: &EffectsArguments) -> Result<ExitCode> {
     let common = &arguments.common;

@@ -3,20 +3,22 @@
 use std::time::Instant;
 
 use serde::Serialize;
-use vitreo_uq::critique::Subject;
-use vitreo_uq::effects::Library;
-use vitreo_uq::error::{Error, Place, Result};
-use vitreo_uq::inference::SamplerOptions;
-use vitreo_uq::study::{Provenance, RevisionWriter, Study};
-use vitreo_uq::workflow::problem::Problem;
-use vitreo_uq::workflow::reduced::Reduced;
-use vitreo_uq::workflow::{Monitor, artefacts};
+use vitreo_uq::base::error::{Error, Place, Result};
+use vitreo_uq::criticism::Subject;
+use vitreo_uq::jobs::artefacts;
+use vitreo_uq::models::effects::Library;
+use vitreo_uq::posterior::monitor::Monitor;
+use vitreo_uq::posterior::problem::Problem;
+use vitreo_uq::posterior::reduced::Reduced;
+use vitreo_uq::posterior::study::{Provenance, RevisionWriter, Study};
+use vitreo_uq::sampling::SamplerOptions;
 
 use crate::options::{Common, Model};
 use crate::report::PageArguments;
 use crate::target::Target;
 use crate::terminal::Terminal;
-use vitreo_uq::workflow::first_revision::{kept_surrogate, make_first_revision, refuse_nothing_to_sample};
+use vitreo_uq::jobs::first_revision::{kept_surrogate, make_first_revision};
+use vitreo_uq::posterior::sample::refuse_nothing_to_sample;
 
 /// A study with a revision, ready to be examined.
 pub struct Examined {

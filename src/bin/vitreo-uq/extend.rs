@@ -2,25 +2,27 @@
 
 use std::process::ExitCode;
 use std::time::Instant;
-use vitreo_uq::report::labels::model_title;
+use vitreo_uq::figures::labels::model_title;
 
+use vitreo_uq::base::error::{Error, Place, Result};
+use vitreo_uq::base::files::write_json_atomically;
 use vitreo_uq::documents::extension::{ExtensionSummary, Misfit};
-use vitreo_uq::effects::Library;
-use vitreo_uq::error::{Error, Place, Result};
-use vitreo_uq::files::write_json_atomically;
-use vitreo_uq::report::number::listed;
-use vitreo_uq::study::{EXTENSION_NAME, RevisionWriter, Study, WithProvenance, named_effects};
-use vitreo_uq::workflow::extend::{self, Extension, ExtensionRequest};
-use vitreo_uq::workflow::mechanics::MeshFile;
-use vitreo_uq::workflow::problem::Problem;
-use vitreo_uq::workflow::{Monitor, artefacts};
+use vitreo_uq::figures::number::listed;
+use vitreo_uq::jobs::artefacts;
+use vitreo_uq::jobs::extend::{self, Extension, ExtensionRequest};
+use vitreo_uq::models::effects::Library;
+use vitreo_uq::posterior::mechanics::MeshFile;
+use vitreo_uq::posterior::monitor::Monitor;
+use vitreo_uq::posterior::problem::Problem;
+use vitreo_uq::posterior::study::{EXTENSION_NAME, RevisionWriter, Study, WithProvenance, named_effects};
 
 use crate::examine::Begun;
 use crate::options::{self, Common, ExtendArguments, Model};
 use crate::target::Target;
 use crate::terminal::Terminal;
 use crate::text::{parameter_table, significant, warning_text};
-use vitreo_uq::workflow::first_revision::{make_first_revision, refuse_nothing_to_sample};
+use vitreo_uq::jobs::first_revision::make_first_revision;
+use vitreo_uq::posterior::sample::refuse_nothing_to_sample;
 
 pub fn run(arguments: &ExtendArguments) -> Result<ExitCode> {
     let at = Instant::now();

@@ -3,13 +3,14 @@
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
+use vitreo_uq::posterior::study::ModelSpecification;
 
+use vitreo_uq::base::error::{Error, Place, Result};
+use vitreo_uq::cohorts::cohort::{self, Measurement};
 use vitreo_uq::documents::extension::ExtensionSummary;
-use vitreo_uq::effects::Library;
-use vitreo_uq::error::{Error, Place, Result};
-use vitreo_uq::groups::cohort::{self, Measurement};
-use vitreo_uq::study::{Study, named_effects};
-use vitreo_uq::workflow::{Monitor, artefacts};
+use vitreo_uq::models::effects::Library;
+use vitreo_uq::posterior::monitor::Monitor;
+use vitreo_uq::posterior::study::{Study, named_effects};
 
 use crate::extend::{self, Extended};
 use crate::options::{self, Common, ExtendArguments};
@@ -80,7 +81,7 @@ fn revision_with(place: &Path, effects: &[String]) -> Result<Option<String>> {
     }
     let study = Study::open(place)?;
     let Some(last) = study.revisions()?.pop() else { return Ok(None) };
-    let model = artefacts::model_of(&study.revision_dir(&last)?, &Library::default())?;
+    let model = ModelSpecification::of_revision(&study.revision_dir(&last)?, &Library::default())?;
     Ok(effects.iter().all(|slug| model.effects.contains(slug)).then_some(last))
 }
 

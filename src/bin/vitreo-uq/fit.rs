@@ -1,22 +1,22 @@
 //! `fit`: the paper's point estimate, with standard errors.
 
 use std::process::ExitCode;
-use vitreo_uq::report::labels::model_title;
+use vitreo_uq::figures::labels::model_title;
 
+use vitreo_uq::base::error::Result;
+use vitreo_uq::base::files::write_json_atomically;
+use vitreo_uq::base::parameter::NOISE_SD;
 use vitreo_uq::documents::fit::{FitSummary, FittedParameter};
-use vitreo_uq::error::Result;
-use vitreo_uq::files::write_json_atomically;
-use vitreo_uq::parameter::NOISE_SD;
-use vitreo_uq::report::labels::of_parameter;
-use vitreo_uq::study::{FIT_NAME, WithProvenance};
-use vitreo_uq::workflow::artefacts;
-use vitreo_uq::workflow::fit;
+use vitreo_uq::figures::labels::of_parameter;
+use vitreo_uq::jobs::artefacts;
+use vitreo_uq::posterior::fit;
+use vitreo_uq::posterior::study::{FIT_NAME, WithProvenance};
 
 use crate::options::{self, FitArguments};
 use crate::target::Target;
 use crate::terminal::Terminal;
 use crate::text::{column_width, significant, warning_text};
-use vitreo_uq::workflow::first_revision::kept_surrogate;
+use vitreo_uq::jobs::first_revision::kept_surrogate;
 
 pub fn run(arguments: &FitArguments) -> Result<ExitCode> {
     let common = &arguments.common;

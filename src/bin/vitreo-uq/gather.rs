@@ -6,13 +6,13 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::Args;
+use vitreo_uq::base::error::Result;
 use vitreo_uq::documents::calibration::CalibrationKind;
 use vitreo_uq::documents::tasks::{Gathered, TaskKind};
-use vitreo_uq::error::Result;
-use vitreo_uq::study::{Provenance, WithProvenance};
-use vitreo_uq::tasks::gather::{self, CALIBRATION, CHALLENGE, COMMANDS};
-use vitreo_uq::tasks::list::List;
-use vitreo_uq::workflow::cache_directory;
+use vitreo_uq::jobs::tasks::gather::{self, CALIBRATION, CHALLENGE, COMMANDS};
+use vitreo_uq::jobs::tasks::list::List;
+use vitreo_uq::posterior::cache::cache_directory;
+use vitreo_uq::posterior::study::{Provenance, WithProvenance};
 
 use crate::calibration_words::words_of_calibration;
 use crate::challenge_words::words_of_plays;
@@ -45,7 +45,7 @@ const MOST_NAMED: usize = 20;
 pub fn run(arguments: &GatherArguments) -> Result<ExitCode> {
     use_threads(arguments.threads)?;
     crate::output::check(arguments.json.as_deref())?;
-    let list = List::open(&arguments.dir)?.of_this_program()?;
+    let list = List::open(&arguments.dir)?.of_program(vitreo_uq::PROGRAM)?;
     let out = arguments.out.clone().unwrap_or_else(|| arguments.dir.join("gathered"));
     let terminal = Terminal::new(arguments.quiet);
     let outcome = gather::gather(&list, &out, &terminal)?;

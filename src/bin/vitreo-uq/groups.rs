@@ -5,17 +5,17 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use clap::Args;
+use vitreo_uq::base::error::{Error, Place, Result};
+use vitreo_uq::cohorts::cohort::{self, Key, Measurement};
+use vitreo_uq::cohorts::job::{self, GroupsRequest};
+use vitreo_uq::cohorts::summary;
+use vitreo_uq::cohorts::{artefacts, wording};
 use vitreo_uq::documents::groups::{ContrastSummary, GroupSummary, GroupsSummary, RatioVerdict, ScaleName};
-use vitreo_uq::error::{Error, Place, Result};
-use vitreo_uq::groups::cohort::{self, Key, Measurement};
-use vitreo_uq::groups::job::{self, GroupsRequest};
-use vitreo_uq::groups::summary;
-use vitreo_uq::groups::{artefacts, wording};
-use vitreo_uq::inference::SamplerOptions;
-use vitreo_uq::report::labels::of_parameter;
-use vitreo_uq::study::WithProvenance;
-use vitreo_uq::tasks::sample::Sampling;
-use vitreo_uq::workflow::Monitor;
+use vitreo_uq::figures::labels::of_parameter;
+use vitreo_uq::jobs::tasks::sample::Sampling;
+use vitreo_uq::posterior::monitor::Monitor;
+use vitreo_uq::posterior::study::WithProvenance;
+use vitreo_uq::sampling::SamplerOptions;
 
 use crate::options;
 use crate::terminal::Terminal;

@@ -8,7 +8,7 @@ use axum::Router;
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
 use tokio::sync::Semaphore;
-use vitreo_uq::error::{Error, Place, Result};
+use vitreo_uq::base::error::{Error, Place, Result};
 
 /// Connections at once; headers of a request have so long to come.
 const MOST_CONNECTIONS: usize = 64;

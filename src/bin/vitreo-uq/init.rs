@@ -5,11 +5,11 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Args;
+use vitreo_uq::base::error::Result;
 use vitreo_uq::documents::init::{InitColumn, InitSummary};
-use vitreo_uq::error::Result;
-use vitreo_uq::experiment::table::{Given, unit as spelt};
-use vitreo_uq::study::{Provenance, WithProvenance};
-use vitreo_uq::workflow::init::{self, InitRequest};
+use vitreo_uq::jobs::init::{self, InitRequest};
+use vitreo_uq::posterior::study::{Provenance, WithProvenance};
+use vitreo_uq::record::table::{Given, unit as spelt};
 
 use crate::questions;
 use crate::text::significant;

@@ -2,7 +2,7 @@
 //!
 //! The first signal asks the job to stop, which the sampler does at its next step, its state saved. A job in the middle of something long, such as a
 //! factorisation, does not hear that: after a moment the program ends over its head. Whatever it writes goes through
-//! [`vitreo_uq::files`], which leaves the old content or the new.
+//! [`vitreo_uq::base::files`], which leaves the old content or the new.
 
 use std::io::Write;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -11,7 +11,7 @@ use std::time::Duration;
 
 use indicatif::ProgressBar;
 use signal_hook::consts::{SIGINT, SIGTERM};
-use vitreo_uq::files::stop_writing;
+use vitreo_uq::base::files::stop_writing;
 
 /// Time between two looks whether a signal has come.
 const LOOK: Duration = Duration::from_millis(20);

@@ -4,21 +4,22 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
 
+use vitreo_uq::base::error::{Error, Place, Result};
+use vitreo_uq::base::files::write_json_atomically;
 use vitreo_uq::documents::joint::JointSummary;
 use vitreo_uq::documents::posterior::ModelSummary;
-use vitreo_uq::effects::Library;
-use vitreo_uq::error::{Error, Place, Result};
-use vitreo_uq::experiment::{Experiment, Sweep};
-use vitreo_uq::files::write_json_atomically;
-use vitreo_uq::report::labels::{model_title, of_parameter};
-use vitreo_uq::report::svg::write_figure;
-use vitreo_uq::study::{ModelSpecification, Provenance, Study, WithProvenance};
-use vitreo_uq::sweep::artefacts::joint_figure;
-use vitreo_uq::sweep::joint::{Joint, Member};
-use vitreo_uq::sweep::problem::{DEFAULT_PRIOR, SweepProblem};
-use vitreo_uq::workflow::problem::Problem;
-use vitreo_uq::workflow::reduced::Reduced;
-use vitreo_uq::workflow::{Monitor, check};
+use vitreo_uq::figures::labels::{model_title, of_parameter};
+use vitreo_uq::figures::svg::write_figure;
+use vitreo_uq::jobs::sweep::artefacts::joint_figure;
+use vitreo_uq::jobs::sweep::joint::{Joint, Member};
+use vitreo_uq::jobs::sweep::problem::{DEFAULT_PRIOR, SweepProblem};
+use vitreo_uq::models::effects::Library;
+use vitreo_uq::posterior::check;
+use vitreo_uq::posterior::monitor::Monitor;
+use vitreo_uq::posterior::problem::Problem;
+use vitreo_uq::posterior::reduced::Reduced;
+use vitreo_uq::posterior::study::{ModelSpecification, Provenance, Study, WithProvenance};
+use vitreo_uq::record::{Experiment, Sweep};
 
 use crate::options::{self, SampleArguments};
 use crate::terminal::Terminal;
@@ -102,7 +103,7 @@ pub fn sample(arguments: &SampleArguments) -> Result<ExitCode> {
     std::fs::create_dir_all(&dir)
         .map_err(|error| Error::at_path("create", &dir, error, "choose a writable place with `--out`"))?;
     write_figure(&dir, NAME, &joint_figure(&id, &joint.priors, &result)?)?;
-    let provenance = vitreo_uq::workflow::artefacts::with_prior(header, &joint.priors);
+    let provenance = vitreo_uq::jobs::artefacts::with_prior(header, &joint.priors);
     let document = WithProvenance { provenance, body: &result.summary };
     write_json_atomically(&dir.join(format!("{NAME}.json")), &document)?;
     terminal.finish();
@@ -123,7 +124,7 @@ fn id_of(record: &Record) -> &str {
 
 fn member_of<'a>(
     record: &'a Record,
-    density: Option<&'a vitreo_uq::inference::likelihood::ReducedPosterior<'a>>,
+    density: Option<&'a vitreo_uq::posterior::likelihood::ReducedPosterior<'a>>,
 ) -> Option<Member<'a>> {
     let id = id_of(record).to_string();
     match record {

@@ -2,18 +2,18 @@
 
 use std::process::ExitCode;
 use std::time::Instant;
-use vitreo_uq::report::labels::model_title;
+use vitreo_uq::figures::labels::model_title;
 
+use vitreo_uq::base::error::Result;
+use vitreo_uq::base::files::{self, Content};
 use vitreo_uq::documents::ladder::{LadderSummary, Rung, RungParameter, Shift};
-use vitreo_uq::error::Result;
-use vitreo_uq::files::{self, Content};
-use vitreo_uq::report;
-use vitreo_uq::report::labels::of_parameter;
-use vitreo_uq::report::number::listed;
-use vitreo_uq::report::svg::figure_files;
-use vitreo_uq::study::{LADDER_NAME, POSTERIOR_NAME, Study, WithProvenance};
-use vitreo_uq::workflow::Monitor;
-use vitreo_uq::workflow::ladder::{self, LadderRequest};
+use vitreo_uq::figures;
+use vitreo_uq::figures::labels::of_parameter;
+use vitreo_uq::figures::number::listed;
+use vitreo_uq::figures::svg::figure_files;
+use vitreo_uq::jobs::ladder::{self, LadderRequest};
+use vitreo_uq::posterior::monitor::Monitor;
+use vitreo_uq::posterior::study::{LADDER_NAME, POSTERIOR_NAME, Study, WithProvenance};
 
 use crate::examine::Examined;
 use crate::options::{self, LadderArguments};
@@ -39,7 +39,7 @@ pub fn run(arguments: &LadderArguments) -> Result<ExitCode> {
     terminal.stage("writing results and figures");
     let provenance = provenance(study, &summary, common.seed)?;
     let document = WithProvenance { provenance, body: &summary };
-    let [svg, png] = figure_files(study.dir(), "ladder", &report::ladder::ladder(&summary)?)?;
+    let [svg, png] = figure_files(study.dir(), "ladder", &figures::ladder::ladder(&summary)?)?;
     let json = study.dir().join(LADDER_NAME);
     let json = (json.clone(), files::to_json(&json, &document)?);
     files::write_together(&[&svg, &png, &json].map(|(path, bytes)| (path.as_path(), bytes.as_slice())))?;
@@ -54,7 +54,7 @@ pub fn run(arguments: &LadderArguments) -> Result<ExitCode> {
 }
 
 /// The header, with the models and posteriors that the ladder is of.
-fn provenance(study: &Study, summary: &LadderSummary, seed: u64) -> Result<vitreo_uq::study::Provenance> {
+fn provenance(study: &Study, summary: &LadderSummary, seed: u64) -> Result<vitreo_uq::posterior::study::Provenance> {
     let mut provenance = study.provenance("ladder", 1, seed);
     for rung in &summary.revisions {
         let dir = study.revision_dir(&rung.revision)?;

@@ -3,16 +3,16 @@
 use std::process::ExitCode;
 use std::time::Instant;
 
-use vitreo_uq::critique::Subject;
+use vitreo_uq::base::error::{Error, Place, Result};
+use vitreo_uq::base::files::{remove_if_there, write_atomically, write_json_atomically};
+use vitreo_uq::criticism::Subject;
+use vitreo_uq::criticism::learn::{FILE_NAME, Request, learn};
 use vitreo_uq::documents::learned::{Learned, LearnedErrors, LearnedKind, LearnedPair, LearnedVerdict};
-use vitreo_uq::error::{Error, Place, Result};
-use vitreo_uq::files::{remove_if_there, write_atomically, write_json_atomically};
-use vitreo_uq::learn::{FILE_NAME, Request, learn};
-use vitreo_uq::report::learned as figure;
-use vitreo_uq::report::number::listed;
-use vitreo_uq::report::svg::{remove_figure, write_figure};
-use vitreo_uq::study::{LEARNED_NAME, WithProvenance};
-use vitreo_uq::workflow::Monitor;
+use vitreo_uq::figures::learned as figure;
+use vitreo_uq::figures::number::listed;
+use vitreo_uq::figures::svg::{remove_figure, write_figure};
+use vitreo_uq::posterior::monitor::Monitor;
+use vitreo_uq::posterior::study::{LEARNED_NAME, WithProvenance};
 
 use crate::examine::{Begun, Examined};
 use crate::options::{self, LearnArguments};

@@ -4,11 +4,11 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 
+use vitreo_uq::base::error::Result;
+use vitreo_uq::cohorts::learnt;
 use vitreo_uq::documents::learned_cohort::{CohortPair, ConfirmedOn, LearnedCohort, LearnedCohortKind};
-use vitreo_uq::error::Result;
-use vitreo_uq::groups::learnt;
-use vitreo_uq::study::{ModelSpecification, WithProvenance};
-use vitreo_uq::workflow::Monitor;
+use vitreo_uq::posterior::monitor::Monitor;
+use vitreo_uq::posterior::study::{ModelSpecification, WithProvenance};
 
 use crate::options::{self, LearnArguments};
 use crate::terminal::Terminal;
@@ -35,7 +35,7 @@ pub fn run(arguments: &LearnArguments) -> Result<ExitCode> {
     let with_options = |own: ModelSpecification| {
         own.with_options(model.base.as_deref(), &model.with, &model.noise, model.prior.as_deref(), &model.set)
     };
-    let measurements = vitreo_uq::groups::cohort::read(&paths, &[], &with_options, &terminal)?;
+    let measurements = vitreo_uq::cohorts::cohort::read(&paths, &[], &with_options, &terminal)?;
     let out = common.out.as_deref().unwrap_or(Path::new(DEFAULT_OUT));
     let provenance = learnt::provenance(&measurements, common.seed);
     learnt::check_place(out, &provenance, common.force)?;

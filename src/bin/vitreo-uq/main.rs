@@ -52,8 +52,8 @@ use options::{
     LadderArguments, LearnArguments, SampleArguments, SimulateArguments,
 };
 use vitreo_uq::Error;
-use vitreo_uq::error::Place;
-use vitreo_uq::tasks::commands::Line;
+use vitreo_uq::base::error::Place;
+use vitreo_uq::jobs::tasks::commands::Line;
 
 /// Bayesian uncertainty quantification for creep experiments in soft gels.
 #[derive(Parser)]

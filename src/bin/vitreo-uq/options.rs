@@ -3,9 +3,9 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use vitreo_uq::error::{Error, Place};
-use vitreo_uq::inference::SamplerOptions;
-use vitreo_uq::inference::prior::PriorSet;
+use vitreo_uq::base::error::{Error, Place};
+use vitreo_uq::posterior::prior::PriorSet;
+use vitreo_uq::sampling::SamplerOptions;
 
 use crate::report::PageArguments;
 
@@ -322,7 +322,7 @@ pub fn check_simulations(simulations: usize, fewest: usize) -> vitreo_uq::Result
 pub fn use_threads(threads: usize) -> vitreo_uq::Result<usize> {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let asked = match threads {
-        0 => std::env::var(vitreo_uq::workflow::THREADS_VARIABLE)
+        0 => std::env::var(vitreo_uq::posterior::monitor::THREADS_VARIABLE)
             .ok()
             .and_then(|text| text.parse().ok())
             .filter(|threads| *threads > 0),

@@ -5,8 +5,8 @@ use std::path::Path;
 use std::time::Instant;
 
 use serde::Serialize;
-use vitreo_uq::error::{Error, Place, Result};
-use vitreo_uq::files::write_json_atomically;
+use vitreo_uq::base::error::{Error, Place, Result};
+use vitreo_uq::base::files::write_json_atomically;
 
 /// Refuses a place for the document that cannot be written, before hours of work rather than after.
 pub fn check(json: Option<&Path>) -> Result<()> {

@@ -3,7 +3,7 @@
 use std::io::{IsTerminal, Write};
 use std::path::Path;
 
-use vitreo_uq::experiment::table::Question;
+use vitreo_uq::record::table::Question;
 
 /// Whether somebody can be asked: a terminal to read from and one to write to, and a command that is neither silent nor read by a program.
 pub fn may_be_asked(quiet: bool, json: Option<&Path>) -> bool {

@@ -4,12 +4,12 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::Args;
-use vitreo_uq::critique::challenge::plays::Plays;
-use vitreo_uq::error::{Error, Place, Result};
-use vitreo_uq::files::{self, Content};
-use vitreo_uq::page::{self, Origin};
-use vitreo_uq::study::{PAGE_NAME, Provenance, Study, WithProvenance};
-use vitreo_uq::workflow::pages;
+use vitreo_uq::base::error::{Error, Place, Result};
+use vitreo_uq::base::files::{self, Content};
+use vitreo_uq::figures::page::{self, Origin};
+use vitreo_uq::jobs::pages;
+use vitreo_uq::posterior::study::{PAGE_NAME, Provenance, Study, WithProvenance};
+use vitreo_uq::validation::challenge::plays::Plays;
 
 use crate::challenge_words::page_of_plays;
 

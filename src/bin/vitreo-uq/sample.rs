@@ -3,14 +3,14 @@
 use std::process::ExitCode;
 use std::time::Instant;
 
-use vitreo_uq::error::{Error, Place, Result};
-use vitreo_uq::files::{Content, read_if_there};
-use vitreo_uq::study::{POSTERIOR_NAME, Provenance, Study, WithProvenance};
-use vitreo_uq::workflow::first_revision::{
-    FIRST_REVISION, make_first_revision, refuse_nothing_to_sample, refuse_other_model,
-};
-use vitreo_uq::workflow::problem::Problem;
-use vitreo_uq::workflow::{Monitor, artefacts};
+use vitreo_uq::base::error::{Error, Place, Result};
+use vitreo_uq::base::files::{Content, read_if_there};
+use vitreo_uq::jobs::artefacts;
+use vitreo_uq::jobs::first_revision::{FIRST_REVISION, make_first_revision, refuse_other_model};
+use vitreo_uq::posterior::monitor::Monitor;
+use vitreo_uq::posterior::problem::Problem;
+use vitreo_uq::posterior::sample::refuse_nothing_to_sample;
+use vitreo_uq::posterior::study::{POSTERIOR_NAME, Provenance, Study, WithProvenance};
 
 use crate::options::SampleArguments;
 use crate::target::Target;

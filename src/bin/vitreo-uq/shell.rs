@@ -5,8 +5,8 @@ use std::process::ExitCode;
 
 use clap::{Args, Command};
 use clap_complete::Shell;
-use vitreo_uq::error::{Error, Result};
-use vitreo_uq::files::write_atomically;
+use vitreo_uq::base::error::{Error, Result};
+use vitreo_uq::base::files::write_atomically;
 
 /// Arguments of `completions`.
 #[derive(Args)]

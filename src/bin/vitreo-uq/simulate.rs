@@ -3,18 +3,18 @@
 use std::collections::BTreeMap;
 use std::process::ExitCode;
 
+use vitreo_uq::base::error::{Error, Place, Result};
+use vitreo_uq::base::files::{self, Content, write_json_atomically};
 use vitreo_uq::documents::posterior::PosteriorSummary;
 use vitreo_uq::documents::simulation::MeshLevel;
 use vitreo_uq::documents::simulation::SimulationSummary;
-use vitreo_uq::effects::Library;
-use vitreo_uq::error::{Error, Place, Result};
-use vitreo_uq::fe::time::TimeScheme;
-use vitreo_uq::files::{self, Content, write_json_atomically};
-use vitreo_uq::study::{ModelSpecification, POSTERIOR_NAME, Study, WithProvenance};
-use vitreo_uq::workflow::Monitor;
-use vitreo_uq::workflow::problem::Problem;
-use vitreo_uq::workflow::simulate::{self, SimulationRequest};
-use vitreo_uq::workflow::simulation_files;
+use vitreo_uq::elements::fe::time::TimeScheme;
+use vitreo_uq::jobs::simulate::{self, SimulationRequest};
+use vitreo_uq::jobs::simulation_files;
+use vitreo_uq::models::effects::Library;
+use vitreo_uq::posterior::monitor::Monitor;
+use vitreo_uq::posterior::problem::Problem;
+use vitreo_uq::posterior::study::{ModelSpecification, POSTERIOR_NAME, Study, WithProvenance};
 
 use crate::options::{self, Scheme, SimulateArguments};
 use crate::target::Target;
@@ -126,7 +126,7 @@ fn words(summary: &SimulationSummary, seconds: &BTreeMap<&str, f64>) -> String {
     let parameters = summary.parameters.iter();
     let width = column_width(summary.parameters.iter().map(|p| p.name.as_str()));
     lines.extend(parameters.map(|p| {
-        let label = vitreo_uq::report::labels::of_parameter(&p.name).axis();
+        let label = vitreo_uq::figures::labels::of_parameter(&p.name).axis();
         format!("  {label:<width$}{:>11}   {}", significant(p.value), p.origin)
     }));
     lines.push(String::new());

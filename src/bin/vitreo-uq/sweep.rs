@@ -4,22 +4,21 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 
+use vitreo_uq::base::error::{Error, Place, Result};
+use vitreo_uq::base::files::write_json_atomically;
 use vitreo_uq::documents::check::{CheckSummary, UnderstoodRecord};
 use vitreo_uq::documents::oscillation::{
     OscillationCandidate, OscillationDiagnosis, OscillationMisfit, OscillationSummary,
 };
-use vitreo_uq::effects::Library;
-use vitreo_uq::error::{Error, Place, Result};
-use vitreo_uq::experiment::{ExperimentFiles, Sweep, SweepForm};
-use vitreo_uq::files::write_json_atomically;
-use vitreo_uq::report::labels::{model_title, of_parameter};
-use vitreo_uq::report::svg::write_figure;
-use vitreo_uq::study::{DIAGNOSIS_NAME, ModelSpecification, Provenance, Study, WithProvenance};
-use vitreo_uq::sweep::problem::{DEFAULT_PRIOR, SweepProblem};
-use vitreo_uq::sweep::{artefacts, diagnose, job};
-use vitreo_uq::workflow::Monitor;
-use vitreo_uq::workflow::artefacts::model_of;
-use vitreo_uq::workflow::first_revision::{FIRST_REVISION, refuse_other_model};
+use vitreo_uq::figures::labels::{model_title, of_parameter};
+use vitreo_uq::figures::svg::write_figure;
+use vitreo_uq::jobs::first_revision::{FIRST_REVISION, refuse_other_model};
+use vitreo_uq::jobs::sweep::problem::{DEFAULT_PRIOR, SweepProblem};
+use vitreo_uq::jobs::sweep::{artefacts, diagnose, job};
+use vitreo_uq::models::effects::Library;
+use vitreo_uq::posterior::monitor::Monitor;
+use vitreo_uq::posterior::study::{DIAGNOSIS_NAME, ModelSpecification, Provenance, Study, WithProvenance};
+use vitreo_uq::record::{ExperimentFiles, Sweep, SweepForm};
 
 use crate::options::{self, Common, DiagnoseArguments, Model, SampleArguments};
 use crate::terminal::Terminal;
@@ -66,7 +65,7 @@ impl SweepTarget {
         let study = Study::open(&self.dir)?;
         let is_same = *study.inputs_sha256() == Study::hashes_of(&self.files)?;
         match study.revision_dir(FIRST_REVISION).ok().filter(|_| is_same) {
-            Some(dir) => model_of(&dir, &Library::default()),
+            Some(dir) => ModelSpecification::of_revision(&dir, &Library::default()),
             None => Ok(default),
         }
     }
@@ -124,7 +123,7 @@ pub fn sample(arguments: &SampleArguments) -> Result<ExitCode> {
 }
 
 fn provenance(header: Provenance, problem: &SweepProblem) -> Provenance {
-    vitreo_uq::workflow::artefacts::with_prior(header, &problem.priors)
+    vitreo_uq::jobs::artefacts::with_prior(header, &problem.priors)
 }
 
 fn errors_words(misfit: &OscillationMisfit) -> String {

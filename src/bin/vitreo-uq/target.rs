@@ -2,14 +2,14 @@
 
 use std::path::PathBuf;
 
-use vitreo_uq::effects::Library;
-use vitreo_uq::error::{Error, Place, Result};
-use vitreo_uq::experiment::{Experiment, ExperimentFiles, Understood};
-use vitreo_uq::study::{ModelSpecification, Provenance, Study};
-use vitreo_uq::workflow::Monitor;
-use vitreo_uq::workflow::mechanics::MeshFile;
-use vitreo_uq::workflow::problem::Problem;
-use vitreo_uq::workflow::{artefacts, check, replica};
+use vitreo_uq::base::error::{Error, Place, Result};
+use vitreo_uq::models::effects::Library;
+use vitreo_uq::posterior::mechanics::MeshFile;
+use vitreo_uq::posterior::monitor::Monitor;
+use vitreo_uq::posterior::problem::Problem;
+use vitreo_uq::posterior::study::{ModelSpecification, Provenance, Study};
+use vitreo_uq::posterior::{check, replica};
+use vitreo_uq::record::{Experiment, ExperimentFiles, Understood};
 
 use crate::options::{Common, Model};
 
@@ -159,7 +159,7 @@ fn specification(study: Option<&Study>, model: &Model, default_revision: Option<
         (None, None) => None,
     };
     let start = match revision {
-        Some((study, name)) => artefacts::model_of(&study.revision_dir(&name)?, &Library::default())?,
+        Some((study, name)) => ModelSpecification::of_revision(&study.revision_dir(&name)?, &Library::default())?,
         None => ModelSpecification::default(),
     };
     start.with_options(model.law().as_deref(), &model.with, &model.noise, model.prior.as_deref(), &model.set)

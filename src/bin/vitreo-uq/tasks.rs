@@ -6,14 +6,14 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 
 use clap::{Args, Subcommand, ValueEnum};
+use vitreo_uq::base::error::{Error, Place, Result};
+use vitreo_uq::cohorts::cohort;
 use vitreo_uq::documents::tasks::TaskKind;
-use vitreo_uq::error::{Error, Place, Result};
-use vitreo_uq::groups::cohort;
-use vitreo_uq::tasks::list::{List, Making, Work, absolute};
-use vitreo_uq::tasks::submit::{self, Engine, Resources};
-use vitreo_uq::tasks::worker::{Ran, Worker, serve};
-use vitreo_uq::tasks::{calibration, challenge, commands, gather, local, models, sample};
-use vitreo_uq::workflow::{Monitor, Stoppable};
+use vitreo_uq::jobs::tasks::list::{List, Making, Work, absolute};
+use vitreo_uq::jobs::tasks::submit::{self, Engine, Resources};
+use vitreo_uq::jobs::tasks::worker::{Ran, Worker, serve};
+use vitreo_uq::jobs::tasks::{calibration, challenge, commands, gather, local, models, sample};
+use vitreo_uq::posterior::monitor::{Monitor, Stoppable};
 
 use crate::challenge::PlaysArguments;
 use crate::groups::{CohortArguments, ModelArguments, SamplingArguments};
@@ -236,7 +236,7 @@ fn make(
     work: Vec<Work>,
     terminal: &Terminal,
 ) -> Result<ExitCode> {
-    let (list, making) = List::make(&arguments.out, kind, seed, work, arguments.force)?;
+    let (list, making) = List::make(&arguments.out, kind, vitreo_uq::PROGRAM, seed, work, arguments.force)?;
     terminal.finish();
     let (n, dir) = (list.n_tasks(), arguments.out.display());
     let how = match making {
@@ -255,7 +255,7 @@ fn make(
 }
 
 fn run_tasks(arguments: &RunTasks) -> Result<ExitCode> {
-    let list = List::open(&absolute(&arguments.dir)?)?.of_this_program()?;
+    let list = List::open(&absolute(&arguments.dir)?)?.of_program(vitreo_uq::PROGRAM)?;
     match arguments.engine {
         EngineName::Hq => return submit(arguments, &list, Engine::HyperQueue),
         EngineName::Slurm => return submit(arguments, &list, Engine::Slurm),

@@ -6,8 +6,8 @@ use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
-use vitreo_uq::inference::ensemble::{Phase, Progress};
-use vitreo_uq::workflow::Monitor;
+use vitreo_uq::posterior::monitor::Monitor;
+use vitreo_uq::sampling::ensemble::{Phase, Progress};
 
 use crate::interrupt::{self, say};
 

@@ -1,9 +1,9 @@
 //! Results in words and columns, for people.
 
 use vitreo_uq::documents::posterior::{ParameterSummary, PosteriorSummary, Warning};
-use vitreo_uq::report::labels::model_title;
-use vitreo_uq::report::labels::of_parameter;
-use vitreo_uq::report::number::listed;
+use vitreo_uq::figures::labels::model_title;
+use vitreo_uq::figures::labels::of_parameter;
+use vitreo_uq::figures::number::listed;
 
 /// The summary that `sample` prints.
 pub fn posterior(summary: &PosteriorSummary) -> String {

@@ -5,8 +5,8 @@
 
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
-use vitreo_uq::inference::LogDensity;
-use vitreo_uq::inference::ensemble::RandomStream;
+use vitreo_uq::sampling::LogDensity;
+use vitreo_uq::sampling::ensemble::RandomStream;
 
 const N_SAMPLES: usize = 200;
 const N_HALF: usize = 100;
@@ -83,7 +83,7 @@ impl CreepPosterior {
     /// Moments by a tensor rule on a grid adapted to the mode: trapezoids of a smooth function that decays on all sides
     /// converge faster than any power, and the finer of two grids must agree with the coarser.
     pub fn exact(&self) -> Exact {
-        let modes = vitreo_uq::inference::optimum::find_modes(self, &[self.truth().to_vec()]).unwrap();
+        let modes = vitreo_uq::sampling::optimum::find_modes(self, &[self.truth().to_vec()]).unwrap();
         let mode = modes.iter().next().unwrap().clone();
         let (coarse, fine) = (self.moments(&mode, 0.7), self.moments(&mode, 0.5));
         for d in 0..4 {
@@ -93,7 +93,7 @@ impl CreepPosterior {
         fine
     }
 
-    fn moments(&self, mode: &vitreo_uq::inference::optimum::Mode, spacing: f64) -> Exact {
+    fn moments(&self, mode: &vitreo_uq::sampling::optimum::Mode, spacing: f64) -> Exact {
         let precision = nalgebra::Matrix4::from_row_slice(&mode.precision);
         let spread = precision.cholesky().unwrap().l().transpose().try_inverse().unwrap();
         let half = (7.0 / spacing) as i32;

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-use crate::report::number::significant;
+use crate::number::significant;
 
 pub use sheets::{Origin, PlaysPage, groups, plays, shapes};
 pub use study::{LadderPage, RevisionPage, StudyPage, study, study_parts};

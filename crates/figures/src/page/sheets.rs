@@ -5,11 +5,11 @@ use std::collections::BTreeMap;
 use maud::{Markup, html};
 
 use super::{Figure, Tone, figure, fit, hashes, interval, page, section, table, table_that_ends_in_words};
-use crate::documents::groups::{GroupsSummary, RatioVerdict};
-use crate::documents::posterior::Warning;
-use crate::documents::shapes::{ClaimVerdict, ShapesSummary};
-use crate::report::labels::of_parameter;
-use crate::report::number::significant;
+use crate::labels::of_parameter;
+use crate::number::significant;
+use documents::groups::{GroupsSummary, RatioVerdict};
+use documents::posterior::Warning;
+use documents::shapes::{ClaimVerdict, ShapesSummary};
 
 /// Where a document comes from.
 #[derive(Debug)]

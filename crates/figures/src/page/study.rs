@@ -5,15 +5,15 @@ use std::collections::BTreeMap;
 use maud::{Markup, html};
 
 use super::{Figure, Tone, figure, fit, folded, hashes, interval, page, section, table, table_that_ends_in_words};
-use crate::documents::check::CheckSummary;
-use crate::documents::comparison::Comparison;
-use crate::documents::diagnosis::{CandidateEntry, Diagnosis, VerdictKind};
-use crate::documents::extension::ExtensionSummary;
-use crate::documents::ladder::LadderSummary;
-use crate::documents::learned::{FormulaParameter, Learned, LearnedPair};
-use crate::documents::posterior::{PosteriorSummary, Warning};
-use crate::report::labels::{model_title, of_parameter};
-use crate::report::number::{listed, significant, with_decimals};
+use crate::labels::{model_title, of_parameter};
+use crate::number::{listed, significant, with_decimals};
+use documents::check::CheckSummary;
+use documents::comparison::Comparison;
+use documents::diagnosis::{CandidateEntry, Diagnosis, VerdictKind};
+use documents::extension::ExtensionSummary;
+use documents::ladder::LadderSummary;
+use documents::learned::{FormulaParameter, Learned, LearnedPair};
+use documents::posterior::{PosteriorSummary, Warning};
 
 /// All that a study holds, as it stands on disk.
 #[derive(Debug)]
@@ -343,9 +343,8 @@ fn ladder_section(content: &StudyPage) -> Markup {
     };
     let (before, after) = (names(false), names(true));
     let shifts = summary.shifts.iter().map(|shift| {
-        let shown = |p: &crate::documents::ladder::RungParameter| {
-            format!("{} ({})", significant(p.median, 4), interval(p.q05, p.q95))
-        };
+        let shown =
+            |p: &documents::ladder::RungParameter| format!("{} ({})", significant(p.median, 4), interval(p.q05, p.q95));
         vec![
             of_parameter(&shift.name).axis(),
             shown(&shift.before),

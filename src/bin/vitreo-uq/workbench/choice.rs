@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use serde::Deserialize;
-use vitreo_uq::error::{Error, Place, Result};
-use vitreo_uq::experiment::Experiment;
-use vitreo_uq::files::{self, Content};
+use vitreo_uq::base::error::{Error, Place, Result};
+use vitreo_uq::base::files::{self, Content};
+use vitreo_uq::record::Experiment;
 
 /// What a page chooses.
 #[derive(Debug, Clone, PartialEq, Deserialize)]

@@ -3,8 +3,8 @@
 use std::path::{Component, Path, PathBuf};
 
 use serde::Serialize;
-use vitreo_uq::error::{Error, Place, Result};
-use vitreo_uq::study::Study;
+use vitreo_uq::base::error::{Error, Place, Result};
+use vitreo_uq::posterior::study::Study;
 
 /// Where the workbench keeps its own: uploads, and what it runs.
 const OWN: &str = ".vitreo-uq-workbench";
@@ -217,7 +217,8 @@ fn drawings(dir: &Path) -> Vec<String> {
 
 /// What a description says of its specimen.
 fn of_specimen(dir: &Path, key: &str) -> Option<String> {
-    let bytes = vitreo_uq::files::read_if_there(&dir.join(DESCRIPTION), vitreo_uq::files::Content::Settings)?;
+    let bytes =
+        vitreo_uq::base::files::read_if_there(&dir.join(DESCRIPTION), vitreo_uq::base::files::Content::Settings)?;
     let table: toml::Table = toml::from_str(std::str::from_utf8(&bytes).ok()?).ok()?;
     Some(table.get("specimen")?.get(key)?.as_str()?.to_string())
 }

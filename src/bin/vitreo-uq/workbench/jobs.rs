@@ -13,9 +13,9 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use serde::{Deserialize, Serialize};
 use tokio::sync::watch;
-use vitreo_uq::error::{Error, Place, Result};
-use vitreo_uq::files::{self, Content};
-use vitreo_uq::study::CORNER_NAME;
+use vitreo_uq::base::error::{Error, Place, Result};
+use vitreo_uq::base::files::{self, Content};
+use vitreo_uq::posterior::study::CORNER_NAME;
 
 use super::home::{GROUPS, Home, Item};
 
@@ -349,7 +349,7 @@ fn commands(wish: &Wish, item: &Item, is_replaced: bool, members: &[PathBuf]) ->
             Ok(vec![groups, words(&["report", &study])])
         }
         Kind::Adopt => {
-            let file = item.study.join(named()?).join(vitreo_uq::learn::FILE_NAME);
+            let file = item.study.join(named()?).join(vitreo_uq::criticism::learn::FILE_NAME);
             extended(&file.display().to_string())
         }
     }

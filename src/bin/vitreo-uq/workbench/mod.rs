@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::Args;
-use vitreo_uq::error::{Error, Result};
+use vitreo_uq::base::error::{Error, Result};
 
 use crate::interrupt::say;
 use home::Home;

@@ -6,12 +6,12 @@ use std::sync::{Arc, Mutex};
 use std::time::SystemTime;
 
 use serde::Serialize;
+use vitreo_uq::base::error::Result;
 use vitreo_uq::documents::check::CheckSummary;
-use vitreo_uq::error::Result;
-use vitreo_uq::experiment::Experiment;
-use vitreo_uq::report::predictions::{Predictions, read_predictions};
-use vitreo_uq::study::{PREDICTIONS_NAME, Study};
-use vitreo_uq::workflow::check;
+use vitreo_uq::figures::predictions::{Predictions, read_predictions};
+use vitreo_uq::posterior::check;
+use vitreo_uq::posterior::study::{PREDICTIONS_NAME, Study};
+use vitreo_uq::record::Experiment;
 
 /// Points of a plot at least and at most.
 const POINTS: [usize; 2] = [50, 4000];

@@ -18,14 +18,14 @@ use serde_json::{Map, Value, json};
 use tokio::sync::watch;
 use tokio_stream::StreamExt;
 use tokio_stream::wrappers::WatchStream;
-use vitreo_uq::error::{Error, Place, Result};
-use vitreo_uq::experiment::{Experiment, Record};
-use vitreo_uq::files::{self, Content};
-use vitreo_uq::report::predictive::{CycleKind, CycleSpan};
-use vitreo_uq::study::{
+use vitreo_uq::base::error::{Error, Place, Result};
+use vitreo_uq::base::files::{self, Content};
+use vitreo_uq::figures::predictive::{CycleKind, CycleSpan};
+use vitreo_uq::jobs::{artefacts, pages};
+use vitreo_uq::posterior::study::{
     COMPARISON_NAME, CORNER_NAME, DIAGNOSIS_NAME, EXTENSION_NAME, LADDER_NAME, LEARNED_NAME, POSTERIOR_NAME, Study,
 };
-use vitreo_uq::workflow::{artefacts, pages};
+use vitreo_uq::record::{Experiment, Record};
 
 use super::choice::{Choice, choose};
 use super::home::{Home, Item};
@@ -35,7 +35,7 @@ use super::tables::{self, Described};
 use super::trial::{Trial, Tried, trial};
 use crate::guard::{Guard, guard};
 use crate::http;
-use vitreo_uq::report::predictions::Predictions;
+use vitreo_uq::figures::predictions::Predictions;
 
 /// A table that is sent has so long to come.
 const UPLOAD: Duration = Duration::from_secs(120);
@@ -50,7 +50,7 @@ const FILES: [(&str, &str, &str); 7] = [
     ("app.js", "text/javascript; charset=utf-8", include_str!("page/app.js")),
     ("plots.js", "text/javascript; charset=utf-8", include_str!("page/plots.js")),
     ("style.css", "text/css; charset=utf-8", include_str!("page/style.css")),
-    ("report.css", "text/css; charset=utf-8", vitreo_uq::page::STYLE),
+    ("report.css", "text/css; charset=utf-8", vitreo_uq::figures::page::STYLE),
     ("uPlot.js", "text/javascript; charset=utf-8", include_str!("page/vendor/uPlot.iife.min.js")),
     ("uPlot.css", "text/css; charset=utf-8", include_str!("page/vendor/uPlot.min.css")),
 ];

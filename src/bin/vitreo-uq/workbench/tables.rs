@@ -4,11 +4,11 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
+use vitreo_uq::base::error::{Error, Place, Result};
+use vitreo_uq::base::files;
 use vitreo_uq::documents::init::InitSummary;
-use vitreo_uq::error::{Error, Place, Result};
-use vitreo_uq::experiment::table::Question;
-use vitreo_uq::files;
-use vitreo_uq::workflow::init::{self, InitRequest};
+use vitreo_uq::jobs::init::{self, InitRequest};
+use vitreo_uq::record::table::Question;
 
 use super::home::Home;
 

@@ -3,19 +3,20 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
+use vitreo_uq::posterior::study::ModelSpecification;
 
 use serde::{Deserialize, Serialize};
+use vitreo_uq::base::error::{Error, Place, Result};
+use vitreo_uq::base::files::{self, Content};
 use vitreo_uq::documents::posterior::PosteriorSummary;
-use vitreo_uq::effects::Library;
-use vitreo_uq::error::{Error, Place, Result};
-use vitreo_uq::files::{self, Content};
-use vitreo_uq::model::Forward;
-use vitreo_uq::report::labels::of_parameter;
-use vitreo_uq::study::{POSTERIOR_NAME, Study, WithProvenance};
-use vitreo_uq::workflow::first_revision::kept_surrogate;
-use vitreo_uq::workflow::problem::Problem;
-use vitreo_uq::workflow::reduced::Reduced;
-use vitreo_uq::workflow::{Silent, artefacts};
+use vitreo_uq::figures::labels::of_parameter;
+use vitreo_uq::jobs::first_revision::kept_surrogate;
+use vitreo_uq::models::effects::Library;
+use vitreo_uq::models::model::Forward;
+use vitreo_uq::posterior::monitor::Silent;
+use vitreo_uq::posterior::problem::Problem;
+use vitreo_uq::posterior::reduced::Reduced;
+use vitreo_uq::posterior::study::{POSTERIOR_NAME, Study, WithProvenance};
 
 use super::rows::{Memory, Shown, Window, shown};
 
@@ -100,7 +101,7 @@ impl Trial {
         let study = Study::open(study)?;
         let dir = study.revision_dir(revision)?;
         let (experiment, _) = study.read_experiment()?;
-        let mut specification = artefacts::model_of(&dir, &Library::default())?;
+        let mut specification = ModelSpecification::of_revision(&dir, &Library::default())?;
         specification.effects.extend(effects.iter().cloned());
         let problem = Problem::new(experiment, specification, None, &Silent)?;
         let reduced = Reduced::unverified(&problem, kept_surrogate(&study, &Silent), &Silent)?;
@@ -158,7 +159,7 @@ fn knobs(problem: &Problem, posterior: &PosteriorSummary) -> Vec<Knob> {
     let model = &problem.model;
     let n_before = model.n_before_effects();
     let of_effects: Vec<_> = model.effects().iter().flat_map(|effect| effect.parameters()).collect();
-    let knob = |(place, spec): (usize, &vitreo_uq::parameter::ParameterSpec)| {
+    let knob = |(place, spec): (usize, &vitreo_uq::base::parameter::ParameterSpec)| {
         let prior = problem.priors.get(spec.name)?.distribution;
         let told = posterior.parameters.iter().find(|own| own.name == spec.name).map(|own| own.median);
         let null = place.checked_sub(n_before).and_then(|k| (of_effects[k].null)(model.scales()));

@@ -1,0 +1,12 @@
+//! Errors, files, units, parameters and distributions: what every other crate stands on.
+
+pub mod distribution;
+pub mod elementary;
+pub mod error;
+pub mod files;
+pub mod number;
+pub mod parameter;
+pub mod toml_input;
+pub mod units;
+
+pub use error::{Error, Result};

@@ -1,0 +1,373 @@
+//! TOML input with positions: every refusal names file, line, key and remedy.
+//!
+//! Shared by experiments, priors and model specifications, so that they refuse in the same words.
+
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+use crate::error::{Error, Place, Result};
+use crate::units::nearest_name;
+
+/// What `init` writes for a number that it cannot know.
+pub const UNKNOWN: &str = "?";
+
+/// A parsed TOML file that remembers where everything stands.
+pub struct TomlInput<'a> {
+    file: PathBuf,
+    text: &'a str,
+    root: Spanned<DeTable<'a>>,
+}
+
+/// One table of a [`TomlInput`].
+#[derive(Clone, Copy)]
+pub struct Table<'a> {
+    document: &'a TomlInput<'a>,
+    table: &'a DeTable<'a>,
+    line: usize,
+}
+
+/// A text as TOML has it, between its quotation marks.
+pub fn quoted(text: &str) -> String {
+    toml::Value::String(text.into()).to_string()
+}
+
+/// Bytes as text, without a byte-order mark; refuses what is not UTF-8 or empty.
+pub fn text_of<'a>(file: &Path, bytes: &'a [u8]) -> Result<&'a str> {
+    let text = std::str::from_utf8(bytes).map_err(|error| {
+        let line = 1 + bytes[..error.valid_up_to()].iter().filter(|byte| **byte == b'\n').count();
+        Error::input(
+            Place::file(file).at_line(line),
+            "this is not UTF-8 text",
+            "save the file as UTF-8 (plain text, no spreadsheet format)",
+        )
+    })?;
+    let text = text.strip_prefix('\u{feff}').unwrap_or(text);
+    if text.trim().is_empty() {
+        return Err(Error::input(
+            Place::file(file).at_line(1),
+            "the file is empty",
+            "write its content; the project's `data/` and `priors/` hold examples",
+        ));
+    }
+    Ok(text)
+}
+
+impl<'a> TomlInput<'a> {
+    /// Parses TOML; `file` is only named in errors.
+    pub fn parse(file: &Path, text: &'a str) -> Result<Self> {
+        let root = DeTable::parse(text).map_err(|error| {
+            let line = line_of(text, error.span().map_or(0, |span| span.start));
+            Error::input(
+                Place::file(file).at_line(line),
+                format!("not valid TOML: {}", error.message()),
+                "correct the syntax of this line; a key is written `name = value`, text in double quotes, each key once",
+            )
+        })?;
+        Ok(Self { file: file.to_path_buf(), text, root })
+    }
+
+    /// The root table.
+    pub fn root(&'a self) -> Table<'a> {
+        Table { document: self, table: self.root.get_ref(), line: 1 }
+    }
+}
+
+fn line_of(text: &str, byte: usize) -> usize {
+    1 + text.as_bytes().iter().take(byte).filter(|byte| **byte == b'\n').count()
+}
+
+/// The path from a table to one that stands in it, by identity: `a.b`, with `[n]` for the n-th of a list.
+fn path_to(from: &DeTable<'_>, target: &DeTable<'_>) -> Option<String> {
+    from.iter().find_map(|(key, value)| {
+        path_in(value.get_ref(), target).map(|rest| {
+            let dot = if rest.is_empty() || rest.starts_with('[') { "" } else { "." };
+            format!("{}{dot}{rest}", key.get_ref())
+        })
+    })
+}
+
+fn path_in(value: &DeValue<'_>, target: &DeTable<'_>) -> Option<String> {
+    match value {
+        DeValue::Table(table) if std::ptr::eq(table, target) => Some(String::new()),
+        DeValue::Table(table) => path_to(table, target),
+        DeValue::Array(items) => items.iter().enumerate().find_map(|(index, item)| {
+            path_in(item.get_ref(), target).map(|rest| {
+                let dot = if rest.is_empty() || rest.starts_with('[') { "" } else { "." };
+                format!("[{}]{dot}{rest}", index + 1)
+            })
+        }),
+        _ => None,
+    }
+}
+
+impl<'a> Table<'a> {
+    /// Path from the root, empty for the root itself; searched for, because only refusals need it.
+    fn path(&self) -> String {
+        path_to(self.document.root.get_ref(), self.table).unwrap_or_default()
+    }
+
+    fn full_key(&self, key: &str) -> String {
+        let path = self.path();
+        if path.is_empty() { key.to_string() } else { format!("{path}.{key}") }
+    }
+
+    fn entry(&self, key: &str) -> Option<(Range<usize>, &'a Spanned<DeValue<'a>>)> {
+        self.table.iter().find(|(name, _)| name.get_ref() == key).map(|(name, value)| (name.span(), value))
+    }
+
+    /// Keys in alphabetical order.
+    pub fn keys(&self) -> impl Iterator<Item = &'a str> + use<'a> {
+        self.table.keys().map(|key| key.get_ref().as_ref())
+    }
+
+    /// Keys in the order in which they stand.
+    pub fn keys_in_order(&self) -> Vec<&'a str> {
+        let mut keys: Vec<(usize, &'a str)> =
+            self.table.iter().map(|(key, _)| (key.span().start, key.get_ref().as_ref())).collect();
+        keys.sort_unstable();
+        keys.into_iter().map(|(_, key)| key).collect()
+    }
+
+    /// Whether the key is there.
+    pub fn has(&self, key: &str) -> bool {
+        self.entry(key).is_some()
+    }
+
+    /// Where a key stands, or, for a missing one, the line of its table's header.
+    pub fn place(&self, key: &str) -> Place {
+        let line = self.entry(key).map_or(self.line, |(span, _)| line_of(self.document.text, span.start));
+        Place::file(&self.document.file).at_line(line).at_key(self.full_key(key))
+    }
+
+    /// Refuses what a key holds.
+    pub fn refuse(&self, key: &str, found: impl Into<String>, remedy: impl Into<String>) -> Error {
+        Error::input(self.place(key), found, remedy)
+    }
+
+    /// Refuses the table as a whole.
+    pub fn refuse_whole(&self, found: impl Into<String>, remedy: impl Into<String>) -> Error {
+        Error::input(Place::file(&self.document.file).at_line(self.line).at_key(self.path()), found, remedy)
+    }
+
+    /// Refuses the first key that is not among `known`, and suggests the nearest of them.
+    pub fn only(&self, known: &[&str]) -> Result<()> {
+        let Some(unknown) = self.keys().find(|key| !known.contains(key)) else { return Ok(()) };
+        let dotted = known.iter().find(|name| name.strip_prefix(unknown).is_some_and(|rest| rest.starts_with('.')));
+        if let Some(name) = dotted {
+            let remedy = format!("quote the whole name, as in `\"{name}\"`");
+            return Err(self.refuse(unknown, "a name with a dot stands without quotes", remedy));
+        }
+        let remedy = match nearest_name(unknown, known.iter().copied()) {
+            Some(near) => format!("did you mean `{near}`? Known here: {}", known.join(", ")),
+            None => format!("remove it; known here: {}", known.join(", ")),
+        };
+        Err(self.refuse(unknown, "unknown key", remedy))
+    }
+
+    /// The error for a missing key; `example` is a full line that would be accepted.
+    pub fn missing(&self, key: &str, example: &str) -> Error {
+        let path = self.path();
+        let found = if path.is_empty() { "missing".into() } else { format!("missing in [{path}]") };
+        self.refuse(key, found, format!("add `{example}`"))
+    }
+
+    fn wrong_type(&self, key: &str, value: &DeValue<'_>, wanted: &str, example: &str) -> Error {
+        self.refuse(key, format!("expected {wanted}, found {}", value.type_str()), format!("write `{example}`"))
+    }
+
+    /// A text, if present.
+    pub fn text(&self, key: &str) -> Result<Option<String>> {
+        let Some((_, value)) = self.entry(key) else { return Ok(None) };
+        match value.get_ref().as_str() {
+            Some(text) if !text.trim().is_empty() => Ok(Some(text.trim().to_string())),
+            Some(_) => {
+                Err(self.refuse(key, "the text is empty", "write something between the quotes or remove the key"))
+            }
+            None => Err(self.wrong_type(key, value.get_ref(), "text", &format!("{key} = \"…\""))),
+        }
+    }
+
+    /// A text that must be there.
+    pub fn required_text(&self, key: &str, example: &str) -> Result<String> {
+        self.text(key)?.ok_or_else(|| self.missing(key, example))
+    }
+
+    /// Whether a key holds a number.
+    pub fn is_number(&self, key: &str) -> bool {
+        self.entry(key).is_some_and(|(_, value)| matches!(value.get_ref(), DeValue::Float(_) | DeValue::Integer(_)))
+    }
+
+    /// A finite number, if present; whole numbers count.
+    pub fn number(&self, key: &str) -> Result<Option<f64>> {
+        let Some((_, value)) = self.entry(key) else { return Ok(None) };
+        if value.get_ref().as_str() == Some(UNKNOWN) {
+            let remedy = format!("measure it or look it up, and write the number, as in `{key} = 1.0`");
+            return Err(self.refuse(key, "this is not filled in yet", remedy));
+        }
+        let text = match value.get_ref() {
+            DeValue::Float(float) => float.as_str(),
+            DeValue::Integer(integer) if integer.radix() == 10 => integer.as_str(),
+            other => return Err(self.wrong_type(key, other, "a decimal number", &format!("{key} = 1.0"))),
+        };
+        match text.parse::<f64>() {
+            Ok(number) if number.is_finite() => Ok(Some(number)),
+            _ => Err(self.refuse(key, format!("`{text}` is not a finite number"), "write a finite decimal number")),
+        }
+    }
+
+    /// A finite number that must be there.
+    pub fn required_number(&self, key: &str, example: &str) -> Result<f64> {
+        self.number(key)?.ok_or_else(|| self.missing(key, example))
+    }
+
+    /// A number above zero that must be there.
+    pub fn required_positive(&self, key: &str, example: &str) -> Result<f64> {
+        let value = self.required_number(key, example)?;
+        self.check_positive(key, value, example)
+    }
+
+    /// A number above zero, if present.
+    pub fn positive(&self, key: &str, example: &str) -> Result<Option<f64>> {
+        self.number(key)?.map(|value| self.check_positive(key, value, example)).transpose()
+    }
+
+    /// A number above zero within stated sizes that must be there.
+    pub fn required_within(&self, key: &str, example: &str, sizes: [f64; 2]) -> Result<f64> {
+        let value = self.required_positive(key, example)?;
+        self.check_within(key, value, sizes)
+    }
+
+    /// Refuses what is not within stated sizes: a slip, which would leave what can be computed.
+    pub fn check_within(&self, key: &str, value: f64, [smallest, largest]: [f64; 2]) -> Result<f64> {
+        if (smallest..=largest).contains(&value) {
+            return Ok(value);
+        }
+        Err(self.refuse(
+            key,
+            format!("{value:e} is not a size that this can have"),
+            format!("check the number and its unit: {smallest:e} to {largest:e} can be computed"),
+        ))
+    }
+
+    fn check_positive(&self, key: &str, value: f64, example: &str) -> Result<f64> {
+        if value > 0.0 {
+            return Ok(value);
+        }
+        Err(self.refuse(
+            key,
+            format!("{value} is not above zero"),
+            format!("give a number above zero, as in `{example}`"),
+        ))
+    }
+
+    /// A list of finite numbers, if present.
+    pub fn numbers(&self, key: &str) -> Result<Option<Vec<f64>>> {
+        let example = format!("{key} = [0.0, 5.0]");
+        let Some(values) = self.array(key, "a list of numbers", &example)? else { return Ok(None) };
+        let found = values.iter().map(|value| {
+            finite(value.get_ref()).ok_or_else(|| self.wrong_type(key, value.get_ref(), "finite numbers", &example))
+        });
+        found.collect::<Result<_>>().map(Some)
+    }
+
+    /// A list of intervals, each with its begin before its end, if present.
+    pub fn intervals(&self, key: &str) -> Result<Option<Vec<[f64; 2]>>> {
+        let example = format!("{key} = [[1.0, 2.5], [30.0, 31.0]]");
+        let Some(values) = self.array(key, "a list of pairs of numbers", &example)? else { return Ok(None) };
+        let interval = |value: &DeValue<'_>| {
+            let DeValue::Array(ends) = value else { return None };
+            let ends: Vec<f64> = ends.iter().map(|end| finite(end.get_ref())).collect::<Option<_>>()?;
+            <[f64; 2]>::try_from(ends).ok().filter(|[from, to]| from <= to)
+        };
+        let found = values.iter().map(|value| {
+            interval(value.get_ref()).ok_or_else(|| {
+                self.refuse(key, "an entry is no pair of numbers, the smaller first", format!("write `{example}`"))
+            })
+        });
+        found.collect::<Result<_>>().map(Some)
+    }
+
+    /// A list of whole numbers from 1, if present.
+    pub fn counts(&self, key: &str) -> Result<Option<Vec<u32>>> {
+        let example = format!("{key} = [1, 2]");
+        let Some(values) = self.array(key, "a list of cycle numbers", &example)? else { return Ok(None) };
+        let count = |value: &DeValue<'_>| match value {
+            DeValue::Integer(integer) if integer.radix() == 10 => {
+                integer.as_str().parse::<u32>().ok().filter(|count| *count >= 1)
+            }
+            _ => None,
+        };
+        values
+            .iter()
+            .map(|value| {
+                count(value.get_ref()).ok_or_else(|| {
+                    self.refuse(key, "an entry is not a whole number from 1 upwards", format!("write `{example}`"))
+                })
+            })
+            .collect::<Result<_>>()
+            .map(Some)
+    }
+
+    /// A list of texts, if present.
+    pub fn texts(&self, key: &str) -> Result<Option<Vec<String>>> {
+        let example = format!("{key} = [\"…\"]");
+        let Some(values) = self.array(key, "a list of texts", &example)? else { return Ok(None) };
+        values
+            .iter()
+            .map(|value| match value.get_ref().as_str() {
+                Some(text) => Ok(text.to_string()),
+                None => Err(self.wrong_type(key, value.get_ref(), "text in the list", &example)),
+            })
+            .collect::<Result<_>>()
+            .map(Some)
+    }
+
+    fn array(&self, key: &str, wanted: &str, example: &str) -> Result<Option<&'a [Spanned<DeValue<'a>>]>> {
+        let Some((_, value)) = self.entry(key) else { return Ok(None) };
+        match value.get_ref().as_array() {
+            Some(values) => Ok(Some(values)),
+            None => Err(self.wrong_type(key, value.get_ref(), wanted, example)),
+        }
+    }
+
+    /// The tables of a list that must be there; `example` is a full line that would be accepted.
+    pub fn tables(&self, key: &str, example: &str) -> Result<Vec<Table<'a>>> {
+        let Some(values) = self.array(key, "a list of tables", example)? else {
+            return Err(self.missing(key, example));
+        };
+        let document = self.document;
+        let table = |value: &'a Spanned<DeValue<'a>>| match value.get_ref().as_table() {
+            Some(table) => Ok(Table { document, table, line: line_of(document.text, value.span().start) }),
+            None => Err(self.wrong_type(key, value.get_ref(), "a table in the list", example)),
+        };
+        values.iter().map(table).collect()
+    }
+
+    /// A table in this one, if present.
+    pub fn table(&self, key: &str) -> Result<Option<Table<'a>>> {
+        let Some((span, value)) = self.entry(key) else { return Ok(None) };
+        match value.get_ref().as_table() {
+            Some(table) => {
+                let line = line_of(self.document.text, span.start);
+                Ok(Some(Table { document: self.document, table, line }))
+            }
+            None => Err(self.wrong_type(key, value.get_ref(), "a table", &format!("[{}]", self.full_key(key)))),
+        }
+    }
+
+    /// A table in this one that must be there.
+    pub fn required_table(&self, key: &str) -> Result<Table<'a>> {
+        self.table(key)?.ok_or_else(|| self.missing(key, &format!("[{}]", self.full_key(key))))
+    }
+}
+/// A finite number, written with or without a point.
+fn finite(value: &DeValue<'_>) -> Option<f64> {
+    match value {
+        DeValue::Float(float) => float.as_str().parse::<f64>().ok().filter(|number| number.is_finite()),
+        DeValue::Integer(integer) if integer.radix() == 10 => integer.as_str().parse::<f64>().ok(),
+        _ => None,
+    }
+}

@@ -1,0 +1,73 @@
+//! What a specimen's own experiments say of it: their parameters averaged, and how far repeats scatter about the specimen.
+
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+
+use super::hierarchy::InterimDraws;
+use figures::density::{quantile_of_sorted, sorted};
+
+/// Simulated specimens.
+const N_DRAWS: usize = 4_000;
+/// Stream of their random numbers, apart from the population's and its predictions'.
+const STREAM: u64 = 1 << 40;
+
+/// 5 %, 50 % and 95 % quantile of a specimen's coordinate `k` of `p`, given the draws of its experiments on their own.
+///
+/// Each experiment tells of the specimen but for the scatter of repeats, whose variance has the draws `within`: the mean of n of them by a draw of each and
+/// a normal of variance W/n. Without repeats in the cohort (`within` is empty) there is no such scatter, and the draws are the specimen's own.
+pub fn quantiles_alone(experiments: &[&InterimDraws], within: &[f64], k: usize, p: usize, seed: u64) -> [f64; 3] {
+    let of_values = |values: &[f64]| {
+        let ascending = sorted(values);
+        [0.05, 0.5, 0.95].map(|probability| quantile_of_sorted(&ascending, probability))
+    };
+    if let ([only], []) = (experiments, within) {
+        return of_values(&only.coordinates.iter().skip(k).step_by(p).copied().collect::<Vec<f64>>());
+    }
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    rng.set_stream(STREAM);
+    let n = experiments.len() as f64;
+    let simulated = |index: usize| {
+        let sum: f64 = experiments.iter().map(|own| own.get(rng.random_range(0..own.len()))[k]).sum();
+        let variance = within.get(index * within.len() / N_DRAWS).copied().unwrap_or(0.0);
+        let noise: f64 = StandardNormal.sample(&mut rng);
+        sum / n + (variance / n).sqrt() * noise
+    };
+    of_values(&(0..N_DRAWS).map(simulated).collect::<Vec<f64>>())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Repeats that are each known to a thousandth and scatter by a tenth: of 400 specimens with 3 repeats the 90 % intervals hold 90 %, that is 335 to 385
+    /// with a probability of 1 − 1e-4 and more; without the scatter they would hold 1 in 60.
+    #[test]
+    fn intervals_hold_as_many_specimens_as_they_say() {
+        const SCATTER: f64 = 0.1;
+        let mut rng = ChaCha8Rng::seed_from_u64(17);
+        let mut normal = move || -> f64 { StandardNormal.sample(&mut rng) };
+        let mut n_inside = 0;
+        for seed in 0..400 {
+            let truth = normal();
+            let experiments: Vec<InterimDraws> = (0..3)
+                .map(|_| {
+                    let centre = truth + SCATTER * normal() + 1e-3 * normal();
+                    let draws: Vec<f64> = (0..200).map(|_| centre + 1e-3 * normal()).collect();
+                    InterimDraws::new(draws, vec![0.0; 200])
+                })
+                .collect();
+            let of: Vec<&InterimDraws> = experiments.iter().collect();
+            let [q05, median, q95] = quantiles_alone(&of, &[SCATTER * SCATTER; 50], 0, 1, seed);
+            assert!(q05 < median && median < q95);
+            n_inside += usize::from(q05 < truth && truth < q95);
+        }
+        assert!((335..=385).contains(&n_inside), "{n_inside}");
+    }
+
+    #[test]
+    fn without_repeats_they_are_the_experiment_s_own() {
+        let draws = InterimDraws::new((0..101).map(f64::from).collect(), vec![0.0; 101]);
+        assert_eq!(quantiles_alone(&[&draws], &[], 0, 1, 3), [5.0, 50.0, 95.0]);
+    }
+}

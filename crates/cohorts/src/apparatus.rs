@@ -1,0 +1,117 @@
+//! Displacement per force of every apparatus, each computed once: for quasi-static linear laws it depends on sizes and the Poisson ratio
+//! alone (physics §3.3), and not on what a specimen is made of. Effects that change the field bring their reduced models with it; large displacements are learnt for every record.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::cohort::Measurement;
+use base::error::{Error, Place, Result};
+use elements::fe::time::FullOrderModel;
+use models::effects::{Field, Library};
+use models::model::Compliance;
+use posterior::cache;
+use posterior::mechanics::MODEL_LEVEL;
+use posterior::monitor::{Counter, Monitor, Silent};
+use posterior::problem::Problem;
+use posterior::reduced::Reduced;
+use posterior::study::sha256_hex;
+use record::Apparatus;
+
+/// A compliance, between commands: it depends on the apparatus alone.
+#[derive(Serialize, Deserialize)]
+struct KeptCompliance {
+    compliance_per_m: f64,
+}
+
+/// For every measurement the index of the first whose apparatus, and what else the compliance depends on, is the same: that one's is taken.
+pub fn first_alike(measurements: &[Measurement]) -> Vec<usize> {
+    let library = Library::default();
+    let mut first: BTreeMap<String, usize> = BTreeMap::new();
+    measurements.iter().enumerate().map(|(index, own)| *first.entry(key(own, &library)).or_insert(index)).collect()
+}
+
+/// What the models of a measurement's apparatus depend on: sizes, what the effects of its model ask for, and, of large displacements, the record.
+pub(super) fn key(own: &Measurement, library: &Library) -> String {
+    // Effects may ask for other Poisson ratios, in the range that their priors give them.
+    let model = if own.specification.effects.is_empty() { String::new() } else { format!("{:?}", own.specification) };
+    let effects = own.specification.effects.iter().filter_map(|slug| library.get(slug));
+    let is_large = effects.into_iter().any(|effect| matches!(effect.field(), Some(Field::Large)));
+    let record = if is_large { own.inputs_sha256.as_str() } else { "" };
+    format!("{:?} {model} {record}", own.experiment.apparatus)
+}
+
+/// The compliance of every measurement.
+///
+/// # Errors
+/// What meshing, assembly or the model refuse.
+pub fn compliances(measurements: &[Measurement], monitor: &dyn Monitor) -> Result<Vec<Compliance>> {
+    let first = first_alike(measurements);
+    let needed: BTreeSet<usize> = first.iter().copied().collect();
+    let counter = Counter::new(monitor, needed.len());
+    let of_apparatus = |index: &usize| {
+        let own = &measurements[*index];
+        let compliance = compliance(own).map_err(|error| own.named(error))?;
+        counter.add_one();
+        Ok((*index, compliance))
+    };
+    let found: BTreeMap<usize, Compliance> = needed.par_iter().map(of_apparatus).collect::<Result<_>>()?;
+    Ok(first.iter().map(|index| found[index].clone()).collect())
+}
+
+/// The compliance of one measurement.
+///
+/// # Errors
+/// As [`compliances`].
+pub fn compliance(measurement: &Measurement) -> Result<Compliance> {
+    if let Some(law) = measurement.specification.base.outside() {
+        return Err(Error::input(
+            Place::option("--base"),
+            format!("{} answers for one record at a time, and groups compare laws of this program", law.url()),
+            "sample each experiment with --forward, or group them by another law",
+        ));
+    }
+    let apparatus = &measurement.experiment.apparatus;
+    match apparatus {
+        Apparatus::Instrument { compliance_per_m } => return Ok(Compliance::given(*compliance_per_m)),
+        Apparatus::Indenter(indenter) => return Ok(Compliance::given(indenter.compliance())),
+        Apparatus::Robot { .. } => (),
+    }
+    let hash = compliance_hash(apparatus);
+    if measurement.specification.effects.is_empty()
+        && let Some(kept) = cache::read::<KeptCompliance>(&hash)
+    {
+        return Ok(Compliance::given(kept.compliance_per_m));
+    }
+    let problem = Problem::new(measurement.experiment.clone(), measurement.specification.clone(), None, &Silent)?;
+    match problem.finite_elements() {
+        Some(fe) if problem.model.field().is_none() && problem.poisson_ratios(fe)? == [fe.poisson_ratio; 2] => {
+            let compliance_per_m = FullOrderModel::new(&fe.stiffness, fe.poisson_ratio)?.compliance_per_m();
+            cache::write(&hash, &KeptCompliance { compliance_per_m });
+            Ok(Compliance::given(compliance_per_m))
+        }
+        _ => Ok(Reduced::unverified(&problem, None, &Silent)?.compliance),
+    }
+}
+
+/// The hash under which the compliance of an apparatus is kept.
+fn compliance_hash(apparatus: &Apparatus) -> String {
+    sha256_hex(format!("compliance {MODEL_LEVEL} {apparatus:?}").as_bytes())
+}
+
+/// The name of the file that keeps the compliance of a measurement's apparatus; `None` where none is kept: of instruments, and of models with effects.
+pub fn kept_name(own: &Measurement) -> Option<String> {
+    let apparatus = &own.experiment.apparatus;
+    let is_kept = matches!(apparatus, Apparatus::Robot { .. }) && own.specification.effects.is_empty();
+    is_kept.then(|| cache::file_name(&compliance_hash(apparatus)))
+}
+
+/// That file: its name and its bytes.
+///
+/// # Errors
+/// As [`compliances`].
+pub fn kept_file(own: &Measurement) -> Result<(String, Vec<u8>)> {
+    let compliance_per_m = compliance(own)?.given_per_m();
+    cache::file_of(&compliance_hash(&own.experiment.apparatus), &KeptCompliance { compliance_per_m })
+}

@@ -1,0 +1,188 @@
+//! The files of a comparison, written whole or not at all: `<out>/<keys>/`, beside the draws of single experiments in `<out>/experiments/`.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use super::cohort::{Key, Measurement};
+use super::figures;
+use super::job::Comparison;
+use base::error::{Error, Place, Result};
+use base::files::{Content, read_if_there, write_atomically, write_json_atomically};
+use documents::groups::GroupsSummary;
+use posterior::study::{Provenance, RevisionWriter, WithProvenance};
+
+/// The folder of draws of single experiments.
+pub const EXPERIMENTS: &str = "experiments";
+/// The document.
+const DOCUMENT: &str = "groups.json";
+
+/// The folder of a comparison by some keys: `species-region`.
+pub fn folder_name(keys: &[Key]) -> String {
+    keys.iter().map(|key| key.name()).collect::<Vec<&str>>().join("-")
+}
+
+/// The document's head: the hash of every experiment.
+pub fn provenance(measurements: &[Measurement], seed: u64) -> Provenance {
+    provenance_of("groups", measurements, seed)
+}
+
+/// The head of a document of this kind about many experiments.
+pub(super) fn provenance_of(kind: &str, measurements: &[Measurement], seed: u64) -> Provenance {
+    let inputs: BTreeMap<String, String> =
+        measurements.iter().map(|own| (own.path.display().to_string(), own.inputs_sha256.clone())).collect();
+    Provenance::new(kind, 1, seed, inputs)
+}
+
+/// Refuses a place that holds a comparison of other experiments, or something else.
+///
+/// # Errors
+/// [`Error::Input`] unless `force` is set.
+pub fn check_place(out: &Path, keys: &[Key], provenance: &Provenance, force: bool) -> Result<()> {
+    let found = "this is a comparison of other experiments";
+    let remedy = "choose another directory with `--out`, or replace the comparison with `--force` (experiments that were sampled are kept and used)";
+    refuse_other(out.join(folder_name(keys)).join(DOCUMENT), provenance, force, (found, remedy))
+}
+
+/// Refuses a place whose document is of other experiments, in the caller's words: what was found, and what to do.
+///
+/// # Errors
+/// [`Error::Input`] unless `force` is set.
+pub(super) fn refuse_other(
+    file: PathBuf,
+    provenance: &Provenance,
+    force: bool,
+    (found, remedy): (&str, &str),
+) -> Result<()> {
+    if force || is_free(&file, provenance) { Ok(()) } else { Err(Error::input(Place::file(file), found, remedy)) }
+}
+
+/// Whether no document is there, or one of the same experiments, wherever they stand.
+fn is_free(file: &Path, provenance: &Provenance) -> bool {
+    let Some(bytes) = read_if_there(file, Content::Document) else { return true };
+    let before: Option<Provenance> = serde_json::from_slice(&bytes).ok();
+    let hashes = |own: &Provenance| {
+        let mut all: Vec<String> = own.inputs_sha256.values().cloned().collect();
+        all.sort();
+        all
+    };
+    before.is_some_and(|before| hashes(&before) == hashes(provenance))
+}
+
+/// Writes the comparison. Returns its folder.
+///
+/// # Errors
+/// [`Error::File`] where the file system refuses, and what figures refuse.
+pub fn write(
+    out: &Path,
+    keys: &[Key],
+    found: &Comparison,
+    summary: &GroupsSummary,
+    provenance: Provenance,
+) -> Result<PathBuf> {
+    let writer = RevisionWriter::begin(out, &folder_name(keys))?;
+    let dir = writer.path();
+    write_json_atomically(&dir.join(DOCUMENT), &WithProvenance { provenance, body: summary })?;
+    write_atomically(&dir.join("groups.csv"), &groups_csv(summary)?)?;
+    write_atomically(&dir.join("contrasts.csv"), &contrasts_csv(summary)?)?;
+    write_atomically(&dir.join("specimens.csv"), &specimens_csv(summary)?)?;
+    figures::write_netcdf(&dir.join("population.nc"), found)?;
+    figures::write(&dir.join("figures"), found, summary)?;
+    writer.commit()
+}
+
+/// A table of text, as CSV.
+fn table(header: &[&str], rows: impl Iterator<Item = Vec<String>>) -> Result<Vec<u8>> {
+    let refused = |error: csv::Error| Error::numerical(format!("a table cannot be written: {error}"), "use the JSON");
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    writer.write_record(header).map_err(refused)?;
+    for row in rows {
+        writer.write_record(row).map_err(refused)?;
+    }
+    writer.into_inner().map_err(|error| Error::numerical(format!("a table cannot be written: {error}"), "use the JSON"))
+}
+
+fn groups_csv(summary: &GroupsSummary) -> Result<Vec<u8>> {
+    let header = [
+        "group",
+        "specimens",
+        "experiments",
+        "parameter",
+        "median",
+        "q05",
+        "q95",
+        "between_specimen_log_sd",
+        "new_specimen_q05",
+        "new_specimen_q95",
+        "pooling",
+    ];
+    let rows = summary.groups.iter().flat_map(|group| {
+        group.parameters.iter().map(|own| {
+            let [lower, upper] = own.new_specimen_90;
+            let mut row =
+                vec![group.name.clone(), group.specimens.to_string(), group.experiments.to_string(), own.name.clone()];
+            row.extend(
+                [own.median, own.q05, own.q95, own.between_specimen_log_sd, lower, upper].map(|x| x.to_string()),
+            );
+            row.push(own.pooling.map_or_else(String::new, |x| x.to_string()));
+            row
+        })
+    });
+    table(&header, rows)
+}
+
+fn contrasts_csv(summary: &GroupsSummary) -> Result<Vec<u8>> {
+    let header = [
+        "parameter",
+        "a",
+        "b",
+        "ratio_median",
+        "q05",
+        "q95",
+        "probability_greater",
+        "probability_beyond_margin",
+        "probability_below_margin",
+        "is_declared",
+        "more_specimens_per_group",
+    ];
+    let rows = summary.contrasts.iter().map(|own| {
+        let numbers = [
+            own.ratio_median,
+            own.q05,
+            own.q95,
+            own.probability_greater,
+            own.probability_beyond_margin,
+            own.probability_below_margin,
+        ];
+        let mut row = vec![own.parameter.clone(), own.a.clone(), own.b.clone()];
+        row.extend(numbers.map(|x| x.to_string()));
+        row.push(own.is_declared.to_string());
+        row.push(own.more.and_then(|plan| plan.specimens_per_group).map_or_else(String::new, |n| n.to_string()));
+        row
+    });
+    table(&header, rows)
+}
+
+fn specimens_csv(summary: &GroupsSummary) -> Result<Vec<u8>> {
+    let header = [
+        "specimen",
+        "group",
+        "parameter",
+        "alone_median",
+        "alone_q05",
+        "alone_q95",
+        "pooled_median",
+        "pooled_q05",
+        "pooled_q95",
+        "is_outlying",
+    ];
+    let rows = summary.specimens.iter().flat_map(|specimen| {
+        specimen.parameters.iter().map(|own| {
+            let numbers = [own.alone, own.pooled].map(|[q05, median, q95]| [median, q05, q95]).concat();
+            let mut row = vec![specimen.name.clone(), specimen.group.clone(), own.name.clone()];
+            row.extend(numbers.iter().map(f64::to_string));
+            row.push(specimen.is_outlying.to_string());
+            row
+        })
+    });
+    table(&header, rows)
+}

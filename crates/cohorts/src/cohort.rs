@@ -1,0 +1,282 @@
+//! The experiments of a comparison: found, read, labelled.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+use sha2::{Digest, Sha256};
+
+use super::design::Labels;
+use base::error::{Error, Place, Result};
+use models::effects::Library;
+use posterior::monitor::Monitor;
+use posterior::study::{ModelSpecification, Study};
+use record::{Experiment, ExperimentFiles};
+
+/// What groups are formed by.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Key {
+    /// `[specimen] species`.
+    Species,
+    /// `[specimen] region`.
+    Region,
+}
+
+impl Key {
+    /// Its name in `experiment.toml` and on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Species => "species",
+            Self::Region => "region",
+        }
+    }
+
+    /// The key of a name.
+    pub fn named(name: &str) -> Option<Self> {
+        [Self::Species, Self::Region].into_iter().find(|key| key.name() == name)
+    }
+
+    fn of(self, experiment: &Experiment) -> Option<&str> {
+        let text = match self {
+            Self::Species => &experiment.species,
+            Self::Region => &experiment.region,
+        };
+        text.as_deref().map(str::trim).filter(|text| !text.is_empty())
+    }
+}
+
+/// One experiment of a cohort.
+#[derive(Debug, Clone)]
+pub struct Measurement {
+    /// Where it was found.
+    pub path: PathBuf,
+    /// What was measured.
+    pub experiment: Experiment,
+    /// SHA-256 of its files.
+    pub inputs_sha256: String,
+    /// Its model: of the study's last revision, or the default, with what the caller changes of it.
+    pub specification: ModelSpecification,
+}
+
+impl Measurement {
+    /// The name by which messages and tables call it: its directory's.
+    pub fn name(&self) -> String {
+        name_of(&self.path)
+    }
+
+    /// An error in working on it, with its name and how to go on without it.
+    pub fn named(&self, error: Error) -> Error {
+        let name = self.name();
+        let or_leave_out = |remedy: String| format!("{remedy}; or leave it out: --leave-out {name}");
+        match error {
+            Error::Input { place, found, remedy } => {
+                Error::input(place, format!("{name}: {found}"), or_leave_out(remedy))
+            }
+            Error::Numerical { what, remedy } => Error::numerical(format!("{name}: {what}"), or_leave_out(remedy)),
+            other => other,
+        }
+    }
+
+    /// Whether a user means it by a path, a directory's name or a specimen's.
+    fn is_called(&self, name: &str) -> bool {
+        is_path_called(&self.path, name) || self.experiment.specimen_id == name
+    }
+
+    /// Its specimen, by id and species, and its levels of the keys.
+    fn labels(&self, keys: &[Key]) -> Result<Labels> {
+        let level = |key: &Key| {
+            key.of(&self.experiment).map(String::from).ok_or_else(|| {
+                Error::input(
+                    Place::file(&self.path).at_key(format!("specimen.{}", key.name())),
+                    format!("the experiment does not say its {}", key.name()),
+                    format!(
+                        "add `{} = \"…\"` to [specimen], group by another key (--by), or leave it out (--leave-out {})",
+                        key.name(),
+                        self.name()
+                    ),
+                )
+            })
+        };
+        let id = &self.experiment.specimen_id;
+        let specimen = match &self.experiment.species {
+            Some(species) => format!("{species}/{id}"),
+            None => id.clone(),
+        };
+        Ok(Labels { specimen, levels: keys.iter().map(level).collect::<Result<_>>()? })
+    }
+}
+
+/// Every experiment's specimen and levels of the keys. Specimens of one id in two species are two.
+///
+/// # Errors
+/// [`Error::Input`] where a key is missing.
+pub fn labels(measurements: &[Measurement], keys: &[Key]) -> Result<Vec<Labels>> {
+    let mut labels = measurements.iter().map(|own| own.labels(keys)).collect::<Result<Vec<_>>>()?;
+    let mut ids: BTreeMap<&str, BTreeSet<String>> = BTreeMap::new();
+    for (own, label) in measurements.iter().zip(&labels) {
+        ids.entry(&own.experiment.specimen_id).or_default().insert(label.specimen.clone());
+    }
+    for (own, label) in measurements.iter().zip(&mut labels) {
+        if ids[own.experiment.specimen_id.as_str()].len() == 1 {
+            label.specimen.clone_from(&own.experiment.specimen_id);
+        }
+    }
+    Ok(labels)
+}
+
+fn name_of(path: &Path) -> String {
+    let named =
+        if path.extension().is_some_and(|extension| extension == "toml") { base::files::folder_of(path) } else { path };
+    let full = named.canonicalize().unwrap_or_else(|_| named.to_path_buf());
+    full.file_name().map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned())
+}
+
+fn is_path_called(path: &Path, name: &str) -> bool {
+    let same = |a: &Path, b: &Path| matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b);
+    name_of(path) == name || same(path, Path::new(name))
+}
+
+/// Reads every experiment and study that the paths are or hold.
+///
+/// `model` makes the model of each from that of its study's last revision, or the default. Experiments in `leave_out` (paths, names of
+/// directories, or specimens) are not looked at further.
+///
+/// # Errors
+/// [`Error::Input`] where a path holds none, where a name in `leave_out` is nobody's, where an experiment is there twice, and where one cannot be
+/// read: with its own error, and how to leave it out.
+pub fn read(
+    paths: &[PathBuf],
+    leave_out: &[String],
+    model: &dyn Fn(ModelSpecification) -> Result<ModelSpecification>,
+    monitor: &dyn Monitor,
+) -> Result<Vec<Measurement>> {
+    let mut places = Vec::new();
+    for path in paths {
+        let before = places.len();
+        find(path, &mut places)?;
+        if places.len() == before {
+            return Err(Error::input(
+                Place::file(path),
+                "no experiment was found here",
+                "give directories that are experiments (with experiment.toml) or studies, or that hold such directories",
+            ));
+        }
+    }
+    let mut used = vec![false; leave_out.len()];
+    let mut is_left_out = |is_called: &dyn Fn(&str) -> bool| {
+        let mut any = false;
+        for (name, used) in leave_out.iter().zip(&mut used) {
+            let called = is_called(name);
+            *used |= called;
+            any |= called;
+        }
+        any
+    };
+    let mut measurements: Vec<Measurement> = Vec::new();
+    let mut broken: Vec<(PathBuf, Error)> = Vec::new();
+    for path in places {
+        if is_left_out(&|name| is_path_called(&path, name)) {
+            continue;
+        }
+        match measurement(&path, model, monitor) {
+            Ok(own) if is_left_out(&|name| own.is_called(name)) => {}
+            Ok(own) => measurements.push(own),
+            Err(error) => broken.push((path, error)),
+        }
+    }
+    if let Some(index) = used.iter().position(|used| !used) {
+        return Err(Error::input(
+            Place::option("--leave-out"),
+            format!("no experiment is called `{}`", leave_out[index]),
+            "give an experiment's directory or its name, or a specimen's id",
+        ));
+    }
+    refuse_broken(broken)?;
+    refuse_twice(&measurements)?;
+    Ok(measurements)
+}
+
+/// Experiments and studies at or below a path, in the order of their names; what is inside one is its own affair.
+fn find(path: &Path, places: &mut Vec<PathBuf>) -> Result<()> {
+    if path.is_file() || Study::is_study(path) || path.join("experiment.toml").is_file() {
+        places.push(path.to_path_buf());
+        return Ok(());
+    }
+    let refused = |source| Error::at_path("read", path, source, "give directories that are there and can be read");
+    let mut below: Vec<PathBuf> = Vec::new();
+    for entry in std::fs::read_dir(path).map_err(refused)? {
+        let entry = entry.map_err(refused)?;
+        if entry.path().is_dir() && !entry.file_name().to_string_lossy().starts_with('.') {
+            below.push(entry.path());
+        }
+    }
+    below.sort();
+    below.iter().try_for_each(|path| find(path, places))
+}
+
+fn measurement(
+    path: &Path,
+    model: &dyn Fn(ModelSpecification) -> Result<ModelSpecification>,
+    monitor: &dyn Monitor,
+) -> Result<Measurement> {
+    let ((experiment, files), specification) = if Study::is_study(path) {
+        let study = Study::open(path)?;
+        let specification = match study.revisions()?.last() {
+            Some(last) => ModelSpecification::of_revision(&study.revision_dir(last)?, &Library::default())?,
+            None => ModelSpecification::default(),
+        };
+        (study.read_experiment()?, specification)
+    } else {
+        (Experiment::read(path)?, ModelSpecification::default())
+    };
+    files.notes.iter().for_each(|note| monitor.warn(&format!("{}: {note}", name_of(path))));
+    posterior::check::refuse_certain(&experiment, &files.understood, monitor)?;
+    Ok(Measurement {
+        path: path.to_path_buf(),
+        experiment,
+        inputs_sha256: hash_of(&files),
+        specification: model(specification)?,
+    })
+}
+
+fn hash_of(files: &ExperimentFiles) -> String {
+    let mut hash = Sha256::new();
+    let log = files.log_file.iter().map(|(_, bytes)| bytes);
+    for bytes in [&files.toml_bytes, &files.csv_bytes].into_iter().chain(log) {
+        hash.update(bytes.len().to_le_bytes());
+        hash.update(bytes);
+    }
+    hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// The first broken experiment's own error, with the names of the others.
+fn refuse_broken(mut broken: Vec<(PathBuf, Error)>) -> Result<()> {
+    if broken.is_empty() {
+        return Ok(());
+    }
+    let names: Vec<String> = broken.iter().map(|(path, _)| name_of(path)).collect();
+    let options: Vec<String> = names.iter().map(|name| format!("--leave-out {name}")).collect();
+    let more = match &names[1..] {
+        [] => String::new(),
+        others => format!(" (and {} more cannot be used: {})", others.len(), others.join(", ")),
+    };
+    let mend = |remedy: String| format!("{remedy}; or leave it out: {}", options.join(" "));
+    Err(match broken.remove(0).1 {
+        Error::Input { place, found, remedy } => Error::input(place, format!("{found}{more}"), mend(remedy)),
+        Error::File { action, path, source, remedy } => Error::at_path(action, path, source, mend(remedy)),
+        other => other,
+    })
+}
+
+/// One measurement counted twice would look like two specimens that agree.
+fn refuse_twice(measurements: &[Measurement]) -> Result<()> {
+    for (index, own) in measurements.iter().enumerate() {
+        if let Some(other) = measurements[..index].iter().find(|other| other.inputs_sha256 == own.inputs_sha256) {
+            return Err(Error::input(
+                Place::file(&own.path),
+                format!("this is the same measurement as {}", other.path.display()),
+                "give each measurement once",
+            ));
+        }
+    }
+    Ok(())
+}

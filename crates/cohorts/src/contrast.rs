@@ -1,0 +1,134 @@
+//! Differences between groups: how large, how sure, and whether they matter.
+
+use super::design::Design;
+use super::hierarchy::PopulationDraw;
+use super::scale::Scale;
+use documents::groups::RatioVerdict;
+use figures::density::{quantile_of_sorted, sorted};
+
+/// A ratio is beyond the margin, or within it, where so large a share of the posterior is.
+pub const SURE: f64 = 0.95;
+/// Signs are stated where all stated ones are right in so large a share of the posterior: so large that in cohorts of equal groups a sign is
+/// stated less than 5 times of 100.
+pub const SURE_OF_SIGNS: f64 = 0.997;
+
+/// The posterior of one ratio of two groups' typical specimens.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Contrast {
+    /// Index of the parameter.
+    pub parameter: usize,
+    /// Indices of the groups; the ratio is the first's over the second's.
+    pub groups: [usize; 2],
+    /// Logarithm of the ratio, one a draw.
+    pub log_ratio: Vec<f64>,
+    /// Whether its sign is stated: all stated signs of the run are right together with [`SURE_OF_SIGNS`].
+    pub is_declared: bool,
+}
+
+impl Contrast {
+    /// Share of the posterior above a ratio.
+    pub fn probability_above(&self, ratio: f64) -> f64 {
+        let bar = ratio.ln();
+        self.log_ratio.iter().filter(|x| **x > bar).count() as f64 / self.log_ratio.len() as f64
+    }
+
+    /// Quantiles of the ratio.
+    pub fn ratio_quantiles<const N: usize>(&self, probabilities: [f64; N]) -> [f64; N] {
+        let ascending = sorted(&self.log_ratio);
+        probabilities.map(|probability| quantile_of_sorted(&ascending, probability).exp())
+    }
+
+    /// What can be said in view of a margin.
+    pub fn verdict(&self, margin: f64) -> RatioVerdict {
+        let greater = self.probability_above(1.0 + margin);
+        let less = 1.0 - self.probability_above(1.0 / (1.0 + margin));
+        if greater >= SURE {
+            RatioVerdict::Greater
+        } else if less >= SURE {
+            RatioVerdict::Less
+        } else if 1.0 - greater - less >= SURE {
+            RatioVerdict::Equivalent
+        } else {
+            RatioVerdict::Undecided
+        }
+    }
+}
+
+/// Every pair of groups in every parameter, and which signs are stated.
+///
+/// Signs are taken in the order of their probability as long as all taken so far are right together in [`SURE_OF_SIGNS`] of the draws.
+pub fn contrasts(design: &Design, draws: &[&PopulationDraw], scales: &[Scale]) -> Vec<Contrast> {
+    let (n_groups, n_parameters) = (design.groups.len(), scales.len());
+    let mut all = Vec::new();
+    for (parameter, scale) in scales.iter().enumerate() {
+        for a in 0..n_groups {
+            for b in a + 1..n_groups {
+                let at = |draw: &PopulationDraw, group: usize| {
+                    scale.ln_value(draw.group_mean[group * n_parameters + parameter])
+                };
+                let log_ratio = draws.iter().map(|draw| at(draw, a) - at(draw, b)).collect();
+                all.push(Contrast { parameter, groups: [a, b], log_ratio, is_declared: false });
+            }
+        }
+    }
+    declare(&mut all, draws.len());
+    all
+}
+
+fn declare(contrasts: &mut [Contrast], n_draws: usize) {
+    let is_positive: Vec<bool> = contrasts.iter().map(|own| own.probability_above(1.0) > 0.5).collect();
+    let probability = |index: usize| {
+        let above = contrasts[index].probability_above(1.0);
+        above.max(1.0 - above)
+    };
+    let mut order: Vec<(usize, f64)> = (0..contrasts.len()).map(|index| (index, probability(index))).collect();
+    order.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let mut is_right = vec![true; n_draws];
+    for (index, _) in order {
+        for (right, x) in is_right.iter_mut().zip(&contrasts[index].log_ratio) {
+            *right &= (*x > 0.0) == is_positive[index];
+        }
+        if (is_right.iter().filter(|right| **right).count() as f64) < SURE_OF_SIGNS * n_draws as f64 {
+            break;
+        }
+        contrasts[index].is_declared = true;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn contrast(log_ratio: Vec<f64>) -> Contrast {
+        Contrast { parameter: 0, groups: [0, 1], log_ratio, is_declared: false }
+    }
+
+    /// Two statements of 99.8 % each that fail on different draws are true together with 99.6 %: only one is made.
+    #[test]
+    fn statements_are_made_as_long_as_they_are_true_together() {
+        const N: usize = 10_000;
+        let with_wrong = |wrong: std::ops::Range<usize>| {
+            contrast((0..N).map(|i| if wrong.contains(&i) { -1.0 } else { 1.0 }).collect())
+        };
+        let declared = |mut list: Vec<Contrast>| {
+            declare(&mut list, N);
+            list.iter().filter(|own| own.is_declared).count()
+        };
+        assert_eq!(declared(vec![with_wrong(0..20), with_wrong(20..40)]), 1);
+        assert_eq!(declared(vec![with_wrong(0..20), with_wrong(0..20)]), 2);
+        assert_eq!(declared(vec![with_wrong(0..40)]), 0);
+        let negative = |own: Contrast| contrast(own.log_ratio.iter().map(|x| -x).collect());
+        assert_eq!(declared(vec![with_wrong(0..15), negative(with_wrong(0..15))]), 2);
+    }
+
+    #[test]
+    fn verdicts_look_at_the_margin() {
+        let at = |ratio: f64| contrast((0..100).map(|i| f64::ln(ratio) + 1e-3 * f64::from(i - 50)).collect());
+        assert_eq!(at(2.0).verdict(0.2), RatioVerdict::Greater);
+        assert_eq!(at(0.5).verdict(0.2), RatioVerdict::Less);
+        assert_eq!(at(1.0).verdict(0.2), RatioVerdict::Equivalent);
+        assert_eq!(at(1.2).verdict(0.2), RatioVerdict::Undecided);
+        let [q05, median, q95] = at(2.0).ratio_quantiles([0.05, 0.5, 0.95]);
+        assert!(q05 < median && median < q95 && (median - 2.0).abs() < 2e-3);
+    }
+}

@@ -1,0 +1,273 @@
+//! Figures of a comparison.
+
+use std::path::Path;
+
+use super::hierarchy::PopulationDraw;
+use super::job::Comparison;
+use super::scale::Scale;
+use base::error::{Error, Result};
+use documents::groups::{CreepSummary, GroupsSummary, SpecimenSummary};
+use figures::contrasts::{ContrastCell, ContrastMatrix, ContrastPanel, contrast_matrix};
+use figures::corner::{CornerOptions, ParameterColumn, Posterior, corner};
+use figures::creep_bands::{CreepBands, CreepGroup, creep_bands};
+use figures::density::Support;
+use figures::forest::{Forest, ForestPanel, ForestReference, ForestRow, SpecimenMark, forest};
+use figures::labelled_netcdf::{Dimension, Variable, write_labelled_netcdf};
+use figures::labels::{ParameterLabel, of_parameter};
+use figures::palette::series;
+use figures::svg::{Svg, write_figure};
+
+/// Draws of a group in the corner plot.
+const N_CORNER_DRAWS: usize = 4_000;
+
+/// Groups whose differences a figure's sentence tells.
+const MOST_GROUPS_TOLD: usize = 4;
+
+/// Draws every figure into `dir`, as SVG and PNG.
+///
+/// # Errors
+/// [`Error::File`] where the file system refuses, and what figures refuse.
+pub fn write(dir: &Path, found: &Comparison, summary: &GroupsSummary) -> Result<()> {
+    std::fs::create_dir_all(dir)
+        .map_err(|source| Error::at_path("create", dir, source, "choose a writable place with `--out`"))?;
+    let labels: Vec<ParameterLabel> = found.parameters.iter().map(|name| of_parameter(name)).collect();
+    let mut figures = vec![("groups", forest_figure(summary, &labels)?), ("corner", corner_figure(found, &labels)?)];
+    if !summary.contrasts.is_empty() {
+        figures.push(("contrasts", contrasts_figure(summary, &labels)?));
+    }
+    if let Some(creep) = &summary.creep {
+        figures.push(("creep", creep_figure(summary, creep)?));
+    }
+    figures.iter().try_for_each(|(stem, svg): &(&str, Svg)| write_figure(dir, stem, svg))
+}
+
+/// What follows, where there are few enough groups to say it.
+fn sentence(summary: &GroupsSummary) -> String {
+    if summary.groups.len() > MOST_GROUPS_TOLD { String::new() } else { summary.sentences.join(" ") }
+}
+
+fn title(summary: &GroupsSummary, what: &str) -> String {
+    format!("{what} by {}", summary.by.join(" and "))
+}
+
+fn forest_figure(summary: &GroupsSummary, labels: &[ParameterLabel]) -> Result<Svg> {
+    let specimens_of =
+        |group: &str| -> Vec<&SpecimenSummary> { summary.specimens.iter().filter(|own| own.group == group).collect() };
+    let panel = |(k, label): (usize, &ParameterLabel)| {
+        let mut sorted: Vec<_> = summary.groups.iter().enumerate().collect();
+        sorted.sort_by_key(|(_, group)| &group.name);
+        let rows = sorted.into_iter().map(|(index, group)| {
+            let own = &group.parameters[k];
+            let mark = |specimen: &&SpecimenSummary| {
+                let of_parameter = &specimen.parameters[k];
+                (specimen.name.clone(), of_parameter.alone, of_parameter.pooled, specimen.is_outlying)
+            };
+            let marks: Vec<_> = specimens_of(&group.name).iter().map(mark).collect();
+            (index, group, own, marks)
+        });
+        (label.axis(), rows.collect::<Vec<_>>())
+    };
+    let panels: Vec<_> = labels.iter().enumerate().map(panel).collect();
+    let references: Vec<Vec<(String, f64)>> = summary
+        .groups
+        .first()
+        .map_or(&[][..], |group| &group.parameters)
+        .iter()
+        .map(|own| {
+            let of_parameter = summary.published.iter().filter(|value| value.parameter == own.name);
+            of_parameter.map(|value| (format!("{} ({})", value.source, value.species), value.value)).collect()
+        })
+        .collect();
+    // Regions of one species in one colour.
+    let level = |name: &str| name.split(',').next().unwrap_or(name).to_string();
+    let mut levels: Vec<String> = summary.groups.iter().map(|group| level(&group.name)).collect();
+    levels.sort();
+    levels.dedup();
+    let colours: Vec<usize> =
+        summary.groups.iter().map(|group| levels.binary_search(&level(&group.name)).unwrap_or(0)).collect();
+    let data = Forest {
+        title: &title(summary, "Specimens and their groups"),
+        sentence: &sentence(summary),
+        panels: panels
+            .iter()
+            .zip(&references)
+            .map(|((label, rows), references)| ForestPanel {
+                label: label.clone(),
+                rows: rows
+                    .iter()
+                    .map(|(index, group, own, marks)| ForestRow {
+                        group: &group.name,
+                        colour: series(colours[*index]),
+                        n_specimens: group.specimens,
+                        typical: [own.q05, own.median, own.q95],
+                        new_specimen: own.new_specimen_90,
+                        specimens: marks
+                            .iter()
+                            .map(|(name, alone, pooled, is_outlying)| SpecimenMark {
+                                name,
+                                alone: *alone,
+                                pooled: *pooled,
+                                is_outlying: *is_outlying,
+                            })
+                            .collect(),
+                    })
+                    .collect(),
+                references: references.iter().map(|(label, value)| ForestReference { label, value: *value }).collect(),
+            })
+            .collect(),
+    };
+    forest(&data)
+}
+
+fn contrasts_figure(summary: &GroupsSummary, labels: &[ParameterLabel]) -> Result<Svg> {
+    let names: Vec<&str> = summary.groups.iter().filter(|own| own.specimens > 0).map(|own| own.name.as_str()).collect();
+    let parameters = summary.groups.first().map_or(&[][..], |group| &group.parameters);
+    let cell = |parameter: &str, a: &str, b: &str| {
+        let find = |a: &str, b: &str| {
+            summary.contrasts.iter().find(|own| own.parameter == parameter && own.a == a && own.b == b)
+        };
+        let forward = find(a, b).map(|own| ContrastCell {
+            ratio: [own.q05, own.ratio_median, own.q95],
+            probability_greater: own.probability_greater,
+            probability_beyond_margin: own.probability_beyond_margin,
+            is_declared: own.is_declared,
+        });
+        let backward = find(b, a).map(|own| ContrastCell {
+            ratio: [1.0 / own.q95, 1.0 / own.ratio_median, 1.0 / own.q05],
+            probability_greater: 1.0 - own.probability_greater,
+            probability_beyond_margin: own.probability_below_margin,
+            is_declared: own.is_declared,
+        });
+        forward.or(backward)
+    };
+    let panels = parameters.iter().zip(labels).map(|(own, label)| ContrastPanel {
+        label: label.symbol.clone(),
+        groups: names.clone(),
+        cells: names.iter().map(|a| names.iter().map(|b| cell(&own.name, a, b)).collect()).collect(),
+    });
+    contrast_matrix(&ContrastMatrix {
+        title: &title(summary, "Ratios of typical specimens"),
+        sentence: &sentence(summary),
+        margin: summary.margin,
+        panels: panels.collect(),
+    })
+}
+
+fn creep_figure(summary: &GroupsSummary, creep: &CreepSummary) -> Result<Svg> {
+    let groups = summary.groups.iter().zip(&creep.groups).enumerate().map(|(index, (group, own))| CreepGroup {
+        label: &group.name,
+        colour: series(index),
+        median_per_pa: own.median_per_pa.clone(),
+        typical_90_per_pa: [own.typical_q05_per_pa.clone(), own.typical_q95_per_pa.clone()],
+        new_specimen_90_per_pa: [own.new_specimen_q05_per_pa.clone(), own.new_specimen_q95_per_pa.clone()],
+    });
+    creep_bands(&CreepBands {
+        title: &title(summary, "Creep of a typical and of a new specimen"),
+        sentence: "",
+        time_s: &creep.time_s,
+        groups: groups.collect(),
+    })
+}
+
+fn corner_figure(found: &Comparison, labels: &[ParameterLabel]) -> Result<Svg> {
+    let p = labels.len();
+    let measured = || found.groups.iter().filter(|group| group.group.is_some());
+    let values: Vec<Vec<Vec<f64>>> = measured()
+        .map(|group| {
+            let step = (group.typical.len() / p).div_ceil(N_CORNER_DRAWS).max(1);
+            let column = |k: usize| {
+                let coordinates = group.typical.iter().skip(k).step_by(p * step);
+                coordinates.map(|x| found.scales[k].value(*x)).collect()
+            };
+            (0..p).map(column).collect()
+        })
+        .collect();
+    let posteriors: Vec<Posterior> = measured()
+        .zip(&values)
+        .enumerate()
+        .map(|(index, (group, columns))| Posterior {
+            label: &group.name,
+            colour: series(index),
+            parameters: found
+                .parameters
+                .iter()
+                .zip(&found.scales)
+                .zip(labels.iter().zip(columns))
+                .map(|((name, scale), (label, draws))| ParameterColumn {
+                    name,
+                    symbol: &label.symbol,
+                    unit: &label.unit,
+                    draws,
+                    support: support(*scale),
+                    prior: None,
+                    reference: None,
+                })
+                .collect(),
+        })
+        .collect();
+    corner(&posteriors, &CornerOptions { title: "Typical specimens of every group", ..CornerOptions::default() })
+}
+
+/// Where values of a scale lie.
+fn support(scale: Scale) -> Support {
+    match scale {
+        Scale::Logarithm => Support { lower: 0.0, upper: f64::INFINITY },
+        Scale::LogOdds { lower, upper } => Support { lower, upper },
+    }
+}
+
+/// Writes the draws in ArviZ's layout, with named dimensions. Logarithms are of SI values; parameters between two ends have log-odds in their place.
+/// `typical` and `specimen_value` are the values themselves.
+///
+/// # Errors
+/// [`Error::File`] where the file system refuses.
+pub fn write_netcdf(path: &Path, found: &Comparison) -> Result<()> {
+    let design = &found.design;
+    let chains = &found.population.chains;
+    let n_draws = chains.first().map_or(0, Vec::len);
+    let names = |list: &mut dyn Iterator<Item = &str>| list.map(String::from).collect::<Vec<String>>();
+    let parameters = || names(&mut found.parameters.iter().copied());
+    let strata = (0..design.n_strata).map(|stratum| {
+        let members = design.groups.iter().filter(|group| group.stratum == stratum);
+        members.map(|group| group.name.as_str()).collect::<Vec<&str>>().join(" + ")
+    });
+    let dimensions = [
+        Dimension { name: "group", labels: names(&mut design.groups.iter().map(|own| own.name.as_str())) },
+        Dimension { name: "specimen", labels: names(&mut design.specimens.iter().map(|own| own.name.as_str())) },
+        Dimension { name: "stratum", labels: strata.collect() },
+        Dimension { name: "parameter", labels: parameters() },
+        Dimension { name: "other_parameter", labels: parameters() },
+    ];
+    let all = |of: &dyn Fn(&PopulationDraw) -> &[f64]| -> Vec<f64> {
+        found.population.draws().flat_map(|draw| of(draw).iter().copied()).collect()
+    };
+    let variable = |name, dimensions: &[&'static str], values| Variable {
+        name,
+        unit: "1",
+        dimensions: dimensions.to_vec(),
+        values,
+    };
+    let values = |of: &dyn Fn(&PopulationDraw) -> &[f64]| -> Vec<f64> {
+        all(of).iter().zip(found.scales.iter().cycle()).map(|(x, scale)| scale.value(*x)).collect()
+    };
+    let mut variables = vec![
+        variable("typical", &["group", "parameter"], values(&|draw| &draw.group_mean)),
+        variable("specimen_value", &["specimen", "parameter"], values(&|draw| &draw.specimen_mean)),
+        variable("log_typical", &["group", "parameter"], all(&|draw| &draw.group_mean)),
+        variable("log_specimen", &["specimen", "parameter"], all(&|draw| &draw.specimen_mean)),
+        variable(
+            "covariance_between_specimens",
+            &["stratum", "parameter", "other_parameter"],
+            all(&|draw| &draw.between_specimens),
+        ),
+        variable("specimen_weight", &["specimen"], all(&|draw| &draw.specimen_weight)),
+    ];
+    if design.has_repeats() {
+        variables.push(variable(
+            "covariance_within_specimens",
+            &["parameter", "other_parameter"],
+            all(&|draw| &draw.within_specimens),
+        ));
+    }
+    write_labelled_netcdf(path, chains.len(), n_draws, &dimensions, &variables)
+}

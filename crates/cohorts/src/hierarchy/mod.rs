@@ -1,0 +1,566 @@
+//! The population of groups, by Gibbs sampling.
+//!
+//! For the coordinates φ (p of them; logarithms, or log-odds of parameters between two ends) of an experiment e of specimen s in group g:
+//!
+//! ```text
+//! φ_e  = μ_g + u_s + w_e        w_e ~ N(0, W)          repeats (left out where no specimen has any)
+//! u_s  ~ N(0, Σ_h / λ_s)        specimens of stratum h; λ_s = 1, or Gamma(ν/2, ν/2): Student-t specimens
+//! μ_g  = m + Σ_k a_k,level(g)   a_k ~ N(0, diag τ_k²)  one sum of the grouping keys' levels, and one of the group's own
+//! ```
+//!
+//! Groups that share specimens share Σ. The Σ of several strata are partially pooled: Σ_h ~ inverse-Wishart(κ + p − 1, 2κ diag(1/α)), whose
+//! scales α they share and whose κ says how alike they are, from hardly (2) to nearly equal (32); both are learnt. Σ alone is then the prior of
+//! Huang & Wand (2013, Bayesian Anal. 8:439, doi:10.1214/13-BA815): half-t(κ) standard deviations, and at κ = 2 uniform correlations. W is
+//! theirs at κ = 2. τ of a key's levels have 1/τ² ~ Gamma(½, s²/2), that is half-normal 1/τ: small spreads are improbable, so that few levels are
+//! hardly drawn together and intervals of their differences cover a fixed truth as often as they say. τ of the groups' own shares is half-t(2).
+//! Every update but the members' is a draw from a full conditional; (m, a) are drawn with all u integrated out.
+//! A sweep costs time linear in the experiments.
+
+mod members;
+mod random;
+
+use std::ops::Range;
+use std::sync::atomic::Ordering;
+
+use nalgebra::{DMatrix, DVector};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+use statrs::function::gamma::ln_gamma;
+
+use members::Place;
+pub use members::{ExperimentDensity, InterimDraws, Member};
+use random::{factor, gamma, normal_of_information, normals, wishart_of_scatter};
+
+use super::design::Design;
+use base::error::{Error, Result};
+use posterior::monitor::{Counter, Monitor};
+use sampling::diagnostics::ranks::BlomScores;
+use sampling::diagnostics::{DrawColumn, diagnose};
+
+/// Largest R̂ of converged draws.
+pub const LARGEST_RHAT: f64 = 1.01;
+/// The other demand: effective draws of every mean and spread (Vehtari et al. 2021, Bayesian Anal. 16:667).
+pub const FEWEST_EFFECTIVE_DRAWS: f64 = 400.0;
+/// What stays of a run that is stopped.
+pub(super) const KEPT: &str = "experiments that are done are kept; the same command goes on from them";
+/// Sweeps between two looks at who watches.
+const SWEEPS_A_PIECE: usize = 100;
+/// Degrees of freedom of the half-t priors of standard deviations.
+const HALF_T_DEGREES: f64 = 2.0;
+/// How alike the strata's covariances may be, κ; each as probable.
+pub const LIKENESS: [f64; 5] = [2.0, 4.0, 8.0, 16.0, 32.0];
+
+/// Priors and settings of the hierarchy.
+#[derive(Debug, Clone, PartialEq)]
+pub struct HierarchyOptions {
+    /// Mean of the overall coordinates, one value a parameter.
+    pub overall_mean: Vec<f64>,
+    /// Their standard deviations.
+    pub overall_sd: Vec<f64>,
+    /// Scale s of the spread between the levels of a key, in the coordinate.
+    pub level_scale: f64,
+    /// Scale of the half-t prior of the spread between groups beyond their levels, between specimens, and between repeats, in the coordinate.
+    pub scales: [f64; 3],
+    /// Degrees of freedom of Student-t specimens; `None` for normal ones.
+    pub student_dof: Option<f64>,
+    /// Chains.
+    pub n_chains: usize,
+    /// Sweeps that are dropped, and sweeps thereafter after which convergence is first judged, in each chain.
+    pub n_sweeps: [usize; 2],
+    /// Most sweeps after those that are dropped: their number doubles until the demands are met.
+    pub max_sweeps: usize,
+    /// Every so many of the first sweeps is kept; twice as rarely each time that their number doubles.
+    pub keep_every: usize,
+    /// Seed.
+    pub seed: u64,
+}
+
+/// One state of the population.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PopulationDraw {
+    /// Mean coordinates of every group, p values a group.
+    pub group_mean: Vec<f64>,
+    /// Covariance of specimens in every stratum, p² values each.
+    pub between_specimens: Vec<f64>,
+    /// Covariance of repeats, p² values; empty without repeats.
+    pub within_specimens: Vec<f64>,
+    /// Standard deviations between the levels of every key and, last, between groups beyond them; p values each.
+    pub between_groups_sd: Vec<f64>,
+    /// Coordinates of every specimen's own mean, p values a specimen, in its first experiment's group.
+    pub specimen_mean: Vec<f64>,
+    /// The specimens' weights λ.
+    pub specimen_weight: Vec<f64>,
+    /// Overall mean m and the levels' shares a, in the order of [`Layout`]; p values each.
+    pub shares: Vec<f64>,
+}
+
+/// Where the shares of the groups' means stand.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Layout {
+    /// Shares in all, the overall mean included.
+    pub n_shares: usize,
+    /// Range of each factor's shares: the keys, then, where there are several keys, the group's own.
+    pub factors: Vec<Range<usize>>,
+    /// Shares that make up a group's mean; the overall one first.
+    pub of_group: Vec<Vec<usize>>,
+}
+
+impl Layout {
+    /// The shares of a design.
+    pub fn new(design: &Design) -> Self {
+        let mut factors = Vec::new();
+        let mut next = 1;
+        let mut of_group = vec![vec![0]; design.groups.len()];
+        for (key, levels) in design.keys.iter().enumerate() {
+            factors.push(next..next + levels.len());
+            for (shares, group) in of_group.iter_mut().zip(&design.groups) {
+                shares.push(next + group.levels[key]);
+            }
+            next += levels.len();
+        }
+        if design.keys.len() > 1 {
+            factors.push(next..next + design.groups.len());
+            of_group.iter_mut().enumerate().for_each(|(group, shares)| shares.push(next + group));
+            next += design.groups.len();
+        }
+        Self { n_shares: next, factors, of_group }
+    }
+}
+
+/// Draws of all chains.
+pub struct Population {
+    /// Kept draws, by chain.
+    pub chains: Vec<Vec<PopulationDraw>>,
+    /// Parameters.
+    pub n_parameters: usize,
+    /// Sweeps of each chain from which draws were kept.
+    pub n_sweeps: usize,
+    /// Largest rank-normalised split R̂ of a group's mean or a spread.
+    pub rhat: f64,
+    /// Smallest effective number of draws of one, bulk or tail.
+    pub ess: f64,
+    /// Whether both meet the demands.
+    pub has_converged: bool,
+}
+
+impl Population {
+    /// All draws.
+    pub fn draws(&self) -> impl Iterator<Item = &PopulationDraw> {
+        self.chains.iter().flatten()
+    }
+}
+
+/// Samples the population that the members come from, one member an experiment of the design.
+///
+/// # Errors
+/// [`base::Error::Numerical`] when an experiment has no draws or a covariance cannot be factored, [`base::Error::Interrupted`] when stopped.
+pub fn sample_population(
+    design: &Design,
+    members: &[Member],
+    options: &HierarchyOptions,
+    monitor: &dyn Monitor,
+) -> Result<Population> {
+    if members.iter().any(Member::is_empty) {
+        return Err(Error::numerical("an experiment has no draws", "sample it longer (--steps)"));
+    }
+    let start = |number: usize| {
+        let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
+        rng.set_stream(number as u64);
+        let chain = Chain::new(design, members, options, &mut rng);
+        Run { chain, rng, kept: Vec::new() }
+    };
+    let mut runs: Vec<Run> = (0..options.n_chains).map(start).collect();
+    let [n_dropped, n_first] = options.n_sweeps;
+    go_on(&mut runs, n_dropped, usize::MAX, monitor)?;
+    runs.iter_mut().flat_map(|run| &mut run.chain.places).for_each(Place::freeze);
+    let (mut n_sweeps, mut n_next, mut keep_every) = (0, n_first, options.keep_every);
+    loop {
+        go_on(&mut runs, n_next, keep_every, monitor)?;
+        n_sweeps += n_next;
+        let (rhat, ess) = diagnostics(design, &runs, options.overall_mean.len());
+        let has_converged = rhat <= LARGEST_RHAT && ess >= FEWEST_EFFECTIVE_DRAWS;
+        if has_converged || 2 * n_sweeps > options.max_sweeps {
+            let chains = runs.into_iter().map(|run| run.kept).collect();
+            let n_parameters = options.overall_mean.len();
+            return Ok(Population { chains, n_parameters, n_sweeps, rhat, ess, has_converged });
+        }
+        (n_next, keep_every) = (n_sweeps, 2 * keep_every);
+        for run in &mut runs {
+            let mut index = 0;
+            run.kept.retain(|_| {
+                index += 1;
+                index % 2 == 0
+            });
+        }
+    }
+}
+
+/// A chain, its random numbers and what it has kept.
+struct Run<'a, 'm> {
+    chain: Chain<'a, 'm>,
+    rng: ChaCha8Rng,
+    kept: Vec<PopulationDraw>,
+}
+
+/// Sweeps all chains so many times and keeps every so many of their states.
+fn go_on(runs: &mut [Run], n_sweeps: usize, keep_every: usize, monitor: &dyn Monitor) -> Result<()> {
+    let counter = Counter::new(monitor, runs.len() * n_sweeps / SWEEPS_A_PIECE);
+    let one = |run: &mut Run| {
+        for sweep in 1..=n_sweeps {
+            run.chain.sweep(&mut run.rng)?;
+            if sweep % keep_every == 0 {
+                run.kept.push(run.chain.draw());
+            }
+            if sweep.is_multiple_of(SWEEPS_A_PIECE) {
+                counter.add_one();
+                if monitor.stop().is_some_and(|stop| stop.load(Ordering::Relaxed)) {
+                    return Err(Error::Interrupted { kept: KEPT.into() });
+                }
+            }
+        }
+        Ok(())
+    };
+    runs.par_iter_mut().map(one).collect()
+}
+
+/// Largest R̂ and smallest effective number of draws of the groups' means and of spreads' logarithms.
+fn diagnostics(design: &Design, runs: &[Run], p: usize) -> (f64, f64) {
+    let n_kept = runs.first().map_or(0, |run| run.kept.len());
+    let blom = BlomScores::new(runs.len() * n_kept);
+    let of = |value: &(dyn Fn(&PopulationDraw) -> f64 + Sync)| {
+        let values = runs.iter().flat_map(|run| run.kept.iter().map(value)).collect();
+        diagnose(&DrawColumn { n_ensembles: runs.len(), n_steps: n_kept, n_walkers: 1, values }, &blom)
+    };
+    let means = (0..design.groups.len() * p).into_par_iter().map(|i| of(&|draw| draw.group_mean[i]));
+    let diagonal = |i: usize| i / p * p * p + i % p * (p + 1);
+    let between =
+        (0..design.n_strata * p).into_par_iter().map(|i| of(&|draw| draw.between_specimens[diagonal(i)].ln()));
+    let n_within = if design.has_repeats() { p } else { 0 };
+    let within = (0..n_within).into_par_iter().map(|i| of(&|draw| draw.within_specimens[diagonal(i)].ln()));
+    let all: Vec<_> = means.chain(between).chain(within).collect();
+    let rhat = all.iter().map(|own| own.rhat).fold(0.0, f64::max);
+    let ess = all.iter().map(|own| own.ess_bulk.min(own.ess_tail)).fold(f64::INFINITY, f64::min);
+    (rhat, ess)
+}
+
+/// Σ λ x xᵀ of deviations that have one covariance, and their number.
+struct Scatter {
+    sum: DMatrix<f64>,
+    count: usize,
+}
+
+impl Scatter {
+    fn new(p: usize) -> Self {
+        Self { sum: DMatrix::zeros(p, p), count: 0 }
+    }
+
+    fn add(&mut self, weight: f64, deviation: &DVector<f64>) {
+        self.sum.ger(weight, deviation, deviation, 1.0);
+        self.count += 1;
+    }
+}
+
+/// Inverse covariances given their scatters, then the scales that they share (Huang & Wand, with one scale for several covariances).
+fn draw_covariances(
+    scatters: Vec<Scatter>,
+    scales: &mut [f64],
+    scale_of_prior: f64,
+    nu: f64,
+    rng: &mut ChaCha8Rng,
+) -> Result<Vec<DMatrix<f64>>> {
+    let p = scales.len();
+    let draw = |Scatter { mut sum, count }: Scatter| {
+        (0..p).for_each(|k| sum[(k, k)] += 2.0 * nu / scales[k]);
+        wishart_of_scatter(nu + (p - 1 + count) as f64, sum, rng)
+    };
+    let precisions: Vec<DMatrix<f64>> = scatters.into_iter().map(draw).collect::<Result<_>>()?;
+    let shape = 0.5 * (precisions.len() as f64 * (nu + (p - 1) as f64) + 1.0);
+    for (k, scale) in scales.iter_mut().enumerate() {
+        let diagonal: f64 = precisions.iter().map(|precision| precision[(k, k)]).sum();
+        *scale = 1.0 / gamma(shape, nu * diagonal + scale_of_prior.powi(-2), rng);
+    }
+    Ok(precisions)
+}
+
+/// κ given the strata's inverse covariances and their scales.
+fn draw_likeness(precisions: &[DMatrix<f64>], scales: &[f64], rng: &mut ChaCha8Rng) -> f64 {
+    let p = scales.len();
+    let ln_densities = LIKENESS.map(|likeness| {
+        let degrees = likeness + (p - 1) as f64;
+        let ln_scale: f64 = scales.iter().map(|scale| (2.0 * likeness / scale).ln()).sum();
+        // Multivariate gamma function but for a constant.
+        let ln_gamma: f64 = (0..p).map(|j| ln_gamma(0.5 * (degrees - j as f64))).sum();
+        let constant = 0.5 * degrees * (ln_scale - p as f64 * std::f64::consts::LN_2) - ln_gamma;
+        let of_precision = |precision: &DMatrix<f64>| {
+            let trace: f64 = (0..p).map(|k| 2.0 * likeness / scales[k] * precision[(k, k)]).sum();
+            0.5 * degrees * precision.determinant().ln() - 0.5 * trace
+        };
+        precisions.iter().map(|precision| constant + of_precision(precision)).sum::<f64>()
+    });
+    let largest = ln_densities.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let weights = ln_densities.map(|ln_density| (ln_density - largest).exp());
+    let mut level = rng.random::<f64>() * weights.iter().sum::<f64>();
+    for (likeness, weight) in LIKENESS.iter().zip(weights) {
+        level -= weight;
+        if level <= 0.0 {
+            return *likeness;
+        }
+    }
+    LIKENESS[LIKENESS.len() - 1]
+}
+
+struct Chain<'a, 'm> {
+    design: &'a Design,
+    members: &'a [Member<'m>],
+    options: &'a HierarchyOptions,
+    layout: Layout,
+    p: usize,
+    has_repeats: bool,
+    /// Specimen of every experiment.
+    specimen_of: Vec<usize>,
+    places: Vec<Place>,
+    shares: DVector<f64>,
+    group_mean: Vec<DVector<f64>>,
+    /// Deviation of each specimen; with no repeats the whole deviation from the group's mean.
+    deviation: Vec<DVector<f64>>,
+    weight: Vec<f64>,
+    /// Σ⁻¹ of every stratum, and the pooled scales a of their prior.
+    precision: Vec<DMatrix<f64>>,
+    scale: Vec<f64>,
+    likeness: f64,
+    /// W⁻¹ and its scales.
+    repeat_precision: DMatrix<f64>,
+    repeat_scale: Vec<f64>,
+    /// τ² of every factor and parameter, and the scales of their priors.
+    factor_variance: Vec<Vec<f64>>,
+    factor_scale: Vec<Vec<f64>>,
+}
+
+impl<'a, 'm> Chain<'a, 'm> {
+    fn new(design: &'a Design, members: &'a [Member<'m>], options: &'a HierarchyOptions, rng: &mut ChaCha8Rng) -> Self {
+        let p = options.overall_mean.len();
+        let layout = Layout::new(design);
+        let places: Vec<Place> = members.iter().map(|member| member.start(p, rng)).collect();
+        let mut specimen_of = vec![0; design.n_experiments()];
+        for (index, specimen) in design.specimens.iter().enumerate() {
+            specimen.experiments.iter().for_each(|e| specimen_of[*e] = index);
+        }
+        let of_sd = |sd: f64| DMatrix::from_diagonal_element(p, p, 1.0 / (sd * sd));
+        let n_factors = layout.factors.len();
+        // Overdispersed by a factor of e either way.
+        let mut spread = |scale: f64| scale * (normals(1, rng)[0]).exp();
+        Self {
+            precision: (0..design.n_strata).map(|_| of_sd(spread(0.5 * options.scales[1]))).collect(),
+            scale: vec![1.0; p],
+            likeness: LIKENESS[1],
+            repeat_precision: of_sd(spread(0.5 * options.scales[2])),
+            repeat_scale: vec![1.0; p],
+            factor_variance: vec![vec![spread(options.scales[0]).powi(2); p]; n_factors],
+            factor_scale: vec![vec![1.0; p]; n_factors],
+            shares: DVector::zeros(p * layout.n_shares),
+            group_mean: vec![DVector::zeros(p); design.groups.len()],
+            deviation: vec![DVector::zeros(p); design.specimens.len()],
+            weight: vec![1.0; design.specimens.len()],
+            has_repeats: design.has_repeats(),
+            layout,
+            design,
+            members,
+            options,
+            p,
+            specimen_of,
+            places,
+        }
+    }
+
+    fn sweep(&mut self, rng: &mut ChaCha8Rng) -> Result<()> {
+        self.draw_shares(rng)?;
+        self.draw_deviations(rng)?;
+        self.draw_members(rng);
+        self.draw_factor_variances(rng);
+        if self.has_repeats {
+            self.draw_repeat_precision(rng)?;
+        }
+        if let Some(dof) = self.options.student_dof {
+            self.draw_weights(dof, rng);
+        }
+        self.draw_precisions(rng)
+    }
+
+    fn residual(&self, experiment: usize) -> DVector<f64> {
+        let mean = &self.group_mean[self.design.group_of[experiment]];
+        DVector::from_fn(self.p, |k, _| self.places[experiment].coordinates[k] - mean[k])
+    }
+
+    /// (m, a) given the experiments' parameters, the specimens' deviations integrated out.
+    fn draw_shares(&mut self, rng: &mut ChaCha8Rng) -> Result<()> {
+        let (p, design) = (self.p, self.design);
+        let n = p * self.layout.n_shares;
+        let mut precision = DMatrix::zeros(n, n);
+        let mut information = DVector::zeros(n);
+        for k in 0..p {
+            let of_overall = 1.0 / self.options.overall_sd[k].powi(2);
+            precision[(k, k)] = of_overall;
+            information[k] = of_overall * self.options.overall_mean[k];
+            for (factor, range) in self.layout.factors.iter().enumerate() {
+                for share in range.clone() {
+                    precision[(p * share + k, p * share + k)] = 1.0 / self.factor_variance[factor][k];
+                }
+            }
+        }
+        let layout = &self.layout;
+        let mut add = |groups: [usize; 2], block: &DMatrix<f64>| {
+            for row in &layout.of_group[groups[0]] {
+                for column in &layout.of_group[groups[1]] {
+                    let mut view = precision.view_mut((p * row, p * column), (p, p));
+                    view += block;
+                }
+            }
+        };
+        for (index, specimen) in design.specimens.iter().enumerate() {
+            let own = &self.precision[specimen.stratum] * self.weight[index];
+            let value = |e: usize| DVector::from_column_slice(&self.places[e].coordinates);
+            if !self.has_repeats {
+                let e = specimen.experiments[0];
+                let group = design.group_of[e];
+                add([group, group], &own);
+                let product = &own * value(e);
+                for share in &layout.of_group[group] {
+                    let mut view = information.rows_mut(p * share, p);
+                    view += &product;
+                }
+                continue;
+            }
+            let repeat = &self.repeat_precision;
+            let count = specimen.experiments.len() as f64;
+            let covariance = factor(own + repeat * count)?.inverse();
+            let shared = repeat * covariance * repeat;
+            let sum = specimen.experiments.iter().fold(DVector::zeros(p), |sum, e| sum + value(*e));
+            for &e in &specimen.experiments {
+                let group = design.group_of[e];
+                add([group, group], repeat);
+                for &other in &specimen.experiments {
+                    add([group, design.group_of[other]], &-&shared);
+                }
+                let product = repeat * value(e) - &shared * &sum;
+                for share in &layout.of_group[group] {
+                    let mut view = information.rows_mut(p * share, p);
+                    view += &product;
+                }
+            }
+        }
+        self.shares = normal_of_information(precision, information, rng)?;
+        for (mean, shares) in self.group_mean.iter_mut().zip(&self.layout.of_group) {
+            mean.fill(0.0);
+            for share in shares {
+                *mean += self.shares.rows(p * share, p);
+            }
+        }
+        Ok(())
+    }
+
+    fn draw_deviations(&mut self, rng: &mut ChaCha8Rng) -> Result<()> {
+        for (index, specimen) in self.design.specimens.iter().enumerate() {
+            let sum = specimen.experiments.iter().fold(DVector::zeros(self.p), |sum, e| sum + self.residual(*e));
+            self.deviation[index] = if self.has_repeats {
+                let count = specimen.experiments.len() as f64;
+                let precision = &self.precision[specimen.stratum] * self.weight[index] + &self.repeat_precision * count;
+                normal_of_information(precision, &self.repeat_precision * sum, rng)?
+            } else {
+                sum
+            };
+        }
+        Ok(())
+    }
+
+    fn draw_members(&mut self, rng: &mut ChaCha8Rng) {
+        for e in 0..self.design.n_experiments() {
+            let specimen = self.specimen_of[e];
+            let stratum = self.design.specimens[specimen].stratum;
+            let group_mean = &self.group_mean[self.design.group_of[e]];
+            let (mean, precision) = if self.has_repeats {
+                (group_mean + &self.deviation[specimen], self.repeat_precision.clone())
+            } else {
+                (group_mean.clone(), &self.precision[stratum] * self.weight[specimen])
+            };
+            self.members[e].step(&mut self.places[e], mean.as_slice(), &precision, rng);
+            if !self.has_repeats {
+                self.deviation[specimen] = self.residual(e);
+            }
+        }
+    }
+
+    fn draw_factor_variances(&mut self, rng: &mut ChaCha8Rng) {
+        let nu = HALF_T_DEGREES;
+        let n_keys = self.design.keys.len();
+        for (factor, range) in self.layout.factors.iter().enumerate() {
+            for k in 0..self.p {
+                let squares: f64 = range.clone().map(|share| self.shares[self.p * share + k].powi(2)).sum();
+                let count = range.len() as f64;
+                if factor < n_keys {
+                    let rate = 0.5 * (self.options.level_scale.powi(2) + squares);
+                    self.factor_variance[factor][k] = 1.0 / gamma(0.5 * (1.0 + count), rate, rng);
+                    continue;
+                }
+                let scale = self.factor_scale[factor][k];
+                let variance = 1.0 / gamma(0.5 * (nu + count), nu / scale + 0.5 * squares, rng);
+                self.factor_variance[factor][k] = variance;
+                let rate = nu / variance + self.options.scales[0].powi(-2);
+                self.factor_scale[factor][k] = 1.0 / gamma(0.5 * (nu + 1.0), rate, rng);
+            }
+        }
+    }
+
+    /// W given all repeats, and its scales.
+    fn draw_repeat_precision(&mut self, rng: &mut ChaCha8Rng) -> Result<()> {
+        let mut scatter = Scatter::new(self.p);
+        for e in 0..self.design.n_experiments() {
+            scatter.add(1.0, &(self.residual(e) - &self.deviation[self.specimen_of[e]]));
+        }
+        let scale = self.options.scales[2];
+        self.repeat_precision =
+            draw_covariances(vec![scatter], &mut self.repeat_scale, scale, HALF_T_DEGREES, rng)?.remove(0);
+        Ok(())
+    }
+
+    fn draw_weights(&mut self, dof: f64, rng: &mut ChaCha8Rng) {
+        for (index, specimen) in self.design.specimens.iter().enumerate() {
+            let deviation = &self.deviation[index];
+            let distance = (deviation.transpose() * &self.precision[specimen.stratum] * deviation)[0];
+            self.weight[index] = gamma(0.5 * (dof + self.p as f64), 0.5 * (dof + distance), rng);
+        }
+    }
+
+    /// Σ of every stratum given its specimens, and what the strata share.
+    fn draw_precisions(&mut self, rng: &mut ChaCha8Rng) -> Result<()> {
+        let mut scatters: Vec<Scatter> = (0..self.design.n_strata).map(|_| Scatter::new(self.p)).collect();
+        for (index, specimen) in self.design.specimens.iter().enumerate() {
+            scatters[specimen.stratum].add(self.weight[index], &self.deviation[index]);
+        }
+        let scale = self.options.scales[1];
+        self.precision = draw_covariances(scatters, &mut self.scale, scale, self.likeness, rng)?;
+        self.likeness = draw_likeness(&self.precision, &self.scale, rng);
+        Ok(())
+    }
+
+    fn draw(&self) -> PopulationDraw {
+        let inverse = |matrix: &DMatrix<f64>| -> Vec<f64> {
+            matrix.clone().try_inverse().map_or_else(|| vec![f64::NAN; self.p * self.p], |own| own.as_slice().to_vec())
+        };
+        let specimens = self.design.specimens.iter().zip(&self.deviation);
+        PopulationDraw {
+            group_mean: self.group_mean.iter().flat_map(|mean| mean.iter().copied()).collect(),
+            between_specimens: self.precision.iter().flat_map(inverse).collect(),
+            within_specimens: if self.has_repeats { inverse(&self.repeat_precision) } else { Vec::new() },
+            between_groups_sd: self.factor_variance.iter().flatten().map(|variance| variance.sqrt()).collect(),
+            specimen_mean: specimens
+                .flat_map(|(specimen, deviation)| {
+                    let mean = &self.group_mean[self.design.group_of[specimen.experiments[0]]] + deviation;
+                    mean.iter().copied().collect::<Vec<f64>>()
+                })
+                .collect(),
+            specimen_weight: self.weight.clone(),
+            shares: self.shares.as_slice().to_vec(),
+        }
+    }
+}

@@ -1,0 +1,56 @@
+//! Random numbers and matrices of the Gibbs sampler.
+
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use rand::Rng;
+use rand_distr::{Distribution, Gamma, StandardNormal};
+
+use base::error::{Error, Result};
+
+/// A Cholesky factor, or why there is none.
+pub fn factor(matrix: DMatrix<f64>) -> Result<Cholesky<f64, Dyn>> {
+    Cholesky::new(matrix).ok_or_else(|| {
+        Error::numerical(
+            "a covariance of the hierarchy lost its positive definiteness",
+            "look for an experiment whose parameters are hardly determined, or leave it out (--leave-out)",
+        )
+    })
+}
+
+pub(super) fn normals(n: usize, rng: &mut impl Rng) -> DVector<f64> {
+    DVector::from_fn(n, |_, _| StandardNormal.sample(rng))
+}
+
+/// A draw from the normal whose density is exp(−½ xᵀPx + hᵀx).
+pub(super) fn normal_of_information(
+    precision: DMatrix<f64>,
+    information: DVector<f64>,
+    rng: &mut impl Rng,
+) -> Result<DVector<f64>> {
+    let factor = factor(precision)?;
+    let mean = factor.solve(&information);
+    let mut noise = normals(information.len(), rng);
+    factor.l_dirty().tr_solve_lower_triangular_mut(&mut noise);
+    Ok(mean + noise)
+}
+
+/// A draw from Gamma(shape, rate).
+pub(super) fn gamma(shape: f64, rate: f64, rng: &mut impl Rng) -> f64 {
+    Gamma::new(shape, 1.0 / rate).map_or(f64::NAN, |gamma| gamma.sample(rng))
+}
+
+/// A draw of a precision matrix from the Wishart distribution with the inverse of `scatter` as scale (Bartlett's decomposition): the inverse of
+/// a draw from the inverse-Wishart with that scatter.
+pub(super) fn wishart_of_scatter(degrees: f64, scatter: DMatrix<f64>, rng: &mut impl Rng) -> Result<DMatrix<f64>> {
+    let p = scatter.nrows();
+    let factor = factor(scatter)?;
+    let mut bartlett = DMatrix::zeros(p, p);
+    for row in 0..p {
+        bartlett[(row, row)] = gamma(0.5 * (degrees - row as f64), 0.5, rng).sqrt();
+        for column in 0..row {
+            bartlett[(row, column)] = StandardNormal.sample(rng);
+        }
+    }
+    // scatter = L Lᵀ, so scatter⁻¹ = L⁻ᵀ L⁻¹, and the draw is (L⁻ᵀ B)(L⁻ᵀ B)ᵀ.
+    factor.l_dirty().tr_solve_lower_triangular_mut(&mut bartlett);
+    Ok(&bartlett * bartlett.transpose())
+}

@@ -1,0 +1,328 @@
+//! One experiment on its own: draws of its parameters under an interim prior, kept by the hash of what they came from.
+
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+
+use super::cohort::Measurement;
+use super::hierarchy::{ExperimentDensity, InterimDraws};
+use super::scale::Scale;
+use base::error::Result;
+use base::files::{Content, read_if_there, to_json, write_atomically};
+use models::effects::Library;
+use models::model::{Compliance, Forward};
+use models::surrogate::FieldModels;
+use posterior::full_check::{mean_trajectory, rmse_m};
+use posterior::likelihood::ReducedPosterior;
+use posterior::mechanics::Mechanics;
+use posterior::monitor::Stoppable;
+use posterior::prior::Prior;
+use posterior::problem::Problem;
+use posterior::reduced::Reduced;
+use posterior::sample::{SampleRequest, sample};
+use posterior::study::{Kept, Provenance, WithProvenance};
+use sampling::diagnostics::diagnose;
+use sampling::diagnostics::ranks::BlomScores;
+use sampling::{LogDensity, SamplerOptions};
+
+/// Draws that are kept of each experiment.
+const N_DRAWS: usize = 1_000;
+/// Draws of them whose mean trajectory is compared with the measurement.
+const N_TRAJECTORIES: usize = 32;
+
+/// An experiment joined with its model and the mechanics of its apparatus, without the finite elements.
+pub struct Specimen {
+    /// The experiment as revisions are compared on it: fitted on all cycles but the last held-out one.
+    pub problem: Problem,
+    reduced: Reduced,
+}
+
+/// What is kept of an experiment on its own.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Interim {
+    /// Hash of everything that the draws depend on.
+    pub built_from_sha256: String,
+    /// Sampled parameters, in the order of the coordinates.
+    pub parameters: Vec<String>,
+    /// Draws in the sampler's coordinates, one value a parameter, draw after draw.
+    pub points: Vec<f64>,
+    /// Whether the sampler's demands were met.
+    pub converged: bool,
+    /// Smallest effective number of draws of a parameter, before thinning.
+    pub ess: f64,
+    /// Root mean square misfit of the posterior mean on the fitted cycles, in µm.
+    pub rmse_fitted_um: f64,
+    /// The same on the cycle that was held out; `None` if there is none.
+    pub rmse_heldout_um: Option<f64>,
+    /// Standard deviation of the predicted positions there, root mean square over rows, in µm: what the fit leaves open.
+    pub predictive_sd_heldout_um: Option<f64>,
+    /// The noise that misfits are measured against, in µm, where it is known.
+    pub noise_um: Option<f64>,
+}
+
+impl Specimen {
+    /// Joins a measurement with the compliance of its apparatus.
+    ///
+    /// # Errors
+    /// [`base::Error::Input`] when the model cannot be one of the experiment.
+    pub fn new(measurement: &Measurement, compliance: Compliance) -> Result<Self> {
+        let mechanics = Arc::new(Mechanics::Instrument { compliance_per_m: compliance.given_per_m() });
+        let experiment = measurement.experiment.for_comparison();
+        let problem =
+            Problem::with_mechanics(experiment, measurement.specification.clone(), &Library::default(), mechanics)?;
+        let trained = problem.training_ranges();
+        Ok(Self {
+            problem,
+            reduced: Reduced {
+                surrogate: None,
+                fields: FieldModels::default(),
+                compliance,
+                trained,
+                max_relative_error: None,
+                learnt_error: None,
+            },
+        })
+    }
+
+    /// Its log-posterior under the interim prior.
+    pub fn posterior(&self) -> ReducedPosterior<'_> {
+        self.problem.posterior(&self.reduced)
+    }
+
+    /// The base law's parameters that are sampled: what groups are compared by.
+    pub fn pooled(&self) -> Vec<&'static str> {
+        let law = self.problem.model.base().parameters().iter().map(|spec| spec.name);
+        law.filter(|name| self.problem.priors.get(name).is_some()).collect()
+    }
+
+    /// Their scales in the population.
+    pub fn scales(&self) -> Vec<Scale> {
+        self.pooled_parameters().into_iter().map(|own| own.scale).collect()
+    }
+
+    /// Hash of what the draws depend on.
+    pub fn built_from(&self, inputs_sha256: &str, options: &SamplerOptions) -> String {
+        let Problem { specification, priors, .. } = &self.problem;
+        let compliance = self.reduced.compliance.given_per_m().to_bits();
+        let SamplerOptions { n_walkers, max_steps, seed, .. } = options;
+        let mut hash = Sha256::new();
+        hash.update(env!("CARGO_PKG_VERSION"));
+        hash.update(inputs_sha256);
+        hash.update(format!("{specification:?} {compliance:x} {n_walkers} {max_steps} {seed} {N_DRAWS}"));
+        hash.update(priors.text());
+        hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+    }
+
+    /// Takes the draws that are kept in `folder` if they are of the same input, else samples and keeps them.
+    ///
+    /// # Errors
+    /// [`base::Error::Interrupted`] when stopped; whatever the sampler or the file system refuses.
+    pub fn interim(
+        &self,
+        measurement: &Measurement,
+        options: &SamplerOptions,
+        folder: &Path,
+        stop: Option<&AtomicBool>,
+    ) -> Result<Interim> {
+        let built_from_sha256 = self.built_from(&measurement.inputs_sha256, options);
+        let file = folder.join(file_name(&measurement.name(), &built_from_sha256));
+        if let Some(kept) = self.read_kept(&file, &built_from_sha256) {
+            return Ok(kept);
+        }
+        let interim = self.sample(options, built_from_sha256, stop)?;
+        write_atomically(&file, &to_keep(measurement, options, &interim)?)?;
+        Ok(interim)
+    }
+
+    /// Samples the experiment, and gives the file that [`Specimen::interim`] would keep: its name, and its bytes.
+    ///
+    /// # Errors
+    /// As [`Specimen::interim`].
+    pub fn interim_file(
+        &self,
+        measurement: &Measurement,
+        options: &SamplerOptions,
+        stop: Option<&AtomicBool>,
+    ) -> Result<(String, Vec<u8>)> {
+        let built_from_sha256 = self.built_from(&measurement.inputs_sha256, options);
+        let name = file_name(&measurement.name(), &built_from_sha256);
+        let interim = self.sample(options, built_from_sha256, stop)?;
+        Ok((name, to_keep(measurement, options, &interim)?))
+    }
+
+    /// A kept file that cannot be read, was changed or is of another input is made anew.
+    fn read_kept(&self, file: &Path, built_from_sha256: &str) -> Option<Interim> {
+        let bytes = read_if_there(file, Content::Document)?;
+        let document: WithProvenance<Kept<Interim>> = serde_json::from_slice(&bytes).ok()?;
+        let n = self.problem.priors.priors().len();
+        let is_ours = |kept: &Interim| {
+            kept.built_from_sha256 == built_from_sha256
+                && kept.parameters.iter().map(String::as_str).eq(self.problem.priors.names())
+                && !kept.points.is_empty()
+                && n > 0
+                && kept.points.len().is_multiple_of(n)
+        };
+        document.body.unchanged().filter(is_ours)
+    }
+
+    fn sample(
+        &self,
+        options: &SamplerOptions,
+        built_from_sha256: String,
+        stop: Option<&AtomicBool>,
+    ) -> Result<Interim> {
+        let posterior = self.posterior();
+        let request = SampleRequest { options: options.clone(), kept_surrogate: None, checkpoint: None, resume: false };
+        let outcome = sample(&self.problem, &posterior, &request, &Stoppable(stop))?;
+        let draws = &outcome.draws;
+        let blom = BlomScores::new(draws.len());
+        let of_parameter = |d: usize| diagnose(&draws.column(d), &blom);
+        let diagnostics: Vec<_> = (0..draws.dimension).map(of_parameter).collect();
+        let ess = diagnostics.iter().map(|own| own.ess_bulk.min(own.ess_tail)).fold(f64::INFINITY, f64::min);
+        let points = draws.spread(N_DRAWS);
+        let forward = self.problem.reduced_forward(&self.reduced);
+        let of_point = |point: &Vec<f64>| forward.trajectory_m(&self.model_parameters(&posterior, point));
+        let chosen = points.iter().step_by(points.len().div_ceil(N_TRAJECTORIES).max(1));
+        let trajectories: Vec<Vec<f64>> = chosen.filter_map(|point| of_point(point).ok()).collect();
+        let mean_m = mean_trajectory(&trajectories, None);
+        let misfit_um = |cycles: &[u32]| {
+            let observed = self.problem.positions_of(cycles);
+            (!trajectories.is_empty() && observed.iter().any(Option::is_some)).then(|| {
+                let squares: Vec<f64> =
+                    trajectories.iter().map(|own| rmse_m(own, &about(&mean_m, &observed)).powi(2)).collect();
+                let spread_m = (squares.iter().sum::<f64>() / squares.len() as f64).sqrt();
+                [1e6 * rmse_m(&mean_m, &observed), 1e6 * spread_m]
+            })
+        };
+        let experiment = &self.problem.experiment;
+        Ok(Interim {
+            built_from_sha256,
+            parameters: self.problem.priors.names().map(String::from).collect(),
+            points: points.concat(),
+            converged: outcome.converged,
+            ess,
+            rmse_fitted_um: misfit_um(&experiment.calibration_cycles).map_or(f64::NAN, |[rmse, _]| rmse),
+            rmse_heldout_um: misfit_um(&experiment.heldout_cycles).map(|[rmse, _]| rmse),
+            predictive_sd_heldout_um: misfit_um(&experiment.heldout_cycles).map(|[_, spread]| spread),
+            noise_um: experiment.noise_yardstick().map(|yardstick| 1e6 * yardstick.sd_m),
+        })
+    }
+
+    fn model_parameters(&self, posterior: &ReducedPosterior, point: &[f64]) -> Vec<f64> {
+        posterior.natural(point)[..self.problem.model.parameters().len()].to_vec()
+    }
+
+    /// The draws as the hierarchy takes them.
+    pub fn draws(&self, interim: &Interim) -> InterimDraws {
+        let pooled = self.pooled_parameters();
+        let mut coordinates = Vec::new();
+        let mut log_prior = Vec::new();
+        for point in interim.points.chunks_exact(interim.parameters.len().max(1)) {
+            let mut sum = 0.0;
+            for own in &pooled {
+                let value = own.prior.distribution.from_unconstrained(point[own.place]);
+                let coordinate = own.scale.coordinate(value);
+                coordinates.push(coordinate);
+                sum += own.ln_prior_of_coordinate(coordinate);
+            }
+            log_prior.push(sum);
+        }
+        InterimDraws::new(coordinates, log_prior)
+    }
+
+    fn pooled_parameters(&self) -> Vec<Pooled<'_>> {
+        let priors = self.problem.priors.priors();
+        let of_law = self.problem.model.base().parameters().iter();
+        let pooled = of_law.filter_map(|spec| {
+            let place = priors.iter().position(|prior| prior.name == spec.name)?;
+            Some(Pooled { place, prior: &priors[place], scale: Scale::of(spec.support) })
+        });
+        pooled.collect()
+    }
+}
+
+/// A parameter that the population has, too.
+struct Pooled<'a> {
+    /// Its place among the sampler's coordinates.
+    place: usize,
+    prior: &'a Prior,
+    scale: Scale,
+}
+
+impl Pooled<'_> {
+    /// The interim prior's density of the population's coordinate.
+    fn ln_prior_of_coordinate(&self, coordinate: f64) -> f64 {
+        self.prior.distribution.ln_pdf(self.scale.value(coordinate)) + self.scale.ln_slope(coordinate)
+    }
+}
+
+/// A trajectory where there are positions.
+fn about(mean_m: &[f64], observed_m: &[Option<f64>]) -> Vec<Option<f64>> {
+    mean_m.iter().zip(observed_m).map(|(mean, observed)| observed.map(|_| *mean)).collect()
+}
+
+/// An experiment's likelihood, for the hierarchy to take instead of draws.
+pub struct SpecimenDensity<'a> {
+    posterior: ReducedPosterior<'a>,
+    /// The pooled parameters, then the others, by their place among the sampler's coordinates.
+    pooled: Vec<Pooled<'a>>,
+    others: Vec<usize>,
+    archive: Vec<Vec<f64>>,
+}
+
+impl<'a> SpecimenDensity<'a> {
+    /// With the interim draws as archive.
+    pub fn new(specimen: &'a Specimen, interim: &Interim) -> Self {
+        let n = interim.parameters.len();
+        let pooled = specimen.pooled_parameters();
+        let others: Vec<usize> = (0..n).filter(|own| pooled.iter().all(|pooled| pooled.place != *own)).collect();
+        let of_draw = |draw: &[f64]| -> Vec<f64> {
+            let coordinate =
+                |own: &Pooled| own.scale.coordinate(own.prior.distribution.from_unconstrained(draw[own.place]));
+            pooled.iter().map(coordinate).chain(others.iter().map(|place| draw[*place])).collect()
+        };
+        let archive = interim.points.chunks_exact(n.max(1)).map(of_draw).collect();
+        Self { posterior: specimen.posterior(), pooled, others, archive }
+    }
+}
+
+impl ExperimentDensity for SpecimenDensity<'_> {
+    fn ln_density(&self, point: &[f64]) -> f64 {
+        let mut coordinates = vec![0.0; point.len()];
+        let mut ln_priors = 0.0;
+        for (Pooled { place, prior, scale }, coordinate) in self.pooled.iter().zip(point) {
+            let own = prior.distribution.to_unconstrained(scale.value(*coordinate));
+            // The interim prior may end before the parameter's support does; nothing is known of the likelihood beyond.
+            if !own.is_finite() {
+                return f64::NEG_INFINITY;
+            }
+            coordinates[*place] = own;
+            // Of the coordinate, as the posterior counts it.
+            ln_priors += prior.distribution.ln_pdf_unconstrained(own);
+        }
+        for (place, value) in self.others.iter().zip(&point[self.pooled.len()..]) {
+            coordinates[*place] = *value;
+        }
+        let mut out = [0.0];
+        self.posterior.log_density(&coordinates, &mut out);
+        if out[0] > f64::NEG_INFINITY { out[0] - ln_priors } else { f64::NEG_INFINITY }
+    }
+
+    fn archive(&self) -> &[Vec<f64>] {
+        &self.archive
+    }
+}
+
+fn file_name(name: &str, hash: &str) -> String {
+    let short = &hash[..12.min(hash.len())];
+    format!("{}-{short}.json", posterior::study::safe_file_name(name))
+}
+
+fn to_keep(measurement: &Measurement, options: &SamplerOptions, interim: &Interim) -> Result<Vec<u8>> {
+    let inputs = [(measurement.name(), measurement.inputs_sha256.clone())].into();
+    let provenance = Provenance::new("specimen", 1, options.seed, inputs);
+    to_json(Path::new(&measurement.name()), &WithProvenance { provenance, body: Kept::new(interim) })
+}

@@ -1,0 +1,347 @@
+//! The comparison: every experiment on its own, then the population, then what it says.
+
+use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use super::apparatus::compliances;
+use super::cohort::{self, Key, Measurement};
+use super::contrast::{Contrast, contrasts};
+use super::design::Design;
+use super::hierarchy::{
+    ExperimentDensity, HierarchyOptions, InterimDraws, KEPT, Member, Population, PopulationDraw, sample_population,
+};
+use super::interim::{Interim, Specimen, SpecimenDensity};
+use super::predict::{PredictedGroup, predicted_groups};
+use super::scale::Scale;
+use base::error::{Error, Place, Result};
+use laws::rheology::BaseLaw;
+use models::model::Compliance;
+use nalgebra::DMatrix;
+use posterior::monitor::{Counter, Monitor};
+use sampling::SamplerOptions;
+
+/// Scale of the spread between species, or between regions, in the logarithm or the log-odds: spreads below 0.4, a factor of 1.5, have a probability of 1 %.
+pub const LEVEL_SCALE: f64 = 1.0;
+/// Scales of the half-t priors of the spreads between groups beyond their species and region, between specimens and between repeats, in the
+/// logarithm: factors of 1.35, 1.6 and 1.35; in the log-odds of parameters between two ends: the same factors of the odds.
+pub const SPREAD_SCALES: [f64; 3] = [0.3, 0.5, 0.3];
+/// Degrees of freedom of heavy-tailed specimens.
+pub const HEAVY_TAILED_DOF: f64 = 4.0;
+/// Effective sample size of an experiment's draws below which its likelihood is evaluated directly.
+const FEWEST_EFFECTIVE: f64 = 100.0;
+/// Sweeps of each chain that are dropped, and thereafter until convergence is first judged.
+pub const FIRST_SWEEPS: [usize; 2] = [1_000, 4_000];
+/// Every so many sweeps is kept: neighbours are nearly alike.
+const KEEP_EVERY: usize = 4;
+/// Chains and sweeps of the run by which that is found out.
+const PILOT_CHAINS: usize = 2;
+const PILOT_SWEEPS: [usize; 2] = [300, 300];
+
+/// What a caller decides.
+pub struct GroupsRequest<'a> {
+    /// What groups are formed by.
+    pub keys: &'a [Key],
+    /// Ratios within 1 + margin of 1 are no difference in practice.
+    pub margin: f64,
+    /// Whether specimens scatter by a Student-t, so that an outlying one does not widen its group.
+    pub is_heavy_tailed: bool,
+    /// Settings of the sampler of single experiments.
+    pub sampler: SamplerOptions,
+    /// Chains of the population's sampler.
+    pub n_chains: usize,
+    /// Most sweeps of each; the first judgement comes after [`FIRST_SWEEPS`].
+    pub max_sweeps: usize,
+    /// Takes likelihoods everywhere instead of draws: the exact reference.
+    pub is_exact: bool,
+    /// Where draws of single experiments are kept.
+    pub kept: &'a Path,
+}
+
+impl GroupsRequest<'_> {
+    fn student_dof(&self) -> Option<f64> {
+        self.is_heavy_tailed.then_some(HEAVY_TAILED_DOF)
+    }
+}
+
+/// How an experiment entered the hierarchy.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Entry {
+    /// Effective number of its draws, weighted to the population.
+    pub effective_draws: f64,
+    /// Whether its likelihood took their place.
+    pub is_exact: bool,
+}
+
+/// What the job led to.
+pub struct Comparison {
+    /// Which experiments belong to which specimen and group.
+    pub design: Design,
+    /// The law whose parameters are compared.
+    pub law: BaseLaw,
+    /// Their names.
+    pub parameters: Vec<&'static str>,
+    /// The scale of each in the population.
+    pub scales: Vec<Scale>,
+    /// Every experiment joined with its model.
+    pub specimens: Vec<Specimen>,
+    /// Every experiment on its own.
+    pub interims: Vec<Interim>,
+    /// The same as the hierarchy took it.
+    pub draws: Vec<InterimDraws>,
+    /// How it entered the hierarchy.
+    pub entries: Vec<Entry>,
+    /// The population.
+    pub population: Population,
+    /// Its groups, and those that it predicts.
+    pub groups: Vec<PredictedGroup>,
+    /// Every pair of groups in every parameter.
+    pub contrasts: Vec<Contrast>,
+}
+
+/// Runs the job.
+///
+/// # Errors
+/// [`Error::Input`] where labels are missing or models do not go together, [`Error::Interrupted`] when stopped (experiments that are done are
+/// kept), and whatever the parts refuse.
+pub fn run(measurements: &[Measurement], request: &GroupsRequest, monitor: &dyn Monitor) -> Result<Comparison> {
+    // Labels that are missing are refused before anything is computed.
+    cohort::labels(measurements, request.keys)?;
+    monitor.stage("computing the compliance of every apparatus by finite elements");
+    let compliances = compliances(measurements, monitor)?;
+    run_with(measurements, compliances, request, monitor)
+}
+
+/// The same with the compliance of every apparatus known.
+///
+/// # Errors
+/// As [`run`].
+pub fn run_with(
+    measurements: &[Measurement],
+    compliances: Vec<Compliance>,
+    request: &GroupsRequest,
+    monitor: &dyn Monitor,
+) -> Result<Comparison> {
+    let labels = cohort::labels(measurements, request.keys)?;
+    let design = Design::new(&labels);
+    let pairs = measurements.iter().zip(compliances);
+    let specimens: Vec<Specimen> = pairs
+        .map(|(own, compliance)| Specimen::new(own, compliance).map_err(|error| own.named(error)))
+        .collect::<Result<_>>()?;
+    let (law, parameters) = common_parameters(measurements, &specimens)?;
+    monitor.stage("sampling every experiment on its own");
+    let interims = interims(measurements, &specimens, request, monitor)?;
+    let draws: Vec<InterimDraws> = specimens.iter().zip(&interims).map(|(own, interim)| own.draws(interim)).collect();
+
+    monitor.stage("weighing the draws of single experiments by the population");
+    let scales = specimens.first().map_or_else(Vec::new, Specimen::scales);
+    let main = options(&specimens, &parameters, &scales, request);
+    let [_, n_pilot] = PILOT_SWEEPS;
+    let pilot = HierarchyOptions {
+        n_chains: PILOT_CHAINS,
+        n_sweeps: PILOT_SWEEPS,
+        max_sweeps: n_pilot,
+        keep_every: 1,
+        ..main.clone()
+    };
+    let entries = entries(&design, &draws, &pilot, request, monitor)?;
+    monitor.stage("sampling the population");
+    let densities: Vec<Option<SpecimenDensity>> = entries
+        .iter()
+        .zip(specimens.iter().zip(&interims))
+        .map(|(entry, (own, interim))| entry.is_exact.then(|| SpecimenDensity::new(own, interim)))
+        .collect();
+    let members: Vec<Member> = densities
+        .iter()
+        .zip(&draws)
+        .map(|(density, draws)| match density {
+            Some(density) => Member::Exact(density as &dyn ExperimentDensity),
+            None => Member::Draws(draws),
+        })
+        .collect();
+    let population = sample_population(&design, &members, &main, monitor)?;
+    drop(members);
+    drop(densities);
+    let all: Vec<&PopulationDraw> = population.draws().collect();
+    let groups = predicted_groups(&design, &all, parameters.len(), request.student_dof(), request.sampler.seed);
+    let contrasts = contrasts(&design, &all, &scales);
+    drop(all);
+    Ok(Comparison {
+        design,
+        law,
+        parameters,
+        scales,
+        specimens,
+        interims,
+        draws,
+        entries,
+        population,
+        groups,
+        contrasts,
+    })
+}
+
+/// The law and the parameters that all experiments share.
+fn common_parameters(measurements: &[Measurement], specimens: &[Specimen]) -> Result<(BaseLaw, Vec<&'static str>)> {
+    let of = |own: &Specimen| (own.problem.model.base(), own.pooled());
+    let Some(first) = specimens.first() else {
+        return Err(Error::input(
+            Place::default(),
+            "there is no experiment to compare",
+            "give directories that hold some",
+        ));
+    };
+    let (law, parameters) = of(first);
+    for (own, measurement) in specimens.iter().zip(measurements) {
+        if of(own) != (law, parameters.clone()) {
+            return Err(Error::input(
+                Place::file(&measurement.path),
+                format!(
+                    "its model has other parameters to compare ({}: {}) than that of {} ({}: {})",
+                    own.problem.model.base().name(),
+                    own.pooled().join(", "),
+                    measurements[0].name(),
+                    law.name(),
+                    parameters.join(", ")
+                ),
+                format!(
+                    "give all experiments the same base law (--base) and fix the same parameters (--set), or leave it out (--leave-out {})",
+                    measurement.name()
+                ),
+            ));
+        }
+    }
+    if parameters.is_empty() {
+        return Err(Error::input(
+            Place::option("--set"),
+            "every parameter of the law is fixed, so there is nothing to compare",
+            "leave at least one free",
+        ));
+    }
+    Ok((law, parameters))
+}
+
+/// Each experiment in one thread: there are more of them than cores.
+fn interims(
+    measurements: &[Measurement],
+    specimens: &[Specimen],
+    request: &GroupsRequest,
+    monitor: &dyn Monitor,
+) -> Result<Vec<Interim>> {
+    std::fs::create_dir_all(request.kept)
+        .map_err(|source| Error::at_path("create", request.kept, source, "choose a writable place with `--out`"))?;
+    let options = SamplerOptions { threads: 1, ..request.sampler.clone() };
+    let counter = Counter::new(monitor, specimens.len());
+    let one = |(own, measurement): (&Specimen, &Measurement)| {
+        let interim =
+            own.interim(measurement, &options, request.kept, monitor.stop()).map_err(|error| match error {
+                Error::Interrupted { .. } => Error::Interrupted { kept: KEPT.into() },
+                other => measurement.named(other),
+            })?;
+        counter.add_one();
+        Ok(interim)
+    };
+    over_threads(specimens.len(), |index| one((&specimens[index], &measurements[index])))
+}
+
+/// Runs independent jobs that use thread pools of their own, as many at once as there are threads. In a pool's own threads a job that waits would begin
+/// another on top of itself, hundreds deep.
+fn over_threads<T: Send>(n: usize, job: impl Fn(usize) -> Result<T> + Sync) -> Result<Vec<T>> {
+    let next = AtomicUsize::new(0);
+    let work = || -> Result<Vec<(usize, T)>> {
+        let mut done = Vec::new();
+        loop {
+            let index = next.fetch_add(1, Ordering::Relaxed);
+            if index >= n {
+                return Ok(done);
+            }
+            match job(index) {
+                Ok(result) => done.push((index, result)),
+                Err(error) => {
+                    next.store(n, Ordering::Relaxed);
+                    return Err(error);
+                }
+            }
+        }
+    };
+    let panicked = |_| Error::numerical("a thread ended early", "report the command that was run");
+    let mut all: Vec<(usize, T)> = std::thread::scope(|scope| {
+        let threads: Vec<_> = (0..rayon::current_num_threads()).map(|_| scope.spawn(work)).collect();
+        let lists = threads.into_iter().map(|thread| thread.join().map_err(panicked)?);
+        lists.collect::<Result<Vec<_>>>().map(|lists| lists.into_iter().flatten().collect())
+    })?;
+    all.sort_by_key(|(index, _)| *index);
+    Ok(all.into_iter().map(|(_, result)| result).collect())
+}
+
+/// The prior of the overall mean is that of single experiments, at its widest.
+fn options(specimens: &[Specimen], parameters: &[&str], scales: &[Scale], request: &GroupsRequest) -> HierarchyOptions {
+    let [n_dropped, n_first] = FIRST_SWEEPS;
+    let named = || parameters.iter().zip(scales);
+    let quantile = |own: &Specimen, (name, scale): (&&str, &Scale), probability: f64| {
+        let prior = own.problem.priors.get(name);
+        prior.map_or(f64::NAN, |prior| scale.coordinate(prior.distribution.quantile(probability)))
+    };
+    let mean = |own_parameter: (&&str, &Scale)| {
+        specimens.iter().map(|own| quantile(own, own_parameter, 0.5)).sum::<f64>() / specimens.len() as f64
+    };
+    let sd = |own: &Specimen, parameter: (&&str, &Scale)| {
+        0.5 * (quantile(own, parameter, 0.8413) - quantile(own, parameter, 0.1587))
+    };
+    let widest = |parameter: (&&str, &Scale)| specimens.iter().map(|own| sd(own, parameter)).fold(0.0, f64::max);
+    HierarchyOptions {
+        overall_mean: named().map(mean).collect(),
+        overall_sd: named().map(widest).collect(),
+        level_scale: LEVEL_SCALE,
+        scales: SPREAD_SCALES,
+        student_dof: request.student_dof(),
+        n_chains: request.n_chains,
+        n_sweeps: [n_dropped, n_first.min(request.max_sweeps)],
+        max_sweeps: request.max_sweeps,
+        keep_every: KEEP_EVERY,
+        seed: request.sampler.seed,
+    }
+}
+
+/// Where the draws of an experiment are too few for the place in which the population wants it, its likelihood enters in their stead.
+fn entries(
+    design: &Design,
+    draws: &[InterimDraws],
+    pilot: &HierarchyOptions,
+    request: &GroupsRequest,
+    monitor: &dyn Monitor,
+) -> Result<Vec<Entry>> {
+    let p = pilot.overall_mean.len();
+    let members: Vec<Member> = draws.iter().map(Member::Draws).collect();
+    let population = sample_population(design, &members, pilot, monitor)?;
+    let all: Vec<&PopulationDraw> = population.draws().collect();
+    let average = |of: &dyn Fn(&PopulationDraw) -> f64| all.iter().map(|draw| of(draw)).sum::<f64>() / all.len() as f64;
+    let mut entries = vec![Entry { effective_draws: 0.0, is_exact: false }; draws.len()];
+    for (index, specimen) in design.specimens.iter().enumerate() {
+        let first = design.group_of[specimen.experiments[0]];
+        for &e in &specimen.experiments {
+            let group = design.group_of[e];
+            let mean: Vec<f64> = (0..p)
+                .map(|k| {
+                    average(&|draw| {
+                        let of_group = |group: usize| draw.group_mean[group * p + k];
+                        let of_specimen =
+                            if design.has_repeats() { draw.specimen_mean[index * p + k] } else { of_group(first) };
+                        of_specimen + of_group(group) - of_group(first)
+                    })
+                })
+                .collect();
+            let at = specimen.stratum * p * p;
+            let covariance = DMatrix::from_fn(p, p, |i, j| {
+                average(&|draw| match draw.within_specimens.get(j * p + i) {
+                    Some(value) => *value,
+                    None => draw.between_specimens[at + j * p + i],
+                })
+            });
+            let Some(precision) = covariance.try_inverse() else { continue };
+            let effective_draws = draws[e].effective_number(&mean, &precision);
+            let is_exact = request.is_exact || effective_draws < FEWEST_EFFECTIVE;
+            entries[e] = Entry { effective_draws, is_exact };
+        }
+    }
+    Ok(entries)
+}

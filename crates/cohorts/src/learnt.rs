@@ -1,0 +1,289 @@
+//! What many specimens write together: a law learnt from half of the records, and confirmed on the other half, which had no part in it.
+//!
+//! Every other record is learnt from. A pair's worth is the sum of what it gains in each, every record with a function of its own; its formula is the simplest that predicts
+//! their unseen cycles nearly as well. In each of the other records the last cycle is then predicted from those before it, with that formula and without. Both are predictive densities of the
+//! same data, so that records without the effect give a gain of G nats with a probability of at most e^−G (Markov's inequality for their ratio): no simulations are needed.
+
+use std::path::{Path, PathBuf};
+
+use super::artefacts::{provenance_of, refuse_other};
+use super::cohort::Measurement;
+use super::missing::apparatus::Apparatuses;
+use super::missing::job::{FEWEST_RECORDS, stopped};
+use base::error::{Error, Place, Result};
+use base::files::{remove_if_there, write_atomically, write_json_atomically};
+use criticism::learn::record::{Formula, Record, Told, tried};
+use criticism::learn::{
+    EQUAL_NATS, FILE_NAME, FORMULA_LOSS, FORMULA_LOSS_NATS, LARGEST_P, LEAST_EVIDENCE_NATS, LEAST_FUTURE_NATS,
+    quantity_words,
+};
+use documents::learned::EquivalentPair;
+use documents::learned_cohort::{
+    CohortFormula, CohortPair, ConfirmedOn, LearnedCohort, LearnedCohortKind, LearnedCohortVerdict, LearntFrom,
+};
+use figures::number::significant;
+use posterior::monitor::{Counter, Monitor};
+use posterior::study::{Provenance, RevisionWriter, WithProvenance};
+
+/// Nats that a parameter of a formula beyond the first has to gain in each record.
+const NATS_PER_PARAMETER: f64 = 1.0;
+/// The folder of what was learnt, in the place that the user names.
+const FOLDER: &str = "learned";
+/// The document in it.
+const DOCUMENT: &str = "learned-cohort.json";
+
+/// What was learnt, with the file of its formula.
+pub struct Outcome {
+    /// The document.
+    pub learned: LearnedCohort,
+    /// The effect's file; `None` where nothing was learnt.
+    pub file: Option<String>,
+}
+
+/// Learns from half of the records, and confirms on the other half.
+///
+/// # Errors
+/// [`Error::Input`] for too few records or records of one cycle, [`Error::Interrupted`] when stopped, and whatever reading a record refuses.
+pub fn run(measurements: &[Measurement], is_monotone: bool, monitor: &dyn Monitor) -> Result<Outcome> {
+    if measurements.len() < 2 * FEWEST_RECORDS {
+        return Err(Error::input(
+            Place::default(),
+            format!("{} records have no halves to learn from and to confirm on", measurements.len()),
+            format!("give {} at least, or learn from one", 2 * FEWEST_RECORDS),
+        ));
+    }
+    monitor.stage("preparing the models of every apparatus");
+    let apparatuses = Apparatuses::of(measurements, monitor)?;
+    let (from, on): (Vec<_>, Vec<_>) = measurements.iter().enumerate().partition(|(number, _)| number % 2 == 0);
+    monitor.stage("fitting every quantity as a function of every state to half of the records");
+    let counter = Counter::new(monitor, from.len());
+    let mut records = Vec::new();
+    for (_, own) in from {
+        stopped(monitor)?;
+        let record = apparatuses
+            .subject(own)
+            .and_then(|subject| Record::new(&subject, is_monotone, &posterior::monitor::Silent));
+        records.push((own, record.map_err(|error| own.named(error))?));
+        counter.add_one();
+    }
+    let half = Half::new(records);
+    let Some(leading) = half.leading() else { return Ok(half.nothing()) };
+    monitor.stage("writing it as a formula");
+    let Some((formula, gain_nats)) = half.formula(leading, monitor)? else { return Ok(half.nothing()) };
+    monitor.stage("confirming it on the other half");
+    let counter = Counter::new(monitor, on.len());
+    let mut confirmed_on = Vec::new();
+    for (_, own) in on {
+        stopped(monitor)?;
+        let tried = apparatuses.subject(own).and_then(|subject| tried(&subject, &formula));
+        counter.add_one();
+        // A record whose model cannot have the formula says nothing for it.
+        let Some(tried) = tried.map_err(|error| own.named(error))? else { continue };
+        let [rmse_before_um, rmse_after_um] = tried.rmse_um;
+        let (experiment, values) = (own.name(), tried.values);
+        let last_cycle_gain_nats = tried.last_cycle_gain_nats;
+        confirmed_on.push(ConfirmedOn { experiment, last_cycle_gain_nats, rmse_before_um, rmse_after_um, values });
+    }
+    Ok(half.learned(leading, (formula, gain_nats), confirmed_on))
+}
+
+/// The records that are learnt from.
+struct Half<'a> {
+    records: Vec<(&'a Measurement, Record)>,
+    /// Of every record what it says of every pair.
+    told: Vec<Vec<Told>>,
+    /// Pairs that all records have, best first.
+    pairs: Vec<(&'static str, CohortPair)>,
+}
+
+impl<'a> Half<'a> {
+    fn new(records: Vec<(&'a Measurement, Record)>) -> Self {
+        let told: Vec<Vec<Told>> = records.iter().map(|(_, record)| record.told()).collect();
+        let sum = |first: &Told| {
+            let of = |own: &Vec<Told>| own.iter().find(|own| own.slug == first.slug).cloned();
+            let all: Vec<Told> = told.iter().map(of).collect::<Option<_>>()?;
+            let pair = CohortPair {
+                quantity: first.quantity.into(),
+                state: first.state.into(),
+                evidence_nats: all.iter().map(|own| own.evidence_nats).sum(),
+                heldout_gain_nats: all.iter().map(|own| own.heldout_gain_nats).sum::<Option<f64>>()?,
+            };
+            Some((first.slug, pair))
+        };
+        let mut pairs: Vec<(&'static str, CohortPair)> = told[0].iter().filter_map(sum).collect();
+        pairs.sort_by(|(_, a), (_, b)| b.evidence_nats.total_cmp(&a.evidence_nats));
+        Self { records, told, pairs }
+    }
+
+    /// The place of the leading pair, if it predicts what was not seen.
+    fn leading(&self) -> Option<usize> {
+        let best = self.pairs.first()?.1.evidence_nats;
+        let place = self.pairs.iter().position(|(_, pair)| pair.heldout_gain_nats > LEAST_FUTURE_NATS)?;
+        let own = &self.pairs[place].1;
+        (own.evidence_nats >= LEAST_EVIDENCE_NATS.max(best - EQUAL_NATS)).then_some(place)
+    }
+
+    /// The simplest formula that predicts unseen cycles nearly as well as the functions, or else the one that predicts them best, with what it gains in nats.
+    fn formula(&self, leading: usize, monitor: &dyn Monitor) -> Result<Option<(Formula, f64)>> {
+        let slug = self.pairs[leading].0;
+        let ranges: Option<Vec<_>> = self.records.iter().map(|(_, record)| record.range(slug)).collect();
+        let Some(ranges) = ranges else { return Ok(None) };
+        let state = ranges[0].0;
+        let range = ranges.iter().fold([0.0_f64; 2], |[low, high], (_, own)| [low.min(own[0]), high.max(own[1])]);
+        let formulas = self.records[0].1.formulas(slug, state, range);
+        let mut sums: Vec<Option<f64>> = vec![Some(0.0); formulas.len()];
+        let (mut of_functions, counter) = (0.0, Counter::new(monitor, self.records.len()));
+        for (_, record) in &self.records {
+            stopped(monitor)?;
+            let Some(gain) = record.function_gain_nats(slug) else { return Ok(None) };
+            of_functions += gain;
+            let own = record.gains_nats(&formulas);
+            sums.iter_mut().zip(own).for_each(|(sum, own)| *sum = sum.zip(own).map(|(sum, own)| sum + own));
+            counter.add_one();
+        }
+        let n_records = self.records.len() as f64;
+        let mut scored: Vec<(Formula, f64, f64)> = formulas
+            .into_iter()
+            .zip(sums)
+            .filter_map(|(formula, sum)| {
+                let beyond = formula.written.parameters.len().saturating_sub(1) as f64;
+                Some((formula, sum?, sum? - NATS_PER_PARAMETER * beyond * n_records))
+            })
+            .collect();
+        scored.sort_by(|(_, _, a), (_, _, b)| b.total_cmp(a));
+        let Some(best) = scored.first().map(|(_, _, score)| *score) else { return Ok(None) };
+        let least = (of_functions - FORMULA_LOSS_NATS - FORMULA_LOSS * of_functions.max(0.0)).min(best);
+        let n = |formula: &Formula| formula.written.parameters.len();
+        let good = scored.into_iter().filter(|(_, _, score)| *score >= least);
+        Ok(good.min_by_key(|(formula, _, _)| n(formula)).map(|(formula, sum, _)| (formula, sum)))
+    }
+
+    fn document(&self, sentence: String) -> LearnedCohort {
+        LearnedCohort {
+            verdict: LearnedCohortVerdict { kind: LearnedCohortKind::Nothing, sentence },
+            quantity: String::new(),
+            state: String::new(),
+            equivalent: Vec::new(),
+            evidence_nats: 0.0,
+            heldout_gain_nats: 0.0,
+            formula: None,
+            learnt_from: Vec::new(),
+            confirmed_on: Vec::new(),
+            confirmation_nats: None,
+            largest_p: None,
+            pairs: self.pairs.iter().map(|(_, pair)| pair.clone()).collect(),
+        }
+    }
+
+    fn nothing(&self) -> Outcome {
+        let sentence = format!(
+            "Nothing was learnt from {} records: no quantity that depends on a state predicts their unseen cycles better than the model does.",
+            self.records.len()
+        );
+        Outcome { learned: self.document(sentence), file: None }
+    }
+
+    fn learned(&self, leading: usize, (formula, gain_nats): (Formula, f64), on: Vec<ConfirmedOn>) -> Outcome {
+        let (slug, pair) = &self.pairs[leading];
+        let gain: f64 = on.iter().map(|own| own.last_cycle_gain_nats).sum();
+        let largest_p = (-gain).exp().min(1.0);
+        let kind = if largest_p <= LARGEST_P { LearnedCohortKind::Confirmed } else { LearnedCohortKind::NotConfirmed };
+        let equals = self.pairs.iter().enumerate().filter(|(place, (_, other))| {
+            *place != leading
+                && (&other.quantity, &other.state) != (&pair.quantity, &pair.state)
+                && other.evidence_nats >= pair.evidence_nats - EQUAL_NATS
+        });
+        let equivalent: Vec<EquivalentPair> = equals
+            .map(|(_, (_, own))| EquivalentPair { quantity: own.quantity.clone(), state: own.state.clone() })
+            .collect();
+        let told = self.told.iter().zip(&self.records).filter_map(|(told, (own, _))| {
+            let told = told.iter().find(|told| told.slug == *slug)?;
+            Some(LearntFrom {
+                experiment: own.name(),
+                evidence_nats: told.evidence_nats,
+                heldout_gain_nats: told.heldout_gain_nats.unwrap_or(0.0),
+            })
+        });
+        let n_better = on.iter().filter(|own| own.last_cycle_gain_nats > 0.0).count();
+        let mut sentence = format!(
+            "Learnt from {} records: {} changes with the {} ({} nats on their unseen cycles). As a formula: {} × ({}).",
+            self.records.len(),
+            quantity_words(&pair.quantity),
+            pair.state.replace('_', " "),
+            significant(pair.heldout_gain_nats, 3),
+            pair.quantity,
+            formula.written.text,
+        );
+        sentence += &match kind {
+            LearnedCohortKind::Confirmed => format!(
+                " The other {} records confirm it: {n_better} of them predict their last cycle better with it, together by {} nats; records without it give as much with a probability of at most {largest_p:.1e}.",
+                on.len(),
+                significant(gain, 3)
+            ),
+            _ => format!(
+                " The other {} records do not confirm it: {n_better} of them predict their last cycle better with it, together by {} nats, where {} are asked for.",
+                on.len(),
+                significant(gain, 3),
+                significant(-LARGEST_P.ln(), 2)
+            ),
+        };
+        if !equivalent.is_empty() {
+            let names: Vec<String> =
+                equivalent.iter().map(|own| format!("{} by {}", own.quantity, own.state.replace('_', " "))).collect();
+            sentence += &format!(" These records cannot tell it from {}.", names.join(", "));
+        }
+        let learned = LearnedCohort {
+            verdict: LearnedCohortVerdict { kind, sentence },
+            quantity: pair.quantity.clone(),
+            state: pair.state.clone(),
+            equivalent,
+            evidence_nats: pair.evidence_nats,
+            heldout_gain_nats: pair.heldout_gain_nats,
+            formula: Some(CohortFormula {
+                text: formula.written.text.clone(),
+                parameters: formula.written.parameters.iter().map(|own| own.name.into()).collect(),
+                units: formula.written.parameters.iter().map(|own| own.unit.clone()).collect(),
+                file: FILE_NAME.into(),
+                heldout_gain_nats: gain_nats,
+            }),
+            learnt_from: told.collect(),
+            confirmed_on: on,
+            confirmation_nats: Some(gain),
+            largest_p: Some(largest_p),
+            ..self.document(String::new())
+        };
+        Outcome { learned, file: Some(formula.file) }
+    }
+}
+
+/// The document's head: the hash of every record.
+pub fn provenance(measurements: &[Measurement], seed: u64) -> Provenance {
+    provenance_of("learned-cohort", measurements, seed)
+}
+
+/// Refuses a place that holds what was learnt from other records.
+///
+/// # Errors
+/// [`Error::Input`] unless `force` is set.
+pub fn check_place(out: &Path, provenance: &Provenance, force: bool) -> Result<()> {
+    let words =
+        ("this was learnt from other records", "choose another directory with `--out`, or replace it with `--force`");
+    refuse_other(out.join(FOLDER).join(DOCUMENT), provenance, force, words)
+}
+
+/// Writes the document and the formula's file, whole or not at all. Returns their folder.
+///
+/// # Errors
+/// [`Error::File`] where the file system refuses.
+pub fn write(out: &Path, outcome: &Outcome, provenance: Provenance) -> Result<PathBuf> {
+    let remedy = "choose a writable place with `--out`";
+    std::fs::create_dir_all(out).map_err(|source| Error::at_path("create", out, source, remedy))?;
+    let writer = RevisionWriter::begin(out, FOLDER)?;
+    let dir = writer.path();
+    write_json_atomically(&dir.join(DOCUMENT), &WithProvenance { provenance, body: &outcome.learned })?;
+    match &outcome.file {
+        Some(text) => write_atomically(&dir.join(FILE_NAME), text.as_bytes())?,
+        None => remove_if_there(&dir.join(FILE_NAME))?,
+    }
+    writer.commit()
+}

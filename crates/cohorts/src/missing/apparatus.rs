@@ -1,0 +1,57 @@
+//! The models of every apparatus that serve all effects of the library, each built once: they depend on sizes, not on the record (physics §3.3).
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use crate::apparatus::key;
+use crate::cohort::Measurement;
+use base::error::Result;
+use criticism::{Subject, compliance_of};
+use models::effects::Library;
+use models::model::Compliance;
+use posterior::mechanics::Mechanics;
+use posterior::monitor::{Counter, Monitor, Silent};
+use posterior::problem::Problem;
+
+/// Every apparatus of a cohort.
+pub struct Apparatuses {
+    library: Library,
+    known: BTreeMap<String, (Arc<Mechanics>, Compliance)>,
+}
+
+impl Apparatuses {
+    /// Meshes each and builds its models, one after another: each uses all threads.
+    ///
+    /// # Errors
+    /// What meshing, assembly or the models refuse.
+    pub fn of(measurements: &[Measurement], monitor: &dyn Monitor) -> Result<Self> {
+        let library = Library::default();
+        let mut first: BTreeMap<String, &Measurement> = BTreeMap::new();
+        for own in measurements {
+            first.entry(key(own, &library)).or_insert(own);
+        }
+        let counter = Counter::new(monitor, first.len());
+        let mut known = BTreeMap::new();
+        for (key, own) in first {
+            let built = || -> Result<(Arc<Mechanics>, Compliance)> {
+                let problem = Problem::new(own.experiment.clone(), own.specification.clone(), None, &Silent)?;
+                let compliance = compliance_of(&problem, &library, library.effects(), None, monitor)?;
+                Ok((problem.mechanics.clone(), compliance))
+            };
+            known.insert(key, built().map_err(|error| own.named(error))?);
+            counter.add_one();
+        }
+        Ok(Self { library, known })
+    }
+
+    /// A record, prepared for the fits of its model with every effect.
+    ///
+    /// # Errors
+    /// [`base::Error::Input`] when its model is none of the experiment.
+    pub fn subject(&self, measurement: &Measurement) -> Result<Subject> {
+        let (mechanics, compliance) = &self.known[&key(measurement, &self.library)];
+        let (experiment, specification) = (measurement.experiment.clone(), measurement.specification.clone());
+        let problem = Problem::with_mechanics(experiment, specification, &self.library, mechanics.clone())?;
+        Subject::with_compliance(&problem, &self.library, compliance.clone())
+    }
+}

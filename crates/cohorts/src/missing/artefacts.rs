@@ -1,0 +1,76 @@
+//! The files of a cohort's diagnosis, written whole or not at all.
+
+use std::path::{Path, PathBuf};
+
+use crate::artefacts::{provenance_of, refuse_other};
+use crate::cohort::Measurement;
+use base::error::{Error, Result};
+use base::files::{write_atomically, write_json_atomically};
+use documents::cohort::CohortDiagnosis;
+use figures::cohort::cohort;
+use figures::svg::write_figure;
+use posterior::study::{Provenance, RevisionWriter, WithProvenance};
+
+/// The folder of the diagnosis, in the place that the user names.
+const FOLDER: &str = "diagnosis";
+/// The document in it.
+const DOCUMENT: &str = "cohort-diagnosis.json";
+/// What every record gains by every effect.
+const TABLE: &str = "gains.csv";
+/// The figure.
+const FIGURE: &str = "cohort";
+
+/// The document's head: the hash of every record.
+pub fn provenance(measurements: &[Measurement], seed: u64) -> Provenance {
+    provenance_of("cohort-diagnosis", measurements, seed)
+}
+
+/// Refuses a place that holds a diagnosis of other records.
+///
+/// # Errors
+/// [`Error::Input`] unless `force` is set.
+pub fn check_place(out: &Path, provenance: &Provenance, force: bool) -> Result<()> {
+    let words = (
+        "this is a diagnosis of other records",
+        "choose another directory with `--out`, or replace the diagnosis with `--force`",
+    );
+    refuse_other(out.join(FOLDER).join(DOCUMENT), provenance, force, words)
+}
+
+/// Writes the diagnosis. Returns its folder.
+///
+/// # Errors
+/// [`Error::File`] where the file system refuses, and what figures refuse.
+pub fn write(out: &Path, diagnosis: &CohortDiagnosis, provenance: Provenance) -> Result<PathBuf> {
+    let make = |dir: &Path| {
+        let remedy = "choose a writable place with `--out`";
+        std::fs::create_dir_all(dir).map_err(|source| Error::at_path("create", dir, source, remedy))
+    };
+    make(out)?;
+    let writer = RevisionWriter::begin(out, FOLDER)?;
+    let dir = writer.path();
+    write_json_atomically(&dir.join(DOCUMENT), &WithProvenance { provenance, body: diagnosis })?;
+    write_atomically(&dir.join(TABLE), &gains_csv(diagnosis)?)?;
+    let figures = dir.join("figures");
+    make(&figures)?;
+    write_figure(&figures, FIGURE, &cohort(diagnosis)?)?;
+    writer.commit()
+}
+
+/// A row a record and effect.
+fn gains_csv(diagnosis: &CohortDiagnosis) -> Result<Vec<u8>> {
+    let refused = |error: csv::Error| Error::numerical(format!("a table cannot be written: {error}"), "use the JSON");
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    writer
+        .write_record(["specimen", "experiment", "group", "effect", "gain_nats", "own_gain_nats"])
+        .map_err(refused)?;
+    for own in &diagnosis.specimens {
+        for gain in &own.gains {
+            let numbers = [gain.gain_nats, gain.own_gain_nats].map(|x| x.to_string());
+            let group = own.group.as_deref().unwrap_or("");
+            let row = [&own.id, &own.experiment, group, &gain.effect, &numbers[0], &numbers[1]];
+            writer.write_record(row).map_err(refused)?;
+        }
+    }
+    writer.into_inner().map_err(|error| Error::numerical(format!("a table cannot be written: {error}"), "use the JSON"))
+}

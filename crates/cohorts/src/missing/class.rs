@@ -1,0 +1,126 @@
+//! What a cohort cannot tell from a claim.
+//!
+//! A rival is believed for a moment: cohorts are simulated in which records have it as its own law and each record's own data say, with the noise of a
+//! simulated record. Where the claim leads the rival there as often as in the data, the rival may be the truth (Cox, J. R. Stat. Soc. B 24:406, 1962).
+//!
+//! The lead is asked for twice: under the common laws of sizes, and with a size of its own in every record. Both have to be too large for chance. Two effects whose signatures are the
+//! same are told apart by nothing but which of their sizes is the more alike in all specimens, and of that nobody knows anything beforehand.
+
+use rayon::prelude::*;
+
+use super::judge::Gained;
+use super::scan::{Best, Scan, Weighed};
+use criticism::sketch::{Said, Told};
+use sampling::ensemble::RandomStream;
+
+/// Simulated cohorts a rival.
+const N_COHORTS: usize = 199;
+/// A rival whose lead is seen in fewer of them is told from the claim.
+const LEAST_P: f64 = 0.02;
+/// A rival that gains less than this share of the claim's is not looked at closer: no twin does.
+const LEAST_SHARE: f64 = 0.2;
+const RIVAL_STREAMS: u64 = 0xc1a55;
+
+/// Places in `gained` of the effects that the cohort cannot tell from the one at place `claimed`.
+pub fn class_of(records: &[Said], gained: &[Gained], claimed: usize, seed: u64) -> Vec<usize> {
+    let claim = &gained[claimed];
+    let least = LEAST_SHARE * claim.best.rank_nats();
+    let rivals: Vec<usize> =
+        (0..gained.len()).filter(|k| *k != claimed && gained[*k].best.rank_nats() > least).collect();
+    let is_in_class = |rival: &usize| is_equivalent(records, claim, &gained[*rival], seed).unwrap_or(false);
+    rivals.into_par_iter().filter(is_in_class).collect()
+}
+
+/// Whether the claim leads by as much, under common laws or record by record, in more than a few cohorts in which the rival is the truth.
+fn is_equivalent(records: &[Said], claim: &Gained, rival: &Gained, seed: u64) -> Option<bool> {
+    let (of_claim, of_rival) = (Scan::new(records, claim.effect)?, Scan::new(records, rival.effect)?);
+    let by_itself = |scan: &Scan, cohort: &[&Told]| -> f64 {
+        cohort.iter().enumerate().map(|(k, told)| scan.own_gain(k, told.all())).sum()
+    };
+    let lead_by_itself = |cohort: &[&Told]| by_itself(&of_claim, cohort) - by_itself(&of_rival, cohort);
+    let measured: Vec<&Told> = records.iter().map(|record| &record.told).collect();
+    let leads = [claim.best.rank_nats() - rival.best.rank_nats(), lead_by_itself(&measured)];
+    if leads.iter().any(|lead| *lead <= 0.0) {
+        return Some(true);
+    }
+    let carriers: Vec<Carrier> = (0..records.len()).map(|k| Carrier::of(&records[k], &of_rival, rival, k)).collect();
+    let simulated_leads = |number: usize| {
+        let mut stream = RandomStream::new(seed ^ RIVAL_STREAMS ^ ((rival.effect as u64) << 32), number as u64);
+        let cohort: Vec<Told> =
+            records.iter().zip(&carriers).map(|(record, carrier)| carrier.draw(record, &mut stream)).collect();
+        let cohort: Vec<&Told> = cohort.iter().collect();
+        [rank_nats(&of_claim, &cohort) - rank_nats(&of_rival, &cohort), lead_by_itself(&cohort)]
+    };
+    let simulated: Vec<[f64; 2]> = (0..N_COHORTS).into_par_iter().map(simulated_leads).collect();
+    let is_chance = |which: usize| {
+        let reached = simulated.iter().filter(|own| own[which] >= leads[which]).count();
+        (1 + reached) as f64 / (1 + N_COHORTS) as f64 > LEAST_P
+    };
+    Some(is_chance(0) || is_chance(1))
+}
+
+/// What a cohort gains on fitted and last cycles together, at the shape and the law that suit the fitted ones best.
+fn rank_nats(scan: &Scan, cohort: &[&Told]) -> f64 {
+    let of = |shape| {
+        let weighed: Vec<Weighed> = cohort.iter().enumerate().map(|(k, told)| scan.weighed(k, told, shape)).collect();
+        scan.best(&weighed.iter().collect::<Vec<_>>())
+    };
+    scan.shapes().map(of).reduce(Best::larger).map_or(0.0, |best| best.rank_nats())
+}
+
+/// How a record has the rival: with what probability, at which point of its grid, how much.
+struct Carrier {
+    has: f64,
+    /// Place of the reading, its amplitude in units of its size, and the probability of both.
+    ways: Vec<(usize, f64, f64)>,
+}
+
+impl Carrier {
+    fn of(record: &Said, scan: &Scan, rival: &Gained, place: usize) -> Self {
+        let asked = scan.asked(place);
+        let points: Vec<usize> = match rival.shape {
+            Some(point) => vec![point],
+            None => (0..asked.readings.len()).collect(),
+        };
+        let (mut ways, mut odds) = (Vec::new(), 0.0);
+        for point in points.iter().copied().filter(|point| *point < asked.readings.len()) {
+            let nodes = scan.nodes(place, &record.told.fitted, Some(point));
+            let (has, sizes) = scan.laws.of_specimen(&nodes, rival.best.place);
+            let ratio = scan.laws.ratios(&nodes)[rival.best.place.0] / points.len() as f64;
+            odds += ratio;
+            let reading = asked.readings.start + point;
+            let way = |(size, weight): (f64, f64)| {
+                let amplitude = size.signum() * (size.abs() / asked.unit).powf(asked.power);
+                (reading, amplitude, weight * ratio)
+            };
+            if has > 0.0 {
+                ways.extend(sizes.into_iter().map(way));
+            }
+        }
+        let share = rival.law.share;
+        let has = share * odds / (1.0 - share + share * odds);
+        Self { has: if has.is_finite() { has } else { 0.0 }, ways }
+    }
+
+    /// What a simulated record says, with the rival or without.
+    fn draw(&self, record: &Said, stream: &mut RandomStream) -> Told {
+        let mut told = record.simulated[stream.below(record.simulated.len())].clone();
+        let (whether, which) = (stream.unit(), stream.unit());
+        let whole: f64 = self.ways.iter().map(|(.., weight)| weight).sum();
+        if whether >= self.has || whole <= 0.0 {
+            return told;
+        }
+        let mut left = which * whole;
+        let is_it = |(.., weight): &&(usize, f64, f64)| {
+            left -= weight;
+            left <= 0.0
+        };
+        if let Some((reading, amplitude, _)) = self.ways.iter().find(is_it).or(self.ways.last()) {
+            for (readings, cosines) in told.sets_mut().zip(&record.cosines) {
+                let shift = amplitude * readings[*reading].norm;
+                readings.iter_mut().enumerate().for_each(|(other, own)| own.z += shift * cosines[(*reading, other)]);
+            }
+        }
+        told
+    }
+}

@@ -1,0 +1,211 @@
+//! The sizes of an effect in groups of records, and how they differ.
+//!
+//! Every law of the grid has a posterior probability: its likelihood, with medians, spreads, sides and shares as likely as each other before. Groups have medians and shares
+//! of their own and scatter alike (one spread, one side for all). What is compared is the mean size over all specimens of a group, those without the effect
+//! counted as 0: it needs no decision who has the effect.
+
+use super::law::{FINE, Laws, Nodes, Ratios, Sides};
+use crate::contrast::{SURE, SURE_OF_SIGNS};
+use documents::groups::RatioVerdict;
+
+/// Cells of ln size in which means are compared.
+const CELL: f64 = 0.02;
+
+/// A quantity's 5 %, 50 % and 95 % quantiles.
+pub type Quantiles = [f64; 3];
+
+/// What the records of a group say of the sizes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Sizes {
+    /// Median size of those that have the effect.
+    pub median: Quantiles,
+    /// Standard deviation of ln size between them.
+    pub log_sd: Quantiles,
+    /// Share of those that have it.
+    pub share: Quantiles,
+    /// Mean over all, those without counted as 0.
+    pub mean: Quantiles,
+    /// Probabilities that sizes lie above the null, below it, or on either side.
+    pub sides: [f64; 3],
+    /// What the group gains (nats) by the law that suits it best.
+    pub gain_nats: f64,
+}
+
+/// Two groups' mean sizes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Ratio {
+    /// Of the first over the second.
+    pub ratio: Quantiles,
+    /// Probabilities that the first is greater, greater by more than the margin, and smaller by more than the margin.
+    pub probabilities: [f64; 3],
+}
+
+impl Ratio {
+    /// What can be said in view of the margin.
+    pub fn verdict(&self) -> RatioVerdict {
+        let [_, beyond, below] = self.probabilities;
+        if beyond >= SURE {
+            RatioVerdict::Greater
+        } else if below >= SURE {
+            RatioVerdict::Less
+        } else if beyond + below <= 1.0 - SURE {
+            RatioVerdict::Equivalent
+        } else {
+            RatioVerdict::Undecided
+        }
+    }
+
+    /// Whether a difference is stated: its sign, or that it exceeds the margin.
+    pub fn is_declared(&self) -> bool {
+        let [greater, ..] = self.probabilities;
+        greater.max(1.0 - greater) >= SURE_OF_SIGNS
+            || matches!(self.verdict(), RatioVerdict::Greater | RatioVerdict::Less)
+    }
+}
+
+/// Groups of records, compared in one effect.
+pub struct Compared {
+    /// Every group, in the order that was given.
+    pub groups: Vec<Sizes>,
+    /// Every pair of groups, the first before the second, with their places.
+    pub ratios: Vec<([usize; 2], Ratio)>,
+}
+
+/// The grid for what is said of a claim, by what the records say of its size.
+pub fn fine_laws(likelihoods: &[super::likelihood::Likelihood]) -> Option<Laws> {
+    Laws::new(likelihoods, FINE)
+}
+
+/// Posterior weights of every law for the records of a group, over the largest, and what that one gains.
+fn weights(laws: &Laws, nodes: &[&Nodes]) -> (Vec<f64>, f64) {
+    let ratios: Vec<Ratios> = nodes.iter().map(|nodes| laws.ratios(nodes)).collect();
+    let lns = laws.ln_likelihoods(&ratios.iter().collect::<Vec<_>>());
+    let largest = lns.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    (lns.into_iter().map(|ln| (ln - largest).exp()).collect(), largest.max(0.0))
+}
+
+/// What a group's records say, by themselves.
+pub fn sizes(laws: &Laws, nodes: &[&Nodes]) -> Sizes {
+    let (weights, gain_nats) = weights(laws, nodes);
+    summarised(laws, &weights, gain_nats)
+}
+
+fn summarised(laws: &Laws, weights: &[f64], gain_nats: f64) -> Sizes {
+    let all: Vec<super::law::Law> = laws.all().collect();
+    let quantiles = |of: &dyn Fn(&super::law::Law) -> f64| {
+        let mut values: Vec<(f64, f64)> = all.iter().zip(weights).map(|(law, weight)| (of(law), *weight)).collect();
+        values.sort_by(|a, b| a.0.total_cmp(&b.0));
+        weighted_quantiles(&values)
+    };
+    let whole: f64 = weights.iter().sum();
+    let of_side = |side: Sides| -> f64 {
+        all.iter().zip(weights).filter(|(law, _)| law.sides == side).map(|(_, weight)| weight).sum::<f64>() / whole
+    };
+    Sizes {
+        median: quantiles(&|law| law.ln_median).map(f64::exp),
+        log_sd: quantiles(&|law| law.log_sd),
+        share: quantiles(&|law| law.share),
+        mean: quantiles(&|law| law.mean_size()),
+        sides: [Sides::Above, Sides::Below, Sides::Either].map(of_side),
+        gain_nats,
+    }
+}
+
+/// 5 %, 50 % and 95 % of weighted values, which stand in ascending order.
+fn weighted_quantiles(values: &[(f64, f64)]) -> Quantiles {
+    let whole: f64 = values.iter().map(|(_, weight)| weight).sum();
+    [0.05, 0.5, 0.95].map(|probability| {
+        let mut below = 0.0;
+        let at = values.iter().find(|(_, weight)| {
+            below += weight;
+            below >= probability * whole
+        });
+        at.or(values.last()).map_or(f64::NAN, |(value, _)| *value)
+    })
+}
+
+/// Compares groups of records, each given by what its records say of every size.
+pub fn compared(laws: &Laws, groups: &[Vec<&Nodes>], margin: f64) -> Compared {
+    let of: Vec<(Vec<f64>, f64)> = groups.iter().map(|nodes| weights(laws, nodes)).collect();
+    let all: Vec<super::law::Law> = laws.all().collect();
+    // Laws of one side and spread: what groups share.
+    let mut blocks: Vec<((Sides, f64), Vec<usize>)> = Vec::new();
+    for (place, law) in all.iter().enumerate() {
+        let key = (law.sides, law.log_sd);
+        match blocks.iter_mut().find(|(own, _)| *own == key) {
+            Some((_, places)) => places.push(place),
+            None => blocks.push((key, vec![place])),
+        }
+    }
+    let evidence = |group: usize, places: &[usize]| places.iter().map(|place| of[group].0[*place]).sum::<f64>();
+    let mut together: Vec<f64> =
+        blocks.iter().map(|(_, places)| (0..groups.len()).map(|group| evidence(group, places)).product()).collect();
+    // Groups that have nothing in common, to the last digit: none rules another's laws out.
+    if together.iter().all(|weight| *weight <= 0.0) {
+        together.fill(1.0);
+    }
+    // A group's laws, with the spread and side that all groups together have.
+    let shared = |group: usize| -> Vec<f64> {
+        let mut weights = vec![0.0; all.len()];
+        for ((_, places), together) in blocks.iter().zip(&together) {
+            let own = evidence(group, places);
+            if own > 0.0 {
+                places.iter().for_each(|place| weights[*place] = together * of[group].0[*place] / own);
+            }
+        }
+        weights
+    };
+    let sizes = |group: usize| summarised(laws, &shared(group), of[group].1);
+    let (low, high) = all
+        .iter()
+        .map(|law| law.mean_size().ln())
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |ends, x| (ends.0.min(x), ends.1.max(x)));
+    let n_cells = ((high - low) / CELL).ceil() as usize + 1;
+    let cell = |law: &super::law::Law| (((law.mean_size().ln() - low) / CELL).round() as usize).min(n_cells - 1);
+    let histogram = |group: usize, places: &[usize]| -> Vec<f64> {
+        let mut cells = vec![0.0; n_cells];
+        places.iter().for_each(|place| cells[cell(&all[*place])] += of[group].0[*place]);
+        cells
+    };
+    let ratio = |a: usize, b: usize| -> Ratio {
+        let mut differences = vec![0.0; 2 * n_cells - 1];
+        for ((_, places), together) in blocks.iter().zip(&together) {
+            let both = evidence(a, places) * evidence(b, places);
+            if *together <= 0.0 || both <= 0.0 {
+                continue;
+            }
+            let (own, other) = (histogram(a, places), histogram(b, places));
+            for (i, x) in own.iter().enumerate().filter(|(_, x)| **x > 0.0) {
+                for (j, y) in other.iter().enumerate() {
+                    differences[n_cells - 1 + i - j] += together / both * x * y;
+                }
+            }
+        }
+        let at = |place: usize| CELL * (place as f64 - (n_cells - 1) as f64);
+        let values: Vec<(f64, f64)> = differences.iter().enumerate().map(|(k, weight)| (at(k), *weight)).collect();
+        let whole: f64 = differences.iter().sum();
+        // The cell in the middle is on neither side.
+        let above = |bar: f64| -> f64 {
+            let weight = |(x, weight): &(f64, f64)| {
+                if (x - bar).abs() < 0.5 * CELL {
+                    0.5 * weight
+                } else if *x > bar {
+                    *weight
+                } else {
+                    0.0
+                }
+            };
+            values.iter().map(weight).sum::<f64>() / whole
+        };
+        let bar = (1.0 + margin).ln();
+        Ratio {
+            ratio: weighted_quantiles(&values).map(f64::exp),
+            probabilities: [above(0.0), above(bar), 1.0 - above(-bar)],
+        }
+    };
+    let pairs = (0..groups.len()).flat_map(|a| (a + 1..groups.len()).map(move |b| [a, b]));
+    Compared {
+        groups: (0..groups.len()).map(sizes).collect(),
+        ratios: pairs.map(|[a, b]| ([a, b], ratio(a, b))).collect(),
+    }
+}

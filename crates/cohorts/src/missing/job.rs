@@ -1,0 +1,490 @@
+//! The diagnosis of a cohort: every record read, the search, what stands beside its claim, its sizes in groups.
+
+use rayon::prelude::*;
+
+use super::apparatus::Apparatuses;
+use super::class::class_of;
+use super::compare::{Compared, Sizes, compared, fine_laws, sizes};
+use super::judge::{Gained, Judged, N_COHORTS, judge};
+use super::law::{Laws, Nodes, Ratios, Sides};
+use super::likelihood::Likelihood;
+use super::refit::{Predicted, Sized, law_of, predicted, sized};
+use super::scan::Scan;
+use super::wording;
+use crate::cohort::{self, Key, Measurement};
+use crate::design::Labels;
+use base::error::{Error, Place, Result};
+use criticism::Subject;
+use criticism::sketch::{Based, Reading, Said, sketch, whole};
+use documents::cohort::{
+    CohortContrast, CohortDiagnosis, CohortEffect, CohortErrors, CohortGain, CohortGroup, CohortLaw, CohortSimulations,
+    CohortSizes, CohortSpecimen, CohortVerdict, SidesName,
+};
+use documents::diagnosis::{Status, VerdictKind};
+use posterior::monitor::{Counter, Monitor};
+
+/// What a caller decides.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CohortRequest {
+    /// What groups are formed by; none where it is empty.
+    pub keys: Vec<Key>,
+    /// Ratios within 1 + margin of 1 are no difference in practice.
+    pub margin: f64,
+    /// Simulated records of each record.
+    pub n_simulations: usize,
+    /// Seed of all random numbers.
+    pub seed: u64,
+}
+
+/// Largest p over the whole search of a claim.
+const LARGEST_P: f64 = 0.01;
+/// Least gain (nats) of a claim on the cycles that no fit has seen, over all records.
+const LEAST_HELDOUT_NATS: f64 = 2.0;
+/// p of what is called suggestive.
+const SUGGESTIVE_P: f64 = 0.05;
+/// Streams of simulated records lie so far apart.
+const RECORD_STREAMS: u64 = 0x5eed_c040;
+const STREAM_OF_RECORD: u32 = 24;
+/// Records of a cohort.
+pub const FEWEST_RECORDS: usize = 2;
+const KEPT: &str = "nothing was written; models of apparatus that were built are kept";
+
+/// Diagnoses a cohort.
+///
+/// # Errors
+/// [`Error::Input`] for fewer than two records or where labels are missing, [`Error::Interrupted`] when stopped, and whatever reading a record refuses.
+pub fn run(measurements: &[Measurement], request: &CohortRequest, monitor: &dyn Monitor) -> Result<CohortDiagnosis> {
+    if measurements.len() < FEWEST_RECORDS {
+        return Err(Error::input(
+            Place::default(),
+            format!("{} record is no cohort", measurements.len()),
+            "give several experiments or studies, or a directory that holds some",
+        ));
+    }
+    // Labels that are missing are refused before anything is computed.
+    let labels = cohort::labels(measurements, &request.keys)?;
+    monitor.stage("preparing the models of every apparatus");
+    let apparatuses = Apparatuses::of(measurements, monitor)?;
+    monitor.stage("reading what every record says of every effect");
+    let (said, based) = read(measurements, &apparatuses, request, monitor)?;
+    monitor.stage("simulating cohorts where nothing is missing");
+    let judged = judge(&said, request.seed, monitor);
+    let mut found =
+        Found { measurements, labels: &labels, request, said: &said, based: &based, judged: &judged, claim: None };
+    if let Some(claimed) = found.claimed() {
+        stopped(monitor)?;
+        monitor.stage("comparing the claim with its rivals");
+        let class = class_of(&said, &judged.effects, claimed, request.seed);
+        monitor.stage("fitting what is claimed to every record");
+        found.claim = Some(Claim::new(&found, &apparatuses, (claimed, class), monitor)?);
+    }
+    Ok(found.document())
+}
+
+/// # Errors
+/// [`Error::Interrupted`] when stopped.
+pub fn stopped(monitor: &dyn Monitor) -> Result<()> {
+    match monitor.stop() {
+        Some(stop) if stop.load(std::sync::atomic::Ordering::Relaxed) => Err(Error::Interrupted { kept: KEPT.into() }),
+        _ => Ok(()),
+    }
+}
+
+/// What each record says, one after another: a record is let go when it has been read, and its simulations use all threads.
+fn read(
+    measurements: &[Measurement],
+    apparatuses: &Apparatuses,
+    request: &CohortRequest,
+    monitor: &dyn Monitor,
+) -> Result<(Vec<Said>, Vec<Based>)> {
+    let counter = Counter::new(monitor, measurements.len());
+    let of = |(number, own): (usize, &Measurement)| {
+        stopped(monitor)?;
+        let seed = request.seed ^ RECORD_STREAMS ^ ((number as u64) << STREAM_OF_RECORD);
+        let read = apparatuses.subject(own).and_then(|subject| sketch(&subject, request.n_simulations, seed));
+        counter.add_one();
+        read.map_err(|error| own.named(error))
+    };
+    let read: Vec<(Said, Based)> = measurements.iter().enumerate().map(of).collect::<Result<_>>()?;
+    Ok(read.into_iter().unzip())
+}
+
+/// Everything that was found.
+struct Found<'a> {
+    measurements: &'a [Measurement],
+    labels: &'a [Labels],
+    request: &'a CohortRequest,
+    said: &'a [Said],
+    based: &'a [Based],
+    judged: &'a Judged,
+    claim: Option<Claim>,
+}
+
+/// What is claimed, in every record.
+struct Claim {
+    /// Place among the judged effects.
+    claimed: usize,
+    /// Places of those that the cohort cannot tell from it.
+    class: Vec<usize>,
+    /// What each record gives when the effect has the size that the cohort predicts for it; `None` where no size could be fitted.
+    predicted: Vec<Predicted>,
+    /// Sizes over all records.
+    all: Sizes,
+    /// Sizes in groups, where there are several.
+    compared: Option<Compared>,
+}
+
+impl Claim {
+    fn new(
+        found: &Found,
+        apparatuses: &Apparatuses,
+        (claimed, class): (usize, Vec<usize>),
+        monitor: &dyn Monitor,
+    ) -> Result<Self> {
+        let (said, based) = (found.said, found.based);
+        let gained = &found.judged.effects[claimed];
+        let counter = Counter::new(monitor, 3 * said.len());
+        let subject = |number: usize| -> Result<Subject> {
+            stopped(monitor)?;
+            counter.add_one();
+            let subject = apparatuses.subject(&found.measurements[number])?;
+            let rows = &based[number].outlier_rows;
+            Ok(if rows.is_empty() { subject } else { subject.without_rows(rows) })
+        };
+        // Of the last cycle nothing is known yet when it is predicted; sizes are what all cycles say.
+        let fitted = Fits::new(found, gained, &subject, |said| &said.told.fitted)?;
+        let (_, place) = fitted.laws.best(&fitted.ratios().iter().collect::<Vec<_>>());
+        let predict = |number: usize| -> Result<Predicted> {
+            let of = (&said[number].effects[gained.effect], &fitted.sized[number]);
+            let at = (&fitted.laws, &fitted.nodes[number], place);
+            let predicted = predicted(&subject(number)?, &based[number], of, at);
+            predicted.map_err(|error| found.measurements[number].named(error))
+        };
+        let predicted = (0..said.len()).into_par_iter().map(predict).collect::<Result<_>>()?;
+        let all = Fits::new(found, gained, &|number| whole(&subject(number)?), |said| &said.whole)?;
+        let groups = found.groups();
+        let of_group = |(_, members): &(String, Vec<usize>)| members.iter().map(|number| &all.nodes[*number]).collect();
+        let each_group: Vec<Vec<&Nodes>> = groups.iter().map(of_group).collect();
+        let compared = (groups.len() > 1).then(|| compared(&all.laws, &each_group, found.request.margin));
+        let all = sizes(&all.laws, &all.nodes.iter().collect::<Vec<_>>());
+        Ok(Self { claimed, class, predicted, all, compared })
+    }
+}
+
+/// What some cycles of every record say of the size of what is claimed.
+struct Fits {
+    sized: Vec<Sized>,
+    laws: Laws,
+    nodes: Vec<Nodes>,
+}
+
+impl Fits {
+    /// Of the cycles that `subject` has among the fitted ones and `readings` are of.
+    fn new(
+        found: &Found,
+        gained: &Gained,
+        subject: &(dyn Fn(usize) -> Result<Subject> + Sync),
+        readings: fn(&Said) -> &Vec<Reading>,
+    ) -> Result<Self> {
+        let (said, based) = (found.said, found.based);
+        let scan = Scan::new(said, gained.effect).ok_or_else(|| nothing_shows(found, gained))?;
+        let asked = |number: usize| &said[number].effects[gained.effect];
+        let fit = |number: usize| -> Result<Sized> {
+            let sized = sized(&subject(number)?, &based[number], asked(number));
+            sized.map_err(|error| found.measurements[number].named(error))
+        };
+        let sized: Vec<Sized> = (0..said.len()).into_par_iter().map(fit).collect::<Result<_>>()?;
+        // Points of the grid that stand for what a record says by first order: those of the shape that was found.
+        let points = |number: usize| -> Vec<Likelihood> {
+            let n = asked(number).readings.len();
+            let points = gained.shape.map_or(0..n, |point| point..(point + 1).min(n));
+            points.map(|point| scan.likelihood(number, readings(&said[number]), point)).collect()
+        };
+        let told = |number: usize| sized[number].likelihood.map_or_else(|| points(number), |own| vec![own]);
+        let each: Vec<Vec<Likelihood>> = (0..said.len()).map(told).collect();
+        let laws = fine_laws(&each.concat()).ok_or_else(|| nothing_shows(found, gained))?;
+        let nodes = each.iter().map(|own| nodes_of(&laws, own)).collect();
+        Ok(Self { sized, laws, nodes })
+    }
+
+    fn ratios(&self) -> Vec<Ratios> {
+        self.nodes.iter().map(|nodes| self.laws.ratios(nodes)).collect()
+    }
+}
+
+fn nothing_shows(found: &Found, gained: &Gained) -> Error {
+    let slug = found.slug(gained);
+    Error::numerical(format!("no record shows {slug} when it is fitted"), "diagnose the records one by one")
+}
+
+/// What a record says of every size; where it says nothing, no size is likelier than none.
+fn nodes_of(laws: &Laws, likelihoods: &[Likelihood]) -> Nodes {
+    let of: Vec<Nodes> = likelihoods.iter().map(|own| laws.nodes(own)).collect();
+    if of.is_empty() {
+        let blind = Likelihood { height: 0.0, z: 0.0, norm: 0.0, unit: 1.0, power: 1.0, reach: [f64::INFINITY; 2] };
+        return laws.nodes(&blind);
+    }
+    super::law::averaged(&of)
+}
+
+impl Found<'_> {
+    fn slug(&self, gained: &Gained) -> &'static str {
+        self.said[0].effects[gained.effect].slug
+    }
+
+    fn parameter(&self, effect: usize) -> &'static str {
+        let names = self.said.iter().map(|said| said.effects[effect].parameter);
+        names.into_iter().find(|name| !name.is_empty()).unwrap_or("")
+    }
+
+    /// Place of the effect that ranks first, by what it gains on fitted and held-out cycles.
+    fn leading(&self) -> Option<usize> {
+        let rank = |k: usize| self.judged.effects[k].best.rank_nats();
+        let effects = &self.judged.effects;
+        let of = |best: usize, other: usize| if rank(other) > rank(best) { other } else { best };
+        (0..effects.len()).filter(|k| effects[*k].best.gain_nats > 0.0).reduce(of)
+    }
+
+    /// The leading effect, if it passes the bars.
+    fn claimed(&self) -> Option<usize> {
+        self.leading().filter(|k| {
+            let gained = &self.judged.effects[*k];
+            gained.p_familywise <= LARGEST_P && gained.best.heldout_nats.is_some_and(|gain| gain > LEAST_HELDOUT_NATS)
+        })
+    }
+
+    /// Groups in the order of their names, with the places of their records; none without keys.
+    fn groups(&self) -> Vec<(String, Vec<usize>)> {
+        let mut groups: Vec<(String, Vec<usize>)> = Vec::new();
+        if self.request.keys.is_empty() {
+            return groups;
+        }
+        for (number, labels) in self.labels.iter().enumerate() {
+            let name = labels.levels.join(", ");
+            match groups.iter_mut().find(|(own, _)| *own == name) {
+                Some((_, members)) => members.push(number),
+                None => groups.push((name, vec![number])),
+            }
+        }
+        groups.sort();
+        groups
+    }
+
+    fn status(&self, place: usize) -> Status {
+        let gained = &self.judged.effects[place];
+        match &self.claim {
+            Some(claim) if claim.claimed == place => Status::Claimed,
+            Some(claim) if claim.class.contains(&place) => Status::Equivalent,
+            None if gained.p_familywise <= SUGGESTIVE_P => Status::Suggestive,
+            _ => Status::Unsupported,
+        }
+    }
+
+    fn effect(&self, effect: usize) -> CohortEffect {
+        let place = self.judged.effects.iter().position(|gained| gained.effect == effect);
+        let gained = place.map(|place| &self.judged.effects[place]);
+        let asked = |said: &Said| said.effects[effect].clone();
+        let can = self.said.iter().filter(|said| asked(said).refused.is_none()).count();
+        let law = gained.filter(|gained| gained.best.gain_nats > 0.0).map(|gained| CohortSizes {
+            median: gained.law.ln_median.exp(),
+            between_specimen_log_sd: gained.law.log_sd,
+            share: gained.law.share,
+            sides: side_name(gained.law.sides),
+        });
+        let refused = (can == 0).then(|| self.said.iter().find_map(|said| asked(said).refused)).flatten();
+        CohortEffect {
+            effect: self.said[0].effects[effect].slug.into(),
+            parameter: Some(self.parameter(effect)).filter(|name| !name.is_empty()).map(String::from),
+            status: place.map_or(Status::Invisible, |place| self.status(place)),
+            gain_nats: gained.map_or(0.0, |gained| gained.best.gain_nats),
+            p_familywise: gained.map_or(1.0, |gained| gained.p_familywise),
+            heldout_gain_nats: gained.and_then(|gained| gained.best.heldout_nats),
+            law,
+            records: can,
+            refused,
+        }
+    }
+
+    fn specimen(&self, number: usize) -> CohortSpecimen {
+        let (own, based) = (&self.measurements[number], &self.based[number]);
+        let gain = |gained: &Gained| CohortGain {
+            effect: self.slug(gained).into(),
+            gain_nats: gained.of_records[number],
+            own_gain_nats: gained.by_itself[number],
+        };
+        let predicted = self.claim.as_ref().map(|claim| &claim.predicted[number]);
+        let group = (!self.request.keys.is_empty()).then(|| self.labels[number].levels.join(", "));
+        CohortSpecimen {
+            id: own.experiment.specimen_id.clone(),
+            experiment: own.name(),
+            group,
+            gains: self.judged.effects.iter().map(gain).collect(),
+            probability: predicted.map(|predicted| predicted.has),
+            value: predicted.map(|predicted| predicted.value),
+            leaves_too_much: based.leaves_too_much,
+            outliers: based.outlier_rows.len(),
+        }
+    }
+
+    fn group(&self, claim: &Claim, (name, members): (&str, usize), sizes: &Sizes) -> CohortGroup {
+        let gained = &self.judged.effects[claim.claimed];
+        let [q05, median, q95] = sizes.median;
+        let [share_q05, share, share_q95] = sizes.share;
+        let likeliest = (0..3).fold(0, |best, k| if sizes.sides[k] > sizes.sides[best] { k } else { best });
+        CohortGroup {
+            name: name.into(),
+            records: members,
+            effect: self.slug(gained).into(),
+            parameter: self.parameter(gained.effect).into(),
+            median,
+            q05,
+            q95,
+            between_specimen_log_sd: sizes.log_sd[1],
+            share,
+            share_q05,
+            share_q95,
+            mean: sizes.mean,
+            sides: side_name([Sides::Above, Sides::Below, Sides::Either][likeliest]),
+            gain_nats: sizes.gain_nats,
+        }
+    }
+
+    fn contrasts(&self, claim: &Claim, compared: &Compared, groups: &[CohortGroup]) -> Vec<CohortContrast> {
+        let gained = &self.judged.effects[claim.claimed];
+        let of = |([a, b], ratio): &([usize; 2], super::compare::Ratio)| {
+            let [q05, ratio_median, q95] = ratio.ratio;
+            let [greater, beyond, below] = ratio.probabilities;
+            let mut contrast = CohortContrast {
+                effect: self.slug(gained).into(),
+                parameter: self.parameter(gained.effect).into(),
+                a: groups[*a].name.clone(),
+                b: groups[*b].name.clone(),
+                ratio_median,
+                q05,
+                q95,
+                probability_greater: greater,
+                probability_beyond_margin: beyond,
+                probability_below_margin: below,
+                is_declared: ratio.is_declared(),
+                verdict: ratio.verdict(),
+                sentence: String::new(),
+            };
+            contrast.sentence = wording::contrast(&contrast, [&groups[*a], &groups[*b]], self.request.margin);
+            contrast
+        };
+        compared.ratios.iter().map(of).collect()
+    }
+
+    /// Geometric means of the law's parameters, before and after, in every group; in all records where there are none.
+    fn law(&self, claim: &Claim, groups: &[(String, Vec<usize>)]) -> Vec<CohortLaw> {
+        let base = self.based[0].base.candidate.model.base();
+        let is_same = |own: &Based| own.base.candidate.model.base() == base;
+        if !self.based.iter().all(is_same) {
+            return Vec::new();
+        }
+        let everyone = [("all".to_string(), (0..self.said.len()).collect::<Vec<_>>())];
+        let groups = if groups.is_empty() { &everyone[..] } else { groups };
+        let mean = |members: &[usize], of: &dyn Fn(usize) -> f64| {
+            (members.iter().map(|number| of(*number).ln()).sum::<f64>() / members.len() as f64).exp()
+        };
+        let of_group = |(name, members): &(String, Vec<usize>)| {
+            let of_parameter = |(k, spec): (usize, &base::parameter::ParameterSpec)| CohortLaw {
+                group: name.clone(),
+                parameter: spec.name.into(),
+                before: mean(members, &|number| {
+                    let own = &self.based[number];
+                    law_of(own, &own.base.fitted.theta)[k]
+                }),
+                after: mean(members, &|number| claim.predicted[number].law[k]),
+            };
+            base.parameters().iter().enumerate().map(of_parameter).collect::<Vec<_>>()
+        };
+        groups.iter().flat_map(of_group).collect()
+    }
+
+    fn document(&self) -> CohortDiagnosis {
+        let n_effects = self.said[0].effects.len();
+        let effects: Vec<CohortEffect> = (0..n_effects).map(|effect| self.effect(effect)).collect();
+        let named = self.groups();
+        let groups: Vec<CohortGroup> = match &self.claim {
+            None => Vec::new(),
+            Some(claim) => match &claim.compared {
+                Some(compared) => {
+                    let pairs = named.iter().zip(&compared.groups);
+                    pairs.map(|((name, own), sizes)| self.group(claim, (name, own.len()), sizes)).collect()
+                }
+                None => {
+                    let name = named.first().map_or("all", |(name, _)| name.as_str());
+                    vec![self.group(claim, (name, self.said.len()), &claim.all)]
+                }
+            },
+        };
+        let contrasts = match &self.claim {
+            Some(claim) => {
+                claim.compared.as_ref().map_or_else(Vec::new, |compared| self.contrasts(claim, compared, &groups))
+            }
+            None => Vec::new(),
+        };
+        let specimens: Vec<CohortSpecimen> = (0..self.said.len()).map(|number| self.specimen(number)).collect();
+        let verdict = self.verdict(&effects, &specimens, &groups);
+        let extended = self
+            .claim
+            .as_ref()
+            .map(|claim| root_mean_square(claim.predicted.iter().map(|predicted| predicted.heldout)));
+        let base = root_mean_square(self.based.iter().map(|own| own.rmse_heldout));
+        let threshold = self.judged.threshold();
+        CohortDiagnosis {
+            remarks: wording::remarks(&effects, &specimens, verdict.kind),
+            verdict,
+            effects,
+            specimens,
+            by: self.request.keys.iter().map(|key| key.name().to_string()).collect(),
+            margin: self.request.margin,
+            law: self.claim.as_ref().map_or_else(Vec::new, |claim| self.law(claim, &named)),
+            groups,
+            contrasts,
+            base,
+            extended,
+            simulations: CohortSimulations {
+                of_each_record: self.request.n_simulations,
+                cohorts: N_COHORTS,
+                threshold_nats: threshold.is_finite().then_some(threshold),
+            },
+        }
+    }
+
+    fn verdict(&self, effects: &[CohortEffect], specimens: &[CohortSpecimen], groups: &[CohortGroup]) -> CohortVerdict {
+        let slugs = |places: &[usize]| -> Vec<String> {
+            places.iter().map(|place| self.slug(&self.judged.effects[*place]).to_string()).collect()
+        };
+        let (kind, named, equivalent) = match &self.claim {
+            Some(claim) => (VerdictKind::Missing, slugs(&[claim.claimed]), slugs(&claim.class)),
+            None if specimens.iter().any(|own| own.leaves_too_much) => {
+                (VerdictKind::Unexplained, Vec::new(), Vec::new())
+            }
+            None => (VerdictKind::None, Vec::new(), Vec::new()),
+        };
+        let leading = self.leading().map(|place| &effects[self.judged.effects[place].effect]);
+        let pooled = self.claim.as_ref().map(|claim| self.group(claim, ("all", self.said.len()), &claim.all));
+        let sentence = wording::verdict(kind, leading, &equivalent, pooled.as_ref(), groups, specimens);
+        CohortVerdict { kind, effects: named, equivalent, sentence }
+    }
+}
+
+/// Over all records' scored positions.
+fn root_mean_square(of: impl Iterator<Item = Option<(f64, usize)>>) -> CohortErrors {
+    let (mut squares, mut n) = (0.0, 0);
+    for (rmse, own) in of.flatten() {
+        squares += rmse * rmse * own as f64;
+        n += own;
+    }
+    CohortErrors { rmse_heldout_um: (n > 0).then(|| (squares / n as f64).sqrt()) }
+}
+
+fn side_name(sides: Sides) -> SidesName {
+    match sides {
+        Sides::Above => SidesName::Above,
+        Sides::Below => SidesName::Below,
+        Sides::Either => SidesName::Either,
+    }
+}

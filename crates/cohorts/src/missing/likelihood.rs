@@ -1,0 +1,143 @@
+//! What one specimen says of the size of one effect: the likelihood of a size over that of none.
+
+use std::f64::consts::{FRAC_1_SQRT_2, PI};
+
+use statrs::function::erf::erfc;
+
+use criticism::sketch::{Asked, Reading};
+
+/// Logarithms of likelihood ratios end here: what a specimen says beyond that changes nothing, and products of a few stay numbers.
+pub const MOST_NATS: f64 = 170.0;
+/// Cells narrower than this, in standard deviations, are as good as points.
+const NARROW: f64 = 0.05;
+/// Beyond so many standard deviations the normal's tail is an exponential.
+const FAR: f64 = 8.0;
+
+/// ln L(size)/L(0) = height − ½(n a − z)², the amplitude a = ±(size/unit)^power with the sign of the side. A size counts from the effect's null.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Likelihood {
+    /// Of the likeliest amplitude; ½z² to first order.
+    pub height: f64,
+    /// The likeliest amplitude in its standard deviations.
+    pub z: f64,
+    /// One over that standard deviation; 0 where the specimen says nothing.
+    pub norm: f64,
+    /// Size at amplitude 1.
+    pub unit: f64,
+    /// 1, or 2 for an effect that begins with its square.
+    pub power: f64,
+    /// Largest sizes below and above the null.
+    pub reach: [f64; 2],
+}
+
+/// A side of the null.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Side {
+    /// Below.
+    Below,
+    /// Above.
+    Above,
+}
+
+impl Likelihood {
+    /// To first order, from a reading.
+    pub fn of(asked: &Asked, reading: Reading) -> Self {
+        let Reading { z, norm } = reading;
+        Self { height: 0.5 * z * z, z, norm, unit: asked.unit, power: asked.power, reach: asked.reach }
+    }
+
+    /// Of a size that was fitted: its value, counted from the null, its standard deviation and what it gains over none (nats).
+    pub fn fitted(size: f64, sd: f64, gain: f64, reach: [f64; 2]) -> Self {
+        Self { height: gain, z: size / sd, norm: 1.0 / sd, unit: 1.0, power: 1.0, reach }
+    }
+
+    /// The size at which the amplitude is so many standard deviations from none; infinite where the specimen says nothing.
+    pub fn size_at(&self, sigma: f64) -> f64 {
+        self.unit * (sigma / self.norm).powf(1.0 / self.power)
+    }
+
+    /// ln of the mean likelihood ratio over the amplitudes of sizes between two, on a side; −∞ beyond the reach, at most [`MOST_NATS`].
+    pub fn ln_mean(&self, side: Side, [from, to]: [f64; 2]) -> f64 {
+        let (reach, sign) = match side {
+            Side::Below => (self.reach[0], -1.0),
+            Side::Above => (self.reach[1], 1.0),
+        };
+        if from >= reach {
+            return f64::NEG_INFINITY;
+        }
+        if self.norm <= 0.0 {
+            return 0.0;
+        }
+        let at = |size: f64| sign * self.norm * (size / self.unit).powf(self.power) - self.z;
+        let (a, b) = (at(from), at(to.min(reach)));
+        let (low, high) = if a < b { (a, b) } else { (b, a) };
+        (self.height + ln_mean_normal(low, high)).min(MOST_NATS)
+    }
+}
+
+/// ln of the mean of exp(−½d²) between two d.
+fn ln_mean_normal(low: f64, high: f64) -> f64 {
+    let width = high - low;
+    if width < NARROW {
+        let middle = 0.5 * (low + high);
+        return -0.5 * middle * middle;
+    }
+    // The nearer end first.
+    let near = if low > 0.0 {
+        low
+    } else if high < 0.0 {
+        -high
+    } else {
+        0.0
+    };
+    if near > FAR {
+        // exp(−½(d + t)²) ≈ exp(−½d² − dt): the tail beyond the nearer end.
+        return -0.5 * near * near + (-(-width * near).exp_m1()).ln() - (width * near).ln();
+    }
+    let beyond = |d: f64| 0.5 * erfc(d * FRAC_1_SQRT_2);
+    // From the side on which nothing cancels.
+    let inside = if low >= 0.0 { beyond(low) - beyond(high) } else { beyond(-high) - beyond(-low) };
+    0.5 * (2.0 * PI).ln() + inside.max(f64::MIN_POSITIVE).ln() - width.ln()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Against sums over 20,000 points, on both sides, for amplitudes that grow with the size and with its square, near the peak and 30 standard deviations from it.
+    #[test]
+    fn means_over_cells_are_those_of_sums() {
+        for (z, norm, power) in [(2.0, 3.0, 1.0), (-1.5, 0.7, 1.0), (25.0, 4.0, 2.0), (0.0, 1.0, 2.0), (30.0, 1.0, 1.0)]
+        {
+            let own = Likelihood { height: 0.5 * z * z, z, norm, unit: 0.8, power, reach: [1e9, 1e9] };
+            for side in [Side::Below, Side::Above] {
+                for cell in [[1e-3, 1.2e-3], [0.5, 0.7], [1.0, 3.0], [4.0, 5.5]] {
+                    let sign = if side == Side::Above { 1.0 } else { -1.0 };
+                    let [a, b] = cell.map(|size: f64| sign * norm * (size / 0.8).powf(power));
+                    let n = 20_000;
+                    let at = |k: usize| a + (b - a) * (k as f64 + 0.5) / f64::from(n as u32);
+                    let log = |x: f64| 0.5 * z * z - 0.5 * (x - z).powi(2);
+                    let largest = (0..n).map(|k| log(at(k))).fold(f64::NEG_INFINITY, f64::max);
+                    let sum: f64 = (0..n).map(|k| (log(at(k)) - largest).exp()).sum();
+                    let exact = (largest + (sum / n as f64).ln()).min(MOST_NATS);
+                    let found = own.ln_mean(side, cell);
+                    assert!(
+                        (found - exact).abs() < 0.02 * (1.0 + 0.01 * exact.abs()),
+                        "{z} {side:?} {cell:?}: {found} {exact}"
+                    );
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn what_the_support_leaves_out_has_no_likelihood_and_what_is_blind_says_nothing() {
+        let own = Likelihood { height: 2.0, z: 2.0, norm: 1.0, unit: 1.0, power: 1.0, reach: [0.0, 3.0] };
+        assert_eq!(own.ln_mean(Side::Below, [0.1, 0.2]), f64::NEG_INFINITY);
+        assert_eq!(own.ln_mean(Side::Above, [3.0, 4.0]), f64::NEG_INFINITY);
+        assert!((own.ln_mean(Side::Above, [1.999, 2.001]) - 2.0).abs() < 1e-3);
+        let blind = Likelihood { height: 0.0, z: 0.0, norm: 0.0, ..own };
+        assert_eq!(blind.ln_mean(Side::Above, [0.1, 0.2]), 0.0);
+        assert_eq!(own.size_at(2.0), 2.0);
+    }
+}

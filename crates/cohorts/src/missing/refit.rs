@@ -1,0 +1,109 @@
+//! The claimed effect fitted to every record: its size there, with law and noise anew, and what it leaves.
+
+use super::law::{Laws, Nodes, Place};
+use super::likelihood::Likelihood;
+use base::error::Result;
+use criticism::sketch::{Asked, Based};
+use criticism::{Fitted, Search, Subject, Tangent};
+
+/// Gains (nats) from which on a fitted size stands for what a record says of it: below, the size may be at its null, and the first order says all.
+const LEAST_NATS: f64 = 4.5;
+
+/// A record with the effect fitted.
+pub struct Sized {
+    /// What it says of the size; `None` where the first order says it better.
+    pub likelihood: Option<Likelihood>,
+    /// Where another size is begun from: coordinates and noise of the fit.
+    start: Option<Fitted>,
+}
+
+/// Fits the effect to the cycles of a record that a subject has among the fitted ones.
+///
+/// # Errors
+/// Whatever building its model refuses, but for an effect that cannot be added.
+pub fn sized(subject: &Subject, record: &Based, asked: &Asked) -> Result<Sized> {
+    let none = Sized { likelihood: None, start: None };
+    if asked.refused.is_some() {
+        return Ok(none);
+    }
+    let candidate = subject.extended(&[asked.slug])?;
+    let Some(place) = candidate.free.iter().position(|free| free.name == asked.parameter) else { return Ok(none) };
+    let base = &record.base.candidate;
+    let start = (record.base.fitted.theta.clone(), record.base.fitted.noise);
+    // A model that cannot be evaluated anywhere says nothing.
+    let Ok(without) = subject.fit(base, &[start], Search::Local) else { return Ok(none) };
+    let start = (candidate.embed(base, &without.theta), without.noise);
+    let Ok(fitted) = subject.fit(&candidate, &[start], Search::Local) else { return Ok(none) };
+    let gain = fitted.objective - without.objective;
+    let likelihood = if gain > LEAST_NATS {
+        let sd = Tangent::new(subject, &candidate, &fitted)?.standard_deviations()[place];
+        let (free, theta) = (&candidate.free[place], fitted.theta[place]);
+        let value = |theta: f64| free.coordinate.value(free.clamped(theta));
+        // In the parameter's unit, by the slope at the fit.
+        let sd = 0.5 * (value(theta + sd) - value(theta - sd)).abs();
+        let size = value(theta) - asked.null;
+        let size = if asked.is_downwards { -size } else { size };
+        (sd > 0.0 && sd.is_finite()).then(|| Likelihood::fitted(size, sd, gain, asked.reach))
+    } else {
+        None
+    };
+    Ok(Sized { likelihood, start: Some(fitted) })
+}
+
+/// A record with the effect at the size that the cohort's law gives it.
+pub struct Predicted {
+    /// Probability that it has the effect at all.
+    pub has: f64,
+    /// Its parameter: mean over all sizes, none included.
+    pub value: f64,
+    /// The law's parameters, in the base's order.
+    pub law: Vec<f64>,
+    /// Root mean square error (µm) on the scored cycle and the positions there; `None` where none is held out.
+    pub heldout: Option<(f64, usize)>,
+}
+
+/// Puts the effect at the size that the cohort's law predicts for a record, and fits law and noise beside it.
+///
+/// # Errors
+/// Whatever building its model refuses.
+pub fn predicted(
+    subject: &Subject,
+    record: &Based,
+    (asked, sized): (&Asked, &Sized),
+    (laws, nodes, place): (&Laws, &Nodes, Place),
+) -> Result<Predicted> {
+    let (has, sizes) = laws.of_specimen(nodes, place);
+    let size = has * sizes.iter().map(|(size, weight)| size * weight).sum::<f64>();
+    let value = asked.null + if asked.is_downwards { -size } else { size };
+    let of_base = || Predicted {
+        has,
+        value,
+        law: law_of(record, &record.base.fitted.theta),
+        heldout: heldout_um(subject, &record.base.fitted),
+    };
+    let Some(start) = &sized.start else { return Ok(of_base()) };
+    let candidate = subject.extended(&[asked.slug])?;
+    let Some(place) = candidate.free.iter().position(|free| free.name == asked.parameter) else {
+        return Ok(of_base());
+    };
+    let mut theta = start.theta.clone();
+    theta[place] = candidate.free[place].clamped(candidate.free[place].coordinate.theta(value));
+    let held = candidate.held(&theta, |free| free.name == asked.parameter);
+    theta.remove(place);
+    let Ok(fitted) = subject.fit(&held, &[(theta, start.noise)], Search::Local) else { return Ok(of_base()) };
+    let parameters = held.parameters(&fitted.theta);
+    let law = parameters[..held.model.base().parameters().len()].to_vec();
+    Ok(Predicted { has, value, law, heldout: heldout_um(subject, &fitted) })
+}
+
+/// The law's parameters of a record's base.
+pub fn law_of(record: &Based, theta: &[f64]) -> Vec<f64> {
+    let candidate = &record.base.candidate;
+    candidate.parameters(theta)[..candidate.model.base().parameters().len()].to_vec()
+}
+
+/// Root mean square error (µm) of a fit on the scored cycle, and the positions there.
+pub fn heldout_um(subject: &Subject, fitted: &Fitted) -> Option<(f64, usize)> {
+    let n = subject.scored_m.iter().flatten().count();
+    fitted.rmse_m(&subject.scored_m).map(|rmse_m| (1e6 * rmse_m, n))
+}

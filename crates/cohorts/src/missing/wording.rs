@@ -1,0 +1,157 @@
+//! What a cohort's diagnosis says, in words.
+
+use documents::cohort::{CohortContrast, CohortEffect, CohortGroup, CohortSpecimen, SidesName};
+use documents::diagnosis::{Status, VerdictKind, by_reason};
+use documents::groups::RatioVerdict;
+use figures::labels::of_parameter;
+use figures::number::significant;
+
+/// Names that a sentence lists.
+const MOST_NAMES: usize = 8;
+/// A group whose share stays below this has none of the effect worth a word, where its own records gain nothing by it.
+const SMALL_SHARE: f64 = 0.35;
+const NOTHING_NATS: f64 = 1.0;
+
+fn percent(share: f64) -> String {
+    format!("{:.0} %", 100.0 * share)
+}
+
+/// At most so many names, and how many more there are.
+fn listed(names: &[&str]) -> String {
+    let more = names.len().saturating_sub(MOST_NAMES);
+    let shown = names.iter().take(MOST_NAMES).copied().collect::<Vec<_>>().join(", ");
+    if more > 0 { format!("{shown} and {more} more") } else { shown }
+}
+
+/// "β median 2.1 (1.8–2.4) m/s ×/÷ 1.3, in 95 % (80–100 %) of the records".
+pub fn sizes(group: &CohortGroup) -> String {
+    let label = of_parameter(&group.parameter);
+    let unit = if label.unit == "–" { String::new() } else { format!(" {}", label.unit) };
+    let [median, q05, q95] = [group.median, group.q05, group.q95].map(|x| significant(x, 3));
+    let sides = match group.sides {
+        SidesName::Above => "",
+        SidesName::Below => " below its null",
+        SidesName::Either => " of either sign",
+    };
+    format!(
+        "{} {median} ({q05} to {q95}){unit}{sides}, ×/÷ {:.2} between specimens; {} ({} to {}) of the records have it",
+        label.symbol,
+        group.between_specimen_log_sd.exp(),
+        percent(group.share),
+        percent(group.share_q05),
+        percent(group.share_q95)
+    )
+}
+
+/// The verdict.
+pub fn verdict(
+    kind: VerdictKind,
+    leading: Option<&CohortEffect>,
+    equivalent: &[String],
+    pooled: Option<&CohortGroup>,
+    groups: &[CohortGroup],
+    specimens: &[CohortSpecimen],
+) -> String {
+    let n = specimens.len();
+    let gained = leading.map(|own| {
+        let heldout = own
+            .heldout_gain_nats
+            .map_or("no cycle is held out".into(), |gain| format!("{gain:.1} nats on cycles that no fit has seen"));
+        format!("{:.1} nats over {n} records, p {}, {heldout}", own.gain_nats, significant(own.p_familywise, 2))
+    });
+    match (kind, leading, gained) {
+        (VerdictKind::Missing, Some(leading), Some(gained)) => {
+            let alike = if equivalent.is_empty() {
+                String::new()
+            } else {
+                format!(" These records cannot tell it from {}.", equivalent.join(", "))
+            };
+            let sizes = pooled.map_or_else(String::new, |own| format!(" {}.", sizes(own)));
+            let absent: Vec<&str> = groups.iter().filter(|own| has_none(own)).map(|own| own.name.as_str()).collect();
+            let absent = if absent.is_empty() || groups.len() < 2 {
+                String::new()
+            } else {
+                format!(" No sign of it in {}.", listed(&absent))
+            };
+            format!("{} is missing: {gained}.{sizes}{absent}{alike}", leading.effect)
+        }
+        (VerdictKind::Unexplained, ..) => {
+            let left: Vec<&str> = too_much(specimens);
+            format!(
+                "the model leaves more than noise in {} of {n} records ({}), and no effect that they have in common explains it",
+                left.len(),
+                listed(&left)
+            )
+        }
+        (_, Some(leading), Some(gained)) => {
+            let verb = if leading.status == Status::Suggestive { "suggests itself" } else { "comes nearest" };
+            format!("no missing effect can be claimed; {} {verb}: {gained}", leading.effect)
+        }
+        _ => "no missing effect can be claimed: none gains anything over all records".into(),
+    }
+}
+
+/// Whether a group's own records show nothing of the effect.
+fn has_none(group: &CohortGroup) -> bool {
+    group.gain_nats < NOTHING_NATS && group.share < SMALL_SHARE
+}
+
+fn too_much(specimens: &[CohortSpecimen]) -> Vec<&str> {
+    specimens.iter().filter(|own| own.leaves_too_much).map(|own| own.experiment.as_str()).collect()
+}
+
+/// What can be said of two groups.
+pub fn contrast(own: &CohortContrast, [a, b]: [&CohortGroup; 2], margin: f64) -> String {
+    let (more, less, ratio) = if own.ratio_median >= 1.0 {
+        (a, b, [own.ratio_median, own.q05, own.q95])
+    } else {
+        (b, a, [1.0 / own.ratio_median, 1.0 / own.q95, 1.0 / own.q05])
+    };
+    let effect = &own.effect;
+    if has_none(less) && own.is_declared {
+        return format!("{} has {effect}, {} shows none of it", more.name, less.name);
+    }
+    let times =
+        format!("{} × ({} to {})", significant(ratio[0], 2), significant(ratio[1], 2), significant(ratio[2], 2));
+    match own.verdict {
+        RatioVerdict::Greater | RatioVerdict::Less => format!(
+            "{} has more {effect} than {}, by more than {} ({times} on average)",
+            more.name,
+            less.name,
+            percent(margin)
+        ),
+        RatioVerdict::Equivalent => {
+            format!("{effect}: no difference beyond {} between {} and {}", percent(margin), more.name, less.name)
+        }
+        RatioVerdict::Undecided if own.is_declared => {
+            format!("{} has more {effect} than {}, by an amount that is open ({times})", more.name, less.name)
+        }
+        RatioVerdict::Undecided => format!("{effect}: open whether {} and {} differ ({times})", more.name, less.name),
+    }
+}
+
+/// What a reader should know.
+pub fn remarks(effects: &[CohortEffect], specimens: &[CohortSpecimen], kind: VerdictKind) -> Vec<String> {
+    let mut remarks = Vec::new();
+    let refused = effects.iter().map(|own| (own.effect.as_str(), own.refused.as_deref()));
+    let not =
+        |(why, effects): (&str, Vec<&str>)| format!("{} cannot be looked for in any record ({why})", listed(&effects));
+    remarks.extend(by_reason(refused).into_iter().map(not));
+    let left = too_much(specimens);
+    if !left.is_empty() && kind == VerdictKind::Missing {
+        remarks.push(format!(
+            "before anything is added the model leaves more than noise in {} of {} records ({})",
+            left.len(),
+            specimens.len(),
+            listed(&left)
+        ));
+    }
+    if kind == VerdictKind::Unexplained {
+        remarks.push("`vitreo-uq diagnose` of each of these by itself says what is in it".into());
+    }
+    let outliers: usize = specimens.iter().map(|own| own.outliers).sum();
+    if outliers > 0 {
+        remarks.push(format!("{outliers} positions are isolated errors of the tracker and are left out"));
+    }
+    remarks
+}

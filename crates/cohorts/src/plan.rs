@@ -1,0 +1,66 @@
+//! How many more specimens would settle a question: the expected outcome of measuring them, by simulation.
+//!
+//! A truth is drawn from the posterior; the mean of n new specimens a group scatters about it with the spreads of that draw and the error of
+//! measurement; all draws are weighted by how well they predict that mean, each with its own spreads, and asked whether the question is settled.
+
+use documents::groups::Plan;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+
+use super::contrast::SURE;
+
+/// New specimens a group that are tried.
+const NUMBERS: [u32; 18] = [1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512];
+/// A number is recommended where it settles the question with this probability.
+const WANTED_CHANCE: f64 = 0.8;
+/// Truths that are tried, and draws that are weighted for each.
+const N_TRUTHS: usize = 200;
+const N_WEIGHTED: usize = 1_000;
+
+/// What is known of a ratio and of how new specimens would scatter; one value a posterior draw.
+pub struct Question<'a> {
+    /// Logarithm of the ratio.
+    pub log_ratio: &'a [f64],
+    /// Variance of the difference between one new specimen of each group: spreads and error of measurement.
+    pub variance_of_pair: &'a [f64],
+    /// Ratios within 1 + margin of 1 are no difference in practice.
+    pub margin: f64,
+}
+
+/// The smallest number of new specimens that is likely to settle a question.
+pub fn plan(question: &Question, seed: u64) -> Plan {
+    let mut plan = Plan { specimens_per_group: None, chance: 0.0 };
+    for n in NUMBERS {
+        plan.chance = chance(question, n, seed);
+        if plan.chance >= WANTED_CHANCE {
+            plan.specimens_per_group = Some(n);
+            break;
+        }
+    }
+    plan
+}
+
+/// Probability that `n` new specimens a group settle the question. The same random numbers serve every n.
+pub fn chance(question: &Question, n: u32, seed: u64) -> f64 {
+    let every = |most: usize| question.log_ratio.len().div_ceil(most).max(1);
+    let edge = question.margin.ln_1p();
+    let pairs = || question.log_ratio.iter().zip(question.variance_of_pair).map(|(x, v)| (*x, v / f64::from(n)));
+    let draws: Vec<(f64, f64)> = pairs().step_by(every(N_WEIGHTED)).collect();
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let (mut settled, mut tried) = (0, 0);
+    for (truth, variance) in pairs().step_by(every(N_TRUTHS)) {
+        let noise: f64 = StandardNormal.sample(&mut rng);
+        let found = truth + variance.sqrt() * noise;
+        let [mut above, mut below, mut all] = [0.0; 3];
+        for (log_ratio, variance) in &draws {
+            let weight = (-0.5 * (found - log_ratio).powi(2) / variance).exp() / variance.sqrt();
+            all += weight;
+            above += if *log_ratio > edge { weight } else { 0.0 };
+            below += if *log_ratio < -edge { weight } else { 0.0 };
+        }
+        settled += usize::from((above.max(below).max(all - above - below)) >= SURE * all);
+        tried += 1;
+    }
+    settled as f64 / f64::from(tried.max(1))
+}

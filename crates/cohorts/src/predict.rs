@@ -1,0 +1,176 @@
+//! What the population predicts: a new specimen of a group, its creep, and groups in which nothing was measured.
+
+use documents::groups::CreepPrediction;
+use nalgebra::{DMatrix, DVector};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{ChiSquared, Distribution, StandardNormal};
+
+use super::design::Design;
+use super::hierarchy::{Layout, PopulationDraw};
+use super::scale::Scale;
+use base::error::Result;
+use base::number::Dual;
+use figures::density::{quantile_of_sorted, sorted};
+use laws::rheology::{BaseLaw, RetardationSpectrum, TimeWindow};
+
+/// Draws whose creep is computed.
+const N_CURVES: usize = 1_000;
+/// Times of a creep curve.
+const N_TIMES: usize = 41;
+/// Stream of the random numbers of predictions, by group.
+const STREAM: u64 = 1 << 32;
+
+/// A group as the population describes it; values of a draw stand together, one a parameter.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PredictedGroup {
+    /// Its name.
+    pub name: String,
+    /// Coordinates of the typical specimen's parameters.
+    pub typical: Vec<f64>,
+    /// Coordinates of a new specimen's, all of its repeats averaged.
+    pub new_specimen: Vec<f64>,
+    /// Standard deviations of specimens in the coordinate.
+    pub between_sd: Vec<f64>,
+    /// Its index in the design; `None` where nothing was measured.
+    pub group: Option<usize>,
+}
+
+/// All groups of the design; with two keys, then those combinations of levels in which nothing was measured.
+///
+/// For the latter the group's own share is drawn from its spread, and specimens scatter as in the group that shares most of its levels.
+pub fn predicted_groups(
+    design: &Design,
+    draws: &[&PopulationDraw],
+    p: usize,
+    student_dof: Option<f64>,
+    seed: u64,
+) -> Vec<PredictedGroup> {
+    let mut rng_of = {
+        let mut next = STREAM;
+        move || {
+            let mut rng = ChaCha8Rng::seed_from_u64(seed);
+            rng.set_stream(next);
+            next += 1;
+            rng
+        }
+    };
+    let mut all = Vec::new();
+    for (index, group) in design.groups.iter().enumerate() {
+        let typical = draws.iter().flat_map(|draw| draw.group_mean[index * p..(index + 1) * p].to_vec()).collect();
+        all.push(with_specimens(&group.name, typical, group.stratum, Some(index), draws, student_dof, &mut rng_of()));
+    }
+    for levels in missing(design) {
+        let mut rng = rng_of();
+        let layout = Layout::new(design);
+        let shares: Vec<usize> = std::iter::once(0)
+            .chain(levels.iter().zip(&layout.factors).map(|(level, range)| range.start + level))
+            .collect();
+        let own_sd = design.keys.len() * p;
+        let mut typical = Vec::with_capacity(draws.len() * p);
+        for draw in draws {
+            for k in 0..p {
+                let noise: f64 = StandardNormal.sample(&mut rng);
+                let sum: f64 = shares.iter().map(|share| draw.shares[share * p + k]).sum();
+                typical.push(sum + draw.between_groups_sd[own_sd + k] * noise);
+            }
+        }
+        // Keys come in the order in which they matter: the first that is shared decides.
+        let likeness = |own: &Vec<usize>| own.iter().zip(&levels).map(|(a, b)| a == b).collect::<Vec<bool>>();
+        let nearest = (0..design.groups.len()).rev().max_by_key(|g| likeness(&design.groups[*g].levels)).unwrap_or(0);
+        let names: Vec<&str> = levels.iter().zip(&design.keys).map(|(level, key)| key[*level].as_str()).collect();
+        let stratum = design.groups[nearest].stratum;
+        all.push(with_specimens(&names.join(","), typical, stratum, None, draws, student_dof, &mut rng));
+    }
+    all
+}
+
+/// Combinations of levels without an experiment.
+fn missing(design: &Design) -> Vec<Vec<usize>> {
+    let [first, second] = &design.keys[..] else { return Vec::new() };
+    let all = (0..first.len()).flat_map(|a| (0..second.len()).map(move |b| vec![a, b]));
+    all.filter(|levels| design.groups.iter().all(|group| group.levels != *levels)).collect()
+}
+
+fn with_specimens(
+    name: &str,
+    typical: Vec<f64>,
+    stratum: usize,
+    group: Option<usize>,
+    draws: &[&PopulationDraw],
+    student_dof: Option<f64>,
+    rng: &mut ChaCha8Rng,
+) -> PredictedGroup {
+    let p = typical.len() / draws.len().max(1);
+    let mut new_specimen = Vec::with_capacity(typical.len());
+    let mut between_sd = Vec::with_capacity(typical.len());
+    let chi_squared = student_dof.and_then(|dof| ChiSquared::new(dof).ok().map(|own| (dof, own)));
+    for (draw, mean) in draws.iter().zip(typical.chunks_exact(p.max(1))) {
+        let covariance = &draw.between_specimens[stratum * p * p..(stratum + 1) * p * p];
+        let matrix = DMatrix::from_column_slice(p, p, covariance);
+        between_sd.extend((0..p).map(|k| matrix[(k, k)].sqrt()));
+        let noise = DVector::from_fn(p, |_, _| StandardNormal.sample(rng));
+        let weight = chi_squared.map_or(1.0, |(dof, own)| own.sample(rng) / dof);
+        let deviation =
+            matrix.cholesky().map_or_else(|| DVector::zeros(p), |factor| factor.l() * noise / weight.sqrt());
+        new_specimen.extend(mean.iter().zip(deviation.iter()).map(|(mean, deviation)| mean + deviation));
+    }
+    PredictedGroup { name: name.to_string(), typical, new_specimen, between_sd, group }
+}
+
+/// Times at which creep is predicted, evenly spaced in the logarithm, in s.
+pub fn creep_times_s(window: TimeWindow) -> Vec<f64> {
+    let (first, last) = (window.shortest_s.ln(), window.longest_s.ln());
+    (0..N_TIMES).map(|i| (first + (last - first) * i as f64 / (N_TIMES - 1) as f64).exp()).collect()
+}
+
+/// Creep of a group of a law, all of whose parameters are pooled.
+///
+/// # Errors
+/// [`base::Error::Numerical`] where no draw has a creep.
+pub fn creep(law: BaseLaw, scales: &[Scale], group: &PredictedGroup, time_s: &[f64]) -> Result<CreepPrediction> {
+    let (Some(first), Some(last)) = (time_s.first(), time_s.last()) else {
+        return Err(base::Error::numerical("creep at no time", "give times"));
+    };
+    let window = TimeWindow { shortest_s: *first, longest_s: *last };
+    let p = law.parameters().len();
+    let (mut n_all, mut n_left_out) = (0, 0);
+    let mut curves = |coordinates: &[f64]| -> Result<Vec<Vec<f64>>> {
+        let step = (coordinates.len() / p).div_ceil(N_CURVES).max(1);
+        let mut at_time: Vec<Vec<f64>> = vec![Vec::new(); time_s.len()];
+        for draw in coordinates.chunks_exact(p).step_by(step) {
+            let parameters: Vec<Dual> = draw.iter().zip(scales).map(|(x, scale)| scale.value(*x).into()).collect();
+            n_all += 1;
+            match curve(law, &parameters, window, time_s) {
+                Some(curve) => at_time.iter_mut().zip(curve).for_each(|(values, own)| values.push(own)),
+                None => n_left_out += 1,
+            }
+        }
+        if at_time.iter().any(Vec::is_empty) {
+            return Err(base::Error::numerical(
+                format!("the law has no creep at any draw of {}", group.name),
+                "give narrower priors (--prior), or fix a parameter (--set)",
+            ));
+        }
+        Ok(at_time.iter().map(|values| sorted(values)).collect())
+    };
+    let (typical, new_specimen) = (curves(&group.typical)?, curves(&group.new_specimen)?);
+    let quantile = |at_time: &[Vec<f64>], probability: f64| {
+        at_time.iter().map(|ascending| quantile_of_sorted(ascending, probability)).collect::<Vec<f64>>()
+    };
+    Ok(CreepPrediction {
+        median_per_pa: quantile(&typical, 0.5),
+        typical_q05_per_pa: quantile(&typical, 0.05),
+        typical_q95_per_pa: quantile(&typical, 0.95),
+        new_specimen_q05_per_pa: quantile(&new_specimen, 0.05),
+        new_specimen_q95_per_pa: quantile(&new_specimen, 0.95),
+        share_left_out: f64::from(n_left_out) / f64::from(n_all.max(1)),
+    })
+}
+
+/// J(t) at every time; `None` where the law has no spectrum there, or none that numbers can hold.
+fn curve(law: BaseLaw, parameters: &[Dual], window: TimeWindow, time_s: &[f64]) -> Option<Vec<f64>> {
+    let spectrum: RetardationSpectrum = RetardationSpectrum::of(&law.elements(parameters), window).ok()?;
+    let curve: Vec<f64> = time_s.iter().map(|time| spectrum.creep_compliance_per_pa(*time)).collect();
+    curve.iter().all(|value| value.is_finite() && *value > 0.0).then_some(curve)
+}

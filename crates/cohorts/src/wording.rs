@@ -1,0 +1,181 @@
+//! What a comparison says, in words, and what the user should know of it.
+
+use super::hierarchy::{FEWEST_EFFECTIVE_DRAWS, LARGEST_RHAT};
+use documents::groups::{ContrastSummary, ExperimentSummary, GroupSummary, GroupsSummary, Plan, RatioVerdict};
+use documents::posterior::{Warning, WarningKind};
+use figures::labels::of_parameter;
+use posterior::advice::NOISE_FACTOR;
+
+/// Pairs of groups, and names, that a sentence lists.
+const MOST_PAIRS: usize = 3;
+const MOST_NAMES: usize = 8;
+
+/// What was compared, in a line.
+pub fn heading(summary: &GroupsSummary) -> String {
+    let measured: Vec<&GroupSummary> = summary.groups.iter().filter(|own| own.specimens > 0).collect();
+    let model = match summary.effects.len() {
+        0 => format!("{} law", summary.law),
+        _ => format!("{} law with {}", summary.law, summary.effects.join(", ")),
+    };
+    format!(
+        "{} from {} in {} by {}; {model}",
+        counted(summary.n_specimens, "specimen"),
+        counted(summary.experiments.len(), "experiment"),
+        counted(measured.len(), "group"),
+        summary.by.join(" and ")
+    )
+}
+
+/// "1 specimen", "21 specimens".
+fn counted(n: usize, what: &str) -> String {
+    format!("{n} {what}{}", if n == 1 { "" } else { "s" })
+}
+
+/// What differs, what does not, and what is open: a sentence a parameter.
+pub fn conclusions(summary: &GroupsSummary) -> Vec<String> {
+    let margin = format!("{:.0} %", 100.0 * summary.margin);
+    let names = summary.groups.first().map_or(&[][..], |group| &group.parameters);
+    let of_parameter_named = |name: &str| {
+        let own: Vec<&ContrastSummary> = summary.contrasts.iter().filter(|own| own.parameter == name).collect();
+        let part = |is: &dyn Fn(&ContrastSummary) -> bool, before: &str, after: &str| {
+            let list: Vec<String> = own.iter().filter(|own| is(own)).map(|own| as_greater(own)).collect();
+            (!list.is_empty()).then(|| format!("{before}{}{after}", at_most(MOST_PAIRS, &list)))
+        };
+        let is_beyond = |own: &ContrastSummary| matches!(own.verdict, RatioVerdict::Greater | RatioVerdict::Less);
+        let is_open = |own: &ContrastSummary| own.verdict == RatioVerdict::Undecided;
+        let parts = [
+            part(&is_beyond, "", &format!(" by more than {margin}")),
+            part(&|own| is_open(own) && own.is_declared, "", " by an amount that is open"),
+            part(&|own| own.verdict == RatioVerdict::Equivalent, &format!("no difference beyond {margin}: "), ""),
+            part(&|own| is_open(own) && !own.is_declared, "open: ", ""),
+        ];
+        format!("{}: {}.", of_parameter(name).symbol, parts.into_iter().flatten().collect::<Vec<_>>().join("; "))
+    };
+    if summary.contrasts.is_empty() {
+        return Vec::new();
+    }
+    names.iter().map(|own| of_parameter_named(&own.name)).collect()
+}
+
+/// "bovine above porcine (2.4 ×)", the greater first.
+fn as_greater(own: &ContrastSummary) -> String {
+    let (greater, less, ratio) = if own.ratio_median >= 1.0 {
+        (&own.a, &own.b, own.ratio_median)
+    } else {
+        (&own.b, &own.a, 1.0 / own.ratio_median)
+    };
+    format!("{greater} above {less} ({ratio:.2} ×)")
+}
+
+/// What it would take to settle a question.
+pub fn what_it_takes(plan: &Plan) -> String {
+    match plan.specimens_per_group {
+        Some(n) => format!("open: {n} more a group settle it with {:.0} %", 100.0 * plan.chance),
+        None => format!("open: 512 more a group settle it with {:.0} % only", 100.0 * plan.chance),
+    }
+}
+
+/// Standard deviations of what a fit leaves open that a misfit may reach.
+const OPEN_SDS: f64 = 3.3;
+
+/// Where a model misses its experiment by more than 1.5 × the noise and, on the held-out cycle, than the fit leaves open.
+fn misfit(own: &ExperimentSummary) -> Option<String> {
+    let bar_um = NOISE_FACTOR * own.noise_um?;
+    let open_um = OPEN_SDS * own.predictive_sd_heldout_um.unwrap_or(0.0);
+    let cases =
+        [("fitted", Some(own.rmse_fitted_um), bar_um), ("held-out", own.rmse_heldout_um, bar_um.hypot(open_um))];
+    let parts: Vec<String> = cases
+        .into_iter()
+        .filter_map(|(cycles, rmse, most)| rmse.filter(|rmse| *rmse > most).map(|rmse| (cycles, rmse, most)))
+        .map(|(cycles, rmse, most)| format!("the {cycles} cycles by {rmse:.1} µm, of which {most:.1} could be noise"))
+        .collect();
+    (!parts.is_empty()).then(|| parts.join(" and "))
+}
+
+/// Names, at most so many of them.
+fn listed(names: &[&str]) -> String {
+    at_most(MOST_NAMES, names)
+}
+
+/// The first so many of a list, and how many more there are.
+fn at_most(most: usize, names: &[impl AsRef<str>]) -> String {
+    let shown: Vec<&str> = names.iter().take(most).map(AsRef::as_ref).collect();
+    let more = if names.len() > most { format!(" and {} more", names.len() - most) } else { String::new() };
+    shown.join(", ") + &more
+}
+
+/// All warnings that apply, gravest first.
+pub fn warnings(summary: &GroupsSummary) -> Vec<Warning> {
+    let mut all = Vec::new();
+    let mut add = |kind, text: String, advice: &str| all.push(Warning { kind, text, advice: advice.into() });
+    let sampler = &summary.sampler;
+    if !summary.converged {
+        let text = format!(
+            "the population's draws have not converged: R̂ {:.3} (at most {LARGEST_RHAT}), {:.0} effective draws (at least {FEWEST_EFFECTIVE_DRAWS})",
+            sampler.rhat, sampler.ess
+        );
+        add(WarningKind::NotConverged, text, "give more sweeps (--sweeps)");
+    }
+    let names = |is: &dyn Fn(&ExperimentSummary) -> bool| -> Vec<&str> {
+        summary.experiments.iter().filter(|own| is(own)).map(|own| own.name.as_str()).collect()
+    };
+    let unconverged = names(&|own| !own.converged);
+    if !unconverged.is_empty() {
+        let text = format!("the draws of {} have not converged", listed(&unconverged));
+        add(
+            WarningKind::NotConverged,
+            text,
+            "look at each with `vitreo-uq sample`; give more steps (--steps), a narrower prior (--prior), or leave it out (--leave-out)",
+        );
+    }
+    let failing = names(&|own| misfit(own).is_some());
+    if let Some((own, words)) = summary.experiments.iter().find_map(|own| misfit(own).map(|words| (own, words))) {
+        let text = format!(
+            "{} of {} experiments are not described by their model: {}; in {} the model misses {words}",
+            failing.len(),
+            summary.experiments.len(),
+            listed(&failing),
+            own.name,
+        );
+        let advice = "run `vitreo-uq diagnose` on them, extend their studies and give the studies here, or leave them out (--leave-out)";
+        add(WarningKind::MisfitAboveNoise, text, advice);
+    }
+    let unknown = names(&|own| own.noise_um.is_none());
+    if !unknown.is_empty() {
+        let text = format!("the noise of {} is neither given nor can it be estimated", listed(&unknown));
+        add(WarningKind::NoiseUnknown, text, "give `noise_um` in [measurement]");
+    }
+    let alone: Vec<&str> =
+        summary.groups.iter().filter(|own| own.specimens == 1).map(|own| own.name.as_str()).collect();
+    if !alone.is_empty() {
+        let text = format!("only one specimen was measured of {}", listed(&alone));
+        add(
+            WarningKind::GroupOfOne,
+            text,
+            "its spread is that of the prior and of the other groups; measure more before reading its differences",
+        );
+    }
+    let predicted: Vec<&str> =
+        summary.groups.iter().filter(|own| own.specimens == 0).map(|own| own.name.as_str()).collect();
+    if !predicted.is_empty() {
+        let text = format!("nothing was measured of {}", listed(&predicted));
+        add(
+            WarningKind::GroupPredicted,
+            text,
+            "its figures are predicted from the other groups, and it is not among the differences",
+        );
+    }
+    let mut outlying: Vec<&str> =
+        summary.specimens.iter().filter(|own| own.is_outlying).map(|own| own.name.as_str()).collect();
+    outlying.sort_unstable();
+    outlying.dedup();
+    if !outlying.is_empty() {
+        let text = format!("{} lies far from its group", listed(&outlying));
+        let advice = match summary.student_dof {
+            Some(_) => "heavy tails keep it from widening its group; look at how it was measured",
+            None => "look at how it was measured; with --heavy-tails it does not widen its group",
+        };
+        add(WarningKind::OutlyingSpecimen, text, advice);
+    }
+    all
+}

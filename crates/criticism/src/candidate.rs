@@ -1,0 +1,240 @@
+//! A model of the mean and how a search moves in it.
+
+use base::distribution::Distribution;
+use base::parameter::ParameterSpec;
+use models::effects::EffectParameter;
+use models::model::Model;
+use posterior::problem::{Problem, TAIL_MASS};
+
+/// How a search moves in a parameter.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Coordinate {
+    /// By its logarithm.
+    Logarithm,
+    /// By itself, in units of the spread that its prior gives it.
+    Linear {
+        /// The spread, in the parameter's unit.
+        scale: f64,
+    },
+    /// By its square, in units of that of the spread.
+    Square {
+        /// The spread, in the parameter's unit.
+        scale: f64,
+    },
+}
+
+impl Coordinate {
+    /// The parameter at a coordinate.
+    pub fn value(self, theta: f64) -> f64 {
+        match self {
+            Self::Logarithm => theta.exp(),
+            Self::Linear { scale } => scale * theta,
+            Self::Square { scale } => scale * theta.max(0.0).sqrt(),
+        }
+    }
+
+    /// The coordinate of a parameter.
+    pub fn theta(self, value: f64) -> f64 {
+        match self {
+            Self::Logarithm => value.ln(),
+            Self::Linear { scale } => value / scale,
+            Self::Square { scale } => (value / scale).powi(2),
+        }
+    }
+
+    /// Change of the parameter for a unit of its coordinate: the derivative, and of a square the root's at one unit.
+    pub fn unit(self, theta: f64) -> f64 {
+        match self {
+            Self::Logarithm => theta.exp(),
+            Self::Linear { scale } | Self::Square { scale } => scale,
+        }
+    }
+}
+
+/// A free parameter.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Free {
+    /// Index among the model's parameters.
+    pub index: usize,
+    /// Name, with unit.
+    pub name: &'static str,
+    /// How the search moves in it.
+    pub coordinate: Coordinate,
+    /// Ends of the search, as coordinates: the support, and all but 10⁻⁹ of the prior on either side.
+    pub ends: [f64; 2],
+    /// Mean and standard deviation of the coordinate under the prior, for the law's parameters and the experiment's nuisances. Effects have none: their size is for the data to say.
+    pub prior: Option<(f64, f64)>,
+    /// Prior quantiles by which starts are chosen.
+    pub distribution: Distribution,
+    /// Coordinate at which the parameter's effect is not there; `None` for the law's parameters and for those that mean nothing then.
+    pub null: Option<f64>,
+    /// Place of the effect in the candidate's list; `None` for the law's parameters.
+    pub effect: Option<usize>,
+}
+
+impl Free {
+    /// Whether the null is an end of the search: the effect has one sign.
+    pub fn is_one_sided(&self) -> bool {
+        self.null.is_some_and(|null| self.ends.contains(&null))
+    }
+
+    /// Whether the parameter means nothing at the null.
+    pub fn is_unidentified_at_null(&self) -> bool {
+        self.effect.is_some() && self.null.is_none()
+    }
+
+    /// A coordinate moved into the search's ends.
+    pub fn clamped(&self, theta: f64) -> f64 {
+        theta.clamp(self.ends[0], self.ends[1])
+    }
+
+    /// The coordinate of a prior quantile.
+    pub fn quantile(&self, probability: f64) -> f64 {
+        self.clamped(self.coordinate.theta(self.distribution.quantile(probability)))
+    }
+
+    /// Mean and standard deviation of the coordinate under its distribution, as a normal.
+    pub fn as_normal(&self) -> (f64, f64) {
+        let [lower, median, upper] = [ONE_SD, 0.5, 1.0 - ONE_SD].map(|p| self.quantile(p));
+        (median, 0.5 * (upper - lower))
+    }
+}
+
+/// A law with effects, and columns of free amplitude.
+#[derive(Clone)]
+pub struct Candidate {
+    /// Law and effects.
+    pub model: Model,
+    /// Slugs of the effects: the base's, then those that were added.
+    pub effects: Vec<String>,
+    /// Free parameters in the model's order: the law's, then each effect's in the order of the library.
+    pub free: Vec<Free>,
+    /// Model parameters with the fixed values in their places.
+    pub template: Vec<f64>,
+    /// Columns (m per unit amplitude, one value a row of the record) that are added to the position.
+    pub columns: Vec<Vec<f64>>,
+}
+
+/// Prior mass on either side of the interval that stands for two standard deviations.
+const ONE_SD: f64 = 0.158_655_253_931_457;
+/// The spread of a prior leaves this on either side.
+const SPREAD_TAIL: f64 = 0.25;
+
+impl Candidate {
+    /// The candidate of a problem's model.
+    pub fn new(problem: &Problem) -> Self {
+        let (model, fixed) = (problem.model.clone(), &problem.specification.fixed);
+        let template: Vec<f64> =
+            model.parameters().iter().map(|p| fixed.get(p.name).copied().unwrap_or(f64::NAN)).collect();
+        let n_before = model.n_before_effects();
+        // The model has its effects in the library's order, the list may have the base's first.
+        let listed = &problem.specification.effects;
+        let place = |slug: &str| listed.iter().position(|own| own == slug).unwrap_or(listed.len());
+        let of_effects: Vec<(usize, &EffectParameter)> = model
+            .effects()
+            .iter()
+            .flat_map(|effect| effect.parameters().iter().map(|parameter| (place(effect.slug()), parameter)))
+            .collect();
+        let free = model.parameters().iter().enumerate().filter_map(|(index, spec)| {
+            let prior = problem.priors.get(spec.name)?;
+            let effect = index.checked_sub(n_before).map(|k| of_effects[k]);
+            let null = effect.and_then(|(_, parameter)| (parameter.null)(model.scales()));
+            let mut own = free(index, spec, prior.distribution, effect.map(|(place, _)| place), null);
+            if let (Some(range), Some(starts)) = (problem.learnt_range(spec.name), problem.starts_of(spec.name)) {
+                own.ends = [range.lower, range.upper].map(|end| own.coordinate.theta(end));
+                own.distribution = starts;
+            }
+            Some(own)
+        });
+        let free = free.collect();
+        Self { effects: problem.specification.effects.clone(), free, template, columns: Vec::new(), model }
+    }
+
+    /// The same with columns added.
+    pub fn with_columns(&self, columns: Vec<Vec<f64>>) -> Self {
+        Self { columns: [self.columns.clone(), columns].concat(), ..self.clone() }
+    }
+
+    /// The same with some of its free parameters held at coordinates.
+    pub fn held(&self, theta: &[f64], is_held: impl Fn(&Free) -> bool) -> Self {
+        let mut held = self.clone();
+        for (free, theta) in self.free.iter().zip(theta).filter(|(free, _)| is_held(free)) {
+            held.template[free.index] = free.coordinate.value(*theta);
+        }
+        held.free.retain(|free| !is_held(free));
+        held
+    }
+
+    /// Number of coordinates: free parameters, then amplitudes of columns.
+    pub fn dimension(&self) -> usize {
+        self.free.len() + self.columns.len()
+    }
+
+    /// The model's parameters at coordinates.
+    pub fn parameters(&self, theta: &[f64]) -> Vec<f64> {
+        let mut parameters = self.template.clone();
+        for (free, theta) in self.free.iter().zip(theta) {
+            parameters[free.index] = free.coordinate.value(*theta);
+        }
+        parameters
+    }
+
+    /// Ends of the search in each coordinate.
+    pub fn ends(&self, coordinate: usize) -> [f64; 2] {
+        self.free.get(coordinate).map_or([f64::NEG_INFINITY, f64::INFINITY], |free| free.ends)
+    }
+
+    /// Log prior of coordinates, up to a constant: of the law's parameters alone.
+    pub fn ln_prior(&self, theta: &[f64]) -> f64 {
+        let pairs = self.free.iter().zip(theta);
+        pairs.filter_map(|(free, theta)| free.prior.map(|(mean, sd)| -0.5 * ((theta - mean) / sd).powi(2))).sum()
+    }
+
+    /// Coordinates of a smaller model's optimum in this one, whatever is new at its null (at its prior's median where it has none).
+    pub fn embed(&self, smaller: &Candidate, theta: &[f64]) -> Vec<f64> {
+        let known = |free: &Free| smaller.free.iter().position(|other| other.name == free.name);
+        let mut embedded: Vec<f64> = self
+            .free
+            .iter()
+            .map(|free| match known(free) {
+                Some(place) => free.clamped(theta[place]),
+                None => free.null.unwrap_or_else(|| free.quantile(0.5)),
+            })
+            .collect();
+        let amplitudes = theta.get(smaller.free.len()..).unwrap_or(&[]);
+        embedded.extend((0..self.columns.len()).map(|k| amplitudes.get(k).copied().unwrap_or(0.0)));
+        embedded
+    }
+}
+
+fn free(
+    index: usize,
+    spec: &ParameterSpec,
+    distribution: Distribution,
+    effect: Option<usize>,
+    null: Option<f64>,
+) -> Free {
+    let quantiles = [SPREAD_TAIL, 1.0 - SPREAD_TAIL].map(|p| distribution.quantile(p));
+    let is_logarithmic = match effect {
+        None => spec.support.lower >= 0.0 && spec.support.upper.is_infinite(),
+        Some(_) => {
+            null.is_none() && matches!(distribution, Distribution::LogUniform { .. } | Distribution::LogNormal { .. })
+        }
+    };
+    let scale = quantiles[1] - quantiles[0];
+    let coordinate = match (is_logarithmic, spec.is_squared) {
+        (true, _) => Coordinate::Logarithm,
+        (false, true) => Coordinate::Square { scale },
+        (false, false) => Coordinate::Linear { scale },
+    };
+    let mut ends = [TAIL_MASS, 1.0 - TAIL_MASS].map(|p| distribution.quantile(p));
+    if let Some(null) = null {
+        // Priors of one sign leave a sliver at the null, which belongs to the search.
+        ends = [ends[0].min(null), ends[1].max(null)];
+    }
+    let ends = ends.map(|end| coordinate.theta(end));
+    let [lower, upper] = [ONE_SD, 1.0 - ONE_SD].map(|p| coordinate.theta(distribution.quantile(p)));
+    let prior = effect.is_none().then(|| (coordinate.theta(distribution.quantile(0.5)), 0.5 * (upper - lower)));
+    let null = null.map(|null| coordinate.theta(null));
+    Free { index, name: spec.name, coordinate, ends, prior, distribution, null, effect }
+}

@@ -1,0 +1,193 @@
+//! What panels gain, and how much of that noise alone would give.
+//!
+//! Records are simulated from the fitted model with noise whose sizes are drawn from what the record leaves possible: the best ones alone are too
+//! small where noise is slow, and would raise false alarms. Its white part is drawn from the whitened residuals themselves, whatever their
+//! distribution. Each record goes through the same fits. A panel's p is read off a gamma distribution with the mean and variance of its
+//! simulated gains, and is corrected for all panels by the smallest p of each simulated record.
+
+use rayon::prelude::*;
+use statrs::distribution::{ContinuousCDF, Gamma};
+
+use super::SIGNIFICANT;
+use super::linear::{Linear, LinearFit};
+use super::rows::Columns;
+use super::whiteness::{ljung_box, runs};
+use crate::NoiseValues;
+use crate::Subject;
+use base::error::Result;
+use posterior::noise::NoiseLikelihood;
+use sampling::ensemble::RandomStream;
+
+/// Fits of one record: the model alone, and with each panel's columns.
+pub struct Looks {
+    /// The model alone.
+    pub base: LinearFit,
+    /// With the columns of each panel.
+    pub with: Vec<LinearFit>,
+    /// Whitened residuals of the model alone.
+    pub whitened: Vec<f64>,
+    /// Gain of each panel in nats, then the statistics of runs and of Ljung and Box.
+    pub statistics: Vec<f64>,
+}
+
+/// p of every statistic.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Significance {
+    /// Alone.
+    pub p: Vec<f64>,
+    /// Corrected for all of them.
+    pub p_familywise: Vec<f64>,
+    /// Mean over the simulated records.
+    pub mean: Vec<f64>,
+    /// The smallest value that would be significant.
+    pub critical: Vec<f64>,
+}
+
+/// Looks at one record: its residuals y − f̂ in m, one value a row.
+///
+/// # Errors
+/// [`base::Error::Numerical`] where a fit has no solution.
+pub fn looks(linear: &Linear, likelihood: &NoiseLikelihood, residual_m: &[f64], panels: &[Columns]) -> Result<Looks> {
+    let base = linear.fit_base(likelihood, residual_m)?;
+    let with = linear.fit_with(likelihood, residual_m, &panels.iter().collect::<Vec<_>>(), &base)?;
+    let whitened = linear.whitened(likelihood, residual_m, &base);
+    let mut statistics: Vec<f64> = with.iter().map(|fit| (fit.objective - base.objective).max(0.0)).collect();
+    statistics.push(runs(&whitened));
+    statistics.push(ljung_box(&whitened));
+    Ok(Looks { base, with, whitened, statistics })
+}
+
+/// Noise (m) at every row of a subject's record: white numbers from `pool`, an Ornstein–Uhlenbeck process, a gain and an offset for each cycle.
+fn simulated_noise_m(
+    subject: &Subject,
+    position_m: &[f64],
+    noise: &NoiseValues,
+    pool: &[f64],
+    stream: &mut RandomStream,
+) -> Vec<f64> {
+    let record = &subject.experiment().record;
+    let [white_um, process_um, time_s, gain_sd, offset_um] = *noise;
+    let mut process = process_um * stream.normal();
+    let (mut gain, mut offset) = (0.0, 0.0);
+    (0..record.n_rows())
+        .map(|row| {
+            if row > 0 {
+                let decay = (-(record.time_s[row] - record.time_s[row - 1]) / time_s).exp();
+                process = decay * process + process_um * (1.0 - decay * decay).sqrt() * stream.normal();
+            }
+            if row == 0 || record.cycle[row] != record.cycle[row - 1] {
+                (gain, offset) = (gain_sd * stream.normal(), offset_um * stream.normal());
+            }
+            let sign = if stream.unit() < 0.5 { -1.0 } else { 1.0 };
+            let white = sign * pool[stream.below(pool.len())];
+            1e-6 * (white_um * white + process + offset) + gain * position_m[row]
+        })
+        .collect()
+}
+
+/// Whitened residuals scaled to a mean square of 1.
+fn pool_of(whitened: &[f64]) -> Vec<f64> {
+    let mean_square = whitened.iter().map(|r| r * r).sum::<f64>() / whitened.len().max(1) as f64;
+    whitened.iter().map(|r| r / mean_square.max(f64::MIN_POSITIVE).sqrt()).collect()
+}
+
+/// p of what one record shows, by `n_simulations` records with streams of `seed`.
+///
+/// # Errors
+/// As [`looks`].
+pub fn significance(
+    subject: &Subject,
+    linear: &Linear,
+    panels: &[Columns],
+    own: &Looks,
+    n_simulations: usize,
+    seed: u64,
+) -> Result<Significance> {
+    let pool = pool_of(&own.whitened);
+    let noises = linear.noise_draws(&subject.fitted, &own.base, n_simulations, seed);
+    let of_one = |number: usize| -> Result<Vec<f64>> {
+        let mut stream = RandomStream::new(seed, number as u64);
+        let noise_m = simulated_noise_m(subject, linear.position_m(), &noises[number], &pool, &mut stream);
+        let fitted = subject.fitted_m.iter().zip(linear.position_m()).zip(&noise_m);
+        let observed_m: Vec<Option<f64>> = fitted.map(|((y, f), e)| y.map(|_| f + e)).collect();
+        let likelihood = subject.fitted.with_observed(&observed_m);
+        let residual_m: Vec<f64> = observed_m.iter().zip(&noise_m).map(|(y, e)| y.map_or(0.0, |_| *e)).collect();
+        Ok(looks(linear, &likelihood, &residual_m, panels)?.statistics)
+    };
+    let simulated: Vec<Vec<f64>> = (0..n_simulations).into_par_iter().map(of_one).collect::<Result<_>>()?;
+    Ok(corrected(&own.statistics, &simulated))
+}
+
+/// p of each statistic against simulated ones, and corrected for all.
+fn corrected(own: &[f64], simulated: &[Vec<f64>]) -> Significance {
+    let tails: Vec<Option<Gamma>> = (0..own.len()).map(|k| tail(simulated.iter().map(|s| s[k]))).collect();
+    let p_of = |k: usize, value: f64| tails[k].as_ref().map_or(1.0, |gamma| gamma.sf(value));
+    let smallest: Vec<f64> = simulated
+        .iter()
+        .map(|statistics| statistics.iter().enumerate().map(|(k, value)| p_of(k, *value)).fold(1.0, f64::min))
+        .collect();
+    let p: Vec<f64> = own.iter().enumerate().map(|(k, value)| p_of(k, *value)).collect();
+    let familywise = |p: &f64| (1 + smallest.iter().filter(|s| *s <= p).count()) as f64 / (1 + simulated.len()) as f64;
+    let mean = |k: usize| simulated.iter().map(|statistics| statistics[k]).sum::<f64>() / simulated.len().max(1) as f64;
+    let mut sorted = smallest.clone();
+    sorted.sort_by(f64::total_cmp);
+    // (1 + number at or below p)/(1 + number of records) < 0.05.
+    let place = (SIGNIFICANT * (1 + simulated.len()) as f64).ceil() as usize;
+    let least_p = sorted.get(place.saturating_sub(2)).copied().unwrap_or(0.0);
+    let critical =
+        tails.iter().map(|tail| tail.as_ref().map_or(f64::INFINITY, |gamma| gamma.inverse_cdf(1.0 - least_p)));
+    Significance {
+        p_familywise: p.iter().map(familywise).collect(),
+        mean: (0..own.len()).map(mean).collect(),
+        critical: critical.collect(),
+        p,
+    }
+}
+
+/// The gamma distribution with the mean and variance of some values.
+fn tail(values: impl Iterator<Item = f64> + Clone) -> Option<Gamma> {
+    let n = values.clone().count() as f64;
+    let mean = values.clone().sum::<f64>() / n;
+    let variance = values.map(|value| (value - mean).powi(2)).sum::<f64>() / (n - 1.0);
+    (mean > 0.0 && variance > 0.0).then(|| Gamma::new(mean * mean / variance, mean / variance).ok()).flatten()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Twelve half squares of normals, as runs give them, three of them one and the same.
+    fn record(number: u64) -> Vec<f64> {
+        let mut stream = RandomStream::new(3, number);
+        let mut half_square = || 0.5 * stream.normal().powi(2);
+        let mut statistics: Vec<f64> = (0..10).map(|_| half_square()).collect();
+        statistics.extend([statistics[0], statistics[0]]);
+        statistics
+    }
+
+    /// 600 records of noise: 5 % of them, 30, may show anything; six standard deviations above that fail falsely below 1e-6, the scatter of the
+    /// shared 999 simulated records included.
+    #[test]
+    fn records_of_noise_show_something_as_often_as_they_may() {
+        let simulated: Vec<Vec<f64>> = (0..999).map(record).collect();
+        let is_false_alarm =
+            |number: &u64| corrected(&record(*number), &simulated).p_familywise.iter().any(|p| *p < 0.05);
+        let n = (10_000..10_600).filter(is_false_alarm).count();
+        let sd = (600.0_f64 * 0.05 * 0.95 * (1.0 + 600.0 / 999.0)).sqrt();
+        assert!((n as f64 - 30.0).abs() < 6.0 * sd, "{n} of 600");
+    }
+
+    #[test]
+    fn what_no_simulated_record_shows_is_as_rare_as_they_can_tell() {
+        let simulated: Vec<Vec<f64>> = (0..99).map(record).collect();
+        let mut own = record(5_000);
+        own[4] = 60.0;
+        let significance = corrected(&own, &simulated);
+        assert_eq!(significance.p_familywise[4], 0.01);
+        assert!(significance.p[4] < 1e-6);
+        own[4] = 1.01 * significance.critical[4];
+        assert!(corrected(&own, &simulated).p_familywise[4] < SIGNIFICANT);
+        own[4] = 0.9 * significance.critical[4];
+        assert!(corrected(&own, &simulated).p_familywise[4] >= SIGNIFICANT);
+    }
+}

@@ -1,0 +1,249 @@
+//! Where a model fails: looks at its misfit from many sides, corrected together.
+//!
+//! Every look ([`panels`]) is a set of columns added to the model; what they gain is a likelihood ratio with the noise estimated anew ([`linear`]), and
+//! is judged against records simulated from the model with the noise that was found for it ([`calibration`]).
+
+pub mod calibration;
+mod echoes;
+pub mod figures;
+pub mod linear;
+mod normal;
+pub mod panels;
+pub mod rows;
+mod sentences;
+pub mod whiteness;
+
+use crate::NoiseValues;
+use calibration::{Looks, Significance, looks, significance};
+use documents::comparison::{Bar, Comparison, LeftOutEntry, PanelEntry};
+use echoes::Shown;
+use linear::Linear;
+use panels::Panel;
+use rows::{Column, Columns, Rows};
+
+use super::{Candidate, Fitted, Subject, outliers};
+use base::error::Result;
+
+/// Family-wise probability below which a look is a finding.
+pub const SIGNIFICANT: f64 = 0.05;
+/// Simulated records, and the fewest for long ones: a p of all looks comes in steps of a sixtieth then.
+const N_SIMULATIONS: (usize, usize) = (199, 59);
+/// Fitted rows of all simulated records together beyond which there are fewer of them.
+const SIMULATED_ROWS: usize = 3_000_000;
+
+/// Simulated records by which looks at so many fitted rows are judged.
+pub fn default_simulations(n_fitted: usize) -> usize {
+    (SIMULATED_ROWS / n_fitted.max(1)).clamp(N_SIMULATIONS.1, N_SIMULATIONS.0)
+}
+
+/// What was found, with what figures need.
+pub struct Outcome {
+    /// The document.
+    pub comparison: Comparison,
+    /// The experiment, outliers left out.
+    pub subject: Subject,
+    /// The fit.
+    pub fitted: Fitted,
+    /// Standard deviation (m) of the model's position from its parameters' uncertainty, one value a row.
+    pub position_sd_m: Vec<f64>,
+    /// Residuals over the standard deviation that the noise gives each given those before it, the scored cycle included; one entry a row. The noise
+    /// is that beside the leading finding: the fit's own has swallowed some of what the model misses.
+    pub whitened: Vec<Option<f64>>,
+    /// Time (s) since the last force step before each row.
+    pub time_since_step_s: Vec<Option<f64>>,
+    /// Ends (s) of bins of that time, equal in logarithm.
+    pub lag_ends_s: Vec<f64>,
+}
+
+/// Looks where a candidate fails.
+///
+/// # Errors
+/// [`base::Error::Numerical`] when it cannot be fitted or has no derivatives.
+pub fn run(subject: &Subject, candidate: &Candidate, n_simulations: usize, seed: u64) -> Result<Outcome> {
+    let (subject, fitted, outlier_rows) = outliers::without(subject, candidate)?;
+    let subject = &subject;
+    let linear = Linear::new(subject, candidate, &fitted)?;
+    let record = &subject.experiment().record;
+    let is_fitted = subject.fitted_m.iter().map(Option::is_some).collect();
+    let rows = Rows::new(record, &fitted.position_m, is_fitted);
+    let (panels, left_out) = panels::panels(&rows);
+    let columns: Vec<Columns> = panels.iter().map(Panel::values).collect();
+    let residual_m = residuals_m(&subject.fitted_m, &fitted.position_m);
+    let own = looks(&linear, &subject.fitted, &residual_m, &columns)?;
+    let significance = significance(subject, &linear, &columns, &own, n_simulations, seed)?;
+    let mut entries = Vec::with_capacity(panels.len() + 2);
+    for (k, panel) in panels.iter().enumerate() {
+        let bars = bars(subject, &linear, &residual_m, panel, rows.is_fitted(), &own.with[k])?;
+        let rms_um = 1e6 * rms_m(subject, &own.with[k].correction_m);
+        entries.push(entry(panel, bars, rms_um, k, &own, &significance));
+    }
+    entries.extend(whiteness_entries(&own, &significance));
+    let noise_um = 1e6 * subject.yardstick_m();
+    let significant: Vec<usize> = (0..entries.len()).filter(|k| entries[*k].p_familywise < SIGNIFICANT).collect();
+    let shown = Shown {
+        linear: &linear,
+        likelihood: &subject.fitted,
+        residual_m: &residual_m,
+        columns: &columns,
+        primary: panels.iter().position(|panel| panel.place == "input_correlation"),
+        looks: &own,
+    };
+    let standings = echoes::standings(&shown, &significant, &significance)?;
+    let noise =
+        standings.first().and_then(|leading| own.with.get(leading.look)).map_or(&fitted.noise, |fit| &fit.noise);
+    let findings = standings
+        .iter()
+        .map(|s| sentences::finding(&entries[s.look], noise_um, s.echo_of.map(|source| &entries[source])))
+        .collect();
+    let experiment = subject.experiment();
+    let mut comparison = Comparison {
+        experiment: experiment.specimen_id.clone(),
+        effects: candidate.effects.clone(),
+        fitted_cycles: experiment.calibration_cycles.clone(),
+        heldout_cycles: experiment.heldout_cycles.clone(),
+        outlier_rows,
+        rmse_fitted_um: 1e6 * fitted.rmse_m(&subject.fitted_m).unwrap_or(0.0),
+        rmse_heldout_um: fitted.rmse_m(&subject.scored_m).map(|rmse_m| 1e6 * rmse_m),
+        noise_um,
+        sentence: String::new(),
+        findings,
+        panels: entries,
+        left_out: left_out
+            .into_iter()
+            .map(|left| LeftOutEntry { place: left.place.into(), reason: left.reason.into() })
+            .collect(),
+        simulated_records: n_simulations,
+    };
+    comparison.sentence = sentences::overall(&comparison);
+    Ok(Outcome {
+        comparison,
+        position_sd_m: linear.position_sd_m(&subject.fitted, &fitted.noise)?,
+        whitened: whitened(subject, &fitted, noise),
+        time_since_step_s: rows.time_since_step_s(),
+        lag_ends_s: rows.lag_ends_s(MAP_LAG_BINS),
+        subject: subject.clone(),
+        fitted,
+    })
+}
+
+/// Root mean square over the fitted rows.
+fn rms_m(subject: &Subject, values_m: &[f64]) -> f64 {
+    let fitted = || values_m.iter().zip(&subject.fitted_m).filter(|(_, y)| y.is_some()).map(|(value, _)| value);
+    (fitted().map(|value| value * value).sum::<f64>() / fitted().count().max(1) as f64).sqrt()
+}
+
+/// Bins of the failure map.
+const MAP_LAG_BINS: usize = 12;
+
+fn residuals_m(observed_m: &[Option<f64>], position_m: &[f64]) -> Vec<f64> {
+    observed_m.iter().zip(position_m).map(|(y, x)| y.map_or(0.0, |y| y - x)).collect()
+}
+
+/// Whitened residuals of fitted and scored rows.
+fn whitened(subject: &Subject, fitted: &Fitted, noise: &NoiseValues) -> Vec<Option<f64>> {
+    let both: Vec<Option<f64>> = subject.fitted_m.iter().zip(&subject.scored_m).map(|(a, b)| a.or(*b)).collect();
+    let residual_m = residuals_m(&both, &fitted.position_m);
+    let mut white = subject.all.whiten(&[residual_m], &fitted.position_m, noise).concat().into_iter();
+    both.iter().map(|y| y.and_then(|_| white.next())).collect()
+}
+
+/// Bias (µm) in each column of a panel with its standard error, the noise estimated with the panel's columns in.
+fn bars(
+    subject: &Subject,
+    linear: &Linear,
+    residual_m: &[f64],
+    panel: &Panel,
+    is_fitted: &[bool],
+    fit: &linear::LinearFit,
+) -> Result<Vec<Bar>> {
+    let masked = |column: &Column| -> Vec<f64> {
+        let fitted = column.values.iter().zip(&subject.fitted_m);
+        fitted.map(|(value, y)| y.map_or(0.0, |_| *value)).collect()
+    };
+    let weight = |column: &Column| -> Vec<f64> {
+        let masked = masked(column);
+        let square: f64 = masked.iter().map(|value| value * value).sum();
+        masked.iter().map(|value| value / square).collect()
+    };
+    let means = match &panel.by_cycle {
+        Some(by_cycle) => linear.cycle_means_m(&subject.fitted, residual_m, by_cycle, is_fitted, fit)?,
+        None => {
+            let weights: Vec<Vec<f64>> = panel.columns.iter().map(weight).collect();
+            linear.weighted_means_m(&subject.fitted, residual_m, &panel.values(), fit, &weights)?
+        }
+    };
+    let bar = |(column, (mean_m, sd_m)): (&Column, (f64, f64))| Bar {
+        label: column.label.clone(),
+        phrase: column.phrase.clone(),
+        lag_s: column.lag_s,
+        bias_um: 1e6 * mean_m,
+        sd_um: 1e6 * sd_m,
+    };
+    let bars = panel.columns.iter().zip(means).map(bar).collect();
+    Ok(if panel.place == "harmonics" { amplitudes(bars) } else { bars })
+}
+
+/// Cosine and sine of one harmonic, which follow each other, as one amplitude.
+fn amplitudes(bars: Vec<Bar>) -> Vec<Bar> {
+    let amplitude = |pair: &[Bar]| {
+        let size_um = pair.iter().map(|bar| bar.bias_um.powi(2)).sum::<f64>().sqrt();
+        let square: f64 = pair.iter().map(|bar| (bar.bias_um * bar.sd_um).powi(2)).sum();
+        let sd_um = square.sqrt() / size_um.max(f64::MIN_POSITIVE);
+        Bar { bias_um: size_um, sd_um, ..pair[0].clone() }
+    };
+    bars.chunk_by(|a, b| a.label == b.label).map(amplitude).collect()
+}
+
+fn entry(panel: &Panel, bars: Vec<Bar>, rms_um: f64, k: usize, own: &Looks, significance: &Significance) -> PanelEntry {
+    PanelEntry {
+        place: panel.place.into(),
+        title: panel.title.into(),
+        is_along_force: panel.is_along_force,
+        gain_nats: own.statistics[k],
+        gain_by_chance_nats: significance.mean[k],
+        rms_um: Some(rms_um),
+        p: significance.p[k],
+        p_familywise: significance.p_familywise[k],
+        bars,
+    }
+}
+
+/// Runs and autocorrelation, whose bars are correlations and not µm.
+fn whiteness_entries(own: &Looks, significance: &Significance) -> [PanelEntry; 2] {
+    let n = own.whitened.len();
+    let sd_um = whiteness::white_limit(n) / 1.96;
+    let correlation = |(rho, lag): (&f64, usize)| Bar {
+        label: lag.to_string(),
+        phrase: format!("at lag {lag}"),
+        lag_s: None,
+        bias_um: *rho,
+        sd_um,
+    };
+    let rho = whiteness::autocorrelation(&own.whitened);
+    let score = whiteness::runs_score(&own.whitened);
+    let first = own.with.len();
+    let made = |k: usize, place: &str, title: &str, bars| PanelEntry {
+        place: place.into(),
+        title: title.into(),
+        is_along_force: false,
+        gain_nats: own.statistics[k],
+        gain_by_chance_nats: significance.mean[k],
+        rms_um: None,
+        p: significance.p[k],
+        p_familywise: significance.p_familywise[k],
+        bars,
+    };
+    let of_runs = Bar { label: "score".into(), phrase: String::new(), lag_s: None, bias_um: score, sd_um: 1.0 };
+    [
+        made(first, "runs", "runs of one sign (standard score)", vec![of_runs]),
+        made(
+            first + 1,
+            "autocorrelation",
+            "autocorrelation of whitened residuals: lag",
+            rho.iter().zip(1..).map(correlation).collect(),
+        ),
+    ]
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,171 @@
+//! What panels are made from: the rows of a record, and columns over them.
+
+use record::Record;
+
+/// Columns with fewer fitted rows than this say nothing.
+const FEWEST_ROWS: usize = 3;
+const N_QUANTILE_BINS: usize = 5;
+
+/// A column, and where in the experiment it is.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Column {
+    /// Short name for figures and tables.
+    pub label: String,
+    /// Where it is, as the end of a sentence: "in cycle 2".
+    pub phrase: String,
+    /// From and to, in s after a force step, where that is what it is about.
+    pub lag_s: Option<[f64; 2]>,
+    /// One value a row of the record; none for a cycle's column, which [`ByCycle`] has.
+    pub values: Vec<f64>,
+}
+
+/// A column for each cycle, 1 in its rows and 0 elsewhere: kept as one number a row, however many cycles there are.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct ByCycle {
+    /// The place of each row's cycle among those with a fitted row; `None` for rows of other cycles, and of cycles without a column.
+    pub place: Vec<Option<usize>>,
+    /// Which of those have a column.
+    pub has_column: Vec<bool>,
+}
+
+/// What is added to a model.
+#[derive(Debug, Clone, Default)]
+pub struct Columns {
+    /// One value a row of the record each.
+    pub dense: Vec<Vec<f64>>,
+    /// Beside them, one for each cycle.
+    pub by_cycle: Option<ByCycle>,
+}
+
+impl Columns {
+    /// All columns of both, of which one at most has columns of cycles.
+    pub fn and(&self, other: &Self) -> Self {
+        let dense = self.dense.iter().chain(&other.dense).cloned().collect();
+        Self { dense, by_cycle: self.by_cycle.clone().or_else(|| other.by_cycle.clone()) }
+    }
+}
+
+/// What panels are made from.
+pub struct Rows<'a> {
+    pub(super) record: &'a Record,
+    /// Model's position (m).
+    pub(super) position_m: &'a [f64],
+    is_fitted: Vec<bool>,
+    /// Force (N) that acted until the row.
+    pub(super) acting_n: Vec<f64>,
+    pub(super) largest_n: f64,
+    /// Time (s) since the last force step before the row, and its size over the largest.
+    pub(super) since_step: Vec<Option<(f64, f64)>>,
+    /// Change of the model's position (m) up to the row.
+    pub(super) moved_m: Vec<f64>,
+    pub(super) interval_s: f64,
+}
+
+impl<'a> Rows<'a> {
+    /// Of a record with a model's position (m) at every row; `is_fitted` says which rows count.
+    pub fn new(record: &'a Record, position_m: &'a [f64], is_fitted: Vec<bool>) -> Self {
+        let n = record.n_rows();
+        let acting_n: Vec<f64> = (0..n).map(|row| record.acting_n(row)).collect();
+        let moved_m = (0..n).map(|i| if i == 0 { 0.0 } else { position_m[i] - position_m[i - 1] }).collect();
+        let largest_n = record.force_n.iter().fold(0.0_f64, |largest, force| largest.max(force.abs()));
+        let steps: Vec<(usize, f64)> =
+            record.force_step_rows().into_iter().map(|row| (row, record.force_n[row] - record.before_n(row))).collect();
+        let largest_step = steps.iter().fold(f64::MIN_POSITIVE, |largest, step| largest.max(step.1.abs()));
+        let last_before = |row: usize| {
+            let place = steps.partition_point(|(at, _)| *at < row).checked_sub(1)?;
+            let (at, change) = steps[place];
+            Some((record.time_s[row] - record.time_s[at], change / largest_step))
+        };
+        let since_step = (0..n).map(last_before).collect();
+        let interval_s = record.median_interval_s().unwrap_or(1.0);
+        Self { record, position_m, is_fitted, acting_n, largest_n, since_step, moved_m, interval_s }
+    }
+
+    pub(super) fn n(&self) -> usize {
+        self.record.n_rows()
+    }
+
+    /// Which rows count.
+    pub fn is_fitted(&self) -> &[bool] {
+        &self.is_fitted
+    }
+
+    /// Time (s) since the last force step before each row.
+    pub fn time_since_step_s(&self) -> Vec<Option<f64>> {
+        self.since_step.iter().map(|step| step.map(|(time_s, _)| time_s)).collect()
+    }
+
+    /// Ends (s) of bins of time since the last force step, `most` at most, equal in logarithm; the first begins at 0.
+    pub fn lag_ends_s(&self, most: usize) -> Vec<f64> {
+        let longest = self.since_step.iter().flatten().fold(0.0_f64, |longest, step| longest.max(step.0));
+        let first = self.interval_s;
+        if longest <= 2.0 * first {
+            return if longest > 0.0 { vec![longest] } else { Vec::new() };
+        }
+        let n = ((longest / first).log2().round() as usize).clamp(2, most);
+        // A hair more, for times that are multiples of the interval but for rounding.
+        (1..=n).map(|k| first * (longest / first).powf(k as f64 / n as f64) * (1.0 + 1e-6)).collect()
+    }
+
+    pub(super) fn column(&self, label: String, phrase: String, values: impl Fn(usize) -> f64) -> Column {
+        Column { label, phrase, lag_s: None, values: (0..self.n()).map(values).collect() }
+    }
+
+    pub(super) fn fitted_rows(&self) -> impl Iterator<Item = usize> + '_ {
+        (0..self.n()).filter(|row| self.is_fitted[*row])
+    }
+
+    /// Cycles with fitted rows, and their columns where those are enough.
+    pub(super) fn by_cycle(&self) -> (Vec<u32>, ByCycle) {
+        let (mut cycles, mut counts) = (Vec::<u32>::new(), Vec::<usize>::new());
+        for row in self.fitted_rows() {
+            if cycles.last() != Some(&self.record.cycle[row]) {
+                cycles.push(self.record.cycle[row]);
+                counts.push(0);
+            }
+            if let Some(count) = counts.last_mut() {
+                *count += 1;
+            }
+        }
+        let has_column: Vec<bool> = counts.iter().map(|count| *count >= FEWEST_ROWS).collect();
+        let mut next = 0;
+        let place_of = |cycle: &u32| {
+            while next < cycles.len() && cycles[next] < *cycle {
+                next += 1;
+            }
+            (cycles.get(next) == Some(cycle) && has_column[next]).then_some(next)
+        };
+        let place = self.record.cycle.iter().map(place_of).collect();
+        (cycles, ByCycle { place, has_column })
+    }
+
+    /// Columns with fitted rows enough, scaled to at most 1 there.
+    pub(super) fn kept(&self, columns: Vec<Column>) -> Vec<Column> {
+        let scaled = |mut column: Column| {
+            let largest = self.fitted_rows().fold(0.0_f64, |largest, row| largest.max(column.values[row].abs()));
+            let n = self.fitted_rows().filter(|row| column.values[*row].abs() > 1e-3 * largest).count();
+            column.values.iter_mut().for_each(|value| *value /= largest);
+            (largest > 0.0 && n >= FEWEST_ROWS).then_some(column)
+        };
+        columns.into_iter().filter_map(scaled).collect()
+    }
+
+    /// Bins of equal numbers of fitted rows.
+    pub(super) fn quantile_bins(&self, of: &[f64], say: impl Fn(f64, f64) -> (String, String)) -> Vec<Column> {
+        let mut sorted: Vec<f64> = self.fitted_rows().map(|row| of[row]).collect();
+        sorted.sort_by(f64::total_cmp);
+        if sorted.is_empty() {
+            return Vec::new();
+        }
+        let ends: Vec<f64> = (0..=N_QUANTILE_BINS).map(|k| sorted[(sorted.len() - 1) * k / N_QUANTILE_BINS]).collect();
+        let bin = |k: usize| {
+            let (low, high) = (ends[k], ends[k + 1]);
+            let is_last = k + 1 == N_QUANTILE_BINS;
+            let (label, phrase) = say(low, high);
+            self.column(label, phrase, |row| {
+                f64::from(u8::from(of[row] >= low && (of[row] < high || (is_last && of[row] == high))))
+            })
+        };
+        self.kept((0..N_QUANTILE_BINS).map(bin).collect())
+    }
+}

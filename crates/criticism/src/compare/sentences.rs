@@ -1,0 +1,247 @@
+//! What was found, in plain words.
+
+use super::panels::lag_phrase;
+use documents::comparison::{Bar, Comparison, Finding, PanelEntry};
+use figures::number::significant;
+
+/// Misfit over the yardstick above which the noise that the fit found is not what is known of it.
+const LARGE_MISFIT: f64 = 1.5;
+/// Neighbouring bars of one sign belong together down to this fraction of the largest.
+const SHARE_OF_LARGEST: f64 = 0.5;
+/// A bar that stands less than so many errors from nothing is no place to point at.
+const CLEAR: f64 = 3.0;
+/// Nor is one that is small against the bias as a whole.
+const LEAST_SHARE: f64 = 0.5;
+
+/// A significant look as a finding; `echo_of` names the one whose echo it is.
+pub fn finding(entry: &PanelEntry, noise_um: f64, echo_of: Option<&PanelEntry>) -> Finding {
+    let is_telling = |k: &usize| entry.rms_um.is_some_and(|rms_um| is_clear(&entry.bars[*k], rms_um));
+    let clearest = clearest(&entry.bars).filter(is_telling);
+    let bar = clearest.map(|k| &entry.bars[k]);
+    let sentence = match (about_whiteness(entry), clearest) {
+        (Some(sentence), _) => sentence,
+        (None, Some(clearest)) => about_place(entry, clearest, noise_um),
+        (None, None) => about_whole(entry, noise_um),
+    };
+    Finding {
+        place: entry.place.clone(),
+        sentence,
+        size_um: bar.map(|bar| bar.bias_um.abs()).or(entry.rms_um),
+        size_sd_um: bar.map(|bar| bar.sd_um),
+        echo_of: echo_of.map(|source| source.place.clone()),
+        p_familywise: entry.p_familywise,
+    }
+}
+
+fn over_error(bar: &Bar) -> f64 {
+    bar.bias_um.abs() / bar.sd_um.max(f64::MIN_POSITIVE)
+}
+
+fn is_clear(bar: &Bar, rms_um: f64) -> bool {
+    over_error(bar) >= CLEAR && bar.bias_um.abs() > LEAST_SHARE * rms_um
+}
+
+/// A value rounded to its error's first digit, and that.
+fn with_error(value: f64, sd: f64) -> String {
+    let place = sd.max(f64::MIN_POSITIVE).log10().floor().clamp(-6.0, 6.0);
+    let rounded = |x: f64| (x / 10_f64.powf(place)).round() * 10_f64.powf(place);
+    let decimals = (-place).max(0.0) as usize;
+    format!("{:.decimals$} ± {:.decimals$}", rounded(value), rounded(sd))
+}
+
+/// The bar that stands out most from its error.
+fn clearest(bars: &[Bar]) -> Option<usize> {
+    (0..bars.len()).max_by(|a, b| over_error(&bars[*a]).total_cmp(&over_error(&bars[*b])))
+}
+
+fn about_place(entry: &PanelEntry, clearest: usize, noise_um: f64) -> String {
+    let bar = &entry.bars[clearest];
+    format!(
+        "The model misses {} µm{}, mostly {}; noise explains {} µm.",
+        with_error(bar.bias_um.abs(), bar.sd_um),
+        direction(entry, bar),
+        phrase(&entry.bars, clearest),
+        significant(noise_um, 2)
+    )
+}
+
+fn about_whole(entry: &PanelEntry, noise_um: f64) -> String {
+    format!(
+        "The model misses {} µm (root mean square) {}, and no single place stands out; noise explains {} µm.",
+        significant(entry.rms_um.unwrap_or(0.0), 2),
+        whole(&entry.place),
+        significant(noise_um, 2)
+    )
+}
+
+/// What a look is about, as the end of a sentence.
+fn whole(place: &str) -> &'static str {
+    match place {
+        "input_correlation" => "in step with earlier changes of the force",
+        "time_since_step" => "as a function of the time since the last force step",
+        "cycle" => "differently from cycle to cycle",
+        "force_sign" => "differently for each sign of the force",
+        "force_level" => "differently for each level of the force",
+        "position" => "as a function of the position",
+        "velocity" => "as a function of the velocity",
+        "loading" => "differently in loading and recovery",
+        "superposition" => "in how the response grows with the force",
+        "reversal" => "the same way whatever the force's sign",
+        "trend" => "slowly over the record",
+        _ => "at the harmonics of the force",
+    }
+}
+
+/// Which way the measurement is off.
+fn direction(entry: &PanelEntry, bar: &Bar) -> &'static str {
+    let is_ahead = bar.bias_um > 0.0;
+    match entry.place.as_str() {
+        "time_since_step" | "input_correlation" if is_ahead => " (the bead is ahead of it)",
+        "time_since_step" | "input_correlation" => " (the bead lags behind it)",
+        "harmonics" | "trend" | "superposition" => "",
+        _ if entry.is_along_force && is_ahead => " (the bead goes farther)",
+        _ if entry.is_along_force => " (the bead goes less far)",
+        _ if is_ahead => " (the bead is above it)",
+        _ => " (the bead is below it)",
+    }
+}
+
+/// Where the clearest bar is, its like neighbours in time included.
+fn phrase(bars: &[Bar], clearest: usize) -> String {
+    let bar = &bars[clearest];
+    let is_plain = bar.lag_s.is_some_and(|lag_s| bar.phrase == lag_phrase(lag_s));
+    if !is_plain {
+        return bar.phrase.clone();
+    }
+    let is_like = |k: usize| bars[k].bias_um * bar.bias_um.signum() > SHARE_OF_LARGEST * bar.bias_um.abs();
+    let first = (0..clearest).rev().take_while(|k| is_like(*k)).last().unwrap_or(clearest);
+    let last = (clearest + 1..bars.len()).take_while(|k| is_like(*k)).last().unwrap_or(clearest);
+    match (bars[first].lag_s, bars[last].lag_s) {
+        (Some([from, _]), Some([_, to])) => lag_phrase([from, to]),
+        _ => bar.phrase.clone(),
+    }
+}
+
+fn about_whiteness(entry: &PanelEntry) -> Option<String> {
+    match entry.place.as_str() {
+        "runs" => {
+            let kind = if entry.bars.first().is_some_and(|bar| bar.bias_um < 0.0) { "longer" } else { "shorter" };
+            Some(format!(
+                "The whitened residuals keep one sign for {kind} runs than chance makes: noise of the assumed kind does not explain them."
+            ))
+        }
+        "autocorrelation" => {
+            let bar = &entry.bars[clearest(&entry.bars)?];
+            Some(format!(
+                "The whitened residuals are correlated, {} {}: noise of the assumed kind does not explain them.",
+                significant(bar.bias_um, 2),
+                bar.phrase
+            ))
+        }
+        _ => None,
+    }
+}
+
+/// All in all.
+pub fn overall(comparison: &Comparison) -> String {
+    let um = |value: f64| significant(value, 2);
+    let noise_um = comparison.noise_um;
+    let (n, of) = (comparison.findings.len(), comparison.panels.len());
+    let heldout = comparison
+        .rmse_heldout_um
+        .map_or("; no cycle is held out".into(), |rmse| format!(" and {} µm on the held-out cycle", um(rmse)));
+    let fitted = um(comparison.rmse_fitted_um);
+    let misfit = format!("misfit {fitted} µm on the fitted cycles{heldout}; noise {} µm", um(noise_um));
+    if let Some(first) = comparison.findings.first() {
+        let place = first.place.replace('_', " ");
+        return format!("The model fails: {n} of {of} looks show it, most clearly {place} ({misfit}).");
+    }
+    let is_large = |rmse: f64| rmse > LARGE_MISFIT * noise_um;
+    if let Some(rmse) = comparison.rmse_heldout_um.filter(|rmse| is_large(*rmse)) {
+        return format!(
+            "The model does not predict the held-out cycle: it misses that by {} µm, {} times the noise, although none of {of} looks at the \
+             fitted cycles tells the misfit from noise ({misfit}). Something differs between cycles, be it only their gain.",
+            um(rmse),
+            um(rmse / noise_um)
+        );
+    }
+    let doubt = if is_large(comparison.rmse_fitted_um) {
+        " The misfit is larger than the noise that is known, yet looks like noise: this is no all-clear."
+    } else {
+        ""
+    };
+    format!("Nothing found: none of {of} looks tells the misfit from noise ({misfit}).{doubt}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn bar(bias_um: f64, sd_um: f64, lag_s: [f64; 2]) -> Bar {
+        Bar { label: String::new(), phrase: lag_phrase(lag_s), lag_s: Some(lag_s), bias_um, sd_um }
+    }
+
+    fn entry(bars: Vec<Bar>) -> PanelEntry {
+        PanelEntry {
+            place: "time_since_step".into(),
+            title: String::new(),
+            is_along_force: true,
+            gain_nats: 20.0,
+            gain_by_chance_nats: 2.0,
+            rms_um: Some(1.21),
+            p: 1e-6,
+            p_familywise: 0.005,
+            bars,
+        }
+    }
+
+    #[test]
+    fn like_neighbours_in_time_make_one_place() {
+        let bars = vec![bar(-12.0, 2.0, [0.0, 0.1]), bar(-9.0, 2.0, [0.1, 0.3]), bar(-3.0, 2.0, [0.3, 1.0])];
+        let finding = finding(&entry(bars), 4.0, None);
+        let expected = "The model misses 12 ± 2 µm (the bead lags behind it), mostly within 0.30 s after each force step; noise explains 4.0 µm.";
+        assert_eq!((finding.sentence.as_str(), finding.size_um, finding.size_sd_um), (expected, Some(12.0), Some(2.0)));
+    }
+
+    #[test]
+    fn values_are_rounded_to_their_errors() {
+        for (value, sd, expected) in [(187.3, 5.2, "187 ± 5"), (173.0, 22.0, "170 ± 20"), (0.97, 0.31, "1.0 ± 0.3")]
+        {
+            assert_eq!(with_error(value, sd), expected);
+        }
+    }
+
+    #[test]
+    fn a_feeble_bar_is_no_place() {
+        let finding = finding(&entry(vec![bar(0.59, 0.3, [0.0, 0.1]), bar(-0.5, 0.3, [0.1, 0.3])]), 4.0, None);
+        assert!(finding.sentence.contains("1.2 µm (root mean square)"), "{}", finding.sentence);
+        assert!(!finding.sentence.contains('±'), "{}", finding.sentence);
+        assert_eq!((finding.size_um, finding.size_sd_um), (Some(1.21), None));
+    }
+
+    #[test]
+    fn a_held_out_cycle_far_off_is_said_first() {
+        let mut comparison = Comparison {
+            experiment: String::new(),
+            effects: Vec::new(),
+            fitted_cycles: vec![1, 2, 3],
+            heldout_cycles: vec![4],
+            outlier_rows: Vec::new(),
+            rmse_fitted_um: 4.2,
+            rmse_heldout_um: Some(14.0),
+            noise_um: 4.0,
+            sentence: String::new(),
+            findings: Vec::new(),
+            panels: vec![entry(Vec::new())],
+            left_out: Vec::new(),
+            simulated_records: 199,
+        };
+        let said = overall(&comparison);
+        assert!(
+            said.starts_with("The model does not predict the held-out cycle") && said.contains("3.5 times"),
+            "{said}"
+        );
+        comparison.rmse_heldout_um = Some(4.4);
+        assert!(overall(&comparison).starts_with("Nothing found"));
+    }
+}

@@ -1,0 +1,133 @@
+//! Derivatives of a candidate's position by differences.
+
+use super::{Candidate, Subject};
+use base::error::{Error, Result};
+use models::model::{Lanes, N_LANES};
+
+/// Step of a difference, in a search coordinate, whose unit is the spread of a prior.
+const DIFFERENCE: f64 = 1e-4;
+
+/// Derivatives (m a unit of the coordinate, one value a row of the record) of a candidate's position.
+pub fn columns_m(subject: &Subject, candidate: &Candidate, theta: &[f64]) -> Result<Vec<Vec<f64>>> {
+    let none = || {
+        Error::numerical(
+            format!("the model with {} has no derivatives at its fit", candidate.effects.join(", ")),
+            "fix one of its parameters",
+        )
+    };
+    derivatives_m(subject, candidate, theta, None).ok_or_else(none)
+}
+
+/// The derivative with respect to one coordinate, as in [`columns_m`], at a point whose position (m) is known.
+pub(super) fn column_m(
+    subject: &Subject,
+    candidate: &Candidate,
+    theta: &[f64],
+    coordinate: usize,
+    known_m: &[f64],
+) -> Result<Vec<f64>> {
+    let step = difference_step(candidate, theta, coordinate);
+    difference_m(subject, candidate, (theta, known_m), (coordinate, step))
+        .or_else(|_| difference_m(subject, candidate, (theta, known_m), (coordinate, -step)))
+}
+
+/// Away from the nearer end. Where there is no model on that side, as where a force gradient pulls the robot away, the other side serves.
+fn difference_step(candidate: &Candidate, theta: &[f64], coordinate: usize) -> f64 {
+    let [_, upper] = candidate.ends(coordinate);
+    if theta[coordinate] + DIFFERENCE > upper { -DIFFERENCE } else { DIFFERENCE }
+}
+
+/// The difference quotient by one step from a point whose position (m) is known.
+fn difference_m(
+    subject: &Subject,
+    candidate: &Candidate,
+    (theta, known_m): (&[f64], &[f64]),
+    (coordinate, step): (usize, f64),
+) -> Result<Vec<f64>> {
+    let mut moved = theta.to_vec();
+    moved[coordinate] += step;
+    let moved_m = subject.trajectory_m(candidate, &moved)?;
+    Ok(moved_m.iter().zip(known_m).map(|(moved, known)| (moved - known) / step).collect())
+}
+
+/// Derivatives at coordinates, whose position (m) may be known; `None` where there are none.
+pub(super) fn derivatives_m(
+    subject: &Subject,
+    candidate: &Candidate,
+    theta: &[f64],
+    known_m: Option<&[f64]>,
+) -> Option<Vec<Vec<f64>>> {
+    let n_free = candidate.free.len();
+    let step = |k: usize| difference_step(candidate, theta, k);
+    let moved = |k: usize| {
+        let mut moved = theta.to_vec();
+        moved[k] += step(k);
+        moved
+    };
+    // Beside the moved points the position costs nothing, but where every trajectory is computed by itself.
+    let centre = known_m.is_none().then(|| theta.to_vec());
+    let points: Vec<Vec<f64>> = centre.into_iter().chain((0..n_free).map(moved)).collect();
+    let mut position_m = known_m.map(<[f64]>::to_vec);
+    let mut columns = Vec::with_capacity(candidate.dimension());
+    for chunk in points.chunks(N_LANES) {
+        let (lanes, is_valid) = subject.trajectories_m(candidate, chunk);
+        for (lane, is_valid) in is_valid.iter().enumerate().take(chunk.len()) {
+            let Some(position_m) = &position_m else {
+                position_m = Some(lanes.iter().map(|row| row.0[lane]).collect()).filter(|_| *is_valid);
+                position_m.as_ref()?;
+                continue;
+            };
+            let coordinate = columns.len();
+            columns.push(if *is_valid {
+                let inverse = 1.0 / step(coordinate);
+                let difference = |(row, x): (&Lanes, &f64)| (row.0[lane] - x) * inverse;
+                lanes.iter().zip(position_m).map(difference).collect()
+            } else {
+                let back = (coordinate, -step(coordinate));
+                difference_m(subject, candidate, (theta, position_m), back).ok()?
+            });
+        }
+    }
+    columns.extend(candidate.columns.iter().cloned());
+    Some(columns)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_replica::{base_fit, replica};
+
+    /// Next to the largest force gradient that has a model there is a derivative: the difference quotient of a step back.
+    #[test]
+    fn where_a_model_ends_the_other_side_serves() {
+        let (base, fitted) = base_fit();
+        let candidate = replica().extended(&["force-gradient"]).expect("addable");
+        let start = candidate.embed(&base, &fitted.theta);
+        let place = candidate.free.iter().position(|free| free.effect.is_some()).expect("a parameter of the effect");
+        let at = |x: f64| {
+            let mut theta = start.clone();
+            theta[place] = x;
+            theta
+        };
+        let is_model = |x: f64| replica().trajectory_m(&candidate, &at(x)).is_ok();
+        // A gradient that pulls the robot away.
+        let none = (0..20).map(|k| start[place] + 0.1 * 2.0_f64.powi(k)).find(|x| !is_model(*x));
+        let (mut inside, mut outside) = (start[place], none.expect("an end of the models"));
+        for _ in 0..60 {
+            let middle = 0.5 * (inside + outside);
+            if is_model(middle) { inside = middle } else { outside = middle }
+        }
+        let last = inside - 0.3 * DIFFERENCE;
+        assert!(!is_model(last + DIFFERENCE), "the model ends where differences go first");
+        let columns = columns_m(replica(), &candidate, &at(last)).expect("derivatives");
+        let known_m = replica().trajectory_m(&candidate, &at(last)).expect("a model");
+        let alone = column_m(replica(), &candidate, &at(last), place, &known_m).expect("a derivative");
+        let before_m = replica().trajectory_m(&candidate, &at(last - DIFFERENCE)).expect("a model");
+        let difference: Vec<f64> = known_m.iter().zip(&before_m).map(|(x, before)| (x - before) / DIFFERENCE).collect();
+        let largest = |column: &[f64]| column.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+        for column in [&columns[place], &alone] {
+            let apart: Vec<f64> = column.iter().zip(&difference).map(|(a, b)| a - b).collect();
+            assert!(largest(&apart) < 1e-9 * largest(&difference), "{} {}", largest(&apart), largest(&difference));
+        }
+    }
+}

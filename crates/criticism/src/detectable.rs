@@ -1,0 +1,229 @@
+//! The smallest size of each effect that an experiment would have shown, and the effects to which it is blind.
+//!
+//! An effect of some size is seen when the base model's best fit misses its noise-free data by the threshold of detection ([`super::separation`]). The
+//! sizes are those that the prior leaves likely; of both signs, and of what means nothing at the null, whichever shows best is taken.
+
+use rayon::prelude::*;
+
+use super::separation::{Imitation, Seen, Truth, closest, over_grid};
+use super::{Candidate, Fitted, Subject};
+use base::error::{Error, Result};
+
+/// Prior mass beyond either end of the sizes that are looked at.
+const RANGE_TAIL: f64 = 0.005;
+/// Sizes that are looked at to first order: each half of the one before.
+const N_HALVINGS: i32 = 16;
+/// Halvings after which a size is small enough for its signature to be that at the null.
+const SMALL: usize = 5;
+/// Ways (sign and grid point) whose sizes are computed by refits.
+const MOST_WAYS: usize = 3;
+const MOST_REFITS: usize = 12;
+/// A size counts as smallest when its distance is above the threshold by less than this part.
+const TOLERANCE: f64 = 0.01;
+/// Below this largest distance in σ, or this visible fraction, an experiment is blind to an effect.
+const BLIND_SIGMA: f64 = 1.0;
+const BLIND_FRACTION: f64 = 1e-3;
+
+/// What an experiment shows of an effect.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Detectable {
+    /// Slug.
+    pub effect: String,
+    /// Value of its first parameter, in that parameter's unit, at which it would just have been seen; `None` where none inside the prior's range would.
+    pub smallest: Option<f64>,
+    /// Distance in σ of the largest size inside the prior's range from the base model's best fit.
+    pub largest_distance: f64,
+    /// Share of its whitened signature that the base model cannot absorb: ‖Pg‖²/‖g‖², at small sizes, the largest over signs and what means nothing at the null.
+    pub visible_fraction: f64,
+}
+
+impl Detectable {
+    /// Whether the experiment shows next to nothing of the effect, whatever its size.
+    pub fn is_blind_spot(&self) -> bool {
+        // What is seen at some size is no blind spot, even where small sizes leave nothing.
+        self.smallest.is_none() && (self.largest_distance < BLIND_SIGMA || self.visible_fraction < BLIND_FRACTION)
+    }
+}
+
+/// For every effect that can be added to the base model, at its fit, the smallest size that would be seen with a threshold of detection in σ. In the
+/// order of the library.
+///
+/// # Errors
+/// What building a model with an effect refuses, but for effects that cannot be added.
+pub fn smallest_detectable(
+    subject: &Subject,
+    base: (&Candidate, &Fitted),
+    threshold_sigma: f64,
+) -> Result<Vec<Detectable>> {
+    let own = base.0.effects.get(subject.specification().effects.len()..).unwrap_or(&[]);
+    let of = |effect: &&'static dyn models::effects::Effect| -> Result<Option<Detectable>> {
+        let slugs: Vec<&str> = own.iter().map(String::as_str).chain([effect.slug()]).collect();
+        match subject.extended(&slugs) {
+            // What cannot be computed at any size is left out, as what cannot be added.
+            Ok(extended) => match of_effect(subject, base, &extended, threshold_sigma) {
+                Err(Error::Numerical { .. }) => Ok(None),
+                other => other,
+            },
+            Err(Error::Input { .. }) => Ok(None),
+            Err(other) => Err(other),
+        }
+    };
+    let list: Result<Vec<Option<Detectable>>> = subject.library().effects().par_iter().map(of).collect();
+    Ok(list?.into_iter().flatten().collect())
+}
+
+/// A sign and a point of what means nothing at the null, with sizes from largest to smallest.
+struct Way {
+    /// Coordinates at the null.
+    null: Vec<f64>,
+    /// Largest step from the null, signed, in the coordinate.
+    end: f64,
+    /// Distance of each size to first order; `None` where there is no model.
+    seen: Vec<Option<Seen>>,
+}
+
+impl Way {
+    fn step(&self, halvings: usize) -> f64 {
+        self.end * 0.5_f64.powi(halvings as i32)
+    }
+
+    /// The largest step at which there is a model, and its distance to first order.
+    fn largest(&self) -> Option<(f64, f64)> {
+        let place = self.seen.iter().position(Option::is_some)?;
+        Some((self.step(place), self.seen[place].as_ref()?.squared.max(0.0).sqrt()))
+    }
+
+    /// Size of the step at which the distance to first order crosses a threshold.
+    fn crossing(&self, threshold: f64) -> Option<f64> {
+        let of = |seen: &Option<Seen>| seen.as_ref().map(|seen| seen.squared.max(0.0).sqrt());
+        let place = (0..self.seen.len()).rev().find(|k| of(&self.seen[*k]).is_some_and(|d| d >= threshold))?;
+        let above = of(&self.seen[place])?;
+        Some(self.step(place).abs() * (threshold / above).max(0.5))
+    }
+}
+
+/// The effect that a candidate has last.
+fn of_effect(
+    subject: &Subject,
+    base: (&Candidate, &Fitted),
+    extended: &Candidate,
+    threshold: f64,
+) -> Result<Option<Detectable>> {
+    let Some(last) = extended.effects.len().checked_sub(1) else { return Ok(None) };
+    let is_size = |free: &super::Free| free.effect == Some(last) && free.null.is_some();
+    // A size that the user has fixed is not looked for.
+    let Some(place) = extended.free.iter().position(is_size) else { return Ok(None) };
+    let mut ways = ways(subject, base, extended, last, place);
+    let refit = |way: &Way, step: f64| of_step(subject, base, extended, (way, place, step));
+    let largest = |way: &Way| way.largest().map_or(0.0, |(_, distance)| distance);
+    ways.sort_by(|a, b| largest(b).total_cmp(&largest(a)));
+    let mut found = Detectable {
+        effect: extended.effects[last].clone(),
+        smallest: None,
+        largest_distance: 0.0,
+        visible_fraction: ways
+            .iter()
+            .flat_map(|way| way.seen.iter().skip(SMALL).flatten())
+            .map(Seen::fraction)
+            .fold(0.0, f64::max),
+    };
+    let Some((end, _)) = ways.first().and_then(Way::largest) else { return Ok(Some(found)) };
+    found.largest_distance = refit(&ways[0], end)?;
+    if found.largest_distance < threshold {
+        return Ok(Some(found));
+    }
+    // The way that is seen at its largest size is tried last, at that size if no other was seen before.
+    let guess = |way: &Way| way.crossing(threshold).unwrap_or(f64::INFINITY);
+    let mut order: Vec<usize> = (0..ways.len()).filter(|k| guess(&ways[*k]).is_finite()).collect();
+    order.sort_by(|a, b| guess(&ways[*a]).total_cmp(&guess(&ways[*b])));
+    order.truncate(MOST_WAYS);
+    for k in order.into_iter().chain([0]) {
+        let way = &ways[k];
+        if let Some(step) = smallest_step(way, guess(way), threshold, &refit)? {
+            found.smallest = Some(extended.free[place].coordinate.value(way.null[place] + step));
+            break;
+        }
+    }
+    Ok(Some(found))
+}
+
+fn ways(subject: &Subject, base: (&Candidate, &Fitted), extended: &Candidate, effect: usize, place: usize) -> Vec<Way> {
+    let (candidate, fitted) = base;
+    let null = extended.embed(candidate, &fitted.theta);
+    let truth = Truth { candidate, theta: &fitted.theta, noise: fitted.noise, position_m: &fitted.position_m };
+    let imitation = Imitation::new(subject, extended, &truth);
+    let free = &extended.free[place];
+    let mut ways = Vec::new();
+    for null in over_grid(extended, effect, &null) {
+        for probability in [RANGE_TAIL, 1.0 - RANGE_TAIL] {
+            let end = free.quantile(probability) - null[place];
+            // One end of a one-sided prior is a sliver on the other side of it.
+            let is_outward = (end > 0.0) == (probability > 0.5);
+            if end != 0.0 && is_outward {
+                let at = |halvings: i32| {
+                    let mut theta = null.clone();
+                    theta[place] += end * 0.5_f64.powi(halvings);
+                    theta
+                };
+                let points: Vec<Vec<f64>> = (0..N_HALVINGS).map(at).collect();
+                ways.push(Way { seen: imitation.seen(&null, &points), null: null.clone(), end });
+            }
+        }
+    }
+    ways
+}
+
+/// Distance in σ of the base's best fit from an effect of some step; 0 where that has no model.
+fn of_step(
+    subject: &Subject,
+    base: (&Candidate, &Fitted),
+    extended: &Candidate,
+    (way, place, step): (&Way, usize, f64),
+) -> Result<f64> {
+    let mut theta = way.null.clone();
+    theta[place] += step;
+    let Ok(position_m) = subject.trajectory_m(extended, &theta) else { return Ok(0.0) };
+    let truth = Truth { candidate: extended, theta: &theta, noise: base.1.noise, position_m: &position_m };
+    Ok(closest(subject, base.0, &truth)?.distance)
+}
+
+/// The smallest signed step of a way whose distance reaches the threshold, by secants inside a bracket.
+fn smallest_step(
+    way: &Way,
+    guess: f64,
+    threshold: f64,
+    distance: &impl Fn(&Way, f64) -> Result<f64>,
+) -> Result<Option<f64>> {
+    let Some((end, _)) = way.largest() else { return Ok(None) };
+    let (mut below, mut above) = (0.0, None);
+    let mut size = guess.min(end.abs());
+    for _ in 0..MOST_REFITS {
+        let found = distance(way, size.copysign(end))?;
+        if found >= threshold {
+            above = Some(size);
+            if found <= (1.0 + TOLERANCE) * threshold {
+                break;
+            }
+        } else if size >= end.abs() {
+            return Ok(None);
+        } else {
+            below = size;
+        }
+        let upper: f64 = above.unwrap_or(end.abs());
+        let aimed = size * (1.0 + 0.5 * TOLERANCE) * threshold / found.max(1e-3 * threshold);
+        // Where the secant leaves the bracket: its middle, or its end while nothing above is known.
+        let inside = aimed > below && aimed < upper;
+        size = if inside {
+            aimed
+        } else if above.is_some() {
+            0.5 * (below + upper)
+        } else {
+            upper
+        };
+    }
+    Ok(above.map(|size| size.copysign(end)))
+}
+
+#[cfg(test)]
+#[path = "detectable_tests.rs"]
+mod tests;

@@ -1,0 +1,455 @@
+//! A diagnosis in its document: what stands beside the claim, and the words for it.
+
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+
+use super::class::Equivalent;
+use super::detectable::{Detectable, smallest_detectable};
+use super::leftover::{Leftover, event_remark};
+use super::outside::Outside;
+use super::predicted::predictive_noise_um;
+use super::refit::{Gain, Refitted};
+use super::request::DiagnosisRequest;
+use super::search::{Found, Single};
+use super::weighing::{Factor, LEAST_GAIN, Weighing};
+use super::{Candidate, Fitted, Subject, noise_learning, protocol, rank};
+use base::error::Result;
+use documents::diagnosis::{
+    Answer, BaseErrors, CandidateEntry, Diagnosis, Errors, PairEntry, Refit, RefitParameter, SmallestDetectable,
+    Status, UnexplainedEntry, Verdict, VerdictKind,
+};
+use figures::number::significant;
+use models::effects::AMPLITUDE;
+use posterior::large_displacement::interpretation;
+use posterior::misfit::{FALSE_ALARM, Misfit};
+use posterior::monitor::Monitor;
+
+/// Visible shares below this are blind spots.
+const LEAST_VISIBLE: f64 = 1e-3;
+/// Simulated repeats by which a change of the protocol is confirmed.
+const N_REPEATS: usize = 40;
+/// Times the given noise beyond which an error is not said to look like noise, where white errors of that noise are beyond it once in a thousand times at most.
+const LARGEST_SILENT_FACTOR: f64 = 1.3;
+/// An error so many times what is left without the cycles' own gains and offsets needs a word on them.
+const WORTH_SAYING: f64 = 1.1;
+/// Pairs that are reported.
+const N_PAIRS: usize = 5;
+
+/// What the document is written from.
+pub(super) struct Report<'a> {
+    pub subject: &'a Subject,
+    pub request: &'a DiagnosisRequest,
+    pub found: &'a Found,
+    pub unexplained: &'a [Outside],
+    /// What the best model leaves, beside what the noise allows.
+    pub left: &'a Misfit,
+    /// What is unexplained, taken together; `None` where nothing is, or nobody asked.
+    pub leftover: Option<&'a Leftover>,
+    /// An event in any cycle, the scored one included.
+    pub event: Option<&'a Outside>,
+    pub class: &'a [Equivalent],
+}
+
+impl Report<'_> {
+    /// The document.
+    pub fn document(&self, outlier_rows: Vec<usize>, monitor: &dyn Monitor) -> Result<Diagnosis> {
+        let (subject, found) = (self.subject, self.found);
+        let experiment = subject.experiment();
+        let noise_um = self.noise_um();
+        let base = self.errors(&found.base);
+        let scored: Vec<&Single> = found.singles.iter().filter(|single| single.score.is_some()).collect();
+        let scores: Vec<rank::Score> = scored.iter().filter_map(|single| single.score.clone()).collect();
+        let cosines = rank::cosines(&scores);
+        let slug = |place: &usize| scored[*place].slug.to_string();
+        let twins: Vec<Vec<String>> =
+            rank::twins(&cosines).iter().map(|list| list.iter().map(slug).collect()).collect();
+        monitor.stage("weighing the evidence");
+        let weighing = Weighing::new(subject, found, (self.request.in_full, self.request.seed), monitor)?;
+        let mut candidates = Vec::new();
+        for single in &found.singles {
+            let place = scored.iter().position(|other| other.slug == single.slug);
+            let twins = place.map_or(Vec::new(), |place| twins[place].clone());
+            candidates.push(self.candidate(single, twins, &weighing)?);
+        }
+        let learnt = noise_learning::learn(subject, &found.base.candidate, &found.base.fitted)?;
+        let mut remarks = self.remarks(&scores, &cosines);
+        remarks.extend(self.event.map(|event| event_remark(subject, event)));
+        let amplitudes = candidates.iter().filter(|entry| entry.status == Status::Claimed);
+        let amplitudes = amplitudes.filter_map(|entry| entry.refit.as_ref()).flat_map(|refit| &refit.parameters);
+        let amplitude = amplitudes.filter(|found| found.name == AMPLITUDE).map(|p| [p.mean, p.q05, p.q95]);
+        remarks.extend(amplitude.map(|amplitude| interpretation(amplitude, false)));
+        remarks.extend(learnt.disagreements());
+        remarks.extend(weighing.remarks.iter().cloned());
+        if self.request.in_full {
+            let exact = protocol::exact_degeneracies(subject)?;
+            remarks.extend(exact.into_iter().map(|degeneracy| degeneracy.sentence));
+        }
+        let (mut detectable, mut separating_protocol) = (Vec::new(), String::new());
+        if self.request.in_full {
+            monitor.stage("what else this experiment could have shown");
+            let base = (&found.base.candidate, &found.base.fitted);
+            detectable = smallest_detectable(subject, base, self.threshold_sigma())?;
+            separating_protocol = self.separating_protocol()?;
+        }
+        // What leaves nothing where it is small may show where it is large.
+        let of = |slug: &str| detectable.iter().find(|d: &&Detectable| d.effect == slug);
+        for entry in candidates.iter_mut().filter(|entry| entry.status == Status::Invisible) {
+            if of(&entry.effect).is_some_and(|d| d.smallest.is_some()) {
+                entry.status = Status::Unsupported;
+            }
+        }
+        let is_blind = |slug: &str| of(slug).is_some_and(Detectable::is_blind_spot);
+        let invisible = |c: &&CandidateEntry| c.status == Status::Invisible || is_blind(&c.effect);
+        let blind_spots = candidates.iter().filter(invisible).map(|c| c.effect.clone()).collect();
+        let smallest = |d: &Detectable| SmallestDetectable { effect: d.effect.clone(), parameter: d.smallest };
+        let verdict = self.verdict(&candidates);
+        let pair = |(refitted, gain): &(Refitted, Gain)| PairEntry {
+            effects: found.added(refitted).into_iter().map(String::from).collect(),
+            gain_nats: gain.fitted,
+            heldout_gain_nats: gain.future,
+        };
+        Ok(Diagnosis {
+            experiment: experiment.specimen_id.clone(),
+            verdict,
+            fitted_cycles: experiment.calibration_cycles.clone(),
+            heldout_cycles: experiment.heldout_cycles.clone(),
+            base: BaseErrors { rmse_fitted_um: base.rmse_fitted_um, rmse_heldout_um: base.rmse_heldout_um, noise_um },
+            extended: found.claimed.as_ref().map(|claimed| self.errors(claimed)),
+            candidates,
+            pairs: found.pairs.iter().take(N_PAIRS).map(pair).collect(),
+            blind_spots,
+            smallest_detectable: detectable.iter().map(smallest).collect(),
+            separating_protocol,
+            noise: learnt.estimates(),
+            unexplained: self.unexplained.iter().map(entry).collect(),
+            discrepancy: self.leftover.map(|leftover| leftover.entry.clone()),
+            outlier_rows,
+            remarks,
+        })
+    }
+
+    /// The signal, in σ, whose expected gain is the one that simulated searches stay below.
+    fn threshold_sigma(&self) -> f64 {
+        (2.0 * self.found.bootstrap.threshold().max(LEAST_GAIN)).sqrt() + 1.0
+    }
+
+    /// The change of the protocol that would tell the claim from what stands for it; empty where nothing does.
+    fn separating_protocol(&self) -> Result<String> {
+        let Some(claimed) = self.found.claimed.as_ref().filter(|_| !self.class.is_empty()) else {
+            return Ok(String::new());
+        };
+        let models = std::iter::once(claimed).chain(self.class.iter().map(|own| &own.model));
+        let members: Vec<(&Candidate, &Fitted)> = models.map(|model| (&model.candidate, &model.fitted)).collect();
+        let advice = protocol::advise(self.subject, &members, N_REPEATS, self.request.seed)?;
+        Ok(advice.map_or(String::new(), |advice| advice.sentence))
+    }
+
+    fn errors(&self, model: &Refitted) -> Errors {
+        let rmse_um = |positions: &[Option<f64>]| model.fitted.rmse_m(positions).map(|rmse| 1e6 * rmse);
+        Errors {
+            rmse_fitted_um: rmse_um(&self.subject.fitted_m).unwrap_or(0.0),
+            rmse_heldout_um: rmse_um(&self.subject.scored_m),
+            predictive_noise_um: predictive_noise_um(
+                self.subject,
+                &model.candidate,
+                &model.fitted,
+                &self.subject.scored_m,
+            ),
+        }
+    }
+
+    fn class_slugs(&self) -> Vec<String> {
+        self.class.iter().map(|own| own.slug.to_string()).collect()
+    }
+
+    fn claimed(&self) -> Vec<&str> {
+        self.found.claimed.as_ref().map_or(Vec::new(), |claimed| self.found.added(claimed))
+    }
+
+    fn status(&self, single: &Single) -> Status {
+        let gain = single.gain.map_or(0.0, |gain| gain.fitted);
+        if self.claimed().contains(&single.slug) {
+            if self.left.is_too_large() { Status::Suggestive } else { Status::Claimed }
+        } else if self.class.iter().any(|own| own.slug == single.slug) {
+            Status::Equivalent
+        } else if single.score.as_ref().is_none_or(|score| score.visible_fraction < LEAST_VISIBLE) && gain < LEAST_GAIN
+        {
+            Status::Invisible
+        } else if self.found.claimed.is_none() && self.unexplained.is_empty() && gain > LEAST_GAIN {
+            Status::Suggestive
+        } else {
+            Status::Unsupported
+        }
+    }
+
+    fn candidate(&self, single: &Single, twins: Vec<String>, weighing: &Weighing) -> Result<CandidateEntry> {
+        let status = self.status(single);
+        let score = single.score.as_ref();
+        let refit = match (&single.refitted, single.gain) {
+            (Some(refitted), Some(gain)) => Some(self.refit(single, refitted, gain, weighing)?),
+            _ => None,
+        };
+        let p = single.gain.map_or(1.0, |gain| self.found.bootstrap.p(gain.fitted));
+        Ok(CandidateEntry {
+            effect: single.slug.into(),
+            status,
+            z: score.map_or(0.0, |score| score.z),
+            p_familywise: p,
+            visible_fraction: score.map_or(0.0, |score| score.visible_fraction),
+            expected_parameter: score.map(|score| score.expected_parameter).filter(|value| value.is_finite()),
+            refit,
+            twins,
+            refused: single.refused.clone(),
+        })
+    }
+
+    /// The refit with an effect. Of a claim of several, its parameters are those of the whole model; all else is of the effect alone.
+    fn refit(&self, single: &Single, refitted: &Refitted, gain: Gain, weighing: &Weighing) -> Result<Refit> {
+        let parameters = weighing.parameters(self.subject, single, self.claimed().contains(&single.slug))?;
+        let parameters = parameters.of(&self.found.added(refitted));
+        let (log_bayes_factor, log_bayes_factor_at_most) = match weighing.factor(single.slug) {
+            Factor::Known(value) => (Some(value), None),
+            Factor::AtMost(value) => (None, Some(value)),
+            Factor::Unknown => (None, None),
+        };
+        Ok(Refit {
+            gain_nats: gain.fitted,
+            heldout_gain_nats: gain.future,
+            last_cycle_gain_nats: gain.last,
+            rmse_heldout_um: self.errors(refitted).rmse_heldout_um,
+            largest_change: gain.largest_change,
+            log_bayes_factor,
+            log_bayes_factor_at_most,
+            parameters: parameters.all,
+            answers: parameters.answers,
+        })
+    }
+
+    fn remarks(&self, scores: &[rank::Score], cosines: &nalgebra::DMatrix<f64>) -> Vec<String> {
+        let mut list = Vec::new();
+        let threshold = rank::largest_score_threshold(scores, cosines, self.request.seed);
+        list.push(format!(
+            "without any effect the largest score stays below {threshold:.2} standard deviations in 95 of 100 experiments"
+        ));
+        list.extend(self.found.bootstrap.sentence());
+        match self.subject.experiment().heldout_cycles[..] {
+            [] => list.push("no cycle is held out, so nothing is claimed beyond \"suggestive\"".into()),
+            [cycle] if self.subject.problem().experiment.calibration_cycles.len() == 1 => list.push(format!(
+                "one cycle was fitted and cycle {cycle} is scored once: a claim rests on that one cycle"
+            )),
+            _ => {}
+        }
+        list
+    }
+
+    fn verdict(&self, candidates: &[CandidateEntry]) -> Verdict {
+        let effects: Vec<String> = self.claimed().into_iter().map(String::from).collect();
+        let kind = if self.left.is_too_large() || (effects.is_empty() && !self.unexplained.is_empty()) {
+            VerdictKind::Unexplained
+        } else if effects.is_empty() {
+            VerdictKind::None
+        } else {
+            VerdictKind::Missing
+        };
+        let sentence = match kind {
+            VerdictKind::Missing => self.missing_sentence(&effects, candidates),
+            VerdictKind::Unexplained => self.unexplained_sentence(),
+            VerdictKind::None => self.none_sentence(candidates),
+        };
+        let equivalent = self.class_slugs();
+        Verdict { kind, effects, equivalent, sentence }
+    }
+
+    /// Whether something remains that the best model does not explain.
+    pub fn remains(&self) -> bool {
+        !self.unexplained.is_empty() || self.left.is_too_large()
+    }
+
+    /// The noise of one position (µm): known, or else what is estimated beside the best model, white and slow together, or, where that holds a misfit,
+    /// what does not come again in every cycle.
+    fn noise_um(&self) -> f64 {
+        let model = self.found.claimed.as_ref().unwrap_or(&self.found.base);
+        let learnt_um = self.subject.noise().row_sd_um(&model.fitted.noise);
+        let least_um = 1e6 * self.subject.yardstick_m();
+        match (self.left.is_known, self.left.is_too_large()) {
+            (true, _) => least_um,
+            (false, true) => 1e6 * self.left.noise_m,
+            (false, false) => learnt_um.max(least_um),
+        }
+    }
+
+    /// The noise in µm, and whether it was given.
+    fn noise_words(&self) -> String {
+        format!("{}{}", short(self.noise_um()), if self.left.is_known { "" } else { ", estimated" })
+    }
+
+    /// Where the error on the held-out cycle goes with the model that is claimed or helps.
+    fn errors_words(&self, model: &Refitted) -> String {
+        let (before, after) = (self.errors(&self.found.base), self.errors(model));
+        match (before.rmse_heldout_um, after.rmse_heldout_um) {
+            (Some(was), Some(is)) => {
+                format!("on the held-out cycle the error goes from {} to {} µm", short(was), short(is))
+            }
+            _ => format!(
+                "on the fitted cycles the error goes from {} to {} µm",
+                short(before.rmse_fitted_um),
+                short(after.rmse_fitted_um)
+            ),
+        }
+    }
+
+    fn missing_sentence(&self, effects: &[String], candidates: &[CandidateEntry]) -> String {
+        let Some(claimed) = &self.found.claimed else { return String::new() };
+        let errors = self.errors_words(claimed);
+        let claimed = candidates.iter().filter(|candidate| candidate.status == Status::Claimed);
+        let refits: Vec<&Refit> = claimed.filter_map(|candidate| candidate.refit.as_ref()).collect();
+        let sizes: Vec<String> = refits.iter().filter_map(|refit| refit.parameters.first().map(size)).collect();
+        let several: Vec<String> = refits.iter().filter_map(|refit| in_words(&refit.answers)).collect();
+        let several = several.concat();
+        let class = match &self.class_slugs()[..] {
+            [] => String::new(),
+            class => {
+                let which = if effects.len() > 1 { "one of them" } else { "it" };
+                format!(" This experiment cannot tell {which} from {}.", listed(class, "or"))
+            }
+        };
+        let rest = self.what_remains().map_or(String::new(), |what| format!(" Unexplained, here: {what}"));
+        format!(
+            "The model lacks {}: with {}, {errors} (noise {}). {}.{several}{class}{rest}",
+            listed(effects, "and"),
+            if effects.len() > 1 { "them" } else { "it" },
+            self.noise_words(),
+            sizes.join("; ")
+        )
+    }
+
+    /// What no effect explains, in words; `None` where nothing is found, or nobody asked and only the size of the noise gives it away.
+    fn what_remains(&self) -> Option<String> {
+        let first = || self.unexplained.first().map(|first| first.sentence.clone());
+        self.leftover.map(|leftover| leftover.entry.sentence.clone()).or_else(first)
+    }
+
+    fn unexplained_sentence(&self) -> String {
+        let what = self.what_remains().unwrap_or_default();
+        let rest = if what.is_empty() { String::new() } else { format!(" Unexplained, here: {what}") };
+        if let Some(helping) = &self.found.claimed {
+            let effects = listed(&self.found.added(helping).into_iter().map(String::from).collect::<Vec<_>>(), "and");
+            return format!(
+                "The model is still wrong with all that was tried: with {effects} it leaves {}. Of the library {effects} helps most, but it is not the cause ({}): read no property from its size.{rest}",
+                self.excess_words(),
+                self.errors_words(helping)
+            );
+        }
+        if !self.unexplained.is_empty() {
+            return format!("No effect of the library explains what the model leaves.{rest}");
+        }
+        format!(
+            "The model is wrong, and no effect of the library or known structure accounts for it: it leaves {}.{rest}",
+            self.excess_words()
+        )
+    }
+
+    /// How much more than the noise is left, and where.
+    fn excess_words(&self) -> String {
+        let heldout = self.left.heldout.filter(|size| size.is_too_large);
+        let (size, which) = heldout.map_or((self.left.fitted, "fitted cycles"), |size| (size, "held-out cycle"));
+        let origin = if self.left.is_known { "known" } else { "estimated" };
+        let returning = self.left.returning_m.map_or(String::new(), |returning_m| {
+            format!("; {} µm of it come again in every cycle, which noise does not", short(1e6 * returning_m))
+        });
+        format!(
+            "{} µm on the {which}, {:.1} times the {origin} noise of {} µm{returning}",
+            short(1e6 * size.rms_m),
+            size.rms_m / self.left.noise_m,
+            short(1e6 * self.left.noise_m)
+        )
+    }
+
+    fn none_sentence(&self, candidates: &[CandidateEntry]) -> String {
+        let suggestive: Vec<String> =
+            candidates.iter().filter(|c| c.status == Status::Suggestive).map(|c| c.effect.clone()).collect();
+        let hint = if suggestive.is_empty() {
+            String::new()
+        } else {
+            format!(" Suggestive at most: {}.", listed(&suggestive, "and"))
+        };
+        let errors = self.errors(&self.found.base);
+        let rows = if errors.rmse_heldout_um.is_some() { "held-out cycle" } else { "fitted cycles" };
+        let rmse_um = errors.rmse_heldout_um.unwrap_or(errors.rmse_fitted_um);
+        let left = self.left.heldout.unwrap_or(self.left.fitted).rms_m;
+        let over = left / self.left.noise_m;
+        let positions = if errors.rmse_heldout_um.is_some() { &self.subject.scored_m } else { &self.subject.fitted_m };
+        let n = positions.iter().flatten().count() as f64;
+        let by_chance = ChiSquared::new(n).map_or(1.0, |chi| chi.sf(n * over * over));
+        if self.left.is_known && over > LARGEST_SILENT_FACTOR && by_chance < FALSE_ALARM {
+            return format!(
+                "Something may be missing: the model leaves {} µm on the {rows}, {} times the given noise. No effect of the library explains it, and slow noise beside the given one would look the same.{hint}",
+                short(1e6 * left),
+                short(over),
+            );
+        }
+        format!(
+            "Nothing is missing that this experiment could show: the model's error is {} µm on the {rows}{} (noise {}), and what it leaves looks like noise.{hint}",
+            short(rmse_um),
+            without_the_cycles_own(rmse_um, 1e6 * left),
+            self.noise_words(),
+        )
+    }
+}
+
+/// What is left of an error (µm) once a gain and an offset of each cycle are taken out, where they make up much of it: they are noise, and nothing else says
+/// why an error far above the noise is none.
+fn without_the_cycles_own(rmse_um: f64, left_um: f64) -> String {
+    if rmse_um < WORTH_SAYING * left_um {
+        return String::new();
+    }
+    format!(", {} µm of it when a gain and an offset of the cycle are taken out, which the noise has", short(left_um))
+}
+
+fn entry(outside: &Outside) -> UnexplainedEntry {
+    UnexplainedEntry {
+        kind: outside.kind.name().into(),
+        sentence: outside.sentence.clone(),
+        gain_nats: outside.gain_nats,
+        p_familywise: outside.p_familywise,
+        size_um: outside.size_um,
+    }
+}
+
+/// `slug.name = mean (q05 to q95)`.
+fn size(parameter: &RefitParameter) -> String {
+    format!(
+        "{} = {} ({} to {} at 90 %)",
+        parameter.name,
+        short(parameter.mean),
+        short(parameter.q05),
+        short(parameter.q95)
+    )
+}
+
+/// Answers where a posterior gives several: one of them is right, and the data do not say which.
+fn in_words(answers: &[Answer]) -> Option<String> {
+    let of = |answer: &Answer| {
+        Some(format!("{} with probability {:.2}", size(answer.parameters.first()?), answer.probability))
+    };
+    let each: Vec<String> = answers.iter().filter_map(of).collect();
+    let count = if each.len() == 2 { "two" } else { "several" };
+    (each.len() > 1).then(|| format!(" There are {count} answers: {}.", listed(&each, "or")))
+}
+
+/// Three significant digits.
+fn short(value: f64) -> String {
+    significant(value, 3)
+}
+
+/// `a, b and c`.
+fn listed(names: &[String], last: &str) -> String {
+    match names {
+        [] => String::new(),
+        [one] => one.clone(),
+        [rest @ .., end] => format!("{} {last} {end}", rest.join(", ")),
+    }
+}
+
+#[cfg(test)]
+#[path = "document_tests.rs"]
+pub(super) mod tests;

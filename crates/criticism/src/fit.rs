@@ -1,0 +1,456 @@
+//! The best parameters and noise of a candidate.
+//!
+//! The objective is the log likelihood of the fitted positions, noise included, plus the log priors of the law's parameters and of the noise. Effects
+//! have no prior in it, only ends: so a model that contains another never fits worse, and what it gains is a likelihood ratio.
+//!
+//! The search goes back and forth between the mean (Gauss and Newton on whitened residuals, derivatives by differences, several damped steps tried at
+//! once) and the noise. Each is the other's nuisance: in a Gaussian model their Fisher information has no cross terms, so few rounds do. Where every trajectory
+//! takes long, derivatives follow the steps by Broyden's rule, and are computed anew where these do not keep their promise and before a search ends.
+
+use super::candidate::Coordinate;
+use super::derivatives::derivatives_m;
+use super::noise_fit::{self, LogNoise, NoisePrior};
+use super::steps::{Steps, damped_steps, normal_equations};
+use super::{Candidate, Subject};
+use crate::NoiseValues;
+use base::error::{Error, Result};
+use models::model::{Lanes, N_LANES};
+use posterior::noise::NoiseScales;
+
+/// Steps that gain more than this share of what was promised are followed by no others.
+pub(super) const KEPT_PROMISE: f64 = 0.3;
+/// Steps along guessed derivatives that are tried before these are computed.
+const N_BY_GUESS: usize = 2;
+/// Climbs whose positions differ by less than this sum of squares, in units of the noise, are at one optimum: the second one ends there, unless it stands higher
+/// by more than [`HIGHER_NATS`].
+const SAME_PLACE: f64 = 0.1;
+const HIGHER_NATS: f64 = 0.01;
+/// Sizes of effects that begin with their square from which they are tried beside the null.
+const FULL_SIZES: [f64; 2] = [1.0, 0.5];
+const MOST_STEPS: usize = 60;
+const MOST_ROUNDS: usize = 12;
+
+/// How thoroughly to search.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Search {
+    /// From many starts and both weightings: for the data.
+    Wide,
+    /// From the best of few starts about other fits: for data that were simulated without the effect.
+    Local,
+}
+
+impl Search {
+    /// Gain (nats) of a step below which the mean is at rest, and of a round below which mean and noise are. Steps that each take a trajectory by itself have
+    /// to be worth it.
+    fn least_gains(self, is_slow: bool) -> [f64; 2] {
+        match (self, is_slow) {
+            (Self::Wide, false) => [1e-4, 3e-3],
+            (Self::Wide, true) => [1e-3, 3e-3],
+            (Self::Local, _) => [3e-3, 2e-2],
+        }
+    }
+}
+
+/// A candidate's optimum.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Fitted {
+    /// Coordinates: free parameters, then amplitudes of columns.
+    pub theta: Vec<f64>,
+    /// The noise's parameters in their units.
+    pub noise: NoiseValues,
+    /// Position (m) at every row of the record.
+    pub position_m: Vec<f64>,
+    /// Log likelihood of the fitted positions plus log priors of law and noise, in nats, up to constants that all candidates share.
+    pub objective: f64,
+    /// Log likelihood of the fitted positions, in nats for positions in m.
+    pub ln_likelihood: f64,
+}
+
+impl Fitted {
+    /// Root mean square (m) of what a fit leaves of positions.
+    pub fn rmse_m(&self, positions_m: &[Option<f64>]) -> Option<f64> {
+        let squares: Vec<f64> =
+            positions_m.iter().zip(&self.position_m).filter_map(|(y, x)| Some((y.as_ref()? - x).powi(2))).collect();
+        (!squares.is_empty()).then(|| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
+    }
+}
+
+/// A point of a search.
+#[derive(Clone)]
+struct Point {
+    theta: Vec<f64>,
+    position_m: Vec<f64>,
+    log_noise: LogNoise,
+    objective: f64,
+    /// Derivatives at `theta`, once they are known: the noise, which changes in between, is no part of them.
+    columns_m: Option<Vec<Vec<f64>>>,
+    /// Whether they were guessed from those at another point.
+    is_guessed: bool,
+}
+
+impl Point {
+    /// Moves to a better place. Derivatives are forgotten, or those of the first `n_guessed` coordinates guessed by Broyden's rule: changed as little as agrees
+    /// with the move.
+    fn move_to(&mut self, theta: &[f64], position_m: Vec<f64>, objective: f64, n_guessed: usize) {
+        let moved: Vec<f64> = theta.iter().zip(&self.theta).map(|(new, old)| new - old).collect();
+        let squared: f64 = moved[..n_guessed].iter().map(|step| step * step).sum();
+        self.columns_m = self.columns_m.take().filter(|_| squared > 0.0).map(|mut columns| {
+            let missed_m: Vec<f64> = (0..position_m.len())
+                .map(|row| {
+                    let foreseen: f64 = columns.iter().zip(&moved).map(|(column, step)| column[row] * step).sum();
+                    position_m[row] - self.position_m[row] - foreseen
+                })
+                .collect();
+            for (column, step) in columns.iter_mut().zip(&moved[..n_guessed]) {
+                column.iter_mut().zip(&missed_m).for_each(|(x, missed)| *x += missed * step / squared);
+            }
+            columns
+        });
+        self.is_guessed = self.columns_m.is_some();
+        self.theta.clear();
+        self.theta.extend_from_slice(theta);
+        self.position_m = position_m;
+        self.objective = objective;
+    }
+
+    fn forget_guess(&mut self) {
+        if self.is_guessed {
+            (self.columns_m, self.is_guessed) = (None, false);
+        }
+    }
+}
+
+impl Subject {
+    /// Fits a candidate: from the starts that the search asks for, and from `also` (coordinates and noise of other fits).
+    ///
+    /// # Errors
+    /// [`Error::Numerical`] when the candidate has no model at any start.
+    pub fn fit(&self, candidate: &Candidate, also: &[(Vec<f64>, NoiseValues)], search: Search) -> Result<Fitted> {
+        let climber = Climber { subject: self, candidate, noise_prior: self.noise_prior(), search };
+        let mut ended: Vec<Point> = Vec::new();
+        for start in climber.starts(also) {
+            let point = climber.climb(start, &ended);
+            ended.push(point);
+        }
+        // Of equals the first.
+        let best = ended.into_iter().reduce(|best, other| if other.objective > best.objective { other } else { best });
+        best.map(|point| self.fitted_at(point)).ok_or_else(|| no_start(candidate))
+    }
+
+    fn fitted_at(&self, point: Point) -> Fitted {
+        let noise = noise_fit::natural(&point.log_noise);
+        let ln_likelihood = self.fitted.ln_likelihood(&point.position_m, &noise);
+        Fitted { theta: point.theta, noise, position_m: point.position_m, objective: point.objective, ln_likelihood }
+    }
+
+    pub(super) fn noise_prior(&self) -> NoisePrior {
+        let scales = self.experiment().scales();
+        let scales = NoiseScales {
+            noise_sd_um: 1e6 * self.yardstick_m(),
+            sample_interval_s: scales.sample_interval_s,
+            cycle_s: scales.cycle_s,
+        };
+        let all = NoisePrior::new(self.noise(), &scales, self.is_noise_known());
+        match self.own_noise() {
+            Some(terms) => all.only(terms),
+            None => all,
+        }
+    }
+}
+
+fn no_start(candidate: &Candidate) -> Error {
+    Error::numerical(
+        format!("the model with {} cannot be evaluated at any start of its fit", candidate.effects.join(", ")),
+        "look at the priors of its parameters",
+    )
+}
+
+/// A search in one candidate.
+struct Climber<'a> {
+    subject: &'a Subject,
+    candidate: &'a Candidate,
+    noise_prior: NoisePrior,
+    search: Search,
+}
+
+impl Climber<'_> {
+    /// Objective of one to eight points with their positions under one noise; −∞ where there is no model or a point leaves the search.
+    fn objectives(&self, points: &[Vec<f64>], log_noise: &LogNoise) -> (Vec<Lanes>, [f64; N_LANES]) {
+        let (lanes, is_valid) = self.subject.trajectories_m(self.candidate, points);
+        let noise = noise_fit::natural(log_noise);
+        let mut out = [0.0; N_LANES];
+        self.subject.fitted.ln_likelihood_lanes(&lanes, &noise.map(|value| [value; N_LANES]), &mut out);
+        let of_noise = self.noise_prior.ln_density(log_noise);
+        for (lane, value) in out.iter_mut().enumerate() {
+            *value = match points.get(lane) {
+                Some(theta) if is_valid[lane] && value.is_finite() => {
+                    *value + self.candidate.ln_prior(theta) + of_noise
+                }
+                _ => f64::NEG_INFINITY,
+            };
+        }
+        (lanes, out)
+    }
+
+    /// The best few of many starts, by their objective after the noise is left as it is.
+    fn starts(&self, also: &[(Vec<f64>, NoiseValues)]) -> Vec<Point> {
+        let white = self.noise_prior.white();
+        let mut seeds: Vec<(Vec<f64>, LogNoise)> = Vec::new();
+        for (theta, noise) in also {
+            let log_noise = self.noise_prior.clamped(noise.map(f64::ln));
+            for embedded in self.over_grid(theta) {
+                seeds.push((embedded, log_noise));
+            }
+        }
+        let far: Vec<(Vec<f64>, LogNoise)> =
+            also.iter().flat_map(|(theta, _)| self.at_full_size(theta)).map(|theta| (theta, white)).collect();
+        let far = self.points(&far);
+        let mut points = self.points(&seeds);
+        if self.search == Search::Local && !points.is_empty() {
+            return best_of(points, 2).into_iter().chain(far).collect();
+        }
+        // From the priors, weighted alike.
+        let mut wide: Vec<(Vec<f64>, LogNoise)> =
+            self.quantile_starts().into_iter().map(|theta| (theta, white)).collect();
+        for (theta, _) in also {
+            wide.extend(self.away_from(theta).into_iter().map(|theta| (theta, white)));
+        }
+        let wide = best_of(self.points(&wide), 4);
+        points = best_of(points, 4);
+        points.extend(wide);
+        points.extend(far);
+        points
+    }
+
+    /// Starts for an effect that makes next to nothing near its null, and there not what it makes at its full size: at sizes from which the law can follow, however much worse they are before it has.
+    fn at_full_size(&self, theta: &[f64]) -> Vec<Vec<f64>> {
+        let mut list = Vec::new();
+        for (k, free) in self.candidate.free.iter().enumerate() {
+            if matches!(free.coordinate, Coordinate::Square { .. }) && free.null == Some(theta[k]) {
+                list.extend(FULL_SIZES.iter().map(|size| {
+                    let mut start = theta.to_vec();
+                    start[k] = free.clamped(free.coordinate.theta(*size));
+                    start
+                }));
+            }
+        }
+        list
+    }
+
+    fn points(&self, seeds: &[(Vec<f64>, LogNoise)]) -> Vec<Point> {
+        let mut points = Vec::new();
+        for (theta, log_noise) in seeds {
+            let (lanes, values) = self.objectives(std::slice::from_ref(theta), log_noise);
+            if values[0].is_finite() {
+                let position_m = lanes.iter().map(|row| row.0[0]).collect();
+                points.push(Point {
+                    theta: theta.clone(),
+                    position_m,
+                    log_noise: *log_noise,
+                    objective: values[0],
+                    columns_m: None,
+                    is_guessed: false,
+                });
+            }
+        }
+        points
+    }
+
+    /// A start with what means nothing at the null put on a grid of its prior's quantiles.
+    fn over_grid(&self, theta: &[f64]) -> Vec<Vec<f64>> {
+        let mut list = vec![theta.to_vec()];
+        let grid: &[f64] =
+            if self.search == Search::Wide { &[0.05, 0.2, 0.35, 0.5, 0.65, 0.8, 0.95] } else { &[0.15, 0.5, 0.85] };
+        for (k, free) in self.candidate.free.iter().enumerate() {
+            // A parameter of an effect that is there already stays where the other fit has it.
+            let is_off = free.effect.is_some_and(|effect| self.is_off(effect, theta));
+            if free.is_unidentified_at_null() && is_off {
+                let on_grid = |start: &Vec<f64>| -> Vec<Vec<f64>> {
+                    let at = |p: &f64| {
+                        let mut moved = start.clone();
+                        moved[k] = free.quantile(*p);
+                        moved
+                    };
+                    grid.iter().map(at).collect()
+                };
+                list = list.iter().flat_map(on_grid).collect();
+            }
+        }
+        // At the null those points are one: a small step into the effect tells them apart.
+        for start in &mut list {
+            for (k, free) in self.candidate.free.iter().enumerate() {
+                if let (Some(null), Some(effect)) = (free.null, free.effect)
+                    && start[k] == null
+                    && list_has_grid(self.candidate, effect)
+                {
+                    start[k] = free.clamped(null + if null + 0.02 > free.ends[1] { -0.02 } else { 0.02 });
+                }
+            }
+        }
+        if list.first().is_none_or(|first| first != theta) {
+            list.push(theta.to_vec());
+        }
+        list
+    }
+
+    fn is_off(&self, effect: usize, theta: &[f64]) -> bool {
+        let of_effect = self.candidate.free.iter().zip(theta).filter(|(free, _)| free.effect == Some(effect));
+        of_effect.into_iter().any(|(free, theta)| free.null == Some(*theta))
+    }
+
+    /// Starts at which effects are well away from their nulls, the rest as given.
+    fn away_from(&self, theta: &[f64]) -> Vec<Vec<f64>> {
+        let mut list = Vec::new();
+        let levels: [f64; 6] = [0.1, 0.3, 0.6, 0.8, 0.93, 0.99];
+        for (level, number) in levels.iter().zip(0_u32..) {
+            for shift in 0..4_u32 {
+                let mut start = theta.to_vec();
+                let mut dimension = 0;
+                for (k, free) in self.candidate.free.iter().enumerate() {
+                    let is_off = free.effect.is_some_and(|effect| self.is_off(effect, theta));
+                    if is_off {
+                        let scrambled = f64::from(sobol_burley::sample(4 * number + shift, dimension, 7));
+                        start[k] = free.quantile(if shift == 0 { *level } else { 0.02 + 0.96 * scrambled });
+                        dimension += 1;
+                    }
+                }
+                if start != theta {
+                    list.push(start);
+                }
+            }
+        }
+        list
+    }
+
+    /// Sobol points of the priors.
+    fn quantile_starts(&self) -> Vec<Vec<f64>> {
+        let n_columns = self.candidate.columns.len();
+        let start = |number: u32| {
+            let quantile = |(free, dimension): (&super::Free, u32)| {
+                let inside = 0.05 + 0.9 * f64::from(sobol_burley::sample(number, dimension, 5));
+                free.quantile(if number == 0 { 0.5 } else { inside })
+            };
+            let mut start: Vec<f64> = self.candidate.free.iter().zip(0_u32..).map(quantile).collect();
+            start.extend(std::iter::repeat_n(0.0, n_columns));
+            start
+        };
+        (0..32).map(start).collect()
+    }
+
+    /// To and fro between mean and noise, until both rest or the point is where another climb ended.
+    fn climb(&self, mut point: Point, ended: &[Point]) -> Point {
+        for round in 0..MOST_ROUNDS {
+            let before = point.objective;
+            point = self.climb_mean(point);
+            if ended.iter().any(|other| self.is_at(&point, other)) {
+                break;
+            }
+            point = self.climb_noise(point, self.search == Search::Wide && round == 0);
+            if round > 0 && point.objective - before < self.least_gains()[1] {
+                break;
+            }
+        }
+        point
+    }
+
+    fn least_gains(&self) -> [f64; 2] {
+        self.search.least_gains(self.candidate.model.is_nonlinear())
+    }
+
+    fn is_at(&self, point: &Point, other: &Point) -> bool {
+        let fitted = self.subject.fitted_m.iter().zip(point.position_m.iter().zip(&other.position_m));
+        let squares: f64 = fitted.filter(|(y, _)| y.is_some()).map(|(_, (a, b))| (a - b).powi(2)).sum();
+        let is_near = squares < SAME_PLACE * self.subject.yardstick_m().powi(2);
+        is_near && point.objective < other.objective + HIGHER_NATS
+    }
+
+    fn climb_noise(&self, point: Point, widely: bool) -> Point {
+        let (log_noise, value) =
+            noise_fit::fit(&self.subject.fitted, &self.noise_prior, &point.position_m, &point.log_noise, widely);
+        let objective = value + self.candidate.ln_prior(&point.theta);
+        if objective > point.objective { Point { log_noise, objective, ..point } } else { point }
+    }
+
+    fn climb_mean(&self, mut point: Point) -> Point {
+        let [least_gain, _] = self.least_gains();
+        let n_guessed = if self.candidate.model.is_nonlinear() { self.candidate.free.len() } else { 0 };
+        let mut resting = 0;
+        for _ in 0..MOST_STEPS {
+            let Some(steps) = self.steps(&mut point).filter(|steps| steps.promised > least_gain) else {
+                if point.is_guessed {
+                    point.forget_guess();
+                    continue;
+                }
+                break;
+            };
+            let (before, was_guessed) = (point.objective, point.is_guessed);
+            // What promises next to nothing is tried once.
+            let n_turns = match (steps.promised < HIGHER_NATS, was_guessed) {
+                (true, _) => 1,
+                (false, true) => N_BY_GUESS,
+                (false, false) => steps.trials.len(),
+            };
+            for tried in steps.in_turn(self.candidate).take(n_turns) {
+                let so_far = point.objective - before;
+                let (lanes, values) = self.objectives(tried, &point.log_noise);
+                let best = (0..tried.len()).max_by(|&a, &b| values[a].total_cmp(&values[b])).unwrap_or(0);
+                if values[best] > point.objective {
+                    let position_m = lanes.iter().map(|row| row.0[best]).collect();
+                    point.move_to(&tried[best], position_m, values[best], n_guessed);
+                } else if so_far > 0.0 {
+                    break;
+                }
+                if point.objective - before > KEPT_PROMISE * steps.promised {
+                    break;
+                }
+            }
+            let gain = point.objective - before;
+            if was_guessed && gain < KEPT_PROMISE * steps.promised {
+                point.forget_guess();
+                continue;
+            }
+            resting = if gain < least_gain { resting + 1 } else { 0 };
+            if gain <= 0.0 || resting == 2 {
+                break;
+            }
+        }
+        // The noise's turn: what is guessed is not carried on.
+        point.forget_guess();
+        point
+    }
+
+    fn steps(&self, point: &mut Point) -> Option<Steps> {
+        let (subject, candidate) = (self.subject, self.candidate);
+        if point.columns_m.is_none() {
+            let known_m = Some(&point.position_m[..]);
+            point.columns_m = derivatives_m(subject, candidate, &point.theta, known_m);
+        }
+        let mut columns = point.columns_m.clone()?;
+        let residual_m =
+            subject.fitted_m.iter().zip(&point.position_m).map(|(y, x)| y.map_or(0.0, |y| y - x)).collect();
+        columns.push(residual_m);
+        let white = subject.fitted.whiten(&columns, &point.position_m, &noise_fit::natural(&point.log_noise));
+        let (mut normal, mut slope) = normal_equations(&white);
+        for (k, free) in candidate.free.iter().enumerate() {
+            if let Some((mean, sd)) = free.prior {
+                normal[(k, k)] += 1.0 / (sd * sd);
+                slope[k] += (mean - point.theta[k]) / (sd * sd);
+            }
+        }
+        damped_steps(candidate, &point.theta, &normal, &slope)
+    }
+}
+
+fn list_has_grid(candidate: &Candidate, effect: usize) -> bool {
+    candidate.free.iter().any(|free| free.effect == Some(effect) && free.is_unidentified_at_null())
+}
+
+fn best_of(mut points: Vec<Point>, n: usize) -> Vec<Point> {
+    points.sort_by(|a, b| b.objective.total_cmp(&a.objective));
+    points.truncate(n);
+    points
+}
+
+#[cfg(test)]
+#[path = "fit_tests.rs"]
+mod tests;

@@ -1,0 +1,149 @@
+//! How well a model predicts cycles that it has not seen: each from those before it, given the noise of those before it.
+//!
+//! The model is taken as linear around its fit, with the law's priors. The size of an effect has a mixture of normal priors about its null, from one that
+//! is worth a fifth of what a cycle tells of it on average up to its default's spread: the broad one alone would make an effect that only later cycles show
+//! pay for what the first could not know, the narrow one alone would shrink a large effect away. Under each the log score of cycle c given the earlier
+//! ones is exact, parameters integrated out,
+//!
+//!   ln p(y_c | y_<c) = ln Z_c − ln Z_{c−1},
+//!   ln Z_c = ℓ_c(θ̂) − ½ d'Λ₀d + ½ b'M⁻¹b + ½ ln det Λ₀ − ½ ln det M + ln P(θ ∈ S | M⁻¹b, M⁻¹) − ln P(θ ∈ S | d, Λ₀⁻¹)
+//!
+//! with ℓ_c the log likelihood of all rows up to cycle c at the fit θ̂, A and r their whitened derivatives and residuals, d = θ₀ − θ̂, M = Λ₀ + AᵀA and
+//! b = Aᵀr + Λ₀d. Whitening goes forward in time, so the first rows of A and r are those of the first cycles alone. The two probabilities are those of the
+//! support S, the candidate's ends, under the normals of posterior and prior: an effect has its sign, and what data that speak for the other sign would
+//! gain there is not its own.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::box_probability::{ln_box_probability, ln_within};
+use super::derivatives::columns_m;
+use super::noise_fit::{GAIN, GAIN_FLOOR};
+use super::{Candidate, Fitted, Subject};
+use base::error::Result;
+use posterior::noise::NoiseLikelihood;
+
+/// Log scores of future cycles, in nats.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FutureScore {
+    /// Of all cycles but the first, each given those before it.
+    pub all: f64,
+    /// Of the last cycle, given those before it.
+    pub last: f64,
+}
+
+/// Cycles that the narrowest prior of an effect's size is worth.
+const PRIOR_CYCLES: f64 = 0.2;
+/// Priors of an effect's size, in geometric progression.
+const N_SCALES: usize = 5;
+/// Standard deviation of an amplitude of a column, in m: vague.
+const AMPLITUDE_SD_M: f64 = 1e-3;
+
+/// Log scores of a candidate at its fit; `None` when no cycle is held out.
+///
+/// # Errors
+/// [`base::Error::Numerical`] where the candidate has no derivatives.
+pub fn future_score(subject: &Subject, candidate: &Candidate, fitted: &Fitted) -> Result<Option<FutureScore>> {
+    let record = &subject.experiment().record;
+    if subject.scored_m.iter().all(Option::is_none) {
+        return Ok(None);
+    }
+    let both: Vec<Option<f64>> = subject.fitted_m.iter().zip(&subject.scored_m).map(|(a, b)| a.or(*b)).collect();
+    // Three cycles may show next to no scatter of their gains by chance, and a fourth would then be scored by a certainty that nobody has. The floor is the
+    // same for all models, so that what one gains over another is not the floor's.
+    let mut noise = fitted.noise;
+    noise[GAIN] = noise[GAIN].max(GAIN_FLOOR);
+    let mut columns = columns_m(subject, candidate, &fitted.theta)?;
+    let n = columns.len();
+    columns.push(both.iter().zip(&fitted.position_m).map(|(y, x)| y.map_or(0.0, |y| y - x)).collect());
+    let white = subject.all.whiten(&columns, &fitted.position_m, &noise);
+    let observed: Vec<usize> = (0..both.len()).filter(|row| both[*row].is_some()).collect();
+    let mut cycles: Vec<u32> = observed.iter().map(|row| record.cycle[*row]).collect();
+    cycles.dedup();
+    let (broadest, prior_step) = prior(candidate, &fitted.theta);
+    let reach: Vec<[f64; 2]> = (0..n).map(|k| candidate.ends(k).map(|end| end - fitted.theta[k])).collect();
+    let sizes: Vec<usize> = (0..candidate.free.len()).filter(|k| candidate.free[*k].null.is_some()).collect();
+    let narrowest =
+        |size: usize| PRIOR_CYCLES * visible_information(&white[..n], &broadest, candidate, size) / cycles.len() as f64;
+    let narrowest: Vec<f64> = sizes.iter().map(|size| narrowest(*size).max(broadest[*size])).collect();
+    let n_scales = if sizes.is_empty() { 1 } else { N_SCALES };
+    let precisions = (0..n_scales).map(|scale| {
+        let share = if n_scales > 1 { scale as f64 / (n_scales - 1) as f64 } else { 0.0 };
+        let mut precision = broadest.clone();
+        for (size, narrow) in sizes.iter().zip(&narrowest) {
+            precision[*size] = narrow * (broadest[*size] / narrow).powf(share);
+        }
+        precision
+    });
+    let precisions: Vec<Vec<f64>> = precisions.collect();
+    let ln_evidence = |until: u32| {
+        let n_rows = observed.iter().take_while(|row| record.cycle[**row] <= until).count();
+        let rows: Vec<Option<f64>> =
+            both.iter().zip(&record.cycle).map(|(y, cycle)| y.filter(|_| *cycle <= until)).collect();
+        let likelihood = NoiseLikelihood::new(subject.noise(), &record.time_s, &record.cycle, &rows);
+        let ln_likelihood = likelihood.ln_likelihood(&fitted.position_m, &noise);
+        let dot = |i: usize, j: usize| -> f64 {
+            white[i][..n_rows].iter().zip(&white[j][..n_rows]).map(|(a, b)| a * b).sum()
+        };
+        let told = DMatrix::from_fn(n, n, dot);
+        let slope = DVector::from_fn(n, |i, _| dot(i, n));
+        // The mixture's evidence: its priors have equal weights.
+        let each: Vec<f64> =
+            precisions.iter().map(|precision| ln_integral(&told, &slope, precision, &prior_step, &reach)).collect();
+        let largest = each.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let mean = each.iter().map(|value| (value - largest).exp()).sum::<f64>() / each.len() as f64;
+        ln_likelihood + largest + mean.ln()
+    };
+    let (Some(first), Some(last)) = (cycles.first(), cycles.last()) else { return Ok(None) };
+    let before_last = cycles.iter().rev().nth(1).unwrap_or(first);
+    let whole = ln_evidence(*last);
+    Ok(Some(FutureScore { all: whole - ln_evidence(*first), last: whole - ln_evidence(*before_last) }))
+}
+
+/// ln of the integral of exp(b'δ − ½ δ'Iδ) over a normal prior of δ with mean `step` that ends at `reach`: what the log likelihood at the fit gains or loses
+/// by it.
+fn ln_integral(told: &DMatrix<f64>, slope: &DVector<f64>, precision: &[f64], step: &[f64], reach: &[[f64; 2]]) -> f64 {
+    let n = precision.len();
+    let total = DMatrix::from_fn(n, n, |i, j| told[(i, j)] + if i == j { precision[i] } else { 0.0 });
+    let pull = DVector::from_fn(n, |i, _| slope[i] + precision[i] * step[i]);
+    let ln_prior: f64 = (0..n).map(|i| 0.5 * precision[i].ln() - 0.5 * precision[i] * step[i].powi(2)).sum();
+    let Some(factor) = total.cholesky() else { return f64::NEG_INFINITY };
+    let ln_det: f64 = factor.l_dirty().diagonal().iter().map(|l| 2.0 * l.ln()).sum();
+    let mean = factor.solve(&pull);
+    let from_mean = |side: usize| -> Vec<f64> { (0..n).map(|i| reach[i][side] - mean[i]).collect() };
+    let ln_posterior_inside = ln_box_probability(&factor.inverse(), &from_mean(0), &from_mean(1));
+    let of_prior = |i: usize| {
+        let [lower, upper] = reach[i].map(|end| (end - step[i]) * precision[i].sqrt());
+        ln_within(lower, upper)
+    };
+    let ln_prior_inside: f64 = (0..n).map(of_prior).sum();
+    ln_prior + 0.5 * pull.dot(&mean) - 0.5 * ln_det + ln_posterior_inside - ln_prior_inside
+}
+
+/// What all rows tell of a size beside the law's parameters: its squared whitened derivative less what those absorb.
+fn visible_information(white: &[Vec<f64>], prior_precision: &[f64], candidate: &Candidate, size: usize) -> f64 {
+    let law: Vec<usize> = (0..candidate.free.len()).filter(|k| candidate.free[*k].effect.is_none()).collect();
+    let dot = |i: usize, j: usize| -> f64 { white[i].iter().zip(&white[j]).map(|(a, b)| a * b).sum() };
+    let precision = DMatrix::from_fn(law.len(), law.len(), |i, j| {
+        dot(law[i], law[j]) + if i == j { prior_precision[law[i]] } else { 0.0 }
+    });
+    let shared = DVector::from_fn(law.len(), |i, _| dot(law[i], size));
+    let absorbed = precision.cholesky().map_or(0.0, |factor| shared.dot(&factor.solve(&shared)));
+    (dot(size, size) - absorbed).max(1e-9)
+}
+
+/// Precision of each coordinate's prior, and its mean less the fit.
+fn prior(candidate: &Candidate, theta: &[f64]) -> (Vec<f64>, Vec<f64>) {
+    let of_free = candidate.free.iter().zip(theta).map(|(free, theta)| {
+        let (mean, sd) = free.prior.unwrap_or_else(|| {
+            let spread = 0.5 * (free.quantile(0.95) - free.quantile(0.05)).abs();
+            (free.null.unwrap_or_else(|| free.quantile(0.5)), spread.max(1e-6))
+        });
+        (1.0 / (sd * sd), mean - theta)
+    });
+    let of_columns = theta[candidate.free.len()..].iter().map(|theta| (1.0 / AMPLITUDE_SD_M.powi(2), -theta));
+    of_free.chain(of_columns).unzip()
+}
+
+#[cfg(test)]
+#[path = "future_tests.rs"]
+mod tests;

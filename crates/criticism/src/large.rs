@@ -1,0 +1,106 @@
+//! Whether large displacements are worth learning for a record: one full run at the base's fit says what they would do to it.
+
+use base::error::Result;
+use figures::number::significant;
+use laws::stages::Stepped;
+use models::effects::Field;
+use models::surrogate::trajectory::FARTHEST_RADII;
+use posterior::large_displacement::LEAST_RADII;
+use posterior::learnt_displacement::{deviation_m, learnt};
+use posterior::monitor::Monitor;
+
+use super::rank::Score;
+use super::refit::Refitted;
+use super::subject::NotLearnt;
+use super::{Subject, Tangent};
+
+/// Nats that the effect has to promise: less cannot be claimed, and learning takes a minute.
+const LEAST_NATS: f64 = 4.0;
+/// What it may gain over its first-order value: as in `screen`.
+const FACTOR: f64 = 1.5;
+const NATS: f64 = 1.0;
+
+/// Looks whether large displacements are worth learning for a record, at a fit of the base, and learns them.
+pub(super) fn prepare(subject: &Subject, base: &Refitted, monitor: &dyn Monitor) {
+    let wanted = subject.library().effects().iter().any(|effect| matches!(effect.field(), Some(Field::Large)));
+    if wanted && subject.problem().model.field().is_none() && subject.large().get().is_none() {
+        // Not within the cell's own initialisation: threads that wait there would take up other work of this search.
+        let found = learn(subject, base, monitor);
+        let _ = subject.large().set(found);
+    }
+}
+
+/// What a record shows of the effect of this slug, if it is large displacements and one full run said that they are not worth learning.
+pub(super) fn score_where_not_learnt(subject: &Subject, slug: &str) -> Option<Score> {
+    let effect = subject.library().get(slug)?;
+    match (effect.field(), subject.large().get()) {
+        (Some(Field::Large), Some(Err(not_learnt))) => not_learnt.score.clone(),
+        _ => None,
+    }
+}
+
+/// What answers for large displacements in this record, learnt about the base's fit; or why nothing does.
+fn learn(subject: &Subject, base: &Refitted, monitor: &dyn Monitor) -> std::result::Result<Stepped, NotLearnt> {
+    let said = |error: base::Error| NotLearnt::of(error.to_string().lines().next().unwrap_or_default());
+    let problem = subject.problem();
+    let ball = problem.finite_elements().and_then(|fe| fe.sizes.ball);
+    let ball = ball.ok_or(NotLearnt::of("large displacements are run around a sphere at the centre"))?;
+    let position_m = &base.fitted.position_m;
+    let radii = position_m.iter().fold(0.0_f64, |most, x| most.max(x.abs())) / ball.robot_radius_m;
+    if radii < LEAST_RADII {
+        return Err(NotLearnt::of(format!(
+            "the robot moves by {} of its radii: large displacements are next to nothing there",
+            significant(radii, 2)
+        )));
+    }
+    if radii >= FARTHEST_RADII {
+        return Err(NotLearnt::of(format!(
+            "the robot moves by {} of its radii, and large displacements are followed to {FARTHEST_RADII}",
+            significant(radii, 2)
+        )));
+    }
+    let parameters = base.candidate.parameters(&base.fitted.theta);
+    let n_law = base.candidate.model.base().parameters().len();
+    let law = &parameters[..n_law];
+    let promised = promised(subject, base, law).map_err(said)?;
+    if promised.nats < LEAST_NATS {
+        let (most_um, nats) = (significant(promised.most_um, 2), significant(promised.nats, 2));
+        let gained = if promised.score.z > 0.0 {
+            format!("gain {nats} nats at most beside what the law takes up of that")
+        } else {
+            "nothing like that is left beside the law".into()
+        };
+        return Err(NotLearnt {
+            why: format!("large displacements would make up to {most_um} µm, and {gained}"),
+            score: Some(promised.score),
+        });
+    }
+    learnt(problem, law, true, monitor).map(|(stepper, _)| stepper).map_err(said)
+}
+
+struct Promised {
+    nats: f64,
+    most_um: f64,
+    score: Score,
+}
+
+/// What the deviation at the base's law gains to first order, whatever else the law takes up.
+fn promised(subject: &Subject, base: &Refitted, law: &[f64]) -> Result<Promised> {
+    let deviation_m = deviation_m(subject.problem(), law)?;
+    let tangent = Tangent::new(subject, &base.candidate, &base.fitted)?;
+    let whole = tangent.whiten(std::slice::from_ref(&deviation_m)).swap_remove(0);
+    let left = tangent.project(whole.clone());
+    let norm = left.norm().max(f64::MIN_POSITIVE);
+    let z = left.dot(&tangent.projected_residual()) / norm;
+    let most_m = deviation_m.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+    let score = Score {
+        z,
+        // The deviation begins with the amplitude's square.
+        expected_parameter: (z / norm).max(0.0).sqrt(),
+        visible_fraction: left.norm_squared() / whole.norm_squared().max(f64::MIN_POSITIVE),
+        signature_per_unit: norm,
+        direction: None,
+        is_one_sided: true,
+    };
+    Ok(Promised { nats: FACTOR * 0.5 * z.max(0.0).powi(2) + NATS, most_um: 1e6 * most_m, score })
+}

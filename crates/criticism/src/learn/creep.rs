@@ -1,0 +1,82 @@
+//! A free memory: retardations at times on a logarithmic grid, none of which takes away, in series with the law.
+
+use std::sync::Arc;
+
+use crate::Subject;
+use base::distribution::Distribution;
+use base::error::Result;
+use base::number::Dual;
+use base::parameter::{ParameterSpec, Support};
+use laws::rheology::Element;
+use models::effects::{Effect, EffectParameter, Field, Stage, Stages};
+use posterior::study::effect_file::leaked;
+use record::Scales;
+
+/// Times a decade, and most of them.
+const TIMES_PER_DECADE: f64 = 1.5;
+const MOST_TIMES: usize = 8;
+
+/// J += (1/E) Σ aₖ (1 − e^{−t/τₖ}), aₖ ≥ 0, with E what the law is at the time of a hold.
+#[derive(Debug)]
+pub struct Creep {
+    /// τₖ in s.
+    pub times_s: Arc<[f64]>,
+    parameters: &'static [EffectParameter],
+}
+
+/// The memory that an experiment can show: from three rows to the record's longest hold.
+pub fn creep(subject: &Subject) -> Option<&'static Creep> {
+    let scales = subject.experiment().scales();
+    let (shortest_s, longest_s) = (3.0 * scales.sample_interval_s, scales.hold_s.max(scales.cycle_s));
+    let decades = (longest_s / shortest_s).log10();
+    if !(decades.is_finite() && decades > 0.3) {
+        return None;
+    }
+    let n = ((TIMES_PER_DECADE * decades).round() as usize + 1).clamp(2, MOST_TIMES);
+    let times_s: Arc<[f64]> = (0..n).map(|k| shortest_s * 10.0_f64.powf(decades * k as f64 / (n - 1) as f64)).collect();
+    let parameter = |k: usize| EffectParameter {
+        spec: ParameterSpec::new(
+            leaked(format!("creep.share_{k}")),
+            "a",
+            "1",
+            Support { lower: 0.0, upper: f64::INFINITY },
+        ),
+        null: &|_| Some(0.0),
+        prior: &|_| Distribution::HalfNormal { sd: 1.0 },
+        prior_source: "a spectrum about none",
+        finite_step: None,
+    };
+    let parameters = Box::leak((0..n).map(parameter).collect::<Vec<_>>().into_boxed_slice());
+    Some(Box::leak(Box::new(Creep { times_s, parameters })))
+}
+
+impl Effect for Creep {
+    fn slug(&self) -> &'static str {
+        "creep"
+    }
+    fn stage(&self) -> Stage {
+        Stage::Mechanics
+    }
+    fn summary(&self) -> &'static str {
+        "the law forgets at more times than it has"
+    }
+    fn equation(&self) -> &'static str {
+        "J += (1/E) Σ a (1 − e^{−t/τ})"
+    }
+    fn parameters(&self) -> &'static [EffectParameter] {
+        self.parameters
+    }
+    fn barred_beside(&self, _field: Field) -> Option<&'static str> {
+        Some("a free memory is not run where the displacement field is solved for")
+    }
+    fn apply(&self, parameters: &[Dual], scales: &Scales, stages: &mut Stages) -> Result<()> {
+        let hold_s = if scales.hold_s > 0.0 { scales.hold_s } else { 1.0 };
+        let unit_per_pa = Dual::ONE / Element::Series(stages.law.clone()).operator_pa(hold_s);
+        let bodies = parameters.iter().zip(self.times_s.iter()).map(|(share, time_s)| Element::Retarded {
+            compliance_per_pa: *share * unit_per_pa,
+            time_s: Dual::constant(*time_s),
+        });
+        stages.law.extend(bodies);
+        Ok(())
+    }
+}

@@ -1,0 +1,144 @@
+//! A learnt function as a formula, chosen by how it predicts cycles that it has not seen.
+
+use rayon::prelude::*;
+
+use super::formulas::{Parameter, Written, formulas};
+use super::pairs::{Kind, Pair, reach};
+use crate::refit::Refitted;
+use crate::{Search, Subject, Tangent};
+use base::number::Dual;
+use documents::learned::{FormulaParameter, LearnedFormula, LearnedFunction};
+use models::effects::{Effect, StateEffect};
+use posterior::study::effect_file;
+
+/// What a formula's parameter beyond the first has to be worth, in nats of the log score of unseen cycles.
+const NATS_PER_PARAMETER: f64 = 1.0;
+/// The name of the file with a formula.
+pub const FILE_NAME: &str = "learned-effect.toml";
+
+/// A formula at its fit.
+pub struct Distilled {
+    /// The formula in words of its file.
+    pub text: String,
+    /// Its parameters.
+    pub parameters: Vec<FormulaParameter>,
+    /// The model with it.
+    pub refitted: Refitted,
+    /// Its log score of unseen cycles less what its parameters have to be worth, in nats.
+    pub score: f64,
+    /// The effect's file.
+    pub file: String,
+    effect: &'static StateEffect,
+}
+
+impl Distilled {
+    /// For the document: with its factors at the states of a function, over that at the function's reference.
+    pub fn document(&self, function: &LearnedFunction) -> LearnedFormula {
+        let states: Vec<f64> = function.points.iter().map(|point| point.state).collect();
+        LearnedFormula {
+            text: self.text.clone(),
+            parameters: self.parameters.clone(),
+            file: FILE_NAME.into(),
+            factors: factors(&self.refitted, self.effect, &states, function.reference_state),
+        }
+    }
+}
+
+/// The formula with the fewest parameters, at most so many, that predicts unseen cycles with a log score of at least `least_score` nats; of several the one that predicts them best. `None` where none does.
+pub fn distil(
+    subject: &Subject,
+    base: &Refitted,
+    pair: &Pair,
+    (least_score, most_parameters): (f64, usize),
+) -> Option<Distilled> {
+    let Kind::Function { state, visited, .. } = &pair.kind else { return None };
+    let [low, high] = reach(visited);
+    let mut written = formulas(*state, [low, high]);
+    written.retain(|written| written.parameters.len() <= most_parameters);
+    let fitted = |written: &Written| {
+        let (text, effect) = as_effect(written, pair)?;
+        let (own, refitted) = fitted(subject, base, effect)?;
+        Some((text, own, refitted, effect))
+    };
+    let all: Vec<_> = written.par_iter().map(|written| (written, fitted(written))).collect();
+    let score = |refitted: &Refitted| -> f64 {
+        let n = refitted.candidate.free.len() - base.candidate.free.len();
+        let future = refitted.future.map_or(refitted.fitted.objective, |future| future.all);
+        future - NATS_PER_PARAMETER * n.saturating_sub(1) as f64
+    };
+    let found = all.into_iter().filter_map(|(written, fitted)| Some((written, fitted?)));
+    let mut found: Vec<_> = found.filter(|(_, (_, _, refitted, _))| score(refitted) >= least_score).collect();
+    found.sort_by(|(own, (_, _, a, _)), (other, (_, _, b, _))| {
+        own.parameters.len().cmp(&other.parameters.len()).then(score(b).total_cmp(&score(a)))
+    });
+    // A formula whose parameters the data do not determine says less than it seems to.
+    let (written, file, refitted, effect, own) =
+        found.into_iter().find_map(|(written, (file, subject, refitted, effect))| {
+            let own = parameters(&subject, &refitted, written, effect)?;
+            let in_order =
+                written.parameters.iter().filter_map(|p| Some((p, own.iter().find(|own| own.name == p.name)?)));
+            let is_told = |(parameter, own): (&Parameter, &FormulaParameter)| {
+                !parameter.has_null || own.q05 > 0.0 || own.q95 < 0.0
+            };
+            let are_told = in_order.into_iter().all(is_told);
+            are_told.then_some((written, file, refitted, effect, own))
+        })?;
+    Some(Distilled { text: written.text.clone(), parameters: own, score: score(&refitted), refitted, file, effect })
+}
+
+/// A formula of a pair as an effect, with its file.
+pub fn as_effect(written: &Written, pair: &Pair) -> Option<(String, &'static StateEffect)> {
+    let slug = format!("learned-{}-by-{}", pair.quantity, pair.state).replace('_', "-");
+    let summary = format!("{} depends on {}", pair.quantity, pair.state.replace('_', " "));
+    let text = written.file(&slug, pair.quantity, pair.state, &summary);
+    // Effects are static everywhere; a command looks at some dozens of formulas.
+    let effect: &'static StateEffect = Box::leak(Box::new(effect_file::parsed(FILE_NAME.as_ref(), &text).ok()?));
+    Some((text, effect))
+}
+
+/// A model with one more effect at its fit, and the subject that has it; `None` where the experiment cannot have it.
+pub fn fitted(subject: &Subject, base: &Refitted, effect: &'static StateEffect) -> Option<(Subject, Refitted)> {
+    let own = beside(subject, effect)?;
+    let candidate = own.extended(&[effect.slug]).ok()?;
+    let refitted = Refitted::new(&own, candidate, &[base], Search::Local).ok()?;
+    Some((own, refitted))
+}
+
+/// Values and intervals of a formula's parameters: normal in the coordinates of the search.
+fn parameters(
+    subject: &Subject,
+    refitted: &Refitted,
+    written: &Written,
+    effect: &StateEffect,
+) -> Option<Vec<FormulaParameter>> {
+    let tangent = Tangent::new(subject, &refitted.candidate, &refitted.fitted).ok()?;
+    let sds = tangent.standard_deviations();
+    let of = |spec: &base::parameter::ParameterSpec| {
+        let name = spec.name.rsplit('.').next().unwrap_or(spec.name);
+        let place = refitted.candidate.free.iter().position(|free| free.name == spec.name)?;
+        let (free, theta) = (&refitted.candidate.free[place], refitted.fitted.theta[place]);
+        let at = |z: f64| free.coordinate.value(free.clamped(theta + z * sds[place].min(1e6)));
+        let unit = written.parameters.iter().find(|own| own.name == name)?.unit.clone();
+        Some(FormulaParameter { name: name.into(), unit, value: at(0.0), q05: at(-NORMAL_90), q95: at(NORMAL_90) })
+    };
+    effect.parameters.iter().map(|parameter| of(&parameter.spec)).collect()
+}
+
+/// Standard deviations of a 90 % interval.
+pub const NORMAL_90: f64 = 1.645;
+
+/// Factors at states, over that at the reference.
+fn factors(refitted: &Refitted, effect: &StateEffect, states: &[f64], reference: f64) -> Vec<f64> {
+    let all = refitted.candidate.parameters(&refitted.fitted.theta);
+    let named = refitted.candidate.model.parameters();
+    let value = |name: &str| named.iter().position(|spec| spec.name == name).map_or(f64::NAN, |place| all[place]);
+    let own: Vec<Dual> = effect.parameters.iter().map(|p| Dual::constant(value(p.spec.name))).collect();
+    let at = |state: f64| effect.function.value(Dual::constant(state), &own).value;
+    states.iter().map(|state| at(*state) / at(reference)).collect()
+}
+
+/// A subject beside one more effect; `None` where the experiment cannot have it.
+pub fn beside(subject: &Subject, effect: &'static StateEffect) -> Option<Subject> {
+    let library = subject.library().clone().beside([effect as &dyn Effect]);
+    subject.with_library(&library).ok()
+}

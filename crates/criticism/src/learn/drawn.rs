@@ -1,0 +1,89 @@
+//! A learnt function over the states that a record visits.
+
+use super::distil::NORMAL_90;
+use super::function::Function;
+use super::pairs::{Kind, Pair, reach};
+use crate::Subject;
+use documents::learned::{LearnedFunction, LearnedPoint, QuantityAtReference};
+
+/// Points of a function.
+const N_POINTS: usize = 61;
+/// By how much a function is written beyond what fitted rows visit, as a share of that, where the record goes there.
+const BEYOND: f64 = 0.15;
+
+/// Quantiles of the fitted states among which the reference is looked for.
+const N_QUANTILES: usize = 21;
+/// Share of states at which a formula may lie outside the function's 90 % band.
+const MOST_OUTSIDE: f64 = 0.3;
+
+/// Whether a formula's factors lie outside the function's 90 % band at more states than chance puts there.
+pub fn leaves_band(factors: &[f64], points: &[LearnedPoint]) -> bool {
+    let is_inside = |(factor, point): &(&f64, &LearnedPoint)| (point.q05..=point.q95).contains(*factor);
+    let n_inside = factors.iter().zip(points).filter(is_inside).count();
+    ((factors.len() - n_inside) as f64) > MOST_OUTSIDE * factors.len() as f64
+}
+
+/// States of rows that are fitted.
+fn of_fitted_rows(subject: &Subject, visited: &[f64]) -> impl Iterator<Item = f64> {
+    visited.iter().zip(&subject.fitted_m).filter(|(_, y)| y.is_some()).map(|(s, _)| *s)
+}
+
+/// The least and the largest state of rows that are fitted.
+fn seen(subject: &Subject, visited: &[f64]) -> [f64; 2] {
+    let fitted = of_fitted_rows(subject, visited);
+    fitted.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], s| [low.min(s), high.max(s)])
+}
+
+/// Share of the held-out rows whose state lies beyond those of fitted rows; 0 where none is held out.
+pub fn share_beyond(subject: &Subject, visited: &[f64]) -> f64 {
+    let [low, high] = seen(subject, visited);
+    let margin = 0.02 * (high - low);
+    let scored = visited.iter().zip(&subject.scored_m).filter(|(_, y)| y.is_some()).map(|(s, _)| *s);
+    let (n, n_beyond) = scored.fold((0_usize, 0_usize), |(n, beyond), s| {
+        (n + 1, beyond + usize::from(!(low - margin..=high + margin).contains(&s)))
+    });
+    if n == 0 { 0.0 } else { n_beyond as f64 / n as f64 }
+}
+
+/// A function with its band over the states that the record visits; `None` where no row is fitted.
+pub fn drawn(subject: &Subject, function: &Function, pair: &Pair) -> Option<LearnedFunction> {
+    let Kind::Function { state, visited, .. } = &pair.kind else { return None };
+    let reference_state = function.best_known(&quantiles_of(subject, visited))?;
+    let quantiles = |[mean, sd]: [f64; 2]| [0.0, -NORMAL_90, NORMAL_90].map(|z| (mean + z * sd).exp());
+    let point = |(state, ln_factor): (&f64, &[f64; 2])| {
+        let [factor, q05, q95] = quantiles(*ln_factor);
+        LearnedPoint { state: *state, factor, q05, q95 }
+    };
+    let states = states_of(subject, visited);
+    let at_reference = function.ln_quantity(reference_state).map(|own| {
+        let [value, q05, q95] = quantiles(own);
+        QuantityAtReference { value, q05, q95 }
+    });
+    Some(LearnedFunction {
+        state_unit: state.unit().into(),
+        visited: seen(subject, visited),
+        reference_state,
+        at_reference,
+        points: states.iter().zip(&function.curve(&states, reference_state)).map(point).collect(),
+    })
+}
+
+/// States of the fitted rows, thinned: among them the state is looked for at which the factor is 1.
+fn quantiles_of(subject: &Subject, visited: &[f64]) -> Vec<f64> {
+    let mut states: Vec<f64> = of_fitted_rows(subject, visited).collect();
+    states.sort_by(f64::total_cmp);
+    let Some(last) = states.len().checked_sub(1) else { return states };
+    let mut quantiles: Vec<f64> = (0..N_QUANTILES).map(|k| states[k * last / (N_QUANTILES - 1)]).collect();
+    quantiles.dedup();
+    quantiles
+}
+
+/// States at which a function is written: those that fitted rows visit, and a little more.
+fn states_of(subject: &Subject, visited: &[f64]) -> Vec<f64> {
+    let all = reach(visited);
+    let [low, high] = seen(subject, visited);
+    let seen = [low.min(0.0), high.max(0.0)];
+    let more = BEYOND * (seen[1] - seen[0]);
+    let (low, high) = (all[0].max(seen[0] - more), all[1].min(seen[1] + more));
+    (0..N_POINTS).map(|k| low + (high - low) * k as f64 / (N_POINTS - 1) as f64).collect()
+}

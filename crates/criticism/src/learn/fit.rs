@@ -1,0 +1,231 @@
+//! Fits of pairs, and what they are worth.
+//!
+//! A pair's weights have a normal prior about 0 of one standard deviation, which is chosen by the evidence: the maximum of the posterior density with the curvature there (Laplace),
+//! ln Z = ln L + ln p(θ) − n ln τ − ½ ln det H, less the same of the model without the pair. Functions that the data do not ask for shrink to none.
+
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+use super::pairs::{Kind, Pair};
+use crate::derivatives::columns_m;
+use crate::future::{FutureScore, future_score};
+use crate::refit::Refitted;
+use crate::{Candidate, Fitted, NoiseValues, Search, Subject, Tangent};
+use base::error::Result;
+
+/// Standard deviations τ of weights that are tried, in order: a weight of 1 changes its quantity by a factor of e over the range of states.
+const SPREADS: [f64; 4] = [0.3, 1.0, 3.0, 0.08];
+
+/// A pair at its fit.
+pub struct Learnt {
+    /// Its place in the list of pairs.
+    pub pair: usize,
+    /// The model, weights with their prior.
+    pub candidate: Candidate,
+    /// Its fit.
+    pub fitted: Fitted,
+    /// What it gains in ln evidence over the model without it, in nats.
+    pub evidence_nats: f64,
+    /// Log scores of cycles given those before them; `None` where none is held out.
+    pub future: Option<FutureScore>,
+}
+
+/// Places of a pair's weights among the coordinates: those of the last effect.
+pub fn weights(candidate: &Candidate) -> Vec<usize> {
+    let last = candidate.effects.len().checked_sub(1);
+    (0..candidate.free.len()).filter(|k| candidate.free[*k].effect == last && last.is_some()).collect()
+}
+
+/// A model whose effect has the priors of its parameters at its fit from a start, and its ln evidence up to what all models share; `None` where it has none.
+pub fn fit_own_priors(
+    subject: &Subject,
+    candidate: &Candidate,
+    start: (Vec<f64>, NoiseValues),
+) -> Option<(Candidate, Fitted, f64)> {
+    let mut own = candidate.clone();
+    for k in weights(candidate) {
+        own.free[k].prior = Some(own.free[k].as_normal());
+    }
+    fit_with_evidence(subject, own, start)
+}
+
+/// A model whose weights have one spread at its fit from a start, and its ln evidence up to what all models share; `None` where it has none.
+pub fn fit_spread(
+    subject: &Subject,
+    candidate: &Candidate,
+    spread: f64,
+    start: (Vec<f64>, NoiseValues),
+) -> Option<(Candidate, Fitted, f64)> {
+    fit_with_evidence(subject, with_spread(candidate, spread), start)
+}
+
+fn fit_with_evidence(
+    subject: &Subject,
+    own: Candidate,
+    start: (Vec<f64>, NoiseValues),
+) -> Option<(Candidate, Fitted, f64)> {
+    let fitted = subject.fit(&own, &[start], Search::Local).ok()?;
+    let ln_evidence = ln_evidence(subject, &own, &fitted).ok()?;
+    Some((own, fitted, ln_evidence))
+}
+
+/// The same model where every weight has a normal prior of standard deviation τ about 0.
+fn with_spread(candidate: &Candidate, spread: f64) -> Candidate {
+    let mut own = candidate.clone();
+    for k in weights(candidate) {
+        let unit = own.free[k].coordinate.unit(0.0);
+        own.free[k].prior = Some((0.0, spread / unit));
+    }
+    own
+}
+
+/// ln Z up to what all models share.
+fn ln_evidence(subject: &Subject, candidate: &Candidate, fitted: &Fitted) -> Result<f64> {
+    let tangent = Tangent::new(subject, candidate, fitted)?;
+    let of_weights = weights(candidate).into_iter().filter_map(|k| candidate.free[k].prior);
+    let ln_priors: f64 = of_weights.map(|(_, sd)| sd.ln()).sum();
+    Ok(fitted.objective - ln_priors - 0.5 * tangent.ln_det_precision())
+}
+
+/// The model without a pair, with its ln evidence.
+pub struct Base<'a> {
+    /// The model at its fit.
+    pub refitted: &'a Refitted,
+    ln_evidence: f64,
+}
+
+impl<'a> Base<'a> {
+    /// # Errors
+    /// Where the model has no derivatives at its fit.
+    pub fn new(subject: &Subject, refitted: &'a Refitted) -> Result<Self> {
+        let tangent = Tangent::new(subject, &refitted.candidate, &refitted.fitted)?;
+        Ok(Self { refitted, ln_evidence: refitted.fitted.objective - 0.5 * tangent.ln_det_precision() })
+    }
+}
+
+/// A pair's model at its fit, with the spread that the evidence likes best; `None` where it has no model.
+fn fit(
+    subject: &Subject,
+    (base, ln_evidence_of_base): (&(Vec<f64>, NoiseValues), f64),
+    smaller: &Candidate,
+    candidate: &Candidate,
+    spreads: &[f64],
+) -> Option<(Candidate, Fitted, f64)> {
+    let mut best: Option<(Candidate, Fitted, f64)> = None;
+    for spread in spreads {
+        let start = best.as_ref().map_or_else(
+            || (candidate.embed(smaller, &base.0), base.1),
+            |(_, fitted, _)| (fitted.theta.clone(), fitted.noise),
+        );
+        let Some((own, fitted, ln_evidence)) = fit_spread(subject, candidate, *spread, start) else { continue };
+        let gain = ln_evidence - ln_evidence_of_base;
+        if best.as_ref().is_none_or(|(_, _, before)| gain > *before) {
+            best = Some((own, fitted, gain));
+        }
+    }
+    best
+}
+
+/// Fits all pairs, each beside the base; those that have no model are left out.
+pub fn fit_all(subject: &Subject, base: &Base<'_>, pairs: &[Pair], candidates: &[Option<Candidate>]) -> Vec<Learnt> {
+    let start = (base.refitted.fitted.theta.clone(), base.refitted.fitted.noise);
+    let of = |place: usize| {
+        let candidate = candidates[place].as_ref()?;
+        let spreads: &[f64] = if matches!(pairs[place].kind, Kind::Memory(_)) { &SPREADS[..1] } else { &SPREADS };
+        let smaller = &base.refitted.candidate;
+        let (candidate, fitted, evidence_nats) = fit(subject, (&start, base.ln_evidence), smaller, candidate, spreads)?;
+        let future = future(subject, &candidate, &fitted).ok()?;
+        Some(Learnt { pair: place, candidate, fitted, evidence_nats, future })
+    };
+    (0..pairs.len()).into_par_iter().filter_map(of).collect()
+}
+
+/// A pair's fit with the noise of another subject, and its log scores there; `None` where it has no fit or no cycle is held out.
+pub fn fit_under(subject: &Subject, learnt: &Learnt) -> Option<(Fitted, FutureScore)> {
+    let start = (learnt.fitted.theta.clone(), learnt.fitted.noise);
+    let fitted = subject.fit(&learnt.candidate, &[start], Search::Local).ok()?;
+    let future = future(subject, &learnt.candidate, &fitted).ok()??;
+    Some((fitted, future))
+}
+
+/// The log scores of a model whose weights have the prior of its fit, and no other.
+fn future(subject: &Subject, candidate: &Candidate, fitted: &Fitted) -> Result<Option<FutureScore>> {
+    let mut own = candidate.clone();
+    weights(candidate).into_iter().for_each(|k| own.free[k].null = None);
+    future_score(subject, &own, fitted)
+}
+
+/// What pairs gain in data without any, to first order: whose fits are worth making.
+pub struct Screen {
+    tangent: Tangent,
+    position_m: Vec<f64>,
+    /// Of each candidate its visible directions; `None` where it has no derivatives.
+    directions: Vec<Option<DMatrix<f64>>>,
+    units: Vec<Vec<f64>>,
+}
+
+impl Screen {
+    /// # Errors
+    /// Where the base has no derivatives at its fit.
+    pub fn new(subject: &Subject, base: &Refitted, candidates: &[Option<Candidate>]) -> Result<Self> {
+        let tangent = Tangent::new(subject, &base.candidate, &base.fitted)?;
+        let of = |candidate: &Option<Candidate>| {
+            let candidate = candidate.as_ref()?;
+            let theta = candidate.embed(&base.candidate, &base.fitted.theta);
+            let columns = columns_m(subject, candidate, &theta).ok()?;
+            let own: Vec<Vec<f64>> = weights(candidate).into_iter().map(|k| columns[k].clone()).collect();
+            Some(DMatrix::from_columns(&tangent.visible(&own)))
+        };
+        let directions = candidates.par_iter().map(of).collect();
+        let unit = |candidate: &Option<Candidate>| {
+            let own = candidate.as_ref();
+            own.map_or(Vec::new(), |own| weights(own).iter().map(|k| own.free[*k].coordinate.unit(0.0)).collect())
+        };
+        let units = candidates.iter().map(unit).collect();
+        Ok(Self { tangent, position_m: base.fitted.position_m.clone(), directions, units })
+    }
+
+    /// First-order gains in ln evidence, nats, in other positions of the same rows; −∞ where there are none.
+    fn gains_nats(&self, data: &Subject) -> Vec<f64> {
+        let left_m = data.fitted_m.iter().zip(&self.position_m).map(|(y, x)| y.map_or(0.0, |y| y - x)).collect();
+        let residual = self.tangent.project(self.tangent.whiten(&[left_m]).swap_remove(0));
+        let gain = |(directions, units): (&Option<DMatrix<f64>>, &Vec<f64>)| {
+            let Some(directions) = directions else { return f64::NEG_INFINITY };
+            let of_spread = |spread: &f64| -> Option<f64> {
+                let sds: Vec<f64> = units.iter().map(|unit| spread / unit).collect();
+                let scaled = DMatrix::from_fn(directions.nrows(), sds.len(), |i, j| directions[(i, j)] * sds[j]);
+                let n = sds.len();
+                let information = scaled.tr_mul(&scaled) + DMatrix::identity(n, n);
+                let slope: DVector<f64> = scaled.tr_mul(&residual);
+                let factor = information.cholesky()?;
+                let ln_det: f64 = factor.l_dirty().diagonal().iter().take(n).map(|l| 2.0 * l.ln()).sum();
+                Some(0.5 * slope.dot(&factor.solve(&slope)) - 0.5 * ln_det)
+            };
+            SPREADS.iter().filter_map(of_spread).fold(f64::NEG_INFINITY, f64::max)
+        };
+        self.directions.iter().zip(&self.units).map(gain).collect()
+    }
+}
+
+/// Pairs that are fitted in simulated data: those with the largest first-order gains.
+const N_REFITTED: usize = 2;
+
+/// The largest gain in ln evidence that a search finds in data without any pair.
+pub fn largest_gain(data: &Subject, base: &Refitted, screen: &Screen, candidates: &[Option<Candidate>]) -> f64 {
+    let start = (base.fitted.theta.clone(), base.fitted.noise);
+    let Ok(fitted) = data.fit(&base.candidate, &[start], Search::Local) else { return f64::INFINITY };
+    let Ok(ln_evidence) =
+        Tangent::new(data, &base.candidate, &fitted).map(|tangent| fitted.objective - 0.5 * tangent.ln_det_precision())
+    else {
+        return f64::INFINITY;
+    };
+    let gains = screen.gains_nats(data);
+    let mut order: Vec<usize> = (0..candidates.len()).filter(|place| candidates[*place].is_some()).collect();
+    order.sort_by(|a, b| gains[*b].total_cmp(&gains[*a]));
+    let start = (fitted.theta, fitted.noise);
+    let found = order.iter().take(N_REFITTED).filter_map(|place| {
+        let candidate = candidates[*place].as_ref()?;
+        fit(data, (&start, ln_evidence), &base.candidate, candidate, &SPREADS[..1]).map(|(_, _, gain)| gain)
+    });
+    found.fold(0.0, f64::max)
+}

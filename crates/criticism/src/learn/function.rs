@@ -1,0 +1,242 @@
+//! A learnt function with its band, averaged over the priors that the evidence allows.
+//!
+//! A search fits each pair with one decay of the cosines and the likeliest spread of the weights, which is enough to compare pairs. A band that rests on one prior is too
+//! narrow, and a kink is not seen by eight cosines. So the pair that is written is fitted with twice as many under several decays and spreads, and with every formula, and each
+//! of them counts by its evidence.
+
+use nalgebra::DMatrix;
+use rayon::prelude::*;
+
+use super::distil::{as_effect, beside};
+use super::fit::{Learnt, fit_own_priors, fit_spread, weights};
+use super::formulas::{Written, formulas};
+use super::pairs::{Kind, Pair, finer, reach};
+use super::smooth::{Basis, Smooth};
+use super::truncated;
+use crate::{Candidate, Coordinate, Fitted, Free, Subject, Tangent};
+use base::error::Result;
+use base::number::Dual;
+use models::effects::StateEffect;
+
+/// Spreads of the weights, in the order in which they are fitted.
+const SPREADS: [f64; 5] = [0.3, 1.0, 3.0, 0.1, 0.03];
+/// Priors whose evidence is this far below the best, in nats, do not count.
+const LEAST_SHARE_NATS: f64 = 7.0;
+
+/// What a function is made of.
+#[derive(Clone, Copy)]
+enum Shape {
+    /// A sum of smooth functions.
+    Smooth(&'static Smooth),
+    /// A formula.
+    Formula(&'static StateEffect),
+}
+
+/// A function under one prior at its fit.
+struct Member {
+    share: f64,
+    shape: Shape,
+    candidate: Candidate,
+    fitted: Fitted,
+    /// Mean and covariance of the coordinates; `None` where the data do not determine them.
+    moments: Option<(Vec<f64>, DMatrix<f64>)>,
+}
+
+/// A function of a state with its band.
+pub struct Function {
+    quantity: &'static str,
+    /// Best first.
+    members: Vec<Member>,
+}
+
+impl Function {
+    /// The function of a pair as the search has it; `None` for a free memory.
+    ///
+    /// # Errors
+    /// Where the model has no derivatives at its fit.
+    pub fn of_search(subject: &Subject, learnt: &Learnt, pair: &Pair) -> Result<Option<Self>> {
+        let Kind::Function { smooth, .. } = &pair.kind else { return Ok(None) };
+        let only = Member::at(subject, Shape::Smooth(smooth), learnt.candidate.clone(), learnt.fitted.clone())?;
+        Ok(Some(Self { quantity: pair.quantity, members: vec![only] }))
+    }
+
+    /// The function of a pair with all cosines and by every formula, averaged over priors; as the search has it where no other can be fitted, `None` for a free memory.
+    ///
+    /// # Errors
+    /// Where the model has no derivatives at its fit.
+    pub fn averaged(subject: &Subject, learnt: &Learnt, pair: &Pair) -> Result<Option<Self>> {
+        let finer = finer(pair);
+        let library = subject.library().clone().beside(finer.iter().map(|(effect, _)| *effect));
+        let subject = subject.with_library(&library)?;
+        let of_basis = |(effect, smooth): &(&'static dyn models::effects::Effect, &'static Smooth)| {
+            let candidate = subject.extended(&[effect.slug()]).ok()?;
+            Some(members(&subject, learnt, &candidate, smooth))
+        };
+        let mut members: Vec<(Member, f64)> = finer.par_iter().filter_map(of_basis).flatten().collect();
+        members.extend(by_formulas(&subject, learnt, pair));
+        members.sort_by(|a, b| b.1.total_cmp(&a.1));
+        let Some(best) = members.first().map(|(_, ln_evidence)| *ln_evidence) else {
+            return Self::of_search(&subject, learnt, pair);
+        };
+        members.retain(|(_, ln_evidence)| best - ln_evidence < LEAST_SHARE_NATS);
+        let whole: f64 = members.iter().map(|(_, ln_evidence)| (ln_evidence - best).exp()).sum();
+        let members = members.into_iter().map(|(member, ln_evidence)| {
+            let share = (ln_evidence - best).exp() / whole;
+            Member { share, ..member }
+        });
+        Ok(Some(Self { quantity: pair.quantity, members: members.collect() }))
+    }
+
+    /// The model with the function under the likeliest prior.
+    pub fn best(&self) -> (&Candidate, &Fitted) {
+        (&self.members[0].candidate, &self.members[0].fitted)
+    }
+
+    /// The function at some states, over its value at `reference`: ln factor and its standard deviation.
+    ///
+    /// A factor that all states share is a change of the quantity itself, so only ratios say something of the function; [`Self::best_known`] says over which state they are told best.
+    pub fn curve(&self, states: &[f64], reference: f64) -> Vec<[f64; 2]> {
+        let of = |member: &Member| {
+            let (at_reference, slopes_there) = member.ln_factor(reference);
+            let at = |state: &f64| {
+                let (own, slopes) = member.ln_factor(*state);
+                let apart = slopes.into_iter().zip(&slopes_there).map(|((k, own), (_, other))| (k, own - other));
+                [own - at_reference, member.spread(&apart.collect::<Vec<_>>())]
+            };
+            states.iter().map(at).collect::<Vec<_>>()
+        };
+        let curves: Vec<Vec<[f64; 2]>> = self.members.iter().map(of).collect();
+        (0..states.len()).map(|place| self.mixed(curves.iter().map(|curve| curve[place]))).collect()
+    }
+
+    /// The one of some states over whose value the function is known best at all of them: of the least mean variance. Where the quantity does nothing, as a factor of a force of 0, the data tell no value.
+    pub fn best_known(&self, states: &[f64]) -> Option<f64> {
+        let with_variance =
+            |reference: &f64| (self.curve(states, *reference).iter().map(|[_, sd]| sd * sd).sum::<f64>(), *reference);
+        states.iter().map(with_variance).min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, reference)| reference)
+    }
+
+    /// The quantity that depends, at a state: its logarithm and that one's standard deviation; `None` where it is no free parameter of the law (force, observed position).
+    pub fn ln_quantity(&self, state: f64) -> Option<[f64; 2]> {
+        let is_quantity = |free: &Free| free.name == self.quantity && matches!(free.coordinate, Coordinate::Logarithm);
+        let of = |member: &Member| {
+            let (ln_factor, mut all) = member.ln_factor(state);
+            let place = member.candidate.free.iter().position(is_quantity)?;
+            all.push((place, 1.0));
+            Some([ln_factor + member.mean(place), member.spread(&all)])
+        };
+        let all: Option<Vec<[f64; 2]>> = self.members.iter().map(of).collect();
+        all.map(|all| self.mixed(all.into_iter()))
+    }
+
+    /// Mean and standard deviation over all priors.
+    fn mixed(&self, of_members: impl Iterator<Item = [f64; 2]>) -> [f64; 2] {
+        let [mut mean, mut square] = [0.0; 2];
+        for (member, [own, sd]) in self.members.iter().zip(of_members) {
+            mean += member.share * own;
+            square += member.share * (own * own + sd * sd);
+        }
+        [mean, (square - mean * mean).max(0.0).sqrt()]
+    }
+}
+
+/// A sum of functions under every spread of its weights at its fit, with the ln evidence, from the law and the noise that the search found.
+fn members(subject: &Subject, learnt: &Learnt, candidate: &Candidate, smooth: &'static Smooth) -> Vec<(Member, f64)> {
+    let mut start = (candidate.embed(&learnt.candidate, &learnt.fitted.theta), learnt.fitted.noise);
+    let mut all = Vec::new();
+    for spread in SPREADS {
+        let Some((candidate, fitted, ln_evidence)) = fit_spread(subject, candidate, spread, start.clone()) else {
+            continue;
+        };
+        start = (fitted.theta.clone(), fitted.noise);
+        let Ok(member) = Member::at(subject, Shape::Smooth(smooth), candidate, fitted) else { continue };
+        all.push((member, ln_evidence));
+    }
+    all
+}
+
+/// Every formula at its fit, with the ln evidence under its parameters' own priors; none for functions that go one way, which a formula need not.
+fn by_formulas(subject: &Subject, learnt: &Learnt, pair: &Pair) -> Vec<(Member, f64)> {
+    let Kind::Function { smooth, state, visited, .. } = &pair.kind else { return Vec::new() };
+    if matches!(smooth.basis(), Basis::Ramps { .. }) {
+        return Vec::new();
+    }
+    let range = reach(visited);
+    let of = |written: &Written| {
+        let (_, effect) = as_effect(written, pair)?;
+        let subject = beside(subject, effect)?;
+        let candidate = subject.extended(&[effect.slug]).ok()?;
+        let start = (candidate.embed(&learnt.candidate, &learnt.fitted.theta), learnt.fitted.noise);
+        let (candidate, fitted, ln_evidence) = fit_own_priors(&subject, &candidate, start)?;
+        let member = Member::at(&subject, Shape::Formula(effect), candidate, fitted).ok()?;
+        Some((member, ln_evidence))
+    };
+    formulas(*state, range).par_iter().filter_map(of).collect()
+}
+
+impl Member {
+    fn at(subject: &Subject, shape: Shape, candidate: Candidate, fitted: Fitted) -> Result<Self> {
+        let tangent = Tangent::new(subject, &candidate, &fitted)?;
+        let is_one_way = matches!(&shape, Shape::Smooth(smooth) if matches!(smooth.basis(), Basis::Ramps { .. }));
+        let moments = if is_one_way {
+            above_zero(&tangent, &candidate, &fitted)
+        } else {
+            tangent.covariance().map(|covariance| (fitted.theta.clone(), covariance))
+        };
+        Ok(Self { share: 1.0, shape, candidate, fitted, moments })
+    }
+
+    /// ln factor at a state and its derivatives by the coordinates of the effect, with their places.
+    fn ln_factor(&self, state: f64) -> (f64, Vec<(usize, f64)>) {
+        let places = weights(&self.candidate);
+        let coordinate = |k: usize| self.candidate.free[k].coordinate;
+        match self.shape {
+            Shape::Smooth(smooth) => {
+                let functions = smooth.functions(state.into());
+                let slope = |(k, function): (usize, &Dual)| (k, function.value * coordinate(k).unit(0.0));
+                let slopes: Vec<(usize, f64)> = places.into_iter().zip(&functions).map(slope).collect();
+                (slopes.iter().map(|(k, slope)| self.mean(*k) * slope).sum(), slopes)
+            }
+            Shape::Formula(effect) => {
+                let values: Vec<f64> = places.iter().map(|k| coordinate(*k).value(self.fitted.theta[*k])).collect();
+                let at = |moved: Option<usize>| {
+                    let own = values
+                        .iter()
+                        .enumerate()
+                        .map(|(k, value)| Dual { value: *value, derivative: f64::from(u8::from(moved == Some(k))) });
+                    effect.function.value(Dual::constant(state), &own.collect::<Vec<_>>())
+                };
+                // Beyond the record's states a line may pass through 0.
+                let factor = at(None).value.max(f64::MIN_POSITIVE);
+                let slope = |(own, k): (usize, &usize)| {
+                    (*k, at(Some(own)).derivative / factor * coordinate(*k).unit(self.fitted.theta[*k]))
+                };
+                (factor.ln(), places.iter().enumerate().map(slope).collect())
+            }
+        }
+    }
+
+    fn mean(&self, place: usize) -> f64 {
+        self.moments.as_ref().map_or(self.fitted.theta[place], |(mean, _)| mean[place])
+    }
+
+    /// Standard deviation of a sum of coordinates.
+    fn spread(&self, parts: &[(usize, f64)]) -> f64 {
+        let Some((_, covariance)) = &self.moments else { return f64::INFINITY };
+        let of = |(i, a): &(usize, f64)| -> f64 { parts.iter().map(|(j, b)| a * b * covariance[(*i, *j)]).sum() };
+        parts.iter().map(of).sum::<f64>().max(0.0).sqrt()
+    }
+}
+
+/// Moments of the coordinates where no weight is negative: of the normal about the step that takes up what is left, cut off at 0.
+fn above_zero(tangent: &Tangent, candidate: &Candidate, fitted: &Fitted) -> Option<(Vec<f64>, DMatrix<f64>)> {
+    let step = tangent.absorbing_step(tangent.residual())?;
+    let centre: Vec<f64> = fitted.theta.iter().zip(step).map(|(theta, step)| theta + step).collect();
+    let mut least = vec![f64::NEG_INFINITY; centre.len()];
+    weights(candidate).into_iter().for_each(|k| least[k] = 0.0);
+    truncated::moments(&centre, &tangent.covariance()?, &least)
+}
+
+#[cfg(test)]
+#[path = "function_tests.rs"]
+mod tests;

@@ -1,0 +1,181 @@
+//! What the data write: every pair fitted, the leading one judged, drawn and written as a formula.
+
+use super::distil::Distilled;
+use super::drawn::drawn;
+use super::fit::Learnt;
+use super::function::Function;
+use super::pairs::Kind;
+use super::search::{EQUAL_NATS, Found, fitted_base};
+use super::words::{rises, words};
+use crate::Subject;
+use crate::leftover::misfit;
+use crate::refit::Refitted;
+use base::error::Result;
+use documents::learned::{EquivalentPair, Learned, LearnedKind, LearnedPair, LearnedVerdict, Retardation};
+use posterior::monitor::Monitor;
+
+/// What a caller decides.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Request {
+    /// Most simulated searches.
+    pub n_simulations: usize,
+    /// Seed of all random numbers.
+    pub seed: u64,
+    /// Whether functions of a state may only rise or only fall.
+    pub is_monotone: bool,
+}
+
+impl Default for Request {
+    fn default() -> Self {
+        Self { n_simulations: 99, seed: 1, is_monotone: false }
+    }
+}
+
+/// What was learnt, with the file of its formula.
+pub struct Outcome {
+    /// The document.
+    pub learned: Learned,
+    /// The effect's file; `None` where there is no formula.
+    pub file: Option<String>,
+}
+
+/// Learns.
+///
+/// # Errors
+/// Whatever fitting the base model refuses.
+pub fn learn(subject: &Subject, request: &Request, monitor: &dyn Monitor) -> Result<Outcome> {
+    monitor.stage("fitting the model");
+    let (subject, base) = fitted_base(subject)?;
+    let found = Found::new(&subject, base, request.is_monotone, monitor)?;
+    let gain = found.learnt.first().map_or(0.0, |leading| leading.evidence_nats);
+    monitor.stage("simulating searches where nothing is to be learnt");
+    let p = found.p(gain, request, monitor)?;
+    let chosen = match found.chosen(p) {
+        Ok(chosen) => chosen,
+        Err(why) => return found.nothing(p, &why),
+    };
+    monitor.stage("comparing with the library");
+    let preferred = found.preferred(chosen, monitor);
+    monitor.stage("writing it as a formula");
+    let (chosen, distilled) = found.written(chosen);
+    monitor.stage("averaging it over priors");
+    let function = Function::averaged(&found.subject, chosen, &found.pairs[chosen.pair])?;
+    found.learned(chosen, distilled, function.as_ref(), (p, preferred))
+}
+
+/// What `learn` would give for what a model at its fit leaves, outliers left out, in words, without the simulated searches that would confirm it; `None` where nothing helps.
+///
+/// # Errors
+/// As [`learn`].
+pub fn first_look(subject: &Subject, base: &Refitted, monitor: &dyn Monitor) -> Result<Option<String>> {
+    let found = Found::new(subject, base.clone(), false, monitor)?;
+    let Ok(chosen) = found.chosen(0.0) else { return Ok(None) };
+    let pair = &found.pairs[chosen.pair];
+    let Some(share) = found.explained(&chosen.fitted).filter(|share| *share > 0.0) else { return Ok(None) };
+    let function = Function::of_search(&found.subject, chosen, pair)?;
+    let rises = function.and_then(|own| drawn(&found.subject, &own, pair)).map(|own| rises(&own));
+    Ok(Some(format!(
+        "{} explains {:.0} % of what is left; `vitreo-uq learn STUDY` writes it",
+        words(pair, rises),
+        100.0 * share
+    )))
+}
+
+impl Found {
+    fn document(&self, p: f64, verdict: LearnedVerdict) -> Learned {
+        let experiment = self.subject.experiment();
+        let of_base = self.base.future;
+        let entry = |learnt: &Learnt| {
+            let pair = &self.pairs[learnt.pair];
+            let future = learnt.future.zip(of_base);
+            LearnedPair {
+                quantity: pair.quantity.into(),
+                state: pair.state.into(),
+                evidence_nats: learnt.evidence_nats,
+                heldout_gain_nats: future.map(|(own, base)| own.all - base.all),
+                last_cycle_gain_nats: future.map(|(own, base)| own.last - base.last),
+                rmse_heldout_um: self.errors(&learnt.fitted).rmse_heldout_um,
+            }
+        };
+        Learned {
+            experiment: experiment.specimen_id.clone(),
+            verdict,
+            fitted_cycles: experiment.calibration_cycles.clone(),
+            heldout_cycles: experiment.heldout_cycles.clone(),
+            monotone: self.is_monotone,
+            function: None,
+            formula: None,
+            memory: Vec::new(),
+            base: self.errors(&self.base.fitted),
+            learned: None,
+            with_formula: None,
+            noise_um: 1e6 * self.subject.yardstick_m(),
+            p_familywise: p,
+            explained_fraction: None,
+            pairs: self.learnt.iter().map(entry).collect(),
+        }
+    }
+
+    fn nothing(&self, p: f64, why: &str) -> Result<Outcome> {
+        let mut sentence = format!(
+            "Nothing was learnt: no quantity that depends on a state explains more than the model does ({why})."
+        );
+        if misfit(&self.subject, &self.base, &[])?.is_too_large() {
+            sentence += " The model still leaves more than noise: `vitreo-uq diagnose` tells whether an effect of the library explains it.";
+        }
+        let verdict = LearnedVerdict {
+            kind: LearnedKind::Nothing,
+            quantity: String::new(),
+            state: String::new(),
+            equivalent: Vec::new(),
+            library: Vec::new(),
+            sentence,
+        };
+        Ok(Outcome { learned: self.document(p, verdict), file: None })
+    }
+
+    fn learned(
+        &self,
+        chosen: &Learnt,
+        distilled: Option<Distilled>,
+        function: Option<&Function>,
+        (p, library): (f64, Vec<String>),
+    ) -> Result<Outcome> {
+        let pair = &self.pairs[chosen.pair];
+        let (candidate, fitted) = function.map_or((&chosen.candidate, &chosen.fitted), Function::best);
+        let model = Refitted { candidate: candidate.clone(), fitted: fitted.clone(), future: chosen.future };
+        let drawn = function.and_then(|own| drawn(&self.subject, own, pair));
+        let formula = distilled.as_ref().zip(drawn.as_ref()).map(|(own, drawn)| own.document(drawn));
+        let is_equal =
+            |other: &&Learnt| self.is_another(other, pair) && other.evidence_nats >= chosen.evidence_nats - EQUAL_NATS;
+        let equal = self.learnt.iter().filter(is_equal).map(|other| {
+            let pair = &self.pairs[other.pair];
+            EquivalentPair { quantity: pair.quantity.into(), state: pair.state.into() }
+        });
+        let equivalent: Vec<EquivalentPair> = equal.collect();
+        let mut sentence = self.gain_in_words(pair, &model, drawn.as_ref());
+        sentence += &self.formula_in_words(pair, distilled.as_ref(), formula.as_ref().zip(drawn.as_ref()));
+        sentence += &self.limits_in_words(chosen, &model, &library)?;
+        let verdict = LearnedVerdict {
+            kind: LearnedKind::Learned,
+            quantity: pair.quantity.into(),
+            state: pair.state.into(),
+            equivalent,
+            library,
+            sentence,
+        };
+        let mut learned = self.document(p, verdict);
+        learned.learned = Some(self.errors(&model.fitted));
+        learned.explained_fraction = self.explained(&model.fitted);
+        learned.function = drawn;
+        if let Kind::Memory(creep) = &pair.kind {
+            let shares = chosen.candidate.parameters(&chosen.fitted.theta);
+            let first = shares.len() - creep.times_s.len();
+            let all = creep.times_s.iter().zip(&shares[first..]);
+            learned.memory = all.map(|(time_s, share)| Retardation { time_s: *time_s, share: *share }).collect();
+        }
+        learned.with_formula = distilled.as_ref().map(|own| self.errors(&own.refitted.fitted));
+        learned.formula = formula;
+        Ok(Outcome { learned, file: distilled.map(|own| own.file) })
+    }
+}

@@ -1,0 +1,141 @@
+//! One of many records: what it says of every pair and of every formula, for whoever adds up.
+
+use rayon::prelude::*;
+
+use super::distil::{as_effect, fitted};
+use super::fit::fit_under;
+use super::formulas::{Written, formulas};
+use super::pairs::{Kind, reach};
+use super::search::{Found, fitted_base, with_own_noise};
+use crate::Subject;
+use crate::refit::Refitted;
+use base::error::Result;
+use laws::stages::State;
+use models::effects::StateEffect;
+use posterior::monitor::Monitor;
+
+/// A record with every pair fitted, its cycles scored with the noise that its model is written with.
+pub struct Record {
+    found: Found,
+    subject: Subject,
+    base: Refitted,
+}
+
+/// What a record says of a pair.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Told {
+    /// Name of the pair, the same in all records.
+    pub slug: &'static str,
+    /// What depends.
+    pub quantity: &'static str,
+    /// On what.
+    pub state: &'static str,
+    /// Gain in ln evidence, in nats.
+    pub evidence_nats: f64,
+    /// Gain in the log score of unseen cycles, in nats; `None` where no cycle is held out.
+    pub heldout_gain_nats: Option<f64>,
+}
+
+/// A formula for many records.
+pub struct Formula {
+    /// The formula.
+    pub written: Written,
+    /// Its file.
+    pub file: String,
+    effect: &'static StateEffect,
+}
+
+/// What a formula does in a record.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Tried {
+    /// Gain in the log score of the last cycle, which no fit has seen, in nats.
+    pub last_cycle_gain_nats: f64,
+    /// Errors on the held-out cycle in µm, without it and with it.
+    pub rmse_um: [f64; 2],
+    /// Its parameters, in the order in which they are written.
+    pub values: Vec<f64>,
+}
+
+impl Record {
+    /// Fits every pair.
+    ///
+    /// # Errors
+    /// Whatever fitting the model refuses.
+    pub fn new(subject: &Subject, is_monotone: bool, monitor: &dyn Monitor) -> Result<Self> {
+        let (subject, base) = fitted_base(subject)?;
+        let found = Found::new(&subject, base, is_monotone, monitor)?;
+        let (subject, base) = with_own_noise(&found.subject, &found.base)?;
+        Ok(Self { found, subject, base })
+    }
+
+    /// Of every pair that is a function of a state.
+    pub fn told(&self) -> Vec<Told> {
+        let of_base = self.found.base.future;
+        let of = |learnt: &super::fit::Learnt| {
+            let pair = &self.found.pairs[learnt.pair];
+            matches!(pair.kind, Kind::Function { .. }).then(|| Told {
+                slug: pair.effect.slug(),
+                quantity: pair.quantity,
+                state: pair.state,
+                evidence_nats: learnt.evidence_nats,
+                heldout_gain_nats: learnt.future.zip(of_base).map(|(own, base)| own.all - base.all),
+            })
+        };
+        self.found.learnt.iter().filter_map(of).collect()
+    }
+
+    /// The state of a pair with the range over which this record visits it, 0 within.
+    pub fn range(&self, slug: &str) -> Option<(State, [f64; 2])> {
+        let pair = self.found.pairs.iter().find(|pair| pair.effect.slug() == slug)?;
+        let Kind::Function { state, visited, .. } = &pair.kind else { return None };
+        Some((*state, reach(visited)))
+    }
+
+    /// What a pair's function gains in the log score of unseen cycles with the noise that the model is written with, in nats.
+    pub fn function_gain_nats(&self, slug: &str) -> Option<f64> {
+        let learnt = self.found.learnt.iter().find(|own| self.found.pairs[own.pair].effect.slug() == slug)?;
+        let (_, future) = fit_under(&self.subject, learnt)?;
+        Some(future.all - self.base.future?.all)
+    }
+
+    /// Formulas for a pair over a range of its state.
+    pub fn formulas(&self, slug: &str, state: State, range: [f64; 2]) -> Vec<Formula> {
+        let Some(pair) = self.found.pairs.iter().find(|pair| pair.effect.slug() == slug) else { return Vec::new() };
+        let of = |written: Written| {
+            let (file, effect) = as_effect(&written, pair)?;
+            Some(Formula { written, file, effect })
+        };
+        formulas(state, range).into_iter().filter_map(of).collect()
+    }
+
+    /// What formulas gain in the log score of unseen cycles, in nats; `None` where one has no fit.
+    pub fn gains_nats(&self, formulas: &[Formula]) -> Vec<Option<f64>> {
+        let gain = |formula: &Formula| {
+            let (_, refitted) = fitted(&self.subject, &self.base, formula.effect)?;
+            Some(refitted.future?.all - self.base.future?.all)
+        };
+        formulas.par_iter().map(gain).collect()
+    }
+}
+
+/// A formula in a record that had no part in learning it; `None` where it has no fit or no cycle is held out.
+///
+/// # Errors
+/// Whatever fitting the model refuses.
+pub fn tried(subject: &Subject, formula: &Formula) -> Result<Option<Tried>> {
+    let (subject, base) = fitted_base(subject)?;
+    let (subject, base) = with_own_noise(&subject, &base)?;
+    let Some((own, refitted)) = fitted(&subject, &base, formula.effect) else { return Ok(None) };
+    let Some((after, before)) = refitted.future.zip(base.future) else { return Ok(None) };
+    let rmse = |model: &Refitted| model.fitted.rmse_m(&own.scored_m).map(|rmse| 1e6 * rmse);
+    let Some((rmse_before, rmse_after)) = rmse(&base).zip(rmse(&refitted)) else { return Ok(None) };
+    let all = refitted.candidate.parameters(&refitted.fitted.theta);
+    let value = |name: &str| {
+        let is_it = |spec: &&base::parameter::ParameterSpec| spec.name.rsplit('.').next() == Some(name);
+        let own = formula.effect.parameters.iter().map(|own| &own.spec).find(is_it)?;
+        let place = refitted.candidate.model.parameters().iter().position(|spec| spec.name == own.name)?;
+        Some(all[place])
+    };
+    let values = formula.written.parameters.iter().map(|own| value(own.name).unwrap_or(f64::NAN)).collect();
+    Ok(Some(Tried { last_cycle_gain_nats: after.last - before.last, rmse_um: [rmse_before, rmse_after], values }))
+}

@@ -1,0 +1,205 @@
+//! Every pair fitted beside a record's model, and what may be said of the leading one.
+
+use super::distil::{Distilled, distil};
+use super::fit::{Base, Learnt, Screen, fit_all, fit_under, largest_gain};
+use super::pairs::{Pair, pairs};
+use crate::bootstrap::{Bootstrap, Simulations, simulated};
+use crate::learn::Request;
+use crate::outliers;
+use crate::refit::{Refitted, refit_all};
+use crate::{Candidate, Fitted, Search, Subject};
+use base::error::Result;
+use documents::learned::LearnedErrors;
+use posterior::monitor::{Counter, Monitor};
+
+/// Largest p, least evidence (nats; e⁵ is 150 to 1), least gain (nats) in the log score of unseen cycles, most that the last of them may lose, and the least change of a position over the noise.
+pub const LARGEST_P: f64 = 0.02;
+pub const LEAST_EVIDENCE_NATS: f64 = 5.0;
+pub const LEAST_FUTURE_NATS: f64 = 3.0;
+const LARGEST_LOSS_NATS: f64 = 0.1;
+const SMALLEST_CHANGE: f64 = 0.25;
+/// Pairs whose evidence is nearer to the leading one's are its equals: e⁶ is 400 to 1.
+pub const EQUAL_NATS: f64 = 6.0;
+/// What a formula may lose of the function's own log score of unseen cycles: nats, and a share of what that gains.
+pub const FORMULA_LOSS_NATS: f64 = 3.0;
+pub const FORMULA_LOSS: f64 = 0.05;
+/// Pairs whose evidence is this near to the leading one's may have a simpler formula that predicts as well.
+const SIMPLER_WITHIN_NATS: f64 = 40.0;
+/// What an effect of the library may lack of the function's log score of unseen cycles to be preferred: nats, and a share of what that gains. A formula has a few parameters, and the function eight.
+const LIBRARY_NATS: f64 = 4.0;
+const LIBRARY_SHARE: f64 = 0.02;
+/// Streams of the simulated searches, apart from others of the seed.
+const STREAM: u64 = 0x1ea4;
+
+/// A search among pairs.
+pub struct Found {
+    /// The record, with every pair as an effect.
+    pub subject: Subject,
+    /// What was looked at.
+    pub pairs: Vec<Pair>,
+    /// Whether functions were to rise or fall throughout.
+    pub is_monotone: bool,
+    /// Each pair's model; `None` where it has none.
+    candidates: Vec<Option<Candidate>>,
+    /// The model without any.
+    pub base: Refitted,
+    /// Best first.
+    pub learnt: Vec<Learnt>,
+}
+
+impl Found {
+    /// Every pair fitted beside a base model.
+    ///
+    /// # Errors
+    /// Whatever fitting the base model refuses.
+    pub fn new(subject: &Subject, base: Refitted, is_monotone: bool, monitor: &dyn Monitor) -> Result<Self> {
+        let pairs = pairs(subject, &base, is_monotone)?;
+        let library = subject.library().clone().beside(pairs.iter().map(|pair| pair.effect));
+        let subject = subject.with_library(&library)?;
+        let candidates: Vec<Option<Candidate>> =
+            pairs.iter().map(|pair| subject.extended(&[pair.effect.slug()]).ok()).collect();
+        monitor.stage("fitting every quantity as a function of every state");
+        let mut learnt = fit_all(&subject, &Base::new(&subject, &base)?, &pairs, &candidates);
+        learnt.sort_by(|a, b| b.evidence_nats.total_cmp(&a.evidence_nats));
+        Ok(Self { subject, pairs, is_monotone, candidates, base, learnt })
+    }
+}
+
+impl Found {
+    /// p of a gain, by searches in data that were simulated from the base.
+    pub fn p(&self, gain: f64, request: &Request, monitor: &dyn Monitor) -> Result<f64> {
+        let screen = Screen::new(&self.subject, &self.base, &self.candidates)?;
+        let simulations = Simulations { most: request.n_simulations, only_for: Some(LARGEST_P) };
+        let counter = Counter::new(monitor, request.n_simulations);
+        let largest = |number: usize| {
+            let data = simulated(&self.subject, &self.base, request.seed ^ STREAM, number);
+            let gain = largest_gain(&data, &self.base, &screen, &self.candidates);
+            counter.add_one();
+            gain
+        };
+        Ok(Bootstrap::of(gain, simulations, largest).p(gain))
+    }
+
+    /// The leading pair that predicts what was not seen; or why there is none, in words.
+    ///
+    /// # Errors
+    /// The words.
+    pub fn chosen(&self, p: f64) -> std::result::Result<&Learnt, String> {
+        let predicts = |learnt: &&Learnt| match learnt.future.zip(self.base.future) {
+            Some((own, base)) => own.all - base.all > LEAST_FUTURE_NATS && own.last - base.last > -LARGEST_LOSS_NATS,
+            None => false,
+        };
+        let shows = |learnt: &&Learnt| {
+            let changes = learnt.fitted.position_m.iter().zip(&self.base.fitted.position_m);
+            let largest_m = changes.fold(0.0_f64, |largest, (a, b)| largest.max((a - b).abs()));
+            largest_m >= SMALLEST_CHANGE * self.subject.yardstick_m()
+        };
+        let Some(leading) = self.learnt.first() else {
+            let is_outside = self.subject.problem().outside().is_some();
+            let why = if is_outside { "another program computes the law" } else { "no pair has a model here" };
+            return Err(why.into());
+        };
+        if p > LARGEST_P {
+            return Err("no more than chance gives".into());
+        }
+        let is_near = |own: &&Learnt| leading.evidence_nats - own.evidence_nats <= EQUAL_NATS;
+        let Some(chosen) = self.learnt.iter().filter(is_near).filter(predicts).find(shows) else {
+            return Err("nothing that predicts unseen cycles".into());
+        };
+        if chosen.evidence_nats < LEAST_EVIDENCE_NATS {
+            return Err(format!(
+                "{:.1} nats of evidence, where {LEAST_EVIDENCE_NATS:.0} are asked for",
+                chosen.evidence_nats
+            ));
+        }
+        Ok(chosen)
+    }
+
+    /// Effects of the library that predict what was not seen as well as the function.
+    pub fn preferred(&self, chosen: &Learnt, monitor: &dyn Monitor) -> Vec<String> {
+        let own: Vec<&str> = self.pairs.iter().map(|pair| pair.effect.slug()).collect();
+        let others = self.subject.library().effects().iter().filter(|effect| !own.contains(&effect.slug()));
+        let candidates: Vec<Candidate> =
+            others.filter_map(|effect| self.subject.extended(&[effect.slug()]).ok()).collect();
+        let refitted = refit_all(&self.subject, &candidates, &[&self.base], Search::Wide, monitor);
+        let Some((learnt, base)) = chosen.future.zip(self.base.future) else { return Vec::new() };
+        let allowed = LIBRARY_NATS + LIBRARY_SHARE * (learnt.all - base.all).max(0.0);
+        let mut good: Vec<(f64, String)> = refitted
+            .into_iter()
+            .flatten()
+            .filter_map(|own| Some((own.future?.all, own.candidate.effects.last()?.clone())))
+            .filter(|(score, _)| *score >= learnt.all - allowed)
+            .collect();
+        good.sort_by(|a, b| b.0.total_cmp(&a.0));
+        good.into_iter().map(|(_, slug)| slug).collect()
+    }
+
+    /// Share of the squared error that goes, the noise's taken off.
+    pub fn explained(&self, fitted: &Fitted) -> Option<f64> {
+        let is_scored = self.subject.scored_m.iter().any(Option::is_some);
+        let rows = if is_scored { &self.subject.scored_m } else { &self.subject.fitted_m };
+        let noise = self.subject.yardstick_m().powi(2);
+        let [before, after] =
+            [&self.base.fitted, fitted].map(|own| own.rmse_m(rows).map(|rmse| (rmse * rmse - noise).max(0.0)));
+        let (before, after) = (before?, after?);
+        (before > 0.0).then(|| (1.0 - after / before).clamp(-1.0, 1.0))
+    }
+
+    pub fn errors(&self, fitted: &Fitted) -> LearnedErrors {
+        LearnedErrors {
+            rmse_fitted_um: 1e6 * fitted.rmse_m(&self.subject.fitted_m).unwrap_or(f64::NAN),
+            rmse_heldout_um: fitted.rmse_m(&self.subject.scored_m).map(|rmse| 1e6 * rmse),
+        }
+    }
+
+    /// The simplest formula that predicts unseen cycles nearly as well as the function: of the leading pair, or with one parameter of another pair that is within reach. Eight weights may hide
+    /// that a line of something else does as well. All of it beside the noise that the model is written with, since that is what a formula is added to: slow noise that only a search allows
+    /// takes up levels, and leaves a formula to follow increments alone.
+    pub fn written<'a>(&'a self, chosen: &'a Learnt) -> (&'a Learnt, Option<Distilled>) {
+        let Ok((subject, base)) = with_own_noise(&self.subject, &self.base) else { return (chosen, None) };
+        let Some(((function, of_function), of_base)) = fit_under(&subject, chosen).zip(base.future) else {
+            return (chosen, None);
+        };
+        // What even the function leaves beyond the noise is the model's error, whose rows are not independent: nats weigh as much less.
+        let left = (1e-6 * function.noise[0] / subject.yardstick_m()).powi(2).max(1.0);
+        let gain = of_function.all - of_base.all;
+        let least = of_function.all - FORMULA_LOSS_NATS * left - FORMULA_LOSS * gain;
+        let is_within = |other: &&Learnt| other.evidence_nats > chosen.evidence_nats - SIMPLER_WITHIN_NATS;
+        let formulas = self.learnt.iter().filter(is_within).filter_map(|own| {
+            let (pair, most) = (&self.pairs[own.pair], if own.pair == chosen.pair { usize::MAX } else { 1 });
+            Some((own, distil(&subject, &base, pair, (least, most))?))
+        });
+        let simplest = formulas.min_by(|(_, a), (_, b)| {
+            let n = |own: &Distilled| own.parameters.len();
+            n(a).cmp(&n(b)).then(b.score.total_cmp(&a.score))
+        });
+        simplest.map_or((chosen, None), |(own, formula)| (own, Some(formula)))
+    }
+
+    /// Whether a fit is of another quantity or state, and not of the same ones the other way.
+    pub fn is_another(&self, other: &Learnt, pair: &Pair) -> bool {
+        let own = &self.pairs[other.pair];
+        (own.quantity, own.state) != (pair.quantity, pair.state)
+    }
+}
+
+/// A record without its outliers, and its model at the fit.
+///
+/// # Errors
+/// Where it has no fit.
+pub fn fitted_base(subject: &Subject) -> Result<(Subject, Refitted)> {
+    let (subject, fitted, _) = outliers::without(subject, &subject.base())?;
+    let base = Refitted::at(&subject, subject.base(), fitted)?;
+    Ok((subject, base))
+}
+
+/// A record and its model at the fit with the noise terms that the model is written with, and no others.
+///
+/// # Errors
+/// Where it has no fit.
+pub fn with_own_noise(subject: &Subject, base: &Refitted) -> Result<(Subject, Refitted)> {
+    let subject = subject.clone().with_own_noise();
+    let fitted = subject.fit(&base.candidate, &[(base.fitted.theta.clone(), base.fitted.noise)], Search::Local)?;
+    let base = Refitted::at(&subject, base.candidate.clone(), fitted)?;
+    Ok((subject, base))
+}

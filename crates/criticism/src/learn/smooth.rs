@@ -1,0 +1,250 @@
+//! Smooth functions of a state.
+
+use base::number::{Dual, Scalar as _};
+use laws::stages::StateFunction;
+
+/// Weights of a function in a search.
+pub const N_WEIGHTS: usize = 8;
+/// Most weights of a function.
+pub const MOST_WEIGHTS: usize = 16;
+
+/// The functions whose weighted sum is g, over u from 0 to 1.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Basis {
+    /// A trend u, and cosines cos(πku)/k^p whose prior bends them less the larger the decay p is.
+    Cosines {
+        /// p.
+        decay: f64,
+    },
+    /// Functions that rise from 0 to 1, each where its hat stands, for weights that are not negative: a sum of integrals of n hats side by side.
+    Ramps {
+        /// Hats, at most [`MOST_WEIGHTS`].
+        n: usize,
+        /// Whether g falls.
+        falls: bool,
+    },
+}
+
+impl Basis {
+    /// Of a search: functions that bend, and have no kinks.
+    pub const COSINES: Self = Self::Cosines { decay: 1.5 };
+
+    /// What each function is multiplied by.
+    fn sizes(self) -> [f64; MOST_WEIGHTS] {
+        std::array::from_fn(|k| match self {
+            Self::Cosines { .. } if k == 0 => 1.0,
+            Self::Cosines { decay } => (k as f64).powf(-decay),
+            Self::Ramps { n, .. } if k >= n => 0.0,
+            Self::Ramps { n, falls } => {
+                // Together n ramps of unit weights rise by √n, as n independent changes do.
+                let whole = if k == 0 || k + 1 == n { 0.5 } else { 1.0 };
+                (n as f64).sqrt().recip() * if falls { -1.0 } else { 1.0 } / whole
+            }
+        })
+    }
+
+    /// The functions for the first so many weights, each of its size; the others are 0.
+    fn at(self, u: Dual, sizes: &[f64; MOST_WEIGHTS], n_weights: usize) -> [Dual; MOST_WEIGHTS] {
+        let inside = if (0.0..=1.0).contains(&u.value) { u } else { Dual::constant(u.value.clamp(0.0, 1.0)) };
+        let mut functions = [Dual::ZERO; MOST_WEIGHTS];
+        let each = functions.iter_mut().zip(sizes).take(n_weights).enumerate();
+        match self {
+            Self::Cosines { .. } => {
+                let cosine = (inside * std::f64::consts::PI).cos();
+                // cos(k x) = 2 cos x cos((k − 1)x) − cos((k − 2)x).
+                let (mut before, mut now) = (cosine, Dual::ONE);
+                for (k, (function, size)) in each {
+                    *function = if k == 0 { u } else { now * *size };
+                    (before, now) = (now, cosine * now * 2.0 - before);
+                }
+            }
+            Self::Ramps { n, .. } => {
+                let last = (n - 1) as f64;
+                for (k, (function, size)) in each.take(n) {
+                    // A hat from −1 to 1; the first and the last are halves.
+                    let (x, from) = (inside * last + -(k as f64), if k == 0 { 0.5 } else { 0.0 });
+                    let risen = if x.value <= -1.0 {
+                        Dual::ZERO
+                    } else if x.value <= 0.0 {
+                        (x + 1.0) * (x + 1.0) * 0.5
+                    } else if x.value <= 1.0 {
+                        Dual::ONE + -((Dual::ONE + -x) * (Dual::ONE + -x) * 0.5)
+                    } else {
+                        Dual::ONE
+                    };
+                    *function = (risen + -from) * *size;
+                }
+            }
+        }
+        functions
+    }
+}
+
+/// e^{g(s)} with g a weighted sum of functions of u, less the same at the state 0, so that the quantity is what it is there; u goes from 0 to 1 over the range of states, linearly
+/// or as arsinh(s/s₀). Beyond the range only a trend goes on. As many functions are used as there are weights.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Smooth {
+    basis: Basis,
+    /// u at the state s is (w(s) − `from`)/`width`.
+    from: f64,
+    width: f64,
+    /// s₀, where w(s) is arsinh(s/s₀) and not s.
+    bent_at: Option<f64>,
+    /// What the functions are multiplied by, and what they are at the state 0.
+    sizes: [f64; MOST_WEIGHTS],
+    at_zero: [f64; MOST_WEIGHTS],
+}
+
+impl Smooth {
+    /// Over a range of states that is not empty.
+    pub fn over(range: [f64; 2], bent_at: Option<f64>, basis: Basis) -> Self {
+        let warp = |s: f64| bent_at.map_or(s, |own| (s / own).asinh());
+        let [from, to] = range.map(warp);
+        let none = [0.0; MOST_WEIGHTS];
+        Self { basis, from, width: to - from, bent_at, sizes: none, at_zero: none }.with(basis)
+    }
+
+    /// What g is a sum of.
+    pub fn basis(&self) -> Basis {
+        self.basis
+    }
+
+    /// Over the same range a sum of other functions.
+    pub fn with(self, basis: Basis) -> Self {
+        let mut own = Self { basis, sizes: basis.sizes(), at_zero: [0.0; MOST_WEIGHTS], ..self };
+        own.at_zero = own.functions(Dual::ZERO).map(|function| function.value);
+        own
+    }
+
+    /// The functions whose weighted sum is g, less what they are at 0.
+    pub fn functions(&self, state: Dual) -> [Dual; MOST_WEIGHTS] {
+        self.first(MOST_WEIGHTS, state)
+    }
+
+    /// The first so many of them; the others are 0.
+    fn first(&self, n_weights: usize, state: Dual) -> [Dual; MOST_WEIGHTS] {
+        let mut functions = self.basis.at(self.place(state), &self.sizes, n_weights);
+        let each = functions.iter_mut().zip(self.at_zero).take(n_weights);
+        each.for_each(|(function, at_zero)| *function = *function - at_zero);
+        functions
+    }
+
+    /// u at a state.
+    fn place(&self, state: Dual) -> Dual {
+        let warped = match self.bent_at {
+            Some(own) => {
+                let x = state * own.recip();
+                Dual { value: x.value.asinh(), derivative: x.derivative / (1.0 + x.value * x.value).sqrt() }
+            }
+            None => state,
+        };
+        (warped - self.from) * self.width.recip()
+    }
+
+    /// g of cosines whose weights do not move, by Clenshaw's recurrence: a fifth of the work of the functions one by one, which fits spend most of their time on.
+    fn sum_of_cosines(&self, state: Dual, weights: &[Dual]) -> Dual {
+        let u = self.place(state);
+        let is_inside = (0.0..=1.0).contains(&u.value);
+        let (sine, cosine) = (std::f64::consts::PI * u.value.clamp(0.0, 1.0)).sin_cos();
+        let (mut at_zero, mut sum, mut slope) = (0.0, [0.0; 2], [0.0; 2]);
+        for (k, weight) in weights.iter().enumerate().skip(1).rev() {
+            let size = weight.value * self.sizes[k];
+            at_zero += weight.value * self.at_zero[k];
+            sum = [size + 2.0 * cosine * sum[0] - sum[1], sum[0]];
+            slope = [k as f64 * size + 2.0 * cosine * slope[0] - slope[1], slope[0]];
+        }
+        let trend = weights.first().map_or(0.0, |weight| weight.value);
+        let bends = if is_inside { std::f64::consts::PI * sine * slope[0] } else { 0.0 };
+        Dual {
+            value: trend * (u.value - self.at_zero[0]) + cosine * sum[0] - sum[1] - at_zero,
+            derivative: (trend - bends) * u.derivative,
+        }
+    }
+}
+
+impl StateFunction for Smooth {
+    fn value(&self, state: Dual, parameters: &[Dual]) -> Dual {
+        let are_constant = parameters.iter().all(|weight| weight.derivative == 0.0);
+        if are_constant && matches!(self.basis, Basis::Cosines { .. }) {
+            return self.sum_of_cosines(state, parameters).exp();
+        }
+        let functions = self.first(parameters.len(), state);
+        parameters.iter().zip(functions).fold(Dual::ZERO, |sum, (weight, function)| sum + *weight * function).exp()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Every function is 0 at the state 0, cosines are those of the library, and derivatives are differences; with and without a bend.
+    #[test]
+    fn functions_are_what_they_are_called() {
+        for bent_at in [None, Some(3e-5)] {
+            let smooth = Smooth::over([-2e-4, 6e-4], bent_at, Basis::COSINES);
+            assert!(smooth.functions(Dual::ZERO).iter().all(|function| function.value == 0.0));
+            for state in [-1.5e-4, 1e-5, 4e-4] {
+                let found = smooth.functions(Dual::variable(state));
+                let warp = |s: f64| bent_at.map_or(s, |own: f64| (s / own).asinh());
+                let u = |s: f64| (warp(s) - warp(-2e-4)) / (warp(6e-4) - warp(-2e-4));
+                for (k, found) in found.iter().enumerate().skip(1) {
+                    let cosine = |s: f64| (std::f64::consts::PI * k as f64 * u(s)).cos() * (k as f64).powf(-1.5);
+                    assert!((found.value - (cosine(state) - cosine(0.0))).abs() < 1e-12);
+                    let h = 1e-9;
+                    let slope = (cosine(state + h) - cosine(state - h)) / (2.0 * h);
+                    assert!((found.derivative - slope).abs() < 1e-4 * slope.abs().max(1e3), "{k} {slope} {found:?}");
+                }
+            }
+            assert_eq!(smooth.value(Dual::constant(3e-4), &[Dual::ZERO; MOST_WEIGHTS]), Dual::ONE);
+        }
+    }
+    /// The factor of weights that do not move is that of the functions one by one, with its slope: within the range and beyond both of its ends, for every number of weights.
+    #[test]
+    fn sums_of_cosines_are_those_of_the_functions() {
+        for bent_at in [None, Some(3e-5)] {
+            let smooth = Smooth::over([-2e-4, 6e-4], bent_at, Basis::Cosines { decay: 1.0 });
+            for n_weights in [1, 2, N_WEIGHTS, MOST_WEIGHTS] {
+                let weights: Vec<Dual> = (0..n_weights).map(|k| Dual::constant(0.7 - 0.3 * k as f64)).collect();
+                for state in [-3e-4, -2e-4, -1e-4, 0.0, 2.3e-4, 6e-4, 9e-4].map(Dual::variable) {
+                    let functions = smooth.functions(state);
+                    let each = weights.iter().zip(functions);
+                    let g = each.fold(Dual::ZERO, |sum, (weight, function)| sum + *weight * function);
+                    let found = smooth.sum_of_cosines(state, &weights);
+                    assert!((found.value - g.value).abs() < 1e-12, "{n_weights} {state:?}: {found:?} {g:?}");
+                    assert!(
+                        (found.derivative - g.derivative).abs() < 1e-12 * 1e6,
+                        "{n_weights} {state:?}: {found:?} {g:?}"
+                    );
+                }
+            }
+        }
+    }
+    /// Ramps never fall where they rise and never rise where they fall, together they rise by √n, derivatives are differences, and a ramp rises where its hat stands and nowhere else.
+    #[test]
+    fn ramps_go_one_way() {
+        for (n, falls) in [(2, false), (8, true), (MOST_WEIGHTS, false)] {
+            let smooth = Smooth::over([0.0, 2.0], None, Basis::Ramps { n, falls });
+            let sign = if falls { -1.0 } else { 1.0 };
+            let at = |state: f64| smooth.functions(Dual::variable(state));
+            for k in 0..n {
+                let mut before = 0.0;
+                for step in 0..=400 {
+                    let (state, h) = (step as f64 / 200.0, 1e-6);
+                    let own = at(state)[k];
+                    assert!(sign * own.value >= before - 1e-15, "{n} {k} {state}");
+                    before = sign * own.value;
+                    if step > 0 && step < 400 {
+                        let slope = (at(state + h)[k].value - at(state - h)[k].value) / (2.0 * h);
+                        assert!((own.derivative - slope).abs() < 1e-4, "{n} {k} {state}: {slope} {own:?}");
+                    }
+                    let hat = 2.0 * k as f64 / (n - 1) as f64;
+                    if (state - hat).abs() > 2.0 / (n - 1) as f64 {
+                        assert_eq!(own.derivative, 0.0);
+                    }
+                }
+                assert!((before - (n as f64).sqrt().recip()).abs() < 1e-12);
+            }
+            assert!(at(1.0)[n..].iter().all(|own| own.value == 0.0));
+        }
+    }
+}

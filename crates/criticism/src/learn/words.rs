@@ -1,0 +1,133 @@
+//! What was learnt, in words.
+
+use super::distil::Distilled;
+use super::drawn::{leaves_band, share_beyond};
+use super::fit::Learnt;
+use super::pairs::{Kind, Pair};
+use super::search::{EQUAL_NATS, Found};
+use crate::leftover::misfit;
+use crate::refit::Refitted;
+use base::error::Result;
+use documents::learned::{LearnedErrors, LearnedFormula, LearnedFunction, LearnedPoint};
+use figures::number::significant;
+
+/// Share of held-out rows beyond the fitted states that a verdict speaks of.
+const MOST_BEYOND: f64 = 0.1;
+
+impl Found {
+    /// What depends on what, and what that gains.
+    pub fn gain_in_words(&self, pair: &Pair, model: &Refitted, drawn: Option<&LearnedFunction>) -> String {
+        let [before, after] = [&self.base.fitted, &model.fitted].map(|own| self.errors(own));
+        let error = |own: LearnedErrors| own.rmse_heldout_um.unwrap_or(own.rmse_fitted_um);
+        let cycle = if after.rmse_heldout_um.is_some() { "held-out cycle" } else { "fitted cycles" };
+        let words = words(pair, drawn.map(rises));
+        let first = words.chars().next().map_or(String::new(), |c| c.to_uppercase().to_string());
+        format!(
+            "{first}{} brings the error on the {cycle} from {} to {} µm (noise {} µm).",
+            words.chars().skip(1).collect::<String>(),
+            significant(error(before), 3),
+            significant(error(after), 3),
+            significant(1e6 * self.subject.yardstick_m(), 3)
+        )
+    }
+
+    pub fn formula_in_words(
+        &self,
+        pair: &Pair,
+        distilled: Option<&Distilled>,
+        written: Option<(&LearnedFormula, &LearnedFunction)>,
+    ) -> String {
+        let mut sentence = String::new();
+        match distilled.zip(written) {
+            Some((own, (formula, drawn))) => {
+                let errors = self.errors(&own.refitted.fitted);
+                let left = errors.rmse_heldout_um.unwrap_or(errors.rmse_fitted_um);
+                sentence += &format!(" As a formula: {}, {} µm.", formula.product(pair.quantity), significant(left, 3));
+                if leaves_band(&formula.factors, &drawn.points) {
+                    sentence += " It leaves the function's band: the formula is fitted with the noise of the study's model, the function beside every kind of noise.";
+                }
+            }
+            None if matches!(pair.kind, Kind::Function { .. }) => {
+                sentence += " No short formula predicts unseen cycles as well.";
+            }
+            None => {}
+        }
+        if let Kind::Function { visited, .. } = &pair.kind {
+            let beyond = share_beyond(&self.subject, visited);
+            if beyond > MOST_BEYOND {
+                sentence += &format!(
+                    " In {:.0} % of the held-out rows the {} lies beyond what fitted rows visit: there the data say nothing, and the prediction goes on by itself.",
+                    100.0 * beyond,
+                    pair.state.replace('_', " ")
+                );
+            }
+        }
+        sentence
+    }
+
+    /// What else would do, and what is left.
+    pub fn limits_in_words(&self, chosen: &Learnt, model: &Refitted, library: &[String]) -> Result<String> {
+        let mut sentence = String::new();
+        if !library.is_empty() {
+            sentence += &format!(" The library's {} does as well and is to be preferred.", quoted(library));
+        }
+        let pair = &self.pairs[chosen.pair];
+        let is_near = |other: &&Learnt| {
+            self.is_another(other, pair) && (other.evidence_nats - chosen.evidence_nats).abs() <= EQUAL_NATS
+        };
+        let named = |other: &Learnt| {
+            let pair = &self.pairs[other.pair];
+            format!("{} by {}", pair.quantity, pair.state.replace('_', " "))
+        };
+        let leading = &self.learnt[0];
+        let ahead_nats = leading.evidence_nats - chosen.evidence_nats;
+        if ahead_nats > EQUAL_NATS {
+            sentence += &format!(
+                " Evidence alone prefers {}, by {ahead_nats:.0} nats, for which no formula as short predicts better.",
+                named(leading)
+            );
+        }
+        let near: Vec<String> = self.learnt.iter().filter(is_near).map(named).collect();
+        if !near.is_empty() {
+            sentence += &format!(" This experiment cannot tell it from {}.", near.join(", "));
+        }
+        if misfit(&self.subject, model, &[])?.is_too_large() {
+            sentence += " What it leaves is still more than noise.";
+        }
+        Ok(sentence)
+    }
+}
+
+/// A quantity in a sentence.
+pub fn quantity_words(quantity: &str) -> String {
+    match quantity {
+        "force" => "the force".into(),
+        "position" => "the scale of the observed position".into(),
+        name => format!("`{name}`"),
+    }
+}
+
+/// What depends on what, and which way.
+pub fn words(pair: &Pair, rises: Option<bool>) -> String {
+    if pair.quantity == "creep" {
+        return "a memory at more times than the law has".into();
+    }
+    let quantity = quantity_words(pair.quantity);
+    let way = match rises {
+        Some(true) => "rising",
+        Some(false) => "falling",
+        None => "changing",
+    };
+    format!("{quantity} {way} with the {}", pair.state.replace('_', " "))
+}
+
+/// Whether a function rises from the state that is nearest to 0 to the one that is farthest from it.
+pub fn rises(function: &LearnedFunction) -> bool {
+    let by_size = |a: &&LearnedPoint, b: &&LearnedPoint| a.state.abs().total_cmp(&b.state.abs());
+    let [near, far] = [function.points.iter().min_by(by_size), function.points.iter().max_by(by_size)];
+    near.zip(far).is_some_and(|(near, far)| far.factor > near.factor)
+}
+
+fn quoted(slugs: &[String]) -> String {
+    slugs.iter().map(|slug| format!("`{slug}`")).collect::<Vec<_>>().join(" or ")
+}

@@ -1,0 +1,280 @@
+//! What no effect of the library explains, taken together: how large it is, along what, what it adds to predictions, and what it looks like.
+//!
+//! A structure with a shape of its own (a slip, a vibration, backlash) stands in the mean as it is; beside it, or in place of a free curve, stands the
+//! Gaussian process of the axis along which most is left ([`super::outside::Discrepancy`]). Both are orthogonal to the tangent space of the model's
+//! parameters, so that these mean what they meant. Nobody knows whether, when and with which sign such a thing comes again: predictions are not moved
+//! by it, and their variance grows by its mean square, s² → s² + ⟨m² + v⟩, with m its mean and v its variance in the fitted rows.
+
+use super::derivatives::columns_m;
+use super::outside::{Axis, Discrepancy, Outside, OutsideKind, OutsideRequest, discrepancies, events_over_all_cycles};
+use super::predicted::predictive_noise_um;
+use super::refit::Refitted;
+use super::{Candidate, Fitted, Subject};
+use base::error::{Error, Result};
+use documents::diagnosis::DiscrepancyEntry;
+use figures::discrepancy::{DiscrepancyPanel, discrepancy};
+use figures::number::significant;
+use figures::number::with_decimals;
+use figures::svg::Svg;
+use posterior::misfit::{Misfit, Remainder};
+
+/// Share of a cycle within which a change of gain counts as one between cycles: positions near zero do not show the moment.
+const CYCLE_EDGE: f64 = 0.05;
+/// p above which a process beside a known shape is not spoken of.
+const LARGEST_P: f64 = 0.05;
+
+/// What a model leaves, beside what the noise allows. What was recognised as no part of any law, as a slip, has been taken out.
+///
+/// # Errors
+/// [`base::Error::Numerical`] where the model has no derivatives at its fit.
+pub fn misfit(subject: &Subject, model: &Refitted, unexplained: &[Outside]) -> Result<Misfit> {
+    let shape = unexplained.first().filter(|outside| outside.kind.is_apart_from_law());
+    let (candidate, fitted) = with_shape(model, shape);
+    let left = |positions_m: &[Option<f64>]| -> Vec<Option<f64>> {
+        positions_m.iter().zip(&fitted.position_m).map(|(y, x)| y.map(|y| y - x)).collect()
+    };
+    let remainder = Remainder {
+        record: &subject.experiment().record,
+        fitted_m: &left(&subject.fitted_m),
+        heldout_m: &left(&subject.scored_m),
+        position_m: &fitted.position_m,
+        absorbed_m: &columns_m(subject, candidate, &fitted.theta)?,
+        has_gain: true,
+    };
+    Misfit::of(&remainder, subject.yardstick_m(), subject.is_noise_known())
+        .ok_or_else(|| Error::numerical("no position is fitted", "fit a cycle that has positions"))
+}
+
+/// What no effect explains, and its picture.
+pub struct Leftover {
+    /// For the document.
+    pub entry: DiscrepancyEntry,
+    panels: Vec<DiscrepancyPanel>,
+}
+
+impl Leftover {
+    /// Of the structure that was found in what a model leaves, the leading one first; there may be none, where only the size of the noise gives it away.
+    ///
+    /// # Errors
+    /// As [`discrepancies`].
+    pub fn of(subject: &Subject, model: &Refitted, unexplained: &[Outside], request: &OutsideRequest) -> Result<Self> {
+        let leading = unexplained.first();
+        let curve = leading.and_then(|outside| outside.kind.axis_of_curve());
+        let shape = leading.filter(|_| curve.is_none());
+        let (candidate, fitted) = with_shape(model, shape);
+        let processes = discrepancies(subject, candidate, fitted, request)?;
+        let process = match (curve, shape) {
+            (Some(axis), _) => processes.into_iter().find(|process| process.axis == axis),
+            (None, Some(_)) => processes.into_iter().next().filter(|process| process.p_familywise <= LARGEST_P),
+            (None, None) => processes.into_iter().next(),
+        };
+        let rows: Vec<usize> = (0..subject.fitted_m.len()).filter(|row| subject.fitted_m[*row].is_some()).collect();
+        let mean_square =
+            |of_row: &dyn Fn(usize) -> f64| rows.iter().map(|row| of_row(*row)).sum::<f64>() / rows.len().max(1) as f64;
+        let mean_m = |row: usize| {
+            shape.map_or(0.0, |shape| shape.discrepancy_m[row]) + process.as_ref().map_or(0.0, |own| own.mean_m[row])
+        };
+        let variance_m2 = |row: usize| process.as_ref().map_or(0.0, |own| own.sd_m[row].powi(2));
+        let size_m2 = mean_square(&|row| mean_m(row).powi(2));
+        let predicted =
+            if subject.scored_m.iter().any(Option::is_some) { &subject.scored_m } else { &subject.fitted_m };
+        let beside = process.as_ref().map_or(fitted, |own| &own.fitted);
+        let noise_um = predictive_noise_um(subject, candidate, beside, predicted).ok_or_else(|| {
+            Error::numerical("the model has no derivatives at its fit", "examine another revision with `--from`")
+        })?;
+        let widened_um = (noise_um.powi(2) + 1e12 * (size_m2 + mean_square(&variance_m2))).sqrt();
+        let axis = match (shape, &process) {
+            (Some(shape), _) => axis_of_shape(shape.kind),
+            (None, Some(own)) => own.axis.name(),
+            (None, None) => Axis::AbsoluteTime.name(),
+        };
+        let entry = DiscrepancyEntry {
+            axis: axis.into(),
+            sentence: sentence(subject, leading, process.as_ref(), &rows),
+            size_um: 1e6 * size_m2.sqrt(),
+            p_familywise: leading
+                .map_or_else(|| process.as_ref().map_or(1.0, |own| own.p_familywise), |outside| outside.p_familywise),
+            predictive_noise_um: noise_um,
+            predictive_noise_with_discrepancy_um: widened_um,
+        };
+        let of_shape = shape.map(|shape| panel_of_shape(subject, shape, &rows));
+        let of_process = process.as_ref().map(|own| panel_of_process(own, &rows));
+        Ok(Self { entry, panels: of_shape.into_iter().chain(of_process).collect() })
+    }
+
+    /// Draws it.
+    ///
+    /// # Errors
+    /// As [`discrepancy`].
+    pub fn figure(&self, experiment: &str) -> Result<Svg> {
+        let DiscrepancyEntry { predictive_noise_um: from, predictive_noise_with_discrepancy_um: to, .. } = self.entry;
+        let widened = format!(
+            "Predictions are widened from a standard deviation of {} to {} µm.",
+            significant(from, 3),
+            significant(to, 3)
+        );
+        discrepancy(
+            &self.panels,
+            &format!("{experiment}: unexplained, here"),
+            &[&self.entry.sentence, " ", &widened].concat(),
+        )
+    }
+}
+
+/// The leading event of a significance, over all cycles, the scored one included, beside what has been found in the fitted ones; where something has
+/// been, one in the scored cycle only, since the fitted ones have been searched and one structure looks like others.
+///
+/// # Errors
+/// As [`events_over_all_cycles`].
+pub(super) fn event_in_any_cycle(
+    subject: &Subject,
+    model: &Refitted,
+    unexplained: &[Outside],
+    request: &OutsideRequest,
+    is_significant: impl Fn(&Outside) -> bool,
+) -> Result<Option<Outside>> {
+    let (candidate, fitted) = with_shape(model, unexplained.first());
+    let found = events_over_all_cycles(subject, candidate, fitted, request)?;
+    let is_new = |event: &Outside| unexplained.is_empty() || scored_cycle_of(subject, event).is_some();
+    let mut wanted =
+        found.into_iter().filter(|event| is_significant(event) && is_new(event) && !is_gain_of_a_cycle(subject, event));
+    Ok(wanted.next())
+}
+
+/// A gain that changes where a cycle begins is what the noise holds for every cycle.
+pub(super) fn is_gain_of_a_cycle(subject: &Subject, event: &Outside) -> bool {
+    let (record, scales) = (&subject.experiment().record, subject.experiment().scales());
+    let begins = |row: &usize| *row == 0 || record.cycle[*row] != record.cycle[*row - 1];
+    let is_near = |row: usize| {
+        event.event_time_s.is_some_and(|time_s| (time_s - record.time_s[row]).abs() < CYCLE_EDGE * scales.cycle_s)
+    };
+    event.kind == OutsideKind::GainChange && (0..record.n_rows()).filter(begins).any(is_near)
+}
+
+/// The scored cycle, if an event happens in it.
+fn scored_cycle_of(subject: &Subject, event: &Outside) -> Option<u32> {
+    let experiment = subject.experiment();
+    let row = experiment.record.time_s.partition_point(|time_s| *time_s < event.event_time_s.unwrap_or(f64::INFINITY));
+    experiment.record.cycle.get(row).copied().filter(|cycle| experiment.heldout_cycles.contains(cycle))
+}
+
+/// What is said of an event in any cycle.
+pub(super) fn event_remark(subject: &Subject, event: &Outside) -> String {
+    match scored_cycle_of(subject, event) {
+        Some(cycle) => format!(
+            "in cycle {cycle}, which is held out, something happens that no fit has seen and that the errors and gains there suffer from: {}",
+            event.sentence
+        ),
+        None => format!("something happens that shows when the held-out cycle is looked at, too: {}", event.sentence),
+    }
+}
+
+/// A model with a structure in its mean, or as it is.
+fn with_shape<'a>(model: &'a Refitted, shape: Option<&'a Outside>) -> (&'a Candidate, &'a Fitted) {
+    shape.map_or((&model.candidate, &model.fitted), |shape| (&shape.candidate, &shape.fitted))
+}
+
+fn axis_of_shape(kind: OutsideKind) -> &'static str {
+    match kind {
+        OutsideKind::Backlash | OutsideKind::Nonlinearity => "position",
+        _ => Axis::AbsoluteTime.name(),
+    }
+}
+
+fn sentence(subject: &Subject, leading: Option<&Outside>, process: Option<&Discrepancy>, rows: &[usize]) -> String {
+    let peak = process.and_then(|own| Some((own, peak(subject, own, rows)?)));
+    match (leading, peak) {
+        (Some(outside), Some((_, (by, at)))) if outside.kind.axis_of_curve().is_some() => {
+            format!("{} It is largest, {by}, {at}.", outside.sentence)
+        }
+        (Some(outside), Some((own, (by, at)))) => {
+            format!(
+                "{} Beside it {} µm {}, at most {by}, {at}.",
+                outside.sentence,
+                significant(own.size_um, 3),
+                follow(own.axis)
+            )
+        }
+        (Some(outside), None) => outside.sentence.clone(),
+        (None, Some((own, (by, at)))) => {
+            format!("{} µm {}, at most {by}, {at}.", significant(own.size_um, 3), follow(own.axis))
+        }
+        (None, None) => String::new(),
+    }
+}
+
+fn follow(axis: Axis) -> &'static str {
+    match axis {
+        Axis::Phase => "repeat with the cycle",
+        Axis::TimeSinceStep => "follow the time since the force step and change sign with it",
+        Axis::AbsoluteTime => "change slowly with time",
+        Axis::Force => "follow the force at once",
+    }
+}
+
+/// How large a process is where it is largest, and where that is.
+fn peak(subject: &Subject, process: &Discrepancy, rows: &[usize]) -> Option<(String, String)> {
+    let row = rows.iter().copied().max_by(|a, b| process.mean_m[*a].abs().total_cmp(&process.mean_m[*b].abs()))?;
+    let (record, at) = (&subject.experiment().record, process.coordinate[row]);
+    let mean_um = 1e6 * process.sign[row] * process.mean_m[row];
+    let sd_um = 1e6 * process.sd_m[row];
+    let decimals = if sd_um > 0.0 { (1.0 - sd_um.log10().floor()).clamp(0.0, 6.0) as usize } else { 1 };
+    let by = format!("{} ± {} µm", with_decimals(mean_um, decimals), with_decimals(sd_um, decimals));
+    let place = match process.axis {
+        Axis::Phase => format!("{} s into the cycle", significant(at * subject.experiment().scales().cycle_s, 3)),
+        Axis::TimeSinceStep => format!("{} s after the step", significant(at, 3)),
+        Axis::AbsoluteTime => format!("at {} s (cycle {})", significant(at, 3), record.cycle[row]),
+        Axis::Force => format!("at {} µN", significant(1e6 * at, 3)),
+    };
+    Some((by, place))
+}
+
+fn panel_of_process(process: &Discrepancy, rows: &[usize]) -> DiscrepancyPanel {
+    let (axis_label, factor) = match process.axis {
+        Axis::Phase => ("part of the cycle (–)", 1.0),
+        Axis::TimeSinceStep => ("time since the force step (s); positions along the step", 1.0),
+        Axis::AbsoluteTime => ("time (s)", 1.0),
+        Axis::Force => ("force (µN)", 1e6),
+    };
+    let of = |value: &dyn Fn(usize) -> f64| rows.iter().map(|row| value(*row)).collect();
+    let signed_um = |row: usize, value_m: f64| 1e6 * process.sign[row] * value_m;
+    DiscrepancyPanel {
+        what: "unexplained, 90 % band".into(),
+        axis_label: axis_label.into(),
+        is_logarithmic: process.axis == Axis::TimeSinceStep,
+        coordinate: of(&|row| factor * process.coordinate[row]),
+        mean_um: of(&|row| signed_um(row, process.mean_m[row])),
+        sd_um: of(&|row| 1e6 * process.sd_m[row]),
+        residual_um: of(&|row| process.residual_m[row].map_or(f64::NAN, |left_m| signed_um(row, left_m))),
+    }
+}
+
+fn panel_of_shape(subject: &Subject, shape: &Outside, rows: &[usize]) -> DiscrepancyPanel {
+    let record = &subject.experiment().record;
+    let of = |value: &dyn Fn(usize) -> f64| rows.iter().map(|row| value(*row)).collect();
+    // The model without the shape, its parameters where they absorb what they can of it.
+    let model_m = |row: usize| shape.fitted.position_m[row] - shape.discrepancy_m[row];
+    let left_um = |row: usize| subject.fitted_m[row].map_or(f64::NAN, |y| 1e6 * (y - model_m(row)));
+    let since_cycle_s = |row: usize| {
+        let first = record.cycle.partition_point(|cycle| *cycle < record.cycle[row]);
+        record.time_s[row] - record.time_s[first]
+    };
+    let (axis_label, coordinate) = match (shape.kind, shape.period_s) {
+        (OutsideKind::Vibration, Some(period_s)) => (
+            format!("time within a period of {} s (s)", significant(period_s, 3)),
+            of(&|row| record.time_s[row].rem_euclid(period_s)),
+        ),
+        (OutsideKind::Backlash, _) => ("time since the cycle's begin (s)".into(), of(&since_cycle_s)),
+        (OutsideKind::Nonlinearity, _) => ("position (µm)".into(), of(&|row| 1e6 * model_m(row))),
+        _ => ("time (s)".into(), of(&|row| record.time_s[row])),
+    };
+    DiscrepancyPanel {
+        what: format!("{}, less what the model's parameters absorb of it", shape.kind.name().replace('-', " ")),
+        axis_label,
+        is_logarithmic: false,
+        coordinate,
+        mean_um: of(&|row| 1e6 * shape.discrepancy_m[row]),
+        sd_um: vec![0.0; rows.len()],
+        residual_um: of(&left_um),
+    }
+}

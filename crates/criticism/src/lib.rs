@@ -1,0 +1,60 @@
+//! Where a model fails, which effect it lacks, and how the error falls when that is added.
+//!
+//! Everything here works on a [`Subject`]: one experiment with every cycle fitted but the last, which alone is scored (formats §4), under a noise of
+//! white errors, an Ornstein–Uhlenbeck process and a gain and offset for each cycle, which is estimated anew for every model. A [`Candidate`] is a
+//! model of the mean: a law with effects, and columns of free amplitude for what is no effect. [`Subject::fit`] finds its best parameters and noise,
+//! [`Tangent`] is the linear algebra around them.
+
+pub mod bootstrap;
+mod box_probability;
+mod candidate;
+mod class;
+pub mod compare;
+#[cfg(test)]
+mod controls_tests;
+pub mod derivatives;
+pub mod detectable;
+pub mod diagnose;
+mod document;
+pub mod evidence;
+pub mod fingerprints;
+mod fit;
+pub mod future;
+mod large;
+pub mod learn;
+pub mod leftover;
+mod noise_fit;
+pub mod noise_learning;
+pub mod outliers;
+pub mod outside;
+mod predicted;
+pub mod protocol;
+pub mod rank;
+pub mod refit;
+mod request;
+pub mod score_test;
+mod screen;
+pub mod search;
+pub mod separation;
+pub mod sketch;
+mod steps;
+pub mod subject;
+mod tangent;
+#[cfg(test)]
+mod test_protocols;
+#[cfg(test)]
+mod test_replica;
+#[cfg(test)]
+pub(crate) mod test_subjects;
+mod weighing;
+
+// Tests that other crates share name this crate as those do.
+#[cfg(test)]
+extern crate self as criticism;
+
+pub use candidate::{Candidate, Coordinate, Free};
+pub use fit::{Fitted, Search};
+pub use noise_fit::NoiseValues;
+pub use subject::Subject;
+pub use subject::compliance_of;
+pub use tangent::Tangent;

@@ -1,0 +1,439 @@
+//! The noise's parameters at a given position.
+
+use std::cell::OnceCell;
+
+use base::distribution::Distribution;
+use models::model::N_LANES;
+use posterior::noise::{NoiseLikelihood, NoiseModel, NoiseScales, SharedPosition};
+use sampling::ensemble::RandomStream;
+
+/// Number of the parameters of the noise of a diagnosis: white errors, a process, a gain and an offset for each cycle.
+const N_PARAMETERS: usize = 5;
+/// Their places: σ (µm), σ_ou (µm), τ (s), s_g, s_o (µm).
+pub(super) const WHITE: usize = 0;
+pub(super) const PROCESS: usize = 1;
+const TIME: usize = 2;
+pub(super) const GAIN: usize = 3;
+const OFFSET: usize = 4;
+
+/// The noise's parameters in their units, in the order of the noise model.
+pub type NoiseValues = [f64; N_PARAMETERS];
+/// Their logarithms.
+pub(super) type LogNoise = [f64; N_PARAMETERS];
+
+/// What is known of the noise before the data, and where the search ends.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct NoisePrior {
+    /// ln of the yardstick in µm.
+    ln_white_um: f64,
+    /// ln of the shortest and longest correlation time in s.
+    ln_time_s: [f64; 2],
+    /// Of σ_ou (µm), s_g and s_o (µm).
+    process: Distribution,
+    gain: Distribution,
+    offset: Distribution,
+    /// Parameters of terms that a model goes without: they stay at the least that a search allows.
+    is_absent: [bool; N_PARAMETERS],
+}
+
+/// Standard deviation of ln σ about the yardstick: known, yet not so well that it could stand in the way of the data.
+const WHITE_LOG_SD: f64 = 0.5;
+/// Standard deviation of ln σ_ou where the yardstick is estimated from short lags, which do not show slow noise: at ten times the sample interval it is four
+/// times the estimate, at ten seconds twenty times.
+const PROCESS_LOG_SD_OF_ESTIMATE: f64 = 2.5;
+/// A gain that a few cycles show to be smaller is not known to be: what scores of future cycles, which compare models, take for the least. It is no part of
+/// any noise that is reported, nor of what an error is measured against.
+pub(super) const GAIN_FLOOR: f64 = 0.01;
+
+impl NoisePrior {
+    /// The priors that `sample` has, but for white errors, whose yardstick is known better than any prior, and for a process that an estimated one does not show.
+    pub fn new(model: NoiseModel, scales: &NoiseScales, is_known: bool) -> Self {
+        let priors = model.default_priors(scales);
+        // White errors have none, and stand first.
+        let of = |place: usize| priors[place - 1].distribution;
+        let process = match of(PROCESS) {
+            Distribution::LogNormal { median, .. } if !is_known => {
+                Distribution::LogNormal { median, log_sd: PROCESS_LOG_SD_OF_ESTIMATE }
+            }
+            known => known,
+        };
+        let (shortest_s, longest_s) = of(TIME).support();
+        Self {
+            ln_white_um: scales.noise_sd_um.ln(),
+            ln_time_s: [shortest_s.ln(), longest_s.ln()],
+            process,
+            gain: of(GAIN),
+            offset: of(OFFSET),
+            is_absent: [false; N_PARAMETERS],
+        }
+    }
+
+    /// The same for a model whose noise has the terms of these names and no others.
+    pub fn only(self, terms: &[String]) -> Self {
+        let is_absent = |name: &str| !terms.iter().any(|term| term == name);
+        let [process, gain] = ["ou", "gain"].map(is_absent);
+        Self { is_absent: [false, process, process, gain, gain], ..self }
+    }
+
+    /// Log density up to a constant; of the logarithms for σ, σ_ou and τ, of the values for s_g and s_o, so that these may be nothing.
+    pub fn ln_density(&self, noise: &LogNoise) -> f64 {
+        let white = -0.5 * ((noise[WHITE] - self.ln_white_um) / WHITE_LOG_SD).powi(2);
+        let process = self.process.ln_pdf(noise[PROCESS].exp()) + noise[PROCESS];
+        white + process + self.gain.ln_pdf(noise[GAIN].exp()) + self.offset.ln_pdf(noise[OFFSET].exp())
+    }
+
+    fn ends(&self, index: usize) -> [f64; 2] {
+        let [lower, upper] = match index {
+            WHITE => [self.ln_white_um - 4.0, self.ln_white_um + 8.0],
+            PROCESS => [self.ln_white_um - 7.0, self.ln_white_um + 9.0],
+            TIME => self.ln_time_s,
+            GAIN => [1e-5_f64.ln(), 0.5_f64.ln()],
+            _ => [self.ln_white_um - 7.0, self.ln_white_um + 7.0],
+        };
+        [lower, if self.is_absent[index] { lower } else { upper }]
+    }
+
+    /// The nearest noise that a search allows.
+    pub fn clamped(&self, mut noise: LogNoise) -> LogNoise {
+        for (index, value) in noise.iter_mut().enumerate() {
+            let [lower, upper] = self.ends(index);
+            *value = value.clamp(lower, upper);
+        }
+        noise
+    }
+
+    /// White noise of the yardstick's size and next to nothing else: what weighs all rows alike.
+    pub fn white(&self) -> LogNoise {
+        let middle = 0.5 * (self.ln_time_s[0] + self.ln_time_s[1]);
+        self.clamped([self.ln_white_um, self.ln_white_um - 3.0, middle, 1e-4_f64.ln(), self.ln_white_um - 4.0])
+    }
+
+    /// Starts of a search: processes of three lengths, small and large.
+    fn starts(&self) -> Vec<LogNoise> {
+        let [shortest, longest] = self.ln_time_s;
+        let mut starts = Vec::new();
+        for share in [0.15, 0.5, 0.85] {
+            for size in [-1.0, 0.5] {
+                let time = shortest + share * (longest - shortest);
+                for (gain, offset) in [(0.004_f64, -1.5), (0.02, -3.0), (0.000_5, 0.0)] {
+                    let (white, process) = (self.ln_white_um, self.ln_white_um + size);
+                    starts.push([white, process, time, gain.ln(), white + offset]);
+                }
+            }
+        }
+        starts
+    }
+}
+
+/// The parameters from their logarithms.
+pub(super) fn natural(noise: &LogNoise) -> NoiseValues {
+    noise.map(f64::exp)
+}
+
+/// Log posterior of the noise at a position, several at once.
+pub(super) struct Objective<'a> {
+    likelihood: &'a NoiseLikelihood,
+    prior: &'a NoisePrior,
+    position_m: Vec<SharedPosition>,
+}
+
+impl<'a> Objective<'a> {
+    pub fn new(likelihood: &'a NoiseLikelihood, prior: &'a NoisePrior, position_m: &[f64]) -> Self {
+        Self { likelihood, prior, position_m: shared(position_m) }
+    }
+
+    pub fn evaluate(&self, points: &[LogNoise]) -> Vec<f64> {
+        evaluate_at(self.likelihood, self.prior, &self.position_m, points)
+    }
+}
+
+fn shared(position_m: &[f64]) -> Vec<SharedPosition> {
+    position_m.iter().copied().map(SharedPosition).collect()
+}
+
+/// A pass over the rows carries the neighbours of a point in hardly more time than eight points, and few trials in less.
+fn evaluate_at(
+    likelihood: &NoiseLikelihood,
+    prior: &NoisePrior,
+    position_m: &[SharedPosition],
+    points: &[LogNoise],
+) -> Vec<f64> {
+    let mut values = Vec::with_capacity(points.len());
+    for chunk in points.chunks(2 * N_LANES) {
+        let mut out = [0.0; 2 * N_LANES];
+        match out.first_chunk_mut::<N_LANES>() {
+            Some(few) if chunk.len() <= N_LANES => likelihood.ln_likelihood_shared(position_m, &lanes(chunk), few),
+            _ => likelihood.ln_likelihood_shared(position_m, &lanes(chunk), &mut out),
+        }
+        values.extend(chunk.iter().zip(out).map(|(noise, value)| with_prior(prior, noise, value)));
+    }
+    values
+}
+
+/// Starts of a wide search that share the length of their process.
+const STARTS_PER_LENGTH: usize = 6;
+const MOST_ROUNDS: usize = 40;
+/// Gain (nats) of a round below which the search narrows, and width below which it ends.
+const LEAST_GAIN: f64 = 2e-3;
+const NARROWEST: f64 = 0.03;
+/// Width of the first steps about the noise of another fit.
+const SETTLING_WIDTH: f64 = 0.1;
+
+/// Climbs in the noise's parameters. Starts from `from`, and from starts of its own if `widely`. Returns the best and its log posterior.
+pub(super) fn fit(
+    likelihood: &NoiseLikelihood,
+    prior: &NoisePrior,
+    position_m: &[f64],
+    from: &LogNoise,
+    widely: bool,
+) -> (LogNoise, f64) {
+    let objective = Objective::new(likelihood, prior, position_m);
+    let from = prior.clamped(*from);
+    let evaluate = |points: &[LogNoise]| objective.evaluate(points);
+    if !widely {
+        return climb(&evaluate, prior, &[from], SETTLING_WIDTH);
+    }
+    let starts: Vec<LogNoise> = prior.starts().into_iter().map(|start| prior.clamped(start)).collect();
+    // The best starts may lie under different tops, and a top that was reached along a ridge may not be one: so a few, then again from the best of them.
+    // One of each length of the process.
+    let own = starts.chunks(STARTS_PER_LENGTH).map(|starts| climb(&evaluate, prior, starts, 0.3));
+    let better = |best: (LogNoise, f64), top: (LogNoise, f64)| if top.1 > best.1 { top } else { best };
+    let best = own.fold(climb(&evaluate, prior, &[from], 0.3), better);
+    climb(&evaluate, prior, &[best.0], 0.6)
+}
+
+/// Climbs from the noise of another fit for each of some residuals (observed less predicted, m, one a row) about one position (m), which gains multiply.
+/// `None` where the first round gains next to nothing, so that the noise may stay as it is; the neighbours of that round are looked at for all at once.
+pub(super) fn settle(
+    likelihood: &NoiseLikelihood,
+    prior: &NoisePrior,
+    position_m: &[f64],
+    residuals_m: &[&[f64]],
+    from: &LogNoise,
+) -> Vec<Option<LogNoise>> {
+    let from = prior.clamped(*from);
+    let objectives = |residuals_m: &[&[f64]], points: &[LogNoise]| {
+        let mut values: Vec<Vec<f64>> = vec![Vec::with_capacity(points.len()); residuals_m.len()];
+        for chunk in points.chunks(N_LANES) {
+            let found = likelihood.ln_likelihoods_of(residuals_m, position_m, &lanes(chunk));
+            for (values, found) in values.iter_mut().zip(found) {
+                values.extend(chunk.iter().zip(found).map(|(noise, value)| with_prior(prior, noise, value)));
+            }
+        }
+        values
+    };
+    let mut points = vec![from];
+    points.extend(neighbours(prior, &from, &[SETTLING_WIDTH; N_PARAMETERS]));
+    let first = objectives(residuals_m, &points);
+    let shared_m = shared(position_m);
+    let climb = |(residual_m, values): (&&[f64], Vec<f64>)| {
+        // Most climbs end with their first trials, which need no record of their own.
+        let own = OnceCell::new();
+        let record = || likelihood.with_observed(&sums(residual_m, position_m));
+        let evaluate = |points: &[LogNoise]| {
+            if points.len() <= N_LANES {
+                return objectives(&[residual_m], points).concat();
+            }
+            evaluate_at(own.get_or_init(record), prior, &shared_m, points)
+        };
+        let here = Climber {
+            objective: &evaluate,
+            prior,
+            here: from,
+            value: values[0],
+            widths: [SETTLING_WIDTH; N_PARAMETERS],
+        };
+        let mut climber = here;
+        let mut gain = climber.step(&points[1..], &values[1..]);
+        let mut has_moved = false;
+        for _ in 1..MOST_ROUNDS {
+            if gain.is_none_or(|gain| gain <= LEAST_GAIN) {
+                break;
+            }
+            has_moved = true;
+            gain = climber.round();
+        }
+        has_moved.then_some(climber.here)
+    };
+    residuals_m.iter().zip(first).map(climb).collect()
+}
+
+/// Observed positions (m) of some residuals about a position.
+fn sums(residual_m: &[f64], position_m: &[f64]) -> Vec<Option<f64>> {
+    residual_m.iter().zip(position_m).map(|(residual_m, position_m)| Some(residual_m + position_m)).collect()
+}
+
+/// Parameters in their units, side by side; the last point stands for lanes without one.
+fn lanes<const W: usize>(points: &[LogNoise]) -> [[f64; W]; N_PARAMETERS] {
+    let value = |index: usize, lane: usize| points[lane.min(points.len() - 1)][index].exp();
+    std::array::from_fn(|index| std::array::from_fn(|lane| value(index, lane)))
+}
+
+fn with_prior(prior: &NoisePrior, noise: &LogNoise, ln_likelihood: f64) -> f64 {
+    let total = ln_likelihood + prior.ln_density(noise);
+    if total.is_nan() { f64::NEG_INFINITY } else { total }
+}
+
+/// Both neighbours along every coordinate.
+fn neighbours(prior: &NoisePrior, here: &LogNoise, widths: &LogNoise) -> Vec<LogNoise> {
+    let mut points = Vec::with_capacity(2 * N_PARAMETERS);
+    for index in 0..N_PARAMETERS {
+        for sign in [1.0, -1.0] {
+            let mut point = *here;
+            point[index] += sign * widths[index];
+            points.push(prior.clamped(point));
+        }
+    }
+    points
+}
+
+/// Steps to the tops of the parabolas through a point and its neighbours.
+fn parabola_steps(value: f64, around: &[f64], widths: &LogNoise) -> LogNoise {
+    std::array::from_fn(|index| {
+        let (up, down) = (around[2 * index], around[2 * index + 1]);
+        let curvature = up + down - 2.0 * value;
+        let width = widths[index];
+        if curvature < -1e-9 {
+            (0.5 * width * (down - up) / curvature).clamp(-4.0 * width, 4.0 * width)
+        } else if up > value + 1e-9 || down > value + 1e-9 {
+            2.0 * width * (up - down).signum()
+        } else {
+            0.0
+        }
+    })
+}
+
+/// Sweeps of random walks before their states are used, and between two that are.
+const SETTLING_SWEEPS: usize = 60;
+const SWEEPS_BETWEEN: usize = 12;
+/// Steps of walks have widths between these, equal in logarithm: some parameters are known to a hundredth, others hardly.
+const WALK: [f64; 2] = [0.04, 2.0];
+
+/// Draws from the posterior of the noise at a position: states of random walks from a fit, one coordinate moved at a time.
+pub(super) fn draws(
+    likelihood: &NoiseLikelihood,
+    prior: &NoisePrior,
+    position_m: &[f64],
+    from: &LogNoise,
+    n: usize,
+    stream: &mut RandomStream,
+) -> Vec<LogNoise> {
+    let objective = Objective::new(likelihood, prior, position_m);
+    // Gain and offset have priors of their values, which walks in their logarithms must be weighted for.
+    let density = |points: &[LogNoise]| -> Vec<f64> {
+        objective
+            .evaluate(points)
+            .iter()
+            .zip(points)
+            .map(|(value, point)| value + point[GAIN] + point[OFFSET])
+            .collect()
+    };
+    let mut walkers = vec![prior.clamped(*from); N_LANES];
+    let mut values = density(&walkers);
+    let mut drawn = Vec::with_capacity(n + N_LANES);
+    let mut sweep = 0;
+    while drawn.len() < n {
+        for index in 0..N_PARAMETERS {
+            let mut moved = |walker: &LogNoise| {
+                let mut moved = *walker;
+                moved[index] += WALK[0] * (WALK[1] / WALK[0]).powf(stream.unit()) * stream.normal();
+                moved
+            };
+            let trials: Vec<LogNoise> = walkers.iter().map(&mut moved).collect();
+            let tried = density(&trials);
+            for (place, trial) in trials.into_iter().enumerate() {
+                let is_inside = prior.clamped(trial) == trial;
+                if stream.unit().ln() < tried[place] - values[place] && is_inside {
+                    (walkers[place], values[place]) = (trial, tried[place]);
+                }
+            }
+        }
+        sweep += 1;
+        if sweep > SETTLING_SWEEPS && sweep % SWEEPS_BETWEEN == 0 {
+            drawn.extend(&walkers);
+        }
+    }
+    drawn.truncate(n);
+    drawn
+}
+
+/// Climbs any function of the noise's parameters from the best of some starts; `width` is that of the first steps.
+pub(super) fn climb(
+    objective: &dyn Fn(&[LogNoise]) -> Vec<f64>,
+    prior: &NoisePrior,
+    starts: &[LogNoise],
+    width: f64,
+) -> (LogNoise, f64) {
+    let mut climber = Climber::new(objective, prior, starts, width);
+    for _ in 0..MOST_ROUNDS {
+        let Some(gain) = climber.round() else { break };
+        if gain <= LEAST_GAIN && climber.widths.iter().all(|width| *width <= NARROWEST) {
+            break;
+        }
+    }
+    (climber.here, climber.value)
+}
+
+/// A climb: each round asks for both neighbours along every coordinate, then goes by the parabolas through them; widths follow what is found.
+struct Climber<'a> {
+    objective: &'a dyn Fn(&[LogNoise]) -> Vec<f64>,
+    prior: &'a NoisePrior,
+    here: LogNoise,
+    value: f64,
+    widths: LogNoise,
+}
+
+impl<'a> Climber<'a> {
+    fn new(
+        objective: &'a dyn Fn(&[LogNoise]) -> Vec<f64>,
+        prior: &'a NoisePrior,
+        starts: &[LogNoise],
+        width: f64,
+    ) -> Self {
+        let values = objective(starts);
+        let best = (0..starts.len()).max_by(|&a, &b| values[a].total_cmp(&values[b])).unwrap_or(0);
+        Self { objective, prior, here: starts[best], value: values[best], widths: [width; N_PARAMETERS] }
+    }
+
+    /// Gain of a round.
+    fn round(&mut self) -> Option<f64> {
+        let points = neighbours(self.prior, &self.here, &self.widths);
+        let around = (self.objective)(&points);
+        self.step(&points, &around)
+    }
+
+    /// The same with the neighbours known.
+    fn step(&mut self, points: &[LogNoise], around: &[f64]) -> Option<f64> {
+        let Self { objective, prior, here, value, .. } = *self;
+        let step = parabola_steps(value, around, &self.widths);
+        let mut trials: Vec<LogNoise> = [0.25, 0.5, 1.0, 1.5]
+            .iter()
+            .map(|length| prior.clamped(std::array::from_fn(|index| here[index] + length * step[index])))
+            .collect();
+        // Each coordinate's own step: along ridges the joint one may overshoot.
+        let largest = (0..5)
+            .max_by(|&a, &b| (around[2 * a].max(around[2 * a + 1])).total_cmp(&around[2 * b].max(around[2 * b + 1])));
+        if let Some(index) = largest {
+            let mut alone = here;
+            alone[index] += step[index];
+            trials.push(prior.clamped(alone));
+        }
+        let tried = objective(&trials);
+        let all = points.iter().zip(around).chain(trials.iter().zip(&tried));
+        let (best, best_value) = all.max_by(|a, b| a.1.total_cmp(b.1))?;
+        let gain = best_value - value;
+        for (index, width) in self.widths.iter_mut().enumerate() {
+            let moved = (best[index] - here[index]).abs();
+            *width = if gain > LEAST_GAIN { moved.clamp(0.4 * *width, 2.0 * *width) } else { 0.4 * *width };
+            *width = width.clamp(0.5 * NARROWEST, 1.0);
+        }
+        if gain > 0.0 {
+            (self.here, self.value) = (*best, *best_value);
+        }
+        Some(gain)
+    }
+}
+
+#[cfg(test)]
+#[path = "noise_fit_tests.rs"]
+mod tests;

@@ -1,0 +1,196 @@
+//! The noise from the record itself: rests, neighbouring positions, successive cycles.
+
+use super::{CycleSpread, Spread};
+use record::Record;
+use record::noise::{
+    MIN_DIFFERENCES, MIN_PER_WINDOW, MIN_REST_POSITIONS, NO_FORCE_FRACTION, RECOVERY_FRACTION, SD_PER_MAD, holds,
+    late_rows, second_differences,
+};
+
+/// Standard error of a standard deviation from the median absolute deviation of n second differences of neighbours, over it and by √n: 1.167 for
+/// independent ones (Rousseeuw & Croux, *JASA* 88, 1273, 1993), times √(1 + 2(⅔² + ⅙²)), since neighbouring ones overlap.
+const MAD_ERROR: f64 = 1.63;
+/// Rows of two cycles are at the same time in them to this fraction of the sample interval.
+const SAME_TIME_INTERVALS: f64 = 0.1;
+/// Force steps are equal to this fraction of the force's range.
+const EQUAL_STEP_FRACTION: f64 = 0.05;
+const FEWEST_PER_PAIR: usize = 20;
+
+/// Scatter about straight lines where no force acts: before the first force, and late in rests.
+pub(super) fn at_rest(record: &Record) -> Option<Spread> {
+    let no_force_n = NO_FORCE_FRACTION * record.force_range_n();
+    let (mut series, mut n_positions, mut n_windows, mut is_loaded) = (Vec::new(), 0, 0, false);
+    for hold in holds(record) {
+        if record.force_n[hold.clone()].iter().any(|force_n| force_n.abs() > no_force_n) {
+            is_loaded = true;
+            continue;
+        }
+        let rows = late_rows(record, &hold, if is_loaded { RECOVERY_FRACTION } else { 0.0 });
+        if rows.len() < MIN_PER_WINDOW {
+            continue;
+        }
+        let time_s: Vec<f64> = rows.iter().map(|row| record.time_s[*row]).collect();
+        let position_m: Vec<f64> = rows.iter().filter_map(|row| record.position_m[*row]).collect();
+        n_positions += rows.len();
+        n_windows += 1;
+        series.push(about_line(&time_s, &position_m).1);
+    }
+    (n_positions >= MIN_REST_POSITIONS).then(|| spread_of(&series, n_positions - 2 * n_windows)).flatten()
+}
+
+/// Second differences of neighbours late in holds.
+pub(super) fn of_neighbours(record: &Record) -> Option<Spread> {
+    let mut sizes: Vec<f64> = second_differences(record).iter().map(|difference| difference.abs()).collect();
+    if sizes.len() < MIN_DIFFERENCES {
+        return None;
+    }
+    sizes.sort_by(f64::total_cmp);
+    let sd_m = SD_PER_MAD * 0.5 * (sizes[(sizes.len() - 1) / 2] + sizes[sizes.len() / 2]);
+    (sd_m > 0.0).then(|| Spread { sd_m, standard_error_m: sd_m * MAD_ERROR / (sizes.len() as f64).sqrt() })
+}
+
+/// Differences of what a fit (positions in m) leaves at the same time in successive cycles, where the last force step was the same in both: after
+/// another step, as after the first of all, the true motions differ.
+pub(super) fn of_cycles(record: &Record, fitted_m: &[f64]) -> Option<CycleSpread> {
+    let steps = record.force_step_rows();
+    let same = Same {
+        time_s: SAME_TIME_INTERVALS * record.median_interval_s()?,
+        force_n: EQUAL_STEP_FRACTION * record.force_range_n(),
+    };
+    let cycles: Vec<Vec<Phase>> = (1..=record.n_cycles()).map(|cycle| phases(record, &steps, cycle)).collect();
+    let pairs = cycles.windows(2).filter_map(|pair| Pair::new(record, fitted_m, [&pair[0], &pair[1]], &same));
+    let pairs: Vec<Pair> = pairs.collect();
+    let n_pairs = pairs.len();
+    if n_pairs == 0 {
+        return None;
+    }
+    let n: usize = pairs.iter().map(|pair| pair.difference_m.len()).sum();
+    let within: Vec<Vec<f64>> = pairs.iter().map(|pair| pair.left_m.clone()).collect();
+    let within = spread_of(&within, n - 2 * n_pairs)?;
+    let squares: f64 = pairs.iter().flat_map(|pair| &pair.difference_m).map(|d| d * d).sum();
+    let whole_m2 = squares / n as f64;
+    // Of the difference of two positions, so that the sd of one is √½ of it. Gains and offsets are few: one a pair.
+    let between_m2 = (whole_m2 - within.sd_m.powi(2)).max(0.0);
+    let error_m4 = (2.0 * within.sd_m * within.standard_error_m).powi(2) + 2.0 * between_m2.powi(2) / n_pairs as f64;
+    let half = std::f64::consts::FRAC_1_SQRT_2;
+    let whole_m = whole_m2.sqrt();
+    let whole = Spread { sd_m: half * whole_m, standard_error_m: half * error_m4.sqrt() / (2.0 * whole_m) };
+    let within_one = Spread { sd_m: half * within.sd_m, standard_error_m: half * within.standard_error_m };
+    let stretch = slowness(&pairs.iter().map(|pair| pair.left_m.clone()).collect::<Vec<_>>()).1;
+    let mean = |of: &dyn Fn(&Pair) -> f64| pairs.iter().map(of).sum::<f64>() / n_pairs as f64;
+    let by_chance = stretch * mean(&|pair| within.sd_m.powi(2) / pair.gain_weight_m2);
+    let gain_squared = mean(&|pair| pair.gain_change.powi(2));
+    let gain_sd = (0.5 * (gain_squared - by_chance)).max(0.0).sqrt();
+    // The sum of n squares of numbers of one variance has the relative error √(2/n).
+    let gain_standard_error =
+        if gain_sd > 0.0 { 0.5 * gain_squared * (2.0 / n_pairs as f64).sqrt() / (2.0 * gain_sd) } else { 0.0 };
+    let gain_score = gain_squared / by_chance;
+    let shift_by_chance = stretch * mean(&|pair| within.sd_m.powi(2) / pair.difference_m.len() as f64);
+    let offset_score = mean(&|pair| pair.shift_m.powi(2)) / shift_by_chance;
+    Some(CycleSpread { whole, within: within_one, gain_sd, gain_standard_error, gain_score, offset_score, n_pairs })
+}
+
+/// What counts as the same time and as the same force.
+struct Same {
+    time_s: f64,
+    force_n: f64,
+}
+
+/// A cycle against the next.
+struct Pair {
+    difference_m: Vec<f64>,
+    /// What is left of the differences without a change of gain and of offset.
+    left_m: Vec<f64>,
+    gain_change: f64,
+    /// Mean of the differences.
+    shift_m: f64,
+    /// Sum of squares of positions about their mean.
+    gain_weight_m2: f64,
+}
+
+impl Pair {
+    fn new(record: &Record, fitted_m: &[f64], [own, next]: [&[Phase]; 2], same: &Same) -> Option<Self> {
+        let (same_s, equal_n) = (same.time_s, same.force_n);
+        let (mut difference_m, mut position_m) = (Vec::new(), Vec::new());
+        for row in own {
+            let at = next.partition_point(|other| other.after_s < row.after_s - same_s);
+            if let (Some(other), Some(one_m)) = (next.get(at), record.position_m[row.row])
+                && other.after_s <= row.after_s + same_s
+                && let Some(other_m) = record.position_m[other.row]
+                && (row.from_n - other.from_n).abs() <= equal_n
+                && (row.to_n - other.to_n).abs() <= equal_n
+            {
+                difference_m.push((other_m - fitted_m[other.row]) - (one_m - fitted_m[row.row]));
+                position_m.push(0.5 * (fitted_m[row.row] + fitted_m[other.row]));
+            }
+        }
+        if difference_m.len() < FEWEST_PER_PAIR {
+            return None;
+        }
+        let shift_m = difference_m.iter().sum::<f64>() / difference_m.len() as f64;
+        let ((gain_change, gain_weight_m2), left_m) = about_line(&position_m, &difference_m);
+        Some(Self { difference_m, left_m, gain_change, shift_m, gain_weight_m2 })
+    }
+}
+
+/// A row of a cycle: its time in it, and the forces before and after the last force step.
+struct Phase {
+    row: usize,
+    after_s: f64,
+    from_n: f64,
+    to_n: f64,
+}
+
+/// Of the rows of a cycle, with the rows of all force steps.
+fn phases(record: &Record, steps: &[usize], cycle: u32) -> Vec<Phase> {
+    let first = record.cycle.partition_point(|other| *other < cycle);
+    let end = record.cycle.partition_point(|other| *other <= cycle);
+    let phase = |row: usize| {
+        // A position is the limit from the left: that of the step's own row still belongs to what was before.
+        let step = steps.partition_point(|step| *step < row).checked_sub(1).map(|place| steps[place]);
+        let before = |step: usize| step.checked_sub(1).map_or(0.0, |before| record.force_n[before]);
+        let (from_n, to_n) = step.map_or((0.0, 0.0), |step| (before(step), record.force_n[step]));
+        Phase { row, after_s: record.time_s[row] - record.time_s[first], from_n, to_n }
+    };
+    (first..end).map(phase).collect()
+}
+
+/// Slope of the least-squares line of y over x with the sum of squares of x about its mean, and what the line leaves.
+fn about_line(x: &[f64], y: &[f64]) -> ((f64, f64), Vec<f64>) {
+    let n = x.len() as f64;
+    let (mean_x, mean_y) = (x.iter().sum::<f64>() / n, y.iter().sum::<f64>() / n);
+    let weight = x.iter().map(|x| (x - mean_x).powi(2)).sum::<f64>().max(f64::MIN_POSITIVE);
+    let slope = x.iter().zip(y).map(|(x, y)| (x - mean_x) * (y - mean_y)).sum::<f64>() / weight;
+    ((slope, weight), x.iter().zip(y).map(|(x, y)| y - mean_y - slope * (x - mean_x)).collect())
+}
+
+/// Standard deviation of series about 0 with so many degrees of freedom, and its error, with the correlation that the series show.
+fn spread_of(series: &[Vec<f64>], degrees: usize) -> Option<Spread> {
+    let squares: f64 = series.iter().flatten().map(|value| value * value).sum();
+    if degrees == 0 || squares <= 0.0 {
+        return None;
+    }
+    let sd_m = (squares / degrees as f64).sqrt();
+    Some(Spread { sd_m, standard_error_m: sd_m * (slowness(series).0 / (2.0 * degrees as f64)).sqrt() })
+}
+
+/// 1 + 2 Σ ρ² and 1 + 2 Σ ρ over the lags up to the first at which the correlation ρ is lost in its own scatter: what the variances of a mean square
+/// and of a mean are multiplied by.
+fn slowness(series: &[Vec<f64>]) -> (f64, f64) {
+    let longest = series.iter().map(Vec::len).max().unwrap_or(0) / 3;
+    let n: usize = series.iter().map(Vec::len).sum();
+    let product = |lag: usize| -> f64 {
+        series.iter().flat_map(|one| one.iter().zip(one.iter().skip(lag))).map(|(a, b)| a * b).sum()
+    };
+    let squares = product(0).max(f64::MIN_POSITIVE);
+    let (mut of_square, mut of_mean) = (1.0, 1.0);
+    for lag in 1..=longest {
+        let correlation = product(lag) / squares;
+        if correlation < 1.0 / (n as f64).sqrt() {
+            break;
+        }
+        of_square += 2.0 * correlation * correlation;
+        of_mean += 2.0 * correlation;
+    }
+    (of_square, of_mean)
+}

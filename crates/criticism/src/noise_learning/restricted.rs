@@ -1,0 +1,118 @@
+//! Restricted maximum likelihood: what the parameters of the mean can absorb is integrated out, so that it is not missed in the noise.
+//!
+//! With whitening L⁻¹, residuals r = L⁻¹(y − f) and A = L⁻¹∂f/∂θ with rows for the law's priors, the integral over θ of the likelihood about a fit is,
+//! up to a constant, ln p(y | θ̂) + ½‖A⁺ part of r‖² − ½ ln det AᵀA.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::{RestrictedSpread, Spread};
+use crate::NoiseValues;
+use crate::derivatives::columns_m;
+use crate::noise_fit::{LogNoise, Objective, PROCESS, WHITE, climb, natural};
+use crate::{Candidate, Fitted, Subject};
+use base::error::Result;
+
+/// Step (of logarithms) of the differences that give the curvature.
+const DIFFERENCE: f64 = 0.15;
+
+/// The mean's parameters around a fit.
+pub(super) struct Absorbed<'a> {
+    subject: &'a Subject,
+    position_m: &'a [f64],
+    /// Derivatives of the position and, last, the residuals (m); one value a row of the record.
+    columns_m: Vec<Vec<f64>>,
+    /// Diagonal of the law's prior precision and its pull at the fit.
+    prior: Vec<(f64, f64)>,
+}
+
+impl<'a> Absorbed<'a> {
+    pub fn new(subject: &'a Subject, candidate: &Candidate, fitted: &'a Fitted) -> Result<Self> {
+        let mut columns_m = columns_m(subject, candidate, &fitted.theta)?;
+        let pairs = subject.fitted_m.iter().zip(&fitted.position_m);
+        columns_m.push(pairs.map(|(y, x)| y.map_or(0.0, |y| y - x)).collect());
+        let mut prior = vec![(0.0, 0.0); columns_m.len() - 1];
+        for (k, free) in candidate.free.iter().enumerate() {
+            if let Some((mean, sd)) = free.prior {
+                prior[k] = (1.0 / (sd * sd), (mean - fitted.theta[k]) / (sd * sd));
+            }
+        }
+        Ok(Self { subject, position_m: &fitted.position_m, columns_m, prior })
+    }
+
+    /// What integrating over the mean's parameters adds to the log likelihood at the fit, under a noise in its units.
+    pub fn correction(&self, noise: &NoiseValues) -> f64 {
+        let white = self.subject.fitted.whiten(&self.columns_m, self.position_m, noise);
+        let Some((residual, columns)) = white.split_last() else { return 0.0 };
+        let n = columns.len();
+        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        let mut precision = DMatrix::from_fn(n, n, |i, j| dot(&columns[i], &columns[j]));
+        let mut pull = DVector::from_fn(n, |i, _| dot(&columns[i], residual));
+        for (k, (weight, towards)) in self.prior.iter().enumerate() {
+            precision[(k, k)] += weight;
+            pull[k] += towards;
+        }
+        // Scaled to a unit diagonal, so that no parameter's unit costs digits; an effect that nothing shows of adds nothing.
+        let scale: Vec<f64> = precision.diagonal().iter().map(|d| d.max(f64::MIN_POSITIVE).sqrt()).collect();
+        let scaled = DMatrix::from_fn(n, n, |i, j| precision[(i, j)] / (scale[i] * scale[j]));
+        let pull = DVector::from_fn(n, |i, _| pull[i] / scale[i]);
+        let Some(factor) = scaled.cholesky() else { return f64::NEG_INFINITY };
+        let ln_det: f64 = factor.l_dirty().diagonal().iter().zip(&scale).map(|(l, s)| 2.0 * (l * s).ln()).sum();
+        0.5 * pull.dot(&factor.solve(&pull)) - 0.5 * ln_det
+    }
+}
+
+/// The noise at which the restricted likelihood, with the prior of the noise that every fit has, is largest.
+///
+/// # Errors
+/// Where the candidate has no derivatives at its fit.
+pub(super) fn learn(subject: &Subject, candidate: &Candidate, fitted: &Fitted) -> Result<RestrictedSpread> {
+    let absorbed = Absorbed::new(subject, candidate, fitted)?;
+    let prior = subject.noise_prior();
+    let likelihood = Objective::new(&subject.fitted, &prior, &fitted.position_m);
+    let objective = |points: &[LogNoise]| -> Vec<f64> {
+        let values = likelihood.evaluate(points);
+        points.iter().zip(values).map(|(point, value)| value + absorbed.correction(&natural(point))).collect()
+    };
+    let (log_noise, _) = climb(&objective, &prior, &[fitted.noise.map(f64::ln)], 0.1);
+    let noise = natural(&log_noise);
+    let sd_um = noise[WHITE].hypot(noise[PROCESS]);
+    // d ln sd of one row, with the process's and the white part's shares of its variance.
+    let slope = [(noise[WHITE] / sd_um).powi(2), (noise[PROCESS] / sd_um).powi(2), 0.0];
+    let relative_error = relative_error(&objective, &log_noise, slope);
+    Ok(RestrictedSpread { row: Spread { sd_m: 1e-6 * sd_um, standard_error_m: 1e-6 * sd_um * relative_error }, noise })
+}
+
+/// Standard error of a function with this slope in ln σ, ln σ_ou and ln τ, from the curvature of the objective at its top.
+fn relative_error(objective: &dyn Fn(&[LogNoise]) -> Vec<f64>, top: &LogNoise, slope: [f64; 3]) -> f64 {
+    let moved = |steps: &[(usize, f64)]| {
+        let mut point = *top;
+        steps.iter().for_each(|(index, sign)| point[*index] += sign * DIFFERENCE);
+        point
+    };
+    let mut points = vec![*top];
+    for i in 0..3 {
+        points.extend([moved(&[(i, 1.0)]), moved(&[(i, -1.0)])]);
+    }
+    for (i, j) in [(0, 1), (0, 2), (1, 2)] {
+        for (a, b) in [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)] {
+            points.push(moved(&[(i, a), (j, b)]));
+        }
+    }
+    let values = objective(&points);
+    let over = DIFFERENCE * DIFFERENCE;
+    let mut curvature = DMatrix::zeros(3, 3);
+    for i in 0..3 {
+        curvature[(i, i)] = (2.0 * values[0] - values[1 + 2 * i] - values[2 + 2 * i]) / over;
+    }
+    for (k, (i, j)) in [(0, 1), (0, 2), (1, 2)].into_iter().enumerate() {
+        let at = &values[7 + 4 * k..11 + 4 * k];
+        curvature[(i, j)] = -(at[0] - at[1] - at[2] + at[3]) / (4.0 * over);
+        curvature[(j, i)] = curvature[(i, j)];
+    }
+    // Where the process is next to nothing its time is anything: directions without curvature have as much play as their prior's order one.
+    let eigen = curvature.symmetric_eigen();
+    let slope = DVector::from_column_slice(&slope);
+    let variance: f64 =
+        (0..3).map(|k| eigen.eigenvectors.column(k).dot(&slope).powi(2) / eigen.eigenvalues[k].max(1.0)).sum();
+    variance.sqrt()
+}

@@ -1,0 +1,227 @@
+//! Isolated errors of the tracker, recognised before models are compared, so that one set of rows serves them all and likelihoods stay comparable.
+//!
+//! A large residual is no sign of one: where the model lacks an effect, residuals are large, and just after a force step they are sharp. So a row is
+//! judged by its neighbours and by other force steps. It is an outlier when, in the residual of a fit,
+//!
+//! 1. it stands out from the rows before it and from those after it, to the same side: a slip, a slope or a kink does not;
+//! 2. it is one of at most three in a row, between which and the next rows there is a jump: a bump rises and falls gradually;
+//! 3. hardly any other force step shows the same at the same time after it, in proportion to its height: what a missing effect does, it does again.
+//!
+//! All three compare rows with others a few samples away. A gain or an offset of a cycle, a drift and slow noise have no part in that, so none needs to
+//! be taken out first; and the scale is that of such differences, not the misfit's.
+
+use std::ops::Range;
+
+use super::{Candidate, Fitted, Search, Subject};
+use base::error::Result;
+use record::Record;
+use record::noise::SD_PER_MAD;
+
+/// Rows on either side with which a row is compared, by their median: two bad ones among them do no harm.
+const N_NEIGHBOURS: usize = 5;
+/// With fewer on one side, as at the record's ends, the other side has to do; what a row stands out by there counts for this share.
+const FEWEST_NEIGHBOURS: usize = 2;
+const ONE_SIDE: f64 = 2.0 / 3.0;
+/// Neighbours lie within this many sample intervals.
+const REACH_INTERVALS: f64 = 10.0;
+/// How far an outlier stands out, in robust standard deviations of what rows stand out by.
+const THRESHOLD: f64 = 5.0;
+/// The jump between an outlier and the rows next to it, and what two force steps may differ by and still show the same, in the same unit.
+const EDGE: f64 = 3.5;
+const SAME: f64 = 4.0;
+/// The same shape after two force steps may differ by this fraction.
+const SAME_FRACTION: f64 = 0.33;
+const LONGEST_BURST: usize = 3;
+/// Steps are compared in proportion to their heights, with this ratio at most; with larger ones only where there are none such.
+const LARGEST_RATIO: f64 = 1.25;
+/// With more force steps than this, every second, third, … is compared: a share of a third shows in so many as well, and the cost is linear in the steps.
+const MOST_COMPARED: usize = 512;
+/// Rows this soon after a step that has none to be compared with are not judged.
+const UNJUDGED_ROWS: usize = 10;
+/// Rows whose times after two steps differ by less, in sample intervals, are at the same time after them.
+const SAME_TIME_INTERVALS: f64 = 0.1;
+/// The scale is at least this fraction of the yardstick: positions rounded to pixels may not differ at all.
+const LEAST_SCALE: f64 = 0.25;
+
+/// An experiment without its outliers, the fit of a model to it, and the rows that were left out.
+///
+/// # Errors
+/// Where the model has no fit.
+pub fn without(subject: &Subject, candidate: &Candidate) -> Result<(Subject, Fitted, Vec<usize>)> {
+    let first = subject.fit(candidate, &[], Search::Wide)?;
+    let rows = find(subject, &first);
+    if rows.is_empty() {
+        return Ok((subject.clone(), first, rows));
+    }
+    let subject = subject.without_rows(&rows);
+    let fitted = subject.fit(candidate, &[(first.theta, first.noise)], Search::Wide)?;
+    Ok((subject, fitted, rows))
+}
+
+/// Rows of the record, from 0 and in order, that are outliers among the fitted and the scored positions, seen from a fit (of the base model, say).
+pub fn find(subject: &Subject, fitted: &Fitted) -> Vec<usize> {
+    let observed = subject.fitted_m.iter().zip(&subject.scored_m).map(|(fitted, scored)| fitted.or(*scored));
+    let residual_m: Vec<Option<f64>> =
+        observed.zip(&fitted.position_m).map(|(observed, position)| Some(observed? - position)).collect();
+    rows_of(&subject.experiment().record, &residual_m, LEAST_SCALE * subject.yardstick_m())
+}
+
+/// Outliers among residuals (m, one a row of the record), whose scale is at least `least_scale_m`.
+fn rows_of(record: &Record, residual_m: &[Option<f64>], least_scale_m: f64) -> Vec<usize> {
+    let Some(interval_s) = record.median_interval_s() else { return Vec::new() };
+    let rows: Vec<usize> = (0..residual_m.len()).filter(|row| residual_m[*row].is_some()).collect();
+    let time_s: Vec<f64> = rows.iter().map(|row| record.time_s[*row]).collect();
+    let residual_m: Vec<f64> = residual_m.iter().flatten().copied().collect();
+    let departures: Vec<Option<Departure>> =
+        (0..rows.len()).map(|place| departure(&time_s, &residual_m, place, REACH_INTERVALS * interval_s)).collect();
+    let sizes: Vec<f64> = departures.iter().flatten().map(|departure| departure.from_both_m.abs()).collect();
+    let scale_m = (SD_PER_MAD * median(sizes)).max(least_scale_m);
+    let stands_out = |place: &usize| {
+        departures[*place].as_ref().is_some_and(|departure| departure.standing_out_m > THRESHOLD * scale_m)
+    };
+    let suspects: Vec<usize> = (0..rows.len()).filter(stands_out).collect();
+    let steps = Steps::new(record, &time_s, interval_s);
+    let is_outlier = |place: &usize| !steps.may_belong_to_step(&departures, *place, scale_m);
+    bursts(&suspects)
+        .into_iter()
+        .filter(|burst| has_sharp_edges(&residual_m, burst, EDGE * scale_m))
+        .flatten()
+        .filter(is_outlier)
+        .map(|place| rows[place])
+        .collect()
+}
+
+/// How a position departs from those around it.
+struct Departure {
+    /// From the mean of the medians on both sides, in m, with its sign.
+    from_both_m: f64,
+    /// From the nearer of the two medians, in m, where both lie to the same side; else 0. A share of the departure where there is one median only.
+    standing_out_m: f64,
+}
+
+/// `None` where there are too few neighbours on either side.
+fn departure(time_s: &[f64], residual_m: &[f64], place: usize, reach_s: f64) -> Option<Departure> {
+    let is_near = |other: &usize| (time_s[*other] - time_s[place]).abs() <= reach_s;
+    let of_side = |side: Vec<usize>| -> Option<f64> {
+        let near: Vec<f64> = side.into_iter().filter(is_near).map(|other| residual_m[other]).collect();
+        (near.len() >= FEWEST_NEIGHBOURS).then(|| residual_m[place] - median(near))
+    };
+    let before_m = of_side((place.saturating_sub(N_NEIGHBOURS)..place).collect());
+    let after_m = of_side((place + 1..residual_m.len().min(place + 1 + N_NEIGHBOURS)).collect());
+    let (Some(before_m), Some(after_m)) = (before_m, after_m) else {
+        return before_m.or(after_m).map(|m| Departure { from_both_m: m, standing_out_m: ONE_SIDE * m.abs() });
+    };
+    let standing_out_m = if before_m * after_m > 0.0 { before_m.abs().min(after_m.abs()) } else { 0.0 };
+    Some(Departure { from_both_m: 0.5 * (before_m + after_m), standing_out_m })
+}
+
+/// Runs of successive places, those that are too long left out.
+fn bursts(places: &[usize]) -> Vec<Range<usize>> {
+    let runs = places.chunk_by(|a, b| a + 1 == *b).map(|run| run[0]..run[0] + run.len());
+    runs.filter(|run| run.len() <= LONGEST_BURST).collect()
+}
+
+/// Whether a burst's first and last rows jump away from the rows next to it, where there are such.
+fn has_sharp_edges(residual_m: &[f64], burst: &Range<usize>, least_m: f64) -> bool {
+    let jump_m = |inside: usize, outside: Option<usize>| {
+        let outside = outside.and_then(|outside| residual_m.get(outside));
+        outside.map_or(f64::INFINITY, |outside| (residual_m[inside] - outside).abs())
+    };
+    jump_m(burst.start, burst.start.checked_sub(1)) > least_m && jump_m(burst.end - 1, Some(burst.end)) > least_m
+}
+
+/// A force step and the positions up to the next one.
+struct Step {
+    start_s: f64,
+    end_s: f64,
+    height_n: f64,
+    /// Places of the observed positions.
+    places: Range<usize>,
+}
+
+/// The force steps of a record and its observed positions.
+struct Steps<'a> {
+    steps: Vec<Step>,
+    time_s: &'a [f64],
+    interval_s: f64,
+}
+
+impl<'a> Steps<'a> {
+    fn new(record: &Record, time_s: &'a [f64], interval_s: f64) -> Self {
+        let step_rows = record.force_step_rows();
+        let step = |(number, row): (usize, &usize)| {
+            let start_s = record.time_s[*row];
+            let end_s = step_rows.get(number + 1).map_or(f64::INFINITY, |next| record.time_s[*next]);
+            let before_n = row.checked_sub(1).map_or(0.0, |before| record.force_n[before]);
+            // A position is the limit from the left: that of the step's own row is still of the hold before.
+            let of_step = |time_s: &f64, bound_s: f64| *time_s <= bound_s;
+            let places = time_s.partition_point(|t| of_step(t, start_s))..time_s.partition_point(|t| of_step(t, end_s));
+            Step { start_s, end_s, height_n: record.force_n[*row] - before_n, places }
+        };
+        let steps = step_rows.iter().enumerate().map(step).collect();
+        Self { steps, time_s, interval_s }
+    }
+
+    /// Whether more than a third of the other force steps show what a position shows, or it stands just after a step that none can be compared with.
+    fn may_belong_to_step(&self, departures: &[Option<Departure>], place: usize, scale_m: f64) -> bool {
+        // Steps follow each other in time.
+        let own = self.steps.partition_point(|step| step.places.end <= place);
+        if self.steps.get(own).is_none_or(|step| !step.places.contains(&place)) {
+            return false;
+        }
+        let step = &self.steps[own];
+        let after_s = self.time_s[place] - step.start_s;
+        let seen_m = departures[place].as_ref().map_or(0.0, |departure| departure.from_both_m);
+        let every = self.steps.len().div_ceil(MOST_COMPARED).max(1);
+        let mut others: Vec<(f64, Vec<f64>)> = (own % every..self.steps.len())
+            .step_by(every)
+            .filter(|other| *other != own)
+            .map(|other| (step.height_n / self.steps[other].height_n, self.departures_at(departures, other, after_s)))
+            .filter(|(_, there)| !there.is_empty())
+            .collect();
+        if others.iter().any(|(ratio, _)| ratio.abs() <= LARGEST_RATIO) {
+            others.retain(|(ratio, _)| ratio.abs() <= LARGEST_RATIO);
+        }
+        if others.is_empty() {
+            return place - step.places.start < UNJUDGED_ROWS;
+        }
+        let is_same = |(ratio, there): &&(f64, Vec<f64>)| {
+            let expected = || there.iter().map(|there| ratio * there);
+            let (lowest, highest) =
+                (expected().fold(f64::INFINITY, f64::min), expected().fold(f64::NEG_INFINITY, f64::max));
+            let tolerance_m = (SAME * ratio.abs().max(1.0) * scale_m).max(SAME_FRACTION * seen_m.abs());
+            seen_m >= lowest - tolerance_m && seen_m <= highest + tolerance_m
+        };
+        // One alone may be another outlier.
+        3 * others.iter().filter(is_same).count() > others.len()
+    }
+
+    /// Departures of the positions of a step at a time after it: of one, or of the two around it; none where there are none.
+    fn departures_at(&self, departures: &[Option<Departure>], step: usize, after_s: f64) -> Vec<f64> {
+        let step = &self.steps[step];
+        let at_s = step.start_s + after_s;
+        let same_s = SAME_TIME_INTERVALS * self.interval_s;
+        if at_s > step.end_s + same_s {
+            return Vec::new();
+        }
+        let next = self.time_s.partition_point(|t| *t < at_s - same_s);
+        let near = |place: &usize| {
+            step.places.contains(place) && (self.time_s[*place] - at_s).abs() <= REACH_INTERVALS * self.interval_s
+        };
+        let is_exact = self.time_s.get(next).is_some_and(|t| *t <= at_s + same_s);
+        let around = if is_exact { next..next + 1 } else { next.saturating_sub(1)..next + 1 };
+        let at = |place: usize| Some(departures.get(place)?.as_ref()?.from_both_m);
+        around.filter(near).filter_map(at).collect()
+    }
+}
+
+/// Median of finite values; 0 of none.
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    let n = values.len();
+    if n == 0 { 0.0 } else { 0.5 * (values[(n - 1) / 2] + values[n / 2]) }
+}
+
+#[cfg(test)]
+#[path = "outliers_tests.rs"]
+mod tests;

@@ -1,0 +1,256 @@
+//! The smooth leftover: a Gaussian process of one argument, fitted to what the model's parameters cannot absorb.
+
+use nalgebra::{DMatrix, DVector, SymmetricEigen};
+use rayon::prelude::*;
+
+use super::OutsideRequest;
+use super::look::starts;
+use super::setting::Setting;
+use super::shape::Shape;
+use crate::derivatives::columns_m;
+use crate::noise_fit::natural;
+use crate::{Candidate, Fitted, Search, Subject, Tangent};
+use base::error::Result;
+use sampling::ensemble::RandomStream;
+
+/// What a discrepancy is a function of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Axis {
+    /// Share of the cycle.
+    Phase,
+    /// Time since the last force step, in s; the curve changes sign with the step.
+    TimeSinceStep,
+    /// Time, in s.
+    AbsoluteTime,
+    /// Force that acts, in N.
+    Force,
+}
+
+impl Axis {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Phase, Self::TimeSinceStep, Self::AbsoluteTime, Self::Force];
+
+    /// Name in the document of `diagnose`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Phase => "cycle_phase",
+            Self::TimeSinceStep => "time_since_step",
+            Self::AbsoluteTime => "time",
+            Self::Force => "force",
+        }
+    }
+
+    fn basis(self) -> Shape {
+        match self {
+            Self::Phase => Shape::CycleLocked { n_harmonics: 8 },
+            Self::TimeSinceStep => Shape::SinceStep { n_knots: 12 },
+            Self::AbsoluteTime => Shape::SlowChange { n_waves: 14 },
+            Self::Force => Shape::ForceLevel,
+        }
+    }
+
+    /// Standard deviation a priori of a basis function and covariance of two, up to the process's variance, for a smoothness: as for a squared
+    /// exponential kernel, whose length is `length` knots or 1/`length` waves.
+    fn covariance(self, n: usize, length: f64) -> DMatrix<f64> {
+        let kernel = |distance: f64| (-0.5 * distance * distance).exp();
+        DMatrix::from_fn(n, n, |i, j| match self {
+            Self::TimeSinceStep => kernel((i as f64 - j as f64) / length),
+            _ if i != j => 0.0,
+            Self::Phase => kernel((1 + i / 2) as f64 / length),
+            Self::AbsoluteTime => kernel((1 + i) as f64 / length),
+            Self::Force => 1.0,
+        })
+    }
+}
+
+/// A smooth leftover, orthogonal to the tangent space of the model's parameters: it bends none of them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Discrepancy {
+    /// What it is a function of.
+    pub axis: Axis,
+    /// Log evidence for it, over none, at the best size and smoothness, in nats.
+    pub gain_nats: f64,
+    /// p of that gain, corrected for all axes, by simulation.
+    pub p_familywise: f64,
+    /// Root mean square (µm) of its mean over the fitted rows.
+    pub size_um: f64,
+    /// Value of its argument, one a row of the record.
+    pub coordinate: Vec<f64>,
+    /// Sign with which the curve enters a row: that of the force step along [`Axis::TimeSinceStep`], else 1.
+    pub sign: Vec<f64>,
+    /// Posterior mean (m), one a row; to be added to a prediction.
+    pub mean_m: Vec<f64>,
+    /// Posterior standard deviation (m), one a row; a prediction's variance grows by its square.
+    pub sd_m: Vec<f64>,
+    /// What the model without it leaves of the fitted positions (m), its parameters where they absorb what they can; `None` in other rows.
+    pub residual_m: Vec<Option<f64>>,
+    /// The model without it, with the noise that is left beside it.
+    pub fitted: Fitted,
+}
+
+/// Sizes of the process (µm over the yardstick) and smoothnesses that are compared.
+const SIZES: [f64; 9] = [0.06, 0.12, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0];
+const LENGTHS: [f64; 4] = [1.0, 2.0, 4.0, 8.0];
+
+/// A process of one argument, size and smoothness, diagonal in the data: its data are N(0, 1 + dᵢ).
+struct Process {
+    /// Amplitudes of the basis from the process's own coordinates.
+    to_amplitudes: DMatrix<f64>,
+    /// Prior variances d of its coordinates in whitened data.
+    variances: DVector<f64>,
+    /// Whitened directions of its coordinates, times √d.
+    directions: DMatrix<f64>,
+}
+
+impl Process {
+    fn new(visible: &DMatrix<f64>, axis: Axis, length: f64, sd: f64) -> Self {
+        let prior = axis.covariance(visible.ncols(), length) * (sd * sd);
+        let SymmetricEigen { eigenvectors, eigenvalues } = prior.symmetric_eigen();
+        let root = &eigenvectors * DMatrix::from_diagonal(&eigenvalues.map(|value| value.max(0.0).sqrt()));
+        let scaled = visible * &root;
+        let SymmetricEigen { eigenvectors, eigenvalues } = scaled.tr_mul(&scaled).symmetric_eigen();
+        let directions = scaled * &eigenvectors;
+        Self { to_amplitudes: root * eigenvectors, variances: eigenvalues.map(|value| value.max(0.0)), directions }
+    }
+
+    /// Log evidence over white numbers alone.
+    fn gain_nats(&self, residual: &DVector<f64>) -> f64 {
+        let along = self.directions.tr_mul(residual);
+        along.iter().zip(&self.variances).map(|(z, d)| 0.5 * (z * z / (1.0 + d) - d.ln_1p())).sum()
+    }
+
+    /// Mean of the amplitudes, and a square root of their covariance.
+    fn posterior(&self, residual: &DVector<f64>) -> (DVector<f64>, DMatrix<f64>) {
+        let along = self.directions.tr_mul(residual);
+        let mean = along.component_div(&self.variances.map(|d| 1.0 + d));
+        let sds = self.variances.map(|d| 1.0 / (1.0 + d).sqrt());
+        (&self.to_amplitudes * mean, &self.to_amplitudes * DMatrix::from_diagonal(&sds))
+    }
+}
+
+/// One axis, prepared.
+struct Prepared {
+    axis: Axis,
+    tangent: Tangent,
+    fitted: Fitted,
+    columns: Vec<Vec<f64>>,
+    processes: Vec<Process>,
+}
+
+/// Processes of the phase, of the time since the step, of absolute time and of the force in the fitted rows, the likeliest first. Noise is estimated
+/// beside a free curve of the same argument, so that it does not hold what is looked for.
+///
+/// # Errors
+/// As [`Subject::fit`] and [`Tangent::new`].
+pub fn discrepancies(
+    subject: &Subject,
+    candidate: &Candidate,
+    fitted: &Fitted,
+    request: &OutsideRequest,
+) -> Result<Vec<Discrepancy>> {
+    let setting = Setting::new(subject, candidate, fitted)?;
+    let prepared: Vec<Prepared> =
+        Axis::ALL.par_iter().map(|axis| prepare(subject, candidate, fitted, &setting, *axis)).collect::<Result<_>>()?;
+    let best = |prepared: &Prepared, residual: &DVector<f64>| {
+        let gains = prepared.processes.iter().map(|process| process.gain_nats(residual)).enumerate();
+        gains.max_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((0, 0.0))
+    };
+    let by_chance = |simulation: usize| {
+        let mut stream = RandomStream::new(request.seed, simulation as u64);
+        let white = DVector::from_fn(prepared[0].tangent.n_rows(), |_, _| stream.normal());
+        prepared.iter().map(|prepared| best(prepared, &white).1).fold(0.0, f64::max)
+    };
+    let chance: Vec<f64> = (0..request.n_simulations).into_par_iter().map(by_chance).collect();
+    let mut found = Vec::with_capacity(prepared.len());
+    for of_axis in &prepared {
+        let (place, gain_nats) = best(of_axis, of_axis.tangent.residual());
+        let as_good = chance.iter().filter(|other| **other >= gain_nats).count();
+        let p_familywise = (1 + as_good) as f64 / (1 + chance.len()) as f64;
+        let Some(process) = of_axis.processes.get(place) else { continue };
+        found.push(of_axis.discrepancy(subject, candidate, &setting, process, gain_nats, p_familywise)?);
+    }
+    found.sort_by(|a, b| b.gain_nats.total_cmp(&a.gain_nats));
+    Ok(found)
+}
+
+fn prepare(
+    subject: &Subject,
+    candidate: &Candidate,
+    fitted: &Fitted,
+    setting: &Setting,
+    axis: Axis,
+) -> Result<Prepared> {
+    let columns = axis.basis().columns_m(setting);
+    let extended = candidate.with_columns(columns.clone());
+    let start = extended.embed(candidate, &fitted.theta);
+    let clean = natural(&subject.noise_prior().white());
+    let noise = subject.fit(&extended, &starts(start, fitted, clean), Search::Local)?.noise;
+    let own = [(fitted.theta.clone(), noise)];
+    // Parameters are those of the model alone: the process takes what they leave.
+    let alone = subject.fit(candidate, &own, Search::Local)?;
+    let fitted = Fitted { noise, ..alone };
+    let tangent = Tangent::new(subject, candidate, &fitted)?;
+    let visible = DMatrix::from_columns(&tangent.visible(&columns));
+    let yardstick = 1e6 * subject.yardstick_m();
+    let mut processes = Vec::new();
+    for length in LENGTHS {
+        processes.extend(SIZES.map(|size| Process::new(&visible, axis, length, size * yardstick)));
+    }
+    Ok(Prepared { axis, tangent, fitted, columns, processes })
+}
+
+impl Prepared {
+    fn discrepancy(
+        &self,
+        subject: &Subject,
+        candidate: &Candidate,
+        setting: &Setting,
+        process: &Process,
+        gain_nats: f64,
+        p_familywise: f64,
+    ) -> Result<Discrepancy> {
+        let n_rows = setting.time_s.len();
+        let own = columns_m(subject, candidate, &self.fitted.theta)?;
+        let white = self.tangent.whiten(&self.columns);
+        let mut basis = DMatrix::from_fn(n_rows, self.columns.len(), |row, k| self.columns[k][row]);
+        for (k, white) in white.iter().enumerate() {
+            let steps = self.tangent.absorbing_step(white).unwrap_or_default();
+            for (column, step) in own.iter().zip(steps) {
+                (0..n_rows).for_each(|row| basis[(row, k)] -= step * column[row]);
+            }
+        }
+        let (amplitudes, root) = process.posterior(self.tangent.residual());
+        let mean = &basis * amplitudes;
+        let spread = basis * root;
+        let squares: f64 = setting.rows.iter().map(|row| mean[*row].powi(2)).sum();
+        // At this noise the parameters would absorb a little more.
+        let steps = self.tangent.absorbing_step(self.tangent.residual()).unwrap_or_default();
+        let absorbed_m = |row: usize| own.iter().zip(&steps).map(|(column, step)| step * column[row]).sum::<f64>();
+        let left_m = |row: usize| subject.fitted_m[row].map(|y| y - self.fitted.position_m[row] - absorbed_m(row));
+        Ok(Discrepancy {
+            axis: self.axis,
+            gain_nats,
+            p_familywise,
+            size_um: 1e6 * (squares / setting.rows.len().max(1) as f64).sqrt(),
+            coordinate: (0..n_rows).map(|row| coordinate(setting, self.axis, row)).collect(),
+            sign: (0..n_rows).map(|row| sign(setting, self.axis, row)).collect(),
+            mean_m: mean.iter().copied().collect(),
+            sd_m: (0..n_rows).map(|row| spread.row(row).norm()).collect(),
+            residual_m: (0..n_rows).map(left_m).collect(),
+            fitted: self.fitted.clone(),
+        })
+    }
+}
+
+fn coordinate(setting: &Setting, axis: Axis, row: usize) -> f64 {
+    match axis {
+        Axis::Phase => setting.phase[row].fract(),
+        Axis::TimeSinceStep => setting.since_step[row].1,
+        Axis::AbsoluteTime => setting.time_s[row],
+        Axis::Force => setting.acting_force_n[row],
+    }
+}
+
+fn sign(setting: &Setting, axis: Axis, row: usize) -> f64 {
+    if axis == Axis::TimeSinceStep { setting.since_step[row].0 } else { 1.0 }
+}

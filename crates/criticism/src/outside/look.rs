@@ -1,0 +1,404 @@
+//! The search: screening, refits, refinement, and how much of it is chance.
+
+use rayon::prelude::*;
+
+use super::screen::{Scored, Screened, kept, screen};
+use super::sentence::describe;
+use super::setting::Setting;
+use super::shape::{Shape, families, is_event};
+use super::{Outside, OutsideKind, OutsideRequest};
+use crate::NoiseValues;
+use crate::derivatives::columns_m;
+use crate::noise_fit::natural;
+use crate::{Candidate, Fitted, Search, Subject, Tangent, outliers};
+use base::error::Result;
+
+/// Shapes of a family that each weighting nominates for a refit.
+const NOMINATED: usize = 2;
+/// Families whose gain stays further than this below the best are not refined, in nats.
+const REFINED_WITHIN: f64 = 12.0;
+/// Findings that gain less than this more than chance are not returned, in nats.
+const LEAST_PENALISED: f64 = 0.0;
+/// Spread of the gain when shapes are weighed with a noise that has not seen the residuals.
+const CLEAN_GAIN_SD: f64 = 0.005;
+/// Effects are called alike above this cosine.
+const TWIN_COSINE: f64 = 0.9;
+
+/// Least cost of a free amplitude, in nats: a curve that can be anything must gain more than a shape that can be one thing.
+const NATS_A_DEGREE: f64 = 1.5;
+
+/// What chance gains in a search.
+#[derive(Debug, Clone, PartialEq)]
+pub struct OutsideNull {
+    /// What is taken off the gain of each family, in nats.
+    penalties: Vec<f64>,
+    /// Largest gain of any family above its penalty, one a simulation.
+    excesses: Vec<f64>,
+}
+
+impl OutsideNull {
+    fn new(screened: &Screened) -> Self {
+        let median = |gains: &Vec<f64>| {
+            let mut sorted = gains.clone();
+            sorted.sort_by(f64::total_cmp);
+            sorted.get(sorted.len() / 2).copied().unwrap_or(0.0)
+        };
+        let maxima = &screened.maxima;
+        let degrees = |family: usize| {
+            screened.scores.iter().filter(|score| score.family == family).map(|score| score.degrees).max().unwrap_or(0)
+        };
+        let penalties: Vec<f64> = maxima
+            .iter()
+            .enumerate()
+            .map(|(family, gains)| median(gains).max(NATS_A_DEGREE * degrees(family) as f64))
+            .collect();
+        let n_simulations = maxima.first().map_or(0, Vec::len);
+        let excess = |k: usize| {
+            maxima.iter().zip(&penalties).map(|(gains, penalty)| gains[k] - penalty).fold(f64::NEG_INFINITY, f64::max)
+        };
+        let excesses = (0..n_simulations).map(excess).collect();
+        Self { penalties, excesses }
+    }
+
+    /// What a search over all kinds gains by chance in residuals of a fit. It depends on the protocol and the noise more than on the positions, so
+    /// that one serves many simulated data sets of one experiment.
+    ///
+    /// # Errors
+    /// As [`Tangent::new`].
+    pub fn of(subject: &Subject, candidate: &Candidate, fitted: &Fitted, request: &OutsideRequest) -> Result<Self> {
+        let setting = Setting::new(subject, candidate, fitted)?;
+        let tangent = Tangent::new(subject, candidate, fitted)?;
+        let screened = screen(&tangent, &setting, &families(&setting), request.n_simulations, request.seed);
+        Ok(Self::new(&screened))
+    }
+
+    fn p_familywise(&self, penalised_gain_nats: f64) -> f64 {
+        let as_good = self.excesses.iter().filter(|excess| **excess >= penalised_gain_nats).count();
+        (1 + as_good) as f64 / (1 + self.excesses.len()) as f64
+    }
+}
+
+/// A shape with its refit.
+#[derive(Clone)]
+struct Refit {
+    family: usize,
+    shape: Shape,
+    candidate: Candidate,
+    fitted: Fitted,
+}
+
+/// One search: the subject without outliers and the model's best fit to it.
+struct Looking<'a> {
+    subject: Subject,
+    candidate: &'a Candidate,
+    base: Fitted,
+    /// Around that fit.
+    own: Tangent,
+    /// Noise of the yardstick's size, white but for a small gain.
+    clean: NoiseValues,
+    setting: Setting,
+    families: Vec<Vec<Shape>>,
+}
+
+/// Structure outside the library in the fitted rows of a subject, given a model and its fit; the best of each kind, by penalised gain.
+///
+/// # Errors
+/// As [`Subject::fit`] and [`Tangent::new`].
+pub fn search(
+    subject: &Subject,
+    candidate: &Candidate,
+    fitted: &Fitted,
+    request: &OutsideRequest,
+) -> Result<Vec<Outside>> {
+    let looking = Looking::new(subject, candidate, fitted, |_| true)?;
+    looking.outsides(request)
+}
+
+/// Events (slips, drifts, changes of gain, disturbances) in *all* cycles, the scored one included, which every other fit leaves alone.
+///
+/// The model is refitted to all cycles: what is found here tells why the scored cycle may be missed, and is no prediction of it. `fitted` of the
+/// findings has seen every cycle and must not be scored.
+///
+/// # Errors
+/// As [`search`].
+pub fn events_over_all_cycles(
+    subject: &Subject,
+    candidate: &Candidate,
+    fitted: &Fitted,
+    request: &OutsideRequest,
+) -> Result<Vec<Outside>> {
+    let mut unsealed = subject.clone();
+    unsealed.fitted_m = subject.fitted_m.iter().zip(&subject.scored_m).map(|(a, b)| a.or(*b)).collect();
+    unsealed.scored_m = vec![None; subject.scored_m.len()];
+    unsealed.fitted = subject.all.clone();
+    let looking = Looking::new(&unsealed, candidate, fitted, is_event)?;
+    looking.outsides(request)
+}
+
+/// The largest penalised gain (nats) of any kind, judged by a null that was simulated before; cheap enough for every data set of a bootstrap.
+///
+/// # Errors
+/// As [`search`].
+pub fn outside_gain(
+    subject: &Subject,
+    candidate: &Candidate,
+    fitted: &Fitted,
+    null: &OutsideNull,
+) -> Result<(f64, Option<OutsideKind>)> {
+    let looking = Looking::new(subject, candidate, fitted, |_| true)?;
+    let scores = screen(&looking.own, &looking.setting, &looking.families, 0, 0).scores;
+    let refits = looking.refits(scores, null)?;
+    let best = refits.iter().map(|refit| (looking.penalised(refit, null), refit.shape.kind()));
+    let best = best.max_by(|a, b| a.0.total_cmp(&b.0));
+    Ok(best.map_or((0.0, None), |(gain, kind)| (gain, Some(kind))))
+}
+
+impl<'a> Looking<'a> {
+    fn new(
+        subject: &Subject,
+        candidate: &'a Candidate,
+        fitted: &Fitted,
+        is_wanted: impl Fn(OutsideKind) -> bool,
+    ) -> Result<Self> {
+        let subject = subject.without_rows(&outliers::find(subject, fitted));
+        let mut clean = natural(&subject.noise_prior().white());
+        clean[3] = CLEAN_GAIN_SD;
+        // The gain must not come from the noise of the model alone settling elsewhere.
+        let base = subject.fit(candidate, &starts(fitted.theta.clone(), fitted, clean), Search::Local)?;
+        let setting = Setting::new(&subject, candidate, &base)?;
+        let families = families(&setting).into_iter();
+        let families = families.filter(|shapes| shapes.first().is_some_and(|shape| is_wanted(shape.kind()))).collect();
+        let own = Tangent::new(&subject, candidate, &base)?;
+        Ok(Self { subject, candidate, base, own, clean, setting, families })
+    }
+
+    fn tangent(&self, fitted: &Fitted) -> Result<Tangent> {
+        Tangent::new(&self.subject, self.candidate, fitted)
+    }
+
+    fn outsides(&self, request: &OutsideRequest) -> Result<Vec<Outside>> {
+        let screened = screen(&self.own, &self.setting, &self.families, request.n_simulations, request.seed);
+        let null = OutsideNull::new(&screened);
+        let refits = self.refits(screened.scores, &null)?;
+        let mut best: Vec<(f64, Refit)> = Vec::new();
+        for refit in refits {
+            let penalised = self.penalised(&refit, &null);
+            match best.iter_mut().find(|(_, other)| other.shape.kind() == refit.shape.kind()) {
+                Some(same) if same.0 < penalised => *same = (penalised, refit),
+                Some(_) => {}
+                None => best.push((penalised, refit)),
+            }
+        }
+        best.retain(|(penalised, _)| *penalised > LEAST_PENALISED);
+        best.sort_by(|a, b| b.0.total_cmp(&a.0));
+        best.into_iter().map(|(penalised, refit)| self.outside(refit, penalised, &null)).collect()
+    }
+
+    /// The best refit of each family.
+    fn refits(&self, own: Vec<Scored>, null: &OutsideNull) -> Result<Vec<Refit>> {
+        let clean = self.tangent(&Fitted { noise: self.clean, ..self.base.clone() })?;
+        let clean = screen(&clean, &self.setting, &self.families, 0, 0).scores;
+        let mut nominated: Vec<(usize, Shape)> = Vec::new();
+        for family in 0..self.families.len() {
+            for scores in [&own, &clean] {
+                for shape in leaders(scores, family) {
+                    if !nominated.contains(&(family, shape)) {
+                        nominated.push((family, shape));
+                    }
+                }
+            }
+        }
+        let refitted: Vec<Option<Refit>> =
+            nominated.par_iter().map(|(family, shape)| self.refit(*family, *shape)).collect::<Result<_>>()?;
+        let mut best: Vec<Refit> = Vec::new();
+        for refit in refitted.into_iter().flatten() {
+            match best.iter_mut().find(|other| other.family == refit.family) {
+                Some(same) if same.fitted.objective < refit.fitted.objective => *same = refit,
+                Some(_) => {}
+                None => best.push(refit),
+            }
+        }
+        let leading = best.iter().map(|refit| self.penalised(refit, null)).fold(LEAST_PENALISED, f64::max);
+        best.into_par_iter()
+            .map(|refit| {
+                let is_near = self.penalised(&refit, null) > leading - REFINED_WITHIN;
+                if is_near { self.refined(refit) } else { Ok(refit) }
+            })
+            .collect()
+    }
+
+    fn penalised(&self, refit: &Refit, null: &OutsideNull) -> f64 {
+        self.gain(refit) - null.penalties.get(refit.family).copied().unwrap_or(0.0)
+    }
+
+    fn gain(&self, refit: &Refit) -> f64 {
+        refit.fitted.objective - self.base.objective
+    }
+
+    /// The model with a shape, refitted; `None` for a shape of which the model leaves nothing.
+    fn refit(&self, family: usize, shape: Shape) -> Result<Option<Refit>> {
+        let columns = shape.columns_m(&self.setting);
+        let kept = kept(&self.own, &columns);
+        if kept.is_empty() {
+            return Ok(None);
+        }
+        let candidate = self.candidate.with_columns(kept.iter().map(|place| columns[*place].clone()).collect());
+        let start = candidate.embed(self.candidate, &self.base.theta);
+        let fitted = self.subject.fit(&candidate, &starts(start, &self.base, self.clean), Search::Local)?;
+        Ok(Some(Refit { family, shape, candidate, fitted }))
+    }
+
+    /// The model without the columns at a refit's parameters and noise.
+    fn without_columns(&self, refit: &Refit) -> Result<Fitted> {
+        let n_free = self.candidate.dimension();
+        let theta = refit.fitted.theta[..n_free].to_vec();
+        let position_m = self.subject.trajectory_m(self.candidate, &theta)?;
+        Ok(Fitted { theta, position_m, ..refit.fitted.clone() })
+    }
+
+    /// Moves the shape on a finer and finer grid, weighed with the noise that its own refit leaves.
+    fn refined(&self, mut refit: Refit) -> Result<Refit> {
+        for fineness in [1.0, 0.5, 0.2] {
+            let near = refit.shape.neighbours(&self.setting, fineness);
+            if near.is_empty() {
+                break;
+            }
+            let tangent = self.tangent(&self.without_columns(&refit)?)?;
+            let scores = screen(&tangent, &self.setting, &[near], 0, 0).scores;
+            let Some(best) = scores.iter().max_by(|a, b| a.gain_nats.total_cmp(&b.gain_nats)) else { break };
+            if let Some(moved) = self.refit(refit.family, best.shape)?
+                && moved.fitted.objective > refit.fitted.objective
+            {
+                refit = moved;
+            }
+        }
+        Ok(refit)
+    }
+
+    fn outside(&self, refit: Refit, penalised_gain_nats: f64, null: &OutsideNull) -> Result<Outside> {
+        let without = self.without_columns(&refit)?;
+        let tangent = self.tangent(&without)?;
+        let n_own = self.candidate.dimension();
+        let amplitudes = &refit.fitted.theta[n_own..];
+        let columns = &refit.candidate.columns[self.candidate.columns.len()..];
+        let sum_m: Vec<f64> = (0..self.setting.time_s.len())
+            .map(|row| columns.iter().zip(amplitudes).map(|(column, amplitude)| column[row] * amplitude).sum())
+            .collect();
+        let discrepancy_m = self.unabsorbed(&tangent, &without, sum_m)?;
+        let rows = &self.setting.rows;
+        let squares: f64 = rows.iter().map(|row| discrepancy_m[*row].powi(2)).sum();
+        let size_um = 1e6 * (squares / rows.len().max(1) as f64).sqrt();
+        let amplitude_sds: Vec<f64> = tangent.visible(columns).iter().map(|visible| 1.0 / visible.norm()).collect();
+        let twins = self.twins(&tangent, &without, &discrepancy_m);
+        let cycle = &self.subject.experiment().record.cycle;
+        let words = describe(refit.shape, amplitudes, &amplitude_sds, size_um, &self.setting, cycle);
+        Ok(Outside {
+            kind: refit.shape.kind(),
+            sentence: with_twins(words.sentence, &twins),
+            gain_nats: self.gain(&refit),
+            penalised_gain_nats,
+            degrees: amplitudes.len(),
+            p_familywise: null.p_familywise(penalised_gain_nats),
+            size_um,
+            event_time_s: words.event_time_s,
+            period_s: words.period_s,
+            twins,
+            candidate: refit.candidate,
+            fitted: refit.fitted,
+            discrepancy_m,
+        })
+    }
+
+    /// What is left of a column (m) when the model's parameters have absorbed what they can.
+    fn unabsorbed(&self, tangent: &Tangent, fitted: &Fitted, column_m: Vec<f64>) -> Result<Vec<f64>> {
+        let white = tangent.whiten(std::slice::from_ref(&column_m));
+        let Some(step) = tangent.absorbing_step(&white[0]) else { return Ok(column_m) };
+        let mut left_m = column_m;
+        for (column, by) in columns_m(&self.subject, self.candidate, &fitted.theta)?.iter().zip(step) {
+            left_m.iter_mut().zip(column).for_each(|(left, value)| *left -= by * value);
+        }
+        Ok(left_m)
+    }
+
+    /// Effects whose signature at their null lies along a discrepancy.
+    fn twins(&self, tangent: &Tangent, fitted: &Fitted, discrepancy_m: &[f64]) -> Vec<(String, f64)> {
+        let own = &tangent.visible(&[discrepancy_m.to_vec()])[0];
+        let mut twins = Vec::new();
+        for effect in self.subject.library().effects() {
+            let cosine = self
+                .signatures(fitted, effect.slug())
+                .iter()
+                .map(|signature| {
+                    let whole = &tangent.whiten(std::slice::from_ref(signature))[0];
+                    let visible = tangent.project(whole.clone());
+                    let is_visible = visible.norm() > 1e-3 * whole.norm();
+                    if is_visible { (visible.dot(own) / (visible.norm() * own.norm())).abs() } else { 0.0 }
+                })
+                .fold(0.0, f64::max);
+            if cosine > TWIN_COSINE {
+                twins.push((effect.slug().to_string(), cosine));
+            }
+        }
+        twins.sort_by(|a, b| b.1.total_cmp(&a.1));
+        twins
+    }
+
+    /// Derivatives (m) of the position with respect to the first parameter of an effect that the model lacks, over what is unidentified at its null.
+    fn signatures(&self, fitted: &Fitted, slug: &str) -> Vec<Vec<f64>> {
+        let base = self.subject.base();
+        let added = self.candidate.effects.iter().filter(|own| !base.effects.contains(own)).map(String::as_str);
+        let effects: Vec<&str> = added.chain([slug]).collect();
+        let Ok(extended) = self.subject.extended(&effects) else { return Vec::new() };
+        let extended = extended.with_columns(self.candidate.columns.clone());
+        let new = |name: &str| self.candidate.free.iter().all(|free| free.name != name);
+        let Some(place) = extended.free.iter().position(|free| free.null.is_some() && new(free.name)) else {
+            return Vec::new();
+        };
+        let mut list = Vec::new();
+        for quantile in [0.15, 0.5, 0.85] {
+            let mut theta = extended.embed(self.candidate, &fitted.theta);
+            for (k, free) in extended.free.iter().enumerate() {
+                if free.is_unidentified_at_null() && new(free.name) {
+                    theta[k] = free.quantile(quantile);
+                }
+            }
+            if let Ok(columns) = columns_m(&self.subject, &extended, &theta) {
+                list.push(columns[place].clone());
+            }
+        }
+        list
+    }
+}
+
+/// From another fit, with its noise and with one that has not seen the residuals.
+pub(super) fn starts(theta: Vec<f64>, fitted: &Fitted, clean: NoiseValues) -> [(Vec<f64>, NoiseValues); 2] {
+    [(theta.clone(), fitted.noise), (theta, clean)]
+}
+
+/// Leading shapes of a family that are not next to each other on its grid.
+fn leaders(scores: &[Scored], family: usize) -> Vec<Shape> {
+    let mut of_family: Vec<(usize, &Scored)> =
+        scores.iter().filter(|score| score.family == family && score.degrees > 0).enumerate().collect();
+    of_family.sort_by(|a, b| b.1.gain_nats.total_cmp(&a.1.gain_nats));
+    let mut chosen: Vec<(usize, Shape)> = Vec::new();
+    for (place, score) in of_family {
+        if chosen.len() == NOMINATED {
+            break;
+        }
+        if chosen.iter().all(|(other, _)| other.abs_diff(place) > 2) {
+            chosen.push((place, score.shape));
+        }
+    }
+    chosen.into_iter().map(|(_, shape)| shape).collect()
+}
+
+fn with_twins(sentence: String, twins: &[(String, f64)]) -> String {
+    if twins.is_empty() {
+        return sentence;
+    }
+    let names: Vec<String> = twins.iter().take(3).map(|(slug, _)| format!("`{slug}`")).collect();
+    format!(
+        "{sentence} In this experiment it looks nearly as {} would: the two cannot be told apart by shape.",
+        names.join(" or ")
+    )
+}

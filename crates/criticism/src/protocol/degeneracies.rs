@@ -1,0 +1,133 @@
+//! What a protocol cannot tell apart, found before anything is fitted.
+
+use nalgebra::DVector;
+use rayon::prelude::*;
+
+use crate::NoiseValues;
+use crate::noise_fit::natural;
+use crate::separation::{Imitation, Truth, closest_without_priors};
+use crate::{Candidate, Subject};
+use base::error::{Error, Result};
+
+/// Signatures whose |cos| is above this are one to first order.
+const SAME_COSINE: f64 = 1.0 - 1e-6;
+/// Distance in σ below which two models are the same.
+const SAME_SIGMA: f64 = 0.1;
+/// Below this share of a signature nothing is visible.
+const LEAST_VISIBLE: f64 = 1e-7;
+/// Steps from the null, in units of the prior's spread, at which signatures are taken.
+const SIGNATURE_STEP: f64 = 0.02;
+/// Size at which two effects are compared, in the same unit.
+const COMPARED_STEP: f64 = 0.3;
+
+/// Effects that a protocol cannot tell apart, whatever their sizes; or one effect alone, which hides in the law's parameters.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Degeneracy {
+    /// Slugs.
+    pub effects: Vec<String>,
+    /// In plain words.
+    pub sentence: String,
+}
+
+/// An effect added to the base at the middle of the priors.
+struct Added {
+    slug: &'static str,
+    candidate: Candidate,
+    null: Vec<f64>,
+    /// Place of its size among the coordinates, and the direction of its step.
+    place: usize,
+    sign: f64,
+    /// Pg; nothing where the law absorbs it all.
+    visible: Option<DVector<f64>>,
+}
+
+impl Added {
+    fn at(&self, step: f64) -> Vec<f64> {
+        let mut theta = self.null.clone();
+        theta[self.place] = self.candidate.free[self.place].clamped(theta[self.place] + self.sign * step);
+        theta
+    }
+}
+
+/// The exact degeneracies of a subject's protocol, at the middle of the priors and under white noise of the yardstick's size; priors hold nothing.
+///
+/// Found from numbers alone: signatures that are parallel once the law has absorbed what it can, and models that then fit each other's noise-free data to
+/// a tenth of a standard deviation, both ways.
+///
+/// # Errors
+/// [`Error::Numerical`] where the base has no model at the middle of its priors.
+pub fn exact_degeneracies(subject: &Subject) -> Result<Vec<Degeneracy>> {
+    let base = subject.base();
+    let middle: Vec<f64> = base.free.iter().map(|free| free.null.unwrap_or_else(|| free.quantile(0.5))).collect();
+    let position_m = subject.trajectory_m(&base, &middle)?;
+    let noise = natural(&subject.noise_prior().white());
+    let truth = Truth { candidate: &base, theta: &middle, noise, position_m: &position_m };
+    let made = subject.library().effects().par_iter().map(|effect| match subject.extended(&[effect.slug()]) {
+        Ok(candidate) => Ok(added(subject, effect.slug(), candidate, &truth)),
+        Err(Error::Input { .. }) => Ok(None),
+        Err(other) => Err(other),
+    });
+    let effects: Vec<Added> = made.collect::<Result<Vec<_>>>()?.into_iter().flatten().collect();
+    let mut list = Vec::new();
+    for hidden in effects.iter().filter(|added| added.visible.is_none()) {
+        if imitates(subject, &base, hidden, noise) {
+            list.push(Degeneracy {
+                effects: vec![hidden.slug.into()],
+                sentence: format!("this protocol does not show {}: it only changes the law's parameters", hidden.slug),
+            });
+        }
+    }
+    list.extend(classes(subject, &effects, noise));
+    Ok(list)
+}
+
+/// Groups of effects each of which is the same as one before it.
+fn classes(subject: &Subject, effects: &[Added], noise: NoiseValues) -> Vec<Degeneracy> {
+    let pairs: Vec<(usize, usize)> =
+        (0..effects.len()).flat_map(|i| (i + 1..effects.len()).map(move |j| (i, j))).collect();
+    let is_same = |(i, j): &(usize, usize)| {
+        let (a, b) = (&effects[*i], &effects[*j]);
+        let (Some(of_a), Some(of_b)) = (&a.visible, &b.visible) else { return false };
+        of_a.dot(of_b).abs() > SAME_COSINE * of_a.norm() * of_b.norm()
+            && imitates(subject, &b.candidate, a, noise)
+            && imitates(subject, &a.candidate, b, noise)
+    };
+    let same: Vec<(usize, usize)> = pairs.into_par_iter().filter(is_same).collect();
+    let mut class: Vec<usize> = (0..effects.len()).collect();
+    for (i, j) in same {
+        let (into, from) = (class[i], class[j]);
+        class.iter_mut().filter(|c| **c == from).for_each(|c| *c = into);
+    }
+    let members = |c: usize| -> Vec<String> {
+        (0..effects.len()).filter(|i| class[*i] == c).map(|i| effects[i].slug.to_string()).collect()
+    };
+    let groups = (0..effects.len()).map(members).filter(|group| group.len() > 1);
+    let named = |effects: Vec<String>| Degeneracy {
+        sentence: format!("this protocol cannot tell {} apart, whatever their sizes", effects.join(" and ")),
+        effects,
+    };
+    groups.map(named).collect()
+}
+
+fn added(subject: &Subject, slug: &'static str, candidate: Candidate, base: &Truth) -> Option<Added> {
+    let last = candidate.effects.len().checked_sub(1)?;
+    let place = candidate.free.iter().position(|free| free.effect == Some(last) && free.null.is_some())?;
+    let null = candidate.embed(base.candidate, base.theta);
+    let free = &candidate.free[place];
+    let sign = if null[place] + COMPARED_STEP > free.ends[1] { -1.0 } else { 1.0 };
+    let mut made = Added { slug, null, place, sign, visible: None, candidate };
+    made.visible = {
+        let imitation = Imitation::new(subject, &made.candidate, base).without_priors();
+        let (left, fraction) = imitation.left(&made.null, &made.at(SIGNATURE_STEP))?;
+        (fraction > LEAST_VISIBLE).then_some(left)
+    };
+    Some(made)
+}
+
+/// Whether a model fits the noise-free data of an effect.
+fn imitates(subject: &Subject, other: &Candidate, truth: &Added, noise: NoiseValues) -> bool {
+    let theta = truth.at(COMPARED_STEP);
+    let Ok(position_m) = subject.trajectory_m(&truth.candidate, &theta) else { return false };
+    let truth = Truth { candidate: &truth.candidate, theta: &theta, noise, position_m: &position_m };
+    closest_without_priors(subject, other, &truth).is_ok_and(|closest| closest.distance < SAME_SIGMA)
+}

@@ -1,0 +1,105 @@
+//! Every effect, and leading pairs, refitted beside a reference model.
+
+use rayon::prelude::*;
+
+use super::future::{FutureScore, future_score};
+use super::{Candidate, Fitted, Search, Subject};
+use crate::NoiseValues;
+use base::error::Result;
+use posterior::monitor::{Counter, Monitor};
+
+/// A model at its fit.
+#[derive(Clone)]
+pub struct Refitted {
+    /// The model.
+    pub candidate: Candidate,
+    /// Its fit.
+    pub fitted: Fitted,
+    /// Its log scores of future cycles; `None` when no cycle is held out.
+    pub future: Option<FutureScore>,
+}
+
+/// What a model gains over another one.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Gain {
+    /// In log likelihood of the fitted cycles, noise estimated anew, in nats.
+    pub fitted: f64,
+    /// In the log score of future cycles.
+    pub future: Option<f64>,
+    /// In the log score of the last cycle.
+    pub last: Option<f64>,
+    /// Largest change of a predicted position over the noise.
+    pub largest_change: f64,
+    /// What candidates are ordered by: fitted and last-cycle gains, less two nats a parameter beyond the first.
+    pub rank: f64,
+}
+
+/// Nats that a parameter beyond one an effect has to gain.
+const NATS_PER_PARAMETER: f64 = 2.0;
+
+impl Refitted {
+    /// Fits a model from the fits of models that it contains, and as widely as is asked.
+    ///
+    /// # Errors
+    /// [`base::Error::Numerical`] when it has no model at any start.
+    pub fn new(subject: &Subject, candidate: Candidate, contained: &[&Self], search: Search) -> Result<Self> {
+        let starts: Vec<(Vec<f64>, NoiseValues)> = contained
+            .iter()
+            .map(|smaller| (candidate.embed(&smaller.candidate, &smaller.fitted.theta), smaller.fitted.noise))
+            .collect();
+        let fitted = subject.fit(&candidate, &starts, search)?;
+        debug_assert!(
+            contained.iter().all(|smaller| fitted.objective >= smaller.fitted.objective - 1e-6),
+            "a model fits no worse than one that it contains"
+        );
+        Self::at(subject, candidate, fitted)
+    }
+
+    /// A model at a fit that is there.
+    ///
+    /// # Errors
+    /// Where future cycles cannot be scored.
+    pub fn at(subject: &Subject, candidate: Candidate, fitted: Fitted) -> Result<Self> {
+        let future = future_score(subject, &candidate, &fitted)?;
+        Ok(Self { candidate, fitted, future })
+    }
+
+    /// What it gains over a model that it contains.
+    pub fn gain_over(&self, smaller: &Self, subject: &Subject) -> Gain {
+        let both = self.future.zip(smaller.future);
+        let last = both.map(|(own, other)| own.last - other.last);
+        let fitted = self.fitted.objective - smaller.fitted.objective;
+        let largest_m = self.fitted.position_m.iter().zip(&smaller.fitted.position_m);
+        let largest_m = largest_m.fold(0.0, |largest: f64, (a, b)| largest.max((a - b).abs()));
+        let n_effects = self.candidate.effects.len() - smaller.candidate.effects.len();
+        let n_parameters = self.candidate.free.len() - smaller.candidate.free.len();
+        let penalty = NATS_PER_PARAMETER * n_parameters.saturating_sub(n_effects) as f64;
+        Gain {
+            fitted,
+            future: both.map(|(own, other)| own.all - other.all),
+            last,
+            largest_change: largest_m / subject.yardstick_m(),
+            rank: fitted + last.unwrap_or(0.0) - penalty,
+        }
+    }
+}
+
+/// Refits models, each from the fits that it contains among `contained`. A model that cannot be evaluated is `None`.
+pub fn refit_all(
+    subject: &Subject,
+    candidates: &[Candidate],
+    contained: &[&Refitted],
+    search: Search,
+    monitor: &dyn Monitor,
+) -> Vec<Option<Refitted>> {
+    let counter = Counter::new(monitor, candidates.len());
+    let refit = |candidate: &Candidate| {
+        let is_contained =
+            |smaller: &&&Refitted| smaller.candidate.effects.iter().all(|slug| candidate.effects.contains(slug));
+        let inside: Vec<&Refitted> = contained.iter().filter(is_contained).copied().collect();
+        let refitted = Refitted::new(subject, candidate.clone(), &inside, search).ok();
+        counter.add_one();
+        refitted
+    };
+    candidates.par_iter().map(refit).collect()
+}

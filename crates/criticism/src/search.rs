@@ -1,0 +1,413 @@
+//! The search for missing effects: singles, pairs, and more where the data ask for them; forward, then backward.
+
+use rayon::prelude::*;
+
+use super::bootstrap::{Bootstrap, Simulations};
+use super::rank::{Score, pair_score};
+use super::refit::{Gain, Refitted, refit_all};
+use super::screen::Screen;
+use super::{Candidate, Search, Subject, large};
+use crate::NoiseValues;
+use base::error::Result;
+use posterior::monitor::Monitor;
+
+/// What an addition has to pass to be claimed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Bars {
+    /// Largest familywise p of the first round; each further round spends half of the one before.
+    pub largest_p: f64,
+    /// Smallest gain, nats, in the log score of future cycles.
+    pub least_future_nats: f64,
+    /// Smallest change of a prediction, over the noise.
+    pub smallest_change: f64,
+}
+
+impl Bars {
+    /// Largest p of a round, from 0.
+    fn p_of_round(&self, round: usize) -> f64 {
+        self.largest_p / 2.0_f64.powi(round as i32)
+    }
+}
+
+/// Most effects that one search adds.
+const MOST_EFFECTS: usize = 3;
+/// What a claim may lose in the log score of the cycle that no fit has seen, nats: an effect that does not show there gains and loses next to nothing.
+const LARGEST_LOSS_NATS: f64 = 0.1;
+/// A larger model has to outrank a smaller one by this factor and so many nats.
+const LARGER_FACTOR: f64 = 1.03;
+pub(super) const LARGER_NATS: f64 = 8.0;
+/// An effect whose removal costs less stays out.
+const LEAST_REMOVAL_NATS: f64 = 4.0;
+/// Pairs that are refitted for their grouped score, besides all of the best single effect.
+const N_LEADING_PAIRS: usize = 10;
+/// A second effect whose bound ([`Screen`]) stays below this adds too little to be wanted, by [`LARGER_NATS`], and is not refitted.
+const LEAST_BOUND_NATS: f64 = 4.0;
+/// Pairs that are refitted from every start.
+const N_WIDE_PAIRS: usize = 6;
+
+/// An effect of the library beside the base.
+pub struct Single {
+    /// Slug.
+    pub slug: &'static str,
+    /// Why it cannot be added, if it cannot.
+    pub refused: Option<String>,
+    /// The model with it; `None` where it cannot be added or evaluated.
+    pub refitted: Option<Refitted>,
+    /// Its gain over the base.
+    pub gain: Option<Gain>,
+    /// Its score at the base.
+    pub score: Option<Score>,
+}
+
+/// A claim, or what comes nearest to one.
+pub struct Step {
+    /// Slugs beside the base.
+    pub effects: Vec<String>,
+    /// The model.
+    pub refitted: Refitted,
+    /// Its gain over the model before.
+    pub gain: Gain,
+    /// p of that gain, corrected for the search of its round.
+    pub p: f64,
+    /// Whether it passes the bars.
+    pub is_claimed: bool,
+}
+
+/// What the search found.
+pub struct Found {
+    /// The base at its fit.
+    pub base: Refitted,
+    /// Every effect of the library, in its order.
+    pub singles: Vec<Single>,
+    /// Simulated searches from the base.
+    pub bootstrap: Bootstrap,
+    /// Pairs, best first, with their gains over the base.
+    pub pairs: Vec<(Refitted, Gain)>,
+    /// One step a round, in order; the last may be unclaimed.
+    pub steps: Vec<Step>,
+    /// The model that is claimed; `None` when none is.
+    pub claimed: Option<Refitted>,
+}
+
+impl Found {
+    /// Effects beside the base of a model.
+    pub fn added<'a>(&self, model: &'a Refitted) -> Vec<&'a str> {
+        let n_base = self.base.candidate.effects.len();
+        model.candidate.effects[n_base..].iter().map(String::as_str).collect()
+    }
+
+    /// The model of the first round, where that was claimed: the one effect that helps most.
+    pub fn first_claimed(&self) -> Option<&Refitted> {
+        self.steps.first().filter(|step| step.is_claimed).map(|step| &step.refitted)
+    }
+
+    /// A single effect by its slug.
+    pub fn single(&self, slug: &str) -> Option<&Single> {
+        self.singles.iter().find(|single| single.slug == slug)
+    }
+}
+
+/// How the search is run.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Effort {
+    /// Most simulated searches a round.
+    pub n_simulations: usize,
+    /// Whether every p is wanted, and not only what it decides.
+    pub in_full: bool,
+    /// Seed of all random numbers.
+    pub seed: u64,
+}
+
+impl Effort {
+    fn simulations(&self, p: f64) -> Simulations {
+        Simulations { most: self.n_simulations, only_for: (!self.in_full).then_some(p) }
+    }
+}
+
+/// Searches.
+///
+/// # Errors
+/// Whatever fitting the base refuses.
+pub fn search(subject: &Subject, bars: &Bars, effort: &Effort, monitor: &dyn Monitor) -> Result<Found> {
+    monitor.stage("fitting the model");
+    let mut base = Refitted::new(subject, subject.base(), &[], Search::Wide)?;
+    large::prepare(subject, &base, monitor);
+    monitor.stage("fitting the model with every effect");
+    let slugs: Vec<&'static str> = subject.library().effects().iter().map(|effect| effect.slug()).collect();
+    let candidates: Vec<_> = slugs.iter().map(|slug| addable(subject, slug)).collect();
+    let models: Vec<Candidate> = candidates.iter().flatten().cloned().collect();
+    let mut refitted = refit_all(subject, &models, &[&base], Search::Wide, monitor);
+    if let Some(better) = base_from(subject, &base, &refitted) {
+        base = better;
+        // Wide searches have been made: only the base is new to them.
+        let again = refit_all(subject, &models, &[&base], Search::Local, monitor);
+        refitted = refitted.into_iter().zip(again).map(|(first, again)| better_of(first, again)).collect();
+    }
+    let scores =
+        super::rank::scores(subject, &base.candidate, &base.fitted, &models.iter().collect::<Vec<_>>(), effort.seed)?;
+    let mut results = refitted.into_iter().zip(scores);
+    let singles: Vec<Single> = slugs
+        .into_iter()
+        .zip(candidates)
+        .map(|(slug, candidate)| {
+            let result = candidate.as_ref().ok().and_then(|_| results.next());
+            let (refitted, score) = result.map_or((None, None), |(refitted, score)| (refitted, Some(score)));
+            let score = score.or_else(|| large::score_where_not_learnt(subject, slug));
+            let gain = refitted.as_ref().map(|refitted| refitted.gain_over(&base, subject));
+            Single { slug, refused: candidate.err(), refitted, gain, score }
+        })
+        .collect();
+    monitor.stage("simulating searches where nothing is missing");
+    // As many as decide about the gain that is judged.
+    let judged = best_single(&singles).and_then(|single| single.gain).map_or(0.0, |gain| gain.fitted);
+    let simulations = effort.simulations(bars.p_of_round(0));
+    let bootstrap = Bootstrap::run(subject, &base, &models, judged, simulations, effort.seed ^ 0x5eed, monitor);
+    let mut found = Found { base, singles, bootstrap, pairs: Vec::new(), steps: Vec::new(), claimed: None };
+    monitor.stage("refitting pairs of effects");
+    found.pairs = pairs(subject, &found, monitor);
+    rounds(subject, bars, effort, &mut found, monitor);
+    Ok(found)
+}
+
+fn better_of(first: Option<Refitted>, again: Option<Refitted>) -> Option<Refitted> {
+    match (first, again) {
+        (Some(first), Some(again)) if first.fitted.objective >= again.fitted.objective => Some(first),
+        (first, again) => again.or(first),
+    }
+}
+
+/// The base with an effect of the library, or the reason why it cannot be added.
+fn addable(subject: &Subject, slug: &str) -> std::result::Result<Candidate, String> {
+    subject.extended(&[slug]).map_err(|error| match error {
+        base::Error::Input { found, .. } => found,
+        other => other.to_string(),
+    })
+}
+
+/// A better fit of the base from the noises that larger models were given: the search for a noise must not favour them.
+fn base_from(subject: &Subject, base: &Refitted, larger: &[Option<Refitted>]) -> Option<Refitted> {
+    let noises = larger.iter().flatten().map(|model| (base.fitted.theta.clone(), model.fitted.noise));
+    let starts: Vec<(Vec<f64>, NoiseValues)> = noises.collect();
+    let fitted = subject.fit(&base.candidate, &starts, Search::Local).ok()?;
+    if fitted.objective < base.fitted.objective + 1e-3 {
+        return None;
+    }
+    let future = super::future::future_score(subject, &base.candidate, &fitted).ok()?;
+    Some(Refitted { candidate: base.candidate.clone(), fitted, future })
+}
+
+/// Pairs with the best grouped scores, and those with the best single effect to which the other one adds anything to first order.
+fn pairs(subject: &Subject, found: &Found, monitor: &dyn Monitor) -> Vec<(Refitted, Gain)> {
+    let usable: Vec<&Single> = found.singles.iter().filter(|single| single.refitted.is_some()).collect();
+    let mut scored: Vec<(f64, [&str; 2])> = Vec::new();
+    for (i, a) in usable.iter().enumerate() {
+        for b in &usable[i + 1..] {
+            if let (Some(x), Some(y)) = (&a.score, &b.score) {
+                scored.push((pair_score(x, y), [a.slug, b.slug]));
+            }
+        }
+    }
+    scored.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let mut wanted: Vec<[&str; 2]> = scored.iter().take(N_LEADING_PAIRS).map(|(_, pair)| *pair).collect();
+    if let Some((best, refitted)) = best_single(&found.singles).and_then(|best| Some((best, best.refitted.as_ref()?))) {
+        let others: Vec<&str> = usable.iter().map(|other| other.slug).filter(|slug| *slug != best.slug).collect();
+        wanted.extend(that_may_gain(subject, best.slug, refitted, &others).into_iter().map(|other| [best.slug, other]));
+    }
+    wanted.iter_mut().for_each(|pair| pair.sort_unstable());
+    wanted.sort_unstable();
+    wanted.dedup();
+    let candidates: Vec<Candidate> = wanted.iter().filter_map(|pair| subject.extended(pair).ok()).collect();
+    let contained: Vec<&Refitted> =
+        std::iter::once(&found.base).chain(usable.iter().filter_map(|single| single.refitted.as_ref())).collect();
+    let ranked = |refitted: Vec<Option<Refitted>>| {
+        let with_gain = refitted.into_iter().flatten().map(|pair| {
+            let gain = pair.gain_over(&found.base, subject);
+            (pair, gain)
+        });
+        let mut list: Vec<(Refitted, Gain)> = with_gain.collect();
+        list.sort_by(|a, b| b.1.rank.total_cmp(&a.1.rank));
+        list
+    };
+    let mut list = ranked(refit_all(subject, &candidates, &contained, Search::Local, monitor));
+    // Where a pair comes near to being wanted, the leaders deserve every start.
+    let wanted_rank = LARGER_FACTOR * best_single(&found.singles).map_or(0.0, rank_of).max(0.0) + LARGER_NATS;
+    if list.first().is_some_and(|(_, gain)| gain.rank > 0.5 * wanted_rank) {
+        let n_wide = N_WIDE_PAIRS.min(list.len());
+        let leaders: Vec<Candidate> = list[..n_wide].iter().map(|(pair, _)| pair.candidate.clone()).collect();
+        let locals: Vec<&Refitted> =
+            contained.iter().copied().chain(list[..n_wide].iter().map(|(pair, _)| pair)).collect();
+        let wide = ranked(refit_all(subject, &leaders, &locals, Search::Wide, monitor));
+        list.splice(..n_wide, wide);
+        list.sort_by(|a, b| b.1.rank.total_cmp(&a.1.rank));
+    }
+    list
+}
+
+/// Of effects beside the best single one, at its fit, those that may gain [`LEAST_BOUND_NATS`]; all of them where first-order values are not to be had.
+fn that_may_gain<'a>(subject: &Subject, best: &str, fitted: &Refitted, others: &[&'a str]) -> Vec<&'a str> {
+    let candidate = |other: &&'a str| Some((*other, subject.extended(&[best, other]).ok()?));
+    let (others, candidates): (Vec<&str>, Vec<Candidate>) = others.iter().filter_map(candidate).unzip();
+    let Ok(screen) = Screen::new(subject, fitted, &candidates) else { return others };
+    let bounds = screen.bounds_nats(subject);
+    others.into_iter().zip(bounds).filter(|(_, bound)| *bound >= LEAST_BOUND_NATS).map(|(other, _)| other).collect()
+}
+
+fn best_single(singles: &[Single]) -> Option<&Single> {
+    let ranked = singles.iter().filter(|single| single.gain.is_some());
+    ranked.max_by(|a, b| rank_of(a).total_cmp(&rank_of(b)))
+}
+
+fn rank_of(single: &Single) -> f64 {
+    single.gain.map_or(f64::NEG_INFINITY, |gain| gain.rank)
+}
+
+/// Adds effects, one a round, while each passes the bars; then takes back what is not needed any more.
+fn rounds(subject: &Subject, bars: &Bars, effort: &Effort, found: &mut Found, monitor: &dyn Monitor) {
+    let Some(first) = best_single(&found.singles) else { return };
+    let (Some(refitted), Some(gain)) = (first.refitted.clone(), first.gain) else { return };
+    let p = found.bootstrap.p(gain.fitted);
+    let is_claimed = passes(bars, &gain, p, 0);
+    let slug = first.slug.to_string();
+    found.steps.push(Step { effects: vec![slug], refitted: refitted.clone(), gain, p, is_claimed });
+    let mut current = refitted;
+    let mut standing = is_claimed;
+    for round in 1..MOST_EFFECTS {
+        let Some((larger, gain)) = next_larger(subject, found, &current, round, monitor) else { break };
+        let rank_now = current.gain_over(&found.base, subject).rank;
+        let over_base = larger.gain_over(&found.base, subject);
+        if over_base.rank < LARGER_FACTOR * rank_now.max(0.0) + LARGER_NATS {
+            break;
+        }
+        monitor.stage("simulating searches for one effect more");
+        let additions = additions_to(subject, &current);
+        // Of later rounds the decision is reported, not p.
+        let simulations = Simulations { most: effort.n_simulations, only_for: Some(bars.p_of_round(round)) };
+        let seed = effort.seed ^ (0xb007 + round as u64);
+        let simulated = Bootstrap::run(subject, &current, &additions, gain.fitted, simulations, seed, monitor);
+        let p = simulated.p(gain.fitted);
+        // Where the step before failed, what it lost counts too.
+        let claimed = passes(bars, &gain, p, round) && predicts(bars, &over_base);
+        let effects = found.added(&larger).into_iter().map(String::from).collect();
+        found.steps.push(Step { effects, refitted: larger.clone(), gain, p, is_claimed: claimed });
+        if !claimed {
+            break;
+        }
+        (current, standing) = (larger, true);
+    }
+    if standing {
+        found.claimed = Some(without_needless(subject, bars, found, current));
+    }
+}
+
+fn passes(bars: &Bars, gain: &Gain, p: f64, round: usize) -> bool {
+    p <= bars.p_of_round(round) && predicts(bars, gain) && gain.largest_change >= bars.smallest_change
+}
+
+/// Whether future cycles are predicted better, and the last one, which no fit has seen, not worse.
+fn predicts(bars: &Bars, gain: &Gain) -> bool {
+    let is_kept = |last: f64| last > -LARGEST_LOSS_NATS;
+    gain.future.is_some_and(|future| future > bars.least_future_nats) && gain.last.is_some_and(is_kept)
+}
+
+/// The best model with one effect more than `current`, and its gain over `current`. After the first round any pair will do, also one without the best
+/// single effect, which may have stood for two others.
+fn next_larger(
+    subject: &Subject,
+    found: &Found,
+    current: &Refitted,
+    round: usize,
+    monitor: &dyn Monitor,
+) -> Option<(Refitted, Gain)> {
+    if round == 1 {
+        let (pair, gain) = found.pairs.first()?;
+        let of_current = current.gain_over(&found.base, subject);
+        // The gain over a model that it need not contain.
+        let difference = Gain {
+            fitted: gain.fitted - of_current.fitted,
+            future: gain.future.zip(of_current.future).map(|(a, b)| a - b),
+            last: gain.last.zip(of_current.last).map(|(a, b)| a - b),
+            rank: gain.rank - of_current.rank,
+            largest_change: largest_change(subject, pair, current),
+        };
+        return Some((pair.clone(), difference));
+    }
+    monitor.stage("refitting with one effect more");
+    let candidates = additions_to(subject, current);
+    let pairs = found.pairs.iter().map(|(pair, _)| pair);
+    let contained: Vec<&Refitted> = std::iter::once(current).chain(pairs).collect();
+    let refitted = refit_all(subject, &candidates, &contained, Search::Wide, monitor).into_iter().flatten();
+    let with_gain = refitted.map(|larger| {
+        let gain = larger.gain_over(current, subject);
+        (larger, gain)
+    });
+    with_gain.max_by(|a, b| a.1.rank.total_cmp(&b.1.rank))
+}
+
+fn largest_change(subject: &Subject, a: &Refitted, b: &Refitted) -> f64 {
+    let pairs = a.fitted.position_m.iter().zip(&b.fitted.position_m);
+    pairs.fold(0.0, |largest: f64, (x, y)| largest.max((x - y).abs())) / subject.yardstick_m()
+}
+
+/// Every model with one effect more.
+fn additions_to(subject: &Subject, model: &Refitted) -> Vec<Candidate> {
+    let n_base = subject.specification().effects.len();
+    let own: Vec<&str> = model.candidate.effects[n_base..].iter().map(String::as_str).collect();
+    let others = subject.library().effects().iter().map(|effect| effect.slug()).filter(|slug| !own.contains(slug));
+    others.filter_map(|slug| subject.extended(&[&own[..], &[slug]].concat()).ok()).collect()
+}
+
+/// Takes out, one by one, effects whose removal costs next to nothing, while what is left would be claimed by itself.
+fn without_needless(subject: &Subject, bars: &Bars, found: &Found, mut model: Refitted) -> Refitted {
+    loop {
+        let own: Vec<String> = found.added(&model).into_iter().map(String::from).collect();
+        if own.len() < 2 {
+            return model;
+        }
+        let smaller: Vec<Refitted> = own
+            .par_iter()
+            .filter_map(|slug| {
+                let rest: Vec<&str> = own.iter().filter(|other| *other != slug).map(String::as_str).collect();
+                Refitted::new(subject, subject.extended(&rest).ok()?, &[&found.base], Search::Wide).ok()
+            })
+            .collect();
+        let cost = |smaller: &Refitted| model.fitted.objective - smaller.fitted.objective;
+        let stands = |smaller: &Refitted| {
+            let gain = smaller.gain_over(&found.base, subject);
+            passes(bars, &gain, found.bootstrap.p(gain.fitted), 0)
+        };
+        let needless = smaller.into_iter().filter(|smaller| cost(smaller) < LEAST_REMOVAL_NATS && stands(smaller));
+        match needless.min_by(|a, b| cost(a).total_cmp(&cost(b))) {
+            Some(smaller) => model = smaller,
+            None => return model,
+        }
+    }
+}
+
+/// Models in which one effect of a claim is replaced by another one, with the effect that comes in.
+pub fn replacements(subject: &Subject, found: &Found, claimed: &Refitted) -> Vec<(&'static str, Refitted)> {
+    let own = found.added(claimed);
+    let others: Vec<&'static str> =
+        found.singles.iter().filter(|s| s.refitted.is_some() && !own.contains(&s.slug)).map(|s| s.slug).collect();
+    let mut wanted: Vec<(&'static str, Vec<&str>)> = Vec::new();
+    for replaced in &own {
+        for slug in &others {
+            let rest = own.iter().filter(|other| *other != replaced).copied();
+            wanted.push((slug, rest.chain([*slug]).collect()));
+        }
+    }
+    let single_models: Vec<&Refitted> = found.singles.iter().filter_map(|single| single.refitted.as_ref()).collect();
+    let refit = |(slug, effects): &(&'static str, Vec<&str>)| {
+        if let ([_], Some(single)) = (&effects[..], found.single(slug)) {
+            return single.refitted.clone().map(|refitted| (*slug, refitted));
+        }
+        let is_inside = |model: &&&Refitted| found.added(model).iter().all(|own| effects.contains(own));
+        let contained: Vec<&Refitted> = single_models.iter().filter(is_inside).copied().chain([&found.base]).collect();
+        let candidate = subject.extended(effects).ok()?;
+        Refitted::new(subject, candidate, &contained, Search::Wide).ok().map(|refitted| (*slug, refitted))
+    };
+    wanted.par_iter().filter_map(refit).collect()
+}
+
+#[cfg(test)]
+#[path = "search_tests.rs"]
+pub(super) mod tests;

@@ -1,0 +1,355 @@
+//! How far two models stand apart in an experiment.
+//!
+//! The data that one model, the truth, would give without noise are fitted by another. What is left, ‖L⁻¹(f_truth − f_other)‖ with L Lᵀ the covariance of
+//! the noise at the truth, is the distance in σ: half its square is what the truth's log likelihood is expected to be ahead in data with that noise. Two
+//! effects are separated by an experiment where it stays above [`SEPARATED_SIGMA`].
+//!
+//! Priors of the law hold its parameters about those of the truth, as they would if the truth were a fit of data: so a model is at distance 0 from itself,
+//! and to first order the distance is ‖Pg‖ε with the projection P of [`super::Tangent`].
+
+use nalgebra::{DMatrix, DVector};
+
+use super::derivatives::columns_m;
+use super::fit::KEPT_PROMISE;
+use super::steps::{Steps, damped_steps, normal_equations};
+use super::{Candidate, Fitted, Subject};
+use crate::NoiseValues;
+use base::error::{Error, Result};
+use models::model::N_LANES;
+
+/// Distance in σ from which on two effects count as separated.
+pub const SEPARATED_SIGMA: f64 = 4.0;
+
+/// Steps from an effect's null at which fits of it start, in units of the spread of its prior.
+const SIZES: [f64; 8] = [0.003, 0.01, 0.03, 0.1, 0.3, 0.7, 1.5, 3.0];
+/// Prior quantiles at which what means nothing at the null starts.
+const GRID: [f64; 7] = [0.05, 0.2, 0.35, 0.5, 0.65, 0.8, 0.95];
+/// Starts that are followed to the end, the null besides.
+const N_FOLLOWED: usize = 3;
+const MOST_STEPS: usize = 30;
+/// A squared distance is at rest when a step takes less than this part of it.
+const LEAST_PART: f64 = 1e-3;
+/// Below this squared distance nothing is left to fit.
+const NOTHING: f64 = 1e-6;
+
+/// Distance in σ that the best fit of `other` leaves of noise-free data made by the truth at its fit; the noise is the truth's.
+///
+/// # Errors
+/// [`Error::Numerical`] when the other model cannot be evaluated at any start.
+pub fn distance(subject: &Subject, other: &Candidate, truth: (&Candidate, &Fitted)) -> Result<f64> {
+    let (candidate, fitted) = truth;
+    let truth = Truth { candidate, theta: &fitted.theta, noise: fitted.noise, position_m: &fitted.position_m };
+    Ok(closest(subject, other, &truth)?.distance)
+}
+
+/// A model at a point, and the noise around it.
+#[derive(Clone, Copy)]
+pub struct Truth<'a> {
+    pub candidate: &'a Candidate,
+    /// Its coordinates.
+    pub theta: &'a [f64],
+    /// The noise's parameters in their units.
+    pub noise: NoiseValues,
+    /// Position (m) at every row of the record.
+    pub position_m: &'a [f64],
+}
+
+/// The point of a model that comes closest to a truth.
+#[derive(Debug, Clone)]
+pub struct Closest {
+    /// In σ.
+    pub distance: f64,
+    pub theta: Vec<f64>,
+}
+
+/// The best fit of a model to a truth.
+pub fn closest(subject: &Subject, other: &Candidate, truth: &Truth) -> Result<Closest> {
+    Imitation::new(subject, other, truth).best(&other.embed(truth.candidate, truth.theta))
+}
+
+/// The same with nothing held by priors: what is geometry of the protocol alone.
+pub(super) fn closest_without_priors(subject: &Subject, other: &Candidate, truth: &Truth) -> Result<Closest> {
+    Imitation::new(subject, other, truth).without_priors().best(&other.embed(truth.candidate, truth.theta))
+}
+
+/// A model that is fitted to a truth, or compared with it.
+pub(super) struct Imitation<'a> {
+    subject: &'a Subject,
+    other: &'a Candidate,
+    noise: NoiseValues,
+    truth_m: &'a [f64],
+    /// Mean and standard deviation of the law's coordinates.
+    priors: Vec<Option<(f64, f64)>>,
+}
+
+/// A point of the fit.
+#[derive(Clone)]
+struct Point {
+    theta: Vec<f64>,
+    squared: f64,
+}
+
+/// What a model's coordinates absorb at a point.
+struct Absorbing {
+    /// Coordinates that may move.
+    active: Vec<usize>,
+    /// Their whitened columns.
+    columns: Vec<Vec<f64>>,
+    /// Inverse of their curvature, priors included.
+    inverse: DMatrix<f64>,
+}
+
+impl Absorbing {
+    fn slope(&self, white: &[f64]) -> DVector<f64> {
+        let dot = |column: &Vec<f64>| column.iter().zip(white).map(|(a, b)| a * b).sum::<f64>();
+        DVector::from_iterator(self.columns.len(), self.columns.iter().map(dot))
+    }
+}
+
+/// What is left of a point to first order.
+#[derive(Debug, Clone)]
+pub(super) struct Seen {
+    /// Squared distance in σ².
+    pub squared: f64,
+    /// The same before anything was absorbed.
+    pub whole: f64,
+    /// Where the absorbing coordinates have moved to.
+    pub theta: Vec<f64>,
+}
+
+impl Seen {
+    /// Share that is not absorbed.
+    pub fn fraction(&self) -> f64 {
+        if self.whole > 0.0 { (self.squared / self.whole).max(0.0) } else { 0.0 }
+    }
+}
+
+impl<'a> Imitation<'a> {
+    pub fn new(subject: &'a Subject, other: &'a Candidate, truth: &Truth<'a>) -> Self {
+        let of_truth = |name: &str| truth.candidate.free.iter().position(|free| free.name == name);
+        let prior = |free: &super::Free| {
+            free.prior.map(|(mean, sd)| (of_truth(free.name).map_or(mean, |place| truth.theta[place]), sd))
+        };
+        let priors = other.free.iter().map(prior).collect();
+        Self { subject, other, noise: truth.noise, truth_m: truth.position_m, priors }
+    }
+
+    /// The same with nothing held by priors.
+    pub fn without_priors(self) -> Self {
+        Self { priors: vec![None; self.other.free.len()], ..self }
+    }
+
+    /// What is left, whitened, of a point when what is not away from its null at `null` has absorbed what it can; and its share. To first order.
+    pub fn left(&self, null: &[f64], point: &[f64]) -> Option<(DVector<f64>, f64)> {
+        let absorbing = self.absorbing(null)?;
+        let white = self.differences(&[point.to_vec()]).swap_remove(0)?;
+        let step = &absorbing.inverse * absorbing.slope(&white);
+        let mut left = DVector::from_column_slice(&white);
+        for (column, step) in absorbing.columns.iter().zip(step.iter()) {
+            left.iter_mut().zip(column).for_each(|(left, value)| *left -= step * value);
+        }
+        let whole = white.iter().map(|w| w * w).sum::<f64>();
+        let fraction = if whole > 0.0 { left.norm_squared() / whole } else { 0.0 };
+        Some((left, fraction))
+    }
+
+    /// The best fit, from where effects are at their nulls and from sizes and grid points of those.
+    pub fn best(&self, null: &[f64]) -> Result<Closest> {
+        let mut starts = vec![null.to_vec()];
+        starts.extend(self.promising(null));
+        let mut best: Option<Point> = None;
+        for start in starts {
+            let Some(point) = self.descend(start) else { continue };
+            if best.as_ref().is_none_or(|best| point.squared < best.squared) {
+                best = Some(point);
+            }
+            if best.as_ref().is_some_and(|best| best.squared < NOTHING) {
+                break;
+            }
+        }
+        let best = best.ok_or_else(|| {
+            Error::numerical(
+                format!("the model with {} cannot be fitted to that of another", self.other.effects.join(", ")),
+                "look at the priors of its parameters",
+            )
+        })?;
+        Ok(Closest { distance: best.squared.sqrt(), theta: best.theta })
+    }
+
+    /// Whitened differences (the truth's positions less the model's) of up to eight points; `None` where there is no model.
+    pub fn differences(&self, points: &[Vec<f64>]) -> Vec<Option<Vec<f64>>> {
+        let (lanes, is_valid) = self.subject.trajectories_m(self.other, points);
+        let valid: Vec<usize> = (0..points.len()).filter(|lane| is_valid[*lane]).collect();
+        let column = |lane: &usize| -> Vec<f64> {
+            lanes.iter().zip(self.truth_m).map(|(row, truth_m)| truth_m - row.0[*lane]).collect()
+        };
+        let columns: Vec<Vec<f64>> = valid.iter().map(column).collect();
+        let mut white = vec![None; points.len()];
+        for (lane, column) in valid.iter().zip(self.whiten(&columns)) {
+            white[*lane] = Some(column).filter(|column| column.iter().all(|value| value.is_finite()));
+        }
+        white
+    }
+
+    pub fn whiten(&self, columns_m: &[Vec<f64>]) -> Vec<Vec<f64>> {
+        self.subject.fitted.whiten(columns_m, self.truth_m, &self.noise)
+    }
+
+    /// What the priors add to the squared distance.
+    fn of_priors(&self, theta: &[f64]) -> f64 {
+        let pairs = self.priors.iter().zip(theta);
+        pairs.filter_map(|(prior, theta)| prior.map(|(mean, sd)| ((theta - mean) / sd).powi(2))).sum()
+    }
+
+    fn squared(&self, theta: &[f64], white: &Option<Vec<f64>>) -> f64 {
+        let of = |white: &Vec<f64>| white.iter().map(|w| w * w).sum::<f64>() + self.of_priors(theta);
+        white.as_ref().map_or(f64::INFINITY, of)
+    }
+
+    /// Gauss and Newton, several dampings at once; `None` where there is no model.
+    fn descend(&self, start: Vec<f64>) -> Option<Point> {
+        let mut white = self.differences(std::slice::from_ref(&start)).swap_remove(0);
+        let mut point = Point { squared: self.squared(&start, &white), theta: start };
+        for _ in 0..MOST_STEPS {
+            let residual = white.take()?;
+            if point.squared < NOTHING {
+                break;
+            }
+            let Some(steps) = self.steps(&point.theta, residual) else { break };
+            if 2.0 * steps.promised < LEAST_PART * point.squared {
+                break;
+            }
+            let (mut tried, mut squares) = (Vec::new(), Vec::new());
+            let mut least = point.squared;
+            for chunk in steps.in_turn(self.other) {
+                let white = self.differences(chunk);
+                squares.extend(chunk.iter().zip(&white).map(|(theta, white)| self.squared(theta, white)));
+                tried.extend(white);
+                let before = least;
+                least = squares.iter().copied().fold(before, f64::min);
+                let is_past = before < point.squared && least >= before;
+                if is_past || point.squared - least > KEPT_PROMISE * 2.0 * steps.promised {
+                    break;
+                }
+            }
+            let best = (0..squares.len()).min_by(|&a, &b| squares[a].total_cmp(&squares[b])).unwrap_or(0);
+            let taken = point.squared - squares[best];
+            if taken <= 0.0 {
+                break;
+            }
+            point = Point { theta: steps.trials[best].clone(), squared: squares[best] };
+            white = tried.swap_remove(best);
+            if taken < LEAST_PART * point.squared {
+                break;
+            }
+        }
+        Some(point)
+    }
+
+    fn steps(&self, theta: &[f64], residual: Vec<f64>) -> Option<Steps> {
+        let mut white = self.whiten(&columns_m(self.subject, self.other, theta).ok()?);
+        white.push(residual);
+        let (mut normal, mut slope) = normal_equations(&white);
+        for (k, prior) in self.priors.iter().enumerate() {
+            if let Some((mean, sd)) = prior {
+                normal[(k, k)] += 1.0 / (sd * sd);
+                slope[k] += (mean - theta[k]) / (sd * sd);
+            }
+        }
+        damped_steps(self.other, theta, &normal, &slope)
+    }
+
+    /// Starts with one effect away from its null and the other coordinates where they absorb what they can: the best few, to first order.
+    fn promising(&self, null: &[f64]) -> Vec<Vec<f64>> {
+        let starts = away_from_null(self.other, null);
+        let mut ranked: Vec<Seen> = self.seen(null, &starts).into_iter().flatten().collect();
+        ranked.sort_by(|a, b| a.squared.total_cmp(&b.squared));
+        ranked.truncate(N_FOLLOWED);
+        ranked.into_iter().map(|seen| seen.theta).collect()
+    }
+
+    /// Of coordinates whose effect is not away from its null.
+    fn absorbing(&self, theta: &[f64]) -> Option<Absorbing> {
+        let is_on =
+            |k: usize| self.other.free.get(k).is_none_or(|f| f.effect.is_none_or(|e| !is_off(self.other, e, theta)));
+        let active: Vec<usize> = (0..self.other.dimension()).filter(|k| is_on(*k)).collect();
+        let all = columns_m(self.subject, self.other, theta).ok()?;
+        let mut columns = self.whiten(&active.iter().map(|k| all[*k].clone()).collect::<Vec<_>>());
+        columns.push(Vec::new());
+        let (mut normal, _) = normal_equations(&columns);
+        columns.pop();
+        for (i, k) in active.iter().enumerate() {
+            normal[(i, i)] += self.priors.get(*k).copied().flatten().map_or(0.0, |(_, sd)| 1.0 / (sd * sd));
+        }
+        Some(Absorbing { active, columns, inverse: normal.try_inverse()? })
+    }
+
+    /// What is left of points, to first order, once what is not away from its null at `null` has absorbed what it can; `None` where there is
+    /// no model.
+    pub fn seen(&self, null: &[f64], points: &[Vec<f64>]) -> Vec<Option<Seen>> {
+        let absorbing = if points.is_empty() { None } else { self.absorbing(null) };
+        let Some(absorbing) = absorbing else { return vec![None; points.len()] };
+        let differences = points.chunks(N_LANES).flat_map(|chunk| self.differences(chunk));
+        points.iter().zip(differences).map(|(point, white)| Some(self.absorbed(&absorbing, point, &white?))).collect()
+    }
+
+    fn absorbed(&self, absorbing: &Absorbing, start: &[f64], white: &[f64]) -> Seen {
+        let slope = absorbing.slope(white);
+        let step = &absorbing.inverse * &slope;
+        let mut theta = start.to_vec();
+        for (k, step) in absorbing.active.iter().zip(step.iter()) {
+            let [lower, upper] = self.other.ends(*k);
+            theta[*k] = (theta[*k] + step).clamp(lower, upper);
+        }
+        let whole = white.iter().map(|w| w * w).sum::<f64>();
+        Seen { squared: whole - slope.dot(&step), whole, theta }
+    }
+}
+
+/// Whether an effect of a candidate is at its null.
+pub(super) fn is_off(candidate: &Candidate, effect: usize, theta: &[f64]) -> bool {
+    candidate.free.iter().zip(theta).any(|(free, theta)| free.effect == Some(effect) && free.null == Some(*theta))
+}
+
+/// Coordinates with one effect that is at its null at `null` put at several sizes, both ways, and grid points of what means nothing at the null.
+fn away_from_null(candidate: &Candidate, null: &[f64]) -> Vec<Vec<f64>> {
+    let mut starts = Vec::new();
+    for (k, free) in candidate.free.iter().enumerate() {
+        let Some(effect) = free.effect.filter(|effect| is_off(candidate, *effect, null)) else { continue };
+        if free.null != Some(null[k]) {
+            continue;
+        }
+        for of_grid in over_grid(candidate, effect, null) {
+            let mut sizes: Vec<f64> =
+                SIZES.iter().flat_map(|size| [-size, *size]).map(|size| free.clamped(null[k] + size)).collect();
+            sizes.sort_by(f64::total_cmp);
+            sizes.dedup();
+            for size in sizes.into_iter().filter(|size| *size != null[k]) {
+                let mut start = of_grid.clone();
+                start[k] = size;
+                starts.push(start);
+            }
+        }
+    }
+    starts
+}
+
+/// Coordinates with what means nothing at an effect's null put at quantiles of its prior.
+pub(super) fn over_grid(candidate: &Candidate, effect: usize, theta: &[f64]) -> Vec<Vec<f64>> {
+    let unidentified: Vec<usize> = (0..candidate.free.len())
+        .filter(|k| candidate.free[*k].effect == Some(effect) && candidate.free[*k].is_unidentified_at_null())
+        .collect();
+    if unidentified.is_empty() {
+        return vec![theta.to_vec()];
+    }
+    let at = |probability: &f64| {
+        let mut moved = theta.to_vec();
+        unidentified.iter().for_each(|k| moved[*k] = candidate.free[*k].quantile(*probability));
+        moved
+    };
+    GRID.iter().map(at).collect()
+}
+
+#[cfg(test)]
+#[path = "separation_tests.rs"]
+pub(super) mod tests;

@@ -1,0 +1,90 @@
+//! Gauss–Newton steps of a candidate's coordinates, whole, in part and damped.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::Candidate;
+use models::model::N_LANES;
+
+/// Dampings of the steps that are tried, in units of the curvature along coordinates.
+const DAMPINGS: [f64; N_LANES - 1] = [0.1, 1e-2, 1.0, 1e-4, 10.0, 100.0, 1e4];
+/// The same where every trajectory is computed by itself, and one step after another is tried: parts of the undamped step come before them, since narrow valleys
+/// bend.
+const SLOW_DAMPINGS: [f64; 5] = [1e-4, 1e-2, 0.1, 1.0, 100.0];
+const PARTS: [f64; 3] = [1.0, 0.5, 0.25];
+/// No coordinate moves by more than this at once.
+const LONGEST_STEP: f64 = 3.0;
+
+/// Curvature and slope of ½‖r − Ax‖² at x = 0, of the columns of A and, after them, r.
+pub(super) fn normal_equations(columns_and_residual: &[Vec<f64>]) -> (DMatrix<f64>, DVector<f64>) {
+    let n = columns_and_residual.len().saturating_sub(1);
+    let dot = |i: usize, j: usize| {
+        columns_and_residual[i].iter().zip(&columns_and_residual[j]).map(|(a, b)| a * b).sum::<f64>()
+    };
+    let mut normal = DMatrix::zeros(n, n);
+    for i in 0..n {
+        for j in 0..=i {
+            normal[(i, j)] = dot(i, j);
+            normal[(j, i)] = normal[(i, j)];
+        }
+    }
+    (normal, DVector::from_fn(n, |i, _| dot(i, n)))
+}
+
+/// Parts of the Gauss–Newton step from a point, and damped ones.
+pub(super) struct Steps {
+    /// Where they end.
+    pub trials: Vec<Vec<f64>>,
+    /// What the whole undamped step would gain if the curvature held, in the unit of ½‖r − Ax‖².
+    pub promised: f64,
+}
+
+impl Steps {
+    /// The steps to try at once, one group after another: one by one where every trajectory is computed by itself.
+    pub fn in_turn(&self, candidate: &Candidate) -> std::slice::Chunks<'_, Vec<f64>> {
+        self.trials.chunks(if candidate.model.is_nonlinear() { 1 } else { N_LANES })
+    }
+}
+
+/// Steps against the curvature `normal` along `slope`, whole, in part and damped, inside the candidate's ends; coordinates at an end that they push against
+/// stay there. `None` where nothing can move.
+pub(super) fn damped_steps(
+    candidate: &Candidate,
+    from: &[f64],
+    normal: &DMatrix<f64>,
+    slope: &DVector<f64>,
+) -> Option<Steps> {
+    let is_held = |k: usize| {
+        let [lower, upper] = candidate.ends(k);
+        (from[k] <= lower && slope[k] < 0.0) || (from[k] >= upper && slope[k] > 0.0)
+    };
+    let active: Vec<usize> = (0..candidate.dimension()).filter(|k| !is_held(*k) && normal[(*k, *k)] > 0.0).collect();
+    if active.is_empty() {
+        return None;
+    }
+    let scale: Vec<f64> = active.iter().map(|k| normal[(*k, *k)].sqrt()).collect();
+    let scaled =
+        DMatrix::from_fn(active.len(), active.len(), |i, j| normal[(active[i], active[j])] / (scale[i] * scale[j]));
+    let slope = DVector::from_fn(active.len(), |i, _| slope[active[i]] / scale[i]);
+    let (mut trials, mut promised) = (Vec::with_capacity(N_LANES), None);
+    let is_slow = candidate.model.is_nonlinear();
+    let (undamped, dampings) = if is_slow { (&PARTS[..], &SLOW_DAMPINGS[..]) } else { (&PARTS[..1], &DAMPINGS[..]) };
+    let damped = dampings.iter().map(|damping| (*damping, &PARTS[..1]));
+    for (damping, parts) in std::iter::once((0.0, undamped)).chain(damped) {
+        let mut damped = scaled.clone();
+        (0..active.len()).for_each(|i| damped[(i, i)] += damping + 1e-12);
+        let Some(factor) = damped.cholesky() else { continue };
+        let step = factor.solve(&slope);
+        promised.get_or_insert(0.5 * slope.dot(&step));
+        for part in parts {
+            let mut theta = from.to_vec();
+            for (i, k) in active.iter().enumerate() {
+                let [lower, upper] = candidate.ends(*k);
+                let move_by = part * step[i] / scale[i];
+                let longest = if *k < candidate.free.len() { LONGEST_STEP } else { f64::INFINITY };
+                theta[*k] = (theta[*k] + move_by.clamp(-longest, longest)).clamp(lower, upper);
+            }
+            trials.push(theta);
+        }
+    }
+    promised.map(|promised| Steps { trials, promised })
+}

@@ -1,0 +1,66 @@
+//! Records of an instrument, as subjects, for tests of this crate and of those above it.
+
+use criticism::{Candidate, Fitted, NoiseValues, Subject};
+use models::effects::Library;
+use posterior::monitor::Silent;
+use posterior::problem::Problem;
+use posterior::study::ModelSpecification;
+use record::{Apparatus, Experiment, Record};
+
+/// White 4 µm, a process of 2 µm and 0.8 s, gains of half a per cent, offsets of 1 µm.
+pub const NOISE: NoiseValues = [4.0, 2.0, 0.8, 0.005, 1.0];
+const INTERVAL_S: f64 = 0.1;
+
+/// An instrument's record: cycles of holds of 5 s at forces in µN.
+pub fn record(cycles: &[&[f64]]) -> Record {
+    let mut record = Record::default();
+    for (cycle, force_un) in
+        cycles.iter().enumerate().flat_map(|(cycle, forces)| forces.iter().map(move |f| (cycle, f)))
+    {
+        for _ in 0..50 {
+            let row = record.time_s.len();
+            record.time_s.push(INTERVAL_S * row as f64);
+            record.force_n.push(1e-6 * force_un);
+            record.position_m.push(Some(1e-6 * (row % 800) as f64));
+            record.cycle.push(cycle as u32 + 1);
+        }
+    }
+    record
+}
+
+/// Its subject with a library, and effects of the program's that the base has; the last cycle is scored.
+pub fn subject_with(cycles: &[&[f64]], library: &Library, effects: &[&str]) -> Subject {
+    let last = cycles.len() as u32;
+    let experiment = Experiment {
+        specimen_id: "instrument".into(),
+        species: None,
+        region: None,
+        apparatus: Apparatus::Instrument { compliance_per_m: 549.0 },
+        record: record(cycles),
+        calibration_cycles: (1..last).collect(),
+        heldout_cycles: vec![last],
+        noise_sd_m: Some(4e-6),
+        fits_position_offset: false,
+        source: "synthetic".into(),
+    };
+    let effects = effects.iter().map(|slug| slug.to_string()).collect();
+    let specification = ModelSpecification { effects, ..ModelSpecification::default() };
+    let problem = Problem::new(experiment, specification, None, &Silent).expect("a sound experiment");
+    Subject::new(&problem, library, None, &Silent).expect("a sound problem")
+}
+
+/// The paper's protocol.
+pub const ONE_LEVEL: [&[f64]; 4] = [&[4.6, -4.6]; 4];
+pub const TWO_LEVELS: [&[f64]; 4] = [&[4.6, -4.6], &[2.3, -2.3], &[4.6, -4.6], &[2.3, -2.3]];
+
+/// A model at given values of the last effect's parameters, the law's at the middle of the priors.
+pub fn at(subject: &Subject, effects: &[&str], values: &[f64]) -> (Candidate, Fitted) {
+    let candidate = subject.extended(effects).expect("effects of the library");
+    let mut theta: Vec<f64> = candidate.free.iter().map(|free| free.quantile(0.5)).collect();
+    let n_law = theta.len() - values.len();
+    for (k, value) in values.iter().enumerate() {
+        theta[n_law + k] = candidate.free[n_law + k].coordinate.theta(*value);
+    }
+    let position_m = subject.trajectory_m(&candidate, &theta).expect("a model");
+    (candidate, Fitted { theta, noise: NOISE, position_m, objective: 0.0, ln_likelihood: 0.0 })
+}

@@ -1,0 +1,60 @@
+//! The embedded replica as a subject, for tests.
+
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use std::sync::OnceLock;
+
+use super::{Candidate, Fitted, Search, Subject};
+use crate::NoiseValues;
+use models::effects::{EFFECTS, Library};
+use posterior::monitor::Silent;
+use posterior::problem::Problem;
+use posterior::replica::embedded;
+use posterior::study::ModelSpecification;
+
+/// The replica with every effect but those that change the displacement field, whose reduced models take longer to train than all tests that would use them; prepared once.
+pub fn replica() -> &'static Subject {
+    static SUBJECT: OnceLock<Subject> = OnceLock::new();
+    SUBJECT.get_or_init(|| {
+        let quick = EFFECTS.iter().filter(|effect| effect.field().is_none()).map(|effect| effect.slug());
+        replica_with(&Library::only(&quick.collect::<Vec<_>>()))
+    })
+}
+
+/// The replica with effects of one's own choice.
+pub fn replica_with(library: &Library) -> Subject {
+    let (experiment, _) = embedded().expect("embedded");
+    let problem = Problem::new(experiment, ModelSpecification::default(), None, &Silent).expect("sound");
+    Subject::new(&problem, library, None, &Silent).expect("sound")
+}
+
+/// Noise of 4 µm and hardly anything else.
+pub const WHITE: NoiseValues = [4.0, 1e-2, 1.0, 1e-5, 1e-2];
+
+/// A fit of the base to the replica.
+pub fn base_fit() -> (Candidate, Fitted) {
+    let base = replica().base();
+    let fitted = replica().fit(&base, &[], Search::Wide).expect("fits");
+    (base, fitted)
+}
+
+/// The replica's protocol with simulated positions: a candidate at coordinates, and noise.
+pub fn simulated(candidate: &Candidate, theta: &[f64], noise: &NoiseValues, seed: u64) -> Subject {
+    simulated_in(replica(), candidate, theta, noise, seed)
+}
+
+/// The same with another subject's effects.
+pub fn simulated_in(
+    subject: &Subject,
+    candidate: &Candidate,
+    theta: &[f64],
+    noise: &NoiseValues,
+    seed: u64,
+) -> Subject {
+    let record = &subject.experiment().record;
+    let position_m = subject.trajectory_m(candidate, theta).expect("a model");
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let noise_m = subject.noise().simulate_m(&record.time_s, &record.cycle, &position_m, noise, &mut rng);
+    let noisy: Vec<f64> = position_m.iter().zip(&noise_m).map(|(x, e)| x + e).collect();
+    subject.with_positions(&noisy)
+}

@@ -1,0 +1,21 @@
+//! The documents that commands write (formats §5): plain types, with no more in them than what a reader of one may ask of it. Jobs make them, figures and the terminal show them.
+
+pub mod calibration;
+pub mod check;
+pub mod cohort;
+pub mod comparison;
+pub mod diagnosis;
+pub mod effects;
+pub mod extension;
+pub mod fit;
+pub mod groups;
+pub mod init;
+pub mod joint;
+pub mod ladder;
+pub mod learned;
+pub mod learned_cohort;
+pub mod oscillation;
+pub mod posterior;
+pub mod shapes;
+pub mod simulation;
+pub mod tasks;

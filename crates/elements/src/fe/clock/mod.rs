@@ -1,0 +1,14 @@
+//! What all time stepping shares: changes of the force, lengths of steps, coefficients of methods.
+
+mod load;
+mod steps;
+mod tableau;
+
+pub use load::Switch;
+pub use load::{MOST_NEWTON_STEPS, balanced_exponent, check_feedback, switches};
+pub(crate) use steps::{Grading, StepRule, ending_well, share_of_gap};
+pub use tableau::Scheme;
+pub use tableau::{FOURTH, Tableau};
+
+/// Times that differ by less than this share of the record's length are the same.
+pub const CLOCK_ROUNDING: f64 = 1e-13;

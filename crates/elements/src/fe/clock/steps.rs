@@ -1,0 +1,73 @@
+//! How long steps are: geometric after every switch, and ending where the force or a row asks for it.
+
+/// Least starting scale of steps after a switch, as a share of the time to the next stop: what is over sooner is stable without being resolved.
+const SHARE_OF_GAP: f64 = 1e-4;
+/// The same where the force does not jump: what is fast then follows it from the beginning.
+const SHARE_OF_SMOOTH_GAP: f64 = 0.1;
+/// Longest step times the rate at which the gel softens, over η.
+const SOFTENING_SHARE: f64 = 3.0;
+/// Binary digits that a step's length does without: lengths that differ by rounding of the clock share their matrices.
+const DROPPED_BITS: u32 = 52 - 36;
+
+/// The rule: h ≤ η (time since the switch + scale), on a ladder of lengths η 2^(j/k), so that few lengths occur.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct StepRule {
+    steps_per_doubling: f64,
+    /// η.
+    growth: f64,
+    /// Fastest time that steps resolve, in s.
+    fastest_s: f64,
+    /// Whether the force depends on the position, which has no time of its own.
+    feeds_back: bool,
+    longest_step_s: f64,
+}
+
+/// Least starting scale of steps after a switch, as a share of the time to the next stop.
+pub(crate) fn share_of_gap(jumps: bool) -> f64 {
+    if jumps { SHARE_OF_GAP } else { SHARE_OF_SMOOTH_GAP }
+}
+
+/// Steps since one switch.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Grading {
+    switched_s: f64,
+    scale_s: f64,
+}
+
+impl StepRule {
+    /// The rule for a fastest time of the law and the lag, and a softening rate.
+    pub fn new(steps_per_doubling: u32, fastest_s: f64, feeds_back: bool, softening_per_s: f64) -> Self {
+        let steps_per_doubling = f64::from(steps_per_doubling.max(1));
+        let growth = steps_per_doubling.recip().exp2() - 1.0;
+        let longest_step_s = SOFTENING_SHARE * growth / softening_per_s.abs();
+        Self { steps_per_doubling, growth, fastest_s, feeds_back, longest_step_s }
+    }
+
+    /// Steps after a switch that is followed by a stop `gap_s` later; `jumps` where the force does.
+    pub(crate) fn after_switch(&self, switched_s: f64, gap_s: f64, jumps: bool) -> Grading {
+        let fastest_s = if self.feeds_back { self.fastest_s.min(gap_s) } else { self.fastest_s };
+        Grading { switched_s, scale_s: fastest_s.max(share_of_gap(jumps) * gap_s) }
+    }
+
+    /// Length of the step from `now_s`, with `left_s` to the next stop.
+    pub(crate) fn step_s(&self, grading: Grading, now_s: f64, left_s: f64) -> f64 {
+        let scale = (now_s - grading.switched_s + grading.scale_s).min(self.longest_step_s / self.growth);
+        let ladder_s =
+            self.growth * ((self.steps_per_doubling * scale.log2()).floor() / self.steps_per_doubling).exp2();
+        ending_well(ladder_s, left_s)
+    }
+}
+
+/// The step to take where one of `ladder_s` is wanted and `left_s` are left: not so long that it passes the end, nor such that a short one is left over; to 36 binary
+/// digits, 7e-12 of it.
+pub(crate) fn ending_well(ladder_s: f64, left_s: f64) -> f64 {
+    let length_s = if ladder_s >= left_s {
+        left_s
+    } else if 2.0 * ladder_s >= left_s {
+        0.5 * left_s
+    } else {
+        ladder_s
+    };
+    let half = 1_u64 << (DROPPED_BITS - 1);
+    f64::from_bits(((length_s.to_bits() + half) >> DROPPED_BITS) << DROPPED_BITS)
+}

@@ -1,0 +1,160 @@
+//! Sparse Cholesky factor of the unit stiffness, and products with it.
+
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::linalg::cholesky::llt::factor::LltRegularization;
+use faer::sparse::linalg::cholesky::{self, CholeskySymbolicParams, LltRef, SymbolicCholesky, SymmetricOrdering};
+use faer::sparse::{SparseColMat, SparseColMatRef, SymbolicSparseColMatRef};
+use faer::{Conj, MatMut, Par, Side};
+
+use super::assembly::Assembly;
+use super::ordering::nested_dissection;
+use crate::mesh::Mesh;
+use base::error::{Error, Result};
+
+/// An assembled mesh with the symbolic factor that all Poisson ratios share.
+#[derive(Debug)]
+pub struct Stiffness {
+    /// The two affine parts and the unknowns.
+    pub assembly: Assembly,
+    symbolic: SymbolicCholesky<u32>,
+}
+
+impl Stiffness {
+    /// Assembles a mesh, orders its nodes by nested dissection and analyses the factor.
+    pub fn new(mesh: &Mesh) -> Result<Self> {
+        let assembly = Assembly::new(mesh)?;
+        let n_nodes_per_element = mesh.element_kind.n_nodes();
+        let node_order =
+            nested_dissection(mesh.n_nodes(), &mesh.connectivity, n_nodes_per_element, &mesh.node_coordinates_m);
+        let order = assembly.unknowns.elimination_order(&node_order);
+        let symbolic = analysed(assembly.deviatoric().symbolic(), &order)?;
+        Ok(Self { assembly, symbolic })
+    }
+
+    /// Number of unknowns.
+    pub fn n_unknowns(&self) -> usize {
+        self.assembly.unknowns.count()
+    }
+
+    /// Factor of K̂(ν) for unit Young's modulus.
+    pub fn factor(&self, poisson_ratio: f64) -> Result<Factor<'_>> {
+        let matrix = self.assembly.unit_stiffness(poisson_ratio);
+        let values = factorised(&self.symbolic, matrix.as_ref()).ok_or_else(|| {
+            Error::numerical(
+                format!("the stiffness at Poisson ratio {poisson_ratio} is not positive definite"),
+                "check the mesh's symmetry planes and the Poisson ratio, which must lie in (−1, 0.5)",
+            )
+        })?;
+        Ok(Factor { matrix, symbolic: &self.symbolic, values })
+    }
+}
+
+/// The symbolic factor of a symmetric pattern (upper triangle) whose unknowns are eliminated in an order.
+pub(crate) fn analysed(
+    upper: SymbolicSparseColMatRef<'_, u32>,
+    elimination_order: &[usize],
+) -> Result<SymbolicCholesky<u32>> {
+    let forward: Vec<u32> = elimination_order.iter().map(|&u| u as u32).collect();
+    let mut inverse = vec![0; forward.len()];
+    for (position, &unknown) in forward.iter().enumerate() {
+        inverse[unknown as usize] = position as u32;
+    }
+    let permutation = faer::perm::PermRef::new_checked(&forward, &inverse, forward.len());
+    cholesky::factorize_symbolic_cholesky(
+        upper,
+        Side::Upper,
+        SymmetricOrdering::Custom(permutation),
+        CholeskySymbolicParams::default(),
+    )
+    .map_err(|e| {
+        Error::numerical(
+            format!("the factor of {} unknowns cannot be analysed: {e:?}", forward.len()),
+            "use a coarser mesh",
+        )
+    })
+}
+
+/// The numbers of the Cholesky factor of a matrix with the analysed pattern; `None` where it is not positive definite.
+pub(crate) fn factorised(symbolic: &SymbolicCholesky<u32>, upper: SparseColMatRef<'_, u32, f64>) -> Option<Vec<f64>> {
+    let mut values = vec![0.0; symbolic.len_val()];
+    let mut memory = MemBuffer::new(symbolic.factorize_numeric_llt_scratch::<f64>(PARALLELISM, Default::default()));
+    let outcome = symbolic.factorize_numeric_llt(
+        &mut values,
+        upper,
+        Side::Upper,
+        LltRegularization::default(),
+        PARALLELISM,
+        MemStack::new(&mut memory),
+        Default::default(),
+    );
+    outcome.is_ok().then_some(values)
+}
+
+/// Replaces every column of `columns` (each as long as there are unknowns, one after the other) by the factor's solution.
+pub(crate) fn solve_in_place(symbolic: &SymbolicCholesky<u32>, values: &[f64], columns: &mut [f64]) {
+    let n = symbolic.nrows();
+    let n_columns = columns.len() / n;
+    let right_hand_sides = MatMut::from_column_major_slice_mut(columns, n, n_columns);
+    let mut memory = MemBuffer::new(symbolic.solve_in_place_scratch::<f64>(n_columns, PARALLELISM));
+    LltRef::<'_, u32, f64>::new(symbolic, values).solve_in_place_with_conj(
+        Conj::No,
+        right_hand_sides,
+        PARALLELISM,
+        MemStack::new(&mut memory),
+    );
+}
+
+/// One thread: a factor by several differs in its last bits from run to run of another thread count.
+const PARALLELISM: Par = Par::Seq;
+
+/// Cholesky factor of K̂(ν), with the matrix itself for products.
+pub struct Factor<'a> {
+    matrix: SparseColMat<u32, f64>,
+    symbolic: &'a SymbolicCholesky<u32>,
+    values: Vec<f64>,
+}
+
+impl Factor<'_> {
+    /// Number of unknowns.
+    pub fn n_unknowns(&self) -> usize {
+        self.matrix.nrows()
+    }
+
+    /// K̂(ν), upper triangle.
+    pub fn matrix(&self) -> SparseColMatRef<'_, u32, f64> {
+        self.matrix.as_ref()
+    }
+
+    /// Replaces every column of `columns` (each `n_unknowns` long, one after the other) by K̂⁻¹ times it.
+    pub fn solve_in_place(&self, columns: &mut [f64]) {
+        solve_in_place(self.symbolic, &self.values, columns);
+    }
+
+    /// K̂⁻¹ times the unit force on the robot: the displacement field (m) at unit Young's modulus and force, of the
+    /// model that was meshed, whose share of the whole body's force is [`Mesh::share`].
+    pub fn unit_response(&self) -> Vec<f64> {
+        let mut field = vec![0.0; self.n_unknowns()];
+        if let Some(last) = field.last_mut() {
+            *last = 1.0;
+        }
+        self.solve_in_place(&mut field);
+        field
+    }
+}
+
+/// result += A x for a symmetric A given by its upper triangle.
+pub fn add_symmetric_product(upper: SparseColMatRef<'_, u32, f64>, x: &[f64], result: &mut [f64]) {
+    let (column_start, row_idx, values) = (upper.col_ptr(), upper.row_idx(), upper.val());
+    for column in 0..upper.ncols() {
+        let range = column_start[column] as usize..column_start[column + 1] as usize;
+        let mut sum = 0.0;
+        for (&row, &value) in row_idx[range.clone()].iter().zip(&values[range]) {
+            let row = row as usize;
+            sum += value * x[row];
+            if row != column {
+                result[row] += value * x[column];
+            }
+        }
+        result[column] += sum;
+    }
+}

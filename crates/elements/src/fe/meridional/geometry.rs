@@ -1,0 +1,92 @@
+//! Curves of the half meridian and the cells ruled between them.
+
+use base::error::{Error, Result};
+
+/// A point of the half meridian (r, z) in m, and its like.
+pub(in crate::fe) type Point = [f64; 2];
+
+/// A smooth curve over t in [0, 1].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(in crate::fe) enum Curve {
+    /// Straight, or a single point where both ends agree.
+    Segment { from: Point, to: Point },
+    /// Arc of an ellipse: centre + (semi_axes[0] cos φ, semi_axes[1] sin φ).
+    Arc { centre: Point, semi_axes: Point, from_rad: f64, to_rad: f64 },
+}
+
+impl Curve {
+    /// Point and its derivative by t.
+    pub(in crate::fe) fn at(&self, t: f64) -> (Point, Point) {
+        match *self {
+            Self::Segment { from, to } => {
+                let along = [to[0] - from[0], to[1] - from[1]];
+                ([from[0] + t * along[0], from[1] + t * along[1]], along)
+            }
+            Self::Arc { centre, semi_axes, from_rad, to_rad } => {
+                let sweep = to_rad - from_rad;
+                let (sin, cos) = (from_rad + t * sweep).sin_cos();
+                (
+                    [centre[0] + semi_axes[0] * cos, centre[1] + semi_axes[1] * sin],
+                    [-semi_axes[0] * sin * sweep, semi_axes[1] * cos * sweep],
+                )
+            }
+        }
+    }
+}
+
+impl Curve {
+    /// Its mirror image across z = 0, run the other way.
+    fn mirrored(&self) -> Self {
+        let image = |[r, z]: Point| [r, -z];
+        match *self {
+            Self::Segment { from, to } => Self::Segment { from: image(to), to: image(from) },
+            Self::Arc { centre, semi_axes, from_rad, to_rad } => {
+                Self::Arc { centre: image(centre), semi_axes, from_rad: -to_rad, to_rad: -from_rad }
+            }
+        }
+    }
+}
+
+/// The map (1 − s) inner(t) + s outer(t) of the square [−1, 1]²: t = (1 + ξ)/2 along both curves, and across them s from `across[0]` at
+/// η = −1 to `across[1]` at η = 1.
+///
+/// It is exact on curved bodies: nothing of the geometry is interpolated.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(in crate::fe) struct Ruled {
+    pub(in crate::fe) inner: Curve,
+    pub(in crate::fe) outer: Curve,
+    pub(in crate::fe) across: [f64; 2],
+}
+
+impl Ruled {
+    /// Its mirror image across z = 0, run the other way along both curves.
+    pub(in crate::fe) fn mirrored(&self) -> Self {
+        Self { inner: self.inner.mirrored(), outer: self.outer.mirrored(), ..*self }
+    }
+
+    /// (r, z) at (ξ, η) with its derivatives by ξ and by η.
+    pub(in crate::fe) fn at(&self, xi: f64, eta: f64) -> (Point, Point, Point) {
+        let half = 0.5 * (self.across[1] - self.across[0]);
+        let (t, s) = (0.5 * (1.0 + xi), self.across[0] + (1.0 + eta) * half);
+        let ((inner, d_inner), (outer, d_outer)) = (self.inner.at(t), self.outer.at(t));
+        let blend = |a: Point, b: Point| [(1.0 - s) * a[0] + s * b[0], (1.0 - s) * a[1] + s * b[1]];
+        let along = blend(d_inner, d_outer).map(|d| 0.5 * d);
+        (blend(inner, outer), along, [half * (outer[0] - inner[0]), half * (outer[1] - inner[1])])
+    }
+
+    /// The same with the Jacobian.
+    ///
+    /// # Errors
+    /// [`Error::Numerical`] where the cell is inverted or leaves the half meridian.
+    pub(in crate::fe) fn upright_at(&self, xi: f64, eta: f64) -> Result<(Point, Point, Point, f64)> {
+        let (at, along, across) = self.at(xi, eta);
+        let jacobian = along[0] * across[1] - along[1] * across[0];
+        if jacobian > 0.0 && at[0] > 0.0 {
+            return Ok((at, along, across, jacobian));
+        }
+        Err(Error::numerical(
+            format!("a cell near r = {:.3e}, z = {:.3e} is inverted (Jacobian {jacobian:.3e})", at[0], at[1]),
+            "give a body that lies well inside the outer sphere",
+        ))
+    }
+}

@@ -1,0 +1,145 @@
+//! Cells between a body and the outer sphere, on the half meridian r ≥ 0, z ≥ 0.
+
+use super::geometry::{Curve, Point, Ruled};
+
+/// Which parts of the boundary a vertex lies on; an edge lies where both its ends do.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(in crate::fe) struct Boundary {
+    pub(in crate::fe) body: bool,
+    pub(in crate::fe) outer: bool,
+    /// r = 0.
+    pub(in crate::fe) axis: bool,
+    /// The plane of symmetry, z = 0.
+    pub(in crate::fe) equator: bool,
+}
+
+impl Boundary {
+    pub(in crate::fe) const INSIDE: Self = Self { body: false, outer: false, axis: false, equator: false };
+
+    /// What both have in common.
+    pub(in crate::fe) fn and(self, other: Self) -> Self {
+        Self {
+            body: self.body && other.body,
+            outer: self.outer && other.outer,
+            axis: self.axis && other.axis,
+            equator: self.equator && other.equator,
+        }
+    }
+}
+
+/// A cell: its vertices (inner from, inner to, outer from, outer to; two may be one) and its map.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::fe) struct Cell {
+    pub(in crate::fe) vertices: [usize; 4],
+    pub(in crate::fe) map: Ruled,
+}
+
+/// Vertices known by what they touch, and cells between them.
+#[derive(Debug, Clone, Default)]
+pub(in crate::fe) struct Mesh {
+    pub points: Vec<Point>,
+    pub(in crate::fe) boundaries: Vec<Boundary>,
+    pub(in crate::fe) cells: Vec<Cell>,
+    /// Both halves are meshed, without symmetry about z = 0.
+    pub(in crate::fe) is_whole: bool,
+}
+
+/// A chain of curves from vertex to vertex, from the axis towards the equator.
+#[derive(Debug, Clone)]
+pub(in crate::fe) struct Chain {
+    pub(in crate::fe) vertices: Vec<usize>,
+    pub(in crate::fe) curves: Vec<Curve>,
+}
+
+impl Mesh {
+    /// Adds a vertex. Points with r = 0 or z = 0, exactly, are on the axis or the equator.
+    pub(in crate::fe) fn vertex(&mut self, point: Point, surface: Boundary) -> usize {
+        self.points.push(point);
+        self.boundaries.push(Boundary { axis: point[0] == 0.0, equator: point[1] == 0.0 && !self.is_whole, ..surface });
+        self.points.len() - 1
+    }
+
+    /// Straight lines through these vertices.
+    pub(in crate::fe) fn polyline(&self, vertices: &[usize]) -> Chain {
+        let segment = |pair: &[usize]| Curve::Segment { from: self.points[pair[0]], to: self.points[pair[1]] };
+        Chain { vertices: vertices.to_vec(), curves: vertices.windows(2).map(segment).collect() }
+    }
+
+    /// New vertices on an ellipse around `centre` at these angles (from the equator, rad), joined by its arcs. Angles 0 and ±π/2 around the
+    /// origin give points exactly on the equator and the axis.
+    pub(in crate::fe) fn arcs(
+        &mut self,
+        centre: Point,
+        semi_axes: Point,
+        angles_rad: &[f64],
+        surface: Boundary,
+    ) -> Chain {
+        let arc = |pair: &[f64]| Curve::Arc { centre, semi_axes, from_rad: pair[0], to_rad: pair[1] };
+        let curves: Vec<_> = angles_rad.windows(2).map(arc).collect();
+        let vertices = angles_rad
+            .iter()
+            .map(|&angle| {
+                let cos = if angle.abs() == std::f64::consts::FRAC_PI_2 { 0.0 } else { angle.cos() };
+                self.vertex([centre[0] + semi_axes[0] * cos, centre[1] + semi_axes[1] * angle.sin()], surface)
+            })
+            .collect();
+        Chain { vertices, curves }
+    }
+
+    /// One cell for each pair of curves of two chains.
+    pub(in crate::fe) fn rule(&mut self, inner: &Chain, outer: &Chain) {
+        self.rule_layers(inner, outer, &[0.0, 1.0]);
+    }
+
+    /// Layers of cells between two chains, cut at these fractions of the way, from 0 to 1.
+    pub(in crate::fe) fn rule_layers(&mut self, inner: &Chain, outer: &Chain, fractions: &[f64]) {
+        let mut from = inner.vertices.clone();
+        for across in fractions.windows(2) {
+            let to = if across[1] == 1.0 { outer.vertices.clone() } else { self.between(inner, outer, across[1]) };
+            for (i, (&a, &b)) in inner.curves.iter().zip(&outer.curves).enumerate() {
+                self.cells.push(Cell {
+                    vertices: [from[i], from[i + 1], to[i], to[i + 1]],
+                    map: Ruled { inner: a, outer: b, across: [across[0], across[1]] },
+                });
+            }
+            from = to;
+        }
+    }
+
+    /// Both halves of a mesh of the upper one.
+    pub(in crate::fe) fn whole(&self) -> Self {
+        let mut whole = Self { is_whole: true, cells: self.cells.clone(), ..Self::default() };
+        for (point, boundary) in self.points.iter().zip(&self.boundaries) {
+            whole.vertex(*point, *boundary);
+        }
+        let image = |vertex: usize| {
+            let ([r, z], boundary) = (self.points[vertex], self.boundaries[vertex]);
+            if boundary.equator { vertex } else { whole.vertex([r, -z], boundary) }
+        };
+        let images: Vec<usize> = (0..self.points.len()).map(image).collect();
+        for cell in &self.cells {
+            let [a, b, c, d] = cell.vertices.map(|vertex| images[vertex]);
+            whole.cells.push(Cell { vertices: [b, a, d, c], map: cell.map.mirrored() });
+        }
+        whole
+    }
+
+    /// New vertices a fraction of the way from one chain's to another's.
+    fn between(&mut self, inner: &Chain, outer: &Chain, fraction: f64) -> Vec<usize> {
+        let pairs = inner.vertices.iter().zip(&outer.vertices);
+        let points: Vec<Point> = pairs
+            .map(|(&a, &b)| [0, 1].map(|d| (1.0 - fraction) * self.points[a][d] + fraction * self.points[b][d]))
+            .collect();
+        points.into_iter().map(|point| self.vertex(point, Boundary::INSIDE)).collect()
+    }
+}
+
+/// Distances 0 = x₀ < … < xₙ = `length`, the first step about `first` and each at most `ratio` times as far as the one before.
+pub(in crate::fe) fn graded(first: f64, ratio: f64, length: f64) -> Vec<f64> {
+    if first >= length {
+        return vec![0.0, length];
+    }
+    let n = ((length / first).ln() / ratio.ln()).ceil();
+    let distance = |k: usize| length * (first / length).powf(1.0 - k as f64 / n);
+    std::iter::once(0.0).chain((0..n as usize).map(distance)).chain([length]).collect()
+}

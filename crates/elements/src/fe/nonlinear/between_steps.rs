@@ -1,0 +1,148 @@
+//! Runs whose steps do not end at rows: what the rows see is interpolated.
+//!
+//! Between two switches the robot's excess over a linear law is a smooth function of ξ = ln(1 + t/θ), t the time since the switch and θ what the first step
+//! shows. A polynomial of degree 5 goes through it at the ends of steps; the linear law is stepped on its own, at steps' ends and rows, by the linear model.
+
+use super::run::{self, Record};
+use super::{Bodies, NonlinearModel, NonlinearResult, Options};
+use crate::fe::clock::{CLOCK_ROUNDING, switches};
+use crate::fe::stepping::run::strains;
+use crate::fe::stepping::{Resolution, observed};
+use base::error::{Error, Result};
+use laws::stages::{Spatial, Stages};
+use record::Force;
+use std::collections::BTreeMap;
+
+/// Ends of steps that a polynomial goes through.
+const N_NODES: usize = 6;
+
+impl NonlinearModel<'_> {
+    /// Runs the stages of a law that is not linear: recorded position (m) at every row, and all unknowns (m) at `rows`. Steps do not end at rows.
+    ///
+    /// # Errors
+    /// Those of [`Self::run`], and [`Error::Numerical`] for stages without such a law and where the gel softens.
+    pub fn run_stages<'f>(
+        &self,
+        stages: &Stages,
+        time_s: &[f64],
+        force: impl Into<Force<'f>>,
+        rows: &[usize],
+        options: Options,
+    ) -> Result<NonlinearResult> {
+        let force = force.into();
+        let Some(Spatial::Nonlinear(nonlinearity)) = stages.spatial else {
+            return Err(Error::numerical("the law is linear", "step it by the linear model"));
+        };
+        if !stages.softening_rate_per_s.is_constant(0.0) {
+            return Err(Error::numerical(
+                "a gel that softens while it is measured is not stepped beside a law that is not linear",
+                "leave one of them out",
+            ));
+        }
+        let bodies = Bodies::<f64>::new(&stages.law, nonlinearity)?;
+        // A spring in series jumps with the force, and where the force follows the position its excess jumps, too: such a run stops at every row.
+        let jumps = bodies.instantaneous_per_pa > 0.0 && stages.load.gradient_per_m.value != 0.0;
+        let wanted = rows.iter().copied().filter(|&row| row < time_s.len());
+        let mut stop_rows: Vec<usize> = if jumps { (0..time_s.len()).collect() } else { wanted.collect() };
+        stop_rows.extend(time_s.len().checked_sub(1));
+        stop_rows.sort_unstable();
+        stop_rows.dedup();
+        let stops_s: Vec<f64> = stop_rows.iter().map(|&row| time_s[row]).collect();
+        let record = Record { time_s, force, stops_s: &stops_s };
+        let (mut fields, mut steps) = (BTreeMap::new(), Vec::new());
+        let at_stop = |at: run::AtRow| {
+            let row = stop_rows[at.row];
+            if rows.contains(&row) {
+                fields.insert(row, at.displacement.to_vec());
+            }
+        };
+        let at_step = |time_s: f64, x: f64| steps.push((time_s, x));
+        let outcome = run::run(self.balance(), &bodies, &stages.load, record, options, at_stop, at_step);
+        let cost = outcome.map_err(|error| with_place(error, &steps))?;
+        let mut displacement_m = displacements_m(self, stages, time_s, force, &steps)?;
+        let start_s = time_s.first().copied().unwrap_or(0.0);
+        for (x, t) in displacement_m.iter_mut().zip(time_s) {
+            *x = observed(&stages.observation, *x, t - start_s);
+        }
+        let fields = rows.iter().filter_map(|row| fields.get(row).cloned()).collect();
+        Ok(NonlinearResult { displacement_m, fields, cost })
+    }
+}
+
+/// A run's error with how far the robot came.
+fn with_place(error: Error, steps: &[(f64, f64)]) -> Error {
+    let farthest_m = steps.iter().fold(0.0_f64, |most, step| most.max(step.1.abs()));
+    match error {
+        Error::Numerical { what, remedy } => Error::Numerical {
+            what: format!("{what}; the robot was {farthest_m:.3e} m away at most until then"),
+            remedy,
+        },
+        other => other,
+    }
+}
+
+/// Displacement (m) at the rows from that at the ends of steps.
+fn displacements_m(
+    model: &NonlinearModel,
+    stages: &Stages,
+    time_s: &[f64],
+    force: Force<'_>,
+    steps: &[(f64, f64)],
+) -> Result<Vec<f64>> {
+    let compliance_per_m = model.share * model.factor().unit_response()[model.robot()];
+    let mut union_s: Vec<f64> = time_s.iter().copied().chain(steps.iter().map(|step| step.0)).collect();
+    union_s.sort_by(f64::total_cmp);
+    union_s.dedup();
+    let commands_n: Vec<f64> = union_s.iter().map(|&t| force.at_n(time_s, t)).collect();
+    let commands = Force { at_rows_n: &commands_n, rule: force.rule };
+    let linear = Stages { spatial: None, spread: None, ..stages.clone() };
+    let strains = strains(compliance_per_m, &linear, &union_s, commands, Resolution::default())?;
+    let linear_m = |t: f64| {
+        let place = union_s.partition_point(|&u| u < t);
+        strains.get(place).map_or(0.0, |q| compliance_per_m * q)
+    };
+    let length_s = time_s.last().zip(time_s.first()).map_or(0.0, |(last, first)| last - first);
+    let rounding_s = CLOCK_ROUNDING * length_s;
+    // The excess does not jump with the force: a switch finds what the step before it left.
+    let excesses: Vec<(f64, f64)> = steps.iter().map(|&(t, x)| (t, x - linear_m(t))).collect();
+    let begins_s: Vec<f64> = switches::<f64>(&stages.load, time_s, force).iter().map(|switch| switch.time_s).collect();
+    let mut found = Vec::with_capacity(time_s.len());
+    for &row_s in time_s {
+        let holds = begins_s.partition_point(|&begin_s| begin_s < row_s - rounding_s);
+        let Some(&begin_s) = holds.checked_sub(1).and_then(|hold| begins_s.get(hold)) else {
+            found.push(0.0);
+            continue;
+        };
+        let end_s = begins_s[holds..].iter().copied().find(|&t| t > begin_s + rounding_s).unwrap_or(f64::INFINITY);
+        let from = excesses.partition_point(|step| step.0 <= begin_s + rounding_s);
+        let to = excesses.partition_point(|step| step.0 <= end_s + rounding_s);
+        let before = from.checked_sub(1).map_or(0.0, |last| excesses[last].1);
+        let nodes: Vec<(f64, f64)> =
+            std::iter::once((begin_s, before)).chain(excesses[from..to].iter().copied()).collect();
+        found.push(linear_m(row_s) + interpolated(&nodes, row_s));
+    }
+    Ok(found)
+}
+
+/// The value at a time of the polynomial in ξ through the nodes nearest to it; the first node is the switch.
+fn interpolated(nodes: &[(f64, f64)], time_s: f64) -> f64 {
+    let Some(&(begin_s, first)) = nodes.first() else { return 0.0 };
+    let Some(&(second_s, _)) = nodes.get(1) else { return first };
+    // Steps grow geometrically, the first is about a fifth of θ.
+    let scale_s = STEPS_IN_SCALE * (second_s - begin_s);
+    let place = |t: f64| ((t - begin_s) / scale_s).max(0.0).ln_1p();
+    let n = nodes.len().min(N_NODES);
+    let next = nodes.partition_point(|node| node.0 < time_s);
+    let from = next.saturating_sub(n / 2).min(nodes.len() - n);
+    let chosen = &nodes[from..from + n];
+    let at = place(time_s);
+    let weight = |i: usize| -> f64 {
+        let own = place(chosen[i].0);
+        let others = chosen.iter().enumerate().filter(|(j, _)| *j != i).map(|(_, node)| place(node.0));
+        others.map(|other| (at - other) / (own - other)).product()
+    };
+    chosen.iter().enumerate().map(|(i, node)| weight(i) * node.1).sum()
+}
+
+/// θ over the first step.
+const STEPS_IN_SCALE: f64 = 5.0;

@@ -1,0 +1,272 @@
+//! One run: stops, steps, retries.
+
+use super::law::Bodies;
+use super::point::{EQUIVALENT, StageLaw, Tensor, deviator_norm};
+use super::stage::{Balance, Push, Stage};
+use super::{Cost, Options};
+use crate::fe::clock::{CLOCK_ROUNDING, Grading, StepRule, Switch, Tableau, check_feedback, switches};
+use crate::fe::stepping::Resolution;
+use crate::fe::stepping::run::gap_s;
+use base::error::{Error, Result};
+use laws::stages::Load;
+use rayon::prelude::*;
+use record::Force;
+
+/// Most halvings of a step whose stages do not converge.
+const MOST_RETRIES: u32 = 8;
+
+/// Index of the last of five stages.
+const LAST_STAGE: usize = 4;
+
+/// What a stop sees: unknowns (m) and stresses s (Pa) at all points, the limit from the left.
+pub struct AtRow<'a> {
+    pub row: usize,
+    pub displacement: &'a [f64],
+    pub stresses: &'a [Tensor<f64>],
+}
+
+/// Times and commands of a record, and the times in it at which a run stops, all ascending.
+#[derive(Clone, Copy)]
+pub(super) struct Record<'a> {
+    pub time_s: &'a [f64],
+    pub force: Force<'a>,
+    pub stops_s: &'a [f64],
+}
+
+/// Steps the gel through a record and shows its state at every stop, and the time and the robot's displacement at the end of every step.
+pub fn run(
+    balance: Balance,
+    bodies: &Bodies<f64>,
+    load: &Load,
+    Record { time_s, force, stops_s }: Record,
+    options: Options,
+    mut at_row: impl FnMut(AtRow),
+    mut at_step: impl FnMut(f64, f64),
+) -> Result<Cost> {
+    let switches = switches(load, time_s, force);
+    let start_s = time_s.first().copied().unwrap_or(0.0);
+    let length_s = time_s.last().map_or(0.0, |end_s| end_s - start_s).max(f64::MIN_POSITIVE);
+    let rounding_s = CLOCK_ROUNDING * length_s;
+    let mut run = Run::new(balance, bodies, load, &switches, options, start_s);
+    let mut coming = switches.iter().copied().enumerate().peekable();
+    for (row, &row_s) in stops_s.iter().enumerate() {
+        // A switch at a row comes after it: positions are limits from the left.
+        while let Some((i, switch)) = coming.next_if(|(_, switch)| switch.time_s < row_s - rounding_s) {
+            run.advance_to(switch.time_s, rounding_s, &mut at_step)?;
+            run.switch(switch, gap_s(time_s, &switches, i, rounding_s));
+        }
+        run.advance_to(row_s, rounding_s, &mut at_step)?;
+        at_row(AtRow { row, displacement: &run.displacement, stresses: &run.stresses });
+    }
+    Ok(run.cost)
+}
+
+struct Run<'a> {
+    balance: Balance<'a>,
+    bodies: &'a Bodies<f64>,
+    tableau: Tableau,
+    resolution: Resolution,
+    rule: StepRule,
+    grading: Grading,
+    /// Largest residual that is accepted.
+    tolerance: f64,
+    gradient_per_m: f64,
+    lag_time_s: f64,
+    now_s: f64,
+    /// The force that enters the lag since it switched last, and what the lag made of those before.
+    input: Switch,
+    lagged_n: f64,
+    /// Strains of every body at every point.
+    histories: Vec<Tensor<f64>>,
+    displacement: Vec<f64>,
+    stresses: Vec<Tensor<f64>>,
+    /// Times and displacements since the switch from which others are extrapolated.
+    known: Vec<(f64, Vec<f64>)>,
+    cost: Cost,
+}
+
+impl<'a> Run<'a> {
+    fn new(
+        balance: Balance<'a>,
+        bodies: &'a Bodies<f64>,
+        load: &Load,
+        switches: &[Switch],
+        options: Options,
+        start_s: f64,
+    ) -> Self {
+        let lag_time_s = load.lag_time_s.value;
+        let rule = StepRule::new(options.resolution.steps_per_doubling, bodies.fastest_s(0.0), false, 0.0);
+        let largest_n = switches.iter().fold(0.0_f64, |most, switch| most.max(switch.force_n.abs()));
+        let per_n = balance.factor.unit_response()[balance.robot].max(0.0).sqrt();
+        let n_points = balance.points.count();
+        Self {
+            tolerance: options.tolerance * balance.share * largest_n * per_n,
+            tableau: options.scheme.tableau(),
+            resolution: options.resolution,
+            rule,
+            grading: rule.after_switch(start_s, f64::INFINITY, true),
+            gradient_per_m: load.gradient_per_m.value,
+            lag_time_s,
+            now_s: start_s,
+            input: Switch::to(start_s, 0.0),
+            lagged_n: 0.0,
+            histories: vec![[0.0; 6]; n_points * bodies.n_histories()],
+            displacement: vec![0.0; balance.factor.n_unknowns()],
+            stresses: vec![[0.0; 6]; n_points],
+            known: Vec::new(),
+            cost: Cost::default(),
+            balance,
+            bodies,
+        }
+    }
+
+    /// Changes the force; the next row or switch comes `gap_s` later.
+    fn switch(&mut self, switch: Switch, gap_s: f64) {
+        self.lagged_n = self.force_n(self.now_s);
+        self.input = Switch { time_s: self.now_s, ..switch };
+        let bodies = self.histories.chunks_exact(self.bodies.n_histories());
+        let largest = bodies.map(|histories| deviator_norm(&histories[0])).fold(0.0, f64::max);
+        let slowest_s = if self.lag_time_s > 0.0 { self.lag_time_s } else { f64::INFINITY };
+        let fastest_s = self.bodies.fastest_s(EQUIVALENT * largest).min(slowest_s);
+        self.rule = StepRule::new(self.resolution.steps_per_doubling, fastest_s, false, 0.0);
+        self.grading = self.rule.after_switch(self.now_s, gap_s, switch.jumps);
+        self.known.clear();
+    }
+
+    /// The force after the lag.
+    fn force_n(&self, time_s: f64) -> f64 {
+        self.input.after_lag_n(self.lagged_n, self.lag_time_s, time_s)
+    }
+
+    fn advance_to(&mut self, stop_s: f64, rounding_s: f64, at_step: &mut impl FnMut(f64, f64)) -> Result<()> {
+        while stop_s - self.now_s > rounding_s {
+            let left_s = stop_s - self.now_s;
+            let step_s = self.rule.step_s(self.grading, self.now_s, left_s);
+            // The last step is `left_s` but for rounding.
+            let end_s = if step_s > 0.75 * left_s { stop_s } else { self.now_s + step_s };
+            self.step(end_s, MOST_RETRIES)?;
+            at_step(end_s, self.displacement[self.balance.robot]);
+        }
+        Ok(())
+    }
+
+    /// One step, or two of half its length where its stages do not converge.
+    fn step(&mut self, end_s: f64, retries: u32) -> Result<()> {
+        let start_s = self.now_s;
+        let (displacement, known) = (self.displacement.clone(), self.known.clone());
+        let Err(reason) = self.try_step(end_s) else { return Ok(()) };
+        (self.displacement, self.known) = (displacement, known);
+        if retries == 0 {
+            return Err(Error::numerical(
+                format!(
+                    "the nonlinear balance is not found at {start_s} s with a step of {:.1e} s{}: {}",
+                    end_s - start_s,
+                    if self.gradient_per_m == 0.0 {
+                        String::new()
+                    } else {
+                        format!(" under a force gradient of {} per m", self.gradient_per_m)
+                    },
+                    words(&reason)
+                ),
+                "give parameters of moderate size: a smaller coefficient, a larger index, or a stiffer gel",
+            ));
+        }
+        self.cost.n_retries += 1;
+        self.step(0.5 * (start_s + end_s), retries - 1)?;
+        self.step(end_s, retries - 1)
+    }
+
+    fn try_step(&mut self, end_s: f64) -> Result<()> {
+        let (start_s, n) = (self.now_s, self.bodies.n_histories());
+        let step_s = end_s - start_s;
+        let Tableau { diagonal, nodes, matrix } = self.tableau;
+        let law = StageLaw::new(self.bodies, diagonal * step_s);
+        // A spring in series jumps with the force, and what was before the switch tells nothing.
+        if self.known.is_empty() && self.bodies.instantaneous_per_pa == 0.0 {
+            self.known.push((start_s, self.displacement.clone()));
+        }
+        let mut rates: Vec<Vec<Tensor<f64>>> = Vec::with_capacity(nodes.len());
+        for (stage, (node, weights)) in nodes.iter().zip(matrix).enumerate() {
+            let is_last = stage + 1 == nodes.len();
+            let time_s = if is_last { end_s } else { start_s + node * step_s };
+            let mut histories = started(&self.histories, &rates, weights, step_s);
+            let input_n = self.force_n(time_s);
+            let force_n = self.balance.share * input_n;
+            let push = Push { force_n, gradient_per_m: self.gradient_per_m };
+            let mut displacement = self.extrapolated(stage, time_s);
+            let problem = Stage { law: &law, histories: &histories, n_histories: n, push };
+            let solved = self.balance.solve(&problem, &mut displacement, self.tolerance)?;
+            check_feedback(self.gradient_per_m, &[displacement[self.balance.robot]], time_s)?;
+            self.cost.n_stages += 1;
+            self.cost.n_evaluations += solved.n_evaluations;
+            self.cost.n_gradients += solved.n_gradients;
+            let starts = if is_last { Vec::new() } else { histories.clone() };
+            let given = solved.strains.par_iter().zip(&solved.stresses);
+            histories.par_chunks_exact_mut(n).zip(given).for_each(|(histories, (strain, stress))| {
+                law.advance(strain, stress, histories);
+            });
+            self.known.push((time_s, displacement.clone()));
+            if is_last {
+                self.histories = histories;
+                self.displacement = displacement;
+                self.stresses = solved.stresses;
+            } else {
+                rates.push(differences(&starts, &histories, 1.0 / (diagonal * step_s)));
+            }
+        }
+        self.now_s = end_s;
+        self.cost.n_steps += 1;
+        // The next step extrapolates from this one's middle, its third quarter and its end; without stages, from the last three ends.
+        if nodes.len() == 1 {
+            let surplus = self.known.len().saturating_sub(3);
+            self.known.drain(..surplus);
+        } else {
+            let last = self.known.len() - 1;
+            self.known = [last - 1, last - 3, last].map(|i| std::mem::take(&mut self.known[i])).to_vec();
+        }
+        Ok(())
+    }
+
+    /// A guess at the displacement: the parabola through three known ones.
+    fn extrapolated(&self, stage: usize, time_s: f64) -> Vec<f64> {
+        if self.known.is_empty() {
+            return self.displacement.clone();
+        }
+        // The last three are wide apart and near the stage, but for the last of five stages.
+        let n = self.known.len();
+        let places = if stage == LAST_STAGE { vec![n - 4, n - 3, n - 1] } else { (n.saturating_sub(3)..n).collect() };
+        let chosen: Vec<&(f64, Vec<f64>)> = places.into_iter().map(|place| &self.known[place]).collect();
+        let mut guess = vec![0.0; self.displacement.len()];
+        for (i, (t_i, u)) in chosen.iter().enumerate() {
+            let others = chosen.iter().enumerate().filter(|(j, _)| *j != i);
+            let weight: f64 = others.map(|(_, (t_j, _))| (time_s - t_j) / (t_i - t_j)).product();
+            guess.iter_mut().zip(u).for_each(|(g, u)| *g += weight * u);
+        }
+        guess
+    }
+}
+
+/// Strains at a stage's start: the step's start and what the stages before add.
+fn started(start: &[Tensor<f64>], rates: &[Vec<Tensor<f64>>], weights: &[f64], step_s: f64) -> Vec<Tensor<f64>> {
+    let mut histories = start.to_vec();
+    for (rates, weight) in rates.iter().zip(weights) {
+        let weight = weight * step_s;
+        histories.par_iter_mut().zip(rates).for_each(|(history, rate)| {
+            history.iter_mut().zip(rate).for_each(|(h, r)| *h += weight * r);
+        });
+    }
+    histories
+}
+
+fn differences(from: &[Tensor<f64>], to: &[Tensor<f64>], factor: f64) -> Vec<Tensor<f64>> {
+    let difference = |(a, b): (&Tensor<f64>, &Tensor<f64>)| std::array::from_fn(|i| factor * (b[i] - a[i]));
+    from.par_iter().zip(to).map(difference).collect()
+}
+
+/// What failed, without its remedy.
+fn words(error: &Error) -> String {
+    match error {
+        Error::Numerical { what, .. } => what.clone(),
+        other => other.to_string(),
+    }
+}

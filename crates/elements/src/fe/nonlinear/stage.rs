@@ -1,0 +1,223 @@
+//! The balance at one stage: Newton's method on the displacements, its linear systems by conjugate gradients (physics §3.2).
+//!
+//! The tangent is that of the stage's stress, so Newton's method converges quadratically. It is not factorised: K̂, factorised once, is so near to
+//! it that a few conjugate gradients do. Only their accuracy decides how fast Newton's method is, never where it ends. Gradients want a symmetric matrix; what is
+//! not symmetric, the change of the trace's modulus with the deviator where the dashpot flows, is left out there, so that the last steps gain digits evenly.
+
+use super::point::{Moduli, StageLaw, Tensor, deviator_norm};
+use super::points::IntegrationPoints;
+use crate::fe::factorisation::Factor;
+use base::error::{Error, Result};
+use rayon::prelude::*;
+
+/// Most steps of Newton's method before the time step is halved.
+const MOST_STEPS: usize = 30;
+/// Most halvings of a step that makes the residual larger.
+const MOST_HALVINGS: usize = 8;
+/// Most gradients a linear system.
+const MOST_GRADIENTS: usize = 200;
+/// Residual of the linear systems, relative to the one they start from, unless the tolerance asks for less.
+const FORCING: f64 = 0.05;
+
+/// Integration points handled together.
+const CHUNK: usize = 512;
+
+/// What pushes the robot: F e^{gx} in N on the unknowns, x the robot's displacement in m.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Push {
+    pub force_n: f64,
+    pub gradient_per_m: f64,
+}
+
+/// Tangent at one point: ds = secant dε + along n (n·dε) for the deviator, volumetric dε (+ coupling n·dε) for the trace.
+#[derive(Debug, Clone, Copy)]
+struct Tangent {
+    secant: f64,
+    along: f64,
+    volumetric: f64,
+    coupling: f64,
+    direction: [f64; 5],
+}
+
+/// The balance of a mesh.
+pub(super) struct Balance<'a> {
+    pub points: &'a IntegrationPoints,
+    pub factor: &'a Factor<'a>,
+    pub robot: usize,
+    /// Share of the force that the model carries.
+    pub share: f64,
+}
+
+/// One stage: the law, the histories of all points (`n_histories` each, one point after the other) and the push.
+pub(super) struct Stage<'a> {
+    pub law: &'a StageLaw<f64>,
+    pub histories: &'a [Tensor<f64>],
+    pub n_histories: usize,
+    pub push: Push,
+}
+
+/// Where a residual stands.
+struct Evaluated {
+    strains: Vec<Tensor<f64>>,
+    stresses: Vec<Tensor<f64>>,
+    tangents: Vec<Tangent>,
+    residual: Vec<f64>,
+    /// By how much the push grows with x, in N/m.
+    slope_n_per_m: f64,
+    /// K̂⁻¹ times the residual.
+    preconditioned: Vec<f64>,
+    /// √(rᵀK̂⁻¹r).
+    norm: f64,
+}
+
+/// A solved stage.
+pub(super) struct Solved {
+    pub strains: Vec<Tensor<f64>>,
+    pub stresses: Vec<Tensor<f64>>,
+    /// Residuals computed and linear operators applied, for the record of what a run costs.
+    pub n_evaluations: usize,
+    pub n_gradients: usize,
+    /// Norm of the residual before every step of Newton's method and at the end.
+    #[cfg_attr(not(test), allow(dead_code))]
+    pub norms: Vec<f64>,
+}
+
+impl Balance<'_> {
+    /// Finds the displacements (m) at which the stage balances, from those given, to a residual of `tolerance` in the norm √(rᵀK̂⁻¹r).
+    ///
+    /// # Errors
+    /// [`Error::Numerical`] where Newton's method does not converge.
+    pub(super) fn solve(&self, stage: &Stage, displacement: &mut [f64], tolerance: f64) -> Result<Solved> {
+        let mut now = self.evaluate(stage, displacement);
+        let (mut n_evaluations, mut n_gradients, mut norms) = (1, 0, vec![now.norm]);
+        for _ in 0..MOST_STEPS {
+            if now.norm <= tolerance {
+                let Evaluated { strains, stresses, .. } = now;
+                return Ok(Solved { strains, stresses, n_evaluations, n_gradients, norms });
+            }
+            let goal = (FORCING * now.norm).min((now.norm * now.norm / norms[0]).max(0.3 * tolerance));
+            let (step, n) = self.conjugate_gradients(&now, goal.max(0.1 * tolerance));
+            n_gradients += n;
+            let before = displacement.to_vec();
+            let mut share = 1.0;
+            let mut next = None;
+            for _ in 0..=MOST_HALVINGS {
+                for ((u, from), d) in displacement.iter_mut().zip(&before).zip(&step) {
+                    *u = from + share * d;
+                }
+                let tried = self.evaluate(stage, displacement);
+                n_evaluations += 1;
+                if tried.norm < now.norm {
+                    next = Some(tried);
+                    break;
+                }
+                share *= 0.5;
+            }
+            let Some(next) = next else { break };
+            now = next;
+            norms.push(now.norm);
+        }
+        Err(Error::numerical(
+            format!("the residual stays at {:.3e} of a unit force's, and {tolerance:.3e} is asked for", now.norm),
+            "give parameters of moderate size, or a larger tolerance",
+        ))
+    }
+
+    fn evaluate(&self, stage: &Stage, displacement: &[f64]) -> Evaluated {
+        let strains = self.points.strains(displacement);
+        let mut stresses = vec![[0.0; 6]; strains.len()];
+        let still = Tangent { secant: 0.0, along: 0.0, volumetric: 0.0, coupling: 0.0, direction: [0.0; 5] };
+        let mut tangents = vec![still; strains.len()];
+        let n = stage.n_histories;
+        let places = stresses.par_chunks_mut(CHUNK).zip(tangents.par_chunks_mut(CHUNK));
+        let given = strains.par_chunks(CHUNK).zip(stage.histories.par_chunks(CHUNK * n));
+        places.zip(given).for_each(|((stresses, tangents), (strains, histories))| {
+            let places = stresses.iter_mut().zip(tangents);
+            for (((stress, tangent), strain), histories) in places.zip(strains).zip(histories.chunks_exact(n)) {
+                (*stress, *tangent) = respond(stage.law, strain, histories);
+            }
+        });
+        let mut residual = self.points.forces(&stresses);
+        residual.iter_mut().for_each(|f| *f = -*f);
+        let push_n = stage.push.force_n * (stage.push.gradient_per_m * displacement[self.robot]).exp();
+        residual[self.robot] += push_n;
+        let mut preconditioned = residual.clone();
+        self.factor.solve_in_place(&mut preconditioned);
+        let norm = dot(&residual, &preconditioned).max(0.0).sqrt();
+        let slope_n_per_m = push_n * stage.push.gradient_per_m;
+        Evaluated { strains, stresses, tangents, residual, slope_n_per_m, preconditioned, norm }
+    }
+
+    /// Tangent times a displacement.
+    fn apply(&self, at: &Evaluated, displacement: &[f64], symmetric: bool) -> Vec<f64> {
+        let tangents = &at.tangents;
+        let mut tensors = self.points.strains(displacement);
+        tensors.par_chunks_mut(CHUNK).zip(tangents.par_chunks(CHUNK)).for_each(|(tensors, tangents)| {
+            for (tensor, tangent) in tensors.iter_mut().zip(tangents) {
+                let along: f64 = tensor.iter().zip(&tangent.direction).map(|(e, n)| e * n).sum();
+                for (e, n) in tensor.iter_mut().zip(&tangent.direction) {
+                    *e = tangent.secant * *e + tangent.along * along * n;
+                }
+                let coupling = if symmetric { 0.0 } else { tangent.coupling };
+                tensor[5] = tangent.volumetric * tensor[5] + coupling * along;
+            }
+        });
+        let mut product = self.points.forces(&tensors);
+        product[self.robot] -= at.slope_n_per_m * displacement[self.robot];
+        product
+    }
+
+    /// Solves tangent × step = residual until what is left is below `goal`; the number of gradients is counted.
+    fn conjugate_gradients(&self, now: &Evaluated, goal: f64) -> (Vec<f64>, usize) {
+        let mut step = vec![0.0; now.residual.len()];
+        let (mut rest, mut preconditioned) = (now.residual.clone(), now.preconditioned.clone());
+        let mut direction = preconditioned.clone();
+        let mut squared = now.norm * now.norm;
+        for n in 0..MOST_GRADIENTS {
+            if squared.max(0.0).sqrt() <= goal {
+                return (step, n);
+            }
+            let image = self.apply(now, &direction, true);
+            let curvature = dot(&direction, &image);
+            if curvature <= 0.0 {
+                // A gradient of the force beyond what the gel can hold: the step so far is as good as any.
+                return (if n == 0 { direction } else { step }, n + 1);
+            }
+            let length = squared / curvature;
+            for (((u, r), d), i) in step.iter_mut().zip(&mut rest).zip(&direction).zip(&image) {
+                *u += length * d;
+                *r -= length * i;
+            }
+            preconditioned.copy_from_slice(&rest);
+            self.factor.solve_in_place(&mut preconditioned);
+            let next = dot(&rest, &preconditioned);
+            let keep = next / squared;
+            for (d, z) in direction.iter_mut().zip(&preconditioned) {
+                *d = z + keep * *d;
+            }
+            squared = next;
+        }
+        (step, MOST_GRADIENTS)
+    }
+}
+
+/// Stress and tangent at one point.
+fn respond(law: &StageLaw<f64>, strain: &Tensor<f64>, histories: &[Tensor<f64>]) -> (Tensor<f64>, Tangent) {
+    let mut a = law.offset(histories);
+    a.iter_mut().zip(strain).for_each(|(a, e)| *a += e);
+    let norm = deviator_norm(&a);
+    let Moduli { secant, normal, volumetric, coupling } = law.moduli(norm);
+    let mut stress: Tensor<f64> = std::array::from_fn(|i| secant * a[i] - law.kappa * histories[0][i]);
+    stress[5] = volumetric * a[5] - law.kappa * histories[0][5];
+    let per_norm = if norm > 0.0 { 1.0 / norm } else { 0.0 };
+    let direction = std::array::from_fn(|i| a[i] * per_norm);
+    (stress, Tangent { secant, along: normal - secant, volumetric, coupling: coupling * a[5], direction })
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+#[cfg(test)]
+#[path = "stage_tests.rs"]
+mod tests;

@@ -1,0 +1,297 @@
+//! A second formulation, for tests alone: Oldroyd-B around a sphere in the frame that moves with it, the conformation being carried along with the flow on a mesh that does not move.
+//!
+//! Nothing of it is shared with the elements: velocities are poloidal fields, free of divergence, so that there is no pressure; Legendre functions in the angle and polynomials in ln r; conformations are collocated,
+//! and time is stepped by the explicit Runge–Kutta method of order four. With u = ∇×∇×(r g_n P_n), N = n(n + 1), a dot for d/d ln r and a dash for d/dθ,
+//!
+//!     u_r = N g P/r,  u_θ = (g + ġ) P′/r,  r² ∂u/∂x = N (ġ − g) P in rr, (N g − g − ġ) P′ in rθ, (g̈ − g) P′ in θr, (g + ġ) P″ + N g P in θθ, and their trace is 0.
+//!
+//! The container is a sphere around the moving one in place of one at rest; what flows through the mesh fades out towards it, where nothing flows. In a container that is large enough neither shows.
+
+use std::f64::consts::PI;
+
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+
+use crate::fe::meridional::basis::{gauss_legendre, gauss_lobatto, lagrange, legendre};
+
+/// How many functions and points there are.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Cut {
+    /// Polynomials in ln r, and nodes beyond them.
+    pub(super) n_radial: usize,
+    /// Legendre functions; half as many points again.
+    pub(super) n_angular: usize,
+    pub(super) step_s: f64,
+}
+
+/// Nodes beyond the polynomials.
+const MORE_NODES: usize = 12;
+/// From this share of the largest ln r on the flow through the mesh fades out.
+const FADING: f64 = 0.5;
+
+/// Oldroyd-B in units of the sphere's radius.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Fluid {
+    pub(super) solvent_pa_s: f64,
+    pub(super) shear_modulus_pa: f64,
+    pub(super) time_s: f64,
+    /// Force over the sphere's radius squared.
+    pub(super) force_pa: f64,
+}
+
+type Field = DMatrix<f64>;
+
+/// Values, and first and second derivatives by ln r, of the radial functions (columns) at the nodes.
+struct Radial([Field; 3]);
+
+pub(super) struct Eulerian {
+    fluid: Fluid,
+    step_s: f64,
+    radii: Vec<f64>,
+    /// How much of the flow goes through the mesh.
+    shares: Vec<f64>,
+    /// 2π r and the weight in ln r of every node.
+    weights: Vec<f64>,
+    cosines: Vec<(f64, f64)>,
+    /// P, P′, P″ and P′ cot θ of every Legendre function (rows) at the angles.
+    angular: [Field; 4],
+    radial: Radial,
+    /// The function of the sphere's own motion, of n = 1, likewise.
+    rigid: [DVector<f64>; 3],
+    factors: Vec<Cholesky<f64, Dyn>>,
+    by_radius: Field,
+    /// Transposed: by the cosine, of fields that stand in rows.
+    by_cosine: Field,
+}
+
+/// Conformation: rr, rθ, θθ, φφ.
+#[derive(Clone)]
+struct Conformation([Field; 4]);
+
+/// Legendre polynomials and their first two derivatives up to a degree.
+fn legendres(n: usize, x: f64) -> Vec<[f64; 3]> {
+    let mut all: Vec<[f64; 3]> = Vec::with_capacity(n + 1);
+    for k in 0..=n {
+        let (p, dp) = legendre(k, x);
+        // P″ₖ = P″ₖ₋₂ + (2k − 1) P′ₖ₋₁.
+        let ddp = if k < 2 { 0.0 } else { all[k - 2][2] + (2.0 * k as f64 - 1.0) * all[k - 1][1] };
+        all.push([p, dp, ddp]);
+    }
+    all
+}
+
+/// Functions that are 0 with their slopes at both ends (J. Shen, SIAM J. Sci. Comput. 15:1489, 1994, doi:10.1137/0915089).
+fn clamped(n: usize, x: f64) -> Vec<[f64; 3]> {
+    let p = legendres(n + 3, x);
+    let function = |k: usize| {
+        let by = 2.0 * k as f64;
+        let (middle, last) = (2.0 * (by + 5.0) / (by + 7.0), (by + 3.0) / (by + 7.0));
+        // Scaled so that the second derivatives have about the same size.
+        let scale = 1.0 / ((by + 3.0) * (by + 5.0));
+        std::array::from_fn(|d| scale * (p[k][d] - middle * p[k + 2][d] + last * p[k + 4][d]))
+    };
+    (0..n).map(function).collect()
+}
+
+impl Eulerian {
+    pub fn new(fluid: Fluid, outer_radius: f64, cut: Cut) -> Self {
+        let (span, order) = (outer_radius.ln(), cut.n_radial + MORE_NODES);
+        let nodes = gauss_lobatto(order);
+        let by_ln = 2.0 / span;
+        let radii: Vec<f64> = nodes.iter().map(|xi| (0.5 * span * (1.0 + xi)).exp()).collect();
+        let weight = |xi: f64| 2.0 / ((order * (order + 1)) as f64 * legendre(order, xi).0.powi(2)) / by_ln;
+        let weights = nodes.iter().zip(&radii).map(|(xi, r)| 2.0 * PI * r * weight(*xi)).collect();
+        let fading = |xi: &f64| {
+            let t = ((0.5 * (1.0 + xi) - FADING) / (1.0 - FADING)).clamp(0.0, 1.0);
+            1.0 - t * t * t * (10.0 - 15.0 * t + 6.0 * t * t)
+        };
+        let functions: Vec<_> = nodes.iter().map(|xi| clamped(cut.n_radial, *xi)).collect();
+        let tabulated =
+            |d: usize| Field::from_fn(nodes.len(), cut.n_radial, |i, k| by_ln.powi(d as i32) * functions[i][k][d]);
+        // The cubic with value and slope ½ at the sphere, and neither at the container.
+        let rigid = |d: usize| {
+            let (a, b) = (0.125, span / 16.0);
+            let at = |x: f64| match d {
+                0 => (1.0 - x).powi(2) * (a * (2.0 + x) + b * (1.0 + x)),
+                1 => by_ln * (1.0 - x) * (a * (-3.0 - 3.0 * x) + b * (-1.0 - 3.0 * x)),
+                _ => by_ln * by_ln * (a * 6.0 * x + b * (-2.0 + 6.0 * x)),
+            };
+            DVector::from_iterator(nodes.len(), nodes.iter().map(|x| at(*x)))
+        };
+        let cosines = gauss_legendre(cut.n_angular + cut.n_angular / 2);
+        let polynomials: Vec<_> = cosines.iter().map(|(x, _)| legendres(cut.n_angular, *x)).collect();
+        let at_angles = |of: &dyn Fn([f64; 3], f64) -> f64| {
+            Field::from_fn(cut.n_angular, cosines.len(), |n, j| of(polynomials[j][n + 1], cosines[j].0))
+        };
+        let angular = [
+            at_angles(&|[p, ..], _| p),
+            at_angles(&|[_, dp, _], x| -(1.0 - x * x).sqrt() * dp),
+            at_angles(&|[_, dp, ddp], x| (1.0 - x * x) * ddp - x * dp),
+            at_angles(&|[_, dp, _], x| -x * dp),
+        ];
+        let slopes: Vec<_> = nodes.iter().map(|xi| lagrange(&nodes, *xi)).collect();
+        let by_radius = Field::from_fn(nodes.len(), nodes.len(), |i, k| by_ln * slopes[i][k].1 / radii[i]);
+        let places: Vec<f64> = cosines.iter().map(|(x, _)| *x).collect();
+        let slopes: Vec<_> = places.iter().map(|x| lagrange(&places, *x)).collect();
+        let by_cosine = Field::from_fn(places.len(), places.len(), |k, j| slopes[j][k].1);
+        let mut found = Self {
+            fluid,
+            step_s: cut.step_s,
+            shares: nodes.iter().map(fading).collect(),
+            radii,
+            weights,
+            cosines,
+            angular,
+            radial: Radial([0, 1, 2].map(tabulated)),
+            rigid: [0, 1, 2].map(rigid),
+            factors: Vec::new(),
+            by_radius,
+            by_cosine,
+        };
+        found.factors = (0..cut.n_angular).map(|n| found.factor(n)).collect();
+        found
+    }
+
+    /// Values and derivatives of the functions of a degree, that of the sphere's motion first where it has one.
+    fn functions(&self, n: usize) -> [Field; 3] {
+        let first = usize::from(n == 0);
+        let of = |d: usize, i: usize, k: usize| match k.checked_sub(first) {
+            Some(k) => self.radial.0[d][(i, k)],
+            None => self.rigid[d][i],
+        };
+        let [n_nodes, n_functions] = [self.radii.len(), self.radial.0[0].ncols() + first];
+        [0, 1, 2].map(|d| Field::from_fn(n_nodes, n_functions, |i, k| of(d, i, k)))
+    }
+
+    /// The solvent's power as a matrix of the functions of degree n + 1.
+    fn factor(&self, n: usize) -> Cholesky<f64, Dyn> {
+        let [g, g1, g2] = self.functions(n);
+        let all = ((n + 1) * (n + 2)) as f64;
+        let mean = |a: usize, b: usize| -> f64 {
+            let product = |(j, (_, w)): (usize, &(f64, f64))| w * self.angular[a][(n, j)] * self.angular[b][(n, j)];
+            self.cosines.iter().enumerate().map(product).sum()
+        };
+        let weights = DVector::from_fn(self.radii.len(), |i, _| self.weights[i] / self.radii[i].powi(2));
+        let gram = |a: &Field, b: &Field| a.transpose() * Field::from_diagonal(&weights) * b;
+        let (stretch, beta, gamma) = ((&g1 - &g) * all, &g + &g1, &g * all);
+        let shear = &g * (all - 2.0) - &g1 + &g2;
+        let mixed = gram(&beta, &gamma);
+        let hoops = gram(&beta, &beta) * (mean(2, 2) + mean(3, 3))
+            + (&mixed + mixed.transpose()) * (mean(2, 0) + mean(3, 0))
+            + gram(&gamma, &gamma) * (2.0 * mean(0, 0));
+        let matrix = gram(&stretch, &stretch) * mean(0, 0) + hoops + gram(&shear, &shear) * (0.5 * mean(1, 1));
+        (matrix * (2.0 * self.fluid.solvent_pa_s)).cholesky().expect("the power of a motion is positive")
+    }
+
+    /// The flow that balances force and polymer, as g and its derivatives by node and degree; and the sphere's velocity in radii a second.
+    fn flow(&self, polymer: &Conformation) -> ([Field; 3], f64) {
+        let Conformation([rr, rt, tt, pp]) = polymer;
+        let [p, p1, p2, cot] = &self.angular;
+        let weights = DVector::from_iterator(self.cosines.len(), self.cosines.iter().map(|(_, w)| *w));
+        let onto = |stress: &Field, functions: &Field| stress * Field::from_diagonal(&weights) * functions.transpose();
+        let (of_rr, of_shear) = (onto(rr, p), onto(rt, p1));
+        let (of_hoops, of_beta) = (onto(tt, p) + onto(pp, p), onto(tt, p2) + onto(pp, cot));
+        let (n_nodes, n_degrees) = (self.radii.len(), p.nrows());
+        let mut found = [0, 1, 2].map(|_| Field::zeros(n_nodes, n_degrees));
+        let mut velocity = 0.0;
+        for n in 0..n_degrees {
+            let all = ((n + 1) * (n + 2)) as f64;
+            let (radial, shear) = (of_rr.column(n) * all, of_shear.column(n));
+            let by_g = of_beta.column(n) + of_hoops.column(n) * all - &radial + shear * (all - 2.0);
+            let by_g1 = radial + of_beta.column(n) - shear;
+            let weighed = |power: DVector<f64>| DVector::from_fn(n_nodes, |i, _| self.weights[i] * power[i]);
+            let functions = self.functions(n);
+            let powers = [by_g, by_g1, shear.into_owned()];
+            let mut forces = DVector::zeros(functions[0].ncols());
+            for (function, power) in functions.iter().zip(powers) {
+                forces -= function.transpose() * weighed(power) * self.fluid.shear_modulus_pa;
+            }
+            if n == 0 {
+                forces[0] += self.fluid.force_pa;
+            }
+            let amplitudes = self.factors[n].solve(&forces);
+            if n == 0 {
+                velocity = amplitudes[0];
+            }
+            for (found, function) in found.iter_mut().zip(&functions) {
+                found.set_column(n, &(function * &amplitudes));
+            }
+        }
+        (found, velocity)
+    }
+
+    /// Rates (1/s) of what a conformation is beyond rest, and the sphere's velocity.
+    fn rates(&self, beyond: &Conformation) -> (Conformation, f64) {
+        let ([g, g1, g2], velocity) = self.flow(beyond);
+        let [p, p1, _, cot] = &self.angular;
+        let degrees = DVector::from_fn(p.nrows(), |n, _| ((n + 1) * (n + 2)) as f64);
+        let all = Field::from_diagonal(&degrees);
+        let (gamma, beta) = (&g * &all, &g + &g1);
+        let (u, v) = (&gamma * p, &beta * p1);
+        let stretch = (&g1 - &g) * &all * p;
+        let hoop = &beta * cot + &gamma * p;
+        let (shear_rt, shear_tr) = ((&gamma - &beta) * p1, (&g2 - &g) * p1);
+        let [rr, rt, tt, pp] = &beyond.0;
+        // By the cosine: rθ is the sine times a polynomial of it.
+        let sines: Vec<f64> = self.cosines.iter().map(|(x, _)| (1.0 - x * x).sqrt()).collect();
+        let mut over_sine = rt.clone();
+        over_sine.column_iter_mut().zip(&sines).for_each(|(mut column, sine)| column /= *sine);
+        let by_cosine = [rr * &self.by_cosine, over_sine * &self.by_cosine, tt * &self.by_cosine, pp * &self.by_cosine];
+        let by_radius = [rr, rt, tt, pp].map(|field| &self.by_radius * field);
+        let mut rates = [0, 1, 2, 3].map(|_| Field::zeros(rr.nrows(), rr.ncols()));
+        for (j, (x, _)) in self.cosines.iter().enumerate() {
+            let sine = sines[j];
+            for (i, r) in self.radii.iter().enumerate() {
+                let at = (i, j);
+                let through = self.shares[i] * velocity;
+                let (along, around) = (u[at] / r - through * x, (v[at] / r + through * sine) / r);
+                let over = 1.0 / (r * r);
+                let (l_rr, l_pp, l_rt, l_tr) =
+                    (stretch[at] * over, hoop[at] * over, shear_rt[at] * over, shear_tr[at] * over);
+                let l_tt = -l_rr - l_pp;
+                let (e_rr, e_rt, e_tt, e_pp) = (rr[at], rt[at], tt[at], pp[at]);
+                let by_angle = [0, 2, 3].map(|k: usize| -sine * by_cosine[k][at]);
+                let by_angle_rt = x * (e_rt / sine) - sine * sine * by_cosine[1][at];
+                let carried = [
+                    along * by_radius[0][at] + around * (by_angle[0] - 2.0 * e_rt),
+                    along * by_radius[1][at] + around * (by_angle_rt + e_rr - e_tt),
+                    along * by_radius[2][at] + around * (by_angle[1] + 2.0 * e_rt),
+                    along * by_radius[3][at] + around * by_angle[2],
+                ];
+                let stretched = [
+                    2.0 * (l_rr * (1.0 + e_rr) + l_rt * e_rt),
+                    l_rr * e_rt + l_rt * (1.0 + e_tt) + (1.0 + e_rr) * l_tr + e_rt * l_tt,
+                    2.0 * (l_tr * e_rt + l_tt * (1.0 + e_tt)),
+                    2.0 * l_pp * (1.0 + e_pp),
+                ];
+                for (k, own) in [e_rr, e_rt, e_tt, e_pp].into_iter().enumerate() {
+                    rates[k][at] = stretched[k] - carried[k] - own / self.fluid.time_s;
+                }
+            }
+        }
+        (Conformation(rates), velocity)
+    }
+
+    /// The sphere's place, in its radii, after every so many steps.
+    pub(super) fn places(&self, n_steps: usize, every: usize) -> Vec<f64> {
+        let nothing = || Field::zeros(self.radii.len(), self.cosines.len());
+        let (mut beyond, mut place) = (Conformation([0, 1, 2, 3].map(|_| nothing())), 0.0);
+        let moved = |from: &Conformation, by: f64, rates: &Conformation| {
+            Conformation([0, 1, 2, 3].map(|k| &from.0[k] + &rates.0[k] * by))
+        };
+        let (h, mut places) = (self.step_s, vec![0.0]);
+        for step in 1..=n_steps {
+            let (a, at_a) = self.rates(&beyond);
+            let (b, at_b) = self.rates(&moved(&beyond, 0.5 * h, &a));
+            let (c, at_c) = self.rates(&moved(&beyond, 0.5 * h, &b));
+            let (d, at_d) = self.rates(&moved(&beyond, h, &c));
+            for (weight, rates) in [(1.0, &a), (2.0, &b), (2.0, &c), (1.0, &d)] {
+                beyond = moved(&beyond, h * weight / 6.0, rates);
+            }
+            place += h / 6.0 * (at_a + 2.0 * at_b + 2.0 * at_c + at_d);
+            if step % every == 0 {
+                places.push(place);
+            }
+        }
+        places
+    }
+}

@@ -1,0 +1,110 @@
+//! The gel's law in shear: a solvent and modes of relaxation.
+
+use laws::rheology::{Element, stieltjes};
+
+/// A mode of relaxation: G (λ s)/(1 + λ s) of the complex modulus.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RelaxationMode {
+    /// G in Pa.
+    pub shear_modulus_pa: f64,
+    /// λ in s; infinite for what does not relax.
+    pub time_s: f64,
+}
+
+/// An incompressible gel in shear, G(s) = η_s s + Σ G λs/(1 + λs), with the rule that takes it to strains of any size.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FiniteLaw {
+    /// η_s in Pa·s.
+    pub solvent_pa_s: f64,
+    /// The polymer's modes.
+    pub modes: Vec<RelaxationMode>,
+    /// α in [0, ½] of Giesekus; 0 is Oldroyd-B.
+    pub mobility: f64,
+    /// Shortest retardation time in s.
+    pub fastest_s: f64,
+}
+
+impl FiniteLaw {
+    /// The incompressible gel whose creep compliance under a pull is that of these elements in series, a third of its compliance in shear; `None` where one is a springpot.
+    pub fn new(elements: &[Element], mobility: f64) -> Option<Self> {
+        let whole = Element::Series(elements.to_vec());
+        let (relaxation, retardation) = (stieltjes::relaxation_of(&whole)?, stieltjes::spectrum_of(&whole)?);
+        let mode = |[modulus_pa, rate_per_s]: &[f64; 2]| RelaxationMode {
+            shear_modulus_pa: modulus_pa / 3.0,
+            time_s: 1.0 / rate_per_s,
+        };
+        let retarded = retardation.modes.iter().map(|mode| mode.rate_per_s.value).reduce(f64::max);
+        // A gel that is not retarded answers with a line.
+        let relaxed = relaxation.modes.iter().map(|[_, rate_per_s]| *rate_per_s).fold(0.0, f64::max);
+        Some(Self {
+            solvent_pa_s: relaxation.viscosity_pa_s / 3.0,
+            modes: relaxation.modes.iter().map(mode).collect(),
+            mobility,
+            fastest_s: 1.0 / retarded.unwrap_or(relaxed),
+        })
+    }
+}
+
+impl FiniteLaw {
+    /// The gel of the same creep compliance under a pull, whose Poisson ratio is not ½.
+    pub(super) fn of_poisson_ratio(&self, poisson_ratio: f64) -> Self {
+        let by = 1.5 / (1.0 + poisson_ratio);
+        let mode = |mode: &RelaxationMode| RelaxationMode { shear_modulus_pa: by * mode.shear_modulus_pa, ..*mode };
+        Self { solvent_pa_s: by * self.solvent_pa_s, modes: self.modes.iter().map(mode).collect(), ..self.clone() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use base::number::Dual;
+    use laws::rheology::BaseLaw;
+
+    fn elements(law: BaseLaw, parameters: &[f64]) -> Vec<Element> {
+        law.elements(&parameters.iter().copied().map(Dual::constant).collect::<Vec<Dual>>())
+    }
+
+    /// Solvent and modes add up to 1/(3 s J(s)), J(s) by its definition: three base laws, one that does not flow, one of two equal bodies.
+    #[test]
+    fn solvent_and_modes_add_up_to_the_law() {
+        let spring = |modulus_pa: f64| Element::Spring { modulus_pa: Dual::constant(modulus_pa) };
+        let body = |modulus_pa: f64| Element::kelvin_voigt(Dual::constant(modulus_pa), Dual::constant(1.2));
+        let dashpot = Element::Dashpot { viscosity_pa_s: Dual::constant(50.0) };
+        let laws = [
+            elements(BaseLaw::Lethersich, &[3.527, 1.402, 47.37]),
+            elements(BaseLaw::Burgers, &[3.527, 1.402, 47.37, 20.0]),
+            elements(BaseLaw::TwoElement, &[3.527, 1.402, 47.37, 5.0, 60.0]),
+            vec![spring(10.0), body(3.0)],
+            vec![body(3.0), body(3.0), dashpot],
+        ];
+        let compliance = |element: &Element, s: f64| match element {
+            Element::Spring { modulus_pa } => 1.0 / modulus_pa.value,
+            Element::Dashpot { viscosity_pa_s } => 1.0 / (viscosity_pa_s.value * s),
+            Element::Parallel(both) => {
+                let [Element::Spring { modulus_pa }, Element::Dashpot { viscosity_pa_s }] = &both[..] else {
+                    panic!("{both:?}")
+                };
+                1.0 / (modulus_pa.value + viscosity_pa_s.value * s)
+            }
+            other => panic!("{other:?}"),
+        };
+        for elements in laws {
+            let law = FiniteLaw::new(&elements, 0.0).expect("no springpot");
+            for s in [1e-4, 0.03, 1.0, 20.0, 1e4] {
+                let of_mode = |mode: &RelaxationMode| mode.shear_modulus_pa * s / (s + 1.0 / mode.time_s);
+                let found = law.solvent_pa_s * s + law.modes.iter().map(of_mode).sum::<f64>();
+                let exact = 1.0 / (3.0 * elements.iter().map(|element| compliance(element, s)).sum::<f64>());
+                assert!((found / exact - 1.0).abs() < 1e-9, "{law:?} at {s}: {found} {exact}");
+            }
+        }
+    }
+
+    /// The numbers of Table I (physics §2).
+    #[test]
+    fn the_papers_law_is_its_oldroyd_b() {
+        let law = FiniteLaw::new(&elements(BaseLaw::Lethersich, &[3.527, 1.402, 47.370]), 0.0).expect("no springpot");
+        let [mode] = law.modes[..] else { panic!("{law:?}") };
+        assert!((law.solvent_pa_s - 0.4539).abs() < 1e-4, "{law:?}");
+        assert!((mode.time_s - 13.83).abs() < 0.01 && (mode.shear_modulus_pa - 1.1090).abs() < 1e-4, "{mode:?}");
+    }
+}

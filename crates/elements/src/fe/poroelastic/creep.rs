@@ -1,0 +1,40 @@
+//! The creep of a porous body as a network: the law, and in series with it one body a term of the pore spectrum.
+
+use super::PoreSpectrum;
+use base::error::{Error, Result};
+use base::number::Dual;
+use laws::rheology::Element;
+
+impl PoreSpectrum {
+    /// Elements in series whose creep compliance is that of the robot over Φ(0), for a law of the undrained body (elements in series), a mobility k ≥ 0
+    /// (m²/(Pa·s)) and a drained Poisson ratio: term k adds w/(G + (τ/k) s), the law in parallel with a dashpot of viscosity τ/k, all over w.
+    ///
+    /// At k = 0 these are the law's own elements, without a derivative with respect to k.
+    ///
+    /// # Errors
+    /// [`Error::OutsideTrainedRange`] for ratios outside the range, [`Error::Numerical`] for a negative or infinite mobility.
+    pub fn elements(
+        &self,
+        law: &[Element],
+        mobility_m2_per_pa_s: Dual,
+        drained_poisson_ratio: Dual,
+    ) -> Result<Vec<Element>> {
+        let mut elements = law.to_vec();
+        if !(mobility_m2_per_pa_s.value >= 0.0 && mobility_m2_per_pa_s.value.is_finite()) {
+            return Err(Error::numerical(
+                format!("the mobility of the pore fluid is {} m²/(Pa·s)", mobility_m2_per_pa_s.value),
+                "give a mobility that is positive and finite, or 0 for none",
+            ));
+        }
+        let terms = self.terms(drained_poisson_ratio)?;
+        if mobility_m2_per_pa_s.value > 0.0 {
+            elements.extend(terms.into_iter().map(|term| {
+                let inverse = Dual::ONE / term.weight;
+                let viscosity_pa_s = inverse * term.area_m2 / mobility_m2_per_pa_s;
+                let law = law.iter().map(|element| element.scaled(inverse)).collect();
+                Element::Parallel(vec![Element::Series(law), Element::Dashpot { viscosity_pa_s }])
+            }));
+        }
+        Ok(elements)
+    }
+}

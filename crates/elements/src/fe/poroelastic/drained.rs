@@ -1,0 +1,201 @@
+//! The porous body at one drained Poisson ratio: the drained skeleton's factor, and pressures by conjugate gradients.
+
+use super::{PoreModel, pressure::PressureFactor};
+use crate::fe::factorisation::Factor;
+use base::error::{Error, Result};
+
+/// Residual, in the preconditioner's norm and relative to the load's, at which pressures are good; outputs err by its square.
+const TOLERANCE: f64 = 1e-10;
+/// More iterations mean a mistake: the preconditioner is spectrally equivalent, so their number does not grow with the mesh.
+const MOST_ITERATIONS: usize = 400;
+
+/// Pressures and A times them.
+#[derive(Debug, Clone)]
+pub(super) struct Pressure {
+    pub values: Vec<f64>,
+    /// (M/M̂ + B K_d⁻¹ Bᵀ) p.
+    pub stored: Vec<f64>,
+}
+
+/// Moduli for unit Young's modulus of the undrained body.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Moduli {
+    /// K_d = K̂(ν_d)/softness, K̂ being the base's stiffness.
+    pub softness: f64,
+    /// 1/M̂ = 1/(κ̂_u − κ̂_d).
+    pub inverse_storage_modulus: f64,
+    /// S = 1/M̂ + 1/(κ̂_d + 4μ̂/3): what storage is for irrotational fields, and an upper bound of it for any.
+    pub storage: f64,
+}
+
+impl Moduli {
+    pub fn new(undrained_poisson_ratio: f64, drained_poisson_ratio: f64) -> Self {
+        let two_mu = 1.0 / (1.0 + undrained_poisson_ratio);
+        let kappa = |nu: f64| two_mu * (1.0 + nu) / (3.0 * (1.0 - 2.0 * nu));
+        let (undrained, drained) = (kappa(undrained_poisson_ratio), kappa(drained_poisson_ratio));
+        let inverse_storage_modulus = 1.0 / (undrained - drained);
+        Self {
+            softness: (1.0 + undrained_poisson_ratio) / (1.0 + drained_poisson_ratio),
+            inverse_storage_modulus,
+            storage: inverse_storage_modulus + 1.0 / (drained + 2.0 * two_mu / 3.0),
+        }
+    }
+}
+
+/// The porous body at one drained Poisson ratio, unit Young's modulus (of the undrained body) and unit force on the model that was meshed.
+pub struct DrainedModel<'a> {
+    pub(super) model: &'a PoreModel<'a>,
+    pub(super) moduli: Moduli,
+    factor: Factor<'a>,
+    /// K_d⁻¹ e.
+    unit_response: Vec<f64>,
+    /// b = B K_d⁻¹ e.
+    pub(super) load: Vec<f64>,
+}
+
+impl<'a> DrainedModel<'a> {
+    pub fn new(model: &'a PoreModel<'a>, drained_poisson_ratio: f64) -> Result<Self> {
+        let moduli = Moduli::new(model.poisson_ratio, drained_poisson_ratio);
+        let factor = model.stiffness.factor(drained_poisson_ratio)?;
+        let unit_response: Vec<f64> = factor.unit_response().iter().map(|u| moduli.softness * u).collect();
+        let load = model.pressures.divergence(&unit_response);
+        Ok(Self { model, moduli, factor, unit_response, load })
+    }
+
+    /// Displacement of the robot (m) per unit force on the whole body without pressures, at unit Young's modulus: Φ(∞), in 1/m.
+    pub fn drained_compliance_per_m(&self) -> f64 {
+        self.share() * self.drained()
+    }
+
+    /// Φ(τ) in 1/m for every τ ≥ 0 (m²): displacement of the robot per unit force on the whole body and unit Young's modulus.
+    ///
+    /// # Errors
+    /// [`Error::Numerical`] where the pressures are not found.
+    pub fn compliances_per_m(&self, areas_m2: &[f64]) -> Result<Vec<f64>> {
+        let solved = self.pressures(areas_m2)?;
+        Ok(solved.iter().map(|p| self.share() * (self.drained() - dot(&self.load, &p.values))).collect())
+    }
+
+    /// Share of the force that the model carries.
+    pub(super) fn share(&self) -> f64 {
+        self.model.stiffness.assembly.unknowns.share()
+    }
+
+    /// Φ_d of the model that was meshed.
+    pub(super) fn drained(&self) -> f64 {
+        self.unit_response[self.unit_response.len() - 1]
+    }
+
+    /// Displacements for a force (N) on the model that was meshed and pressures.
+    pub(super) fn displacements(&self, force_n: f64, pressures: &[f64]) -> Vec<f64> {
+        let mut field = vec![0.0; self.unit_response.len()];
+        self.model.pressures.add_transposed_divergence(pressures, &mut field);
+        self.solve_skeleton(&mut field);
+        field.iter_mut().zip(&self.unit_response).for_each(|(u, w)| *u += force_n * w);
+        field
+    }
+
+    /// K_d⁻¹ in place of columns one after the other.
+    pub(super) fn solve_skeleton(&self, columns: &mut [f64]) {
+        columns.iter_mut().for_each(|f| *f *= self.moduli.softness);
+        self.factor.solve_in_place(columns);
+    }
+
+    /// A times columns, A = M/M̂ + B K_d⁻¹ Bᵀ.
+    pub(super) fn stored(&self, columns: &[&[f64]]) -> Vec<Vec<f64>> {
+        let (pressures, n) = (&self.model.pressures, self.model.pressures.n_displacements());
+        let mut block = vec![0.0; n * columns.len()];
+        for (column, field) in columns.iter().zip(block.chunks_exact_mut(n)) {
+            pressures.add_transposed_divergence(column, field);
+        }
+        self.solve_skeleton(&mut block);
+        let product = |(column, field): (&&[f64], &[f64])| {
+            let mut result = pressures.divergence(field);
+            pressures.add_product(self.moduli.inverse_storage_modulus, 0.0, column, &mut result);
+            result
+        };
+        columns.iter().zip(block.chunks_exact(n)).map(product).collect()
+    }
+
+    /// (A + τH)⁻¹ b for every τ, all at once so that the skeleton is solved in blocks. The preconditioner S M + τH bounds A + τH from above and is
+    /// equal to it on irrotational fields.
+    pub(super) fn pressures(&self, areas_m2: &[f64]) -> Result<Vec<Pressure>> {
+        let mut systems: Vec<Conjugate> =
+            areas_m2.iter().map(|&area| Conjugate::new(self, area)).collect::<Result<_>>()?;
+        for _ in 0..MOST_ITERATIONS {
+            let mut active: Vec<&mut Conjugate> = systems.iter_mut().filter(|system| !system.is_done()).collect();
+            if active.is_empty() {
+                return Ok(systems.into_iter().map(|s| Pressure { values: s.pressure, stored: s.stored }).collect());
+            }
+            let directions: Vec<&[f64]> = active.iter().map(|system| system.direction.as_slice()).collect();
+            let stored = self.stored(&directions);
+            active.iter_mut().zip(stored).for_each(|(system, stored)| system.advance(self, &stored));
+        }
+        Err(Error::numerical(
+            format!(
+                "the pore pressures are not found within {MOST_ITERATIONS} iterations at the areas {areas_m2:?} m²"
+            ),
+            "check the mesh for flat elements",
+        ))
+    }
+}
+
+/// Conjugate gradients at one τ.
+struct Conjugate<'a> {
+    area_m2: f64,
+    preconditioner: PressureFactor<'a>,
+    pressure: Vec<f64>,
+    stored: Vec<f64>,
+    residual: Vec<f64>,
+    direction: Vec<f64>,
+    /// r · P⁻¹r, now and at the start.
+    square: f64,
+    first_square: f64,
+}
+
+impl<'a> Conjugate<'a> {
+    fn new(body: &DrainedModel<'a>, area_m2: f64) -> Result<Self> {
+        let preconditioner = body.model.pressures.factor(body.moduli.storage, area_m2)?;
+        let mut direction = body.load.clone();
+        preconditioner.solve_in_place(&mut direction);
+        let square = dot(&body.load, &direction);
+        let zeros = vec![0.0; direction.len()];
+        Ok(Self {
+            area_m2,
+            preconditioner,
+            pressure: zeros.clone(),
+            stored: zeros,
+            residual: body.load.clone(),
+            direction,
+            square,
+            first_square: square,
+        })
+    }
+
+    fn is_done(&self) -> bool {
+        self.square <= TOLERANCE * TOLERANCE * self.first_square
+    }
+
+    /// One iteration, given A times the direction.
+    fn advance(&mut self, body: &DrainedModel, stored: &[f64]) {
+        let mut product = stored.to_vec();
+        body.model.pressures.add_product(0.0, self.area_m2, &self.direction, &mut product);
+        let step = self.square / dot(&self.direction, &product);
+        add_scaled(step, &self.direction, &mut self.pressure);
+        add_scaled(step, stored, &mut self.stored);
+        add_scaled(-step, &product, &mut self.residual);
+        let mut next = self.residual.clone();
+        self.preconditioner.solve_in_place(&mut next);
+        let square = dot(&self.residual, &next);
+        add_scaled(square / self.square, &self.direction, &mut next);
+        (self.direction, self.square) = (next, square);
+    }
+}
+
+pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+pub(super) fn add_scaled(factor: f64, x: &[f64], result: &mut [f64]) {
+    result.iter_mut().zip(x).for_each(|(r, x)| *r += factor * x);
+}

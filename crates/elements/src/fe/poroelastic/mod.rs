@@ -1,0 +1,86 @@
+//! Pore flow around the robot: Biot's quasi-static equations with displacements and pressures (physics §5, `poroelasticity`; exact references §4.2, §4.9).
+//!
+//! The law acts on skeleton and storage alike, so with p = G p' the whole body is one operator in τ = k G/s (k the mobility in m²/(Pa·s)):
+//!
+//!   K_d u − Bᵀp' = f/G,  B u + (M/M̂ + τH) p' = 0,
+//!
+//! with K_d = 2μ̂ K_dev + κ̂_d K_vol, μ̂ the same drained and undrained, κ̂ = 2μ̂(1 + ν)/(3(1 − 2ν)) and 1/M̂ = 1/(κ̂_u − κ̂_d) (α = 1, M. A. Biot 1941,
+//! doi:10.1063/1.1712886). The robot's compliance is Φ(τ)/G, Φ(τ) = eᵀ[K_d + Bᵀ(M/M̂ + τH)⁻¹B]⁻¹e: it rises from the undrained Φ(0) to the drained Φ(∞),
+//! Φ(τ) = Φ(0) (1 + Σ wₖ τ/(τ + τₖ)) with wₖ, τₖ > 0. [`PoreSpectrum`] gives ten such terms or fewer for any drained Poisson ratio.
+//!
+//! Elements are Taylor–Hood's: the project's displacements with continuous pressures that are linear between the corners, which is stable. K_d is the base's
+//! stiffness at ν_d (its condensed pressures cost nothing and the drained limit is the base model at ν_d to rounding); the undrained limit is another
+//! discretisation than the base's, 1e-5 from it on the model mesh. Between the limits the linear pressures leave an error of second order, up to 4e-4 of the
+//! compliance on a mesh like the model's.
+
+mod condensed;
+mod creep;
+mod drained;
+mod pressure;
+mod spectrum;
+mod terms;
+
+pub use condensed::CondensedPores;
+pub use drained::DrainedModel;
+pub use pressure::PressureSpace;
+pub use spectrum::{PoreSpectrum, PoreTerm, SpectrumSettings};
+
+use crate::fe::Stiffness;
+use crate::mesh::Mesh;
+use base::error::{Error, Result};
+
+/// A mesh with its pressures, at an undrained Poisson ratio.
+pub struct PoreModel<'a> {
+    stiffness: &'a Stiffness,
+    pressures: PressureSpace,
+    poisson_ratio: f64,
+    /// Lengths (m) between which pressures vary: the robot's smallest radius and the mesh's largest.
+    lengths_m: [f64; 2],
+}
+
+impl<'a> PoreModel<'a> {
+    /// Adds pressures to a mesh's stiffness; `poisson_ratio` is the undrained one, below ½.
+    ///
+    /// # Errors
+    /// Those of [`PressureSpace::new`], and [`Error::Numerical`] for a Poisson ratio outside (−1, ½).
+    pub fn new(mesh: &Mesh, stiffness: &'a Stiffness, poisson_ratio: f64) -> Result<Self> {
+        if !(poisson_ratio > -1.0 && poisson_ratio < 0.5) {
+            return Err(Error::numerical(
+                format!("the undrained Poisson ratio is {poisson_ratio}"),
+                "give a Poisson ratio in (−1, ½); water-filled gels have one just below ½",
+            ));
+        }
+        let pressures = PressureSpace::new(mesh, &stiffness.assembly.unknowns)?;
+        let radius = |node: u32| mesh.node_coordinates_m[node as usize].iter().map(|x| x * x).sum::<f64>().sqrt();
+        let smallest = mesh.robot_nodes.iter().map(|&node| radius(node)).fold(f64::INFINITY, f64::min);
+        let largest = mesh.outer_nodes.iter().map(|&node| radius(node)).fold(0.0, f64::max);
+        Ok(Self { stiffness, pressures, poisson_ratio, lengths_m: [smallest, largest] })
+    }
+
+    /// The pressures and their matrices.
+    pub fn pressures(&self) -> &PressureSpace {
+        &self.pressures
+    }
+
+    /// The undrained Poisson ratio.
+    pub fn poisson_ratio(&self) -> f64 {
+        self.poisson_ratio
+    }
+
+    /// The body at a drained Poisson ratio in (−1, ν), ν the undrained one.
+    ///
+    /// # Errors
+    /// [`Error::Numerical`] for other ratios.
+    pub fn drained(&'a self, drained_poisson_ratio: f64) -> Result<DrainedModel<'a>> {
+        if !(drained_poisson_ratio > -1.0 && drained_poisson_ratio < self.poisson_ratio) {
+            return Err(Error::numerical(
+                format!(
+                    "the drained Poisson ratio is {drained_poisson_ratio} and the undrained one {}",
+                    self.poisson_ratio
+                ),
+                "give a drained Poisson ratio above −1 and below the undrained one: fluid that leaves softens",
+            ));
+        }
+        DrainedModel::new(self, drained_poisson_ratio)
+    }
+}

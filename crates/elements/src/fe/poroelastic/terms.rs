@@ -1,0 +1,134 @@
+//! bᵀ(A + τH)⁻¹b as a short sum Σ c/(1 + τσ): the Galerkin projection on pressures at a few τ (a rational Krylov space).
+//!
+//! The sum agrees with the whole in value and slope at these τ, lies below it everywhere, and has positive c and distinct σ > 0 that depend smoothly on A.
+
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::{Mat, Par};
+use nalgebra::DMatrix;
+
+use super::drained::{DrainedModel, Pressure, add_scaled, dot};
+use base::error::{Error, Result};
+
+/// A direction whose part outside the others is smaller than this, by the A-norm, is left out: it would add its square to the result, and rounding of the
+/// skeleton's solves would be a large part of it.
+const LEAST_NEW_PART: f64 = 1e-5;
+
+/// A vector with A and H applied to it.
+#[derive(Debug, Clone)]
+pub(super) struct Direction {
+    pub values: Vec<f64>,
+    pub stored: Vec<f64>,
+    pub diffused: Vec<f64>,
+}
+
+impl Direction {
+    /// The pressures of a body, with A and H applied.
+    pub fn of(body: &DrainedModel, pressure: Pressure) -> Self {
+        let mut diffused = vec![0.0; pressure.values.len()];
+        body.model.pressures.add_product(0.0, 1.0, &pressure.values, &mut diffused);
+        Self { values: pressure.values, stored: pressure.stored, diffused }
+    }
+
+    fn add(&mut self, factor: f64, other: &Self) {
+        add_scaled(factor, &other.values, &mut self.values);
+        add_scaled(factor, &other.stored, &mut self.stored);
+        add_scaled(factor, &other.diffused, &mut self.diffused);
+    }
+
+    fn scale(&mut self, factor: f64) {
+        [&mut self.values, &mut self.stored, &mut self.diffused].into_iter().flatten().for_each(|x| *x *= factor);
+    }
+}
+
+/// Σ βₖ²/(1 + τσₖ), σ rising, with the vectors that carry it (A-orthonormal, H-orthogonal).
+#[derive(Debug, Clone)]
+pub(super) struct Terms {
+    /// σ in 1/m².
+    pub rates_per_m2: Vec<f64>,
+    /// β: shares of the load.
+    pub shares: Vec<f64>,
+    pub vectors: Vec<Direction>,
+}
+
+impl Terms {
+    /// Projects on the span of `directions`; those that depend on earlier ones are left out.
+    pub(super) fn galerkin(directions: &[Direction], load: &[f64]) -> Result<Self> {
+        let mut basis: Vec<Direction> = Vec::with_capacity(directions.len());
+        for direction in directions {
+            let mut next = direction.clone();
+            let whole = dot(&next.values, &next.stored).sqrt();
+            // Twice is enough.
+            for _ in 0..2 {
+                for earlier in &basis {
+                    let share = dot(&earlier.values, &next.stored);
+                    next.add(-share, earlier);
+                }
+            }
+            let new = dot(&next.values, &next.stored).max(0.0).sqrt();
+            if new > LEAST_NEW_PART * whole {
+                next.scale(new.recip());
+                basis.push(next);
+            }
+        }
+        let n = basis.len();
+        let projected = DMatrix::from_fn(n, n, |i, j| {
+            0.5 * (dot(&basis[i].values, &basis[j].diffused) + dot(&basis[j].values, &basis[i].diffused))
+        });
+        let eigen = projected.symmetric_eigen();
+        let mut order: Vec<usize> = (0..n).collect();
+        order.sort_by(|a, b| eigen.eigenvalues[*a].total_cmp(&eigen.eigenvalues[*b]));
+        let vectors: Vec<Direction> = order
+            .iter()
+            .map(|&k| {
+                let mut vector = basis[0].clone();
+                vector.scale(eigen.eigenvectors[(0, k)]);
+                (1..n).for_each(|i| vector.add(eigen.eigenvectors[(i, k)], &basis[i]));
+                vector
+            })
+            .collect();
+        let rates_per_m2: Vec<f64> = order.iter().map(|&k| eigen.eigenvalues[k]).collect();
+        if !rates_per_m2.iter().all(|rate| *rate > 0.0) {
+            return Err(Error::numerical(
+                format!("the pores drain at rates of {rates_per_m2:?} 1/m², which are not all positive"),
+                "check the mesh for flat elements",
+            ));
+        }
+        Ok(Self { rates_per_m2, shares: vectors.iter().map(|v| dot(&v.values, load)).collect(), vectors })
+    }
+
+    /// Σ β²/(1 + τσ).
+    pub(super) fn at(&self, area_m2: f64) -> f64 {
+        self.shares.iter().zip(&self.rates_per_m2).map(|(b, rate)| b * b / (1.0 + area_m2 * rate)).sum()
+    }
+
+    /// b − (A + τH) p of the projection's p.
+    pub(super) fn residual(&self, area_m2: f64, load: &[f64]) -> Vec<f64> {
+        let mut residual = load.to_vec();
+        for ((share, rate), vector) in self.shares.iter().zip(&self.rates_per_m2).zip(&self.vectors) {
+            let factor = -share / (1.0 + area_m2 * rate);
+            add_scaled(factor, &vector.stored, &mut residual);
+            add_scaled(factor * area_m2, &vector.diffused, &mut residual);
+        }
+        residual
+    }
+}
+
+/// The lower Cholesky factor in place of a symmetric matrix's lower triangle; one thread.
+pub(super) fn dense_cholesky(matrix: &mut Mat<f64>) -> Result<()> {
+    use faer::linalg::cholesky::llt::factor::{LltRegularization, cholesky_in_place, cholesky_in_place_scratch};
+    let n = matrix.nrows();
+    let mut memory = MemBuffer::new(cholesky_in_place_scratch::<f64>(n, Par::Seq, Default::default()));
+    let factorised = cholesky_in_place(
+        matrix.as_mut(),
+        LltRegularization::default(),
+        Par::Seq,
+        MemStack::new(&mut memory),
+        Default::default(),
+    );
+    factorised.map(|_| ()).map_err(|e| {
+        Error::numerical(
+            format!("a matrix of {n} pressures is not positive definite ({e:?})"),
+            "check the mesh for flat elements, and the drained Poisson ratio, which must lie below the undrained one",
+        )
+    })
+}

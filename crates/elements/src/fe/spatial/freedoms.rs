@@ -1,0 +1,187 @@
+//! Which combinations of unknowns the displacement components of the nodes are: tied to the robot, or slipping along its surface.
+
+use nalgebra::Vector3;
+
+use crate::fe::surface::robot_normals;
+use crate::mesh::Mesh;
+use base::error::{Error, Result};
+
+/// Normals at a node that differ by less (cosine) are one: the faces of a smooth surface.
+const SAME_NORMAL: f64 = 0.94;
+/// Length of what is left of a direction below which nothing is left.
+const NOTHING_LEFT: f64 = 1e-6;
+
+/// Displacement of every node as combinations of unknowns; the last unknown is the robot's translation along x (physics §3.1).
+#[derive(Debug, Clone)]
+pub struct Freedoms {
+    /// Terms of component 3·node + i: from here to the next entry.
+    start: Vec<u32>,
+    terms: Vec<(u32, f64)>,
+    count: usize,
+    /// First unknown that is a slip; those from here to the robot's are.
+    first_slip: usize,
+    share: f64,
+}
+
+impl Freedoms {
+    /// The robot's surface moves with it.
+    ///
+    /// # Errors
+    /// [`Error::Numerical`] for a mesh without a robot or an outer surface.
+    pub fn tied(mesh: &Mesh) -> Result<Self> {
+        Self::new(mesh, |_| Vec::new(), false)
+    }
+
+    /// The robot's surface moves with it, and the outer surface is free.
+    ///
+    /// # Errors
+    /// As [`Self::tied`].
+    pub fn with_free_outer_surface(mesh: &Mesh) -> Result<Self> {
+        Self::new(mesh, |_| Vec::new(), true)
+    }
+
+    /// The gel on the robot's surface moves with it along the normal and slips along the surface.
+    ///
+    /// At an edge, where faces of several directions meet, it slips along what they have in common.
+    ///
+    /// # Errors
+    /// As [`Self::tied`].
+    pub fn slipping(mesh: &Mesh) -> Result<Self> {
+        let normals = distinct_normals(mesh);
+        Self::new(
+            mesh,
+            |node| {
+                let mut closed: Vec<Vector3<f64>> = Vec::new();
+                let on = |nodes: &[u32]| nodes.binary_search(&(node as u32)).is_ok();
+                let planes = [(on(&mesh.symmetry_y_nodes), Vector3::y()), (on(&mesh.symmetry_z_nodes), Vector3::z())];
+                let of_planes = planes.into_iter().filter(|(is_on, _)| *is_on).map(|(_, normal)| normal);
+                for normal in of_planes.chain(normals[node].iter().copied()) {
+                    closed.extend(left_of(normal, &closed));
+                }
+                let mut open: Vec<Vector3<f64>> = Vec::new();
+                for axis in [Vector3::y(), Vector3::z(), Vector3::x()] {
+                    let known: Vec<Vector3<f64>> = closed.iter().chain(&open).copied().collect();
+                    open.extend(left_of(axis, &known));
+                }
+                open
+            },
+            false,
+        )
+    }
+
+    /// `slips` gives the directions in which a node of the robot's surface may slip.
+    fn new(mesh: &Mesh, slips: impl Fn(usize) -> Vec<Vector3<f64>>, is_outer_free: bool) -> Result<Self> {
+        if mesh.robot_nodes.is_empty() || mesh.outer_nodes.is_empty() {
+            return Err(Error::numerical(
+                "the mesh has no robot surface or no outer surface",
+                "name both surfaces in the mesh (physical groups `robot` and `outer`)",
+            ));
+        }
+        let on = |nodes: &[u32], node: usize| nodes.binary_search(&(node as u32)).is_ok();
+        let mut combinations: Vec<[Vec<(u32, f64)>; 3]> = vec![Default::default(); mesh.n_nodes()];
+        let mut count = 0_u32;
+        for (node, of_node) in combinations.iter_mut().enumerate() {
+            if (on(&mesh.outer_nodes, node) && !is_outer_free) || on(&mesh.robot_nodes, node) {
+                continue;
+            }
+            let fixed = [false, on(&mesh.symmetry_y_nodes, node), on(&mesh.symmetry_z_nodes, node)];
+            for (component, is_fixed) in of_node.iter_mut().zip(fixed) {
+                if !is_fixed {
+                    component.push((count, 1.0));
+                    count += 1;
+                }
+            }
+        }
+        let first_slip = count as usize;
+        for &node in &mesh.robot_nodes {
+            for direction in slips(node as usize) {
+                for (component, share) in combinations[node as usize].iter_mut().zip(direction.iter()) {
+                    if *share != 0.0 {
+                        component.push((count, *share));
+                    }
+                }
+                count += 1;
+            }
+        }
+        for &node in &mesh.robot_nodes {
+            combinations[node as usize][0].push((count, 1.0));
+        }
+        let (mut start, mut terms) = (vec![0], Vec::new());
+        for component in combinations.into_iter().flatten() {
+            terms.extend(component);
+            start.push(terms.len() as u32);
+        }
+        Ok(Self { start, terms, count: count as usize + 1, first_slip, share: mesh.share() })
+    }
+
+    /// Number of unknowns.
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
+    /// Share of the robot and of the force that the model carries ([`Mesh::share`]).
+    pub fn share(&self) -> f64 {
+        self.share
+    }
+
+    /// Index of the robot's translation along x.
+    pub fn robot(&self) -> usize {
+        self.count - 1
+    }
+
+    /// Whether an unknown is a slip along the robot's surface.
+    pub fn is_slip(&self, unknown: u32) -> bool {
+        (self.first_slip..self.robot()).contains(&(unknown as usize))
+    }
+
+    /// Unknowns and their shares in one component of a node's displacement.
+    pub fn of(&self, node: u32, component: usize) -> &[(u32, f64)] {
+        let at = 3 * node as usize + component;
+        &self.terms[self.start[at] as usize..self.start[at + 1] as usize]
+    }
+
+    /// Displacement of every node (m) from a vector of unknowns.
+    pub fn nodal_displacement(&self, values: &[f64]) -> Vec<[f64; 3]> {
+        let n_nodes = (self.start.len() - 1) / 3;
+        let value = |node: u32, i: usize| self.of(node, i).iter().map(|(u, share)| share * values[*u as usize]).sum();
+        (0..n_nodes as u32).map(|node| std::array::from_fn(|i| value(node, i))).collect()
+    }
+
+    /// Unknowns in the order of elimination that follows from an order of the nodes: slips with their node, the robot's translation last.
+    pub fn elimination_order(&self, node_order: &[usize]) -> Vec<usize> {
+        let mut is_taken = vec![false; self.count];
+        is_taken[self.robot()] = true;
+        let mut order = Vec::with_capacity(self.count);
+        for &node in node_order {
+            for (unknown, _) in (0..3).flat_map(|i| self.of(node as u32, i)) {
+                let unknown = *unknown as usize;
+                if !std::mem::replace(&mut is_taken[unknown], true) {
+                    order.push(unknown);
+                }
+            }
+        }
+        order.push(self.robot());
+        order
+    }
+}
+
+/// What is left of a direction beside orthonormal ones, of unit length.
+fn left_of(direction: Vector3<f64>, others: &[Vector3<f64>]) -> Option<Vector3<f64>> {
+    let left = others.iter().fold(direction, |left, other| left - other * other.dot(&left));
+    (left.norm() > NOTHING_LEFT).then(|| left.normalize())
+}
+
+/// Distinct normals of the robot's surface at every node: means over faces that meet smoothly.
+fn distinct_normals(mesh: &Mesh) -> Vec<Vec<Vector3<f64>>> {
+    let distinct = |normals: Vec<Vector3<f64>>| {
+        let mut sums: Vec<Vector3<f64>> = Vec::new();
+        for normal in normals {
+            match sums.iter_mut().find(|sum| sum.normalize().dot(&normal) > SAME_NORMAL) {
+                Some(sum) => *sum += normal,
+                None => sums.push(normal),
+            }
+        }
+        sums.into_iter().map(|sum| sum.normalize()).collect()
+    };
+    robot_normals(mesh).into_iter().map(distinct).collect()
+}

@@ -1,0 +1,167 @@
+//! Symmetric sparse matrices over [`Freedoms`] and their Cholesky factors.
+
+use faer::sparse::linalg::cholesky::SymbolicCholesky;
+use faer::sparse::{SparseColMat, SparseColMatRef, Triplet};
+use nalgebra::DMatrix;
+
+use super::Freedoms;
+use crate::fe::factorisation::{add_symmetric_product, analysed, factorised, solve_in_place};
+use base::error::{Error, Result};
+
+/// Upper triangle of a symmetric matrix.
+#[derive(Debug, Clone)]
+pub struct SymmetricMatrix(SparseColMat<u32, f64>);
+
+impl SymmetricMatrix {
+    /// The sum of element matrices, rows and columns ordered node by node, three components each.
+    ///
+    /// # Errors
+    /// [`Error::Numerical`] for more entries than can be numbered.
+    pub fn assemble<'a>(
+        freedoms: &Freedoms,
+        elements: impl Iterator<Item = (&'a [u32], DMatrix<f64>)>,
+    ) -> Result<Self> {
+        let mut triplets = Vec::new();
+        for (nodes, matrix) in elements {
+            let components: Vec<&[(u32, f64)]> =
+                nodes.iter().flat_map(|&node| (0..3).map(move |i| freedoms.of(node, i))).collect();
+            for (row, of_row) in components.iter().enumerate() {
+                for (column, of_column) in components.iter().enumerate() {
+                    let value = matrix[(row, column)];
+                    if value == 0.0 {
+                        continue;
+                    }
+                    for (i, a) in of_row.iter() {
+                        for (j, b) in of_column.iter().filter(|(j, _)| i <= j) {
+                            triplets.push(Triplet::new(*i, *j, a * b * value));
+                        }
+                    }
+                }
+            }
+        }
+        Self::from_triplets(freedoms.count(), &triplets)
+    }
+
+    /// The sum of entries of the upper triangle.
+    ///
+    /// # Errors
+    /// As [`Self::assemble`].
+    pub fn from_triplets(n: usize, triplets: &[Triplet<u32, u32, f64>]) -> Result<Self> {
+        SparseColMat::try_new_from_triplets(n, n, triplets).map(Self).map_err(|e| {
+            Error::numerical(format!("a matrix of {n} unknowns cannot be made: {e:?}"), "use a coarser mesh")
+        })
+    }
+
+    /// Σ weight × matrix over `n` unknowns.
+    ///
+    /// # Errors
+    /// As [`Self::assemble`].
+    pub fn sum(n: usize, matrices: &[&Self], weights: &[f64]) -> Result<Self> {
+        let of_matrix = |(matrix, weight): (&&Self, &f64)| {
+            let weight = *weight;
+            triplets_of(matrix.upper())
+                .map(move |entry| Triplet { val: weight * entry.val, ..entry })
+                .collect::<Vec<_>>()
+        };
+        let triplets: Vec<_> = matrices.iter().zip(weights).filter(|(_, w)| **w != 0.0).flat_map(of_matrix).collect();
+        Self::from_triplets(n, &triplets)
+    }
+
+    /// The upper triangle.
+    pub fn upper(&self) -> SparseColMatRef<'_, u32, f64> {
+        self.0.as_ref()
+    }
+
+    /// `result` += this × `x`.
+    pub fn add_product(&self, x: &[f64], result: &mut [f64]) {
+        add_symmetric_product(self.upper(), x, result);
+    }
+
+    /// This × `x`.
+    pub fn product(&self, x: &[f64]) -> Vec<f64> {
+        let mut result = vec![0.0; x.len()];
+        self.add_product(x, &mut result);
+        result
+    }
+}
+
+/// Entries of an upper triangle.
+fn triplets_of(upper: SparseColMatRef<'_, u32, f64>) -> impl Iterator<Item = Triplet<u32, u32, f64>> + '_ {
+    (0..upper.ncols()).flat_map(move |column| {
+        let range = upper.col_ptr()[column] as usize..upper.col_ptr()[column + 1] as usize;
+        upper.row_idx()[range.clone()]
+            .iter()
+            .zip(&upper.val()[range])
+            .map(move |(&row, &value)| Triplet::new(row, column as u32, value))
+    })
+}
+
+/// Weighted sums of some matrices, with the pattern and the symbolic factor that all sums share.
+#[derive(Debug)]
+pub struct SymmetricSolver {
+    /// Zeros on the common pattern.
+    pattern: SparseColMat<u32, f64>,
+    /// Places of the matrices' entries in it.
+    places: Vec<Vec<u32>>,
+    symbolic: SymbolicCholesky<u32>,
+}
+
+impl SymmetricSolver {
+    /// Analyses the sums of matrices over as many unknowns; `order` is that of elimination.
+    ///
+    /// # Errors
+    /// [`Error::Numerical`] where the factor is too large.
+    pub fn new(matrices: &[&SymmetricMatrix], order: &[usize]) -> Result<Self> {
+        let n = order.len();
+        let zeros: Vec<_> = matrices
+            .iter()
+            .flat_map(|matrix| triplets_of(matrix.upper()))
+            .map(|entry| Triplet { val: 0.0, ..entry })
+            .collect();
+        let pattern = SymmetricMatrix::from_triplets(n, &zeros)?.0;
+        let place = |entry: Triplet<u32, u32, f64>| {
+            let column = entry.col as usize;
+            let first = pattern.col_ptr()[column] as usize;
+            let rows = &pattern.row_idx()[first..pattern.col_ptr()[column + 1] as usize];
+            // Every entry is in the pattern, which was made of them.
+            (first + rows.partition_point(|row| *row < entry.row)) as u32
+        };
+        let places = matrices.iter().map(|matrix| triplets_of(matrix.upper()).map(place).collect()).collect();
+        let symbolic = analysed(pattern.symbolic(), order)?;
+        Ok(Self { pattern, places, symbolic })
+    }
+
+    /// Cholesky factor of Σ weight × matrix, the matrices in the order in which they were given.
+    ///
+    /// # Errors
+    /// [`Error::Numerical`] where the sum is not positive definite.
+    pub fn factor(&self, matrices: &[&SymmetricMatrix], weights: &[f64]) -> Result<SymmetricFactor<'_>> {
+        let mut sum = self.pattern.clone();
+        for ((matrix, places), weight) in matrices.iter().zip(&self.places).zip(weights) {
+            let target = sum.val_mut();
+            for (value, &place) in matrix.upper().val().iter().zip(places) {
+                target[place as usize] += weight * value;
+            }
+        }
+        let values = factorised(&self.symbolic, sum.as_ref()).ok_or_else(|| {
+            Error::numerical(
+                format!("the matrices with the weights {weights:?} are not positive definite"),
+                "check the mesh's symmetry planes and the effect's parameters",
+            )
+        })?;
+        Ok(SymmetricFactor { symbolic: &self.symbolic, values })
+    }
+}
+
+/// A Cholesky factor.
+pub struct SymmetricFactor<'a> {
+    symbolic: &'a SymbolicCholesky<u32>,
+    values: Vec<f64>,
+}
+
+impl SymmetricFactor<'_> {
+    /// Replaces a right-hand side by the solution.
+    pub fn solve_in_place(&self, right_hand_side: &mut [f64]) {
+        solve_in_place(self.symbolic, &self.values, right_hand_side);
+    }
+}

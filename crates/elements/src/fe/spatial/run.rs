@@ -1,0 +1,145 @@
+//! Full-order runs of linear effects that change the displacement field, by time stepping of their definition.
+
+use super::{SpatialSystem, SteppedSystem, Surroundings};
+use crate::fe::clock::{CLOCK_ROUNDING, Switch};
+use crate::fe::poroelastic::{CondensedPores, PoreModel};
+use crate::fe::stepping::observed;
+use crate::fe::transient::{self, ChainLaw, Load, Resolution, TransientSystem};
+use crate::mesh::Mesh;
+use base::error::{Error, Result};
+use laws::rheology::{Beside, Element, TimeWindow};
+use laws::stages::Stages;
+use record::Force;
+
+/// What a run gives.
+pub struct SpatialRun {
+    /// Recorded position (m) at every row.
+    pub position_m: Vec<f64>,
+    /// Displacement of every node (m) at the rows that were asked for.
+    pub fields: Vec<Vec<[f64; 3]>>,
+    /// Their mesh, where it is not the surroundings' own.
+    pub mesh: Option<Mesh>,
+}
+
+/// A record that is stepped through.
+#[derive(Debug, Clone, Copy)]
+pub struct SpatialJob<'a> {
+    /// Load, law and observation.
+    pub stages: &'a Stages,
+    /// Times in s.
+    pub time_s: &'a [f64],
+    /// Commanded force.
+    pub force: Force<'a>,
+    /// Rows at which fields are wanted.
+    pub rows: &'a [usize],
+    /// Length of the steps.
+    pub resolution: Resolution,
+}
+
+/// Positions (m) at rows by superposition: a force that does not depend on the position acts on a linear system, so that one step and one ramp of it, stepped
+/// once through the record's length, give the answer to any.
+fn superposed(
+    system: &dyn TransientSystem,
+    chains: &[ChainLaw],
+    load: &Load,
+    time_s: &[f64],
+    resolution: Resolution,
+) -> Result<Vec<f64>> {
+    let (Some(first_s), Some(last_s)) = (time_s.first(), time_s.last()) else { return Ok(Vec::new()) };
+    let rounding_s = CLOCK_ROUNDING * (last_s - first_s);
+    let mut position_m = vec![0.0; time_s.len()];
+    let (mut steps, mut kinks) = (Vec::new(), Vec::new());
+    let mut before = Switch::to(*first_s, 0.0);
+    for switch in &load.switches {
+        if switch.jumps {
+            steps.push((switch.time_s, switch.force_n - before.input_n(switch.time_s)));
+        }
+        kinks.push((switch.time_s, switch.slope_n_per_s - before.slope_n_per_s));
+        before = *switch;
+    }
+    let step = Switch::to(0.0, 1.0);
+    let ramp = Switch { force_n: 0.0, slope_n_per_s: 1.0, jumps: false, ..step };
+    for (unit, changes) in [(step, steps), (ramp, kinks)] {
+        // Time since a change, the row, and the change.
+        let mut terms: Vec<(f64, usize, f64)> = Vec::new();
+        for (switched_s, change) in changes.into_iter().filter(|(_, change)| *change != 0.0) {
+            let ages = time_s.iter().map(|t| t - switched_s).enumerate().filter(|(_, age_s)| *age_s > rounding_s);
+            terms.extend(ages.map(|(row, age_s)| (age_s, row, change)));
+        }
+        if terms.is_empty() {
+            continue;
+        }
+        terms.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let ages_s: Vec<f64> = std::iter::once(0.0).chain(terms.iter().map(|term| term.0)).collect();
+        let unit = Load { switches: vec![unit], lag_time_s: load.lag_time_s, gradient_per_m: 0.0 };
+        let answer = transient::run(system, chains, &unit, &ages_s, &[], resolution)?;
+        for ((_, row, change), per_unit) in terms.iter().zip(&answer.position_m[1..]) {
+            position_m[*row] += change * per_unit;
+        }
+    }
+    Ok(position_m)
+}
+
+impl SpatialJob<'_> {
+    /// Steps a gel with something beside its law.
+    ///
+    /// # Errors
+    /// [`Error::Numerical`] where the gel softens beside it, or the run fails.
+    pub fn run(&self, system: &SpatialSystem, beside: &Beside) -> Result<SpatialRun> {
+        let (stepped, laws) = SteppedSystem::new(system, &self.stages.law, beside);
+        self.step(&stepped, &laws, |z| system.freedoms.nodal_displacement(z))
+    }
+
+    /// Steps a gel that water leaves: mobility in m²/(Pa·s), Poisson ratio of the skeleton.
+    ///
+    /// # Errors
+    /// As [`Self::run`].
+    pub fn run_pores(&self, surroundings: &Surroundings<'_>, mobility: f64, drained_ratio: f64) -> Result<SpatialRun> {
+        let model = PoreModel::new(surroundings.mesh, surroundings.stiffness, surroundings.poisson_ratio)?;
+        let body = model.drained(drained_ratio)?;
+        let pores = CondensedPores::new(&body, mobility);
+        let unknowns = &surroundings.stiffness.assembly.unknowns;
+        let laws = [self.stages.law.clone()];
+        self.step(&pores, &laws, |z| unknowns.nodal_displacement(&pores.displacements(z)))
+    }
+
+    fn step(
+        &self,
+        system: &dyn TransientSystem,
+        laws: &[Vec<Element>],
+        nodal: impl Fn(&[f64]) -> Vec<[f64; 3]>,
+    ) -> Result<SpatialRun> {
+        if !self.stages.softening_rate_per_s.is_constant(0.0) {
+            return Err(Error::numerical(
+                "a gel that softens while it is measured is not stepped beside an effect that changes the field",
+                "leave one of them out",
+            ));
+        }
+        let load = Load::of(&self.stages.load, self.time_s, self.force);
+        let window = self.window();
+        let chains: Vec<ChainLaw> = laws.iter().map(|law| transient::chain_of(law, window)).collect::<Result<_>>()?;
+        let start_s = self.time_s.first().copied().unwrap_or(0.0);
+        let observe = |(x, t): (&f64, &f64)| observed(&self.stages.observation, *x, t - start_s);
+        if self.rows.is_empty() && load.gradient_per_m == 0.0 {
+            let position_m = superposed(system, &chains, &load, self.time_s, self.resolution)?;
+            let position_m = position_m.iter().zip(self.time_s).map(observe).collect();
+            return Ok(SpatialRun { position_m, fields: Vec::new(), mesh: None });
+        }
+        let stepped = transient::run(system, &chains, &load, self.time_s, self.rows, self.resolution)?;
+        Ok(SpatialRun {
+            position_m: stepped.position_m.iter().zip(self.time_s).map(observe).collect(),
+            fields: stepped.fields.iter().map(|z| nodal(z)).collect(),
+            mesh: None,
+        })
+    }
+
+    /// Times between a hundredth of the shortest interval and the record's length.
+    fn window(&self) -> TimeWindow {
+        let shortest_s = self.time_s.windows(2).map(|pair| pair[1] - pair[0]).fold(f64::INFINITY, f64::min);
+        let length_s = self.time_s.last().zip(self.time_s.first()).map_or(1.0, |(last, first)| last - first);
+        if !shortest_s.is_finite() || length_s <= 0.0 {
+            return TimeWindow { shortest_s: 1.0, longest_s: 1.0 };
+        }
+        TimeWindow { shortest_s: 0.01 * shortest_s, longest_s: length_s }
+    }
+}

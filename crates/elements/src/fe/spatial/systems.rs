@@ -1,0 +1,189 @@
+//! Two matrices on one set of unknowns: the gel's, and that of what stands beside its law.
+
+use nalgebra::DMatrix;
+use rayon::prelude::*;
+
+use super::surroundings::Surroundings;
+use super::{Freedoms, SymmetricFactor, SymmetricMatrix, SymmetricSolver};
+use crate::fe::assembly::unit_moduli;
+use crate::fe::element::TabulatedElement;
+use crate::fe::ordering::nested_dissection;
+use crate::fe::transient::{Part, StageSolve, StageWeights, TransientSystem};
+use crate::mesh::Mesh;
+use base::error::Result;
+use laws::rheology::{Beside, Element};
+
+/// The matrices of one effect at one Poisson ratio.
+#[derive(Debug)]
+pub struct SpatialSystem {
+    /// The unknowns.
+    pub freedoms: Freedoms,
+    /// What the gel's law multiplies: stiffness for unit Young's modulus, in m.
+    pub gel: SymmetricMatrix,
+    /// What stands beside it: a stiffness for unit modulus (m), a mass for unit density scale (kg), or a friction for unit coefficient (m²).
+    pub second: SymmetricMatrix,
+    solver: SymmetricSolver,
+}
+
+/// How two matrices are split into terms.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Splitting {
+    /// Factor of the second matrix at which the two make the energy norm: at 0 a term is w/(G + μ B), with B what stands beside the law; at 1 it is w/((1 − θ) G + θ B).
+    pub reference: f64,
+    /// Factors over the reference at which the full model is solved.
+    pub snapshots: Vec<f64>,
+    /// Whether at the effect's null the second matrix holds fast, so that the fields which leave it alone are all that is left.
+    pub is_rigid_at_null: bool,
+}
+
+/// From the lowest to the highest, so many a decade.
+pub fn decades(lowest: f64, highest: f64, per_decade: f64) -> Vec<f64> {
+    let n = ((highest / lowest).log10() * per_decade).ceil() as usize;
+    (0..=n).map(|k| lowest * (highest / lowest).powf(k as f64 / n as f64)).collect()
+}
+
+impl SpatialSystem {
+    /// Prepares the factors of two matrices that were assembled on a mesh.
+    ///
+    /// # Errors
+    /// As [`SymmetricSolver::new`].
+    pub fn new(mesh: &Mesh, freedoms: Freedoms, gel: SymmetricMatrix, second: SymmetricMatrix) -> Result<Self> {
+        let n_nodes_per_element = mesh.element_kind.n_nodes();
+        let node_order =
+            nested_dissection(mesh.n_nodes(), &mesh.connectivity, n_nodes_per_element, &mesh.node_coordinates_m);
+        let solver = SymmetricSolver::new(&[&gel, &second], &freedoms.elimination_order(&node_order))?;
+        Ok(Self { freedoms, gel, second, solver })
+    }
+
+    /// Number of unknowns.
+    pub fn n_unknowns(&self) -> usize {
+        self.freedoms.count()
+    }
+
+    /// Factor of the gel's matrix and of the second, weighted.
+    ///
+    /// # Errors
+    /// [`base::Error::Numerical`] where the sum is not positive definite.
+    pub fn factor(&self, weights: [f64; 2]) -> Result<SymmetricFactor<'_>> {
+        self.solver.factor(&[&self.gel, &self.second], &weights)
+    }
+
+    /// The gel's matrix and the second, weighted.
+    ///
+    /// # Errors
+    /// As [`SymmetricMatrix::from_triplets`].
+    pub fn sum(&self, weights: [f64; 2]) -> Result<SymmetricMatrix> {
+        SymmetricMatrix::sum(self.n_unknowns(), &[&self.gel, &self.second], &weights)
+    }
+}
+
+/// Matrices of the elements that are wanted by their nodes, computed in parallel from the nodes' coordinates (m), in the order of the elements.
+///
+/// # Errors
+/// Those of `matrix`.
+pub fn element_matrices<'a>(
+    mesh: &'a Mesh,
+    is_wanted: impl Fn(&[u32]) -> bool,
+    matrix: impl Fn(&[[f64; 3]]) -> Result<DMatrix<f64>> + Sync,
+) -> Result<Vec<(&'a [u32], DMatrix<f64>)>> {
+    let wanted: Vec<&[u32]> = mesh.elements().filter(|nodes| is_wanted(nodes)).collect();
+    let of_element = |nodes: &&'a [u32]| {
+        let coordinates_m: Vec<_> = nodes.iter().map(|&n| mesh.node_coordinates_m[n as usize]).collect();
+        Ok((*nodes, matrix(&coordinates_m)?))
+    };
+    wanted.par_iter().map(of_element).collect()
+}
+
+/// Stiffness (m) of the elements that are wanted by their nodes, for unit Young's modulus.
+///
+/// # Errors
+/// [`base::Error::Numerical`] for inverted elements.
+pub fn stiffness(
+    surroundings: &Surroundings<'_>,
+    mesh: &Mesh,
+    freedoms: &Freedoms,
+    is_wanted: impl Fn(&[u32]) -> bool,
+) -> Result<SymmetricMatrix> {
+    let table = TabulatedElement::of(mesh.element_kind);
+    let [two_mu, kappa] = unit_moduli(surroundings.poisson_ratio);
+    let elements = element_matrices(mesh, is_wanted, |coordinates_m| {
+        let parts = table.stiffness(coordinates_m)?;
+        Ok(parts.deviatoric * two_mu + parts.volumetric * kappa)
+    })?;
+    SymmetricMatrix::assemble(freedoms, elements.into_iter())
+}
+
+/// What the second matrix does, at one size of the effect.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Second {
+    /// It resists by a law of its own.
+    Stiffness,
+    /// It resists velocities, by so many Pa·s/m.
+    Damping(f64),
+    /// It resists accelerations, so many times.
+    Mass(f64),
+}
+
+/// A system with something beside the law, ready to be stepped.
+pub struct SteppedSystem<'a> {
+    system: &'a SpatialSystem,
+    second: Second,
+}
+
+impl<'a> SteppedSystem<'a> {
+    /// The system, and its laws in the order of [`Part::Stiffness`].
+    pub fn new(system: &'a SpatialSystem, law: &[Element], beside: &Beside) -> (Self, Vec<Vec<Element>>) {
+        let (second, own) = match beside {
+            Beside::Friction { compliance } => (Second::Damping(compliance.value.recip()), None),
+            Beside::Mass { scale } => (Second::Mass(scale.value), None),
+            Beside::Spring { compliance_per_pa } => {
+                (Second::Stiffness, Some(vec![Element::Compliance { compliance_per_pa: *compliance_per_pa }]))
+            }
+            Beside::Law(own) => (Second::Stiffness, Some(own.clone())),
+        };
+        (Self { system, second }, own.into_iter().chain([law.to_vec()]).collect())
+    }
+}
+
+impl TransientSystem for SteppedSystem<'_> {
+    fn n_unknowns(&self) -> usize {
+        self.system.freedoms.count()
+    }
+    fn n_laws(&self) -> usize {
+        1 + usize::from(self.second == Second::Stiffness)
+    }
+    fn has_mass(&self) -> bool {
+        matches!(self.second, Second::Mass(_))
+    }
+    fn factor(&self, weights: &StageWeights) -> Result<StageSolve<'_>> {
+        let second = match self.second {
+            Second::Stiffness => weights.stiffness[0],
+            Second::Damping(scale) => scale * weights.damping_per_pa_s,
+            Second::Mass(scale) => scale * weights.mass_per_pa_s2,
+        };
+        let factor = self.system.factor([weights.stiffness[self.n_laws() - 1], second])?;
+        Ok(Box::new(move |right_hand_side: &mut [f64]| {
+            factor.solve_in_place(right_hand_side);
+            Ok(())
+        }))
+    }
+    fn add_product(&self, part: Part, x: &[f64], result: &mut [f64]) {
+        let (gel, second) = (&self.system.gel, &self.system.second);
+        let (matrix, scale) = match (part, self.second) {
+            (Part::Stiffness(0), Second::Stiffness) => (second, 1.0),
+            (Part::Stiffness(_), _) => (gel, 1.0),
+            (Part::Damping, Second::Damping(scale)) | (Part::Mass, Second::Mass(scale)) => (second, scale),
+            _ => return,
+        };
+        let product = matrix.product(x);
+        for (sum, value) in result.iter_mut().zip(product) {
+            *sum += scale * value;
+        }
+    }
+    fn add_load(&self, force_n: f64, right_hand_side: &mut [f64]) {
+        right_hand_side[self.system.freedoms.robot()] += self.system.freedoms.share() * force_n;
+    }
+    fn position_m(&self, unknowns: &[f64]) -> f64 {
+        unknowns[self.system.freedoms.robot()]
+    }
+}

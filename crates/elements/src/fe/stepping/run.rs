@@ -1,0 +1,281 @@
+//! One run: stops, steps, and what is solved in a step.
+
+use super::Resolution;
+use super::gradient::{self, Mechanics};
+use super::network::{Network, NetworkStep};
+use super::radau::Radau;
+use super::springpot::RateRange;
+use super::state_law::{Followed, Stage};
+use crate::fe::clock::{CLOCK_ROUNDING, Grading, StepRule, Switch, check_feedback, switches};
+use base::error::{Error, Result};
+use laws::stages::{Quantity, Stages};
+use nalgebra::{Matrix3, Vector3};
+use record::Force;
+use std::collections::HashMap;
+
+/// q (N/Pa) at every row.
+pub fn strains(
+    compliance_per_m: f64,
+    stages: &Stages,
+    time_s: &[f64],
+    force: Force<'_>,
+    resolution: Resolution,
+) -> Result<Vec<f64>> {
+    Ok(answers(compliance_per_m, stages, time_s, force, resolution)?.into_iter().map(|answer| answer[0]).collect())
+}
+
+/// q (N/Pa) at every row, and the position (m) that is observed there.
+pub fn answers(
+    compliance_per_m: f64,
+    stages: &Stages,
+    time_s: &[f64],
+    force: Force<'_>,
+    resolution: Resolution,
+) -> Result<Vec<[f64; 2]>> {
+    let switches = switches(&stages.load, time_s, force);
+    let mut run = Run::new(compliance_per_m, stages, time_s, &switches, resolution)?;
+    if let Some(law) = &stages.state_law {
+        let delay_s = stages.load.delay_s.value;
+        let steps_s = force.step_rows().iter().map(|&row| time_s[row] + delay_s).collect();
+        run.state = Some(Followed::new(law, steps_s, &stages.law));
+    }
+    let mut coming = switches.iter().copied().enumerate().peekable();
+    let mut answers = Vec::with_capacity(time_s.len());
+    for &row_s in time_s {
+        // A switch at a row comes after it: positions are limits from the left.
+        while let Some((i, switch)) = coming.next_if(|(_, switch)| switch.time_s < row_s - run.rounding_s) {
+            run.advance_to(switch.time_s)?;
+            run.switch(switch, gap_s(time_s, &switches, i, run.rounding_s));
+        }
+        run.advance_to(row_s)?;
+        answers.push([run.strain_n_per_pa, run.observed_m()]);
+    }
+    Ok(answers)
+}
+
+/// Time from switch `i` to the next row or switch that is later by more than rounding; infinite if there is none.
+pub(crate) fn gap_s(time_s: &[f64], switches: &[Switch], i: usize, rounding_s: f64) -> f64 {
+    let after_s = switches[i].time_s + rounding_s;
+    let row_s = time_s.get(time_s.partition_point(|&t| t <= after_s)).copied().unwrap_or(f64::INFINITY);
+    let switch_s = switches[i..].iter().map(|switch| switch.time_s).find(|&t| t > after_s).unwrap_or(f64::INFINITY);
+    row_s.min(switch_s) - switches[i].time_s
+}
+
+/// Least time after a switch at which the response is resolved, as a share of the mean time between rows.
+const LEAST_GAP: f64 = 1e-7;
+
+/// The shortest time from a switch to the next row or switch.
+fn shortest_gap_s(time_s: &[f64], switches: &[Switch], length_s: f64, rounding_s: f64) -> f64 {
+    let gaps = (0..switches.len()).map(|i| gap_s(time_s, switches, i, rounding_s));
+    gaps.fold(length_s, f64::min).max(LEAST_GAP * length_s / time_s.len() as f64)
+}
+
+/// Matrices of one step length.
+struct Prepared {
+    step_s: f64,
+    network: NetworkStep,
+    /// Share of the lag's F − F_in at the start that is left at the stages.
+    lag_left: Vector3<f64>,
+}
+
+/// Most that g x may change between a step's first stage and its end, so that Radau's method follows the force to 10⁻⁸.
+const MOST_CHANGE: f64 = 0.15;
+/// Most halvings of a step for that: what still changes more runs away.
+const MOST_HALVINGS: u32 = 20;
+
+/// Turns in which a quantity and its state are brought to agree, and the first of them, which take what is found as it is.
+const MOST_PICARD_STEPS: usize = 200;
+const SIMPLE_PICARD_STEPS: usize = 60;
+
+/// Step lengths kept at once; only records without any regularity need more.
+const MOST_LENGTHS: usize = 4096;
+
+/// State of one run.
+struct Run<'a> {
+    stages: &'a Stages,
+    compliance_per_m: f64,
+    radau: Radau,
+    rule: StepRule,
+    network: Network,
+    prepared: HashMap<u64, Prepared>,
+    start_s: f64,
+    /// Times closer than this are the same.
+    rounding_s: f64,
+    now_s: f64,
+    grading: Grading,
+    /// F_in, and what the lag has made of it, in N.
+    input: Switch,
+    lagged_n: f64,
+    strain_n_per_pa: f64,
+    /// What a quantity that depends on a state follows, if there is one.
+    state: Option<Followed<'a>>,
+}
+
+impl<'a> Run<'a> {
+    fn new(
+        compliance_per_m: f64,
+        stages: &'a Stages,
+        time_s: &[f64],
+        switches: &[Switch],
+        resolution: Resolution,
+    ) -> Result<Self> {
+        let start_s = time_s.first().copied().unwrap_or(0.0);
+        let length_s = time_s.last().map_or(0.0, |end_s| end_s - start_s).max(f64::MIN_POSITIVE);
+        let rounding_s = CLOCK_ROUNDING * length_s;
+        let shortest_s = shortest_gap_s(time_s, switches, length_s, rounding_s);
+        let range = RateRange::between(shortest_s, length_s);
+        let network = match stages.state_law.as_ref().map(|law| law.quantity) {
+            Some(Quantity::Element(leaf)) => Network::with_depending(&stages.law, leaf, range)?,
+            _ => Network::new(&stages.law, range)?,
+        };
+        let lag_s = stages.load.lag_time_s.value;
+        let slowest = if lag_s > 0.0 { lag_s } else { f64::INFINITY };
+        let fastest_s = network.fastest_rate_per_s(range).recip().min(slowest);
+        let feeds_back = stages.load.gradient_per_m.value != 0.0 || stages.state_law.is_some();
+        let rule =
+            StepRule::new(resolution.steps_per_doubling, fastest_s, feeds_back, stages.softening_rate_per_s.value);
+        Ok(Self {
+            stages,
+            compliance_per_m,
+            radau: Radau::new(),
+            grading: rule.after_switch(start_s, shortest_s, true),
+            rule,
+            network,
+            prepared: HashMap::new(),
+            start_s,
+            rounding_s,
+            now_s: start_s,
+            input: Switch::to(start_s, 0.0),
+            lagged_n: 0.0,
+            strain_n_per_pa: 0.0,
+            state: None,
+        })
+    }
+
+    /// Changes the force; the next row or switch comes `gap_s` later.
+    fn switch(&mut self, switch: Switch, gap_s: f64) {
+        self.input = switch;
+        // A springpot has no fastest time, so that a bend is as sharp to it as a jump.
+        self.grading = self.rule.after_switch(self.now_s, gap_s, true);
+    }
+
+    fn advance_to(&mut self, stop_s: f64) -> Result<()> {
+        while stop_s - self.now_s > self.rounding_s {
+            let left_s = stop_s - self.now_s;
+            let mut step_s = self.rule.step_s(self.grading, self.now_s, left_s);
+            let mut n_halvings = 0;
+            while !self.step(step_s, n_halvings < MOST_HALVINGS)? {
+                (step_s, n_halvings) = (0.5 * step_s, n_halvings + 1);
+            }
+            // The last step is `left_s` but for rounding.
+            self.now_s = if step_s > 0.75 * left_s { stop_s } else { self.now_s + step_s };
+        }
+        Ok(())
+    }
+
+    /// The position (m) that is observed, before offset, scale and drift.
+    fn observed_m(&self) -> f64 {
+        let position_m = self.compliance_per_m * self.strain_n_per_pa;
+        self.state
+            .as_ref()
+            .map_or(position_m, |state| state.observed_m(position_m, [self.start_s, self.now_s], self.lagged_n))
+    }
+
+    /// [`Self::step`] where a quantity depends on a state: stages are solved with its factors until these agree with the states that they lead to.
+    fn step_with_state(&mut self, step_s: f64, is_optional: bool) -> Result<bool> {
+        let Some(mut followed) = self.state.take() else { return Ok(true) };
+        let lag_s = self.stages.load.lag_time_s.value;
+        let (start_s, since_s) = (self.now_s, self.now_s - self.start_s);
+        let at_nodes_s = self.radau.nodes.map(|node| start_s + node * step_s);
+        let followed_n = at_nodes_s.map(|t| self.input.followed_n(t, lag_s));
+        let left =
+            if lag_s > 0.0 { self.radau.resolvent(step_s / lag_s) * Vector3::repeat(1.0) } else { Vector3::zeros() };
+        let lagged_n = left * (self.lagged_n - self.input.followed_n(start_s, lag_s)) + followed_n;
+        let rate = self.stages.softening_rate_per_s.value;
+        let amplified = self.radau.nodes.map(|node| (rate * (since_s + node * step_s)).exp());
+        let stage = Stage {
+            step_s,
+            time_s: at_nodes_s.map(|t| t - self.start_s),
+            absolute_s: at_nodes_s,
+            force_n: lagged_n,
+            inverse: self.radau.inverse,
+            begin_m: self.compliance_per_m * self.strain_n_per_pa,
+        };
+        let mut values = followed.guess();
+        let solved = (0..MOST_PICARD_STEPS).find_map(|turn| {
+            let step = self.network.prepare_with(&self.radau, step_s, followed.element_factors(&values));
+            let history = self.network.begin(&step);
+            let stress = followed.force_n(&lagged_n, &values).component_mul(&amplified);
+            let strain = step.compliance * stress + history;
+            let own = self.network.strain_of_depending(&step, &stress);
+            let found = followed.values(&stage, &(strain * self.compliance_per_m), &(own * self.compliance_per_m));
+            let distance = (found - values).amax() / (1.0 + found.amax());
+            // Where values swing, their mean is nearer.
+            values = if turn < SIMPLE_PICARD_STEPS { found } else { (found + values) * 0.5 };
+            (distance < 1e-13).then_some((step, stress, strain))
+        });
+        let change = (values[2] - values[0]).abs() / values.amax().max(f64::MIN_POSITIVE);
+        let is_followed = solved.is_some() && change < MOST_CHANGE;
+        if !is_followed && is_optional {
+            self.state = Some(followed);
+            return Ok(false);
+        }
+        let Some((step, stress, strain)) = solved else {
+            return Err(Error::numerical(
+                format!("no state and quantity that agree are found at {start_s} s"),
+                "take parameters nearer to their nulls",
+            ));
+        };
+        followed.take(&stage, &(strain * self.compliance_per_m), &values);
+        self.network.end(&step, &stress);
+        self.lagged_n = lagged_n[2];
+        self.strain_n_per_pa = strain[2];
+        self.state = Some(followed);
+        Ok(true)
+    }
+
+    /// Takes a step, if the force does not change too much in it to be followed or `is_optional` is false; whether it did.
+    fn step(&mut self, step_s: f64, is_optional: bool) -> Result<bool> {
+        if self.state.is_some() {
+            return self.step_with_state(step_s, is_optional);
+        }
+        if self.prepared.len() >= MOST_LENGTHS {
+            self.prepared.clear();
+        }
+        let lag_s = self.stages.load.lag_time_s.value;
+        let (network, radau) = (&mut self.network, &self.radau);
+        let prepared = self.prepared.entry(step_s.to_bits()).or_insert_with(|| Prepared {
+            step_s,
+            network: network.prepare(radau, step_s),
+            lag_left: if lag_s > 0.0 {
+                radau.resolvent(step_s / lag_s) * Vector3::repeat(1.0)
+            } else {
+                Vector3::zeros()
+            },
+        });
+        let start_s = self.now_s;
+        let followed_n = self.radau.nodes.map(|node| self.input.followed_n(start_s + node * prepared.step_s, lag_s));
+        let lagged_n = prepared.lag_left * (self.lagged_n - self.input.followed_n(start_s, lag_s)) + followed_n;
+        let since_s = self.now_s - self.start_s;
+        let rate = self.stages.softening_rate_per_s.value;
+        let amplified = self.radau.nodes.map(|node| (rate * (since_s + node * prepared.step_s)).exp());
+        let history = network.begin(&prepared.network);
+        let gradient_per_m = self.stages.load.gradient_per_m.value;
+        let response = prepared.network.compliance * Matrix3::from_diagonal(&amplified);
+        let mechanics = Mechanics { compliance_per_m: self.compliance_per_m, response, history };
+        let start_m = self.compliance_per_m * self.strain_n_per_pa;
+        let force_n = gradient::with_gradient(gradient_per_m, start_m, lagged_n, &mechanics);
+        let strain = mechanics.response * force_n + mechanics.history;
+        let exponent = strain * (self.compliance_per_m * gradient_per_m);
+        let change = (exponent[2] - exponent[0]).abs();
+        // What is not a number has changed too much as well.
+        if is_optional && gradient_per_m != 0.0 && (change.is_nan() || change >= MOST_CHANGE) {
+            return Ok(false);
+        }
+        check_feedback(gradient_per_m, (strain * self.compliance_per_m).as_slice(), self.now_s)?;
+        network.end(&prepared.network, &force_n.component_mul(&amplified));
+        self.lagged_n = lagged_n[2];
+        self.strain_n_per_pa = strain[2];
+        Ok(true)
+    }
+}

@@ -1,0 +1,110 @@
+//! A springpot as a body of Maxwell arms (physics §3.2): what a time step can carry.
+//!
+//! For 0 < α < 1 the Caputo derivative from t = 0 is
+//!   Dᵅε = (sin απ / π) ∫₀^∞ r^{α−1} φ_r dr,  φ̇_r = ε̇ − r φ_r,  φ_r(0) = 0,
+//! the stress of Maxwell arms of all rates r. The integral is the trapezoidal sum in ln r, whose error falls as exp(−π²/h) with the grid's
+//! step h. Arms beyond either end of the grid are joined into one, which has their weight and their first moment; as the sum is geometric there,
+//! both are known, and the body goes over into a dashpot as α → 1 and into a spring as α → 0.
+
+use super::radau::Radau;
+use nalgebra::{Matrix3, Vector3};
+use std::f64::consts::PI;
+
+/// h: exp(−π²/h) is 3e-9.
+const GRID_STEP: f64 = 0.5;
+/// Slowest rate of the grid times the run's length: what is slower errs by about the power 2 + α of it.
+const SLOWEST: f64 = 1e-4;
+/// Fastest rate of the grid times the shortest time that is resolved: what is faster errs by about the power −(3 − α) of it.
+const FASTEST: f64 = 3e3;
+
+/// Rates between which springpots are resolved, in 1/s.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct RateRange {
+    lowest_per_s: f64,
+    highest_per_s: f64,
+}
+
+impl RateRange {
+    /// The range for a run of `longest_s` whose response is asked for `shortest_s` after a switch.
+    pub(super) fn between(shortest_s: f64, longest_s: f64) -> Self {
+        Self { lowest_per_s: SLOWEST / longest_s, highest_per_s: FASTEST / shortest_s }
+    }
+
+    /// Fastest rate that steps have to resolve.
+    pub(super) fn highest_per_s(self) -> f64 {
+        self.highest_per_s
+    }
+}
+
+/// Maxwell arms in parallel: stress Σ w (ε − ψ), ψ̇ = r (ε − ψ).
+#[derive(Debug, Clone)]
+pub(super) struct Springpot {
+    weights_pa: Vec<f64>,
+    rates_per_s: Vec<f64>,
+    /// ψ: strain of each arm's dashpot.
+    flowed: Vec<f64>,
+}
+
+/// What a step of one length does to the arms.
+#[derive(Debug, Clone)]
+pub(super) struct ArmsStep {
+    /// Per arm: stress at the three stages per ψ at the start (with its sign), then ψ at the end per strain at the three stages and per ψ.
+    arms: Vec<[f64; 7]>,
+    /// Stress at the stages per strain at the stages.
+    pub stiffness: Matrix3<f64>,
+}
+
+impl Springpot {
+    /// The body of s = `coefficient` Dᵅε, 0 < α < 1, coefficient in Pa·sᵅ.
+    pub fn new(coefficient: f64, order: f64, range: RateRange) -> Self {
+        let (h, left) = (GRID_STEP, 1.0 - order);
+        let (first, last) = ((range.lowest_per_s.ln() / h).floor(), (range.highest_per_s.ln() / h).ceil());
+        let density = coefficient * (PI * order.min(left)).sin() / PI * h;
+        let n_arms = (last - first) as usize + 1;
+        let grid = (0..n_arms).map(|i| ((first + i as f64) * h).exp());
+        let mut arms: Vec<(f64, f64)> = grid.map(|rate| (density * rate.powf(order), rate)).collect();
+        let (lowest, highest) = ((first * h).exp(), (last * h).exp());
+        // Σ over the slower arms of w, and of w r divided by it.
+        let slower = lowest.powf(order) / (order * h).exp_m1();
+        arms.push((density * slower, lowest * (order * h).exp_m1() / ((1.0 + order) * h).exp_m1()));
+        // Σ over the faster arms of w/r (a viscosity), and of w/r² divided by it (a time).
+        let faster = highest.powf(-left) / (left * h).exp_m1();
+        let rate = highest * ((1.0 + left) * h).exp_m1() / (left * h).exp_m1();
+        arms.push((density * faster * rate, rate));
+        let (weights_pa, rates_per_s): (Vec<f64>, Vec<f64>) = arms.into_iter().unzip();
+        Self { flowed: vec![0.0; weights_pa.len()], weights_pa, rates_per_s }
+    }
+
+    /// The coefficients of a step.
+    pub(super) fn prepare(&self, radau: &Radau, step_s: f64) -> ArmsStep {
+        let mut stiffness = Matrix3::zeros();
+        let mut arms = Vec::with_capacity(self.weights_pa.len());
+        for (&weight, &rate) in self.weights_pa.iter().zip(&self.rates_per_s) {
+            let z = rate * step_s;
+            let resolvent = radau.resolvent(z);
+            stiffness += resolvent * weight;
+            let kept = resolvent * Vector3::repeat(1.0);
+            let flow = (resolvent * radau.matrix).row(2) * z;
+            arms.push([-weight * kept[0], -weight * kept[1], -weight * kept[2], flow[0], flow[1], flow[2], kept[2]]);
+        }
+        ArmsStep { arms, stiffness }
+    }
+
+    /// Stress at the stages if the strain were zero.
+    pub(super) fn history_pa(&self, step: &ArmsStep) -> Vector3<f64> {
+        let mut stress = [0.0; 3];
+        for (arm, psi) in step.arms.iter().zip(&self.flowed) {
+            for (sum, coefficient) in stress.iter_mut().zip(arm) {
+                *sum += coefficient * psi;
+            }
+        }
+        Vector3::from(stress)
+    }
+
+    /// Carries the arms to the step's end, given the strain at the stages.
+    pub(super) fn advance(&mut self, step: &ArmsStep, strain: &Vector3<f64>) {
+        for (arm, psi) in step.arms.iter().zip(&mut self.flowed) {
+            *psi = arm[3] * strain[0] + arm[4] * strain[1] + arm[5] * strain[2] + arm[6] * *psi;
+        }
+    }
+}

@@ -1,0 +1,156 @@
+//! A quantity that depends on a state (physics §5.3), carried from its definition: the element's modulus, the force or the observed position at every stage is what the function
+//! gives for the state there.
+
+use crate::fe::clock::CLOCK_ROUNDING;
+use base::number::Dual;
+use laws::rheology::Element;
+use laws::stages::{Leaf, Operation, Quantity, State, StateLaw};
+use nalgebra::{Matrix3, Vector3};
+
+/// The states that a law may ask for, as they were at the end of the last step.
+#[derive(Clone)]
+pub(super) struct Followed<'a> {
+    law: &'a StateLaw,
+    /// When force steps come to act, in s.
+    steps_s: Vec<f64>,
+    path_m: f64,
+    largest_m: f64,
+    velocity_m_per_s: f64,
+    begin_m: f64,
+    value: f64,
+    /// The quantity, where the function is added to it.
+    quantity: f64,
+}
+
+/// What the stages of a step share.
+pub(super) struct Stage {
+    pub step_s: f64,
+    /// Since the record's start, and on the record's clock.
+    pub time_s: Vector3<f64>,
+    pub absolute_s: Vector3<f64>,
+    pub force_n: Vector3<f64>,
+    /// A⁻¹ of Radau's method.
+    pub inverse: Matrix3<f64>,
+    /// Position where the step begins, in m.
+    pub begin_m: f64,
+}
+
+impl<'a> Followed<'a> {
+    pub fn new(law: &'a StateLaw, steps_s: Vec<f64>, elements: &[Element]) -> Self {
+        let quantity = match law.quantity {
+            Quantity::Element(leaf) => number_of(elements, leaf),
+            Quantity::Force | Quantity::Position => f64::NAN,
+        };
+        let value = law.value(Dual::ZERO).value;
+        Self { law, steps_s, path_m: 0.0, largest_m: 0.0, velocity_m_per_s: 0.0, begin_m: 0.0, value, quantity }
+    }
+
+    /// Values of the function at the stages, to begin with.
+    pub(super) fn guess(&self) -> Vector3<f64> {
+        Vector3::repeat(self.value)
+    }
+
+    /// Factors of the element's stress.
+    pub(super) fn element_factors(&self, values: &Vector3<f64>) -> Vector3<f64> {
+        match (self.law.quantity, self.law.operation) {
+            (Quantity::Element(_), Operation::Multiply) => *values,
+            (Quantity::Element(_), Operation::Add) => values.map(|value| 1.0 + value / self.quantity),
+            _ => Vector3::repeat(1.0),
+        }
+    }
+
+    /// The force at the stages.
+    pub(super) fn force_n(&self, force_n: &Vector3<f64>, values: &Vector3<f64>) -> Vector3<f64> {
+        match (self.law.quantity, self.law.operation) {
+            (Quantity::Force, Operation::Multiply) => force_n.component_mul(values),
+            (Quantity::Force, Operation::Add) => force_n + values,
+            _ => *force_n,
+        }
+    }
+
+    /// The position that is observed.
+    pub(super) fn observed_m(&self, position_m: f64, [start_s, now_s]: [f64; 2], force_n: f64) -> f64 {
+        if self.law.quantity != Quantity::Position {
+            return position_m;
+        }
+        let state = match self.law.state {
+            State::Position | State::Strain => position_m,
+            State::Path => self.path_m,
+            State::Time => now_s - start_s,
+            State::TimeSinceStep => now_s - self.last_step_s(now_s).unwrap_or(start_s),
+            State::Velocity => self.velocity_m_per_s,
+            State::Force => force_n,
+            State::LargestExcursion => self.largest_m,
+        };
+        let value = self.law.value(Dual::constant(state)).value;
+        if self.law.operation == Operation::Add { position_m + value } else { position_m * value }
+    }
+
+    /// When the last force step before a time came to act, in s.
+    fn last_step_s(&self, now_s: f64) -> Option<f64> {
+        let acting = self.steps_s.partition_point(|step_s| *step_s < now_s - CLOCK_ROUNDING * now_s.abs());
+        acting.checked_sub(1).map(|last| self.steps_s[last])
+    }
+
+    /// States at the stages of a step whose positions (m) and whose body's share of them are known.
+    fn states(&self, stage: &Stage, position_m: &Vector3<f64>, share_m: &Vector3<f64>) -> Vector3<f64> {
+        match self.law.state {
+            State::Position => *position_m,
+            State::Strain => *share_m,
+            State::Path => {
+                let (mut path_m, mut before) = (self.path_m + (stage.begin_m - self.begin_m).abs(), stage.begin_m);
+                position_m.map(|x| {
+                    path_m += (x - before).abs();
+                    before = x;
+                    path_m
+                })
+            }
+            State::LargestExcursion => {
+                let mut largest_m = self.largest_m;
+                position_m.map(|x| {
+                    largest_m = largest_m.max(x.abs());
+                    largest_m
+                })
+            }
+            State::Velocity => stage.inverse * (position_m.add_scalar(-stage.begin_m)) / stage.step_s,
+            State::Time => stage.time_s,
+            State::TimeSinceStep => {
+                let start_s = stage.absolute_s[0] - stage.time_s[0];
+                stage.absolute_s.add_scalar(-self.last_step_s(stage.absolute_s[0]).unwrap_or(start_s))
+            }
+            State::Force => stage.force_n,
+        }
+    }
+
+    /// Values of the function there.
+    pub(super) fn values(&self, stage: &Stage, position_m: &Vector3<f64>, share_m: &Vector3<f64>) -> Vector3<f64> {
+        self.states(stage, position_m, share_m).map(|state| self.law.value(Dual::constant(state)).value)
+    }
+
+    /// The step is taken.
+    pub(super) fn take(&mut self, stage: &Stage, position_m: &Vector3<f64>, values: &Vector3<f64>) {
+        self.path_m += (stage.begin_m - self.begin_m).abs();
+        let mut before = stage.begin_m;
+        for x in position_m.iter() {
+            self.path_m += (x - before).abs();
+            self.largest_m = self.largest_m.max(x.abs());
+            before = *x;
+        }
+        self.velocity_m_per_s = (stage.inverse * (position_m.add_scalar(-stage.begin_m)))[2] / stage.step_s;
+        self.begin_m = before;
+        self.value = values[2];
+    }
+}
+
+/// The modulus or viscosity of an element.
+fn number_of(elements: &[Element], leaf: Leaf) -> f64 {
+    let own = match (elements.get(leaf.body), leaf.part) {
+        (Some(Element::Parallel(parts)), Some(part)) => parts.get(part),
+        (own, _) => own,
+    };
+    match own {
+        Some(Element::Spring { modulus_pa } | Element::Springpot { modulus_pa, .. }) => modulus_pa.value,
+        Some(Element::Dashpot { viscosity_pa_s }) => viscosity_pa_s.value,
+        _ => f64::NAN,
+    }
+}

@@ -1,0 +1,215 @@
+//! Full-order time stepping with internal fields (physics §3.2).
+//!
+//! Every branch m of the law (Kelvin–Voigt bodies, dashpots) keeps its own nodal displacement field. All branches carry the
+//! stress D̂ε(w), K̂ w = f, so a step from t to t + Δt reads u = h + j w: the history h decays, w follows the force. While
+//! the force holds or goes in a line, w does too, and a step by the exponential scheme is exact.
+
+use super::factorisation::{Factor, Stiffness};
+use base::error::Result;
+use laws::rheology::CreepCompliance;
+use record::Force;
+
+/// How a branch is advanced over a step of constant stress, or one that goes in a line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum TimeScheme {
+    /// Exact between the rows.
+    #[default]
+    Exponential,
+    /// Implicit midpoint: second order, an independent check of the exponential step.
+    Midpoint,
+}
+
+impl TimeScheme {
+    /// Factor by which a branch of relaxation time `time_s` decays over a step.
+    fn decay(self, step_s: f64, time_s: f64) -> f64 {
+        let z = step_s / time_s;
+        match self {
+            Self::Exponential => (-z).exp(),
+            Self::Midpoint => (1.0 - 0.5 * z) / (1.0 + 0.5 * z),
+        }
+    }
+}
+
+/// The full-order model at one Poisson ratio: factorised once, run for any law and load.
+pub struct FullOrderModel<'a> {
+    factor: Factor<'a>,
+    robot: usize,
+    /// K̂⁻¹ f for 1 N on the whole body: unknowns per unit force at unit Young's modulus, in 1/m. Solved once, since every run needs it.
+    field_per_n: Vec<f64>,
+}
+
+/// A commanded force with its solved field.
+///
+/// All forces push the robot along x, so one solve for 1 N serves every switch, scaled.
+pub struct SolvedLoad<'a> {
+    time_s: &'a [f64],
+    force: Force<'a>,
+    /// K̂⁻¹ f for 1 N on the whole body.
+    field_per_n: Vec<f64>,
+}
+
+impl<'a> FullOrderModel<'a> {
+    /// Factorises the unit stiffness at a Poisson ratio in (−1, 0.5).
+    pub fn new(stiffness: &'a Stiffness, poisson_ratio: f64) -> Result<Self> {
+        let factor = stiffness.factor(poisson_ratio)?;
+        let share = stiffness.assembly.unknowns.share();
+        let field_per_n = factor.unit_response().iter().map(|u| share * u).collect();
+        Ok(Self { factor, robot: stiffness.assembly.unknowns.robot(), field_per_n })
+    }
+
+    /// Solves for the field of a commanded force at rows (s).
+    pub fn solve_load<'l>(&self, time_s: &'l [f64], force: impl Into<Force<'l>>) -> SolvedLoad<'l> {
+        SolvedLoad { time_s, force: force.into(), field_per_n: self.field_per_n.clone() }
+    }
+
+    /// Unknowns per unit force at unit Young's modulus, in 1/m.
+    pub(super) fn field_per_n(&self) -> &[f64] {
+        &self.field_per_n
+    }
+
+    /// Displacement of the robot per unit force at unit Young's modulus, in 1/m: position = compliance × ∫J dF.
+    pub fn compliance_per_m(&self) -> f64 {
+        self.field_per_n[self.robot]
+    }
+
+    /// Robot's position (m) at every row, the limit from the left.
+    ///
+    /// Under a law that is the same everywhere each unknown evolves on its own, so only the robot's is carried along.
+    pub fn trajectory(&self, load: &SolvedLoad, law: &CreepCompliance, scheme: TimeScheme) -> Vec<f64> {
+        let mut position_m = Vec::with_capacity(load.time_s.len());
+        let robot = &load.field_per_n[self.robot..=self.robot];
+        run(load, robot, law, scheme, |run| position_m.push(run.displacement_at(0)));
+        position_m
+    }
+
+    /// Unknowns (m) at the chosen rows, one vector after the other.
+    pub fn fields(&self, load: &SolvedLoad, law: &CreepCompliance, rows: &[usize]) -> Vec<Vec<f64>> {
+        self.fields_by(load, law, rows, TimeScheme::Exponential)
+    }
+
+    /// The same by a chosen time integrator.
+    pub fn fields_by(
+        &self,
+        load: &SolvedLoad,
+        law: &CreepCompliance,
+        rows: &[usize],
+        scheme: TimeScheme,
+    ) -> Vec<Vec<f64>> {
+        let (mut fields, mut row) = (Vec::with_capacity(rows.len()), 0);
+        run(load, &load.field_per_n, law, scheme, |run| {
+            if rows.contains(&row) {
+                fields.push((0..self.factor.n_unknowns()).map(|i| run.displacement_at(i)).collect());
+            }
+            row += 1;
+        });
+        fields
+    }
+}
+
+/// Steps the unknowns whose response to 1 N is `field_per_n` through the load, and shows the state at every row.
+fn run(
+    load: &SolvedLoad,
+    field_per_n: &[f64],
+    law: &CreepCompliance,
+    scheme: TimeScheme,
+    mut at_row: impl FnMut(&Run),
+) {
+    let mut run = Run::new(law, field_per_n);
+    at_row(&run);
+    for row in 1..load.time_s.len() {
+        let (force_n, slope_n_per_s) = (load.force.at_rows_n[row - 1], load.force.slope_n_per_s(load.time_s, row - 1));
+        if row == 1 || load.force.is_linear() || force_n != load.force.at_rows_n[row - 2] {
+            run.begin_hold(force_n, slope_n_per_s);
+        }
+        run.advance(load.time_s[row] - load.time_s[row - 1], scheme);
+        at_row(&run);
+    }
+}
+
+/// State of one run. Within a hold every branch field is decay·(field at the start) + gain·w with scalar decay and gain, so
+/// the fields themselves are updated at switches only.
+struct Run<'a> {
+    law: &'a CreepCompliance,
+    branches: Vec<Branch>,
+    /// Field of each branch at the start of the hold, in m.
+    fields: Vec<Vec<f64>>,
+    /// w at 1 N, in m.
+    field_per_n: &'a [f64],
+    /// Force at the hold's start in N, by how much it rises in N/s, and the time since in s.
+    force_n: f64,
+    slope_n_per_s: f64,
+    since_s: f64,
+}
+
+/// Scalars of one branch since the start of the hold.
+#[derive(Clone, Copy)]
+struct Branch {
+    decay: f64,
+    gain_per_pa: f64,
+    /// The same for a force that rises.
+    ramp_s_per_pa: f64,
+}
+
+const UNMOVED: Branch = Branch { decay: 1.0, gain_per_pa: 0.0, ramp_s_per_pa: 0.0 };
+
+impl Branch {
+    /// What a force and its slope have made of it.
+    fn moved(self, force: f64, slope_per_s: f64) -> f64 {
+        self.gain_per_pa * force + self.ramp_s_per_pa * slope_per_s
+    }
+}
+
+impl<'a> Run<'a> {
+    fn new(law: &'a CreepCompliance, field_per_n: &'a [f64]) -> Self {
+        // One branch a Kelvin–Voigt body, and the dashpots as the last.
+        let n_branches = law.retarded.len() + 1;
+        Self {
+            law,
+            branches: vec![UNMOVED; n_branches],
+            fields: vec![vec![0.0; field_per_n.len()]; n_branches],
+            field_per_n,
+            force_n: 0.0,
+            slope_n_per_s: 0.0,
+            since_s: 0.0,
+        }
+    }
+
+    fn begin_hold(&mut self, force_n: f64, slope_n_per_s: f64) {
+        for (field, branch) in self.fields.iter_mut().zip(&mut self.branches) {
+            let gain = branch.moved(self.force_n, self.slope_n_per_s);
+            for (value, w) in field.iter_mut().zip(self.field_per_n) {
+                *value = branch.decay * *value + gain * w;
+            }
+            *branch = UNMOVED;
+        }
+        (self.force_n, self.slope_n_per_s, self.since_s) = (force_n, slope_n_per_s, 0.0);
+    }
+
+    fn advance(&mut self, step_s: f64, scheme: TimeScheme) {
+        let (dashpots, bodies) = match self.branches.split_last_mut() {
+            Some(split) => split,
+            None => return,
+        };
+        for (branch, mode) in bodies.iter_mut().zip(&self.law.retarded) {
+            let decay = scheme.decay(step_s, mode.time_s);
+            let kept = mode.compliance_per_pa * (1.0 - decay);
+            branch.decay *= decay;
+            branch.gain_per_pa = decay * branch.gain_per_pa + kept;
+            // A line is followed by the retardation time late.
+            let late_s = mode.compliance_per_pa * step_s - kept * mode.time_s;
+            branch.ramp_s_per_pa = decay * branch.ramp_s_per_pa + kept * self.since_s + late_s;
+        }
+        let flow_per_pa = self.law.fluidity_per_pa_s * step_s;
+        dashpots.gain_per_pa += flow_per_pa;
+        dashpots.ramp_s_per_pa += flow_per_pa * (self.since_s + 0.5 * step_s);
+        self.since_s += step_s;
+    }
+
+    fn displacement_at(&self, unknown: usize) -> f64 {
+        let per_n = self.field_per_n[unknown];
+        let (w, rise) = (self.force_n * per_n, self.slope_n_per_s * per_n);
+        let branches = self.fields.iter().zip(&self.branches);
+        let creep: f64 = branches.map(|(field, b)| b.decay * field[unknown] + b.moved(w, rise)).sum();
+        creep + self.law.instantaneous_per_pa * (w + rise * self.since_s)
+    }
+}

@@ -1,0 +1,312 @@
+//! One run: switches, steps, stages, and the positions at rows.
+
+use std::collections::HashMap;
+use std::rc::Rc;
+
+use super::history::{Chain, Free, Response};
+use super::load::Load;
+use super::output::{Output, State};
+use super::stages::{DIAGONAL, N_STAGES, predict};
+use super::steps::Grading;
+use super::{ChainLaw, Part, StageSolve, StageWeights, TransientSystem};
+use crate::fe::clock::{CLOCK_ROUNDING, FOURTH, Switch, balanced_exponent, check_feedback};
+use base::error::{Error, Result};
+
+/// How fine the steps are.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Resolution {
+    /// n ≥ 1: steps are between 1/2n and 1/n of the time since the switch. The error falls with the fourth power of 1/n.
+    pub steps_per_doubling: u32,
+    /// Steps are no longer than this, in s: a system that rings long after a switch needs about ten a period.
+    pub longest_step_s: f64,
+}
+
+impl Default for Resolution {
+    /// Errors of less than 1e-6 of the largest position where nothing rings.
+    fn default() -> Self {
+        Self { steps_per_doubling: 10, longest_step_s: f64::INFINITY }
+    }
+}
+
+/// What a run gives.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TransientRun {
+    /// Displacement of the robot (m) at every row, the limit from the left.
+    pub position_m: Vec<f64>,
+    /// Unknowns z at the rows that were asked for, in the order of time.
+    pub fields: Vec<Vec<f64>>,
+    /// Steps that were taken.
+    pub n_steps: usize,
+    /// Factors that were made.
+    pub n_factors: usize,
+}
+
+/// Factors kept at once: a run of one hold needs about two for every decade of time.
+const MOST_FACTORS: usize = 48;
+
+/// Steps a system, at rest before the first switch, through a load; one law for each of the system's. Rows `time_s` (s) ascend; of the rows in `rows_of_fields`
+/// all unknowns are given.
+///
+/// # Errors
+/// [`Error::Numerical`] where the number of laws is not the system's, a law is rigid, the force gradient pulls the robot away, or a position is not finite.
+pub fn run<L: Clone + Into<ChainLaw>>(
+    system: &dyn TransientSystem,
+    laws: &[L],
+    load: &Load,
+    time_s: &[f64],
+    rows_of_fields: &[usize],
+    resolution: Resolution,
+) -> Result<TransientRun> {
+    let (Some(&first_s), Some(&last_s)) = (time_s.first(), time_s.last()) else {
+        return Ok(TransientRun { position_m: Vec::new(), fields: Vec::new(), n_steps: 0, n_factors: 0 });
+    };
+    let start_s = load.switches.first().map_or(first_s, |switch| switch.time_s.min(first_s));
+    let rounding_s = CLOCK_ROUNDING * (last_s - start_s).max(f64::MIN_POSITIVE);
+    let laws: Vec<ChainLaw> = laws.iter().cloned().map(Into::into).collect();
+    let mut run = Run::new(system, &laws, load, start_s)?;
+    let mut output = Output {
+        time_s,
+        rows_of_fields,
+        rounding_s,
+        row: 0,
+        position_m: Vec::with_capacity(time_s.len()),
+        fields: vec![],
+    };
+    output.until(&run.rest(start_s), &run.rest(start_s), system);
+    for (i, switch) in load.switches.iter().enumerate() {
+        if switch.time_s >= last_s - rounding_s {
+            break;
+        }
+        run.advance_to(switch.time_s, rounding_s, &mut output)?;
+        let gap_s = gap_s(time_s, &load.switches, i, rounding_s).min(last_s - switch.time_s);
+        run.input = *switch;
+        run.grading = Grading::new(resolution, switch.time_s, gap_s, switch.jumps);
+        run.is_fresh = true;
+    }
+    run.advance_to(last_s, rounding_s, &mut output)?;
+    let (n_steps, n_factors) = (run.n_steps, run.n_factors);
+    if let Some(row) = output.position_m.iter().position(|x| !x.is_finite()) {
+        return Err(Error::numerical(
+            format!("the position at {} s is {}", time_s[row], output.position_m[row]),
+            "give parameters of moderate size",
+        ));
+    }
+    Ok(TransientRun { position_m: output.position_m, fields: output.fields, n_steps, n_factors })
+}
+
+/// Time from switch `i` to the next row or switch that is later by more than rounding; infinite if there is none.
+fn gap_s(time_s: &[f64], switches: &[Switch], i: usize, rounding_s: f64) -> f64 {
+    let after_s = switches[i].time_s + rounding_s;
+    let row_s = time_s.get(time_s.partition_point(|&t| t <= after_s)).copied().unwrap_or(f64::INFINITY);
+    let switch_s = switches[i..].iter().map(|switch| switch.time_s).find(|&t| t > after_s).unwrap_or(f64::INFINITY);
+    row_s.min(switch_s) - switches[i].time_s
+}
+
+/// What all stages of one step length share.
+struct Prepared<'a> {
+    responses: Vec<Response>,
+    solve: StageSolve<'a>,
+    /// First law's stress per unit force, where the force depends on the position.
+    stress_per_n: Option<Vec<f64>>,
+}
+
+struct Run<'a> {
+    system: &'a dyn TransientSystem,
+    load: &'a Load,
+    chains: Vec<Chain>,
+    free: Vec<Free>,
+    factors: HashMap<u64, Rc<Prepared<'a>>>,
+    grading: Grading,
+    now: State,
+    /// Whether no step has been taken since the switch: rates at its left side say nothing of the right.
+    is_fresh: bool,
+    input: Switch,
+    lagged_n: f64,
+    accelerations: Vec<Vec<f64>>,
+    predicted_velocity: Vec<f64>,
+    scratch: Vec<f64>,
+    n_steps: usize,
+    n_factors: usize,
+}
+
+impl<'a> Run<'a> {
+    fn new(system: &'a dyn TransientSystem, laws: &[ChainLaw], load: &'a Load, start_s: f64) -> Result<Self> {
+        if laws.len() != system.n_laws() || laws.is_empty() {
+            return Err(Error::numerical(
+                format!("the system has {} laws and {} are given", system.n_laws(), laws.len()),
+                "give one law for each of the system's",
+            ));
+        }
+        let n = system.n_unknowns();
+        let n_velocities = if system.has_mass() { n } else { 0 };
+        Ok(Self {
+            system,
+            load,
+            chains: laws.iter().map(|law| Chain::new(law, n)).collect(),
+            free: vec![Free::new(n); laws.len()],
+            factors: HashMap::new(),
+            grading: Grading::new(Resolution::default(), start_s, 1.0, true),
+            now: State { time_s: start_s, unknowns: vec![0.0; n], rates_per_s: vec![0.0; n] },
+            is_fresh: true,
+            input: Switch::to(start_s, 0.0),
+            lagged_n: 0.0,
+            accelerations: vec![vec![0.0; n_velocities]; N_STAGES],
+            predicted_velocity: vec![0.0; n_velocities],
+            scratch: vec![0.0; n],
+            n_steps: 0,
+            n_factors: 0,
+        })
+    }
+
+    fn rest(&self, time_s: f64) -> State {
+        let zeros = vec![0.0; self.now.unknowns.len()];
+        State { time_s, unknowns: zeros.clone(), rates_per_s: zeros }
+    }
+
+    fn advance_to(&mut self, stop_s: f64, rounding_s: f64, output: &mut Output) -> Result<()> {
+        // Before the first switch nothing moves.
+        if self.n_steps == 0 && self.input.force_n == 0.0 && self.input.slope_n_per_s == 0.0 {
+            let rest = self.rest(stop_s);
+            output.until(&self.now, &rest, self.system);
+            self.now = rest;
+            return Ok(());
+        }
+        while stop_s - self.now.time_s > rounding_s {
+            let left_s = stop_s - self.now.time_s;
+            let step_s = self.grading.step_s(self.now.time_s, left_s);
+            let before = self.now.clone();
+            self.step(step_s)?;
+            // The last step is `left_s` but for rounding.
+            self.now.time_s = if step_s > 0.75 * left_s { stop_s } else { before.time_s + step_s };
+            let rates_per_s = if self.is_fresh { self.now.rates_per_s.clone() } else { before.rates_per_s };
+            output.until(&State { rates_per_s, ..before }, &self.now, self.system);
+            self.is_fresh = false;
+        }
+        Ok(())
+    }
+
+    fn prepared(&mut self, step_s: f64) -> Result<Rc<Prepared<'a>>> {
+        if let Some(prepared) = self.factors.get(&step_s.to_bits()) {
+            return Ok(prepared.clone());
+        }
+        if self.factors.len() >= MOST_FACTORS {
+            self.factors.clear();
+        }
+        let responses: Vec<Response> = self.chains.iter().map(|chain| chain.response(step_s)).collect();
+        if responses
+            .iter()
+            .any(|response| !(response.compliance_per_pa > 0.0 && response.compliance_per_pa.is_finite()))
+        {
+            return Err(Error::numerical(
+                format!("a law answers a step of {step_s} s by {responses:?}"),
+                "give a law that yields: moduli and viscosities that are positive and finite",
+            ));
+        }
+        let weights = StageWeights {
+            stiffness: responses.iter().map(|r| responses[0].compliance_per_pa / r.compliance_per_pa).collect(),
+            damping_per_pa_s: responses[0].rate_per_pa_s,
+            mass_per_pa_s2: responses[0].rate_per_pa_s / (DIAGONAL * step_s),
+        };
+        let solve = self.system.factor(&weights)?;
+        let stress_per_n = if self.load.gradient_per_m == 0.0 {
+            None
+        } else {
+            let mut stress = vec![0.0; self.system.n_unknowns()];
+            self.system.add_load(1.0, &mut stress);
+            solve(&mut stress)?;
+            Some(stress)
+        };
+        self.n_factors += 1;
+        let prepared = Rc::new(Prepared { responses, solve, stress_per_n });
+        self.factors.insert(step_s.to_bits(), prepared.clone());
+        Ok(prepared)
+    }
+
+    fn step(&mut self, step_s: f64) -> Result<()> {
+        let prepared = self.prepared(step_s)?;
+        let implicit_s = DIAGONAL * step_s;
+        let (start_n, mut lag_rates) = (self.lagged_n, [0.0; N_STAGES]);
+        let velocity = self.now.rates_per_s.clone();
+        for stage in 0..N_STAGES {
+            let lag_s = self.load.lag_time_s;
+            let input_n = self.input.input_n(self.now.time_s + FOURTH.nodes[stage] * step_s);
+            let earlier: f64 = FOURTH.matrix[stage].iter().zip(lag_rates).map(|(a, rate)| a * step_s * rate).sum();
+            lag_rates[stage] = (input_n - start_n - earlier) / (lag_s + implicit_s);
+            let force_n = if lag_s > 0.0 { start_n + earlier + implicit_s * lag_rates[stage] } else { input_n };
+            self.lagged_n = force_n;
+
+            for (chain, free) in self.chains.iter_mut().zip(&mut self.free) {
+                chain.begin_stage(stage, step_s, free);
+            }
+            let mut stress = vec![0.0; self.scratch.len()];
+            self.add_histories(stage, step_s, &velocity, &prepared, &mut stress);
+            let (free, response) = (&self.free[0], prepared.responses[0]);
+            match &prepared.stress_per_n {
+                None => {
+                    self.system.add_load(force_n, &mut stress);
+                    (prepared.solve)(&mut stress)?;
+                }
+                Some(stress_per_n) => {
+                    (prepared.solve)(&mut stress)?;
+                    let position_m = |stress: &[f64]| response.compliance_per_pa * self.system.position_m(stress);
+                    let g = self.load.gradient_per_m;
+                    let history_m = position_m(&stress) + self.system.position_m(&free.strain_m);
+                    let per_n = position_m(stress_per_n);
+                    let exponent = balanced_exponent(g * history_m, g * force_n * per_n);
+                    let force_n = force_n * exponent.exp();
+                    check_feedback(g, &[history_m + force_n * per_n], self.now.time_s)?;
+                    stress.iter_mut().zip(stress_per_n).for_each(|(w, per_n)| *w += force_n * per_n);
+                }
+            }
+            for (k, w) in stress.iter().enumerate() {
+                self.now.unknowns[k] = response.compliance_per_pa * w + free.strain_m[k];
+                self.now.rates_per_s[k] = response.rate_per_pa_s * w + free.rate_m_per_s[k];
+            }
+            if self.system.has_mass() {
+                let ends = self.now.rates_per_s.iter().zip(&self.predicted_velocity);
+                let accelerations = ends.map(|(end, predicted)| (end - predicted) / implicit_s);
+                self.accelerations[stage].iter_mut().zip(accelerations).for_each(|(a, value)| *a = value);
+            }
+            let others = self.chains.iter_mut().zip(&self.free).zip(&prepared.responses).enumerate();
+            for (i, ((chain, free), response)) in others {
+                if i > 0 {
+                    for ((w, z), h) in stress.iter_mut().zip(&self.now.unknowns).zip(&free.strain_m) {
+                        *w = (z - h) / response.compliance_per_pa;
+                    }
+                }
+                chain.end_stage(stage, step_s, &stress);
+            }
+        }
+        self.n_steps += 1;
+        Ok(())
+    }
+
+    /// Adds to the right-hand side what the histories leave: − D g₁ − M (g₁ − predicted velocity)/γΔt − Σ Kᵢ (h₁ − hᵢ)/jᵢ.
+    fn add_histories(
+        &mut self,
+        stage: usize,
+        step_s: f64,
+        velocity: &[f64],
+        prepared: &Prepared,
+        right_hand_side: &mut [f64],
+    ) {
+        let scratch = &mut self.scratch;
+        let first = &self.free[0];
+        scratch.iter_mut().zip(&first.rate_m_per_s).for_each(|(s, g)| *s = -g);
+        self.system.add_product(Part::Damping, scratch, right_hand_side);
+        if self.system.has_mass() {
+            predict(stage, step_s, velocity, &self.accelerations, &mut self.predicted_velocity);
+            let implicit_s = DIAGONAL * step_s;
+            for ((s, g), predicted) in scratch.iter_mut().zip(&first.rate_m_per_s).zip(&self.predicted_velocity) {
+                *s = (predicted - g) / implicit_s;
+            }
+            self.system.add_product(Part::Mass, scratch, right_hand_side);
+        }
+        for (i, (free, response)) in self.free.iter().zip(&prepared.responses).enumerate().skip(1) {
+            for ((s, own), h) in scratch.iter_mut().zip(&free.strain_m).zip(&first.strain_m) {
+                *s = (own - h) / response.compliance_per_pa;
+            }
+            self.system.add_product(Part::Stiffness(i), scratch, right_hand_side);
+        }
+    }
+}

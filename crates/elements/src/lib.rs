@@ -1,0 +1,4 @@
+//! Meshes of the gel and full finite elements.
+
+pub mod fe;
+pub mod mesh;

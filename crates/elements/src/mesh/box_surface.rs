@@ -1,0 +1,102 @@
+//! Connectivity of the built-in meshes: the surface of a box of cells, in layers from the robot to the outer surface.
+
+use std::collections::HashMap;
+
+use super::{ElementKind, HEXAHEDRON27_REFERENCE_NODES, Mesh};
+use record::Orientation;
+
+/// Nine-node quadrilaterals on the quarter y ≥ 0, z ≥ 0 of the surface of a box around the origin.
+///
+/// Nodes are integer points of the box, two steps an element, so that its faces share them exactly. The built-in meshes differ only in where
+/// they put these points; whatever treats x, y and z alike there is symmetric to the last bit.
+pub(super) struct BoxSurface {
+    /// Half the box's width along each axis, in steps.
+    pub half_width: [i32; 3],
+    points: Vec<[i32; 3]>,
+    /// 3 × 3 nodes of each quadrilateral, first index fastest; first × second direction points outwards.
+    quads: Vec<[u32; 9]>,
+}
+
+impl BoxSurface {
+    /// The surface with this many elements along half the box's width on each axis.
+    pub fn new(n_elements: [usize; 3]) -> Self {
+        let half_width = n_elements.map(|n| 2 * n as i32);
+        let mut surface = Self { half_width, points: Vec::new(), quads: Vec::new() };
+        let mut node_of = HashMap::new();
+        // Faces +x, −x, +y, +z: (first axis, second axis, normal axis, side); first × second = outward normal.
+        for (first, second, normal, side) in [(1, 2, 0, 1), (2, 1, 0, -1), (2, 0, 1, 1), (0, 1, 2, 1)] {
+            let start = |axis: usize| if axis == 0 { -half_width[0] } else { 0 };
+            for j in (start(second)..half_width[second]).step_by(2) {
+                for i in (start(first)..half_width[first]).step_by(2) {
+                    surface.quads.push(std::array::from_fn(|k| {
+                        let mut point = [0; 3];
+                        point[normal] = side * half_width[normal];
+                        point[first] = i + (k % 3) as i32;
+                        point[second] = j + (k / 3) as i32;
+                        *node_of.entry(point).or_insert_with(|| {
+                            surface.points.push(point);
+                            surface.points.len() as u32 - 1
+                        })
+                    }));
+                }
+            }
+        }
+        surface
+    }
+
+    /// Elements between 2 · `n_layers` + 1 sheets of nodes, the first on the robot, the last on the outer surface.
+    ///
+    /// `place_m` gives the coordinates in m of a point of the box on a sheet; it must be odd in every coordinate, so that points with y = 0 or
+    /// z = 0 lie on the symmetry planes.
+    pub fn layered(&self, n_layers: usize, place_m: impl Fn([i32; 3], usize) -> [f64; 3]) -> Mesh {
+        let n_surface = self.points.len();
+        let n_sheets = 2 * n_layers + 1;
+        let mut node_coordinates_m = Vec::with_capacity(n_surface * n_sheets);
+        for sheet in 0..n_sheets {
+            node_coordinates_m.extend(self.points.iter().map(|&point| place_m(point, sheet)));
+        }
+        let mut connectivity = Vec::with_capacity(27 * self.quads.len() * n_layers);
+        for layer in 0..n_layers {
+            for quad in &self.quads {
+                for reference in &HEXAHEDRON27_REFERENCE_NODES {
+                    let [u, v, w] = reference.map(|c| (c + 1.0) as usize);
+                    connectivity.push(((2 * layer + w) * n_surface) as u32 + quad[3 * v + u]);
+                }
+            }
+        }
+        let n_nodes = node_coordinates_m.len() as u32;
+        let plane = |axis: usize| {
+            (0..n_nodes).filter(|&i| self.points[i as usize % n_surface][axis] == 0).collect::<Vec<u32>>()
+        };
+        Mesh {
+            element_kind: ElementKind::Hexahedron27,
+            connectivity,
+            robot_nodes: (0..n_surface as u32).collect(),
+            outer_nodes: (n_nodes - n_surface as u32..n_nodes).collect(),
+            symmetry_y_nodes: plane(1),
+            symmetry_z_nodes: plane(2),
+            node_coordinates_m,
+        }
+    }
+}
+
+/// Direction of a point of a cube's surface with equal angles along the edges ("cube-sphere").
+pub(super) fn equiangular_direction(point: [i32; 3], half_width: i32) -> [f64; 3] {
+    let gnomonic = point.map(|c| (f64::from(c) / f64::from(half_width) * std::f64::consts::FRAC_PI_4).tan());
+    let norm = gnomonic.iter().map(|c| c * c).sum::<f64>().sqrt();
+    gnomonic.map(|c| c / norm)
+}
+
+/// Axis of a body's length: x is along the force.
+pub(super) fn long_axis(orientation: Orientation) -> usize {
+    match orientation {
+        Orientation::Horizontal => 0,
+        Orientation::Vertical => 1,
+    }
+}
+
+/// Layers a level, in geometric progression, for a ratio of the outer radius to the body's size: four, or so many that ln r grows by no more than
+/// `largest_step` in each at level 1.
+pub(super) fn layers_per_level(ratio: f64, largest_step: f64) -> usize {
+    (ratio.ln() / largest_step).ceil().max(4.0) as usize
+}

@@ -1,0 +1,200 @@
+//! Numbers and section marks of an MSH file, text or binary, with the position for error messages.
+
+use std::path::Path;
+
+use base::error::{Error, Place, Result};
+
+/// What to do about a file that breaks off or does not follow the format.
+const DAMAGED: &str = "the file is damaged or not a Gmsh 4.1 mesh: save it again with `gmsh -3 -format msh41`";
+
+/// A cursor over the bytes of an MSH file.
+pub(super) struct Scanner<'a> {
+    path: &'a Path,
+    bytes: &'a [u8],
+    position: usize,
+    /// Line of the last text token, from 1.
+    line: usize,
+    /// Whether numbers are stored as little-endian bytes.
+    pub(super) binary: bool,
+}
+
+impl<'a> Scanner<'a> {
+    pub fn new(path: &'a Path, bytes: &'a [u8]) -> Self {
+        Self { path, bytes, position: 0, line: 1, binary: false }
+    }
+
+    /// An error at the current position: the line of a text file, the byte offset of a binary one.
+    pub(super) fn error(&self, found: impl std::fmt::Display, remedy: impl Into<String>) -> Error {
+        if self.binary {
+            let found = format!("at byte offset {}: {found}", self.position);
+            Error::input(Place::file(self.path), found, remedy)
+        } else {
+            Error::input(Place::file(self.path).at_line(self.line), found.to_string(), remedy)
+        }
+    }
+
+    /// An error about content that breaks the format.
+    pub(super) fn damaged(&self, found: impl std::fmt::Display) -> Error {
+        self.error(found, DAMAGED)
+    }
+
+    /// An error about the file as a whole.
+    pub(super) fn file_error(&self, found: impl Into<String>, remedy: impl Into<String>) -> Error {
+        Error::input(Place::file(self.path), found, remedy)
+    }
+
+    fn skip_whitespace(&mut self) {
+        while let Some(&byte) = self.bytes.get(self.position).filter(|byte| byte.is_ascii_whitespace()) {
+            self.line += usize::from(byte == b'\n');
+            self.position += 1;
+        }
+    }
+
+    /// The next word of text, whatever the mode; empty at the end of the file.
+    fn word(&mut self) -> &'a [u8] {
+        self.skip_whitespace();
+        let rest = &self.bytes[self.position..];
+        let length = rest.iter().position(u8::is_ascii_whitespace).unwrap_or(rest.len());
+        self.position += length;
+        &rest[..length]
+    }
+
+    /// The name after `$` that opens the next section, or `None` at the end of the file.
+    pub(super) fn section(&mut self) -> Result<Option<&'a str>> {
+        let word = self.word();
+        if word.is_empty() {
+            return Ok(None);
+        }
+        match std::str::from_utf8(word).ok().and_then(|word| word.strip_prefix('$')) {
+            Some(name) => {
+                if self.binary {
+                    // Numbers start right after the line break.
+                    self.end_of_line();
+                }
+                Ok(Some(name))
+            }
+            None => Err(self.damaged(format!("`{}` where a section such as `$Nodes` should start", printable(word)))),
+        }
+    }
+
+    /// Consumes the mark that closes section `name`.
+    pub(super) fn end_of_section(&mut self, name: &str) -> Result<()> {
+        let word = self.word();
+        if word.strip_prefix(b"$End") == Some(name.as_bytes()) {
+            Ok(())
+        } else {
+            Err(self.damaged(format!("`{}` where `$End{name}` should stand", printable(word))))
+        }
+    }
+
+    /// Passes over a section that is not needed.
+    pub(super) fn skip_section(&mut self, name: &str) -> Result<()> {
+        let mark = format!("$End{name}");
+        let rest = &self.bytes[self.position..];
+        match rest.windows(mark.len()).position(|window| window == mark.as_bytes()) {
+            Some(length) => {
+                self.line += rest[..length].iter().filter(|&&byte| byte == b'\n').count();
+                self.position += length + mark.len();
+                Ok(())
+            }
+            None => Err(self.damaged(format!("section `${name}` is not closed by `{mark}`"))),
+        }
+    }
+
+    /// Moves to just after the next line break.
+    pub(super) fn end_of_line(&mut self) {
+        let rest = &self.bytes[self.position..];
+        let length = rest.iter().position(|&byte| byte == b'\n').map_or(rest.len(), |length| length + 1);
+        self.line += usize::from(rest[..length].ends_with(b"\n"));
+        self.position += length;
+    }
+
+    /// A number written as text, in text and binary files alike.
+    pub(super) fn text_number<T: std::str::FromStr>(&mut self, what: &str) -> Result<T> {
+        let word = self.word();
+        if word.is_empty() {
+            return Err(self.damaged(format!("the file ends where {what} should stand")));
+        }
+        std::str::from_utf8(word)
+            .ok()
+            .and_then(|word| word.parse().ok())
+            .ok_or_else(|| self.damaged(format!("`{}` where {what} should stand", printable(word))))
+    }
+
+    /// A name in double quotes, in text and binary files alike.
+    pub(super) fn quoted(&mut self, what: &str) -> Result<String> {
+        self.skip_whitespace();
+        let rest = &self.bytes[self.position..];
+        let inner = rest.strip_prefix(b"\"").and_then(|rest| {
+            let length = rest.iter().position(|&byte| byte == b'"' || byte == b'\n')?;
+            (rest[length] == b'"').then(|| &rest[..length])
+        });
+        match inner {
+            Some(inner) => {
+                self.position += inner.len() + 2;
+                Ok(String::from_utf8_lossy(inner).into_owned())
+            }
+            None => Err(self.damaged(format!("no name in double quotes where {what} should stand"))),
+        }
+    }
+
+    fn raw<const N: usize>(&mut self, what: &str) -> Result<[u8; N]> {
+        match self.bytes[self.position..].first_chunk::<N>() {
+            Some(chunk) => {
+                self.position += N;
+                Ok(*chunk)
+            }
+            None => Err(self.damaged(format!("the file ends within {what}"))),
+        }
+    }
+
+    /// The marker 1 that tells the byte order of a binary file.
+    pub(super) fn byte_order(&mut self) -> Result<()> {
+        let marker = self.raw("the byte-order marker")?;
+        match i32::from_le_bytes(marker) {
+            1 => Ok(()),
+            0x0100_0000 => Err(self.error(
+                "the numbers are stored with the most significant byte first",
+                "save the mesh as text with `gmsh -3 -format msh41 -bin 0`",
+            )),
+            other => Err(self.damaged(format!("{other} where the byte-order marker 1 should stand"))),
+        }
+    }
+
+    /// A 4-byte signed integer.
+    pub(super) fn int(&mut self, what: &str) -> Result<i32> {
+        if self.binary { Ok(i32::from_le_bytes(self.raw(what)?)) } else { self.text_number(what) }
+    }
+
+    /// An 8-byte unsigned integer.
+    pub(super) fn size(&mut self, what: &str) -> Result<u64> {
+        if self.binary { Ok(u64::from_le_bytes(self.raw(what)?)) } else { self.text_number(what) }
+    }
+
+    /// A finite double-precision number.
+    pub(super) fn double(&mut self, what: &str) -> Result<f64> {
+        let value = if self.binary { f64::from_le_bytes(self.raw(what)?) } else { self.text_number(what)? };
+        if value.is_finite() { Ok(value) } else { Err(self.damaged(format!("{value} where {what} should stand"))) }
+    }
+
+    /// A number of items of at least `bytes_each` binary bytes; one that the rest of the file cannot hold is an error, so that a damaged
+    /// count never asks for memory.
+    pub(super) fn count(&mut self, what: &str, bytes_each: usize) -> Result<usize> {
+        let count = self.size(what)?;
+        // As text the shortest item is a digit and a separator.
+        let bytes_each = if self.binary { bytes_each } else { 2 };
+        let room = self.bytes.len().saturating_sub(self.position) / bytes_each + 1;
+        match usize::try_from(count) {
+            Ok(count) if count <= room => Ok(count),
+            _ => Err(self.damaged(format!("{what} is given as {count}, more than the rest of the file can hold"))),
+        }
+    }
+}
+
+/// A short, printable form of what was found.
+fn printable(word: &[u8]) -> String {
+    if word.is_empty() {
+        return "end of file".to_owned();
+    }
+    String::from_utf8_lossy(word).chars().take(24).map(|c| if c.is_control() { '?' } else { c }).collect()
+}

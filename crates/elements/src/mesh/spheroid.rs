@@ -1,0 +1,90 @@
+//! Built-in graded curved mesh of the gel between a prolate spheroid and the outer sphere.
+//!
+//! Cube-sphere patches on confocal spheroids: a direction n of the cube-sphere lies at (A n₁, B n₂, B n₃) on the spheroid of semi-axes A, B. In
+//! these coordinates the field around a rigid spheroid is smooth at any aspect, so the elements may be as slender as the body.
+
+use std::ops::RangeInclusive;
+
+use super::Mesh;
+use super::box_surface::{BoxSurface, equiangular_direction, layers_per_level, long_axis};
+use base::error::{Error, Result};
+use record::Orientation;
+
+/// Largest step of ln r from layer to layer, at level 1.
+const LAYER_STEP: f64 = 1.1;
+
+/// Sizes and fineness of the mesh around a prolate spheroid.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Spheroid {
+    /// Long axis in m.
+    pub length_m: f64,
+    /// Short axes in m.
+    pub diameter_m: f64,
+    /// Long axis relative to the force.
+    pub orientation: Orientation,
+    /// Radius of the fixed outer surface in m.
+    pub outer_radius_m: f64,
+    /// 1, 2, 3, …: elements along the edge of an octant's patch; four layers a level, or more where the outer surface is far away.
+    pub level: usize,
+}
+
+impl Spheroid {
+    /// Length over diameter that is meshed: at the slender end the smallest scaled Jacobian is 0.07.
+    pub const ASPECTS: RangeInclusive<f64> = 1.0..=30.0;
+
+    /// The mesh, or [`Error::Numerical`] where the sizes make none.
+    pub fn mesh(&self) -> Result<Mesh> {
+        self.check()?;
+        let surface = BoxSurface::new([self.level; 3]);
+        let n_layers = self.level * layers_per_level(self.outer_radius_m / (0.5 * self.diameter_m), LAYER_STEP);
+        let semi_axes_m = self.semi_axes_m(n_layers);
+        let long = long_axis(self.orientation);
+        Ok(surface.layered(n_layers, |point, sheet| {
+            let direction = equiangular_direction(point, surface.half_width[0]);
+            let [along_m, across_m] = semi_axes_m[sheet];
+            std::array::from_fn(|axis| direction[axis] * if axis == long { along_m } else { across_m })
+        }))
+    }
+
+    fn check(&self) -> Result<()> {
+        let aspect = self.length_m / self.diameter_m;
+        if !(self.diameter_m > 0.0 && Self::ASPECTS.contains(&aspect)) {
+            return Err(Error::numerical(
+                format!(
+                    "the built-in meshes are of spheroids from {} to {} times as long as wide, and this one is {aspect:.3} times",
+                    Self::ASPECTS.start(),
+                    Self::ASPECTS.end()
+                ),
+                "check the robot's length and diameter, or bring a Gmsh mesh with `--mesh FILE.msh`",
+            ));
+        }
+        let is_inside = 0.5 * self.length_m < self.outer_radius_m && self.outer_radius_m.is_finite();
+        if !is_inside || self.level == 0 {
+            return Err(Error::numerical(
+                format!(
+                    "no mesh of level {} fits between a spheroid {} m long and the radius {} m",
+                    self.level, self.length_m, self.outer_radius_m
+                ),
+                "give a robot that lies inside the vitreous",
+            ));
+        }
+        Ok(())
+    }
+
+    /// Semi-axes [A, B] of the 2·layers + 1 sheets of nodes: B in geometric progression, as the radii of the quarter ball and for its reason, and
+    /// A² − B², the square of the focal distance, falling linearly in B² to 0 at the outer sphere. Where that is far away the sheets are
+    /// confocal near the body; where it is near they close up evenly.
+    fn semi_axes_m(&self, n_layers: usize) -> Vec<[f64; 2]> {
+        let (a, b, outer) = (0.5 * self.length_m, 0.5 * self.diameter_m, self.outer_radius_m);
+        let last = 2 * n_layers;
+        let sheet = |i: usize| {
+            if i == last {
+                return [outer; 2];
+            }
+            let across = b * (outer / b).powf(i as f64 / last as f64);
+            let left = (outer * outer - across * across) / (outer * outer - b * b);
+            [(across * across + (a * a - b * b) * left).sqrt(), across]
+        };
+        (0..=last).map(sheet).collect()
+    }
+}

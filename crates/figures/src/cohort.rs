@@ -1,0 +1,271 @@
+//! What specimens lack together: what every record of a cohort gains by every effect under its common law of sizes, as a map, with the sums below.
+
+use super::axes::{Axes, TICK_SIZE_PX, title_with_text};
+use super::font::{shorten, text_width_px};
+use super::number::{significant, with_decimals};
+use super::palette::{BLUE, Colour, GREEN, INK, MUTED, ORANGE, SKY, VERMILLION, WHITE};
+use super::svg::{Anchor, Fill, Point, Rect, Stroke, Style, Svg, TextStyle};
+use super::ticks::Scale;
+use base::Result;
+use documents::cohort::{CohortDiagnosis, CohortEffect, CohortSpecimen};
+use documents::diagnosis::Status;
+
+const MARGIN_PX: f64 = 20.0;
+const WIDTH_PX: f64 = 1080.0;
+/// Widest label of a record.
+const LABEL_PX: f64 = 190.0;
+const BAR_PX: f64 = 18.0;
+/// Room for the colour bar and its numbers.
+const RIGHT_PX: f64 = 96.0;
+/// Gains (nats) of the fullest colour.
+const FULL_NATS: f64 = 6.0;
+/// Gains beyond are written into their cells.
+const WRITTEN_NATS: f64 = 1.0;
+/// Heights of rows: of few records, of many, and of so many that they are not named.
+const FEW: (usize, f64) = (30, 22.0);
+const MANY: (usize, f64) = (90, 14.0);
+const CROWD_PX: f64 = 4.0;
+const GAP_PX: f64 = 8.0;
+const SUM_PX: f64 = 22.0;
+
+/// Draws a cohort's diagnosis.
+///
+/// # Errors
+/// None at present; drawing may refuse documents that make no sense.
+pub fn cohort(diagnosis: &CohortDiagnosis) -> Result<Svg> {
+    let heading = format!("{} records: what do they lack together?", diagnosis.specimens.len());
+    let draw = |svg: &mut Svg| {
+        let width = WIDTH_PX - 2.0 * MARGIN_PX;
+        let below = title_with_text(svg, &heading, &diagnosis.verdict.sentence, (MARGIN_PX, MARGIN_PX), width);
+        Map::of(diagnosis).draw(svg, MARGIN_PX + below + 10.0)
+    };
+    // Drawn once to learn how high it is.
+    let height = draw(&mut Svg::new(WIDTH_PX, 1.0, "")) + MARGIN_PX;
+    let mut svg = Svg::new(WIDTH_PX, height, &heading);
+    draw(&mut svg);
+    Ok(svg)
+}
+
+/// White at 0, blue for what speaks for an effect, vermillion for what speaks against it.
+fn colour(gain_nats: f64) -> Colour {
+    let end = if gain_nats > 0.0 { BLUE } else { VERMILLION };
+    let share = (gain_nats.abs() / FULL_NATS).min(1.0);
+    let mix = |from: u8, to: u8| (f64::from(from) + share * (f64::from(to) - f64::from(from))).round() as u8;
+    Colour(mix(WHITE.0, end.0), mix(WHITE.1, end.1), mix(WHITE.2, end.2))
+}
+
+struct Map<'a> {
+    /// What is looked for, what gains most first.
+    effects: Vec<&'a CohortEffect>,
+    /// Records, group by group.
+    records: Vec<&'a CohortSpecimen>,
+    row_px: f64,
+}
+
+impl<'a> Map<'a> {
+    fn of(diagnosis: &'a CohortDiagnosis) -> Self {
+        let is_looked_for = |own: &&CohortEffect| own.refused.is_none() && own.parameter.is_some();
+        let mut effects: Vec<&CohortEffect> = diagnosis.effects.iter().filter(is_looked_for).collect();
+        let is_named = |own: &CohortEffect| matches!(own.status, Status::Claimed | Status::Equivalent);
+        effects.sort_by(|a, b| is_named(b).cmp(&is_named(a)).then(b.gain_nats.total_cmp(&a.gain_nats)));
+        let mut records: Vec<&CohortSpecimen> = diagnosis.specimens.iter().collect();
+        records.sort_by(|a, b| a.group.cmp(&b.group));
+        let n = records.len();
+        let row_px = match n {
+            _ if n <= FEW.0 => FEW.1,
+            _ if n <= MANY.0 => MANY.1,
+            _ => CROWD_PX,
+        };
+        Self { effects, records, row_px }
+    }
+
+    fn is_named(&self) -> bool {
+        self.row_px > CROWD_PX
+    }
+
+    /// Draws all from `top` downwards; returns where it ends.
+    fn draw(&self, svg: &mut Svg, top: f64) -> f64 {
+        let header =
+            self.effects.iter().map(|own| text_width_px(&own.effect, TICK_SIZE_PX)).fold(40.0, f64::max) + 10.0;
+        let n_groups = self.records.chunk_by(|a, b| a.group == b.group).count();
+        let height = self.row_px * self.records.len() as f64 + GAP_PX * n_groups.saturating_sub(1) as f64;
+        let left = MARGIN_PX + LABEL_PX;
+        let frame = Rect { x: left, y: top + header, width: WIDTH_PX - left - RIGHT_PX - MARGIN_PX, height };
+        let column = frame.width / self.effects.len().max(1) as f64;
+        for (k, effect) in self.effects.iter().enumerate() {
+            let at = (frame.x + (k as f64 + 0.5) * column + 0.36 * TICK_SIZE_PX, frame.y - 6.0);
+            svg.text(&effect.effect, at, TextStyle::new(TICK_SIZE_PX, Anchor::Start).colour(ink(effect)).upwards());
+        }
+        let mut y = frame.y;
+        for group in self.records.chunk_by(|a, b| a.group == b.group) {
+            for record in group {
+                self.draw_row(svg, record, Rect { y, height: self.row_px, ..frame }, column);
+                y += self.row_px;
+            }
+            let rows =
+                Rect { y: y - self.row_px * group.len() as f64, height: self.row_px * group.len() as f64, ..frame };
+            if !self.is_named() {
+                let name = group[0].group.clone().unwrap_or_else(|| format!("{} records", group.len()));
+                let at = (frame.x - 8.0, rows.y + 0.5 * rows.height + 0.36 * TICK_SIZE_PX);
+                svg.text(&shorten(&name, TICK_SIZE_PX, LABEL_PX - 8.0), at, TextStyle::new(TICK_SIZE_PX, Anchor::End));
+            }
+            svg.rect(rows, Style::from(Stroke::solid(MUTED, 0.8)));
+            y += GAP_PX;
+        }
+        colour_bar(svg, frame);
+        self.sums(svg, frame, column)
+    }
+
+    fn draw_row(&self, svg: &mut Svg, record: &CohortSpecimen, strip: Rect, column: f64) {
+        let middle = strip.y + 0.5 * strip.height + 0.36 * TICK_SIZE_PX;
+        if self.is_named() {
+            let mark = if record.leaves_too_much { " !" } else { "" };
+            let label = shorten(&format!("{}{mark}", record.experiment), TICK_SIZE_PX, LABEL_PX - 8.0);
+            svg.text(&label, (strip.x - 8.0, middle), TextStyle::new(TICK_SIZE_PX, Anchor::End));
+        }
+        for (k, effect) in self.effects.iter().enumerate() {
+            let area = Rect { x: strip.x + k as f64 * column, width: column, ..strip };
+            let Some(gain) = record.gains.iter().find(|gain| gain.effect == effect.effect) else {
+                svg.rect(area, Fill::new(MUTED, 0.12));
+                continue;
+            };
+            let line = if self.is_named() { Some(Stroke::solid(WHITE, 0.8)) } else { None };
+            svg.rect(area, Style { fill: Some(Fill::new(colour(gain.gain_nats), 1.0)), stroke: line });
+            let text = significant(gain.gain_nats, 2);
+            let fits = text_width_px(&text, TICK_SIZE_PX) < column - 4.0 && strip.height >= FEW.1;
+            if gain.gain_nats.abs() > WRITTEN_NATS && fits {
+                let ink = if gain.gain_nats.abs() > 0.6 * FULL_NATS { WHITE } else { INK };
+                let style = TextStyle::new(TICK_SIZE_PX, Anchor::Middle).colour(ink);
+                svg.text(&text, (area.x + 0.5 * column, middle), style);
+            }
+        }
+    }
+
+    /// Below the map: what all records gain together, on held-out cycles, and p. Returns where they end.
+    fn sums(&self, svg: &mut Svg, frame: Rect, column: f64) -> f64 {
+        type Text<'a> = &'a dyn Fn(&CohortEffect) -> String;
+        let rows: [(&str, Text); 3] = [
+            ("all records (nats)", &|own| rounded(own.gain_nats)),
+            ("held-out cycles (nats)", &|own| own.heldout_gain_nats.map_or("–".into(), rounded)),
+            ("p of the search", &|own| short_p(own.p_familywise)),
+        ];
+        let mut y = frame.bottom() + 10.0;
+        for (name, of) in rows {
+            y += SUM_PX;
+            let at: Point = (frame.x - 8.0, y);
+            svg.text(name, at, TextStyle::new(TICK_SIZE_PX, Anchor::End).colour(MUTED));
+            for (k, effect) in self.effects.iter().enumerate() {
+                let text = shorten(&of(effect), TICK_SIZE_PX, column - 2.0);
+                let style = TextStyle::new(TICK_SIZE_PX, Anchor::Middle).colour(ink(effect));
+                svg.text(&text, (frame.x + (k as f64 + 0.5) * column, y), style);
+            }
+        }
+        let words =
+            "green: claimed; blue: cannot be told from it; orange: suggestive; !: the model leaves more than noise";
+        svg.text(words, (frame.x, y + SUM_PX), TextStyle::new(TICK_SIZE_PX, Anchor::Start).colour(MUTED));
+        y + SUM_PX + 6.0
+    }
+}
+
+fn rounded(gain_nats: f64) -> String {
+    with_decimals(gain_nats, usize::from(gain_nats.abs() < 10.0))
+}
+
+fn short_p(p: f64) -> String {
+    if p >= 0.1 { with_decimals(p, 1) } else { with_decimals(p, 3).replacen("0.", ".", 1) }
+}
+
+fn ink(effect: &CohortEffect) -> Colour {
+    match effect.status {
+        Status::Claimed => GREEN,
+        Status::Equivalent => SKY,
+        Status::Suggestive => ORANGE,
+        Status::Unsupported => INK,
+        Status::Invisible => MUTED,
+    }
+}
+
+fn colour_bar(svg: &mut Svg, frame: Rect) {
+    const N_STRIPES: usize = 48;
+    let bar = Rect { x: frame.right() + 24.0, y: frame.y, width: BAR_PX, height: frame.height.max(120.0) };
+    let axes = Axes { frame: bar, x: Scale::linear(0.0, 1.0), y: Scale::linear(-FULL_NATS, FULL_NATS) };
+    for k in 0..N_STRIPES {
+        let low = -FULL_NATS + 2.0 * FULL_NATS * k as f64 / N_STRIPES as f64;
+        let high = low + 2.0 * FULL_NATS / N_STRIPES as f64;
+        let stripe = Rect { y: axes.y_px(high), height: axes.y_px(low) - axes.y_px(high) + 0.5, ..bar };
+        svg.rect(stripe, Fill::new(colour(0.5 * (low + high)), 1.0));
+    }
+    for value in [-6.0, -3.0, 0.0, 3.0, 6.0] {
+        let at = (bar.right() + 6.0, axes.y_px(value) + 0.36 * TICK_SIZE_PX);
+        svg.text(&significant(value, 1), at, TextStyle::new(TICK_SIZE_PX, Anchor::Start));
+    }
+    for (y, text) in [(bar.y - 22.0, "nats that a"), (bar.y - 8.0, "record gains")] {
+        svg.text(text, (bar.x - 6.0, y), TextStyle::new(TICK_SIZE_PX, Anchor::Start));
+    }
+    axes.outline(svg);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::layout_tests::{LONG, assert_legible};
+    use documents::cohort::{CohortErrors, CohortGain, CohortSimulations, CohortVerdict};
+    use documents::diagnosis::VerdictKind;
+
+    fn diagnosis(n_records: usize) -> CohortDiagnosis {
+        let slugs = models::effects::EFFECTS.iter().map(|own| own.slug());
+        let effect = |(k, slug): (usize, &str)| CohortEffect {
+            effect: slug.into(),
+            parameter: Some("x".into()),
+            status: [Status::Claimed, Status::Equivalent, Status::Suggestive, Status::Unsupported][k.min(3)],
+            gain_nats: 1234.5 / (k * k + 1) as f64,
+            p_familywise: 0.000_5 * (k + 1) as f64,
+            heldout_gain_nats: Some(-0.3 + 12.0 / (k + 1) as f64),
+            law: None,
+            records: n_records,
+            refused: None,
+        };
+        let gain = |record: usize, k: usize, slug: &str| CohortGain {
+            effect: slug.into(),
+            gain_nats: ((record * 7 + k * 3) % 13) as f64 - 5.5,
+            own_gain_nats: 1.0,
+        };
+        let specimen = |record: usize| CohortSpecimen {
+            id: format!("eye {record}"),
+            experiment: if record == 1 { LONG.into() } else { format!("eye-{record}-central") },
+            group: Some(["bovine", "human"][record % 2].into()),
+            gains: slugs.clone().enumerate().map(|(k, slug)| gain(record, k, slug)).collect(),
+            probability: None,
+            value: None,
+            leaves_too_much: record.is_multiple_of(5),
+            outliers: 0,
+        };
+        CohortDiagnosis {
+            verdict: CohortVerdict {
+                kind: VerdictKind::Missing,
+                effects: vec!["interface-slip".into()],
+                equivalent: Vec::new(),
+                sentence: format!("interface-slip is missing: {LONG}"),
+            },
+            effects: slugs.clone().enumerate().map(effect).collect(),
+            specimens: (0..n_records).map(specimen).collect(),
+            by: vec!["species".into()],
+            margin: 0.2,
+            groups: Vec::new(),
+            contrasts: Vec::new(),
+            law: Vec::new(),
+            base: CohortErrors { rmse_heldout_um: Some(4.0) },
+            extended: None,
+            simulations: CohortSimulations { of_each_record: 99, cohorts: 1999, threshold_nats: Some(6.0) },
+            remarks: Vec::new(),
+        }
+    }
+
+    /// Two records, twenty, sixty and three hundred.
+    #[test]
+    fn cohorts_of_any_size_are_legible() {
+        for n_records in [2, 20, 60, 300] {
+            assert_legible(&format!("{n_records} records"), &cohort(&diagnosis(n_records)).expect("drawn"));
+        }
+    }
+}

@@ -1,0 +1,401 @@
+//! Pairwise differences of groups: a matrix a parameter, whose cells say how many times the row's group is the column's.
+
+use super::axes::{TICK_SIZE_PX, title_with_text};
+use super::font::{fitting_size_px, shorten, text_width_px, wrapped, wrapped_to};
+use super::number::{significant, with_decimals};
+use super::palette::{BLUE, Colour, GRID, INK, MUTED, VERMILLION, WHITE};
+use super::svg::{Anchor, Fill, Point, Rect, Stroke, Style, Svg, TextStyle};
+use base::error::Place;
+use base::{Error, Result};
+
+const MARGIN_PX: f64 = 20.0;
+/// Panels stand side by side up to this width.
+const MOST_WIDTH_PX: f64 = 1300.0;
+const LEAST_WIDTH_PX: f64 = 900.0;
+const PANEL_GAP_PX: f64 = 34.0;
+const NAME_SIZE_PX: f64 = 11.5;
+const NAME_LINE_PX: f64 = 13.5;
+/// Most room of a group's name beside a row, and above a column where it is written upwards.
+const MOST_NAME_PX: f64 = 118.0;
+/// A colour's share at its strongest; on what is paler, text stays legible.
+const STRONGEST: f64 = 0.72;
+const DECLARED: Stroke = Stroke { colour: INK, width_px: 3.0, opacity: 1.0, dash: None };
+/// Ratios at which the colour scale may end.
+const ENDS: [f64; 7] = [1.25, 1.5, 2.0, 3.0, 5.0, 10.0, 100.0];
+
+/// What the figure shows.
+#[derive(Debug, Clone)]
+pub struct ContrastMatrix<'a> {
+    /// Title.
+    pub title: &'a str,
+    /// What the figure says, in words.
+    pub sentence: &'a str,
+    /// Relative difference that matters: 0.1 for 10 %.
+    pub margin: f64,
+    /// One matrix a parameter.
+    pub panels: Vec<ContrastPanel<'a>>,
+}
+
+/// One parameter.
+#[derive(Debug, Clone)]
+pub struct ContrastPanel<'a> {
+    /// Symbol and unit, such as `E (Pa)`.
+    pub label: String,
+    /// The groups, two at least.
+    pub groups: Vec<&'a str>,
+    /// The row's group over the column's; `None` on the diagonal, and where nothing is known.
+    pub cells: Vec<Vec<Option<ContrastCell>>>,
+}
+
+/// One pair of groups.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ContrastCell {
+    /// 5 % quantile, median and 95 % quantile of the ratio.
+    pub ratio: [f64; 3],
+    /// Probability that it is above 1.
+    pub probability_greater: f64,
+    /// Probability that it is above 1 + margin.
+    pub probability_beyond_margin: f64,
+    /// Whether the direction is stated.
+    pub is_declared: bool,
+}
+
+/// Draws the figure.
+///
+/// # Errors
+/// [`Error::Input`] for a figure without panels, panels of fewer than two groups, cells that are no square, ratios that are not finite
+/// and positive or whose quantiles are not in order, probabilities outside 0 to 1, and a margin that is negative or not finite.
+pub fn contrast_matrix(data: &ContrastMatrix) -> Result<Svg> {
+    check(data)?;
+    let layout = Layout::new(data);
+    let draw = |svg: &mut Svg| {
+        let width = layout.width_px - 2.0 * MARGIN_PX;
+        let below = MARGIN_PX + title_with_text(svg, data.title, data.sentence, (MARGIN_PX, MARGIN_PX), width) + 12.0;
+        let below = below + legend(svg, data, &layout, (MARGIN_PX, below)) + 22.0;
+        layout.draw(svg, data, below)
+    };
+    // Drawn once to learn how high it is.
+    let height = draw(&mut Svg::new(layout.width_px, 1.0, ""));
+    let mut svg = Svg::new(layout.width_px, height, data.title);
+    draw(&mut svg);
+    Ok(svg)
+}
+
+fn check(data: &ContrastMatrix) -> Result<()> {
+    let refuse =
+        |found: String, remedy: &str| Err(Error::input(Place::default().at_key("contrast matrix"), found, remedy));
+    if data.panels.is_empty() {
+        return refuse("no parameters".into(), "give one panel at least");
+    }
+    if !(data.margin.is_finite() && data.margin >= 0.0) {
+        return refuse(format!("a margin of {}", data.margin), "give 0.1 for 10 %");
+    }
+    for panel in &data.panels {
+        let (label, n) = (&panel.label, panel.groups.len());
+        if n < 2 {
+            return refuse(format!("{label}: {n} groups"), "compare two groups at least");
+        }
+        if panel.cells.len() != n || panel.cells.iter().any(|row| row.len() != n) {
+            return refuse(format!("{label}: cells that are no square of {n}"), "give a row and a column a group");
+        }
+        for (row, cells) in panel.cells.iter().enumerate() {
+            for (column, cell) in cells.iter().enumerate() {
+                let Some(cell) = cell else { continue };
+                let place = format!("{label}, {} over {}", panel.groups[row], panel.groups[column]);
+                let positive = cell.ratio.iter().all(|ratio| ratio.is_finite() && *ratio > 0.0);
+                if !positive || !cell.ratio.is_sorted() {
+                    let found = format!("{place}: its quantiles are {:?}", cell.ratio);
+                    return refuse(found, "give positive quantiles in ascending order");
+                }
+                let probabilities = [cell.probability_greater, cell.probability_beyond_margin];
+                if !probabilities.iter().all(|p| (0.0..=1.0).contains(p)) {
+                    let found = format!("{place}: its probabilities are {probabilities:?}");
+                    return refuse(found, "give them from 0 to 1");
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
+struct Layout {
+    width_px: f64,
+    n_columns: usize,
+    cell: (f64, f64),
+    sizes: Sizes,
+    /// Room left of the cells for the rows' names.
+    name_px: f64,
+    /// Room above the cells for the columns' names.
+    head_px: f64,
+    upwards: bool,
+    scale: ColourScale,
+}
+
+/// Font sizes of the ratio, and of its interval and probabilities.
+#[derive(Debug, Clone, Copy)]
+struct Sizes {
+    ratio_px: f64,
+    small_px: f64,
+}
+
+impl Layout {
+    fn new(data: &ContrastMatrix) -> Self {
+        let n_groups = data.panels.iter().map(|panel| panel.groups.len()).max().unwrap_or(2);
+        let (cell, sizes) = match n_groups {
+            ..=4 => ((98.0, 66.0), Sizes { ratio_px: 16.0, small_px: 11.0 }),
+            5..=6 => ((90.0, 60.0), Sizes { ratio_px: 14.0, small_px: 10.5 }),
+            _ => ((84.0, 54.0), Sizes { ratio_px: 13.0, small_px: 10.0 }),
+        };
+        // Names stand level above their columns where no word has to be cut.
+        let fits = |name: &str| {
+            let lines = wrapped(name, NAME_SIZE_PX, cell.0 - 8.0);
+            lines.len() <= 4 && lines.iter().all(|line| !line.ends_with('…'))
+        };
+        let groups = || data.panels.iter().flat_map(|panel| &panel.groups);
+        let upwards = !groups().all(|name| fits(name));
+        let widest = groups().map(|name| text_width_px(name, NAME_SIZE_PX)).fold(0.0, f64::max);
+        let name_px = (widest + 11.0).min(MOST_NAME_PX).ceil();
+        let head_px = if upwards {
+            name_px
+        } else {
+            let most = groups().map(|name| wrapped(name, NAME_SIZE_PX, cell.0 - 8.0).len()).max().unwrap_or(1);
+            NAME_LINE_PX * most as f64 + 4.0
+        };
+        let panel_px = name_px + cell.0 * n_groups as f64;
+        let fitting = (MOST_WIDTH_PX - 2.0 * MARGIN_PX + PANEL_GAP_PX) / (panel_px + PANEL_GAP_PX);
+        let n_columns = (fitting as usize).clamp(1, data.panels.len());
+        let width = 2.0 * MARGIN_PX + n_columns as f64 * (panel_px + PANEL_GAP_PX) - PANEL_GAP_PX;
+        let scale = ColourScale::over(data);
+        Self { width_px: width.max(LEAST_WIDTH_PX), n_columns, cell, sizes, name_px, head_px, upwards, scale }
+    }
+
+    /// All panels from `top` downwards; returns where they end.
+    fn draw(&self, svg: &mut Svg, data: &ContrastMatrix, top: f64) -> f64 {
+        let mut y = top;
+        for panels in data.panels.chunks(self.n_columns) {
+            let most = panels.iter().map(|panel| panel.groups.len()).max().unwrap_or(0);
+            let mut x = MARGIN_PX;
+            for panel in panels {
+                self.panel(svg, panel, (x, y));
+                x += self.name_px + self.cell.0 * panel.groups.len() as f64 + PANEL_GAP_PX;
+            }
+            y += 24.0 + self.head_px + self.cell.1 * most as f64 + 28.0;
+        }
+        y - 28.0 + MARGIN_PX
+    }
+
+    fn panel(&self, svg: &mut Svg, panel: &ContrastPanel, (x, y): Point) {
+        let (width, height) = self.cell;
+        let n = panel.groups.len();
+        let frame = Rect {
+            x: x + self.name_px,
+            y: y + 24.0 + self.head_px,
+            width: width * n as f64,
+            height: height * n as f64,
+        };
+        let heading = shorten(&panel.label, 15.0, self.name_px + frame.width);
+        svg.text(&heading, (x, y + 14.0), TextStyle::new(15.0, Anchor::Start));
+        for (i, name) in panel.groups.iter().enumerate() {
+            self.row_name(svg, name, (frame.x - 8.0, frame.y + height * (i as f64 + 0.5)));
+            self.column_name(svg, name, (frame.x + width * (i as f64 + 0.5), frame.y - 6.0));
+        }
+        let at = |row: usize, column: usize| Rect {
+            x: frame.x + width * column as f64,
+            y: frame.y + height * row as f64,
+            width,
+            height,
+        };
+        for (row, cells) in panel.cells.iter().enumerate() {
+            for (column, cell) in cells.iter().enumerate() {
+                match cell {
+                    Some(cell) => {
+                        let colour = self.scale.colour(cell.ratio[1], sureness(cell.probability_greater));
+                        svg.rect(at(row, column), Fill::new(colour, 1.0));
+                        numbers(svg, cell, panel.cells[column][row].as_ref(), at(row, column), self.sizes);
+                    }
+                    None => svg.rect(at(row, column), Fill::new(GRID, 0.7)),
+                }
+            }
+        }
+        for i in 0..=n {
+            let (x, y) = (frame.x + width * i as f64, frame.y + height * i as f64);
+            svg.line((x, frame.y), (x, frame.bottom()), Stroke::solid(WHITE, 2.0));
+            svg.line((frame.x, y), (frame.right(), y), Stroke::solid(WHITE, 2.0));
+        }
+        for (row, cells) in panel.cells.iter().enumerate() {
+            for (column, _) in cells.iter().enumerate().filter(|(_, cell)| cell.is_some_and(|cell| cell.is_declared)) {
+                declared_mark(svg, at(row, column));
+            }
+        }
+    }
+
+    fn row_name(&self, svg: &mut Svg, name: &str, (right, middle): Point) {
+        let lines = wrapped_to(name, NAME_SIZE_PX, self.name_px - 10.0, (self.cell.1 / NAME_LINE_PX) as usize);
+        for (i, line) in lines.iter().enumerate() {
+            let y = middle + 4.0 + NAME_LINE_PX * (i as f64 - 0.5 * (lines.len() as f64 - 1.0));
+            svg.text(line, (right, y), TextStyle::new(NAME_SIZE_PX, Anchor::End));
+        }
+    }
+
+    fn column_name(&self, svg: &mut Svg, name: &str, (middle, bottom): Point) {
+        if !self.upwards {
+            let lines = wrapped(name, NAME_SIZE_PX, self.cell.0 - 8.0);
+            for (i, line) in lines.iter().rev().enumerate() {
+                let at = (middle, bottom - NAME_LINE_PX * i as f64);
+                svg.text(line, at, TextStyle::new(NAME_SIZE_PX, Anchor::Middle));
+            }
+            return;
+        }
+        let lines = wrapped_to(name, NAME_SIZE_PX, self.name_px - 8.0, (self.cell.0 / NAME_LINE_PX) as usize);
+        for (i, line) in lines.iter().enumerate() {
+            let x = middle + 4.0 + NAME_LINE_PX * (i as f64 - 0.5 * (lines.len() as f64 - 1.0));
+            svg.text(line, (x, bottom), TextStyle::new(NAME_SIZE_PX, Anchor::Start).upwards());
+        }
+    }
+}
+
+/// Ratio, interval and probabilities; `inverse` is the cell of the column's group over the row's.
+fn numbers(svg: &mut Svg, cell: &ContrastCell, inverse: Option<&ContrastCell>, rect: Rect, sizes: Sizes) {
+    let Sizes { ratio_px, small_px } = sizes;
+    let (x, room) = (rect.x + rect.width / 2.0, rect.width - 15.0);
+    let [q05, median, q95] = cell.ratio;
+    let lines = [
+        (ratio_text(median), ratio_px),
+        (format!("{}–{}", ratio_text(q05), ratio_text(q95)), small_px),
+        (probabilities_text(cell, inverse), small_px),
+    ];
+    let total = 1.12 * ratio_px + 2.0 * 1.28 * small_px;
+    let mut y = rect.y + 0.5 * (rect.height - total);
+    for (text, size_px) in lines {
+        y += if size_px == ratio_px { 1.0 } else { 1.28 } * size_px;
+        let size_px = fitting_size_px(&text, size_px, 7.0, room);
+        svg.text(&shorten(&text, size_px, room + 1.0), (x, y), TextStyle::new(size_px, Anchor::Middle));
+    }
+}
+
+/// Two decimals around one, where ratios usually are; else two digits.
+fn ratio_text(ratio: f64) -> String {
+    if (0.0995..9.995).contains(&ratio) { with_decimals(ratio, 2) } else { significant(ratio, 2) }
+}
+
+/// How probable the direction is that the median shows, and that the difference is beyond the margin.
+fn probabilities_text(cell: &ContrastCell, inverse: Option<&ContrastCell>) -> String {
+    let (direction, beyond) = if cell.ratio[1] >= 1.0 {
+        (cell.probability_greater, Some(cell.probability_beyond_margin))
+    } else {
+        (1.0 - cell.probability_greater, inverse.map(|inverse| inverse.probability_beyond_margin))
+    };
+    let beyond = beyond.map_or(String::new(), |beyond| format!(" · {}", probability_text(beyond)));
+    format!("{}{beyond}", probability_text(direction))
+}
+
+/// Two decimals, three near 0 and 1; never 0 or 1 themselves, since draws are not that sure.
+fn probability_text(probability: f64) -> String {
+    match probability {
+        ..0.0005 => "<0.001".into(),
+        ..0.00995 | 0.99..0.9995 => with_decimals(probability, 3),
+        0.9995.. => ">0.999".into(),
+        _ => with_decimals(probability, 2),
+    }
+}
+
+fn declared_mark(svg: &mut Svg, rect: Rect) {
+    let Rect { x, y, width, height } = rect;
+    let inside = Rect { x: x + 2.5, y: y + 2.5, width: width - 5.0, height: height - 5.0 };
+    svg.rect(inside, Style::from(DECLARED));
+}
+
+/// 0 where either sign is as probable, 1 where one is certain.
+fn sureness(probability_greater: f64) -> f64 {
+    (2.0 * probability_greater - 1.0).abs()
+}
+
+/// From blue (the row is smaller) over white to vermillion (it is greater), paler the less sure.
+#[derive(Debug, Clone, Copy)]
+struct ColourScale {
+    /// Ratio at which colours are strongest.
+    end: f64,
+}
+
+impl ColourScale {
+    fn over(data: &ContrastMatrix) -> Self {
+        let cells = data.panels.iter().flat_map(|panel| &panel.cells).flatten().flatten();
+        let largest = cells.map(|cell| cell.ratio[1].ln().abs()).fold(0.0, f64::max).exp();
+        Self { end: ENDS.into_iter().find(|end| *end >= largest).unwrap_or(ENDS[ENDS.len() - 1]) }
+    }
+
+    fn colour(&self, ratio: f64, sureness: f64) -> Colour {
+        let strength = (ratio.ln().abs() / self.end.ln()).min(1.0);
+        // The root lets small differences be seen; the power keeps colour from what is hardly more than a coin's toss.
+        let share = STRONGEST * strength.powf(0.6) * sureness.powf(1.5);
+        let towards = if ratio < 1.0 { BLUE } else { VERMILLION };
+        let mix = |white: u8, colour: u8| (f64::from(white) + share * (f64::from(colour) - f64::from(white))).round();
+        Colour(mix(WHITE.0, towards.0) as u8, mix(WHITE.1, towards.1) as u8, mix(WHITE.2, towards.2) as u8)
+    }
+}
+
+/// What numbers, colours and frames mean; returns the height used.
+fn legend(svg: &mut Svg, data: &ContrastMatrix, layout: &Layout, (x, y): Point) -> f64 {
+    let percent = significant(100.0 * data.margin, 2);
+    let percent = percent.strip_suffix(".0").unwrap_or(&percent);
+    let height = layout.cell.1.max(60.0);
+    let sample = Rect { x, y, width: layout.cell.0, height };
+    let cell = ContrastCell {
+        ratio: [1.21, 1.48, 1.83],
+        probability_greater: 0.998,
+        probability_beyond_margin: 0.97,
+        is_declared: true,
+    };
+    svg.rect(sample, Fill::new(layout.scale.colour(cell.ratio[1], sureness(cell.probability_greater)), 1.0));
+    numbers(svg, &cell, None, sample, layout.sizes);
+    declared_mark(svg, sample);
+    let notes = [
+        "row's group ÷ column's: median".to_owned(),
+        "its 90 % interval".to_owned(),
+        format!("probability of this direction · by more than {percent} %"),
+        "framed: the direction is stated".to_owned(),
+    ];
+    let left = sample.right() + 12.0;
+    for (i, note) in notes.iter().enumerate() {
+        let at = (left, y + 11.0 + 15.5 * i as f64);
+        svg.text(note, at, TextStyle::new(TICK_SIZE_PX + 0.5, Anchor::Start));
+    }
+    let widest = notes.iter().map(|note| text_width_px(note, TICK_SIZE_PX + 0.5)).fold(0.0, f64::max);
+    colour_key(svg, layout.scale, (left + widest + 46.0, y));
+    height
+}
+
+/// Colours over the ratio (to the right) and over how sure its sign is (downwards).
+fn colour_key(svg: &mut Svg, scale: ColourScale, (x, y): Point) {
+    const STEPS: usize = 21;
+    const SURE: [(f64, &str); 3] = [(0.999, "> 0.99"), (0.9, "0.9"), (0.6, "0.6")];
+    let (width, row, top) = (230.0, 13.0, y + 17.0);
+    let step = width / STEPS as f64;
+    svg.text("row smaller", (x, y + 11.0), TextStyle::new(TICK_SIZE_PX, Anchor::Start).colour(MUTED));
+    svg.text("row greater", (x + width, y + 11.0), TextStyle::new(TICK_SIZE_PX, Anchor::End).colour(MUTED));
+    for (i, (probability, label)) in SURE.into_iter().enumerate() {
+        let y = top + row * i as f64;
+        for k in 0..STEPS {
+            let exponent = 2.0 * (k as f64 + 0.5) / STEPS as f64 - 1.0;
+            let colour = scale.colour((exponent * scale.end.ln()).exp(), sureness(probability));
+            // A trifle wider, so that no seam shows between steps.
+            let rect = Rect { x: x + step * k as f64, y, width: step + 0.3, height: row };
+            svg.rect(rect, Fill::new(colour, 1.0));
+        }
+        let style = TextStyle::new(TICK_SIZE_PX - 0.5, Anchor::Start).colour(MUTED);
+        svg.text(label, (x + width + 8.0, y + 10.5), style);
+    }
+    let frame = Rect { x, y: top, width, height: row * SURE.len() as f64 };
+    svg.rect(frame, Style::from(Stroke::solid(MUTED, 0.8)));
+    let end = |ratio: f64| significant(ratio, 2);
+    let plain = |text: String| text.strip_suffix(".0").map(str::to_owned).unwrap_or(text);
+    let labels = [
+        (x, format!("÷ {}", plain(end(scale.end))), Anchor::Start),
+        (x + width / 2.0, "1".into(), Anchor::Middle),
+        (x + width, format!("× {}", plain(end(scale.end))), Anchor::End),
+    ];
+    for (at, text, anchor) in labels {
+        svg.text(&text, (at, frame.bottom() + 13.0), TextStyle::new(TICK_SIZE_PX, anchor));
+    }
+    svg.text("probability", (x + width + 8.0, y + 11.0), TextStyle::new(TICK_SIZE_PX, Anchor::Start).colour(MUTED));
+}

@@ -1,0 +1,133 @@
+//! What every effect would explain of what a model leaves: the change of the fitted curve, over the residuals.
+
+use std::path::Path;
+
+use super::axes::{Axes, AxisStyle, title_with_text};
+use super::legend::{self, Entry, Mark};
+use super::palette::{MUTED, VERMILLION};
+use super::svg::{Rect, Stroke, Svg};
+use super::ticks::Scale;
+use base::error::{Error, Place, Result};
+use base::files::stream_atomically;
+
+const WIDTH_PX: f64 = 960.0;
+const MARGIN_PX: f64 = 20.0;
+const PANEL_PX: f64 = 120.0;
+const GAP_PX: f64 = 44.0;
+const LEFT_PX: f64 = 64.0;
+/// Panels in a row, and all of them.
+const COLUMNS: usize = 2;
+const MOST_PANELS: usize = 6;
+const LINE: Stroke = Stroke { colour: VERMILLION, width_px: 1.8, opacity: 1.0, dash: None };
+const DOT_PX: f64 = 2.2;
+
+/// What is left of a record, and what effects change of it; one value a row that is shown.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Fingerprints {
+    /// Times in s.
+    pub time_s: Vec<f64>,
+    /// What the model leaves of the position in µm; `None` where nothing was measured.
+    pub left_um: Vec<Option<f64>>,
+    /// Of every effect its name, and the change of the fitted curve in µm that a refit with it makes; what gains most first.
+    pub effects: Vec<(String, Vec<f64>)>,
+}
+
+/// Writes them as a table with one column an effect.
+///
+/// # Errors
+/// [`Error::File`] if the operating system refuses.
+pub fn write_fingerprints(path: &Path, fingerprints: &Fingerprints) -> Result<()> {
+    stream_atomically(path, |out| {
+        // Names of effects are words with hyphens.
+        let names: String = fingerprints.effects.iter().map(|(slug, _)| format!(",{slug}")).collect();
+        writeln!(out, "time_s,left_um{names}")?;
+        for (row, time_s) in fingerprints.time_s.iter().enumerate() {
+            let left = fingerprints.left_um[row].map_or(String::new(), |left| format!("{left:.4}"));
+            let changes: String =
+                fingerprints.effects.iter().map(|(_, change)| format!(",{:.4}", change[row])).collect();
+            writeln!(out, "{time_s:?},{left}{changes}")?;
+        }
+        Ok(())
+    })
+}
+
+/// Draws the leading ones.
+///
+/// # Errors
+/// [`Error::Input`] where there is no effect, or fewer than two rows.
+pub fn fingerprints(fingerprints: &Fingerprints, experiment: &str) -> Result<Svg> {
+    let (time_s, shown) = (&fingerprints.time_s, fingerprints.effects.iter().take(MOST_PANELS));
+    let (Some(first), Some(last), true) =
+        (time_s.first(), time_s.last(), !fingerprints.effects.is_empty() && time_s.len() > 1)
+    else {
+        return Err(Error::input(
+            Place::default(),
+            "there is nothing to draw",
+            "give two rows and one effect at least",
+        ));
+    };
+    let heading = format!("{experiment}: what a refit with each effect would explain");
+    let text = "Points: what the model leaves. Line: how the fitted curve changes with the effect, the law refitted.";
+    let left = fingerprints.left_um.iter().flatten().copied();
+    let changes = shown.clone().flat_map(|(_, change)| change.iter().copied());
+    let (x, y) = (Scale::linear(*first, *last), Scale::over(left.chain(changes), 0.06));
+    let measured: Vec<(f64, f64)> =
+        time_s.iter().zip(&fingerprints.left_um).filter_map(|(t, left)| Some((*t, (*left)?))).collect();
+    let width = (WIDTH_PX - 2.0 * MARGIN_PX - COLUMNS as f64 * LEFT_PX) / COLUMNS as f64;
+    let draw = |svg: &mut Svg| {
+        let at = (MARGIN_PX, MARGIN_PX);
+        let top = MARGIN_PX + title_with_text(svg, &heading, text, at, WIDTH_PX - 2.0 * MARGIN_PX) + 8.0;
+        let mut bottom = top;
+        for (place, (slug, change)) in shown.clone().enumerate() {
+            let (row, column) = (place / COLUMNS, place % COLUMNS);
+            let x_px = MARGIN_PX + LEFT_PX + column as f64 * (width + LEFT_PX);
+            let y_px = top + 22.0 + row as f64 * (PANEL_PX + GAP_PX + 22.0);
+            let frame = Rect { x: x_px, y: y_px, width, height: PANEL_PX };
+            legend::row(svg, &[Entry::new(Mark::Line(LINE), slug.clone())], (x_px, y_px - 20.0), width);
+            let axes = Axes { frame, x, y };
+            axes.y_axis(svg, AxisStyle::new((column == 0).then_some("µm"), 5, 44.0).grid());
+            axes.x_axis(svg, AxisStyle::new(Some("time (s)"), 6, 34.0));
+            svg.clipped(frame, |svg| {
+                axes.scatter(svg, measured.iter().copied(), MUTED, DOT_PX, 0.6);
+                axes.line(svg, time_s, change, LINE);
+            });
+            axes.outline(svg);
+            bottom = frame.bottom() + GAP_PX;
+        }
+        bottom
+    };
+    // Drawn once to learn how high it is.
+    let height = draw(&mut Svg::new(WIDTH_PX, 1.0, ""));
+    let mut svg = Svg::new(WIDTH_PX, height, &heading);
+    draw(&mut svg);
+    Ok(svg)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn example() -> Fingerprints {
+        let time_s: Vec<f64> = (0..50).map(|k| 0.1 * f64::from(k)).collect();
+        let left_um = time_s.iter().map(|t| (*t != 1.0).then(|| t.sin())).collect();
+        let change = |scale: f64| time_s.iter().map(|t| scale * t.sin()).collect::<Vec<f64>>();
+        let effects = [("softening", 0.9), ("inertia", 0.1)].map(|(slug, scale)| (slug.to_string(), change(scale)));
+        Fingerprints { left_um, effects: effects.to_vec(), time_s }
+    }
+
+    /// Every effect has a column and a panel; a row without a position has an empty cell.
+    #[test]
+    fn every_effect_is_written_and_drawn() {
+        let place = tempfile::tempdir().unwrap();
+        let path = place.path().join("fingerprints.csv");
+        write_fingerprints(&path, &example()).unwrap();
+        let text = std::fs::read_to_string(&path).unwrap();
+        let lines: Vec<&str> = text.lines().collect();
+        assert_eq!((lines.len(), lines[0]), (51, "time_s,left_um,softening,inertia"));
+        assert!(lines[11].starts_with("1.0,,"), "{}", lines[11]);
+        let svg = fingerprints(&example(), "eye").unwrap().document();
+        assert!(svg.contains("softening") && svg.contains("inertia"));
+        let nothing = Fingerprints { effects: Vec::new(), ..example() };
+        assert!(fingerprints(&nothing, "eye").is_err());
+    }
+}

@@ -1,0 +1,143 @@
+//! The embedded font and the width of text set in it.
+
+use std::sync::{Arc, OnceLock};
+
+use resvg::usvg::fontdb;
+use skrifa::MetadataProvider;
+
+/// DejaVu Sans, cut down to Latin, Greek, super- and subscripts, mathematics and arrows (licence beside the file).
+static FONT: &[u8] = include_bytes!("../assets/DejaVuSans-subset.ttf");
+
+/// Families named in the SVG: the embedded one first, then one with nearly the same widths.
+pub const FAMILIES: &str = "DejaVu Sans, Verdana, sans-serif";
+
+/// Advance of a character that the font lacks, as a fraction of the size.
+const UNKNOWN_ADVANCE: f64 = 0.6;
+
+/// Font database that holds the embedded font and nothing of the machine's.
+pub fn database() -> Arc<fontdb::Database> {
+    static DATABASE: OnceLock<Arc<fontdb::Database>> = OnceLock::new();
+    Arc::clone(DATABASE.get_or_init(|| {
+        let mut database = fontdb::Database::new();
+        database.load_font_data(FONT.to_vec());
+        Arc::new(database)
+    }))
+}
+
+/// Width in pixels of one line of text at `size_px`.
+pub fn text_width_px(text: &str, size_px: f64) -> f64 {
+    let Ok(font) = skrifa::FontRef::new(FONT) else {
+        return UNKNOWN_ADVANCE * size_px * text.chars().count() as f64;
+    };
+    let characters = font.charmap();
+    let metrics = font.glyph_metrics(skrifa::instance::Size::unscaled(), skrifa::instance::LocationRef::default());
+    let units_per_em = f64::from(
+        font.metrics(skrifa::instance::Size::unscaled(), skrifa::instance::LocationRef::default()).units_per_em,
+    );
+    let ems: f64 = text
+        .chars()
+        .map(|character| {
+            let advance = characters.map(character).and_then(|glyph| metrics.advance_width(glyph));
+            advance.map_or(UNKNOWN_ADVANCE, |units| f64::from(units) / units_per_em)
+        })
+        .sum();
+    ems * size_px
+}
+
+/// `text`, or its beginning and `…` where it is wider than `width_px`.
+pub fn shorten(text: &str, size_px: f64, width_px: f64) -> String {
+    if text_width_px(text, size_px) <= width_px {
+        return text.to_owned();
+    }
+    let mut kept: Vec<char> = text.chars().collect();
+    while !kept.is_empty() {
+        kept.pop();
+        let candidate: String = kept.iter().collect::<String>().trim_end().to_owned() + "…";
+        if text_width_px(&candidate, size_px) <= width_px {
+            return candidate;
+        }
+    }
+    String::new()
+}
+
+/// `text` broken at spaces into lines that fit into `width_px`; a word that does not is shortened.
+pub fn wrapped(text: &str, size_px: f64, width_px: f64) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    for word in text.split_whitespace() {
+        let joined = lines.last().map(|line| format!("{line} {word}"));
+        match (joined.filter(|joined| text_width_px(joined, size_px) <= width_px), lines.last_mut()) {
+            (Some(joined), Some(line)) => *line = joined,
+            _ => lines.push(shorten(word, size_px, width_px)),
+        }
+    }
+    lines
+}
+
+/// As [`wrapped`], in at most `most` lines (and at least one), the last of which ends in `…` where words are left.
+pub fn wrapped_to(text: &str, size_px: f64, width_px: f64, most: usize) -> Vec<String> {
+    let mut lines = wrapped(text, size_px, width_px);
+    let most = most.max(1);
+    if lines.len() > most {
+        let last = lines[most - 1].trim_end_matches(|c: char| !c.is_alphanumeric()).to_owned() + "…";
+        lines.truncate(most - 1);
+        lines.push(last);
+    }
+    // The mark itself may be too much.
+    lines.iter().map(|line| shorten(line, size_px, width_px)).collect()
+}
+
+/// Largest size not above `size_px` and not below `smallest_px` at which `text` fits into `width_px`.
+pub fn fitting_size_px(text: &str, size_px: f64, smallest_px: f64, width_px: f64) -> f64 {
+    let width_at_one = text_width_px(text, 1.0);
+    if width_at_one <= 0.0 { size_px } else { (width_px / width_at_one).clamp(smallest_px, size_px) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_character_the_figures_use_is_in_the_font() {
+        let font = skrifa::FontRef::new(FONT).unwrap();
+        for character in "0123456789+−×·⁰¹²³⁴⁵⁶⁷⁸⁹⁻₀₁₂₃µμΩαβγδεζηθκλνρσστφχψω≤≥≈±→←↑↓–—…√∞°·•äöüßéèçñŁő".chars()
+        {
+            assert!(font.charmap().map(character).is_some(), "{character} is missing");
+        }
+    }
+
+    #[test]
+    fn widths_agree_with_the_renderer() {
+        let text = "E = 3.53 Pa·s −×10⁻³ mm";
+        let svg = format!(
+            "<svg xmlns='http://www.w3.org/2000/svg' width='900' height='90'><text x='10' y='50' font-family='DejaVu Sans' font-size='20'>{text}</text></svg>"
+        );
+        let options = resvg::usvg::Options { fontdb: database(), ..Default::default() };
+        let tree = resvg::usvg::Tree::from_str(&svg, &options).unwrap();
+        let rendered = f64::from(tree.root().layer_bounding_box().width());
+        let computed = text_width_px(text, 20.0);
+        // Ink is narrower than the advances by two side bearings and by kerning.
+        assert!((rendered / computed - 1.0).abs() < 0.03, "{rendered} against {computed}");
+    }
+
+    #[test]
+    fn shortened_text_fits() {
+        let long = "a specimen whose name is far too long for any axis of any figure";
+        let short = shorten(long, 12.0, 120.0);
+        assert!(short.ends_with('…') && text_width_px(&short, 12.0) <= 120.0);
+        assert_eq!(shorten("E (Pa)", 12.0, 120.0), "E (Pa)");
+    }
+
+    #[test]
+    fn wrapped_lines_fit_and_lose_no_word() {
+        let long = "a sentence whose length is far beyond the width of any figure that could hold it";
+        let lines = wrapped(long, 12.0, 120.0);
+        assert!(lines.len() > 3 && lines.iter().all(|line| text_width_px(line, 12.0) <= 120.0), "{lines:?}");
+        assert_eq!(lines.join(" "), long);
+        assert_eq!(wrapped("", 12.0, 120.0), Vec::<String>::new());
+        assert!(wrapped("incomprehensibilities", 12.0, 60.0)[0].ends_with('…'));
+        let cut = wrapped_to(long, 12.0, 120.0, 2);
+        assert!(cut.len() == 2 && cut[0] == lines[0] && cut[1].ends_with('…'), "{cut:?}");
+        assert!(cut.iter().all(|line| text_width_px(line, 12.0) <= 120.0), "{cut:?}");
+        assert_eq!(wrapped_to(long, 12.0, 120.0, 99), lines);
+    }
+}

@@ -1,0 +1,139 @@
+//! Symbols and units of parameters as figures show them: from what models say of them, of networks' parameters from their names (formats §5).
+
+use base::parameter::named;
+use documents::posterior::ModelSummary;
+use laws::rheology::{BaseLaw, OutsideLaw};
+use models::effects::parameter_named;
+
+/// Symbol and unit of a parameter as figures show them.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ParameterLabel {
+    /// Short symbol such as `E`; the name itself where there is none.
+    pub symbol: String,
+    /// Unit such as `Pa`, or `–` where there is none.
+    pub unit: String,
+}
+
+impl ParameterLabel {
+    /// Symbol and unit for an axis: `E (Pa)`.
+    pub fn axis(&self) -> String {
+        axis_label(&self.symbol, &self.unit)
+    }
+}
+
+/// Name of a model for people: the law, and the effects.
+pub fn model_title(model: &ModelSummary) -> String {
+    let law = BaseLaw::named(&model.base).map_or(model.base.as_str(), |law| law.title());
+    let effects: String = model.effects.iter().map(|slug| format!(" + {slug}")).collect();
+    format!("{law}{effects}")
+}
+
+/// `symbol (unit)`; a quantity without unit is marked by `–`.
+pub fn axis_label(symbol: &str, unit: &str) -> String {
+    format!("{symbol} ({})", if unit.is_empty() { "–" } else { unit })
+}
+
+/// Longer suffixes first, since `_s` ends `_pa_s` too.
+const UNITS: [(&str, &str); 14] = [
+    ("_m2_per_pa_s", "m²/(Pa·s)"),
+    ("_m_per_pa_s", "m/(Pa·s)"),
+    ("_m_per_pa", "m/Pa"),
+    ("_m_per_s", "m/s"),
+    ("_per_pa", "1/Pa"),
+    ("_per_s", "1/s"),
+    ("_per_m", "1/m"),
+    ("_pa_s", "Pa·s"),
+    ("_pa", "Pa"),
+    ("_um", "µm"),
+    ("_mm", "mm"),
+    ("_ms", "ms"),
+    ("_s", "s"),
+    ("_m", "m"),
+];
+
+/// Symbol and unit of a parameter by its name; what no model knows is shown by its name.
+pub fn of_parameter(name: &str) -> ParameterLabel {
+    if let Some(spec) = named(name) {
+        return ParameterLabel { symbol: spec.symbol.into(), unit: shown_unit(spec.unit) };
+    }
+    if let Some(spec) = OutsideLaw::parameter_named(name) {
+        return declared(name, spec.unit);
+    }
+    // Two effects may use one symbol.
+    parameter_named(name).map_or_else(
+        || of_name(name),
+        |(effect, parameter)| ParameterLabel {
+            symbol: format!("{} {}", effect.slug(), parameter.spec.symbol),
+            unit: shown_unit(parameter.spec.unit),
+        },
+    )
+}
+
+fn shown_unit(unit: &str) -> String {
+    if unit == "1" { "–".into() } else { unit.replace("Pa s", "Pa·s").replace("um", "µm") }
+}
+
+/// Of a parameter of another program, whose name ends in its unit, or does not.
+fn declared(name: &str, unit: &str) -> ParameterLabel {
+    let ending = format!("_{}", unit.to_lowercase().replace('/', "_per_").replace(' ', "_"));
+    let stem = name.strip_suffix(&ending).unwrap_or(name);
+    ParameterLabel { symbol: stem.replace('_', " "), unit: shown_unit(unit).replace("m2", "m²").replace("m3", "m³") }
+}
+
+fn of_name(name: &str) -> ParameterLabel {
+    let (stem, unit) = UNITS
+        .iter()
+        .find_map(|(suffix, unit)| name.strip_suffix(suffix).map(|stem| (stem, *unit)))
+        .unwrap_or((name, "–"));
+    ParameterLabel { symbol: stem.replace('_', " ").replace('.', ": "), unit: unit.to_owned() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use models::effects::EFFECTS;
+
+    #[test]
+    fn names_of_the_contracts_have_symbols_and_units() {
+        assert_eq!(of_parameter("young_modulus_pa").axis(), "E (Pa)");
+        assert_eq!(of_parameter("viscosity_2_pa_s").axis(), "c₂ (Pa·s)");
+        assert_eq!(of_parameter("noise_sd_um").axis(), "σ (µm)");
+    }
+
+    #[test]
+    fn effects_give_their_own_symbols_and_units() {
+        assert_eq!(of_parameter("actuator-lag.time_s").axis(), "actuator-lag τ (s)");
+        assert_eq!(of_parameter("fractional-damping.order").axis(), "fractional-damping α (–)");
+        assert_eq!(of_parameter("tracking-drift.velocity_m_per_s").axis(), "tracking-drift v (m/s)");
+        assert_eq!(of_parameter("force-gradient.gradient_per_m").axis(), "force-gradient g (1/m)");
+    }
+
+    #[test]
+    fn parameters_of_another_program_have_the_units_that_are_declared() {
+        OutsideLaw::new(
+            "http://labels",
+            None,
+            &[("cubic_pa_per_mm2".into(), "Pa/mm2".into()), ("rate".into(), "1/s".into())],
+        );
+        assert_eq!(of_parameter("cubic_pa_per_mm2").axis(), "cubic (Pa/mm²)");
+        assert_eq!(of_parameter("rate").axis(), "rate (1/s)");
+    }
+
+    #[test]
+    fn parameters_that_nobody_knows_are_labelled_by_their_names() {
+        assert_eq!(of_parameter("thermal-drift.amplitude_m").axis(), "thermal-drift: amplitude (m)");
+        assert_eq!(of_parameter("membrane.mobility_m2_per_pa_s").axis(), "membrane: mobility (m²/(Pa·s))");
+        assert_eq!(of_parameter("membrane.order").axis(), "membrane: order (–)");
+    }
+
+    /// Two columns of one corner plot must not carry the same label, and the unit of an effect's table is the one that its name ends in.
+    #[test]
+    fn labels_of_effects_are_unique_and_agree_with_their_names() {
+        let names = || EFFECTS.iter().flat_map(|effect| effect.parameters()).map(|parameter| parameter.spec.name);
+        let labels: std::collections::BTreeSet<String> = names().map(|name| of_parameter(name).axis()).collect();
+        assert_eq!(labels.len(), names().count());
+        for name in names() {
+            assert_eq!(of_parameter(name).unit, of_name(name).unit, "{name}");
+        }
+    }
+}

@@ -1,0 +1,168 @@
+//! Posterior draws as NetCDF-4 in ArviZ's layout.
+//!
+//! Group `posterior`: one variable a parameter over (`chain`, `draw`). A chain is an ensemble: ensembles are independent, walkers of one are not. Its draws
+//! stand so that a chain's first half are those of the first half of the steps, and in each half walker after walker, each in the order of its
+//! steps ([`arrangement`]): ArviZ's split R̂ is then the one of this program, and its effective sizes see what is correlated in time. The coordinates `walker`
+//! and `step` along `draw` say which is which. Group `sample_stats`: `lp`, the log density.
+//! What belongs to the rows of a record ([`RecordGroups`]) stands beside. No time stamps: the same draws give the same bytes.
+
+use std::path::Path;
+
+use netcdf_writer::{DimensionId, NcFileBuilder};
+
+use super::draws::DrawTable;
+use super::netcdf_file::{NcResult, add_coordinate, add_draws, add_unit, attribute, describe, into_bytes, new_file};
+pub use super::record_netcdf::{DrawnRows, PriorDraws, RecordGroups, RowColumn};
+use base::error::Place;
+use base::files::write_atomically;
+use base::{Error, Result};
+
+const ARRANGEMENT: &str = "a chain is an ensemble; its draws: first half of the steps walker by walker, then second half of the steps walker by walker";
+
+/// Writes the draws, and what belongs to the rows of the record.
+///
+/// # Errors
+/// [`Error::Input`] for an inconsistent table or names that NetCDF does not allow, [`Error::File`] where the file cannot be
+/// written.
+pub fn write_draws_netcdf(path: &Path, table: &DrawTable, record: &RecordGroups) -> Result<()> {
+    table.check()?;
+    // A slash would open a group; the others are the layout's own.
+    let reserved = |name: &&String| name.contains('/') || ["chain", "draw", "walker", "step"].contains(&name.as_str());
+    if let Some(name) = table.parameter_names.iter().find(reserved) {
+        return Err(refused(format!("a parameter is called `{name}`")));
+    }
+    record.check().map_err(refused)?;
+    let bytes = encode(table, record).map_err(|error| refused(error.to_string()))?;
+    write_atomically(path, &bytes)
+}
+
+fn refused(found: String) -> Error {
+    Error::input(Place::default().at_key("NetCDF"), found, "use the CSV, or rename the parameter")
+}
+
+/// Walker and step of every draw of a chain, in order.
+pub fn arrangement(n_walkers: usize, n_steps: usize) -> Vec<[usize; 2]> {
+    let half = n_steps / 2;
+    let of_steps = |steps: std::ops::Range<usize>| {
+        (0..n_walkers).flat_map(move |walker| steps.clone().map(move |step| [walker, step]))
+    };
+    // The step in the middle of an odd number belongs to neither half.
+    of_steps(0..half).chain(of_steps(half..n_steps - half)).chain(of_steps(n_steps - half..n_steps)).collect()
+}
+
+fn encode(table: &DrawTable, record: &RecordGroups) -> NcResult<Vec<u8>> {
+    let mut file = new_file()?;
+    let order = arrangement(table.n_walkers, table.n_steps);
+    let posterior = Group::new(&mut file, "posterior", table, &order)?;
+    for (i, name) in table.parameter_names.iter().enumerate() {
+        posterior.add_variable(&mut file, name, &table.units[i], &table.column(i))?;
+    }
+    if !table.log_density.is_empty() {
+        let stats = Group::new(&mut file, "sample_stats", table, &order)?;
+        stats.add_variable(&mut file, "lp", "1", &table.log_density)?;
+    }
+    record.add_to(&mut file)?;
+    into_bytes(file)
+}
+
+/// A group over all draws of a table.
+struct Group<'a> {
+    name: &'a str,
+    table: &'a DrawTable,
+    order: &'a [[usize; 2]],
+    dimensions: [DimensionId; 2],
+}
+
+impl<'a> Group<'a> {
+    fn new(file: &mut NcFileBuilder, name: &'a str, table: &'a DrawTable, order: &'a [[usize; 2]]) -> NcResult<Self> {
+        describe(file, name, ARRANGEMENT)?;
+        let labels: Vec<i64> = (0..order.len() as i64).collect();
+        let dimensions = add_draws(file, name, table.n_ensembles, &labels)?;
+        for (place, coordinate) in ["walker", "step"].into_iter().enumerate() {
+            let values: Vec<i64> = order.iter().map(|own| own[place] as i64).collect();
+            add_coordinate(file, name, coordinate, dimensions[1], &values)?;
+        }
+        Ok(Self { name, table, order, dimensions })
+    }
+
+    /// A quantity in the table's order.
+    fn add_variable(&self, file: &mut NcFileBuilder, name: &str, unit: &str, values: &[f64]) -> NcResult<()> {
+        let variable = file.add_variable_path::<f64>(format!("{}/{name}", self.name), &self.dimensions)?;
+        add_unit(file, variable, unit)?;
+        // Without it readers take `walker` and `step` for data instead of labels of the draws.
+        attribute(file, variable, "coordinates", "walker step")?;
+        let (n_walkers, n_steps) = (self.table.n_walkers, self.table.n_steps);
+        let of_ensemble = |ensemble: usize| {
+            self.order.iter().map(move |[walker, step]| values[(ensemble * n_walkers + walker) * n_steps + step])
+        };
+        file.write_variable(variable, &(0..self.table.n_ensembles).flat_map(of_ensemble).collect::<Vec<f64>>())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn table(name: &str) -> DrawTable {
+        DrawTable {
+            parameter_names: vec![name.to_owned(), "gain_sd".to_owned()],
+            units: vec!["Pa".to_owned(), "–".to_owned()],
+            n_ensembles: 2,
+            n_walkers: 3,
+            n_steps: 5,
+            values: (0..60).map(|i| 1.0 / (1.0 + f64::from(i))).collect(),
+            log_density: (0..30).map(f64::from).collect(),
+        }
+    }
+
+    #[test]
+    fn halves_of_a_chain_are_halves_of_the_steps() {
+        let order = arrangement(3, 5);
+        assert_eq!(order.len(), 15);
+        assert!(order[..6].iter().all(|[_, step]| *step < 2) && order[9..].iter().all(|[_, step]| *step > 2));
+        assert_eq!(order[..3], [[0, 0], [0, 1], [1, 0]]);
+        let mut sorted = order.clone();
+        sorted.sort_unstable();
+        sorted.dedup();
+        assert_eq!(sorted.len(), 15);
+        assert_eq!(arrangement(2, 1), [[0, 0], [1, 0]]);
+    }
+
+    #[test]
+    fn the_file_is_hdf5_and_the_same_each_time() {
+        let dir = tempfile::tempdir().unwrap();
+        let record = RecordGroups {
+            constant: vec![RowColumn { name: "force", unit: "µN", values: vec![1.0, 2.0] }],
+            observed_rows: vec![0],
+            observed: vec![RowColumn { name: "position_um", unit: "µm", values: vec![0.5] }],
+            ..RecordGroups::default()
+        };
+        let write = |name: &str| {
+            let path = dir.path().join(name);
+            write_draws_netcdf(&path, &table("young_modulus_pa"), &record).unwrap();
+            std::fs::read(path).unwrap()
+        };
+        let (first, second) = (write("a.nc"), write("b.nc"));
+        assert_eq!(first, second);
+        assert_eq!(&first[..8], b"\x89HDF\r\n\x1a\n");
+        // Contiguous little-endian storage: the first walker's first draws stand in the file as they are.
+        let column: Vec<u8> = table("x").column(1)[..2].iter().flat_map(|value| value.to_le_bytes()).collect();
+        assert!(first.windows(column.len()).any(|window| window == column));
+    }
+
+    #[test]
+    fn impossible_names_and_shapes_are_refused() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.nc");
+        let none = RecordGroups::default();
+        assert!(write_draws_netcdf(&path, &table("a/b"), &none).is_err());
+        assert!(write_draws_netcdf(&path, &table(""), &none).is_err());
+        let mut short = table("x");
+        short.values.pop();
+        assert!(write_draws_netcdf(&path, &short, &none).is_err());
+        let uneven = RecordGroups { observed_rows: vec![3], ..RecordGroups::default() };
+        let column = RowColumn { name: "position_um", unit: "µm", values: vec![0.5, 0.6] };
+        assert!(write_draws_netcdf(&path, &table("x"), &RecordGroups { observed: vec![column], ..uneven }).is_err());
+        assert!(!path.exists());
+    }
+}

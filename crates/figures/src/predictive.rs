@@ -1,0 +1,412 @@
+//! Predictive figure: the measurement over predictive bands, the force above, the residuals below.
+
+use super::axes::{Axes, AxisStyle, TICK_SIZE_PX, note, title, widest_y_number_px};
+use super::density::{quantile_of_sorted, sorted};
+use super::font::{shorten, text_width_px};
+use super::legend::{self, Entry, Mark};
+use super::number::significant;
+use super::palette::{BLUE, Colour, INK, MUTED, ORANGE, SKY, VERMILLION};
+use super::svg::{Anchor, Fill, Rect, Stroke, Svg, TextStyle};
+use super::ticks::Scale;
+use base::error::Place;
+use base::{Error, Result};
+
+const WIDTH_PX: f64 = 960.0;
+const MAIN_HEIGHT_PX: f64 = 330.0;
+const FORCE_HEIGHT_PX: f64 = 62.0;
+const RESIDUAL_HEIGHT_PX: f64 = 120.0;
+const GAP_PX: f64 = 12.0;
+/// Half width of a central 90 % interval of a normal distribution, in standard deviations.
+const NORMAL_90: f64 = 1.6449;
+/// An interval between rows so many times the usual one is a gap that no line bridges.
+const GAP_INTERVALS: f64 = 8.0;
+
+/// What a cycle served for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum CycleKind {
+    /// The model was fitted to it.
+    Calibration,
+    /// It was kept from the fit.
+    HeldOut,
+    /// Neither.
+    Unused,
+}
+
+/// One cycle of the protocol.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CycleSpan {
+    /// Number in the experiment's file.
+    pub cycle: i64,
+    /// Time of its first row.
+    pub start_s: f64,
+    /// Time of its last row, or of the next cycle's first.
+    pub end_s: f64,
+    /// What it served for.
+    pub kind: CycleKind,
+}
+
+/// Lower and upper limit of a central band, one value a row; not finite where there is no prediction.
+#[derive(Debug, Clone, Copy)]
+pub struct Band<'a> {
+    /// Lower limit.
+    pub lower: &'a [f64],
+    /// Upper limit.
+    pub upper: &'a [f64],
+}
+
+/// What the predictive figure shows; all slices have one value a row of the measurement.
+#[derive(Debug, Clone, Copy)]
+pub struct PredictiveData<'a> {
+    /// Title, such as the specimen's name.
+    pub title: &'a str,
+    /// Time of each row.
+    pub time_s: &'a [f64],
+    /// Measured position, `None` where tracking was lost.
+    pub position_um: &'a [Option<f64>],
+    /// Commanded force, which holds until the next row.
+    pub force_un: &'a [f64],
+    /// Predictive median.
+    pub median_um: &'a [f64],
+    /// Central 50 % predictive band.
+    pub band_50_um: Band<'a>,
+    /// Central 90 % predictive band.
+    pub band_90_um: Band<'a>,
+    /// Cycles, in order of time.
+    pub cycles: &'a [CycleSpan],
+    /// Standard deviation of the noise that residuals are judged against, and what it is, such as `known noise`.
+    pub noise: Option<(f64, &'a str)>,
+}
+
+/// Draws the predictive figure.
+///
+/// # Errors
+/// [`Error::Input`] for no rows, unequal lengths, or times that are not finite or do not increase.
+pub fn predictive(data: &PredictiveData) -> Result<Svg> {
+    check(data)?;
+    let (force_label, force) = force_in_readable_unit(data.force_un);
+    let scales = Scales::new(data, &force);
+    let left = scales.widest_number_px() + 42.0;
+    let width = WIDTH_PX - left - 18.0;
+    let names = CycleNames::fitting(data.cycles, &scales.time, width);
+    let entries = entries(data, names);
+    let legend_top = if data.title.is_empty() { 8.0 } else { 36.0 };
+    let mut top = legend_top + legend::row_height_px(&entries, width) + 8.0;
+    let mut frame = |height: f64, gap: f64| {
+        let frame = Rect { x: left, y: top, width, height };
+        top += height + gap;
+        frame
+    };
+    // The band above the force names the cycles.
+    let strip = frame(18.0, 0.0);
+    let time = scales.time;
+    let panels = Panels {
+        force: Axes { frame: frame(FORCE_HEIGHT_PX, GAP_PX), x: time, y: scales.force },
+        main: Axes { frame: frame(MAIN_HEIGHT_PX, GAP_PX), x: time, y: scales.position },
+        residual: Axes { frame: frame(RESIDUAL_HEIGHT_PX, 52.0), x: time, y: scales.residual },
+    };
+    let mut svg = Svg::new(WIDTH_PX, top, "Measured position, predictive bands, force and residuals over time");
+    title(&mut svg, data.title, (left, 24.0), width);
+    legend::row(&mut svg, &entries, (left, legend_top), width);
+    cycle_strip(&mut svg, data.cycles, &panels.force, strip, names);
+    for axes in [&panels.force, &panels.main, &panels.residual] {
+        cycle_shading(&mut svg, data.cycles, axes);
+    }
+    panels.draw_axes(&mut svg, left, &force_label);
+    let lines = Lines::new(data);
+    panels.draw_force(&mut svg, data, &force);
+    panels.draw_main(&mut svg, data, &lines);
+    panels.draw_residuals(&mut svg, data, &lines);
+    Ok(svg)
+}
+
+fn check(data: &PredictiveData) -> Result<()> {
+    let refuse =
+        |found: String, remedy: &str| Err(Error::input(Place::default().at_key("predictive figure"), found, remedy));
+    let n = data.time_s.len();
+    let lengths = [
+        data.position_um.len(),
+        data.force_un.len(),
+        data.median_um.len(),
+        data.band_50_um.lower.len(),
+        data.band_50_um.upper.len(),
+        data.band_90_um.lower.len(),
+        data.band_90_um.upper.len(),
+    ];
+    if n < 2 || lengths.iter().any(|length| *length != n) {
+        return refuse(format!("{n} times and {lengths:?} values"), "give one value a row, two rows at least");
+    }
+    if !data.time_s.is_sorted_by(|a, b| a < b) || !data.time_s.iter().all(|t| t.is_finite()) {
+        return refuse("times that do not increase".to_owned(), "sort the rows by time");
+    }
+    Ok(())
+}
+
+fn residuals(data: &PredictiveData) -> Vec<f64> {
+    data.position_um.iter().zip(data.median_um).map(|(p, median)| p.unwrap_or(f64::NAN) - median).collect()
+}
+
+struct Scales {
+    time: Scale,
+    force: Scale,
+    position: Scale,
+    residual: Scale,
+}
+
+impl Scales {
+    fn new(data: &PredictiveData, force: &[f64]) -> Self {
+        let end = |scale: Option<&f64>| scale.copied().unwrap_or(0.0);
+        let last_cycle_end = data.cycles.iter().map(|c| c.end_s).fold(end(data.time_s.last()), f64::max);
+        let positions = data.position_um.iter().flatten();
+        let bands = data.band_90_um.lower.iter().chain(data.band_90_um.upper);
+        let noise = data.noise.map_or(0.0, |(sd, _)| 1.4 * NORMAL_90 * sd);
+        let residuals = residuals(data);
+        Self {
+            time: Scale::linear(end(data.time_s.first()), last_cycle_end),
+            force: Scale::over(force.iter().copied().chain([0.0]), 0.18),
+            position: Scale::over(positions.chain(bands).copied(), 0.05),
+            residual: Scale::over(residuals.into_iter().chain([-noise, noise]), 0.08),
+        }
+    }
+
+    fn widest_number_px(&self) -> f64 {
+        [(&self.force, 3), (&self.position, 8), (&self.residual, 5)]
+            .map(|(scale, most)| widest_y_number_px(scale, most))
+            .into_iter()
+            .fold(0.0, f64::max)
+    }
+}
+
+/// Force in µN, nN or pN, whichever gives numbers near one, with its axis label.
+fn force_in_readable_unit(force_un: &[f64]) -> (String, Vec<f64>) {
+    let largest = force_un.iter().map(|f| f.abs()).filter(|f| f.is_finite()).fold(0.0, f64::max);
+    let (unit, factor) = match largest {
+        l if l == 0.0 || l >= 0.1 => ("µN", 1.0),
+        l if l >= 1e-4 => ("nN", 1e3),
+        _ => ("pN", 1e6),
+    };
+    (format!("force ({unit})"), force_un.iter().map(|f| f * factor).collect())
+}
+
+fn kind_colour(kind: CycleKind) -> Option<Colour> {
+    match kind {
+        CycleKind::Calibration => Some(ORANGE),
+        CycleKind::HeldOut => Some(SKY),
+        CycleKind::Unused => None,
+    }
+}
+
+fn cycle_shading(svg: &mut Svg, cycles: &[CycleSpan], axes: &Axes) {
+    for cycle in cycles {
+        let (left, right) = (axes.x_px(cycle.start_s), axes.x_px(cycle.end_s));
+        let area = Rect { x: left, width: right - left, ..axes.frame };
+        if let Some(colour) = kind_colour(cycle.kind) {
+            svg.rect(area, Fill::new(colour, if cycle.kind == CycleKind::Calibration { 0.10 } else { 0.06 }));
+        }
+        if cycle.start_s > axes.x.lower {
+            svg.line((left, axes.frame.y), (left, axes.frame.bottom()), Stroke::solid(MUTED, 0.7).opacity(0.5));
+        }
+    }
+}
+
+/// How cycles are named above the force.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum CycleNames {
+    NumberAndKind,
+    Word,
+    Number,
+    Nothing,
+}
+
+impl CycleNames {
+    /// The longest form that fits into the narrowest cycle.
+    fn fitting(cycles: &[CycleSpan], time: &Scale, width_px: f64) -> Self {
+        let span_px = |c: &CycleSpan| (time.fraction(c.end_s) - time.fraction(c.start_s)) * width_px;
+        let narrowest = cycles.iter().map(span_px).fold(f64::INFINITY, f64::min);
+        let fits = |form: &Self| cycles.iter().all(|c| text_width_px(&form.text(c), TICK_SIZE_PX) + 8.0 <= narrowest);
+        [Self::NumberAndKind, Self::Word, Self::Number].into_iter().find(fits).unwrap_or(Self::Nothing)
+    }
+
+    fn text(self, cycle: &CycleSpan) -> String {
+        let kind = match cycle.kind {
+            CycleKind::Calibration => "fitted",
+            CycleKind::HeldOut => "held out",
+            CycleKind::Unused => "not used",
+        };
+        match self {
+            Self::NumberAndKind => format!("cycle {}: {kind}", cycle.cycle),
+            Self::Word => format!("cycle {}", cycle.cycle),
+            Self::Number => cycle.cycle.to_string(),
+            Self::Nothing => String::new(),
+        }
+    }
+}
+
+/// The strip above the force that names the cycles.
+fn cycle_strip(svg: &mut Svg, cycles: &[CycleSpan], axes: &Axes, strip: Rect, names: CycleNames) {
+    for cycle in cycles {
+        let (left, right) = (axes.x_px(cycle.start_s), axes.x_px(cycle.end_s));
+        let area = Rect { x: left, width: right - left, height: strip.height - 3.0, ..strip };
+        if let Some(colour) = kind_colour(cycle.kind) {
+            svg.rect(area, Fill::new(colour, 0.35));
+        }
+        let at = (area.x + area.width / 2.0, area.y + 11.5);
+        svg.text(&names.text(cycle), at, TextStyle::new(TICK_SIZE_PX, Anchor::Middle));
+    }
+}
+
+/// Times and curves with a break wherever rows are far apart.
+struct Lines {
+    time_s: Vec<f64>,
+    rows: Vec<Option<usize>>,
+}
+
+impl Lines {
+    fn new(data: &PredictiveData) -> Self {
+        let intervals: Vec<f64> = data.time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        let longest = GAP_INTERVALS * quantile_of_sorted(&sorted(&intervals), 0.5);
+        let (mut time_s, mut rows) = (Vec::new(), Vec::new());
+        for (i, &time) in data.time_s.iter().enumerate() {
+            if i > 0 && time - data.time_s[i - 1] > longest {
+                time_s.push(f64::NAN);
+                rows.push(None);
+            }
+            time_s.push(time);
+            rows.push(Some(i));
+        }
+        Self { time_s, rows }
+    }
+
+    fn of(&self, values: &[f64]) -> Vec<f64> {
+        self.rows.iter().map(|row| row.map_or(f64::NAN, |i| values[i])).collect()
+    }
+}
+
+struct Panels {
+    force: Axes,
+    main: Axes,
+    residual: Axes,
+}
+
+impl Panels {
+    fn draw_axes(&self, svg: &mut Svg, left: f64, force_label: &str) {
+        let y = |label, most_ticks| AxisStyle::new(Some(label), most_ticks, left - 8.0).grid();
+        self.force.y_axis(svg, y(force_label, 3));
+        self.main.y_axis(svg, y("position (µm)", 8));
+        self.residual.y_axis(svg, y("residual (µm)", 5));
+        for (axes, label) in [(&self.force, None), (&self.main, None), (&self.residual, Some("time (s)"))] {
+            axes.x_axis(svg, AxisStyle::new(label, 10, 38.0).overhang_px(16.0));
+            axes.outline(svg);
+        }
+    }
+
+    /// The force as steps: a row's force holds until the next row.
+    fn draw_force(&self, svg: &mut Svg, data: &PredictiveData, force: &[f64]) {
+        let (mut time, mut steps): (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
+        for (i, &value) in force.iter().enumerate() {
+            // Rows of equal force need no corner between them.
+            if i > 0 && i + 1 < force.len() && value == force[i - 1] {
+                continue;
+            }
+            if let Some(&before) = steps.last() {
+                time.push(data.time_s[i]);
+                steps.push(before);
+            }
+            time.push(data.time_s[i]);
+            steps.push(value);
+        }
+        if let Some(&last) = steps.last() {
+            time.push(self.force.x.upper);
+            steps.push(last);
+        }
+        svg.clipped(self.force.frame, |svg| self.force.line(svg, &time, &steps, Stroke::solid(INK, 1.4)));
+    }
+
+    fn draw_main(&self, svg: &mut Svg, data: &PredictiveData, lines: &Lines) {
+        svg.clipped(self.main.frame, |svg| {
+            draw_bands(svg, &self.main, data, lines, &vec![0.0; data.time_s.len()]);
+            let points = data.time_s.iter().zip(data.position_um).map(|(t, p)| (*t, p.unwrap_or(f64::NAN)));
+            self.main.scatter(svg, points, INK, dot_diameter_px(data), 0.75);
+            // Above the dots, which would hide it where they are dense.
+            self.main.line(svg, &lines.time_s, &lines.of(data.median_um), Stroke::solid(BLUE, 1.3));
+        });
+    }
+
+    /// Everything relative to the median: here bands are seen that are thin against the motion.
+    fn draw_residuals(&self, svg: &mut Svg, data: &PredictiveData, lines: &Lines) {
+        let residuals = residuals(data);
+        svg.clipped(self.residual.frame, |svg| {
+            draw_bands(svg, &self.residual, data, lines, data.median_um);
+            self.residual.horizontal(svg, 0.0, Stroke::solid(BLUE, 1.3));
+            let points = data.time_s.iter().copied().zip(residuals.iter().copied());
+            self.residual.scatter(svg, points, INK, dot_diameter_px(data), 0.75);
+            if let Some((sd, _)) = data.noise {
+                for limit in [-NORMAL_90 * sd, NORMAL_90 * sd] {
+                    self.residual.horizontal(svg, limit, noise_stroke());
+                }
+            }
+        });
+        let scored =
+            |kind| score(data, &residuals, kind).map(|(rmse, name)| format!("{name} RMSE {} µm", significant(rmse, 2)));
+        let text: Vec<String> = [CycleKind::Calibration, CycleKind::HeldOut].into_iter().filter_map(scored).collect();
+        let at = (self.residual.frame.right(), self.residual.frame.bottom() + 38.0);
+        note(svg, &text.join(", "), at, Anchor::End, 0.42 * self.residual.frame.width);
+    }
+}
+
+fn noise_stroke() -> Stroke {
+    Stroke::solid(VERMILLION, 1.5).dashed(6.0, 4.0)
+}
+
+/// Both bands, relative to a curve with one value a row.
+fn draw_bands(svg: &mut Svg, axes: &Axes, data: &PredictiveData, lines: &Lines, relative_to: &[f64]) {
+    let relative = |values: &[f64]| values.iter().zip(relative_to).map(|(v, base)| v - base).collect::<Vec<f64>>();
+    for (band, opacity) in [(data.band_90_um, 0.22), (data.band_50_um, 0.36)] {
+        let (lower, upper) = (lines.of(&relative(band.lower)), lines.of(&relative(band.upper)));
+        axes.band(svg, &lines.time_s, &lower, &upper, Fill::new(BLUE, opacity));
+    }
+}
+
+/// Root mean square residual about the median over the cycles of a kind.
+fn score(data: &PredictiveData, residuals: &[f64], kind: CycleKind) -> Option<(f64, &'static str)> {
+    let name = if kind == CycleKind::Calibration { "fitted" } else { "held-out" };
+    // Where one cycle ends and the next begins, a row belongs to the next.
+    let cycle_at = |time: f64| {
+        let begun = data.cycles.partition_point(|c| c.start_s <= time);
+        data.cycles[..begun].last().filter(|c| time <= c.end_s)
+    };
+    let inside = |time: f64| cycle_at(time).is_some_and(|cycle| cycle.kind == kind);
+    let squares: Vec<f64> =
+        data.time_s.iter().zip(residuals).filter(|(t, r)| inside(**t) && r.is_finite()).map(|(_, r)| r * r).collect();
+    (!squares.is_empty()).then(|| ((squares.iter().sum::<f64>() / squares.len() as f64).sqrt(), name))
+}
+
+/// Dots shrink where there are many of them.
+fn dot_diameter_px(data: &PredictiveData) -> f64 {
+    let spacing = WIDTH_PX / data.time_s.len() as f64;
+    (2.2 * spacing).clamp(1.5, 3.6)
+}
+
+/// Colours of cycles are explained where the strip above the force has no room to do so.
+fn entries(data: &PredictiveData, names: CycleNames) -> Vec<Entry> {
+    let mut entries = vec![
+        Entry::new(Mark::Dot(INK, 3.6), "measured"),
+        Entry::new(Mark::Line(Stroke::solid(BLUE, 1.8)), "predictive median"),
+        Entry::new(Mark::Area(Fill::new(BLUE, 0.5).into()), "50 % band"),
+        Entry::new(Mark::Area(Fill::new(BLUE, 0.22).into()), "90 % band"),
+    ];
+    if let Some((sd, name)) = data.noise {
+        let text = format!("90 % of the {} (σ = {} µm)", shorten(name, TICK_SIZE_PX, 200.0), significant(sd, 2));
+        entries.push(Entry::new(Mark::Line(noise_stroke()), text));
+    }
+    let has = |kind| names != CycleNames::NumberAndKind && data.cycles.iter().any(|cycle| cycle.kind == kind);
+    for (kind, name) in [(CycleKind::Calibration, "fitted cycles"), (CycleKind::HeldOut, "held-out cycles")] {
+        if let (true, Some(colour)) = (has(kind), kind_colour(kind)) {
+            entries.push(Entry::new(Mark::Area(Fill::new(colour, 0.35).into()), name));
+        }
+    }
+    entries
+}
+
+#[cfg(test)]
+#[path = "predictive_tests.rs"]
+mod tests;

@@ -1,0 +1,439 @@
+//! A small SVG canvas, and the writing of a figure as SVG and PNG.
+
+use std::fmt::Write as _;
+use std::path::{Path as FilePath, PathBuf};
+
+use resvg::{tiny_skia, usvg};
+
+use super::font;
+use super::palette::{Colour, INK, WHITE};
+use base::files::{remove_if_there, write_together, xml_text};
+use base::{Error, Result};
+
+/// PNG pixels per SVG unit.
+const PNG_SCALE: f32 = 1.5;
+
+/// A position in pixels, x to the right and y downwards.
+pub type Point = (f64, f64);
+
+/// An axis-parallel rectangle in pixels.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Rect {
+    /// Left edge.
+    pub x: f64,
+    /// Upper edge.
+    pub y: f64,
+    /// Width.
+    pub width: f64,
+    /// Height.
+    pub height: f64,
+}
+
+impl Rect {
+    /// Right edge.
+    pub fn right(&self) -> f64 {
+        self.x + self.width
+    }
+    /// Lower edge.
+    pub fn bottom(&self) -> f64 {
+        self.y + self.height
+    }
+}
+
+/// How a line is drawn.
+#[derive(Debug, Clone, Copy)]
+pub struct Stroke {
+    /// Colour.
+    pub colour: Colour,
+    /// Width in pixels.
+    pub width_px: f64,
+    /// Opacity from 0 to 1.
+    pub opacity: f64,
+    /// Lengths of dash and gap in pixels; solid where `None`.
+    pub dash: Option<(f64, f64)>,
+}
+
+impl Stroke {
+    /// A solid opaque line.
+    pub fn solid(colour: Colour, width_px: f64) -> Self {
+        Self { colour, width_px, opacity: 1.0, dash: None }
+    }
+    /// The same line, dashed.
+    pub fn dashed(self, dash_px: f64, gap_px: f64) -> Self {
+        Self { dash: Some((dash_px, gap_px)), ..self }
+    }
+    /// The same line with another opacity.
+    pub fn opacity(self, opacity: f64) -> Self {
+        Self { opacity, ..self }
+    }
+}
+
+/// How an area is filled.
+#[derive(Debug, Clone, Copy)]
+pub struct Fill {
+    /// Colour.
+    pub colour: Colour,
+    /// Opacity from 0 to 1.
+    pub opacity: f64,
+}
+
+impl Fill {
+    /// A fill of the given opacity.
+    pub fn new(colour: Colour, opacity: f64) -> Self {
+        Self { colour, opacity }
+    }
+}
+
+/// Fill and outline of a shape.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Style {
+    /// Fill, if any.
+    pub fill: Option<Fill>,
+    /// Outline, if any.
+    pub stroke: Option<Stroke>,
+}
+
+impl From<Stroke> for Style {
+    fn from(stroke: Stroke) -> Self {
+        Self { fill: None, stroke: Some(stroke) }
+    }
+}
+impl From<Fill> for Style {
+    fn from(fill: Fill) -> Self {
+        Self { fill: Some(fill), stroke: None }
+    }
+}
+
+/// Which point of a text stands at its position.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Anchor {
+    /// Left end.
+    Start,
+    /// Middle.
+    Middle,
+    /// Right end.
+    End,
+}
+
+/// How text is set.
+#[derive(Debug, Clone, Copy)]
+pub struct TextStyle {
+    /// Font size in pixels.
+    pub size_px: f64,
+    /// Colour.
+    pub colour: Colour,
+    /// Which point of the baseline stands at the position.
+    pub anchor: Anchor,
+    /// Written upwards instead of to the right.
+    pub upwards: bool,
+}
+
+impl TextStyle {
+    /// Horizontal text in the usual colour.
+    pub fn new(size_px: f64, anchor: Anchor) -> Self {
+        Self { size_px, colour: INK, anchor, upwards: false }
+    }
+    /// The same in another colour.
+    pub fn colour(self, colour: Colour) -> Self {
+        Self { colour, ..self }
+    }
+    /// The same, written upwards.
+    pub fn upwards(self) -> Self {
+        Self { upwards: true, ..self }
+    }
+}
+
+/// Outline under construction: any number of open or closed pieces.
+#[derive(Debug, Clone, Default)]
+pub struct Path(String);
+
+impl Path {
+    /// Starts a new piece.
+    pub fn move_to(&mut self, at: Point) {
+        let _ = write!(self.0, "M{} {}", Px(at.0), Px(at.1));
+    }
+    /// Continues the piece by a straight line.
+    pub fn line_to(&mut self, at: Point) {
+        let _ = write!(self.0, "L{} {}", Px(at.0), Px(at.1));
+    }
+    /// Closes the piece.
+    pub fn close(&mut self) {
+        self.0.push('Z');
+    }
+    /// A dot: with round caps, a stroke of no length.
+    pub fn dot(&mut self, at: Point) {
+        let _ = write!(self.0, "M{:.1} {:.1}h0", Px(at.0).drawable(), Px(at.1).drawable());
+    }
+    /// Appends a polyline, closed if asked.
+    pub fn polyline(&mut self, points: impl IntoIterator<Item = Point>, closed: bool) {
+        let mut first = true;
+        for point in points {
+            if first {
+                self.move_to(point)
+            } else {
+                self.line_to(point)
+            }
+            first = false;
+        }
+        if closed && !first {
+            self.close();
+        }
+    }
+    /// True where nothing has been drawn.
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+}
+
+/// A drawing. Its text is deterministic: coordinates have at most two decimals and there are no identifiers, so that several
+/// drawings can stand in one HTML page.
+#[derive(Debug, Clone)]
+pub struct Svg {
+    width_px: f64,
+    height_px: f64,
+    description: String,
+    body: String,
+}
+
+impl Svg {
+    /// An empty white canvas. The description is read aloud by screen readers.
+    pub fn new(width_px: f64, height_px: f64, description: &str) -> Self {
+        Self { width_px, height_px, description: description.to_owned(), body: String::new() }
+    }
+    /// Width in SVG units.
+    pub fn width_px(&self) -> f64 {
+        self.width_px
+    }
+    /// Height in SVG units.
+    pub fn height_px(&self) -> f64 {
+        self.height_px
+    }
+    /// A straight line.
+    pub fn line(&mut self, from: Point, to: Point, stroke: Stroke) {
+        let mut path = Path::default();
+        path.polyline([from, to], false);
+        self.path(&path, stroke);
+    }
+    /// An outline; filled areas follow the even-odd rule, so that loops within loops are holes.
+    pub fn path(&mut self, path: &Path, style: impl Into<Style>) {
+        if !path.is_empty() {
+            let style = style.into();
+            let rule = if style.fill.is_some() { " fill-rule=\"evenodd\"" } else { "" };
+            let _ = writeln!(self.body, "<path d=\"{}\"{rule}{}/>", path.0, Attributes(style));
+        }
+    }
+    /// Dots of one size drawn as one element; made by [`Path::dot`].
+    pub fn dots(&mut self, dots: &Path, colour: Colour, diameter_px: f64, opacity: f64) {
+        if !dots.is_empty() {
+            let stroke = Stroke::solid(colour, diameter_px).opacity(opacity);
+            let attributes = Attributes(stroke.into());
+            let _ = writeln!(self.body, "<path d=\"{}\" stroke-linecap=\"round\"{attributes}/>", dots.0);
+        }
+    }
+    /// A rectangle.
+    pub fn rect(&mut self, rect: Rect, style: impl Into<Style>) {
+        let Rect { x, y, width, height } = rect;
+        let (x, y, width, height) = (Px(x), Px(y), Px(width.max(0.0)), Px(height.max(0.0)));
+        let attributes = Attributes(style.into());
+        let _ = writeln!(self.body, "<rect x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\"{attributes}/>");
+    }
+    /// A circle.
+    pub fn circle(&mut self, centre: Point, radius_px: f64, style: impl Into<Style>) {
+        let (x, y, radius, attributes) = (Px(centre.0), Px(centre.1), Px(radius_px), Attributes(style.into()));
+        let _ = writeln!(self.body, "<circle cx=\"{x}\" cy=\"{y}\" r=\"{radius}\"{attributes}/>");
+    }
+    /// One line of text whose baseline passes through `at`.
+    pub fn text(&mut self, text: &str, at: Point, style: TextStyle) {
+        if text.is_empty() {
+            return;
+        }
+        let (x, y, size, colour) = (Px(at.0), Px(at.1), Px(style.size_px), style.colour);
+        let anchor = match style.anchor {
+            Anchor::Start => "",
+            Anchor::Middle => " text-anchor=\"middle\"",
+            Anchor::End => " text-anchor=\"end\"",
+        };
+        let turn = if style.upwards { format!(" transform=\"rotate(-90 {x} {y})\"") } else { String::new() };
+        let text = xml_text(text);
+        let _ = writeln!(
+            self.body,
+            "<text x=\"{x}\" y=\"{y}\" font-size=\"{size}\" fill=\"{colour}\"{anchor}{turn}>{text}</text>"
+        );
+    }
+    /// Draws only what falls into `window`. A nested viewport clips without an identifier.
+    pub fn clipped(&mut self, window: Rect, draw: impl FnOnce(&mut Self)) {
+        let (x, y, width, height) = (Px(window.x), Px(window.y), Px(window.width), Px(window.height));
+        if window.width <= 0.0 || window.height <= 0.0 {
+            return;
+        }
+        let _ = writeln!(
+            self.body,
+            "<svg x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" viewBox=\"{x} {y} {width} {height}\" preserveAspectRatio=\"none\" overflow=\"hidden\">"
+        );
+        draw(self);
+        self.body.push_str("</svg>\n");
+    }
+    /// The whole document.
+    pub fn document(&self) -> String {
+        let (width, height, families) = (Px(self.width_px), Px(self.height_px), font::FAMILIES);
+        let (title, background) = (xml_text(&self.description), WHITE);
+        format!(
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" viewBox=\"0 0 {width} {height}\" role=\"img\" font-family=\"{families}\">\n<title>{title}</title>\n<rect width=\"{width}\" height=\"{height}\" fill=\"{background}\"/>\n{}</svg>\n",
+            self.body
+        )
+    }
+    /// The drawing as PNG, 1.5 pixels per unit, set in the embedded font.
+    ///
+    /// # Errors
+    /// [`Error::Numerical`] where the drawing is too large to be held in memory or is no valid SVG.
+    pub fn png(&self) -> Result<Vec<u8>> {
+        let options = usvg::Options { fontdb: font::database(), ..usvg::Options::default() };
+        let failed =
+            |what: String| Error::numerical(format!("the figure could not be rendered: {what}"), "use the SVG");
+        let tree = usvg::Tree::from_str(&self.document(), &options).map_err(|error| failed(error.to_string()))?;
+        let size = tree.size();
+        let (width, height) = ((size.width() * PNG_SCALE).ceil(), (size.height() * PNG_SCALE).ceil());
+        let mut pixels = tiny_skia::Pixmap::new(width as u32, height as u32)
+            .ok_or_else(|| failed(format!("{width} × {height} pixels are too many")))?;
+        resvg::render(&tree, tiny_skia::Transform::from_scale(PNG_SCALE, PNG_SCALE), &mut pixels.as_mut());
+        pixels.encode_png().map_err(|error| failed(error.to_string()))
+    }
+}
+
+/// Writes `<stem>.svg` and `<stem>.png` into `dir`, each whole or not at all.
+///
+/// # Errors
+/// [`Error::File`] where the directory cannot be written, [`Error::Numerical`] where the PNG cannot be rendered; nothing
+/// is written in the latter case.
+pub fn write_figure(dir: &FilePath, stem: &str, svg: &Svg) -> Result<()> {
+    let files = figure_files(dir, stem, svg)?;
+    write_together(&files.each_ref().map(|(path, bytes)| (path.as_path(), bytes.as_slice())))
+}
+
+/// Places and content of `<stem>.svg` and `<stem>.png`, for those who write them together with other files.
+///
+/// # Errors
+/// [`Error::Numerical`] where the PNG cannot be rendered.
+pub fn figure_files(dir: &FilePath, stem: &str, svg: &Svg) -> Result<[(PathBuf, Vec<u8>); 2]> {
+    let png = svg.png()?;
+    Ok([(dir.join(format!("{stem}.svg")), svg.document().into_bytes()), (dir.join(format!("{stem}.png")), png)])
+}
+
+/// Removes what [`write_figure`] wrote earlier, if anything is there.
+///
+/// # Errors
+/// [`Error::File`] where the directory cannot be written.
+pub fn remove_figure(dir: &FilePath, stem: &str) -> Result<()> {
+    remove_if_there(&dir.join(format!("{stem}.svg")))?;
+    remove_if_there(&dir.join(format!("{stem}.png")))
+}
+
+/// A coordinate with at most two decimals.
+struct Px(f64);
+
+/// Farthest coordinate that is drawn: far outside of every figure, and inside of what rasterisers can count.
+const FARTHEST_PX: f64 = 20_000.0;
+
+impl Px {
+    /// What is farther away is drawn at the limit, and what is no number at 0.
+    fn drawable(self) -> f64 {
+        if self.0.is_nan() { 0.0 } else { self.0.clamp(-FARTHEST_PX, FARTHEST_PX) }
+    }
+}
+
+impl std::fmt::Display for Px {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let hundredths = (Self(self.0).drawable() * 100.0).round();
+        // −0 would print a sign.
+        let text = format!("{:.2}", if hundredths == 0.0 { 0.0 } else { hundredths / 100.0 });
+        f.write_str(text.trim_end_matches('0').trim_end_matches('.'))
+    }
+}
+
+struct Attributes(Style);
+
+impl std::fmt::Display for Attributes {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self.0.fill {
+            Some(Fill { colour, opacity }) => {
+                write!(f, " fill=\"{colour}\"")?;
+                if opacity < 1.0 {
+                    write!(f, " fill-opacity=\"{}\"", Px(opacity))?;
+                }
+            }
+            None => f.write_str(" fill=\"none\"")?,
+        }
+        if let Some(Stroke { colour, width_px, opacity, dash }) = self.0.stroke {
+            write!(f, " stroke=\"{colour}\" stroke-width=\"{}\" stroke-linejoin=\"round\"", Px(width_px))?;
+            if opacity < 1.0 {
+                write!(f, " stroke-opacity=\"{}\"", Px(opacity))?;
+            }
+            if let Some((dash, gap)) = dash {
+                write!(f, " stroke-dasharray=\"{} {}\"", Px(dash), Px(gap))?;
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::palette::BLUE;
+
+    fn drawing() -> Svg {
+        let mut svg = Svg::new(100.0, 50.0, "test <&> \u{1}");
+        svg.text("a < b & \"c\" \u{0} µ", (5.0, 20.0), TextStyle::new(12.0, Anchor::Start));
+        svg.clipped(Rect { x: 10.0, y: 10.0, width: 20.0, height: 20.0 }, |svg| {
+            svg.rect(Rect { x: -50.0, y: 15.0, width: 500.0, height: 10.0 }, Fill::new(BLUE, 1.0));
+        });
+        svg
+    }
+
+    #[test]
+    fn a_viewport_clips_in_the_png() {
+        let png = drawing().png().unwrap();
+        let pixels = tiny_skia::Pixmap::decode_png(&png).unwrap();
+        assert_eq!((pixels.width(), pixels.height()), (150, 75));
+        let at = |x, y| pixels.pixel(x, y).map(|p| (p.red(), p.green(), p.blue())).unwrap();
+        assert_eq!(at(30, 30), (0x00, 0x72, 0xb2));
+        assert_eq!(at(60, 30), (0xff, 0xff, 0xff));
+    }
+
+    #[test]
+    fn a_figure_is_two_files_with_the_same_bytes_each_time() {
+        let (first, second) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+        for dir in [&first, &second] {
+            write_figure(dir.path(), "figure", &drawing()).unwrap();
+        }
+        for name in ["figure.svg", "figure.png"] {
+            assert_eq!(
+                std::fs::read(first.path().join(name)).unwrap(),
+                std::fs::read(second.path().join(name)).unwrap()
+            );
+        }
+        assert_eq!(std::fs::read_dir(first.path()).unwrap().count(), 2);
+    }
+
+    #[test]
+    fn coordinates_of_any_size_can_be_drawn() {
+        let mut svg = Svg::new(100.0, 50.0, "far away");
+        let far = [1e19, -1e308, f64::INFINITY, f64::NAN, f64::MIN_POSITIVE];
+        for (x, y) in far.iter().flat_map(|x| far.map(|y| (*x, y))) {
+            let mut path = Path::default();
+            path.polyline([(10.0, 10.0), (x, y), (20.0, 30.0)], true);
+            path.dot((x, y));
+            svg.path(&path, Stroke::solid(BLUE, 1.0).dashed(6.0, 4.0));
+            svg.circle((x, y), 3.0, Fill::new(BLUE, 0.5));
+            svg.clipped(Rect { x, y, width: x, height: y }, |svg| {
+                svg.line((0.0, 0.0), (x, y), Stroke::solid(BLUE, 1.0))
+            });
+        }
+        assert!(svg.png().is_ok());
+    }
+
+    #[test]
+    fn coordinates_are_short() {
+        assert_eq!(format!("{} {} {} {}", Px(1.0), Px(-0.001), Px(2.505), Px(1234.5)), "1 0 2.51 1234.5");
+    }
+}

@@ -1,0 +1,142 @@
+//! `posterior`: parameters of model and noise → logarithm of prior × likelihood, over the parameters as they are.
+
+use serde::Deserialize;
+use serde_json::Value;
+
+use super::Input;
+use super::protocol::{OUTSIDE, Outcome, Refusal, Served, Sizes, config_of};
+use base::error::{Error, Result};
+use models::model::TrainedRange;
+use posterior::gradient::PosteriorGradient;
+use posterior::likelihood::ReducedPosterior;
+use posterior::problem::Problem;
+use posterior::reduced::Reduced;
+
+/// Points that one request may ask for.
+pub const MOST_POINTS: usize = 10_000;
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Config {
+    /// Points of one request, one after another in its vector.
+    #[serde(default = "one")]
+    points: usize,
+}
+
+fn one() -> usize {
+    1
+}
+
+impl Default for Config {
+    fn default() -> Self {
+        Self { points: one() }
+    }
+}
+
+/// The posterior of the fitted cycles, and its gradient.
+pub struct Posterior<'a> {
+    problem: &'a Problem,
+    trained: &'a [TrainedRange],
+    density: ReducedPosterior<'a>,
+    gradient: PosteriorGradient<'a>,
+}
+
+impl<'a> Posterior<'a> {
+    /// Prepares the reduced model for the fitted cycles.
+    pub fn new(problem: &'a Problem, reduced: &'a Reduced) -> Self {
+        let noise = problem.noise_likelihood(&problem.experiment.calibration_cycles);
+        let n_rows = noise.observed_rows().last().map_or(0, |last| last + 1);
+        let forward = problem.reduced_forward_up_to(reduced, n_rows);
+        let gradient = PosteriorGradient::new(forward, noise, &problem.priors, &problem.specification.fixed);
+        Self { problem, trained: &reduced.trained, density: problem.posterior(reduced), gradient }
+    }
+
+    /// The sampled parameters, in order.
+    pub fn inputs(&self) -> Vec<Input> {
+        let input = |prior: &posterior::prior::Prior| {
+            let (lower, upper) = prior.distribution.support();
+            let trained = self.trained.iter().find(|range| range.name == prior.name);
+            let ends = trained.map_or((lower, upper), |range| (range.lower.max(lower), range.upper.min(upper)));
+            Input { prior: prior.clone(), ends }
+        };
+        self.problem.priors.priors().iter().map(input).collect()
+    }
+
+    /// Number of parameters that are not fixed.
+    pub fn n_inputs(&self) -> usize {
+        self.problem.priors.priors().len()
+    }
+
+    /// Log-densities of points that stand one after another; −∞ where there is none.
+    ///
+    /// # Errors
+    /// [`Error::Numerical`] where one is not a number, which is the model's fault.
+    pub fn log_densities(&self, points: &[f64]) -> Result<Vec<f64>> {
+        let n = points.len() / self.n_inputs();
+        let columns: Vec<f64> =
+            (0..self.n_inputs()).flat_map(|d| points.iter().skip(d).step_by(self.n_inputs()).copied()).collect();
+        let mut log_density = vec![0.0; n];
+        self.density.log_density_natural(&columns, &mut log_density);
+        match log_density.iter().position(|value| value.is_nan()) {
+            None => Ok(log_density),
+            Some(point) => {
+                let what = format!("the log-density of point {point} is not a number");
+                Err(Error::numerical(what, "move the point away from the ends of the supports"))
+            }
+        }
+    }
+
+    /// The gradient at a point. Where the density is 0 the slope is 0, as that of the number that stands for −∞.
+    ///
+    /// # Errors
+    /// Those of [`Posterior::log_densities`], and [`Error::Numerical`] where a parameter has no derivative.
+    pub fn gradient_at(&self, point: &[f64]) -> Result<Vec<f64>> {
+        let densities = self.log_densities(point)?;
+        self.slope(point, densities.first().copied().unwrap_or(f64::NEG_INFINITY))
+    }
+
+    /// The gradient at a point of a density that is known.
+    fn slope(&self, point: &[f64], log_density: f64) -> Result<Vec<f64>> {
+        if log_density == f64::NEG_INFINITY { Ok(vec![0.0; point.len()]) } else { self.gradient.gradient(point) }
+    }
+
+    /// Log-densities for the protocol: one that is not a number is the model's fault.
+    fn answered(&self, points: &[f64]) -> Outcome<Vec<f64>> {
+        self.log_densities(points).map_err(|error| Refusal::InvalidOutput(error.to_string()))
+    }
+
+    /// Gradients of points that stand one after another.
+    fn gradients(&self, points: &[f64]) -> Outcome<Vec<Vec<f64>>> {
+        let densities = self.answered(points)?;
+        points.chunks_exact(self.n_inputs()).zip(densities).map(|(point, own)| Ok(self.slope(point, own)?)).collect()
+    }
+}
+
+impl Served for Posterior<'_> {
+    fn name(&self) -> &'static str {
+        "posterior"
+    }
+
+    fn sizes(&self, config: &Value) -> Outcome<Sizes> {
+        let Config { points } = config_of(config)?;
+        if !(1..=MOST_POINTS).contains(&points) {
+            return Err(Refusal::input(format!("`points` is {points}; ask for 1 to {MOST_POINTS} in one request")));
+        }
+        Ok(Sizes { inputs: points * self.n_inputs(), outputs: points })
+    }
+
+    fn evaluate(&self, _config: &Value, points: &[f64]) -> Outcome<Vec<f64>> {
+        Ok(self.answered(points)?.into_iter().map(|value| value.max(OUTSIDE)).collect())
+    }
+
+    fn gradient(&self, _config: &Value, points: &[f64], sensitivity: &[f64]) -> Outcome<Vec<f64>> {
+        let gradients = self.gradients(points)?;
+        Ok(gradients.iter().zip(sensitivity).flat_map(|(own, s)| own.iter().map(move |slope| s * slope)).collect())
+    }
+
+    fn apply_jacobian(&self, _config: &Value, points: &[f64], direction: &[f64]) -> Outcome<Vec<f64>> {
+        let directions = direction.chunks_exact(self.n_inputs());
+        let along = |(own, direction): (&Vec<f64>, &[f64])| own.iter().zip(direction).map(|(a, b)| a * b).sum::<f64>();
+        Ok(self.gradients(points)?.iter().zip(directions).map(along).collect())
+    }
+}

@@ -1,0 +1,164 @@
+//! `trajectory`: the model's parameters → positions (µm) at the record's rows, by the reduced or the full model.
+
+use std::sync::OnceLock;
+
+use serde::Deserialize;
+use serde_json::Value;
+
+use super::protocol::{Outcome, Refusal, Served, Sizes, config_of};
+use base::error::{Error, Result};
+use models::model::{Forward, FullForward, ReducedForward};
+use posterior::likelihood::{Source, sources};
+use posterior::problem::Problem;
+use posterior::reduced::Reduced;
+
+const UM_PER_M: f64 = 1e6;
+
+/// Which model answers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum Which {
+    #[default]
+    Reduced,
+    Full,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Config {
+    #[serde(default)]
+    model: Which,
+}
+
+/// The model over the whole record.
+pub struct Trajectory<'a> {
+    problem: &'a Problem,
+    reduced: ReducedForward<'a>,
+    /// Prepared when it is first asked for; `None` for an instrument.
+    full: OnceLock<Option<FullForward<'a>>>,
+    /// Of the model's parameters, in their order.
+    sources: Vec<Source>,
+    n_inputs: usize,
+}
+
+impl<'a> Trajectory<'a> {
+    /// Prepares the reduced model.
+    pub fn new(problem: &'a Problem, reduced: &'a Reduced) -> Self {
+        let mut sources = sources(&problem.model, problem.noise, &problem.priors, &problem.specification.fixed);
+        sources.truncate(problem.model.parameters().len());
+        let n_inputs = sources.iter().filter(|source| matches!(source, Source::Sampled(_))).count();
+        let reduced = problem.reduced_forward(reduced);
+        Self { problem, reduced, full: OnceLock::new(), sources, n_inputs }
+    }
+
+    /// Number of parameters that are not fixed.
+    pub fn n_inputs(&self) -> usize {
+        self.n_inputs
+    }
+
+    /// Number of rows of the record.
+    pub fn n_rows(&self) -> usize {
+        self.problem.experiment.record.n_rows()
+    }
+
+    fn full(&self) -> Result<Option<&FullForward<'a>>> {
+        if let Some(full) = self.full.get() {
+            return Ok(full.as_ref());
+        }
+        let full = self.problem.full_forward()?;
+        Ok(self.full.get_or_init(|| full).as_ref())
+    }
+
+    /// The model's parameters, fixed ones among them, at a point; refused outside their supports.
+    fn parameters(&self, point: &[f64]) -> Result<Vec<f64>> {
+        let value = |source: &Source| match *source {
+            // The model's parameters come before the noise's, so that a prior's place is the input's.
+            Source::Sampled(index) => point[index],
+            Source::Fixed(value) => value,
+        };
+        let parameters: Vec<f64> = self.sources.iter().map(value).collect();
+        let specs = self.problem.model.parameters();
+        match specs.iter().zip(&parameters).find(|(spec, value)| !spec.support.contains(**value)) {
+            None => Ok(parameters),
+            Some((spec, value)) => {
+                let what = format!("{} = {value} {} lies outside {}", spec.name, spec.unit, spec.support);
+                Err(Error::numerical(what, "give a value inside"))
+            }
+        }
+    }
+
+    /// Positions in µm at all rows by the reduced model, at a point of [`Trajectory::n_inputs`] numbers.
+    ///
+    /// # Errors
+    /// [`Error::Numerical`] or [`Error::OutsideTrainedRange`] where the point has no trajectory.
+    pub fn reduced_um(&self, point: &[f64]) -> Result<Vec<f64>> {
+        self.positions_um(&self.reduced, point)
+    }
+
+    fn positions_um(&self, forward: &dyn Forward, point: &[f64]) -> Result<Vec<f64>> {
+        let position_m = forward.trajectory_m(&self.parameters(point)?)?;
+        if position_m.iter().any(|x| !x.is_finite()) {
+            let what = format!("the position is not finite at {point:?}");
+            return Err(Error::numerical(what, "move the point away from the ends of the supports"));
+        }
+        Ok(position_m.into_iter().map(|x| UM_PER_M * x).collect())
+    }
+
+    /// Derivatives are the reduced model's.
+    fn refuse_full(config: &Value) -> Outcome<()> {
+        match config_of::<Config>(config)?.model {
+            Which::Reduced => Ok(()),
+            Which::Full => Err(Refusal::UnsupportedFeature(
+                "the full model has no derivatives: leave `config` out, which takes the reduced model's".into(),
+            )),
+        }
+    }
+}
+
+impl Served for Trajectory<'_> {
+    fn name(&self) -> &'static str {
+        "trajectory"
+    }
+
+    fn sizes(&self, config: &Value) -> Outcome<Sizes> {
+        config_of::<Config>(config)?;
+        Ok(Sizes { inputs: self.n_inputs, outputs: self.n_rows() })
+    }
+
+    fn evaluate(&self, config: &Value, point: &[f64]) -> Outcome<Vec<f64>> {
+        let forward: &dyn Forward = match config_of::<Config>(config)?.model {
+            Which::Reduced => &self.reduced,
+            Which::Full => self.full()?.ok_or_else(|| {
+                Refusal::input(match self.problem.outside() {
+                    Some(outside) => format!("the full model is {}: ask it there", outside.title()),
+                    None => {
+                        "an instrument's compliance is given, so that it has no full model: leave `config` out".into()
+                    }
+                })
+            })?,
+        };
+        Ok(self.positions_um(forward, point)?)
+    }
+
+    fn gradient(&self, config: &Value, point: &[f64], sensitivity: &[f64]) -> Outcome<Vec<f64>> {
+        Self::refuse_full(config)?;
+        let parameters = self.parameters(point)?;
+        let sampled = self.sources.iter().enumerate().filter(|(_, source)| matches!(source, Source::Sampled(_)));
+        let slope = |(place, _): (usize, &Source)| -> Outcome<f64> {
+            let derivative_m = self.reduced.derivative_m(&parameters, place)?;
+            Ok(UM_PER_M * derivative_m.iter().zip(sensitivity).map(|(d, s)| d * s).sum::<f64>())
+        };
+        sampled.map(slope).collect()
+    }
+
+    fn apply_jacobian(&self, config: &Value, point: &[f64], direction: &[f64]) -> Outcome<Vec<f64>> {
+        Self::refuse_full(config)?;
+        let part = |source: &Source| match *source {
+            Source::Sampled(index) => direction[index],
+            Source::Fixed(_) => 0.0,
+        };
+        let along: Vec<f64> = self.sources.iter().map(part).collect();
+        let derivative_m = self.reduced.derivative_along_m(&self.parameters(point)?, &along)?;
+        Ok(derivative_m.into_iter().map(|d| UM_PER_M * d).collect())
+    }
+}

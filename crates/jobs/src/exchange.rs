@@ -1,0 +1,339 @@
+//! What an exchange file says of the record's rows: the data, the log-likelihood of each position, and predictions by posterior and prior.
+//!
+//! Predictions are by the reduced model, of a few hundred draws spread evenly over every chain, and of at most so many rows that a file stays small.
+
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+
+use figures::labels::of_parameter;
+use figures::netcdf::{DrawnRows, PriorDraws, RecordGroups, RowColumn, arrangement};
+use models::model::{Forward, ReducedForward};
+use posterior::likelihood::ReducedPosterior;
+use posterior::noise::{Conditional, NoiseLikelihood};
+use posterior::problem::Problem;
+use posterior::reduced::Reduced;
+use sampling::ensemble::Draws;
+
+/// Draws of all chains that are predicted: at most, and where rows are many.
+const MOST_DRAWS: usize = 500;
+const FEWEST_DRAWS: usize = 100;
+/// Numbers of one variable, 4 MB; of longer records every so many rows are predicted.
+const MOST_VALUES: usize = 500_000;
+/// Streams of the random numbers: of noise about posterior draws, and of prior draws.
+const POSTERIOR_STREAM: u64 = 1 << 50;
+const PRIOR_STREAM: u64 = 1 << 51;
+/// Prior draws at which the model has no prediction are drawn again so often.
+const MOST_TRIES: usize = 100;
+/// Positions are in µm: a density of metres is so much larger.
+const LN_UM_PER_M: f64 = 13.815_510_557_964_274;
+
+/// Variable of positions in every group.
+const POSITION: &str = "position_um";
+
+/// Everything that belongs to the rows of the record.
+pub fn record_groups(problem: &Problem, reduced: &Reduced, draws: &Draws, seed: u64) -> RecordGroups<'static> {
+    let record = &problem.experiment.record;
+    let observed_rows: Vec<usize> = (0..record.n_rows()).filter(|row| record.position_m[*row].is_some()).collect();
+    let is_fitted = |cycle: &u32| problem.experiment.calibration_cycles.contains(cycle);
+    let column = |name, unit, values| RowColumn { name, unit, values };
+    let constant = vec![
+        column("time_s", "s", record.time_s.clone()),
+        column("force_un", "µN", record.force_n.iter().map(|force| 1e6 * force).collect()),
+        column("cycle", "1", record.cycle.iter().map(|cycle| f64::from(*cycle)).collect()),
+        column("fitted", "1", record.cycle.iter().map(|cycle| f64::from(u8::from(is_fitted(cycle)))).collect()),
+    ];
+    let measured_um = record.position_m.iter().flatten().map(|x| 1e6 * x).collect();
+    let mut groups = RecordGroups {
+        constant,
+        observed_rows: observed_rows.iter().map(|row| *row as i64).collect(),
+        observed: vec![column(POSITION, "µm", measured_um)],
+        prior: None,
+        drawn: Vec::new(),
+    };
+    if !observed_rows.is_empty() && !draws.is_empty() {
+        let posterior = problem.posterior(reduced);
+        let predictor = Predictor::new(problem, reduced, &posterior, &observed_rows, draws.n_ensembles, seed);
+        predictor.add_posterior(draws, &mut groups);
+        predictor.add_prior(&mut groups);
+    }
+    groups
+}
+
+/// Of one draw: log density of every fitted position, and positions with noise at every kept row.
+type Predicted = (Vec<f64>, Vec<f64>);
+
+/// Predicts chosen rows.
+struct Predictor<'a> {
+    problem: &'a Problem,
+    posterior: &'a ReducedPosterior<'a>,
+    forward: ReducedForward<'a>,
+    likelihood: NoiseLikelihood,
+    /// Rows that are predicted, every so many of those with a position.
+    rows: Vec<usize>,
+    stride: usize,
+    /// Places of the fitted ones among those that the likelihood compares.
+    fitted: Vec<(usize, usize)>,
+    n_chains: usize,
+    /// Draws of a chain that are predicted.
+    n_draws: usize,
+    seed: u64,
+}
+
+impl<'a> Predictor<'a> {
+    fn new(
+        problem: &'a Problem,
+        reduced: &'a Reduced,
+        posterior: &'a ReducedPosterior<'a>,
+        observed_rows: &[usize],
+        n_chains: usize,
+        seed: u64,
+    ) -> Self {
+        let stride = (observed_rows.len() * FEWEST_DRAWS).div_ceil(MOST_VALUES).max(1);
+        let rows: Vec<usize> = observed_rows.iter().copied().step_by(stride).collect();
+        let of_all = (MOST_VALUES / rows.len()).clamp(FEWEST_DRAWS, MOST_DRAWS);
+        let likelihood = problem.noise_likelihood(&problem.experiment.calibration_cycles);
+        let is_chosen = |(_, row): &(usize, usize)| rows.binary_search(row).is_ok();
+        let fitted = likelihood.observed_rows().enumerate().filter(is_chosen).collect();
+        let forward = problem.reduced_forward(reduced);
+        let n_draws = of_all.div_ceil(n_chains);
+        Self { problem, posterior, forward, likelihood, rows, stride, fitted, n_chains, n_draws, seed }
+    }
+
+    fn random(&self, stream: u64) -> ChaCha8Rng {
+        let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
+        rng.set_stream(stream);
+        rng
+    }
+
+    /// Positions (m) at every row of the record, and the noise's parameters.
+    fn prediction(&self, natural: &[f64]) -> Option<(Vec<f64>, Vec<f64>)> {
+        let (model, noise) = natural.split_at(self.problem.model.parameters().len());
+        let trajectory_m = self.forward.trajectory_m(model).ok()?;
+        trajectory_m.iter().all(|x| x.is_finite()).then(|| (trajectory_m, noise.to_vec()))
+    }
+
+    /// Positions (µm) of the chosen rows with noise.
+    fn with_noise_um(&self, trajectory_m: &[f64], noise: &[f64], rng: &mut ChaCha8Rng) -> Vec<f64> {
+        let record = &self.problem.experiment.record;
+        let time_s: Vec<f64> = self.rows.iter().map(|row| record.time_s[*row]).collect();
+        let cycle: Vec<u32> = self.rows.iter().map(|row| record.cycle[*row]).collect();
+        let position_m: Vec<f64> = self.rows.iter().map(|row| trajectory_m[*row]).collect();
+        let noise_m = self.problem.noise.simulate_m(&time_s, &cycle, &position_m, noise, rng);
+        position_m.iter().zip(noise_m).map(|(x, e)| 1e6 * (x + e)).collect()
+    }
+
+    fn add_posterior(&self, draws: &Draws, groups: &mut RecordGroups) {
+        let order = arrangement(draws.n_walkers, draws.n_steps);
+        let n_draws = self.n_draws.min(order.len());
+        let places: Vec<usize> = (0..n_draws).map(|k| (2 * k + 1) * order.len() / (2 * n_draws)).collect();
+        let one = |index: usize| {
+            let [walker, step] = order[places[index % n_draws]];
+            let natural = self.posterior.natural(&draws.point(index / n_draws, step, walker));
+            let (trajectory_m, noise) = self.prediction(&natural)?;
+            let ln_density = self.likelihood.ln_pointwise(&trajectory_m, &noise);
+            let chosen = self.fitted.iter().map(|(place, _)| ln_density[*place] - LN_UM_PER_M).collect::<Vec<f64>>();
+            let rng = &mut self.random(POSTERIOR_STREAM + index as u64);
+            Some((chosen, self.with_noise_um(&trajectory_m, &noise, rng)))
+        };
+        let all: Vec<Option<Predicted>> = (0..self.n_chains * n_draws).into_par_iter().map(one).collect();
+        // A draw that fits and has no model on other rows is left out of all chains.
+        let is_there = |k: &usize| (0..self.n_chains).all(|chain| all[chain * n_draws + k].is_some());
+        let kept: Vec<usize> = (0..n_draws).filter(is_there).collect();
+        let of = |part: fn(&Predicted) -> &Vec<f64>| -> Vec<f64> {
+            let chains = (0..self.n_chains).flat_map(|chain| kept.iter().map(move |k| chain * n_draws + k));
+            chains.filter_map(|index| all[index].as_ref()).flat_map(|own| part(own).iter().copied()).collect()
+        };
+        if kept.is_empty() {
+            return;
+        }
+        let selection = self.selection(&format!("{} of {} draws a chain, evenly spread", kept.len(), order.len()));
+        let of_group = |group, unit, note, rows, values| DrawnRows {
+            group,
+            name: POSITION,
+            unit,
+            note,
+            n_chains: self.n_chains,
+            draws: kept.iter().map(|k| places[*k] as i64).collect(),
+            rows,
+            values,
+        };
+        let given = match self.likelihood.conditional() {
+            Conditional::Nothing => "given the parameters: errors are independent",
+            Conditional::AllOthers => {
+                "given the parameters and all other fitted positions (exact for correlated normal errors): its inverse is the weight of leave-one-out cross-validation"
+            }
+            Conditional::AllBefore => {
+                "given the parameters and all fitted positions before it (heavy tails with a process or gains): sums of it are leave-future-out scores"
+            }
+        };
+        let note = format!(
+            "ln density of each fitted position, in nats for positions in µm, {given}; {selection}; these draws are far apart: az.loo(data, reff=1)"
+        );
+        let fitted = self.fitted.iter().map(|(_, row)| *row as i64).collect();
+        groups.drawn.push(of_group("log_likelihood", "1", note, fitted, of(|own| &own.0)));
+        let note = format!("positions with noise, by the reduced model; {selection}");
+        groups.drawn.push(of_group("posterior_predictive", "µm", note, self.row_labels(), of(|own| &own.1)));
+    }
+
+    fn add_prior(&self, groups: &mut RecordGroups) {
+        let priors = &self.problem.priors;
+        let one = |index: usize| {
+            let mut rng = self.random(PRIOR_STREAM + index as u64);
+            (0..MOST_TRIES).find_map(|_| {
+                let values = priors.draw(&mut rng);
+                let natural = self.posterior.natural(&priors.to_unconstrained(&values));
+                let (trajectory_m, noise) = self.prediction(&natural)?;
+                let position_um = self.with_noise_um(&trajectory_m, &noise, &mut rng);
+                position_um.iter().all(|x| x.is_finite()).then_some((values, position_um))
+            })
+        };
+        let n_draws = self.n_draws * self.n_chains;
+        let all: Vec<(Vec<f64>, Vec<f64>)> = (0..n_draws).into_par_iter().filter_map(one).collect();
+        if all.is_empty() {
+            return;
+        }
+        let units: Vec<String> = priors.names().map(|name| of_parameter(name).unit).collect();
+        groups.prior = Some(PriorDraws {
+            names: priors.names().map(String::from).collect(),
+            units,
+            columns: (0..priors.priors().len()).map(|d| all.iter().map(|own| own.0[d]).collect()).collect(),
+            note: "draws at which the model has no prediction are drawn again".into(),
+        });
+        let selection = self.selection(&format!("{} draws", all.len()));
+        groups.drawn.push(DrawnRows {
+            group: "prior_predictive",
+            name: POSITION,
+            unit: "µm",
+            note: format!("positions with noise, by the reduced model; {selection}"),
+            n_chains: 1,
+            draws: (0..all.len() as i64).collect(),
+            rows: self.row_labels(),
+            values: all.iter().flat_map(|own| own.1.iter().copied()).collect(),
+        });
+    }
+
+    fn row_labels(&self) -> Vec<i64> {
+        self.rows.iter().map(|row| *row as i64).collect()
+    }
+
+    /// Which draws and rows these are, in words.
+    fn selection(&self, draws: &str) -> String {
+        match self.stride {
+            1 => format!("{draws}; every row with a position"),
+            stride => format!("{draws}; one of every {stride} rows with a position, so that the file stays small"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use posterior::monitor::Silent;
+    use posterior::replica;
+    use posterior::study::ModelSpecification;
+    use record::Apparatus;
+    use sampling::ensemble::RandomStream;
+
+    /// Eight walkers of four ensembles at their prior's medians, moved a little.
+    fn draws(problem: &Problem) -> Draws {
+        let (n_ensembles, n_steps, n_walkers) = (4, 20, 8);
+        let medians: Vec<f64> = problem
+            .priors
+            .priors()
+            .iter()
+            .map(|own| own.distribution.to_unconstrained(own.distribution.quantile(0.5)))
+            .collect();
+        let mut stream = RandomStream::new(3, 3);
+        let n = n_ensembles * n_steps;
+        let positions =
+            (0..n).flat_map(|_| medians.clone()).flat_map(|x| vec![x; n_walkers]).map(|x| x + 0.01 * stream.unit());
+        Draws {
+            n_ensembles,
+            n_steps,
+            n_walkers,
+            dimension: medians.len(),
+            store_every: 1,
+            positions: positions.collect(),
+            log_density: vec![0.0; n * n_walkers],
+        }
+    }
+
+    fn groups(noise: &[&str], n_rows: usize) -> (Problem, RecordGroups<'static>) {
+        let (mut experiment, _) = replica::embedded().expect("embedded");
+        experiment.apparatus = Apparatus::Instrument { compliance_per_m: 549.178 };
+        let record = &mut experiment.record;
+        if n_rows > record.n_rows() {
+            record.time_s = (0..n_rows).map(|row| 1e-3 * row as f64).collect();
+            record.force_n = (0..n_rows).map(|row| if row % 1000 < 500 { 4.6e-6 } else { -4.6e-6 }).collect();
+            record.cycle = (0..n_rows).map(|row| 1 + (4 * row / n_rows) as u32).collect();
+            record.position_m = vec![Some(0.0); n_rows];
+        }
+        let noise = noise.iter().map(ToString::to_string).collect();
+        let specification = ModelSpecification { noise, ..ModelSpecification::default() };
+        let problem = Problem::new(experiment, specification, None, &Silent).expect("sound");
+        let reduced = Reduced::unverified(&problem, None, &Silent).expect("an instrument");
+        let groups = record_groups(&problem, &reduced, &draws(&problem), 1);
+        (problem, groups)
+    }
+
+    fn group<'a>(groups: &'a RecordGroups<'static>, name: &str) -> &'a DrawnRows<'static> {
+        groups.drawn.iter().find(|own| own.group == name).expect("written")
+    }
+
+    /// Every fitted position has its likelihood, every position a prediction; what adds up to the likelihood does.
+    #[test]
+    fn rows_are_those_that_were_fitted_and_measured() {
+        let (problem, groups) = groups(&["white"], 0);
+        let experiment = &problem.experiment;
+        let fitted = problem.positions_of(&experiment.calibration_cycles);
+        let ln_likelihood = group(&groups, "log_likelihood");
+        let expected: Vec<i64> = (0..fitted.len()).filter(|row| fitted[*row].is_some()).map(|row| row as i64).collect();
+        assert_eq!(ln_likelihood.rows, expected);
+        assert_eq!(group(&groups, "posterior_predictive").rows, groups.observed_rows);
+        assert_eq!(group(&groups, "prior_predictive").rows, groups.observed_rows);
+        assert_eq!(groups.constant[0].values.len(), experiment.record.n_rows());
+        let n_fitted: f64 = groups.constant[3].values.iter().sum();
+        let of_cycle = experiment.record.cycle.iter().filter(|own| experiment.calibration_cycles.contains(own));
+        assert_eq!(n_fitted as usize, of_cycle.count());
+        // The first chain's first draw, against the likelihood of all.
+        let reduced = Reduced::unverified(&problem, None, &Silent).expect("an instrument");
+        let posterior = problem.posterior(&reduced);
+        let [walker, step] = arrangement(8, 20)[ln_likelihood.draws[0] as usize];
+        let natural = posterior.natural(&draws(&problem).point(0, step, walker));
+        let (model, noise) = natural.split_at(problem.model.parameters().len());
+        let trajectory_m = problem.reduced_forward(&reduced).trajectory_m(model).expect("a model");
+        let whole = problem.noise_likelihood(&experiment.calibration_cycles).ln_likelihood(&trajectory_m, noise);
+        let n = ln_likelihood.rows.len();
+        let sum = ln_likelihood.values[..n].iter().sum::<f64>() + n as f64 * LN_UM_PER_M;
+        assert!((sum / whole - 1.0).abs() < 1e-9, "{sum} {whole}");
+        assert!(groups.prior.is_some_and(|prior| prior.columns.len() == problem.priors.priors().len()));
+    }
+
+    #[test]
+    fn notes_say_what_is_given() {
+        for (noise, words) in [
+            (&["white", "ou"][..], "all other fitted positions"),
+            (&["white", "student"], "errors are independent"),
+            (&["white", "gain", "student"], "before it"),
+        ] {
+            let (_, groups) = groups(noise, 0);
+            let note = &group(&groups, "log_likelihood").note;
+            assert!(note.contains(words) && note.contains("every row"), "{note}");
+        }
+    }
+
+    /// 200,000 rows: at most 4 MB a variable, and said.
+    #[test]
+    fn long_records_stay_small() {
+        let (_, groups) = groups(&["white"], 200_000);
+        for own in &groups.drawn {
+            assert!(
+                own.values.len() <= MOST_VALUES + 200_000 / 40 && own.values.len() > MOST_VALUES / 8,
+                "{}",
+                own.group
+            );
+            assert!(own.note.contains("one of every 40 rows"), "{}", own.note);
+        }
+    }
+}

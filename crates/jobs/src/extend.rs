@@ -1,0 +1,318 @@
+//! The next revision of a study: an effect added, both models refitted on all cycles but the last, the last one scored (formats §4).
+
+use base::error::{Error, Place, Result};
+use documents::extension::{ExtensionAnswer, ExtensionSummary, Misfit};
+use documents::posterior::PosteriorSummary;
+use figures::number::significant;
+use models::effects::Library;
+use posterior::monitor::Monitor;
+use posterior::problem::Problem;
+use posterior::sample::{self, SampleRequest, SampleResult};
+use posterior::study::{Assignments, ModelSpecification};
+use sampling::SamplerOptions;
+use sampling::diagnostics::DrawColumn;
+use sampling::evidence::{WeightedDraws, normal_of, valley};
+
+/// What a caller decides.
+pub struct ExtensionRequest<'a> {
+    /// Name of the revision to extend.
+    pub from: &'a str,
+    /// Name of the revision to make.
+    pub revision: &'a str,
+    /// Slugs to add.
+    pub effects: &'a [String],
+    /// Parameters to hold at a value or to free: of both models where they have them.
+    pub values: Assignments,
+    /// Extensions that the same cycle has judged before.
+    pub earlier: usize,
+    /// The sampler's settings.
+    pub options: SamplerOptions,
+}
+
+impl Default for ExtensionRequest<'_> {
+    /// From m0 to m1, with no effect yet.
+    fn default() -> Self {
+        let (values, options) = (Assignments::new(), SamplerOptions::default());
+        Self { from: "m0", revision: "m1", effects: &[], values, earlier: 0, options }
+    }
+}
+
+/// What the job led to.
+pub struct Extension {
+    /// The document for people and scripts.
+    pub summary: ExtensionSummary,
+    /// The extended model, joined with the experiment as it was fitted here.
+    pub problem: Problem,
+    /// Its posterior.
+    pub after: SampleResult,
+}
+
+/// The specification with effects added.
+///
+/// # Errors
+/// [`Error::Input`] when one of them is there already or is not in the library.
+pub fn extended(
+    specification: &ModelSpecification,
+    effects: &[String],
+    library: &Library,
+) -> Result<ModelSpecification> {
+    let refuse = |found: String, remedy: String| Err(Error::input(Place::option("--with"), found, remedy));
+    let mut model = specification.clone();
+    if effects.is_empty() {
+        return refuse("no effect is named".into(), "name one or more, as in `--with clock-offset`".into());
+    }
+    for (index, slug) in effects.iter().enumerate() {
+        if effects[..index].contains(slug) {
+            return refuse(format!("`{slug}` is named twice"), "name it once".into());
+        }
+        if library.get(slug).is_none() {
+            let slugs = library.effects().iter().map(|effect| effect.slug());
+            let near = base::units::nearest_name(slug, slugs);
+            let hint = near.map_or(String::new(), |near| format!("did you mean `{near}`? "));
+            return refuse(format!("`{slug}` is not available"), format!("{hint}`vitreo-uq effects` lists what is"));
+        }
+        if model.effects.contains(slug) {
+            let remedy = "leave it out, or extend an earlier revision with `--from`";
+            return refuse(format!("the model has `{slug}` already"), remedy.into());
+        }
+        model.effects.push(slug.clone());
+    }
+    Ok(model)
+}
+
+/// Two models of one experiment, to be fitted and scored on the same cycles.
+pub struct Pair {
+    /// The model to extend.
+    pub before: Problem,
+    /// The extended one.
+    pub after: Problem,
+}
+
+/// Joins both models with the experiment as revisions are compared on it; `before` is the model to extend, of the whole experiment.
+///
+/// # Errors
+/// As [`extended`]; [`Error::Input`] for what cannot stand together.
+pub fn compared(before: &Problem, request: &ExtensionRequest, library: &Library) -> Result<Pair> {
+    let mut specification = before.specification.clone();
+    let own = before.parameters();
+    let mut of_both = request.values.clone();
+    of_both.retain(|name, _| own.iter().any(|spec| spec.name == name));
+    specification.set(&of_both);
+    let mut larger = extended(&specification, request.effects, library)?;
+    larger.set(&request.values);
+    let experiment = before.experiment.for_comparison();
+    Ok(Pair {
+        before: before.with(experiment.clone(), specification, library)?,
+        after: before.with(experiment, larger, library)?,
+    })
+}
+
+/// Samples both models on the same cycles and scores them.
+///
+/// # Errors
+/// As [`sample::run`].
+pub fn run(pair: Pair, request: &ExtensionRequest, monitor: &dyn Monitor) -> Result<Extension> {
+    let Pair { before, after: problem } = pair;
+    let sampled = |problem: &Problem, kept_surrogate| {
+        let request =
+            SampleRequest { options: request.options.clone(), kept_surrogate, checkpoint: None, resume: false };
+        sample::run(problem, &request, monitor)
+    };
+    monitor.stage(&format!("the model of {}, refitted on the same cycles", request.from));
+    let base = sampled(&before, None)?;
+    let kept = base.reduced.to_keep(&before)?;
+    monitor.stage(&format!("the model with {}", request.effects.join(", ")));
+    let after = sampled(&problem, kept)?;
+    let mut summary = summarise(&problem, request, &base.summary, &after.summary);
+    summary.answers = answers(&problem, request.effects, &after.columns);
+    summary.sentence.push_str(&in_words(&summary.answers));
+    Ok(Extension { summary, problem, after })
+}
+
+fn summarise(
+    problem: &Problem,
+    request: &ExtensionRequest,
+    base: &PosteriorSummary,
+    after: &PosteriorSummary,
+) -> ExtensionSummary {
+    let misfit = |summary: &PosteriorSummary| Misfit {
+        rmse_fitted_um: summary.heldout.rmse_fitted_um,
+        rmse_heldout_um: summary.heldout.rmse_um,
+    };
+    let (before, now) = (misfit(base), misfit(after));
+    ExtensionSummary {
+        experiment: problem.experiment.specimen_id.clone(),
+        revision: request.revision.into(),
+        from: request.from.into(),
+        effects: request.effects.to_vec(),
+        model: after.model.clone(),
+        fitted_cycles: problem.experiment.calibration_cycles.clone(),
+        heldout_cycles: problem.experiment.heldout_cycles.clone(),
+        noise_um: after.heldout.noise_um,
+        before,
+        after: now,
+        parameters: after.parameters.clone(),
+        converged: base.converged && after.converged,
+        answers: Vec::new(),
+        sentence: sentence(&request.effects.join(" and "), before, now, &Scoring::of(problem, request, after)),
+        warnings: after.warnings.clone(),
+    }
+}
+
+/// Draws that are looked at for a valley: evenly spread over all.
+const N_DRAWS_FOR_ANSWERS: usize = 2_000;
+const GOLDEN: f64 = 0.618_033_988_749_894_9;
+
+/// The sides of the first valley in a parameter of the added effects, in the coordinate in which its prior is a standard normal.
+fn answers(problem: &Problem, effects: &[String], columns: &[DrawColumn]) -> Vec<ExtensionAnswer> {
+    let is_added = |name: &str| {
+        effects.iter().any(|slug| name.strip_prefix(slug.as_str()).is_some_and(|rest| rest.starts_with('.')))
+    };
+    for (prior, column) in problem.priors.priors().iter().zip(columns).filter(|(prior, _)| is_added(&prior.name)) {
+        // Multiples of the golden section: a stride would lock to some of the walkers.
+        let n = column.values.len();
+        let place = |k: usize| ((k as f64 * GOLDEN).fract() * n as f64) as usize;
+        let natural: Vec<f64> = (0..N_DRAWS_FOR_ANSWERS.min(n)).map(|k| column.values[place(k)]).collect();
+        let points: Vec<Vec<f64>> = natural.iter().map(|x| vec![normal_of(&prior.distribution, *x), *x]).collect();
+        let draws = WeightedDraws::new(points, &vec![0.0; natural.len()]);
+        let Some(bottom) = valley(&draws, |point| point[0]) else { continue };
+        let side = |is_on: &dyn Fn(f64) -> bool| {
+            let part = draws.part(|point| is_on(point[0]));
+            let quantiles = part.quantiles(|point| point[1], &[0.05, 0.95]);
+            ExtensionAnswer {
+                parameter: prior.name.clone(),
+                probability: draws.mean(|point| f64::from(u8::from(is_on(point[0])))),
+                mean: part.mean(|point| point[1]),
+                q05: quantiles[0],
+                q95: quantiles[1],
+            }
+        };
+        let mut sides = vec![side(&|u| u < bottom), side(&|u| u >= bottom)];
+        sides.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+        return sides;
+    }
+    Vec::new()
+}
+
+fn in_words(answers: &[ExtensionAnswer]) -> String {
+    let digits = |value: f64| significant(value, 3);
+    let of = |answer: &ExtensionAnswer| {
+        let ExtensionAnswer { parameter, probability, mean, q05, q95 } = answer;
+        format!(
+            "{parameter} = {} ({} to {} at 90 %) with probability {probability:.2}",
+            digits(*mean),
+            digits(*q05),
+            digits(*q95)
+        )
+    };
+    let each: Vec<String> = answers.iter().map(of).collect();
+    if each.is_empty() { String::new() } else { format!(" There are two answers: {}.", each.join(", or ")) }
+}
+
+/// What errors are judged by.
+struct Scoring {
+    noise_um: Option<f64>,
+    n_scored: usize,
+    /// Extensions that the same cycle has judged before.
+    earlier: usize,
+}
+
+impl Scoring {
+    fn of(problem: &Problem, request: &ExtensionRequest, after: &PosteriorSummary) -> Self {
+        let scored = problem.positions_of(&problem.experiment.heldout_cycles);
+        let n_scored = scored.iter().flatten().count();
+        Self { noise_um: after.heldout.noise_um, n_scored, earlier: request.earlier }
+    }
+}
+
+/// A root mean square over n positions is known to its √(2n)-th part; changes of less than this many of these are none.
+const CHANGE_IN_ERRORS: f64 = 2.0;
+
+/// What the figures say, and no more.
+fn sentence(effects: &str, before: Misfit, after: Misfit, scoring: &Scoring) -> String {
+    let noise = scoring.noise_um.map_or(String::new(), |noise| format!(" (noise {noise:.3} µm)"));
+    let (Some(was), Some(is)) = (before.rmse_heldout_um, after.rmse_heldout_um) else {
+        return format!(
+            "With {effects} the error on the fitted cycles goes from {:.3} to {:.3} µm{noise}. No cycle is held out, so this is suggestive at most.",
+            before.rmse_fitted_um, after.rmse_fitted_um
+        );
+    };
+    let uncertain_um = CHANGE_IN_ERRORS * was.min(is) / (2.0 * scoring.n_scored.max(1) as f64).sqrt();
+    let verb = if (was - is).abs() < uncertain_um {
+        "does not change by more than its uncertainty"
+    } else if is < was {
+        "falls"
+    } else {
+        "rises"
+    };
+    let times = match scoring.earlier {
+        0 => "One cycle was scored, once.".to_string(),
+        n => format!("The same cycle has judged {n} earlier revision{} of this study.", if n == 1 { "" } else { "s" }),
+    };
+    format!(
+        "With {effects} the error on the held-out cycle {verb}: {was:.3} µm before, {is:.3} µm after{noise}. {times}"
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sentences_claim_what_was_scored() {
+        let misfit = |fitted, heldout| Misfit { rmse_fitted_um: fitted, rmse_heldout_um: heldout };
+        let say = |was: f64, is: f64, earlier: usize| {
+            let scoring = Scoring { noise_um: Some(4.0), n_scored: 200, earlier };
+            sentence("x", misfit(9.0, Some(was)), misfit(4.0, Some(is)), &scoring)
+        };
+        let scored = say(10.0, 4.1, 0);
+        assert!(scored.contains("falls: 10.000 µm before, 4.100 µm after (noise 4.000 µm)"), "{scored}");
+        assert!(scored.contains("once") && say(10.0, 4.1, 2).contains("has judged 2 earlier revisions"));
+        assert!(say(4.0, 10.0, 0).contains("rises"));
+        // Of 200 positions: 4 µm within 0.4 µm.
+        assert!(say(4.3, 4.0, 0).contains("does not change") && say(4.5, 4.0, 0).contains("falls"));
+        let scoring = Scoring { noise_um: None, n_scored: 0, earlier: 0 };
+        assert!(sentence("x", misfit(9.0, None), misfit(4.0, None), &scoring).contains("suggestive"));
+    }
+
+    /// Draws of two heaps are two answers with their shares, also of a parameter that is always positive; draws of one heap are one.
+    #[test]
+    fn two_heaps_of_draws_are_two_answers() {
+        let (experiment, _) = posterior::replica::embedded().expect("embedded");
+        let effects = ["instantaneous-elasticity".to_string()];
+        let specification = ModelSpecification { effects: effects.to_vec(), ..ModelSpecification::default() };
+        let problem = Problem::new(experiment, specification, None, &posterior::monitor::Silent).expect("sound");
+        let place =
+            problem.priors.names().position(|name| name.starts_with("instantaneous-elasticity.")).expect("sampled");
+        let prior = problem.priors.priors()[place].distribution;
+        let columns = |heap: &dyn Fn(usize) -> f64| -> Vec<DrawColumn> {
+            let of = |d: usize| {
+                let value = |k: usize| {
+                    let spread = ((k as f64 * 0.618).fract() - 0.5) * 0.06;
+                    prior.quantile(if d == place { heap(k) + spread } else { 0.5 + spread })
+                };
+                DrawColumn { n_ensembles: 1, n_steps: 400, n_walkers: 10, values: (0..4_000).map(value).collect() }
+            };
+            (0..problem.priors.priors().len()).map(of).collect()
+        };
+        let two = answers(&problem, &effects, &columns(&|k| if k % 10 < 3 { 0.9 } else { 0.1 }));
+        assert_eq!(two.len(), 2);
+        // 2,000 of the draws have an error of 0.01 in a share; five are allowed.
+        assert!((two[0].probability - 0.7).abs() < 0.05 && two[0].q95 < two[1].q05, "{two:?}");
+        assert!(in_words(&two).contains(", or instantaneous-elasticity."), "{}", in_words(&two));
+        assert!(answers(&problem, &effects, &columns(&|_| 0.4)).is_empty());
+        assert_eq!(in_words(&[]), "");
+    }
+
+    #[test]
+    fn an_effect_is_added_once() {
+        let (specification, library) = (ModelSpecification::default(), Library::default());
+        let slug = [library.effects()[0].slug().to_string()];
+        let model = extended(&specification, &slug, &library).expect("it is in the library");
+        assert_eq!(model.effects, slug);
+        for (model, slugs) in [(&model, &slug[..]), (&specification, &["nonsense".to_string()]), (&specification, &[])]
+        {
+            assert!(matches!(extended(model, slugs, &library), Err(Error::Input { .. })), "{slugs:?}");
+        }
+    }
+}

@@ -1,0 +1,85 @@
+//! The first revision of a study: a posterior with all that is written beside it.
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use super::artefacts;
+use base::error::{Error, Place, Result};
+use models::effects::Library;
+use posterior::monitor::Monitor;
+use posterior::prior::PriorSet;
+use posterior::problem::Problem;
+use posterior::reduced::KeptSurrogate;
+use posterior::sample::{self, SampleRequest, SampleResult};
+use posterior::study::{ModelSpecification, Study};
+use record::Experiment;
+use sampling::SamplerOptions;
+
+/// Its name.
+pub const FIRST_REVISION: &str = "m0";
+
+/// Samples the posterior and writes it as the study's first revision, whole or not at all; returns its directory, too.
+///
+/// # Errors
+/// Those of [`sample::run`], and of writing.
+pub fn make_first_revision(
+    study: &Study,
+    problem: &Problem,
+    options: SamplerOptions,
+    resume: bool,
+    monitor: &dyn Monitor,
+) -> Result<(SampleResult, PathBuf)> {
+    let revision = study.begin_revision(FIRST_REVISION)?;
+    let checkpoint = study.checkpoint_dir(FIRST_REVISION)?.join("sampler.state");
+    let seed = options.seed;
+    let request = SampleRequest {
+        options,
+        kept_surrogate: kept_surrogate(study, monitor),
+        checkpoint: Some(&checkpoint),
+        resume,
+    };
+    let mut result = sample::run(problem, &request, monitor)?;
+    monitor.stage("writing results and figures");
+    let clock = Instant::now();
+    let header = |kind: &str| artefacts::with_inputs(study.provenance(kind, 1, seed), problem);
+    artefacts::write(revision.path(), problem, &result, &header)?;
+    result.timing_s.push(("results and figures", clock.elapsed().as_secs_f64()));
+    artefacts::write_timing(revision.path(), &result.timing_s, header("timing"))?;
+    let written = revision.commit()?;
+    study.discard_checkpoint(FIRST_REVISION)?;
+    Ok((result, written))
+}
+
+/// The experiment as a revision is fitted to it: the first, or none, to the calibration cycles, later ones to all but the last held-out one, as `extend` fits them.
+pub fn as_fitted(experiment: Experiment, revision: Option<&str>) -> Experiment {
+    if revision.is_none_or(|name| name == FIRST_REVISION) { experiment } else { experiment.for_comparison() }
+}
+
+/// The surrogate of an earlier run, if it can be used; whether it fits is checked by its hash.
+pub fn kept_surrogate(study: &Study, monitor: &dyn Monitor) -> Option<KeptSurrogate> {
+    KeptSurrogate::read(&study.revision_dir(FIRST_REVISION).ok()?, monitor)
+}
+
+/// A revision of another model is not overwritten unless that is asked for.
+///
+/// # Errors
+/// [`Error::Input`] where the study has another model in its first revision and `force` is not said.
+pub fn refuse_other_model(study: &Study, specification: &ModelSpecification, force: bool) -> Result<()> {
+    let Ok(dir) = study.revision_dir(FIRST_REVISION) else { return Ok(()) };
+    let path = dir.join("model.toml");
+    if force || same_model(&ModelSpecification::of_revision(&dir, &Library::default())?, specification)? {
+        return Ok(());
+    }
+    Err(Error::input(
+        Place::file(path),
+        "the study's m0 is of another model, and `sample` makes m0 only",
+        "choose another directory with `--out`, replace m0 with `--force`, or add effects with `extend`",
+    ))
+}
+
+/// Whether two models are the same, their priors by content and not by name.
+fn same_model(ours: &ModelSpecification, other: &ModelSpecification) -> Result<bool> {
+    let unnamed = |model: &ModelSpecification| ModelSpecification { prior: String::new(), ..model.clone() };
+    let same_prior = || Ok(PriorSet::text_named(&ours.prior)?.1 == PriorSet::text_named(&other.prior)?.1);
+    if unnamed(ours) == unnamed(other) { same_prior() } else { Ok(false) }
+}

@@ -1,0 +1,96 @@
+//! `init` of a rheometer's creep: stress and strain against time stand for force and position (docs/experiment.md).
+
+use base::units::Dimension;
+use record::table::{Given, Looked};
+
+/// Words in the names of stresses and strains, and one that no strain has.
+const STRESS: [&str; 3] = ["stress", "spannung", "contrainte"];
+const STRAIN: [&str; 4] = ["strain", "deformation", "dehnung", "déformation"];
+const RATE: &str = "rate";
+/// Poisson ratio of a specimen that is nearly all water.
+const OF_WATER: f64 = 0.5;
+
+/// A creep test in shear.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct RheometerCreep {
+    /// Which columns are read, in which units: a pascal as a newton, a strain of 1 as a metre.
+    pub given: Given,
+    /// 2 + 2ν: strain over stress at unit creep compliance.
+    pub compliance: f64,
+}
+
+impl RheometerCreep {
+    /// What a table of stress and strain says; `None` where it is another.
+    pub fn of(looked: &Looked, given: &Given, poisson_ratio: Option<f64>) -> Option<Self> {
+        if given.columns.iter().chain(&given.plane).any(Option::is_some) {
+            return None;
+        }
+        let columns = || looked.columns.iter().zip(&looked.units).enumerate();
+        let called = |name: &str, words: &[&str]| {
+            let name = name.to_lowercase();
+            words.iter().any(|word| name.contains(word)) && !name.contains(RATE)
+        };
+        let (stress, pascals) = columns().find_map(|(place, (name, unit))| {
+            let unit = unit.as_ref().filter(|unit| unit.dimension == Dimension::Pressure)?;
+            called(name, &STRESS).then(|| (place, unit.to_si(1.0)))
+        })?;
+        let (strain, part) = columns().find_map(|(place, (name, unit))| {
+            let part = match unit {
+                None => 1.0,
+                Some(unit) if unit.dimension == Dimension::Ratio => unit.to_si(1.0),
+                Some(_) => return None,
+            };
+            called(name, &STRAIN).then_some((place, part))
+        })?;
+        let number = |place: usize| Some((place + 1).to_string());
+        let so_many = |many: f64, of: &str| Some(if many == 1.0 { of.to_string() } else { format!("{many} {of}") });
+        Some(Self {
+            given: Given {
+                columns: [None, number(stress), number(strain), None],
+                units: [given.units[0].clone(), so_many(pascals, "N"), so_many(part, "m")],
+                ..Given::default()
+            },
+            compliance: 2.0 + 2.0 * poisson_ratio.unwrap_or(OF_WATER),
+        })
+    }
+
+    /// Why it was taken for one.
+    pub fn reason(&self) -> String {
+        format!(
+            "stress and strain against time: a rheometer's creep; a pascal stands for a newton and a strain of 1 for a metre, with compliance_per_m = {} = 2 + 2ν",
+            self.compliance
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use record::table::look;
+
+    fn creep(header: &str, poisson_ratio: Option<f64>) -> Option<RheometerCreep> {
+        let text = format!("{header}\n0,0,1\n1,5,1\n2,6,1\n");
+        let looked = look("creep.csv".as_ref(), text.as_bytes()).expect("a table");
+        RheometerCreep::of(&looked, &Given::default(), poisson_ratio)
+    }
+
+    #[test]
+    fn stress_and_strain_are_a_creep_in_their_units() {
+        let found = creep("Time [s],Shear strain [%],Shear stress [kPa]", Some(0.48)).expect("a creep");
+        assert_eq!(found.given.columns, [None, Some("3".into()), Some("2".into()), None]);
+        assert_eq!(found.given.units, [None, Some("1000 N".into()), Some("0.01 m".into())]);
+        assert!((found.compliance - 2.96).abs() < 1e-12);
+        let plain = creep("Zeit in s,Dehnung,Spannung in Pa", None).expect("a creep");
+        assert_eq!(plain.given.units, [None, Some("N".into()), Some("m".into())]);
+        assert_eq!(plain.compliance, 3.0);
+    }
+
+    #[test]
+    fn other_tables_are_none() {
+        for header in
+            ["Time [s],Position [um],Force [uN]", "Time [s],Strain rate [%],Stress [Pa]", "t_s,strain_um,stress_Pa"]
+        {
+            assert_eq!(creep(header, None), None, "{header}");
+        }
+    }
+}

@@ -1,0 +1,105 @@
+//! `init` of a rheometer's table: an oscillation's description.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use base::error::{Error, Place, Result};
+use base::toml_input::quoted;
+use base::units::Dimension;
+use documents::init::{InitColumn, InitSummary};
+use record::table::{Looked, Spelt};
+use record::{OSCILLATION, SweepColumn};
+
+/// The unit of a column: the table's own, or what an angle and a frequency are called by their names.
+fn unit_of(looked: &Looked, column: SweepColumn, place: usize) -> Result<Spelt> {
+    if let Some(own) = &looked.units[place] {
+        return Ok(own.clone());
+    }
+    let name = &looked.columns[place];
+    let what = match column.dimension() {
+        Dimension::Frequency => "Hz or rad/s",
+        Dimension::Angle => "deg or rad",
+        _ => "Pa or kPa",
+    };
+    Err(Error::input(
+        Place::default().at_key(name.as_str()),
+        format!("the table does not say the unit of the {}", column.key()),
+        format!("write it into the column's name, {what}, as in `{name} [{}]`", what.split(' ').next().unwrap_or("Pa")),
+    ))
+}
+
+/// `experiment.toml` of an oscillation, and what was understood.
+pub(super) fn described(
+    file: &str,
+    id: Option<&str>,
+    poisson_ratio: Option<f64>,
+    looked: &Looked,
+    columns: &[(SweepColumn, usize)],
+) -> Result<(String, InitSummary)> {
+    let stem = Path::new(file).file_stem().map_or("specimen".into(), |stem| stem.to_string_lossy().into_owned());
+    let units: Vec<Spelt> =
+        columns.iter().map(|(column, place)| unit_of(looked, *column, *place)).collect::<Result<_>>()?;
+    let mut lines = String::from("# What was measured: an oscillation of a rheometer.\n");
+    let mut line = |key: &str, value: String, comment: &str| {
+        let (head, key) = key.rsplit_once('\n').map_or(("", key), |(head, key)| (head, key));
+        let end = if head.is_empty() { "" } else { "\n" };
+        let _ = writeln!(lines, "{head}{end}{:<36} # {comment}", format!("{key} = {value}"));
+    };
+    line("\n[specimen]\nid", quoted(id.unwrap_or(&stem)), "its name");
+    let poisson = poisson_ratio.unwrap_or(0.5);
+    line("\n[rheometer]\npoisson_ratio", format!("{poisson:?}"), "of the specimen; 0.5 where it is nearly all water");
+    line("\n[measurement]\nkind", quoted(OSCILLATION), "moduli against frequency");
+    line("file", quoted(file), "the table as it was");
+    line("source", quoted("not stated"), "where it comes from; synthetic or measured");
+    line("# heldout_hz", "[1.0]".into(), "frequencies that are not fitted; left out: every third");
+    let layout = &looked.layout;
+    line("delimiter", quoted(layout.delimiter.name()), "between cells");
+    line("decimal", quoted(layout.decimal.name()), "before decimals");
+    if let Some(encoding) = layout.encoding {
+        line("encoding", quoted(encoding.name()), "of the letters: utf-8, utf-16-le, utf-16-be or latin-1");
+    }
+    if let Some(header) = layout.header_line {
+        line("header_line", header.to_string(), "line of the columns' names");
+    }
+    line("first_row_line", layout.first_row_line.to_string(), "line of the first row");
+    for (index, (column, place)) in columns.iter().enumerate() {
+        let key = format!("{}{}", if index == 0 { "\n[measurement.columns]\n" } else { "" }, column.key());
+        let name = &looked.columns[*place];
+        let is_unique = looked.columns.iter().filter(|other| *other == name).count() == 1;
+        let value = if is_unique { quoted(name) } else { (place + 1).to_string() };
+        line(&key, value, "name in the header, or number from 1");
+    }
+    line(
+        "# storage_sd",
+        quoted("…"),
+        "columns of errors, if there are some: storage_sd and loss_sd, or modulus_sd and phase_sd",
+    );
+    for (index, ((column, _), unit)) in columns.iter().zip(&units).enumerate() {
+        let key = format!("{}{}", if index == 0 { "\n[measurement.units]\n" } else { "" }, column.key());
+        let known = match column.dimension() {
+            Dimension::Frequency => "Hz or rad/s",
+            Dimension::Angle => "deg or rad",
+            _ => "Pa, kPa, MPa or mPa",
+        };
+        line(&key, quoted(&unit.name), known);
+    }
+    let shown = |((column, place), unit): (&(SweepColumn, usize), &Spelt)| InitColumn {
+        role: column.key().into(),
+        name: looked.columns[*place].clone(),
+        unit: unit.name.clone(),
+        range: None,
+    };
+    let is_used = |place: usize| columns.iter().any(|(_, used)| *used == place);
+    let others = looked.columns.iter().enumerate().filter(|(place, _)| !is_used(*place));
+    let summary = InitSummary {
+        directory: String::new(),
+        file: file.into(),
+        reasons: vec![looked.said.clone(), "frequencies and shear moduli: an oscillation of a rheometer".into()],
+        columns: columns.iter().zip(&units).map(shown).collect(),
+        others: others.map(|(_, name)| name.clone()).collect(),
+        rows: 0,
+        rows_without_position: 0,
+        unknown: Vec::new(),
+    };
+    Ok((lines, summary))
+}

@@ -1,0 +1,273 @@
+//! All revisions of a study on the same footing: each fitted to all cycles but the last, which alone is scored, by full finite elements
+//! (formats §4).
+//!
+//! A revision that `extend` made was fitted so, and its posterior is read; others (m0 above all, which fits the calibration cycles only) are fitted
+//! again, unless an earlier ladder did. Nothing but a converged fit of exactly the same inputs is taken over.
+
+use super::artefacts::with_inputs;
+use base::error::{Error, Place, Result};
+use base::files::{Content, read_if_there};
+use documents::extension::ExtensionSummary;
+use documents::ladder::{LadderSummary, Rung, RungParameter, Shift};
+use documents::posterior::PosteriorSummary;
+use laws::rheology::BaseLaw;
+use models::effects::Library;
+use posterior::monitor::Monitor;
+use posterior::problem::Problem;
+use posterior::reduced::KeptSurrogate;
+use posterior::sample::{self, SampleRequest};
+use posterior::study::ModelSpecification;
+use posterior::study::{EXTENSION_NAME, LADDER_NAME, POSTERIOR_NAME, Provenance, Study, WithProvenance, sha256_hex};
+use sampling::SamplerOptions;
+
+/// What a caller decides.
+pub struct LadderRequest<'a> {
+    /// The last revision to show; `None` for all.
+    pub up_to: Option<&'a str>,
+    /// The sampler's settings for revisions that must be fitted.
+    pub options: SamplerOptions,
+    /// Fit all anew.
+    pub anew: bool,
+}
+
+/// Compares the revisions of a study.
+///
+/// `first` is any problem of the study's whole experiment, for its mechanics.
+///
+/// # Errors
+/// [`Error::Input`] when the study has no revision, or one on another mesh; otherwise as [`sample::run`].
+pub fn run(study: &Study, first: &Problem, request: &LadderRequest, monitor: &dyn Monitor) -> Result<LadderSummary> {
+    let mut names = study.revisions()?;
+    if let Some(last) = request.up_to {
+        study.revision_dir(last)?;
+        let end = names.iter().position(|name| name == last).map_or(names.len(), |place| place + 1);
+        names.truncate(end);
+    }
+    let library = Library::default();
+    let revisions: Vec<Revision> =
+        names.iter().map(|name| Revision::open(study, first, name, &library)).collect::<Result<_>>()?;
+    // What can be refused is refused before anything is fitted.
+    for revision in &revisions {
+        request.options.validate(revision.problem.priors.priors().len())?;
+    }
+    let mut fits = Fits { study, request, earlier: None, kept: None };
+    if !request.anew {
+        fits.earlier = earlier_ladder(study);
+    }
+    let mut rungs: Vec<Rung> =
+        revisions.iter().map(|revision| fits.rung_of(revision, monitor)).collect::<Result<_>>()?;
+    let effects_of: Vec<(String, Vec<String>)> =
+        rungs.iter().map(|rung| (rung.revision.clone(), rung.effects.clone())).collect();
+    for rung in &mut rungs {
+        rung.added = added(rung, &effects_of);
+    }
+    summarise(&revisions, rungs)
+}
+
+/// Where rungs come from.
+struct Fits<'a> {
+    study: &'a Study,
+    request: &'a LadderRequest<'a>,
+    /// What an earlier ladder found.
+    earlier: Option<LadderSummary>,
+    /// The surrogate of the last fit, which serves the next one if it was built from the same input.
+    kept: Option<KeptSurrogate>,
+}
+
+impl Fits<'_> {
+    /// The revision's own posterior, or what an earlier ladder found, or a new fit.
+    fn rung_of(&mut self, revision: &Revision, monitor: &dyn Monitor) -> Result<Rung> {
+        if let Some(stored) = revision.stored.as_ref().filter(|_| !self.request.anew) {
+            return Ok(rung(revision, stored.clone(), None));
+        }
+        let hash = revision.refit_sha256(self.study, &self.request.options);
+        let same = |rung: &&Rung| rung.refit_sha256.as_ref() == Some(&hash);
+        if let Some(found) = self.earlier.as_ref().and_then(|earlier| earlier.revisions.iter().find(same)) {
+            return Ok(Rung { revision: revision.name.clone(), from: revision.from.clone(), ..found.clone() });
+        }
+        monitor.stage(&format!("{}, fitted to all cycles but the last", revision.name));
+        let (options, kept_surrogate) = (self.request.options.clone(), self.kept.take());
+        let request = SampleRequest { options, kept_surrogate, checkpoint: None, resume: false };
+        let result = sample::run(&revision.problem, &request, monitor)?;
+        self.kept = result.reduced.to_keep(&revision.problem)?;
+        Ok(rung(revision, result.summary, Some(hash)))
+    }
+}
+
+/// A revision joined with the experiment as revisions are compared on it.
+struct Revision {
+    name: String,
+    from: Option<String>,
+    problem: Problem,
+    /// Its posterior on disk, if it is of this problem and has converged.
+    stored: Option<PosteriorSummary>,
+}
+
+impl Revision {
+    fn open(study: &Study, first: &Problem, name: &str, library: &Library) -> Result<Self> {
+        let dir = study.revision_dir(name)?;
+        let problem =
+            first.with(first.experiment.for_comparison(), ModelSpecification::of_revision(&dir, library)?, library)?;
+        let inputs = with_inputs(study.provenance("posterior", 1, 0), &problem).inputs_sha256;
+        let document = read_document::<PosteriorSummary>(&dir.join(POSTERIOR_NAME));
+        let mesh_of =
+            |inputs: &std::collections::BTreeMap<String, String>| inputs.get(super::artefacts::MESH_INPUT).cloned();
+        if document.as_ref().is_some_and(|document| mesh_of(&document.provenance.inputs_sha256) != mesh_of(&inputs)) {
+            return Err(Error::input(
+                Place::file(dir.join(POSTERIOR_NAME)),
+                "this revision is on another mesh",
+                "name the mesh that its study was made with (`--mesh`, `--mesh-unit`)",
+            ));
+        }
+        let stored = document.filter(|document| {
+            let (ours, heldout) = (env!("CARGO_PKG_VERSION"), &document.body.heldout);
+            let experiment = &problem.experiment;
+            document.provenance.version == ours
+                && document.provenance.inputs_sha256 == inputs
+                && document.body.model == problem.specification.summary()
+                && heldout.fitted_cycles == experiment.calibration_cycles
+                && heldout.cycles == experiment.heldout_cycles
+                && (heldout.log_score_nats.is_some() || heldout.rmse_um.is_none())
+                && document.body.converged
+        });
+        let extension = read_document::<ExtensionSummary>(&dir.join(EXTENSION_NAME));
+        let (from, stored) = (extension.map(|e| e.body.from), stored.map(|document| document.body));
+        Ok(Self { name: name.into(), from, problem, stored })
+    }
+
+    /// SHA-256 of all that fixes a fit to the last bit.
+    fn refit_sha256(&self, study: &Study, options: &SamplerOptions) -> String {
+        let Problem { experiment, specification, .. } = &self.problem;
+        let inputs = with_inputs(study.provenance("ladder", 1, options.seed), &self.problem);
+        // A prior counts by its content, which the inputs hold.
+        let model = posterior::study::ModelSpecification { prior: String::new(), ..specification.clone() };
+        let cycles = (&experiment.calibration_cycles, &experiment.heldout_cycles);
+        let sampler = (options.n_walkers, options.n_ensembles, options.max_steps);
+        sha256_hex(format!("{inputs:?} {model:?} {cycles:?} {sampler:?}").as_bytes())
+    }
+}
+
+/// A document that can be read; one that cannot is made again.
+fn read_document<T: serde::de::DeserializeOwned>(path: &std::path::Path) -> Option<WithProvenance<T>> {
+    serde_json::from_slice(&read_if_there(path, Content::Document)?).ok()
+}
+
+fn earlier_ladder(study: &Study) -> Option<LadderSummary> {
+    let document = read_document::<LadderSummary>(&study.dir().join(LADDER_NAME))?;
+    let Provenance { inputs_sha256, .. } = document.provenance;
+    study.inputs_sha256().iter().all(|(name, hash)| inputs_sha256.get(name) == Some(hash)).then_some(document.body)
+}
+
+fn rung(revision: &Revision, posterior: PosteriorSummary, refit_sha256: Option<String>) -> Rung {
+    let PosteriorSummary { model, parameters, heldout, error_budget_um, converged, warnings, .. } = posterior;
+    Rung {
+        revision: revision.name.clone(),
+        effects: model.effects.clone(),
+        from: revision.from.clone(),
+        added: Vec::new(),
+        model,
+        rmse_fitted_um: heldout.rmse_fitted_um,
+        rmse_heldout_um: heldout.rmse_um,
+        heldout_log_score_nats: heldout.log_score_nats,
+        heldout_log_score_mcse_nats: heldout.log_score_mcse_nats,
+        parameters: parameters.into_iter().map(RungParameter::from).collect(),
+        learnt_noise_um: error_budget_um.noise,
+        coverage_50: heldout.coverage_50,
+        coverage_90: heldout.coverage_90,
+        joint_p: heldout.joint_p,
+        fe_runs: heldout.fe_runs,
+        surrogate_vs_fe_max_um: heldout.surrogate_vs_fe_max_um,
+        converged,
+        warnings,
+        refit_sha256,
+    }
+}
+
+/// Effects of a revision that the one it extends has not; all of the first revision.
+fn added(rung: &Rung, effects_of: &[(String, Vec<String>)]) -> Vec<String> {
+    let of = |name: &String| effects_of.iter().find(|(revision, _)| revision == name).map(|(_, effects)| effects);
+    let before = rung.from.as_ref().and_then(of);
+    let is_new = |slug: &&String| before.is_none_or(|effects| !effects.contains(slug));
+    rung.effects.iter().filter(is_new).cloned().collect()
+}
+
+fn summarise(revisions: &[Revision], rungs: Vec<Rung>) -> Result<LadderSummary> {
+    let Some(Revision { problem, .. }) = revisions.first() else {
+        return Err(Error::input(
+            Place::default(),
+            "this study has no revision",
+            "run `vitreo-uq sample` on this study first",
+        ));
+    };
+    let experiment = &problem.experiment;
+    let yardstick = experiment.noise_yardstick();
+    let noise_um = yardstick.map(|yardstick| 1e6 * yardstick.sd_m);
+    let n_scored = problem.positions_of(&experiment.heldout_cycles).iter().flatten().count();
+    Ok(LadderSummary {
+        experiment: experiment.specimen_id.clone(),
+        fitted_cycles: experiment.calibration_cycles.clone(),
+        heldout_cycles: experiment.heldout_cycles.clone(),
+        noise_um,
+        noise_origin: yardstick.map_or("unknown", |yardstick| sample::origin(yardstick.origin)).into(),
+        shifts: shifts(problem.model.base(), &rungs),
+        sentence: sentence(&rungs, noise_um, n_scored),
+        revisions: rungs,
+    })
+}
+
+/// Shifts of the law's parameters that are sampled in both the first and the last revision.
+fn shifts(law: BaseLaw, rungs: &[Rung]) -> Vec<Shift> {
+    let [first, .., last] = rungs else { return Vec::new() };
+    let find = |rung: &Rung, name: &str| rung.parameters.iter().find(|p| p.name == name).cloned();
+    let shift = |name: &str| {
+        let (before, after) = (find(first, name)?, find(last, name)?);
+        let relative = before.median / after.median - 1.0;
+        let in_sd_before = (before.mean - after.mean) / before.sd;
+        Some(Shift { name: name.into(), before, after, relative, in_sd_before })
+    };
+    law.parameters().iter().filter_map(|spec| shift(spec.name)).collect()
+}
+
+/// A root mean square over n positions is known to its √(2n)-th part: an error within so many of these of the noise is the noise.
+const NOISE_FLOOR_IN_ERRORS: f64 = 3.0;
+
+/// What the figures say, and no more.
+fn sentence(rungs: &[Rung], noise_um: Option<f64>, n_scored: usize) -> String {
+    let [first, .., last] = rungs else {
+        return "There is one revision, so there is one rung.".into();
+    };
+    let added: Vec<&str> =
+        last.effects.iter().filter(|slug| !first.effects.contains(slug)).map(String::as_str).collect();
+    let with = if added.is_empty() { last.revision.clone() } else { added.join(" and ") };
+    let (Some(was), Some(is)) = (first.rmse_heldout_um, last.rmse_heldout_um) else {
+        return format!(
+            "With {with} the error on the fitted cycles goes from {:.3} to {:.3} µm. No cycle is held out, so this is suggestive at most.",
+            first.rmse_fitted_um, last.rmse_fitted_um
+        );
+    };
+    let uncertain = 1.0 / (2.0 * n_scored.max(1) as f64).sqrt();
+    let verb = match was - is {
+        change if change.abs() < 2.0 * uncertain * was.min(is) => "stays within its uncertainty",
+        change if change > 0.0 => "falls",
+        _ => "rises",
+    };
+    let floor = noise_um.map_or(String::new(), |noise| {
+        let place = if is < noise * (1.0 + NOISE_FLOOR_IN_ERRORS * uncertain) {
+            ", the noise"
+        } else {
+            ", still above the noise"
+        };
+        format!("{place} ({noise:.3} µm)")
+    });
+    let score = match (first.heldout_log_score_nats, last.heldout_log_score_nats) {
+        (Some(before), Some(after)) => format!(" Its log score changes by {:+.1} nats.", after - before),
+        _ => String::new(),
+    };
+    format!(
+        "With {with} the error on the cycle that no fit has seen {verb}: from {was:.3} to {is:.3} µm{floor}.{score}"
+    )
+}
+
+#[cfg(test)]
+#[path = "ladder_tests.rs"]
+pub(crate) mod tests;

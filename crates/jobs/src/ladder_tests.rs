@@ -1,0 +1,51 @@
+//! Sentences, branches and shifts of a ladder.
+
+use super::*;
+use rung_for_tests::rung_of;
+
+#[path = "../../figures/src/rung_for_tests.rs"]
+mod rung_for_tests;
+
+#[test]
+fn sentences_claim_what_was_scored() {
+    let say = |was: f64, is: f64| {
+        let rungs = [rung_of("m0", None, &[], Some(was)), rung_of("m1", Some("m0"), &["clock-offset"], Some(is))];
+        sentence(&rungs, Some(4.0), 200)
+    };
+    // 200 positions: 5 % of an error, hence the noise of 4 µm up to 4.6 µm.
+    let fallen = say(12.0, 4.5);
+    assert!(
+        fallen.contains("clock-offset") && fallen.contains("falls: from 12.000 to 4.500 µm, the noise"),
+        "{fallen}"
+    );
+    assert!(fallen.contains("+750.0 nats"), "{fallen}");
+    assert!(say(12.0, 4.7).contains("still above the noise"));
+    assert!(say(4.0, 12.0).contains("rises") && say(4.3, 4.0).contains("within its uncertainty"));
+    let unscored = [rung_of("m0", None, &[], None), rung_of("m1", Some("m0"), &["clock-offset"], None)];
+    assert!(sentence(&unscored, None, 0).contains("suggestive at most"));
+    assert!(sentence(&unscored[..1], None, 0).contains("one rung"));
+}
+
+/// m2 extends m0, not m1: what it adds is counted from m0.
+#[test]
+fn branches_are_compared_with_what_they_extend() {
+    let rungs = [
+        rung_of("m0", None, &[], Some(9.0)),
+        rung_of("m1", Some("m0"), &["a"], Some(5.0)),
+        rung_of("m2", Some("m0"), &["b"], Some(4.0)),
+        rung_of("m3", Some("m1"), &["a", "c"], Some(4.0)),
+    ];
+    let effects_of: Vec<_> = rungs.iter().map(|rung| (rung.revision.clone(), rung.effects.clone())).collect();
+    let added: Vec<Vec<String>> = rungs.iter().map(|rung| added(rung, &effects_of)).collect();
+    assert_eq!(added, [vec![], vec!["a".to_string()], vec!["b".into()], vec!["c".into()]]);
+}
+
+/// E = 3.9 ± 0.1 before and 3.4 after: 5 sd, 14.7 %.
+#[test]
+fn shifts_are_counted_in_what_the_first_revision_claimed() {
+    let rungs = [rung_of("m0", None, &[], Some(9.0)), rung_of("m1", Some("m0"), &["a"], Some(4.0))];
+    let found = shifts(BaseLaw::default(), &rungs);
+    assert_eq!(found.len(), 1);
+    assert!((found[0].in_sd_before - 5.0).abs() < 1e-9 && (found[0].relative - 0.5 / 3.4).abs() < 1e-9, "{found:?}");
+    assert!(shifts(BaseLaw::default(), &rungs[..1]).is_empty());
+}

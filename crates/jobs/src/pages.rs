@@ -1,0 +1,284 @@
+//! Pages for a browser: documents and figures, gathered from where commands wrote them.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use serde::de::DeserializeOwned;
+
+use super::artefacts::{MESH_INPUT, effect_copy};
+use base::error::{Error, Place, Result};
+use base::files::{Content, read_if_there, write_atomically};
+use documents::groups::GroupsSummary;
+use documents::posterior::PosteriorSummary;
+use documents::shapes::ShapesSummary;
+use figures::page::{self, Figure, LadderPage, Origin, RevisionPage, StudyPage};
+use laws::rheology::BaseLaw;
+use models::effects::Library;
+use posterior::check;
+use posterior::study::{
+    COMPARISON_NAME, DIAGNOSIS_NAME, EXTENSION_NAME, LADDER_NAME, LEARNED_NAME, ModelSpecification, PAGE_NAME,
+    POSTERIOR_NAME, Provenance, Study, WithProvenance, effect_file, sha256_hex,
+};
+use record::Experiment;
+
+const AGAIN: &str = "run the command that wrote it again";
+
+/// Writes the page of a study, or of what `groups` or `shapes` wrote, to `out`, or beside it; returns where it stands.
+///
+/// # Errors
+/// [`Error::Input`] where there is nothing to show, or a document cannot be read; [`Error::File`] if the operating system refuses.
+pub fn write(dir: &Path, out: Option<&Path>) -> Result<PathBuf> {
+    let html = if let Some(document) = read::<GroupsSummary>(&dir.join("groups.json"))? {
+        page::groups(&document.body, drawings(dir)?, &origin(document.provenance))
+    } else if let Some(document) = read::<ShapesSummary>(&dir.join("shapes.json"))? {
+        page::shapes(&document.body, drawings(dir)?, &origin(document.provenance))
+    } else {
+        page::study(content(&Study::open(dir)?)?)
+    };
+    let place = out.map_or_else(|| dir.join(PAGE_NAME), Path::to_path_buf);
+    write_atomically(&place, html.as_bytes())?;
+    Ok(place)
+}
+
+/// Parts of a study's page with their names, each as HTML, as the study stood at a revision.
+///
+/// # Errors
+/// As [`write()`].
+pub fn parts(dir: &Path, revision: &str) -> Result<Vec<(&'static str, String)>> {
+    let mut content = content(&Study::open(dir)?)?;
+    if let Some(place) = content.revisions.iter().position(|own| own.name == revision) {
+        content.revisions.truncate(place + 1);
+    }
+    Ok(page::study_parts(&content))
+}
+
+fn origin(provenance: Provenance) -> Origin {
+    let Provenance { version, seed, inputs_sha256, .. } = provenance;
+    Origin { version, seed, inputs_sha256 }
+}
+
+/// All figures of a result, in the order of their names: they stand beside its document, or in a folder of their own.
+fn drawings(dir: &Path) -> Result<Vec<Figure>> {
+    let folder = if dir.join("figures").is_dir() { "figures/" } else { "" };
+    let place = dir.join(folder);
+    let refused = |source| Error::at_path("read", &place, source, "make the directory readable");
+    let mut names = Vec::new();
+    for entry in std::fs::read_dir(&place).map_err(refused)? {
+        let name = entry.map_err(refused)?.file_name();
+        names.extend(name.to_str().filter(|name| name.ends_with(".svg")).map(|name| format!("{folder}{name}")));
+    }
+    names.sort();
+    names.iter().filter_map(|name| drawing(dir, name).transpose()).collect()
+}
+
+/// What stands in a study.
+fn content(study: &Study) -> Result<StudyPage> {
+    let (experiment, files) = study.read_experiment()?;
+    let names = study.revisions()?;
+    let mut content = StudyPage {
+        record: check::summary(&experiment, &files),
+        revisions: Vec::new(),
+        ladder: None,
+        version: String::new(),
+        inputs_sha256: study.inputs_sha256().clone(),
+        commands: Vec::new(),
+    };
+    let mut posteriors_sha256 = BTreeMap::new();
+    for name in &names {
+        let revision = Kept::read(study, name)?;
+        let posterior = &revision.posterior.provenance;
+        content.version.clone_from(&posterior.version);
+        content.inputs_sha256.extend(posterior.inputs_sha256.clone());
+        content.commands.extend(revision.commands(study, name, &experiment)?);
+        posteriors_sha256.insert(format!("{name}/{POSTERIOR_NAME}"), revision.posterior_sha256.clone());
+        content.revisions.push(revision.into_page(name)?);
+    }
+    if content.revisions.is_empty() {
+        return Err(Error::input(
+            Place::file(study.dir()),
+            "the study has no revision yet",
+            "run `vitreo-uq sample` on it first",
+        ));
+    }
+    // A ladder of other revisions than these is older than the last one.
+    let ladder = read::<documents::ladder::LadderSummary>(&study.dir().join(LADDER_NAME))?;
+    let is_of_these = |(name, hash): (&String, &String)| {
+        ladder.as_ref().is_some_and(|ladder| ladder.provenance.inputs_sha256.get(name) == Some(hash))
+    };
+    if posteriors_sha256.iter().all(is_of_these)
+        && let Some(WithProvenance { provenance, body: summary }) = ladder
+        && let Some(figure) = drawing(study.dir(), "ladder.svg")?
+    {
+        content.commands.push(format!("vitreo-uq ladder STUDY --seed {}", provenance.seed));
+        content.ladder = Some(LadderPage { summary, figure });
+    }
+    Ok(content)
+}
+
+/// A revision as it stands on disk.
+struct Kept {
+    dir: PathBuf,
+    posterior: WithProvenance<PosteriorSummary>,
+    posterior_sha256: String,
+    comparison: Option<WithProvenance<documents::comparison::Comparison>>,
+    diagnosis: Option<WithProvenance<documents::diagnosis::Diagnosis>>,
+    learned: Option<WithProvenance<documents::learned::Learned>>,
+    extension: Option<WithProvenance<documents::extension::ExtensionSummary>>,
+}
+
+impl Kept {
+    fn read(study: &Study, name: &str) -> Result<Self> {
+        let dir = study.revision_dir(name)?;
+        let path = dir.join(POSTERIOR_NAME);
+        let bytes = base::files::read(&path, Content::Document, "check that the study is complete and readable")?;
+        Ok(Self {
+            posterior: parsed(&path, &bytes)?,
+            posterior_sha256: sha256_hex(&bytes),
+            comparison: read(&dir.join(COMPARISON_NAME))?,
+            diagnosis: read(&dir.join(DIAGNOSIS_NAME))?,
+            learned: read(&dir.join(LEARNED_NAME))?,
+            extension: read(&dir.join(EXTENSION_NAME))?,
+            dir,
+        })
+    }
+
+    /// What makes it again, and what was asked of it.
+    fn commands(&self, study: &Study, name: &str, experiment: &Experiment) -> Result<Vec<String>> {
+        let Self { posterior, comparison, diagnosis, learned, extension, .. } = self;
+        let library = Library::default();
+        let model = |revision: &str| -> Result<ModelSpecification> {
+            ModelSpecification::read(&study.revision_dir(revision)?.join("model.toml"), &library)
+        };
+        let mut settings = format!(" --seed {} --chains {}", posterior.provenance.seed, posterior.body.sampler.walkers);
+        // A run that did not converge ended where its steps did.
+        if !posterior.body.converged {
+            settings += &format!(" --steps {}", posterior.body.sampler.steps);
+        }
+        if posterior.provenance.inputs_sha256.contains_key(MESH_INPUT) {
+            settings += " --mesh MESH";
+        }
+        let made = match extension {
+            None => {
+                let (before, now) = (ModelSpecification::default(), model(name)?);
+                let with = option("--with", &named(&now.effects, name));
+                format!("vitreo-uq sample EXPERIMENT --out STUDY{with}{}{settings}", options(&before, &now, name))
+            }
+            Some(WithProvenance { body, .. }) => {
+                let (before, now) = (model(&body.from)?, model(name)?);
+                let with = option("--with", &named(&body.effects, name));
+                format!("vitreo-uq extend STUDY --from {}{with}{}{settings}", body.from, options(&before, &now, name))
+            }
+        };
+        let asked = |command: &str, seed: u64| format!("vitreo-uq {command} STUDY --from {name} --seed {seed}");
+        let compared = comparison.as_ref().map(|document| {
+            let asked = asked("compare", document.provenance.seed);
+            format!("{asked} --simulations {}", document.body.simulated_records)
+        });
+        let diagnosed = diagnosis.as_ref().map(|document| asked("diagnose", document.provenance.seed));
+        let learned = learned.as_ref().map(|document| {
+            let monotone = if document.body.monotone { " --monotone" } else { "" };
+            let asked = format!("{}{monotone}", asked("learn", document.provenance.seed));
+            let (fitted, scored) = (&document.body.fitted_cycles, &document.body.heldout_cycles);
+            let last = fitted.last().filter(|_| *scored != experiment.for_comparison().heldout_cycles);
+            last.map_or(asked.clone(), |last| format!("{asked} --first-cycles {last}"))
+        });
+        Ok(std::iter::once(made).chain(compared).chain(diagnosed).chain(learned).collect())
+    }
+
+    fn into_page(self, name: &str) -> Result<RevisionPage> {
+        let stems = [
+            "predictive",
+            "comparison",
+            "comparison_map",
+            "comparison_bias",
+            "diagnosis",
+            "fingerprints",
+            "discrepancy",
+            "learned",
+            "corner",
+            "trace",
+            "singular_values",
+        ];
+        let mut figures = BTreeMap::new();
+        for stem in stems {
+            if let Some(drawing) = drawing(&self.dir, &format!("figures/{stem}.svg"))? {
+                figures.insert(stem.into(), Figure { file: format!("{name}/{}", drawing.file), ..drawing });
+            }
+        }
+        Ok(RevisionPage {
+            name: name.into(),
+            posterior: self.posterior.body,
+            comparison: self.comparison.map(|document| document.body),
+            diagnosis: self.diagnosis.map(|document| document.body),
+            learned: self.learned.map(|document| document.body),
+            extension: self.extension.map(|document| document.body),
+            figures,
+        })
+    }
+}
+
+/// Effects as `--with` takes them: those that a file has defined by the copy in their revision.
+fn named(effects: &[String], revision: &str) -> String {
+    let name = |slug: &String| match effect_file::definition(slug) {
+        Some(_) => format!("{revision}/{}", effect_copy(slug)),
+        None => slug.clone(),
+    };
+    effects.iter().map(name).collect::<Vec<_>>().join(",")
+}
+
+/// Options that lead from one model to another, effects left out.
+fn options(before: &ModelSpecification, now: &ModelSpecification, name: &str) -> String {
+    let mut text = String::new();
+    if now.base != before.base {
+        let base = match &now.base {
+            BaseLaw::Network(_) | BaseLaw::Outside(_) => format!("{name}/model.toml"),
+            named => named.name().into(),
+        };
+        text += &option("--base", &base);
+    }
+    if now.noise != before.noise {
+        text += &option("--noise", &now.noise.join(","));
+    }
+    if now.prior != before.prior {
+        let is_file = now.prior.ends_with(".toml");
+        text += &option("--prior", &if is_file { format!("{name}/{}", now.prior) } else { now.prior.clone() });
+    }
+    let is_new = |name: &String| !before.freed.contains(name);
+    now.freed.iter().filter(|name| is_new(name)).for_each(|name| text += &option("--set", &format!("{name}=free")));
+    for (name, value) in now.fixed.iter().filter(|(name, value)| before.fixed.get(*name) != Some(*value)) {
+        text += &option("--set", &format!("{name}={value}"));
+    }
+    text
+}
+
+fn option(name: &str, value: &str) -> String {
+    if value.is_empty() { String::new() } else { format!(" {name} {value}") }
+}
+
+/// A document, if it is there.
+fn read<T: DeserializeOwned>(path: &Path) -> Result<Option<WithProvenance<T>>> {
+    if !path.exists() {
+        return Ok(None);
+    }
+    parsed(path, &base::files::read(path, Content::Document, AGAIN)?).map(Some)
+}
+
+fn parsed<T: DeserializeOwned>(path: &Path, bytes: &[u8]) -> Result<T> {
+    serde_json::from_slice(bytes).map_err(|error| {
+        let place = Place::file(path).at_line(error.line());
+        Error::input(place, format!("a report cannot show this document: {error}"), AGAIN)
+    })
+}
+
+/// A figure, if it is there and is a drawing.
+fn drawing(dir: &Path, file: &str) -> Result<Option<Figure>> {
+    let path = dir.join(file);
+    let Some(bytes) = read_if_there(&path, Content::Document) else { return Ok(None) };
+    let refused = || Error::input(Place::file(&path), "this is no figure of this program", AGAIN);
+    let svg = String::from_utf8(bytes).map_err(|_| refused())?;
+    // A drawing goes into the page as it is, so nothing but a drawing may stand in it.
+    if !svg.starts_with("<svg ") || svg.contains("<script") || svg.contains("<foreignObject") || svg.contains("href=") {
+        return Err(refused());
+    }
+    Ok(Some(Figure { file: file.into(), svg: Some(svg) }))
+}

@@ -1,0 +1,118 @@
+//! JSON Schemas (draft 2020-12) of the documents that commands write, generated from their types: `docs/schemas/<kind>-<number>.json`.
+
+use schemars::JsonSchema;
+use schemars::generate::SchemaSettings;
+use serde_json::{Value, json};
+
+use documents::calibration::Calibration;
+use documents::check::CheckSummary;
+use documents::cohort::CohortDiagnosis;
+use documents::comparison::Comparison;
+use documents::diagnosis::Diagnosis;
+use documents::effects::EffectsSummary;
+use documents::extension::ExtensionSummary;
+use documents::fit::FitSummary;
+use documents::groups::GroupsSummary;
+use documents::init::InitSummary;
+use documents::joint::JointSummary;
+use documents::ladder::LadderSummary;
+use documents::learned::Learned;
+use documents::learned_cohort::LearnedCohort;
+use documents::oscillation::{OscillationDiagnosis, OscillationSummary};
+use documents::posterior::PosteriorSummary;
+use documents::shapes::ShapesSummary;
+use documents::simulation::SimulationSummary;
+use documents::tasks::{Gathered, TaskList};
+use posterior::study::WithProvenance;
+use validation::challenge::plays::Plays;
+
+/// The schema of one kind of documents.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DocumentSchema {
+    /// Kind, as in `vitreo-uq/<kind>/<number>`.
+    pub kind: &'static str,
+    /// Number.
+    pub number: u32,
+    /// The schema.
+    pub schema: Value,
+}
+
+impl DocumentSchema {
+    fn of<T: JsonSchema>(kind: &'static str, command: &str) -> Self {
+        let number = 1;
+        let generator = SchemaSettings::draft2020_12().for_serialize().into_generator();
+        let mut schema = generator.into_root_schema_for::<WithProvenance<T>>().to_value();
+        schema["title"] = json!(format!("What `vitreo-uq {command}` writes"));
+        schema["properties"]["schema"]["const"] = json!(format!("vitreo-uq/{kind}/{number}"));
+        Self { kind, number, schema }
+    }
+
+    /// Name of its file.
+    pub fn file_name(&self) -> String {
+        format!("{}-{}.json", self.kind, self.number)
+    }
+
+    /// The file's text.
+    pub fn text(&self) -> String {
+        format!("{:#}\n", self.schema)
+    }
+}
+
+/// The schema of every document of a command.
+pub fn all() -> Vec<DocumentSchema> {
+    vec![
+        DocumentSchema::of::<Calibration>("calibration", "gather"),
+        DocumentSchema::of::<Plays>("challenge", "challenge run"),
+        DocumentSchema::of::<CheckSummary>("check", "check"),
+        DocumentSchema::of::<CohortDiagnosis>("cohort-diagnosis", "diagnose"),
+        DocumentSchema::of::<Comparison>("comparison", "compare"),
+        DocumentSchema::of::<Diagnosis>("diagnosis", "diagnose"),
+        DocumentSchema::of::<JointSummary>("joint", "sample"),
+        DocumentSchema::of::<OscillationSummary>("oscillation", "sample"),
+        DocumentSchema::of::<OscillationDiagnosis>("oscillation-diagnosis", "diagnose"),
+        DocumentSchema::of::<EffectsSummary>("effects", "effects"),
+        DocumentSchema::of::<ExtensionSummary>("extension", "extend"),
+        DocumentSchema::of::<FitSummary>("fit", "fit"),
+        DocumentSchema::of::<Gathered>("gathered", "gather"),
+        DocumentSchema::of::<GroupsSummary>("groups", "groups"),
+        DocumentSchema::of::<InitSummary>("init", "init"),
+        DocumentSchema::of::<LadderSummary>("ladder", "ladder"),
+        DocumentSchema::of::<Learned>("learned", "learn"),
+        DocumentSchema::of::<LearnedCohort>("learned-cohort", "learn"),
+        DocumentSchema::of::<PosteriorSummary>("posterior", "sample"),
+        DocumentSchema::of::<ShapesSummary>("shapes", "shapes"),
+        DocumentSchema::of::<SimulationSummary>("simulation", "simulate"),
+        DocumentSchema::of::<TaskList>("tasks", "tasks"),
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The files in the repository are what the types say.
+    #[test]
+    fn files_are_up_to_date() {
+        let dir = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/schemas");
+        for own in all() {
+            let file = dir.join(own.file_name());
+            let text = std::fs::read_to_string(&file).unwrap_or_default();
+            assert!(text == own.text(), "{} is out of date: cargo run --example write_schemas", file.display());
+        }
+        assert_eq!(std::fs::read_dir(dir).unwrap().count(), all().len());
+    }
+
+    /// Keys of the header and of the body stand side by side, and both are required.
+    #[test]
+    fn headers_and_bodies_are_one_object() {
+        for own in all() {
+            let required: Vec<&str> =
+                own.schema["required"].as_array().unwrap().iter().filter_map(Value::as_str).collect();
+            for key in ["schema", "version", "seed", "inputs_sha256"] {
+                assert!(required.contains(&key) && own.schema["properties"][key].is_object(), "{}: {key}", own.kind);
+            }
+            assert!(required.len() > 6, "{}: {required:?}", own.kind);
+            assert_eq!(own.schema["properties"]["schema"]["const"], format!("vitreo-uq/{}/1", own.kind));
+        }
+    }
+}

@@ -1,0 +1,353 @@
+//! A full finite-element run: the whole system stepped through the experiment's protocol with its internal fields.
+
+use documents::simulation::{SimulationParameter, SimulationSummary};
+use std::collections::BTreeMap;
+use std::time::Instant;
+
+use super::convergence;
+use base::error::{Error, Place, Result};
+use base::number::Dual;
+use documents::posterior::PosteriorSummary;
+use elements::fe::stepping::Resolution;
+use elements::fe::strain::largest_principal_strain;
+use elements::fe::time::{FullOrderModel, TimeScheme};
+use elements::mesh::Mesh;
+use laws::rheology::CreepCompliance;
+use models::model::{Forward, FullForward, FullRun, Response};
+use posterior::advice::strain_warning;
+use posterior::mechanics::FiniteElements;
+use posterior::monitor::Monitor;
+use posterior::problem::Problem;
+use posterior::reduced::field_models;
+use record::{KeptForce, Record};
+
+/// Most displacement fields that are written.
+const MOST_FIELDS: usize = 20;
+/// Most time steps of one run.
+const MOST_STEPS: usize = 20_000_000;
+/// What a caller decides.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SimulationRequest {
+    /// The parameters and where they come from.
+    pub parameters: Vec<SimulationParameter>,
+    /// Time integrator of the law alone; `None` for the stepping that carries effects and networks, too.
+    pub scheme: Option<TimeScheme>,
+    /// Longest time step in s; `None` for one step from row to row.
+    pub time_step_s: Option<f64>,
+    /// Finest level of a convergence table over the built-in meshes, if one is wanted.
+    pub refine: Option<usize>,
+}
+
+/// A run with everything that is written.
+pub struct Simulation {
+    /// The document for people and scripts.
+    pub summary: SimulationSummary,
+    /// Position (m) at every row of the protocol.
+    pub position_m: Vec<f64>,
+    /// Row and displacement of every node (m) of every field that is written.
+    pub fields: Vec<(usize, Vec<[f64; 3]>)>,
+    /// Their mesh.
+    pub mesh: Mesh,
+    /// Wall-clock seconds of each stage.
+    pub timing_s: Vec<(String, f64)>,
+}
+
+/// Settles the parameters: what is `set`, else the posterior's medians, else what the model fixes, else the prior's medians.
+///
+/// # Errors
+/// [`Error::Input`] when `set` names the noise, which is not simulated.
+pub fn parameters(
+    problem: &Problem,
+    set: &BTreeMap<String, f64>,
+    posterior: Option<(&str, &PosteriorSummary)>,
+) -> Result<Vec<SimulationParameter>> {
+    if let Some(noise) = problem.noise.parameters().iter().find(|p| set.contains_key(p.name)) {
+        return Err(Error::input(
+            Place::option("--set"),
+            format!("{} is given, but a simulation has no noise", noise.name),
+            "leave it away; add noise to the trajectory afterwards if it is wanted",
+        ));
+    }
+    let value = |name: &str| -> Result<(f64, String)> {
+        if let Some(value) = set.get(name) {
+            return Ok((*value, "set".into()));
+        }
+        let sampled = posterior.and_then(|(revision, summary)| {
+            let found = summary.parameters.iter().find(|p| p.name == name);
+            found.map(|p| (p.median, format!("posterior median of {revision}")))
+        });
+        let fixed = || problem.specification.fixed.get(name).map(|value| (*value, "fixed by the model".to_string()));
+        let prior = || {
+            let found = problem.priors.get(name);
+            found.map(|prior| (prior.distribution.quantile(0.5), "median of its prior".to_string()))
+        };
+        sampled.or_else(fixed).or_else(prior).ok_or_else(|| {
+            Error::input(
+                Place::option("--set"),
+                format!("{name} has no value"),
+                format!("give one with `--set {name}=VALUE`"),
+            )
+        })
+    };
+    let entry = |parameter: &base::parameter::ParameterSpec| {
+        let (value, origin) = value(parameter.name)?;
+        Ok(SimulationParameter { name: parameter.name.into(), value, origin })
+    };
+    problem.model.parameters().iter().map(entry).collect()
+}
+
+/// Checks what can be checked before anything is computed.
+///
+/// # Errors
+/// [`Error::Input`] for an instrument, a time step that is not positive, too small, or given to the exact scheme, and a table that is too fine
+/// or of a mesh that cannot be refined.
+pub fn check_request(problem: &Problem, request: &SimulationRequest, has_mesh_file: bool) -> Result<()> {
+    finite_elements(problem)?;
+    let refuse = |option: &str, found: String, remedy: &str| Err(Error::input(Place::option(option), found, remedy));
+    if request.scheme.is_some() && !problem.is_exponential() {
+        return refuse(
+            "--scheme",
+            format!("the {} scheme steps a law of springs and dashpots alone", scheme_name(request.scheme)),
+            "leave --scheme away: models with effects, and networks, are stepped by `radau`",
+        );
+    }
+    if let Some(step_s) = request.time_step_s {
+        if request.scheme != Some(TimeScheme::Midpoint) {
+            return refuse(
+                "--time-step-s",
+                format!("the {} scheme chooses its own steps", scheme_name(request.scheme)),
+                "leave it away, or choose `--scheme midpoint`",
+            );
+        }
+        if !(step_s.is_finite() && step_s > 0.0) {
+            return refuse(
+                "--time-step-s",
+                format!("{step_s} is not a time step"),
+                "give a number above zero, in seconds",
+            );
+        }
+    }
+    let steps = n_steps(&problem.experiment.record, request.time_step_s);
+    if steps > MOST_STEPS as f64 {
+        return refuse(
+            "--time-step-s",
+            format!("the run would take {steps:.1e} time steps"),
+            &format!("give a longer step: at most {MOST_STEPS} steps are taken"),
+        );
+    }
+    if let Some(levels) = request.refine {
+        let finest = convergence::finest_level(&problem.experiment.apparatus);
+        if levels == 0 || levels > finest {
+            return refuse("--refine", format!("{levels} mesh levels"), &format!("ask for 1 to {finest} levels"));
+        }
+        if has_mesh_file {
+            return refuse(
+                "--refine",
+                "a mesh from a file cannot be refined here".into(),
+                "leave --mesh away for the built-in meshes, or run `simulate` on several files and compare their stiffness",
+            );
+        }
+    }
+    Ok(())
+}
+
+pub(super) fn finite_elements(problem: &Problem) -> Result<&FiniteElements> {
+    if let Some(outside) = problem.outside() {
+        return Err(Error::input(
+            Place::option("--forward"),
+            format!("{} is no model of this program's to simulate", outside.title()),
+            "ask its server, or leave --forward away",
+        ));
+    }
+    problem.finite_elements().ok_or_else(|| {
+        Error::input(
+            Place::default().at_key("robot"),
+            "an instrument or an indenter has no finite elements to simulate",
+            "give an experiment with [robot] and [vitreous]; `sample` and `fit` work for instruments and indenters",
+        )
+    })
+}
+
+/// Runs the protocol, and the convergence table if it is asked for.
+///
+/// # Errors
+/// As [`check_request`]; whatever its parts refuse.
+pub fn run(
+    problem: &Problem,
+    request: &SimulationRequest,
+    has_mesh_file: bool,
+    monitor: &dyn Monitor,
+) -> Result<Simulation> {
+    check_request(problem, request, has_mesh_file)?;
+    let fe = finite_elements(problem)?;
+    let mut timing_s = Vec::new();
+    let clock = Instant::now();
+    monitor.stage("running the full finite-element model");
+    let values: Vec<f64> = request.parameters.iter().map(|p| p.value).collect();
+    let record = &problem.experiment.record;
+    let grid = TimeGrid::new(record, request.time_step_s);
+    let written_rows = field_rows(record);
+    let run = match (request.scheme, problem.model.base().creep_compliance(&values)) {
+        (Some(scheme), Some(law)) => law_alone(fe, &grid, &law, scheme, &written_rows)?,
+        _ => all_stages(problem, fe, &values, &written_rows)?,
+    };
+    let Run { rows, position_m, fields, mesh, compliance_per_m, extreme_row } = run;
+    let mesh = mesh.unwrap_or_else(|| fe.mesh.clone());
+    let exact_m = exact_in_time_m(problem, fe, compliance_per_m, &values)?;
+    let mut largest_strain = 0.0_f64;
+    for field in &fields {
+        largest_strain = largest_strain.max(largest_principal_strain(&mesh, field)?);
+    }
+    timing_s.push(("full finite elements".to_string(), clock.elapsed().as_secs_f64()));
+    let convergence = match request.refine {
+        Some(levels) => convergence::table(&problem.experiment.apparatus, levels, monitor, &mut timing_s)?,
+        None => Vec::new(),
+    };
+    let distance_m = position_m.iter().zip(&exact_m).fold(0.0_f64, |d, (x, y)| d.max((x - y).abs()));
+    let summary = SimulationSummary {
+        experiment: problem.experiment.specimen_id.clone(),
+        parameters: request.parameters.clone(),
+        unknowns: fe.stiffness.n_unknowns(),
+        stiffness_m: 1.0 / compliance_per_m,
+        scheme: scheme_name(request.scheme).into(),
+        time_steps: grid.time_s.len().saturating_sub(1),
+        time_integration_error_um: 1e6 * distance_m,
+        largest_displacement_um: 1e6 * position_m[extreme_row].abs(),
+        largest_strain,
+        convergence,
+        warnings: strain_warning(largest_strain).into_iter().chain(fe.mesh_warnings.clone()).collect(),
+    };
+    let fields = rows.into_iter().zip(fields).filter(|(row, _)| written_rows.contains(row)).collect();
+    Ok(Simulation { summary, position_m, fields, mesh, timing_s })
+}
+
+fn scheme_name(scheme: Option<TimeScheme>) -> &'static str {
+    match scheme {
+        Some(TimeScheme::Exponential) => "exponential",
+        Some(TimeScheme::Midpoint) => "midpoint",
+        None => "radau",
+    }
+}
+
+/// What a full-order run gives.
+struct Run {
+    /// Rows of `fields`, in order.
+    rows: Vec<usize>,
+    position_m: Vec<f64>,
+    fields: Vec<Vec<[f64; 3]>>,
+    /// Their mesh, where it is not the model's.
+    mesh: Option<Mesh>,
+    compliance_per_m: f64,
+    /// Row of the largest displacement.
+    extreme_row: usize,
+}
+
+/// The rows whose fields are written, and that of the largest displacement.
+fn rows_with_extreme(written_rows: &[usize], position_m: &[f64]) -> (Vec<usize>, usize) {
+    let extreme_row =
+        (0..position_m.len()).fold(0, |a, b| if position_m[b].abs() > position_m[a].abs() { b } else { a });
+    let mut rows = written_rows.to_vec();
+    rows.push(extreme_row);
+    rows.sort_unstable();
+    rows.dedup();
+    (rows, extreme_row)
+}
+
+fn law_alone(
+    fe: &FiniteElements,
+    grid: &TimeGrid,
+    law: &CreepCompliance,
+    scheme: TimeScheme,
+    written_rows: &[usize],
+) -> Result<Run> {
+    let model = FullOrderModel::new(&fe.stiffness, fe.poisson_ratio)?;
+    let load = model.solve_load(&grid.time_s, grid.force.get());
+    let stepped_m = model.trajectory(&load, law, scheme);
+    let position_m: Vec<f64> = grid.place_of_row.iter().map(|&place| stepped_m[place]).collect();
+    let (rows, extreme_row) = rows_with_extreme(written_rows, &position_m);
+    let places: Vec<usize> = rows.iter().map(|&row| grid.place_of_row[row]).collect();
+    let unknowns = &fe.stiffness.assembly.unknowns;
+    let fields = model.fields_by(&load, law, &places, scheme);
+    let fields = fields.iter().map(|field| unknowns.nodal_displacement(field)).collect();
+    Ok(Run { rows, position_m, fields, mesh: None, compliance_per_m: model.compliance_per_m(), extreme_row })
+}
+
+fn all_stages(problem: &Problem, fe: &FiniteElements, values: &[f64], written_rows: &[usize]) -> Result<Run> {
+    let record = &problem.experiment.record;
+    let full = FullForward::new(&problem.model, &fe.stiffness, fe.poisson_ratio, &record.time_s, record.force())?
+        .in_surroundings(fe.surroundings());
+    let position_m = full.trajectory_m(values)?;
+    let (rows, extreme_row) = rows_with_extreme(written_rows, &position_m);
+    let FullRun { position_m, fields, mesh, compliance_per_m } = full.run(values, &rows)?;
+    Ok(Run { rows, position_m, fields, mesh, compliance_per_m, extreme_row })
+}
+
+/// The trajectory (m) in closed form at the run's own compliance: what is left is the time integration's error. For a law that is not linear, which has no
+/// closed form, the full-order trajectory with steps twice as long: what is left is several times that error.
+fn exact_in_time_m(problem: &Problem, fe: &FiniteElements, compliance_per_m: f64, values: &[f64]) -> Result<Vec<f64>> {
+    let record = &problem.experiment.record;
+    if problem.model.effects().iter().any(|effect| effect.is_nonlinear()) {
+        let resolution = Resolution { steps_per_doubling: Resolution::default().steps_per_doubling / 2 };
+        return FullForward::new(&problem.model, &fe.stiffness, fe.poisson_ratio, &record.time_s, record.force())?
+            .in_surroundings(fe.surroundings())
+            .with_resolution(resolution)
+            .trajectory_m(values);
+    }
+    let constants: Vec<Dual> = values.iter().map(|value| Dual::constant(*value)).collect();
+    let mut stages = problem.model.stages(&constants)?;
+    stages.spread = field_models(fe, None, problem.model.effects(), &posterior::monitor::Silent)?.spread(&stages)?;
+    Response::new(&record.time_s, record.force(), record.n_rows()).trajectory_m(&stages, compliance_per_m)
+}
+
+/// The record's times with steps in between, no longer than asked for.
+struct TimeGrid {
+    time_s: Vec<f64>,
+    force: KeptForce,
+    /// Where each row of the record stands.
+    place_of_row: Vec<usize>,
+}
+
+/// Steps that an interval takes, as a number that may be too large to count.
+fn n_parts(interval_s: f64, longest_s: Option<f64>) -> f64 {
+    // An interval that is a whole number of steps but for rounding takes no extra one.
+    longest_s.map_or(1.0, |longest_s| (interval_s / longest_s * (1.0 - 1e-9)).ceil().max(1.0))
+}
+
+fn n_steps(record: &Record, longest_s: Option<f64>) -> f64 {
+    record.time_s.windows(2).map(|pair| n_parts(pair[1] - pair[0], longest_s)).sum()
+}
+
+impl TimeGrid {
+    fn new(record: &Record, longest_s: Option<f64>) -> Self {
+        let (mut time_s, mut force_n, mut place_of_row) = (Vec::new(), Vec::new(), Vec::new());
+        for (row, &time) in record.time_s.iter().enumerate() {
+            place_of_row.push(time_s.len());
+            let interval_s = record.time_s.get(row + 1).map_or(0.0, |next| next - time);
+            let parts = n_parts(interval_s, longest_s);
+            for part in 0..parts as usize {
+                let at_s = time + interval_s * part as f64 / parts;
+                time_s.push(at_s);
+                force_n.push(record.force().at_n(&record.time_s, at_s));
+            }
+        }
+        Self { time_s, force: KeptForce { at_rows_n: force_n, rule: record.force_rule }, place_of_row }
+    }
+}
+
+/// Rows at the ends of force holds, the last row included; when there are many, some of them, evenly.
+fn field_rows(record: &Record) -> Vec<usize> {
+    let mut rows: Vec<usize> = record.force_step_rows().into_iter().filter(|&row| row > 0).collect();
+    if record.n_rows() > 0 {
+        rows.push(record.n_rows() - 1);
+    }
+    rows.dedup();
+    let n = rows.len();
+    if n <= MOST_FIELDS {
+        return rows;
+    }
+    (1..=MOST_FIELDS).map(|k| rows[k * n / MOST_FIELDS - 1]).collect()
+}
+
+#[cfg(test)]
+#[path = "simulate_tests.rs"]
+mod tests;

@@ -1,0 +1,237 @@
+//! The job of `diagnose` on an oscillation: which effect the law lacks.
+//!
+//! Every effect that changes the law alone is fitted. A claim needs a gain that simulated searches without any effect hardly reach, held-out frequencies that do not speak against it, and a
+//! remainder that is noise. What the law leaves is asked for in the same way as in `sample`, so that the two agree.
+
+use rayon::prelude::*;
+
+use super::job::{misfit, model_summary, no_fit};
+use super::noise_like::{LEAST_P, NoiseLike, noise_like};
+use super::problem::{SweepFit, SweepProblem};
+use base::error::{Error, Result};
+use documents::diagnosis::{Verdict, VerdictKind};
+use documents::oscillation::{OscillationCandidate, OscillationDiagnosis, OscillationEstimate};
+use models::effects::{Effect, Library, Stage};
+use posterior::monitor::{Counter, Monitor};
+use posterior::study::ModelSpecification;
+use sampling::ensemble::RandomStream;
+
+/// Simulated searches.
+const N_SEARCHES: usize = 199;
+/// Streams of the simulations, apart from others of the seed.
+const STREAM: u64 = 1 << 41;
+/// Nats within which two effects are not told apart.
+const ALIKE_NATS: f64 = 2.0;
+/// What held-out frequencies may lose by chance where an effect does not show in them.
+const HELDOUT_ROOM_NATS: f64 = 0.1;
+/// Starts of a fit with an effect that know nothing of the one without it.
+const N_WIDE_STARTS: usize = 24;
+/// Starts of an effect's parameters from its prior, the law's from the fit without it.
+const N_STARTS: usize = 6;
+
+/// An effect beside the law, fitted.
+struct Tried {
+    effect: &'static dyn Effect,
+    problem: SweepProblem,
+    fit: SweepFit,
+}
+
+/// Runs the job.
+///
+/// # Errors
+/// Those of fits.
+pub fn run(
+    problem: &SweepProblem,
+    seed: u64,
+    library: &Library,
+    monitor: &dyn Monitor,
+) -> Result<OscillationDiagnosis> {
+    monitor.stage("fitting every effect that changes the law");
+    let base = problem.fit(seed, &[])?.ok_or_else(no_fit)?;
+    let mut tried: Vec<Tried> = Vec::new();
+    for effect in library.effects().iter().filter(|effect| effect.stage() == Stage::Mechanics) {
+        let Some(with) = extended(problem, *effect, library) else { continue };
+        let fit = fitted_beside(problem, &base, &with, seed)?;
+        tried.extend(fit.map(|fit| Tried { effect: *effect, problem: with, fit }));
+    }
+    tried.sort_by(|a, b| b.fit.ln_likelihood.total_cmp(&a.fit.ln_likelihood));
+    monitor.stage("simulated searches without any effect");
+    let chance = searches(problem, &base, &tried, seed, monitor)?;
+    let has_heldout = problem.sweep.rows.iter().any(|row| row.is_heldout);
+    let candidates: Vec<OscillationCandidate> =
+        tried.iter().map(|tried| candidate(tried, &base, &chance, has_heldout)).collect();
+    monitor.stage("asking whether what is left is noise");
+    let left = noise_like(problem, &base, seed)?.ok_or_else(no_fit)?;
+    let helps = |candidate: &OscillationCandidate| {
+        candidate.p_familywise <= LEAST_P && candidate.heldout_gain_nats.is_none_or(|gain| gain > -HELDOUT_ROOM_NATS)
+    };
+    let best = candidates.iter().position(helps);
+    let left_with = match best {
+        Some(best) => noise_like(&tried[best].problem, &tried[best].fit, seed)?,
+        None => None,
+    };
+    let verdict = verdict(&candidates, best, &left, left_with.as_ref());
+    let predicted = problem.predicted(&base.values).ok_or_else(no_fit)?;
+    let with = best.map(|best| &tried[best]).zip(left_with);
+    let extended = with.and_then(|(tried, left)| {
+        let predicted = tried.problem.predicted(&tried.fit.values)?;
+        Some(misfit(&tried.problem, &predicted, &tried.fit, &left))
+    });
+    Ok(OscillationDiagnosis {
+        experiment: problem.sweep.specimen_id.clone(),
+        model: model_summary(problem),
+        verdict,
+        base: misfit(problem, &predicted, &base, &left),
+        extended,
+        candidates,
+        searches: chance.len(),
+    })
+}
+
+/// The model with an effect more; `None` where it cannot stand there or an oscillation shows nothing of it.
+fn extended(problem: &SweepProblem, effect: &dyn Effect, library: &Library) -> Option<SweepProblem> {
+    let slug = effect.slug().to_string();
+    if problem.specification.effects.contains(&slug) {
+        return None;
+    }
+    let mut specification: ModelSpecification = problem.specification.clone();
+    specification.effects.push(slug);
+    SweepProblem::new(problem.sweep.clone(), specification, library).ok()
+}
+
+/// The best fit with an effect, as near to the fit without it as may be: two bodies of a law may trade places, and people should read the one that leaves the law where it was.
+fn fitted_beside(problem: &SweepProblem, base: &SweepFit, with: &SweepProblem, seed: u64) -> Result<Option<SweepFit>> {
+    let starts = [with.starts(seed, N_WIDE_STARTS), beginnings(problem, base, with, seed)].concat();
+    let mut fits = with.maxima(&starts)?;
+    let highest = fits.first().map_or(f64::NAN, |fit| fit.ln_posterior);
+    fits.retain(|fit| fit.ln_posterior > highest - ALIKE_NATS);
+    let law = problem.model.base().parameters();
+    let distance = |fit: &SweepFit| -> f64 {
+        let of = |own: &SweepProblem, point: &[f64], name: &str| {
+            own.priors.names().position(|other| other == name).map(|place| point[place])
+        };
+        let apart = |name: &str| Some(of(problem, &base.point, name)? - of(with, &fit.point, name)?);
+        law.iter().filter_map(|spec| apart(spec.name)).map(|apart| apart * apart).sum()
+    };
+    Ok(fits.into_iter().min_by(|a, b| distance(a).total_cmp(&distance(b))))
+}
+
+/// The law's and the error's coordinates of a fit, with draws of the effect's from its prior.
+fn beginnings(base: &SweepProblem, fit: &SweepFit, with: &SweepProblem, seed: u64) -> Vec<Vec<f64>> {
+    let of_base = |name: &str| base.priors.names().position(|own| own == name).map(|place| fit.point[place]);
+    let join = |start: Vec<f64>| {
+        let named = with.priors.names().zip(start);
+        named.map(|(name, own)| of_base(name).unwrap_or(own)).collect()
+    };
+    with.starts(seed, N_STARTS).into_iter().map(join).collect()
+}
+
+/// Largest gains of searches over simulated oscillations of the fit, each fitted with and without every effect, from where the measured one was found.
+fn searches(
+    problem: &SweepProblem,
+    base: &SweepFit,
+    tried: &[Tried],
+    seed: u64,
+    monitor: &dyn Monitor,
+) -> Result<Vec<f64>> {
+    let Some(predicted) = problem.predicted(&base.values) else { return Ok(Vec::new()) };
+    let counter = Counter::new(monitor, N_SEARCHES);
+    let search = |k: usize| -> Result<Option<f64>> {
+        if monitor.stop().is_some_and(|stop| stop.load(std::sync::atomic::Ordering::Relaxed)) {
+            return Err(Error::Interrupted { kept: "nothing was written".into() });
+        }
+        let mut stream = RandomStream::new(seed, STREAM + k as u64);
+        let rows = problem.simulated(&predicted, &base.values, &mut stream);
+        let without = problem.with_rows(rows.clone()).fit_from(std::slice::from_ref(&base.point))?;
+        let mut largest = 0.0_f64;
+        for tried in tried {
+            let starts = [vec![tried.fit.point.clone()], beginnings(problem, base, &tried.problem, seed)].concat();
+            let with = tried.problem.with_rows(rows.clone()).fit_from(&starts)?;
+            if let Some((with, without)) = with.as_ref().zip(without.as_ref()) {
+                largest = largest.max(with.ln_likelihood - without.ln_likelihood);
+            }
+        }
+        counter.add_one();
+        Ok(without.map(|_| largest))
+    };
+    let found: Vec<Option<f64>> = (0..N_SEARCHES).into_par_iter().map(search).collect::<Result<_>>()?;
+    Ok(found.into_iter().flatten().collect())
+}
+
+fn candidate(tried: &Tried, base: &SweepFit, chance: &[f64], has_heldout: bool) -> OscillationCandidate {
+    let gain_nats = tried.fit.ln_likelihood - base.ln_likelihood;
+    let n_larger = chance.iter().filter(|gain| **gain >= gain_nats).count();
+    let estimate = |name: &'static str| {
+        let place = tried.problem.priors.names().position(|own| own == name)?;
+        let (z, sd) = (tried.fit.point[place], tried.fit.sd[place]);
+        let at = |z: f64| tried.problem.priors.priors()[place].distribution.from_unconstrained(z);
+        Some(OscillationEstimate { name: name.into(), value: at(z), lower: at(z - sd), upper: at(z + sd) })
+    };
+    OscillationCandidate {
+        effect: tried.effect.slug().into(),
+        gain_nats,
+        heldout_gain_nats: has_heldout.then_some(tried.fit.ln_heldout - base.ln_heldout),
+        p_familywise: (1 + n_larger) as f64 / (1 + chance.len()) as f64,
+        parameters: tried.effect.parameters().iter().filter_map(|parameter| estimate(parameter.spec.name)).collect(),
+    }
+}
+
+fn verdict(
+    candidates: &[OscillationCandidate],
+    best: Option<usize>,
+    left: &NoiseLike,
+    left_with: Option<&NoiseLike>,
+) -> Verdict {
+    let alike = |best: usize| -> Vec<String> {
+        let near = |candidate: &&OscillationCandidate| {
+            let heldout = |own: &OscillationCandidate| own.heldout_gain_nats.unwrap_or(0.0);
+            candidate.effect != candidates[best].effect
+                && candidate.gain_nats > candidates[best].gain_nats - ALIKE_NATS
+                && heldout(candidate) > heldout(&candidates[best]) - ALIKE_NATS
+        };
+        candidates.iter().filter(near).map(|candidate| candidate.effect.clone()).collect()
+    };
+    let p = left.p();
+    match (best, left_with) {
+        (Some(best), Some(after)) if after.is_noise() => {
+            let (effect, equivalent) = (candidates[best].effect.clone(), alike(best));
+            let others = if equivalent.is_empty() {
+                String::new()
+            } else {
+                format!("; these frequencies cannot tell it from {}", equivalent.join(" or "))
+            };
+            let sentence = format!(
+                "{effect} is missing: it gains {:.1} nats, as {} of simulated searches do by chance, and what is left is noise (p = {:.2}){others}.",
+                candidates[best].gain_nats,
+                share(candidates[best].p_familywise),
+                after.p()
+            );
+            Verdict { kind: VerdictKind::Missing, effects: vec![effect], equivalent, sentence }
+        }
+        (Some(best), after) => {
+            let effect = candidates[best].effect.clone();
+            let after = after.map_or(f64::NAN, NoiseLike::p);
+            let sentence = format!(
+                "The law is wrong, and no effect of the library mends it: {effect} helps most ({:.1} nats), and what it leaves is no noise (p = {after:.3}).",
+                candidates[best].gain_nats
+            );
+            Verdict { kind: VerdictKind::Unexplained, effects: vec![effect], equivalent: Vec::new(), sentence }
+        }
+        (None, _) if left.is_noise() => {
+            let sentence = format!(
+                "Nothing is missing: what the law leaves is noise (p = {p:.2}), and no effect gains more than chance."
+            );
+            Verdict { kind: VerdictKind::None, effects: Vec::new(), equivalent: Vec::new(), sentence }
+        }
+        (None, _) => {
+            let sentence = format!(
+                "The law is wrong (p = {p:.3}), and no effect of the library helps: try another law with --base."
+            );
+            Verdict { kind: VerdictKind::Unexplained, effects: Vec::new(), equivalent: Vec::new(), sentence }
+        }
+    }
+}
+
+fn share(p: f64) -> String {
+    format!("{:.1} %", 100.0 * p)
+}

@@ -1,0 +1,191 @@
+//! The job of `sample` on an oscillation: posterior, misfit, summary.
+
+use super::noise_like::{LEAST_P, NoiseLike, noise_like};
+use super::problem::{SweepFit, SweepProblem};
+use base::error::{Error, Result};
+use base::parameter::RELATIVE_NOISE;
+use documents::oscillation::{Frequencies, OscillationMisfit, OscillationSummary};
+use documents::posterior::{ModelSummary, Warning, WarningKind};
+use posterior::monitor::Monitor;
+use posterior::sample::{natural_columns, parameter_summary, sampler_summary, with_names};
+use record::SweepForm;
+use sampling::diagnostics::ranks::BlomScores;
+use sampling::diagnostics::{DrawColumn, diagnose};
+use sampling::ensemble::{Progress, RunControl, SampleOutcome};
+use sampling::{SamplerOptions, sample as sample_density};
+
+/// Draws by which the posterior predicts.
+const N_DRAWS: usize = 400;
+/// A law's parameter whose 5 and 95 % quantiles lie so far apart is not determined.
+const UNDETERMINED: f64 = 30.0;
+/// Starts of the sampler's search for modes.
+const N_STARTS: usize = 96;
+
+/// What the job led to.
+pub struct SweepResult {
+    /// The document.
+    pub summary: OscillationSummary,
+    /// Draws and the sampler's account of itself.
+    pub outcome: SampleOutcome,
+    /// One column a sampled parameter, in its own unit.
+    pub columns: Vec<DrawColumn>,
+    /// All parameters of some draws, in their own units.
+    pub values: Vec<Vec<f64>>,
+    /// Mean prediction of both numbers of every row.
+    pub mean: Vec<[f64; 2]>,
+}
+
+/// Runs the job.
+///
+/// # Errors
+/// [`Error::Interrupted`] when stopped; otherwise whatever its parts refuse.
+pub fn run(problem: &SweepProblem, options: &SamplerOptions, monitor: &dyn Monitor) -> Result<SweepResult> {
+    monitor.stage("sampling the posterior");
+    let starts = problem.starts(options.seed, N_STARTS);
+    let progress = |progress: &Progress| monitor.sampling(progress);
+    let control = RunControl { stop: monitor.stop(), progress: Some(&progress), ..RunControl::default() };
+    let outcome = sample_density(problem, &starts, options, &control)?;
+    if outcome.draws.is_empty() {
+        let found = format!("burn-in took all {} steps, so no draw was kept", options.max_steps);
+        return Err(Error::numerical(found, "give more steps (--steps); thousands are usual"));
+    }
+    monitor.stage("asking whether what is left is noise");
+    let columns = natural_columns(&problem.priors, &outcome);
+    let values: Vec<Vec<f64>> = outcome.draws.spread(N_DRAWS).iter().map(|point| problem.values(point)).collect();
+    let mean = mean_prediction(problem, &values)?;
+    let fit = problem.fit(options.seed, &outcome.draws.spread(1))?.ok_or_else(no_fit)?;
+    let left = noise_like(problem, &fit, options.seed)?.ok_or_else(no_fit)?;
+    let blom = BlomScores::new(columns.first().map_or(0, |column| column.values.len()));
+    let names = problem.priors.names().zip(&columns);
+    let parameters: Vec<_> = names.map(|(name, column)| parameter_summary(name, &diagnose(column, &blom))).collect();
+    let mut summary = OscillationSummary {
+        experiment: problem.sweep.specimen_id.clone(),
+        model: model_summary(problem),
+        parameters,
+        sampler: sampler_summary(options, &outcome),
+        frequencies: frequencies(problem),
+        poisson_ratio: problem.sweep.poisson_ratio,
+        misfit: misfit(problem, &mean, &fit, &left),
+        converged: outcome.converged,
+        warnings: Vec::new(),
+    };
+    summary.warnings = warnings(problem, &summary, &left, &with_names(&outcome.messages, &problem.priors));
+    Ok(SweepResult { summary, outcome, columns, values, mean })
+}
+
+/// The model as documents show it; its noise is the table's errors or one relative size.
+pub(super) fn model_summary(problem: &SweepProblem) -> ModelSummary {
+    let noise = if problem.sweep.has_errors() { "known" } else { "relative" };
+    ModelSummary { noise: vec![noise.into()], ..problem.specification.summary() }
+}
+
+pub(super) fn no_fit() -> Error {
+    Error::numerical("the law has no answer at these frequencies", "check the table's units, and the priors")
+}
+
+fn mean_prediction(problem: &SweepProblem, values: &[Vec<f64>]) -> Result<Vec<[f64; 2]>> {
+    let all: Vec<Vec<[f64; 2]>> = values.iter().filter_map(|values| problem.predicted(values)).collect();
+    let n = all.len() as f64;
+    if all.is_empty() {
+        return Err(no_fit());
+    }
+    let mean = |row: usize| [0, 1].map(|k| all.iter().map(|predicted| predicted[row][k]).sum::<f64>() / n);
+    Ok((0..problem.sweep.rows.len()).map(mean).collect())
+}
+
+fn frequencies(problem: &SweepProblem) -> Frequencies {
+    let rows = &problem.sweep.rows;
+    let heldout = rows.iter().filter(|row| row.is_heldout).count();
+    let [lowest_hz, highest_hz] = problem.sweep.range_hz();
+    Frequencies { fitted: rows.len() - heldout, heldout, lowest_hz, highest_hz }
+}
+
+/// What a prediction leaves; sizes of errors are the fit's.
+pub(super) fn misfit(
+    problem: &SweepProblem,
+    predicted: &[[f64; 2]],
+    fit: &SweepFit,
+    left: &NoiseLike,
+) -> OscillationMisfit {
+    let sweep = &problem.sweep;
+    let residuals = problem.residuals(predicted, &fit.values);
+    let mut relative = [Vec::new(), Vec::new()];
+    let (mut heldout, mut errors) = (Vec::new(), Vec::new());
+    for ((row, pair), residual) in sweep.rows.iter().zip(predicted).zip(&residuals) {
+        let [storage, loss] = sweep.form.moduli(*pair);
+        let [measured_storage, measured_loss] = sweep.form.moduli(row.pair);
+        let size = storage.hypot(loss);
+        relative[usize::from(row.is_heldout)]
+            .extend([(measured_storage - storage) / size, (measured_loss - loss) / size]);
+        if row.is_heldout {
+            heldout.extend(residual);
+        }
+        let sd = problem.sd(row, *pair, &fit.values);
+        // Of an angle the error is relative as it stands.
+        let over = [size, if sweep.form == SweepForm::ModulusAndPhase { 1.0 } else { size }];
+        errors.extend([sd[0] / over[0], sd[1] / over[1]]);
+    }
+    let rms = |values: &[f64]| (values.iter().map(|x| x * x).sum::<f64>() / values.len() as f64).sqrt();
+    let [fitted, unseen] = relative;
+    OscillationMisfit {
+        relative_fitted: rms(&fitted),
+        relative_heldout: (!unseen.is_empty()).then(|| rms(&unseen)),
+        heldout_over_error: (!heldout.is_empty()).then(|| rms(&heldout)),
+        error_relative: rms(&errors),
+        errors_known: sweep.has_errors(),
+        p: left.p(),
+    }
+}
+
+fn warnings(
+    problem: &SweepProblem,
+    summary: &OscillationSummary,
+    left: &NoiseLike,
+    messages: &[String],
+) -> Vec<Warning> {
+    let mut warnings = Vec::new();
+    let mut warn = |kind, text: String, advice: &str| warnings.push(Warning { kind, text, advice: advice.into() });
+    if !summary.converged {
+        let text = "the draws have not converged".into();
+        warn(WarningKind::NotConverged, text, "give more steps (--steps), or a narrower prior");
+    }
+    messages.iter().for_each(|text| warn(WarningKind::Sampler, text.clone(), "look at figures/trace.png"));
+    if !left.is_noise() {
+        let p = left.p();
+        let text = match () {
+            () if left.p_size.is_some_and(|p| p < LEAST_P) => {
+                format!("the table's errors are too small for what the law leaves (p = {p:.3})")
+            }
+            () if left.p_neighbours < LEAST_P => {
+                format!("neighbouring frequencies miss the law the same way, which errors do not (p = {p:.3})")
+            }
+            () => format!("held-out frequencies lie farther off than errors would (p = {p:.3})"),
+        };
+        warn(WarningKind::MisfitAboveNoise, text, "run `diagnose`, or try another law (--base)");
+    }
+    let law = problem.model.parameters();
+    for parameter in &summary.parameters {
+        let is_of_law = law.iter().any(|spec| spec.name == parameter.name && spec.unit.starts_with("Pa"));
+        if is_of_law && parameter.q95 > UNDETERMINED * parameter.q05 {
+            let text = format!("these frequencies do not determine {}", parameter.name);
+            warn(
+                WarningKind::Undetermined,
+                text,
+                "measure lower or higher frequencies, take a simpler law, or fix it with --set",
+            );
+        }
+    }
+    if summary.frequencies.heldout == 0 {
+        let text = "no frequency is held out, so nothing checks the law's predictions".into();
+        warn(WarningKind::NothingHeldOut, text, "name some with `heldout_hz` in [measurement]");
+    }
+    if problem.sweep.n_incomplete > 0 {
+        let text = format!("{} rows lack a number and are left out", problem.sweep.n_incomplete);
+        warn(WarningKind::NoiseUnknown, text, "complete them, if they were measured");
+    }
+    if !problem.sweep.has_errors() {
+        let text = format!("the table says no errors: one relative size is learnt as `{}`", RELATIVE_NOISE.name);
+        warn(WarningKind::NoiseUnknown, text, "add columns `storage_sd_pa` and `loss_sd_pa`, if errors are known");
+    }
+    warnings
+}

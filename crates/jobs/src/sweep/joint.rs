@@ -1,0 +1,252 @@
+//! One specimen measured several times: a law that all records share, each with errors of its own.
+//!
+//! Records are creep experiments and oscillations. Each has its log-density over the law's coordinates and its own, priors included; the joint one is their sum with the law's prior counted once.
+//! Whether the records agree is asked by a likelihood ratio: a law for each against one for all.
+
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+
+use base::error::{Error, Place, Result};
+use base::parameter::ParameterSpec;
+use documents::joint::{Agreement, JointRecord, JointSummary, LawEstimate};
+use documents::posterior::{ModelSummary, Warning, WarningKind};
+use posterior::monitor::Monitor;
+use posterior::prior::{Prior, PriorSet};
+use posterior::sample::{natural_columns, parameter_summary, sampler_summary, with_names};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use sampling::diagnostics::ranks::BlomScores;
+use sampling::diagnostics::{DrawColumn, diagnose};
+use sampling::ensemble::{Progress, RunControl, SampleOutcome};
+use sampling::optimum::{Mode, find_modes};
+use sampling::{LogDensity, SamplerOptions, sample as sample_density};
+
+/// Starts of searches, from the prior.
+const N_STARTS: usize = 48;
+/// Probability below which records do not agree.
+const LEAST_P: f64 = 0.01;
+/// Largest number of records.
+pub const MOST_RECORDS: usize = 20;
+
+/// One record's log-density, and its priors in the order of its coordinates: those of the law first.
+pub struct Member<'a> {
+    /// Specimen identifier.
+    pub id: String,
+    /// `creep` or `oscillation`.
+    pub kind: &'static str,
+    /// Its density.
+    pub density: &'a dyn LogDensity,
+    /// Its priors.
+    pub priors: &'a PriorSet,
+}
+
+/// Records with a law in common.
+pub struct Joint<'a> {
+    members: Vec<Member<'a>>,
+    /// The law's priors.
+    law: PriorSet,
+    /// All priors: the law's, then each record's own, their names led by the record's number.
+    pub priors: PriorSet,
+}
+
+/// What the job led to.
+pub struct JointResult {
+    /// The document.
+    pub summary: JointSummary,
+    /// Draws and the sampler's account of itself.
+    pub outcome: SampleOutcome,
+    /// One column a sampled parameter, in its own unit.
+    pub columns: Vec<DrawColumn>,
+}
+
+impl<'a> Joint<'a> {
+    /// Joins records whose first coordinates are those of `law`.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for fewer than two records or too many, or where their laws' priors differ.
+    pub fn new(members: Vec<Member<'a>>, law: &[ParameterSpec]) -> Result<Self> {
+        let refuse = |found: String, remedy: &str| Err(Error::input(Place::default(), found, remedy));
+        if members.len() < 2 || members.len() > MOST_RECORDS {
+            return refuse(
+                format!("{} records are joined", members.len()),
+                "give from 2 to 20 records of one specimen",
+            );
+        }
+        let is_of_law = |name: &str| law.iter().any(|spec| spec.name == name);
+        let first = members[0].priors;
+        let own: Vec<&str> = first.names().filter(|name| !is_of_law(name)).collect();
+        let of_law = first.without(&own);
+        if of_law.priors().is_empty() {
+            return refuse("every parameter of the law is fixed".into(), "leave at least one free");
+        }
+        let n_law = of_law.priors().len();
+        if members.iter().any(|member| member.priors.priors()[..n_law] != *of_law.priors()) {
+            return refuse("the records' laws have different priors".into(), "name one prior for all with --prior");
+        }
+        let named = |(number, member): (usize, &Member<'_>)| -> Vec<Prior> {
+            let own = member.priors.priors()[n_law..].iter();
+            own.map(|prior| Prior { name: format!("record {}: {}", number + 1, prior.name), ..prior.clone() }).collect()
+        };
+        let of_records: Vec<Prior> = members.iter().enumerate().flat_map(named).collect();
+        let priors = of_law.with(&of_records);
+        Ok(Self { members, law: of_law, priors })
+    }
+
+    /// Places of a record's coordinates among all.
+    fn places(&self, record: usize) -> Vec<usize> {
+        let n_law = self.law.priors().len();
+        let n_own = |member: &Member<'_>| member.priors.priors().len() - n_law;
+        let before: usize = self.members[..record].iter().map(n_own).sum();
+        let own = n_law + before..n_law + before + n_own(&self.members[record]);
+        (0..n_law).chain(own).collect()
+    }
+
+    /// Log-density of a point without the law's prior.
+    fn without_prior(&self, density: &dyn LogDensity, point: &[f64]) -> f64 {
+        let (mut value, mut prior) = ([0.0], [0.0]);
+        density.log_density(point, &mut value);
+        self.law.add_ln_pdf_unconstrained(&point[..self.law.priors().len()], &mut prior);
+        value[0] - prior[0]
+    }
+
+    /// A law for each record against one for all.
+    fn agreement(&self, seed: u64) -> Result<(Agreement, Vec<JointRecord>)> {
+        let highest = |density: &dyn LogDensity, priors: &PriorSet| -> Result<Mode> {
+            let mut rng = ChaCha8Rng::seed_from_u64(seed);
+            let starts: Vec<Vec<f64>> =
+                (0..N_STARTS).map(|_| priors.to_unconstrained(&priors.draw(&mut rng))).collect();
+            let modes = find_modes(density, &starts)?;
+            let best =
+                modes.iter().filter(|mode| mode.converged).max_by(|a, b| a.log_density.total_cmp(&b.log_density));
+            best.cloned()
+                .ok_or_else(|| Error::numerical("no best fit was found", "check the records one by one with `sample`"))
+        };
+        let joint = highest(self, &self.priors)?;
+        let mut apart = 0.0;
+        let mut records = Vec::new();
+        for member in &self.members {
+            let mode = highest(member.density, member.priors)?;
+            apart += self.without_prior(member.density, &mode.location);
+            records.push(JointRecord { id: member.id.clone(), kind: member.kind.into(), law: self.estimates(&mode) });
+        }
+        let together: f64 = (0..self.members.len())
+            .map(|record| {
+                let point: Vec<f64> = self.places(record).iter().map(|place| joint.location[*place]).collect();
+                self.without_prior(self.members[record].density, &point)
+            })
+            .sum();
+        let statistic = (2.0 * (apart - together)).max(0.0);
+        let degrees = (self.members.len() - 1) * self.law.priors().len();
+        let p = ChiSquared::new(degrees as f64).map_or(f64::NAN, |chi| 1.0 - chi.cdf(statistic));
+        Ok((Agreement { statistic, degrees_of_freedom: degrees, p }, records))
+    }
+
+    /// The law at a record's own mode, one standard deviation either way.
+    fn estimates(&self, mode: &Mode) -> Vec<LawEstimate> {
+        let n = mode.location.len();
+        let covariance = nalgebra::DMatrix::from_row_slice(n, n, &mode.precision).try_inverse();
+        let estimate = |(k, prior): (usize, &Prior)| {
+            let sd = covariance.as_ref().map_or(f64::NAN, |c| c[(k, k)].max(0.0).sqrt());
+            let at = |z: f64| prior.distribution.from_unconstrained(z);
+            let z = mode.location[k];
+            LawEstimate { name: prior.name.clone(), value: at(z), lower: at(z - sd), upper: at(z + sd) }
+        };
+        self.law.priors().iter().enumerate().map(estimate).collect()
+    }
+
+    /// Samples the joint posterior.
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`] when stopped; otherwise whatever its parts refuse.
+    pub fn run(&self, model: ModelSummary, options: &SamplerOptions, monitor: &dyn Monitor) -> Result<JointResult> {
+        monitor.stage("asking whether the records agree");
+        let (agreement, records) = self.agreement(options.seed)?;
+        monitor.stage("sampling the joint posterior");
+        let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
+        let priors = &self.priors;
+        let starts: Vec<Vec<f64>> = (0..N_STARTS).map(|_| priors.to_unconstrained(&priors.draw(&mut rng))).collect();
+        let progress = |progress: &Progress| monitor.sampling(progress);
+        let control = RunControl { stop: monitor.stop(), progress: Some(&progress), ..RunControl::default() };
+        let outcome = sample_density(self, &starts, options, &control)?;
+        if outcome.draws.is_empty() {
+            let found = format!("burn-in took all {} steps, so no draw was kept", options.max_steps);
+            return Err(Error::numerical(found, "give more steps (--steps); thousands are usual"));
+        }
+        let columns = natural_columns(priors, &outcome);
+        let blom = BlomScores::new(columns.first().map_or(0, |column| column.values.len()));
+        let parameters = priors
+            .names()
+            .zip(&columns)
+            .map(|(name, column)| parameter_summary(name, &diagnose(column, &blom)))
+            .collect();
+        let warnings = warnings(&agreement, &records, &outcome, &with_names(&outcome.messages, priors));
+        let summary = JointSummary {
+            model,
+            parameters,
+            sampler: sampler_summary(options, &outcome),
+            records,
+            agreement,
+            converged: outcome.converged,
+            warnings,
+        };
+        Ok(JointResult { summary, outcome, columns })
+    }
+}
+
+fn warnings(
+    agreement: &Agreement,
+    records: &[JointRecord],
+    outcome: &SampleOutcome,
+    messages: &[String],
+) -> Vec<Warning> {
+    let mut warnings = Vec::new();
+    let mut warn = |kind, text: String, advice: &str| warnings.push(Warning { kind, text, advice: advice.into() });
+    if !outcome.converged {
+        warn(
+            WarningKind::NotConverged,
+            "the draws have not converged".into(),
+            "give more steps (--steps), or a narrower prior",
+        );
+    }
+    messages.iter().for_each(|text| warn(WarningKind::Sampler, text.clone(), "look at the draws"));
+    if agreement.p < LEAST_P {
+        let text = format!(
+            "the records do not agree on one law: a law for each is better by {:.1} nats than chance would have it (p = {:.1e})",
+            0.5 * (agreement.statistic - agreement.degrees_of_freedom as f64),
+            agreement.p
+        );
+        let advice =
+            "compare the records' own laws above; `diagnose` each record: what one of them lacks biases its law";
+        warn(WarningKind::MisfitAboveNoise, text, advice);
+    }
+    let mut ids: Vec<&str> = records.iter().map(|record| record.id.as_str()).collect();
+    ids.sort_unstable();
+    ids.dedup();
+    if ids.len() > 1 {
+        let text = format!("the records name different specimens: {}", ids.join(", "));
+        warn(WarningKind::Sampler, text, "join records of one specimen; `groups` compares several");
+    }
+    warnings
+}
+
+impl LogDensity for Joint<'_> {
+    fn dimension(&self) -> usize {
+        self.priors.priors().len()
+    }
+
+    fn log_density(&self, points: &[f64], log_density: &mut [f64]) {
+        let n = log_density.len();
+        log_density.fill(0.0);
+        let mut own = vec![0.0; n];
+        for (record, member) in self.members.iter().enumerate() {
+            let columns = self.places(record).into_iter().flat_map(|place| &points[place * n..(place + 1) * n]);
+            let columns: Vec<f64> = columns.copied().collect();
+            member.density.log_density(&columns, &mut own);
+            log_density.iter_mut().zip(&own).for_each(|(sum, own)| *sum += own);
+        }
+        // Every record brought the law's prior; it counts once.
+        let mut prior = vec![0.0; n];
+        self.law.add_ln_pdf_unconstrained(&points[..self.law.priors().len() * n], &mut prior);
+        let others = (self.members.len() - 1) as f64;
+        log_density.iter_mut().zip(&prior).for_each(|(sum, prior)| *sum -= others * prior);
+    }
+}

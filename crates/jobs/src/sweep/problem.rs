@@ -1,0 +1,298 @@
+//! An oscillation and a model joined into a log-density.
+
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+
+use base::error::{Error, Place, Result};
+use base::number::Dual;
+use base::parameter::{ParameterSpec, RELATIVE_NOISE};
+use laws::rheology::complex_modulus_pa;
+use laws::stages::Stages;
+use models::effects::Library;
+use models::model::Model;
+use posterior::model_priors::read_priors_with;
+use posterior::prior::{Distribution, Prior, PriorSet};
+use posterior::study::ModelSpecification;
+use record::{Scales, Sweep, SweepForm, SweepRow};
+use sampling::LogDensity;
+use sampling::ensemble::RandomStream;
+use sampling::optimum::{Mode, find_modes};
+
+/// Prior of an oscillation's model where none is named: rheometers see gels of any kind.
+pub const DEFAULT_PRIOR: &str = "generic";
+/// Prior of the relative error: a few per cent, a factor of three either way.
+const NOISE_PRIOR: Distribution = Distribution::LogNormal { median: 0.02, log_sd: 1.2 };
+const NOISE_PRIOR_SOURCE: &str =
+    "chosen: rheometers repeat to a few per cent, a factor of three for one standard deviation";
+/// More frequencies than any rheometer's program sweeps.
+const MOST_ROWS: usize = 10_000;
+/// Draws from the prior at which a fit starts.
+const N_STARTS: usize = 24;
+/// Stream of the starts.
+const START_STREAM: u64 = u64::MAX / 3;
+
+/// An oscillation, a model of it, and priors.
+#[derive(Debug, Clone)]
+pub struct SweepProblem {
+    /// What was measured.
+    pub sweep: Sweep,
+    /// The model as it is written down.
+    pub specification: ModelSpecification,
+    /// Its law and effects.
+    pub model: Model,
+    /// Priors of the sampled parameters.
+    pub priors: PriorSet,
+}
+
+/// The best fit.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SweepFit {
+    /// The sampler's coordinates.
+    pub point: Vec<f64>,
+    /// All parameters, fixed ones too, in their own units.
+    pub values: Vec<f64>,
+    /// Log posterior density of the coordinates.
+    pub ln_posterior: f64,
+    /// Log-likelihood of the fitted rows.
+    pub ln_likelihood: f64,
+    /// Log-likelihood of the rows that no fit has seen.
+    pub ln_heldout: f64,
+    /// Whether the climb ended at a proper maximum.
+    pub converged: bool,
+    /// Standard deviations of the coordinates by the curvature.
+    pub sd: Vec<f64>,
+}
+
+/// The sizes that effects' priors refer to: the slowest period is the record, and nothing faster than the fastest is seen.
+fn scales(sweep: &Sweep) -> Scales {
+    let [lowest_hz, highest_hz] = sweep.range_hz();
+    let slowest_s = 1.0 / (std::f64::consts::TAU * lowest_hz);
+    Scales {
+        largest_force_n: 1.0,
+        hold_s: slowest_s,
+        sample_interval_s: 1.0 / (4.0 * std::f64::consts::TAU * highest_hz),
+        cycle_s: slowest_s,
+        duration_s: slowest_s,
+        ..Scales::default()
+    }
+}
+
+impl SweepProblem {
+    /// Checks the model against the oscillation.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for effects that an oscillation cannot show, terms of noise, parameters that are none, and what priors refuse.
+    pub fn new(sweep: Sweep, specification: ModelSpecification, library: &Library) -> Result<Self> {
+        if sweep.rows.len() > MOST_ROWS {
+            let found = format!("{} frequencies are more than {MOST_ROWS}", sweep.rows.len());
+            let remedy = "is this a record in time? else keep fewer frequencies";
+            return Err(Error::input(Place::default().at_key("sweep"), found, remedy));
+        }
+        let effects = specification.effects(library);
+        let model = Model::new(specification.base, effects, scales(&sweep), &Place::option("--with"))?;
+        if let Some(law) = specification.base.outside() {
+            return Err(Error::input(
+                Place::option("--forward"),
+                format!("{} answers with positions in time, and this is an oscillation", law.url()),
+                "leave it away: oscillations take laws of springs, dashpots and springpots",
+            ));
+        }
+        if specification.noise != ModelSpecification::default().noise {
+            return Err(Error::input(
+                Place::option("--noise"),
+                "an oscillation has no rows in time, and so no terms of noise",
+                "leave --noise away: errors are the table's own, or one relative size that is learnt",
+            ));
+        }
+        let of_errors: &[ParameterSpec] = if sweep.has_errors() { &[] } else { &[RELATIVE_NOISE] };
+        let of_error = |spec: &ParameterSpec, _: &dyn Fn(&str) -> f64| {
+            Some(Prior {
+                name: spec.name.into(),
+                distribution: NOISE_PRIOR,
+                unit: spec.unit.into(),
+                source: NOISE_PRIOR_SOURCE.into(),
+            })
+        };
+        let all = read_priors_with(&specification.prior, &model, of_errors, &of_error, library)?;
+        for (name, value) in &specification.fixed {
+            let spec = model.parameters().iter().chain(of_errors).find(|spec| spec.name == name);
+            if !spec.is_some_and(|spec| value.is_finite() && spec.support.contains(*value)) {
+                let names: Vec<&str> = all.names().collect();
+                let remedy = format!("set one of {} to a value inside its support", names.join(", "));
+                return Err(Error::input(Place::option("--set"), format!("{name} = {value}"), remedy));
+            }
+        }
+        let fixed: Vec<&str> = specification.fixed.keys().map(String::as_str).collect();
+        let priors = all.without(&fixed);
+        let problem = Self { sweep, specification, model, priors };
+        problem.refuse_unseen(&all)?;
+        Ok(problem)
+    }
+
+    /// The same model of the same frequencies with other numbers.
+    pub fn with_rows(&self, rows: Vec<SweepRow>) -> Self {
+        Self { sweep: Sweep { rows, ..self.sweep.clone() }, ..self.clone() }
+    }
+
+    /// Refuses an effect that changes more than the law's relation of stress and strain: an oscillation that goes on for ever shows nothing of it.
+    fn refuse_unseen(&self, all: &PriorSet) -> Result<()> {
+        // Not at the middle of a prior, which may be an effect's null.
+        let aside: Vec<Dual> = self
+            .model
+            .parameters()
+            .iter()
+            .map(|spec| all.get(spec.name).map_or(f64::NAN, |prior| prior.distribution.quantile(0.8)).into())
+            .collect();
+        let seen = self
+            .model
+            .stages(&aside)
+            .is_ok_and(|stages| stages == Stages { base: stages.base, ..Stages::of_law(stages.law.clone()) });
+        if seen || self.model.effects().is_empty() {
+            return Ok(());
+        }
+        let slugs: Vec<&str> = self.model.effects().iter().map(|effect| effect.slug()).collect();
+        Err(Error::input(
+            Place::option("--with"),
+            format!("{}: an oscillation shows effects that change the law only", slugs.join(", ")),
+            "leave it out, or measure a creep record",
+        ))
+    }
+
+    /// All parameters in their own units: the model's, then the error's, if it is learnt.
+    pub fn parameters(&self) -> Vec<ParameterSpec> {
+        let of_errors = (!self.sweep.has_errors()).then_some(RELATIVE_NOISE);
+        self.model.parameters().iter().copied().chain(of_errors).collect()
+    }
+
+    /// All parameters at a point of the sampler.
+    pub fn values(&self, point: &[f64]) -> Vec<f64> {
+        let mut sampled = self.priors.priors().iter().zip(point);
+        let value = |spec: ParameterSpec| match self.specification.fixed.get(spec.name) {
+            Some(value) => *value,
+            None => sampled.next().map_or(f64::NAN, |(prior, z)| prior.distribution.from_unconstrained(*z)),
+        };
+        self.parameters().into_iter().map(value).collect()
+    }
+
+    /// Both numbers at every frequency; `None` where the model has none.
+    pub fn predicted(&self, values: &[f64]) -> Option<Vec<[f64; 2]>> {
+        let n = self.model.parameters().len();
+        let parameters: Vec<Dual> = values[..n].iter().map(|value| (*value).into()).collect();
+        let law = self.model.stages(&parameters).ok()?.law;
+        let shear = 1.0 / (2.0 + 2.0 * self.sweep.poisson_ratio);
+        let at = |row: &SweepRow| {
+            let modulus = complex_modulus_pa(&law, std::f64::consts::TAU * row.frequency_hz);
+            let pair = self.sweep.form.of_moduli(shear * modulus.re, shear * modulus.im);
+            pair.iter().all(|number| number.is_finite()).then_some(pair)
+        };
+        self.sweep.rows.iter().map(at).collect()
+    }
+
+    /// Standard deviations of both numbers of a row whose prediction is `pair`.
+    pub fn sd(&self, row: &SweepRow, pair: [f64; 2], values: &[f64]) -> [f64; 2] {
+        row.sd.unwrap_or_else(|| {
+            let relative = values.last().copied().unwrap_or(f64::NAN);
+            let [storage, loss] = self.sweep.form.moduli(pair);
+            match self.sweep.form {
+                SweepForm::StorageAndLoss => [relative * storage.hypot(loss); 2],
+                SweepForm::ModulusAndPhase => [relative * pair[0], relative],
+            }
+        })
+    }
+
+    /// Distances of both numbers of every row from a prediction, over their standard deviations.
+    pub fn residuals(&self, predicted: &[[f64; 2]], values: &[f64]) -> Vec<[f64; 2]> {
+        let of_row = |(row, pair): (&SweepRow, &[f64; 2])| {
+            let sd = self.sd(row, *pair, values);
+            [0, 1].map(|k| (row.pair[k] - pair[k]) / sd[k])
+        };
+        self.sweep.rows.iter().zip(predicted).map(of_row).collect()
+    }
+
+    /// Log-likelihood of the fitted or of the held-out rows; −∞ where the model has no prediction.
+    pub fn ln_likelihood(&self, values: &[f64], of_heldout: bool) -> f64 {
+        let Some(predicted) = self.predicted(values) else { return f64::NEG_INFINITY };
+        let mut sum = 0.0;
+        for (row, pair) in self.sweep.rows.iter().zip(&predicted).filter(|(row, _)| row.is_heldout == of_heldout) {
+            for (k, sd) in self.sd(row, *pair, values).into_iter().enumerate() {
+                let residual = (row.pair[k] - pair[k]) / sd;
+                sum -= 0.5 * residual * residual + sd.ln() + 0.5 * std::f64::consts::TAU.ln();
+            }
+        }
+        if sum.is_nan() { f64::NEG_INFINITY } else { sum }
+    }
+
+    /// Points from the prior at which a search starts.
+    pub fn starts(&self, seed: u64, n: usize) -> Vec<Vec<f64>> {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        rng.set_stream(START_STREAM);
+        (0..n).map(|_| self.priors.to_unconstrained(&self.priors.draw(&mut rng))).collect()
+    }
+
+    /// The highest of the maxima that starts from the prior and from `also` lead to; `None` where none leads anywhere.
+    ///
+    /// # Errors
+    /// Those of [`find_modes`].
+    pub fn fit(&self, seed: u64, also: &[Vec<f64>]) -> Result<Option<SweepFit>> {
+        self.fit_from(&[self.starts(seed, N_STARTS), also.to_vec()].concat())
+    }
+
+    /// The same from these starts alone.
+    ///
+    /// # Errors
+    /// Those of [`find_modes`].
+    pub fn fit_from(&self, starts: &[Vec<f64>]) -> Result<Option<SweepFit>> {
+        Ok(self.maxima(starts)?.into_iter().next())
+    }
+
+    /// All maxima that these starts lead to, the highest first; one that no climb has reached comes last.
+    ///
+    /// # Errors
+    /// Those of [`find_modes`].
+    pub fn maxima(&self, starts: &[Vec<f64>]) -> Result<Vec<SweepFit>> {
+        let modes = find_modes(self, starts)?;
+        let mut fits: Vec<SweepFit> = modes.iter().map(|mode| self.fit_of(mode)).collect();
+        fits.sort_by(|a, b| b.converged.cmp(&a.converged).then_with(|| b.ln_posterior.total_cmp(&a.ln_posterior)));
+        Ok(fits)
+    }
+
+    fn fit_of(&self, mode: &Mode) -> SweepFit {
+        let values = self.values(&mode.location);
+        let n = mode.location.len();
+        let covariance = nalgebra::DMatrix::from_row_slice(n, n, &mode.precision).try_inverse();
+        let sd = (0..n).map(|k| covariance.as_ref().map_or(f64::NAN, |c| c[(k, k)].max(0.0).sqrt())).collect();
+        SweepFit {
+            ln_likelihood: self.ln_likelihood(&values, false),
+            ln_heldout: self.ln_likelihood(&values, true),
+            point: mode.location.clone(),
+            values,
+            ln_posterior: mode.log_density,
+            converged: mode.converged,
+            sd,
+        }
+    }
+
+    /// Rows as they might have been measured, were the model right at these values.
+    pub fn simulated(&self, predicted: &[[f64; 2]], values: &[f64], stream: &mut RandomStream) -> Vec<SweepRow> {
+        let row = |(row, pair): (&SweepRow, &[f64; 2])| {
+            let sd = self.sd(row, *pair, values);
+            SweepRow { pair: [0, 1].map(|k| pair[k] + sd[k] * stream.normal()), ..*row }
+        };
+        self.sweep.rows.iter().zip(predicted).map(row).collect()
+    }
+}
+
+impl LogDensity for SweepProblem {
+    fn dimension(&self) -> usize {
+        self.priors.priors().len()
+    }
+
+    fn log_density(&self, points: &[f64], log_density: &mut [f64]) {
+        let n = log_density.len();
+        for (i, value) in log_density.iter_mut().enumerate() {
+            let point: Vec<f64> = (0..self.dimension()).map(|d| points[d * n + i]).collect();
+            *value = self.ln_likelihood(&self.values(&point), false);
+        }
+        self.priors.add_ln_pdf_unconstrained(points, log_density);
+    }
+}

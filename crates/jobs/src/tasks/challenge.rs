@@ -1,0 +1,50 @@
+//! Challenges as tasks: each plays a few numbers of what `challenge run` would play.
+
+use serde_json::json;
+
+use super::list::{Task, Work, not_json};
+use base::error::{Error, Result};
+use models::effects::Library;
+use posterior::cache::cache_directory;
+use posterior::monitor::Monitor;
+use validation::challenge::Bench;
+use validation::challenge::play::Play;
+use validation::challenge::plays::{self, PlaysRequest};
+
+/// The tasks of a run, `block` cases each.
+///
+/// # Errors
+/// [`Error::Input`] for a request that cannot be met.
+pub fn work(request: &PlaysRequest, block: usize) -> Result<Vec<Work>> {
+    plays::check(&Library::default(), request)?;
+    let end = request.first + request.count;
+    let parts = (request.first..end).step_by(block.max(1)).map(|first| {
+        let part = PlaysRequest { first, count: block.max(1).min(end - first), ..request.clone() };
+        Work { arguments: json!(part), paths: Vec::new() }
+    });
+    Ok(parts.collect())
+}
+
+/// Plays a task's cases.
+///
+/// # Errors
+/// As [`plays::run`].
+pub fn run(task: &Task, bench: &Bench, monitor: &dyn Monitor) -> Result<Vec<u8>> {
+    let request: PlaysRequest = task.understood()?;
+    let cache = cache_directory().map(|place| place.join("challenge"));
+    let played = plays::run(bench, &request, cache.as_deref(), &plays::in_brief, monitor)?.plays;
+    let body = serde_json::to_vec(&played).map_err(|error| not_json(&error))?;
+    // What does not read back as it was would be counted otherwise than on one machine.
+    match read(&body) {
+        Some(back) if back == played => Ok(body),
+        _ => Err(Error::numerical(
+            format!("the plays from {} on hold numbers that cannot be written", request.first),
+            "report this with the command that was run",
+        )),
+    }
+}
+
+/// The plays of a result.
+pub fn read(body: &[u8]) -> Option<Vec<Play>> {
+    serde_json::from_slice(body).ok()
+}

@@ -1,0 +1,175 @@
+//! The results of a list joined into what one machine writes.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+
+use rayon::prelude::*;
+
+use super::list::{List, Task};
+use super::{calibration, challenge, commands, models, result, sample};
+use base::error::Result;
+use base::files::{Content, read_if_there, refused, stream_atomically, write_atomically};
+use cohorts::artefacts::EXPERIMENTS;
+use documents::calibration::Calibration;
+use documents::tasks::{Fault, Gathered, MissingResult, TaskKind};
+use posterior::monitor::{Counter, Monitor, refuse_if_stopped};
+use validation::challenge::play::Play;
+use validation::challenge::plays::Plays;
+
+pub use super::calibration::{DOCUMENT as CALIBRATION, FIGURES};
+pub use super::commands::TABLE as COMMANDS;
+
+/// The document of challenges in the folder of what was gathered.
+pub const CHALLENGE: &str = "challenge.json";
+
+/// What gathering came to.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Outcome {
+    /// What was there and what was not.
+    pub gathered: Gathered,
+    /// All plays that are there, in their order; `None` for other kinds, or where there is none.
+    pub plays: Option<Plays>,
+    /// What the ranks of a calibration that are there come to; `None` for other kinds, or where there is none.
+    pub calibration: Option<Calibration>,
+    /// Models that were put into the cache now, of those that are there; `None` for other kinds.
+    pub n_adopted: Option<usize>,
+}
+
+/// Reads every result and writes what is there into the folder `out`: for challenges the document of `challenge run`, for a cohort the files that `groups`
+/// keeps, for a calibration its document and figure, for commands the files of each and a table of them. Models go into the cache. What is missing is named and left out.
+///
+/// # Errors
+/// [`base::Error::File`] where the file system refuses, [`base::Error::Interrupted`] when stopped.
+pub fn gather(list: &List, out: &Path, monitor: &dyn Monitor) -> Result<Outcome> {
+    monitor.stage(&format!("reading the results of {} tasks", list.n_tasks()));
+    let found = match list.head().kind {
+        TaskKind::Challenge => {
+            let parts = over_tasks(list, monitor, |_, body| Ok(challenge::read(&body)))?;
+            let faults = faults(&parts);
+            let plays: Vec<Play> = parts.into_iter().filter_map(|part| part.ok()).flatten().collect();
+            let plays = Some(plays).filter(|plays| !plays.is_empty()).map(Plays::of);
+            Found { plays, ..Found::of(faults) }
+        }
+        TaskKind::Sample => {
+            let folder = out.join(EXPERIMENTS);
+            std::fs::create_dir_all(&folder).map_err(refused("create", &folder))?;
+            let parts = over_tasks(list, monitor, |_, body| keep(&folder, &body))?;
+            Found::of(faults(&parts))
+        }
+        TaskKind::Calibration => {
+            let parts = over_tasks(list, monitor, |_, body| Ok(calibration::read(&body)))?;
+            let faults = faults(&parts);
+            let calibration = calibration::joined(parts.into_iter().filter_map(|part| part.ok()).collect());
+            Found { calibration, ..Found::of(faults) }
+        }
+        TaskKind::Models => {
+            let parts = over_tasks(list, monitor, |_, body| models::adopt(&body))?;
+            let n_adopted = parts.iter().filter(|part| matches!(part, Ok(true))).count();
+            Found { n_adopted: Some(n_adopted), ..Found::of(faults(&parts)) }
+        }
+        TaskKind::Commands => {
+            let folder = |task: &Task| out.join(commands::folder_name(task, list.n_tasks()));
+            let parts = over_tasks(list, monitor, |task, body| commands::keep(&folder(task), &body))?;
+            let codes: Vec<Option<i32>> = parts.iter().map(|part| part.as_ref().ok().copied()).collect();
+            std::fs::create_dir_all(out).map_err(refused("create", out))?;
+            write_atomically(&out.join(COMMANDS), &commands::table(list, &codes)?)?;
+            Found::of(faults(&parts))
+        }
+    };
+    monitor.stage("writing what was gathered");
+    if let Some(plays) = &found.plays {
+        std::fs::create_dir_all(out).map_err(refused("create", out))?;
+        let document = plays.document(list.seed());
+        // As `--json` writes it, without holding all of it as text.
+        stream_atomically(&out.join(CHALLENGE), |file| {
+            serde_json::to_writer_pretty(&mut *file, &document)?;
+            file.write_all(b"\n")
+        })?;
+    }
+    if let Some(found) = &found.calibration {
+        calibration::write(list, found, out)?;
+    }
+    let gathered = Gathered {
+        kind: list.head().kind,
+        program: list.head().program.clone(),
+        tasks: list.n_tasks(),
+        results: list.n_tasks() - found.faults.len(),
+        missing: found.faults,
+        foreign: foreign(list)?,
+    };
+    let Found { plays, calibration, n_adopted, .. } = found;
+    Ok(Outcome { gathered, plays, calibration, n_adopted })
+}
+
+/// Tasks without a sound result, among those of some numbers.
+///
+/// # Errors
+/// [`base::Error::Input`] where the list is damaged, [`base::Error::Interrupted`] when stopped.
+pub fn missing(list: &List, numbers: std::ops::Range<usize>, monitor: &dyn Monitor) -> Result<Vec<usize>> {
+    let is_missing = |number: usize| {
+        refuse_if_stopped(monitor, "results are kept")?;
+        let task = list.task(number)?;
+        Ok(result::read(list, &task).is_err().then_some(number))
+    };
+    let found = numbers.into_par_iter().map(is_missing).collect::<Result<Vec<_>>>()?;
+    Ok(found.into_iter().flatten().collect())
+}
+
+struct Found {
+    faults: Vec<MissingResult>,
+    plays: Option<Plays>,
+    calibration: Option<Calibration>,
+    n_adopted: Option<usize>,
+}
+
+impl Found {
+    fn of(faults: Vec<MissingResult>) -> Self {
+        Self { faults, plays: None, calibration: None, n_adopted: None }
+    }
+}
+
+/// What `use_body` makes of the body of every task's result, in their order. A body that means nothing to it is damaged.
+fn over_tasks<T: Send>(
+    list: &List,
+    monitor: &dyn Monitor,
+    use_body: impl Fn(&Task, Vec<u8>) -> Result<Option<T>> + Sync,
+) -> Result<Vec<std::result::Result<T, MissingResult>>> {
+    let counter = Counter::new(monitor, list.n_tasks());
+    let one = |number: usize| {
+        refuse_if_stopped(monitor, "results are kept")?;
+        let task = list.task(number)?;
+        let found = match result::read(list, &task) {
+            Ok(body) => use_body(&task, body)?.ok_or(Fault::Damaged),
+            Err(fault) => Err(fault),
+        };
+        counter.add_one();
+        Ok(found.map_err(|fault| MissingResult { task: number, file: task.result, fault }))
+    };
+    (0..list.n_tasks()).into_par_iter().map(one).collect()
+}
+
+fn faults<T>(parts: &[std::result::Result<T, MissingResult>]) -> Vec<MissingResult> {
+    parts.iter().filter_map(|part| part.as_ref().err()).cloned().collect()
+}
+
+/// Puts the files of a result where `groups` keeps them; one that is there already is left alone.
+fn keep(folder: &Path, body: &[u8]) -> Result<Option<()>> {
+    let Some(files) = sample::files_of(body) else { return Ok(None) };
+    for own in files {
+        let path = folder.join(&own.name);
+        if read_if_there(&path, Content::Document).is_none_or(|there| there != own.text.as_bytes()) {
+            write_atomically(&path, own.text.as_bytes())?;
+        }
+    }
+    Ok(Some(()))
+}
+
+/// Files among the results that no task of the list has: of an earlier list, of another program, or put there by hand.
+fn foreign(list: &List) -> Result<Vec<String>> {
+    let own = (0..list.n_tasks()).map(|number| Ok(list.task(number)?.result)).collect::<Result<BTreeSet<_>>>()?;
+    Ok(list.result_names()?.into_iter().filter(|name| !own.contains(name)).collect())
+}
+
+#[cfg(test)]
+#[path = "gather_tests.rs"]
+mod tests;

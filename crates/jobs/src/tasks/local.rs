@@ -1,0 +1,240 @@
+//! Many workers on this machine, each a process of its own: one that dies takes its task alone with it, and that is tried again.
+
+use std::collections::VecDeque;
+use std::io::{BufRead, BufReader, Write};
+use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use super::worker::Answer;
+use base::error::{Error, Result};
+use posterior::monitor::{Counter, Monitor};
+
+/// Times that a task is begun before it counts as failed.
+const MOST_ATTEMPTS: usize = 3;
+/// Failures one after another, with nothing done between them, after which no more is begun: the disk is full, say.
+const MOST_IN_A_ROW: usize = 12;
+/// Time between two looks whether there is something to do or to stop.
+const LOOK: Duration = Duration::from_millis(20);
+
+/// What became of the tasks.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Outcome {
+    /// Tasks that were run.
+    pub done: usize,
+    /// Tasks whose result was there.
+    pub before: usize,
+    /// Workers that died.
+    pub deaths: usize,
+    /// Tasks that failed, by number, with what was last said of each.
+    pub failed: Vec<(usize, String)>,
+    /// Tasks that were not begun, or not again, because too many had failed one after another.
+    pub left: Vec<usize>,
+    /// What the last failure said; none after the last success.
+    pub last_failure: Option<String>,
+}
+
+/// Runs tasks in `jobs` processes that `worker` makes; each serves tasks on its standard input ([`super::worker::serve`]).
+///
+/// # Errors
+/// [`Error::Interrupted`] when stopped: results that were written are kept.
+pub fn run(
+    tasks: &[usize],
+    jobs: usize,
+    worker: &(dyn Fn() -> Command + Sync),
+    monitor: &dyn Monitor,
+) -> Result<Outcome> {
+    let jobs = jobs.clamp(1, tasks.len().max(1));
+    let shared = Shared {
+        queue: Mutex::new(Queue { waiting: tasks.iter().map(|task| (*task, 0)).collect(), under_way: 0, in_a_row: 0 }),
+        outcome: Mutex::default(),
+        processes: (0..jobs).map(|_| Mutex::new(None)).collect(),
+        counter: Counter::new(monitor, tasks.len()),
+        monitor,
+    };
+    let ended = AtomicUsize::new(0);
+    std::thread::scope(|scope| {
+        for slot in &shared.processes {
+            let (shared, ended) = (&shared, &ended);
+            scope.spawn(move || {
+                shared.work(slot, worker);
+                ended.fetch_add(1, Ordering::SeqCst);
+            });
+        }
+        // Whoever waits for an answer hears nothing but its process's end.
+        while ended.load(Ordering::SeqCst) < jobs {
+            if shared.is_stopped() {
+                shared.processes.iter().for_each(kill);
+            }
+            std::thread::sleep(LOOK);
+        }
+    });
+    if shared.is_stopped() {
+        return Err(Error::Interrupted { kept: "results that were written are kept".into() });
+    }
+    let mut outcome = locked(&shared.outcome).clone();
+    outcome.left = locked(&shared.queue).waiting.iter().map(|(task, _)| *task).collect();
+    outcome.left.sort_unstable();
+    outcome.failed.sort();
+    Ok(outcome)
+}
+
+struct Queue {
+    /// Tasks with the number of times that each was begun.
+    waiting: VecDeque<(usize, usize)>,
+    under_way: usize,
+    in_a_row: usize,
+}
+
+type Slot = Mutex<Option<Child>>;
+
+struct Shared<'a> {
+    queue: Mutex<Queue>,
+    outcome: Mutex<Outcome>,
+    /// The process of each thread, for whoever stops them.
+    processes: Vec<Slot>,
+    counter: Counter<'a>,
+    monitor: &'a dyn Monitor,
+}
+
+impl Shared<'_> {
+    fn is_stopped(&self) -> bool {
+        self.monitor.stop().is_some_and(|stop| stop.load(Ordering::Relaxed))
+    }
+
+    /// The next task; waits where one that is under way may come back.
+    fn next(&self) -> Option<(usize, usize)> {
+        loop {
+            let mut queue = locked(&self.queue);
+            if self.is_stopped() || queue.in_a_row >= MOST_IN_A_ROW {
+                return None;
+            }
+            if let Some(next) = queue.waiting.pop_front() {
+                queue.under_way += 1;
+                return Some(next);
+            }
+            if queue.under_way == 0 {
+                return None;
+            }
+            drop(queue);
+            std::thread::sleep(LOOK);
+        }
+    }
+
+    fn succeeded(&self, count: impl Fn(&mut Outcome)) {
+        let mut outcome = locked(&self.outcome);
+        count(&mut outcome);
+        outcome.last_failure = None;
+        drop(outcome);
+        let mut queue = locked(&self.queue);
+        queue.under_way -= 1;
+        queue.in_a_row = 0;
+        self.counter.add_one();
+    }
+
+    /// A task goes back to the end, unless it was begun too often or its input is refused.
+    fn failed(&self, (task, attempts): (usize, usize), why: String, may_go_better: bool) {
+        if self.is_stopped() {
+            return;
+        }
+        let mut queue = locked(&self.queue);
+        queue.under_way -= 1;
+        queue.in_a_row += usize::from(may_go_better);
+        locked(&self.outcome).last_failure = Some(why.clone());
+        if may_go_better && attempts + 1 < MOST_ATTEMPTS {
+            self.monitor.warn(&format!("task {task} is tried again: {why}"));
+            queue.waiting.push_back((task, attempts + 1));
+        } else {
+            locked(&self.outcome).failed.push((task, why));
+            self.counter.add_one();
+        }
+    }
+
+    /// One thread: a process, and the next one where it dies.
+    fn work(&self, slot: &Slot, worker: &(dyn Fn() -> Command + Sync)) {
+        let mut ends: Option<(ChildStdin, BufReader<ChildStdout>)> = None;
+        while let Some(task) = self.next() {
+            let opened = match ends.take() {
+                Some(ends) => Ok(ends),
+                None => start(slot, worker),
+            };
+            let (mut numbers, mut answers) = match opened {
+                Ok(opened) => opened,
+                Err(error) => {
+                    self.failed(task, format!("no worker could be started: {error}"), true);
+                    continue;
+                }
+            };
+            let mut line = String::new();
+            let told = writeln!(numbers, "{}", task.0).and_then(|()| numbers.flush());
+            let heard = told.and_then(|()| answers.read_line(&mut line));
+            match heard.ok().and_then(|_| serde_json::from_str(&line).ok()) {
+                Some(answer) => {
+                    ends = Some((numbers, answers));
+                    match answer {
+                        Answer::Done => self.succeeded(|outcome| outcome.done += 1),
+                        Answer::Before => self.succeeded(|outcome| outcome.before += 1),
+                        Answer::Failed(why) => self.failed(task, why, true),
+                        Answer::Refused(why) => self.failed(task, why, false),
+                    }
+                }
+                None => {
+                    let how = end(slot);
+                    if !self.is_stopped() {
+                        locked(&self.outcome).deaths += 1;
+                    }
+                    self.failed(task, format!("its worker died ({how})"), true);
+                }
+            }
+        }
+        // Without numbers to come a worker ends by itself.
+        drop(ends);
+        end(slot);
+    }
+}
+
+fn start(slot: &Slot, worker: &(dyn Fn() -> Command + Sync)) -> std::io::Result<(ChildStdin, BufReader<ChildStdout>)> {
+    let mut child = worker().stdin(Stdio::piped()).stdout(Stdio::piped()).spawn()?;
+    let ends = child.stdin.take().zip(child.stdout.take());
+    *locked(slot) = Some(child);
+    ends.map(|(numbers, answers)| (numbers, BufReader::new(answers)))
+        .ok_or_else(|| std::io::Error::other("it has no standard input or output"))
+}
+
+fn kill(slot: &Slot) {
+    if let Some(child) = locked(slot).as_mut() {
+        // A worker is the first of its group, in which the commands are that it runs.
+        #[cfg(any(target_os = "linux", target_vendor = "apple"))]
+        if let Some(group) = i32::try_from(child.id()).ok().and_then(rustix::process::Pid::from_raw) {
+            let _ = rustix::process::kill_process_group(group, rustix::process::Signal::KILL);
+        }
+        // One that has ended is no longer there to be killed.
+        let _ = child.kill();
+    }
+}
+
+/// Waits for the process of a slot, without holding it from whoever stops it, and says how it ended.
+fn end(slot: &Slot) -> String {
+    loop {
+        let mut held = locked(slot);
+        let Some(child) = held.as_mut() else { return "it was not there".into() };
+        match child.try_wait() {
+            Ok(None) => {}
+            Ok(Some(status)) => {
+                *held = None;
+                return status.to_string();
+            }
+            Err(error) => {
+                *held = None;
+                return error.to_string();
+            }
+        }
+        drop(held);
+        std::thread::sleep(LOOK / 10);
+    }
+}
+
+fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}

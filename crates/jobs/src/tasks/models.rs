@@ -1,0 +1,259 @@
+//! Reduced models as tasks: every model that the sampling of some experiments asks for, once, whoever asks for it; what is gathered goes into the cache that commands look into.
+//!
+//! A model is named by the hash under which the cache keeps it, which is that of everything it is built from: many eyes with one apparatus have one task for what depends on the apparatus alone.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+
+use super::list::{Task, Work, not_json};
+use super::sample::{Sampling, read as read_measurement};
+use base::error::{Error, Place, Result};
+use cohorts::apparatus;
+use cohorts::cohort::Measurement;
+use criticism::subject::asked_for;
+use models::effects::{Field, Library, Stage};
+use posterior::cache;
+use posterior::learnt_displacement::{nearest_law, surface};
+use posterior::mechanics::{FiniteElements, Mechanics};
+use posterior::monitor::{Counter, Monitor, Silent, refuse_if_stopped};
+use posterior::problem::Problem;
+use posterior::reduced::{field_hash, field_model, field_models, surrogate, surrogate_hash, with_fields};
+use posterior::study::sha256_hex;
+use record::Apparatus;
+
+/// Which model.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum Piece {
+    /// Displacement per force of an apparatus, which cohorts take.
+    Compliance,
+    /// The law's surrogate.
+    Surrogate,
+    /// The same over the Poisson ratios of every effect, which `diagnose` takes.
+    WidestSurrogate,
+    /// The model of an effect's displacement field, by the effect's name.
+    Field(String),
+    /// Large displacements learnt for a record.
+    LargeDisplacement,
+}
+
+/// What a task computes.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+struct Arguments {
+    piece: Piece,
+    /// The model's file in a cache; of large displacements, whose name is known when their law is, the SHA-256 of the experiment and its model.
+    content: String,
+    sampling: Sampling,
+}
+
+/// The tasks of all models that experiments need: what `sample` asks for with the effects of each model, and, with `every_effect`, also what `diagnose` asks for. With the number of experiments that
+/// need none.
+///
+/// # Errors
+/// [`Error::Input`] where an experiment and its model do not go together; whatever meshing refuses.
+pub fn work(
+    measurements: &[Measurement],
+    sampling: &Sampling,
+    every_effect: bool,
+    monitor: &dyn Monitor,
+) -> Result<(Vec<Work>, usize)> {
+    // Meshed once an apparatus, and forgotten before the next: the names of models are hashes of meshes.
+    let mut alike: BTreeMap<String, Vec<&Measurement>> = BTreeMap::new();
+    for own in measurements {
+        alike.entry(format!("{:?}", own.experiment.apparatus)).or_default().push(own);
+    }
+    monitor.stage(&format!("meshing {} apparatuses", alike.len()));
+    let counter = Counter::new(monitor, alike.len());
+    let of_apparatus = |group: &Vec<&Measurement>| {
+        refuse_if_stopped(monitor, "nothing was written")?;
+        let mut mechanics = None;
+        let named = |own: &&Measurement| {
+            let found = wanted(own, every_effect, &mut mechanics).map_err(|error| own.named(error))?;
+            Ok(found.into_iter().map(|(piece, content)| (own.path.display().to_string(), piece, content)).collect())
+        };
+        let found = group.iter().map(named).collect::<Result<Vec<Vec<_>>>>()?;
+        counter.add_one();
+        Ok(found)
+    };
+    let found = alike.values().collect::<Vec<_>>().into_par_iter().map(of_apparatus).collect::<Result<Vec<_>>>()?;
+    let n_without = found.iter().flatten().filter(|own| own.is_empty()).count();
+    let mut known = std::collections::BTreeSet::new();
+    let mut work: Vec<(Piece, Work)> = Vec::new();
+    for (path, piece, content) in found.into_iter().flatten().flatten() {
+        if known.insert(content.clone()) {
+            let arguments = json!(Arguments { piece: piece.clone(), content, sampling: sampling.clone() });
+            work.push((piece, Work { arguments, paths: vec![path] }));
+        }
+    }
+    if work.is_empty() {
+        return Err(Error::input(
+            Place::default(),
+            "none of these experiments needs a reduced model: instruments and indenters have closed forms",
+            "give experiments with a [robot]",
+        ));
+    }
+    // The longest first: of fields.
+    work.sort_by_key(|(piece, _)| !matches!(piece, Piece::Field(_)));
+    Ok((work.into_iter().map(|(_, work)| work).collect(), n_without))
+}
+
+/// The models that one experiment asks for, each with its content. `mechanics` are those of its apparatus, made here where none were.
+fn wanted(
+    own: &Measurement,
+    every_effect: bool,
+    mechanics: &mut Option<std::sync::Arc<Mechanics>>,
+) -> Result<Vec<(Piece, String)>> {
+    if !matches!(own.experiment.apparatus, Apparatus::Robot { .. }) {
+        return Ok(Vec::new());
+    }
+    let (experiment, model) = (own.experiment.clone(), own.specification.clone());
+    let problem = match mechanics {
+        Some(mechanics) => Problem::with_mechanics(experiment, model, &Library::default(), mechanics.clone())?,
+        None => Problem::new(experiment, model, None, &Silent)?,
+    };
+    *mechanics = Some(problem.mechanics.clone());
+    let Some(fe) = problem.finite_elements() else { return Ok(Vec::new()) };
+    let mut found = vec![(Piece::Surrogate, cache::file_name(&surrogate_hash(&problem, fe)?))];
+    found.extend(apparatus::kept_name(own).map(|name| (Piece::Compliance, name)));
+    let mut effects = problem.model.effects().to_vec();
+    if every_effect {
+        let library = Library::default();
+        let (widest, all) = asked_for(&problem, fe, &library, library.effects())?;
+        if let Some(widest) = widest {
+            found.push((Piece::WidestSurrogate, cache::file_name(&surrogate_hash(&widest, fe)?)));
+        }
+        effects = all;
+    }
+    for effect in effects {
+        match effect.field() {
+            Some(Field::Large) if problem.model.effects().iter().any(|own| own.slug() == effect.slug()) => {
+                found.push((Piece::LargeDisplacement, content(own)));
+            }
+            None | Some(Field::Large) => {}
+            Some(_) => {
+                let slug = effect.slug();
+                found.push((Piece::Field(slug.into()), cache::file_name(&field_hash(fe, slug))));
+            }
+        }
+    }
+    Ok(found)
+}
+
+/// SHA-256 of an experiment and its model.
+fn content(own: &Measurement) -> String {
+    sha256_hex(format!("{}\n{:?}", own.inputs_sha256, own.specification).as_bytes())
+}
+
+/// Builds a task's model, or takes it from the cache: a line with the name of its file in a cache, and the file.
+///
+/// # Errors
+/// [`Error::Input`] where the experiment has changed since the list was made; whatever the finite elements refuse.
+pub fn run(task: &Task, monitor: &dyn Monitor) -> Result<Vec<u8>> {
+    let Arguments { piece, content: wanted, sampling } = task.understood()?;
+    let Some(path) = task.paths.first() else {
+        let found = format!("task {} has no path", task.task);
+        return Err(Error::input(Place::default(), found, "make the list again with `--force`"));
+    };
+    let own = read_measurement(Path::new(path), &sampling, &Silent)?;
+    let has_changed = || {
+        Error::input(
+            Place::file(&own.path),
+            "this experiment, its model or its priors have changed since the list was made",
+            "make the list again with the same command and `--force`: results of what did not change are used",
+        )
+    };
+    if piece == Piece::LargeDisplacement && content(&own) != wanted {
+        return Err(has_changed());
+    }
+    let (name, bytes) = built(&own, &piece, monitor)?;
+    if piece != Piece::LargeDisplacement && name != wanted {
+        return Err(has_changed());
+    }
+    let mut body = serde_json::to_vec(&json!({ "file": name })).map_err(|error| not_json(&error))?;
+    body.push(b'\n');
+    body.extend_from_slice(&bytes);
+    Ok(body)
+}
+
+/// A model's file: its name below a cache's directory, and its bytes.
+fn built(own: &Measurement, piece: &Piece, monitor: &dyn Monitor) -> Result<(String, Vec<u8>)> {
+    if *piece == Piece::Compliance {
+        return apparatus::kept_file(own);
+    }
+    let problem = Problem::new(own.experiment.clone(), own.specification.clone(), None, monitor)?;
+    let fe = problem.finite_elements().ok_or_else(|| no_longer("it has no finite elements"))?;
+    let library = Library::default();
+    match piece {
+        Piece::Compliance | Piece::Surrogate => {
+            let (hash, found) = surrogate(&problem, fe, None, monitor)?;
+            cache::file_of(&hash, &found)
+        }
+        Piece::WidestSurrogate => {
+            let (widest, _) = asked_for(&problem, fe, &library, library.effects())?;
+            let (hash, found) = surrogate(widest.as_ref().unwrap_or(&problem), fe, None, monitor)?;
+            cache::file_of(&hash, &found)
+        }
+        Piece::Field(slug) => {
+            let own = problem.model.effects().iter().copied().find(|effect| effect.slug() == slug);
+            let effect = own.or_else(|| library.get(slug)).ok_or_else(|| no_longer("there is no such effect"))?;
+            cache::file_of(&field_hash(fe, slug), &field_model(fe, effect, monitor)?)
+        }
+        Piece::LargeDisplacement => large(&problem, fe, monitor),
+    }
+}
+
+/// As the posterior's compliance learns them.
+fn large(problem: &Problem, fe: &FiniteElements, monitor: &dyn Monitor) -> Result<(String, Vec<u8>)> {
+    let (_, surrogate) = surrogate(problem, fe, None, monitor)?;
+    let fields = field_models(fe, None, problem.model.effects(), monitor)?;
+    let compliance = with_fields(surrogate.compliance(fe.poisson_ratio)?, &fields);
+    let law = nearest_law(problem, &compliance)?;
+    let with_load = problem.model.effects().iter().any(|effect| effect.stage() == Stage::Load);
+    let (hash, found) = surface(problem, &law, with_load, monitor)?;
+    cache::file_of(&hash, &found)
+}
+
+fn no_longer(found: &str) -> Error {
+    Error::input(Place::default(), found, "make the list again with the same command and `--force`")
+}
+
+#[derive(Deserialize)]
+struct Manifest {
+    file: String,
+}
+
+/// Puts a result's model into the cache; `None` where the result names no file of a cache. Whether it was put there now.
+///
+/// # Errors
+/// As [`cache::adopt`].
+pub fn adopt(body: &[u8]) -> Result<Option<bool>> {
+    let Some((name, bytes)) = file_of(body) else { return Ok(None) };
+    cache::adopt(&name, bytes).map(Some)
+}
+
+fn file_of(body: &[u8]) -> Option<(String, &[u8])> {
+    let end = body.iter().position(|byte| *byte == b'\n')?;
+    let Manifest { file } = serde_json::from_slice(&body[..end]).ok()?;
+    cache::is_file_name(&file).then_some((file, &body[end + 1..]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Nothing but a model of this program's is ever put into a cache, whatever a result says.
+    #[test]
+    fn no_other_file_is_written() {
+        let name = cache::file_name(&"0a".repeat(32));
+        let body = |name: &str| [serde_json::to_vec(&json!({ "file": name })).unwrap(), b"\n{}".to_vec()].concat();
+        assert_eq!(file_of(&body(&name)), Some((name.clone(), b"{}".as_slice())));
+        for other in ["../x.json", "/etc/x.json", &name[1..], &name.replace("0a", "../"), &format!("{name}/x"), ""] {
+            assert_eq!(file_of(&body(other)), None, "{other}");
+        }
+        assert_eq!(file_of(b"{}"), None);
+    }
+}

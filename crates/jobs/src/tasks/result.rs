@@ -1,0 +1,84 @@
+//! The result of one task on disk: a line that says whose it is, and the body.
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use super::list::{List, Task, not_json};
+use base::error::Result;
+use base::files::{Content, read_if_there, write_atomically};
+use documents::tasks::Fault;
+use posterior::study::sha256_hex;
+
+/// The first line.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+struct Head {
+    schema: String,
+    id: String,
+    program: String,
+    input_sha256: String,
+    body_bytes: usize,
+    body_sha256: String,
+}
+
+const SCHEMA: &str = "vitreo-uq/task-result/1";
+
+/// The file of a result: its head and its body.
+///
+/// # Errors
+/// [`base::Error::Numerical`] where the head cannot be written as JSON.
+pub fn bytes(program: &str, task: &Task, body: &[u8]) -> Result<Vec<u8>> {
+    let head = Head {
+        schema: SCHEMA.into(),
+        id: task.id.clone(),
+        program: program.into(),
+        input_sha256: task.input_sha256(),
+        body_bytes: body.len(),
+        body_sha256: sha256_hex(body),
+    };
+    let mut bytes = serde_json::to_vec(&head).map_err(|error| not_json(&error))?;
+    bytes.push(b'\n');
+    bytes.extend_from_slice(body);
+    Ok(bytes)
+}
+
+/// Writes a result, whole or not at all.
+///
+/// # Errors
+/// [`base::Error::File`] where the file system refuses: the disk is full, say. What was there before is then untouched.
+pub fn write(list: &List, task: &Task, body: &[u8]) -> Result<()> {
+    write_atomically(&list.result_path(task), &bytes(&list.head().program, task, body)?)
+}
+
+/// The body of a task's result, or why there is none that can be taken.
+///
+/// # Errors
+/// The [`Fault`], as a value: it is no failure of this program.
+pub fn read(list: &List, task: &Task) -> std::result::Result<Vec<u8>, Fault> {
+    read_file(&list.result_path(task), task, &list.head().program)
+}
+
+fn read_file(path: &Path, task: &Task, program: &str) -> std::result::Result<Vec<u8>, Fault> {
+    let Some(mut bytes) = read_if_there(path, Content::Table) else {
+        return Err(if path.symlink_metadata().is_ok() { Fault::Truncated } else { Fault::Absent });
+    };
+    let Some(end) = bytes.iter().position(|byte| *byte == b'\n') else { return Err(Fault::Truncated) };
+    let head: Head = match serde_json::from_slice(&bytes[..end]) {
+        Ok(head) => head,
+        Err(_) => return Err(Fault::Damaged),
+    };
+    if head.schema != SCHEMA || head.program != program {
+        return Err(Fault::OtherProgram);
+    }
+    if head.id != task.id || head.input_sha256 != task.input_sha256() {
+        return Err(Fault::OtherTask);
+    }
+    let body = bytes.split_off(end + 1);
+    if body.len() < head.body_bytes {
+        return Err(Fault::Truncated);
+    }
+    if body.len() > head.body_bytes || sha256_hex(&body) != head.body_sha256 {
+        return Err(Fault::Damaged);
+    }
+    Ok(body)
+}

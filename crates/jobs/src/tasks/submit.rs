@@ -1,0 +1,166 @@
+//! Scripts that hand a list to an engine: HyperQueue, or Slurm's job arrays.
+//!
+//! An engine calls the program with the number of a part; the program runs those tasks of the part whose results are not there. So a script may be submitted
+//! again at any time, and does what is left.
+
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+use super::list::{List, absolute};
+use base::error::{Error, Place, Result};
+use base::files::{refused, write_atomically};
+
+/// Who starts the workers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Engine {
+    /// <https://it4innovations.github.io/hyperqueue>
+    HyperQueue,
+    /// <https://slurm.schedmd.com>
+    Slurm,
+}
+
+/// What each part asks for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Resources {
+    /// Cores, each with a worker of its own.
+    pub cores: usize,
+    /// Most minutes.
+    pub minutes: u64,
+    /// Memory in MiB.
+    pub memory_mib: u64,
+}
+
+/// Parts of a list unless asked otherwise: Slurm takes 1,000 elements an array unless its administrator allows more.
+const MOST_PARTS: usize = 1_000;
+
+/// The tasks of part `part` of `parts`: all parts together are all tasks, each once.
+///
+/// # Errors
+/// [`Error::Input`] where there is no such part.
+pub fn tasks_of_part(n_tasks: usize, part: usize, parts: usize) -> Result<std::ops::Range<usize>> {
+    if part >= parts {
+        let found = format!("part {part} of {parts}");
+        return Err(Error::input(Place::option("--part"), found, "count parts from 0: `0/10` to `9/10`"));
+    }
+    // Tasks and parts are at most millions, and their products far from overflowing.
+    Ok(part * n_tasks / parts..(part + 1) * n_tasks / parts)
+}
+
+/// How many parts a list is handed over in.
+///
+/// # Errors
+/// [`Error::Input`] where it is asked for none.
+pub fn n_parts(n_tasks: usize, asked_for: Option<usize>) -> Result<usize> {
+    match asked_for {
+        Some(0) => Err(Error::input(Place::option("--parts"), "no parts", "give a positive number")),
+        Some(parts) => Ok(parts.min(n_tasks)),
+        None => Ok(n_tasks.min(MOST_PARTS)),
+    }
+}
+
+/// Writes the script beside the list, with a folder for what the workers say. Returns its place.
+///
+/// # Errors
+/// [`Error::Input`] for resources that nobody has, [`Error::File`] where the file system refuses.
+pub fn write(list: &List, program: &Path, engine: Engine, resources: Resources, parts: usize) -> Result<PathBuf> {
+    let Resources { cores, minutes, memory_mib } = resources;
+    for (option, value) in [("--cores", cores as u64), ("--minutes", minutes), ("--memory-mib", memory_mib)] {
+        if value == 0 {
+            return Err(Error::input(Place::option(option), "0", "give a positive number"));
+        }
+    }
+    let dir = absolute(list.dir())?;
+    let logs = dir.join("logs");
+    std::fs::create_dir_all(&logs).map_err(refused("create", &logs))?;
+    let name = match engine {
+        Engine::HyperQueue => "submit-hq.sh",
+        Engine::Slurm => "submit-slurm.sh",
+    };
+    let path = dir.join(name);
+    let text = match engine {
+        Engine::HyperQueue => hyper_queue(&dir, &logs, program, resources, parts),
+        Engine::Slurm => slurm(&dir, &logs, program, resources, parts),
+    };
+    write_atomically(&path, text.as_bytes())?;
+    executable(&path)?;
+    Ok(path)
+}
+
+fn hyper_queue(dir: &Path, logs: &Path, program: &Path, resources: Resources, parts: usize) -> String {
+    let Resources { cores, minutes, memory_mib } = resources;
+    let run = format!(
+        "exec {} tasks run {} --part \"$HQ_TASK_ID/{parts}\" --jobs {cores} --quiet",
+        quoted(program),
+        quoted(dir)
+    );
+    let mut text = String::from(
+        "#!/usr/bin/env bash\n# Hands the list to HyperQueue. May be run again: parts whose results are there end at once.\n",
+    );
+    let log = quoted(&logs.join("hq-%{TASK_ID}.txt"));
+    let _ = write!(
+        text,
+        "set -euo pipefail\nexec hq submit --name vitreo-uq --array 0-{} --cpus {cores} --resource mem={memory_mib} \\\n    --time-limit {minutes}m --crash-limit 3 --stdout {log} --stderr {log} \\\n    -- bash -c {}\n",
+        parts - 1,
+        quoted_text(&run)
+    );
+    text
+}
+
+fn slurm(dir: &Path, logs: &Path, program: &Path, resources: Resources, parts: usize) -> String {
+    let Resources { cores, minutes, memory_mib } = resources;
+    let mut text = String::from(
+        "#!/usr/bin/env bash\n# Hands the list to Slurm: sbatch submit-slurm.sh. May be submitted again: parts whose results are there end at once.\n",
+    );
+    let _ = write!(
+        text,
+        "#SBATCH --job-name=vitreo-uq\n#SBATCH --array=0-{}\n#SBATCH --cpus-per-task={cores}\n#SBATCH --mem={memory_mib}M\n#SBATCH --time={minutes}\n#SBATCH --requeue\n#SBATCH --output=\"{}\"\nexec {} tasks run {} --part \"$SLURM_ARRAY_TASK_ID/{parts}\" --jobs {cores} --quiet\n",
+        parts - 1,
+        logs.join("slurm-%A_%a.txt").display(),
+        quoted(program),
+        quoted(dir)
+    );
+    text
+}
+
+/// As a shell takes it for one word.
+fn quoted(path: &Path) -> String {
+    quoted_text(&path.display().to_string())
+}
+
+fn quoted_text(text: &str) -> String {
+    format!("'{}'", text.replace('\'', r"'\''"))
+}
+
+#[cfg(unix)]
+fn executable(path: &Path) -> Result<()> {
+    use std::os::unix::fs::PermissionsExt;
+    std::fs::set_permissions(path, std::fs::Permissions::from_mode(0o755)).map_err(refused("make executable", path))
+}
+
+#[cfg(not(unix))]
+fn executable(_path: &Path) -> Result<()> {
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Every task is in one part, whatever the numbers.
+    #[test]
+    fn parts_are_the_whole() {
+        for n_tasks in [1, 2, 7, 300, 100_001] {
+            for parts in [1, 2, 3, 7, 1_000] {
+                let all = (0..parts).flat_map(|part| tasks_of_part(n_tasks, part, parts).unwrap());
+                assert!(all.eq(0..n_tasks), "{n_tasks} in {parts}");
+            }
+        }
+        assert!(tasks_of_part(10, 10, 10).is_err());
+        assert_eq!((n_parts(300, None).unwrap(), n_parts(100_000, None).unwrap()), (300, 1_000));
+    }
+
+    #[test]
+    fn words_of_a_shell_keep_their_quotes() {
+        assert_eq!(quoted(Path::new("/it's here/a b")), r"'/it'\''s here/a b'");
+    }
+}

@@ -1,0 +1,99 @@
+//! Who runs tasks in one process, one after another: what they share is prepared once.
+
+use std::io::{BufRead, Write};
+
+use super::list::List;
+use super::sample::Laboratory;
+use super::{calibration, challenge, commands, models, result};
+use base::error::{Error, Result};
+use documents::tasks::TaskKind;
+use posterior::monitor::{Monitor, Stoppable};
+use validation::challenge::Bench;
+
+/// Whether a task had to be run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Ran {
+    /// It was run now, and its result is written.
+    Now,
+    /// Its result was there.
+    Before,
+}
+
+/// Runs tasks of a list.
+pub struct Worker<'a> {
+    list: &'a List,
+    bench: Option<Bench>,
+    laboratory: Laboratory,
+    simulator: calibration::Simulator,
+    monitor: &'a dyn Monitor,
+}
+
+impl<'a> Worker<'a> {
+    /// Nothing is prepared before the first task that needs it.
+    pub fn new(list: &'a List, monitor: &'a dyn Monitor) -> Self {
+        Self { list, bench: None, laboratory: Laboratory::default(), simulator: Default::default(), monitor }
+    }
+
+    /// Runs a task unless its result is there.
+    ///
+    /// # Errors
+    /// What the task refuses, and [`Error::File`] where its result cannot be written: nothing is then left of it.
+    pub fn run(&mut self, number: usize) -> Result<Ran> {
+        let task = self.list.task(number)?;
+        if result::read(self.list, &task).is_ok() {
+            return Ok(Ran::Before);
+        }
+        let quiet = Stoppable(self.monitor.stop());
+        let body = match self.list.head().kind {
+            TaskKind::Challenge => {
+                let bench = match self.bench.take() {
+                    Some(bench) => bench,
+                    None => Bench::new(self.monitor)?,
+                };
+                challenge::run(&task, self.bench.insert(bench), &quiet)?
+            }
+            TaskKind::Sample => self.laboratory.run(&task, &quiet)?,
+            TaskKind::Calibration => self.simulator.run(&task, self.monitor)?,
+            TaskKind::Models => models::run(&task, self.monitor)?,
+            TaskKind::Commands => commands::run(&task, &quiet)?,
+        };
+        result::write(self.list, &task, &body)?;
+        Ok(Ran::Now)
+    }
+}
+
+/// Answers of a worker to whoever sends it numbers of tasks; [`serve`] writes them, `local` reads them.
+#[derive(Debug, Clone, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(super) enum Answer {
+    /// Run, result written.
+    Done,
+    /// Its result was there.
+    Before,
+    /// Refused, in words; it may go better another time.
+    Failed(String),
+    /// Refused, in words: the input is not acceptable.
+    Refused(String),
+}
+
+/// Runs the tasks whose numbers come in, one a line, and answers each with a line, until no more come.
+///
+/// # Errors
+/// [`Error::Interrupted`] when stopped; [`Error::File`] where nobody listens any longer.
+pub fn serve(list: &List, numbers: impl BufRead, mut answers: impl Write, monitor: &dyn Monitor) -> Result<()> {
+    let mut worker = Worker::new(list, monitor);
+    for line in numbers.lines() {
+        let Some(number) = line.ok().and_then(|line| line.trim().parse().ok()) else { return Ok(()) };
+        let answer = match worker.run(number) {
+            Ok(Ran::Now) => Answer::Done,
+            Ok(Ran::Before) => Answer::Before,
+            Err(error @ Error::Interrupted { .. }) => return Err(error),
+            Err(error @ Error::Input { .. }) => Answer::Refused(error.to_string()),
+            Err(error) => Answer::Failed(error.to_string()),
+        };
+        let text = serde_json::to_string(&answer).map_err(|error| super::list::not_json(&error))?;
+        let told = writeln!(answers, "{text}").and_then(|()| answers.flush());
+        told.map_err(|source| Error::at_path("answer", "standard output", source, "run the list again"))?;
+    }
+    Ok(())
+}

@@ -1,0 +1,323 @@
+//! What an experiment can see of each effect: the share of its signature that the base model's parameters cannot absorb.
+//!
+//! At the calibrated base, with whitening L⁻¹ of the noise: g = L⁻¹∂x/∂ε of an effect's parameter ε at its null, A = L⁻¹∂x/∂θ of the sampled base
+//! parameters with a row a prior, P = I − AA⁺. The visible fraction is ‖Pg‖² over ‖g‖² under white noise alone, and 1/‖Pg‖ the standard error with
+//! which ε would be known. The noise's random effects (correlated errors, gains, offsets) are in L, and so take their share.
+//!
+//! An effect that is to first order other values of the law's parameters shows at a size of its own ([`Effect::shows_at`]): g is then the difference that this size makes, and Pg what the best
+//! of those values leave of it. It grows with the square of the size, so that the standard error is the size at which it would be one.
+//!
+//! Effects whose Pg point the same way or opposite ways are twins (physics §5).
+
+use documents::effects::{EffectEntry, EffectsSummary, ParameterEntry};
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+use base::distribution::Distribution;
+use base::error::{Error, Result};
+use base::parameter::NOISE_SD;
+use base::parameter::ParameterSpec;
+use figures::number::significant;
+use models::effects::{Effect, EffectParameter, Field, Library};
+use models::model::{Forward, ReducedForward};
+use posterior::fit;
+use posterior::learnt_displacement::deviation_m;
+use posterior::monitor::{Monitor, Silent};
+use posterior::noise::NoiseLikelihood;
+use posterior::problem::Problem;
+use posterior::reduced::{KeptSurrogate, Reduced};
+
+/// Prior quantiles at which parameters that mean nothing at the null are tried.
+const GRID: [f64; 9] = [0.02, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.98];
+
+/// The library for an experiment.
+///
+/// # Errors
+/// Whatever calibrating the base model refuses.
+pub fn run(
+    problem: &Problem,
+    library: &Library,
+    kept: Option<KeptSurrogate>,
+    monitor: &dyn Monitor,
+) -> Result<EffectsSummary> {
+    let calibrated = fit::run(problem, kept, monitor)?;
+    monitor.stage("projecting each effect's signature");
+    let base = Base::new(problem, &calibrated)?;
+    let list = library.effects().par_iter().map(|effect| entry(problem, library, *effect, &base));
+    Ok(EffectsSummary {
+        experiment: problem.experiment.specimen_id.clone(),
+        model: problem.specification.summary(),
+        noise_um: base.noise_parameters[0],
+        effects: with_twins(list.collect::<Result<_>>()?),
+    })
+}
+
+/// The calibrated base model and what its parameters absorb.
+struct Base {
+    parameters: Vec<f64>,
+    /// Places of those that are not fixed.
+    sampled: Vec<usize>,
+    position_m: Vec<f64>,
+    noise: NoiseLikelihood,
+    noise_parameters: Vec<f64>,
+    observed_rows: Vec<usize>,
+    /// Orthonormal basis of the columns of A, prior rows last.
+    absorbed: DMatrix<f64>,
+    kept: Option<KeptSurrogate>,
+}
+
+impl Base {
+    fn new(problem: &Problem, calibrated: &fit::FitResult) -> Result<Self> {
+        let record = &problem.experiment.record;
+        let noise = NoiseLikelihood::new(problem.noise, &record.time_s, &record.cycle, &record.position_m);
+        let noise_parameters = noise_parameters(problem, calibrated.summary.rmse_um);
+        let forward = problem.reduced_forward(&calibrated.reduced);
+        let parameters = calibrated.model_parameters.clone();
+        let position_m = forward.trajectory_m(&parameters)?;
+        let (mut columns, mut sampled) = (Vec::new(), Vec::new());
+        let mut prior_rows = Vec::new();
+        for (index, spec) in problem.model.parameters().iter().enumerate() {
+            let Some(prior) = problem.priors.get(spec.name) else { continue };
+            columns.push(forward.derivative_m(&parameters, index)?);
+            sampled.push(index);
+            prior_rows.push(1.0 / prior_sd_near(&prior.distribution, parameters[index]));
+        }
+        let white = noise.whiten(&columns, &position_m, &noise_parameters);
+        let (n_rows, n_columns) = (noise.n_observed(), columns.len());
+        // Scaled to unit columns, since E and c₂ differ in size and so would what rounding leaves of them.
+        let jacobian = DMatrix::from_fn(n_rows + n_columns, n_columns, |i, j| match i.checked_sub(n_rows) {
+            None => white[j][i],
+            Some(row) => f64::from(u8::from(row == j)) * prior_rows[j],
+        });
+        let scaled = DMatrix::from_columns(&jacobian.column_iter().map(|c| c.normalize()).collect::<Vec<_>>());
+        let absorbed = if n_columns == 0 { DMatrix::zeros(n_rows, 0) } else { scaled.qr().q() };
+        let kept = calibrated.reduced.to_keep(problem)?;
+        let observed_rows = (0..record.n_rows()).filter(|row| record.position_m[*row].is_some()).collect();
+        Ok(Self { parameters, sampled, position_m, noise, noise_parameters, observed_rows, absorbed, kept })
+    }
+
+    /// What is left of a signature.
+    fn visible(&self, Signature { whole_m, left_m, size }: Signature) -> Visible {
+        let noise_sd_m = 1e-6 * self.noise_parameters[0];
+        let observed = self.observed_rows.iter().map(|row| whole_m[*row] / noise_sd_m);
+        let whole: f64 = observed.map(|g| g * g).sum();
+        let white = self.noise.whiten(&[left_m], &self.position_m, &self.noise_parameters);
+        let mut g = DVector::zeros(self.absorbed.nrows());
+        g.iter_mut().zip(&white[0]).for_each(|(g, w)| *g = *w);
+        let rest = &g - &self.absorbed * (self.absorbed.transpose() * &g);
+        let fraction = if whole > 0.0 { rest.norm_squared() / whole } else { 0.0 };
+        let standard_error = match size {
+            None => rest.norm().recip(),
+            Some(size) => size.abs() * rest.norm().sqrt().recip(),
+        };
+        Visible { fraction, rest, standard_error }
+    }
+}
+
+/// What an effect does to the positions, one value a row.
+struct Signature {
+    /// In m: a unit of the parameter, or its size.
+    whole_m: Vec<f64>,
+    /// The same after the base has absorbed what it can by other than first order.
+    left_m: Vec<f64>,
+    /// The size; `None` for a derivative.
+    size: Option<f64>,
+}
+
+impl Signature {
+    fn derivative(column_m: Vec<f64>) -> Self {
+        Self { left_m: column_m.clone(), whole_m: column_m, size: None }
+    }
+}
+
+/// What is left of a signature.
+struct Visible {
+    fraction: f64,
+    /// Pg.
+    rest: DVector<f64>,
+    /// Of the first parameter.
+    standard_error: f64,
+}
+
+/// |cos| of two visible parts above which two effects are called twins.
+const TWIN_COSINE: f64 = 0.99;
+/// Shares below this are rounding and curvature, whose directions mean nothing.
+const LEAST_VISIBLE: f64 = 1e-6;
+
+/// Entries with their twins.
+fn with_twins(list: Vec<(EffectEntry, Option<Visible>)>) -> Vec<EffectEntry> {
+    let direction =
+        |visible: &Option<Visible>| visible.as_ref().filter(|v| v.fraction > LEAST_VISIBLE).map(|v| v.rest.normalize());
+    let directions: Vec<Option<DVector<f64>>> = list.iter().map(|(_, visible)| direction(visible)).collect();
+    let slugs: Vec<String> = list.iter().map(|(entry, _)| entry.slug.clone()).collect();
+    let twins_of = |i: usize| {
+        let is_twin = |j: &usize| match (&directions[i], &directions[*j]) {
+            (Some(a), Some(b)) => *j != i && a.dot(b).abs() > TWIN_COSINE,
+            _ => false,
+        };
+        (0..slugs.len()).filter(is_twin).map(|j| slugs[j].clone()).collect()
+    };
+    let twins: Vec<Vec<String>> = (0..list.len()).map(twins_of).collect();
+    list.into_iter().zip(twins).map(|((entry, _), twins)| EffectEntry { twins, ..entry }).collect()
+}
+
+/// The known noise, else what the calibrated base leaves; other terms at their priors' medians.
+fn noise_parameters(problem: &Problem, rmse_um: f64) -> Vec<f64> {
+    let known = problem.experiment.noise_yardstick().map_or(rmse_um, |yardstick| 1e6 * yardstick.sd_m);
+    let value = |name: &str| problem.range_of(name, 0.5).lower;
+    problem.noise.parameters().iter().map(|p| if p.name == NOISE_SD.name { known } else { value(p.name) }).collect()
+}
+
+/// Standard deviation of a prior where a parameter stands: of its logarithm times the value for scales.
+fn prior_sd_near(distribution: &Distribution, value: f64) -> f64 {
+    match *distribution {
+        Distribution::LogNormal { log_sd, .. } => log_sd * value,
+        Distribution::LogUniform { lower, upper } => (upper / lower).ln() / 12_f64.sqrt() * value,
+        _ => (distribution.quantile(0.841) - distribution.quantile(0.159)) / 2.0,
+    }
+}
+
+fn entry(
+    problem: &Problem,
+    library: &Library,
+    effect: &'static dyn Effect,
+    base: &Base,
+) -> Result<(EffectEntry, Option<Visible>)> {
+    let scales = problem.model.scales();
+    let parameter = |p: &EffectParameter| ParameterEntry {
+        name: p.spec.name.into(),
+        symbol: p.spec.symbol.into(),
+        unit: p.spec.unit.into(),
+        support: [p.spec.support.lower, p.spec.support.upper].map(|end| Some(end).filter(|end| end.is_finite())),
+        null: (p.null)(scales),
+        prior: (p.prior)(scales).to_string(),
+    };
+    let mut entry = EffectEntry {
+        slug: effect.slug().into(),
+        stage: effect.stage().name().into(),
+        summary: effect.summary().into(),
+        equation: effect.equation().into(),
+        parameters: effect.parameters().iter().map(parameter).collect(),
+        visible_fraction: None,
+        standard_error: None,
+        twins: Vec::new(),
+        refused: None,
+    };
+    let mut specification = problem.specification.clone();
+    if specification.effects.iter().any(|slug| slug == effect.slug()) {
+        entry.refused = Some("the model has it already".into());
+        return Ok((entry, None));
+    }
+    specification.effects.push(effect.slug().into());
+    let extended = match problem.with_model(specification, library) {
+        Ok(extended) => extended,
+        Err(Error::Input { found, .. }) => {
+            entry.refused = Some(found);
+            return Ok((entry, None));
+        }
+        Err(other) => return Err(other),
+    };
+    if matches!(effect.field(), Some(Field::Large)) {
+        let law = &base.parameters[..problem.model.base().parameters().len()];
+        let deviation_m = match deviation_m(problem, law) {
+            Ok(deviation_m) => deviation_m,
+            Err(Error::Numerical { what, .. }) => {
+                entry.refused = Some(what);
+                return Ok((entry, None));
+            }
+            Err(other) => return Err(other),
+        };
+        let largest = |values: &[f64]| values.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+        let most_um = 1e6 * largest(&deviation_m);
+        let ball = problem.finite_elements().and_then(|fe| fe.sizes.ball);
+        let at = ball.map_or(String::new(), |ball| {
+            format!("at {} radii ", significant(largest(&base.position_m) / ball.robot_radius_m, 2))
+        });
+        entry.summary = format!(
+            "{}: {at}up to {} µm here, {} × the noise",
+            entry.summary,
+            significant(most_um, 2),
+            significant(most_um / base.noise_parameters[0], 2)
+        );
+        // It grows with the square: at 1 the derivative is twice what it makes.
+        let visible = base.visible(Signature::derivative(deviation_m.iter().map(|x| 2.0 * x).collect()));
+        entry.visible_fraction = Some(visible.fraction);
+        entry.standard_error = Some(visible.standard_error).filter(|error| error.is_finite());
+        return Ok((entry, Some(visible)));
+    }
+    let reduced = Reduced::unverified(&extended, base.kept.clone(), &Silent)?;
+    let forward = ReducedForward { trained: &[], ..extended.reduced_forward(&reduced) };
+    let seen = signatures(effect, &forward, base)?.into_iter().map(|signature| base.visible(signature));
+    let best = seen.max_by(|a, b| a.fraction.total_cmp(&b.fraction));
+    if let Some(visible) = &best {
+        entry.visible_fraction = Some(visible.fraction);
+        entry.standard_error = Some(visible.standard_error).filter(|error| error.is_finite());
+    }
+    Ok((entry, best))
+}
+
+/// Signatures of an effect's first parameter, one for each point of the grid of those that mean nothing at its null.
+fn signatures(effect: &dyn Effect, forward: &ReducedForward, base: &Base) -> Result<Vec<Signature>> {
+    let (model, scales) = (forward.model, forward.model.scales());
+    let own = effect.parameters();
+    let is_first = |spec: &ParameterSpec| own.first().is_some_and(|parameter| parameter.spec == *spec);
+    let Some(first) = model.parameters().iter().position(is_first) else { return Ok(Vec::new()) };
+    let is_free = own.iter().any(|p| (p.null)(scales).is_none());
+    let mut list = Vec::new();
+    for probability in if is_free { &GRID[..] } else { &GRID[4..5] } {
+        let values = own.iter().map(|p| (p.null)(scales).unwrap_or_else(|| (p.prior)(scales).quantile(*probability)));
+        let mut parameters = base.parameters.clone();
+        parameters.splice(first..first, values);
+        let finite_step = own.first().and_then(|p| p.finite_step);
+        list.push(match (effect.shows_at(scales), finite_step) {
+            (Some(size), _) => finite(forward, base, parameters, first, size)?,
+            (None, None) => Signature::derivative(forward.derivative_m(&parameters, first)?),
+            (None, Some(step)) => {
+                let step = step(scales);
+                let here = forward.trajectory_m(&parameters)?;
+                parameters[first] += step;
+                let there = forward.trajectory_m(&parameters)?;
+                Signature::derivative(here.iter().zip(&there).map(|(a, b)| (b - a) / step).collect())
+            }
+        });
+    }
+    Ok(list)
+}
+
+/// Steps of Gauss and Newton that let the base's parameters absorb a finite size.
+const ABSORBING_STEPS: usize = 8;
+
+/// What a finite size does, and what is left of it at the base parameters that come nearest: they move until the extended model is where the base was.
+fn finite(
+    forward: &ReducedForward,
+    base: &Base,
+    mut parameters: Vec<f64>,
+    first: usize,
+    size: f64,
+) -> Result<Signature> {
+    parameters[first] = size;
+    let difference = |there: &[f64]| -> Vec<f64> { there.iter().zip(&base.position_m).map(|(a, b)| a - b).collect() };
+    let whole_m = difference(&forward.trajectory_m(&parameters)?);
+    let mut left_m = whole_m.clone();
+    // The law's are positive; what other effects absorb is left to the projection.
+    let n_law = forward.model.base().parameters().len();
+    let free: Vec<usize> = base.sampled.iter().copied().filter(|k| *k < n_law).collect();
+    for _ in 0..ABSORBING_STEPS {
+        let columns = free.iter().map(|k| {
+            let slope = forward.derivative_m(&parameters, *k)?;
+            Ok(slope.iter().map(|x| x * parameters[*k]).collect())
+        });
+        let mut columns: Vec<Vec<f64>> = columns.collect::<Result<_>>()?;
+        columns.push(left_m.clone());
+        let white = base.noise.whiten(&columns, &base.position_m, &base.noise_parameters);
+        let Some((rest, columns)) = white.split_last() else { break };
+        let n = rest.len();
+        let jacobian = DMatrix::from_fn(n, columns.len(), |i, j| columns[j][i]);
+        let Ok(step) = jacobian.svd(true, true).solve(&DVector::from_column_slice(rest), 1e-10) else { break };
+        for (k, change) in free.iter().zip(step.iter()) {
+            parameters[*k] *= (-change).clamp(-1.0, 1.0).exp();
+        }
+        left_m = difference(&forward.trajectory_m(&parameters)?);
+    }
+    Ok(Signature { whole_m, left_m, size: Some(size) })
+}

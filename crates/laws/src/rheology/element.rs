@@ -1,0 +1,98 @@
+//! The rheological elements of which laws are built: springs, dashpots, springpots, in series and in parallel.
+
+use base::number::Dual;
+
+/// Where an element stands in a law whose bodies are in series.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Leaf {
+    /// The body.
+    pub body: usize,
+    /// Its place among the parts of a body of parts in parallel; `None` where it is the body.
+    pub part: Option<usize>,
+}
+
+/// An element or a network of elements: a scalar relation between stress s (Pa) and strain ε (physics §2).
+#[derive(Debug, Clone, PartialEq)]
+pub enum Element {
+    /// s = E ε.
+    Spring {
+        /// E in Pa.
+        modulus_pa: Dual,
+    },
+    /// s = c ε̇.
+    Dashpot {
+        /// c in Pa·s.
+        viscosity_pa_s: Dual,
+    },
+    /// s = E τᵅ Dᵅε, Caputo's derivative from t = 0; a spring at α = 0 and a dashpot at α = 1.
+    Springpot {
+        /// E in Pa.
+        modulus_pa: Dual,
+        /// τ in s.
+        time_s: Dual,
+        /// α in (0, 1].
+        order: Dual,
+    },
+    /// ε = C s: a spring given by its compliance, which may be 0 and move there.
+    Compliance {
+        /// C in 1/Pa.
+        compliance_per_pa: Dual,
+    },
+    /// τ ε̇ + ε = C s: a Kelvin–Voigt body given by its compliance, which may be 0 and move there.
+    Retarded {
+        /// C in 1/Pa.
+        compliance_per_pa: Dual,
+        /// τ in s.
+        time_s: Dual,
+    },
+    /// The same stress in all; strains add.
+    Series(Vec<Element>),
+    /// The same strain in all; stresses add.
+    Parallel(Vec<Element>),
+}
+
+impl Element {
+    /// A spring and a dashpot in parallel.
+    pub fn kelvin_voigt(modulus_pa: Dual, viscosity_pa_s: Dual) -> Self {
+        Self::Parallel(vec![Self::Spring { modulus_pa }, Self::Dashpot { viscosity_pa_s }])
+    }
+
+    /// s/ε in Pa for a strain that grows as e^{t/T}, T > 0 in s: what the element is at that time, by Laplace's transform at 1/T.
+    pub fn operator_pa(&self, time_scale_s: f64) -> Dual {
+        let time_scale_s = Dual::constant(time_scale_s);
+        match self {
+            Self::Spring { modulus_pa } => *modulus_pa,
+            Self::Dashpot { viscosity_pa_s } => *viscosity_pa_s / time_scale_s,
+            Self::Springpot { modulus_pa, time_s, order } => *modulus_pa * (*time_s / time_scale_s).pow(*order),
+            Self::Compliance { compliance_per_pa } => Dual::ONE / *compliance_per_pa,
+            Self::Retarded { compliance_per_pa, time_s } => (*time_s / time_scale_s + 1.0) / *compliance_per_pa,
+            Self::Series(elements) => {
+                let compliance = |sum: Dual, part: &Self| sum + Dual::ONE / part.operator_pa(time_scale_s.value);
+                Dual::ONE / elements.iter().fold(Dual::ZERO, compliance)
+            }
+            Self::Parallel(elements) => {
+                elements.iter().fold(Dual::ZERO, |sum, part| sum + part.operator_pa(time_scale_s.value))
+            }
+        }
+    }
+
+    /// The same with every stress `factor` times as large.
+    pub fn scaled(&self, factor: Dual) -> Self {
+        let all = |elements: &[Self]| elements.iter().map(|element| element.scaled(factor)).collect();
+        match self {
+            Self::Spring { modulus_pa } => Self::Spring { modulus_pa: *modulus_pa * factor },
+            Self::Dashpot { viscosity_pa_s } => Self::Dashpot { viscosity_pa_s: *viscosity_pa_s * factor },
+            Self::Springpot { modulus_pa, time_s, order } => {
+                Self::Springpot { modulus_pa: *modulus_pa * factor, time_s: *time_s, order: *order }
+            }
+            Self::Compliance { compliance_per_pa } => {
+                Self::Compliance { compliance_per_pa: *compliance_per_pa / factor }
+            }
+            Self::Retarded { compliance_per_pa, time_s } => {
+                Self::Retarded { compliance_per_pa: *compliance_per_pa / factor, time_s: *time_s }
+            }
+            Self::Series(elements) => Self::Series(all(elements)),
+            Self::Parallel(elements) => Self::Parallel(all(elements)),
+        }
+    }
+}

@@ -1,0 +1,96 @@
+//! Bodies with one springpot, as exponentials: the fractional Kelvin–Voigt body and the springpot alone.
+
+use std::f64::consts::{FRAC_PI_2, PI};
+
+use super::lumped::{Density, FAST, FINE, Node, Rule};
+use super::spectrum::Accuracy;
+use super::{OscillatingMode, RetardationSpectrum, SpectralMode, TimeWindow};
+use base::number::PointScalar;
+
+/// The spring E and the springpot E τᵅ Dᵅ in parallel: J(t) = (1/E) (1 − E_α(−(t/τ)ᵅ)).
+///
+/// E_α(−zᵅ) = ∫ w(u) e^{−eᵘz} du, w(u) = (sin απ/π)/(e^{αu} + 2 cos απ + e^{−αu}), by the midpoint rule with nodes relative to 1/τ. The poles of w at
+/// ±iβ, β = π(1 − α)/α, run into the real axis as α → 1. Their part of the rule's error is known: with the residue 1/(2πiα),
+/// rule = integral − (2/α) Re e^{−e^{iβ}z}/(e^{2πβ/h} + 1), so it is added as one oscillating mode. At α = 1 that mode is e^{−z}, all weights
+/// vanish, and the derivative by α is exact from below. From β = π/2 on the mode would grow in time, and is below the rule's error.
+pub(super) struct FractionalBody<T> {
+    pub modulus_pa: T,
+    pub time_s: T,
+    pub order: T,
+}
+
+/// The springpot G Dᵅ: J(t) = tᵅ/(G Γ(1 + α)) = (sin απ/πG) ∫ e^{−αu} (1 − e^{−eᵘt}) du; `coefficient` is G in Pa·sᵅ.
+pub(super) struct Springpot<T> {
+    pub coefficient: T,
+    pub order: T,
+}
+
+fn rule_of(accuracy: Accuracy) -> Rule {
+    match accuracy {
+        Accuracy::Fine => FINE,
+        Accuracy::Fast => FAST,
+    }
+}
+
+impl<T: PointScalar> FractionalBody<T> {
+    pub fn add_to(&self, spectrum: &mut RetardationSpectrum<T>, window: TimeWindow, accuracy: Accuracy) {
+        let Self { modulus_pa, time_s, order } = *self;
+        let rule = rule_of(accuracy);
+        let one = T::constant(1.0);
+        let from_one = (one - order) * PI;
+        let compliance_per_pa = one / modulus_pa;
+        let rate_per_s = one / time_s;
+        // e^{αu} + e^{−αu} + 2 cos απ, with 2 cos απ = 4 sin²((1 − α)π/2) − 2.
+        let half_sine = (from_one * 0.5).sin();
+        let middle = half_sine * half_sine * 4.0 - T::constant(2.0);
+        let scaled = compliance_per_pa * rule.step;
+        let node = |node: Node<T>| SpectralMode {
+            compliance_per_pa: scaled * node.power / (node.power * (node.power + middle) + one),
+            rate_per_s: rate_per_s * node.exp_u,
+        };
+        let pole = from_one / order;
+        let pole = (pole.value() < FRAC_PI_2).then(|| {
+            let share = T::constant(2.0) / (order * ((pole * (2.0 * PI / rule.step)).exp() + one));
+            OscillatingMode {
+                compliance_per_pa: [compliance_per_pa * share, T::constant(0.0)],
+                rate_per_s: [pole.cos() * rate_per_s, pole.sin() * rate_per_s],
+            }
+        });
+        Density {
+            node,
+            factor: from_one.sin() * PI.recip(),
+            rule,
+            slowest: rule.slowest,
+            ln_scale: -time_s.value().ln(),
+            order,
+            least_tail: 0.0,
+            poles: pole.as_slice(),
+            compliance: |s: f64| compliance_per_pa / ((time_s * s).pow(order) + one),
+        }
+        .add_to(spectrum, window);
+    }
+}
+
+impl<T: PointScalar> Springpot<T> {
+    pub fn add_to(&self, spectrum: &mut RetardationSpectrum<T>, window: TimeWindow, accuracy: Accuracy) {
+        let Self { coefficient, order } = *self;
+        let rule = rule_of(accuracy);
+        let compliance = T::constant(1.0) / coefficient;
+        let node = |node: Node<T>| SpectralMode {
+            compliance_per_pa: compliance * rule.step / node.power,
+            rate_per_s: T::constant(node.exp_u),
+        };
+        Density {
+            node,
+            factor: ((T::constant(1.0) - order) * PI).sin() * PI.recip(),
+            rule,
+            slowest: rule.slowest_of_rising,
+            ln_scale: 0.0,
+            order,
+            least_tail: 0.0,
+            poles: &[],
+            compliance: |s: f64| compliance * (-(order * s.ln())).exp(),
+        }
+        .add_to(spectrum, window);
+    }
+}

@@ -1,0 +1,311 @@
+//! Springs, dashpots and their creep compliance (physics §2). Scalar: space enters only through the finite elements.
+
+mod branch_cut;
+mod element;
+mod fractional;
+mod lumped;
+mod mass;
+mod mittag_leffler;
+mod network;
+mod of_law;
+mod oscillation;
+mod outside;
+mod spectrum;
+mod spread;
+pub mod stieltjes;
+
+pub use element::{Element, Leaf};
+pub use mittag_leffler::mittag_leffler;
+pub use network::Network;
+pub use oscillation::complex_modulus_pa;
+pub use outside::{MOST_PARAMETERS, OutsideLaw};
+pub use spectrum::{Accuracy, OscillatingMode, RetardationSpectrum, SpectralMode, TimeWindow};
+pub use spread::{Beside, SpreadTerm};
+
+use base::distribution::Distribution;
+use base::number::Dual;
+use base::parameter::{
+    INSTANTANEOUS_MODULUS, ParameterSpec, SECOND_MODULUS, SECOND_VISCOSITY, VISCOSITY_1, VISCOSITY_2, YOUNG_MODULUS,
+};
+
+/// Creep compliance of a linear law as a sum of branches in series that all carry the stress s:
+/// J(t) = J₀ + Σ aₘ (1 − exp(−t/τₘ)) + φ t.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CreepCompliance {
+    /// J₀ in 1/Pa: the springs in series.
+    pub instantaneous_per_pa: f64,
+    /// Kelvin–Voigt bodies in series.
+    pub retarded: Vec<RetardedMode>,
+    /// φ in 1/(Pa·s): the dashpots in series.
+    pub fluidity_per_pa_s: f64,
+}
+
+/// One Kelvin–Voigt body: aₘ (1 − exp(−t/τₘ)).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RetardedMode {
+    /// aₘ in 1/Pa.
+    pub compliance_per_pa: f64,
+    /// τₘ in s.
+    pub time_s: f64,
+}
+
+impl RetardedMode {
+    fn kelvin_voigt(modulus_pa: f64, viscosity_pa_s: f64) -> Self {
+        Self { compliance_per_pa: 1.0 / modulus_pa, time_s: viscosity_pa_s / modulus_pa }
+    }
+}
+
+impl CreepCompliance {
+    /// Of the Lethersich law at E (Pa), c₁ and c₂ (Pa·s).
+    pub fn lethersich(parameters: &[f64]) -> Self {
+        Self {
+            instantaneous_per_pa: 0.0,
+            retarded: vec![RetardedMode::kelvin_voigt(parameters[0], parameters[1])],
+            fluidity_per_pa_s: 1.0 / parameters[2],
+        }
+    }
+
+    /// J(t) in 1/Pa, for t ≥ 0; at t = 0 the limit from the right.
+    pub fn at(&self, time_s: f64) -> f64 {
+        let retarded: f64 = self.retarded.iter().map(|m| -m.compliance_per_pa * (-time_s / m.time_s).exp_m1()).sum();
+        self.instantaneous_per_pa + retarded + self.fluidity_per_pa_s * time_s
+    }
+}
+
+/// A constitutive law that a model starts from, before effects are added.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum BaseLaw {
+    /// Kelvin–Voigt body in series with a dashpot: `young_modulus_pa`, `viscosity_1_pa_s`, `viscosity_2_pa_s`.
+    #[default]
+    Lethersich,
+    /// Lethersich with a spring in series: adds `instantaneous_modulus_pa`.
+    Burgers,
+    /// Lethersich with a second Kelvin–Voigt body in series: adds `second_modulus_pa`, `second_viscosity_pa_s`.
+    TwoElement,
+    /// A network from `model.toml`, with parameters of its own.
+    Network(&'static Network),
+    /// Another program's model, which is asked for trajectories.
+    Outside(&'static OutsideLaw),
+}
+
+/// Name of a law that another program computes.
+pub const OUTSIDE: &str = "outside";
+
+/// Parameters of [`BaseLaw::Lethersich`].
+pub const LETHERSICH: &[ParameterSpec] = &[YOUNG_MODULUS, VISCOSITY_1, VISCOSITY_2];
+const BURGERS: &[ParameterSpec] = &[YOUNG_MODULUS, VISCOSITY_1, VISCOSITY_2, INSTANTANEOUS_MODULUS];
+const TWO_ELEMENT: &[ParameterSpec] = &[YOUNG_MODULUS, VISCOSITY_1, VISCOSITY_2, SECOND_MODULUS, SECOND_VISCOSITY];
+
+impl BaseLaw {
+    /// The laws that have a name.
+    pub const NAMED: [Self; 3] = [Self::Lethersich, Self::Burgers, Self::TwoElement];
+
+    /// The law of a name.
+    pub fn named(name: &str) -> Option<Self> {
+        Self::NAMED.into_iter().find(|law| law.name() == name)
+    }
+
+    /// Name for people.
+    pub fn title(self) -> &'static str {
+        match self {
+            Self::Lethersich => "Lethersich",
+            Self::Burgers => "Burgers",
+            Self::TwoElement => "two-element",
+            Self::Network(_) => "network",
+            Self::Outside(_) => OUTSIDE,
+        }
+    }
+
+    /// Name in `model.toml` and on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Lethersich => "lethersich",
+            Self::Burgers => "burgers",
+            Self::TwoElement => "two-element",
+            Self::Network(_) => "network",
+            Self::Outside(_) => OUTSIDE,
+        }
+    }
+
+    /// The law's parameters, in the order in which [`Self::elements`] takes them.
+    pub fn parameters(self) -> &'static [ParameterSpec] {
+        match self {
+            Self::Lethersich => LETHERSICH,
+            Self::Burgers => BURGERS,
+            Self::TwoElement => TWO_ELEMENT,
+            Self::Network(network) => network.parameters(),
+            Self::Outside(law) => law.parameters(),
+        }
+    }
+
+    /// The law's elements in series at `parameters` (SI, the order of [`Self::parameters`]; all positive). None are known of an outside law.
+    pub fn elements(self, parameters: &[Dual]) -> Vec<Element> {
+        let p = parameters;
+        let lethersich = || vec![Element::kelvin_voigt(p[0], p[1]), Element::Dashpot { viscosity_pa_s: p[2] }];
+        let with = |element: Element| [lethersich(), vec![element]].concat();
+        match self {
+            Self::Lethersich => lethersich(),
+            Self::Burgers => with(Element::Spring { modulus_pa: p[3] }),
+            Self::TwoElement => with(Element::kelvin_voigt(p[3], p[4])),
+            Self::Network(network) => network.elements(p),
+            Self::Outside(_) => Vec::new(),
+        }
+    }
+
+    /// Where the element stands whose modulus or viscosity a parameter is: a body in series, or a part of one of parts in parallel. `None` for orders, and for elements that
+    /// stand elsewhere or twice.
+    pub fn leaf(self, name: &str) -> Option<Leaf> {
+        let at = |body: usize, part: Option<usize>| Some(Leaf { body, part });
+        match (self, name) {
+            (Self::Network(network), _) => network.leaf(name),
+            (Self::Outside(_), _) => None,
+            (_, "young_modulus_pa") => at(0, Some(0)),
+            (_, "viscosity_1_pa_s") => at(0, Some(1)),
+            (_, "viscosity_2_pa_s") => at(1, None),
+            (Self::Burgers, "instantaneous_modulus_pa") => at(2, None),
+            (Self::TwoElement, "second_modulus_pa") => at(2, Some(0)),
+            (Self::TwoElement, "second_viscosity_pa_s") => at(2, Some(1)),
+            _ => None,
+        }
+    }
+
+    /// Creep compliance at `parameters` (SI, the order of [`Self::parameters`]; all positive).
+    ///
+    /// `None` for laws that are no finite sum of exponentials.
+    pub fn creep_compliance(self, parameters: &[f64]) -> Option<CreepCompliance> {
+        let p = parameters;
+        let lethersich = || CreepCompliance::lethersich(p);
+        match self {
+            Self::Lethersich => Some(lethersich()),
+            Self::Burgers => Some(CreepCompliance { instantaneous_per_pa: 1.0 / p[3], ..lethersich() }),
+            Self::TwoElement => {
+                let mut law = lethersich();
+                law.retarded.push(RetardedMode::kelvin_voigt(p[3], p[4]));
+                Some(law)
+            }
+            Self::Network(_) | Self::Outside(_) => None,
+        }
+    }
+
+    /// The prior of a parameter that has no published numbers, and where its numbers come from; `median_of` gives the priors' medians of the base's other
+    /// parameters by name. `None` for parameters whose priors stand in prior files.
+    pub fn default_prior(self, name: &str, median_of: &dyn Fn(&str) -> f64) -> Option<(Distribution, &'static str)> {
+        let wide = |median: f64| Distribution::LogNormal { median, log_sd: 1.5 };
+        match (self, name) {
+            (Self::Burgers, "instantaneous_modulus_pa") => Some((
+                wide(10.0 * median_of("young_modulus_pa")),
+                "chosen: ten times the prior's young_modulus_pa, a factor of 4.5 for one standard deviation",
+            )),
+            (Self::TwoElement, "second_modulus_pa") => Some((
+                wide(median_of("young_modulus_pa")),
+                "chosen: as the prior's young_modulus_pa, a factor of 4.5 for one standard deviation",
+            )),
+            (Self::TwoElement, "second_viscosity_pa_s") => Some((
+                wide(10.0 * median_of("viscosity_1_pa_s")),
+                "chosen: ten times the prior's viscosity_1_pa_s, a factor of 4.5 for one standard deviation",
+            )),
+            (Self::Network(network), name) => network.default_prior(name),
+            _ => None,
+        }
+    }
+
+    /// Whether the law has a [`Self::creep_compliance`].
+    pub fn is_exponential(self) -> bool {
+        match self {
+            Self::Lethersich | Self::Burgers | Self::TwoElement => true,
+            Self::Network(_) | Self::Outside(_) => false,
+        }
+    }
+
+    /// The other program's model, if it is one.
+    pub fn outside(self) -> Option<&'static OutsideLaw> {
+        match self {
+            Self::Outside(law) => Some(law),
+            _ => None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod network_tests;
+#[cfg(test)]
+mod spectrum_tests;
+#[cfg(test)]
+mod spread_tests;
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lethersich_limits() {
+        let j = CreepCompliance::lethersich(&[3.527, 1.402, 47.370]);
+        assert_eq!(j.at(0.0), 0.0);
+        // Short times: two dashpots in series; long times: spring plus free flow.
+        let t = 1e-7;
+        assert!((j.at(t) / (t / 1.402 + t / 47.370) - 1.0).abs() < 1e-6);
+        let t = 1e3;
+        assert!((j.at(t) - (1.0 / 3.527 + t / 47.370)).abs() < 1e-12);
+    }
+
+    /// Every named law's own closed form against the spectrum of its elements.
+    #[test]
+    fn named_laws_creep_as_their_elements_do() {
+        let p = [3.5, 1.4, 47.0, 8.0, 30.0];
+        for law in BaseLaw::NAMED {
+            let p = &p[..law.parameters().len()];
+            let elements = law.elements(&p.iter().map(|value| Dual::constant(*value)).collect::<Vec<_>>());
+            let window = TimeWindow { shortest_s: 0.05, longest_s: 40.0 };
+            let spectrum = RetardationSpectrum::of(&elements, window).unwrap();
+            let exact = law.creep_compliance(p).unwrap();
+            for t in [0.1, 1.0, 30.0] {
+                assert!((spectrum.creep_compliance_per_pa(t) / exact.at(t) - 1.0).abs() < 1e-14);
+            }
+        }
+    }
+
+    /// Where a parameter is said to stand, its number stands, in named laws and in a network.
+    #[test]
+    fn leaves_are_where_their_parameters_are() {
+        let text = "parallel = [{ spring = \"gel\" }, { springpot = \"mesh\" }]";
+        let network = BaseLaw::Network(Network::from_text("law.toml".as_ref(), text).unwrap());
+        for law in BaseLaw::NAMED.into_iter().chain([network]) {
+            let values: Vec<Dual> = (0..law.parameters().len()).map(|k| Dual::constant(0.1 + 0.1 * k as f64)).collect();
+            let elements = law.elements(&values);
+            let mut n_found = 0;
+            for (spec, value) in law.parameters().iter().zip(&values) {
+                let Some(leaf) = law.leaf(spec.name) else { continue };
+                n_found += 1;
+                let own = match (&elements[leaf.body], leaf.part) {
+                    (Element::Parallel(parts), Some(part)) => &parts[part],
+                    (own, None) => own,
+                    other => panic!("{other:?}"),
+                };
+                let number = match own {
+                    Element::Spring { modulus_pa } | Element::Springpot { modulus_pa, .. } => *modulus_pa,
+                    Element::Dashpot { viscosity_pa_s } => *viscosity_pa_s,
+                    other => panic!("{other:?}"),
+                };
+                assert_eq!(number, *value, "{}", spec.name);
+            }
+            let n_orders = law.parameters().iter().filter(|spec| spec.name.ends_with("_order")).count();
+            assert_eq!(n_found, law.parameters().len() - n_orders);
+        }
+    }
+
+    #[test]
+    fn parameters_beyond_the_first_three_have_default_priors() {
+        let median_of = |name: &str| if name == "young_modulus_pa" { 2.0 } else { 3.0 };
+        for (law, name, expected) in [
+            (BaseLaw::Burgers, "instantaneous_modulus_pa", 20.0),
+            (BaseLaw::TwoElement, "second_modulus_pa", 2.0),
+            (BaseLaw::TwoElement, "second_viscosity_pa_s", 30.0),
+        ] {
+            let (prior, _) = law.default_prior(name, &median_of).unwrap();
+            assert_eq!(prior, Distribution::LogNormal { median: expected, log_sd: 1.5 });
+        }
+        for law in BaseLaw::NAMED {
+            let without = law.parameters().iter().filter(|spec| law.default_prior(spec.name, &median_of).is_none());
+            assert_eq!(without.count(), 3);
+        }
+    }
+}

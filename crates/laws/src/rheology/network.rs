@@ -1,0 +1,395 @@
+//! Networks written in `model.toml`: any tree of springs, dashpots and springpots as a base law (formats §2).
+//!
+//! ```toml
+//! [base.network]
+//! series = [
+//!     { parallel = [{ spring = "gel" }, { springpot = "mesh" }] },
+//!     { dashpot = "flow" },
+//! ]
+//! ```
+//!
+//! A table holds one key: `series` or `parallel` with a list of tables, or an element with its name. Names make the parameters: a spring `gel` has
+//! `gel_modulus_pa`, a dashpot `flow` has `flow_viscosity_pa_s`, a springpot `mesh` has `mesh_modulus_pa`, its modulus at one second
+//! (s = G (1 s)ᵅ Dᵅε), and `mesh_order`. The same name on the same kind of element twice is one set of parameters. No such name can be that of a
+//! noise parameter, which end otherwise, or of an effect's, which have a dot.
+
+use std::path::Path;
+use std::sync::{Mutex, PoisonError};
+
+use super::{Element, Leaf};
+use base::distribution::Distribution;
+use base::error::Result;
+use base::number::Dual;
+use base::parameter::{ParameterSpec, Support};
+use base::toml_input::{Table, TomlInput};
+
+const SPRING: &str = "spring";
+const DASHPOT: &str = "dashpot";
+const SPRINGPOT: &str = "springpot";
+const SERIES: &str = "series";
+const PARALLEL: &str = "parallel";
+const KEYS: [&str; 5] = [SPRING, DASHPOT, SPRINGPOT, SERIES, PARALLEL];
+const EXAMPLE: &str = "{ spring = \"gel\" }";
+/// Most bodies of a network: with two parameters each, those of effects and noise fit into the 256 dimensions of the Sobol sequences, too.
+const MOST_BODIES: usize = 64;
+
+/// Every network that has been read.
+static NETWORKS: Mutex<Vec<&'static Network>> = Mutex::new(Vec::new());
+
+/// A tree of named elements.
+#[derive(Debug, PartialEq)]
+pub struct Network {
+    root: Node,
+    parameters: Vec<ParameterSpec>,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+enum Node {
+    /// An element and the place of its first parameter.
+    Leaf {
+        kind: Kind,
+        name: String,
+        first: usize,
+    },
+    Series(Vec<Node>),
+    Parallel(Vec<Node>),
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Kind {
+    Spring,
+    Dashpot,
+    Springpot,
+}
+
+impl Kind {
+    fn key(self) -> &'static str {
+        match self {
+            Self::Spring => SPRING,
+            Self::Dashpot => DASHPOT,
+            Self::Springpot => SPRINGPOT,
+        }
+    }
+
+    /// What follows an element's name in its parameters' names, their units and supports.
+    fn parameters(self) -> &'static [(&'static str, &'static str, Support)] {
+        const MODULUS: (&str, &str, Support) = ("modulus_pa", "Pa", Support::POSITIVE);
+        match self {
+            Self::Spring => &[MODULUS],
+            Self::Dashpot => &[("viscosity_pa_s", "Pa s", Support::POSITIVE)],
+            Self::Springpot => &[MODULUS, ("order", "1", Support { lower: 0.0, upper: 1.0 })],
+        }
+    }
+}
+
+/// What reading gathers: the elements so far, with the place of their first parameter, and the parameters' names.
+#[derive(Default)]
+struct Reader {
+    elements: Vec<(String, Kind, usize)>,
+    parameters: Vec<(String, &'static str, Support)>,
+    /// Leaves, those of one element counted each time.
+    n_bodies: usize,
+}
+
+impl Network {
+    /// Reads a network from the text of its table, for models that are made without a `model.toml`; `file` is only named in errors.
+    ///
+    /// ```
+    /// use crate::rheology::{BaseLaw, Network};
+    /// let text = "series = [{ parallel = [{ spring = \"gel\" }, { springpot = \"mesh\" }] }, { dashpot = \"flow\" }]";
+    /// let law = BaseLaw::Network(Network::from_text("network.toml".as_ref(), text)?);
+    /// let names: Vec<&str> = law.parameters().iter().map(|parameter| parameter.name).collect();
+    /// assert_eq!(names, ["gel_modulus_pa", "mesh_modulus_pa", "mesh_order", "flow_viscosity_pa_s"]);
+    /// # Ok::<(), base::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// [`base::Error::Input`] with file, line, key and remedy.
+    pub fn from_text(file: &Path, text: &str) -> Result<&'static Self> {
+        let document = TomlInput::parse(file, text)?;
+        Self::from_toml(&document.root())
+    }
+
+    /// Reads the table `[base.network]`; the same network is the same reference.
+    ///
+    /// # Errors
+    /// [`base::Error::Input`] with file, line, key and remedy.
+    pub fn from_toml(table: &Table<'_>) -> Result<&'static Self> {
+        let mut reader = Reader::default();
+        let root = reader.node(table)?;
+        // A law is copied into every forward model and thread, and parameters' names are static everywhere: a network lives as long as the program.
+        // Each distinct one is kept once, so that reading the same file again costs nothing.
+        let mut networks = NETWORKS.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(known) = networks.iter().find(|network| network.root == root) {
+            return Ok(known);
+        }
+        let spec = |(name, unit, support): (String, &'static str, Support)| {
+            ParameterSpec::new(Box::leak(name.into_boxed_str()), "", unit, support)
+        };
+        let parameters = reader.parameters.into_iter().map(spec).collect();
+        let network: &'static Self = Box::leak(Box::new(Self { root, parameters }));
+        networks.push(network);
+        Ok(network)
+    }
+
+    /// The table under `network`, as it is read.
+    pub fn to_toml_value(&self) -> toml::Value {
+        self.root.to_toml_value()
+    }
+
+    /// The parameters, in the order in which the elements first stand.
+    pub fn parameters(&self) -> &[ParameterSpec] {
+        &self.parameters
+    }
+
+    /// As [`super::BaseLaw::leaf`].
+    pub(super) fn leaf(&self, name: &str) -> Option<Leaf> {
+        let is_it = |node: &Node| match node {
+            Node::Leaf { kind, name: own, .. } => name == format!("{own}_{}", kind.parameters()[0].0),
+            Node::Series(_) | Node::Parallel(_) => false,
+        };
+        let bodies = match &self.root {
+            Node::Series(nodes) => &nodes[..],
+            node => std::slice::from_ref(node),
+        };
+        let places = |(body, node): (usize, &Node)| -> Vec<Leaf> {
+            match node {
+                Node::Parallel(parts) => {
+                    let own = parts.iter().enumerate().filter(|(_, part)| is_it(part));
+                    own.map(|(part, _)| Leaf { body, part: Some(part) }).collect()
+                }
+                node => is_it(node).then_some(Leaf { body, part: None }).into_iter().collect(),
+            }
+        };
+        let found: Vec<Leaf> = bodies.iter().enumerate().flat_map(places).collect();
+        match (&found[..], self.root.count(&is_it)) {
+            ([leaf], 1) => Some(*leaf),
+            _ => None,
+        }
+    }
+
+    /// The elements in series at `parameters` (SI, the order of [`Self::parameters`]).
+    pub fn elements(&self, parameters: &[Dual]) -> Vec<Element> {
+        match &self.root {
+            Node::Series(nodes) => nodes.iter().map(|node| node.element(parameters)).collect(),
+            node => vec![node.element(parameters)],
+        }
+    }
+
+    /// The prior of one of its parameters, and where its numbers come from.
+    pub(super) fn default_prior(&self, name: &str) -> Option<(Distribution, &'static str)> {
+        let spec = self.parameters.iter().find(|spec| spec.name == name)?;
+        let wide = |median: f64| Distribution::LogNormal { median, log_sd: 2.0 };
+        Some(match spec.unit {
+            "Pa" => (wide(3.0), "chosen: soft gels around 3 Pa, a factor of 7 for one standard deviation"),
+            "Pa s" => (wide(10.0), "chosen: seconds at 3 Pa, a factor of 7 for one standard deviation"),
+            _ => (
+                Distribution::Uniform { lower: 0.05, upper: 0.95 },
+                "chosen: any order that differs from a spring's and a dashpot's",
+            ),
+        })
+    }
+}
+
+impl Reader {
+    fn node(&mut self, table: &Table<'_>) -> Result<Node> {
+        table.only(&KEYS)?;
+        let mut keys = table.keys();
+        let (Some(key), None) = (keys.next(), keys.next()) else {
+            let found: Vec<&str> = table.keys().collect();
+            return Err(table.refuse_whole(
+                format!("one key is needed here, found {}: {}", found.len(), found.join(", ")),
+                format!("give one of {}, as in `{EXAMPLE}`; join several by `series` or `parallel`", KEYS.join(", ")),
+            ));
+        };
+        let kind = match key {
+            SPRING => Kind::Spring,
+            DASHPOT => Kind::Dashpot,
+            SPRINGPOT => Kind::Springpot,
+            SERIES => return Ok(Node::Series(self.nodes(table, key)?)),
+            _ => return Ok(Node::Parallel(self.nodes(table, key)?)),
+        };
+        self.leaf(table, key, kind)
+    }
+
+    fn nodes(&mut self, table: &Table<'_>, key: &str) -> Result<Vec<Node>> {
+        let example = format!("{key} = [{EXAMPLE}, {{ dashpot = \"flow\" }}]");
+        let parts = table.tables(key, &example)?;
+        if parts.is_empty() {
+            return Err(table.refuse(key, "the list is empty", format!("write `{example}`")));
+        }
+        parts.iter().map(|part| self.node(part)).collect()
+    }
+
+    fn leaf(&mut self, table: &Table<'_>, key: &str, kind: Kind) -> Result<Node> {
+        let name = table.required_text(key, EXAMPLE)?;
+        self.n_bodies += 1;
+        if self.n_bodies > MOST_BODIES {
+            return Err(table.refuse(
+                key,
+                format!("this is body {} of the network", self.n_bodies),
+                format!("give a network of at most {MOST_BODIES} bodies; measurements of creep tell a few apart"),
+            ));
+        }
+        if !is_identifier(&name) {
+            return Err(table.refuse(
+                key,
+                format!("`{name}` cannot begin the name of a parameter"),
+                "use lower-case letters, digits and underscores, a letter first, as in `gel`",
+            ));
+        }
+        let known = self.elements.iter().find(|(known, ..)| *known == name);
+        let first = match known {
+            Some((_, same, first)) if *same == kind => *first,
+            Some((_, other, _)) => {
+                return Err(table.refuse(
+                    key,
+                    format!("`{name}` is the name of a {} already", other.key()),
+                    "give each element its own name; the same name twice means the same element twice",
+                ));
+            }
+            None => self.new_element(&name, kind),
+        };
+        Ok(Node::Leaf { kind, name, first })
+    }
+
+    fn new_element(&mut self, name: &str, kind: Kind) -> usize {
+        let first = self.parameters.len();
+        self.elements.push((name.to_string(), kind, first));
+        let parameters = kind.parameters().iter();
+        self.parameters.extend(parameters.map(|(ending, unit, support)| (format!("{name}_{ending}"), *unit, *support)));
+        first
+    }
+}
+
+pub(super) fn is_identifier(name: &str) -> bool {
+    name.starts_with(|first: char| first.is_ascii_lowercase())
+        && name.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_')
+}
+
+impl Node {
+    /// How many leaves are so.
+    fn count(&self, is_so: &dyn Fn(&Self) -> bool) -> usize {
+        match self {
+            Self::Leaf { .. } => usize::from(is_so(self)),
+            Self::Series(nodes) | Self::Parallel(nodes) => nodes.iter().map(|node| node.count(is_so)).sum(),
+        }
+    }
+
+    fn element(&self, parameters: &[Dual]) -> Element {
+        let all = |nodes: &[Node]| nodes.iter().map(|node| node.element(parameters)).collect();
+        match self {
+            Self::Series(nodes) => Element::Series(all(nodes)),
+            Self::Parallel(nodes) => Element::Parallel(all(nodes)),
+            Self::Leaf { kind, first, .. } => match kind {
+                Kind::Spring => Element::Spring { modulus_pa: parameters[*first] },
+                Kind::Dashpot => Element::Dashpot { viscosity_pa_s: parameters[*first] },
+                Kind::Springpot => Element::Springpot {
+                    modulus_pa: parameters[*first],
+                    time_s: Dual::ONE,
+                    order: parameters[*first + 1],
+                },
+            },
+        }
+    }
+
+    fn to_toml_value(&self) -> toml::Value {
+        let all = |nodes: &[Node]| toml::Value::Array(nodes.iter().map(Self::to_toml_value).collect());
+        let (key, value) = match self {
+            Self::Leaf { kind, name, .. } => (kind.key(), toml::Value::String(name.clone())),
+            Self::Series(nodes) => (SERIES, all(nodes)),
+            Self::Parallel(nodes) => (PARALLEL, all(nodes)),
+        };
+        toml::Value::Table(toml::Table::from_iter([(key.to_string(), value)]))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rheology::{BaseLaw, RetardationSpectrum, TimeWindow};
+
+    fn read(text: &str) -> Result<&'static Network> {
+        let document = TomlInput::parse(Path::new("model.toml"), text)?;
+        let base = document.root().required_table("base")?;
+        Network::from_toml(&base.required_table("network")?)
+    }
+
+    const ZENER: &str = "[base.network]\nseries = [\n  { parallel = [{ spring = \"e\" }, { springpot = \"p\" }] },\n  { dashpot = \"c\" },\n]\n";
+
+    #[test]
+    fn a_network_is_a_base_law() {
+        let law = BaseLaw::Network(read(ZENER).unwrap());
+        let names: Vec<&str> = law.parameters().iter().map(|spec| spec.name).collect();
+        assert_eq!(names, ["e_modulus_pa", "p_modulus_pa", "p_order", "c_viscosity_pa_s"]);
+        let elements = law.elements(&[3.5, 1.4, 1.0, 47.0].map(Dual::constant));
+        let window = TimeWindow { shortest_s: 0.05, longest_s: 40.0 };
+        let found = RetardationSpectrum::of(&elements, window).unwrap();
+        let lethersich = BaseLaw::Lethersich.elements(&[3.5, 1.4, 47.0].map(Dual::constant));
+        // A springpot of order 1 is a dashpot of the same number.
+        assert_eq!(found, RetardationSpectrum::of(&lethersich, window).unwrap());
+        for spec in law.parameters() {
+            let (prior, _) = law.default_prior(spec.name, &|_| f64::NAN).unwrap();
+            let (lower, upper) = prior.support();
+            assert!(spec.support.contains(lower) && upper <= spec.support.upper, "{}", spec.name);
+        }
+    }
+
+    #[test]
+    fn a_network_survives_being_written_and_is_kept_once() {
+        let network = read(ZENER).unwrap();
+        let base = toml::Table::from_iter([("network".to_string(), network.to_toml_value())]);
+        let root = toml::Table::from_iter([("base".to_string(), toml::Value::Table(base))]);
+        let again = read(&toml::to_string(&root).unwrap()).unwrap();
+        assert!(std::ptr::eq(network, again));
+        let inline = read("base = { network = { parallel = [{ spring = \"e\" }, { dashpot = \"c\" }] } }").unwrap();
+        assert!(!std::ptr::eq(network, inline));
+    }
+
+    #[test]
+    fn one_name_twice_is_one_element() {
+        let text =
+            "[base.network]\nseries = [{ spring = \"e\" }, { parallel = [{ spring = \"e\" }, { dashpot = \"c\" }] }]";
+        let network = read(text).unwrap();
+        assert_eq!(network.parameters().len(), 2);
+        let spring = Element::Spring { modulus_pa: 2.0.into() };
+        let elements = network.elements(&[2.0.into(), 5.0.into()]);
+        assert_eq!(elements, [spring, Element::kelvin_voigt(2.0.into(), 5.0.into())]);
+    }
+
+    #[test]
+    fn a_network_has_a_largest_size() {
+        let of = |n: usize| {
+            let bodies: Vec<String> = (0..n).map(|k| format!("{{ springpot = \"p{k}\" }}")).collect();
+            read(&format!("[base.network]\nseries = [{}]\n", bodies.join(", ")))
+        };
+        assert_eq!(of(MOST_BODIES).unwrap().parameters().len(), 2 * MOST_BODIES);
+        for n in [MOST_BODIES + 1, 1_000] {
+            let message = of(n).unwrap_err().to_string();
+            assert!(message.contains("line 2") && message.contains("at most 64 bodies"), "{message}");
+        }
+    }
+
+    #[test]
+    fn mistakes_are_named_with_their_line_and_remedy() {
+        let cases = [
+            ("[base.network]\nseries = []\n", "line 2, `base.network.series`", "dashpot = \"flow\""),
+            ("[base.network]\nsprin = \"e\"\n", "line 2, `base.network.sprin`", "did you mean `spring`"),
+            (
+                "[base.network]\nseries = [\n { spring = \"e\" },\n { dashpot = 3 },\n]\n",
+                "line 4, `base.network.series[2].dashpot`",
+                "= \"…\"",
+            ),
+            ("[base.network]\nseries = [\n { spring = \"e\" },\n { dashpot = \"e\" },\n]\n", "line 4", "own name"),
+            ("[base.network]\nseries = [\n { spring = \"E 1\" },\n]\n", "line 3", "lower-case"),
+            ("[base.network]\nseries = [\n { },\n]\n", "line 3, `base.network.series[1]`", "give one of spring"),
+            ("[base.network]\nspring = \"e\"\ndashpot = \"c\"\n", "line 1, `base.network`", "`series` or `parallel`"),
+            ("[base.network]\nparallel = \"e\"\n", "line 2", "parallel = [{ spring"),
+            ("[base.network]\nparallel = [\"e\"]\n", "line 2", "parallel = [{ spring"),
+        ];
+        for (text, place, remedy) in cases {
+            let message = read(text).unwrap_err().to_string();
+            assert!(message.contains(place) && message.contains(remedy), "{text}\n{message}");
+        }
+    }
+}

@@ -1,0 +1,113 @@
+//! Any law as a sum of exponentials.
+
+use super::fractional::{FractionalBody, Springpot};
+use super::spectrum::check_order;
+use super::{Accuracy, Element, RetardationSpectrum, SpectralMode, TimeWindow, branch_cut, stieltjes};
+use base::error::{Error, Result};
+use base::number::{Dual, PointScalar};
+
+impl RetardationSpectrum {
+    /// The spectrum of elements in series, [`Accuracy::Fine`].
+    ///
+    /// # Errors
+    /// Those of [`Self::with_accuracy`].
+    pub fn of(law: &[Element], window: TimeWindow) -> Result<Self> {
+        Self::with_accuracy(law, window, Accuracy::Fine)
+    }
+}
+
+impl<T: PointScalar> RetardationSpectrum<T> {
+    /// The spectrum of elements in series, by value or with the derivative that they carry; values are the same to the bit.
+    ///
+    /// Springs, dashpots and networks of them are exact. Springpots are right within the accuracy for times inside the window and after any
+    /// superposition of them; before `shortest_s` the modes that are faster than the window stand as instantaneous compliance.
+    ///
+    /// # Errors
+    /// [`Error::Numerical`] where a network has no spectrum that can be computed, and where the window is not one of positive, finite times.
+    pub fn with_accuracy(law: &[Element], window: TimeWindow, accuracy: Accuracy) -> Result<Self> {
+        let TimeWindow { shortest_s, longest_s } = window;
+        if !(shortest_s > 0.0 && longest_s >= shortest_s && longest_s.is_finite()) {
+            return Err(Error::numerical(
+                format!("a spectrum cannot hold from {shortest_s} s to {longest_s} s"),
+                "give positive, finite times, the shortest first",
+            ));
+        }
+        let mut builder = Builder { spectrum: Self::empty(), window, accuracy };
+        law.iter().try_for_each(|element| builder.add(element))?;
+        let spectrum = builder.spectrum;
+        if !(spectrum.instantaneous_per_pa.value().is_finite() && spectrum.fluidity_per_pa_s.value().is_finite()) {
+            return Err(Error::numerical(
+                format!("the creep compliance of {law:?} is not finite"),
+                "give moduli, viscosities and times of a size that can be",
+            ));
+        }
+        Ok(spectrum)
+    }
+}
+
+/// A spectrum to which elements are added.
+struct Builder<T> {
+    spectrum: RetardationSpectrum<T>,
+    window: TimeWindow,
+    accuracy: Accuracy,
+}
+
+impl<T: PointScalar> Builder<T> {
+    fn add(&mut self, element: &Element) -> Result<()> {
+        let inverse = |number: Dual| T::constant(1.0) / T::of(number);
+        let spectrum = &mut self.spectrum;
+        match element {
+            Element::Spring { modulus_pa } => spectrum.instantaneous_per_pa += inverse(*modulus_pa),
+            Element::Dashpot { viscosity_pa_s } => spectrum.fluidity_per_pa_s += inverse(*viscosity_pa_s),
+            Element::Compliance { compliance_per_pa } => spectrum.instantaneous_per_pa += T::of(*compliance_per_pa),
+            Element::Retarded { compliance_per_pa, time_s } => spectrum
+                .modes
+                .push(SpectralMode { compliance_per_pa: T::of(*compliance_per_pa), rate_per_s: inverse(*time_s) }),
+            Element::Springpot { modulus_pa, time_s, order } => {
+                check_order(*order)?;
+                let (modulus_pa, time_s) = (T::of(*modulus_pa), T::of(*time_s));
+                if order.is_constant(1.0) {
+                    spectrum.fluidity_per_pa_s += T::constant(1.0) / (modulus_pa * time_s);
+                } else {
+                    let order = T::of(*order);
+                    let springpot = Springpot { coefficient: modulus_pa * time_s.pow(order), order };
+                    springpot.add_to(spectrum, self.window, self.accuracy);
+                }
+            }
+            Element::Series(elements) => elements.iter().try_for_each(|element| self.add(element))?,
+            Element::Parallel(elements) => self.add_parallel(element, elements)?,
+        }
+        Ok(())
+    }
+
+    fn add_parallel(&mut self, whole: &Element, elements: &[Element]) -> Result<()> {
+        match elements {
+            [] => {
+                return Err(Error::numerical("a network has no element in parallel", "write at least one element"));
+            }
+            [only] => self.add(only)?,
+            [Element::Spring { modulus_pa }, Element::Dashpot { viscosity_pa_s }]
+            | [Element::Dashpot { viscosity_pa_s }, Element::Spring { modulus_pa }] => {
+                self.spectrum.add_kelvin_voigt(*modulus_pa, *viscosity_pa_s);
+            }
+            [Element::Spring { modulus_pa: spring_pa }, Element::Springpot { modulus_pa, time_s, order }]
+            | [Element::Springpot { modulus_pa, time_s, order }, Element::Spring { modulus_pa: spring_pa }] => {
+                check_order(*order)?;
+                if order.is_constant(1.0) {
+                    self.spectrum.add_kelvin_voigt(*spring_pa, *modulus_pa * *time_s);
+                } else {
+                    // E τᵅ = G tᵅ for the spring's E and the springpot's G and t.
+                    let (spring_pa, order) = (T::of(*spring_pa), T::of(*order));
+                    let ratio = (T::of(*modulus_pa) / spring_pa).pow(T::constant(1.0) / order);
+                    let body = FractionalBody { modulus_pa: spring_pa, time_s: T::of(*time_s) * ratio, order };
+                    body.add_to(&mut self.spectrum, self.window, self.accuracy);
+                }
+            }
+            _ => match stieltjes::spectrum_of(whole) {
+                Some(exact) => self.spectrum.extend(&exact),
+                None => self.spectrum.extend(&branch_cut::spectrum_of(whole, self.window)?),
+            },
+        }
+        Ok(())
+    }
+}

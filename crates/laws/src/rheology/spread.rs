@@ -1,0 +1,292 @@
+//! A law that answers through a field that changes shape: Σ w/(G + something) over a few terms instead of one 1/G.
+//!
+//! Where two symmetric matrices with scalar factors make up the mechanics, A a(s) + B b(s), their common eigenvectors split the robot's complex
+//! compliance into terms with weights w ≥ 0 and numbers μ ≥ 0 (or shares θ in [0, 1]) of their own:
+//!
+//! - [`Beside::Friction`]: w/(G + μ s/b), b the compliance of an interface or the mobility of a pore fluid;
+//! - [`Beside::Mass`]: w/(G + μ d s²);
+//! - [`Beside::Law`]: w/(θ G₁ + (1 − θ) G), G₁ another law;
+//! - [`Beside::Spring`]: the same with a spring for the other law.
+//!
+//! So every term is the law with a dashpot, a mass, a spring or another law beside it, and its creep a sum of exponentials. For the Lethersich law these are
+//! closed forms; other laws go through [`super::stieltjes`], and masses through the zeros of G/s + μ d s.
+
+use super::spectrum::{Accuracy, TimeWindow};
+use super::{Element, OscillatingMode, RetardationSpectrum, SpectralMode, stieltjes};
+use base::error::{Error, Result};
+use base::number::{Dual, PointScalar};
+
+/// What stands beside the law in every term.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Beside {
+    /// A dashpot of viscosity μ/b.
+    Friction {
+        /// b ≥ 0; at 0 terms with μ > 0 do not move.
+        compliance: Dual,
+    },
+    /// A mass μ d.
+    Mass {
+        /// d ≥ 0.
+        scale: Dual,
+    },
+    /// A second law with the share θ; the first has the rest.
+    Law(Vec<Element>),
+    /// A spring with the share θ; the law has the rest.
+    Spring {
+        /// b ≥ 0 in 1/Pa; at 0 terms with θ > 0 do not move.
+        compliance_per_pa: Dual,
+    },
+}
+
+/// One term: weight w, and μ or θ.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SpreadTerm {
+    /// w, relative to the compliance of the base.
+    pub weight: Dual,
+    /// μ or θ.
+    pub number: Dual,
+}
+
+/// E, c₁ and c₂ of a Lethersich law, if it is one.
+fn lethersich<T: PointScalar>(law: &[Element]) -> Option<[T; 3]> {
+    let [Element::Parallel(body), Element::Dashpot { viscosity_pa_s: flow }] = law else { return None };
+    let [Element::Spring { modulus_pa }, Element::Dashpot { viscosity_pa_s }] = body.as_slice() else { return None };
+    Some([*modulus_pa, *viscosity_pa_s, *flow].map(T::of))
+}
+
+impl<T: PointScalar> RetardationSpectrum<T> {
+    /// The spectrum of Σ over terms, of a law with something beside it.
+    ///
+    /// # Errors
+    /// Those of [`Self::with_accuracy`]; [`Error::Numerical`] for a mass beside a law with springpots.
+    pub fn spread(
+        law: &[Element],
+        beside: &Beside,
+        terms: &[SpreadTerm],
+        window: TimeWindow,
+        accuracy: Accuracy,
+    ) -> Result<Self> {
+        let mut spectrum = Self::empty();
+        for term in terms {
+            match beside {
+                Beside::Friction { compliance } => {
+                    spectrum.add_with_friction(law, *compliance, *term, window, accuracy)?;
+                }
+                Beside::Mass { scale } => spectrum.add_with_mass(law, *scale, *term)?,
+                Beside::Spring { compliance_per_pa } => {
+                    spectrum.add_with_spring(law, *compliance_per_pa, *term, window, accuracy)?;
+                }
+                Beside::Law(second) => spectrum.add_shared(law, second, *term, window, accuracy)?,
+            }
+        }
+        Ok(spectrum)
+    }
+
+    fn add_with_friction(
+        &mut self,
+        law: &[Element],
+        compliance: Dual,
+        term: SpreadTerm,
+        window: TimeWindow,
+        accuracy: Accuracy,
+    ) -> Result<()> {
+        if term.number.is_constant(0.0) {
+            return self.add_scaled(&Self::with_accuracy(law, window, accuracy)?, T::of(term.weight));
+        }
+        if compliance.is_constant(0.0) {
+            return Ok(());
+        }
+        if let Some([e, c1, c2]) = lethersich::<T>(law) {
+            let (weight, mu, b) = (T::of(term.weight), T::of(term.number), T::of(compliance));
+            let (viscous, flowing) = (b * c1 * c2 + mu * (c1 + c2), b * c2 + mu);
+            let rate_per_s = e * flowing / viscous;
+            let drop = weight * e * c2 * c2 * b * b / (viscous * viscous);
+            self.fluidity_per_pa_s += weight * b / flowing;
+            self.modes.push(SpectralMode { compliance_per_pa: drop / (rate_per_s * rate_per_s), rate_per_s });
+            return Ok(());
+        }
+        if compliance.value == 0.0 {
+            // To first order b/(μ s), whatever the law.
+            self.fluidity_per_pa_s += T::of(term.weight * compliance / term.number);
+            return Ok(());
+        }
+        let dashpot = Element::Dashpot { viscosity_pa_s: term.number / compliance };
+        self.add_parallel_terms(vec![Element::Series(law.to_vec()), dashpot], term.weight, window, accuracy)
+    }
+
+    /// w/(θ/b + (1 − θ) G).
+    fn add_with_spring(
+        &mut self,
+        law: &[Element],
+        compliance: Dual,
+        term: SpreadTerm,
+        window: TimeWindow,
+        accuracy: Accuracy,
+    ) -> Result<()> {
+        let (share, rest) = (term.number, Dual::ONE - term.number);
+        if share.is_constant(0.0) {
+            return self.add_scaled(&Self::with_accuracy(law, window, accuracy)?, T::of(term.weight));
+        }
+        if compliance.is_constant(0.0) {
+            return Ok(());
+        }
+        if compliance.value == 0.0 || rest.is_constant(0.0) {
+            // To first order b/θ, whatever the law.
+            self.instantaneous_per_pa += T::of(term.weight * compliance / share);
+            return Ok(());
+        }
+        if let Some([e, c1, c2]) = lethersich::<T>(law) {
+            let [theta, b] = [share, compliance].map(T::of);
+            self.add_lethersich_with_spring(T::of(term.weight), theta, b, [e, c1, c2]);
+            return Ok(());
+        }
+        let scaled = |element: &Element| element.scaled(rest);
+        let beside = Element::Spring { modulus_pa: share / compliance };
+        let elements = vec![Element::Series(law.iter().map(scaled).collect()), beside];
+        self.add_parallel_terms(elements, term.weight, window, accuracy)
+    }
+
+    /// w b (E + Cs)/N, N = (1 − θ) b c₁c₂ s² + (θC + (1 − θ) b c₂E) s + θE, C = c₁ + c₂.
+    fn add_lethersich_with_spring(&mut self, weight: T, theta: T, b: T, [e, c1, c2]: [T; 3]) {
+        let (c, rest) = (c1 + c2, (T::constant(1.0) - theta) * b);
+        let (quadratic, linear, constant) = (rest * c1 * c2, theta * c + rest * c2 * e, theta * e);
+        let root = (linear * linear - quadratic * constant * 4.0).sqrt();
+        let larger = (linear + root) * 0.5;
+        let (fast, slow) = (larger / quadratic, constant / larger);
+        for (rate, other) in [(fast, slow), (slow, fast)] {
+            // Residue at s = −rate over the rate.
+            let gain = b * (e - c * rate) / (quadratic * rate * (other - rate));
+            self.modes.push(SpectralMode { compliance_per_pa: weight * gain, rate_per_s: rate });
+        }
+    }
+
+    fn add_shared(
+        &mut self,
+        law: &[Element],
+        second: &[Element],
+        term: SpreadTerm,
+        window: TimeWindow,
+        accuracy: Accuracy,
+    ) -> Result<()> {
+        let (share, rest) = (term.number, Dual::ONE - term.number);
+        if let (Some([e, c1, c2]), Some([soft, ..])) = (lethersich::<T>(law), lethersich::<T>(second)) {
+            let (weight, theta) = (T::of(term.weight), T::of(share));
+            self.add_two_lethersich(weight, theta, [e, soft], [c1, c2]);
+            return Ok(());
+        }
+        // A share of nothing is no body beside the other.
+        for (number, alone) in [(rest, second), (share, law)] {
+            if number.is_constant(0.0) {
+                return self.add_scaled(&Self::with_accuracy(alone, window, accuracy)?, T::of(term.weight));
+            }
+        }
+        let scaled = |elements: &[Element], factor: Dual| {
+            Element::Series(elements.iter().map(|own| own.scaled(factor)).collect())
+        };
+        self.add_parallel_terms(vec![scaled(second, share), scaled(law, rest)], term.weight, window, accuracy)
+    }
+
+    /// w/(θ G₁ + (1 − θ) G) with E₁ and E in place of the spring, the dashpots alike:
+    /// (E₁ + Cs)(E + Cs)/(c₂ s N), C = c₁ + c₂, N = c₁C s² + (θ(E₁C + c₁E) + (1 − θ)(EC + c₁E₁)) s + E₁E.
+    fn add_two_lethersich(&mut self, weight: T, theta: T, [e, soft]: [T; 2], [c1, c2]: [T; 2]) {
+        let c = c1 + c2;
+        let quadratic = c1 * c;
+        let linear = theta * (soft * c + c1 * e) + (T::constant(1.0) - theta) * (e * c + c1 * soft);
+        let constant = e * soft;
+        let root = (linear * linear - quadratic * constant * 4.0).sqrt();
+        let larger = (linear + root) * 0.5;
+        let (fast, slow) = (larger / quadratic, constant / larger);
+        self.fluidity_per_pa_s += weight / c2;
+        for (rate, other) in [(fast, slow), (slow, fast)] {
+            // Residue at s = −rate over the rate, with the sign that makes it positive.
+            let gain = (soft - c * rate) * (e - c * rate) / (c2 * quadratic * rate * (rate - other));
+            self.modes.push(SpectralMode { compliance_per_pa: weight * gain / rate, rate_per_s: rate });
+        }
+    }
+
+    fn add_with_mass(&mut self, law: &[Element], scale: Dual, term: SpreadTerm) -> Result<()> {
+        let mass = term.number * scale;
+        if let Some([e, c1, c2]) = lethersich::<T>(law) {
+            self.add_lethersich_with_mass(T::of(term.weight), T::of(mass), [e, c1, c2]);
+            return Ok(());
+        }
+        let with_mass = stieltjes::with_mass(&Element::Series(law.to_vec()), mass).ok_or_else(|| {
+            Error::numerical(
+                "the creep of this law with a mass cannot be computed",
+                "leave springpots away, and take a finite step from a density of 0",
+            )
+        })?;
+        self.add_scaled(&with_mass.converted(), T::of(term.weight))
+    }
+
+    /// w (E + Cs)/(s N), N = m C s² + (c₁c₂ + m E) s + c₂E, C = c₁ + c₂.
+    fn add_lethersich_with_mass(&mut self, weight: T, mass: T, [e, c1, c2]: [T; 3]) {
+        let c = c1 + c2;
+        let (quadratic, linear, constant) = (mass * c, c1 * c2 + mass * e, c2 * e);
+        let square = linear * linear - quadratic * constant * 4.0;
+        self.fluidity_per_pa_s += weight / c2;
+        if square.value() > 0.0 {
+            let larger = (linear + square.sqrt()) * 0.5;
+            let slow = constant / larger;
+            let apart = larger - quadratic * slow;
+            let gain = (c * slow - e) / (slow * apart);
+            self.modes.push(SpectralMode { compliance_per_pa: weight * gain / slow, rate_per_s: slow });
+            // Of the rate larger/quadratic, which is infinite without a mass.
+            let at_once = (e * quadratic - c * larger) * quadratic / (larger * larger * apart) * weight;
+            if mass.value() > 0.0 {
+                self.modes.push(SpectralMode { compliance_per_pa: at_once, rate_per_s: larger / quadratic });
+            } else {
+                self.instantaneous_per_pa += at_once;
+            }
+            return;
+        }
+        let half = T::constant(0.5) / quadratic;
+        let (re, im) = (linear * half, (-square).sqrt() * half);
+        // With Λ = re + i im and the other rate its conjugate: gain (CΛ − E)/(Λ² quadratic (−2 i im)), both of the pair counted.
+        let top = [c * re - e, c * im];
+        let bottom = multiplied(multiplied([re, im], [re, im]), [T::constant(0.0), quadratic * im * -2.0]);
+        let size = bottom[0] * bottom[0] + bottom[1] * bottom[1];
+        let both = weight * 2.0 / size;
+        let compliance = multiplied(top, [bottom[0], -bottom[1]]).map(|part| part * both);
+        self.oscillating.push(OscillatingMode { compliance_per_pa: compliance, rate_per_s: [re, im] });
+    }
+
+    fn add_parallel_terms(
+        &mut self,
+        elements: Vec<Element>,
+        weight: Dual,
+        window: TimeWindow,
+        accuracy: Accuracy,
+    ) -> Result<()> {
+        let spectrum = Self::with_accuracy(&[Element::Parallel(elements)], window, accuracy)?;
+        self.add_scaled(&spectrum, T::of(weight))
+    }
+
+    /// Adds another spectrum, `weight` times.
+    pub(super) fn add_scaled(&mut self, other: &Self, weight: T) -> Result<()> {
+        self.instantaneous_per_pa += other.instantaneous_per_pa * weight;
+        self.fluidity_per_pa_s += other.fluidity_per_pa_s * weight;
+        self.modes.extend(other.modes.iter().map(|mode| SpectralMode {
+            compliance_per_pa: mode.compliance_per_pa * weight,
+            rate_per_s: mode.rate_per_s,
+        }));
+        self.oscillating.extend(other.oscillating.iter().map(|mode| OscillatingMode {
+            compliance_per_pa: mode.compliance_per_pa.map(|part| part * weight),
+            rate_per_s: mode.rate_per_s,
+        }));
+        Ok(())
+    }
+}
+
+impl RetardationSpectrum<Dual> {
+    /// The same in another kind of number.
+    fn converted<T: PointScalar>(&self) -> RetardationSpectrum<T> {
+        let mut spectrum = RetardationSpectrum::empty();
+        spectrum.extend(self);
+        spectrum
+    }
+}
+
+fn multiplied<T: PointScalar>([a, b]: [T; 2], [c, d]: [T; 2]) -> [T; 2] {
+    [a * c - b * d, a * d + b * c]
+}

@@ -1,0 +1,184 @@
+//! Networks of springs and dashpots: exact rates and weights.
+//!
+//! The complex compliance of such a network is J*(s) = b∞ + b₀/s + Σ bₘ/(s + pₘ) with b ≥ 0, and so is its modulus divided by s. In series
+//! compliances add, in parallel moduli do, and the way between them is one operation, S ↦ 1/(s S), whose poles are the zeros of S: exactly one
+//! between neighbouring poles. So every zero is bracketed, and no polynomial is ever formed.
+
+use super::mass::mass_on_maxwell_bodies;
+use super::{Element, RetardationSpectrum, SpectralMode};
+use base::number::Dual;
+
+/// Poles nearer than this, relative to their size, are one: weights add and the rate is the mean, which is exact to first order in the distance.
+const SAME_POLE: f64 = 1e-9;
+/// Smallest distance of a zero from a pole, in units of the interval between poles.
+const NEAREST: f64 = 1e-22;
+/// Halvings of the logarithm of a zero's distance from its pole: from 50 to below rounding.
+const HALVINGS: u32 = 60;
+
+/// b∞ + Σ b/(s + p), poles p ≥ 0.
+#[derive(Debug, Clone, Default)]
+struct Stieltjes {
+    constant: Dual,
+    poles: Vec<Pole>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Pole {
+    weight: Dual,
+    at: Dual,
+}
+
+/// The spectrum of a network; `None` where it has a springpot.
+pub fn spectrum_of(element: &Element) -> Option<RetardationSpectrum> {
+    let compliance = compliance_of(element)?;
+    let (flow, modes): (Vec<Pole>, Vec<Pole>) = compliance.poles.iter().partition(|pole| pole.at.value == 0.0);
+    Some(RetardationSpectrum {
+        instantaneous_per_pa: compliance.constant,
+        modes: modes
+            .iter()
+            .map(|pole| SpectralMode { compliance_per_pa: pole.weight / pole.at, rate_per_s: pole.at })
+            .collect(),
+        oscillating: Vec::new(),
+        fluidity_per_pa_s: flow.iter().fold(Dual::ZERO, |sum, pole| sum + pole.weight),
+    })
+}
+
+/// What a network's modulus is made of: G*(s) = η s + Σ G s/(s + p).
+#[derive(Debug, Clone)]
+pub struct RelaxationSpectrum {
+    /// η in Pa·s.
+    pub viscosity_pa_s: f64,
+    /// G (Pa) and p (1/s) of every mode, slowest first; p = 0 does not relax.
+    pub modes: Vec<[f64; 2]>,
+}
+
+/// The modulus of a network; `None` where it has a springpot.
+pub fn relaxation_of(element: &Element) -> Option<RelaxationSpectrum> {
+    let modulus = compliance_of(element)?.reciprocal();
+    let modes = modulus.poles.iter().map(|pole| [pole.weight.value, pole.at.value]).collect();
+    Some(RelaxationSpectrum { viscosity_pa_s: modulus.constant.value, modes })
+}
+
+/// The spectrum of a network with a mass beside it; `None` where it has a springpot, or no mass.
+pub(super) fn with_mass(element: &Element, mass: Dual) -> Option<RetardationSpectrum> {
+    let modulus = compliance_of(element)?.reciprocal();
+    let bodies: Vec<(Dual, Dual)> = modulus.poles.iter().map(|pole| (pole.weight, pole.at)).collect();
+    (mass.value > 0.0).then(|| mass_on_maxwell_bodies(modulus.constant, &bodies, mass))
+}
+
+/// J*.
+fn compliance_of(element: &Element) -> Option<Stieltjes> {
+    match element {
+        Element::Spring { modulus_pa } => Some(Stieltjes { constant: Dual::ONE / *modulus_pa, poles: Vec::new() }),
+        Element::Compliance { compliance_per_pa } => {
+            Some(Stieltjes { constant: *compliance_per_pa, poles: Vec::new() })
+        }
+        Element::Retarded { compliance_per_pa, time_s } => {
+            let pole = Pole { weight: *compliance_per_pa / *time_s, at: Dual::ONE / *time_s };
+            Some(Stieltjes { constant: Dual::ZERO, poles: vec![pole] })
+        }
+        Element::Dashpot { viscosity_pa_s } => Some(Stieltjes::flow(Dual::ONE / *viscosity_pa_s)),
+        Element::Springpot { modulus_pa, time_s, order } => {
+            order.is_constant(1.0).then(|| Stieltjes::flow(Dual::ONE / (*modulus_pa * *time_s)))
+        }
+        Element::Series(elements) => sum(elements.iter().map(compliance_of)),
+        Element::Parallel(elements) => {
+            let modulus = sum(elements.iter().map(|element| compliance_of(element).map(|c| c.reciprocal())))?;
+            Some(modulus.reciprocal())
+        }
+    }
+}
+
+fn sum(parts: impl Iterator<Item = Option<Stieltjes>>) -> Option<Stieltjes> {
+    let mut total = Stieltjes::default();
+    for part in parts {
+        let part = part?;
+        total.constant += part.constant;
+        total.poles.extend(part.poles);
+    }
+    Some(total)
+}
+
+impl Stieltjes {
+    fn flow(weight: Dual) -> Self {
+        Self { constant: Dual::ZERO, poles: vec![Pole { weight, at: Dual::ZERO }] }
+    }
+
+    /// T with 1/S(s) = s T(s).
+    fn reciprocal(&self) -> Self {
+        let poles = merged(&self.poles);
+        let at_zero = poles.first().is_some_and(|pole| pole.at.value == 0.0);
+        let constant = if self.constant.value > 0.0 {
+            Dual::ZERO
+        } else {
+            Dual::ONE / poles.iter().fold(Dual::ZERO, |sum, pole| sum + pole.weight)
+        };
+        let mut result = Self { constant, poles: Vec::new() };
+        if !at_zero {
+            let whole = poles.iter().fold(self.constant, |sum, pole| sum + pole.weight / pole.at);
+            result.poles.push(Pole { weight: Dual::ONE / whole, at: Dual::ZERO });
+        }
+        let n_zeros = (poles.len() + usize::from(self.constant.value > 0.0)).saturating_sub(1);
+        result.poles.extend((0..n_zeros).map(|left| self.zero_above(&poles, left)));
+        result
+    }
+
+    /// The zero of S(−x) = b∞ + Σ b/(p − x) above pole `left`, as a pole of 1/(s S).
+    fn zero_above(&self, poles: &[Pole], left: usize) -> Pole {
+        let value_at = |origin: usize, offset: f64| {
+            let from = poles[origin].at.value;
+            poles
+                .iter()
+                .fold(self.constant.value, |sum, pole| sum + pole.weight.value / (pole.at.value - from - offset))
+        };
+        // Beyond the last pole S(−x) ≥ b∞ − Σb/(x − p), which is positive from here on.
+        let reach = match poles.get(left + 1) {
+            Some(right) => 0.5 * (right.at.value - poles[left].at.value),
+            None => poles.iter().fold(0.0, |sum, pole| sum + pole.weight.value) / self.constant.value * (1.0 + 1e-9),
+        };
+        // Distances are measured from the nearer pole, where they keep their digits.
+        let is_last = left + 1 == poles.len();
+        let (origin, sign) = if is_last || value_at(left, reach) > 0.0 { (left, 1.0) } else { (left + 1, -1.0) };
+        let (mut near, mut far) = ((reach * NEAREST).ln(), reach.ln());
+        for _ in 0..HALVINGS {
+            let middle = 0.5 * (near + far);
+            // S rises with x: from −∞ right of a pole, to +∞ left of one.
+            if value_at(origin, sign * middle.exp()) * sign < 0.0 { near = middle } else { far = middle }
+        }
+        self.polished(poles, origin, sign * (0.5 * (near + far)).exp())
+    }
+
+    /// One Newton step in dual numbers: the last digit of the value, and the exact derivative.
+    fn polished(&self, poles: &[Pole], origin: usize, offset: f64) -> Pole {
+        let from = poles[origin].at;
+        let sums = |offset: Dual| {
+            poles.iter().fold((self.constant, Dual::ZERO), |(value, slope), pole| {
+                let share = pole.weight / (pole.at - from - offset);
+                (value + share, slope + share / (pole.at - from - offset))
+            })
+        };
+        let (value, slope) = sums(Dual::constant(offset));
+        let offset = Dual::constant(offset) - value / slope;
+        let (_, slope) = sums(offset);
+        let at = from + offset;
+        Pole { weight: Dual::ONE / (at * slope), at }
+    }
+}
+
+/// Poles in rising order, coincident ones joined.
+fn merged(poles: &[Pole]) -> Vec<Pole> {
+    let mut sorted = poles.to_vec();
+    sorted.sort_by(|a, b| a.at.value.total_cmp(&b.at.value));
+    let mut joined: Vec<Pole> = Vec::with_capacity(sorted.len());
+    for pole in sorted {
+        match joined.last_mut() {
+            Some(last) if pole.at.value - last.at.value <= SAME_POLE * pole.at.value => {
+                let weight = last.weight + pole.weight;
+                last.at = (last.weight * last.at + pole.weight * pole.at) / weight;
+                last.weight = weight;
+            }
+            _ => joined.push(pole),
+        }
+    }
+    joined
+}

@@ -1,0 +1,13 @@
+//! Hashes the sources that reduced models are computed by, so that models that one build has cached serve another as long as the mechanics are the same.
+
+use std::path::Path;
+
+/// Every crate whose code a reduced model may depend on.
+const MECHANICS: [&str; 5] = ["base", "record", "laws", "elements", "models"];
+
+fn main() -> std::io::Result<()> {
+    let sources = MECHANICS.map(|name| Path::new("..").join(name).join("src"));
+    let hash = vitreo_uq_source_hash::of(sources.iter().map(|path| path.as_path()))?;
+    println!("cargo:rustc-env=VITREO_UQ_MECHANICS={hash:016x}");
+    Ok(())
+}

@@ -1,0 +1,76 @@
+//! `actuator-lag`: the force approaches its commanded value exponentially instead of at once.
+//!
+//! τ Ḟ = F_in − F, F = 0 at the record's start. Null: τ = 0. Valid for any τ ≥ 0. The inductance of the coils, eddy currents and the driver's
+//! amplifier make it. To first order in τ it is what `clock-offset` is (physics §5): both shift the response by −τ ẋ, and only the rounding
+//! of the corners, of the size τ² ẍ, tells them apart.
+
+use super::{Effect, EffectParameter, Stage, Stages};
+use base::distribution::Distribution;
+use base::error::Result;
+use base::number::Dual;
+use base::parameter::{ParameterSpec, Support};
+use record::Scales;
+
+/// Part of a sample interval that serves as step from the null.
+///
+/// At τ = 0 the kernel divides by τ, so forward mode has no derivative there. After a tenth of an interval the force's own transient has
+/// decayed to e⁻¹⁰ = 5·10⁻⁵ at the first row behind a switch, so that the difference quotient is the one-sided derivative −ẋ up to τ ẍ/2,
+/// while it stands far above rounding.
+const STEP: f64 = 0.1;
+
+const PARAMETERS: &[EffectParameter] = &[EffectParameter {
+    spec: ParameterSpec::new("actuator-lag.time_s", "τ", "s", Support::POSITIVE),
+    null: &|_| Some(0.0),
+    prior: &|scales| Distribution::HalfNormal { sd: (2.0 * scales.sample_interval_s).max(0.05 * scales.hold_s) },
+    prior_source: "chosen: two sample intervals, or a twentieth of a hold if that is more",
+    finite_step: Some(&|scales| STEP * scales.sample_interval_s),
+}];
+
+/// The effect.
+pub struct ActuatorLag;
+
+impl Effect for ActuatorLag {
+    fn slug(&self) -> &'static str {
+        "actuator-lag"
+    }
+    fn stage(&self) -> Stage {
+        Stage::Load
+    }
+    fn summary(&self) -> &'static str {
+        "the force approaches its commanded value exponentially"
+    }
+    fn equation(&self) -> &'static str {
+        "τ dF/dt = F_in − F"
+    }
+    fn parameters(&self) -> &'static [EffectParameter] {
+        PARAMETERS
+    }
+    fn apply(&self, parameters: &[Dual], _scales: &Scales, stages: &mut Stages) -> Result<()> {
+        stages.load.lag_time_s += parameters[0];
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effects::test_scales::SCALES;
+
+    #[test]
+    fn the_lag_is_written_with_its_derivative() {
+        let mut stages = Stages::of_law(Vec::new());
+        ActuatorLag.apply(&[Dual::variable(0.02)], &SCALES, &mut stages).unwrap();
+        assert_eq!(stages.load.lag_time_s, Dual::variable(0.02));
+    }
+
+    /// What the step promises, on a case in closed form: a dashpot c under a force F from t = 0 moves by F t/c, with lag by
+    /// (F/c)(t − τ(1 − e^{−t/τ})), whose derivative in τ at 0 is −F/c at every t > 0.
+    #[test]
+    fn the_finite_step_gives_the_one_sided_derivative_at_the_first_row_after_a_switch() {
+        let step_s = (PARAMETERS[0].finite_step.unwrap())(&SCALES);
+        let flow = |lag_s: f64, t: f64| t + lag_s * (-t / lag_s).exp_m1();
+        let first_row_s = SCALES.sample_interval_s;
+        let quotient = (flow(step_s, first_row_s) - first_row_s) / step_s;
+        assert!((quotient + 1.0).abs() < 5e-5, "{quotient}");
+    }
+}

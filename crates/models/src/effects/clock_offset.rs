@@ -1,0 +1,71 @@
+//! `clock-offset`: the force acts later than the log says.
+//!
+//! F(t) = F_cmd(t − δ), δ ≥ 0. Null: δ = 0. Valid for any δ; switch times between samples are exact. Camera and coil driver with clocks of their
+//! own, or a command logged before it is sent, make it. To first order in δ it is what `actuator-lag` is (physics §5).
+
+use super::{Effect, EffectParameter, Stage, Stages};
+use base::distribution::Distribution;
+use base::error::Result;
+use base::number::Dual;
+use base::parameter::{ParameterSpec, Support};
+use record::Scales;
+
+const PARAMETERS: &[EffectParameter] = &[EffectParameter {
+    spec: ParameterSpec::new("clock-offset.delay_s", "δ", "s", Support::POSITIVE),
+    null: &|_| Some(0.0),
+    prior: &|scales| Distribution::HalfNormal { sd: (2.0 * scales.sample_interval_s).max(0.05 * scales.hold_s) },
+    prior_source: "chosen: two sample intervals, or a twentieth of a hold if that is more",
+    finite_step: None,
+}];
+
+/// The effect.
+pub struct ClockOffset;
+
+impl Effect for ClockOffset {
+    fn slug(&self) -> &'static str {
+        "clock-offset"
+    }
+    fn stage(&self) -> Stage {
+        Stage::Load
+    }
+    fn summary(&self) -> &'static str {
+        "the force acts later than the log says"
+    }
+    fn equation(&self) -> &'static str {
+        "F(t) = F_cmd(t − δ)"
+    }
+    fn parameters(&self) -> &'static [EffectParameter] {
+        PARAMETERS
+    }
+    fn apply(&self, parameters: &[Dual], _scales: &Scales, stages: &mut Stages) -> Result<()> {
+        stages.load.delay_s += parameters[0];
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effects::test_scales::SCALES;
+
+    /// On a dashpot c under a force F from t = 0: x = F (t − δ)/c for t ≥ δ, so the delay taken off the time is all that happens.
+    #[test]
+    fn a_step_arrives_later_by_the_delay() {
+        let mut stages = Stages::of_law(Vec::new());
+        ClockOffset.apply(&[Dual::variable(0.03)], &SCALES, &mut stages).unwrap();
+        let (force_n, viscosity_pa_s) = (4.6e-6, 47.0);
+        let flow = (Dual::constant(2.0) - stages.load.delay_s) * (force_n / viscosity_pa_s);
+        assert!((flow.value - force_n * 1.97 / viscosity_pa_s).abs() < 1e-20);
+        assert_eq!(flow.derivative, -force_n / viscosity_pa_s);
+    }
+
+    #[test]
+    fn the_prior_is_scaled_by_the_slower_of_camera_and_hold() {
+        let median = |scales: &Scales| (PARAMETERS[0].prior)(scales).quantile(0.5);
+        // Φ⁻¹(¾) of the standard deviation is the median of a half-normal.
+        let expected = |sd: f64| 0.674_489_750_196_081_7 * sd;
+        assert!((median(&SCALES) - expected(0.05 * 5.0)).abs() < 1e-9);
+        let slow_camera = Scales { sample_interval_s: 1.0, ..SCALES };
+        assert!((median(&slow_camera) - expected(2.0)).abs() < 1e-9);
+    }
+}

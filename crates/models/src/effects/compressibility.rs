@@ -1,0 +1,112 @@
+//! `compressibility`: the gel's Poisson ratio is not what the experiment's file says.
+//!
+//! K̂ = 2 μ̂(ν) K_dev + κ̂(ν) K_vol with μ̂ = 1/(2(1+ν)) and κ̂ = 1/(3(1−2ν)) for unit Young's modulus. Null: the experiment's ν. Valid for ν in
+//! (−1, 0.5), both ends excluded; at the ends no such gel exists. A gel whose water can leave is more compressible than it looks at once.
+//! In a creep test at one place it only rescales E, c₁ and c₂ (physics §5), so the data do not tell it apart from them. How the response
+//! of a tracked sphere depends on ν: physics §4.1; Schnurr et al. 1997, Macromolecules 30:7781.
+
+use super::{Effect, EffectParameter, Stage, Stages};
+use base::distribution::Distribution;
+use base::error::{Error, Result};
+use base::number::Dual;
+use base::parameter::{ParameterSpec, Support};
+use record::Scales;
+
+/// Ends of ν, where the shear or the bulk modulus for unit Young's modulus is infinite.
+const ENDS: (f64, f64) = (-1.0, 0.5);
+
+/// Uniform from 0.3 to 0.499, widened where the experiment's ν would lie near an end or outside, so that it always lies inside.
+fn prior(scales: &Scales) -> Distribution {
+    let (lowest, highest) = (0.3, 0.499);
+    let Some(own) = scales.poisson_ratio else { return Distribution::Uniform { lower: lowest, upper: highest } };
+    let halfway = |end: f64| 0.5 * (own + end);
+    Distribution::Uniform {
+        lower: f64::min(lowest, own - 0.18).max(halfway(ENDS.0)),
+        upper: f64::max(highest, halfway(ENDS.1)),
+    }
+}
+
+const PARAMETERS: &[EffectParameter] = &[EffectParameter {
+    spec: ParameterSpec::new("compressibility.poisson_ratio", "ν", "1", Support { lower: ENDS.0, upper: ENDS.1 }),
+    null: &|scales| scales.poisson_ratio,
+    prior: &prior,
+    prior_source: "chosen: from a drained gel, 0.3, to a nearly incompressible one, 0.499, and around the experiment's own ratio",
+    finite_step: None,
+}];
+
+/// The effect.
+pub struct Compressibility;
+
+impl Effect for Compressibility {
+    fn slug(&self) -> &'static str {
+        "compressibility"
+    }
+    fn stage(&self) -> Stage {
+        Stage::Mechanics
+    }
+    fn summary(&self) -> &'static str {
+        "the gel's Poisson ratio is not what the file says"
+    }
+    fn equation(&self) -> &'static str {
+        "K = 2 μ(ν) K_dev + κ(ν) K_vol"
+    }
+    fn parameters(&self) -> &'static [EffectParameter] {
+        PARAMETERS
+    }
+    fn changes_field(&self) -> bool {
+        true
+    }
+    fn apply(&self, parameters: &[Dual], scales: &Scales, stages: &mut Stages) -> Result<()> {
+        let ratio = parameters[0];
+        if !(ratio.value > ENDS.0 && ratio.value < ENDS.1) {
+            return Err(Error::numerical(
+                format!("{} = {} is not inside ({}, {})", PARAMETERS[0].spec.name, ratio.value, ENDS.0, ENDS.1),
+                "give a Poisson ratio between the ends",
+            ));
+        }
+        if !scales.poisson_ratio.is_some_and(|own| ratio.is_constant(own)) {
+            stages.poisson_ratio = Some(ratio);
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effects::test_scales::SCALES;
+    use elements::fe::exact::sphere_in_infinite_medium_n_per_m;
+
+    fn ratio_written(parameter: Dual) -> Option<Dual> {
+        let mut stages = Stages::of_law(Vec::new());
+        Compressibility.apply(&[parameter], &SCALES, &mut stages).unwrap();
+        stages.poisson_ratio
+    }
+
+    #[test]
+    fn the_experiments_own_ratio_is_left_alone_and_any_other_is_written() {
+        assert_eq!(ratio_written(0.48.into()), None);
+        assert_eq!(ratio_written(Dual::variable(0.48)), Some(Dual::variable(0.48)));
+        assert_eq!(ratio_written(0.4.into()), Some(0.4.into()));
+    }
+
+    /// In an infinite medium (physics §4.1): u/F = (1+ν)(5−6ν)/(12π E R(1−ν)), so the prior's whole width moves the response by some per cent
+    /// only, which E takes up.
+    #[test]
+    fn the_response_moves_by_less_than_a_twelfth_over_the_prior() {
+        let Distribution::Uniform { lower, upper } = prior(&SCALES) else { panic!("not uniform") };
+        assert_eq!((lower, upper), (0.3, 0.499));
+        let stiffness = |ratio: f64| sphere_in_infinite_medium_n_per_m(1.0, ratio, 0.275e-3);
+        let change = stiffness(lower) / stiffness(upper) - 1.0;
+        assert!(change.abs() < 1.0 / 12.0, "{change}");
+    }
+
+    #[test]
+    fn the_ends_are_refused() {
+        for end in [-1.0, 0.5] {
+            let mut stages = Stages::of_law(Vec::new());
+            let error = Compressibility.apply(&[end.into()], &SCALES, &mut stages).unwrap_err();
+            assert!(error.to_string().contains("compressibility.poisson_ratio"), "{error}");
+        }
+    }
+}

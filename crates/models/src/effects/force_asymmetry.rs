@@ -1,0 +1,70 @@
+//! `force-asymmetry`: the actuator pulls more strongly one way than the other.
+//!
+//! F = F_in where F_in ≥ 0, F = (1 + a) F_in where F_in < 0. Null: a = 0. Valid for a > −1; at −1 no negative force acts at all. A sphere
+//! away from the middle of the coils, coils that are not alike, or remanence of the robot make it. Where forces of one size ±F alternate it
+//! is what `force-bias` is, up to a factor that E, c₁ and c₂ absorb (physics §5). Coils and their calibration: Kummer et al. 2010, IEEE
+//! Trans. Robotics 26:1006, the system of the reference experiment.
+
+use super::{Effect, EffectParameter, Stage, Stages};
+use base::distribution::Distribution;
+use base::error::Result;
+use base::number::Dual;
+use base::parameter::{ParameterSpec, Support};
+use record::Scales;
+
+const PARAMETERS: &[EffectParameter] = &[EffectParameter {
+    spec: ParameterSpec::new("force-asymmetry.fraction", "a", "1", Support { lower: -1.0, upper: f64::INFINITY }),
+    null: &|_| Some(0.0),
+    // The standard deviation of a symmetric beta on [−1, 1] is 1/√(2α + 1).
+    prior: &|_| Distribution::Beta { alpha: 12.0, beta: 12.0, lower: -1.0, upper: 1.0 },
+    prior_source: "chosen: either way alike, standard deviation one fifth; coils calibrated against each other agree within some per cent",
+    finite_step: None,
+}];
+
+/// The effect.
+pub struct ForceAsymmetry;
+
+impl Effect for ForceAsymmetry {
+    fn slug(&self) -> &'static str {
+        "force-asymmetry"
+    }
+    fn stage(&self) -> Stage {
+        Stage::Load
+    }
+    fn summary(&self) -> &'static str {
+        "negative forces are larger than the log says"
+    }
+    fn equation(&self) -> &'static str {
+        "F = (1 + a) F_in where F_in < 0"
+    }
+    fn parameters(&self) -> &'static [EffectParameter] {
+        PARAMETERS
+    }
+    fn apply(&self, parameters: &[Dual], _scales: &Scales, stages: &mut Stages) -> Result<()> {
+        stages.load.negative_factor = stages.load.negative_factor * (parameters[0] + 1.0);
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effects::test_scales::SCALES;
+
+    #[test]
+    fn only_negative_forces_grow_and_by_the_fraction() {
+        let mut stages = Stages::of_law(Vec::new());
+        ForceAsymmetry.apply(&[Dual::variable(0.25)], &SCALES, &mut stages).unwrap();
+        let pulled = stages.load.negative_factor * -4.0;
+        assert_eq!((pulled.value, pulled.derivative), (-5.0, -4.0));
+        assert_eq!(stages.load.positive_factor, Dual::ONE);
+    }
+
+    #[test]
+    fn the_prior_has_the_standard_deviation_that_its_source_names() {
+        let prior = (PARAMETERS[0].prior)(&SCALES);
+        // Of a beta on [−1, 1] with α = 12: 84.1 % lie below one standard deviation of a normal, a beta of this shape is near it.
+        assert!((prior.cdf(0.2) - 0.841).abs() < 0.005, "{}", prior.cdf(0.2));
+        assert!((prior.cdf(0.0) - 0.5).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,59 @@
+//! `force-bias`: a constant force acts besides the commanded one.
+//!
+//! F = F_in + b · max |F_cmd|, from the record's start on. Null: b = 0. Valid for any b of either sign. Remanence of the coils, the earth's
+//! field or a tilted stage (the bead's weight is as large as the drive, so 3° are a twentieth of it) make it. It sets in with the record, so
+//! the gel creeps from then on. Where forces of one size ±F alternate it is what `force-asymmetry` is (physics §5).
+
+use super::{Effect, EffectParameter, Stage, Stages};
+use base::distribution::Distribution;
+use base::error::Result;
+use base::number::Dual;
+use base::parameter::{ParameterSpec, Support};
+use record::Scales;
+
+const PARAMETERS: &[EffectParameter] = &[EffectParameter {
+    spec: ParameterSpec::new("force-bias.fraction", "b", "1", Support::REAL),
+    null: &|_| Some(0.0),
+    prior: &|_| Distribution::Normal { mean: 0.0, sd: 0.1 },
+    prior_source: "chosen: either way alike, a tenth of the largest commanded force",
+    finite_step: None,
+}];
+
+/// The effect.
+pub struct ForceBias;
+
+impl Effect for ForceBias {
+    fn slug(&self) -> &'static str {
+        "force-bias"
+    }
+    fn stage(&self) -> Stage {
+        Stage::Load
+    }
+    fn summary(&self) -> &'static str {
+        "a constant force acts besides the commanded one"
+    }
+    fn equation(&self) -> &'static str {
+        "F = F_in + b max|F_cmd|"
+    }
+    fn parameters(&self) -> &'static [EffectParameter] {
+        PARAMETERS
+    }
+    fn apply(&self, parameters: &[Dual], scales: &Scales, stages: &mut Stages) -> Result<()> {
+        stages.load.offset_n += parameters[0] * scales.largest_force_n;
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effects::test_scales::SCALES;
+
+    #[test]
+    fn the_offset_is_the_fraction_of_the_largest_command() {
+        let mut stages = Stages::of_law(Vec::new());
+        ForceBias.apply(&[Dual::variable(-0.5)], &SCALES, &mut stages).unwrap();
+        // The scales' largest force is 4.6 µN.
+        assert_eq!(stages.load.offset_n, Dual { value: -2.3e-6, derivative: 4.6e-6 });
+    }
+}

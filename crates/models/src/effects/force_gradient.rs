@@ -1,0 +1,81 @@
+//! `force-gradient`: the force depends on where the robot is.
+//!
+//! F = F_in e^{gx}, x the robot's position. Null: g = 0. The force changes by the same share over every equal way, as it does to first order in any field: that of a
+//! dipole at the distance d pulls as d⁻⁴, so that g = ±4/d, and the two differ by (gx)²/8. A force that falls on the robot's way may do so as steeply as it likes; one that
+//! grows may run away with the robot, and there no position is given. Force calibrations over distance: Gosse & Croquette 2002, Biophys. J. 82:3314.
+
+use super::{Effect, EffectParameter, Field, Stage, Stages, position_range_m};
+use base::distribution::Distribution;
+use base::error::Result;
+use base::number::Dual;
+use base::parameter::{ParameterSpec, Support};
+use record::Scales;
+
+const PARAMETERS: &[EffectParameter] = &[EffectParameter {
+    spec: ParameterSpec::new("force-gradient.gradient_per_m", "g", "1/m", Support::REAL),
+    null: &|_| Some(0.0),
+    prior: &|scales| Distribution::Normal { mean: 0.0, sd: 0.1 / position_range_m(scales) },
+    prior_source: "chosen: either way alike, a change of the force by a tenth over the range of positions",
+    finite_step: None,
+}];
+
+/// The effect.
+pub struct ForceGradient;
+
+impl Effect for ForceGradient {
+    fn slug(&self) -> &'static str {
+        "force-gradient"
+    }
+    fn stage(&self) -> Stage {
+        Stage::Load
+    }
+    fn summary(&self) -> &'static str {
+        "the force depends on where the robot is"
+    }
+    fn equation(&self) -> &'static str {
+        "F = F_in e^{g x}"
+    }
+    fn parameters(&self) -> &'static [EffectParameter] {
+        PARAMETERS
+    }
+    fn acts_on_position(&self) -> bool {
+        true
+    }
+    fn barred_beside(&self, field: Field) -> Option<&'static str> {
+        matches!(field, Field::Large)
+            .then_some("a force that depends on the position is not run with large displacements")
+    }
+    fn apply(&self, parameters: &[Dual], _scales: &Scales, stages: &mut Stages) -> Result<()> {
+        stages.load.gradient_per_m += parameters[0];
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effects::test_scales::SCALES;
+    use base::number::Scalar;
+    use laws::stages::LARGEST_EXPONENT;
+
+    /// The law that the effect is near to: F ∝ d⁻⁴ with g = −4/d, moved away by x; 1 + 4 (−x/d) + 10 (x/d)² against 1 + gx + (gx)²/2.
+    #[test]
+    fn a_dipole_is_met_up_to_the_second_order() {
+        let (distance_m, x): (f64, f64) = (0.05, 0.5e-3);
+        let mut stages = Stages::of_law(Vec::new());
+        ForceGradient.apply(&[Dual::variable(-4.0 / distance_m)], &SCALES, &mut stages).unwrap();
+        let factor = (stages.load.gradient_per_m * x).exp();
+        let dipole = (1.0 + x / distance_m).powi(-4);
+        let (g_x, difference) = (stages.load.gradient_per_m.value * x, dipole - factor.value);
+        assert!((difference / (g_x * g_x / 8.0) - 1.0).abs() < 0.06, "{difference}");
+        assert!((factor.derivative / (x * factor.value) - 1.0).abs() < 1e-15);
+    }
+
+    /// Nothing that the prior holds for possible is near to where forces are out of bounds: that is 200 standard deviations away over the whole range.
+    #[test]
+    fn the_prior_keeps_clear_of_the_limit() {
+        let limit = LARGEST_EXPONENT / SCALES.position_range_m;
+        let Distribution::Normal { sd, .. } = (PARAMETERS[0].prior)(&SCALES) else { panic!("a normal prior") };
+        assert!(limit > 199.0 * sd);
+    }
+}

@@ -1,0 +1,138 @@
+//! `inertia`: the gel and the robot have mass.
+//!
+//! ρü in the gel and mü of the robot, times `density_scale`: at 1 the densities are the experiment's, at the null 0 the base's balance without mass returns. The reduced
+//! model is a sum over common eigenvectors of stiffness and mass, each the law with a mass beside it. Valid for the linear gel in its container;
+//! momentum diffuses over the robot's radius in about ρR²/η. In an unbounded incompressible medium it is Basset's and Boussinesq's force
+//! (physics §4.6; Zwanzig & Bixon 1970, Phys. Rev. A 2:2005, doi:10.1103/PhysRevA.2.2005).
+
+use nalgebra::DMatrix;
+
+use super::beside_fields::{memory, waves};
+use super::{Effect, EffectParameter, Field, FieldSystem, LinearField, MatrixPair, Spatial, Stage, Stages};
+use base::distribution::Distribution;
+use base::error::Result;
+use base::number::Dual;
+use base::parameter::{ParameterSpec, Support};
+use elements::fe::element::TabulatedElement;
+use elements::fe::spatial::{
+    Freedoms, Sizes, SpatialSystem, Splitting, Surroundings, SymmetricMatrix, decades, element_matrices, stiffness,
+};
+use elements::mesh::Mesh;
+use laws::rheology::{BaseLaw, Beside};
+use record::Scales;
+
+const PARAMETERS: &[EffectParameter] = &[EffectParameter {
+    spec: ParameterSpec::new("inertia.density_scale", "d", "1", Support::POSITIVE),
+    null: &|_| Some(0.0),
+    prior: &|_| Distribution::HalfNormal { sd: 1.0 },
+    prior_source: "chosen: the densities of the experiment stand at 1",
+    finite_step: None,
+}];
+
+/// The effect.
+pub struct Inertia;
+
+impl Effect for Inertia {
+    fn slug(&self) -> &'static str {
+        "inertia"
+    }
+    fn stage(&self) -> Stage {
+        Stage::Mechanics
+    }
+    fn summary(&self) -> &'static str {
+        "gel and robot have mass"
+    }
+    fn equation(&self) -> &'static str {
+        "div σ = d ρ ü in the gel, F − (force of the gel) = d m ẍ of the robot"
+    }
+    fn parameters(&self) -> &'static [EffectParameter] {
+        PARAMETERS
+    }
+    fn field(&self) -> Option<Field> {
+        Some(Field::Pair(&Inertia))
+    }
+    fn conflict(&self, base: &BaseLaw) -> Option<&'static str> {
+        memory(base).or_else(|| waves(base))
+    }
+    fn apply(&self, parameters: &[Dual], _scales: &Scales, stages: &mut Stages) -> Result<()> {
+        let density_scale = parameters[0];
+        if !density_scale.is_constant(0.0) {
+            let beside = Beside::Mass { scale: density_scale };
+            stages.spatial = Some(Spatial::Linear(LinearField { effect: self.slug(), shape: None, beside }));
+        }
+        Ok(())
+    }
+}
+
+impl MatrixPair for Inertia {
+    fn words(&self) -> &'static str {
+        "mass"
+    }
+    fn has_mass(&self) -> bool {
+        true
+    }
+    /// Momentum reaches the outer surface where ρ x R_o² is one, and the robot's where ρ x R² is.
+    fn splitting(&self, sizes: &Sizes) -> Splitting {
+        let Sizes { robot_radius_m, outer_radius_m, gel_density_kg_m3, .. } = *sizes;
+        let lowest = 1e-2 / (gel_density_kg_m3 * outer_radius_m * outer_radius_m);
+        let highest = 1e2 / (gel_density_kg_m3 * robot_radius_m * robot_radius_m);
+        let mut snapshots = decades(lowest, highest, 2.0);
+        snapshots.insert(0, 0.0);
+        Splitting { reference: 0.0, snapshots, is_rigid_at_null: false }
+    }
+    fn system(&self, surroundings: &Surroundings<'_>, _shape: Option<f64>) -> Result<FieldSystem> {
+        let mesh = surroundings.mesh;
+        let freedoms = Freedoms::tied(mesh)?;
+        let gel = stiffness(surroundings, mesh, &freedoms, |_| true)?;
+        let second = mass(surroundings, mesh, &freedoms)?;
+        Ok(FieldSystem { mesh: None, system: SpatialSystem::new(mesh, freedoms, gel, second)? })
+    }
+}
+
+/// ∫ ρ u·v over the gel, and the robot's mass.
+fn mass(surroundings: &Surroundings<'_>, mesh: &Mesh, freedoms: &Freedoms) -> Result<SymmetricMatrix> {
+    let table = TabulatedElement::of(mesh.element_kind);
+    let n = table.n_nodes;
+    let mut elements = element_matrices(
+        mesh,
+        |_| true,
+        |coordinates_m| {
+            let mut matrix = DMatrix::zeros(3 * n, 3 * n);
+            table.for_each_point(coordinates_m, |point| {
+                let weight = surroundings.sizes.gel_density_kg_m3 * point.volume_m3;
+                for (a, shape_a) in point.shape.iter().enumerate() {
+                    for (b, shape_b) in point.shape.iter().enumerate() {
+                        let value = weight * shape_a * shape_b;
+                        (0..3).for_each(|i| matrix[(3 * a + i, 3 * b + i)] += value);
+                    }
+                }
+            })?;
+            Ok(matrix)
+        },
+    )?;
+    // On any one node of the robot's surface, whose translation all share.
+    let mut of_robot = DMatrix::zeros(3, 3);
+    of_robot[(0, 0)] = freedoms.share() * surroundings.sizes.robot_mass_kg;
+    let robot_node = &mesh.robot_nodes[..1];
+    elements.push((robot_node, of_robot));
+    SymmetricMatrix::assemble(freedoms, elements.into_iter())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effects::test_scales::SCALES;
+
+    #[test]
+    fn the_null_leaves_the_base_and_any_other_density_is_written() {
+        let written = |parameter: Dual| {
+            let mut stages = Stages::of_law(Vec::new());
+            Inertia.apply(&[parameter], &SCALES, &mut stages).unwrap();
+            stages.spatial
+        };
+        assert_eq!(written(0.0.into()), None);
+        let beside = Beside::Mass { scale: 1.0.into() };
+        assert_eq!(written(1.0.into()), Some(Spatial::Linear(LinearField { effect: "inertia", shape: None, beside })));
+        assert!(written(Dual::variable(0.0)).is_some());
+    }
+}

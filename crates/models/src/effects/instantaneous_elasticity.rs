@@ -1,0 +1,95 @@
+//! `instantaneous-elasticity`: the gel gives way at once, before it creeps.
+//!
+//! A spring in series, J(t) += (E/E₀)/E, with E the first Kelvin–Voigt spring of the law, or what a law without one is at the time of a hold
+//! ([`super::first_body`]). The parameter is the ratio E/E₀. Null: 0, a rigid spring. Valid for any ratio ≥ 0 below the speed of shear waves. Tracked beads show it as the first of three phases of creep (Bausch et
+//! al. 1998, doi:10.1016/S0006-3495(98)77646-5). To first order it is what `actuator-lag` and `clock-offset` are with the sign turned, and
+//! what `second-retardation` is for a short time (physics §5). Any law takes it that has no spring in series already, as Burgers' has.
+
+use super::beside_fields::WAVES;
+use super::first_body::{elements_of, in_series, reference_modulus_pa};
+use super::{Effect, EffectParameter, Field, Stage, Stages};
+use base::distribution::Distribution;
+use base::error::Result;
+use base::number::Dual;
+use base::parameter::{ParameterSpec, Support};
+use laws::rheology::{BaseLaw, Element};
+use record::Scales;
+
+const PARAMETERS: &[EffectParameter] = &[EffectParameter {
+    spec: ParameterSpec::new("instantaneous-elasticity.compliance_ratio", "E/E₀", "1", Support::POSITIVE),
+    null: &|_| Some(0.0),
+    prior: &|_| Distribution::HalfNormal { sd: 0.2 },
+    prior_source: "chosen: the jump is up to some tenths of the elastic displacement that creeps in",
+    finite_step: None,
+}];
+
+/// The effect.
+pub struct InstantaneousElasticity;
+
+impl Effect for InstantaneousElasticity {
+    fn slug(&self) -> &'static str {
+        "instantaneous-elasticity"
+    }
+    fn stage(&self) -> Stage {
+        Stage::Mechanics
+    }
+    fn summary(&self) -> &'static str {
+        "the gel gives way at once, before it creeps"
+    }
+    fn equation(&self) -> &'static str {
+        "J(t) += (E/E₀)/E"
+    }
+    fn parameters(&self) -> &'static [EffectParameter] {
+        PARAMETERS
+    }
+    fn conflict(&self, base: &BaseLaw) -> Option<&'static str> {
+        let law = elements_of(base);
+        let has_spring = in_series(&law).iter().any(|element| matches!(element, Element::Spring { .. }));
+        has_spring.then_some("it has a spring in series already, and a second one is the same thing twice")
+    }
+    fn barred_beside(&self, field: Field) -> Option<&'static str> {
+        field.has_mass().then_some(WAVES)
+    }
+    fn apply(&self, parameters: &[Dual], scales: &Scales, stages: &mut Stages) -> Result<()> {
+        let ratio = parameters[0];
+        if !ratio.is_constant(0.0) {
+            let compliance_per_pa = ratio / reference_modulus_pa(&stages.law, scales);
+            stages.law.push(Element::Compliance { compliance_per_pa });
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effects::test_scales::{SCALES, compliance_per_pa};
+
+    fn stages(ratio: Dual, young_modulus_pa: Dual) -> Stages {
+        let law = BaseLaw::Lethersich.elements(&[young_modulus_pa, 1.4.into(), 47.0.into()]);
+        let mut stages = Stages::of_law(law);
+        InstantaneousElasticity.apply(&[ratio], &SCALES, &mut stages).unwrap();
+        stages
+    }
+
+    /// Burgers' law with E₀ = E/ratio, in its closed form.
+    #[test]
+    fn it_is_burgers_law() {
+        let (young_modulus_pa, ratio) = (3.5, 0.3);
+        let burgers =
+            BaseLaw::Burgers.creep_compliance(&[young_modulus_pa, 1.4, 47.0, young_modulus_pa / ratio]).unwrap();
+        let law = stages(ratio.into(), young_modulus_pa.into()).law;
+        for t in [0.0, 0.1, 1.0, 20.0] {
+            assert!((compliance_per_pa(&law, t).value - burgers.at(t)).abs() < 1e-15);
+        }
+    }
+
+    #[test]
+    fn derivatives_are_right_at_the_null_and_away_from_it() {
+        let at_null = stages(Dual::variable(0.0), 3.5.into()).law;
+        let found = compliance_per_pa(&at_null, 2.0).derivative;
+        assert!((found - 1.0 / 3.5).abs() < 1e-15, "∂J/∂(E/E₀) = 1/E, not {found}");
+        let jump = |modulus_pa: Dual| compliance_per_pa(&stages(0.3.into(), modulus_pa).law, 0.0);
+        assert!((jump(Dual::variable(3.5)).derivative + 0.3 / (3.5 * 3.5)).abs() < 1e-15);
+    }
+}

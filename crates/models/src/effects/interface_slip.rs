@@ -1,0 +1,147 @@
+//! `interface-slip`: the gel slips along the robot's surface.
+//!
+//! The gel follows the robot along the normal; along the surface it slips at ġ = t/β, t the tangential stress. Null: 1/β = 0, no slip. The
+//! reduced model is a sum over common eigenvectors of stiffness and surface, each the law with a dashpot beside it. Valid for a thin lubricated
+//! layer; a body with edges slips along what its faces have in common. In an unbounded incompressible medium the drag falls by (1 + 2b/R)/(1 + 3b/R), b = G/(βs)
+//! (physics §4.7; Basset 1888, A Treatise on Hydrodynamics, vol. 2). Close to `second-retardation`, and to first order it is a change of c₂.
+
+use faer::sparse::Triplet;
+use nalgebra::Vector3;
+
+use super::{
+    Effect, EffectParameter, Field, FieldSystem, LinearField, MatrixPair, Spatial, Stage, Stages,
+    apparent_viscosity_pa_s, robot_radius_m,
+};
+use base::distribution::Distribution;
+use base::error::Result;
+use base::number::Dual;
+use base::parameter::{ParameterSpec, Support};
+use elements::fe::spatial::{
+    Freedoms, Sizes, SpatialSystem, Splitting, Surroundings, SymmetricMatrix, decades, stiffness,
+};
+use elements::fe::surface::for_each_surface_point;
+use elements::mesh::Mesh;
+use laws::rheology::Beside;
+use record::Scales;
+
+/// Factor of the friction times the robot's radius above which a slipping surface sticks.
+const STUCK: f64 = 1e9;
+
+/// 1/β at which the slip length is the robot's radius.
+fn scale_m_per_pa_s(scales: &Scales) -> f64 {
+    robot_radius_m(scales) / apparent_viscosity_pa_s(scales)
+}
+
+const PARAMETERS: &[EffectParameter] = &[EffectParameter {
+    spec: ParameterSpec::new("interface-slip.slip_compliance_m_per_pa_s", "1/β", "m/(Pa s)", Support::POSITIVE),
+    null: &|_| Some(0.0),
+    prior: &|scales| Distribution::HalfNormal { sd: 2.0 * scale_m_per_pa_s(scales) },
+    prior_source: "chosen: slip lengths up to a few radii, at the viscosity that the largest force and the way in a hold suggest",
+    finite_step: None,
+}];
+
+/// The effect.
+pub struct InterfaceSlip;
+
+impl Effect for InterfaceSlip {
+    fn slug(&self) -> &'static str {
+        "interface-slip"
+    }
+    fn stage(&self) -> Stage {
+        Stage::Mechanics
+    }
+    fn summary(&self) -> &'static str {
+        "the gel slips along the robot's surface"
+    }
+    fn equation(&self) -> &'static str {
+        "ġ = t/β, g the slip along the surface, t the stress along it"
+    }
+    fn parameters(&self) -> &'static [EffectParameter] {
+        PARAMETERS
+    }
+    fn field(&self) -> Option<Field> {
+        Some(Field::Pair(&InterfaceSlip))
+    }
+    fn shows_at(&self, scales: &Scales) -> Option<f64> {
+        Some(0.03 * scale_m_per_pa_s(scales))
+    }
+    fn apply(&self, parameters: &[Dual], _scales: &Scales, stages: &mut Stages) -> Result<()> {
+        let compliance_m_per_pa_s = parameters[0];
+        if !compliance_m_per_pa_s.is_constant(0.0) {
+            let beside = Beside::Friction { compliance: compliance_m_per_pa_s };
+            stages.spatial = Some(Spatial::Linear(LinearField { effect: self.slug(), shape: None, beside }));
+        }
+        Ok(())
+    }
+}
+
+impl MatrixPair for InterfaceSlip {
+    fn words(&self) -> &'static str {
+        "slip on the robot"
+    }
+    /// Friction acts as 1/R does against the stiffness.
+    fn splitting(&self, sizes: &Sizes) -> Splitting {
+        let radius_m = sizes.robot_radius_m;
+        let mut snapshots: Vec<f64> = decades(1e-3, 1e3, 2.0).iter().map(|x| x / radius_m).collect();
+        snapshots.insert(0, 0.0);
+        snapshots.push(STUCK / radius_m);
+        Splitting { reference: 0.0, snapshots, is_rigid_at_null: true }
+    }
+    fn system(&self, surroundings: &Surroundings<'_>, _shape: Option<f64>) -> Result<FieldSystem> {
+        let mesh = surroundings.mesh;
+        let freedoms = Freedoms::slipping(mesh)?;
+        let gel = stiffness(surroundings, mesh, &freedoms, |_| true)?;
+        let second = friction(mesh, &freedoms)?;
+        Ok(FieldSystem { mesh: None, system: SpatialSystem::new(mesh, freedoms, gel, second)? })
+    }
+}
+
+/// ∫ g·g over the robot's surface, g the tangential slip.
+fn friction(mesh: &Mesh, freedoms: &Freedoms) -> Result<SymmetricMatrix> {
+    let mut triplets = Vec::new();
+    for_each_surface_point(mesh, &mesh.robot_nodes, |point| {
+        let normal = Vector3::from(point.normal);
+        // The slip that each unknown makes here, along the surface.
+        let mut slips: Vec<(u32, Vector3<f64>)> = Vec::new();
+        for (&node, &shape) in point.nodes.iter().zip(point.shape) {
+            for i in 0..3 {
+                for &(unknown, share) in freedoms.of(node, i).iter().filter(|(unknown, _)| freedoms.is_slip(*unknown)) {
+                    let mut direction = Vector3::zeros();
+                    direction[i] = share * shape;
+                    match slips.iter_mut().find(|(other, _)| *other == unknown) {
+                        Some((_, sum)) => *sum += direction,
+                        None => slips.push((unknown, direction)),
+                    }
+                }
+            }
+        }
+        for (_, slip) in &mut slips {
+            *slip -= normal * normal.dot(slip);
+        }
+        for (i, a) in &slips {
+            for (j, b) in slips.iter().filter(|(j, _)| i <= j) {
+                triplets.push(Triplet::new(*i, *j, point.area_m2 * a.dot(b)));
+            }
+        }
+    });
+    SymmetricMatrix::from_triplets(freedoms.count(), &triplets)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effects::test_scales::SCALES;
+
+    #[test]
+    fn the_null_leaves_the_base_and_any_other_slip_is_written() {
+        let written = |parameter: Dual| {
+            let mut stages = Stages::of_law(Vec::new());
+            InterfaceSlip.apply(&[parameter], &SCALES, &mut stages).unwrap();
+            stages.spatial
+        };
+        assert_eq!(written(0.0.into()), None);
+        let beside = Beside::Friction { compliance: 2.0.into() };
+        let slip = LinearField { effect: "interface-slip", shape: None, beside };
+        assert_eq!(written(2.0.into()), Some(Spatial::Linear(slip)));
+    }
+}

@@ -1,0 +1,90 @@
+//! `large-displacement`: the robot moves so far that strains are not small.
+//!
+//! The gel is the Oldroyd-B fluid whose linear limit the law is (physics §7.6), and the response is x(gF)/g: g = 1 is the geometry as it is, so a fitted g says whether it is the geometry that is missing. Null: g = 0,
+//! small strains. The deviation grows with g². Valid for a sphere at the centre that stays within a few radii; other gels with the same small strains deviate otherwise: with a mobility α > 0 it is Giesekus's.
+
+use super::beside_fields::memory;
+use super::{Effect, EffectParameter, Field, Spatial, Stage, Stages};
+use base::distribution::Distribution;
+use base::error::Result;
+use base::number::Dual;
+use base::parameter::{ParameterSpec, Support};
+use laws::rheology::BaseLaw;
+use record::Scales;
+
+/// Name of the amplitude.
+pub const AMPLITUDE: &str = "large-displacement.amplitude";
+/// Name of the mobility.
+pub const MOBILITY: &str = "large-displacement.mobility";
+
+const PARAMETERS: &[EffectParameter] = &[
+    EffectParameter {
+        spec: ParameterSpec::new(AMPLITUDE, "g", "1", Support::POSITIVE).squared(),
+        null: &|_| Some(0.0),
+        prior: &|_| Distribution::HalfNormal { sd: 1.0 },
+        prior_source: "chosen: the geometry as it is, 1, is one standard deviation",
+        finite_step: None,
+    },
+    EffectParameter {
+        spec: ParameterSpec::new(MOBILITY, "α", "1", Support { lower: 0.0, upper: 0.5 }).optional(),
+        null: &|_| Some(0.0),
+        prior: &|_| Distribution::Beta { alpha: 1.0, beta: 9.0, lower: 0.0, upper: 0.5 },
+        prior_source: "chosen: most likely none, 0.05 in the mean",
+        finite_step: None,
+    },
+];
+
+/// The effect.
+pub struct LargeDisplacement;
+
+impl Effect for LargeDisplacement {
+    fn slug(&self) -> &'static str {
+        "large-displacement"
+    }
+    fn stage(&self) -> Stage {
+        Stage::Mechanics
+    }
+    fn summary(&self) -> &'static str {
+        "the robot moves so far that strains are large"
+    }
+    fn equation(&self) -> &'static str {
+        "x(gF)/g of the Oldroyd-B fluid that the law linearises"
+    }
+    fn parameters(&self) -> &'static [EffectParameter] {
+        PARAMETERS
+    }
+    fn field(&self) -> Option<Field> {
+        Some(Field::Large)
+    }
+    fn shows_at(&self, _scales: &Scales) -> Option<f64> {
+        Some(1.0)
+    }
+    fn conflict(&self, base: &BaseLaw) -> Option<&'static str> {
+        memory(base)
+    }
+    fn apply(&self, parameters: &[Dual], _scales: &Scales, stages: &mut Stages) -> Result<()> {
+        let (amplitude, mobility) = (parameters[0], parameters[1]);
+        if !amplitude.is_constant(0.0) {
+            stages.spatial = Some(Spatial::Large { amplitude, mobility });
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effects::test_scales::SCALES;
+
+    #[test]
+    fn the_null_leaves_the_base_and_any_other_amplitude_is_written() {
+        let written = |amplitude: Dual| {
+            let mut stages = Stages::of_law(Vec::new());
+            LargeDisplacement.apply(&[amplitude, 0.01.into()], &SCALES, &mut stages).unwrap();
+            stages.spatial
+        };
+        assert_eq!(written(0.0.into()), None);
+        assert_eq!(written(0.7.into()), Some(Spatial::Large { amplitude: 0.7.into(), mobility: 0.01.into() }));
+        assert!(written(Dual::variable(0.0)).is_some());
+    }
+}

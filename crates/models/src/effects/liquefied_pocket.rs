@@ -1,0 +1,201 @@
+//! `liquefied-pocket`: around the robot the gel has lost elasticity.
+//!
+//! E → (1 − φ) E within ρ_p robot radii of the initial centre, the viscosities stay; E is the first Kelvin–Voigt spring of the law, else its first spring, else the modulus of
+//! its first springpot. Null: φ = 0, where ρ_p means nothing. Valid for a concentric pocket around a sphere
+//! that moves much less than the pocket is wide; any ρ_p between 1.5 and 5 is meshed with element faces at the pocket's edge. The reduced model is a sum over common
+//! eigenvectors of the pocket's and the rest's stiffness, each the two laws beside each other. Closed form: two concentric layers, each with the four modes of physics §4.2.
+//! Liquefied lacunae are common in aged vitreous (Sebag 1987, Graefe's Arch. Clin. Exp. Ophthalmol. 225:89, doi:10.1007/BF02160337).
+
+use nalgebra::Vector3;
+
+use super::first_body::{body, elements_of, first_body_mut, first_element_mut, in_series};
+use super::{
+    Effect, EffectParameter, Field, FieldSystem, LinearField, MatrixPair, ShapeParameter, Spatial, Stage, Stages,
+};
+use base::distribution::Distribution;
+use base::error::{Error, Result};
+use base::number::Dual;
+use base::parameter::{ParameterSpec, Support};
+use elements::fe::spatial::{Freedoms, Sizes, SpatialSystem, Splitting, Surroundings, decades, stiffness};
+use elements::mesh::{Mesh, QuarterBall};
+use laws::rheology::{BaseLaw, Beside, Element};
+use record::Scales;
+
+/// ρ_p that are meshed.
+const RADIUS_RATIOS: [f64; 2] = [1.5, 5.0];
+/// Layers of elements inside a pocket of every twelve, and how many more than the model's mesh there are in all.
+const LAYERS_INSIDE: usize = 4;
+const MORE_LAYERS: usize = 1;
+/// Share of E that stays at the least: at none the pocket would flow forever as a whole, which this does within 10⁹ retardation times.
+const LEAST_SHARE: f64 = 1e-9;
+
+const NO_ELASTICITY: &str = "it has no spring and no springpot, whose elasticity a pocket could lose";
+
+const PARAMETERS: &[EffectParameter] = &[
+    EffectParameter {
+        spec: ParameterSpec::new("liquefied-pocket.elastic_loss", "φ", "1", Support { lower: 0.0, upper: 1.0 }),
+        null: &|_| Some(0.0),
+        prior: &|_| Distribution::Uniform { lower: 0.0, upper: 1.0 },
+        prior_source: "chosen: any loss",
+        finite_step: None,
+    },
+    EffectParameter {
+        spec: ParameterSpec::new(
+            "liquefied-pocket.radius_ratio",
+            "ρ_p",
+            "1",
+            Support { lower: RADIUS_RATIOS[0], upper: RADIUS_RATIOS[1] },
+        ),
+        null: &|_| None,
+        prior: &|_| Distribution::LogUniform { lower: RADIUS_RATIOS[0], upper: RADIUS_RATIOS[1] },
+        prior_source: "chosen: any radius that is meshed",
+        finite_step: None,
+    },
+];
+
+/// The effect.
+pub struct LiquefiedPocket;
+
+impl Effect for LiquefiedPocket {
+    fn slug(&self) -> &'static str {
+        "liquefied-pocket"
+    }
+    fn stage(&self) -> Stage {
+        Stage::Mechanics
+    }
+    fn summary(&self) -> &'static str {
+        "around the robot the gel has lost elasticity"
+    }
+    fn equation(&self) -> &'static str {
+        "E → (1 − φ) E within ρ_p radii of the initial centre"
+    }
+    fn parameters(&self) -> &'static [EffectParameter] {
+        PARAMETERS
+    }
+    fn field(&self) -> Option<Field> {
+        Some(Field::Pair(&LiquefiedPocket))
+    }
+    fn conflict(&self, base: &BaseLaw) -> Option<&'static str> {
+        let has_elasticity = elastic_mut(&mut elements_of(base)).is_some();
+        (!has_elasticity).then_some(NO_ELASTICITY)
+    }
+    fn shows_at(&self, _scales: &Scales) -> Option<f64> {
+        Some(0.5)
+    }
+    fn apply(&self, parameters: &[Dual], _scales: &Scales, stages: &mut Stages) -> Result<()> {
+        let (loss, radius_ratio) = (parameters[0], parameters[1]);
+        if !(0.0..=1.0).contains(&loss.value) {
+            return Err(Error::numerical(
+                format!("{} = {} is outside [0, 1]", PARAMETERS[0].spec.name, loss.value),
+                "give a share",
+            ));
+        }
+        if loss.is_constant(0.0) {
+            return Ok(());
+        }
+        stages.spatial = Some(Spatial::Linear(LinearField {
+            effect: self.slug(),
+            shape: Some(radius_ratio),
+            beside: Beside::Law(pocket_law(&stages.law, loss)?),
+        }));
+        Ok(())
+    }
+}
+
+/// The law inside the pocket, for the law outside.
+///
+/// # Errors
+/// [`Error::Numerical`] for a law of dashpots alone.
+fn pocket_law(law: &[Element], elastic_loss: Dual) -> Result<Vec<Element>> {
+    let mut inside = law.to_vec();
+    let share = Dual::ONE - elastic_loss;
+    let share = if share.value < LEAST_SHARE { Dual { value: LEAST_SHARE, ..share } } else { share };
+    match elastic_mut(&mut inside) {
+        Some(elastic) => *elastic = elastic.scaled(share),
+        None => return Err(Error::numerical(format!("the law has a pocket, but {NO_ELASTICITY}"), "leave it out")),
+    }
+    Ok(inside)
+}
+
+/// What a pocket loses: the spring of the first Kelvin–Voigt body in series, else the first spring, else the first springpot, in the order in which the law is written.
+fn elastic_mut(law: &mut [Element]) -> Option<&mut Element> {
+    let is_spring = |element: &Element| matches!(element, Element::Spring { .. });
+    let is_springpot = |element: &Element| matches!(element, Element::Springpot { .. });
+    if in_series(law).into_iter().any(|element| body(element).is_some()) {
+        let first = first_body_mut(law, |_| true)?;
+        return first_element_mut(std::slice::from_mut(first), is_spring);
+    }
+    let has_spring = first_element_mut(law, is_spring).is_some();
+    first_element_mut(law, if has_spring { is_spring } else { is_springpot })
+}
+
+impl MatrixPair for LiquefiedPocket {
+    fn words(&self) -> &'static str {
+        "a softer pocket"
+    }
+    fn lacks(&self, surroundings: &Surroundings<'_>) -> Option<&'static str> {
+        surroundings.sizes.ball.is_none().then_some("a pocket needs the built-in mesh around a sphere")
+    }
+    /// Around a sphere the gel's field is known by the robot's displacement and two amplitudes at the pocket's edge (physics §4.2), so that exactly three shares occur: 0,
+    /// where the pocket moves as a whole, 1, where the rest stands still, and one between.
+    fn shape(&self) -> Option<ShapeParameter> {
+        Some(ShapeParameter { name: PARAMETERS[1].spec.name, range: RADIUS_RATIOS })
+    }
+    /// The pocket is softer by a factor 1 + x.
+    fn splitting(&self, _sizes: &Sizes) -> Splitting {
+        let snapshots = decades(1e-4, 1.0, 2.0).iter().map(|share| share - 1.0).collect();
+        Splitting { reference: 1.0, snapshots, is_rigid_at_null: false }
+    }
+    /// Elements lie inside or outside as their middles do.
+    fn system(&self, surroundings: &Surroundings<'_>, shape: Option<f64>) -> Result<FieldSystem> {
+        let radius_m = shape.unwrap_or(f64::NAN) * surroundings.sizes.robot_radius_m;
+        let mesh = pocket_mesh(&surroundings.sizes, radius_m)?;
+        let freedoms = Freedoms::tied(&mesh)?;
+        let is_inside = |nodes: &[u32]| middle_distance_m(&mesh, nodes) < radius_m;
+        let second = stiffness(surroundings, &mesh, &freedoms, is_inside)?;
+        let gel = stiffness(surroundings, &mesh, &freedoms, |nodes| !is_inside(nodes))?;
+        let system = SpatialSystem::new(&mesh, freedoms, gel, second)?;
+        Ok(FieldSystem { mesh: Some(mesh), system })
+    }
+}
+
+/// A mesh with element faces at the radius (m) of a pocket, by the model's fineness.
+///
+/// # Errors
+/// [`Error::Numerical`] where the robot is no sphere in the middle of a built-in mesh, or the pocket does not fit.
+fn pocket_mesh(sizes: &Sizes, radius_m: f64) -> Result<Mesh> {
+    let ball = sizes.ball.ok_or_else(|| {
+        Error::numerical(
+            "a liquefied pocket needs the built-in mesh around a sphere in the middle of the vitreous",
+            "leave `liquefied-pocket` out for other robots, for robots off the centre (`offset_mm`) and for meshes from files",
+        )
+    })?;
+    let n_inside = (ball.n_layers * LAYERS_INSIDE).div_ceil(12);
+    QuarterBall { n_layers: ball.n_layers + MORE_LAYERS, ..ball }.mesh_with_interface(radius_m, n_inside)
+}
+
+fn middle_distance_m(mesh: &Mesh, nodes: &[u32]) -> f64 {
+    let sum: Vector3<f64> = nodes.iter().map(|&n| Vector3::from(mesh.node_coordinates_m[n as usize])).sum();
+    sum.norm() / nodes.len() as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effects::test_scales::SCALES;
+
+    #[test]
+    fn the_pocket_has_the_law_with_less_of_its_spring() {
+        let law = |modulus_pa: f64| BaseLaw::Lethersich.elements(&[modulus_pa.into(), 1.4.into(), 47.0.into()]);
+        let written = |loss: Dual| {
+            let mut stages = Stages::of_law(law(4.0));
+            LiquefiedPocket.apply(&[loss, 2.0.into()], &SCALES, &mut stages).unwrap();
+            stages.spatial
+        };
+        assert_eq!(written(0.0.into()), None);
+        assert!(written(0.75.into()).is_some() && written(Dual::variable(0.0)).is_some());
+        assert_eq!(pocket_law(&law(4.0), 0.75.into()).unwrap(), law(1.0));
+        assert_eq!(pocket_law(&law(4.0), Dual::ONE).unwrap(), law(4.0 * LEAST_SHARE));
+        assert!(pocket_law(&law(4.0)[1..], Dual::ONE).is_err());
+    }
+}

@@ -1,0 +1,130 @@
+//! `outer-wall-compliance`: the gel's outer surface gives way.
+//!
+//! The outer surface stands on springs, σ·n = −k u, in place of u = 0; k in Pa/m, and 1/k is the parameter. Null: 1/k = 0, the fixed surface. The reduced model is a sum
+//! over common eigenvectors of the gel's stiffness and the springs', each the law with a spring beside it; one of them is the whole gel that moves as a body,
+//! F/(4πR_o²k). Valid for walls that resist at once, in all directions alike. Closed form: the four modes of physics §4.2 with σ·n = −k u on the container. To first order it
+//! is a jump of the position with the force, as `instantaneous-elasticity` makes it, so the two are told apart by strong effects only.
+
+use faer::sparse::Triplet;
+
+use super::{
+    Effect, EffectParameter, Field, FieldSystem, LinearField, MatrixPair, Spatial, Stage, Stages, largest_force_n,
+    position_range_m, robot_radius_m,
+};
+use base::distribution::Distribution;
+use base::error::Result;
+use base::number::Dual;
+use base::parameter::{ParameterSpec, Support};
+use elements::fe::spatial::{
+    Freedoms, Sizes, SpatialSystem, Splitting, Surroundings, SymmetricMatrix, decades, stiffness,
+};
+use elements::fe::surface::for_each_surface_point;
+use elements::mesh::Mesh;
+use laws::rheology::Beside;
+use record::Scales;
+
+/// Factor of the springs, in units of E/R_o, above which the surface is fixed.
+const FIXED: f64 = 1e9;
+
+/// 1/k at which the largest force moves the gel as a body through the range of positions.
+fn scale_m_per_pa(scales: &Scales) -> f64 {
+    let radius_m = scales.outer_radius_m.unwrap_or_else(|| robot_radius_m(scales));
+    4.0 * std::f64::consts::PI * radius_m.powi(2) * position_range_m(scales) / largest_force_n(scales)
+}
+
+const PARAMETERS: &[EffectParameter] = &[EffectParameter {
+    spec: ParameterSpec::new("outer-wall-compliance.compliance_m_per_pa", "1/k", "m/Pa", Support::POSITIVE),
+    null: &|_| Some(0.0),
+    prior: &|scales| Distribution::HalfNormal { sd: 0.1 * scale_m_per_pa(scales) },
+    prior_source: "chosen: the largest force moves the whole gel by up to two tenths of the robot's way",
+    finite_step: None,
+}];
+
+/// The effect.
+pub struct OuterWallCompliance;
+
+impl Effect for OuterWallCompliance {
+    fn slug(&self) -> &'static str {
+        "outer-wall-compliance"
+    }
+    fn stage(&self) -> Stage {
+        Stage::Mechanics
+    }
+    fn summary(&self) -> &'static str {
+        "the gel's outer surface gives way"
+    }
+    fn equation(&self) -> &'static str {
+        "σ·n = −k u on the outer surface, in place of u = 0"
+    }
+    fn parameters(&self) -> &'static [EffectParameter] {
+        PARAMETERS
+    }
+    fn field(&self) -> Option<Field> {
+        Some(Field::Pair(&OuterWallCompliance))
+    }
+    fn apply(&self, parameters: &[Dual], scales: &Scales, stages: &mut Stages) -> Result<()> {
+        let compliance_m_per_pa = parameters[0];
+        if !compliance_m_per_pa.is_constant(0.0) {
+            let radius_m = scales.outer_radius_m.unwrap_or_else(|| robot_radius_m(scales));
+            let beside = Beside::Spring { compliance_per_pa: compliance_m_per_pa * radius_m.recip() };
+            stages.spatial = Some(Spatial::Linear(LinearField { effect: self.slug(), shape: None, beside }));
+        }
+        Ok(())
+    }
+}
+
+impl MatrixPair for OuterWallCompliance {
+    fn words(&self) -> &'static str {
+        "a wall that gives way"
+    }
+    fn splitting(&self, _sizes: &Sizes) -> Splitting {
+        let factors = decades(1e-6, 1e6, 2.0).into_iter().chain([FIXED]);
+        Splitting { reference: 1.0, snapshots: factors.map(|factor| factor - 1.0).collect(), is_rigid_at_null: true }
+    }
+    fn system(&self, surroundings: &Surroundings<'_>, _shape: Option<f64>) -> Result<FieldSystem> {
+        let mesh = surroundings.mesh;
+        let freedoms = Freedoms::with_free_outer_surface(mesh)?;
+        let gel = stiffness(surroundings, mesh, &freedoms, |_| true)?;
+        let second = springs(mesh, &freedoms, surroundings.sizes.outer_radius_m)?;
+        Ok(FieldSystem { mesh: None, system: SpatialSystem::new(mesh, freedoms, gel, second)? })
+    }
+}
+
+/// ∫ u·v over the outer surface, per outer radius: with a modulus of k R_o in Pa it is k ∫ u·v.
+fn springs(mesh: &Mesh, freedoms: &Freedoms, outer_radius_m: f64) -> Result<SymmetricMatrix> {
+    let mut triplets = Vec::new();
+    for_each_surface_point(mesh, &mesh.outer_nodes, |point| {
+        for (&node, &shape) in point.nodes.iter().zip(point.shape).filter(|(_, shape)| **shape != 0.0) {
+            for (&other, &other_shape) in point.nodes.iter().zip(point.shape).filter(|(_, shape)| **shape != 0.0) {
+                let value = point.area_m2 / outer_radius_m * shape * other_shape;
+                for component in 0..3 {
+                    for &(i, share) in freedoms.of(node, component) {
+                        for &(j, other_share) in freedoms.of(other, component).iter().filter(|(j, _)| i <= *j) {
+                            triplets.push(Triplet::new(i, j, value * share * other_share));
+                        }
+                    }
+                }
+            }
+        }
+    });
+    SymmetricMatrix::from_triplets(freedoms.count(), &triplets)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effects::test_scales::SCALES;
+
+    #[test]
+    fn the_null_leaves_the_base_and_any_other_wall_is_a_spring() {
+        let written = |parameter: Dual| {
+            let mut stages = Stages::of_law(Vec::new());
+            OuterWallCompliance.apply(&[parameter], &SCALES, &mut stages).unwrap();
+            stages.spatial
+        };
+        assert_eq!(written(0.0.into()), None);
+        let beside = Beside::Spring { compliance_per_pa: Dual::constant(0.02) * 10e-3_f64.recip() };
+        let wall = LinearField { effect: "outer-wall-compliance", shape: None, beside };
+        assert_eq!(written(0.02.into()), Some(Spatial::Linear(wall)));
+    }
+}

@@ -1,0 +1,127 @@
+//! `poroelasticity`: water leaves the gel's network where it is pressed.
+//!
+//! Biot's quasi-static equations with α = 1: the skeleton has the drained Poisson ratio ν_d and the same shear modulus, p = M (ζ − div u) with 1/M = 1/(κ_u − κ_d) under the same time
+//! operator, and water flows at −k∇p; robot and outer wall are impermeable. Null: k = 0, the undrained gel, which is the base; ν_d means nothing there. Valid for small strains. The
+//! reduced model is a sum over common eigenvectors of storage and flow, each the law with a dashpot beside it. In an unbounded medium with ν = ½: physics §4.9 (Detournay & Cheng
+//! 1993, Comprehensive Rock Engineering 2:113; the paper names solid–fluid models as its future work).
+
+use super::{
+    Effect, EffectParameter, Field, LinearField, Spatial, Stage, Stages, apparent_viscosity_pa_s, robot_radius_m,
+};
+use base::distribution::Distribution;
+use base::error::{Error, Result};
+use base::number::Dual;
+use base::parameter::{ParameterSpec, Support};
+use laws::rheology::Beside;
+use record::Scales;
+
+const HIGHEST_DRAINED: f64 = 0.45;
+
+/// The drained Poisson ratios that are modelled, for a gel of an undrained one: from 0 to 0.45 for ν = 0.48, below the undrained one always.
+fn drained_range(poisson_ratio: f64) -> [f64; 2] {
+    let below = 0.1 * (1.0 + poisson_ratio);
+    if poisson_ratio - below.min(0.03) >= HIGHEST_DRAINED - 1e-9 {
+        return [0.0, HIGHEST_DRAINED];
+    }
+    let upper = poisson_ratio - below.min(0.03);
+    [f64::max(upper - HIGHEST_DRAINED, 0.5 * (upper - 1.0)), upper]
+}
+
+/// k at which pressure diffuses over the robot's radius in about a hold.
+fn scale_m2_per_pa_s(scales: &Scales) -> f64 {
+    robot_radius_m(scales).powi(2) / apparent_viscosity_pa_s(scales)
+}
+
+const PARAMETERS: &[EffectParameter] = &[
+    EffectParameter {
+        spec: ParameterSpec::new("poroelasticity.mobility_m2_per_pa_s", "k", "m²/(Pa s)", Support::POSITIVE),
+        null: &|_| Some(0.0),
+        prior: &|scales| Distribution::HalfNormal { sd: 2.0 * scale_m2_per_pa_s(scales) },
+        prior_source: "chosen: pressure spreads over up to a few radii in a hold",
+        finite_step: None,
+    },
+    EffectParameter {
+        spec: ParameterSpec::new(
+            "poroelasticity.drained_poisson_ratio",
+            "ν_d",
+            "1",
+            Support { lower: -1.0, upper: 0.5 },
+        ),
+        null: &|_| None,
+        prior: &|scales| {
+            let [lower, upper] = drained_range(scales.poisson_ratio.unwrap_or(0.48));
+            Distribution::Uniform { lower, upper }
+        },
+        prior_source: "chosen: from a network that gives way sideways not at all to one hardly more compressible than the gel",
+        finite_step: None,
+    },
+];
+
+/// The effect.
+pub struct Poroelasticity;
+
+impl Effect for Poroelasticity {
+    fn slug(&self) -> &'static str {
+        "poroelasticity"
+    }
+    fn stage(&self) -> Stage {
+        Stage::Mechanics
+    }
+    fn summary(&self) -> &'static str {
+        "water leaves the gel's network where it is pressed"
+    }
+    fn equation(&self) -> &'static str {
+        "div σ' = ∇p, div u̇ + ṗ/M = div(k ∇p), σ' with the drained Poisson ratio"
+    }
+    fn parameters(&self) -> &'static [EffectParameter] {
+        PARAMETERS
+    }
+    fn field(&self) -> Option<Field> {
+        Some(Field::Pores(drained_range))
+    }
+    fn shows_at(&self, scales: &Scales) -> Option<f64> {
+        Some(0.03 * scale_m2_per_pa_s(scales))
+    }
+    fn apply(&self, parameters: &[Dual], scales: &Scales, stages: &mut Stages) -> Result<()> {
+        let (mobility_m2_per_pa_s, drained_poisson_ratio) = (parameters[0], parameters[1]);
+        let [lower, upper] = drained_range(scales.poisson_ratio.unwrap_or(0.48));
+        if !(lower..=upper).contains(&drained_poisson_ratio.value) {
+            return Err(Error::numerical(
+                format!("{} = {} is outside [{lower}, {upper}]", PARAMETERS[1].spec.name, drained_poisson_ratio.value),
+                "give a drained Poisson ratio below the gel's",
+            ));
+        }
+        if !mobility_m2_per_pa_s.is_constant(0.0) {
+            stages.spatial = Some(Spatial::Linear(LinearField {
+                effect: self.slug(),
+                shape: Some(drained_poisson_ratio),
+                beside: Beside::Friction { compliance: mobility_m2_per_pa_s },
+            }));
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effects::test_scales::SCALES;
+
+    #[test]
+    fn drained_ratios_are_below_the_undrained_one() {
+        assert_eq!(drained_range(0.48), [0.0, 0.45]);
+        for ratio in [-0.999, -0.5, 0.0, 0.3, 0.499_999] {
+            let [lower, upper] = drained_range(ratio);
+            assert!(-1.0 < lower && lower < upper && upper < ratio, "{ratio}: {lower} {upper}");
+        }
+    }
+
+    #[test]
+    fn the_null_leaves_the_base_and_ratios_outside_are_refused() {
+        let mut stages = Stages::of_law(Vec::new());
+        let mut apply = |k: f64, ratio: f64| Poroelasticity.apply(&[k.into(), ratio.into()], &SCALES, &mut stages);
+        assert!(apply(0.0, 0.3).is_ok());
+        assert!(apply(1e-9, 0.47).unwrap_err().to_string().contains("drained_poisson_ratio"));
+        assert!(stages.spatial.is_none());
+    }
+}

@@ -1,0 +1,84 @@
+//! `position-offset`: where the position is 0 is not known.
+//!
+//! x_obs = x + b. Null: b = 0. A nuisance of experiments that say `zero = "fit"`, and of every indenter, whose b is the height at which the tip meets the gel: a
+//! contact point read off a force curve by eye errs by as much as the depth of a soft gel (Dimitriadis et al. 2002, doi:10.1016/S0006-3495(02)75620-8). It says
+//! nothing of the gel, so no one adds or claims it; where it is, every model of the experiment has it.
+
+use super::{Effect, EffectParameter, Stage, Stages, position_range_m};
+use base::distribution::Distribution;
+use base::error::Result;
+use base::number::Dual;
+use base::parameter::{ParameterSpec, Support};
+use record::Scales;
+
+const PARAMETERS: &[EffectParameter] = &[EffectParameter {
+    spec: ParameterSpec::new("position-offset.offset_m", "b", "m", Support::REAL),
+    null: &|_| Some(0.0),
+    prior: &|scales| Distribution::Normal { mean: 0.0, sd: position_range_m(scales) },
+    prior_source: "chosen: either way alike, as far as the positions range",
+    finite_step: None,
+}];
+
+/// The effect.
+pub struct PositionOffset;
+
+impl Effect for PositionOffset {
+    fn slug(&self) -> &'static str {
+        "position-offset"
+    }
+    fn stage(&self) -> Stage {
+        Stage::Observation
+    }
+    fn summary(&self) -> &'static str {
+        "where the position is 0 is not known"
+    }
+    fn equation(&self) -> &'static str {
+        "x_obs = x + b"
+    }
+    fn parameters(&self) -> &'static [EffectParameter] {
+        PARAMETERS
+    }
+    fn apply(&self, parameters: &[Dual], _scales: &Scales, stages: &mut Stages) -> Result<()> {
+        stages.observation.offset_m += parameters[0];
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effects::test_scales::SCALES;
+    use crate::effects::{EFFECTS, NUISANCES, nuisances};
+    use crate::model::Model;
+    use base::parameter::ParameterSpec;
+    use laws::rheology::BaseLaw;
+
+    /// It stands in every model of an experiment that asks for it, before the effects, and in no other.
+    #[test]
+    fn models_have_it_where_the_experiment_says_so() {
+        let drift = EFFECTS.iter().copied().find(|effect| effect.slug() == "tracking-drift").unwrap();
+        let names = |scales: Scales| {
+            let model = Model::new(BaseLaw::Lethersich, vec![drift], scales, &base::error::Place::default()).unwrap();
+            let names: Vec<&str> = model.parameters().iter().map(|spec: &ParameterSpec| spec.name).collect();
+            (names[3..].to_vec(), model.n_before_effects(), model.is_law_alone())
+        };
+        let fitted = Scales { fits_position_offset: true, ..SCALES };
+        assert_eq!(nuisances(&fitted).len(), NUISANCES.len());
+        let (offset, velocity) = ("position-offset.offset_m", "tracking-drift.velocity_m_per_s");
+        assert_eq!(names(fitted), (vec![offset, velocity], 4, false));
+        assert_eq!(names(SCALES), (vec![velocity], 3, false));
+        let alone =
+            |scales| Model::new(BaseLaw::Lethersich, Vec::new(), scales, &base::error::Place::default()).unwrap();
+        assert!(alone(SCALES).is_law_alone() && !alone(fitted).is_law_alone());
+        assert!(!alone(Scales { depth_exponent: Some(1.5), ..SCALES }).is_law_alone());
+    }
+
+    #[test]
+    fn the_offset_adds_to_the_position_and_to_nothing_else() {
+        let mut stages = Stages::of_law(Vec::new());
+        PositionOffset.apply(&[Dual::variable(-2e-6)], &SCALES, &mut stages).unwrap();
+        assert_eq!(stages.observation.offset_m, Dual::variable(-2e-6));
+        stages.observation.offset_m = Dual::ZERO;
+        assert_eq!(stages, Stages::of_law(Vec::new()));
+    }
+}

@@ -1,0 +1,125 @@
+//! `second-retardation`: a second part of the gel follows with a time of its own.
+//!
+//! A Kelvin–Voigt body in series, J(t) += (a/E)(1 − exp(−t/τ₂)), with E the first Kelvin–Voigt spring of the law, or what a law without one is at the
+//! time of a hold ([`super::first_body`]). Null: a = 0, where τ₂ means nothing. Valid for a ≥ 0 and τ₂ of at least two sample intervals: a shorter one is not seen as creep, and `instantaneous-elasticity` says
+//! the same with one parameter less. Collagen and hyaluronan are the two networks of the vitreous, and retardation spectra with a time each
+//! have been fitted to it (Sharif-Kashani et al. 2011, J. Biomech. 44:419). Any law takes it but the two-element one, which is the base law with this effect.
+
+use super::first_body::reference_modulus_pa;
+use super::{Effect, EffectParameter, Stage, Stages};
+use base::distribution::Distribution;
+use base::error::{Error, Result};
+use base::number::Dual;
+use base::parameter::{ParameterSpec, Support};
+use laws::rheology::{BaseLaw, Element};
+use record::Scales;
+
+/// Shortest τ₂ that this experiment can tell from a spring.
+fn shortest_time_s(scales: &Scales) -> f64 {
+    2.0 * scales.sample_interval_s
+}
+
+const PARAMETERS: &[EffectParameter] = &[
+    EffectParameter {
+        spec: ParameterSpec::new("second-retardation.compliance_ratio", "a", "1", Support::POSITIVE),
+        null: &|_| Some(0.0),
+        prior: &|_| Distribution::HalfNormal { sd: 0.5 },
+        prior_source: "chosen: the second part gives way up to about as much as the first",
+        finite_step: None,
+    },
+    EffectParameter {
+        spec: ParameterSpec::new("second-retardation.time_s", "τ₂", "s", Support::POSITIVE),
+        null: &|_| None,
+        prior: &|scales| {
+            let lower = shortest_time_s(scales);
+            Distribution::LogUniform { lower, upper: scales.duration_s.max(2.0 * lower) }
+        },
+        prior_source: "chosen: any time that the record resolves, from two sample intervals to its length",
+        finite_step: None,
+    },
+];
+
+/// The effect.
+pub struct SecondRetardation;
+
+impl Effect for SecondRetardation {
+    fn slug(&self) -> &'static str {
+        "second-retardation"
+    }
+    fn stage(&self) -> Stage {
+        Stage::Mechanics
+    }
+    fn summary(&self) -> &'static str {
+        "a second part of the gel follows with a time of its own"
+    }
+    fn equation(&self) -> &'static str {
+        "J(t) += (a/E) (1 − exp(−t/τ₂))"
+    }
+    fn parameters(&self) -> &'static [EffectParameter] {
+        PARAMETERS
+    }
+    fn conflict(&self, base: &BaseLaw) -> Option<&'static str> {
+        (*base == BaseLaw::TwoElement).then_some(
+            "it is the Lethersich law with this effect, the same thing twice; a network with two bodies takes a third",
+        )
+    }
+    fn apply(&self, parameters: &[Dual], scales: &Scales, stages: &mut Stages) -> Result<()> {
+        let (ratio, time_s) = (parameters[0], parameters[1]);
+        let shortest_s = shortest_time_s(scales);
+        if time_s.value < shortest_s {
+            return Err(Error::numerical(
+                format!("{} = {:.4e} s is below two sample intervals", PARAMETERS[1].spec.name, time_s.value),
+                format!("give at least {shortest_s:.4e} s; `instantaneous-elasticity` stands for shorter times"),
+            ));
+        }
+        if !ratio.is_constant(0.0) {
+            let compliance_per_pa = ratio / reference_modulus_pa(&stages.law, scales);
+            stages.law.push(Element::Retarded { compliance_per_pa, time_s });
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effects::test_scales::{SCALES, compliance_per_pa};
+
+    fn law(ratio: Dual, time_s: Dual) -> Vec<Element> {
+        let mut stages = Stages::of_law(BaseLaw::Lethersich.elements(&[3.5.into(), 1.4.into(), 47.0.into()]));
+        SecondRetardation.apply(&[ratio, time_s], &SCALES, &mut stages).unwrap();
+        stages.law
+    }
+
+    /// The two-element law with E₂ = E/a and c₃ = τ₂ E₂, in its closed form.
+    #[test]
+    fn it_is_the_two_element_law() {
+        let (ratio, time_s) = (0.4, 6.0);
+        let second_modulus_pa = 3.5 / ratio;
+        let named = BaseLaw::TwoElement
+            .creep_compliance(&[3.5, 1.4, 47.0, second_modulus_pa, time_s * second_modulus_pa])
+            .unwrap();
+        for t in [0.0, 0.1, 1.0, 20.0] {
+            let found = compliance_per_pa(&law(ratio.into(), time_s.into()), t).value;
+            assert!((found - named.at(t)).abs() < 1e-15, "{t}: {found}");
+        }
+    }
+
+    #[test]
+    fn derivatives_are_right_at_the_null_and_away_from_it() {
+        let (t, time_s): (f64, f64) = (2.0, 6.0);
+        let by_ratio = compliance_per_pa(&law(Dual::variable(0.0), time_s.into()), t).derivative;
+        assert!((by_ratio - (1.0 - (-t / time_s).exp()) / 3.5).abs() < 1e-15);
+        let by_time = compliance_per_pa(&law(0.4.into(), Dual::variable(time_s)), t).derivative;
+        assert!((by_time + 0.4 / 3.5 * t / (time_s * time_s) * (-t / time_s).exp()).abs() < 1e-15);
+    }
+
+    #[test]
+    fn times_that_the_record_does_not_resolve_are_refused() {
+        let mut stages = Stages::of_law(BaseLaw::Lethersich.elements(&[Dual::ONE; 3]));
+        let mut apply = |time_s: f64| SecondRetardation.apply(&[Dual::ONE, time_s.into()], &SCALES, &mut stages);
+        let text = apply(1.99 * SCALES.sample_interval_s).unwrap_err().to_string();
+        assert!(text.contains("second-retardation.time_s") && text.contains("two sample intervals"), "{text}");
+        assert!(apply(2.0 * SCALES.sample_interval_s).is_ok());
+    }
+}

@@ -1,0 +1,93 @@
+//! `shear-thinning`: the gel flows the more easily the harder it is pushed.
+//!
+//! ε̇_d = (s_eq/s₀)^{1/n−1} s/c₂ in the dashpot, s_eq² = ⅔ dev s : dev s at each point: the power-law fluid of Ostwald and de Waele (Bird, Armstrong &
+//! Hassager 1987, Dynamics of Polymeric Liquids, vol. 1, ch. 4), whose viscosity is c₂ at the stress s₀ = F_max/(4πR²), so that c₂ keeps its meaning. Null:
+//! n = 1. Valid for n in (0.3, 1] and stresses within a decade or two of s₀: at rest the fluid becomes solid, where real ones keep a viscosity. Under one force
+//! the response is nearly that of another c₂; two forces f and 1 flow at rates f^{1/n}: 1 (physics §5).
+
+use super::beside_fields::nonlinear_conflict;
+use super::{Effect, EffectParameter, Field, Stage, reference_stress_pa};
+use base::distribution::Distribution;
+use base::error::Result;
+use base::number::Dual;
+use base::parameter::{ParameterSpec, Support};
+use laws::rheology::BaseLaw;
+use laws::stages::{NonlinearFamily, Nonlinearity, Spatial, Stages};
+use record::Scales;
+
+const SMALLEST_INDEX: f64 = 0.3;
+
+const PARAMETERS: &[EffectParameter] = &[EffectParameter {
+    spec: ParameterSpec::new("shear-thinning.index", "n", "1", Support { lower: SMALLEST_INDEX, upper: 1.0 }),
+    null: &|_| Some(1.0),
+    prior: &|_| Distribution::Uniform { lower: SMALLEST_INDEX, upper: 1.0 },
+    prior_source: "chosen: from the linear fluid to one that flows more than twice as fast when pushed 1.3 times as hard",
+    finite_step: None,
+}];
+
+/// The effect.
+pub struct ShearThinning;
+
+impl Effect for ShearThinning {
+    fn slug(&self) -> &'static str {
+        "shear-thinning"
+    }
+    fn stage(&self) -> Stage {
+        Stage::Mechanics
+    }
+    fn summary(&self) -> &'static str {
+        "the gel flows the more easily the harder it is pushed"
+    }
+    fn equation(&self) -> &'static str {
+        "ε̇_d = (s_eq/s₀)^{1/n−1} s/c₂, s₀ = F_max/(4πR²)"
+    }
+    fn parameters(&self) -> &'static [EffectParameter] {
+        PARAMETERS
+    }
+    fn field(&self) -> Option<Field> {
+        Some(Field::Nonlinear(NonlinearFamily::ShearThinning))
+    }
+    fn conflict(&self, base: &BaseLaw) -> Option<&'static str> {
+        nonlinear_conflict(base)
+    }
+    fn apply(&self, parameters: &[Dual], scales: &Scales, stages: &mut Stages) -> Result<()> {
+        let index = parameters[0];
+        if !index.is_constant(1.0) {
+            let reference_stress_pa = reference_stress_pa(scales).into();
+            let law = Nonlinearity::ShearThinning { index, reference_stress_pa };
+            stages.spatial = Some(Spatial::Nonlinear(law));
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effects::test_scales::SCALES;
+
+    #[test]
+    fn the_null_leaves_the_base_and_any_other_index_is_written_with_the_experiments_stress() {
+        let written = |parameter: Dual| {
+            let mut stages = Stages::of_law(Vec::new());
+            ShearThinning.apply(&[parameter], &SCALES, &mut stages).unwrap();
+            stages.spatial
+        };
+        assert_eq!(written(1.0.into()), None);
+        assert!(written(Dual::variable(1.0)).is_some());
+        let Some(Spatial::Nonlinear(Nonlinearity::ShearThinning { index, reference_stress_pa })) = written(0.5.into())
+        else {
+            panic!("nothing is written");
+        };
+        // 4.6 µN over the surface of a sphere of 0.55 mm.
+        assert!((reference_stress_pa.value - 4.84).abs() < 0.005, "{reference_stress_pa:?}");
+        assert_eq!(index, 0.5.into());
+    }
+
+    /// The figure of the prior's source.
+    #[test]
+    fn the_smallest_index_more_than_doubles_the_flow_at_forces_1_3_times_as_large() {
+        let faster = 1.3_f64.powf(1.0 / SMALLEST_INDEX);
+        assert!(faster > 2.0 && faster < 2.5, "{faster}");
+    }
+}

@@ -1,0 +1,76 @@
+//! `softening`: the gel grows softer, or sets, while it is measured.
+//!
+//! s = e^{−rt} · (law of the strains), in all branches, t from the record's start; with quasi-static linear laws that is the response to the
+//! force F e^{rt}. Null: r = 0; r < 0 is a gel that grows stiffer. Valid while the whole gel changes alike. Excised vitreous lost four fifths of its modulus in
+//! its first hour (Nickerson et al. 2008, J. Biomech. 41:1840), r of about 4·10⁻⁴ 1/s; the robot itself may break the network faster.
+//! A gel that is poured before it is measured sets instead.
+
+use super::beside_fields::AGEING;
+use super::{Effect, EffectParameter, Field, Stage, Stages};
+use base::distribution::Distribution;
+use base::error::Result;
+use base::number::Dual;
+use base::parameter::{ParameterSpec, Support};
+use record::Scales;
+
+const PARAMETERS: &[EffectParameter] = &[EffectParameter {
+    spec: ParameterSpec::new("softening.rate_per_s", "r", "1/s", Support::REAL),
+    null: &|_| Some(0.0),
+    prior: &|scales| Distribution::Normal { mean: 0.0, sd: 0.5 / scales.duration_s },
+    prior_source: "chosen: either way alike, up to about two thirds of the stiffness lost over the record, or a stiffness threefold",
+    finite_step: None,
+}];
+
+/// The effect.
+pub struct Softening;
+
+impl Effect for Softening {
+    fn slug(&self) -> &'static str {
+        "softening"
+    }
+    fn stage(&self) -> Stage {
+        Stage::Mechanics
+    }
+    fn summary(&self) -> &'static str {
+        "the gel grows softer, or sets, while it is measured"
+    }
+    fn equation(&self) -> &'static str {
+        "s = e^{−rt} · (law of the strains)"
+    }
+    fn parameters(&self) -> &'static [EffectParameter] {
+        PARAMETERS
+    }
+    fn barred_beside(&self, _field: Field) -> Option<&'static str> {
+        Some(AGEING)
+    }
+    fn apply(&self, parameters: &[Dual], _scales: &Scales, stages: &mut Stages) -> Result<()> {
+        stages.softening_rate_per_s += parameters[0];
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effects::test_scales::SCALES;
+
+    /// The figure of the module's text: a modulus that falls fivefold in an hour.
+    #[test]
+    fn a_fivefold_loss_in_an_hour_is_the_rate_that_the_text_names() {
+        let mut stages = Stages::of_law(Vec::new());
+        Softening.apply(&[Dual::variable(5_f64.ln() / 3600.0)], &SCALES, &mut stages).unwrap();
+        let rate_per_s = stages.softening_rate_per_s;
+        assert!((rate_per_s.value - 4e-4).abs() < 0.5e-4);
+        assert!(((-rate_per_s.value * 3600.0).exp() - 0.2).abs() < 1e-12);
+        assert_eq!(rate_per_s.derivative, 1.0);
+    }
+
+    #[test]
+    fn the_prior_allows_the_loss_and_the_gain_that_its_source_names() {
+        let [lower, upper] = [0.025, 0.975].map(|p| (PARAMETERS[0].prior)(&SCALES).quantile(p));
+        assert!((lower + upper).abs() < 1e-12 * upper);
+        let loss = 1.0 - (-upper * SCALES.duration_s).exp();
+        assert!((loss - 2.0 / 3.0).abs() < 0.05, "{loss}");
+        assert!(((upper * SCALES.duration_s).exp() - 3.0).abs() < 0.4);
+    }
+}

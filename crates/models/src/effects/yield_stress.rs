@@ -1,0 +1,88 @@
+//! `yield-stress`: the gel flows only where it is pushed hard enough.
+//!
+//! ε̇_d = ⟨1 − s_y/s_eq⟩ s/c₂ in the dashpot, s_eq² = ⅔ dev s : dev s at each point: Bingham's fluid in series with the gel's elasticity (Bingham 1922, Fluidity
+//! and Plasticity; Oldroyd 1947, Proc. Camb. Phil. Soc. 43:100). Null: s_y = 0. Valid while the robot's own surroundings flow; far away, where the stress has
+//! fallen below s_y, only the elastic part moves. Under one force it hides in c₂ (physics §5). The bracket is smoothed within a hundredth of s_y
+//! ([`YIELD_SMOOTHING`]): below the yield stress the dashpot creeps at 10⁻⁴ of its fluidity or less, far above it nothing changes.
+
+use super::beside_fields::nonlinear_conflict;
+use super::{Effect, EffectParameter, Field, Stage, reference_stress_pa};
+use base::distribution::Distribution;
+use base::error::Result;
+use base::number::Dual;
+use base::parameter::{ParameterSpec, Support};
+use laws::rheology::BaseLaw;
+use laws::stages::{NonlinearFamily, Nonlinearity, Spatial, Stages, YIELD_SMOOTHING};
+use record::Scales;
+
+/// Step from the null, in parts of s₀, at which the gel still flows everywhere but where it stands still: at a hundredth of s₀ what is far away has stopped.
+const FINITE_STEP: f64 = 1e-4;
+
+const PARAMETERS: &[EffectParameter] = &[EffectParameter {
+    spec: ParameterSpec::new("yield-stress.stress_pa", "s_y", "Pa", Support::POSITIVE),
+    null: &|_| Some(0.0),
+    prior: &|scales| Distribution::HalfNormal { sd: 0.5 * reference_stress_pa(scales) },
+    prior_source: "chosen: half of the largest force over the robot's surface",
+    finite_step: Some(&|scales| FINITE_STEP * reference_stress_pa(scales)),
+}];
+
+/// The effect.
+pub struct YieldStress;
+
+impl Effect for YieldStress {
+    fn slug(&self) -> &'static str {
+        "yield-stress"
+    }
+    fn stage(&self) -> Stage {
+        Stage::Mechanics
+    }
+    fn summary(&self) -> &'static str {
+        "the gel flows only where it is pushed hard enough"
+    }
+    fn equation(&self) -> &'static str {
+        "ε̇_d = ⟨1 − s_y/s_eq⟩ s/c₂"
+    }
+    fn parameters(&self) -> &'static [EffectParameter] {
+        PARAMETERS
+    }
+    fn field(&self) -> Option<Field> {
+        Some(Field::Nonlinear(NonlinearFamily::YieldStress))
+    }
+    fn conflict(&self, base: &BaseLaw) -> Option<&'static str> {
+        nonlinear_conflict(base)
+    }
+    fn apply(&self, parameters: &[Dual], _scales: &Scales, stages: &mut Stages) -> Result<()> {
+        let stress_pa = parameters[0];
+        if !stress_pa.is_constant(0.0) {
+            let law = Nonlinearity::YieldStress { stress_pa, smoothing: YIELD_SMOOTHING };
+            stages.spatial = Some(Spatial::Nonlinear(law));
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effects::test_scales::SCALES;
+
+    #[test]
+    fn the_null_leaves_the_base_and_any_other_stress_is_written() {
+        let written = |parameter: Dual| {
+            let mut stages = Stages::of_law(Vec::new());
+            YieldStress.apply(&[parameter], &SCALES, &mut stages).unwrap();
+            stages.spatial
+        };
+        assert_eq!(written(0.0.into()), None);
+        let law = Nonlinearity::YieldStress { stress_pa: 1.5.into(), smoothing: YIELD_SMOOTHING };
+        assert_eq!(written(1.5.into()), Some(Spatial::Nonlinear(law)));
+        assert!(written(Dual::variable(0.0)).is_some());
+    }
+
+    #[test]
+    fn the_prior_is_half_the_largest_force_over_the_robots_surface() {
+        let sd = (PARAMETERS[0].prior)(&SCALES).quantile(0.682_689_492);
+        let mean_pa = 4.6e-6 / (4.0 * std::f64::consts::PI * 0.275e-3_f64.powi(2));
+        assert!((sd / mean_pa - 0.5).abs() < 1e-6, "{sd}");
+    }
+}

@@ -1,0 +1,199 @@
+//! A model: base law and effects, allowed to stand together (physics §5).
+
+use crate::effects::{Effect, Field, Stage, nuisances};
+use base::error::{Error, Place, Result};
+use base::number::Dual;
+use base::parameter::ParameterSpec;
+use laws::rheology::BaseLaw;
+use laws::stages::{Spatial, Stages};
+use record::Scales;
+
+/// A base law and effects; parameters are the law's, then the nuisances' of the experiment, then each effect's.
+#[derive(Clone)]
+pub struct Model {
+    base: BaseLaw,
+    effects: Vec<&'static dyn Effect>,
+    scales: Scales,
+    parameters: Vec<ParameterSpec>,
+}
+
+impl std::fmt::Debug for Model {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let slugs: Vec<&str> = self.effects.iter().map(|effect| effect.slug()).collect();
+        write!(f, "{:?} with {slugs:?} at {:?}", self.base, self.scales)
+    }
+}
+
+impl Model {
+    /// Joins a law and effects; what cannot stand together is refused. `place` says where the effects were named.
+    ///
+    /// # Errors
+    /// [`Error::Input`] with the reason.
+    pub fn new(base: BaseLaw, effects: Vec<&'static dyn Effect>, scales: Scales, place: &Place) -> Result<Self> {
+        let refuse = |found: String, remedy: &str| Err(Error::input(place.clone(), found, remedy));
+        for (place_in_list, effect) in effects.iter().enumerate() {
+            let slug = effect.slug();
+            if effects[..place_in_list].iter().any(|other| other.slug() == slug) {
+                return refuse(format!("`{slug}` is named twice"), "name it once");
+            }
+            if let Some(reason) = barred_outside(*effect, &base).or_else(|| effect.conflict(&base)) {
+                return refuse(
+                    format!("`{slug}` cannot be added to the {} law: {reason}", base.title()),
+                    "use another base law (--base), or leave the effect out",
+                );
+            }
+            if effect.needs_finite_elements() && scales.poisson_ratio.is_none() {
+                return refuse(
+                    format!("`{slug}` needs finite elements, and an instrument has none"),
+                    "leave it out; load, separable mechanics and observation effects work for instruments",
+                );
+            }
+            if effect.acts_on_position() && scales.depth_exponent.is_some_and(|exponent| exponent != 1.0) {
+                return refuse(
+                    format!("`{slug}` acts on a position that answers linearly, and an indenter's depth does not"),
+                    "leave it out; other effects of load, separable mechanics and observation work for indenters",
+                );
+            }
+        }
+        let fields: Vec<&str> = effects.iter().filter(|e| e.changes_field()).map(|e| e.slug()).collect();
+        if fields.len() > 1 {
+            return refuse(
+                format!("{} both change the displacement field", fields.join(" and ")),
+                "keep one of them: a model has at most one effect that changes the field",
+            );
+        }
+        if let Some(own) = effects.iter().find(|effect| effect.depends_on_state()) {
+            let is_other = |other: &&&dyn Effect| {
+                other.slug() != own.slug() && (other.depends_on_state() || other.acts_on_position())
+            };
+            if let Some(other) = effects.iter().find(is_other) {
+                return refuse(
+                    format!("`{}` and `{}` both make a quantity depend on a state", own.slug(), other.slug()),
+                    "keep one of them, or write both into one formula",
+                );
+            }
+        }
+        if let Some((field, model)) = effects.iter().find_map(|e| Some((e, e.field()?))) {
+            let barred = effects.iter().find_map(|other| Some((other, other.barred_beside(model)?)));
+            if let Some((other, reason)) = barred {
+                return refuse(
+                    format!("`{}` and `{}` cannot stand together: {reason}", field.slug(), other.slug()),
+                    "leave one of them out",
+                );
+            }
+        }
+        if let Some(nonlinear) = effects.iter().find(|effect| effect.is_nonlinear()) {
+            let is_other =
+                |effect: &&&dyn Effect| effect.stage() == Stage::Mechanics && effect.slug() != nonlinear.slug();
+            if let Some(other) = effects.iter().find(is_other) {
+                return refuse(
+                    format!("`{}` and `{}` cannot stand together", nonlinear.slug(), other.slug()),
+                    "leave one out: beside a law that is not linear stand effects of load and observation only",
+                );
+            }
+        }
+        let all = nuisances(&scales).iter().chain(&effects);
+        let of_effects = all.flat_map(|effect| effect.parameters()).map(|parameter| parameter.spec);
+        let parameters = base.parameters().iter().copied().chain(of_effects).collect();
+        Ok(Self { base, effects, scales, parameters })
+    }
+
+    /// The Lethersich law alone, which no size of an experiment enters.
+    pub fn lethersich() -> Self {
+        let (base, scales) = (BaseLaw::Lethersich, Scales::default());
+        Self { base, effects: Vec::new(), scales, parameters: base.parameters().to_vec() }
+    }
+
+    /// The base law.
+    pub fn base(&self) -> BaseLaw {
+        self.base
+    }
+
+    /// The effects, in the order in which they are applied.
+    pub fn effects(&self) -> &[&'static dyn Effect] {
+        &self.effects
+    }
+
+    /// What no one knows of the experiment itself: nuisances, which come before the effects.
+    pub fn nuisances(&self) -> &'static [&'static dyn Effect] {
+        nuisances(&self.scales)
+    }
+
+    /// Number of parameters before those of the effects: the law's and the nuisances'.
+    pub fn n_before_effects(&self) -> usize {
+        let of_nuisances = self.nuisances().iter().map(|effect| effect.parameters().len());
+        self.base.parameters().len() + of_nuisances.sum::<usize>()
+    }
+
+    /// Whether the position is the law's answer to the force, with nothing before, beside or after it.
+    pub fn is_law_alone(&self) -> bool {
+        let is_linear = self.scales.depth_exponent.is_none_or(|exponent| exponent == 1.0);
+        self.effects.is_empty() && self.nuisances().is_empty() && is_linear
+    }
+
+    /// Whether its law is not linear, so that every trajectory takes a thousand times as long.
+    pub fn is_nonlinear(&self) -> bool {
+        self.effects.iter().any(|effect| effect.is_nonlinear())
+    }
+
+    /// The experiment's sizes that effects refer to.
+    pub fn scales(&self) -> &Scales {
+        &self.scales
+    }
+
+    /// All parameters: the law's, then the nuisances', then each effect's.
+    pub fn parameters(&self) -> &[ParameterSpec] {
+        &self.parameters
+    }
+
+    /// The stages at `parameters` (SI, the order of [`Self::parameters`]).
+    ///
+    /// # Errors
+    /// [`Error::Numerical`] where a parameter is outside its support or an effect has no model there.
+    pub fn stages(&self, parameters: &[Dual]) -> Result<Stages> {
+        for (spec, parameter) in self.parameters.iter().zip(parameters) {
+            if !spec.support.contains(parameter.value) {
+                return Err(Error::numerical(
+                    format!("{} = {} is outside {}", spec.name, parameter.value, spec.support),
+                    "give a value inside the support",
+                ));
+            }
+        }
+        let (law, mut rest) = parameters.split_at(self.base.parameters().len());
+        let mut stages = Stages::of_law(self.base.elements(law));
+        stages.base = Some(self.base);
+        stages.observation.depth_exponent = self.scales.depth_exponent.unwrap_or(1.0);
+        if self.base.outside().is_some() {
+            // Its answer is the position itself.
+            stages.observation.depth_exponent = 1.0;
+            stages.spatial = Some(Spatial::Outside(law.to_vec()));
+        }
+        let mut of_field = None;
+        for effect in self.nuisances().iter().chain(&self.effects) {
+            let (own, others) = rest.split_at(effect.parameters().len());
+            match effect.field() {
+                Some(_) => of_field = Some((effect, own)),
+                None => effect.apply(own, &self.scales, &mut stages)?,
+            }
+            rest = others;
+        }
+        if let Some((effect, own)) = of_field {
+            effect.apply(own, &self.scales, &mut stages)?;
+        }
+        Ok(stages)
+    }
+
+    /// How its effects change the displacement field, if they do, with the slug of the one that does.
+    pub fn field(&self) -> Option<(&'static str, Field)> {
+        self.effects.iter().find_map(|effect| Some((effect.slug(), effect.field()?)))
+    }
+}
+
+/// Why an effect cannot be added to another program's law, if it cannot: only what acts before or after the law is known here.
+fn barred_outside(effect: &dyn Effect, base: &BaseLaw) -> Option<&'static str> {
+    base.outside()?;
+    if effect.depends_on_state() || effect.stage() == Stage::Mechanics {
+        return Some("it changes the law or the gel, which the other program computes");
+    }
+    effect.acts_on_position().then_some("a force that depends on the position acts within the other program's model")
+}

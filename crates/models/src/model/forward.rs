@@ -1,0 +1,299 @@
+//! One trait for the full and the reduced model, so that nothing downstream can tell them apart.
+
+use super::{Compliance, Model, Response};
+use base::error::{Error, Result};
+use base::number::Dual;
+use elements::fe::nonlinear::{self, NonlinearModel};
+use elements::fe::oldroyd::{self, FiniteGel, FiniteLaw, FiniteRun};
+use elements::fe::spatial::{SpatialJob, SpatialRun, Surroundings};
+use elements::fe::stepping::Resolution;
+use elements::fe::time::{FullOrderModel, TimeScheme};
+use elements::fe::{Stiffness, transient};
+use elements::mesh::Mesh;
+use laws::stages::{Load, Nonlinearity, Spatial, Stages};
+use record::Force;
+use std::sync::OnceLock;
+
+/// Parameters → trajectory.
+pub trait Forward: Sync {
+    /// Recorded position (m) at every row of the record, the limit from the left, for the model's parameters (SI, the order of
+    /// [`Model::parameters`]).
+    fn trajectory_m(&self, parameters: &[f64]) -> Result<Vec<f64>>;
+}
+
+/// The full-order model: finite elements stepped through the record.
+///
+/// The base law alone takes the exponential step, which is exact between rows; with effects the network of elements is stepped by
+/// its definition, apart from the reduced model's closed forms.
+pub struct FullForward<'a> {
+    model: &'a Model,
+    stiffness: &'a Stiffness,
+    /// At the experiment's Poisson ratio.
+    at_rest: FullOrderModel<'a>,
+    time_s: &'a [f64],
+    force: Force<'a>,
+    resolution: Resolution,
+    surroundings: Option<Surroundings<'a>>,
+    /// Prepared by the first run that needs it.
+    nonlinear: OnceLock<NonlinearModel<'a>>,
+}
+
+/// A full-order run.
+pub struct FullRun {
+    /// Recorded position (m) at every row.
+    pub position_m: Vec<f64>,
+    /// Displacement of every node (m) at the rows that were asked for.
+    pub fields: Vec<Vec<[f64; 3]>>,
+    /// Their mesh, where it is not the model's own.
+    pub mesh: Option<Mesh>,
+    /// Displacement (1/m) per force at unit creep compliance, at the run's Poisson ratio.
+    pub compliance_per_m: f64,
+}
+
+impl<'a> FullForward<'a> {
+    /// Factorises at the experiment's Poisson ratio.
+    pub fn new(
+        model: &'a Model,
+        stiffness: &'a Stiffness,
+        poisson_ratio: f64,
+        time_s: &'a [f64],
+        force: impl Into<Force<'a>>,
+    ) -> Result<Self> {
+        let at_rest = FullOrderModel::new(stiffness, poisson_ratio)?;
+        let (resolution, nonlinear) = (Resolution::default(), OnceLock::new());
+        Ok(Self { model, stiffness, at_rest, time_s, force: force.into(), resolution, surroundings: None, nonlinear })
+    }
+
+    /// The same for effects that change the displacement field, which need more than the stiffness.
+    pub fn in_surroundings(self, surroundings: Surroundings<'a>) -> Self {
+        Self { surroundings: Some(surroundings), nonlinear: OnceLock::new(), ..self }
+    }
+
+    /// The same with other time steps.
+    pub fn with_resolution(self, resolution: Resolution) -> Self {
+        Self { resolution, ..self }
+    }
+
+    /// Displacement (1/m) of the robot per unit force at unit creep compliance, at the experiment's Poisson ratio.
+    pub fn compliance_per_m(&self) -> f64 {
+        self.at_rest.compliance_per_m()
+    }
+
+    /// Trajectory, and the fields at some rows.
+    pub fn run(&self, parameters: &[f64], field_rows: &[usize]) -> Result<FullRun> {
+        let (base, is_exponential) = (self.model.base(), self.model.is_law_alone());
+        if let Some(law) = base.creep_compliance(parameters).filter(|_| is_exponential) {
+            let load = self.at_rest.solve_load(self.time_s, self.force);
+            let position_m = self.at_rest.trajectory(&load, &law, TimeScheme::Exponential);
+            let fields = self.nodal(self.at_rest.fields(&load, &law, field_rows));
+            return Ok(FullRun { position_m, fields, mesh: None, compliance_per_m: self.compliance_per_m() });
+        }
+        let constants: Vec<Dual> = parameters.iter().map(|value| Dual::constant(*value)).collect();
+        let stages = self.model.stages(&constants)?;
+        if let Some(spatial) = &stages.spatial {
+            let surroundings = self.surroundings.as_ref().ok_or_else(|| {
+                Error::numerical("the full model has no mesh to solve this effect on", "give it its surroundings")
+            })?;
+            let (linear, field) = match (spatial, self.model.field()) {
+                (Spatial::Linear(linear), Some((_, field))) => (linear, field),
+                (Spatial::Large { amplitude, mobility }, _) => {
+                    return self.run_large(surroundings, &stages, [amplitude.value, mobility.value], field_rows);
+                }
+                _ => return self.run_nonlinear(surroundings, &stages, field_rows),
+            };
+            let (time_s, force, resolution) = (self.time_s, self.force, spatial_resolution(self.resolution));
+            let job = SpatialJob { stages: &stages, time_s, force, rows: field_rows, resolution };
+            let SpatialRun { position_m, fields, mesh } = field.run(surroundings, linear, &job)?;
+            return Ok(FullRun { position_m, fields, mesh, compliance_per_m: self.compliance_per_m() });
+        }
+        let full = match stages.poisson_ratio {
+            Some(ratio) => &FullOrderModel::new(self.stiffness, ratio.value)?,
+            None => &self.at_rest,
+        };
+        let stepped = full.step(&stages, self.time_s, self.force, self.resolution)?;
+        let fields = self.nodal(full.fields_of(&stepped, field_rows));
+        Ok(FullRun { position_m: stepped.position_m, fields, mesh: None, compliance_per_m: full.compliance_per_m() })
+    }
+
+    /// The linear model's run with the deviation of x(gF)/g; fields are the linear model's.
+    fn run_large(
+        &self,
+        surroundings: &Surroundings<'a>,
+        stages: &Stages,
+        [amplitude, mobility]: [f64; 2],
+        rows: &[usize],
+    ) -> Result<FullRun> {
+        let linear = Stages { spatial: None, ..stages.clone() };
+        let mut stepped = self.at_rest.step(&linear, self.time_s, self.force, self.resolution)?;
+        let fields = self.nodal(self.at_rest.fields_of(&stepped, rows));
+        let own = oldroyd::Fineness::default();
+        let steps_per_doubling = scaled(own.steps_per_doubling, self.resolution);
+        let fineness = oldroyd::Fineness { steps_per_doubling, ..own };
+        let (Some(ball), Some(law)) = (surroundings.sizes.ball, FiniteLaw::new(&stages.law, mobility)) else {
+            return Err(Error::numerical(
+                "large displacements are run around a sphere at the centre, in a gel without springpots",
+                "leave `large-displacement` out",
+            ));
+        };
+        let gel = FiniteGel::around_sphere(ball.robot_radius_m, ball.outer_radius_m, fineness)?;
+        let larger_n: Vec<f64> = self.force.at_rows_n.iter().map(|force_n| amplitude * force_n).collect();
+        let force = Force { at_rows_n: &larger_n, ..self.force };
+        let load = Load { offset_n: stages.load.offset_n * amplitude, ..stages.load.clone() };
+        let run = gel.run(&FiniteRun { law: &law, load: &load, time_s: self.time_s, force })?;
+        let scale = stages.observation.scale.value / amplitude;
+        stepped.position_m.iter_mut().zip(&run.deviation_m).for_each(|(x, deviation)| *x += scale * deviation);
+        let (position_m, compliance_per_m) = (stepped.position_m, self.compliance_per_m());
+        Ok(FullRun { position_m, fields, mesh: None, compliance_per_m })
+    }
+
+    fn run_nonlinear(&self, surroundings: &Surroundings<'a>, stages: &Stages, rows: &[usize]) -> Result<FullRun> {
+        let own_ball = match stages.spatial {
+            Some(Spatial::Nonlinear(Nonlinearity::ShearThinning { .. })) => surroundings.thinning_ball(),
+            _ => None,
+        };
+        if let Some(ball) = own_ball {
+            let mesh = ball.mesh()?;
+            let stiffness = Stiffness::new(&mesh)?;
+            let model = NonlinearModel::new(&mesh, &stiffness, surroundings.poisson_ratio)?;
+            let run = self.run_balance(&model, &stiffness, stages, rows)?;
+            return Ok(FullRun { mesh: Some(mesh), ..run });
+        }
+        let Surroundings { mesh, stiffness, poisson_ratio, .. } = *surroundings;
+        let model = match self.nonlinear.get() {
+            Some(model) => model,
+            None => {
+                let model = NonlinearModel::new(mesh, stiffness, poisson_ratio)?;
+                self.nonlinear.get_or_init(|| model)
+            }
+        };
+        self.run_balance(model, stiffness, stages, rows)
+    }
+
+    fn run_balance(
+        &self,
+        model: &NonlinearModel<'_>,
+        stiffness: &Stiffness,
+        stages: &Stages,
+        rows: &[usize],
+    ) -> Result<FullRun> {
+        let own = nonlinear::Options::default();
+        let resolution = scaled(own.resolution.steps_per_doubling, self.resolution);
+        let options = nonlinear::Options { resolution: Resolution { steps_per_doubling: resolution }, ..own };
+        let run = model.run_stages(stages, self.time_s, self.force, rows, options)?;
+        let unknowns = &stiffness.assembly.unknowns;
+        let fields = run.fields.iter().map(|field| unknowns.nodal_displacement(field)).collect();
+        let (position_m, compliance_per_m) = (run.displacement_m, self.compliance_per_m());
+        Ok(FullRun { position_m, fields, mesh: None, compliance_per_m })
+    }
+
+    fn nodal(&self, fields: Vec<Vec<f64>>) -> Vec<Vec<[f64; 3]>> {
+        let unknowns = &self.stiffness.assembly.unknowns;
+        fields.iter().map(|field| unknowns.nodal_displacement(field)).collect()
+    }
+}
+
+/// Steps of the field's own stepping that are as much finer than its default as others are than theirs.
+fn spatial_resolution(resolution: Resolution) -> transient::Resolution {
+    let own = transient::Resolution::default();
+    transient::Resolution { steps_per_doubling: scaled(own.steps_per_doubling, resolution), ..own }
+}
+
+/// Steps a doubling that are as much more than a stepping's own default as others are than theirs.
+fn scaled(own: u32, wanted: Resolution) -> u32 {
+    (own * wanted.steps_per_doubling).div_ceil(Resolution::default().steps_per_doubling)
+}
+
+impl Forward for FullForward<'_> {
+    fn trajectory_m(&self, parameters: &[f64]) -> Result<Vec<f64>> {
+        Ok(self.run(parameters, &[])?.position_m)
+    }
+}
+
+/// Range of one parameter over which a surrogate was trained and verified.
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct TrainedRange {
+    /// Parameter name, with unit.
+    pub name: String,
+    /// Lower end.
+    pub lower: f64,
+    /// Upper end.
+    pub upper: f64,
+}
+
+impl TrainedRange {
+    /// Whether a value may be asked for.
+    pub fn contains(&self, value: f64) -> bool {
+        (self.lower..=self.upper).contains(&value)
+    }
+}
+
+/// The reduced model: one compliance, and the stages in closed form.
+pub struct ReducedForward<'a> {
+    /// Law and effects.
+    pub model: &'a Model,
+    /// What turns ∫J dF into a position.
+    pub compliance: Compliance,
+    /// The record.
+    pub response: Response,
+    /// Trained ranges of the law's parameters; empty where the compliance is exact (an instrument's).
+    pub trained: &'a [TrainedRange],
+}
+
+impl ReducedForward<'_> {
+    fn in_trained_range(&self, parameters: &[f64]) -> Result<()> {
+        for (range, &value) in self.trained.iter().zip(parameters) {
+            if !range.contains(value) {
+                return Err(Error::OutsideTrainedRange {
+                    parameter: range.name.clone(),
+                    value,
+                    lower: range.lower,
+                    upper: range.upper,
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// Derivative (m a unit of the parameter) of the trajectory with respect to one parameter, by its index: exact, and one-sided where the
+    /// parameter stands at an end of its support.
+    ///
+    /// # Errors
+    /// As [`Self::derivative_along_m`].
+    pub fn derivative_m(&self, parameters: &[f64], index: usize) -> Result<Vec<f64>> {
+        let direction: Vec<f64> = (0..parameters.len()).map(|i| f64::from(u8::from(i == index))).collect();
+        self.derivative_along_m(parameters, &direction)
+    }
+
+    /// Derivative (m) of the trajectory along a direction in the parameters' units: exact, and one-sided at ends of supports.
+    ///
+    /// # Errors
+    /// As [`Forward::trajectory_m`]; [`Error::Numerical`] where there is no derivative, such as with respect to a lag of zero.
+    pub fn derivative_along_m(&self, parameters: &[f64], direction: &[f64]) -> Result<Vec<f64>> {
+        self.in_trained_range(parameters)?;
+        let carried = |(value, derivative): (&f64, &f64)| Dual { value: *value, derivative: *derivative };
+        let parameters: Vec<Dual> = parameters.iter().zip(direction).map(carried).collect();
+        let mut stages = self.model.stages(&parameters)?;
+        let compliance_per_m = self.compliance.resolve(&mut stages)?;
+        let positions = self.response.derivative_m(&stages, compliance_per_m)?;
+        let derivative: Vec<f64> = positions.iter().map(|x| x.derivative).collect();
+        if derivative.iter().all(|slope| slope.is_finite()) {
+            return Ok(derivative);
+        }
+        let moved = self.model.parameters().iter().zip(direction).filter(|(_, part)| **part != 0.0);
+        let names: Vec<&str> = moved.map(|(spec, _)| spec.name).collect();
+        Err(Error::numerical(
+            format!("the trajectory has no derivative with respect to {} here", names.join(", ")),
+            "take a finite difference with the step that the effect documents",
+        ))
+    }
+}
+
+impl Forward for ReducedForward<'_> {
+    fn trajectory_m(&self, parameters: &[f64]) -> Result<Vec<f64>> {
+        self.in_trained_range(parameters)?;
+        let constants: Vec<Dual> = parameters.iter().map(|value| Dual::constant(*value)).collect();
+        let mut stages = self.model.stages(&constants)?;
+        let compliance_per_m = self.compliance.resolve(&mut stages)?;
+        self.response.trajectory_m(&stages, compliance_per_m.value)
+    }
+}

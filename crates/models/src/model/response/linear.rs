@@ -1,0 +1,505 @@
+//! The robot's position where the force does not depend on it: exact recursions, one exponential a mode and distinct step.
+//!
+//! Between switches the force is L + D e^{−λt}, λ = 1/τ of the lag, L the level that it tends to. Over a step h a mode goes
+//! Y ← d Y + q L + k D with d = e^{−ρh}, q = κ ∫ e^{−ρ(h−s)} ds, k = κ ∫ e^{−ρ(h−s)} e^{−λs} ds. Where L rises by S a second, r S is added with
+//! r = κ ∫ e^{−ρ(h−s)} s ds; behind a lag, L is then what the force tends to: the command of τ before. A switch between rows acts by superposition:
+//! the step is taken as if it had not been, and its own response over what is left of the step is added, so that all points take the same steps
+//! whatever their delays.
+
+use pulp::{Arch, Simd, WithSimd};
+
+use super::moments::entire_functions_of_decay;
+use super::numbers::{ComplexLanes, Field, N_LANES, Number, Real};
+use super::prepared_record::Record;
+use super::system::{Mode, System};
+use base::number::{Complex, PointScalar, Scalar};
+
+/// What a step does to the modes.
+struct Step<S> {
+    modes: Vec<Row<S>>,
+    oscillating: Vec<Row<Complex<S>>>,
+    /// e^{−λh}.
+    lag_decay: S,
+    length_s: f64,
+}
+
+/// d, q, k and r of one mode.
+#[derive(Clone, Copy)]
+pub(super) struct Row<T> {
+    pub decay: T,
+    pub gain: T,
+    pub lag_gain: T,
+    /// 0 where forces hold.
+    pub ramp_gain: T,
+}
+
+impl<T: Copy> Row<T> {
+    pub fn filled(zero: T) -> Self {
+        Self { decay: zero, gain: zero, lag_gain: zero, ramp_gain: zero }
+    }
+}
+
+/// d, q, k of a mode over a step of length h, and r where forces rise.
+#[inline(always)]
+pub(super) fn row<N: Number>(mode: Mode<N>, length_s: N, lag_rate: Option<N>, rises: bool) -> Row<N> {
+    let z = mode.rate * length_s;
+    let (decay, mean) = z.decay();
+    let input = mode.gain * length_s;
+    let lag_gain = match lag_rate {
+        Some(lag_rate) => input * z.overlap(lag_rate * length_s),
+        None => N::constant(0.0),
+    };
+    let ramp_gain = if rises { input * length_s * entire_functions_of_decay(z)[1] } else { N::constant(0.0) };
+    Row { decay, gain: input * mean, lag_gain, ramp_gain }
+}
+
+/// The same of an oscillating mode.
+pub(super) fn oscillating_row<N: Real>(
+    mode: Mode<Complex<N>>,
+    length_s: N,
+    lag_rate: Option<N>,
+    rises: bool,
+) -> Row<Complex<N>> {
+    let z = mode.rate.times(length_s);
+    let input = mode.gain.times(length_s);
+    let lag_gain = lag_rate.map_or(Complex::real(0.0), |lag_rate| {
+        let b = Complex { re: lag_rate * length_s, im: N::constant(0.0) };
+        let (smaller, difference) = if z.re.value() < b.re.value() { (z, b - z) } else { (b, z - b) };
+        input * (smaller * -1.0).exponential() * mean_decay(difference)
+    });
+    let ramp_gain = match rises {
+        true => input.times(length_s) * super::moments::entire_functions(z * -1.0)[1],
+        false => Complex::real(0.0),
+    };
+    Row { decay: (z * -1.0).exponential(), gain: input * mean_decay(z), lag_gain, ramp_gain }
+}
+
+/// (1 − e⁻ᶻ)/z, by its series near 0.
+fn mean_decay<N: Real>(z: Complex<N>) -> Complex<N> {
+    super::moments::entire_functions(z * -1.0)[0]
+}
+
+impl<S: Number> Mode<S> {
+    pub fn lane(self, lane: usize) -> Mode<S::Lane> {
+        Mode { gain: self.gain.lane(lane), rate: self.rate.lane(lane) }
+    }
+}
+
+impl<S: Number> Mode<Complex<S>> {
+    pub fn lane(self, lane: usize) -> Mode<Complex<S::Lane>> {
+        Mode { gain: self.gain.lane(lane), rate: self.rate.lane(lane) }
+    }
+}
+
+impl<S: Number> Step<S> {
+    fn new(system: &System<S>, length_s: f64, rises: bool) -> Self {
+        let zero = S::constant(0.0);
+        let mut step = Self {
+            modes: vec![Row::filled(zero); system.modes.len()],
+            oscillating: vec![Row::filled(complex_zero()); system.oscillating.len()],
+            lag_decay: zero,
+            length_s,
+        };
+        Arch::new().dispatch(FillRows { system, length_s, rises, rows: &mut step.modes });
+        for lane in 0..S::N_POINTS {
+            let length_s = S::Lane::constant(length_s);
+            let lag_rate = system.shape.lagging.then(|| system.lag_rate.lane(lane));
+            for (mode, target) in system.oscillating.iter().zip(&mut step.oscillating) {
+                let of_lane = oscillating_row(mode.lane(lane), length_s, lag_rate, rises);
+                target.decay.set_lane(lane, of_lane.decay);
+                target.gain.set_lane(lane, of_lane.gain);
+                target.lag_gain.set_lane(lane, of_lane.lag_gain);
+                target.ramp_gain.set_lane(lane, of_lane.ramp_gain);
+            }
+            if let Some(lag_rate) = lag_rate {
+                step.lag_decay.set_lane(lane, (-(lag_rate * length_s)).exp());
+            }
+        }
+        step
+    }
+}
+
+/// The modes' rows of all points at once.
+struct FillRows<'a, S> {
+    system: &'a System<S>,
+    length_s: f64,
+    rises: bool,
+    rows: &'a mut [Row<S>],
+}
+
+impl<S: Number> WithSimd for FillRows<'_, S> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<V: Simd>(self, _simd: V) {
+        let length_s = S::constant(self.length_s);
+        let lag_rate = if self.system.shape.lagging { Some(self.system.lag_rate) } else { None };
+        for (mode, target) in self.system.modes.iter().zip(self.rows.iter_mut()) {
+            *target = row(*mode, length_s, lag_rate, self.rises);
+        }
+    }
+}
+
+fn complex_zero<N: Number>() -> Complex<N> {
+    Complex { re: N::constant(0.0), im: N::constant(0.0) }
+}
+
+/// A switch that falls between rows, at one point.
+struct Kick<N> {
+    lane: usize,
+    /// The row after it.
+    row: usize,
+    /// Time from it to that row, in s.
+    remaining_s: N,
+    /// Change of the level in N, and of what it rises in N/s.
+    change_n: N,
+    bend_n_per_s: N,
+}
+
+/// All points' switches in the order of rows.
+fn kicks<S: Number>(record: &Record, system: &System<S>) -> Vec<Kick<S::Lane>> {
+    let mut kicks = Vec::with_capacity(S::N_POINTS * record.switches.len());
+    let mut rows = [1; N_LANES];
+    // Points inside switches: delays are alike, so that the kicks come nearly sorted.
+    for switch in &record.switches {
+        let (after_n, after_slope) = system.scaled(switch.after, switch.time_s);
+        let (before_n, before_slope) = system.scaled(switch.before, switch.time_s);
+        let (change_n, bend_n_per_s) = (after_n - before_n, after_slope - before_slope);
+        for lane in 0..S::N_POINTS {
+            let delay_s = system.delay_s.lane(lane);
+            let time_s = switch.time_s + delay_s.value();
+            let mut row = rows[lane].max(switch.row);
+            while row < record.n_rows && record.time_s[row] <= time_s {
+                row += 1;
+            }
+            rows[lane] = row;
+            if row < record.n_rows {
+                let remaining_s = S::Lane::constant(record.time_s[row] - switch.time_s) - delay_s;
+                let (change_n, bend_n_per_s) = (change_n.lane(lane), bend_n_per_s.lane(lane));
+                kicks.push(Kick { lane, row, remaining_s, change_n, bend_n_per_s });
+            }
+        }
+    }
+    kicks.sort_by_key(|kick| kick.row);
+    kicks
+}
+
+/// The response to a unit change of the level, at a later time, and to one of what it rises.
+struct KickResponse<N> {
+    after_s: N,
+    modes: Vec<(N, N)>,
+    oscillating: Vec<(Complex<N>, Complex<N>)>,
+    /// By how long a lag follows late, in s.
+    late_s: N,
+    /// e^{−λ after}; 0 without lag.
+    lag_decay: N,
+}
+
+impl<N: Real> KickResponse<N> {
+    fn new<S: Number<Lane = N>>(system: &System<S>, lane: usize, after_s: N, rises: bool) -> Self {
+        let lag_rate = system.shape.lagging.then(|| system.lag_rate.lane(lane));
+        let late_s = system.late_s().lane(lane);
+        let real = system.modes.iter().map(|mode| row(mode.lane(lane), after_s, lag_rate, rises));
+        let complex = system.oscillating.iter().map(|mode| oscillating_row(mode.lane(lane), after_s, lag_rate, rises));
+        // A bend leaves the level behind a lag by that of τ before, and the force where it was.
+        let of_real = |row: Row<N>| {
+            let step = row.gain - row.lag_gain;
+            (step, row.ramp_gain - late_s * step)
+        };
+        let of_complex = |row: Row<Complex<N>>| {
+            let step = row.gain - row.lag_gain;
+            (step, row.ramp_gain - step.times(late_s))
+        };
+        Self {
+            after_s,
+            modes: real.map(of_real).collect(),
+            oscillating: complex.map(of_complex).collect(),
+            late_s,
+            lag_decay: lag_rate.map_or(N::constant(0.0), |lag_rate| (-(lag_rate * after_s)).exp()),
+        }
+    }
+}
+
+/// Position (m) at every row without the factor of softening.
+pub fn run<S: Number>(record: &Record, system: &System<S>, position_m: &mut [S]) {
+    let zero = S::constant(0.0);
+    let longest = record.holds.iter().map(|hold| hold.rows.len()).max().unwrap_or(0);
+    let mut sweep = Sweep {
+        system,
+        steps: record.step_s.iter().map(|&length_s| Step::new(system, length_s, record.is_linear)).collect(),
+        modes: vec![zero; system.modes.len()],
+        oscillating: vec![complex_zero(); system.oscillating.len()],
+        is_linear: record.is_linear,
+        late_s: system.late_s(),
+        level_n: zero,
+        slope_n_per_s: zero,
+        deficit_n: zero,
+        deficits_n: vec![zero; if system.shape.lagging { longest } else { 0 }],
+        input: vec![zero; system.modes.len()],
+        oscillating_input: vec![complex_zero(); system.oscillating.len()],
+    };
+    if !system.shape.delayed {
+        for hold in &record.holds {
+            let (level_n, slope_n_per_s) = system.scaled(hold.line, hold.line.from_s);
+            sweep.change_level(level_n + system.offset_n, slope_n_per_s);
+            sweep.advance(hold.step, &mut position_m[hold.rows.clone()]);
+        }
+        return;
+    }
+    sweep.change_level(system.offset_n, zero);
+    let kicks = kicks(record, system);
+    let mut waiting = kicks.iter().peekable();
+    let mut responses: Vec<Option<KickResponse<S::Lane>>> = (0..S::N_POINTS).map(|_| None).collect();
+    for hold in &record.holds {
+        let mut row = hold.rows.start;
+        while row < hold.rows.end {
+            let end = waiting.peek().map_or(hold.rows.end, |kick| hold.rows.end.min(kick.row + 1));
+            sweep.advance(hold.step, &mut position_m[row..end]);
+            while let Some(kick) = waiting.next_if(|kick| kick.row < end) {
+                sweep.kick(kick, &mut responses[kick.lane], record.tolerance_s, &mut position_m[kick.row]);
+            }
+            row = end;
+        }
+    }
+}
+
+/// The state on its way through the record.
+struct Sweep<'a, S> {
+    system: &'a System<S>,
+    steps: Vec<Step<S>>,
+    modes: Vec<S>,
+    oscillating: Vec<Complex<S>>,
+    is_linear: bool,
+    /// By how long a lag follows late, in s.
+    late_s: S,
+    /// L, by how much it rises, and D.
+    level_n: S,
+    slope_n_per_s: S,
+    deficit_n: S,
+    /// D at the ends of the steps of a run of rows.
+    deficits_n: Vec<S>,
+    /// q L of every mode, with r S where the force rises.
+    input: Vec<S>,
+    oscillating_input: Vec<Complex<S>>,
+}
+
+impl<S: Number> Sweep<'_, S> {
+    /// The force stays where it is where there is lag.
+    fn change_level(&mut self, command_n: S, slope_n_per_s: S) {
+        let mut level_n = command_n;
+        if self.is_linear {
+            level_n = level_n - slope_n_per_s * self.late_s;
+            self.slope_n_per_s = slope_n_per_s;
+        }
+        if self.system.shape.lagging {
+            self.deficit_n = self.deficit_n + self.level_n - level_n;
+        }
+        self.level_n = level_n;
+    }
+
+    fn advance(&mut self, step: usize, position_m: &mut [S]) {
+        let step = &self.steps[step];
+        for (input, row) in self.input.iter_mut().zip(&step.modes) {
+            *input = row.gain * self.level_n;
+        }
+        for (input, row) in self.oscillating_input.iter_mut().zip(&step.oscillating) {
+            *input = row.gain.times(self.level_n);
+        }
+        if self.is_linear {
+            for (input, row) in self.input.iter_mut().zip(&step.modes) {
+                *input += row.ramp_gain * self.slope_n_per_s;
+            }
+            for (input, row) in self.oscillating_input.iter_mut().zip(&step.oscillating) {
+                *input = *input + row.ramp_gain.times(self.slope_n_per_s);
+            }
+            // Every row of such a record is a step of its own.
+            self.level_n += self.slope_n_per_s * step.length_s;
+        }
+        Arch::new().dispatch(Rows {
+            step,
+            system: self.system,
+            modes: &mut self.modes,
+            oscillating: &mut self.oscillating,
+            level_n: self.level_n,
+            deficit_n: &mut self.deficit_n,
+            deficits_n: &mut self.deficits_n,
+            input: &self.input,
+            oscillating_input: &self.oscillating_input,
+            position_m,
+        });
+    }
+
+    /// Adds a switch's own response in the step that has just been taken.
+    fn kick(
+        &mut self,
+        kick: &Kick<S::Lane>,
+        known: &mut Option<KickResponse<S::Lane>>,
+        tolerance_s: f64,
+        position_m: &mut S,
+    ) {
+        if known.as_ref().is_none_or(|known| !known.after_s.is_close(kick.remaining_s, tolerance_s)) {
+            *known = None;
+        }
+        let response =
+            known.get_or_insert_with(|| KickResponse::new(self.system, kick.lane, kick.remaining_s, self.is_linear));
+        let (lane, change, bend) = (kick.lane, kick.change_n, kick.bend_n_per_s);
+        // Where forces hold, the bend is 0 and adds nothing, to the last bit.
+        let level = change + (kick.remaining_s - response.late_s) * bend;
+        let left = response.lag_decay * (change - response.late_s * bend);
+        let mut moved = self.system.instantaneous.lane(lane) * (level - left);
+        for (state, &(step, ramp)) in self.modes.iter_mut().zip(&response.modes) {
+            let added = step * change + ramp * bend;
+            moved += added;
+            state.set_lane(lane, state.lane(lane) + added);
+        }
+        for (state, &(step, ramp)) in self.oscillating.iter_mut().zip(&response.oscillating) {
+            let added = step.times(change) + ramp.times(bend);
+            moved += added.re;
+            state.re.set_lane(lane, state.re.lane(lane) + added.re);
+            state.im.set_lane(lane, state.im.lane(lane) + added.im);
+        }
+        self.level_n.set_lane(lane, self.level_n.lane(lane) + level);
+        self.slope_n_per_s.set_lane(lane, self.slope_n_per_s.lane(lane) + bend);
+        self.deficit_n.set_lane(lane, self.deficit_n.lane(lane) - left);
+        position_m.set_lane(lane, position_m.lane(lane) + moved);
+    }
+}
+
+/// Equal steps under one level.
+struct Rows<'a, S> {
+    step: &'a Step<S>,
+    system: &'a System<S>,
+    modes: &'a mut [S],
+    oscillating: &'a mut [Complex<S>],
+    level_n: S,
+    deficit_n: &'a mut S,
+    deficits_n: &'a mut [S],
+    input: &'a [S],
+    oscillating_input: &'a [Complex<S>],
+    position_m: &'a mut [S],
+}
+
+impl<S: Number> WithSimd for Rows<'_, S> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<V: Simd>(self, _simd: V) {
+        let Self { step, system, level_n, position_m, deficits_n, .. } = self;
+        if system.shape.lagging {
+            let mut deficit_n = *self.deficit_n;
+            for (position, known) in position_m.iter_mut().zip(deficits_n.iter_mut()) {
+                // The input of a step is the deficit at its beginning.
+                *known = deficit_n;
+                deficit_n = deficit_n * step.lag_decay;
+                *position = system.instantaneous * (level_n + deficit_n);
+            }
+            *self.deficit_n = deficit_n;
+        } else {
+            position_m.fill(system.instantaneous * level_n);
+        }
+        let mut part = Part {
+            rows: &step.modes,
+            inputs: self.input,
+            oscillating_inputs: self.oscillating_input,
+            states: self.modes,
+            oscillating_rows: &step.oscillating,
+            oscillating: self.oscillating,
+            deficits_n,
+            lagging: system.shape.lagging,
+        };
+        // Blocks keep their states in registers. They are as wide as one another, since a narrow one waits for its recursion, and an oscillating mode
+        // goes with a block for the same reason.
+        let mut n_blocks = part.rows.len().div_ceil(WIDEST);
+        while n_blocks > 0 {
+            match part.rows.len().div_ceil(n_blocks) {
+                1 => part.block::<1>(position_m),
+                2 => part.block::<2>(position_m),
+                3 => part.block::<3>(position_m),
+                4 => part.block::<4>(position_m),
+                5 => part.block::<5>(position_m),
+                6 => part.block::<6>(position_m),
+                7 => part.block::<7>(position_m),
+                _ => part.block::<WIDEST>(position_m),
+            }
+            n_blocks -= 1;
+        }
+        while !part.oscillating.is_empty() {
+            part.block::<0>(position_m);
+        }
+    }
+}
+
+/// Most real modes of a block.
+const WIDEST: usize = 8;
+
+/// The modes that are still to go through the rows.
+struct Part<'a, S> {
+    rows: &'a [Row<S>],
+    inputs: &'a [S],
+    oscillating_inputs: &'a [Complex<S>],
+    states: &'a mut [S],
+    oscillating_rows: &'a [Row<Complex<S>>],
+    oscillating: &'a mut [Complex<S>],
+    deficits_n: &'a [S],
+    lagging: bool,
+}
+
+impl<S: Number> Part<'_, S> {
+    /// The first `B` modes, with an oscillating one if there is one left, through the rows, added to the position.
+    #[inline(always)]
+    fn block<const B: usize>(&mut self, position_m: &mut [S]) {
+        match (self.oscillating.is_empty(), self.lagging) {
+            (true, false) => self.take::<B, 0, false>(position_m),
+            (true, true) => self.take::<B, 0, true>(position_m),
+            (false, false) => self.take::<B, 1, false>(position_m),
+            (false, true) => self.take::<B, 1, true>(position_m),
+        }
+    }
+
+    #[inline(always)]
+    fn take<const B: usize, const O: usize, const LAGGING: bool>(&mut self, position_m: &mut [S]) {
+        // Not by closures: compiled apart, without the vector instructions, they would be called.
+        let zero = S::constant(0.0);
+        let (mut state, mut decay, mut input, mut lag_gain) = ([zero; B], [zero; B], [zero; B], [zero; B]);
+        for k in 0..B {
+            (state[k], decay[k]) = (self.states[k], self.rows[k].decay);
+            (input[k], lag_gain[k]) = (self.inputs[k], self.rows[k].lag_gain);
+        }
+        let none = Complex { re: zero, im: zero };
+        let (mut turning, mut turn, mut drive, mut lag_drive) = ([none; O], [none; O], [none; O], [none; O]);
+        for k in 0..O {
+            (turning[k], turn[k]) = (self.oscillating[k], self.oscillating_rows[k].decay);
+            drive[k] = self.oscillating_inputs[k];
+            lag_drive[k] = self.oscillating_rows[k].lag_gain;
+        }
+        for row in 0..position_m.len() {
+            let deficit_n = if LAGGING { self.deficits_n[row] } else { zero };
+            let mut sum = position_m[row];
+            for k in 0..B {
+                let acting = if LAGGING { lag_gain[k].mul_add(deficit_n, input[k]) } else { input[k] };
+                state[k] = decay[k].mul_add(state[k], acting);
+                sum += state[k];
+            }
+            for k in 0..O {
+                let mut acting = drive[k];
+                if LAGGING {
+                    acting.re = lag_drive[k].re.mul_add(deficit_n, acting.re);
+                    acting.im = lag_drive[k].im.mul_add(deficit_n, acting.im);
+                }
+                let Complex { re, im } = turning[k];
+                turning[k].re = turn[k].re.mul_add(re, (-turn[k].im).mul_add(im, acting.re));
+                turning[k].im = turn[k].re.mul_add(im, turn[k].im.mul_add(re, acting.im));
+                sum += turning[k].re;
+            }
+            position_m[row] = sum;
+        }
+        let (done, states) = std::mem::take(&mut self.states).split_at_mut(B);
+        done.copy_from_slice(&state);
+        let (turned, oscillating) = std::mem::take(&mut self.oscillating).split_at_mut(O);
+        turned.copy_from_slice(&turning);
+        (self.states, self.oscillating) = (states, oscillating);
+        (self.rows, self.inputs) = (&self.rows[B..], &self.inputs[B..]);
+        self.oscillating_rows = &self.oscillating_rows[O..];
+        self.oscillating_inputs = &self.oscillating_inputs[O..];
+    }
+}

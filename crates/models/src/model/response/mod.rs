@@ -1,0 +1,235 @@
+//! The reduced model of any stages: command → load → mechanics → observation in closed form (physics §5).
+//!
+//! Written once for numbers, numbers with a derivative and eight points at once. [`system`] turns stages into rates and gains, [`linear`] moves
+//! the robot where the force does not depend on its position, [`feedback`] where it does, in steps that [`schedule`] chooses, [`state_law`] adds what a quantity
+//! that depends on a state makes of it, and what is common stands here.
+
+// Indices as in the formulas; iterators' closures are compiled apart, without the vector instructions of the kernels.
+#![allow(clippy::needless_range_loop)]
+
+mod collocation;
+#[cfg(test)]
+mod derivative_tests;
+mod feedback;
+mod grading;
+mod linear;
+#[cfg(test)]
+mod lines_tests;
+mod moments;
+mod numbers;
+mod prepared_record;
+mod schedule;
+mod state_law;
+#[cfg(test)]
+mod state_law_tests;
+mod system;
+#[cfg(test)]
+mod tests;
+
+pub use numbers::{Lanes, N_LANES};
+
+use base::error::{Error, Result};
+use base::number::{Dual, PointScalar, Scalar};
+use laws::rheology::TimeWindow;
+use laws::stages::{Spread, Stages};
+use numbers::{Number, Real, gather};
+use prepared_record::Record;
+use record::{Force, KeptForce};
+use system::{Lowered, System};
+
+/// A record prepared for the evaluation of models.
+#[derive(Debug, Clone)]
+pub struct Response {
+    record: Record,
+    window: TimeWindow,
+    time_s: Vec<f64>,
+    force: KeptForce,
+}
+
+impl Response {
+    /// Prepares the first `n_rows` rows of a record: times (s), strictly increasing, and the commanded force.
+    pub fn new<'f>(time_s: &[f64], force: impl Into<Force<'f>>, n_rows: usize) -> Self {
+        // What the force does after the last row is no concern of the rows.
+        let force = force.into().first(n_rows);
+        let record = Record::new(time_s, force, n_rows);
+        let shortest_s = record.step_s.iter().copied().fold(f64::INFINITY, f64::min);
+        // Without a step nothing is asked of the law; any window serves.
+        let window = match record.time_s.last() {
+            Some(&longest_s) if !record.step_s.is_empty() => TimeWindow { shortest_s, longest_s },
+            _ => TimeWindow { shortest_s: 1.0, longest_s: 1.0 },
+        };
+        let (time_s, force) = (time_s[..record.n_rows].to_vec(), force.first(record.n_rows).into());
+        Self { record, window, time_s, force }
+    }
+
+    /// The numbers of stages, with what a law that is not linear adds to the linear one's position.
+    fn lowered<T: Real>(&self, stages: &Stages, compliance_per_m: T) -> Result<Lowered<T>> {
+        let mut point = Lowered::new(stages, compliance_per_m, self.window, &self.record)?;
+        if let Some(Spread::Stepped(stepped)) = &stages.spread {
+            let excess_m = T::excess_m(&*stepped.0, stages, compliance_per_m, &self.time_s, self.force.get())?;
+            point.excess_m = Some(excess_m);
+        }
+        if let Some(law) = &stages.state_law {
+            point.excess_m = Some(state_law::excess_m(self, stages, law, compliance_per_m)?);
+        }
+        Ok(point)
+    }
+
+    /// Recorded position (m) at every row, the limit from the left. `compliance_per_m` is the displacement per force at unit creep compliance.
+    ///
+    /// # Errors
+    /// [`Error::Numerical`] where the law has no spectrum, a force gradient pulls the robot away or the position is not finite.
+    pub fn trajectory_m(&self, stages: &Stages, compliance_per_m: f64) -> Result<Vec<f64>> {
+        let point = self.lowered(stages, compliance_per_m)?;
+        let mut position_m = Vec::new();
+        let sound = self.run::<f64>(&[&point], &mut position_m)[0];
+        if sound { Ok(position_m) } else { Err(refusal(stages)) }
+    }
+
+    /// Recorded position and its derivative in the direction that the stages carry, at every row.
+    ///
+    /// # Errors
+    /// Those of [`Self::trajectory_m`], and [`Error::Numerical`] for a derivative with respect to the lag's time where there is no lag.
+    pub fn derivative_m(&self, stages: &Stages, compliance_per_m: Dual) -> Result<Vec<Dual>> {
+        let lag_time_s = stages.load.lag_time_s;
+        if lag_time_s.value == 0.0 && lag_time_s.derivative != 0.0 {
+            return Err(Error::numerical(
+                "the position has no computable derivative with respect to the lag's time at 0",
+                "take a finite step from 0",
+            ));
+        }
+        let point = self.lowered(stages, compliance_per_m)?;
+        let mut position_m = Vec::new();
+        let sound = self.run::<Dual>(&[&point], &mut position_m)[0];
+        if sound { Ok(position_m) } else { Err(refusal(stages)) }
+    }
+
+    /// Recorded positions (m) of one to eight points, row by row in `position_m`; which points have one. A point's bits are those of
+    /// [`Self::trajectory_m`], whatever the other points are; a lane beyond the points, or of a point that has no position, means nothing.
+    pub fn trajectories_m(
+        &self,
+        stages: &[Stages],
+        compliance_per_m: &[f64],
+        position_m: &mut Vec<Lanes>,
+    ) -> [bool; N_LANES] {
+        let points: Vec<Option<Lowered<f64>>> = stages
+            .iter()
+            .zip(compliance_per_m)
+            .take(N_LANES)
+            .map(|(stages, &compliance)| self.lowered(stages, compliance).ok())
+            .collect();
+        let mut sound = [false; N_LANES];
+        let mut waiting: Vec<usize> = (0..points.len()).filter(|&lane| points[lane].is_some()).collect();
+        let mut scratch = Vec::new();
+        while let Some(shape) = waiting.first().and_then(|&lane| points[lane].as_ref()).map(|point| point.shape) {
+            let alike = |lane: &usize| points[*lane].as_ref().is_some_and(|point| point.shape == shape);
+            let (group, others): (Vec<usize>, Vec<usize>) = waiting.into_iter().partition(alike);
+            waiting = others;
+            let members: Vec<&Lowered<f64>> = group.iter().filter_map(|&lane| points[lane].as_ref()).collect();
+            if group.len() == points.len() {
+                return self.run::<Lanes>(&members, position_m);
+            } else {
+                let of_group = self.run::<Lanes>(&members, &mut scratch);
+                position_m.resize(self.record.n_rows, Lanes::constant(0.0));
+                for (member, &lane) in group.iter().enumerate() {
+                    sound[lane] = of_group[member];
+                    for (lanes, row) in position_m.iter_mut().zip(&scratch) {
+                        lanes.0[lane] = row.0[member];
+                    }
+                }
+            }
+        }
+        sound
+    }
+
+    /// Points of one shape; whether each has a position.
+    fn run<S: Number>(&self, points: &[&Lowered<S::Lane>], position_m: &mut Vec<S>) -> [bool; N_LANES] {
+        let system = System::<S>::gather(points);
+        position_m.resize(self.record.n_rows, S::constant(0.0));
+        if let Some(first) = position_m.first_mut() {
+            *first = S::constant(0.0);
+        }
+        let mut sound = [true; N_LANES];
+        sound[points.len()..].fill(false);
+        if system.shape.feedback {
+            feedback::run(&self.record, &system, position_m);
+            let held = feedback::are_held(&system, position_m);
+            for (sound, held) in sound.iter_mut().zip(held) {
+                *sound &= held;
+            }
+        } else {
+            linear::run(&self.record, &system, position_m);
+            if system.shape.softening {
+                soften(&self.record, &system, position_m);
+            }
+        }
+        for (lane, point) in points.iter().enumerate() {
+            for (position, excess) in position_m.iter_mut().zip(point.excess_m.iter().flatten()) {
+                position.set_lane(lane, position.lane(lane) + *excess);
+            }
+        }
+        if system.shape.rooted {
+            for position in position_m.iter_mut() {
+                *position = depth(*position, system.inverse_exponent);
+            }
+        }
+        if system.shape.observed {
+            observe(&self.record, &system, position_m);
+        }
+        // What is not finite stays so: the last row tells.
+        if let Some(last) = position_m.last() {
+            for (lane, sound) in sound.iter_mut().enumerate().take(points.len()) {
+                *sound &= last.lane(lane).value().is_finite();
+            }
+        }
+        sound
+    }
+}
+
+fn refusal(stages: &Stages) -> Error {
+    let gradient = stages.load.gradient_per_m.value;
+    if gradient == 0.0 {
+        return Error::numerical("the position is not finite", "keep rates and times within the record's scales");
+    }
+    Error::numerical(
+        format!("a force gradient of {gradient:e} per m pulls the robot away: it grows faster than the gel holds"),
+        "take a gradient nearer to 0, or a stiffer gel",
+    )
+}
+
+/// e^{rt}, row by row.
+fn soften<S: Number>(record: &Record, system: &System<S>, position_m: &mut [S]) {
+    let growths: Vec<S> = record.step_s.iter().map(|&step_s| (system.softening_rate * step_s).exp()).collect();
+    let mut factor = S::constant(1.0);
+    for hold in &record.holds {
+        for position in &mut position_m[hold.rows.clone()] {
+            factor = factor * growths[hold.step];
+            *position = *position * factor;
+        }
+    }
+}
+
+/// x^{1/p}, point by point; none before contact. What is not a number passes.
+fn depth<S: Number>(linear: S, inverse_exponent: S) -> S {
+    gather(|lane| {
+        let (x, inverse) = (linear.lane(lane), inverse_exponent.lane(lane));
+        if x.value() <= 0.0 { S::Lane::constant(0.0) } else { x.pow(inverse) }
+    })
+}
+
+/// From the robot's to the recorded position.
+fn observe<S: Number>(record: &Record, system: &System<S>, position_m: &mut [S]) {
+    for (position, &time_s) in position_m.iter_mut().zip(&record.time_s) {
+        *position = system.scale * *position + system.position_offset + system.velocity * time_s;
+    }
+    for &(amplitude, rate) in &system.approaches {
+        let decays: Vec<S> = record.step_s.iter().map(|&step_s| (rate * -step_s).exp()).collect();
+        let mut left = S::constant(1.0);
+        for hold in &record.holds {
+            for position in &mut position_m[hold.rows.clone()] {
+                left = left * decays[hold.step];
+                *position += amplitude * (S::constant(1.0) - left);
+            }
+        }
+    }
+}

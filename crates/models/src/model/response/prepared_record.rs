@@ -1,0 +1,139 @@
+//! The record's rows and commands, prepared once for all points.
+
+use std::collections::HashMap;
+use std::ops::Range;
+
+use super::numbers::Real;
+use record::Force;
+
+/// Steps whose lengths differ by less than this fraction of the record's length count as equal: decimal times such as 0.05 i are
+/// not equally spaced in binary, and exponentials are dear.
+const EQUAL_STEP_TOLERANCE: f64 = 1e-13;
+
+/// How many distinct steps are looked through for an equal one: a record with more has no equal ones worth looking for.
+const N_SEARCHED: usize = 64;
+
+/// Rows and commands; times are from the first row.
+#[derive(Debug, Clone)]
+pub(super) struct Record {
+    pub n_rows: usize,
+    /// Time of every row in s.
+    pub time_s: Vec<f64>,
+    /// Distinct step lengths in s.
+    pub step_s: Vec<f64>,
+    pub holds: Vec<Hold>,
+    pub switches: Vec<Switch>,
+    /// Distinct commands; the first, zero, acts before the record.
+    pub commands: Vec<Line>,
+    /// Whether commands change between rows.
+    pub is_linear: bool,
+    /// Largest size of a command in N.
+    pub largest_n: f64,
+    /// Lengths closer than this are equal, in s.
+    pub tolerance_s: f64,
+}
+
+/// Consecutive rows that are reached by equal steps under an equal command.
+#[derive(Debug, Clone)]
+pub(super) struct Hold {
+    /// Index of the step's length.
+    pub step: usize,
+    /// The command from the row before the first on.
+    pub line: Line,
+    /// The rows at the steps' ends.
+    pub rows: Range<usize>,
+}
+
+/// A command that goes in a line.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Line {
+    /// Since when, in s; any time where it holds.
+    pub from_s: f64,
+    /// In N, then.
+    pub force_n: f64,
+    /// In N/s.
+    pub slope_n_per_s: f64,
+    /// Whether it pushes forward.
+    pub is_positive: bool,
+}
+
+impl Line {
+    const ZERO: Self = Self { from_s: 0.0, force_n: 0.0, slope_n_per_s: 0.0, is_positive: false };
+
+    /// In N, at a time.
+    pub fn at_n(self, time_s: f64) -> f64 {
+        self.force_n + self.slope_n_per_s * (time_s - self.from_s)
+    }
+}
+
+/// A change of the command.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Switch {
+    /// The row from which on it is commanded.
+    pub row: usize,
+    pub time_s: f64,
+    pub before: Line,
+    pub after: Line,
+    /// Index of the command after it.
+    pub command: usize,
+    /// |change| over the largest force, that within a row after it included.
+    pub relative_size: f64,
+}
+
+impl Record {
+    /// The first `n_rows` rows.
+    pub fn new(time_s: &[f64], force: Force<'_>, n_rows: usize) -> Self {
+        let n_rows = n_rows.min(time_s.len()).min(force.at_rows_n.len());
+        let (time_s, force) = (&time_s[..n_rows], force.first(n_rows));
+        let start_s = time_s.first().copied().unwrap_or(0.0);
+        let time_s: Vec<f64> = time_s.iter().map(|t| t - start_s).collect();
+        let tolerance_s = EQUAL_STEP_TOLERANCE * time_s.last().map_or(0.0, |last| last.abs() + start_s.abs());
+        let (mut step_s, mut holds, mut switches) = (Vec::new(), Vec::<Hold>::new(), Vec::new());
+        let largest_n = force.at_rows_n.iter().fold(0.0_f64, |largest, force| force.abs().max(largest));
+        let (mut commands, mut known) = (vec![Line::ZERO], HashMap::from([((0.0_f64.to_bits(), 0), 0)]));
+        let is_linear = force.is_linear();
+        let mut before = Line::ZERO;
+        for row in 1..n_rows {
+            let length_s = time_s[row] - time_s[row - 1];
+            let step = slot(&mut step_s, length_s, tolerance_s);
+            let line = Line {
+                from_s: if is_linear { time_s[row - 1] } else { 0.0 },
+                force_n: force.at_rows_n[row - 1],
+                slope_n_per_s: force.slope_n_per_s(&time_s, row - 1),
+                is_positive: force.is_positive(row - 1),
+            };
+            let switched = is_linear || line.force_n != before.force_n;
+            if switched {
+                // Lines that begin at different times are different commands.
+                let key = ((line.force_n + 0.0).to_bits(), if is_linear { row } else { 0 });
+                let command = *known.entry(key).or_insert_with(|| {
+                    commands.push(line);
+                    commands.len() - 1
+                });
+                let jump_n = line.force_n - before.at_n(time_s[row - 1]);
+                let bend_n = (line.slope_n_per_s - before.slope_n_per_s) * length_s;
+                let relative_size = (jump_n.abs() + bend_n.abs()) / largest_n;
+                let time_s = time_s[row - 1];
+                switches.push(Switch { row: row - 1, time_s, before, after: line, command, relative_size });
+            }
+            match holds.last_mut() {
+                Some(hold) if hold.step == step && !switched => hold.rows.end = row + 1,
+                _ => holds.push(Hold { step, line, rows: row..row + 1 }),
+            }
+            before = line;
+        }
+        Self { n_rows, time_s, step_s, holds, switches, commands, is_linear, largest_n, tolerance_s }
+    }
+}
+
+/// The index of a length among the known ones, to which it is added where it is new.
+pub(super) fn slot<N: Real>(known_s: &mut Vec<N>, length_s: N, tolerance_s: f64) -> usize {
+    let from = known_s.len().saturating_sub(N_SEARCHED);
+    match known_s[from..].iter().position(|known| known.is_close(length_s, tolerance_s)) {
+        Some(position) => from + position,
+        None => {
+            known_s.push(length_s);
+            known_s.len() - 1
+        }
+    }
+}

@@ -1,0 +1,305 @@
+//! R, the state and the position at the nodes of a step, which depend on each other: Newton's method.
+
+use super::super::collocation::{END, N_NODES};
+use super::super::numbers::Real;
+use super::{Carried, Run, size};
+use base::error::{Error, Result};
+use base::number::Dual;
+use laws::rheology::Element;
+use laws::stages::{Leaf, Operation, Quantity, State, StateLaw};
+
+/// Most steps of Newton's method at one step in time.
+const MOST_NEWTON_STEPS: usize = 40;
+/// A step of Newton's method that changes no node by more than this share of the largest force leaves its square, which is below rounding. Where numbers carry a derivative, one more step brings that.
+const LAST_STEP: f64 = 1e-8;
+/// Least share of a step of Newton's method that is tried.
+const LEAST_SHARE: f64 = 1e-3;
+
+/// How R follows from force, strain and the function.
+#[derive(Clone, Copy)]
+pub enum Source<T> {
+    /// F (φ − 1), or the function itself.
+    Force,
+    /// −E (φ − 1) ε.
+    Spring(T),
+    /// (1/φ − 1)(s − E ε), E of the springs beside it.
+    Other(T),
+    /// None: the position is multiplied.
+    Position,
+}
+
+/// Force, strain and state at so many places at once.
+pub struct Nodes<T, const N: usize> {
+    pub force_n: [T; N],
+    pub growth: [T; N],
+    pub time_s: [T; N],
+    /// Position and the body's share without R.
+    pub known: [[T; N]; 2],
+    /// Both by R at the nodes.
+    pub by_feedback: [[T; N]; N],
+}
+
+impl<T: Real, const N: usize> Nodes<T, N> {
+    /// The position, or the body's share of it, at the nodes under R.
+    fn answers(&self, which: usize, feedback: &[T; N]) -> [T; N] {
+        std::array::from_fn(|i| {
+            let answered = (0..N).fold(self.known[which][i], |sum, j| sum + self.by_feedback[i][j] * feedback[j]);
+            self.growth[i] * answered
+        })
+    }
+}
+
+/// How R follows, and the quantity where the function is added to it.
+pub fn source<T: Real>(law: &StateLaw, elements: &[Element], compliance_per_m: T) -> Result<(Source<T>, Option<T>)> {
+    let Quantity::Element(Leaf { body, part }) = law.quantity else {
+        return Ok((if law.quantity == Quantity::Force { Source::Force } else { Source::Position }, None));
+    };
+    let own = elements.get(body).ok_or_else(no_element)?;
+    let (leaf, beside): (&Element, Vec<&Element>) = match (own, part) {
+        (Element::Parallel(parts), Some(part)) => {
+            let leaf = parts.get(part).ok_or_else(no_element)?;
+            (leaf, parts.iter().enumerate().filter(|(place, _)| *place != part).map(|(_, other)| other).collect())
+        }
+        (leaf, None) => (leaf, Vec::new()),
+        _ => return Err(no_element()),
+    };
+    let number = match leaf {
+        Element::Spring { modulus_pa } | Element::Springpot { modulus_pa, .. } => T::of(*modulus_pa),
+        Element::Dashpot { viscosity_pa_s } => T::of(*viscosity_pa_s),
+        _ => return Err(no_element()),
+    };
+    let quantity = (law.operation == Operation::Add).then_some(number);
+    if let (Element::Spring { .. }, false) = (leaf, beside.is_empty()) {
+        return Ok((Source::Spring(number / compliance_per_m), quantity));
+    }
+    let mut springs = T::constant(0.0);
+    for other in beside {
+        match other {
+            Element::Spring { modulus_pa } => springs += T::of(*modulus_pa),
+            _ => {
+                return Err(Error::numerical(
+                    "an element beside others that are no springs cannot depend on a state",
+                    "let the spring of that body depend, or write the law with bodies in series",
+                ));
+            }
+        }
+    }
+    Ok((Source::Other(springs / compliance_per_m), quantity))
+}
+
+pub fn no_element() -> Error {
+    Error::numerical("the law has no such element where this effect would find it", "name another element")
+}
+
+impl<T: Real> Run<'_, T> {
+    /// R and the positions at the nodes, and the velocity at the last, by Newton's method from a guess, with the derivatives of values.
+    pub fn balance<const N: usize>(
+        &self,
+        nodes: &Nodes<T, N>,
+        now: &Carried<T>,
+        length_s: Option<T>,
+        guess: [T; N],
+    ) -> Result<([T; N], [T; N], T)> {
+        let ended = |feedback: [T; N]| {
+            let position_m = nodes.answers(0, &feedback);
+            let velocity = self.velocity(now, &position_m, length_s);
+            Ok((feedback, position_m, velocity))
+        };
+        if matches!(self.source, Source::Position) {
+            return ended([T::constant(0.0); N]);
+        }
+        let mut feedback = guess;
+        let mut before = f64::INFINITY;
+        let mut last_step: Option<([T; N], f64)> = None;
+        let mut is_last = false;
+        for _ in 0..MOST_NEWTON_STEPS {
+            let (left, matrix) = self.imbalance(nodes, now, &feedback, length_s);
+            let size = left.iter().fold(0.0_f64, |most, left| most.max(left.value().abs()));
+            // A step that leads away was too long. What is not a number leads away.
+            if let Some((step, share)) =
+                last_step.filter(|(_, share)| (size.is_nan() || size > before) && *share > LEAST_SHARE && !is_last)
+            {
+                feedback = std::array::from_fn(|i| feedback[i] + step[i] * (-0.5 * share));
+                last_step = Some((step, 0.5 * share));
+                continue;
+            }
+            if !size.is_finite() {
+                break;
+            }
+            let step = solved(matrix, left).ok_or_else(|| no_balance(now.now_s.value()))?;
+            feedback = std::array::from_fn(|i| feedback[i] + step[i]);
+            let is_small = step.iter().all(|step| step.value().abs() <= LAST_STEP * self.largest_n);
+            if is_last || (is_small && !T::CARRIES) {
+                return ended(feedback);
+            }
+            is_last = is_small;
+            (before, last_step) = (size, Some((step, 1.0)));
+        }
+        Err(no_balance(now.now_s.value()))
+    }
+
+    /// What R lacks at the nodes, and the derivatives of R less that by R.
+    fn imbalance<const N: usize>(
+        &self,
+        nodes: &Nodes<T, N>,
+        now: &Carried<T>,
+        feedback: &[T; N],
+        length_s: Option<T>,
+    ) -> ([T; N], [[f64; N]; N]) {
+        let [position_m, share_m] = [0, 1].map(|which| nodes.answers(which, feedback));
+        let (states, by_position) = self.states(nodes, now, &position_m, &share_m, length_s);
+        let mut matrix = [[0.0; N]; N];
+        let mut left = [T::constant(0.0); N];
+        for i in 0..N {
+            let strain = share_m[i] / nodes.growth[i];
+            let slope = self.law.function.0.value(Dual::variable(states[i].value()), &self.constants);
+            let value = if T::CARRIES { T::of(self.law.value(states[i].carried())) } else { T::of(slope) };
+            let (target, by_value, by_strain) = self.feedback(value, nodes.force_n[i], strain);
+            left[i] = target - feedback[i];
+            for j in 0..N {
+                let moved = |k: usize| nodes.growth[k].value() * nodes.by_feedback[k][j].value();
+                let state: f64 = (0..N).map(|k| by_position[i][k] * moved(k)).sum();
+                let by_state = by_value * slope.derivative * state;
+                matrix[i][j] = f64::from(u8::from(i == j)) - by_state - by_strain * nodes.by_feedback[i][j].value();
+            }
+        }
+        (left, matrix)
+    }
+
+    /// R, and its derivatives by the function's value and by the strain.
+    fn feedback(&self, value: T, force_n: T, strain: T) -> (T, f64, f64) {
+        let one = T::constant(1.0);
+        let (factor, by_value) = match (self.law.operation, self.quantity) {
+            (Operation::Add, Some(quantity)) => (one + value / quantity, 1.0 / quantity.value()),
+            _ => (value, 1.0),
+        };
+        match self.source {
+            Source::Force if self.law.operation == Operation::Add => (value, 1.0, 0.0),
+            Source::Force => (force_n * (factor - one), force_n.value(), 0.0),
+            Source::Spring(modulus) => {
+                let held = modulus * strain;
+                (-(held * (factor - one)), -by_value * held.value(), -(modulus * (factor - one)).value())
+            }
+            Source::Other(springs) => {
+                let (borne, share) = (force_n - springs * strain, one / factor - one);
+                let by_value = -by_value * borne.value() / factor.value().powi(2);
+                (share * borne, by_value, -(share * springs).value())
+            }
+            Source::Position => (T::constant(0.0), 0.0, 0.0),
+        }
+    }
+
+    fn velocity(&self, now: &Carried<T>, position_m: &[T], length_s: Option<T>) -> T {
+        match length_s {
+            Some(length_s) if position_m.len() == N_NODES => self.velocity_at(END, now, position_m, length_s),
+            _ => now.velocity,
+        }
+    }
+
+    fn velocity_at(&self, node: usize, now: &Carried<T>, position_m: &[T], length_s: T) -> T {
+        self.slope_at(node, now.position_m, position_m, length_s)
+    }
+
+    /// Derivative at a node of what has these values at a step's begin and nodes.
+    pub fn slope_at(&self, node: usize, begin: T, at_nodes: &[T], length_s: T) -> T {
+        let slopes = &self.slopes[node];
+        at_nodes.iter().zip(&slopes[1..]).fold(begin * slopes[0], |sum, (x, slope)| sum + *x * *slope) / length_s
+    }
+
+    /// States at the nodes, and their derivatives by the positions there.
+    fn states<const N: usize>(
+        &self,
+        nodes: &Nodes<T, N>,
+        now: &Carried<T>,
+        position_m: &[T; N],
+        share_m: &[T; N],
+        length_s: Option<T>,
+    ) -> ([T; N], [[f64; N]; N]) {
+        let identity = |i: usize, j: usize| f64::from(u8::from(i == j));
+        let mut by_position = [[0.0; N]; N];
+        let mut states = *position_m;
+        match self.law.state {
+            State::Position => by_position = std::array::from_fn(|i| std::array::from_fn(|j| identity(i, j))),
+            State::Strain => {
+                // R moves the body and the robot by the same.
+                states = *share_m;
+                by_position = std::array::from_fn(|i| std::array::from_fn(|j| identity(i, j)));
+            }
+            State::Path => {
+                let (mut path_m, mut before, mut by) = (now.path_m, now.position_m, [0.0; N]);
+                for i in 0..N {
+                    let moved = position_m[i] - before;
+                    let sign = if moved.value() < 0.0 { -1.0 } else { 1.0 };
+                    path_m += size(moved);
+                    by[i] += sign;
+                    if i > 0 {
+                        by[i - 1] -= sign;
+                    }
+                    (states[i], by_position[i], before) = (path_m, by, position_m[i]);
+                }
+            }
+            State::LargestExcursion => {
+                let (mut largest_m, mut by) = (now.largest_m, [0.0; N]);
+                for i in 0..N {
+                    let own = size(position_m[i]);
+                    if own.value() > largest_m.value() {
+                        (largest_m, by) = (own, [0.0; N]);
+                        by[i] = if position_m[i].value() < 0.0 { -1.0 } else { 1.0 };
+                    }
+                    (states[i], by_position[i]) = (largest_m, by);
+                }
+            }
+            State::Velocity => match length_s {
+                Some(length_s) if N == N_NODES => {
+                    for i in 0..N {
+                        states[i] = self.velocity_at(i, now, position_m, length_s);
+                        by_position[i] = std::array::from_fn(|j| self.slopes[i][j + 1] / length_s.value());
+                    }
+                }
+                _ => states = [now.velocity; N],
+            },
+            State::Time => states = nodes.time_s,
+            State::TimeSinceStep => {
+                let since = self.since_step(nodes.time_s[0], true);
+                states = nodes.time_s.map(|time_s| since + (time_s - nodes.time_s[0]));
+            }
+            State::Force => states = nodes.force_n,
+        }
+        (states, by_position)
+    }
+}
+
+/// The solution of a system of values for numbers that may carry a derivative, by elimination with pivots; none where there is none.
+fn solved<T: Real, const N: usize>(mut matrix: [[f64; N]; N], mut right: [T; N]) -> Option<[T; N]> {
+    for k in 0..N {
+        let pivot = (k..N).max_by(|&a, &b| matrix[a][k].abs().total_cmp(&matrix[b][k].abs()))?;
+        if matrix[pivot][k] == 0.0 || !matrix[pivot][k].is_finite() {
+            return None;
+        }
+        matrix.swap(k, pivot);
+        right.swap(k, pivot);
+        for i in k + 1..N {
+            let factor = matrix[i][k] / matrix[k][k];
+            for j in k..N {
+                matrix[i][j] -= factor * matrix[k][j];
+            }
+            right[i] += right[k] * -factor;
+        }
+    }
+    for k in (0..N).rev() {
+        for j in k + 1..N {
+            right[k] += right[j] * -matrix[k][j];
+        }
+        right[k] = right[k] * matrix[k][k].recip();
+    }
+    Some(right)
+}
+
+fn no_balance(time_s: f64) -> Error {
+    Error::numerical(
+        format!(
+            "no force and position that agree are found {time_s} s after the record's start: the quantity changes too fast with its state"
+        ),
+        "take parameters nearer to their nulls",
+    )
+}

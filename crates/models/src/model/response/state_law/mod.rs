@@ -1,0 +1,367 @@
+//! The robot's position where a quantity depends on a state (physics §5.3): what it adds to the linear law's answer.
+//!
+//! A body whose element depends on a state answers as if it did not, to another stress: s + R. Where the element is a spring of modulus E beside others, R = −E (φ − 1) ε with
+//! ε the body's strain; where it is the body, or the only one of its parts that is no spring, R = (1/φ − 1)(s − E ε), E the modulus of the springs beside it; a force that
+//! depends is R = F (φ − 1) on all bodies. R is smooth between switches: a quartic through the nodes of [`super::collocation`], integrated exactly against every mode, and found with the
+//! state by Newton's method.
+
+mod balance;
+mod modes;
+
+use self::balance::{Nodes, Source, no_element, source};
+use self::modes::{Modes, Step, next, slopes};
+use super::Response;
+use super::collocation::{END, N_NODES, NODES};
+use super::numbers::Real;
+use super::schedule::{Level, Schedule};
+use super::system::{BETWEEN_ROWS, Lowered, System, grading};
+use base::error::Result;
+use base::number::{Complex, Dual};
+use laws::rheology::{Accuracy, Element, RetardationSpectrum, TimeWindow};
+use laws::stages::{Operation, Quantity, Stages, State, StateLaw};
+
+/// Shortest time after a switch that matters to R where switches fall on rows, as a part of the shortest step.
+const WITHIN_ROWS: f64 = 0.04;
+/// By how much a quantity is taken to change over the range of what moves it, for the lengths of steps.
+const STRENGTH: f64 = 0.1;
+/// Longest step over the one before into which that one's polynomial is drawn on.
+const MOST_AHEAD: f64 = 2.5;
+/// Times nearer than this share of themselves are the same.
+const CLOCK_ROUNDING: f64 = 1e-12;
+
+/// What is carried from step to step.
+struct Carried<T> {
+    /// Under the force, all modes; under R, the body's.
+    by_force: (Vec<T>, Vec<Complex<T>>),
+    by_feedback: (Vec<T>, Vec<Complex<T>>),
+    now_s: T,
+    level_n: T,
+    slope_n_per_s: T,
+    deficit_n: T,
+    growth: T,
+    feedback_n: T,
+    /// R at the last step's begin and nodes, and the step's length: where the next step's R is looked for. `None` after a jump.
+    before: Option<([T; N_NODES + 1], f64)>,
+    position_m: T,
+    path_m: T,
+    largest_m: T,
+    velocity: T,
+}
+
+/// One run.
+struct Run<'a, T> {
+    law: &'a StateLaw,
+    /// The function's parameters without what they carry.
+    constants: Vec<Dual>,
+    source: Source<T>,
+    /// The quantity itself, where the function is added to it.
+    quantity: Option<T>,
+    modes: Modes<T>,
+    rises: bool,
+    /// Times of force steps after the delay, ascending.
+    steps_s: Vec<T>,
+    largest_n: f64,
+    /// Derivatives at the nodes of the polynomial through the step's begin and the nodes.
+    slopes: [[f64; N_NODES + 1]; N_NODES],
+    /// What the values there weigh at the nodes of a next step as long as this one.
+    next: [[f64; N_NODES + 1]; N_NODES],
+}
+
+/// What the stages' state law adds to the linear law's position at every row, in m.
+pub(super) fn excess_m<T: Real>(
+    response: &Response,
+    stages: &Stages,
+    law: &StateLaw,
+    compliance_per_m: T,
+) -> Result<Vec<T>> {
+    let TimeWindow { shortest_s, longest_s } = response.window;
+    let at_rows =
+        !response.record.is_linear && stages.load.delay_s.is_constant(0.0) && stages.load.lag_time_s.value == 0.0;
+    let window = TimeWindow { shortest_s: shortest_s * if at_rows { WITHIN_ROWS } else { BETWEEN_ROWS }, longest_s };
+    let spectrum = |law: &[Element]| RetardationSpectrum::<T>::with_accuracy(law, window, Accuracy::Fast);
+    let (own, others): (&[Element], Vec<Element>) = match law.quantity {
+        Quantity::Element(leaf) => {
+            let own = stages.law.get(leaf.body..=leaf.body).ok_or_else(no_element)?;
+            (own, [&stages.law[..leaf.body], &stages.law[leaf.body + 1..]].concat())
+        }
+        Quantity::Force | Quantity::Position => (&stages.law, Vec::new()),
+    };
+    let [of_body, of_others] = [spectrum(own)?, spectrum(&others)?];
+    let softening = T::of(stages.softening_rate_per_s);
+    let modes = Modes::new([&of_body, &of_others], compliance_per_m, softening);
+    let mut whole = of_body;
+    whole.modes.extend(of_others.modes);
+    whole.oscillating.extend(of_others.oscillating);
+    whole.instantaneous_per_pa += of_others.instantaneous_per_pa;
+    whole.fluidity_per_pa_s += of_others.fluidity_per_pa_s;
+    let record = &response.record;
+    let mut lowered = Lowered::with_spectrum(stages, &whole, compliance_per_m, record.largest_n);
+    let lag_rate = (stages.load.lag_time_s.value > 0.0).then(|| 1.0 / stages.load.lag_time_s.value);
+    let total = whole.instantaneous_per_pa.value()
+        + whole.modes.iter().map(|mode| mode.compliance_per_pa.value()).sum::<f64>()
+        + whole.fluidity_per_pa_s.value() * longest_s;
+    lowered.grading = grading(&whole, lag_rate, STRENGTH / total.max(f64::MIN_POSITIVE));
+    let system = System::<T>::gather(&[&lowered]);
+    let schedule = Schedule::new(record, &system);
+    let (source, quantity) = source(law, &stages.law, compliance_per_m)?;
+    let delay_s = T::of(stages.load.delay_s);
+    let start_s = response.time_s.first().copied().unwrap_or(0.0);
+    let steps = response.force.get().step_rows();
+    let mut run = Run {
+        law,
+        constants: law.parameters.iter().map(|p| Dual::constant(p.value)).collect(),
+        source,
+        quantity,
+        modes,
+        rises: record.is_linear,
+        steps_s: steps.iter().map(|&row| delay_s + T::constant(response.time_s[row] - start_s)).collect(),
+        largest_n: record.largest_n.max(stages.load.offset_n.value.abs()).max(f64::MIN_POSITIVE),
+        slopes: slopes(),
+        next: next(1.0),
+    };
+    let steps: Vec<Step<T>> =
+        schedule.length_s.iter().map(|&length_s| Step::new(&run.modes, &system, length_s, run.rises)).collect();
+    run.through(&system, &schedule, &steps, record.n_rows)
+}
+
+impl<T: Real> Run<'_, T> {
+    /// Through all steps of a schedule; what is added at the rows.
+    fn through(
+        &mut self,
+        system: &System<T>,
+        schedule: &Schedule<T>,
+        steps: &[Step<T>],
+        n_rows: usize,
+    ) -> Result<Vec<T>> {
+        let zero = T::constant(0.0);
+        let zeros = |n: usize| vec![zero; n];
+        let complex = |n: usize| vec![Complex { re: zero, im: zero }; n];
+        let mut now = Carried {
+            by_force: (zeros(self.modes.real.len()), complex(self.modes.oscillating.len())),
+            by_feedback: (zeros(self.modes.n_real), complex(self.modes.n_oscillating)),
+            now_s: zero,
+            level_n: zero,
+            slope_n_per_s: zero,
+            deficit_n: zero,
+            growth: T::constant(1.0),
+            feedback_n: zero,
+            before: None,
+            position_m: zero,
+            path_m: zero,
+            largest_m: zero,
+            velocity: zero,
+        };
+        let late_s = system.late_s();
+        let mut excess_m = vec![zero; n_rows];
+        if let Some(first) = excess_m.first_mut() {
+            *first = self.excess(&now);
+        }
+        for piece in &schedule.pieces {
+            let level: &Level<T> = &schedule.levels[piece.level];
+            let (before_n, mut level_n) = (now.level_n + now.deficit_n, level.force_n);
+            if schedule.is_linear {
+                level_n += level.slope_n_per_s * (now.now_s - level.from_s - late_s);
+                now.slope_n_per_s = level.slope_n_per_s;
+            }
+            if system.shape.lagging {
+                now.deficit_n += now.level_n - level_n;
+            }
+            now.level_n = level_n;
+            if (now.level_n + now.deficit_n).value() != before_n.value() {
+                now.before = None;
+                self.jump(&mut now)?;
+            }
+            for step in 0..piece.n_steps() {
+                self.advance(&steps[piece.length], &mut now)?;
+                if let Some(row) = piece.end_row(step) {
+                    excess_m[row] = self.excess(&now);
+                }
+            }
+        }
+        Ok(excess_m)
+    }
+
+    /// What is added now.
+    fn excess(&self, now: &Carried<T>) -> T {
+        let (one, force_n) = (T::constant(1.0), now.level_n + now.deficit_n);
+        match self.source {
+            Source::Position => {
+                let position_m = now.position_m;
+                let state = self.state_now(now, force_n);
+                let value = T::of(self.law.value(state.carried()));
+                if self.law.operation == Operation::Add { value } else { position_m * (value - one) }
+            }
+            _ => now.growth * (self.modes.instantaneous[1] * now.feedback_n + sum(&now.by_feedback)),
+        }
+    }
+
+    fn state_now(&self, now: &Carried<T>, force_n: T) -> T {
+        match self.law.state {
+            State::Position | State::Strain => now.position_m,
+            State::Path => now.path_m,
+            State::Time => now.now_s,
+            State::TimeSinceStep => self.since_step(now.now_s, false),
+            State::Velocity => now.velocity,
+            State::Force => force_n,
+            State::LargestExcursion => now.largest_m,
+        }
+    }
+
+    /// Time since the last step came to act: the limit from the right, or from the left.
+    fn since_step(&self, now_s: T, is_after: bool) -> T {
+        let rounding_s = CLOCK_ROUNDING * now_s.value().abs();
+        let limit_s = now_s.value() + if is_after { rounding_s } else { -rounding_s };
+        let acting = self.steps_s.partition_point(|step_s| step_s.value() < limit_s);
+        acting.checked_sub(1).map_or(now_s, |last| now_s - self.steps_s[last])
+    }
+
+    /// The force has jumped: the position and R do, where something answers at once.
+    fn jump(&self, now: &mut Carried<T>) -> Result<()> {
+        let force_n = now.level_n + now.deficit_n;
+        let [whole, own] = self.modes.instantaneous;
+        if whole.value() == 0.0 {
+            return Ok(());
+        }
+        let split = self.known(now);
+        let nodes = Nodes {
+            force_n: [force_n],
+            growth: [now.growth],
+            time_s: [now.now_s],
+            known: [[whole * force_n + split[0]], [own * force_n + split[1]]],
+            by_feedback: [[own]],
+        };
+        let (feedback, position, _) = self.balance(&nodes, now, None, [now.feedback_n])?;
+        now.feedback_n = feedback[0];
+        self.moved(now, &position);
+        Ok(())
+    }
+
+    /// Σ Y of all modes and of the body's, both with what R has left.
+    fn known(&self, now: &Carried<T>) -> [T; 2] {
+        let of_feedback = sum(&now.by_feedback);
+        let (real, oscillating) = &now.by_force;
+        let own_re = oscillating[..self.modes.n_oscillating].iter().fold(T::constant(0.0), |sum, y| sum + y.re);
+        let own = real[..self.modes.n_real].iter().fold(own_re, |sum, y| sum + *y);
+        [sum(&now.by_force) + of_feedback, own + of_feedback]
+    }
+
+    fn moved(&self, now: &mut Carried<T>, position_m: &[T]) {
+        for &x in position_m {
+            now.path_m += size(x - now.position_m);
+            now.position_m = x;
+            if size(x).value() > now.largest_m.value() {
+                now.largest_m = size(x);
+            }
+        }
+    }
+
+    /// R at the nodes of a step if it goes on as in the step before: by the polynomial through that, or by its tangent where they part, as after a kink.
+    fn ahead(&self, now: &Carried<T>, length_s: f64) -> [T; N_NODES] {
+        let Some((at, before_s)) = &now.before else { return [now.feedback_n; N_NODES] };
+        let (ratio, zero) = (length_s / before_s, T::constant(0.0));
+        let sum =
+            |weights: &[f64; N_NODES + 1]| at.iter().zip(weights).fold(zero, |sum, (r, weight)| sum + *r * *weight);
+        let slope = sum(&self.slopes[END]);
+        let tangent = NODES.map(|part| now.feedback_n + slope * (ratio * part));
+        if ratio > MOST_AHEAD {
+            return tangent;
+        }
+        let polynomial = if ratio == 1.0 {
+            self.next.map(|weights| sum(&weights))
+        } else {
+            next(ratio).map(|weights| sum(&weights))
+        };
+        let changed = (now.feedback_n - at[0]).value().abs();
+        let parts = (polynomial[END] - tangent[END]).value().abs() > changed;
+        if parts { tangent } else { polynomial }
+    }
+
+    fn advance(&self, step: &Step<T>, now: &mut Carried<T>) -> Result<()> {
+        let zero = T::constant(0.0);
+        let [whole, own] = self.modes.instantaneous;
+        let mut known = [[zero; N_NODES]; 2];
+        let mut force_n = [zero; N_NODES];
+        for i in 0..N_NODES {
+            force_n[i] = now.deficit_n * step.lag_decay[i] + now.level_n;
+            if self.rises {
+                force_n[i] += now.slope_n_per_s * step.length_s * NODES[i];
+            }
+            for (known, by) in known.iter_mut().zip(&step.by_force) {
+                known[i] = by[0][i] * now.level_n + by[2][i] * now.deficit_n;
+                if self.rises {
+                    known[i] = by[1][i] * now.slope_n_per_s + known[i];
+                }
+            }
+        }
+        let mut add = |place: usize, limit: usize, decayed: [T; N_NODES]| {
+            for i in 0..N_NODES {
+                known[0][i] += decayed[i];
+                if place < limit {
+                    known[1][i] += decayed[i];
+                }
+            }
+        };
+        for (place, (step, &y)) in step.real.iter().zip(&now.by_force.0).enumerate() {
+            let y = now.by_feedback.0.get(place).map_or(y, |own| y + *own);
+            add(place, self.modes.n_real, step.node_decay.map(|decay| decay * y));
+        }
+        for (place, (step, &y)) in step.oscillating.iter().zip(&now.by_force.1).enumerate() {
+            let y = now.by_feedback.1.get(place).map_or(y, |own| y + *own);
+            add(place, self.modes.n_oscillating, step.node_decay.map(|decay| (decay * y).re));
+        }
+        let mut by_feedback = step.by_feedback;
+        for i in 0..N_NODES {
+            known[0][i] = whole * force_n[i] + known[0][i];
+            known[1][i] = own * force_n[i] + known[1][i];
+            by_feedback[i][i] += own;
+        }
+        let growth = step.growth.map(|growth| now.growth * growth);
+        let time_s = NODES.map(|part| now.now_s + step.length_s * part);
+        let nodes = Nodes { force_n, growth, time_s, known, by_feedback };
+        let guess = self.ahead(now, step.length_s.value());
+        let (feedback, position_m, velocity) = self.balance(&nodes, now, Some(step.length_s), guess)?;
+        let mut at = [now.feedback_n; N_NODES + 1];
+        at[1..].copy_from_slice(&feedback);
+        now.before = Some((at, step.length_s.value()));
+        for (place, (step, y)) in step.real.iter().zip(&mut now.by_force.0).enumerate() {
+            let mut next = step.whole.gain * now.level_n + step.whole.lag_gain * now.deficit_n;
+            if self.rises {
+                next = step.whole.ramp_gain * now.slope_n_per_s + next;
+            }
+            *y = step.whole.decay * *y + next;
+            if let Some(own) = now.by_feedback.0.get_mut(place) {
+                *own = (0..N_NODES).fold(step.whole.decay * *own, |sum, k| sum + step.weights[k] * feedback[k]);
+            }
+        }
+        for (place, (step, y)) in step.oscillating.iter().zip(&mut now.by_force.1).enumerate() {
+            let mut next = step.whole.gain.times(now.level_n) + step.whole.lag_gain.times(now.deficit_n);
+            if self.rises {
+                next = next + step.whole.ramp_gain.times(now.slope_n_per_s);
+            }
+            *y = step.whole.decay * *y + next;
+            if let Some(own) = now.by_feedback.1.get_mut(place) {
+                let weighted = |sum: Complex<T>, k: usize| sum + step.weights[k].times(feedback[k]);
+                *own = (0..N_NODES).fold(step.whole.decay * *own, weighted);
+            }
+        }
+        now.deficit_n = now.deficit_n * step.lag_decay[END];
+        now.growth = growth[END];
+        now.now_s += step.length_s;
+        if self.rises {
+            now.level_n += now.slope_n_per_s * step.length_s;
+        }
+        now.feedback_n = feedback[END];
+        now.velocity = velocity;
+        self.moved(now, &position_m);
+        Ok(())
+    }
+}
+
+fn sum<T: Real>((real, oscillating): &(Vec<T>, Vec<Complex<T>>)) -> T {
+    let of_real = real.iter().fold(T::constant(0.0), |sum, y| sum + *y);
+    oscillating.iter().fold(of_real, |sum, y| sum + y.re)
+}
+
+fn size<T: Real>(x: T) -> T {
+    if x.value() < 0.0 { -x } else { x }
+}

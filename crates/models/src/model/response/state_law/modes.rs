@@ -1,0 +1,126 @@
+//! The modes that answer a force, those of the body that depends first, and steps through them.
+
+use super::super::collocation::{ModeStep, N_NODES, NODES, lagrange, of_mode};
+use super::super::linear::{oscillating_row, row};
+use super::super::moments::{entire_functions, entire_functions_of_decay};
+use super::super::numbers::Real;
+use super::super::system::{Mode, System, modes_of};
+use base::number::Complex;
+use laws::rheology::RetardationSpectrum;
+
+/// Modes that answer the force, those of the body that depends first, each with what they are to R.
+pub struct Modes<T> {
+    pub real: Vec<Mode<T>>,
+    pub oscillating: Vec<Mode<Complex<T>>>,
+    /// How many of each are the body's.
+    pub n_real: usize,
+    pub n_oscillating: usize,
+    /// C J₀ of the whole and of the body.
+    pub instantaneous: [T; 2],
+}
+
+/// A step of one length.
+pub struct Step<T> {
+    pub real: Vec<ModeStep<T>>,
+    pub oscillating: Vec<ModeStep<Complex<T>>>,
+    /// Σ Y at the nodes of all modes, and of the body's, by level, slope and deficit.
+    pub by_force: [[[T; N_NODES]; 3]; 2],
+    /// Σ Y of the body's by R at the nodes.
+    pub by_feedback: [[T; N_NODES]; N_NODES],
+    pub length_s: T,
+    pub lag_decay: [T; N_NODES],
+    pub growth: [T; N_NODES],
+}
+
+impl<T: Real> Modes<T> {
+    /// Of the body's spectrum and the others'.
+    pub fn new([own, others]: [&RetardationSpectrum<T>; 2], compliance_per_m: T, softening: T) -> Self {
+        let (real, oscillating) = modes_of(own, compliance_per_m, softening);
+        let (mut real, mut oscillating): (Vec<_>, Vec<_>) = (real.collect(), oscillating.collect());
+        let (n_real, n_oscillating) = (real.len(), oscillating.len());
+        let (real_others, oscillating_others) = modes_of(others, compliance_per_m, softening);
+        real.extend(real_others);
+        oscillating.extend(oscillating_others);
+        let of_body = compliance_per_m * own.instantaneous_per_pa;
+        let instantaneous = [of_body + compliance_per_m * others.instantaneous_per_pa, of_body];
+        Self { real, oscillating, n_real, n_oscillating, instantaneous }
+    }
+}
+
+impl<T: Real> Step<T> {
+    /// Of a length, under forces in straight lines or not.
+    pub fn new(modes: &Modes<T>, system: &System<T>, length_s: T, rises: bool) -> Self {
+        let zero = T::constant(0.0);
+        let polynomials = std::array::from_fn(lagrange);
+        let lag_rate = system.shape.lagging.then_some(system.lag_rate);
+        let mut step = Self {
+            real: Vec::with_capacity(modes.real.len()),
+            oscillating: Vec::with_capacity(modes.oscillating.len()),
+            by_force: [[[zero; N_NODES]; 3]; 2],
+            by_feedback: [[zero; N_NODES]; N_NODES],
+            length_s,
+            lag_decay: NODES.map(|part| lag_rate.map_or(zero, |rate| (rate * length_s * -part).exp())),
+            growth: NODES.map(|part| (system.softening_rate * length_s * part).exp()),
+        };
+        for (place, mode) in modes.real.iter().enumerate() {
+            let rows = NODES.map(|part| row(*mode, length_s * part, lag_rate, rises));
+            let functions = NODES.map(|part| entire_functions_of_decay(mode.rate * length_s * part));
+            let of_mode = of_mode(mode.gain * length_s, rows, functions, &polynomials);
+            let by_force = [of_mode.by_level, of_mode.by_slope, of_mode.by_deficit];
+            step.add(place < modes.n_real, by_force, of_mode.by_feedback);
+            step.real.push(of_mode.step);
+        }
+        for (place, mode) in modes.oscillating.iter().enumerate() {
+            let rows = NODES.map(|part| oscillating_row(*mode, length_s * part, lag_rate, rises));
+            let functions = NODES.map(|part| entire_functions(mode.rate.times(length_s) * -part));
+            let of_mode = of_mode(mode.gain.times(length_s), rows, functions, &polynomials);
+            let by_force = [of_mode.by_level, of_mode.by_slope, of_mode.by_deficit].map(|by| by.map(|z| z.re));
+            let by_feedback = of_mode.by_feedback.map(|by| by.map(|z| z.re));
+            step.add(place < modes.n_oscillating, by_force, by_feedback);
+            step.oscillating.push(of_mode.step);
+        }
+        step
+    }
+
+    fn add(&mut self, is_own: bool, by_force: [[T; N_NODES]; 3], by_feedback: [[T; N_NODES]; N_NODES]) {
+        let n_sums = if is_own { 2 } else { 1 };
+        for sums in &mut self.by_force[..n_sums] {
+            for (sum, by) in sums.iter_mut().zip(&by_force) {
+                (0..N_NODES).for_each(|i| sum[i] += by[i]);
+            }
+        }
+        if is_own {
+            for (sum, by) in self.by_feedback.iter_mut().zip(&by_feedback) {
+                (0..N_NODES).for_each(|j| sum[j] += by[j]);
+            }
+        }
+    }
+}
+
+/// What the values at a step's begin and nodes weigh in the polynomial through them, drawn on to the nodes of the next step, which is so many times as long.
+pub fn next(ratio: f64) -> [[f64; N_NODES + 1]; N_NODES] {
+    let places = places();
+    let weight = |x: f64, j: usize| -> f64 {
+        (0..=N_NODES).filter(|m| *m != j).map(|m| (x - places[m]) / (places[j] - places[m])).product()
+    };
+    NODES.map(|part| std::array::from_fn(|j| weight(1.0 + ratio * part, j)))
+}
+
+/// The begin of a step of length 1 and its nodes.
+fn places() -> [f64; N_NODES + 1] {
+    let mut places = [0.0; N_NODES + 1];
+    places[1..].copy_from_slice(&NODES);
+    places
+}
+
+/// Derivatives at the nodes of the polynomial through the begin of a step of length 1 and its nodes, by the values there.
+pub fn slopes() -> [[f64; N_NODES + 1]; N_NODES] {
+    let places = places();
+    // ℓⱼ'(x) = Σ_k 1/(xⱼ − x_k) Π_{m≠j,k} (x − x_m)/(xⱼ − x_m).
+    let slope = |j: usize, x: f64| -> f64 {
+        let others = |k: usize| (0..=N_NODES).filter(move |m| *m != j && *m != k);
+        let product = |k: usize| others(k).map(|m| (x - places[m]) / (places[j] - places[m])).product::<f64>();
+        (0..=N_NODES).filter(|k| *k != j).map(|k| product(k) / (places[j] - places[k])).sum()
+    };
+    std::array::from_fn(|i| std::array::from_fn(|j| slope(j, NODES[i])))
+}

@@ -1,0 +1,212 @@
+//! Quantities that depend on a state: the reduced model against the full one's stepping, which knows no pseudo-stress, and against closed forms.
+
+use super::Response;
+use base::number::{Dual, Scalar};
+use elements::fe::stepping::run::answers;
+use elements::fe::stepping::{Resolution, observed};
+use laws::rheology::{BaseLaw, Network};
+use laws::stages::{Function, Operation, Quantity, Stages, State, StateFunction, StateLaw};
+use record::{Force, ForceRule};
+
+const COMPLIANCE_PER_M: f64 = 550.0;
+
+/// 1 + a tanh(s/s₀): smooth, and limited where states run away.
+#[derive(Debug)]
+struct Bounded;
+
+impl StateFunction for Bounded {
+    fn value(&self, state: Dual, parameters: &[Dual]) -> Dual {
+        let x = state / parameters[1];
+        let tanh = x.value.tanh();
+        Dual::ONE + parameters[0] * Dual { value: tanh, derivative: (1.0 - tanh * tanh) * x.derivative }
+    }
+}
+
+/// e^{a s}.
+#[derive(Debug)]
+struct Exponential;
+
+impl StateFunction for Exponential {
+    fn value(&self, state: Dual, parameters: &[Dual]) -> Dual {
+        (parameters[0] * state).exp()
+    }
+}
+
+/// Holds of both signs with a rest, rows that are not equally far apart.
+fn record() -> (Vec<f64>, Vec<f64>) {
+    let (mut time_s, mut force_n, mut t) = (Vec::new(), Vec::new(), 0.0);
+    for row in 0..160_u32 {
+        time_s.push(t);
+        t += 0.03 + 0.02 * f64::from(row % 3);
+        force_n.push(match row {
+            0..50 => 4.6e-6,
+            50..100 => -4.6e-6,
+            100..120 => 0.0,
+            _ => 2.3e-6,
+        });
+    }
+    (time_s, force_n)
+}
+
+fn bounded(base: BaseLaw, parameters: &[f64], quantity: &str, state: State, size: f64) -> Stages {
+    let values: Vec<Dual> = parameters.iter().map(|value| Dual::constant(*value)).collect();
+    let scale = match state.unit() {
+        "m" => 5e-4,
+        "s" => 2.0,
+        // Faster forces at larger velocities would run away.
+        "m/s" => 2.5e-3,
+        _ => 4e-6,
+    };
+    let quantity = match quantity {
+        "force" => Quantity::Force,
+        "position" => Quantity::Position,
+        name => Quantity::Element(base.leaf(name).expect("an element")),
+    };
+    let law = StateLaw {
+        quantity,
+        state,
+        operation: Operation::Multiply,
+        function: Function(&Bounded),
+        parameters: vec![Dual::constant(size), Dual::constant(scale)],
+    };
+    Stages { base: Some(base), state_law: Some(law), ..Stages::of_law(base.elements(&values)) }
+}
+
+fn full_m(stages: &Stages, time_s: &[f64], force: Force<'_>, steps_per_doubling: u32) -> Vec<f64> {
+    let resolution = Resolution { steps_per_doubling };
+    let found = answers(COMPLIANCE_PER_M, stages, time_s, force, resolution).expect("a sound model");
+    found.iter().zip(time_s).map(|(answer, t)| observed(&stages.observation, answer[1], t - time_s[0])).collect()
+}
+
+fn distance(a: &[f64], b: &[f64]) -> f64 {
+    let size = b.iter().fold(0.0_f64, |size, x| size.max(x.abs()));
+    a.iter().zip(b).fold(0.0_f64, |most, (a, b)| most.max((a - b).abs())) / size
+}
+
+const LETHERSICH: [f64; 3] = [3.527, 1.402, 47.37];
+
+fn springpot_law() -> BaseLaw {
+    let text = "series = [{ parallel = [{ spring = \"gel\" }, { springpot = \"mesh\" }] }, { dashpot = \"flow\" }]";
+    BaseLaw::Network(Network::from_text("law.toml".as_ref(), text).expect("a law"))
+}
+
+/// Every quantity of the base law on every state that it may have, under forces that hold and that go in lines.
+#[test]
+fn reduced_and_full_agree() {
+    let (time_s, force_n) = record();
+    let (mut worst, mut n_cases) = ([0.0_f64; 2], 0);
+    for rule in [ForceRule::Hold, ForceRule::Linear] {
+        let force = Force { at_rows_n: &force_n, rule };
+        let response = Response::new(&time_s, force, time_s.len());
+        for quantity in ["force", "position", "young_modulus_pa", "viscosity_1_pa_s", "viscosity_2_pa_s"] {
+            for (state, name) in State::ALL {
+                if state == State::Strain && !quantity.ends_with("pa") && !quantity.ends_with("pa_s") {
+                    continue;
+                }
+                let stages = bounded(BaseLaw::Lethersich, &LETHERSICH, quantity, state, 0.4);
+                let found = response.trajectory_m(&stages, COMPLIANCE_PER_M).expect("a sound model");
+                let error = distance(&found, &full_m(&stages, &time_s, force, 24));
+                println!("{rule:?} {quantity} of {name}: {error:.1e}");
+                let own = &mut worst[usize::from(force.is_linear())];
+                *own = own.max(error);
+                n_cases += 1;
+            }
+        }
+    }
+    // In lines, the robot turns inside a row: path, excursion and the sign of the force have their kinks there.
+    assert!(worst[0] < 1e-8 && worst[1] < 5e-5 && n_cases == 76, "{worst:?} {n_cases}");
+}
+
+/// Laws with springpots, with a body of parts and at once.
+#[test]
+fn reduced_and_full_agree_for_springpots() {
+    let (time_s, force_n) = record();
+    let force = Force::from(&force_n);
+    let response = Response::new(&time_s, force, time_s.len());
+    let lone = BaseLaw::Network(Network::from_text("law.toml".as_ref(), "springpot = \"mesh\"").expect("a law"));
+    let cases: [(BaseLaw, &[f64], &str); 5] = [
+        (springpot_law(), &[3.5, 1.4, 0.6, 47.0], "gel_modulus_pa"),
+        (springpot_law(), &[3.5, 1.4, 0.6, 47.0], "mesh_modulus_pa"),
+        (springpot_law(), &[3.5, 1.4, 0.6, 47.0], "flow_viscosity_pa_s"),
+        (lone, &[3.5, 0.5], "mesh_modulus_pa"),
+        (BaseLaw::Burgers, &[3.527, 1.402, 47.37, 20.0], "instantaneous_modulus_pa"),
+    ];
+    let mut worst = 0.0_f64;
+    for (law, parameters, quantity) in cases {
+        for state in [State::Position, State::Path, State::Time, State::LargestExcursion, State::Strain] {
+            let stages = bounded(law, parameters, quantity, state, 0.4);
+            let found = response.trajectory_m(&stages, COMPLIANCE_PER_M).expect("a sound model");
+            let error = distance(&found, &full_m(&stages, &time_s, force, 16));
+            println!("{} {quantity} of {}: {error:.1e}", law.title(), state.name());
+            worst = worst.max(error);
+        }
+    }
+    assert!(worst < 5e-6, "{worst}");
+}
+
+/// Exact derivatives against central differences, by the law's parameters and the function's.
+#[test]
+fn sensitivities_equal_differences() {
+    let (time_s, force_n) = record();
+    let response = Response::new(&time_s, &force_n, time_s.len());
+    for (quantity, state) in
+        [("young_modulus_pa", State::Path), ("viscosity_2_pa_s", State::Velocity), ("force", State::Position)]
+    {
+        let at = |moved: usize, h: f64, seed: bool| {
+            let mut law = LETHERSICH.map(Dual::constant);
+            let mut stages = bounded(BaseLaw::Lethersich, &LETHERSICH, quantity, state, 0.4);
+            let own = stages.state_law.as_mut().expect("a state law");
+            let target = if moved < 3 { &mut law[moved] } else { &mut own.parameters[moved - 3] };
+            *target = Dual { value: target.value * (1.0 + h), derivative: if seed { target.value } else { 0.0 } };
+            Stages { law: BaseLaw::Lethersich.elements(&law), ..stages }
+        };
+        for moved in 0..5 {
+            let found = response.derivative_m(&at(moved, 0.0, true), Dual::constant(COMPLIANCE_PER_M)).expect("sound");
+            let value = |h: f64| response.trajectory_m(&at(moved, h, false), COMPLIANCE_PER_M).expect("sound");
+            let h = 1e-4;
+            let difference: Vec<f64> = value(h).iter().zip(value(-h)).map(|(a, b)| (a - b) / (2.0 * h)).collect();
+            let derivative: Vec<f64> = found.iter().map(|x| x.derivative).collect();
+            let error = distance(&derivative, &difference);
+            assert!(error < 1e-5, "{quantity} of {} by {moved}: {error}", state.name());
+        }
+    }
+}
+
+/// A dashpot whose viscosity grows as e^{b x} under a held force: e^{bx} = 1 + b C F t/c; and one whose force falls with the path, the same.
+#[test]
+fn a_dashpot_that_hardens_has_a_closed_form() {
+    let base = BaseLaw::Network(Network::from_text("law.toml".as_ref(), "dashpot = \"flow\"").expect("a law"));
+    let time_s: Vec<f64> = (0..100).map(|row| 0.1 * f64::from(row)).collect();
+    let force_n = vec![4e-6; 100];
+    let response = Response::new(&time_s, &force_n, 100);
+    let (viscosity, growth_per_m) = (40.0, 8e3);
+    for (quantity, state, sign) in [
+        (Quantity::Element(base.leaf("flow_viscosity_pa_s").expect("it")), State::Position, 1.0),
+        (Quantity::Force, State::Path, -1.0),
+    ] {
+        let parameters = vec![Dual::constant(sign * growth_per_m)];
+        let law =
+            StateLaw { quantity, state, operation: Operation::Multiply, function: Function(&Exponential), parameters };
+        let elements = base.elements(&[Dual::constant(viscosity)]);
+        let stages = Stages { base: Some(base), state_law: Some(law), ..Stages::of_law(elements) };
+        let found = response.trajectory_m(&stages, COMPLIANCE_PER_M).expect("a sound model");
+        let exact: Vec<f64> = time_s
+            .iter()
+            .map(|t| (growth_per_m * COMPLIANCE_PER_M * 4e-6 * t / viscosity).ln_1p() / growth_per_m)
+            .collect();
+        assert!(distance(&found, &exact) < 1e-9, "{}", distance(&found, &exact));
+    }
+}
+
+/// A function that is 1 everywhere leaves every bit as it was, and one that is added with the value 0, too.
+#[test]
+fn at_the_null_the_base_returns() {
+    let (time_s, force_n) = record();
+    let response = Response::new(&time_s, &force_n, time_s.len());
+    let base = Stages::of_law(BaseLaw::Lethersich.elements(&LETHERSICH.map(Dual::constant)));
+    let expected = response.trajectory_m(&base, COMPLIANCE_PER_M).expect("a sound model");
+    for quantity in ["force", "position", "young_modulus_pa", "viscosity_1_pa_s", "viscosity_2_pa_s"] {
+        let stages = bounded(BaseLaw::Lethersich, &LETHERSICH, quantity, State::Path, 0.0);
+        assert_eq!(response.trajectory_m(&stages, COMPLIANCE_PER_M).expect("a sound model"), expected, "{quantity}");
+    }
+}

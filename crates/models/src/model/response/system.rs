@@ -1,0 +1,262 @@
+//! Stages as the numbers of a linear system: what the kernels integrate.
+//!
+//! The strain of a mode obeys s' = r (F̃ − s) with F̃ = F eᵛᵗ, v the softening rate. With Y = C a s e^{−vt} this is Y' = κ F − ρ Y, κ = C a r,
+//! ρ = r + v, and the position is e^{vt} (C J₀ F + Σ Y): softening is a change of rates and a growing factor, and a dashpot is a mode of rate 0
+//! with κ = C φ. C is the compliance per m.
+
+use super::grading::Grading;
+use super::numbers::{N_LANES, Number, Real, gather};
+use super::prepared_record::{Line, Record};
+use base::error::{Error, Result};
+use base::number::{Complex, Dual};
+use laws::rheology::{Accuracy, RetardationSpectrum, TimeWindow};
+use laws::stages::{Spatial, Spread, Stages};
+
+/// Which parts a model has. Points of one shape are computed together: what a point's arithmetic is depends on nothing else.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Shape {
+    n_modes: usize,
+    n_oscillating: usize,
+    n_approaches: usize,
+    pub delayed: bool,
+    pub lagging: bool,
+    pub softening: bool,
+    pub feedback: bool,
+    /// Whether the recorded position differs from the robot's.
+    pub observed: bool,
+    /// Whether it is a root of what answers linearly.
+    pub rooted: bool,
+}
+
+/// One point: its shape, and its numbers in the order in which [`System::gather`] reads them.
+#[derive(Debug, Clone)]
+pub(super) struct Lowered<T> {
+    pub shape: Shape,
+    pub grading: Grading,
+    numbers: Vec<T>,
+    /// What a law that is not linear adds at every row, in m.
+    pub excess_m: Option<Vec<T>>,
+}
+
+/// A mode Y' = κ F − ρ Y.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Mode<T> {
+    /// κ in m/(N·s).
+    pub gain: T,
+    /// ρ in 1/s.
+    pub rate: T,
+}
+
+/// The numbers of one or several points of one shape.
+#[derive(Debug, Clone)]
+pub(super) struct System<S> {
+    pub shape: Shape,
+    /// The points' own.
+    pub gradings: [Grading; N_LANES],
+    /// C J₀ in m/N.
+    pub instantaneous: S,
+    pub modes: Vec<Mode<S>>,
+    pub oscillating: Vec<Mode<Complex<S>>>,
+    pub positive_factor: S,
+    pub negative_factor: S,
+    pub offset_n: S,
+    pub delay_s: S,
+    /// 1/τ of the lag in 1/s.
+    pub lag_rate: S,
+    pub softening_rate: S,
+    pub gradient: S,
+    pub scale: S,
+    pub position_offset: S,
+    /// 1/p of an indenter.
+    pub inverse_exponent: S,
+    pub velocity: S,
+    /// Amplitude in m and rate in 1/s.
+    pub approaches: Vec<(S, S)>,
+}
+
+/// Shortest time after a switch that matters, as a part of the shortest step, where a switch may fall between rows or the force changes
+/// between them.
+pub(super) const BETWEEN_ROWS: f64 = 1e-2;
+
+impl<T: Real> Lowered<T> {
+    /// The numbers of stages, without what a law that is not linear adds. `window` is what the record's rows ask for.
+    pub fn new(stages: &Stages, compliance_per_m: T, window: TimeWindow, record: &Record) -> Result<Self> {
+        let load = &stages.load;
+        check(load.delay_s.value >= 0.0, "the force's delay", load.delay_s, "s")?;
+        check(load.lag_time_s.value >= 0.0, "the force's lag", load.lag_time_s, "s")?;
+        if stages.spread.is_some() && stages.state_law.is_some()
+            || stages.state_law.is_some() && !load.gradient_per_m.is_constant(0.0)
+        {
+            return Err(Error::numerical(
+                "a quantity that depends on a state stands beside a force gradient or a field that is solved for",
+                "leave one of them out",
+            ));
+        }
+        let at_rows = !record.is_linear
+            && load.delay_s.is_constant(0.0)
+            && load.lag_time_s.value == 0.0
+            && load.gradient_per_m.is_constant(0.0);
+        let shortest_s = window.shortest_s * if at_rows { 1.0 } else { BETWEEN_ROWS };
+        let window = TimeWindow { shortest_s, ..window };
+        let spectrum = match (&stages.spread, &stages.spatial) {
+            (Some(Spread::Terms { beside, terms }), _) if stages.softening_rate_per_s.is_constant(0.0) => {
+                RetardationSpectrum::spread(&stages.law, beside, terms, window, Accuracy::Fast)?
+            }
+            (Some(Spread::Stepped(_)), Some(Spatial::Nonlinear(_) | Spatial::Large { .. } | Spatial::Outside(_)))
+                if stages.softening_rate_per_s.is_constant(0.0) =>
+            {
+                RetardationSpectrum::with_accuracy(&stages.law, window, Accuracy::Fast)?
+            }
+            (None, None) => RetardationSpectrum::with_accuracy(&stages.law, window, Accuracy::Fast)?,
+            _ => {
+                return Err(Error::numerical(
+                    "the field's terms are not there, or stand beside a gel that softens",
+                    "complete the stages by the compliance, and leave `softening` out",
+                ));
+            }
+        };
+        Ok(Self::with_spectrum(stages, &spectrum, compliance_per_m, record.largest_n))
+    }
+
+    /// The same with the law's spectrum as it is given, for commands of a largest size (N).
+    pub fn with_spectrum(
+        stages: &Stages,
+        spectrum: &RetardationSpectrum<T>,
+        compliance_per_m: T,
+        largest_n: f64,
+    ) -> Self {
+        let (load, observation) = (&stages.load, &stages.observation);
+        let shape = Shape {
+            n_modes: spectrum.modes.len() + 1,
+            n_oscillating: spectrum.oscillating.len(),
+            n_approaches: observation.approaches.len(),
+            delayed: !load.delay_s.is_constant(0.0),
+            lagging: load.lag_time_s.value > 0.0,
+            softening: !stages.softening_rate_per_s.is_constant(0.0),
+            feedback: !load.gradient_per_m.is_constant(0.0),
+            observed: !(observation.scale.is_constant(1.0)
+                && observation.offset_m.is_constant(0.0)
+                && observation.velocity_m_per_s.is_constant(0.0)
+                && observation.approaches.is_empty()),
+            rooted: observation.depth_exponent != 1.0,
+        };
+        let lag = shape.lagging.then(|| 1.0 / load.lag_time_s.value);
+        let factor = load.positive_factor.value.abs().max(load.negative_factor.value.abs());
+        let pull_n = largest_n * factor + load.offset_n.value.abs();
+        let strength_pa = (load.gradient_per_m.value * compliance_per_m.value()).abs() * pull_n;
+        let grading = if shape.feedback { grading(spectrum, lag, strength_pa) } else { Grading::NONE };
+        let lag_rate = if shape.lagging { T::constant(1.0) / T::of(load.lag_time_s) } else { T::constant(0.0) };
+        let mut numbers = Vec::with_capacity(13 + 2 * shape.n_modes + 4 * shape.n_oscillating + 2 * shape.n_approaches);
+        numbers.extend([
+            compliance_per_m * spectrum.instantaneous_per_pa,
+            T::of(load.positive_factor),
+            T::of(load.negative_factor),
+            T::of(load.offset_n),
+            T::of(load.delay_s),
+            lag_rate,
+            T::of(stages.softening_rate_per_s),
+            T::of(load.gradient_per_m),
+            T::of(observation.scale),
+            T::of(observation.offset_m),
+            T::constant(observation.depth_exponent.recip()),
+            T::of(observation.velocity_m_per_s),
+        ]);
+        let (real, oscillating) = modes_of(spectrum, compliance_per_m, T::of(stages.softening_rate_per_s));
+        numbers.extend(real.flat_map(|mode| [mode.gain, mode.rate]));
+        numbers.extend(oscillating.flat_map(|mode| [mode.gain.re, mode.gain.im, mode.rate.re, mode.rate.im]));
+        for approach in &observation.approaches {
+            numbers.extend([T::of(approach.amplitude_m), T::constant(1.0) / T::of(approach.time_s)]);
+        }
+        Self { shape, grading, numbers, excess_m: None }
+    }
+}
+
+/// How steps of a law are graded behind a lag of some rate (1/s), under a gradient whose exponent is `strength_pa` times the creep compliance.
+pub(super) fn grading<T: Real>(spectrum: &RetardationSpectrum<T>, lag_rate: Option<f64>, strength_pa: f64) -> Grading {
+    let real = spectrum.modes.iter().map(|mode| (mode.compliance_per_pa.value(), mode.rate_per_s.value()));
+    let size = |[re, im]: [T; 2]| re.value().hypot(im.value());
+    let complex = spectrum.oscillating.iter().map(|mode| (size(mode.compliance_per_pa), size(mode.rate_per_s)));
+    let mut rough: Vec<(f64, f64)> = real.chain(complex).collect();
+    let fluidity = spectrum.fluidity_per_pa_s.value();
+    let total = spectrum.instantaneous_per_pa.value()
+        + rough.iter().map(|(compliance, _)| compliance).sum::<f64>()
+        + lag_rate.map_or(0.0, |rate| fluidity / rate);
+    // Of what does not decay no share is lost; its scale is any.
+    let inverse = if total > 0.0 { 1.0 / total } else { 1.0 };
+    rough.iter_mut().for_each(|(share, _)| *share *= inverse);
+    let mut modes: Vec<(f64, f64)> = rough.iter().map(|&(share, rate)| (share * rate, rate)).collect();
+    modes.push((fluidity * inverse, 0.0));
+    rough.extend(lag_rate.map(|rate| (1.0, rate)));
+    Grading::new(&rough, &modes, strength_pa / inverse)
+}
+
+/// Modes that answer a force under a compliance in 1/m: those of the law, the one that flows last, and those that oscillate.
+pub(super) fn modes_of<T: Real>(
+    spectrum: &RetardationSpectrum<T>,
+    compliance_per_m: T,
+    softening: T,
+) -> (impl Iterator<Item = Mode<T>>, impl Iterator<Item = Mode<Complex<T>>>) {
+    let real = spectrum.modes.iter().map(move |mode| Mode {
+        gain: compliance_per_m * mode.compliance_per_pa * mode.rate_per_s,
+        rate: mode.rate_per_s + softening,
+    });
+    let flowing = Mode { gain: compliance_per_m * spectrum.fluidity_per_pa_s, rate: softening };
+    let oscillating = spectrum.oscillating.iter().map(move |mode| {
+        let complex = |[re, im]: [T; 2]| Complex { re, im };
+        let rate = complex(mode.rate_per_s);
+        let gain = (complex(mode.compliance_per_pa) * rate).times(compliance_per_m);
+        Mode { gain, rate: Complex { re: rate.re + softening, im: rate.im } }
+    });
+    (real.chain([flowing]), oscillating)
+}
+
+fn check(holds: bool, what: &str, number: Dual, unit: &str) -> Result<()> {
+    if holds {
+        return Ok(());
+    }
+    Err(Error::numerical(format!("{what} is {} {unit}", number.value), "give a value of at least 0"))
+}
+
+impl<S: Number> System<S> {
+    /// Gathers points of one shape; the last stands in for those that are missing.
+    pub fn gather(points: &[&Lowered<S::Lane>]) -> Self {
+        let shape = points[0].shape;
+        let mut next = 0;
+        let mut take = || {
+            next += 1;
+            gather::<S>(|lane| points[lane.min(points.len() - 1)].numbers[next - 1])
+        };
+        Self {
+            shape,
+            gradings: std::array::from_fn(|lane| points[lane.min(points.len() - 1)].grading),
+            instantaneous: take(),
+            positive_factor: take(),
+            negative_factor: take(),
+            offset_n: take(),
+            delay_s: take(),
+            lag_rate: take(),
+            softening_rate: take(),
+            gradient: take(),
+            scale: take(),
+            position_offset: take(),
+            inverse_exponent: take(),
+            velocity: take(),
+            modes: (0..shape.n_modes).map(|_| Mode { gain: take(), rate: take() }).collect(),
+            oscillating: (0..shape.n_oscillating)
+                .map(|_| Mode { gain: Complex { re: take(), im: take() }, rate: Complex { re: take(), im: take() } })
+                .collect(),
+            approaches: (0..shape.n_approaches).map(|_| (take(), take())).collect(),
+        }
+    }
+
+    /// The force on its way after the factors, without the offset, in N, and by how much it rises in N/s.
+    pub fn scaled(&self, line: Line, time_s: f64) -> (S, S) {
+        let factor = if line.is_positive { self.positive_factor } else { self.negative_factor };
+        (factor * line.at_n(time_s), factor * line.slope_n_per_s)
+    }
+
+    /// By how long a lag follows a line late, in s.
+    pub fn late_s(&self) -> S {
+        if self.shape.lagging { S::constant(1.0) / self.lag_rate } else { S::constant(0.0) }
+    }
+}

@@ -1,0 +1,166 @@
+//! The reduced models of the effects that change the displacement field, as many as a problem asks for.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+
+use super::hyper::{self, HyperModel, HyperSettings};
+use super::spread::SpreadModes;
+use super::three_terms::{N_SHAPES, ThreeTerms};
+use crate::effects::{Effect, Field};
+use base::error::{Error, Result};
+use base::number::Dual;
+use elements::fe::poroelastic::{PoreModel, PoreSpectrum, SpectrumSettings};
+use elements::fe::spatial::Surroundings;
+use laws::rheology::SpreadTerm;
+use laws::stages::{LinearField, Spatial, Spread, Stages, Stepped};
+
+/// Singular values below this fraction of the largest carry no mode.
+const TOLERANCE: f64 = 1e-6;
+
+/// The reduced model of one effect.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum FieldModel {
+    /// Terms of a field of one shape.
+    Modes(SpreadModes),
+    /// Terms of a field whose shape depends on a parameter.
+    ThreeTerms(ThreeTerms),
+    /// Terms of pore flow.
+    Pores(PoreSpectrum),
+    /// A law that is not linear, at few points.
+    Nonlinear(HyperModel),
+}
+
+/// Reduced models by the slugs of their effects; those that nobody asked for are missing.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct FieldModels(BTreeMap<String, FieldModel>);
+
+/// Pieces of work that building the model of an effect takes.
+pub fn n_pieces(effect: &dyn Effect) -> usize {
+    match effect.field() {
+        None | Some(Field::Large) => 0,
+        Some(Field::Pair(pair)) if pair.shape().is_some() => N_SHAPES,
+        Some(Field::Pair(_) | Field::Pores(_)) => 1,
+        Some(Field::Nonlinear(family)) => HyperSettings::of(family).n_runs(),
+    }
+}
+
+impl FieldModel {
+    /// Builds the model of one effect, if its field needs one; `piece_done` is called, from any thread, after every piece.
+    fn build(
+        effect: &dyn Effect,
+        surroundings: &Surroundings<'_>,
+        piece_done: &(dyn Fn() + Sync),
+    ) -> Result<Option<Self>> {
+        let Some(field) = effect.field() else { return Ok(None) };
+        Ok(Some(match field {
+            // Learnt for one record, not for a gel (`surrogate::trajectory`).
+            Field::Large => return Ok(None),
+            Field::Pair(pair) => match pair.shape() {
+                Some(shape) => Self::ThreeTerms(ThreeTerms::new(pair, shape, surroundings, TOLERANCE, piece_done)?),
+                None => {
+                    let system = pair.system(surroundings, None)?.system;
+                    let modes = SpreadModes::new(&system, &pair.splitting(&surroundings.sizes), TOLERANCE)?;
+                    piece_done();
+                    Self::Modes(modes)
+                }
+            },
+            Field::Pores(drained_range) => {
+                let model = PoreModel::new(surroundings.mesh, surroundings.stiffness, surroundings.poisson_ratio)?;
+                let drained_poisson_ratio = drained_range(surroundings.poisson_ratio);
+                let settings = SpectrumSettings { drained_poisson_ratio, ..SpectrumSettings::default() };
+                let spectrum = PoreSpectrum::build(&model, &settings)?;
+                piece_done();
+                Self::Pores(spectrum)
+            }
+            Field::Nonlinear(family) => {
+                Self::Nonlinear(hyper::build(surroundings, family, &HyperSettings::of(family), piece_done)?)
+            }
+        }))
+    }
+
+    /// The terms of a linear field; `None` where the model is of another kind than the field.
+    fn terms(&self, field: &LinearField) -> Result<Option<Vec<SpreadTerm>>> {
+        Ok(match (self, field.shape) {
+            (Self::Modes(modes), None) => Some(terms_of(modes)),
+            (Self::ThreeTerms(model), Some(shape)) => Some(model.terms(shape)?),
+            (Self::Pores(pores), Some(drained_poisson_ratio)) => {
+                let undrained = SpreadTerm { weight: Dual::ONE, number: Dual::ZERO };
+                let flowing = pores.terms(drained_poisson_ratio)?;
+                let flowing = flowing.iter().map(|term| SpreadTerm { weight: term.weight, number: term.area_m2 });
+                Some([undrained].into_iter().chain(flowing).collect())
+            }
+            _ => None,
+        })
+    }
+}
+
+impl FieldModels {
+    /// Builds the model of one effect, if its field needs one; `piece_done` is called, from any thread, after every piece.
+    ///
+    /// # Errors
+    /// Those of the full models.
+    pub fn build(effect: &dyn Effect, surroundings: &Surroundings<'_>, piece_done: &(dyn Fn() + Sync)) -> Result<Self> {
+        let model = FieldModel::build(effect, surroundings, piece_done)?;
+        Ok(Self(model.map(|model| (effect.slug().to_string(), model)).into_iter().collect()))
+    }
+
+    /// These, and of the others those that are missing here.
+    pub fn or(self, other: Self) -> Self {
+        let mut all = other.0;
+        all.extend(self.0);
+        Self(all)
+    }
+
+    /// Whether the effect of a slug has one.
+    pub fn has(&self, slug: &str) -> bool {
+        self.0.contains_key(slug)
+    }
+
+    /// What building the model of a law that is not linear found as its largest distance from full runs, relative to their amplitude; `None` for other effects.
+    pub fn verified(&self, slug: &str) -> Option<f64> {
+        match self.0.get(slug) {
+            Some(FieldModel::Nonlinear(model)) => Some(model.reduced().max_relative_error),
+            _ => None,
+        }
+    }
+
+    /// What becomes of the stages' effect; `None` where they have none.
+    ///
+    /// # Errors
+    /// [`Error::Numerical`] for a model that was not built; [`Error::OutsideTrainedRange`].
+    pub fn spread(&self, stages: &Stages) -> Result<Option<Spread>> {
+        let missing = || {
+            Error::numerical("the reduced model was not built for this effect", "build it with the effect in the model")
+        };
+        match &stages.spatial {
+            None => Ok(None),
+            Some(Spatial::Large { .. } | Spatial::Outside(_)) => Err(missing()),
+            Some(Spatial::Linear(field)) => {
+                let model = self.0.get(field.effect).ok_or_else(missing)?;
+                let terms = model.terms(field)?.ok_or_else(missing)?;
+                Ok(Some(Spread::Terms { beside: field.beside.clone(), terms }))
+            }
+            Some(Spatial::Nonlinear(law)) => {
+                let of_family = |model: &FieldModel| match model {
+                    FieldModel::Nonlinear(model) if model.reduced().family == law.family() => Some(model.clone()),
+                    _ => None,
+                };
+                let model = self.0.values().find_map(of_family).ok_or_else(missing)?;
+                Ok(Some(Spread::Stepped(Stepped(Arc::new(model)))))
+            }
+        }
+    }
+}
+
+/// Weights relative to the base, which returns exactly where nothing is beside the law.
+fn terms_of(modes: &SpreadModes) -> Vec<SpreadTerm> {
+    let pairs = || modes.weights.iter().zip(&modes.numbers);
+    // Where what stands beside the law is rigid only terms with μ = 0 are left, where it is nothing all are.
+    let stuck: f64 = pairs().filter(|(_, number)| **number == 0.0).map(|(weight, _)| weight).sum();
+    let base = if stuck > 0.0 { stuck } else { modes.weights.iter().sum() };
+    let term = |(weight, number): (&f64, &f64)| SpreadTerm { weight: (weight / base).into(), number: (*number).into() };
+    pairs().map(term).collect()
+}

@@ -1,0 +1,250 @@
+//! A hyper-reduced surrogate of nonlinear laws: few modes, few integration points, the same answers (physics §3.3).
+//!
+//! Full runs over a box of parameters give displacement fields, of which the proper orthogonal decomposition keeps a few modes, and stresses, from which
+//! the empirical cubature chooses a few points with weights. What then is left of the gel is a handful of coordinates and the strains of its bodies at those points;
+//! it is stepped by the method of the full model, but with steps that do not end at rows.
+//!
+//! Only the excess over a linear law is taken from it: the linear law is stepped beside it in the same way, with the same compliance, and subtracted. To the
+//! excess, the response of the linear law is added in closed form (see [`crate::model::Response`]), so that the base returns at the null, and errors of steps and
+//! of the mesh are those of the excess alone.
+
+mod cubature;
+mod kernel;
+mod lanes;
+mod stepper;
+#[cfg(test)]
+mod tests;
+mod train;
+
+pub use train::{HyperSettings, build};
+
+use base::error::{Error, Result};
+use base::number::{Dual, PointScalar};
+use elements::fe::nonlinear::Bodies;
+use kernel::CubaturePoints;
+use lanes::{Block, Carrying, Plain};
+use laws::stages::{FieldStepper, Load, NonlinearFamily, Nonlinearity, Spatial, Stages};
+use nalgebra::{DMatrix, DVector};
+use pulp::{Arch, Simd, WithSimd};
+use record::Force;
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+use stepper::{Fineness, Member, Reduced};
+
+/// Modes of a surrogate.
+pub const N_MODES: usize = 6;
+
+/// What a surrogate is, as it is kept on disk.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct HyperReduced {
+    /// What is not linear.
+    pub family: NonlinearFamily,
+    /// Poisson ratio of the gel.
+    pub poisson_ratio: f64,
+    /// The robot's translation in each of the m modes.
+    pub robot: [f64; N_MODES],
+    /// Share of the whole body's force that the meshed part carries.
+    pub force_share: f64,
+    /// Weight of every point, in m³.
+    pub weights_m3: Vec<f64>,
+    /// Strains of the modes at the points (1/m of a coordinate): point by point, six tensor coordinates, m modes.
+    pub strains: Vec<f64>,
+    /// 2μ̂ and κ̂ for unit Young's modulus.
+    pub unit_moduli: [f64; 2],
+    /// Singular values of the normalised snapshots, relative to the largest.
+    pub singular_values: Vec<f64>,
+    /// What the points leave of the training states' forces, relative to them.
+    pub cubature_residual: f64,
+    /// Full runs that trained it.
+    pub training_runs: usize,
+    /// Full runs at other parameters that it was compared with.
+    pub verification_runs: usize,
+    /// Largest distance of a reduced trajectory from a full one in these, relative to the latter's amplitude; 0 without any.
+    pub max_relative_error: f64,
+    /// Unknowns of the full model.
+    pub fe_unknowns: usize,
+}
+
+/// A surrogate made ready to run; a copy shares its numbers.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(into = "HyperReduced", try_from = "HyperReduced")]
+pub struct HyperModel(Arc<Ready>);
+
+#[derive(Debug, PartialEq)]
+struct Ready {
+    reduced: HyperReduced,
+    points: CubaturePoints<N_MODES>,
+    /// One point and one mode of the same compliance.
+    linear: CubaturePoints<1>,
+    /// Displacement (1/m) of the robot per force at unit creep compliance, where the law is linear.
+    compliance_per_m: f64,
+    /// Largest equivalent strain at the points per force (Pa/N), where the law is an elastic one.
+    strain_per_force: f64,
+}
+
+/// A run, to be compiled for the vector registers that the processor has.
+struct Job<'a, B: Block> {
+    law: Member<'a, B::Scalar, N_MODES>,
+    linear: Member<'a, B::Scalar, 1>,
+    fineness: Fineness,
+    load: &'a Load,
+    time_s: &'a [f64],
+    force: Force<'a>,
+}
+
+impl<B: Block> WithSimd for Job<'_, B> {
+    type Output = Result<Vec<B::Scalar>>;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> Self::Output {
+        stepper::run::<B, S, N_MODES>(simd, self.law, self.linear, self.fineness, self.load, self.time_s, self.force)
+    }
+}
+
+/// Steps in which the time since a switch doubles, where nothing has stiffened.
+fn steps_per_doubling(family: NonlinearFamily) -> f64 {
+    match family {
+        NonlinearFamily::StrainStiffening => 2.0,
+        NonlinearFamily::ShearThinning | NonlinearFamily::YieldStress => 1.0,
+    }
+}
+
+/// The same bodies, all linear.
+fn linear_bodies<N: PointScalar>(bodies: &Bodies<N>) -> Bodies<N> {
+    let nonlinearity = Nonlinearity::StrainStiffening { coefficient: N::constant(0.0) };
+    Bodies { nonlinearity, ..bodies.clone() }
+}
+
+impl From<HyperModel> for HyperReduced {
+    fn from(model: HyperModel) -> Self {
+        model.0.reduced.clone()
+    }
+}
+
+impl TryFrom<HyperReduced> for HyperModel {
+    type Error = Error;
+
+    /// Makes a surrogate ready.
+    fn try_from(reduced: HyperReduced) -> Result<Self> {
+        let n = reduced.weights_m3.len();
+        let damaged = || {
+            Error::numerical(
+                format!("a surrogate of {n} points is incomplete"),
+                "delete the cached surrogate and build it again",
+            )
+        };
+        let fits = n > 0
+            && reduced.strains.len() == 6 * N_MODES * n
+            && reduced.unit_moduli.iter().all(|modulus| *modulus > 0.0);
+        if !fits {
+            return Err(damaged());
+        }
+        let points = CubaturePoints::new(&reduced.strains, &reduced.weights_m3, reduced.unit_moduli);
+        let field = linear_field(&reduced).ok_or_else(damaged)?;
+        let compliance_per_m: f64 = reduced.robot.iter().zip(&field).map(|(robot, z)| robot * z).sum();
+        if compliance_per_m.is_nan() || compliance_per_m <= 0.0 {
+            return Err(damaged());
+        }
+        let strain_per_force = points.largest_strain(&field);
+        let weight_m3 = reduced.force_share / (compliance_per_m * reduced.unit_moduli[0]);
+        let linear = CubaturePoints::new(&[1.0, 0.0, 0.0, 0.0, 0.0, 0.0], &[weight_m3], reduced.unit_moduli);
+        Ok(Self(Arc::new(Ready { reduced, points, linear, compliance_per_m, strain_per_force })))
+    }
+}
+
+/// Coordinates per force (m/N at unit modulus) where the law is linear, by the modes and the points; `None` where these bear nothing.
+fn linear_field(reduced: &HyperReduced) -> Option<[f64; N_MODES]> {
+    let m = N_MODES;
+    let mut stiffness = DMatrix::<f64>::zeros(m, m);
+    for (weight, strains) in reduced.weights_m3.iter().zip(reduced.strains.chunks_exact(6 * m)) {
+        for (c, row) in strains.chunks_exact(m).enumerate() {
+            let row = DVector::from_column_slice(row);
+            let modulus = reduced.unit_moduli[usize::from(c == 5)];
+            stiffness += &row * row.transpose() * (weight * modulus);
+        }
+    }
+    let robot = DVector::from_column_slice(&reduced.robot);
+    let field = stiffness.cholesky()?.solve(&robot) * reduced.force_share;
+    Some(std::array::from_fn(|i| field[i]))
+}
+
+impl HyperModel {
+    /// What is kept on disk.
+    pub fn reduced(&self) -> &HyperReduced {
+        &self.0.reduced
+    }
+
+    /// Number of points.
+    pub fn n_points(&self) -> usize {
+        self.0.reduced.weights_m3.len()
+    }
+
+    /// The excess in one kind of number. The model's own compliance differs by its mesh's and its points' error from that of the whole model; positions are
+    /// scaled by the ratio.
+    fn excess<B: Block>(
+        &self,
+        stages: &Stages,
+        compliance_per_m: f64,
+        time_s: &[f64],
+        force: Force<'_>,
+    ) -> Result<Vec<B::Scalar>> {
+        let nonlinearity = self.nonlinearity(stages)?;
+        let bodies = Bodies::<B::Scalar>::new(&stages.law, nonlinearity)?;
+        let plain_bodies = Bodies::<f64>::new(&stages.law, nonlinearity)?;
+        let (linear_bodies, plain_linear_bodies) = (linear_bodies(&bodies), linear_bodies(&plain_bodies));
+        let Ready { reduced, points, linear, compliance_per_m: own_per_m, strain_per_force } = &*self.0;
+        let scale = compliance_per_m / own_per_m;
+        let mut load = stages.load.clone();
+        load.gradient_per_m = load.gradient_per_m * scale;
+        let share = reduced.force_share;
+        let law = Reduced { points, robot: reduced.robot, share };
+        let alone = Reduced { points: linear, robot: [1.0], share };
+        let steps_per_doubling = steps_per_doubling(reduced.family);
+        let mut excess_m = Arch::new().dispatch(Job::<B> {
+            law: Member { reduced: law, bodies: &bodies, plain_bodies: &plain_bodies },
+            linear: Member { reduced: alone, bodies: &linear_bodies, plain_bodies: &plain_linear_bodies },
+            fineness: Fineness { steps_per_doubling, strain_per_force: *strain_per_force },
+            load: &load,
+            time_s,
+            force,
+        })?;
+        excess_m.iter_mut().for_each(|x| *x = *x * scale);
+        Ok(excess_m)
+    }
+
+    fn nonlinearity(&self, stages: &Stages) -> Result<Nonlinearity<Dual>> {
+        match stages.spatial {
+            Some(Spatial::Nonlinear(law)) if law.family() == self.0.reduced.family => Ok(law),
+            _ => Err(Error::numerical(
+                format!("the surrogate is of {:?}, and another law is asked for", self.0.reduced.family),
+                "build the surrogate of that law",
+            )),
+        }
+    }
+}
+
+impl FieldStepper for HyperModel {
+    fn excess_m(&self, stages: &Stages, compliance_per_m: f64, time_s: &[f64], force: Force<'_>) -> Result<Vec<f64>> {
+        self.excess::<Plain>(stages, compliance_per_m, time_s, force)
+    }
+
+    fn excess_dual_m(
+        &self,
+        stages: &Stages,
+        compliance_per_m: f64,
+        time_s: &[f64],
+        force: Force<'_>,
+    ) -> Result<Vec<Dual>> {
+        if let Nonlinearity::YieldStress { stress_pa, .. } = self.nonlinearity(stages)?
+            && stress_pa.value == 0.0
+            && stress_pa.derivative != 0.0
+        {
+            // What yields first is what stands still, and which way it would have moved nobody can tell.
+            return Err(Error::numerical(
+                "the position has no computable derivative with respect to the yield stress at 0",
+                "take a finite step from 0",
+            ));
+        }
+        self.excess::<Carrying>(stages, compliance_per_m, time_s, force)
+    }
+}

@@ -1,0 +1,335 @@
+//! Training: full runs over a box, modes, cubature, and a comparison with full runs at other parameters.
+//!
+//! Laws have similarities, so that few runs serve every experiment on a gel: with the modulus and a hold's length as units only the ratios of the law's times to the
+//! hold, and what is below, shape the fields. Stiffening: β (x/R)², x the robot's elastic displacement. Thinning: n. Yielding: s_y over the force on the robot's surface.
+//! Nothing of what was measured enters, nor any prior: outside the box the modes still serve, as well as they can.
+
+use super::cubature;
+use super::{HyperModel, HyperReduced, N_MODES};
+use crate::model::Response;
+use crate::surrogate::pod::{EnergyProduct, Pod};
+use base::error::{Error, Result};
+use base::number::Dual;
+use elements::fe::Stiffness;
+use elements::fe::nonlinear::{NonlinearModel, NonlinearRun, Options, Scheme};
+use elements::fe::spatial::Surroundings;
+use elements::fe::stepping::Resolution;
+use elements::fe::time::FullOrderModel;
+use elements::mesh::QuarterBall;
+use laws::rheology::{BaseLaw, Element};
+use laws::stages::{NonlinearFamily, Nonlinearity, Spatial, Spread, Stages, Stepped, YIELD_SMOOTHING};
+use rayon::prelude::*;
+use std::f64::consts::PI;
+use std::sync::Arc;
+
+/// Seed of the scrambled Sobol sequence: the training design is part of the method, not of a run.
+const DESIGN_SEED: u32 = 2;
+/// Forces of the training record's holds, in parts of the largest.
+const HOLDS: [f64; 3] = [1.0, -1.0, 0.4];
+/// When fields are taken, as shares of a hold.
+const TAKEN_AT: [f64; 5] = [0.004, 0.03, 0.12, 0.4, 1.0];
+/// c₁/E and c₂/E, in holds.
+const TIMES: [[f64; 2]; 2] = [[0.02, 1.0], [0.5, 20.0]];
+/// β (x/R)², covered on a logarithmic scale.
+const STIFFENINGS: [f64; 2] = [0.05, 50.0];
+/// n, covered evenly.
+const INDICES: [f64; 2] = [0.3, 1.0];
+/// s_y over F/(4πR²), more densely towards 0, where priors are largest and fields change most.
+const YIELDS: [f64; 2] = [0.0, 2.0];
+/// States that the cubature is fitted to, at most.
+const MOST_STATES: usize = 80;
+/// Weight of the reduced linear stiffness beside the states' forces.
+const STIFFNESS_WEIGHT: f64 = 1.0;
+/// Elements from a quarter sphere's middle to its rim in training meshes: the excess over the linear law is less than the whole, and so is its error.
+const MOST_PER_EDGE: usize = 2;
+/// Accuracy of the full runs: shapes of fields matter, their times do not.
+const TRAINING: Options =
+    Options { scheme: Scheme::Euler, resolution: Resolution { steps_per_doubling: 1 }, tolerance: 1e-4 };
+/// Accuracy of the runs that verify, of the higher order. A spring that lets go and stiffens again is not resolved by fewer steps.
+fn verification(family: NonlinearFamily) -> Options {
+    let steps_per_doubling = match family {
+        NonlinearFamily::StrainStiffening | NonlinearFamily::YieldStress => 4,
+        NonlinearFamily::ShearThinning => 2,
+    };
+    Options { scheme: Scheme::Fourth, resolution: Resolution { steps_per_doubling }, tolerance: 1e-5 }
+}
+
+/// How a surrogate is trained.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct HyperSettings {
+    /// What the cubature may leave of the training states' forces, relative to them.
+    pub cubature_tolerance: f64,
+    /// Most points of the cubature.
+    pub most_points: usize,
+    /// Full runs that give fields.
+    pub training_runs: u32,
+    /// Full runs at other parameters to compare with.
+    pub verification_runs: u32,
+}
+
+impl HyperSettings {
+    /// Those that reach a thousandth of the amplitude. Where a yield stress stops the flow depends on all three numbers, which takes more runs.
+    pub fn of(family: NonlinearFamily) -> Self {
+        let (most_points, training_runs) = match family {
+            NonlinearFamily::StrainStiffening => (32, 16),
+            NonlinearFamily::ShearThinning => (32, 10),
+            NonlinearFamily::YieldStress => (56, 28),
+        };
+        Self { cubature_tolerance: 3e-4, most_points, training_runs, verification_runs: 4 }
+    }
+
+    /// Full runs, of both kinds.
+    pub fn n_runs(&self) -> usize {
+        (self.training_runs + self.verification_runs) as usize
+    }
+}
+
+/// One state of a training run.
+struct State {
+    displacement: Vec<f64>,
+    stresses: Vec<[f64; 6]>,
+}
+
+/// One point of the training design, in units in which the modulus and the hold are 1.
+struct DesignPoint {
+    law: Vec<Element>,
+    nonlinearity: Nonlinearity<Dual>,
+}
+
+/// The training problem: a mesh prepared, and a force.
+struct Workshop<'a> {
+    model: NonlinearModel<'a>,
+    family: NonlinearFamily,
+    radius_m: f64,
+    /// Largest force, by which the robot moves by its radius at unit creep compliance.
+    force_n: f64,
+    compliance_per_m: f64,
+    time_s: Vec<f64>,
+    command_n: Vec<f64>,
+}
+
+/// Trains a surrogate on full runs; `run_done` is called after each. Around a sphere in a built-in mesh these use another one, with fewer elements along the
+/// robot's surface.
+///
+/// # Errors
+/// [`Error::Numerical`] for a number of modes out of range, and where a full run fails.
+pub fn build(
+    surroundings: &Surroundings,
+    family: NonlinearFamily,
+    settings: &HyperSettings,
+    run_done: &(dyn Fn() + Sync),
+) -> Result<HyperModel> {
+    let ball = match family {
+        NonlinearFamily::ShearThinning => {
+            surroundings.thinning_ball().map(|ball| QuarterBall { n_per_edge: 1, ..ball })
+        }
+        _ => surroundings.sizes.ball.filter(|ball| ball.n_per_edge > MOST_PER_EDGE).map(|ball| QuarterBall {
+            n_per_edge: MOST_PER_EDGE,
+            n_layers: ball.n_layers * MOST_PER_EDGE / ball.n_per_edge,
+            ..ball
+        }),
+    };
+    match ball {
+        Some(ball) => {
+            let mesh = ball.mesh()?;
+            let stiffness = Stiffness::new(&mesh)?;
+            let mut sizes = surroundings.sizes;
+            sizes.ball = Some(ball);
+            let coarser =
+                Surroundings { mesh: &mesh, stiffness: &stiffness, poisson_ratio: surroundings.poisson_ratio, sizes };
+            train(&coarser, family, settings, run_done)
+        }
+        None => train(surroundings, family, settings, run_done),
+    }
+}
+
+fn train(
+    surroundings: &Surroundings,
+    family: NonlinearFamily,
+    settings: &HyperSettings,
+    run_done: &(dyn Fn() + Sync),
+) -> Result<HyperModel> {
+    let workshop = Workshop::new(surroundings, family)?;
+    let model = &workshop.model;
+    let runs: Vec<Vec<State>> = (0..settings.training_runs)
+        .into_par_iter()
+        .map(|index| workshop.states(index).inspect(|_| run_done()))
+        .collect::<Result<_>>()?;
+    let states: Vec<State> = runs.into_iter().flatten().collect();
+    let energy = EnergyProduct(model.factor().matrix());
+    // The linear model's own field is among the snapshots.
+    let linear = model.factor().unit_response();
+    let snapshots: Vec<Vec<f64>> =
+        std::iter::once(linear).chain(states.iter().map(|state| state.displacement.clone())).collect();
+    let mut pod = Pod::new(&snapshots, energy, 0.0)?;
+    pod.modes.truncate(N_MODES);
+    let robot: Vec<f64> = pod.modes.iter().map(|mode| mode[model.robot()]).collect();
+    let robot = robot.try_into().map_err(|robot: Vec<f64>| {
+        Error::numerical(
+            format!("the training runs have {} independent fields of {N_MODES}", robot.len()),
+            "train on more runs",
+        )
+    })?;
+    let points = model.points();
+    let strains: Vec<Vec<[f64; 6]>> = pod.modes.iter().map(|mode| points.strains(mode)).collect();
+    let kept = kept_states(&states);
+    let (columns, target) = conditions(points.volumes_m3(), points.unit_moduli(), &strains, &kept);
+    let chosen = cubature::choose(&columns, &target, settings.cubature_tolerance, settings.most_points);
+    let at_points = chosen.weights.iter().flat_map(|(point, _)| {
+        let strains = &strains;
+        (0..6).flat_map(move |c| strains.iter().map(move |mode| mode[*point][c]))
+    });
+    let moduli = points.unit_moduli();
+    let mut reduced = HyperReduced {
+        family,
+        poisson_ratio: surroundings.poisson_ratio,
+        robot,
+        force_share: surroundings.stiffness.assembly.unknowns.share(),
+        weights_m3: chosen.weights.iter().map(|(point, weight)| weight * points.volumes_m3()[*point]).collect(),
+        strains: at_points.collect(),
+        unit_moduli: [moduli[0], moduli[5]],
+        singular_values: pod.singular_values.iter().map(|s| s / pod.singular_values[0]).collect(),
+        cubature_residual: chosen.residual,
+        training_runs: settings.training_runs as usize,
+        verification_runs: settings.verification_runs as usize,
+        max_relative_error: 0.0,
+        fe_unknowns: surroundings.stiffness.n_unknowns(),
+    };
+    let ready = HyperModel::try_from(reduced.clone())?;
+    let errors: Vec<f64> = (settings.training_runs..settings.training_runs + settings.verification_runs)
+        .into_par_iter()
+        .map(|index| workshop.distance(&ready, index).inspect(|_| run_done()))
+        .collect::<Result<_>>()?;
+    reduced.max_relative_error = errors.into_iter().fold(0.0, f64::max);
+    HyperModel::try_from(reduced)
+}
+
+/// Between the ends of a range, on a logarithmic scale.
+fn on_log([lower, upper]: [f64; 2], share: f64) -> f64 {
+    lower * (upper / lower).powf(share)
+}
+
+fn between([lower, upper]: [f64; 2], share: f64) -> f64 {
+    lower + share * (upper - lower)
+}
+
+impl<'a> Workshop<'a> {
+    fn new(surroundings: &Surroundings<'a>, family: NonlinearFamily) -> Result<Self> {
+        let Surroundings { mesh, stiffness, poisson_ratio, sizes } = *surroundings;
+        let model = NonlinearModel::new(mesh, stiffness, poisson_ratio)?;
+        let compliance_per_m = FullOrderModel::new(stiffness, poisson_ratio)?.compliance_per_m();
+        let radius_m = sizes.robot_radius_m;
+        let force_n = radius_m / compliance_per_m;
+        let (mut time_s, mut command_n) = (vec![0.0], Vec::new());
+        for (hold, level) in (0_u8..).zip(HOLDS) {
+            time_s.extend(TAKEN_AT.map(|share| f64::from(hold) + share));
+            command_n.extend([level * force_n; TAKEN_AT.len()]);
+        }
+        command_n.push(0.0);
+        Ok(Self { model, family, radius_m, force_n, compliance_per_m, time_s, command_n })
+    }
+
+    /// Parameters of one Sobol point.
+    fn design_point(&self, index: u32) -> DesignPoint {
+        let share = |dimension: u32| f64::from(sobol_burley::sample(index, dimension, DESIGN_SEED));
+        let viscosities = [on_log(TIMES[0], share(0)), on_log(TIMES[1], share(1))];
+        let parameters = [1.0, viscosities[0], viscosities[1]].map(Dual::constant);
+        let surface_pa = self.force_n / (4.0 * PI * self.radius_m * self.radius_m);
+        let nonlinearity = match self.family {
+            NonlinearFamily::StrainStiffening => {
+                Nonlinearity::StrainStiffening { coefficient: on_log(STIFFENINGS, share(2)) }
+            }
+            NonlinearFamily::ShearThinning => {
+                Nonlinearity::ShearThinning { index: between(INDICES, share(2)), reference_stress_pa: surface_pa }
+            }
+            NonlinearFamily::YieldStress => Nonlinearity::YieldStress {
+                stress_pa: surface_pa * between(YIELDS, share(2) * share(2)),
+                smoothing: YIELD_SMOOTHING,
+            },
+        };
+        DesignPoint { law: BaseLaw::Lethersich.elements(&parameters), nonlinearity: nonlinearity.constant() }
+    }
+
+    fn states(&self, index: u32) -> Result<Vec<State>> {
+        let DesignPoint { law, nonlinearity } = self.design_point(index);
+        let (load, time_s) = (&Stages::of_law(Vec::new()).load, &self.time_s);
+        let force = (&self.command_n).into();
+        let what = NonlinearRun { law: &law, nonlinearity, load, time_s, force };
+        let mut states = Vec::new();
+        self.model.watch(&what, TRAINING, |at| {
+            if at.row > 0 {
+                states.push(State { displacement: at.displacement.to_vec(), stresses: at.stresses.to_vec() });
+            }
+        })?;
+        Ok(states)
+    }
+
+    /// Largest distance of the reduced from the full trajectory at a design point, relative to the latter's amplitude.
+    fn distance(&self, ready: &HyperModel, index: u32) -> Result<f64> {
+        let DesignPoint { law, nonlinearity } = self.design_point(index);
+        let mut stages = Stages::of_law(law);
+        stages.spatial = Some(Spatial::Nonlinear(nonlinearity));
+        let full = self
+            .model
+            .run_stages(&stages, &self.time_s, &self.command_n, &[], verification(self.family))?
+            .displacement_m;
+        stages.spread = Some(Spread::Stepped(Stepped(Arc::new(ready.clone()))));
+        let response = Response::new(&self.time_s, &self.command_n, self.time_s.len());
+        let reduced = response.trajectory_m(&stages, self.compliance_per_m)?;
+        let amplitude = full.iter().fold(0.0_f64, |a, x| a.max(x.abs()));
+        let distance = reduced.iter().zip(&full).fold(0.0_f64, |d, (r, x)| d.max((r - x).abs()));
+        Ok(if amplitude > 0.0 { distance / amplitude } else { 0.0 })
+    }
+}
+
+/// At most [`MOST_STATES`] of the states, evenly.
+fn kept_states(states: &[State]) -> Vec<&State> {
+    let n = states.len().min(MOST_STATES);
+    (0..n).map(|k| &states[k * states.len() / n]).collect()
+}
+
+/// Columns (one a point) and right-hand side of the cubature's conditions: every state's forces on the modes, and the reduced linear stiffness.
+fn conditions(
+    volumes_m3: &[f64],
+    moduli: [f64; 6],
+    strains: &[Vec<[f64; 6]>],
+    states: &[&State],
+) -> (Vec<f64>, Vec<f64>) {
+    let m = strains.len();
+    let n_rows = states.len() * m + m * (m + 1);
+    let work =
+        |a: &[f64; 6], b: &[f64; 6], range: std::ops::Range<usize>| range.map(|c| moduli[c] * a[c] * b[c]).sum::<f64>();
+    let mut columns = vec![0.0; n_rows * volumes_m3.len()];
+    columns.par_chunks_exact_mut(n_rows).enumerate().for_each(|(point, column)| {
+        let mut places = column.iter_mut();
+        let mut push = |value: f64| {
+            if let Some(place) = places.next() {
+                *place = value * volumes_m3[point];
+            }
+        };
+        for state in states {
+            strains.iter().for_each(|mode| push(work(&mode[point], &state.stresses[point], 0..6)));
+        }
+        for i in 0..m {
+            for j in i..m {
+                push(STIFFNESS_WEIGHT * work(&strains[i][point], &strains[j][point], 0..5));
+                push(STIFFNESS_WEIGHT * work(&strains[i][point], &strains[j][point], 5..6));
+            }
+        }
+    });
+    let mut target = vec![0.0; n_rows];
+    for column in columns.chunks_exact(n_rows) {
+        target.iter_mut().zip(column).for_each(|(t, c)| *t += c);
+    }
+    // Every state's forces count alike.
+    let mut scale = vec![1.0; n_rows];
+    for (scale, target) in scale[..states.len() * m].chunks_exact_mut(m).zip(target.chunks_exact(m)) {
+        let norm = target.iter().map(|t| t * t).sum::<f64>().sqrt();
+        scale.fill(if norm > 0.0 { 1.0 / norm } else { 0.0 });
+    }
+    columns.par_chunks_exact_mut(n_rows).for_each(|column| {
+        column.iter_mut().zip(&scale).for_each(|(c, s)| *c *= s);
+    });
+    target.iter_mut().zip(&scale).for_each(|(t, s)| *t *= s);
+    (columns, target)
+}

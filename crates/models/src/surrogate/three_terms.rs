@@ -1,0 +1,161 @@
+//! Terms of a pair of matrices that depends on a parameter: exactly three shares, 0, one between, and 1, at any value of it.
+//!
+//! Finite elements split the share between by their error; its mean stands for it.
+
+use std::f64::consts::PI;
+
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::spread::SpreadModes;
+use crate::effects::{FieldSystem, MatrixPair, ShapeParameter};
+use base::error::{Error, Result};
+use base::number::{Dual, Scalar};
+use elements::fe::spatial::Surroundings;
+use laws::rheology::SpreadTerm;
+
+/// Values of the parameter at which the terms are computed.
+pub(super) const N_SHAPES: usize = 8;
+/// Shares nearer to 0 or 1 are that.
+const NEAR: f64 = 0.05;
+
+/// The terms at any value of the parameter.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ThreeTerms {
+    /// The parameter's name and range.
+    parameter: String,
+    range: [f64; 2],
+    /// ln of the three weights and the logit of the share between, at Chebyshev points of the parameter's logarithm.
+    at_shapes: Vec<[f64; 4]>,
+}
+
+impl ThreeTerms {
+    /// Reduces the full model at each of the points.
+    ///
+    /// # Errors
+    /// Those of the full model, and [`Error::Numerical`] where it does not answer by three shares.
+    pub fn new(
+        pair: &dyn MatrixPair,
+        ShapeParameter { name, range }: ShapeParameter,
+        surroundings: &Surroundings<'_>,
+        tolerance: f64,
+        shape_done: &(dyn Fn() + Sync),
+    ) -> Result<Self> {
+        let splitting = pair.splitting(&surroundings.sizes);
+        let [lower, upper] = range.map(f64::ln);
+        let at = |i: usize| {
+            let x = -(PI * (i as f64 + 0.5) / N_SHAPES as f64).cos();
+            let shape = (0.5 * (lower + upper) + 0.5 * (upper - lower) * x).exp();
+            let FieldSystem { system, .. } = pair.system(surroundings, Some(shape))?;
+            let modes = SpreadModes::new(&system, &splitting, tolerance)?;
+            shape_done();
+            Ok(modes)
+        };
+        let modes: Vec<SpreadModes> = (0..N_SHAPES).into_par_iter().map(at).collect::<Result<_>>()?;
+        let at_shapes: Vec<[f64; 4]> = modes.iter().map(three_terms).collect();
+        if at_shapes.iter().flatten().any(|x| !x.is_finite()) {
+            return Err(Error::numerical(
+                format!("the reduced model with {} lacks one of its three terms", pair.words()),
+                "use a finer mesh around the robot",
+            ));
+        }
+        Ok(Self { parameter: name.into(), range, at_shapes })
+    }
+
+    /// The terms at a value of the parameter.
+    ///
+    /// # Errors
+    /// [`Error::OutsideTrainedRange`].
+    pub fn terms(&self, shape: Dual) -> Result<Vec<SpreadTerm>> {
+        let [lower, upper] = self.range;
+        if !(lower..=upper).contains(&shape.value) {
+            let parameter = self.parameter.clone();
+            return Err(Error::OutsideTrainedRange { parameter, value: shape.value, lower, upper });
+        }
+        let (a, b) = (lower.ln(), upper.ln());
+        let x = (shape.ln() * 2.0 - Dual::constant(a + b)) * (b - a).recip();
+        let shares = lagrange(x);
+        let value =
+            |k: usize| self.at_shapes.iter().zip(&shares).fold(Dual::ZERO, |sum, (own, share)| sum + *share * own[k]);
+        let weights = [0, 1, 2].map(|k| value(k).exp());
+        let whole = weights.iter().fold(Dual::ZERO, |sum, weight| sum + *weight);
+        let grown = value(3).exp();
+        let numbers = [Dual::ZERO, grown / (Dual::ONE + grown), Dual::ONE];
+        Ok(weights.iter().zip(numbers).map(|(weight, number)| SpreadTerm { weight: *weight / whole, number }).collect())
+    }
+}
+
+/// ln of the weights of shares 0, between and 1, and the logit of the mean share between.
+fn three_terms(modes: &SpreadModes) -> [f64; 4] {
+    let (mut weights, mut moment) = ([0.0; 3], 0.0);
+    for (weight, share) in modes.weights.iter().zip(&modes.numbers) {
+        match *share {
+            share if share < NEAR => weights[0] += weight,
+            share if share > 1.0 - NEAR => weights[2] += weight,
+            share => {
+                weights[1] += weight;
+                moment += weight * share;
+            }
+        }
+    }
+    let between = moment / weights[1];
+    [weights[0].ln(), weights[1].ln(), weights[2].ln(), (between / (1.0 - between)).ln()]
+}
+
+/// Lagrange's polynomials through the Chebyshev points.
+fn lagrange(x: Dual) -> [Dual; N_SHAPES] {
+    let point = |i: usize| -(PI * (i as f64 + 0.5) / N_SHAPES as f64).cos();
+    std::array::from_fn(|i| {
+        (0..N_SHAPES)
+            .filter(|j| *j != i)
+            .fold(Dual::ONE, |product, j| product * (x - Dual::constant(point(j))) * (point(i) - point(j)).recip())
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effects::{EFFECTS, Field};
+    use elements::fe::Stiffness;
+    use elements::fe::spatial::Sizes;
+    use elements::mesh::QuarterBall;
+
+    /// At radii between those that were solved, and those at the ends, against modes of a mesh for each.
+    #[test]
+    #[ignore = "thorough"]
+    fn three_terms_serve_pockets_of_any_radius() {
+        let (robot_radius_m, outer_radius_m) = (0.275e-3, 10e-3);
+        let ball = QuarterBall { robot_radius_m, outer_radius_m, n_per_edge: 2, n_layers: 8 };
+        let mesh = ball.mesh().unwrap();
+        let stiffness = Stiffness::new(&mesh).unwrap();
+        let surroundings = Surroundings {
+            mesh: &mesh,
+            stiffness: &stiffness,
+            poisson_ratio: 0.48,
+            sizes: Sizes {
+                gel_density_kg_m3: 1000.0,
+                robot_mass_kg: 1e-6,
+                robot_radius_m,
+                outer_radius_m,
+                ball: Some(ball),
+            },
+        };
+        let with_shape = |field: Field| matches!(field, Field::Pair(pair) if pair.shape().is_some());
+        let field = EFFECTS.iter().filter_map(|effect| effect.field()).find(|field| with_shape(*field));
+        let Some(Field::Pair(pair)) = field else { panic!("no effect has a shape") };
+        let shape = pair.shape().unwrap();
+        let pocket = ThreeTerms::new(pair, shape, &surroundings, 1e-6, &|| ()).unwrap();
+        for ratio in [1.5, 1.7, 3.0, 5.0] {
+            let FieldSystem { system, .. } = pair.system(&surroundings, Some(ratio)).unwrap();
+            let modes = SpreadModes::new(&system, &pair.splitting(&surroundings.sizes), 1e-6).unwrap();
+            let terms = pocket.terms(ratio.into()).unwrap();
+            for x in [-0.3, -0.9, -0.999] {
+                let found: f64 = terms.iter().map(|t| t.weight.value / (1.0 + x * t.number.value)).sum();
+                let error = found / modes.relative_compliance(x) - 1.0;
+                println!("{ratio} radii, softer by {}: {error:e}", 1.0 + x);
+                assert!(error.abs() < 1e-4, "{ratio} radii, softer by {}: {error:e}", 1.0 + x);
+            }
+        }
+        assert!(pocket.terms(5.1.into()).is_err());
+    }
+}

@@ -1,0 +1,262 @@
+//! A box of coordinates in which trajectories are few time modes with polynomials for amplitudes, or two boxes, or none.
+
+use super::polynomial::Basis;
+use base::number::Scalar;
+use serde::{Deserialize, Serialize};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+
+/// Most time modes.
+const MOST_MODES: usize = 40;
+/// Share of the tolerance that modes may leave of the trajectories that made them.
+const SHARE_OF_MODES: f64 = 0.1;
+/// Halvings, one after another.
+const MOST_HALVINGS: usize = 2;
+/// A box whose error is more than so many times the tolerance is not halved: two halves would not do.
+const FARTHEST: f64 = 12.0;
+
+/// What runs the stepper at coordinates: the excess (m) at every row at unit modulus, and the displacement (m) that errors are measured by; both by any one
+/// factor.
+pub(super) type Run<'a> = dyn Fn(&[f64]) -> Option<Trained> + Sync + 'a;
+pub(super) type Trained = (Vec<f64>, f64);
+
+/// A box.
+#[derive(Debug)]
+pub(super) struct Chart {
+    lower: Vec<f64>,
+    upper: Vec<f64>,
+    n_halvings: usize,
+    /// What it is made from, until it is made.
+    work: Mutex<Option<Arc<Work>>>,
+    made: OnceLock<Made>,
+}
+
+/// Runs at the points that check a fit, and after them at those that it is made from. Those of one degree come first among those of the next.
+#[derive(Debug)]
+struct Work {
+    /// The next run to be begun, degree by degree.
+    next: Vec<AtomicUsize>,
+    runs: Vec<OnceLock<Option<Trained>>>,
+}
+
+#[derive(Debug)]
+enum Made {
+    Smooth(Surface),
+    Halves {
+        coordinate: usize,
+        at: f64,
+        halves: Box<[Chart; 2]>,
+    },
+    /// No polynomials of this degree come near enough.
+    Rough,
+}
+
+/// Time modes and their amplitudes.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(super) struct Surface {
+    /// Which of the polynomials, by their degree.
+    level: usize,
+    /// Mode by mode, one value a row.
+    modes: Vec<Vec<f64>>,
+    /// Mode by mode, one coefficient a polynomial.
+    coefficients: Vec<Vec<f64>>,
+    /// Largest error on points that trained nothing, relative to the displacement there.
+    pub certified: f64,
+}
+
+impl Chart {
+    pub fn new(lower: Vec<f64>, upper: Vec<f64>) -> Self {
+        Self::halved(lower, upper, 0)
+    }
+
+    fn halved(lower: Vec<f64>, upper: Vec<f64>, n_halvings: usize) -> Self {
+        Self { lower, upper, n_halvings, work: Mutex::new(None), made: OnceLock::new() }
+    }
+
+    /// The surface at coordinates inside, and the place in its box; made now where nobody has asked yet. `None` where there is none.
+    pub fn surface<'a, N: Scalar>(
+        &'a self,
+        values: &[f64],
+        coordinates: &[N],
+        bases: &[Basis],
+        tolerance: f64,
+        run: &Run<'_>,
+    ) -> Option<(&'a Surface, Vec<N>)> {
+        match self.made(bases, tolerance, run) {
+            Made::Rough => None,
+            Made::Halves { coordinate, at, halves } => {
+                let half = &halves[usize::from(values[*coordinate] >= *at)];
+                half.surface(values, coordinates, bases, tolerance, run)
+            }
+            Made::Smooth(surface) => {
+                let ends = self.lower.iter().zip(&self.upper);
+                let scaled = coordinates
+                    .iter()
+                    .zip(ends)
+                    .map(|(x, (lower, upper))| (*x * 2.0 + N::constant(-lower - upper)) * (1.0 / (upper - lower)));
+                Some((surface, scaled.collect()))
+            }
+        }
+    }
+
+    /// Every thread that asks helps, and all find the same.
+    fn made(&self, bases: &[Basis], tolerance: f64, run: &Run<'_>) -> &Made {
+        if let Some(made) = self.made.get() {
+            return made;
+        }
+        // Of all degrees the checks are the same, and designs begin alike.
+        let Some(Basis { checks, design, .. }) = bases.last() else { return self.made.get_or_init(|| Made::Rough) };
+        let work = {
+            let mut work = self.work.lock().unwrap_or_else(PoisonError::into_inner);
+            match (&*work, self.made.get()) {
+                (_, Some(made)) => return made,
+                (Some(work), None) => work.clone(),
+                (None, None) => {
+                    let ends = bases.iter().map(|basis| checks.len() + basis.design.len());
+                    let begins = std::iter::once(0).chain(ends).take(bases.len());
+                    let next = begins.map(AtomicUsize::new).collect();
+                    let runs = (0..checks.len() + design.len()).map(|_| OnceLock::new()).collect();
+                    let begun = Arc::new(Work { next, runs });
+                    *work = Some(begun.clone());
+                    begun
+                }
+            }
+        };
+        let at = |number: usize| {
+            let point = checks.get(number).unwrap_or_else(|| &design[number - checks.len()]);
+            run(&self.coordinates_of(point))
+        };
+        let mut made = None;
+        for (level, (basis, next)) in bases.iter().zip(&work.next).enumerate() {
+            let places = &work.runs[..checks.len() + basis.design.len()];
+            loop {
+                let number = next.fetch_add(1, Ordering::Relaxed);
+                let Some(place) = places.get(number) else { break };
+                place.get_or_init(|| at(number));
+            }
+            // What others are still at is waited for.
+            let runs: Vec<_> =
+                places.iter().enumerate().map(|(k, place)| place.get_or_init(|| at(k)).as_ref()).collect();
+            made = self.make(bases, level, tolerance, &runs);
+            if made.is_some() {
+                break;
+            }
+        }
+        let made = self.made.get_or_init(|| made.unwrap_or(Made::Rough));
+        *self.work.lock().unwrap_or_else(PoisonError::into_inner) = None;
+        made
+    }
+
+    fn coordinates_of(&self, point: &[f64]) -> Vec<f64> {
+        let ends = self.lower.iter().zip(&self.upper);
+        point.iter().zip(ends).map(|(x, (lower, upper))| 0.5 * (lower + upper) + 0.5 * (upper - lower) * x).collect()
+    }
+
+    /// What comes of polynomials of one degree; `None` where those of the next are to be tried.
+    fn make(&self, bases: &[Basis], level: usize, tolerance: f64, runs: &[Option<&Trained>]) -> Option<Made> {
+        let Some(runs) = runs.iter().copied().collect::<Option<Vec<_>>>() else { return Some(Made::Rough) };
+        let surface = Surface::new(bases, level, tolerance, &runs);
+        if surface.certified <= tolerance {
+            return Some(Made::Smooth(surface));
+        }
+        if level + 1 < bases.len() {
+            return None;
+        }
+        if self.n_halvings >= MOST_HALVINGS || surface.certified.is_nan() || surface.certified > FARTHEST * tolerance {
+            return Some(Made::Rough);
+        }
+        let squares: Vec<f64> = (0..bases[level].n_polynomials())
+            .map(|k| surface.coefficients.iter().map(|of_mode| of_mode[k] * of_mode[k]).sum())
+            .collect();
+        let tails = bases[level].tails(&squares);
+        let coordinate = (0..tails.len()).max_by(|a, b| tails[*a].total_cmp(&tails[*b])).unwrap_or(0);
+        let at = 0.5 * (self.lower[coordinate] + self.upper[coordinate]);
+        let (mut below, mut above) = (self.upper.clone(), self.lower.clone());
+        below[coordinate] = at;
+        above[coordinate] = at;
+        let half = |lower: Vec<f64>, upper: Vec<f64>| Self::halved(lower, upper, self.n_halvings + 1);
+        Some(Made::Halves {
+            coordinate,
+            at,
+            halves: Box::new([half(self.lower.clone(), below), half(above, self.upper.clone())]),
+        })
+    }
+}
+
+impl Surface {
+    /// Of polynomials of one degree, from runs at the checks and then at the design; modes leave a tenth of the tolerance.
+    pub fn new(bases: &[Basis], level: usize, tolerance: f64, runs: &[&Trained]) -> Self {
+        let basis = &bases[level];
+        let (checks, design) = runs.split_at(basis.checks.len());
+        // Displacements differ within a box: everything is seen relative to them.
+        let scaled: Vec<Vec<f64>> =
+            design.iter().map(|(excess_m, amplitude_m)| excess_m.iter().map(|x| x / amplitude_m).collect()).collect();
+        let modes = modes(scaled, SHARE_OF_MODES * tolerance);
+        let coefficients: Vec<Vec<f64>> = modes
+            .iter()
+            .map(|mode| {
+                let amplitudes = design.iter().map(|(excess_m, _)| dot(mode, excess_m));
+                let amplitudes = nalgebra::DVector::from_iterator(design.len(), amplitudes);
+                (&basis.fit * amplitudes).iter().copied().collect()
+            })
+            .collect();
+        let mut surface = Self { level, modes, coefficients, certified: 0.0 };
+        for (point, (excess_m, amplitude_m)) in basis.checks.iter().zip(checks) {
+            let found = surface.excess_m(bases, point, 1.0, excess_m.len());
+            let error = found.iter().zip(excess_m).fold(0.0_f64, |worst, (a, b)| worst.max((a - b).abs()));
+            surface.certified = surface.certified.max(error / amplitude_m);
+        }
+        surface
+    }
+
+    /// The same at some of its rows.
+    pub fn at(&self, rows: &[usize]) -> Self {
+        let modes = self.modes.iter().map(|mode| rows.iter().map(|row| mode[*row]).collect()).collect();
+        Self { modes, ..self.clone() }
+    }
+
+    /// The excess (m) at the first rows, at a place in the box.
+    pub fn excess_m<N: Scalar>(&self, bases: &[Basis], place: &[N], factor: N, n_rows: usize) -> Vec<N> {
+        let polynomials = bases[self.level].values(place);
+        let mut excess_m = vec![N::constant(0.0); n_rows];
+        for (mode, coefficients) in self.modes.iter().zip(&self.coefficients) {
+            let sum = polynomials.iter().zip(coefficients).fold(N::constant(0.0), |sum, (p, c)| sum + *p * *c);
+            let amplitude = sum * factor;
+            excess_m.iter_mut().zip(mode).for_each(|(x, value)| *x += amplitude * *value);
+        }
+        excess_m
+    }
+}
+
+/// Orthonormal modes that leave no trajectory more than `tolerance` at any row: every time the one that is left the largest.
+fn modes(mut trajectories: Vec<Vec<f64>>, tolerance: f64) -> Vec<Vec<f64>> {
+    let mut modes: Vec<Vec<f64>> = Vec::new();
+    while modes.len() < MOST_MODES {
+        let largest = |trajectory: &Vec<f64>| trajectory.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+        let worst =
+            (0..trajectories.len()).max_by(|a, b| largest(&trajectories[*a]).total_cmp(&largest(&trajectories[*b])));
+        let Some(worst) = worst.filter(|k| largest(&trajectories[*k]) > tolerance) else { break };
+        let mut mode = trajectories[worst].clone();
+        // Once more against what rounding leaves of the others.
+        for other in &modes {
+            subtract(&mut mode, other);
+        }
+        let norm = dot(&mode, &mode).sqrt();
+        if norm == 0.0 {
+            break;
+        }
+        mode.iter_mut().for_each(|x| *x /= norm);
+        trajectories.iter_mut().for_each(|trajectory| subtract(trajectory, &mode));
+        modes.push(mode);
+    }
+    modes
+}
+
+fn subtract(from: &mut [f64], mode: &[f64]) {
+    let share = dot(from, mode);
+    from.iter_mut().zip(mode).for_each(|(x, m)| *x -= share * m);
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(x, y)| x * y).sum()
+}

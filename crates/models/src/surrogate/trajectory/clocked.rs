@@ -1,0 +1,229 @@
+//! Trajectories on a finer clock than the record's rows, so that a force that comes later, or smoothed, needs no further runs.
+//!
+//! A law whose rest does not change with time answers a delayed force with a delayed trajectory, exactly: x(t − δ). A lagging force is to first order a delayed one; the trajectory that lags likewise,
+//! τ ż = x − z, is exact for linear laws and has the same first order for all others.
+
+use base::number::{Dual, PointScalar};
+use laws::stages::Load;
+use record::{Force, ForceRule};
+
+/// Points of time in every hold of the force, at least.
+const POINTS_PER_HOLD: f64 = 256.0;
+/// Most points between two rows.
+const MOST_BETWEEN_ROWS: f64 = 16.0;
+/// Most points in all.
+const MOST_POINTS: usize = 20_000;
+/// Points that a trajectory is interpolated between: cubic pieces.
+const STENCIL: usize = 4;
+
+/// Times at which a program is asked.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Clock {
+    /// In s, the rows' among them.
+    pub time_s: Vec<f64>,
+    /// Where each row stands among them.
+    pub rows: Vec<usize>,
+    /// Where the force changes, or its slope: trajectories are smooth between.
+    breaks: Vec<usize>,
+}
+
+impl Clock {
+    /// The rows' times (s) alone.
+    pub fn of_rows(time_s: &[f64]) -> Self {
+        Self { time_s: time_s.to_vec(), rows: (0..time_s.len()).collect(), breaks: Vec::new() }
+    }
+
+    /// As fine as delays and lags ask for: times between the rows are put in evenly.
+    pub fn finer(time_s: &[f64], force: Force<'_>) -> Self {
+        let changes: Vec<usize> = (1..force.at_rows_n.len().min(time_s.len()))
+            .filter(|row| force.at_rows_n[*row] != force.at_rows_n[row - 1])
+            .collect();
+        let duration_s = time_s.last().unwrap_or(&0.0) - time_s.first().unwrap_or(&0.0);
+        let hold_s = duration_s / (1.0 + changes.len() as f64);
+        let most = (MOST_POINTS as f64 / time_s.len().max(1) as f64).clamp(1.0, MOST_BETWEEN_ROWS);
+        let (mut finer, mut rows) = (Vec::new(), Vec::with_capacity(time_s.len()));
+        for (row, at_s) in time_s.iter().enumerate() {
+            rows.push(finer.len());
+            finer.push(*at_s);
+            let Some(next_s) = time_s.get(row + 1) else { break };
+            let n = ((next_s - at_s) * POINTS_PER_HOLD / hold_s).ceil().clamp(1.0, most.floor()) as usize;
+            finer.extend((1..n).map(|k| at_s + (next_s - at_s) * k as f64 / n as f64));
+        }
+        let breaks = if force.is_linear() { Vec::new() } else { changes.iter().map(|row| rows[*row]).collect() };
+        Self { time_s: finer, rows, breaks }
+    }
+
+    /// The commanded force (N) at its times.
+    pub fn commanded_n(&self, time_s: &[f64], force: Force<'_>) -> Vec<f64> {
+        self.time_s.iter().map(|at_s| force.at_n(time_s, *at_s)).collect()
+    }
+
+    /// Its points up to the last of the first rows.
+    pub(super) fn n_points(&self, n_rows: usize) -> usize {
+        n_rows.checked_sub(1).and_then(|last| self.rows.get(last)).map_or(0, |last| last + 1)
+    }
+
+    /// What lags and comes later, at the first points. Lags come first: a delay moves the trajectory's corners off the clock's points, and straight lines between these would cut them.
+    pub(super) fn later<N: PointScalar>(&self, mut x: Vec<N>, delay_s: Dual, lag_s: Dual) -> Vec<N> {
+        if lag_s.value > 0.0 {
+            x = self.lagging(&x, N::of(lag_s));
+        }
+        if !delay_s.is_constant(0.0) {
+            x = self.delayed(&x, N::of(delay_s));
+        }
+        x
+    }
+
+    /// x(t − δ) at the first points; before the first the rest.
+    fn delayed<N: PointScalar>(&self, x: &[N], delay_s: N) -> Vec<N> {
+        let time_s = &self.time_s[..x.len()];
+        let at = |own_s: &f64| {
+            let t = N::constant(*own_s) + -delay_s;
+            // From the left: a delay that grows from 0 goes there.
+            let Some(before) = time_s.partition_point(|point| *point < t.value()).checked_sub(1) else { return x[0] };
+            let begin = self.breaks.iter().rev().find(|place| **place <= before).copied().unwrap_or(0);
+            let end = self.breaks.iter().find(|place| **place > before).copied().unwrap_or(x.len()).min(x.len() - 1);
+            let first =
+                (before + 1).saturating_sub(STENCIL / 2).clamp(begin, end.saturating_sub(STENCIL - 1).max(begin));
+            let nodes = first..(first + STENCIL).min(end + 1);
+            let weight = |own: usize| {
+                let others = nodes.clone().filter(|other| *other != own);
+                others.fold(N::constant(1.0), |product, other| {
+                    product * (t + N::constant(-time_s[other])) * (1.0 / (time_s[own] - time_s[other]))
+                })
+            };
+            nodes.clone().fold(N::constant(0.0), |sum, own| sum + weight(own) * x[own])
+        };
+        time_s.iter().map(at).collect()
+    }
+
+    /// τ ż = x − z at the first points, by straight lines of x between them.
+    fn lagging<N: PointScalar>(&self, x: &[N], lag_s: N) -> Vec<N> {
+        let mut z = Vec::with_capacity(x.len());
+        for (k, own) in x.iter().enumerate() {
+            let Some(before) = k.checked_sub(1) else {
+                z.push(*own);
+                continue;
+            };
+            let step_s = self.time_s[k] - self.time_s[before];
+            let behind = (*own + -x[before]) * lag_s * (1.0 / step_s);
+            let left = (N::constant(-step_s) / lag_s).exp();
+            z.push(*own + -behind + (z[before] + -x[before] + behind) * left);
+        }
+        z
+    }
+
+    /// The acting force of a load as a program is asked for it: times (s), forces (N), and where the rows stand. A delay's jumps become times of their own; a lagging force keeps its mean between two times.
+    pub fn acting(&self, time_s: &[f64], force: Force<'_>, load: &Load) -> (Vec<f64>, Vec<f64>, Vec<usize>) {
+        let (delay_s, lag_s) = (load.delay_s.value, load.lag_time_s.value);
+        let end_s = self.time_s.last().copied().unwrap_or(0.0);
+        let jumps = std::iter::once(0).chain(self.breaks.iter().copied()).map(|place| self.time_s[place] + delay_s);
+        let mut times: Vec<f64> = self.time_s.iter().copied().chain(jumps.filter(|at_s| *at_s < end_s)).collect();
+        times.sort_by(f64::total_cmp);
+        times.dedup();
+        let rows = self.rows.iter().map(|row| times.partition_point(|at_s| *at_s < self.time_s[*row])).collect();
+        let entering = |at_s: f64| {
+            let own_n = force.at_n(time_s, at_s - delay_s);
+            let factor = if own_n > 0.0 { load.positive_factor } else { load.negative_factor };
+            factor.value * own_n + load.offset_n.value
+        };
+        let holds = force.rule == ForceRule::Hold;
+        let (mut acting_n, mut lagged_n) = (Vec::with_capacity(times.len()), 0.0);
+        for (k, at_s) in times.iter().enumerate() {
+            let step_s = times.get(k + 1).map_or(0.0, |next| next - at_s);
+            // Of a hold the middle: rounding does not decide on which side of a jump it stands.
+            let entering_n = entering(if holds { at_s + 0.5 * step_s } else { *at_s });
+            if lag_s == 0.0 {
+                acting_n.push(entering_n);
+                continue;
+            }
+            let (rate, begin_n) = (step_s / lag_s, lagged_n);
+            lagged_n = entering_n + (begin_n - entering_n) * (-rate).exp();
+            let mean_n =
+                if rate == 0.0 { begin_n } else { entering_n + (begin_n - entering_n) * -(-rate).exp_m1() / rate };
+            acting_n.push(if holds { mean_n } else { begin_n });
+        }
+        (times, acting_n, rows)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::Response;
+    use laws::rheology::BaseLaw;
+    use laws::stages::Stages;
+
+    /// Delay and lag of a linear law's trajectory on the clock, against the closed form of the delayed and lagging force: 1.2e-4, a quarter of what twice the step leaves, whether a delay ends on the clock's points or between. And the derivatives against differences.
+    #[test]
+    fn a_later_force_moves_later() {
+        let time_s: Vec<f64> = (0..=160).map(|row| 0.25 * f64::from(row)).collect();
+        let force_n: Vec<f64> = (0..=160).map(|row| if row / 20 % 2 == 0 { 4.6e-6 } else { -4.6e-6 }).collect();
+        let force = Force::from(&force_n);
+        let clock = Clock::finer(&time_s, force);
+        let mut stages = Stages::of_law(BaseLaw::Lethersich.elements(&[3.5, 1.4, 47.0].map(Dual::constant)));
+        let fine_n = clock.commanded_n(&time_s, force);
+        let x = Response::new(&clock.time_s, &fine_n, fine_n.len()).trajectory_m(&stages, 549.0).expect("a trajectory");
+        let most = x.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+        let found = |delay_s: f64, lag_s: f64| -> Vec<f64> {
+            let later = clock.later(x.clone(), delay_s.into(), lag_s.into());
+            clock.rows.iter().map(|row| later[*row]).collect()
+        };
+        for (delay_s, lag_s) in
+            [(0.0, 0.0), (0.031, 0.0), (0.62, 0.0), (0.0, 0.02), (0.0, 0.5), (0.2, 0.1), (0.19, 0.1)]
+        {
+            (stages.load.delay_s, stages.load.lag_time_s) = (delay_s.into(), lag_s.into());
+            let exact = Response::new(&time_s, force, time_s.len()).trajectory_m(&stages, 549.0).expect("a trajectory");
+            let worst = exact.iter().zip(found(delay_s, lag_s)).fold(0.0_f64, |w, (a, b)| w.max((a - b).abs()));
+            assert!(worst < 2e-4 * most, "{delay_s} {lag_s}: {:e}", worst / most);
+        }
+        let constants: Vec<Dual> = x.iter().map(|x| Dual::constant(*x)).collect();
+        // Not where cubics meet: their slopes differ there.
+        let (delay_s, lag_s, step_s) = (0.19, 0.1, 1e-5);
+        let lagging = |delay_s: Dual, lag_s: Dual| clock.later(constants.clone(), delay_s, lag_s);
+        let slopes = [
+            (
+                lagging(Dual::variable(delay_s), lag_s.into()),
+                found(delay_s + step_s, lag_s),
+                found(delay_s - step_s, lag_s),
+            ),
+            (
+                lagging(delay_s.into(), Dual::variable(lag_s)),
+                found(delay_s, lag_s + step_s),
+                found(delay_s, lag_s - step_s),
+            ),
+        ];
+        for (exact, above, below) in slopes {
+            for (row, place) in clock.rows.iter().enumerate() {
+                let difference = (above[row] - below[row]) / (2.0 * step_s);
+                let slope = exact[*place].derivative;
+                assert!((slope - difference).abs() < 1e-4 * most, "{row}: {slope:e} {difference:e}");
+            }
+        }
+    }
+
+    /// What a program is asked under a load, stepped by the closed form, is the closed form under that load.
+    #[test]
+    fn the_acting_force_is_the_loads() {
+        let time_s: Vec<f64> = (0..=80).map(|row| 0.25 * f64::from(row)).collect();
+        let force_n: Vec<f64> = (0..=80).map(|row| if row / 20 % 2 == 0 { 4.6e-6 } else { -4.6e-6 }).collect();
+        let force = Force::from(&force_n);
+        let clock = Clock::finer(&time_s, force);
+        let mut stages = Stages::of_law(BaseLaw::Lethersich.elements(&[3.5, 1.4, 47.0].map(Dual::constant)));
+        let commanded = stages.clone();
+        stages.load.delay_s = 0.137.into();
+        stages.load.positive_factor = 1.1.into();
+        stages.load.negative_factor = 0.9.into();
+        stages.load.offset_n = 3e-7.into();
+        for lag_s in [0.0, 0.05, 0.4] {
+            stages.load.lag_time_s = lag_s.into();
+            let exact = Response::new(&time_s, force, time_s.len()).trajectory_m(&stages, 549.0).expect("a trajectory");
+            let (asked_s, asked_n, rows) = clock.acting(&time_s, force, &stages.load);
+            let x =
+                Response::new(&asked_s, &asked_n, asked_s.len()).trajectory_m(&commanded, 549.0).expect("a trajectory");
+            let most = exact.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+            let worst = rows.iter().zip(&exact).fold(0.0_f64, |worst, (row, exact)| worst.max((x[*row] - exact).abs()));
+            assert!(worst < 2e-4 * most, "{lag_s}: {:e}", worst / most);
+        }
+    }
+}

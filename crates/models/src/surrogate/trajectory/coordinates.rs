@@ -1,0 +1,246 @@
+//! Where a law stands among all laws of its kind, in as few numbers as similarity leaves.
+//!
+//! With the first body's modulus E as the unit of stress, a law under a given force differs from another by its times c/E and its ratios of moduli, by how far it is from a linear one,
+//! and by a factor 1/E of all displacements. So one number less has to be covered than a law has, and that the one which data hold best.
+
+use base::number::{Dual, Scalar};
+use laws::rheology::Element;
+use laws::stages::{NonlinearFamily, Nonlinearity, Spatial, Stages};
+use std::f64::consts::{LN_2, PI};
+
+/// Stiffening shows where β (x/R)² comes to this.
+const STIFFENING_UNIT: f64 = 0.3;
+/// A yield stress shows where it comes to this part of the force over the robot's surface.
+const YIELD_UNIT: f64 = 0.003;
+
+/// What laws of one kind share.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Kind {
+    family: NonlinearFamily,
+    /// What stands where in the law.
+    shape: Vec<Tag>,
+    /// Bits of the compliance and of the constant of the nonlinear law.
+    constants: [u64; 2],
+}
+
+impl Kind {
+    /// How far the last coordinate is from where the law is linear and nothing exceeds it.
+    pub fn beyond_null<N: Scalar>(&self, last: N) -> N {
+        match self.family {
+            NonlinearFamily::ShearThinning => N::constant(1.0) - last,
+            NonlinearFamily::StrainStiffening | NonlinearFamily::YieldStress => last,
+        }
+    }
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Tag {
+    Spring,
+    Dashpot,
+    Series,
+    Parallel,
+    End,
+}
+
+/// Sizes of a record and of the robot in it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Sizes {
+    /// Largest force in N.
+    pub force_n: f64,
+    /// Largest of |∫F dt| in N·s.
+    pub impulse_n_s: f64,
+    /// Displacement per force at unit creep compliance, in 1/m.
+    pub compliance_per_m: f64,
+}
+
+impl Sizes {
+    /// β (x/R)² per β, with x = F K the elastic displacement at unit modulus and R = 1/(2πK), which is a sphere's radius in an incompressible gel.
+    fn squared_strain(self) -> f64 {
+        (2.0 * PI * self.compliance_per_m.powi(2) * self.force_n).powi(2)
+    }
+
+    /// F/(4πR²) in Pa.
+    fn surface_pa(self) -> f64 {
+        PI * self.compliance_per_m.powi(2) * self.force_n
+    }
+}
+
+/// A law among those of its kind.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Place {
+    pub kind: Kind,
+    /// Logarithms of moduli over E, of times (s), and what is not linear.
+    pub coordinates: Vec<Dual>,
+    pub modulus_pa: Dual,
+}
+
+impl Place {
+    /// `None` where more than the law and what is not linear about it is away from what is usual, or the law is of other elements.
+    pub fn of(stages: &Stages, sizes: Sizes) -> Option<Self> {
+        let plain = Stages::of_law(Vec::new());
+        let Some(Spatial::Nonlinear(law)) = stages.spatial else { return None };
+        if stages.load != plain.load || !stages.softening_rate_per_s.is_constant(0.0) || stages.poisson_ratio.is_some()
+        {
+            return None;
+        }
+        let (mut shape, mut numbers) = (Vec::with_capacity(8), Vec::with_capacity(8));
+        read(&stages.law, &mut shape, &mut numbers)?;
+        let first = first_body(&shape)?;
+        let modulus_pa = numbers[first];
+        if !numbers.iter().all(|number| number.value > 0.0 && number.value.is_finite()) {
+            return None;
+        }
+        let others = numbers.iter().enumerate().filter(|(k, _)| *k != first);
+        let mut coordinates: Vec<Dual> = others.map(|(_, number)| (*number / modulus_pa).ln()).collect();
+        let constant = match law {
+            Nonlinearity::StrainStiffening { .. } => 0.0,
+            Nonlinearity::ShearThinning { reference_stress_pa, .. } => {
+                if reference_stress_pa.derivative != 0.0 {
+                    return None;
+                }
+                reference_stress_pa.value
+            }
+            Nonlinearity::YieldStress { smoothing, .. } => smoothing,
+        };
+        coordinates.push(coordinate_of(law, modulus_pa, sizes));
+        if !coordinates.iter().all(|x| x.value.is_finite()) {
+            return None;
+        }
+        let constants = [sizes.compliance_per_m.to_bits(), constant.to_bits()];
+        Some(Self { kind: Kind { family: law.family(), shape, constants }, coordinates, modulus_pa })
+    }
+}
+
+/// Distance from the linear law; smooth at it.
+fn coordinate_of(law: Nonlinearity<Dual>, modulus_pa: Dual, sizes: Sizes) -> Dual {
+    match law {
+        Nonlinearity::StrainStiffening { coefficient } => {
+            let scale = sizes.squared_strain() / STIFFENING_UNIT;
+            (coefficient * scale / (modulus_pa * modulus_pa) + Dual::ONE).ln()
+        }
+        Nonlinearity::ShearThinning { index, .. } => index,
+        Nonlinearity::YieldStress { stress_pa, .. } => {
+            (stress_pa * (1.0 / (YIELD_UNIT * sizes.surface_pa())) + Dual::ONE).ln()
+        }
+    }
+}
+
+/// Stages at other coordinates of the same kind, with the first body's modulus 1 Pa.
+pub(super) fn stages_at(template: &Stages, coordinates: &[f64], sizes: Sizes) -> Option<Stages> {
+    let (mut shape, mut numbers) = (Vec::new(), Vec::new());
+    read(&template.law, &mut shape, &mut numbers)?;
+    let first = first_body(&shape)?;
+    let (of_nonlinearity, of_law) = coordinates.split_last()?;
+    let mut of_law = of_law.iter().map(|x| x.exp());
+    let mut values = Vec::with_capacity(numbers.len());
+    for k in 0..numbers.len() {
+        values.push(if k == first { 1.0 } else { of_law.next()? });
+    }
+    let grown = of_nonlinearity.exp_m1().max(0.0);
+    let law = match template.spatial {
+        Some(Spatial::Nonlinear(Nonlinearity::StrainStiffening { .. })) => {
+            Nonlinearity::StrainStiffening { coefficient: (grown * STIFFENING_UNIT / sizes.squared_strain()).into() }
+        }
+        Some(Spatial::Nonlinear(Nonlinearity::ShearThinning { reference_stress_pa, .. })) => {
+            Nonlinearity::ShearThinning { index: of_nonlinearity.min(1.0).into(), reference_stress_pa }
+        }
+        Some(Spatial::Nonlinear(Nonlinearity::YieldStress { smoothing, .. })) => {
+            Nonlinearity::YieldStress { stress_pa: (grown * YIELD_UNIT * sizes.surface_pa()).into(), smoothing }
+        }
+        _ => return None,
+    };
+    let mut stages = Stages::of_law(with_numbers(&template.law, &mut values.into_iter())?);
+    stages.spatial = Some(Spatial::Nonlinear(law));
+    Some(stages)
+}
+
+/// Width of a chart's root in every coordinate, and the ends of the last: steps of the stepper change where a time passes a power of two, where charts end too.
+pub(super) fn widths(kind: &Kind) -> (Vec<f64>, [f64; 2]) {
+    let (of_nonlinearity, ends) = match kind.family {
+        NonlinearFamily::StrainStiffening => (0.5, [0.0, 6.0]),
+        NonlinearFamily::ShearThinning => (0.2, [0.2, 1.0]),
+        NonlinearFamily::YieldStress => (0.2, [0.0, 7.2]),
+    };
+    let first = first_body(&kind.shape);
+    let (mut widths, mut number, mut is_inside) = (Vec::with_capacity(8), 0, false);
+    for tag in &kind.shape {
+        match tag {
+            Tag::Parallel => is_inside = true,
+            Tag::Series | Tag::End => is_inside = false,
+            Tag::Spring | Tag::Dashpot => {
+                // What flows for ever does so as smoothly over longer times, but where it may stand still.
+                let is_wide = *tag == Tag::Dashpot && !is_inside && kind.family != NonlinearFamily::YieldStress;
+                if first != Some(number) {
+                    widths.push(if is_wide { 2.0 * LN_2 } else { LN_2 });
+                }
+                number += 1;
+            }
+        }
+    }
+    widths.push(of_nonlinearity);
+    (widths, ends)
+}
+
+/// A displacement (m) that trajectories at unit modulus come to.
+pub(super) fn amplitude_m(stages: &Stages, sizes: Sizes) -> f64 {
+    let of = |element: &Element| match element {
+        Element::Dashpot { viscosity_pa_s } => sizes.impulse_n_s / viscosity_pa_s.value,
+        Element::Spring { modulus_pa } => sizes.force_n / modulus_pa.value,
+        Element::Parallel(parts) => parts
+            .iter()
+            .map(|part| if let Element::Spring { modulus_pa } = part { sizes.force_n / modulus_pa.value } else { 0.0 })
+            .sum(),
+        _ => 0.0,
+    };
+    sizes.compliance_per_m * stages.law.iter().map(of).sum::<f64>()
+}
+
+pub fn read(elements: &[Element], shape: &mut Vec<Tag>, numbers: &mut Vec<Dual>) -> Option<()> {
+    for element in elements {
+        match element {
+            Element::Spring { modulus_pa } => {
+                shape.push(Tag::Spring);
+                numbers.push(*modulus_pa);
+            }
+            Element::Dashpot { viscosity_pa_s } => {
+                shape.push(Tag::Dashpot);
+                numbers.push(*viscosity_pa_s);
+            }
+            Element::Series(parts) | Element::Parallel(parts) => {
+                shape.push(if matches!(element, Element::Series(_)) { Tag::Series } else { Tag::Parallel });
+                read(parts, shape, numbers)?;
+                shape.push(Tag::End);
+            }
+            _ => return None,
+        }
+    }
+    Some(())
+}
+
+/// Place among the numbers of the first spring inside a body.
+pub(super) fn first_body(shape: &[Tag]) -> Option<usize> {
+    let (mut number, mut is_inside) = (0, false);
+    for tag in shape {
+        match tag {
+            Tag::Parallel => is_inside = true,
+            Tag::Spring if is_inside => return Some(number),
+            Tag::Spring | Tag::Dashpot => number += 1,
+            Tag::Series | Tag::End => {}
+        }
+    }
+    None
+}
+
+pub(super) fn with_numbers(elements: &[Element], values: &mut impl Iterator<Item = f64>) -> Option<Vec<Element>> {
+    let mut made = Vec::with_capacity(elements.len());
+    for element in elements {
+        made.push(match element {
+            Element::Spring { .. } => Element::Spring { modulus_pa: values.next()?.into() },
+            Element::Dashpot { .. } => Element::Dashpot { viscosity_pa_s: values.next()?.into() },
+            Element::Series(parts) => Element::Series(with_numbers(parts, values)?),
+            Element::Parallel(parts) => Element::Parallel(with_numbers(parts, values)?),
+            _ => return None,
+        });
+    }
+    Some(made)
+}

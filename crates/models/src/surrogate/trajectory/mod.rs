@@ -1,0 +1,173 @@
+//! Trajectories of nonlinear laws as few time modes with polynomials for amplitudes, where those are certified; elsewhere by the stepper itself.
+//!
+//! Laws of one kind are told apart by few numbers, by similarity (the first body's modulus only scales displacements). Over these, space is divided into boxes once and for all; a box is learnt from runs of the
+//! stepper at a design of points when it is first asked for, compared with runs that trained nothing, and serves if these agree to [`TOLERANCE`] of the displacement; else it is
+//! halved, or left to the stepper. What a box answers depends on the box alone: not on who asked first, nor on what else was asked.
+
+mod chart;
+mod clocked;
+mod coordinates;
+mod large;
+mod outside;
+mod polynomial;
+#[cfg(test)]
+mod tests;
+
+pub use clocked::Clock;
+pub use large::{FARTHEST_RADII, LargeScope, LargeStepper, LargeSurface, MOST_MOBILITY, Mobilities};
+pub use outside::{Ask, OUTSIDE_MOST_POINTS, OUTSIDE_TOLERANCE, OutsideLesson, OutsideStepper, OutsideSurface};
+
+use crate::model::Compliance;
+use base::error::Result;
+use base::number::{Dual, Scalar};
+use chart::Chart;
+use coordinates::{Kind, Place, Sizes, amplitude_m, stages_at, widths};
+use laws::stages::{FieldStepper, NonlinearFamily, Spatial, Stages, Stepped};
+use polynomial::Basis;
+use record::{Force, KeptForce};
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, OnceLock, PoisonError, RwLock};
+
+/// Largest error, relative to the displacement, on points that trained nothing: a tenth of that of the reduced steppers themselves.
+pub const TOLERANCE: f64 = 1e-4;
+/// Runs that check a box.
+const N_CHECKS: u32 = 24;
+/// Numbers of coordinates that are served, and the polynomials' degrees: the next one is tried where the one before does not do, on its points and more.
+const FEWEST_COORDINATES: usize = 2;
+const DEGREES: [&[usize]; 3] = [&[2, 4, 8], &[2, 3, 4, 6], &[2, 3, 5]];
+/// Longest record that is served: a box keeps a few dozen numbers a row.
+const MOST_ROWS: usize = 20_000;
+/// Times from which on they are of no experiment, as logarithms of seconds.
+const LONGEST_LN_S: f64 = 16.0;
+
+/// Boxes by the kind of law and their numbers along every coordinate.
+type Charts = BTreeMap<(Kind, Vec<i32>), Arc<Chart>>;
+
+/// A stepper that remembers.
+#[derive(Debug)]
+pub struct LocalStepper {
+    stepper: Stepped,
+    time_s: Vec<f64>,
+    force: KeptForce,
+    force_and_impulse: [f64; 2],
+    charts: RwLock<Charts>,
+}
+
+impl LocalStepper {
+    /// For one record: rows' times (s) and the commanded force, or the first rows of it.
+    pub fn new(stepper: Stepped, time_s: &[f64], force: Force<'_>) -> Self {
+        let largest_n = force.at_rows_n.iter().fold(0.0_f64, |most, f| most.max(f.abs()));
+        let (mut impulse, mut most) = (0.0_f64, 0.0_f64);
+        for row in 0..force.at_rows_n.len() {
+            impulse += force.impulse_n_s(time_s, row);
+            most = most.max(impulse.abs());
+        }
+        Self {
+            stepper,
+            time_s: time_s.to_vec(),
+            force: force.into(),
+            force_and_impulse: [largest_n, most],
+            charts: RwLock::default(),
+        }
+    }
+
+    /// The learnt excess, `None` where the stepper is to be asked.
+    fn learnt<N: Scalar>(
+        &self,
+        stages: &Stages,
+        compliance_per_m: f64,
+        time_s: &[f64],
+        force: Force<'_>,
+        of: impl Fn(Dual) -> N,
+    ) -> Option<Vec<N>> {
+        let n_rows = time_s.len();
+        let is_own = n_rows <= MOST_ROWS
+            && self.time_s.get(..n_rows) == Some(time_s)
+            && self.force.get().first(force.at_rows_n.len()) == force;
+        let [largest_n, impulse_n_s] = self.force_and_impulse;
+        if !is_own || largest_n == 0.0 {
+            return None;
+        }
+        let sizes = Sizes { force_n: largest_n, impulse_n_s, compliance_per_m };
+        let Place { kind, coordinates, modulus_pa } = Place::of(stages, sizes)?;
+        let bases = bases_of(coordinates.len())?;
+        let values: Vec<f64> = coordinates.iter().map(|x| x.value).collect();
+        let (widths, ends) = widths(&kind);
+        let (last, of_law) = values.split_last()?;
+        if !(ends[0]..=ends[1]).contains(last) || of_law.iter().any(|x| x.abs() > LONGEST_LN_S) {
+            return None;
+        }
+        let chart = self.chart(kind.clone(), &values, &widths, ends);
+        // Divided by the distance from the linear law, so that what is learnt vanishes there as the excess does.
+        let run = |coordinates: &[f64]| {
+            let at = stages_at(stages, coordinates, sizes)?;
+            let inverse = 1.0 / kind.beyond_null(*coordinates.last()?);
+            let mut excess_m = self.stepper.0.excess_m(&at, compliance_per_m, &self.time_s, self.force.get()).ok()?;
+            excess_m.iter_mut().for_each(|x| *x *= inverse);
+            Some((excess_m, inverse * amplitude_m(&at, sizes)))
+        };
+        let coordinates: Vec<N> = coordinates.into_iter().map(&of).collect();
+        let (surface, place) = chart.surface(&values, &coordinates, bases, TOLERANCE, &run)?;
+        let factor = kind.beyond_null(*coordinates.last()?) / of(modulus_pa);
+        Some(surface.excess_m(bases, &place, factor, n_rows))
+    }
+
+    fn chart(&self, kind: Kind, values: &[f64], widths: &[f64], ends: [f64; 2]) -> Arc<Chart> {
+        let last = values.len() - 1;
+        let origin = |k: usize| if k == last { ends[0] } else { 0.0 };
+        let number = |k: usize| ((values[k] - origin(k)) / widths[k]).floor();
+        // What stands on the last end belongs to the box below it.
+        let n_last = ((ends[1] - ends[0]) / widths[last]).round();
+        let cell: Vec<f64> =
+            (0..=last).map(|k| if k == last { number(k).min(n_last - 1.0) } else { number(k) }).collect();
+        let key = (kind, cell.iter().map(|number| *number as i32).collect::<Vec<i32>>());
+        if let Some(chart) = self.charts.read().unwrap_or_else(PoisonError::into_inner).get(&key) {
+            return chart.clone();
+        }
+        let end = |shift: f64| (0..=last).map(|k| origin(k) + (cell[k] + shift) * widths[k]).collect();
+        let mut charts = self.charts.write().unwrap_or_else(PoisonError::into_inner);
+        charts.entry(key).or_insert_with(|| Arc::new(Chart::new(end(0.0), end(1.0)))).clone()
+    }
+}
+
+impl FieldStepper for LocalStepper {
+    fn excess_m(&self, stages: &Stages, compliance_per_m: f64, time_s: &[f64], force: Force<'_>) -> Result<Vec<f64>> {
+        match self.learnt(stages, compliance_per_m, time_s, force, |x| x.value) {
+            Some(excess_m) => Ok(excess_m),
+            None => self.stepper.0.excess_m(stages, compliance_per_m, time_s, force),
+        }
+    }
+
+    fn excess_dual_m(
+        &self,
+        stages: &Stages,
+        compliance_per_m: f64,
+        time_s: &[f64],
+        force: Force<'_>,
+    ) -> Result<Vec<Dual>> {
+        match self.learnt(stages, compliance_per_m, time_s, force, |x| x) {
+            Some(excess_m) => Ok(excess_m),
+            None => self.stepper.0.excess_dual_m(stages, compliance_per_m, time_s, force),
+        }
+    }
+}
+
+/// Polynomials of so many coordinates, of rising degree.
+fn bases_of(n_coordinates: usize) -> Option<&'static [Basis]> {
+    static BASES: [OnceLock<Option<Vec<Basis>>>; DEGREES.len()] = [const { OnceLock::new() }; DEGREES.len()];
+    let place = n_coordinates.checked_sub(FEWEST_COORDINATES)?;
+    let make = || DEGREES[place].iter().map(|degree| Basis::new(n_coordinates, *degree, N_CHECKS)).collect();
+    BASES.get(place)?.get_or_init(make).as_deref()
+}
+
+/// A compliance whose nonlinear laws remember their trajectories in one record: rows' times (s) and commanded force.
+pub fn local<'f>(compliance: &Compliance, time_s: &[f64], force: impl Into<Force<'f>>) -> Compliance {
+    let record = Arc::new((time_s.to_vec(), KeptForce::from(force.into())));
+    let steppers: Mutex<BTreeMap<NonlinearFamily, Stepped>> = Mutex::default();
+    compliance.clone().with_stepper(move |stages, stepper| {
+        let Some(Spatial::Nonlinear(law)) = stages.spatial else { return stepper };
+        let mut steppers = steppers.lock().unwrap_or_else(PoisonError::into_inner);
+        let remembering = || Stepped(Arc::new(LocalStepper::new(stepper, &record.0, record.1.get())));
+        steppers.entry(law.family()).or_insert_with(remembering).clone()
+    })
+}

@@ -1,0 +1,251 @@
+//! Another program's trajectories in one record: few time modes with polynomials for amplitudes over a box of logarithms of its parameters.
+//!
+//! Errors are measured by the noise, at points that trained nothing. What factors of the force and an offset make is followed to first order, by slopes that are learnt over the same box; delays and lags are
+//! taken of the trajectory itself (`clocked`).
+
+use rayon::prelude::*;
+
+use super::chart::{Surface, Trained};
+use super::clocked::Clock;
+use super::polynomial::Basis;
+use base::error::{Error, Result};
+use base::number::{Dual, PointScalar};
+use laws::stages::{FieldStepper, Load, Spatial, Stages};
+use record::{Force, KeptForce};
+
+/// What modes and polynomials may leave at any row, over the noise.
+pub const OUTSIDE_TOLERANCE: f64 = 0.03;
+/// Degrees that are tried, one after another, as far as the calls allow.
+const DEGREES: [usize; 8] = [2, 3, 4, 6, 8, 10, 14, 20];
+/// Most points that a box is learnt from, but for those that check it.
+pub const OUTSIDE_MOST_POINTS: usize = 700;
+/// Errors over the noise of which more than this would be left by the highest degree end the search in a box: nothing is concluded from such a surface.
+const HOPELESS: f64 = 0.5;
+/// Lowest degree at which a box is given up.
+const LEAST_TRIED: usize = 6;
+/// Points that check it.
+const N_CHECKS: u32 = 24;
+/// Sizes at which slopes are taken: of factors, and of the offset over the largest force.
+const LOAD_STEP: f64 = 0.05;
+/// Size of such a number by which its slope's error is measured.
+const USUAL_SIZE: f64 = 0.1;
+
+/// What answers: parameters, and the force (N) at the clock's times → position (m) at these.
+pub type Ask<'a> = dyn Fn(&[f64], &[f64]) -> Result<Vec<f64>> + Sync + 'a;
+
+/// The box, and what it is learnt from.
+pub struct OutsideLesson<'a> {
+    /// Smallest and largest value of every parameter; the same where it is held.
+    pub ends: &'a [(f64, f64)],
+    /// Times at which the program is asked.
+    pub clock: &'a Clock,
+    /// Rows' times in s.
+    pub time_s: &'a [f64],
+    /// The commanded force.
+    pub force: Force<'a>,
+    /// Noise (m) that errors are measured by.
+    pub noise_m: f64,
+    /// Whether the force may be another than is commanded.
+    pub with_load: bool,
+}
+
+/// What was learnt.
+#[derive(Debug, Clone)]
+pub struct OutsideSurface {
+    /// Logarithms at the ends of every parameter.
+    ln_ends: Vec<(f64, f64)>,
+    bases: [Basis; 1],
+    surface: Surface,
+    /// The same at the rows alone.
+    at_rows: Surface,
+    /// Changes (m) for a unit of the positive and the negative factor, and of the offset (N); none where the force is as it is commanded.
+    by_load: Vec<Surface>,
+    n_points: usize,
+}
+
+impl OutsideSurface {
+    /// Asks at points of rising number until points that trained nothing are met to [`OUTSIDE_TOLERANCE`], or there are no more; `piece_done` is called, from any thread, after every answer.
+    ///
+    /// # Errors
+    /// Whatever `ask` refuses; [`Error::Numerical`] for more parameters than polynomials are made of.
+    pub fn learn(lesson: &OutsideLesson<'_>, ask: &Ask<'_>, piece_done: &(dyn Fn() + Sync)) -> Result<Self> {
+        let OutsideLesson { ends, clock, time_s, force, noise_m, with_load } = *lesson;
+        let ln_ends: Vec<(f64, f64)> = ends.iter().map(|(lower, upper)| (lower.ln(), upper.ln())).collect();
+        let free: Vec<usize> = (0..ends.len()).filter(|k| ends[*k].0 < ends[*k].1).collect();
+        let at = |point: &[f64]| -> Vec<f64> {
+            let mut values: Vec<f64> = ends.iter().map(|(lower, _)| *lower).collect();
+            for (x, k) in point.iter().zip(&free) {
+                let (lower, upper) = ln_ends[*k];
+                values[*k] = (0.5 * (lower + upper) + 0.5 * (upper - lower) * x).exp();
+            }
+            values
+        };
+        let commanded_n = clock.commanded_n(time_s, force);
+        let answers = |points: &[Vec<f64>], force_n: &[f64]| -> Result<Vec<Vec<f64>>> {
+            let answer = |point: &Vec<f64>| {
+                let found = ask(&at(point), force_n);
+                piece_done();
+                found
+            };
+            points.par_iter().map(answer).collect()
+        };
+        let mut asked: [Vec<Vec<f64>>; 2] = [Vec::new(), Vec::new()];
+        let mut best: Option<(Basis, Surface)> = None;
+        let is_affordable =
+            |degree: &usize| *degree == DEGREES[0] || Basis::n_points(free.len(), *degree) <= OUTSIDE_MOST_POINTS;
+        let degrees: Vec<usize> = DEGREES.into_iter().filter(is_affordable).collect();
+        let mut before: Option<(usize, f64)> = None;
+        for &degree in &degrees {
+            let Some(basis) = Basis::new(free.len(), degree, N_CHECKS) else { continue };
+            for (known, points) in asked.iter_mut().zip([&basis.checks, &basis.design]) {
+                known.extend(answers(&points[known.len()..], &commanded_n)?);
+            }
+            let runs: Vec<Trained> = asked.iter().flatten().map(|x| (x.clone(), noise_m)).collect();
+            let surface = surface(&basis, &runs);
+            let is_better = best.as_ref().is_none_or(|(_, other)| surface.certified < other.certified);
+            let is_done = surface.certified <= OUTSIDE_TOLERANCE;
+            // As fast as from the degree before to this one.
+            let is_hopeless = before.is_some_and(|(other, error)| {
+                let left = (degrees[degrees.len() - 1] - degree) as f64 / (degree - other) as f64;
+                degree >= LEAST_TRIED && surface.certified * (surface.certified / error).powf(left) > HOPELESS
+            });
+            before = Some((degree, surface.certified));
+            if is_better {
+                best = Some((basis, surface));
+            }
+            if is_done || is_hopeless || free.is_empty() {
+                break;
+            }
+        }
+        let Some((basis, own)) = best else {
+            return Err(Error::numerical(
+                format!("no polynomials of {} parameters could be fitted", free.len()),
+                "hold some of them at values (--set)",
+            ));
+        };
+        let n_points = asked[0].len() + asked[1].len();
+        let mut by_load = Vec::new();
+        if with_load {
+            let largest_n = commanded_n.iter().fold(0.0_f64, |most, force_n| most.max(force_n.abs()));
+            let factor = |is_own: fn(f64) -> bool| -> Vec<f64> {
+                commanded_n.iter().map(|f| if is_own(*f) { (1.0 + LOAD_STEP) * f } else { *f }).collect()
+            };
+            let moved = [
+                (factor(|f| f > 0.0), 1.0),
+                (factor(|f| f <= 0.0), 1.0),
+                (commanded_n.iter().map(|f| f + LOAD_STEP * largest_n).collect(), largest_n),
+            ];
+            for (force_n, unit) in moved {
+                let (size, usual) = (LOAD_STEP * unit, USUAL_SIZE * unit);
+                let points = [&basis.checks[..], &basis.design[..]].concat();
+                let bare = asked[0].iter().chain(&asked[1][..basis.design.len()]);
+                let slope = |(moved, bare): (Vec<f64>, &Vec<f64>)| -> Trained {
+                    (moved.iter().zip(bare).map(|(to, from)| (to - from) / size).collect(), noise_m / usual)
+                };
+                let runs: Vec<Trained> = answers(&points, &force_n)?.into_iter().zip(bare).map(slope).collect();
+                by_load.push(surface(&basis, &runs));
+            }
+        }
+        let at_rows = own.at(&clock.rows);
+        Ok(Self { ln_ends, bases: [basis], surface: own, at_rows, by_load, n_points })
+    }
+
+    /// Largest distance from answers that trained nothing, over the noise.
+    pub fn certified(&self) -> f64 {
+        self.by_load.iter().fold(self.surface.certified, |worst, own| worst.max(own.certified))
+    }
+
+    /// Points that were asked for.
+    pub fn n_points(&self) -> usize {
+        self.n_points
+    }
+}
+
+fn surface(basis: &Basis, runs: &[Trained]) -> Surface {
+    Surface::new(std::slice::from_ref(basis), 0, OUTSIDE_TOLERANCE, &runs.iter().collect::<Vec<_>>())
+}
+
+/// Answers from what was learnt.
+#[derive(Debug)]
+pub struct OutsideStepper {
+    learnt: OutsideSurface,
+    clock: Clock,
+    time_s: Vec<f64>,
+    force: KeptForce,
+}
+
+impl OutsideStepper {
+    /// For the record that it was learnt for.
+    pub fn new(learnt: OutsideSurface, lesson: &OutsideLesson<'_>) -> Self {
+        let OutsideLesson { clock, time_s, force, .. } = *lesson;
+        Self { learnt, clock: clock.clone(), time_s: time_s.to_vec(), force: force.into() }
+    }
+
+    fn position_m<N: PointScalar>(&self, stages: &Stages, time_s: &[f64], force: Force<'_>) -> Result<Vec<N>> {
+        let n_rows = time_s.len();
+        let is_own = self.time_s.get(..n_rows) == Some(time_s)
+            && self.force.get().first(force.at_rows_n.len()) == force
+            && stages.load.gradient_per_m.is_constant(0.0);
+        let (Some(Spatial::Outside(parameters)), true) = (&stages.spatial, is_own) else {
+            return Err(Error::numerical(
+                "the other program's trajectories were learnt for another record or force",
+                "learn them for this one",
+            ));
+        };
+        let OutsideSurface { ln_ends, bases, surface, at_rows, by_load, .. } = &self.learnt;
+        let mut place = Vec::with_capacity(parameters.len());
+        for (value, (lower, upper)) in parameters.iter().zip(ln_ends) {
+            let ln = value.ln();
+            // Ends are asked for by their values, of which logarithms are rounded.
+            let slack = 1e-12 * (1.0 + lower.abs().max(upper.abs()));
+            if !(lower - slack..=upper + slack).contains(&ln.value) {
+                return Err(Error::numerical(
+                    format!("a parameter of {} lies outside the box that the other program was learnt in", value.value),
+                    format!("stay between {} and {}", lower.exp(), upper.exp()),
+                ));
+            }
+            if lower < upper {
+                place.push(N::of((ln * 2.0 - Dual::constant(lower + upper)) * (1.0 / (upper - lower))));
+            }
+        }
+        let one = N::constant(1.0);
+        if stages.load.is_commanded() {
+            return Ok(at_rows.excess_m(bases, &place, one, n_rows));
+        }
+        let [of_positive, of_negative, of_offset] = &by_load[..] else {
+            return Err(Error::numerical(
+                "the other program was learnt for the force as it is commanded",
+                "leave effects of load out",
+            ));
+        };
+        let Load { delay_s, positive_factor, negative_factor, offset_n, lag_time_s, .. } = &stages.load;
+        let n = self.clock.n_points(n_rows);
+        let mut x = surface.excess_m(bases, &place, one, n);
+        let mut add = |own: &Surface, by: Dual| {
+            if !by.is_constant(0.0) {
+                let change = own.excess_m(bases, &place, N::of(by), n);
+                x.iter_mut().zip(change).for_each(|(x, change)| *x += change);
+            }
+        };
+        add(of_positive, *positive_factor - Dual::ONE);
+        add(of_negative, *negative_factor - Dual::ONE);
+        let mut x = self.clock.later(x, *delay_s, *lag_time_s);
+        // The offset acts from the beginning on, whatever the delay.
+        if !offset_n.is_constant(0.0) {
+            let change = of_offset.excess_m(bases, &place, N::of(*offset_n), n);
+            let change = self.clock.later(change, Dual::constant(0.0), *lag_time_s);
+            x.iter_mut().zip(change).for_each(|(x, change)| *x += change);
+        }
+        Ok(self.clock.rows[..n_rows].iter().map(|row| x[*row]).collect())
+    }
+}
+
+impl FieldStepper for OutsideStepper {
+    fn excess_m(&self, stages: &Stages, _compliance_per_m: f64, time_s: &[f64], force: Force<'_>) -> Result<Vec<f64>> {
+        self.position_m(stages, time_s, force)
+    }
+
+    fn excess_dual_m(&self, stages: &Stages, _: f64, time_s: &[f64], force: Force<'_>) -> Result<Vec<Dual>> {
+        self.position_m(stages, time_s, force)
+    }
+}

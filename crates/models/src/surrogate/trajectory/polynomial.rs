@@ -1,0 +1,108 @@
+//! Chebyshev polynomials of several coordinates up to a total degree, fitted by least squares.
+
+use base::number::Scalar;
+use nalgebra::DMatrix;
+use std::f64::consts::PI;
+
+/// Points of a design for every polynomial that is fitted to them.
+const OVERSAMPLING: f64 = 1.6;
+/// Seeds of the scrambled Sobol sequences of the design and of the points that check it: they are part of the method.
+const DESIGN_SEED: u32 = 17;
+const CHECK_SEED: u32 = 29;
+
+/// Polynomials on [−1, 1]ᵈ, a design of points, and what fits the ones to values at the others.
+#[derive(Debug, Clone)]
+pub(super) struct Basis {
+    /// Degree in every coordinate, polynomial by polynomial.
+    degrees: Vec<Vec<usize>>,
+    degree: usize,
+    /// Points at which values are asked for.
+    pub design: Vec<Vec<f64>>,
+    /// Points that check a fit, inside and near the faces.
+    pub checks: Vec<Vec<f64>>,
+    /// Coefficients from values: one row a polynomial, one column a point of the design.
+    pub fit: DMatrix<f64>,
+}
+
+impl Basis {
+    /// Of a total degree. `None` where the polynomials cannot be told apart on the design, which no number of coordinates has led to.
+    pub fn new(n_coordinates: usize, degree: usize, n_checks: u32) -> Option<Self> {
+        Self::weighted(&vec![1.0; n_coordinates], degree as f64, OVERSAMPLING, n_checks)
+    }
+
+    /// Points of the design of a total degree.
+    pub fn n_points(n_coordinates: usize, degree: usize) -> usize {
+        let n_polynomials = (1..=n_coordinates).fold(1.0, |product, k| product * (degree + k) as f64 / k as f64);
+        (OVERSAMPLING * n_polynomials.round()).ceil() as usize
+    }
+
+    /// The same where a degree in some coordinates counts as more than one, with a share of points over polynomials.
+    pub fn weighted(weights: &[f64], degree: f64, oversampling: f64, n_checks: u32) -> Option<Self> {
+        let n_coordinates = weights.len();
+        let mut degrees = vec![Vec::new()];
+        for weight in weights {
+            let extended = |own: &Vec<usize>| -> Vec<Vec<usize>> {
+                let used: f64 = own.iter().zip(weights).map(|(degree, weight)| *degree as f64 * weight).sum();
+                let left = ((degree - used) / weight).floor() as usize;
+                (0..=left).map(|next| [own.as_slice(), &[next]].concat()).collect()
+            };
+            degrees = degrees.iter().flat_map(extended).collect();
+        }
+        let n_points = (oversampling * degrees.len() as f64).ceil() as u32;
+        let uniform = |index: u32, d: usize, seed: u32| f64::from(sobol_burley::sample(index, d as u32, seed));
+        let towards_faces = |index: u32, seed: u32| -> Vec<f64> {
+            (0..n_coordinates).map(|d| (PI * uniform(index, d, seed)).cos()).collect()
+        };
+        let evenly = |index: u32, seed: u32| -> Vec<f64> {
+            (0..n_coordinates).map(|d| 2.0 * uniform(index, d, seed) - 1.0).collect()
+        };
+        let design: Vec<Vec<f64>> = (0..n_points).map(|index| towards_faces(index, DESIGN_SEED)).collect();
+        let check = |index: u32| {
+            if index.is_multiple_of(2) { evenly(index, CHECK_SEED) } else { towards_faces(index, CHECK_SEED) }
+        };
+        let checks = (0..n_checks).map(check).collect();
+        let degree = degree.floor() as usize;
+        let mut basis = Self { degrees, degree, design, checks, fit: DMatrix::zeros(0, 0) };
+        let rows: Vec<Vec<f64>> = basis.design.iter().map(|point| basis.values(point)).collect();
+        let matrix = DMatrix::from_fn(rows.len(), basis.degrees.len(), |i, j| rows[i][j]);
+        let normal = matrix.tr_mul(&matrix);
+        basis.fit = normal.cholesky()?.solve(&matrix.transpose());
+        Some(basis)
+    }
+
+    pub fn n_polynomials(&self) -> usize {
+        self.degrees.len()
+    }
+
+    /// The polynomials at a point.
+    pub fn values<N: Scalar>(&self, point: &[N]) -> Vec<N> {
+        let one = N::constant(1.0);
+        let mut of_one = Vec::with_capacity(point.len() * (self.degree + 1));
+        for x in point {
+            let (mut before, mut now) = (one, *x);
+            of_one.push(one);
+            for _ in 1..=self.degree {
+                of_one.push(now);
+                let next = *x * now * 2.0 - before;
+                (before, now) = (now, next);
+            }
+        }
+        let n = self.degree + 1;
+        self.degrees
+            .iter()
+            .map(|degrees| {
+                degrees.iter().enumerate().fold(one, |product, (d, degree)| product * of_one[d * n + degree])
+            })
+            .collect()
+    }
+
+    /// Part of the squares of coefficients that is due to the highest degrees of each coordinate.
+    pub fn tails(&self, squares: &[f64]) -> Vec<f64> {
+        let n_coordinates = self.degrees.first().map_or(0, Vec::len);
+        let tail = |d: usize| -> f64 {
+            let is_high = |degrees: &[usize]| degrees[d] + 1 >= self.degree;
+            self.degrees.iter().zip(squares).filter(|(degrees, _)| is_high(degrees)).map(|(_, square)| square).sum()
+        };
+        (0..n_coordinates).map(tail).collect()
+    }
+}

@@ -1,0 +1,188 @@
+//! What contradicts the description of a record: looked for before anything is fitted (formats §4).
+//!
+//! Every file but `quick_fit` looks for one kind of contradiction, or for some that share what they look at. What is certain is refused; what may be is said.
+
+mod force;
+mod noise;
+mod positions;
+mod quick_fit;
+mod sizes;
+mod switches;
+mod times;
+mod zero;
+
+use base::error::{Error, Place, Result};
+use documents::check::{CheckSummary, Contradiction};
+use record::{Apparatus, Experiment, ExperimentFiles, ForceRule, Record, Understood};
+
+use crate::monitor::Monitor;
+use figures::number::listed;
+use quick_fit::{QuickFit, quick_fit};
+
+/// An experiment, and what every look shares.
+struct Looked<'a> {
+    experiment: &'a Experiment,
+    understood: &'a Understood,
+    record: &'a Record,
+    /// Known or estimated noise in m, and no more than a quick fit leaves; 0 where nothing is known.
+    noise_m: f64,
+    /// Spread of the positions in m, without the largest and smallest hundredth.
+    range_m: f64,
+    /// The quick fit under the record's own rule.
+    fit: Option<QuickFit>,
+}
+
+/// Share of the positions on either side that a range leaves out.
+const TAIL: f64 = 0.01;
+
+impl<'a> Looked<'a> {
+    fn new(experiment: &'a Experiment, understood: &'a Understood) -> Self {
+        let record = &experiment.record;
+        let fit = quick_fit(record, record.force_rule);
+        let estimated_m = || experiment.noise_yardstick().map(|yardstick| yardstick.sd_m);
+        let left_m = fit.as_ref().map(|fit| fit.left_sd_m);
+        let noise_m = experiment.noise_sd_m.or_else(|| match (estimated_m(), left_m) {
+            (Some(estimated_m), Some(left_m)) => Some(estimated_m.min(left_m)),
+            (estimated_m, left_m) => estimated_m.or(left_m),
+        });
+        let mut positions: Vec<f64> = record.position_m.iter().flatten().copied().collect();
+        positions.sort_unstable_by(f64::total_cmp);
+        let at = |share: f64| positions.get((share * positions.len() as f64) as usize).copied().unwrap_or(0.0);
+        let range_m = if positions.is_empty() { 0.0 } else { at(1.0 - TAIL - 1e-9) - at(TAIL) };
+        Self { experiment, understood, record, noise_m: noise_m.unwrap_or(0.0), range_m, fit }
+    }
+}
+
+/// One contradiction.
+fn found(kind: &str, certain: bool, text: String, advice: impl Into<String>) -> Contradiction {
+    Contradiction { kind: kind.into(), certain, text, advice: advice.into() }
+}
+
+/// Micrometres for people.
+fn um(metres: f64) -> String {
+    figures::number::significant(1e6 * metres, 3)
+}
+
+/// What contradicts the description, the certain first.
+pub fn contradictions(experiment: &Experiment, understood: &Understood) -> Vec<Contradiction> {
+    let looked = Looked::new(experiment, understood);
+    let looks = [
+        force::between_rows,
+        force::curved,
+        force::against,
+        zero::off,
+        zero::is_a_row,
+        zero::drifts_at_rest,
+        sizes::no_gel,
+        sizes::leaves_its_container,
+        noise::above_the_motion,
+        times::units,
+        times::few_rows,
+        positions::clipped,
+        positions::repeated,
+        switches::between_rows,
+    ];
+    // The quick fit takes positions for linear in the force, which an indenter's depth is not, and its contact is found where it is read.
+    let of_indenter = [times::units, positions::clipped, positions::repeated];
+    let looks = if matches!(experiment.apparatus, Apparatus::Indenter(_)) { &of_indenter[..] } else { &looks[..] };
+    let mut all: Vec<Contradiction> = looks.iter().filter_map(|look| look(&looked)).collect();
+    all.sort_by_key(|contradiction| !contradiction.certain);
+    all
+}
+
+/// Refuses what is certain, and says what may be.
+///
+/// # Errors
+/// [`Error::Input`] with the remedy of the first contradiction that is certain.
+pub fn refuse_certain(experiment: &Experiment, understood: &Understood, monitor: &dyn Monitor) -> Result<()> {
+    for contradiction in contradictions(experiment, understood) {
+        let Contradiction { kind, certain, text, advice } = contradiction;
+        if certain {
+            let place = Place::file(experiment.specimen_id.as_str()).at_key(kind);
+            return Err(Error::input(place, text, format!("{advice}; `vitreo-uq check` shows the record")));
+        }
+        monitor.warn(&format!("{text}: {advice}"));
+    }
+    Ok(())
+}
+
+/// What was understood, and what contradicts it.
+pub fn summary(experiment: &Experiment, files: &ExperimentFiles) -> CheckSummary {
+    CheckSummary {
+        experiment: experiment.specimen_id.clone(),
+        understood: documents::check::UnderstoodRecord {
+            rows: experiment.record.n_samples(),
+            positions: experiment.record.position_m.iter().flatten().count(),
+            cycles: experiment.record.n_cycles(),
+            sentences: sentences(experiment, &files.understood).to_vec(),
+        },
+        contradictions: contradictions(experiment, &files.understood),
+    }
+}
+
+/// What was understood, in five lines.
+fn sentences(experiment: &Experiment, understood: &Understood) -> [String; 5] {
+    let record = &experiment.record;
+    let number = |value: f64| figures::number::significant(value, 3);
+    let scales = experiment.scales();
+    let n_positions = record.position_m.iter().flatten().count();
+    let apparatus = match &experiment.apparatus {
+        Apparatus::Robot { robot, vitreous } => format!(
+            "a robot of {} mm (sphere of its volume) in a vitreous of {} mm, Poisson ratio {}",
+            number(2e3 * robot.shape.equivalent_radius_m()),
+            number(1e3 * vitreous.diameter_m),
+            vitreous.poisson_ratio
+        ),
+        Apparatus::Instrument { compliance_per_m } => {
+            format!("an instrument with a compliance of {} 1/m", number(*compliance_per_m))
+        }
+        Apparatus::Indenter(indenter) => format!(
+            "an indenter, a {} whose depth to the power {} goes with the force",
+            indenter.tip.name(),
+            indenter.exponent()
+        ),
+    };
+    let rule = match (record.force_rule, understood.force_rule_given) {
+        (ForceRule::Hold, true) => "holds until the next row",
+        (ForceRule::Hold, false) => "holds until the next row (not stated, the default)",
+        (ForceRule::Linear, _) => "goes in lines from row to row",
+    };
+    let ends = |values: &mut dyn Iterator<Item = f64>| {
+        let [low, high] = values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)]);
+        format!("{} to {}", number(1e6 * low), number(1e6 * high))
+    };
+    let settled = &understood.settled;
+    let counted = match (&settled.projection, settled.is_reversed, settled.zero_m[0] != 0.0) {
+        (Some(projection), _, _) => format!(
+            ", x and y seen along {}° with {} µm across",
+            number(projection.degrees),
+            um(projection.across_rms_m)
+        ),
+        (None, true, _) => format!(", from {} µm, sign turned", um(settled.zero_m[0])),
+        (None, false, true) => format!(", from {} µm", um(settled.zero_m[0])),
+        (None, false, false) => String::new(),
+    };
+    let left_out = match understood.n_left_out {
+        0 => String::new(),
+        n => format!(", {n} left out"),
+    };
+    let noise = experiment.noise_yardstick().map_or("noise unknown".into(), |yardstick| yardstick.to_string());
+    [
+        format!("{}: {apparatus}", experiment.specimen_id),
+        format!(
+            "{} rows over {} s, {} s apart, {n_positions} with a position{left_out}",
+            record.n_samples(),
+            number(scales.duration_s),
+            number(scales.sample_interval_s)
+        ),
+        format!("force {} µN, which {rule}", ends(&mut record.force_n.iter().copied())),
+        format!("position {} µm{counted}; {noise}", ends(&mut record.position_m.iter().flatten().copied())),
+        format!(
+            "{} cycles of {} s: fitted [{}], held out [{}]",
+            record.n_cycles(),
+            number(scales.cycle_s),
+            listed(&experiment.calibration_cycles),
+            listed(&experiment.heldout_cycles)
+        ),
+    ]
+}

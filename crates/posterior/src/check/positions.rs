@@ -1,0 +1,70 @@
+//! Positions that a tracker did not measure: at the end of its range, or the same as before.
+
+use std::collections::HashMap;
+
+use super::{Looked, found, um};
+use documents::check::Contradiction;
+
+/// Rows at one end that are no chance, as a number and as a share, and how many of them follow each other.
+const CLIPPED: usize = 5;
+const CLIPPED_SHARE: f64 = 0.01;
+const CLIPPED_RUN: usize = 3;
+/// Share of rows that repeat the one before.
+const REPEATED: f64 = 0.25;
+/// A resolution coarser than this share of the noise explains equal positions.
+const COARSE: f64 = 0.5;
+
+/// Smallest difference between unequal positions, in m: the resolution with which they are written.
+fn resolution_m(positions: &[f64]) -> f64 {
+    let mut sorted = positions.to_vec();
+    sorted.sort_unstable_by(f64::total_cmp);
+    sorted.windows(2).map(|pair| pair[1] - pair[0]).filter(|gap| *gap > 0.0).fold(f64::INFINITY, f64::min)
+}
+
+/// Whether the noise moves positions by more than their last digit, so that equal ones say something.
+fn is_fine(looked: &Looked<'_>, positions: &[f64]) -> bool {
+    let noise_m = looked.fit.as_ref().map_or(looked.noise_m, |fit| looked.noise_m.min(fit.left_sd_m));
+    noise_m > 0.0 && resolution_m(positions) < COARSE * noise_m
+}
+
+/// Many positions that are exactly the largest or the smallest.
+pub(super) fn clipped(looked: &Looked<'_>) -> Option<Contradiction> {
+    let positions: Vec<f64> = looked.record.position_m.iter().flatten().copied().collect();
+    if !is_fine(looked, &positions) {
+        return None;
+    }
+    let ends = [f64::max as fn(f64, f64) -> f64, f64::min].map(|end| positions.iter().copied().reduce(end));
+    let (end, n) = ends
+        .into_iter()
+        .flatten()
+        .filter_map(|end| {
+            let is_there: Vec<bool> = positions.iter().map(|x| *x == end).collect();
+            let longest = is_there.split(|there| !there).map(<[bool]>::len).max().unwrap_or(0);
+            let n = is_there.iter().filter(|there| **there).count();
+            (n >= CLIPPED && n as f64 >= CLIPPED_SHARE * positions.len() as f64 && longest >= CLIPPED_RUN)
+                .then_some((end, n))
+        })
+        .max_by_key(|(_, n)| *n)?;
+    let text = format!("{n} positions are exactly {} µm, where the tracker's range seems to end", um(end));
+    Some(found("clipped_positions", false, text, "leave the position empty in these rows: a limit is no measurement"))
+}
+
+/// Positions that repeat the one before, though the noise should have moved them.
+pub(super) fn repeated(looked: &Looked<'_>) -> Option<Contradiction> {
+    let positions: Vec<f64> = looked.record.position_m.iter().flatten().copied().collect();
+    if !is_fine(looked, &positions) {
+        return None;
+    }
+    let mut counts: HashMap<u64, usize> = HashMap::new();
+    positions.iter().for_each(|x| *counts.entry(x.to_bits()).or_default() += 1);
+    // Rows at an end are the other kind's.
+    let most = counts.values().copied().max().unwrap_or(0);
+    let n = positions.windows(2).filter(|pair| pair[0] == pair[1]).count();
+    if n < CLIPPED || (n as f64) < REPEATED * positions.len() as f64 || 2 * most > n {
+        return None;
+    }
+    let text = format!("{n} of {} positions are exactly those of the row before", positions.len());
+    let advice =
+        "leave the position empty where the tracker gave nothing new: the log seems to be faster than the camera";
+    Some(found("repeated_positions", false, text, advice))
+}

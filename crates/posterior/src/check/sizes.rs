@@ -1,0 +1,56 @@
+//! Sizes that contradict each other.
+
+use super::{Looked, found, um};
+use documents::check::Contradiction;
+use figures::number::significant;
+use record::Apparatus;
+
+/// Young's moduli in Pa that something soft enough to be moved, and stiff enough to hold, may have.
+const MODULI_PA: [f64; 2] = [1e-3, 1e7];
+
+/// A displacement that no gel allows a robot of this size.
+pub(super) fn no_gel(looked: &Looked<'_>) -> Option<Contradiction> {
+    let largest_n = looked.record.force_n.iter().fold(0.0_f64, |largest, force| largest.max(force.abs()));
+    if looked.range_m <= 0.0 || largest_n == 0.0 {
+        return None;
+    }
+    let per_pa_m = match &looked.experiment.apparatus {
+        Apparatus::Instrument { compliance_per_m } => compliance_per_m * largest_n,
+        Apparatus::Indenter(_) => return None,
+        Apparatus::Robot { robot, vitreous } => {
+            // A rigid sphere in an unbounded elastic body: F = 24 π μ a (1 − ν)/(5 − 6ν) x. A tenth is enough here.
+            let (nu, radius_m) = (vitreous.poisson_ratio, robot.shape.equivalent_radius_m());
+            let shear_per_young = 0.5 / (1.0 + nu);
+            let stiffness_m = 24.0 * std::f64::consts::PI * shear_per_young * radius_m * (1.0 - nu) / (5.0 - 6.0 * nu);
+            largest_n / stiffness_m
+        }
+    };
+    let modulus_pa = per_pa_m / looked.range_m;
+    if (MODULI_PA[0]..=MODULI_PA[1]).contains(&modulus_pa) {
+        return None;
+    }
+    let text = format!(
+        "a force of {} µN moves the body by {} µm: a Young's modulus of about {} Pa, which no gel has",
+        um(largest_n),
+        um(looked.range_m),
+        significant(modulus_pa, 2)
+    );
+    let advice = "check the units of force and position (mm for µm?) and the sizes in [robot] or [instrument]";
+    Some(found("size_of_the_answer", true, text, advice))
+}
+
+/// A robot that would leave its container.
+pub(super) fn leaves_its_container(looked: &Looked<'_>) -> Option<Contradiction> {
+    let Apparatus::Robot { robot, vitreous } = &looked.experiment.apparatus else { return None };
+    let room_m = 0.5 * vitreous.diameter_m - robot.farthest_point_m();
+    if looked.range_m <= 2.0 * room_m {
+        return None;
+    }
+    let text = format!(
+        "positions range over {} mm, and the robot has {} mm of room in the vitreous",
+        significant(1e3 * looked.range_m, 3),
+        significant(2e3 * room_m, 3)
+    );
+    let advice = "check the position's unit (mm for µm?), and the diameters in [robot] and [vitreous]";
+    Some(found("leaves_its_container", true, text, advice))
+}

@@ -1,0 +1,107 @@
+//! Whether positions count from where the body rests.
+
+use super::quick_fit::median;
+use super::{Looked, found, um};
+use documents::check::Contradiction;
+use record::Line;
+
+/// First positions that are looked at.
+const FIRST: usize = 5;
+/// Distances from zero in noise, and as a share of the positions' range, that are no slip of a tracker.
+const NOISES: f64 = 6.0;
+const SHARE: f64 = 0.03;
+/// The same where the first row has no position.
+const NOISES_WITHOUT_START: f64 = 12.0;
+const SHARE_WITHOUT_START: f64 = 0.15;
+/// Share of themselves by which two looks at the start may differ.
+const AGREE: f64 = 0.5;
+/// Smallest differences of positions in one standard deviation of the noise, at which a position is not 0 by chance.
+const DIGITS: f64 = 50.0;
+/// Rows of rest before the force that can show a drift, and a drift's size in noise, as a share of the positions' range, and in its own standard errors.
+const REST_ROWS: usize = 8;
+const DRIFT_NOISES: f64 = 4.0;
+const DRIFT_SHARE: f64 = 0.02;
+const DRIFT_ERRORS: f64 = 8.0;
+
+/// A record that does not start at zero, though no force has acted: camera coordinates.
+pub(super) fn off(looked: &Looked<'_>) -> Option<Contradiction> {
+    let record = looked.record;
+    let fit = looked.fit.as_ref()?;
+    let first: Vec<(usize, f64)> =
+        (0..fit.motion_m.len()).filter_map(|row| Some((row, record.position_m[row]?))).take(FIRST).collect();
+    // The law's own motion is taken off, so that the force may act from the first row on.
+    let shifted_m = median(first.iter().map(|(row, x)| x - fit.motion_m[*row]).collect())?;
+    let n_rest = record.force_n.iter().take_while(|force| **force == 0.0).count();
+    let rest = median(record.position_m.iter().take(n_rest.max(1)).flatten().copied().collect());
+    let (start_m, noises, share) = match rest {
+        Some(rest_m) => (rest_m, NOISES, SHARE),
+        None => (shifted_m, NOISES_WITHOUT_START, SHARE_WITHOUT_START),
+    };
+    // A single outlier at the start, or a law that fails right after it, is not both.
+    let agree = start_m * shifted_m > 0.0 && (start_m - shifted_m).abs() < AGREE * start_m.abs().max(shifted_m.abs());
+    let off_m = if agree { start_m.abs().min(shifted_m.abs()) } else { 0.0 };
+    if off_m <= (noises * looked.noise_m).max(share * looked.range_m) {
+        return None;
+    }
+    let text = format!(
+        "positions start at {} µm, before the force has moved anything; they range over {} µm with {} µm of noise",
+        um(start_m),
+        um(looked.range_m),
+        um(looked.noise_m)
+    );
+    let advice = "write `zero = \"fit\"` in [measurement], or the position itself";
+    Some(found("zero_off", true, text, advice))
+}
+
+/// A zero that is one row's position, whose noise all others then carry: the first position is nothing to the last digit, where the known noise is many digits wide.
+pub(super) fn is_a_row(looked: &Looked<'_>) -> Option<Contradiction> {
+    let noise_m = looked.experiment.noise_sd_m?;
+    let mut positions: Vec<f64> = looked.record.position_m.iter().flatten().copied().collect();
+    if looked.experiment.fits_position_offset || positions.first() != Some(&0.0) {
+        return None;
+    }
+    positions.sort_unstable_by(f64::total_cmp);
+    let steps = positions.windows(2).map(|pair| pair[1] - pair[0]);
+    let digit_m = steps.filter(|step| *step > 0.0).fold(f64::INFINITY, f64::min);
+    let n_zero = positions.iter().filter(|x| **x == 0.0).count();
+    if n_zero > 1 || digit_m > noise_m / DIGITS {
+        return None;
+    }
+    let text = format!(
+        "the first position is exactly 0, and the noise is {} µm: if that row was subtracted from all, they carry its noise, which shifts what is fitted by many standard errors",
+        um(noise_m)
+    );
+    Some(found(
+        "zero_is_a_row",
+        false,
+        text,
+        "write `zero = \"fit\"` in [measurement], unless 0 is known by other means",
+    ))
+}
+
+/// A body that moves before any force acts.
+pub(super) fn drifts_at_rest(looked: &Looked<'_>) -> Option<Contradiction> {
+    let record = looked.record;
+    let n_rest = record.force_n.iter().take_while(|force| **force == 0.0).count();
+    let rest: Vec<(f64, f64)> =
+        (0..n_rest).filter_map(|row| Some((record.time_s[row], record.position_m[row]?))).collect();
+    if rest.len() < REST_ROWS {
+        return None;
+    }
+    let line = Line::through(rest.iter().copied());
+    let left: f64 = rest.iter().map(|point| line.excess(*point).powi(2)).sum();
+    let (slope, error) = (line.slope_per_s, (left / (rest.len() as f64 - 2.0) / line.spread_s2).sqrt());
+    let drift_m = slope * (rest[rest.len() - 1].0 - rest[0].0);
+    if drift_m.abs() <= (DRIFT_NOISES * looked.noise_m).max(DRIFT_SHARE * looked.range_m)
+        || slope.abs() <= DRIFT_ERRORS * error
+    {
+        return None;
+    }
+    let text = format!("the position drifts by {} µm at rest, before any force acts", um(drift_m));
+    Some(found(
+        "drift_at_rest",
+        false,
+        text,
+        "look for a drift of the stage or the camera, or a force that is not switched off; `--with tracking-drift` or `--with force-bias` may describe it",
+    ))
+}

@@ -1,0 +1,472 @@
+//! The paper's point estimate: nonlinear least squares on the calibration cycles, checked by one full finite-element run.
+//!
+//! The estimate is of the logarithms of the law's parameters and of its effects' parameters as they are, with analytic derivatives, by the
+//! reduced model; several starts keep it from a local minimum. Priors serve as starts, and say (by all but 2·10⁻⁹ of their mass) how far to search.
+
+use documents::fit::{FitSummary, FittedParameter};
+use std::collections::BTreeMap;
+
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+use super::fitted_rows::{FittedRows, MOST_SEARCHED, SAME_MINIMUM, finished, is_same_minimum};
+use crate::advice::{impossible_positions, mesh_warning, misfit_warning, surrogate_warning};
+use crate::full_check::rmse_m;
+use crate::monitor::Monitor;
+use crate::problem::{Problem, TAIL_MASS};
+use crate::reduced::{KeptSurrogate, Reduced};
+use base::error::{Error, Place, Result};
+use documents::posterior::{Warning, WarningKind};
+use models::effects::EffectParameter;
+use models::model::{Forward, ReducedForward, TrainedRange};
+use sampling::least_squares::{Fit, Residuals, Tolerances, fit};
+
+/// Starts at quantiles of the prior, besides its medians.
+const N_QUANTILE_STARTS: u32 = 15;
+/// Quantiles of the starts lie between this and one minus this.
+const START_TAIL: f64 = 0.02;
+/// Seed of the scrambled Sobol sequence of starts, which are part of the method and not of a run.
+const START_SEED: u32 = 2;
+/// An estimate whose logarithm is closer than this to an end of its range lies there.
+const AT_END: f64 = 0.01;
+/// The spread of a prior leaves this on either side.
+const SPREAD_TAIL: f64 = 0.25;
+/// Step, in a coordinate of the search, of a derivative that has no closed form.
+const FINITE_STEP: f64 = 1e-4;
+/// The same for a parameter that moves by itself, in units of its prior's spread.
+const AT_LINEAR_END: f64 = 1e-6;
+/// Most effects that are held at their nulls in turn.
+const MOST_HELD: usize = 4;
+
+/// The estimate with what is needed to compute with it.
+pub struct FitResult {
+    /// The document for people and scripts.
+    pub summary: FitSummary,
+    /// The reduced model.
+    pub reduced: Reduced,
+    /// All of the model's parameters at the estimate, fixed ones included, SI.
+    pub model_parameters: Vec<f64>,
+    /// Covariance of the estimated parameters in the coordinates of the search (logarithms of the law's), row by row; NaN where the data do not
+    /// determine them.
+    pub covariance: Vec<f64>,
+}
+
+/// Fits the calibration cycles.
+///
+/// # Errors
+/// [`Error::Input`] when every parameter of the model is fixed; otherwise whatever its parts refuse.
+pub fn run(problem: &Problem, kept_surrogate: Option<KeptSurrogate>, monitor: &dyn Monitor) -> Result<FitResult> {
+    let names: Vec<&str> = problem.model.parameters().iter().map(|p| p.name).collect();
+    let free: Vec<usize> = (0..names.len()).filter(|&j| !problem.specification.fixed.contains_key(names[j])).collect();
+    if free.is_empty() {
+        return Err(Error::input(
+            Place::option("--set"),
+            "every parameter of the model is fixed, so nothing is left to fit",
+            format!("leave one of {} free, or use `simulate`", names.join(", ")),
+        ));
+    }
+    let reduced = Reduced::new(problem, kept_surrogate, monitor)?;
+    monitor.stage("fitting the calibration cycles");
+    let data = best_support(problem, &reduced, &free, &FittedRows::new(problem))?;
+    let (searches, best) = (&data.searches, best_of(&data.searches));
+    let data = &data.residuals;
+    let model_parameters = data.model_parameters(&best.theta);
+    if let Some(outside) = problem.outside() {
+        monitor.stage(&format!("checking by {}", outside.title()));
+    } else if problem.finite_elements().is_some() {
+        monitor.stage("checking by full finite elements");
+    }
+    let reduced_m = problem.reduced_forward(&reduced).trajectory_m(&model_parameters)?;
+    let full = full_run(problem, &reduced_m, &model_parameters)?;
+    let mut summary = summarise(problem, data, &free, searches, best, full);
+    let heldout_m = problem.positions_of(&problem.experiment.heldout_cycles);
+    summary.rmse_heldout_um = heldout_m.iter().any(Option::is_some).then(|| 1e6 * rmse_m(&reduced_m, &heldout_m));
+    let covariance = best.covariance.clone();
+    Ok(FitResult { summary, model_parameters, covariance, reduced })
+}
+
+/// Searches over one set of free parameters.
+struct Searched<'a> {
+    residuals: CreepResiduals<'a>,
+    searches: Vec<Fit>,
+}
+
+/// The better of searches in which effects whose null is an end of their support are free, or held there: a search stops at a wall before it has
+/// found the best of the others, and a model must not fit worse than the one that it contains.
+fn best_support<'a>(
+    problem: &'a Problem,
+    reduced: &'a Reduced,
+    free: &[usize],
+    rows: &FittedRows,
+) -> Result<Searched<'a>> {
+    let search = |held: &BTreeMap<usize, f64>| -> Result<Searched<'a>> {
+        let left: Vec<usize> = free.iter().copied().filter(|j| !held.contains_key(j)).collect();
+        let residuals = CreepResiduals::new(problem, reduced, &left, held, rows);
+        let starts = residuals.starts(problem);
+        let searches = if rows.observed.len() <= MOST_SEARCHED {
+            residuals.search(&starts)?
+        } else {
+            let few = CreepResiduals::new(problem, reduced, &left, held, &rows.thinned(MOST_SEARCHED));
+            finished(&residuals, &few.search(&starts)?, rows.observed.len() as f64 / few.observed.len() as f64)?
+        };
+        Ok(Searched { residuals, searches })
+    };
+    let effects = effects_with_null_at_end(problem, free);
+    let mut best = search(&BTreeMap::new())?;
+    for subset in 1..1_u32 << effects.len().min(MOST_HELD) {
+        let is_held = |(bit, _): &(usize, &BTreeMap<usize, f64>)| subset >> bit & 1 == 1;
+        let held: BTreeMap<usize, f64> =
+            effects.iter().enumerate().filter(is_held).flat_map(|(_, e)| e.clone()).collect();
+        if held.len() == free.len() {
+            continue;
+        }
+        let found = search(&held)?;
+        if best_of(&found.searches).objective <= (1.0 + SAME_MINIMUM) * best_of(&best.searches).objective {
+            best = found;
+        }
+    }
+    Ok(best)
+}
+
+/// For each effect whose null is an end of its support, and whose parameters are all free: the values that switch it off.
+fn effects_with_null_at_end(problem: &Problem, free: &[usize]) -> Vec<BTreeMap<usize, f64>> {
+    let (scales, mut first) = (problem.model.scales(), problem.model.n_before_effects());
+    let mut list = Vec::new();
+    for effect in problem.model.effects() {
+        let own = effect.parameters();
+        let is_at_end = own.first().is_some_and(|p| {
+            (p.null)(scales).is_some_and(|null| null == p.spec.support.lower || null == p.spec.support.upper)
+        });
+        let off = |(i, p): (usize, &EffectParameter)| {
+            (first + i, (p.null)(scales).unwrap_or_else(|| problem.range_of(p.spec.name, 0.5).lower))
+        };
+        let values: BTreeMap<usize, f64> = own.iter().enumerate().map(off).collect();
+        if is_at_end && values.keys().all(|j| free.contains(j)) {
+            list.push(values);
+        }
+        first += own.len();
+    }
+    list
+}
+
+/// How the search moves in a parameter.
+#[derive(Debug, Clone, Copy)]
+enum Coordinate {
+    /// By its logarithm.
+    Logarithm,
+    /// By itself, in units of the spread that its prior gives it.
+    Linear { scale: f64 },
+}
+
+impl Coordinate {
+    fn value(self, theta: f64) -> f64 {
+        match self {
+            Self::Logarithm => theta.exp(),
+            Self::Linear { scale } => scale * theta,
+        }
+    }
+
+    fn theta(self, value: f64) -> f64 {
+        match self {
+            Self::Logarithm => value.ln(),
+            Self::Linear { scale } => value / scale,
+        }
+    }
+
+    /// Derivative of the value.
+    fn slope(self, value: f64) -> f64 {
+        match self {
+            Self::Logarithm => value,
+            Self::Linear { scale } => scale,
+        }
+    }
+}
+
+/// Residuals of the calibration cycles, in m, over the coordinates of the free parameters.
+struct CreepResiduals<'a> {
+    forward: ReducedForward<'a>,
+    /// Model parameters with the fixed values in their places.
+    template: Vec<f64>,
+    /// Indices of the free parameters, and how the search moves in each.
+    free: Vec<(usize, Coordinate)>,
+    /// Range of each of the model's parameters beyond which the search does not go: a long step may else end where the data say nothing.
+    ranges: Vec<TrainedRange>,
+    /// Row and position (m) of what is fitted.
+    observed: Vec<(usize, f64)>,
+}
+
+impl<'a> CreepResiduals<'a> {
+    fn new(
+        problem: &'a Problem,
+        reduced: &'a Reduced,
+        free: &[usize],
+        held: &BTreeMap<usize, f64>,
+        rows: &FittedRows,
+    ) -> Self {
+        let (fixed, specs) = (&problem.specification.fixed, problem.model.parameters());
+        let value = |(j, name): (usize, &str)| held.get(&j).or_else(|| fixed.get(name)).copied().unwrap_or(f64::NAN);
+        let template = specs.iter().map(|p| p.name).enumerate().map(value).collect();
+        let n_law = problem.model.base().parameters().len();
+        let coordinate = |j: usize| {
+            let is_scale = j < n_law && specs[j].support.upper.is_infinite();
+            let spread = problem.range_of(specs[j].name, SPREAD_TAIL);
+            (
+                j,
+                if is_scale {
+                    Coordinate::Logarithm
+                } else {
+                    Coordinate::Linear { scale: spread.upper - spread.lower }
+                },
+            )
+        };
+        Self {
+            forward: problem.reduced_forward_over(reduced, rows.response()),
+            template,
+            free: free.iter().copied().map(coordinate).collect(),
+            ranges: specs.iter().map(|p| range_of(problem, reduced, p.name)).collect(),
+            observed: rows.observed.clone(),
+        }
+    }
+
+    /// Names of the parameters whose estimate lies at an end of its range: a wall, not a minimum.
+    fn at_end_of_range(&self, theta: &[f64]) -> Vec<&str> {
+        let is_at_end = |&(&(j, coordinate), theta): &(&(usize, Coordinate), &f64)| {
+            let range = &self.ranges[j];
+            let near = match coordinate {
+                Coordinate::Logarithm => AT_END,
+                Coordinate::Linear { .. } => AT_LINEAR_END,
+            };
+            [range.lower, range.upper].iter().any(|end| (theta - coordinate.theta(*end)).abs() < near)
+        };
+        self.free.iter().zip(theta).filter(is_at_end).map(|(&(j, _), _)| self.ranges[j].name.as_str()).collect()
+    }
+
+    fn model_parameters(&self, theta: &[f64]) -> Vec<f64> {
+        let mut parameters = self.template.clone();
+        for (&(j, coordinate), theta) in self.free.iter().zip(theta) {
+            // Rounding may leave a bound's logarithm a little beyond the bound.
+            parameters[j] = coordinate.value(*theta).max(self.ranges[j].lower).min(self.ranges[j].upper);
+        }
+        parameters
+    }
+
+    /// The prior's medians, then Sobol points of its quantiles.
+    fn starts(&self, problem: &Problem) -> Vec<Vec<f64>> {
+        let quantile = |(j, coordinate): (usize, Coordinate), probability: f64| {
+            let name = problem.model.parameters()[j].name;
+            let value = problem.starts_of(name).map_or(1.0, |own| own.quantile(probability));
+            coordinate.theta(value)
+        };
+        let medians = self.free.iter().map(|&free| quantile(free, 0.5)).collect();
+        let sobol = |index: u32| {
+            let coordinate = |d: u32| f64::from(sobol_burley::sample(index, d, START_SEED));
+            let inside = |d: u32| START_TAIL + (1.0 - 2.0 * START_TAIL) * coordinate(d);
+            self.free.iter().zip(0_u32..).map(|(&free, d)| quantile(free, inside(d))).collect()
+        };
+        std::iter::once(medians).chain((0..N_QUANTILE_STARTS).map(sobol)).collect()
+    }
+
+    /// Derivative of the trajectory in a coordinate; by a step where there is no other.
+    fn column_m(&self, parameters: &[f64], (j, coordinate): (usize, Coordinate)) -> Option<Vec<f64>> {
+        let slope = coordinate.slope(parameters[j]);
+        if let Ok(column) = self.forward.derivative_m(parameters, j) {
+            return Some(column.iter().map(|x| slope * x).collect());
+        }
+        let is_at_upper_end = !self.ranges[j].contains(parameters[j] + FINITE_STEP * slope);
+        let step = if is_at_upper_end { -FINITE_STEP } else { FINITE_STEP };
+        let mut stepped = parameters.to_vec();
+        stepped[j] += step * slope;
+        let (here, there) = (self.forward.trajectory_m(parameters).ok()?, self.forward.trajectory_m(&stepped).ok()?);
+        Some(here.iter().zip(&there).map(|(a, b)| (b - a) / step).collect())
+    }
+
+    /// Fits from every start; a start at which the model cannot be evaluated is left out unless there is no other.
+    fn search(&self, starts: &[Vec<f64>]) -> Result<Vec<Fit>> {
+        let tolerances = Tolerances::default();
+        let found: Vec<Result<Fit>> = starts.par_iter().map(|start| fit(self, start, &tolerances)).collect();
+        let (mut fits, mut refusal) = (Vec::new(), None);
+        for search in found {
+            match search {
+                Ok(fit) => fits.push(fit),
+                Err(error) => refusal = refusal.or(Some(error)),
+            }
+        }
+        match refusal {
+            Some(error) if fits.is_empty() => Err(error),
+            _ => Ok(fits),
+        }
+    }
+}
+
+impl Residuals for CreepResiduals<'_> {
+    fn residuals(&self, theta: &[f64]) -> Option<DVector<f64>> {
+        let parameters = self.model_parameters(theta);
+        let position_m = self.forward.trajectory_m(&parameters).ok()?;
+        Some(DVector::from_iterator(self.observed.len(), self.observed.iter().map(|&(row, y)| position_m[row] - y)))
+    }
+
+    fn jacobian(&self, theta: &[f64]) -> Option<DMatrix<f64>> {
+        let parameters = self.model_parameters(theta);
+        let columns: Option<Vec<Vec<f64>>> = self.free.iter().map(|&free| self.column_m(&parameters, free)).collect();
+        let columns = columns?;
+        Some(DMatrix::from_fn(self.observed.len(), self.free.len(), |i, k| columns[k][self.observed[i].0]))
+    }
+
+    fn bounds(&self, coordinate: usize) -> (f64, f64) {
+        let (j, coordinate) = self.free[coordinate];
+        (coordinate.theta(self.ranges[j].lower), coordinate.theta(self.ranges[j].upper))
+    }
+}
+
+/// The lowest objective; among equal ones a converged search.
+fn best_of(searches: &[Fit]) -> &Fit {
+    let lower = |a: &Fit, b: &Fit| {
+        if is_same_minimum(a, b) && a.converged != b.converged { a.converged } else { a.objective < b.objective }
+    };
+    searches.iter().fold(&searches[0], |best, next| if lower(next, best) { next } else { best })
+}
+
+/// Where the search for a parameter goes: its prior's range, or the box that another program was learnt in.
+fn range_of(problem: &Problem, reduced: &Reduced, name: &str) -> TrainedRange {
+    let learnt = reduced.trained.iter().find(|range| range.name == name && problem.outside().is_some());
+    learnt.cloned().unwrap_or_else(|| problem.range_of(name, TAIL_MASS))
+}
+
+/// What a full-order run at the estimate says, over the whole record.
+struct FullRun {
+    /// Largest distance of the reduced from the full-order trajectory, in m.
+    distance_m: f64,
+    /// Largest displacement that the mesh's error makes, in m; `None` where it is not known.
+    discretisation_m: Option<f64>,
+}
+
+/// One full-order run; `None` without finite elements.
+fn full_run(problem: &Problem, reduced_m: &[f64], model_parameters: &[f64]) -> Result<Option<FullRun>> {
+    let distance_m = |full_m: &[f64]| full_m.iter().zip(reduced_m).fold(0.0, |d: f64, (x, y)| d.max((x - y).abs()));
+    if let Some(outside) = problem.outside_forward() {
+        let distance_m = distance_m(&outside.trajectory_m(model_parameters)?);
+        return Ok(Some(FullRun { distance_m, discretisation_m: None }));
+    }
+    let Some(full) = problem.full_forward()? else { return Ok(None) };
+    let full_m = full.trajectory_m(model_parameters)?;
+    let distance_m = distance_m(&full_m);
+    let amplitude_m = full_m.iter().fold(0.0, |a: f64, x| a.max(x.abs()));
+    let comparison = problem.finite_elements().and_then(|fe| fe.comparison);
+    let relative = comparison.map(|other| other.relative_error(full.compliance_per_m()).abs());
+    Ok(Some(FullRun { distance_m, discretisation_m: relative.map(|error| error * amplitude_m) }))
+}
+
+fn summarise(
+    problem: &Problem,
+    data: &CreepResiduals,
+    free: &[usize],
+    searches: &[Fit],
+    best: &Fit,
+    full: Option<FullRun>,
+) -> FitSummary {
+    let n = data.observed.len();
+    let estimate = |&j: &usize| {
+        let name = problem.model.parameters()[j].name.to_string();
+        let Some((k, &(_, coordinate))) = data.free.iter().enumerate().find(|(_, (index, _))| *index == j) else {
+            return FittedParameter { name, value: data.template[j], standard_error: None };
+        };
+        let value = coordinate.value(best.theta[k]);
+        // Delta method.
+        let error = coordinate.slope(value) * best.standard_errors[k];
+        let standard_error = Some(error).filter(|error| error.is_finite());
+        FittedParameter { name, value, standard_error }
+    };
+    let at_null: Vec<&str> = free
+        .iter()
+        .filter(|j| data.free.iter().all(|(index, _)| index != *j))
+        .map(|&j| problem.model.parameters()[j].name)
+        .collect();
+    let yardstick = problem.experiment.noise_yardstick();
+    let specification = &problem.specification;
+    let mut summary = FitSummary {
+        experiment: problem.experiment.specimen_id.clone(),
+        model: specification.summary(),
+        fixed: specification.fixed.clone(),
+        parameters: free.iter().map(estimate).collect(),
+        objective_m2: best.objective,
+        rmse_um: 1e6 * (best.objective / n as f64).sqrt(),
+        rmse_heldout_um: None,
+        fitted_positions: n,
+        noise_um: yardstick.map(|y| 1e6 * y.sd_m),
+        iterations: best.iterations,
+        converged: best.converged,
+        starts: searches.len(),
+        starts_agreeing: searches.iter().filter(|search| is_same_minimum(search, best)).count(),
+        surrogate_vs_fe_max_um: full.as_ref().map(|full| 1e6 * full.distance_m),
+        fe_discretisation_um: full.as_ref().and_then(|full| full.discretisation_m).map(|x| 1e6 * x),
+        warnings: Vec::new(),
+    };
+    let at_end = data.at_end_of_range(&best.theta);
+    summary.converged &= at_end.is_empty();
+    summary.warnings = warnings(&summary, &at_end, &at_null, impossible_positions(&problem.experiment));
+    summary.warnings.extend(problem.finite_elements().into_iter().flat_map(|fe| fe.mesh_warnings.clone()));
+    summary
+}
+
+fn warnings(
+    summary: &FitSummary,
+    at_end: &[&str],
+    at_null: &[&str],
+    impossible_positions: Option<Warning>,
+) -> Vec<Warning> {
+    let units_first = !at_end.is_empty() || impossible_positions.is_some();
+    let mut list: Vec<Warning> = impossible_positions.into_iter().collect();
+    if !at_null.is_empty() {
+        list.push(Warning {
+            kind: WarningKind::AtNull,
+            text: format!(
+                "no better fit has {} away from the null: the fitted cycles do not ask for it",
+                at_null.join(", ")
+            ),
+            advice: "leave the effect out, or look at its posterior (`sample --with`, `extend --with`)".into(),
+        });
+    }
+    if !at_end.is_empty() {
+        list.push(Warning {
+            kind: WarningKind::NotConverged,
+            text: format!("the search ran to the end of the prior's range of {}", at_end.join(", ")),
+            advice:
+                "check the units of force and position first; the data may not determine it: fix a parameter (--set), or give a prior that reaches farther (--prior)"
+                    .into(),
+        });
+    } else if !summary.converged {
+        list.push(Warning {
+            kind: WarningKind::NotConverged,
+            text: format!("the search had not converged after {} steps", summary.iterations),
+            advice: "the data may not determine every parameter: look at the standard errors, or fix one (--set)"
+                .into(),
+        });
+    }
+    let undetermined: Vec<&str> = summary
+        .parameters
+        .iter()
+        .filter(|p| p.standard_error.is_none())
+        .map(|p| p.name.as_str())
+        .filter(|name| !at_null.contains(name))
+        .collect();
+    if !undetermined.is_empty() {
+        list.push(Warning {
+            kind: WarningKind::Undetermined,
+            text: format!("the fitted cycles do not determine all of {}", undetermined.join(", ")),
+            advice: "fix one of them (--set), or fit cycles in which the force is held longer and switched".into(),
+        });
+    }
+    if let Some(noise_um) = summary.noise_um {
+        list.extend(misfit_warning(&[("fitted", Some(summary.rmse_um))], noise_um));
+        let distance_um = summary.surrogate_vs_fe_max_um.unwrap_or(0.0);
+        list.extend(surrogate_warning(distance_um, None, noise_um, &summary.model));
+        if summary.surrogate_vs_fe_max_um.is_some() && !summary.model.is_outside() {
+            list.extend(mesh_warning(summary.fe_discretisation_um, noise_um, units_first));
+        }
+    }
+    list
+}
+
+#[cfg(test)]
+#[path = "fit_tests.rs"]
+mod tests;

@@ -1,0 +1,58 @@
+//! Gradient of the log-posterior over natural parameters, for samplers that follow it.
+
+use super::likelihood::{Source, sources};
+use super::noise::NoiseLikelihood;
+use super::prior::PriorSet;
+use base::error::Result;
+use models::model::{Forward, ReducedForward};
+
+/// The gradient of [`super::likelihood::ReducedPosterior::log_density_natural`]: exact sensitivities of the reduced model's trajectory, differences of the
+/// noise's filter, and closed forms of the priors.
+pub struct PosteriorGradient<'a> {
+    /// The model up to the last compared row.
+    forward: ReducedForward<'a>,
+    noise: NoiseLikelihood,
+    priors: &'a PriorSet,
+    /// The model's parameters in order, then the noise's.
+    sources: Vec<Source>,
+}
+
+impl<'a> PosteriorGradient<'a> {
+    /// Joins the parts of a posterior; `fixed` holds the parameters that have no prior.
+    pub fn new(
+        forward: ReducedForward<'a>,
+        noise: NoiseLikelihood,
+        priors: &'a PriorSet,
+        fixed: &std::collections::BTreeMap<String, f64>,
+    ) -> Self {
+        let sources = sources(forward.model, noise.model(), priors, fixed);
+        Self { forward, noise, priors, sources }
+    }
+
+    /// One derivative a sampled parameter, a unit of it, in the priors' order, at natural values in that order.
+    ///
+    /// # Errors
+    /// Those of [`ReducedForward::derivative_along_m`]: where the log-density is −∞, and where the trajectory has no derivative.
+    pub fn gradient(&self, point: &[f64]) -> Result<Vec<f64>> {
+        let value = |source: &Source| match *source {
+            Source::Sampled(index) => point[index],
+            Source::Fixed(value) => value,
+        };
+        let values: Vec<f64> = self.sources.iter().map(value).collect();
+        let (of_model, of_noise) = values.split_at(self.forward.model.parameters().len());
+        let position_m = self.forward.trajectory_m(of_model)?;
+        let priors = self.priors.priors().iter().zip(point);
+        let mut gradient: Vec<f64> = priors.map(|(prior, x)| prior.distribution.ln_pdf_slope(*x)).collect();
+        for (place, source) in self.sources.iter().enumerate() {
+            let Source::Sampled(index) = *source else { continue };
+            gradient[index] += match place.checked_sub(of_model.len()) {
+                Some(noise) => self.noise.slope_in(&position_m, of_noise, noise),
+                None => {
+                    let direction_m = self.forward.derivative_m(of_model, place)?;
+                    self.noise.slope_along(&position_m, &direction_m, of_noise)
+                }
+            };
+        }
+        Ok(gradient)
+    }
+}

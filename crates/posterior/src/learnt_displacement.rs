@@ -1,0 +1,223 @@
+//! Large displacements learnt for an experiment's record, and kept: what `large-displacement` asks for in place of a reduced model of the gel.
+
+use std::sync::Arc;
+
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+use sha2::{Digest, Sha256};
+
+use super::cache;
+use super::problem::Problem;
+use crate::monitor::{Counter, Monitor};
+use crate::study::ModelSpecification;
+use base::error::{Error, Result};
+use base::number::Dual;
+use elements::fe::oldroyd::{Fineness, FiniteGel, FiniteLaw, FiniteRun};
+use laws::rheology::Element;
+use laws::stages::{Stages, Stepped};
+use models::effects::{Library, MOBILITY};
+use models::model::{Compliance, Forward, ReducedForward, Response};
+use models::surrogate::trajectory::{LargeScope, LargeStepper, LargeSurface, Mobilities};
+use record::Record;
+use sampling::least_squares::{Residuals, Tolerances, fit};
+
+/// Changes of the force beyond which nothing is run: each takes a fraction of a second, and a force that goes in lines changes at every row.
+pub(crate) const MOST_SWITCHES: usize = 64;
+/// Starts at quantiles of the prior, besides its medians.
+const N_STARTS: u32 = 7;
+/// Seed of their scrambled Sobol sequence: the starts are part of the method.
+const START_SEED: u32 = 7;
+/// Quantiles of the starts lie between this and one minus this.
+const START_TAIL: f64 = 0.1;
+
+/// How often a force (N, at every row) changes.
+pub(crate) fn n_switches(force_n: &[f64]) -> usize {
+    force_n.windows(2).filter(|pair| pair[0] != pair[1]).count()
+}
+
+fn refuse_many_switches(record: &Record) -> Result<()> {
+    let n = n_switches(&record.force_n);
+    if n <= MOST_SWITCHES {
+        return Ok(());
+    }
+    Err(Error::numerical(
+        format!("the force changes {n} times, and large displacements are run for {MOST_SWITCHES} changes at most"),
+        "leave `large-displacement` out, or hold the force for longer",
+    ))
+}
+
+/// What answers for large displacements in a record, about a law (SI, in the order of the base's parameters), and its largest error relative to the displacement; `with_load` where the force may be another than is
+/// commanded.
+///
+/// # Errors
+/// [`Error::Numerical`] where there is no sphere at the centre, or where [`LargeSurface::learn`] refuses.
+pub fn learnt(problem: &Problem, law: &[f64], with_load: bool, monitor: &dyn Monitor) -> Result<(Stepped, f64)> {
+    let (_, surface) = surface(problem, law, with_load, monitor)?;
+    let (record, error) = (&problem.experiment.record, surface.certified());
+    let stepper = LargeStepper::new(surface, &record.time_s, record.force())?;
+    Ok((Stepped(Arc::new(stepper)), error))
+}
+
+/// What [`learnt`] is made of, with its hash: kept, or learnt now.
+///
+/// # Errors
+/// As [`learnt`].
+pub fn surface(
+    problem: &Problem,
+    law: &[f64],
+    with_load: bool,
+    monitor: &dyn Monitor,
+) -> Result<(String, LargeSurface)> {
+    let Some(ball) = problem.finite_elements().and_then(|fe| fe.sizes.ball) else { return Err(no_sphere()) };
+    let elements = problem.model.base().elements(&law.iter().copied().map(Dual::constant).collect::<Vec<Dual>>());
+    let record = &problem.experiment.record;
+    refuse_many_switches(record)?;
+    let radii_m = [ball.robot_radius_m, ball.outer_radius_m];
+    // For a model that is yet to have the effect, its mobility is held at its null.
+    let is_free = problem.specification.freed.iter().any(|name| name == MOBILITY);
+    let mobilities = match problem.specification.fixed.get(MOBILITY) {
+        Some(mobility) => Mobilities::Held(*mobility),
+        None if is_free => Mobilities::Free,
+        None => Mobilities::OLDROYD_B,
+    };
+    // What was learnt with loads serves without them.
+    let scopes = [true, false].map(|with_load| LargeScope { mobilities, with_load });
+    let suited = scopes.into_iter().filter(|scope| scope.with_load || !with_load);
+    let hash_of = |scope| built_from(radii_m, (&elements, scope), record);
+    for scope in suited {
+        let hash = hash_of(scope)?;
+        if let Some(kept) = cache::read::<LargeSurface>(&hash) {
+            return Ok((hash, kept));
+        }
+    }
+    monitor.stage("learning large displacements from full runs of this record");
+    let scope = LargeScope { mobilities, with_load };
+    let counter = Counter::new(monitor, LargeSurface::n_runs(&elements, scope));
+    let done = || counter.add_one();
+    let learnt = LargeSurface::learn(radii_m, (&elements, scope), &record.time_s, record.force(), &done)?;
+    let hash = hash_of(scope)?;
+    cache::write(&hash, &learnt);
+    Ok((hash, learnt))
+}
+
+/// By how much (m, at every row) the robot would be farther than with small strains in a gel of the base law at these parameters, by one full run of some seconds.
+///
+/// # Errors
+/// [`Error::Numerical`] where there is no sphere at the centre, the law has a springpot, or the robot goes too far to be followed.
+pub fn deviation_m(problem: &Problem, law: &[f64]) -> Result<Vec<f64>> {
+    let Some(ball) = problem.finite_elements().and_then(|fe| fe.sizes.ball) else { return Err(no_sphere()) };
+    let elements = problem.model.base().elements(&law.iter().copied().map(Dual::constant).collect::<Vec<Dual>>());
+    refuse_many_switches(&problem.experiment.record)?;
+    let mobility = 0.0;
+    let law = FiniteLaw::new(&elements, mobility).ok_or_else(|| {
+        Error::numerical("large displacements are not run for springpots", "leave `large-displacement` out")
+    })?;
+    let gel = FiniteGel::around_sphere(ball.robot_radius_m, ball.outer_radius_m, Fineness::ESTIMATE)?;
+    let (record, load) = (&problem.experiment.record, Stages::of_law(Vec::new()).load);
+    let what = FiniteRun { law: &law, load: &load, time_s: &record.time_s, force: record.force() };
+    Ok(gel.run(&what)?.deviation_m)
+}
+
+fn no_sphere() -> Error {
+    Error::numerical("large displacements are run around a sphere at the centre", "leave `large-displacement` out")
+}
+
+fn built_from(radii_m: [f64; 2], (law, scope): (&[Element], LargeScope), record: &Record) -> Result<String> {
+    let mut hash = Sha256::new();
+    hash.update(env!("CARGO_PKG_VERSION"));
+    let force = record.force();
+    hash.update(format!("large {radii_m:?} {:?} {scope:?} {:?}", LargeSurface::place(law, scope)?, force.rule));
+    record.time_s.iter().chain(force.at_rows_n).for_each(|x| hash.update(x.to_le_bytes()));
+    Ok(hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
+}
+
+/// The base law that comes nearest to the calibration cycles with small strains, with the parameters that are fixed at their values.
+///
+/// # Errors
+/// [`Error::Input`] where the base alone is no model of the experiment; [`Error::Numerical`] where it cannot be computed at any start.
+pub fn nearest_law(problem: &Problem, compliance: &Compliance) -> Result<Vec<f64>> {
+    let specification = ModelSpecification { effects: Vec::new(), ..problem.specification.clone() };
+    let base = problem.with_model(specification, &Library::default())?;
+    let record = &base.experiment.record;
+    let observed = base.positions_of(&base.experiment.calibration_cycles);
+    let observed: Vec<(usize, f64)> = observed.iter().enumerate().filter_map(|(row, y)| Some((row, (*y)?))).collect();
+    let n_law = base.model.base().parameters().len();
+    let names: Vec<&str> = base.model.parameters().iter().map(|p| p.name).collect();
+    let fixed = &base.specification.fixed;
+    let template: Vec<f64> = names.iter().map(|name| fixed.get(*name).copied().unwrap_or(f64::NAN)).collect();
+    let free: Vec<usize> = (0..names.len()).filter(|k| template[*k].is_nan()).collect();
+    if free.iter().all(|k| *k >= n_law) {
+        return Ok(template[..n_law].to_vec());
+    }
+    let response = Response::new(&record.time_s, record.force(), record.n_rows());
+    let forward = ReducedForward { model: &base.model, compliance: compliance.clone(), response, trained: &[] };
+    let scale_m = base.experiment.scales().position_range_m;
+    let residuals = Distances { forward, template, free: &free, n_law, scale_m, observed };
+    let start = |quantile: &dyn Fn(usize) -> f64| -> Vec<f64> {
+        let of = |(place, k): (usize, &usize)| match base.priors.get(names[*k]) {
+            Some(prior) if *k < n_law => prior.distribution.quantile(quantile(place)).ln(),
+            _ => 0.0,
+        };
+        free.iter().enumerate().map(of).collect()
+    };
+    let sobol = |index: u32| {
+        let coordinate = |place: usize| f64::from(sobol_burley::sample(index, place as u32, START_SEED));
+        start(&|place| START_TAIL + (1.0 - 2.0 * START_TAIL) * coordinate(place))
+    };
+    let starts: Vec<Vec<f64>> = std::iter::once(start(&|_| 0.5)).chain((0..N_STARTS).map(sobol)).collect();
+    let tolerances = Tolerances::default();
+    let fits: Vec<Result<_>> = starts.par_iter().map(|start| fit(&residuals, start, &tolerances)).collect();
+    let (mut best, mut refusal) = (None, None);
+    for found in fits {
+        match found {
+            Ok(fit) if best.as_ref().is_none_or(|(objective, _)| fit.objective < *objective) => {
+                best = Some((fit.objective, fit.theta));
+            }
+            Ok(_) => {}
+            Err(error) => refusal = refusal.or(Some(error)),
+        }
+    }
+    match (best, refusal) {
+        (Some((_, theta)), _) => Ok(residuals.parameters(&theta)[..n_law].to_vec()),
+        (None, Some(error)) => Err(error),
+        (None, None) => Err(Error::numerical("the law was fitted from no start", "give positions")),
+    }
+}
+
+/// Distances (m) of the base's positions from the measured ones: over logarithms of the law's parameters, and of an offset in units of the positions' range.
+struct Distances<'a> {
+    forward: ReducedForward<'a>,
+    template: Vec<f64>,
+    free: &'a [usize],
+    n_law: usize,
+    scale_m: f64,
+    observed: Vec<(usize, f64)>,
+}
+
+impl Distances<'_> {
+    fn parameters(&self, theta: &[f64]) -> Vec<f64> {
+        let mut parameters = self.template.clone();
+        for (k, theta) in self.free.iter().zip(theta) {
+            parameters[*k] = if *k < self.n_law { theta.exp() } else { self.scale_m * theta };
+        }
+        parameters
+    }
+}
+
+impl Residuals for Distances<'_> {
+    fn residuals(&self, theta: &[f64]) -> Option<DVector<f64>> {
+        let position_m = self.forward.trajectory_m(&self.parameters(theta)).ok()?;
+        Some(DVector::from_iterator(self.observed.len(), self.observed.iter().map(|(row, y)| position_m[*row] - y)))
+    }
+
+    fn jacobian(&self, theta: &[f64]) -> Option<DMatrix<f64>> {
+        let parameters = self.parameters(theta);
+        let column = |k: &usize| {
+            let slope = if *k < self.n_law { parameters[*k] } else { self.scale_m };
+            let column = self.forward.derivative_m(&parameters, *k).ok()?;
+            Some(column.into_iter().map(|x| slope * x).collect::<Vec<f64>>())
+        };
+        let columns: Vec<Vec<f64>> = self.free.iter().map(column).collect::<Option<_>>()?;
+        Some(DMatrix::from_fn(self.observed.len(), columns.len(), |i, k| columns[k][self.observed[i].0]))
+    }
+}

@@ -1,0 +1,159 @@
+//! What stands for another program in one record: its trajectories about where the data lead, to a share of the noise.
+
+mod nearest;
+
+use std::sync::Arc;
+
+use super::outside::{Ground, Outside};
+use super::problem::{Problem, TAIL_MASS};
+use crate::monitor::{Counter, Monitor};
+use base::error::{Error, Result};
+use laws::stages::Stepped;
+use models::model::TrainedRange;
+use models::surrogate::trajectory::{
+    Clock, OUTSIDE_MOST_POINTS, OUTSIDE_TOLERANCE, OutsideLesson, OutsideStepper, OutsideSurface,
+};
+use nearest::nearest;
+use record::Force;
+
+/// Half the box's width in standard deviations of a logarithm: effects that are added move parameters by several, and by twenty where the base misses the data by far. Where polynomials do not do, the next one is tried.
+const WIDTHS: [f64; 4] = [32.0, 16.0, 10.0, 6.0];
+/// Half widths are rounded up to powers of this, and middles to shares of the width, so that fits that differ by little are served by the same answers.
+const WIDTH_STEP: f64 = std::f64::consts::SQRT_2;
+const CENTRE_SHARE: f64 = 0.25;
+/// Narrowest half width, in standard deviations of the prior.
+const NARROWEST: f64 = 0.05;
+/// Prior mass on either side of one standard deviation.
+const ONE_SD: f64 = 0.1587;
+/// Errors over the noise that are allowed at most where the model misses the data by more than the noise.
+const LARGEST_BESIDE_MISFIT: f64 = 0.2;
+/// Errors over the noise beyond which nothing is concluded.
+const LARGEST_ERROR: f64 = 0.5;
+/// Noise that is assumed where none is known, over the range of positions.
+const UNKNOWN_NOISE: f64 = 1e-3;
+
+/// What was learnt.
+pub struct Learnt {
+    /// Answers in place of the program.
+    pub stepper: Stepped,
+    /// The box.
+    pub trained: Vec<TrainedRange>,
+    /// Largest error at points that trained nothing, over the noise.
+    pub over_noise: f64,
+}
+
+/// Learns the program about where the calibration cycles lead; `with_load` where the force may be another than is commanded.
+///
+/// # Errors
+/// [`Error::Numerical`] with the server's words, or where polynomials miss it by more than half of the noise.
+pub fn learnt(problem: &Problem, outside: &Outside, with_load: bool, monitor: &dyn Monitor) -> Result<Learnt> {
+    let record = &problem.experiment.record;
+    let specs = problem.model.base().parameters();
+    let ranges: Vec<TrainedRange> = specs.iter().map(|spec| problem.range_of(spec.name, TAIL_MASS)).collect();
+    let free: Vec<usize> = (0..ranges.len()).filter(|k| ranges[*k].lower < ranges[*k].upper).collect();
+    let template: Vec<f64> = ranges.iter().map(|range| range.lower).collect();
+    let yardstick = problem.experiment.noise_yardstick().map(|yardstick| yardstick.sd_m);
+    let noise_m = yardstick.unwrap_or(UNKNOWN_NOISE * problem.experiment.scales().position_range_m);
+    // A box that serves one model of the experiment serves all.
+    let (boxes, allowed): (Vec<Vec<TrainedRange>>, f64) = match (outside.learnt_in(), &free[..]) {
+        (Some(Ground { trained, allowed }), _) => {
+            (vec![ranges.iter().zip(trained).map(|(own, kept)| within(own, kept)).collect()], *allowed)
+        }
+        (None, []) => (vec![ranges.clone()], OUTSIDE_TOLERANCE),
+        (None, _) => {
+            monitor.stage(&format!("asking {} where the data lead", outside.title()));
+            let found = nearest(problem, outside, &template, &free, noise_m, &WIDTHS)?;
+            let boxes = found.reaches.iter().map(|reaches| box_about(problem, &ranges, &free, &found.ln, reaches));
+            // A posterior that a narrow box cuts off is worse than an error that is small beside what the model misses.
+            let allowed = (OUTSIDE_TOLERANCE * found.over_noise).clamp(OUTSIDE_TOLERANCE, LARGEST_BESIDE_MISFIT);
+            (boxes.collect(), allowed)
+        }
+    };
+    let (time_s, force) = (&record.time_s[..], record.force());
+    let clock = if with_load { Clock::finer(time_s, force) } else { Clock::of_rows(time_s) };
+    let ask = |parameters: &[f64], force_n: &[f64]| {
+        outside.position_m(parameters, &clock.time_s, Force { at_rows_n: force_n, ..force })
+    };
+    let mut best: Option<(OutsideSurface, Vec<TrainedRange>)> = None;
+    for trained in boxes {
+        let ends: Vec<(f64, f64)> = trained.iter().map(|range| (range.lower, range.upper)).collect();
+        monitor.stage(&format!("learning {}", outside.title()));
+        let counter = Counter::new(monitor, OUTSIDE_MOST_POINTS);
+        let lesson = OutsideLesson { ends: &ends, clock: &clock, time_s, force, noise_m, with_load };
+        let surface = OutsideSurface::learn(&lesson, &ask, &|| counter.add_one())?;
+        let is_better = best.as_ref().is_none_or(|(other, _)| surface.certified() < other.certified());
+        let is_done = surface.certified() <= allowed || free.is_empty();
+        if is_better {
+            best = Some((surface, trained));
+        }
+        if is_done {
+            break;
+        }
+    }
+    let Some((surface, trained)) = best else {
+        return Err(Error::numerical("nothing was learnt", "give a prior of every parameter"));
+    };
+    let over_noise = surface.certified();
+    if over_noise.is_nan() || over_noise > LARGEST_ERROR {
+        return Err(Error::numerical(
+            format!(
+                "what was learnt of {} from {} answers misses others by {over_noise:.2} of the noise, and {LARGEST_ERROR} is the most that anything is concluded from",
+                outside.title(),
+                surface.n_points()
+            ),
+            "narrow the prior (--prior), hold parameters that the data do not determine (--set), or smooth what is rough in the model",
+        ));
+    }
+    if over_noise > allowed {
+        monitor.warn(&format!(
+            "what was learnt of {} misses answers that trained nothing by up to {over_noise:.2} of the noise, more than {allowed:.2}: narrow the prior, or hold a parameter, for a closer one",
+            outside.title()
+        ));
+    }
+    let ends: Vec<(f64, f64)> = trained.iter().map(|range| (range.lower, range.upper)).collect();
+    let lesson = OutsideLesson { ends: &ends, clock: &clock, time_s, force, noise_m, with_load };
+    let stepper = Stepped(Arc::new(OutsideStepper::new(surface, &lesson)));
+    outside.keep_ground(Ground { trained: trained.clone(), allowed });
+    Ok(Learnt { stepper, trained, over_noise })
+}
+
+/// What a model asks for of a box: the value that it holds, or the box's range.
+fn within(own: &TrainedRange, kept: &TrainedRange) -> TrainedRange {
+    if own.lower == own.upper || kept.lower == kept.upper { own.clone() } else { kept.clone() }
+}
+
+/// The box that reaches so far down and up from where the data lead.
+fn box_about(
+    problem: &Problem,
+    ranges: &[TrainedRange],
+    free: &[usize],
+    ln: &[f64],
+    reaches: &[[f64; 2]],
+) -> Vec<TrainedRange> {
+    let mut trained = ranges.to_vec();
+    for ((k, ln), reach) in free.iter().zip(ln).zip(reaches) {
+        let of_prior = problem.range_of(&ranges[*k].name, ONE_SD);
+        let prior_sd = 0.5 * (of_prior.upper / of_prior.lower).ln();
+        trained[*k] = about(&ranges[*k], *ln, reach.map(|reach| reach.max(NARROWEST * prior_sd)));
+    }
+    trained
+}
+
+/// The part of a range from so far below a logarithm to so far above it, or somewhat more, where the range goes on.
+fn about(range: &TrainedRange, ln: f64, [below, above]: [f64; 2]) -> TrainedRange {
+    let (lower, upper) = (range.lower.ln(), range.upper.ln());
+    let (first, last) = ((ln - below).max(lower), (ln + above).min(upper));
+    let half = 0.5 * (last - first);
+    if half.is_nan() || half >= 0.5 * (upper - lower) {
+        return range.clone();
+    }
+    let half = WIDTH_STEP.powf(half.log(WIDTH_STEP).ceil());
+    let step = CENTRE_SHARE * half;
+    let middle = (0.5 * (first + last) / step).round() * step;
+    let inside = |end: f64, prior: f64, is_beyond: bool| if is_beyond { prior } else { end.exp() };
+    TrainedRange {
+        name: range.name.clone(),
+        lower: inside(middle - half, range.lower, middle - half <= lower),
+        upper: inside(middle + half, range.upper, middle + half >= upper),
+    }
+}

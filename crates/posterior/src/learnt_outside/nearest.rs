@@ -1,0 +1,204 @@
+//! Where the data lead the other program's parameters: a least-squares fit by asking, with the prior beside the data.
+
+use std::sync::{Mutex, PoisonError};
+
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+use crate::outside::Outside;
+use crate::problem::{Problem, TAIL_MASS};
+use base::error::{Error, Result};
+use sampling::least_squares::{Fit, Residuals, Tolerances, fit};
+
+/// Quantiles between which starts are looked for.
+const START_TAIL: f64 = 0.05;
+/// Starts for every parameter, of which the best is gone on from.
+const STARTS_PER_PARAMETER: u32 = 8;
+/// Seed of their scrambled Sobol sequence: the starts are part of the method.
+const START_SEED: u32 = 7;
+/// What is left of the ends of a prior's range.
+const ROUNDING: f64 = 1e-9;
+/// Steps of logarithms by which slopes are taken.
+const STEP: f64 = 1e-3;
+/// Where the search ends: a hundredth of what a box is rounded to.
+const TOLERANCES: Tolerances = Tolerances { objective: 1e-3, parameters: 1e-3, max_iterations: 40 };
+
+/// Fits, each beside the noise that the one before leaves, and the change of that noise which needs no other.
+const ROUNDS: usize = 4;
+const SAME_NOISE: f64 = 0.1;
+/// How often a reach is shortened that leads too far, and by how much.
+const SHORTENINGS: i32 = 16;
+const SHORTER: f64 = 0.75;
+/// Rise of the sum of squares, over itself and the squared number of standard deviations, that leads too far: an effect that is added may lead to where the base alone misses the data five times as far as at its best.
+const FAR: f64 = 0.1;
+
+/// Where the data lead.
+#[derive(Debug)]
+pub(super) struct Nearest {
+    /// Logarithms of the free parameters.
+    pub ln: Vec<f64>,
+    /// How far every one of them may go down and up, for every number of standard deviations that was asked for.
+    pub reaches: Vec<Vec<[f64; 2]>>,
+    /// What the model leaves, over the noise; 1 at least.
+    pub over_noise: f64,
+}
+
+/// Fits the calibration cycles, over logarithms of the parameters in `free`; others have the values of `template`. `widths` are standard deviations.
+///
+/// # Errors
+/// [`Error::Numerical`] with the server's words where it has no answer at any start.
+pub(super) fn nearest(
+    problem: &Problem,
+    outside: &Outside,
+    template: &[f64],
+    free: &[usize],
+    noise_m: f64,
+    widths: &[f64],
+) -> Result<Nearest> {
+    let observed = problem.positions_of(&problem.experiment.calibration_cycles);
+    let observed: Vec<(usize, f64)> = observed.iter().enumerate().filter_map(|(row, y)| Some((row, (*y)?))).collect();
+    let names: Vec<&str> = problem.model.base().parameters().iter().map(|spec| spec.name).collect();
+    let quantile = |k: usize, p: f64| problem.range_of(names[k], p).lower.ln();
+    let prior = |k: &usize| {
+        let range = problem.range_of(names[*k], TAIL_MASS);
+        // Within the ends, whatever their logarithms are rounded to.
+        let ln_ends = (range.lower.ln() + ROUNDING, range.upper.ln() - ROUNDING);
+        Prior { middle: quantile(*k, 0.5), sd: 0.5 * (quantile(*k, 0.8413) - quantile(*k, 0.1587)), ln_ends }
+    };
+    let priors = free.iter().map(prior).collect();
+    let mut distances =
+        Distances { problem, outside, template, free, noise_m, observed, priors, refusal: Mutex::default() };
+    let sobol = |index: u32| -> Vec<f64> {
+        let of = |(d, k): (u32, &usize)| {
+            let coordinate = f64::from(sobol_burley::sample(index, d, START_SEED));
+            quantile(*k, START_TAIL + (1.0 - 2.0 * START_TAIL) * coordinate)
+        };
+        (0_u32..).zip(free).map(of).collect()
+    };
+    let n_starts = STARTS_PER_PARAMETER * u32::try_from(free.len()).unwrap_or(1);
+    let medians: Vec<f64> = free.iter().map(|k| quantile(*k, 0.5)).collect();
+    let starts: Vec<Vec<f64>> = std::iter::once(medians).chain((0..n_starts).map(sobol)).collect();
+    let sums: Vec<Option<f64>> =
+        starts.par_iter().map(|start| distances.residuals(start).map(|own| own.norm_squared())).collect();
+    let best = sums.iter().zip(&starts).filter_map(|(sum, start)| Some((sum.filter(|sum| sum.is_finite())?, start)));
+    let Some((_, start)) = best.min_by(|a, b| a.0.total_cmp(&b.0)) else {
+        let refusal = distances.refusal.into_inner().unwrap_or_else(PoisonError::into_inner);
+        return Err(
+            refusal.unwrap_or_else(|| Error::numerical("the model has no answer at any start", "give another prior"))
+        );
+    };
+    // What the model misses counts as noise when it is sampled, so that the prior weighs more than beside the noise alone.
+    let mut found = None;
+    let mut at: Vec<f64> = start.clone();
+    for _ in 0..ROUNDS {
+        let misses = distances.residuals(&at).map_or(1.0, |own| distances.misfit(own.as_slice()));
+        let louder = (misses * distances.noise_m).max(noise_m);
+        if found.is_some() && (louder / distances.noise_m - 1.0).abs() < SAME_NOISE {
+            break;
+        }
+        distances.noise_m = louder;
+        let own = fit(&distances, &at, &TOLERANCES)?;
+        at = own.theta.clone();
+        found = Some(own);
+    }
+    let Some(found) = found else { return Err(Error::numerical("the model was not fitted", "give another prior")) };
+    let of_width = |n_sd: &f64| -> Vec<[f64; 2]> {
+        (0..free.len()).into_par_iter().map(|k| [-n_sd, *n_sd].map(|n_sd| distances.reach(&found, k, n_sd))).collect()
+    };
+    let reaches = widths.iter().map(of_width).collect();
+    Ok(Nearest { reaches, ln: found.theta, over_noise: distances.noise_m / noise_m })
+}
+
+/// Of a free logarithm.
+struct Prior {
+    middle: f64,
+    sd: f64,
+    /// But for [`TAIL_MASS`] on either side.
+    ln_ends: (f64, f64),
+}
+
+/// Distances from the measured positions over the noise, then those from the prior's medians over its spread.
+struct Distances<'a> {
+    problem: &'a Problem,
+    outside: &'a Outside,
+    template: &'a [f64],
+    free: &'a [usize],
+    noise_m: f64,
+    observed: Vec<(usize, f64)>,
+    priors: Vec<Prior>,
+    /// The first refusal.
+    refusal: Mutex<Option<Error>>,
+}
+
+impl Distances<'_> {
+    /// Root mean square of the data's residuals.
+    fn misfit(&self, residuals: &[f64]) -> f64 {
+        let n = self.observed.len();
+        (residuals.iter().take(n).map(|own| own * own).sum::<f64>() / n.max(1) as f64).sqrt()
+    }
+
+    /// How far a parameter may go by so many standard deviations while the others follow it: less where the sum of squares rises by more than a parabola does, as beyond the sizes at which it acts.
+    fn reach(&self, found: &Fit, k: usize, n_sd: f64) -> f64 {
+        let n = found.theta.len();
+        let variance = found.objective / self.observed.len().max(1) as f64;
+        // Errors are those of the noise at least.
+        let widened = 1.0 / variance.min(1.0).sqrt();
+        let step = widened * n_sd * found.standard_errors[k];
+        if !step.is_finite() {
+            return f64::INFINITY;
+        }
+        let follows: Vec<f64> = (0..n).map(|j| found.covariance[j * n + k] / found.covariance[k * n + k]).collect();
+        let most = found.objective * (1.0 + FAR * n_sd * n_sd);
+        let is_near = |step: f64| {
+            let moved = |((ln, follows), prior): ((&f64, &f64), &Prior)| {
+                (ln + follows * step).clamp(prior.ln_ends.0, prior.ln_ends.1)
+            };
+            let moved: Vec<f64> = found.theta.iter().zip(&follows).zip(&self.priors).map(moved).collect();
+            self.residuals(&moved).is_some_and(|own| own.norm_squared() <= most)
+        };
+        let shortened = |times: i32| step * SHORTER.powi(times);
+        let near = (0..SHORTENINGS).map(shortened).find(|step| is_near(*step));
+        near.unwrap_or(shortened(SHORTENINGS)).abs()
+    }
+}
+
+impl Residuals for Distances<'_> {
+    fn residuals(&self, theta: &[f64]) -> Option<DVector<f64>> {
+        let mut parameters = self.template.to_vec();
+        self.free.iter().zip(theta).for_each(|(k, ln)| parameters[*k] = ln.exp());
+        let is_inside = |(ln, prior): (&f64, &Prior)| (prior.ln_ends.0..=prior.ln_ends.1).contains(ln);
+        if !theta.iter().zip(&self.priors).all(is_inside) {
+            return None;
+        }
+        let record = &self.problem.experiment.record;
+        let position_m = match self.outside.position_m(&parameters, &record.time_s, record.force()) {
+            Ok(position_m) => position_m,
+            Err(error) => {
+                self.refusal.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
+                return None;
+            }
+        };
+        let mut left: Vec<f64> = self.observed.iter().map(|(row, y)| (position_m[*row] - y) / self.noise_m).collect();
+        if self.problem.experiment.fits_position_offset {
+            let mean = left.iter().sum::<f64>() / left.len().max(1) as f64;
+            left.iter_mut().for_each(|left| *left -= mean);
+        }
+        let of_priors = theta.iter().zip(&self.priors).map(|(ln, prior)| (ln - prior.middle) / prior.sd);
+        Some(DVector::from_vec(left.into_iter().chain(of_priors).collect()))
+    }
+
+    fn jacobian(&self, theta: &[f64]) -> Option<DMatrix<f64>> {
+        let here = self.residuals(theta)?;
+        let column = |d: usize| {
+            // Away from the end of the prior's range, if it is near.
+            let stepped = |step: f64| {
+                let mut moved = theta.to_vec();
+                moved[d] += step;
+                Some((self.residuals(&moved)? - &here) / step)
+            };
+            stepped(STEP).or_else(|| stepped(-STEP))
+        };
+        let columns: Vec<DVector<f64>> = (0..theta.len()).into_par_iter().map(column).collect::<Option<_>>()?;
+        (!columns.is_empty()).then(|| DMatrix::from_columns(&columns))
+    }
+}

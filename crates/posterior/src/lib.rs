@@ -1,0 +1,31 @@
+//! Priors, noise and likelihood of an experiment, the model that is fitted to it, and its posterior.
+
+pub mod advice;
+pub mod cache;
+pub mod check;
+pub mod fit;
+mod fitted_rows;
+pub mod full_check;
+pub mod gradient;
+pub mod heldout;
+mod joint;
+pub mod large_displacement;
+pub mod learnt_displacement;
+pub mod learnt_outside;
+pub mod likelihood;
+pub mod log_score;
+pub mod mechanics;
+mod mesh_check;
+pub mod misfit;
+mod mixture;
+pub mod model_priors;
+pub mod monitor;
+pub mod near_normal;
+pub mod noise;
+pub mod outside;
+pub mod prior;
+pub mod problem;
+pub mod reduced;
+pub mod replica;
+pub mod sample;
+pub mod study;

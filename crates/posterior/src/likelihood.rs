@@ -1,0 +1,474 @@
+//! Posterior of a model's parameters over the sampler's coordinates, by the reduced model.
+//!
+//! Two ways to the same density: the Lethersich law under white noise by a kernel that touches each row once, and any other model by its
+//! stages, its response and its noise's filter, eight points at a time.
+
+use std::cmp::Ordering;
+use std::collections::BTreeMap;
+
+use super::noise::{NoiseLikelihood, NoiseModel};
+use super::prior::PriorSet;
+use base::elementary;
+use base::error::Result;
+use base::number::Dual;
+use laws::rheology::{BaseLaw, LETHERSICH};
+use models::model::{Compliance, CreepLanes, Forward, Lanes, Model, N_LANES, Response, SumOfSquares, TrainedRange};
+use record::Force;
+use sampling::LogDensity;
+
+/// Where a parameter's value comes from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Source {
+    /// Coordinate of the sampler.
+    Sampled(usize),
+    /// `[fixed]` of `model.toml`, in the parameter's unit.
+    Fixed(f64),
+}
+
+/// Where the values of all parameters come from: the model's in order, then the noise's.
+pub fn sources(model: &Model, noise: NoiseModel, priors: &PriorSet, fixed: &BTreeMap<String, f64>) -> Vec<Source> {
+    let of_noise = noise.parameters();
+    let source = |name: &str| match priors.names().position(|own| own == name) {
+        Some(index) => Source::Sampled(index),
+        None => Source::Fixed(fixed.get(name).copied().unwrap_or(f64::NAN)),
+    };
+    model.parameters().iter().chain(&of_noise).map(|spec| source(spec.name)).collect()
+}
+
+/// What a posterior is made of.
+pub struct PosteriorParts<'a> {
+    /// Law and effects.
+    pub model: &'a Model,
+    /// The noise.
+    pub noise: NoiseModel,
+    /// What turns ∫J dF into a position.
+    pub compliance: Compliance,
+    /// Ranges of the law's parameters in which the reduced model may be asked; empty for none.
+    pub trained: &'a [TrainedRange],
+    /// The sampled parameters' priors, in the sampler's order.
+    pub priors: &'a PriorSet,
+    /// Values of the parameters that are not sampled.
+    pub fixed: &'a BTreeMap<String, f64>,
+}
+
+/// Probability beyond either end of the rates that are tabulated where no range was trained.
+const TABLE_TAIL: f64 = 1e-9;
+
+/// Logarithms of the slowest and the fastest rate E/c₁ (1/s) that the posterior asks for.
+fn ln_rates(parts: &PosteriorParts<'_>) -> (f64, f64) {
+    let ends = |name: &str| {
+        let trained = parts.trained.iter().find(|range| range.name == name).map(|range| (range.lower, range.upper));
+        let fixed = || parts.fixed.get(name).map(|value| (*value, *value));
+        let of_prior = || {
+            let distribution = parts.priors.get(name)?.distribution;
+            Some((distribution.quantile(TABLE_TAIL), distribution.quantile(1.0 - TABLE_TAIL)))
+        };
+        fixed().or(trained).or_else(of_prior).unwrap_or((f64::NAN, f64::NAN))
+    };
+    let ((e_low, e_high), (c_low, c_high)) = (ends(LETHERSICH[0].name), ends(LETHERSICH[1].name));
+    ((e_low / c_high).ln(), (e_high / c_low).ln())
+}
+
+/// What is fitted; all slices have one entry a row.
+#[derive(Debug, Clone, Copy)]
+pub struct FittedRecord<'a> {
+    /// Times in s.
+    pub time_s: &'a [f64],
+    /// Commanded force.
+    pub force: Force<'a>,
+    /// Cycle of each row.
+    pub cycle: &'a [u32],
+    /// Positions (m) that are compared, `None` where there is nothing to compare.
+    pub observed_m: &'a [Option<f64>],
+}
+
+/// Log-posterior by the reduced model: prior + likelihood of the compared positions.
+///
+/// A point outside the surrogate's trained range has log-density −∞: the prior is truncated there, to within the tail mass that
+/// was declared when the range was chosen. So has a point at which an effect has no model.
+pub struct ReducedPosterior<'a> {
+    parts: PosteriorParts<'a>,
+    /// The model's parameters in order, then the noise's.
+    sources: Vec<Source>,
+    kernel: Kernel,
+}
+
+enum Kernel {
+    /// Lethersich, no effect, white noise, a force that holds between rows.
+    Squares(SumOfSquares),
+    /// Any other.
+    Stages { response: Response, noise: NoiseLikelihood },
+}
+
+impl<'a> ReducedPosterior<'a> {
+    /// Prepares the record.
+    pub fn new(parts: PosteriorParts<'a>, record: FittedRecord<'_>) -> Self {
+        let PosteriorParts { model, noise, priors, fixed, .. } = parts;
+        let FittedRecord { time_s, force, cycle, observed_m } = record;
+        let sources = sources(model, noise, priors, fixed);
+        let is_plain = model.base() == BaseLaw::Lethersich && model.is_law_alone();
+        let kernel = if is_plain && noise == NoiseModel::default() && !force.is_linear() {
+            Kernel::Squares(SumOfSquares::new(time_s, force.at_rows_n, observed_m).tabulated(ln_rates(&parts)))
+        } else {
+            let n_rows = observed_m.iter().rposition(Option::is_some).map_or(0, |last| last + 1);
+            Kernel::Stages {
+                response: Response::new(time_s, force, n_rows),
+                noise: NoiseLikelihood::new(noise, time_s, cycle, observed_m),
+            }
+        };
+        Self { parts, sources, kernel }
+    }
+
+    /// All parameters, sampled and fixed, in natural units (the model's, then the noise's) at a point of the sampler.
+    pub fn natural(&self, point: &[f64]) -> Vec<f64> {
+        let value = |source: &Source| match *source {
+            Source::Sampled(index) => self.parts.priors.priors()[index].distribution.from_unconstrained(point[index]),
+            Source::Fixed(value) => value,
+        };
+        self.sources.iter().map(value).collect()
+    }
+
+    /// Log-density of natural values, over these values themselves: that of [`LogDensity::log_density`] is over the sampler's coordinates, and differs
+    /// by their Jacobian. Value d of point i stands at `points[d * n + i]`, n = `log_density.len()`, in the units and the order of the priors.
+    pub fn log_density_natural(&self, points: &[f64], log_density: &mut [f64]) {
+        let n = log_density.len();
+        if n == 0 {
+            return;
+        }
+        self.fill(
+            log_density,
+            |index, out| out.copy_from_slice(&points[index * n..(index + 1) * n]),
+            |log_density| {
+                for (prior, values) in self.parts.priors.priors().iter().zip(points.chunks_exact(n)) {
+                    log_density.iter_mut().zip(values).for_each(|(out, x)| *out += prior.distribution.ln_pdf(*x));
+                }
+            },
+        );
+    }
+
+    /// Trained ranges, prior and likelihood of a batch; `natural` writes the values of a sampled parameter, `add_prior` adds the prior's log-density.
+    fn fill(&self, log_density: &mut [f64], natural: impl Fn(usize, &mut [f64]), add_prior: impl FnOnce(&mut [f64])) {
+        let n = log_density.len();
+        let mut values = vec![0.0; self.sources.len() * n];
+        for (source, out) in self.sources.iter().zip(values.chunks_exact_mut(n)) {
+            match *source {
+                Source::Sampled(index) => natural(index, out),
+                Source::Fixed(value) => out.fill(value),
+            }
+        }
+        log_density.fill(0.0);
+        for (range, values) in self.parts.trained.iter().zip(values.chunks_exact(n)) {
+            for (density, value) in log_density.iter_mut().zip(values) {
+                if !range.contains(*value) {
+                    *density = f64::NEG_INFINITY;
+                }
+            }
+        }
+        add_prior(log_density);
+        self.add_ln_likelihood(&mut values, log_density);
+    }
+
+    /// Displacement per force at unit creep compliance and the experiment's Poisson ratio (1/m), and the ranges in which the reduced model may
+    /// be asked.
+    pub fn mechanics(&self) -> (f64, &[TrainedRange]) {
+        (self.parts.compliance.given_per_m(), self.parts.trained)
+    }
+
+    /// Number of positions that are compared.
+    pub fn n_observed(&self) -> usize {
+        match &self.kernel {
+            Kernel::Squares(data) => data.n_observed(),
+            Kernel::Stages { noise, .. } => noise.n_observed(),
+        }
+    }
+
+    /// Adds the log-likelihood of every point whose log-density is not −∞ yet; `values` holds parameter d of point i at `d * n + i`.
+    fn add_ln_likelihood(&self, values: &mut [f64], log_density: &mut [f64]) {
+        match &self.kernel {
+            Kernel::Squares(data) => self.add_by_squares(data, values, log_density),
+            Kernel::Stages { response, noise } => {
+                let mut inside: Vec<usize> =
+                    (0..log_density.len()).filter(|i| log_density[*i] > f64::NEG_INFINITY).collect();
+                if self.parts.model.is_nonlinear() {
+                    self.sort_by_trajectory(values, log_density.len(), &mut inside);
+                }
+                let mut scratch = Scratch::default();
+                for chunk in inside.chunks(N_LANES) {
+                    self.add_by_stages(response, noise, values, chunk, &mut scratch, log_density);
+                }
+            }
+        }
+    }
+
+    /// Brings points together that differ in their noise alone: their trajectory is computed once.
+    fn sort_by_trajectory(&self, values: &[f64], n: usize, points: &mut [usize]) {
+        let n_model = self.parts.model.parameters().len();
+        let of_model = |point: usize| (0..n_model).map(move |d| values[d * n + point]);
+        let order = |a: &usize, b: &usize| {
+            let differ = of_model(*a).zip(of_model(*b)).map(|(a, b)| a.total_cmp(&b));
+            differ.reduce(Ordering::then).unwrap_or(Ordering::Equal).then(a.cmp(b))
+        };
+        points.sort_unstable_by(order);
+    }
+
+    fn add_by_squares(&self, data: &SumOfSquares, values: &mut [f64], log_density: &mut [f64]) {
+        let (n, compliance_per_m) = (log_density.len(), self.parts.compliance.given_per_m());
+        let Some(inside) = log_density.iter().position(|density| *density > f64::NEG_INFINITY) else { return };
+        // A point that is out already is summed as one that is not, lest it lead out of the table.
+        for values in values.chunks_exact_mut(n) {
+            let value = values[inside];
+            values
+                .iter_mut()
+                .zip(&*log_density)
+                .filter(|(_, d)| **d == f64::NEG_INFINITY)
+                .for_each(|(x, _)| *x = value);
+        }
+        let (law, noise_sd_um) = values.split_at_mut(3 * n);
+        let (young, viscosities) = law.split_at_mut(n);
+        let (viscosity_1, viscosity_2) = viscosities.split_at_mut(n);
+        for i in 0..n {
+            viscosity_1[i] = young[i] / viscosity_1[i];
+            young[i] = compliance_per_m / young[i];
+            viscosity_2[i] = compliance_per_m / viscosity_2[i];
+        }
+        let lanes = CreepLanes { retarded_m_per_n: young, rate_per_s: viscosity_1, flow_m_per_n_s: viscosity_2 };
+        let mut space = vec![0.0; 2 * n];
+        let (sum_m2, ln_noise) = space.split_at_mut(n);
+        data.evaluate(lanes, sum_m2);
+        noise_sd_um.iter_mut().for_each(|sd| *sd *= 1e-6);
+        ln_noise.copy_from_slice(noise_sd_um);
+        elementary::ln_all(ln_noise);
+        for i in 0..n {
+            if log_density[i] > f64::NEG_INFINITY {
+                log_density[i] += ln_gaussian(data.n_observed(), sum_m2[i], noise_sd_um[i], ln_noise[i]);
+            }
+        }
+    }
+
+    /// At most [`N_LANES`] points, by their indices.
+    fn add_by_stages(
+        &self,
+        response: &Response,
+        noise: &NoiseLikelihood,
+        values: &[f64],
+        points: &[usize],
+        scratch: &mut Scratch,
+        log_density: &mut [f64],
+    ) {
+        let n = log_density.len();
+        let n_model = self.parts.model.parameters().len();
+        scratch.clear();
+        for &point in points {
+            let is_same = |(d, parameter): (usize, &Dual)| parameter.value == values[d * n + point];
+            if let Some(&lane) = scratch.lanes.last()
+                && scratch.parameters.len() == n_model
+                && scratch.parameters.iter().enumerate().all(is_same)
+            {
+                scratch.points.push(point);
+                scratch.lanes.push(lane);
+                continue;
+            }
+            scratch.parameters.clear();
+            scratch.parameters.extend((0..n_model).map(|d| Dual::constant(values[d * n + point])));
+            let stages = self.parts.model.stages(&scratch.parameters);
+            match stages.and_then(|mut stages| {
+                let compliance_per_m = self.parts.compliance.resolve(&mut stages)?;
+                Ok((stages, compliance_per_m.value))
+            }) {
+                Ok((stages, compliance_per_m)) => {
+                    scratch.points.push(point);
+                    scratch.lanes.push(scratch.stages.len());
+                    scratch.stages.push(stages);
+                    scratch.compliances_per_m.push(compliance_per_m);
+                }
+                Err(_) => {
+                    log_density[point] = f64::NEG_INFINITY;
+                    // No later point takes the lane of one before this.
+                    scratch.parameters.clear();
+                }
+            }
+        }
+        if scratch.points.is_empty() {
+            return;
+        }
+        let is_valid = response.trajectories_m(&scratch.stages, &scratch.compliances_per_m, &mut scratch.positions_m);
+        // Where no point has a position, the rows may not be there.
+        if !is_valid.contains(&true) {
+            scratch.points.iter().for_each(|point| log_density[*point] = f64::NEG_INFINITY);
+            return;
+        }
+        if scratch.stages.len() < scratch.points.len() {
+            for row in &mut scratch.positions_m {
+                let packed = row.0;
+                row.0.iter_mut().zip(&scratch.lanes).for_each(|(x, lane)| *x = packed[*lane]);
+            }
+        }
+        let of_lane = |d: usize, lane: usize| values[d * n + scratch.points[lane.min(scratch.points.len() - 1)]];
+        let of_noise: Vec<[f64; N_LANES]> =
+            (n_model..self.sources.len()).map(|d| std::array::from_fn(|lane| of_lane(d, lane))).collect();
+        let mut ln_likelihood = [0.0; N_LANES];
+        noise.ln_likelihood_lanes(&scratch.positions_m, &of_noise, &mut ln_likelihood);
+        for (lane, (&point, &own)) in scratch.points.iter().zip(&scratch.lanes).enumerate() {
+            if is_valid[own] {
+                log_density[point] += ln_likelihood[lane];
+            } else {
+                log_density[point] = f64::NEG_INFINITY;
+            }
+        }
+    }
+}
+
+/// Buffers of one batch.
+#[derive(Default)]
+struct Scratch {
+    parameters: Vec<Dual>,
+    points: Vec<usize>,
+    /// Whose trajectory each of them has.
+    lanes: Vec<usize>,
+    stages: Vec<models::effects::Stages>,
+    compliances_per_m: Vec<f64>,
+    positions_m: Vec<Lanes>,
+}
+
+impl Scratch {
+    fn clear(&mut self) {
+        self.points.clear();
+        self.lanes.clear();
+        self.stages.clear();
+        self.compliances_per_m.clear();
+    }
+}
+
+/// −n ln σ − RSS/(2σ²) − (n/2) ln 2π.
+fn ln_gaussian(n_observed: usize, sum_m2: f64, noise_sd_m: f64, ln_noise_sd_m: f64) -> f64 {
+    /// ln(2π)/2.
+    const HALF_LN_TAU: f64 = 0.918_938_533_204_672_7;
+    -(n_observed as f64) * (ln_noise_sd_m + HALF_LN_TAU) - 0.5 * sum_m2 / (noise_sd_m * noise_sd_m)
+}
+
+impl LogDensity for ReducedPosterior<'_> {
+    fn dimension(&self) -> usize {
+        self.parts.priors.priors().len()
+    }
+
+    fn log_density(&self, points: &[f64], log_density: &mut [f64]) {
+        let n = log_density.len();
+        if n == 0 {
+            return;
+        }
+        let natural = |index: usize, out: &mut [f64]| {
+            let distribution = &self.parts.priors.priors()[index].distribution;
+            distribution.fill_from_unconstrained(&points[index * n..(index + 1) * n], out);
+        };
+        self.fill(log_density, natural, |log_density| {
+            self.parts.priors.add_ln_pdf_unconstrained(points, log_density);
+        });
+    }
+}
+
+/// Log-likelihood of one point by any forward model: the reference of the vectorised one, and the way to the full-order model.
+pub fn ln_likelihood(
+    forward: &dyn Forward,
+    noise: &NoiseLikelihood,
+    model_parameters: &[f64],
+    noise_parameters: &[f64],
+) -> Result<f64> {
+    Ok(noise.ln_likelihood(&forward.trajectory_m(model_parameters)?, noise_parameters))
+}
+
+#[cfg(test)]
+#[path = "likelihood_stages_tests.rs"]
+mod stages_tests;
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use models::model::ReducedForward;
+    use std::collections::BTreeMap;
+
+    /// The vectorised posterior equals prior plus scalar likelihood, with a parameter fixed and one point outside the trained range.
+    #[test]
+    fn equals_prior_plus_scalar_likelihood() {
+        let all = PriorSet::named("porcine").expect("embedded");
+        let priors = all.without(&["viscosity_1_pa_s"]);
+        let fixed = BTreeMap::from([("viscosity_1_pa_s".to_string(), 1.4)]);
+        let time_s: Vec<f64> = (0..80).map(|i| 0.05 * f64::from(i)).collect();
+        let force_n: Vec<f64> = (0..80).map(|i| if i < 40 { 4.6e-6 } else { -4.6e-6 }).collect();
+        let observed: Vec<Option<f64>> = (0..80).map(|i| (i % 5 != 0).then_some(1e-5 * f64::from(i))).collect();
+        let range = |name: &str, lower, upper| TrainedRange { name: name.into(), lower, upper };
+        let trained = [
+            range("young_modulus_pa", 0.5, 20.0),
+            range("viscosity_1_pa_s", 0.1, 9.0),
+            range("viscosity_2_pa_s", 5.0, 500.0),
+        ];
+        let model = Model::lethersich();
+        let compliance = Compliance::given(549.0);
+        let parts = PosteriorParts {
+            model: &model,
+            noise: NoiseModel::default(),
+            compliance: compliance.clone(),
+            trained: &trained,
+            priors: &priors,
+            fixed: &fixed,
+        };
+        let cycle = [1; 80];
+        let record = FittedRecord { time_s: &time_s, force: (&force_n).into(), cycle: &cycle, observed_m: &observed };
+        let posterior = ReducedPosterior::new(parts, record);
+        let response = Response::new(&time_s, &force_n, time_s.len());
+        let forward = ReducedForward { model: &model, compliance, response, trained: &trained };
+        let noise_likelihood = NoiseLikelihood::new(NoiseModel::default(), &time_s, &cycle, &observed);
+        let naturals = [[3.5, 47.0, 4.0], [2.0, 100.0, 50.0], [25.0, 47.0, 4.0]];
+        let n = naturals.len();
+        let mut points = vec![0.0; 3 * n];
+        for (i, natural) in naturals.iter().enumerate() {
+            for (d, z) in priors.to_unconstrained(natural).into_iter().enumerate() {
+                points[d * n + i] = z;
+            }
+        }
+        let mut density = vec![0.0; n];
+        posterior.log_density(&points, &mut density);
+        for (i, [young, viscosity_2, noise]) in naturals.into_iter().enumerate().take(2) {
+            let z: Vec<f64> = (0..3).map(|d| points[d * n + i]).collect();
+            let prior: f64 = priors.priors().iter().zip(&z).map(|(p, z)| p.distribution.ln_pdf_unconstrained(*z)).sum();
+            let likelihood =
+                ln_likelihood(&forward, &noise_likelihood, &[young, 1.4, viscosity_2], &[noise]).expect("in range");
+            assert!((density[i] / (prior + likelihood) - 1.0).abs() < 1e-11, "{} {}", density[i], prior + likelihood);
+            assert_eq!(posterior.natural(&z).len(), 4);
+        }
+        assert_eq!(density[2], f64::NEG_INFINITY);
+    }
+
+    /// Batches of any size, over several lanes' passes, give every point the bits that it has alone.
+    #[test]
+    fn the_value_of_a_point_does_not_depend_on_its_batch() {
+        let priors = PriorSet::named("porcine").expect("embedded");
+        let time_s: Vec<f64> = (0..90).map(|i| 0.05 * f64::from(i)).collect();
+        let force_n: Vec<f64> = (0..90).map(|i| if i < 45 { 4.6e-6 } else { -4.6e-6 }).collect();
+        let observed: Vec<Option<f64>> = (0..90).map(|i| Some(1e-5 * f64::from(i))).collect();
+        let (model, fixed, cycle) = (Model::lethersich(), BTreeMap::new(), [1; 90]);
+        let parts = PosteriorParts {
+            model: &model,
+            noise: NoiseModel::default(),
+            compliance: Compliance::given(549.0),
+            trained: &[],
+            priors: &priors,
+            fixed: &fixed,
+        };
+        let record = FittedRecord { time_s: &time_s, force: (&force_n).into(), cycle: &cycle, observed_m: &observed };
+        let posterior = ReducedPosterior::new(parts, record);
+        let coordinate = |point: usize, d: usize| (1.0 + d as f64) * (0.37 * point as f64 + d as f64).sin();
+        let log_density = |points: &[usize]| {
+            let batch: Vec<f64> = (0..4).flat_map(|d| points.iter().map(move |&point| coordinate(point, d))).collect();
+            let mut values = vec![0.0; points.len()];
+            posterior.log_density(&batch, &mut values);
+            values.into_iter().map(f64::to_bits).collect::<Vec<u64>>()
+        };
+        let alone: Vec<u64> = (0..67).flat_map(|point| log_density(&[point])).collect();
+        for size in [2, 3, 7, 8, 15, 16, 17, 31, 32, 33, 64, 67] {
+            let points: Vec<usize> = (0..67).collect();
+            for batch in points.chunks(size) {
+                let expected: Vec<u64> = batch.iter().map(|&point| alone[point]).collect();
+                assert_eq!(log_density(batch), expected, "batches of {size}");
+            }
+        }
+    }
+}

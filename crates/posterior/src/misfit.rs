@@ -1,0 +1,376 @@
+//! Whether what a model leaves is more than the noise allows: one rule, which `sample` and `diagnose` share (docs/diagnosis.md).
+//!
+//! Slow noise and a misfit look alike in one cycle. Two things tell them apart.
+//!
+//! *Size*, where the noise is given. The tracker's noise σ is allowed slow noise of the same size beside it: a mean square V of what is left, of which
+//! V − σ² is slow and worth ν independent numbers (from its autocorrelation ρ over n rows, ν = n/(1 + 2Σρ²)), is too large when √V > 1.5 σ and
+//! ν(V − σ²)/σ² lies beyond the 99.9 % point of χ² with ν degrees of freedom. White errors are held to 1.5 σ itself.
+//!
+//! *Return*, whether it is given or not. Noise is another one in every cycle, a misfit comes again. Let aₖ꜀ be the k-th Fourier coefficient of cycle c of C
+//! with the same command, after an offset, a slope and, where the noise has a gain, a multiple of the position are taken out of each cycle. Of stationary
+//! noise the phases of different cycles are independent, so that with
+//!
+//!   γₖ = |Σ꜀ aₖ꜀|² / (C Σ꜀ |aₖ꜀|²),   S = −(C − 1) Σₖ ln(1 − γₖ)
+//!
+//! γₖ is Beta(1, C − 1) and S is Gamma(K, 1) distributed. Beyond its 99.99 % point something comes again; that is a misfit if it makes what is left more
+//! than 1.5 times the noise, given, or else estimated from what does not come again. No size of the slow noise and no time of it enters. What is taken out
+//! of each cycle makes harmonics of very slow noise depend on each other: up to 1.5 records of noise alone in a thousand lie beyond that point.
+//!
+//! γₖ is the squared inter-trial coherence of evoked responses (Jervis et al., *IEEE Trans. Biomed. Eng.* 30, 43, 1983, doi:10.1109/TBME.1983.325165).
+
+use statrs::distribution::{ChiSquared, ContinuousCDF, Gamma};
+
+use record::Record;
+
+/// Misfit or learnt noise above this multiple of the known noise is not the noise (formats §4).
+pub const NOISE_FACTOR: f64 = 1.5;
+/// Share of records of noise alone whose size is called too large.
+pub const FALSE_ALARM: f64 = 0.001;
+/// p below which something comes again; it is one in a thousand for noise of any time, with what the harmonics have in common.
+const RETURN_P: f64 = 1e-4;
+/// Harmonics of the cycle that are looked at, and rows that each needs.
+const MOST_HARMONICS: usize = 8;
+const ROWS_PER_HARMONIC: usize = 6;
+/// Commands of two cycles are the same where their forces differ by no more than this share of the range, and that in all but this share of the rows.
+const SAME_FORCE: f64 = 0.05;
+const OTHER_ROWS: f64 = 0.03;
+/// Durations of two cycles are the same up to this fraction.
+const SAME_DURATION: f64 = 0.05;
+/// A column of which less is left counts as part of those before it.
+const LEAST_NEW: f64 = 1e-6;
+
+/// What a model leaves of a record.
+pub struct Remainder<'a> {
+    /// Times, cycles and forces.
+    pub record: &'a Record,
+    /// Position less the model's (m) in the fitted cycles; one entry a row.
+    pub fitted_m: &'a [Option<f64>],
+    /// The same in the held-out cycles.
+    pub heldout_m: &'a [Option<f64>],
+    /// The model's position (m) at every row.
+    pub position_m: &'a [f64],
+    /// Columns (m) along which the model's parameters can move its position: no misfit, whatever comes again along them.
+    pub absorbed_m: &'a [Vec<f64>],
+    /// Whether the noise has a gain and an offset for each cycle.
+    pub has_gain: bool,
+}
+
+/// A mean square beside the noise.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Size {
+    /// Root mean square of what is left, in m; a gain and an offset of each cycle taken out where the noise has them.
+    pub rms_m: f64,
+    /// Whether it is more than the noise allows.
+    pub is_too_large: bool,
+}
+
+/// What is left, beside what the noise allows.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Misfit {
+    /// In the fitted cycles.
+    pub fitted: Size,
+    /// In the held-out cycles; `None` where none is.
+    pub heldout: Option<Size>,
+    /// The noise (m) that it is measured against.
+    pub noise_m: f64,
+    /// Whether that was given with the experiment.
+    pub is_known: bool,
+    /// What comes again in every cycle, where that is more than chance, in m.
+    pub returning_m: Option<f64>,
+    /// Slow independent numbers that the fitted rows are worth, by which a learnt noise is judged; 0 where its size says nothing.
+    pub learnt_degrees: f64,
+}
+
+impl Misfit {
+    /// Measures against a noise (m) that is known, or else estimated from rests or short lags, where slow noise does not show; `None` where no position
+    /// is fitted.
+    pub fn of(remainder: &Remainder, noise_m: f64, is_known: bool) -> Option<Self> {
+        let returning = Returning::of(remainder);
+        let [fitted, heldout] = [remainder.fitted_m, remainder.heldout_m].map(|rows| Series::of(remainder, rows));
+        let fitted = fitted?;
+        let comes_again = returning.as_ref().is_some_and(|own| own.p < RETURN_P);
+        // Nothing but its return tells a misfit from slow noise of unknown size.
+        let noise_m = match &returning {
+            Some(own) if !is_known => noise_m.max(own.noise_m2.sqrt()),
+            _ => noise_m,
+        };
+        let has_bound = is_known || returning.is_none();
+        let judged = |series: &Series| Size {
+            rms_m: series.mean_square_m2.sqrt(),
+            is_too_large: series.mean_square_m2.sqrt() > NOISE_FACTOR * noise_m
+                && (comes_again
+                    || has_bound && is_beyond_slow_noise(series.mean_square_m2, noise_m, series.degrees(noise_m))),
+        };
+        Some(Self {
+            fitted: judged(&fitted),
+            heldout: heldout.as_ref().map(judged),
+            noise_m,
+            is_known,
+            returning_m: returning.filter(|_| comes_again).map(|own| own.returning_m2.max(0.0).sqrt()),
+            learnt_degrees: if has_bound { fitted.degrees(noise_m) } else { 0.0 },
+        })
+    }
+
+    /// Whether the model leaves more than the noise allows.
+    pub fn is_too_large(&self) -> bool {
+        self.fitted.is_too_large || self.heldout.is_some_and(|heldout| heldout.is_too_large)
+    }
+
+    /// Whether a learnt noise (m) stands for more than noise.
+    pub fn is_learnt_too_large(&self, learnt_m: f64) -> bool {
+        let is_beyond = || is_beyond_slow_noise(learnt_m * learnt_m, self.noise_m, self.learnt_degrees);
+        learnt_m > NOISE_FACTOR * self.noise_m
+            && (self.returning_m.is_some() || self.learnt_degrees > 0.0 && is_beyond())
+    }
+
+    /// The largest of what is too large, in m; 0 where nothing is.
+    pub fn largest_m(&self) -> f64 {
+        let sizes = [Some(self.fitted), self.heldout];
+        sizes.iter().flatten().filter(|size| size.is_too_large).map(|size| size.rms_m).fold(0.0, f64::max)
+    }
+}
+
+/// Directions (m) in which draws of a posterior spread most about their mean: as many as the model has parameters, or as there are.
+pub fn directions_of_spread(draws_m: &[Vec<f64>], mean_m: &[f64], n: usize) -> Vec<Vec<f64>> {
+    let mut left: Vec<Vec<f64>> =
+        draws_m.iter().map(|draw_m| draw_m.iter().zip(mean_m).map(|(x, mean)| x - mean).collect()).collect();
+    let mut directions: Vec<Vec<f64>> = Vec::with_capacity(n);
+    let mut largest = 0.0_f64;
+    for _ in 0..n.min(left.len()) {
+        let squares: Vec<f64> = left.iter().map(|own| dot(own, own)).collect();
+        let Some(farthest) = (0..left.len()).max_by(|a, b| squares[*a].total_cmp(&squares[*b])) else { break };
+        largest = largest.max(squares[farthest]);
+        if squares[farthest] <= LEAST_NEW * LEAST_NEW * largest {
+            break;
+        }
+        let norm = squares[farthest].sqrt();
+        let direction: Vec<f64> = left[farthest].iter().map(|value| value / norm).collect();
+        for own in &mut left {
+            let along = dot(own, &direction);
+            subtract(own, &direction, along);
+        }
+        directions.push(direction);
+    }
+    directions
+}
+
+/// Whether slow noise of the known noise's size, beside it, leaves so large a mean square once in a thousand times at most.
+fn is_beyond_slow_noise(mean_square_m2: f64, noise_m: f64, degrees: f64) -> bool {
+    let slow = mean_square_m2 / (noise_m * noise_m) - 1.0;
+    slow > 0.0 && ChiSquared::new(degrees.max(1.0)).is_ok_and(|chi| chi.sf(degrees.max(1.0) * slow) < FALSE_ALARM)
+}
+
+/// What is left of some cycles, in order of time.
+struct Series {
+    left_m: Vec<f64>,
+    mean_square_m2: f64,
+}
+
+impl Series {
+    fn of(remainder: &Remainder, rows: &[Option<f64>]) -> Option<Self> {
+        let mut left_m = Vec::new();
+        for cycle in cycles_of(remainder.record) {
+            let there: Vec<usize> = cycle.filter(|row| rows[*row].is_some()).collect();
+            let mut of_cycle: Vec<f64> = there.iter().filter_map(|row| rows[*row]).collect();
+            if remainder.has_gain {
+                let position_m: Vec<f64> = there.iter().map(|row| remainder.position_m[*row]).collect();
+                take_out(&mut of_cycle, vec![vec![1.0; there.len()], position_m]);
+            }
+            left_m.extend(of_cycle);
+        }
+        let n = left_m.len();
+        let mean_square_m2 = left_m.iter().map(|left| left * left).sum::<f64>() / n.max(1) as f64;
+        (n > 0).then_some(Self { left_m, mean_square_m2 })
+    }
+
+    /// Independent numbers that what is slow in it is worth: n/(1 + 2Σρ²), over lags up to the first at which the correlation is lost in its scatter.
+    /// Far lags stand for their neighbours.
+    fn degrees(&self, noise_m: f64) -> f64 {
+        let n = self.left_m.len();
+        let slow_m2 = self.mean_square_m2 - noise_m * noise_m;
+        if slow_m2 <= 0.0 {
+            return n as f64;
+        }
+        let (mut sum, mut lag) = (0.0, 1);
+        while 2 * lag < n {
+            let product: f64 = self.left_m.iter().zip(&self.left_m[lag..]).map(|(a, b)| a * b).sum();
+            let correlation = product / n as f64 / self.mean_square_m2;
+            if correlation < 1.0 / (n as f64).sqrt() {
+                break;
+            }
+            let step = 1 + lag / 16;
+            sum += step as f64 * (correlation * self.mean_square_m2 / slow_m2).min(1.0).powi(2);
+            lag += step;
+        }
+        n as f64 / (1.0 + 2.0 * sum)
+    }
+}
+
+/// What comes again in every cycle of the same command.
+struct Returning {
+    /// Share of experiments in which noise alone comes again so well.
+    p: f64,
+    /// Mean square of it, and of what does not come again, in m².
+    returning_m2: f64,
+    noise_m2: f64,
+}
+
+impl Returning {
+    /// `None` where no two cycles of the same command have rows enough.
+    fn of(remainder: &Remainder) -> Option<Self> {
+        let record = remainder.record;
+        let mut left_m: Vec<Option<f64>> =
+            remainder.fitted_m.iter().zip(remainder.heldout_m).map(|(fitted, heldout)| fitted.or(*heldout)).collect();
+        absorb(&mut left_m, remainder.absorbed_m);
+        let cycles = same_command(record, &left_m);
+        let fewest = cycles.iter().map(|cycle| cycle.rows.len()).min()?;
+        let n_harmonics = (fewest / ROWS_PER_HARMONIC).min(MOST_HARMONICS);
+        if cycles.len() < 2 || n_harmonics == 0 {
+            return None;
+        }
+        let mut coefficients = Vec::with_capacity(cycles.len());
+        let (mut squares_m2, mut n_rows) = (0.0, 0);
+        for cycle in &cycles {
+            let mut of_cycle: Vec<f64> = cycle.rows.iter().filter_map(|row| left_m[*row]).collect();
+            let mut nuisance = vec![vec![1.0; cycle.rows.len()], cycle.phase.clone()];
+            if remainder.has_gain {
+                nuisance.push(cycle.rows.iter().map(|row| remainder.position_m[*row]).collect());
+            }
+            take_out(&mut of_cycle, nuisance);
+            squares_m2 += of_cycle.iter().map(|left| left * left).sum::<f64>();
+            n_rows += of_cycle.len();
+            coefficients.push(fourier(&of_cycle, &cycle.phase, n_harmonics));
+        }
+        let n_cycles = cycles.len() as f64;
+        let (mut statistic, mut returning_m2) = (0.0, 0.0);
+        for k in 0..n_harmonics {
+            let sum = coefficients.iter().fold([0.0; 2], |sum, own| [sum[0] + own[k][0], sum[1] + own[k][1]]);
+            let of_sum = sum[0].powi(2) + sum[1].powi(2);
+            let each: f64 = coefficients.iter().map(|own| own[k][0].powi(2) + own[k][1].powi(2)).sum();
+            if each > 0.0 {
+                let coherence = (of_sum / (n_cycles * each)).min(1.0 - f64::EPSILON);
+                statistic -= (n_cycles - 1.0) * (-coherence).ln_1p();
+            }
+            // Mean over pairs of different cycles, of half the squared amplitude.
+            returning_m2 += 0.5 * (of_sum - each) / (n_cycles * (n_cycles - 1.0));
+        }
+        let p = Gamma::new(n_harmonics as f64, 1.0).ok()?.sf(statistic);
+        let noise_m2 = (squares_m2 / n_rows.max(1) as f64 - returning_m2.max(0.0)).max(0.0);
+        Some(Self { p, returning_m2, noise_m2 })
+    }
+}
+
+/// Rows of each cycle of a record, in order.
+fn cycles_of(record: &Record) -> impl Iterator<Item = std::ops::Range<usize>> {
+    let mut start = 0;
+    record.cycle.chunk_by(|a, b| a == b).map(move |rows| {
+        let range = start..start + rows.len();
+        start = range.end;
+        range
+    })
+}
+
+/// Rows of a cycle that have a position, with their share of the cycle.
+struct Cycle {
+    rows: Vec<usize>,
+    phase: Vec<f64>,
+}
+
+/// The most cycles that have the same command.
+fn same_command(record: &Record, left_m: &[Option<f64>]) -> Vec<Cycle> {
+    let interval_s = record.median_interval_s().unwrap_or(0.0);
+    let duration_s =
+        |rows: &std::ops::Range<usize>| record.time_s[rows.end - 1] - record.time_s[rows.start] + interval_s;
+    let mut groups: Vec<Vec<std::ops::Range<usize>>> = Vec::new();
+    for rows in cycles_of(record) {
+        let alike = |group: &&mut Vec<std::ops::Range<usize>>| {
+            let (own_s, other_s) = (duration_s(&rows), duration_s(&group[0]));
+            (own_s - other_s).abs() <= SAME_DURATION * other_s && has_same_force(record, &rows, &group[0])
+        };
+        match groups.iter_mut().find(alike) {
+            Some(group) => group.push(rows),
+            None => groups.push(vec![rows]),
+        }
+    }
+    let with_positions = |rows: std::ops::Range<usize>| {
+        let (start_s, whole_s) = (record.time_s[rows.start], duration_s(&rows));
+        let rows: Vec<usize> = rows.filter(|row| left_m[*row].is_some()).collect();
+        let phase = rows.iter().map(|row| (record.time_s[*row] - start_s) / whole_s).collect();
+        Cycle { rows, phase }
+    };
+    let groups = groups.into_iter().map(|group| {
+        let cycles = group.into_iter().map(with_positions);
+        cycles.filter(|cycle| cycle.rows.len() >= ROWS_PER_HARMONIC).collect::<Vec<Cycle>>()
+    });
+    groups.fold(Vec::new(), |most, group| if group.len() > most.len() { group } else { most })
+}
+
+fn has_same_force(record: &Record, rows: &std::ops::Range<usize>, other: &std::ops::Range<usize>) -> bool {
+    let tolerance_n = SAME_FORCE * record.force_range_n();
+    let times_s = &record.time_s[other.clone()];
+    let differs = |row: &usize| {
+        let at_s = times_s[0] + record.time_s[*row] - record.time_s[rows.start];
+        let place = times_s.partition_point(|t| *t <= at_s + 1e-9 * at_s.abs()).max(1) - 1;
+        (record.force_n[other.start + place] - record.force_n[*row]).abs() > tolerance_n
+    };
+    rows.clone().filter(differs).count() as f64 <= OTHER_ROWS * rows.len() as f64
+}
+
+/// Takes columns out of values by least squares.
+fn take_out(values: &mut [f64], columns: Vec<Vec<f64>>) {
+    let mut basis: Vec<Vec<f64>> = Vec::with_capacity(columns.len());
+    for mut column in columns {
+        let whole = dot(&column, &column);
+        // Twice is enough for orthogonality to rounding.
+        for _ in 0..2 {
+            for own in &basis {
+                let along = dot(own, &column);
+                subtract(&mut column, own, along);
+            }
+        }
+        let left = dot(&column, &column);
+        if left > LEAST_NEW * LEAST_NEW * whole {
+            column.iter_mut().for_each(|value| *value /= left.sqrt());
+            let along = dot(&column, values);
+            subtract(values, &column, along);
+            basis.push(column);
+        }
+    }
+}
+
+/// Takes out of what is left, over all rows that have a position, what the model's parameters can.
+fn absorb(left_m: &mut [Option<f64>], columns_m: &[Vec<f64>]) {
+    let rows: Vec<usize> = (0..left_m.len()).filter(|row| left_m[*row].is_some()).collect();
+    let mut values: Vec<f64> = left_m.iter().flatten().copied().collect();
+    take_out(&mut values, columns_m.iter().map(|column| rows.iter().map(|row| column[*row]).collect()).collect());
+    rows.iter().zip(values).for_each(|(row, value)| left_m[*row] = Some(value));
+}
+
+/// Amplitudes of cosine and sine of each harmonic, by least squares of them together.
+fn fourier(values: &[f64], phase: &[f64], n_harmonics: usize) -> Vec<[f64; 2]> {
+    let angle = |k: usize, phase: &f64| std::f64::consts::TAU * (k + 1) as f64 * phase;
+    let n = 2 * n_harmonics;
+    let columns: Vec<Vec<f64>> = (0..n)
+        .map(|j| phase.iter().map(|p| if j % 2 == 0 { angle(j / 2, p).cos() } else { angle(j / 2, p).sin() }).collect())
+        .collect();
+    let half = 0.5 * values.len() as f64;
+    let normal = nalgebra::DMatrix::from_fn(n, n, |i, j| {
+        // Gaps leave some combinations hardly seen; those are held near nothing.
+        dot(&columns[i], &columns[j]) / half + if i == j { 0.01 } else { 0.0 }
+    });
+    let slope = nalgebra::DVector::from_fn(n, |i, _| dot(&columns[i], values) / half);
+    let amplitudes = normal.cholesky().map_or(slope.clone(), |factor| factor.solve(&slope));
+    (0..n_harmonics).map(|k| [amplitudes[2 * k], amplitudes[2 * k + 1]]).collect()
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+fn subtract(values: &mut [f64], column: &[f64], times: f64) {
+    values.iter_mut().zip(column).for_each(|(value, column)| *value -= times * column);
+}
+
+#[cfg(test)]
+#[path = "misfit_tests.rs"]
+mod tests;

@@ -1,0 +1,74 @@
+//! Priors of a model's parameters: the prior file's, else what the law, the effect or the noise proposes for the experiment.
+
+use crate::noise::{NoiseModel, NoiseScales};
+use crate::prior::{Prior, PriorSet};
+use base::error::Result;
+use base::parameter::{NOISE_SD, ParameterSpec, RELATIVE_NOISE};
+use laws::rheology::BaseLaw;
+use models::effects::{Library, NUISANCES};
+use models::model::Model;
+
+/// Priors of all parameters of a model by a prior's name or file.
+pub(super) fn read_priors(name_or_file: &str, model: &Model, noise: NoiseModel, library: &Library) -> Result<PriorSet> {
+    let scales = model.scales();
+    let of_noise = |spec: &ParameterSpec, median_of: &dyn Fn(&str) -> f64| {
+        let noise_scales = NoiseScales {
+            noise_sd_um: median_of(NOISE_SD.name),
+            sample_interval_s: scales.sample_interval_s,
+            cycle_s: scales.cycle_s,
+        };
+        noise.default_priors(&noise_scales).into_iter().find(|prior| prior.name == spec.name)
+    };
+    read_priors_with(name_or_file, model, &noise.parameters(), &of_noise, library)
+}
+
+/// The default prior of a parameter of the errors, by the medians of the priors before it.
+pub(crate) type ErrorPrior<'a> = &'a dyn Fn(&ParameterSpec, &dyn Fn(&str) -> f64) -> Option<Prior>;
+
+/// The same with errors of another kind than a record's.
+pub fn read_priors_with(
+    name_or_file: &str,
+    model: &Model,
+    of_errors: &[ParameterSpec],
+    prior_of_error: ErrorPrior<'_>,
+    library: &Library,
+) -> Result<PriorSet> {
+    let scales = model.scales();
+    let wanted: Vec<ParameterSpec> = model.parameters().iter().chain(of_errors).copied().collect();
+    let of_laws = BaseLaw::NAMED.into_iter().flat_map(BaseLaw::parameters).map(|p| p.name);
+    let of_effects =
+        library.effects().iter().chain(NUISANCES).flat_map(|effect| effect.parameters()).map(|p| p.spec.name);
+    let of_noises = NoiseModel::known_parameters().map(|p| p.name);
+    let known = of_laws.chain(of_effects).chain(of_noises).chain([RELATIVE_NOISE.name]);
+    let is_wanted = |name: &&str| wanted.iter().any(|spec| spec.name == *name);
+    let mut others: Vec<&str> = known.filter(|name| !is_wanted(name)).collect();
+    others.sort_unstable();
+    others.dedup();
+    let default = |spec: &ParameterSpec, before: &[Prior]| {
+        let all = model.nuisances().iter().chain(model.effects());
+        let own = all.flat_map(|effect| effect.parameters()).find(|p| p.spec == *spec);
+        if let Some(parameter) = own {
+            return Some(Prior {
+                name: spec.name.into(),
+                distribution: (parameter.prior)(scales),
+                unit: spec.unit.into(),
+                source: parameter.prior_source.into(),
+            });
+        }
+        let median_of = |name: &str| {
+            let prior = before.iter().find(|prior| prior.name == name);
+            prior.map_or(1.0, |prior| prior.distribution.quantile(0.5))
+        };
+        let law = model.base().default_prior(spec.name, &median_of);
+        if let Some((distribution, source)) = law {
+            let (name, unit, source) = (spec.name.into(), spec.unit.into(), source.into());
+            return Some(Prior { name, distribution, unit, source });
+        }
+        prior_of_error(spec, &median_of)
+    };
+    PriorSet::read_for(name_or_file, &wanted, &others, &default)
+}
+
+#[cfg(test)]
+#[path = "model_priors_tests.rs"]
+mod tests;

@@ -1,0 +1,136 @@
+//! The filter row by row: marginal standard deviations, and simulated noise.
+
+use pulp::Scalar;
+use rand::{Rng, RngExt};
+use rand_distr::StandardNormal;
+
+use super::NoiseModel;
+use super::filter::{Covariance, Gain, Mean, PriorVariances};
+use super::lanes::Register;
+use super::rows::{Row, Rows};
+use super::scales::Scales;
+
+pub type Number = Register<Scalar>;
+
+pub(super) fn number(value: f64) -> Number {
+    Register::splat(Scalar, value)
+}
+
+/// The filter of one point, row by row; terms that the model lacks have variance 0.
+pub(super) struct Walk {
+    /// Decay of the process and the variance that it gains, by step.
+    steps: Vec<(f64, f64)>,
+    prior: PriorVariances<Scalar>,
+    covariance: Covariance<Scalar, true, true>,
+}
+
+impl Walk {
+    pub fn new(scales: &Scales, step_s: &[f64]) -> Self {
+        let steps = step_s.iter().map(|step_s| scales.step(*step_s)).collect();
+        let prior = PriorVariances { gain: number(scales.gain_per_m2), offset: number(scales.offset) };
+        Self { steps, prior, covariance: Covariance::zero(Scalar) }
+    }
+
+    /// Decay of the process up to a row, and the row's gain.
+    pub fn observe(&mut self, row: &Row, position_m: f64) -> (Number, Gain<Scalar>) {
+        let (decay, gained) = self.steps[row.step];
+        self.covariance.advance(number(decay), number(gained));
+        if row.new_cycle {
+            self.covariance.renew(self.prior);
+        }
+        (number(decay), self.covariance.observe(number(position_m)))
+    }
+}
+
+/// Takes a mean to a row.
+pub(super) fn advance(mean: &mut Mean<Scalar, true, true>, row: &Row, decay: Number) {
+    mean.advance(decay);
+    if row.new_cycle {
+        mean.renew();
+    }
+}
+
+impl NoiseModel {
+    /// Standard deviation in m of the noise at every row of a record that is observed at every row: times in s, cycles, positions in m.
+    ///
+    /// With `student` it follows from the filter: the score-driven mean has (ν + 1)/(ν + 3) of the variance that the Gaussian filter's mean has, and
+    /// what is left to predict has ν/(ν − 2) of it. Infinite at ν = 2, NaN for parameters outside their support.
+    pub fn marginal_sd_m(self, time_s: &[f64], cycle: &[u32], position_m: &[f64], parameters: &[f64]) -> Vec<f64> {
+        let Some(scales) = Scales::new(self, parameters) else {
+            return vec![f64::NAN; position_m.len()];
+        };
+        let prior = |x: f64| scales.ou + scales.gain_per_m2 * x * x + scales.offset;
+        if !self.equations().heavy_tails {
+            return position_m.iter().map(|x| scales.noise_sd_m * (1.0 + prior(*x)).sqrt()).collect();
+        }
+        let rows = all_rows(time_s, cycle);
+        let mut walk = Walk::new(&scales, &rows.step_s);
+        let learnt = (scales.dof + 1.0) / (scales.dof + 3.0);
+        let sd_m = |row: &Row| {
+            let x = position_m[row.index];
+            let left = walk.observe(row, x).1.excess.number();
+            let variance = learnt * (prior(x) - left).max(0.0) + scales.variance_factor() * (1.0 + left);
+            scales.noise_sd_m * variance.sqrt()
+        };
+        rows.rows.iter().map(sd_m).collect()
+    }
+
+    /// One draw of the noise, observed less position in m, at every row of a record, from the density that [`NoiseLikelihood`](super::NoiseLikelihood) gives the record
+    /// when it is observed at every row. NaN for parameters outside their support.
+    ///
+    /// Drawn prediction by prediction through the likelihood's own filter, which for the Gaussian terms is the same as drawing each term.
+    pub fn simulate_m(
+        self,
+        time_s: &[f64],
+        cycle: &[u32],
+        position_m: &[f64],
+        parameters: &[f64],
+        rng: &mut (impl Rng + ?Sized),
+    ) -> Vec<f64> {
+        let Some(scales) = Scales::new(self, parameters) else {
+            return vec![f64::NAN; position_m.len()];
+        };
+        if self == Self::default() {
+            // White noise predicts nothing: the filter would draw the same numbers.
+            let draw_m = |_: &f64| scales.noise_sd_m * rng.sample::<f64, _>(StandardNormal);
+            return position_m.iter().map(draw_m).collect();
+        }
+        let rows = all_rows(time_s, cycle);
+        let mut walk = Walk::new(&scales, &rows.step_s);
+        let mut mean = Mean::<Scalar, true, true>::zero(Scalar);
+        let heavy_tails = self.equations().heavy_tails;
+        let mut draw_m = |row: &Row| {
+            let x = position_m[row.index];
+            let (decay, gain) = walk.observe(row, x);
+            advance(&mut mean, row, decay);
+            let predicted_m = -mean.innovation(number(0.0), number(x)).number();
+            let (standard, weight) = if heavy_tails {
+                let t = student_t(scales.dof, rng);
+                (t, (scales.dof + 1.0) / (scales.dof + t * t))
+            } else {
+                (rng.sample(StandardNormal), 1.0)
+            };
+            let precision = gain.precision.number();
+            let innovation_m = scales.noise_sd_m * standard / precision.sqrt();
+            mean.correct(&gain, number(weight * innovation_m * precision));
+            predicted_m + innovation_m
+        };
+        rows.rows.iter().map(&mut draw_m).collect()
+    }
+}
+
+fn all_rows(time_s: &[f64], cycle: &[u32]) -> Rows {
+    Rows::new(time_s, cycle, &(0..time_s.len()).collect::<Vec<_>>())
+}
+
+/// A draw of Student's t by the polar method (Bailey, *Math. Comp.* 62, 779, 1994, doi:10.2307/2153537).
+fn student_t(dof: f64, rng: &mut (impl Rng + ?Sized)) -> f64 {
+    // In (0, 1], so that the logarithm is finite.
+    let radius_level = 1.0 - rng.random::<f64>();
+    let angle = 2.0 * std::f64::consts::PI * rng.random::<f64>();
+    (dof * (-2.0 / dof * radius_level.ln()).exp_m1()).sqrt() * angle.cos()
+}
+
+#[cfg(test)]
+#[path = "paths_tests.rs"]
+mod tests;

@@ -1,0 +1,35 @@
+//! Student's t in place of normal predictions.
+
+use super::{Equations, NoiseTerm};
+use crate::noise::NoiseScales;
+use crate::noise::scales::Scales;
+use base::distribution::Distribution;
+use base::parameter::{ParameterSpec, STUDENT_DOF};
+
+pub(super) struct Student;
+
+impl NoiseTerm for Student {
+    fn name(&self) -> &'static str {
+        "student"
+    }
+
+    fn parameters(&self) -> &'static [ParameterSpec] {
+        &[STUDENT_DOF]
+    }
+
+    fn default_prior(&self, _parameter: &ParameterSpec, _scales: &NoiseScales) -> Option<(Distribution, &'static str)> {
+        let distribution = Distribution::LogUniform { lower: 2.1, upper: 100.0 };
+        Some((
+            distribution,
+            "chosen: from tails almost without a variance to tails that cannot be told from normal ones",
+        ))
+    }
+
+    fn equations(&self) -> Equations {
+        Equations { heavy_tails: true, ..Equations::default() }
+    }
+
+    fn write(&self, values: &[f64], scales: &mut Scales) {
+        scales.dof = values[0];
+    }
+}

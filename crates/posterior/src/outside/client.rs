@@ -1,0 +1,234 @@
+//! Requests to another program, by HTTP over a plain connection: one a request, so that an answer depends on its request alone.
+
+use std::io::ErrorKind;
+use std::time::Duration;
+
+use serde_json::Value;
+use ureq::Agent;
+use ureq::http::Uri;
+
+use super::endpoint::Endpoint;
+use base::error::{Error, Place, Result};
+
+/// How long a connection, and then an answer, is waited for.
+const CONNECTING: Duration = Duration::from_secs(10);
+const ANSWERING: Duration = Duration::from_secs(600);
+/// Largest answer that is read: ten million numbers.
+const MOST_BYTES: u64 = 1 << 28;
+/// Letters of a server's own words that are shown.
+const MOST_WORDS: usize = 300;
+
+/// A server's address, and how it is asked.
+#[derive(Debug, Clone)]
+pub struct Client {
+    url: String,
+    agent: Agent,
+}
+
+fn refuse(found: impl Into<String>, remedy: impl Into<String>) -> Error {
+    Error::input(Place::option("--forward"), found, remedy)
+}
+
+impl Client {
+    /// Of an address `http://HOST[:PORT][/PATH]`.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for any other.
+    pub fn new(url: &str) -> Result<Self> {
+        if url.starts_with("https://") {
+            return Err(refuse(
+                format!("{url}: encrypted connections are not spoken"),
+                "give an http:// address: on this machine, or this end of a tunnel (`ssh -L 4242:localhost:4242 HOST`)",
+            ));
+        }
+        // Host and port make the whole authority: nobody's name stands before them.
+        let is_plain = |uri: &Uri| {
+            let host = uri.host().unwrap_or_default();
+            let whole = uri.port_u16().map_or(host.to_string(), |port| format!("{host}:{port}"));
+            let authority = uri.authority().map_or("", |own| own.as_str());
+            uri.scheme_str() == Some("http") && !host.is_empty() && whole == authority && uri.query().is_none()
+        };
+        if url.contains('#') || !url.parse::<Uri>().is_ok_and(|uri| is_plain(&uri)) {
+            return Err(refuse(
+                format!("`{url}` is no address of a server"),
+                "give an address such as http://127.0.0.1:4242",
+            ));
+        }
+        let agent = Agent::config_builder()
+            .http_status_as_error(false)
+            .max_idle_connections(0)
+            .max_redirects(0)
+            .max_redirects_will_error(false)
+            .proxy(None)
+            .timeout_connect(Some(CONNECTING))
+            .timeout_global(Some(ANSWERING))
+            .build()
+            .new_agent();
+        Ok(Self { url: url.trim_end_matches('/').to_string(), agent })
+    }
+
+    /// The address.
+    pub fn url(&self) -> &str {
+        &self.url
+    }
+
+    /// What the server answers; with `Null` it is only asked.
+    ///
+    /// # Errors
+    /// [`Error::Numerical`] where it cannot be reached, does not answer in time, answers an error, or no JSON.
+    pub fn ask(&self, endpoint: Endpoint, request: &Value) -> Result<Value> {
+        let (status, body) = self.exchange(endpoint, request).map_err(|error| self.unreachable(endpoint, &error))?;
+        let text = String::from_utf8_lossy(&body);
+        let answer: Option<Value> = serde_json::from_str(&text).ok();
+        let error = answer.as_ref().and_then(|answer| answer.get("error"));
+        if status != 200 || error.is_some() {
+            let own = error.and_then(|error| error.get("message").unwrap_or(error).as_str()).unwrap_or(&text);
+            return Err(Error::numerical(
+                format!("{} answers {} with {status}: {}", self.url, endpoint.path(), shortened(own)),
+                "read the server's own words and log; what it is asked is in docs/serve.md",
+            ));
+        }
+        answer.ok_or_else(|| match ["NaN", "Infinity"].iter().find(|word| text.contains(**word)) {
+            Some(word) => self.not_finite(word),
+            None => Error::numerical(
+                format!("{} answers {} with no JSON: {}", self.url, endpoint.path(), shortened(&text)),
+                "give the address of an UM-Bridge server, of protocol 1.0",
+            ),
+        })
+    }
+
+    /// An answer that holds no number.
+    pub fn not_finite(&self, found: &str) -> Error {
+        Error::numerical(
+            format!("{} answers with {found} among its positions", self.url),
+            "let the model give a number wherever the prior leads, or narrow the prior (--prior) to where it does",
+        )
+    }
+
+    fn exchange(&self, endpoint: Endpoint, request: &Value) -> std::result::Result<(u16, Vec<u8>), ureq::Error> {
+        let url = format!("{}{}", self.url, endpoint.path());
+        let mut answer = match request {
+            Value::Null => self.agent.get(&url).call()?,
+            request => self.agent.post(&url).content_type("application/json").send(request.to_string())?,
+        };
+        let body = answer.body_mut().with_config().limit(MOST_BYTES).read_to_vec()?;
+        Ok((answer.status().as_u16(), body))
+    }
+
+    fn unreachable(&self, endpoint: Endpoint, error: &ureq::Error) -> Error {
+        let (url, path) = (&self.url, endpoint.path());
+        let is_cut = |error: &std::io::Error| matches!(error.kind(), ErrorKind::UnexpectedEof | ErrorKind::InvalidData);
+        match error {
+            ureq::Error::Timeout(ureq::Timeout::Connect | ureq::Timeout::Resolve) => self.not_reached(error),
+            ureq::Error::Timeout(_) => Error::numerical(
+                format!("{url} does not answer {path} in time ({} s)", ANSWERING.as_secs()),
+                "see whether the server still computes; give it a coarser model, or a shorter record",
+            ),
+            ureq::Error::Io(error) if !is_cut(error) => self.not_reached(error),
+            ureq::Error::HostNotFound | ureq::Error::ConnectionFailed => self.not_reached(error),
+            _ => Error::numerical(
+                format!("{url} does not answer {path} whole: {error}"),
+                "give the address of an UM-Bridge server, and read its log",
+            ),
+        }
+    }
+
+    fn not_reached(&self, error: &dyn std::error::Error) -> Error {
+        Error::numerical(
+            format!("{} cannot be reached: {error}", self.url),
+            "start the server, and compare its address and port with --forward",
+        )
+    }
+}
+
+fn shortened(text: &str) -> String {
+    let text = text.trim();
+    match text.char_indices().nth(MOST_WORDS) {
+        Some((end, _)) => format!("{} …", &text[..end]),
+        None if text.is_empty() => "nothing".into(),
+        None => text.into(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::{Read, Write};
+    use std::net::TcpListener;
+
+    use super::*;
+
+    #[test]
+    fn addresses_are_read_or_refused() {
+        let of = |url: &str| Client::new(url).map(|own| own.url);
+        assert_eq!(of("http://127.0.0.1:4242").unwrap(), "http://127.0.0.1:4242");
+        assert_eq!(of("http://gel.org/models/").unwrap(), "http://gel.org/models");
+        assert_eq!(of("http://[::1]:80").unwrap(), "http://[::1]:80");
+        for (url, words) in [
+            ("https://gel.org", "tunnel"),
+            ("gel.org:4242", "no address"),
+            ("http://", "no address"),
+            ("http://gel.org:port", "no address"),
+            ("http://:4242", "no address"),
+            ("http://a@b:1", "no address"),
+            ("http://gel org", "no address"),
+            ("http://gel.org?model=2", "no address"),
+            ("http://gel.org#2", "no address"),
+        ] {
+            let message = of(url).unwrap_err().to_string();
+            assert!(message.contains(words) && message.contains("--forward"), "{url}: {message}");
+        }
+    }
+
+    /// One answer to one request, whatever it is.
+    fn answered(bytes: &'static [u8]) -> Result<Value> {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let client = Client::new(&format!("http://{}", listener.local_addr().unwrap())).unwrap();
+        let server = std::thread::spawn(move || {
+            let (mut stream, _) = listener.accept().unwrap();
+            // A request that is left unread would break the connection before its answer is read.
+            let mut request = Vec::new();
+            while !request.ends_with(b"}") {
+                let mut part = [0; 4096];
+                let n = stream.read(&mut part).unwrap();
+                request.extend_from_slice(&part[..n]);
+            }
+            stream.write_all(bytes).unwrap();
+        });
+        let answer = client.ask(Endpoint::Evaluate, &serde_json::json!({ "name": "forward" }));
+        server.join().unwrap();
+        answer
+    }
+
+    #[test]
+    fn answers_are_read_whole() {
+        let expected = serde_json::json!({ "output": [[1.5]] });
+        for answer in [
+            &b"HTTP/1.1 200 OK\r\nContent-Length: 18\r\n\r\n{\"output\":[[1.5]]}"[..],
+            b"HTTP/1.0 200 OK\r\n\r\n{\"output\":[[1.5]]}",
+            b"HTTP/1.1 200 OK\r\ntransfer-encoding: chunked\r\n\r\n9\r\n{\"output\"\r\n9;x\r\n:[[1.5]]}\r\n0\r\n\r\n",
+        ] {
+            assert_eq!(answered(answer).unwrap(), expected);
+        }
+    }
+
+    #[test]
+    fn errors_say_what_the_server_said_and_what_to_do() {
+        let cases: [(&'static [u8], &str); 6] = [
+            (b"HTTP/1.1 500 No\r\n\r\nthe spring broke", "with 500: the spring broke"),
+            (b"HTTP/1.1 400 No\r\n\r\n{\"error\":{\"type\":\"InvalidInput\",\"message\":\"too stiff\"}}", "too stiff"),
+            (b"HTTP/1.1 200 OK\r\n\r\n{\"output\": [[NaN]]}", "NaN among its positions"),
+            (b"HTTP/1.1 200 OK\r\n\r\n<html>", "no JSON: <html>"),
+            (b"HTTP/1.1 200 OK\r\nContent-Length: 900\r\n\r\n{\"out", "does not answer /Evaluate whole"),
+            (b"SSH-2.0", "does not answer /Evaluate whole"),
+        ];
+        for (answer, words) in cases {
+            let message = answered(answer).unwrap_err().to_string();
+            assert!(message.contains(words) && message.contains("what to do"), "{message}");
+        }
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let client = Client::new(&format!("http://{}", listener.local_addr().unwrap())).unwrap();
+        drop(listener);
+        let message = client.ask(Endpoint::Info, &Value::Null).unwrap_err().to_string();
+        assert!(message.contains("cannot be reached") && message.contains("start the server"), "{message}");
+    }
+}

@@ -1,0 +1,65 @@
+//! The other program itself as a forward model: every trajectory is asked for, under the acting force and not to first order.
+
+use std::sync::Arc;
+
+use super::Outside;
+use base::error::Result;
+use base::number::Dual;
+use laws::stages::{FieldStepper, Load, Spread, Stages, Stepped};
+use models::model::{Forward, Model, Response};
+use models::surrogate::trajectory::Clock;
+use record::Force;
+
+/// Parameters → trajectory by asking.
+pub struct OutsideForward<'a> {
+    outside: &'a Outside,
+    model: &'a Model,
+    time_s: &'a [f64],
+    force: Force<'a>,
+    clock: Clock,
+    response: Response,
+}
+
+impl<'a> OutsideForward<'a> {
+    /// In one record: rows' times (s) and the commanded force.
+    pub fn new(outside: &'a Outside, model: &'a Model, time_s: &'a [f64], force: Force<'a>) -> Self {
+        let response = Response::new(time_s, force, time_s.len());
+        Self { outside, model, time_s, force, clock: Clock::finer(time_s, force), response }
+    }
+
+    /// Before the observation, at every row.
+    fn robot_m(&self, law: &[f64], load: &Load) -> Result<Vec<f64>> {
+        if load.is_commanded() {
+            return self.outside.position_m(law, self.time_s, self.force);
+        }
+        let (times_s, acting_n, rows) = self.clock.acting(self.time_s, self.force, load);
+        let acting = Force { at_rows_n: &acting_n, ..self.force };
+        let position_m = self.outside.position_m(law, &times_s, acting)?;
+        Ok(rows.iter().map(|row| position_m[*row]).collect())
+    }
+}
+
+impl Forward for OutsideForward<'_> {
+    fn trajectory_m(&self, parameters: &[f64]) -> Result<Vec<f64>> {
+        let constants: Vec<Dual> = parameters.iter().copied().map(Dual::constant).collect();
+        let mut stages = self.model.stages(&constants)?;
+        let n_law = self.model.base().parameters().len();
+        let answer = Answer(self.robot_m(&parameters[..n_law], &stages.load)?);
+        stages.spread = Some(Spread::Stepped(Stepped(Arc::new(answer))));
+        self.response.trajectory_m(&stages, 1.0)
+    }
+}
+
+/// What was answered, on its way to the observation.
+#[derive(Debug)]
+struct Answer(Vec<f64>);
+
+impl FieldStepper for Answer {
+    fn excess_m(&self, _: &Stages, _: f64, time_s: &[f64], _: Force<'_>) -> Result<Vec<f64>> {
+        Ok(self.0[..time_s.len()].to_vec())
+    }
+
+    fn excess_dual_m(&self, _: &Stages, _: f64, time_s: &[f64], _: Force<'_>) -> Result<Vec<Dual>> {
+        Ok(self.0[..time_s.len()].iter().copied().map(Dual::constant).collect())
+    }
+}

@@ -1,0 +1,253 @@
+//! Somebody else's model in place of the base law, asked by UM-Bridge (docs/serve.md): `client` speaks HTTP, this file the protocol, and `full` is the model as a forward model.
+
+pub mod client;
+mod endpoint;
+mod full;
+
+pub use endpoint::Endpoint;
+
+pub use full::OutsideForward;
+
+use std::sync::OnceLock;
+
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
+use sha2::{Digest, Sha256};
+
+use super::cache;
+use base::error::{Error, Result};
+use client::Client;
+use laws::rheology::OutsideLaw;
+use models::model::TrainedRange;
+use models::surrogate::trajectory::Clock;
+use record::{Force, Record};
+
+/// The model that is asked for where none is named.
+const USUAL_NAME: &str = "forward";
+/// Change of the force by which a program shows whether it heeds it.
+const OTHER_FORCE: f64 = 1.25;
+/// Change of the positions, over the largest, that is more than rounding.
+const LEAST_CHANGE: f64 = 1e-9;
+
+/// An answer as it is kept.
+#[derive(Serialize, Deserialize)]
+struct KeptAnswer {
+    position_um: Vec<f64>,
+}
+
+/// A server's model, and how it behaves.
+#[derive(Debug)]
+pub struct Outside {
+    client: Client,
+    /// The model's name.
+    name: String,
+    law: &'static OutsideLaw,
+    takes_force: bool,
+    /// Its answer (µm) at the prior's medians, by which answers that are kept are known to be of the same model.
+    at_medians_um: Vec<f64>,
+    /// Why it answers the record's own force alone, if it does.
+    own_force_alone: Option<String>,
+    /// One for all models of the experiment, so that they are compared on the same ground.
+    learnt_in: OnceLock<Ground>,
+}
+
+/// The box that a program was learnt in, and the error over the noise that was allowed there.
+#[derive(Debug)]
+pub struct Ground {
+    pub trained: Vec<TrainedRange>,
+    pub allowed: f64,
+}
+
+impl Outside {
+    /// Asks what there is: the model, the lengths of its vectors, its answer at parameters, and whether it heeds other times and forces than the record's.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for an address that is none; [`Error::Numerical`] for a server that cannot be reached, or whose model is not as docs/serve.md says.
+    pub fn connect(law: &'static OutsideLaw, record: &Record, medians: &[f64]) -> Result<Self> {
+        let client = Client::new(law.url())?;
+        let name = name_of(&client, law.model())?;
+        let info = client.ask(Endpoint::ModelInfo, &json!({ "name": name }))?;
+        if info.pointer("/support/Evaluate") != Some(&Value::Bool(true)) {
+            return Err(Error::numerical(
+                format!("the model `{name}` at {} does not support Evaluate", client.url()),
+                "name another model with --forward-model",
+            ));
+        }
+        let mut own = Self {
+            client,
+            name,
+            law,
+            takes_force: false,
+            at_medians_um: Vec::new(),
+            own_force_alone: None,
+            learnt_in: OnceLock::new(),
+        };
+        let (time_s, force) = (&record.time_s[..], record.force());
+        own.takes_force = own.check_sizes(time_s, force)?;
+        own.at_medians_um = own.fresh_um(medians, time_s, force)?;
+        own.own_force_alone = own.own_force_alone(record, medians).err().map(|error| {
+            let text = error.to_string();
+            text.lines().next().unwrap_or_default().to_string()
+        });
+        Ok(own)
+    }
+
+    /// The address, and the model there.
+    pub fn title(&self) -> String {
+        format!("`{}` at {}", self.name, self.client.url())
+    }
+
+    /// Why it answers the record's own force alone, if it does: effects of load then have no model.
+    pub fn answers_own_force_alone(&self) -> Option<&str> {
+        self.own_force_alone.as_deref()
+    }
+
+    /// Where it was learnt, once it is.
+    pub fn learnt_in(&self) -> Option<&Ground> {
+        self.learnt_in.get()
+    }
+
+    /// Keeps where it was learnt first.
+    pub(super) fn keep_ground(&self, ground: Ground) {
+        self.learnt_in.get_or_init(|| ground);
+    }
+
+    /// Position (m) at times (s) under a force that holds, or goes in lines, between them; kept, so that the same is asked once.
+    ///
+    /// # Errors
+    /// [`Error::Numerical`] with the server's words, or for an answer that is none.
+    pub fn position_m(&self, parameters: &[f64], time_s: &[f64], force: Force<'_>) -> Result<Vec<f64>> {
+        let hash = self.hash(parameters, time_s, force);
+        let kept = cache::read::<KeptAnswer>(&hash).filter(|kept| kept.position_um.len() == time_s.len());
+        let answer = match kept {
+            Some(kept) => kept,
+            None => {
+                let fresh = KeptAnswer { position_um: self.fresh_um(parameters, time_s, force)? };
+                cache::write(&hash, &fresh);
+                fresh
+            }
+        };
+        Ok(answer.position_um.iter().map(|x| 1e-6 * x).collect())
+    }
+
+    /// Everything that an answer depends on.
+    fn hash(&self, parameters: &[f64], time_s: &[f64], force: Force<'_>) -> String {
+        let mut hash = Sha256::new();
+        let names: Vec<&str> = self.law.parameters().iter().map(|spec| spec.name).collect();
+        hash.update(format!("outside {} {} {names:?} {:?}", self.client.url(), self.name, force.rule));
+        for numbers in [parameters, time_s, force.at_rows_n, &self.at_medians_um] {
+            hash.update(numbers.len().to_le_bytes());
+            numbers.iter().for_each(|x| hash.update(x.to_le_bytes()));
+        }
+        hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+    }
+
+    fn config(&self, time_s: &[f64], force: Force<'_>) -> Value {
+        let names: Vec<&str> = self.law.parameters().iter().map(|spec| spec.name).collect();
+        json!({ "time_s": time_s, "force_n": force.at_rows_n, "force_between": force.rule.name(), "parameters": names })
+    }
+
+    /// Whether the model takes the force as a second vector.
+    fn check_sizes(&self, time_s: &[f64], force: Force<'_>) -> Result<bool> {
+        let request = json!({ "name": self.name, "config": self.config(time_s, force) });
+        let (n, n_times) = (self.law.parameters().len(), time_s.len());
+        let inputs = self.client.ask(Endpoint::InputSizes, &request)?;
+        let outputs = self.client.ask(Endpoint::OutputSizes, &request)?;
+        let sizes = |answer: &Value, key: &str| -> Option<Vec<u64>> {
+            answer.get(key)?.as_array()?.iter().map(Value::as_u64).collect()
+        };
+        let refuse = |what: &str, found: &Value, wanted: String, remedy: &str| {
+            let found = format!("{} has {what} of sizes {found}, and {wanted}", self.title());
+            Err(Error::numerical(found, remedy))
+        };
+        let names: Vec<&str> = self.law.parameters().iter().map(|spec| spec.name).collect();
+        let takes_force = match sizes(&inputs, "inputSizes").as_deref() {
+            Some([own]) if *own == n as u64 => false,
+            Some([own, of_force]) if *own == n as u64 && *of_force == n_times as u64 => true,
+            _ => {
+                let wanted =
+                    format!("the prior names {n} parameters ({}) and there are {n_times} times", names.join(", "));
+                let remedy = "let inputs be [parameters], or [parameters, forces at config's time_s]; name the parameters in the prior file, in the model's order";
+                return refuse("inputs", inputs.get("inputSizes").unwrap_or(&inputs), wanted, remedy);
+            }
+        };
+        if sizes(&outputs, "outputSizes").as_deref() != Some(&[n_times as u64]) {
+            let wanted = format!("config's time_s has {n_times} times");
+            let remedy = "let the output be one vector: the position in micrometres at each of config's time_s";
+            return refuse("outputs", outputs.get("outputSizes").unwrap_or(&outputs), wanted, remedy);
+        }
+        Ok(takes_force)
+    }
+
+    fn fresh_um(&self, parameters: &[f64], time_s: &[f64], force: Force<'_>) -> Result<Vec<f64>> {
+        let input = if self.takes_force { json!([parameters, force.at_rows_n]) } else { json!([parameters]) };
+        let request = json!({ "name": self.name, "input": input, "config": self.config(time_s, force) });
+        let named: Vec<String> =
+            self.law.parameters().iter().zip(parameters).map(|(spec, x)| format!("{} = {x}", spec.name)).collect();
+        let at = |error: Error| match error {
+            Error::Numerical { what, remedy } => Error::numerical(format!("{what} (at {})", named.join(", ")), remedy),
+            other => other,
+        };
+        let answer = self.client.ask(Endpoint::Evaluate, &request).map_err(at)?;
+        let output = answer.get("output").and_then(Value::as_array);
+        let [Value::Array(position_um)] = output.map_or(&[][..], Vec::as_slice) else {
+            return Err(Error::numerical(
+                format!("{} answers Evaluate without one vector under `output`", self.title()),
+                "let it answer {\"output\": [[…]]}: the position in micrometres at each of config's time_s",
+            ));
+        };
+        if position_um.len() != time_s.len() {
+            return Err(Error::numerical(
+                format!(
+                    "{} answers with {} positions where {} times were given",
+                    self.title(),
+                    position_um.len(),
+                    time_s.len()
+                ),
+                "let the output be the position in micrometres at each of config's time_s",
+            ));
+        }
+        let number = |own: &Value| own.as_f64().filter(|x| x.is_finite());
+        position_um.iter().map(|own| number(own).ok_or_else(|| at(self.client.not_finite(&own.to_string())))).collect()
+    }
+
+    /// Whether it heeds times between the rows, and another force at them; if not, in what it does not.
+    fn own_force_alone(&self, record: &Record, medians: &[f64]) -> Result<()> {
+        let (time_s, force) = (&record.time_s, record.force());
+        let clock = Clock::finer(time_s, force);
+        let stronger_n: Vec<f64> = clock.commanded_n(time_s, force).iter().map(|f| OTHER_FORCE * f).collect();
+        let stronger = Force { at_rows_n: &stronger_n, ..force };
+        let takes_force = self.check_sizes(&clock.time_s, stronger)?;
+        let moved_m = self.position_m(medians, &clock.time_s, stronger)?;
+        let most_um = self.at_medians_um.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+        let change_um = clock.rows.iter().zip(&self.at_medians_um).map(|(row, own)| (1e6 * moved_m[*row] - own).abs());
+        if takes_force != self.takes_force || change_um.fold(0.0, f64::max) <= LEAST_CHANGE * most_um {
+            let found = format!("{} does not heed the forces that it is given", self.title());
+            return Err(Error::numerical(found, "let it take them from its second input, or from config's force_n"));
+        }
+        Ok(())
+    }
+}
+
+/// The model's name: the one that is asked for, or the usual one, or the only one.
+fn name_of(client: &Client, wanted: Option<&str>) -> Result<String> {
+    let info = client.ask(Endpoint::Info, &Value::Null)?;
+    let models: Vec<&str> = info
+        .get("models")
+        .and_then(Value::as_array)
+        .map_or(Vec::new(), |models| models.iter().filter_map(Value::as_str).collect());
+    let is_there = |name: &str| models.contains(&name);
+    match (wanted, &models[..]) {
+        (Some(wanted), _) if is_there(wanted) => Ok(wanted.into()),
+        (None, _) if is_there(USUAL_NAME) => Ok(USUAL_NAME.into()),
+        (None, [only]) => Ok((*only).into()),
+        _ => {
+            let found = match wanted {
+                Some(wanted) => format!("{} has no model `{wanted}`", client.url()),
+                None => format!("{} has not one model, and none is called `{USUAL_NAME}`", client.url()),
+            };
+            let names = if models.is_empty() { "none".into() } else { models.join(", ") };
+            Err(Error::numerical(found, format!("name one of its models with --forward-model; it has {names}")))
+        }
+    }
+}

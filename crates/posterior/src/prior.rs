@@ -1,0 +1,393 @@
+//! Priors: `priors/<name>.toml`, one table a parameter (formats §2).
+
+use std::path::{Path, PathBuf};
+
+use rand::Rng;
+
+pub use base::distribution::{Distribution, UnconstrainedDensity};
+use base::error::{Error, Place, Result};
+use base::files::{self, Content};
+use base::parameter::{NOISE_SD, ParameterSpec};
+use base::toml_input::{Table, TomlInput, text_of};
+use laws::rheology::LETHERSICH;
+
+/// The base law's parameters (physics §2) and the white noise, in the order used everywhere.
+pub const BASE_PARAMETERS: &[ParameterSpec] = &[LETHERSICH[0], LETHERSICH[1], LETHERSICH[2], NOISE_SD];
+
+/// Priors that come with the program: name and text.
+const EMBEDDED: &[(&str, &str)] = &[
+    ("porcine", include_str!("../../../priors/porcine.toml")),
+    ("sharif-kashani-2011", include_str!("../../../priors/sharif-kashani-2011.toml")),
+    ("lee-1994", include_str!("../../../priors/lee-1994.toml")),
+    ("wang-2013", include_str!("../../../priors/wang-2013.toml")),
+    ("nickerson-2008-porcine", include_str!("../../../priors/nickerson-2008-porcine.toml")),
+    ("nickerson-2008-bovine", include_str!("../../../priors/nickerson-2008-bovine.toml")),
+    ("aboulatta-2021", include_str!("../../../priors/aboulatta-2021.toml")),
+    ("generic", include_str!("../../../priors/generic.toml")),
+];
+
+/// The prior of one parameter.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Prior {
+    /// Parameter name.
+    pub name: String,
+    /// Its distribution, in `unit`.
+    pub distribution: Distribution,
+    /// Unit of the parameter.
+    pub unit: String,
+    /// Where the numbers come from.
+    pub source: String,
+}
+
+/// Prior of a parameter that a file leaves out, given those of the parameters before it.
+pub type DefaultPrior<'a> = dyn Fn(&ParameterSpec, &[Prior]) -> Option<Prior> + 'a;
+
+fn no_default(_: &ParameterSpec, _: &[Prior]) -> Option<Prior> {
+    None
+}
+
+/// Priors of all parameters of a model, in the model's order.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PriorSet {
+    name: String,
+    text: String,
+    priors: Vec<Prior>,
+    /// One for each prior, worked out once because the sampler asks millions of times.
+    densities: Vec<UnconstrainedDensity>,
+}
+
+impl PriorSet {
+    /// Names of the priors that come with the program; the first is the default.
+    pub fn embedded_names() -> impl Iterator<Item = &'static str> {
+        EMBEDDED.iter().map(|(name, _)| *name)
+    }
+
+    /// An embedded prior of the base law, by name.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if no embedded prior has this name.
+    pub fn named(name: &str) -> Result<Self> {
+        if Self::embedded_names().any(|known| known == name) { Self::read(name) } else { Err(unknown_name(name)) }
+    }
+
+    /// Priors of the base law from an embedded name or a file.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for an unknown name or an unacceptable file, [`Error::File`] for an unreadable one.
+    pub fn read(name_or_file: &str) -> Result<Self> {
+        Self::read_for(name_or_file, BASE_PARAMETERS, &[], &no_default)
+    }
+
+    /// Priors of the `wanted` parameters from an embedded name or a file, which may hold those of `others`, too; what it leaves out is asked
+    /// for from `default`.
+    ///
+    /// # Errors
+    /// As [`PriorSet::read`].
+    pub fn read_for(
+        name_or_file: &str,
+        wanted: &[ParameterSpec],
+        others: &[&str],
+        default: &DefaultPrior<'_>,
+    ) -> Result<Self> {
+        let (file, text) = Self::text_named(name_or_file)?;
+        let mut set = Self::from_text(&file, text.as_bytes(), wanted, others, default)?;
+        set.name = name_or_file.to_string();
+        Ok(set)
+    }
+
+    /// Names and units of the parameters that a prior's name or file has priors of, in the order in which they stand there.
+    ///
+    /// # Errors
+    /// As [`PriorSet::read`].
+    pub fn listed(name_or_file: &str) -> Result<Vec<(String, String)>> {
+        let (path, text) = Self::text_named(name_or_file)?;
+        let document = TomlInput::parse(&path, &text)?;
+        let root = document.root();
+        let entry = |name: &str| {
+            let unit = root.required_table(name)?.required_text("unit", "unit = \"Pa\"")?;
+            Ok((name.to_string(), unit))
+        };
+        root.keys_in_order().into_iter().map(entry).collect()
+    }
+
+    /// The TOML text of a prior's name or file, and where it stands.
+    ///
+    /// # Errors
+    /// As [`PriorSet::read`].
+    pub fn text_named(name_or_file: &str) -> Result<(PathBuf, String)> {
+        if let Some((name, text)) = EMBEDDED.iter().find(|(name, _)| *name == name_or_file) {
+            return Ok((PathBuf::from(format!("priors/{name}.toml")), (*text).to_string()));
+        }
+        let path = Path::new(name_or_file);
+        if !path.exists() {
+            return Err(unknown_name(name_or_file));
+        }
+        let bytes = files::read(path, Content::Settings, "give a readable prior file, or a prior's name")?;
+        Ok((path.to_path_buf(), text_of(path, &bytes)?.to_string()))
+    }
+
+    /// Priors from TOML in memory; `file` is only named in errors.
+    ///
+    /// # Errors
+    /// [`Error::Input`] with file, line, key and remedy for an unknown or missing parameter, a wrong unit, an unknown
+    /// or missing key, impossible numbers, or a distribution that leaves the parameter's support.
+    pub fn from_text(
+        file: &Path,
+        bytes: &[u8],
+        wanted: &[ParameterSpec],
+        others: &[&str],
+        default: &DefaultPrior<'_>,
+    ) -> Result<Self> {
+        let text = text_of(file, bytes)?;
+        let document = TomlInput::parse(file, text)?;
+        let root = document.root();
+        let names: Vec<&str> = wanted.iter().map(|spec| spec.name).chain(others.iter().copied()).collect();
+        root.only(&names)?;
+        let mut priors = Vec::with_capacity(wanted.len());
+        for spec in wanted {
+            priors.push(match (root.table(spec.name)?, default(spec, &priors)) {
+                (Some(table), _) => prior_from(table, spec)?,
+                (None, Some(default)) => default,
+                (None, None) => {
+                    let example = format!(
+                        "[{}]` with `distribution`, its numbers, `unit = \"{}\"` and `source",
+                        spec.name, spec.unit
+                    );
+                    return Err(root.missing(spec.name, &example));
+                }
+            });
+        }
+        let densities = priors.iter().map(|prior| prior.distribution.unconstrained()).collect();
+        Ok(Self { name: file.display().to_string(), text: text.to_string(), priors, densities })
+    }
+
+    /// Name or file as it was asked for.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The TOML text the set was read from.
+    pub fn text(&self) -> &str {
+        &self.text
+    }
+
+    /// Distributions of the priors, in their order.
+    pub fn distributions(&self) -> impl Iterator<Item = Distribution> + '_ {
+        self.priors.iter().map(|prior| prior.distribution)
+    }
+
+    /// The priors in order.
+    pub fn priors(&self) -> &[Prior] {
+        &self.priors
+    }
+
+    /// Parameter names in order.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.priors.iter().map(|prior| prior.name.as_str())
+    }
+
+    /// The prior of a parameter.
+    pub fn get(&self, name: &str) -> Option<&Prior> {
+        self.priors.iter().find(|prior| prior.name == name)
+    }
+
+    /// The set without the parameters in `fixed`.
+    pub fn without(&self, fixed: &[&str]) -> Self {
+        let mut left = self.clone();
+        left.priors.retain(|prior| !fixed.contains(&prior.name.as_str()));
+        left.densities = left.priors.iter().map(|prior| prior.distribution.unconstrained()).collect();
+        left
+    }
+
+    /// The set with others after its own.
+    pub fn with(&self, others: &[Prior]) -> Self {
+        let mut all = self.clone();
+        all.priors.extend(others.iter().cloned());
+        all.densities = all.priors.iter().map(|prior| prior.distribution.unconstrained()).collect();
+        all
+    }
+
+    /// For each parameter the interval that leaves `tail` on either side.
+    pub fn box_quantiles(&self, tail: f64) -> Vec<(f64, f64)> {
+        let ends = |prior: &Prior| (prior.distribution.quantile(tail), prior.distribution.quantile(1.0 - tail));
+        self.priors.iter().map(ends).collect()
+    }
+
+    /// One draw of every parameter, in natural units.
+    pub fn draw(&self, rng: &mut (impl Rng + ?Sized)) -> Vec<f64> {
+        self.priors.iter().map(|prior| prior.distribution.draw(rng)).collect()
+    }
+
+    /// The sampler's coordinates of natural values, in order.
+    pub fn to_unconstrained(&self, natural: &[f64]) -> Vec<f64> {
+        self.priors.iter().zip(natural).map(|(prior, x)| prior.distribution.to_unconstrained(*x)).collect()
+    }
+
+    /// Natural values at the sampler's coordinates, in order.
+    pub fn from_unconstrained(&self, z: &[f64]) -> Vec<f64> {
+        self.priors.iter().zip(z).map(|(prior, z)| prior.distribution.from_unconstrained(*z)).collect()
+    }
+
+    /// Adds the log-density of the sampler's coordinates to each point of a batch: coordinate d of point i stands at
+    /// `points[d * n + i]`, n = `log_density.len()`.
+    pub fn add_ln_pdf_unconstrained(&self, points: &[f64], log_density: &mut [f64]) {
+        let n = log_density.len();
+        if n == 0 {
+            return;
+        }
+        for (density, z) in self.densities.iter().zip(points.chunks_exact(n)) {
+            density.add_ln_pdf(z, log_density);
+        }
+    }
+}
+
+fn unknown_name(name: &str) -> Error {
+    let names: Vec<&str> = PriorSet::embedded_names().collect();
+    let near = base::units::nearest_name(name, names.iter().copied());
+    let hint = near.map_or(String::new(), |near| format!("did you mean `{near}`? "));
+    Error::input(
+        Place::option("--prior"),
+        format!("`{name}` is neither a file nor the name of a prior"),
+        format!("{hint}give the path of a TOML file or one of {}", names.join(", ")),
+    )
+}
+
+const DISTRIBUTIONS: [&str; 6] = ["log_normal", "normal", "half_normal", "uniform", "log_uniform", "beta"];
+
+fn prior_from(table: Table<'_>, spec: &ParameterSpec) -> Result<Prior> {
+    let distribution = distribution_of(table)?;
+    let unit = table.required_text("unit", &format!("unit = \"{}\"", spec.unit))?;
+    if unit != spec.unit {
+        return Err(table.refuse(
+            "unit",
+            format!("the unit is `{unit}`, but {} is given in `{}`", spec.name, spec.unit),
+            format!("convert the numbers and write `unit = \"{}\"`", spec.unit),
+        ));
+    }
+    let (lower, upper) = distribution.support();
+    if lower < spec.support.lower || upper > spec.support.upper {
+        return Err(table.refuse(
+            "distribution",
+            format!("the prior reaches [{lower}, {upper}], but {} lies in {}", spec.name, spec.support),
+            if spec.support.upper.is_infinite() {
+                "use `log_normal`, `half_normal` or `log_uniform`, which stay positive, or narrow the ends"
+            } else {
+                "use `uniform` or `beta` with `lower` and `upper` inside that interval"
+            },
+        ));
+    }
+    let source = table.required_text("source", "source = \"where the numbers come from\"")?;
+    Ok(Prior { name: spec.name.to_string(), distribution, unit, source })
+}
+
+/// The distribution of a table with `distribution` and its numbers; `unit` and `source` may stand beside them.
+///
+/// # Errors
+/// [`Error::Input`] with file, line, key and remedy.
+pub fn distribution_of(table: Table<'_>) -> Result<Distribution> {
+    let kind = table.required_text("distribution", "distribution = \"log_normal\"")?;
+    let distribution = distribution_from(table, &kind)?;
+    refuse_absurd(table)?;
+    Ok(distribution)
+}
+
+fn distribution_from(table: Table<'_>, kind: &str) -> Result<Distribution> {
+    let only = |numbers: &[&str]| table.only(&[&["distribution", "unit", "source"], numbers].concat());
+    let positive = |key: &str| table.required_positive(key, &format!("{key} = 1.0"));
+    let number = |key: &str| table.required_number(key, &format!("{key} = 1.0"));
+    Ok(match kind {
+        "log_normal" => {
+            only(&["median", "log_sd", "mean", "sd"])?;
+            log_normal_from(table)?
+        }
+        "normal" => {
+            only(&["mean", "sd"])?;
+            Distribution::Normal { mean: number("mean")?, sd: positive("sd")? }
+        }
+        "half_normal" => {
+            only(&["sd"])?;
+            Distribution::HalfNormal { sd: positive("sd")? }
+        }
+        "uniform" => {
+            only(&["lower", "upper"])?;
+            let (lower, upper) = ordered(table, number("lower")?, number("upper")?)?;
+            Distribution::Uniform { lower, upper }
+        }
+        "log_uniform" => {
+            only(&["lower", "upper"])?;
+            let (lower, upper) = ordered(table, positive("lower")?, positive("upper")?)?;
+            Distribution::LogUniform { lower, upper }
+        }
+        "beta" => {
+            only(&["alpha", "beta", "lower", "upper"])?;
+            let (alpha, beta) = (positive("alpha")?, positive("beta")?);
+            let ends = (table.number("lower")?.unwrap_or(0.0), table.number("upper")?.unwrap_or(1.0));
+            let (lower, upper) = ordered(table, ends.0, ends.1)?;
+            Distribution::Beta { alpha, beta, lower, upper }
+        }
+        other => {
+            let near = base::units::nearest_name(other, DISTRIBUTIONS);
+            let hint = near.map_or(String::new(), |near| format!("did you mean `{near}`? "));
+            return Err(table.refuse(
+                "distribution",
+                format!("unknown distribution `{other}`"),
+                format!("{hint}use one of {}", DISTRIBUTIONS.join(", ")),
+            ));
+        }
+    })
+}
+
+/// Sizes that a number of a prior can have in the units that there are; what lies outside is a slip, and would leave the range of floating-point
+/// numbers in a power or a ratio.
+const SIZES: [f64; 2] = [1e-30, 1e15];
+/// The same for numbers without a unit that say how wide or which shape.
+const SHAPES: [(&str, [f64; 2]); 3] = [("log_sd", [1e-6, 20.0]), ("alpha", [1e-3, 1e6]), ("beta", [1e-3, 1e6])];
+
+fn refuse_absurd(table: Table<'_>) -> Result<()> {
+    for key in table.keys() {
+        let shape = SHAPES.iter().find(|(name, _)| *name == key).map(|(_, sizes)| *sizes);
+        let is_number = ["median", "mean", "sd", "lower", "upper"].contains(&key);
+        let Some([smallest, largest]) = shape.or(is_number.then_some(SIZES)) else { continue };
+        let value = table.number(key)?.unwrap_or(0.0);
+        if value != 0.0 && !(smallest..=largest).contains(&value.abs()) {
+            return Err(table.refuse(
+                key,
+                format!("{value:e} is not a size that this number can have"),
+                format!("give a number between {smallest:e} and {largest:e}; check the unit"),
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// By median and log_sd, or by the mean and sd of the parameter itself as papers print them.
+fn log_normal_from(table: Table<'_>) -> Result<Distribution> {
+    let has_moments = table.has("mean") || table.has("sd");
+    let has_median = table.has("median") || table.has("log_sd");
+    if has_moments && has_median {
+        let key = if table.has("mean") { "mean" } else { "sd" };
+        return Err(table.refuse(
+            key,
+            "the log-normal is given twice, by `median`/`log_sd` and by `mean`/`sd`",
+            "keep `median` with `log_sd`, or `mean` with `sd` (then the moments are matched)",
+        ));
+    }
+    if has_moments {
+        let mean = table.required_positive("mean", "mean = 1.66")?;
+        return Ok(Distribution::log_normal_from_moments(mean, table.required_positive("sd", "sd = 0.96")?));
+    }
+    let median = table.required_positive("median", "median = 1.8")?;
+    Ok(Distribution::LogNormal { median, log_sd: table.required_positive("log_sd", "log_sd = 1.25")? })
+}
+
+fn ordered(table: Table<'_>, lower: f64, upper: f64) -> Result<(f64, f64)> {
+    if lower < upper && (upper - lower).is_finite() {
+        return Ok((lower, upper));
+    }
+    let key = if table.has("upper") { "upper" } else { "lower" };
+    Err(table.refuse(key, format!("`upper` = {upper} is not above `lower` = {lower}"), "give `lower` below `upper`"))
+}
+
+#[cfg(test)]
+#[path = "prior_tests.rs"]
+mod tests;

@@ -1,0 +1,337 @@
+//! An experiment and a model joined: what is fitted, by which law, under which priors, with which mechanics.
+
+use std::sync::Arc;
+
+use super::mechanics::{FiniteElements, Mechanics, MeshFile};
+use super::model_priors::read_priors;
+use super::outside::{Outside, OutsideForward};
+use crate::monitor::Monitor;
+use crate::noise::{NoiseLikelihood, NoiseModel};
+use crate::prior::PriorSet;
+use crate::study::ModelSpecification;
+use base::distribution::Distribution;
+use base::error::{Error, Place, Result};
+use base::number::Dual;
+use base::parameter::ParameterSpec;
+use models::effects::{Library, Stage};
+use models::model::{FullForward, Model, TrainedRange};
+use record::{Apparatus, Experiment};
+
+/// Prior mass beyond either end of the surrogate's trained range; the prior is truncated there.
+pub const TAIL_MASS: f64 = 1e-9;
+
+/// An experiment, a model of it, and the mechanics made computable.
+pub struct Problem {
+    /// What was measured.
+    pub experiment: Experiment,
+    /// The model as it is written down.
+    pub specification: ModelSpecification,
+    /// Its law and effects.
+    pub model: Model,
+    /// Its noise.
+    pub noise: NoiseModel,
+    /// Priors of the sampled parameters.
+    pub priors: PriorSet,
+    /// Finite elements or an instrument; shared by the models of one experiment.
+    pub mechanics: Arc<Mechanics>,
+}
+
+impl Problem {
+    /// Checks the model against the experiment and builds the mechanics, with the program's own effects.
+    pub fn new(
+        experiment: Experiment,
+        specification: ModelSpecification,
+        mesh_file: Option<&MeshFile>,
+        monitor: &dyn Monitor,
+    ) -> Result<Self> {
+        Self::with_library(experiment, specification, &Library::default(), mesh_file, monitor)
+    }
+
+    /// The same with another library of effects.
+    pub fn with_library(
+        experiment: Experiment,
+        specification: ModelSpecification,
+        library: &Library,
+        mesh_file: Option<&MeshFile>,
+        monitor: &dyn Monitor,
+    ) -> Result<Self> {
+        let checked = check(&experiment, specification, library)?;
+        let mechanics = match checked.model.base().outside() {
+            Some(law) => {
+                refuse_mesh_outside(mesh_file)?;
+                monitor.stage(&format!("asking {}", law.url()));
+                let medians = checked.medians(law.parameters());
+                Mechanics::Outside(Box::new(Outside::connect(law, &experiment.record, &medians)?))
+            }
+            None => {
+                if matches!(experiment.apparatus, Apparatus::Robot { .. }) {
+                    monitor.stage("meshing and assembling the finite elements");
+                }
+                Mechanics::new(&experiment.apparatus, mesh_file)?
+            }
+        };
+        if let Mechanics::FiniteElements(fe) = &mechanics {
+            fe.mesh_warnings.iter().for_each(|w| monitor.warn(&format!("{}; {}", w.text, w.advice)));
+        }
+        let Checked { specification, model, noise, priors } = checked;
+        refuse_without_mesh(&model, &mechanics)?;
+        Ok(Self { experiment, specification, model, noise, priors, mechanics: Arc::new(mechanics) })
+    }
+
+    /// The same with mechanics that are there already.
+    ///
+    /// # Errors
+    /// [`Error::Input`] when the model cannot be one of the experiment.
+    pub fn with_mechanics(
+        experiment: Experiment,
+        specification: ModelSpecification,
+        library: &Library,
+        mechanics: Arc<Mechanics>,
+    ) -> Result<Self> {
+        let Checked { specification, model, noise, priors } = check(&experiment, specification, library)?;
+        refuse_without_mesh(&model, &mechanics)?;
+        Ok(Self { experiment, specification, model, noise, priors, mechanics })
+    }
+
+    /// Another model of the same experiment by the same mechanics.
+    ///
+    /// # Errors
+    /// [`Error::Input`] when it cannot be one of this experiment.
+    pub fn with_model(&self, specification: ModelSpecification, library: &Library) -> Result<Self> {
+        self.with(self.experiment.clone(), specification, library)
+    }
+
+    /// Another model, or other positions, of the same apparatus.
+    ///
+    /// # Errors
+    /// [`Error::Input`] when the model cannot be one of the experiment.
+    pub fn with(&self, experiment: Experiment, specification: ModelSpecification, library: &Library) -> Result<Self> {
+        Self::with_mechanics(experiment, specification, library, self.mechanics.clone())
+    }
+
+    /// The same model under the same priors with other positions (m) at the record's rows. What a prior takes from the range of positions stays that of the record that it was made for.
+    pub fn with_positions(&self, position_m: Vec<Option<f64>>) -> Self {
+        let mut experiment = self.experiment.clone();
+        experiment.record.position_m = position_m;
+        Self {
+            experiment,
+            specification: self.specification.clone(),
+            model: self.model.clone(),
+            noise: self.noise,
+            priors: self.priors.clone(),
+            mechanics: self.mechanics.clone(),
+        }
+    }
+
+    /// The model's parameters, then the noise's.
+    pub fn parameters(&self) -> Vec<ParameterSpec> {
+        self.model.parameters().iter().copied().chain(self.noise.parameters()).collect()
+    }
+
+    /// Whether the model is a law alone that is a finite sum of exponentials: the exponential step is then exact while the force holds.
+    pub fn is_exponential(&self) -> bool {
+        self.model.is_law_alone() && self.model.base().is_exponential()
+    }
+
+    /// The finite elements, if there are any.
+    pub fn finite_elements(&self) -> Option<&FiniteElements> {
+        match &*self.mechanics {
+            Mechanics::FiniteElements(fe) => Some(fe),
+            Mechanics::Instrument { .. } | Mechanics::Outside(_) => None,
+        }
+    }
+
+    /// The other program, if the law is one.
+    pub fn outside(&self) -> Option<&Outside> {
+        match &*self.mechanics {
+            Mechanics::Outside(outside) => Some(outside),
+            Mechanics::FiniteElements(_) | Mechanics::Instrument { .. } => None,
+        }
+    }
+
+    /// It as a forward model over the whole record.
+    pub fn outside_forward(&self) -> Option<OutsideForward<'_>> {
+        let record = &self.experiment.record;
+        self.outside().map(|own| OutsideForward::new(own, &self.model, &record.time_s, record.force()))
+    }
+
+    /// The range that the prior gives a parameter but for `tail` on either side, or its fixed value.
+    pub fn range_of(&self, name: &str, tail: f64) -> TrainedRange {
+        let (lower, upper) = match self.priors.get(name) {
+            Some(prior) => (prior.distribution.quantile(tail), prior.distribution.quantile(1.0 - tail)),
+            None => {
+                let value = self.specification.fixed.get(name).copied().unwrap_or(f64::NAN);
+                (value, value)
+            }
+        };
+        TrainedRange { name: name.to_string(), lower, upper }
+    }
+
+    /// The range of a parameter of another program that was learnt, once it is.
+    pub fn learnt_range(&self, name: &str) -> Option<&TrainedRange> {
+        let trained = &self.outside()?.learnt_in()?.trained;
+        trained.iter().find(|range| range.name == name && range.lower < range.upper)
+    }
+
+    /// By what starts of a parameter are chosen: its prior, or the range that another program was learnt in.
+    pub fn starts_of(&self, name: &str) -> Option<Distribution> {
+        let prior = self.priors.get(name)?.distribution;
+        let learnt = self.learnt_range(name);
+        Some(learnt.map_or(prior, |range| Distribution::LogUniform { lower: range.lower, upper: range.upper }))
+    }
+
+    /// Ranges of the law's parameters on which a surrogate is trained: the prior's box, or a fixed value.
+    pub fn training_ranges(&self) -> Vec<TrainedRange> {
+        self.model.base().parameters().iter().map(|p| self.range_of(p.name, TAIL_MASS)).collect()
+    }
+
+    /// The Poisson ratios that the model asks for, from its stages at both ends of every effect's prior.
+    pub fn poisson_ratios(&self, fe: &FiniteElements) -> Result<[f64; 2]> {
+        let specs = self.model.parameters();
+        let middle: Vec<Dual> = specs.iter().map(|p| self.range_of(p.name, 0.5).lower.into()).collect();
+        let mut ratios = [fe.poisson_ratio; 2];
+        for (index, spec) in specs.iter().enumerate().skip(self.model.base().parameters().len()) {
+            let range = self.range_of(spec.name, TAIL_MASS);
+            for end in [range.lower, range.upper] {
+                let mut parameters = middle.clone();
+                parameters[index] = end.into();
+                // Where an effect has no model, it asks for no ratio.
+                let asked = self.model.stages(&parameters).ok().and_then(|stages| stages.poisson_ratio);
+                if let Some(ratio) = asked {
+                    ratios = [ratios[0].min(ratio.value), ratios[1].max(ratio.value)];
+                }
+            }
+        }
+        Ok(ratios)
+    }
+
+    /// Positions of some cycles, `None` elsewhere.
+    pub fn positions_of(&self, cycles: &[u32]) -> Vec<Option<f64>> {
+        let record = &self.experiment.record;
+        let pairs = record.position_m.iter().zip(&record.cycle);
+        let is_wanted = record.are_among(cycles);
+        pairs.map(|(position, cycle)| position.filter(|_| is_wanted(*cycle))).collect()
+    }
+
+    /// The likelihood of some cycles' positions under the model's noise.
+    pub fn noise_likelihood(&self, cycles: &[u32]) -> NoiseLikelihood {
+        let record = &self.experiment.record;
+        NoiseLikelihood::new(self.noise, &record.time_s, &record.cycle, &self.positions_of(cycles))
+    }
+
+    /// The full-order forward model over the whole record; `None` for an instrument.
+    pub fn full_forward(&self) -> Result<Option<FullForward<'_>>> {
+        let record = &self.experiment.record;
+        self.finite_elements()
+            .map(|fe| {
+                FullForward::new(&self.model, &fe.stiffness, fe.poisson_ratio, &record.time_s, record.force())
+                    .map(|full| full.in_surroundings(fe.surroundings()))
+            })
+            .transpose()
+    }
+}
+
+/// Some effects need more of a mesh than others.
+fn refuse_without_mesh(model: &Model, mechanics: &Mechanics) -> Result<()> {
+    let fe = match mechanics {
+        Mechanics::FiniteElements(fe) => fe,
+        Mechanics::Instrument { .. } => return Ok(()),
+        Mechanics::Outside(outside) => return refuse_loads_unheeded(model, outside),
+    };
+    match model.field().and_then(|(slug, field)| Some((slug, field.lacks(&fe.surroundings())?))) {
+        None => Ok(()),
+        Some((slug, reason)) => Err(Error::input(
+            Place::option("--with"),
+            format!("`{slug}` cannot be computed for this robot and mesh: {reason}"),
+            "leave it out, or use another mesh",
+        )),
+    }
+}
+
+/// Effects of load need a program that heeds the force.
+fn refuse_loads_unheeded(model: &Model, outside: &Outside) -> Result<()> {
+    let load = model.effects().iter().find(|effect| effect.stage() == Stage::Load);
+    match (load, outside.answers_own_force_alone()) {
+        (Some(effect), Some(reason)) => Err(Error::input(
+            Place::option("--with"),
+            format!(
+                "`{}` changes the force, and the other program answers the record's own alone: {reason}",
+                effect.slug()
+            ),
+            "leave it out; effects of observation work",
+        )),
+        _ => Ok(()),
+    }
+}
+
+fn refuse_mesh_outside(mesh_file: Option<&MeshFile>) -> Result<()> {
+    mesh_file.map_or(Ok(()), |_| {
+        let found = "the law is another program's, which has no mesh here";
+        Err(Error::input(Place::option("--mesh"), found, "leave it out"))
+    })
+}
+
+/// A fixed value inside its support may still be one at which this experiment has no model.
+fn refuse_fixed_without_model(specification: &ModelSpecification, model: &Model, priors: &PriorSet) -> Result<()> {
+    if specification.fixed.is_empty() {
+        return Ok(());
+    }
+    let value = |name: &str| {
+        let median = || priors.get(name).map_or(f64::NAN, |prior| prior.distribution.quantile(0.5));
+        specification.fixed.get(name).copied().unwrap_or_else(median)
+    };
+    let middle: Vec<Dual> = model.parameters().iter().map(|p| value(p.name).into()).collect();
+    match model.stages(&middle) {
+        Err(Error::Numerical { what, remedy }) => Err(Error::input(Place::option("--set"), what, remedy)),
+        other => other.map(|_| ()),
+    }
+}
+
+/// A model that can be one of the experiment.
+struct Checked {
+    specification: ModelSpecification,
+    model: Model,
+    noise: NoiseModel,
+    priors: PriorSet,
+}
+
+impl Checked {
+    /// Fixed values, or the priors' medians.
+    fn medians(&self, specs: &[ParameterSpec]) -> Vec<f64> {
+        let median = |name: &str| self.priors.get(name).map(|prior| prior.distribution.quantile(0.5));
+        let value = |name: &str| self.specification.fixed.get(name).copied().or_else(|| median(name));
+        specs.iter().map(|spec| value(spec.name).unwrap_or(f64::NAN)).collect()
+    }
+}
+
+/// Law, effects, noise and priors of a model of an experiment; what cannot be is refused.
+fn check(experiment: &Experiment, specification: ModelSpecification, library: &Library) -> Result<Checked> {
+    let scales = experiment.scales();
+    let specification = specification.with_nulls(&scales, library);
+    let effects = specification.effects(library);
+    if let Some(unknown) = specification.effects.iter().find(|slug| library.get(slug).is_none()) {
+        return Err(Error::input(
+            Place::option("--with"),
+            format!("there is no effect `{unknown}`"),
+            "name effects that `vitreo-uq effects` lists, or give the library that has it",
+        ));
+    }
+    let model = Model::new(specification.base, effects, scales, &Place::option("--with"))?;
+    let noise = specification.noise_model(&Place::option("--noise"))?;
+    let all_priors = read_priors(&specification.prior, &model, noise, library)?;
+    for (name, value) in &specification.fixed {
+        let spec = model.parameters().iter().copied().chain(noise.parameters()).find(|spec| spec.name == name);
+        if !spec.is_some_and(|spec| value.is_finite() && spec.support.contains(*value)) {
+            let names: Vec<&str> = all_priors.names().collect();
+            return Err(Error::input(
+                Place::option("--set"),
+                format!("{name} = {value}"),
+                format!("set one of {} to a value inside its support", names.join(", ")),
+            ));
+        }
+    }
+    refuse_fixed_without_model(&specification, &model, &all_priors)?;
+    let fixed: Vec<&str> = specification.fixed.keys().map(String::as_str).collect();
+    let priors = all_priors.without(&fixed);
+    Ok(Checked { specification, model, noise, priors })
+}

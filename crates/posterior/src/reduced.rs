@@ -1,0 +1,396 @@
+//! The reduced model of a problem: the surrogate, kept or trained, and its verification with the effects.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+
+use super::cache;
+use super::learnt_displacement::{learnt, nearest_law};
+use super::learnt_outside::{self, Learnt};
+use super::mechanics::{FiniteElements, Mechanics};
+use super::outside::Outside;
+use super::problem::{Problem, TAIL_MASS};
+use crate::likelihood::{FittedRecord, PosteriorParts, ReducedPosterior};
+use crate::monitor::{Counter, Monitor};
+use crate::prior::PriorSet;
+use crate::study::{Kept, WithProvenance};
+use base::error::Result;
+use base::files::{Content, read_if_there};
+use elements::mesh::Mesh;
+use laws::rheology::BaseLaw;
+use laws::stages::{Spread, Stages};
+use models::effects::{Effect, Field, Stage};
+use models::model::{Compliance, Forward, FullForward, ReducedForward, Response, TrainedRange};
+use models::surrogate::{FieldModels, Surrogate, Training, n_pieces, trajectory};
+use record::{Experiment, Force, Record};
+
+/// The file of a revision that keeps its surrogate.
+pub const SURROGATE_NAME: &str = "surrogate.json";
+/// Singular values below this fraction of the largest carry no mode.
+const POD_TOLERANCE: f64 = 1e-6;
+/// Full-order runs by which a model with effects is verified.
+const VERIFICATION_RUNS: u32 = 8;
+/// The same with effects whose field is solved for: each takes some ten seconds.
+const SLOW_VERIFICATION_RUNS: u32 = 2;
+/// They are taken between these quantiles of the priors.
+const VERIFICATION_TAIL: f64 = 0.02;
+/// Seed of their scrambled Sobol sequence: the design is part of the method, not of a run.
+const VERIFICATION_SEED: u32 = 3;
+
+/// The reduced model of a problem.
+pub struct Reduced {
+    /// The surrogate; `None` for an instrument, whose compliance is given.
+    pub surrogate: Option<Surrogate>,
+    /// Models of effects that change the displacement field, as far as the model has any.
+    pub fields: FieldModels,
+    /// Displacement per force at unit creep compliance.
+    pub compliance: Compliance,
+    /// Ranges of the law's parameters in which it may be asked; empty for an instrument.
+    pub trained: Vec<TrainedRange>,
+    /// Largest distance from full-order trajectories on runs that did not train it, relative to their amplitude; `None` for an instrument.
+    pub max_relative_error: Option<f64>,
+    /// The same of large displacements that were learnt for the record, or, over the noise, of another program; `None` without them.
+    pub learnt_error: Option<f64>,
+}
+
+/// A surrogate as it is kept on disk, with what it was built from.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct KeptSurrogate {
+    /// Hash of everything that the surrogate depends on.
+    pub built_from_sha256: String,
+    /// Hash of everything that the models of effects' fields depend on.
+    #[serde(default)]
+    pub fields_built_from_sha256: String,
+    /// Models of effects that change the displacement field.
+    #[serde(default)]
+    pub fields: FieldModels,
+    /// The surrogate.
+    #[serde(flatten)]
+    pub surrogate: Surrogate,
+}
+
+impl KeptSurrogate {
+    /// The surrogate that an earlier run left in a revision, if there is one that can be used; whether it is of the same input is looked at when it
+    /// is. One that was changed since is not used, and `monitor` says so.
+    pub fn read(revision_dir: &Path, monitor: &dyn Monitor) -> Option<Self> {
+        let path = revision_dir.join(SURROGATE_NAME);
+        if !path.exists() {
+            return None;
+        }
+        let document: Option<WithProvenance<Kept<Self>>> =
+            read_if_there(&path, Content::Document).and_then(|bytes| serde_json::from_slice(&bytes).ok());
+        let kept = document.and_then(|document| document.body.unchanged()).filter(|kept| kept.surrogate.is_whole());
+        if kept.is_none() {
+            monitor.warn(&format!(
+                "{} is not as this program wrote it, and is not used: the surrogate is trained anew",
+                path.display()
+            ));
+        }
+        kept
+    }
+}
+
+impl Reduced {
+    /// Takes the kept surrogate if it was built from the same input, else trains one; a model with effects is verified on full-order runs of its
+    /// own. A law that is not linear was compared with full-order runs when its reduced model was built, which serves: one such run over a whole record
+    /// takes minutes.
+    pub fn new(problem: &Problem, kept: Option<KeptSurrogate>, monitor: &dyn Monitor) -> Result<Self> {
+        let mut reduced = Self::unverified(problem, kept, monitor)?;
+        if let (Some(fe), false) = (problem.finite_elements(), problem.is_exponential()) {
+            let of_field =
+                problem.model.field().and_then(|(slug, _)| reduced.fields.verified(slug)).or(reduced.learnt_error);
+            let found = match of_field {
+                Some(found) => found,
+                None => {
+                    monitor.stage("verifying the reduced model on full finite-element runs");
+                    verify(problem, fe, &reduced.compliance)?
+                }
+            };
+            reduced.max_relative_error = reduced.max_relative_error.map(|error| error.max(found));
+        }
+        Ok(reduced)
+    }
+
+    /// The same, verified for the law alone.
+    pub fn unverified(problem: &Problem, kept: Option<KeptSurrogate>, monitor: &dyn Monitor) -> Result<Self> {
+        let fe = match &*problem.mechanics {
+            Mechanics::Instrument { compliance_per_m } => {
+                let compliance = Compliance::given(*compliance_per_m);
+                let fields = FieldModels::default();
+                return Ok(Self {
+                    surrogate: None,
+                    fields,
+                    compliance,
+                    trained: Vec::new(),
+                    max_relative_error: None,
+                    learnt_error: None,
+                });
+            }
+            Mechanics::Outside(own) => return Self::of_outside(problem, own, problem.model.effects(), monitor),
+            Mechanics::FiniteElements(fe) => fe,
+        };
+        let fields = field_models(fe, kept.as_ref(), problem.model.effects(), monitor)?;
+        let (_, surrogate) = surrogate(problem, fe, kept, monitor)?;
+        let mut compliance = with_fields(surrogate.compliance(fe.poisson_ratio)?, &fields);
+        let mut learnt_error = None;
+        if let Some((_, Field::Large)) = problem.model.field() {
+            let law = nearest_law(problem, &compliance)?;
+            let with_load = problem.model.effects().iter().any(|effect| effect.stage() == Stage::Load);
+            let (stepper, error) = learnt(problem, &law, with_load, monitor)?;
+            compliance = compliance.with_large(move || Some(stepper.clone()));
+            learnt_error = Some(error);
+        }
+        Ok(Self {
+            compliance,
+            learnt_error,
+            fields,
+            trained: problem.training_ranges(),
+            max_relative_error: Some(surrogate.max_relative_error),
+            surrogate: Some(surrogate),
+        })
+    }
+
+    /// What stands for another program, for models with any of some effects.
+    pub fn of_outside(
+        problem: &Problem,
+        own: &Outside,
+        effects: &[&'static dyn Effect],
+        monitor: &dyn Monitor,
+    ) -> Result<Self> {
+        let is_load = |effect: &&'static dyn Effect| effect.stage() == Stage::Load;
+        let with_load = effects.iter().any(is_load) && own.answers_own_force_alone().is_none();
+        let Learnt { stepper, trained, over_noise } = learnt_outside::learnt(problem, own, with_load, monitor)?;
+        let answers = move |_: &Stages| Ok(Some(Spread::Stepped(stepper.clone())));
+        Ok(Self {
+            surrogate: None,
+            fields: FieldModels::default(),
+            compliance: Compliance::given(1.0).with_spread(answers),
+            trained,
+            max_relative_error: None,
+            learnt_error: Some(over_noise),
+        })
+    }
+
+    /// The surrogate with the hash of what it was built from.
+    pub fn to_keep(&self, problem: &Problem) -> Result<Option<KeptSurrogate>> {
+        let (Some(fe), Some(surrogate)) = (problem.finite_elements(), self.surrogate.clone()) else { return Ok(None) };
+        let fields_built_from_sha256 = fields_built_from(fe);
+        let (built_from_sha256, fields) = (surrogate_hash(problem, fe)?, self.fields.clone());
+        Ok(Some(KeptSurrogate { built_from_sha256, fields_built_from_sha256, fields, surrogate }))
+    }
+}
+
+/// The law's surrogate with its hash: a kept one where it was built from the same, in the study or in the cache, else a new one.
+pub fn surrogate(
+    problem: &Problem,
+    fe: &FiniteElements,
+    kept: Option<KeptSurrogate>,
+    monitor: &dyn Monitor,
+) -> Result<(String, Surrogate)> {
+    let (law, parameters) = training_law(problem)?;
+    let training = training(problem, fe, law, &parameters)?;
+    let hash = built_from(fe, &training);
+    let kept = kept.filter(|kept| kept.built_from_sha256 == hash).map(|kept| kept.surrogate);
+    let cached = || cache::read::<Surrogate>(&hash).filter(Surrogate::is_whole);
+    let surrogate = match kept.or_else(cached) {
+        Some(kept) => {
+            monitor.stage("taking the surrogate that is there");
+            kept
+        }
+        None => {
+            monitor.stage("training the surrogate on full finite-element runs");
+            let trained = Surrogate::train(&fe.stiffness, &training)?;
+            cache::write(&hash, &trained);
+            trained
+        }
+    };
+    Ok((hash, surrogate))
+}
+
+/// The hash of the surrogate that a problem takes.
+pub fn surrogate_hash(problem: &Problem, fe: &FiniteElements) -> Result<String> {
+    let (law, parameters) = training_law(problem)?;
+    Ok(built_from(fe, &training(problem, fe, law, &parameters)?))
+}
+
+/// The models of fields that effects ask for: kept ones where they were built from the same, in the study or in the cache, else new ones.
+pub fn field_models(
+    fe: &FiniteElements,
+    kept: Option<&KeptSurrogate>,
+    effects: &[&'static dyn Effect],
+    monitor: &dyn Monitor,
+) -> Result<FieldModels> {
+    let kept = kept.filter(|kept| kept.fields_built_from_sha256 == fields_built_from(fe));
+    let mut fields = kept.map_or_else(FieldModels::default, |kept| kept.fields.clone());
+    for effect in effects {
+        let slug = effect.slug();
+        let is_asked = effect.field().is_some_and(|field| !fields.has(slug) && !matches!(field, Field::Large));
+        if is_asked {
+            fields = fields.or(field_model(fe, *effect, monitor)?);
+        }
+    }
+    Ok(fields)
+}
+
+/// The model of the field that one effect asks for: a kept one where it was built from the same, else a new one.
+pub fn field_model(fe: &FiniteElements, effect: &'static dyn Effect, monitor: &dyn Monitor) -> Result<FieldModels> {
+    let hash = field_hash(fe, effect.slug());
+    if let Some(cached) = cache::read::<FieldModels>(&hash).filter(|cached| cached.has(effect.slug())) {
+        return Ok(cached);
+    }
+    let words = effect.field().map_or("an effect", Field::words);
+    monitor.stage(&format!("reducing full finite elements with {words}"));
+    let counter = Counter::new(monitor, n_pieces(effect));
+    let built = FieldModels::build(effect, &fe.surroundings(), &|| counter.add_one())?;
+    cache::write(&hash, &built);
+    Ok(built)
+}
+
+/// The hash of the model of an effect's field: of the apparatus alone.
+pub fn field_hash(fe: &FiniteElements, slug: &str) -> String {
+    hash_of(fe, &format!("{} {slug}", weighed(fe)))
+}
+
+/// The compliance with the terms of fields.
+pub fn with_fields(compliance: Compliance, fields: &FieldModels) -> Compliance {
+    let fields = Arc::new(fields.clone());
+    compliance.with_spread(move |stages| fields.spread(stages))
+}
+
+impl Problem {
+    /// Log-posterior of the calibration cycles by the reduced model. A law that is not linear remembers its trajectories.
+    pub fn posterior<'a>(&'a self, reduced: &'a Reduced) -> ReducedPosterior<'a> {
+        let record = &self.experiment.record;
+        let (Record { time_s, cycle, .. }, force) = (record, record.force());
+        let parts = PosteriorParts {
+            model: &self.model,
+            noise: self.noise,
+            compliance: trajectory::local(&reduced.compliance, time_s, force),
+            trained: &reduced.trained,
+            priors: &self.priors,
+            fixed: &self.specification.fixed,
+        };
+        let observed_m = &self.positions_of(&self.experiment.calibration_cycles);
+        ReducedPosterior::new(parts, FittedRecord { time_s, force, cycle, observed_m })
+    }
+
+    /// The reduced forward model over the whole record.
+    pub fn reduced_forward<'a>(&'a self, reduced: &'a Reduced) -> ReducedForward<'a> {
+        let record = &self.experiment.record;
+        self.reduced_forward_over(reduced, Response::new(&record.time_s, record.force(), record.n_rows()))
+    }
+
+    /// The same over the first rows, by the compliance that the posterior takes.
+    pub fn reduced_forward_up_to<'a>(&'a self, reduced: &'a Reduced, n_rows: usize) -> ReducedForward<'a> {
+        let record = &self.experiment.record;
+        let (time_s, force) = (&record.time_s, record.force());
+        let compliance = trajectory::local(&reduced.compliance, time_s, force);
+        let response = Response::new(time_s, force, n_rows);
+        ReducedForward { model: &self.model, compliance, response, trained: &reduced.trained }
+    }
+
+    /// The same over the rows of a response.
+    pub(super) fn reduced_forward_over<'a>(&'a self, reduced: &'a Reduced, response: Response) -> ReducedForward<'a> {
+        ReducedForward {
+            model: &self.model,
+            compliance: reduced.compliance.clone(),
+            response,
+            trained: &reduced.trained,
+        }
+    }
+}
+
+/// The law of the training runs. The modes do not depend on it, so a network's are trained by the Lethersich law over its default prior.
+fn training_law(problem: &Problem) -> Result<(BaseLaw, Vec<TrainedRange>)> {
+    let law = problem.model.base();
+    if law.is_exponential() {
+        return Ok((law, problem.training_ranges()));
+    }
+    let law = BaseLaw::default();
+    let priors = PriorSet::named("porcine")?;
+    let boxes = priors.box_quantiles(TAIL_MASS);
+    let ranges = law.parameters().iter().zip(boxes);
+    Ok((law, ranges.map(|(p, (lower, upper))| TrainedRange { name: p.name.into(), lower, upper }).collect()))
+}
+
+/// Training on the load up to the last calibration row: what comes after is left to the held-out check. The modes are those of the law alone,
+/// over all Poisson ratios that the model asks for, since no other effect of this program changes the field.
+fn training<'a>(
+    problem: &'a Problem,
+    fe: &FiniteElements,
+    law: BaseLaw,
+    parameters: &'a [TrainedRange],
+) -> Result<Training<'a>> {
+    let (time_s, force) = training_load(problem);
+    let poisson_ratio = problem.poisson_ratios(fe)?;
+    Ok(Training { law, parameters, poisson_ratio, time_s, force, tolerance: POD_TOLERANCE })
+}
+
+/// Times and forces up to the last calibration row.
+pub fn training_load(problem: &Problem) -> (&[f64], Force<'_>) {
+    let Experiment { record, calibration_cycles, .. } = &problem.experiment;
+    let n_rows = record.cycle.iter().rposition(|cycle| calibration_cycles.contains(cycle)).map_or(0, |last| last + 1);
+    (&record.time_s[..n_rows], record.force().first(n_rows))
+}
+
+/// Largest distance of the reduced model with its effects from the full-order one, relative to the latter's amplitude, over Sobol points of the
+/// priors. Points at which an effect has no model are left out.
+fn verify(problem: &Problem, fe: &FiniteElements, compliance: &Compliance) -> Result<f64> {
+    let (time_s, force) = training_load(problem);
+    let model = &problem.model;
+    let full =
+        FullForward::new(model, &fe.stiffness, fe.poisson_ratio, time_s, force)?.in_surroundings(fe.surroundings());
+    let response = Response::new(time_s, force, time_s.len());
+    let reduced = ReducedForward { model, compliance: compliance.clone(), response, trained: &[] };
+    let relative_error = |index: u32| {
+        let quantile = |(d, name): (u32, &str)| {
+            let coordinate = f64::from(sobol_burley::sample(index, d, VERIFICATION_SEED));
+            let probability = VERIFICATION_TAIL + (1.0 - 2.0 * VERIFICATION_TAIL) * coordinate;
+            problem.range_of(name, probability).lower
+        };
+        let names = model.parameters().iter().map(|p| p.name);
+        let parameters: Vec<f64> = (0_u32..).zip(names).map(quantile).collect();
+        let (Ok(full_m), Ok(reduced_m)) = (full.trajectory_m(&parameters), reduced.trajectory_m(&parameters)) else {
+            return 0.0;
+        };
+        let amplitude = full_m.iter().fold(0.0_f64, |a, x| a.max(x.abs()));
+        let distance = reduced_m.iter().zip(&full_m).fold(0.0_f64, |d, (r, x)| d.max((r - x).abs()));
+        if amplitude > 0.0 { distance / amplitude } else { 0.0 }
+    };
+    let n_runs = if model.field().is_none() { VERIFICATION_RUNS } else { SLOW_VERIFICATION_RUNS };
+    let errors: Vec<f64> = (0..n_runs).into_par_iter().map(relative_error).collect();
+    Ok(errors.into_iter().fold(0.0, f64::max))
+}
+
+/// SHA-256 over the program's version, the mesh, what it weighs and the Poisson ratio.
+fn fields_built_from(fe: &FiniteElements) -> String {
+    hash_of(fe, &weighed(fe))
+}
+
+/// What models of fields depend on beside the mesh.
+fn weighed(fe: &FiniteElements) -> String {
+    format!("{:e} {:?}", fe.poisson_ratio, fe.sizes)
+}
+
+/// SHA-256 over the program's version, the mesh and everything in the training.
+fn built_from(fe: &FiniteElements, training: &Training) -> String {
+    hash_of(fe, &format!("{training:?}"))
+}
+
+/// SHA-256 over the program's version, the mesh and what else counts.
+fn hash_of(fe: &FiniteElements, rest: &str) -> String {
+    let mut hash = Sha256::new();
+    hash.update(env!("CARGO_PKG_VERSION"));
+    hash.update(format!("{:?}", fe.mesh.element_kind));
+    fe.mesh.node_coordinates_m.iter().flatten().for_each(|x| hash.update(x.to_le_bytes()));
+    let Mesh { connectivity, robot_nodes, outer_nodes, symmetry_y_nodes, symmetry_z_nodes, .. } = &fe.mesh;
+    for nodes in [connectivity, robot_nodes, outer_nodes, symmetry_y_nodes, symmetry_z_nodes] {
+        hash.update(nodes.len().to_le_bytes());
+        nodes.iter().for_each(|n| hash.update(n.to_le_bytes()));
+    }
+    hash.update(rest);
+    hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+}

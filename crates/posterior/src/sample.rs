@@ -1,0 +1,531 @@
+//! The main job: surrogate, posterior by the ensemble sampler, full finite-element check, summary.
+
+use std::path::Path;
+use std::time::Instant;
+
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+
+use super::advice::{Findings, impossible_positions, warnings};
+use super::full_check::{self, FullCheck, N_CHECK_DRAWS, NaturalDraw, mean_trajectory, rmse_m};
+use super::heldout::{self, Score};
+use super::large_displacement;
+use super::log_score::log_score;
+use super::misfit::{Misfit, Remainder, directions_of_spread};
+use super::problem::{Problem, TAIL_MASS};
+use super::reduced::{KeptSurrogate, Reduced};
+use crate::likelihood::ReducedPosterior;
+use crate::monitor::Monitor;
+use crate::prior::PriorSet;
+use base::distribution::Distribution;
+use base::error::{Error, Place, Result};
+use base::files::write_atomically;
+use documents::posterior::*;
+use laws::rheology::BaseLaw;
+use models::effects::{AMPLITUDE, MOBILITY};
+use models::surrogate::trajectory::MOST_MOBILITY;
+use record::{Experiment, NoiseOrigin, NoiseYardstick};
+use sampling::checkpoint;
+use sampling::diagnostics::ranks::BlomScores;
+use sampling::diagnostics::{DrawColumn, ParameterDiagnostics, diagnose};
+use sampling::ensemble::{Checkpointing, Progress, RunControl, SampleOutcome};
+use sampling::{SamplerOptions, sample as sample_density};
+
+/// Starts of the search for modes, drawn from the prior.
+const N_STARTS: usize = 16;
+/// The same for models of more than the Lethersich law: two bodies can trade places, and one of the modes may attract few starts.
+const N_STARTS_OF_LARGER: usize = 96;
+/// Stream of the starts, apart from the sampler's.
+const START_STREAM: u64 = u64::MAX / 2;
+/// Rows that draws are predicted at: 3.4 GB at a million.
+const MOST_ROWS: usize = 1_200_000;
+/// Time between checkpoints.
+const CHECKPOINT_INTERVAL: std::time::Duration = std::time::Duration::from_secs(10);
+/// A mobility whose 95 % quantile is beyond this share of the largest that is learnt lies at its end.
+const NEARLY: f64 = 0.9;
+
+/// What a caller decides.
+#[derive(Clone)]
+pub struct SampleRequest<'a> {
+    /// The sampler's settings.
+    pub options: SamplerOptions,
+    /// A surrogate from an earlier run, used if it was built from the same input.
+    pub kept_surrogate: Option<KeptSurrogate>,
+    /// File in which the sampler keeps its state, if it should.
+    pub checkpoint: Option<&'a Path>,
+    /// Go on from that file if it is there.
+    pub resume: bool,
+}
+
+/// What the job led to.
+pub struct SampleResult {
+    /// The document for people and scripts.
+    pub summary: PosteriorSummary,
+    /// The reduced model.
+    pub reduced: Reduced,
+    /// Draws and the sampler's account of itself.
+    pub outcome: SampleOutcome,
+    /// One column a sampled parameter, in its own unit.
+    pub columns: Vec<DrawColumn>,
+    /// Predictive quantiles (m) of every row.
+    pub bands_m: Vec<[f64; 5]>,
+    /// The noise that misfits are measured against.
+    pub yardstick: Option<NoiseYardstick>,
+    /// Wall-clock seconds of each stage.
+    pub timing_s: Vec<(&'static str, f64)>,
+}
+
+/// Refuses a record whose predictions by every draw would not fit into memory.
+///
+/// # Errors
+/// [`Error::Input`] with the remedy.
+pub fn refuse_too_many_rows(n_rows: usize) -> Result<()> {
+    if n_rows <= MOST_ROWS {
+        return Ok(());
+    }
+    let every = n_rows.div_ceil(MOST_ROWS);
+    Err(Error::input(
+        Place::default().at_key("measurement"),
+        format!("{n_rows} rows are more than {MOST_ROWS}, which posterior draws are predicted at"),
+        format!("average every {every} rows into one, or let `fit` take the record as it is"),
+    ))
+}
+
+/// Refuses a problem with every parameter fixed, or with more rows than draws can be predicted at.
+///
+/// # Errors
+/// [`Error::Input`].
+pub fn refuse_nothing_to_sample(problem: &Problem) -> Result<()> {
+    refuse_too_many_rows(problem.experiment.record.n_rows())?;
+    if problem.priors.priors().is_empty() {
+        return Err(Error::input(
+            Place::option("--set"),
+            "every parameter is fixed, so there is nothing to infer",
+            "leave at least one parameter free, or use `simulate`",
+        ));
+    }
+    Ok(())
+}
+
+/// Runs the job.
+///
+/// # Errors
+/// [`base::Error::Interrupted`] when stopped, with the state kept; otherwise whatever its parts refuse.
+pub fn run(problem: &Problem, request: &SampleRequest, monitor: &dyn Monitor) -> Result<SampleResult> {
+    refuse_too_many_rows(problem.experiment.record.n_rows())?;
+    let mut timing_s = Vec::new();
+    let mut clock = Instant::now();
+    let mut lap = |stage: &'static str| {
+        timing_s.push((stage, clock.elapsed().as_secs_f64()));
+        clock = Instant::now();
+    };
+    let reduced = Reduced::new(problem, request.kept_surrogate.clone(), monitor)?;
+    lap("surrogate");
+    let posterior = problem.posterior(&reduced);
+    let outcome = sample(problem, &posterior, request, monitor)?;
+    lap("sampling");
+    monitor.stage(&match (problem.outside(), problem.finite_elements()) {
+        (Some(outside), _) => format!("checking by {}", outside.title()),
+        (None, Some(_)) => "checking by full finite elements".into(),
+        (None, None) => "predicting all cycles".into(),
+    });
+    let columns = natural_columns(&problem.priors, &outcome);
+    let spread = outcome.draws.spread(N_CHECK_DRAWS);
+    let draws: Vec<NaturalDraw> = spread.iter().map(|point| posterior.natural(point)).collect();
+    let check = full_check::check(problem, &reduced, &draws)?;
+    lap("full finite elements");
+    let bands_m = heldout::bands_m(&check);
+    let heldout_m = problem.positions_of(&problem.experiment.heldout_cycles);
+    let score = heldout::score(&check, &bands_m, &problem.experiment.record, &heldout_m, request.options.seed);
+    lap("held-out score");
+    let large_displacement = large_displacement::estimate(problem, &columns, &check)?;
+    lap("large displacements");
+    let yardstick = problem.experiment.noise_yardstick();
+    let summary =
+        summarise(problem, request, &reduced, &outcome, &columns, &check, score, large_displacement, yardstick);
+    lap("summary");
+    Ok(SampleResult { summary, reduced, outcome, columns, bands_m, yardstick, timing_s })
+}
+
+/// Draws from the posterior, without any check of them.
+///
+/// # Errors
+/// [`base::Error::Interrupted`] when stopped; whatever the sampler refuses.
+pub fn sample(
+    problem: &Problem,
+    posterior: &ReducedPosterior,
+    request: &SampleRequest,
+    monitor: &dyn Monitor,
+) -> Result<SampleOutcome> {
+    monitor.stage("sampling the posterior");
+    if problem.specification.noise.iter().any(|n| n == "gain") && problem.experiment.calibration_cycles.len() < 2 {
+        monitor.warn(
+            "gain and offset differ from cycle to cycle, and one cycle is fitted: their spread will be the prior's",
+        );
+    }
+    let mut rng = ChaCha8Rng::seed_from_u64(request.options.seed);
+    rng.set_stream(START_STREAM);
+    let is_plain = problem.model.base() == BaseLaw::Lethersich && problem.model.is_law_alone();
+    let n_starts = if is_plain { N_STARTS } else { N_STARTS_OF_LARGER };
+    let names: Vec<&str> = problem.priors.names().collect();
+    let from: Vec<Distribution> = names.iter().filter_map(|name| problem.starts_of(name)).collect();
+    let mut start = || -> Vec<f64> { from.iter().map(|own| own.draw(&mut rng)).collect() };
+    let starts: Vec<Vec<f64>> = (0..n_starts).map(|_| problem.priors.to_unconstrained(&start())).collect();
+    let resumed = match request.checkpoint {
+        Some(path) if request.resume => checkpoint::read(path)?,
+        _ => None,
+    };
+    let progress = |progress: &Progress| monitor.sampling(progress);
+    let sink = |bytes: &[u8]| match request.checkpoint {
+        Some(path) => write_atomically(path, bytes),
+        None => Ok(()),
+    };
+    let control = RunControl {
+        stop: monitor.stop(),
+        progress: Some(&progress),
+        checkpoint: request.checkpoint.map(|_| Checkpointing { sink: &sink, interval: CHECKPOINT_INTERVAL }),
+        resume: resumed.as_deref(),
+        fingerprint: fingerprint(problem, posterior),
+    };
+    let outcome = sample_density(posterior, &starts, &request.options, &control)?;
+    if outcome.draws.is_empty() {
+        return Err(Error::numerical(
+            format!("burn-in took all {} steps, so no draw was kept", request.options.max_steps),
+            "give more steps (--steps); thousands are usual",
+        ));
+    }
+    Ok(outcome)
+}
+
+/// What the log-density is built from, in words; the sampler hashes it.
+fn fingerprint(problem: &Problem, posterior: &ReducedPosterior) -> String {
+    let Problem { experiment, specification, priors, .. } = problem;
+    let version = env!("CARGO_PKG_VERSION");
+    let (compliance_per_m, trained) = posterior.mechanics();
+    let Experiment {
+        specimen_id,
+        species,
+        region,
+        apparatus,
+        record,
+        calibration_cycles,
+        heldout_cycles,
+        noise_sd_m,
+        fits_position_offset,
+        source,
+    } = experiment;
+    let cycles = (calibration_cycles, heldout_cycles);
+    let described = (specimen_id, species, region, apparatus, cycles, noise_sd_m, fits_position_offset, source);
+    let rows = record.sha256();
+    format!("{version} {described:?} {rows} {specification:?} {priors:?} {:x} {trained:?}", compliance_per_m.to_bits())
+}
+
+/// Draws in the parameters' own units.
+pub fn natural_columns(priors: &PriorSet, outcome: &SampleOutcome) -> Vec<DrawColumn> {
+    let column = |(d, prior): (usize, &crate::prior::Prior)| {
+        let mut column = outcome.draws.column(d);
+        column.values.iter_mut().for_each(|z| *z = prior.distribution.from_unconstrained(*z));
+        column
+    };
+    priors.priors().iter().enumerate().map(column).collect()
+}
+
+#[expect(clippy::too_many_arguments, reason = "joins everything that the job has found into one document")]
+fn summarise(
+    problem: &Problem,
+    request: &SampleRequest,
+    reduced: &Reduced,
+    outcome: &SampleOutcome,
+    columns: &[DrawColumn],
+    check: &FullCheck,
+    score: Option<Score>,
+    large_displacement: Option<LargeDisplacement>,
+    yardstick: Option<NoiseYardstick>,
+) -> PosteriorSummary {
+    let parameters = parameter_summaries(problem, reduced, columns, check);
+    let mean_m = mean_trajectory(&check.trajectories_m, None);
+    let fitted = problem.positions_of(&problem.experiment.calibration_cycles);
+    let learnt_noise_um = learnt_noise_um(check);
+    let surrogate = reduced.surrogate.as_ref();
+    let log_score = log_score(problem, &check.trajectories_m, &check.noise.parameters);
+    let heldout = HeldoutSummary {
+        fitted_cycles: problem.experiment.calibration_cycles.clone(),
+        cycles: problem.experiment.heldout_cycles.clone(),
+        fe_runs: (problem.finite_elements().is_some() || problem.outside().is_some()).then_some(check.fe_runs),
+        rmse_um: score.as_ref().map(|s| 1e6 * s.rmse_m),
+        rmse_fitted_um: 1e6 * rmse_m(&mean_m, &fitted),
+        noise_um: yardstick.map(|y| 1e6 * y.sd_m),
+        noise_origin: yardstick.map_or("unknown".into(), |y| origin(y.origin).into()),
+        coverage_50: score.as_ref().map(|s| s.coverage[0]),
+        coverage_90: score.as_ref().map(|s| s.coverage[1]),
+        coverage_50_expected: score.as_ref().map(|s| s.coverage_expected[0]),
+        coverage_90_expected: score.as_ref().map(|s| s.coverage_expected[1]),
+        joint_p: score.as_ref().map(|s| s.joint_p),
+        crps_um: score.as_ref().map(|s| 1e6 * s.crps_m),
+        log_score_nats: log_score.map(|s| s.nats),
+        log_score_mcse_nats: log_score.map(|s| s.standard_error_nats),
+        surrogate_vs_fe_max_um: check.surrogate_vs_full_max_m.map(|x| 1e6 * x),
+        pareto_k: check.pareto_k,
+    };
+    let budget = ErrorBudget {
+        noise: learnt_noise_um,
+        fe_discretisation: check.discretisation_m.map(|x| 1e6 * x),
+        surrogate: heldout.surrogate_vs_fe_max_um,
+        monte_carlo: 1e6 * monte_carlo_m(&check.trajectories_m, &mean_m),
+    };
+    let mut summary = PosteriorSummary {
+        experiment: problem.experiment.specimen_id.clone(),
+        model: problem.specification.summary(),
+        parameters,
+        sampler: sampler_summary(&request.options, outcome),
+        surrogate: SurrogateSummary {
+            modes: surrogate.map(|s| s.n_modes()),
+            max_relative_error: reduced.max_relative_error,
+            fe_unknowns: surrogate.map(|s| s.fe_unknowns),
+            snapshot_runs: surrogate.map(|s| s.snapshot_runs),
+            singular_values: surrogate.map(|s| above_rounding(&s.singular_values)),
+            max_projection_error: surrogate.map(|s| s.max_projection_error),
+        },
+        heldout,
+        error_budget_um: budget,
+        largest_strain: check.largest_strain,
+        large_displacement,
+        at_edge_of_range: at_edge_of_range(reduced, problem, columns),
+        converged: outcome.converged,
+        warnings: Vec::new(),
+    };
+    let messages = with_names(&outcome.messages, &problem.priors);
+    let misfit = misfit(problem, &mean_m, check, yardstick);
+    let impossible_positions = impossible_positions(&problem.experiment);
+    let findings =
+        Findings { summary: &summary, misfit: misfit.as_ref(), sampler_messages: &messages, impossible_positions };
+    summary.warnings = warnings(&findings);
+    let large = summary.large_displacement.as_ref();
+    let large = large.and_then(|large| large_displacement::warning(large, summary.heldout.noise_um));
+    summary.warnings.extend(large);
+    let amplitude = summary.parameters.iter().find(|parameter| parameter.name == AMPLITUDE);
+    let mobility = summary.parameters.iter().find(|parameter| parameter.name == MOBILITY);
+    let has_mobility = mobility.is_some();
+    let interpreted = amplitude.map(|found| Warning {
+        kind: WarningKind::LargeDisplacement,
+        text: large_displacement::interpretation([found.mean, found.q05, found.q95], has_mobility),
+        advice: "read E, c₁ and c₂ as the gel's own where the amplitude is 1, and as effective values elsewhere".into(),
+    });
+    let at_end = mobility.is_some_and(|mobility| mobility.q95 > NEARLY * MOST_MOBILITY);
+    let at_end = at_end.then(|| Warning {
+        kind: WarningKind::EdgeOfRange,
+        text: format!("the mobility of large displacements lies at the end of what is learnt, {MOST_MOBILITY}: its interval and those of the others are cut off"),
+        advice: format!("hold it at larger values (--set {MOBILITY}=0.05), and compare the errors"),
+    });
+    summary.warnings.extend(interpreted);
+    summary.warnings.extend(at_end);
+    summary.warnings.extend(check.n_refused.map(refused_warning));
+    summary.warnings.extend(at_edge_of_box(reduced, problem, columns));
+    summary.warnings.extend(problem.finite_elements().into_iter().flat_map(|fe| fe.mesh_warnings.clone()));
+    summary
+}
+
+/// What the posterior's mean leaves, beside what the noise allows.
+fn misfit(problem: &Problem, mean_m: &[f64], check: &FullCheck, yardstick: Option<NoiseYardstick>) -> Option<Misfit> {
+    let left = |cycles: &[u32]| -> Vec<Option<f64>> {
+        problem.positions_of(cycles).iter().zip(mean_m).map(|(y, x)| y.map(|y| y - x)).collect()
+    };
+    let Problem { experiment, specification, model, .. } = problem;
+    let remainder = Remainder {
+        record: &experiment.record,
+        fitted_m: &left(&experiment.calibration_cycles),
+        heldout_m: &left(&experiment.heldout_cycles),
+        position_m: mean_m,
+        absorbed_m: &directions_of_spread(&check.trajectories_m, mean_m, model.parameters().len()),
+        has_gain: specification.noise.iter().any(|n| n == "gain"),
+    };
+    let NoiseYardstick { sd_m, origin } = yardstick?;
+    Misfit::of(&remainder, sd_m, matches!(origin, NoiseOrigin::Known))
+}
+
+/// Sampled law parameters of which a twentieth of the draws lie in the outermost thousandth of the trained range (on a logarithmic
+/// scale), where a prior of the usual shape has next to none.
+fn at_edge_of_range(reduced: &Reduced, problem: &Problem, columns: &[DrawColumn]) -> Vec<String> {
+    let crowds = |(name, column): (&str, &DrawColumn)| {
+        let range = reduced.trained.iter().find(|range| range.name == name)?;
+        let margin = 1e-3 * (range.upper / range.lower).ln();
+        let is_outermost = |x: &&f64| (**x / range.lower).ln() < margin || (range.upper / **x).ln() < margin;
+        let n_outermost = column.values.iter().filter(is_outermost).count();
+        (20 * n_outermost > column.values.len()).then(|| name.to_string())
+    };
+    problem.priors.names().zip(columns).filter_map(crowds).collect()
+}
+
+/// Parameters of another program of which a hundredth of the draws lie in the outermost twentieth of the box that it was learnt in, where the box ends and not the prior.
+fn at_edge_of_box(reduced: &Reduced, problem: &Problem, columns: &[DrawColumn]) -> Option<Warning> {
+    let outside = problem.outside()?;
+    let crowds = |(name, column): (&str, &DrawColumn)| {
+        let range = reduced.trained.iter().find(|range| range.name == name)?;
+        let prior = problem.range_of(name, TAIL_MASS);
+        let margin = 0.05 * (range.upper / range.lower).ln();
+        let is_outermost = |x: &&f64| {
+            range.lower > prior.lower && (**x / range.lower).ln() < margin
+                || range.upper < prior.upper && (range.upper / **x).ln() < margin
+        };
+        (100 * column.values.iter().filter(is_outermost).count() > column.values.len()).then(|| name.to_string())
+    };
+    let names: Vec<String> = problem.priors.names().zip(columns).filter_map(crowds).collect();
+    (!names.is_empty()).then(|| Warning {
+        kind: WarningKind::EdgeOfRange,
+        text: format!(
+            "the posterior of {} reaches the end of the box that {} was learnt in: its interval is cut off",
+            names.join(", "),
+            outside.title()
+        ),
+        advice: "the base law alone leads elsewhere than the model with its effects: give a prior whose medians lie nearer to this posterior (--prior), or a known noise (noise_um)".into(),
+    })
+}
+
+/// The sampler numbers its coordinates; people know them by name. Highest number first, since 1 begins 10.
+pub fn with_names(messages: &[String], priors: &PriorSet) -> Vec<String> {
+    let names: Vec<&str> = priors.names().collect();
+    let named = |message: &String| {
+        let numbered = names.iter().enumerate().rev();
+        numbered.fold(message.clone(), |text, (k, name)| text.replace(&format!("parameter {}", k + 1), name))
+    };
+    messages.iter().map(named).collect()
+}
+
+/// Where the noise that misfits are measured against comes from, in words.
+pub fn origin(origin: NoiseOrigin) -> &'static str {
+    match origin {
+        NoiseOrigin::Known => "known",
+        NoiseOrigin::Rest { .. } => "estimated from rests",
+        NoiseOrigin::ShortLag { .. } => "estimated from short lags",
+    }
+}
+
+/// The values down to the first that is rounding, that one included.
+fn above_rounding(singular_values: &[f64]) -> Vec<f64> {
+    let kept = singular_values.iter().take_while(|s| **s > 1e-14).count();
+    singular_values[..(kept + 1).min(singular_values.len())].to_vec()
+}
+
+/// What the draws alone say of a parameter.
+pub fn parameter_summary(name: &str, d: &ParameterDiagnostics) -> ParameterSummary {
+    ParameterSummary {
+        name: name.into(),
+        mean: d.mean,
+        sd: d.sd,
+        q05: d.q05,
+        median: d.median,
+        q95: d.q95,
+        ess_bulk: d.ess_bulk,
+        ess_tail: d.ess_tail,
+        rhat: d.rhat,
+        mcse_mean: d.mcse_mean,
+        surrogate_bias_sd: None,
+        discretisation_bias_sd: None,
+    }
+}
+
+/// How the draws were made.
+pub fn sampler_summary(options: &SamplerOptions, outcome: &SampleOutcome) -> SamplerSummary {
+    SamplerSummary {
+        walkers: options.n_walkers,
+        ensembles: options.n_ensembles,
+        steps: outcome.n_steps,
+        acceptance: outcome.acceptance,
+        autocorrelation_time: outcome.autocorrelation_time,
+        likelihood_evaluations: outcome.likelihood_evaluations,
+        walkers_reseeded: outcome.walkers_reseeded,
+    }
+}
+
+fn parameter_summaries(
+    problem: &Problem,
+    reduced: &Reduced,
+    columns: &[DrawColumn],
+    check: &FullCheck,
+) -> Vec<ParameterSummary> {
+    let (specs, draws) = (problem.parameters(), &check.draws);
+    let law = problem.model.base().parameters();
+    let relative_mesh_error = problem
+        .finite_elements()
+        .and_then(|fe| fe.comparison)
+        .map(|comparison| comparison.relative_error(reduced.compliance.given_per_m()));
+    let blom = &BlomScores::new(columns.first().map_or(0, |column| column.values.len()));
+    let summary = |(prior, column): (&crate::prior::Prior, &DrawColumn)| {
+        let d = diagnose(column, blom);
+        let place = specs.iter().position(|spec| spec.name == prior.name).unwrap_or(specs.len() - 1);
+        // Importance-weighted minus plain mean over the checked draws.
+        let surrogate_bias_sd = check.weights.as_ref().map(|weights| {
+            let equal = 1.0 / draws.len() as f64;
+            weights.iter().zip(draws).map(|(w, draw)| (w - equal) * draw[place]).sum::<f64>() / d.sd
+        });
+        // Compliance enters as compliance over a modulus or a viscosity: its relative error is theirs. Others have none.
+        let is_stress = law.get(place).is_some_and(|spec| spec.unit.starts_with("Pa"));
+        let discretisation_bias_sd = relative_mesh_error.map(|e| if is_stress { e * d.mean / d.sd } else { 0.0 });
+        ParameterSummary { surrogate_bias_sd, discretisation_bias_sd, ..parameter_summary(&prior.name, &d) }
+    };
+    problem.priors.priors().iter().zip(columns).map(summary).collect()
+}
+
+/// Draws that fit, and have no model on other rows.
+fn refused_warning(n_refused: usize) -> Warning {
+    Warning {
+        kind: WarningKind::DrawsRefused,
+        text: format!(
+            "{n_refused} posterior draws have no model on the whole record: an effect goes beyond its validity there"
+        ),
+        advice: "give the effect a narrower prior, or leave it out".into(),
+    }
+}
+
+/// The learnt noise (µm) of what differs from row to row, all such terms together: median over the draws.
+fn learnt_noise_um(check: &FullCheck) -> f64 {
+    let noise = &check.noise;
+    let mut noise_um: Vec<f64> = noise.parameters.iter().map(|own| noise.model.row_sd_um(own)).collect();
+    noise_um.sort_by(f64::total_cmp);
+    noise_um[noise_um.len() / 2]
+}
+
+/// Root mean square over rows of the standard error of the mean trajectory.
+fn monte_carlo_m(trajectories_m: &[Vec<f64>], mean_m: &[f64]) -> f64 {
+    let n = trajectories_m.len() as f64;
+    let squares: f64 = trajectories_m.iter().flat_map(|t| t.iter().zip(mean_m)).map(|(x, m)| (x - m).powi(2)).sum();
+    (squares / (n * (n - 1.0)) / mean_m.len() as f64).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::monitor::Silent;
+    use crate::replica;
+    use crate::study::ModelSpecification;
+    use models::model::Compliance;
+
+    #[test]
+    fn long_records_are_refused_with_what_to_do() {
+        assert!(refuse_too_many_rows(1_000_000).is_ok());
+        let error = refuse_too_many_rows(10_000_000).unwrap_err().to_string();
+        assert!(error.contains("10000000 rows") && error.contains("average every 9 rows"), "{error}");
+    }
+
+    /// A checkpoint of another mesh's posterior must not be resumed: its mechanics are part of what the sampler hashes.
+    #[test]
+    fn other_mechanics_have_another_fingerprint() {
+        let (experiment, _) = replica::embedded().expect("embedded");
+        let problem = Problem::new(experiment, ModelSpecification::default(), None, &Silent).expect("sound");
+        let of = |compliance_per_m: f64| {
+            let compliance = Compliance::given(compliance_per_m);
+            let trained = problem.training_ranges();
+            let reduced = Reduced {
+                surrogate: None,
+                fields: models::surrogate::FieldModels::default(),
+                compliance,
+                trained,
+                max_relative_error: None,
+                learnt_error: None,
+            };
+            fingerprint(&problem, &problem.posterior(&reduced))
+        };
+        assert_eq!(of(549.0), of(549.0));
+        assert_ne!(of(549.0), of(549.0 * (1.0 + f64::EPSILON)));
+    }
+}

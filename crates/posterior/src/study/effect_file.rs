@@ -1,0 +1,382 @@
+//! Effects that stand in a file: a quantity that depends on a state, by a formula or a table (formats §2, physics §5.3).
+//!
+//! ```toml
+//! name = "hardening"
+//! quantity = "young_modulus_pa"      # force, position, or a modulus or viscosity of the law
+//! state = "path"                     # position, path, time, time_since_step, velocity, force, largest_excursion, strain
+//! factor = "exp(rate * path)"        # or `addend`, in the quantity's unit; SI throughout
+//!
+//! [parameters.rate]
+//! unit = "1/m"
+//! null = 0.0
+//! prior = { distribution = "normal", mean = 0.0, sd = 1e3 }
+//! ```
+
+use std::path::Path;
+
+use crate::prior::distribution_of;
+use base::error::{Error, Place, Result};
+use base::files::{self, Content};
+use base::number::{Dual, Scalar as _};
+use base::parameter::{ParameterSpec, Support};
+use base::toml_input::{Table, TomlInput, text_of};
+use base::units::nearest_name;
+use laws::rheology::BaseLaw;
+use laws::stages::{Operation, State, StateFunction};
+use models::effects::{Effect, EffectParameter, Formula, OfScales, QuantityName, StateEffect, define, defined};
+
+const KEYS: [&str; 8] = ["addend", "factor", "name", "parameters", "quantity", "state", "summary", "table"];
+const EXAMPLE: &str = "factor = \"exp(rate * path)\"";
+/// Most parameters, and most points of a table.
+const MOST_PARAMETERS: usize = 12;
+const MOST_POINTS: usize = 1000;
+
+/// Whether a name on the command line is a file.
+pub fn is_file(name: &str) -> bool {
+    Path::new(name).extension().is_some_and(|extension| extension == "toml")
+}
+
+/// Reads an effect from its file; from then on it may be named.
+///
+/// # Errors
+/// [`Error::File`] if it cannot be read, [`Error::Input`] with file, line, key and remedy if it is not acceptable.
+pub fn read(path: &Path) -> Result<&'static str> {
+    let bytes = files::read(path, Content::Settings, "give an effect's file that is there and can be read")?;
+    from_text(path, text_of(path, &bytes)?)
+}
+
+/// The same from a text; `file` is only named in errors.
+///
+/// # Errors
+/// As [`read`].
+pub fn from_text(file: &Path, text: &str) -> Result<&'static str> {
+    let document = TomlInput::parse(file, text)?;
+    let definition: toml::Table = text
+        .parse()
+        .map_err(|error| Error::input(Place::file(file), format!("not valid TOML: {error}"), "correct the syntax"))?;
+    from_table(&document.root(), definition)
+}
+
+/// An effect as a text has it, for whoever made the text: it may not be named.
+///
+/// # Errors
+/// As [`read`].
+pub fn parsed(file: &Path, text: &str) -> Result<StateEffect> {
+    effect(&TomlInput::parse(file, text)?.root())
+}
+
+/// The effect of a table in `model.toml` or a file of its own, whose definition it is; from then on it may be named.
+///
+/// # Errors
+/// As [`read`].
+pub fn from_table(table: &Table<'_>, definition: toml::Table) -> Result<&'static str> {
+    let effect = effect(table)?;
+    let slug = effect.slug;
+    match define(definition, effect) {
+        Ok(effect) => Ok(effect.slug()),
+        Err(_) => Err(table.refuse(
+            "name",
+            format!("`{slug}` is the name of another effect already"),
+            "give each effect its own name: a study keeps the definition of those that it has",
+        )),
+    }
+}
+
+fn effect(table: &Table<'_>) -> Result<StateEffect> {
+    table.only(&KEYS)?;
+    let slug = table.required_text("name", "name = \"hardening\"")?;
+    let is_slug = slug.starts_with(|c: char| c.is_ascii_lowercase())
+        && slug.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-');
+    if !is_slug {
+        let remedy = "use lower-case letters, digits and hyphens, a letter first, as in `hardening`";
+        return Err(table.refuse("name", format!("`{slug}` cannot name an effect"), remedy));
+    }
+    if models::effects::EFFECTS.iter().any(|effect| effect.slug() == slug) {
+        return Err(table.refuse("name", format!("`{slug}` is an effect of the program"), "give it a name of its own"));
+    }
+    let state = state(table)?;
+    let quantity = quantity(table)?;
+    if state == State::Strain && !matches!(quantity, QuantityName::Element(_)) {
+        let remedy = "let an element's modulus or viscosity depend on it, or name another state";
+        return Err(table.refuse("state", "a strain is that of an element", remedy));
+    }
+    let parameters = parameters(table, &slug)?;
+    let (operation, function, equation) = function(table, state, quantity, &parameters)?;
+    nulls_leave_the_base(table, state, operation, function, &parameters)?;
+    let summary = table
+        .text("summary")?
+        .unwrap_or_else(|| format!("{} depends on {}", quantity.name(), state.name().replace('_', " ")));
+    Ok(StateEffect {
+        slug: leaked(slug),
+        summary: leaked(summary),
+        equation: leaked(equation),
+        quantity,
+        state,
+        operation,
+        function,
+        parameters: Box::leak(
+            parameters.into_iter().map(|(_, parameter)| parameter).collect::<Vec<_>>().into_boxed_slice(),
+        ),
+    })
+}
+
+/// The definition of an effect that a file has defined, for `model.toml`.
+pub fn definition(slug: &str) -> Option<toml::Table> {
+    defined(slug).map(|(_, definition)| definition)
+}
+
+/// Names and texts are static everywhere, and few files are read.
+pub fn leaked(text: String) -> &'static str {
+    Box::leak(text.into_boxed_str())
+}
+
+fn state(table: &Table<'_>) -> Result<State> {
+    let name = table.required_text("state", "state = \"path\"")?;
+    State::named(&name).ok_or_else(|| {
+        let names = State::ALL.map(|(_, name)| name);
+        let hint = nearest_name(&name, names).map_or(String::new(), |near| format!("did you mean `{near}`? "));
+        table.refuse("state", format!("`{name}` is no state"), format!("{hint}name one of {}", names.join(", ")))
+    })
+}
+
+fn quantity(table: &Table<'_>) -> Result<QuantityName> {
+    let name = table.required_text("quantity", "quantity = \"young_modulus_pa\"")?;
+    let is_identifier = name.starts_with(|c: char| c.is_ascii_lowercase())
+        && name.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_');
+    match &name[..] {
+        "force" => Ok(QuantityName::Force),
+        "position" => Ok(QuantityName::Position),
+        _ if is_identifier && (name.ends_with("_pa") || name.ends_with("_pa_s")) => {
+            let known = BaseLaw::NAMED.iter().flat_map(|law| law.parameters()).find(|spec| spec.name == name);
+            Ok(QuantityName::Element(known.map_or_else(|| leaked(name.clone()), |spec| spec.name)))
+        }
+        _ => Err(table.refuse(
+            "quantity",
+            format!("`{name}` is nothing that can depend on a state"),
+            "name `force`, `position`, or a modulus or viscosity of the law, such as `young_modulus_pa` or `gel_modulus_pa`",
+        )),
+    }
+}
+
+/// Parameters by their names in the formula, in alphabetical order.
+fn parameters(table: &Table<'_>, slug: &str) -> Result<Vec<(String, EffectParameter)>> {
+    let Some(all) = table.table("parameters")? else { return Ok(Vec::new()) };
+    let names: Vec<&str> = all.keys().collect();
+    if names.len() > MOST_PARAMETERS {
+        let found = format!("there are {} parameters", names.len());
+        return Err(table.refuse("parameters", found, format!("give {MOST_PARAMETERS} at most")));
+    }
+    names.into_iter().map(|name| Ok((name.to_string(), parameter(&all, name, slug)?))).collect()
+}
+
+fn parameter(all: &Table<'_>, name: &str, slug: &str) -> Result<EffectParameter> {
+    let is_identifier = name.starts_with(|c: char| c.is_ascii_alphabetic())
+        && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_');
+    if !is_identifier || State::named(name).is_some() {
+        return Err(all.refuse(
+            name,
+            "this cannot name a parameter",
+            "use letters, digits and underscores, and no state's name",
+        ));
+    }
+    let own = all.required_table(name)?;
+    own.only(&["lower", "null", "prior", "symbol", "unit", "upper"])?;
+    let unit = own.required_text("unit", "unit = \"1/m\"")?;
+    let support = Support {
+        lower: own.number("lower")?.unwrap_or(f64::NEG_INFINITY),
+        upper: own.number("upper")?.unwrap_or(f64::INFINITY),
+    };
+    let null = own.number("null")?;
+    if let Some(null) = null.filter(|null| !support.contains(*null)) {
+        return Err(own.refuse(
+            "null",
+            format!("{null} is outside {support}"),
+            "give a null inside the parameter's ends",
+        ));
+    }
+    let prior = own.required_table("prior")?;
+    let distribution = distribution_of(prior)?;
+    let (lower, upper) = distribution.support();
+    if lower < support.lower || upper > support.upper {
+        return Err(own.refuse(
+            "prior",
+            format!("the prior reaches [{lower}, {upper}], and the parameter lies in {support}"),
+            "narrow the prior, or widen `lower` and `upper`",
+        ));
+    }
+    let source = prior.text("source")?.unwrap_or_else(|| "the effect's file".into());
+    let symbol = own.text("symbol")?.unwrap_or_else(|| name.to_string());
+    let spec = ParameterSpec::new(leaked(format!("{slug}.{name}")), leaked(symbol), leaked(unit), support);
+    Ok(EffectParameter {
+        spec,
+        null: leaked_of_scales(null),
+        prior: leaked_of_scales(distribution),
+        prior_source: leaked(source),
+        finite_step: None,
+    })
+}
+
+fn leaked_of_scales<T: Copy + Send + Sync + 'static>(value: T) -> &'static OfScales<T> {
+    Box::leak(Box::new(move |_: &record::Scales| value))
+}
+
+fn function(
+    table: &Table<'_>,
+    state: State,
+    quantity: QuantityName,
+    parameters: &[(String, EffectParameter)],
+) -> Result<(Operation, &'static dyn StateFunction, String)> {
+    let given: Vec<&str> = ["factor", "addend", "table"].into_iter().filter(|key| table.has(key)).collect();
+    let [key] = given[..] else {
+        let found = if given.is_empty() {
+            "no function is given".to_string()
+        } else {
+            format!("{} are given", given.join(" and "))
+        };
+        return Err(
+            table.refuse_whole(found, format!("write one of `factor`, `addend` and `table`, as in `{EXAMPLE}`"))
+        );
+    };
+    let names: Vec<&str> = parameters.iter().map(|(name, _)| name.as_str()).collect();
+    if key == "table" {
+        let points = points(table)?;
+        let [name] = names[..] else {
+            return Err(table.refuse_whole(
+                format!("a table has one parameter, and {} are given", names.len()),
+                "give the power of the table's factors, as in `[parameters.strength]` with `null = 0.0`: 1 is the table as it stands",
+            ));
+        };
+        let equation = format!("{} × table({})^{name}", quantity.name(), state.name());
+        return Ok((Operation::Multiply, Box::leak(Box::new(Points(points))), equation));
+    }
+    let text = table.required_text(key, EXAMPLE)?;
+    let formula = Formula::parse(&text, state.name(), &names).map_err(|mistake| {
+        table.refuse(key, format!("column {} of the formula: {}", mistake.column, mistake.found), mistake.remedy)
+    })?;
+    if !formula.has_state() {
+        let remedy = format!("write it with `{}`, or use another effect", state.name());
+        return Err(table.refuse(key, format!("the formula does not depend on {}", state.name()), remedy));
+    }
+    if let Some(idle) = (0..names.len()).find(|place| !formula.has_parameter(*place)) {
+        return Err(table.refuse(
+            key,
+            format!("`{}` does not occur in the formula", names[idle]),
+            "use it, or leave it out",
+        ));
+    }
+    let (operation, sign) = if key == "factor" { (Operation::Multiply, '×') } else { (Operation::Add, '+') };
+    Ok((operation, Box::leak(Box::new(Written(formula))), format!("{} {sign} ({text})", quantity.name())))
+}
+
+/// Where every parameter that has a null is there, the model without the effect returns, whatever the others are.
+fn nulls_leave_the_base(
+    table: &Table<'_>,
+    state: State,
+    operation: Operation,
+    function: &dyn StateFunction,
+    parameters: &[(String, EffectParameter)],
+) -> Result<()> {
+    let scales = record::Scales::default();
+    let (neutral, word) = if operation == Operation::Add { (0.0, "0") } else { (1.0, "1") };
+    if parameters.iter().all(|(_, parameter)| (parameter.null)(&scales).is_none()) {
+        let remedy = "give the parameter by which the effect is not there its `null`, as in `null = 0.0`";
+        return Err(table.refuse_whole("no parameter has a null", remedy));
+    }
+    for probability in [0.2, 0.7] {
+        let at = |(_, parameter): &(String, EffectParameter)| {
+            Dual::constant(
+                (parameter.null)(&scales).unwrap_or_else(|| (parameter.prior)(&scales).quantile(probability)),
+            )
+        };
+        let values: Vec<Dual> = parameters.iter().map(at).collect();
+        for size in [-1e-3, -1e-6, 0.0, 1e-7, 1e-4, 3.0].into_iter().filter(|size| state.has_sign() || *size >= 0.0) {
+            let found = function.value(Dual::constant(size), &values).value;
+            if found.is_nan() || (found - neutral).abs() > 1e-12 {
+                return Err(table.refuse_whole(
+                    format!("at the nulls the function is {found} where {} is {size} {}", state.name(), state.unit()),
+                    format!("write it so that it is {word} there: the model without the effect has to return"),
+                ));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// A formula.
+#[derive(Debug)]
+struct Written(Formula);
+
+impl StateFunction for Written {
+    fn value(&self, state: Dual, parameters: &[Dual]) -> Dual {
+        self.0.value(state, parameters)
+    }
+}
+
+/// Factors at states, between them by monotone cubics, beyond them as at the ends; their logarithms times the parameter.
+#[derive(Debug)]
+struct Points(Vec<[f64; 3]>);
+
+impl StateFunction for Points {
+    fn value(&self, state: Dual, parameters: &[Dual]) -> Dual {
+        (parameters[0] * interpolated(&self.0, state)).exp()
+    }
+}
+
+/// Through points (x, y, slope) by cubics.
+fn interpolated(points: &[[f64; 3]], state: Dual) -> Dual {
+    let [first, .., last] = points else { return Dual::ZERO };
+    if state.value <= first[0] || state.value >= last[0] {
+        return Dual::constant(if state.value <= first[0] { first[1] } else { last[1] });
+    }
+    let place = points.partition_point(|point| point[0] <= state.value);
+    let ([x0, y0, s0], [x1, y1, s1]) = (points[place - 1], points[place]);
+    let width = x1 - x0;
+    let t = (state - x0) * width.recip();
+    let (rise, bend0, bend1) = (y1 - y0, s0 * width - (y1 - y0), (y1 - y0) - s1 * width);
+    // y0 + rise t + t (1 − t) ((1 − t) bend0 + t bend1).
+    let rest = Dual::ONE - t;
+    Dual::constant(y0) + t * rise + t * rest * (rest * bend0 + t * bend1)
+}
+
+/// States, logarithms of factors, and slopes that keep the curve monotone where the points are (F. N. Fritsch, J. Butland 1984, doi:10.1137/0905021).
+fn points(table: &Table<'_>) -> Result<Vec<[f64; 3]>> {
+    let example = "table = { state = [0.0, 1e-4, 1e-3], factor = [1.0, 1.2, 1.5] }";
+    let own = table.required_table("table")?;
+    own.only(&["factor", "state"])?;
+    let [states, factors] = ["state", "factor"].map(|key| own.numbers(key));
+    let missing = |key: &str| own.missing(key, example);
+    let (states, factors) = (states?.ok_or_else(|| missing("state"))?, factors?.ok_or_else(|| missing("factor"))?);
+    if states.len() != factors.len() || !(2..=MOST_POINTS).contains(&states.len()) {
+        let found = format!("there are {} states and {} factors", states.len(), factors.len());
+        return Err(own.refuse("factor", found, format!("give as many of both, 2 to {MOST_POINTS}: `{example}`")));
+    }
+    if states.windows(2).any(|pair| pair[0] >= pair[1]) || states.iter().any(|x| !x.is_finite()) {
+        return Err(own.refuse("state", "states do not grow from each to the next", "sort them, each once"));
+    }
+    if factors.iter().any(|factor| !(*factor > 0.0 && factor.is_finite())) {
+        return Err(own.refuse(
+            "factor",
+            "a factor is not above 0",
+            "give factors of the quantity, 1 where it is unchanged",
+        ));
+    }
+    let y: Vec<f64> = factors.iter().map(|factor| factor.ln()).collect();
+    let chord = |k: usize| (y[k + 1] - y[k]) / (states[k + 1] - states[k]);
+    let slope = |k: usize| {
+        if k == 0 || k + 1 == y.len() {
+            return if k == 0 { chord(0) } else { chord(k - 1) };
+        }
+        let (before, after) = (chord(k - 1), chord(k));
+        if before * after <= 0.0 {
+            return 0.0;
+        }
+        let (w0, w1) = (states[k] - states[k - 1], states[k + 1] - states[k]);
+        let share = (w0 + 2.0 * w1) / (3.0 * (w0 + w1));
+        before * after / (share * after + (1.0 - share) * before)
+    };
+    Ok((0..y.len()).map(|k| [states[k], y[k], slope(k)]).collect())
+}
+
+#[cfg(test)]
+#[path = "effect_file_tests.rs"]
+mod tests;

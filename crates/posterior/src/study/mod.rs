@@ -1,0 +1,438 @@
+//! The study directory: revisions, provenance, atomic writes (formats §3).
+//!
+//! ```text
+//! vitreo-uq-out/porcine-01/
+//!   experiment.toml trajectory.csv   the inputs, copied byte for byte
+//!   inputs.sha256                    their hashes, in the format of `sha256sum --check`
+//!   m0/ m1/ …                        revisions, each written whole or not at all
+//!   fit.json                         the last point estimate
+//!   ladder.json ladder.svg ladder.png  all revisions compared
+//!   report.html                      all of it for a browser
+//!   simulation/                      the last simulation, written whole or not at all
+//!   .m0.checkpoint/                  what an interrupted run of m0 resumes from
+//! ```
+//! Hidden names with `.partial-` or `.replaced` are left by a killed program and removed by the next one that opens the study.
+
+mod atomic;
+pub mod effect_file;
+mod model_specification;
+mod provenance;
+mod revision;
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+pub use model_specification::{Assignments, ModelSpecification, PRIOR_COPY, named_effects};
+pub use provenance::{Kept, Provenance, WithProvenance, sha256_hex};
+pub use revision::RevisionWriter;
+
+use atomic::{Lock, replace_directory, sync_tree};
+use base::error::{Error, Place, Result};
+use base::files::{self, Content, TemporaryDirectory};
+use record::{Experiment, ExperimentFiles};
+
+const TOML_NAME: &str = "experiment.toml";
+const HASHES_NAME: &str = "inputs.sha256";
+/// The directory of a study that holds its last simulation.
+pub const SIMULATION_NAME: &str = "simulation";
+/// The file of a study that holds its last point estimate.
+pub const FIT_NAME: &str = "fit.json";
+/// The file of a study that compares its revisions; its figures stand beside it, as `ladder.svg` and `ladder.png`.
+pub const LADDER_NAME: &str = "ladder.json";
+/// The figure of a study that lays posteriors of its revisions over each other, where one was asked for; `corner.png` beside it.
+pub const CORNER_NAME: &str = "corner.svg";
+/// The file of a study that shows all of it to a browser.
+pub const PAGE_NAME: &str = "report.html";
+/// The file of a revision with its posterior.
+pub const POSTERIOR_NAME: &str = "posterior.json";
+/// The file of a revision with what it predicts of every row.
+pub const PREDICTIONS_NAME: &str = "predictions.csv";
+/// The file of a revision that says where it fails.
+pub const COMPARISON_NAME: &str = "comparison.json";
+/// What `learn` writes into a revision; its figure stands in `figures/learned`.
+pub const LEARNED_NAME: &str = "learned.json";
+/// The table of a revision with what every effect would explain.
+pub const FINGERPRINTS_NAME: &str = "fingerprints.csv";
+/// The file of a revision, or of the study of an oscillation, that says what it lacks.
+pub const DIAGNOSIS_NAME: &str = "diagnosis.json";
+/// The file of a revision that says what extending led to.
+pub const EXTENSION_NAME: &str = "extension.json";
+const OUT_REMEDY: &str = "choose a writable place with `--out`";
+const INCOMPLETE_REMEDY: &str = "check that the study is complete and readable";
+const LONGEST_NAME_BYTES: usize = 80;
+/// Studies go here when no directory is named.
+const DEFAULT_PARENT: &str = "vitreo-uq-out";
+
+/// A study directory whose inputs have been checked.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Study {
+    dir: PathBuf,
+    inputs_sha256: BTreeMap<String, String>,
+    opening: Opening,
+}
+
+/// How a study came to be open.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Opening {
+    /// It was made now.
+    Created,
+    /// It was there, with the same input.
+    Continued,
+    /// It was there with another input, and `--force` replaced it.
+    Replaced,
+}
+
+impl Study {
+    /// Where a study goes when no directory is named: `vitreo-uq-out/<specimen id>/`, the id made safe as a file name.
+    pub fn default_dir(specimen_id: &str) -> PathBuf {
+        Path::new(DEFAULT_PARENT).join(safe_file_name(specimen_id))
+    }
+
+    /// Whether a path is a study directory, as opposed to an experiment.
+    pub fn is_study(path: &Path) -> bool {
+        path.join(HASHES_NAME).is_file()
+    }
+
+    /// Makes the study of an experiment, or continues it if it is there with the same input.
+    ///
+    /// A study of another input is replaced if `force` is set, as a whole and in one step.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if the directory holds a study of another input and `force` is not set, if it holds other
+    /// files, or if another program is writing to it; [`Error::File`] if the operating system refuses.
+    pub fn open_or_create(dir: &Path, files: &ExperimentFiles, force: bool) -> Result<Self> {
+        let inputs_sha256 = hashes_of(files)?;
+        let study = |opening| Self { dir: dir.to_path_buf(), inputs_sha256: inputs_sha256.clone(), opening };
+        if Self::is_study(dir) {
+            files::sweep(dir);
+            if read_hashes(dir)? == inputs_sha256 {
+                check_copies(dir, &inputs_sha256)?;
+                return Ok(study(Opening::Continued));
+            }
+            if !force {
+                return Err(Error::input(
+                    Place::file(dir.join(HASHES_NAME)),
+                    "this directory holds a study of another input",
+                    "choose another directory with `--out`, or replace the study and all its revisions with `--force`",
+                ));
+            }
+            let lock = Lock::acquire(dir)?;
+            create(dir, files, &inputs_sha256, true)?;
+            drop(lock);
+            return Ok(study(Opening::Replaced));
+        }
+        Self::check_place(dir)?;
+        match create(dir, files, &inputs_sha256, false) {
+            Ok(()) => Ok(study(Opening::Created)),
+            // Another program made the same study in the meantime.
+            Err(_) if Self::is_study(dir) && read_hashes(dir)? == inputs_sha256 => Ok(study(Opening::Continued)),
+            Err(error) => Err(error),
+        }
+    }
+
+    /// Whether a study may stand in a directory: it is one, or absent, or empty.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if it holds other files, [`Error::File`] if it cannot be looked at.
+    pub fn check_place(dir: &Path) -> Result<()> {
+        if Self::is_study(dir) || is_absent_or_empty(dir)? {
+            return Ok(());
+        }
+        Err(Error::input(
+            Place::file(dir),
+            "this is not a study, and it is not empty",
+            "choose a new or empty directory with `--out`; `--force` replaces studies only",
+        ))
+    }
+
+    /// Opens a study that is there.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if it is not a study or its inputs have been changed since it was made.
+    pub fn open(dir: &Path) -> Result<Self> {
+        if !Self::is_study(dir) {
+            return Err(Error::input(
+                Place::file(dir),
+                format!("this is not a study: it holds no {HASHES_NAME}"),
+                "give the directory that an earlier command made, or an experiment",
+            ));
+        }
+        files::sweep(dir);
+        let inputs_sha256 = read_hashes(dir)?;
+        check_copies(dir, &inputs_sha256)?;
+        Ok(Self { dir: dir.to_path_buf(), inputs_sha256, opening: Opening::Continued })
+    }
+
+    /// The directory.
+    pub fn dir(&self) -> &Path {
+        &self.dir
+    }
+
+    /// SHA-256 of the inputs of an experiment, as a study of it would keep them.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if its files have names that a study keeps for itself.
+    pub fn hashes_of(files: &ExperimentFiles) -> Result<BTreeMap<String, String>> {
+        hashes_of(files)
+    }
+
+    /// How it came to be open.
+    pub fn opening(&self) -> Opening {
+        self.opening
+    }
+
+    /// SHA-256 of each input, in hexadecimal, by file name.
+    pub fn inputs_sha256(&self) -> &BTreeMap<String, String> {
+        &self.inputs_sha256
+    }
+
+    /// Reads the study's copy of the experiment.
+    ///
+    /// # Errors
+    /// As [`Experiment::read`].
+    pub fn read_experiment(&self) -> Result<(Experiment, ExperimentFiles)> {
+        Experiment::read(&self.dir.join(TOML_NAME))
+    }
+
+    /// The header of a JSON document of this study: schema `vitreo-uq/<kind>/<number>`.
+    pub fn provenance(&self, kind: &str, number: u32, seed: u64) -> Provenance {
+        Provenance::new(kind, number, seed, self.inputs_sha256.clone())
+    }
+
+    /// Names of the finished revisions, in the order of their numbers.
+    ///
+    /// # Errors
+    /// [`Error::File`] if the directory cannot be read.
+    pub fn revisions(&self) -> Result<Vec<String>> {
+        let mut numbers = Vec::new();
+        for entry in read_dir(&self.dir)? {
+            let entry = entry.map_err(|source| unreadable(&self.dir, source))?;
+            if let Some(number) = entry.file_name().to_str().and_then(revision_number)
+                && entry.path().is_dir()
+            {
+                numbers.push(number);
+            }
+        }
+        numbers.sort_unstable();
+        Ok(numbers.into_iter().map(|number| format!("m{number}")).collect())
+    }
+
+    /// Directory of a finished revision.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if there is none of this name.
+    pub fn revision_dir(&self, name: &str) -> Result<PathBuf> {
+        let dir = self.dir.join(name);
+        if revision_number(name).is_some() && dir.is_dir() {
+            return Ok(dir);
+        }
+        let known = self.revisions()?.join(", ");
+        let remedy = if known.is_empty() {
+            "run `vitreo-uq sample` on this study first".to_string()
+        } else {
+            format!("use one of: {known}")
+        };
+        Err(Error::input(Place::file(&self.dir).at_key(name), "this study has no such revision", remedy))
+    }
+
+    /// Begins to write a revision, `m0`, `m1`, …; nothing is visible until [`RevisionWriter::commit`].
+    ///
+    /// # Errors
+    /// [`Error::Input`] if the name is not a revision's or another program is writing to the study.
+    pub fn begin_revision(&self, name: &str) -> Result<RevisionWriter> {
+        RevisionWriter::begin(&self.dir, self.checked(name)?)
+    }
+
+    /// Begins to write a finished revision again, with all that it holds already in [`RevisionWriter::path`]: to add to it, in one step.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if there is none of this name or another program is writing to the study, [`Error::File`] if it cannot be copied.
+    pub fn amend_revision(&self, name: &str) -> Result<RevisionWriter> {
+        let writer = self.begin_revision(name)?;
+        atomic::copy_tree(&self.revision_dir(name)?, writer.path())?;
+        Ok(writer)
+    }
+
+    /// Begins to write the directory [`SIMULATION_NAME`]; nothing is visible until [`RevisionWriter::commit`], which replaces
+    /// an earlier simulation.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if another program is writing to the study.
+    pub fn begin_simulation(&self) -> Result<RevisionWriter> {
+        RevisionWriter::begin(&self.dir, SIMULATION_NAME)
+    }
+
+    /// Directory in which a run of a revision keeps what it can resume from. It is made if absent, survives a kill, and
+    /// stays until [`Study::discard_checkpoint`].
+    ///
+    /// # Errors
+    /// [`Error::Input`] if the name is not a revision's, [`Error::File`] if the directory cannot be made.
+    pub fn checkpoint_dir(&self, name: &str) -> Result<PathBuf> {
+        let dir = self.dir.join(format!(".{}.checkpoint", self.checked(name)?));
+        std::fs::create_dir_all(&dir)
+            .map_err(|source| Error::at_path("create", &dir, source, "make the study directory writable"))?;
+        Ok(dir)
+    }
+
+    /// Removes a revision's checkpoint, if there is one.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if the name is not a revision's, [`Error::File`] if it cannot be removed.
+    pub fn discard_checkpoint(&self, name: &str) -> Result<()> {
+        atomic::remove_tree(&self.dir.join(format!(".{}.checkpoint", self.checked(name)?)))
+    }
+
+    fn checked<'a>(&self, name: &'a str) -> Result<&'a str> {
+        if revision_number(name).is_some() {
+            return Ok(name);
+        }
+        Err(Error::input(
+            Place::file(&self.dir).at_key(name),
+            "this is not the name of a revision",
+            "revisions are called m0, m1, m2, …",
+        ))
+    }
+}
+
+/// The number of `m<number>`, written without leading zeros.
+fn revision_number(name: &str) -> Option<u32> {
+    let number = name.strip_prefix('m')?.parse::<u32>().ok()?;
+    (name == format!("m{number}")).then_some(number)
+}
+
+/// Letters, digits, `-`, `_` and `.` stay, everything else becomes `-`; never empty, hidden or longer than 80 characters.
+pub fn safe_file_name(id: &str) -> String {
+    let keep = |c: char| if c.is_alphanumeric() || matches!(c, '-' | '_' | '.') { c } else { '-' };
+    // File systems limit names by bytes, and temporary neighbours need some of them.
+    let mut safe = String::new();
+    for c in id.trim().chars().map(keep) {
+        if safe.len() + c.len_utf8() > LONGEST_NAME_BYTES {
+            break;
+        }
+        safe.push(c);
+    }
+    let safe = safe.trim_start_matches('.');
+    if safe.is_empty() { "specimen".to_string() } else { safe.to_string() }
+}
+
+/// Names and bytes of the experiment's tables.
+fn tables(files: &ExperimentFiles) -> impl Iterator<Item = (&str, &[u8])> {
+    let log = files.log_file.as_ref().map(|(name, bytes)| (name.as_str(), bytes.as_slice()));
+    std::iter::once((files.csv_name.as_str(), files.csv_bytes.as_slice())).chain(log)
+}
+
+fn hashes_of(files: &ExperimentFiles) -> Result<BTreeMap<String, String>> {
+    for (name, _) in tables(files) {
+        let first = Path::new(name).components().next();
+        let first = first.map_or(String::new(), |part| part.as_os_str().to_string_lossy().into_owned());
+        let own = [
+            TOML_NAME,
+            HASHES_NAME,
+            SIMULATION_NAME,
+            FIT_NAME,
+            LADDER_NAME,
+            PAGE_NAME,
+            "ladder.svg",
+            "ladder.png",
+            "corner.svg",
+            "corner.png",
+        ];
+        let taken = own.contains(&first.as_str());
+        if taken || first.starts_with('.') || revision_number(&first).is_some() {
+            return Err(Error::input(
+                Place::file(&files.toml_name).at_key("file"),
+                format!("`{name}` is a name that a study keeps for itself"),
+                "rename the table, for example to trajectory.csv, and change `file` in [measurement] or [actuation]",
+            ));
+        }
+    }
+    let mut hashes = BTreeMap::from([(TOML_NAME.to_string(), sha256_hex(&files.toml_bytes))]);
+    hashes.extend(tables(files).map(|(name, bytes)| (name.to_string(), sha256_hex(bytes))));
+    Ok(hashes)
+}
+
+/// Builds the study in a hidden directory and moves it to its place in one step; `replace` allows that a study is there.
+fn create(dir: &Path, files: &ExperimentFiles, hashes: &BTreeMap<String, String>, replace: bool) -> Result<()> {
+    let refused = |action, path: &Path, source| Error::at_path(action, path, source, OUT_REMEDY);
+    // Behind a symbolic link the directory itself is meant, and `.` has a name only in full.
+    let dir = &dir.canonicalize().unwrap_or_else(|_| dir.to_path_buf());
+    let parent = base::files::folder_of(dir);
+    std::fs::create_dir_all(parent).map_err(|source| refused("create", parent, source))?;
+    let name = dir.file_name().map_or("study".into(), |name| name.to_string_lossy());
+    let is_empty_directory = !replace && dir.is_dir();
+    let building = TemporaryDirectory::new(if is_empty_directory { dir } else { parent }, &name)?;
+    write_inputs(building.path(), files, hashes)?;
+    sync_tree(building.path())?;
+    if replace {
+        return replace_directory(building, dir);
+    }
+    building.move_to(dir, HASHES_NAME, OUT_REMEDY)
+}
+
+fn write_inputs(folder: &Path, files: &ExperimentFiles, hashes: &BTreeMap<String, String>) -> Result<()> {
+    let refused = |action, path: &Path, source| Error::at_path(action, path, source, OUT_REMEDY);
+    let write = |name: &str, bytes: &[u8]| -> Result<()> {
+        let path = folder.join(name);
+        let parent = base::files::folder_of(&path);
+        std::fs::create_dir_all(parent).map_err(|source| refused("create", parent, source))?;
+        std::fs::write(&path, bytes).map_err(|source| refused("write", &path, source))
+    };
+    write(TOML_NAME, &files.toml_bytes)?;
+    for (name, bytes) in tables(files) {
+        write(name, bytes)?;
+    }
+    let lines: String = hashes.iter().map(|(name, hash)| format!("{hash}  {name}\n")).collect();
+    write(HASHES_NAME, lines.as_bytes())
+}
+
+fn read_hashes(dir: &Path) -> Result<BTreeMap<String, String>> {
+    let path = dir.join(HASHES_NAME);
+    let bytes = files::read(&path, Content::Settings, INCOMPLETE_REMEDY)?;
+    let text = base::toml_input::text_of(&path, &bytes)?;
+    let mut hashes = BTreeMap::new();
+    for (index, line) in text.lines().enumerate() {
+        let (hash, name) = line.split_once("  ").ok_or_else(|| {
+            Error::input(
+                Place::file(&path).at_line(index + 1),
+                "expected a hash, two spaces and a file name",
+                "the study's record is damaged: make the study anew with `--force` or in another place",
+            )
+        })?;
+        hashes.insert(name.to_string(), hash.to_string());
+    }
+    Ok(hashes)
+}
+
+fn check_copies(dir: &Path, hashes: &BTreeMap<String, String>) -> Result<()> {
+    for (name, hash) in hashes {
+        let path = dir.join(name);
+        let bytes = files::read(&path, Content::Table, INCOMPLETE_REMEDY)?;
+        if sha256_hex(&bytes) != *hash {
+            return Err(Error::input(
+                Place::file(&path),
+                "this copy has been changed since the study was made",
+                "restore it from the original, or make a new study of the changed input with `--out`",
+            ));
+        }
+    }
+    Ok(())
+}
+
+fn is_absent_or_empty(dir: &Path) -> Result<bool> {
+    match std::fs::read_dir(dir) {
+        Ok(mut entries) => Ok(entries.next().is_none()),
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(true),
+        Err(error) => Err(Error::at_path("use", dir, error, "choose another directory with `--out`")),
+    }
+}
+
+fn read_dir(dir: &Path) -> Result<std::fs::ReadDir> {
+    std::fs::read_dir(dir).map_err(|source| unreadable(dir, source))
+}
+
+fn unreadable(path: &Path, source: std::io::Error) -> Error {
+    Error::at_path("read", path, source, INCOMPLETE_REMEDY)
+}
+
+#[cfg(test)]
+mod tests;

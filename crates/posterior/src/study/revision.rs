@@ -1,0 +1,57 @@
+//! A revision being written.
+
+use std::path::{Path, PathBuf};
+
+use super::atomic::{Lock, remove_tree, replace_directory, restore, sync_tree};
+use base::error::{Error, Result};
+use base::files::TemporaryDirectory;
+
+/// A revision or simulation under construction in a hidden directory of the study; dropping it discards it.
+///
+/// It holds the study's lock, so one program at a time writes to a study.
+#[derive(Debug)]
+pub struct RevisionWriter {
+    building: TemporaryDirectory,
+    target: PathBuf,
+    _lock: Lock,
+}
+
+impl RevisionWriter {
+    pub fn begin(study_dir: &Path, name: &str) -> Result<Self> {
+        let lock = Lock::acquire(study_dir)?;
+        let target = study_dir.join(name);
+        restore(&target)?;
+        remove_leftovers(study_dir)?;
+        let building = TemporaryDirectory::new(study_dir, name)?;
+        Ok(Self { building, target, _lock: lock })
+    }
+
+    /// Directory to write the revision's files into.
+    pub fn path(&self) -> &Path {
+        self.building.path()
+    }
+
+    /// Makes the revision visible under its name, replacing an earlier one of that name in one step.
+    ///
+    /// # Errors
+    /// [`Error::File`] if the operating system refuses; an earlier revision is then untouched.
+    pub fn commit(self) -> Result<PathBuf> {
+        sync_tree(self.building.path())?;
+        replace_directory(self.building, &self.target)?;
+        Ok(self.target)
+    }
+}
+
+/// Removes what killed programs left; the lock says that none of them is still at work.
+fn remove_leftovers(study_dir: &Path) -> Result<()> {
+    let unreadable = |source| Error::at_path("read", study_dir, source, "check that the study is readable");
+    for entry in std::fs::read_dir(study_dir).map_err(unreadable)? {
+        let entry = entry.map_err(unreadable)?;
+        let name = entry.file_name();
+        let name = name.to_string_lossy();
+        if name.starts_with('.') && name.contains(".partial-") && entry.path().is_dir() {
+            remove_tree(&entry.path())?;
+        }
+    }
+    Ok(())
+}

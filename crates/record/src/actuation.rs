@@ -1,0 +1,119 @@
+//! A force logged on its own: its times are not the camera's, and it may be a coil's current (formats §1).
+
+use std::path::Path;
+
+use super::force::{Force, ForceRule};
+use super::table::{KEYS, TableDescription, one_of, read_described, text_in};
+use super::trajectory::Trajectory;
+use base::error::{Error, Place, Result};
+use base::toml_input::Table;
+use base::units::Dimension;
+
+/// What `[actuation]` says.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Actuation {
+    /// File of the log, beside the TOML.
+    pub file: String,
+    description: TableDescription,
+    /// Force in N = Σ aᵢ currentⁱ, the current in A; empty where the log has the force itself.
+    calibration: Vec<f64>,
+    /// What the force does between the log's rows.
+    pub rule: ForceRule,
+    pub rule_given: bool,
+}
+
+/// Times closer than this share of the record's length are the same.
+const SAME_TIME: f64 = 1e-12;
+
+impl Actuation {
+    /// `file` names the key's own check of a path.
+    pub fn read(actuation: Table<'_>, file: impl Fn(Table<'_>) -> Result<String>) -> Result<Self> {
+        actuation.only(&[&["file", "force", "calibration"], &KEYS[..]].concat())?;
+        let description = TableDescription::read_log(actuation)?;
+        let calibration = actuation.numbers("calibration")?.unwrap_or_default();
+        let is_current = description.force.as_ref().is_some_and(|(_, unit)| unit.dimension == Dimension::Current);
+        if is_current && calibration.is_empty() {
+            return Err(actuation.missing("calibration", "calibration = [0.0, 2.3e-6]"));
+        }
+        if !is_current && !calibration.is_empty() {
+            let remedy = "name the column `current` in [actuation.columns], or remove the calibration";
+            return Err(actuation.refuse("calibration", "the log has a force, and a calibration makes one", remedy));
+        }
+        Ok(Self {
+            file: file(actuation)?,
+            description,
+            calibration,
+            rule: one_of(actuation, "force", &ForceRule::ALL, ForceRule::name)?.unwrap_or_default(),
+            rule_given: actuation.has("force"),
+        })
+    }
+
+    /// The trajectory with the log's force: at its own rows, and at rows in between wherever the force changes; the indices of these. Times are counted from
+    /// whichever begins first, the camera or a force.
+    pub(super) fn merged(&self, file: &Path, bytes: &[u8], trajectory: Trajectory) -> Result<(Trajectory, Vec<usize>)> {
+        let log = self.log(file, bytes, &trajectory)?;
+        let force = Force { at_rows_n: &log.force_n, rule: self.rule };
+        let changes = |row: usize| {
+            let before = if row == 0 { 0.0 } else { log.force_n[row - 1] };
+            let bends = self.rule == ForceRule::Linear
+                && force.slope_n_per_s(&log.time_s, row)
+                    != row.checked_sub(1).map_or(0.0, |k| force.slope_n_per_s(&log.time_s, k));
+            log.force_n[row] != before || bends
+        };
+        let length_s = trajectory.time_s.last().zip(log.time_s.last()).map_or(0.0, |(a, b)| a.max(*b));
+        let same_s = SAME_TIME * length_s;
+        let last_s = trajectory.time_s.last().copied().unwrap_or(0.0);
+        let begin_s = trajectory.time_s.first().copied().unwrap_or(0.0);
+        let first_push_s = (0..log.time_s.len()).find(|&row| changes(row)).map_or(begin_s, |row| log.time_s[row]);
+        let shift_s = (-first_push_s).max(0.0);
+        let (mut made, mut force_rows) = (trajectory.emptied(), Vec::new());
+        let mut coming = (0..log.time_s.len())
+            .filter(|&row| changes(row) && log.time_s[row] < last_s - same_s)
+            .map(|row| log.time_s[row])
+            .peekable();
+        for row in 0..trajectory.time_s.len() {
+            let time_s = trajectory.time_s[row];
+            while let Some(change_s) = coming.next_if(|change_s| *change_s < time_s - same_s) {
+                force_rows.push(made.time_s.len());
+                made.push_from(&trajectory, row, change_s + shift_s, force.at_n(&log.time_s, change_s), false);
+            }
+            // A sample at the time of a change, but for rounding, is the change's row.
+            let at_s = coming.next_if(|change_s| *change_s < time_s + same_s).unwrap_or(time_s);
+            made.push_from(&trajectory, row, time_s + shift_s, force.at_n(&log.time_s, at_s), true);
+        }
+        Ok((made, force_rows))
+    }
+
+    /// The log's rows: times (s) on the trajectory's clock, forces (N).
+    fn log(&self, file: &Path, bytes: &[u8], trajectory: &Trajectory) -> Result<Trajectory> {
+        let text = text_in(file, bytes, self.description.layout.encoding)?;
+        let mut log = read_described(file, &text, &self.description)?;
+        let later_s = log.clock_zero_s - trajectory.clock_zero_s;
+        log.time_s.iter_mut().for_each(|time_s| *time_s += later_s);
+        for (force, line) in log.force_n.iter_mut().zip(&log.lines) {
+            if !self.calibration.is_empty() {
+                *force = self.calibration.iter().rev().fold(0.0, |sum, a| sum * *force + a);
+            }
+            if !force.is_finite() {
+                let remedy = "correct the current, or the calibration in [actuation]";
+                return Err(Error::input(Place::file(file).at_line(*line), format!("the force is {force} N"), remedy));
+            }
+        }
+        let overlaps = log.time_s.first().zip(trajectory.time_s.last()).is_some_and(|(a, b)| a < b)
+            && log.time_s.last().zip(trajectory.time_s.first()).is_some_and(|(a, b)| a > b);
+        if !overlaps {
+            return Err(Error::input(
+                Place::file(file).at_line(log.lines.first().copied().unwrap_or(1)),
+                format!(
+                    "the log runs from {:?} to {:?} s, the positions from {:?} to {:?} s",
+                    log.time_s.first().copied().unwrap_or(0.0),
+                    log.time_s.last().copied().unwrap_or(0.0),
+                    trajectory.time_s.first().copied().unwrap_or(0.0),
+                    trajectory.time_s.last().copied().unwrap_or(0.0)
+                ),
+                "give both tables times of one clock, in the units that [measurement.units] and [actuation.units] name",
+            ));
+        }
+        Ok(log)
+    }
+}

@@ -1,0 +1,485 @@
+//! The apparatus: a robot in the vitreous, or another instrument; its tables in `experiment.toml`.
+
+use std::f64::consts::PI;
+
+use super::indenter::Indenter;
+use base::error::Result;
+use base::toml_input::Table;
+
+/// What turns force into position.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Apparatus {
+    /// A robot inside the vitreous: the finite-element model applies.
+    Robot {
+        /// The moving body.
+        robot: Robot,
+        /// What surrounds it.
+        vitreous: Vitreous,
+    },
+    /// Another instrument: position = compliance × ∫J dF.
+    Instrument {
+        /// Displacement per force, per Pa⁻¹ of creep compliance, in 1/m.
+        compliance_per_m: f64,
+    },
+    /// A tip that is pressed into a half-space: depth^p = compliance × ∫J dF.
+    Indenter(Indenter),
+}
+
+/// The moving body.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Robot {
+    /// Its shape and sizes.
+    pub shape: RobotShape,
+    /// Density in kg/m³.
+    pub density_kg_m3: f64,
+    /// Where its centre lies; `None` in the middle of the vitreous.
+    pub offset: Option<Offset>,
+}
+
+/// A robot's centre off the vitreous's.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Offset {
+    /// Distance of the centres in m, above 0.
+    pub distance_m: f64,
+    /// Direction relative to the force.
+    pub direction: OffsetDirection,
+}
+
+/// Direction of a robot's offset relative to the force.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum OffsetDirection {
+    /// Along the force, x.
+    Along,
+    /// Across the force, along y, as a vertical robot's long axis is.
+    Across,
+}
+
+impl OffsetDirection {
+    /// Name in `experiment.toml`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Along => "along",
+            Self::Across => "across",
+        }
+    }
+
+    /// The axis, 0 for x and 1 for y.
+    pub fn axis(self) -> usize {
+        match self {
+            Self::Along => 0,
+            Self::Across => 1,
+        }
+    }
+}
+
+/// Shape of the robot, sizes in m.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum RobotShape {
+    /// A sphere.
+    Sphere {
+        /// Diameter in m.
+        diameter_m: f64,
+    },
+    /// A prolate ellipsoid of revolution.
+    Ellipsoid {
+        /// Long axis in m.
+        length_m: f64,
+        /// Short axes in m.
+        diameter_m: f64,
+        /// Long axis relative to the force.
+        orientation: Orientation,
+    },
+    /// A circular cylinder.
+    Cylinder {
+        /// Length in m.
+        length_m: f64,
+        /// Diameter in m.
+        diameter_m: f64,
+        /// Long axis relative to the force.
+        orientation: Orientation,
+    },
+}
+
+/// Direction of the long axis relative to the force.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Orientation {
+    /// Along the force.
+    Horizontal,
+    /// Across the force.
+    Vertical,
+}
+
+/// The gel ball around the robot; its outer surface is fixed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Vitreous {
+    /// Diameter in m.
+    pub diameter_m: f64,
+    /// Poisson ratio, in (−1, 0.5).
+    pub poisson_ratio: f64,
+    /// Density in kg/m³.
+    pub density_kg_m3: f64,
+}
+
+impl RobotShape {
+    /// Volume in m³.
+    pub fn volume_m3(&self) -> f64 {
+        match *self {
+            Self::Sphere { diameter_m } => PI / 6.0 * diameter_m.powi(3),
+            Self::Ellipsoid { length_m, diameter_m, .. } => PI / 6.0 * diameter_m * diameter_m * length_m,
+            Self::Cylinder { length_m, diameter_m, .. } => 0.25 * PI * diameter_m * diameter_m * length_m,
+        }
+    }
+
+    /// Radius in m, of a sphere; else that of the sphere of its volume.
+    pub fn equivalent_radius_m(&self) -> f64 {
+        match *self {
+            Self::Sphere { diameter_m } => 0.5 * diameter_m,
+            _ => (0.75 / PI * self.volume_m3()).cbrt(),
+        }
+    }
+
+    /// Diameter or length in m, whichever is smaller.
+    fn smallest_size_m(&self) -> f64 {
+        match *self {
+            Self::Sphere { diameter_m } => diameter_m,
+            Self::Ellipsoid { length_m, diameter_m, .. } | Self::Cylinder { length_m, diameter_m, .. } => {
+                length_m.min(diameter_m)
+            }
+        }
+    }
+
+    /// Distance in m from the robot's centre to its farthest point.
+    pub fn outer_radius_m(&self) -> f64 {
+        match *self {
+            Self::Sphere { diameter_m } => diameter_m / 2.0,
+            Self::Ellipsoid { length_m, diameter_m, .. } => length_m.max(diameter_m) / 2.0,
+            Self::Cylinder { length_m, diameter_m, .. } => length_m.hypot(diameter_m) / 2.0,
+        }
+    }
+}
+
+impl Robot {
+    /// Distance in m from the vitreous's centre to the robot's farthest point.
+    pub fn farthest_point_m(&self) -> f64 {
+        let Some(Offset { distance_m, direction }) = self.offset else { return self.shape.outer_radius_m() };
+        let is_along = |orientation| (orientation == Orientation::Horizontal) == (direction == OffsetDirection::Along);
+        match self.shape {
+            RobotShape::Sphere { diameter_m } => distance_m + 0.5 * diameter_m,
+            RobotShape::Cylinder { length_m, diameter_m, orientation } if is_along(orientation) => {
+                (distance_m + 0.5 * length_m).hypot(0.5 * diameter_m)
+            }
+            RobotShape::Cylinder { length_m, diameter_m, .. } => (distance_m + 0.5 * diameter_m).hypot(0.5 * length_m),
+            RobotShape::Ellipsoid { length_m, orientation, .. } if is_along(orientation) => distance_m + 0.5 * length_m,
+            RobotShape::Ellipsoid { length_m, diameter_m, .. } => {
+                // (d + b cos t)² + (a sin t)² over t, across the long axis.
+                let (a, b) = (0.5 * length_m, 0.5 * diameter_m);
+                let spread = a * a - b * b;
+                let cos = if distance_m * b < spread { distance_m * b / spread } else { 1.0 };
+                (distance_m + b * cos).hypot(a * (1.0 - cos * cos).sqrt())
+            }
+        }
+    }
+}
+
+const MM_PER_M: f64 = 1e3;
+/// Sizes of bodies, from a nanometre to ten metres.
+const SIZES_MM: [f64; 2] = [1e-6, 1e4];
+/// Densities, from a gas's to far beyond any metal's.
+const DENSITIES_KG_M3: [f64; 2] = [1e-3, 1e6];
+/// Compliances of instruments: the inverse of lengths from a femtometre to a thousand kilometres.
+const COMPLIANCES_PER_M: [f64; 2] = [1e-6, 1e15];
+/// Largest ratio of the vitreous's diameter to the robot's smallest size: beyond, elements would only be added where nothing moves.
+const LARGEST_RATIO: f64 = 1e4;
+
+impl Apparatus {
+    /// Reads `[robot]` and `[vitreous]`, or `[instrument]`, or `[indenter]`.
+    pub(super) fn from_document(root: Table<'_>) -> Result<Self> {
+        if let Some(indenter) = root.table("indenter")? {
+            if let Some(other) = ["robot", "vitreous", "instrument"].into_iter().find(|other| root.has(other)) {
+                return Err(root.refuse(
+                    other,
+                    format!("both [indenter] and [{other}] are given"),
+                    "keep [indenter] alone for a tip that is pressed into a gel, or leave it out",
+                ));
+            }
+            return Ok(Self::Indenter(Indenter::from_table(indenter)?));
+        }
+        if let Some(instrument) = root.table("instrument")? {
+            for other in ["robot", "vitreous"] {
+                if root.has(other) {
+                    return Err(root.refuse(
+                        other,
+                        format!("both [instrument] and [{other}] are given"),
+                        "keep [robot] with [vitreous] for a body in the eye, or [instrument] alone for another device",
+                    ));
+                }
+            }
+            instrument.only(&["compliance_per_m"])?;
+            let compliance_per_m =
+                instrument.required_within("compliance_per_m", "compliance_per_m = 1.59e6", COMPLIANCES_PER_M)?;
+            return Ok(Self::Instrument { compliance_per_m });
+        }
+        if !root.has("robot") && !root.has("vitreous") {
+            return Err(root.refuse(
+                "robot",
+                "neither [robot] with [vitreous] nor [instrument] nor [indenter] is given",
+                "add `[robot]` and `[vitreous]`, or `[indenter]` with `exponent = …` for a tip, or `[instrument]` with `compliance_per_m = …` for another device",
+            ));
+        }
+        let robot_table = root.required_table("robot")?;
+        let robot = robot_from(robot_table)?;
+        let vitreous_table = root.required_table("vitreous")?;
+        let vitreous = vitreous_from(vitreous_table)?;
+        let reach_m = robot.shape.outer_radius_m();
+        let farthest_m = robot.farthest_point_m();
+        if let Some(offset) =
+            robot.offset.filter(|_| reach_m < vitreous.diameter_m / 2.0 && farthest_m >= vitreous.diameter_m / 2.0)
+        {
+            let to_mm = |metres: f64| metres * MM_PER_M;
+            return Err(robot_table.refuse(
+                "offset_mm",
+                format!(
+                    "with its centre {:.4} mm off the vitreous's, the robot reaches {:.4} mm from there and the vitreous ends at {:.4} mm: the gap is {:.4} mm",
+                    to_mm(offset.distance_m),
+                    to_mm(farthest_m),
+                    to_mm(vitreous.diameter_m / 2.0),
+                    to_mm(vitreous.diameter_m / 2.0 - farthest_m)
+                ),
+                "give an `offset_mm` that leaves a gap between robot and outer surface; it is the distance of the two centres",
+            ));
+        }
+        if reach_m >= vitreous.diameter_m / 2.0 {
+            return Err(vitreous_table.refuse(
+                "diameter_mm",
+                format!(
+                    "the robot reaches {:.4} mm from its centre and the vitreous ends at {:.4} mm: the robot is not inside",
+                    reach_m * MM_PER_M,
+                    vitreous.diameter_m / 2.0 * MM_PER_M
+                ),
+                "check `diameter_mm` in [vitreous] and the sizes in [robot]; both are in millimetres and are full diameters",
+            ));
+        }
+        if vitreous.diameter_m > LARGEST_RATIO * robot.shape.smallest_size_m() {
+            return Err(vitreous_table.refuse(
+                "diameter_mm",
+                format!("the vitreous is more than {LARGEST_RATIO} times as large as the robot's smallest size"),
+                "check `diameter_mm` in [vitreous] and the sizes in [robot]; a gel a thousand times larger than the robot acts as one without end",
+            ));
+        }
+        Ok(Self::Robot { robot, vitreous })
+    }
+}
+
+fn robot_from(table: Table<'_>) -> Result<Robot> {
+    let shape_name = table.required_text("shape", "shape = \"sphere\"")?;
+    let shape = match shape_name.as_str() {
+        "sphere" => {
+            table.only(&["shape", "diameter_mm", "density_kg_m3", "offset_mm", "offset_direction"])?;
+            RobotShape::Sphere { diameter_m: size_m(table, "diameter_mm", "diameter_mm = 0.55")? }
+        }
+        "ellipsoid" | "cylinder" => {
+            let sizes = ["shape", "length_mm", "diameter_mm", "orientation", "density_kg_m3"];
+            table.only(&[&sizes[..], &["offset_mm", "offset_direction"]].concat())?;
+            let length_m = size_m(table, "length_mm", "length_mm = 1.8")?;
+            let diameter_m = size_m(table, "diameter_mm", "diameter_mm = 0.28")?;
+            let orientation = orientation_from(table)?;
+            if shape_name == "cylinder" {
+                RobotShape::Cylinder { length_m, diameter_m, orientation }
+            } else if length_m >= diameter_m {
+                RobotShape::Ellipsoid { length_m, diameter_m, orientation }
+            } else {
+                return Err(table.refuse(
+                    "length_mm",
+                    "the ellipsoid is shorter than it is wide; it must be prolate",
+                    "exchange `length_mm` (the long axis) and `diameter_mm` (the two short ones)",
+                ));
+            }
+        }
+        other => {
+            return Err(table.refuse(
+                "shape",
+                format!("unknown shape `{other}`"),
+                "use \"sphere\", \"ellipsoid\" or \"cylinder\"",
+            ));
+        }
+    };
+    let density_kg_m3 = table.required_within("density_kg_m3", "density_kg_m3 = 7500", DENSITIES_KG_M3)?;
+    let offset = offset_from(table)?;
+    Ok(Robot { shape, density_kg_m3, offset })
+}
+
+/// No offset, or one of 0, is a robot in the middle.
+fn offset_from(table: Table<'_>) -> Result<Option<Offset>> {
+    let distance_mm = table.number("offset_mm")?.unwrap_or(0.0);
+    if !(distance_mm >= 0.0 && distance_mm.is_finite()) {
+        return Err(table.refuse(
+            "offset_mm",
+            format!("{distance_mm} is no distance"),
+            "give the distance of the robot's centre from the vitreous's in millimetres, 0 or more; to which side makes no difference",
+        ));
+    }
+    let direction = match table.text("offset_direction")?.as_deref() {
+        None if distance_mm == 0.0 => return Ok(None),
+        None => return Err(table.missing("offset_direction", "offset_direction = \"along\"")),
+        Some("along") => OffsetDirection::Along,
+        Some("across") => OffsetDirection::Across,
+        Some(other) => {
+            return Err(table.refuse(
+                "offset_direction",
+                format!("unknown direction `{other}`"),
+                "use \"along\" (along the force) or \"across\" (across it)",
+            ));
+        }
+    };
+    Ok((distance_mm > 0.0).then_some(Offset { distance_m: distance_mm / MM_PER_M, direction }))
+}
+
+fn orientation_from(table: Table<'_>) -> Result<Orientation> {
+    match table.required_text("orientation", "orientation = \"horizontal\"")?.as_str() {
+        "horizontal" => Ok(Orientation::Horizontal),
+        "vertical" => Ok(Orientation::Vertical),
+        other => Err(table.refuse(
+            "orientation",
+            format!("unknown orientation `{other}`"),
+            "use \"horizontal\" (long axis along the force) or \"vertical\" (across it)",
+        )),
+    }
+}
+
+fn vitreous_from(table: Table<'_>) -> Result<Vitreous> {
+    table.only(&["diameter_mm", "poisson_ratio", "density_kg_m3"])?;
+    let diameter_m = size_m(table, "diameter_mm", "diameter_mm = 20.0")?;
+    let poisson_ratio = table.required_number("poisson_ratio", "poisson_ratio = 0.48")?;
+    if !(poisson_ratio > -1.0 && poisson_ratio < 0.5) {
+        return Err(table.refuse(
+            "poisson_ratio",
+            format!("{poisson_ratio} lies outside (−1, 0.5)"),
+            "give a Poisson ratio above −1 and below 0.5; 0.48 for vitreous, 0.499 for nearly incompressible",
+        ));
+    }
+    let density_kg_m3 = table.required_within("density_kg_m3", "density_kg_m3 = 1000", DENSITIES_KG_M3)?;
+    Ok(Vitreous { diameter_m, poisson_ratio, density_kg_m3 })
+}
+
+fn size_m(table: Table<'_>, key: &str, example: &str) -> Result<f64> {
+    Ok(table.required_within(key, example, SIZES_MM)? / MM_PER_M)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use base::toml_input::TomlInput;
+
+    fn read(text: &str) -> Apparatus {
+        let document = TomlInput::parse(std::path::Path::new("e.toml"), text).unwrap();
+        Apparatus::from_document(document.root()).unwrap()
+    }
+
+    #[test]
+    fn every_shape_is_read_in_si() {
+        let vitreous = "[vitreous]\ndiameter_mm = 20\npoisson_ratio = 0.48\ndensity_kg_m3 = 1000\n";
+        let robot = |lines: &str| match read(&format!("[robot]\ndensity_kg_m3 = 7500\n{lines}\n{vitreous}")) {
+            Apparatus::Robot { robot, vitreous } => {
+                assert_eq!(vitreous, Vitreous { diameter_m: 0.02, poisson_ratio: 0.48, density_kg_m3: 1000.0 });
+                assert_eq!(robot.density_kg_m3, 7500.0);
+                robot.shape
+            }
+            other => panic!("{other:?}"),
+        };
+        assert_eq!(robot("shape = \"sphere\"\ndiameter_mm = 0.55"), RobotShape::Sphere { diameter_m: 0.55e-3 });
+        let sizes = "length_mm = 2\ndiameter_mm = 0.5\norientation = ";
+        assert_eq!(
+            robot(&format!("shape = \"ellipsoid\"\n{sizes}\"vertical\"")),
+            RobotShape::Ellipsoid { length_m: 2e-3, diameter_m: 0.5e-3, orientation: Orientation::Vertical }
+        );
+        assert_eq!(
+            robot(&format!("shape = \"cylinder\"\n{sizes}\"horizontal\"")),
+            RobotShape::Cylinder { length_m: 2e-3, diameter_m: 0.5e-3, orientation: Orientation::Horizontal }
+        );
+    }
+
+    const SPHERE: &str = "[robot]\nshape = \"sphere\"\ndiameter_mm = 0.5\ndensity_kg_m3 = 7500\n";
+    const VITREOUS: &str = "[vitreous]\ndiameter_mm = 20\npoisson_ratio = 0.48\ndensity_kg_m3 = 1000\n";
+
+    #[test]
+    fn offsets_are_read_and_nothing_is_in_the_middle() {
+        let offset = |lines: &str| match read(&format!("{SPHERE}{lines}\n{VITREOUS}")) {
+            Apparatus::Robot { robot, .. } => robot.offset,
+            other => panic!("{other:?}"),
+        };
+        for nothing in ["", "offset_mm = 0", "offset_mm = 0.0\noffset_direction = \"across\""] {
+            assert_eq!(offset(nothing), None, "{nothing}");
+        }
+        for direction in [OffsetDirection::Along, OffsetDirection::Across] {
+            let lines = format!("offset_mm = 2.5\noffset_direction = \"{}\"", direction.name());
+            assert_eq!(offset(&lines), Some(Offset { distance_m: 2.5e-3, direction }));
+        }
+    }
+
+    #[test]
+    fn offsets_that_leave_no_room_or_direction_are_refused() {
+        let refused = |robot: &str, words: &[&str]| {
+            let text = format!("{robot}\n{VITREOUS}");
+            let document = TomlInput::parse(std::path::Path::new("e.toml"), &text).unwrap();
+            let message = Apparatus::from_document(document.root()).unwrap_err().to_string();
+            assert!(words.iter().all(|word| message.contains(word)), "{message}");
+        };
+        let sphere = |lines: &str| format!("{SPHERE}{lines}");
+        refused(&sphere("offset_mm = 2"), &["offset_direction"]);
+        refused(&sphere("offset_mm = -2\noffset_direction = \"along\""), &["line 5", "-2", "0 or more"]);
+        refused(&sphere("offset_mm = 2\noffset_direction = \"up\""), &["`up`", "along", "across"]);
+        refused(
+            &sphere("offset_mm = 9.8\noffset_direction = \"across\""),
+            &["line 5", "9.8000 mm off", "reaches 10.0500 mm", "gap is -0.0500 mm"],
+        );
+    }
+
+    /// Against points all over the bodies.
+    #[test]
+    fn the_farthest_point_is_the_farthest() {
+        let (length_m, diameter_m) = (3.0_f64, 1.0_f64);
+        for orientation in [Orientation::Horizontal, Orientation::Vertical] {
+            let long = if orientation == Orientation::Horizontal { 0 } else { 1 };
+            for direction in [OffsetDirection::Along, OffsetDirection::Across] {
+                for distance_m in [0.1, 1.0, 4.0] {
+                    let found = |shape| {
+                        let offset = Some(Offset { distance_m, direction });
+                        Robot { shape, density_kg_m3: 1.0, offset }.farthest_point_m()
+                    };
+                    let (mut ellipsoid, mut cylinder) = (0.0_f64, 0.0_f64);
+                    for (i, j) in (0..=400).flat_map(|i| (0..400).map(move |j| (i, j))) {
+                        let (height, turn) = ((f64::from(i) * PI / 400.0).cos(), f64::from(j) * PI / 200.0);
+                        let reach = |radius: f64, farthest: &mut f64| {
+                            let mut place = [0.0; 3];
+                            place[long] = 0.5 * length_m * height;
+                            place[(long + 1) % 3] = 0.5 * diameter_m * radius * turn.cos();
+                            place[(long + 2) % 3] = 0.5 * diameter_m * radius * turn.sin();
+                            place[direction.axis()] += distance_m;
+                            *farthest = farthest.max(place.iter().map(|x| x * x).sum::<f64>().sqrt());
+                        };
+                        reach((1.0 - height * height).sqrt(), &mut ellipsoid);
+                        reach(1.0, &mut cylinder);
+                    }
+                    let exact = found(RobotShape::Ellipsoid { length_m, diameter_m, orientation });
+                    assert!((exact / ellipsoid - 1.0).abs() < 1e-4, "{exact} {ellipsoid}");
+                    let exact = found(RobotShape::Cylinder { length_m, diameter_m, orientation });
+                    assert!((exact / cylinder - 1.0).abs() < 1e-4, "{exact} {cylinder}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn another_instrument_needs_its_compliance_only() {
+        assert_eq!(
+            read("[instrument]\ncompliance_per_m = 1.59e6\n"),
+            Apparatus::Instrument { compliance_per_m: 1.59e6 }
+        );
+    }
+
+    #[test]
+    fn the_farthest_point_of_a_cylinder_is_its_corner() {
+        let shape = RobotShape::Cylinder { length_m: 4.0, diameter_m: 3.0, orientation: Orientation::Vertical };
+        assert_eq!(shape.outer_radius_m(), 2.5);
+    }
+}

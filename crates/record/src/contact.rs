@@ -1,0 +1,183 @@
+//! Where a tip is in contact: the force before it is taken off, and what the law of growing contact does not hold for is left out (physics §5.1).
+//!
+//! Lee and Radok's law needs a contact that grows. Before it begins nothing is pressed, and where the depth falls another law holds. So the record starts at the
+//! last row at which the force is still the one of a free tip, and ends where the depth is largest before it falls.
+
+use std::ops::Range;
+use std::path::Path;
+
+use super::indenter::Indenter;
+use super::line::Line;
+use super::noise::SD_PER_MAD;
+use super::notes::Note;
+use super::record::median;
+use super::trajectory::Trajectory;
+use base::error::{Error, Place, Result};
+
+/// Force over the largest at which contact has surely begun: rows before it are those of a free tip.
+const SURE_OF_CONTACT: f64 = 0.05;
+/// Part of those rows that the free force is taken from: the last of them may touch already.
+const FREE_PART: f64 = 0.8;
+/// Rows that a free force is taken from at least.
+const MIN_FREE_ROWS: usize = 16;
+/// Part of what makes sure of contact by which a free force may drift before: one that grows by more is pressing from the first row on.
+const FREE_DRIFT: f64 = 0.3;
+/// Force over the largest below which positions are not compared: how a tip touches is another matter than how it presses.
+const TOUCHING: f64 = 0.02;
+/// The same over the force's scatter.
+const TOUCHING_SD: f64 = 10.0;
+/// Neighbours whose mean says whether a force is that of a free tip, and standard errors by which it differs then.
+const N_MEAN: usize = 5;
+const FREE_SD: f64 = 3.0;
+/// Fall of the depth over its range that ends the record, in this many rows one after the other.
+const FALL: f64 = 0.01;
+const N_FALLING: usize = 5;
+
+/// The force of a free tip.
+struct Free {
+    /// In N, at the row where contact begins.
+    force_n: f64,
+    /// By how much (N) the straight line through the free rows and the mean of their last quarter differ there.
+    error_n: f64,
+    /// Scatter from row to row, in N.
+    sd_n: f64,
+    /// Last row at which the tip is free.
+    last_row: usize,
+}
+
+/// The part of a record in which the contact grows: force without what acts on a free tip, position from where contact begins.
+///
+/// # Errors
+/// [`Error::Input`] where the tip is not pressed in, the position does not follow the force, or too little of the record is left.
+pub(super) fn settle_contact(file: &Path, trajectory: &mut Trajectory, indenter: &Indenter) -> Result<Note> {
+    let refuse = |row: usize, key: &str, found: String, remedy: &str| {
+        let line = trajectory.lines.get(row).copied().unwrap_or(1);
+        Err(Error::input(Place::file(file).at_line(line).at_key(key), found, remedy))
+    };
+    let n_rows = trajectory.time_s.len();
+    let free = free_force(&trajectory.time_s, &trajectory.force_n);
+    let start = free.as_ref().map_or(0, |free| free.last_row);
+    let free_n = free.as_ref().map_or(0.0, |free| free.force_n);
+    let pressing_n: Vec<f64> = trajectory.force_n.iter().map(|force| force - free_n).collect();
+    let (largest_n, most_pulling_n) =
+        pressing_n.iter().fold((0.0_f64, 0.0_f64), |(most, least), force| (most.max(*force), least.max(-force)));
+    if largest_n <= 0.0 || (free.is_none() && most_pulling_n > 2.0 * largest_n) {
+        return refuse(
+            0,
+            &trajectory.force_column,
+            "no force presses the tip in".into(),
+            "give the force with the sign that grows when the tip is pressed in",
+        );
+    }
+    let deflection_m = |row: usize| indenter.cantilever_n_per_m.map_or(0.0, |stiffness| pressing_n[row] / stiffness);
+    let tip_m: Vec<Option<f64>> =
+        (0..n_rows).map(|row| trajectory.position_m[row].map(|x| x - deflection_m(row))).collect();
+    let touching_n = (TOUCHING * largest_n).max(TOUCHING_SD * free.as_ref().map_or(0.0, |free| free.sd_n));
+    let peak = (start..n_rows).max_by(|a, b| pressing_n[*a].total_cmp(&pressing_n[*b])).unwrap_or(start);
+    let compared = (start..peak).rev().find(|row| pressing_n[*row] < touching_n).map_or(start, |row| row + 1);
+    let Some(origin_m) = tip_m[start..].iter().flatten().next().copied() else {
+        return refuse(start, &trajectory.position_column, "no position is left after contact".into(), LOST_REMEDY);
+    };
+    let at_peak_m = tip_m[..=peak].iter().rev().flatten().next().copied().unwrap_or(origin_m);
+    if at_peak_m < origin_m {
+        return refuse(
+            peak,
+            &trajectory.position_column,
+            format!("the position falls by {:.4} µm while the force grows", 1e6 * (origin_m - at_peak_m)),
+            "write `direction = \"-\"` in [measurement] for a height that falls as the tip goes in (with [measurement.columns]), or give the depth",
+        );
+    }
+    let end = end_of_growth(&tip_m, compared);
+    let kept = start..end;
+    let n_compared = tip_m[compared.min(end)..end].iter().flatten().count();
+    if n_compared < 2 * MIN_FREE_ROWS {
+        return refuse(
+            start,
+            &trajectory.position_column,
+            format!("{n_compared} positions are left while the contact grows"),
+            "give the approach and the hold of one indentation; rows before contact, and where the depth falls, are left out",
+        );
+    }
+    let note = Note::Contact {
+        from_s: trajectory.time_s[start],
+        to_s: trajectory.time_s[end - 1],
+        compared_from_s: trajectory.time_s[compared],
+        n_before: start,
+        n_after: n_rows - end,
+        free_n: free.as_ref().map(|free| [free.force_n, free.error_n]),
+    };
+    trajectory.force_n = pressing_n;
+    trajectory.position_m =
+        tip_m.iter().enumerate().map(|(row, x)| x.map(|x| x - origin_m).filter(|_| row >= compared)).collect();
+    keep(trajectory, kept);
+    Ok(note)
+}
+
+const LOST_REMEDY: &str = "give the positions of the tip while it is pressed in";
+
+/// The force of a free tip: a straight line through the rows before contact, for optical levers drift, at the last of them. `None` where the record begins in
+/// contact, whose forces then count as they are.
+fn free_force(time_s: &[f64], force_n: &[f64]) -> Option<Free> {
+    let first_n = median(force_n.iter().take(MIN_FREE_ROWS).copied().collect())?;
+    let largest_n = force_n.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let sure = force_n.iter().position(|force| force - first_n > SURE_OF_CONTACT * (largest_n - first_n))?;
+    let n_free = (FREE_PART * sure as f64) as usize;
+    if n_free < MIN_FREE_ROWS {
+        return None;
+    }
+    let steps = force_n[..n_free].windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect();
+    let sd_n = SD_PER_MAD / 2.0_f64.sqrt() * median(steps)?;
+    let line = Line::through(time_s.iter().copied().zip(force_n.iter().copied()).take(n_free));
+    let drift_n = line.slope_per_s.abs() * (time_s[sure] - time_s[0]);
+    if drift_n > FREE_DRIFT * SURE_OF_CONTACT * (largest_n - first_n) {
+        return None;
+    }
+    let mean_error_n = sd_n / (N_MEAN as f64).sqrt();
+    // The walk ends inside the free rows at the latest.
+    let is_free = |row: &usize| {
+        let window = row.saturating_sub(N_MEAN / 2)..(row + N_MEAN / 2 + 1).min(force_n.len());
+        let excess_n = window.clone().map(|row| force_n[row] - line.at(time_s[row])).sum::<f64>() / window.len() as f64;
+        excess_n <= FREE_SD * mean_error_n
+    };
+    let last_row = (n_free - 1..sure).rev().find(is_free).unwrap_or(n_free - 1);
+    let late = &force_n[n_free - n_free / 4..n_free];
+    let late_n = late.iter().sum::<f64>() / late.len() as f64;
+    let at_contact_n = line.at(time_s[last_row]);
+    Some(Free { force_n: at_contact_n, error_n: (at_contact_n - late_n).abs(), sd_n, last_row })
+}
+
+/// One after the last row of growing depth.
+fn end_of_growth(tip_m: &[Option<f64>], from: usize) -> usize {
+    let depths = || tip_m.iter().enumerate().skip(from).filter_map(|(row, x)| Some((row, (*x)?)));
+    let (lowest_m, highest_m) =
+        depths().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), (_, x)| (low.min(x), high.max(x)));
+    let fall_m = FALL * (highest_m - lowest_m);
+    let (mut deepest, mut deepest_m, mut n_falling) = (from, f64::NEG_INFINITY, 0);
+    for (row, x) in depths() {
+        if x >= deepest_m {
+            (deepest, deepest_m) = (row, x);
+        }
+        n_falling = if x < deepest_m - fall_m { n_falling + 1 } else { 0 };
+        if n_falling == N_FALLING {
+            return deepest + 1;
+        }
+    }
+    tip_m.len()
+}
+
+fn keep(trajectory: &mut Trajectory, rows: Range<usize>) {
+    fn only<T: Clone>(values: &mut Vec<T>, rows: &Range<usize>) {
+        *values = values[rows.clone()].to_vec();
+    }
+    only(&mut trajectory.time_s, &rows);
+    only(&mut trajectory.force_n, &rows);
+    only(&mut trajectory.position_m, &rows);
+    only(&mut trajectory.lines, &rows);
+    if let Some(cycle) = &mut trajectory.cycle {
+        only(cycle, &rows);
+    }
+}
+
+#[cfg(test)]
+#[path = "contact_tests.rs"]
+mod tests;

@@ -1,0 +1,460 @@
+//! From files to a checked [`Experiment`].
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+use super::actuation::Actuation;
+use super::contact::settle_contact;
+use super::cycles::find_cycles;
+use super::force::ForceRule;
+use super::frame::{Frame, Zero};
+use super::inputs::{ExperimentFiles, Understood, is_oscillation, plain_path, toml_path_of};
+use super::notes::{Note, UM_PER_M};
+use super::record::Record;
+use super::table::{KEYS, TableDescription, one_of, read_described, text_in};
+use super::trajectory::{Trajectory, read_trajectory};
+use super::{Apparatus, Experiment};
+use base::error::{Error, Place, Result};
+use base::files::{self, Content};
+use base::toml_input::{Table, TomlInput, text_of};
+
+/// Positions that a calibration cycle needs at least: twice the parameters of the base law with its noise.
+const MIN_POSITIONS: usize = 8;
+/// Standard deviations that a tracker's noise can have.
+const NOISES_UM: [f64; 2] = [1e-9, 1e9];
+
+impl Experiment {
+    /// Reads an experiment: a directory that holds `experiment.toml`, or the path of the TOML itself.
+    ///
+    /// # Errors
+    /// [`Error::File`] if a file cannot be read, [`Error::Input`] for everything formats §1 refuses.
+    pub fn read(path: &Path) -> Result<(Self, ExperimentFiles)> {
+        let toml_path = toml_path_of(path);
+        let remedy = "give a directory that holds experiment.toml, or the path of the TOML file";
+        let toml_bytes = files::read(&toml_path, Content::Settings, remedy)?;
+        let specification = Specification::read(&toml_path, &toml_bytes)?;
+        let csv_path = toml_path.with_file_name(&specification.csv_name);
+        let remedy = "put the CSV where `file` in [measurement] says, beside the TOML";
+        let csv_bytes = files::read(&csv_path, Content::Table, remedy)?;
+        specification.complete(&toml_path, &toml_bytes, &csv_path, &csv_bytes)
+    }
+
+    /// The same from texts that are already in memory; the places are only named in errors.
+    ///
+    /// # Errors
+    /// As [`Experiment::read`].
+    pub fn from_texts(
+        toml_place: impl Into<PathBuf>,
+        toml_text: impl AsRef<[u8]>,
+        csv_place: impl Into<PathBuf>,
+        csv_text: impl AsRef<[u8]>,
+    ) -> Result<(Self, ExperimentFiles)> {
+        let (toml_place, csv_place) = (toml_place.into(), csv_place.into());
+        let specification = Specification::read(&toml_place, toml_text.as_ref())?;
+        specification.complete(&toml_place, toml_text.as_ref(), &csv_place, csv_text.as_ref())
+    }
+}
+
+/// What `experiment.toml` says, before the rows are known.
+struct Specification {
+    specimen_id: String,
+    species: Option<String>,
+    region: Option<String>,
+    apparatus: Apparatus,
+    csv_name: String,
+    actuation: Option<Actuation>,
+    /// `None` for a table of the program's own form.
+    table: Option<TableDescription>,
+    frame: Frame,
+    force_rule: ForceRule,
+    force_rule_given: bool,
+    /// Whether where the position is 0 is fitted.
+    fits_position_offset: bool,
+    cycle_starts: Option<CycleStarts>,
+    calibration: CycleList,
+    heldout: CycleList,
+    left_out: LeftOut,
+    noise_sd_m: Option<f64>,
+    source: Option<String>,
+}
+
+/// Cycles named in the TOML, if any, and where.
+struct CycleList {
+    place: Place,
+    cycles: Option<Vec<u32>>,
+}
+
+impl CycleList {
+    fn read(measurement: Table<'_>, key: &str) -> Result<Self> {
+        let list = Self { place: measurement.place(key), cycles: measurement.counts(key)? };
+        if let Some(cycles) = &list.cycles {
+            let mut seen = BTreeSet::new();
+            if let Some(cycle) = cycles.iter().find(|cycle| !seen.insert(**cycle)) {
+                return Err(list.refuse(format!("cycle {cycle} is listed twice"), "list each cycle once"));
+            }
+        }
+        Ok(list)
+    }
+
+    fn refuse(&self, found: impl Into<String>, remedy: impl Into<String>) -> Error {
+        Error::input(self.place.clone(), found, remedy)
+    }
+
+    fn check_exist(&self, n_cycles: u32) -> Result<()> {
+        match self.cycles.iter().flatten().find(|cycle| **cycle > n_cycles) {
+            None => Ok(()),
+            Some(cycle) => Err(self.refuse(
+                format!("cycle {cycle} does not exist, the record has {n_cycles}"),
+                format!("name cycles from 1 to {n_cycles}"),
+            )),
+        }
+    }
+}
+
+/// Times between which positions are not compared, and where that is written.
+struct LeftOut {
+    place: Place,
+    /// From and to, in s of the record, both included.
+    intervals_s: Vec<[f64; 2]>,
+}
+
+impl LeftOut {
+    fn read(measurement: Table<'_>) -> Result<Self> {
+        let key = "left_out_s";
+        Ok(Self { place: measurement.place(key), intervals_s: measurement.intervals(key)?.unwrap_or_default() })
+    }
+
+    /// Takes the positions away; gives how many.
+    fn leave_out(&self, record: &mut Record) -> Result<usize> {
+        let mut n_left_out = 0;
+        for [from_s, to_s] in &self.intervals_s {
+            let rows = record.time_s.partition_point(|time_s| time_s < from_s)
+                ..record.time_s.partition_point(|time_s| time_s <= to_s);
+            let taken = record.position_m[rows].iter_mut().filter_map(Option::take).count();
+            if taken == 0 {
+                return Err(Error::input(
+                    self.place.clone(),
+                    format!("no position lies between {from_s} and {to_s} s that is not left out already"),
+                    "give times of the record in seconds, as figures show them",
+                ));
+            }
+            n_left_out += taken;
+        }
+        Ok(n_left_out)
+    }
+}
+
+/// When cycles start, in the table's time, and where that is written.
+struct CycleStarts {
+    place: Place,
+    starts_s: Vec<f64>,
+}
+
+impl CycleStarts {
+    fn read(measurement: Table<'_>) -> Result<Option<Self>> {
+        let key = "cycle_starts_s";
+        let Some(starts_s) = measurement.numbers(key)? else { return Ok(None) };
+        if starts_s.is_empty() || starts_s.windows(2).any(|pair| pair[0] >= pair[1]) {
+            let remedy =
+                "give the times in s at which cycles start, one after the other, as in `cycle_starts_s = [0, 5]`";
+            return Err(measurement.refuse(key, "these are no times one after the other", remedy));
+        }
+        Ok(Some(Self { place: measurement.place(key), starts_s }))
+    }
+
+    /// Numbers the cycles of a table that has no such column; what comes before the first start belongs to the first cycle.
+    fn number(&self, trajectory: &mut Trajectory) -> Result<()> {
+        let refuse = |found: String, remedy: &str| Err(Error::input(self.place.clone(), found, remedy));
+        if trajectory.cycle.is_some() {
+            return refuse("the table has a column of cycles, too".into(), "keep one of the two");
+        }
+        let cycle_of = |time_s: &f64| self.starts_s[1..].partition_point(|start_s| start_s <= time_s) as u32 + 1;
+        let cycle: Vec<u32> = trajectory.time_s.iter().map(cycle_of).collect();
+        for number in 1..=self.starts_s.len() as u32 {
+            // Times ascend, and cycles with them.
+            if cycle.binary_search(&number).is_err() {
+                let start_s = self.starts_s[number as usize - 1];
+                return refuse(
+                    format!("no row lies in the cycle that starts at {start_s} s"),
+                    "give starts that lie inside the record, in seconds of its time column",
+                );
+            }
+        }
+        trajectory.cycle = Some(cycle);
+        Ok(())
+    }
+}
+
+impl Specification {
+    fn read(file: &Path, bytes: &[u8]) -> Result<Self> {
+        let document = TomlInput::parse(file, text_of(file, bytes)?)?;
+        let root = document.root();
+        let measurement = root.required_table("measurement")?;
+        if is_oscillation(root, measurement)? {
+            let remedy =
+                "give a record of force and position against time; `check`, `sample` and `diagnose` take oscillations";
+            return Err(measurement.refuse("kind", "this is an oscillation, not a record in time", remedy));
+        }
+        root.only(&["kind", "specimen", "robot", "vitreous", "instrument", "indenter", "measurement", "actuation"])?;
+        let specimen = root.required_table("specimen")?;
+        specimen.only(&["id", "species", "region"])?;
+        let specimen_id = specimen.required_text("id", "id = \"porcine-01\"")?;
+        let (species, region) = (specimen.text("species")?, specimen.text("region")?);
+        let apparatus = Apparatus::from_document(root)?;
+        measurement.only(
+            &[
+                &[
+                    "kind",
+                    "file",
+                    "calibration_cycles",
+                    "heldout_cycles",
+                    "cycle_starts_s",
+                    "left_out_s",
+                    "noise_um",
+                    "source",
+                ],
+                &["force", "zero", "direction"][..],
+                &KEYS[..],
+            ]
+            .concat(),
+        )?;
+        let log = root.table("actuation")?;
+        let actuation = log.map(|log| Actuation::read(log, |log| plain_path(log, "coil.csv"))).transpose()?;
+        if actuation.is_some() && measurement.has("force") {
+            let remedy = "say what the force does between rows in [actuation]";
+            return Err(measurement.refuse("force", "the force is logged in [actuation]", remedy));
+        }
+        let of_rows = one_of(measurement, "force", &ForceRule::ALL, ForceRule::name)?.unwrap_or_default();
+        let (force_rule, force_rule_given) =
+            actuation.as_ref().map_or((of_rows, measurement.has("force")), |log| (log.rule, log.rule_given));
+        let table = TableDescription::read(measurement, actuation.is_some())?;
+        let frame = Frame::read(measurement, table.as_ref().is_some_and(TableDescription::is_plane))?;
+        let csv_name = plain_path(measurement, "trajectory.csv")?;
+        let is_indenter = matches!(apparatus, Apparatus::Indenter(_));
+        if is_indenter && measurement.has("zero") && frame.zero != Zero::Fit {
+            return Err(measurement.refuse(
+                "zero",
+                "an indenter's contact point is not known beforehand",
+                "remove `zero`, or write `zero = \"fit\"`: the height at contact is fitted",
+            ));
+        }
+        if let Some(log) = log.filter(|_| is_indenter) {
+            let remedy = "give the force in the measurement's own table";
+            return Err(log.refuse("file", "an indenter's force is measured with its height", remedy));
+        }
+        let fits_position_offset = is_indenter || frame.zero == Zero::Fit;
+        let noise_um = measurement.positive("noise_um", "noise_um = 4.0")?;
+        let noise_um =
+            noise_um.map(|noise_um| measurement.check_within("noise_um", noise_um, NOISES_UM)).transpose()?;
+        let noise_sd_m = noise_um.map(|noise_um| noise_um / UM_PER_M);
+        Ok(Self {
+            specimen_id,
+            species,
+            region,
+            apparatus,
+            csv_name,
+            actuation,
+            table,
+            frame,
+            force_rule,
+            force_rule_given,
+            fits_position_offset,
+            cycle_starts: CycleStarts::read(measurement)?,
+            calibration: CycleList::read(measurement, "calibration_cycles")?,
+            heldout: CycleList::read(measurement, "heldout_cycles")?,
+            left_out: LeftOut::read(measurement)?,
+            noise_sd_m,
+            source: measurement.text("source")?,
+        })
+    }
+
+    fn complete(
+        self,
+        toml_place: &Path,
+        toml_bytes: &[u8],
+        csv_place: &Path,
+        csv_bytes: &[u8],
+    ) -> Result<(Experiment, ExperimentFiles)> {
+        let mut trajectory = match &self.table {
+            None => read_trajectory(csv_place, text_of(csv_place, csv_bytes)?, self.actuation.is_some())?,
+            Some(table) => read_described(csv_place, &text_in(csv_place, csv_bytes, table.layout.encoding)?, table)?,
+        };
+        let (mut driven_place, mut force_rows, mut log_file) = (csv_place.to_path_buf(), Vec::new(), None);
+        if let Some(actuation) = &self.actuation {
+            driven_place = toml_place.with_file_name(&actuation.file);
+            let remedy = "put the log where `file` in [actuation] says, beside the TOML";
+            let bytes = files::read(&driven_place, Content::Table, remedy)?;
+            (trajectory, force_rows) = actuation.merged(&driven_place, &bytes, trajectory)?;
+            log_file = (actuation.file != self.csv_name).then(|| (actuation.file.clone(), bytes));
+        }
+        check_driven(&driven_place, &trajectory)?;
+        let mut notes = Vec::new();
+        let settled = self.frame.settle(csv_place, &mut trajectory)?;
+        if let Some(starts) = &self.cycle_starts {
+            starts.number(&mut trajectory)?;
+        }
+        if let Apparatus::Indenter(indenter) = &self.apparatus {
+            notes.push(settle_contact(csv_place, &mut trajectory, indenter)?);
+            notes.extend(indenter.nominal_size().map(|nominal| Note::TipUnknown { nominal }));
+            check_first_cycle(csv_place, &trajectory)?;
+        } else if self.fits_position_offset {
+            notes.push(Note::PositionOffsetFitted);
+        }
+        let (lines, position_column) =
+            (std::mem::take(&mut trajectory.lines), std::mem::take(&mut trajectory.position_column));
+        let (mut record, lines) = record_from(trajectory, lines, force_rows, self.force_rule, &mut notes);
+        let n_left_out = self.left_out.leave_out(&mut record)?;
+        notes.extend((n_left_out > 0).then_some(Note::PositionsLeftOut { n_left_out, n_rows: record.n_samples() }));
+        let (calibration_cycles, heldout_cycles) = self.choose_cycles(record.n_cycles())?;
+        check_positions(&record, &calibration_cycles, &Place::file(csv_place).at_key(position_column), &lines)?;
+        note_data(&record, &heldout_cycles, self.source.is_none(), &mut notes);
+        if let Some(projection) = &settled.projection {
+            let range_m = range_m(&record);
+            notes.push(Note::MovesAcross { degrees: projection.degrees, rms_m: projection.across_rms_m, range_m });
+        }
+        let files = ExperimentFiles {
+            toml_name: toml_place
+                .file_name()
+                .map_or("experiment.toml".into(), |name| name.to_string_lossy().into_owned()),
+            toml_bytes: toml_bytes.to_vec(),
+            csv_name: self.csv_name,
+            csv_bytes: csv_bytes.to_vec(),
+            log_file,
+            notes,
+            understood: Understood { force_rule_given: self.force_rule_given, settled, n_left_out },
+        };
+        let experiment = Experiment {
+            specimen_id: self.specimen_id,
+            species: self.species,
+            region: self.region,
+            apparatus: self.apparatus,
+            record,
+            calibration_cycles,
+            heldout_cycles,
+            noise_sd_m: self.noise_sd_m,
+            fits_position_offset: self.fits_position_offset,
+            source: self.source.unwrap_or_else(|| "not stated".into()),
+        };
+        Ok((experiment, files))
+    }
+
+    /// Default: the first cycle calibrates and every cycle that does not calibrate is held out.
+    fn choose_cycles(&self, n_cycles: u32) -> Result<(Vec<u32>, Vec<u32>)> {
+        self.calibration.check_exist(n_cycles)?;
+        self.heldout.check_exist(n_cycles)?;
+        let mut calibration = self.calibration.cycles.clone().unwrap_or_else(|| vec![1]);
+        if calibration.is_empty() {
+            return Err(self.calibration.refuse("no cycle calibrates", "name at least one cycle, such as [1]"));
+        }
+        let mut heldout = self
+            .heldout
+            .cycles
+            .clone()
+            .unwrap_or_else(|| (1..=n_cycles).filter(|cycle| !calibration.contains(cycle)).collect());
+        if let Some(both) = heldout.iter().find(|cycle| calibration.contains(cycle)) {
+            let remedy = if self.calibration.cycles.is_some() {
+                "remove it from `calibration_cycles` or from `heldout_cycles`"
+            } else {
+                "remove it from `heldout_cycles`, or name other `calibration_cycles` (the default is the first cycle)"
+            };
+            return Err(self.heldout.refuse(format!("cycle {both} is both calibrated and held out"), remedy));
+        }
+        calibration.sort_unstable();
+        heldout.sort_unstable();
+        Ok((calibration, heldout))
+    }
+}
+
+/// The record with its cycles, and the line of each row. A force that goes in lines gets rows where it crosses zero: effects may act on one sign of it.
+fn record_from(
+    trajectory: Trajectory,
+    lines: Vec<usize>,
+    force_rows: Vec<usize>,
+    force_rule: ForceRule,
+    notes: &mut Vec<Note>,
+) -> (Record, Vec<usize>) {
+    let Trajectory { time_s, force_n, position_m, cycle, .. } = trajectory;
+    let cycle_given = cycle.is_some();
+    let cycle = cycle.unwrap_or_else(|| vec![1; time_s.len()]);
+    let mut record = Record { time_s, force_n, position_m, cycle, force_rule, force_rows };
+    if !cycle_given {
+        let found = find_cycles(&record);
+        notes.push(found.note());
+        record.cycle = found.cycle;
+    }
+    record.with_force_rows(lines)
+}
+
+/// A cycle that ends before contact has no row left.
+fn check_first_cycle(csv_place: &Path, trajectory: &Trajectory) -> Result<()> {
+    match trajectory.cycle.as_ref().and_then(|cycle| cycle.first()) {
+        Some(first) if *first != 1 => Err(Error::input(
+            Place::file(csv_place).at_line(trajectory.lines.first().copied().unwrap_or(1)),
+            format!("contact begins in cycle {first}, and rows before contact are left out"),
+            "let the first cycle reach into the contact, as in `cycle_starts_s = [0, 5]` for an approach with the first part of the hold",
+        )),
+        _ => Ok(()),
+    }
+}
+
+/// Without any force nothing can be learnt, and scales taken from the force would be zero.
+fn check_driven(csv_place: &Path, trajectory: &Trajectory) -> Result<()> {
+    if trajectory.force_n.iter().any(|force_n| *force_n != 0.0) {
+        return Ok(());
+    }
+    Err(Error::input(
+        Place::file(csv_place)
+            .at_line(trajectory.lines.first().copied().unwrap_or(1))
+            .at_key(trajectory.force_column.as_str()),
+        "the force is zero in every row",
+        "give the commanded force in the force column; a record without force cannot be fitted",
+    ))
+}
+
+fn check_positions(record: &Record, calibration_cycles: &[u32], place: &Place, lines: &[usize]) -> Result<()> {
+    let counts = record.n_positions();
+    for &cycle in calibration_cycles {
+        let n_positions = counts.get(cycle as usize).copied().unwrap_or(0);
+        if n_positions < MIN_POSITIONS {
+            let first_row = record.cycle.iter().position(|of_row| *of_row == cycle).unwrap_or(0);
+            return Err(Error::input(
+                place.clone().at_line(lines.get(first_row).copied().unwrap_or(1)),
+                format!(
+                    "calibration cycle {cycle}, which starts here, has {n_positions} positions; {MIN_POSITIONS} are needed"
+                ),
+                "name a cycle with more positions in `calibration_cycles` of the TOML, or measure more of this one",
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// Largest minus smallest position, in m.
+fn range_m(record: &Record) -> f64 {
+    let positions = || record.position_m.iter().flatten().copied();
+    positions().fold(f64::NEG_INFINITY, f64::max) - positions().fold(f64::INFINITY, f64::min)
+}
+
+fn note_data(record: &Record, heldout_cycles: &[u32], source_missing: bool, notes: &mut Vec<Note>) {
+    let n_missing = record.position_m.iter().filter(|position| position.is_none()).count() - record.force_rows.len();
+    // Positions of a tip that only touches are there, and another note has them.
+    let touches = notes.iter().any(|note| matches!(note, Note::Contact { .. }));
+    let n_touching = record.position_m.iter().take_while(|position| touches && position.is_none()).count();
+    let left_out =
+        notes.iter().map(|note| if let Note::PositionsLeftOut { n_left_out, .. } = note { *n_left_out } else { 0 });
+    let n_missing = n_missing.saturating_sub(n_touching + left_out.sum::<usize>());
+    if n_missing > 0 {
+        notes.push(Note::PositionsMissing { n_missing, n_rows: record.n_samples() });
+    }
+    let counts = record.n_positions();
+    let empty = heldout_cycles.iter().filter(|cycle| counts.get(**cycle as usize).is_none_or(|count| *count == 0));
+    notes.extend(empty.map(|&cycle| Note::HeldOutCycleEmpty { cycle }));
+    if let Some(Some(first)) = record.position_m.first()
+        && first.abs() > 0.5 * range_m(record)
+    {
+        notes.push(Note::FirstPositionNotZero { position_m: *first });
+    }
+    if source_missing {
+        notes.push(Note::SourceNotStated);
+    }
+}

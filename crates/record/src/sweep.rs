@@ -1,0 +1,416 @@
+//! An oscillation of a rheometer: moduli against frequency (formats §1.2).
+//!
+//! [`Sweep::read`] is the border: behind it everything is SI, checked and complete.
+
+use std::path::Path;
+
+use super::inputs::{ExperimentFiles, Understood, is_oscillation, plain_path, toml_path_of};
+use super::table::{
+    ColumnName, ColumnNames, KEYS, Looked, Spelt, TableLayout, Units, cells, column, is_aside, split_unit, text_in,
+};
+use base::error::{Error, Place, Result};
+use base::files::{self, Content, refuse_long_lines};
+use base::toml_input::{Table, TomlInput, text_of};
+use base::units::Dimension;
+
+/// Rows that are fitted at least.
+const FEWEST_FITTED: usize = 4;
+/// With so many frequencies every third is held out where nothing is said.
+const FEWEST_TO_HOLD_OUT: usize = 9;
+/// Relative distance at which two frequencies are one.
+const SAME_FREQUENCY: f64 = 1e-6;
+const FREQUENCIES_HZ: [f64; 2] = [1e-9, 1e9];
+/// Poisson ratio of a gel that is nearly all water, sheared.
+const INCOMPRESSIBLE: f64 = 0.5;
+
+/// What was measured at each frequency.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SweepForm {
+    /// Storage and loss modulus, G′ and G″, in Pa.
+    StorageAndLoss,
+    /// |G*| in Pa and the phase in rad by which strain lags behind stress.
+    ModulusAndPhase,
+}
+
+impl SweepForm {
+    /// Both numbers of a complex shear modulus G′ + iG″ in Pa.
+    pub fn of_moduli(self, storage_pa: f64, loss_pa: f64) -> [f64; 2] {
+        match self {
+            Self::StorageAndLoss => [storage_pa, loss_pa],
+            Self::ModulusAndPhase => [storage_pa.hypot(loss_pa), loss_pa.atan2(storage_pa)],
+        }
+    }
+
+    /// G′ and G″ of both numbers.
+    pub fn moduli(self, pair: [f64; 2]) -> [f64; 2] {
+        match self {
+            Self::StorageAndLoss => pair,
+            Self::ModulusAndPhase => [pair[0] * pair[1].cos(), pair[0] * pair[1].sin()],
+        }
+    }
+
+    /// What both numbers are called.
+    pub fn names(self) -> [&'static str; 2] {
+        match self {
+            Self::StorageAndLoss => ["G′", "G″"],
+            Self::ModulusAndPhase => ["|G*|", "δ"],
+        }
+    }
+}
+
+/// One frequency.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SweepRow {
+    /// Frequency in Hz.
+    pub frequency_hz: f64,
+    /// Both numbers, as [`Sweep::form`] says.
+    pub pair: [f64; 2],
+    /// Their standard deviations.
+    pub sd: Option<[f64; 2]>,
+    /// Whether no fit sees the row.
+    pub is_heldout: bool,
+}
+
+/// An oscillation, validated, in SI units; rows ascend in frequency.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Sweep {
+    /// Specimen identifier, `[specimen] id`.
+    pub specimen_id: String,
+    /// Poisson ratio of the specimen, which makes shear moduli of Young's: G = E/(2 + 2ν).
+    pub poisson_ratio: f64,
+    /// What the rows hold.
+    pub form: SweepForm,
+    /// The rows.
+    pub rows: Vec<SweepRow>,
+    /// Rows of the table that lack a number.
+    pub n_incomplete: usize,
+    /// Where the data come from; synthetic or measured.
+    pub source: String,
+}
+
+/// What a column of a sweep holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SweepColumn {
+    /// Frequency.
+    Frequency,
+    /// G′.
+    Storage,
+    /// G″.
+    Loss,
+    /// |G*|.
+    Modulus,
+    /// δ.
+    Phase,
+    /// Standard deviation of G′.
+    StorageSd,
+    /// Of G″.
+    LossSd,
+    /// Of |G*|.
+    ModulusSd,
+    /// Of δ.
+    PhaseSd,
+}
+
+impl SweepColumn {
+    /// All of them.
+    pub const ALL: [Self; 9] = [
+        Self::Frequency,
+        Self::Storage,
+        Self::Loss,
+        Self::Modulus,
+        Self::Phase,
+        Self::StorageSd,
+        Self::LossSd,
+        Self::ModulusSd,
+        Self::PhaseSd,
+    ];
+
+    /// Its key in `[measurement.columns]`, and its name in a header without the unit.
+    pub fn key(self) -> &'static str {
+        match self {
+            Self::Frequency => "frequency",
+            Self::Storage => "storage",
+            Self::Loss => "loss",
+            Self::Modulus => "modulus",
+            Self::Phase => "phase",
+            Self::StorageSd => "storage_sd",
+            Self::LossSd => "loss_sd",
+            Self::ModulusSd => "modulus_sd",
+            Self::PhaseSd => "phase_sd",
+        }
+    }
+
+    /// What it is measured in.
+    pub fn dimension(self) -> Dimension {
+        match self {
+            Self::Frequency => Dimension::Frequency,
+            Self::Phase | Self::PhaseSd => Dimension::Angle,
+            _ => Dimension::Pressure,
+        }
+    }
+
+    /// The column that a rheometer's program calls so, if any; standard deviations are not guessed.
+    fn called(name: &str, unit: Option<&Spelt>) -> Option<Self> {
+        let stem = split_unit(name).0.to_lowercase();
+        let plain: String = stem.chars().filter(|c| !c.is_whitespace() && !"_-|*.()".contains(*c)).collect();
+        let found = match plain.as_str() {
+            "f" | "freq" | "frequency" | "angularfrequency" | "omega" | "ω" | "frequenz" | "kreisfrequenz" => {
+                Self::Frequency
+            }
+            "g'" | "g′" | "g`" | "g´" | "storage" | "storagemodulus" | "gprime" | "speichermodul" => Self::Storage,
+            "g''" | "g″" | "g′′" | "g\"" | "g``" | "g´´" | "loss" | "lossmodulus" | "gdoubleprime" | "verlustmodul" => {
+                Self::Loss
+            }
+            "g" | "modulus" | "complexmodulus" | "complexshearmodulus" => Self::Modulus,
+            "phase" | "phaseangle" | "delta" | "δ" | "phasenwinkel" => Self::Phase,
+            _ => return None,
+        };
+        unit.is_none_or(|unit| unit.dimension == found.dimension()).then_some(found)
+    }
+}
+
+/// The columns of a sweep in a table that was looked at, in the order of [`SweepColumn::ALL`]; `None` where it is no sweep.
+pub fn sweep_columns(looked: &Looked) -> Option<Vec<(SweepColumn, usize)>> {
+    let called = |column: SweepColumn| {
+        let mut places = looked.columns.iter().zip(&looked.units).enumerate();
+        let (place, _) = places.find(|(_, (name, unit))| SweepColumn::called(name, unit.as_ref()) == Some(column))?;
+        Some((column, place))
+    };
+    let pairs = [[SweepColumn::Storage, SweepColumn::Loss], [SweepColumn::Modulus, SweepColumn::Phase]];
+    let frequency = called(SweepColumn::Frequency)?;
+    let pair = pairs.into_iter().find_map(|[a, b]| Some([called(a)?, called(b)?]))?;
+    Some(vec![frequency, pair[0], pair[1]])
+}
+
+impl Sweep {
+    /// Whether an experiment says that it is an oscillation; what cannot be read is none, for its reader to refuse.
+    pub fn is_one(path: &Path) -> bool {
+        let toml_path = toml_path_of(path);
+        let Ok(bytes) = files::read(&toml_path, Content::Settings, "") else { return false };
+        let found =
+            text_of(&toml_path, &bytes).and_then(|text| TomlInput::parse(&toml_path, text)).and_then(|document| {
+                let root = document.root();
+                is_oscillation(root, root.required_table("measurement")?)
+            });
+        found.unwrap_or(false)
+    }
+
+    /// Reads an oscillation: a directory that holds `experiment.toml`, or the path of the TOML itself.
+    ///
+    /// # Errors
+    /// [`Error::File`] if a file cannot be read, [`Error::Input`] for everything that formats §1.2 refuses.
+    pub fn read(path: &Path) -> Result<(Self, ExperimentFiles)> {
+        let toml_path = toml_path_of(path);
+        let remedy = "give a directory that holds experiment.toml, or the path of the TOML file";
+        let toml_bytes = files::read(&toml_path, Content::Settings, remedy)?;
+        let document = TomlInput::parse(&toml_path, text_of(&toml_path, &toml_bytes)?)?;
+        let root = document.root();
+        root.only(&["kind", "specimen", "rheometer", "vitreous", "robot", "instrument", "measurement"])?;
+        let specimen = root.required_table("specimen")?;
+        specimen.only(&["id", "species", "region"])?;
+        let measurement = root.required_table("measurement")?;
+        measurement.only(&[&["kind", "file", "heldout_hz", "source"], &KEYS[..]].concat())?;
+        let csv_name = plain_path(measurement, "sweep.csv")?;
+        let csv_path = toml_path.with_file_name(&csv_name);
+        let csv_bytes = files::read(
+            &csv_path,
+            Content::Table,
+            "put the table where `file` in [measurement] says, beside the TOML",
+        )?;
+        let layout = TableLayout::read(measurement)?;
+        let text = text_in(&csv_path, &csv_bytes, layout.encoding)?;
+        refuse_long_lines(&csv_path, text.as_bytes())?;
+        let columns = Columns::new(&csv_path, &text, measurement, &layout)?;
+        let (mut rows, n_incomplete) = columns.rows(&csv_path, &text, &layout)?;
+        rows.sort_by(|a, b| a.frequency_hz.total_cmp(&b.frequency_hz));
+        hold_out(measurement, &mut rows)?;
+        let n_fitted = rows.iter().filter(|row| !row.is_heldout).count();
+        if n_fitted < FEWEST_FITTED {
+            return Err(Error::input(
+                Place::file(&csv_path),
+                format!("{n_fitted} frequencies are fitted"),
+                format!("give at least {FEWEST_FITTED}: a law has three parameters and more"),
+            ));
+        }
+        let sweep = Self {
+            specimen_id: specimen.required_text("id", "id = \"porcine-01\"")?,
+            poisson_ratio: poisson_ratio(root)?,
+            form: columns.form,
+            rows,
+            n_incomplete,
+            source: measurement.text("source")?.unwrap_or_else(|| "not stated".into()),
+        };
+        let toml_name =
+            toml_path.file_name().map_or("experiment.toml".into(), |name| name.to_string_lossy().into_owned());
+        let understood = Understood::default();
+        let files = ExperimentFiles {
+            toml_name,
+            toml_bytes: toml_bytes.clone(),
+            csv_name,
+            csv_bytes,
+            log_file: None,
+            notes: Vec::new(),
+            understood,
+        };
+        Ok((sweep, files))
+    }
+
+    /// Whether the errors are known.
+    pub fn has_errors(&self) -> bool {
+        self.rows.iter().all(|row| row.sd.is_some())
+    }
+
+    /// Lowest and highest frequency in Hz.
+    pub fn range_hz(&self) -> [f64; 2] {
+        let ends = [self.rows.first(), self.rows.last()];
+        ends.map(|row| row.map_or(1.0, |row| row.frequency_hz))
+    }
+}
+
+/// That of `[rheometer]`, else of `[vitreous]`, else of water.
+fn poisson_ratio(root: Table<'_>) -> Result<f64> {
+    for name in ["rheometer", "vitreous"] {
+        let Some(table) = root.table(name)? else { continue };
+        if name == "rheometer" {
+            table.only(&["poisson_ratio"])?;
+        }
+        if let Some(ratio) = table.number("poisson_ratio")? {
+            if ratio > -1.0 && ratio <= INCOMPRESSIBLE {
+                return Ok(ratio);
+            }
+            return Err(table.refuse(
+                "poisson_ratio",
+                format!("{ratio} is no Poisson ratio"),
+                "give one above −1 and up to 0.5",
+            ));
+        }
+    }
+    Ok(INCOMPRESSIBLE)
+}
+
+/// Where each quantity stands, and in which unit.
+struct Columns {
+    form: SweepForm,
+    frequency: (usize, String, Spelt),
+    pair: [(usize, String, Spelt); 2],
+    sd: Option<[(usize, String, Spelt); 2]>,
+}
+
+impl Columns {
+    fn new(file: &Path, text: &str, measurement: Table<'_>, layout: &TableLayout) -> Result<Self> {
+        let names = ColumnNames::new(file, text, layout);
+        let described = measurement.table("columns")?;
+        let keys = SweepColumn::ALL.map(SweepColumn::key);
+        described.map_or(Ok(()), |table| table.only(&keys))?;
+        let units = Units::read(measurement, &keys)?;
+        let find = |wanted: SweepColumn| -> Result<Option<(usize, String, Spelt)>> {
+            let name = match described {
+                Some(table) if table.has(wanted.key()) => column(table, wanted.key())?,
+                Some(_) => return Ok(None),
+                None => {
+                    let is_it = |name: &&std::borrow::Cow<'_, str>| split_unit(name).0 == wanted.key();
+                    match names.all().iter().find(is_it) {
+                        Some(name) => ColumnName::Named(name.to_string()),
+                        None => return Ok(None),
+                    }
+                }
+            };
+            let unit = units.of(wanted.key(), wanted.dimension(), &name)?;
+            let (place, shown) = names.place(&name)?;
+            Ok(Some((place, shown, unit)))
+        };
+        let missing = |what: &str, example: &str| {
+            let found = names.all().join("`, `");
+            Error::input(
+                Place::file(file).at_line(layout.header_line.unwrap_or(layout.first_row_line)),
+                format!("there is no column of the {what}; the header has `{found}`"),
+                format!("name it {example}, or say in [measurement.columns] which column it is"),
+            )
+        };
+        let frequency = find(SweepColumn::Frequency)?.ok_or_else(|| missing("frequency", "`frequency_hz`"))?;
+        let pair = |a, b| Ok::<_, Error>(find(a)?.zip(find(b)?).map(|(a, b)| [a, b]));
+        if let Some(moduli) = pair(SweepColumn::Storage, SweepColumn::Loss)? {
+            let sd = pair(SweepColumn::StorageSd, SweepColumn::LossSd)?;
+            return Ok(Self { form: SweepForm::StorageAndLoss, frequency, pair: moduli, sd });
+        }
+        match pair(SweepColumn::Modulus, SweepColumn::Phase)? {
+            Some(polar) => {
+                let sd = pair(SweepColumn::ModulusSd, SweepColumn::PhaseSd)?;
+                Ok(Self { form: SweepForm::ModulusAndPhase, frequency, pair: polar, sd })
+            }
+            None => Err(missing("moduli", "`storage_pa` and `loss_pa`, or `modulus_pa` and `phase_deg`")),
+        }
+    }
+
+    /// The rows that are complete, and the number of the others.
+    fn rows(&self, file: &Path, text: &str, layout: &TableLayout) -> Result<(Vec<SweepRow>, usize)> {
+        let (mut rows, mut n_incomplete) = (Vec::new(), 0);
+        let lines = text.lines().enumerate().skip(layout.first_row_line - 1);
+        for (index, line) in lines.filter(|(_, line)| !is_aside(line, layout.comment.as_deref())) {
+            let cells = cells(line, layout.delimiter);
+            let number = |(place, name, unit): &(usize, String, Spelt)| -> Result<Option<f64>> {
+                let cell = cells.get(*place).map_or("", |cell| cell.as_ref());
+                if cell.is_empty() {
+                    return Ok(None);
+                }
+                let found = layout.decimal.number(cell).ok_or_else(|| {
+                    let decimal = layout.decimal.name();
+                    let found = format!("`{cell}` is not a number with `{decimal}` before its decimals");
+                    let remedy = "correct it, or leave the cell empty where nothing was measured";
+                    Error::input(Place::file(file).at_line(index + 1).at_key(name.as_str()), found, remedy)
+                })?;
+                Ok(Some(unit.to_si(found)))
+            };
+            let refuse = |(_, name, _): &(usize, String, Spelt), found: String, remedy: &str| {
+                Error::input(Place::file(file).at_line(index + 1).at_key(name.as_str()), found, remedy)
+            };
+            let both =
+                |columns: &[(usize, String, Spelt); 2]| Ok::<_, Error>(number(&columns[0])?.zip(number(&columns[1])?));
+            let (frequency_hz, pair) = (number(&self.frequency)?, both(&self.pair)?);
+            let sd = self.sd.as_ref().map(both).transpose()?;
+            let (Some(frequency_hz), Some(pair), None | Some(Some(_))) = (frequency_hz, pair, sd) else {
+                n_incomplete += 1;
+                continue;
+            };
+            if !(FREQUENCIES_HZ[0]..=FREQUENCIES_HZ[1]).contains(&frequency_hz) {
+                let found = format!("{frequency_hz} Hz is no frequency of a rheometer");
+                return Err(refuse(&self.frequency, found, "correct it, or the column's unit"));
+            }
+            let sd = sd.flatten().map(<[f64; 2]>::from);
+            if let Some((column, sd)) = self.sd.iter().flatten().zip(sd.iter().flatten()).find(|(_, sd)| **sd <= 0.0) {
+                let remedy =
+                    "give the standard deviation of the number, which is above 0, or leave the columns of errors out";
+                return Err(refuse(column, format!("an error of {sd}"), remedy));
+            }
+            rows.push(SweepRow { frequency_hz, pair: pair.into(), sd, is_heldout: false });
+        }
+        Ok((rows, n_incomplete))
+    }
+}
+
+/// Marks the rows that no fit sees: those of `heldout_hz`, or every third from the second on.
+fn hold_out(measurement: Table<'_>, rows: &mut [SweepRow]) -> Result<()> {
+    let Some(wanted_hz) = measurement.numbers("heldout_hz")? else {
+        if rows.len() >= FEWEST_TO_HOLD_OUT {
+            rows.iter_mut().skip(1).step_by(3).for_each(|row| row.is_heldout = true);
+        }
+        return Ok(());
+    };
+    for wanted_hz in wanted_hz {
+        let is_it = |row: &&mut SweepRow| (row.frequency_hz / wanted_hz - 1.0).abs() < SAME_FREQUENCY;
+        let mut n_found = 0;
+        for row in rows.iter_mut().filter(is_it) {
+            row.is_heldout = true;
+            n_found += 1;
+        }
+        if n_found == 0 {
+            let found = format!("nothing was measured at {wanted_hz} Hz");
+            return Err(measurement.refuse("heldout_hz", found, "name frequencies of the table, in Hz"));
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+#[path = "sweep_tests.rs"]
+mod tests;

@@ -1,0 +1,20 @@
+//! Tables as other makers write them: any encoding, delimiter and decimal sign, named units, columns that are not needed.
+//!
+//! `experiment.toml` describes such a table ([`TableDescription`]), and [`propose`] finds a description by looking at one. What is read is the description's alone, so that
+//! the same file always means the same.
+
+mod description;
+mod propose;
+mod read;
+mod spelling;
+mod text;
+
+pub use description::{ColumnName, PositionColumns, TableDescription, TableLayout, TimeFormat};
+pub(super) use description::{KEYS, Units, column, one_of};
+pub use propose::{Ask, Given, Looked, Proposal, Question, look, propose};
+pub(crate) use read::read_described;
+pub use read::{ColumnNames, text_in};
+pub(super) use spelling::split_unit;
+pub use spelling::{Spelt, unit};
+pub use text::{Decimal, Delimiter, Encoding, table_text};
+pub(super) use text::{cells, is_aside};

@@ -1,0 +1,252 @@
+//! Units and times as laboratories write them.
+
+use base::units::{Dimension, UNITS};
+
+/// Spellings of units that are not suffixes of the program's own, with how many SI units they are.
+const SPELLINGS: [(&str, Dimension, f64); 34] = [
+    ("sec", Dimension::Time, 1.0),
+    ("secs", Dimension::Time, 1.0),
+    ("second", Dimension::Time, 1.0),
+    ("seconds", Dimension::Time, 1.0),
+    ("sek", Dimension::Time, 1.0),
+    ("msec", Dimension::Time, 1e-3),
+    ("millisecond", Dimension::Time, 1e-3),
+    ("milliseconds", Dimension::Time, 1e-3),
+    ("us", Dimension::Time, 1e-6),
+    ("ns", Dimension::Time, 1e-9),
+    ("min", Dimension::Time, 60.0),
+    ("mins", Dimension::Time, 60.0),
+    ("minutes", Dimension::Time, 60.0),
+    ("h", Dimension::Time, 3600.0),
+    ("hours", Dimension::Time, 3600.0),
+    ("newton", Dimension::Force, 1.0),
+    ("newtons", Dimension::Force, 1.0),
+    ("fN", Dimension::Force, 1e-15),
+    ("micron", Dimension::Length, 1e-6),
+    ("microns", Dimension::Length, 1e-6),
+    ("micrometer", Dimension::Length, 1e-6),
+    ("micrometre", Dimension::Length, 1e-6),
+    ("cm", Dimension::Length, 1e-2),
+    ("pm", Dimension::Length, 1e-12),
+    ("hz", Dimension::Frequency, 1.0),
+    ("rad/s", Dimension::Frequency, 0.5 * std::f64::consts::FRAC_1_PI),
+    ("pa", Dimension::Pressure, 1.0),
+    ("kPa", Dimension::Pressure, 1e3),
+    ("MPa", Dimension::Pressure, 1e6),
+    ("deg", Dimension::Angle, std::f64::consts::PI / 180.0),
+    ("degrees", Dimension::Angle, std::f64::consts::PI / 180.0),
+    ("°", Dimension::Angle, std::f64::consts::PI / 180.0),
+    ("mrad", Dimension::Angle, 1e-3),
+    ("%", Dimension::Ratio, 1e-2),
+];
+
+/// A unit that was recognised.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Spelt {
+    /// What it measures.
+    pub dimension: Dimension,
+    /// As it is written in `experiment.toml`: with `u` for µ.
+    pub name: String,
+    /// A value in this unit is `value / per_si_unit` for powers of ten, exactly, and `value × si_units` for others.
+    scale: Scale,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Scale {
+    Over(f64),
+    Times(f64),
+}
+
+impl Spelt {
+    /// A value in this unit as SI.
+    pub fn to_si(&self, value: f64) -> f64 {
+        match self.scale {
+            Scale::Over(per_si_unit) => value / per_si_unit,
+            Scale::Times(si_units) => value * si_units,
+        }
+    }
+}
+
+/// The unit of a text such as `µm`, `[uN]` or `(s)`, if it is one; also so many of one, as a camera's pixel is `0.65 um` and its frame `0.05 s`. The program's
+/// own suffixes keep their case (`mN` is no `MN`); words do not.
+pub fn unit(text: &str) -> Option<Spelt> {
+    let many = text.trim().split_once(' ').and_then(|(many, of)| Some((many.parse::<f64>().ok()?, one_unit(of)?)));
+    match many {
+        Some((many, of)) => (many > 0.0 && many.is_finite()).then(|| Spelt {
+            dimension: of.dimension,
+            name: format!("{many} {}", of.name),
+            scale: Scale::Times(of.to_si(many)),
+        }),
+        None => one_unit(text),
+    }
+}
+
+fn one_unit(text: &str) -> Option<Spelt> {
+    let plain = text.trim().trim_matches(['[', ']', '(', ')', '"', '.', ' ']);
+    let plain = plain.replace(['µ', 'μ'], "u");
+    let own = UNITS.iter().find(|unit| unit.suffix == plain);
+    if let Some(own) = own {
+        return Some(Spelt { dimension: own.dimension, name: plain, scale: Scale::Over(own.per_si_unit) });
+    }
+    let is_word = plain.len() > 2;
+    let same = |known: &str| if is_word { known.eq_ignore_ascii_case(&plain) } else { known == plain };
+    let (name, dimension, si_units) = SPELLINGS.iter().find(|(known, ..)| same(known))?;
+    Some(Spelt { dimension: *dimension, name: (*name).into(), scale: Scale::Times(*si_units) })
+}
+
+/// A name and the unit in it: `x [µm]`, `x (µm)`, `x/µm`, `x_um`, `x in µm`.
+pub fn split_unit(name: &str) -> (&str, Option<Spelt>) {
+    // The joint of `rad_s` and the stroke of `rad/s` are the unit's own.
+    for ending in ["_rad_s", "_rad/s", " rad/s"] {
+        if let Some(stem) = name.strip_suffix(ending) {
+            return (stem, unit("rad/s"));
+        }
+    }
+    let bracketed = name.trim_end().strip_suffix([']', ')']).and_then(|open| open.rsplit_once(['[', '(']));
+    let others = ["/", " in ", "_", " "].iter().filter_map(|joint| name.rsplit_once(joint));
+    let found = bracketed.into_iter().chain(others).find_map(|(stem, text)| Some((stem, unit(text)?)));
+    found.map_or((name, None), |(stem, unit)| (stem, Some(unit)))
+}
+
+/// What is counted in a column such as `x (px)` or `frame`, and the rest of its name.
+pub fn counted(name: &str) -> Option<(&str, &'static str)> {
+    const COUNTS: [(&str, &str); 6] = [
+        ("px", "pixel"),
+        ("pixel", "pixel"),
+        ("pixels", "pixel"),
+        ("frame", "frame"),
+        ("frames", "frame"),
+        ("frm", "frame"),
+    ];
+    let of = |text: &str| {
+        let plain = text.trim_matches(['[', ']', '(', ')', ' ']);
+        COUNTS.iter().find(|(known, _)| known.eq_ignore_ascii_case(plain)).map(|(_, what)| *what)
+    };
+    let parts = ["[", "(", "/", "_", " "].iter().filter_map(|joint| name.rsplit_once(joint));
+    parts.chain([(name, name)]).find_map(|(stem, text)| Some((stem.trim(), of(text)?)))
+}
+
+/// Seconds of a clock's `hh:mm:ss.fff` or `mm:ss.fff`, or of `hh:mm:ss AM`.
+pub fn clock_s(cell: &str) -> Option<f64> {
+    let half = cell.trim_end().get(cell.trim_end().len().saturating_sub(3)..).unwrap_or("");
+    let later_h = match half.to_ascii_uppercase().as_str() {
+        " AM" => Some(0.0),
+        " PM" => Some(12.0),
+        _ => None,
+    };
+    if let Some(later_h) = later_h {
+        let of_half =
+            clock_s(cell.trim_end().get(..cell.trim_end().len() - 3)?).filter(|s| (3600.0..46_800.0).contains(s))?;
+        return Some(of_half.rem_euclid(43_200.0) + 3600.0 * later_h);
+    }
+    let parts: Vec<&str> = cell.split(':').collect();
+    let (seconds, larger) = parts.split_last()?;
+    if larger.is_empty() || larger.len() > 2 {
+        return None;
+    }
+    let whole = |text: &&str| {
+        (!text.is_empty() && text.len() <= 4 && text.bytes().all(|b| b.is_ascii_digit()))
+            .then(|| text.parse::<u32>().ok())?
+    };
+    let larger: Option<Vec<u32>> = larger.iter().map(whole).collect();
+    let seconds: f64 = seconds.replace(',', ".").parse().ok().filter(|s: &f64| (0.0..61.0).contains(s))?;
+    Some(larger?.iter().fold(0.0, |sum, part| (sum + f64::from(*part)) * 60.0) + seconds)
+}
+
+/// Seconds since 1970 of an ISO 8601 time such as `2026-11-22T10:00:00.25Z`, also with a blank for the T and with an offset.
+pub fn iso_s(cell: &str) -> Option<f64> {
+    let (date, time) = cell.split_once(['T', ' '])?;
+    let mut date = date.splitn(3, '-').map(|part| part.parse::<i64>().ok());
+    let (year, month, day) = (date.next()??, date.next()??, date.next()??);
+    if !((1..=12).contains(&month) && (1..=31).contains(&day) && (1900..=2999).contains(&year)) {
+        return None;
+    }
+    let time = time.trim();
+    let at = time.find(['Z', 'z', '+', '-']).unwrap_or(time.len());
+    let (time, zone) = time.split_at(at);
+    let offset_s = match zone {
+        "" | "Z" | "z" => 0.0,
+        _ => {
+            let (sign, rest) = zone.split_at(1);
+            let (hours, minutes) = rest.split_once(':').unwrap_or((rest, "0"));
+            let seconds = 3600.0 * hours.parse::<f64>().ok()? + 60.0 * minutes.parse::<f64>().ok()?;
+            if sign == "+" { seconds } else { -seconds }
+        }
+    };
+    // Days since 1970 of the Gregorian calendar, years counted from March (H. Hinnant, "chrono-compatible low-level date algorithms").
+    let year = if month <= 2 { year - 1 } else { year };
+    let (era, of_era) = (year.div_euclid(400), year.rem_euclid(400));
+    let of_year = (153 * ((month + 9) % 12) + 2) / 5 + day - 1;
+    let days = era * 146_097 + of_era * 365 + of_era / 4 - of_era / 100 + of_year - 719_468;
+    Some(86_400.0 * days as f64 + clock_s(time)? - offset_s)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn units_are_recognised_in_any_dress() {
+        for (text, name, value) in [
+            ("[µm]", "um", 1e-6),
+            ("(μN)", "uN", 1e-6),
+            ("uN", "uN", 1e-6),
+            ("Seconds", "seconds", 1.0),
+            ("min", "min", 60.0),
+            ("MSEC", "msec", 1e-3),
+            ("nN", "nN", 1e-9),
+            ("cm", "cm", 1e-2),
+        ] {
+            let found = unit(text).unwrap_or_else(|| panic!("{text}"));
+            assert_eq!((found.name.as_str(), found.to_si(1.0)), (name, value), "{text}");
+        }
+        let pixel = unit("0.65 µm").expect("so many of a unit");
+        assert_eq!((pixel.name.as_str(), pixel.dimension), ("0.65 um", Dimension::Length));
+        assert!((pixel.to_si(2.0) - 1.3e-6).abs() < 1e-20);
+        for text in ["", "MN", "Um", "MM", "a.u.", "V", "px", "-1 um", "0 um", "inf um", "0.65 px", "um 2"] {
+            assert_eq!(unit(text), None, "{text}");
+        }
+    }
+
+    #[test]
+    fn units_stand_in_names_in_many_ways() {
+        for name in ["x [µm]", "x (um)", "x/µm", "x_um", "x in µm", "x µm"] {
+            let (stem, unit) = split_unit(name);
+            assert_eq!((stem.trim(), unit.map(|unit| unit.name)), ("x", Some("um".into())), "{name}");
+        }
+        assert_eq!(split_unit("cycle").1, None);
+        assert_eq!(split_unit("position").1, None);
+    }
+
+    #[test]
+    fn pixels_and_frames_are_counts() {
+        for (name, found) in [
+            ("x (px)", Some(("x", "pixel"))),
+            ("X_pixels", Some(("X", "pixel"))),
+            ("frame", Some(("frame", "frame"))),
+            ("t [frames]", Some(("t", "frame"))),
+            ("x (um)", None),
+            ("framework", None),
+        ] {
+            assert_eq!(counted(name), found, "{name}");
+        }
+    }
+
+    #[test]
+    fn times_of_day_and_dates_are_seconds() {
+        assert_eq!(clock_s("01:02:03.5"), Some(3723.5));
+        assert_eq!(clock_s("02:03,5"), Some(123.5));
+        assert_eq!(clock_s("12:00:01.5 AM"), Some(1.5));
+        assert_eq!(clock_s("12:00:01 pm"), Some(43_201.0));
+        assert_eq!(clock_s("1:00:00 PM"), Some(46_800.0));
+        assert_eq!(iso_s("1970-01-02T00:00:01Z"), Some(86_401.0));
+        assert_eq!(iso_s("2000-03-01 12:00:00"), Some(951_912_000.0));
+        assert_eq!(iso_s("2024-02-29T01:00:00.25+01:00"), Some(1_709_164_800.25));
+        for text in ["12", "1:2:3:4", "a:b", "12:99", "13:00:00 PM", "0:10:00 AM", " AM"] {
+            assert_eq!(clock_s(text), None, "{text}");
+        }
+        for text in ["2024-13-01T00:00:00", "2024-02-29", "yesterday 10:00"] {
+            assert_eq!(iso_s(text), None, "{text}");
+        }
+    }
+}

@@ -1,0 +1,455 @@
+//! Reading `trajectory.csv`: header with units, rows, and a refusal with a line for everything else.
+
+use std::path::Path;
+
+use base::error::{Error, Place, Result};
+use base::files::refuse_long_lines;
+use base::units::{Dimension, UNITS, Unit, nearest_name};
+
+/// The rows of a CSV in SI, before cycles are settled.
+#[derive(Debug)]
+pub(super) struct Trajectory {
+    pub time_s: Vec<f64>,
+    pub force_n: Vec<f64>,
+    /// As written; of x and y, x.
+    pub position_m: Vec<Option<f64>>,
+    /// The other coordinate of a table with x and y.
+    pub y_m: Option<Vec<Option<f64>>>,
+    /// Metres in a unit of the position's column.
+    pub position_unit_m: f64,
+    /// What the table's own clock shows at time 0, in s.
+    pub clock_zero_s: f64,
+    /// `None` when the file has no `cycle` column.
+    pub cycle: Option<Vec<u32>>,
+    /// Line of each row in the file, counted from 1.
+    pub lines: Vec<usize>,
+    /// Names of the force and position columns as they stand in the header.
+    pub force_column: String,
+    pub position_column: String,
+}
+
+/// One row in SI, with the text of its cycle.
+pub(super) struct Row<'a> {
+    pub time_s: f64,
+    pub force_n: f64,
+    pub position_m: Option<f64>,
+    pub cycle: Option<&'a str>,
+}
+
+/// What a column holds.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Column {
+    Quantity(usize, Unit),
+    Cycle,
+}
+
+/// Quantities in the order of their index, with an example for messages.
+const QUANTITIES: [(&str, Dimension, &str); 3] = [
+    ("time", Dimension::Time, "time_s"),
+    ("force", Dimension::Force, "force_uN"),
+    ("position", Dimension::Length, "position_um"),
+];
+const TIME: usize = 0;
+const FORCE: usize = 1;
+const POSITION: usize = 2;
+/// Not a quantity, but a place.
+pub(super) const CYCLE: usize = 3;
+
+/// Rows that a record may have: at some hundred bytes each while it is read.
+const MOST_ROWS: usize = 20_000_000;
+
+/// Words that stand for a lost position beside the empty cell.
+const LOST: [&str; 9] = ["nan", "na", "null", "n/a", "#n/a", "none", "missing", "-", "--"];
+
+/// Whether a cell says that its position was lost.
+pub(super) fn is_lost(cell: &str) -> bool {
+    cell.is_empty() || LOST.iter().any(|lost| cell.eq_ignore_ascii_case(lost))
+}
+
+/// Index of each quantity's column, with its unit, and of the cycle column.
+struct Header {
+    names: Vec<String>,
+    time: (usize, Unit),
+    /// `None` where another file has it.
+    force: Option<(usize, Unit)>,
+    position: (usize, Unit),
+    cycle: Option<usize>,
+}
+
+/// Parses a trajectory; `file` is only named in errors. `is_driven_elsewhere` where another file has the force.
+pub(super) fn read_trajectory(file: &Path, text: &str, is_driven_elsewhere: bool) -> Result<Trajectory> {
+    refuse_long_lines(file, text.as_bytes())?;
+    let mut rows = Rows::new(file, text);
+    let Some(header_line) = rows.next_row()? else {
+        return Err(Error::input(Place::file(file).at_line(1), "the file has no header", HEADER_REMEDY));
+    };
+    let names: Vec<String> = rows.record.iter().map(str::to_string).collect();
+    let header = Header::parse(&Place::file(file).at_line(header_line), &names, is_driven_elsewhere)?;
+    let force_column = header.force.map_or("", |(index, _)| header.names[index].as_str());
+    let mut trajectory = Trajectory::empty(header.cycle.is_some(), force_column, &header.names[header.position.0]);
+    trajectory.position_unit_m = header.position.1.to_si(1.0);
+    while let Some(line) = rows.next_row()? {
+        trajectory.note_line(file, line)?;
+        trajectory.push(&header, &|| Place::file(file).at_line(line), &rows.record)?;
+    }
+    trajectory.check_length(file, header_line + trajectory.time_s.len())?;
+    Ok(trajectory)
+}
+
+const HEADER_REMEDY: &str =
+    "write the header `time_s,force_uN,position_um,cycle` (units may differ; `cycle` is optional)";
+
+/// Lines of a CSV with their numbers; blank lines are skipped.
+struct Rows<'a> {
+    file: &'a Path,
+    text: &'a [u8],
+    reader: csv::Reader<&'a [u8]>,
+    record: csv::StringRecord,
+    counted_bytes: usize,
+    line: usize,
+}
+
+impl<'a> Rows<'a> {
+    fn new(file: &'a Path, text: &'a str) -> Self {
+        let reader = csv::ReaderBuilder::new()
+            .has_headers(false)
+            .flexible(true)
+            .trim(csv::Trim::All)
+            .from_reader(text.as_bytes());
+        Self { file, text: text.as_bytes(), reader, record: csv::StringRecord::new(), counted_bytes: 0, line: 1 }
+    }
+
+    /// Line of the next row, whose cells are then in `record`.
+    fn next_row(&mut self) -> Result<Option<usize>> {
+        let start = usize::try_from(self.reader.position().byte()).unwrap_or(usize::MAX);
+        let more = self.reader.read_record(&mut self.record).map_err(|error| {
+            Error::input(
+                Place::file(self.file).at_line(self.line),
+                format!("not readable as CSV: {error}"),
+                "separate the cells by commas, one sample a line, without stray quotation marks",
+            )
+        })?;
+        if !more {
+            return Ok(None);
+        }
+        Ok(Some(self.line_of_row_from(start)))
+    }
+
+    /// The reader gives the byte at which it began to look for a row; blank lines before the row still count.
+    fn line_of_row_from(&mut self, start: usize) -> usize {
+        let mut end = start.min(self.text.len());
+        while self.text.get(end).is_some_and(|byte| matches!(byte, b'\n' | b'\r')) {
+            end += 1;
+        }
+        self.line += self.text[self.counted_bytes.min(end)..end].iter().filter(|byte| **byte == b'\n').count();
+        self.counted_bytes = end;
+        self.line
+    }
+}
+
+impl Header {
+    fn parse(place: &Place, cells: &[String], is_driven_elsewhere: bool) -> Result<Self> {
+        if let [only] = cells
+            && (only.contains(';') || only.contains('\t'))
+        {
+            return Err(Error::input(
+                place.clone().at_key(only.as_str()),
+                "the columns are separated by semicolons or tabs",
+                "separate the columns by commas and write decimals with a point",
+            ));
+        }
+        let mut quantities: [Option<(usize, Unit)>; 3] = [None; 3];
+        let mut cycle = None;
+        for (index, name) in cells.iter().enumerate() {
+            let place = place.clone().at_key(name.as_str());
+            match Column::parse(&place, name)? {
+                Column::Cycle if cycle.is_some() => return Err(duplicate(place, "cycle")),
+                Column::Cycle => cycle = Some(index),
+                Column::Quantity(which, unit) => match quantities[which] {
+                    Some((earlier, _)) => return Err(duplicate(place, &cells[earlier])),
+                    None => quantities[which] = Some((index, unit)),
+                },
+            }
+        }
+        let require = |which: usize| {
+            quantities[which].ok_or_else(|| {
+                let (quantity, dimension, example) = QUANTITIES[which];
+                Error::input(
+                    place.clone().at_key(example),
+                    format!("the column for {quantity} is missing"),
+                    format!(
+                        "add a column such as `{example}`; its name is `{quantity}` followed by one of {}",
+                        dimension.accepted_suffixes()
+                    ),
+                )
+            })
+        };
+        if let (true, Some((index, _))) = (is_driven_elsewhere, quantities[FORCE]) {
+            return Err(Error::input(
+                place.clone().at_key(cells[index].as_str()),
+                "the force stands here and in [actuation]",
+                "remove one of them",
+            ));
+        }
+        let force = if is_driven_elsewhere { None } else { Some(require(FORCE)?) };
+        Ok(Self { names: cells.to_vec(), time: require(TIME)?, force, position: require(POSITION)?, cycle })
+    }
+}
+
+fn duplicate(place: Place, earlier: &str) -> Error {
+    Error::input(
+        place,
+        format!("this quantity stands in two columns, the other is `{earlier}`"),
+        "keep one column for each of time, force, position and cycle",
+    )
+}
+
+impl Column {
+    fn parse(place: &Place, name: &str) -> Result<Self> {
+        if name == "cycle" {
+            return Ok(Self::Cycle);
+        }
+        let (stem, suffix) = name.rsplit_once('_').unwrap_or((name, ""));
+        if let Some(which) = QUANTITIES.iter().position(|(quantity, _, _)| *quantity == stem) {
+            let (quantity, dimension, _) = QUANTITIES[which];
+            return Unit::find(dimension, suffix).map(|unit| Self::Quantity(which, unit)).ok_or_else(|| {
+                let found = if suffix.is_empty() { "no unit".into() } else { format!("unknown unit `_{suffix}`") };
+                Error::input(
+                    place.clone(),
+                    format!("{found} for {quantity}"),
+                    format!("end the name with one of {} (upper and lower case matter)", dimension.accepted_suffixes()),
+                )
+            });
+        }
+        let known: Vec<String> = QUANTITIES
+            .iter()
+            .flat_map(|(quantity, dimension, _)| {
+                UNITS
+                    .iter()
+                    .filter(|unit| unit.dimension == *dimension)
+                    .map(move |unit| format!("{quantity}_{}", unit.suffix))
+            })
+            .chain(["cycle".to_string()])
+            .collect();
+        let remedy = match nearest_name(name, known.iter().map(String::as_str)) {
+            Some(near) => format!("did you mean `{near}`? Otherwise remove the column"),
+            None => format!("remove the column, or {HEADER_REMEDY}"),
+        };
+        Err(Error::input(place.clone(), "unknown column", remedy))
+    }
+}
+
+impl Trajectory {
+    /// `place` is the row's, made only where something is wrong with it: files have millions of rows.
+    fn push(&mut self, header: &Header, place: &dyn Fn() -> Place, cells: &csv::StringRecord) -> Result<()> {
+        if cells.len() != header.names.len() {
+            return Err(Error::input(
+                place(),
+                format!("{} cells where the header has {}", cells.len(), header.names.len()),
+                "give every row one cell for each column; leave the position cell empty where tracking was lost, and use a decimal point",
+            ));
+        }
+        let at = |index: usize| place().at_key(header.names[index].as_str());
+        let cell = |(index, unit): (usize, Unit)| (&cells[index], unit, move || at(index));
+        let (text, unit, place_of_time) = cell(header.time);
+        let time_s = unit.to_si(finite(&place_of_time, text, "correct the time or remove the row")?);
+        let force_n = match header.force.map(cell) {
+            Some((text, unit, place_of_force)) => {
+                let remedy = "give the force that was commanded in this row; 0 if none was";
+                unit.to_si(finite(&place_of_force, text, remedy)?)
+            }
+            None => 0.0,
+        };
+        let (text, unit, place_of_position) = cell(header.position);
+        let position_m = if is_lost(text) {
+            None
+        } else {
+            let remedy = "correct the position, or leave the cell empty where tracking was lost";
+            Some(unit.to_si(finite(&place_of_position, text, remedy)?))
+        };
+        let cycle = header.cycle.map(|index| &cells[index]);
+        self.add(Row { time_s, force_n, position_m, cycle }, &|which| match which {
+            CYCLE => at(header.cycle.unwrap_or(0)),
+            TIME => at(header.time.0),
+            FORCE => at(header.force.unwrap_or(header.time).0),
+            _ => at(header.position.0),
+        })
+    }
+
+    /// Nothing yet, with the names of the columns of force and position.
+    pub(super) fn empty(has_cycles: bool, force_column: &str, position_column: &str) -> Self {
+        Self {
+            time_s: Vec::new(),
+            force_n: Vec::new(),
+            position_m: Vec::new(),
+            y_m: None,
+            position_unit_m: 1.0,
+            clock_zero_s: 0.0,
+            cycle: has_cycles.then(Vec::new),
+            lines: Vec::new(),
+            force_column: force_column.into(),
+            position_column: position_column.into(),
+        }
+    }
+
+    /// Adds a row that was read; `place` is that of a quantity by its index, or of [`CYCLE`].
+    pub(super) fn add(&mut self, row: Row<'_>, place: &dyn Fn(usize) -> Place) -> Result<()> {
+        let Row { time_s, force_n, position_m, cycle } = row;
+        plausible(&|| place(TIME), time_s, TIMES_S, "s")?;
+        self.check_time(&|| place(TIME), time_s)?;
+        plausible(&|| place(FORCE), force_n, FORCES_N, "N")?;
+        if let Some(position_m) = position_m {
+            plausible(&|| place(POSITION), position_m, POSITIONS_M, "m")?;
+        }
+        self.time_s.push(time_s);
+        self.force_n.push(force_n);
+        self.position_m.push(position_m);
+        if let (Some(text), Some(cycles)) = (cycle, &mut self.cycle) {
+            cycles.push(next_cycle(&|| place(CYCLE), text, cycles.last().copied())?);
+        }
+        Ok(())
+    }
+
+    /// The same without rows.
+    pub(super) fn emptied(&self) -> Self {
+        let mut emptied = Self::empty(self.cycle.is_some(), &self.force_column, &self.position_column);
+        (emptied.position_unit_m, emptied.clock_zero_s) = (self.position_unit_m, self.clock_zero_s);
+        emptied.y_m = self.y_m.as_ref().map(|_| Vec::new());
+        emptied
+    }
+
+    /// Adds a row of another trajectory at a time (s), with a force (N); without its position where it stands for a change of the force alone.
+    pub(super) fn push_from(&mut self, other: &Self, row: usize, time_s: f64, force_n: f64, is_sample: bool) {
+        let kept = |position: Option<f64>| position.filter(|_| is_sample);
+        self.time_s.push(time_s);
+        self.force_n.push(force_n);
+        self.position_m.push(kept(other.position_m[row]));
+        if let Some((own, theirs)) = self.y_m.as_mut().zip(other.y_m.as_ref()) {
+            own.push(kept(theirs[row]));
+        }
+        if let Some((own, theirs)) = self.cycle.as_mut().zip(other.cycle.as_ref()) {
+            own.push(theirs[row]);
+        }
+        self.lines.push(other.lines[row]);
+    }
+
+    /// Notes the line of the row that was added last.
+    pub(super) fn note_line(&mut self, file: &Path, line: usize) -> Result<()> {
+        if self.lines.len() == MOST_ROWS {
+            return Err(Error::input(
+                Place::file(file).at_line(line),
+                format!("this row is one more than the {MOST_ROWS} that a record may have"),
+                "keep every k-th row, or split the record",
+            ));
+        }
+        self.lines.push(line);
+        Ok(())
+    }
+
+    /// A record has two rows at least; `line` is the first row's.
+    pub(super) fn check_length(&self, file: &Path, line: usize) -> Result<()> {
+        if self.time_s.len() >= 2 {
+            return Ok(());
+        }
+        Err(Error::input(
+            Place::file(file).at_line(line),
+            format!("{} rows below the header", self.time_s.len()),
+            "give one row for each sample, at least two",
+        ))
+    }
+
+    fn check_time(&self, place: &dyn Fn() -> Place, time_s: f64) -> Result<()> {
+        match self.time_s.last() {
+            None if time_s < 0.0 => Err(Error::input(
+                place(),
+                format!("the record starts at {time_s} s, before t = 0"),
+                "shift the times so that the record starts at t = 0, where the position is 0",
+            )),
+            Some(before) if time_s <= *before => Err(Error::input(
+                place(),
+                format!("time is not increasing: {time_s} s follows {before} s"),
+                "sort the rows by time and remove repeated ones",
+            )),
+            _ => Ok(()),
+        }
+    }
+}
+
+fn finite(place: &dyn Fn() -> Place, text: &str, remedy: &str) -> Result<f64> {
+    let found = match text.parse::<f64>() {
+        Ok(number) if number.is_finite() => return Ok(number),
+        Ok(_) => format!("`{text}` is not a finite number"),
+        Err(_) if text.is_empty() => "the cell is empty".to_string(),
+        Err(_) => format!("`{text}` is not a number"),
+    };
+    Err(Error::input(place(), found, remedy))
+}
+
+/// Sizes that an experiment can have; what lies outside is a slip of units and would leave the range of floating-point numbers later.
+const TIMES_S: [f64; 2] = [1e-12, 1e12];
+const FORCES_N: [f64; 2] = [1e-24, 1e12];
+const POSITIONS_M: [f64; 2] = [0.0, 1e6];
+
+fn plausible(place: &dyn Fn() -> Place, value: f64, [smallest, largest]: [f64; 2], unit: &str) -> Result<()> {
+    if value == 0.0 || (smallest..=largest).contains(&value.abs()) {
+        return Ok(());
+    }
+    Err(Error::input(
+        place(),
+        format!("{value:e} {unit} is not a size that an experiment has"),
+        "check the number, and the unit at the end of the column's name",
+    ))
+}
+
+/// Cycles are counted from 1 without gaps.
+fn next_cycle(place: &dyn Fn() -> Place, text: &str, before: Option<u32>) -> Result<u32> {
+    let cycle = text.parse::<u32>().ok().filter(|cycle| *cycle >= 1).ok_or_else(|| {
+        Error::input(
+            place(),
+            format!("`{text}` is not a cycle number"),
+            "number the cycles 1, 2, 3, …, or remove the whole `cycle` column to have them found from the force",
+        )
+    })?;
+    let allowed = before.map_or(cycle == 1, |before| cycle == before || cycle - 1 == before);
+    if allowed {
+        return Ok(cycle);
+    }
+    let before = before.map_or("the first row".to_string(), |before| format!("cycle {before}"));
+    Err(Error::input(
+        place(),
+        format!("cycle {cycle} follows {before}"),
+        "number the cycles 1, 2, 3, … in the order of time, or remove the `cycle` column to have them found from the force",
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(text: &str) -> Result<Trajectory> {
+        read_trajectory(Path::new("t.csv"), text, false)
+    }
+
+    #[test]
+    fn units_and_column_order_are_free() {
+        let trajectory = read("position_nm,cycle,force_pN,time_ms\n1500,1,2,0\n,1,-2e3,500\nnan,2,0,1000.5\n").unwrap();
+        assert_eq!(trajectory.time_s, [0.0, 0.5, 1.0005]);
+        assert_eq!(trajectory.force_n, [2e-12, -2e-9, 0.0]);
+        assert_eq!(trajectory.position_m, [Some(1.5e-6), None, None]);
+        assert_eq!(trajectory.cycle, Some(vec![1, 1, 2]));
+        assert_eq!(trajectory.position_column, "position_nm");
+    }
+
+    #[test]
+    fn lines_count_blank_lines_and_windows_endings() {
+        let trajectory = read("time_s,force_N,position_m\r\n\r\n0,1,0\r\n\r\n\r\n1,1,0\r\n2,1,0").unwrap();
+        assert_eq!(trajectory.lines, [3, 6, 7]);
+    }
+
+    #[test]
+    fn quoted_headers_and_spaces_are_read() {
+        let trajectory = read("\"time_s\",\"force_uN\", position_um \n0, 4.6, 0\n1, 4.6, 2\n").unwrap();
+        assert_eq!(trajectory.force_n, [4.6e-6, 4.6e-6]);
+        assert_eq!(trajectory.cycle, None);
+    }
+}

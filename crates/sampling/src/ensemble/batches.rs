@@ -1,0 +1,56 @@
+//! A dear log density's batch, split over threads.
+
+use crate::LogDensity;
+use rayon::prelude::*;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// Evaluates a batch in pieces on the current thread pool. Since a point's value may not depend on its batch (a rule of
+/// [`LogDensity`]), the bytes are those of the whole batch.
+pub(super) struct SplitDensity<'a> {
+    pub inner: &'a dyn LogDensity,
+    /// Points of a piece.
+    pub piece: usize,
+}
+
+impl LogDensity for SplitDensity<'_> {
+    fn dimension(&self) -> usize {
+        self.inner.dimension()
+    }
+
+    fn log_density(&self, points: &[f64], log_density: &mut [f64]) {
+        let (n, dimension) = (log_density.len(), self.dimension());
+        log_density.par_chunks_mut(self.piece.max(1)).enumerate().for_each(|(k, values)| {
+            let first = k * self.piece.max(1);
+            let own: Vec<f64> =
+                (0..dimension).flat_map(|d| &points[d * n + first..d * n + first + values.len()]).copied().collect();
+            self.inner.log_density(&own, values);
+        });
+    }
+}
+
+/// Counts evaluated points. For what happens between steps; the steps themselves are counted by arithmetic.
+pub(super) struct CountingDensity<'a> {
+    inner: &'a dyn LogDensity,
+    count: AtomicU64,
+}
+
+impl<'a> CountingDensity<'a> {
+    pub fn new(inner: &'a dyn LogDensity) -> Self {
+        Self { inner, count: AtomicU64::new(0) }
+    }
+
+    pub fn count(&self) -> u64 {
+        self.count.load(Ordering::Relaxed)
+    }
+}
+
+impl LogDensity for CountingDensity<'_> {
+    fn dimension(&self) -> usize {
+        self.inner.dimension()
+    }
+
+    fn log_density(&self, points: &[f64], log_density: &mut [f64]) {
+        self.count.fetch_add(log_density.len() as u64, Ordering::Relaxed);
+        self.inner.log_density(points, log_density);
+    }
+}

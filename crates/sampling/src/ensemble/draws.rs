@@ -1,0 +1,176 @@
+//! Kept draws.
+
+use super::walkers::Ensemble;
+use crate::diagnostics::DrawColumn;
+
+/// Draws of all ensembles since the freeze.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Draws {
+    /// Independent ensembles.
+    pub n_ensembles: usize,
+    /// Kept steps of each.
+    pub n_steps: usize,
+    /// Walkers of each.
+    pub n_walkers: usize,
+    /// Unconstrained coordinates of a point.
+    pub dimension: usize,
+    /// Steps from one kept step to the next.
+    pub store_every: u64,
+    /// Coordinate d of ensemble e, kept step s, walker w at `positions[((e·n_steps + s)·dimension + d)·n_walkers + w]`.
+    pub positions: Vec<f64>,
+    /// Log density at `log_density[(e·n_steps + s)·n_walkers + w]`.
+    pub log_density: Vec<f64>,
+}
+
+impl Draws {
+    /// One coordinate.
+    pub fn value(&self, ensemble: usize, step: usize, walker: usize, d: usize) -> f64 {
+        self.positions[((ensemble * self.n_steps + step) * self.dimension + d) * self.n_walkers + walker]
+    }
+
+    /// One point.
+    pub fn point(&self, ensemble: usize, step: usize, walker: usize) -> Vec<f64> {
+        (0..self.dimension).map(|d| self.value(ensemble, step, walker, d)).collect()
+    }
+
+    /// `n` points spread over all ensembles, steps and walkers by the golden ratio, which no stride of theirs divides.
+    pub fn spread(&self, n: usize) -> Vec<Vec<f64>> {
+        let golden = 0.5 * (5.0_f64.sqrt() - 1.0);
+        let pick = |k: usize| {
+            let index = (((k as f64 + 0.5) * golden).fract() * self.len() as f64) as usize;
+            let (step, walker) = (index / self.n_walkers, index % self.n_walkers);
+            self.point(step / self.n_steps, step % self.n_steps, walker)
+        };
+        (0..n).map(pick).collect()
+    }
+
+    /// Number of points.
+    pub fn len(&self) -> usize {
+        self.log_density.len()
+    }
+
+    /// Whether nothing was kept.
+    pub fn is_empty(&self) -> bool {
+        self.log_density.is_empty()
+    }
+
+    /// All values of one coordinate, ensemble by ensemble, step by step, walker by walker.
+    pub fn column(&self, d: usize) -> DrawColumn {
+        let stride = self.dimension * self.n_walkers;
+        let mut values = Vec::with_capacity(self.len());
+        for step in self.positions.chunks_exact(stride.max(1)) {
+            values.extend_from_slice(&step[d * self.n_walkers..(d + 1) * self.n_walkers]);
+        }
+        self.with_values(values)
+    }
+
+    /// Points one by one, from kept step `first` on.
+    pub fn points(&self, first: usize) -> Vec<Vec<f64>> {
+        let mut points = Vec::new();
+        for ensemble in 0..self.n_ensembles {
+            for step in first..self.n_steps {
+                points.extend((0..self.n_walkers).map(|walker| self.point(ensemble, step, walker)));
+            }
+        }
+        points
+    }
+
+    /// The log density in the layout of a column.
+    pub fn log_density_column(&self) -> DrawColumn {
+        self.with_values(self.log_density.clone())
+    }
+
+    fn with_values(&self, values: Vec<f64>) -> DrawColumn {
+        DrawColumn { n_ensembles: self.n_ensembles, n_steps: self.n_steps, n_walkers: self.n_walkers, values }
+    }
+}
+
+/// Draws of one ensemble while it runs.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Record {
+    pub positions: Vec<f64>,
+    pub log_density: Vec<f64>,
+    pub n_stored: usize,
+    /// Step after which recording began.
+    pub base_step: u64,
+    pub store_every: u64,
+}
+
+impl Record {
+    /// Empty, allocated for at most `capacity` steps.
+    pub fn new(base_step: u64, store_every: u64, capacity: usize, dimension: usize, n_walkers: usize) -> Self {
+        Self {
+            positions: Vec::with_capacity(capacity * dimension * n_walkers),
+            log_density: Vec::with_capacity(capacity * n_walkers),
+            n_stored: 0,
+            base_step,
+            store_every,
+        }
+    }
+
+    /// Forgets all draws and begins after `base_step`.
+    pub fn restart(&mut self, base_step: u64, store_every: u64) {
+        self.positions.clear();
+        self.log_density.clear();
+        (self.n_stored, self.base_step, self.store_every) = (0, base_step, store_every);
+    }
+
+    /// Keeps the ensemble's present step if it is due. With `limit`, a full record is thinned to every second step.
+    pub fn keep(&mut self, ensemble: &Ensemble, limit: Option<usize>) {
+        if !(ensemble.n_steps() - self.base_step).is_multiple_of(self.store_every) {
+            return;
+        }
+        ensemble.record(&mut self.positions, &mut self.log_density);
+        self.n_stored += 1;
+        if limit == Some(self.n_stored) {
+            self.thin();
+        }
+    }
+
+    /// Drops the 1st, 3rd, … step: what is left lies at multiples of twice the interval.
+    fn thin(&mut self) {
+        let kept = self.n_stored / 2;
+        for values in [&mut self.positions, &mut self.log_density] {
+            let stride = values.len() / self.n_stored;
+            for k in 0..kept {
+                values.copy_within((2 * k + 1) * stride..(2 * k + 2) * stride, k * stride);
+            }
+            values.truncate(kept * stride);
+        }
+        self.n_stored = kept;
+        self.store_every *= 2;
+    }
+}
+
+/// Joins the records of ensembles that have done the same number of steps.
+pub(super) fn join(records: &[&Record], dimension: usize, n_walkers: usize) -> Draws {
+    let first = records.first();
+    Draws {
+        n_ensembles: records.len(),
+        n_steps: first.map_or(0, |record| record.n_stored),
+        n_walkers,
+        dimension,
+        store_every: first.map_or(1, |record| record.store_every),
+        positions: records.iter().map(|record| &record.positions[..]).collect::<Vec<_>>().concat(),
+        log_density: records.iter().map(|record| &record.log_density[..]).collect::<Vec<_>>().concat(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn thinning_keeps_the_multiples_of_the_new_interval() {
+        let mut record = Record::new(10, 1, 8, 1, 2);
+        for step in 1..=8 {
+            record.positions.extend([f64::from(step), -f64::from(step)]);
+            record.log_density.extend([0.5 * f64::from(step); 2]);
+            record.n_stored += 1;
+        }
+        record.thin();
+        assert_eq!(record.positions, [2.0, -2.0, 4.0, -4.0, 6.0, -6.0, 8.0, -8.0]);
+        assert_eq!(record.log_density, [1.0, 1.0, 2.0, 2.0, 3.0, 3.0, 4.0, 4.0]);
+        assert_eq!((record.n_stored, record.store_every), (4, 2));
+    }
+}

@@ -1,0 +1,247 @@
+//! Walkers that never joined the others.
+//!
+//! A stretch ensemble started off the mode loses a walker or two for good; their draws then dominate a standard
+//! deviation, and neither an autocorrelation time nor R̂ over walkers notices. Looked for here, over a window of kept
+//! steps, with the walkers of all ensembles side by side:
+//! - *low*: a walker's mean log density lies below the pooled median m by more than 5 (m − q₀.₀₅). In a Gaussian bulk m − ln p is
+//!   a shifted χ²_d/2 and this is beyond 10⁻⁶ even for single draws up to d = 20; for heavy tails the quantile widens with them.
+//! - *stuck*: a walker that has not moved while others would have with probability 1 − 10⁻¹²;
+//! - *apart*: a walker's mean of a coordinate lies ten robust standard deviations of the walkers' means from their median, and
+//!   more than the walker's own spread.
+//!
+//! Where more than a quarter of the walkers are stuck or apart, that is slow mixing or a second mode of weight, not walkers left
+//! behind: it shows in R̂ over walkers and in the effective sample size, and nobody is suspected for it.
+//!
+//! Suspicion is not a verdict: who is reseeded is decided after a climb from the walker's place (see [`super::sample`]).
+
+use super::draws::Draws;
+use crate::diagnostics::ranks::{Sorted, median};
+
+/// Why a walker is suspected.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Reason {
+    /// Far below the others' log density, on average.
+    Low,
+    /// Not moving.
+    Stuck,
+    /// Around another place than the others.
+    Apart,
+}
+
+/// A walker that may have been left behind.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Suspect {
+    /// Ensemble.
+    pub ensemble: usize,
+    /// Walker in it.
+    pub walker: usize,
+    /// Why.
+    pub reason: Reason,
+    /// Its mean log density over the window.
+    pub mean_log_density: f64,
+}
+
+const LOW_FACTOR: f64 = 5.0;
+const STUCK_PROBABILITY: f64 = 1e-12;
+const APART_FACTOR: f64 = 10.0;
+
+/// Suspects over the last half of the kept steps; none when fewer than 8 are kept.
+pub fn suspects(draws: &Draws) -> Vec<Suspect> {
+    let first = draws.n_steps / 2;
+    if draws.n_steps < 8 {
+        return Vec::new();
+    }
+    let window = Window::new(draws, first);
+    let low = window.low_limit();
+    let stuck = window.stuck_after();
+    let apart = window.apart();
+    let mut found = Vec::new();
+    for ensemble in 0..draws.n_ensembles {
+        for walker in 0..draws.n_walkers {
+            let idx = ensemble * draws.n_walkers + walker;
+            let mean_log_density = window.mean_log_density[idx];
+            let reason = if mean_log_density < low {
+                Reason::Low
+            } else if stuck && window.moves[idx] == 0 {
+                Reason::Stuck
+            } else if apart[idx] {
+                Reason::Apart
+            } else {
+                continue;
+            };
+            found.push(Suspect { ensemble, walker, reason, mean_log_density });
+        }
+    }
+    for reason in [Reason::Stuck, Reason::Apart] {
+        let n = found.iter().filter(|suspect| suspect.reason == reason).count();
+        if 4 * n > draws.n_ensembles * draws.n_walkers {
+            found.retain(|suspect| suspect.reason != reason);
+        }
+    }
+    found
+}
+
+/// What all walkers did; one entry a walker, ensemble by ensemble.
+struct Window<'a> {
+    draws: &'a Draws,
+    first: usize,
+    mean_log_density: Vec<f64>,
+    /// Kept steps at which the walker is elsewhere than one kept step earlier.
+    moves: Vec<usize>,
+}
+
+impl<'a> Window<'a> {
+    fn new(draws: &'a Draws, first: usize) -> Self {
+        let n = draws.n_ensembles * draws.n_walkers;
+        let mut window = Self { draws, first, mean_log_density: Vec::new(), moves: vec![0; n] };
+        window.mean_log_density = window.means(|ensemble, step| window.log_densities(ensemble, step), |_, value| value);
+        for ensemble in 0..draws.n_ensembles {
+            for step in first + 1..draws.n_steps {
+                let before = &draws.log_density[(ensemble * draws.n_steps + step - 1) * draws.n_walkers..];
+                let here = &draws.log_density[(ensemble * draws.n_steps + step) * draws.n_walkers..];
+                let own = window.moves[ensemble * draws.n_walkers..].iter_mut().take(draws.n_walkers);
+                own.zip(here).zip(before).for_each(|((moves, here), before)| *moves += usize::from(here != before));
+            }
+        }
+        window
+    }
+
+    fn steps(&self) -> std::ops::Range<usize> {
+        self.first..self.draws.n_steps
+    }
+
+    /// One entry a walker.
+    fn log_densities(&self, ensemble: usize, step: usize) -> &'a [f64] {
+        let Draws { n_steps, n_walkers, log_density, .. } = self.draws;
+        &log_density[(ensemble * n_steps + step) * n_walkers..][..*n_walkers]
+    }
+
+    /// One entry a walker.
+    fn coordinates(&self, ensemble: usize, step: usize, d: usize) -> &'a [f64] {
+        let Draws { n_steps, n_walkers, dimension, positions, .. } = self.draws;
+        &positions[((ensemble * n_steps + step) * dimension + d) * n_walkers..][..*n_walkers]
+    }
+
+    /// Mean over the steps of a function of each walker's value, given the walker's number.
+    fn means(&self, row: impl Fn(usize, usize) -> &'a [f64], of: impl Fn(usize, f64) -> f64) -> Vec<f64> {
+        let n_walkers = self.draws.n_walkers;
+        let mut sums = vec![0.0; self.draws.n_ensembles * n_walkers];
+        for ensemble in 0..self.draws.n_ensembles {
+            for step in self.steps() {
+                let own = sums.iter_mut().enumerate().skip(ensemble * n_walkers);
+                own.zip(row(ensemble, step)).for_each(|((walker, sum), value)| *sum += of(walker, *value));
+            }
+        }
+        let n = self.steps().len() as f64;
+        sums.iter_mut().for_each(|sum| *sum /= n);
+        sums
+    }
+
+    /// Mean log density below which a walker is low.
+    fn low_limit(&self) -> f64 {
+        let row = self.draws.n_walkers;
+        let pooled: Vec<f64> = (0..self.draws.n_ensembles)
+            .flat_map(|e| {
+                &self.draws.log_density[(e * self.draws.n_steps + self.first) * row..(e + 1) * self.draws.n_steps * row]
+            })
+            .copied()
+            .collect();
+        let sorted = Sorted::new(&pooled);
+        let middle = sorted.quantile(0.5);
+        middle - LOW_FACTOR * (middle - sorted.quantile(0.05))
+    }
+
+    /// Whether the window is long enough for a walker without any move to be stuck.
+    fn stuck_after(&self) -> bool {
+        let rates: Vec<f64> = self.moves.iter().map(|n| *n as f64 / (self.steps().len() - 1) as f64).collect();
+        (1.0 - median(&rates)).powi(self.steps().len() as i32 - 1) < STUCK_PROBABILITY
+    }
+
+    /// For each walker, whether one of its coordinates keeps apart from the others'.
+    fn apart(&self) -> Vec<bool> {
+        let mut apart = vec![false; self.draws.n_ensembles * self.draws.n_walkers];
+        for d in 0..self.draws.dimension {
+            let row = |ensemble: usize, step: usize| self.coordinates(ensemble, step, d);
+            let means = self.means(row, |_, x| x);
+            let variances = self.means(row, |walker, x| (x - means[walker]) * (x - means[walker]));
+            let centre = median(&means);
+            let deviations: Vec<f64> = means.iter().map(|mean| (mean - centre).abs()).collect();
+            // 1.4826 times the median absolute deviation is a Gaussian's standard deviation.
+            let robust_sd = 1.4826 * median(&deviations);
+            for (k, variance) in variances.iter().enumerate() {
+                apart[k] |= deviations[k] > APART_FACTOR * robust_sd && deviations[k] > variance.sqrt();
+            }
+        }
+        apart
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ensemble::random::RandomStream;
+
+    /// Independent standard normal draws in two coordinates.
+    fn draws(n_steps: usize) -> Draws {
+        let (n_ensembles, n_walkers, dimension) = (4, 16, 2);
+        let mut stream = RandomStream::new(3, 0);
+        let positions: Vec<f64> = (0..n_ensembles * n_steps * dimension * n_walkers).map(|_| stream.normal()).collect();
+        let mut draws = Draws {
+            n_ensembles,
+            n_steps,
+            n_walkers,
+            dimension,
+            store_every: 1,
+            positions,
+            log_density: vec![0.0; n_ensembles * n_steps * n_walkers],
+        };
+        refresh(&mut draws);
+        draws
+    }
+
+    fn refresh(draws: &mut Draws) {
+        for e in 0..draws.n_ensembles {
+            for s in 0..draws.n_steps {
+                for w in 0..draws.n_walkers {
+                    let r2 = draws.value(e, s, w, 0).powi(2) + draws.value(e, s, w, 1).powi(2);
+                    draws.log_density[(e * draws.n_steps + s) * draws.n_walkers + w] = -0.5 * r2;
+                }
+            }
+        }
+    }
+
+    fn set(draws: &mut Draws, walker: usize, f: impl Fn(usize, f64) -> f64) {
+        for s in 0..draws.n_steps {
+            let idx = (draws.n_steps + s) * draws.dimension * draws.n_walkers + walker;
+            draws.positions[idx] = f(s, draws.positions[idx]);
+        }
+        refresh(draws);
+    }
+
+    #[test]
+    fn a_healthy_bulk_has_no_suspects() {
+        assert_eq!(suspects(&draws(200)), []);
+    }
+
+    #[test]
+    fn each_fault_is_found_and_only_in_its_walker() {
+        let mut low = draws(200);
+        set(&mut low, 3, |_, x| x + 9.0);
+        let found = suspects(&low);
+        assert_eq!(found.len(), 1);
+        assert_eq!((found[0].ensemble, found[0].walker, found[0].reason), (1, 3, Reason::Low));
+
+        let mut stuck = draws(200);
+        for s in 0..200 {
+            for d in 0..2 {
+                stuck.positions[((200 + s) * 2 + d) * 16 + 5] = 0.3;
+            }
+        }
+        refresh(&mut stuck);
+        assert_eq!(suspects(&stuck).iter().map(|s| (s.walker, s.reason)).collect::<Vec<_>>(), [(5, Reason::Stuck)]);
+
+        let mut apart = draws(200);
+        set(&mut apart, 7, |_, x| 0.1 * x + 2.0);
+        assert_eq!(suspects(&apart).iter().map(|s| (s.walker, s.reason)).collect::<Vec<_>>(), [(7, Reason::Apart)]);
+    }
+}

@@ -1,0 +1,59 @@
+//! Differential evolution: a walker moves along the difference of two others.
+//!
+//! y = x + γ (c₁ − c₂), γ = γ₀·u with γ₀ = 2.38/√(2d) and u uniform on [1 − s, 1 + s]; in a fraction of the proposals γ = 1,
+//! which carries walkers between modes. Symmetric, so the correction is one.
+//! ter Braak 2006, doi:10.1007/s11222-006-8769-1; Nelson, Ford & Payne 2013, doi:10.1088/0067-0049/210/1/11.
+
+use super::{Move, Points};
+use crate::ensemble::random::RandomStream;
+
+/// Differential-evolution move.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DifferentialEvolution {
+    /// Multiplies γ₀ = 2.38/√(2d).
+    pub scale: f64,
+    /// Half-width s of the uniform factor on γ, in [0, 1).
+    pub spread: f64,
+    /// Fraction of proposals with γ = 1.
+    pub jump_probability: f64,
+}
+
+impl Default for DifferentialEvolution {
+    fn default() -> Self {
+        Self { scale: 1.0, spread: 0.1, jump_probability: 0.1 }
+    }
+}
+
+impl Move for DifferentialEvolution {
+    fn name(&self) -> String {
+        format!(
+            "differential_evolution(scale={},spread={},jump_probability={})",
+            self.scale, self.spread, self.jump_probability
+        )
+    }
+
+    fn propose(
+        &self,
+        moving: Points,
+        complement: Points,
+        _shared: &mut RandomStream,
+        own: &mut [RandomStream],
+        proposals: &mut [f64],
+        log_factors: &mut [f64],
+    ) {
+        let gamma_0 = self.scale * 2.38 / (2.0 * moving.dimension as f64).sqrt();
+        let (n, jump) = (complement.n, self.jump_probability);
+        log_factors.fill(0.0);
+        for (i, stream) in own.iter_mut().enumerate() {
+            let (a, b) = stream.distinct_pair(n);
+            // One word serves both choices: below `jump` it is a jump, above it is uniform again.
+            let u = stream.unit();
+            let factor = 1.0 + self.spread * (2.0 * (u - jump) / (1.0 - jump) - 1.0);
+            let gamma = if u < jump { 1.0 } else { gamma_0 * factor };
+            for d in 0..moving.dimension {
+                let others = &complement.coordinates[d * n..(d + 1) * n];
+                proposals[d * moving.n + i] = moving.coordinates[d * moving.n + i] + gamma * (others[a] - others[b]);
+            }
+        }
+    }
+}

@@ -1,0 +1,114 @@
+//! Independence move: a walker jumps to a draw from a fixed approximation of the posterior, wherever it is.
+//!
+//! The approximation is a mixture of multivariate t distributions with six degrees of freedom, one a mode:
+//! q(y) = Σ w_k t₆(y; m_k, S_k), drawn without regard to x and accepted with (π(y)/q(y))/(π(x)/q(x)).
+//! Where q is good most draws are accepted and nearly independent, between modes as within; where it is not, draws are
+//! refused and the other moves do the work. Tierney 1994, doi:10.1214/aos/1176325750, §2.3.2.
+
+use super::{Move, Points};
+use crate::ensemble::random::RandomStream;
+use crate::optimum::Modes;
+use crate::t_mixture::{Jumps, TMixture};
+use serde::{Deserialize, Serialize};
+
+/// Independence move from a mixture of t₆ distributions.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Independence {
+    mixture: TMixture,
+}
+
+impl Independence {
+    /// From the modes' Laplace approximations; `None` when none has a usable curvature.
+    pub fn from_modes(modes: &Modes, dimension: usize) -> Option<Self> {
+        TMixture::from_modes(modes, dimension).map(|mixture| Self { mixture })
+    }
+
+    /// The same with location and shape of each mode's component fitted to the draws nearest to it, where there are enough.
+    /// `points` lists draws one by one.
+    pub fn fitted(modes: &Modes, dimension: usize, points: &[Vec<f64>]) -> Option<Self> {
+        TMixture::fitted(modes, dimension, points).map(|mixture| Self { mixture })
+    }
+
+    /// Replaces a point by a draw; returns ln q(point) − ln q(draw).
+    #[inline]
+    fn jump(&self, stream: &mut RandomStream, point: &mut [f64], noise: &mut [f64]) -> f64 {
+        let mixture = &self.mixture;
+        let before = mixture.log_density(point);
+        mixture.draw(stream, point, noise);
+        before - mixture.log_density(point)
+    }
+}
+
+impl Move for Independence {
+    fn name(&self) -> String {
+        format!("independence(components={})", self.mixture.n_components())
+    }
+
+    fn propose(
+        &self,
+        moving: Points,
+        _complement: Points,
+        _shared: &mut RandomStream,
+        own: &mut [RandomStream],
+        proposals: &mut [f64],
+        log_factors: &mut [f64],
+    ) {
+        if let Some(component) = self.mixture.only() {
+            let (exponent, points) = (self.mixture.exponent(), moving.coordinates);
+            return Jumps { component, exponent, points, draws: proposals, log_factors }.draw(own);
+        }
+        let dimension = moving.dimension;
+        // Work space on the stack for the usual dimensions, so that the hot loop allocates nothing.
+        let mut few = [0.0; 2 * 16];
+        let mut many;
+        let space = if dimension <= 16 {
+            &mut few[..2 * dimension]
+        } else {
+            many = vec![0.0; 2 * dimension];
+            &mut many[..]
+        };
+        let (point, noise) = space.split_at_mut(dimension);
+        let n = moving.n;
+        for (i, stream) in own.iter_mut().enumerate() {
+            point.iter_mut().enumerate().for_each(|(d, x)| *x = moving.coordinates[d * n + i]);
+            log_factors[i] = self.jump(stream, point, noise);
+            point.iter().enumerate().for_each(|(d, x)| proposals[d * n + i] = *x);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::optimum::Optimum;
+
+    /// All walkers at once, by one component: the draws and factors that each has by itself, for numbers of walkers that fill blocks and do not.
+    #[test]
+    fn the_short_way_of_one_component_is_the_long_one() {
+        let mut modes = Modes::default();
+        modes.add(&Optimum {
+            location: vec![1.0, 2.0],
+            log_density: 0.0,
+            precision: vec![3.0, 1.0, 1.0, 2.0],
+            converged: true,
+        });
+        let q = Independence::from_modes(&modes, 2).unwrap();
+        for n in [1, 5, 16, 19] {
+            let streams = || (0..n as u64).map(|i| RandomStream::new(3, i)).collect::<Vec<_>>();
+            let coordinates: Vec<f64> = (0..2 * n).map(|i| (1.7 * i as f64).sin() * 3.0).collect();
+            let (mut proposals, mut factors) = (vec![0.0; 2 * n], vec![0.0; n]);
+            let moving = Points { coordinates: &coordinates, n, dimension: 2 };
+            let mut shared = RandomStream::new(3, 1000);
+            let mut own = streams();
+            q.propose(moving, moving, &mut shared, &mut own, &mut proposals, &mut factors);
+            for (i, (mut stream, used)) in streams().into_iter().zip(own).enumerate() {
+                let mut point = [coordinates[i], coordinates[n + i]];
+                let factor = q.jump(&mut stream, &mut point, &mut [0.0; 2]);
+                assert!((factor - factors[i]).abs() < 1e-12, "{factor} {}", factors[i]);
+                assert!((0..2).all(|d| (point[d] - proposals[d * n + i]).abs() < 1e-12));
+                assert_eq!(stream.position(), used.position());
+            }
+        }
+    }
+}

@@ -1,0 +1,57 @@
+//! Snooker: a walker moves on the line through another, by the projected difference of two more.
+//!
+//! With e the direction of x − c, y = x + γ ((c₁ − c₂)·e) e, accepted with (|y − c|/|x − c|)^(d−1) π(y)/π(x).
+//! ter Braak & Vrugt 2008, doi:10.1007/s11222-008-9104-9, eq. 3–4.
+
+use super::{Move, Points};
+use crate::ensemble::random::RandomStream;
+
+/// Snooker move.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Snooker {
+    /// Factor γ on the projected difference.
+    pub scale: f64,
+}
+
+impl Default for Snooker {
+    fn default() -> Self {
+        Self { scale: 1.7 }
+    }
+}
+
+impl Move for Snooker {
+    fn name(&self) -> String {
+        format!("snooker(scale={})", self.scale)
+    }
+
+    fn propose(
+        &self,
+        moving: Points,
+        complement: Points,
+        _shared: &mut RandomStream,
+        own: &mut [RandomStream],
+        proposals: &mut [f64],
+        log_factors: &mut [f64],
+    ) {
+        let n = complement.n;
+        let exponent = 0.5 * (moving.dimension as f64 - 1.0);
+        for (i, stream) in own.iter_mut().enumerate() {
+            let (anchor, a, b) = stream.distinct_triple(n);
+            let (mut distance2, mut projected) = (0.0, 0.0);
+            for d in 0..moving.dimension {
+                let others = &complement.coordinates[d * n..(d + 1) * n];
+                let towards = moving.coordinates[d * moving.n + i] - others[anchor];
+                distance2 += towards * towards;
+                projected += (others[a] - others[b]) * towards;
+            }
+            // A walker on its anchor has no direction: it proposes to stay.
+            let along = if distance2 > 0.0 { self.scale * projected / distance2 } else { 0.0 };
+            for d in 0..moving.dimension {
+                let x = moving.coordinates[d * moving.n + i];
+                proposals[d * moving.n + i] = x + along * (x - complement.coordinates[d * n + anchor]);
+            }
+            // y − c = (1 + along)(x − c).
+            log_factors[i] = exponent * ((1.0 + along) * (1.0 + along)).ln();
+        }
+    }
+}

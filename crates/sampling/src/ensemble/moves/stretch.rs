@@ -1,0 +1,48 @@
+//! Stretch move: a walker moves on the line through another walker.
+//!
+//! y = c + z (x − c), z with density ∝ 1/√z on [1/a, a]; accepted with z^(d−1) π(y)/π(x).
+//! Goodman & Weare 2010, doi:10.2140/camcos.2010.5.65, eq. 7–9.
+
+use super::{Move, Points};
+use crate::ensemble::random::RandomStream;
+
+/// Stretch move with scale a > 1.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Stretch {
+    /// Largest factor a by which a distance grows or shrinks.
+    pub scale: f64,
+}
+
+impl Default for Stretch {
+    fn default() -> Self {
+        Self { scale: 2.0 }
+    }
+}
+
+impl Move for Stretch {
+    fn name(&self) -> String {
+        format!("stretch(scale={})", self.scale)
+    }
+
+    fn propose(
+        &self,
+        moving: Points,
+        complement: Points,
+        _shared: &mut RandomStream,
+        own: &mut [RandomStream],
+        proposals: &mut [f64],
+        log_factors: &mut [f64],
+    ) {
+        let exponent = moving.dimension as f64 - 1.0;
+        for (i, stream) in own.iter_mut().enumerate() {
+            let partner = stream.below(complement.n);
+            // Inverse distribution function of 1/√z on [1/a, a].
+            let z = ((self.scale - 1.0) * stream.unit() + 1.0).powi(2) / self.scale;
+            log_factors[i] = exponent * z.ln();
+            for d in 0..moving.dimension {
+                let c = complement.coordinates[d * complement.n + partner];
+                proposals[d * moving.n + i] = c + z * (moving.coordinates[d * moving.n + i] - c);
+            }
+        }
+    }
+}

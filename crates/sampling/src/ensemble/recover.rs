@@ -1,0 +1,201 @@
+//! What is done about walkers that may have been left behind.
+
+use super::draws::Draws;
+use super::left_behind::{Reason, Suspect, suspects};
+use super::starts::{draw, reach};
+use super::state::Lane;
+use crate::LogDensity;
+use crate::diagnostics::ranks::Sorted;
+use crate::optimum::{Modes, Optimum, maximise};
+use base::Result;
+use rayon::prelude::*;
+
+/// What was found, and done.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(super) struct Recovery {
+    /// Walkers left behind: their own mode, if any, carries no mass to speak of.
+    pub left_behind: u64,
+    /// Those that were put back among the others.
+    pub reseeded: u64,
+    /// Walkers that do not move although they are where mass is.
+    pub stuck: u64,
+    /// A mode with mass was found that no walker began from.
+    pub new_heavy_mode: bool,
+}
+
+impl Recovery {
+    /// Whether draws up to here are to be discarded.
+    pub fn disturbed(&self) -> bool {
+        self.left_behind > 0 || self.new_heavy_mode
+    }
+}
+
+/// Share of the total Laplace mass below which a mode is nothing.
+const NEGLIGIBLE_SHARE: f64 = 1e-4;
+/// Share from which a mode found late makes all walkers begin again.
+const HEAVY_SHARE: f64 = 4e-3;
+
+/// Finds suspects, climbs from where they are, and reseeds those whose own mode carries no mass.
+///
+/// A walker stays where it is when its climb ends in a mode with mass and it is within that mode's reach, or the mode is another than
+/// the heaviest. With `only_look`, none is moved.
+pub(super) fn recover(
+    density: &dyn LogDensity,
+    draws: &Draws,
+    modes: &mut Modes,
+    lanes: &mut [Lane],
+    only_look: bool,
+) -> Result<Recovery> {
+    let suspects = suspects(draws);
+    let optima = suspects
+        .par_iter()
+        .map(|suspect| maximise(density, &lanes[suspect.ensemble].ensemble.position(suspect.walker)))
+        .collect::<Result<Vec<_>>>()?;
+    let found_late = add_new(modes, optima.iter().flatten());
+    let weights = modes.weights();
+    let weight_of = |location: &Vec<f64>| modes.nearest(location).map_or(0.0, |(idx, _)| weights[idx]);
+    let mut recovery = Recovery {
+        new_heavy_mode: found_late.iter().any(|location| weight_of(location) > HEAVY_SHARE),
+        ..Recovery::default()
+    };
+    let floor = floor(lanes);
+    for (suspect, optimum) in suspects.iter().zip(&optima) {
+        let own = optimum.as_ref().and_then(|optimum| modes.nearest(&optimum.location));
+        let belongs = own.is_some_and(|(idx, mode)| {
+            let within = suspect.mean_log_density > mode.log_density - reach(draws.dimension);
+            weights[idx] >= NEGLIGIBLE_SHARE && (within || idx > 0)
+        });
+        if belongs {
+            recovery.stuck += u64::from(suspect.reason == Reason::Stuck);
+            continue;
+        }
+        recovery.left_behind += 1;
+        if !only_look && !recovery.new_heavy_mode {
+            reseed(density, modes, &mut lanes[suspect.ensemble], suspect, &suspects, floor)?;
+            recovery.reseeded += 1;
+        }
+    }
+    Ok(recovery)
+}
+
+/// Adds those optima that are proper and in none of the known modes; returns where they are.
+fn add_new<'a>(modes: &mut Modes, optima: impl Iterator<Item = &'a Optimum>) -> Vec<Vec<f64>> {
+    let mut found = Vec::new();
+    for optimum in optima.filter(|optimum| optimum.converged) {
+        let n_known = modes.len();
+        modes.add(optimum);
+        if modes.len() > n_known {
+            found.push(optimum.location.clone());
+        }
+    }
+    found
+}
+
+/// Log density that all but one in twenty of the walkers exceed.
+fn floor(lanes: &[Lane]) -> f64 {
+    let values: Vec<f64> = lanes
+        .iter()
+        .flat_map(|lane| (0..lane.ensemble.n_walkers()).map(|walker| lane.ensemble.log_density(walker)))
+        .collect();
+    Sorted::new(&values).quantile(0.05)
+}
+
+/// Puts a walker among the others: a draw from the Laplace approximations if one is as good as they are, otherwise
+/// where a healthy walker of its ensemble is.
+fn reseed(
+    density: &dyn LogDensity,
+    modes: &Modes,
+    lane: &mut Lane,
+    suspect: &Suspect,
+    suspects: &[Suspect],
+    floor: f64,
+) -> Result<()> {
+    for _ in 0..20 {
+        let stream = lane.ensemble.stream(suspect.walker);
+        let u = stream.unit();
+        let Some(mode) = modes.at_share(u) else { break };
+        let (point, value) = draw(density, mode, stream)?;
+        if value >= floor {
+            lane.ensemble.place(suspect.walker, &point, value);
+            return Ok(());
+        }
+    }
+    let is_healthy = |walker: &usize| !suspects.iter().any(|s| (s.ensemble, s.walker) == (suspect.ensemble, *walker));
+    let healthy: Vec<usize> = (0..lane.ensemble.n_walkers()).filter(is_healthy).collect();
+    if healthy.is_empty() {
+        return Ok(());
+    }
+    let model = healthy[lane.ensemble.stream(suspect.walker).below(healthy.len())];
+    let (point, value) = (lane.ensemble.position(model), lane.ensemble.log_density(model));
+    lane.ensemble.place(suspect.walker, &point, value);
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ensemble::draws::{Record, join};
+    use crate::ensemble::moves::Stretch;
+    use crate::ensemble::random::RandomStream;
+    use crate::ensemble::walkers::{Ensemble, Kernel};
+    use crate::optimum::find_modes;
+    use crate::test_densities::TwoBumps;
+
+    const N_WALKERS: usize = 16;
+    const N_STEPS: usize = 300;
+
+    /// Four ensembles in the first bump of a target, but for some walkers at `elsewhere` in each, after 300 stretch moves.
+    fn run(target: &TwoBumps, n_elsewhere: usize, elsewhere: [f64; 2]) -> (Vec<Lane>, Draws) {
+        let mut stream = RandomStream::new(21, 0);
+        let lanes: Vec<Lane> = (0..4)
+            .map(|number| {
+                let mut ensemble = Ensemble::new(3, number, 2, &[0.0; 2 * N_WALKERS], &[0.0; N_WALKERS]);
+                for walker in 0..N_WALKERS {
+                    let near = [stream.normal(), stream.normal()];
+                    let point = if walker < n_elsewhere { elsewhere } else { near };
+                    let mut value = [0.0];
+                    target.log_density(&point, &mut value);
+                    ensemble.place(walker, &point, value[0]);
+                }
+                let mut record = Record::new(0, 1, N_STEPS, 2, N_WALKERS);
+                for _ in 0..N_STEPS {
+                    ensemble.step(target, &Kernel { local: &Stretch::default(), jumps: None }).unwrap();
+                    record.keep(&ensemble, None);
+                }
+                Lane { ensemble, record }
+            })
+            .collect();
+        let draws = join(&lanes.iter().map(|lane| &lane.record).collect::<Vec<_>>(), 2, N_WALKERS);
+        (lanes, draws)
+    }
+
+    /// A spike of mass 10⁻⁷ and width 10⁻⁵ holds the walkers that are on it.
+    #[test]
+    fn walkers_on_a_mode_without_mass_are_reseeded() {
+        let target = TwoBumps::new(1.0 - 1e-7, 30.0, 1e-5);
+        let (mut lanes, draws) = run(&target, 1, [30.0, 0.0]);
+        let mut modes = find_modes(&target, &[vec![0.1, 0.1]]).unwrap();
+        assert!((0..4).all(|e| lanes[e].ensemble.position(0)[0] > 29.0), "the walkers must be held for this test");
+        let looked = recover(&target, &draws, &mut modes.clone(), &mut lanes, true).unwrap();
+        assert_eq!((looked.left_behind, looked.reseeded), (4, 0));
+        let recovery = recover(&target, &draws, &mut modes, &mut lanes, false).unwrap();
+        assert_eq!((recovery.left_behind, recovery.reseeded, recovery.new_heavy_mode), (4, 4, false));
+        assert!(lanes.iter().all(|lane| lane.ensemble.position(0)[0].abs() < 6.0));
+    }
+
+    /// The same walkers on a bump with mass: never moved, but a bump that nobody knew of makes the run begin again.
+    #[test]
+    fn walkers_on_a_mode_with_mass_are_not() {
+        let target = TwoBumps::new(0.8, 60.0, 1.0);
+        for known in [true, false] {
+            let (mut lanes, draws) = run(&target, 3, [60.0, 0.0]);
+            let starts = if known { vec![vec![0.1, 0.1], vec![59.0, 0.0]] } else { vec![vec![0.1, 0.1]] };
+            let mut modes = find_modes(&target, &starts).unwrap();
+            let before: Vec<f64> = lanes.iter().map(|lane| lane.ensemble.position(0)[0]).collect();
+            let recovery = recover(&target, &draws, &mut modes, &mut lanes, false).unwrap();
+            assert_eq!((recovery.left_behind, recovery.reseeded), (0, 0));
+            assert_eq!(recovery.new_heavy_mode, !known);
+            assert_eq!(lanes.iter().map(|lane| lane.ensemble.position(0)[0]).collect::<Vec<_>>(), before);
+        }
+    }
+}

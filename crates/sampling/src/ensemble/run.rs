@@ -1,0 +1,430 @@
+//! A run from starts to draws: the order of events, and where it stops.
+
+use super::batches::{CountingDensity, SplitDensity};
+use super::draws::{Draws, Record, join};
+use super::moves::Independence;
+use super::options::{Batches, Phase, Progress, RunControl, SamplerOptions};
+use super::recover::{Recovery, recover};
+use super::starts;
+use super::state::{Course, Lane, from_bytes, problem, to_bytes};
+use super::verdict::{Verdict, autocorrelation_time, judge};
+use super::walkers::{Ensemble, Kernel};
+use crate::LogDensity;
+use crate::diagnostics::ParameterDiagnostics;
+use crate::optimum::{Mode, find_modes};
+use base::error::Place;
+use base::{Error, Result};
+use rayon::prelude::*;
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
+
+/// What a run has led to.
+#[derive(Debug, Clone)]
+pub struct SampleOutcome {
+    /// Draws since the freeze.
+    pub draws: Draws,
+    /// One summary a coordinate; autocorrelation times in steps.
+    pub parameters: Vec<ParameterDiagnostics>,
+    /// Whether all demands are met.
+    pub converged: bool,
+    /// What is missing or remarkable, in words; empty for a plain converged run.
+    pub messages: Vec<String>,
+    /// Steps of each walker, burn-in included.
+    pub n_steps: u64,
+    /// Step of the freeze: earlier draws were discarded.
+    pub freeze_step: u64,
+    /// Times that a freeze was declared; more than one when walkers were found left behind after it, or the burn-in too short.
+    pub n_freezes: u64,
+    /// Fraction of proposals accepted since the freeze.
+    pub acceptance: f64,
+    /// Longest integrated autocorrelation time over coordinates, in steps.
+    pub autocorrelation_time: f64,
+    /// Points at which the log density was evaluated, optimisation included.
+    pub likelihood_evaluations: u64,
+    /// Walkers moved during burn-in because they had been left behind.
+    pub walkers_reseeded: u64,
+    /// Distinct modes found, heaviest first.
+    pub modes: Vec<Mode>,
+}
+
+/// Steps of the first burn-in round; each later one ends at twice the step.
+const FIRST_ROUND: u64 = 128;
+/// A burn-in shorter than this many autocorrelation times is repeated.
+const BURN_IN_TIMES: f64 = 10.0;
+/// Acceptance of jumps from which on they are used as often as allowed: below, the ensemble's own moves are the better.
+const FULL_JUMP_ACCEPTANCE: f64 = 0.3;
+/// Wall time after which a run looks up from its steps. Has no influence on results.
+const LOOK_UP: Duration = Duration::from_millis(50);
+
+/// Draws from a log density with independent ensembles, from starts that need not be near the bulk.
+///
+/// The order of events is described in [`super`]. The same options and starts give the same bytes for any number of
+/// threads and however often the run was interrupted and resumed.
+///
+/// # Errors
+/// [`Error::Input`] for unsound options or an unusable checkpoint; [`Error::Numerical`] when no start can be climbed or a
+/// log density is NaN or +∞; [`Error::Interrupted`] when stopped; whatever the checkpoint sink returns.
+pub fn sample(
+    density: &dyn LogDensity,
+    start_points: &[Vec<f64>],
+    options: &SamplerOptions,
+    control: &RunControl,
+) -> Result<SampleOutcome> {
+    let dimension = density.dimension();
+    options.validate(dimension)?;
+    if dimension == 0 || start_points.is_empty() || start_points.iter().any(|start| start.len() != dimension) {
+        return Err(Error::input(
+            Place::option("starts"),
+            format!("{} starts for a log density of {dimension} parameters", start_points.len()),
+            "give at least one start with one coordinate for every parameter",
+        ));
+    }
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(options.threads)
+        .build()
+        .map_err(|error| Error::numerical(format!("no threads to be had: {error}"), "use fewer threads (--threads)"))?;
+    pool.install(|| {
+        let problem = problem(options, dimension, start_points, &control.fingerprint);
+        let mut run = match control.resume {
+            Some(bytes) => {
+                let (course, lanes) = from_bytes(&problem, options, dimension, bytes)?;
+                Run { density, options, control, problem, course, lanes, pace: Pace::new() }
+            }
+            None => Run::begin(density, start_points, options, control, problem)?,
+        };
+        run.finish()
+    })
+}
+
+struct Run<'a> {
+    density: &'a dyn LogDensity,
+    options: &'a SamplerOptions,
+    control: &'a RunControl<'a>,
+    problem: String,
+    course: Course,
+    lanes: Vec<Lane>,
+    pace: Pace,
+}
+
+impl<'a> Run<'a> {
+    fn begin(
+        density: &'a dyn LogDensity,
+        start_points: &[Vec<f64>],
+        options: &'a SamplerOptions,
+        control: &'a RunControl<'a>,
+        problem: String,
+    ) -> Result<Self> {
+        let counting = CountingDensity::new(density);
+        let modes = find_modes(&counting, start_points)?;
+        starts::require(&modes, start_points.len())?;
+        let course = Course {
+            phase: Phase::BurnIn,
+            base_step: 0,
+            target_step: FIRST_ROUND.min(options.max_steps / 2),
+            jumps: Independence::from_modes(&modes, density.dimension()).map(|q| (q, options.jump_fraction)),
+            modes,
+            walkers_reseeded: 0,
+            n_freezes: 0,
+            extra_evaluations: 0,
+            autocorrelation_time: None,
+            forced: false,
+        };
+        let dimension = density.dimension();
+        let blank = vec![0.0; dimension * options.n_walkers];
+        let capacity = if options.store_every.is_none() { options.max_stored_steps } else { 0 };
+        let lane = |number| Lane {
+            ensemble: Ensemble::new(options.seed, number, dimension, &blank, &blank[..options.n_walkers]),
+            record: Record::new(0, options.store_every.unwrap_or(1), capacity, dimension, options.n_walkers),
+        };
+        let lanes = (0..options.n_ensembles).map(lane).collect();
+        let mut run = Self { density, options, control, problem, course, lanes, pace: Pace::new() };
+        run.place_all(&counting)?;
+        run.course.extra_evaluations = counting.count();
+        Ok(run)
+    }
+
+    /// Draws every walker anew, in proportion to the modes' masses.
+    fn place_all(&mut self, density: &dyn LogDensity) -> Result<()> {
+        let weights = self.course.modes.weights();
+        let allocation = starts::allocation(&weights, self.options.n_ensembles, self.options.n_walkers);
+        let modes: Vec<&Mode> = self.course.modes.iter().collect();
+        for (lane, walkers) in self.lanes.iter_mut().zip(&allocation) {
+            for (walker, &mode) in walkers.iter().enumerate() {
+                let (point, value) = starts::draw(density, modes[mode], lane.ensemble.stream(walker))?;
+                lane.ensemble.place(walker, &point, value);
+            }
+        }
+        Ok(())
+    }
+
+    fn finish(&mut self) -> Result<SampleOutcome> {
+        let split = self.splits_batches();
+        let split_density = SplitDensity { inner: self.density, piece: split.unwrap_or(usize::MAX) };
+        let density: &dyn LogDensity = if split.is_some() { &split_density } else { self.density };
+        loop {
+            self.advance(density)?;
+            if let Some(outcome) = self.decide()? {
+                return Ok(outcome);
+            }
+        }
+    }
+
+    /// Points of a piece when batches are split over threads.
+    fn splits_batches(&self) -> Option<usize> {
+        let half = self.options.n_walkers / 2;
+        let threads = rayon::current_num_threads();
+        let piece = half.div_ceil(threads.div_ceil(self.options.n_ensembles).max(2));
+        match self.options.batches {
+            Batches::Whole => None,
+            Batches::Split => Some(piece),
+            Batches::Measured if threads <= self.options.n_ensembles => None,
+            Batches::Measured => {
+                let position = self.lanes[0].ensemble.position(0);
+                let began = Instant::now();
+                self.density.log_density(&position, &mut [0.0]);
+                (began.elapsed() > Duration::from_micros(20)).then_some(piece)
+            }
+        }
+    }
+
+    /// Moves all ensembles to the next judgement, looking up now and then.
+    fn advance(&mut self, density: &dyn LogDensity) -> Result<()> {
+        let stopped = || self.control.stop.is_some_and(|stop| stop.load(Ordering::Relaxed));
+        let target = self.course.target_step;
+        let limit = self.options.store_every.is_none().then_some(self.options.max_stored_steps);
+        let jumps = self.course.jumps.as_ref().map(|(q, fraction)| (q, *fraction));
+        let kernel = Kernel { local: &*self.options.kernel, jumps };
+        let mut chunk = 16;
+        while self.lanes.iter().any(|lane| lane.ensemble.n_steps() < target) {
+            let began = Instant::now();
+            self.lanes.par_iter_mut().try_for_each(|lane| -> Result<()> {
+                for _ in 0..chunk.min(target.saturating_sub(lane.ensemble.n_steps())) {
+                    if stopped() {
+                        break;
+                    }
+                    lane.ensemble.step(density, &kernel)?;
+                    lane.record.keep(&lane.ensemble, limit);
+                }
+                Ok(())
+            })?;
+            if stopped() {
+                return Err(self.interrupted());
+            }
+            chunk = next_chunk(chunk, began.elapsed());
+            self.report();
+            if let Some(checkpoint) = &self.control.checkpoint
+                && self.pace.due(checkpoint.interval)
+            {
+                self.pace.timed(|| (checkpoint.sink)(&to_bytes(&self.problem, &self.course, &self.lanes)?))?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Saves the state; returns the error that ends the run.
+    fn interrupted(&self) -> Error {
+        let Some(checkpoint) = &self.control.checkpoint else {
+            return Error::Interrupted { kept: "nothing was kept: the run had no checkpoint".into() };
+        };
+        match to_bytes(&self.problem, &self.course, &self.lanes).and_then(|bytes| (checkpoint.sink)(&bytes)) {
+            Ok(()) => Error::Interrupted { kept: "the sampler's state was saved: go on with --resume".into() },
+            Err(error) => error,
+        }
+    }
+
+    fn report(&self) {
+        if let Some(progress) = self.control.progress {
+            progress(&Progress {
+                phase: self.course.phase,
+                steps: self.lanes.iter().map(|lane| lane.ensemble.n_steps()).min().unwrap_or(0),
+                next_judgement: self.course.target_step,
+                max_steps: self.options.max_steps,
+            });
+        }
+    }
+
+    fn draws(&self) -> Draws {
+        let records: Vec<&Record> = self.lanes.iter().map(|lane| &lane.record).collect();
+        join(&records, self.density.dimension(), self.options.n_walkers)
+    }
+
+    /// What follows from the draws at hand.
+    fn decide(&mut self) -> Result<Option<SampleOutcome>> {
+        let draws = self.draws();
+        let recovery = if self.course.forced { Recovery::default() } else { self.recover(&draws)? };
+        let steps = self.course.target_step;
+        let time = self.resolved(autocorrelation_time(&draws), draws.store_every);
+        // Another round doubles the steps, and half of them at least are to be left for draws; what is not had by then is said.
+        let may_burn = 4 * steps <= self.options.max_steps;
+        let burnt = if self.course.phase == Phase::BurnIn { steps } else { self.course.base_step };
+        // An unknown time (NaN) is no reason to go on burning: the sampling phase will tell.
+        let too_short = (burnt as f64) < BURN_IN_TIMES * time;
+        // Said whatever comes next: a further freeze brings no walker back.
+        self.course.forced |= recovery.disturbed() && !may_burn;
+        match self.course.phase {
+            _ if may_burn && recovery.disturbed() => self.burn_in(steps),
+            Phase::BurnIn if may_burn && too_short => self.burn_in(steps),
+            Phase::Sampling if 2 * steps <= self.options.max_steps && too_short => self.freeze(steps, time, &draws),
+            Phase::BurnIn => self.freeze(steps, time, &draws),
+            Phase::Sampling => return Ok(self.judge(draws, time, &recovery)),
+        }
+        Ok(None)
+    }
+
+    /// An autocorrelation time as estimated, or where draws are kept too rarely to tell, as it was before they were thinned.
+    fn resolved(&mut self, estimate: f64, store_every: u64) -> f64 {
+        if estimate > 3.0 * store_every as f64 || store_every == 1 || self.options.store_every.is_some() {
+            self.course.autocorrelation_time = Some(estimate);
+        }
+        self.course.autocorrelation_time.map_or(estimate, |known| if known < estimate { known } else { estimate })
+    }
+
+    /// The outcome, if there is enough or no more is allowed.
+    fn judge(&mut self, draws: Draws, time: f64, recovery: &Recovery) -> Option<SampleOutcome> {
+        let steps = self.course.target_step;
+        let since = (steps - self.course.base_step) as f64;
+        let at_the_end = steps >= self.options.max_steps;
+        if !at_the_end {
+            let wanted = self.options.demands.autocorrelation_times * time;
+            if since < wanted {
+                self.go_on(steps, (1.05 * wanted).min(2.0 * since) - since);
+                return None;
+            }
+            if !self.options.stop_when_converged {
+                self.go_on(steps, since);
+                return None;
+            }
+        }
+        let verdict = judge(&draws, &self.options.demands);
+        let met = verdict.missing.is_empty() && !self.course.forced && recovery.stuck == 0;
+        if met || at_the_end {
+            return Some(self.outcome(draws, verdict, time, recovery, met));
+        }
+        self.go_on(steps, since * (1.1 * verdict.shortfall).clamp(1.25, 2.0) - since);
+        None
+    }
+
+    /// Next judgement after about so many more steps.
+    fn go_on(&mut self, steps: u64, more: f64) {
+        self.course.target_step = (steps + (more.ceil() as u64).max(8)).min(self.options.max_steps);
+    }
+
+    /// Another round of burn-in, as long as everything before it.
+    fn burn_in(&mut self, steps: u64) {
+        self.course.phase = Phase::BurnIn;
+        self.discard(steps);
+        self.go_on(steps, steps as f64);
+    }
+
+    /// Declares the freeze: earlier draws are discarded, and only the kernel moves walkers from here on.
+    fn freeze(&mut self, steps: u64, time: f64, draws: &Draws) {
+        self.course.phase = Phase::Sampling;
+        self.course.n_freezes += 1;
+        self.fit_jumps(draws);
+        self.discard(steps);
+        let wanted = 1.05 * self.options.demands.autocorrelation_times * time;
+        // An autocorrelation time that a burn-in round cannot tell is told by a short first sampling round.
+        self.go_on(steps, if wanted.is_finite() { wanted.clamp(64.0, 1e6) } else { 256.0 });
+    }
+
+    /// Fits the jumps to the last half of what is about to be discarded, and jumps less often where jumps are refused.
+    fn fit_jumps(&mut self, draws: &Draws) {
+        let counts = self.lanes.iter().map(|lane| lane.ensemble.jumps());
+        let (proposed, accepted) = counts.fold((0, 0), |sum, count| (sum.0 + count.proposed, sum.1 + count.accepted));
+        let acceptance = accepted as f64 / proposed.max(1) as f64;
+        let fraction = self.options.jump_fraction * (acceptance / FULL_JUMP_ACCEPTANCE).clamp(0.1, 1.0);
+        let points: Vec<Vec<f64>> = draws.points(draws.n_steps / 2);
+        let fitted = Independence::fitted(&self.course.modes, draws.dimension, &points);
+        self.course.jumps = fitted.map(|q| (q, fraction));
+    }
+
+    fn discard(&mut self, steps: u64) {
+        self.course.base_step = steps;
+        self.course.autocorrelation_time = None;
+        for lane in &mut self.lanes {
+            lane.record.restart(steps, self.options.store_every.unwrap_or(1));
+            lane.ensemble.forget_acceptance();
+        }
+    }
+
+    /// Looks for walkers left behind and brings them back.
+    fn recover(&mut self, draws: &Draws) -> Result<Recovery> {
+        let counting = CountingDensity::new(self.density);
+        // Draws that are kept must come from the kernel alone.
+        let only_look = self.course.phase == Phase::Sampling && 4 * self.course.target_step > self.options.max_steps;
+        let recovery = recover(&counting, draws, &mut self.course.modes, &mut self.lanes, only_look)?;
+        if recovery.new_heavy_mode && !only_look {
+            self.place_all(&counting)?;
+        }
+        self.course.walkers_reseeded += recovery.reseeded;
+        self.course.extra_evaluations += counting.count();
+        Ok(recovery)
+    }
+
+    fn outcome(
+        &self,
+        draws: Draws,
+        verdict: Verdict,
+        time: f64,
+        recovery: &Recovery,
+        converged: bool,
+    ) -> SampleOutcome {
+        let n_proposals = (self.course.target_step - self.course.base_step) * self.n_all_walkers();
+        let accepted: u64 = self.lanes.iter().flat_map(|lane| lane.ensemble.accepted()).sum();
+        let mut messages = verdict.missing;
+        if self.course.forced {
+            messages.push("walkers were still left behind when no more steps could be spent on burning in".into());
+        }
+        if recovery.stuck > 0 {
+            messages.push(format!("{} walkers have stopped moving", recovery.stuck));
+        }
+        SampleOutcome {
+            draws,
+            parameters: verdict.parameters,
+            converged,
+            messages,
+            n_steps: self.course.target_step,
+            freeze_step: self.course.base_step,
+            n_freezes: self.course.n_freezes,
+            acceptance: accepted as f64 / n_proposals as f64,
+            autocorrelation_time: time,
+            likelihood_evaluations: self.course.target_step * self.n_all_walkers() + self.course.extra_evaluations,
+            walkers_reseeded: self.course.walkers_reseeded,
+            modes: self.course.modes.iter().cloned().collect(),
+        }
+    }
+
+    fn n_all_walkers(&self) -> u64 {
+        (self.options.n_walkers * self.options.n_ensembles) as u64
+    }
+}
+
+/// Steps between two looks up, for about 50 ms each.
+fn next_chunk(chunk: u64, elapsed: Duration) -> u64 {
+    let ratio = LOOK_UP.as_secs_f64() / elapsed.as_secs_f64().max(1e-9);
+    ((chunk as f64 * ratio.clamp(0.1, 4.0)) as u64).clamp(1, 1 << 20)
+}
+
+/// When to save: at intervals, but so that saving takes at most one part in fifty of the time.
+struct Pace {
+    last: Instant,
+    cost: Duration,
+}
+
+impl Pace {
+    fn new() -> Self {
+        Self { last: Instant::now(), cost: Duration::ZERO }
+    }
+
+    fn due(&self, interval: Duration) -> bool {
+        self.last.elapsed() >= interval.max(50 * self.cost)
+    }
+
+    fn timed(&mut self, save: impl FnOnce() -> Result<()>) -> Result<()> {
+        let began = Instant::now();
+        save()?;
+        self.cost = began.elapsed();
+        self.last = Instant::now();
+        Ok(())
+    }
+}

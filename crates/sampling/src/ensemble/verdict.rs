@@ -1,0 +1,136 @@
+//! Is this enough? In numbers and in words.
+
+use super::draws::Draws;
+use super::options::Demands;
+use crate::diagnostics::ranks::BlomScores;
+use crate::diagnostics::{DrawColumn, ParameterDiagnostics, diagnose, ensembles};
+use rayon::prelude::*;
+
+/// Judgement of a set of draws.
+#[derive(Debug, Clone)]
+pub(super) struct Verdict {
+    /// One summary a coordinate; autocorrelation times in steps.
+    pub parameters: Vec<ParameterDiagnostics>,
+    /// Longest autocorrelation time over coordinates, in steps; NaN when unknown.
+    pub autocorrelation_time: f64,
+    /// What is missing, in words; empty when all demands are met.
+    pub missing: Vec<String>,
+    /// Factor by which the number of steps falls short; 1 when met, ∞ when unknown.
+    pub shortfall: f64,
+}
+
+/// Judges draws kept since a freeze.
+pub(super) fn judge(draws: &Draws, demands: &Demands) -> Verdict {
+    let blom = BlomScores::new(draws.len());
+    let columns: Vec<(ParameterDiagnostics, f64)> = (0..draws.dimension)
+        .into_par_iter()
+        .map(|d| {
+            let column = draws.column(d);
+            let mut found = diagnose(&column, &blom);
+            found.autocorrelation_time *= draws.store_every as f64;
+            (found, walker_rhat(&column))
+        })
+        .collect();
+    let parameters: Vec<ParameterDiagnostics> = columns.iter().map(|column| column.0).collect();
+    let n_points = draws.len() as f64 * draws.store_every as f64;
+    let longest = |p: &ParameterDiagnostics| longer(p.autocorrelation_time, n_points / p.ess_bulk);
+    let time = parameters.iter().map(longest).fold(0.0, longer);
+    let n_steps = draws.n_steps as f64 * draws.store_every as f64;
+    let rhat_walkers = columns.iter().map(|column| column.1).fold(0.0, f64::max);
+    let mut verdict = Verdict { parameters, autocorrelation_time: time, missing: Vec::new(), shortfall: 1.0 };
+    verdict.demand_length(n_steps, demands);
+    verdict.demand_ess(demands);
+    verdict.demand_agreement(rhat_walkers, demands);
+    verdict
+}
+
+/// Longest autocorrelation time of the means, in steps; NaN when one is unknown. Much cheaper than [`judge`].
+pub(super) fn autocorrelation_time(draws: &Draws) -> f64 {
+    let times: Vec<f64> =
+        (0..draws.dimension).into_par_iter().map(|d| ensembles::autocorrelation_time(&draws.column(d))).collect();
+    times.into_iter().fold(0.0, longer) * draws.store_every as f64
+}
+
+/// The larger; an unknown time stays unknown, which `max` would pass over.
+fn longer(a: f64, b: f64) -> f64 {
+    if a.is_nan() || b.is_nan() { f64::NAN } else { a.max(b) }
+}
+
+impl Verdict {
+    fn demand_length(&mut self, n_steps: f64, demands: &Demands) {
+        let times = n_steps / self.autocorrelation_time;
+        if times >= demands.autocorrelation_times {
+            return;
+        }
+        self.fall_short(demands.autocorrelation_times / times);
+        self.missing.push(if times.is_nan() {
+            format!("{n_steps} steps after the freeze are too few to tell the autocorrelation time")
+        } else {
+            format!(
+                "{n_steps} steps after the freeze are {times:.0} autocorrelation times ({:.0} steps each), {} are wanted",
+                self.autocorrelation_time, demands.autocorrelation_times
+            )
+        });
+    }
+
+    fn demand_ess(&mut self, demands: &Demands) {
+        for (name, of) in [("bulk", (|p| p.ess_bulk) as fn(&ParameterDiagnostics) -> f64), ("tail", |p| p.ess_tail)] {
+            let worst = worst(&self.parameters, |p| -of(p));
+            let Some((d, ess)) = worst.map(|(d, value)| (d, -value)) else { continue };
+            // Written so that NaN does not pass.
+            if ess >= demands.ess {
+                continue;
+            }
+            self.fall_short(demands.ess / ess);
+            self.missing.push(format!("{name} ESS of parameter {} is {ess:.0}, {} is wanted", d + 1, demands.ess));
+        }
+    }
+
+    fn demand_agreement(&mut self, rhat_walkers: f64, demands: &Demands) {
+        if let Some((d, rhat)) = worst(&self.parameters, |p| p.rhat)
+            && (rhat > demands.rhat || rhat.is_nan())
+        {
+            // The excess of R̂ falls with the number of steps.
+            self.fall_short(((rhat - 1.0) / (demands.rhat - 1.0)).max(1.2));
+            self.missing.push(format!("R̂ of parameter {} is {rhat:.3}, at most {} is wanted", d + 1, demands.rhat));
+        }
+        if rhat_walkers > demands.rhat_walkers {
+            self.fall_short(2.0);
+            self.missing.push(format!(
+                "walkers keep to separate regions (R̂ over walkers is {rhat_walkers:.2}): the weights between regions are those of \
+                 the Laplace approximations the walkers began from"
+            ));
+        }
+    }
+
+    fn fall_short(&mut self, factor: f64) {
+        self.shortfall = if factor.is_nan() { f64::INFINITY } else { self.shortfall.max(factor) };
+    }
+}
+
+/// Parameter with the largest value, NaN counting as largest.
+fn worst(parameters: &[ParameterDiagnostics], of: impl Fn(&ParameterDiagnostics) -> f64) -> Option<(usize, f64)> {
+    let key = |value: f64| if value.is_nan() { f64::INFINITY } else { value };
+    let values = parameters.iter().map(of).enumerate();
+    values.max_by(|a, b| key(a.1).total_cmp(&key(b.1)))
+}
+
+/// R̂ with one chain a walker, not split, not ranked: √(1 + B/W).
+fn walker_rhat(column: &DrawColumn) -> f64 {
+    let (n, n_walkers) = (column.n_steps as f64, column.n_walkers);
+    let mut sums = vec![(0.0, 0.0); column.n_ensembles * n_walkers];
+    // Around a pooled centre: sums of squares lose no digits.
+    let centre = column.values.iter().sum::<f64>() / column.values.len() as f64;
+    for (ensemble, draws) in column.values.chunks_exact((column.n_steps * n_walkers).max(1)).enumerate() {
+        for step in draws.chunks_exact(n_walkers) {
+            for (sum, x) in sums[ensemble * n_walkers..].iter_mut().zip(step) {
+                let x = x - centre;
+                *sum = (sum.0 + x, sum.1 + x * x);
+            }
+        }
+    }
+    let n_chains = sums.len() as f64;
+    let within = sums.iter().map(|(s, q)| (q - s * s / n) / (n - 1.0)).sum::<f64>() / n_chains;
+    let between = sums.iter().map(|(s, _)| (s / n).powi(2)).sum::<f64>() / (n_chains - 1.0);
+    (1.0 + between / within).sqrt()
+}

@@ -1,0 +1,274 @@
+//! One ensemble of walkers and the split-ensemble step that moves it.
+
+use super::moves::{Independence, Move, Points};
+use super::random::RandomStream;
+use crate::LogDensity;
+use base::elementary;
+use base::{Error, Result};
+
+/// How the walkers of a run are moved: the moves that know only the ensemble, and jumps into a fixed approximation.
+#[derive(Clone, Copy)]
+pub struct Kernel<'a> {
+    /// Proposes from the other half.
+    pub local: &'a dyn Move,
+    /// Proposes from an approximation of the posterior, in this fraction of the half-steps.
+    pub jumps: Option<(&'a Independence, f64)>,
+}
+
+/// Proposals and acceptances of jumps, all walkers together.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub struct JumpCount {
+    /// Jumps proposed since the last freeze.
+    pub proposed: u64,
+    /// Jumps accepted since the last freeze.
+    pub accepted: u64,
+}
+
+/// An ensemble: walkers in two halves, each half proposing from the other in one batch.
+///
+/// Walker w is number w mod h of half w / h, h = `n_walkers / 2`. Everything that the next step depends on is here.
+/// Aligned so that ensembles on different threads share no cache line.
+#[derive(Debug, Clone)]
+#[repr(align(128))]
+pub struct Ensemble {
+    dimension: usize,
+    halves: [Half; 2],
+    shared: RandomStream,
+    proposal: Proposal,
+    jumps: JumpCount,
+    n_steps: u64,
+}
+
+#[derive(Debug, Clone)]
+struct Half {
+    /// Coordinate d of walker i at `positions[d * h + i]`.
+    positions: Vec<f64>,
+    log_density: Vec<f64>,
+    accepted: Vec<u64>,
+    streams: Vec<RandomStream>,
+}
+
+/// Work space of a half-step.
+#[derive(Debug, Clone)]
+struct Proposal {
+    positions: Vec<f64>,
+    log_density: Vec<f64>,
+    log_factors: Vec<f64>,
+    thresholds: Vec<f64>,
+}
+
+/// What a checkpoint keeps of an ensemble; walkers in order, layout of [`Points`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct EnsembleState {
+    /// Coordinate d of walker w at `positions[d * n_walkers + w]`.
+    pub positions: Vec<f64>,
+    /// Log density of each walker.
+    pub log_density: Vec<f64>,
+    /// Accepted proposals of each walker since the last freeze.
+    pub accepted: Vec<u64>,
+    /// Words read from each walker's random stream, then from the ensemble's own.
+    pub stream_positions: Vec<u64>,
+    /// Jumps since the last freeze.
+    pub jumps: JumpCount,
+    /// Steps done.
+    pub n_steps: u64,
+}
+
+impl Ensemble {
+    /// Ensemble number `number` of a run, at given positions (layout of [`EnsembleState::positions`]) whose log densities
+    /// are known.
+    ///
+    /// Random streams are numbered walker by walker over ensembles, then the ensembles' own from 2⁶³ on.
+    pub fn new(seed: u64, number: usize, dimension: usize, positions: &[f64], log_density: &[f64]) -> Self {
+        let n_walkers = log_density.len();
+        let h = n_walkers / 2;
+        let half = |first: usize| Half {
+            positions: (0..dimension)
+                .flat_map(|d| &positions[d * n_walkers + first..d * n_walkers + first + h])
+                .copied()
+                .collect(),
+            log_density: log_density[first..first + h].to_vec(),
+            accepted: vec![0; h],
+            streams: (first..first + h).map(|w| RandomStream::new(seed, (number * n_walkers + w) as u64)).collect(),
+        };
+        let proposal = Proposal {
+            positions: vec![0.0; dimension * h],
+            log_density: vec![0.0; h],
+            log_factors: vec![0.0; h],
+            thresholds: vec![0.0; h],
+        };
+        let shared = RandomStream::new(seed, (1 << 63) | number as u64);
+        Self { dimension, halves: [half(0), half(h)], shared, proposal, jumps: JumpCount::default(), n_steps: 0 }
+    }
+
+    /// Moves every walker once.
+    ///
+    /// # Errors
+    /// [`Error::Numerical`] when a log density is NaN or +∞.
+    pub fn step(&mut self, density: &dyn LogDensity, kernel: &Kernel) -> Result<()> {
+        for moving in 0..2 {
+            self.half_step(moving, density, kernel)?;
+        }
+        self.n_steps += 1;
+        Ok(())
+    }
+
+    fn half_step(&mut self, moving: usize, density: &dyn LogDensity, kernel: &Kernel) -> Result<()> {
+        let dimension = self.dimension;
+        let [first, second] = &mut self.halves;
+        let (half, other) = if moving == 0 { (first, second) } else { (second, first) };
+        let n = half.log_density.len();
+        let proposal = &mut self.proposal;
+        let jump = kernel.jumps.filter(|(_, fraction)| self.shared.unit() < *fraction).map(|(jump, _)| jump);
+        let chosen: &dyn Move = jump.map_or(kernel.local, |jump| jump);
+        chosen.propose(
+            Points { coordinates: &half.positions, n, dimension },
+            Points { coordinates: &other.positions, n, dimension },
+            &mut self.shared,
+            &mut half.streams,
+            &mut proposal.positions,
+            &mut proposal.log_factors,
+        );
+        density.log_density(&proposal.positions, &mut proposal.log_density);
+        check(dimension, &proposal.positions, &proposal.log_density)?;
+        let n_accepted = half.accept(proposal, dimension);
+        if jump.is_some() {
+            self.jumps.proposed += n as u64;
+            self.jumps.accepted += n_accepted;
+        }
+        Ok(())
+    }
+
+    /// Number of walkers.
+    pub fn n_walkers(&self) -> usize {
+        2 * self.halves[0].log_density.len()
+    }
+
+    /// Steps done.
+    pub fn n_steps(&self) -> u64 {
+        self.n_steps
+    }
+
+    /// Accepted proposals of each walker since [`Ensemble::forget_acceptance`].
+    pub fn accepted(&self) -> impl Iterator<Item = u64> {
+        self.halves.iter().flat_map(|half| half.accepted.iter().copied())
+    }
+
+    /// Starts counting accepted proposals again.
+    pub fn forget_acceptance(&mut self) {
+        self.halves.iter_mut().for_each(|half| half.accepted.fill(0));
+        self.jumps = JumpCount::default();
+    }
+
+    /// Appends all positions (layout of [`EnsembleState::positions`]) and log densities.
+    pub fn record(&self, positions: &mut Vec<f64>, log_density: &mut Vec<f64>) {
+        let h = self.halves[0].log_density.len();
+        for d in 0..self.dimension {
+            self.halves.iter().for_each(|half| positions.extend_from_slice(&half.positions[d * h..(d + 1) * h]));
+        }
+        self.halves.iter().for_each(|half| log_density.extend_from_slice(&half.log_density));
+    }
+
+    /// Jumps since the last freeze.
+    pub fn jumps(&self) -> JumpCount {
+        self.jumps
+    }
+
+    /// Position of a walker.
+    pub fn position(&self, walker: usize) -> Vec<f64> {
+        let h = self.halves[0].log_density.len();
+        let (half, i) = (&self.halves[walker / h], walker % h);
+        (0..self.dimension).map(|d| half.positions[d * h + i]).collect()
+    }
+
+    /// Log density of a walker.
+    pub fn log_density(&self, walker: usize) -> f64 {
+        let h = self.halves[0].log_density.len();
+        self.halves[walker / h].log_density[walker % h]
+    }
+
+    /// Puts a walker elsewhere; only meaningful before a freeze, since it breaks the chain.
+    pub fn place(&mut self, walker: usize, position: &[f64], log_density: f64) {
+        let h = self.halves[0].log_density.len();
+        let (half, i) = (&mut self.halves[walker / h], walker % h);
+        for (d, &x) in position.iter().enumerate() {
+            half.positions[d * h + i] = x;
+        }
+        half.log_density[i] = log_density;
+    }
+
+    /// A walker's random stream, for what is drawn between steps.
+    pub fn stream(&mut self, walker: usize) -> &mut RandomStream {
+        let h = self.halves[0].log_density.len();
+        &mut self.halves[walker / h].streams[walker % h]
+    }
+
+    /// What a checkpoint keeps.
+    pub fn state(&self) -> EnsembleState {
+        let (mut positions, mut log_density) = (Vec::new(), Vec::new());
+        self.record(&mut positions, &mut log_density);
+        let streams = self.halves.iter().flat_map(|half| &half.streams).chain([&self.shared]);
+        EnsembleState {
+            positions,
+            log_density,
+            accepted: self.accepted().collect(),
+            stream_positions: streams.map(RandomStream::position).collect(),
+            jumps: self.jumps,
+            n_steps: self.n_steps,
+        }
+    }
+
+    /// The ensemble that [`Ensemble::state`] was taken from, to the last bit. The state's sizes must agree.
+    pub fn restored(seed: u64, number: usize, dimension: usize, state: &EnsembleState) -> Self {
+        let mut ensemble = Self::new(seed, number, dimension, &state.positions, &state.log_density);
+        let h = ensemble.halves[0].log_density.len();
+        for (k, half) in ensemble.halves.iter_mut().enumerate() {
+            half.accepted.copy_from_slice(&state.accepted[k * h..(k + 1) * h]);
+            for (stream, &position) in half.streams.iter_mut().zip(&state.stream_positions[k * h..]) {
+                stream.seek(position);
+            }
+        }
+        ensemble.shared.seek(state.stream_positions[2 * h]);
+        (ensemble.jumps, ensemble.n_steps) = (state.jumps, state.n_steps);
+        ensemble
+    }
+}
+
+impl Half {
+    /// Metropolis decision for every walker: one word each, whatever the outcome. Returns how many moved.
+    fn accept(&mut self, proposal: &mut Proposal, dimension: usize) -> u64 {
+        let n = self.log_density.len();
+        let mut n_accepted = 0;
+        proposal.thresholds.iter_mut().zip(&mut self.streams).for_each(|(u, stream)| *u = stream.unit());
+        elementary::ln_all(&mut proposal.thresholds);
+        for i in 0..n {
+            let log_ratio = proposal.log_density[i] - self.log_density[i] + proposal.log_factors[i];
+            // A NaN ratio (a factor of 0·∞) compares false: the walker stays.
+            let accept = proposal.thresholds[i] < log_ratio;
+            self.accepted[i] += u64::from(accept);
+            n_accepted += u64::from(accept);
+            if accept {
+                self.log_density[i] = proposal.log_density[i];
+                for d in 0..dimension {
+                    self.positions[d * n + i] = proposal.positions[d * n + i];
+                }
+            }
+        }
+        n_accepted
+    }
+}
+
+/// Refuses NaN and +∞, naming the point.
+pub(crate) fn check(dimension: usize, points: &[f64], log_density: &[f64]) -> Result<()> {
+    // Without an early exit the scan is one vector instruction a few values.
+    if log_density.iter().fold(true, |good, value| good & (*value < f64::INFINITY)) {
+        return Ok(());
+    }
+    let n = log_density.len();
+    let Some(i) = log_density.iter().position(|value| value.is_nan() || *value == f64::INFINITY) else { return Ok(()) };
+    let point: Vec<f64> = (0..dimension).map(|d| points[d * n + i]).collect();
+    Err(Error::numerical(
+        format!("the log density is {} at the unconstrained point {point:?}", log_density[i]),
+        "this is a fault of the model, not of the data: narrow the prior around this point, and report it",
+    ))
+}

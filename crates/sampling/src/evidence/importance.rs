@@ -1,0 +1,216 @@
+//! Importance sampling from a mixture of t distributions that is adapted to the posterior.
+//!
+//! ẑ = (1/N) Σ p(θᵢ)/q(θᵢ), θᵢ ~ q. The proposal starts from the modes' Laplace approximations; rounds of draws then refit it to what the weights
+//! say (`charts`: a part for each mode where that describes them better): to all draws so far, each weighted by the mixture of the proposals that they came from (Cornuet et al. 2012,
+//! doi:10.1111/j.1467-9469.2011.00756.x), the weights truncated so that no single draw takes the proposal with it (Ionides 2008,
+//! doi:10.1198/106186008X320456). The estimate comes from fresh draws of the final proposal alone:
+//! it is unbiased, whatever the adaptation did, and its k̂ says whether its error can be believed.
+
+use super::charts::Charts;
+use super::weighted::{effective_size, normalised};
+use super::{Estimate, WeightedDraws, evaluate, ln_mean};
+use crate::LogDensity;
+use crate::ensemble::RandomStream;
+use crate::optimum::Modes;
+use crate::pareto::pareto_k;
+use base::error::{Error, Result};
+
+/// Pareto k̂ below which an estimate is believed (Vehtari et al. 2024, JMLR 25:72).
+pub const LARGEST_PARETO_K: f64 = 0.7;
+
+/// Effective draws below which it is not, whatever k̂ says: quantiles need them, too.
+pub const FEWEST_EFFECTIVE_DRAWS: f64 = 200.0;
+
+/// Whether an estimate by importance sampling can be believed.
+pub fn is_reliable(estimate: &Estimate) -> bool {
+    estimate.pareto_k.is_some_and(|k| k < LARGEST_PARETO_K) && estimate.draws.effective_size() >= FEWEST_EFFECTIVE_DRAWS
+}
+
+/// How many draws to spend.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ImportanceOptions {
+    /// Draws of each round of adaptation.
+    pub n_adapting: usize,
+    /// Rounds of adaptation, at most.
+    pub n_rounds: usize,
+    /// Draws of the estimate.
+    pub n_draws: usize,
+    /// An estimate that cannot be believed is tried again with more draws, so often in all.
+    pub n_attempts: usize,
+    /// Seed of the draws.
+    pub seed: u64,
+}
+
+impl Default for ImportanceOptions {
+    fn default() -> Self {
+        Self { n_adapting: 2_000, n_rounds: 6, n_draws: 8_000, n_attempts: 2, seed: 1 }
+    }
+}
+
+impl ImportanceOptions {
+    /// For densities that take a millisecond: an error of 0.03 nats where the proposal is good, and more draws only where it is not.
+    pub fn of_slow_density() -> Self {
+        Self { n_adapting: 600, n_draws: 2_000, ..Self::default() }
+    }
+
+    /// Where a tenth of a nat will do: an answer at once where the proposal is good.
+    pub fn in_brief() -> Self {
+        Self { n_adapting: 800, n_rounds: 5, n_draws: 2_500, ..Self::default() }
+    }
+}
+
+/// Effective draws per coordinate that a proposal is fitted to: weights are taken to a power that leaves as many.
+const DRAWS_PER_COORDINATE: f64 = 30.0;
+/// Share of the estimate's draws that come from one wide component over all of the posterior, and how much wider it is: what the others miss must not
+/// weigh much.
+const BACKGROUND_SHARE: f64 = 0.1;
+const BACKGROUND_STRETCH: f64 = 1.5;
+/// Effective share of the draws at which the proposal is good enough.
+const GOOD_SHARE: f64 = 0.75;
+/// By what factor more draws there are when an estimate that cannot be believed is tried again.
+const MORE: usize = 3;
+/// Rounds of adaptation then.
+const ROUNDS_AGAIN: usize = 2;
+
+/// Evidence by importance sampling. Ask [`is_reliable`] before it is used.
+///
+/// # Errors
+/// [`Error::Numerical`] when no mode has a usable curvature, when no draw has a finite density, or when the density is +∞ or often NaN.
+pub fn evidence(density: &dyn LogDensity, modes: &Modes, options: &ImportanceOptions) -> Result<Estimate> {
+    let dimension = density.dimension();
+    let proposal = Charts::of_modes(modes, dimension).ok_or_else(no_mode)?;
+    let stream = RandomStream::new(options.seed, 0);
+    let mut sampler = Sampler { density, modes, proposal, stream, pool: Pool::default(), n_evaluations: 0 };
+    let mut best: Option<Estimate> = None;
+    let ImportanceOptions { mut n_adapting, mut n_rounds, mut n_draws, .. } = *options;
+    for _ in 0..options.n_attempts {
+        sampler.adapt(n_adapting, n_rounds)?;
+        let found = sampler.estimate(n_draws)?;
+        let good = is_reliable(&found);
+        if good || best.as_ref().is_none_or(|best| found.pareto_k < best.pareto_k) {
+            best = Some(found);
+        }
+        if good {
+            break;
+        }
+        (n_adapting, n_draws, n_rounds) = (MORE * n_adapting, MORE * n_draws, ROUNDS_AGAIN);
+    }
+    let best = best.filter(|best| best.ln_evidence.is_finite()).ok_or_else(no_mode)?;
+    Ok(Estimate { n_evaluations: sampler.n_evaluations, ..best })
+}
+
+fn no_mode() -> Error {
+    Error::numerical(
+        "the posterior has no maximum around which it could be sampled",
+        "look at the priors, or fix a parameter that the data say nothing about",
+    )
+}
+
+struct Sampler<'a> {
+    density: &'a dyn LogDensity,
+    modes: &'a Modes,
+    proposal: Charts,
+    stream: RandomStream,
+    pool: Pool,
+    n_evaluations: usize,
+}
+
+/// Draws of all rounds.
+#[derive(Default)]
+struct Pool {
+    points: Vec<Vec<f64>>,
+    /// ln p of each point.
+    values: Vec<f64>,
+    /// ln Σ n_r q_r of each point over the rounds r.
+    ln_proposed: Vec<f64>,
+    /// The proposals and how many draws came from each.
+    proposals: Vec<(Charts, usize)>,
+}
+
+impl Pool {
+    fn add(&mut self, mixture: &Charts, points: Vec<Vec<f64>>, values: Vec<f64>) {
+        let ln_n = (points.len() as f64).ln();
+        for (point, ln_proposed) in self.points.iter().zip(&mut self.ln_proposed) {
+            *ln_proposed = ln_sum(*ln_proposed, ln_n + mixture.ln_density(point));
+        }
+        self.proposals.push((mixture.clone(), points.len()));
+        let proposed = |point: &Vec<f64>| {
+            let terms = self.proposals.iter().map(|(mixture, n)| (*n as f64).ln() + mixture.ln_density(point));
+            terms.fold(f64::NEG_INFINITY, ln_sum)
+        };
+        let ln_proposed: Vec<f64> = points.iter().map(proposed).collect();
+        self.ln_proposed.extend(ln_proposed);
+        self.points.extend(points);
+        self.values.extend(values);
+    }
+
+    fn weights(&self) -> Vec<f64> {
+        let ln_weights: Vec<f64> = self.values.iter().zip(&self.ln_proposed).map(|(p, q)| p - q).collect();
+        tempered(&ln_weights, DRAWS_PER_COORDINATE * self.points[0].len() as f64)
+    }
+}
+
+/// ln(eᵃ + eᵇ).
+fn ln_sum(a: f64, b: f64) -> f64 {
+    let top = a.max(b);
+    if top == f64::NEG_INFINITY { top } else { top + (-(a - b).abs()).exp().ln_1p() }
+}
+
+impl Sampler<'_> {
+    /// Draws from a proposal with their log densities.
+    fn draw(&mut self, proposal: &Charts, n: usize) -> Result<(Vec<Vec<f64>>, Vec<f64>)> {
+        let points = proposal.draw(n, self.density.dimension(), &mut self.stream);
+        let values = evaluate(self.density, &points)?;
+        self.n_evaluations += n;
+        Ok((points, values))
+    }
+
+    fn adapt(&mut self, n: usize, n_rounds: usize) -> Result<()> {
+        for _ in 0..n_rounds {
+            let proposal = self.proposal.clone();
+            let (points, values) = self.draw(&proposal, n)?;
+            let ln_weights = ln_weights(&proposal, &points, &values);
+            self.pool.add(&proposal, points, values);
+            if effective_size(&normalised(&ln_weights)) > GOOD_SHARE * n as f64 {
+                break;
+            }
+            let weights = self.pool.weights();
+            if let Some(fitted) = Charts::fitted(&self.pool.points, &weights, self.modes, &mut self.stream) {
+                self.proposal = fitted;
+            }
+        }
+        Ok(())
+    }
+
+    fn estimate(&mut self, n: usize) -> Result<Estimate> {
+        let weights = self.pool.weights();
+        let proposal = self.proposal.with_background(&self.pool.points, &weights, BACKGROUND_SHARE, BACKGROUND_STRETCH);
+        let (points, values) = self.draw(&proposal, n)?;
+        let ln_weights = ln_weights(&proposal, &points, &values);
+        let (ln_evidence, standard_error) = ln_mean(&ln_weights);
+        let pareto_k = Some(pareto_k(&ln_weights));
+        self.pool.add(&proposal, points.clone(), values);
+        let draws = WeightedDraws::new(points, &ln_weights);
+        Ok(Estimate { ln_evidence, standard_error, pareto_k, draws, n_evaluations: n })
+    }
+}
+
+fn ln_weights(mixture: &Charts, points: &[Vec<f64>], values: &[f64]) -> Vec<f64> {
+    points.iter().zip(values).map(|(point, value)| value - mixture.ln_density(point)).collect()
+}
+
+/// Weights to the largest power of at most one that leaves enough of them effective.
+fn tempered(ln_weights: &[f64], wanted: f64) -> Vec<f64> {
+    let to_power = |power: f64| -> Vec<f64> {
+        normalised(&ln_weights.iter().map(|w| if w.is_finite() { power * w } else { *w }).collect::<Vec<_>>())
+    };
+    let leaves_enough = |power: f64| effective_size(&to_power(power)) >= wanted;
+    let (mut lower, mut upper) = (0.0, 1.0);
+    if !leaves_enough(1.0) {
+        for _ in 0..30 {
+            let middle = 0.5 * (lower + upper);
+            if leaves_enough(middle) { lower = middle } else { upper = middle }
+        }
+    }
+    to_power(upper)
+}

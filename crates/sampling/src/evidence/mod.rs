@@ -1,0 +1,83 @@
+//! The evidence ∫ p(data | θ) p(θ) dθ of a model, and weighted draws from its posterior.
+//!
+//! Three ways, which must agree: importance sampling from a mixture that is adapted to the posterior ([`importance`]), sequential Monte Carlo from
+//! the prior ([`tempering`]), and, for the ratio of two nested models, the posterior density at the null ([`savage_dickey()`]).
+
+mod charts;
+mod coordinates;
+pub mod importance;
+mod proposal;
+mod savage_dickey;
+pub mod tempering;
+mod valley;
+mod weighted;
+
+pub use coordinates::{PriorCoordinates, normal_of};
+pub use savage_dickey::{SavageDickey, savage_dickey};
+pub use valley::valley;
+pub use weighted::WeightedDraws;
+
+use crate::LogDensity;
+use crate::ensemble::check_log_densities;
+use base::error::{Error, Result};
+use rayon::prelude::*;
+
+/// An evidence with its error, and draws from the posterior.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Estimate {
+    /// ln ∫ p(data | θ) p(θ) dθ, in nats.
+    pub ln_evidence: f64,
+    /// Its standard error.
+    pub standard_error: f64,
+    /// Pareto k̂ of the importance weights: below 0.7 the two above can be believed. `None` where nothing was weighted.
+    pub pareto_k: Option<f64>,
+    /// Posterior draws, in the density's coordinates.
+    pub draws: WeightedDraws,
+    /// Points at which the density was asked for.
+    pub n_evaluations: usize,
+}
+
+/// Points of a batch that one thread evaluates; a multiple of the lanes that share registers.
+const BATCH: usize = 256;
+/// Share of points without a number above which the density is at fault and not the reach of a proposal's tails.
+const MOST_UNDEFINED: f64 = 0.01;
+
+/// Log densities of points given one by one. Proposals reach far beyond the posterior's bulk, to where a model may leave the range of numbers: NaN
+/// counts as −∞, unless there are too many of them.
+///
+/// # Errors
+/// [`Error::Numerical`] for +∞, and for more than one NaN in a hundred points.
+fn evaluate(density: &dyn LogDensity, points: &[Vec<f64>]) -> Result<Vec<f64>> {
+    let dimension = density.dimension();
+    let batch = |points: &[Vec<f64>]| -> Result<(Vec<f64>, usize)> {
+        let coordinates: Vec<f64> = (0..dimension).flat_map(|d| points.iter().map(move |point| point[d])).collect();
+        let mut values = vec![0.0; points.len()];
+        density.log_density(&coordinates, &mut values);
+        let n_undefined = values.iter().filter(|value| value.is_nan()).count();
+        values.iter_mut().filter(|value| value.is_nan()).for_each(|value| *value = f64::NEG_INFINITY);
+        check_log_densities(dimension, &coordinates, &values)?;
+        Ok((values, n_undefined))
+    };
+    let batches: Vec<(Vec<f64>, usize)> = points.par_chunks(BATCH).map(batch).collect::<Result<_>>()?;
+    let n_undefined: usize = batches.iter().map(|(_, n)| n).sum();
+    if n_undefined as f64 > MOST_UNDEFINED * points.len() as f64 {
+        return Err(Error::numerical(
+            format!("the log density is not a number at {n_undefined} of {} points", points.len()),
+            "look at the priors' reach: the model cannot be computed in a good part of it",
+        ));
+    }
+    Ok(batches.into_iter().flat_map(|(values, _)| values).collect())
+}
+
+/// ln of the mean of weights given by their logarithms, and that mean's relative standard error.
+fn ln_mean(ln_weights: &[f64]) -> (f64, f64) {
+    let n = ln_weights.len() as f64;
+    let top = ln_weights.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    if top == f64::NEG_INFINITY {
+        return (top, f64::INFINITY);
+    }
+    let weights = || ln_weights.iter().map(|w| (w - top).exp());
+    let mean = weights().sum::<f64>() / n;
+    let variance = weights().map(|w| (w - mean).powi(2)).sum::<f64>() / (n - 1.0).max(1.0);
+    (top + mean.ln(), (variance / n).sqrt() / mean)
+}

@@ -1,0 +1,316 @@
+//! Proposals that follow funnels and bent ridges: a mixture of t distributions behind a triangular map.
+//!
+//! How well a law is known depends on the noise's parameters, and where it lies on those of an effect: no few ellipses fit that. The map takes the
+//! coordinates one by one, those with the widest spread first. Given the ones before it, y, coordinate d is
+//!
+//! x_d = μ_d(y) + exp(λ_d(y)) w_d,
+//!
+//! with μ a sum of parabolas and λ linear. Both are fitted to weighted draws by penalised likelihood as if w were standard normals. The map is one to
+//! one whatever its coefficients, so a poor fit costs draws and nothing else.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::weighted::{effective_size, resampled_indices};
+use crate::ensemble::RandomStream;
+use crate::t_mixture::TMixture;
+
+/// Deviations, in standard deviations, beyond which a coordinate pulls the later ones no further: parabolas leave for infinity.
+const LARGEST_PULL: f64 = 4.0;
+/// Passes over location and spread, and steps of the latter's fit in each.
+const N_PASSES: usize = 3;
+const N_SPREAD_STEPS: usize = 3;
+/// Standard deviations of the coefficients of λ and of μ before any draw is seen, in units of standardised coordinates.
+const SPREAD_SLOPE_SD: f64 = 0.5;
+const LOCATION_SLOPE_SD: f64 = 1.0;
+/// Smallest λ: draws on a plane do not make it vanish.
+const SMALLEST_LN_SPREAD: f64 = -12.0;
+/// Components that are added, where the draws are, to the one of their moments, and steps of expectation and maximisation that fit them.
+const ADDED_COMPONENTS: usize = 2;
+const FIT_STEPS: usize = 2;
+
+/// One coordinate given those before it.
+#[derive(Debug, Clone)]
+struct Conditional {
+    coordinate: usize,
+    centre: f64,
+    sd: f64,
+    /// Coefficients of μ: constant, then a linear and a quadratic one for each coordinate before.
+    location: Vec<f64>,
+    /// Coefficients of λ: constant, then one for each coordinate before.
+    ln_spread: Vec<f64>,
+}
+
+impl Conditional {
+    /// μ and λ given the standardised coordinates before.
+    fn at(&self, before: &[f64]) -> (f64, f64) {
+        let (mut location, mut ln_spread) = (self.location[0], self.ln_spread[0]);
+        for (j, y) in before.iter().enumerate() {
+            let y = pull(*y);
+            location += y * (self.location[1 + 2 * j] + y * self.location[2 + 2 * j]);
+            ln_spread += y * self.ln_spread[1 + j];
+        }
+        (location, ln_spread.max(SMALLEST_LN_SPREAD))
+    }
+}
+
+fn pull(y: f64) -> f64 {
+    y.clamp(-LARGEST_PULL, LARGEST_PULL)
+}
+
+/// The triangular map between points x and what the mixture describes, w.
+#[derive(Debug, Clone)]
+pub struct Map {
+    conditionals: Vec<Conditional>,
+}
+
+impl Map {
+    /// x = w.
+    pub fn identity(dimension: usize) -> Self {
+        let conditional = |coordinate: usize| Conditional {
+            coordinate,
+            centre: 0.0,
+            sd: 1.0,
+            location: vec![0.0; 1 + 2 * coordinate],
+            ln_spread: vec![0.0; 1 + coordinate],
+        };
+        Self { conditionals: (0..dimension).map(conditional).collect() }
+    }
+
+    /// Fitted to points with weights that add up to one; `None` when a coordinate does not vary.
+    pub fn fitted(points: &[Vec<f64>], weights: &[f64]) -> Option<Self> {
+        let dimension = points.first()?.len();
+        let moments = |d: usize| {
+            let mean: f64 = points.iter().zip(weights).map(|(x, w)| w * x[d]).sum();
+            (mean, points.iter().zip(weights).map(|(x, w)| w * (x[d] - mean).powi(2)).sum::<f64>().sqrt())
+        };
+        let moments: Vec<(f64, f64)> = (0..dimension).map(moments).collect();
+        if !moments.iter().all(|(mean, sd)| mean.is_finite() && *sd > 0.0 && sd.is_finite()) {
+            return None;
+        }
+        let mut order: Vec<usize> = (0..dimension).collect();
+        order.sort_by(|a, b| moments[*b].1.total_cmp(&moments[*a].1));
+        let used: Vec<usize> = (0..points.len()).filter(|i| weights[*i] > 0.0).collect();
+        let n_effective = effective_size(weights);
+        let counts: Vec<f64> = used.iter().map(|i| n_effective * weights[*i]).collect();
+        // Standardised coordinates in the map's order, one point a column.
+        let standard = DMatrix::from_fn(dimension, used.len(), |k, i| {
+            (points[used[i]][order[k]] - moments[order[k]].0) / moments[order[k]].1
+        });
+        let conditional = |k: usize| {
+            let (location, ln_spread) = fit_conditional(&standard, k, &counts)?;
+            let (centre, sd) = moments[order[k]];
+            Some(Conditional { coordinate: order[k], centre, sd, location, ln_spread })
+        };
+        Some(Self { conditionals: (0..dimension).map(conditional).collect::<Option<_>>()? })
+    }
+
+    /// x of w, and ln |dx/dw|.
+    pub fn point(&self, w: &[f64]) -> (Vec<f64>, f64) {
+        let mut before = Vec::with_capacity(w.len());
+        let (mut x, mut ln_volume) = (vec![0.0; w.len()], 0.0);
+        for (conditional, w) in self.conditionals.iter().zip(w) {
+            let (location, ln_spread) = conditional.at(&before);
+            let y = location + ln_spread.exp() * w;
+            x[conditional.coordinate] = conditional.centre + conditional.sd * y;
+            ln_volume += conditional.sd.ln() + ln_spread;
+            before.push(y);
+        }
+        (x, ln_volume)
+    }
+
+    /// w of x, and ln |dx/dw|.
+    pub fn straightened(&self, x: &[f64]) -> (Vec<f64>, f64) {
+        let mut before = Vec::with_capacity(x.len());
+        let (mut w, mut ln_volume) = (Vec::with_capacity(x.len()), 0.0);
+        for conditional in &self.conditionals {
+            let (location, ln_spread) = conditional.at(&before);
+            let y = (x[conditional.coordinate] - conditional.centre) / conditional.sd;
+            w.push((y - location) * (-ln_spread).exp());
+            ln_volume += conditional.sd.ln() + ln_spread;
+            before.push(y);
+        }
+        (w, ln_volume)
+    }
+}
+
+/// Coefficients of μ and λ of row k of standardised coordinates given the rows before it.
+fn fit_conditional(standard: &DMatrix<f64>, k: usize, counts: &[f64]) -> Option<(Vec<f64>, Vec<f64>)> {
+    let n = counts.len();
+    let linear = DMatrix::from_fn(1 + k, n, |row, i| if row == 0 { 1.0 } else { pull(standard[(row - 1, i)]) });
+    let parabolas = DMatrix::from_fn(1 + 2 * k, n, |row, i| match row {
+        0 => 1.0,
+        row if row % 2 == 1 => linear[(row.div_ceil(2), i)],
+        row => linear[(row / 2, i)].powi(2),
+    });
+    let target: Vec<f64> = standard.row(k).iter().copied().collect();
+    let mut location = DVector::zeros(1 + 2 * k);
+    let mut ln_spread = DVector::zeros(1 + k);
+    let information =
+        penalised(&weighted_squares(&linear, &counts.iter().map(|c| 2.0 * c).collect::<Vec<_>>()), SPREAD_SLOPE_SD);
+    let information = information.cholesky()?;
+    for pass in 0..N_PASSES {
+        let precisions: Vec<f64> =
+            (0..n).map(|i| (-2.0 * linear.column(i).dot(&ln_spread).max(SMALLEST_LN_SPREAD)).exp()).collect();
+        let pulls: Vec<f64> = counts.iter().zip(&precisions).map(|(count, precision)| count * precision).collect();
+        let squares = penalised(&weighted_squares(&parabolas, &pulls), LOCATION_SLOPE_SD);
+        let right = &parabolas * DVector::from_iterator(n, pulls.iter().zip(&target).map(|(pull, y)| pull * y));
+        location = squares.cholesky()?.solve(&right);
+        let residuals2: Vec<f64> = (0..n).map(|i| (target[i] - parabolas.column(i).dot(&location)).powi(2)).collect();
+        if pass == 0 {
+            let total: f64 = counts.iter().sum();
+            let mean = residuals2.iter().zip(counts).map(|(r2, count)| r2 * count).sum::<f64>() / total;
+            ln_spread[0] = (0.5 * mean.ln()).max(SMALLEST_LN_SPREAD);
+        }
+        // Fisher's scoring of Σ counts (λ + r² e^(−2λ) / 2).
+        for _ in 0..N_SPREAD_STEPS {
+            let mut slope = DVector::from_fn(1 + k, |row, _| {
+                if row == 0 { 0.0 } else { -ln_spread[row] / (SPREAD_SLOPE_SD * SPREAD_SLOPE_SD) }
+            });
+            for ((features, count), residual2) in linear.column_iter().zip(counts).zip(&residuals2) {
+                let lambda = features.dot(&ln_spread).max(SMALLEST_LN_SPREAD);
+                slope.axpy(count * (residual2 * (-2.0 * lambda).exp() - 1.0), &features, 1.0);
+            }
+            let change = information.solve(&slope);
+            let largest = change.amax().max(1.0);
+            ln_spread += change / largest;
+        }
+    }
+    let is_finite = location.iter().chain(ln_spread.iter()).all(|x| x.is_finite());
+    is_finite.then(|| (location.as_slice().to_vec(), ln_spread.as_slice().to_vec()))
+}
+
+/// Σ wᵢ fᵢ fᵢᵀ over the columns.
+fn weighted_squares(features: &DMatrix<f64>, weights: &[f64]) -> DMatrix<f64> {
+    let mut weighted = features.clone();
+    for (mut column, weight) in weighted.column_iter_mut().zip(weights) {
+        column *= *weight;
+    }
+    weighted * features.transpose()
+}
+
+/// With what a normal prior adds for every coefficient but the constant.
+fn penalised(squares: &DMatrix<f64>, sd: f64) -> DMatrix<f64> {
+    let mut sum = squares.clone();
+    (1..sum.nrows()).for_each(|k| sum[(k, k)] += 1.0 / (sd * sd));
+    sum
+}
+
+/// A mixture behind a map: what is drawn from.
+#[derive(Debug, Clone)]
+pub struct Proposal {
+    /// The map.
+    pub map: Map,
+    mixture: TMixture,
+    /// What all densities of the mixture have in common.
+    ln_constant: f64,
+}
+
+impl Proposal {
+    fn new(map: Map, mixture: TMixture) -> Self {
+        Self { map, ln_constant: mixture.ln_constant(), mixture }
+    }
+
+    /// The mixture as it is.
+    pub fn plain(mixture: TMixture, dimension: usize) -> Self {
+        Self::new(Map::identity(dimension), mixture)
+    }
+
+    /// Fitted to points with weights that add up to one; `None` when they lie in a plane.
+    pub fn fitted(points: &[Vec<f64>], weights: &[f64], stream: &mut RandomStream) -> Option<Self> {
+        let map = Map::fitted(points, weights)?;
+        let straight: Vec<Vec<f64>> = points.iter().map(|x| map.straightened(x).0).collect();
+        let centres: Vec<Vec<f64>> =
+            resampled_indices(weights, ADDED_COMPONENTS, stream).into_iter().map(|i| straight[i].clone()).collect();
+        let start = TMixture::of_moments(&straight, weights)?.with_centres(&centres);
+        let mixture = (0..FIT_STEPS).fold(start, |mixture, _| mixture.refitted(&straight, weights));
+        Some(Self::new(map, mixture))
+    }
+
+    /// The same with a component of this share that has the moments of weighted points, `stretch` times as wide.
+    pub fn with_background(&self, points: &[Vec<f64>], weights: &[f64], share: f64, stretch: f64) -> Self {
+        let straight: Vec<Vec<f64>> = points.iter().map(|x| self.map.straightened(x).0).collect();
+        let mixture = self.mixture.with_background(&straight, weights, share, stretch);
+        Self::new(self.map.clone(), mixture)
+    }
+
+    /// Draws points.
+    pub fn draw(&self, n: usize, dimension: usize, stream: &mut RandomStream) -> Vec<Vec<f64>> {
+        let (mut w, mut noise) = (vec![0.0; dimension], vec![0.0; dimension]);
+        let mut one = |_| {
+            self.mixture.draw(stream, &mut w, &mut noise);
+            self.map.point(&w).0
+        };
+        (0..n).map(&mut one).collect()
+    }
+
+    /// ln q.
+    pub fn ln_density(&self, x: &[f64]) -> f64 {
+        let (w, ln_volume) = self.map.straightened(x);
+        self.ln_constant + self.mixture.log_density(&w) - ln_volume
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A funnel: x₁ = 3y with a standard normal y, and x₀ = 0.1 + 0.05 y² + 0.01 e^(y/2) z with another one, z: the second coordinate goes first.
+    fn funnel() -> (Vec<Vec<f64>>, Vec<f64>) {
+        let mut stream = RandomStream::new(5, 0);
+        let mut one = |_| {
+            let wide = 3.0 * stream.normal();
+            let narrow = 0.1 + 0.05 * (wide / 3.0).powi(2) + 0.01 * (wide / 6.0).exp() * stream.normal();
+            vec![narrow, wide]
+        };
+        let points: Vec<Vec<f64>> = (0..5_000).map(&mut one).collect();
+        let weights = vec![1.0 / 5_000.0; 5_000];
+        (points, weights)
+    }
+
+    #[test]
+    fn going_there_and_back_is_the_identity() {
+        let (points, weights) = funnel();
+        let map = Map::fitted(&points, &weights).expect("spread");
+        for point in points.iter().step_by(100).chain([&vec![5.0, -40.0]]) {
+            let (w, ln_volume) = map.straightened(point);
+            let (back, same) = map.point(&w);
+            assert!(back.iter().zip(point).all(|(a, b)| (a - b).abs() < 1e-9 * (1.0 + b.abs())), "{back:?} {point:?}");
+            assert!((ln_volume - same).abs() < 1e-9);
+        }
+    }
+
+    /// The logarithm of the volume is that of the determinant of differences.
+    #[test]
+    fn volumes_are_those_of_the_map_s_derivative() {
+        let (points, weights) = funnel();
+        let map = Map::fitted(&points, &weights).expect("spread");
+        for w in [[0.3, -0.4], [-1.2, 2.0], [2.1, 0.7]] {
+            let step = 1e-5;
+            let column = |d: usize| {
+                let shifted =
+                    |by: f64| map.point(&std::array::from_fn::<f64, 2, _>(|k| w[k] + if k == d { by } else { 0.0 })).0;
+                let (up, down) = (shifted(step), shifted(-step));
+                [(up[0] - down[0]) / (2.0 * step), (up[1] - down[1]) / (2.0 * step)]
+            };
+            let (a, b) = (column(0), column(1));
+            let determinant: f64 = a[0] * b[1] - a[1] * b[0];
+            assert!((determinant.abs().ln() - map.point(&w).1).abs() < 1e-6);
+        }
+    }
+
+    /// Straightened draws are standard normals whose spread does not depend on each other: 5,000 draws have errors of 0.014 in means, of 0.010 in standard
+    /// deviations, and of about 0.03 in the correlation of squares; six of them.
+    #[test]
+    fn a_funnel_is_made_straight() {
+        let (points, weights) = funnel();
+        let map = Map::fitted(&points, &weights).expect("spread");
+        let straight: Vec<Vec<f64>> = points.iter().map(|x| map.straightened(x).0).collect();
+        let mean = |of: &dyn Fn(&[f64]) -> f64| straight.iter().map(|w| of(w)).sum::<f64>() / 5_000.0;
+        for d in 0..2 {
+            assert!(mean(&|w| w[d]).abs() < 0.09 && (mean(&|w| w[d] * w[d]).sqrt() - 1.0).abs() < 0.06);
+        }
+        assert!(mean(&|w| w[0] * w[1]).abs() < 0.09);
+        assert!(mean(&|w| w[0] * (w[1] * w[1] - 1.0)).abs() < 0.15);
+        assert!(mean(&|w| w[1] * (w[0] * w[0] - 1.0)).abs() < 0.15);
+    }
+}

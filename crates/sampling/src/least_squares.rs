@@ -1,0 +1,398 @@
+//! Nonlinear least squares by Levenberg and Marquardt: the paper's point estimate.
+//!
+//! Minimises S(θ) = Σ rᵢ(θ)². Each iteration solves (JᵀJ + λ diag JᵀJ) δ = −Jᵀr (Marquardt 1963, doi:10.1137/0111030), with the gain-ratio
+//! control of λ by Nielsen (1999). Ends when an accepted step changes S by less than 10⁻⁹ of it and no
+//! coordinate by more than 10⁻⁶ (the paper's tolerances).
+//!
+//! Where coordinates have bounds, steps are projected onto them (Kanzow, Yamashita & Fukushima 2004, doi:10.1016/j.cam.2004.02.013): a coordinate at its bound that S would push
+//! farther stays there while the others go on.
+
+use base::{Error, Result};
+use nalgebra::{DMatrix, DVector};
+
+/// When an estimate is good enough.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Tolerances {
+    /// Relative change of the objective.
+    pub objective: f64,
+    /// Change of each coordinate, relative to 1 + |θ|.
+    pub parameters: f64,
+    /// Iterations after which the search ends unconverged.
+    pub max_iterations: usize,
+}
+
+impl Default for Tolerances {
+    fn default() -> Self {
+        Self { objective: 1e-9, parameters: 1e-6, max_iterations: 500 }
+    }
+}
+
+/// A least-squares problem: residuals, and their derivatives if they are known.
+pub trait Residuals {
+    /// Residual vector at θ; `None` where the model cannot be evaluated.
+    fn residuals(&self, theta: &[f64]) -> Option<DVector<f64>>;
+
+    /// ∂rᵢ/∂θⱼ (one row a residual); `None` to have central differences taken.
+    fn jacobian(&self, theta: &[f64]) -> Option<DMatrix<f64>>;
+
+    /// Bounds of a coordinate, both of which may be reached; none unless it is said.
+    fn bounds(&self, _coordinate: usize) -> (f64, f64) {
+        (f64::NEG_INFINITY, f64::INFINITY)
+    }
+}
+
+/// A least-squares estimate.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Fit {
+    /// Estimate θ̂.
+    pub theta: Vec<f64>,
+    /// Covariance s²(JᵀJ)⁻¹ with s² = S/(n − p), row by row; NaN when n ≤ p or J is rank deficient.
+    pub covariance: Vec<f64>,
+    /// Square roots of the covariance's diagonal.
+    pub standard_errors: Vec<f64>,
+    /// S at the estimate, in the residuals' unit squared.
+    pub objective: f64,
+    /// Residuals at the estimate.
+    pub residuals: Vec<f64>,
+    /// Steps tried.
+    pub iterations: usize,
+    /// Whether both tolerances were met.
+    pub converged: bool,
+}
+
+/// Minimises the sum of squares from a start.
+///
+/// # Errors
+/// [`Error::Numerical`] when the residuals or their derivatives at the start are not finite, or there are none.
+pub fn fit(problem: &dyn Residuals, start: &[f64], tolerances: &Tolerances) -> Result<Fit> {
+    let bounds: Vec<(f64, f64)> = (0..start.len()).map(|j| problem.bounds(j)).collect();
+    let mut point = Point::at(problem, within(&bounds, start.to_vec())).ok_or_else(|| {
+        Error::numerical(
+            format!("the residuals cannot be computed at the start {start:?}"),
+            "start from parameters at which the model can be evaluated",
+        )
+    })?;
+    let mut damping = Damping::new();
+    let mut iterations = 0;
+    let mut converged = false;
+    while !converged && iterations < tolerances.max_iterations {
+        iterations += 1;
+        let Some(step) = point.step(damping.lambda, &bounds) else {
+            if !damping.refuse() {
+                break;
+            }
+            continue;
+        };
+        let theta = within(&bounds, point.theta.iter().zip(step.iter()).map(|(t, s)| t + s).collect());
+        let step = DVector::from_iterator(theta.len(), theta.iter().zip(&point.theta).map(|(new, old)| new - old));
+        let small = step.iter().zip(&point.theta).all(|(s, t)| s.abs() <= tolerances.parameters * (1.0 + t.abs()));
+        let promised = point.promised(&step);
+        // At the limit of rounding no step lowers S any more: a promise that small ends the search, too.
+        if small && promised <= tolerances.objective * point.objective {
+            converged = damping.lambda <= 1.0;
+        }
+        let trial = Point::at(problem, theta).filter(|trial| trial.objective <= point.objective);
+        match trial {
+            Some(trial) => {
+                let gain = point.objective - trial.objective;
+                converged |= small && gain <= tolerances.objective * point.objective;
+                damping.accept(gain / promised.max(f64::MIN_POSITIVE));
+                point = trial;
+            }
+            None if !converged && !damping.refuse() => break,
+            None => {}
+        }
+    }
+    Ok(point.finish(iterations, converged))
+}
+
+/// Every coordinate that is beyond a bound goes to it.
+fn within(bounds: &[(f64, f64)], mut theta: Vec<f64>) -> Vec<f64> {
+    for (t, (lower, upper)) in theta.iter_mut().zip(bounds) {
+        *t = t.max(*lower).min(*upper);
+    }
+    theta
+}
+
+/// Damping λ by Nielsen's rule.
+struct Damping {
+    lambda: f64,
+    growth: f64,
+}
+
+impl Damping {
+    fn new() -> Self {
+        Self { lambda: 1e-3, growth: 2.0 }
+    }
+
+    fn accept(&mut self, gain_ratio: f64) {
+        self.lambda = (self.lambda * (1.0 - (2.0 * gain_ratio - 1.0).powi(3)).max(1.0 / 3.0)).max(1e-14);
+        self.growth = 2.0;
+    }
+
+    /// Larger after a failed step; false when there is no use in going on.
+    fn refuse(&mut self) -> bool {
+        self.lambda *= self.growth;
+        self.growth *= 2.0;
+        self.lambda < 1e30
+    }
+}
+
+struct Point {
+    theta: Vec<f64>,
+    residuals: DVector<f64>,
+    /// JᵀJ.
+    normal: DMatrix<f64>,
+    jacobian: DMatrix<f64>,
+    objective: f64,
+}
+
+impl Point {
+    fn at(problem: &dyn Residuals, theta: Vec<f64>) -> Option<Self> {
+        let residuals = problem.residuals(&theta)?;
+        let objective = residuals.norm_squared();
+        if !objective.is_finite() || residuals.is_empty() {
+            return None;
+        }
+        let jacobian = match problem.jacobian(&theta) {
+            Some(jacobian) => jacobian,
+            None => central_differences(problem, &theta, residuals.len())?,
+        };
+        if jacobian.iter().any(|value| !value.is_finite()) {
+            return None;
+        }
+        let normal = jacobian.tr_mul(&jacobian);
+        Some(Self { theta, residuals, normal, jacobian, objective })
+    }
+
+    /// Coordinates at a bound beyond which S would fall.
+    fn held(&self, bounds: &[(f64, f64)]) -> Vec<usize> {
+        let downhill = -self.jacobian.tr_mul(&self.residuals);
+        let is_held = |&j: &usize| {
+            let (lower, upper) = bounds[j];
+            (self.theta[j] <= lower && downhill[j] < 0.0) || (self.theta[j] >= upper && downhill[j] > 0.0)
+        };
+        (0..self.theta.len()).filter(is_held).collect()
+    }
+
+    /// Solves with the QR factors of J stacked on √(λ diag JᵀJ), which squares no condition number.
+    fn step(&self, lambda: f64, bounds: &[(f64, f64)]) -> Option<DVector<f64>> {
+        let (n, p) = self.jacobian.shape();
+        let largest = (0..p).map(|j| self.normal[(j, j)]).fold(0.0, f64::max);
+        let mut stacked = DMatrix::zeros(n + p, p);
+        stacked.rows_mut(0, n).copy_from(&self.jacobian);
+        for j in self.held(bounds) {
+            stacked.column_mut(j).fill(0.0);
+        }
+        for j in 0..p {
+            // A parameter without influence still gets damping: it stays where it is.
+            stacked[(n + j, j)] = (lambda * self.normal[(j, j)].max(1e-12 * largest)).sqrt();
+        }
+        let mut right = DVector::zeros(n + p);
+        right.rows_mut(0, n).copy_from(&(-&self.residuals));
+        let qr = stacked.qr();
+        qr.q_tr_mul(&mut right);
+        let step = qr.r().solve_upper_triangular(&right.rows(0, p).into_owned())?;
+        step.iter().all(|s| s.is_finite()).then_some(step)
+    }
+
+    /// Decrease of S that the linear model promises.
+    fn promised(&self, step: &DVector<f64>) -> f64 {
+        let linear = &self.residuals + &self.jacobian * step;
+        (self.objective - linear.norm_squared()).max(0.0)
+    }
+
+    fn finish(self, iterations: usize, converged: bool) -> Fit {
+        let (n, p) = self.jacobian.shape();
+        let variance = if n > p { self.objective / (n - p) as f64 } else { f64::NAN };
+        let covariance = match inverse_normal(&self.jacobian) {
+            Some(inverse) => inverse * variance,
+            None => DMatrix::from_element(p, p, f64::NAN),
+        };
+        Fit {
+            standard_errors: covariance.diagonal().iter().map(|v| v.sqrt()).collect(),
+            covariance: covariance.transpose().as_slice().to_vec(),
+            objective: self.objective,
+            residuals: self.residuals.as_slice().to_vec(),
+            theta: self.theta,
+            iterations,
+            converged,
+        }
+    }
+}
+
+/// (JᵀJ)⁻¹ from J's QR factors; `None` when J is numerically rank deficient.
+fn inverse_normal(jacobian: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+    let p = jacobian.ncols();
+    if jacobian.nrows() < p {
+        return None;
+    }
+    // Columns of unit length: the test for rank then does not depend on units.
+    let norms = DVector::from_fn(p, |j, _| jacobian.column(j).norm());
+    if norms.iter().any(|&norm| norm == 0.0) {
+        return None;
+    }
+    let scaled = DMatrix::from_fn(jacobian.nrows(), p, |i, j| jacobian[(i, j)] / norms[j]);
+    let r = scaled.qr().r();
+    if r.diagonal().iter().any(|d| d.abs() < 1e-13) {
+        return None;
+    }
+    let inverse = r.solve_upper_triangular(&DMatrix::identity(p, p))?;
+    let inverse = DMatrix::from_fn(p, p, |i, j| inverse[(i, j)] / norms[i]);
+    Some(&inverse * inverse.transpose())
+}
+
+fn central_differences(problem: &dyn Residuals, theta: &[f64], n: usize) -> Option<DMatrix<f64>> {
+    let mut jacobian = DMatrix::zeros(n, theta.len());
+    for j in 0..theta.len() {
+        // The cube root of the rounding unit balances truncation against cancellation.
+        let step = 6e-6 * (1.0 + theta[j].abs());
+        let mut shifted = theta.to_vec();
+        shifted[j] = theta[j] + step;
+        let above = problem.residuals(&shifted)?;
+        shifted[j] = theta[j] - step;
+        let below = problem.residuals(&shifted)?;
+        jacobian.set_column(j, &((above - below) / (2.0 * step)));
+    }
+    Some(jacobian)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    struct Model<F> {
+        data: Vec<(f64, f64)>,
+        f: F,
+    }
+
+    impl<F: Fn(f64, &[f64]) -> f64> Residuals for Model<F> {
+        fn residuals(&self, theta: &[f64]) -> Option<DVector<f64>> {
+            Some(DVector::from_iterator(self.data.len(), self.data.iter().map(|&(x, y)| (self.f)(x, theta) - y)))
+        }
+        fn jacobian(&self, _theta: &[f64]) -> Option<DMatrix<f64>> {
+            None
+        }
+    }
+
+    /// y = a + b x: slope, intercept and their standard errors have textbook formulas.
+    #[test]
+    fn straight_line_has_the_textbook_estimate_and_errors() {
+        let data: Vec<(f64, f64)> =
+            (0..20).map(|i| (f64::from(i), 2.0 - 0.7 * f64::from(i) + f64::from((i * 37) % 11) - 5.0)).collect();
+        let n = data.len() as f64;
+        let (mx, my) = (data.iter().map(|d| d.0).sum::<f64>() / n, data.iter().map(|d| d.1).sum::<f64>() / n);
+        let sxx: f64 = data.iter().map(|d| (d.0 - mx).powi(2)).sum();
+        let slope = data.iter().map(|d| (d.0 - mx) * (d.1 - my)).sum::<f64>() / sxx;
+        let intercept = my - slope * mx;
+        let rss: f64 = data.iter().map(|d| (d.1 - intercept - slope * d.0).powi(2)).sum();
+        let s2 = rss / (n - 2.0);
+        let found =
+            fit(&Model { data, f: |x, t: &[f64]| t[0] + t[1] * x }, &[0.0, 0.0], &Tolerances::default()).unwrap();
+        assert!(found.converged);
+        let exact = [intercept, slope, (s2 * (1.0 / n + mx * mx / sxx)).sqrt(), (s2 / sxx).sqrt()];
+        let ours = [found.theta[0], found.theta[1], found.standard_errors[0], found.standard_errors[1]];
+        for (a, b) in ours.iter().zip(exact) {
+            assert!((a - b).abs() < 1e-7 * b.abs().max(1.0), "{ours:?} against {exact:?}");
+        }
+        assert!((found.objective / rss - 1.0).abs() < 1e-12);
+    }
+
+    /// NIST StRD Misra1a, y = b₁(1 − exp(−b₂x)), from the far start; certified values and standard deviations.
+    #[test]
+    fn misra1a_is_certified() {
+        let y = [10.07, 14.73, 17.94, 23.93, 29.61, 35.18, 40.02, 44.82, 50.76, 55.05, 61.01, 66.40, 75.47, 81.78];
+        let x = [77.6, 114.9, 141.1, 190.8, 239.9, 289.0, 332.8, 378.4, 434.8, 477.3, 536.8, 593.1, 689.1, 760.0];
+        let model = Model {
+            data: x.into_iter().zip(y).collect(),
+            f: |x: f64, t: &[f64]| t[0] * (1.0 - (-t[1].exp() * x).exp()),
+        };
+        // The rate's logarithm is fitted, as all of this crate's positive parameters are.
+        let found = fit(&model, &[500.0, 1e-4_f64.ln()], &Tolerances::default()).unwrap();
+        assert!(found.converged, "{found:?}");
+        let rate = found.theta[1].exp();
+        for (ours, certified) in [
+            (found.theta[0], 2.3894212918e2),
+            (rate, 5.5015643181e-4),
+            (found.standard_errors[0], 2.7070075241),
+            (rate * found.standard_errors[1], 7.2668688436e-6),
+            (found.objective, 1.2455138894e-1),
+        ] {
+            assert!((ours / certified - 1.0).abs() < 1e-6, "{ours} against {certified}");
+        }
+    }
+
+    #[test]
+    fn noise_free_data_give_the_truth() {
+        let truth = [1.3_f64, -0.4, 0.8];
+        let f = |x: f64, t: &[f64]| t[0].exp() * (1.0 - (-x * t[1].exp()).exp()) + t[2] * x;
+        let data = (1..60).map(|i| f64::from(i) * 0.1).map(|x| (x, f(x, &truth))).collect();
+        let found = fit(&Model { data, f }, &[0.0, 0.0, 0.0], &Tolerances::default()).unwrap();
+        assert!(found.converged);
+        assert!(found.theta.iter().zip(truth).all(|(a, b)| (a - b).abs() < 1e-6), "{:?}", found.theta);
+    }
+
+    /// An exponential above a constant, from a start whose first steps lead beyond the bound of a rate: the search goes along the bound and comes back from it to the truth; where the truth is beyond
+    /// the bound, it ends on it, at the best of all others there.
+    #[test]
+    fn bounds_do_not_stop_the_other_coordinates() {
+        struct Bounded<F>(Model<F>, Vec<(f64, f64)>);
+        impl<F: Fn(f64, &[f64]) -> f64> Residuals for Bounded<F> {
+            fn residuals(&self, theta: &[f64]) -> Option<DVector<f64>> {
+                let is_within = theta.iter().zip(&self.1).all(|(t, (lower, upper))| t >= lower && t <= upper);
+                assert!(is_within, "{theta:?} is beyond its bounds");
+                self.0.residuals(theta)
+            }
+            fn jacobian(&self, theta: &[f64]) -> Option<DMatrix<f64>> {
+                let step = 1e-6;
+                let change = |j: usize| {
+                    let shifted = |by: f64| {
+                        theta.iter().enumerate().map(|(i, t)| if i == j { t + by } else { *t }).collect::<Vec<_>>()
+                    };
+                    (self.0.residuals(&shifted(step)).unwrap() - self.0.residuals(&shifted(-step)).unwrap())
+                        / (2.0 * step)
+                };
+                Some(DMatrix::from_columns(&(0..theta.len()).map(change).collect::<Vec<_>>()))
+            }
+            fn bounds(&self, coordinate: usize) -> (f64, f64) {
+                self.1[coordinate]
+            }
+        }
+        let f = |x: f64, t: &[f64]| t[0] * (-t[1].exp() * x).exp() + t[2];
+        let truth = [2.0, 0.5_f64, 0.3];
+        let data: Vec<(f64, f64)> = (0..50).map(|i| 0.1 * f64::from(i)).map(|x| (x, f(x, &truth))).collect();
+        let none = (f64::NEG_INFINITY, f64::INFINITY);
+        let start = [-1.0, -1.9, 4.0];
+        let wide = Bounded(Model { data: data.clone(), f }, vec![none, (-2.0, 2.0), (-5.0, 5.0)]);
+        let found = fit(&wide, &start, &Tolerances::default()).unwrap();
+        assert!(found.converged && found.theta.iter().zip(truth).all(|(a, b)| (a - b).abs() < 1e-6), "{found:?}");
+        let narrow = Bounded(Model { data: data.clone(), f }, vec![none, (-2.0, 0.2), (-5.0, 5.0)]);
+        let found = fit(&narrow, &start, &Tolerances::default()).unwrap();
+        let given = Model { data, f: |x: f64, t: &[f64]| f(x, &[t[0], 0.2, t[1]]) };
+        let best = fit(&given, &[1.0, 0.0], &Tolerances::default()).unwrap();
+        assert!(found.converged && found.theta[1] == 0.2, "{found:?}");
+        assert!((found.objective / best.objective - 1.0).abs() < 1e-6, "{} {}", found.objective, best.objective);
+    }
+
+    #[test]
+    fn a_parameter_without_influence_has_no_error() {
+        let data = (0..10).map(|i| (f64::from(i), 3.0 + f64::from(i % 2))).collect();
+        let found = fit(&Model { data, f: |_, t: &[f64]| t[0] }, &[0.0, 7.0], &Tolerances::default()).unwrap();
+        assert!((found.theta[0] - 3.5).abs() < 1e-6 && (found.theta[1] - 7.0).abs() < 1e-6, "{found:?}");
+        assert!(found.standard_errors.iter().all(|e| e.is_nan()));
+    }
+
+    #[test]
+    fn a_start_without_residuals_is_an_error() {
+        struct Nothing;
+        impl Residuals for Nothing {
+            fn residuals(&self, _theta: &[f64]) -> Option<DVector<f64>> {
+                None
+            }
+            fn jacobian(&self, _theta: &[f64]) -> Option<DMatrix<f64>> {
+                None
+            }
+        }
+        assert!(fit(&Nothing, &[1.0], &Tolerances::default()).is_err());
+    }
+}

@@ -1,0 +1,34 @@
+//! Where the posterior's mass is, before any sampling: optima found from several starts and their Laplace approximations.
+
+mod laplace;
+mod newton;
+mod stencil;
+
+pub use laplace::{Mode, Modes};
+pub use newton::{Optimum, maximise, touching};
+
+use crate::LogDensity;
+use base::Result;
+use rayon::prelude::*;
+use std::cmp::Ordering;
+
+/// Climbs from every start and keeps the distinct modes, the heaviest first. Starts outside the support are passed over.
+///
+/// # Errors
+/// [`base::Error::Numerical`] when a log density is +∞.
+pub fn find_modes(density: &dyn LogDensity, starts: &[Vec<f64>]) -> Result<Modes> {
+    let optima: Vec<Option<Optimum>> =
+        starts.par_iter().map(|start| maximise(density, start)).collect::<Result<Vec<_>>>()?;
+    let mut modes = Modes::default();
+    let mut optima: Vec<Optimum> = optima.into_iter().flatten().collect();
+    // A climb that was given up is no mode of its own; the highest of them serves where no other came to an end.
+    optima.sort_by(|a, b| {
+        (b.converged, b.log_density).partial_cmp(&(a.converged, a.log_density)).unwrap_or(Ordering::Equal)
+    });
+    optima
+        .iter()
+        .enumerate()
+        .filter(|(k, optimum)| optimum.converged || *k == 0)
+        .for_each(|(_, optimum)| modes.add(optimum));
+    Ok(modes)
+}

@@ -1,0 +1,85 @@
+//! Gradient and Hessian by central differences, all points in one batch.
+
+use crate::LogDensity;
+use crate::ensemble::check_log_densities;
+use base::Result;
+use nalgebra::{DMatrix, DVector};
+
+/// Value and derivatives at a point.
+pub(super) struct Derivatives {
+    pub gradient: DVector<f64>,
+    pub hessian: DMatrix<f64>,
+}
+
+/// Log densities of points given one by one. NaN counts as −∞ here: a long trial step may leave the range of numbers, and
+/// it is for the sampler, which keeps to where the mass is, to stop at a NaN.
+pub(super) fn evaluate(density: &dyn LogDensity, points: &[DVector<f64>]) -> Result<Vec<f64>> {
+    let (n, dimension) = (points.len(), density.dimension());
+    if n == 0 {
+        return Ok(Vec::new());
+    }
+    let coordinates: Vec<f64> = (0..dimension).flat_map(|d| points.iter().map(move |point| point[d])).collect();
+    let mut values = vec![0.0; n];
+    density.log_density(&coordinates, &mut values);
+    values.iter_mut().filter(|value| value.is_nan()).for_each(|value| *value = f64::NEG_INFINITY);
+    check_log_densities(dimension, &coordinates, &values)?;
+    Ok(values)
+}
+
+/// Central differences with the given steps; steps are halved until the whole stencil lies in the support, `None` when
+/// that does not help.
+///
+/// Mixed derivatives come from the two corners (+,+) and (−,−): 1 + d + d² points in all but the centre.
+pub(super) fn differentiate(
+    density: &dyn LogDensity,
+    centre: &DVector<f64>,
+    value: f64,
+    steps: &mut DVector<f64>,
+) -> Result<Option<Derivatives>> {
+    for _ in 0..12 {
+        let values = evaluate(density, &stencil_points(centre, steps))?;
+        if values.iter().all(|v| v.is_finite()) {
+            return Ok(Some(derivatives(value, steps, &values)));
+        }
+        *steps *= 0.5;
+    }
+    Ok(None)
+}
+
+fn stencil_points(centre: &DVector<f64>, steps: &DVector<f64>) -> Vec<DVector<f64>> {
+    let dimension = centre.len();
+    let mut points = Vec::with_capacity(dimension * (dimension + 1));
+    let mut push = |axes: &[usize]| {
+        for sign in [1.0, -1.0] {
+            let mut point = centre.clone();
+            axes.iter().for_each(|&d| point[d] += sign * steps[d]);
+            points.push(point);
+        }
+    };
+    (0..dimension).for_each(|i| push(&[i]));
+    (0..dimension).for_each(|i| (0..i).for_each(|j| push(&[i, j])));
+    points
+}
+
+fn derivatives(value: f64, steps: &DVector<f64>, values: &[f64]) -> Derivatives {
+    let dimension = steps.len();
+    let mut gradient = DVector::zeros(dimension);
+    let mut hessian = DMatrix::zeros(dimension, dimension);
+    for i in 0..dimension {
+        let (plus, minus) = (values[2 * i] - value, values[2 * i + 1] - value);
+        gradient[i] = (plus - minus) / (2.0 * steps[i]);
+        hessian[(i, i)] = (plus + minus) / (steps[i] * steps[i]);
+    }
+    let mut corner = 2 * dimension;
+    for i in 0..dimension {
+        for j in 0..i {
+            // f(++) + f(−−) − 2f = hᵢ²Hᵢᵢ + hⱼ²Hⱼⱼ + 2hᵢhⱼHᵢⱼ.
+            let sum = (values[corner] - value) + (values[corner + 1] - value);
+            let diagonal = steps[i] * steps[i] * hessian[(i, i)] + steps[j] * steps[j] * hessian[(j, j)];
+            hessian[(i, j)] = (sum - diagonal) / (2.0 * steps[i] * steps[j]);
+            hessian[(j, i)] = hessian[(i, j)];
+            corner += 2;
+        }
+    }
+    Derivatives { gradient, hessian }
+}

@@ -1,0 +1,496 @@
+//! Mixtures of multivariate t distributions: an approximation of a posterior that can be drawn from, with tails at least as heavy.
+//!
+//! q(y) = Σ w_k t₆(y; m_k, S_k), one component a mode at first. Refitting to weighted draws is one step of expectation and maximisation on the
+//! Kullback–Leibler distance from the density that the weights stand for (Cappé et al. 2008, doi:10.1007/s11222-008-9059-x, §3.2).
+
+use crate::ensemble::RandomStream;
+use crate::optimum::{Mode, Modes};
+use base::elementary;
+use nalgebra::DMatrix;
+use pulp::{Arch, Simd, WithSimd};
+use serde::{Deserialize, Serialize};
+use statrs::function::gamma::ln_gamma;
+
+/// Degrees of freedom: heavy enough tails for what a Laplace approximation misses, and even, so that χ² is −2 ln Π u.
+const DEGREES_OF_FREEDOM: f64 = 6.0;
+/// Components whose weight is below this are drawn this often all the same.
+const SMALLEST_WEIGHT: f64 = 0.02;
+/// Draws per coordinate that a component's shape is fitted to, at least.
+const DRAWS_PER_COORDINATE: usize = 100;
+/// Modes considered, heaviest first: each costs at every proposal.
+const MAX_COMPONENTS: usize = 8;
+/// Draws per coordinate that a component is dropped below when it is refitted, and that its former shape counts for.
+const FEWEST_DRAWS_PER_COORDINATE: f64 = 2.0;
+
+/// Points whose sums are carried together.
+const BLOCK: usize = 16;
+
+/// A mixture of multivariate t distributions.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct TMixture {
+    dimension: usize,
+    components: Vec<Component>,
+}
+
+/// One t distribution of a mixture.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(super) struct Component {
+    /// Upper end of the cell of [0, 1) that chooses this component.
+    upper: f64,
+    location: Vec<f64>,
+    /// Lower triangular factor L of the scale matrix S = L Lᵀ, row by row.
+    spread: Vec<f64>,
+    /// L⁻¹, row by row.
+    whiten: Vec<f64>,
+    /// ln(w / det L): the constant that all components share is left out.
+    log_weight: f64,
+}
+
+/// A component before its factors are known.
+struct Shape {
+    weight: f64,
+    location: Vec<f64>,
+    covariance: DMatrix<f64>,
+}
+
+impl TMixture {
+    /// From the modes' Laplace approximations; `None` when none has a usable curvature.
+    pub fn from_modes(modes: &Modes, dimension: usize) -> Option<Self> {
+        Self::new(Self::laplace_shapes(modes, dimension), dimension)
+    }
+
+    /// The same with location and shape of each mode's component fitted to the draws nearest to it, where there are enough.
+    /// `points` lists draws one by one.
+    pub fn fitted(modes: &Modes, dimension: usize, points: &[Vec<f64>]) -> Option<Self> {
+        let mut shapes = Self::laplace_shapes(modes, dimension);
+        let mut members: Vec<Vec<&Vec<f64>>> = vec![Vec::new(); modes.len()];
+        for point in points {
+            if let Some((idx, _)) = modes.nearest(point) {
+                members[idx].push(point);
+            }
+        }
+        for (shape, members) in shapes.iter_mut().zip(&members) {
+            if members.len() >= DRAWS_PER_COORDINATE * dimension
+                && let Some((mean, covariance)) = moments(members, dimension)
+            {
+                (shape.location, shape.covariance) = (mean, covariance);
+            }
+        }
+        Self::new(shapes, dimension)
+    }
+
+    fn laplace_shapes(modes: &Modes, dimension: usize) -> Vec<Shape> {
+        let shape = |(mode, weight): (&Mode, f64)| Shape {
+            weight,
+            location: mode.location.clone(),
+            covariance: DMatrix::from_row_slice(dimension, dimension, &mode.precision)
+                .try_inverse()
+                .unwrap_or_else(|| DMatrix::zeros(dimension, dimension)),
+        };
+        modes.iter().zip(modes.weights()).take(MAX_COMPONENTS).map(shape).collect()
+    }
+
+    fn new(shapes: Vec<Shape>, dimension: usize) -> Option<Self> {
+        let mut components: Vec<Component> =
+            shapes.into_iter().filter_map(|shape| component(shape, dimension)).collect();
+        let total: f64 = components.iter().map(|component| component.upper).sum();
+        let mut upper = 0.0;
+        for component in &mut components {
+            let weight = component.upper / total;
+            component.log_weight += weight.ln();
+            upper += weight;
+            component.upper = upper;
+        }
+        (!components.is_empty()).then_some(Self { dimension, components })
+    }
+
+    /// One component with the mean and covariance of weighted points, whose weights add up to one; `None` when they lie in a plane.
+    pub fn of_moments(points: &[Vec<f64>], weights: &[f64]) -> Option<Self> {
+        Self::new(vec![moments_of(points, weights)?], points.first()?.len())
+    }
+
+    /// The same with components of half the weight together added at `centres`, of the covariance that the mixture's heaviest has.
+    pub fn with_centres(&self, centres: &[Vec<f64>]) -> Self {
+        let mut shapes = self.shapes();
+        let heaviest = shapes.iter().max_by(|a, b| a.weight.total_cmp(&b.weight));
+        let Some(covariance) = heaviest.map(|shape| shape.covariance.clone()) else { return self.clone() };
+        shapes.iter_mut().for_each(|shape| shape.weight *= 0.5);
+        let weight = 0.5 / centres.len().max(1) as f64;
+        let added =
+            centres.iter().map(|centre| Shape { weight, location: centre.clone(), covariance: covariance.clone() });
+        shapes.extend(added);
+        Self::new(shapes, self.dimension).unwrap_or_else(|| self.clone())
+    }
+
+    /// The same with a component of this share that has the moments of weighted points, `stretch` times their standard deviations.
+    pub fn with_background(&self, points: &[Vec<f64>], weights: &[f64], share: f64, stretch: f64) -> Self {
+        let Some(Shape { location, covariance, .. }) = moments_of(points, weights) else { return self.clone() };
+        let mut shapes = self.shapes();
+        shapes.iter_mut().for_each(|shape| shape.weight *= 1.0 - share);
+        shapes.push(Shape { weight: share, location, covariance: covariance * (stretch * stretch) });
+        Self::new(shapes, self.dimension).unwrap_or_else(|| self.clone())
+    }
+
+    /// The same with every component `stretch` times as wide.
+    pub fn stretched(&self, stretch: f64) -> Self {
+        let mut shapes = self.shapes();
+        shapes.iter_mut().for_each(|shape| shape.covariance *= stretch * stretch);
+        Self::new(shapes, self.dimension).unwrap_or_else(|| self.clone())
+    }
+
+    /// One step of expectation and maximisation towards the density that weighted points stand for; the weights add up to one. A component that
+    /// has next to no points is dropped, and one that has few keeps some of its shape.
+    pub fn refitted(&self, points: &[Vec<f64>], weights: &[f64]) -> Self {
+        let mut sums: Vec<WeightedSums> = self.components.iter().map(|_| WeightedSums::new(self.dimension)).collect();
+        let mut terms = vec![0.0; self.components.len()];
+        let mut distances2 = terms.clone();
+        for (point, weight) in points.iter().zip(weights).filter(|(_, weight)| **weight > 0.0) {
+            for (k, component) in self.components.iter().enumerate() {
+                distances2[k] = component.distance2(point);
+                terms[k] = component.log_weight + self.exponent() * growth(distances2[k]).ln();
+            }
+            let top = terms.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+            let total: f64 = terms.iter().map(|term| (term - top).exp()).sum();
+            for (k, sums) in sums.iter_mut().enumerate() {
+                let share = weight * (terms[k] - top).exp() / total;
+                let n = self.dimension as f64;
+                sums.add(point, share, share * (DEGREES_OF_FREEDOM + n) / (DEGREES_OF_FREEDOM + distances2[k]));
+            }
+        }
+        let fewest = FEWEST_DRAWS_PER_COORDINATE * self.dimension as f64;
+        let refitted = self.shapes().into_iter().zip(&sums).filter_map(|(old, sums)| {
+            let n_draws = sums.effective_draws();
+            if n_draws < fewest {
+                return None;
+            }
+            let (location, covariance) = sums.moments()?;
+            let covariance = (covariance * n_draws + old.covariance * fewest) / (n_draws + fewest);
+            Some(Shape { weight: sums.total, location, covariance })
+        });
+        Self::new(refitted.collect(), self.dimension).unwrap_or_else(|| self.clone())
+    }
+
+    fn shapes(&self) -> Vec<Shape> {
+        let n = self.dimension;
+        let mut lower = 0.0;
+        let shape = |component: &Component| {
+            let spread = DMatrix::from_row_slice(n, n, &component.spread);
+            let weight = component.upper - lower;
+            lower = component.upper;
+            Shape { weight, location: component.location.clone(), covariance: &spread * spread.transpose() }
+        };
+        self.components.iter().map(shape).collect()
+    }
+
+    /// Number of components.
+    pub fn n_components(&self) -> usize {
+        self.components.len()
+    }
+
+    /// ln q(point).
+    pub fn ln_density(&self, point: &[f64]) -> f64 {
+        self.ln_constant() + self.log_density(point)
+    }
+
+    /// The constant that `log_density` leaves out.
+    pub(super) fn ln_constant(&self) -> f64 {
+        let n = self.dimension as f64;
+        ln_gamma(0.5 * (DEGREES_OF_FREEDOM + n))
+            - ln_gamma(0.5 * DEGREES_OF_FREEDOM)
+            - 0.5 * n * (DEGREES_OF_FREEDOM * std::f64::consts::PI).ln()
+    }
+
+    /// The component, if there is only one.
+    pub(super) fn only(&self) -> Option<&Component> {
+        if let [only] = &self.components[..] { Some(only) } else { None }
+    }
+
+    /// ln q up to a constant that depends on the dimension alone.
+    pub(super) fn log_density(&self, point: &[f64]) -> f64 {
+        let term =
+            |component: &Component| component.log_weight + self.exponent() * growth(component.distance2(point)).ln();
+        let terms: Vec<f64> = self.components.iter().map(term).collect();
+        let top = terms.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        top + terms.iter().map(|term| (term - top).exp()).sum::<f64>().ln()
+    }
+
+    /// Power of 1 + r²/ν in the density.
+    pub(super) fn exponent(&self) -> f64 {
+        -0.5 * (DEGREES_OF_FREEDOM + self.dimension as f64)
+    }
+
+    /// Draws a point; `noise`, of the same length, is left with the draw's place in its component, L⁻¹(y − m).
+    pub fn draw(&self, stream: &mut RandomStream, point: &mut [f64], noise: &mut [f64]) {
+        let u = stream.unit();
+        let chosen = self.components.iter().position(|component| u < component.upper);
+        let component = &self.components[chosen.unwrap_or(self.components.len() - 1)];
+        component.draw_step(stream, point, noise);
+        point.iter_mut().zip(&component.location).for_each(|(x, m)| *x += m);
+    }
+}
+
+/// 1 + r²/ν.
+#[inline(always)]
+pub(super) fn growth(distance2: f64) -> f64 {
+    1.0 + distance2 / DEGREES_OF_FREEDOM
+}
+
+/// A draw from one component for each of many points at once, and how much more likely the points are than the draws. Coordinate d of point i stands
+/// at `d * n + i`; the words read from each stream are those of [`TMixture::draw`].
+pub(super) struct Jumps<'a> {
+    pub component: &'a Component,
+    /// ln q is this times ln(1 + r²/ν).
+    pub exponent: f64,
+    pub points: &'a [f64],
+    pub draws: &'a mut [f64],
+    /// ln q(point) − ln q(draw).
+    pub log_factors: &'a mut [f64],
+}
+
+impl Jumps<'_> {
+    /// Draws from one stream a point.
+    pub fn draw(self, streams: &mut [RandomStream]) {
+        let n = streams.len();
+        // Normal numbers, in the layout of the points, then a row of products of uniform numbers.
+        let mut space = vec![0.0; self.points.len() + n];
+        let (noise, products) = space.split_at_mut(self.points.len());
+        for (i, stream) in streams.iter_mut().enumerate() {
+            // The word that chooses a component where there are several.
+            stream.word();
+            products[i] = stream.unit() * stream.unit() * stream.unit();
+            noise.iter_mut().skip(i).step_by(n).for_each(|z| *z = stream.normal());
+        }
+        Arch::new().dispatch(JumpsOfNoise { jumps: self, noise, products, n });
+    }
+}
+
+struct JumpsOfNoise<'a> {
+    jumps: Jumps<'a>,
+    noise: &'a mut [f64],
+    products: &'a mut [f64],
+    n: usize,
+}
+
+impl WithSimd for JumpsOfNoise<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _simd: S) {
+        let Self { jumps: Jumps { component, exponent, points, draws, log_factors }, noise, products, n } = self;
+        let dimension = component.location.len();
+        // The products' place is taken by the draws' squared distances, the factors' by the points'.
+        for product in products.iter_mut() {
+            *product = (DEGREES_OF_FREEDOM / (-2.0 * elementary::ln(*product))).sqrt();
+        }
+        for d in 0..dimension {
+            for i in 0..n {
+                noise[d * n + i] *= products[i];
+            }
+        }
+        products.fill(0.0);
+        log_factors.fill(0.0);
+        for d in 0..dimension {
+            let draws = &mut draws[d * n..(d + 1) * n];
+            let (spread, whiten) = (&component.spread[d * dimension..], &component.whiten[d * dimension..]);
+            // Two sums side by side: the draw's coordinate, and the point's place in the component, in blocks that stay in registers.
+            let mut first = 0;
+            while first < n {
+                let width = if n - first < BLOCK { n - first } else { BLOCK };
+                let (mut steps, mut places) = ([0.0; BLOCK], [0.0; BLOCK]);
+                for e in 0..=d {
+                    let (noise, points) = (&noise[e * n + first..][..width], &points[e * n + first..][..width]);
+                    for k in 0..width {
+                        steps[k] += spread[e] * noise[k];
+                        places[k] += whiten[e] * (points[k] - component.location[e]);
+                    }
+                }
+                for k in 0..width {
+                    let z = noise[d * n + first + k];
+                    draws[first + k] = steps[k] + component.location[d];
+                    products[first + k] += z * z;
+                    log_factors[first + k] += places[k] * places[k];
+                }
+                first += width;
+            }
+        }
+        for i in 0..n {
+            log_factors[i] = exponent * elementary::ln(growth(log_factors[i]) / growth(products[i]));
+        }
+    }
+}
+
+impl Component {
+    fn draw_step(&self, stream: &mut RandomStream, step: &mut [f64], noise: &mut [f64]) {
+        let product = stream.unit() * stream.unit() * stream.unit();
+        let stretch = (DEGREES_OF_FREEDOM / (-2.0 * product.ln())).sqrt();
+        noise.iter_mut().for_each(|z| *z = stretch * stream.normal());
+        let n = step.len();
+        for (i, x) in step.iter_mut().enumerate() {
+            let row = &self.spread[i * n..=i * n + i];
+            *x = row.iter().zip(&*noise).map(|(l, z)| l * z).sum();
+        }
+    }
+
+    /// |L⁻¹(y − m)|².
+    pub(super) fn distance2(&self, point: &[f64]) -> f64 {
+        let n = point.len();
+        let row = |i: usize| -> f64 {
+            let entries = self.whiten[i * n..=i * n + i].iter();
+            entries.zip(point).zip(&self.location).map(|((l, x), m)| l * (x - m)).sum()
+        };
+        (0..n).map(|i| row(i).powi(2)).sum()
+    }
+}
+
+fn component(shape: Shape, dimension: usize) -> Option<Component> {
+    let spread = shape.covariance.cholesky()?.l();
+    let whiten = spread.solve_lower_triangular(&DMatrix::identity(dimension, dimension))?;
+    let log_det: f64 = spread.diagonal().iter().map(|l| l.ln()).sum();
+    let rows = |matrix: DMatrix<f64>| matrix.transpose().as_slice().to_vec();
+    let finite = log_det.is_finite() && whiten.iter().chain(&spread).all(|x| x.is_finite());
+    finite.then(|| Component {
+        // Holds the weight until all weights are known.
+        upper: shape.weight.max(SMALLEST_WEIGHT),
+        location: shape.location,
+        spread: rows(spread),
+        whiten: rows(whiten),
+        log_weight: -log_det,
+    })
+}
+
+/// Mean and covariance of weighted points, whose weights add up to one; `None` when they lie in a plane.
+fn moments_of(points: &[Vec<f64>], weights: &[f64]) -> Option<Shape> {
+    let mut sums = WeightedSums::new(points.first()?.len());
+    points
+        .iter()
+        .zip(weights)
+        .filter(|(_, weight)| **weight > 0.0)
+        .for_each(|(point, weight)| sums.add(point, *weight, *weight));
+    let (location, covariance) = sums.moments()?;
+    Some(Shape { weight: 1.0, location, covariance })
+}
+
+/// Sums over weighted points from which a component is fitted. For a t distribution points far out pull less: the pull is the weight × (ν + n)/(ν + r²).
+struct WeightedSums {
+    /// Σ weight.
+    total: f64,
+    /// Σ weight².
+    squares: f64,
+    /// Σ pull.
+    pull: f64,
+    /// Σ pull · (x − origin).
+    first: Vec<f64>,
+    /// Σ pull · (x − origin)(x − origin)ᵀ, lower triangle.
+    second: DMatrix<f64>,
+    /// The first point: differences from it keep their digits.
+    origin: Vec<f64>,
+}
+
+impl WeightedSums {
+    fn new(dimension: usize) -> Self {
+        let (first, second) = (vec![0.0; dimension], DMatrix::zeros(dimension, dimension));
+        Self { total: 0.0, squares: 0.0, pull: 0.0, first, second, origin: Vec::new() }
+    }
+
+    fn add(&mut self, point: &[f64], weight: f64, pull: f64) {
+        if self.origin.is_empty() {
+            self.origin = point.to_vec();
+        }
+        self.total += weight;
+        self.squares += weight * weight;
+        self.pull += pull;
+        for i in 0..point.len() {
+            let away = pull * (point[i] - self.origin[i]);
+            self.first[i] += away;
+            for (j, (x, origin)) in point.iter().zip(&self.origin).take(i + 1).enumerate() {
+                self.second[(i, j)] += away * (x - origin);
+            }
+        }
+    }
+
+    fn effective_draws(&self) -> f64 {
+        if self.squares > 0.0 { self.total * self.total / self.squares } else { 0.0 }
+    }
+
+    /// Location and scale matrix; `None` when that is not positive definite (points in a plane, overflow).
+    fn moments(&self) -> Option<(Vec<f64>, DMatrix<f64>)> {
+        let n = self.first.len();
+        let mean: Vec<f64> = self.first.iter().map(|sum| sum / self.pull).collect();
+        let mut covariance = DMatrix::from_fn(n, n, |i, j| {
+            let (i, j) = (i.max(j), i.min(j));
+            (self.second[(i, j)] - self.pull * mean[i] * mean[j]) / self.total
+        });
+        covariance.fill_upper_triangle_with_lower_triangle();
+        covariance.clone().cholesky()?;
+        Some((mean.iter().zip(&self.origin).map(|(mean, origin)| origin + mean).collect(), covariance))
+    }
+}
+
+fn moments(points: &[&Vec<f64>], dimension: usize) -> Option<(Vec<f64>, DMatrix<f64>)> {
+    let n = points.len() as f64;
+    let mean: Vec<f64> = (0..dimension).map(|d| points.iter().map(|point| point[d]).sum::<f64>() / n).collect();
+    let mut covariance = DMatrix::zeros(dimension, dimension);
+    for point in points {
+        for i in 0..dimension {
+            for j in 0..=i {
+                covariance[(i, j)] += (point[i] - mean[i]) * (point[j] - mean[j]) / n;
+            }
+        }
+    }
+    covariance.fill_upper_triangle_with_lower_triangle();
+    // Not positive definite (walkers in a plane, overflow): the Laplace approximation stays.
+    covariance.clone().cholesky().map(|_| (mean, covariance))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::optimum::Optimum;
+
+    fn two_modes() -> Modes {
+        let mut modes = Modes::default();
+        for (location, precision) in [(0.0, 4.0), (30.0, 0.25)] {
+            modes.add(&Optimum {
+                location: vec![location, 1.0],
+                log_density: 0.0,
+                precision: vec![precision, 0.3, 0.3, 1.0],
+                converged: true,
+            });
+        }
+        modes
+    }
+
+    /// The density must be that of the draws: importance weights of a normalised Gaussian inside either component average to
+    /// one, with a standard error found from the weights themselves (six of which are allowed).
+    #[test]
+    fn density_belongs_to_the_draws() {
+        let q = TMixture::from_modes(&two_modes(), 2).unwrap();
+        let mut stream = RandomStream::new(8, 0);
+        let n_draws = 200_000;
+        for (centre, sd) in [([0.2, 1.0], [0.3, 0.7]), ([30.0, 0.5], [1.5, 0.6])] {
+            let mut weights = Vec::with_capacity(n_draws);
+            let (mut point, mut noise) = ([0.0; 2], [0.0; 2]);
+            for _ in 0..n_draws {
+                q.draw(&mut stream, &mut point, &mut noise);
+                let r2: f64 = (0..2).map(|d| ((point[d] - centre[d]) / sd[d]).powi(2)).sum();
+                let ln_gaussian = -0.5 * r2 - (sd[0] * sd[1]).ln() - std::f64::consts::TAU.ln();
+                weights.push((ln_gaussian - q.ln_density(&point)).exp());
+            }
+            let mean = weights.iter().sum::<f64>() / n_draws as f64;
+            let variance = weights.iter().map(|w| (w - mean).powi(2)).sum::<f64>() / n_draws as f64;
+            let error = (variance / n_draws as f64).sqrt();
+            assert!((mean - 1.0).abs() < 6.0 * error && error < 0.01, "{mean} ± {error}");
+        }
+    }
+
+    #[test]
+    fn fitting_takes_the_draws_moments() {
+        let modes = two_modes();
+        let mut stream = RandomStream::new(9, 0);
+        let points: Vec<Vec<f64>> = (0..2_000).map(|_| vec![1.0 + 0.1 * stream.normal(), stream.normal()]).collect();
+        let q = TMixture::fitted(&modes, 2, &points).unwrap();
+        let narrow = q.components.iter().find(|component| component.spread[0] < 0.2).unwrap();
+        assert!((narrow.location[0] - 1.0).abs() < 0.02 && (narrow.spread[0] - 0.1).abs() < 0.01);
+        assert_eq!(q.components.len(), 2);
+    }
+}

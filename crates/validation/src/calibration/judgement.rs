@@ -1,0 +1,95 @@
+//! What the ranks of all replicates say.
+
+use super::sentence::sentence;
+use super::{FEWEST, LEVEL, LOG_DENSITY, N_DRAWS, Ranked, Replicate, Subject};
+use documents::calibration::{CalibratedQuantity, Calibration, CalibrationKind, CalibrationVerdict, Coverage};
+use sampling::calibration::{
+    Ranks, chi_square, count_interval, holm, p_of_chi_square, p_of_score, probability_interval,
+};
+
+/// Numbers of bins, the most first, that divide the ranks; as many are taken as leave [`FEWEST_IN_BIN`] ranks in each.
+const BINS: [usize; 4] = [20, 10, 5, 4];
+/// Ranks in a bin, on average, from which on χ² may be trusted.
+const FEWEST_IN_BIN: usize = 5;
+
+/// The document of a calibration, from its replicates in any order.
+pub fn judged(subject: &Subject, replicates: &[Replicate]) -> Calibration {
+    let mut sorted: Vec<&Replicate> = replicates.iter().collect();
+    sorted.sort_by_key(|own| own.number);
+    let sampled: Vec<&Ranked> = sorted.iter().filter_map(|own| own.ranked.as_ref()).collect();
+    // Whether a run has converged depends on its record, not on its truth but through it: leaving out those that have not keeps the others' ranks uniform.
+    let ranked: Vec<&Ranked> = sampled.iter().copied().filter(|own| own.converged).collect();
+    let n_bins = BINS.into_iter().find(|bins| bins * FEWEST_IN_BIN <= ranked.len()).unwrap_or(BINS[BINS.len() - 1]);
+    let names = subject.parameters.iter().map(String::as_str).chain([LOG_DENSITY]);
+    let mut quantities: Vec<CalibratedQuantity> =
+        names.enumerate().map(|(index, name)| quantity(name, index, &ranked, n_bins)).collect();
+    correct(&mut quantities);
+    let kind = match quantities.iter().filter_map(|own| own.p_holm).min_by(f64::total_cmp) {
+        None => CalibrationKind::Undecided,
+        Some(p) if p < LEVEL => CalibrationKind::Miscalibrated,
+        Some(_) => CalibrationKind::Calibrated,
+    };
+    let mut found = Calibration {
+        experiment: subject.experiment.clone(),
+        model: subject.model.clone(),
+        simulated_by: subject.simulated_by,
+        replicates: sorted.len(),
+        ranked: ranked.len(),
+        not_converged: sampled.len() - ranked.len(),
+        failed: sorted.len() - sampled.len(),
+        redrawn: sorted.iter().map(|own| own.redrawn).sum(),
+        draws: N_DRAWS,
+        bin_interval_99: count_interval(ranked.len(), 1.0 / n_bins as f64, 0.99),
+        quantities,
+        verdict: CalibrationVerdict { kind, sentence: String::new() },
+    };
+    found.verdict.sentence = sentence(&found);
+    found
+}
+
+fn quantity(name: &str, index: usize, ranked: &[&Ranked], n_bins: usize) -> CalibratedQuantity {
+    let ranks = Ranks { ranks: ranked.iter().map(|own| own.ranks[index]).collect(), n_draws: N_DRAWS };
+    let counts = ranks.counts(n_bins);
+    let is_judged = ranked.len() >= FEWEST;
+    let chi_square = is_judged.then(|| chi_square(&counts));
+    let z: Vec<f64> = ranked.iter().filter_map(|own| own.z.get(index).copied()).collect();
+    let n = z.len() as f64;
+    let z_mean = (!z.is_empty()).then(|| z.iter().sum::<f64>() / n);
+    let z_sd = z_mean
+        .filter(|_| z.len() > 1)
+        .map(|mean| (z.iter().map(|z| (z - mean).powi(2)).sum::<f64>() / (n - 1.0)).sqrt());
+    let coverage = |share: f64| {
+        let (n, inside) = (ranked.len(), ranks.n_inside(share));
+        Coverage {
+            share: (n > 0).then(|| inside as f64 / n as f64),
+            interval_95: probability_interval(inside, n, 0.95),
+        }
+    };
+    CalibratedQuantity {
+        name: name.into(),
+        chi_square,
+        place: is_judged.then(|| ranks.place()),
+        spread: is_judged.then(|| ranks.spread()),
+        p_chi_square: chi_square.map(|value| p_of_chi_square(value, n_bins)),
+        p_holm: None,
+        z_mean,
+        z_sd,
+        coverage_50: coverage(0.5),
+        coverage_90: coverage(0.9),
+        counts,
+    }
+}
+
+/// Three statistics a quantity: χ² sees any shape, place and spread see the two usual ones with fewer replicates.
+fn correct(quantities: &mut [CalibratedQuantity]) {
+    let of = |own: &CalibratedQuantity| Some([own.p_chi_square?, p_of_score(own.place?), p_of_score(own.spread?)]);
+    let Some(p) = quantities.iter().map(of).collect::<Option<Vec<_>>>() else { return };
+    let corrected = holm(p.as_flattened());
+    for (own, three) in quantities.iter_mut().zip(corrected.chunks(3)) {
+        own.p_holm = three.iter().copied().min_by(f64::total_cmp);
+    }
+}
+
+#[cfg(test)]
+#[path = "judgement_tests.rs"]
+mod tests;

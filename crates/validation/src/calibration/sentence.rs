@@ -1,0 +1,75 @@
+//! The verdict in plain English.
+
+use super::{FEWEST, LEVEL, LOG_DENSITY};
+use documents::calibration::{CalibratedQuantity, Calibration, CalibrationKind};
+use figures::number::significant;
+
+/// A score beyond this is said as what is wrong; the verdict itself rests on corrected p.
+const TELLING: f64 = 3.0;
+/// Quantities that are named.
+const MOST_NAMED: usize = 3;
+
+/// What follows.
+pub(super) fn sentence(found: &Calibration) -> String {
+    let n = found.ranked;
+    let records = format!("{n} simulated records");
+    let said = match found.verdict.kind {
+        CalibrationKind::Undecided => format!(
+            "Nothing is said of the posteriors: {n} of {} simulated records could be ranked, and {FEWEST} are needed.",
+            found.replicates
+        ),
+        CalibrationKind::Calibrated => format!(
+            "The posteriors hold the truths as often as they say: over {records} nothing speaks against it (smallest corrected p {}).",
+            p(found.quantities.iter())
+        ),
+        CalibrationKind::Miscalibrated => {
+            let mut wrong: Vec<&CalibratedQuantity> =
+                found.quantities.iter().filter(|own| own.p_holm.is_some_and(|p| p < LEVEL)).collect();
+            wrong.sort_by(|a, b| a.p_holm.unwrap_or(1.0).total_cmp(&b.p_holm.unwrap_or(1.0)));
+            let named: Vec<String> = wrong.iter().take(MOST_NAMED).map(|own| fault(own)).collect();
+            let more = match wrong.len().saturating_sub(MOST_NAMED) {
+                0 => String::new(),
+                more => format!("; and {more} more"),
+            };
+            format!(
+                "The posteriors do not hold the truths as often as they say, over {records}: {}{more}.",
+                named.join("; ")
+            )
+        }
+    };
+    let left_out: Vec<String> =
+        [(found.not_converged, "had not converged and are not counted"), (found.failed, "could not be sampled")]
+            .into_iter()
+            .filter(|(count, _)| *count > 0)
+            .map(|(count, words)| format!("{count} of {} {words}", found.replicates))
+            .collect();
+    if left_out.is_empty() { said } else { format!("{said} {}.", left_out.join(", ")) }
+}
+
+/// One quantity's fault.
+fn fault(own: &CalibratedQuantity) -> String {
+    let corrected = p([own].into_iter());
+    if own.name == LOG_DENSITY {
+        return format!("the log-density at the truth is not among those of the draws (corrected p {corrected})");
+    }
+    let (place, spread) = (own.place.unwrap_or(0.0), own.spread.unwrap_or(0.0));
+    let mut words = Vec::new();
+    if place < -TELLING {
+        words.push("too high");
+    } else if place > TELLING {
+        words.push("too low");
+    }
+    if spread > TELLING {
+        words.push("too narrow");
+    } else if spread < -TELLING {
+        words.push("too wide");
+    }
+    let what = if words.is_empty() { "of another shape".into() } else { words.join(" and ") };
+    format!("{} is {what} (corrected p {corrected})", own.name)
+}
+
+/// The smallest corrected p, to two digits.
+fn p<'a>(quantities: impl Iterator<Item = &'a CalibratedQuantity>) -> String {
+    let smallest = quantities.filter_map(|own| own.p_holm).fold(1.0, f64::min);
+    significant(smallest, 2)
+}

@@ -1,0 +1,208 @@
+//! How often 90 % intervals hold the truth: truths from the priors, each record fitted and weighed as `diagnose` does it.
+//!
+//! A posterior that is computed rightly covers draws from its own prior as often as it says, whatever the model (Cook, Gelman & Rubin 2006,
+//! doi:10.1198/106186006X136976). So data come from the reduced model itself here: what is counted is the computation, not the model. Sizes are uniform in
+//! the prior's quantiles as the diagnosis of their own record sees them; a truth is taken when its signal is at least so many standard deviations, since
+//! only effects that show are ever claimed.
+
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::bench::FromPriors;
+use super::{Bench, NamedValue, NoiseKind, Protocol};
+use base::error::{Error, Place, Result};
+use criticism::evidence::{EvidenceMethod, evidence};
+use criticism::refit::Refitted;
+use criticism::{Search, Subject};
+use posterior::monitor::{Counter, Monitor};
+use sampling::ensemble::RandomStream;
+
+/// What is counted.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CoverageRequest {
+    /// How many records.
+    pub count: usize,
+    /// Number of the first: a part of a long count takes the records that the whole would have taken.
+    pub first: usize,
+    /// Effects by slug, in turn.
+    pub effects: Vec<String>,
+    /// Smallest signal of a truth, in standard deviations.
+    pub least_sigma: f64,
+    /// Seed of truths, noises and intervals.
+    pub seed: u64,
+}
+
+/// One interval beside its truth.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Interval {
+    /// Number of the record, from 0.
+    pub number: usize,
+    /// Slug of the effect.
+    pub effect: String,
+    /// Protocol.
+    pub protocol: Protocol,
+    /// Noise.
+    pub noise: NoiseKind,
+    /// The law: E (Pa), c₁ and c₂ (Pa s).
+    pub law: [f64; 3],
+    /// True parameters of the effect; the first is counted.
+    pub truth: Vec<NamedValue>,
+    /// Signal in standard deviations.
+    pub signal_sigma: f64,
+    /// 5 % and 95 % quantile of the first parameter's posterior; `None` where it could not be computed.
+    pub interval: Option<[f64; 2]>,
+    /// Whether the truth lies between them.
+    pub is_covered: Option<bool>,
+    /// Answers that the posterior gives: parts with a valley between them.
+    pub n_answers: usize,
+    /// Pareto k̂ of the weights; `None` where sequential Monte Carlo took over.
+    pub pareto_k: Option<f64>,
+    /// How the posterior was computed.
+    pub method: Option<String>,
+    /// Why there is no interval.
+    pub failure: Option<String>,
+}
+
+/// The count of one effect.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct EffectCoverage {
+    /// Slug.
+    pub effect: String,
+    /// Records with an interval.
+    pub counted: usize,
+    /// Of those, with the truth inside.
+    pub covered: usize,
+    /// Of those, with more than one answer.
+    pub with_several_answers: usize,
+    /// Records without an interval.
+    pub failed: usize,
+}
+
+/// All of it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Coverage {
+    /// Share of intervals that hold the truth.
+    pub share: f64,
+    /// Records with an interval.
+    pub counted: usize,
+    /// Effect by effect.
+    pub effects: Vec<EffectCoverage>,
+    /// One by one.
+    pub intervals: Vec<Interval>,
+}
+
+/// Truths that are drawn before an effect's signals are called out of reach.
+const MOST_DRAWS: usize = 400;
+/// Streams of noises; truths have those before.
+const NOISE_STREAMS: u64 = 1 << 32;
+/// Noises that the fitted noise model has.
+const NOISES: [NoiseKind; 3] = [NoiseKind::White, NoiseKind::Ou, NoiseKind::Gain];
+
+/// Counts.
+///
+/// # Errors
+/// [`Error::Input`] for effects that are not of the library or never show; whatever the base model's fit refuses.
+pub fn count(bench: &Bench, request: &CoverageRequest, monitor: &dyn Monitor) -> Result<Coverage> {
+    if request.count == 0 || request.effects.is_empty() {
+        return Err(Error::input(Place::option("--count"), "nothing to count", "give a number and an effect"));
+    }
+    monitor.stage(&format!("counting intervals of {} records", request.count));
+    let counter = Counter::new(monitor, request.count);
+    let one = |number: usize| {
+        let interval = interval(bench, request, number)?;
+        counter.add_one();
+        Ok(interval)
+    };
+    let intervals: Vec<Interval> =
+        (request.first..request.first + request.count).into_par_iter().map(one).collect::<Result<_>>()?;
+    let of_effect = |slug: &String| {
+        let own: Vec<&Interval> = intervals.iter().filter(|interval| &interval.effect == slug).collect();
+        let counted: Vec<&&Interval> = own.iter().filter(|interval| interval.is_covered.is_some()).collect();
+        EffectCoverage {
+            effect: slug.clone(),
+            counted: counted.len(),
+            covered: counted.iter().filter(|interval| interval.is_covered == Some(true)).count(),
+            with_several_answers: counted.iter().filter(|interval| interval.n_answers > 1).count(),
+            failed: own.len() - counted.len(),
+        }
+    };
+    let effects: Vec<EffectCoverage> = request.effects.iter().map(of_effect).collect();
+    let counted: usize = effects.iter().map(|effect| effect.counted).sum();
+    let covered: usize = effects.iter().map(|effect| effect.covered).sum();
+    Ok(Coverage { share: covered as f64 / counted.max(1) as f64, counted, effects, intervals })
+}
+
+fn interval(bench: &Bench, request: &CoverageRequest, number: usize) -> Result<Interval> {
+    let slug = &request.effects[number % request.effects.len()];
+    let place = number / request.effects.len();
+    let protocol = Protocol::ALL[place % Protocol::ALL.len()];
+    let noise = NOISES[place / Protocol::ALL.len() % NOISES.len()];
+    let mut stream = RandomStream::new(request.seed, number as u64);
+    let drawn = drawn(bench, slug, (protocol, noise), request.least_sigma, &mut stream)?;
+    let FromPriors { law, parameters, signal_sigma, position_m } = drawn;
+    let mut noise_stream = RandomStream::new(request.seed, NOISE_STREAMS + number as u64);
+    let drawn = noise.draw(&protocol.record(), &position_m, &mut noise_stream);
+    let subject = bench.subject_measured(protocol, &drawn.measured_m(&position_m), Some(drawn.stated_sd_m))?;
+    let found = posterior_of(&subject, slug, request.seed);
+    let mut made = Interval {
+        number,
+        effect: slug.clone(),
+        protocol,
+        noise,
+        law,
+        truth: parameters,
+        signal_sigma,
+        interval: None,
+        is_covered: None,
+        n_answers: 0,
+        pareto_k: None,
+        method: None,
+        failure: None,
+    };
+    match found {
+        Err(error) => made.failure = Some(error.to_string()),
+        Ok(found) => {
+            let first = &made.truth[0];
+            if let Some(parameter) = found.parameters.iter().find(|parameter| parameter.name == first.name) {
+                made.interval = Some([parameter.q05, parameter.q95]);
+                made.is_covered = Some((parameter.q05..=parameter.q95).contains(&first.value));
+            }
+            made.n_answers = found.answers.len().max(1);
+            made.pareto_k = found.pareto_k;
+            let name = match found.method {
+                EvidenceMethod::ImportanceSampling => "importance sampling",
+                EvidenceMethod::SequentialMonteCarlo => "sequential Monte Carlo",
+            };
+            made.method = Some(name.into());
+        }
+    }
+    Ok(made)
+}
+
+/// The first draw that shows.
+fn drawn(
+    bench: &Bench,
+    slug: &str,
+    (protocol, noise): (Protocol, NoiseKind),
+    least_sigma: f64,
+    stream: &mut RandomStream,
+) -> Result<FromPriors> {
+    for _ in 0..MOST_DRAWS {
+        let drawn = bench.draw_from_priors(slug, protocol, noise, stream)?;
+        if let Some(drawn) = drawn.filter(|drawn| drawn.signal_sigma >= least_sigma) {
+            return Ok(drawn);
+        }
+    }
+    Err(Error::input(
+        Place::option("--effect"),
+        format!("none of {MOST_DRAWS} draws of {slug} shows by {least_sigma} standard deviations"),
+        "name another effect",
+    ))
+}
+
+/// The posterior of the model with an effect, from fits as the diagnosis makes them.
+fn posterior_of(subject: &Subject, slug: &str, seed: u64) -> Result<criticism::evidence::Evidence> {
+    let base = Refitted::new(subject, subject.base(), &[], Search::Wide)?;
+    let with = Refitted::new(subject, subject.extended(&[slug])?, &[&base], Search::Wide)?;
+    evidence(subject, &with.candidate, &with.fitted, seed)
+}

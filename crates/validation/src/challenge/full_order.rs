@@ -1,0 +1,200 @@
+//! Noise-free trajectories by full finite elements, kept on disk.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use rayon::prelude::*;
+
+use super::large::{self, LargeGel, robot_of};
+use super::{ApparatusError, Bench, Truth};
+use base::error::{Error, Result};
+use base::files::{Content, read_if_there, write_atomically};
+use base::number::Dual;
+use elements::fe::Stiffness;
+use elements::fe::spatial::{Sizes, Surroundings};
+use elements::fe::stepping::Resolution;
+use elements::fe::time::FullOrderModel;
+use elements::mesh::Mesh;
+use models::model::{Forward, FullForward};
+use posterior::mechanics::{MODEL_LEVEL, robot_mesh, sizes_of};
+use posterior::monitor::Monitor;
+use posterior::study::{ModelSpecification, sha256_hex};
+use record::Force;
+
+/// Mesh level of the data; the fitted model stands one level below.
+const DATA_LEVEL: usize = MODEL_LEVEL + 1;
+/// That of nonlinear laws, whose reduced models are trained on the mesh below: on the next one a run would take a quarter of an hour.
+const NONLINEAR_DATA_LEVEL: usize = MODEL_LEVEL;
+/// The data's time steps are this much shorter; but where an effect changes the displacement field: the reduced models of such effects have no steps, or steps of their own.
+const FINER_STEPS: u32 = 2;
+
+/// Position (m) at every row for each truth, without noise: full finite elements on a finer mesh and with finer time steps than the fitted model's; laws that are not linear and large
+/// displacements on meshes of their own. Those
+/// in the directory `cache` are read, others are computed, and kept there.
+///
+/// # Errors
+/// [`Error::Numerical`] where a truth has no full-order model; [`Error::File`] where the cache cannot be written.
+pub fn trajectories_m(
+    bench: &Bench,
+    truths: &[Truth],
+    cache: Option<&Path>,
+    monitor: &dyn Monitor,
+) -> Result<Vec<Vec<f64>>> {
+    if let Some(folder) = cache {
+        std::fs::create_dir_all(folder).map_err(|source| {
+            Error::at_path("create", folder, source, "give a directory that can be written with `--cache`")
+        })?;
+    }
+    // Controls share their truths: each is computed once.
+    let keys: Vec<String> = truths.iter().map(key).collect();
+    let mut needed: BTreeMap<&str, &Truth> = BTreeMap::new();
+    let mut known: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
+    for (key, truth) in keys.iter().zip(truths) {
+        if needed.contains_key(key.as_str()) || known.contains_key(key.as_str()) {
+            continue;
+        }
+        match cache.and_then(|folder| read(&place(folder, key), truth.protocol.record().n_rows())) {
+            Some(position_m) => drop(known.insert(key, position_m)),
+            None => drop(needed.insert(key, truth)),
+        }
+    }
+    if !needed.is_empty() {
+        monitor.stage(&format!("full finite elements: {} trajectories", needed.len()));
+        let workshop = Workshop::new(bench, DATA_LEVEL)?;
+        let full = FullOrderModel::new(&workshop.stiffness, workshop.poisson_ratio)?;
+        let is_any_nonlinear = needed.values().any(|truth| is_nonlinear(bench, truth));
+        let for_nonlinear = is_any_nonlinear.then(|| Workshop::new(bench, NONLINEAR_DATA_LEVEL)).transpose()?;
+        let places = off_centre(bench, needed.values())?;
+        let models: Vec<(ApparatusError, FullOrderModel<'_>)> = places
+            .par_iter()
+            .map(|(error, stiffness)| Ok((*error, FullOrderModel::new(stiffness, workshop.poisson_ratio)?)))
+            .collect::<Result<_>>()?;
+        let compute = |truth: &Truth| -> Result<Vec<f64>> {
+            if let Some(mobility) = bench.mobility_of(truth) {
+                let gel = LargeGel::new(bench.apparatus(), &large::DATA)?;
+                return gel.position_m(truth.law, mobility, &truth.protocol.record());
+            }
+            let own = models.iter().find(|(error, _)| truth.apparatus == Some(*error));
+            let full = own.map_or(&full, |(_, model)| model);
+            let workshop = for_nonlinear.as_ref().filter(|_| is_nonlinear(bench, truth)).unwrap_or(&workshop);
+            workshop.trajectory_m(bench, full, truth)
+        };
+        let kept = |key: &str, truth: &Truth| -> Result<Vec<f64>> {
+            let position_m = compute(truth)?;
+            if let Some(folder) = cache {
+                let bytes: Vec<u8> = position_m.iter().flat_map(|x| x.to_le_bytes()).collect();
+                write_atomically(&place(folder, key), &bytes)?;
+            }
+            Ok(position_m)
+        };
+        let computed: Vec<(&str, Vec<f64>)> =
+            needed.into_par_iter().map(|(key, truth)| Ok((key, kept(key, truth)?))).collect::<Result<_>>()?;
+        known.extend(computed);
+    }
+    Ok(keys.iter().map(|key| known[key.as_str()].clone()).collect())
+}
+
+fn is_nonlinear(bench: &Bench, truth: &Truth) -> bool {
+    bench.library().any_nonlinear(truth.effects.iter().map(|effect| effect.slug.as_str()))
+}
+
+/// The finer finite elements of every robot that is not where it is said to be.
+fn off_centre<'a>(
+    bench: &Bench,
+    truths: impl Iterator<Item = &'a &'a Truth>,
+) -> Result<Vec<(ApparatusError, Stiffness)>> {
+    let (robot, vitreous) = robot_of(bench.apparatus())?;
+    let mut errors: Vec<ApparatusError> = Vec::new();
+    for error in truths.filter_map(|truth| truth.apparatus) {
+        if error.robot(robot) != *robot && !errors.contains(&error) {
+            errors.push(error);
+        }
+    }
+    let stiffness = |error: ApparatusError| Stiffness::new(&robot_mesh(&error.robot(robot), vitreous, DATA_LEVEL)?);
+    errors.into_iter().map(|error| Ok((error, stiffness(error)?))).collect()
+}
+
+/// Hash of all that a trajectory depends on.
+fn key(truth: &Truth) -> String {
+    let parameters: Vec<_> = truth.effects.iter().map(|effect| (&effect.slug, &effect.parameters)).collect();
+    let text = format!(
+        "{} {DATA_LEVEL} {NONLINEAR_DATA_LEVEL} {FINER_STEPS} {:?} {:?} {parameters:?} {:?} {:?}",
+        env!("CARGO_PKG_VERSION"),
+        truth.protocol,
+        truth.law,
+        truth.outside,
+        truth.apparatus
+    );
+    sha256_hex(text.as_bytes())
+}
+
+fn place(folder: &Path, key: &str) -> PathBuf {
+    folder.join(format!("{key}.f64"))
+}
+
+/// A kept trajectory; `None` where there is none or it is damaged.
+fn read(path: &Path, n_rows: usize) -> Option<Vec<f64>> {
+    let bytes = read_if_there(path, Content::Table)?;
+    let (numbers, []) = bytes.as_chunks::<8>() else { return None };
+    let position_m: Vec<f64> = numbers.iter().map(|number| f64::from_le_bytes(*number)).collect();
+    (position_m.len() == n_rows && position_m.iter().all(|x| x.is_finite())).then_some(position_m)
+}
+
+/// The finer finite elements.
+struct Workshop {
+    mesh: Mesh,
+    stiffness: Stiffness,
+    poisson_ratio: f64,
+    sizes: Sizes,
+    resolution: Resolution,
+}
+
+impl Workshop {
+    fn new(bench: &Bench, level: usize) -> Result<Self> {
+        let (robot, vitreous) = robot_of(bench.apparatus())?;
+        let mesh = robot_mesh(robot, vitreous, level)?;
+        let stiffness = Stiffness::new(&mesh)?;
+        let resolution = Resolution { steps_per_doubling: FINER_STEPS * Resolution::default().steps_per_doubling };
+        let (poisson_ratio, sizes) = (vitreous.poisson_ratio, sizes_of(robot, vitreous, Some(level)));
+        Ok(Self { mesh, stiffness, poisson_ratio, sizes, resolution })
+    }
+
+    /// `full` is factorised at the stated Poisson ratio, with the robot where it is.
+    fn trajectory_m(&self, bench: &Bench, full: &FullOrderModel<'_>, truth: &Truth) -> Result<Vec<f64>> {
+        let record = truth.protocol.record();
+        let still = bench.subject_of(truth.protocol, &vec![0.0; record.n_rows()])?;
+        let effects = truth.effects.iter().map(|effect| effect.slug.clone()).collect();
+        let specification = ModelSpecification { effects, ..still.specification().clone() };
+        let model = still.problem().with_model(specification, bench.library())?.model;
+        let of_effects = truth.effects.iter().flat_map(|effect| &effect.parameters).map(|parameter| parameter.value);
+        let values: Vec<Dual> = truth.law.into_iter().chain(of_effects).map(Dual::constant).collect();
+        let stages = model.stages(&values)?;
+        let wrong_ratio = match truth.apparatus {
+            Some(ApparatusError::PoissonRatio(ratio)) => Some(ratio),
+            _ => None,
+        };
+        let force_n = truth.outside.as_ref().map_or_else(|| record.force_n.clone(), |outside| outside.force_n(&record));
+        let force = Force { at_rows_n: &force_n, rule: record.force_rule };
+        let position_m = if stages.spatial.is_some() {
+            let Self { mesh, stiffness, sizes, .. } = self;
+            let poisson_ratio = wrong_ratio.unwrap_or(self.poisson_ratio);
+            let surroundings = Surroundings { mesh, stiffness, poisson_ratio, sizes: *sizes };
+            let values: Vec<f64> = values.iter().map(|value| value.value).collect();
+            FullForward::new(&model, stiffness, poisson_ratio, &record.time_s, force)?
+                .in_surroundings(surroundings)
+                .trajectory_m(&values)?
+        } else {
+            let stepped = match stages.poisson_ratio.map(|ratio| ratio.value).or(wrong_ratio) {
+                Some(ratio) => {
+                    FullOrderModel::new(&self.stiffness, ratio)?.step(&stages, &record.time_s, force, self.resolution)
+                }
+                None => full.step(&stages, &record.time_s, force, self.resolution),
+            };
+            stepped?.position_m
+        };
+        Ok(match &truth.outside {
+            Some(outside) => outside.recorded_m(&record, &position_m),
+            None => position_m,
+        })
+    }
+}

@@ -1,0 +1,100 @@
+//! A gel in which the robot moves by several of its radii: the fluid that its law linearises ([`elements::fe::oldroyd`]), Oldroyd-B where the effect is hidden, and Giesekus's as another law of the same small strains.
+//!
+//! What the robot does is the linear model's answer in full finite elements and the fluid's deviation from it. The drawn law is made stiffer or softer, all three numbers by one factor: its times stay.
+
+use super::{Disturbance, OutsideKind, Truth};
+use base::error::{Error, Result};
+use base::number::Dual;
+use elements::fe::Stiffness;
+use elements::fe::oldroyd::{Fineness, FiniteGel, FiniteLaw, FiniteRun};
+use elements::fe::stepping::Resolution;
+use elements::fe::time::FullOrderModel;
+use laws::rheology::BaseLaw;
+use models::effects::{Effect, Field, Stages};
+use posterior::mechanics::robot_mesh;
+use record::{Apparatus, Record, Robot, RobotShape, Vitreous};
+
+/// How far the robot may come from its start, in its radii, if the gel were linear.
+pub(super) const RADII: [f64; 7] = [1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0];
+/// Mobilities of Giesekus's fluid.
+const MOBILITIES: [f64; 2] = [0.005, 0.05];
+
+/// How finely a gel is cut.
+pub(super) struct Cut {
+    /// Level of the linear model's mesh.
+    level: usize,
+    fineness: Fineness,
+}
+
+/// For sizing signals.
+pub(super) const SIZING: Cut = Cut { level: 1, fineness: Fineness::ESTIMATE };
+/// For data: finer than what is learnt from.
+pub(super) const DATA: Cut =
+    Cut { level: 2, fineness: Fineness { order: 6, n_angles: 6, layer_ratio: 2.0, steps_per_doubling: 6 } };
+
+/// Whether an effect is that of large displacements.
+pub(super) fn is_large(effect: &dyn Effect) -> bool {
+    matches!(effect.field(), Some(Field::Large))
+}
+
+/// The mobility of a truth's gel where that has large displacements; Oldroyd-B has none.
+pub(super) fn mobility_of(truth: &Truth, is_large: impl Fn(&str) -> bool) -> Option<f64> {
+    match &truth.outside {
+        Some(Disturbance { kind: OutsideKind::LargeDisplacement, shape, .. }) => shape.first().copied(),
+        _ => truth.effects.iter().any(|effect| is_large(&effect.slug)).then_some(0.0),
+    }
+}
+
+/// A mobility from a number between 0 and 1, evenly in its logarithm.
+pub(super) fn mobility(uniform: f64) -> f64 {
+    MOBILITIES[0] * (MOBILITIES[1] / MOBILITIES[0]).powf(uniform)
+}
+
+/// The reference apparatus meshed for large displacements.
+pub(super) struct LargeGel {
+    stiffness: Stiffness,
+    poisson_ratio: f64,
+    gel: FiniteGel,
+}
+
+impl LargeGel {
+    pub fn new(apparatus: &Apparatus, cut: &Cut) -> Result<Self> {
+        let (robot, vitreous) = robot_of(apparatus)?;
+        let stiffness = Stiffness::new(&robot_mesh(robot, vitreous, cut.level)?)?;
+        let gel = FiniteGel::around_sphere(radius_m(apparatus)?, 0.5 * vitreous.diameter_m, cut.fineness)?;
+        Ok(Self { stiffness, poisson_ratio: vitreous.poisson_ratio, gel })
+    }
+
+    /// Position (m) at every row for E (Pa), c₁ and c₂ (Pa·s) and Giesekus's mobility.
+    pub(super) fn position_m(&self, law: [f64; 3], mobility: f64, record: &Record) -> Result<Vec<f64>> {
+        let (time_s, force) = (&record.time_s, record.force());
+        let stages = Stages::of_law(BaseLaw::Lethersich.elements(&law.map(Dual::constant)));
+        let linear = FullOrderModel::new(&self.stiffness, self.poisson_ratio)?;
+        let linear_m = linear.step(&stages, time_s, force, Resolution::default())?.position_m;
+        let law = FiniteLaw::new(&stages.law, mobility)
+            .ok_or_else(|| Error::numerical("the base law has a springpot", "reinstall the program"))?;
+        let found = self.gel.run(&FiniteRun { law: &law, load: &stages.load, time_s, force })?;
+        Ok(linear_m.iter().zip(&found.deviation_m).map(|(x, deviation)| x + deviation).collect())
+    }
+}
+
+/// The robot's radius in m.
+///
+/// # Errors
+/// [`Error::Numerical`] for an apparatus without a sphere.
+pub(super) fn radius_m(apparatus: &Apparatus) -> Result<f64> {
+    match robot_of(apparatus)?.0.shape {
+        RobotShape::Sphere { diameter_m } => Ok(0.5 * diameter_m),
+        _ => Err(Error::numerical("the reference apparatus has no sphere", "reinstall the program")),
+    }
+}
+
+/// The reference apparatus's robot and gel.
+pub(super) fn robot_of(apparatus: &Apparatus) -> Result<(&Robot, &Vitreous)> {
+    match apparatus {
+        Apparatus::Robot { robot, vitreous } => Ok((robot, vitreous)),
+        Apparatus::Instrument { .. } | Apparatus::Indenter(_) => {
+            Err(Error::numerical("the reference apparatus has no robot", "reinstall the program"))
+        }
+    }
+}

@@ -1,0 +1,255 @@
+//! Physics that nobody put into the library.
+
+use std::f64::consts::TAU;
+
+use serde::{Deserialize, Serialize};
+
+use super::Protocol;
+use record::Record;
+use sampling::ensemble::RandomStream;
+
+/// What is outside the library.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, schemars::JsonSchema, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum OutsideKind {
+    /// A vibration of the camera at a frequency of its own.
+    Vibration,
+    /// One whose frequency is a multiple of the cycle's.
+    CycleVibration,
+    /// The tracked point jumps once and stays there.
+    Slip,
+    /// The tracker's scale changes at one moment.
+    GainJump,
+    /// The robot is displaced for about a second, and comes back.
+    Bump,
+    /// Smooth wandering over tens of seconds.
+    Wander,
+    /// The tracker's scale depends on the position: x (1 + s (x/x_max)²).
+    CubicScale,
+    /// The tracker draws readings towards its pixels: a saw-tooth of the position, from −s to s in a pitch.
+    PixelLocking,
+    /// The tracker follows through a dead band (play operator). On a square wave that is a delay, so it is made with rests only.
+    Backlash,
+    /// The force is not proportional to its command: F (1 + s (|F|/F_max − 1)). With one force level that is a scale.
+    ForceLevel,
+    /// The robot moves by several radii in a gel whose large-strain law is not the library's (Giesekus's fluid). Its size is in robot radii.
+    LargeDisplacement,
+}
+
+impl OutsideKind {
+    /// Those that may be drawn; data with large displacements take a minute, and are made where they are asked for by name.
+    pub const DRAWN: [Self; 10] = [
+        Self::Vibration,
+        Self::CycleVibration,
+        Self::Slip,
+        Self::GainJump,
+        Self::Bump,
+        Self::Wander,
+        Self::CubicScale,
+        Self::PixelLocking,
+        Self::Backlash,
+        Self::ForceLevel,
+    ];
+
+    /// All of them.
+    pub fn all() -> Vec<Self> {
+        Self::DRAWN.into_iter().chain([Self::LargeDisplacement]).collect()
+    }
+
+    /// Name in options and JSON.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Vibration => "vibration",
+            Self::CycleVibration => "cycle-vibration",
+            Self::Slip => "slip",
+            Self::GainJump => "gain-jump",
+            Self::Bump => "bump",
+            Self::Wander => "wander",
+            Self::CubicScale => "cubic-scale",
+            Self::PixelLocking => "pixel-locking",
+            Self::Backlash => "backlash",
+            Self::ForceLevel => "force-level",
+            Self::LargeDisplacement => "large-displacement",
+        }
+    }
+
+    /// Whether it is outside the library with this protocol.
+    pub fn suits(self, protocol: Protocol) -> bool {
+        protocol == Protocol::Levels || !matches!(self, Self::Backlash | Self::ForceLevel)
+    }
+
+    /// A size at which it is sure to be seen, in the unit of [`Disturbance::size`].
+    fn first_size(self) -> f64 {
+        match self {
+            Self::GainJump | Self::CubicScale | Self::ForceLevel => 0.05,
+            Self::LargeDisplacement => 1.0,
+            _ => 20e-6,
+        }
+    }
+
+    /// Whether the size may have either sign.
+    fn has_two_signs(self) -> bool {
+        !matches!(self, Self::Vibration | Self::CycleVibration | Self::Backlash | Self::LargeDisplacement)
+    }
+}
+
+/// Something outside the library, with its numbers.
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+pub struct Disturbance {
+    /// What it is.
+    pub kind: OutsideKind,
+    /// Its size: in m where it adds to the position, in robot radii for large displacements (the farthest position if the gel were linear), else a fraction.
+    pub size: f64,
+    /// Moments, frequencies and phases, as numbers from 0 to 1 that each kind puts on its own scale.
+    pub shape: Vec<f64>,
+}
+
+impl Disturbance {
+    /// One of a kind with random moments, frequencies, phases and sign, and a size that is sure to be seen.
+    pub fn draw(kind: OutsideKind, stream: &mut RandomStream) -> Self {
+        let sign = if stream.unit() < 0.5 && kind.has_two_signs() { -1.0 } else { 1.0 };
+        Self { kind, size: sign * kind.first_size(), shape: (0..4).map(|_| stream.unit()).collect() }
+    }
+
+    /// The same with another size.
+    pub fn sized(&self, size: f64) -> Self {
+        Self { size, ..self.clone() }
+    }
+
+    fn shape(&self, index: usize) -> f64 {
+        self.shape.get(index).copied().unwrap_or(0.5)
+    }
+
+    /// A moment (s) between two shares of the record.
+    fn moment_s(&self, record: &Record, shares: [f64; 2]) -> f64 {
+        let last_s = record.time_s.last().copied().unwrap_or(0.0);
+        last_s * (shares[0] + (shares[1] - shares[0]) * self.shape(0))
+    }
+
+    /// The force (N) that acts.
+    pub fn force_n(&self, record: &Record) -> Vec<f64> {
+        if self.kind != OutsideKind::ForceLevel {
+            return record.force_n.clone();
+        }
+        let largest_n = record.force_n.iter().fold(f64::MIN_POSITIVE, |a, force| a.max(force.abs()));
+        record.force_n.iter().map(|force| force * (1.0 + self.size * (force.abs() / largest_n - 1.0))).collect()
+    }
+
+    /// The position (m) that is recorded of a true one. Events lie in the first three quarters, which is what is fitted.
+    pub fn recorded_m(&self, record: &Record, position_m: &[f64]) -> Vec<f64> {
+        let size = self.size;
+        let each = |of: &dyn Fn(f64, f64) -> f64| {
+            record.time_s.iter().zip(position_m).map(|(time_s, position)| of(*time_s, *position)).collect()
+        };
+        match self.kind {
+            OutsideKind::Vibration => {
+                let frequency_hz = 0.6 * (4.0_f64 / 0.6).powf(self.shape(0));
+                each(&|t, x| x + size * (TAU * (frequency_hz * t + self.shape(1))).sin())
+            }
+            OutsideKind::CycleVibration => {
+                let cycle_s = cycle_s(record);
+                let order = (6.0 + 20.0 * self.shape(0)).floor();
+                each(&|t, x| x + size * (TAU * (order * t / cycle_s + self.shape(1))).sin())
+            }
+            OutsideKind::Slip => {
+                let moment_s = self.moment_s(record, [0.1, 0.62]);
+                each(&|t, x| if t >= moment_s { x + size } else { x })
+            }
+            OutsideKind::GainJump => {
+                let moment_s = self.moment_s(record, [0.2, 0.55]);
+                each(&|t, x| if t >= moment_s { x * (1.0 + size) } else { x })
+            }
+            OutsideKind::Bump => {
+                let (moment_s, width_s) = (self.moment_s(record, [0.1, 0.65]), 0.3 + 0.7 * self.shape(1));
+                each(&|t, x| x + size * (-0.5 * ((t - moment_s) / width_s).powi(2)).exp())
+            }
+            OutsideKind::Wander => {
+                let last_s = record.time_s.last().copied().unwrap_or(1.0);
+                let wave = |turns: f64, phase: f64, t: f64| (TAU * (turns * t / last_s + phase)).sin();
+                each(&|t, x| {
+                    let waves =
+                        [1.3, 2.2, 3.1, 4.3].iter().enumerate().map(|(k, turns)| wave(*turns, self.shape(k), t));
+                    x + 0.5 * size * waves.sum::<f64>()
+                })
+            }
+            OutsideKind::CubicScale => {
+                let largest_m = position_m.iter().fold(f64::MIN_POSITIVE, |a, x| a.max(x.abs()));
+                each(&|_, x| x * (1.0 + size * (x / largest_m).powi(2)))
+            }
+            OutsideKind::PixelLocking => {
+                let pitch_m = 60e-6 + 140e-6 * self.shape(0);
+                each(&|_, x| x - 2.0 * size * (x / pitch_m - (x / pitch_m).round()))
+            }
+            OutsideKind::Backlash => {
+                let mut followed_m = 0.0_f64;
+                let follow = |x: &f64| {
+                    followed_m = followed_m.clamp(x - size, x + size);
+                    followed_m
+                };
+                position_m.iter().map(follow).collect()
+            }
+            // What acts otherwise is in the true position.
+            OutsideKind::ForceLevel | OutsideKind::LargeDisplacement => position_m.to_vec(),
+        }
+    }
+}
+
+fn cycle_s(record: &Record) -> f64 {
+    let second = record.cycle.iter().position(|cycle| *cycle == 2).unwrap_or(record.n_rows());
+    record.time_s.get(second).copied().unwrap_or(1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ramp() -> (Record, Vec<f64>) {
+        let record = Protocol::Levels.record();
+        let position_m = record.time_s.iter().map(|t| 1e-4 * (0.3 * t).sin()).collect();
+        (record, position_m)
+    }
+
+    #[test]
+    fn nothing_of_it_is_nothing() {
+        let (record, position_m) = ramp();
+        for kind in OutsideKind::DRAWN {
+            let none = Disturbance::draw(kind, &mut RandomStream::new(1, 0)).sized(0.0);
+            assert_eq!(none.recorded_m(&record, &position_m), position_m, "{kind:?}");
+            assert_eq!(none.force_n(&record), record.force_n, "{kind:?}");
+        }
+    }
+
+    #[test]
+    fn every_kind_changes_the_fitted_cycles() {
+        let (record, position_m) = ramp();
+        for kind in OutsideKind::DRAWN {
+            for stream in 0..20 {
+                let made = Disturbance::draw(kind, &mut RandomStream::new(1, stream));
+                let moved =
+                    made.recorded_m(&record, &position_m) != position_m || made.force_n(&record) != record.force_n;
+                assert!(moved, "{kind:?}");
+            }
+        }
+    }
+
+    /// Beyond the first turning point, a play operator stays half its width behind.
+    #[test]
+    fn backlash_follows_half_a_width_behind() {
+        let record = Protocol::Levels.record();
+        let position_m: Vec<f64> = record.time_s.iter().map(|t| 1e-5 * t).collect();
+        let made = Disturbance { kind: OutsideKind::Backlash, size: 2e-5, shape: Vec::new() };
+        let recorded_m = made.recorded_m(&record, &position_m);
+        assert_eq!(recorded_m[20], 0.0);
+        assert!((position_m[400] - recorded_m[400] - 2e-5).abs() < 1e-18);
+    }
+
+    #[test]
+    fn the_largest_force_is_its_command() {
+        let (record, _) = ramp();
+        let made = Disturbance { kind: OutsideKind::ForceLevel, size: 0.1, shape: Vec::new() };
+        let force_n = made.force_n(&record);
+        assert_eq!(force_n[0], record.force_n[0]);
+        let row = record.force_n.iter().position(|force| *force < 0.0).unwrap();
+        assert!((force_n[row] / record.force_n[row] - 0.96).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,398 @@
+//! Many challenges, each diagnosed.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::full_order::trajectories_m;
+use super::play::{NamedSize, Play, Sort};
+use super::tally::{Tally, tally};
+use super::truth::joined;
+use super::{ApparatusError, Bench, Hidden, Noise, NoiseKind, Order, OutsideKind, Protocol, Strength, Truth, hideable};
+use base::error::{Error, Place, Result};
+use criticism::Subject;
+use criticism::diagnose::{DiagnosisRequest, diagnose};
+use documents::diagnosis::{Diagnosis, VerdictKind};
+use models::effects::Library;
+use posterior::check::refuse_certain;
+use posterior::monitor::{Monitor, Silent};
+use posterior::study::{Provenance, WithProvenance};
+use record::Understood;
+use sampling::ensemble::RandomStream;
+
+/// What diagnoses a subject, with a seed.
+pub type Diagnose<'a> = dyn Fn(&Subject, u64) -> Result<Diagnosis> + Sync + 'a;
+
+/// Diagnoses as `challenge run` does: without what only a person reads.
+///
+/// # Errors
+/// As [`diagnose`].
+pub fn in_brief(subject: &Subject, seed: u64) -> Result<Diagnosis> {
+    let request = DiagnosisRequest { seed, in_full: false, ..DiagnosisRequest::default() };
+    Ok(diagnose(subject, &request, &Silent)?.diagnosis)
+}
+
+/// Which challenges are played.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PlaysRequest {
+    /// How many.
+    pub count: usize,
+    /// Number of the first: a part of a long run plays what the whole would have played.
+    pub first: usize,
+    /// Signals in standard deviations.
+    pub signals_sigma: Vec<f64>,
+    /// One sort only; `None` for a mixture.
+    pub only: Option<Sort>,
+    /// These effects only; empty for the whole library.
+    pub effects: Vec<String>,
+    /// Protocols.
+    pub protocols: Vec<Protocol>,
+    /// Noises.
+    pub noises: Vec<NoiseKind>,
+    /// Whether the experiments state their noise; where they do not, each diagnosis has to estimate it.
+    pub is_noise_given: bool,
+    /// Seed of truths and noises.
+    pub seed: u64,
+}
+
+impl Default for PlaysRequest {
+    fn default() -> Self {
+        Self {
+            count: 100,
+            first: 0,
+            signals_sigma: vec![5.0, 10.0, 20.0, 40.0],
+            only: None,
+            effects: Vec::new(),
+            protocols: Protocol::ALL.to_vec(),
+            noises: NoiseKind::USUAL.to_vec(),
+            is_noise_given: true,
+            seed: 1,
+        }
+    }
+}
+
+/// Ten plays of a mixture.
+const MIXTURE: [Sort; 10] = [
+    Sort::Single,
+    Sort::None,
+    Sort::Single,
+    Sort::Outside,
+    Sort::Single,
+    Sort::Pair,
+    Sort::None,
+    Sort::Single,
+    Sort::Apparatus,
+    Sort::Pair,
+];
+/// Streams of the seed: truths from here on, noises from there, controls' laws from the last.
+const NOISE_STREAMS: u64 = 1 << 32;
+const CONTROL_STREAMS: u64 = 1 << 33;
+/// Controls share this many laws a protocol, so that their trajectories are computed once.
+const CONTROL_LAWS: usize = 40;
+/// Pairs are asked for signals of at least this: each has to show beside the other.
+const LEAST_PAIR_SIGMA: f64 = 10.0;
+/// Golden section: its multiples spread evenly over choices without locking to another choice.
+const GOLDEN: f64 = 0.618_033_988_749_894_9;
+
+/// All challenges as they were played.
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+pub struct Plays {
+    /// Counts.
+    #[serde(flatten)]
+    pub tally: Tally,
+    /// One by one.
+    pub plays: Vec<Play>,
+}
+
+impl Plays {
+    /// Counts what was played, whether at once or in parts.
+    pub fn of(plays: Vec<Play>) -> Self {
+        Self { tally: tally(&plays), plays }
+    }
+
+    /// The document of a run with a seed.
+    pub fn document(&self, seed: u64) -> WithProvenance<&Self> {
+        WithProvenance { provenance: Provenance::new("challenge", 1, seed, BTreeMap::new()), body: self }
+    }
+}
+
+/// Plays challenges: draws truths, makes their data, has each diagnosed. `diagnose` gets a seed of its own for every play.
+///
+/// # Errors
+/// [`Error::Input`] for a request that cannot be met; what drawing and the full finite elements refuse. A diagnosis that fails is a play that failed.
+pub fn run(
+    bench: &Bench,
+    request: &PlaysRequest,
+    cache: Option<&Path>,
+    diagnose: &Diagnose<'_>,
+    monitor: &dyn Monitor,
+) -> Result<Plays> {
+    check(bench.library(), request)?;
+    monitor.stage(&format!("drawing {} hidden things and sizing their signals", request.count));
+    let drawn: Vec<(Sort, Truth)> = (request.first..request.first + request.count)
+        .into_par_iter()
+        .map(|number| {
+            let sort = request.only.unwrap_or(MIXTURE[number % MIXTURE.len()]);
+            Ok((sort, draw(bench, request, sort, number)?))
+        })
+        .collect::<Result<_>>()?;
+    let truths: Vec<Truth> = drawn.iter().map(|(_, truth)| truth.clone()).collect();
+    let trajectories_m = trajectories_m(bench, &truths, cache, monitor)?;
+    monitor.stage(&format!("diagnosing {} cases", request.count));
+    let done = AtomicUsize::new(0);
+    let every = (request.count / 20).max(1);
+    let plays = drawn
+        .into_par_iter()
+        .zip(trajectories_m)
+        .enumerate()
+        .map(|(number, ((sort, truth), position_m))| {
+            if monitor.stop().is_some_and(|stop| stop.load(Ordering::Relaxed)) {
+                return Err(Error::Interrupted { kept: "nothing is kept but the trajectories in the cache".into() });
+            }
+            let case = Case { number: request.first + number, sort, truth, position_m };
+            let play = play(bench, request, case, diagnose)?;
+            let n_done = 1 + done.fetch_add(1, Ordering::Relaxed);
+            if n_done.is_multiple_of(every) {
+                monitor.stage(&format!("diagnosed {n_done} of {} cases", request.count));
+            }
+            Ok(play)
+        })
+        .collect::<Result<Vec<Play>>>()?;
+    Ok(Plays::of(plays))
+}
+
+/// Refuses what cannot be played, before anything is computed.
+///
+/// # Errors
+/// [`Error::Input`] with the option and what to give.
+pub fn check(library: &Library, request: &PlaysRequest) -> Result<()> {
+    let refuse = |option: &str, found: String, remedy: &str| Err(Error::input(Place::option(option), found, remedy));
+    if request.count == 0 {
+        return refuse("--count", "nothing to play".into(), "give a positive number");
+    }
+    let is_signal = |sigma: &f64| sigma.is_finite() && (0.5..=1e3).contains(sigma);
+    if request.signals_sigma.is_empty() || !request.signals_sigma.iter().all(is_signal) {
+        return refuse("--signal", format!("{:?}", request.signals_sigma), "give numbers from 0.5 to 1000");
+    }
+    if let Some(unknown) = request.effects.iter().find(|slug| library.get(slug).is_none()) {
+        return refuse(
+            "--effect",
+            format!("there is no effect `{unknown}`"),
+            "name effects that `vitreo-uq effects` lists",
+        );
+    }
+    if request.effects.len() == 1 && request.only == Some(Sort::Pair) {
+        return refuse("--effect", "a pair of one effect".into(), "name two effects at least");
+    }
+    if request.protocols.is_empty() || request.noises.is_empty() {
+        return refuse("--protocol", "no protocol or no noise".into(), "name one at least, or leave the options away");
+    }
+    Ok(())
+}
+
+/// Truth number `number`. Where its signal is out of reach, the next effect takes its place.
+fn draw(bench: &Bench, request: &PlaysRequest, sort: Sort, number: usize) -> Result<Truth> {
+    let (protocols, noises, signals) = (&request.protocols, &request.noises, &request.signals_sigma);
+    // Where sorts are mixed, those of one sort are numbered by themselves.
+    let place = if request.only.is_some() {
+        number
+    } else {
+        let of_sort = |upto: usize| (0..upto).filter(|k| MIXTURE[k % MIXTURE.len()] == sort).count();
+        of_sort(MIXTURE.len()) * (number / MIXTURE.len()) + of_sort(number % MIXTURE.len())
+    };
+    let protocol = protocols[place % protocols.len()];
+    let noise = noises[place / protocols.len() % noises.len()];
+    let signal_sigma = signals[place / (protocols.len() * noises.len()) % signals.len()];
+    let is_noise_given = request.is_noise_given;
+    let order = |hidden: Hidden, signal_sigma: f64| Order {
+        hidden,
+        protocol,
+        noise,
+        is_noise_given,
+        strength: Strength::Sigma(signal_sigma),
+    };
+    let stream_number = match sort {
+        // The same laws for all noises.
+        Sort::None => CONTROL_STREAMS + (place / (protocols.len() * noises.len()) % CONTROL_LAWS) as u64,
+        Sort::Apparatus => CONTROL_STREAMS + (place / protocols.len() % CONTROL_LAWS) as u64,
+        _ => number as u64,
+    };
+    let mut stream = RandomStream::new(request.seed, stream_number);
+    let spread = |n: usize| ((place as f64 * GOLDEN).fract() * n as f64) as usize;
+    let mut refusal = None;
+    for attempt in 0..32 {
+        let order = match sort {
+            Sort::None => order(Hidden::Nothing, signal_sigma),
+            Sort::Apparatus => {
+                let errors = ApparatusError::ALL;
+                order(Hidden::Apparatus(errors[place / protocols.len() % errors.len()]), signal_sigma)
+            }
+            Sort::Outside => {
+                let kinds: Vec<OutsideKind> =
+                    OutsideKind::DRAWN.into_iter().filter(|kind| kind.suits(protocol)).collect();
+                order(Hidden::Outside(kinds[(spread(kinds.len()) + attempt) % kinds.len()]), signal_sigma)
+            }
+            Sort::Single => {
+                let slugs = slugs(bench, request);
+                order(Hidden::Effects(vec![slugs[(spread(slugs.len()) + attempt) % slugs.len()].clone()]), signal_sigma)
+            }
+            Sort::Pair => {
+                let slugs = slugs(bench, request);
+                let (a, b) = stream.distinct_pair(slugs.len());
+                order(Hidden::Effects(vec![slugs[a].clone(), slugs[b].clone()]), signal_sigma.max(LEAST_PAIR_SIGMA))
+            }
+        };
+        match bench.draw(&order, &mut stream) {
+            Ok(truth) => return Ok(truth),
+            Err(error @ Error::Input { .. }) => refusal = Some(error),
+            Err(error) => return Err(error),
+        }
+    }
+    Err(refusal.unwrap_or_else(|| Error::numerical("no truth was drawn", "ask for other effects or signals")))
+}
+
+/// The effects to choose from: those asked for, else all that can be hidden.
+fn slugs(bench: &Bench, request: &PlaysRequest) -> Vec<String> {
+    if request.effects.is_empty() { hideable(bench.library()) } else { request.effects.clone() }
+}
+
+/// A case without its noise.
+struct Case {
+    number: usize,
+    sort: Sort,
+    truth: Truth,
+    position_m: Vec<f64>,
+}
+
+fn play(bench: &Bench, request: &PlaysRequest, case: Case, diagnose: &Diagnose<'_>) -> Result<Play> {
+    let Case { number, sort, truth, position_m } = case;
+    let record = truth.protocol.record();
+    let mut stream = RandomStream::new(request.seed, NOISE_STREAMS + number as u64);
+    let noise = truth.noise.draw(&record, &position_m, &mut stream);
+    let stated_sd_m = truth.is_noise_given.then_some(noise.stated_sd_m);
+    let subject = bench.subject_measured(truth.protocol, &noise.measured_m(&position_m), stated_sd_m)?;
+    let seed = u64::from(stream.word()) << 32 | u64::from(stream.word());
+    // As the command does before it fits: a sound record that is refused is a play that failed.
+    let looked = refuse_certain(subject.experiment(), &Understood::default(), &Silent);
+    let play = match looked.and_then(|()| diagnose(&subject, seed)) {
+        Ok(diagnosis) => judged(number, sort, truth, &diagnosis, Some(&noise)),
+        Err(error) => failed(number, sort, truth, &error),
+    };
+    Ok(Play { seed, ..play })
+}
+
+fn failed(number: usize, sort: Sort, truth: Truth, error: &Error) -> Play {
+    Play {
+        number,
+        sort,
+        label: truth.label(),
+        truth,
+        said: "failed".into(),
+        class: Vec::new(),
+        unexplained: Vec::new(),
+        first: None,
+        gains: Vec::new(),
+        sentence: String::new(),
+        seed: 0,
+        size_covered: None,
+        sizes: Vec::new(),
+        yardstick_um: None,
+        rmse_heldout_um: None,
+        true_noise_um: None,
+        heldout_over_true_noise: None,
+        heldout_over_predictive_noise: None,
+        failure: Some(error.to_string()),
+    }
+}
+
+/// What a diagnosis said, beside the truth and the noise that was drawn, where that is known.
+pub fn judged(number: usize, sort: Sort, truth: Truth, diagnosis: &Diagnosis, noise: Option<&Noise>) -> Play {
+    let verdict = &diagnosis.verdict;
+    let said = match verdict.kind {
+        VerdictKind::Missing => joined(verdict.effects.iter().map(String::as_str)),
+        VerdictKind::None => "none".into(),
+        VerdictKind::Unexplained => "unexplained".into(),
+    };
+    let mut class: Vec<String> = Vec::new();
+    if verdict.kind == VerdictKind::Missing {
+        class = verdict.effects.iter().chain(&verdict.equivalent).cloned().collect();
+        class.sort_unstable();
+        class.dedup();
+    }
+    let mut gains: Vec<(String, f64, Option<f64>)> = diagnosis
+        .candidates
+        .iter()
+        .filter_map(|entry| {
+            entry.refit.as_ref().map(|refit| (entry.effect.clone(), refit.gain_nats, refit.last_cycle_gain_nats))
+        })
+        .collect();
+    gains.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let named = verdict.effects.first().filter(|_| verdict.kind == VerdictKind::Missing).cloned();
+    let first = named.or_else(|| gains.first().map(|(slug, ..)| slug.clone()));
+    let (rmse_heldout_um, predictive_noise_um) = match &diagnosis.extended {
+        Some(errors) => (errors.rmse_heldout_um, errors.predictive_noise_um),
+        None => (diagnosis.base.rmse_heldout_um, None),
+    };
+    let true_noise_um = noise.and_then(|noise| true_noise_um(&truth, diagnosis, noise));
+    let error_over = |noise_um: Option<f64>| Some(rmse_heldout_um? / noise_um?);
+    Play {
+        number,
+        sort,
+        label: truth.label(),
+        size_covered: size_covered(&truth, diagnosis),
+        sizes: named_sizes(&truth, diagnosis),
+        truth,
+        said,
+        class,
+        unexplained: diagnosis.unexplained.iter().map(|entry| entry.kind.clone()).collect(),
+        first,
+        gains,
+        sentence: verdict.sentence.clone(),
+        seed: 0,
+        yardstick_um: Some(diagnosis.base.noise_um),
+        rmse_heldout_um,
+        true_noise_um,
+        heldout_over_true_noise: error_over(true_noise_um),
+        heldout_over_predictive_noise: error_over(predictive_noise_um),
+        failure: None,
+    }
+}
+
+/// Root mean square (µm) of the drawn noise over the rows whose error a diagnosis reports: those of the scored cycle, without what it left out as outliers.
+fn true_noise_um(truth: &Truth, diagnosis: &Diagnosis, noise: &Noise) -> Option<f64> {
+    let cycle = truth.protocol.record().cycle;
+    let is_scored = |row: usize| {
+        cycle.get(row).is_some_and(|cycle| diagnosis.heldout_cycles.contains(cycle))
+            && !diagnosis.outlier_rows.contains(&row)
+    };
+    noise.rms_m(is_scored).map(|rms_m| 1e6 * rms_m)
+}
+
+/// Sizes of the hidden effects that a diagnosis names.
+fn named_sizes(truth: &Truth, diagnosis: &Diagnosis) -> Vec<NamedSize> {
+    let verdict = &diagnosis.verdict;
+    let is_named = |slug: &String| verdict.kind == VerdictKind::Missing && verdict.effects.contains(slug);
+    let named = truth.effects.iter().filter(|effect| is_named(&effect.slug)).filter_map(|effect| {
+        let size = effect.parameters.first()?;
+        let entry = diagnosis.candidates.iter().find(|entry| entry.effect == effect.slug)?;
+        let found = entry.refit.as_ref()?.parameters.iter().find(|parameter| parameter.name == size.name)?;
+        Some(NamedSize { name: size.name.clone(), value: size.value, mean: found.mean, q05: found.q05, q95: found.q95 })
+    });
+    named.collect()
+}
+
+/// Whether the size of the one hidden effect lies in the interval that the diagnosis gives it, if it names that effect alone.
+fn size_covered(truth: &Truth, diagnosis: &Diagnosis) -> Option<bool> {
+    let ([effect], [named]) = (truth.effects.as_slice(), diagnosis.verdict.effects.as_slice()) else { return None };
+    if effect.slug != *named {
+        return None;
+    }
+    named_sizes(truth, diagnosis).first().map(|size| (size.q05..=size.q95).contains(&size.value))
+}
+
+#[cfg(test)]
+#[path = "plays_tests.rs"]
+mod tests;

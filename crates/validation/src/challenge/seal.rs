@@ -1,0 +1,99 @@
+//! An answer that can be opened later and cannot be changed meanwhile.
+//!
+//! The commitment is SHA-256 of salt and answer; the answer itself is kept beside it, folded with a stream of SHA-256 of the salt, so that no glance at the
+//! file gives it away. Who wants to open it can: the seal guards against accident and against a changed mind, not against an attack.
+
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+
+use posterior::study::sha256_hex;
+
+/// Bytes of a salt.
+pub const SALT_BYTES: usize = 32;
+
+/// A sealed answer, as it is kept.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Sealed {
+    /// `vitreo-uq/sealed/1`.
+    pub schema: String,
+    /// SHA-256 of salt and answer.
+    pub commitment_sha256: String,
+    /// Salt, in hexadecimal.
+    pub salt: String,
+    /// The answer, folded, in hexadecimal.
+    pub answer: String,
+}
+
+/// Name of the document.
+pub const SCHEMA: &str = "vitreo-uq/sealed/1";
+
+/// SHA-256, in hexadecimal, of salt and answer.
+pub fn commitment_sha256(salt: &[u8], answer: &[u8]) -> String {
+    sha256_hex(&[salt, answer].concat())
+}
+
+/// Seals an answer.
+pub fn seal(salt: &[u8; SALT_BYTES], answer: &[u8]) -> Sealed {
+    Sealed {
+        schema: SCHEMA.into(),
+        commitment_sha256: commitment_sha256(salt, answer),
+        salt: to_hex(salt),
+        answer: to_hex(&folded(salt, answer)),
+    }
+}
+
+/// Opens a sealed answer; `None` where it is damaged or is not what was committed to.
+pub fn open(sealed: &Sealed) -> Option<Vec<u8>> {
+    let (salt, bytes) = (from_hex(&sealed.salt)?, from_hex(&sealed.answer)?);
+    let answer = folded(&salt, &bytes);
+    (commitment_sha256(&salt, &answer) == sealed.commitment_sha256).then_some(answer)
+}
+
+/// Exclusive or with SHA-256 of salt and block number; its own inverse.
+fn folded(salt: &[u8], bytes: &[u8]) -> Vec<u8> {
+    let mut out = Vec::with_capacity(bytes.len());
+    for (number, block) in (0_u64..).zip(bytes.chunks(32)) {
+        let mask = Sha256::new().chain_update(salt).chain_update(number.to_le_bytes()).finalize();
+        out.extend(block.iter().zip(mask.iter()).map(|(a, b)| a ^ b));
+    }
+    out
+}
+
+fn to_hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+fn from_hex(text: &str) -> Option<Vec<u8>> {
+    let (pairs, []) = text.as_bytes().as_chunks::<2>() else { return None };
+    pairs.iter().map(|pair| u8::from_str_radix(std::str::from_utf8(pair).ok()?, 16).ok()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SALT: [u8; SALT_BYTES] = [7; SALT_BYTES];
+
+    #[test]
+    fn what_is_sealed_can_be_opened_and_not_read() {
+        let answer = b"softening softening softening softening softening softening";
+        let sealed = seal(&SALT, answer);
+        assert_eq!(open(&sealed).as_deref(), Some(&answer[..]));
+        assert!(!serde_json::to_string(&sealed).unwrap().contains("softening"));
+        assert!(!sealed.answer.contains(&to_hex(b"softening")));
+        assert_eq!(sealed.commitment_sha256, sha256_hex(&[&SALT[..], answer].concat()));
+    }
+
+    #[test]
+    fn a_changed_answer_does_not_open() {
+        let sealed = seal(&SALT, b"softening");
+        for changed in [
+            Sealed { answer: seal(&SALT, b"force-bias").answer, ..sealed.clone() },
+            Sealed { salt: to_hex(&[8; SALT_BYTES]), ..sealed.clone() },
+            Sealed { answer: "no hex".into(), ..sealed.clone() },
+            Sealed { answer: "abc".into(), ..sealed.clone() },
+        ] {
+            assert_eq!(open(&changed), None);
+        }
+    }
+}

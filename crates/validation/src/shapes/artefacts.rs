@@ -1,0 +1,35 @@
+//! The files of a study of shapes: `<study>/shapes/`, written whole or not at all.
+
+use std::path::PathBuf;
+
+use super::figures::shapes_figure;
+use super::job::ShapesResult;
+use base::error::Result;
+use base::files::write_json_atomically;
+use documents::shapes::ShapesSummary;
+use elements::mesh::vtu::{PointData, write_vtu};
+use figures::svg::write_figure;
+use posterior::study::{Provenance, RevisionWriter, Study, WithProvenance};
+
+/// The folder, beside the revisions.
+const FOLDER: &str = "shapes";
+
+/// Writes the document, its figure, and the bodies of equal volume with the gel's displacement for ParaView. Returns their folder.
+///
+/// # Errors
+/// [`base::Error::File`] where the file system refuses.
+pub fn write(study: &Study, found: &ShapesResult, summary: &ShapesSummary, provenance: Provenance) -> Result<PathBuf> {
+    let writer = RevisionWriter::begin(study.dir(), FOLDER)?;
+    write_json_atomically(&writer.path().join("shapes.json"), &WithProvenance { provenance, body: summary })?;
+    write_figure(writer.path(), FOLDER, &shapes_figure(found, summary)?)?;
+    for own in &found.fields {
+        let displacement = PointData {
+            name: "displacement_per_displacement_of_robot",
+            components: 3,
+            values: own.displacement.as_flattened(),
+        };
+        let name = own.body.label().replace(", ", "_");
+        write_vtu(writer.path().join(format!("{name}.vtu")), &own.mesh, &[displacement])?;
+    }
+    writer.commit()
+}

@@ -1,0 +1,110 @@
+//! The five bodies under two rules of size.
+
+use documents::shapes::{Shape, SizeRule};
+use elements::fe::meridional::{BodyOfRevolution, Direction};
+use record::{Orientation, Robot, RobotShape};
+
+/// Length to diameter, and long to short semi-axis, in the paper.
+pub const PAPER_ASPECT: f64 = 68.0 / 7.0;
+
+/// A body of this shape and aspect ratio (length to diameter), as large as a sphere of this diameter by the rule.
+pub fn sized(shape: Shape, aspect: f64, rule: SizeRule, sphere_diameter_m: f64) -> BodyOfRevolution {
+    let sphere = BodyOfRevolution::sphere(0.5 * sphere_diameter_m);
+    let unit = match shape {
+        Shape::Sphere => return sphere,
+        Shape::Ellipsoid => BodyOfRevolution::Spheroid { semi_axis_along_m: 0.5 * aspect, semi_axis_across_m: 0.5 },
+        Shape::Cylinder => BodyOfRevolution::Cylinder { length_m: aspect, diameter_m: 1.0 },
+    };
+    unit.scaled(match rule {
+        SizeRule::EqualVolume => (sphere.volume_m3() / unit.volume_m3()).cbrt(),
+        SizeRule::EqualSurface => (sphere.surface_area_m2() / unit.surface_area_m2()).sqrt(),
+    })
+}
+
+/// A body of the study.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Body {
+    /// What it is.
+    pub shape: Shape,
+    /// How it lies to the force; of no effect for a sphere.
+    pub orientation: Orientation,
+    /// How large it is.
+    pub rule: SizeRule,
+    /// Its surface.
+    pub revolution: BodyOfRevolution,
+}
+
+impl Body {
+    /// Direction of the force relative to its axis.
+    pub fn direction(&self) -> Direction {
+        match self.orientation {
+            Orientation::Horizontal => Direction::Axial,
+            Orientation::Vertical => Direction::Transverse,
+        }
+    }
+
+    /// Length along its axis and diameter across it, in m.
+    pub fn sizes_m(&self) -> [f64; 2] {
+        match self.revolution {
+            BodyOfRevolution::Spheroid { semi_axis_along_m, semi_axis_across_m } => {
+                [2.0 * semi_axis_along_m, 2.0 * semi_axis_across_m]
+            }
+            BodyOfRevolution::Cylinder { length_m, diameter_m } => [length_m, diameter_m],
+        }
+    }
+
+    /// The same body as an experiment describes it.
+    pub fn robot(&self, density_kg_m3: f64) -> Robot {
+        let ([length_m, diameter_m], orientation) = (self.sizes_m(), self.orientation);
+        let shape = match self.shape {
+            Shape::Sphere => RobotShape::Sphere { diameter_m },
+            Shape::Ellipsoid => RobotShape::Ellipsoid { length_m, diameter_m, orientation },
+            Shape::Cylinder => RobotShape::Cylinder { length_m, diameter_m, orientation },
+        };
+        Robot { shape, density_kg_m3, offset: None }
+    }
+
+    /// What figures and sentences call it.
+    pub fn label(&self) -> String {
+        match (self.shape, self.orientation) {
+            (Shape::Sphere, _) => "sphere".into(),
+            (shape, Orientation::Horizontal) => format!("{}, horizontal", shape.name()),
+            (shape, Orientation::Vertical) => format!("{}, vertical", shape.name()),
+        }
+    }
+}
+
+/// The sphere, and ellipsoid and cylinder either way, under both rules: ten bodies, the sphere twice.
+pub fn bodies(aspect: f64, sphere_diameter_m: f64) -> Vec<Body> {
+    use Orientation::{Horizontal, Vertical};
+    let five = [
+        (Shape::Sphere, Horizontal),
+        (Shape::Ellipsoid, Horizontal),
+        (Shape::Ellipsoid, Vertical),
+        (Shape::Cylinder, Horizontal),
+        (Shape::Cylinder, Vertical),
+    ];
+    let sized = |rule: SizeRule, (shape, orientation): (Shape, Orientation)| Body {
+        shape,
+        orientation,
+        rule,
+        revolution: sized(shape, aspect, rule, sphere_diameter_m),
+    };
+    SizeRule::ALL.into_iter().flat_map(|rule| five.map(|own| sized(rule, own))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Sphere : ellipsoid : cylinder = 1 : 1.684 : 1.712 at equal volume (the paper, physics §4.4).
+    #[test]
+    fn surfaces_are_the_papers() {
+        let area = |shape: Shape| sized(shape, PAPER_ASPECT, SizeRule::EqualVolume, 0.55e-3).surface_area_m2();
+        assert!((area(Shape::Ellipsoid) / area(Shape::Sphere) - 1.684).abs() < 1e-3);
+        assert!((area(Shape::Cylinder) / area(Shape::Sphere) - 1.712).abs() < 1e-3);
+        let surface = |shape: Shape| sized(shape, PAPER_ASPECT, SizeRule::EqualSurface, 0.55e-3).surface_area_m2();
+        assert!((surface(Shape::Cylinder) / surface(Shape::Sphere) - 1.0).abs() < 1e-14);
+        assert_eq!(bodies(PAPER_ASPECT, 0.55e-3).len(), 10);
+    }
+}

@@ -1,0 +1,165 @@
+//! What the paper says of the shapes, and whether it is so.
+
+use documents::shapes::{Claim, ClaimVerdict};
+use statrs::distribution::{ContinuousCDF, Normal};
+
+use super::bodies::Body;
+use documents::shapes::{Shape, SizeRule};
+use record::Orientation;
+
+/// A claim holds, or does not, where its probability is beyond this or below the rest.
+const SURE: f64 = 0.95;
+/// "Proportional to the surface" would be true within this.
+const PROPORTIONAL: f64 = 0.05;
+
+/// A body's stiffness and how far it may be off.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Measured {
+    /// The body.
+    pub body: Body,
+    /// Force per displacement per Pa, in m.
+    pub stiffness_m: f64,
+    /// Relative error.
+    pub relative_error: f64,
+}
+
+impl Measured {
+    /// Probability that this body moves easier than another; relative errors are taken as standard deviations.
+    fn easier_than(&self, other: &Self) -> f64 {
+        easier(-self.stiffness_m.ln(), -other.stiffness_m.ln(), self.relative_error.hypot(other.relative_error))
+    }
+}
+
+/// The paper's claims, in its order.
+pub fn claims(all: &[Measured]) -> Vec<Claim> {
+    let mut list = Vec::new();
+    let find = |rule: SizeRule, shape: Shape, orientation: Orientation| {
+        all.iter().find(|own| {
+            let is_so = own.body.orientation == orientation || shape == Shape::Sphere;
+            own.body.rule == rule && own.body.shape == shape && is_so
+        })
+    };
+    use Orientation::{Horizontal, Vertical};
+    for rule in SizeRule::ALL {
+        let of_rule: Vec<&Measured> = all.iter().filter(|own| own.body.rule == rule).collect();
+        let Some(sphere) = find(rule, Shape::Sphere, Horizontal) else { continue };
+        let ratio = |own: &Measured| own.stiffness_m / sphere.stiffness_m;
+        let others: Vec<&&Measured> = of_rule.iter().filter(|own| own.body.shape != Shape::Sphere).collect();
+        let easiest = others.iter().map(|own| sphere.easier_than(own)).product();
+        let lowest = others.iter().min_by(|a, b| a.stiffness_m.total_cmp(&b.stiffness_m));
+        let numbers = lowest.map_or_else(String::new, |own| {
+            format!("next to it, or before it: {} at {:.4} × the sphere's resistance", own.body.label(), ratio(own))
+        });
+        list.push(claim(format!("at {}, the sphere moves easiest", rule.title()), easiest, numbers));
+        for orientation in [Horizontal, Vertical] {
+            let (Some(ellipsoid), Some(cylinder)) =
+                (find(rule, Shape::Ellipsoid, orientation), find(rule, Shape::Cylinder, orientation))
+            else {
+                continue;
+            };
+            let way = if orientation == Horizontal { "horizontal" } else { "vertical" };
+            list.push(claim(
+                format!("at {}, the {way} ellipsoid moves easier than the {way} cylinder", rule.title()),
+                ellipsoid.easier_than(cylinder),
+                format!("{:.4} against {:.4} × the sphere's resistance", ratio(ellipsoid), ratio(cylinder)),
+            ));
+        }
+        for shape in [Shape::Ellipsoid, Shape::Cylinder] {
+            let (Some(along), Some(across)) = (find(rule, shape, Horizontal), find(rule, shape, Vertical)) else {
+                continue;
+            };
+            list.push(claim(
+                format!("at {}, the {} moves easier horizontal than vertical", rule.title(), shape.name()),
+                along.easier_than(across),
+                format!("{:.4} against {:.4} × the sphere's resistance", ratio(along), ratio(across)),
+            ));
+        }
+        if rule == SizeRule::EqualVolume {
+            list.push(proportional_to_surface(sphere, &others));
+        }
+    }
+    list
+}
+
+fn claim(claim: String, probability: f64, numbers: String) -> Claim {
+    Claim { claim, verdict: verdict_of(probability), probability, numbers }
+}
+
+/// Probability that the first of two numbers is the larger, their difference having this standard deviation.
+pub(super) fn easier(first: f64, second: f64, sd: f64) -> f64 {
+    Normal::standard().cdf((first - second) / sd.max(f64::EPSILON))
+}
+
+/// What is to be said of a claim with this probability.
+pub(super) fn verdict_of(probability: f64) -> ClaimVerdict {
+    match probability {
+        p if p >= SURE => ClaimVerdict::Holds,
+        p if p <= 1.0 - SURE => ClaimVerdict::DoesNotHold,
+        _ => ClaimVerdict::TooClose,
+    }
+}
+
+/// "The viscoelastic force is approximately proportional to the surface area of the robot."
+fn proportional_to_surface(sphere: &Measured, others: &[&&Measured]) -> Claim {
+    let area = |own: &Measured| own.body.revolution.surface_area_m2();
+    let parts: Vec<(f64, f64)> =
+        others.iter().map(|own| (own.stiffness_m / sphere.stiffness_m, area(own) / area(sphere))).collect();
+    let is_so = parts.iter().all(|(resistance, surface)| (resistance / surface - 1.0).abs() < PROPORTIONAL);
+    let numbers: Vec<String> = others
+        .iter()
+        .zip(&parts)
+        .map(|(own, (resistance, surface))| {
+            format!("{}: {resistance:.3} for a surface of {surface:.3}", own.body.label())
+        })
+        .collect();
+    claim(
+        "at equal volume, resistance is proportional to the surface (within 5 %)".into(),
+        f64::from(u8::from(is_so)),
+        numbers.join("; "),
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::bodies::{PAPER_ASPECT, bodies};
+    use super::*;
+
+    fn measured(stiffness_of: impl Fn(&Body) -> f64, relative_error: f64) -> Vec<Measured> {
+        bodies(PAPER_ASPECT, 0.55e-3)
+            .into_iter()
+            .map(|body| Measured { body, stiffness_m: stiffness_of(&body), relative_error })
+            .collect()
+    }
+
+    /// One standard deviation of the difference apart, an ordering has probability Φ(1); far apart it is sure, and the other way round it is not.
+    #[test]
+    fn errors_decide_what_is_too_close() {
+        let easier = |distance: f64, relative_error: f64| {
+            let horizontal =
+                |body: &Body| body.orientation == Orientation::Horizontal && body.shape == Shape::Ellipsoid;
+            let all = measured(|body| if horizontal(body) { (-distance).exp() } else { 1.0 }, relative_error);
+            let list = claims(&all);
+            let wanted = "at equal volume, the horizontal ellipsoid moves easier than the horizontal cylinder";
+            list.into_iter().find(|own| own.claim == wanted).unwrap()
+        };
+        let sd = 2.0_f64.sqrt() * 1e-3;
+        let close = easier(sd, 1e-3);
+        assert_eq!(close.verdict, ClaimVerdict::TooClose);
+        assert!((close.probability - 0.841_344_746).abs() < 1e-8, "{close:?}");
+        assert_eq!(easier(5.0 * sd, 1e-3).verdict, ClaimVerdict::Holds);
+        assert_eq!(easier(-5.0 * sd, 1e-3).verdict, ClaimVerdict::DoesNotHold);
+    }
+
+    /// Of bodies whose resistance is their surface, that claim holds, and the sphere is the easiest at equal volume.
+    #[test]
+    fn resistance_that_is_proportional_to_the_surface_is_called_so() {
+        let list = claims(&measured(|body| body.revolution.surface_area_m2(), 1e-6));
+        let verdict = |words: &str| list.iter().find(|own| own.claim.contains(words)).unwrap().verdict;
+        assert_eq!(verdict("proportional to the surface"), ClaimVerdict::Holds);
+        assert_eq!(verdict("at equal volume, the sphere moves easiest"), ClaimVerdict::Holds);
+        // At equal surface all are alike.
+        assert_eq!(verdict("at equal surface, the horizontal ellipsoid moves easier than"), ClaimVerdict::TooClose);
+        let list = claims(&measured(|body| body.revolution.volume_m3(), 1e-6));
+        assert_eq!(list[5].verdict, ClaimVerdict::DoesNotHold, "{:?}", list[5]);
+    }
+}

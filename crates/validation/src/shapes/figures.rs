@@ -1,0 +1,54 @@
+//! The figure of a study of shapes: trajectories as in the paper's Figs. 7 and 8, beside the bodies drawn to scale.
+
+use super::bodies::Body;
+use super::job::{ShapesResult, Solved};
+use base::error::Result;
+use documents::shapes::ShapesSummary;
+use documents::shapes::{Shape, SizeRule};
+use figures::palette::{Colour, series};
+use figures::shapes::{Outline, ShapeCurve, ShapesFigure, ShapesPanel, shapes};
+use figures::svg::Svg;
+use record::Orientation;
+
+/// Draws the study.
+///
+/// # Errors
+/// What the figure refuses.
+pub fn shapes_figure(found: &ShapesResult, summary: &ShapesSummary) -> Result<Svg> {
+    let curve = |(index, own): (usize, &Solved)| {
+        let quantile = |k: usize| found.force_per_pa.iter().map(|row| 1e6 * row[k] / own.stiffness_m).collect();
+        ShapeCurve {
+            label: own.body.label(),
+            colour: colour(index),
+            is_dashed: own.body.orientation == Orientation::Vertical,
+            lower_um: quantile(0),
+            median_um: quantile(1),
+            upper_um: quantile(2),
+            outline: outline(&own.body),
+        }
+    };
+    let panel = |rule: SizeRule| ShapesPanel {
+        title: format!("{} (Fig. {})", rule.title(), if rule == SizeRule::EqualVolume { 7 } else { 8 }),
+        curves: found.studied[0].solved.iter().filter(|own| own.body.rule == rule).enumerate().map(curve).collect(),
+    };
+    shapes(&ShapesFigure {
+        title: format!(
+            "Robots of aspect ratio {:.2} at ±{} µN: median and 90 % band of the posterior",
+            summary.aspect, summary.force_un
+        ),
+        time_s: &found.time_s,
+        panels: SizeRule::ALL.into_iter().map(panel).collect(),
+    })
+}
+
+/// Shapes in colours, orientations in dashes.
+fn colour(index: usize) -> Colour {
+    series(index.div_ceil(2))
+}
+
+fn outline(body: &Body) -> Outline {
+    let [along, across] = body.sizes_m().map(|x| 1e3 * x);
+    let (width_mm, height_mm) =
+        if body.orientation == Orientation::Horizontal { (along, across) } else { (across, along) };
+    Outline { width_mm, height_mm, is_round: body.shape != Shape::Cylinder }
+}

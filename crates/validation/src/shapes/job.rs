@@ -1,0 +1,297 @@
+//! The study: stiffness of every body by two solvers, the posterior carried through, claims, predictors and the design question.
+
+use documents::shapes::ElasticRecord;
+use rayon::prelude::*;
+
+use super::bodies::{Body, bodies};
+use super::claims::{Measured, claims};
+use super::design::{StiffnessSurrogate, longest};
+use super::large;
+use super::predictors::compare_predictors;
+use base::error::Result;
+use documents::shapes::Claim;
+use documents::shapes::LargeStrains;
+use documents::shapes::LongestRobot;
+use documents::shapes::PredictorRecord;
+use documents::shapes::Shape;
+use elements::fe::Stiffness;
+use elements::fe::meridional::{ElasticRobot, Formulation, Resolution, solve, solve_elastic};
+use elements::fe::oldroyd::FiniteLaw;
+use elements::fe::quality::MeshQuality;
+use elements::fe::surface::RobotSize;
+use elements::fe::time::FullOrderModel;
+use elements::mesh::Mesh;
+use figures::density::{quantile_of_sorted, sorted};
+use laws::rheology::CreepCompliance;
+use models::model::convolve_m;
+use posterior::mechanics::{MODEL_LEVEL, robot_mesh};
+use posterior::monitor::{Counter, Monitor};
+use record::{Orientation, Vitreous};
+
+/// Times a hold of the cycle in trajectories.
+const ROWS_A_HOLD: usize = 100;
+
+/// What a caller decides.
+pub struct ShapesRequest {
+    /// The sphere whose volume or surface the others have, in m.
+    pub sphere_diameter_m: f64,
+    /// The gel around them.
+    pub vitreous: Vitreous,
+    /// Lengths to diameters, and long to short semi-axes; at least one, the first is the study's and the others its sweep.
+    pub aspects: Vec<f64>,
+    /// Poisson ratios of the gel, as many as are to be compared; the first is the study's.
+    pub poisson_ratios: Vec<f64>,
+    /// Amplitude of the force, in N: + for one hold, − for the next.
+    pub force_n: f64,
+    /// Length of a hold, in s.
+    pub hold_s: f64,
+    /// How far the longest robot must move within one hold, in m.
+    pub distance_m: f64,
+    /// Posterior draws of the gel.
+    pub laws: Vec<CreepCompliance>,
+    /// The law at the posterior's mean as a fluid whose strains may be large; `None` where it has no such form.
+    pub finite_law: Option<FiniteLaw>,
+    /// Mesh of a body of the user's, to be set beside the others.
+    pub own_mesh: Option<Mesh>,
+}
+
+/// A body's stiffness, found twice.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Solved {
+    /// The body.
+    pub body: Body,
+    /// Force per displacement per Pa of Young's modulus, whole body, in m: by high-order elements in the meridian.
+    pub stiffness_m: f64,
+    /// Their own error estimate.
+    pub relative_error: f64,
+    /// The same by the program's three-dimensional elements, in m.
+    pub stiffness_3d_m: f64,
+    /// Their unknowns.
+    pub unknowns: usize,
+    /// Shapes of their elements.
+    pub quality: MeshQuality,
+}
+
+/// A mesh around a body and the gel's displacement on it.
+pub struct BodyField {
+    /// The body.
+    pub body: Body,
+    /// Its mesh.
+    pub mesh: Mesh,
+    /// Displacement of every node per displacement of the robot.
+    pub displacement: Vec<[f64; 3]>,
+}
+
+/// The bodies at one aspect ratio in a gel of one Poisson ratio.
+pub struct Studied {
+    /// Length to diameter.
+    pub aspect: f64,
+    /// Poisson ratio of the gel.
+    pub poisson_ratio: f64,
+    /// Ten bodies.
+    pub solved: Vec<Solved>,
+    /// The paper's claims.
+    pub claims: Vec<Claim>,
+    /// Stiffness of the user's own body, in m.
+    pub own_stiffness_m: Option<f64>,
+}
+
+/// The body of the user's own mesh.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct OwnMesh {
+    /// Its size as the mesh has it.
+    pub size: RobotSize,
+    /// Unknowns.
+    pub unknowns: usize,
+    /// Shapes of the elements.
+    pub quality: MeshQuality,
+}
+
+/// What the study led to.
+pub struct ShapesResult {
+    /// Every aspect ratio with every Poisson ratio; the first is the study's own.
+    pub studied: Vec<Studied>,
+    /// Meshes and fields of the study's bodies of equal volume.
+    pub fields: Vec<BodyField>,
+    /// The user's mesh, where there is one.
+    pub own_mesh: Option<OwnMesh>,
+    /// Times of one cycle, in s.
+    pub time_s: Vec<f64>,
+    /// Position times stiffness (N/Pa) at each of them: 5 %, 50 %, 95 %. A body's position is this over its stiffness.
+    pub force_per_pa: Vec<[f64; 3]>,
+    /// The same at the end of the first hold.
+    pub after_hold: [f64; 3],
+    /// How far elastic robots are from rigid ones.
+    pub elastic: Vec<ElasticRecord>,
+    /// What predicts the stiffness.
+    pub predictors: Vec<PredictorRecord>,
+    /// The longest robots.
+    pub longest: Vec<LongestRobot>,
+    /// Bodies along the force with large strains.
+    pub large_strains: Option<LargeStrains>,
+}
+
+/// Moduli that are tried; a metal's is about 10¹⁰ times the gel's, where rounding hides the difference.
+const MODULUS_RATIOS: [f64; 3] = [1e2, 1e3, 1e4];
+/// Fineness of elastic robots and of the rigid ones that they are compared with.
+const ELASTIC: Resolution = Resolution { order: 6, rim_layers: 3, formulation: Formulation::Mixed };
+
+fn elastic(bodies: &[Body], outer_radius_m: f64, poisson_ratio: f64) -> Result<Vec<ElasticRecord>> {
+    let of_ratio = |modulus_ratio: f64| {
+        let share = |body: &Body| {
+            let (revolution, direction) = (body.revolution, body.direction());
+            let robot = ElasticRobot { modulus_ratio, poisson_ratio: 0.3 };
+            let rigid = solve(revolution, outer_radius_m, poisson_ratio, direction, ELASTIC)?.stiffness_m;
+            let soft = solve_elastic(revolution, robot, outer_radius_m, poisson_ratio, direction, ELASTIC)?;
+            Ok(1.0 - soft / rigid)
+        };
+        let shares: Vec<f64> = bodies.par_iter().map(share).collect::<Result<_>>()?;
+        let largest_relative_difference = shares.into_iter().fold(0.0, f64::max);
+        Ok(ElasticRecord { modulus_ratio, largest_relative_difference })
+    };
+    MODULUS_RATIOS.into_iter().map(of_ratio).collect()
+}
+
+/// A body's stiffness at every Poisson ratio, the mesh made once, and its field at the first.
+fn solve_body(body: &Body, vitreous: &Vitreous, poisson_ratios: &[f64]) -> Result<(Vec<Solved>, BodyField)> {
+    let mesh = robot_mesh(&body.robot(0.0), vitreous, MODEL_LEVEL)?;
+    let stiffness = Stiffness::new(&mesh)?;
+    let (quality, unknowns) = (MeshQuality::of(&mesh), &stiffness.assembly.unknowns);
+    let (mut solved, mut displacement) = (Vec::new(), Vec::new());
+    for &poisson_ratio in poisson_ratios {
+        let outer_radius_m = 0.5 * vitreous.diameter_m;
+        let meridional =
+            solve(body.revolution, outer_radius_m, poisson_ratio, body.direction(), Resolution::default())?;
+        let response = stiffness.factor(poisson_ratio)?.unit_response();
+        let moved = response[unknowns.robot()];
+        if displacement.is_empty() {
+            displacement = unknowns.nodal_displacement(&response.iter().map(|u| u / moved).collect::<Vec<f64>>());
+        }
+        solved.push(Solved {
+            body: *body,
+            stiffness_m: meridional.stiffness_m,
+            relative_error: meridional.relative_error,
+            stiffness_3d_m: 1.0 / (unknowns.share() * moved),
+            unknowns: unknowns.count(),
+            quality,
+        });
+    }
+    Ok((solved, BodyField { body: *body, mesh, displacement }))
+}
+
+/// The bodies at every aspect and Poisson ratio, the Poisson ratios running fastest.
+///
+/// With them come the fields of the first aspect's bodies of equal volume; those of equal surface differ by a scale.
+fn study(
+    request: &ShapesRequest,
+    own_stiffnesses_m: &[f64],
+    monitor: &dyn Monitor,
+) -> Result<(Vec<Studied>, Vec<BodyField>)> {
+    let ShapesRequest { sphere_diameter_m, vitreous, aspects, poisson_ratios, .. } = request;
+    let all: Vec<Body> = aspects.iter().flat_map(|aspect| bodies(*aspect, *sphere_diameter_m)).collect();
+    let counter = Counter::new(monitor, all.len());
+    let n_bodies = all.len() / aspects.len();
+    let solve_one = |(index, body)| {
+        let (solved, field) = solve_body(body, vitreous, poisson_ratios)?;
+        counter.add_one();
+        Ok((solved, (index < n_bodies / 2).then_some(field)))
+    };
+    let found: Vec<(Vec<Solved>, Option<BodyField>)> =
+        all.par_iter().enumerate().map(solve_one).collect::<Result<_>>()?;
+    let (solved, fields): (Vec<Vec<Solved>>, Vec<Option<BodyField>>) = found.into_iter().unzip();
+    let mut studied = Vec::new();
+    for (aspect, of_aspect) in aspects.iter().zip(solved.chunks(n_bodies)) {
+        for (index, poisson_ratio) in poisson_ratios.iter().enumerate() {
+            let solved: Vec<Solved> = of_aspect.iter().map(|body| body[index]).collect();
+            let measured = |own: &Solved| Measured {
+                body: own.body,
+                stiffness_m: own.stiffness_m,
+                relative_error: own.relative_error,
+            };
+            studied.push(Studied {
+                aspect: *aspect,
+                poisson_ratio: *poisson_ratio,
+                claims: claims(&solved.iter().map(measured).collect::<Vec<_>>()),
+                solved,
+                own_stiffness_m: own_stiffnesses_m.get(index).copied(),
+            });
+        }
+    }
+    Ok((studied, fields.into_iter().flatten().collect()))
+}
+
+/// The user's mesh, and its body's stiffness (m) at every Poisson ratio.
+fn own_body(request: &ShapesRequest) -> Result<(Option<OwnMesh>, Vec<f64>)> {
+    let Some(mesh) = &request.own_mesh else { return Ok((None, Vec::new())) };
+    let stiffness = Stiffness::new(mesh)?;
+    let stiffness_m = |ratio: &f64| Ok(1.0 / FullOrderModel::new(&stiffness, *ratio)?.compliance_per_m());
+    let stiffnesses_m = request.poisson_ratios.iter().map(stiffness_m).collect::<Result<_>>()?;
+    let own = OwnMesh { size: RobotSize::of(mesh), unknowns: stiffness.n_unknowns(), quality: MeshQuality::of(mesh) };
+    Ok((Some(own), stiffnesses_m))
+}
+
+/// Runs the study.
+///
+/// # Errors
+/// Those of meshes and solvers, for bodies that do not fit.
+pub fn run(request: &ShapesRequest, monitor: &dyn Monitor) -> Result<ShapesResult> {
+    let ShapesRequest { sphere_diameter_m, vitreous, force_n, hold_s, distance_m, laws, .. } = request;
+    let outer_radius_m = 0.5 * vitreous.diameter_m;
+    monitor.stage("solving for every body, in the meridian and in three dimensions");
+    let (own_mesh, own_stiffnesses_m) = own_body(request)?;
+    let (studied, fields) = study(request, &own_stiffnesses_m, monitor)?;
+    let (aspect, poisson_ratio) = (studied[0].aspect, studied[0].poisson_ratio);
+
+    let time_s: Vec<f64> = (0..=2 * ROWS_A_HOLD).map(|i| hold_s * i as f64 / ROWS_A_HOLD as f64).collect();
+    let force_n: Vec<f64> =
+        (0..time_s.len()).map(|i| if (i / ROWS_A_HOLD).is_multiple_of(2) { *force_n } else { -force_n }).collect();
+    let trajectories: Vec<Vec<f64>> = laws.par_iter().map(|law| convolve_m(1.0, law, &time_s, &force_n)).collect();
+    let at_row = |row: usize| {
+        let ascending = sorted(&trajectories.iter().map(|own| own[row]).collect::<Vec<f64>>());
+        [0.05, 0.5, 0.95].map(|probability| quantile_of_sorted(&ascending, probability))
+    };
+    let force_per_pa: Vec<[f64; 3]> = (0..time_s.len()).into_par_iter().map(at_row).collect();
+    let after_hold = force_per_pa[ROWS_A_HOLD];
+
+    monitor.stage("comparing elastic robots with rigid ones");
+    let elastic = elastic(&bodies(aspect, *sphere_diameter_m)[..5], outer_radius_m, poisson_ratio)?;
+    monitor.stage("comparing what may predict the stiffness");
+    let predictors = compare_predictors(*sphere_diameter_m, outer_radius_m, poisson_ratio)?;
+    monitor.stage("looking for the longest robot that moves far enough");
+    let ends: Vec<f64> = trajectories.iter().map(|own| own[ROWS_A_HOLD]).collect();
+    let mut found = Vec::new();
+    for shape in [Shape::Ellipsoid, Shape::Cylinder] {
+        for orientation in [Orientation::Horizontal, Orientation::Vertical] {
+            let surrogate =
+                StiffnessSurrogate::new(shape, orientation, *sphere_diameter_m, outer_radius_m, poisson_ratio)?;
+            found.push(longest(&surrogate, *sphere_diameter_m, poisson_ratio, &ends, *distance_m));
+        }
+    }
+    let large_strains = match &request.finite_law {
+        Some(law) => {
+            monitor.stage("following bodies along the force through large strains");
+            let median: Vec<f64> = force_per_pa[..=ROWS_A_HOLD].iter().map(|row| row[1]).collect();
+            let setting = large::Setting {
+                sphere_diameter_m: *sphere_diameter_m,
+                outer_radius_m,
+                poisson_ratio,
+                aspect,
+                force_n: request.force_n,
+            };
+            Some(large::run(&setting, law, &time_s[..=ROWS_A_HOLD], &median, monitor)?)
+        }
+        None => None,
+    };
+    Ok(ShapesResult {
+        studied,
+        fields,
+        own_mesh,
+        time_s,
+        force_per_pa,
+        after_hold,
+        elastic,
+        predictors,
+        longest: found,
+        large_strains,
+    })
+}

@@ -1,0 +1,229 @@
+//! Bodies along the force in a gel whose strains may be large (physics §7.6): do the paper's orderings last when the bodies move by their own lengths?
+//!
+//! Only bodies that move along their axis of revolution are meshed for large strains. The gel is bonded to them, so strains before a slender tip or at a sharp rim are far larger than around a sphere: the
+//! mesh follows such bodies only so far, and they are compared as far as it does. Beside Oldroyd-B the same is run with a mobility, since the small strains do not say which fluid it is.
+
+use rayon::prelude::*;
+
+use super::bodies::{Body, sized};
+use super::claims::{easier, verdict_of};
+use base::error::Result;
+use documents::shapes::{Claim, ClaimVerdict, LargeShape, LargeStrains, Shape, SizeRule};
+use elements::fe::meridional::{Resolution, solve};
+use elements::fe::oldroyd::{Fineness, FiniteGel, FiniteLaw, FiniteRun, Volume};
+use laws::stages::Stages;
+use posterior::monitor::{Counter, Monitor};
+use record::{Force, Orientation};
+
+/// Ellipsoids beside the study's own: bodies that a mesh follows far.
+const ASPECTS: [f64; 2] = [1.5, 2.0];
+/// Mobility of the other fluid.
+pub const OTHER_MOBILITY: f64 = 0.1;
+
+/// The bodies' surroundings and what pulls them.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Setting {
+    /// The sphere whose volume or surface the others have, in m.
+    pub sphere_diameter_m: f64,
+    /// Radius of the gel around them, in m.
+    pub outer_radius_m: f64,
+    /// Its Poisson ratio, for the small strains.
+    pub poisson_ratio: f64,
+    /// Length to diameter of the study's bodies.
+    pub aspect: f64,
+    /// Force in N.
+    pub force_n: f64,
+}
+
+/// A body's way through the hold.
+struct Followed {
+    body: Body,
+    aspect: f64,
+    /// Displacement of small strains (m) at every row of the hold.
+    small_m: Vec<f64>,
+    /// By how much it is farther in Oldroyd-B's fluid, in m, at the rows to which it was followed.
+    deviation_m: Vec<f64>,
+    /// Its error from row to row, in m.
+    error_m: Vec<f64>,
+    /// The same as the deviation in Giesekus's fluid; `None` where not even the first was followed to the end.
+    other_deviation_m: Option<Vec<f64>>,
+}
+
+impl Followed {
+    /// Rows to which it was followed at both finenesses.
+    fn n_rows(&self) -> usize {
+        self.error_m.len()
+    }
+
+    fn is_whole(&self) -> bool {
+        self.n_rows() == self.small_m.len()
+    }
+
+    /// Displacement (m) at a row in Oldroyd-B's fluid.
+    fn at_m(&self, row: usize) -> f64 {
+        self.small_m[row] + self.deviation_m[row]
+    }
+
+    /// The same in Giesekus's, where it was followed there.
+    fn other_m(&self, row: usize) -> Option<f64> {
+        Some(self.small_m[row] + self.other_deviation_m.as_ref()?.get(row)?)
+    }
+
+    fn summary(&self, time_s: &[f64]) -> Option<LargeShape> {
+        let last = self.n_rows().checked_sub(1)?;
+        let [length_m, diameter_m] = self.body.sizes_m();
+        let um = |x: f64| 1e6 * x;
+        Some(LargeShape {
+            shape: self.body.shape,
+            size_rule: self.body.rule,
+            aspect: self.aspect,
+            followed_s: time_s[last],
+            is_whole: self.is_whole(),
+            small_strains_um: um(self.small_m[last]),
+            deviation_um: um(self.deviation_m[last]),
+            error_um: um(self.error_m[last]),
+            deviation_with_mobility_um: self.other_m(last).map(|x| um(x - self.small_m[last])),
+            radii_moved: self.at_m(last) / (0.5 * diameter_m),
+            lengths_moved: self.at_m(last) / length_m,
+        })
+    }
+}
+
+/// Two finenesses of a body's mesh: what is reported, and what it is compared with.
+fn finenesses(shape: Shape) -> [Fineness; 2] {
+    let of_order = |order| Fineness { order, ..Fineness::ESTIMATE };
+    match shape {
+        Shape::Cylinder => [of_order(4), of_order(3)],
+        _ => [of_order(6), of_order(5)],
+    }
+}
+
+fn follow(
+    setting: &Setting,
+    laws: &[FiniteLaw; 2],
+    rows: (&[f64], &[f64]),
+    (body, aspect): (Body, f64),
+    force_per_pa: &[f64],
+) -> Result<Followed> {
+    let Setting { outer_radius_m, poisson_ratio, .. } = *setting;
+    let (time_s, force_n) = rows;
+    let load = Stages::of_law(Vec::new()).load;
+    let deviation_m = |fineness: Fineness, law: &FiniteLaw| -> Result<Vec<f64>> {
+        let gel = FiniteGel::new(body.revolution, outer_radius_m, Volume::Kept, fineness)?;
+        let (run, _) = gel.follow(&FiniteRun { law, load: &load, time_s, force: Force::from(force_n) })?;
+        Ok(run.deviation_m)
+    };
+    let [fine, coarse] = finenesses(body.shape);
+    let (own, coarser) = (deviation_m(fine, &laws[0])?, deviation_m(coarse, &laws[0])?);
+    let is_whole = own.len().min(coarser.len()) == time_s.len();
+    let resolution = Resolution::default();
+    let stiffness_m = solve(body.revolution, outer_radius_m, poisson_ratio, body.direction(), resolution)?.stiffness_m;
+    Ok(Followed {
+        body,
+        aspect,
+        small_m: force_per_pa.iter().map(|x| x / stiffness_m).collect(),
+        error_m: own.iter().zip(&coarser).map(|(a, b)| (a - b).abs()).collect(),
+        deviation_m: own,
+        other_deviation_m: if is_whole { Some(deviation_m(coarse, &laws[1])?) } else { None },
+    })
+}
+
+/// Runs the bodies through one hold. `time_s` are the hold's rows, `force_per_pa` is position times stiffness (N/Pa) of small strains at each of them.
+///
+/// # Errors
+/// Those of meshes. A mesh that follows a body no farther is none.
+pub fn run(
+    setting: &Setting,
+    law: &FiniteLaw,
+    time_s: &[f64],
+    force_per_pa: &[f64],
+    monitor: &dyn Monitor,
+) -> Result<LargeStrains> {
+    let mut laws = [law.clone(), law.clone()];
+    laws[1].mobility = OTHER_MOBILITY;
+    let Setting { sphere_diameter_m, aspect: own, force_n, .. } = *setting;
+    let force_n = vec![force_n; time_s.len()];
+    let mut aspects: Vec<f64> = ASPECTS.into_iter().filter(|aspect| *aspect != own).chain([own]).collect();
+    aspects.sort_by(f64::total_cmp);
+    let body = |shape: Shape, rule: SizeRule, aspect: f64| {
+        let revolution = sized(shape, aspect, rule, sphere_diameter_m);
+        (Body { shape, orientation: Orientation::Horizontal, rule, revolution }, aspect)
+    };
+    // A sphere is as large under either rule.
+    let mut all = vec![body(Shape::Sphere, SizeRule::EqualVolume, 1.0)];
+    for rule in SizeRule::ALL {
+        all.extend(aspects.iter().map(|aspect| body(Shape::Ellipsoid, rule, *aspect)));
+        all.push(body(Shape::Cylinder, rule, own));
+    }
+    let counter = Counter::new(monitor, all.len());
+    let one = |own: &(Body, f64)| {
+        let followed = follow(setting, &laws, (time_s, &force_n), *own, force_per_pa)?;
+        counter.add_one();
+        Ok(followed)
+    };
+    let followed: Vec<Followed> = all.par_iter().map(one).collect::<Result<_>>()?;
+    let mut claims = Vec::new();
+    for rule in SizeRule::ALL {
+        let is_of_rule = |own: &&Followed| own.body.rule == rule || own.body.shape == Shape::Sphere;
+        let of_rule: Vec<&Followed> = followed.iter().filter(is_of_rule).collect();
+        claims.extend(sphere_is_easiest(rule, &of_rule));
+        claims.extend(ellipsoid_before_cylinder(rule, &of_rule, own, time_s));
+    }
+    Ok(LargeStrains {
+        other_mobility: OTHER_MOBILITY,
+        bodies: followed.iter().filter_map(|own| own.summary(time_s)).collect(),
+        claims,
+    })
+}
+
+/// Whether the first goes farther than the others at a row: a claim that holds in one fluid alone is too close.
+fn judge(claim: String, first: &Followed, others: &[&Followed], row: usize, numbers: String) -> Claim {
+    let sd = |other: &Followed| first.error_m[row].hypot(other.error_m[row]);
+    let probability: f64 = others.iter().map(|other| easier(first.at_m(row), other.at_m(row), sd(other))).product();
+    let in_other = others.iter().map(|other| Some(easier(first.other_m(row)?, other.other_m(row)?, sd(other))));
+    let verdict = verdict_of(probability);
+    match in_other.product::<Option<f64>>() {
+        Some(other) if verdict_of(other) != verdict => {
+            let numbers = format!("{numbers}; the two fluids do not agree");
+            Claim { claim, verdict: ClaimVerdict::TooClose, probability, numbers }
+        }
+        _ => Claim { claim, verdict, probability, numbers },
+    }
+}
+
+/// Among ellipsoids that were followed to the end of the hold.
+fn sphere_is_easiest(rule: SizeRule, all: &[&Followed]) -> Option<Claim> {
+    let sphere = all.iter().find(|own| own.body.shape == Shape::Sphere && own.is_whole())?;
+    let others: Vec<&Followed> =
+        all.iter().filter(|own| own.body.shape == Shape::Ellipsoid && own.is_whole()).copied().collect();
+    let row = sphere.small_m.len() - 1;
+    if others.is_empty() {
+        return None;
+    }
+    let ratios = |own: &&Followed| {
+        let small = own.small_m[row] / sphere.small_m[row];
+        let large = own.at_m(row) / sphere.at_m(row);
+        let other = own.other_m(row).zip(sphere.other_m(row)).map(|(own, sphere)| own / sphere);
+        let other = other.map_or(String::new(), |other| format!(", with mobility {other:.4}"));
+        format!("{:.2}: {large:.4} (small strains {small:.4}{other})", own.aspect)
+    };
+    let numbers: Vec<String> = others.iter().map(ratios).collect();
+    let numbers = format!("displacement over the sphere's, by aspect ratio: {}", numbers.join("; "));
+    let claim = format!("at {}, the sphere moves easiest of the ellipsoids along the force", rule.title());
+    Some(judge(claim, sphere, &others, row, numbers))
+}
+
+/// At the last moment to which both were followed.
+fn ellipsoid_before_cylinder(rule: SizeRule, all: &[&Followed], aspect: f64, time_s: &[f64]) -> Option<Claim> {
+    let find = |shape: Shape| all.iter().find(|own| own.body.shape == shape && own.aspect == aspect).copied();
+    let (ellipsoid, cylinder) = (find(Shape::Ellipsoid)?, find(Shape::Cylinder)?);
+    let row = ellipsoid.n_rows().min(cylinder.n_rows()).checked_sub(1).filter(|row| *row > 0)?;
+    let way = |own: &Followed| format!("{:.1} µm (small strains {:.1})", 1e6 * own.at_m(row), 1e6 * own.small_m[row]);
+    let claim = format!(
+        "at {}, the horizontal ellipsoid moves easier than the horizontal cylinder, up to {:.2} s",
+        rule.title(),
+        time_s[row]
+    );
+    let numbers = format!("{} against {}", way(ellipsoid), way(cylinder));
+    Some(judge(claim, ellipsoid, &[cylinder], row, numbers))
+}

@@ -1,0 +1,219 @@
+//! What predicts a body's stiffness beyond its volume and the area of its surface: the question that the paper leaves open.
+//!
+//! Each candidate is a length that a sphere has, too, so that the stiffness of a body is predicted as the sphere's times the ratio of lengths, with
+//! nothing fitted. They are compared over ellipsoids and cylinders of many aspect ratios, along and across the force. Beside them stands what
+//! knows the aspect ratio and the orientation: spheroids in the body's place, whose stiffness is known in closed form (physics §4.3, §4.8). They are
+//! compared over cylinders alone, since a spheroid is its own.
+
+use documents::shapes::PredictorRecord;
+use std::f64::consts::PI;
+
+use rayon::prelude::*;
+
+use super::bodies::{Body, sized};
+use base::error::Result;
+use documents::shapes::{Shape, SizeRule};
+use elements::fe::meridional::{BodyOfRevolution, Resolution, solve};
+use record::Orientation;
+
+/// Aspect ratios of the sweep.
+pub const SWEEP_ASPECTS: [f64; 9] = [0.2, 0.35, 0.6, 1.0, 1.7, 3.0, 5.0, 68.0 / 7.0, 15.0];
+
+/// A length that may stand for a body.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Predictor {
+    /// Diameter of the sphere of equal volume.
+    Volume,
+    /// Diameter of the sphere of equal surface: what the paper takes for the cause.
+    Surface,
+    /// Diameter of the disc of equal area as the body's shadow along the force.
+    Projected,
+    /// Largest extent.
+    Length,
+    /// A third of the shadow's and two thirds of the surface's diameter (Leith 1987, Aerosol Sci. Technol. 6:153): pressure and shear drag.
+    Leith,
+    /// Mean caliper diameter: of the body's extents over all directions.
+    MeanCaliper,
+}
+
+impl Predictor {
+    /// All.
+    pub const ALL: [Self; 6] =
+        [Self::Volume, Self::Surface, Self::Projected, Self::Length, Self::Leith, Self::MeanCaliper];
+
+    /// In words.
+    pub fn title(self) -> &'static str {
+        match self {
+            Self::Volume => "volume",
+            Self::Surface => "surface",
+            Self::Projected => "shadow along the force",
+            Self::Length => "length",
+            Self::Leith => "1/3 shadow + 2/3 surface (Leith 1987)",
+            Self::MeanCaliper => "mean caliper diameter",
+        }
+    }
+
+    /// Its length in m.
+    pub fn length_m(self, body: &Body) -> f64 {
+        let [along, across] = body.sizes_m();
+        let disc = |area_m2: f64| (4.0 * area_m2 / PI).sqrt();
+        match self {
+            Self::Volume => (6.0 * body.revolution.volume_m3() / PI).cbrt(),
+            Self::Surface => (body.revolution.surface_area_m2() / PI).sqrt(),
+            Self::Projected => disc(match (body.orientation, body.revolution) {
+                (Orientation::Horizontal, _) => PI / 4.0 * across * across,
+                (Orientation::Vertical, BodyOfRevolution::Spheroid { .. }) => PI / 4.0 * along * across,
+                (Orientation::Vertical, BodyOfRevolution::Cylinder { .. }) => along * across,
+            }),
+            Self::Length => along.max(across),
+            Self::Leith => (Self::Projected.length_m(body) + 2.0 * Self::Surface.length_m(body)) / 3.0,
+            Self::MeanCaliper => mean_caliper_m(body.revolution),
+        }
+    }
+}
+
+/// Mean over directions of the distance between parallel planes that touch the body.
+fn mean_caliper_m(body: BodyOfRevolution) -> f64 {
+    match body {
+        // Along a direction at cosine u to the axis a spheroid is 2 √(a²u² + b²(1 − u²)) wide.
+        BodyOfRevolution::Spheroid { semi_axis_along_m: a, semi_axis_across_m: b } => {
+            let n = 2_000;
+            let width = |i: usize| {
+                let u = (i as f64 + 0.5) / n as f64;
+                2.0 * (a * a * u * u + b * b * (1.0 - u * u)).sqrt()
+            };
+            (0..n).map(width).sum::<f64>() / n as f64
+        }
+        // L|u| + D √(1 − u²), averaged.
+        BodyOfRevolution::Cylinder { length_m, diameter_m } => 0.5 * length_m + 0.25 * PI * diameter_m,
+    }
+}
+
+/// Ratios to the sphere of the sweep's bodies, at equal volume, and each candidate's record; best first.
+///
+/// # Errors
+/// Those of the meridional solver.
+pub fn compare_predictors(
+    sphere_diameter_m: f64,
+    outer_radius_m: f64,
+    poisson_ratio: f64,
+) -> Result<Vec<PredictorRecord>> {
+    let mut bodies = Vec::new();
+    for aspect in SWEEP_ASPECTS {
+        for shape in [Shape::Ellipsoid, Shape::Cylinder] {
+            for orientation in [Orientation::Horizontal, Orientation::Vertical] {
+                let rule = SizeRule::EqualVolume;
+                let revolution = sized(shape, aspect, rule, sphere_diameter_m);
+                bodies.push((aspect, Body { shape, orientation, rule, revolution }));
+            }
+        }
+    }
+    let sphere = Body {
+        shape: Shape::Sphere,
+        orientation: Orientation::Horizontal,
+        rule: SizeRule::EqualVolume,
+        revolution: BodyOfRevolution::sphere(0.5 * sphere_diameter_m),
+    };
+    let coarse = Resolution { order: 6, rim_layers: 5, ..Resolution::default() };
+    let stiffness_m = |body: &Body| {
+        solve(body.revolution, outer_radius_m, poisson_ratio, body.direction(), coarse).map(|found| found.stiffness_m)
+    };
+    let of_sphere_m = stiffness_m(&sphere)?;
+    let ratios: Vec<f64> =
+        bodies.par_iter().map(|(_, body)| Ok(stiffness_m(body)? / of_sphere_m)).collect::<Result<_>>()?;
+    let record = |predictor: Predictor| {
+        let unit_m = predictor.length_m(&sphere);
+        let errors: Vec<f64> = bodies
+            .iter()
+            .zip(&ratios)
+            .map(|((_, body), ratio)| predictor.length_m(body) / unit_m / ratio - 1.0)
+            .collect();
+        record_of(predictor.title(), &errors, &bodies)
+    };
+    let mut records: Vec<PredictorRecord> = Predictor::ALL.into_iter().map(record).collect();
+    let cylinders = || bodies.iter().zip(&ratios).filter(|((_, body), _)| body.shape == Shape::Cylinder);
+    let names = cylinders().map(|((aspect, body), _)| (*aspect, *body)).collect::<Vec<_>>();
+    for (title, scales) in TWINS {
+        let of_twin = |((_, body), ratio): (&(f64, Body), &f64)| {
+            let twin = Body { revolution: twin(body, scales), ..*body };
+            Ok(stiffness_m(&twin)? / of_sphere_m / ratio - 1.0)
+        };
+        let errors: Vec<f64> = cylinders().map(of_twin).collect::<Result<_>>()?;
+        records.push(record_of(title, &errors, &names));
+    }
+    records.sort_by(|a, b| a.rms_relative_error.total_cmp(&b.rms_relative_error));
+    Ok(records)
+}
+
+fn record_of(title: &str, errors: &[f64], bodies: &[(f64, Body)]) -> PredictorRecord {
+    let squares = errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64;
+    let worst = (0..errors.len()).max_by(|a, b| errors[*a].abs().total_cmp(&errors[*b].abs())).unwrap_or(0);
+    PredictorRecord {
+        predictor: title.into(),
+        rms_relative_error: squares.sqrt(),
+        largest_relative_error: errors[worst],
+        worst: format!("{} of aspect {:.2}", bodies[worst].1.label(), bodies[worst].0),
+    }
+}
+
+/// Spheroids that stand for a cylinder, and their axes over its length and diameter: the cube root of 3/2 for equal volume, and those of equal mean squares of
+/// the coordinates, L²/12 = a²/5 and D²/16 = b²/5.
+const TWINS: [(&str, [f64; 2]); 2] = [
+    ("spheroid of equal volume and aspect (cylinders)", [1.144_714_242_553_332, 1.144_714_242_553_332]),
+    ("spheroid of equal second moments (cylinders)", [1.290_994_448_735_805_6, 1.118_033_988_749_895]),
+];
+
+fn twin(body: &Body, [of_length, of_diameter]: [f64; 2]) -> BodyOfRevolution {
+    let [length_m, diameter_m] = body.sizes_m();
+    BodyOfRevolution::Spheroid {
+        semi_axis_along_m: 0.5 * of_length * length_m,
+        semi_axis_across_m: 0.5 * of_diameter * diameter_m,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const RULE: SizeRule = SizeRule::EqualVolume;
+
+    /// A sphere's every length is its diameter.
+    #[test]
+    fn lengths_of_a_sphere_are_its_diameter() {
+        let (diameter_m, orientation) = (0.55e-3, Orientation::Vertical);
+        let body = Body {
+            shape: Shape::Sphere,
+            orientation,
+            rule: RULE,
+            revolution: BodyOfRevolution::sphere(0.5 * diameter_m),
+        };
+        for predictor in Predictor::ALL {
+            assert!((predictor.length_m(&body) / diameter_m - 1.0).abs() < 1e-6, "{predictor:?}");
+        }
+    }
+
+    /// Mean caliper diameters in closed form: L/2 + πD/4 of a cylinder; a + b artanh-type of a spheroid, here by its limit of a needle, whose mean
+    /// |cos| is ½.
+    #[test]
+    fn mean_caliper_diameters() {
+        let cylinder = BodyOfRevolution::Cylinder { length_m: 3.0, diameter_m: 2.0 };
+        assert!((mean_caliper_m(cylinder) - (1.5 + 0.5 * PI)).abs() < 1e-14);
+        let needle = BodyOfRevolution::Spheroid { semi_axis_along_m: 1.0, semi_axis_across_m: 1e-9 };
+        assert!((mean_caliper_m(needle) - 1.0).abs() < 1e-6);
+    }
+
+    /// The spheroids that stand for a cylinder have its volume, or its second moments.
+    #[test]
+    fn spheroids_in_a_cylinders_place() {
+        let (length_m, diameter_m) = (3e-3, 0.4e-3);
+        let revolution = BodyOfRevolution::Cylinder { length_m, diameter_m };
+        let body = Body { shape: Shape::Cylinder, orientation: Orientation::Horizontal, rule: RULE, revolution };
+        let of_volume = twin(&body, TWINS[0].1);
+        assert!((of_volume.volume_m3() / revolution.volume_m3() - 1.0).abs() < 1e-14);
+        let BodyOfRevolution::Spheroid { semi_axis_along_m: a, semi_axis_across_m: b } = twin(&body, TWINS[1].1) else {
+            panic!("not a spheroid")
+        };
+        assert!((a * a / 5.0 / (length_m * length_m / 12.0) - 1.0).abs() < 1e-14);
+        assert!((b * b / 5.0 / (diameter_m * diameter_m / 16.0) - 1.0).abs() < 1e-14);
+    }
+}

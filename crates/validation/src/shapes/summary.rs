@@ -1,0 +1,103 @@
+//! The document of a study of shapes, `vitreo-uq/shapes/1`.
+
+use documents::shapes::{BodySummary, Displacement, MeshSummary, OwnBody, ShapesSummary, SweepSummary};
+
+use super::job::{OwnMesh, ShapesRequest, ShapesResult, Solved, Studied};
+use documents::shapes::Shape;
+use elements::fe::exact::SphereInContainer;
+use elements::fe::quality::MeshQuality;
+use record::Orientation;
+
+fn mesh_summary(unknowns: usize, quality: &MeshQuality) -> MeshSummary {
+    let MeshQuality { smallest_scaled_jacobian, largest_aspect, .. } = *quality;
+    MeshSummary { unknowns, smallest_scaled_jacobian, largest_aspect }
+}
+
+/// Puts what was found into numbers; `forces_n` are the sweep's, the first of which is the study's.
+pub fn summarise(request: &ShapesRequest, found: &ShapesResult, forces_n: &[f64]) -> ShapesSummary {
+    let outer_radius_m = 0.5 * request.vitreous.diameter_m;
+    let of = |studied: &Studied, force_n: f64| {
+        // The gel is linear: displacements go with the force.
+        let after_hold = found.after_hold.map(|x| x * force_n / request.force_n);
+        let own_body = found.own_mesh.as_ref().zip(studied.own_stiffness_m);
+        SweepSummary {
+            aspect: studied.aspect,
+            poisson_ratio: studied.poisson_ratio,
+            force_un: 1e6 * force_n,
+            bodies: studied.solved.iter().map(|own| body(own, sphere_of(studied, own), after_hold)).collect(),
+            own_body: own_body
+                .map(|(mesh, stiffness_m)| own(mesh, stiffness_m, studied.poisson_ratio, outer_radius_m, after_hold)),
+            claims: studied.claims.clone(),
+        }
+    };
+    let all: Vec<SweepSummary> =
+        found.studied.iter().flat_map(|studied| forces_n.iter().map(move |force| of(studied, *force))).collect();
+    let first = all[0].clone();
+    ShapesSummary {
+        poisson_ratio: first.poisson_ratio,
+        vitreous_diameter_mm: 1e3 * request.vitreous.diameter_m,
+        aspect: first.aspect,
+        force_un: first.force_un,
+        hold_s: request.hold_s,
+        bodies: first.bodies,
+        own_body: first.own_body,
+        sweep: if all.len() > 1 { all } else { Vec::new() },
+        claims: first.claims,
+        elastic_robot: found.elastic.clone(),
+        predictors: found.predictors.clone(),
+        wanted_displacement_mm: 1e3 * request.distance_m,
+        longest: found.longest.clone(),
+        large_strains: found.large_strains.clone(),
+        warnings: Vec::new(),
+    }
+}
+
+/// The sphere as large as a body, by the body's rule.
+fn sphere_of<'a>(studied: &'a Studied, own: &Solved) -> &'a Solved {
+    let is_sphere = |other: &&Solved| other.body.rule == own.body.rule && other.body.shape == Shape::Sphere;
+    studied.solved.iter().find(is_sphere).unwrap_or(&studied.solved[0])
+}
+
+fn displacement(force_per_pa: [f64; 3], stiffness_m: f64) -> Displacement {
+    let [q05, median, q95] = force_per_pa.map(|x| 1e6 * x / stiffness_m);
+    Displacement { median, q05, q95 }
+}
+
+fn body(own: &Solved, sphere: &Solved, force_per_pa: [f64; 3]) -> BodySummary {
+    let [length_m, diameter_m] = own.body.sizes_m();
+    let (surface, unit) = (own.body.revolution, sphere.body.revolution);
+    BodySummary {
+        shape: own.body.shape,
+        orientation: match (own.body.shape, own.body.orientation) {
+            (Shape::Sphere, _) => None,
+            (_, Orientation::Horizontal) => Some("horizontal".into()),
+            (_, Orientation::Vertical) => Some("vertical".into()),
+        },
+        size_rule: own.body.rule,
+        length_mm: 1e3 * length_m,
+        diameter_mm: 1e3 * diameter_m,
+        stiffness_m: own.stiffness_m,
+        relative_error: own.relative_error,
+        relative_difference_3d: own.stiffness_3d_m / own.stiffness_m - 1.0,
+        mesh_3d: mesh_summary(own.unknowns, &own.quality),
+        ratio_to_sphere: own.stiffness_m / sphere.stiffness_m,
+        surface_ratio: surface.surface_area_m2() / unit.surface_area_m2(),
+        volume_ratio: surface.volume_m3() / unit.volume_m3(),
+        displacement_5s_um: displacement(force_per_pa, own.stiffness_m),
+    }
+}
+
+fn own(mesh: &OwnMesh, stiffness_m: f64, poisson_ratio: f64, outer_radius_m: f64, force_per_pa: [f64; 3]) -> OwnBody {
+    let [of_volume, of_surface] = mesh.size.equivalent_diameters_m().map(|diameter_m| {
+        stiffness_m / SphereInContainer::new(poisson_ratio, 0.5 * diameter_m, outer_radius_m).stiffness_n_per_m(1.0)
+    });
+    OwnBody {
+        surface_area_mm2: 1e6 * mesh.size.surface_area_m2,
+        volume_mm3: 1e9 * mesh.size.volume_m3,
+        mesh: mesh_summary(mesh.unknowns, &mesh.quality),
+        stiffness_m,
+        ratio_to_sphere_of_equal_volume: of_volume,
+        ratio_to_sphere_of_equal_surface: of_surface,
+        displacement_5s_um: displacement(force_per_pa, stiffness_m),
+    }
+}
