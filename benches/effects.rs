@@ -8,8 +8,8 @@ use std::hint::black_box;
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use vitreo_uq::models::effects::Library;
 use vitreo_uq::posterior::monitor::Silent;
+use vitreo_uq::posterior::prepared::PreparedModel;
 use vitreo_uq::posterior::problem::Problem;
-use vitreo_uq::posterior::reduced::Reduced;
 use vitreo_uq::posterior::replica::{TABLE_I, embedded};
 use vitreo_uq::posterior::study::ModelSpecification;
 use vitreo_uq::record::Experiment;
@@ -40,8 +40,8 @@ fn batch(problem: &Problem) -> Vec<f64> {
 }
 
 fn measure(criterion: &mut Criterion, group: &str, name: &str, problem: &Problem) {
-    let reduced = Reduced::unverified(problem, None, &Silent).expect("training succeeds");
-    let posterior = problem.posterior(&reduced);
+    let prepared = PreparedModel::unverified(problem, None, &Silent).expect("training succeeds");
+    let posterior = prepared.posterior();
     let (points, mut values) = (batch(problem), vec![0.0; N_POINTS]);
     posterior.log_density(&points, &mut values);
     assert!(values.iter().all(|value| value.is_finite()), "{name}: {values:?}");

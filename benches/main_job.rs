@@ -19,7 +19,7 @@ fn main_job() {
     let result = run(&problem, &request, &Silent).expect("the job runs");
     let dir = tempfile::tempdir().expect("a temporary directory");
     let header = |kind: &str| Provenance::new(kind, 1, 1, Default::default());
-    artefacts::write(dir.path(), &problem, &result, &header).expect("results are written");
+    artefacts::write(dir.path(), &result, &header).expect("results are written");
 }
 
 fn main() {

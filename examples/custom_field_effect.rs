@@ -15,8 +15,8 @@ use vitreo_uq::models::effects::{
 };
 use vitreo_uq::models::model::Forward;
 use vitreo_uq::posterior::monitor::Silent;
+use vitreo_uq::posterior::prepared::PreparedModel;
 use vitreo_uq::posterior::problem::Problem;
-use vitreo_uq::posterior::reduced::Reduced;
 use vitreo_uq::posterior::replica;
 use vitreo_uq::posterior::study::ModelSpecification;
 use vitreo_uq::record::Scales;
@@ -97,10 +97,10 @@ fn main() -> Result<()> {
     let (experiment, _) = replica::embedded()?;
     let specification = ModelSpecification { effects: vec!["stiff-rim".into()], ..ModelSpecification::default() };
     let problem = Problem::with_library(experiment, specification, &library, None, &Silent)?;
-    let reduced = Reduced::unverified(&problem, None, &Silent)?;
+    let prepared = PreparedModel::unverified(&problem, None, &Silent)?;
     let full = problem.full_forward()?.expect("the replica has finite elements");
     let largest = |from: &[f64], to: &[f64]| from.iter().zip(to).fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));
-    let trajectory = |excess: f64| problem.reduced_forward(&reduced).trajectory_m(&[3.527, 1.402, 47.370, excess]);
+    let trajectory = |excess: f64| prepared.forward().trajectory_m(&[3.527, 1.402, 47.370, excess]);
     let soft = trajectory(0.0)?;
     for excess in [0.5, 4.0] {
         let stiff = trajectory(excess)?;

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 use mutators::{Outcome, Place, input, readers};
 use program::{Run, tree, vitreo, write_instrument_experiment};
 use vitreo_uq::posterior::monitor::{Monitor, Silent};
-use vitreo_uq::posterior::reduced::KeptSurrogate;
+use vitreo_uq::posterior::prepared::KeptSurrogate;
 
 /// A refusal takes less on a quiet machine; a test machine may be loaded. What the program did before took minutes or gigabytes.
 const SOON: Duration = Duration::from_secs(20);

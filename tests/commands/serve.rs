@@ -11,9 +11,9 @@ use std::time::Duration;
 use serde_json::{Value, json};
 use vitreo_uq::models::model::Forward;
 use vitreo_uq::posterior::monitor::Silent;
+use vitreo_uq::posterior::prepared::PreparedModel;
 use vitreo_uq::posterior::prior::PriorSet;
 use vitreo_uq::posterior::problem::Problem;
-use vitreo_uq::posterior::reduced::Reduced;
 use vitreo_uq::posterior::study::ModelSpecification;
 use vitreo_uq::record::Experiment;
 
@@ -314,11 +314,11 @@ fn full_and_reduced_agree_within_what_the_reduced_model_states() {
     let (experiment, _) = Experiment::read(&replica).unwrap();
     let observed_um: Vec<f64> = experiment.record.position_m.iter().map(|y| 1e6 * y.unwrap()).collect();
     let problem = Problem::new(experiment, ModelSpecification::default(), None, &Silent).unwrap();
-    let reduced = Reduced::new(&problem, None, &Silent).unwrap();
-    let own_m = problem.reduced_forward(&reduced).trajectory_m(&point).unwrap();
+    let prepared = PreparedModel::new(&problem, None, &Silent).unwrap();
+    let own_m = prepared.forward().trajectory_m(&point).unwrap();
     assert_eq!(reduced_um, own_m.iter().map(|x| 1e6 * x).collect::<Vec<f64>>());
     let amplitude = full_um.iter().fold(0.0_f64, |a, x| a.max(x.abs()));
-    let stated = reduced.max_relative_error.unwrap().max(1e-12);
+    let stated = prepared.max_relative_error.unwrap().max(1e-12);
     assert!(reduced_um.iter().zip(&full_um).all(|(r, f)| (r - f).abs() <= stated * amplitude), "{stated}");
     // Physics from elsewhere: the data were made by another mesh and integrator, with 4 µm of noise.
     let squares: f64 = full_um.iter().zip(&observed_um).map(|(x, y)| (x - y).powi(2)).sum();

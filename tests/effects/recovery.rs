@@ -12,8 +12,8 @@ use vitreo_uq::models::effects::{EFFECTS, Effect, Library};
 use vitreo_uq::models::model::{Forward, FullForward};
 use vitreo_uq::posterior::mechanics::{MODEL_LEVEL, robot_mesh};
 use vitreo_uq::posterior::monitor::Silent;
+use vitreo_uq::posterior::prepared::PreparedModel;
 use vitreo_uq::posterior::problem::Problem;
-use vitreo_uq::posterior::reduced::Reduced;
 use vitreo_uq::posterior::replica::{TABLE_I, embedded};
 use vitreo_uq::posterior::study::ModelSpecification;
 use vitreo_uq::record::{Apparatus, Experiment};
@@ -81,14 +81,21 @@ fn quantile(sorted: &[f64], probability: f64) -> f64 {
 }
 
 /// Whether each parameter of the effect lies in its central 50 % and 90 % intervals.
-fn covered(base: &Problem, effect: &dyn Effect, stiffness: &Stiffness, reduced: &Reduced, seed: u64) -> Vec<[bool; 2]> {
+fn covered(
+    base: &Problem,
+    effect: &dyn Effect,
+    stiffness: &Stiffness,
+    prepared: &PreparedModel,
+    seed: u64,
+) -> Vec<[bool; 2]> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let problem = problem_of(base, effect);
     let (truth, position_m) = truth_of(&problem, stiffness, &mut rng);
     let made = noisy(&base.experiment, &position_m, &mut rng);
     // Priors stay those of the replica's sizes, from which the truth was drawn.
     let problem = Problem { experiment: made.for_comparison(), ..problem };
-    let posterior = problem.posterior(reduced);
+    let prepared = prepared.for_problem(problem);
+    let (problem, posterior) = (&prepared.problem, prepared.posterior());
     let starts: Vec<Vec<f64>> =
         (0..96).map(|_| problem.priors.to_unconstrained(&problem.priors.draw(&mut rng))).collect();
     let options = SamplerOptions { seed, threads: 1, max_steps: 8_000, ..SamplerOptions::default() };
@@ -125,14 +132,14 @@ fn posteriors_cover_many_truths_as_often_as_they_say() {
     for (number, effect) in (0_u64..).zip(by_factor()) {
         let problem = problem_of(&base, effect);
         let problem = Problem { experiment: problem.experiment.for_comparison(), ..problem };
-        let reduced = Reduced::new(&problem, None, &Silent).expect("training succeeds");
+        let prepared = PreparedModel::new(&problem, None, &Silent).expect("training succeeds");
         let seeds = (0..n_replicates).map(|k| 1000 * number + k).collect::<Vec<u64>>();
         let found: Vec<Vec<[bool; 2]>> =
-            seeds.par_iter().map(|seed| covered(&base, effect, &stiffness, &reduced, *seed)).collect();
+            seeds.par_iter().map(|seed| covered(&base, effect, &stiffness, &prepared, *seed)).collect();
         for (index, parameter) in effect.parameters().iter().enumerate() {
             let count = |which: usize| found.iter().filter(|replicate| replicate[index][which]).count();
             let (half, nine_tenths) = (count(0), count(1));
-            let error = reduced.max_relative_error.expect("there are finite elements");
+            let error = prepared.max_relative_error.expect("there are finite elements");
             println!(
                 "{:<42} covered {half:>2} at 50 %, {nine_tenths:>2} at 90 % of {n_replicates}; reduced against full {error:.0e}",
                 parameter.spec.name

@@ -9,8 +9,8 @@ use vitreo_uq::models::effects::Library;
 use vitreo_uq::models::model::{Forward, ReducedForward};
 use vitreo_uq::posterior::fit;
 use vitreo_uq::posterior::monitor::Silent;
+use vitreo_uq::posterior::prepared::{KeptSurrogate, PreparedModel};
 use vitreo_uq::posterior::problem::Problem;
-use vitreo_uq::posterior::reduced::{KeptSurrogate, Reduced};
 use vitreo_uq::posterior::replica::embedded;
 use vitreo_uq::posterior::study::ModelSpecification;
 
@@ -74,8 +74,8 @@ struct Reference {
 impl Reference {
     fn new(problem: &Problem, kept: Option<KeptSurrogate>) -> Self {
         let calibrated = fit::run(problem, kept, &Silent).expect("the fit succeeds");
-        let kept = calibrated.reduced.to_keep(problem).expect("hashable");
-        let forward = problem.reduced_forward(&calibrated.reduced);
+        let kept = calibrated.model.to_keep().expect("hashable");
+        let forward = calibrated.model.forward();
         let parameters = calibrated.model_parameters.clone();
         let position_m = forward.trajectory_m(&parameters).expect("inside the range");
         let factor = covariance_m2(problem, &position_m).cholesky().expect("positive definite").unpack();
@@ -110,8 +110,9 @@ impl Reference {
         let mut specification = problem.specification.clone();
         specification.effects.push(slug.into());
         let extended = problem.with_model(specification, &Library::default()).expect("a model");
-        let reduced = Reduced::unverified(&extended, self.kept.clone(), &Silent).expect("the surrogate is there");
-        let forward = ReducedForward { trained: &[], ..extended.reduced_forward(&reduced) };
+        let prepared =
+            PreparedModel::unverified(&extended, self.kept.clone(), &Silent).expect("the surrogate is there");
+        let forward = ReducedForward { trained: &[], ..prepared.forward() };
         let at = |of_effect: &[f64]| [&self.parameters[..], of_effect].concat();
         let shares: Vec<(f64, f64)> = match slug {
             "tracking-drift" => vec![central(&forward, &at(&[0.0]), 3, 1e-6)],

@@ -8,8 +8,8 @@ use vitreo_uq::base::error::Place;
 use vitreo_uq::models::model::Forward;
 use vitreo_uq::posterior::monitor::Silent;
 use vitreo_uq::posterior::noise::{NoiseLikelihood, NoiseModel};
+use vitreo_uq::posterior::prepared::PreparedModel;
 use vitreo_uq::posterior::problem::Problem;
-use vitreo_uq::posterior::reduced::Reduced;
 use vitreo_uq::posterior::replica::embedded;
 use vitreo_uq::posterior::study::ModelSpecification;
 use vitreo_uq::record::{Apparatus, Experiment};
@@ -68,14 +68,15 @@ fn ranks(base: &Problem, seed: u64) -> Vec<f64> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let truth = base.priors.draw(&mut rng);
     let n_model = base.model.parameters().len();
-    let reduced = Reduced::new(base, None, &Silent).expect("an instrument needs no training");
-    let position_m = base.reduced_forward(&reduced).trajectory_m(&truth[..n_model]).expect("a model");
+    let prepared = PreparedModel::new(base, None, &Silent).expect("an instrument needs no training");
+    let position_m = prepared.forward().trajectory_m(&truth[..n_model]).expect("a model");
     let mut experiment = base.experiment.clone();
     let record = &mut experiment.record;
     let noise_m = base.noise.simulate_m(&record.time_s, &record.cycle, &position_m, &truth[n_model..], &mut rng);
     record.position_m = position_m.iter().zip(noise_m).map(|(x, e)| Some(x + e)).collect();
     let problem = base.with(experiment, base.specification.clone(), &Default::default()).expect("a model");
-    let posterior = problem.posterior(&reduced);
+    let prepared = prepared.for_problem(problem);
+    let (problem, posterior) = (&prepared.problem, prepared.posterior());
     let starts: Vec<Vec<f64>> =
         (0..16).map(|_| problem.priors.to_unconstrained(&problem.priors.draw(&mut rng))).collect();
     let options = SamplerOptions { seed, threads: 1, max_steps: 6_000, ..SamplerOptions::default() };

@@ -8,8 +8,8 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 use vitreo_uq::models::model::Forward;
 use vitreo_uq::posterior::fit;
 use vitreo_uq::posterior::monitor::Silent;
+use vitreo_uq::posterior::prepared::PreparedModel;
 use vitreo_uq::posterior::problem::Problem;
-use vitreo_uq::posterior::reduced::Reduced;
 use vitreo_uq::posterior::study::ModelSpecification;
 use vitreo_uq::record::{Experiment, ExperimentFiles, Note};
 
@@ -56,8 +56,8 @@ fn problem(experiment: Experiment, base: &str) -> Problem {
 
 /// Positions (m) of the reduced model, which is the only one that an indenter has.
 fn positions(problem: &Problem, parameters: &[f64]) -> Vec<f64> {
-    let reduced = Reduced::new(problem, None, &Silent).expect("no finite elements");
-    problem.reduced_forward(&reduced).trajectory_m(parameters).expect("a trajectory")
+    let prepared = PreparedModel::new(problem, None, &Silent).expect("no finite elements");
+    prepared.forward().trajectory_m(parameters).expect("a trajectory")
 }
 
 /// A record that begins in contact: 400 rows of a force (nN) at 100 Hz.

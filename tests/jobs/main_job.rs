@@ -13,8 +13,8 @@ use vitreo_uq::models::effects::Stages;
 use vitreo_uq::models::model::Compliance;
 use vitreo_uq::posterior::full_check;
 use vitreo_uq::posterior::monitor::Silent;
+use vitreo_uq::posterior::prepared::PreparedModel;
 use vitreo_uq::posterior::problem::Problem;
-use vitreo_uq::posterior::reduced::Reduced;
 use vitreo_uq::posterior::replica;
 use vitreo_uq::posterior::sample::{SampleRequest, SampleResult, run};
 use vitreo_uq::posterior::study::ModelSpecification;
@@ -134,7 +134,7 @@ fn a_wrong_surrogate_is_measured_by_the_full_model() {
     const ERROR: f64 = 2e-4;
     let (experiment, _) = replica::embedded().unwrap();
     let problem = Problem::new(experiment, ModelSpecification::default(), None, &Silent).unwrap();
-    let mut reduced = Reduced::new(&problem, None, &Silent).unwrap();
+    let mut prepared = PreparedModel::new(&problem, None, &Silent).unwrap();
     // Draws of a posterior of about the right width, around Table I.
     let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(4);
     let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
@@ -143,11 +143,11 @@ fn a_wrong_surrogate_is_measured_by_the_full_model() {
             vec![3.527 * (1.0 + 5e-4 * normal()), 1.402 * (1.0 + 2e-3 * normal()), 47.37 * (1.0 + 2e-3 * normal()), 4.0]
         })
         .collect();
-    let exact = full_check::check(&problem, &reduced, &draws).unwrap();
+    let exact = full_check::check(&prepared, &draws).unwrap();
     assert!(exact.surrogate_vs_full_max_m.unwrap() < 1e-12);
     assert_eq!(exact.pareto_k, Some(0.0));
-    reduced.compliance = Compliance::given(reduced.compliance.given_per_m() * (1.0 + ERROR));
-    let wrong = full_check::check(&problem, &reduced, &draws).unwrap();
+    prepared.compliance = Compliance::given(prepared.compliance.given_per_m() * (1.0 + ERROR));
+    let wrong = full_check::check(&prepared, &draws).unwrap();
     let amplitude_m = wrong.trajectories_m.iter().flatten().fold(0.0_f64, |a, x| a.max(x.abs()));
     let ratio = wrong.surrogate_vs_full_max_m.unwrap() / (ERROR * amplitude_m);
     assert!((ratio - 1.0).abs() < 1e-6, "{ratio}");

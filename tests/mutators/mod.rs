@@ -24,9 +24,9 @@ use vitreo_uq::models::effects::Library;
 use vitreo_uq::models::surrogate::{ReducedOperators, Surrogate};
 use vitreo_uq::posterior::mechanics::Mechanics;
 use vitreo_uq::posterior::monitor::Silent;
+use vitreo_uq::posterior::prepared::{KeptSurrogate, PreparedModel};
 use vitreo_uq::posterior::prior::PriorSet;
 use vitreo_uq::posterior::problem::Problem;
-use vitreo_uq::posterior::reduced::{KeptSurrogate, Reduced};
 use vitreo_uq::posterior::replica;
 use vitreo_uq::posterior::study::{Kept, ModelSpecification, Study, WithProvenance};
 use vitreo_uq::record::Experiment;
@@ -335,8 +335,8 @@ fn instrument(toml: &[u8], csv: &[u8]) -> Result<Experiment> {
 fn ask(experiment: Experiment, specification: ModelSpecification) -> Result<()> {
     let mechanics = Arc::new(Mechanics::Instrument { compliance_per_m: 549.0 });
     let problem = Problem::with_mechanics(experiment, specification, &Library::default(), mechanics)?;
-    let reduced = Reduced::new(&problem, None, &Silent)?;
-    let posterior = problem.posterior(&reduced);
+    let prepared = PreparedModel::new(&problem, None, &Silent)?;
+    let posterior = prepared.posterior();
     let medians: Vec<f64> = problem.priors.priors().iter().map(|prior| prior.distribution.quantile(0.5)).collect();
     let medians = problem.priors.to_unconstrained(&medians);
     for shift in [0.0, 0.5, -0.5] {

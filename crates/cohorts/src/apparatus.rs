@@ -14,8 +14,8 @@ use models::model::Compliance;
 use posterior::cache;
 use posterior::mechanics::MODEL_LEVEL;
 use posterior::monitor::{Counter, Monitor, Silent};
+use posterior::prepared::PreparedModel;
 use posterior::problem::Problem;
-use posterior::reduced::Reduced;
 use posterior::study::sha256_hex;
 use record::Apparatus;
 
@@ -91,7 +91,7 @@ pub fn compliance(measurement: &Measurement) -> Result<Compliance> {
             cache::write(&hash, &KeptCompliance { compliance_per_m });
             Ok(Compliance::given(compliance_per_m))
         }
-        _ => Ok(Reduced::unverified(&problem, None, &Silent)?.compliance),
+        _ => Ok(PreparedModel::unverified(&problem, None, &Silent)?.compliance),
     }
 }
 

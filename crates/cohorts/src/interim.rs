@@ -14,14 +14,13 @@ use base::error::Result;
 use base::files::{Content, read_if_there, to_json, write_atomically};
 use models::effects::Library;
 use models::model::{Compliance, Forward};
-use models::surrogate::FieldModels;
 use posterior::full_check::{mean_trajectory, rmse_m};
 use posterior::likelihood::ReducedPosterior;
 use posterior::mechanics::Mechanics;
 use posterior::monitor::Stoppable;
+use posterior::prepared::PreparedModel;
 use posterior::prior::Prior;
 use posterior::problem::Problem;
-use posterior::reduced::Reduced;
 use posterior::sample::{SampleRequest, sample};
 use posterior::study::{Kept, Provenance, WithProvenance};
 use sampling::diagnostics::diagnose;
@@ -35,9 +34,8 @@ const N_TRAJECTORIES: usize = 32;
 
 /// An experiment joined with its model and the mechanics of its apparatus, without the finite elements.
 pub struct Specimen {
-    /// The experiment as revisions are compared on it: fitted on all cycles but the last held-out one.
-    pub problem: Problem,
-    reduced: Reduced,
+    /// The model of the experiment as revisions are compared on it: fitted on all cycles but the last held-out one.
+    pub model: PreparedModel,
 }
 
 /// What is kept of an experiment on its own.
@@ -74,28 +72,18 @@ impl Specimen {
         let problem =
             Problem::with_mechanics(experiment, measurement.specification.clone(), &Library::default(), mechanics)?;
         let trained = problem.training_ranges();
-        Ok(Self {
-            problem,
-            reduced: Reduced {
-                surrogate: None,
-                fields: FieldModels::default(),
-                compliance,
-                trained,
-                max_relative_error: None,
-                learnt_error: None,
-            },
-        })
+        Ok(Self { model: PreparedModel::given(&problem, compliance, trained) })
     }
 
     /// Its log-posterior under the interim prior.
     pub fn posterior(&self) -> ReducedPosterior<'_> {
-        self.problem.posterior(&self.reduced)
+        self.model.posterior()
     }
 
     /// The base law's parameters that are sampled: what groups are compared by.
     pub fn pooled(&self) -> Vec<&'static str> {
-        let law = self.problem.model.base().parameters().iter().map(|spec| spec.name);
-        law.filter(|name| self.problem.priors.get(name).is_some()).collect()
+        let law = self.model.problem.model.base().parameters().iter().map(|spec| spec.name);
+        law.filter(|name| self.model.problem.priors.get(name).is_some()).collect()
     }
 
     /// Their scales in the population.
@@ -105,8 +93,8 @@ impl Specimen {
 
     /// Hash of what the draws depend on.
     pub fn built_from(&self, inputs_sha256: &str, options: &SamplerOptions) -> String {
-        let Problem { specification, priors, .. } = &self.problem;
-        let compliance = self.reduced.compliance.given_per_m().to_bits();
+        let Problem { specification, priors, .. } = &self.model.problem;
+        let compliance = self.model.compliance.given_per_m().to_bits();
         let SamplerOptions { n_walkers, max_steps, seed, .. } = options;
         let mut hash = Sha256::new();
         hash.update(env!("CARGO_PKG_VERSION"));
@@ -157,10 +145,10 @@ impl Specimen {
     fn read_kept(&self, file: &Path, built_from_sha256: &str) -> Option<Interim> {
         let bytes = read_if_there(file, Content::Document)?;
         let document: WithProvenance<Kept<Interim>> = serde_json::from_slice(&bytes).ok()?;
-        let n = self.problem.priors.priors().len();
+        let n = self.model.problem.priors.priors().len();
         let is_ours = |kept: &Interim| {
             kept.built_from_sha256 == built_from_sha256
-                && kept.parameters.iter().map(String::as_str).eq(self.problem.priors.names())
+                && kept.parameters.iter().map(String::as_str).eq(self.model.problem.priors.names())
                 && !kept.points.is_empty()
                 && n > 0
                 && kept.points.len().is_multiple_of(n)
@@ -176,20 +164,20 @@ impl Specimen {
     ) -> Result<Interim> {
         let posterior = self.posterior();
         let request = SampleRequest { options: options.clone(), kept_surrogate: None, checkpoint: None, resume: false };
-        let outcome = sample(&self.problem, &posterior, &request, &Stoppable(stop))?;
+        let outcome = sample(&self.model.problem, &posterior, &request, &Stoppable(stop))?;
         let draws = &outcome.draws;
         let blom = BlomScores::new(draws.len());
         let of_parameter = |d: usize| diagnose(&draws.column(d), &blom);
         let diagnostics: Vec<_> = (0..draws.dimension).map(of_parameter).collect();
         let ess = diagnostics.iter().map(|own| own.ess_bulk.min(own.ess_tail)).fold(f64::INFINITY, f64::min);
         let points = draws.spread(N_DRAWS);
-        let forward = self.problem.reduced_forward(&self.reduced);
+        let forward = self.model.forward();
         let of_point = |point: &Vec<f64>| forward.trajectory_m(&self.model_parameters(&posterior, point));
         let chosen = points.iter().step_by(points.len().div_ceil(N_TRAJECTORIES).max(1));
         let trajectories: Vec<Vec<f64>> = chosen.filter_map(|point| of_point(point).ok()).collect();
         let mean_m = mean_trajectory(&trajectories, None);
         let misfit_um = |cycles: &[u32]| {
-            let observed = self.problem.positions_of(cycles);
+            let observed = self.model.problem.positions_of(cycles);
             (!trajectories.is_empty() && observed.iter().any(Option::is_some)).then(|| {
                 let squares: Vec<f64> =
                     trajectories.iter().map(|own| rmse_m(own, &about(&mean_m, &observed)).powi(2)).collect();
@@ -197,10 +185,10 @@ impl Specimen {
                 [1e6 * rmse_m(&mean_m, &observed), 1e6 * spread_m]
             })
         };
-        let experiment = &self.problem.experiment;
+        let experiment = &self.model.problem.experiment;
         Ok(Interim {
             built_from_sha256,
-            parameters: self.problem.priors.names().map(String::from).collect(),
+            parameters: self.model.problem.priors.names().map(String::from).collect(),
             points: points.concat(),
             converged: outcome.converged,
             ess,
@@ -212,7 +200,7 @@ impl Specimen {
     }
 
     fn model_parameters(&self, posterior: &ReducedPosterior, point: &[f64]) -> Vec<f64> {
-        posterior.natural(point)[..self.problem.model.parameters().len()].to_vec()
+        posterior.natural(point)[..self.model.problem.model.parameters().len()].to_vec()
     }
 
     /// The draws as the hierarchy takes them.
@@ -234,8 +222,8 @@ impl Specimen {
     }
 
     fn pooled_parameters(&self) -> Vec<Pooled<'_>> {
-        let priors = self.problem.priors.priors();
-        let of_law = self.problem.model.base().parameters().iter();
+        let priors = self.model.problem.priors.priors();
+        let of_law = self.model.problem.model.base().parameters().iter();
         let pooled = of_law.filter_map(|spec| {
             let place = priors.iter().position(|prior| prior.name == spec.name)?;
             Some(Pooled { place, prior: &priors[place], scale: Scale::of(spec.support) })

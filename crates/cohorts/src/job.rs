@@ -182,7 +182,7 @@ pub fn run_with(
 
 /// The law and the parameters that all experiments share.
 fn common_parameters(measurements: &[Measurement], specimens: &[Specimen]) -> Result<(BaseLaw, Vec<&'static str>)> {
-    let of = |own: &Specimen| (own.problem.model.base(), own.pooled());
+    let of = |own: &Specimen| (own.model.problem.model.base(), own.pooled());
     let Some(first) = specimens.first() else {
         return Err(Error::input(
             Place::default(),
@@ -197,7 +197,7 @@ fn common_parameters(measurements: &[Measurement], specimens: &[Specimen]) -> Re
                 Place::file(&measurement.path),
                 format!(
                     "its model has other parameters to compare ({}: {}) than that of {} ({}: {})",
-                    own.problem.model.base().name(),
+                    own.model.problem.model.base().name(),
                     own.pooled().join(", "),
                     measurements[0].name(),
                     law.name(),
@@ -278,7 +278,7 @@ fn options(specimens: &[Specimen], parameters: &[&str], scales: &[Scale], reques
     let [n_dropped, n_first] = FIRST_SWEEPS;
     let named = || parameters.iter().zip(scales);
     let quantile = |own: &Specimen, (name, scale): (&&str, &Scale), probability: f64| {
-        let prior = own.problem.priors.get(name);
+        let prior = own.model.problem.priors.get(name);
         prior.map_or(f64::NAN, |prior| scale.coordinate(prior.distribution.quantile(probability)))
     };
     let mean = |own_parameter: (&&str, &Scale)| {

@@ -293,7 +293,7 @@ fn creep_summary(found: &Comparison) -> Result<Option<CreepSummary>> {
     if found.parameters.len() != found.law.parameters().len() {
         return Ok(None);
     }
-    let records = || found.specimens.iter().map(|own| &own.problem.experiment.record);
+    let records = || found.specimens.iter().map(|own| &own.model.problem.experiment.record);
     let shortest_s = records().filter_map(|own| own.median_interval_s()).fold(f64::INFINITY, f64::min);
     let longest_s = records()
         .filter_map(|own| Some((own.time_s.last()? - own.time_s.first()?) / f64::from(own.n_cycles().max(1))))

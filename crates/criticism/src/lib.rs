@@ -56,5 +56,4 @@ pub use candidate::{Candidate, Coordinate, Free};
 pub use fit::{Fitted, Search};
 pub use noise_fit::NoiseValues;
 pub use subject::Subject;
-pub use subject::compliance_of;
 pub use tangent::Tangent;

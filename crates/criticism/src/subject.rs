@@ -9,11 +9,10 @@ use laws::stages::Stepped;
 use models::effects::{Effect, Field, Library};
 use models::model::{Compliance, Lanes, N_LANES, Response};
 use models::surrogate::trajectory;
-use posterior::mechanics::FiniteElements;
-use posterior::monitor::{Monitor, Silent};
+use posterior::monitor::Monitor;
 use posterior::noise::{NoiseLikelihood, NoiseModel};
+use posterior::prepared::{KeptSurrogate, PreparedModel};
 use posterior::problem::Problem;
-use posterior::reduced::{KeptSurrogate, Reduced, field_models, with_fields};
 use posterior::study::ModelSpecification;
 use record::Experiment;
 
@@ -44,17 +43,13 @@ pub struct Subject {
 
 /// What does not depend on the positions.
 pub(super) struct Shared {
-    /// Fitted and scored cycles, record, apparatus; its positions are not used.
-    pub experiment: Experiment,
-    pub specification: ModelSpecification,
-    pub base: Problem,
+    /// The base model under the noise that is used here, its experiment split into fitted and scored cycles; its positions are not used. Its compliance serves every effect of the library.
+    pub model: PreparedModel,
     pub library: Library,
-    pub noise: NoiseModel,
     /// Names of the noise terms of the model as it is written.
     pub own_noise: Vec<String>,
     pub yardstick_m: f64,
-    pub compliance: Compliance,
-    /// The same with laws that are not linear remembering their trajectories.
+    /// The model's compliance with laws that are not linear remembering their trajectories.
     pub local: Compliance,
     pub response: Response,
     /// What answers for large displacements, once a search has looked whether it is worth learning; or why nothing does.
@@ -91,7 +86,7 @@ impl Subject {
         monitor: &dyn Monitor,
     ) -> Result<Self> {
         monitor.stage("preparing the models to compare");
-        let compliance = compliance_of(problem, library, library.effects(), kept, monitor)?;
+        let compliance = PreparedModel::for_effects(problem, library, library.effects(), kept, monitor)?.compliance;
         Self::with_compliance(problem, library, compliance)
     }
 
@@ -104,16 +99,14 @@ impl Subject {
         let mut specification = problem.specification.clone();
         let own_noise = std::mem::replace(&mut specification.noise, NOISE_TERMS.map(String::from).to_vec());
         specification.fixed.retain(|name, _| problem.model.parameters().iter().any(|p| p.name == name));
-        let base = problem.with(experiment.clone(), specification.clone(), library)?;
-        let record = &experiment.record;
+        let base = problem.with(experiment, specification, library)?;
         let yardstick_m = problem
             .experiment
             .noise_yardstick()
             .map_or_else(|| UNKNOWN_NOISE * problem.experiment.scales().position_range_m, |yardstick| yardstick.sd_m);
+        let Experiment { record, calibration_cycles, heldout_cycles, .. } = &base.experiment;
         let response = Response::new(&record.time_s, record.force(), record.n_rows());
-        let (fitted_m, scored_m) =
-            (base.positions_of(&experiment.calibration_cycles), base.positions_of(&experiment.heldout_cycles));
-        let noise = base.noise;
+        let (fitted_m, scored_m) = (base.positions_of(calibration_cycles), base.positions_of(heldout_cycles));
         let library = library.clone();
         let large = Large::default();
         let slot = large.clone();
@@ -122,20 +115,9 @@ impl Subject {
             Some((_, Field::Large)) => compliance,
             _ => compliance.with_large(move || slot.get().and_then(|found| found.clone().ok())),
         };
-        let local = trajectory::local(&compliance, &experiment.record.time_s, experiment.record.force());
-        let shared = Shared {
-            experiment,
-            specification,
-            base,
-            library,
-            noise,
-            own_noise,
-            yardstick_m,
-            compliance,
-            local,
-            response,
-            large,
-        };
+        let local = trajectory::local(&compliance, &record.time_s, record.force());
+        let model = PreparedModel::given(&base, compliance, Vec::new());
+        let shared = Shared { model, library, own_noise, yardstick_m, local, response, large };
         Ok(Self::of(Arc::new(shared), fitted_m, scored_m))
     }
 
@@ -144,20 +126,18 @@ impl Subject {
     /// # Errors
     /// As [`Self::with_compliance`].
     pub fn with_library(&self, library: &Library) -> Result<Self> {
-        self.with_experiment(self.shared.experiment.clone(), library)
+        self.with_experiment(self.problem().experiment.clone(), library)
     }
 
     fn with_experiment(&self, experiment: Experiment, library: &Library) -> Result<Self> {
         let shared = &self.shared;
+        let base = self.problem();
+        let problem = base.with(experiment, base.specification.clone(), library)?;
         let own = Shared {
-            base: shared.base.with(experiment.clone(), shared.specification.clone(), library)?,
-            experiment,
-            specification: shared.specification.clone(),
+            model: PreparedModel { problem, ..shared.model.clone() },
             library: library.clone(),
-            noise: shared.noise,
             own_noise: shared.own_noise.clone(),
             yardstick_m: shared.yardstick_m,
-            compliance: shared.compliance.clone(),
             local: shared.local.clone(),
             response: shared.response.clone(),
             large: shared.large.clone(),
@@ -170,18 +150,19 @@ impl Subject {
     /// # Errors
     /// As [`Self::with_compliance`].
     pub fn with_cycles(&self, fitted: &[u32], scored: &[u32]) -> Result<Self> {
-        let mut experiment = self.shared.experiment.clone();
+        let mut experiment = self.problem().experiment.clone();
         (experiment.calibration_cycles, experiment.heldout_cycles) = (fitted.to_vec(), scored.to_vec());
         let own = self.with_experiment(experiment, &self.shared.library)?;
-        let (fitted_m, scored_m) = (own.shared.base.positions_of(fitted), own.shared.base.positions_of(scored));
+        let (fitted_m, scored_m) = (own.problem().positions_of(fitted), own.problem().positions_of(scored));
         let other = Self::of(own.shared, fitted_m, scored_m);
         Ok(Self { is_local: self.is_local, has_own_noise: self.has_own_noise, ..other })
     }
 
     fn of(shared: Arc<Shared>, fitted_m: Vec<Option<f64>>, scored_m: Vec<Option<f64>>) -> Self {
-        let record = &shared.experiment.record;
+        let Problem { experiment, noise, .. } = &shared.model.problem;
+        let record = &experiment.record;
         let likelihood =
-            |positions: &[Option<f64>]| NoiseLikelihood::new(shared.noise, &record.time_s, &record.cycle, positions);
+            |positions: &[Option<f64>]| NoiseLikelihood::new(*noise, &record.time_s, &record.cycle, positions);
         let both: Vec<Option<f64>> = fitted_m.iter().zip(&scored_m).map(|(a, b)| a.or(*b)).collect();
         let (fitted, all) = (likelihood(&fitted_m), likelihood(&both));
         Self { shared, is_local: false, has_own_noise: false, fitted_m, scored_m, fitted, all }
@@ -224,22 +205,22 @@ impl Subject {
 
     /// The experiment, split into fitted and scored cycles. Its positions are those of the measurement, outliers included.
     pub fn experiment(&self) -> &Experiment {
-        &self.shared.experiment
+        &self.problem().experiment
     }
 
     /// The base model.
     pub fn base(&self) -> Candidate {
-        Candidate::new(&self.shared.base)
+        Candidate::new(&self.shared.model.problem)
     }
 
     /// The base model as it is written down, with the noise that is used here.
     pub fn specification(&self) -> &ModelSpecification {
-        &self.shared.specification
+        &self.problem().specification
     }
 
     /// The base model joined with the experiment.
     pub fn problem(&self) -> &Problem {
-        &self.shared.base
+        &self.shared.model.problem
     }
 
     /// The library.
@@ -252,7 +233,7 @@ impl Subject {
     /// # Errors
     /// [`Error::Input`] when they cannot stand together or the base has one of them; the text says why.
     pub fn extended(&self, effects: &[&str]) -> Result<Candidate> {
-        let mut specification = self.shared.specification.clone();
+        let mut specification = self.problem().specification.clone();
         for slug in effects {
             if specification.effects.iter().any(|own| own == slug) {
                 return Err(Error::input(
@@ -263,7 +244,7 @@ impl Subject {
             }
             specification.effects.push(slug.to_string());
         }
-        let problem = self.shared.base.with_model(specification, &self.shared.library)?;
+        let problem = self.shared.model.problem.with_model(specification, &self.shared.library)?;
         let is_new = |effect: &&&'static dyn Effect| effects.contains(&effect.slug());
         if problem.model.effects().iter().filter(is_new).any(|effect| matches!(effect.field(), Some(Field::Large))) {
             let reason = match self.shared.large.get() {
@@ -286,7 +267,7 @@ impl Subject {
 
     /// The noise model.
     pub fn noise(&self) -> NoiseModel {
-        self.shared.noise
+        self.problem().noise
     }
 
     /// Names of the noise terms of the model as it is written, where fits here have those alone.
@@ -301,12 +282,12 @@ impl Subject {
 
     /// Whether the noise was given with the experiment.
     pub fn is_noise_known(&self) -> bool {
-        self.shared.experiment.noise_sd_m.is_some()
+        self.problem().experiment.noise_sd_m.is_some()
     }
 
     /// What turns ∫J dF into a position, for every effect of the library.
     pub fn compliance(&self) -> &Compliance {
-        &self.shared.compliance
+        &self.shared.model.compliance
     }
 
     /// The same where many points of one law that is not linear are asked for.
@@ -326,7 +307,7 @@ impl Subject {
         for (lane, theta) in points.iter().enumerate().take(N_LANES) {
             let parameters: Vec<Dual> = candidate.parameters(theta).into_iter().map(Dual::constant).collect();
             let made = candidate.model.stages(&parameters).and_then(|mut stages| {
-                let compliance = if self.is_local { &self.shared.local } else { &self.shared.compliance };
+                let compliance = if self.is_local { &self.shared.local } else { &self.shared.model.compliance };
                 let compliance = compliance.resolve(&mut stages)?;
                 Ok((stages, compliance.value))
             });
@@ -336,7 +317,7 @@ impl Subject {
                 compliances_per_m.push(compliance_per_m);
             }
         }
-        let n_rows = self.shared.experiment.record.n_rows();
+        let n_rows = self.problem().experiment.record.n_rows();
         let mut is_valid = [false; N_LANES];
         if lanes.is_empty() {
             return (vec![Lanes([0.0; N_LANES]); n_rows], is_valid);
@@ -374,56 +355,4 @@ impl Subject {
             "stay inside the supports of its parameters",
         ))
     }
-}
-
-/// A compliance that serves some effects of a library: the widest range of Poisson ratios that one of them asks for, and the models of all other fields.
-///
-/// # Errors
-/// Whatever building these models refuses.
-pub fn compliance_of(
-    problem: &Problem,
-    library: &Library,
-    effects: &[&'static dyn Effect],
-    kept: Option<KeptSurrogate>,
-    monitor: &dyn Monitor,
-) -> Result<Compliance> {
-    let of_model = |problem: &Problem| Reduced::unverified(problem, kept.clone(), &Silent).map(|own| own.compliance);
-    if let Some(outside) = problem.outside() {
-        let all = [problem.model.effects(), effects].concat();
-        return Reduced::of_outside(problem, outside, &all, monitor).map(|own| own.compliance);
-    }
-    let Some(fe) = problem.finite_elements() else { return of_model(problem) };
-    let (widest, wanted) = asked_for(problem, fe, library, effects)?;
-    let fields = field_models(fe, kept.as_ref(), &wanted, monitor)?;
-    Ok(with_fields(of_model(widest.as_ref().unwrap_or(problem))?, &fields))
-}
-
-/// What a library's effects ask for beside a problem: the problem with the widest range of Poisson ratios, where one of them asks for more than the problem itself; and all whose fields are
-/// modelled, its own first.
-///
-/// # Errors
-/// Whatever the stages of a model refuse.
-pub fn asked_for(
-    problem: &Problem,
-    fe: &FiniteElements,
-    library: &Library,
-    effects: &[&'static dyn Effect],
-) -> Result<(Option<Problem>, Vec<&'static dyn Effect>)> {
-    let own = problem.poisson_ratios(fe)?;
-    let (mut widest, mut wanted) = (None, problem.model.effects().to_vec());
-    for effect in effects {
-        let mut specification = problem.specification.clone();
-        if specification.effects.iter().any(|slug| slug == effect.slug()) {
-            continue;
-        }
-        specification.effects.push(effect.slug().into());
-        let Ok(extended) = problem.with_model(specification, library) else { continue };
-        wanted.push(*effect);
-        let asked = extended.poisson_ratios(fe)?;
-        if asked[0] < own[0] || asked[1] > own[1] {
-            // One effect at most asks for another ratio.
-            widest = Some(extended);
-        }
-    }
-    Ok((widest, wanted))
 }

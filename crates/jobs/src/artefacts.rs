@@ -20,9 +20,9 @@ use figures::svg::{Svg, write_figure};
 use figures::trace::{EnsembleTrace, ParameterTrace, trace};
 use laws::rheology::LETHERSICH;
 use posterior::near_normal::BAND_PROBABILITIES;
+use posterior::prepared::SURROGATE_NAME;
 use posterior::prior::PriorSet;
 use posterior::problem::Problem;
-use posterior::reduced::SURROGATE_NAME;
 use posterior::replica::TABLE_I;
 use posterior::sample::SampleResult;
 use posterior::study::{
@@ -49,17 +49,18 @@ pub const MESH_INPUT: &str = "mesh";
 const PRIOR_POINTS: usize = 400;
 
 /// Writes everything that a revision holds into `dir`. `header` makes the head of a JSON document of a kind.
-pub fn write(dir: &Path, problem: &Problem, result: &SampleResult, header: &dyn Fn(&str) -> Provenance) -> Result<()> {
+pub fn write(dir: &Path, result: &SampleResult, header: &dyn Fn(&str) -> Provenance) -> Result<()> {
+    let problem = &result.model.problem;
     write_model(dir, &problem.specification, &problem.priors)?;
     write_document(&dir.join(POSTERIOR_NAME), header("posterior"), &result.summary)?;
-    if let Some(kept) = result.reduced.to_keep(problem)? {
+    if let Some(kept) = result.model.to_keep()? {
         write_document(&dir.join(SURROGATE_NAME), header("surrogate"), &Kept::new(kept))?;
     }
     let table = draw_table(&problem.priors, &result.outcome, &result.columns);
     write_draws_csv(&dir.join("draws.csv"), &table)?;
     let record = &problem.experiment.record;
     let position_um: Vec<Option<f64>> = record.position_m.iter().map(|x| x.map(|x| 1e6 * x)).collect();
-    let groups = record_groups(problem, &result.reduced, &result.outcome.draws, header("posterior").seed);
+    let groups = record_groups(&result.model, &result.outcome.draws, header("posterior").seed);
     write_draws_netcdf(&dir.join("posterior.nc"), &table, &groups)?;
     let predictions = predictions(&record.time_s, result);
     write_predictions(&dir.join(PREDICTIONS_NAME), &predictions)?;
@@ -164,7 +165,7 @@ fn write_figures(
         ("predictive", predictive_figure(problem, result, position_um, predictions)?),
         ("trace", trace_figure(&problem.experiment.specimen_id, &problem.priors, &result.outcome, &result.columns)?),
     ];
-    if let Some(surrogate) = &result.reduced.surrogate {
+    if let Some(surrogate) = &result.model.surrogate {
         let shown: Vec<f64> = surrogate.singular_values.iter().take(12).copied().collect();
         let family = Family { label: "the law", singular_values: &shown, n_chosen: surrogate.n_modes() };
         let heading = format!("{}: singular values of the snapshots", problem.experiment.specimen_id);

@@ -11,8 +11,8 @@ use figures::netcdf::{DrawnRows, PriorDraws, RecordGroups, RowColumn, arrangemen
 use models::model::{Forward, ReducedForward};
 use posterior::likelihood::ReducedPosterior;
 use posterior::noise::{Conditional, NoiseLikelihood};
+use posterior::prepared::PreparedModel;
 use posterior::problem::Problem;
-use posterior::reduced::Reduced;
 use sampling::ensemble::Draws;
 
 /// Draws of all chains that are predicted: at most, and where rows are many.
@@ -32,7 +32,8 @@ const LN_UM_PER_M: f64 = 13.815_510_557_964_274;
 const POSITION: &str = "position_um";
 
 /// Everything that belongs to the rows of the record.
-pub fn record_groups(problem: &Problem, reduced: &Reduced, draws: &Draws, seed: u64) -> RecordGroups<'static> {
+pub fn record_groups(model: &PreparedModel, draws: &Draws, seed: u64) -> RecordGroups<'static> {
+    let problem = &model.problem;
     let record = &problem.experiment.record;
     let observed_rows: Vec<usize> = (0..record.n_rows()).filter(|row| record.position_m[*row].is_some()).collect();
     let is_fitted = |cycle: &u32| problem.experiment.calibration_cycles.contains(cycle);
@@ -52,8 +53,8 @@ pub fn record_groups(problem: &Problem, reduced: &Reduced, draws: &Draws, seed: 
         drawn: Vec::new(),
     };
     if !observed_rows.is_empty() && !draws.is_empty() {
-        let posterior = problem.posterior(reduced);
-        let predictor = Predictor::new(problem, reduced, &posterior, &observed_rows, draws.n_ensembles, seed);
+        let posterior = model.posterior();
+        let predictor = Predictor::new(model, &posterior, &observed_rows, draws.n_ensembles, seed);
         predictor.add_posterior(draws, &mut groups);
         predictor.add_prior(&mut groups);
     }
@@ -82,20 +83,19 @@ struct Predictor<'a> {
 
 impl<'a> Predictor<'a> {
     fn new(
-        problem: &'a Problem,
-        reduced: &'a Reduced,
+        model: &'a PreparedModel,
         posterior: &'a ReducedPosterior<'a>,
         observed_rows: &[usize],
         n_chains: usize,
         seed: u64,
     ) -> Self {
+        let (problem, forward) = (&model.problem, model.forward());
         let stride = (observed_rows.len() * FEWEST_DRAWS).div_ceil(MOST_VALUES).max(1);
         let rows: Vec<usize> = observed_rows.iter().copied().step_by(stride).collect();
         let of_all = (MOST_VALUES / rows.len()).clamp(FEWEST_DRAWS, MOST_DRAWS);
         let likelihood = problem.noise_likelihood(&problem.experiment.calibration_cycles);
         let is_chosen = |(_, row): &(usize, usize)| rows.binary_search(row).is_ok();
         let fitted = likelihood.observed_rows().enumerate().filter(is_chosen).collect();
-        let forward = problem.reduced_forward(reduced);
         let n_draws = of_all.div_ceil(n_chains);
         Self { problem, posterior, forward, likelihood, rows, stride, fitted, n_chains, n_draws, seed }
     }
@@ -272,8 +272,8 @@ mod tests {
         let noise = noise.iter().map(ToString::to_string).collect();
         let specification = ModelSpecification { noise, ..ModelSpecification::default() };
         let problem = Problem::new(experiment, specification, None, &Silent).expect("sound");
-        let reduced = Reduced::unverified(&problem, None, &Silent).expect("an instrument");
-        let groups = record_groups(&problem, &reduced, &draws(&problem), 1);
+        let model = PreparedModel::unverified(&problem, None, &Silent).expect("an instrument");
+        let groups = record_groups(&model, &draws(&problem), 1);
         (problem, groups)
     }
 
@@ -297,12 +297,12 @@ mod tests {
         let of_cycle = experiment.record.cycle.iter().filter(|own| experiment.calibration_cycles.contains(own));
         assert_eq!(n_fitted as usize, of_cycle.count());
         // The first chain's first draw, against the likelihood of all.
-        let reduced = Reduced::unverified(&problem, None, &Silent).expect("an instrument");
-        let posterior = problem.posterior(&reduced);
+        let prepared = PreparedModel::unverified(&problem, None, &Silent).expect("an instrument");
+        let posterior = prepared.posterior();
         let [walker, step] = arrangement(8, 20)[ln_likelihood.draws[0] as usize];
         let natural = posterior.natural(&draws(&problem).point(0, step, walker));
         let (model, noise) = natural.split_at(problem.model.parameters().len());
-        let trajectory_m = problem.reduced_forward(&reduced).trajectory_m(model).expect("a model");
+        let trajectory_m = prepared.forward().trajectory_m(model).expect("a model");
         let whole = problem.noise_likelihood(&experiment.calibration_cycles).ln_likelihood(&trajectory_m, noise);
         let n = ln_likelihood.rows.len();
         let sum = ln_likelihood.values[..n].iter().sum::<f64>() + n as f64 * LN_UM_PER_M;

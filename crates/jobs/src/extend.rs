@@ -120,7 +120,7 @@ pub fn run(pair: Pair, request: &ExtensionRequest, monitor: &dyn Monitor) -> Res
     };
     monitor.stage(&format!("the model of {}, refitted on the same cycles", request.from));
     let base = sampled(&before, None)?;
-    let kept = base.reduced.to_keep(&before)?;
+    let kept = base.model.to_keep()?;
     monitor.stage(&format!("the model with {}", request.effects.join(", ")));
     let after = sampled(&problem, kept)?;
     let mut summary = summarise(&problem, request, &base.summary, &after.summary);

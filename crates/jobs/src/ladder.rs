@@ -13,8 +13,8 @@ use documents::posterior::PosteriorSummary;
 use laws::rheology::BaseLaw;
 use models::effects::Library;
 use posterior::monitor::Monitor;
+use posterior::prepared::KeptSurrogate;
 use posterior::problem::Problem;
-use posterior::reduced::KeptSurrogate;
 use posterior::sample::{self, SampleRequest};
 use posterior::study::ModelSpecification;
 use posterior::study::{EXTENSION_NAME, LADDER_NAME, POSTERIOR_NAME, Provenance, Study, WithProvenance, sha256_hex};
@@ -89,7 +89,7 @@ impl Fits<'_> {
         let (options, kept_surrogate) = (self.request.options.clone(), self.kept.take());
         let request = SampleRequest { options, kept_surrogate, checkpoint: None, resume: false };
         let result = sample::run(&revision.problem, &request, monitor)?;
-        self.kept = result.reduced.to_keep(&revision.problem)?;
+        self.kept = result.model.to_keep()?;
         Ok(rung(revision, result.summary, Some(hash)))
     }
 }

@@ -17,8 +17,8 @@ use models::model::{Forward, FullForward, FullRun, Response};
 use posterior::advice::strain_warning;
 use posterior::mechanics::FiniteElements;
 use posterior::monitor::Monitor;
+use posterior::prepared::field_models;
 use posterior::problem::Problem;
-use posterior::reduced::field_models;
 use record::{KeptForce, Record};
 
 /// Most displacement fields that are written.

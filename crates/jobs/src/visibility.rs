@@ -24,8 +24,8 @@ use posterior::fit;
 use posterior::learnt_displacement::deviation_m;
 use posterior::monitor::{Monitor, Silent};
 use posterior::noise::NoiseLikelihood;
+use posterior::prepared::{KeptSurrogate, PreparedModel};
 use posterior::problem::Problem;
-use posterior::reduced::{KeptSurrogate, Reduced};
 
 /// Prior quantiles at which parameters that mean nothing at the null are tried.
 const GRID: [f64; 9] = [0.02, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.98];
@@ -71,7 +71,7 @@ impl Base {
         let record = &problem.experiment.record;
         let noise = NoiseLikelihood::new(problem.noise, &record.time_s, &record.cycle, &record.position_m);
         let noise_parameters = noise_parameters(problem, calibrated.summary.rmse_um);
-        let forward = problem.reduced_forward(&calibrated.reduced);
+        let forward = calibrated.model.forward();
         let parameters = calibrated.model_parameters.clone();
         let position_m = forward.trajectory_m(&parameters)?;
         let (mut columns, mut sampled) = (Vec::new(), Vec::new());
@@ -91,7 +91,7 @@ impl Base {
         });
         let scaled = DMatrix::from_columns(&jacobian.column_iter().map(|c| c.normalize()).collect::<Vec<_>>());
         let absorbed = if n_columns == 0 { DMatrix::zeros(n_rows, 0) } else { scaled.qr().q() };
-        let kept = calibrated.reduced.to_keep(problem)?;
+        let kept = calibrated.model.to_keep()?;
         let observed_rows = (0..record.n_rows()).filter(|row| record.position_m[*row].is_some()).collect();
         Ok(Self { parameters, sampled, position_m, noise, noise_parameters, observed_rows, absorbed, kept })
     }
@@ -245,8 +245,8 @@ fn entry(
         entry.standard_error = Some(visible.standard_error).filter(|error| error.is_finite());
         return Ok((entry, Some(visible)));
     }
-    let reduced = Reduced::unverified(&extended, base.kept.clone(), &Silent)?;
-    let forward = ReducedForward { trained: &[], ..extended.reduced_forward(&reduced) };
+    let prepared = PreparedModel::unverified(&extended, base.kept.clone(), &Silent)?;
+    let forward = ReducedForward { trained: &[], ..prepared.forward() };
     let seen = signatures(effect, &forward, base)?.into_iter().map(|signature| base.visible(signature));
     let best = seen.max_by(|a, b| a.fraction.total_cmp(&b.fraction));
     if let Some(visible) = &best {

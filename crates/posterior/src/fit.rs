@@ -13,8 +13,8 @@ use super::fitted_rows::{FittedRows, MOST_SEARCHED, SAME_MINIMUM, finished, is_s
 use crate::advice::{impossible_positions, mesh_warning, misfit_warning, surrogate_warning};
 use crate::full_check::rmse_m;
 use crate::monitor::Monitor;
+use crate::prepared::{KeptSurrogate, PreparedModel};
 use crate::problem::{Problem, TAIL_MASS};
-use crate::reduced::{KeptSurrogate, Reduced};
 use base::error::{Error, Place, Result};
 use documents::posterior::{Warning, WarningKind};
 use models::effects::EffectParameter;
@@ -42,8 +42,8 @@ const MOST_HELD: usize = 4;
 pub struct FitResult {
     /// The document for people and scripts.
     pub summary: FitSummary,
-    /// The reduced model.
-    pub reduced: Reduced,
+    /// The prepared model.
+    pub model: PreparedModel,
     /// All of the model's parameters at the estimate, fixed ones included, SI.
     pub model_parameters: Vec<f64>,
     /// Covariance of the estimated parameters in the coordinates of the search (logarithms of the law's), row by row; NaN where the data do not
@@ -65,9 +65,9 @@ pub fn run(problem: &Problem, kept_surrogate: Option<KeptSurrogate>, monitor: &d
             format!("leave one of {} free, or use `simulate`", names.join(", ")),
         ));
     }
-    let reduced = Reduced::new(problem, kept_surrogate, monitor)?;
+    let model = PreparedModel::new(problem, kept_surrogate, monitor)?;
     monitor.stage("fitting the calibration cycles");
-    let data = best_support(problem, &reduced, &free, &FittedRows::new(problem))?;
+    let data = best_support(&model, &free, &FittedRows::new(problem))?;
     let (searches, best) = (&data.searches, best_of(&data.searches));
     let data = &data.residuals;
     let model_parameters = data.model_parameters(&best.theta);
@@ -76,13 +76,13 @@ pub fn run(problem: &Problem, kept_surrogate: Option<KeptSurrogate>, monitor: &d
     } else if problem.finite_elements().is_some() {
         monitor.stage("checking by full finite elements");
     }
-    let reduced_m = problem.reduced_forward(&reduced).trajectory_m(&model_parameters)?;
+    let reduced_m = model.forward().trajectory_m(&model_parameters)?;
     let full = full_run(problem, &reduced_m, &model_parameters)?;
     let mut summary = summarise(problem, data, &free, searches, best, full);
     let heldout_m = problem.positions_of(&problem.experiment.heldout_cycles);
     summary.rmse_heldout_um = heldout_m.iter().any(Option::is_some).then(|| 1e6 * rmse_m(&reduced_m, &heldout_m));
     let covariance = best.covariance.clone();
-    Ok(FitResult { summary, model_parameters, covariance, reduced })
+    Ok(FitResult { summary, model_parameters, covariance, model })
 }
 
 /// Searches over one set of free parameters.
@@ -93,20 +93,16 @@ struct Searched<'a> {
 
 /// The better of searches in which effects whose null is an end of their support are free, or held there: a search stops at a wall before it has
 /// found the best of the others, and a model must not fit worse than the one that it contains.
-fn best_support<'a>(
-    problem: &'a Problem,
-    reduced: &'a Reduced,
-    free: &[usize],
-    rows: &FittedRows,
-) -> Result<Searched<'a>> {
+fn best_support<'a>(prepared: &'a PreparedModel, free: &[usize], rows: &FittedRows) -> Result<Searched<'a>> {
+    let problem = &prepared.problem;
     let search = |held: &BTreeMap<usize, f64>| -> Result<Searched<'a>> {
         let left: Vec<usize> = free.iter().copied().filter(|j| !held.contains_key(j)).collect();
-        let residuals = CreepResiduals::new(problem, reduced, &left, held, rows);
+        let residuals = CreepResiduals::new(prepared, &left, held, rows);
         let starts = residuals.starts(problem);
         let searches = if rows.observed.len() <= MOST_SEARCHED {
             residuals.search(&starts)?
         } else {
-            let few = CreepResiduals::new(problem, reduced, &left, held, &rows.thinned(MOST_SEARCHED));
+            let few = CreepResiduals::new(prepared, &left, held, &rows.thinned(MOST_SEARCHED));
             finished(&residuals, &few.search(&starts)?, rows.observed.len() as f64 / few.observed.len() as f64)?
         };
         Ok(Searched { residuals, searches })
@@ -196,13 +192,8 @@ struct CreepResiduals<'a> {
 }
 
 impl<'a> CreepResiduals<'a> {
-    fn new(
-        problem: &'a Problem,
-        reduced: &'a Reduced,
-        free: &[usize],
-        held: &BTreeMap<usize, f64>,
-        rows: &FittedRows,
-    ) -> Self {
+    fn new(prepared: &'a PreparedModel, free: &[usize], held: &BTreeMap<usize, f64>, rows: &FittedRows) -> Self {
+        let problem = &prepared.problem;
         let (fixed, specs) = (&problem.specification.fixed, problem.model.parameters());
         let value = |(j, name): (usize, &str)| held.get(&j).or_else(|| fixed.get(name)).copied().unwrap_or(f64::NAN);
         let template = specs.iter().map(|p| p.name).enumerate().map(value).collect();
@@ -220,10 +211,10 @@ impl<'a> CreepResiduals<'a> {
             )
         };
         Self {
-            forward: problem.reduced_forward_over(reduced, rows.response()),
+            forward: prepared.forward_over(rows.response()),
             template,
             free: free.iter().copied().map(coordinate).collect(),
-            ranges: specs.iter().map(|p| range_of(problem, reduced, p.name)).collect(),
+            ranges: specs.iter().map(|p| range_of(prepared, p.name)).collect(),
             observed: rows.observed.clone(),
         }
     }
@@ -327,8 +318,9 @@ fn best_of(searches: &[Fit]) -> &Fit {
 }
 
 /// Where the search for a parameter goes: its prior's range, or the box that another program was learnt in.
-fn range_of(problem: &Problem, reduced: &Reduced, name: &str) -> TrainedRange {
-    let learnt = reduced.trained.iter().find(|range| range.name == name && problem.outside().is_some());
+fn range_of(prepared: &PreparedModel, name: &str) -> TrainedRange {
+    let problem = &prepared.problem;
+    let learnt = prepared.trained.iter().find(|range| range.name == name && problem.outside().is_some());
     learnt.cloned().unwrap_or_else(|| problem.range_of(name, TAIL_MASS))
 }
 

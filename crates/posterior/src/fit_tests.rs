@@ -37,10 +37,10 @@ fn instrument_experiment(law_parameters: &[f64], noise_sd_m: f64, rng: &mut ChaC
 fn noise_free_data_of_the_reduced_model_return_the_truth() {
     let (replica, _) = embedded().unwrap();
     let mut problem = problem(replica, &[]);
-    let reduced = Reduced::new(&problem, None, &Silent).unwrap();
-    let kept = reduced.to_keep(&problem).unwrap().unwrap();
+    let prepared = PreparedModel::new(&problem, None, &Silent).unwrap();
+    let kept = prepared.to_keep().unwrap().unwrap();
     for truth in [TABLE_I, [0.5, 4.0, 9.0], [12.0, 0.6, 200.0]] {
-        let position_m = problem.reduced_forward(&reduced).trajectory_m(&truth).unwrap();
+        let position_m = prepared.forward().trajectory_m(&truth).unwrap();
         problem.experiment.record.position_m = position_m.into_iter().map(Some).collect();
         let found = run(&problem, Some(kept.clone()), &Silent).unwrap();
         assert!(found.summary.converged);

@@ -3,8 +3,8 @@
 use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, Gamma};
 
+use super::prepared::PreparedModel;
 use super::problem::Problem;
-use super::reduced::Reduced;
 use crate::noise::NoiseModel;
 use base::error::Result;
 use elements::fe::strain::largest_principal_strain;
@@ -86,8 +86,9 @@ fn normal_components(student_dof: Option<f64>) -> Vec<f64> {
 ///
 /// # Errors
 /// [`base::Error::Numerical`] when no draw has a model on the whole record; whatever its parts refuse.
-pub fn check(problem: &Problem, reduced: &Reduced, draws: &[NaturalDraw]) -> Result<FullCheck> {
-    let (reduced_forward, full) = (problem.reduced_forward(reduced), problem.full_forward()?);
+pub fn check(prepared: &PreparedModel, draws: &[NaturalDraw]) -> Result<FullCheck> {
+    let problem = &prepared.problem;
+    let (reduced_forward, full) = (prepared.forward(), problem.full_forward()?);
     let n_model = problem.model.parameters().len();
     let is_slow = problem.model.field().is_some();
     let outside = problem.outside_forward();

@@ -5,8 +5,8 @@ use rand_distr::StandardNormal;
 use super::*;
 use crate::full_check::{NaturalDraw, check};
 use crate::monitor::Silent;
+use crate::prepared::PreparedModel;
 use crate::problem::Problem;
-use crate::reduced::Reduced;
 use crate::replica::{TABLE_I, embedded};
 use crate::study::ModelSpecification;
 use laws::rheology::CreepCompliance;
@@ -34,9 +34,9 @@ fn exact_m(problem: &Problem) -> Vec<f64> {
 
 /// Four times the same draw.
 fn check_of(problem: &Problem) -> FullCheck {
-    let reduced = Reduced::new(problem, None, &Silent).unwrap();
+    let prepared = PreparedModel::new(problem, None, &Silent).unwrap();
     let draw: NaturalDraw = TABLE_I.into_iter().chain(NOISE).collect();
-    check(problem, &reduced, &vec![draw; 4]).unwrap()
+    check(&prepared, &vec![draw; 4]).unwrap()
 }
 
 #[test]

@@ -21,6 +21,7 @@ use record::{Apparatus, Experiment};
 pub const TAIL_MASS: f64 = 1e-9;
 
 /// An experiment, a model of it, and the mechanics made computable.
+#[derive(Clone)]
 pub struct Problem {
     /// What was measured.
     pub experiment: Experiment,

@@ -12,8 +12,8 @@ use super::heldout::{self, Score};
 use super::large_displacement;
 use super::log_score::log_score;
 use super::misfit::{Misfit, Remainder, directions_of_spread};
+use super::prepared::{KeptSurrogate, PreparedModel};
 use super::problem::{Problem, TAIL_MASS};
-use super::reduced::{KeptSurrogate, Reduced};
 use crate::likelihood::ReducedPosterior;
 use crate::monitor::Monitor;
 use crate::prior::PriorSet;
@@ -61,8 +61,8 @@ pub struct SampleRequest<'a> {
 pub struct SampleResult {
     /// The document for people and scripts.
     pub summary: PosteriorSummary,
-    /// The reduced model.
-    pub reduced: Reduced,
+    /// The prepared model.
+    pub model: PreparedModel,
     /// Draws and the sampler's account of itself.
     pub outcome: SampleOutcome,
     /// One column a sampled parameter, in its own unit.
@@ -119,9 +119,9 @@ pub fn run(problem: &Problem, request: &SampleRequest, monitor: &dyn Monitor) ->
         timing_s.push((stage, clock.elapsed().as_secs_f64()));
         clock = Instant::now();
     };
-    let reduced = Reduced::new(problem, request.kept_surrogate.clone(), monitor)?;
+    let model = PreparedModel::new(problem, request.kept_surrogate.clone(), monitor)?;
     lap("surrogate");
-    let posterior = problem.posterior(&reduced);
+    let posterior = model.posterior();
     let outcome = sample(problem, &posterior, request, monitor)?;
     lap("sampling");
     monitor.stage(&match (problem.outside(), problem.finite_elements()) {
@@ -132,7 +132,7 @@ pub fn run(problem: &Problem, request: &SampleRequest, monitor: &dyn Monitor) ->
     let columns = natural_columns(&problem.priors, &outcome);
     let spread = outcome.draws.spread(N_CHECK_DRAWS);
     let draws: Vec<NaturalDraw> = spread.iter().map(|point| posterior.natural(point)).collect();
-    let check = full_check::check(problem, &reduced, &draws)?;
+    let check = full_check::check(&model, &draws)?;
     lap("full finite elements");
     let bands_m = heldout::bands_m(&check);
     let heldout_m = problem.positions_of(&problem.experiment.heldout_cycles);
@@ -141,10 +141,9 @@ pub fn run(problem: &Problem, request: &SampleRequest, monitor: &dyn Monitor) ->
     let large_displacement = large_displacement::estimate(problem, &columns, &check)?;
     lap("large displacements");
     let yardstick = problem.experiment.noise_yardstick();
-    let summary =
-        summarise(problem, request, &reduced, &outcome, &columns, &check, score, large_displacement, yardstick);
+    let summary = summarise(&model, request, &outcome, &columns, &check, score, large_displacement, yardstick);
     lap("summary");
-    Ok(SampleResult { summary, reduced, outcome, columns, bands_m, yardstick, timing_s })
+    Ok(SampleResult { summary, model, outcome, columns, bands_m, yardstick, timing_s })
 }
 
 /// Draws from the posterior, without any check of them.
@@ -232,9 +231,8 @@ pub fn natural_columns(priors: &PriorSet, outcome: &SampleOutcome) -> Vec<DrawCo
 
 #[expect(clippy::too_many_arguments, reason = "joins everything that the job has found into one document")]
 fn summarise(
-    problem: &Problem,
+    prepared: &PreparedModel,
     request: &SampleRequest,
-    reduced: &Reduced,
     outcome: &SampleOutcome,
     columns: &[DrawColumn],
     check: &FullCheck,
@@ -242,11 +240,12 @@ fn summarise(
     large_displacement: Option<LargeDisplacement>,
     yardstick: Option<NoiseYardstick>,
 ) -> PosteriorSummary {
-    let parameters = parameter_summaries(problem, reduced, columns, check);
+    let problem = &prepared.problem;
+    let parameters = parameter_summaries(prepared, columns, check);
     let mean_m = mean_trajectory(&check.trajectories_m, None);
     let fitted = problem.positions_of(&problem.experiment.calibration_cycles);
     let learnt_noise_um = learnt_noise_um(check);
-    let surrogate = reduced.surrogate.as_ref();
+    let surrogate = prepared.surrogate.as_ref();
     let log_score = log_score(problem, &check.trajectories_m, &check.noise.parameters);
     let heldout = HeldoutSummary {
         fitted_cycles: problem.experiment.calibration_cycles.clone(),
@@ -280,7 +279,7 @@ fn summarise(
         sampler: sampler_summary(&request.options, outcome),
         surrogate: SurrogateSummary {
             modes: surrogate.map(|s| s.n_modes()),
-            max_relative_error: reduced.max_relative_error,
+            max_relative_error: prepared.max_relative_error,
             fe_unknowns: surrogate.map(|s| s.fe_unknowns),
             snapshot_runs: surrogate.map(|s| s.snapshot_runs),
             singular_values: surrogate.map(|s| above_rounding(&s.singular_values)),
@@ -290,7 +289,7 @@ fn summarise(
         error_budget_um: budget,
         largest_strain: check.largest_strain,
         large_displacement,
-        at_edge_of_range: at_edge_of_range(reduced, problem, columns),
+        at_edge_of_range: at_edge_of_range(prepared, columns),
         converged: outcome.converged,
         warnings: Vec::new(),
     };
@@ -320,7 +319,7 @@ fn summarise(
     summary.warnings.extend(interpreted);
     summary.warnings.extend(at_end);
     summary.warnings.extend(check.n_refused.map(refused_warning));
-    summary.warnings.extend(at_edge_of_box(reduced, problem, columns));
+    summary.warnings.extend(at_edge_of_box(prepared, columns));
     summary.warnings.extend(problem.finite_elements().into_iter().flat_map(|fe| fe.mesh_warnings.clone()));
     summary
 }
@@ -345,22 +344,23 @@ fn misfit(problem: &Problem, mean_m: &[f64], check: &FullCheck, yardstick: Optio
 
 /// Sampled law parameters of which a twentieth of the draws lie in the outermost thousandth of the trained range (on a logarithmic
 /// scale), where a prior of the usual shape has next to none.
-fn at_edge_of_range(reduced: &Reduced, problem: &Problem, columns: &[DrawColumn]) -> Vec<String> {
+fn at_edge_of_range(prepared: &PreparedModel, columns: &[DrawColumn]) -> Vec<String> {
     let crowds = |(name, column): (&str, &DrawColumn)| {
-        let range = reduced.trained.iter().find(|range| range.name == name)?;
+        let range = prepared.trained.iter().find(|range| range.name == name)?;
         let margin = 1e-3 * (range.upper / range.lower).ln();
         let is_outermost = |x: &&f64| (**x / range.lower).ln() < margin || (range.upper / **x).ln() < margin;
         let n_outermost = column.values.iter().filter(is_outermost).count();
         (20 * n_outermost > column.values.len()).then(|| name.to_string())
     };
-    problem.priors.names().zip(columns).filter_map(crowds).collect()
+    prepared.problem.priors.names().zip(columns).filter_map(crowds).collect()
 }
 
 /// Parameters of another program of which a hundredth of the draws lie in the outermost twentieth of the box that it was learnt in, where the box ends and not the prior.
-fn at_edge_of_box(reduced: &Reduced, problem: &Problem, columns: &[DrawColumn]) -> Option<Warning> {
+fn at_edge_of_box(prepared: &PreparedModel, columns: &[DrawColumn]) -> Option<Warning> {
+    let problem = &prepared.problem;
     let outside = problem.outside()?;
     let crowds = |(name, column): (&str, &DrawColumn)| {
-        let range = reduced.trained.iter().find(|range| range.name == name)?;
+        let range = prepared.trained.iter().find(|range| range.name == name)?;
         let prior = problem.range_of(name, TAIL_MASS);
         let margin = 0.05 * (range.upper / range.lower).ln();
         let is_outermost = |x: &&f64| {
@@ -437,18 +437,14 @@ pub fn sampler_summary(options: &SamplerOptions, outcome: &SampleOutcome) -> Sam
     }
 }
 
-fn parameter_summaries(
-    problem: &Problem,
-    reduced: &Reduced,
-    columns: &[DrawColumn],
-    check: &FullCheck,
-) -> Vec<ParameterSummary> {
+fn parameter_summaries(prepared: &PreparedModel, columns: &[DrawColumn], check: &FullCheck) -> Vec<ParameterSummary> {
+    let problem = &prepared.problem;
     let (specs, draws) = (problem.parameters(), &check.draws);
     let law = problem.model.base().parameters();
     let relative_mesh_error = problem
         .finite_elements()
         .and_then(|fe| fe.comparison)
-        .map(|comparison| comparison.relative_error(reduced.compliance.given_per_m()));
+        .map(|comparison| comparison.relative_error(prepared.compliance.given_per_m()));
     let blom = &BlomScores::new(columns.first().map_or(0, |column| column.values.len()));
     let summary = |(prior, column): (&crate::prior::Prior, &DrawColumn)| {
         let d = diagnose(column, blom);
@@ -513,17 +509,9 @@ mod tests {
         let (experiment, _) = replica::embedded().expect("embedded");
         let problem = Problem::new(experiment, ModelSpecification::default(), None, &Silent).expect("sound");
         let of = |compliance_per_m: f64| {
-            let compliance = Compliance::given(compliance_per_m);
             let trained = problem.training_ranges();
-            let reduced = Reduced {
-                surrogate: None,
-                fields: models::surrogate::FieldModels::default(),
-                compliance,
-                trained,
-                max_relative_error: None,
-                learnt_error: None,
-            };
-            fingerprint(&problem, &problem.posterior(&reduced))
+            let model = PreparedModel::given(&problem, Compliance::given(compliance_per_m), trained);
+            fingerprint(&problem, &model.posterior())
         };
         assert_eq!(of(549.0), of(549.0));
         assert_ne!(of(549.0), of(549.0 * (1.0 + f64::EPSILON)));

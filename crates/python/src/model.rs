@@ -18,8 +18,8 @@ use vitreo_uq::jobs::first_revision::{as_fitted, kept_surrogate};
 use vitreo_uq::models::effects::Library;
 use vitreo_uq::posterior::check;
 use vitreo_uq::posterior::monitor::Monitor;
+use vitreo_uq::posterior::prepared::PreparedModel;
 use vitreo_uq::posterior::problem::Problem;
-use vitreo_uq::posterior::reduced::Reduced;
 use vitreo_uq::posterior::study::{ModelSpecification, Study};
 use vitreo_uq::record::{self, Understood};
 use vitreo_uq::sampling::ensemble::Progress;
@@ -34,12 +34,10 @@ const PIECE: usize = 16;
 /// Time between two looks at Ctrl-C while a model is built.
 const LOOK: Duration = Duration::from_millis(50);
 
-type Built = (Problem, Reduced);
-
-// The models borrow the problem that they are of.
+// The models borrow the prepared model that they are of.
 self_cell!(
     struct Owned {
-        owner: Built,
+        owner: PreparedModel,
         #[not_covariant]
         dependent: Models,
     }
@@ -134,8 +132,7 @@ fn built(subject: Subject, asked: Asked, watcher: &Watcher) -> Result<Owned> {
     let kept = subject.study.as_ref().and_then(|study| kept_surrogate(study, watcher));
     let experiment = as_fitted(subject.experiment, revision.as_deref());
     let problem = Problem::new(experiment, specification, None, watcher)?;
-    let reduced = Reduced::new(&problem, kept, watcher)?;
-    Owned::try_new((problem, reduced), |(problem, reduced)| Models::new(problem, reduced))
+    Owned::try_new(PreparedModel::new(&problem, kept, watcher)?, |model| Models::new(model))
 }
 
 /// The reduced model of an experiment, or of a study's revision: trajectories, log-densities and their gradients at arrays of points, on all cores.
@@ -191,7 +188,7 @@ impl ReducedModel {
             let text = std::ffi::CString::new(warning).unwrap_or_default();
             PyErr::warn(py, &py.get_type::<PyUserWarning>(), &text, 1)?;
         }
-        let max_relative_error = owned.borrow_owner().1.max_relative_error;
+        let max_relative_error = owned.borrow_owner().max_relative_error;
         Ok(Self { owned, max_relative_error })
     }
 
@@ -269,7 +266,7 @@ impl ReducedModel {
     }
 
     fn __repr__(&self) -> String {
-        let (problem, _) = self.owned.borrow_owner();
+        let problem = &self.owned.borrow_owner().problem;
         let effects = &problem.specification.effects;
         format!(
             "ReducedModel({:?}, base={:?}, effects={effects:?}, parameters={:?})",

@@ -8,8 +8,8 @@ use vitreo_uq::criticism::Subject;
 use vitreo_uq::jobs::artefacts;
 use vitreo_uq::models::effects::Library;
 use vitreo_uq::posterior::monitor::Monitor;
+use vitreo_uq::posterior::prepared::PreparedModel;
 use vitreo_uq::posterior::problem::Problem;
-use vitreo_uq::posterior::reduced::Reduced;
 use vitreo_uq::posterior::study::{Provenance, RevisionWriter, Study};
 use vitreo_uq::sampling::SamplerOptions;
 
@@ -57,7 +57,7 @@ impl Examined {
     /// The experiment, split into fitted and scored cycles, for the fits of its own model.
     pub fn subject(&self, terminal: &Terminal) -> Result<Subject> {
         let compliance =
-            Reduced::unverified(&self.problem, kept_surrogate(&self.study, terminal), terminal)?.compliance;
+            PreparedModel::unverified(&self.problem, kept_surrogate(&self.study, terminal), terminal)?.compliance;
         Subject::with_compliance(&self.problem, &Library::default(), compliance)
     }
 

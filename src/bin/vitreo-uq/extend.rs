@@ -88,7 +88,7 @@ pub fn extended(common: &Common, arguments: &ExtendArguments, threads: usize, te
     let Extension { summary, problem, after } = extend::run(pair, &request, terminal)?;
     terminal.stage("writing results and figures");
     let header = |kind: &str| artefacts::with_inputs(study.provenance(kind, 1, common.seed), &problem);
-    artefacts::write(writer.path(), &problem, &after, &header)?;
+    artefacts::write(writer.path(), &after, &header)?;
     let document = WithProvenance { provenance: header("extension"), body: summary };
     write_json_atomically(&writer.path().join(EXTENSION_NAME), &document)?;
     artefacts::write_timing(writer.path(), &after.timing_s, header("timing"))?;

@@ -16,8 +16,8 @@ use vitreo_uq::jobs::sweep::problem::{DEFAULT_PRIOR, SweepProblem};
 use vitreo_uq::models::effects::Library;
 use vitreo_uq::posterior::check;
 use vitreo_uq::posterior::monitor::Monitor;
+use vitreo_uq::posterior::prepared::PreparedModel;
 use vitreo_uq::posterior::problem::Problem;
-use vitreo_uq::posterior::reduced::Reduced;
 use vitreo_uq::posterior::study::{ModelSpecification, Provenance, Study, WithProvenance};
 use vitreo_uq::record::{Experiment, Sweep};
 
@@ -30,7 +30,7 @@ const NAME: &str = "joint";
 
 /// A record, ready to be computed.
 enum Record {
-    Creep(Box<(Problem, Reduced)>),
+    Creep(Box<PreparedModel>),
     Oscillation(Box<SweepProblem>),
 }
 
@@ -73,8 +73,7 @@ pub fn sample(arguments: &SampleArguments) -> Result<ExitCode> {
             let (experiment, files) = Experiment::read(path)?;
             check::refuse_certain(&experiment, &files.understood, &terminal)?;
             let problem = Problem::new(experiment, specification.clone(), None, &terminal)?;
-            let reduced = Reduced::new(&problem, None, &terminal)?;
-            records.push(Record::Creep(Box::new((problem, reduced))));
+            records.push(Record::Creep(Box::new(PreparedModel::new(&problem, None, &terminal)?)));
             files
         };
         for (name, hash) in Study::hashes_of(&files)? {
@@ -84,7 +83,7 @@ pub fn sample(arguments: &SampleArguments) -> Result<ExitCode> {
     let densities: Vec<_> = records
         .iter()
         .map(|record| match record {
-            Record::Creep(creep) => Some(creep.0.posterior(&creep.1)),
+            Record::Creep(creep) => Some(creep.posterior()),
             Record::Oscillation(_) => None,
         })
         .collect();
@@ -117,7 +116,7 @@ pub fn sample(arguments: &SampleArguments) -> Result<ExitCode> {
 
 fn id_of(record: &Record) -> &str {
     match record {
-        Record::Creep(creep) => &creep.0.experiment.specimen_id,
+        Record::Creep(creep) => &creep.problem.experiment.specimen_id,
         Record::Oscillation(problem) => &problem.sweep.specimen_id,
     }
 }
@@ -128,7 +127,9 @@ fn member_of<'a>(
 ) -> Option<Member<'a>> {
     let id = id_of(record).to_string();
     match record {
-        Record::Creep(creep) => density.map(|density| Member { id, kind: "creep", density, priors: &creep.0.priors }),
+        Record::Creep(creep) => {
+            density.map(|density| Member { id, kind: "creep", density, priors: &creep.problem.priors })
+        }
         Record::Oscillation(problem) => {
             Some(Member { id, kind: "oscillation", density: &**problem, priors: &problem.priors })
         }

@@ -19,8 +19,7 @@ use vitreo_uq::figures::labels::model_title;
 use vitreo_uq::figures::number::listed;
 use vitreo_uq::jobs::bridge::{Endpoint, MOST_POINTS, Models, OUTSIDE};
 use vitreo_uq::jobs::first_revision::{as_fitted, kept_surrogate};
-use vitreo_uq::posterior::problem::Problem;
-use vitreo_uq::posterior::reduced::Reduced;
+use vitreo_uq::posterior::prepared::PreparedModel;
 
 use crate::guard::{Guard, guard};
 use crate::interrupt::say;
@@ -67,15 +66,13 @@ pub fn run(arguments: &ServeArguments) -> Result<ExitCode> {
     target.experiment = as_fitted(target.experiment, revision.as_deref());
     let problem = target.problem(&arguments.model, &terminal)?;
     let kept = target.existing_study().and_then(|study| kept_surrogate(study, &terminal));
-    let reduced = Reduced::new(&problem, kept, &terminal)?;
-    // They are served until the program ends, by tasks of which none ends before.
-    let (problem, reduced): (&'static Problem, &'static Reduced) =
-        (Box::leak(Box::new(problem)), Box::leak(Box::new(reduced)));
-    let models = Arc::new(Models::new(problem, reduced)?);
+    // It is served until the program ends, by tasks of which none ends before.
+    let model: &'static PreparedModel = Box::leak(Box::new(PreparedModel::new(&problem, kept, &terminal)?));
+    let models = Arc::new(Models::new(model)?);
     terminal.finish();
     output::print(&format!("http://{address}\n"))?;
     if !quiet {
-        output::print(&words(problem, reduced, &models))?;
+        output::print(&words(model, &models))?;
         if !address.ip().is_loopback() {
             say("note: other machines reach these models, and whoever does may have this one compute");
         }
@@ -131,7 +128,8 @@ async fn answer(shared: Shared, endpoint: Endpoint, body: Bytes) -> Response {
     }
 }
 
-fn words(problem: &Problem, reduced: &Reduced, models: &Models) -> String {
+fn words(model: &PreparedModel, models: &Models) -> String {
+    let problem = &model.problem;
     let experiment = &problem.experiment;
     let (inputs, n) = (models.inputs(), models.n_of_trajectory());
     let cycles = &experiment.calibration_cycles;
@@ -165,7 +163,7 @@ fn words(problem: &Problem, reduced: &Reduced, models: &Models) -> String {
         "trajectory: [[inputs 1 to {n}]] → [[{} positions in um, one a row of the record]]",
         models.n_rows()
     ));
-    if let Some(error) = reduced.max_relative_error {
+    if let Some(error) = model.max_relative_error {
         lines.push(
             "  config {\"model\": \"reduced\"} (unless said), or {\"model\": \"full\"} for full finite elements;"
                 .into(),

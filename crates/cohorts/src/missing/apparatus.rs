@@ -6,11 +6,12 @@ use std::sync::Arc;
 use crate::apparatus::key;
 use crate::cohort::Measurement;
 use base::error::Result;
-use criticism::{Subject, compliance_of};
+use criticism::Subject;
 use models::effects::Library;
 use models::model::Compliance;
 use posterior::mechanics::Mechanics;
 use posterior::monitor::{Counter, Monitor, Silent};
+use posterior::prepared::PreparedModel;
 use posterior::problem::Problem;
 
 /// Every apparatus of a cohort.
@@ -35,7 +36,8 @@ impl Apparatuses {
         for (key, own) in first {
             let built = || -> Result<(Arc<Mechanics>, Compliance)> {
                 let problem = Problem::new(own.experiment.clone(), own.specification.clone(), None, &Silent)?;
-                let compliance = compliance_of(&problem, &library, library.effects(), None, monitor)?;
+                let compliance =
+                    PreparedModel::for_effects(&problem, &library, library.effects(), None, monitor)?.compliance;
                 Ok((problem.mechanics.clone(), compliance))
             };
             known.insert(key, built().map_err(|error| own.named(error))?);

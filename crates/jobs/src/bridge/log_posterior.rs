@@ -9,8 +9,8 @@ use base::error::{Error, Result};
 use models::model::TrainedRange;
 use posterior::gradient::PosteriorGradient;
 use posterior::likelihood::ReducedPosterior;
+use posterior::prepared::PreparedModel;
 use posterior::problem::Problem;
-use posterior::reduced::Reduced;
 
 /// Points that one request may ask for.
 pub const MOST_POINTS: usize = 10_000;
@@ -43,12 +43,13 @@ pub struct Posterior<'a> {
 
 impl<'a> Posterior<'a> {
     /// Prepares the reduced model for the fitted cycles.
-    pub fn new(problem: &'a Problem, reduced: &'a Reduced) -> Self {
+    pub fn new(model: &'a PreparedModel) -> Self {
+        let problem = &model.problem;
         let noise = problem.noise_likelihood(&problem.experiment.calibration_cycles);
         let n_rows = noise.observed_rows().last().map_or(0, |last| last + 1);
-        let forward = problem.reduced_forward_up_to(reduced, n_rows);
+        let forward = model.forward_up_to(n_rows);
         let gradient = PosteriorGradient::new(forward, noise, &problem.priors, &problem.specification.fixed);
-        Self { problem, trained: &reduced.trained, density: problem.posterior(reduced), gradient }
+        Self { problem, trained: &model.trained, density: model.posterior(), gradient }
     }
 
     /// The sampled parameters, in order.

@@ -13,12 +13,11 @@ pub use protocol::{Answer, OUTSIDE};
 pub use trajectory::Trajectory;
 
 use base::error::{Error, Place, Result};
+use posterior::prepared::PreparedModel;
 use posterior::prior::Prior;
-use posterior::problem::Problem;
-use posterior::reduced::Reduced;
 use protocol::Served;
 
-/// The models of one problem.
+/// The models of one prepared model.
 pub struct Models<'a> {
     trajectory: Trajectory<'a>,
     posterior: Posterior<'a>,
@@ -38,15 +37,15 @@ impl<'a> Models<'a> {
     ///
     /// # Errors
     /// [`Error::Input`] where every parameter is fixed.
-    pub fn new(problem: &'a Problem, reduced: &'a Reduced) -> Result<Self> {
-        if problem.priors.priors().is_empty() {
+    pub fn new(model: &'a PreparedModel) -> Result<Self> {
+        if model.problem.priors.priors().is_empty() {
             return Err(Error::input(
                 Place::option("--set"),
                 "every parameter is fixed, so that the models have no input",
                 "leave at least one parameter free",
             ));
         }
-        Ok(Self { trajectory: Trajectory::new(problem, reduced), posterior: Posterior::new(problem, reduced) })
+        Ok(Self { trajectory: Trajectory::new(model), posterior: Posterior::new(model) })
     }
 
     /// `trajectory`.

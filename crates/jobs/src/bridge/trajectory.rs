@@ -9,8 +9,8 @@ use super::protocol::{Outcome, Refusal, Served, Sizes, config_of};
 use base::error::{Error, Result};
 use models::model::{Forward, FullForward, ReducedForward};
 use posterior::likelihood::{Source, sources};
+use posterior::prepared::PreparedModel;
 use posterior::problem::Problem;
-use posterior::reduced::Reduced;
 
 const UM_PER_M: f64 = 1e6;
 
@@ -43,11 +43,12 @@ pub struct Trajectory<'a> {
 
 impl<'a> Trajectory<'a> {
     /// Prepares the reduced model.
-    pub fn new(problem: &'a Problem, reduced: &'a Reduced) -> Self {
+    pub fn new(model: &'a PreparedModel) -> Self {
+        let problem = &model.problem;
         let mut sources = sources(&problem.model, problem.noise, &problem.priors, &problem.specification.fixed);
         sources.truncate(problem.model.parameters().len());
         let n_inputs = sources.iter().filter(|source| matches!(source, Source::Sampled(_))).count();
-        let reduced = problem.reduced_forward(reduced);
+        let reduced = model.forward();
         Self { problem, reduced, full: OnceLock::new(), sources, n_inputs }
     }
 

@@ -14,14 +14,13 @@ use super::sample::{Sampling, read as read_measurement};
 use base::error::{Error, Place, Result};
 use cohorts::apparatus;
 use cohorts::cohort::Measurement;
-use criticism::subject::asked_for;
 use models::effects::{Field, Library, Stage};
 use posterior::cache;
 use posterior::learnt_displacement::{nearest_law, surface};
 use posterior::mechanics::{FiniteElements, Mechanics};
 use posterior::monitor::{Counter, Monitor, Silent, refuse_if_stopped};
+use posterior::prepared::{asked_for, field_hash, field_model, field_models, surrogate, surrogate_hash, with_fields};
 use posterior::problem::Problem;
-use posterior::reduced::{field_hash, field_model, field_models, surrogate, surrogate_hash, with_fields};
 use posterior::study::sha256_hex;
 use record::Apparatus;
 

@@ -23,8 +23,8 @@ use models::effects::{Field, Library};
 use models::model::{Forward, FullForward};
 use posterior::mechanics::Mechanics;
 use posterior::monitor::{Counter, Monitor, Stoppable, refuse_if_stopped};
+use posterior::prepared::{PreparedModel, training_load};
 use posterior::problem::Problem;
-use posterior::reduced::{Reduced, training_load};
 use posterior::sample::{SampleRequest, refuse_too_many_rows, sample};
 use posterior::study::ModelSpecification;
 use record::Experiment;
@@ -106,8 +106,7 @@ pub fn check(experiment: &Experiment, model: &ModelSpecification, options: &Samp
 
 /// What all replicates share: meshed, assembled and trained once.
 pub struct Bench {
-    problem: Problem,
-    reduced: Reduced,
+    model: PreparedModel,
 }
 
 impl Bench {
@@ -117,17 +116,16 @@ impl Bench {
     /// As [`check`]; whatever meshing and training refuse.
     pub fn new(experiment: Experiment, model: ModelSpecification, monitor: &dyn Monitor) -> Result<Self> {
         let problem = Problem::new(experiment, model, None, monitor)?;
-        let reduced = Reduced::unverified(&problem, None, monitor)?;
-        Ok(Self { problem, reduced })
+        Ok(Self { model: PreparedModel::unverified(&problem, None, monitor)? })
     }
 
     /// What is calibrated.
     pub fn subject(&self) -> Subject {
-        let has_finite_elements = self.problem.finite_elements().is_some();
+        let has_finite_elements = self.model.problem.finite_elements().is_some();
         Subject {
-            experiment: self.problem.experiment.specimen_id.clone(),
-            model: self.problem.specification.summary(),
-            parameters: self.problem.priors.names().map(String::from).collect(),
+            experiment: self.model.problem.experiment.specimen_id.clone(),
+            model: self.model.problem.specification.summary(),
+            parameters: self.model.problem.priors.names().map(String::from).collect(),
             simulated_by: if has_finite_elements { Simulator::FullFiniteElements } else { Simulator::ClosedForm },
         }
     }
@@ -142,16 +140,16 @@ impl Bench {
         options: &SamplerOptions,
         monitor: &dyn Monitor,
     ) -> Result<Vec<Replicate>> {
-        let (time_s, force) = training_load(&self.problem);
-        let model = &self.problem.model;
-        let full = match self.problem.finite_elements() {
+        let (time_s, force) = training_load(&self.model.problem);
+        let model = &self.model.problem.model;
+        let full = match self.model.problem.finite_elements() {
             Some(fe) => {
                 let full = FullForward::new(model, &fe.stiffness, fe.poisson_ratio, time_s, force)?;
                 Some(full.in_surroundings(fe.surroundings()))
             }
             None => None,
         };
-        let reduced = self.problem.reduced_forward_up_to(&self.reduced, time_s.len());
+        let reduced = self.model.forward_up_to(time_s.len());
         let forwards = Forwards { reduced: &reduced, full: full.as_ref().map(|full| full as &dyn Forward) };
         monitor.stage("simulating and sampling records");
         let counter = Counter::new(monitor, numbers.len());
@@ -184,11 +182,11 @@ impl Bench {
 
     /// A truth that has a model, and its record.
     fn simulated(&self, forwards: &Forwards<'_>, rng: &mut ChaCha8Rng, monitor: &dyn Monitor) -> Result<Simulated> {
-        let Problem { experiment, model, noise, priors, .. } = &self.problem;
+        let Problem { experiment, model, noise, priors, .. } = &self.model.problem;
         let record = &experiment.record;
-        let measured = self.problem.positions_of(&experiment.calibration_cycles);
+        let measured = self.model.problem.positions_of(&experiment.calibration_cycles);
         let rows: Vec<usize> = (0..measured.len()).filter(|row| measured[*row].is_some()).collect();
-        let posterior = self.problem.posterior(&self.reduced);
+        let posterior = self.model.posterior();
         for redrawn in 0..MOST_DRAWN {
             refuse_if_stopped(monitor, "results of finished tasks are kept")?;
             let truth = priors.draw(rng);
@@ -222,10 +220,10 @@ impl Bench {
         options: &SamplerOptions,
         monitor: &dyn Monitor,
     ) -> Result<Ranked> {
-        let problem = self.problem.with_positions(position_m);
-        let posterior = problem.posterior(&self.reduced);
+        let model = self.model.for_problem(self.model.problem.with_positions(position_m));
+        let (problem, posterior) = (&model.problem, model.posterior());
         let request = SampleRequest { options: options.clone(), kept_surrogate: None, checkpoint: None, resume: false };
-        let outcome = sample(&problem, &posterior, &request, &Stoppable(monitor.stop()))?;
+        let outcome = sample(problem, &posterior, &request, &Stoppable(monitor.stop()))?;
         let point = problem.priors.to_unconstrained(truth);
         let mut log_density = [0.0];
         posterior.log_density(&point, &mut log_density);

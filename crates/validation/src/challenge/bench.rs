@@ -10,11 +10,11 @@ use base::error::{Error, Place, Result};
 use criticism::Candidate;
 use criticism::Subject;
 use criticism::separation::{Truth as Shown, closest};
-use criticism::subject::compliance_of;
 use laws::rheology::BaseLaw;
 use models::effects::{AMPLITUDE, Effect, Field, Library};
 use models::model::{Compliance, Model};
 use posterior::monitor::Monitor;
+use posterior::prepared::PreparedModel;
 use posterior::problem::Problem;
 use posterior::replica::{TABLE_I, embedded};
 use posterior::study::ModelSpecification;
@@ -115,7 +115,7 @@ impl Bench {
         let served: Vec<_> = library.effects().iter().copied().filter(|effect| is_served(*effect)).collect();
         let problem = Problem::new(replica, ModelSpecification::default(), None, monitor)?;
         monitor.stage("preparing the models that size a signal");
-        let compliance = compliance_of(&problem, &library, &served, None, monitor)?;
+        let compliance = PreparedModel::for_effects(&problem, &library, &served, None, monitor)?.compliance;
         Ok(Self { problem, compliance, library, served })
     }
 

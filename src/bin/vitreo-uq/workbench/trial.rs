@@ -14,8 +14,8 @@ use vitreo_uq::jobs::first_revision::kept_surrogate;
 use vitreo_uq::models::effects::Library;
 use vitreo_uq::models::model::Forward;
 use vitreo_uq::posterior::monitor::Silent;
+use vitreo_uq::posterior::prepared::PreparedModel;
 use vitreo_uq::posterior::problem::Problem;
-use vitreo_uq::posterior::reduced::Reduced;
 use vitreo_uq::posterior::study::{POSTERIOR_NAME, Study, WithProvenance};
 
 use super::rows::{Memory, Shown, Window, shown};
@@ -43,10 +43,9 @@ pub struct Tried {
     pub window: Window,
 }
 
-/// A model and its reduced form.
+/// A prepared model and its sliders.
 pub struct Trial {
-    problem: Problem,
-    reduced: Reduced,
+    model: PreparedModel,
     knobs: Vec<Knob>,
 }
 
@@ -104,19 +103,19 @@ impl Trial {
         let mut specification = ModelSpecification::of_revision(&dir, &Library::default())?;
         specification.effects.extend(effects.iter().cloned());
         let problem = Problem::new(experiment, specification, None, &Silent)?;
-        let reduced = Reduced::unverified(&problem, kept_surrogate(&study, &Silent), &Silent)?;
+        let model = PreparedModel::unverified(&problem, kept_surrogate(&study, &Silent), &Silent)?;
         let path = dir.join(POSTERIOR_NAME);
         let bytes = files::read(&path, Content::Document, "make the study anew")?;
         let posterior: WithProvenance<PosteriorSummary> = serde_json::from_slice(&bytes).map_err(|error| {
             Error::input(Place::file(&path).at_line(error.line()), error.to_string(), "make the study anew")
         })?;
         let knobs = knobs(&problem, &posterior.body);
-        Ok(Self { problem, reduced, knobs })
+        Ok(Self { model, knobs })
     }
 
     /// What may be turned and added.
     pub fn knobs(&self) -> Knobs<'_> {
-        let own = &self.problem.specification.effects;
+        let own = &self.model.problem.specification.effects;
         let library = Library::default();
         let others = library.effects().iter().filter(|effect| !own.iter().any(|slug| slug == effect.slug()));
         let effects = others.map(|effect| Offered { slug: effect.slug(), summary: effect.summary() }).collect();
@@ -125,7 +124,7 @@ impl Trial {
 
     /// The curve of a model at values of its parameters.
     pub fn curve(&self, tried: &Tried) -> Result<Curve> {
-        let problem = &self.problem;
+        let problem = &self.model.problem;
         let value = |name: &str| {
             let own = self.knobs.iter().find(|knob| knob.name == name);
             let asked = tried.parameters.get(name).copied().filter(|value| value.is_finite());
@@ -136,7 +135,7 @@ impl Trial {
                 .unwrap_or(f64::NAN)
         };
         let parameters: Vec<f64> = problem.model.parameters().iter().map(|spec| value(spec.name)).collect();
-        let position_m = problem.reduced_forward(&self.reduced).trajectory_m(&parameters)?;
+        let position_m = self.model.forward().trajectory_m(&parameters)?;
         let experiment = &problem.experiment;
         let rmse_um = |cycles: &[u32]| {
             let observed = problem.positions_of(cycles);

@@ -1,4 +1,4 @@
-//! The reduced model of a problem: the surrogate, kept or trained, and its verification with the effects.
+//! The prepared model: an experiment, law, effects, priors and noise, with the reduced model that answers for them and its verified error.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -11,10 +11,10 @@ use super::cache;
 use super::learnt_displacement::{learnt, nearest_law};
 use super::learnt_outside::{self, Learnt};
 use super::mechanics::{FiniteElements, Mechanics};
+use super::monitor::{Counter, Monitor, Silent};
 use super::outside::Outside;
 use super::problem::{Problem, TAIL_MASS};
 use crate::likelihood::{FittedRecord, PosteriorParts, ReducedPosterior};
-use crate::monitor::{Counter, Monitor};
 use crate::prior::PriorSet;
 use crate::study::{Kept, WithProvenance};
 use base::error::Result;
@@ -22,7 +22,7 @@ use base::files::{Content, read_if_there};
 use elements::mesh::Mesh;
 use laws::rheology::BaseLaw;
 use laws::stages::{Spread, Stages};
-use models::effects::{Effect, Field, Stage};
+use models::effects::{Effect, Field, Library, Stage};
 use models::model::{Compliance, Forward, FullForward, ReducedForward, Response, TrainedRange};
 use models::surrogate::{FieldModels, Surrogate, Training, n_pieces, trajectory};
 use record::{Experiment, Force, Record};
@@ -40,8 +40,11 @@ const VERIFICATION_TAIL: f64 = 0.02;
 /// Seed of their scrambled Sobol sequence: the design is part of the method, not of a run.
 const VERIFICATION_SEED: u32 = 3;
 
-/// The reduced model of a problem.
-pub struct Reduced {
+/// A model that is ready to be asked: the problem (experiment, law, effects, priors, noise, mechanics) and what computes its trajectories.
+#[derive(Clone)]
+pub struct PreparedModel {
+    /// The experiment and the model of it.
+    pub problem: Problem,
     /// The surrogate; `None` for an instrument, whose compliance is given.
     pub surrogate: Option<Surrogate>,
     /// Models of effects that change the displacement field, as far as the model has any.
@@ -93,41 +96,32 @@ impl KeptSurrogate {
     }
 }
 
-impl Reduced {
+impl PreparedModel {
     /// Takes the kept surrogate if it was built from the same input, else trains one; a model with effects is verified on full-order runs of its
     /// own. A law that is not linear was compared with full-order runs when its reduced model was built, which serves: one such run over a whole record
     /// takes minutes.
     pub fn new(problem: &Problem, kept: Option<KeptSurrogate>, monitor: &dyn Monitor) -> Result<Self> {
-        let mut reduced = Self::unverified(problem, kept, monitor)?;
+        let mut prepared = Self::unverified(problem, kept, monitor)?;
         if let (Some(fe), false) = (problem.finite_elements(), problem.is_exponential()) {
             let of_field =
-                problem.model.field().and_then(|(slug, _)| reduced.fields.verified(slug)).or(reduced.learnt_error);
+                problem.model.field().and_then(|(slug, _)| prepared.fields.verified(slug)).or(prepared.learnt_error);
             let found = match of_field {
                 Some(found) => found,
                 None => {
                     monitor.stage("verifying the reduced model on full finite-element runs");
-                    verify(problem, fe, &reduced.compliance)?
+                    verify(problem, fe, &prepared.compliance)?
                 }
             };
-            reduced.max_relative_error = reduced.max_relative_error.map(|error| error.max(found));
+            prepared.max_relative_error = prepared.max_relative_error.map(|error| error.max(found));
         }
-        Ok(reduced)
+        Ok(prepared)
     }
 
     /// The same, verified for the law alone.
     pub fn unverified(problem: &Problem, kept: Option<KeptSurrogate>, monitor: &dyn Monitor) -> Result<Self> {
         let fe = match &*problem.mechanics {
             Mechanics::Instrument { compliance_per_m } => {
-                let compliance = Compliance::given(*compliance_per_m);
-                let fields = FieldModels::default();
-                return Ok(Self {
-                    surrogate: None,
-                    fields,
-                    compliance,
-                    trained: Vec::new(),
-                    max_relative_error: None,
-                    learnt_error: None,
-                });
+                return Ok(Self::given(problem, Compliance::given(*compliance_per_m), Vec::new()));
             }
             Mechanics::Outside(own) => return Self::of_outside(problem, own, problem.model.effects(), monitor),
             Mechanics::FiniteElements(fe) => fe,
@@ -150,7 +144,21 @@ impl Reduced {
             trained: problem.training_ranges(),
             max_relative_error: Some(surrogate.max_relative_error),
             surrogate: Some(surrogate),
+            problem: problem.clone(),
         })
+    }
+
+    /// A problem with a compliance that is known, and the ranges of the law's parameters in which it may be asked.
+    pub fn given(problem: &Problem, compliance: Compliance, trained: Vec<TrainedRange>) -> Self {
+        Self {
+            problem: problem.clone(),
+            surrogate: None,
+            fields: FieldModels::default(),
+            compliance,
+            trained,
+            max_relative_error: None,
+            learnt_error: None,
+        }
     }
 
     /// What stands for another program, for models with any of some effects.
@@ -164,18 +172,34 @@ impl Reduced {
         let with_load = effects.iter().any(is_load) && own.answers_own_force_alone().is_none();
         let Learnt { stepper, trained, over_noise } = learnt_outside::learnt(problem, own, with_load, monitor)?;
         let answers = move |_: &Stages| Ok(Some(Spread::Stepped(stepper.clone())));
-        Ok(Self {
-            surrogate: None,
-            fields: FieldModels::default(),
-            compliance: Compliance::given(1.0).with_spread(answers),
-            trained,
-            max_relative_error: None,
-            learnt_error: Some(over_noise),
-        })
+        let compliance = Compliance::given(1.0).with_spread(answers);
+        Ok(Self { learnt_error: Some(over_noise), ..Self::given(problem, compliance, trained) })
+    }
+
+    /// The model whose compliance serves some effects of a library as well: trained over the widest range of Poisson ratios that one of them asks for, with the models of all their fields.
+    ///
+    /// # Errors
+    /// Whatever building these models refuses.
+    pub fn for_effects(
+        problem: &Problem,
+        library: &Library,
+        effects: &[&'static dyn Effect],
+        kept: Option<KeptSurrogate>,
+        monitor: &dyn Monitor,
+    ) -> Result<Self> {
+        if let Some(outside) = problem.outside() {
+            return Self::of_outside(problem, outside, &[problem.model.effects(), effects].concat(), monitor);
+        }
+        let Some(fe) = problem.finite_elements() else { return Self::unverified(problem, kept, &Silent) };
+        let (widest, wanted) = asked_for(problem, fe, library, effects)?;
+        let fields = field_models(fe, kept.as_ref(), &wanted, monitor)?;
+        let widest = Self::unverified(widest.as_ref().unwrap_or(problem), kept, &Silent)?;
+        Ok(Self { compliance: with_fields(widest.compliance.clone(), &fields), problem: problem.clone(), ..widest })
     }
 
     /// The surrogate with the hash of what it was built from.
-    pub fn to_keep(&self, problem: &Problem) -> Result<Option<KeptSurrogate>> {
+    pub fn to_keep(&self) -> Result<Option<KeptSurrogate>> {
+        let problem = &self.problem;
         let (Some(fe), Some(surrogate)) = (problem.finite_elements(), self.surrogate.clone()) else { return Ok(None) };
         let fields_built_from_sha256 = fields_built_from(fe);
         let (built_from_sha256, fields) = (surrogate_hash(problem, fe)?, self.fields.clone());
@@ -260,47 +284,78 @@ pub fn with_fields(compliance: Compliance, fields: &FieldModels) -> Compliance {
     compliance.with_spread(move |stages| fields.spread(stages))
 }
 
-impl Problem {
+impl PreparedModel {
+    /// The same reduced model for a problem that differs in its positions, cycles or priors alone.
+    pub fn for_problem(&self, problem: Problem) -> Self {
+        Self { problem, ..self.clone() }
+    }
+
     /// Log-posterior of the calibration cycles by the reduced model. A law that is not linear remembers its trajectories.
-    pub fn posterior<'a>(&'a self, reduced: &'a Reduced) -> ReducedPosterior<'a> {
-        let record = &self.experiment.record;
+    pub fn posterior(&self) -> ReducedPosterior<'_> {
+        let problem = &self.problem;
+        let record = &problem.experiment.record;
         let (Record { time_s, cycle, .. }, force) = (record, record.force());
         let parts = PosteriorParts {
-            model: &self.model,
-            noise: self.noise,
-            compliance: trajectory::local(&reduced.compliance, time_s, force),
-            trained: &reduced.trained,
-            priors: &self.priors,
-            fixed: &self.specification.fixed,
+            model: &problem.model,
+            noise: problem.noise,
+            compliance: trajectory::local(&self.compliance, time_s, force),
+            trained: &self.trained,
+            priors: &problem.priors,
+            fixed: &problem.specification.fixed,
         };
-        let observed_m = &self.positions_of(&self.experiment.calibration_cycles);
+        let observed_m = &problem.positions_of(&problem.experiment.calibration_cycles);
         ReducedPosterior::new(parts, FittedRecord { time_s, force, cycle, observed_m })
     }
 
     /// The reduced forward model over the whole record.
-    pub fn reduced_forward<'a>(&'a self, reduced: &'a Reduced) -> ReducedForward<'a> {
-        let record = &self.experiment.record;
-        self.reduced_forward_over(reduced, Response::new(&record.time_s, record.force(), record.n_rows()))
+    pub fn forward(&self) -> ReducedForward<'_> {
+        let record = &self.problem.experiment.record;
+        self.forward_over(Response::new(&record.time_s, record.force(), record.n_rows()))
     }
 
     /// The same over the first rows, by the compliance that the posterior takes.
-    pub fn reduced_forward_up_to<'a>(&'a self, reduced: &'a Reduced, n_rows: usize) -> ReducedForward<'a> {
-        let record = &self.experiment.record;
+    pub fn forward_up_to(&self, n_rows: usize) -> ReducedForward<'_> {
+        let record = &self.problem.experiment.record;
         let (time_s, force) = (&record.time_s, record.force());
-        let compliance = trajectory::local(&reduced.compliance, time_s, force);
-        let response = Response::new(time_s, force, n_rows);
-        ReducedForward { model: &self.model, compliance, response, trained: &reduced.trained }
+        let compliance = trajectory::local(&self.compliance, time_s, force);
+        ReducedForward { compliance, ..self.forward_over(Response::new(time_s, force, n_rows)) }
     }
 
     /// The same over the rows of a response.
-    pub(super) fn reduced_forward_over<'a>(&'a self, reduced: &'a Reduced, response: Response) -> ReducedForward<'a> {
-        ReducedForward {
-            model: &self.model,
-            compliance: reduced.compliance.clone(),
-            response,
-            trained: &reduced.trained,
+    pub(super) fn forward_over(&self, response: Response) -> ReducedForward<'_> {
+        let compliance = self.compliance.clone();
+        ReducedForward { model: &self.problem.model, compliance, response, trained: &self.trained }
+    }
+}
+
+/// What a library's effects ask for beside a problem: the problem with the widest range of Poisson ratios, where one of them asks for more than the problem itself; and all whose fields are
+/// modelled, its own first.
+///
+/// # Errors
+/// Whatever the stages of a model refuse.
+pub fn asked_for(
+    problem: &Problem,
+    fe: &FiniteElements,
+    library: &Library,
+    effects: &[&'static dyn Effect],
+) -> Result<(Option<Problem>, Vec<&'static dyn Effect>)> {
+    let own = problem.poisson_ratios(fe)?;
+    let (mut widest, mut wanted) = (None, problem.model.effects().to_vec());
+    for effect in effects {
+        let mut specification = problem.specification.clone();
+        if specification.effects.iter().any(|slug| slug == effect.slug()) {
+            continue;
+        }
+        specification.effects.push(effect.slug().into());
+        let Ok(extended) = problem.with_model(specification, library) else { continue };
+        wanted.push(*effect);
+        let asked = extended.poisson_ratios(fe)?;
+        if asked[0] < own[0] || asked[1] > own[1] {
+            // One effect at most asks for another ratio.
+            widest = Some(extended);
         }
     }
+    Ok((widest, wanted))
 }
 
 /// The law of the training runs. The modes do not depend on it, so a network's are trained by the Lethersich law over its default prior.
