@@ -5,15 +5,15 @@ use crate::closed_forms;
 use std::f64::consts::PI;
 
 use nalgebra::DVector;
-use vitreo_uq::elements::fe::Stiffness;
-use vitreo_uq::elements::fe::assembly::unit_moduli;
-use vitreo_uq::elements::fe::element::TabulatedElement;
-use vitreo_uq::elements::fe::exact::SphereInContainer;
-use vitreo_uq::elements::fe::factorisation::add_symmetric_product;
-use vitreo_uq::elements::fe::meridional::{self, BodyOfRevolution, Direction, Resolution};
-use vitreo_uq::elements::fe::time::FullOrderModel;
-use vitreo_uq::elements::mesh::{Cylinder, HEXAHEDRON27_REFERENCE_NODES, Mesh, Spheroid};
-use vitreo_uq::record::Orientation;
+use elements::fe::Stiffness;
+use elements::fe::assembly::unit_moduli;
+use elements::fe::element::TabulatedElement;
+use elements::fe::exact::SphereInContainer;
+use elements::fe::factorisation::add_symmetric_product;
+use elements::fe::meridional::{self, BodyOfRevolution, Direction, Resolution};
+use elements::fe::time::FullOrderModel;
+use elements::mesh::{Cylinder, HEXAHEDRON27_REFERENCE_NODES, Mesh, Spheroid};
+use record::Orientation;
 
 const SPHERE_RADIUS_M: f64 = 0.275e-3;
 const OUTER_RADIUS_M: f64 = 10e-3;

@@ -3,11 +3,11 @@
 use std::path::Path;
 
 use nalgebra::{Matrix3, Vector3};
-use vitreo_uq::elements::fe::Stiffness;
-use vitreo_uq::elements::fe::exact::SphereInContainer;
-use vitreo_uq::elements::fe::time::FullOrderModel;
-use vitreo_uq::elements::mesh::gmsh::read_gmsh;
-use vitreo_uq::elements::mesh::{ElementKind, HEXAHEDRON27_REFERENCE_NODES, Mesh, QuarterBall};
+use elements::fe::Stiffness;
+use elements::fe::exact::SphereInContainer;
+use elements::fe::time::FullOrderModel;
+use elements::mesh::gmsh::read_gmsh;
+use elements::mesh::{ElementKind, HEXAHEDRON27_REFERENCE_NODES, Mesh, QuarterBall};
 
 const ROBOT_RADIUS_M: f64 = 0.275e-3;
 const OUTER_RADIUS_M: f64 = 10e-3;
@@ -24,7 +24,7 @@ fn errors<const N: usize>(mesh: &Mesh, poisson_ratios: [f64; N]) -> (usize, [f64
 }
 
 fn gmsh(name: &str) -> Mesh {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/gmsh").join(name);
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/data/gmsh").join(name);
     read_gmsh(path, 1e-3).expect("a mesh of the tests").mesh
 }
 

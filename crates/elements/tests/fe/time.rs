@@ -1,10 +1,10 @@
 //! Full-order time stepping against ∫J dF (physics §4.5), and the same bytes whatever the number of threads.
 
-use vitreo_uq::elements::fe::Stiffness;
-use vitreo_uq::elements::fe::exact::SphereInContainer;
-use vitreo_uq::elements::fe::time::{FullOrderModel, TimeScheme};
-use vitreo_uq::elements::mesh::{Mesh, QuarterBall};
-use vitreo_uq::laws::rheology::{CreepCompliance, RetardedMode};
+use elements::fe::Stiffness;
+use elements::fe::exact::SphereInContainer;
+use elements::fe::time::{FullOrderModel, TimeScheme};
+use elements::mesh::{Mesh, QuarterBall};
+use laws::rheology::{CreepCompliance, RetardedMode};
 
 const ROBOT_RADIUS_M: f64 = 0.275e-3;
 const OUTER_RADIUS_M: f64 = 10e-3;

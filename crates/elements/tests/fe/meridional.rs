@@ -2,8 +2,8 @@
 
 use std::f64::consts::PI;
 
-use vitreo_uq::elements::fe::exact::{AxialAndTransverse, SphereInContainer, spheroid_in_container};
-use vitreo_uq::elements::fe::meridional::{
+use elements::fe::exact::{AxialAndTransverse, SphereInContainer, spheroid_in_container};
+use elements::fe::meridional::{
     BodyOfRevolution, Direction, Formulation, MeridionalSolution, Resolution, solve,
 };
 

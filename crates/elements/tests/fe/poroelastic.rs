@@ -4,17 +4,17 @@ use std::f64::consts::PI;
 use std::path::Path;
 
 use nalgebra::{DMatrix, DVector};
-use vitreo_uq::Result;
-use vitreo_uq::base::number::{Dual, Scalar};
-use vitreo_uq::elements::fe::Stiffness;
-use vitreo_uq::elements::fe::exact::SphereInContainer;
-use vitreo_uq::elements::fe::poroelastic::{CondensedPores, PoreModel, PoreSpectrum, PressureSpace, SpectrumSettings};
-use vitreo_uq::elements::fe::time::FullOrderModel;
-use vitreo_uq::elements::fe::transient::{self, Load, Part, Resolution, StageSolve, StageWeights, TransientSystem};
-use vitreo_uq::elements::mesh::gmsh::read_gmsh;
-use vitreo_uq::elements::mesh::{Cylinder, ElementKind, HEXAHEDRON27_REFERENCE_NODES, Mesh, QuarterBall, Spheroid};
-use vitreo_uq::laws::rheology::{BaseLaw, CreepCompliance, RetardationSpectrum, TimeWindow};
-use vitreo_uq::record::Orientation;
+use base::Result;
+use base::number::{Dual, Scalar};
+use elements::fe::Stiffness;
+use elements::fe::exact::SphereInContainer;
+use elements::fe::poroelastic::{CondensedPores, PoreModel, PoreSpectrum, PressureSpace, SpectrumSettings};
+use elements::fe::time::FullOrderModel;
+use elements::fe::transient::{self, Load, Part, Resolution, StageSolve, StageWeights, TransientSystem};
+use elements::mesh::gmsh::read_gmsh;
+use elements::mesh::{Cylinder, ElementKind, HEXAHEDRON27_REFERENCE_NODES, Mesh, QuarterBall, Spheroid};
+use laws::rheology::{BaseLaw, CreepCompliance, RetardationSpectrum, TimeWindow};
+use record::Orientation;
 
 /// Of the quarter model.
 const QUARTER: f64 = 0.25;
@@ -125,7 +125,7 @@ fn record() -> (Vec<f64>, Vec<f64>) {
     (time_s, force_n)
 }
 
-fn lethersich() -> (Vec<vitreo_uq::laws::rheology::Element>, TimeWindow) {
+fn lethersich() -> (Vec<laws::rheology::Element>, TimeWindow) {
     let elements = BaseLaw::Lethersich.elements(&[3.527, 1.402, 47.370].map(Dual::constant));
     (elements, TimeWindow { shortest_s: 0.01, longest_s: 40.0 })
 }
@@ -513,7 +513,7 @@ fn other_shapes_and_tetrahedra() {
         Spheroid { length_m: 1e-3, diameter_m: 0.25e-3, orientation, outer_radius_m: OUTER_RADIUS_M, level: 1 };
     let cylinder =
         Cylinder { length_m: 1e-3, diameter_m: 0.25e-3, orientation, outer_radius_m: OUTER_RADIUS_M, level: 1 };
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/gmsh");
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/data/gmsh");
     let meshes = [
         ("spheroid", spheroid.mesh().expect("a mesh"), 1e-2),
         ("cylinder", cylinder.mesh().expect("a mesh"), 1e-2),

@@ -6,15 +6,15 @@ use std::path::{Path, PathBuf};
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use vitreo_uq::Error;
-use vitreo_uq::elements::mesh::gmsh::{GmshMesh, GmshWarning, read_gmsh};
-use vitreo_uq::elements::mesh::{ElementKind, Mesh};
+use base::Error;
+use elements::mesh::gmsh::{GmshMesh, GmshWarning, read_gmsh};
+use elements::mesh::{ElementKind, Mesh};
 
 const ROBOT_RADIUS_M: f64 = 0.275e-3;
 const OUTER_RADIUS_M: f64 = 10e-3;
 
 fn data(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/gmsh").join(name)
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/data/gmsh").join(name)
 }
 
 fn read(name: &str) -> GmshMesh {
@@ -26,7 +26,7 @@ fn text(name: &str) -> String {
 }
 
 /// Reads `content` as a mesh file.
-fn read_content(content: impl AsRef<[u8]>) -> vitreo_uq::Result<GmshMesh> {
+fn read_content(content: impl AsRef<[u8]>) -> base::Result<GmshMesh> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("mesh.msh");
     std::fs::write(&path, content).unwrap();

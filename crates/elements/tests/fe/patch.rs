@@ -5,11 +5,11 @@ use std::path::Path;
 use nalgebra::{Matrix3, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use vitreo_uq::elements::fe::Assembly;
-use vitreo_uq::elements::fe::assembly::unit_moduli;
-use vitreo_uq::elements::fe::factorisation::add_symmetric_product;
-use vitreo_uq::elements::mesh::gmsh::read_gmsh;
-use vitreo_uq::elements::mesh::{ElementKind, HEXAHEDRON27_REFERENCE_NODES, Mesh};
+use elements::fe::Assembly;
+use elements::fe::assembly::unit_moduli;
+use elements::fe::factorisation::add_symmetric_product;
+use elements::mesh::gmsh::read_gmsh;
+use elements::mesh::{ElementKind, HEXAHEDRON27_REFERENCE_NODES, Mesh};
 
 const POISSON_RATIOS: [f64; 3] = [0.0, 0.3, 0.499];
 
@@ -62,7 +62,7 @@ fn distorted_cube() -> (Mesh, Vec<usize>) {
 
 /// A mesh that Gmsh made, set free, scaled to a unit outer radius, and its interior nodes.
 fn gmsh_body(name: &str) -> (Mesh, Vec<usize>) {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/gmsh").join(name);
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/data/gmsh").join(name);
     let mesh = read_gmsh(path, 0.1).expect("a mesh of the tests").mesh;
     let mut on_boundary = vec![false; mesh.n_nodes()];
     for nodes in [&mesh.robot_nodes, &mesh.outer_nodes, &mesh.symmetry_y_nodes, &mesh.symmetry_z_nodes] {

@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 use std::ops::{Add, Mul};
 
 use nalgebra::{Matrix3, Vector3};
-use vitreo_uq::elements::fe::Stiffness;
-use vitreo_uq::elements::fe::assembly::unit_moduli;
-use vitreo_uq::elements::fe::element::TabulatedElement;
-use vitreo_uq::elements::mesh::{Mesh, QuarterBall};
+use elements::fe::Stiffness;
+use elements::fe::assembly::unit_moduli;
+use elements::fe::element::TabulatedElement;
+use elements::mesh::{Mesh, QuarterBall};
 
 const ROBOT_RADIUS_M: f64 = 1.0;
 const OUTER_RADIUS_M: f64 = 2.0;
