@@ -10,7 +10,7 @@ use elements::fe::stepping::Resolution;
 use elements::fe::time::{FullOrderModel, TimeScheme};
 use elements::fe::{Stiffness, transient};
 use elements::mesh::Mesh;
-use laws::stages::{Load, Nonlinearity, Spatial, Stages};
+use laws::stages::{Nonlinearity, Spatial, Stages};
 use record::Force;
 use std::sync::OnceLock;
 
@@ -138,7 +138,7 @@ impl<'a> FullForward<'a> {
         let gel = FiniteGel::around_sphere(ball.robot_radius_m, ball.outer_radius_m, fineness)?;
         let larger_n: Vec<f64> = self.force.at_rows_n.iter().map(|force_n| amplitude * force_n).collect();
         let force = Force { at_rows_n: &larger_n, ..self.force };
-        let load = Load { offset_n: stages.load.offset_n * amplitude, ..stages.load.clone() };
+        let load = stages.load.of_commands_times(amplitude);
         let run = gel.run(&FiniteRun { law: &law, load: &load, time_s: self.time_s, force })?;
         let scale = stages.observation.scale.value / amplitude;
         stepped.position_m.iter_mut().zip(&run.deviation_m).for_each(|(x, deviation)| *x += scale * deviation);
