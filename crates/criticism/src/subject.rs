@@ -17,8 +17,6 @@ use posterior::reduced::{KeptSurrogate, Reduced, field_models, with_fields};
 use posterior::study::ModelSpecification;
 use record::Experiment;
 
-/// Names of the noise terms that every model is given here.
-pub const NOISE_TERMS: [&str; 3] = ["white", "ou", "gain"];
 /// The noise is taken as this where nothing is known and nothing can be estimated, relative to the range of positions.
 const UNKNOWN_NOISE: f64 = 0.005;
 
@@ -102,7 +100,10 @@ impl Subject {
     pub fn with_compliance(problem: &Problem, library: &Library, compliance: Compliance) -> Result<Self> {
         let experiment = problem.experiment.for_comparison();
         let mut specification = problem.specification.clone();
-        let own_noise = std::mem::replace(&mut specification.noise, NOISE_TERMS.map(String::from).to_vec());
+        let own_noise = std::mem::replace(
+            &mut specification.noise,
+            NoiseModel::learnt_names().into_iter().map(String::from).collect(),
+        );
         specification.fixed.retain(|name, _| problem.model.parameters().iter().any(|p| p.name == name));
         let base = problem.with(experiment.clone(), specification.clone(), library)?;
         let record = &experiment.record;
