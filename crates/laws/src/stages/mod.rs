@@ -63,6 +63,16 @@ pub enum Spatial {
     Outside(Vec<Dual>),
 }
 
+impl Spatial {
+    /// Whether its reduced model is learnt for one record, about the law that fits it, and not built for a gel.
+    pub fn is_learnt_for_record(&self) -> bool {
+        matches!(self, Self::Large { .. })
+    }
+
+    /// Why a force that depends on the position cannot stand beside strains that may be large.
+    pub const BARS_FEEDBACK: &str = "a force that depends on the position is not run with large displacements";
+}
+
 /// What stands beside the law, and where.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LinearField {

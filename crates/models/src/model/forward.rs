@@ -1,6 +1,7 @@
 //! One trait for the full and the reduced model, so that nothing downstream can tell them apart.
 
 use super::{Compliance, Model, Response};
+use crate::effects::needs_a_sphere;
 use base::error::{Error, Result};
 use base::number::Dual;
 use elements::fe::nonlinear::{self, NonlinearModel};
@@ -130,10 +131,7 @@ impl<'a> FullForward<'a> {
         let steps_per_doubling = scaled(own.steps_per_doubling, self.resolution);
         let fineness = oldroyd::Fineness { steps_per_doubling, ..own };
         let (Some(ball), Some(law)) = (surroundings.sizes.ball, FiniteLaw::new(&stages.law, mobility)) else {
-            return Err(Error::numerical(
-                "large displacements are run around a sphere at the centre, in a gel without springpots",
-                "leave `large-displacement` out",
-            ));
+            return Err(needs_a_sphere());
         };
         let gel = FiniteGel::around_sphere(ball.robot_radius_m, ball.outer_radius_m, fineness)?;
         let larger_n: Vec<f64> = self.force.at_rows_n.iter().map(|force_n| amplitude * force_n).collect();

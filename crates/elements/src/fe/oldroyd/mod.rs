@@ -36,7 +36,7 @@ use super::meridional::basis::lagrange;
 use super::meridional::mesh::{Boundary, Mesh};
 use base::error::{Error, Result};
 use field::{BODY, FieldMesh, GivingVolume, Solver, Stage};
-use laws::stages::Load;
+use laws::stages::{Load, Spatial};
 use point::{AT_REST, StageLaw};
 use record::Force;
 use run::{Moment, Pull, walk};
@@ -203,10 +203,7 @@ impl FiniteGel {
         let FiniteRun { law, load, time_s, force } = *what;
         let load = load.of::<f64>();
         if load.depends_on_position() {
-            return Err(Error::numerical(
-                "a force that depends on the position is not run with large displacements",
-                "leave the force's gradient away",
-            ));
+            return Err(Error::numerical(Spatial::BARS_FEEDBACK, "leave the force's gradient away"));
         }
         let Some(&end_s) = time_s.last() else {
             let nothing = FiniteResult {
